@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+# What every target of ours is built with: faster tools when present, warnings, sanitizers, CUDA.
+
+find_program(JADE_CCACHE ccache)
+if(JADE_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
+  # Precompiled headers carry time stamps and defines that ccache must be told to overlook.
+  set(jade_launcher ${CMAKE_COMMAND} -E env
+      CCACHE_SLOPPINESS=pch_defines,time_macros,include_file_mtime,include_file_ctime ${JADE_CCACHE})
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${jade_launcher})
+  set(CMAKE_CUDA_COMPILER_LAUNCHER ${jade_launcher})
+endif()
+find_program(JADE_MOLD mold)
+if(JADE_MOLD AND CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_GREATER_EQUAL 12.1)
+  add_link_options(-fuse-ld=mold)
+endif()
+
+add_compile_options($<$<COMPILE_LANGUAGE:CXX>:-Wall> $<$<COMPILE_LANGUAGE:CXX>:-Wextra>
+                    $<$<COMPILE_LANGUAGE:CXX>:-Wshadow> $<$<COMPILE_LANGUAGE:CXX>:-Wno-sign-compare>)
+if(JADE_WERROR)
+  add_compile_options($<$<COMPILE_LANGUAGE:CXX>:-Werror>)
+endif()
+if(JADE_SANITIZE)
+  add_compile_options($<$<COMPILE_LANGUAGE:CXX>:-fsanitize=${JADE_SANITIZE}>
+                      $<$<COMPILE_LANGUAGE:CXX>:-fno-omit-frame-pointer>
+                      $<$<COMPILE_LANGUAGE:CXX>:-fno-sanitize-recover=undefined>)
+  add_link_options(-fsanitize=${JADE_SANITIZE})
+endif()
+
+if(JADE_CUDA STREQUAL "AUTO")
+  include(CheckLanguage)
+  if(NOT CMAKE_CUDA_COMPILER AND EXISTS /usr/local/cuda/bin/nvcc)
+    set(CMAKE_CUDA_COMPILER /usr/local/cuda/bin/nvcc)
+  endif()
+  check_language(CUDA)
+  if(CMAKE_CUDA_COMPILER)
+    set(JADE_WITH_CUDA ON)
+  else()
+    set(JADE_WITH_CUDA OFF)
+  endif()
+else()
+  set(JADE_WITH_CUDA ${JADE_CUDA})
+endif()
+if(JADE_WITH_CUDA)
+  if(NOT DEFINED CMAKE_CUDA_ARCHITECTURES)
+    set(CMAKE_CUDA_ARCHITECTURES "80;86;89;90;120" CACHE STRING "GPU architectures to compile for")
+  endif()
+  set(CMAKE_CUDA_STANDARD 17)
+  set(CMAKE_CUDA_STANDARD_REQUIRED ON)
+  enable_language(CUDA)
+endif()
+message(STATUS "JADE-GS: CUDA kernels ${JADE_WITH_CUDA}")
