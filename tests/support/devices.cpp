@@ -1,16 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "support/devices.h"
 
-#include <torch/torch.h>
+#include "jade/core/device.h"
 
 namespace jade::test {
 
-bool has_gpu() {
-#ifdef JADE_WITH_CUDA
-  return torch::cuda::is_available();
-#else
-  return false;
-#endif
-}
+bool has_gpu() { return cuda_device_count() > 0; }
 
 }  // namespace jade::test

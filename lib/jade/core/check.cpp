@@ -27,7 +27,8 @@ void check_shape(const torch::Tensor& tensor, const std::string& name,
     fits = shape[i] < 0 || tensor.size(static_cast<int64_t>(i)) == shape[i];
   }
   if (!fits) {
-    throw ContractError(concat(name, ": expected shape ", join(shape), ", found ", shape_string(tensor)));
+    throw ContractError(
+        concat(name, ": expected shape ", join(shape), ", found ", shape_string(tensor)));
   }
 }
 
@@ -40,7 +41,8 @@ void check_dtype(const torch::Tensor& tensor, const std::string& name, torch::Sc
 void check_same_device(const torch::Tensor& a, const std::string& name_a, const torch::Tensor& b,
                        const std::string& name_b) {
   if (a.device() != b.device()) {
-    throw ContractError(concat(name_a, " is on ", a.device(), " but ", name_b, " is on ", b.device()));
+    throw ContractError(
+        concat(name_a, " is on ", a.device(), " but ", name_b, " is on ", b.device()));
   }
 }
 

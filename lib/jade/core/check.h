@@ -2,25 +2,25 @@
 // Contract checks. They stay on in release builds: bad data must never reach a kernel.
 #pragma once
 
-#include <torch/types.h>
-
 #include <string>
+#include <torch/types.h>
 #include <vector>
 
 #include "jade/core/error.h"
 
 /// Throws ContractError with the remaining arguments joined unless `condition` holds.
-#define JADE_CHECK(condition, ...)                                                        \
-  do {                                                                                    \
-    if (!(condition)) {                                                                   \
+#define JADE_CHECK(condition, ...)                                                             \
+  do {                                                                                         \
+    if (!(condition)) {                                                                        \
       throw ::jade::ContractError(::jade::concat(__FILE__, ":", __LINE__, ": ", __VA_ARGS__)); \
-    }                                                                                     \
+    }                                                                                          \
   } while (false)
 
 namespace jade {
 
 /// Throws ContractError unless `tensor` is defined and has the shape; -1 matches any size.
-void check_shape(const torch::Tensor& tensor, const std::string& name, const std::vector<int64_t>& shape);
+void check_shape(const torch::Tensor& tensor, const std::string& name,
+                 const std::vector<int64_t>& shape);
 
 /// Throws ContractError unless `tensor` holds `dtype`.
 void check_dtype(const torch::Tensor& tensor, const std::string& name, torch::ScalarType dtype);

@@ -10,13 +10,13 @@ namespace jade {
 /// What a program returns to the shell. Documented in README.md; scripts rely on the numbers.
 enum class ExitCode : int {
   kOk = 0,
-  kBug = 1,          ///< A contract inside the program was broken.
-  kUsage = 2,        ///< Command line or configuration.
-  kData = 3,         ///< Missing, damaged or inconsistent input or output files.
-  kDevice = 4,       ///< No such device, no driver, out of memory.
-  kNumeric = 5,      ///< NaN or Inf.
-  kCheckpoint = 6,   ///< A checkpoint that cannot be read or does not fit.
-  kInterrupted = 130 ///< Ctrl-C or SIGTERM, after saving.
+  kBug = 1,           ///< A contract inside the program was broken.
+  kUsage = 2,         ///< Command line or configuration.
+  kData = 3,          ///< Missing, damaged or inconsistent input or output files.
+  kDevice = 4,        ///< No such device, no driver, out of memory.
+  kNumeric = 5,       ///< NaN or Inf.
+  kCheckpoint = 6,    ///< A checkpoint that cannot be read or does not fit.
+  kInterrupted = 130  ///< Ctrl-C or SIGTERM, after saving.
 };
 
 /// Joins its arguments into one string, as operator<< prints them.
@@ -27,7 +27,8 @@ std::string concat(const Args&... args) {
   return out.str();
 }
 
-/// Base of everything we throw. Messages are one line: what was expected, what was found, what to do.
+/// Base of everything we throw. Messages are one line: what was expected, what was found, what to
+/// do.
 class Error : public std::runtime_error {
  public:
   Error(ExitCode exit_code, const std::string& message)

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/core/atomic_file.h"
+
+#include <cerrno>
+#include <cstring>
+#include <fcntl.h>
+#include <fstream>
+#include <sstream>
+#include <unistd.h>
+
+#include "jade/core/error.h"
+
+namespace jade {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Brings a file, or a folder's list of names, to disk.
+void sync_path(const fs::path& path) {
+  const int handle = open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  const bool synced = handle >= 0 && fsync(handle) == 0;
+  const int reason = errno;
+  if (handle >= 0) close(handle);
+  if (!synced)
+    throw DataError(concat(path.string(), ": cannot be brought to disk: ", std::strerror(reason)));
+}
+
+fs::path folder_of(const fs::path& path) {
+  return path.has_parent_path() ? path.parent_path() : fs::path(".");
+}
+
+}  // namespace
+
+AtomicFile::AtomicFile(fs::path path) : path_(std::move(path)) {
+  temporary_ = path_;
+  temporary_ += concat(".", getpid(), ".part");
+  if (access(folder_of(path_).c_str(), W_OK) != 0) {
+    throw DataError(concat(path_.string(), ": cannot be written: ", std::strerror(errno),
+                           "; choose a folder that exists and is writable"));
+  }
+}
+
+AtomicFile::~AtomicFile() {
+  std::error_code ignored;
+  if (!committed_) fs::remove(temporary_, ignored);
+}
+
+void AtomicFile::commit() {
+  sync_path(temporary_);
+  std::error_code failure;
+  fs::rename(temporary_, path_, failure);
+  if (failure) throw DataError(concat(path_.string(), ": cannot be replaced: ", failure.message()));
+  committed_ = true;
+  sync_path(folder_of(path_));
+}
+
+void write_file(const fs::path& path, const std::string& content) {
+  AtomicFile file(path);
+  std::ofstream out(file.temporary_path(), std::ios::binary);
+  out.write(content.data(), static_cast<std::streamsize>(content.size()));
+  out.close();
+  if (!out) throw DataError(concat(path.string(), ": cannot be written; is the disk full?"));
+  file.commit();
+}
+
+std::string read_file(const fs::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  std::ostringstream content;
+  if (in && !fs::is_directory(path)) content << in.rdbuf();
+  if (!in || fs::is_directory(path)) throw DataError(concat(path.string(), ": cannot be read"));
+  return content.str();
+}
+
+void make_writable_folder(const fs::path& path) {
+  std::error_code failure;
+  fs::create_directories(path, failure);
+  if (failure || !fs::is_directory(path)) {
+    throw DataError(concat(path.string(), ": cannot make this folder: ",
+                           failure ? failure.message() : "a file of that name is in the way"));
+  }
+  if (access(path.c_str(), W_OK | X_OK) != 0) {
+    throw DataError(
+        concat(path.string(), ": this folder is not writable; choose another with --output"));
+  }
+}
+
+}  // namespace jade

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/core/cuda_runtime.h"
+
+#include <c10/cuda/CUDACachingAllocator.h>
+#include <cuda_runtime_api.h>
+
+#include "jade/core/error.h"
+
+namespace jade::cuda {
+
+int device_count() {
+  int count = 0;
+  // Asked of the runtime itself: torch would print a warning where there is no driver.
+  return cudaGetDeviceCount(&count) == cudaSuccess ? count : 0;
+}
+
+std::string problem() {
+  int count = 0;
+  const cudaError_t status = cudaGetDeviceCount(&count);
+  if (status == cudaSuccess && count > 0) return "";
+  if (status == cudaErrorInsufficientDriver) {
+    int driver = 0;
+    cudaDriverGetVersion(&driver);
+    if (driver == 0) return "no NVIDIA driver was found; install one";
+    return concat("the NVIDIA driver knows CUDA ", driver / 1000, ".", driver % 1000 / 10,
+                  ", this program needs ", CUDART_VERSION / 1000, ".", CUDART_VERSION % 1000 / 10,
+                  "; update the driver");
+  }
+  if (status == cudaErrorNoDevice || status == cudaSuccess)
+    return "no GPU was found on this machine";
+  return concat("CUDA does not start: ", cudaGetErrorString(status));
+}
+
+std::string device_name(int index) {
+  cudaDeviceProp properties{};
+  if (cudaGetDeviceProperties(&properties, index) != cudaSuccess) return "GPU";
+  return concat(properties.name, " (", properties.totalGlobalMem >> 30, " GiB)");
+}
+
+int64_t peak_memory_bytes(int index) {
+  namespace allocator = c10::cuda::CUDACachingAllocator;
+  const auto statistics = allocator::getDeviceStats(static_cast<c10::DeviceIndex>(index));
+  return statistics.allocated_bytes[0].peak;
+}
+
+}  // namespace jade::cuda

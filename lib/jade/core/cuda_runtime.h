@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+// What core/device.cpp asks of the CUDA runtime; cuda_runtime_missing.cpp answers in CPU-only
+// builds.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+namespace jade::cuda {
+
+int device_count();
+std::string problem();
+std::string device_name(int index);
+int64_t peak_memory_bytes(int index);
+
+}  // namespace jade::cuda

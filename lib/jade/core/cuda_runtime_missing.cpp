@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/core/cuda_runtime.h"
+
+namespace jade::cuda {
+
+int device_count() { return 0; }
+std::string problem() {
+  return "this program was built without CUDA kernels; build with -DJADE_CUDA=ON where nvcc is "
+         "installed";
+}
+std::string device_name(int) { return "GPU"; }
+int64_t peak_memory_bytes(int) { return 0; }
+
+}  // namespace jade::cuda

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <torch/types.h>
+
+namespace jade {
+
+/// GPUs that this build and this machine can use: 0 without CUDA kernels, driver or card.
+int cuda_device_count();
+
+/// Why cuda_device_count() is 0, with what to do about it; empty when it is not.
+std::string cuda_problem();
+
+/// "NVIDIA H200 (139 GiB)" or "CPU, 2 threads".
+std::string device_name(torch::Device device);
+
+/// Bytes that tensors hold on the device at their highest so far; on the CPU the process's peak
+/// resident size.
+int64_t peak_memory_bytes(torch::Device device);
+
+/// Reads "auto", "cpu", "cuda" or "cuda:N"; auto takes the first GPU, else the CPU.
+/// @throws ConfigError for another word, DeviceError if there is no such device.
+torch::Device select_device(const std::string& choice);
+
+}  // namespace jade

@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: Apache-2.0
+// One declaration per configuration field. An options struct lists its fields once, in a function
+// that stands beside it:
+//
+//   struct RouteOptions { double lr = 5e-4; };
+//   template <class V> void describe(V& v, RouteOptions& o) {
+//     v.field("lr", o.lr, "Adam step size of the router", Range{1e-8, 1});
+//   }
+//
+// That list drives reading, overrides, printing, the JSON schema and the range checks (config/),
+// and the compatibility check of checkpoints. The struct's initialiser is the only default.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <limits>
+#include <optional>
+#include <string>
+#include <utility>
+#include <variant>
+#include <vector>
+
+namespace jade {
+
+/// Both ends included.
+struct Range {
+  double min = -std::numeric_limits<double>::infinity();
+  double max = std::numeric_limits<double>::infinity();
+};
+
+/// The words that a text field accepts.
+struct Choices {
+  Choices(std::initializer_list<std::string> list) : words(list) {}
+  explicit Choices(std::vector<std::string> list) : words(std::move(list)) {}
+  std::vector<std::string> words;
+};
+
+/// What a field may hold. Paths are made absolute against the file that names them.
+using FieldPointer =
+    std::variant<bool*, int*, int64_t*, double*, std::string*, std::filesystem::path*,
+                 std::vector<int64_t>*, std::vector<double>*, std::vector<std::string>*>;
+
+struct Field {
+  std::string key;  ///< dotted, "route.lr"
+  FieldPointer value;
+  std::string help;
+  std::optional<Range> range;
+  std::vector<std::string> choices;
+};
+
+struct FieldGroup {
+  std::string key;  ///< dotted
+  std::string help;
+};
+
+/// The fields of an options struct, in the order of their declaration; the `V` of `describe`.
+class FieldList {
+ public:
+  template <class T, class... Constraints>
+  void field(const std::string& name, T& value, const std::string& help,
+             const Constraints&... constraints) {
+    Field field{prefix_ + name, FieldPointer{&value}, help, std::nullopt, {}};
+    (constrain(field, constraints), ...);
+    fields_.push_back(std::move(field));
+  }
+
+  /// A nested struct, under `name.`.
+  template <class Options>
+  void group(const std::string& name, Options& options, const std::string& help) {
+    groups_.push_back({prefix_ + name, help});
+    const std::string outer = prefix_;
+    prefix_ += name + ".";
+    describe(*this, options);
+    prefix_ = outer;
+  }
+
+  const std::vector<Field>& fields() const { return fields_; }
+  const std::vector<FieldGroup>& groups() const { return groups_; }
+
+  /// nullptr when there is no such field.
+  const Field* find(const std::string& key) const {
+    for (const Field& field : fields_) {
+      if (field.key == key) return &field;
+    }
+    return nullptr;
+  }
+  bool is_group(const std::string& key) const {
+    for (const FieldGroup& group : groups_) {
+      if (group.key == key) return true;
+    }
+    return false;
+  }
+
+ private:
+  static void constrain(Field& field, const Range& range) { field.range = range; }
+  static void constrain(Field& field, const Choices& choices) { field.choices = choices.words; }
+
+  std::string prefix_;
+  std::vector<Field> fields_;
+  std::vector<FieldGroup> groups_;
+};
+
+/// The fields of `options`. They point into it, so it must outlive the list.
+template <class Options>
+FieldList fields_of(Options& options) {
+  FieldList list;
+  describe(list, options);
+  return list;
+}
+
+}  // namespace jade

@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+namespace jade {
+
+/// From now on Ctrl-C and SIGTERM set a flag that long work asks for; a second one stops the
+/// program at once with exit code 130.
+void install_interrupt_handlers();
+
+/// True once Ctrl-C or SIGTERM has come.
+bool interrupt_requested();
+
+/// @throws Interrupted if interrupt_requested().
+void throw_if_interrupted();
+
+/// Sets or clears the flag, for tests and for programs that go on after saving.
+void set_interrupt_requested(bool requested);
+
+}  // namespace jade

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <ATen/core/Generator.h>
+#include <cstdint>
+#include <string>
+#include <torch/types.h>
+
+namespace jade {
+
+/// A CPU generator for one purpose ("view order", "pose draws", …). Generators of different
+/// purposes are independent, so that drawing more for one never changes another. Their state is a
+/// tensor, `generator.get_state()`, and belongs in the checkpoint.
+at::Generator make_generator(uint64_t seed, const std::string& purpose);
+
+/// The seed that make_generator uses, for code with a generator of its own.
+uint64_t derive_seed(uint64_t seed, const std::string& purpose);
+
+/// A uniform integer in [0, bound).
+int64_t draw_index(at::Generator& generator, int64_t bound);
+
+}  // namespace jade
