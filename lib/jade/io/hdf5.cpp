@@ -1,0 +1,368 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/io/hdf5.h"
+
+#include <algorithm>
+#include <hdf5.h>
+#include <map>
+#include <utility>
+
+#include "jade/core/error.h"
+
+namespace jade::io {
+namespace {
+
+/// Owns one HDF5 identifier of any kind.
+class Id {
+ public:
+  explicit Id(hid_t id = -1) : id_(id) {}
+  ~Id() { reset(); }
+  Id(Id&& other) noexcept : id_(std::exchange(other.id_, -1)) {}
+  Id& operator=(Id&& other) noexcept {
+    std::swap(id_, other.id_);
+    return *this;
+  }
+  operator hid_t() const { return id_; }  // NOLINT(google-explicit-constructor)
+  bool valid() const { return id_ >= 0; }
+  /// Closes it now; false if pending data could not be written.
+  bool reset() {
+    const hid_t id = std::exchange(id_, -1);
+    return id < 0 || H5Idec_ref(id) >= 0;
+  }
+
+ private:
+  hid_t id_;
+};
+
+// HDF5's predefined types are macros over variables set at run time, hence functions.
+template <class T>
+hid_t native_type();
+// clang-format off
+template <> hid_t native_type<int8_t>() { return H5T_NATIVE_INT8; }
+template <> hid_t native_type<uint8_t>() { return H5T_NATIVE_UINT8; }
+template <> hid_t native_type<int16_t>() { return H5T_NATIVE_INT16; }
+template <> hid_t native_type<uint16_t>() { return H5T_NATIVE_UINT16; }
+template <> hid_t native_type<int32_t>() { return H5T_NATIVE_INT32; }
+template <> hid_t native_type<uint32_t>() { return H5T_NATIVE_UINT32; }
+template <> hid_t native_type<int64_t>() { return H5T_NATIVE_INT64; }
+template <> hid_t native_type<uint64_t>() { return H5T_NATIVE_UINT64; }
+template <> hid_t native_type<float>() { return H5T_NATIVE_FLOAT; }
+template <> hid_t native_type<double>() { return H5T_NATIVE_DOUBLE; }
+// clang-format on
+
+/// The library prints its error stack to stderr unless told not to, per thread.
+void silence_hdf5() {
+  H5open();
+  H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
+}
+
+bool is_numeric(const Hdf5Dataset& dataset) { return dataset.integer || dataset.floating; }
+
+bool describe_dataset(hid_t file, const std::string& name, Hdf5Dataset* out) {
+  const Id dataset(H5Dopen2(file, name.c_str(), H5P_DEFAULT));
+  if (!dataset.valid()) return false;
+  const Id space(H5Dget_space(dataset));
+  const Id type(H5Dget_type(dataset));
+  const Id properties(H5Dget_create_plist(dataset));
+  if (!space.valid() || !type.valid() || !properties.valid()) return false;
+  const int rank = H5Sget_simple_extent_ndims(space);
+  if (rank < 0 || rank > H5S_MAX_RANK) return false;
+  std::vector<hsize_t> shape(static_cast<size_t>(rank));
+  if (rank > 0 && H5Sget_simple_extent_dims(space, shape.data(), nullptr) < 0) return false;
+  out->name = name;
+  out->shape.assign(shape.begin(), shape.end());
+  const H5T_class_t kind = H5Tget_class(type);
+  out->integer = kind == H5T_INTEGER || kind == H5T_ENUM;
+  out->floating = kind == H5T_FLOAT;
+  out->item_size = static_cast<int64_t>(H5Tget_size(type));
+  out->stored_bytes = static_cast<int64_t>(H5Dget_storage_size(dataset));
+  if (H5Pget_layout(properties) == H5D_CHUNKED && rank == 1) {
+    hsize_t chunk = 0;
+    if (H5Pget_chunk(properties, 1, &chunk) == 1) out->chunk_length = static_cast<int64_t>(chunk);
+  }
+  return true;
+}
+
+herr_t collect_name(hid_t, const char* name, const H5O_info_t* info, void* names) {
+  if (info->type == H5O_TYPE_DATASET)
+    static_cast<std::vector<std::string>*>(names)->push_back(name);
+  return 0;
+}
+
+/// The first filter of a data set that this installation lacks, in words; empty if none.
+std::string missing_filter(hid_t dataset) {
+  const Id properties(H5Dget_create_plist(dataset));
+  const int count = H5Pget_nfilters(properties);
+  for (int i = 0; i < count; ++i) {
+    unsigned flags = 0;
+    unsigned config = 0;
+    size_t elements = 0;
+    char label[64] = {};
+    const H5Z_filter_t filter = H5Pget_filter2(properties, static_cast<unsigned>(i), &flags,
+                                               &elements, nullptr, sizeof(label), label, &config);
+    if (filter < 0 || H5Zfilter_avail(filter) > 0) continue;
+    std::string text = concat("filter ", filter);
+    if (filter == 32000) text += " (LZF: apt install hdf5-plugin-lzf)";
+    if (filter == 32001) text += " (Blosc: apt install hdf5-filter-plugin-blosc-serial)";
+    if (filter == 32015) text += " (Zstandard: apt install hdf5-filter-plugin-zstd)";
+    return text;
+  }
+  return "";
+}
+
+/// How many times smaller than its values a data set can be: deflate reaches 1032, LZF less; only
+/// the filters from plug-ins may go beyond.
+double largest_compression(hid_t dataset) {
+  const Id properties(H5Dget_create_plist(dataset));
+  const int count = H5Pget_nfilters(properties);
+  if (count <= 0) return 1;
+  double largest = 1100;
+  for (int i = 0; i < count; ++i) {
+    size_t elements = 0;
+    const H5Z_filter_t filter = H5Pget_filter2(properties, static_cast<unsigned>(i), nullptr,
+                                               &elements, nullptr, 0, nullptr, nullptr);
+    if (filter > 32000) largest = 65536;
+  }
+  return largest;
+}
+
+}  // namespace
+
+struct Hdf5File::Handle {
+  Id file;
+};
+
+Hdf5File::Hdf5File(const std::filesystem::path& path)
+    : path_(path), handle_(std::make_unique<Handle>()) {
+  silence_hdf5();
+  std::error_code error;
+  const auto size = std::filesystem::file_size(path, error);
+  if (error) throw DataError(concat(path.string(), ": no such file, or it cannot be read"));
+  if (size == 0) throw DataError(concat(path.string(), ": the file is empty; copy it again"));
+  if (H5Fis_hdf5(path.c_str()) == 0) {
+    throw DataError(concat(path.string(), ": expected an HDF5 file, found another format"));
+  }
+  const Id access(H5Pcreate(H5P_FILE_ACCESS));
+  H5Pset_fclose_degree(access, H5F_CLOSE_STRONG);
+  handle_->file = Id(H5Fopen(path.c_str(), H5F_ACC_RDONLY, access));
+  if (!handle_->file.valid()) {
+    throw DataError(concat(path.string(), ": cannot be opened as HDF5: it is truncated (", size,
+                           " bytes), damaged, or still being written; copy it again"));
+  }
+  std::vector<std::string> names;
+  if (H5Ovisit2(handle_->file, H5_INDEX_NAME, H5_ITER_INC, collect_name, &names, H5O_INFO_BASIC) <
+      0) {
+    throw DataError(concat(path.string(), ": its list of data sets is damaged; copy it again"));
+  }
+  for (const std::string& name : names) {
+    Hdf5Dataset dataset;
+    if (!describe_dataset(handle_->file, name, &dataset)) {
+      throw DataError(concat(path.string(), ": data set '", name, "' is damaged; copy it again"));
+    }
+    datasets_.push_back(std::move(dataset));
+  }
+}
+
+Hdf5File::~Hdf5File() = default;
+Hdf5File::Hdf5File(Hdf5File&&) noexcept = default;
+Hdf5File& Hdf5File::operator=(Hdf5File&&) noexcept = default;
+
+bool Hdf5File::has(const std::string& name) const {
+  return std::any_of(datasets_.begin(), datasets_.end(),
+                     [&](const Hdf5Dataset& dataset) { return dataset.name == name; });
+}
+
+const Hdf5Dataset& Hdf5File::dataset(const std::string& name) const {
+  for (const Hdf5Dataset& dataset : datasets_) {
+    if (dataset.name == name) return dataset;
+  }
+  std::string found;
+  for (const Hdf5Dataset& dataset : datasets_) {
+    found += (found.empty() ? "" : ", ") + dataset.name;
+  }
+  throw DataError(concat(path_.string(), ": expected a data set '", name, "', found ",
+                         found.empty() ? "none" : found));
+}
+
+int64_t Hdf5File::length(const std::string& name) const {
+  const Hdf5Dataset& info = dataset(name);
+  int64_t long_axes = 0;
+  int64_t count = 1;
+  for (const int64_t extent : info.shape) {
+    if (extent != 1) {
+      ++long_axes;
+      count = extent;
+    }
+  }
+  if (!is_numeric(info) || info.shape.empty() || long_axes > 1) {
+    throw DataError(concat(
+        path_.string(), ": expected '", name, "' to be a list of numbers, found ",
+        is_numeric(info) ? "numbers" : "another type", " in ", info.shape.size(), " dimensions"));
+  }
+  if (count == 0) return 0;
+  const Id id(H5Dopen2(handle_->file, name.c_str(), H5P_DEFAULT));
+  const double possible = static_cast<double>(info.stored_bytes) * largest_compression(id);
+  const double claimed = static_cast<double>(count) * static_cast<double>(info.item_size);
+  if (count < 0 || claimed > possible) {
+    throw DataError(concat(path_.string(), ": '", name, "' claims ", count, " values but only ",
+                           info.stored_bytes,
+                           " bytes of them are in the file; it is truncated or "
+                           "was never finished, copy or record it again"));
+  }
+  return count;
+}
+
+void Hdf5File::read_as(const std::string& name, int64_t begin, int64_t count, int64_t type,
+                       void* out) const {
+  const int64_t total = length(name);
+  if (begin < 0 || count < 0 || begin > total || count > total - begin) {
+    throw ContractError(concat(path_.string(), ": values [", begin, ", ", begin + count, ") of '",
+                               name, "' asked, which has ", total));
+  }
+  if (count == 0) return;
+  const Id id(H5Dopen2(handle_->file, name.c_str(), H5P_DEFAULT));
+  const Id file_space(H5Dget_space(id));
+  const std::vector<int64_t>& shape = dataset(name).shape;
+  std::vector<hsize_t> start(shape.size(), 0);
+  std::vector<hsize_t> extent(shape.size(), 1);
+  const auto longest = std::max_element(shape.begin(), shape.end()) - shape.begin();
+  start[static_cast<size_t>(longest)] = static_cast<hsize_t>(begin);
+  extent[static_cast<size_t>(longest)] = static_cast<hsize_t>(count);
+  const auto memory_count = static_cast<hsize_t>(count);
+  const Id memory_space(H5Screate_simple(1, &memory_count, nullptr));
+  const bool selected = H5Sselect_hyperslab(file_space, H5S_SELECT_SET, start.data(), nullptr,
+                                            extent.data(), nullptr) >= 0;
+  if (selected &&
+      H5Dread(id, static_cast<hid_t>(type), memory_space, file_space, H5P_DEFAULT, out) >= 0) {
+    return;
+  }
+  const std::string filter = missing_filter(id);
+  throw DataError(filter.empty()
+                      ? concat(path_.string(), ": '", name,
+                               "' cannot be read; the file is truncated or damaged, copy it again")
+                      : concat(path_.string(), ": '", name, "' needs HDF5 ", filter,
+                               ", which is not installed; install it or store the data with gzip"));
+}
+
+template <class T>
+void Hdf5File::read(const std::string& name, int64_t begin, int64_t count, T* out) const {
+  read_as(name, begin, count, native_type<T>(), out);
+}
+
+struct Hdf5Writer::Handle {
+  std::filesystem::path part;
+  int gzip_level = 4;
+  // Declared before the data sets, so that they are closed first.
+  Id file;
+  std::map<std::string, Id> datasets;
+};
+
+Hdf5Writer::Hdf5Writer(const std::filesystem::path& path, int gzip_level)
+    : path_(path), handle_(std::make_unique<Handle>()) {
+  silence_hdf5();
+  handle_->part = path.string() + ".part";
+  handle_->gzip_level = gzip_level;
+  handle_->file = Id(H5Fcreate(handle_->part.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT));
+  if (!handle_->file.valid()) {
+    throw DataError(concat(path.string(),
+                           ": cannot be made; check that the folder exists and can "
+                           "be written"));
+  }
+}
+
+Hdf5Writer::~Hdf5Writer() {
+  if (!handle_ || !handle_->file.valid()) return;
+  handle_->datasets.clear();
+  handle_->file.reset();
+  std::error_code ignored;
+  std::filesystem::remove(handle_->part, ignored);
+}
+
+void Hdf5Writer::append_as(const std::string& name, int64_t type, const void* values,
+                           int64_t count) {
+  const auto failed = [&] {
+    return DataError(concat(path_.string(), ": '", name,
+                            "' cannot be written; check the free space of the disk"));
+  };
+  Id& dataset = handle_->datasets[name];
+  if (!dataset.valid()) {
+    constexpr hsize_t kChunk = 1 << 16;
+    const hsize_t empty = 0;
+    const hsize_t unlimited = H5S_UNLIMITED;
+    const Id space(H5Screate_simple(1, &empty, &unlimited));
+    const Id properties(H5Pcreate(H5P_DATASET_CREATE));
+    const Id links(H5Pcreate(H5P_LINK_CREATE));
+    H5Pset_chunk(properties, 1, &kChunk);
+    H5Pset_shuffle(properties);
+    if (handle_->gzip_level > 0) {
+      H5Pset_deflate(properties, static_cast<unsigned>(handle_->gzip_level));
+    }
+    H5Pset_create_intermediate_group(links, 1);
+    dataset = Id(H5Dcreate2(handle_->file, name.c_str(), static_cast<hid_t>(type), space, links,
+                            properties, H5P_DEFAULT));
+    if (!dataset.valid()) throw failed();
+  }
+  if (count == 0) return;
+  hsize_t start = 0;
+  {
+    const Id space(H5Dget_space(dataset));
+    if (H5Sget_simple_extent_dims(space, &start, nullptr) != 1) throw failed();
+  }
+  const auto added = static_cast<hsize_t>(count);
+  const hsize_t total = start + added;
+  if (H5Dset_extent(dataset, &total) < 0) throw failed();
+  const Id file_space(H5Dget_space(dataset));
+  const Id memory_space(H5Screate_simple(1, &added, nullptr));
+  if (H5Sselect_hyperslab(file_space, H5S_SELECT_SET, &start, nullptr, &added, nullptr) < 0 ||
+      H5Dwrite(dataset, static_cast<hid_t>(type), memory_space, file_space, H5P_DEFAULT, values) <
+          0) {
+    throw failed();
+  }
+}
+
+template <class T>
+void Hdf5Writer::append(const std::string& name, const T* values, int64_t count) {
+  append_as(name, native_type<T>(), values, count);
+}
+
+void Hdf5Writer::attribute(const std::string& name, const std::string& value) {
+  const Id space(H5Screate(H5S_SCALAR));
+  const Id type(H5Tcopy(H5T_C_S1));
+  H5Tset_size(type, value.size() + 1);
+  H5Tset_cset(type, H5T_CSET_UTF8);
+  const Id attribute(
+      H5Acreate2(handle_->file, name.c_str(), type, space, H5P_DEFAULT, H5P_DEFAULT));
+  if (!attribute.valid() || H5Awrite(attribute, type, value.c_str()) < 0) {
+    throw DataError(concat(path_.string(), ": attribute '", name, "' cannot be written"));
+  }
+}
+
+void Hdf5Writer::close() {
+  bool written = H5Fflush(handle_->file, H5F_SCOPE_GLOBAL) >= 0;
+  for (auto& [name, dataset] : handle_->datasets) written = dataset.reset() && written;
+  written = handle_->file.reset() && written;
+  std::error_code error;
+  if (written) std::filesystem::rename(handle_->part, path_, error);
+  if (!written || error) {
+    std::error_code ignored;
+    std::filesystem::remove(handle_->part, ignored);
+    throw DataError(
+        concat(path_.string(), ": cannot be written; check the free space of the disk"));
+  }
+}
+
+#define JADE_HDF5_TYPE(T)                                                          \
+  template void Hdf5File::read<T>(const std::string&, int64_t, int64_t, T*) const; \
+  template void Hdf5Writer::append<T>(const std::string&, const T*, int64_t);
+JADE_HDF5_TYPE(int8_t)
+JADE_HDF5_TYPE(uint8_t)
+JADE_HDF5_TYPE(int16_t)
+JADE_HDF5_TYPE(uint16_t)
+JADE_HDF5_TYPE(int32_t)
+JADE_HDF5_TYPE(uint32_t)
+JADE_HDF5_TYPE(int64_t)
+JADE_HDF5_TYPE(uint64_t)
+JADE_HDF5_TYPE(float)
+JADE_HDF5_TYPE(double)
+#undef JADE_HDF5_TYPE
+
+}  // namespace jade::io

@@ -1,0 +1,295 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/io/npy.h"
+
+#include <algorithm>
+#include <cstdint>
+#include <cstring>
+#include <fstream>
+#include <limits>
+#include <torch/torch.h>
+
+#include "jade/core/check.h"
+#include "jade/core/error.h"
+#include "jade/io/npy_format.h"
+
+namespace jade::io {
+namespace {
+
+constexpr size_t kMagicSize = 8;  // "\x93NUMPY", major, minor
+constexpr size_t kMaxHeader = 1 << 20;
+constexpr size_t kMaxDimensions = 32;
+constexpr int64_t kMaxExtent = int64_t{1} << 40;
+
+/// Bytes from a file or from memory, handed out in order; `remaining` bounds every allocation.
+class ByteSource {
+ public:
+  ByteSource(const void* bytes, size_t size)
+      : bytes_(static_cast<const char*>(bytes)), remaining_(size) {}
+  ByteSource(std::ifstream* file, size_t size) : file_(file), remaining_(size) {}
+
+  size_t remaining() const { return remaining_; }
+  bool read(void* out, size_t count) {
+    if (count > remaining_) return false;
+    if (file_ != nullptr) {
+      file_->read(static_cast<char*>(out), static_cast<std::streamsize>(count));
+      if (!*file_) return false;
+    } else if (count > 0) {
+      std::memcpy(out, bytes_, count);
+      bytes_ += count;
+    }
+    remaining_ -= count;
+    return true;
+  }
+
+ private:
+  const char* bytes_ = nullptr;
+  std::ifstream* file_ = nullptr;
+  size_t remaining_ = 0;
+};
+
+/// The value that follows `key` in the header's Python dictionary, up to the end of the text.
+std::string after_key(const std::string& header, const std::string& key, const std::string& name) {
+  for (const char quote : {'\'', '"'}) {
+    const std::string quoted = quote + key + quote;
+    const size_t at = header.find(quoted);
+    if (at == std::string::npos) continue;
+    const size_t colon = header.find_first_not_of(" \t", at + quoted.size());
+    if (colon == std::string::npos || header[colon] != ':') break;
+    const size_t value = header.find_first_not_of(" \t", colon + 1);
+    if (value == std::string::npos) break;
+    return header.substr(value);
+  }
+  throw DataError(
+      concat(name, ": the .npy header has no '", key, "'; the file is damaged, write it again"));
+}
+
+NpyType parse_type(const std::string& value, const std::string& name) {
+  const char quote = value[0];
+  const size_t end = value.find(quote, 1);
+  if ((quote != '\'' && quote != '"') || end == std::string::npos) {
+    throw DataError(concat(name,
+                           ": expected an array of plain numbers, found a record type; save each "
+                           "field as an array of its own"));
+  }
+  const std::string text = value.substr(1, end - 1);
+  NpyType type;
+  const bool known = text.size() == 3 && std::strchr("<>|=", text[0]) != nullptr &&
+                     npy_scalar(text[1], text[2], &type);
+  if (!known) {
+    throw DataError(concat(name, ": expected bool, integer or float values, found dtype '",
+                           text.substr(0, 40), "'; save the array with a plain numeric dtype"));
+  }
+  type.swapped = text[0] == '>';
+  return type;
+}
+
+std::vector<int64_t> parse_shape(const std::string& value, const std::string& name) {
+  const auto damaged = [&] {
+    return DataError(concat(name, ": the .npy header has a damaged shape; write the file again"));
+  };
+  if (value[0] != '(') throw damaged();
+  std::vector<int64_t> shape;
+  int64_t number = -1;
+  for (size_t i = 1; i < value.size(); ++i) {
+    const char c = value[i];
+    if (c >= '0' && c <= '9') {
+      number = std::max<int64_t>(number, 0) * 10 + (c - '0');
+      if (number > kMaxExtent) throw damaged();
+    } else if (c == ',' || c == ')') {
+      if (number >= 0) shape.push_back(number);
+      if (number < 0 && c == ',') throw damaged();
+      number = -1;
+      if (shape.size() > kMaxDimensions) throw damaged();
+      if (c == ')') return shape;
+    } else if (c != ' ' && c != 'L') {  // Python 2 wrote 3L
+      throw damaged();
+    }
+  }
+  throw damaged();
+}
+
+std::string read_header(ByteSource& source, const std::string& name) {
+  unsigned char magic[kMagicSize];
+  if (!source.read(magic, kMagicSize) || std::memcmp(magic, "\x93NUMPY", 6) != 0) {
+    throw DataError(
+        concat(name, ": expected a .npy array, found ",
+               source.remaining() == 0 ? "an empty or very short file" : "another format",
+               "; write it again with numpy.save"));
+  }
+  unsigned char length_bytes[4] = {0, 0, 0, 0};
+  if (magic[6] < 1 || magic[6] > 3 || !source.read(length_bytes, magic[6] == 1 ? 2 : 4)) {
+    throw DataError(concat(name, ": expected .npy format 1 to 3, found ", int(magic[6]),
+                           "; write it again with numpy.save"));
+  }
+  const size_t length = length_bytes[0] | size_t{length_bytes[1]} << 8 |
+                        size_t{length_bytes[2]} << 16 | size_t{length_bytes[3]} << 24;
+  if (length > kMaxHeader || length > source.remaining()) {
+    throw DataError(
+        concat(name, ": the file ends inside its header; it is truncated, copy it again"));
+  }
+  std::string header(length, '\0');
+  if (!source.read(header.data(), length)) throw DataError(concat(name, ": cannot be read"));
+  return header;
+}
+
+/// Number of elements of `shape`, or -1 if its bytes cannot be what is left of the file.
+int64_t checked_count(const std::vector<int64_t>& shape, size_t item_size, size_t remaining) {
+  for (const int64_t extent : shape) {
+    if (extent == 0) return remaining == 0 ? 0 : -1;
+  }
+  uint64_t count = 1;
+  for (const int64_t extent : shape) {
+    if (static_cast<uint64_t>(extent) > remaining / count) return -1;
+    count *= static_cast<uint64_t>(extent);
+  }
+  return count * item_size == remaining ? static_cast<int64_t>(count) : -1;
+}
+
+void swap_bytes(char* data, int64_t count, size_t item_size) {
+  for (int64_t i = 0; i < count; ++i) {
+    std::reverse(data + i * item_size, data + (i + 1) * item_size);
+  }
+}
+
+template <class From, class To>
+void widen(const char* from, int64_t count, To* to, const std::string& name) {
+  for (int64_t i = 0; i < count; ++i) {
+    From value;
+    std::memcpy(&value, from + i * sizeof(From), sizeof(From));
+    if (static_cast<uint64_t>(value) > static_cast<uint64_t>(std::numeric_limits<To>::max())) {
+      throw DataError(
+          concat(name, ": value ", value, " at index ", i, " is above the largest int64"));
+    }
+    to[i] = static_cast<To>(value);
+  }
+}
+
+/// Fills `out` (one dimension) from the stored items; unsigned types go through a small block so
+/// that no second copy of the array exists.
+void read_items(ByteSource& source, const NpyType& type, torch::Tensor& out,
+                const std::string& name) {
+  constexpr int64_t kBlock = 1 << 16;
+  const auto truncated = [&] { return DataError(concat(name, ": cannot be read to its end")); };
+  char* data = static_cast<char*>(out.data_ptr());
+  std::vector<char> block(type.widened ? kBlock * type.item_size : 0);
+  for (int64_t begin = 0; begin < out.numel(); begin += kBlock) {
+    const int64_t count = std::min(kBlock, out.numel() - begin);
+    char* target = type.widened ? block.data() : data + begin * type.item_size;
+    if (!source.read(target, count * type.item_size)) throw truncated();
+    if (type.swapped) swap_bytes(target, count, type.item_size);
+    if (!type.widened) continue;
+    if (type.item_size == 2) {
+      widen<uint16_t>(target, count, out.data_ptr<int32_t>() + begin, name);
+    } else if (type.item_size == 4) {
+      widen<uint32_t>(target, count, out.data_ptr<int64_t>() + begin, name);
+    } else {
+      widen<uint64_t>(target, count, out.data_ptr<int64_t>() + begin, name);
+    }
+  }
+  if (type.dtype == torch::kBool) {  // any other bit pattern in a C++ bool is undefined
+    for (int64_t i = 0; i < out.numel(); ++i) data[i] = data[i] != 0;
+  }
+}
+
+torch::Tensor read_source(ByteSource source, const std::string& name) {
+  const std::string header = read_header(source, name);
+  const NpyType type = parse_type(after_key(header, "descr", name), name);
+  const bool fortran = after_key(header, "fortran_order", name).compare(0, 4, "True") == 0;
+  std::vector<int64_t> shape = parse_shape(after_key(header, "shape", name), name);
+  const int64_t count = checked_count(shape, type.item_size, source.remaining());
+  if (count < 0) {
+    throw DataError(concat(name, ": the header promises shape ", c10::IntArrayRef(shape), " of ",
+                           type.item_size, "-byte values, but ", source.remaining(),
+                           " bytes follow; the file is truncated or damaged, copy it again"));
+  }
+  torch::Tensor out = torch::empty({count}, type.dtype);
+  read_items(source, type, out, name);
+  if (!fortran || shape.size() < 2) return out.reshape(shape);
+  std::vector<int64_t> order(shape.size());
+  for (size_t i = 0; i < order.size(); ++i) order[i] = static_cast<int64_t>(order.size() - 1 - i);
+  std::reverse(shape.begin(), shape.end());
+  return out.reshape(shape).permute(order).contiguous();
+}
+
+}  // namespace
+
+bool npy_scalar(char kind, char size, NpyType* type) {
+  struct Row {
+    char kind, size;
+    torch::ScalarType dtype;
+    bool widened;
+  };
+  static const Row rows[] = {
+      {'b', '1', torch::kBool, false},    {'u', '1', torch::kUInt8, false},
+      {'i', '1', torch::kInt8, false},    {'i', '2', torch::kInt16, false},
+      {'i', '4', torch::kInt32, false},   {'i', '8', torch::kInt64, false},
+      {'u', '2', torch::kInt32, true},    {'u', '4', torch::kInt64, true},
+      {'u', '8', torch::kInt64, true},    {'f', '2', torch::kFloat16, false},
+      {'f', '4', torch::kFloat32, false}, {'f', '8', torch::kFloat64, false}};
+  for (const Row& row : rows) {
+    if (row.kind != kind || row.size != size) continue;
+    *type = {row.dtype, static_cast<size_t>(size - '0'), row.widened, false};
+    return true;
+  }
+  return false;
+}
+
+std::string npy_header(const torch::Tensor& tensor, const std::string& name) {
+  static const std::pair<torch::ScalarType, const char*> names[] = {
+      {torch::kBool, "|b1"},    {torch::kUInt8, "|u1"},   {torch::kInt8, "|i1"},
+      {torch::kInt16, "<i2"},   {torch::kInt32, "<i4"},   {torch::kInt64, "<i8"},
+      {torch::kFloat16, "<f2"}, {torch::kFloat32, "<f4"}, {torch::kFloat64, "<f8"}};
+  const auto* found = std::find_if(std::begin(names), std::end(names), [&](const auto& entry) {
+    return entry.first == tensor.scalar_type();
+  });
+  if (found == std::end(names)) {
+    throw ContractError(concat(name, ": .npy cannot hold ", tensor.scalar_type()));
+  }
+  std::string shape;
+  for (const int64_t extent : tensor.sizes()) shape += concat(extent, ", ");
+  if (tensor.dim() > 1) shape.resize(shape.size() - 2);
+  if (tensor.dim() == 1) shape.resize(shape.size() - 1);
+  std::string header =
+      concat("{'descr': '", found->second, "', 'fortran_order': False, 'shape': (", shape, "), }");
+  const size_t unpadded = kMagicSize + 2 + header.size() + 1;
+  header.append((64 - unpadded % 64) % 64, ' ');
+  header += '\n';
+  const auto length = static_cast<uint16_t>(header.size());
+  std::string out("\x93NUMPY\x01\x00", kMagicSize);
+  out += static_cast<char>(length & 0xff);
+  out += static_cast<char>(length >> 8);
+  return out + header;
+}
+
+torch::Tensor parse_npy(const void* bytes, size_t size, const std::string& name) {
+  return read_source(ByteSource(bytes, size), name);
+}
+
+torch::Tensor read_npy(const std::filesystem::path& path) {
+  std::error_code error;
+  const auto size = std::filesystem::file_size(path, error);
+  std::ifstream file(path, std::ios::binary);
+  if (error || !file)
+    throw DataError(concat(path.string(), ": no such file, or it cannot be read"));
+  return read_source(ByteSource(&file, size), path.string());
+}
+
+void write_npy(const std::filesystem::path& path, const torch::Tensor& tensor) {
+  JADE_CHECK(tensor.defined(), "write_npy of an undefined tensor to ", path.string());
+  const torch::Tensor data = tensor.detach().cpu().contiguous();
+  const std::string header = npy_header(data, path.string());
+  const std::filesystem::path part = path.string() + ".part";
+  std::ofstream file(part, std::ios::binary | std::ios::trunc);
+  file.write(header.data(), static_cast<std::streamsize>(header.size()));
+  file.write(static_cast<const char*>(data.data_ptr()),
+             static_cast<std::streamsize>(data.nbytes()));
+  file.close();
+  std::error_code error;
+  if (file) std::filesystem::rename(part, path, error);
+  if (!file || error) {
+    throw DataError(
+        concat(path.string(), ": cannot be written; check the folder and the free space"));
+  }
+}
+
+}  // namespace jade::io

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// NumPy's .npy and .npz files as tensors.
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <string>
+#include <torch/types.h>
+#include <utility>
+#include <vector>
+
+namespace jade::io {
+
+/// Reads one array: bool, signed and unsigned integers, float16/32/64, either byte order, C or
+/// Fortran order (the result is contiguous in C order). uint16 becomes int32, uint32 and uint64
+/// become int64, as LibTorch computes little with unsigned types.
+/// @throws DataError naming the path if the file is missing, truncated, longer than its header
+///         says, holds Python objects or records, or a uint64 above 2^63.
+torch::Tensor read_npy(const std::filesystem::path& path);
+
+/// The same for bytes in memory; `name` stands for the path in messages.
+torch::Tensor parse_npy(const void* bytes, size_t size, const std::string& name);
+
+/// Writes a tensor of any strides and device as C-ordered .npy (format 1.0). Writes to a temporary
+/// name and renames, so that a reader never sees half a file. @throws DataError.
+void write_npy(const std::filesystem::path& path, const torch::Tensor& tensor);
+
+/// An .npz archive. Entries are decoded when asked for, so that entries of a kind we cannot read
+/// do no harm unless they are needed.
+class Npz {
+ public:
+  /// @throws DataError if the file is missing or is no zip archive.
+  explicit Npz(const std::filesystem::path& path);
+
+  /// Names of the arrays, without ".npy", in archive order.
+  const std::vector<std::string>& names() const { return names_; }
+  bool has(const std::string& name) const;
+  /// @throws DataError as read_npy, and if there is no such array.
+  torch::Tensor read(const std::string& name) const;
+
+ private:
+  std::filesystem::path path_;
+  std::vector<std::string> names_;
+};
+
+using NamedTensors = std::vector<std::pair<std::string, torch::Tensor>>;
+
+/// Writes a compressed archive, in the given order. @throws DataError.
+void write_npz(const std::filesystem::path& path, const NamedTensors& arrays);
+
+}  // namespace jade::io

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+// What npy.cpp and npz.cpp share of the .npy format. Not for use outside this folder.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <torch/types.h>
+
+namespace jade::io {
+
+struct NpyType {
+  torch::ScalarType dtype = torch::kFloat32;  ///< Of the tensor.
+  size_t item_size = 0;                       ///< Bytes of a stored item.
+  bool widened = false;                       ///< Stored unsigned, kept in a wider signed type.
+  bool swapped = false;                       ///< Stored big-endian.
+};
+
+/// Fills `type` for a NumPy kind letter ('i', 'u', 'f', 'b') and size digit; false if unknown.
+bool npy_scalar(char kind, char size, NpyType* type);
+
+/// Everything that precedes the data of a contiguous CPU tensor.
+std::string npy_header(const torch::Tensor& tensor, const std::string& name);
+
+}  // namespace jade::io
