@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "jade/geometry/pose.h"
+
+namespace jade::geometry {
+
+/// Poses per exposure, at equal steps from its start to its end, both included.
+inline constexpr int kExposurePoses = 9;
+/// The pose at mid-exposure.
+inline constexpr int kMidPose = 4;
+
+/// The nine times of [t_start, t_end] in µs, linspace(t_start, t_end, 9).
+std::array<double, kExposurePoses> exposure_times(int64_t t_start_us, int64_t t_end_us);
+
+/// A camera path through timed poses: rotations by slerp between neighbours, camera centres (not
+/// translations, which turn with the camera) by a not-a-knot cubic spline. With two poses the
+/// centres move on a line, with three on a parabola, with one they stand still.
+class Trajectory {
+ public:
+  Trajectory() = default;
+
+  /// @param t_us   strictly increasing.
+  /// @param poses  camera_from_world, as many as times.
+  /// @throws ContractError for no pose, counts that differ, times that do not increase, NaN.
+  Trajectory(std::vector<double> t_us, const std::vector<Pose>& poses);
+
+  /// camera_from_world at any time. Outside [begin_us, end_us] the nearest end is returned.
+  Pose at(double t_us) const;
+
+  /// The nine poses of an exposure; index kMidPose is mid-exposure.
+  std::array<Pose, kExposurePoses> exposure_poses(int64_t t_start_us, int64_t t_end_us) const;
+
+  bool covers(double t_us) const { return !empty() && t_us >= begin_us() && t_us <= end_us(); }
+  bool empty() const { return t_us_.empty(); }
+  int64_t size() const { return int64_t(t_us_.size()); }
+  double begin_us() const { return t_us_.front(); }
+  double end_us() const { return t_us_.back(); }
+  const std::vector<double>& times_us() const { return t_us_; }
+
+ private:
+  std::vector<double> t_us_;
+  std::vector<Quaternion> rotations_;
+  std::vector<Vector3> centres_;
+  std::vector<Vector3> slopes_;  ///< world units per µs at the knots
+};
+
+}  // namespace jade::geometry
