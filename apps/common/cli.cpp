@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/cli.h"
+
+#include <c10/util/Exception.h>
+#include <cstdio>
+#include <new>
+
+#include "jade/core/device.h"
+#include "jade/core/interrupt.h"
+#include "jade/core/log.h"
+#include "jade/core/progress.h"
+#include "jade/core/version.h"
+
+namespace jade::apps {
+namespace {
+
+std::string version_text(const std::string& name) {
+  std::string text = concat(name, " ", version(), " (commit ", git_commit(), ")\ntorch ",
+                            torch_version(), "\nCUDA ", cuda_version());
+  const int gpus = cuda_device_count();
+  if (gpus == 0)
+    text += concat("\ndevice cpu: ", device_name(torch::kCPU), " (", cuda_problem(), ")");
+  for (int i = 0; i < gpus; ++i) {
+    text += concat("\ndevice cuda:", i, ": ",
+                   device_name(torch::Device(torch::kCUDA, static_cast<c10::DeviceIndex>(i))));
+  }
+  return text;
+}
+
+/// torch puts a stack trace behind the first line; users get the line.
+std::string first_line(const std::string& text) { return text.substr(0, text.find('\n')); }
+
+/// Reports the exception in flight; returns its exit code.
+ExitCode report_exception() {
+  try {
+    throw;
+  } catch (const Interrupted&) {
+    return ExitCode::kInterrupted;
+  } catch (const Error& error) {
+    log_error(error.what());
+    return error.exit_code();
+  } catch (const c10::OutOfMemoryError& error) {
+    log_error(concat("out of GPU memory: ", first_line(error.what_without_backtrace()),
+                     "; use a smaller scene (densify.max_gaussians) or --device cpu"));
+    log_debug(error.what());
+    return ExitCode::kDevice;
+  } catch (const std::bad_alloc&) {
+    log_error("out of memory; use a smaller scene or image, or close other programs");
+    return ExitCode::kDevice;
+  } catch (const c10::Error& error) {
+    log_error(concat("internal error in LibTorch: ", first_line(error.what_without_backtrace()),
+                     "; run again with --log-level debug and report it"));
+    log_debug(error.what());
+    return ExitCode::kBug;
+  } catch (const std::exception& error) {
+    log_error(concat("internal error: ", error.what(),
+                     "; run again with --log-level debug and report it"));
+    return ExitCode::kBug;
+  }
+}
+
+}  // namespace
+
+Program::Program(const std::string& name, const std::string& description)
+    : name_(name), cli_(description, name) {
+  cli_.set_version_flag(
+      "--version", [name] { return version_text(name); }, "Version, commit, torch, CUDA, devices");
+  cli_.add_option("--log-level", log_level_, "debug, info, warn, error or off")
+      ->capture_default_str();
+  cli_.add_flag("--quiet", quiet_, "No progress and no messages but warnings and errors");
+}
+
+void Program::add_config_flags() {
+  cli_.add_option("--config", config_file_, "YAML configuration; - reads standard input");
+  cli_.add_option("--set", overrides_, "Override a key: --set a.b=value (repeatable, last wins)")
+      ->allow_extra_args(false);
+  cli_.add_flag("--print-config", print_config_,
+                "Print the resolved configuration with help, and exit");
+  cli_.add_flag("--print-schema", print_schema_,
+                "Print a JSON Schema of the configuration, and exit");
+}
+
+void Program::add_output_flag(const std::string& help) {
+  cli_.add_option("--output", output_, help);
+}
+
+void Program::add_device_flag() {
+  cli_.add_option("--device", device_, "auto (a GPU if there is one), cpu, cuda or cuda:N");
+}
+
+void Program::add_seed_flag() { cli_.add_option("--seed", seed_, "Seed of every random draw"); }
+
+void Program::add_json_flag() { cli_.add_flag("--json", json_, "Print results as JSON"); }
+
+torch::Device Program::device() const { return select_device(device_.empty() ? "auto" : device_); }
+
+std::string Program::title() const {
+  return concat(name_, " ", version(),
+                " configuration; every key with its default and meaning: --print-config");
+}
+
+config::Sources Program::sources(const FieldList& fields) const {
+  config::Sources all{config_file_, overrides_};
+  if (!device_.empty() && fields.find("device")) all.overrides.push_back("device=" + device_);
+  if (seed_ && fields.find("seed")) all.overrides.push_back(concat("seed=", *seed_));
+  return all;
+}
+
+int Program::run(int argc, char** argv, const std::function<ExitCode()>& body) {
+  try {
+    cli_.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    // CLI11 prints help and version itself and returns 0 for them; its other codes are its own.
+    if (error.get_exit_code() == 0) return cli_.exit(error);
+    std::fprintf(stderr, "error: %s; %s --help lists the flags\n", error.what(), name_.c_str());
+    return static_cast<int>(ExitCode::kUsage);
+  }
+  install_interrupt_handlers();
+  try {
+    set_log_level(quiet_ ? "warn" : log_level_);
+    set_progress_enabled(!quiet_);
+    return static_cast<int>(body());
+  } catch (...) {
+    return static_cast<int>(report_exception());
+  }
+}
+
+}  // namespace jade::apps

@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+// What all programs share: flags, --version, logging, signals, and errors turned into exit codes.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <iostream>
+#include <optional>
+#include <string>
+#include <torch/types.h>
+#include <vector>
+
+#include "jade/config/config.h"
+#include "jade/core/error.h"
+
+namespace jade::apps {
+
+/// A program's command line. Make one, add flags, then call run():
+///
+///   int main(int argc, char** argv) {
+///     Program program("jade_inspect", "Says what is in a data set, a run or a .ply");
+///     std::string what;
+///     program.cli().add_option("what", what, "…")->required();
+///     program.add_json_flag();
+///     return program.run(argc, argv, [&] { …; return ExitCode::kOk; });
+///   }
+class Program {
+ public:
+  /// Adds --version, --log-level and --quiet.
+  Program(const std::string& name, const std::string& description);
+
+  CLI::App& cli() { return cli_; }
+
+  /// --config, --set, --print-config, --print-schema.
+  void add_config_flags();
+  /// --output DIR.
+  void add_output_flag(const std::string& help);
+  /// --device auto|cpu|cuda|cuda:N.
+  void add_device_flag();
+  /// --seed N.
+  void add_seed_flag();
+  /// --json: results on stdout as JSON.
+  void add_json_flag();
+
+  /// Parses, runs `body` and returns the process's exit code. Every jade::Error becomes one line on
+  /// stderr (with a trace of its origin at --log-level debug) and its exit code.
+  int run(int argc, char** argv, const std::function<ExitCode()>& body);
+
+  /// The options as --config, --set, --device and --seed give them, after `validate(options)`, or
+  /// nothing when --print-config or --print-schema asked for a print, which is then done. --device
+  /// and
+  /// --seed stand for the keys of those names where the options have them.
+  template <class Options>
+  std::optional<Options> load_options() {
+    Options defaults;
+    Options options = config::load<Options>(sources(fields_of(defaults)));
+    validate(options);
+    const FieldList fields = fields_of(options);
+    if (print_config_) std::cout << config::to_yaml(fields, title());
+    if (print_schema_) std::cout << config::to_json_schema(fields, title());
+    if (print_config_ || print_schema_) return std::nullopt;
+    return options;
+  }
+
+  const std::filesystem::path& config_file() const { return config_file_; }
+  const std::filesystem::path& output() const { return output_; }
+  bool json() const { return json_; }
+  /// The device of --device (default auto), for programs without a configuration.
+  /// @throws ConfigError or DeviceError.
+  torch::Device device() const;
+  const std::string& device_choice() const { return device_; }
+  uint64_t seed() const { return seed_.value_or(0); }
+
+ private:
+  config::Sources sources(const FieldList& fields) const;
+  std::string title() const;
+
+  std::string name_;
+  CLI::App cli_;
+  std::filesystem::path config_file_;
+  std::vector<std::string> overrides_;
+  std::filesystem::path output_;
+  std::string device_;
+  std::optional<uint64_t> seed_;
+  bool print_config_ = false;
+  bool print_schema_ = false;
+  bool json_ = false;
+  bool quiet_ = false;
+  std::string log_level_ = "info";
+};
+
+}  // namespace jade::apps

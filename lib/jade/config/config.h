@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+// Configuration from YAML files and --set overrides, driven by the `describe` function of an
+// options struct (core/fields.h). Order, later wins: defaults, the `extends` chain, the file,
+// --set.
+#pragma once
+
+#include <filesystem>
+#include <istream>
+#include <string>
+#include <vector>
+
+#include "jade/core/fields.h"
+
+namespace jade::config {
+
+struct Sources {
+  std::filesystem::path file;          ///< Empty: defaults only. "-" or /dev/stdin: standard input.
+  std::vector<std::string> overrides;  ///< "route.lr=1e-3", the value typed as YAML; last wins.
+};
+
+/// Reads `sources` into the fields. All problems are found before the first is thrown.
+/// @throws ConfigError: one line a problem, each with file:line:column (or the override), the key,
+///   what was expected and what was found; an unknown key comes with the nearest name.
+/// Callers pass fields of a fresh struct, so that a failed load changes nothing: see load().
+void read(const Sources& sources, const FieldList& fields);
+
+/// A value of `Options` as `sources` describe it.
+template <class Options>
+Options load(const Sources& sources) {
+  Options options;
+  read(sources, fields_of(options));
+  return options;
+}
+
+/// The resolved configuration as YAML with help, units and ranges as comments. Reading it back and
+/// printing again gives the same bytes.
+std::string to_yaml(const FieldList& fields, const std::string& title);
+
+/// A JSON Schema (draft 2020-12) of the same fields, for editors.
+std::string to_json_schema(const FieldList& fields, const std::string& title);
+
+/// The values alone, "key=value" lines in order; for comparing configurations.
+std::vector<std::pair<std::string, std::string>> values(const FieldList& fields);
+
+/// The closest of `words` to `word`, or empty when none is near enough to be a typing mistake.
+std::string nearest(const std::string& word, const std::vector<std::string>& words);
+
+}  // namespace jade::config

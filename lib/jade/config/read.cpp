@@ -1,0 +1,274 @@
+// SPDX-License-Identifier: Apache-2.0
+// The only reader of YAML.
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <iostream>
+#include <iterator>
+#include <set>
+#include <yaml-cpp/yaml.h>
+
+#include "jade/config/config.h"
+#include "jade/config/text.h"
+#include "jade/core/error.h"
+
+namespace jade::config {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// One layer of settings: a parsed tree, what to call it in messages, and where its paths start.
+struct Layer {
+  YAML::Node root;
+  std::string name;
+  fs::path folder;
+  bool has_lines;  ///< false for --set, whose positions mean nothing to a user
+};
+
+class Reader {
+ public:
+  explicit Reader(const FieldList& fields) : fields_(fields) {}
+
+  void apply(const Layer& layer) {
+    if (layer.root.IsNull()) return;
+    if (!layer.root.IsMap()) {
+      complain(layer, layer.root, "expected 'key: value' lines, found " + kind_of(layer.root));
+      return;
+    }
+    apply_map(layer, layer.root, "");
+  }
+
+  void complain(const Layer& layer, const YAML::Node& node, const std::string& what) {
+    std::string where = layer.name;
+    if (layer.has_lines && node.Mark().line >= 0) {
+      where += concat(":", node.Mark().line + 1, ":", node.Mark().column + 1);
+    }
+    problems_.push_back(where + ": " + what);
+  }
+
+  void throw_problems() const {
+    if (problems_.empty()) return;
+    std::string all;
+    for (const std::string& problem : problems_) all += (all.empty() ? "" : "\n") + problem;
+    throw ConfigError(all);
+  }
+
+ private:
+  static std::string kind_of(const YAML::Node& node) {
+    if (node.IsNull()) return "nothing";
+    if (node.IsMap()) return "a group of keys";
+    if (node.IsSequence()) return "a list";
+    return "'" + node.Scalar() + "'";
+  }
+
+  void apply_map(const Layer& layer, const YAML::Node& map, const std::string& prefix) {
+    std::set<std::string> seen;
+    for (const auto& entry : map) {
+      const std::string name = entry.first.IsScalar() ? entry.first.Scalar() : std::string("?");
+      const std::string key = prefix + name;
+      if (prefix.empty() && name == "extends") continue;
+      if (!seen.insert(name).second) {
+        complain(layer, entry.first, key + ": given twice");
+      } else if (fields_.is_group(key)) {
+        if (entry.second.IsMap()) {
+          apply_map(layer, entry.second, key + ".");
+        } else if (!entry.second.IsNull()) {
+          complain(layer, entry.second,
+                   key + ": expected a group of keys, found " + kind_of(entry.second));
+        }
+      } else if (const Field* field = fields_.find(key)) {
+        apply_field(layer, entry.second, *field);
+      } else {
+        complain(layer, entry.first, key + ": unknown key" + hint(key));
+      }
+    }
+  }
+
+  std::string hint(const std::string& key) const {
+    std::vector<std::string> known;
+    for (const Field& field : fields_.fields()) known.push_back(field.key);
+    for (const FieldGroup& group : fields_.groups()) known.push_back(group.key);
+    const std::string close = nearest(key, known);
+    return close.empty() ? "; --print-config lists all keys" : "; did you mean " + close + "?";
+  }
+
+  void apply_field(const Layer& layer, const YAML::Node& node, const Field& field) {
+    const bool read =
+        std::visit([&](auto* target) { return convert(layer, node, *target); }, field.value);
+    if (!read || !within(field)) {
+      complain(layer, node,
+               field.key + ": expected " + expectation(field) + ", found " + kind_of(node));
+    }
+  }
+
+  static bool within(const Field& field) {
+    if (const auto* word = std::get_if<std::string*>(&field.value);
+        word && !field.choices.empty()) {
+      return std::find(field.choices.begin(), field.choices.end(), **word) != field.choices.end();
+    }
+    if (!field.range) return true;
+    const auto in = [&](double x) { return x >= field.range->min && x <= field.range->max; };
+    if (const auto* v = std::get_if<int*>(&field.value)) return in(**v);
+    if (const auto* v = std::get_if<int64_t*>(&field.value)) return in(static_cast<double>(**v));
+    if (const auto* v = std::get_if<double*>(&field.value)) return in(**v);
+    if (const auto* v = std::get_if<std::vector<double>*>(&field.value)) {
+      return std::all_of((*v)->begin(), (*v)->end(), in);
+    }
+    if (const auto* v = std::get_if<std::vector<int64_t>*>(&field.value)) {
+      return std::all_of((*v)->begin(), (*v)->end(),
+                         [&](int64_t x) { return in(static_cast<double>(x)); });
+    }
+    return true;
+  }
+
+  template <class T>
+  static bool convert_scalar(const YAML::Node& node, T& target) {
+    // A quoted scalar carries the tag "!": "3" in quotes is a text, not a number.
+    return node.IsScalar() && node.Tag() != "!" && YAML::convert<T>::decode(node, target);
+  }
+  static bool convert(const Layer&, const YAML::Node& node, bool& target) {
+    return convert_scalar(node, target);
+  }
+  static bool convert(const Layer&, const YAML::Node& node, double& target) {
+    return convert_scalar(node, target) && !std::isnan(target);
+  }
+  static bool convert(const Layer&, const YAML::Node& node, int64_t& target) {
+    double value = 0;
+    if (convert_scalar(node, target)) return true;
+    // 1e4 is a whole number too.
+    if (!convert_scalar(node, value) || value != std::floor(value) || std::abs(value) > 9e15)
+      return false;
+    target = static_cast<int64_t>(value);
+    return true;
+  }
+  static bool convert(const Layer& layer, const YAML::Node& node, int& target) {
+    int64_t wide = 0;
+    if (!convert(layer, node, wide) || wide != static_cast<int>(wide)) return false;
+    target = static_cast<int>(wide);
+    return true;
+  }
+  static bool convert(const Layer&, const YAML::Node& node, std::string& target) {
+    if (!node.IsScalar()) return false;
+    target = node.Scalar();
+    return true;
+  }
+  static bool convert(const Layer& layer, const YAML::Node& node, fs::path& target) {
+    std::string text;
+    if (!convert(layer, node, text)) return false;
+    target = text.empty() ? fs::path() : fs::path(text);
+    if (!text.empty() && target.is_relative())
+      target = fs::absolute(layer.folder / target).lexically_normal();
+    return true;
+  }
+  template <class T>
+  static bool convert(const Layer& layer, const YAML::Node& node, std::vector<T>& target) {
+    if (!node.IsSequence()) return false;
+    std::vector<T> list;
+    for (const auto& entry : node) {
+      T item{};
+      if (!convert(layer, entry, item)) return false;
+      list.push_back(item);
+    }
+    target = std::move(list);
+    return true;
+  }
+
+  const FieldList& fields_;
+  std::vector<std::string> problems_;
+};
+
+YAML::Node parse(const std::string& text, const std::string& name) {
+  try {
+    return YAML::Load(text);
+  } catch (const YAML::Exception& failure) {
+    throw ConfigError(concat(name, ":", failure.mark.line + 1, ":", failure.mark.column + 1,
+                             ": not valid YAML: ", failure.msg));
+  }
+}
+
+std::string read_text(const fs::path& file) {
+  if (file == "-" || file == "/dev/stdin") return {std::istreambuf_iterator<char>(std::cin), {}};
+  std::ifstream in(file, std::ios::binary);
+  if (!in || fs::is_directory(file)) {
+    throw ConfigError(concat(file.string(), ": expected a YAML file, found ",
+                             fs::is_directory(file) ? "a folder" : "no file that can be read"));
+  }
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+/// The file's layer, after those that it extends.
+void collect_layers(const fs::path& file, std::vector<fs::path>& chain,
+                    std::vector<Layer>& layers) {
+  const bool from_stdin = file == "-" || file == "/dev/stdin";
+  const fs::path identity = from_stdin ? file : fs::weakly_canonical(file);
+  if (std::find(chain.begin(), chain.end(), identity) != chain.end()) {
+    std::string circle;
+    for (const fs::path& link : chain) circle += link.filename().string() + " -> ";
+    throw ConfigError(concat(file.string(), ": 'extends' goes in a circle: ", circle,
+                             identity.filename().string()));
+  }
+  chain.push_back(identity);
+  Layer layer{parse(read_text(file), file.string()), file.string(),
+              from_stdin ? fs::current_path() : fs::absolute(file).parent_path(), true};
+  if (layer.root.IsMap() && layer.root["extends"]) {
+    const YAML::Node parents = layer.root["extends"];
+    if (!parents.IsScalar() && !parents.IsSequence()) {
+      throw ConfigError(concat(layer.name, ": extends: expected a path or a list of paths"));
+    }
+    const auto extend = [&](const YAML::Node& parent) {
+      const fs::path path = layer.folder / parent.Scalar();
+      if (!fs::exists(path)) {
+        throw ConfigError(concat(layer.name, ":", parent.Mark().line + 1, ":",
+                                 parent.Mark().column + 1,
+                                 ": extends: no such file: ", path.lexically_normal().string()));
+      }
+      collect_layers(path.lexically_normal(), chain, layers);
+    };
+    if (parents.IsScalar()) {
+      extend(parents);
+    } else {
+      for (const auto& parent : parents) extend(parent);
+    }
+  }
+  chain.pop_back();
+  layers.push_back(std::move(layer));
+}
+
+Layer override_layer(const std::string& assignment) {
+  const size_t equals = assignment.find('=');
+  const std::string name = "--set " + assignment;
+  if (equals == std::string::npos || equals == 0) {
+    throw ConfigError(name + ": expected key=value, such as train.iterations=1000");
+  }
+  YAML::Node value = parse(assignment.substr(equals + 1), name);
+  // An empty right side means the empty text.
+  if (value.IsNull() && equals + 1 == assignment.size()) value = YAML::Node(std::string());
+  std::vector<std::string> path;
+  const std::string key = assignment.substr(0, equals);
+  for (size_t start = 0; start <= key.size();) {
+    const size_t dot = std::min(key.find('.', start), key.size());
+    path.push_back(key.substr(start, dot - start));
+    start = dot + 1;
+  }
+  for (auto part = path.rbegin(); part != path.rend(); ++part) {
+    YAML::Node outer(YAML::NodeType::Map);
+    outer[*part] = value;
+    value = outer;
+  }
+  return {value, name, fs::current_path(), false};
+}
+
+}  // namespace
+
+void read(const Sources& sources, const FieldList& fields) {
+  std::vector<Layer> layers;
+  std::vector<fs::path> chain;
+  if (!sources.file.empty()) collect_layers(sources.file, chain, layers);
+  for (const std::string& assignment : sources.overrides)
+    layers.push_back(override_layer(assignment));
+  Reader reader(fields);
+  for (const Layer& layer : layers) reader.apply(layer);
+  reader.throw_problems();
+}
+
+}  // namespace jade::config

@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/config/text.h"
+
+#include <charconv>
+#include <cmath>
+
+#include "jade/core/error.h"
+
+namespace jade::config {
+namespace {
+
+/// A double-quoted YAML scalar where a plain one would read as something else.
+std::string quoted(const std::string& text) {
+  const bool plain =
+      !text.empty() &&
+      text.find_first_not_of(
+          "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
+          "0123456789_./-+") == std::string::npos &&
+      text.find_first_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ/_") == 0 &&
+      text != "true" && text != "false" && text != "null" && text != "yes" && text != "no" &&
+      text != "on" && text != "off" && text != "y" && text != "n";
+  if (plain) return text;
+  std::string out = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') out += '\\';
+    if (c == '\n') {
+      out += "\\n";
+    } else if (c == '\t') {
+      out += "\\t";
+    } else {
+      out += c;
+    }
+  }
+  return out + "\"";
+}
+
+template <class T>
+std::string list_text(const std::vector<T>& list) {
+  std::string out = "[";
+  for (size_t i = 0; i < list.size(); ++i) {
+    T item = list[i];
+    out += (i ? ", " : "") + value_text(FieldPointer{&item});
+  }
+  return out + "]";
+}
+
+struct ValueText {
+  std::string operator()(const bool* v) const { return *v ? "true" : "false"; }
+  std::string operator()(const int* v) const { return std::to_string(*v); }
+  std::string operator()(const int64_t* v) const { return std::to_string(*v); }
+  std::string operator()(const double* v) const { return number_text(*v); }
+  std::string operator()(const std::string* v) const { return quoted(*v); }
+  std::string operator()(const std::filesystem::path* v) const { return quoted(v->string()); }
+  std::string operator()(const std::vector<int64_t>* v) const { return list_text(*v); }
+  std::string operator()(const std::vector<double>* v) const { return list_text(*v); }
+  std::string operator()(const std::vector<std::string>* v) const { return list_text(*v); }
+};
+
+struct TypeText {
+  std::string operator()(const bool*) const { return "true or false"; }
+  std::string operator()(const int*) const { return "a whole number"; }
+  std::string operator()(const int64_t*) const { return "a whole number"; }
+  std::string operator()(const double*) const { return "a number"; }
+  std::string operator()(const std::string*) const { return "a text"; }
+  std::string operator()(const std::filesystem::path*) const { return "a path"; }
+  std::string operator()(const std::vector<int64_t>*) const { return "a list of whole numbers"; }
+  std::string operator()(const std::vector<double>*) const { return "a list of numbers"; }
+  std::string operator()(const std::vector<std::string>*) const { return "a list of texts"; }
+};
+
+}  // namespace
+
+std::string number_text(double value) {
+  if (std::isnan(value)) return ".nan";
+  if (std::isinf(value)) return value > 0 ? ".inf" : "-.inf";
+  char buffer[32];
+  const auto result = std::to_chars(buffer, buffer + sizeof buffer, value);
+  return std::string(buffer, result.ptr);
+}
+
+std::string value_text(const FieldPointer& value) { return std::visit(ValueText{}, value); }
+
+std::string type_text(const FieldPointer& value) { return std::visit(TypeText{}, value); }
+
+std::string range_text(const Field& field) {
+  if (!field.range) return "";
+  const bool below = std::isfinite(field.range->min), above = std::isfinite(field.range->max);
+  if (below && above)
+    return "[" + number_text(field.range->min) + ", " + number_text(field.range->max) + "]";
+  if (below) return ">= " + number_text(field.range->min);
+  return above ? "<= " + number_text(field.range->max) : "";
+}
+
+std::string expectation(const Field& field) {
+  if (!field.choices.empty()) {
+    std::string out = "one of ";
+    for (size_t i = 0; i < field.choices.size(); ++i) out += (i ? ", " : "") + field.choices[i];
+    return out;
+  }
+  const std::string range = range_text(field);
+  if (range.empty()) return type_text(field.value);
+  return type_text(field.value) + (range[0] == '[' ? " in " : " ") + range;
+}
+
+}  // namespace jade::config

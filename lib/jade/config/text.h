@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+// How a field's value looks as text; shared by the YAML and the schema printers.
+#pragma once
+
+#include <string>
+
+#include "jade/core/fields.h"
+
+namespace jade::config {
+
+/// The value as a YAML scalar or flow sequence, in the shortest form that reads back the same.
+std::string value_text(const FieldPointer& value);
+
+/// "true or false", "a whole number", "a number", "a text", "a path", "a list of numbers", …
+std::string type_text(const FieldPointer& value);
+
+/// "a number in [0, 1]", "one of a, b": what a field expects.
+std::string expectation(const Field& field);
+
+/// "[0, 1]", ">= 0", or empty.
+std::string range_text(const Field& field);
+
+/// The shortest decimal that reads back as the same double.
+std::string number_text(double value);
+
+}  // namespace jade::config

@@ -1,0 +1,88 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# Installs what JADE-GS needs on Debian 12 or Ubuntu 22.04/24.04, only what is missing:
+# compilers and libraries through apt, LibTorch as a Python wheel in .venv.
+#
+#   scripts/setup.sh [--python-torch]
+#
+# --python-torch  also what `import torch` needs in Python (scripts/efnet, scripts/export_lpips.py)
+#
+# Without root it uses sudo for apt; where neither works it prints the command to hand to an
+# administrator.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+say() { printf 'setup: %s\n' "$*" >&2; }
+
+python_torch=no
+for flag in "$@"; do
+  case "$flag" in
+    --python-torch) python_torch=yes ;;
+    *) sed -n '3,12p' "$0" >&2; exit 2 ;;
+  esac
+done
+
+packages=(g++ cmake ninja-build ccache git pkg-config ca-certificates python3 python3-venv
+  libopencv-core-dev libopencv-imgproc-dev libopencv-imgcodecs-dev
+  libyaml-cpp-dev libcli11-dev libspdlog-dev catch2 libhdf5-dev nlohmann-json3-dev libzip-dev zlib1g-dev)
+# Small comforts: a faster linker, and an HDF5 filter that some recordings use.
+optional=(mold hdf5-plugin-lzf)
+
+installed() { dpkg-query -W -f='${db:Status-Abbrev}' "$1" 2>/dev/null | grep -q '^.i'; }
+
+missing=()
+for package in "${packages[@]}"; do installed "$package" || missing+=("$package"); done
+if [ ${#missing[@]} -gt 0 ]; then
+  for package in "${optional[@]}"; do installed "$package" || missing+=("$package"); done
+  as_root=()
+  if [ "$(id -u)" -ne 0 ]; then
+    if ! command -v sudo >/dev/null; then
+      say "these packages are missing and there is no sudo; ask an administrator to run:"
+      say "  apt-get install -y ${missing[*]}"
+      exit 3
+    fi
+    as_root=(sudo)
+  fi
+  say "installing with apt: ${missing[*]}"
+  "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get update -qq
+  # Ubuntu 22.04 lacks some of the optional ones.
+  wanted=()
+  for package in "${missing[@]}"; do
+    if apt-cache show "$package" >/dev/null 2>&1; then wanted+=("$package"); else say "not in this release, skipped: $package"; fi
+  done
+  "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${wanted[@]}" >/dev/null
+fi
+
+# The wheel holds headers and libraries; its CUDA companions (2.5 GB) are needed for kernels only, and
+# then come from the CUDA toolkit.
+if [ ! -x .venv/bin/python ]; then
+  say "making .venv"
+  python3 -m venv .venv
+fi
+have() { .venv/bin/python - "$@" <<'PY'
+import importlib.metadata as metadata, sys
+def found(requirement):
+    name, _, version = requirement.partition("==")
+    try:
+        return not version or metadata.version(name).split("+")[0] == version
+    except metadata.PackageNotFoundError:
+        return False
+print(" ".join(r for r in sys.argv[1:] if not found(r)))
+PY
+}
+wheels=(torch==2.11.0 numpy)
+if [ -e /usr/local/cuda/lib64/libcudart.so.13 ]; then
+  # With the toolkit on the machine only what it does not hold is added.
+  wheels+=(nvidia-cusparselt-cu13==0.8.0 nvidia-nvshmem-cu13==3.4.5 nvidia-cufile==1.15.1.6)
+else
+  wheels+=(nvidia-cuda-runtime==13.0.96 nvidia-cuda-cupti==13.0.85)
+fi
+if [ $python_torch = yes ]; then
+  wheels+=(typing_extensions sympy mpmath networkx jinja2 markupsafe fsspec filelock)
+fi
+absent=$(have "${wheels[@]}")
+if [ -n "$absent" ]; then
+  say "installing into .venv: $absent"
+  # shellcheck disable=SC2086
+  .venv/bin/python -m pip install -q --disable-pip-version-check --no-deps $absent
+fi
+say "everything is there"

@@ -1,0 +1,12 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# Installs what is missing, builds, and runs every test.
+#
+#   scripts/test.sh [CTEST ARGUMENTS]      for example: scripts/test.sh -R splat
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+scripts/setup.sh
+scripts/build.sh
+run=(ctest --test-dir build --output-on-failure --no-tests=error "$@")
+echo "+ ${run[*]}" >&2
+"${run[@]}"

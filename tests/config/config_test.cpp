@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/config/config.h"
+
+#include <nlohmann/json.hpp>
+
+#include "jade/core/error.h"
+#include "support/catch.h"
+#include "support/temp_dir.h"
+
+using namespace jade;
+
+namespace {
+
+struct RouteOptions {
+  double lr = 5e-4;
+  bool render_consistency = true;
+};
+template <class V>
+void describe(V& v, RouteOptions& o) {
+  v.field("lr", o.lr, "Adam step size", Range{1e-8, 1});
+  v.field("render_consistency", o.render_consistency, "first term");
+}
+
+struct TestOptions {
+  int64_t iterations = 25000;
+  std::string device = "auto";
+  std::string kind = "a";
+  std::filesystem::path data;
+  std::vector<double> steps = {1, 0.5};
+  RouteOptions route;
+};
+template <class V>
+void describe(V& v, TestOptions& o) {
+  v.field("iterations", o.iterations, "steps", Range{1, 1e9});
+  v.field("device", o.device, "where");
+  v.field("kind", o.kind, "which", Choices{"a", "b"});
+  v.field("data", o.data, "folder");
+  v.field("steps", o.steps, "list");
+  v.group("route", o.route, "the router");
+}
+
+TestOptions load_text(const test::TempDir& dir, const std::string& text,
+                      const std::vector<std::string>& overrides = {}) {
+  return config::load<TestOptions>({dir.write("scene.yaml", text), overrides});
+}
+
+std::string error_of(const test::TempDir& dir, const std::string& text,
+                     const std::vector<std::string>& overrides = {}) {
+  try {
+    load_text(dir, text, overrides);
+  } catch (const ConfigError& error) {
+    std::string message = error.what();
+    const std::string folder = dir.path().string() + "/";
+    for (size_t at; (at = message.find(folder)) != std::string::npos;) message.erase(at, folder.size());
+    return message;
+  }
+  return "no error";
+}
+
+}  // namespace
+
+TEST_CASE("config: later layers win: defaults, extends, file, --set", "[config]") {
+  const test::TempDir dir;
+  dir.write("base.yaml", "iterations: 10\nkind: b\nroute: {lr: 0.1}\n");
+  const auto options = load_text(dir, "extends: base.yaml\niterations: 20\n",
+                                 {"route.lr=0.2", "route.lr=0.3", "steps=[1, 2]"});
+  CHECK(options.iterations == 20);
+  CHECK(options.kind == "b");
+  CHECK(options.route.lr == 0.3);
+  CHECK(options.route.render_consistency);
+  CHECK(options.steps == std::vector<double>{1, 2});
+}
+
+TEST_CASE("config: paths start at the file that names them", "[config]") {
+  const test::TempDir dir;
+  dir.write("sub/base.yaml", "data: scenes/x\n");
+  CHECK(load_text(dir, "extends: sub/base.yaml\n").data == dir.path() / "sub/scenes/x");
+  CHECK(load_text(dir, "data: ../y\n").data == dir.path().parent_path() / "y");
+  CHECK(load_text(dir, "", {"data=z"}).data == std::filesystem::current_path() / "z");
+}
+
+TEST_CASE("config: a mistake is one line with place, key, expectation and finding", "[config]") {
+  const test::TempDir dir;
+  CHECK(error_of(dir, "route:\n  lrr: 1\n") == "scene.yaml:2:3: route.lrr: unknown key; did you mean route.lr?");
+  CHECK(error_of(dir, "iterations: ten\n") ==
+        "scene.yaml:1:13: iterations: expected a whole number in [1, 1e+09], found 'ten'");
+  CHECK(error_of(dir, "route: {lr: 2}\n") ==
+        "scene.yaml:1:13: route.lr: expected a number in [1e-08, 1], found '2'");
+  CHECK(error_of(dir, "kind: c\n") == "scene.yaml:1:7: kind: expected one of a, b, found 'c'");
+  CHECK(error_of(dir, "iterations: \"5\"\n").find("found '5'") != std::string::npos);
+  CHECK(error_of(dir, "iterations: 1.5\n").find("whole number") != std::string::npos);
+  CHECK(error_of(dir, "route: 3\n") == "scene.yaml:1:8: route: expected a group of keys, found '3'");
+  CHECK(error_of(dir, "kind: a\nkind: b\n") == "scene.yaml:2:1: kind: given twice");
+  CHECK(error_of(dir, "", {"itterations=5"}) ==
+        "--set itterations=5: itterations: unknown key; did you mean iterations?");
+  CHECK(error_of(dir, "", {"iterations"}).find("expected key=value") != std::string::npos);
+  CHECK(error_of(dir, "kind: [a\n").find("scene.yaml:2:1: not valid YAML") == 0);
+  CHECK(error_of(dir, "- a\n").find("expected 'key: value' lines") != std::string::npos);
+  CHECK(error_of(dir, "extends: nothere.yaml\n").find("no such file") != std::string::npos);
+}
+
+TEST_CASE("config: all problems are told at once", "[config]") {
+  const test::TempDir dir;
+  const std::string message = error_of(dir, "kind: c\nsteps: 3\n", {"zzzzzzzzzz=1"});
+  CHECK(std::count(message.begin(), message.end(), '\n') == 2);
+}
+
+TEST_CASE("config: extends that goes in a circle is refused with the circle", "[config]") {
+  const test::TempDir dir;
+  dir.write("a.yaml", "extends: scene.yaml\n");
+  CHECK(error_of(dir, "extends: a.yaml\n").find("scene.yaml -> a.yaml -> scene.yaml") != std::string::npos);
+}
+
+TEST_CASE("config: a file that does not exist is a ConfigError that names it", "[config]") {
+  CHECK_THROWS_WITH(config::load<TestOptions>({"/nowhere/scene.yaml", {}}),
+                    Catch::Contains("/nowhere/scene.yaml"));
+}
+
+TEST_CASE("config: what is printed reads back and prints the same bytes", "[config]") {
+  const test::TempDir dir;
+  auto options = load_text(dir, "", {"data='x y: z'", "device=\"true\"", "route.lr=0.1", "steps=[]"});
+  CHECK(options.device == "true");
+  const std::string printed = config::to_yaml(fields_of(options), "title");
+  auto again = load_text(dir, printed);
+  CHECK(again.data == options.data);
+  CHECK(again.route.lr == 0.1);
+  CHECK(config::to_yaml(fields_of(again), "title") == printed);
+}
+
+TEST_CASE("config: the schema is JSON with every key, its default and its limits", "[config]") {
+  TestOptions options;
+  const auto schema = nlohmann::json::parse(config::to_json_schema(fields_of(options), "title"));
+  CHECK(schema["additionalProperties"] == false);
+  CHECK(schema["properties"]["kind"]["enum"].size() == 2);
+  const auto& lr = schema["properties"]["route"]["properties"]["lr"];
+  CHECK(lr["default"] == 5e-4);
+  CHECK(lr["maximum"] == 1);
+  CHECK(lr["description"] == "Adam step size");
+}
+
+TEST_CASE("config: nearest finds typing mistakes and leaves strangers alone", "[config]") {
+  const std::vector<std::string> words = {"iterations", "device", "route.lr"};
+  CHECK(config::nearest("iteratoins", words) == "iterations");
+  CHECK(config::nearest("devise", words) == "device");
+  CHECK(config::nearest("background", words).empty());
+}
