@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+// The boundary between the op (render.cpp, autograd.cpp) and its two backends: plain tensors and
+// scalars, no autograd. One call handles all views.
+#pragma once
+
+#include <cstdint>
+#include <torch/types.h>
+#include <vector>
+
+#include "jade/splat/gaussians.h"
+#include "jade/splat/render.h"
+
+namespace jade::splat {
+
+/// Checked by the caller: contiguous, detached, one dtype and device, N may be 0, C and the image
+/// are at least 1.
+struct ForwardArgs {
+  Gaussians gaussians;
+  torch::Tensor camera_from_world;  ///< [C,4,4]
+  torch::Tensor intrinsics;         ///< [C,4], same dtype and device as the Gaussians
+  torch::Tensor background;         ///< [3], always defined
+  int64_t width = 0;
+  int64_t height = 0;
+  int sh_degree = 0;  ///< active degree, at most what `sh` holds
+  double near_plane = 0.01;
+  bool antialiased = false;
+  bool depth = false;
+  bool smooth_cutoff = false;
+  bool deterministic = false;
+  bool needs_backward = false;  ///< false: `state` may stay empty
+};
+
+/// What a backend's forward pass hands to its backward pass. The op stores it with the graph and
+/// does not look inside.
+struct SavedState {
+  std::vector<torch::Tensor> tensors;
+  std::vector<int64_t> numbers;
+};
+
+struct ForwardResult {
+  torch::Tensor color;      ///< [C,3,H,W], background included
+  torch::Tensor alpha;      ///< [C,1,H,W]
+  torch::Tensor depth_sum;  ///< [C,1,H,W], Σ w z, not divided by alpha; undefined unless asked for
+  torch::Tensor rejected;   ///< [1] int64 on the device
+  SavedState state;
+};
+
+struct BackwardArgs {
+  ForwardArgs forward;  ///< the same as in the forward call
+  SavedState state;
+  torch::Tensor color, alpha, depth_sum;                 ///< what the forward call returned
+  torch::Tensor grad_color, grad_alpha, grad_depth_sum;  ///< contiguous; undefined means zero
+  ScreenStatistics statistics;  ///< float32 accumulators to add to, or undefined
+  int64_t statistics_view = -1;
+  bool needs_camera = false;  ///< else `camera_from_world` may stay undefined
+};
+
+/// Shaped as the inputs. Every element is written.
+struct BackwardResult {
+  Gaussians gaussians;
+  torch::Tensor camera_from_world;
+  torch::Tensor background;
+};
+
+namespace cpu {
+ForwardResult forward(const ForwardArgs& args);  ///< float or double
+BackwardResult backward(const BackwardArgs& args);
+}  // namespace cpu
+
+namespace cuda {
+ForwardResult forward(const ForwardArgs& args);  ///< float
+BackwardResult backward(const BackwardArgs& args);
+}  // namespace cuda
+
+}  // namespace jade::splat

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+// Which pixels a splat can reach: a box, and for each row an interval. Both belong to the splat
+// alone, so how the image is cut into tiles cannot change it.
+#pragma once
+
+#include "jade/splat/math/blend.h"
+#include "jade/splat/math/hd.h"
+
+namespace jade::splat::math {
+inline namespace JADE_SPLAT_ISA {
+
+/// Rounding of the extents below, in pixels: a pixel too many costs a test, one too few a hole.
+constexpr double kExtentSlackPx = 0.01;
+
+/// Half of the reach: α ≥ 1/255 where q ≤ reach = 2 ln(255 o). Not positive: nowhere.
+template <class S>
+JADE_HD S reach(S log2_opacity) {
+  return S(2.0 / kLog2E) * (log2_opacity - S(kLog2MinAlpha));
+}
+
+/// Half width and half height of the box around {q ≤ reach}: sqrt(reach · variance).
+template <class S>
+JADE_HD void half_extents(S reach_value, S cov_xx, S cov_yy, S* half_x, S* half_y) {
+  const S r = max(reach_value, S(0));
+  *half_x = sqrt(r * cov_xx) + S(kExtentSlackPx);
+  *half_y = sqrt(r * cov_yy) + S(kExtentSlackPx);
+}
+
+/// Row interval at height dy from the centre: centre ± sqrt(width2 − shrink dy²), and the centre
+/// moves by slope · dy. From a dx² + 2b dx dy + c dy² ≤ reach, in terms of Σ2d.
+template <class S>
+struct RowExtent {
+  S slope, width2, shrink;
+};
+
+template <class S>
+JADE_HD RowExtent<S> make_row_extent(S reach_value, S cov_xy, S cov_yy, S det) {
+  const S inverse = S(1) / cov_yy;
+  return {cov_xy * inverse, reach_value * det * inverse, det * inverse * inverse};
+}
+
+}  // namespace JADE_SPLAT_ISA
+}  // namespace jade::splat::math

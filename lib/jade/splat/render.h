@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+// The splatting op: N Gaussians seen by C cameras in one differentiable call.
+#pragma once
+
+#include <torch/types.h>
+
+#include "jade/splat/gaussians.h"
+
+namespace jade::splat {
+
+/// C pinhole cameras of one image size. OpenCV axes (x right, y down, z forward).
+struct CameraBatch {
+  torch::Tensor camera_from_world;  ///< [C,4,4], rigid; differentiable
+  torch::Tensor intrinsics;         ///< [C,4]: fx, fy, cx, cy in px; constant
+  int64_t width = 0;
+  int64_t height = 0;
+};
+
+/// What densification asks about each Gaussian. Backward passes add to these tensors in place, on
+/// their device and without synchronisation, so one set can serve many steps.
+struct ScreenStatistics {
+  torch::Tensor gradient_norm;  ///< [N] sum of ‖dL/dmean2d‖, mean2d in NDC (px · 2 / image size)
+  torch::Tensor visible_count;  ///< [N] in how many of those views it was visible
+  torch::Tensor max_radius_px;  ///< [N] largest screen radius: 3 σ of the longer axis
+
+  /// All zero; float32.
+  static ScreenStatistics zeros(int64_t size, torch::Device device);
+  bool defined() const { return gradient_norm.defined(); }
+};
+
+struct RenderOptions {
+  int sh_degree = 3;           ///< active degree; at most what `sh` holds is used
+  double near_plane = 0.01;    ///< Gaussians whose mean is nearer than this are culled
+  bool antialiased = false;    ///< scales opacity by sqrt(det Σ2d / det dilated Σ2d)
+  bool deterministic = false;  ///< CUDA only: no atomics on gradients. The CPU always is.
+  bool depth = false;          ///< also render the expected depth
+  torch::Tensor background;    ///< [3], differentiable; undefined is black
+
+  ScreenStatistics statistics;   ///< accumulators for the backward pass; undefined: none are kept
+  int64_t statistics_view = -1;  ///< the one view that counts in them; -1: every view
+
+  /// For gradient tests only: fades α in between 1/255 and 2/255 and never stops a pixel early, so
+  /// that the image is a differentiable function of every input.
+  bool smooth_cutoff = false;
+};
+
+struct RenderOutput {
+  torch::Tensor color;  ///< [C,3,H,W], background included; not clamped above
+  torch::Tensor alpha;  ///< [C,1,H,W], 1 − final transmittance
+  torch::Tensor depth;  ///< [C,1,H,W], Σ w z / Σ w (0 where nothing is); undefined unless asked for
+  ScreenStatistics statistics;  ///< the accumulators of the options, filled by the backward pass
+  torch::Tensor rejected;       ///< [1] int64 on the device: Gaussians with unusable parameters
+};
+
+/// Renders every camera of the batch.
+///
+/// Per pixel, front to back in the order of (depth, index):
+///     α_i = min(0.99, o_i · exp(−q_i / 2)),  skipped below 1/255,
+///     C = Σ c_i α_i T_i + T_end · background,  T_{i+1} = T_i (1 − α_i),
+/// ending before the splat that would take T to 1e-4 or less. q_i is the Mahalanobis distance of
+/// the pixel centre (x + 0.5, y + 0.5) under Σ2d + 0.3 px² I; c_i = max(0, SH(direction) + 0.5).
+///
+/// Differentiable in all Gaussian parameters, `background` and `camera_from_world`, once. Gaussians
+/// with non-finite or absurd parameters (see math/projection.h) contribute nothing, get zero
+/// gradients and are counted in `rejected`. The image depends on neither tile size, thread count
+/// nor batch; CPU results, gradients included, are bit-identical for any thread count.
+///
+/// @throws ContractError for shapes, dtypes and devices that do not fit, DeviceError for a CUDA
+/// tensor in a build without CUDA kernels.
+RenderOutput render(const Gaussians& gaussians, const CameraBatch& cameras,
+                    const RenderOptions& options);
+
+}  // namespace jade::splat
