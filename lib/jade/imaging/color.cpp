@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/imaging/color.h"
+
+#include <torch/torch.h>
+
+#include "jade/core/check.h"
+
+namespace jade::imaging {
+
+torch::Tensor gray(const torch::Tensor& rgb) {
+  JADE_CHECK(rgb.defined() && rgb.dim() >= 3 && rgb.size(-3) == 3,
+             "gray: expected [..., 3, H, W], found ", shape_string(rgb));
+  // Products of narrowed channels: a matmul over a size of 3 would be slower and round differently.
+  return rgb.narrow(-3, 0, 1) * kGrayWeights[0] + rgb.narrow(-3, 1, 1) * kGrayWeights[1] +
+         rgb.narrow(-3, 2, 1) * kGrayWeights[2];
+}
+
+torch::Tensor linear_from_srgb(const torch::Tensor& stored) {
+  const auto curved = ((stored.clamp_min(0.04045) + 0.055) / 1.055).pow(2.4);
+  return torch::where(stored <= 0.04045, stored / 12.92, curved);
+}
+
+torch::Tensor srgb_from_linear(const torch::Tensor& linear) {
+  const auto curved = 1.055 * linear.clamp_min(0.0031308).pow(1 / 2.4) - 0.055;
+  return torch::where(linear <= 0.0031308, linear.clamp_min(0) * 12.92, curved);
+}
+
+}  // namespace jade::imaging

@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <torch/types.h>
+
+namespace jade::imaging {
+
+/// Weights of red, green and blue in g(·) (ITU-R BT.601 luma).
+inline constexpr double kGrayWeights[3] = {0.299, 0.587, 0.114};
+
+/// g(x) = 0.299 R + 0.587 G + 0.114 B: [..., 3, H, W] → [..., 1, H, W]. Differentiable.
+torch::Tensor gray(const torch::Tensor& rgb);
+
+/// The piecewise sRGB transfer curve, stored value → linear light. Element-wise, differentiable.
+torch::Tensor linear_from_srgb(const torch::Tensor& stored);
+
+/// Linear light → stored sRGB value; negative values are taken as 0. Differentiable above 0.
+torch::Tensor srgb_from_linear(const torch::Tensor& linear);
+
+}  // namespace jade::imaging

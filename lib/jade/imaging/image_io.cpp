@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/imaging/image_io.h"
+
+#include <algorithm>
+#include <opencv2/imgcodecs.hpp>
+#include <set>
+#include <string>
+#include <system_error>
+#include <torch/torch.h>
+
+#include "jade/core/atomic_file.h"
+#include "jade/core/check.h"
+#include "jade/io/npy.h"
+
+namespace jade::imaging {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string extension(const fs::path& path) {
+  std::string out = path.extension().string();
+  std::transform(out.begin(), out.end(), out.begin(),
+                 [](unsigned char c) { return std::tolower(c); });
+  return out;
+}
+
+bool is_image_extension(const std::string& name) {
+  static const std::set<std::string> known{".png", ".jpg",  ".jpeg", ".tif", ".tiff",
+                                           ".bmp", ".webp", ".ppm",  ".pgm", ".pnm"};
+  return known.count(name) > 0;
+}
+
+void require_file(const fs::path& path) {
+  std::error_code error;
+  if (!fs::is_regular_file(path, error))
+    throw DataError(concat(path.string(), ": no such image file"));
+  if (fs::file_size(path, error) == 0)
+    throw DataError(concat(path.string(), ": the image file is empty"));
+}
+
+/// BGR or gray rows of 8 or 16 bits (or float) → RGB planes in [0,1].
+template <class T>
+torch::Tensor planes_from_rows(const cv::Mat& mat, float scale) {
+  const int64_t height = mat.rows, width = mat.cols, channels = mat.channels();
+  auto out = torch::empty({3, height, width}, torch::kFloat32);
+  float* data = out.mutable_data_ptr<float>();
+  for (int64_t row = 0; row < height; ++row) {
+    const T* source = mat.ptr<T>(int(row));
+    for (int64_t c = 0; c < 3; ++c) {
+      float* target = data + (c * height + row) * width;
+      const int64_t from = channels >= 3 ? 2 - c : 0;
+      for (int64_t column = 0; column < width; ++column) {
+        target[column] = float(source[column * channels + from]) * scale;
+      }
+    }
+  }
+  return out;
+}
+
+torch::Tensor read_array(const fs::path& path) {
+  auto array = io::read_npy(path);
+  if (array.dim() == 2) array = array.unsqueeze(0);
+  if (!array.is_floating_point() || array.dim() != 3 ||
+      (array.size(0) != 1 && array.size(0) != 3)) {
+    throw DataError(concat(path.string(),
+                           ": expected a float image [3,H,W], [1,H,W] or [H,W], found ",
+                           array.scalar_type(), " ", shape_string(array)));
+  }
+  return array.to(torch::kFloat32).expand({3, -1, -1}).contiguous();
+}
+
+torch::Tensor checked_planes(const torch::Tensor& image) {
+  JADE_CHECK(image.defined() && image.dim() == 3 && (image.size(0) == 3 || image.size(0) == 1) &&
+                 image.numel() > 0 && image.is_floating_point(),
+             "expected a float image [3,H,W] or [1,H,W] to write, found ", shape_string(image));
+  return image.detach().to(torch::kCPU, torch::kFloat32).contiguous();
+}
+
+/// RGB planes in [0,1] → BGR or gray rows of 8 or 16 bits.
+template <class T>
+cv::Mat rows_from_planes(const torch::Tensor& image, int type, float top) {
+  const int64_t channels = image.size(0), height = image.size(1), width = image.size(2);
+  cv::Mat mat(int(height), int(width), CV_MAKETYPE(type, int(channels)));
+  const float* data = image.const_data_ptr<float>();
+  for (int64_t row = 0; row < height; ++row) {
+    T* target = mat.ptr<T>(int(row));
+    for (int64_t c = 0; c < channels; ++c) {
+      const float* source = data + (c * height + row) * width;
+      for (int64_t column = 0; column < width; ++column) {
+        const float value = source[column];  // NaN fails both comparisons and becomes 0
+        const float clamped = value > 0 ? (value < 1 ? value : 1.0f) : 0.0f;
+        target[column * channels + (channels - 1 - c)] = T(clamped * top + 0.5f);
+      }
+    }
+  }
+  return mat;
+}
+
+std::vector<uint8_t> encode(const torch::Tensor& image, const std::string& format,
+                            const ImageWriteOptions& options, const std::string& name) {
+  JADE_CHECK(options.bits == 8 || options.bits == 16, "expected 8 or 16 bits, found ",
+             options.bits);
+  const auto planes = checked_planes(image);
+  const cv::Mat mat = options.bits == 8 ? rows_from_planes<uint8_t>(planes, CV_8U, 255.0f)
+                                        : rows_from_planes<uint16_t>(planes, CV_16U, 65535.0f);
+  if (options.bits == 16 && format != ".png" && format != ".tif" && format != ".tiff") {
+    throw DataError(concat(name, ": 16-bit images are written as .png or .tiff, not as ", format));
+  }
+  std::vector<int> flags;
+  if (format == ".jpg" || format == ".jpeg")
+    flags = {cv::IMWRITE_JPEG_QUALITY, options.jpeg_quality};
+  std::vector<uint8_t> bytes;
+  try {
+    if (cv::imencode(format, mat, bytes, flags)) return bytes;
+  } catch (const cv::Exception&) {
+    // reported below
+  }
+  throw DataError(concat(name, ": the image cannot be encoded as ", format));
+}
+
+cv::Mat decode(const fs::path& path) {
+  require_file(path);
+  cv::Mat mat;
+  try {
+    mat = cv::imread(path.string(),
+                     cv::IMREAD_ANYDEPTH | cv::IMREAD_ANYCOLOR | cv::IMREAD_IGNORE_ORIENTATION);
+  } catch (const cv::Exception&) {
+    // reported below
+  }
+  if (mat.empty()) {
+    throw DataError(concat(path.string(),
+                           ": expected an image (PNG, JPEG, TIFF, …), found a file that ",
+                           "cannot be decoded; is it damaged or of another type?"));
+  }
+  return mat;
+}
+
+}  // namespace
+
+torch::Tensor read_image(const std::filesystem::path& path) {
+  if (extension(path) == ".npy") return read_array(path);
+  const cv::Mat mat = decode(path);
+  switch (mat.depth()) {
+    case CV_8U:
+      return planes_from_rows<uint8_t>(mat, 1.0f / 255.0f);
+    case CV_16U:
+      return planes_from_rows<uint16_t>(mat, 1.0f / 65535.0f);
+    case CV_32F:
+      return planes_from_rows<float>(mat, 1.0f);
+    default:
+      throw DataError(
+          concat(path.string(), ": expected 8 or 16 bits a channel, found another kind"));
+  }
+}
+
+void write_image(const std::filesystem::path& path, const torch::Tensor& image,
+                 const ImageWriteOptions& options) {
+  std::error_code error;
+  if (path.has_parent_path()) fs::create_directories(path.parent_path(), error);
+  const std::string format = extension(path);
+  if (format == ".npy") {
+    io::write_npy(path, checked_planes(image));
+    return;
+  }
+  if (!is_image_extension(format)) {
+    throw DataError(
+        concat(path.string(), ": expected an image extension such as .png, .jpg or .npy"));
+  }
+  const auto bytes = encode(image, format, options, path.string());
+  write_file(path, std::string(bytes.begin(), bytes.end()));
+}
+
+std::vector<uint8_t> encode_png(const torch::Tensor& image) {
+  return encode(image, ".png", {}, "PNG");
+}
+
+std::vector<std::filesystem::path> list_images(const std::filesystem::path& folder) {
+  std::error_code error;
+  std::vector<fs::path> out;
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error)) {
+    if (is_image_extension(extension(entry->path())) && entry->is_regular_file()) {
+      out.push_back(entry->path());
+    }
+  }
+  if (error)
+    throw DataError(concat(folder.string(), ": the folder cannot be read: ", error.message()));
+  std::sort(out.begin(), out.end());
+  return out;
+}
+
+std::pair<int64_t, int64_t> image_size(const std::filesystem::path& path) {
+  if (extension(path) == ".npy") {
+    const auto image = read_array(path);
+    return {image.size(1), image.size(2)};
+  }
+  const cv::Mat mat = decode(path);
+  return {mat.rows, mat.cols};
+}
+
+}  // namespace jade::imaging

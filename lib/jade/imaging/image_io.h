@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <torch/types.h>
+#include <vector>
+
+namespace jade::imaging {
+
+/// Reads an image file as [3,H,W] RGB float32 in [0,1] on the CPU. PNG, JPEG, TIFF, BMP, WebP, PNM
+/// and whatever else the installed OpenCV reads, 8 or 16 bits a channel; gray becomes three equal
+/// channels, alpha is dropped, rotation tags are ignored. `.npy` files hold [3,H,W], [1,H,W] or
+/// [H,W] of a floating type and are taken as they are.
+/// @throws DataError naming the path when it is missing, empty or no image.
+torch::Tensor read_image(const std::filesystem::path& path);
+
+struct ImageWriteOptions {
+  int bits = 8;           ///< 8, or 16 where the format has it (PNG, TIFF)
+  int jpeg_quality = 95;  ///< 0 to 100
+};
+
+/// Writes [3,H,W] RGB or [1,H,W] gray, any floating type and device, in the format of the file's
+/// extension. Values are clamped to [0,1] and rounded to the nearest step, NaN becomes 0; `.npy`
+/// keeps float32 values as they are. Folders on the way are made.
+/// @throws DataError naming the path when the format is unknown or writing fails.
+void write_image(const std::filesystem::path& path, const torch::Tensor& image,
+                 const ImageWriteOptions& options = {});
+
+/// The PNG file of an image as bytes, for reports that embed it.
+std::vector<uint8_t> encode_png(const torch::Tensor& image);
+
+/// Image files directly in `folder` (extensions read_image knows, `.npy` left out), sorted by name.
+/// @throws DataError naming the folder when it is missing.
+std::vector<std::filesystem::path> list_images(const std::filesystem::path& folder);
+
+/// Height and width of an image file. Reads the whole file.
+std::pair<int64_t, int64_t> image_size(const std::filesystem::path& path);
+
+}  // namespace jade::imaging

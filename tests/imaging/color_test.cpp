@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/imaging/color.h"
+
+#include "support/catch.h"
+
+#include <torch/torch.h>
+
+#include "jade/core/error.h"
+
+using namespace jade::imaging;
+
+TEST_CASE("gray: red, green and blue weigh 0.299, 0.587 and 0.114", "[imaging]") {
+  const auto rgb =
+      torch::tensor({1.0, 10.0, 100.0}, torch::kFloat64).view({3, 1, 1}).expand({2, 3, 4, 5});
+  const auto out = gray(rgb);
+  CHECK(out.sizes() == torch::IntArrayRef({2, 1, 4, 5}));
+  CHECK(out.sub(0.299 + 5.87 + 11.4).abs().max().item<double>() < 1e-12);
+  CHECK_THROWS_AS(gray(torch::zeros({1, 4, 5})), jade::ContractError);
+}
+
+TEST_CASE("gray: the gradient reaches each channel with its weight", "[imaging]") {
+  auto rgb = torch::rand({3, 2, 2}, torch::kFloat64).requires_grad_(true);
+  gray(rgb).sum().backward();
+  for (int c = 0; c < 3; ++c)
+    CHECK(rgb.grad()[c].sub(kGrayWeights[c]).abs().max().item<double>() < 1e-12);
+}
+
+TEST_CASE("srgb: the two curves are inverse and meet known values", "[imaging]") {
+  const auto x = torch::linspace(0, 1, 257, torch::kFloat64);
+  CHECK(srgb_from_linear(linear_from_srgb(x)).sub(x).abs().max().item<double>() < 1e-6);
+  CHECK(linear_from_srgb(torch::tensor(0.5, torch::kFloat64)).item<double>() ==
+        Approx(0.2140411).epsilon(1e-5));
+}

@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/imaging/image_io.h"
+
+#include "support/catch.h"
+
+#include <fstream>
+#include <functional>
+#include <opencv2/imgcodecs.hpp>
+#include <string>
+#include <torch/torch.h>
+#include <unistd.h>
+
+#include "jade/core/error.h"
+
+using namespace jade::imaging;
+namespace fs = std::filesystem;
+
+namespace {
+
+struct Folder {
+  fs::path path;
+  Folder() {
+    std::string name = (fs::temp_directory_path() / "jade_image_io_XXXXXX").string();
+    path = mkdtemp(name.data());
+  }
+  ~Folder() { fs::remove_all(path); }
+};
+
+/// An image whose values are multiples of 1/top, different in every channel, row and column.
+torch::Tensor pattern(int64_t height, int64_t width, int64_t top) {
+  return (torch::arange(3 * height * width).mul(7919).remainder(top + 1).to(torch::kFloat32) /
+          double(top))
+      .view({3, height, width});
+}
+
+double worst(const torch::Tensor& a, const torch::Tensor& b) {
+  return a.sub(b).abs().max().item<double>();
+}
+
+std::string message_of(const std::function<void()>& action) {
+  try {
+    action();
+  } catch (const jade::DataError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+}  // namespace
+
+TEST_CASE("image: 8-bit and 16-bit colour files come back to the last bit", "[imaging]") {
+  const Folder folder;
+  for (const char* name : {"a.png", "b.tiff", "c.bmp", "deep/er/d.ppm"}) {
+    const auto image = pattern(5, 7, 255);
+    write_image(folder.path / name, image);
+    CHECK(worst(read_image(folder.path / name), image) < 1e-7);
+  }
+  const auto image = pattern(9, 11, 65535);
+  write_image(folder.path / "deep.png", image, {16});
+  CHECK(worst(read_image(folder.path / "deep.png"), image) < 1e-7);
+  CHECK(image_size(folder.path / "deep.png") == std::pair<int64_t, int64_t>(9, 11));
+}
+
+TEST_CASE("image: files hold red where we say red", "[imaging]") {
+  const Folder folder;
+  auto image = torch::zeros({3, 2, 2});
+  image[0] = 1;
+  write_image(folder.path / "red.png", image);
+  const cv::Mat bgr = cv::imread((folder.path / "red.png").string());
+  CHECK(int(bgr.at<cv::Vec3b>(0, 0)[2]) == 255);
+  CHECK(int(bgr.at<cv::Vec3b>(0, 0)[0]) == 0);
+}
+
+TEST_CASE("image: gray files become three equal channels and alpha is dropped", "[imaging]") {
+  const Folder folder;
+  const auto one = pattern(4, 6, 255).narrow(0, 0, 1).contiguous();
+  write_image(folder.path / "gray.png", one);
+  CHECK(worst(read_image(folder.path / "gray.png"), one.expand({3, -1, -1})) < 1e-7);
+  cv::Mat gray16(3, 5, CV_16U, cv::Scalar(13107));
+  cv::imwrite((folder.path / "gray16.png").string(), gray16);
+  CHECK(worst(read_image(folder.path / "gray16.png"), torch::full({3, 3, 5}, 0.2)) < 1e-7);
+  cv::Mat alpha(2, 2, CV_8UC4, cv::Scalar(255, 0, 51, 7));
+  cv::imwrite((folder.path / "alpha.png").string(), alpha);
+  const auto read = read_image(folder.path / "alpha.png");
+  CHECK(read[0][0][0].item<double>() == Approx(0.2));
+  CHECK(read[2][1][1].item<double>() == Approx(1.0));
+}
+
+TEST_CASE("image: values are clamped and rounded, NaN becomes black", "[imaging]") {
+  const Folder folder;
+  const auto image =
+      torch::tensor({-1.0, 2.0, 0.4999 / 255, 0.5001 / 255, std::nan(""), 1.0}).view({1, 1, 6});
+  write_image(folder.path / "a.png", image);
+  const auto expected = torch::tensor({0.0, 1.0, 0.0, 1.0 / 255, 0.0, 1.0});
+  CHECK(worst(read_image(folder.path / "a.png")[0][0], expected) < 1e-6);
+}
+
+TEST_CASE("image: float arrays are kept as they are", "[imaging]") {
+  const Folder folder;
+  const auto image = torch::randn({3, 3, 4});
+  write_image(folder.path / "a.npy", image);
+  CHECK(torch::equal(read_image(folder.path / "a.npy"), image));
+}
+
+TEST_CASE("image: jpeg is close, and png bytes decode", "[imaging]") {
+  const Folder folder;
+  const auto image = torch::full({3, 16, 16}, 0.5);
+  write_image(folder.path / "a.jpg", image);
+  CHECK(worst(read_image(folder.path / "a.jpg"), image) < 0.02);
+  const auto bytes = encode_png(image);
+  CHECK(std::string(bytes.begin() + 1, bytes.begin() + 4) == "PNG");
+}
+
+TEST_CASE("image: files that cannot be read are refused with their path", "[imaging]") {
+  const Folder folder;
+  const auto path = [&](const char* name) { return folder.path / name; };
+  write_image(path("good.png"), pattern(20, 20, 255));
+  std::ifstream good(path("good.png"), std::ios::binary);
+  std::string bytes((std::istreambuf_iterator<char>(good)), {});
+  std::ofstream(path("cut.png"), std::ios::binary) << bytes.substr(0, 30);
+  std::ofstream(path("empty.png"));
+  std::ofstream(path("text.png")) << "not an image";
+  for (const char* name : {"missing.png", "cut.png", "empty.png", "text.png"}) {
+    const auto message = message_of([&] { read_image(path(name)); });
+    CHECK(message.find(path(name).string()) != std::string::npos);
+  }
+  CHECK_THROWS_AS(read_image(folder.path), jade::DataError);
+  CHECK(message_of([&] {
+          write_image(path("a.xyz"), torch::zeros({3, 2, 2}));
+        }).find("a.xyz") != std::string::npos);
+  CHECK_FALSE(message_of([&] {
+                write_image(path("a.jpg"), torch::zeros({3, 2, 2}), {16});
+              }).empty());
+  CHECK_THROWS_AS(write_image(path("a.png"), torch::zeros({2, 2, 2})), jade::ContractError);
+}
+
+TEST_CASE("image: listings are sorted and hold images only", "[imaging]") {
+  const Folder folder;
+  for (const char* name : {"b.png", "a.PNG", "c.jpg"}) std::ofstream(folder.path / name) << "x";
+  std::ofstream(folder.path / "notes.txt") << "x";
+  const auto found = list_images(folder.path);
+  REQUIRE(found.size() == 3);
+  CHECK(found[0].filename() == "a.PNG");
+  CHECK(found[2].filename() == "c.jpg");
+  CHECK_THROWS_AS(list_images(folder.path / "missing"), jade::DataError);
+}
