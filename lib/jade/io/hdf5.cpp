@@ -6,6 +6,7 @@
 #include <map>
 #include <utility>
 
+#include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 
 namespace jade::io {
@@ -249,19 +250,19 @@ void Hdf5File::read(const std::string& name, int64_t begin, int64_t count, T* ou
 }
 
 struct Hdf5Writer::Handle {
-  std::filesystem::path part;
+  Handle(const std::filesystem::path& path, int level) : target(path), gzip_level(level) {}
+  AtomicFile target;
   int gzip_level = 4;
-  // Declared before the data sets, so that they are closed first.
+  // In this order: the data sets are closed first, then the file, then its name is removed.
   Id file;
   std::map<std::string, Id> datasets;
 };
 
 Hdf5Writer::Hdf5Writer(const std::filesystem::path& path, int gzip_level)
-    : path_(path), handle_(std::make_unique<Handle>()) {
+    : path_(path), handle_(std::make_unique<Handle>(path, gzip_level)) {
   silence_hdf5();
-  handle_->part = path.string() + ".part";
-  handle_->gzip_level = gzip_level;
-  handle_->file = Id(H5Fcreate(handle_->part.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT));
+  handle_->file = Id(
+      H5Fcreate(handle_->target.temporary_path().c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT));
   if (!handle_->file.valid()) {
     throw DataError(concat(path.string(),
                            ": cannot be made; check that the folder exists and can "
@@ -269,13 +270,7 @@ Hdf5Writer::Hdf5Writer(const std::filesystem::path& path, int gzip_level)
   }
 }
 
-Hdf5Writer::~Hdf5Writer() {
-  if (!handle_ || !handle_->file.valid()) return;
-  handle_->datasets.clear();
-  handle_->file.reset();
-  std::error_code ignored;
-  std::filesystem::remove(handle_->part, ignored);
-}
+Hdf5Writer::~Hdf5Writer() = default;
 
 void Hdf5Writer::append_as(const std::string& name, int64_t type, const void* values,
                            int64_t count) {
@@ -340,14 +335,11 @@ void Hdf5Writer::close() {
   bool written = H5Fflush(handle_->file, H5F_SCOPE_GLOBAL) >= 0;
   for (auto& [name, dataset] : handle_->datasets) written = dataset.reset() && written;
   written = handle_->file.reset() && written;
-  std::error_code error;
-  if (written) std::filesystem::rename(handle_->part, path_, error);
-  if (!written || error) {
-    std::error_code ignored;
-    std::filesystem::remove(handle_->part, ignored);
+  if (!written) {
     throw DataError(
         concat(path_.string(), ": cannot be written; check the free space of the disk"));
   }
+  handle_->target.commit();
 }
 
 #define JADE_HDF5_TYPE(T)                                                          \

@@ -8,6 +8,7 @@
 #include <limits>
 #include <torch/torch.h>
 
+#include "jade/core/atomic_file.h"
 #include "jade/core/check.h"
 #include "jade/core/error.h"
 #include "jade/io/npy_format.h"
@@ -278,18 +279,14 @@ void write_npy(const std::filesystem::path& path, const torch::Tensor& tensor) {
   JADE_CHECK(tensor.defined(), "write_npy of an undefined tensor to ", path.string());
   const torch::Tensor data = tensor.detach().cpu().contiguous();
   const std::string header = npy_header(data, path.string());
-  const std::filesystem::path part = path.string() + ".part";
-  std::ofstream file(part, std::ios::binary | std::ios::trunc);
+  AtomicFile target(path);
+  std::ofstream file(target.temporary_path(), std::ios::binary | std::ios::trunc);
   file.write(header.data(), static_cast<std::streamsize>(header.size()));
   file.write(static_cast<const char*>(data.data_ptr()),
              static_cast<std::streamsize>(data.nbytes()));
   file.close();
-  std::error_code error;
-  if (file) std::filesystem::rename(part, path, error);
-  if (!file || error) {
-    throw DataError(
-        concat(path.string(), ": cannot be written; check the folder and the free space"));
-  }
+  if (!file) throw DataError(concat(path.string(), ": cannot be written; check the free space"));
+  target.commit();
 }
 
 }  // namespace jade::io

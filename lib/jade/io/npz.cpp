@@ -4,6 +4,7 @@
 #include <torch/torch.h>
 #include <zip.h>
 
+#include "jade/core/atomic_file.h"
 #include "jade/core/check.h"
 #include "jade/core/error.h"
 #include "jade/io/npy.h"
@@ -82,8 +83,9 @@ void write_npz(const std::filesystem::path& path, const NamedTensors& arrays) {
     return DataError(
         concat(path.string(), ": cannot be written; check the folder and the free space"));
   };
+  AtomicFile target(path);
   int code = 0;
-  ZipArchive archive(zip_open(path.c_str(), ZIP_CREATE | ZIP_TRUNCATE, &code));
+  ZipArchive archive(zip_open(target.temporary_path().c_str(), ZIP_CREATE | ZIP_TRUNCATE, &code));
   if (!archive) throw failed();
   std::vector<std::string> contents;  // libzip reads them at zip_close
   contents.reserve(arrays.size());
@@ -105,6 +107,7 @@ void write_npz(const std::filesystem::path& path, const NamedTensors& arrays) {
   }
   if (zip_close(archive.get()) != 0) throw failed();
   archive.release();
+  target.commit();
 }
 
 }  // namespace jade::io

@@ -1,0 +1,316 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/io/colmap.h"
+
+#include <cmath>
+#include <cstring>
+#include <set>
+#include <sstream>
+#include <torch/torch.h>
+
+#include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
+
+namespace jade::io {
+namespace {
+
+struct CameraModel {
+  const char* name;
+  size_t parameters;
+};
+/// Indexed by COLMAP's model id.
+constexpr CameraModel kModels[] = {{"SIMPLE_PINHOLE", 3},
+                                   {"PINHOLE", 4},
+                                   {"SIMPLE_RADIAL", 4},
+                                   {"RADIAL", 5},
+                                   {"OPENCV", 8},
+                                   {"OPENCV_FISHEYE", 8},
+                                   {"FULL_OPENCV", 12},
+                                   {"FOV", 5},
+                                   {"SIMPLE_RADIAL_FISHEYE", 4},
+                                   {"RADIAL_FISHEYE", 5},
+                                   {"THIN_PRISM_FISHEYE", 12}};
+
+struct Points {
+  std::vector<double> xyz;
+  std::vector<uint8_t> rgb;
+};
+
+DataError damaged(const std::string& file, const std::string& what) {
+  return DataError(concat(file, ": ", what,
+                          "; the model is truncated or damaged, copy it again or "
+                          "rerun COLMAP"));
+}
+
+/// Takes little-endian values off the front of a file's content.
+class Cursor {
+ public:
+  Cursor(const std::string& bytes, std::string file) : bytes_(bytes), file_(std::move(file)) {}
+
+  template <class T>
+  T take() {
+    T value;
+    need(sizeof(T));
+    std::memcpy(&value, bytes_.data() + at_, sizeof(T));
+    at_ += sizeof(T);
+    return value;
+  }
+  double take_finite() {
+    const auto value = take<double>();
+    if (!std::isfinite(value)) throw damaged(file_, concat("found ", value, " at byte ", at_ - 8));
+    return value;
+  }
+  /// A count of records of at least `record_size` bytes each, which must fit what is left.
+  uint64_t take_count(size_t record_size) {
+    const auto count = take<uint64_t>();
+    if (count > (bytes_.size() - at_) / record_size) {
+      throw damaged(file_, concat("claims ", count, " entries of at least ", record_size,
+                                  " bytes, but ", bytes_.size() - at_, " bytes follow"));
+    }
+    return count;
+  }
+  std::string take_name() {
+    const size_t end = bytes_.find('\0', at_);
+    if (end == std::string::npos) throw damaged(file_, "ends inside an image name");
+    std::string name = bytes_.substr(at_, end - at_);
+    at_ = end + 1;
+    return name;
+  }
+  void skip(size_t count) {
+    need(count);
+    at_ += count;
+  }
+
+ private:
+  void need(size_t count) const {
+    if (count > bytes_.size() - at_) throw damaged(file_, concat("ends at byte ", bytes_.size()));
+  }
+  const std::string& bytes_;
+  std::string file_;
+  size_t at_ = 0;
+};
+
+std::vector<ColmapCamera> binary_cameras(const std::string& bytes, const std::string& file) {
+  Cursor cursor(bytes, file);
+  std::vector<ColmapCamera> cameras(cursor.take_count(4 + 4 + 8 + 8 + 3 * 8));
+  for (ColmapCamera& camera : cameras) {
+    camera.id = cursor.take<int32_t>();
+    const auto model = cursor.take<int32_t>();
+    if (model < 0 || model >= int32_t(std::size(kModels))) {
+      throw damaged(file, concat("camera ", camera.id, " has unknown model ", model));
+    }
+    camera.model = kModels[model].name;
+    camera.width = cursor.take<int64_t>();
+    camera.height = cursor.take<int64_t>();
+    camera.parameters.resize(kModels[model].parameters);
+    for (double& parameter : camera.parameters) parameter = cursor.take_finite();
+  }
+  return cameras;
+}
+
+std::vector<ColmapImage> binary_images(const std::string& bytes, const std::string& file) {
+  Cursor cursor(bytes, file);
+  std::vector<ColmapImage> images;
+  const uint64_t count = cursor.take_count(4 + 7 * 8 + 4 + 1 + 8);
+  images.reserve(count);
+  for (uint64_t i = 0; i < count; ++i) {
+    ColmapImage image;
+    image.id = cursor.take<int32_t>();
+    for (double& value : image.rotation) value = cursor.take_finite();
+    for (double& value : image.translation) value = cursor.take_finite();
+    image.camera_id = cursor.take<int32_t>();
+    image.name = cursor.take_name();
+    constexpr size_t kObservation = 24;  // x, y, point id
+    cursor.skip(cursor.take_count(kObservation) * kObservation);
+    images.push_back(std::move(image));
+  }
+  return images;
+}
+
+Points binary_points(const std::string& bytes, const std::string& file) {
+  Cursor cursor(bytes, file);
+  Points points;
+  const uint64_t count = cursor.take_count(8 + 3 * 8 + 3 + 8 + 8);
+  points.xyz.reserve(3 * count);
+  points.rgb.reserve(3 * count);
+  for (uint64_t i = 0; i < count; ++i) {
+    cursor.skip(8);  // id
+    for (int axis = 0; axis < 3; ++axis) points.xyz.push_back(cursor.take_finite());
+    for (int channel = 0; channel < 3; ++channel) points.rgb.push_back(cursor.take<uint8_t>());
+    cursor.skip(8);                      // reprojection error
+    constexpr size_t kTrackElement = 8;  // image id, observation index
+    cursor.skip(cursor.take_count(kTrackElement) * kTrackElement);
+  }
+  return points;
+}
+
+/// The lines of a text file that are no comments, with their numbers; empty lines are kept, as an
+/// image without observations has one.
+struct Lines {
+  Lines(const std::string& text, std::string name) : stream(text), file(std::move(name)) {}
+  bool next() {
+    while (std::getline(stream, line)) {
+      ++number;
+      if (!line.empty() && line.back() == '\r') line.pop_back();
+      if (line.empty() || line[0] != '#') return true;
+    }
+    return false;
+  }
+  bool blank() const { return line.find_first_not_of(" \t") == std::string::npos; }
+  DataError error(const std::string& expected) const {
+    return damaged(file, concat("line ", number, ": expected ", expected));
+  }
+  std::istringstream stream;
+  std::string file;
+  std::string line;
+  int64_t number = 0;
+};
+
+std::vector<ColmapCamera> text_cameras(const std::string& text, const std::string& file) {
+  std::vector<ColmapCamera> cameras;
+  for (Lines lines(text, file); lines.next();) {
+    if (lines.blank()) continue;
+    std::istringstream row(lines.line);
+    ColmapCamera camera;
+    row >> camera.id >> camera.model >> camera.width >> camera.height;
+    const CameraModel* known = nullptr;
+    for (const CameraModel& model : kModels) {
+      if (camera.model == model.name) known = &model;
+    }
+    if (!row || known == nullptr) throw lines.error("CAMERA_ID MODEL WIDTH HEIGHT PARAMS");
+    camera.parameters.resize(known->parameters);
+    for (double& parameter : camera.parameters) {
+      if (!(row >> parameter) || !std::isfinite(parameter)) {
+        throw lines.error(concat(known->parameters, " parameters of a ", camera.model));
+      }
+    }
+    cameras.push_back(std::move(camera));
+  }
+  return cameras;
+}
+
+std::vector<ColmapImage> text_images(const std::string& text, const std::string& file) {
+  std::vector<ColmapImage> images;
+  for (Lines lines(text, file); lines.next();) {
+    if (lines.blank()) continue;
+    std::istringstream row(lines.line);
+    ColmapImage image;
+    row >> image.id;
+    for (double& value : image.rotation) row >> value;
+    for (double& value : image.translation) row >> value;
+    row >> image.camera_id >> std::ws;
+    if (!row || !std::getline(row, image.name)) {
+      throw lines.error("IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME");
+    }
+    images.push_back(std::move(image));
+    lines.next();  // observations
+  }
+  return images;
+}
+
+Points text_points(const std::string& text, const std::string& file) {
+  Points points;
+  for (Lines lines(text, file); lines.next();) {
+    if (lines.blank()) continue;
+    std::istringstream row(lines.line);
+    int64_t id = 0;
+    double xyz[3];
+    int rgb[3];
+    row >> id >> xyz[0] >> xyz[1] >> xyz[2] >> rgb[0] >> rgb[1] >> rgb[2];
+    if (!row) throw lines.error("POINT3D_ID X Y Z R G B ERROR TRACK");
+    for (const double value : xyz) points.xyz.push_back(value);
+    for (const int value : rgb) points.rgb.push_back(static_cast<uint8_t>(value));
+  }
+  return points;
+}
+
+void check_cameras(const ColmapModel& model, const std::string& file) {
+  constexpr int64_t kLargestSide = 1 << 16;
+  std::set<int64_t> ids;
+  for (const ColmapCamera& camera : model.cameras) {
+    if (!ids.insert(camera.id).second) throw damaged(file, concat("two cameras ", camera.id));
+    const bool sized = camera.width > 0 && camera.height > 0 && camera.width <= kLargestSide &&
+                       camera.height <= kLargestSide;
+    if (!sized || !(camera.parameters[0] > 0)) {
+      throw damaged(file, concat("camera ", camera.id, " has size ", camera.width, "x",
+                                 camera.height, " and focal length ", camera.parameters[0]));
+    }
+  }
+}
+
+void check_images(const ColmapModel& model, const std::string& file) {
+  std::set<int64_t> ids;
+  for (const ColmapImage& image : model.images) {
+    if (!ids.insert(image.id).second) throw damaged(file, concat("two images ", image.id));
+    double norm = 0;
+    bool finite = true;
+    for (const double value : image.rotation) norm += value * value;
+    for (const double value : image.translation) finite = finite && std::isfinite(value);
+    if (!finite || !std::isfinite(norm) || norm < 0.25) {
+      throw damaged(file, concat("image '", image.name, "' has no valid pose"));
+    }
+    model.camera(image.camera_id);
+  }
+}
+
+bool has_pair(const std::filesystem::path& folder, const char* extension) {
+  return std::filesystem::exists(folder / (std::string("cameras") + extension)) &&
+         std::filesystem::exists(folder / (std::string("images") + extension));
+}
+
+}  // namespace
+
+const ColmapCamera& ColmapModel::camera(int64_t id) const {
+  for (const ColmapCamera& camera : cameras) {
+    if (camera.id == id) return camera;
+  }
+  throw DataError(concat("COLMAP model: an image names camera ", id, ", which is not among the ",
+                         cameras.size(), " cameras; cameras and images are of different models"));
+}
+
+bool is_colmap_model(const std::filesystem::path& folder) {
+  return has_pair(folder, ".bin") || has_pair(folder, ".txt");
+}
+
+ColmapModel parse_colmap(const ColmapFiles& files) {
+  const std::string extension = files.binary ? ".bin" : ".txt";
+  const std::string cameras = files.name + "/cameras" + extension;
+  const std::string images = files.name + "/images" + extension;
+  const std::string points_file = files.name + "/points3D" + extension;
+  ColmapModel model;
+  model.cameras =
+      files.binary ? binary_cameras(files.cameras, cameras) : text_cameras(files.cameras, cameras);
+  check_cameras(model, cameras);
+  model.images =
+      files.binary ? binary_images(files.images, images) : text_images(files.images, images);
+  check_images(model, images);
+  Points points;
+  if (!files.points.empty()) {
+    points = files.binary ? binary_points(files.points, points_file)
+                          : text_points(files.points, points_file);
+  }
+  for (const double value : points.xyz) {
+    if (!std::isfinite(value)) throw damaged(points_file, "found a point that is not finite");
+  }
+  model.points = torch::tensor(points.xyz, torch::kFloat64).reshape({-1, 3});
+  model.point_colors = torch::tensor(points.rgb, torch::kUInt8).reshape({-1, 3});
+  return model;
+}
+
+ColmapModel read_colmap(const std::filesystem::path& folder) {
+  if (!is_colmap_model(folder)) {
+    throw DataError(concat(folder.string(),
+                           ": expected a COLMAP model (cameras and images as .bin "
+                           "or .txt), found neither; point to its sparse/0"));
+  }
+  ColmapFiles files;
+  files.binary = has_pair(folder, ".bin");
+  files.name = folder.string();
+  const std::string extension = files.binary ? ".bin" : ".txt";
+  files.cameras = read_file(folder / ("cameras" + extension));
+  files.images = read_file(folder / ("images" + extension));
+  const std::filesystem::path points = folder / ("points3D" + extension);
+  if (std::filesystem::exists(points)) files.points = read_file(points);
+  return parse_colmap(files);
+}
+
+}  // namespace jade::io

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+// COLMAP sparse models: cameras, images and points3D as .bin or .txt.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <torch/types.h>
+#include <vector>
+
+namespace jade::io {
+
+struct ColmapCamera {
+  int64_t id = 0;
+  std::string model;  ///< "PINHOLE", "SIMPLE_RADIAL", …
+  int64_t width = 0, height = 0;
+  std::vector<double> parameters;  ///< px, in COLMAP's order for the model
+};
+
+struct ColmapImage {
+  int64_t id = 0;
+  std::array<double, 4> rotation{1, 0, 0, 0};  ///< camera_from_world quaternion, wxyz
+  std::array<double, 3> translation{0, 0, 0};  ///< camera_from_world
+  int64_t camera_id = 0;
+  std::string name;  ///< file name as COLMAP saw it
+};
+
+struct ColmapModel {
+  std::vector<ColmapCamera> cameras;
+  std::vector<ColmapImage> images;  ///< in file order
+  torch::Tensor points;             ///< [P,3] float64, world axes
+  torch::Tensor point_colors;       ///< [P,3] uint8 RGB
+
+  /// @throws DataError if an image names a camera that is not there.
+  const ColmapCamera& camera(int64_t id) const;
+};
+
+/// The raw content of a model's three files.
+struct ColmapFiles {
+  std::string cameras, images, points;
+  bool binary = true;
+  std::string name;  ///< the folder, for messages
+};
+
+/// True if `folder` holds cameras and images, binary or text.
+bool is_colmap_model(const std::filesystem::path& folder);
+
+/// Reads binary files where both cameras.bin and images.bin are there, else text. A missing
+/// points3D file gives no points.
+/// @throws DataError naming the file for truncated, damaged or contradictory content, non-finite
+///         numbers, zero rotations, two cameras or images with one id, an unknown camera model.
+ColmapModel read_colmap(const std::filesystem::path& folder);
+
+/// The same for content in memory.
+ColmapModel parse_colmap(const ColmapFiles& files);
+
+}  // namespace jade::io

@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/io/colmap.h"
+
+#include "support/catch.h"
+
+#include <limits>
+#include <torch/torch.h>
+
+#include "jade/core/error.h"
+#include "support/colmap_writer.h"
+#include "support/temp_dir.h"
+
+namespace jade::io {
+namespace {
+
+const ColmapCamera kCamera{1, "PINHOLE", 20, 10, {15, 16, 10, 5}};
+
+std::vector<ColmapImage> two_images() {
+  return {{1, {1, 0, 0, 0}, {0.5, 0.25, -2}, 1, "0_0.png"},
+          {2, {0.6, 0, 0.8, 0}, {0, 1, 0}, 1, "with space.png"}};
+}
+
+const std::vector<double> kPoints = {0, 1, 2, -3, 4.5, 6};
+
+void check_model(const ColmapModel& model) {
+  REQUIRE(model.cameras.size() == 1);
+  CHECK(model.cameras[0].model == "PINHOLE");
+  CHECK(model.cameras[0].width == 20);
+  CHECK(model.cameras[0].parameters == kCamera.parameters);
+  REQUIRE(model.images.size() == 2);
+  CHECK(model.images[0].translation == std::array<double, 3>{0.5, 0.25, -2});
+  CHECK(model.images[1].rotation == std::array<double, 4>{0.6, 0, 0.8, 0});
+  CHECK(model.images[1].name == "with space.png");
+  CHECK(torch::equal(model.points, torch::tensor(kPoints, torch::kFloat64).reshape({2, 3})));
+  CHECK(model.point_colors[1][2].item<int>() == 30);
+}
+
+TEST_CASE("colmap: binary and text models hold the same cameras, images and points", "[io]") {
+  check_model(parse_colmap(test::binary_model(kCamera, two_images(), kPoints)));
+  check_model(parse_colmap(test::text_model(kCamera, two_images(), kPoints)));
+  const test::TempDir folder;
+  CHECK_FALSE(is_colmap_model(folder.path()));
+  test::save_model(folder.path(), test::binary_model(kCamera, two_images(), kPoints));
+  CHECK(is_colmap_model(folder.path()));
+  check_model(read_colmap(folder.path()));
+}
+
+TEST_CASE("colmap: a model cut anywhere is a data error, never a crash", "[io]") {
+  const ColmapFiles whole = test::binary_model(kCamera, two_images(), kPoints);
+  for (size_t size = 0; size < whole.images.size(); ++size) {
+    ColmapFiles cut = whole;
+    cut.images.resize(size);
+    CHECK_THROWS_AS(parse_colmap(cut), DataError);
+  }
+  for (size_t size = 1; size < whole.points.size(); ++size) {
+    ColmapFiles cut = whole;
+    cut.points.resize(size);
+    CHECK_THROWS_AS(parse_colmap(cut), DataError);
+  }
+}
+
+TEST_CASE("colmap: counts larger than the file, NaN and contradictions are refused", "[io]") {
+  ColmapFiles huge = test::binary_model(kCamera, two_images(), kPoints);
+  huge.points.replace(0, 8, std::string(7, '\xff') + '\x7f');
+  CHECK_THROWS_WITH(parse_colmap(huge),
+                    Catch::Contains("points3D.bin") && Catch::Contains("claims"));
+
+  auto images = two_images();
+  images[1].translation[0] = std::numeric_limits<double>::quiet_NaN();
+  CHECK_THROWS_AS(parse_colmap(test::binary_model(kCamera, images, kPoints)), DataError);
+  images = two_images();
+  images[1].rotation = {0, 0, 0, 0};
+  CHECK_THROWS_AS(parse_colmap(test::binary_model(kCamera, images, kPoints)), DataError);
+  images = two_images();
+  images[1].camera_id = 7;
+  CHECK_THROWS_WITH(parse_colmap(test::binary_model(kCamera, images, kPoints)),
+                    Catch::Contains("camera 7"));
+  images = two_images();
+  images[1].id = 1;
+  CHECK_THROWS_AS(parse_colmap(test::text_model(kCamera, images, kPoints)), DataError);
+}
+
+TEST_CASE("colmap: a folder without a model says what was expected", "[io]") {
+  const test::TempDir folder;
+  CHECK_THROWS_WITH(read_colmap(folder.path()), Catch::Contains("sparse/0"));
+}
+
+}  // namespace
+}  // namespace jade::io

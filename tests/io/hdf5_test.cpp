@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/io/hdf5.h"
+
+#include "support/catch.h"
+
+#include <numeric>
+#include <string>
+#include <vector>
+
+#include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
+#include "support/temp_dir.h"
+
+namespace jade::io {
+namespace {
+
+std::vector<int64_t> ramp(int64_t count) {
+  std::vector<int64_t> values(static_cast<size_t>(count));
+  std::iota(values.begin(), values.end(), 0);
+  return values;
+}
+
+void write_ramp(const std::filesystem::path& path, int64_t count) {
+  const std::vector<int64_t> values = ramp(count);
+  Hdf5Writer writer(path);
+  writer.append("events/t", values.data(), count);
+  writer.close();
+}
+
+TEST_CASE("hdf5: values appended in pieces come back whole and in ranges", "[io]") {
+  const test::TempDir folder;
+  const std::vector<int64_t> t = ramp(200000);
+  const std::vector<float> x(t.begin(), t.end());
+  {
+    Hdf5Writer writer(folder / "e.h5");
+    for (int64_t begin = 0; begin < 200000; begin += 70000) {
+      const int64_t count = std::min<int64_t>(70000, 200000 - begin);
+      writer.append("events/t", t.data() + begin, count);
+      writer.append("events/x", x.data() + begin, count);
+    }
+    writer.attribute("unit", "us");
+    writer.close();
+  }
+  const Hdf5File file(folder / "e.h5");
+  REQUIRE(file.datasets().size() == 2);
+  CHECK(file.datasets()[0].name == "events/t");
+  CHECK(file.dataset("events/t").integer);
+  CHECK(file.dataset("events/x").floating);
+  CHECK(file.dataset("events/t").chunk_length > 0);
+  REQUIRE(file.length("events/t") == 200000);
+  std::vector<int64_t> back(200000);
+  file.read("events/t", 0, 200000, back.data());
+  CHECK(back == t);
+  std::vector<int64_t> part(3);
+  file.read("events/t", 131071, 3, part.data());
+  CHECK(part == std::vector<int64_t>{131071, 131072, 131073});
+}
+
+TEST_CASE("hdf5: values are converted to the type asked for", "[io]") {
+  const test::TempDir folder;
+  const std::vector<uint16_t> x = {0, 1, 345, 65535};
+  const std::vector<double> t = {0.0, 1.75, -2.5, 1e12};
+  {
+    Hdf5Writer writer(folder / "e.h5");
+    writer.append("x", x.data(), 4);
+    writer.append("t", t.data(), 4);
+    writer.close();
+  }
+  const Hdf5File file(folder / "e.h5");
+  std::vector<float> as_float(4);
+  file.read("x", 0, 4, as_float.data());
+  CHECK(as_float == std::vector<float>{0, 1, 345, 65535});
+  std::vector<int64_t> as_integer(4);
+  file.read("t", 0, 4, as_integer.data());
+  CHECK(as_integer == std::vector<int64_t>{0, 1, -2, 1000000000000});
+}
+
+TEST_CASE("hdf5: an empty data set has length 0", "[io]") {
+  const test::TempDir folder;
+  write_ramp(folder / "e.h5", 0);
+  const Hdf5File file(folder / "e.h5");
+  CHECK(file.length("events/t") == 0);
+  file.read<int64_t>("events/t", 0, 0, nullptr);
+}
+
+TEST_CASE("hdf5: missing, empty, foreign and truncated files are data errors with the path",
+          "[io]") {
+  const test::TempDir folder;
+  CHECK_THROWS_WITH(Hdf5File(folder / "none.h5"), Catch::Contains("none.h5"));
+  write_file(folder / "empty.h5", "");
+  CHECK_THROWS_WITH(Hdf5File(folder / "empty.h5"), Catch::Contains("empty"));
+  write_file(folder / "text.h5", "0.001 12 13 1\n");
+  CHECK_THROWS_AS(Hdf5File(folder / "text.h5"), DataError);
+  write_ramp(folder / "e.h5", 100000);
+  const std::string whole = read_file(folder / "e.h5");
+  for (const size_t size : {whole.size() - 1, whole.size() / 2, size_t{100}, size_t{8}}) {
+    write_file(folder / "cut.h5", whole.substr(0, size));
+    CHECK_THROWS_AS(Hdf5File(folder / "cut.h5"), DataError);
+  }
+}
+
+TEST_CASE("hdf5: a missing data set is named together with those present", "[io]") {
+  const test::TempDir folder;
+  write_ramp(folder / "e.h5", 10);
+  const Hdf5File file(folder / "e.h5");
+  CHECK_FALSE(file.has("events/x"));
+  CHECK_THROWS_WITH(file.length("events/x"),
+                    Catch::Contains("'events/x'") && Catch::Contains("events/t"));
+}
+
+TEST_CASE("hdf5: a writer that is not closed leaves no file and keeps the old one", "[io]") {
+  const test::TempDir folder;
+  write_ramp(folder / "e.h5", 10);
+  {
+    Hdf5Writer writer(folder / "e.h5");
+    const std::vector<int64_t> values = ramp(5);
+    writer.append("events/t", values.data(), 5);
+  }
+  CHECK(Hdf5File(folder / "e.h5").length("events/t") == 10);
+  int64_t files = 0;
+  for ([[maybe_unused]] const auto& entry : std::filesystem::directory_iterator(folder.path())) {
+    ++files;
+  }
+  CHECK(files == 1);
+  CHECK_THROWS_AS(Hdf5Writer(folder / "none/e.h5"), DataError);
+}
+
+}  // namespace
+}  // namespace jade::io

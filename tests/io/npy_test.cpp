@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/io/npy.h"
+
+#include "support/catch.h"
+
+#include <fstream>
+#include <string>
+#include <torch/torch.h>
+
+#include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
+#include "support/temp_dir.h"
+
+namespace jade::io {
+namespace {
+
+/// A .npy file as NumPy writes it, with any header and data.
+std::string npy_bytes(const std::string& header, const std::string& data) {
+  std::string out("\x93NUMPY\x01\x00", 8);
+  out += static_cast<char>(header.size() & 0xff);
+  out += static_cast<char>(header.size() >> 8);
+  return out + header + data;
+}
+
+std::string describe(const std::string& descr, const std::string& shape,
+                     const std::string& fortran = "False") {
+  return "{'descr': '" + descr + "', 'fortran_order': " + fortran + ", 'shape': " + shape + ", }\n";
+}
+
+torch::Tensor parse(const std::string& bytes) {
+  return parse_npy(bytes.data(), bytes.size(), "a.npy");
+}
+
+TEST_CASE("npy: every numeric dtype comes back as written", "[io]") {
+  const test::TempDir folder;
+  for (const auto dtype : {torch::kBool, torch::kUInt8, torch::kInt8, torch::kInt16, torch::kInt32,
+                           torch::kInt64, torch::kFloat16, torch::kFloat32, torch::kFloat64}) {
+    const torch::Tensor values = torch::arange(24).reshape({2, 3, 4}).to(dtype);
+    write_npy(folder / "a.npy", values);
+    const torch::Tensor back = read_npy(folder / "a.npy");
+    CHECK(back.scalar_type() == dtype);
+    CHECK(torch::equal(back, values));
+  }
+}
+
+TEST_CASE("npy: scalars, empty arrays and transposed tensors come back as written", "[io]") {
+  const test::TempDir folder;
+  const torch::Tensor matrix = torch::arange(6).reshape({2, 3});
+  for (const torch::Tensor& values : {torch::tensor(2.5), torch::empty({0}), torch::empty({5, 0}),
+                                      torch::arange(1), matrix.t()}) {
+    write_npy(folder / "a.npy", values);
+    const torch::Tensor back = read_npy(folder / "a.npy");
+    CHECK(back.sizes() == values.sizes());
+    CHECK(torch::equal(back, values));
+  }
+}
+
+TEST_CASE("npy: the data start at a multiple of 64 bytes, as NumPy has it", "[io]") {
+  const test::TempDir folder;
+  write_npy(folder / "a.npy", torch::zeros({7}, torch::kUInt8));
+  CHECK((std::filesystem::file_size(folder / "a.npy") - 7) % 64 == 0);
+}
+
+TEST_CASE("npy: Fortran order and big-endian values are understood", "[io]") {
+  const std::string data("\x00\x01\x00\x02\x00\x03\x00\x04\x00\x05\x00\x06", 12);
+  const torch::Tensor c_order = parse(npy_bytes(describe(">i2", "(2, 3)"), data));
+  CHECK(torch::equal(c_order, torch::arange(1, 7, torch::kInt16).reshape({2, 3})));
+  const torch::Tensor fortran = parse(npy_bytes(describe(">i2", "(2, 3)", "True"), data));
+  CHECK(torch::equal(fortran, torch::arange(1, 7, torch::kInt16).reshape({3, 2}).t()));
+  CHECK(fortran.is_contiguous());
+}
+
+TEST_CASE("npy: unsigned values keep their value in a wider type", "[io]") {
+  const torch::Tensor u2 = parse(npy_bytes(describe("<u2", "(1,)"), "\xff\xff"));
+  CHECK(u2.scalar_type() == torch::kInt32);
+  CHECK(u2.item<int64_t>() == 65535);
+  const torch::Tensor u4 = parse(npy_bytes(describe("<u4", "(1,)"), "\xff\xff\xff\xff"));
+  CHECK(u4.item<int64_t>() == 4294967295);
+  CHECK_THROWS_AS(parse(npy_bytes(describe("<u8", "(1,)"), std::string(8, '\xff'))), DataError);
+}
+
+TEST_CASE("npy: damaged files are refused with the path and what is wrong", "[io]") {
+  const std::string eight(8, '\0');
+  CHECK_THROWS_AS(parse(""), DataError);
+  CHECK_THROWS_AS(parse("\x93NUMPY"), DataError);
+  CHECK_THROWS_AS(parse("PK\x03\x04 something else"), DataError);
+  CHECK_THROWS_AS(parse(npy_bytes("{}", eight)), DataError);
+  CHECK_THROWS_AS(parse(npy_bytes(describe("<f8", "(2,)"), eight)), DataError);
+  CHECK_THROWS_AS(parse(npy_bytes(describe("<f4", "(1,)"), eight)), DataError);
+  CHECK_THROWS_AS(parse(npy_bytes(describe("<f8", "(4611686018427387904, 4)"), eight)), DataError);
+  CHECK_THROWS_AS(parse(npy_bytes(describe("<f8", "(0, 1099511627776, 1099511627776)"), eight)),
+                  DataError);
+  CHECK_THROWS_AS(parse(npy_bytes(describe("|O", "(1,)"), eight)), DataError);
+  CHECK_THROWS_AS(parse(npy_bytes(describe("<f8", "(1"), eight)), DataError);
+  CHECK_THROWS_WITH(parse(npy_bytes(describe("<f8", "(2,)"), eight)),
+                    Catch::Contains("a.npy") && Catch::Contains("truncated"));
+}
+
+TEST_CASE("npy: a missing file and a missing folder are data errors", "[io]") {
+  const test::TempDir folder;
+  CHECK_THROWS_AS(read_npy(folder / "none.npy"), DataError);
+  CHECK_THROWS_AS(write_npy(folder / "none/a.npy", torch::zeros({1})), DataError);
+}
+
+TEST_CASE("npz: arrays come back by name", "[io]") {
+  const test::TempDir folder;
+  const torch::Tensor times = torch::arange(5) * 1000;
+  const torch::Tensor noise = torch::rand({300, 40}, torch::kFloat64);
+  write_npz(folder / "a.npz", {{"timestamps", times}, {"noise", noise}});
+  const Npz archive(folder / "a.npz");
+  CHECK(archive.names() == std::vector<std::string>{"timestamps", "noise"});
+  CHECK(torch::equal(archive.read("timestamps"), times));
+  CHECK(torch::equal(archive.read("noise"), noise));
+  CHECK_THROWS_WITH(archive.read("start"),
+                    Catch::Contains("'start'") && Catch::Contains("timestamps, noise"));
+}
+
+TEST_CASE("npz: empty, truncated and missing archives are data errors", "[io]") {
+  const test::TempDir folder;
+  write_file(folder / "empty.npz", "");
+  CHECK_THROWS_AS(Npz(folder / "empty.npz"), DataError);
+  CHECK_THROWS_AS(Npz(folder / "none.npz"), DataError);
+  write_npz(folder / "a.npz", {{"noise", torch::rand({1000})}});
+  const std::string whole = read_file(folder / "a.npz");
+  write_file(folder / "cut.npz", whole.substr(0, whole.size() / 2));
+  CHECK_THROWS_AS(Npz(folder / "cut.npz").read("noise"), DataError);
+  std::string flipped = whole;
+  flipped[flipped.size() / 2] ^= 0x55;
+  write_file(folder / "flipped.npz", flipped);
+  CHECK_THROWS_AS(Npz(folder / "flipped.npz").read("noise"), DataError);
+}
+
+}  // namespace
+}  // namespace jade::io
