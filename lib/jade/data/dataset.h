@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "jade/core/fields.h"
+#include "jade/data/exposure.h"
+
+namespace jade::data {
+
+struct DatasetOptions {
+  std::filesystem::path path;
+  std::string kind = "auto";
+  std::string split = "auto";
+  int64_t test_every = 8;
+  int64_t test_last = 5;
+  std::string image_folder;
+  std::string time_unit = "auto";
+  std::string events_unit = "auto";
+  std::filesystem::path events_file;
+  bool color_events = true;
+};
+
+template <class V>
+void describe(V& v, DatasetOptions& o) {
+  v.field("path", o.path, "folder of the data set");
+  v.field("kind", o.kind, "layout of the folder; auto recognises it",
+          Choices{"auto", "evdeblur", "diet_gs", "colmap", "transforms"});
+  v.field(
+      "split", o.split,
+      "test views. auto: frames without exposure time, else the source's own rule; last: the "
+      "last test_last frames; every: frames 0, test_every, 2 test_every, …; none: no test views",
+      Choices{"auto", "last", "every", "none"});
+  v.field("test_every", o.test_every, "step of split every", Range{2, 1000000});
+  v.field("test_last", o.test_last, "count of split last", Range{1, 1000000});
+  v.field("image_folder", o.image_folder,
+          "folder of the frames inside path; empty looks for images_1, images, images_N");
+  v.field("time_unit", o.time_unit,
+          "unit of the frames' time stamps; auto decides by the length "
+          "of the exposures",
+          Choices{"auto", "us", "ns", "s"});
+  v.field("events_unit", o.events_unit,
+          "unit of the events' time stamps; auto takes the one in "
+          "which events and frames overlap",
+          Choices{"auto", "us", "ns", "s"});
+  v.field("events_file", o.events_file,
+          "recording of the events; empty looks for events.h5 and "
+          "others in path");
+  v.field("color_events", o.color_events,
+          "use the colour filter of the event pixels (ev_map.npz "
+          "or color_map.npy) where the data set has one");
+}
+
+/// Reads a data set of any kind. What can be repaired or ignored becomes one line in `warnings`
+/// (which may be null): events that are unsorted, outside the image or the recording, or not
+/// finite; exposures without events; poses that had to be interpolated or extended; one exposure.
+/// @throws DataError with the path and the fix for what cannot: files that are missing, truncated
+///         or unreadable, counts and sizes that differ, missing poses of an exposure, times that
+///         do not overlap in any unit. @throws ConfigError for an unknown kind, split or unit.
+Dataset load_dataset(const DatasetOptions& options, std::vector<std::string>* warnings = nullptr);
+
+/// "evdeblur", "diet_gs", "colmap" or "transforms".
+/// @throws DataError if the folder is missing or is none of them.
+std::string recognise_dataset(const std::filesystem::path& folder);
+
+}  // namespace jade::data

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+// Writes the EvDeblur layout, which data/evdeblur.h reads back.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <torch/types.h>
+#include <vector>
+
+#include "jade/data/exposure.h"
+
+namespace jade::data {
+
+/// What a folder in the EvDeblur layout holds. Frames get numbers in the order given: all
+/// exposures first, then all sharp test views, as in the CDAVIS scenes.
+struct EvDeblurContent {
+  std::vector<Exposure> train;       ///< blurry, times, poses[4] and camera are used
+  std::vector<SharpView> test;       ///< t_us must be set
+  events::EventStream events;        ///< the whole recording
+  std::vector<int64_t> path_t_us;    ///< dense trajectory: strictly increasing times that span all
+  std::vector<geometry::Pose> path;  ///< exposures, and camera_from_world at each
+  double near = 0, far = 0;          ///< depth bounds in world units, 0 < near < far
+  /// The true sharp frame at the middle of each exposure, or empty. They go to sharp/ and are for
+  /// checks only: nothing that trains reads them.
+  std::vector<torch::Tensor> sharp_mid;  ///< [3,H,W] RGB in [0,1], one an exposure
+};
+
+struct EvDeblurWriteOptions {
+  std::string image_extension = ".png";
+  int image_bits = 8;  ///< 8 or 16
+  int gzip_level = 4;  ///< of events.h5
+};
+
+/// Writes images_1/NN.png and timestamps.npz, poses_bounds.npy, all_poses_bounds.npy,
+/// all_timestamps.npy, events.h5 (x, y float32, t int64 µs, p int8 ±1) and, if given, sharp/NN.png.
+/// One focal length and a centred principal point are all that the layout can say.
+/// @throws DataError if a file cannot be written. @throws ContractError for content that the
+///         layout cannot hold: no exposure, cameras that differ or are not centred, fx ≠ fy, test
+///         views without time, a trajectory that does not span the exposures.
+void write_evdeblur(const std::filesystem::path& folder, const EvDeblurContent& content,
+                    const EvDeblurWriteOptions& options = {});
+
+}  // namespace jade::data

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+// The one in-memory form of a data set, whatever the source.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <torch/types.h>
+#include <vector>
+
+#include "jade/events/event_stream.h"
+#include "jade/geometry/camera.h"
+#include "jade/geometry/pose.h"
+#include "jade/geometry/trajectory.h"
+
+namespace jade::data {
+
+/// One training item: a frame that integrated light over [t_start_us, t_end_us) while the camera
+/// passed through nine poses at equal steps in time, the fifth at mid-exposure.
+/// A sharp training image (plain_3dgs) is an exposure of no duration: nine equal poses, no events.
+struct Exposure {
+  std::string name;      ///< image file name without extension
+  torch::Tensor blurry;  ///< [3,H,W] RGB float32 in [0,1], CPU
+  int64_t t_start_us = 0, t_end_us = 0;
+  events::EventStream events;  ///< the window's events, a view of Dataset::events
+  std::array<geometry::Pose, geometry::kExposurePoses> poses;  ///< camera_from_world
+  geometry::Intrinsics camera;
+
+  int64_t duration_us() const { return t_end_us - t_start_us; }
+  int64_t t_mid_us() const { return t_start_us + duration_us() / 2; }
+};
+
+/// A sharp image for evaluation; training never sees it.
+struct SharpView {
+  std::string name;
+  torch::Tensor image;  ///< [3,H,W] RGB float32 in [0,1], CPU
+  geometry::Pose pose;  ///< camera_from_world
+  geometry::Intrinsics camera;
+  int64_t t_us = kNoTime;  ///< when it was taken; kNoTime if the data set does not say
+
+  static constexpr int64_t kNoTime = INT64_MIN;
+  bool has_time() const { return t_us != kNoTime; }
+};
+
+struct Dataset {
+  std::string name;   ///< of the folder
+  std::string kind;   ///< "evdeblur", "diet_gs", "colmap", "transforms"
+  std::string split;  ///< the rule found, in words: "last 5 frames are sharp test views"
+  std::filesystem::path root;
+  std::vector<Exposure> train;  ///< by time where there are times, else by name
+  std::vector<SharpView> test;
+  events::EventStream events;       ///< the whole recording; empty for frames without events
+  double near = 0, far = 0;         ///< depth bounds in world units, 0 < near < far
+  torch::Tensor points;             ///< [P,3] float32 in world axes, or undefined
+  torch::Tensor point_colors;       ///< [P,3] float32 RGB in [0,1], or undefined
+  geometry::Trajectory trajectory;  ///< dense camera path; empty where only exposures have poses
+  /// [3,H,W] bool, or undefined for gray events: which colour the events at a pixel have. At most
+  /// one channel of a pixel is set; a pixel without any has no raw pixel that lands on it.
+  torch::Tensor event_color;
+};
+
+/// The exposure at whose middle `view` was taken: mid-exposure within a sixteenth of the exposure
+/// (half a step of its nine poses) of the view's time. -1 if there is none or the view has no time.
+int64_t exposure_of(const Dataset& dataset, const SharpView& view);
+
+}  // namespace jade::data
