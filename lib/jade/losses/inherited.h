@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+// The terms that the scene objective inherits from DiET-GS (reference: inherited.md §1). D is
+// ℓ_rec of Eq. (8) with its weight `dssim`, g is imaging::gray, φ the camera response, Î_k the
+// render at pose k and B the blurry frame. EDI is linear in the image, EDI_k(X) = X ⊙ R_k with the
+// factor R_k of imaging/edi.h, so the functions take R_k.
+#pragma once
+
+#include <torch/types.h>
+
+namespace jade::losses {
+
+/// L_blur = D(mean_k Î_k, B).
+/// @param mean_render  [3,H,W], differentiable
+/// @param blurry       [3,H,W]
+torch::Tensor blur_loss(const torch::Tensor& mean_render, const torch::Tensor& blurry,
+                        double dssim);
+
+/// L_edi in gray = D(g(φ(Î_k)), EDI_k(g(φ(B)))).
+/// @param toned_render, toned_blurry  [3,H,W], φ(Î_k) and φ(B); differentiable in both
+/// @param edi_factor                  [1,H,W], R_k
+torch::Tensor edi_gray_loss(const torch::Tensor& toned_render, const torch::Tensor& toned_blurry,
+                            const torch::Tensor& edi_factor, double dssim);
+
+/// L_edi in colour = D(Î_k, EDI_k(B)), without φ.
+/// @param render, blurry  [3,H,W]; differentiable in `render`
+torch::Tensor edi_color_loss(const torch::Tensor& render, const torch::Tensor& blurry,
+                             const torch::Tensor& edi_factor, double dssim);
+
+/// L_sim = D(g(φ(Î_k)), EDI_k(g(φ(mean_j Î_j)))): the EDI of the simulated blur. Gradients flow
+/// through both sides.
+torch::Tensor simulation_loss(const torch::Tensor& toned_render, const torch::Tensor& toned_mean,
+                              const torch::Tensor& edi_factor, double dssim);
+
+/// L_int = D(mean_k φ(Î_k), φ(B)); φ before the mean, unlike L_sim.
+torch::Tensor intensity_loss(const torch::Tensor& mean_toned, const torch::Tensor& toned_blurry,
+                             double dssim);
+
+/// Two renders and the events between them.
+struct EventPair {
+  torch::Tensor before, after;  ///< [3,H,W], φ(render) at the start and the end of a short window
+  torch::Tensor counts;         ///< [H,W], signed event counts in it (no threshold applied)
+  torch::Tensor pixels;         ///< [P] int64, flat indices of the pixels that count
+  torch::Tensor color_filter;   ///< [H,W,3] bool, which channel each pixel sees; undefined: gray
+  double threshold_positive = 0.2;
+  double threshold_negative = 0.2;
+  bool weighted_colors = false;  ///< weigh R, G, B by 0.4, 0.2, 0.4 (after the warm-up)
+};
+
+/// L_ev: predicted event counts Δℓ/Θ against measured ones at pixels with events. With n the
+/// measured count and Θ of n's sign,
+///     L_ev = mean_p (Δℓ/Θ − n)² [n > 0] + mean_p (Δℓ/Θ − n)² [n < 0],
+/// Δℓ the change of lin_log(255 · luma), luma being g in gray, else the pixel's own channel; in
+/// colour the sums are divided by the sum of the channel weights instead of P.
+torch::Tensor event_loss(const EventPair& events);
+
+/// ℓ(x) of x in [0,255]: x ln(20)/20 up to 20, ln x above. Element-wise, differentiable.
+torch::Tensor lin_log(const torch::Tensor& x);
+
+}  // namespace jade::losses

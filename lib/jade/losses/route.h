@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <torch/types.h>
+
+#include "jade/core/fields.h"
+#include "jade/losses/fixed.h"
+
+namespace jade::losses {
+
+struct RouteOptions {
+  double lr = 5e-4;
+  bool render_consistency = true;
+  bool reblur_consistency = true;
+};
+
+template <class V>
+void describe(V& v, RouteOptions& o) {
+  v.field("lr", o.lr, "Adam step size of the allocation (joint_lr)", Range{1e-8, 1});
+  v.field("render_consistency", o.render_consistency, "first term of Eq. (6)");
+  v.field("reblur_consistency", o.reblur_consistency, "second term of Eq. (6)");
+}
+
+/// Scalars; a term that is switched off is undefined.
+struct RouteLoss {
+  torch::Tensor total;  ///< undefined when both are off
+  torch::Tensor render;
+  torch::Tensor reblur;
+};
+
+/// L_route = ‖I_pseudo − sg(Î_mid)‖₁ + ‖I_pseudo ⊙ K(V) − B‖₁, Eq. (6), with the reblur operator of
+/// Eq. (7) as its kernel K. Both are means over pixels and channels; pointwise on purpose.
+/// @param pseudo         [3,H,W], I_pseudo. Differentiable.
+/// @param mid_render     [3,H,W], Î_mid
+/// @param reblur_kernel  [1,H,W], K(V) (imaging/reblur.h). Constant.
+/// @param blurry         [3,H,W], B. Constant.
+RouteLoss route_loss(const torch::Tensor& pseudo, const Fixed& mid_render,
+                     const torch::Tensor& reblur_kernel, const torch::Tensor& blurry,
+                     const RouteOptions& options);
+
+}  // namespace jade::losses

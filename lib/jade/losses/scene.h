@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <ATen/core/Generator.h>
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <torch/types.h>
+#include <vector>
+
+#include "jade/core/fields.h"
+#include "jade/losses/fixed.h"
+#include "jade/losses/inherited.h"
+
+namespace jade::losses {
+
+struct SceneLossOptions {
+  double dssim = 0.3;
+  std::string target = "routed";
+  double target_weight = 1.0;
+  bool blur = true;
+  bool edi_supervision = true;
+  bool simulation = true;
+  int64_t simulation_start = 7000;
+  bool intensity = true;
+  int64_t warmup = 1500;
+  double event_loss_weight = 0.0;
+  int64_t event_pixels = 1024;
+};
+
+template <class V>
+void describe(V& v, SceneLossOptions& o) {
+  v.field("dssim", o.dssim, "share λ of SSIM in every reconstruction term (lambda_dssim)",
+          Range{0, 1});
+  v.field("target", o.target,
+          "target of the middle render, Eq. (9): routed mix, EDI, EFNet, their mean, a folder of "
+          "images, or none",
+          Choices{"routed", "edi", "efnet", "mean", "image_folder", "none"});
+  v.field("target_weight", o.target_weight, "weight of that term (efnet_weight)", Range{0, 1e3});
+  v.field("blur", o.blur, "L_blur: mean of the nine renders against the blurry frame");
+  v.field("edi_supervision", o.edi_supervision, "L_edi in gray and in colour, at drawn poses");
+  v.field("simulation", o.simulation, "L_sim: EDI of the simulated blur");
+  v.field("simulation_start", o.simulation_start, "L_sim acts after this step (simul_start)",
+          Range{0, 1e9});
+  v.field("intensity", o.intensity, "L_int: blur under the camera response");
+  v.field("warmup", o.warmup, "until this step the camera response is the identity and L_int rests",
+          Range{0, 1e9});
+  v.field("event_loss_weight", o.event_loss_weight,
+          "weight of L_ev, which costs two more renders; 0 turns it off", Range{0, 1e3});
+  v.field("event_pixels", o.event_pixels, "pixels drawn for L_ev (sample_pnum)", Range{1, 1e8});
+}
+
+/// The camera response as the objective uses it. Empty functions are the identity.
+struct ToneCurve {
+  std::function<torch::Tensor(const torch::Tensor&)> apply;  ///< φ, element-wise
+  std::function<torch::Tensor(const torch::Tensor&)> mean;   ///< mean_k φ(I_k), [K,...] → [...]
+};
+
+/// The poses drawn for one step, each uniform in 0..8 and independent.
+struct PoseDraws {
+  int64_t edi_gray = 0, edi_color = 0, simulation = 0;
+};
+PoseDraws draw_poses(at::Generator& generator);
+
+struct SceneLossInputs {
+  torch::Tensor renders;      ///< [9,3,H,W], Î_k; differentiable
+  torch::Tensor blurry;       ///< [3,H,W], B
+  torch::Tensor edi_factors;  ///< [9,1,H,W], R_k; needed for L_edi and L_sim only
+  /// [3] int64 on the renders' device: the poses of L_edi gray, L_edi colour and L_sim.
+  torch::Tensor poses;
+  std::optional<Fixed> target;      ///< [3,H,W]; absent: no L_tgt
+  std::optional<EventPair> events;  ///< absent: no L_ev
+  ToneCurve tone;                   ///< φ; ignored during the warm-up
+};
+
+struct NamedTerm {
+  std::string name;     ///< "target", "blur", "edi_gray", "edi_color", "simulation", "intensity",
+                        ///< "event"
+  torch::Tensor value;  ///< scalar with its weight applied
+};
+
+/// Only terms that act are there: a disabled one is absent, not multiplied by zero.
+struct SceneLoss {
+  torch::Tensor total;  ///< scalar; undefined when no term acts
+  std::vector<NamedTerm> terms;
+};
+
+/// L_scene = L_tgt + L_blur + L_edi + L_sim + L_int (+ L_ev), Eq. (10), at `step` (counted from 1).
+/// The same value as the sum of the functions of target.h and inherited.h, with all reconstruction
+/// terms evaluated in one pass.
+SceneLoss scene_loss(const SceneLossInputs& inputs, int64_t step, const SceneLossOptions& options);
+
+/// Which terms act at `step`, so that a caller prepares only what they need.
+bool simulation_acts(const SceneLossOptions& options, int64_t step);
+bool intensity_acts(const SceneLossOptions& options, int64_t step);
+bool tone_acts(const SceneLossOptions& options, int64_t step);
+
+}  // namespace jade::losses

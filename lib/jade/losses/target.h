@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <torch/types.h>
+
+#include "jade/losses/fixed.h"
+
+namespace jade::losses {
+
+/// L_tgt = ℓ_rec(Î_mid, sg(I)) + ℓ_rec(g(Î_mid), g(sg(I))), Eq. (9).
+/// @param mid_render  [3,H,W], Î_mid. Differentiable.
+/// @param target      [3,H,W], I_pseudo or any other target
+/// @param dssim       λ of Eq. (8)
+torch::Tensor target_loss(const torch::Tensor& mid_render, const Fixed& target, double dssim);
+
+}  // namespace jade::losses

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <torch/nn/module.h>
+#include <torch/nn/modules/linear.h>
+#include <torch/nn/pimpl.h>
+#include <torch/types.h>
+
+#include "jade/core/fields.h"
+
+namespace jade::models {
+
+struct CrfOptions {
+  bool enabled = true;
+  double lr = 1e-7;
+};
+
+template <class V>
+void describe(V& v, CrfOptions& o) {
+  v.field("enabled", o.enabled, "camera response φ in the losses; off: φ is the identity");
+  v.field("lr", o.lr, "Adam step size of φ (crf_lr); 0 keeps it as fitted", Range{0, 1});
+}
+
+/// The camera response φ(x) = sigmoid(0.1 · MLP(x) + x), a scalar map applied to every channel
+/// value, with MLP 1→16→16→16→1 and ReLU between. It starts as a fit of the identity on [0,1],
+/// from a fixed seed: always the same one.
+///
+/// Whole images go through φ several times a step, but the MLP is a piecewise linear function of
+/// one number: forward() evaluates it at 4097 knots and interpolates between them, which is exact
+/// but for cells that hold a kink (below 1e-4 for the fitted φ; a test says so). Gradients reach
+/// the parameters through the knots. A GPU sees one short kernel a call.
+class CrfImpl : public torch::nn::Module {
+ public:
+  /// Fitted in about 0.1 s.
+  CrfImpl();
+
+  /// MLP at the knots, [4097], differentiable in the parameters. One table serves every image of a
+  /// step.
+  torch::Tensor table();
+
+  /// φ(image), element-wise, differentiable in the image and in the table.
+  torch::Tensor forward(const torch::Tensor& image, const torch::Tensor& table);
+  torch::Tensor forward(const torch::Tensor& image) { return forward(image, table()); }
+
+  /// φ through the MLP itself: slow, for tests.
+  torch::Tensor exact(const torch::Tensor& image);
+
+  torch::nn::Linear layer1{nullptr}, layer2{nullptr}, layer3{nullptr}, layer4{nullptr};
+
+ private:
+  torch::Tensor mlp(const torch::Tensor& values);
+};
+TORCH_MODULE(Crf);
+
+}  // namespace jade::models
