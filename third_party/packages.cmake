@@ -111,6 +111,12 @@ add_library(jade_zip INTERFACE)
 add_library(jade::zip ALIAS jade_zip)
 target_link_libraries(jade_zip INTERFACE PkgConfig::LIBZIP ZLIB::ZLIB)
 
+find_package(OpenSSL QUIET COMPONENTS Crypto)
+if(NOT OPENSSL_FOUND)
+  jade_missing("OpenSSL (libcrypto)" "apt install libssl-dev")
+endif()
+add_library(jade::crypto ALIAS OpenSSL::Crypto)
+
 enable_language(C)  # FindHDF5 looks for the C interface
 set(HDF5_PREFER_PARALLEL FALSE)
 find_package(HDF5 QUIET COMPONENTS C)

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/config/config.h"
 
+#include "support/catch.h"
+
 #include <nlohmann/json.hpp>
 
 #include "jade/core/error.h"
-#include "support/catch.h"
 #include "support/temp_dir.h"
 
 using namespace jade;
@@ -51,7 +52,8 @@ std::string error_of(const test::TempDir& dir, const std::string& text,
   } catch (const ConfigError& error) {
     std::string message = error.what();
     const std::string folder = dir.path().string() + "/";
-    for (size_t at; (at = message.find(folder)) != std::string::npos;) message.erase(at, folder.size());
+    for (size_t at; (at = message.find(folder)) != std::string::npos;)
+      message.erase(at, folder.size());
     return message;
   }
   return "no error";
@@ -81,7 +83,8 @@ TEST_CASE("config: paths start at the file that names them", "[config]") {
 
 TEST_CASE("config: a mistake is one line with place, key, expectation and finding", "[config]") {
   const test::TempDir dir;
-  CHECK(error_of(dir, "route:\n  lrr: 1\n") == "scene.yaml:2:3: route.lrr: unknown key; did you mean route.lr?");
+  CHECK(error_of(dir, "route:\n  lrr: 1\n") ==
+        "scene.yaml:2:3: route.lrr: unknown key; did you mean route.lr?");
   CHECK(error_of(dir, "iterations: ten\n") ==
         "scene.yaml:1:13: iterations: expected a whole number in [1, 1e+09], found 'ten'");
   CHECK(error_of(dir, "route: {lr: 2}\n") ==
@@ -89,7 +92,8 @@ TEST_CASE("config: a mistake is one line with place, key, expectation and findin
   CHECK(error_of(dir, "kind: c\n") == "scene.yaml:1:7: kind: expected one of a, b, found 'c'");
   CHECK(error_of(dir, "iterations: \"5\"\n").find("found '5'") != std::string::npos);
   CHECK(error_of(dir, "iterations: 1.5\n").find("whole number") != std::string::npos);
-  CHECK(error_of(dir, "route: 3\n") == "scene.yaml:1:8: route: expected a group of keys, found '3'");
+  CHECK(error_of(dir, "route: 3\n") ==
+        "scene.yaml:1:8: route: expected a group of keys, found '3'");
   CHECK(error_of(dir, "kind: a\nkind: b\n") == "scene.yaml:2:1: kind: given twice");
   CHECK(error_of(dir, "", {"itterations=5"}) ==
         "--set itterations=5: itterations: unknown key; did you mean iterations?");
@@ -108,7 +112,8 @@ TEST_CASE("config: all problems are told at once", "[config]") {
 TEST_CASE("config: extends that goes in a circle is refused with the circle", "[config]") {
   const test::TempDir dir;
   dir.write("a.yaml", "extends: scene.yaml\n");
-  CHECK(error_of(dir, "extends: a.yaml\n").find("scene.yaml -> a.yaml -> scene.yaml") != std::string::npos);
+  CHECK(error_of(dir, "extends: a.yaml\n").find("scene.yaml -> a.yaml -> scene.yaml") !=
+        std::string::npos);
 }
 
 TEST_CASE("config: a file that does not exist is a ConfigError that names it", "[config]") {
@@ -118,7 +123,8 @@ TEST_CASE("config: a file that does not exist is a ConfigError that names it", "
 
 TEST_CASE("config: what is printed reads back and prints the same bytes", "[config]") {
   const test::TempDir dir;
-  auto options = load_text(dir, "", {"data='x y: z'", "device=\"true\"", "route.lr=0.1", "steps=[]"});
+  auto options =
+      load_text(dir, "", {"data='x y: z'", "device=\"true\"", "route.lr=0.1", "steps=[]"});
   CHECK(options.device == "true");
   const std::string printed = config::to_yaml(fields_of(options), "title");
   auto again = load_text(dir, printed);

@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <torch/torch.h>
+#include "support/catch.h"
 
 #include <csignal>
+#include <torch/torch.h>
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/check.h"
 #include "jade/core/device.h"
+#include "jade/core/digest.h"
 #include "jade/core/interrupt.h"
 #include "jade/core/progress.h"
 #include "jade/core/random.h"
-#include "support/catch.h"
 #include "support/temp_dir.h"
 
 using namespace jade;
@@ -27,7 +28,8 @@ TEST_CASE("error: each type carries its documented exit code", "[core]") {
 TEST_CASE("check_shape: names the tensor, what was expected and what was found", "[core]") {
   const auto image = torch::zeros({3, 4, 5});
   CHECK_NOTHROW(check_shape(image, "image", {3, -1, 5}));
-  CHECK_THROWS_WITH(check_shape(image, "image", {3, 4}), "image: expected shape [3, 4], found [3, 4, 5]");
+  CHECK_THROWS_WITH(check_shape(image, "image", {3, 4}),
+                    "image: expected shape [3, 4], found [3, 4, 5]");
   CHECK_THROWS_WITH(check_shape(image, "image", {3, -1, 6}),
                     "image: expected shape [3, any, 6], found [3, 4, 5]");
   CHECK_THROWS_AS(check_shape(torch::Tensor(), "image", {1}), ContractError);
@@ -83,6 +85,17 @@ TEST_CASE("files: what cannot be written or read is a DataError that names the p
   CHECK_THROWS_AS(write_file("/dev/full/x", "content"), DataError);
 }
 
+TEST_CASE("Sha256: gives the published digest of 'abc' (FIPS 180-4)", "[core]") {
+  const test::TempDir dir;
+  const std::string expected = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+  CHECK(file_sha256(dir.write("file", "abc")) == expected);
+  Sha256 pieces;
+  pieces.update("a");
+  pieces.update("bc");
+  CHECK(pieces.hex() == expected);
+  CHECK_THROWS_AS(file_sha256(dir.path() / "missing"), DataError);
+}
+
 TEST_CASE("interrupt: a signal sets the flag that long work asks for", "[core]") {
   install_interrupt_handlers();
   CHECK_FALSE(interrupt_requested());
@@ -93,7 +106,8 @@ TEST_CASE("interrupt: a signal sets the flag that long work asks for", "[core]")
   set_interrupt_requested(false);
 }
 
-TEST_CASE("select_device: words it does not know and GPUs that are not there are told apart", "[core]") {
+TEST_CASE("select_device: words it does not know and GPUs that are not there are told apart",
+          "[core]") {
   CHECK(select_device("cpu").is_cpu());
   CHECK(select_device("auto").is_cuda() == (cuda_device_count() > 0));
   for (const char* word : {"gpu", "cuda:", "cuda:x", "cuda:-1", ""}) {
