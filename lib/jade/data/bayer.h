@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <torch/types.h>
+
+namespace jade::data {
+
+/// Which colour the events at each rectified pixel have, for a sensor with an RGGB filter (red at
+/// even rows and even columns). Raw pixel (row i, column j) lands at (map_x[i,j], map_y[i,j]) of
+/// the rectified image and gives its colour to the nearest pixel; of several that land on one
+/// pixel the nearest to its centre counts.
+/// @param map_x, map_y  [h,w] of any floating type, in pixels; NaN and outside are left out.
+/// @return [3,height,width] bool, at most one channel set.
+/// @throws ContractError if the maps differ in shape.
+torch::Tensor event_color_map(const torch::Tensor& map_x, const torch::Tensor& map_y,
+                              int64_t height, int64_t width);
+
+/// The same from ev_map.npz with inv_mapx and inv_mapy. @throws DataError.
+torch::Tensor read_event_color_map(const std::filesystem::path& path, int64_t height,
+                                   int64_t width);
+
+}  // namespace jade::data

@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/data/dataset.h"
+
+#include <cstdlib>
+#include <torch/torch.h>
+
+#include "jade/core/error.h"
+#include "jade/data/colmap_scene.h"
+#include "jade/data/diet_gs.h"
+#include "jade/data/evdeblur.h"
+#include "jade/data/frame_times.h"
+#include "jade/data/transforms.h"
+#include "jade/data/warnings.h"
+
+namespace jade::data {
+namespace {
+
+namespace fs = std::filesystem;
+
+void check_folder(const fs::path& folder) {
+  if (folder.empty()) throw ConfigError("dataset.path is not set; give the folder of the data set");
+  if (fs::is_directory(folder)) return;
+  throw DataError(concat(folder.string(),
+                         fs::exists(folder) ? ": is a file; " : ": no such folder; ",
+                         "dataset.path must be the folder of a data set"));
+}
+
+void check_choice(const std::string& key, const std::string& value,
+                  std::initializer_list<const char*> choices) {
+  for (const char* choice : choices) {
+    if (value == choice) return;
+  }
+  throw ConfigError(concat("dataset.", key, ": unknown value '", value, "'"));
+}
+
+/// Name of the folder, also of "scene/." and "scene/".
+std::string folder_name(const fs::path& folder) {
+  const fs::path whole = fs::absolute(folder).lexically_normal();
+  return whole.has_filename() ? whole.filename().string() : whole.parent_path().filename().string();
+}
+
+}  // namespace
+
+std::string listing(const std::vector<std::string>& names, size_t most) {
+  std::string text;
+  const size_t shown = names.size() > most ? most : names.size();
+  for (size_t i = 0; i < shown; ++i) text += (i == 0 ? "" : ", ") + names[i];
+  if (names.size() > shown) text += concat(" and ", names.size() - shown, " more");
+  return text;
+}
+
+int64_t exposure_of(const Dataset& dataset, const SharpView& view) {
+  if (!view.has_time()) return -1;
+  for (size_t i = 0; i < dataset.train.size(); ++i) {
+    const Exposure& exposure = dataset.train[i];
+    if (exposure.duration_us() == 0) continue;
+    const double away = std::abs(double(view.t_us) -
+                                 0.5 * (double(exposure.t_start_us) + double(exposure.t_end_us)));
+    if (away <= double(exposure.duration_us()) / 16) return static_cast<int64_t>(i);
+  }
+  return -1;
+}
+
+std::string recognise_dataset(const fs::path& folder) {
+  check_folder(folder);
+  if (is_evdeblur(folder)) return "evdeblur";
+  if (is_transforms(folder)) return "transforms";
+  if (is_diet_gs(folder)) return "diet_gs";
+  if (!find_colmap_model(folder).empty()) return "colmap";
+  throw DataError(concat(folder.string(),
+                         ": is no data set we know; expected poses_bounds.npy "
+                         "(EvDeblur), sparse/0 (COLMAP, DiET-GS) or "
+                         "transforms.json in it"));
+}
+
+Dataset load_dataset(const DatasetOptions& options, std::vector<std::string>* warnings) {
+  check_choice("kind", options.kind, {"auto", "evdeblur", "diet_gs", "colmap", "transforms"});
+  check_choice("split", options.split, {"auto", "last", "every", "none"});
+  check_choice("time_unit", options.time_unit, {"auto", "us", "ns", "s"});
+  check_choice("events_unit", options.events_unit, {"auto", "us", "ns", "s"});
+  check_folder(options.path);
+  const std::string kind = options.kind == "auto" ? recognise_dataset(options.path) : options.kind;
+  const Warnings sink(warnings);
+  Dataset data;
+  if (kind == "evdeblur") data = load_evdeblur(options, sink);
+  if (kind == "diet_gs") data = load_diet_gs(options, sink);
+  if (kind == "colmap") data = load_colmap(options, sink);
+  if (kind == "transforms") data = load_transforms(options, sink);
+  data.kind = kind;
+  data.name = folder_name(options.path);
+  if (data.train.size() == 1) {
+    sink.add(options.path.string(), ": has a single training frame; a scene needs several views");
+  }
+  return data;
+}
+
+}  // namespace jade::data

@@ -1,0 +1,299 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/data/evdeblur.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numeric>
+#include <torch/torch.h>
+
+#include "jade/core/error.h"
+#include "jade/data/bayer.h"
+#include "jade/data/frame_times.h"
+#include "jade/data/frames.h"
+#include "jade/data/llff.h"
+#include "jade/data/recording.h"
+#include "jade/imaging/image_io.h"
+#include "jade/io/npy.h"
+
+namespace jade::data {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Timed poses in any order, the last of equal times winning.
+using TimedPoses = std::map<double, geometry::Pose>;
+
+geometry::Trajectory trajectory_of(const TimedPoses& timed) {
+  std::vector<double> times;
+  std::vector<geometry::Pose> poses;
+  for (const auto& [time, pose] : timed) {
+    times.push_back(time);
+    poses.push_back(pose);
+  }
+  return geometry::Trajectory(std::move(times), poses);
+}
+
+/// Where timestamps.npz lies: with the frames, or beside their folder.
+fs::path times_file(const fs::path& root, const fs::path& images) {
+  for (const fs::path& path : {images / "timestamps.npz", root / "timestamps.npz"}) {
+    if (fs::exists(path)) return path;
+  }
+  throw DataError(concat((images / "timestamps.npz").string(),
+                         ": missing; it must hold timestamps_start and timestamps_end, one each a "
+                         "frame"));
+}
+
+geometry::Trajectory read_dense(const fs::path& root, const std::string& unit,
+                                const Warnings& warnings) {
+  const fs::path pose_file = root / "all_poses_bounds.npy";
+  const fs::path time_file = root / "all_timestamps.npy";
+  if (!fs::exists(pose_file) && !fs::exists(time_file)) return {};
+  if (fs::exists(pose_file) != fs::exists(time_file)) {
+    const fs::path& missing = fs::exists(pose_file) ? time_file : pose_file;
+    throw DataError(concat(missing.string(),
+                           ": missing; a dense trajectory needs "
+                           "all_poses_bounds.npy and all_timestamps.npy, or "
+                           "remove the other one"));
+  }
+  const std::vector<LlffView> views = read_llff(pose_file);
+  const std::vector<int64_t> times = times_us(io::read_npy(time_file), unit, time_file.string());
+  if (views.size() != times.size()) {
+    throw DataError(concat(time_file.string(), ": ", times.size(), " times for ", views.size(),
+                           " poses in all_poses_bounds.npy; export both again"));
+  }
+  if (views.empty()) throw DataError(concat(pose_file.string(), ": holds no pose"));
+  TimedPoses timed;
+  for (size_t i = 0; i < views.size(); ++i) timed[double(times[i])] = views[i].camera_from_world;
+  if (!std::is_sorted(times.begin(), times.end())) {
+    warnings.add(time_file.string(), ": times are not in order; poses were sorted by time");
+  }
+  if (timed.size() != times.size()) {
+    warnings.add(time_file.string(), ": ", times.size() - timed.size(),
+                 " times occur more than once; the last pose of each was kept");
+  }
+  return trajectory_of(timed);
+}
+
+/// `inner` mirrored through `end`: where a camera that moves steadily was as long before `end` as
+/// it is at `inner` after it.
+geometry::Pose mirrored(const geometry::Pose& end, const geometry::Pose& inner) {
+  const auto turn_back = geometry::compose(end, geometry::inverse(inner)).rotation;
+  const geometry::Pose rotated = geometry::compose({turn_back, {0, 0, 0}}, end);
+  const auto a = geometry::centre(end);
+  const auto b = geometry::centre(inner);
+  return geometry::pose_at_centre(rotated.rotation,
+                                  {2 * a[0] - b[0], 2 * a[1] - b[1], 2 * a[2] - b[2]});
+}
+
+/// A path through the poses of the frames, each taken as its mid-exposure, long enough for the
+/// first and last exposure.
+geometry::Trajectory path_through_frames(const std::vector<LlffView>& views,
+                                         const std::vector<FrameTime>& times) {
+  TimedPoses timed;
+  double first = INFINITY;
+  double last = -INFINITY;
+  for (size_t i = 0; i < views.size(); ++i) {
+    timed[0.5 * (double(times[i].start_us) + double(times[i].end_us))] = views[i].camera_from_world;
+    first = std::min(first, double(times[i].start_us));
+    last = std::max(last, double(times[i].end_us));
+  }
+  const geometry::Trajectory inner = trajectory_of(timed);
+  const double begin = inner.begin_us();
+  const double end = inner.end_us();
+  if (first < begin) timed[first] = mirrored(inner.at(begin), inner.at(2 * begin - first));
+  if (last > end) timed[last] = mirrored(inner.at(end), inner.at(2 * end - last));
+  return trajectory_of(timed);
+}
+
+struct Sources {
+  fs::path images;
+  std::vector<fs::path> image_files;
+  fs::path time_path;
+  std::vector<FrameTime> times;
+  std::string time_unit;
+  std::vector<LlffView> views;
+};
+
+Sources read_sources(const DatasetOptions& options) {
+  Sources s;
+  s.images = find_image_folder(options.path, options.image_folder);
+  s.image_files = imaging::list_images(s.images);
+  s.time_path = times_file(options.path, s.images);
+  FrameTimes times = read_frame_times(s.time_path, options.time_unit);
+  s.times = std::move(times.frames);
+  s.time_unit = times.unit;
+  const fs::path pose_path = options.path / "poses_bounds.npy";
+  if (!fs::exists(pose_path)) {
+    throw DataError(concat(pose_path.string(),
+                           ": missing; it must hold one LLFF row of 17 numbers "
+                           "a frame"));
+  }
+  s.views = read_llff(pose_path);
+  if (s.image_files.empty()) throw DataError(concat(s.images.string(), ": holds no images"));
+  if (s.times.size() != s.image_files.size() || s.views.size() != s.image_files.size()) {
+    throw DataError(concat(options.path.string(), ": ", s.image_files.size(), " images in ",
+                           s.images.filename().string(), "/, ", s.times.size(),
+                           " times in timestamps.npz and ", s.views.size(),
+                           " poses in poses_bounds.npy; there must be one of each a frame"));
+  }
+  return s;
+}
+
+geometry::Intrinsics camera_of(const Sources& s, const torch::Tensor& image,
+                               const Warnings& warnings) {
+  const int64_t height = image.size(1);
+  const int64_t width = image.size(2);
+  const double scale = folder_scale(s.images);
+  const LlffView& view = s.views.front();
+  if (!(view.focal_px > 0)) {
+    throw DataError(concat(s.images.parent_path().string(), "/poses_bounds.npy: focal length ",
+                           view.focal_px, " px; write it as the fifth number of the third line"));
+  }
+  for (size_t i = 1; i < s.views.size(); ++i) {
+    if (std::abs(s.views[i].focal_px - view.focal_px) > 1e-6 * view.focal_px) {
+      warnings.add("poses_bounds.npy: focal lengths differ (", view.focal_px, " and ",
+                   s.views[i].focal_px, " px); the first is used for all frames");
+      break;
+    }
+  }
+  if (std::abs(view.width / scale - double(width)) > 1 ||
+      std::abs(view.height / scale - double(height)) > 1) {
+    warnings.add("poses_bounds.npy: made for images of ", view.width / scale, "x",
+                 view.height / scale, " while these are ", width, "x", height,
+                 "; the focal length is used as it is");
+  }
+  return geometry::Intrinsics::centred(view.focal_px / scale, width, height);
+}
+
+/// Poses beyond the ends of the trajectory stand still there.
+void check_covered(const geometry::Trajectory& path, const FrameTime& time, const std::string& name,
+                   const Warnings& warnings) {
+  const double missing =
+      std::max({path.begin_us() - double(time.start_us), double(time.end_us) - path.end_us(), 0.0});
+  if (missing == 0) return;
+  const double length = double(time.end_us - time.start_us);
+  if (missing >= 0.5 * length) {
+    throw DataError(concat("exposure ", name, " [", time.start_us, ", ", time.end_us,
+                           "] us lies outside the trajectory of all_timestamps.npy [",
+                           path.begin_us(), ", ", path.end_us(),
+                           "] us; its poses are missing, or dataset.time_unit is wrong"));
+  }
+  warnings.add("exposure ", name, ": the trajectory ends ", missing,
+               " us short of it; the camera is taken to stand still there");
+}
+
+/// Frames' own poses and the trajectory should be of one camera.
+void check_agreement(const geometry::Trajectory& path, const Sources& s, const Warnings& warnings) {
+  double span = 0;
+  const auto first = geometry::centre(path.at(path.begin_us()));
+  for (const double time : path.times_us()) {
+    const auto c = geometry::centre(path.at(time));
+    span = std::max(span, std::hypot(c[0] - first[0], c[1] - first[1], c[2] - first[2]));
+  }
+  for (size_t i = 0; i < s.views.size(); ++i) {
+    const double mid = 0.5 * (double(s.times[i].start_us) + double(s.times[i].end_us));
+    const geometry::Pose expected = path.at(mid);
+    const auto a = geometry::centre(expected);
+    const auto b = geometry::centre(s.views[i].camera_from_world);
+    const double distance = std::hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
+    const double angle = geometry::rotation_angle(expected, s.views[i].camera_from_world);
+    if (distance <= 0.05 * span + 1e-9 && angle <= 0.05) continue;
+    warnings.add("poses_bounds.npy: row ", i, " is ", distance, " units and ", angle,
+                 " rad away from all_poses_bounds.npy at its time; the two may be of different "
+                 "coordinates or times");
+    return;
+  }
+}
+
+geometry::Trajectory choose_path(const DatasetOptions& options, const Sources& s, Dataset& data,
+                                 const Warnings& warnings) {
+  data.trajectory = read_dense(options.path, s.time_unit, warnings);
+  if (!data.trajectory.empty()) {
+    check_agreement(data.trajectory, s, warnings);
+    return data.trajectory;
+  }
+  warnings.add(options.path.string(),
+               ": no dense trajectory (all_poses_bounds.npy and "
+               "all_timestamps.npy); the nine poses of each exposure are "
+               "interpolated between the poses of the frames");
+  return path_through_frames(s.views, s.times);
+}
+
+void add_frames(const Sources& s, std::vector<Frame> frames, const Split& split,
+                const geometry::Trajectory& path, const Warnings& warnings, Dataset& data) {
+  const geometry::Intrinsics camera = camera_of(s, frames.front().image, warnings);
+  for (size_t i = 0; i < frames.size(); ++i) {
+    const FrameTime& time = s.times[i];
+    if (split.is_test[i]) {
+      data.test.push_back(
+          {frames[i].name, frames[i].image, s.views[i].camera_from_world, camera, time.mid_us()});
+      continue;
+    }
+    check_covered(path, time, frames[i].name, warnings);
+    Exposure exposure;
+    exposure.name = frames[i].name;
+    exposure.blurry = frames[i].image;
+    exposure.t_start_us = time.start_us;
+    exposure.t_end_us = time.end_us;
+    exposure.poses = path.exposure_poses(time.start_us, time.end_us);
+    exposure.camera = camera;
+    data.train.push_back(std::move(exposure));
+  }
+  std::stable_sort(data.train.begin(), data.train.end(), [](const Exposure& a, const Exposure& b) {
+    return a.t_start_us < b.t_start_us;
+  });
+}
+
+void set_bounds(const Sources& s, Dataset& data) {
+  data.near = INFINITY;
+  data.far = 0;
+  for (const LlffView& view : s.views) {
+    data.near = std::min(data.near, view.near);
+    data.far = std::max(data.far, view.far);
+  }
+  if (data.near > 0 && data.far > data.near) return;
+  throw DataError(concat((data.root / "poses_bounds.npy").string(), ": depth bounds ", data.near,
+                         " to ", data.far, "; expected 0 < near < far in the last two columns"));
+}
+
+}  // namespace
+
+bool is_evdeblur(const fs::path& folder) {
+  if (fs::exists(folder / "poses_bounds.npy")) return true;
+  for (const char* images : {"images_1", "images"}) {
+    if (fs::exists(folder / images / "timestamps.npz")) return true;
+  }
+  return false;
+}
+
+Dataset load_evdeblur(const DatasetOptions& options, const Warnings& warnings) {
+  const Sources s = read_sources(options);
+  const Split split = split_frames(s.times, {options.split, options.test_last, options.test_every},
+                                   s.time_path.string(), warnings);
+  Dataset data;
+  data.root = options.path;
+  data.split = split.rule;
+  set_bounds(s, data);
+  const geometry::Trajectory path = choose_path(options, s, data, warnings);
+  add_frames(s, read_frames(s.image_files), split, path, warnings, data);
+
+  RecordingSpan span{data.train.front().t_start_us, data.train.front().t_end_us};
+  for (const Exposure& exposure : data.train) {
+    span.end_us = std::max(span.end_us, exposure.t_end_us);
+  }
+  RecordingSpan keep;
+  if (!data.trajectory.empty()) {
+    keep = {static_cast<int64_t>(data.trajectory.begin_us()),
+            static_cast<int64_t>(data.trajectory.end_us())};
+  }
+  attach_events(options, span, keep, warnings, data);
+  const fs::path color_map = options.path / "ev_map.npz";
+  if (options.color_events && fs::exists(color_map)) {
+    const geometry::Intrinsics& camera = data.train.front().camera;
+    data.event_color = read_event_color_map(color_map, camera.height, camera.width);
+  }
+  return data;
+}
+
+}  // namespace jade::data

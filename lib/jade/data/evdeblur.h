@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+// The layout of the EvDeblur-CDAVIS and -Blender scenes:
+//   images_1/NN.png          blurry and sharp frames together, in order of name
+//   images_1/timestamps.npz  timestamps_start, timestamps_end, one each a frame
+//   poses_bounds.npy         LLFF rows, one a frame
+//   all_poses_bounds.npy     optional: LLFF rows of a dense trajectory, with all_timestamps.npy
+//   events.h5                optional: x, y, t, p
+//   ev_map.npz               optional: where raw pixels of a colour sensor land
+#pragma once
+
+#include <filesystem>
+
+#include "jade/data/dataset.h"
+#include "jade/data/warnings.h"
+
+namespace jade::data {
+
+/// True if `folder` looks like this layout: poses_bounds.npy, or time stamps beside its images.
+bool is_evdeblur(const std::filesystem::path& folder);
+
+/// Poses of an exposure come from the dense trajectory. Without one they are interpolated between
+/// the frames' own poses, continued at both ends. See load_dataset for errors.
+Dataset load_evdeblur(const DatasetOptions& options, const Warnings& warnings);
+
+}  // namespace jade::data

@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/data/frames.h"
+
+#include <algorithm>
+#include <cmath>
+#include <exception>
+#include <torch/torch.h>
+
+#include "jade/core/error.h"
+#include "jade/imaging/image_io.h"
+
+namespace jade::data {
+
+namespace fs = std::filesystem;
+
+fs::path find_image_folder(const fs::path& root, const std::string& wanted) {
+  if (!wanted.empty()) {
+    if (fs::is_directory(root / wanted)) return root / wanted;
+    throw DataError(
+        concat((root / wanted).string(),
+               ": no such folder; set dataset.image_folder to the folder of the frames"));
+  }
+  std::vector<fs::path> candidates = {root / "images_1", root / "images"};
+  std::vector<fs::path> others;
+  for (const auto& entry : fs::directory_iterator(root)) {
+    const std::string name = entry.path().filename().string();
+    if (entry.is_directory() && name.rfind("images_", 0) == 0 && name != "images_edi") {
+      others.push_back(entry.path());
+    }
+  }
+  std::sort(others.begin(), others.end());
+  candidates.insert(candidates.end(), others.begin(), others.end());
+  for (const fs::path& folder : candidates) {
+    if (fs::is_directory(folder) && !imaging::list_images(folder).empty()) return folder;
+  }
+  throw DataError(concat(root.string(),
+                         ": expected frames in images_1/ or images/, found none; set "
+                         "dataset.image_folder"));
+}
+
+double folder_scale(const fs::path& image_folder) {
+  const std::string name = image_folder.filename().string();
+  if (name.rfind("images_", 0) != 0) return 1;
+  const double scale = std::atof(name.c_str() + 7);
+  return scale >= 1 ? scale : 1;
+}
+
+std::vector<Frame> read_frames(const std::vector<fs::path>& paths) {
+  std::vector<Frame> frames(paths.size());
+  at::parallel_for(0, int64_t(paths.size()), 1, [&](int64_t begin, int64_t end) {
+    for (int64_t i = begin; i < end; ++i) {
+      frames[size_t(i)] = {paths[size_t(i)].stem().string(), imaging::read_image(paths[size_t(i)])};
+    }
+  });
+  for (size_t i = 1; i < frames.size(); ++i) {
+    const auto size = frames[i].image.sizes();
+    const auto first = frames[0].image.sizes();
+    if (size == first) continue;
+    throw DataError(concat(paths[i].string(), ": is ", size[2], "x", size[1], " while ",
+                           paths[0].filename().string(), " is ", first[2], "x", first[1],
+                           "; all frames must have one size"));
+  }
+  return frames;
+}
+
+DepthBounds depth_bounds(const torch::Tensor& points, const std::vector<geometry::Pose>& poses) {
+  std::vector<double> depths;
+  if (points.defined()) {
+    const torch::Tensor xyz = points.to(torch::kFloat64).contiguous();
+    const double* point = xyz.data_ptr<double>();
+    // A few hundred thousand depths give the quantiles well enough.
+    const int64_t step = std::max<int64_t>(1, xyz.size(0) * int64_t(poses.size()) / 400000);
+    for (size_t view = 0; view < poses.size(); ++view) {
+      for (int64_t i = int64_t(view) % step; i < xyz.size(0); i += step) {
+        const auto in_camera =
+            geometry::transform(poses[view], {point[3 * i], point[3 * i + 1], point[3 * i + 2]});
+        if (in_camera[2] > 0) depths.push_back(in_camera[2]);
+      }
+    }
+  }
+  if (depths.size() < 10) {
+    double spread = 0;
+    for (const geometry::Pose& pose : poses) {
+      const auto a = geometry::centre(pose);
+      const auto b = geometry::centre(poses.front());
+      spread = std::max(spread, std::hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]));
+    }
+    return spread > 0 ? DepthBounds{0.01 * spread, 100 * spread} : DepthBounds{0.1, 100};
+  }
+  const auto quantile = [&](double q) {
+    const auto at = depths.begin() + static_cast<int64_t>(q * double(depths.size() - 1));
+    std::nth_element(depths.begin(), at, depths.end());
+    return *at;
+  };
+  const double low = quantile(0.005);
+  return {0.9 * low, 1.1 * quantile(0.995)};
+}
+
+}  // namespace jade::data

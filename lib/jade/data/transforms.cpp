@@ -1,0 +1,200 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/data/transforms.h"
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <torch/torch.h>
+
+#include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
+#include "jade/data/frame_times.h"
+#include "jade/data/frames.h"
+#include "jade/imaging/image_io.h"
+
+namespace jade::data {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+struct View {
+  fs::path path;
+  geometry::Pose pose;
+  geometry::Intrinsics camera;  ///< 0 where the file does not say
+  double angle_x = 0;           ///< horizontal field of view in radians, in place of a focal length
+};
+
+json read_json(const fs::path& path) {
+  const json root = json::parse(read_file(path), nullptr, /*allow_exceptions=*/false);
+  if (root.is_object() && root.contains("frames") && root["frames"].is_array()) return root;
+  throw DataError(concat(path.string(),
+                         ": expected a JSON object with a list 'frames'; the file is "
+                         "damaged or of another kind"));
+}
+
+double number(const json& object, const std::string& key, double otherwise) {
+  return object.contains(key) && object[key].is_number() ? object[key].get<double>() : otherwise;
+}
+
+geometry::Pose pose_of_matrix(const json& matrix, const std::string& where) {
+  double m[3][4];
+  const auto wrong = [&] {
+    return DataError(concat(where,
+                            ": expected 'transform_matrix' to be a 4x4 rotation and "
+                            "translation, world_from_camera in OpenGL axes"));
+  };
+  if (!matrix.is_array() || matrix.size() < 3) throw wrong();
+  for (size_t row = 0; row < 3; ++row) {
+    if (!matrix[row].is_array() || matrix[row].size() != 4) throw wrong();
+    for (size_t column = 0; column < 4; ++column) {
+      if (!matrix[row][column].is_number()) throw wrong();
+      m[row][column] = matrix[row][column].get<double>();
+      if (!std::isfinite(m[row][column])) throw wrong();
+    }
+  }
+  geometry::Pose world_from_camera;
+  for (size_t row = 0; row < 3; ++row) {
+    for (size_t column = 0; column < 3; ++column) {
+      world_from_camera.rotation[3 * row + column] = column == 0 ? m[row][0] : -m[row][column];
+    }
+    world_from_camera.translation[row] = m[row][3];
+  }
+  try {
+    world_from_camera.rotation = geometry::nearest_rotation(world_from_camera.rotation);
+  } catch (const ContractError&) {
+    throw wrong();
+  }
+  return geometry::inverse(world_from_camera);
+}
+
+/// Paths are relative to the JSON and may lack an extension.
+fs::path image_of(const fs::path& folder, const json& frame, const std::string& where) {
+  if (!frame.is_object() || !frame.contains("file_path") || !frame["file_path"].is_string()) {
+    throw DataError(concat(where, ": expected a 'file_path'"));
+  }
+  const fs::path given = (folder / frame["file_path"].get<std::string>()).lexically_normal();
+  for (const char* extension : {"", ".png", ".jpg", ".jpeg", ".JPG"}) {
+    const fs::path path = given.string() + extension;
+    if (fs::is_regular_file(path)) return path;
+  }
+  throw DataError(concat(given.string(), ": missing, but named in ", where));
+}
+
+geometry::Intrinsics camera_of_frame(const json& root, const json& frame) {
+  const auto value = [&](const char* key, double otherwise) {
+    return number(frame, key, number(root, key, otherwise));
+  };
+  geometry::Intrinsics camera;
+  camera.width = static_cast<int64_t>(value("w", 0));
+  camera.height = static_cast<int64_t>(value("h", 0));
+  camera.fx = value("fl_x", 0);
+  camera.fy = value("fl_y", camera.fx);
+  camera.cx = value("cx", 0);
+  camera.cy = value("cy", 0);
+  return camera;
+}
+
+std::vector<View> read_views(const fs::path& path, const Warnings& warnings) {
+  const json root = read_json(path);
+  for (const char* key : {"k1", "k2", "k3", "k4", "p1", "p2"}) {
+    if (std::abs(number(root, key, 0)) < 1e-6) continue;
+    warnings.add(path.string(), ": lens distortion (", key,
+                 ") is ignored; undistort the images "
+                 "first if it is more than a pixel");
+    break;
+  }
+  std::vector<View> views;
+  for (const json& frame : root["frames"]) {
+    const std::string where = concat(path.string(), " frame ", views.size());
+    View view;
+    view.path = image_of(path.parent_path(), frame, where);
+    view.camera = camera_of_frame(root, frame);
+    if (!frame.contains("transform_matrix")) {
+      throw DataError(concat(where, ": expected a 'transform_matrix'"));
+    }
+    view.pose = pose_of_matrix(frame["transform_matrix"], where);
+    if (!(view.camera.fx > 0)) {
+      view.angle_x = number(root, "camera_angle_x", 0);
+      if (!(view.angle_x > 0 && view.angle_x < 3.1)) {
+        throw DataError(concat(where, ": expected 'fl_x' or 'camera_angle_x'"));
+      }
+    }
+    views.push_back(std::move(view));
+  }
+  if (views.empty()) throw DataError(concat(path.string(), ": has no frames"));
+  return views;
+}
+
+geometry::Intrinsics fit_camera(const View& view, int64_t width, int64_t height) {
+  if (view.angle_x > 0) {
+    const double focal_px = 0.5 * double(width) / std::tan(0.5 * view.angle_x);
+    return geometry::Intrinsics::centred(focal_px, width, height);
+  }
+  geometry::Intrinsics camera = view.camera;
+  if (camera.width <= 0 || camera.height <= 0) {
+    camera.width = width;
+    camera.height = height;
+  }
+  if (camera.cx == 0) camera.cx = 0.5 * double(camera.width);
+  if (camera.cy == 0) camera.cy = 0.5 * double(camera.height);
+  return geometry::scaled(camera, width, height);
+}
+
+}  // namespace
+
+bool is_transforms(const fs::path& folder) {
+  return fs::exists(folder / "transforms.json") || fs::exists(folder / "transforms_train.json");
+}
+
+Dataset load_transforms(const DatasetOptions& options, const Warnings& warnings) {
+  const fs::path single = options.path / "transforms.json";
+  std::vector<View> views;
+  std::vector<bool> is_test;
+  Dataset data;
+  if (fs::exists(single)) {
+    views = read_views(single, warnings);
+    std::sort(views.begin(), views.end(),
+              [](const View& a, const View& b) { return a.path < b.path; });
+    Split split = split_by_position(
+        views.size(), {options.split, options.test_last, options.test_every}, single.string());
+    is_test = std::move(split.is_test);
+    data.split = split.rule;
+  } else {
+    views = read_views(options.path / "transforms_train.json", warnings);
+    is_test.assign(views.size(), false);
+    const fs::path test = options.path / "transforms_test.json";
+    if (fs::exists(test) && options.split != "none") {
+      for (View& view : read_views(test, warnings)) views.push_back(std::move(view));
+    }
+    is_test.resize(views.size(), true);
+    data.split = "transforms_test.json";
+  }
+  std::vector<fs::path> paths;
+  for (const View& view : views) paths.push_back(view.path);
+  const std::vector<Frame> frames = read_frames(paths);
+  data.root = options.path;
+  std::vector<geometry::Pose> poses;
+  for (size_t i = 0; i < views.size(); ++i) {
+    const geometry::Intrinsics camera =
+        fit_camera(views[i], frames[i].image.size(2), frames[i].image.size(1));
+    poses.push_back(views[i].pose);
+    if (is_test[i]) {
+      data.test.push_back(
+          {frames[i].name, frames[i].image, views[i].pose, camera, SharpView::kNoTime});
+      continue;
+    }
+    Exposure exposure;
+    exposure.name = frames[i].name;
+    exposure.blurry = frames[i].image;
+    exposure.poses.fill(views[i].pose);
+    exposure.camera = camera;
+    data.train.push_back(std::move(exposure));
+  }
+  const DepthBounds bounds = depth_bounds({}, poses);
+  data.near = bounds.near;
+  data.far = bounds.far;
+  return data;
+}
+
+}  // namespace jade::data

@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+// Sharp images with poses in JSON: nerfstudio's transforms.json, and NeRF-synthetic's
+// transforms_train.json with transforms_test.json.
+#pragma once
+
+#include <filesystem>
+
+#include "jade/data/dataset.h"
+#include "jade/data/warnings.h"
+
+namespace jade::data {
+
+bool is_transforms(const std::filesystem::path& folder);
+
+/// Matrices are world_from_camera in OpenGL axes (x right, y up, z backwards).
+/// @throws DataError naming the file and frame for malformed JSON, missing keys or images.
+Dataset load_transforms(const DatasetOptions& options, const Warnings& warnings);
+
+}  // namespace jade::data

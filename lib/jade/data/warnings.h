@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "jade/core/error.h"
+
+namespace jade::data {
+
+/// Collects one line for each oddity that a loader could live with.
+class Warnings {
+ public:
+  explicit Warnings(std::vector<std::string>* lines) : lines_(lines) {}
+
+  template <class... Args>
+  void add(const Args&... args) const {
+    if (lines_ != nullptr) lines_->push_back(concat(args...));
+  }
+
+ private:
+  std::vector<std::string>* lines_;
+};
+
+/// "a, b, c and 4 more".
+std::string listing(const std::vector<std::string>& names, size_t most = 8);
+
+}  // namespace jade::data
