@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/splat/autograd.h"
+
+#include <torch/torch.h>
+
+#include "jade/core/check.h"
+
+namespace jade::splat {
+
+namespace {
+
+using torch::autograd::AutogradContext;
+using torch::autograd::tensor_list;
+using torch::autograd::Variable;
+
+ForwardResult backend_forward(const ForwardArgs& args) {
+  return args.gaussians.means.is_cuda() ? cuda::forward(args) : cpu::forward(args);
+}
+
+BackwardResult backend_backward(const BackwardArgs& args) {
+  return args.forward.gaussians.means.is_cuda() ? cuda::backward(args) : cpu::backward(args);
+}
+
+torch::Tensor contiguous_or_undefined(const torch::Tensor& tensor) {
+  return tensor.defined() ? tensor.contiguous() : tensor;
+}
+
+/// The scalars of ForwardArgs and the statistics' sink, which have no gradients.
+struct Settings : torch::CustomClassHolder {
+  ForwardArgs scalars;  ///< its tensors are undefined
+  std::vector<int64_t> state_numbers;
+  ScreenStatistics statistics;
+  int64_t statistics_view = -1;
+};
+
+constexpr size_t kInputs = 8;
+
+ForwardArgs with_inputs(const ForwardArgs& scalars, const std::vector<Variable>& in) {
+  ForwardArgs args = scalars;
+  args.gaussians = {in[0], in[1], in[2], in[3], in[4]};
+  args.camera_from_world = in[5];
+  args.background = in[6];
+  args.intrinsics = in[7];
+  return args;
+}
+
+struct Splatting : torch::autograd::Function<Splatting> {
+  static tensor_list forward(AutogradContext* ctx, const Variable& means, const Variable& rotations,
+                             const Variable& log_scales, const Variable& logit_opacities,
+                             const Variable& sh, const Variable& camera_from_world,
+                             const Variable& background, const Variable& intrinsics,
+                             const c10::intrusive_ptr<Settings>& settings) {
+    const tensor_list inputs = {means, rotations,         log_scales, logit_opacities,
+                                sh,    camera_from_world, background, intrinsics};
+    ForwardResult result = backend_forward(with_inputs(settings->scalars, inputs));
+    settings->state_numbers = result.state.numbers;
+    if (settings->scalars.needs_backward) {
+      tensor_list saved = inputs;
+      saved.insert(saved.end(), {result.color, result.alpha, result.depth_sum});
+      saved.insert(saved.end(), result.state.tensors.begin(), result.state.tensors.end());
+      ctx->save_for_backward(saved);
+      ctx->saved_data["settings"] = c10::IValue::make_capsule(settings);
+    }
+    ctx->mark_non_differentiable({result.rejected});
+    ctx->set_materialize_grads(false);
+    tensor_list outputs = {result.color, result.alpha, result.rejected};
+    if (result.depth_sum.defined()) outputs.push_back(result.depth_sum);
+    return outputs;
+  }
+
+  static tensor_list backward(AutogradContext* ctx, const tensor_list& grads) {
+    const auto capsule = ctx->saved_data["settings"].toCapsule();
+    const auto& settings = static_cast<const Settings&>(*capsule);
+    const tensor_list saved = ctx->get_saved_variables();
+    BackwardArgs args;
+    args.forward = with_inputs(settings.scalars, saved);
+    args.color = saved[kInputs];
+    args.alpha = saved[kInputs + 1];
+    args.depth_sum = saved[kInputs + 2];
+    args.state.tensors.assign(saved.begin() + kInputs + 3, saved.end());
+    args.state.numbers = settings.state_numbers;
+    args.grad_color = contiguous_or_undefined(grads[0]);
+    args.grad_alpha = contiguous_or_undefined(grads[1]);
+    if (grads.size() > 3) args.grad_depth_sum = contiguous_or_undefined(grads[3]);
+    args.statistics = settings.statistics;
+    args.statistics_view = settings.statistics_view;
+    args.needs_camera = ctx->needs_input_grad(5);
+    const BackwardResult result = backend_backward(args);
+    const Gaussians& g = result.gaussians;
+    return {g.means,
+            g.rotations,
+            g.log_scales,
+            g.logit_opacities,
+            g.sh,
+            args.needs_camera ? result.camera_from_world : torch::Tensor(),
+            result.background,
+            torch::Tensor(),
+            torch::Tensor()};
+  }
+};
+
+}  // namespace
+
+BlendedImages blend_images(const ForwardArgs& args, const ScreenStatistics& statistics,
+                           int64_t statistics_view) {
+  const Gaussians& g = args.gaussians;
+  auto settings = c10::make_intrusive<Settings>();
+  settings->scalars = args;
+  settings->scalars.gaussians = {};
+  settings->scalars.camera_from_world = settings->scalars.background =
+      settings->scalars.intrinsics = torch::Tensor();
+  settings->scalars.needs_backward = false;
+  for (const auto& t : {g.means, g.rotations, g.log_scales, g.logit_opacities, g.sh,
+                        args.camera_from_world, args.background}) {
+    settings->scalars.needs_backward |= t.requires_grad() && torch::GradMode::is_enabled();
+  }
+  settings->statistics = statistics;
+  settings->statistics_view = statistics_view;
+  const tensor_list out =
+      Splatting::apply(g.means, g.rotations, g.log_scales, g.logit_opacities, g.sh,
+                       args.camera_from_world, args.background, args.intrinsics, settings);
+  return {out[0], out[1], out.size() > 3 ? out[3] : torch::Tensor(), out[2]};
+}
+
+}  // namespace jade::splat

@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: Apache-2.0
+// The CPU's inner loops as plain functions on plain pointers. They are compiled once per
+// instruction set (kernels_*.cpp), so nothing here may include torch or inline library code.
+#pragma once
+
+#include <cstdint>
+
+namespace jade::splat::cpu {
+
+/// A Gaussian on the screen of one view; one cache line in float. Empty box: not visible.
+template <class T>
+struct Splat {
+  T x, y;
+  T a, b, c, log2_opacity;  ///< math::Falloff
+  T color[3];
+  T depth;
+  T slope, width2, shrink;  ///< math::RowExtent
+  int16_t x0, x1, y0, y1;   ///< pixels it can reach, half-open
+  uint32_t slot;            ///< first of its (splat, tile) instances in this view
+};
+
+/// Everything that the passes share. Pointers are to contiguous arrays.
+template <class T>
+struct Scene {
+  int64_t count = 0;
+  const T* means = nullptr;
+  const T* rotations = nullptr;
+  const T* log_scales = nullptr;
+  const T* logit_opacities = nullptr;
+  const T* sh = nullptr;  ///< [N, sh_stride, 3]
+  int sh_stride = 1;
+  int sh_degree = 0;
+  int views = 0;
+  const T* cameras = nullptr;  ///< [views], each a math::Camera<T>
+  int width = 0, height = 0;
+  T near_plane = 0;
+  bool antialiased = false;
+  bool smooth_cutoff = false;
+  bool depth = false;
+};
+
+/// A tile of one view and the splats on it, in depth order.
+template <class T>
+struct Tile {
+  const Splat<T>* splats = nullptr;  ///< of the view
+  const int32_t* list = nullptr;     ///< indices into `splats`
+  int64_t list_size = 0;
+  int x0 = 0, y0 = 0, width = 0, height = 0;  ///< at most kMaxTile each
+};
+constexpr int kMaxTile = 32;
+
+/// Images of one view; planes of height × width.
+template <class T>
+struct Images {
+  T* color = nullptr;  ///< 3 planes
+  T* alpha = nullptr;
+  T* depth_sum = nullptr;  ///< may be null
+};
+template <class T>
+struct ImageGradients {
+  const T* color = nullptr;  ///< each may be null, meaning zero
+  const T* alpha = nullptr;
+  const T* depth_sum = nullptr;
+};
+
+/// Sums over the pixels of one (splat, tile), in the order in which they are stored:
+/// moments u, x, y, xx, xy, yy (math::Moments), colour 3, and depth if Scene::depth.
+constexpr int kInstanceValues = 9;
+constexpr int instance_values(bool depth) { return kInstanceValues + (depth ? 1 : 0); }
+
+template <class T>
+struct Gradients {
+  T* means = nullptr;
+  T* rotations = nullptr;
+  T* log_scales = nullptr;
+  T* logit_opacities = nullptr;
+  T* sh = nullptr;
+  float* gradient_norm = nullptr;  ///< statistics; null: none
+  float* visible_count = nullptr;
+  float* max_radius_px = nullptr;
+  int64_t statistics_view = -1;
+};
+
+constexpr int kCameraValues = 12;  ///< rotation 9, translation 3
+constexpr int kMaxLanes = 16;
+
+template <class T>
+struct Kernels {
+  const char* name;
+  /// Projects Gaussians [begin, end) into splats [views, count]; returns how many are unusable.
+  int64_t (*project)(const Scene<T>& scene, int64_t begin, int64_t end, Splat<T>* splats);
+  void (*blend)(const Scene<T>& scene, const T* background, const Tile<T>& tile,
+                const Images<T>& images);
+  /// Writes the sums of each instance of the tile to instances[slot] and adds to grad_background.
+  void (*blend_adjoint)(const Scene<T>& scene, const T* background, const Tile<T>& tile,
+                        int tile_size, const Images<T>& images, const ImageGradients<T>& gradients,
+                        T* instances, T* grad_background);
+  /// Gathers the instances of Gaussians [begin, end), whose sums for view v begin at
+  /// instances + view_offsets[v] · instance_values, and writes their gradients. Adds each view's
+  /// camera gradient to grad_cameras [views, kCameraValues, kMaxLanes], spread over the last axis.
+  void (*project_adjoint)(const Scene<T>& scene, int64_t begin, int64_t end, const Splat<T>* splats,
+                          int tile_size, const T* instances, const int64_t* view_offsets,
+                          const Gradients<T>& gradients, T* grad_cameras);
+};
+
+struct KernelSet {
+  Kernels<float> single;
+  Kernels<double> precise;
+};
+
+extern const KernelSet kPortableKernels;
+#if defined(__x86_64__)
+extern const KernelSet kAvx2Kernels;
+extern const KernelSet kAvx512Kernels;
+#endif
+
+}  // namespace jade::splat::cpu

@@ -1,0 +1,243 @@
+// SPDX-License-Identifier: Apache-2.0
+// N numbers that are calculated with at once: the S of math/ for the CPU kernels. Written with the
+// compilers' vector extensions, so one source serves every instruction set; intrinsics only where
+// those fall short (fused multiply-add, mask to bits).
+#pragma once
+
+#include <cstdint>
+#include <cstring>
+#include <type_traits>
+
+#if defined(__AVX2__)
+#include <immintrin.h>
+#endif
+
+#include "jade/splat/math/hd.h"
+
+namespace jade::splat::math {
+inline namespace JADE_SPLAT_ISA {
+
+template <class T>
+struct PackTraits;
+template <>
+struct PackTraits<float> {
+  using Int = int32_t;
+};
+template <>
+struct PackTraits<double> {
+  using Int = int64_t;
+};
+
+/// Lane by lane all ones or all zero.
+template <class T, int N>
+struct PackMask {
+  using Int = typename PackTraits<T>::Int;
+  typedef Int Vector __attribute__((vector_size(N * sizeof(T))));
+  Vector v;
+
+  JADE_HD friend PackMask operator&(PackMask a, PackMask b) { return {a.v & b.v}; }
+  JADE_HD friend PackMask operator|(PackMask a, PackMask b) { return {a.v | b.v}; }
+  JADE_HD friend PackMask operator~(PackMask a) { return {~a.v}; }
+};
+
+template <class T, int N>
+struct Pack {
+  using Scalar = T;
+  using Mask = PackMask<T, N>;
+  using Int = typename PackTraits<T>::Int;
+  typedef T Vector __attribute__((vector_size(N * sizeof(T))));
+  using IntVector = typename Mask::Vector;
+  static constexpr int kLanes = N;
+
+  Vector v;
+
+  Pack() = default;
+  JADE_HD Pack(Vector vector) : v(vector) {}
+  template <class U, class = std::enable_if_t<std::is_arithmetic<U>::value>>
+  JADE_HD explicit Pack(U value) : v(static_cast<T>(value) - Vector{}) {}
+
+  JADE_HD static Pack load(const T* p) {
+    Pack r;
+    std::memcpy(&r.v, p, sizeof(r.v));
+    return r;
+  }
+  JADE_HD void store(T* p) const { std::memcpy(p, &v, sizeof(v)); }
+  JADE_HD static Pack iota() {
+    Pack r;
+    for (int i = 0; i < N; ++i) r.v[i] = T(i);
+    return r;
+  }
+
+  JADE_HD friend Pack operator+(Pack a, Pack b) { return a.v + b.v; }
+  JADE_HD friend Pack operator-(Pack a, Pack b) { return a.v - b.v; }
+  JADE_HD friend Pack operator*(Pack a, Pack b) { return a.v * b.v; }
+  JADE_HD friend Pack operator/(Pack a, Pack b) { return a.v / b.v; }
+  JADE_HD friend Pack operator-(Pack a) { return -a.v; }
+  JADE_HD friend Mask operator<(Pack a, Pack b) { return {a.v < b.v}; }
+  JADE_HD friend Mask operator>(Pack a, Pack b) { return {a.v > b.v}; }
+  JADE_HD friend Mask operator<=(Pack a, Pack b) { return {a.v <= b.v}; }
+  JADE_HD friend Mask operator>=(Pack a, Pack b) { return {a.v >= b.v}; }
+};
+
+template <class T, int N>
+JADE_HD Pack<T, N> select(PackMask<T, N> mask, Pack<T, N> a, Pack<T, N> b) {
+  return Pack<T, N>(mask.v ? a.v : b.v);
+}
+
+/// a where the mask holds, else +0.
+template <class T, int N>
+JADE_HD Pack<T, N> keep(PackMask<T, N> mask, Pack<T, N> a) {
+  using P = Pack<T, N>;
+  return P((typename P::Vector)((typename P::IntVector)a.v & mask.v));
+}
+
+/// Sets the sign bit where the mask holds.
+template <class T, int N>
+JADE_HD Pack<T, N> make_negative(PackMask<T, N> mask, Pack<T, N> a) {
+  using P = Pack<T, N>;
+  const P sign(T(-0.0));
+  return P(
+      (typename P::Vector)((typename P::IntVector)a.v | (mask.v & (typename P::IntVector)sign.v)));
+}
+
+template <class T, int N>
+JADE_HD Pack<T, N> sqrt(Pack<T, N> a) {
+#if defined(__AVX2__)
+  if constexpr (sizeof(T) == 4 && N == 8)
+    return Pack<T, N>((typename Pack<T, N>::Vector)_mm256_sqrt_ps((__m256)a.v));
+  if constexpr (sizeof(T) == 8 && N == 4)
+    return Pack<T, N>((typename Pack<T, N>::Vector)_mm256_sqrt_pd((__m256d)a.v));
+#endif
+#if defined(__AVX512F__)
+  if constexpr (sizeof(T) == 4 && N == 16)
+    return Pack<T, N>((typename Pack<T, N>::Vector)_mm512_sqrt_ps((__m512)a.v));
+  if constexpr (sizeof(T) == 8 && N == 8)
+    return Pack<T, N>((typename Pack<T, N>::Vector)_mm512_sqrt_pd((__m512d)a.v));
+#endif
+  for (int i = 0; i < N; ++i) a.v[i] = sqrt(T(a.v[i]));
+  return a;
+}
+
+template <class T, int N>
+JADE_HD Pack<T, N> fma(Pack<T, N> a, Pack<T, N> b, Pack<T, N> c) {
+#if defined(__FMA__)
+  using V = typename Pack<T, N>::Vector;
+  if constexpr (sizeof(T) == 4 && N == 8)
+    return Pack<T, N>((V)_mm256_fmadd_ps((__m256)a.v, (__m256)b.v, (__m256)c.v));
+  if constexpr (sizeof(T) == 8 && N == 4)
+    return Pack<T, N>((V)_mm256_fmadd_pd((__m256d)a.v, (__m256d)b.v, (__m256d)c.v));
+#endif
+#if defined(__AVX512F__)
+  if constexpr (sizeof(T) == 4 && N == 16)
+    return Pack<T, N>((V)_mm512_fmadd_ps((__m512)a.v, (__m512)b.v, (__m512)c.v));
+  if constexpr (sizeof(T) == 8 && N == 8)
+    return Pack<T, N>((V)_mm512_fmadd_pd((__m512d)a.v, (__m512d)b.v, (__m512d)c.v));
+#endif
+  return a * b + c;
+}
+
+/// One bit a lane, lane 0 lowest.
+template <class T, int N>
+JADE_HD uint32_t bits(PackMask<T, N> mask) {
+#if defined(__AVX2__)
+  if constexpr (sizeof(T) == 4 && N == 8)
+    return static_cast<uint32_t>(_mm256_movemask_ps((__m256)mask.v));
+  if constexpr (sizeof(T) == 8 && N == 4)
+    return static_cast<uint32_t>(_mm256_movemask_pd((__m256d)mask.v));
+#endif
+#if defined(__AVX512DQ__)
+  if constexpr (sizeof(T) == 4 && N == 16) return _mm512_movepi32_mask((__m512i)mask.v);
+  if constexpr (sizeof(T) == 8 && N == 8) return _mm512_movepi64_mask((__m512i)mask.v);
+#endif
+#if defined(__SSE2__)
+  if constexpr (sizeof(T) == 4 && N == 4)
+    return static_cast<uint32_t>(
+        __builtin_ia32_movmskps((__attribute__((vector_size(16))) float)mask.v));
+  if constexpr (sizeof(T) == 8 && N == 2)
+    return static_cast<uint32_t>(
+        __builtin_ia32_movmskpd((__attribute__((vector_size(16))) double)mask.v));
+#endif
+  uint32_t result = 0;
+  for (int i = 0; i < N; ++i) result |= static_cast<uint32_t>(mask.v[i] & 1) << i;
+  return result;
+}
+
+template <class T, int N>
+JADE_HD T sum(Pack<T, N> a) {
+  if constexpr (N == 1) {
+    return a.v[0];
+  } else {
+    typedef T Half __attribute__((vector_size(N / 2 * sizeof(T))));
+    Half halves[2];
+    std::memcpy(halves, &a.v, sizeof(a.v));
+    return sum(Pack<T, N / 2>(halves[0] + halves[1]));
+  }
+}
+
+/// 2^f for f in [−½, ½]. float: minimax of degree 6 (relative error 2e-9 before rounding);
+/// double: Taylor of degree 13 (2e-17).
+template <class T, int N>
+JADE_HD Pack<T, N> exp2_fraction(Pack<T, N> f) {
+  using P = Pack<T, N>;
+  if constexpr (sizeof(T) == 4) {
+    P r(1.534581242594868e-4f);
+    r = fma(r, f, P(1.3399930903688073e-3f));
+    r = fma(r, f, P(9.618489071726799e-3f));
+    r = fma(r, f, P(5.550328642129898e-2f));
+    r = fma(r, f, P(0.24022646248340607f));
+    r = fma(r, f, P(0.6931471824645996f));
+    return fma(r, f, P(1.0f));
+  } else {
+    constexpr double kLn2 = 0.6931471805599453;
+    double c[14] = {1};
+    for (int k = 1; k < 14; ++k) c[k] = c[k - 1] * kLn2 / k;
+    P r(c[13]);
+    for (int k = 12; k >= 0; --k) r = fma(r, f, P(c[k]));
+    return r;
+  }
+}
+
+/// r · 2^n, where n is a whole number that was rounded by adding `magic`: rounded = n + magic.
+template <class T, int N>
+JADE_HD Pack<T, N> scale_by_power(Pack<T, N> r, Pack<T, N> rounded) {
+  using P = Pack<T, N>;
+  typedef typename std::conditional<sizeof(T) == 4, uint32_t, uint64_t>::type U
+      __attribute__((vector_size(N * sizeof(T))));
+  constexpr int kShift = sizeof(T) == 4 ? 23 : 52;
+  return P((typename P::Vector)((U)r.v + ((U)rounded.v << kShift)));
+}
+
+template <class T>
+constexpr T kRoundingMagic = sizeof(T) == 4 ? T(12582912) : T(6755399441055744);
+
+/// 2^x for −126 ≤ x ≤ 126; anything below gives an unspecified value.
+template <class T, int N>
+JADE_HD Pack<T, N> exp2(Pack<T, N> x) {
+  const Pack<T, N> magic(kRoundingMagic<T>);
+  const Pack<T, N> rounded = x + magic;
+  return scale_by_power(exp2_fraction(x - (rounded - magic)), rounded);
+}
+
+/// e^x, with x clamped to ±87 (float) or ±700 (double).
+template <class T, int N>
+JADE_HD Pack<T, N> exp(Pack<T, N> x) {
+  using P = Pack<T, N>;
+  const P bound(sizeof(T) == 4 ? 87.0 : 700.0), magic(kRoundingMagic<T>);
+  x = min(max(x, -bound), bound);
+  const P rounded = fma(x, P(1.4426950408889634), magic);
+  const P n = rounded - magic;
+  // ln 2 in two parts, the first with zeros at its end, so that n · ln 2 is exact.
+  const P high(sizeof(T) == 4 ? 0.693145751953125 : 0.693147180369123816490);
+  const P low(sizeof(T) == 4 ? 1.4286068203094172e-6 : 1.90821492927058770002e-10);
+  const P rest = (x - n * high) - n * low;
+  return scale_by_power(exp2_fraction(rest * P(1.4426950408889634)), rounded);
+}
+
+template <class T, int N>
+JADE_HD Pack<T, N> log2(Pack<T, N> a) {
+  for (int i = 0; i < N; ++i) a.v[i] = log2(T(a.v[i]));
+  return a;
+}
+
+}  // namespace JADE_SPLAT_ISA
+}  // namespace jade::splat::math
