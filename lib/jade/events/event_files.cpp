@@ -1,0 +1,188 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/events/event_files.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cctype>
+#include <cmath>
+#include <limits>
+#include <torch/torch.h>
+
+#include "jade/core/check.h"
+#include "jade/events/raw_events.h"
+
+namespace jade::events {
+namespace {
+
+constexpr int64_t kGrain = 1 << 16;
+// Sizes beyond every sensor, when only NaN is looked for.
+constexpr ImageSize kAnySize{int64_t(1) << 40, int64_t(1) << 40};
+
+RawEvents read_raw(const std::filesystem::path& path) {
+  std::string kind = path.extension().string();
+  std::transform(kind.begin(), kind.end(), kind.begin(),
+                 [](unsigned char c) { return std::tolower(c); });
+  if (kind == ".h5" || kind == ".hdf5") return read_hdf5_events(path);
+  if (kind == ".npz") return read_npz_events(path);
+  if (kind == ".npy") return read_npy_events(path);
+  if (kind == ".txt" || kind == ".csv") return read_text_events(path);
+  throw DataError(concat(path.string(), ": expected events in .h5, .npz, .npy, .txt or .csv; ",
+                         "scripts/convert_aedat4.py turns .aedat4 into .h5"));
+}
+
+/// 0/1 → −1/+1 in place.
+void make_signs(const std::filesystem::path& path, torch::Tensor& polarity) {
+  int8_t* p = polarity.mutable_data_ptr<int8_t>();
+  std::atomic<bool> zeros{false}, negatives{false}, others{false};
+  at::parallel_for(0, polarity.numel(), kGrain, [&](int64_t begin, int64_t end) {
+    bool zero = false, negative = false, other = false;
+    for (int64_t i = begin; i < end; ++i) {
+      zero |= p[i] == 0;
+      negative |= p[i] == -1;
+      other |= p[i] < -1 || p[i] > 1;
+    }
+    if (zero) zeros = true;
+    if (negative) negatives = true;
+    if (other) others = true;
+  });
+  if (others || (zeros && negatives)) {
+    throw DataError(concat(path.string(), ": expected polarities 0/1 or -1/+1, found ",
+                           others ? "other numbers" : "-1 and 0 together"));
+  }
+  if (!zeros) return;
+  at::parallel_for(0, polarity.numel(), kGrain, [&](int64_t begin, int64_t end) {
+    for (int64_t i = begin; i < end; ++i) p[i] = p[i] == 0 ? int8_t(-1) : int8_t(1);
+  });
+}
+
+struct TimeRange {
+  double first = std::numeric_limits<double>::infinity();
+  double last = -std::numeric_limits<double>::infinity();
+  bool has_fraction = false;
+};
+
+TimeRange range_of(const std::filesystem::path& path, const torch::Tensor& time) {
+  TimeRange out;
+  if (time.numel() == 0) return out;
+  const auto [low, high] = time.aminmax();
+  out.first = low.to(torch::kFloat64).item<double>();
+  out.last = high.to(torch::kFloat64).item<double>();
+  if (time.is_floating_point()) {
+    if (!std::isfinite(out.first) || !std::isfinite(out.last) ||
+        std::max(-out.first, out.last) > 9e18) {
+      throw DataError(concat(path.string(), ": expected finite event times, found NaN or Inf"));
+    }
+    const double* t = time.const_data_ptr<double>();
+    out.has_fraction =
+        std::any_of(t, t + time.numel(), [](double v) { return v != std::floor(v); });
+  }
+  return out;
+}
+
+/// Times in µs; the int64 array of a file in µs is used as it is.
+torch::Tensor to_us(const torch::Tensor& time, const std::string& unit) {
+  if (time.is_floating_point()) {
+    const double scale = unit == "s" ? 1e6 : unit == "ns" ? 1e-3 : 1.0;
+    // Seconds are decimal fractions: the nearest microsecond is meant.
+    const auto scaled = time * scale;
+    return (unit == "s" ? scaled.round() : scaled.floor()).to(torch::kInt64);
+  }
+  if (unit == "us") return time;
+  int64_t* t = time.mutable_data_ptr<int64_t>();
+  at::parallel_for(0, time.numel(), kGrain, [&](int64_t begin, int64_t end) {
+    for (int64_t i = begin; i < end; ++i) {
+      t[i] = unit == "ns" ? (t[i] >= 0 ? t[i] / 1000 : -((-t[i] + 999) / 1000)) : t[i] * 1000000;
+    }
+  });
+  return time;
+}
+
+bool is_sorted_in_time(const torch::Tensor& t_us) {
+  const int64_t* t = t_us.const_data_ptr<int64_t>();
+  return std::is_sorted(t, t + t_us.numel());
+}
+
+std::string chosen_unit(const std::filesystem::path& path, const TimeRange& range,
+                        const EventFileOptions& options) {
+  const std::string& asked = options.time_unit;
+  if (asked == "us" || asked == "ns" || asked == "s") return asked;
+  if (asked != "auto") {
+    throw ConfigError(
+        concat("events.time_unit: expected auto, us, ns or s, found \"", asked, "\""));
+  }
+  if (range.first > range.last) return "us";
+  const std::string unit =
+      guess_time_unit(range.first, range.last, range.has_fraction, options.exposures);
+  if (!unit.empty()) return unit;
+  throw DataError(concat(path.string(), ": events run from ", range.first, " to ", range.last,
+                         ", exposures from ", options.exposures->begin_us, " to ",
+                         options.exposures->end_us,
+                         " us: they share no moment in us, ns or s; are they of one recording?"));
+}
+
+void report(const std::filesystem::path& path, EventFileResult& result,
+            const std::optional<ImageSize>& size) {
+  const auto warn = [&](int64_t count, const char* what) {
+    if (count > 0) {
+      result.warnings.push_back(
+          concat(path.string(), ": ", count, " of ", result.events.size(), " events ", what));
+    }
+  };
+  result.problems = count_problems(result.events, size.value_or(kAnySize));
+  if (!size) result.problems.outside = result.problems.touching_edge = 0;
+  warn(result.problems.not_finite, "have NaN or Inf coordinates and are ignored");
+  warn(result.problems.outside, "lie outside the image and are ignored");
+  if (result.events.empty()) result.warnings.push_back(concat(path.string(), ": holds no events"));
+}
+
+}  // namespace
+
+std::string guess_time_unit(double first, double last, bool has_fraction,
+                            const std::optional<TimeWindow>& exposures) {
+  if (!exposures) return has_fraction ? "s" : "us";
+  std::string best;
+  double best_share = 0;
+  const std::pair<const char*, double> units[] = {{"us", 1.0}, {"ns", 1e-3}, {"s", 1e6}};
+  for (const auto& [unit, scale] : units) {
+    const double begin = first * scale, end = last * scale;
+    const double shared =
+        std::min(end, double(exposures->end_us)) - std::max(begin, double(exposures->begin_us));
+    const double whole =
+        std::max(end, double(exposures->end_us)) - std::min(begin, double(exposures->begin_us));
+    const double share = shared < 0 ? -1 : whole > 0 ? (shared + 1e-9) / whole : 1;
+    if (share > best_share) {
+      best = unit;
+      best_share = share;
+    }
+  }
+  return best;
+}
+
+EventStream sort_events(const torch::Tensor& x, const torch::Tensor& y, const torch::Tensor& t_us,
+                        const torch::Tensor& polarity) {
+  const auto [sorted, order] = torch::sort(t_us, /*stable=*/true, 0, false);
+  return {x.index_select(0, order), y.index_select(0, order), sorted,
+          polarity.index_select(0, order)};
+}
+
+EventFileResult read_events(const std::filesystem::path& path, const EventFileOptions& options) {
+  auto raw = read_raw(path);
+  make_signs(path, raw.polarity);
+  const auto range = range_of(path, raw.time);
+  EventFileResult result;
+  result.time_unit = chosen_unit(path, range, options);
+  raw.time = to_us(raw.time, result.time_unit);
+  if (!raw.note.empty()) result.warnings.push_back(raw.note);
+  result.was_unsorted = !is_sorted_in_time(raw.time);
+  if (result.was_unsorted) {
+    result.warnings.push_back(
+        concat(path.string(), ": event times were not in order; they have been sorted"));
+    result.events = sort_events(raw.x, raw.y, raw.time, raw.polarity);
+  } else {
+    result.events = EventStream(raw.x, raw.y, raw.time, raw.polarity);
+  }
+  report(path, result, options.size);
+  return result;
+}
+
+}  // namespace jade::events

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <torch/types.h>
+
+#include "jade/events/event_stream.h"
+#include "jade/events/thresholds.h"
+#include "jade/events/voxel.h"
+
+namespace jade::events {
+
+/// Spans between the nine exposure times.
+inline constexpr int64_t kEdiWindows = 8;
+
+/// Events between neighbouring exposure times t_j = linspace(t_start, t_end, 9), by polarity.
+struct WindowCounts {
+  torch::Tensor positive, negative;  ///< [8,H,W] float32, events
+};
+
+/// w_j of the EDI integral: Θ⁺ P_j − Θ⁻ N_j, the change of log intensity over window j.
+/// @return [8,H,W] float32
+torch::Tensor edi_windows(const WindowCounts& counts, const Thresholds& thresholds);
+
+/// Everything that training asks of an exposure's events.
+struct ExposureMaps {
+  EventVoxel voxel;
+  WindowCounts windows;
+  torch::Tensor density;  ///< [H,W] float32, events of either polarity
+};
+
+/// Voxel, EDI windows and density of the events in `exposure`, in one pass over them: events are
+/// summed between the knots of both divisions, and bins and windows are sums of these.
+/// @param events  may reach beyond the exposure; only [begin_us, end_us) counts.
+ExposureMaps map_exposure(const EventStream& events, const TimeWindow& exposure, int64_t bins,
+                          const ImageSize& size);
+
+}  // namespace jade::events

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+// Where an event falls, shared by the CPU loop and the CUDA kernel. No torch here.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+
+#if defined(__CUDACC__)
+#define JADE_EVENTS_HD __host__ __device__ __forceinline__
+#else
+#define JADE_EVENTS_HD inline
+#endif
+
+namespace jade::events {
+
+// Coordinates are rounded to 2⁻¹⁵ px, which is float's own step from column 256 on, so that the
+// four bilinear weights are whole multiples of 2⁻³⁰ and add up to exactly 1. Sums of integers do
+// not depend on their order: any number of threads, any device and any order of simultaneous
+// events give the same bits. 64 bits hold 8·10⁹ events on one pixel.
+constexpr int kFractionBits = 15;
+constexpr int32_t kWhole = 1 << kFractionBits;
+constexpr double kCountUnit = 1.0 / (double(kWhole) * double(kWhole));
+
+struct EventFootprint {
+  int32_t column, row;  ///< upper left pixel, -1 included
+  int32_t fx, fy;       ///< distance from it, in units of 2⁻¹⁵ px
+};
+
+/// False, with nothing set, for NaN and for events one pixel or more from every pixel centre.
+JADE_EVENTS_HD bool locate(float x, float y, int32_t width, int32_t height, EventFootprint& out) {
+  if (!(x > -1.0f && x < float(width) && y > -1.0f && y < float(height))) return false;
+  // The product is exact, so a fused multiply-add rounds alike.
+  const int32_t qx = int32_t(floorf(x * float(kWhole) + 0.5f));
+  const int32_t qy = int32_t(floorf(y * float(kWhole) + 0.5f));
+  out.column = qx >> kFractionBits;
+  out.row = qy >> kFractionBits;
+  out.fx = qx & (kWhole - 1);
+  out.fy = qy & (kWhole - 1);
+  return true;
+}
+
+/// Calls add(pixel index, weight) for the pixels inside the image that have a weight.
+template <class Add>
+JADE_EVENTS_HD void spread(const EventFootprint& f, int32_t width, int32_t height, const Add& add) {
+  const int64_t base = int64_t(f.row) * width + f.column;
+  const bool left = f.column >= 0 && f.column<width, right = f.fx> 0 && f.column + 1 < width;
+  if (f.row >= 0 && f.row < height) {
+    const int64_t weight = kWhole - f.fy;
+    if (left) add(base, weight * (kWhole - f.fx));
+    if (right) add(base + 1, weight * f.fx);
+  }
+  if (f.fy > 0 && f.row + 1 < height) {
+    const int64_t weight = f.fy;
+    if (left) add(base + width, weight * (kWhole - f.fx));
+    if (right) add(base + width + 1, weight * f.fx);
+  }
+}
+
+}  // namespace jade::events

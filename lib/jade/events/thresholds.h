@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+
+#include "jade/core/fields.h"
+
+namespace jade::events {
+
+/// Contrast thresholds Θ⁺ and Θ⁻: log intensity that one event of each polarity stands for.
+struct Thresholds {
+  double positive = 0.25, negative = 0.25;
+};
+
+/// How events are read and summed; the configuration group `events`.
+struct EventOptions {
+  double threshold_positive = 0.25;
+  double threshold_negative = 0;
+  int64_t bins = 6;
+  std::string edi_index = "exact";
+  std::string time_unit = "auto";
+
+  /// One number sets both: a negative threshold of 0 repeats the positive one.
+  Thresholds thresholds() const {
+    return {threshold_positive, threshold_negative > 0 ? threshold_negative : threshold_positive};
+  }
+};
+
+template <class V>
+void describe(V& v, EventOptions& o) {
+  v.field("threshold_positive", o.threshold_positive,
+          "log intensity of one positive event (0.25 CDAVIS, 0.2 Blender)", Range{1e-4, 10});
+  v.field("threshold_negative", o.threshold_negative,
+          "log intensity of one negative event; 0 repeats threshold_positive", Range{0, 10});
+  v.field("bins", o.bins, "time bins of the voxel over an exposure, even", Range{2, 64});
+  v.field(
+      "edi_index", o.edi_index,
+      "exact: pose k is time k; diet: poses 5 to 7 are one step late, as in the DiET-GS release",
+      Choices{"exact", "diet"});
+  v.field("time_unit", o.time_unit, "unit of event times in files; auto decides by the exposures",
+          Choices{"auto", "us", "ns", "s"});
+}
+
+}  // namespace jade::events

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+#include <torch/types.h>
+
+#include "jade/events/voxel.h"
+
+namespace jade::imaging {
+
+/// Latent images of an exposure, at equal steps from its start to its end.
+inline constexpr int64_t kEdiPoses = 9;
+/// The one at mid-exposure.
+inline constexpr int64_t kEdiMid = 4;
+
+/// Which log increment pose k takes. kDiet repeats the released DiET-GS data, where poses 5, 6 and
+/// 7 are shown at times 6, 7 and 8; it belongs with the camera poses of that release only.
+enum class EdiIndex { kExact, kDiet };
+
+/// "exact" or "diet". @throws ConfigError for another word.
+EdiIndex edi_index(const std::string& name);
+
+/// The event double integral of one exposure, constant for all that is done with the view. With
+/// windows w_0 … w_7 between nine times and
+///     J_k = −Σ_{j=k..3} w_j (k < 4),  0 (k = 4),  Σ_{j=4..k−1} w_j (k > 4)
+/// the blurry frame is B = I_mid · (1/9) Σ_k exp(J_k) and the latent images are I_k = I_mid
+/// exp(J_k). One gray increment serves all three channels. Only ratios are kept, computed so that
+/// no exponential overflows.
+struct EdiKernel {
+  /// [9,H,W], what EDI multiplies the blurry frame with: I_k / B = 9 exp(J_k) / Σ_j exp(J_j).
+  torch::Tensor gain;
+  /// [H,W], what blur multiplies the mid-exposure image with: B / I_mid = (1/9) Σ_j exp(J_j).
+  torch::Tensor blur;
+};
+
+/// @param windows  [8,H,W], log intensity (events::edi_windows): thresholds are inside.
+EdiKernel edi_kernel(const torch::Tensor& windows, EdiIndex index = EdiIndex::kExact);
+
+/// Φ_edi: the latent image at pose k, 0 to 8. Not clamped, may exceed 1.
+/// @param blurry  [3,H,W] or [1,H,W]. Differentiable.
+/// @return the shape of `blurry`.
+torch::Tensor edi_at(const torch::Tensor& blurry, const EdiKernel& kernel, int64_t k);
+
+/// Φ_edi at mid-exposure, the analytical restoration of Eq. (1).
+torch::Tensor edi_mid(const torch::Tensor& blurry, const EdiKernel& kernel);
+
+/// All nine latent images.
+/// @param blurry  [C,H,W]. Differentiable.
+/// @return [9,C,H,W]; [4] is mid-exposure.
+torch::Tensor edi_all(const torch::Tensor& blurry, const EdiKernel& kernel);
+
+/// Nine-sample blur of a mid-exposure image, I_mid · (1/9) Σ_k exp(J_k): the inverse of edi_mid.
+/// @param mid  [C,H,W]. Differentiable.
+torch::Tensor reblur_exposure(const torch::Tensor& mid, const EdiKernel& kernel);
+
+}  // namespace jade::imaging

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <torch/types.h>
+
+namespace jade::imaging {
+
+// Structural similarity as 3D Gaussian splatting papers compute it: an 11x11 Gaussian window with
+// σ = 1.5, zero padding of 5, biased variances E[x²] − μ², C1 = 0.01², C2 = 0.03² for values in
+// [0,1], the mean over all pixels and channels. Images are [C,H,W] or [N,C,H,W] of any size from
+// 1x1, float or double on the CPU and float on CUDA. Forward and gradient are one fused pass that
+// keeps a single map an argument; the gradient cannot be differentiated again. The same bits for
+// any number of threads.
+
+/// An image that stays the same while others are compared with it, with its window means, which
+/// are two of the five that SSIM needs. Never receives a gradient.
+struct SsimTarget {
+  torch::Tensor image;
+  torch::Tensor mean;    ///< window mean of the image
+  torch::Tensor square;  ///< window mean of its square
+};
+
+SsimTarget ssim_target(const torch::Tensor& image);
+
+/// Mean SSIM, a scalar. Differentiable in both images; only what requires a gradient is computed.
+torch::Tensor ssim(const torch::Tensor& a, const torch::Tensor& b);
+torch::Tensor ssim(const torch::Tensor& a, const SsimTarget& b);
+
+/// D(A, C) = (1 − λ) mean|A − C| + λ (1 − SSIM(A, C)), Eq. (8), in the same single pass. The
+/// derivative of |x| at 0 is taken as 0. Differentiable in both images.
+torch::Tensor l1_ssim(const torch::Tensor& a, const torch::Tensor& c, double lambda);
+torch::Tensor l1_ssim(const torch::Tensor& a, const SsimTarget& c, double lambda);
+
+/// The 11 taps of the window, which sum to 1.
+const double* ssim_window();
+
+}  // namespace jade::imaging

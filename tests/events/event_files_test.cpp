@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/events/event_files.h"
+
+#include "support/catch.h"
+
+#include <cmath>
+#include <fstream>
+#include <functional>
+#include <torch/torch.h>
+
+#include "jade/core/error.h"
+#include "jade/io/hdf5.h"
+#include "jade/io/npy.h"
+#include "support/temp_dir.h"
+
+using namespace jade::events;
+using jade::test::TempDir;
+
+namespace {
+
+const std::vector<float> kX{1.5f, 2, 3, 0}, kY{0, 1, 2.25f, 7};
+const std::vector<int64_t> kT{100, 250, 250, 999};
+
+template <class X, class T>
+void write_h5(const std::filesystem::path& path, const std::vector<X>& x, const std::vector<X>& y,
+              const std::vector<T>& t, const std::vector<int8_t>& p,
+              const std::string& group = "") {
+  jade::io::Hdf5Writer file(path);
+  file.append(group + "x", x.data(), int64_t(x.size()));
+  file.append(group + "y", y.data(), int64_t(y.size()));
+  file.append(group + "t", t.data(), int64_t(t.size()));
+  file.append(group + "p", p.data(), int64_t(p.size()));
+  file.close();
+}
+
+void check_events(const EventStream& events) {
+  REQUIRE(events.size() == 4);
+  for (int64_t i = 0; i < 4; ++i) {
+    CHECK(events.x()[i].item<float>() == kX[size_t(i)]);
+    CHECK(events.y()[i].item<float>() == kY[size_t(i)]);
+    CHECK(events.t_us()[i].item<int64_t>() == kT[size_t(i)]);
+    CHECK(int(events.polarity()[i].item<int8_t>()) == (i == 1 ? -1 : 1));
+  }
+}
+
+std::string message_of(const std::function<void()>& action) {
+  try {
+    action();
+  } catch (const jade::DataError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+}  // namespace
+
+TEST_CASE("event files: HDF5 with either polarity coding, types and groups", "[events]") {
+  const TempDir dir;
+  write_h5<float, int64_t>(dir / "a.h5", kX, kY, kT, {1, 0, 1, 1});
+  check_events(read_events(dir / "a.h5").events);
+  write_h5<double, uint32_t>(dir / "b.h5", {1.5, 2, 3, 0}, {0, 1, 2.25, 7}, {100, 250, 250, 999},
+                             {1, -1, 1, 1}, "events/");
+  check_events(read_events(dir / "b.h5").events);
+  write_h5<float, double>(dir / "c.hdf5", kX, kY, {100e-6, 250e-6, 250e-6, 999e-6}, {1, 0, 1, 1});
+  const auto seconds = read_events(dir / "c.hdf5");
+  CHECK(seconds.time_unit == "s");
+  check_events(seconds.events);
+}
+
+TEST_CASE("event files: npy, npz and text hold the same events", "[events]") {
+  const TempDir dir;
+  const auto x = torch::tensor({1.5, 2.0, 3.0, 0.0}), y = torch::tensor({0.0, 1.0, 2.25, 7.0});
+  const auto t = torch::tensor({100, 250, 250, 999}, torch::kInt64);
+  const auto p = torch::tensor({1, 0, 1, 1}, torch::kInt8);
+  jade::io::write_npz(dir / "a.npz", {{"x", x}, {"y", y}, {"t", t}, {"p", p}});
+  check_events(read_events(dir / "a.npz").events);
+  const auto as = [](const torch::Tensor& v) { return v.to(torch::kFloat64); };
+  jade::io::write_npy(dir / "txyp.npy", torch::stack({as(t), as(x), as(y), as(p)}, 1));
+  check_events(read_events(dir / "txyp.npy").events);
+  jade::io::write_npy(dir / "xytp.npy", torch::stack({as(x), as(y), as(t), as(p)}, 1));
+  check_events(read_events(dir / "xytp.npy").events);
+  std::ofstream(dir / "a.txt")
+      << "346 260\n# t x y p\n100 1.5 0 1\n250 2 1 0\r\n250 3 2.25 1\n\n999 0 7 1";
+  check_events(read_events(dir / "a.txt").events);
+  std::ofstream(dir / "s.csv")
+      << "t,x,y,p\n0.000100,1.5,0,1\n0.00025,2,1,-1\n0.00025,3,2.25,1\n0.000999,0,7,+1\n";
+  check_events(read_events(dir / "s.csv").events);
+}
+
+TEST_CASE("event files: the unit is the one in which events meet the exposures", "[events]") {
+  const TimeWindow exposures{1000000, 3000000};
+  CHECK(guess_time_unit(0.9e6, 3.1e6, false, exposures) == "us");
+  CHECK(guess_time_unit(0.9e9, 3.1e9, false, exposures) == "ns");
+  CHECK(guess_time_unit(0.9, 3.1, true, exposures) == "s");
+  CHECK(guess_time_unit(0, 3.5e6, false, exposures) == "us");
+  CHECK(guess_time_unit(0, 3.5e9, false, exposures) == "ns");
+  CHECK(guess_time_unit(8e12, 9e12, false, exposures).empty());
+  const TempDir dir;
+  write_h5<float, int64_t>(dir / "ns.h5", kX, kY, {100999, 250000, 250001, 999500}, {1, 0, 1, 1});
+  const auto found = read_events(dir / "ns.h5", {"auto", TimeWindow{0, 1000}, {}});
+  CHECK(found.time_unit == "ns");
+  check_events(found.events);
+  check_events(read_events(dir / "ns.h5", {"ns", {}, {}}).events);
+  CHECK(message_of([&] {
+          read_events(dir / "ns.h5", {"auto", TimeWindow{5000000, 6000000}, {}});
+        }).find("ns.h5") != std::string::npos);
+  CHECK_THROWS_AS(read_events(dir / "ns.h5", {"min", {}, {}}), jade::ConfigError);
+}
+
+TEST_CASE("event files: unsorted times are sorted with a warning, equal ones keep their order",
+          "[events]") {
+  const TempDir dir;
+  write_h5<float, int64_t>(dir / "a.h5", {2, 0, 1.5, 3}, {1, 7, 0, 2.25f}, {250, 999, 100, 250},
+                           {0, 1, 1, 1});
+  const auto result = read_events(dir / "a.h5");
+  CHECK(result.was_unsorted);
+  REQUIRE(result.warnings.size() == 1);
+  CHECK(result.warnings[0].find("sorted") != std::string::npos);
+  check_events(result.events);
+}
+
+TEST_CASE("event files: NaN and events beside the image are counted and reported", "[events]") {
+  const TempDir dir;
+  write_h5<float, int64_t>(dir / "a.h5", {std::nanf(""), 2, 400, 10.4f}, {1, 7, 0, 2.25f},
+                           {0, 1, 2, 3}, {0, 1, 1, 1});
+  const auto result = read_events(dir / "a.h5", {"us", {}, ImageSize{8, 11}});
+  CHECK(result.problems.not_finite == 1);
+  CHECK(result.problems.outside == 1);
+  CHECK(result.problems.touching_edge == 1);
+  CHECK(result.warnings.size() == 2);
+  CHECK(read_events(dir / "a.h5").problems.outside == 0);
+}
+
+TEST_CASE("event files: damaged files are refused with their path", "[events]") {
+  const TempDir dir;
+  write_h5<float, int64_t>(dir / "short.h5", kX, kY, {1, 2, 3}, {1, 0, 1, 1});
+  write_h5<float, int64_t>(dir / "sign.h5", kX, kY, kT, {1, 0, 2, 1});
+  write_h5<float, int64_t>(dir / "mixed.h5", kX, kY, kT, {1, 0, -1, 1});
+  write_h5<float, double>(dir / "nan.h5", kX, kY, {1, std::nan(""), 3, 4}, {1, 0, 1, 1});
+  std::ofstream(dir / "empty.h5");
+  std::ofstream(dir / "a.bin") << "x";
+  std::ofstream(dir / "bad.txt") << "100 1 2 1\n100 1 2\n";
+  std::ofstream(dir / "word.txt") << "100 1 2 1\n100 x 2 1\n";
+  std::ofstream(dir / "sign.txt") << "100 1 2 5\n";
+  jade::io::write_npy(dir / "flat.npy", torch::zeros({8}));
+  jade::io::write_npz(dir / "part.npz", {{"x", torch::zeros({3})}, {"y", torch::zeros({3})}});
+  {
+    jade::io::Hdf5Writer file(dir / "part.h5");
+    file.append("x", kX.data(), 4);
+    file.close();
+  }
+  for (const char* name :
+       {"short.h5", "sign.h5", "mixed.h5", "nan.h5", "empty.h5", "missing.h5", "a.bin", "bad.txt",
+        "word.txt", "sign.txt", "missing.txt", "flat.npy", "part.npz", "part.h5"}) {
+    INFO(name);
+    CHECK(message_of([&] { read_events(dir / name); }).find((dir / name).string()) !=
+          std::string::npos);
+  }
+}
+
+TEST_CASE("event files: a file without events is read with a warning", "[events]") {
+  const TempDir dir;
+  std::ofstream(dir / "a.txt") << "# nothing\n";
+  const auto result = read_events(dir / "a.txt");
+  CHECK(result.events.empty());
+  CHECK(result.warnings.size() == 1);
+}

@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/imaging/edi.h"
+
+#include "support/catch.h"
+
+#include <cmath>
+#include <torch/torch.h>
+
+#include "jade/core/error.h"
+#include "jade/imaging/reblur.h"
+
+using namespace jade::imaging;
+using jade::events::EventVoxel;
+
+namespace {
+
+double worst(const torch::Tensor& a, const torch::Tensor& b) {
+  return a.sub(b).abs().max().item<double>();
+}
+
+EventVoxel random_voxel(int64_t bins) {
+  return jade::events::normalized(torch::randn({bins, 7, 9}, torch::kFloat64));
+}
+
+}  // namespace
+
+TEST_CASE("edi: reblurring an EDI image gives back the frame, whatever the events", "[imaging]") {
+  torch::manual_seed(1);
+  const auto blurry = torch::rand({3, 7, 9}, torch::kFloat64);
+  for (const double size : {0.0, 0.1, 1.0, 30.0, 400.0}) {
+    const auto kernel = edi_kernel(torch::randn({8, 7, 9}, torch::kFloat64) * size);
+    CHECK(kernel.gain.isfinite().all().item<bool>());
+    if (size < 100) CHECK(worst(reblur_exposure(edi_mid(blurry, kernel), kernel), blurry) < 1e-9);
+    CHECK(worst(edi_all(blurry, kernel).mean(0), blurry) < 1e-9);
+    const auto single = edi_kernel(torch::randn({8, 7, 9}) * size);
+    CHECK(worst(edi_all(blurry.to(torch::kFloat32), single).mean(0), blurry.to(torch::kFloat32)) <
+          1e-4);
+  }
+}
+
+TEST_CASE("reblur: Eq. (7) undoes its own inverse for any voxel and contrast", "[imaging]") {
+  torch::manual_seed(2);
+  const auto blurry = torch::rand({3, 7, 9}, torch::kFloat64);
+  for (const int64_t bins : {2, 6, 8}) {
+    const auto voxel = random_voxel(bins);
+    for (const double contrast : {0.0, 0.25, 1.0, 10.0}) {
+      CHECK(worst(reblur(unblur(blurry, voxel, contrast), voxel, contrast), blurry) < 1e-12);
+    }
+  }
+}
+
+TEST_CASE("edi: without events EDI returns the frame and K is 1", "[imaging]") {
+  const auto blurry = torch::rand({3, 7, 9});
+  const auto kernel = edi_kernel(torch::zeros({8, 7, 9}));
+  for (int64_t k = 0; k < kEdiPoses; ++k) CHECK(worst(edi_at(blurry, kernel, k), blurry) < 1e-6);
+  const auto voxel = jade::events::normalized(torch::zeros({6, 7, 9}));
+  CHECK(worst(reblur_kernel(voxel, 1.0), torch::ones({1, 7, 9})) == 0);
+}
+
+TEST_CASE("edi: an even log slope meets the closed form", "[imaging]") {
+  // w_j = s: J_k = s (k − 4), and Σ exp(J_k) is sinh(4.5 s) / sinh(0.5 s).
+  const double s = 0.2;
+  const auto kernel = edi_kernel(torch::full({8, 2, 3}, s, torch::kFloat64));
+  const double sum = std::sinh(4.5 * s) / std::sinh(0.5 * s);
+  CHECK(kernel.blur[1][2].item<double>() == Approx(sum / 9).epsilon(1e-12));
+  const auto blurry = torch::rand({1, 2, 3}, torch::kFloat64);
+  for (int64_t k = 0; k < kEdiPoses; ++k) {
+    const auto expected = blurry * (9 * std::exp(s * double(k - 4)) / sum);
+    CHECK(worst(edi_at(blurry, kernel, k), expected) < 1e-12);
+  }
+}
+
+TEST_CASE("reblur: an even log slope meets the closed form", "[imaging]") {
+  // V_k = v: E_k − E_3 = v (k − 3) for k = 1 … 6.
+  const EventVoxel voxel{torch::full({6, 2, 2}, 0.5, torch::kFloat64), 1};
+  double expected = 0;
+  for (int k = 1; k <= 6; ++k) expected += std::exp(0.7 * 0.5 * (k - 3)) / 6;
+  CHECK(worst(reblur_kernel(voxel, 0.7), torch::full({1, 2, 2}, expected, torch::kFloat64)) <
+        1e-12);
+}
+
+TEST_CASE("reblur: samples are at the ends of the bins, with m the last before mid-exposure",
+          "[imaging]") {
+  for (int64_t k = 0; k < 6; ++k) {
+    auto values = torch::zeros({6, 1, 1}, torch::kFloat64);
+    values[k] = 1;
+    // A step in bin k raises the samples k + 1 … 6, or lowers those before it when k < 3.
+    const double samples = k < 3 ? (double(k) * std::exp(-1.0) + double(6 - k)) / 6
+                                 : (double(k) + double(6 - k) * std::exp(1.0)) / 6;
+    CHECK(reblur_kernel({values, 1}, 1.0).item<double>() == Approx(samples).epsilon(1e-12));
+  }
+}
+
+TEST_CASE("edi: the DiET index shows poses 5 to 7 one step late", "[imaging]") {
+  const auto windows = torch::randn({8, 3, 4});
+  const auto exact = edi_kernel(windows), diet = edi_kernel(windows, EdiIndex::kDiet);
+  const int64_t shown[] = {0, 1, 2, 3, 4, 6, 7, 8, 8};
+  for (int64_t k = 0; k < kEdiPoses; ++k) CHECK(torch::equal(diet.gain[k], exact.gain[shown[k]]));
+  CHECK(torch::equal(diet.blur, exact.blur));
+  CHECK(edi_index("diet") == EdiIndex::kDiet);
+  CHECK_THROWS_AS(edi_index("close"), jade::ConfigError);
+}
+
+TEST_CASE("edi: latent images follow the log increments between neighbours", "[imaging]") {
+  const auto windows = torch::randn({8, 3, 4}, torch::kFloat64);
+  const auto latent =
+      edi_all(torch::rand({3, 3, 4}, torch::kFloat64) + 0.1, edi_kernel(windows)).log();
+  for (int64_t j = 0; j < 8; ++j)
+    CHECK(worst(latent[j + 1] - latent[j], windows[j].expand({3, -1, -1})) < 1e-10);
+}
+
+TEST_CASE("edi: gradients reach the frame", "[imaging]") {
+  auto blurry = torch::rand({3, 3, 4}, torch::kFloat64).requires_grad_(true);
+  const auto kernel = edi_kernel(torch::randn({8, 3, 4}, torch::kFloat64));
+  const auto weight = torch::randn({9, 3, 3, 4}, torch::kFloat64);
+  (edi_all(blurry, kernel) * weight).sum().backward();
+  CHECK(worst(blurry.grad(), (weight * kernel.gain.unsqueeze(1)).sum(0)) < 1e-12);
+}
+
+TEST_CASE("reblur: odd bins and other sizes are refused", "[imaging]") {
+  CHECK_THROWS_AS(reblur(torch::zeros({3, 7, 9}), random_voxel(5), 1.0), jade::ContractError);
+  CHECK_THROWS_AS(reblur(torch::zeros({3, 7, 8}), random_voxel(6), 1.0), jade::ContractError);
+  CHECK_THROWS_AS(edi_kernel(torch::zeros({7, 3, 4})), jade::ContractError);
+  CHECK_THROWS_AS(edi_at(torch::zeros({3, 3, 4}), edi_kernel(torch::zeros({8, 3, 4})), 9),
+                  jade::ContractError);
+}

@@ -1,0 +1,206 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/imaging/ssim.h"
+
+#include "support/catch.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <torch/torch.h>
+
+#include "jade/core/error.h"
+
+using namespace jade::imaging;
+
+namespace {
+
+using Sizes = std::vector<int64_t>;
+using Pair = std::function<torch::Tensor(const torch::Tensor&, const torch::Tensor&)>;
+
+torch::Tensor image(const Sizes& sizes, torch::ScalarType type = torch::kFloat64) {
+  return torch::rand(sizes, type);
+}
+
+/// SSIM as the papers' code has it: five depthwise 11x11 convolutions with zero padding.
+torch::Tensor reference(const torch::Tensor& a, const torch::Tensor& b) {
+  const auto x = torch::arange(11, a.options()) - 5;
+  auto taps = (-x * x / (2 * 1.5 * 1.5)).exp();
+  taps = taps / taps.sum();
+  const auto window = torch::outer(taps, taps).view({1, 1, 11, 11});
+  const auto mean = [&](const torch::Tensor& v) {
+    return torch::conv2d(v.reshape({-1, 1, v.size(-2), v.size(-1)}), window, {}, 1, 5);
+  };
+  const auto ma = mean(a), mb = mean(b);
+  const auto va = mean(a * a) - ma * ma, vb = mean(b * b) - mb * mb, vab = mean(a * b) - ma * mb;
+  return ((2 * ma * mb + 1e-4) * (2 * vab + 9e-4) / ((ma * ma + mb * mb + 1e-4) * (va + vb + 9e-4)))
+      .mean();
+}
+
+/// Largest difference between the gradient of f in its first or second argument and central
+/// differences, over the largest central difference.
+double gradient_error(const Pair& f, torch::Tensor a, torch::Tensor b, bool second) {
+  a = a.clone().requires_grad_(!second);
+  b = b.clone().requires_grad_(second);
+  const auto varied = second ? b : a;
+  f(a, b).backward();
+  const auto analytic = varied.grad().clone().flatten();
+  const torch::NoGradGuard no_grad;
+  auto flat = varied.view(-1);
+  double worst = 0, largest = 0;
+  for (int64_t i = 0; i < flat.numel(); ++i) {
+    const double value = flat[i].item<double>(), step = 1e-5;
+    flat[i] = value + step;
+    const double up = f(a, b).item<double>();
+    flat[i] = value - step;
+    const double down = f(a, b).item<double>();
+    flat[i] = value;
+    const double numeric = (up - down) / (2 * step);
+    worst = std::max(worst, std::abs(numeric - analytic[i].item<double>()));
+    largest = std::max(largest, std::abs(numeric));
+  }
+  return worst / largest;
+}
+
+const std::vector<Sizes> kShapes{{1, 1, 1},   {3, 4, 3},   {1, 10, 11},  {2, 3, 11, 12},
+                                 {3, 37, 53}, {1, 130, 7}, {4, 2, 5, 80}};
+
+/// Value right, derivative of the first argument short of a tenth.
+struct Broken : torch::autograd::Function<Broken> {
+  static torch::Tensor forward(torch::autograd::AutogradContext* ctx, const torch::Tensor& a,
+                               const torch::Tensor& b) {
+    const torch::AutoGradMode enable(true);
+    const auto leaf = a.detach().requires_grad_(true);
+    const auto value = ssim(leaf, b);
+    value.backward();
+    ctx->save_for_backward({leaf.grad() * 0.9});
+    return value.detach();
+  }
+  static torch::autograd::variable_list backward(torch::autograd::AutogradContext* ctx,
+                                                 torch::autograd::variable_list grads) {
+    return {ctx->get_saved_variables()[0] * grads[0], {}};
+  }
+};
+
+}  // namespace
+
+TEST_CASE("ssim: value and both gradients equal the slow reference at any size", "[imaging]") {
+  torch::manual_seed(1);
+  for (const auto& shape : kShapes) {
+    INFO(torch::IntArrayRef(shape));
+    auto a = image(shape).requires_grad_(true), b = image(shape).requires_grad_(true);
+    const auto expected = reference(a, b);
+    const auto grads = torch::autograd::grad({expected}, {a, b});
+    const auto value = ssim(a, b);
+    CHECK(value.item<double>() == Approx(expected.item<double>()).margin(1e-12));
+    value.backward();
+    CHECK(a.grad().sub(grads[0]).abs().max().item<double>() <
+          1e-9 * std::max(1.0, grads[0].abs().max().item<double>()));
+    CHECK(b.grad().sub(grads[1]).abs().max().item<double>() <
+          1e-9 * std::max(1.0, grads[1].abs().max().item<double>()));
+    const auto single = ssim(a.detach().to(torch::kFloat32), b.detach().to(torch::kFloat32));
+    CHECK(single.item<float>() == Approx(expected.item<double>()).margin(2e-4));
+  }
+}
+
+TEST_CASE("ssim: gradients agree with central differences, and a wrong one would not",
+          "[imaging]") {
+  torch::manual_seed(2);
+  const auto a = image({2, 7, 13}), b = image({2, 7, 13});
+  const Pair value = [](const auto& x, const auto& y) { return ssim(x, y); };
+  CHECK(gradient_error(value, a, b, false) < 1e-6);
+  CHECK(gradient_error(value, a, b, true) < 1e-6);
+  const Pair broken = [](const auto& x, const auto& y) { return Broken::apply(x, y); };
+  CHECK(gradient_error(broken, a, b, false) > 1e-2);
+}
+
+TEST_CASE("l1 ssim: D is the weighted sum of both parts, with its gradients", "[imaging]") {
+  torch::manual_seed(3);
+  for (const double lambda : {0.0, 0.2, 0.3, 1.0}) {
+    const auto a = image({3, 9, 12}), b = image({3, 9, 12});
+    const double expected = (1 - lambda) * (a - b).abs().mean().item<double>() +
+                            lambda * (1 - reference(a, b).item<double>());
+    CHECK(l1_ssim(a, b, lambda).item<double>() == Approx(expected).epsilon(1e-10));
+    const Pair d = [&](const auto& x, const auto& y) { return l1_ssim(x, y, lambda); };
+    CHECK(gradient_error(d, a, b, false) < 1e-5);
+    CHECK(gradient_error(d, a, b, true) < 1e-5);
+  }
+}
+
+TEST_CASE("ssim: a fixed target gives the same value and gradient", "[imaging]") {
+  torch::manual_seed(4);
+  for (const auto& shape : kShapes) {
+    auto a = image(shape).requires_grad_(true), twin = a.detach().clone().requires_grad_(true);
+    const auto b = image(shape);
+    const auto target = ssim_target(b);
+    const auto fixed = l1_ssim(a, target, 0.3), free = l1_ssim(twin, b, 0.3);
+    CHECK(fixed.item<double>() == Approx(free.item<double>()).margin(1e-13));
+    fixed.backward();
+    free.backward();
+    CHECK(a.grad().sub(twin.grad()).abs().max().item<double>() < 1e-12);
+  }
+}
+
+TEST_CASE("ssim: one image has similarity 1 with itself and no gradient", "[imaging]") {
+  auto a = image({3, 20, 31}).requires_grad_(true);
+  const auto b = a.detach().clone();
+  CHECK(ssim(a, b).item<double>() == Approx(1.0).epsilon(1e-12));
+  l1_ssim(a, b, 0.3).backward();
+  CHECK(a.grad().abs().max().item<double>() < 1e-12);
+}
+
+TEST_CASE("ssim: the same bits for any number of threads", "[imaging]") {
+  const auto b = image({3, 130, 97}, torch::kFloat32);
+  const auto run = [&](int threads) {
+    at::set_num_threads(threads);
+    auto a =
+        (b + 0.1 * torch::linspace(0, 1, b.numel()).view(b.sizes())).detach().requires_grad_(true);
+    auto value = l1_ssim(a, b, 0.3);
+    value.backward();
+    return std::pair{value.detach(), a.grad()};
+  };
+  const int before = at::get_num_threads();
+  const auto one = run(1);
+  for (const int threads : {2, 5}) {
+    const auto many = run(threads);
+    CHECK(torch::equal(many.first, one.first));
+    CHECK(torch::equal(many.second, one.second));
+  }
+  at::set_num_threads(before);
+}
+
+TEST_CASE("ssim: views with strides and incoming gradients are respected", "[imaging]") {
+  auto base = image({12, 9, 3}).requires_grad_(true);
+  const auto b = image({3, 12, 9});
+  auto copy = base.detach().clone().requires_grad_(true);
+  (5 * ssim(base.permute({2, 0, 1}), b)).backward();
+  (5 * reference(copy.permute({2, 0, 1}), b)).backward();
+  CHECK(base.grad().sub(copy.grad()).abs().max().item<double>() < 1e-12);
+}
+
+TEST_CASE("ssim: images that do not fit are refused", "[imaging]") {
+  CHECK_THROWS_AS(ssim(torch::zeros({3, 4, 4}), torch::zeros({3, 4, 5})), jade::ContractError);
+  CHECK_THROWS_AS(ssim(torch::zeros({4, 4}), torch::zeros({4, 4})), jade::ContractError);
+  CHECK_THROWS_AS(ssim(torch::zeros({3, 4, 4}), torch::zeros({3, 4, 4}, torch::kFloat64)),
+                  jade::ContractError);
+}
+
+TEST_CASE("ssim: a GPU agrees with the CPU in value and both gradients", "[imaging][cuda]") {
+  torch::manual_seed(5);
+  for (const auto& shape : kShapes) {
+    INFO(torch::IntArrayRef(shape));
+    auto a = image(shape, torch::kFloat32).requires_grad_(true),
+         b = image(shape, torch::kFloat32).requires_grad_(true);
+    auto ga = a.detach().cuda().requires_grad_(true), gb = b.detach().cuda().requires_grad_(true);
+    const auto expected = l1_ssim(a, b, 0.3), value = l1_ssim(ga, gb, 0.3);
+    expected.backward();
+    value.backward();
+    CHECK(value.item<float>() == Approx(expected.item<float>()).margin(1e-4));
+    const double scale = a.grad().abs().max().item<double>();
+    CHECK(ga.grad().cpu().sub(a.grad()).abs().max().item<double>() < 2e-3 * scale);
+    CHECK(gb.grad().cpu().sub(b.grad()).abs().max().item<double>() < 2e-3 * scale);
+    auto gc = a.detach().cuda().requires_grad_(true);
+    l1_ssim(gc, ssim_target(gb.detach()), 0.3).backward();
+    CHECK(gc.grad().sub(ga.grad()).abs().max().item<double>() < 2e-3 * scale);
+    CHECK(torch::equal(l1_ssim(ga, gb, 0.3), value));
+  }
+}
