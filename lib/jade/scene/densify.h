@@ -113,6 +113,8 @@ class Densifier {
   bool densify_due(int64_t step) const;
   bool opacity_reset_due(int64_t step) const;
   void reset_statistics(const GaussianModel& model);
+  DensifyReport update_adc(int64_t step, GaussianModel& model, GaussianAdam& adam);
+  DensifyReport update_mcmc(GaussianModel& model, GaussianAdam& adam);
 
   DensifyOptions options_;
   at::Generator generator_;

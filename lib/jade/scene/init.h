@@ -54,7 +54,7 @@ struct InitSources {
 double scene_extent(const std::vector<geometry::Pose>& cameras_from_world);
 
 /// [P] mean squared distance of every point to its 3 nearest others (fewer where there are fewer;
-/// 0 for a single point). A uniform grid makes it near O(P). CPU.
+/// 0 for a single point), through a k-d tree, which far outliers do not slow down. CPU.
 torch::Tensor mean_squared_neighbour_distance(const torch::Tensor& points);
 
 /// Gaussians at the points: base colour from the colours, scale sqrt(mean squared distance to the 3
