@@ -154,7 +154,8 @@ RawEvents read_hdf5_events(const std::filesystem::path& path) {
   }
   out.time = read_dataset<int64_t>(file, names[2], lengths[0], torch::kInt64);
   if (file.has("t_offset") && file.dataset("t_offset").shape.empty()) {
-    out.note = concat(path.string(), ": t_offset is a single number and was not added to the times");
+    out.note =
+        concat(path.string(), ": t_offset is a single number and was not added to the times");
   } else if (file.has("t_offset")) {
     int64_t offset = 0;
     file.read<int64_t>("t_offset", 0, 1, &offset);

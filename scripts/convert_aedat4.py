@@ -1,0 +1,147 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Turns an AEDAT4 recording (DV, DAVIS and DVXplorer cameras) into the HDF5 events that JADE-GS reads.
+
+    scripts/convert_aedat4.py recording.aedat4 events.h5 [--frames FOLDER]
+
+events.h5 holds 1-D data sets x, y (uint16), t (int64, microseconds) and p (int8, 0 or 1), chunked
+and compressed, as `events.h5` of the EvDeblur layout. --frames also writes the frames as PNG and
+their exposure times as timestamps.npz (timestamps, timestamps_start, timestamps_end; microseconds).
+
+AEDAT4 is read by one of two packages, whichever is there: dv-processing or aedat. Also needed:
+h5py and numpy, and opencv-python-headless for --frames.
+
+    pip install dv-processing h5py      (or: pip install aedat h5py)
+"""
+import argparse
+import os
+import sys
+
+CHUNK = 1 << 20
+
+
+def fail(message, code=2):
+    print(f"convert_aedat4: {message}", file=sys.stderr)
+    sys.exit(code)
+
+
+def need(module, package):
+    try:
+        return __import__(module)
+    except ImportError:
+        fail(f"needs the Python package {package}: pip install {package}")
+
+
+def packets_from_dv(path):
+    """Yields ("events", x, y, t, p) and ("frame", image, start, end) through dv-processing."""
+    import dv_processing as dv
+
+    reader = dv.io.MonoCameraRecording(path)
+    while reader.isRunning():
+        idle = True
+        if reader.isEventStreamAvailable():
+            batch = reader.getNextEventBatch()
+            if batch is not None:
+                idle = False
+                events = batch.numpy()
+                yield "events", events["x"], events["y"], events["timestamp"], events["polarity"]
+        if reader.isFrameStreamAvailable():
+            frame = reader.getNextFrame()
+            if frame is not None:
+                idle = False
+                start = frame.timestamp
+                yield "frame", frame.image, start, start + int(frame.exposure.total_seconds() * 1e6)
+        if idle:
+            break
+
+
+def packets_from_aedat(path):
+    """The same through the aedat package."""
+    import aedat
+
+    for packet in aedat.Decoder(path):
+        if "events" in packet:
+            events = packet["events"]
+            yield "events", events["x"], events["y"], events["t"], events["on"]
+        if "frame" in packet:
+            frame = packet["frame"]
+            yield "frame", frame["pixels"], frame["exposure_begin_t"], frame["exposure_end_t"]
+
+
+def packets(path):
+    for module, read in (("dv_processing", packets_from_dv), ("aedat", packets_from_aedat)):
+        try:
+            __import__(module)
+        except ImportError:
+            continue
+        return read(path)
+    fail("needs dv-processing or aedat to read AEDAT4: pip install dv-processing (or: pip install aedat)")
+
+
+class EventWriter:
+    """Appends batches to resizable data sets, so that memory does not grow with the recording."""
+
+    def __init__(self, file):
+        types = {"x": "uint16", "y": "uint16", "t": "int64", "p": "int8"}
+        self.sets = {
+            name: file.create_dataset(name, (0,), dtype=kind, maxshape=(None,), chunks=(CHUNK,),
+                                      compression="gzip", compression_opts=4, shuffle=True)
+            for name, kind in types.items()
+        }
+        self.count, self.last, self.unsorted = 0, None, False
+
+    def append(self, x, y, t, p):
+        n = len(t)
+        if n == 0:
+            return
+        for name, values in zip("xytp", (x, y, t, p)):
+            data = self.sets[name]
+            data.resize((self.count + n,))
+            data[self.count:] = values
+        self.unsorted |= self.last is not None and int(t[0]) < self.last
+        self.last = int(t[-1])
+        self.count += n
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("input", help="recording.aedat4")
+    parser.add_argument("output", help="events.h5")
+    parser.add_argument("--frames", metavar="FOLDER", help="also write frames and timestamps.npz here")
+    options = parser.parse_args()
+    if not os.path.isfile(options.input):
+        fail(f"{options.input}: no such file", 3)
+    h5py, numpy = need("h5py", "h5py"), need("numpy", "numpy")
+    cv2 = need("cv2", "opencv-python-headless") if options.frames else None
+    if options.frames:
+        os.makedirs(options.frames, exist_ok=True)
+
+    starts, ends = [], []
+    temporary = options.output + ".part"
+    try:
+        with h5py.File(temporary, "w") as file:
+            writer = EventWriter(file)
+            for kind, *values in packets(options.input):
+                if kind == "events":
+                    writer.append(*values)
+                elif cv2 is not None:
+                    image, start, end = values
+                    cv2.imwrite(os.path.join(options.frames, f"{len(starts):04d}.png"), image)
+                    starts.append(start)
+                    ends.append(end)
+    except (RuntimeError, ValueError, OSError) as error:
+        if os.path.exists(temporary):
+            os.remove(temporary)
+        fail(f"{options.input}: {error}", 3)
+    os.replace(temporary, options.output)
+    if starts:
+        starts, ends = numpy.array(starts), numpy.array(ends)
+        numpy.savez(os.path.join(options.frames, "timestamps.npz"), timestamps=(starts + ends) // 2,
+                    timestamps_start=starts, timestamps_end=ends)
+    print(f"{options.output}: {writer.count} events" + (f", {len(starts)} frames" if len(starts) else ""))
+    if writer.unsorted:
+        print("some batches were not in order of time; loading sorts them", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main()
