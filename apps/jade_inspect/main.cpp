@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+// Says what is in a data set and what is wrong with it.
+#include <cstdio>
+
+#include "common/cli.h"
+#include "common/dataset_flags.h"
+#include "jade/data/dataset.h"
+#include "summary.h"
+
+using namespace jade;
+
+namespace {
+
+ExitCode inspect(const data::DatasetOptions& options, double log_offset, bool json) {
+  apps::Inspection inspection;
+  inspection.log_offset = log_offset;
+  inspection.dataset = data::load_dataset(options, &inspection.problems);
+  inspection.thresholds = data::estimate_thresholds(inspection.dataset, log_offset);
+  if (json) {
+    std::printf("%s\n", apps::to_json(inspection).dump(2).c_str());
+  } else {
+    apps::print_text(inspection);
+  }
+  return ExitCode::kOk;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  apps::Program program("jade_inspect",
+                        "Says what is in a data set: split, exposures, events, problems");
+  data::DatasetOptions options;
+  double log_offset = 0;
+  program.cli().add_option("what", options.path, "folder of a data set")->required();
+  program.cli().add_option("--log-offset", log_offset,
+                           "thresholds of a sensor that measures log(I + offset), I in [0,1] (0)");
+  apps::add_dataset_flags(program.cli(), options);
+  program.add_json_flag();
+  return program.run(argc, argv, [&] { return inspect(options, log_offset, program.json()); });
+}

@@ -1,0 +1,163 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "summary.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <torch/torch.h>
+
+namespace jade::apps {
+namespace {
+
+using data::Dataset;
+using data::Exposure;
+
+double positive_share(const events::EventStream& events) {
+  return events.empty() ? 0 : (events.polarity() > 0).sum().item<double>() / double(events.size());
+}
+
+double events_per_second(const Exposure& exposure) {
+  if (exposure.duration_us() == 0) return 0;
+  return 1e6 * double(exposure.events.size()) / double(exposure.duration_us());
+}
+
+/// The sharp test views taken in the middle of an exposure, by name.
+std::string seen_by(const Dataset& dataset, size_t index) {
+  std::string names;
+  for (const data::SharpView& view : dataset.test) {
+    if (data::exposure_of(dataset, view) != int64_t(index)) continue;
+    names += (names.empty() ? "" : ", ") + view.name;
+  }
+  return names;
+}
+
+double path_length(const Exposure& exposure) {
+  double length = 0;
+  for (size_t k = 1; k < exposure.poses.size(); ++k) {
+    const auto a = geometry::centre(exposure.poses[k - 1]);
+    const auto b = geometry::centre(exposure.poses[k]);
+    length += std::hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
+  }
+  return length;
+}
+
+void print_frames(const Dataset& d) {
+  const geometry::Intrinsics& camera = d.train.front().camera;
+  std::printf("data set    %s, layout %s, in %s\n", d.name.c_str(), d.kind.c_str(), d.root.c_str());
+  std::printf("frames      %zu for training, %zu sharp test views (%s)\n", d.train.size(),
+              d.test.size(), d.split.c_str());
+  std::string names;
+  for (const auto& view : d.test) names += (names.empty() ? "" : ", ") + view.name;
+  if (!names.empty()) std::printf("test views  %s\n", names.c_str());
+  std::printf("image       %ldx%ld px, focal %.2f px, field of view %.1f x %.1f degrees\n",
+              long(camera.width), long(camera.height), camera.fx,
+              2 * std::atan(0.5 * double(camera.width) / camera.fx) * 180 / M_PI,
+              2 * std::atan(0.5 * double(camera.height) / camera.fy) * 180 / M_PI);
+  std::printf("depth       %.4g to %.4g units\n", d.near, d.far);
+  if (d.points.defined()) std::printf("points      %ld sparse points\n", long(d.points.size(0)));
+  if (d.trajectory.empty()) {
+    std::printf("poses       nine an exposure, no dense trajectory\n");
+  } else {
+    std::printf("poses       nine an exposure, from a trajectory of %ld poses, %.4f to %.4f s\n",
+                long(d.trajectory.size()), 1e-6 * d.trajectory.begin_us(),
+                1e-6 * d.trajectory.end_us());
+  }
+}
+
+void print_events(const Inspection& inspection) {
+  const Dataset& d = inspection.dataset;
+  if (d.events.empty()) {
+    std::printf("events      none\n");
+    return;
+  }
+  const double seconds = 1e-6 * double(d.events.last_us() - d.events.first_us());
+  std::printf("events      %ld from %.4f to %.4f s, %.0f a second, %.0f %% positive, %s\n",
+              long(d.events.size()), 1e-6 * double(d.events.first_us()),
+              1e-6 * double(d.events.last_us()), double(d.events.size()) / std::max(seconds, 1e-6),
+              100 * positive_share(d.events),
+              d.event_color.defined() ? "with a colour filter" : "without colours");
+  const data::ThresholdEstimate& t = inspection.thresholds;
+  if (!t.found) {
+    std::printf("thresholds  cannot be estimated from these frames and events\n");
+    return;
+  }
+  std::printf(
+      "thresholds  about %.2f (positive) and %.2f (negative) in log(I + %.4g), fitted to the "
+      "change between blurry frames;\n            %.0f %% of it stays unexplained, and "
+      "noise biases the fit low\n",
+      t.thresholds.positive, t.thresholds.negative, inspection.log_offset, 100 * t.unexplained);
+}
+
+void print_exposures(const Dataset& d) {
+  if (d.train.front().duration_us() == 0) return;
+  std::printf("\n%-10s %11s %9s %9s %11s %9s %10s  %s\n", "exposure", "start s", "ms", "events",
+              "events/s", "per pixel", "path", "sharp view at its middle");
+  for (size_t i = 0; i < d.train.size(); ++i) {
+    const Exposure& e = d.train[i];
+    const double pixels = double(e.camera.width * e.camera.height);
+    std::printf("%-10s %11.4f %9.2f %9ld %11.0f %9.2f %10.4g  %s\n", e.name.c_str(),
+                1e-6 * double(e.t_start_us), 1e-3 * double(e.duration_us()), long(e.events.size()),
+                events_per_second(e), double(e.events.size()) / pixels, path_length(e),
+                seen_by(d, i).c_str());
+  }
+}
+
+}  // namespace
+
+void print_text(const Inspection& inspection) {
+  print_frames(inspection.dataset);
+  print_events(inspection);
+  print_exposures(inspection.dataset);
+  if (inspection.problems.empty()) {
+    std::printf("\nNo problems found.\n");
+    return;
+  }
+  std::printf("\n%zu problem%s:\n", inspection.problems.size(),
+              inspection.problems.size() == 1 ? "" : "s");
+  for (const std::string& problem : inspection.problems) std::printf("  %s\n", problem.c_str());
+}
+
+nlohmann::json to_json(const Inspection& inspection) {
+  const Dataset& d = inspection.dataset;
+  const geometry::Intrinsics& camera = d.train.front().camera;
+  nlohmann::json exposures = nlohmann::json::array();
+  for (size_t i = 0; i < d.train.size(); ++i) {
+    const Exposure& e = d.train[i];
+    exposures.push_back({{"name", e.name},
+                         {"t_start_us", e.t_start_us},
+                         {"t_end_us", e.t_end_us},
+                         {"events", e.events.size()},
+                         {"events_per_second", events_per_second(e)},
+                         {"path_length", path_length(e)},
+                         {"sharp_view", seen_by(d, i)}});
+  }
+  nlohmann::json tests = nlohmann::json::array();
+  for (const auto& view : d.test) tests.push_back(view.name);
+  nlohmann::json result = {{"name", d.name},
+                           {"kind", d.kind},
+                           {"split", d.split},
+                           {"width", camera.width},
+                           {"height", camera.height},
+                           {"focal_px", camera.fx},
+                           {"near", d.near},
+                           {"far", d.far},
+                           {"points", d.points.defined() ? d.points.size(0) : 0},
+                           {"trajectory_poses", d.trajectory.size()},
+                           {"train", exposures},
+                           {"test", tests},
+                           {"events",
+                            {{"count", d.events.size()},
+                             {"positive_share", positive_share(d.events)},
+                             {"colour", d.event_color.defined()}}},
+                           {"thresholds", nullptr},
+                           {"problems", inspection.problems}};
+  if (inspection.thresholds.found) {
+    result["thresholds"] = {{"positive", inspection.thresholds.thresholds.positive},
+                            {"negative", inspection.thresholds.thresholds.negative},
+                            {"log_offset", inspection.log_offset},
+                            {"unexplained", inspection.thresholds.unexplained}};
+  }
+  return result;
+}
+
+}  // namespace jade::apps

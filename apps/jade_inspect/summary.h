@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "jade/data/exposure.h"
+#include "jade/data/threshold_estimate.h"
+
+namespace jade::apps {
+
+/// What jade_inspect says of a data set.
+struct Inspection {
+  data::Dataset dataset;
+  std::vector<std::string> problems;  ///< one line each, with the fix
+  data::ThresholdEstimate thresholds;
+  double log_offset = 0;  ///< that the thresholds are for
+};
+
+void print_text(const Inspection& inspection);
+nlohmann::json to_json(const Inspection& inspection);
+
+}  // namespace jade::apps

@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/data/recording.h"
+
+#include "jade/core/error.h"
+#include "jade/events/event_files.h"
+
+namespace jade::data {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Recordings usually start a little before the first pose and end after the last one; more than
+/// this part of the events outside is worth a look.
+constexpr double kManyOutside = 0.1;
+
+events::EventStream cut(const events::EventStream& events, const RecordingSpan& keep,
+                        const fs::path& path, const Warnings& warnings) {
+  if (keep.end_us == INT64_MAX || events.empty()) return events;
+  events::EventStream kept = events.slice(keep.begin_us, keep.end_us + 1);
+  const int64_t dropped = events.size() - kept.size();
+  if (double(dropped) > kManyOutside * double(events.size())) {
+    warnings.add(path.string(), ": ", dropped, " of ", events.size(),
+                 " events lie outside the recording's poses [", keep.begin_us, ", ", keep.end_us,
+                 "] us and were dropped; check dataset.events_unit and all_timestamps.npy");
+  }
+  return kept;
+}
+
+}  // namespace
+
+fs::path find_recording(const DatasetOptions& options) {
+  if (!options.events_file.empty()) {
+    if (fs::is_regular_file(options.events_file)) return options.events_file;
+    throw DataError(concat(options.events_file.string(),
+                           ": no such file; dataset.events_file must be a recording of events"));
+  }
+  for (const char* name : {"events.h5", "events.hdf5", "events/events.h5", "events.npz",
+                           "events.npy", "events.txt", "events.csv"}) {
+    if (fs::is_regular_file(options.path / name)) return options.path / name;
+  }
+  return {};
+}
+
+void attach_events(const DatasetOptions& options, const RecordingSpan& exposures,
+                   const RecordingSpan& keep, const Warnings& warnings, Dataset& data) {
+  const fs::path path = find_recording(options);
+  if (path.empty()) {
+    warnings.add(options.path.string(),
+                 ": no recording of events (events.h5); only the frames are "
+                 "used, set dataset.events_file if there is one");
+    return;
+  }
+  const geometry::Intrinsics& camera = data.train.front().camera;
+  events::EventFileOptions file_options;
+  file_options.time_unit = options.events_unit;
+  file_options.exposures = events::TimeWindow{exposures.begin_us, exposures.end_us};
+  file_options.size = events::ImageSize{camera.height, camera.width};
+  events::EventFileResult result = events::read_events(path, file_options);
+  for (const std::string& line : result.warnings) warnings.add(line);
+  data.events = cut(result.events, keep, path, warnings);
+  std::vector<std::string> without;
+  for (Exposure& exposure : data.train) {
+    exposure.events = data.events.slice(exposure.t_start_us, exposure.t_end_us);
+    if (exposure.events.empty()) without.push_back(exposure.name);
+  }
+  if (without.empty()) return;
+  warnings.add(path.string(), ": ", without.size(), " of ", data.train.size(),
+               " exposures have no events (", listing(without),
+               "); there the frame itself is taken as sharp. Is the recording complete, and "
+               "dataset.events_unit right?");
+}
+
+}  // namespace jade::data

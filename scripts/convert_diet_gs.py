@@ -1,0 +1,138 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Turns the event pickles of a DiET-GS scene into files that JADE-GS reads.
+
+    scripts/convert_diet_gs.py SCENE [SCENE ...]
+
+Reads SCENE/events/{events,id_to_coords,image_start,image_end}.pickle and, if present,
+id_to_color.pickle. Writes beside them
+    events.h5        x, y float32, t int64 (microseconds), p int8 (-1 or 1)
+    timestamps.npz   timestamps_start, timestamps_end: one window a blurry frame
+    color_map.npy    bool [3, H, W]: colour of the events at each pixel
+The scene's images/ and sparse/0 are used as they are. Needs numpy, h5py and, as the pickles hold
+its tensors, torch.
+
+A pickle can run code when it is opened. This reads them with a list of what they may contain
+(numbers, numpy arrays, torch tensors) and refuses everything else.
+"""
+import argparse
+import io
+import pathlib
+import pickle
+import sys
+
+import h5py
+import numpy as np
+
+CHUNK = 1 << 22
+ALLOWED = {
+    ("collections", "OrderedDict"),
+    ("numpy", "dtype"), ("numpy", "ndarray"),
+    ("numpy.core.multiarray", "_reconstruct"), ("numpy._core.multiarray", "_reconstruct"),
+    ("numpy.core.multiarray", "scalar"), ("numpy._core.multiarray", "scalar"),
+    ("numpy.core.numeric", "_frombuffer"), ("numpy._core.numeric", "_frombuffer"),
+    ("torch._utils", "_rebuild_tensor_v2"), ("torch._utils", "_rebuild_tensor"),
+}
+
+
+def storage_from_bytes(data):
+    """What torch.storage._load_from_bytes does, without running code from the bytes."""
+    import torch
+    return torch.load(io.BytesIO(data), map_location="cpu", weights_only=True)
+
+
+class SafeUnpickler(pickle.Unpickler):
+    def find_class(self, module, name):
+        if (module, name) == ("torch.storage", "_load_from_bytes"):
+            return storage_from_bytes
+        if (module, name) not in ALLOWED and not (
+                module.startswith("numpy.dtypes") or (module == "torch" and name.endswith("Storage"))):
+            raise pickle.UnpicklingError(f"refused to load {module}.{name}")
+        return super().find_class(module, name)
+
+
+def load(path):
+    """The array in a pickle, as numpy; None if there is no such file."""
+    if not path.exists():
+        return None
+    try:
+        with open(path, "rb") as file:
+            value = SafeUnpickler(file).load()
+    except Exception as plain_error:
+        # torch.save makes zip files or its own pickles rather than plain ones.
+        try:
+            import torch
+            value = torch.load(path, map_location="cpu", weights_only=True)
+        except Exception:
+            sys.exit(f"{path}: cannot be read: {plain_error}")
+    if hasattr(value, "detach"):
+        value = value.detach().cpu().numpy()
+    elif isinstance(value, (list, tuple)):
+        value = [v.item() if hasattr(v, "item") else v for v in value]
+    return np.asarray(value)
+
+
+def need(folder, name):
+    array = load(folder / name)
+    if array is None:
+        sys.exit(f"{folder / name}: missing; copy the scene's events folder again")
+    return array
+
+
+def write_events(path, rows, coords):
+    """rows: coordinate id, time in us, polarity. Sorted by time if they are not."""
+    if rows.ndim != 2 or rows.shape[1] < 3:
+        sys.exit(f"events.pickle: expected rows of id, time, polarity; found shape {rows.shape}")
+    if coords.ndim != 2 or coords.shape[1] != 2:
+        sys.exit(f"id_to_coords.pickle: expected [K, 2], found {coords.shape}")
+    if len(rows) and np.any(np.diff(rows[:, 1]) < 0):
+        print("  events were out of order in time and have been sorted")
+        rows = rows[np.argsort(rows[:, 1], kind="stable")]
+    part = path.with_suffix(".part")
+    kinds = {"x": np.float32, "y": np.float32, "t": np.int64, "p": np.int8}
+    with h5py.File(part, "w") as file:
+        out = {name: file.create_dataset(name, (len(rows),), kind, compression="gzip", shuffle=True,
+                                         chunks=(1 << 16,) if len(rows) > 1 << 16 else True)
+               if len(rows) else file.create_dataset(name, (0,), kind)
+               for name, kind in kinds.items()}
+        for begin in range(0, len(rows), CHUNK):
+            block = rows[begin:begin + CHUNK]
+            at = coords[block[:, 0].astype(np.int64)]
+            end = begin + len(block)
+            out["x"][begin:end] = at[:, 0]
+            out["y"][begin:end] = at[:, 1]
+            out["t"][begin:end] = np.rint(block[:, 1]).astype(np.int64)
+            out["p"][begin:end] = np.where(block[:, 2] > 0, 1, -1)
+    part.rename(path)
+
+
+def convert(scene):
+    folder = scene / "events"
+    if not folder.is_dir():
+        sys.exit(f"{folder}: no such folder; give the folder of a DiET-GS scene")
+    start = need(folder, "image_start.pickle").reshape(-1)
+    end = need(folder, "image_end.pickle").reshape(-1)
+    if len(start) != len(end):
+        sys.exit(f"{folder}: {len(start)} starts and {len(end)} ends of exposures")
+    np.savez(folder / "timestamps.npz", timestamps_start=np.rint(start).astype(np.int64),
+             timestamps_end=np.rint(end).astype(np.int64))
+    rows = need(folder, "events.pickle")
+    write_events(folder / "events.h5", rows, need(folder, "id_to_coords.pickle"))
+    color = load(folder / "id_to_color.pickle")
+    if color is not None:
+        if color.ndim != 3 or color.shape[2] != 3:
+            sys.exit(f"id_to_color.pickle: expected [H, W, 3], found {color.shape}")
+        np.save(folder / "color_map.npy", np.ascontiguousarray(color.astype(bool).transpose(2, 0, 1)))
+    print(f"{scene}: {len(start)} exposures, {len(rows)} events"
+          + (", colour map" if color is not None else ""))
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("scene", nargs="+", type=pathlib.Path, help="folder of a DiET-GS scene")
+    for scene in parser.parse_args().scene:
+        convert(scene)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,243 @@
+// SPDX-License-Identifier: Apache-2.0
+// What users really have: files that are missing, cut, swapped or in other units.
+#include "support/catch.h"
+
+#include <cmath>
+#include <filesystem>
+#include <functional>
+#include <torch/torch.h>
+
+#include "data/tiny_recording.h"
+#include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
+#include "jade/data/dataset.h"
+#include "jade/imaging/image_io.h"
+#include "jade/io/hdf5.h"
+#include "jade/io/npy.h"
+#include "support/temp_dir.h"
+
+namespace jade::data {
+namespace {
+
+namespace fs = std::filesystem;
+using test::mentions;
+
+/// A whole data set on disk, to be broken.
+struct Scene {
+  test::TempDir temp;
+  fs::path root = temp / "scene";
+  EvDeblurContent content = test::tiny_content();
+  DatasetOptions options;
+
+  Scene() {
+    write_evdeblur(root, content);
+    options.path = root;
+  }
+  std::vector<std::string> warnings() {
+    std::vector<std::string> lines;
+    load_dataset(options, &lines);
+    return lines;
+  }
+  void rewrite_events(const std::function<void(test::RawEvents&)>& change) {
+    test::RawEvents raw = test::raw_events(content.events);
+    change(raw);
+    io::Hdf5Writer writer(root / "events.h5");
+    for (const auto& [name, list] :
+         {std::pair{"x", &raw.x}, {"y", &raw.y}, {"t", &raw.t}, {"p", &raw.p}}) {
+      if (!list->empty()) writer.append(name, list->data(), int64_t(list->size()));
+    }
+    writer.close();
+  }
+  void rewrite_poses(const char* name, const std::function<torch::Tensor(torch::Tensor)>& change) {
+    io::write_npy(root / name, change(io::read_npy(root / name)));
+  }
+  void cut(const char* name, double part) {
+    const std::string whole = read_file(root / name);
+    write_file(root / name, whole.substr(0, size_t(double(whole.size()) * part)));
+  }
+};
+
+TEST_CASE("damage: missing, empty and truncated events are refused with the path", "[data]") {
+  Scene scene;
+  scene.cut("events.h5", 0.5);
+  CHECK_THROWS_WITH(scene.warnings(), Catch::Contains("events.h5"));
+  scene.cut("events.h5", 0);
+  CHECK_THROWS_WITH(scene.warnings(), Catch::Contains("events.h5"));
+  scene.rewrite_events([](test::RawEvents& raw) { raw.p.clear(); });
+  CHECK_THROWS_AS(scene.warnings(), DataError);
+  scene.rewrite_events([](test::RawEvents& raw) { raw.x.resize(500); });
+  CHECK_THROWS_AS(scene.warnings(), DataError);
+  scene.rewrite_events([](test::RawEvents& raw) { raw.p[5] = 7; });
+  CHECK_THROWS_AS(scene.warnings(), DataError);
+}
+
+TEST_CASE("damage: a scene without events loads, with a warning", "[data]") {
+  Scene scene;
+  fs::remove(scene.root / "events.h5");
+  CHECK(mentions(scene.warnings(), "no recording of events"));
+  CHECK(load_dataset(scene.options).events.empty());
+  scene.options.events_file = scene.root / "other.h5";
+  CHECK_THROWS_WITH(scene.warnings(), Catch::Contains("other.h5"));
+}
+
+TEST_CASE("damage: unsorted events are sorted, with a warning", "[data]") {
+  Scene scene;
+  scene.rewrite_events([](test::RawEvents& raw) { std::swap(raw.t[10], raw.t[500]); });
+  CHECK(mentions(scene.warnings(), "events.h5"));
+  const torch::Tensor t = load_dataset(scene.options).events.t_us();
+  CHECK((t.diff() >= 0).all().item<bool>());
+}
+
+TEST_CASE("damage: events outside the image and NaN coordinates are named", "[data]") {
+  Scene scene;
+  scene.rewrite_events([](test::RawEvents& raw) {
+    for (size_t i = 0; i < 300; ++i) raw.x[i] = 400;
+  });
+  CHECK(mentions(scene.warnings(), "events.h5"));
+  scene.rewrite_events([](test::RawEvents& raw) { raw.y[3] = std::nan(""); });
+  CHECK(mentions(scene.warnings(), "events.h5"));
+}
+
+TEST_CASE("damage: exposures without events are named", "[data]") {
+  Scene scene;
+  scene.rewrite_events([](test::RawEvents& raw) {
+    for (auto* list : {&raw.x, &raw.y, &raw.t, &raw.p}) list->resize(480);
+  });
+  const auto lines = scene.warnings();
+  CHECK(mentions(lines, "2 of 4 exposures have no events (02, 03)"));
+}
+
+TEST_CASE("damage: events that meet the exposures in no unit are refused", "[data]") {
+  Scene scene;
+  scene.rewrite_events([](test::RawEvents& raw) {
+    for (double& t : raw.t) t = t + 7e12;
+  });
+  CHECK_THROWS_WITH(scene.warnings(), Catch::Contains("events.h5"));
+}
+
+TEST_CASE("damage: counts of images, times and poses that differ are all told", "[data]") {
+  Scene scene;
+  fs::remove(scene.root / "images_1/03.png");
+  CHECK_THROWS_WITH(scene.warnings(), Catch::Contains("5 images") && Catch::Contains("6 times") &&
+                                          Catch::Contains("6 poses"));
+}
+
+TEST_CASE("damage: missing files say what they must hold", "[data]") {
+  for (const char* name : {"poses_bounds.npy", "images_1/timestamps.npz", "all_timestamps.npy"}) {
+    Scene scene;
+    fs::remove(scene.root / name);
+    CHECK_THROWS_WITH(scene.warnings(), Catch::Contains(fs::path(name).filename().string()) &&
+                                            Catch::Contains("missing"));
+  }
+  Scene scene;
+  scene.options.path = scene.root / "nowhere";
+  CHECK_THROWS_WITH(scene.warnings(), Catch::Contains("no such folder"));
+  scene.options.path = scene.root / "images_1";
+  fs::remove(scene.root / "images_1/timestamps.npz");
+  CHECK_THROWS_WITH(scene.warnings(), Catch::Contains("no data set we know"));
+  scene.options.path = "";
+  CHECK_THROWS_AS(scene.warnings(), ConfigError);
+}
+
+TEST_CASE("damage: poses that are NaN, no rotation, cut or of other counts are refused", "[data]") {
+  Scene scene;
+  scene.rewrite_poses("all_poses_bounds.npy", [](torch::Tensor rows) {
+    rows[7][3] = std::nan("");
+    return rows;
+  });
+  CHECK_THROWS_WITH(scene.warnings(), Catch::Contains("row 7"));
+  Scene second;
+  second.rewrite_poses("all_poses_bounds.npy",
+                       [](const torch::Tensor& rows) { return rows.slice(0, 0, 50); });
+  CHECK_THROWS_WITH(second.warnings(), Catch::Contains("101 times for 50 poses"));
+  Scene third;
+  third.cut("poses_bounds.npy", 0.7);
+  CHECK_THROWS_WITH(third.warnings(), Catch::Contains("poses_bounds.npy"));
+  Scene fourth;
+  fourth.rewrite_poses("poses_bounds.npy", [](torch::Tensor rows) {
+    rows[2][0] = 5;
+    return rows;
+  });
+  CHECK_THROWS_WITH(fourth.warnings(), Catch::Contains("row 2"));
+}
+
+TEST_CASE("damage: an exposure beyond the trajectory has no poses", "[data]") {
+  Scene scene;
+  for (const char* name : {"all_poses_bounds.npy", "all_timestamps.npy"}) {
+    scene.rewrite_poses(name, [](const torch::Tensor& rows) { return rows.slice(0, 0, 60); });
+  }
+  CHECK_THROWS_WITH(scene.warnings(), Catch::Contains("exposure 03") && Catch::Contains("outside"));
+}
+
+TEST_CASE("damage: a trajectory of other coordinates than the frames is noticed", "[data]") {
+  Scene scene;
+  scene.rewrite_poses("poses_bounds.npy", [](torch::Tensor rows) {
+    rows.select(1, 3) += 5;
+    return rows;
+  });
+  CHECK(mentions(scene.warnings(), "away from all_poses_bounds.npy"));
+}
+
+TEST_CASE("damage: a trajectory out of order or with repeated times is repaired", "[data]") {
+  Scene scene;
+  const torch::Tensor order = torch::cat({torch::arange(100, -1, -1), torch::tensor({50})});
+  for (const char* name : {"all_poses_bounds.npy", "all_timestamps.npy"}) {
+    scene.rewrite_poses(name, [&](const torch::Tensor& rows) { return rows.index({order}); });
+  }
+  const auto lines = scene.warnings();
+  CHECK(mentions(lines, "not in order"));
+  CHECK(mentions(lines, "more than once"));
+}
+
+TEST_CASE("damage: unreadable and differently sized images are named", "[data]") {
+  Scene scene;
+  scene.cut("images_1/02.png", 0);
+  CHECK_THROWS_WITH(scene.warnings(), Catch::Contains("02.png"));
+  imaging::write_image(scene.root / "images_1/02.png", torch::rand({3, 9, 9}));
+  CHECK_THROWS_WITH(scene.warnings(), Catch::Contains("02.png") && Catch::Contains("9x9"));
+}
+
+TEST_CASE("damage: 16-bit and gray images count as images", "[data]") {
+  Scene scene;
+  const torch::Tensor gray = torch::rand({1, test::kHeight, test::kWidth});
+  imaging::write_image(scene.root / "images_1/00.png", gray, {16, 95});
+  const Dataset data = load_dataset(scene.options);
+  CHECK(torch::allclose(data.train[0].blurry, gray.expand({3, -1, -1}), 0, 1.0 / 65535));
+}
+
+TEST_CASE("damage: a single exposure loads, with a warning", "[data]") {
+  test::TempDir temp;
+  EvDeblurContent content = test::tiny_content();
+  content.train.resize(1);
+  content.sharp_mid.resize(1);
+  write_evdeblur(temp / "scene", content);
+  DatasetOptions options;
+  options.path = temp / "scene";
+  std::vector<std::string> lines;
+  CHECK(load_dataset(options, &lines).train.size() == 1);
+  CHECK(mentions(lines, "single training frame"));
+}
+
+TEST_CASE("damage: swapped starts and ends, and impossible splits, are refused", "[data]") {
+  Scene scene;
+  const io::Npz times(scene.root / "images_1/timestamps.npz");
+  const torch::Tensor start = times.read("timestamps_start");
+  const torch::Tensor end = times.read("timestamps_end");
+  scene.options.split = "last";
+  scene.options.test_last = 6;
+  CHECK_THROWS_WITH(scene.warnings(), Catch::Contains("none is left"));
+  scene.options.split = "every";
+  CHECK_THROWS_WITH(scene.warnings(), Catch::Contains("no exposure time"));
+  scene.options.split = "sometimes";
+  CHECK_THROWS_AS(scene.warnings(), ConfigError);
+  scene.options.split = "auto";
+  io::write_npz(scene.root / "images_1/timestamps.npz",
+                {{"timestamps_start", end}, {"timestamps_end", start}});
+  CHECK_THROWS_WITH(scene.warnings(), Catch::Contains("before its start"));
+  io::write_npz(scene.root / "images_1/timestamps.npz",
+                {{"timestamps_start", start}, {"timestamps_end", end.slice(0, 1)}});
+  CHECK_THROWS_WITH(scene.warnings(), Catch::Contains("one length"));
+}
+
+}  // namespace
+}  // namespace jade::data

@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/data/evdeblur.h"
+
+#include "support/catch.h"
+
+#include <filesystem>
+#include <torch/torch.h>
+
+#include "data/tiny_recording.h"
+#include "jade/core/error.h"
+#include "jade/data/evdeblur_writer.h"
+#include "jade/io/hdf5.h"
+#include "jade/io/npy.h"
+#include "support/temp_dir.h"
+
+namespace jade::data {
+namespace {
+
+namespace fs = std::filesystem;
+using test::mentions;
+using test::pose_distance;
+
+Dataset load(const fs::path& folder, std::vector<std::string>* warnings = nullptr) {
+  DatasetOptions options;
+  options.path = folder;
+  return load_dataset(options, warnings);
+}
+
+TEST_CASE("evdeblur: writing then loading gives back the same exposures", "[data]") {
+  const test::TempDir folder;
+  const EvDeblurContent content = test::tiny_content();
+  write_evdeblur(folder / "scene", content);
+  std::vector<std::string> warnings;
+  const Dataset data = load(folder / "scene", &warnings);
+  CHECK(warnings.empty());
+  CHECK(data.kind == "evdeblur");
+  CHECK(data.name == "scene");
+  CHECK(data.near == 0.5);
+  CHECK(data.far == 4);
+  REQUIRE(data.train.size() == 4);
+  for (size_t i = 0; i < 4; ++i) {
+    const Exposure& expected = content.train[i];
+    const Exposure& found = data.train[i];
+    CHECK(found.name == "0" + std::to_string(i));
+    CHECK(torch::equal(found.blurry, expected.blurry));
+    CHECK(found.t_start_us == expected.t_start_us);
+    CHECK(found.t_end_us == expected.t_end_us);
+    CHECK(found.camera == expected.camera);
+    CHECK(found.events.size() == 80);
+    for (size_t k = 0; k < 9; ++k) CHECK(pose_distance(found.poses[k], expected.poses[k]) < 1e-6);
+  }
+  REQUIRE(data.test.size() == 2);
+  for (size_t i = 0; i < 2; ++i) {
+    CHECK(torch::equal(data.test[i].image, content.test[i].image));
+    CHECK(data.test[i].t_us == content.test[i].t_us);
+    CHECK(pose_distance(data.test[i].pose, content.test[i].pose) < 1e-12);
+  }
+  CHECK(torch::equal(data.events.x(), content.events.x()));
+  CHECK(torch::equal(data.events.t_us(), content.events.t_us()));
+  CHECK(torch::equal(data.events.polarity(), content.events.polarity()));
+}
+
+TEST_CASE("evdeblur: a sharp view belongs to the exposure in whose middle it was taken", "[data]") {
+  const test::TempDir folder;
+  write_evdeblur(folder / "scene", test::tiny_content());
+  const Dataset data = load(folder / "scene");
+  CHECK(exposure_of(data, data.test[0]) == 1);
+  CHECK(exposure_of(data, data.test[1]) == -1);
+}
+
+TEST_CASE("evdeblur: sharp frames between blurry ones are the test views", "[data]") {
+  const test::TempDir folder;
+  EvDeblurContent content = test::tiny_content();
+  write_evdeblur(folder / "scene", content);
+  // The same frames with the first and fifth sharp, as every fourth would be.
+  const torch::Tensor start = torch::tensor({5000, 10000, 30000, 50000, 62000, 70000});
+  const torch::Tensor length = torch::tensor({0, 8000, 8000, 8000, 0, 8000});
+  io::write_npz(folder / "scene/images_1/timestamps.npz",
+                {{"timestamps_start", start}, {"timestamps_end", start + length}});
+  std::vector<std::string> warnings;
+  const Dataset data = load(folder / "scene", &warnings);
+  CHECK(data.split.find("every 4th") != std::string::npos);
+  REQUIRE(data.test.size() == 2);
+  CHECK(data.test[0].name == "00");
+  CHECK(data.test[1].name == "04");
+  REQUIRE(data.train.size() == 4);
+  CHECK(data.train[3].name == "05");
+}
+
+TEST_CASE("evdeblur: nanoseconds and 0/1 polarity are recognised", "[data]") {
+  const test::TempDir folder;
+  const EvDeblurContent content = test::tiny_content();
+  write_evdeblur(folder / "scene", content);
+  const test::RawEvents raw = test::raw_events(content.events);
+  std::vector<uint16_t> x(raw.x.begin(), raw.x.end());
+  std::vector<uint16_t> y(raw.y.begin(), raw.y.end());
+  std::vector<int64_t> t;
+  std::vector<uint8_t> p;
+  for (const double value : raw.t) t.push_back(static_cast<int64_t>(1000 * value));
+  for (const double value : raw.p) p.push_back(value > 0 ? 1 : 0);
+  io::Hdf5Writer writer(folder / "scene/events.h5");
+  writer.append("x", x.data(), 1000);
+  writer.append("y", y.data(), 1000);
+  writer.append("t", t.data(), 1000);
+  writer.append("p", p.data(), 1000);
+  writer.close();
+  const Dataset data = load(folder / "scene");
+  CHECK(torch::equal(data.events.t_us(), content.events.t_us()));
+  CHECK(torch::equal(data.events.polarity(), content.events.polarity()));
+  CHECK(data.train[0].events.size() == 80);
+}
+
+TEST_CASE("evdeblur: without a dense trajectory the poses follow those of the frames", "[data]") {
+  const test::TempDir folder;
+  const EvDeblurContent content = test::tiny_content();
+  write_evdeblur(folder / "scene", content);
+  fs::remove(folder / "scene/all_poses_bounds.npy");
+  fs::remove(folder / "scene/all_timestamps.npy");
+  std::vector<std::string> warnings;
+  const Dataset data = load(folder / "scene", &warnings);
+  CHECK(mentions(warnings, "no dense trajectory"));
+  CHECK(data.trajectory.empty());
+  for (size_t i = 0; i < 4; ++i) {
+    for (size_t k = 0; k < 9; ++k) {
+      CHECK(pose_distance(data.train[i].poses[k], content.train[i].poses[k]) < 1e-5);
+    }
+  }
+}
+
+TEST_CASE("evdeblur: events outside the trajectory's times are dropped", "[data]") {
+  const test::TempDir folder;
+  EvDeblurContent content = test::tiny_content();
+  content.path_t_us.erase(content.path_t_us.begin(), content.path_t_us.begin() + 5);
+  content.path.erase(content.path.begin(), content.path.begin() + 5);
+  write_evdeblur(folder / "scene", content);
+  const Dataset data = load(folder / "scene");
+  CHECK(data.events.first_us() == 5000);
+  CHECK(data.events.size() == 950);
+}
+
+TEST_CASE("evdeblur: a colour filter is read when there is one and wanted", "[data]") {
+  const test::TempDir folder;
+  write_evdeblur(folder / "scene", test::tiny_content());
+  const auto axes =
+      torch::meshgrid({torch::arange(test::kHeight), torch::arange(test::kWidth)}, "ij");
+  io::write_npz(folder / "scene/ev_map.npz", {{"inv_mapx", axes[1].to(torch::kFloat32)},
+                                              {"inv_mapy", axes[0].to(torch::kFloat32)}});
+  DatasetOptions options;
+  options.path = folder / "scene";
+  const Dataset data = load_dataset(options);
+  REQUIRE(data.event_color.defined());
+  CHECK(data.event_color.sum().item<int64_t>() == test::kWidth * test::kHeight);
+  options.color_events = false;
+  CHECK_FALSE(load_dataset(options).event_color.defined());
+}
+
+}  // namespace
+}  // namespace jade::data

@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: Apache-2.0
+// Sharp images with poses: COLMAP models and transforms.json.
+#include "support/catch.h"
+
+#include <cmath>
+#include <filesystem>
+#include <torch/torch.h>
+
+#include "data/tiny_recording.h"
+#include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
+#include "jade/imaging/image_io.h"
+#include "support/colmap_writer.h"
+#include "support/temp_dir.h"
+
+namespace jade::data {
+namespace {
+
+namespace fs = std::filesystem;
+
+DatasetOptions at(const fs::path& folder) {
+  DatasetOptions options;
+  options.path = folder;
+  return options;
+}
+
+/// Ten sharp images img_00 to img_09 with a model of 2 x their size.
+void write_colmap_scene(const fs::path& root, const io::ColmapCamera& camera) {
+  std::vector<io::ColmapImage> images;
+  for (int i = 9; i >= 0; --i) {
+    const geometry::Pose pose = test::steady_pose(1e5 * i);
+    const std::string name = concat("img_0", i, ".png");
+    images.push_back({i + 1, geometry::quaternion_from_rotation(pose.rotation), pose.translation,
+                      camera.id, name});
+    imaging::write_image(root / "images" / name, test::noise_image(i));
+  }
+  std::vector<double> points;
+  for (int i = 0; i < 20; ++i) {
+    for (const double value : {0.1 * i, -0.05 * i, 4.0 + 0.1 * i}) points.push_back(value);
+  }
+  test::save_model(root / "sparse/0", test::binary_model(camera, images, points));
+}
+
+TEST_CASE("colmap scene: every eighth image by name is a test view, cameras fit the images",
+          "[data]") {
+  const test::TempDir folder;
+  write_colmap_scene(folder / "room",
+                     {1, "PINHOLE", 2 * test::kWidth, 2 * test::kHeight, {50, 50, 22, 13}});
+  std::vector<std::string> warnings;
+  const Dataset data = load_dataset(at(folder / "room"), &warnings);
+  CHECK(warnings.empty());
+  CHECK(data.kind == "colmap");
+  REQUIRE(data.test.size() == 2);
+  CHECK(data.test[1].name == "img_08");
+  REQUIRE(data.train.size() == 8);
+  const Exposure& first = data.train[0];
+  CHECK(first.name == "img_01");
+  CHECK(first.duration_us() == 0);
+  CHECK(first.events.empty());
+  CHECK(first.camera.fx == Approx(25));
+  CHECK(first.camera.cx == Approx(11));
+  CHECK(test::pose_distance(first.poses[8], test::steady_pose(1e5)) < 1e-6);
+  CHECK(torch::equal(first.blurry, test::noise_image(1)));
+  CHECK(data.near > 0);
+  CHECK(data.far > data.near);
+  DatasetOptions all = at(folder / "room");
+  all.split = "none";
+  CHECK(load_dataset(all).train.size() == 10);
+}
+
+TEST_CASE("colmap scene: images without a file are named, strong distortion is refused", "[data]") {
+  const test::TempDir folder;
+  write_colmap_scene(folder / "room",
+                     {1, "PINHOLE", test::kWidth, test::kHeight, {25, 25, 10.5, 6.5}});
+  fs::remove(folder / "room/images/img_03.png");
+  std::vector<std::string> warnings;
+  CHECK(load_dataset(at(folder / "room"), &warnings).train.size() == 7);
+  CHECK(test::mentions(warnings, "img_03.png"));
+
+  const io::ColmapFiles bent = {"1 SIMPLE_RADIAL 21 13 25 10.5 6.5 0.9\n",
+                                "1 1 0 0 0 0 0 0 1 img_00.png\n\n2 1 0 0 0 1 0 0 1 img_01.png\n\n",
+                                "", false, ""};
+  fs::remove_all(folder / "room/sparse");
+  test::save_model(folder / "room/sparse/0", bent);
+  CHECK_THROWS_WITH(load_dataset(at(folder / "room")), Catch::Contains("image_undistorter"));
+}
+
+/// world_from_camera in OpenGL axes, as JSON.
+std::string gl_matrix(const geometry::Pose& camera_from_world) {
+  const geometry::Pose pose = geometry::inverse(camera_from_world);
+  std::string text = "[";
+  for (size_t row = 0; row < 3; ++row) {
+    const double* r = pose.rotation.data() + 3 * row;
+    std::ostringstream line;
+    line.precision(17);
+    line << "[" << r[0] << "," << -r[1] << "," << -r[2] << "," << pose.translation[row] << "],";
+    text += line.str();
+  }
+  return text + "[0,0,0,1]]";
+}
+
+std::string frames_json(const std::string& prefix, const std::string& extension, int count) {
+  std::string frames;
+  for (int i = 0; i < count; ++i) {
+    frames += concat(i == 0 ? "" : ",", "{\"file_path\":\"", prefix, i, extension,
+                     "\",\"transform_matrix\":", gl_matrix(test::steady_pose(1e5 * i)), "}");
+  }
+  return frames;
+}
+
+TEST_CASE("transforms: nerfstudio's single file gives cameras and poses", "[data]") {
+  const test::TempDir folder;
+  fs::create_directories(folder / "room");
+  for (int i = 0; i < 3; ++i) {
+    imaging::write_image(folder / concat("room/images/f", i, ".png"), test::noise_image(i));
+  }
+  write_file(folder / "room/transforms.json",
+             "{\"fl_x\":50,\"w\":42,\"h\":26,\"cx\":20,\"cy\":14,\"frames\":[" +
+                 frames_json("images/f", ".png", 3) + "]}");
+  const Dataset data = load_dataset(at(folder / "room"));
+  CHECK(data.kind == "transforms");
+  REQUIRE(data.test.size() == 1);
+  REQUIRE(data.train.size() == 2);
+  CHECK(data.train[1].camera.fy == Approx(25));
+  CHECK(data.train[1].camera.cx == Approx(10));
+  CHECK(test::pose_distance(data.train[1].poses[0], test::steady_pose(2e5)) < 1e-9);
+}
+
+TEST_CASE("transforms: NeRF-synthetic's pair of files gives its own split", "[data]") {
+  const test::TempDir folder;
+  fs::create_directories(folder / "room");
+  for (int i = 0; i < 3; ++i) {
+    imaging::write_image(folder / concat("room/train/r_", i, ".png"), test::noise_image(i));
+    imaging::write_image(folder / concat("room/test/r_", i, ".png"), test::noise_image(50 + i));
+  }
+  const std::string head = "{\"camera_angle_x\":0.8,\"frames\":[";
+  write_file(folder / "room/transforms_train.json", head + frames_json("./train/r_", "", 3) + "]}");
+  write_file(folder / "room/transforms_test.json", head + frames_json("./test/r_", "", 2) + "]}");
+  const Dataset data = load_dataset(at(folder / "room"));
+  REQUIRE(data.train.size() == 3);
+  REQUIRE(data.test.size() == 2);
+  CHECK(torch::equal(data.test[1].image, test::noise_image(51)));
+  CHECK(data.train[0].camera.fx == Approx(0.5 * test::kWidth / std::tan(0.4)));
+}
+
+TEST_CASE("transforms: damaged JSON, missing images and matrices are data errors", "[data]") {
+  const test::TempDir folder;
+  fs::create_directories(folder / "room");
+  const fs::path path = folder / "room/transforms.json";
+  write_file(path, "{\"frames\": [");
+  CHECK_THROWS_WITH(load_dataset(at(folder / "room")), Catch::Contains("transforms.json"));
+  write_file(path, "{\"fl_x\":50,\"frames\":[" + frames_json("images/f", ".png", 1) + "]}");
+  CHECK_THROWS_WITH(load_dataset(at(folder / "room")), Catch::Contains("f0.png"));
+  imaging::write_image(folder / "room/a.png", test::noise_image(0));
+  write_file(path, "{\"fl_x\":50,\"frames\":[{\"file_path\":\"a.png\"}]}");
+  CHECK_THROWS_WITH(load_dataset(at(folder / "room")), Catch::Contains("transform_matrix"));
+  write_file(path,
+             "{\"fl_x\":50,\"frames\":[{\"file_path\":\"a.png\",\"transform_matrix\":[[1,2]]}]}");
+  CHECK_THROWS_WITH(load_dataset(at(folder / "room")), Catch::Contains("transform_matrix"));
+  write_file(path,
+             "{\"frames\":[{\"file_path\":\"a.png\",\"transform_matrix\":" + gl_matrix({}) + "}]}");
+  CHECK_THROWS_WITH(load_dataset(at(folder / "room")), Catch::Contains("camera_angle_x"));
+}
+
+}  // namespace
+}  // namespace jade::data

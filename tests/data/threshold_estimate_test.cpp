@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/data/threshold_estimate.h"
+
+#include "support/catch.h"
+
+#include <algorithm>
+#include <cmath>
+#include <torch/torch.h>
+
+namespace jade::data {
+namespace {
+
+constexpr int64_t kSize = 48;
+
+/// Brightness of a pattern that slides over the sensor, in (0.1, 0.9).
+double brightness(int64_t x, int64_t y, double t_us) {
+  const double u = 0.35 * (double(x) - 6e-5 * t_us);
+  return 0.5 + 0.25 * std::sin(u) + 0.15 * std::sin(0.6 * u + 0.5 * double(y));
+}
+
+/// Frames and ideal events of that pattern: an event at each crossing of a threshold.
+Dataset sliding_pattern(double positive, double negative, double log_offset) {
+  struct Event {
+    float x, y;
+    int64_t t_us;
+    int8_t polarity;
+  };
+  std::vector<Event> events;
+  constexpr int64_t kStep = 250;
+  constexpr int64_t kEnd = 600000;
+  for (int64_t y = 0; y < kSize; ++y) {
+    for (int64_t x = 0; x < kSize; ++x) {
+      double reference = std::log(brightness(x, y, 0) + log_offset);
+      for (int64_t t = kStep; t <= kEnd; t += kStep) {
+        const double now = std::log(brightness(x, y, double(t)) + log_offset);
+        for (; now - reference >= positive; reference += positive) {
+          events.push_back({float(x), float(y), t, 1});
+        }
+        for (; reference - now >= negative; reference -= negative) {
+          events.push_back({float(x), float(y), t, -1});
+        }
+      }
+    }
+  }
+  std::stable_sort(events.begin(), events.end(),
+                   [](const Event& a, const Event& b) { return a.t_us < b.t_us; });
+  std::vector<float> xs, ys;
+  std::vector<int64_t> ts;
+  std::vector<int8_t> ps;
+  for (const Event& event : events) {
+    xs.push_back(event.x);
+    ys.push_back(event.y);
+    ts.push_back(event.t_us);
+    ps.push_back(event.polarity);
+  }
+  Dataset data;
+  data.events = events::EventStream::from_lists(xs, ys, ts, ps);
+  for (int64_t i = 0; i < 5; ++i) {
+    Exposure exposure;
+    exposure.t_start_us = 10000 + 120000 * i;
+    exposure.t_end_us = exposure.t_start_us + 80000;
+    exposure.camera = geometry::Intrinsics::centred(50, kSize, kSize);
+    torch::Tensor frame = torch::zeros({kSize, kSize});
+    for (int64_t k = 0; k < 9; ++k) {
+      for (int64_t y = 0; y < kSize; ++y) {
+        for (int64_t x = 0; x < kSize; ++x) {
+          frame.data_ptr<float>()[y * kSize + x] +=
+              float(brightness(x, y, double(exposure.t_start_us + 10000 * k)) / 9);
+        }
+      }
+    }
+    exposure.blurry = frame.expand({3, -1, -1}).contiguous();
+    exposure.events = data.events.slice(exposure.t_start_us, exposure.t_end_us);
+    data.train.push_back(std::move(exposure));
+  }
+  return data;
+}
+
+TEST_CASE("thresholds: both are found in ideal events within a tenth", "[data]") {
+  const ThresholdEstimate estimate = estimate_thresholds(sliding_pattern(0.25, 0.18, 0), 0);
+  REQUIRE(estimate.found);
+  CHECK(estimate.thresholds.positive == Approx(0.25).epsilon(0.1));
+  CHECK(estimate.thresholds.negative == Approx(0.18).epsilon(0.1));
+  CHECK(estimate.unexplained < 0.2);
+}
+
+TEST_CASE("thresholds: a sensor with an offset is read with that offset", "[data]") {
+  const ThresholdEstimate estimate = estimate_thresholds(sliding_pattern(0.3, 0.3, 0.1), 0.1);
+  REQUIRE(estimate.found);
+  CHECK(estimate.thresholds.positive == Approx(0.3).epsilon(0.1));
+  CHECK(estimate.thresholds.negative == Approx(0.3).epsilon(0.1));
+}
+
+TEST_CASE("thresholds: nothing is claimed without events", "[data]") {
+  Dataset data = sliding_pattern(0.25, 0.25, 0);
+  data.events = events::EventStream();
+  CHECK_FALSE(estimate_thresholds(data, 0).found);
+}
+
+TEST_CASE("thresholds: events that belong to other frames explain nothing", "[data]") {
+  Dataset data = sliding_pattern(0.25, 0.25, 0);
+  torch::manual_seed(3);
+  for (Exposure& exposure : data.train) {
+    exposure.blurry = torch::rand({1, kSize, kSize}).expand({3, -1, -1}) * 0.8 + 0.1;
+  }
+  CHECK_FALSE(estimate_thresholds(data, 0).found);
+}
+
+}  // namespace
+}  // namespace jade::data

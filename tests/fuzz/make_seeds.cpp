@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+// make_seeds DIR writes well-formed small files into DIR/<reader>/, for the fuzzers to start from.
+#include <filesystem>
+#include <torch/torch.h>
+#include <vector>
+
+#include "jade/core/atomic_file.h"
+#include "jade/data/llff.h"
+#include "jade/io/hdf5.h"
+#include "jade/io/npy.h"
+#include "support/colmap_writer.h"
+
+namespace fs = std::filesystem;
+using namespace jade;
+
+int main(int argc, char** argv) {
+  if (argc != 2) return 2;
+  const fs::path root = argv[1];
+  for (const char* reader : {"colmap", "hdf5", "llff", "npy", "npz"}) {
+    fs::create_directories(root / reader);
+  }
+  io::write_npy(root / "npy/float", torch::rand({3, 5}));
+  io::write_npy(root / "npy/int", torch::arange(7));
+  io::write_npy(root / "npy/scalar", torch::tensor(true));
+  io::write_npy(root / "llff/rows", data::llff_rows({{{}, 10, 20, 30, 1, 2}, {{}, 1, 2, 3, 4, 5}}));
+  io::write_npz(root / "npz/times",
+                {{"timestamps_start", torch::arange(4)}, {"timestamps_end", torch::arange(4) + 1}});
+
+  const std::vector<int64_t> t = {1, 2, 3, 4, 5, 6, 7, 8};
+  const std::vector<float> x(t.begin(), t.end());
+  for (const int level : {0, 4}) {
+    io::Hdf5Writer writer(root / concat("hdf5/gzip", level), level);
+    writer.append("t", t.data(), 8);
+    writer.append("events/x", x.data(), 8);
+    writer.close();
+  }
+
+  const io::ColmapCamera camera{1, "PINHOLE", 20, 10, {15, 16, 10, 5}};
+  const std::vector<io::ColmapImage> images = {{1, {1, 0, 0, 0}, {0, 0, 1}, 1, "0_0.png"},
+                                               {2, {1, 0, 0, 0}, {0, 1, 0}, 1, "GT0.png"}};
+  const std::vector<double> points = {0, 1, 2, 3, 4, 5};
+  for (const bool binary : {true, false}) {
+    const io::ColmapFiles files = binary ? test::binary_model(camera, images, points)
+                                         : test::text_model(camera, images, points);
+    write_file(root / (binary ? "colmap/binary" : "colmap/text"),
+               std::string(1, binary ? '\0' : '\1') + files.cameras + "<cut>" + files.images +
+                   "<cut>" + files.points);
+  }
+  return 0;
+}
