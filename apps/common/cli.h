@@ -65,6 +65,7 @@ class Program {
   }
 
   const std::filesystem::path& config_file() const { return config_file_; }
+  const std::vector<std::string>& overrides() const { return overrides_; }
   const std::filesystem::path& output() const { return output_; }
   bool json() const { return json_; }
   /// The device of --device (default auto), for programs without a configuration.

@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/cli.h"
-#include "jade/core/atomic_file.h"
-#include "jade/core/device.h"
-#include "jade/core/log.h"
 #include "jade/train/options.h"
+#include "jade/train/trainer.h"
 
 using namespace jade;
 
@@ -11,17 +9,28 @@ int main(int argc, char** argv) {
   apps::Program program("jade_train",
                         "Trains a sharp 3D Gaussian scene from blurry frames and events");
   program.add_config_flags();
-  program.add_output_flag("Run directory");
+  program.add_output_flag("Run directory, made if it does not exist");
   program.add_device_flag();
   program.add_seed_flag();
+  std::string resume;
+  auto* resume_flag = program.cli().add_option(
+      "--resume", resume, "Go on with the newest whole checkpoint of --output, or with this one");
+  resume_flag->expected(0, 1);
   return program.run(argc, argv, [&] {
     const auto options = program.load_options<train::RunOptions>();
     if (!options) return ExitCode::kOk;
-    const torch::Device device = select_device(options->device);
-    log_info(concat("device: ", device_name(device)));
-    if (program.output().empty())
-      throw ConfigError("--output: expected a run directory, found nothing");
-    make_writable_folder(program.output());
+    if (program.output().empty()) {
+      throw ConfigError(
+          "--output: expected a folder for the run, found nothing; add --output runs/NAME");
+    }
+    if (options->dataset.path.empty()) {
+      throw ConfigError(
+          "dataset.path: expected the folder of a data set, found nothing; set it in the YAML or "
+          "with --set dataset.path=DIR");
+    }
+    if (*resume_flag && resume.empty()) resume = "latest";
+    train::Trainer trainer(*options, program.output(), resume);
+    trainer.run();
     return ExitCode::kOk;
   });
 }

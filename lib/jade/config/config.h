@@ -32,6 +32,10 @@ Options load(const Sources& sources) {
   return options;
 }
 
+/// The same from YAML that is at hand as text, such as a checkpoint's; `name` stands for the file
+/// in messages, relative paths start in the current folder.
+void read_text(const std::string& yaml, const std::string& name, const FieldList& fields);
+
 /// The resolved configuration as YAML with help, units and ranges as comments. Reading it back and
 /// printing again gives the same bytes.
 std::string to_yaml(const FieldList& fields, const std::string& title);

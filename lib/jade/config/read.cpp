@@ -186,7 +186,7 @@ YAML::Node parse(const std::string& text, const std::string& name) {
   }
 }
 
-std::string read_text(const fs::path& file) {
+std::string contents(const fs::path& file) {
   if (file == "-" || file == "/dev/stdin") return {std::istreambuf_iterator<char>(std::cin), {}};
   std::ifstream in(file, std::ios::binary);
   if (!in || fs::is_directory(file)) {
@@ -208,7 +208,7 @@ void collect_layers(const fs::path& file, std::vector<fs::path>& chain,
                              identity.filename().string()));
   }
   chain.push_back(identity);
-  Layer layer{parse(read_text(file), file.string()), file.string(),
+  Layer layer{parse(contents(file), file.string()), file.string(),
               from_stdin ? fs::current_path() : fs::absolute(file).parent_path(), true};
   if (layer.root.IsMap() && layer.root["extends"]) {
     const YAML::Node parents = layer.root["extends"];
@@ -268,6 +268,12 @@ void read(const Sources& sources, const FieldList& fields) {
     layers.push_back(override_layer(assignment));
   Reader reader(fields);
   for (const Layer& layer : layers) reader.apply(layer);
+  reader.throw_problems();
+}
+
+void read_text(const std::string& yaml, const std::string& name, const FieldList& fields) {
+  Reader reader(fields);
+  reader.apply({parse(yaml, name), name, fs::current_path(), true});
   reader.throw_problems();
 }
 

@@ -4,10 +4,47 @@
 #include "jade/core/error.h"
 
 namespace jade::train {
+namespace {
+
+bool is_routed(const RunOptions& options) {
+  return options.scene.target == "routed" && options.allocation.kind != "none";
+}
+
+bool is_learned(const models::AllocationOptions& allocation) {
+  return allocation.kind != "constant" && allocation.kind != "none";
+}
+
+}  // namespace
+
+bool needs_efnet(const RunOptions& options) {
+  if (options.scene.target == "efnet" || options.scene.target == "mean") return true;
+  // α ≡ 1 is the analytical restoration alone.
+  return is_routed(options) &&
+         !(options.allocation.kind == "constant" && options.allocation.constant == 1);
+}
 
 void validate(const RunOptions& options) {
-  if (options.device.empty())
-    throw ConfigError("device: expected auto, cpu, cuda or cuda:N, found nothing");
+  if (options.events.bins % 2 != 0) {
+    throw ConfigError(concat(
+        "events.bins: expected an even number (mid-exposure must fall between two bins), found ",
+        options.events.bins));
+  }
+  if (is_routed(options) && is_learned(options.allocation) && !options.route.render_consistency &&
+      !options.route.reblur_consistency) {
+    throw ConfigError(concat(
+        "route.render_consistency and route.reblur_consistency: at least one must be true to train "
+        "allocation.kind ",
+        options.allocation.kind, "; or set allocation.kind constant"));
+  }
+  if (options.scene.target == "image_folder" && options.train.target_images.empty()) {
+    throw ConfigError(
+        "train.target_images: needed by scene.target image_folder; name a folder of images");
+  }
+  if (options.densify.from >= options.densify.until && options.densify.strategy != "none" &&
+      options.densify.until > 0) {
+    throw ConfigError(concat("densify.from: expected less than densify.until (",
+                             options.densify.until, "), found ", options.densify.from));
+  }
 }
 
 }  // namespace jade::train

@@ -3,28 +3,44 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <string>
 
 #include "jade/core/fields.h"
 #include "jade/data/dataset.h"
+#include "jade/events/options.h"
+#include "jade/losses/route.h"
+#include "jade/losses/scene.h"
+#include "jade/models/allocation.h"
+#include "jade/models/crf.h"
+#include "jade/models/efnet.h"
+#include "jade/scene/densify.h"
+#include "jade/scene/init.h"
+#include "jade/scene/optimizer.h"
 
 namespace jade::train {
 
 struct TrainOptions {
   int64_t iterations = 25000;
+  int64_t sh_degree_every = 1000;
   int64_t log_every = 100;
   int64_t evaluate_every = 5000;
   int64_t picture_every = 5000;
+  std::filesystem::path target_images;
 };
 
 template <class V>
 void describe(V& v, TrainOptions& o) {
   v.field("iterations", o.iterations, "training steps; the paper's budget is 25000", Range{1, 1e8});
+  v.field("sh_degree_every", o.sh_degree_every,
+          "steps until the colours get one more SH degree, up to 3", Range{1, 1e8});
   v.field("log_every", o.log_every, "steps between lines of metrics.jsonl", Range{1, 1e8});
   v.field("evaluate_every", o.evaluate_every,
           "steps between evaluations on the test views; 0: only at the end", Range{0, 1e8});
   v.field("picture_every", o.picture_every,
           "steps between pictures in images/ and alpha/; 0: only at the end", Range{0, 1e8});
+  v.field("target_images", o.target_images,
+          "folder with one image a training view, by name, for scene.target image_folder");
 }
 
 struct CheckpointOptions {
@@ -38,11 +54,21 @@ void describe(V& v, CheckpointOptions& o) {
   v.field("keep", o.keep, "how many of the newest checkpoints stay", Range{1, 1000});
 }
 
+/// A whole run. Default-constructed it is the paper's full method.
 struct RunOptions {
   int64_t seed = 0;
   std::string device = "auto";
   bool deterministic = false;
   data::DatasetOptions dataset;
+  events::EventOptions events;
+  models::EfnetOptions efnet;
+  scene::InitOptions init;
+  scene::OptimOptions optim;
+  scene::DensifyOptions densify;
+  models::CrfOptions crf;
+  models::AllocationOptions allocation;
+  losses::RouteOptions route;
+  losses::SceneLossOptions scene;
   TrainOptions train;
   CheckpointOptions checkpoint;
 };
@@ -54,9 +80,21 @@ void describe(V& v, RunOptions& o) {
   v.field("deterministic", o.deterministic,
           "bit-identical results on a GPU too, somewhat slower; the CPU always is");
   v.group("dataset", o.dataset, "where the frames, events and poses are");
+  v.group("events", o.events, "how events become voxels and EDI");
+  v.group("efnet", o.efnet, "the frozen learned restorer F");
+  v.group("init", o.init, "where the Gaussians start");
+  v.group("optim", o.optim, "step sizes of the Gaussians");
+  v.group("densify", o.densify, "adding and removing Gaussians");
+  v.group("crf", o.crf, "the camera response φ");
+  v.group("allocation", o.allocation, "the weight between the two restorations, Eq. (3)");
+  v.group("route", o.route, "routing step, Eq. (6)");
+  v.group("scene", o.scene, "scene step, Eq. (8) to (10)");
   v.group("train", o.train, "the calendar of a run");
   v.group("checkpoint", o.checkpoint, "what a run can be resumed from");
 }
+
+/// True when the options ask for F(B, V): a routed, EFNet or mean target.
+bool needs_efnet(const RunOptions& options);
 
 /// Rules between fields.
 /// @throws ConfigError naming the keys.

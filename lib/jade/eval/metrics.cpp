@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/eval/metrics.h"
+
+#include <algorithm>
+#include <cmath>
+#include <torch/torch.h>
+
+#include "jade/core/check.h"
+#include "jade/imaging/ssim.h"
+
+namespace jade::eval {
+namespace {
+
+constexpr double kPerfect = 100.0;
+
+void check_pair(const torch::Tensor& image, const torch::Tensor& truth) {
+  check_shape(image, "image", {3, -1, -1});
+  check_shape(truth, "truth", {3, image.size(1), image.size(2)});
+}
+
+double decibel(double mean_squared_error) {
+  return mean_squared_error > 0 ? std::min(kPerfect, -10.0 * std::log10(mean_squared_error))
+                                : kPerfect;
+}
+
+torch::Tensor squared_error(const torch::Tensor& image, const torch::Tensor& truth) {
+  return (image.detach().clamp(0, 1).to(torch::kFloat64) -
+          truth.detach().clamp(0, 1).to(torch::kFloat64))
+      .square();
+}
+
+}  // namespace
+
+double psnr(const torch::Tensor& image, const torch::Tensor& truth) {
+  check_pair(image, truth);
+  return decibel(squared_error(image, truth).mean().item<double>());
+}
+
+double psnr_channel_mean(const torch::Tensor& image, const torch::Tensor& truth) {
+  check_pair(image, truth);
+  const auto errors = squared_error(image, truth).mean({1, 2}).cpu();
+  double sum = 0;
+  for (int64_t c = 0; c < 3; ++c) sum += decibel(errors[c].item<double>());
+  return sum / 3;
+}
+
+double ssim(const torch::Tensor& image, const torch::Tensor& truth) {
+  check_pair(image, truth);
+  const torch::NoGradGuard no_grad;
+  return imaging::ssim(image.detach().clamp(0, 1).contiguous().unsqueeze(0),
+                       truth.detach().clamp(0, 1).contiguous().unsqueeze(0))
+      .item<double>();
+}
+
+}  // namespace jade::eval

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <torch/types.h>
+#include <vector>
+
+namespace jade::eval {
+
+/// One view's scores. Metrics whose network is not at hand are absent, null in JSON.
+struct Scores {
+  std::string name;
+  double psnr = 0, psnr_channel_mean = 0, ssim = 0;
+  std::optional<double> lpips_alex01, lpips_vgg;
+};
+
+struct Evaluation {
+  std::vector<Scores> views;
+  Scores mean;  ///< over the views; name "mean"
+};
+
+/// PSNR both ways and SSIM of one view.
+Scores score(const std::string& name, const torch::Tensor& image, const torch::Tensor& truth);
+
+/// Adds the mean over the views.
+Evaluation evaluation_of(std::vector<Scores> views);
+
+/// {"views": [{"name", "psnr", "psnr_channel_mean", "ssim", "lpips_alex01", "lpips_vgg"}], "mean":
+/// {…}, "definitions": {…}}.
+std::string to_json(const Evaluation& evaluation);
+
+/// A table for people, with the definition of every column below it.
+std::string to_table(const Evaluation& evaluation);
+
+}  // namespace jade::eval

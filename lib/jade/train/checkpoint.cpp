@@ -1,0 +1,284 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/train/checkpoint.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <fstream>
+#include <map>
+#include <torch/serialize.h>
+#include <torch/torch.h>
+
+#include "jade/config/config.h"
+#include "jade/core/atomic_file.h"
+#include "jade/core/check.h"
+#include "jade/core/digest.h"
+#include "jade/core/log.h"
+
+namespace jade::train {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int64_t kFormatVersion = 1;
+
+/// Everything by name, in a fixed order; texts are byte tensors.
+using Entries = std::map<std::string, torch::Tensor>;
+
+torch::Tensor bytes_of(const std::string& text) {
+  return torch::from_blob(const_cast<char*>(text.data()), {static_cast<int64_t>(text.size())},
+                          torch::kUInt8)
+      .clone();
+}
+
+std::string text_of(const torch::Tensor& bytes) {
+  return {static_cast<const char*>(bytes.data_ptr()), static_cast<size_t>(bytes.numel())};
+}
+
+std::string digest_of(const Entries& entries) {
+  Sha256 digest;
+  for (const auto& [name, tensor] : entries) {
+    digest.update(concat(name, tensor.scalar_type(), shape_string(tensor), ";"));
+    digest.update(tensor.data_ptr(), tensor.nbytes());
+  }
+  return digest.hex();
+}
+
+/// The tensors of a state under their names; what is there depends on the options alone.
+Entries entries_of(const TrainState& state) {
+  Entries all;
+  const auto put = [&](const std::string& name, const torch::Tensor& tensor) {
+    if (tensor.defined()) all[name] = tensor.detach().cpu().contiguous();
+  };
+  for (int i = 0; i < scene::kParameterCount; ++i) {
+    const std::string name = scene::kParameterNames[i];
+    put("gaussians." + name, scene::parameter(state.gaussians.parameters(), i));
+    put("adam.first." + name, scene::parameter(state.gaussian_adam.first_moments(), i));
+    put("adam.second." + name, scene::parameter(state.gaussian_adam.second_moments(), i));
+  }
+  put("adam.step", state.gaussian_adam.step_count());
+  put("extent", torch::tensor(state.gaussians.extent(), torch::kFloat64));
+  put("densify.gradient_norm", state.densifier.accumulated().gradient_norm);
+  put("densify.visible_count", state.densifier.accumulated().visible_count);
+  put("densify.max_radius_px", state.densifier.accumulated().max_radius_px);
+  put("densify.generator", const_cast<TrainState&>(state).densifier.generator().get_state());
+  const auto put_module = [&](const std::string& prefix, const torch::nn::Module& module,
+                              const ModuleAdam& adam) {
+    for (const auto& parameter : module.named_parameters())
+      put(prefix + "." + parameter.key(), parameter.value());
+    const auto moments = adam.state();
+    for (size_t i = 0; i < moments.size(); ++i) put(concat(prefix, ".adam.", i), moments[i]);
+  };
+  if (state.allocation) put_module("allocation", *state.allocation, state.allocation_adam);
+  if (state.crf) put_module("crf", *state.crf, state.crf_adam);
+  return all;
+}
+
+Entries read_archive(const fs::path& path) {
+  Entries all;
+  try {
+    torch::serialize::InputArchive archive;
+    archive.load_from(path.string(), torch::kCPU);
+    for (const std::string& name : archive.keys()) {
+      c10::IValue value;
+      archive.read(name, value);
+      if (value.isTensor()) all[name] = value.toTensor();
+    }
+  } catch (const c10::Error&) {
+    throw CheckpointError(concat(
+        path.string(), ": expected a checkpoint, found a file that is cut short, damaged or ",
+        "something else; resume from an older one"));
+  } catch (const std::exception& failure) {
+    throw CheckpointError(
+        concat(path.string(), ": cannot be read as a checkpoint: ", failure.what()));
+  }
+  const auto version = all.find("format_version");
+  const auto checksum = all.find("sha256");
+  if (version == all.end() || checksum == all.end()) {
+    throw CheckpointError(concat(
+        path.string(), ": expected a checkpoint of jade_train, found another torch archive"));
+  }
+  if (version->second.item<int64_t>() != kFormatVersion) {
+    throw CheckpointError(concat(path.string(), ": expected checkpoint format ", kFormatVersion,
+                                 ", found ", version->second.item<int64_t>(),
+                                 "; use the program that wrote it"));
+  }
+  const std::string expected = text_of(checksum->second);
+  all.erase(checksum);
+  if (digest_of(all) != expected) {
+    throw CheckpointError(
+        concat(path.string(), ": damaged (its checksum does not match); resume from an older one"));
+  }
+  return all;
+}
+
+torch::Tensor take(const Entries& entries, const std::string& name, const fs::path& path) {
+  const auto found = entries.find(name);
+  if (found == entries.end()) {
+    throw CheckpointError(
+        concat(path.string(), ": lacks '", name, "'; it was made with other options"));
+  }
+  return found->second;
+}
+
+splat::Gaussians take_gaussians(const Entries& entries, const std::string& prefix,
+                                const fs::path& path) {
+  splat::Gaussians gaussians;
+  for (int i = 0; i < scene::kParameterCount; ++i) {
+    scene::parameter(gaussians, i) = take(entries, prefix + scene::kParameterNames[i], path);
+  }
+  return gaussians;
+}
+
+void restore_module(const Entries& entries, const std::string& prefix, torch::nn::Module& module,
+                    ModuleAdam& adam, const fs::path& path) {
+  const torch::NoGradGuard no_grad;
+  for (auto& parameter : module.named_parameters()) {
+    const torch::Tensor saved = take(entries, prefix + "." + parameter.key(), path);
+    if (saved.sizes() != parameter.value().sizes()) {
+      throw CheckpointError(concat(path.string(), ": ", prefix, ".", parameter.key(), " has shape ",
+                                   shape_string(saved), ", expected ",
+                                   shape_string(parameter.value())));
+    }
+    parameter.value().copy_(saved);
+  }
+  std::vector<torch::Tensor> moments = adam.state();
+  for (size_t i = 0; i < moments.size(); ++i)
+    moments[i] = take(entries, concat(prefix, ".adam.", i), path);
+  adam.restore(moments);
+}
+
+}  // namespace
+
+fs::path checkpoint_path(const fs::path& run, int64_t step) {
+  char name[32];
+  std::snprintf(name, sizeof name, "step_%07lld.pt", static_cast<long long>(step));
+  return run / "checkpoints" / name;
+}
+
+std::vector<fs::path> list_checkpoints(const fs::path& run) {
+  std::vector<fs::path> found;
+  std::error_code missing;
+  for (const auto& entry : fs::directory_iterator(run / "checkpoints", missing)) {
+    const std::string name = entry.path().filename().string();
+    if (name.rfind("step_", 0) == 0 && entry.path().extension() == ".pt")
+      found.push_back(entry.path());
+  }
+  // Longer names are later steps, also beyond seven digits.
+  std::sort(found.begin(), found.end(), [](const fs::path& a, const fs::path& b) {
+    const std::string x = a.filename().string(), y = b.filename().string();
+    return x.size() != y.size() ? x.size() > y.size() : x > y;
+  });
+  return found;
+}
+
+void save_checkpoint(const fs::path& run, const TrainState& state, const std::string& config,
+                     const std::string& fingerprint, int64_t keep) {
+  make_writable_folder(run / "checkpoints");
+  Entries all = entries_of(state);
+  all["format_version"] = torch::tensor(kFormatVersion);
+  all["step"] = torch::tensor(state.step);
+  all["config"] = bytes_of(config);
+  all["data_fingerprint"] = bytes_of(fingerprint);
+  all["sha256"] = bytes_of(digest_of(all));
+
+  torch::serialize::OutputArchive archive;
+  for (const auto& [name, tensor] : all) archive.write(name, c10::IValue(tensor));
+  AtomicFile file(checkpoint_path(run, state.step));
+  {
+    std::ofstream out(file.temporary_path(), std::ios::binary);
+    archive.save_to([&out](const void* data, size_t bytes) -> size_t {
+      out.write(static_cast<const char*>(data), static_cast<std::streamsize>(bytes));
+      return bytes;
+    });
+    out.close();
+    if (!out) {
+      throw DataError(
+          concat(checkpoint_path(run, state.step).string(),
+                 ": cannot be written; is the disk full? Free some space and go on with --resume"));
+    }
+  }
+  file.commit();
+  const auto found = list_checkpoints(run);
+  for (size_t i = static_cast<size_t>(keep); i < found.size(); ++i) fs::remove(found[i]);
+}
+
+CheckpointInfo load_checkpoint(const fs::path& path, TrainState& state) {
+  const Entries all = read_archive(path);
+  const double extent = take(all, "extent", path).item<double>();
+  const torch::Device device = state.gaussians.device();
+  state.gaussians = scene::GaussianModel(take_gaussians(all, "gaussians.", path), extent, device);
+  state.gaussian_adam = scene::GaussianAdam(state.gaussians, state.gaussian_adam.options());
+  const auto on_device = [&](const torch::Tensor& tensor) { return tensor.to(device); };
+  state.gaussian_adam.restore(
+      scene::map_parameters(take_gaussians(all, "adam.first.", path), on_device),
+      scene::map_parameters(take_gaussians(all, "adam.second.", path), on_device),
+      take(all, "adam.step", path).to(device));
+  state.densifier.generator().set_state(take(all, "densify.generator", path));
+  splat::ScreenStatistics statistics;
+  if (all.count("densify.gradient_norm") != 0) {
+    statistics = {take(all, "densify.gradient_norm", path).to(device),
+                  take(all, "densify.visible_count", path).to(device),
+                  take(all, "densify.max_radius_px", path).to(device)};
+  }
+  state.densifier.restore(statistics);
+  if (state.allocation)
+    restore_module(all, "allocation", *state.allocation, state.allocation_adam, path);
+  if (state.crf) restore_module(all, "crf", *state.crf, state.crf_adam, path);
+  state.step = take(all, "step", path).item<int64_t>();
+  return {state.step, text_of(take(all, "config", path)),
+          text_of(take(all, "data_fingerprint", path))};
+}
+
+splat::Gaussians load_checkpoint_gaussians(const fs::path& path) {
+  return take_gaussians(read_archive(path), "gaussians.", path);
+}
+
+std::string data_fingerprint(const data::Dataset& dataset) {
+  Sha256 digest;
+  const auto add = [&](const auto& numbers) {
+    digest.update(numbers.data(), numbers.size() * sizeof(numbers[0]));
+  };
+  for (const data::Exposure& exposure : dataset.train) {
+    digest.update(concat(exposure.name, ' ', exposure.t_start_us, ' ', exposure.t_end_us, ' ',
+                         exposure.events.size(), ';'));
+    const auto pixels = exposure.blurry.contiguous();
+    digest.update(pixels.data_ptr(), pixels.nbytes());
+    for (const geometry::Pose& pose : exposure.poses) {
+      add(pose.rotation);
+      add(pose.translation);
+    }
+  }
+  return digest.hex();
+}
+
+ConfigDifference compare_configs(const std::string& saved_yaml, RunOptions now) {
+  // What changes when a run stops or what it shows, never what it computes at a given step.
+  static const std::vector<std::string> free_keys = {"train.iterations",
+                                                     "train.log_every",
+                                                     "train.evaluate_every",
+                                                     "train.picture_every",
+                                                     "checkpoint.every",
+                                                     "checkpoint.keep",
+                                                     "device",
+                                                     "dataset.path",
+                                                     "efnet.path"};
+  RunOptions saved;
+  try {
+    config::read_text(saved_yaml, "its configuration", fields_of(saved));
+  } catch (const ConfigError& error) {
+    throw CheckpointError(
+        concat("the checkpoint is of another version of this program: ", error.what()));
+  }
+  const auto before = config::values(fields_of(saved)), after = config::values(fields_of(now));
+  ConfigDifference difference;
+  for (size_t i = 0; i < before.size(); ++i) {
+    if (before[i].second == after[i].second) continue;
+    const bool is_free =
+        std::find(free_keys.begin(), free_keys.end(), before[i].first) != free_keys.end();
+    (is_free ? difference.allowed : difference.refused)
+        .push_back(concat(before[i].first, ": ", before[i].second, " -> ", after[i].second));
+  }
+  return difference;
+}
+
+}  // namespace jade::train

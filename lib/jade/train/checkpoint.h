@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "jade/train/options.h"
+#include "jade/train/state.h"
+
+namespace jade::train {
+
+/// A checkpoint is a torch archive of named tensors and texts; it carries a SHA-256 of them all.
+/// checkpoints/step_0025000.pt of a run directory.
+std::filesystem::path checkpoint_path(const std::filesystem::path& run, int64_t step);
+
+/// Checkpoints of a run directory, newest first.
+std::vector<std::filesystem::path> list_checkpoints(const std::filesystem::path& run);
+
+/// Writes the state (whole or not at all) and removes all but the `keep` newest checkpoints.
+/// @param config       the resolved YAML of the run
+/// @param fingerprint  of the data, see data_fingerprint()
+/// @throws DataError when the disk is full or the folder not writable; nothing is lost then.
+void save_checkpoint(const std::filesystem::path& run, const TrainState& state,
+                     const std::string& config, const std::string& fingerprint, int64_t keep);
+
+/// What stands beside the state.
+struct CheckpointInfo {
+  int64_t step = 0;
+  std::string config;
+  std::string fingerprint;
+};
+
+/// Reads and verifies a checkpoint into `state`, whose modules have been made from the same
+/// options.
+/// @throws CheckpointError naming the path: unreadable, damaged, of another version, or not
+/// fitting.
+CheckpointInfo load_checkpoint(const std::filesystem::path& path, TrainState& state);
+
+/// Only the Gaussians, on the CPU: for export and rendering.
+/// @throws CheckpointError.
+splat::Gaussians load_checkpoint_gaussians(const std::filesystem::path& path);
+
+/// SHA-256 over names, times, poses and pixels of the training exposures and the number of events.
+std::string data_fingerprint(const data::Dataset& dataset);
+
+/// Keys whose values differ, as "key: saved -> now" lines; keys that a resumed run may change
+/// without becoming another run (train.iterations, the calendar of logs, pictures and checkpoints,
+/// device, dataset.path) are in `allowed`, all others in `refused`.
+struct ConfigDifference {
+  std::vector<std::string> allowed, refused;
+};
+ConfigDifference compare_configs(const std::string& saved_yaml, RunOptions now);
+
+}  // namespace jade::train

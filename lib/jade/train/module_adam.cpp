@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/train/module_adam.h"
+
+#include <torch/torch.h>
+
+#include "jade/core/check.h"
+
+namespace jade::train {
+
+ModuleAdam::ModuleAdam(std::vector<torch::Tensor> parameters, double lr, double eps)
+    : parameters_(std::move(parameters)), lr_(lr), eps_(eps) {
+  for (const torch::Tensor& parameter : parameters_) {
+    first_.push_back(torch::zeros_like(parameter));
+    second_.push_back(torch::zeros_like(parameter));
+    steps_.push_back(torch::zeros({}, parameter.options().requires_grad(false)));
+  }
+}
+
+void ModuleAdam::step() {
+  const torch::NoGradGuard no_grad;
+  std::vector<torch::Tensor> gradients;
+  for (const torch::Tensor& parameter : parameters_) {
+    JADE_CHECK(parameter.grad().defined(), "ModuleAdam: a parameter of shape ",
+               shape_string(parameter), " has no gradient");
+    gradients.push_back(parameter.grad());
+  }
+  for (torch::Tensor& steps : steps_) steps += 1;
+  at::_fused_adam_(parameters_, gradients, first_, second_, {}, steps_, lr_, 0.9, 0.999, 0.0, eps_,
+                   /*amsgrad=*/false, /*maximize=*/false);
+}
+
+void ModuleAdam::zero_grad() {
+  for (torch::Tensor& parameter : parameters_) parameter.mutable_grad() = torch::Tensor();
+}
+
+std::vector<torch::Tensor> ModuleAdam::state() const {
+  std::vector<torch::Tensor> all = first_;
+  all.insert(all.end(), second_.begin(), second_.end());
+  all.insert(all.end(), steps_.begin(), steps_.end());
+  return all;
+}
+
+void ModuleAdam::restore(const std::vector<torch::Tensor>& saved) {
+  const torch::NoGradGuard no_grad;
+  std::vector<torch::Tensor> all = state();
+  JADE_CHECK(saved.size() == all.size(), "ModuleAdam: expected ", all.size(), " tensors, found ",
+             saved.size());
+  for (size_t i = 0; i < all.size(); ++i) {
+    check_shape(saved[i], "ModuleAdam state", all[i].sizes().vec());
+    all[i].copy_(saved[i]);
+  }
+}
+
+}  // namespace jade::train

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <torch/types.h>
+#include <vector>
+
+namespace jade::train {
+
+/// Adam over a handful of small tensors in one fused call, its step counter on their device: for
+/// the router and the camera response, where launches would cost more than the arithmetic.
+class ModuleAdam {
+ public:
+  ModuleAdam() = default;
+  ModuleAdam(std::vector<torch::Tensor> parameters, double lr, double eps = 1e-8);
+
+  bool empty() const { return parameters_.empty(); }
+
+  /// One step with the gradients that the parameters hold. All must have one.
+  void step();
+  /// Sets all gradients to undefined.
+  void zero_grad();
+
+  /// First moments, second moments and step counters, for checkpoints.
+  std::vector<torch::Tensor> state() const;
+  /// @throws ContractError for another number of tensors or other shapes.
+  void restore(const std::vector<torch::Tensor>& state);
+
+ private:
+  std::vector<torch::Tensor> parameters_, first_, second_, steps_;
+  double lr_ = 0;
+  double eps_ = 1e-8;
+};
+
+}  // namespace jade::train

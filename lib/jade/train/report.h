@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <vector>
+
+#include "jade/data/exposure.h"
+#include "jade/train/state.h"
+#include "jade/train/view.h"
+
+namespace jade::train {
+
+/// Writes report.html into a run directory: one file with everything inside (curves, pictures side
+/// by side, per-view metrics, allocation statistics, timing, the resolved configuration), from what
+/// the run has written there and from the state at its end.
+void write_report(const std::filesystem::path& run, const data::Dataset& dataset,
+                  const std::vector<View>& views, TrainState& state);
+
+}  // namespace jade::train

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/train/routing_step.h"
+
+#include <torch/torch.h>
+
+namespace jade::train {
+
+RouteReport routing_step(TrainState& state, const View& view, int64_t view_index,
+                         const Renders& renders, const losses::RouteOptions& options) {
+  if (state.allocation_adam.empty()) return {};
+  const auto alpha = state.allocation->forward({view.blurry, view.psi, view_index});
+  const auto pseudo = models::fuse(alpha, view.restorations);
+  const auto loss = losses::route_loss(pseudo, losses::Fixed(renders.mid()), view.reblur_kernel,
+                                       view.blurry, options);
+  state.allocation_adam.zero_grad();
+  loss.total.backward();
+  state.allocation_adam.step();
+  const auto value = [](const torch::Tensor& term) {
+    return term.defined() ? term.detach() : term;
+  };
+  return {value(loss.render), value(loss.reblur)};
+}
+
+torch::Tensor allocation_map(TrainState& state, const View& view, int64_t view_index) {
+  if (!state.allocation) return {};
+  const torch::NoGradGuard no_grad;
+  return state.allocation->forward({view.blurry, view.psi, view_index});
+}
+
+torch::Tensor scene_target(TrainState& state, const View& view, int64_t view_index) {
+  if (view.fixed_target.defined() || !state.allocation) return view.fixed_target;
+  return models::fuse(allocation_map(state, view, view_index), view.restorations);
+}
+
+}  // namespace jade::train

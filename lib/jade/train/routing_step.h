@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "jade/losses/route.h"
+#include "jade/train/state.h"
+#include "jade/train/view.h"
+
+namespace jade::train {
+
+/// What the routing step saw, as device scalars without graph; terms that are off are undefined.
+struct RouteReport {
+  torch::Tensor render, reblur;
+};
+
+/// One Adam step on θ, Eq. (2) to (7): α from the measurements, the fused target I_pseudo, its
+/// distance to a stop-gradient copy of the middle render and to the blurry frame after reblurring.
+/// Touches neither φ nor its optimiser. Does nothing where θ is empty.
+RouteReport routing_step(TrainState& state, const View& view, int64_t view_index,
+                         const Renders& renders, const losses::RouteOptions& options);
+
+/// α [1,H,W] of a view with the present θ, without gradient; undefined without an allocation.
+torch::Tensor allocation_map(TrainState& state, const View& view, int64_t view_index);
+
+/// sg(I_pseudo) with the present θ, Eq. (4), or the view's fixed target; undefined where there is
+/// none.
+torch::Tensor scene_target(TrainState& state, const View& view, int64_t view_index);
+
+}  // namespace jade::train

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <torch/types.h>
+#include <vector>
+
+#include "jade/models/allocation.h"
+#include "jade/models/crf.h"
+#include "jade/scene/densify.h"
+#include "jade/scene/gaussian_model.h"
+#include "jade/scene/optimizer.h"
+#include "jade/train/module_adam.h"
+#include "jade/train/options.h"
+
+namespace jade::train {
+
+/// All that changes during training, and so all that a checkpoint holds. The view order and the
+/// pose draws are functions of the seed and the step, so they need no state.
+struct TrainState {
+  int64_t step = 0;                ///< finished steps
+  scene::GaussianModel gaussians;  ///< φ
+  scene::GaussianAdam gaussian_adam;
+  scene::Densifier densifier;
+  std::shared_ptr<models::Allocation> allocation;  ///< θ; nullptr without a routed target
+  ModuleAdam allocation_adam;                      ///< empty where nothing is learned
+  models::Crf crf{nullptr};                        ///< nullptr when off
+  ModuleAdam crf_adam;
+};
+
+/// The nine renders of one exposure, made once a step and used by both steps.
+struct Renders {
+  torch::Tensor color;  ///< [9,3,H,W], with its graph
+  torch::Tensor mid() const { return color[4]; }
+};
+
+}  // namespace jade::train

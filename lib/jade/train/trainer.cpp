@@ -1,0 +1,339 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/train/trainer.h"
+
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <torch/torch.h>
+
+#include "jade/config/config.h"
+#include "jade/core/atomic_file.h"
+#include "jade/core/check.h"
+#include "jade/core/device.h"
+#include "jade/core/interrupt.h"
+#include "jade/core/log.h"
+#include "jade/core/progress.h"
+#include "jade/core/random.h"
+#include "jade/core/version.h"
+#include "jade/eval/metrics.h"
+#include "jade/imaging/image_io.h"
+#include "jade/scene/ply.h"
+#include "jade/train/checkpoint.h"
+#include "jade/train/report.h"
+#include "jade/train/routing_step.h"
+
+namespace jade::train {
+namespace {
+
+namespace fs = std::filesystem;
+
+double now_seconds() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+std::string yaml_of(RunOptions options) {
+  return config::to_yaml(fields_of(options), "Resolved configuration of this run");
+}
+
+std::vector<geometry::Pose> camera_poses(const data::Dataset& dataset) {
+  std::vector<geometry::Pose> poses;
+  // The first pose of each exposure, as the inherited backbone measures the scene.
+  for (const data::Exposure& exposure : dataset.train) poses.push_back(exposure.poses[0]);
+  return poses;
+}
+
+scene::InitSources init_sources(const data::Dataset& dataset) {
+  scene::InitSources sources;
+  for (const data::Exposure& exposure : dataset.train) {
+    sources.views.push_back({exposure.poses[geometry::kMidPose], exposure.camera, exposure.blurry});
+  }
+  sources.near = dataset.near;
+  sources.far = dataset.far;
+  sources.points.points = dataset.points;
+  sources.points.colors = dataset.point_colors;
+  return sources;
+}
+
+/// True when `due` divides the step; 0 is never.
+bool every(int64_t step, int64_t due) { return due > 0 && step % due == 0; }
+
+}  // namespace
+
+torch::Tensor render_view(const splat::Gaussians& gaussians, const geometry::Pose& pose,
+                          const geometry::Intrinsics& camera, int sh_degree) {
+  const torch::NoGradGuard no_grad;
+  splat::RenderOptions options;
+  options.sh_degree = sh_degree;
+  return splat::render(gaussians, camera_batch({pose}, camera, gaussians.means.device()), options)
+      .color[0]
+      .clamp(0, 1);
+}
+
+Trainer::Trainer(const RunOptions& options, const fs::path& run, const std::string& resume)
+    : options_(options),
+      device_(select_device(options.device)),
+      directory_(run),
+      view_order_(static_cast<uint64_t>(options.seed), 1),
+      pose_draws_(static_cast<uint64_t>(options.seed), device_) {
+  if (resume.empty() && directory_.holds_a_run()) {
+    throw DataError(
+        concat(run.string(),
+               ": holds a run already; go on with it (--resume) or choose another --output"));
+  }
+  std::vector<std::string> warnings;
+  dataset_ = data::load_dataset(options_.dataset, &warnings);
+  for (const std::string& warning : warnings) log_warn(warning);
+  if (dataset_.train.empty()) {
+    throw DataError(
+        concat(dataset_.root.string(), ": expected at least one training exposure, found none"));
+  }
+  fingerprint_ = data_fingerprint(dataset_);
+  view_order_ =
+      ViewOrder(static_cast<uint64_t>(options_.seed), static_cast<int64_t>(dataset_.train.size()));
+  make_state(dataset_);
+  if (!resume.empty()) resume_from(resume);
+  set_log_file(directory_.path() / "train.log");
+  announce();
+  write_file(directory_.path() / "config.yaml", yaml_of(options_));
+  write_environment();
+  views_ = prepare_views(dataset_, options_, device_);
+  metrics_ = std::make_unique<MetricsLog>(directory_.path() / "metrics.jsonl", state_.step);
+}
+
+Trainer::~Trainer() { set_log_file({}); }
+
+void Trainer::make_state(const data::Dataset& dataset) {
+  const auto seed = static_cast<uint64_t>(options_.seed);
+  auto init_generator = make_generator(seed, "initial points");
+  const auto start = scene::initial_gaussians(options_.init, init_sources(dataset), init_generator);
+  state_.gaussians =
+      scene::GaussianModel(start, scene::scene_extent(camera_poses(dataset)), device_);
+  state_.gaussian_adam = scene::GaussianAdam(state_.gaussians, options_.optim);
+  state_.densifier =
+      scene::Densifier(options_.densify, state_.gaussians, make_generator(seed, "densification"));
+  if (options_.scene.target == "routed") {
+    const auto& camera = dataset.train.front().camera;
+    state_.allocation =
+        models::make_allocation(options_.allocation, static_cast<int64_t>(dataset.train.size()),
+                                camera.height, camera.width, make_generator(seed, "router start"));
+  }
+  if (state_.allocation) {
+    state_.allocation->to(device_);
+    if (state_.allocation->trainable()) {
+      state_.allocation_adam = ModuleAdam(state_.allocation->parameters(), options_.route.lr);
+    }
+  }
+  if (options_.crf.enabled) {
+    state_.crf = models::Crf();
+    state_.crf->to(device_);
+    if (options_.crf.lr > 0)
+      state_.crf_adam = ModuleAdam(state_.crf->parameters(), options_.crf.lr, 1e-15);
+  }
+}
+
+void Trainer::resume_from(const std::string& choice) {
+  std::vector<fs::path> candidates =
+      choice == "latest" ? list_checkpoints(directory_.path()) : std::vector<fs::path>{choice};
+  if (candidates.empty()) {
+    throw CheckpointError(concat(directory_.path().string(),
+                                 ": expected a checkpoint to resume from, found none; "
+                                 "start without --resume"));
+  }
+  for (size_t i = 0; i < candidates.size(); ++i) {
+    try {
+      const CheckpointInfo info = load_checkpoint(candidates[i], state_);
+      const ConfigDifference difference = compare_configs(info.config, options_);
+      if (!difference.refused.empty()) {
+        std::string keys;
+        for (const std::string& line : difference.refused)
+          keys += (keys.empty() ? "" : "; ") + line;
+        throw ConfigError(concat(candidates[i].string(),
+                                 ": this run was made with other settings, and changing them on "
+                                 "resume would mix two runs: ",
+                                 keys, ". Put them back or start a new --output"));
+      }
+      for (const std::string& line : difference.allowed) log_info("changed on resume: " + line);
+      if (info.fingerprint != fingerprint_) {
+        throw CheckpointError(concat(candidates[i].string(), ": made from other data than ",
+                                     dataset_.root.string(), "; check dataset.path"));
+      }
+      log_info(concat("resumed from ", candidates[i].filename().string(), ", step ", state_.step));
+      return;
+    } catch (const CheckpointError& error) {
+      if (i + 1 == candidates.size()) throw;
+      log_warn(concat(error.what(), "; trying ", candidates[i + 1].filename().string()));
+      make_state(dataset_);
+    }
+  }
+}
+
+void Trainer::announce() const {
+  int64_t event_count = 0;
+  for (const data::Exposure& exposure : dataset_.train) event_count += exposure.events.size();
+  const auto& camera = dataset_.train.front().camera;
+  log_info(concat("device      ", device_name(device_)));
+  log_info(concat("data        ", dataset_.name, " (", dataset_.kind, "): ", dataset_.train.size(),
+                  " exposures of ", camera.width, "x", camera.height, ", ", event_count,
+                  " events; ", dataset_.test.size(), " sharp test views (", dataset_.split, ")"));
+  log_info(concat("scene       ", state_.gaussians.size(), " Gaussians, extent ",
+                  state_.gaussians.extent()));
+  if (state_.allocation) {
+    int64_t count = 0;
+    for (const auto& parameter : state_.allocation->parameters()) count += parameter.numel();
+    log_info(concat("allocation  ", options_.allocation.kind, ", ", count, " parameters"));
+  } else {
+    log_info(concat("target      ", options_.scene.target));
+  }
+  if (needs_efnet(options_)) log_info(concat("restorer    ", options_.efnet.path.string()));
+  log_info(concat("budget      ", options_.train.iterations, " steps, at most ",
+                  options_.densify.max_gaussians, " Gaussians, seed ", options_.seed));
+}
+
+void Trainer::write_environment() const {
+  nlohmann::ordered_json environment{{"program", "jade_train " + version()},
+                                     {"commit", git_commit()},
+                                     {"torch", torch_version()},
+                                     {"cuda", cuda_version()},
+                                     {"device", device_name(device_)},
+                                     {"seed", options_.seed},
+                                     {"data_fingerprint", fingerprint_}};
+  write_file(directory_.path() / "env.json", environment.dump(2) + "\n");
+}
+
+void Trainer::step() {
+  const int64_t step = state_.step + 1;
+  const int64_t index = view_order_.at(step);
+  const View& view = views_[static_cast<size_t>(index)];
+  const Renders renders = render_exposure(state_, view, step, options_);
+  const RouteReport route = routing_step(state_, view, index, renders, options_.route);
+  const torch::Tensor target = scene_target(state_, view, index);
+  std::vector<losses::NamedTerm> terms =
+      scene_step(state_, view, renders, target, pose_draws_.at(step), step, options_);
+  if (route.render.defined()) terms.push_back({"route_render", route.render});
+  if (route.reblur.defined()) terms.push_back({"route_reblur", route.reblur});
+  state_.step = step;
+  monitor_.watch(terms, step);
+  if (metrics_ && (every(step, options_.train.log_every) || step == options_.train.iterations)) {
+    log_step(view, renders, terms);
+  }
+}
+
+void Trainer::log_step(const View& view, const Renders& renders,
+                       const std::vector<losses::NamedTerm>& terms) {
+  monitor_.check();
+  const torch::NoGradGuard no_grad;
+  nlohmann::ordered_json line{{"step", state_.step}};
+  double total = 0;
+  for (const losses::NamedTerm& term : terms) {
+    const double value = term.value.item<double>();
+    line[term.name] = value;
+    if (term.name.rfind("route_", 0) != 0) total += value;
+  }
+  line["loss"] = total;
+  // How well the simulated blur explains the frame: the one PSNR that needs no sharp truth.
+  const double psnr = eval::psnr(renders.color.detach().mean(0), view.blurry);
+  line["psnr_train"] = psnr;
+  if (state_.allocation) {
+    const auto alpha = allocation_map(state_, view, &view - views_.data());
+    line["alpha_mean"] = alpha.mean().item<double>();
+    line["alpha_std"] = alpha.numel() > 1 ? alpha.std().item<double>() : 0.0;
+  }
+  line["gaussians"] = state_.gaussians.size();
+  const double seconds = now_seconds();
+  if (logged_seconds_ > 0) {
+    line["iterations_per_second"] =
+        static_cast<double>(state_.step - logged_step_) / (seconds - logged_seconds_);
+  }
+  line["memory_bytes"] = peak_memory_bytes(device_);
+  logged_seconds_ = seconds;
+  logged_step_ = state_.step;
+  metrics_->append(line.dump());
+  char text[96];
+  std::snprintf(text, sizeof text, "loss %.4f  PSNR %.2f dB  %lld Gaussians  %lld MiB", total, psnr,
+                static_cast<long long>(state_.gaussians.size()),
+                static_cast<long long>(peak_memory_bytes(device_) >> 20));
+  status_ = text;
+}
+
+void Trainer::save() {
+  monitor_.check();
+  save_checkpoint(directory_.path(), state_, yaml_of(options_), fingerprint_,
+                  options_.checkpoint.keep);
+}
+
+eval::Evaluation Trainer::evaluate() {
+  const splat::Gaussians gaussians = state_.gaussians.detached();
+  std::vector<eval::Scores> scores;
+  for (const data::SharpView& view : dataset_.test) {
+    scores.push_back(eval::score(view.name, render_view(gaussians, view.pose, view.camera),
+                                 view.image.to(device_)));
+  }
+  return eval::evaluation_of(std::move(scores));
+}
+
+void Trainer::write_pictures() {
+  const splat::Gaussians gaussians = state_.gaussians.detached();
+  for (const data::SharpView& view : dataset_.test) {
+    imaging::write_image(directory_.path() / "images" / ("test_" + view.name + ".png"),
+                         render_view(gaussians, view.pose, view.camera));
+  }
+  for (size_t i = 0; i < views_.size(); ++i) {
+    const data::Exposure& exposure = dataset_.train[i];
+    imaging::write_image(
+        directory_.path() / "images" / ("train_" + exposure.name + ".png"),
+        render_view(gaussians, exposure.poses[geometry::kMidPose], exposure.camera));
+    const auto alpha = allocation_map(state_, views_[i], static_cast<int64_t>(i));
+    if (alpha.defined()) {
+      imaging::write_image(directory_.path() / "alpha" / (exposure.name + ".png"),
+                           alpha.expand({1, exposure.camera.height, exposure.camera.width}));
+    }
+  }
+}
+
+void Trainer::finish() {
+  save();
+  write_pictures();
+  scene::write_ply(directory_.path() / "point_cloud.ply", {state_.gaussians.detached()});
+  if (!dataset_.test.empty()) {
+    const eval::Evaluation evaluation = evaluate();
+    write_file(directory_.path() / "eval.json", eval::to_json(evaluation));
+    log_info("on the sharp test views:\n" + eval::to_table(evaluation));
+  }
+  write_report(directory_.path(), dataset_, views_, state_);
+  log_info(concat("report      ", (directory_.path() / "report.html").string()));
+  log_info(concat("scene       ", (directory_.path() / "point_cloud.ply").string()));
+}
+
+void Trainer::run() {
+  Progress progress("training", options_.train.iterations, state_.step);
+  logged_seconds_ = now_seconds();
+  logged_step_ = state_.step;
+  while (state_.step < options_.train.iterations) {
+    step();
+    if (progress.step()) progress.show(status_);
+    const bool last = state_.step == options_.train.iterations;
+    if (interrupt_requested()) {
+      save();
+      log_info(concat("saved at step ", state_.step, "; go on with --resume"));
+      throw Interrupted();
+    }
+    if (last) break;
+    if (every(state_.step, options_.checkpoint.every)) save();
+    if (every(state_.step, options_.train.evaluate_every) && !dataset_.test.empty()) {
+      const eval::Scores mean = evaluate().mean;
+      log_info(concat("step ", state_.step, ": test PSNR ", mean.psnr, " dB, SSIM ", mean.ssim));
+      metrics_->append(nlohmann::ordered_json{
+          {"step", state_.step},
+          {"test_psnr", mean.psnr},
+          {"test_psnr_channel_mean", mean.psnr_channel_mean},
+          {"test_ssim",
+           mean.ssim}}.dump());
+    }
+    if (every(state_.step, options_.train.picture_every)) write_pictures();
+  }
+  progress.finish();
+  finish();
+}
+
+}  // namespace jade::train

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <torch/types.h>
+#include <vector>
+
+#include "jade/data/exposure.h"
+#include "jade/eval/report.h"
+#include "jade/train/draws.h"
+#include "jade/train/options.h"
+#include "jade/train/run_directory.h"
+#include "jade/train/scene_step.h"
+#include "jade/train/state.h"
+#include "jade/train/term_monitor.h"
+#include "jade/train/view.h"
+
+namespace jade::train {
+
+/// The loop and its calendar: what is due at which step. What a step does stands in routing_step.h
+/// and scene_step.h.
+class Trainer {
+ public:
+  /// Loads the data, prepares the views and makes or loads the state.
+  /// @param resume  empty: a new run, refused where one is already; "latest": the newest whole
+  ///   checkpoint of the run directory; else the path of a checkpoint.
+  /// @throws the typed errors of core/error.h.
+  Trainer(const RunOptions& options, const std::filesystem::path& run, const std::string& resume);
+  ~Trainer();
+
+  /// Trains to options.train.iterations, then evaluates and exports.
+  /// @throws Interrupted after saving, NumericError with the last good checkpoint kept.
+  void run();
+
+  /// One step: nine renders, routing step, scene step.
+  void step();
+
+  const TrainState& state() const { return state_; }
+  const std::vector<View>& views() const { return views_; }
+  /// PSNR and SSIM on the sharp test views, as they are now.
+  eval::Evaluation evaluate();
+
+ private:
+  void make_state(const data::Dataset& dataset);
+  void resume_from(const std::string& choice);
+  void announce() const;
+  void write_environment() const;
+  void log_step(const View& view, const Renders& renders,
+                const std::vector<losses::NamedTerm>& terms);
+  void save();
+  void write_pictures();
+  void finish();
+
+  RunOptions options_;
+  torch::Device device_;
+  RunDirectory directory_;
+  data::Dataset dataset_;
+  std::string fingerprint_;
+  std::vector<View> views_;
+  TrainState state_;
+  ViewOrder view_order_;
+  PoseDraws pose_draws_;
+  TermMonitor monitor_;
+  std::unique_ptr<MetricsLog> metrics_;
+  std::string status_;         // for the progress bar
+  double logged_seconds_ = 0;  // clock and step of the last log line, for it/s
+  int64_t logged_step_ = 0;
+};
+
+/// Renders one camera, clamped to [0,1], on the Gaussians' device.
+torch::Tensor render_view(const splat::Gaussians& gaussians, const geometry::Pose& pose,
+                          const geometry::Intrinsics& camera, int sh_degree = 3);
+
+}  // namespace jade::train

@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/train/view.h"
+
+#include <optional>
+#include <torch/torch.h>
+
+#include "jade/core/check.h"
+#include "jade/core/interrupt.h"
+#include "jade/core/progress.h"
+#include "jade/events/exposure_maps.h"
+#include "jade/events/voxel.h"
+#include "jade/imaging/edi.h"
+#include "jade/imaging/image_io.h"
+#include "jade/imaging/reblur.h"
+#include "jade/models/efnet.h"
+
+namespace jade::train {
+namespace {
+
+std::optional<models::Restorer> load_restorer(const RunOptions& options, torch::Device device) {
+  if (!needs_efnet(options)) return std::nullopt;
+  if (options.efnet.path.empty()) {
+    throw ConfigError(
+        "efnet.path: expected the TorchScript file of the restorer, found nothing; "
+        "assets/efnet_small.pt is ours");
+  }
+  return models::Restorer(options.efnet, device);
+}
+
+/// The target of Eq. (9) where no router decides; undefined for a routed one or none.
+torch::Tensor fixed_target(const View& view, const RunOptions& options, torch::Device device) {
+  const std::string& target = options.scene.target;
+  if (target == "edi") return view.restorations.edi;
+  if (target == "efnet") return view.restorations.efnet;
+  if (target == "mean") return models::fuse(torch::tensor(0.5f, device), view.restorations);
+  if (target == "image_folder") {
+    for (const auto& path : imaging::list_images(options.train.target_images)) {
+      if (path.stem() == view.name) {
+        const auto image = imaging::read_image(path).to(device);
+        if (image.sizes() != view.blurry.sizes()) {
+          throw DataError(concat(path.string(), ": expected ", shape_string(view.blurry),
+                                 " as the training frame, found ", shape_string(image)));
+        }
+        return image;
+      }
+    }
+    throw DataError(concat(options.train.target_images.string(), ": expected an image named ",
+                           view.name, ", found none"));
+  }
+  return {};
+}
+
+View prepare_view(const data::Exposure& exposure, const RunOptions& options,
+                  const models::Restorer* restorer, torch::Device device) {
+  const events::ImageSize size{exposure.camera.height, exposure.camera.width};
+  const events::ExposureMaps maps = events::map_exposure(
+      exposure.events, {exposure.t_start_us, exposure.t_end_us}, options.events.bins, size);
+  View view;
+  view.name = exposure.name;
+  view.blurry = exposure.blurry.to(device).contiguous();
+  const torch::Tensor voxel = maps.voxel.values.to(device);
+  view.psi = events::polarity_projection(voxel);
+  view.density = maps.density.to(device);
+  // Eq. (7) on the normalised voxel with c = 1, the paper's scale-free surrogate.
+  view.reblur_kernel = imaging::reblur_kernel(maps.voxel, 1.0).to(device);
+  const auto windows = events::edi_windows(maps.windows, options.events.thresholds()).to(device);
+  const auto edi = imaging::edi_kernel(windows, imaging::edi_index(options.events.edi_index));
+  view.edi_factors = edi.gain.unsqueeze(1);
+  view.restorations.edi = imaging::edi_mid(view.blurry, edi);
+  if (restorer != nullptr) view.restorations.efnet = restorer->restore(view.blurry, voxel);
+  view.cameras =
+      camera_batch({exposure.poses.begin(), exposure.poses.end()}, exposure.camera, device);
+  view.fixed_target = fixed_target(view, options, device);
+  return view;
+}
+
+}  // namespace
+
+splat::CameraBatch camera_batch(const std::vector<geometry::Pose>& camera_from_world,
+                                const geometry::Intrinsics& camera, torch::Device device) {
+  std::vector<torch::Tensor> poses;
+  for (const geometry::Pose& pose : camera_from_world) poses.push_back(geometry::to_tensor(pose));
+  const auto options = torch::TensorOptions(device).dtype(torch::kFloat32);
+  splat::CameraBatch batch;
+  batch.camera_from_world = torch::stack(poses).to(options);
+  batch.intrinsics = geometry::to_tensor(camera)
+                         .to(options)
+                         .expand({static_cast<int64_t>(poses.size()), 4})
+                         .contiguous();
+  batch.width = camera.width;
+  batch.height = camera.height;
+  return batch;
+}
+
+std::vector<View> prepare_views(const data::Dataset& dataset, const RunOptions& options,
+                                torch::Device device) {
+  const torch::NoGradGuard no_grad;
+  const std::optional<models::Restorer> restorer = load_restorer(options, device);
+  Progress progress("restoring", static_cast<int64_t>(dataset.train.size()), 0, "views");
+  std::vector<View> views;
+  for (const data::Exposure& exposure : dataset.train) {
+    throw_if_interrupted();
+    views.push_back(prepare_view(exposure, options, restorer ? &*restorer : nullptr, device));
+    if (progress.step()) progress.show();
+  }
+  return views;
+}
+
+}  // namespace jade::train

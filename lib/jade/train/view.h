@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+#include <torch/types.h>
+#include <vector>
+
+#include "jade/data/exposure.h"
+#include "jade/models/restorations.h"
+#include "jade/splat/render.h"
+#include "jade/train/options.h"
+
+namespace jade::train {
+
+/// What training asks of one exposure again and again: constants in θ and φ, computed once, on the
+/// training device.
+struct View {
+  std::string name;
+  torch::Tensor blurry;               ///< [3,H,W] B
+  torch::Tensor psi;                  ///< [2,H,W] Ψ(V)
+  torch::Tensor edi_factors;          ///< [9,1,H,W] R_k: EDI_k(X) = X ⊙ R_k
+  torch::Tensor reblur_kernel;        ///< [1,H,W] K(V), Eq. (7) with c = 1
+  torch::Tensor density;              ///< [H,W] events of either polarity
+  models::Restorations restorations;  ///< I_edi and F; F undefined where nothing asks for it
+  torch::Tensor fixed_target;  ///< [3,H,W] target that no router decides; undefined if routed
+  splat::CameraBatch cameras;  ///< the nine poses
+};
+
+/// Voxels, EDI, EFNet and cameras of every training exposure. Shows progress; EFNet is loaded for
+/// the duration of the call only.
+/// @throws DataError, NumericError from the restorers; ConfigError if EFNet is needed and not
+/// named.
+std::vector<View> prepare_views(const data::Dataset& dataset, const RunOptions& options,
+                                torch::Device device);
+
+/// One camera for several poses on a device.
+splat::CameraBatch camera_batch(const std::vector<geometry::Pose>& camera_from_world,
+                                const geometry::Intrinsics& camera, torch::Device device);
+
+}  // namespace jade::train
