@@ -136,18 +136,17 @@ torch::Tensor similarity_cuda(const torch::Tensor& a, const SsimTarget& b, const
 
 struct Similarity : torch::autograd::Function<Similarity> {
   static torch::Tensor forward(AutogradContext* ctx, const torch::Tensor& a, const torch::Tensor& b,
-                               const torch::Tensor& mean_b, const torch::Tensor& square_b,
-                               double offset, double weight_ssim, double weight_l1) {
-    const SsimTarget target{b.contiguous(), mean_b, square_b};
+                               const SsimTarget& target, const Weights& weights, bool grad_to_a,
+                               bool grad_to_b) {
     const auto first = a.contiguous();
+    const SsimTarget second{b.contiguous(), target.mean, target.square};
     torch::Tensor grad_a, grad_b;
-    if (ctx->needs_input_grad(0)) grad_a = torch::empty_like(first);
-    if (ctx->needs_input_grad(1)) grad_b = torch::empty_like(target.image);
-    const Weights weights{offset, weight_ssim, weight_l1};
-    const auto value = a.is_cuda() ? similarity_cuda(first, target, weights, grad_a, grad_b)
+    if (grad_to_a) grad_a = torch::empty_like(first);
+    if (grad_to_b) grad_b = torch::empty_like(second.image);
+    const auto value = a.is_cuda() ? similarity_cuda(first, second, weights, grad_a, grad_b)
                        : a.scalar_type() == torch::kFloat32
-                           ? similarity_cpu<float>(first, target, weights, grad_a, grad_b)
-                           : similarity_cpu<double>(first, target, weights, grad_a, grad_b);
+                           ? similarity_cpu<float>(first, second, weights, grad_a, grad_b)
+                           : similarity_cpu<double>(first, second, weights, grad_a, grad_b);
     ctx->save_for_backward({grad_a, grad_b});
     return value;
   }
@@ -157,13 +156,15 @@ struct Similarity : torch::autograd::Function<Similarity> {
     const auto scaled = [&](const torch::Tensor& grad) {
       return grad.defined() ? grad * grad_outputs[0] : torch::Tensor();
     };
-    return {scaled(saved[0]), scaled(saved[1]), {}, {}, {}, {}, {}};
+    return {scaled(saved[0]), scaled(saved[1]), {}, {}, {}, {}};
   }
 };
 
 torch::Tensor similarity(const torch::Tensor& a, const SsimTarget& b, const Weights& weights) {
   check_pair(a, b.image);
-  return Similarity::apply(a, b.image, b.mean, b.square, weights.offset, weights.ssim, weights.l1);
+  const bool tracked = torch::GradMode::is_enabled();
+  return Similarity::apply(a, b.image, b, weights, tracked && a.requires_grad(),
+                           tracked && b.image.requires_grad());
 }
 
 Weights dissimilarity_weights(double lambda) { return {lambda, -lambda, 1 - lambda}; }
@@ -186,18 +187,20 @@ void moments_cpu(const torch::Tensor& image, torch::Tensor& mean, torch::Tensor&
   });
 }
 
-/// Window means by two depthwise convolutions: done once per target, where speed does not matter.
+/// Window means by two convolutions: done once per target, where speed does not matter. In double,
+/// because cuDNN may round float products to TF32, and variances are differences of these.
 torch::Tensor window_mean(const torch::Tensor& image) {
   const Planes planes = planes_of(image);
-  const auto taps =
-      torch::tensor(std::vector<double>(ssim_window(), ssim_window() + kSsimTaps), torch::kFloat64)
-          .to(image.options());
-  const auto stacked = image.reshape({planes.count, 1, planes.height, planes.width});
+  const auto wide = image.options().dtype(torch::kFloat64);
+  const std::vector<double> window(ssim_window(), ssim_window() + kSsimTaps);
+  const auto taps = torch::tensor(window, torch::kFloat64).to(wide);
+  const auto stacked = image.to(wide).reshape({planes.count, 1, planes.height, planes.width});
   const auto rows = torch::conv2d(stacked, taps.view({1, 1, 1, kSsimTaps}), {}, 1,
                                   torch::IntArrayRef{0, kSsimRadius});
   return torch::conv2d(rows, taps.view({1, 1, kSsimTaps, 1}), {}, 1,
                        torch::IntArrayRef{kSsimRadius, 0})
       .reshape(image.sizes())
+      .to(image.scalar_type())
       .contiguous();
 }
 
@@ -222,7 +225,9 @@ SsimTarget ssim_target(const torch::Tensor& image) {
   check_pair(image, image);
   const torch::NoGradGuard no_grad;
   const auto fixed = image.detach().contiguous();
-  if (!fixed.is_cpu()) return {fixed, window_mean(fixed), window_mean(fixed * fixed)};
+  if (!fixed.is_cpu())
+    return {fixed, window_mean(fixed),
+            window_mean(fixed.to(torch::kFloat64).square()).to(fixed.scalar_type())};
   SsimTarget out{fixed, torch::empty_like(fixed), torch::empty_like(fixed)};
   fixed.scalar_type() == torch::kFloat32 ? moments_cpu<float>(fixed, out.mean, out.square)
                                          : moments_cpu<double>(fixed, out.mean, out.square);
