@@ -47,8 +47,8 @@ double psnr_channel_mean(const torch::Tensor& image, const torch::Tensor& truth)
 double ssim(const torch::Tensor& image, const torch::Tensor& truth) {
   check_pair(image, truth);
   const torch::NoGradGuard no_grad;
-  return imaging::ssim(image.detach().clamp(0, 1).contiguous().unsqueeze(0),
-                       truth.detach().clamp(0, 1).contiguous().unsqueeze(0))
+  return imaging::ssim(image.detach().clamp(0, 1).contiguous(),
+                       truth.detach().clamp(0, 1).contiguous())
       .item<double>();
 }
 

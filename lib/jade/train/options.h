@@ -8,7 +8,7 @@
 
 #include "jade/core/fields.h"
 #include "jade/data/dataset.h"
-#include "jade/events/options.h"
+#include "jade/events/thresholds.h"
 #include "jade/losses/route.h"
 #include "jade/losses/scene.h"
 #include "jade/models/allocation.h"

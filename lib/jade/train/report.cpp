@@ -6,12 +6,13 @@
 #include <torch/torch.h>
 
 #include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
 #include "jade/eval/metrics.h"
 #include "jade/imaging/image_io.h"
 #include "jade/models/restorations.h"
+#include "jade/train/evaluate.h"
 #include "jade/train/report_page.h"
 #include "jade/train/routing_step.h"
-#include "jade/train/trainer.h"
 
 namespace jade::train {
 namespace {
@@ -115,12 +116,12 @@ void write_report(const fs::path& run, const data::Dataset& dataset, const std::
   const torch::NoGradGuard no_grad;
   Json data;
   const Json environment = Json::parse(read_file(run / "env.json"));
-  data["facts"] = {dataset.name,
+  data["facts"] = Json::array({dataset.name,
                    concat(dataset.train.size(), " exposures"),
                    concat(state.step, " steps"),
                    concat(state.gaussians.size(), " Gaussians"),
                    environment["device"],
-                   environment["program"]};
+                   environment["program"]});
   data["views"] = Json::array();
   const size_t shown = std::min(kShownViews, views.size());
   for (size_t i = 0; i < shown; ++i) {

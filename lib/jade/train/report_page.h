@@ -3,8 +3,8 @@
 
 namespace jade::train {
 
-/// The report's page: its script draws what the JSON in place of @DATA@ holds, and needs nothing from
-/// outside the file.
+/// The report's page: its script draws what the JSON in place of @DATA@ holds, and needs nothing
+/// from outside the file.
 inline constexpr char kReportPage[] = R"PAGE(<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
 <title>JADE-GS report</title>

@@ -10,8 +10,8 @@ losses::ToneCurve tone_curve(TrainState& state, const losses::SceneLossOptions& 
                              int64_t step) {
   if (!state.crf || !losses::tone_acts(options, step)) return {};
   const auto table = state.crf->table();
-  return {[&state, table](const torch::Tensor& image) { return state.crf->forward(image, table); },
-          nullptr};
+  return {[table](const torch::Tensor& image) { return models::CrfImpl::apply(image, table); },
+          [table](const torch::Tensor& images) { return models::CrfImpl::mean(images, table); }};
 }
 
 }  // namespace
@@ -33,6 +33,7 @@ std::vector<losses::NamedTerm> scene_step(TrainState& state, const View& view,
   losses::SceneLossInputs inputs;
   inputs.renders = renders.color;
   inputs.blurry = view.blurry;
+  inputs.blurry_moments = view.blurry_moments;
   inputs.edi_factors = view.edi_factors;
   inputs.poses = poses;
   if (target.defined()) inputs.target.emplace(target);

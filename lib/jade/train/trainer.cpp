@@ -20,6 +20,7 @@
 #include "jade/imaging/image_io.h"
 #include "jade/scene/ply.h"
 #include "jade/train/checkpoint.h"
+#include "jade/train/evaluate.h"
 #include "jade/train/report.h"
 #include "jade/train/routing_step.h"
 
@@ -59,16 +60,6 @@ scene::InitSources init_sources(const data::Dataset& dataset) {
 bool every(int64_t step, int64_t due) { return due > 0 && step % due == 0; }
 
 }  // namespace
-
-torch::Tensor render_view(const splat::Gaussians& gaussians, const geometry::Pose& pose,
-                          const geometry::Intrinsics& camera, int sh_degree) {
-  const torch::NoGradGuard no_grad;
-  splat::RenderOptions options;
-  options.sh_degree = sh_degree;
-  return splat::render(gaussians, camera_batch({pose}, camera, gaussians.means.device()), options)
-      .color[0]
-      .clamp(0, 1);
-}
 
 Trainer::Trainer(const RunOptions& options, const fs::path& run, const std::string& resume)
     : options_(options),
@@ -263,13 +254,7 @@ void Trainer::save() {
 }
 
 eval::Evaluation Trainer::evaluate() {
-  const splat::Gaussians gaussians = state_.gaussians.detached();
-  std::vector<eval::Scores> scores;
-  for (const data::SharpView& view : dataset_.test) {
-    scores.push_back(eval::score(view.name, render_view(gaussians, view.pose, view.camera),
-                                 view.image.to(device_)));
-  }
-  return eval::evaluation_of(std::move(scores));
+  return evaluate_views(state_.gaussians.detached(), dataset_.test);
 }
 
 void Trainer::write_pictures() {

@@ -69,8 +69,4 @@ class Trainer {
   int64_t logged_step_ = 0;
 };
 
-/// Renders one camera, clamped to [0,1], on the Gaussians' device.
-torch::Tensor render_view(const splat::Gaussians& gaussians, const geometry::Pose& pose,
-                          const geometry::Intrinsics& camera, int sh_degree = 3);
-
 }  // namespace jade::train

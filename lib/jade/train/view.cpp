@@ -58,6 +58,7 @@ View prepare_view(const data::Exposure& exposure, const RunOptions& options,
   View view;
   view.name = exposure.name;
   view.blurry = exposure.blurry.to(device).contiguous();
+  view.blurry_moments = imaging::ssim_target(view.blurry);
   const torch::Tensor voxel = maps.voxel.values.to(device);
   view.psi = events::polarity_projection(voxel);
   view.density = maps.density.to(device);

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <torch/types.h>
+#include <vector>
+
+#include "jade/data/exposure.h"
+#include "jade/eval/report.h"
+#include "jade/splat/gaussians.h"
+#include "jade/train/options.h"
+
+namespace jade::train {
+
+/// One camera, clamped to [0,1], on the Gaussians' device, without gradient.
+torch::Tensor render_view(const splat::Gaussians& gaussians, const geometry::Pose& pose,
+                          const geometry::Intrinsics& camera);
+
+/// Scores renders of the sharp views.
+eval::Evaluation evaluate_views(const splat::Gaussians& gaussians,
+                                const std::vector<data::SharpView>& views);
+
+/// A run directory as other programs use it: its settings, its data and its newest Gaussians.
+struct FinishedRun {
+  RunOptions options;
+  data::Dataset dataset;
+  splat::Gaussians gaussians;  ///< on the CPU
+};
+
+/// Reads config.yaml, the data set it names, and point_cloud.ply or, before the run's end, the
+/// newest whole checkpoint.
+/// @throws DataError, ConfigError or CheckpointError naming the path.
+FinishedRun open_run(const std::filesystem::path& run);
+
+}  // namespace jade::train
