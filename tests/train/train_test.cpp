@@ -1,0 +1,339 @@
+// SPDX-License-Identifier: Apache-2.0
+// Properties of the alternating steps and of resuming, on a scene of three small exposures.
+#include "support/catch.h"
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <torch/torch.h>
+
+#include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
+#include "jade/core/interrupt.h"
+#include "jade/core/log.h"
+#include "jade/core/random.h"
+#include "jade/train/checkpoint.h"
+#include "jade/train/routing_step.h"
+#include "jade/train/trainer.h"
+#include "support/temp_dir.h"
+#include "support/tiny_dataset.h"
+
+using namespace jade;
+
+namespace {
+
+/// A run of the full objective but for F, whose place the blurry frame takes through an image
+/// folder.
+train::RunOptions tiny_options(const std::filesystem::path& data) {
+  train::RunOptions options;
+  options.device = "cpu";
+  options.dataset.path = data;
+  options.events.threshold_positive = 0.2;
+  options.scene.target = "edi";
+  options.scene.warmup = 4;
+  options.scene.simulation_start = 8;
+  options.init.points = 300;
+  options.densify.from = 5;
+  options.densify.every = 5;
+  options.densify.gradient_threshold = 1e-5;
+  options.densify.max_gaussians = 500;
+  options.train.iterations = 20;
+  options.train.log_every = 5;
+  options.train.evaluate_every = 0;
+  options.train.picture_every = 0;
+  options.checkpoint.every = 10;
+  return options;
+}
+
+struct Scene {
+  test::TempDir dir;
+  std::filesystem::path data = dir.path() / "scene";
+  explicit Scene(const test::TinyDatasetOptions& options = {}) {
+    set_log_level("error");
+    test::write_tiny_dataset(data, options);
+  }
+};
+
+std::vector<torch::Tensor> copies(const splat::Gaussians& gaussians) {
+  std::vector<torch::Tensor> all;
+  for (int i = 0; i < scene::kParameterCount; ++i)
+    all.push_back(scene::parameter(gaussians, i).detach().clone());
+  return all;
+}
+
+std::vector<torch::Tensor> copies(const std::vector<torch::Tensor>& tensors) {
+  std::vector<torch::Tensor> all;
+  for (const torch::Tensor& tensor : tensors) all.push_back(tensor.detach().clone());
+  return all;
+}
+
+bool equal(const std::vector<torch::Tensor>& a, const std::vector<torch::Tensor>& b) {
+  bool same = a.size() == b.size();
+  for (size_t i = 0; same && i < a.size(); ++i) same = a[i].equal(b[i]);
+  return same;
+}
+
+std::vector<torch::Tensor> adam_state(const train::TrainState& state) {
+  auto all = copies(state.gaussian_adam.first_moments());
+  for (const auto& tensor : copies(state.gaussian_adam.second_moments())) all.push_back(tensor);
+  all.push_back(state.gaussian_adam.step_count().clone());
+  return all;
+}
+
+/// A view and a state with a router, without a trainer around them.
+struct Bench {
+  train::RunOptions options;
+  data::Dataset dataset;
+  std::vector<train::View> views;
+  train::TrainState state;
+
+  explicit Bench(const Scene& scene) : options(tiny_options(scene.data)) {
+    dataset = data::load_dataset(options.dataset);
+    views = train::prepare_views(dataset, options, torch::kCPU);
+    for (train::View& view : views) {
+      view.restorations.efnet = view.blurry;
+      view.fixed_target = torch::Tensor();
+    }
+    auto generator = make_generator(1, "points");
+    scene::InitSources sources;
+    for (const auto& exposure : dataset.train) {
+      sources.views.push_back({exposure.poses[4], exposure.camera, exposure.blurry});
+    }
+    sources.near = dataset.near;
+    sources.far = dataset.far;
+    state.gaussians = scene::GaussianModel(
+        scene::initial_gaussians(options.init, sources, generator), 1.0, torch::kCPU);
+    state.gaussian_adam = scene::GaussianAdam(state.gaussians, options.optim);
+    state.densifier =
+        scene::Densifier(options.densify, state.gaussians, make_generator(1, "densify"));
+    state.allocation = models::make_allocation({}, 3, 28, 36, make_generator(1, "router"));
+    state.allocation_adam = train::ModuleAdam(state.allocation->parameters(), 5e-4);
+    state.crf = models::Crf();
+  }
+};
+
+}  // namespace
+
+TEST_CASE("routing step: changes the router and leaves the scene and its optimiser bit-equal",
+          "[train]") {
+  const Scene scene;
+  Bench bench(scene);
+  const auto renders = train::render_exposure(bench.state, bench.views[0], 1, bench.options);
+  CHECK(renders.color.size(0) == 9);
+  const auto scene_before = copies(bench.state.gaussians.parameters());
+  const auto adam_before = adam_state(bench.state);
+  const auto router_before = copies(bench.state.allocation->parameters());
+  const auto report =
+      train::routing_step(bench.state, bench.views[0], 0, renders, bench.options.route);
+  CHECK(equal(scene_before, copies(bench.state.gaussians.parameters())));
+  CHECK(equal(adam_before, adam_state(bench.state)));
+  CHECK_FALSE(bench.state.gaussians.gradients().means.defined());
+  CHECK_FALSE(equal(router_before, copies(bench.state.allocation->parameters())));
+  CHECK(report.render.defined());
+  CHECK_FALSE(report.render.requires_grad());
+}
+
+TEST_CASE("scene step: changes the scene and leaves the router and its optimiser bit-equal",
+          "[train]") {
+  const Scene scene;
+  Bench bench(scene);
+  const auto renders = train::render_exposure(bench.state, bench.views[0], 1, bench.options);
+  const auto router_before = copies(bench.state.allocation->parameters());
+  const auto router_adam_before = copies(bench.state.allocation_adam.state());
+  const auto scene_before = copies(bench.state.gaussians.parameters());
+  const auto target = train::scene_target(bench.state, bench.views[0], 0);
+  CHECK_FALSE(target.requires_grad());
+  const auto terms = train::scene_step(bench.state, bench.views[0], renders, target,
+                                       torch::tensor({0, 3, 8}), 1, bench.options);
+  CHECK(equal(router_before, copies(bench.state.allocation->parameters())));
+  CHECK(equal(router_adam_before, copies(bench.state.allocation_adam.state())));
+  CHECK_FALSE(equal(scene_before, copies(bench.state.gaussians.parameters())));
+  CHECK(terms.size() == 4);  // target, blur, EDI gray and colour: the others rest in the warm-up
+}
+
+TEST_CASE("routing step: where both restorations agree no gradient reaches the allocation, Eq. (5)",
+          "[train]") {
+  const Scene scene;
+  Bench bench(scene);
+  train::View view = bench.views[0];
+  view.restorations.efnet = view.restorations.edi;
+  const auto renders = train::render_exposure(bench.state, view, 1, bench.options);
+  const auto before = copies(bench.state.allocation->parameters());
+  train::routing_step(bench.state, view, 0, renders, bench.options.route);
+  CHECK(equal(before, copies(bench.state.allocation->parameters())));
+}
+
+TEST_CASE("steps: the calendar decides which terms are there", "[train]") {
+  const Scene scene;
+  Bench bench(scene);
+  const auto names_at = [&](int64_t step) {
+    const auto renders = train::render_exposure(bench.state, bench.views[1], step, bench.options);
+    std::string names;
+    for (const auto& term : train::scene_step(bench.state, bench.views[1], renders,
+                                              train::scene_target(bench.state, bench.views[1], 1),
+                                              torch::tensor({1, 2, 3}), step, bench.options)) {
+      names += term.name + " ";
+    }
+    return names;
+  };
+  CHECK(names_at(4) == "target blur edi_gray edi_color ");
+  CHECK(names_at(6) == "target blur edi_gray edi_color intensity ");
+  CHECK(names_at(9) == "target blur edi_gray edi_color simulation intensity ");
+  bench.options.scene.edi_supervision = false;
+  CHECK(names_at(3) == "target blur ");
+}
+
+TEST_CASE("trainer: a view without events trains", "[train]") {
+  test::TinyDatasetOptions data;
+  data.last_exposure_without_events = true;
+  const Scene scene(data);
+  train::RunOptions options = tiny_options(scene.data);
+  train::Trainer trainer(options, scene.dir.path() / "run", "");
+  CHECK(trainer.views().back().density.sum().item<double>() == 0);
+  CHECK(trainer.views().back().restorations.edi.allclose(trainer.views().back().blurry));
+  for (int i = 0; i < 6; ++i) trainer.step();
+  CHECK(trainer.state().gaussians.parameters().means.isfinite().all().item<bool>());
+}
+
+TEST_CASE("trainer: twenty steps equal ten, a resume, and ten more, to the bit", "[train]") {
+  const Scene scene;
+  const auto whole = scene.dir.path() / "whole", halves = scene.dir.path() / "halves";
+  train::RunOptions options = tiny_options(scene.data);
+  train::Trainer(options, whole, "").run();
+  train::RunOptions half = options;
+  half.train.iterations = 10;
+  train::Trainer(half, halves, "").run();
+  train::Trainer(options, halves, "latest").run();
+  CHECK(read_file(train::checkpoint_path(whole, 20)).size() > 0);
+  const auto a = train::load_checkpoint_gaussians(train::checkpoint_path(whole, 20));
+  const auto b = train::load_checkpoint_gaussians(train::checkpoint_path(halves, 20));
+  CHECK(equal(copies(a), copies(b)));
+  CHECK(a.size() != 300);  // densification took part
+  CHECK(read_file(whole / "point_cloud.ply") == read_file(halves / "point_cloud.ply"));
+}
+
+TEST_CASE("trainer: a corrupt newest checkpoint falls back to the one before", "[train]") {
+  const Scene scene;
+  const auto run = scene.dir.path() / "run";
+  train::RunOptions options = tiny_options(scene.data);
+  train::Trainer(options, run, "").run();
+  const auto newest = train::checkpoint_path(run, 20);
+  std::string bytes = read_file(newest);
+  bytes[bytes.size() / 2] = static_cast<char>(bytes[bytes.size() / 2] ^ 1);
+  std::ofstream(newest, std::ios::binary) << bytes;
+  CHECK_THROWS_AS(train::load_checkpoint_gaussians(newest), CheckpointError);
+  {
+    train::Trainer trainer(options, run, "latest");
+    CHECK(trainer.state().step == 10);
+  }
+  for (const size_t size : {size_t{0}, size_t{100}, bytes.size() - 30}) {
+    std::ofstream(newest, std::ios::binary) << bytes.substr(0, size);
+    CHECK_THROWS_AS(train::load_checkpoint_gaussians(newest), CheckpointError);
+  }
+}
+
+TEST_CASE("trainer: refuses to resume with other settings or data, and says which", "[train]") {
+  const Scene scene;
+  const auto run = scene.dir.path() / "run";
+  train::RunOptions options = tiny_options(scene.data);
+  options.train.iterations = 3;
+  train::Trainer(options, run, "").run();
+  CHECK_THROWS_WITH(train::Trainer(options, run, ""), Catch::Contains("holds a run already"));
+  options.train.iterations = 5;
+  CHECK_NOTHROW(train::Trainer(options, run, "latest"));
+  options.scene.dssim = 0.2;
+  CHECK_THROWS_WITH(train::Trainer(options, run, "latest"),
+                    Catch::Contains("scene.dssim: 0.3 -> 0.2"));
+  options.scene.dssim = 0.3;
+  test::TinyDatasetOptions other;
+  other.last_exposure_without_events = true;
+  std::filesystem::remove_all(scene.data);
+  test::write_tiny_dataset(scene.data, other);
+  CHECK_THROWS_WITH(train::Trainer(options, run, "latest"), Catch::Contains("other data"));
+}
+
+TEST_CASE("trainer: two runs in one folder are refused while the first is alive", "[train]") {
+  const test::TempDir dir;
+  auto first = std::make_unique<train::RunDirectory>(dir.path() / "run");
+  CHECK_THROWS_WITH(train::RunDirectory(dir.path() / "run"), Catch::Contains("another process"));
+  first.reset();
+  CHECK_NOTHROW(train::RunDirectory(dir.path() / "run"));
+}
+
+TEST_CASE("trainer: an interrupt saves the finished step", "[train]") {
+  const Scene scene;
+  const auto run = scene.dir.path() / "run";
+  set_interrupt_requested(true);
+  const auto interrupted = [&] {
+    train::RunOptions options = tiny_options(scene.data);
+    options.train.iterations = 1000;
+    // The interrupt is seen after the first step; view preparation would honour it as well.
+    set_interrupt_requested(false);
+    train::Trainer trainer(options, run, "");
+    set_interrupt_requested(true);
+    trainer.run();
+  };
+  CHECK_THROWS_AS(interrupted(), Interrupted);
+  set_interrupt_requested(false);
+  CHECK(train::list_checkpoints(run) == std::vector{train::checkpoint_path(run, 1)});
+}
+
+TEST_CASE("trainer: a run leaves the documented files", "[train]") {
+  const Scene scene;
+  const auto run = scene.dir.path() / "run";
+  train::Trainer(tiny_options(scene.data), run, "").run();
+  for (const char* name : {"config.yaml", "env.json", "train.log", "metrics.jsonl",
+                           "point_cloud.ply", "eval.json", "report.html", "images/test_03.png"}) {
+    INFO(name);
+    CHECK(std::filesystem::exists(run / name));
+  }
+  std::ifstream metrics(run / "metrics.jsonl");
+  int lines = 0;
+  for (std::string line; std::getline(metrics, line); ++lines) {
+    const auto object = nlohmann::json::parse(line);
+    for (const char* key : {"step", "loss", "blur", "psnr_train", "gaussians", "memory_bytes"}) {
+      INFO(key);
+      CHECK(object.contains(key));
+    }
+  }
+  CHECK(lines == 4);
+}
+
+TEST_CASE("term monitor: names the step and the term that first stopped being finite", "[train]") {
+  train::TermMonitor monitor;
+  const auto watch = [&](int64_t step, double blur, double target) {
+    monitor.watch({{"blur", torch::tensor(blur)}, {"target", torch::tensor(target)}}, step);
+  };
+  watch(5, 1, 2);
+  watch(6, 1, 2);
+  CHECK_NOTHROW(monitor.check());
+  watch(7, 1, std::numeric_limits<double>::quiet_NaN());
+  watch(8, std::numeric_limits<double>::infinity(), std::numeric_limits<double>::quiet_NaN());
+  CHECK_THROWS_WITH(monitor.check(), Catch::Contains("step 7") && Catch::Contains("target") &&
+                                         !Catch::Contains("blur"));
+}
+
+TEST_CASE("view order: every epoch shows every view once, whatever the step it is asked from",
+          "[train]") {
+  train::ViewOrder order(3, 7), late(3, 7);
+  std::vector<int64_t> seen;
+  for (int64_t step = 8; step <= 14; ++step) seen.push_back(order.at(step));
+  CHECK(late.at(14) == seen.back());
+  std::sort(seen.begin(), seen.end());
+  CHECK(seen == std::vector<int64_t>{0, 1, 2, 3, 4, 5, 6});
+  train::PoseDraws draws(3, torch::kCPU), same(3, torch::kCPU);
+  const auto at_2000 = draws.at(2000);
+  same.at(1);
+  CHECK(same.at(2000).equal(at_2000));
+}
+
+TEST_CASE("options: rules between fields name the keys", "[train]") {
+  train::RunOptions options;
+  CHECK_NOTHROW(train::validate(options));
+  options.events.bins = 5;
+  CHECK_THROWS_WITH(train::validate(options), Catch::Contains("events.bins"));
+  options.events.bins = 6;
+  options.route.render_consistency = options.route.reblur_consistency = false;
+  CHECK_THROWS_WITH(train::validate(options), Catch::Contains("route.render_consistency"));
+  options.allocation.kind = "constant";
+  CHECK_NOTHROW(train::validate(options));
+}
