@@ -2,10 +2,12 @@
 // The terms that the scene objective inherits from DiET-GS (reference: inherited.md §1). D is
 // ℓ_rec of Eq. (8) with its weight `dssim`, g is imaging::gray, φ the camera response, Î_k the
 // render at pose k and B the blurry frame. EDI is linear in the image, EDI_k(X) = X ⊙ R_k with the
-// factor R_k of imaging/edi.h, so the functions take R_k.
+// factor R_k = EdiKernel::gain[k] of imaging/edi.h, so the functions take R_k.
 #pragma once
 
 #include <torch/types.h>
+
+#include "jade/imaging/ssim.h"
 
 namespace jade::losses {
 
@@ -13,6 +15,9 @@ namespace jade::losses {
 /// @param mean_render  [3,H,W], differentiable
 /// @param blurry       [3,H,W]
 torch::Tensor blur_loss(const torch::Tensor& mean_render, const torch::Tensor& blurry,
+                        double dssim);
+/// The same against a frame whose window means are kept.
+torch::Tensor blur_loss(const torch::Tensor& mean_render, const imaging::SsimTarget& blurry,
                         double dssim);
 
 /// L_edi in gray = D(g(φ(Î_k)), EDI_k(g(φ(B)))).

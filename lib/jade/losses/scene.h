@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <ATen/core/Generator.h>
-#include <array>
 #include <cstdint>
 #include <functional>
 #include <optional>
@@ -11,6 +9,7 @@
 #include <vector>
 
 #include "jade/core/fields.h"
+#include "jade/imaging/ssim.h"
 #include "jade/losses/fixed.h"
 #include "jade/losses/inherited.h"
 
@@ -52,21 +51,18 @@ void describe(V& v, SceneLossOptions& o) {
   v.field("event_pixels", o.event_pixels, "pixels drawn for L_ev (sample_pnum)", Range{1, 1e8});
 }
 
-/// The camera response as the objective uses it. Empty functions are the identity.
+/// The camera response as the objective uses it. Without `apply` it is the identity.
 struct ToneCurve {
   std::function<torch::Tensor(const torch::Tensor&)> apply;  ///< φ, element-wise
-  std::function<torch::Tensor(const torch::Tensor&)> mean;   ///< mean_k φ(I_k), [K,...] → [...]
+  /// mean_k φ(I_k), [K,...] → [...]; empty: through `apply`, which keeps all nine.
+  std::function<torch::Tensor(const torch::Tensor&)> mean;
 };
-
-/// The poses drawn for one step, each uniform in 0..8 and independent.
-struct PoseDraws {
-  int64_t edi_gray = 0, edi_color = 0, simulation = 0;
-};
-PoseDraws draw_poses(at::Generator& generator);
 
 struct SceneLossInputs {
-  torch::Tensor renders;      ///< [9,3,H,W], Î_k; differentiable
-  torch::Tensor blurry;       ///< [3,H,W], B
+  torch::Tensor renders;  ///< [9,3,H,W], Î_k; differentiable
+  torch::Tensor blurry;   ///< [3,H,W], B
+  /// ssim_target(blurry), which saves L_blur two of its five window sums; may stay undefined.
+  imaging::SsimTarget blurry_moments;
   torch::Tensor edi_factors;  ///< [9,1,H,W], R_k; needed for L_edi and L_sim only
   /// [3] int64 on the renders' device: the poses of L_edi gray, L_edi colour and L_sim.
   torch::Tensor poses;
@@ -88,8 +84,7 @@ struct SceneLoss {
 };
 
 /// L_scene = L_tgt + L_blur + L_edi + L_sim + L_int (+ L_ev), Eq. (10), at `step` (counted from 1).
-/// The same value as the sum of the functions of target.h and inherited.h, with all reconstruction
-/// terms evaluated in one pass.
+/// Nothing here waits for the device.
 SceneLoss scene_loss(const SceneLossInputs& inputs, int64_t step, const SceneLossOptions& options);
 
 /// Which terms act at `step`, so that a caller prepares only what they need.

@@ -25,22 +25,30 @@ void describe(V& v, CrfOptions& o) {
 /// value, with MLP 1→16→16→16→1 and ReLU between. It starts as a fit of the identity on [0,1],
 /// from a fixed seed: always the same one.
 ///
-/// Whole images go through φ several times a step, but the MLP is a piecewise linear function of
-/// one number: forward() evaluates it at 4097 knots and interpolates between them, which is exact
-/// but for cells that hold a kink (below 1e-4 for the fitted φ; a test says so). Gradients reach
-/// the parameters through the knots. A GPU sees one short kernel a call.
+/// Whole images go through φ several times a step, yet φ is a function of one number: forward()
+/// reads it from a table of φ at 4097 knots over [0,2] and interpolates linearly, which differs
+/// from the network by less than 1e-4 (a test says so). Gradients reach the parameters through the
+/// knots. A GPU sees one short kernel a call.
 class CrfImpl : public torch::nn::Module {
  public:
   /// Fitted in about 0.1 s.
   CrfImpl();
 
-  /// MLP at the knots, [4097], differentiable in the parameters. One table serves every image of a
-  /// step.
+  /// φ at the knots, [4097], differentiable in the parameters. One table serves every image of a
+  /// step; with φ held fixed, make it once under NoGradGuard.
   torch::Tensor table();
 
   /// φ(image), element-wise, differentiable in the image and in the table.
-  torch::Tensor forward(const torch::Tensor& image, const torch::Tensor& table);
-  torch::Tensor forward(const torch::Tensor& image) { return forward(image, table()); }
+  static torch::Tensor apply(const torch::Tensor& image, const torch::Tensor& table);
+
+  /// mean_k φ(images[k]): [K,...] → [...], without keeping the single φ(images[k]).
+  static torch::Tensor mean(const torch::Tensor& images, const torch::Tensor& table);
+
+  torch::Tensor forward(const torch::Tensor& image, const torch::Tensor& table) {
+    return apply(image, table);
+  }
+  /// Makes a table for this one call.
+  torch::Tensor forward(const torch::Tensor& image) { return apply(image, table()); }
 
   /// φ through the MLP itself: slow, for tests.
   torch::Tensor exact(const torch::Tensor& image);

@@ -66,6 +66,9 @@ class Restorer {
   void to(torch::Device device);
 
  private:
+  /// One forward pass on the module's device, padded and cropped.
+  torch::Tensor call(const torch::Tensor& image, const torch::Tensor& voxel) const;
+
   std::filesystem::path path_;
   RestorerMetadata metadata_;
   std::string file_sha256_;

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+// Gaussians from a run, a checkpoint or a .ply to the formats of splat viewers.
+#include "common/cli.h"
+#include "jade/core/log.h"
+#include "jade/scene/ply.h"
+#include "jade/scene/splat_file.h"
+#include "jade/scene/spz_file.h"
+#include "jade/train/checkpoint.h"
+
+using namespace jade;
+
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Sources {
+  fs::path run, checkpoint, ply;
+};
+
+scene::GaussianFile load(const Sources& sources) {
+  const int given = !sources.run.empty() + !sources.checkpoint.empty() + !sources.ply.empty();
+  if (given != 1) {
+    throw ConfigError(
+        concat("expected exactly one of --run, --checkpoint and --ply, found ", given));
+  }
+  if (!sources.ply.empty()) return scene::read_ply(sources.ply);
+  if (!sources.checkpoint.empty()) {
+    return {train::load_checkpoint_gaussians(sources.checkpoint), false};
+  }
+  const auto checkpoints = train::list_checkpoints(sources.run);
+  if (checkpoints.empty()) {
+    throw DataError(concat(sources.run.string(),
+                           ": expected a run directory with checkpoints, found none; is this the "
+                           "--output of jade_train?"));
+  }
+  return {train::load_checkpoint_gaussians(checkpoints.front()), false};
+}
+
+void save(const fs::path& path, const scene::GaussianFile& file) {
+  const std::string extension = path.extension().string();
+  if (path.has_parent_path()) fs::create_directories(path.parent_path());
+  if (extension == ".ply") {
+    scene::write_ply(path, file);
+  } else if (extension == ".splat") {
+    scene::write_splat(path, file.gaussians);
+  } else if (extension == ".spz") {
+    scene::SpzOptions options;
+    options.antialiased = file.antialiased;
+    scene::write_spz(path, file.gaussians, options);
+  } else {
+    throw ConfigError(concat("--output: expected a file that ends in .ply, .splat or .spz, found ",
+                             path.string().empty() ? "nothing" : path.string()));
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  apps::Program program("jade_export", "Writes Gaussians as .ply, .splat or .spz");
+  Sources sources;
+  program.cli().add_option("--run", sources.run, "run directory; its newest checkpoint is taken");
+  program.cli().add_option("--checkpoint", sources.checkpoint, "one checkpoint");
+  program.cli().add_option("--ply", sources.ply, "Gaussians in a .ply, for another format");
+  program.add_output_flag("file to write; its extension names the format: .ply, .splat or .spz");
+  program.add_json_flag();
+  return program.run(argc, argv, [&] {
+    const scene::GaussianFile file = load(sources);
+    save(program.output(), file);
+    const auto bytes = fs::file_size(program.output());
+    if (program.json()) {
+      std::cout << "{\"gaussians\": " << file.gaussians.size() << ", \"bytes\": " << bytes << "}\n";
+    } else {
+      log_info(concat(program.output().string(), ": ", file.gaussians.size(), " Gaussians, ", bytes,
+                      " bytes"));
+    }
+    return ExitCode::kOk;
+  });
+}

@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cameras.h"
+
+#include <nlohmann/json.hpp>
+
+#include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
+
+namespace jade::apps {
+namespace {
+
+using nlohmann::json;
+
+/// A value of the entry, else of the defaults.
+const json* find(const json& entry, const json& defaults, const std::string& key) {
+  if (entry.contains(key)) return &entry.at(key);
+  if (defaults.contains(key)) return &defaults.at(key);
+  return nullptr;
+}
+
+template <class T>
+T required(const json& entry, const json& defaults, const std::string& key) {
+  const json* value = find(entry, defaults, key);
+  if (value == nullptr) throw DataError(concat("expected the key \"", key, "\""));
+  return value->get<T>();
+}
+
+geometry::Pose pose_of(const json& entry) {
+  geometry::Pose pose;
+  if (entry.contains("camera_from_world")) {
+    const auto rows = entry.at("camera_from_world").get<std::vector<std::vector<double>>>();
+    if (rows.size() < 3) throw DataError("expected \"camera_from_world\" with 3 or 4 rows");
+    for (size_t r = 0; r < 3; ++r) {
+      for (size_t c = 0; c < 3; ++c) pose.rotation[3 * r + c] = rows[r].at(c);
+      pose.translation[r] = rows[r].at(3);
+    }
+    pose.rotation = geometry::nearest_rotation(pose.rotation);
+    return pose;
+  }
+  if (!entry.contains("position") || !entry.contains("rotation")) {
+    throw DataError("expected \"camera_from_world\", or \"position\" with \"rotation\"");
+  }
+  const auto rows = entry.at("rotation").get<std::vector<std::vector<double>>>();
+  const auto position = entry.at("position").get<std::vector<double>>();
+  for (size_t r = 0; r < 3; ++r) {
+    for (size_t c = 0; c < 3; ++c) pose.rotation[3 * r + c] = rows.at(c).at(r);
+  }
+  return geometry::pose_at_centre(geometry::nearest_rotation(pose.rotation),
+                                  {position.at(0), position.at(1), position.at(2)});
+}
+
+NamedCamera camera_of(const json& entry, const json& defaults, size_t index) {
+  NamedCamera result;
+  geometry::Intrinsics& camera = result.camera;
+  camera.width = required<int64_t>(entry, defaults, "width");
+  camera.height = required<int64_t>(entry, defaults, "height");
+  camera.fx = required<double>(entry, defaults, "fx");
+  const auto optional = [&](const char* key, double fallback) {
+    const json* value = find(entry, defaults, key);
+    return value == nullptr ? fallback : value->get<double>();
+  };
+  camera.fy = optional("fy", camera.fx);
+  camera.cx = optional("cx", static_cast<double>(camera.width) / 2);
+  camera.cy = optional("cy", static_cast<double>(camera.height) / 2);
+  if (!(camera.width > 0 && camera.height > 0 && camera.width <= 32768 && camera.height <= 32768 &&
+        camera.fx > 0 && camera.fy > 0)) {
+    throw DataError("expected positive width, height (up to 32768), fx and fy");
+  }
+  result.camera_from_world = pose_of(entry);
+  result.name = entry.value("name", entry.value("img_name", std::to_string(index)));
+  if (result.name.empty() || result.name.find('/') != std::string::npos) {
+    throw DataError(concat("expected a name that is a plain file name, found '", result.name, "'"));
+  }
+  return result;
+}
+
+}  // namespace
+
+std::vector<NamedCamera> read_cameras(const std::filesystem::path& path) {
+  std::vector<NamedCamera> cameras;
+  size_t index = 0;
+  try {
+    const json document = json::parse(read_file(path));
+    const json& list = document.is_array() ? document : document.at("cameras");
+    const json defaults = document.is_object() ? document : json::object();
+    for (const json& entry : list) {
+      cameras.push_back(camera_of(entry, defaults, index));
+      ++index;
+    }
+  } catch (const json::exception& problem) {
+    throw DataError(concat(path.string(), ": entry ", index, ": ", problem.what()));
+  } catch (const std::out_of_range&) {
+    throw DataError(concat(path.string(), ": entry ", index, ": a row of its pose is too short"));
+  } catch (const DataError& problem) {
+    const std::string text = problem.what();
+    if (text.find(path.string()) == 0) throw;
+    throw DataError(concat(path.string(), ": entry ", index, ": ", text));
+  } catch (const ContractError&) {
+    throw DataError(concat(path.string(), ": entry ", index, ": its rotation is none"));
+  }
+  if (cameras.empty()) throw DataError(concat(path.string(), ": expected at least one camera"));
+  return cameras;
+}
+
+std::vector<NamedCamera> dataset_cameras(const data::Dataset& dataset, const std::string& which,
+                                         const std::string& name) {
+  std::vector<NamedCamera> cameras;
+  if (which == "test") {
+    for (const data::SharpView& view : dataset.test) {
+      cameras.push_back({view.name, view.pose, view.camera});
+    }
+  }
+  for (const data::Exposure& exposure : dataset.train) {
+    if (which == "train") {
+      cameras.push_back({exposure.name, exposure.poses[geometry::kMidPose], exposure.camera});
+    } else if (which == "exposure" && (name.empty() || name == exposure.name)) {
+      for (size_t k = 0; k < exposure.poses.size(); ++k) {
+        cameras.push_back({concat(exposure.name, "_", k), exposure.poses[k], exposure.camera});
+      }
+    }
+  }
+  if (cameras.empty()) {
+    throw DataError(concat(dataset.root.string(), ": has no view for --cameras ", which,
+                           name.empty() ? "" : " --exposure " + name));
+  }
+  return cameras;
+}
+
+}  // namespace jade::apps

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "jade/data/exposure.h"
+#include "jade/geometry/camera.h"
+#include "jade/geometry/pose.h"
+
+namespace jade::apps {
+
+/// One view to render.
+struct NamedCamera {
+  std::string name;
+  geometry::Pose camera_from_world;
+  geometry::Intrinsics camera;
+};
+
+/// Reads views from JSON: a list of objects, or an object whose "cameras" is that list and whose
+/// other keys are defaults for every entry. An entry has "width", "height", "fx", "fy" (fx serves
+/// for both), "cx", "cy" (the middle unless given), "name" (or "img_name"; else its number), and
+/// its pose as "camera_from_world" (4×4 or 3×4 rows, OpenCV axes) or, as 3DGS trainers write it, as
+/// "position" (camera centre) with "rotation" (3×3 world_from_camera).
+/// @throws DataError naming the file and the entry.
+std::vector<NamedCamera> read_cameras(const std::filesystem::path& path);
+
+/// The views of a data set: "test", "train" (middle poses) or "exposure" (nine poses, of the
+/// exposure `name`, or of all when it is empty). @throws DataError where there are none.
+std::vector<NamedCamera> dataset_cameras(const data::Dataset& dataset, const std::string& which,
+                                         const std::string& name);
+
+}  // namespace jade::apps

@@ -1,0 +1,168 @@
+// SPDX-License-Identifier: Apache-2.0
+// Renders views of a trained scene.
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "cameras.h"
+#include "common/cli.h"
+#include "common/dataset_flags.h"
+#include "jade/config/config.h"
+#include "jade/core/atomic_file.h"
+#include "jade/core/device.h"
+#include "jade/core/interrupt.h"
+#include "jade/core/log.h"
+#include "jade/core/progress.h"
+#include "jade/imaging/image_io.h"
+#include "jade/scene/gaussian_model.h"
+#include "jade/scene/ply.h"
+#include "jade/train/checkpoint.h"
+#include "jade/train/options.h"
+#include "jade/train/view.h"
+
+using namespace jade;
+
+namespace {
+
+namespace fs = std::filesystem;
+
+struct RenderFlags {
+  fs::path run, ply;
+  std::string cameras = "test";
+  std::string exposure;
+  std::string format = "png";
+  data::DatasetOptions dataset;
+  bool fps_benchmark = false;
+};
+
+void add_flags(CLI::App& cli, RenderFlags& flags) {
+  cli.add_option("--run", flags.run, "run directory of jade_train");
+  cli.add_option("--ply", flags.ply, "Gaussians in a .ply");
+  cli.add_option("--cameras", flags.cameras,
+                 "test or train views of the data set, exposure (nine poses each), or a .json with "
+                 "cameras (README.md)");
+  cli.add_option("--exposure", flags.exposure,
+                 "with --cameras exposure: only the one of this name");
+  cli.add_option("--dataset", flags.dataset.path,
+                 "data set of the views; with --run the one it was trained on");
+  cli.add_option("--format", flags.format, "png (8 bits) or npy (float32 [3,H,W], not clamped)")
+      ->check(CLI::IsMember({"png", "npy"}));
+  cli.add_flag("--fps-benchmark", flags.fps_benchmark,
+               "measure frames per second, one view at a time, without writing images");
+  apps::add_dataset_flags(cli, flags.dataset);
+}
+
+scene::GaussianFile load_scene(const RenderFlags& flags) {
+  if (flags.run.empty() == flags.ply.empty()) {
+    throw ConfigError("expected either --run or --ply");
+  }
+  if (!flags.ply.empty()) return scene::read_ply(flags.ply);
+  const auto checkpoints = train::list_checkpoints(flags.run);
+  if (!checkpoints.empty()) return {train::load_checkpoint_gaussians(checkpoints.front()), false};
+  return scene::read_ply(flags.run / "point_cloud.ply");
+}
+
+std::vector<apps::NamedCamera> load_cameras(const RenderFlags& flags) {
+  if (fs::path(flags.cameras).extension() == ".json") return apps::read_cameras(flags.cameras);
+  if (flags.cameras != "test" && flags.cameras != "train" && flags.cameras != "exposure") {
+    throw ConfigError(concat("--cameras: expected test, train, exposure or a .json file, found '",
+                             flags.cameras, "'"));
+  }
+  data::DatasetOptions dataset = flags.dataset;
+  if (dataset.path.empty() && !flags.run.empty()) {
+    dataset = config::load<train::RunOptions>({flags.run / "config.yaml", {}}).dataset;
+  }
+  if (dataset.path.empty()) {
+    throw ConfigError(concat("--cameras ", flags.cameras, " needs --run or --dataset"));
+  }
+  return apps::dataset_cameras(data::load_dataset(dataset), flags.cameras, flags.exposure);
+}
+
+torch::Tensor render(const scene::GaussianFile& file, const apps::NamedCamera& view) {
+  const torch::NoGradGuard no_grad;
+  splat::RenderOptions options;
+  options.antialiased = file.antialiased;
+  const auto cameras =
+      train::camera_batch({view.camera_from_world}, view.camera, file.gaussians.means.device());
+  return splat::render(file.gaussians, cameras, options).color[0];
+}
+
+/// A 16-byte read, which waits until the frame is done on any device.
+void finish(const torch::Tensor& image) { image.flatten()[0].item<float>(); }
+
+struct Timing {
+  int64_t frames = 0;
+  double median_ms = 0, min_ms = 0;
+};
+
+Timing measure(const scene::GaussianFile& file, const std::vector<apps::NamedCamera>& views) {
+  using Clock = std::chrono::steady_clock;
+  for (int i = 0; i < 5; ++i) finish(render(file, views.front()));
+  std::vector<double> times;
+  const auto end = Clock::now() + std::chrono::seconds(5);
+  while (Clock::now() < end || times.size() < 20) {
+    throw_if_interrupted();
+    const auto start = Clock::now();
+    finish(render(file, views[times.size() % views.size()]));
+    times.push_back(std::chrono::duration<double, std::milli>(Clock::now() - start).count());
+  }
+  std::sort(times.begin(), times.end());
+  return {static_cast<int64_t>(times.size()), times[times.size() / 2], times.front()};
+}
+
+void print(const Timing& timing, const scene::GaussianFile& file, bool as_json) {
+  const double fps = 1000 / timing.median_ms;
+  if (as_json) {
+    std::cout << nlohmann::json{{"gaussians", file.gaussians.size()},
+                                {"device", device_name(file.gaussians.means.device())},
+                                {"frames", timing.frames},
+                                {"frames_per_second", fps},
+                                {"frame_ms",
+                                 {{"median", timing.median_ms}, {"min", timing.min_ms}}}}
+                     .dump(2)
+              << "\n";
+    return;
+  }
+  std::printf("%.1f frames/s (median %.3f ms, min %.3f ms, %lld frames), %lld Gaussians, %s\n", fps,
+              timing.median_ms, timing.min_ms, static_cast<long long>(timing.frames),
+              static_cast<long long>(file.gaussians.size()),
+              device_name(file.gaussians.means.device()).c_str());
+}
+
+void write_images(const scene::GaussianFile& file, const std::vector<apps::NamedCamera>& views,
+                  const fs::path& output, const std::string& format) {
+  if (output.empty()) throw ConfigError("--output: expected a folder for the images");
+  make_writable_folder(output);
+  Progress progress("render", static_cast<int64_t>(views.size()), 0, "view");
+  for (const apps::NamedCamera& view : views) {
+    throw_if_interrupted();
+    imaging::write_image(output / (view.name + "." + format), render(file, view));
+    if (progress.step()) progress.show(view.name);
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  apps::Program program("jade_render", "Renders views of a trained scene or of a .ply");
+  RenderFlags flags;
+  add_flags(program.cli(), flags);
+  program.add_output_flag("folder for the images");
+  program.add_device_flag();
+  program.add_json_flag();
+  return program.run(argc, argv, [&] {
+    scene::GaussianFile file = load_scene(flags);
+    const torch::Device device = program.device();
+    file.gaussians = scene::map_parameters(
+        file.gaussians, [&](const torch::Tensor& value) { return value.to(device); });
+    const std::vector<apps::NamedCamera> views = load_cameras(flags);
+    if (flags.fps_benchmark) {
+      print(measure(file, views), file, program.json());
+      return ExitCode::kOk;
+    }
+    write_images(file, views, program.output(), flags.format);
+    log_info(concat(views.size(), " views in ", program.output().string()));
+    return ExitCode::kOk;
+  });
+}

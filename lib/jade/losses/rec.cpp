@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/losses/rec.h"
+
+#include "jade/core/check.h"
+#include "jade/imaging/ssim.h"
+
+namespace jade::losses {
+
+torch::Tensor rec_loss(const torch::Tensor& a, const torch::Tensor& c, double dssim) {
+  check_shape(c, "rec_loss: second image", a.sizes().vec());
+  return imaging::l1_ssim(a, c, dssim);
+}
+
+}  // namespace jade::losses

@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/models/restorations.h"
+
+#include "jade/core/check.h"
+
+namespace jade::models {
+
+torch::Tensor fuse(const torch::Tensor& alpha, const Restorations& restorations) {
+  check_shape(restorations.edi, "I_edi", {3, -1, -1});
+  check_shape(restorations.efnet, "F(B, V)", restorations.edi.sizes().vec());
+  // F + α (I_edi − F): the gradient to α is exactly zero where both agree, Eq. (5).
+  return restorations.efnet + alpha * (restorations.edi - restorations.efnet);
+}
+
+}  // namespace jade::models

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/models/router.h"
+
+#include <cmath>
+#include <torch/nn/init.h>
+
+#include "jade/core/check.h"
+
+namespace jade::models {
+namespace {
+
+torch::nn::Conv2d convolution(int64_t in, int64_t out, int64_t kernel, bool bias) {
+  return torch::nn::Conv2d(torch::nn::Conv2dOptions(in, out, kernel)
+                               .padding(kernel / 2)
+                               .padding_mode(torch::kReplicate)
+                               .bias(bias));
+}
+
+/// Uniform within ±1/sqrt(fan-in), weights and biases, from our own generator.
+void draw_weights(torch::nn::Conv2d& layer, at::Generator& generator) {
+  const torch::NoGradGuard no_grad;
+  const double fan_in = static_cast<double>(layer->weight.numel() / layer->weight.size(0));
+  const double bound = 1 / std::sqrt(fan_in);
+  layer->weight.uniform_(-bound, bound, generator);
+  if (layer->bias.defined()) layer->bias.uniform_(-bound, bound, generator);
+}
+
+}  // namespace
+
+RouterImpl::RouterImpl(at::Generator generator) {
+  event1 = register_module("event1", convolution(2, 16, 5, false));
+  event2 = register_module("event2", convolution(16, 6, 5, false));
+  image1 = register_module("image1", convolution(3, 10, 5, true));
+  image2 = register_module("image2", convolution(10, 8, 5, true));
+  head1 = register_module("head1", convolution(17, 9, 3, false));
+  head2 = register_module("head2", convolution(9, 24, 3, false));
+  head3 = register_module("head3", convolution(24, 1, 1, true));
+  for (auto* layer : {&event1, &event2, &image1, &image2, &head1, &head2, &head3}) {
+    draw_weights(*layer, generator);
+  }
+}
+
+torch::Tensor RouterImpl::logits(const torch::Tensor& blurry, const torch::Tensor& psi) {
+  check_shape(blurry, "router: blurry frame", {-1, 3, -1, -1});
+  check_shape(psi, "router: event projection", {blurry.size(0), 2, blurry.size(2), blurry.size(3)});
+  const torch::Tensor events = event2(event1(psi).relu_()).relu_();
+  const torch::Tensor image = image2(image1(blurry).relu_()).relu_();
+  const torch::Tensor hidden = head1(torch::cat({blurry, events, image}, 1)).relu_();
+  return head3(head2(hidden).relu_());
+}
+
+torch::Tensor RouterImpl::forward(const torch::Tensor& blurry, const torch::Tensor& psi) {
+  return logits(blurry, psi).sigmoid();
+}
+
+}  // namespace jade::models

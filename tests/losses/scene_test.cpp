@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/losses/scene.h"
+
+#include <set>
+
+#include "jade/losses/poses.h"
+#include "jade/losses/target.h"
+#include "loss_cases.h"
+
+namespace jade::losses {
+namespace {
+
+using test::check_gradients;
+using test::image;
+
+constexpr int64_t kLate = 8000;
+
+SceneLossInputs inputs(const torch::Tensor& renders) {
+  SceneLossInputs in;
+  in.renders = renders;
+  in.blurry = image(20);
+  in.blurry_moments = imaging::ssim_target(in.blurry);
+  in.edi_factors = image(21, {9, 1, 7, 9}) + 0.5;
+  in.poses = torch::tensor({2, 4, 8}, torch::kInt64);
+  in.target = Fixed(image(22));
+  in.tone.apply = [](const torch::Tensor& x) { return x * x; };
+  in.tone.mean = [](const torch::Tensor& x) { return (x * x).mean(0); };
+  return in;
+}
+
+torch::Tensor renders() { return image(10, {9, 3, 7, 9}); }
+
+std::set<std::string> names(const SceneLoss& loss) {
+  std::set<std::string> result;
+  for (const NamedTerm& term : loss.terms) result.insert(term.name);
+  return result;
+}
+
+TEST_CASE("pose_views: mean and picks are those of single selections, gradients too", "[losses]") {
+  const torch::Tensor poses = torch::tensor({4, 2, 4}, torch::kInt64);
+  const PoseViews views = pose_views(renders(), poses);
+  CHECK(torch::allclose(views.mean, renders().mean(0)));
+  CHECK(torch::equal(views.picks[1], renders()[2]));
+  check_gradients(
+      [&](const std::vector<torch::Tensor>& in) {
+        const PoseViews v = pose_views(in[0], poses);
+        return torch::cat({v.mean.flatten(), v.picks.square().flatten()});
+      },
+      {renders()}, {"renders"});
+}
+
+TEST_CASE("scene_loss: terms begin at the inherited steps", "[losses]") {
+  const SceneLossInputs in = inputs(renders());
+  const std::set<std::string> early = {"target", "blur", "edi_gray", "edi_color"};
+  CHECK(names(scene_loss(in, 1, {})) == early);
+  CHECK(names(scene_loss(in, 1500, {})) == early);
+  std::set<std::string> middle = early;
+  middle.insert("intensity");
+  CHECK(names(scene_loss(in, 1501, {})) == middle);
+  CHECK(names(scene_loss(in, 7000, {})) == middle);
+  std::set<std::string> late = middle;
+  late.insert("simulation");
+  CHECK(names(scene_loss(in, 7001, {})) == late);
+}
+
+TEST_CASE("scene_loss: a disabled term is absent and its inputs are not needed", "[losses]") {
+  SceneLossInputs in = inputs(renders());
+  SceneLossOptions options;
+  options.edi_supervision = options.simulation = options.intensity = false;
+  in.edi_factors = {};
+  in.target.reset();
+  CHECK(names(scene_loss(in, kLate, options)) == std::set<std::string>{"blur"});
+  options.blur = false;
+  CHECK(scene_loss(in, kLate, options).terms.empty());
+  CHECK_FALSE(scene_loss(in, kLate, options).total.defined());
+}
+
+TEST_CASE("scene_loss: the total is the sum of its named terms and of the single functions",
+          "[losses]") {
+  SceneLossInputs in = inputs(renders());
+  SceneLossOptions options;
+  options.target_weight = 2;
+  const SceneLoss loss = scene_loss(in, kLate, options);
+  double sum = 0;
+  for (const NamedTerm& term : loss.terms) sum += term.value.item<double>();
+  CHECK(loss.total.item<double>() == Approx(sum));
+  const torch::Tensor r = renders(), b = in.blurry, toned_b = b * b;
+  const auto gain = [&](int64_t k) { return in.edi_factors[k]; };
+  const torch::Tensor expected =
+      2 * target_loss(r[4], *in.target, 0.3) + blur_loss(r.mean(0), b, 0.3) +
+      edi_gray_loss(r[2].square(), toned_b, gain(2), 0.3) + edi_color_loss(r[4], b, gain(4), 0.3) +
+      simulation_loss(r[8].square(), r.mean(0).square(), gain(8), 0.3) +
+      intensity_loss(r.square().mean(0), toned_b, 0.3);
+  CHECK(loss.total.item<double>() == Approx(expected.item<double>()));
+}
+
+TEST_CASE("scene_loss: the camera response is the identity during the warm-up", "[losses]") {
+  SceneLossInputs in = inputs(renders());
+  const double toned = scene_loss(in, 1000, {}).total.item<double>();
+  in.tone.mean = nullptr;
+  CHECK(scene_loss(in, kLate, {}).total.item<double>() ==
+        Approx(scene_loss(inputs(renders()), kLate, {}).total.item<double>()));
+  in.tone = {};
+  CHECK(scene_loss(in, 1000, {}).total.item<double>() == toned);
+  CHECK(scene_loss(in, kLate, {}).total.item<double>() !=
+        scene_loss(inputs(renders()), kLate, {}).total.item<double>());
+}
+
+TEST_CASE("scene_loss: the event term carries its weight", "[losses]") {
+  SceneLossInputs in = inputs(renders());
+  EventPair pair;
+  pair.before = image(1);
+  pair.after = image(2);
+  pair.counts = (image(5, {7, 9}) * 10 - 5).round();
+  pair.pixels = torch::arange(63, torch::kInt64);
+  in.events = pair;
+  SceneLossOptions options;
+  options.event_loss_weight = 0.1;
+  const SceneLoss loss = scene_loss(in, 1, options);
+  CHECK(loss.terms.back().name == "event");
+  CHECK(loss.terms.back().value.item<double>() == Approx(0.1 * event_loss(pair).item<double>()));
+}
+
+TEST_CASE("scene_loss: gradients to all nine renders equal central differences", "[losses]") {
+  check_gradients(
+      [&](const std::vector<torch::Tensor>& in) {
+        return scene_loss(inputs(in[0]), kLate, {}).total;
+      },
+      {renders()}, {"renders"});
+}
+
+}  // namespace
+}  // namespace jade::losses

@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/models/crf.h"
+
+#include "support/catch.h"
+
+#include <torch/optim/adam.h>
+
+#include "jade/core/random.h"
+#include "jade/models/crf_lookup.h"
+#include "support/devices.h"
+#include "support/gradcheck.h"
+
+namespace jade::models {
+namespace {
+
+torch::Tensor drawn(std::vector<int64_t> shape, double low, double high) {
+  at::Generator generator = make_generator(4, "crf test");
+  return at::rand(shape, generator, torch::kFloat64) * (high - low) + low;
+}
+
+TEST_CASE("crf: starts as the identity, the same on every construction", "[models]") {
+  Crf crf;
+  const torch::Tensor x = torch::linspace(0, 1, 101);
+  const torch::Tensor error = (crf->exact(x) - x).abs();
+  CHECK(error.mean().item<double>() < 2e-3);
+  CHECK(error.max().item<double>() < 2e-2);
+  CHECK(torch::equal(Crf()->layer2->weight, crf->layer2->weight));
+  int64_t count = 0;
+  for (const torch::Tensor& parameter : crf->parameters()) count += parameter.numel();
+  CHECK(count == 32 + 272 + 272 + 17);
+}
+
+TEST_CASE("crf: the table differs from the network by less than 1e-4", "[models]") {
+  Crf crf;
+  const torch::NoGradGuard no_grad;
+  const torch::Tensor x = drawn({3, 60, 60}, 0, 1.5).to(torch::kFloat32);
+  CHECK((crf(x) - crf->exact(x)).abs().max().item<double>() < 1e-4);
+}
+
+TEST_CASE("crf: the mean form equals the mean of single images", "[models]") {
+  Crf crf;
+  torch::Tensor a = drawn({9, 3, 11, 7}, -0.1, 1.2).to(torch::kFloat32).set_requires_grad(true);
+  torch::Tensor b = a.detach().clone().set_requires_grad(true);
+  const torch::Tensor table = crf->table().detach();
+  const torch::Tensor cotangent = torch::rand({3, 11, 7});
+  CrfImpl::mean(a, table).backward(cotangent);
+  CrfImpl::apply(b, table).mean(0).backward(cotangent);
+  CHECK(torch::allclose(CrfImpl::mean(a, table), CrfImpl::apply(b, table).mean(0), 1e-5, 1e-6));
+  CHECK(torch::allclose(a.grad(), b.grad(), 1e-5, 1e-7));
+}
+
+/// Points inside cells, where the interpolation is smooth.
+torch::Tensor inside_cells(std::vector<int64_t> shape) {
+  const double cell = kCrfRange / static_cast<double>(kCrfKnots - 1);
+  return ((drawn(std::move(shape), -0.1, 2.1) / cell).floor() + 0.4) * cell;
+}
+
+TEST_CASE("crf: gradients to image and table equal central differences", "[models]") {
+  torch::Tensor table = drawn({kCrfKnots}, 0, 1).set_requires_grad(true);
+  for (const bool mean : {false, true}) {
+    torch::Tensor image = inside_cells({4, 1, 3, 5}).set_requires_grad(true);
+    const auto good = [&](const std::vector<torch::Tensor>& in) {
+      return mean ? CrfImpl::mean(in[0], in[1]) : CrfImpl::apply(in[0], in[1]);
+    };
+    const auto report = test::gradcheck(good, {image, table}, {"image", "table"});
+    INFO(report.message);
+    CHECK(report.passed);
+    const auto broken = [&](const std::vector<torch::Tensor>& in) {
+      const torch::Tensor out = good(in);
+      return out + 0.1 * (out - out.detach());
+    };
+    CHECK_FALSE(test::gradcheck(broken, {image, table}, {"image", "table"}).passed);
+  }
+}
+
+TEST_CASE("crf: parameters get the network's gradient through the table", "[models]") {
+  Crf crf;
+  const torch::Tensor x = drawn({3, 40, 40}, 0, 1).to(torch::kFloat32);
+  const torch::Tensor cotangent = torch::rand({3, 40, 40});
+  crf(x).backward(cotangent);
+  const torch::Tensor by_table = crf->layer3->weight.grad().clone();
+  crf->zero_grad();
+  crf->exact(x).backward(cotangent);
+  const torch::Tensor exact = crf->layer3->weight.grad();
+  CHECK((by_table - exact).norm().item<double>() < 1e-3 * exact.norm().item<double>());
+}
+
+TEST_CASE("crf: 25,000 Adam steps at 1e-7 move no weight further than 2.5e-3", "[models]") {
+  Crf crf;
+  const torch::Tensor before = crf->layer2->weight.detach().clone();
+  torch::optim::Adam adam(crf->parameters(), torch::optim::AdamOptions(1e-7).eps(1e-15));
+  for (int step = 0; step < 10; ++step) {
+    adam.zero_grad();
+    (crf(torch::rand({3, 8, 8})) * 0.5).mean().backward();
+    adam.step();
+  }
+  const double moved = (crf->layer2->weight - before).abs().max().item<double>();
+  CHECK(moved > 0);
+  CHECK(moved < 10 * 2e-7);
+}
+
+TEST_CASE("crf: NaN pixels stay NaN", "[models]") {
+  Crf crf;
+  CHECK(crf(torch::full({1, 1, 1}, std::nan(""))).isnan().all().item<bool>());
+}
+
+TEST_CASE("crf: sums over the image do not depend on the number of threads", "[models]") {
+  const int threads = torch::get_num_threads();
+  Crf crf;
+  const torch::Tensor x = drawn({9, 3, 64, 64}, 0, 1).to(torch::kFloat32);
+  std::vector<torch::Tensor> results;
+  for (const int count : {1, 2}) {
+    torch::set_num_threads(count);
+    torch::Tensor table = crf->table().detach().set_requires_grad(true);
+    CrfImpl::mean(x, table).square().sum().backward();
+    results.push_back(table.grad());
+  }
+  torch::set_num_threads(threads);
+  CHECK(torch::equal(results[0], results[1]));
+}
+
+TEST_CASE("crf: CUDA equals the CPU, the same bits on every run", "[models][cuda]") {
+  const torch::Device gpu(torch::kCUDA, 0);
+  Crf crf;
+  const torch::Tensor x = drawn({9, 3, 50, 70}, -0.1, 2.2).to(torch::kFloat32);
+  const torch::Tensor cotangent = torch::rand({3, 50, 70}) / 1e5;
+  std::vector<std::vector<torch::Tensor>> results;
+  for (const torch::Device device : {torch::Device(torch::kCPU), gpu, gpu}) {
+    torch::Tensor image = x.to(device).set_requires_grad(true);
+    torch::Tensor table = crf->table().detach().to(device).set_requires_grad(true);
+    const torch::Tensor out = CrfImpl::mean(image, table) + CrfImpl::apply(image, table)[0];
+    out.backward(cotangent.to(device));
+    results.push_back({out.detach().cpu(), image.grad().cpu(), table.grad().cpu()});
+  }
+  for (size_t i = 0; i < 3; ++i) {
+    CHECK(torch::allclose(results[0][i], results[1][i], 1e-3, 1e-8));
+    CHECK(torch::equal(results[1][i], results[2][i]));
+  }
+}
+
+}  // namespace
+}  // namespace jade::models

@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/models/efnet.h"
+
+#include "support/catch.h"
+
+#include <torch/script.h>
+
+#include "jade/core/atomic_file.h"
+#include "jade/core/digest.h"
+#include "jade/core/error.h"
+#include "support/temp_dir.h"
+
+namespace jade::models {
+namespace {
+
+const char* const kMetadata = R"({"format": "jade-restorer", "format_version": 1, "kind": "efnet",
+  "name": "probe", "width": 1, "parameters": 0, "input": "scer", "normalization": "max_abs",
+  "channel_order": "rgb", "padding_multiple": 4, "minimum_size": 8, "uses_mask": true,
+  "dtype": "float32", "weights_sha256": "0", "source": "test"})";
+
+/// Saves a module whose forward is `body`.
+std::filesystem::path save(const std::filesystem::path& path, const std::string& body,
+                           const std::string& metadata,
+                           const std::string& inputs = "image, events, mask") {
+  torch::jit::Module module("probe");
+  module.define("def forward(self, " + inputs + "):\n" + body);
+  module.save(path.string(), {{"jade_efnet.json", metadata}});
+  return path;
+}
+
+std::string replaced(std::string text, const std::string& from, const std::string& to) {
+  return text.replace(text.find(from), from.size(), to);
+}
+
+template <class Error>
+std::string message_of(const std::function<void()>& action) {
+  try {
+    action();
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "no such error";
+}
+
+torch::Tensor bins() {
+  return torch::arange(1, 7, torch::kFloat32).view({1, 6, 1, 1}).repeat({1, 1, 9, 10});
+}
+
+TEST_CASE("efnet: SCER sums the bins outwards from mid-exposure", "[models]") {
+  const torch::Tensor scer = scer_from_bins(bins())[0].select(2, 0).select(1, 0);
+  CHECK(torch::equal(scer, torch::tensor({-6.f, -5.f, -3.f, 4.f, 9.f, 15.f})));
+}
+
+TEST_CASE("efnet: views are divided by their largest magnitude, empty ones stay zero", "[models]") {
+  torch::Tensor events = torch::cat({bins(), torch::zeros({1, 6, 9, 10})});
+  events[0][2][1][1] = -12;
+  const torch::Tensor out = normalize_views(events);
+  CHECK(out[0].abs().max().item<float>() == 1);
+  CHECK(out[0][2][1][1].item<float>() == -1);
+  CHECK(out[1].abs().max().item<float>() == 0);
+}
+
+TEST_CASE("efnet: the mask closes gaps of one pixel and keeps single events single", "[models]") {
+  torch::Tensor events = torch::zeros({1, 6, 9, 9});
+  events[0][3][4][2] = 1;
+  events[0][0][4][4] = -1;
+  events[0][5][0][0] = 1;
+  const torch::Tensor mask = event_mask(events)[0][0];
+  CHECK(mask[4][2].item<float>() == 1);
+  CHECK(mask[4][3].item<float>() == 1);
+  CHECK(mask[4][4].item<float>() == 1);
+  CHECK(mask[0][0].item<float>() == 1);
+  CHECK(mask.sum().item<float>() == 4);
+}
+
+TEST_CASE("efnet: images are padded by replication, events and mask by zeros, and cropped back",
+          "[models]") {
+  const test::TempDir folder;
+  // Asserts inside the network; returns the image plus what the padding of the others must not be.
+  const auto path = save(folder / "r.pt",
+                         "  assert image.size(2) == 12\n"
+                         "  assert image.size(3) == 12\n"
+                         "  assert bool((image[:, :, 9:, :] == image[:, :, 8:9, :]).all())\n"
+                         "  assert bool((events[:, :, 9:, :] == 0).all())\n"
+                         "  assert bool((mask[:, :, :, 10:] == 0).all())\n"
+                         "  assert bool((mask[:, :, :9, :10] == 1).all())\n"
+                         "  return image + events[:, 5:6]\n",
+                         kMetadata);
+  const Restorer restorer({path, ""});
+  const torch::Tensor image = torch::rand({3, 9, 10}) - 1.5;
+  const torch::Tensor out = restorer.restore(image, 7 * bins()[0]);
+  CHECK(out.sizes() == image.sizes());
+  CHECK(torch::allclose(out, (image + 1).clamp(0, 1)));
+  CHECK(restorer.restore(image.unsqueeze(0), bins()).dim() == 4);
+  CHECK(restorer.metadata().name == "probe");
+  CHECK(restorer.file_sha256() == file_sha256(path));
+}
+
+TEST_CASE("efnet: plain bins go in where the metadata says so, and image restorers get no events",
+          "[models]") {
+  const test::TempDir folder;
+  const auto path = save(folder / "bins.pt", "  return image * 0 + events[:, 0:1]\n",
+                         replaced(kMetadata, "scer", "bins"));
+  const torch::Tensor image = torch::rand({3, 8, 8});
+  const torch::Tensor six = bins()[0].narrow(1, 0, 8).narrow(2, 0, 8);
+  CHECK(torch::allclose(Restorer({path, ""}).restore(image, six), torch::full({3, 8, 8}, 1 / 6.f)));
+  std::string metadata = replaced(kMetadata, "\"efnet\"", "\"image\"");
+  metadata = replaced(metadata, "scer", "none");
+  const auto plain = save(folder / "image.pt", "  return image * 0.5\n", metadata, "image");
+  CHECK(torch::allclose(Restorer({plain, ""}).restore(image, {}), image / 2));
+}
+
+TEST_CASE("efnet: files that are none are refused with what to do", "[models]") {
+  const test::TempDir folder;
+  const auto load = [](const std::filesystem::path& path, const std::string& sha = "") {
+    return message_of<DataError>([&] { Restorer({path, sha}); });
+  };
+  write_file(folder / "text.pt", "hello");
+  CHECK(load(folder / "text.pt").find("no TorchScript") != std::string::npos);
+  CHECK(load(folder / "missing.pt").find("missing.pt") != std::string::npos);
+  const std::string body = "  return image\n";
+  const auto bad = [&](const std::string& metadata) {
+    return load(save(folder / "bad.pt", body, metadata));
+  };
+  CHECK(bad("").find("export_efnet.py") != std::string::npos);
+  CHECK(bad("{").find("bad jade_efnet.json") != std::string::npos);
+  CHECK(bad(replaced(kMetadata, "\"width\"", "\"wide\"")).find("width") != std::string::npos);
+  CHECK(bad(replaced(kMetadata, "\"format_version\": 1", "\"format_version\": 2"))
+            .find("version 2") != std::string::npos);
+  CHECK(bad(replaced(kMetadata, "scer", "none")).find("does not fit") != std::string::npos);
+  CHECK(bad(replaced(kMetadata, "\"padding_multiple\": 4", "\"padding_multiple\": 0"))
+            .find("no sense") != std::string::npos);
+  const auto good = save(folder / "good.pt", body, kMetadata);
+  CHECK(load(good, std::string(64, '0')).find("SHA-256") != std::string::npos);
+  CHECK(load(good, file_sha256(good)) == "no such error");
+}
+
+TEST_CASE("efnet: NaN, wrong shapes and refusals of the network are reported", "[models]") {
+  const test::TempDir folder;
+  const torch::Tensor image = torch::rand({3, 8, 8});
+  const torch::Tensor voxel = torch::zeros({6, 8, 8});
+  const Restorer nan({save(folder / "nan.pt", "  return image / 0 - image / 0\n", kMetadata), ""});
+  CHECK_THROWS_AS(nan.restore(image, voxel), NumericError);
+  const Restorer shape({save(folder / "shape.pt", "  return image[:, :1]\n", kMetadata), ""});
+  CHECK_THROWS_AS(shape.restore(image, voxel), DataError);
+  const Restorer refuses(
+      {save(folder / "no.pt", "  assert False\n  return image\n", kMetadata), ""});
+  CHECK_THROWS_AS(refuses.restore(image, voxel), DataError);
+  CHECK_THROWS_AS(refuses.restore(image, torch::zeros({5, 8, 8})), ContractError);
+}
+
+}  // namespace
+}  // namespace jade::models
