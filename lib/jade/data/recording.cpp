@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/data/recording.h"
 
+#include <algorithm>
+#include <torch/torch.h>
+
 #include "jade/core/error.h"
 #include "jade/events/event_files.h"
 
@@ -12,6 +15,28 @@ namespace fs = std::filesystem;
 /// Recordings usually start a little before the first pose and end after the last one; more than
 /// this part of the events outside is worth a look.
 constexpr double kManyOutside = 0.1;
+
+/// Events beside the image: none may be there in raw whole-pixel coordinates, while rectified ones
+/// leave the image at its borders, and by more where the image is a crop of the sensor.
+constexpr double kManyBeside = 0.25;
+
+/// True if no coordinate among the first events has a fraction.
+bool whole_pixels(const events::EventStream& events) {
+  const events::EventStream some = events.range(0, std::min<int64_t>(events.size(), 100000));
+  return torch::equal(some.x(), some.x().round()) && torch::equal(some.y(), some.y().round());
+}
+
+void check_inside(const events::EventStream& events, const geometry::Intrinsics& camera,
+                  const fs::path& path, const Warnings& warnings) {
+  if (events.empty()) return;
+  const int64_t outside = events::count_problems(events, {camera.height, camera.width}).outside;
+  const double share = double(outside) / double(events.size());
+  if (outside == 0 || (share < kManyBeside && !whole_pixels(events))) return;
+  warnings.add(path.string(), ": ", outside, " of ", events.size(), " events lie outside the ",
+               camera.width, "x", camera.height,
+               " image and are ignored; if that is not meant, x and y may be swapped, or belong to "
+               "another resolution or to the raw sensor");
+}
 
 events::EventStream cut(const events::EventStream& events, const RecordingSpan& keep,
                         const fs::path& path, const Warnings& warnings) {
@@ -54,9 +79,9 @@ void attach_events(const DatasetOptions& options, const RecordingSpan& exposures
   events::EventFileOptions file_options;
   file_options.time_unit = options.events_unit;
   file_options.exposures = events::TimeWindow{exposures.begin_us, exposures.end_us};
-  file_options.size = events::ImageSize{camera.height, camera.width};
   events::EventFileResult result = events::read_events(path, file_options);
   for (const std::string& line : result.warnings) warnings.add(line);
+  check_inside(result.events, camera, path, warnings);
   data.events = cut(result.events, keep, path, warnings);
   std::vector<std::string> without;
   for (Exposure& exposure : data.train) {
