@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <iostream>
+#include <nlohmann/json.hpp>
+
+#include "common/cli.h"
+#include "jade/simulate/simulator.h"
+
+using namespace jade;
+
+namespace {
+
+/// A preset is the set of defaults that the file and --set then change.
+struct CdavisRun : simulate::SimulateRun {
+  CdavisRun() { simulate = simulate::preset_options("cdavis"); }
+};
+struct BlenderRun : simulate::SimulateRun {
+  BlenderRun() { simulate = simulate::preset_options("blender"); }
+};
+
+std::optional<simulate::SimulateRun> load(apps::Program& program) {
+  const config::Sources sources{program.config_file(), program.overrides()};
+  if (config::load<simulate::SimulateRun>(sources).simulate.preset == "blender") {
+    return program.load_options<BlenderRun>();
+  }
+  return program.load_options<CdavisRun>();
+}
+
+void check_output(const std::filesystem::path& folder, bool force) {
+  if (folder.empty()) {
+    throw ConfigError(
+        "--output: expected a folder for the data set, found nothing; add --output DIR");
+  }
+  if (!force && std::filesystem::exists(folder) &&
+      (!std::filesystem::is_directory(folder) || !std::filesystem::is_empty(folder))) {
+    throw ConfigError(concat("--output: expected a new or empty folder, found files in ",
+                             folder.string(), "; choose another, or add --force"));
+  }
+}
+
+void report(const simulate::SimulateResult& result, const std::filesystem::path& folder,
+            bool json) {
+  const auto& c = result.content;
+  if (json) {
+    std::cout << nlohmann::json{{"output", folder.string()},
+                                {"exposures", c.train.size()},
+                                {"test_views", c.test.size()},
+                                {"events", c.events.size()},
+                                {"frames", result.frames},
+                                {"blur_px", result.blur_px},
+                                {"largest_flow_px", result.largest_flow_px},
+                                {"near", c.near},
+                                {"far", c.far}}
+                     .dump()
+              << "\n";
+    return;
+  }
+  std::cout << folder.string() << ": " << c.train.size() << " blurry frames (mean blur "
+            << result.blur_px << " px), " << c.test.size() << " sharp test views, "
+            << c.events.size() << " events from " << result.frames << " rendered frames\n";
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  apps::Program program(
+      "jade_simulate",
+      "Makes a data set of blurry frames and events from a scene, a Gaussian .ply "
+      "or sharp frames with poses");
+  program.add_config_flags();
+  program.add_output_flag("Folder of the data set, made if it does not exist");
+  program.add_seed_flag();
+  program.add_json_flag();
+  bool force = false;
+  program.cli().add_flag("--force", force, "Write into a folder that holds files already");
+  return program.run(argc, argv, [&] {
+    const auto run = load(program);
+    if (!run) return ExitCode::kOk;
+    check_output(program.output(), force);
+    const auto result = simulate::simulate(*run);
+    simulate::write(result, *run, program.output());
+    report(result, program.output(), program.json());
+    return ExitCode::kOk;
+  });
+}

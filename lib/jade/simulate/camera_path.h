@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "jade/geometry/camera.h"
+#include "jade/geometry/pose.h"
+#include "jade/simulate/frame_source.h"
+#include "jade/simulate/scene.h"
+
+namespace jade::simulate {
+
+/// A camera held in a moving hand: the eye, the point looked at and the roll each wander along sums
+/// of three sinusoids (a slow sweep over the viewpoints, a sway and a tremor), smooth at all times.
+class CameraPath {
+ public:
+  /// @param reach  multiplies the rig's excursions
+  CameraPath(const CameraRig& rig, double reach, uint64_t seed);
+
+  /// Sweeps a second of the slow component; default 1.
+  void set_speed(double speed) { speed_ = speed; }
+  double speed() const { return speed_; }
+
+  /// camera_from_world at any time.
+  geometry::Pose at(double t_us) const;
+
+ private:
+  struct Wander {
+    std::array<double, 3> amplitude, frequency, phase;
+    double at(double t) const;
+  };
+  std::array<double, 3> eye_, target_;
+  std::array<Wander, 7> wander_;  // eye xyz, target xyz, roll
+  double speed_ = 1;
+};
+
+/// Mean over pixels of the length of their way over the image while the camera goes from `begin_us`
+/// to `end_us`, px. `mid` is a frame (any resolution) taken at the middle with `camera`.
+double blur_length(const CameraPath& path, const geometry::Intrinsics& camera,
+                   const SharpFrame& mid, double begin_us, double end_us);
+
+/// Largest distance over all pixels of `frame` (taken at `from`) that a pixel moves until `to`.
+double largest_flow(const SharpFrame& frame, const geometry::Intrinsics& camera,
+                    const geometry::Pose& from, const geometry::Pose& to);
+
+}  // namespace jade::simulate

@@ -1,0 +1,161 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/simulate/esim.h"
+
+#include <ATen/Parallel.h>
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <torch/torch.h>
+#include <utility>
+
+#include "jade/core/check.h"
+
+namespace jade::simulate {
+namespace {
+
+constexpr int64_t kBandRows = 8;
+constexpr double kSmallest = 0.01;  // of a pixel's threshold
+constexpr double kNever = -1e18;
+
+template <class T>
+torch::Tensor adopt(std::vector<T>&& values, torch::ScalarType type) {
+  auto owner = std::make_shared<std::vector<T>>(std::move(values));
+  const auto size = static_cast<int64_t>(owner->size());
+  if (size == 0) return torch::empty({0}, type);
+  return torch::from_blob(
+      owner->data(), {size}, [owner](void*) {}, type);
+}
+
+float spread(float mean, double deviation, Draw& draw) {
+  return static_cast<float>(std::max(kSmallest, mean + deviation * draw.normal()));
+}
+
+}  // namespace
+
+EventSensor::EventSensor(const EventSensorOptions& options, int64_t width, int64_t height,
+                         uint64_t seed)
+    : options_(options), width_(width), height_(height) {
+  const auto pixels = static_cast<size_t>(width * height);
+  input_.resize(pixels), level_.resize(pixels), reference_.resize(pixels);
+  last_us_.assign(pixels, kNever);
+  for (size_t i = 0; i < pixels; ++i) {
+    draw_.emplace_back(seed, i);
+    on_.push_back(
+        spread(static_cast<float>(options.threshold_positive), options.threshold_spread, draw_[i]));
+    off_.push_back(
+        spread(static_cast<float>(options.threshold_negative), options.threshold_spread, draw_[i]));
+    hot_.push_back(draw_[i].uniform() < options.hot_fraction);
+    hazard_.push_back(static_cast<float>(draw_[i].exponential()));
+  }
+}
+
+void EventSensor::feed(const std::vector<float>& intensity, int64_t t_us) {
+  JADE_CHECK(intensity.size() == level_.size(), "intensity: expected ", level_.size(),
+             " pixels, found ", intensity.size());
+  JADE_CHECK(!started_ || t_us > now_us_, "t_us: expected a time after ", now_us_, ", found ",
+             t_us);
+  const auto eps = static_cast<float>(options_.log_eps);
+  if (!started_) {
+    for (size_t i = 0; i < intensity.size(); ++i) {
+      reference_[i] = input_[i] = level_[i] = std::log(std::max(intensity[i], 0.0f) + eps);
+    }
+    started_ = true, now_us_ = t_us;
+    return;
+  }
+  const Span span{static_cast<double>(now_us_), static_cast<double>(t_us)};
+  const int64_t bands = (height_ + kBandRows - 1) / kBandRows;
+  std::vector<std::vector<Event>> sent(static_cast<size_t>(bands));
+  at::parallel_for(0, bands, 1, [&](int64_t first, int64_t last) {
+    for (int64_t band = first; band < last; ++band) {
+      auto& out = sent[static_cast<size_t>(band)];
+      const auto begin = static_cast<size_t>(band * kBandRows * width_);
+      const auto end = static_cast<size_t>(std::min((band + 1) * kBandRows, height_) * width_);
+      for (size_t i = begin; i < end; ++i) {
+        const float input = std::log(std::max(intensity[i], 0.0f) + eps);
+        const float target = low_pass(i, input, intensity[i], span.end_us - span.begin_us);
+        advance_pixel(i, target, intensity[i], span, out);
+        input_[i] = input, level_[i] = target;
+      }
+    }
+  });
+  append(sent);
+  now_us_ = t_us;
+}
+
+// Exact response of y' = (x − y)/τ to an input that runs straight from x0 to x1.
+float EventSensor::low_pass(size_t i, float x1, float intensity, double duration_us) {
+  if (options_.cutoff_hz <= 0) return x1;
+  const double cutoff = options_.cutoff_hz * std::max(0.1, static_cast<double>(intensity));
+  const double tau_us = 1e6 / (2 * 3.141592653589793 * cutoff);
+  const double slope = (x1 - input_[i]) / duration_us;
+  const double kept = std::exp(-duration_us / tau_us);
+  return static_cast<float>(x1 - slope * tau_us + (level_[i] - input_[i] + slope * tau_us) * kept);
+}
+
+// The leak pulls ref down at a steady rate, which is the same as L rising: both ends of the line
+// are raised by the leak so far.
+void EventSensor::advance_pixel(size_t i, float target, float intensity, const Span& span,
+                                std::vector<Event>& out) {
+  const double leak = options_.leak_hz * 1e-6 * on_[i];
+  const double from = level_[i] + leak * span.begin_us, to = target + leak * span.end_us;
+  const double slope = (to - from) / (span.end_us - span.begin_us);
+  const auto cross_until = [&](double t_us) {
+    const double reached = t_us >= span.end_us ? to : from + slope * (t_us - span.begin_us);
+    const auto polarity = static_cast<int8_t>(slope > 0 ? 1 : -1);
+    const double step = slope > 0 ? on_[i] : off_[i];
+    while (slope != 0) {
+      const double next = reference_[i] + polarity * step;
+      if ((reached - next) * polarity < 0) break;
+      const double t = std::max(span.begin_us, span.begin_us + (next - from) / slope);
+      send(i, std::min(t, t_us), polarity, out);
+      reference_[i] = next;
+    }
+    return reached;
+  };
+  const double rate_hz = (hot_[i] ? options_.hot_hz : 0) +
+                         options_.shot_hz * (1 - 0.75 * std::min(1.0f, std::max(0.0f, intensity)));
+  double t = span.begin_us;
+  while (rate_hz > 0) {
+    const double wait_us = hazard_[i] / rate_hz * 1e6;
+    if (t + wait_us > span.end_us) {
+      hazard_[i] -= static_cast<float>((span.end_us - t) * rate_hz * 1e-6);
+      break;
+    }
+    t += wait_us;
+    hazard_[i] = static_cast<float>(draw_[i].exponential());
+    const double now = cross_until(t);
+    const bool on = hot_[i] || draw_[i].uniform() < 0.5;
+    send(i, t, on ? int8_t{1} : int8_t{-1}, out);
+    reference_[i] = now;
+  }
+  cross_until(span.end_us);
+}
+
+void EventSensor::send(size_t i, double t_us, int8_t polarity, std::vector<Event>& out) {
+  if (t_us - last_us_[i] < static_cast<double>(options_.refractory_us)) return;
+  last_us_[i] = t_us;
+  out.push_back({static_cast<int64_t>(std::llround(t_us)), static_cast<int32_t>(i), polarity});
+}
+
+void EventSensor::append(std::vector<std::vector<Event>>& bands) {
+  std::vector<Event> all;
+  for (auto& band : bands) all.insert(all.end(), band.begin(), band.end());
+  std::stable_sort(all.begin(), all.end(),
+                   [](const Event& a, const Event& b) { return a.t_us < b.t_us; });
+  for (const Event& event : all) {
+    x_.push_back(static_cast<float>(event.pixel % width_));
+    y_.push_back(static_cast<float>(event.pixel / width_));
+    t_us_.push_back(event.t_us);
+    polarity_.push_back(event.polarity);
+  }
+}
+
+events::EventStream EventSensor::take() {
+  events::EventStream stream(
+      adopt(std::move(x_), torch::kFloat32), adopt(std::move(y_), torch::kFloat32),
+      adopt(std::move(t_us_), torch::kInt64), adopt(std::move(polarity_), torch::kInt8));
+  x_.clear(), y_.clear(), t_us_.clear(), polarity_.clear();
+  return stream;
+}
+
+}  // namespace jade::simulate

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "jade/events/event_stream.h"
+#include "jade/simulate/noise.h"
+#include "jade/simulate/options.h"
+
+namespace jade::simulate {
+
+/// An event camera fed with pictures (ESIM, Rebecq et al. 2018). Between two pictures the log
+/// intensity L of a pixel is a straight line in time; an event of polarity s is sent whenever L
+/// reaches ref + sΘ, and ref moves there, even when the refractory period keeps the event back.
+/// On top: thresholds that differ from pixel to pixel, a first-order low-pass, a leak that pulls
+/// ref down, random (shot) events after which a pixel starts afresh from its present L, and hot
+/// pixels. The events depend on the seed and the pictures alone, not on the number of threads.
+class EventSensor {
+ public:
+  EventSensor(const EventSensorOptions& options, int64_t width, int64_t height, uint64_t seed);
+
+  /// Feeds the intensities [H·W] at `t_us`, later than the last; the first call only starts.
+  /// @throws ContractError for a wrong size or a time that does not increase.
+  void feed(const std::vector<float>& intensity, int64_t t_us);
+
+  int64_t event_count() const { return static_cast<int64_t>(t_us_.size()); }
+  /// All events so far, sorted by time (then by row band, pixel); the sensor keeps none of them.
+  events::EventStream take();
+
+  double threshold_positive(int64_t pixel) const { return on_[static_cast<size_t>(pixel)]; }
+  double threshold_negative(int64_t pixel) const { return off_[static_cast<size_t>(pixel)]; }
+
+ private:
+  struct Event {
+    int64_t t_us;
+    int32_t pixel;
+    int8_t polarity;
+  };
+  struct Span {
+    double begin_us, end_us;
+  };
+  void advance_pixel(size_t pixel, float target, float intensity, const Span& span,
+                     std::vector<Event>& out);
+  void send(size_t pixel, double t_us, int8_t polarity, std::vector<Event>& out);
+  float low_pass(size_t pixel, float input, float intensity, double duration_us);
+  void append(std::vector<std::vector<Event>>& bands);
+
+  EventSensorOptions options_;
+  int64_t width_, height_;
+  bool started_ = false;
+  int64_t now_us_ = 0;
+  // Per pixel.
+  std::vector<float> input_;       // log intensity before the low-pass
+  std::vector<float> level_;       // after it
+  std::vector<double> reference_;  // less the leak since the start, which grows with time
+  std::vector<float> on_, off_;
+  std::vector<float> hazard_;  // of the next random event, in expected events
+  std::vector<double> last_us_;
+  std::vector<Draw> draw_;
+  std::vector<uint8_t> hot_;
+  // Events so far.
+  std::vector<float> x_, y_;
+  std::vector<int64_t> t_us_;
+  std::vector<int8_t> polarity_;
+};
+
+}  // namespace jade::simulate

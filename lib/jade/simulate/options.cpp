@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/simulate/options.h"
+
+#include <algorithm>
+
+#include "jade/core/error.h"
+#include "jade/simulate/scenes.h"
+
+namespace jade::simulate {
+
+SimulateOptions preset_options(const std::string& name) {
+  SimulateOptions o;
+  o.preset = name;
+  if (name == "cdavis") {
+    o.image.full_well = 8000;
+    o.image.read_noise = 0.004;
+    o.events.threshold_positive = o.events.threshold_negative = 0.25;
+    o.events.threshold_spread = 0.03;
+    o.events.refractory_us = 100;
+    o.events.cutoff_hz = 1000;
+    o.events.leak_hz = 0.1;
+    o.events.shot_hz = 1;
+    o.events.hot_fraction = 1e-4;
+    o.events.hot_hz = 50;
+  } else if (name == "blender") {
+    o.width = 600, o.height = 400, o.focal_px = 600;
+    o.exposures = 29, o.exposure_ms = 40, o.gap_ms = 5;
+    o.motion.blur_px = 20;
+    o.sampling.min_fps = 1000;
+    o.image.encoding = "srgb";
+  } else {
+    throw ConfigError(concat("simulate.preset: expected cdavis or blender, found '", name, "'"));
+  }
+  return o;
+}
+
+void validate(const SimulateRun& run) {
+  const SimulateOptions& o = run.simulate;
+  const auto names = scene_names();
+  if (o.source == "scene" && std::find(names.begin(), names.end(), o.scene) == names.end()) {
+    std::string known;
+    for (const auto& name : names) known += (known.empty() ? "" : ", ") + name;
+    throw ConfigError(concat("simulate.scene: expected one of ", known, "; found '", o.scene, "'"));
+  }
+  if (o.source != "scene" && o.path.empty()) {
+    throw ConfigError(concat("simulate.path: source '", o.source,
+                             "' needs a file or folder, found nothing; set simulate.path"));
+  }
+  if (o.seen_test_views > std::min(o.test_views, o.exposures)) {
+    throw ConfigError(concat("simulate.seen_test_views: at most test_views (", o.test_views,
+                             ") and exposures (", o.exposures, "), found ", o.seen_test_views));
+  }
+  if (o.test_views > o.seen_test_views && o.exposures > 1 && o.gap_ms <= 0) {
+    throw ConfigError(
+        "simulate.gap_ms: test views between exposures need a gap, found 0; raise gap_ms or "
+        "seen_test_views");
+  }
+}
+
+}  // namespace jade::simulate

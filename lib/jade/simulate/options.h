@@ -1,0 +1,164 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+
+#include "jade/core/fields.h"
+
+namespace jade::simulate {
+
+struct MotionOptions {
+  double blur_px = 16;  ///< mean length of the blur
+  double reach = 1;
+};
+template <class V>
+void describe(V& v, MotionOptions& o) {
+  v.field("blur_px", o.blur_px, "mean length of the blur over an exposure, px; sets the speed",
+          Range{0.1, 200});
+  v.field("reach", o.reach, "size of the camera's excursions, 1 fits the scene", Range{0.01, 1.5});
+}
+
+struct SamplingOptions {
+  double max_flow_px = 1;
+  double min_fps = 0;
+  int64_t samples = 4;
+  int64_t sharp_samples = 16;
+};
+template <class V>
+void describe(V& v, SamplingOptions& o) {
+  v.field("max_flow_px", o.max_flow_px, "no pixel moves further than this between two frames, px",
+          Range{0.05, 4});
+  v.field("min_fps", o.min_fps, "frames a second at least, Hz; 0 leaves it to max_flow_px",
+          Range{0, 100000});
+  v.field("samples", o.samples, "rays a pixel of each frame", Range{1, 256});
+  v.field("sharp_samples", o.sharp_samples, "rays a pixel of sharp pictures", Range{1, 256});
+}
+
+struct ImageSensorOptions {
+  std::string encoding = "linear";
+  std::string blur_space = "stored";
+  double full_well = 0;
+  double read_noise = 0;
+};
+template <class V>
+void describe(V& v, ImageSensorOptions& o) {
+  v.field("encoding", o.encoding, "how light becomes stored values; the scene holds stored values",
+          Choices{"linear", "srgb"});
+  v.field("blur_space", o.blur_space, "what an exposure averages: stored values, or linear light",
+          Choices{"stored", "linear"});
+  v.field("full_well", o.full_well, "electrons of a white pixel, for photon noise; 0: none",
+          Range{0, 1e9});
+  v.field("read_noise", o.read_noise, "standard deviation, as a fraction of white", Range{0, 1});
+}
+
+struct EventSensorOptions {
+  double threshold_positive = 0.2, threshold_negative = 0.2;
+  double threshold_spread = 0;
+  std::string space = "stored";
+  double log_eps = 1e-3;
+  int64_t refractory_us = 0;
+  double cutoff_hz = 0;
+  double leak_hz = 0;
+  double shot_hz = 0;
+  double hot_fraction = 0, hot_hz = 0;
+};
+template <class V>
+void describe(V& v, EventSensorOptions& o) {
+  v.field("threshold_positive", o.threshold_positive, "log intensity step of an ON event",
+          Range{0.01, 5});
+  v.field("threshold_negative", o.threshold_negative, "log intensity step of an OFF event",
+          Range{0.01, 5});
+  v.field("threshold_spread", o.threshold_spread,
+          "standard deviation of each threshold from pixel to pixel (kept above 0.01)",
+          Range{0, 1});
+  v.field("space", o.space, "what the event pixels see: stored values, or linear light",
+          Choices{"stored", "linear"});
+  v.field("log_eps", o.log_eps, "added to the intensity before the logarithm", Range{1e-6, 1});
+  v.field("refractory_us", o.refractory_us, "dead time of a pixel after an event, µs",
+          Range{0, 1e6});
+  v.field("cutoff_hz", o.cutoff_hz,
+          "bandwidth of a white pixel, Hz; falls with intensity; 0: no limit", Range{0, 1e6});
+  v.field("leak_hz", o.leak_hz, "ON events of a pixel that sees no change, Hz", Range{0, 1000});
+  v.field("shot_hz", o.shot_hz, "random events of a dark pixel, Hz; a white one has a quarter",
+          Range{0, 1000});
+  v.field("hot_fraction", o.hot_fraction, "part of the pixels that fire by themselves",
+          Range{0, 1});
+  v.field("hot_hz", o.hot_hz, "their rate, Hz", Range{0, 10000});
+}
+
+struct PoseNoiseOptions {
+  double rotation_deg = 0;
+  double position = 0;
+};
+template <class V>
+void describe(V& v, PoseNoiseOptions& o) {
+  v.field("rotation_deg", o.rotation_deg, "standard deviation of written rotations, degrees",
+          Range{0, 10});
+  v.field("position", o.position, "standard deviation of written camera centres, world units",
+          Range{0, 10});
+}
+
+/// What to simulate. The initialisers are those of a clean sensor; presets change them.
+struct SimulateOptions {
+  std::string preset = "cdavis";
+  std::string source = "scene";
+  std::string scene = "desk";
+  std::filesystem::path path;
+  int64_t width = 346, height = 260;
+  double focal_px = 450;
+  int64_t exposures = 12, test_views = 5, seen_test_views = 2;
+  double exposure_ms = 100, gap_ms = 20;
+  MotionOptions motion;
+  SamplingOptions sampling;
+  ImageSensorOptions image;
+  EventSensorOptions events;
+  PoseNoiseOptions poses;
+};
+template <class V>
+void describe(V& v, SimulateOptions& o) {
+  v.field("preset", o.preset, "defaults of everything below", Choices{"cdavis", "blender"});
+  v.field("source", o.source, "what the camera sees: a built-in scene, a Gaussian .ply, or frames",
+          Choices{"scene", "ply", "frames"});
+  v.field("scene", o.scene,
+          "desk, workshop, bookshelf, corridor, garden, market, gallery, clutter");
+  v.field("path", o.path, "source ply: the file; source frames: a folder with transforms.json");
+  v.field("width", o.width, "px", Range{8, 8192});
+  v.field("height", o.height, "px", Range{8, 8192});
+  v.field("focal_px", o.focal_px, "px", Range{1, 1e5});
+  v.field("exposures", o.exposures, "blurry frames", Range{1, 1000});
+  v.field("test_views", o.test_views, "sharp frames for evaluation", Range{0, 1000});
+  v.field(
+      "seen_test_views", o.seen_test_views,
+      "how many of them are taken at the middle of an exposure; the others lie between exposures",
+      Range{0, 1000});
+  v.field("exposure_ms", o.exposure_ms, "ms", Range{0.1, 10000});
+  v.field("gap_ms", o.gap_ms, "from the end of an exposure to the next, ms", Range{0, 10000});
+  v.group("motion", o.motion, "the camera's path");
+  v.group("sampling", o.sampling, "frames that are rendered");
+  v.group("image", o.image, "the frame sensor");
+  v.group("events", o.events, "the event sensor");
+  v.group("poses", o.poses, "error of the written poses, as structure from motion makes");
+}
+
+/// Defaults of a preset: "cdavis" (346×260, 100 ms, thresholds 0.25, noisy sensor) or "blender"
+/// (600×400, 40 ms at 1000 frames a second, thresholds 0.2, clean).
+/// @throws ConfigError for another name.
+SimulateOptions preset_options(const std::string& name);
+
+/// The top level of a simulation file.
+struct SimulateRun {
+  int64_t seed = 0;
+  SimulateOptions simulate;
+};
+template <class V>
+void describe(V& v, SimulateRun& o) {
+  v.field("seed", o.seed, "of the scene, the camera's path and all noise", Range{0, 9e15});
+  v.group("simulate", o.simulate, "what to simulate");
+}
+
+/// Rules between fields. @throws ConfigError naming the key.
+void validate(const SimulateRun& run);
+
+}  // namespace jade::simulate

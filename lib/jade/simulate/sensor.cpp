@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/simulate/sensor.h"
+
+#include <ATen/Parallel.h>
+#include <algorithm>
+#include <cmath>
+#include <torch/torch.h>
+
+#include "jade/simulate/noise.h"
+
+namespace jade::simulate {
+namespace {
+
+torch::Tensor quantized(const torch::Tensor& image) {
+  return (image.clamp(0, 1) * 255).round() / 255;
+}
+
+}  // namespace
+
+float decode(float v, const std::string& encoding) {
+  if (encoding == "linear") return v;
+  return v <= 0.04045f ? v / 12.92f : std::pow((v + 0.055f) / 1.055f, 2.4f);
+}
+
+float encode(float v, const std::string& encoding) {
+  if (encoding == "linear") return v;
+  return v <= 0.0031308f ? 12.92f * v : 1.055f * std::pow(v, 1 / 2.4f) - 0.055f;
+}
+
+void event_intensity(const SharpFrame& frame, const ImageSensorOptions& image,
+                     const EventSensorOptions& events, std::vector<float>& intensity) {
+  const int64_t pixels = frame.width * frame.height;
+  const bool light = events.space == "linear" && image.encoding != "linear";
+  intensity.resize(static_cast<size_t>(pixels));
+  at::parallel_for(0, pixels, 4096, [&](int64_t begin, int64_t end) {
+    for (int64_t i = begin; i < end; ++i) {
+      float c[3] = {frame.channel(0)[i], frame.channel(1)[i], frame.channel(2)[i]};
+      for (float& v : c) v = light ? decode(v, image.encoding) : v;
+      intensity[static_cast<size_t>(i)] = 0.299f * c[0] + 0.587f * c[1] + 0.114f * c[2];
+    }
+  });
+}
+
+Exposing::Exposing(const ImageSensorOptions& options, int64_t width, int64_t height)
+    : options_(options),
+      width_(width),
+      height_(height),
+      in_light_(options.blur_space == "linear" && options.encoding != "linear"),
+      sum_(static_cast<size_t>(3 * width * height)) {}
+
+void Exposing::add(const SharpFrame& before, const SharpFrame& after, double duration_us) {
+  total_us_ += duration_us;
+  at::parallel_for(0, static_cast<int64_t>(sum_.size()), 8192, [&](int64_t begin, int64_t end) {
+    for (auto i = static_cast<size_t>(begin); i < static_cast<size_t>(end); ++i) {
+      float a = before.rgb[i], b = after.rgb[i];
+      if (in_light_) a = decode(a, options_.encoding), b = decode(b, options_.encoding);
+      sum_[i] += 0.5 * duration_us * (static_cast<double>(a) + b);
+    }
+  });
+}
+
+torch::Tensor Exposing::mean() const {
+  auto image = torch::empty({3, height_, width_});
+  auto* out = image.data_ptr<float>();
+  for (size_t i = 0; i < sum_.size(); ++i) {
+    const auto value = static_cast<float>(sum_[i] / total_us_);
+    out[i] = in_light_ ? encode(value, options_.encoding) : value;
+  }
+  return image;
+}
+
+torch::Tensor Exposing::develop(uint64_t seed) const {
+  auto image = mean();
+  auto* out = image.data_ptr<float>();
+  const bool noisy = options_.full_well > 0 || options_.read_noise > 0;
+  at::parallel_for(0, noisy ? image.numel() : 0, 8192, [&](int64_t begin, int64_t end) {
+    for (int64_t i = begin; i < end; ++i) {
+      Draw draw(seed, static_cast<uint64_t>(i));
+      double light = decode(std::clamp(out[i], 0.0f, 1.0f), options_.encoding);
+      if (options_.full_well > 0)
+        light = draw.poisson(light * options_.full_well) / options_.full_well;
+      light += options_.read_noise * draw.normal();
+      out[i] = encode(static_cast<float>(std::clamp(light, 0.0, 1.0)), options_.encoding);
+    }
+  });
+  return quantized(image);
+}
+
+torch::Tensor to_image(const SharpFrame& frame) {
+  const auto image = torch::from_blob(const_cast<float*>(frame.rgb.data()),
+                                      {3, frame.height, frame.width}, torch::kFloat32);
+  return quantized(image);
+}
+
+}  // namespace jade::simulate
