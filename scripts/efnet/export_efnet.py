@@ -50,7 +50,7 @@ def load_checkpoint(path: Path) -> dict[str, Tensor]:
     try:
         content = torch.load(path, map_location="cpu", weights_only=True)
     except (OSError, RuntimeError, EOFError, pickle.UnpicklingError) as error:
-        raise DataError(f"{path}: expected a PyTorch checkpoint, could not read one ({str(error).splitlines()[0]})")
+        raise DataError(f"{path}: expected a checkpoint of plain tensors, could not read one ({type(error).__name__})")
     state = content.get("params", content) if isinstance(content, dict) else None
     if not isinstance(state, dict) or not all(isinstance(v, Tensor) for v in state.values()):
         raise DataError(f"{path}: expected a dictionary of tensors under the key 'params'")

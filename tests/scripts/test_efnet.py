@@ -1,0 +1,218 @@
+# SPDX-License-Identifier: Apache-2.0
+"""python -m unittest discover tests/scripts"""
+
+import io
+import json
+import sys
+import tempfile
+import unittest
+from contextlib import redirect_stdout
+from dataclasses import replace
+from pathlib import Path
+
+import torch
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "scripts" / "efnet"))
+import export_efnet  # noqa: E402
+import restoration  # noqa: E402
+from model import EFNet, parameter_count  # noqa: E402
+from synthetic import Draw, NoiseOptions, SceneOptions, generate, procedural_textures, splat  # noqa: E402
+
+torch.set_num_threads(1)
+
+
+class Architecture(unittest.TestCase):
+    def test_parameter_counts_are_the_published_ones(self):
+        counts = {8: 134989, 16: 533773, 24: 1196365, 32: 2122765, 48: 4766989, 64: 8466445}
+        for width, count in counts.items():
+            self.assertEqual(parameter_count(EFNet(width)), count)
+
+    def test_state_has_the_official_keys_and_shapes(self):
+        state = EFNet(64).state_dict()
+        self.assertEqual(len(state), 183)
+        gate = [k for k in state if ".emgc_" in k]
+        self.assertEqual((len(gate), sum(state[k].numel() for k in gate)), (16, 738048))
+        expected = {
+            "conv_01.weight": (64, 3, 3, 3), "conv_ev1.weight": (64, 6, 3, 3), "cat12.weight": (64, 128, 1, 1),
+            "sam12.conv2.weight": (3, 64, 3, 3), "down_path_1.0.downsample.weight": (64, 64, 4, 4),
+            "down_path_1.2.image_event_transformer.attn.temperature": (4, 1, 1),
+            "down_path_1.1.image_event_transformer.norm1_event.body.weight": (128,),
+            "down_path_1.0.image_event_transformer.norm2.bias": (64,),
+            "down_path_1.0.image_event_transformer.ffn.fc1.weight": (256, 64),
+            "down_path_ev.2.conv_before_merge.weight": (256, 256, 1, 1),
+            "down_path_2.1.emgc_dec_mask.bias": (128,), "up_path_2.0.up.weight": (256, 128, 2, 2),
+            "up_path_1.1.conv_block.identity.weight": (64, 128, 1, 1), "skip_conv_2.0.weight": (128, 128, 3, 3),
+        }
+        for key, shape in expected.items():
+            self.assertEqual(tuple(state[key].shape), shape, key)
+        self.assertFalse([k for k in state if "2.downsample" in k], "the last level has no downsampling")
+
+    def test_mask_gate_acts_only_with_a_mask(self):
+        net = EFNet(8).eval()
+        image, events = torch.rand(1, 3, 16, 24), torch.randn(1, 6, 16, 24)
+        with torch.no_grad():
+            without, ones = net(image, events)[1], net(image, events, torch.ones(1, 1, 16, 24))[1]
+            zeros = net(image, events, torch.zeros(1, 1, 16, 24))[1]
+        self.assertGreater(float((without - ones).abs().max()), 1e-6)
+        self.assertGreater(float((zeros - ones).abs().max()), 1e-6)
+
+
+class Input(unittest.TestCase):
+    def test_scer_is_the_signed_sum_from_mid_exposure(self):
+        bins = torch.randint(-3, 4, (2, 6, 5, 7)).float()
+        cumulative = torch.cat([torch.zeros(2, 1, 5, 7), bins.cumsum(1)], 1)  # at t = 0, 1/6 .. 1
+        expected = (cumulative - cumulative[:, 3:4])[:, [0, 1, 2, 4, 5, 6]]
+        self.assertTrue(torch.equal(restoration.scer_from_bins(bins), expected))
+
+    def test_normalised_by_the_largest_magnitude_after_the_map(self):
+        bins = torch.randn(2, 6, 8, 8)
+        events, _ = restoration.network_input(bins)
+        scaled, _ = restoration.network_input(bins * 7)
+        self.assertTrue(torch.allclose(events.abs().amax((1, 2, 3)), torch.ones(2)))
+        self.assertTrue(torch.allclose(events, scaled, atol=1e-6))
+        self.assertEqual(float(restoration.network_input(torch.zeros(1, 6, 8, 8))[0].abs().max()), 0)
+
+    def test_mask_is_closed(self):
+        events = torch.zeros(1, 6, 7, 9)
+        events[0, 2, 3, 3], events[0, 4, 3, 5] = 1, -1
+        mask = restoration.event_mask(events)
+        self.assertEqual(float(mask[0, 0, 3, 4]), 1)  # the gap of one pixel closes
+        self.assertEqual(float(mask.sum()), 3)
+        events[0, 0, 0, 0] = 1
+        self.assertEqual(float(restoration.event_mask(events)[0, 0, 0, 0]), 1)  # the border erodes nothing
+
+    def test_double_integral_inverts_its_own_blur(self):
+        windows = torch.randn(1, 8, 6, 5, dtype=torch.float64) * 0.3
+        knots = torch.cat([torch.zeros(1, 1, 6, 5, dtype=torch.float64), windows.cumsum(1)], 1)
+        sharp = torch.rand(1, 3, 6, 5, dtype=torch.float64)
+        latents = sharp.unsqueeze(1) * (knots - knots[:, 4:5]).exp().unsqueeze(2)
+        found = restoration.double_integral(latents.mean(1), windows)
+        self.assertLess(float((found - sharp).abs().max()), 1e-12)
+        self.assertTrue(torch.allclose(restoration.double_integral(sharp, windows * 0), sharp))
+
+    def test_oracle_mix_is_never_worse(self):
+        a, b, truth = (torch.rand(2, 3, 8, 8) for _ in range(3))
+        best = restoration.psnr(restoration.oracle_mix(a, b, truth), truth)
+        self.assertTrue(bool((best >= torch.maximum(restoration.psnr(a, truth), restoration.psnr(b, truth))).all()))
+
+
+class Generator(unittest.TestCase):
+    options = SceneOptions(height=32, width=40, batch=2, blur_max_px=8)
+
+    def make(self, seed: int, options: SceneOptions | None = None):
+        draw = Draw(seed, "cpu")
+        bank = procedural_textures(draw, 4, 64)
+        return generate(draw, bank, options or self.options, with_windows=True)
+
+    def test_a_seed_fixes_the_batch(self):
+        first, second, other = self.make(3), self.make(3), self.make(4)
+        for name in ("blurry", "sharp", "events", "mask", "windows"):
+            self.assertTrue(torch.equal(getattr(first, name), getattr(second, name)), name)
+        self.assertFalse(torch.equal(first.blurry, other.blurry))
+
+    def test_shapes_and_ranges(self):
+        sample = self.make(5)
+        self.assertEqual(tuple(sample.blurry.shape), (2, 3, 32, 40))
+        self.assertEqual(tuple(sample.events.shape), (2, 6, 32, 40))
+        self.assertEqual(tuple(sample.mask.shape), (2, 1, 32, 40))
+        self.assertLessEqual(float(sample.events.abs().max()), 1)
+        for image in (sample.blurry, sample.sharp):
+            self.assertTrue(0 <= float(image.min()) and float(image.max()) <= 1)
+        self.assertTrue(torch.equal(sample.blurry, (sample.blurry * 255).round() / 255))
+
+    def test_events_explain_the_blur_of_a_clean_scene(self):
+        clean = replace(self.options, threshold_min=0.05, threshold_max=0.06, steps=48, rectified=0, batch=6,
+                        blur_min_px=6, noise=NoiseOptions(0, 0))
+        sample = self.make(8, clean)
+        edi = restoration.double_integral(sample.blurry, sample.windows)
+        gain = restoration.psnr(edi, sample.sharp) - restoration.psnr(sample.blurry, sample.sharp)
+        self.assertGreater(float(gain.median()), 0.5)
+        wrong = restoration.double_integral(sample.blurry, -sample.windows)
+        self.assertTrue(bool((restoration.psnr(wrong, sample.sharp) < restoration.psnr(edi, sample.sharp)).all()))
+
+    def test_splat_keeps_the_sum_inside_and_drops_what_leaves(self):
+        maps = torch.zeros(1, 1, 6, 6)
+        maps[0, 0, 2, 2], maps[0, 0, 0, 5] = 4, 2
+        moved = splat(maps, torch.tensor([0.25, 0.5]).expand(1, 6, 6, 2))
+        self.assertAlmostEqual(float(moved[0, 0, 2, 2]), 4 * 0.75 * 0.5, places=5)
+        self.assertAlmostEqual(float(moved[0, 0, 3, 3]), 4 * 0.25 * 0.5, places=5)
+        self.assertAlmostEqual(float(moved.sum()), 4 + 2 * 0.75, places=5)
+
+
+class Export(unittest.TestCase):
+    def setUp(self):
+        self.folder = tempfile.TemporaryDirectory()
+        self.path = Path(self.folder.name)
+        torch.manual_seed(0)
+        self.net = EFNet(8).eval()
+        # As official files are: one key, and the prefix of parallel training.
+        state = {"module." + k: v for k, v in self.net.state_dict().items()}
+        torch.save({"params": state}, self.path / "official.pth")
+
+    def tearDown(self):
+        self.folder.cleanup()
+
+    def export(self, *options: str):
+        arguments = [str(self.path / "official.pth"), str(self.path / "out.pt"), *options]
+        with redirect_stdout(io.StringIO()):
+            export_efnet.export(export_efnet.parse_arguments(arguments))
+        extra = {"jade_efnet.json": ""}
+        module = torch.jit.load(str(self.path / "out.pt"), _extra_files=extra)
+        return module, json.loads(extra["jade_efnet.json"])
+
+    def test_official_checkpoint_runs_with_its_metadata(self):
+        module, content = self.export("--channel-order", "bgr")
+        keys = {"format", "format_version", "kind", "name", "width", "parameters", "input", "normalization",
+                "channel_order", "padding_multiple", "minimum_size", "uses_mask", "dtype", "weights_sha256", "source"}
+        self.assertEqual(set(content), keys)
+        self.assertEqual((content["width"], content["parameters"], content["channel_order"]), (8, 134989, "bgr"))
+        self.assertEqual(content["weights_sha256"], export_efnet.weights_sha256(module))
+        self.assertEqual((len(list(module.parameters())), len(list(module.buffers()))), (183, 0))
+        image, events, mask = export_efnet.example_inputs("efnet", 260, 348, seed=9)
+        with torch.no_grad():
+            expected = self.net(image.flip(1), events, mask)[1].flip(1)
+            self.assertLess(float((module(image, events, mask) - expected).abs().max()), 1e-5)
+            self.assertGreater(float((self.net(image, events, mask)[1] - expected).abs().max()), 1e-3)
+
+    def test_smallest_size_and_batches_run(self):
+        module, content = self.export()
+        size = content["minimum_size"]
+        image, events, mask = export_efnet.example_inputs("efnet", size, size + 4, seed=2)
+        with torch.no_grad():
+            pair = module(*(torch.cat([x, x]) for x in (image, events, mask)))
+        self.assertEqual(tuple(pair.shape), (2, 3, size, size + 4))
+
+    def test_without_mask_the_argument_is_ignored(self):
+        module, content = self.export("--no-mask", "--input", "bins")
+        self.assertEqual((content["uses_mask"], content["input"]), (False, "bins"))
+        image, events, mask = export_efnet.example_inputs("efnet", 32, 32, seed=1)
+        with torch.no_grad():
+            self.assertTrue(torch.equal(module(image, events, mask), module(image, events, mask * 0)))
+
+    def test_wrong_files_are_refused_in_one_line(self):
+        state = {k: v for k, v in self.net.state_dict().items() if k != "last.bias"}
+        for content in ({"params": state}, {"params": {"a": torch.zeros(1)}}, {"params": 3}):
+            torch.save(content, self.path / "official.pth")
+            with self.assertRaises(export_efnet.DataError) as caught:
+                self.export()
+            self.assertNotIn("\n", str(caught.exception))
+        (self.path / "official.pth").write_text("no checkpoint")
+        with self.assertRaises(export_efnet.DataError):
+            self.export()
+        self.assertFalse((self.path / "out.pt").exists())
+
+
+class Shipped(unittest.TestCase):
+    def test_shipped_file_is_small_and_whole(self):
+        path = ROOT / "assets" / "efnet_small.pt"
+        self.assertLess(path.stat().st_size, 10 * 2**20)
+        extra = {"jade_efnet.json": ""}
+        module = torch.jit.load(str(path), _extra_files=extra)
+        content = json.loads(extra["jade_efnet.json"])
+        self.assertEqual(content["weights_sha256"], export_efnet.weights_sha256(module))
+        self.assertEqual(content["width"], 32)
+
+
+if __name__ == "__main__":
+    unittest.main()
