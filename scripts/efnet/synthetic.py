@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Blurry frames, events and sharp frames, simulated on the fly in batches on any device.
 
-A scene is one to four textured layers (photographs or procedural) that move before each other along smooth
+A scene is one to three textured layers (photographs or procedural) that move before each other along smooth
 camera-like paths. It is rendered at the borders of equal time steps; events follow the per-pixel threshold rule between
 them. Everything random comes from one torch.Generator, so a seed and a device fix every batch.
 """
