@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: Apache-2.0
+// Runs the programs as a user does: exit codes, one clear line on stderr, results on stdout.
+#include "support/catch.h"
+
+#include <cstdlib>
+#include <sys/wait.h>
+
+#include "jade/core/atomic_file.h"
+#include "support/temp_dir.h"
+#include "support/tiny_dataset.h"
+
+using namespace jade;
+
+namespace {
+
+struct Outcome {
+  int code;
+  std::string out, err;
+};
+
+/// `command` starts with the name of a program of ours.
+Outcome run(const test::TempDir& dir, const std::string& command) {
+  const auto out = dir.path() / "out.txt", err = dir.path() / "err.txt";
+  const int status = std::system((std::string("cd ") + dir.path().string() + " && " + JADE_BIN +
+                                  "/" + command + " >" + out.string() + " 2>" + err.string())
+                                     .c_str());
+  return {WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status), read_file(out),
+          read_file(err)};
+}
+
+/// The outcome is the exit code and one line that holds `text`.
+void check_error(const Outcome& outcome, int code, const std::string& text) {
+  INFO(outcome.err);
+  CHECK(outcome.code == code);
+  CHECK_THAT(outcome.err, Catch::Contains(text));
+  CHECK(std::count(outcome.err.begin(), outcome.err.end(), '\n') == 1);
+}
+
+}  // namespace
+
+TEST_CASE("jade_train: the printed configuration prints itself", "[apps]") {
+  const test::TempDir dir;
+  const Outcome first =
+      run(dir, "jade_train --print-config --set dataset.path=x --set route.lr=1e-3");
+  CHECK(first.code == 0);
+  dir.write("first.yaml", first.out);
+  const Outcome second = run(dir, "jade_train --config /dev/stdin --print-config < first.yaml");
+  CHECK(second.code == 0);
+  CHECK(second.out == first.out);
+}
+
+TEST_CASE("jade_train: configs/reference.yaml is what the program prints", "[apps]") {
+  const test::TempDir dir;
+  CHECK(run(dir, "jade_train --print-config").out ==
+        read_file(JADE_SOURCE "/configs/reference.yaml"));
+}
+
+TEST_CASE("jade_train: every configuration that ships can be read", "[apps]") {
+  const test::TempDir dir;
+  int count = 0;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(JADE_SOURCE "/configs")) {
+    const std::string path = entry.path().string();
+    if (entry.path().extension() != ".yaml" || path.find("/simulate/") != std::string::npos)
+      continue;
+    const Outcome outcome = run(dir, "jade_train --print-config --config " + path);
+    INFO(path << ": " << outcome.err);
+    CHECK(outcome.code == 0);
+    ++count;
+  }
+  CHECK(count > 10);
+}
+
+TEST_CASE("jade_train: a mistake gets one line and its exit code", "[apps]") {
+  const test::TempDir dir;
+  dir.write("key.yaml", "train:\n  iteratons: 5\n");
+  check_error(run(dir, "jade_train --config key.yaml"), 2,
+              "key.yaml:2:3: train.iteratons: unknown key; did you mean train.iterations?");
+  check_error(run(dir, "jade_train --set train.iterations=many"), 2,
+              "expected a whole number in [1, 1e+08], found 'many'");
+  check_error(run(dir, "jade_train --set scene.dssim=2"), 2,
+              "scene.dssim: expected a number in [0, 1], found '2'");
+  check_error(run(dir, "jade_train --config nowhere.yaml"), 2,
+              "nowhere.yaml: expected a YAML file, found no file");
+  dir.write("a.yaml", "extends: b.yaml\n");
+  dir.write("b.yaml", "extends: a.yaml\n");
+  check_error(run(dir, "jade_train --config a.yaml"), 2, "goes in a circle");
+  dir.write("syntax.yaml", "train: {iterations: 5\n");
+  check_error(run(dir, "jade_train --config syntax.yaml"), 2, "syntax.yaml:2:1: not valid YAML");
+  check_error(run(dir, "jade_train --nonsense"), 2, "--help lists the flags");
+  check_error(run(dir, "jade_train --log-level loud"), 2,
+              "expected debug, info, warn, error or off");
+  check_error(run(dir, "jade_train --output run"), 2,
+              "dataset.path: expected the folder of a data set");
+  check_error(run(dir, "jade_train --set dataset.path=nothing"), 2, "--output: expected a folder");
+  check_error(run(dir, "jade_train --set dataset.path=nothing --output run"), 3, "nothing");
+  check_error(run(dir, "jade_train --set dataset.path=x --output /proc/run"), 3, "/proc/run");
+  check_error(run(dir, "jade_train --set dataset.path=x --output run --device gpu"), 2,
+              "expected auto, cpu, cuda or cuda:N");
+  check_error(run(dir, "jade_train --set dataset.path=x --output run --device cuda:77"), 4,
+              "device cuda:77");
+}
+
+TEST_CASE("jade_train: trains, resumes and is scored from the command line", "[apps]") {
+  const test::TempDir dir;
+  test::write_tiny_dataset(dir.path() / "scene");
+  const std::string train =
+      "jade_train --quiet --device cpu --set dataset.path=scene --set scene.target=edi --set "
+      "init.points=200 --output run ";
+  CHECK(run(dir, train + "--set train.iterations=5").code == 0);
+  check_error(run(dir, train + "--set train.iterations=8"), 3, "holds a run already");
+  const Outcome resumed = run(dir, train + "--set train.iterations=8 --resume");
+  INFO(resumed.err);
+  CHECK(resumed.code == 0);
+  CHECK(std::filesystem::exists(dir.path() / "run/checkpoints/step_0000008.pt"));
+  const Outcome scores = run(dir, "jade_eval --run run --device cpu --json");
+  CHECK(scores.code == 0);
+  CHECK_THAT(scores.out, Catch::Contains("psnr_channel_mean"));
+  check_error(run(dir, "jade_eval --run nowhere"), 3, "expected a run directory");
+  check_error(run(dir, "jade_eval"), 2, "expected --run DIR");
+}
+
+TEST_CASE("programs: all answer --version and --help", "[apps]") {
+  const test::TempDir dir;
+  for (const char* program :
+       {"jade_train", "jade_eval", "jade_simulate", "jade_deblur", "jade_inspect"}) {
+    INFO(program);
+    const Outcome version = run(dir, std::string(program) + " --version");
+    CHECK(version.code == 0);
+    CHECK_THAT(version.out, Catch::Contains("torch 2."));
+    CHECK(run(dir, std::string(program) + " --help").code == 0);
+  }
+}
