@@ -76,10 +76,10 @@ struct Lists {
   torch::Tensor entries;       ///< int32, view after view
   torch::Tensor offsets;       ///< int64 [C, tiles + 1], within the view
   torch::Tensor view_offsets;  ///< int64 [C + 1]
-  int tile_size = 0;
+  int tile_shift = 0;
 
   Splat<T>* splat_data() const { return reinterpret_cast<Splat<T>*>(splats.data_ptr()); }
-  SavedState save() const { return {{splats, entries, offsets, view_offsets}, {tile_size}}; }
+  SavedState save() const { return {{splats, entries, offsets, view_offsets}, {tile_shift}}; }
   static Lists restore(const SavedState& state) {
     const auto& t = state.tensors;
     return {t[0], t[1], t[2], t[3], static_cast<int>(state.numbers[0])};
@@ -91,10 +91,10 @@ struct Lists {
     tile.splats = splat_data() + view * scene.count;
     tile.list = entries.data_ptr<int32_t>() + view_offsets.data_ptr<int64_t>()[view] + begin[0];
     tile.list_size = begin[1] - begin[0];
-    tile.x0 = static_cast<int>(index % grid.columns) * grid.tile_size;
-    tile.y0 = static_cast<int>(index / grid.columns) * grid.tile_size;
-    tile.width = std::min(grid.tile_size, scene.width - tile.x0);
-    tile.height = std::min(grid.tile_size, scene.height - tile.y0);
+    tile.x0 = static_cast<int>(index % grid.columns) * grid.tile_size();
+    tile.y0 = static_cast<int>(index / grid.columns) * grid.tile_size();
+    tile.width = std::min(grid.tile_size(), scene.width - tile.x0);
+    tile.height = std::min(grid.tile_size(), scene.height - tile.y0);
     return tile;
   }
 };
@@ -114,12 +114,12 @@ struct Chunks {
 };
 
 template <class T>
-Lists<T> project_and_bin(const Scene<T>& scene, int tile, int64_t* rejected) {
-  const TileGrid grid(scene.width, scene.height, tile);
+Lists<T> project_and_bin(const Scene<T>& scene, int shift, int64_t* rejected) {
+  const TileGrid grid(scene.width, scene.height, shift);
   const auto bytes = torch::TensorOptions().dtype(torch::kUInt8);
   const auto longs = torch::TensorOptions().dtype(torch::kInt64);
   Lists<T> lists;
-  lists.tile_size = tile;
+  lists.tile_shift = shift;
   lists.splats =
       torch::empty({scene.views * scene.count * static_cast<int64_t>(sizeof(Splat<T>))}, bytes);
   Splat<T>* const splats = lists.splat_data();
@@ -164,7 +164,7 @@ ForwardResult forward_typed(const ForwardArgs& args) {
   const torch::Tensor cameras = make_cameras<T>(args);
   const Scene<T> scene = make_scene<T>(args, cameras);
   int64_t rejected = 0;
-  const Lists<T> lists = project_and_bin(scene, tile_size(), &rejected);
+  const Lists<T> lists = project_and_bin(scene, tile_shift(), &rejected);
 
   const auto options = args.gaussians.means.options();
   ForwardResult result;
@@ -172,7 +172,7 @@ ForwardResult forward_typed(const ForwardArgs& args) {
   result.alpha = torch::empty({scene.views, 1, args.height, args.width}, options);
   if (args.depth) result.depth_sum = torch::empty_like(result.alpha);
   result.rejected = torch::full({1}, rejected, torch::kInt64);
-  const TileGrid grid(scene.width, scene.height, lists.tile_size);
+  const TileGrid grid(scene.width, scene.height, lists.tile_shift);
   parallel_tasks(scene.views * grid.tiles(), [&](int64_t task) {
     const int64_t view = task / grid.tiles();
     kernels_for<T>().blend(scene, args.background.data_ptr<T>(),
@@ -195,7 +195,7 @@ std::vector<double> sum_rows(const std::vector<T>& partial, int64_t columns) {
 template <class T>
 torch::Tensor blend_adjoint(const BackwardArgs& args, const Scene<T>& scene, const Lists<T>& lists,
                             const torch::Tensor& grad_background) {
-  const TileGrid grid(scene.width, scene.height, lists.tile_size);
+  const TileGrid grid(scene.width, scene.height, lists.tile_shift);
   const int64_t* const view_offsets = lists.view_offsets.template data_ptr<int64_t>();
   const int64_t values = instance_values(scene.depth);
   const torch::Tensor instances =
@@ -215,7 +215,7 @@ torch::Tensor blend_adjoint(const BackwardArgs& args, const Scene<T>& scene, con
     }
     kernels_for<T>().blend_adjoint(
         scene, args.forward.background.data_ptr<T>(),
-        lists.tile(scene, grid, view, task % grid.tiles()), lists.tile_size,
+        lists.tile(scene, grid, view, task % grid.tiles()), lists.tile_shift,
         images_of_view<T>(args.color, args.alpha, args.depth_sum, view), gradients,
         instances.data_ptr<T>() + view_offsets[view] * values, partial.data() + 3 * task);
   });
@@ -260,7 +260,7 @@ BackwardResult backward_typed(const BackwardArgs& args) {
   const Gradients<T> gradients = gradients_into<T>(result.gaussians, args);
   parallel_tasks(chunks.count, [&](int64_t chunk) {
     kernels_for<T>().project_adjoint(scene, chunks.begin(chunk), chunks.end(chunk),
-                                     lists.splat_data(), lists.tile_size, instances.data_ptr<T>(),
+                                     lists.splat_data(), lists.tile_shift, instances.data_ptr<T>(),
                                      lists.view_offsets.template data_ptr<int64_t>(), gradients,
                                      partial.data() + chunk * camera_sums);
   });

@@ -57,8 +57,8 @@ bool is_visible(const Splat<T>& splat) {
 struct TileBox {
   int x0, x1, y0, y1;  ///< last included
   template <class T>
-  TileBox(const Splat<T>& s, int size)
-      : x0(s.x0 / size), x1((s.x1 - 1) / size), y0(s.y0 / size), y1((s.y1 - 1) / size) {}
+  TileBox(const Splat<T>& s, int shift)
+      : x0(s.x0 >> shift), x1((s.x1 - 1) >> shift), y0(s.y0 >> shift), y1((s.y1 - 1) >> shift) {}
   int64_t count() const { return int64_t{x1 - x0 + 1} * (y1 - y0 + 1); }
 };
 
@@ -70,7 +70,7 @@ int64_t assign_slots(Splat<T>* splats, int64_t count, const TileGrid& grid) {
   for (int64_t i = 0; i < count; ++i) {
     if (!is_visible(splats[i])) continue;
     splats[i].slot = static_cast<uint32_t>(total);
-    total += TileBox(splats[i], grid.tile_size).count();
+    total += TileBox(splats[i], grid.shift).count();
     if (total > std::numeric_limits<uint32_t>::max()) {
       throw DeviceError(concat("one view has more than 4294967295 (Gaussian, tile) pairs among ",
                                count, " Gaussians: render fewer or smaller ones"));
@@ -91,7 +91,7 @@ void fill_lists(const Splat<T>* splats, int64_t count, const TileGrid& grid, int
     std::memcpy(&entry.key, &splats[i].depth, sizeof(T));
     entry.index = static_cast<int32_t>(i);
     order.push_back(entry);
-    const TileBox box(splats[i], grid.tile_size);
+    const TileBox box(splats[i], grid.shift);
     for (int y = box.y0; y <= box.y1; ++y) {
       for (int x = box.x0; x <= box.x1; ++x) ++next[int64_t{y} * grid.columns + x];
     }
@@ -103,7 +103,7 @@ void fill_lists(const Splat<T>* splats, int64_t count, const TileGrid& grid, int
   }
   sort_by_key(order);
   for (const Entry<T>& entry : order) {
-    const TileBox box(splats[entry.index], grid.tile_size);
+    const TileBox box(splats[entry.index], grid.shift);
     for (int y = box.y0; y <= box.y1; ++y) {
       for (int x = box.x0; x <= box.x1; ++x) {
         list[next[int64_t{y} * grid.columns + x]++] = entry.index;

@@ -10,9 +10,13 @@
 namespace jade::splat::cpu {
 
 struct TileGrid {
-  int tile_size = 0, columns = 0, rows = 0;
-  TileGrid(int width, int height, int size)
-      : tile_size(size), columns((width + size - 1) / size), rows((height + size - 1) / size) {}
+  int shift = 0;  ///< tiles are 2^shift pixels wide and high
+  int columns = 0, rows = 0;
+  TileGrid(int width, int height, int tile_shift)
+      : shift(tile_shift),
+        columns(((width - 1) >> tile_shift) + 1),
+        rows(((height - 1) >> tile_shift) + 1) {}
+  int tile_size() const { return 1 << shift; }
   int64_t tiles() const { return int64_t{columns} * rows; }
 };
 

@@ -14,7 +14,8 @@ namespace {
 std::vector<const KernelSet*> available_sets() {
   std::vector<const KernelSet*> sets = {&kPortableKernels};
 #if defined(__x86_64__)
-  const bool avx2 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
+  const bool avx2 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") &&
+                    __builtin_cpu_supports("bmi") && __builtin_cpu_supports("bmi2");
   if (avx2) sets.push_back(&kAvx2Kernels);
   if (avx2 && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
       __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512bw")) {
@@ -29,8 +30,8 @@ std::atomic<const KernelSet*>& chosen() {
   return set;
 }
 
-std::atomic<int>& chosen_tile_size() {
-  static std::atomic<int> size{kDefaultTile};
+std::atomic<int>& chosen_tile_shift() {
+  static std::atomic<int> size{kDefaultTileShift};
   return size;
 }
 
@@ -59,11 +60,12 @@ void select_kernels(const std::string& name) {
   throw DeviceError(concat("this machine cannot run the splatting kernels \"", name, "\""));
 }
 
-int tile_size() { return chosen_tile_size(); }
+int tile_shift() { return chosen_tile_shift(); }
 
-void set_tile_size(int size) {
-  JADE_CHECK(size >= 1 && size <= kMaxTile, "tile size ", size, " is not in [1, ", kMaxTile, "]");
-  chosen_tile_size() = size;
+void set_tile_shift(int shift) {
+  JADE_CHECK(shift >= 0 && shift <= kMaxTileShift, "tile shift ", shift, " is not in [0, ",
+             kMaxTileShift, "]");
+  chosen_tile_shift() = shift;
 }
 
 }  // namespace jade::splat::cpu

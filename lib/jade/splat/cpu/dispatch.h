@@ -19,10 +19,10 @@ std::vector<std::string> available_kernels();
 /// @throws DeviceError for any other.
 void select_kernels(const std::string& name);
 
-/// Side of the square tiles in px: kDefaultTile unless a test or benchmark chose otherwise (1 to
-/// kMaxTile).
-int tile_size();
-void set_tile_size(int size);
-constexpr int kDefaultTile = 32;
+/// Tiles are 2^tile_shift() pixels wide and high: kDefaultTileShift unless a test or benchmark
+/// chose otherwise (0 to kMaxTileShift).
+int tile_shift();
+void set_tile_shift(int shift);
+constexpr int kDefaultTileShift = 5, kMaxTileShift = 5;
 
 }  // namespace jade::splat::cpu

@@ -93,13 +93,13 @@ struct Kernels {
                 const Images<T>& images);
   /// Writes the sums of each instance of the tile to instances[slot] and adds to grad_background.
   void (*blend_adjoint)(const Scene<T>& scene, const T* background, const Tile<T>& tile,
-                        int tile_size, const Images<T>& images, const ImageGradients<T>& gradients,
+                        int tile_shift, const Images<T>& images, const ImageGradients<T>& gradients,
                         T* instances, T* grad_background);
   /// Gathers the instances of Gaussians [begin, end), whose sums for view v begin at
   /// instances + view_offsets[v] · instance_values, and writes their gradients. Adds each view's
   /// camera gradient to grad_cameras [views, kCameraValues, kMaxLanes], spread over the last axis.
   void (*project_adjoint)(const Scene<T>& scene, int64_t begin, int64_t end, const Splat<T>* splats,
-                          int tile_size, const T* instances, const int64_t* view_offsets,
+                          int tile_shift, const T* instances, const int64_t* view_offsets,
                           const Gradients<T>& gradients, T* grad_cameras);
 };
 

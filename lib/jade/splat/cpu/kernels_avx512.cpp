@@ -4,7 +4,7 @@
 
 namespace jade::splat::cpu {
 
-const KernelSet kAvx512Kernels = {make_kernels<math::Pack<float, 16>>("avx512"),
-                                  make_kernels<math::Pack<double, 8>>("avx512")};
+const KernelSet kAvx512Kernels = {make_kernels<math::Pack<float, 8>>("avx512"),
+                                  make_kernels<math::Pack<double, 4>>("avx512")};
 
 }  // namespace jade::splat::cpu

@@ -34,26 +34,28 @@ JADE_HD m::Camera<P> load_camera(const T* values) {
   return camera;
 }
 
-/// Gathers `width` values of each of the lanes' Gaussians: lane l is Gaussian first + min(l, last).
+/// Gathers `width` ≤ 48 values of each of the lanes' Gaussians: lane l is Gaussian
+/// first + min(l, last). All scalars are stored before the first pack is read, as a pack cannot be
+/// read while its scalars are still on their way to the cache.
 template <class P, class T = typename P::Scalar>
 JADE_HD void load_lanes(const T* source, int64_t stride, int width, int64_t first, int last,
                         P* out) {
-  alignas(64) T buffer[P::kLanes];
-  const T* rows[P::kLanes];
-  for (int l = 0; l < P::kLanes; ++l) rows[l] = source + (first + (l < last ? l : last)) * stride;
-  for (int k = 0; k < width; ++k) {
-    for (int l = 0; l < P::kLanes; ++l) buffer[l] = rows[l][k];
-    out[k] = P::load(buffer);
+  alignas(64) T buffer[48][P::kLanes];
+  for (int l = 0; l < P::kLanes; ++l) {
+    const T* const row = source + (first + (l < last ? l : last)) * stride;
+    for (int k = 0; k < width; ++k) buffer[k][l] = row[k];
   }
+  for (int k = 0; k < width; ++k) out[k] = P::load(buffer[k]);
 }
 
 template <class P, class T = typename P::Scalar>
 JADE_HD void store_lanes(T* target, int64_t stride, int width, int64_t first, int lanes,
                          const P* in) {
-  alignas(64) T buffer[P::kLanes];
-  for (int k = 0; k < width; ++k) {
-    in[k].store(buffer);
-    for (int l = 0; l < lanes; ++l) target[(first + l) * stride + k] = buffer[l];
+  alignas(64) T buffer[48][P::kLanes];
+  for (int k = 0; k < width; ++k) in[k].store(buffer[k]);
+  for (int l = 0; l < lanes; ++l) {
+    T* const row = target + (first + l) * stride;
+    for (int k = 0; k < width; ++k) row[k] = buffer[k][l];
   }
 }
 
@@ -160,13 +162,13 @@ int64_t project(const Scene<T>& scene, int64_t begin, int64_t end, Splat<T>* spl
   return unusable;
 }
 
-inline int tiles_across(int begin, int end, int tile_size) {
-  return (end - 1) / tile_size - begin / tile_size + 1;
+JADE_HD int tiles_across(int begin, int end, int tile_shift) {
+  return ((end - 1) >> tile_shift) - (begin >> tile_shift) + 1;
 }
 
 template <class P, class T = typename P::Scalar>
 void project_adjoint(const Scene<T>& scene, int64_t begin, int64_t end, const Splat<T>* splats,
-                     int tile_size, const T* instances, const int64_t* view_offsets,
+                     int tile_shift, const T* instances, const int64_t* view_offsets,
                      const Gradients<T>& gradients, T* grad_cameras) {
   constexpr int kLanes = P::kLanes;
   const int values = instance_values(scene.depth);
@@ -196,12 +198,15 @@ void project_adjoint(const Scene<T>& scene, int64_t begin, int64_t end, const Sp
         splat_values[1][l] = splat.b;
         splat_values[2][l] = splat.c;
         for (int c = 0; c < 3; ++c) splat_values[3 + c][l] = splat.color[c];
-        const int count = tiles_across(splat.x0, splat.x1, tile_size) *
-                          tiles_across(splat.y0, splat.y1, tile_size);
+        const int count = tiles_across(splat.x0, splat.x1, tile_shift) *
+                          tiles_across(splat.y0, splat.y1, tile_shift);
         const T* source = instances + (view_offsets[view] + splat.slot) * values;
+        T total[kInstanceValues + 1] = {};
         for (int i = 0; i < count; ++i, source += values) {
-          for (int k = 0; k < values; ++k) sums[k][l] += source[k];
+          for (int k = 0; k < kInstanceValues; ++k) total[k] += source[k];
+          if (scene.depth) total[kInstanceValues] += source[kInstanceValues];
         }
+        for (int k = 0; k <= kInstanceValues; ++k) sums[k][l] = total[k];
       }
       if (!any) continue;
       constexpr int kCameraSize = sizeof(m::Camera<T>) / sizeof(T);
@@ -255,7 +260,7 @@ void project_adjoint(const Scene<T>& scene, int64_t begin, int64_t end, const Sp
         const P radius = m::screen_radius(screen.cov_xx, screen.cov_yy, screen.det);
         norm_sum = norm_sum + keep(visible, sqrt(gx * gx + gy * gy));
         visible_sum = visible_sum + keep(visible, P(1));
-        radius_max = m::max(radius_max, keep(visible, radius));
+        radius_max = max(radius_max, keep(visible, radius));
       }
     }
     const m::RawShape<P> grad =
@@ -297,60 +302,89 @@ struct TileState {
   alignas(64) T transmittance[kSize];  ///< negative once a pixel has stopped
   alignas(64) T center_x[kStride];     ///< of each column, px
   uint32_t live[kMaxTile];             ///< by row, one bit a pixel that has not stopped
-  int live_rows;
 
   JADE_HD void reset(const Tile<T>& tile) {
     for (int i = 0; i < tile.height * kStride; ++i) transmittance[i] = T(-1);
+    std::memset(live, 0, sizeof(live));
     for (int y = 0; y < tile.height; ++y) {
       for (int x = 0; x < tile.width; ++x) transmittance[y * kStride + x] = T(1);
       live[y] = tile.width == 32 ? ~0u : (1u << tile.width) - 1;
     }
     for (int x = 0; x < kStride; ++x) center_x[x] = T(tile.x0 + x) + T(0.5);
-    live_rows = tile.height;
   }
 
-  /// Takes out the stopped pixels, whose bits begin at column x.
-  JADE_HD void stop(int y, int x, uint32_t stopped) {
-    const uint32_t before = live[y];
-    const uint32_t after = before & ~static_cast<uint32_t>(static_cast<uint64_t>(stopped) << x);
-    live[y] = after;
-    if (before != 0 && after == 0) --live_rows;
+  /// Takes out the stopped pixels, whose bits begin at column x. No branch: it would be
+  /// mispredicted.
+  JADE_HD void stop(uint32_t y, uint32_t x, uint32_t stopped) { live[y] &= ~(stopped << x); }
+
+  JADE_HD bool any_live() const {
+    uint32_t any = 0;
+    for (const uint32_t row : live) any |= row;
+    return any != 0;
   }
 };
 
-/// The columns that a splat reaches in each of its rows on this tile.
+/// The packs of pixels that a splat may cover on a tile, as one list: a loop over rows with an
+/// inner loop over one or two packs would be mispredicted in every other row.
 template <class P>
-struct Spans {
+struct PackList {
   using T = typename P::Scalar;
-  int y0, y1;  ///< rows in the tile, half-open
-  int32_t begin[kMaxTile + P::kLanes];
-  int32_t end[kMaxTile + P::kLanes];
+  static constexpr int kPerRow = kMaxTile / P::kLanes;
 
-  JADE_HD Spans(const Splat<T>& splat, const Tile<T>& tile) {
-    y0 = splat.y0 > tile.y0 ? splat.y0 - tile.y0 : 0;
-    y1 = splat.y1 < tile.y0 + tile.height ? splat.y1 - tile.y0 : tile.height;
-    const int x0 = splat.x0 > tile.x0 ? splat.x0 - tile.x0 : 0;
-    const int x1 = splat.x1 < tile.x0 + tile.width ? splat.x1 - tile.x0 : tile.width;
-    const P low(static_cast<T>(x0)), high(static_cast<T>(x1));
-    const P center(splat.x - T(tile.x0) - T(0.5));
-    for (int y = y0; y < y1; y += P::kLanes) {
-      const P dy = (P::iota() + P(T(tile.y0 + y) + T(0.5))) - P(splat.y);
-      const P width2 = P(splat.width2) - P(splat.shrink) * dy * dy;
-      const P half = sqrt(m::max(width2, P(0))) + P(T(m::kExtentSlackPx));
-      const P middle = center + P(splat.slope) * dy;
-      // The first column at or after the left end, and one past the last before the right end.
-      const P left = m::min(m::max(middle - half + P(1), low), high);
-      const P right = m::min(m::max(middle + half + P(1), low), high);
-      store_columns(left, begin + y);
-      store_columns(right, end + y);
+  using Columns = typename m::VectorOf<int32_t, P::kLanes>::Type;
+  using Bits = typename m::VectorOf<uint32_t, P::kLanes>::Type;
+
+  int count;
+  uint32_t places[kMaxTile * kPerRow + kPerRow];  ///< y · 2^16 + x
+  // By row of the tile; see cover().
+  alignas(64) T dy[kMaxTile + P::kLanes];
+  alignas(64) T row_b[kMaxTile + P::kLanes];
+  alignas(64) T row_c[kMaxTile + P::kLanes];
+  alignas(64) uint32_t span[kMaxTile + P::kLanes];  ///< one bit a column
+
+  JADE_HD void build(const Splat<T>& splat, const Tile<T>& tile, const uint32_t* live) {
+    const int y0 = splat.y0 > tile.y0 ? splat.y0 - tile.y0 : 0;
+    const int y1 = splat.y1 < tile.y0 + tile.height ? splat.y1 - tile.y0 : tile.height;
+    set_rows(splat, tile, y0, y1);
+    int next = 0;
+    for (int y = y0; y < y1; ++y) {
+      const uint32_t wanted = live[y] & span[y];
+      if (wanted == 0) continue;
+      const int first = __builtin_ctz(wanted), last = 31 - __builtin_clz(wanted);
+      const uint32_t place = static_cast<uint32_t>(y) << 16 | static_cast<uint32_t>(first);
+      for (int k = 0; k < kPerRow; ++k) places[next + k] = place + k * P::kLanes;
+      next += static_cast<unsigned>(last - first) / P::kLanes + 1;
     }
+    count = next;
   }
 
  private:
-  JADE_HD static void store_columns(P value, int32_t* target) {
-    typedef int32_t Columns __attribute__((vector_size(P::kLanes * 4)));
-    const Columns columns = __builtin_convertvector(value.v, Columns);
-    std::memcpy(target, &columns, sizeof(columns));
+  JADE_HD void set_rows(const Splat<T>& splat, const Tile<T>& tile, int y0, int y1) {
+    const int x0 = splat.x0 > tile.x0 ? splat.x0 - tile.x0 : 0;
+    const int x1 = splat.x1 < tile.x0 + tile.width ? splat.x1 - tile.x0 : tile.width;
+    const P low(static_cast<T>(x0)), high(static_cast<T>(x1));
+    const P center(splat.x - T(tile.x0) + T(0.5));
+    for (int y = y0; y < y1; y += P::kLanes) {
+      const P d = (P::iota() + P(T(tile.y0 + y) + T(0.5))) - P(splat.y);
+      d.store(dy + y);
+      (P(splat.b) * d).store(row_b + y);
+      fma(P(splat.c) * d, d, P(splat.log2_opacity)).store(row_c + y);
+      const P half =
+          sqrt(max(P(splat.width2) - P(splat.shrink) * d * d, P(0))) + P(T(m::kExtentSlackPx));
+      // The first column at or after the left end, and one past the last before the right end.
+      const P middle = center + P(splat.slope) * d;
+      const P left = min(max(middle - half, low), high);
+      const P right = max(min(middle + half, high), left);
+      const Columns bits = bits_below(right) ^ bits_below(left);
+      std::memcpy(span + y, &bits, sizeof(bits));
+    }
+  }
+  /// The lowest floor(n) bits of 32, for n from 0 to 32. (32 is cut in two: no shift by 32.)
+  JADE_HD static Columns bits_below(P n) {
+    const Columns columns = __builtin_convertvector(n.v, Columns);
+    const Columns half = columns >> 1;
+    const Bits one = Bits{} + 1;
+    return (Columns)(((one << (Bits)half) << (Bits)(columns - half)) - one);
   }
 };
 
@@ -370,29 +404,8 @@ JADE_HD Coverage<P> cover(P a, P row_b, P row_c, P dx) {
   r.visible = m::is_visible(e);
   r.raw_alpha = exp2(e);
   const P faded = kSmooth ? r.raw_alpha * m::fade(r.raw_alpha) : r.raw_alpha;
-  r.alpha = m::min(faded, P(T(m::kMaxAlpha)));
+  r.alpha = min(faded, P(T(m::kMaxAlpha)));
   return r;
-}
-
-/// Calls body(y, x, dy, row_b, row_c) for each pack of pixels that the splat may cover. Returns
-/// false when no pixel of the tile is live any more.
-template <class P, class RowBegin, class Body, class RowEnd>
-JADE_HD void for_each_pack(const Splat<typename P::Scalar>& splat,
-                           const Tile<typename P::Scalar>& tile, const TileState<P>& state,
-                           const RowBegin& row_begin, const Body& body, const RowEnd& row_end) {
-  using T = typename P::Scalar;
-  const Spans<P> spans(splat, tile);
-  for (int y = spans.y0; y < spans.y1; ++y) {
-    const uint64_t span = (uint64_t{1} << spans.end[y]) - (uint64_t{1} << spans.begin[y]);
-    if (spans.end[y] <= spans.begin[y]) continue;
-    const uint32_t wanted = state.live[y] & static_cast<uint32_t>(span);
-    if (wanted == 0) continue;
-    const T dy = (T(tile.y0 + y) + T(0.5)) - splat.y;
-    row_begin(dy);
-    const int last = 31 - __builtin_clz(wanted);
-    for (int x = __builtin_ctz(wanted); x <= last; x += P::kLanes) body(y, x);
-    row_end(dy);
-  }
 }
 
 template <class P, bool kSmooth, bool kDepth, class T = typename P::Scalar>
@@ -407,36 +420,30 @@ void blend_tile(const Scene<T>& scene, const T* background, const Tile<T>& tile,
     std::memset(planes[k], 0, sizeof(T) * kStride * tile.height);
   }
   const P least(T(kSmooth ? -1 : m::kMinTransmittance));
-  for (int64_t i = 0; i < tile.list_size && state.live_rows > 0; ++i) {
+  PackList<P> packs;
+  for (int64_t i = 0; i < tile.list_size && state.any_live(); ++i) {
     const Splat<T>& splat = tile.splats[tile.list[i]];
     if (i + 2 < tile.list_size) __builtin_prefetch(tile.splats + tile.list[i + 2]);
+    packs.build(splat, tile, state.live);
     const P center(splat.x), a(splat.a);
     const P values[4] = {P(splat.color[0]), P(splat.color[1]), P(splat.color[2]), P(splat.depth)};
-    P row_b, row_c;
-    for_each_pack<P>(
-        splat, tile, state,
-        [&](T dy) __attribute__((always_inline)) {
-          row_b = P(splat.b * dy);
-          row_c = fma(P(splat.c * dy), P(dy), P(splat.log2_opacity));
-        },
-        [&](int y, int x) __attribute__((always_inline)) {
-          const P dx = P::load(state.center_x + x) - center;
-          const Coverage<P> cover_ = cover<P, kSmooth>(a, row_b, row_c, dx);
-          T* const pixel = state.transmittance + y * kStride + x;
-          const P t = P::load(pixel);
-          const P used = cover_.alpha * t;
-          const auto fits = (t - used) > least;
-          const P weight = keep(cover_.visible & fits, used);
-          const auto stopped = cover_.visible & ~fits;
-          make_negative(stopped, t - weight).store(pixel);
-          for (int k = 0; k < kPlanes; ++k) {
-            T* const plane = planes[k] + y * kStride + x;
-            fma(weight, values[k], P::load(plane)).store(plane);
-          }
-          const uint32_t stopped_bits = bits(stopped);
-          if (stopped_bits != 0) state.stop(y, x, stopped_bits);
-        },
-        [](T) {});
+    for (int n = 0; n < packs.count; ++n) {
+      const uint32_t place = packs.places[n];
+      const uint32_t x = place & 0xffff, y = place >> 16, p = y * kStride + x;
+      const P dx = P::load(state.center_x + x) - center;
+      const Coverage<P> splat_cover =
+          cover<P, kSmooth>(a, P(packs.row_b[y]), P(packs.row_c[y]), dx);
+      const P t = P::load(state.transmittance + p);
+      const P used = splat_cover.alpha * t;
+      const auto fits = (t - used) > least;
+      const P weight = keep(splat_cover.visible & fits, used);
+      const auto stopped = and_not(splat_cover.visible, fits);
+      make_negative(stopped, t - weight).store(state.transmittance + p);
+      for (int k = 0; k < kPlanes; ++k) {
+        fma(weight, values[k], P::load(planes[k] + p)).store(planes[k] + p);
+      }
+      state.stop(y, x, bits(stopped));
+    }
   }
   const int64_t plane_size = static_cast<int64_t>(scene.width) * scene.height;
   for (int y = 0; y < tile.height; ++y) {
@@ -456,7 +463,7 @@ void blend_tile(const Scene<T>& scene, const T* background, const Tile<T>& tile,
 /// Front-to-back replay; see math/blend.h. kExtra: gradients of alpha or depth take part.
 template <class P, bool kSmooth, bool kExtra, class T = typename P::Scalar>
 void blend_tile_adjoint(const Scene<T>& scene, const T* background, const Tile<T>& tile,
-                        int tile_size, const Images<T>& images, const ImageGradients<T>& gradients,
+                        int tile_shift, const Images<T>& images, const ImageGradients<T>& gradients,
                         T* instances, T* grad_background) {
   constexpr int kStride = TileState<P>::kStride;
   constexpr int kPlanes = kExtra ? 5 : 3;  // dL/dcolour, dL/dalpha, dL/ddepth
@@ -487,79 +494,66 @@ void blend_tile_adjoint(const Scene<T>& scene, const T* background, const Tile<T
 
   const P least(T(kSmooth ? -1 : m::kMinTransmittance)), cap(T(m::kMaxAlpha)), one(1);
   const int values = instance_values(scene.depth);
-  int64_t i = 0;
-  for (; i < tile.list_size; ++i) {
+  PackList<P> packs;
+  for (int64_t i = 0; i < tile.list_size; ++i) {
     const Splat<T>& splat = tile.splats[tile.list[i]];
     if (i + 2 < tile.list_size) __builtin_prefetch(tile.splats + tile.list[i + 2]);
-    const int tile_column = tile.x0 / tile_size - splat.x0 / tile_size;
-    const int tile_row = tile.y0 / tile_size - splat.y0 / tile_size;
+    const int tile_column = (tile.x0 >> tile_shift) - (splat.x0 >> tile_shift);
+    const int tile_row = (tile.y0 >> tile_shift) - (splat.y0 >> tile_shift);
     T* const out =
-        instances +
-        (splat.slot + static_cast<int64_t>(tile_row) * tiles_across(splat.x0, splat.x1, tile_size) +
-         tile_column) *
-            values;
-    if (state.live_rows <= 0) {
+        instances + (splat.slot +
+                     static_cast<int64_t>(tile_row) * tiles_across(splat.x0, splat.x1, tile_shift) +
+                     tile_column) *
+                        values;
+    if (!state.any_live()) {
       for (int k = 0; k < values; ++k) out[k] = 0;
       continue;
     }
     const P center(splat.x), a(splat.a), depth(splat.depth);
     const P color[3] = {P(splat.color[0]), P(splat.color[1]), P(splat.color[2])};
-    P row_b, row_c, row_u, row_x;
     P sum_u(0), sum_x(0), sum_y(0), sum_xx(0), sum_xy(0), sum_yy(0), sum_depth(0);
     P sum_color[3] = {P(0), P(0), P(0)};
-    for_each_pack<P>(
-        splat, tile, state,
-        [&](T dy) __attribute__((always_inline)) {
-          row_b = P(splat.b * dy);
-          row_c = fma(P(splat.c * dy), P(dy), P(splat.log2_opacity));
-          row_u = P(0);
-          row_x = P(0);
-        },
-        [&](int y, int x) __attribute__((always_inline)) {
-          const P dx = P::load(state.center_x + x) - center;
-          const Coverage<P> cover_ = cover<P, kSmooth>(a, row_b, row_c, dx);
-          const int p = y * kStride + x;
-          const P t = P::load(state.transmittance + p);
-          const P used = cover_.alpha * t;
-          const auto fits = (t - used) > least;
-          const auto hit = cover_.visible & fits;
-          const P weight = keep(hit, used);
-          const auto stopped = cover_.visible & ~fits;
-          make_negative(stopped, t - weight).store(state.transmittance + p);
+    packs.build(splat, tile, state.live);
+    for (int n = 0; n < packs.count; ++n) {
+      const uint32_t place = packs.places[n];
+      const uint32_t x = place & 0xffff, y = place >> 16, p = y * kStride + x;
+      const P dx = P::load(state.center_x + x) - center, dy(packs.dy[y]);
+      const Coverage<P> splat_cover =
+          cover<P, kSmooth>(a, P(packs.row_b[y]), P(packs.row_c[y]), dx);
+      const P t = P::load(state.transmittance + p);
+      const P used = splat_cover.alpha * t;
+      const auto fits = (t - used) > least;
+      const auto hit = splat_cover.visible & fits;
+      const P weight = keep(hit, used);
+      const auto stopped = and_not(splat_cover.visible, fits);
+      make_negative(stopped, t - weight).store(state.transmittance + p);
+      state.stop(y, x, bits(stopped));
 
-          P value(0);
-          for (int k = 0; k < 3; ++k) {
-            const P g = P::load(planes[k] + p);
-            value = fma(g, color[k], value);
-            sum_color[k] = fma(weight, g, sum_color[k]);
-          }
-          if constexpr (kExtra) {
-            const P g_depth = P::load(planes[kPlanes - 1] + p);
-            value = fma(g_depth, depth, value) + P::load(planes[kPlanes - 2] + p);
-            sum_depth = fma(weight, g_depth, sum_depth);
-          }
-          const P weight_value = weight * value;
-          const P rest = P::load(behind + p) - weight_value;
-          rest.store(behind + p);
-          P u = m::blend_adjoint(cover_.alpha, weight_value, rest);
-          if constexpr (kSmooth) u = u * m::fade_adjoint(cover_.raw_alpha);
-          u = keep(hit & (cover_.alpha < cap), u);
-          const P ux = u * dx;
-          row_u = row_u + u;
-          row_x = row_x + ux;
-          sum_xx = fma(ux, dx, sum_xx);
-          const uint32_t stopped_bits = bits(stopped);
-          if (stopped_bits != 0) state.stop(y, x, stopped_bits);
-        },
-        [&](T dy_value) __attribute__((always_inline)) {
-          const P dy(dy_value);
-          sum_u = sum_u + row_u;
-          sum_x = sum_x + row_x;
-          sum_xy = fma(row_x, dy, sum_xy);
-          const P uy = row_u * dy;
-          sum_y = sum_y + uy;
-          sum_yy = fma(uy, dy, sum_yy);
-        });
+      P value(0);
+      for (int k = 0; k < 3; ++k) {
+        const P g = P::load(planes[k] + p);
+        value = fma(g, color[k], value);
+        sum_color[k] = fma(weight, g, sum_color[k]);
+      }
+      if constexpr (kExtra) {
+        const P g_depth = P::load(planes[kPlanes - 1] + p);
+        value = fma(g_depth, depth, value) + P::load(planes[kPlanes - 2] + p);
+        sum_depth = fma(weight, g_depth, sum_depth);
+      }
+      const P weight_value = weight * value;
+      const P rest = P::load(behind + p) - weight_value;
+      rest.store(behind + p);
+      P u = m::blend_adjoint(splat_cover.alpha, weight_value, rest);
+      if constexpr (kSmooth) u = u * m::fade_adjoint(splat_cover.raw_alpha);
+      u = keep(hit & (splat_cover.alpha < cap), u);
+      const P ux = u * dx, uy = u * dy;
+      sum_u = sum_u + u;
+      sum_x = sum_x + ux;
+      sum_y = sum_y + uy;
+      sum_xx = fma(ux, dx, sum_xx);
+      sum_xy = fma(ux, dy, sum_xy);
+      sum_yy = fma(uy, dy, sum_yy);
+    }
     out[0] = sum(sum_u);
     out[1] = sum(sum_x);
     out[2] = sum(sum_y);
@@ -595,7 +589,7 @@ void blend(const Scene<T>& scene, const T* background, const Tile<T>& tile,
 }
 
 template <class P, class T = typename P::Scalar>
-void blend_adjoint(const Scene<T>& scene, const T* background, const Tile<T>& tile, int tile_size,
+void blend_adjoint(const Scene<T>& scene, const T* background, const Tile<T>& tile, int tile_shift,
                    const Images<T>& images, const ImageGradients<T>& gradients, T* instances,
                    T* grad_background) {
   const bool extra = gradients.alpha != nullptr || gradients.depth_sum != nullptr;
@@ -604,7 +598,7 @@ void blend_adjoint(const Scene<T>& scene, const T* background, const Tile<T>& ti
           ? (extra ? blend_tile_adjoint<P, true, true, T> : blend_tile_adjoint<P, true, false, T>)
           : (extra ? blend_tile_adjoint<P, false, true, T>
                    : blend_tile_adjoint<P, false, false, T>);
-  run(scene, background, tile, tile_size, images, gradients, instances, grad_background);
+  run(scene, background, tile, tile_shift, images, gradients, instances, grad_background);
 }
 
 template <class P>

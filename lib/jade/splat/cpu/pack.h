@@ -14,6 +14,22 @@
 
 #include "jade/splat/math/hd.h"
 
+// Return the first expression for eight floats, the second for four doubles (AVX-512: twice that).
+#if defined(__AVX2__) && defined(__FMA__)
+#define JADE_WITH_AVX(floats, doubles)                   \
+  if constexpr (sizeof(T) == 4 && N == 8) return floats; \
+  if constexpr (sizeof(T) == 8 && N == 4) return doubles;
+#else
+#define JADE_WITH_AVX(floats, doubles)
+#endif
+#if defined(__AVX512F__) && defined(__AVX512DQ__)
+#define JADE_WITH_AVX512(floats, doubles)                 \
+  if constexpr (sizeof(T) == 4 && N == 16) return floats; \
+  if constexpr (sizeof(T) == 8 && N == 8) return doubles;
+#else
+#define JADE_WITH_AVX512(floats, doubles)
+#endif
+
 namespace jade::splat::math {
 inline namespace JADE_SPLAT_ISA {
 
@@ -26,6 +42,13 @@ struct PackTraits<float> {
 template <>
 struct PackTraits<double> {
   using Int = int64_t;
+};
+
+/// The compiler's vector of N elements. (GCC loses the attribute of a typedef whose element type
+/// does not depend on a template argument.)
+template <class E, int N>
+struct VectorOf {
+  typedef E Type __attribute__((vector_size(N * sizeof(E))));
 };
 
 /// Lane by lane all ones or all zero.
@@ -73,15 +96,43 @@ struct Pack {
   JADE_HD friend Pack operator*(Pack a, Pack b) { return a.v * b.v; }
   JADE_HD friend Pack operator/(Pack a, Pack b) { return a.v / b.v; }
   JADE_HD friend Pack operator-(Pack a) { return -a.v; }
-  JADE_HD friend Mask operator<(Pack a, Pack b) { return {a.v < b.v}; }
-  JADE_HD friend Mask operator>(Pack a, Pack b) { return {a.v > b.v}; }
-  JADE_HD friend Mask operator<=(Pack a, Pack b) { return {a.v <= b.v}; }
-  JADE_HD friend Mask operator>=(Pack a, Pack b) { return {a.v >= b.v}; }
+  JADE_HD friend Mask operator>(Pack a, Pack b) { return b < a; }
+  JADE_HD friend Mask operator>=(Pack a, Pack b) { return b <= a; }
+  // GCC rewrites comparisons of vectors into blends with constants; not so the intrinsics.
+  JADE_HD friend Mask operator<(Pack a, Pack b) {
+    JADE_WITH_AVX((Mask{(IntVector)_mm256_cmp_ps((__m256)a.v, (__m256)b.v, _CMP_LT_OQ)}),
+                  (Mask{(IntVector)_mm256_cmp_pd((__m256d)a.v, (__m256d)b.v, _CMP_LT_OQ)}))
+    return {a.v < b.v};
+  }
+  JADE_HD friend Mask operator<=(Pack a, Pack b) {
+    JADE_WITH_AVX((Mask{(IntVector)_mm256_cmp_ps((__m256)a.v, (__m256)b.v, _CMP_LE_OQ)}),
+                  (Mask{(IntVector)_mm256_cmp_pd((__m256d)a.v, (__m256d)b.v, _CMP_LE_OQ)}))
+    return {a.v <= b.v};
+  }
 };
 
 template <class T, int N>
 JADE_HD Pack<T, N> select(PackMask<T, N> mask, Pack<T, N> a, Pack<T, N> b) {
+  using V [[maybe_unused]] = typename Pack<T, N>::Vector;
+  JADE_WITH_AVX(V(_mm256_blendv_ps((__m256)b.v, (__m256)a.v, (__m256)mask.v)),
+                V(_mm256_blendv_pd((__m256d)b.v, (__m256d)a.v, (__m256d)mask.v)))
   return Pack<T, N>(mask.v ? a.v : b.v);
+}
+
+/// As math::min and max: b where either is NaN.
+template <class T, int N>
+JADE_HD Pack<T, N> min(Pack<T, N> a, Pack<T, N> b) {
+  using V [[maybe_unused]] = typename Pack<T, N>::Vector;
+  JADE_WITH_AVX(V(_mm256_min_ps((__m256)a.v, (__m256)b.v)),
+                V(_mm256_min_pd((__m256d)a.v, (__m256d)b.v)))
+  return select(a < b, a, b);
+}
+template <class T, int N>
+JADE_HD Pack<T, N> max(Pack<T, N> a, Pack<T, N> b) {
+  using V [[maybe_unused]] = typename Pack<T, N>::Vector;
+  JADE_WITH_AVX(V(_mm256_max_ps((__m256)a.v, (__m256)b.v)),
+                V(_mm256_max_pd((__m256d)a.v, (__m256d)b.v)))
+  return select(a > b, a, b);
 }
 
 /// a where the mask holds, else +0.
@@ -89,6 +140,15 @@ template <class T, int N>
 JADE_HD Pack<T, N> keep(PackMask<T, N> mask, Pack<T, N> a) {
   using P = Pack<T, N>;
   return P((typename P::Vector)((typename P::IntVector)a.v & mask.v));
+}
+
+/// a & ~b in one instruction.
+template <class T, int N>
+JADE_HD PackMask<T, N> and_not(PackMask<T, N> a, PackMask<T, N> b) {
+  using V [[maybe_unused]] = typename PackMask<T, N>::Vector;
+  JADE_WITH_AVX((PackMask<T, N>{(V)_mm256_andnot_ps((__m256)b.v, (__m256)a.v)}),
+                (PackMask<T, N>{(V)_mm256_andnot_pd((__m256d)b.v, (__m256d)a.v)}))
+  return a & ~b;
 }
 
 /// Sets the sign bit where the mask holds.
@@ -102,61 +162,29 @@ JADE_HD Pack<T, N> make_negative(PackMask<T, N> mask, Pack<T, N> a) {
 
 template <class T, int N>
 JADE_HD Pack<T, N> sqrt(Pack<T, N> a) {
-#if defined(__AVX2__)
-  if constexpr (sizeof(T) == 4 && N == 8)
-    return Pack<T, N>((typename Pack<T, N>::Vector)_mm256_sqrt_ps((__m256)a.v));
-  if constexpr (sizeof(T) == 8 && N == 4)
-    return Pack<T, N>((typename Pack<T, N>::Vector)_mm256_sqrt_pd((__m256d)a.v));
-#endif
-#if defined(__AVX512F__)
-  if constexpr (sizeof(T) == 4 && N == 16)
-    return Pack<T, N>((typename Pack<T, N>::Vector)_mm512_sqrt_ps((__m512)a.v));
-  if constexpr (sizeof(T) == 8 && N == 8)
-    return Pack<T, N>((typename Pack<T, N>::Vector)_mm512_sqrt_pd((__m512d)a.v));
-#endif
+  using V [[maybe_unused]] = typename Pack<T, N>::Vector;
+  JADE_WITH_AVX(V(_mm256_sqrt_ps((__m256)a.v)), V(_mm256_sqrt_pd((__m256d)a.v)))
+  JADE_WITH_AVX512(V(_mm512_sqrt_ps((__m512)a.v)), V(_mm512_sqrt_pd((__m512d)a.v)))
   for (int i = 0; i < N; ++i) a.v[i] = sqrt(T(a.v[i]));
   return a;
 }
 
 template <class T, int N>
 JADE_HD Pack<T, N> fma(Pack<T, N> a, Pack<T, N> b, Pack<T, N> c) {
-#if defined(__FMA__)
-  using V = typename Pack<T, N>::Vector;
-  if constexpr (sizeof(T) == 4 && N == 8)
-    return Pack<T, N>((V)_mm256_fmadd_ps((__m256)a.v, (__m256)b.v, (__m256)c.v));
-  if constexpr (sizeof(T) == 8 && N == 4)
-    return Pack<T, N>((V)_mm256_fmadd_pd((__m256d)a.v, (__m256d)b.v, (__m256d)c.v));
-#endif
-#if defined(__AVX512F__)
-  if constexpr (sizeof(T) == 4 && N == 16)
-    return Pack<T, N>((V)_mm512_fmadd_ps((__m512)a.v, (__m512)b.v, (__m512)c.v));
-  if constexpr (sizeof(T) == 8 && N == 8)
-    return Pack<T, N>((V)_mm512_fmadd_pd((__m512d)a.v, (__m512d)b.v, (__m512d)c.v));
-#endif
+  using V [[maybe_unused]] = typename Pack<T, N>::Vector;
+  JADE_WITH_AVX(V(_mm256_fmadd_ps((__m256)a.v, (__m256)b.v, (__m256)c.v)),
+                V(_mm256_fmadd_pd((__m256d)a.v, (__m256d)b.v, (__m256d)c.v)))
+  JADE_WITH_AVX512(V(_mm512_fmadd_ps((__m512)a.v, (__m512)b.v, (__m512)c.v)),
+                   V(_mm512_fmadd_pd((__m512d)a.v, (__m512d)b.v, (__m512d)c.v)))
   return a * b + c;
 }
 
 /// One bit a lane, lane 0 lowest.
 template <class T, int N>
 JADE_HD uint32_t bits(PackMask<T, N> mask) {
-#if defined(__AVX2__)
-  if constexpr (sizeof(T) == 4 && N == 8)
-    return static_cast<uint32_t>(_mm256_movemask_ps((__m256)mask.v));
-  if constexpr (sizeof(T) == 8 && N == 4)
-    return static_cast<uint32_t>(_mm256_movemask_pd((__m256d)mask.v));
-#endif
-#if defined(__AVX512DQ__)
-  if constexpr (sizeof(T) == 4 && N == 16) return _mm512_movepi32_mask((__m512i)mask.v);
-  if constexpr (sizeof(T) == 8 && N == 8) return _mm512_movepi64_mask((__m512i)mask.v);
-#endif
-#if defined(__SSE2__)
-  if constexpr (sizeof(T) == 4 && N == 4)
-    return static_cast<uint32_t>(
-        __builtin_ia32_movmskps((__attribute__((vector_size(16))) float)mask.v));
-  if constexpr (sizeof(T) == 8 && N == 2)
-    return static_cast<uint32_t>(
-        __builtin_ia32_movmskpd((__attribute__((vector_size(16))) double)mask.v));
-#endif
+  JADE_WITH_AVX(static_cast<uint32_t>(_mm256_movemask_ps((__m256)mask.v)),
+                static_cast<uint32_t>(_mm256_movemask_pd((__m256d)mask.v)))
+  JADE_WITH_AVX512(_mm512_movepi32_mask((__m512i)mask.v), _mm512_movepi64_mask((__m512i)mask.v))
   uint32_t result = 0;
   for (int i = 0; i < N; ++i) result |= static_cast<uint32_t>(mask.v[i] & 1) << i;
   return result;

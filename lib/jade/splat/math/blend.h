@@ -82,7 +82,7 @@ JADE_HD S fade_adjoint(S raw_alpha) {
 /// Front to back, `behind` starts as ⟨dL/dC, C⟩ and loses α_i T_i v_i at each splat.
 template <class S>
 JADE_HD S blend_adjoint(S alpha, S weight_value, S behind) {
-  return weight_value - behind * alpha / (S(1) - alpha);
+  return weight_value - behind * (alpha / (S(1) - alpha));
 }
 
 }  // namespace JADE_SPLAT_ISA

@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "support/catch.h"
+
+#include <ATen/Parallel.h>
+#include <torch/torch.h>
+
+#include "jade/core/error.h"
+#include "jade/splat/cpu/dispatch.h"
+#include "jade/splat/render.h"
+#include "support/splat_scenes.h"
+
+using namespace jade;
+using namespace jade::test;
+using torch::Tensor;
+
+namespace {
+
+/// Puts kernels, tile size and threads back.
+struct Restore {
+  int threads = at::get_num_threads();
+  ~Restore() {
+    splat::cpu::select_kernels("");
+    splat::cpu::set_tile_shift(splat::cpu::kDefaultTileShift);
+    at::set_num_threads(threads);
+  }
+};
+
+SplatScene scene_of(torch::ScalarType dtype) {
+  SplatSceneOptions options;
+  options.gaussians = 3000;
+  options.width = 150;
+  options.height = 110;
+  options.dtype = dtype;
+  return make_splat_scene(options);
+}
+
+/// Colour, alpha, depth and all gradients.
+std::vector<Tensor> everything(const SplatScene& scene) {
+  splat::Gaussians g = scene.gaussians;
+  require_gradients(g);
+  splat::CameraBatch cameras = scene.cameras;
+  cameras.camera_from_world = cameras.camera_from_world.clone().set_requires_grad(true);
+  splat::RenderOptions options;
+  options.depth = true;
+  options.background = torch::full({3}, 0.4, g.means.options().requires_grad(false));
+  options.background.set_requires_grad(true);
+  const auto out = splat::render(g, cameras, options);
+  ((out.color * random_cotangent(out.color, 1)).sum() +
+   (out.alpha * random_cotangent(out.alpha, 2)).sum() +
+   (out.depth * random_cotangent(out.depth, 3)).sum())
+      .backward();
+  std::vector<Tensor> all = {out.color.detach(), out.alpha.detach(), out.depth.detach()};
+  for (const Tensor& p : parameters(g)) all.push_back(p.grad());
+  all.push_back(cameras.camera_from_world.grad());
+  all.push_back(options.background.grad());
+  return all;
+}
+
+double relative_difference(const Tensor& a, const Tensor& b) {
+  return ((a - b).norm() / b.norm()).item<double>();
+}
+
+}  // namespace
+
+TEST_CASE("cpu kernels: any number of threads gives the same bits", "[splat]") {
+  const Restore restore;
+  for (const auto dtype : {torch::kFloat32, torch::kFloat64}) {
+    const SplatScene scene = scene_of(dtype);
+    at::set_num_threads(1);
+    const auto one = everything(scene);
+    for (const int threads : {1, 2, 3, 7}) {
+      at::set_num_threads(threads);
+      const auto many = everything(scene);
+      for (size_t i = 0; i < one.size(); ++i) {
+        INFO(threads << " threads, result " << i);
+        CHECK(torch::equal(one[i], many[i]));
+      }
+    }
+  }
+}
+
+TEST_CASE("cpu kernels: the image has the same bits for any tile size", "[splat]") {
+  const Restore restore;
+  for (const auto dtype : {torch::kFloat32, torch::kFloat64}) {
+    const SplatScene scene = scene_of(dtype);
+    const auto usual = everything(scene);
+    for (const int shift : {0, 2, 3, 4, 5}) {
+      splat::cpu::set_tile_shift(shift);
+      const auto other = everything(scene);
+      INFO("tiles of " << (1 << shift) << " px");
+      for (int i = 0; i < 3; ++i) CHECK(torch::equal(usual[i], other[i]));
+      // Sums over pixels come in another order.
+      for (size_t i = 3; i < usual.size(); ++i) {
+        CHECK(relative_difference(other[i], usual[i]) < (dtype == torch::kFloat32 ? 2e-4 : 1e-11));
+      }
+    }
+  }
+  CHECK_THROWS_AS(splat::cpu::set_tile_shift(6), ContractError);
+}
+
+TEST_CASE("cpu kernels: every instruction set gives the portable image and gradients", "[splat]") {
+  const Restore restore;
+  for (const auto dtype : {torch::kFloat32, torch::kFloat64}) {
+    const SplatScene scene = scene_of(dtype);
+    splat::cpu::select_kernels("portable");
+    const auto portable = everything(scene);
+    for (const std::string& name : splat::cpu::available_kernels()) {
+      splat::cpu::select_kernels(name);
+      INFO(name);
+      CHECK(std::string(splat::cpu::kernels().single.name) == name);
+      const auto native = everything(scene);
+      const Tensor difference = (native[0] - portable[0]).abs();
+      const bool single = dtype == torch::kFloat32;
+      CHECK(difference.max().item<double>() < (single ? 1.5 / 255 : 1e-9));
+      CHECK((difference > 1e-5).to(torch::kFloat64).mean().item<double>() < 1e-3);
+      for (size_t i = 3; i < native.size(); ++i) {
+        CHECK(relative_difference(native[i], portable[i]) < (single ? 2e-3 : 1e-8));
+      }
+    }
+  }
+  CHECK_THROWS_AS(splat::cpu::select_kernels("altivec"), DeviceError);
+}
+
+TEST_CASE("cpu kernels: the benchmark workload is whole", "[splat]") {
+  SplatScene scene = make_splat_workload(30000, 346, 260);
+  const auto out = splat::render(scene.gaussians, scene.cameras, {});
+  CHECK(out.color.size(0) == 9);
+  CHECK(torch::isfinite(out.color).all().item<bool>());
+  CHECK(out.alpha.mean().item<double>() > 0.9);
+  CHECK(out.rejected.item<int64_t>() == 0);
+}
