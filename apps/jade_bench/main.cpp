@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
+// jade_bench: the benchmarks behind every performance figure, one file each.
+#include "common/cli.h"
+#include "splat.h"
+
+int main(int argc, char** argv) {
+  using namespace jade;
+  apps::Program program("jade_bench", "Times the parts of the program");
+  program.add_device_flag();
+  program.add_json_flag();
+  program.cli().require_subcommand(1);
+  bench::SplatBench splat;
+  CLI::App* const splat_command = splat.add_to(program.cli());
+  return program.run(argc, argv, [&] {
+    if (splat_command->parsed()) return splat.run(program);
+    return ExitCode::kUsage;
+  });
+}

@@ -1,0 +1,266 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tensors in, tensors out: allocates and enqueues. After the first call of a size nothing here
+// waits for the device or allocates by what is on it, so a caller may capture it in a CUDA graph.
+#include "jade/splat/backend.h"
+
+#include <c10/cuda/CUDAGuard.h>
+#include <c10/cuda/CUDAStream.h>
+#include <cuda_runtime_api.h>
+#include <torch/types.h>
+
+#include "jade/core/check.h"
+#include "jade/splat/cuda/capacity.h"
+#include "jade/splat/cuda/launch.h"
+
+namespace jade::splat::cuda {
+
+namespace {
+
+void check_cuda(cudaError_t error, const char* what) {
+  if (error != cudaSuccess) throw DeviceError(concat(what, ": ", cudaGetErrorString(error)));
+}
+
+/// Also finds the faults of the kernels themselves when JADE_CUDA_SYNC=1.
+void check_launches(const char* what) {
+  static const bool synchronous = [] {
+    const char* const value = std::getenv("JADE_CUDA_SYNC");
+    return value != nullptr && value[0] == '1';
+  }();
+  check_cuda(cudaGetLastError(), what);
+  if (synchronous) check_cuda(cudaDeviceSynchronize(), what);
+}
+
+bool is_capturing(cudaStream_t stream) {
+  cudaStreamCaptureStatus status = cudaStreamCaptureStatusNone;
+  check_cuda(cudaStreamIsCapturing(stream, &status), "stream state");
+  return status != cudaStreamCaptureStatusNone;
+}
+
+/// Cuts one allocation into aligned pieces: first add() them all, then allocate(), then take().
+class Arena {
+ public:
+  int64_t add(int64_t bytes) {
+    const int64_t at = size_;
+    size_ += (bytes + 255) / 256 * 256;
+    return at;
+  }
+  int64_t size() const { return size_; }
+  void allocate(const torch::TensorOptions& like) {
+    tensor_ = torch::empty({size_}, like.dtype(torch::kUInt8));
+  }
+  template <class T>
+  T* take(int64_t at) const {
+    return reinterpret_cast<T*>(static_cast<char*>(tensor_.data_ptr()) + at);
+  }
+  const torch::Tensor& tensor() const { return tensor_; }
+
+ private:
+  int64_t size_ = 0;
+  torch::Tensor tensor_;
+};
+
+Scene make_scene(const ForwardArgs& args) {
+  const Gaussians& g = args.gaussians;
+  JADE_CHECK(g.size() < kMaxGaussians, "at most ", kMaxGaussians, " Gaussians on a GPU, found ",
+             g.size());
+  JADE_CHECK(!args.smooth_cutoff, "smooth_cutoff is for gradient tests on the CPU");
+  JADE_CHECK(args.camera_from_world.size(0) < 65536, "at most 65535 views in one call, found ",
+             args.camera_from_world.size(0));
+  Scene scene{};
+  scene.means = g.means.data_ptr<float>();
+  scene.rotations = g.rotations.data_ptr<float>();
+  scene.log_scales = g.log_scales.data_ptr<float>();
+  scene.logit_opacities = g.logit_opacities.data_ptr<float>();
+  scene.sh = g.sh.data_ptr<float>();
+  scene.camera_from_world = args.camera_from_world.data_ptr<float>();
+  scene.intrinsics = args.intrinsics.data_ptr<float>();
+  scene.background = args.background.data_ptr<float>();
+  scene.count = static_cast<int>(g.size());
+  scene.views = static_cast<int>(args.camera_from_world.size(0));
+  scene.width = static_cast<int>(args.width);
+  scene.height = static_cast<int>(args.height);
+  scene.sh_stride = static_cast<int>(g.sh.size(1));
+  scene.sh_degree = args.sh_degree;
+  scene.near_plane = static_cast<float>(args.near_plane);
+  scene.antialiased = args.antialiased;
+  scene.tiles_x = (scene.width + kTile - 1) / kTile;
+  scene.tiles_y = (scene.height + kTile - 1) / kTile;
+  scene.tiles = scene.tiles_x * scene.tiles_y;
+  return scene;
+}
+
+/// Screen records and tile tables in one allocation, the instances in another: the second one's
+/// size is known only after the first call of a size has counted.
+struct Lists {
+  torch::Tensor tables, keys;
+
+  static Arena lay_out(const Scene& scene, int64_t* at) {
+    const int64_t tiles = int64_t{scene.views} * scene.tiles;
+    Arena arena;
+    at[0] = arena.add(sizeof(Counters));  // with the lists behind it, zeroed in one go
+    at[1] = arena.add(tiles * sizeof(TileList));
+    at[2] = arena.add(tiles * sizeof(uint32_t));
+    at[3] = arena.add(int64_t{scene.views} * scene.count * sizeof(Splat));
+    return arena;
+  }
+
+  void bind(Scene* scene) const {
+    int64_t at[4];
+    lay_out(*scene, at);
+    char* const base = static_cast<char*>(tables.data_ptr());
+    scene->counters = reinterpret_cast<Counters*>(base + at[0]);
+    scene->tile_list = reinterpret_cast<TileList*>(base + at[1]);
+    scene->tile_order = reinterpret_cast<uint32_t*>(base + at[2]);
+    scene->splats = reinterpret_cast<Splat*>(base + at[3]);
+    if (keys.defined()) {
+      scene->keys = reinterpret_cast<uint64_t*>(keys.data_ptr());
+      scene->capacity = static_cast<uint32_t>(keys.size(0));
+    }
+  }
+};
+
+/// Waits for the device.
+Counters read_counters(const Scene& scene, cudaStream_t stream) {
+  Counters counters;
+  check_cuda(
+      cudaMemcpyAsync(&counters, scene.counters, sizeof(counters), cudaMemcpyDeviceToHost, stream),
+      "counting instances");
+  check_cuda(cudaStreamSynchronize(stream), "counting instances");
+  return counters;
+}
+
+/// Projects all views and cuts up an instance buffer. The first call of a size counts first and
+/// waits for the result; so does every deterministic call, whose gradients need every list.
+Lists project_and_bin(Scene* scene, const ForwardArgs& args, long long* rejected,
+                      cudaStream_t stream) {
+  const auto options = args.gaussians.means.options();
+  int64_t at[4];
+  Arena arena = Lists::lay_out(*scene, at);
+  arena.allocate(options);
+  Lists lists;
+  lists.tables = arena.tensor();
+  lists.bind(scene);
+  check_cuda(cudaMemsetAsync(scene->counters, 0, static_cast<size_t>(at[2]), stream), "clearing");
+  launch_project(*scene, stream);
+
+  InstanceBudget& budget =
+      InstanceBudget::of(options.device().index(), scene->views, scene->width, scene->height);
+  if ((args.deterministic || !budget.known()) && !is_capturing(stream)) {
+    launch_plan(*scene, nullptr, stream);
+    budget.learn(read_counters(*scene, stream).instances, scene->count);
+  }
+  const int64_t forced = instance_capacity_for_test();
+  const int64_t capacity = forced >= 0 ? forced : budget.capacity(scene->count);
+  lists.keys = torch::empty({capacity}, options.dtype(torch::kInt64));
+  lists.bind(scene);
+  launch_plan(*scene, rejected, stream);
+  check_cuda(cudaMemcpyAsync(budget.inbox(), scene->counters, 2 * sizeof(uint64_t),
+                             cudaMemcpyDeviceToHost, stream),
+             "copying the instance count");
+  launch_fill(*scene, stream);
+  return lists;
+}
+
+float* pointer(const torch::Tensor& tensor) {
+  return tensor.defined() ? tensor.data_ptr<float>() : nullptr;
+}
+
+/// The backward pass's working memory; everything before `uncleared` starts at zero.
+torch::Tensor bind_workspace(const BackwardArgs& args, const Scene& scene, Gradients* gradients,
+                             cudaStream_t stream) {
+  const int64_t values = kSums + (gradients->with_depth ? 1 : 0);
+  const int64_t tiles = int64_t{scene.views} * scene.tiles;
+  const int64_t blocks = std::max(1, (scene.count + kAdjointThreads - 1) / kAdjointThreads);
+  Arena arena;
+  const int64_t done = arena.add(sizeof(unsigned int));
+  const int64_t background = arena.add(3 * sizeof(float));
+  const int64_t cameras = arena.add(int64_t{scene.views} * 12 * sizeof(float));
+  const int64_t sums = arena.add(int64_t{scene.views} * scene.count * values * sizeof(float));
+  const int64_t cleared = arena.size();
+  const int64_t slots = cleared;
+  int64_t progress = 0, camera_partial = 0, background_partial = 0;
+  if (args.forward.deterministic) {
+    arena.add(int64_t{scene.capacity} * 4 * values * sizeof(float));
+    progress = arena.add(tiles * 4 * sizeof(uint32_t));
+    camera_partial = arena.add(blocks * scene.views * 12 * sizeof(float));
+    background_partial = arena.add(tiles * 3 * sizeof(float));
+  }
+  arena.allocate(args.color.options());
+  gradients->done_blocks = arena.take<unsigned int>(done);
+  gradients->background_sums = arena.take<float>(background);
+  gradients->camera_sums = arena.take<float>(cameras);
+  gradients->sums = arena.take<float>(sums);
+  if (args.forward.deterministic) {
+    gradients->slots = arena.take<float>(slots);
+    gradients->progress = arena.take<uint32_t>(progress);
+    gradients->camera_partial = arena.take<float>(camera_partial);
+    gradients->background_partial = arena.take<float>(background_partial);
+  }
+  check_cuda(cudaMemsetAsync(arena.tensor().data_ptr(), 0, static_cast<size_t>(cleared), stream),
+             "clearing");
+  return arena.tensor();
+}
+
+}  // namespace
+
+ForwardResult forward(const ForwardArgs& args) {
+  const c10::cuda::CUDAGuard guard(args.gaussians.means.device());
+  const cudaStream_t stream = c10::cuda::getCurrentCUDAStream();
+  Scene scene = make_scene(args);
+  const auto options = args.gaussians.means.options();
+  ForwardResult result;
+  result.color = torch::empty({scene.views, 3, args.height, args.width}, options);
+  result.alpha = torch::empty({scene.views, 1, args.height, args.width}, options);
+  if (args.depth) result.depth_sum = torch::empty_like(result.alpha);
+  result.rejected = torch::empty({1}, options.dtype(torch::kInt64));
+  auto* const rejected = reinterpret_cast<long long*>(result.rejected.data_ptr());
+  const Lists lists = project_and_bin(&scene, args, rejected, stream);
+  launch_blend(scene,
+               {pointer(result.color), pointer(result.alpha), pointer(result.depth_sum), rejected},
+               stream);
+  check_launches("splatting, forward");
+  if (args.needs_backward) result.state.tensors = {lists.tables, lists.keys};
+  return result;
+}
+
+BackwardResult backward(const BackwardArgs& args) {
+  const c10::cuda::CUDAGuard guard(args.color.device());
+  const cudaStream_t stream = c10::cuda::getCurrentCUDAStream();
+  Scene scene = make_scene(args.forward);
+  const Lists lists{args.state.tensors.at(0), args.state.tensors.at(1)};
+  lists.bind(&scene);
+  const Gaussians& g = args.forward.gaussians;
+  BackwardResult result;
+  result.gaussians = {torch::empty_like(g.means), torch::empty_like(g.rotations),
+                      torch::empty_like(g.log_scales), torch::empty_like(g.logit_opacities),
+                      torch::empty_like(g.sh)};
+  result.background = torch::empty_like(args.forward.background);
+  if (args.needs_camera) {
+    result.camera_from_world = torch::empty_like(args.forward.camera_from_world);
+  }
+  Gradients gradients{};
+  gradients.means = pointer(result.gaussians.means);
+  gradients.rotations = pointer(result.gaussians.rotations);
+  gradients.log_scales = pointer(result.gaussians.log_scales);
+  gradients.logit_opacities = pointer(result.gaussians.logit_opacities);
+  gradients.sh = pointer(result.gaussians.sh);
+  gradients.camera_from_world = pointer(result.camera_from_world);
+  gradients.background = pointer(result.background);
+  gradients.gradient_norm = pointer(args.statistics.gradient_norm);
+  gradients.visible_count = pointer(args.statistics.visible_count);
+  gradients.max_radius_px = pointer(args.statistics.max_radius_px);
+  gradients.statistics_view = static_cast<int>(args.statistics_view);
+  gradients.with_depth = args.forward.depth && args.grad_depth_sum.defined();
+  const torch::Tensor workspace = bind_workspace(args, scene, &gradients, stream);
+  launch_blend_adjoint(
+      scene,
+      {pointer(args.color), pointer(args.alpha), pointer(args.depth_sum), pointer(args.grad_color),
+       pointer(args.grad_alpha), pointer(args.grad_depth_sum)},
+      gradients, stream);
+  if (args.forward.deterministic) launch_gather(scene, gradients, stream);
+  launch_project_adjoint(scene, gradients, stream);
+  check_launches("splatting, backward");
+  return result;
+}
+
+}  // namespace jade::splat::cuda

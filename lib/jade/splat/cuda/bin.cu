@@ -1,0 +1,273 @@
+// SPDX-License-Identifier: Apache-2.0
+// From splats to one depth-sorted list a tile: plan, emit, sort.
+#include "jade/splat/cuda/launch.h"
+#include "jade/splat/cuda/tile_walk.cuh"
+
+namespace jade::splat::cuda {
+
+namespace {
+
+constexpr int kPlanThreads = 1024;
+constexpr int kClasses = 128;
+
+/// Class of a list by its length, four classes an octave, longest first.
+__device__ __forceinline__ int length_class(uint32_t count) {
+  return kClasses - 1 - min(int(4.0f * log2f(float(count) + 1.0f)), kClasses - 1);
+}
+
+__device__ __forceinline__ uint32_t inclusive_scan(uint32_t value, int lane) {
+  for (int step = 1; step < 32; step *= 2) {
+    const uint32_t other = __shfl_up_sync(~0u, value, step);
+    if (lane >= step) value += other;
+  }
+  return value;
+}
+
+/// One block: lists are laid out in no particular order, which is invisible in the results.
+__global__ void __launch_bounds__(kPlanThreads)
+    plan_kernel(const __grid_constant__ Scene scene, long long* rejected) {
+  __shared__ uint32_t next_of_class[kClasses];
+  __shared__ unsigned long long total;
+  const int tiles = scene.views * scene.tiles, lane = threadIdx.x & 31;
+  if (threadIdx.x < kClasses) next_of_class[threadIdx.x] = 0;
+  if (threadIdx.x == 0) total = 0;
+  __syncthreads();
+  for (int t = threadIdx.x; t < tiles; t += kPlanThreads) {
+    atomicAdd(&next_of_class[length_class(scene.tile_list[t].count)], 1u);
+  }
+  __syncthreads();
+  if (threadIdx.x < 32) {
+    uint32_t before = 0;
+    for (int k = 0; k < kClasses; k += 32) {
+      const uint32_t count = next_of_class[k + lane], sum = inclusive_scan(count, lane);
+      next_of_class[k + lane] = before + sum - count;
+      before += __shfl_sync(~0u, sum, 31);
+    }
+  }
+  __syncthreads();
+  for (int base = 0; base < tiles; base += kPlanThreads) {
+    const int t = base + threadIdx.x;
+    const uint32_t count = t < tiles ? scene.tile_list[t].count : 0;
+    // A warp's lists could exceed 32 bits together only with 2^27 instances a tile.
+    const uint32_t sum = inclusive_scan(min(count, 1u << 26), lane);
+    unsigned long long begin = 0;
+    if (lane == 31) begin = atomicAdd(&total, (unsigned long long)sum);
+    begin = __shfl_sync(~0u, begin, 31) + (sum - min(count, 1u << 26));
+    if (t < tiles) {
+      const bool fits = begin + count <= scene.capacity && count < (1u << 26);
+      const uint32_t start = fits ? uint32_t(begin) : scene.capacity;
+      scene.tile_list[t].begin = scene.tile_list[t].next = start;
+      scene.tile_order[atomicAdd(&next_of_class[length_class(count)], 1u)] = t;
+    }
+  }
+  __syncthreads();
+  if (threadIdx.x == 0) {
+    scene.counters->instances = total;
+    scene.counters->gaussians = scene.count;
+    if (rejected != nullptr) *rejected = (long long)scene.counters->rejected;
+  }
+}
+
+constexpr int kEmitThreads = 256;
+
+__global__ void __launch_bounds__(kEmitThreads) emit_kernel(const __grid_constant__ Scene scene) {
+  // Neighbouring blocks work on different views, so that their atomics meet on fewer counters.
+  const int view = blockIdx.x % scene.views;
+  const int index = blockIdx.x / scene.views * kEmitThreads + threadIdx.x;
+  Splat splat{};
+  if (index < scene.count) splat = load_splat(scene.splats + int64_t(view) * scene.count + index);
+  TileList* const lists = scene.tile_list + view * scene.tiles;
+  walk_tiles(splat, splat.depth > 0, index, scene,
+             [&](float depth, int gaussian, int tile, uint32_t mask) {
+               const uint32_t slot = atomicAdd(&lists[tile].next, 1u);
+               if (slot < scene.capacity) scene.keys[slot] = make_key(depth, gaussian, mask);
+             });
+}
+
+// ---- sort -------------------------------------------------------------------------------------
+
+constexpr int kSortThreads = 256;
+constexpr int kPerThread = 8;
+constexpr int kChunk = kSortThreads * kPerThread;  ///< keys in shared memory
+constexpr int kBuckets = 1024;
+constexpr uint32_t kMaxBucket = 48;  ///< a fuller bucket is left to the bitonic sort
+
+__device__ __forceinline__ void order(uint64_t* low, uint64_t* high) {
+  const uint64_t a = *low, b = *high;
+  if (a > b) {
+    *low = b;
+    *high = a;
+  }
+}
+
+/// Merging steps of a bitonic sort whose every comparison puts the smaller key first, so that keys
+/// beyond `count` count as infinite without being there. `size`: of the sequence that starts as
+/// two sorted halves (flip) or as a bitonic sequence.
+__device__ __forceinline__ void flip_step(uint64_t* keys, int count, int size) {
+  const int half = size / 2;
+  const int pairs = (count + size - 1) / size * half;
+  for (int p = threadIdx.x; p < pairs; p += kSortThreads) {
+    const int in = p & (half - 1), start = (p / half) * size;
+    const int low = start + in, high = start + size - 1 - in;
+    if (high < count) order(keys + low, keys + high);
+  }
+  __syncthreads();
+}
+
+__device__ __forceinline__ void stride_step(uint64_t* keys, int count, int stride) {
+  const int pairs = (count + 2 * stride - 1) / (2 * stride) * stride;
+  for (int p = threadIdx.x; p < pairs; p += kSortThreads) {
+    const int low = (p / stride) * 2 * stride + (p & (stride - 1));
+    if (low + stride < count) order(keys + low, keys + low + stride);
+  }
+  __syncthreads();
+}
+
+/// Any length: sorts chunks in shared memory and merges them in place.
+__device__ __noinline__ void bitonic_sort(uint64_t* keys, int count, uint64_t* shared) {
+  for (int first = 0; first < count; first += kChunk) {
+    const int size = min(kChunk, count - first);
+    for (int i = threadIdx.x; i < size; i += kSortThreads) shared[i] = keys[first + i];
+    __syncthreads();
+    for (int k = 2; k / 2 < size; k *= 2) {
+      flip_step(shared, size, k);
+      for (int stride = k / 4; stride > 0; stride /= 2) stride_step(shared, size, stride);
+    }
+    for (int i = threadIdx.x; i < size; i += kSortThreads) keys[first + i] = shared[i];
+    __syncthreads();
+  }
+  for (int64_t k = 2 * kChunk; k / 2 < count; k *= 2) {
+    flip_step(keys, count, int(k));
+    for (int stride = int(k / 4); stride >= kChunk; stride /= 2) stride_step(keys, count, stride);
+    for (int first = 0; first < count; first += kChunk) {
+      const int size = min(kChunk, count - first);
+      for (int i = threadIdx.x; i < size; i += kSortThreads) shared[i] = keys[first + i];
+      __syncthreads();
+      for (int stride = kChunk / 2; stride > 0; stride /= 2) stride_step(shared, size, stride);
+      for (int i = threadIdx.x; i < size; i += kSortThreads) keys[first + i] = shared[i];
+      __syncthreads();
+    }
+  }
+}
+
+struct SortShared {
+  uint64_t keys[kChunk];
+  uint32_t bucket[kBuckets];
+  uint32_t warp_sum[kSortThreads / 32];
+  uint32_t lowest, highest, fullest;
+};
+
+/// Up to kChunk keys: spreads them over buckets that are monotone in depth, then ranks each key
+/// within its bucket. Returns false, with the keys untouched, if a bucket is too full for that.
+__device__ __forceinline__ bool bucket_sort(uint64_t* keys, int count, SortShared& s) {
+  uint64_t mine[kPerThread];
+  uint32_t low = ~0u, high = 0;
+#pragma unroll
+  for (int k = 0; k < kPerThread; ++k) {
+    const int i = k * kSortThreads + threadIdx.x;
+    if (i < count) {
+      mine[k] = keys[i];
+      const uint32_t depth = uint32_t(mine[k] >> 32);
+      low = min(low, depth);
+      high = max(high, depth);
+    }
+  }
+  if (threadIdx.x == 0) {
+    s.lowest = ~0u;
+    s.highest = s.fullest = 0;
+  }
+  for (int i = threadIdx.x; i < kBuckets; i += kSortThreads) s.bucket[i] = 0;
+  __syncthreads();
+  low = __reduce_min_sync(~0u, low);
+  high = __reduce_max_sync(~0u, high);
+  if ((threadIdx.x & 31) == 0) {
+    atomicMin(&s.lowest, low);
+    atomicMax(&s.highest, high);
+  }
+  __syncthreads();
+  const uint32_t lowest = s.lowest, range = s.highest - lowest;
+  // bucket = (depth − lowest) · scale / 2^32 < kBuckets
+  const uint32_t scale =
+      uint32_t(min((uint64_t(kBuckets) << 32) / (uint64_t(range) + 1), uint64_t(~0u)));
+  uint32_t bucket[kPerThread], rank[kPerThread];
+#pragma unroll
+  for (int k = 0; k < kPerThread; ++k) {
+    if (k * kSortThreads + threadIdx.x < count) {
+      bucket[k] = min(__umulhi(uint32_t(mine[k] >> 32) - lowest, scale), uint32_t(kBuckets - 1));
+      rank[k] = atomicAdd(&s.bucket[bucket[k]], 1u);
+    }
+  }
+  __syncthreads();
+  // Exclusive scan of the buckets, four a thread.
+  static_assert(kBuckets == 4 * kSortThreads, "each thread scans four buckets");
+  uint4 counts = reinterpret_cast<uint4*>(s.bucket)[threadIdx.x];
+  const uint32_t fullest = max(max(counts.x, counts.y), max(counts.z, counts.w));
+  const uint32_t sum = counts.x + counts.y + counts.z + counts.w;
+  const int lane = threadIdx.x & 31, warp = threadIdx.x >> 5;
+  const uint32_t scanned = inclusive_scan(sum, lane);
+  if (lane == 31) s.warp_sum[warp] = scanned;
+  const uint32_t warp_fullest = __reduce_max_sync(~0u, fullest);
+  if (lane == 0) atomicMax(&s.fullest, warp_fullest);
+  __syncthreads();
+  if (s.fullest > kMaxBucket) return false;
+  uint32_t start = scanned - sum;
+  for (int w = 0; w < warp; ++w) start += s.warp_sum[w];
+  reinterpret_cast<uint4*>(s.bucket)[threadIdx.x] = make_uint4(
+      start, start + counts.x, start + counts.x + counts.y, start + counts.x + counts.y + counts.z);
+  __syncthreads();
+#pragma unroll
+  for (int k = 0; k < kPerThread; ++k) {
+    if (k * kSortThreads + threadIdx.x < count) s.keys[s.bucket[bucket[k]] + rank[k]] = mine[k];
+  }
+  __syncthreads();
+  uint32_t* const entries = reinterpret_cast<uint32_t*>(keys);
+#pragma unroll
+  for (int k = 0; k < kPerThread; ++k) {
+    if (k * kSortThreads + threadIdx.x < count) {
+      const uint32_t begin = s.bucket[bucket[k]];
+      const uint32_t end = bucket[k] + 1 < kBuckets ? s.bucket[bucket[k] + 1] : uint32_t(count);
+      uint32_t place = begin;
+      for (uint32_t i = begin; i < end; ++i) place += s.keys[i] < mine[k];
+      entries[place] = uint32_t(mine[k]);
+    }
+  }
+  return true;
+}
+
+/// A list of sorted keys becomes a list of their entries, in place.
+__device__ void keep_entries(uint64_t* keys, int count) {
+  for (int first = 0; first < count; first += kSortThreads) {
+    const int i = first + threadIdx.x;
+    const uint32_t entry = i < count ? uint32_t(keys[i]) : 0;
+    __syncthreads();
+    if (i < count) reinterpret_cast<uint32_t*>(keys)[i] = entry;
+    __syncthreads();
+  }
+}
+
+__global__ void __launch_bounds__(kSortThreads) sort_kernel(const __grid_constant__ Scene scene) {
+  __shared__ SortShared shared;
+  const TileList list = scene.tile_list[scene.tile_order[blockIdx.x]];
+  if (list.count == 0 || list.begin >= scene.capacity) return;
+  uint64_t* const keys = scene.keys + list.begin;
+  const int count = int(list.count);
+  if (count <= kChunk && bucket_sort(keys, count, shared)) return;
+  __syncthreads();
+  bitonic_sort(keys, count, shared.keys);
+  keep_entries(keys, count);
+}
+
+}  // namespace
+
+void launch_plan(const Scene& scene, long long* rejected, cudaStream_t stream) {
+  plan_kernel<<<1, kPlanThreads, 0, stream>>>(scene, rejected);
+}
+
+void launch_fill(const Scene& scene, cudaStream_t stream) {
+  if (scene.count == 0) return;
+  const int blocks = (scene.count + kEmitThreads - 1) / kEmitThreads * scene.views;
+  emit_kernel<<<blocks, kEmitThreads, 0, stream>>>(scene);
+  sort_kernel<<<scene.views * scene.tiles, kSortThreads, 0, stream>>>(scene);
+}
+
+}  // namespace jade::splat::cuda

@@ -1,0 +1,382 @@
+// SPDX-License-Identifier: Apache-2.0
+// Blending and its adjoint: a block a tile, a warp a quarter of it, a lane two pixels.
+#include "jade/splat/cuda/blend.cuh"
+#include "jade/splat/cuda/launch.h"
+#include "jade/splat/cuda/warp.cuh"
+
+namespace jade::splat::cuda {
+
+namespace {
+
+/// A pixel's transmittance is negative once it has stopped; outside the image it never starts.
+__device__ __forceinline__ float first_transmittance(bool inside) { return inside ? 1.0f : -1.0f; }
+
+__device__ __forceinline__ bool any_alive(const float* t) {
+  return __any_sync(~0u, t[0] > 0.0f || t[1] > 0.0f);
+}
+
+/// α before the cap, or 0 where the splat is not visible.
+__device__ __forceinline__ float raw_alpha(const m::Falloff<float>& falloff, float log2_opacity,
+                                           float dx, float dy) {
+  const float e = m::exponent(falloff, log2_opacity, dx, dy);
+  return m::is_visible(e) ? fast_exp2(e) : 0.0f;
+}
+
+/// The decision that both passes take alike, without a branch: advances `t` or stops the pixel.
+/// Returns the weight.
+__device__ __forceinline__ float advance(float alpha, float* t) {
+  const float used = __fmul_rn(alpha, *t), left = __fsub_rn(*t, used);
+  const bool fits = left > float(m::kMinTransmittance);
+  *t = fits ? left : -fabsf(*t);
+  return fits ? used : 0.0f;
+}
+
+template <bool kDepth>
+__global__ void __launch_bounds__(kBlendThreads)
+    blend_kernel(const __grid_constant__ Scene scene, const Images images) {
+  __shared__ WarpStage stages[kBlendThreads / 32];
+  __shared__ RoundShared round;
+  __shared__ uint64_t round_keys[kRoundKeys];
+  const Pixels pixels(scene);
+  WarpStage& stage = stages[pixels.quarter];
+  const float px = float(pixels.x) + 0.5f;
+  const float py[2] = {float(pixels.y[0]) + 0.5f, float(pixels.y[1]) + 0.5f};
+  float t[2], red[2] = {0, 0}, green[2] = {0, 0}, blue[2] = {0, 0};
+  float depth[2] = {0, 0};
+  for (int k = 0; k < 2; ++k) t[k] = first_transmittance(pixels.inside[k]);
+  const auto alive = [&] { return any_alive(t); };
+  stream_tile(
+      scene, pixels, stage, round, round_keys, alive,
+      [&](int j) {
+        const float4 p = stage.splat[j][0], q = stage.splat[j][1], r = stage.splat[j][2];
+        const m::Falloff<float> falloff{p.z, p.w, q.x};
+        const float dx = px - p.x;
+#pragma unroll
+        for (int k = 0; k < 2; ++k) {
+          const float raw = raw_alpha(falloff, q.y, dx, py[k] - p.y);
+          const float weight = advance(fminf(raw, float(m::kMaxAlpha)), &t[k]);
+          red[k] = fmaf(weight, q.z, red[k]);
+          green[k] = fmaf(weight, q.w, green[k]);
+          blue[k] = fmaf(weight, r.x, blue[k]);
+          if (kDepth) depth[k] = fmaf(weight, r.y, depth[k]);
+        }
+      },
+      [](int, int) {});
+  const int64_t plane = int64_t(scene.width) * scene.height;
+  float* const color = images.color + 3 * pixels.view * plane;
+  for (int k = 0; k < 2; ++k) {
+    if (!pixels.inside[k]) continue;
+    const int64_t i = pixels.offset[k];
+    t[k] = fabsf(t[k]);
+    color[i] = red[k] + t[k] * scene.background[0];
+    color[plane + i] = green[k] + t[k] * scene.background[1];
+    color[2 * plane + i] = blue[k] + t[k] * scene.background[2];
+    images.alpha[pixels.view * plane + i] = 1.0f - t[k];
+    if (kDepth) images.depth_sum[pixels.view * plane + i] = depth[k];
+  }
+}
+
+// ---- adjoint ----------------------------------------------------------------------------------
+
+/// dL/dpixel and what is still behind the splats so far (math/blend.h), for one lane.
+struct PixelGradients {
+  float red[2], green[2], blue[2], depth[2], behind[2];
+};
+
+/// Loads the cotangents; returns in `background` this lane's part of dL/dbackground.
+template <bool kDepth>
+__device__ __forceinline__ PixelGradients load_gradients(const Scene& scene, const Pixels& pixels,
+                                                         const ImageGradients& images,
+                                                         float* background) {
+  const int64_t plane = int64_t(scene.width) * scene.height;
+  const int64_t color_at = 3 * pixels.view * plane, alpha_at = pixels.view * plane;
+  PixelGradients g{};
+  for (int c = 0; c < 3; ++c) background[c] = 0;
+  for (int k = 0; k < 2; ++k) {
+    if (!pixels.inside[k]) continue;
+    const int64_t i = pixels.offset[k];
+    const float t_end = 1.0f - images.alpha[alpha_at + i];
+    if (images.grad_color != nullptr) {
+      const float* const grad = images.grad_color + color_at + i;
+      const float* const color = images.color + color_at + i;
+      g.red[k] = grad[0];
+      g.green[k] = grad[plane];
+      g.blue[k] = grad[2 * plane];
+      g.behind[k] = g.red[k] * color[0] + g.green[k] * color[plane] + g.blue[k] * color[2 * plane];
+      background[0] += t_end * g.red[k];
+      background[1] += t_end * g.green[k];
+      background[2] += t_end * g.blue[k];
+    }
+    // alpha = 1 − T_end, so its gradient acts like a background of −1 in a channel of its own.
+    if (images.grad_alpha != nullptr) g.behind[k] -= images.grad_alpha[alpha_at + i] * t_end;
+    if (kDepth && images.grad_depth_sum != nullptr) {
+      g.depth[k] = images.grad_depth_sum[alpha_at + i];
+      g.behind[k] += g.depth[k] * images.depth_sum[alpha_at + i];
+    }
+  }
+  return g;
+}
+
+__device__ __forceinline__ void add_background(const Scene& scene, const Pixels& pixels,
+                                               const Gradients& gradients, const float* background,
+                                               float (*warp_sums)[3]) {
+  for (int c = 0; c < 3; ++c) {
+    const float sum = warp_sum(background[c]);
+    if ((threadIdx.x & 31) == 0) warp_sums[pixels.quarter][c] = sum;
+  }
+  __syncthreads();
+  if (threadIdx.x < 3) {
+    float sum = 0;
+    for (int w = 0; w < kBlendThreads / 32; ++w) sum += warp_sums[w][threadIdx.x];
+    if (gradients.background_partial != nullptr) {
+      const int64_t tile = int64_t(pixels.view) * scene.tiles + pixels.tile;
+      gradients.background_partial[3 * tile + threadIdx.x] = sum;
+    } else {
+      atomicAdd(gradients.background_sums + threadIdx.x, sum);
+    }
+  }
+}
+
+constexpr int kQuarterPixels = kSubtile * kSubtile;
+constexpr int kSplatStride = kQuarterPixels + 16;  ///< keeps the readers' banks apart
+
+/// A group's per-pixel gradients of one warp, to be summed with a lane a splat and pixel block.
+struct WarpSums {
+  float u[kGroup * kSplatStride];       ///< dL/d ln α
+  float weight[kGroup * kSplatStride];  ///< α T
+};
+
+/// Four lanes share a splat: lane q of them sums 4 x 1 pixel blocks in rows 2 i + q / 2 and columns
+/// from 4 (q % 2). The moments are taken about the middle of the lane's pixels, then about the
+/// splat. Afterwards lane q holds sums 2 q and 2 q + 1 of the first eight in values[0] and [1] and
+/// every lane the rest.
+template <bool kDepth>
+__device__ __forceinline__ void sum_splat(const WarpSums& s, const float (*grad)[kQuarterPixels],
+                                          int splat, int q, float middle_x, float middle_y,
+                                          float* values) {
+  float m0 = 0, mx = 0, my = 0, mxx = 0, mxy = 0, myy = 0, color[4] = {0, 0, 0, 0};
+#pragma unroll
+  for (int i = 0; i < 4; ++i) {
+    const int at = (4 * i + q) * 4;
+    const float4 u = *reinterpret_cast<const float4*>(s.u + splat * kSplatStride + at);
+    const float4 w = *reinterpret_cast<const float4*>(s.weight + splat * kSplatStride + at);
+    const float outer = u.x + u.w, inner = u.y + u.z, y = float(2 * i - 3);
+    const float row = outer + inner, row_x = 1.5f * (u.w - u.x) + 0.5f * (u.z - u.y);
+    m0 += row;
+    mx += row_x;
+    mxx += 2.25f * outer + 0.25f * inner;
+    my += y * row;
+    myy += y * y * row;
+    mxy += y * row_x;
+#pragma unroll
+    for (int c = 0; c < 3 + kDepth; ++c) {
+      const float4 g = *reinterpret_cast<const float4*>(grad[c] + at);
+      color[c] += w.x * g.x + w.y * g.y + w.z * g.z + w.w * g.w;
+    }
+  }
+  const float x1 = mx + middle_x * m0, y1 = my + middle_y * m0;
+  values[0] = m0;
+  values[1] = x1;
+  values[2] = y1;
+  values[3] = mxx + middle_x * (mx + x1);
+  values[4] = mxy + middle_x * y1 + middle_y * mx;
+  values[5] = myy + middle_y * (my + y1);
+  values[6] = color[0];
+  values[7] = color[1];
+  values[8] = color[2];
+  exchange_halves<4>(values, 2, q & 2);
+  exchange_halves<2>(values, 1, q & 1);
+  for (int k = 8; k < kSums + kDepth; ++k) {
+    if (k == kSums) values[k] = color[3];
+    values[k] += __shfl_xor_sync(~0u, values[k], 2);
+    values[k] += __shfl_xor_sync(~0u, values[k], 1);
+  }
+}
+
+template <bool kDepth, bool kSlots>
+__global__ void __launch_bounds__(kBlendThreads, kDepth || kSlots ? 5 : 6)
+    blend_adjoint_kernel(const __grid_constant__ Scene scene,
+                         const __grid_constant__ ImageGradients images,
+                         const __grid_constant__ Gradients gradients) {
+  constexpr int kValues = kSums + kDepth;
+  __shared__ WarpStage stages[kBlendThreads / 32];
+  __shared__ __align__(16) WarpSums all_sums[kBlendThreads / 32];
+  __shared__ __align__(16) float grads[kBlendThreads / 32][3 + kDepth][kQuarterPixels];
+  static_assert(sizeof(all_sums) >= kRoundKeys * sizeof(uint64_t), "rounds borrow this memory");
+  __shared__ RoundShared round;
+  __shared__ float warp_background[kBlendThreads / 32][3];
+  const Pixels pixels(scene);
+  WarpStage& stage = stages[pixels.quarter];
+  WarpSums& sums = all_sums[pixels.quarter];
+  const int lane = threadIdx.x & 31;
+  float background[3];
+  PixelGradients g = load_gradients<kDepth>(scene, pixels, images, background);
+  add_background(scene, pixels, gradients, background, warp_background);
+  for (int k = 0; k < 2; ++k) {
+    grads[pixels.quarter][0][lane + 32 * k] = g.red[k];
+    grads[pixels.quarter][1][lane + 32 * k] = g.green[k];
+    grads[pixels.quarter][2][lane + 32 * k] = g.blue[k];
+    if (kDepth) grads[pixels.quarter][2 + kDepth][lane + 32 * k] = g.depth[k];
+  }
+
+  const float px = float(pixels.x) + 0.5f;
+  const float py[2] = {float(pixels.y[0]) + 0.5f, float(pixels.y[1]) + 0.5f};
+  float t[2];
+  for (int k = 0; k < 2; ++k) t[k] = first_transmittance(pixels.inside[k]);
+  const int64_t global_tile = int64_t(pixels.view) * scene.tiles + pixels.tile;
+  const TileList list = scene.tile_list[global_tile];
+  const bool slots = kSlots && list.begin < scene.capacity;
+  float* const view_sums = gradients.sums + int64_t(pixels.view) * scene.count * kValues;
+  // This lane's share of a splat when the group is summed.
+  const int q = lane & 3;
+  const float middle_x = px - float(lane & 7) + float(4 * (q & 1)) + 1.5f;
+  const float middle_y = py[0] - float(lane >> 3) + float(q >> 1) + 3.0f;
+  uint32_t progress = 0;
+  const auto alive = [&] { return any_alive(t); };
+  const auto blend = [&](int j) {
+    const float4 p = stage.splat[j][0], q4 = stage.splat[j][1], r = stage.splat[j][2];
+    const m::Falloff<float> falloff{p.z, p.w, q4.x};
+    const float dx = px - p.x;
+#pragma unroll
+    for (int k = 0; k < 2; ++k) {
+      const float raw = raw_alpha(falloff, q4.y, dx, py[k] - p.y);
+      const float alpha = fminf(raw, float(m::kMaxAlpha));
+      const float weight = advance(alpha, &t[k]);
+      float value = g.red[k] * q4.z + g.green[k] * q4.w + g.blue[k] * r.x;
+      if (kDepth) value += g.depth[k] * r.y;
+      const float weighted = weight * value;
+      g.behind[k] -= weighted;
+      const float on_alpha = weighted - __fdividef(g.behind[k] * alpha, 1.0f - alpha);
+      const bool counts = weight > 0.0f && raw <= float(m::kMaxAlpha);
+      const int at = (j % kGroup) * kSplatStride + lane + 32 * k;
+      sums.u[at] = counts ? on_alpha : 0.0f;
+      sums.weight[at] = weight;
+    }
+  };
+  const auto flush = [&](int first, int count) {
+    __syncwarp();
+    const int j = lane >> 2;
+    const bool active = j < count;
+    const int from = first + (active ? j : 0);
+    const float4 p = stage.splat[from][0];
+    float values[kValues];
+    sum_splat<kDepth>(sums, grads[pixels.quarter], active ? j : 0, q, middle_x - p.x,
+                      middle_y - p.y, values);
+    if (active) {
+      float* out;
+      if (slots) {
+        const int64_t slot = (int64_t(list.begin) + stage.position[from]) * 4 + pixels.quarter;
+        out = gradients.slots + slot * kValues;
+        for (int k = 0; k < 2; ++k) out[2 * q + k] = values[k];
+        for (int k = 8; k < kValues; ++k) {
+          if (q == k - 8) out[k] = values[k];
+        }
+        progress = stage.position[first + count - 1] + 1;
+      } else {
+        out = view_sums + int64_t(stage.entry[from] >> kMaskBits) * kValues;
+        for (int k = 0; k < 2; ++k) atomicAdd(out + 2 * q + k, values[k]);
+        for (int k = 8; k < kValues; ++k) {
+          if (q == k - 8) atomicAdd(out + k, values[k]);
+        }
+      }
+    }
+    __syncwarp();
+  };
+  stream_tile(scene, pixels, stage, round, reinterpret_cast<uint64_t*>(all_sums), alive, blend,
+              flush);
+  if (slots && lane == 0) gradients.progress[global_tile * 4 + pixels.quarter] = progress;
+}
+
+// ---- deterministic gather ---------------------------------------------------------------------
+
+/// Position of a Gaussian in a sorted list that holds it.
+__device__ __forceinline__ uint32_t find_in_list(const uint32_t* entries, uint32_t count,
+                                                 const Splat* splats, float depth, uint32_t index) {
+  uint32_t low = 0, high = count - 1;
+  while (low < high) {
+    const uint32_t middle = (low + high) / 2, other = entries[middle] >> kMaskBits;
+    const float other_depth = splats[other].depth;
+    const bool before = other_depth < depth || (other_depth == depth && other < index);
+    low = before ? middle + 1 : low;
+    high = before ? high : middle;
+  }
+  return low;
+}
+
+constexpr int kGatherThreads = 128;
+
+template <bool kDepth>
+__global__ void __launch_bounds__(kGatherThreads)
+    gather_kernel(const __grid_constant__ Scene scene,
+                  const __grid_constant__ Gradients gradients) {
+  constexpr int kValues = kSums + kDepth;
+  const int index = blockIdx.x * kGatherThreads + threadIdx.x, view = blockIdx.y;
+  if (index >= scene.count) return;
+  const Splat* const splats = scene.splats + int64_t(view) * scene.count;
+  const Splat splat = load_splat(splats + index);
+  if (!(splat.depth > 0)) return;
+  float sums[kValues] = {};
+  const Ellipse ellipse(splat);
+  int lo, hi;
+  ellipse.rows(scene.tiles_y - 1, &lo, &hi);
+  walk_rows(ellipse, lo, hi, 1, scene, [&](int tile, uint32_t mask) {
+    const int64_t global_tile = int64_t(view) * scene.tiles + tile;
+    const TileList list = scene.tile_list[global_tile];
+    if (list.begin >= scene.capacity) return;
+    const auto* const entries = reinterpret_cast<const uint32_t*>(scene.keys + list.begin);
+    const uint32_t at = find_in_list(entries, list.count, splats, splat.depth, index);
+    for (int quarter = 0; quarter < 4; ++quarter) {
+      if ((mask >> quarter & 1) == 0) continue;
+      if (at >= gradients.progress[global_tile * 4 + quarter]) continue;
+      const float* const slot =
+          gradients.slots + ((int64_t(list.begin) + at) * 4 + quarter) * kValues;
+      for (int k = 0; k < kValues; ++k) sums[k] += slot[k];
+    }
+  });
+  float* const out = gradients.sums + (int64_t(view) * scene.count + index) * kValues;
+  for (int k = 0; k < kValues; ++k) out[k] += sums[k];
+}
+
+}  // namespace
+
+void launch_blend(const Scene& scene, const Images& images, cudaStream_t stream) {
+  const int blocks = scene.views * scene.tiles;
+  if (images.depth_sum != nullptr) {
+    blend_kernel<true><<<blocks, kBlendThreads, 0, stream>>>(scene, images);
+  } else {
+    blend_kernel<false><<<blocks, kBlendThreads, 0, stream>>>(scene, images);
+  }
+}
+
+void launch_blend_adjoint(const Scene& scene, const ImageGradients& images,
+                          const Gradients& gradients, cudaStream_t stream) {
+  const int blocks = scene.views * scene.tiles;
+  const bool slots = gradients.slots != nullptr;
+  if (gradients.with_depth) {
+    if (slots) {
+      blend_adjoint_kernel<true, true>
+          <<<blocks, kBlendThreads, 0, stream>>>(scene, images, gradients);
+    } else {
+      blend_adjoint_kernel<true, false>
+          <<<blocks, kBlendThreads, 0, stream>>>(scene, images, gradients);
+    }
+  } else if (slots) {
+    blend_adjoint_kernel<false, true>
+        <<<blocks, kBlendThreads, 0, stream>>>(scene, images, gradients);
+  } else {
+    blend_adjoint_kernel<false, false>
+        <<<blocks, kBlendThreads, 0, stream>>>(scene, images, gradients);
+  }
+}
+
+void launch_gather(const Scene& scene, const Gradients& gradients, cudaStream_t stream) {
+  if (scene.count == 0) return;
+  const dim3 blocks((scene.count + kGatherThreads - 1) / kGatherThreads, scene.views);
+  if (gradients.with_depth) {
+    gather_kernel<true><<<blocks, kGatherThreads, 0, stream>>>(scene, gradients);
+  } else {
+    gather_kernel<false><<<blocks, kGatherThreads, 0, stream>>>(scene, gradients);
+  }
+}
+
+}  // namespace jade::splat::cuda

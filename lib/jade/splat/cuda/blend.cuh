@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: Apache-2.0
+// What both blending passes share: a warp's pixels and its walk through a tile's list.
+#pragma once
+
+#include "jade/splat/cuda/unlisted.cuh"
+#include "jade/splat/math/blend.h"
+
+namespace jade::splat::cuda {
+
+constexpr int kGroup = 8;  ///< splats between two looks at what is done
+
+/// Splats on their way from memory to a warp's pixels.
+struct WarpStage {
+  float4 splat[32][3];
+  uint32_t entry[64];     ///< waiting to be loaded
+  uint32_t position[64];  ///< in the tile's list; deterministic passes only
+};
+
+/// 2^e for −8 ≤ e ≤ 0: the special function unit's own accuracy, 2 ulp, is enough.
+__device__ __forceinline__ float fast_exp2(float e) {
+  float value;
+  asm("ex2.approx.ftz.f32 %0, %1;" : "=f"(value) : "f"(e));
+  return value;
+}
+
+/// One block's tile and one lane's two pixels: a column of the warp's quarter, four rows apart.
+struct Pixels {
+  int view, tile, tile_x, tile_y, quarter;
+  int x, y[2];
+  bool inside[2];
+  int64_t offset[2];  ///< in a plane of the view's image
+
+  __device__ explicit Pixels(const Scene& scene) {
+    const int global_tile = scene.tile_order[blockIdx.x], lane = threadIdx.x & 31;
+    view = global_tile / scene.tiles;
+    tile = global_tile - view * scene.tiles;
+    tile_y = tile / scene.tiles_x;
+    tile_x = tile - tile_y * scene.tiles_x;
+    quarter = threadIdx.x >> 5;
+    x = tile_x * kTile + (quarter & 1) * kSubtile + (lane & 7);
+    for (int k = 0; k < 2; ++k) {
+      y[k] = tile_y * kTile + (quarter >> 1) * kSubtile + (lane >> 3) + 4 * k;
+      inside[k] = x < scene.width && y[k] < scene.height;
+      offset[k] = int64_t(y[k]) * scene.width + x;
+    }
+  }
+};
+
+/// Streams the splats of a list that reach the warp's quarter through `stage`, in order.
+/// blend(j) takes the splat at stage.splat[j]; after every eight or fewer flush(first, how many)
+/// ends the group, and alive() is asked before each group.
+/// Returns whether a pixel was still alive at the end.
+template <class Alive, class Blend, class Flush>
+__device__ __forceinline__ bool stream(const uint32_t* list, int count, int quarter,
+                                       const Splat* splats, WarpStage& stage, const Alive& alive,
+                                       const Blend& blend, const Flush& flush) {
+  const int lane = threadIdx.x & 31;
+  const uint32_t before = (1u << lane) - 1;
+  int waiting = 0;
+  uint32_t entry = lane < count ? list[lane] : 0;
+  for (int base = 0; base < count || waiting > 0; base += 32) {
+    const uint32_t now = entry;
+    entry = base + 32 + lane < count ? list[base + 32 + lane] : 0;
+    const bool hit = now >> quarter & 1;
+    const uint32_t hits = __ballot_sync(~0u, hit);
+    if (hit) {
+      stage.entry[waiting + __popc(hits & before)] = now;
+      stage.position[waiting + __popc(hits & before)] = base + lane;
+    }
+    waiting += __popc(hits);
+    __syncwarp();
+    const int ready = base + 32 >= count ? min(waiting, 32) : waiting & 32;
+    if (ready == 0) continue;
+    uint32_t later_entry = 0, later_position = 0;
+    if (lane < ready) {
+      const float4* const source =
+          reinterpret_cast<const float4*>(splats + (stage.entry[lane] >> kMaskBits));
+      for (int k = 0; k < 3; ++k) stage.splat[lane][k] = __ldg(source + k);
+    }
+    if (lane + 32 < waiting) {
+      later_entry = stage.entry[lane + 32];
+      later_position = stage.position[lane + 32];
+    }
+    __syncwarp();
+    for (int begin = 0; begin < ready; begin += kGroup) {
+      if (!alive()) return false;
+      const int end = min(begin + kGroup, ready);
+      for (int j = begin; j < end; ++j) blend(j);
+      flush(begin, end - begin);
+    }
+    __syncwarp();
+    waiting -= ready;
+    if (lane < waiting) {
+      stage.entry[lane] = later_entry;
+      stage.position[lane] = later_position;
+    }
+    __syncwarp();
+  }
+  return alive();
+}
+
+/// Streams the whole tile, listed or not.
+template <class Alive, class Blend, class Flush>
+__device__ __forceinline__ void stream_tile(const Scene& scene, const Pixels& pixels,
+                                            WarpStage& stage, RoundShared& round,
+                                            uint64_t* round_keys, const Alive& alive,
+                                            const Blend& blend, const Flush& flush) {
+  const TileList list = scene.tile_list[pixels.view * scene.tiles + pixels.tile];
+  const Splat* const splats = scene.splats + int64_t(pixels.view) * scene.count;
+  if (list.count == 0) return;
+  if (list.begin < scene.capacity) {
+    const auto* const entries = reinterpret_cast<const uint32_t*>(scene.keys + list.begin);
+    stream(entries, int(list.count), pixels.quarter, splats, stage, alive, blend, flush);
+    return;
+  }
+  uint64_t last = 0;
+  for (;;) {
+    const int found =
+        select_round(scene, pixels.view, pixels.tile_x, pixels.tile_y, round, round_keys, &last);
+    const bool on =
+        stream(round.entries, found, pixels.quarter, splats, stage, alive, blend, flush);
+    if (__syncthreads_or(on && found == kRound) == 0) return;
+  }
+}
+
+}  // namespace jade::splat::cuda

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+// How many instances to make room for, learnt from earlier calls without waiting for the device.
+#pragma once
+
+#include <cstdint>
+
+namespace jade::splat::cuda {
+
+/// What one image size of one device needed so far. Calls of one size share an object.
+class InstanceBudget {
+ public:
+  /// The budget of a device and batch shape. Lives for ever.
+  static InstanceBudget& of(int device, int64_t views, int64_t width, int64_t height);
+
+  /// False until a count has arrived.
+  bool known();
+  /// Room for N Gaussians: a quarter more than the most that N ever needed.
+  int64_t capacity(int64_t gaussians);
+  void learn(uint64_t instances, uint64_t gaussians);
+  /// 16 bytes of page-locked memory to which the device may copy {instances, gaussians} at any
+  /// time; later calls read them.
+  void* inbox() { return const_cast<uint64_t*>(inbox_); }
+
+ private:
+  InstanceBudget();
+  void read_inbox();
+  double per_gaussian_ = -1;
+  volatile uint64_t* inbox_ = nullptr;
+};
+
+/// For tests: a fixed capacity for every call, or −1 for the usual one.
+void set_instance_capacity_for_test(int64_t capacity);
+int64_t instance_capacity_for_test();
+
+}  // namespace jade::splat::cuda

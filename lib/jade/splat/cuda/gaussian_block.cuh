@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+// A block's Gaussians and cameras: parameters are read once, coalesced, for all views.
+#pragma once
+
+#include "jade/splat/cuda/tile_walk.cuh"
+#include "jade/splat/math/projection.h"
+#include "jade/splat/math/sh.h"
+
+namespace jade::splat::cuda {
+
+constexpr int kShRow = 49;        ///< 16 coefficients of 3 channels, padded against bank conflicts
+constexpr int kCameraChunk = 16;  ///< cameras in shared memory at a time
+
+/// Copies [count, 3 · stride] coefficients of the block's Gaussians to rows of kShRow, the first
+/// `used` of each. Threads must meet at a barrier before they read.
+__device__ __forceinline__ void stage_sh(const Scene& scene, int first, int used, float* rows) {
+  const int width = 3 * scene.sh_stride;
+  const int count = min(int(blockDim.x), scene.count - first);
+  const float* const source = scene.sh + int64_t(first) * width;
+  if (width == 48 && used == 48) {
+    for (int i = threadIdx.x; i < count * 12; i += blockDim.x) {
+      const float4 value = __ldg(reinterpret_cast<const float4*>(source) + i);
+      float* const out = rows + (i / 12) * kShRow + (i % 12) * 4;
+      out[0] = value.x;
+      out[1] = value.y;
+      out[2] = value.z;
+      out[3] = value.w;
+    }
+    return;
+  }
+  for (int i = threadIdx.x; i < count * width; i += blockDim.x) {
+    const int column = i % width;
+    if (column < used) rows[(i / width) * kShRow + column] = __ldg(source + i);
+  }
+}
+
+/// Cameras first … first + kCameraChunk − 1 into shared memory. Call between barriers.
+__device__ __forceinline__ void stage_cameras(const Scene& scene, int first,
+                                              m::Camera<float>* cameras) {
+  const int view = first + threadIdx.x;
+  if (threadIdx.x < kCameraChunk && view < scene.views) {
+    cameras[threadIdx.x] =
+        m::make_camera<float>(scene.camera_from_world + 16 * view, scene.intrinsics + 4 * view,
+                              scene.width, scene.height);
+  }
+}
+
+/// Loads one Gaussian; unusable ones become a harmless unit Gaussian. `sh` is this thread's row.
+template <int kDegree>
+__device__ __forceinline__ bool load_gaussian(const Scene& scene, int index, const float* sh,
+                                              m::RawShape<float>* raw) {
+  bool usable = index < scene.count;
+  if (usable) {
+    for (int k = 0; k < 3; ++k) raw->mean[k] = __ldg(scene.means + 3ll * index + k);
+    for (int k = 0; k < 3; ++k) raw->log_scale[k] = __ldg(scene.log_scales + 3ll * index + k);
+    for (int k = 0; k < 4; ++k) raw->quaternion[k] = __ldg(scene.rotations + 4ll * index + k);
+    raw->logit_opacity = __ldg(scene.logit_opacities + index);
+    float poison = 0;  // stays 0 unless a coefficient is not finite
+    for (int k = 0; k < 3 * m::sh_count(kDegree); ++k) poison += sh[k] * 0.0f;
+    usable = m::is_usable(*raw) && m::within(poison, 0.0f);
+  }
+  if (!usable) {
+    for (int k = 0; k < 3; ++k) raw->mean[k] = raw->log_scale[k] = 0;
+    for (int k = 0; k < 4; ++k) raw->quaternion[k] = k == 0;
+    raw->logit_opacity = 0;
+  }
+  return usable;
+}
+
+/// Calls run(std::integral_constant degree) for the scene's degree.
+template <class Run>
+void with_degree(int degree, const Run& run) {
+  switch (degree) {
+    case 0:
+      return run(std::integral_constant<int, 0>());
+    case 1:
+      return run(std::integral_constant<int, 1>());
+    case 2:
+      return run(std::integral_constant<int, 2>());
+    default:
+      return run(std::integral_constant<int, 3>());
+  }
+}
+
+}  // namespace jade::splat::cuda

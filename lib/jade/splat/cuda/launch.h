@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+// The kernels as functions: each enqueues its work on `stream` and returns at once.
+#pragma once
+
+#include <cuda_runtime_api.h>
+
+#include "jade/splat/cuda/layout.h"
+
+namespace jade::splat::cuda {
+
+/// All views: screen records and the number of instances of each tile.
+void launch_project(const Scene& scene, cudaStream_t stream);
+/// Cuts `keys` into the tiles' lists and orders the tiles, longest list first.
+void launch_plan(const Scene& scene, long long* rejected, cudaStream_t stream);
+/// Writes the instances into the lists and sorts each by (depth, index).
+void launch_fill(const Scene& scene, cudaStream_t stream);
+void launch_blend(const Scene& scene, const Images& images, cudaStream_t stream);
+
+/// Sums over pixels into `gradients.sums`, or into slots if those are set.
+void launch_blend_adjoint(const Scene& scene, const ImageGradients& images,
+                          const Gradients& gradients, cudaStream_t stream);
+/// From slots to sums, always in the same order.
+void launch_gather(const Scene& scene, const Gradients& gradients, cudaStream_t stream);
+/// From sums to parameter, camera and background gradients and statistics.
+void launch_project_adjoint(const Scene& scene, const Gradients& gradients, cudaStream_t stream);
+
+}  // namespace jade::splat::cuda

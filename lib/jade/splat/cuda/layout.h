@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the kernels of the CUDA backend hand to each other. Plain memory: no torch here.
+#pragma once
+
+#include <cstdint>
+
+namespace jade::splat::cuda {
+
+constexpr int kTile = 16;               ///< px; one block blends one tile of one view
+constexpr int kSubtile = 8;             ///< px; one warp blends one quarter of a tile
+constexpr int kMaskBits = 4;            ///< of an entry: which quarters of the tile a splat reaches
+constexpr int kMaxGaussians = 1 << 28;  ///< an entry is index << kMaskBits | mask in 32 bits
+constexpr int kSums = 9;  ///< per splat: 6 moments, 3 colour sums; a depth sum follows
+
+/// A Gaussian on the screen of one view: three 16-byte loads. `depth` is 0 where it is not drawn.
+struct alignas(16) Splat {
+  float x, y, a, b;  ///< mean, px; falloff (math/blend.h)
+  float c, log2_opacity, red, green;
+  float blue, depth, slope, shrink;  ///< the last two: rows of the ellipse (math/tile.h)
+};
+
+/// A tile's list and the counters it is made with. One 32-byte sector each: atomics on neighbours
+/// in one sector would wait for each other. A tile whose list did not fit has begin >= capacity.
+struct alignas(32) TileList {
+  uint32_t count;  ///< zeroed before the pass
+  uint32_t begin;
+  uint32_t next;  ///< where the next instance goes
+};
+
+/// Counters of one forward pass, zeroed before it.
+struct Counters {
+  unsigned long long instances;  ///< (view, tile, Gaussian) triples, whether they fitted or not
+  unsigned long long gaussians;
+  unsigned long long rejected;
+  unsigned int done_blocks;
+  unsigned int padding;
+};
+
+/// Everything a kernel wants to know about one call. Passed by value.
+struct Scene {
+  const float *means, *rotations, *log_scales, *logit_opacities, *sh;
+  const float *camera_from_world, *intrinsics, *background;
+  int count, views, width, height;
+  int sh_stride;  ///< coefficients in memory
+  int sh_degree;
+  float near_plane;
+  bool antialiased;
+
+  int tiles_x, tiles_y, tiles;  ///< of one view
+  uint32_t capacity;            ///< of `keys`
+  Splat* splats;                ///< [views, count]
+  uint64_t* keys;  ///< depth bits << 32 | entry; after the sort 32-bit entries, each list in place
+  TileList* tile_list;   ///< [views, tiles]
+  uint32_t* tile_order;  ///< longest lists first
+  Counters* counters;
+};
+
+struct Images {
+  float *color, *alpha, *depth_sum;  ///< depth_sum may be null
+  long long* rejected;
+};
+
+struct ImageGradients {
+  const float *color, *alpha, *depth_sum;                 ///< the forward pass's images
+  const float *grad_color, *grad_alpha, *grad_depth_sum;  ///< may be null
+};
+
+struct Gradients {
+  float *means, *rotations, *log_scales, *logit_opacities, *sh;
+  float* camera_from_world;                              ///< [views,4,4] or null
+  float* background;                                     ///< [3]
+  float *gradient_norm, *visible_count, *max_radius_px;  ///< null: no statistics
+  int statistics_view;
+
+  float* sums;                ///< [views, count, kSums (+ 1 with depth)], zeroed
+  float* camera_sums;         ///< [views, 12], zeroed
+  float* background_sums;     ///< [3], zeroed
+  unsigned int* done_blocks;  ///< zeroed
+  bool with_depth;
+
+  // Deterministic passes only.
+  float* slots;               ///< [instances, 4 quarters, kSums (+ 1)]
+  uint32_t* progress;         ///< [views, tiles, 4]: entries that the quarter's warp got through
+  float* camera_partial;      ///< [blocks, views, 12]
+  float* background_partial;  ///< [views, tiles, 3]
+};
+
+constexpr int kAdjointThreads = 64;  ///< Gaussians per block of the projection's adjoint
+
+}  // namespace jade::splat::cuda
