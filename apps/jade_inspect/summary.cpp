@@ -83,8 +83,10 @@ void print_events(const Inspection& inspection) {
   }
   std::printf(
       "thresholds  about %.2f (positive) and %.2f (negative) in log(I + %.4g), fitted to the "
-      "change between blurry frames;\n            %.0f %% of it stays unexplained, and "
-      "noise biases the fit low\n",
+      "change "
+      "between\n            blurry frames, %.0f %% of which stays unexplained: a start for a "
+      "search, "
+      "no calibration\n",
       t.thresholds.positive, t.thresholds.negative, inspection.log_offset, 100 * t.unexplained);
 }
 

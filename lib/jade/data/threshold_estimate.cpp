@@ -34,7 +34,8 @@ View view_of(const Exposure& exposure, double log_offset) {
   const torch::Tensor gray = imaging::gray(exposure.blurry).to(torch::kFloat64).flatten();
   const auto maps =
       events::map_exposure(exposure.events, {exposure.t_start_us, exposure.t_end_us}, 6, size);
-  return {(gray + log_offset).log(), (gray > kDark) & (gray < kBright),
+  // Dark pixels are not used, yet their logarithm must stay finite.
+  return {(gray.clamp_min(kDark) + log_offset).log(), (gray > kDark) & (gray < kBright),
           maps.windows.positive.to(torch::kFloat64).flatten(1),
           maps.windows.negative.to(torch::kFloat64).flatten(1)};
 }
