@@ -70,18 +70,51 @@ __global__ void __launch_bounds__(kPlanThreads)
 
 constexpr int kEmitThreads = 256;
 
+/// Instances of one thread that have no slot yet, in registers.
+struct PendingInstances {
+  static constexpr int kMost = 4;
+  uint64_t keys[kMost];
+  int tiles[kMost];
+  int count = 0;
+
+  __device__ __forceinline__ void push(uint64_t key, int tile) {
+#pragma unroll
+    for (int k = 0; k < kMost; ++k) {
+      keys[k] = k == count ? key : keys[k];
+      tiles[k] = k == count ? tile : tiles[k];
+    }
+    ++count;
+  }
+  __device__ __forceinline__ void write(const Scene& scene, TileList* lists) {
+    uint32_t slots[kMost];
+#pragma unroll
+    for (int k = 0; k < kMost; ++k) {
+      if (k < count) slots[k] = atomicAdd(&lists[tiles[k]].next, 1u);
+    }
+#pragma unroll
+    for (int k = 0; k < kMost; ++k) {
+      if (k < count && slots[k] < scene.capacity) scene.keys[slots[k]] = keys[k];
+    }
+    count = 0;
+  }
+};
+
 __global__ void __launch_bounds__(kEmitThreads) emit_kernel(const __grid_constant__ Scene scene) {
   // Neighbouring blocks work on different views, so that their atomics meet on fewer counters.
   const int view = blockIdx.x % scene.views;
   const int index = blockIdx.x / scene.views * kEmitThreads + threadIdx.x;
   Splat splat{};
   if (index < scene.count) splat = load_splat(scene.splats + int64_t(view) * scene.count + index);
+  // A few instances are collected before their slots are asked for: the answers then take as long
+  // together as one would.
   TileList* const lists = scene.tile_list + view * scene.tiles;
+  PendingInstances pending;
   walk_tiles(splat, splat.depth > 0, index, scene,
              [&](float depth, int gaussian, int tile, uint32_t mask) {
-               const uint32_t slot = atomicAdd(&lists[tile].next, 1u);
-               if (slot < scene.capacity) scene.keys[slot] = make_key(depth, gaussian, mask);
+               pending.push(make_key(depth, gaussian, mask), tile);
+               if (pending.count == PendingInstances::kMost) pending.write(scene, lists);
              });
+  pending.write(scene, lists);
 }
 
 // ---- sort -------------------------------------------------------------------------------------

@@ -39,8 +39,8 @@ __global__ void __launch_bounds__(kBlendThreads)
   __shared__ uint64_t round_keys[kRoundKeys];
   const Pixels pixels(scene);
   WarpStage& stage = stages[pixels.quarter];
-  const float px = float(pixels.x) + 0.5f;
-  const float py[2] = {float(pixels.y[0]) + 0.5f, float(pixels.y[1]) + 0.5f};
+  const float px[2] = {float(pixels.x[0]) + 0.5f, float(pixels.x[1]) + 0.5f};
+  const float py = float(pixels.y) + 0.5f;
   float t[2], red[2] = {0, 0}, green[2] = {0, 0}, blue[2] = {0, 0};
   float depth[2] = {0, 0};
   for (int k = 0; k < 2; ++k) t[k] = first_transmittance(pixels.inside[k]);
@@ -50,10 +50,10 @@ __global__ void __launch_bounds__(kBlendThreads)
       [&](int j) {
         const float4 p = stage.splat[j][0], q = stage.splat[j][1], r = stage.splat[j][2];
         const m::Falloff<float> falloff{p.z, p.w, q.x};
-        const float dx = px - p.x;
+        const float dy = py - p.y;
 #pragma unroll
         for (int k = 0; k < 2; ++k) {
-          const float raw = raw_alpha(falloff, q.y, dx, py[k] - p.y);
+          const float raw = raw_alpha(falloff, q.y, px[k] - p.x, dy);
           const float weight = advance(fminf(raw, float(m::kMaxAlpha)), &t[k]);
           red[k] = fmaf(weight, q.z, red[k]);
           green[k] = fmaf(weight, q.w, green[k]);
@@ -213,14 +213,14 @@ __global__ void __launch_bounds__(kBlendThreads, kDepth || kSlots ? 5 : 6)
   PixelGradients g = load_gradients<kDepth>(scene, pixels, images, background);
   add_background(scene, pixels, gradients, background, warp_background);
   for (int k = 0; k < 2; ++k) {
-    grads[pixels.quarter][0][lane + 32 * k] = g.red[k];
-    grads[pixels.quarter][1][lane + 32 * k] = g.green[k];
-    grads[pixels.quarter][2][lane + 32 * k] = g.blue[k];
-    if (kDepth) grads[pixels.quarter][2 + kDepth][lane + 32 * k] = g.depth[k];
+    grads[pixels.quarter][0][2 * lane + k] = g.red[k];
+    grads[pixels.quarter][1][2 * lane + k] = g.green[k];
+    grads[pixels.quarter][2][2 * lane + k] = g.blue[k];
+    if (kDepth) grads[pixels.quarter][2 + kDepth][2 * lane + k] = g.depth[k];
   }
 
-  const float px = float(pixels.x) + 0.5f;
-  const float py[2] = {float(pixels.y[0]) + 0.5f, float(pixels.y[1]) + 0.5f};
+  const float px[2] = {float(pixels.x[0]) + 0.5f, float(pixels.x[1]) + 0.5f};
+  const float py = float(pixels.y) + 0.5f;
   float t[2];
   for (int k = 0; k < 2; ++k) t[k] = first_transmittance(pixels.inside[k]);
   const int64_t global_tile = int64_t(pixels.view) * scene.tiles + pixels.tile;
@@ -229,17 +229,18 @@ __global__ void __launch_bounds__(kBlendThreads, kDepth || kSlots ? 5 : 6)
   float* const view_sums = gradients.sums + int64_t(pixels.view) * scene.count * kValues;
   // This lane's share of a splat when the group is summed.
   const int q = lane & 3;
-  const float middle_x = px - float(lane & 7) + float(4 * (q & 1)) + 1.5f;
-  const float middle_y = py[0] - float(lane >> 3) + float(q >> 1) + 3.0f;
+  const float middle_x = px[0] - float(2 * (lane & 3)) + float(4 * (q & 1)) + 1.5f;
+  const float middle_y = py - float(lane >> 2) + float(q >> 1) + 3.0f;
   uint32_t progress = 0;
   const auto alive = [&] { return any_alive(t); };
   const auto blend = [&](int j) {
     const float4 p = stage.splat[j][0], q4 = stage.splat[j][1], r = stage.splat[j][2];
     const m::Falloff<float> falloff{p.z, p.w, q4.x};
-    const float dx = px - p.x;
+    const float dy = py - p.y;
+    float u[2], weights[2];
 #pragma unroll
     for (int k = 0; k < 2; ++k) {
-      const float raw = raw_alpha(falloff, q4.y, dx, py[k] - p.y);
+      const float raw = raw_alpha(falloff, q4.y, px[k] - p.x, dy);
       const float alpha = fminf(raw, float(m::kMaxAlpha));
       const float weight = advance(alpha, &t[k]);
       float value = g.red[k] * q4.z + g.green[k] * q4.w + g.blue[k] * r.x;
@@ -248,10 +249,12 @@ __global__ void __launch_bounds__(kBlendThreads, kDepth || kSlots ? 5 : 6)
       g.behind[k] -= weighted;
       const float on_alpha = weighted - __fdividef(g.behind[k] * alpha, 1.0f - alpha);
       const bool counts = weight > 0.0f && raw <= float(m::kMaxAlpha);
-      const int at = (j % kGroup) * kSplatStride + lane + 32 * k;
-      sums.u[at] = counts ? on_alpha : 0.0f;
-      sums.weight[at] = weight;
+      u[k] = counts ? on_alpha : 0.0f;
+      weights[k] = weight;
     }
+    const int at = (j % kGroup) * kSplatStride + 2 * lane;
+    *reinterpret_cast<float2*>(sums.u + at) = make_float2(u[0], u[1]);
+    *reinterpret_cast<float2*>(sums.weight + at) = make_float2(weights[0], weights[1]);
   };
   const auto flush = [&](int first, int count) {
     __syncwarp();

@@ -23,10 +23,10 @@ __device__ __forceinline__ float fast_exp2(float e) {
   return value;
 }
 
-/// One block's tile and one lane's two pixels: a column of the warp's quarter, four rows apart.
+/// One block's tile and one lane's two pixels, side by side in the warp's quarter.
 struct Pixels {
   int view, tile, tile_x, tile_y, quarter;
-  int x, y[2];
+  int x[2], y;
   bool inside[2];
   int64_t offset[2];  ///< in a plane of the view's image
 
@@ -37,11 +37,11 @@ struct Pixels {
     tile_y = tile / scene.tiles_x;
     tile_x = tile - tile_y * scene.tiles_x;
     quarter = threadIdx.x >> 5;
-    x = tile_x * kTile + (quarter & 1) * kSubtile + (lane & 7);
+    y = tile_y * kTile + (quarter >> 1) * kSubtile + (lane >> 2);
     for (int k = 0; k < 2; ++k) {
-      y[k] = tile_y * kTile + (quarter >> 1) * kSubtile + (lane >> 3) + 4 * k;
-      inside[k] = x < scene.width && y[k] < scene.height;
-      offset[k] = int64_t(y[k]) * scene.width + x;
+      x[k] = tile_x * kTile + (quarter & 1) * kSubtile + 2 * (lane & 3) + k;
+      inside[k] = x[k] < scene.width && y < scene.height;
+      offset[k] = int64_t(y) * scene.width + x[k];
     }
   }
 };
