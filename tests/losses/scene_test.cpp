@@ -67,7 +67,7 @@ TEST_CASE("scene_loss: a disabled term is absent and its inputs are not needed",
   SceneLossInputs in = inputs(renders());
   SceneLossOptions options;
   options.edi_supervision = options.simulation = options.intensity = false;
-  in.edi_factors = {};
+  in.edi_factors = torch::Tensor();
   in.target.reset();
   CHECK(names(scene_loss(in, kLate, options)) == std::set<std::string>{"blur"});
   options.blur = false;

@@ -177,7 +177,7 @@ TEST_CASE("ply: foreign files are refused with what was expected", "[scene]") {
 
 TEST_CASE("ply: a text where a number should be is named", "[scene]") {
   const test::TempDir folder;
-  std::string content = shuffled_file(random_gaussians(1, 1), "ascii");
+  std::string content = shuffled_file(random_gaussians(1, 4), "ascii");
   const size_t data = content.find("2 7 8\n") + 6;
   content.replace(data, 1, "q");
   write_file(folder / "a.ply", content);

@@ -6,10 +6,7 @@
 #include "jade/core/random.h"
 #include "jade/scene/gaussian_model.h"
 
-namespace jade::scene::test {
-
-using namespace jade::test;  // NOLINT: shared test support
-
+namespace jade::test {
 /// Plausible Gaussians, the same for the same arguments.
 inline splat::Gaussians random_gaussians(int64_t count, int64_t coefficients, uint64_t seed = 1) {
   at::Generator generator = make_generator(seed, "test Gaussians");
@@ -25,4 +22,4 @@ inline splat::Gaussians random_gaussians(int64_t count, int64_t coefficients, ui
   return g;
 }
 
-}  // namespace jade::scene::test
+}  // namespace jade::test

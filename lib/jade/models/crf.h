@@ -23,7 +23,8 @@ void describe(V& v, CrfOptions& o) {
 
 /// The camera response φ(x) = sigmoid(0.1 · MLP(x) + x), a scalar map applied to every channel
 /// value, with MLP 1→16→16→16→1 and ReLU between. It starts as a fit of the identity on [0,1],
-/// from a fixed seed: always the same one.
+/// from a fixed seed: always the same one. The inherited recipe stops 0.007 from the identity on
+/// average and 0.034 at worst (near 0 and 1, where the sigmoid needs a logit without bound).
 ///
 /// Whole images go through φ several times a step, yet φ is a function of one number: forward()
 /// reads it from a table of φ at 4097 knots over [0,2] and interpolates linearly, which differs
