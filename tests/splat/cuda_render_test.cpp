@@ -8,6 +8,9 @@
 #include "jade/splat/render.h"
 #include "support/splat_scenes.h"
 #ifdef JADE_WITH_CUDA
+#include <ATen/cuda/CUDAGraph.h>
+#include <c10/cuda/CUDAGuard.h>
+
 #include "jade/splat/cuda/capacity.h"
 #endif
 
@@ -317,5 +320,39 @@ TEST_CASE("cuda: many views in one call", "[splat][cuda]") {
   options.dtype = torch::kFloat32;
   const SplatScene scene = make_splat_scene(options);
   check_outcomes(run(scene, {}, kGpu), run(scene, {}, torch::kCPU));
+}
+
+TEST_CASE("cuda: a captured graph of both passes replays with new parameters", "[splat][cuda]") {
+  SplatScene scene = move(scene_of(2000, 101, 67), kGpu, torch::kFloat32);
+  require_gradients(scene.gaussians);
+  Tensor& means = scene.gaussians.means;
+  const Tensor cotangent =
+      torch::randn({scene.cameras.camera_from_world.size(0), 3, 67, 101}).to(kGpu);
+  Tensor color;
+  const auto step = [&] {
+    for (Tensor& p : parameters(scene.gaussians)) p.mutable_grad().reset();
+    color = splat::render(scene.gaussians, scene.cameras, {}).color;
+    color.backward(cotangent);
+  };
+  const c10::cuda::CUDAStream stream = c10::cuda::getStreamFromPool();
+  const c10::cuda::CUDAStreamGuard guard(stream);
+  step();
+  step();
+  torch::cuda::synchronize();
+  at::cuda::CUDAGraph graph;
+  graph.capture_begin();
+  step();
+  graph.capture_end();
+  const Tensor captured_color = color, captured_grad = means.grad();
+  {
+    const torch::NoGradGuard no_grad;
+    means.add_(torch::randn_like(means) * 0.02);
+  }
+  graph.replay();
+  torch::cuda::synchronize();
+  const Tensor replayed_color = captured_color.clone(), replayed_grad = captured_grad.clone();
+  step();
+  CHECK(torch::equal(replayed_color, color));
+  CHECK(cosine(replayed_grad.cpu(), means.grad().cpu()) > 0.999999);
 }
 #endif

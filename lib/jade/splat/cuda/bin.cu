@@ -23,6 +23,18 @@ __device__ __forceinline__ uint32_t inclusive_scan(uint32_t value, int lane) {
   return value;
 }
 
+constexpr int kPlanLoads = 4, kPlanBatch = kPlanLoads * kPlanThreads;
+
+/// A thread's counts of a batch of tiles, all loads in flight together; 0 beyond the last tile.
+__device__ __forceinline__ void load_counts(const Scene& scene, int base, int tiles,
+                                            uint32_t* counts) {
+#pragma unroll
+  for (int k = 0; k < kPlanLoads; ++k) {
+    const int t = base + k * kPlanThreads + threadIdx.x;
+    counts[k] = t < tiles ? scene.tile_list[t].count : 0;
+  }
+}
+
 /// One block: lists are laid out in no particular order, which is invisible in the results.
 __global__ void __launch_bounds__(kPlanThreads)
     plan_kernel(const __grid_constant__ Scene scene, long long* rejected) {
@@ -32,8 +44,15 @@ __global__ void __launch_bounds__(kPlanThreads)
   if (threadIdx.x < kClasses) next_of_class[threadIdx.x] = 0;
   if (threadIdx.x == 0) total = 0;
   __syncthreads();
-  for (int t = threadIdx.x; t < tiles; t += kPlanThreads) {
-    atomicAdd(&next_of_class[length_class(scene.tile_list[t].count)], 1u);
+  for (int base = 0; base < tiles; base += kPlanBatch) {
+    uint32_t counts[kPlanLoads];
+    load_counts(scene, base, tiles, counts);
+#pragma unroll
+    for (int k = 0; k < kPlanLoads; ++k) {
+      if (base + k * kPlanThreads + threadIdx.x < tiles) {
+        atomicAdd(&next_of_class[length_class(counts[k])], 1u);
+      }
+    }
   }
   __syncthreads();
   if (threadIdx.x < 32) {
@@ -45,19 +64,24 @@ __global__ void __launch_bounds__(kPlanThreads)
     }
   }
   __syncthreads();
-  for (int base = 0; base < tiles; base += kPlanThreads) {
-    const int t = base + threadIdx.x;
-    const uint32_t count = t < tiles ? scene.tile_list[t].count : 0;
-    // A warp's lists could exceed 32 bits together only with 2^27 instances a tile.
-    const uint32_t sum = inclusive_scan(min(count, 1u << 26), lane);
-    unsigned long long begin = 0;
-    if (lane == 31) begin = atomicAdd(&total, (unsigned long long)sum);
-    begin = __shfl_sync(~0u, begin, 31) + (sum - min(count, 1u << 26));
-    if (t < tiles) {
-      const bool fits = begin + count <= scene.capacity && count < (1u << 26);
-      const uint32_t start = fits ? uint32_t(begin) : scene.capacity;
-      scene.tile_list[t].begin = scene.tile_list[t].next = start;
-      scene.tile_order[atomicAdd(&next_of_class[length_class(count)], 1u)] = t;
+  for (int base = 0; base < tiles; base += kPlanBatch) {
+    uint32_t counts[kPlanLoads];
+    load_counts(scene, base, tiles, counts);
+#pragma unroll
+    for (int k = 0; k < kPlanLoads; ++k) {
+      const int t = base + k * kPlanThreads + threadIdx.x;
+      // Longer lists than 2^26 are never listed; cut short, a warp's sum fits 32 bits.
+      const uint32_t count = counts[k], short_count = min(count, 1u << 26);
+      const uint32_t sum = inclusive_scan(short_count, lane);
+      unsigned long long begin = 0;
+      if (lane == 31) begin = atomicAdd(&total, (unsigned long long)sum);
+      begin = __shfl_sync(~0u, begin, 31) + (sum - short_count);
+      if (t < tiles) {
+        const bool fits = begin + count <= scene.capacity && count == short_count;
+        const uint32_t start = fits ? uint32_t(begin) : scene.capacity;
+        scene.tile_list[t].begin = scene.tile_list[t].next = start;
+        scene.tile_order[atomicAdd(&next_of_class[length_class(count)], 1u)] = t;
+      }
     }
   }
   __syncthreads();

@@ -13,9 +13,10 @@ constexpr int kCameraChunk = 16;  ///< cameras in shared memory at a time
 
 /// Copies [count, 3 · stride] coefficients of the block's Gaussians to rows of kShRow, the first
 /// `used` of each. Threads must meet at a barrier before they read.
-__device__ __forceinline__ void stage_sh(const Scene& scene, int first, int used, float* rows) {
+__device__ __forceinline__ void stage_sh(const Scene& scene, int first, int gaussians, int used,
+                                         float* rows) {
   const int width = 3 * scene.sh_stride;
-  const int count = min(int(blockDim.x), scene.count - first);
+  const int count = min(gaussians, scene.count - first);
   const float* const source = scene.sh + int64_t(first) * width;
   if (width == 48 && used == 48) {
     for (int i = threadIdx.x; i < count * 12; i += blockDim.x) {

@@ -11,7 +11,10 @@ namespace jade::splat::cuda {
 namespace {
 
 constexpr float kMaxColor = 1e30f;  ///< a brighter splat is culled
-constexpr int kProjectThreads = 64;
+constexpr int kProjectGaussians = 64;
+constexpr int kViewGroups =
+    3;  ///< threads that share a Gaussian's views: small scenes fill the GPU
+constexpr int kProjectThreads = kProjectGaussians * kViewGroups;
 
 /// True if some pixel centre i + ½ with 0 ≤ i < size lies in center ± half.
 __device__ __forceinline__ bool reaches_pixels(float center, float half, int size) {
@@ -48,36 +51,36 @@ __device__ __forceinline__ Splat make_splat(const Scene& scene, const m::Shape<f
 template <int kDegree>
 __global__ void __launch_bounds__(kProjectThreads)
     project_kernel(const __grid_constant__ Scene scene) {
-  __shared__ float sh_rows[kProjectThreads * kShRow];
+  __shared__ float sh_rows[kProjectGaussians * kShRow];
   __shared__ m::Camera<float> cameras[kCameraChunk];
-  const int first = blockIdx.x * kProjectThreads, index = first + threadIdx.x;
-  stage_sh(scene, first, 3 * m::sh_count(kDegree), sh_rows);
+  const int first = blockIdx.x * kProjectGaussians, row = threadIdx.x % kProjectGaussians;
+  const int index = first + row, group = threadIdx.x / kProjectGaussians;
+  stage_sh(scene, first, kProjectGaussians, 3 * m::sh_count(kDegree), sh_rows);
   __syncthreads();
-  const float* const sh = sh_rows + threadIdx.x * kShRow;
+  const float* const sh = sh_rows + row * kShRow;
   m::RawShape<float> raw;
   const bool usable = load_gaussian<kDegree>(scene, index, sh, &raw);
-  if (!usable && index < scene.count) atomicAdd(&scene.counters->rejected, 1ull);
+  if (!usable && index < scene.count && group == 0) atomicAdd(&scene.counters->rejected, 1ull);
   const m::Shape<float> shape = m::activate(raw);
-  for (int step = 0; step < scene.views; ++step) {
-    const int chunk = step / kCameraChunk * kCameraChunk;
-    if (step == chunk) {
-      __syncthreads();
-      stage_cameras(scene, chunk, cameras);
-      __syncthreads();
+  for (int chunk = 0; chunk < scene.views; chunk += kCameraChunk) {
+    const int length = min(kCameraChunk, scene.views - chunk);
+    __syncthreads();
+    stage_cameras(scene, chunk, cameras);
+    __syncthreads();
+    for (int step = group; step < length; step += kViewGroups) {
+      // Blocks start at different views, so that their atomics meet on fewer counters.
+      const int in_chunk = (step + int(blockIdx.x)) % length, view = chunk + in_chunk;
+      Splat splat{};
+      if (usable) splat = make_splat<kDegree>(scene, shape, cameras[in_chunk], sh);
+      if (index < scene.count) {
+        float4* const out =
+            reinterpret_cast<float4*>(scene.splats + int64_t(view) * scene.count + index);
+        for (int k = 0; k < 3; ++k) out[k] = reinterpret_cast<const float4*>(&splat)[k];
+      }
+      TileList* const lists = scene.tile_list + view * scene.tiles;
+      walk_tiles(splat, splat.depth > 0, index, scene,
+                 [&](float, int, int tile, uint32_t) { atomicAdd(&lists[tile].count, 1u); });
     }
-    // Blocks start at different views, so that their atomics meet on fewer counters.
-    const int view =
-        chunk + (step - chunk + int(blockIdx.x)) % min(kCameraChunk, scene.views - chunk);
-    Splat splat{};
-    if (usable) splat = make_splat<kDegree>(scene, shape, cameras[view % kCameraChunk], sh);
-    if (index < scene.count) {
-      float4* const out =
-          reinterpret_cast<float4*>(scene.splats + int64_t(view) * scene.count + index);
-      for (int k = 0; k < 3; ++k) out[k] = reinterpret_cast<const float4*>(&splat)[k];
-    }
-    TileList* const lists = scene.tile_list + view * scene.tiles;
-    walk_tiles(splat, splat.depth > 0, index, scene,
-               [&](float, int, int tile, uint32_t) { atomicAdd(&lists[tile].count, 1u); });
   }
 }
 
@@ -212,7 +215,7 @@ __global__ void __launch_bounds__(kAdjointThreads)
   __shared__ float warp_sums[2][kAdjointThreads / 32][12];
   __shared__ bool last_block;
   const int first = blockIdx.x * kAdjointThreads, index = first + threadIdx.x;
-  stage_sh(scene, first, kUsed, sh_rows);
+  stage_sh(scene, first, kAdjointThreads, kUsed, sh_rows);
   for (int i = threadIdx.x; i < kAdjointThreads * kShRow; i += kAdjointThreads) grad_rows[i] = 0;
   __syncthreads();
   const float* const sh = sh_rows + threadIdx.x * kShRow;
@@ -270,7 +273,7 @@ __global__ void __launch_bounds__(kAdjointThreads)
 }  // namespace
 
 void launch_project(const Scene& scene, cudaStream_t stream) {
-  const int blocks = (scene.count + kProjectThreads - 1) / kProjectThreads;
+  const int blocks = (scene.count + kProjectGaussians - 1) / kProjectGaussians;
   if (blocks == 0) return;
   with_degree(scene.sh_degree, [&](auto degree) {
     project_kernel<decltype(degree)::value><<<blocks, kProjectThreads, 0, stream>>>(scene);
