@@ -34,28 +34,41 @@ JADE_HD m::Camera<P> load_camera(const T* values) {
   return camera;
 }
 
-/// Gathers `width` ≤ 48 values of each of the lanes' Gaussians: lane l is Gaussian
+/// Gathers kWidth values of each of the lanes' Gaussians: lane l is Gaussian
 /// first + min(l, last). All scalars are stored before the first pack is read, as a pack cannot be
 /// read while its scalars are still on their way to the cache.
-template <class P, class T = typename P::Scalar>
-JADE_HD void load_lanes(const T* source, int64_t stride, int width, int64_t first, int last,
-                        P* out) {
-  alignas(64) T buffer[48][P::kLanes];
+template <int kWidth, class P, class T = typename P::Scalar>
+JADE_HD void load_lanes(const T* source, int64_t stride, int64_t first, int last, P* out) {
+  alignas(64) T buffer[kWidth][P::kLanes];
   for (int l = 0; l < P::kLanes; ++l) {
     const T* const row = source + (first + (l < last ? l : last)) * stride;
-    for (int k = 0; k < width; ++k) buffer[k][l] = row[k];
+    for (int k = 0; k < kWidth; ++k) buffer[k][l] = row[k];
   }
-  for (int k = 0; k < width; ++k) out[k] = P::load(buffer[k]);
+  for (int k = 0; k < kWidth; ++k) out[k] = P::load(buffer[k]);
 }
 
-template <class P, class T = typename P::Scalar>
-JADE_HD void store_lanes(T* target, int64_t stride, int width, int64_t first, int lanes,
-                         const P* in) {
-  alignas(64) T buffer[48][P::kLanes];
-  for (int k = 0; k < width; ++k) in[k].store(buffer[k]);
+template <int kWidth, class P, class T = typename P::Scalar>
+JADE_HD void store_lanes(T* target, int64_t stride, int64_t first, int lanes, const P* in) {
+  alignas(64) T buffer[kWidth][P::kLanes];
+  for (int k = 0; k < kWidth; ++k) in[k].store(buffer[k]);
   for (int l = 0; l < lanes; ++l) {
     T* const row = target + (first + l) * stride;
-    for (int k = 0; k < width; ++k) row[k] = buffer[k][l];
+    for (int k = 0; k < kWidth; ++k) row[k] = buffer[k][l];
+  }
+}
+
+/// Calls body with the number of coefficients (three colours) as a compile-time constant.
+template <class Body>
+JADE_HD void with_coefficients(int degree, const Body& body) {
+  switch (degree) {
+    case 0:
+      return body(std::integral_constant<int, 3>());
+    case 1:
+      return body(std::integral_constant<int, 12>());
+    case 2:
+      return body(std::integral_constant<int, 27>());
+    default:
+      return body(std::integral_constant<int, 48>());
   }
 }
 
@@ -70,12 +83,14 @@ struct LaneBlock {
 template <class P, class T = typename P::Scalar>
 JADE_HD void load_block(const Scene<T>& scene, int64_t first, int last, LaneBlock<P>* block) {
   m::RawShape<P>& raw = block->raw;
-  load_lanes(scene.means, 3, 3, first, last, raw.mean);
-  load_lanes(scene.rotations, 4, 4, first, last, raw.quaternion);
-  load_lanes(scene.log_scales, 3, 3, first, last, raw.log_scale);
-  load_lanes(scene.logit_opacities, 1, 1, first, last, &raw.logit_opacity);
+  load_lanes<3>(scene.means, 3, first, last, raw.mean);
+  load_lanes<4>(scene.rotations, 4, first, last, raw.quaternion);
+  load_lanes<3>(scene.log_scales, 3, first, last, raw.log_scale);
+  load_lanes<1>(scene.logit_opacities, 1, first, last, &raw.logit_opacity);
   const int coefficients = 3 * m::sh_count(scene.sh_degree);
-  load_lanes(scene.sh, 3 * scene.sh_stride, coefficients, first, last, block->sh);
+  with_coefficients(scene.sh_degree, [&](auto count) {
+    load_lanes<decltype(count)::value>(scene.sh, 3 * scene.sh_stride, first, last, block->sh);
+  });
   P zero(0), poison(0);  // stays 0 unless a coefficient is not finite
   for (int k = 0; k < coefficients; ++k) poison = poison + block->sh[k] * zero;
   block->usable = m::is_usable(raw) & m::within(poison, zero);
@@ -265,11 +280,13 @@ void project_adjoint(const Scene<T>& scene, int64_t begin, int64_t end, const Sp
     }
     const m::RawShape<P> grad =
         m::activate_adjoint(block.raw, shape, grad_mean, grad_axes, grad_log_opacity);
-    store_lanes(gradients.means, 3, 3, first, lanes, grad.mean);
-    store_lanes(gradients.rotations, 4, 4, first, lanes, grad.quaternion);
-    store_lanes(gradients.log_scales, 3, 3, first, lanes, grad.log_scale);
-    store_lanes(gradients.logit_opacities, 1, 1, first, lanes, &grad.logit_opacity);
-    store_lanes(gradients.sh, 3 * scene.sh_stride, coefficients, first, lanes, grad_sh);
+    store_lanes<3>(gradients.means, 3, first, lanes, grad.mean);
+    store_lanes<4>(gradients.rotations, 4, first, lanes, grad.quaternion);
+    store_lanes<3>(gradients.log_scales, 3, first, lanes, grad.log_scale);
+    store_lanes<1>(gradients.logit_opacities, 1, first, lanes, &grad.logit_opacity);
+    with_coefficients(scene.sh_degree, [&](auto count) {
+      store_lanes<decltype(count)::value>(gradients.sh, 3 * scene.sh_stride, first, lanes, grad_sh);
+    });
     for (int l = 0; l < lanes; ++l) {
       T* const rest = gradients.sh + (first + l) * 3 * scene.sh_stride;
       for (int k = coefficients; k < 3 * scene.sh_stride; ++k) rest[k] = 0;
