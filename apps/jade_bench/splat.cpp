@@ -2,6 +2,7 @@
 #include "splat.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <iostream>
 #include <nlohmann/json.hpp>
@@ -34,7 +35,7 @@ class Step {
 
   /// With --through-loss as other programs time it, by (image * cotangent).sum().backward().
   void forward_backward() const {
-    for (auto& t : leaves()) t.mutable_grad().reset();
+    forget_gradients();
     for_each_batch([&](const splat::CameraBatch& cameras, const torch::Tensor& cotangent) {
       const torch::Tensor color = splat::render(work_.gaussians, cameras, render_).color;
       if (through_loss_) {
@@ -43,6 +44,10 @@ class Step {
         color.backward(cotangent);
       }
     });
+  }
+
+  void forget_gradients() const {
+    for (auto& t : leaves()) t.mutable_grad().reset();
   }
 
   void dump(const std::filesystem::path& folder) const {
@@ -87,6 +92,7 @@ nlohmann::json measure(const Workload& source, const SplatBench& options, torch:
   const Step step(workload, options);
   if (!dump_to.empty()) step.dump(dump_to);
   const Times forward = time([&] { step.forward(); }, options.repeats, device);
+  step.forget_gradients();
   const double before = allocated_mib(device);
   reset_peak(device);
   const Times both = time([&] { step.forward_backward(); }, options.repeats, device);
