@@ -34,7 +34,7 @@ double CameraPath::Wander::at(double t) const {
 }
 
 CameraPath::CameraPath(const CameraRig& rig, double reach, uint64_t seed)
-    : eye_(to_array(rig.eye)), target_(to_array(rig.target)) {
+    : eye_(to_array(rig.eye)), target_(to_array(rig.target)), up_(to_array(rig.up)) {
   Draw draw(seed);
   const auto eye_reach = to_array(rig.eye_reach), target_reach = to_array(rig.target_reach);
   constexpr std::array<double, 3> kShare{0.68, 0.24, 0.08}, kPitch{1, 2.6, 6.1};
@@ -55,7 +55,7 @@ geometry::Pose CameraPath::at(double t_us) const {
     eye[axis] += wander_[axis].at(t);
     target[axis] += wander_[axis + 3].at(t);
   }
-  const geometry::Pose level = geometry::look_at(eye, target, {0, 1, 0});
+  const geometry::Pose level = geometry::look_at(eye, target, up_);
   const geometry::Pose roll{geometry::rotation_from_vector({0, 0, wander_[6].at(t)}), {0, 0, 0}};
   return geometry::compose(roll, level);
 }

@@ -30,7 +30,7 @@ class CameraPath {
     std::array<double, 3> amplitude, frequency, phase;
     double at(double t) const;
   };
-  std::array<double, 3> eye_, target_;
+  std::array<double, 3> eye_, target_, up_;
   std::array<Wander, 7> wander_;  // eye xyz, target xyz, roll
   double speed_ = 1;
 };

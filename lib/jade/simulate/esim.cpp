@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
-#include <torch/torch.h>
 #include <utility>
 
 #include "jade/core/check.h"

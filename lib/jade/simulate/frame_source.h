@@ -10,6 +10,9 @@
 
 namespace jade::simulate {
 
+/// The depth of what is not there.
+constexpr float kNoDepth = 1e6f;
+
 /// A sharp picture and how far away everything in it is.
 struct SharpFrame {
   int64_t width = 0, height = 0;

@@ -46,6 +46,13 @@ void validate(const SimulateRun& run) {
     throw ConfigError(concat("simulate.path: source '", o.source,
                              "' needs a file or folder, found nothing; set simulate.path"));
   }
+  for (const auto* vector : {&o.camera.eye, &o.camera.target, &o.camera.up, &o.camera.eye_reach,
+                             &o.camera.target_reach}) {
+    if (!vector->empty() && vector->size() != 3) {
+      throw ConfigError(
+          concat("simulate.camera: expected vectors of 3 numbers, found ", vector->size()));
+    }
+  }
   if (o.seen_test_views > std::min(o.test_views, o.exposures)) {
     throw ConfigError(concat("simulate.seen_test_views: at most test_views (", o.test_views,
                              ") and exposures (", o.exposures, "), found ", o.seen_test_views));

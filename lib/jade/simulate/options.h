@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "jade/core/fields.h"
 
@@ -18,6 +19,19 @@ void describe(V& v, MotionOptions& o) {
   v.field("blur_px", o.blur_px, "mean length of the blur over an exposure, px; sets the speed",
           Range{0.1, 200});
   v.field("reach", o.reach, "size of the camera's excursions, 1 fits the scene", Range{0.01, 1.5});
+}
+
+/// Empty vectors leave it to the source.
+struct CameraOptions {
+  std::vector<double> eye, target, up, eye_reach, target_reach;
+};
+template <class V>
+void describe(V& v, CameraOptions& o) {
+  v.field("eye", o.eye, "mean place of the camera [x, y, z]; empty: the source's own");
+  v.field("target", o.target, "mean point looked at [x, y, z]; empty: the source's own");
+  v.field("up", o.up, "[x, y, z]; empty: +y");
+  v.field("eye_reach", o.eye_reach, "largest excursions of the eye [x, y, z]; empty: the source's");
+  v.field("target_reach", o.target_reach, "the same of the target");
 }
 
 struct SamplingOptions {
@@ -110,6 +124,8 @@ struct SimulateOptions {
   double focal_px = 450;
   int64_t exposures = 12, test_views = 5, seen_test_views = 2;
   double exposure_ms = 100, gap_ms = 20;
+  double frame_rate_hz = 1000;
+  CameraOptions camera;
   MotionOptions motion;
   SamplingOptions sampling;
   ImageSensorOptions image;
@@ -135,6 +151,9 @@ void describe(V& v, SimulateOptions& o) {
       Range{0, 1000});
   v.field("exposure_ms", o.exposure_ms, "ms", Range{0.1, 10000});
   v.field("gap_ms", o.gap_ms, "from the end of an exposure to the next, ms", Range{0, 10000});
+  v.field("frame_rate_hz", o.frame_rate_hz, "source frames: frames a second of the folder, Hz",
+          Range{1, 1e6});
+  v.group("camera", o.camera, "where the camera is");
   v.group("motion", o.motion, "the camera's path");
   v.group("sampling", o.sampling, "frames that are rendered");
   v.group("image", o.image, "the frame sensor");

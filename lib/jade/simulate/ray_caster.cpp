@@ -9,8 +9,6 @@
 namespace jade::simulate {
 namespace {
 
-constexpr float kFarthest = 1e6f;
-
 // Sample i of n: regular in x, bit-reversed in y, so that every row and column of strips has one.
 std::vector<std::array<double, 2>> sample_places(int count) {
   std::vector<std::array<double, 2>> places;
@@ -47,7 +45,7 @@ void RayCaster::render(const geometry::Pose& camera_from_world, const geometry::
     for (int64_t row = begin; row < end; ++row) {
       for (int64_t column = 0; column < camera.width; ++column) {
         Rgb sum;
-        float nearest = kFarthest;
+        float nearest = kNoDepth;
         for (const auto& place : places) {
           const auto d = geometry::unproject(camera, static_cast<double>(column) + place[0],
                                              static_cast<double>(row) + place[1]);
@@ -55,7 +53,7 @@ void RayCaster::render(const geometry::Pose& camera_from_world, const geometry::
                                static_cast<float>(r[1] * d[0] + r[4] * d[1] + r[7]),
                                static_cast<float>(r[2] * d[0] + r[5] * d[1] + r[8])};
           const Ray ray{origin, direction};
-          Hit hit{kFarthest};
+          Hit hit{kNoDepth};
           cast(scene_, ray, pixel, hit);
           sum = sum + shade(scene_, hit, ray, footprint * hit.t);
           nearest = std::min(nearest, hit.t);

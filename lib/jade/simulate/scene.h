@@ -37,6 +37,7 @@ struct CameraRig {
   Vec3 eye{0, 1.2f, 3}, target{0, 0.9f, 0};  ///< means
   Vec3 eye_reach{0.5f, 0.3f, 0.3f};          ///< largest excursions, world units
   Vec3 target_reach{0.35f, 0.25f, 0.1f};
+  Vec3 up{0, 1, 0};
 };
 
 /// A room, a street or a garden with its light baked in; nothing in it moves.

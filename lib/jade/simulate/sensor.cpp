@@ -4,7 +4,6 @@
 #include <ATen/Parallel.h>
 #include <algorithm>
 #include <cmath>
-#include <torch/torch.h>
 
 #include "jade/simulate/noise.h"
 

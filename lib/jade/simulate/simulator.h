@@ -2,11 +2,9 @@
 #pragma once
 
 #include <filesystem>
-#include <memory>
 
 #include "jade/data/evdeblur_writer.h"
-#include "jade/simulate/camera_path.h"
-#include "jade/simulate/frame_source.h"
+#include "jade/simulate/footage.h"
 #include "jade/simulate/options.h"
 
 namespace jade::simulate {
@@ -14,9 +12,9 @@ namespace jade::simulate {
 /// A simulated recording and what is worth telling about it.
 struct SimulateResult {
   data::EvDeblurContent content;
-  int64_t frames = 0;          ///< rendered for the events and the blur
-  double blur_px = 0;          ///< mean blur of the exposures
-  double largest_flow_px = 0;  ///< between two of these frames
+  int64_t frames = 0;          ///< looked at by the sensors
+  double blur_px = 0;          ///< mean blur of the exposures; 0: not known
+  double largest_flow_px = 0;  ///< of a pixel between two of these frames; 0: not known
 };
 
 /// Runs a simulation. Shows progress; the same options and seed give the same result for any number
@@ -24,8 +22,8 @@ struct SimulateResult {
 /// @throws ConfigError, DataError for a source that cannot be read, Interrupted.
 SimulateResult simulate(const SimulateRun& run);
 
-/// The same with a source and a rig at hand.
-SimulateResult simulate(const SimulateRun& run, const FrameSource& source, const CameraRig& rig);
+/// The same with footage at hand.
+SimulateResult simulate(const SimulateRun& run, Footage& footage);
 
 /// Writes the data set in the EvDeblur layout with simulation.yaml beside it.
 /// @throws DataError.

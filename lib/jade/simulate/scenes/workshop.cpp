@@ -31,7 +31,7 @@ void wrench(SceneBuilder& s, Vec3 at, float length, int steel) {
   }
 }
 
-void saw(SceneBuilder& s, Vec3 at, int steel) {
+void saw(SceneBuilder& s, Vec3 at) {
   Canvas handle = paints::wood({0.7f, 0.42f, 0.2f}, {0.4f, 0.2f, 0.1f}, 6, s.noise_seed());
   handle.cut(
       [](float u, float v) { return std::hypot((u - 0.5f) * 2, (v - 0.5f) * 2.2f) > 0.45f; });
@@ -55,7 +55,7 @@ void tools(SceneBuilder& s) {
     wrench(s, {-0.6f + 0.09f * static_cast<float>(i), 1.62f, -0.71f},
            0.26f - 0.028f * static_cast<float>(i), steel);
   }
-  saw(s, {0.1f, 1.74f, -0.71f}, steel);
+  saw(s, {0.1f, 1.74f, -0.71f});
   for (int i = 0; i < 7; ++i) {  // screwdrivers
     const float x = 0.12f + 0.085f * static_cast<float>(i), y = 1.5f;
     const int grip = s.plain(paints::color(s.draw()));

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/simulate/options.h"
+
+#include "support/catch.h"
+
+#include "jade/config/config.h"
+#include "jade/core/error.h"
+
+using namespace jade;
+using namespace jade::simulate;
+
+TEST_CASE("presets: are what DESIGN.md says", "[simulate]") {
+  const auto cdavis = preset_options("cdavis"), blender = preset_options("blender");
+  CHECK((cdavis.width == 346 && cdavis.height == 260 && cdavis.exposure_ms == 100));
+  CHECK((cdavis.events.threshold_positive == 0.25 && cdavis.events.threshold_negative == 0.25));
+  CHECK((cdavis.events.shot_hz > 0 && cdavis.image.full_well > 0));
+  CHECK((blender.width == 600 && blender.height == 400 && blender.exposure_ms == 40));
+  CHECK((blender.events.threshold_positive == 0.2 && blender.sampling.min_fps == 1000));
+  CHECK((blender.events.shot_hz == 0 && blender.events.threshold_spread == 0 &&
+         blender.image.full_well == 0));
+  CHECK_THROWS_AS(preset_options("kinect"), ConfigError);
+}
+
+TEST_CASE("simulation options: mistakes are refused", "[simulate]") {
+  SimulateRun run;
+  CHECK_NOTHROW(validate(run));
+  SECTION("an unknown scene") { run.simulate.scene = "moon"; }
+  SECTION("a source without a path") { run.simulate.source = "ply"; }
+  SECTION("more seen test views than exposures") {
+    run.simulate.exposures = 2, run.simulate.test_views = 5, run.simulate.seen_test_views = 3;
+  }
+  SECTION("no gap for test views") { run.simulate.gap_ms = 0; }
+  SECTION("a vector of two") { run.simulate.camera.eye = {1, 2}; }
+  CHECK_THROWS_AS(validate(run), ConfigError);
+}
+
+TEST_CASE("simulation options: printed and read back they are the same", "[simulate]") {
+  SimulateRun run;
+  run.seed = 12, run.simulate = preset_options("blender");
+  run.simulate.camera.eye = {1, 2, 3.5};
+  const std::string yaml = config::to_yaml(fields_of(run), "test");
+  SimulateRun again;
+  config::read_text(yaml, "test", fields_of(again));
+  CHECK(config::to_yaml(fields_of(again), "test") == yaml);
+  CHECK_THROWS_AS(config::read_text("simulate: {width: -3}", "bad", fields_of(again)), ConfigError);
+  CHECK_THROWS_AS(config::read_text("simulate: {widht: 3}", "bad", fields_of(again)), ConfigError);
+}

@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/simulate/simulator.h"
+
+#include "support/catch.h"
+
+#include <ATen/Parallel.h>
+#include <cmath>
+#include <filesystem>
+
+#include "jade/core/interrupt.h"
+#include "jade/core/progress.h"
+#include "jade/data/dataset.h"
+#include "jade/scene/ply.h"
+#include "support/temp_dir.h"
+
+using namespace jade;
+using namespace jade::simulate;
+
+namespace {
+
+SimulateRun tiny() {
+  set_progress_enabled(false);
+  SimulateRun run;
+  run.seed = 4;
+  run.simulate = preset_options("cdavis");
+  run.simulate.scene = "clutter";
+  run.simulate.width = 40, run.simulate.height = 30, run.simulate.focal_px = 50;
+  run.simulate.exposures = 3, run.simulate.exposure_ms = 30, run.simulate.gap_ms = 6;
+  run.simulate.test_views = 2, run.simulate.seen_test_views = 1;
+  run.simulate.motion.blur_px = 4;
+  return run;
+}
+
+}  // namespace
+
+TEST_CASE("simulate: written and loaded, the exposures are the same", "[simulate]") {
+  const SimulateRun run = tiny();
+  const SimulateResult result = simulate(run);
+  CHECK(result.blur_px == Approx(4).epsilon(0.05));
+  CHECK((result.largest_flow_px > 0.2 && result.largest_flow_px <= 1));
+  test::TempDir folder;
+  write(result, run, folder.path());
+  CHECK(std::filesystem::exists(folder / "simulation.yaml"));
+  data::DatasetOptions options;
+  options.path = folder.path();
+  std::vector<std::string> warnings;
+  const data::Dataset loaded = data::load_dataset(options, &warnings);
+  REQUIRE(loaded.train.size() == 3);
+  REQUIRE(loaded.test.size() == 2);
+  CHECK(loaded.events.size() == result.content.events.size());
+  for (size_t i = 0; i < 3; ++i) {
+    const auto &a = loaded.train[i], &b = result.content.train[i];
+    CHECK((a.blurry - b.blurry).abs().max().item<double>() < 1e-6);
+    CHECK((a.t_start_us == b.t_start_us && a.t_end_us == b.t_end_us));
+    CHECK(a.events.size() > 100);
+    for (size_t k = 0; k < 9; ++k) {
+      CHECK(geometry::rotation_angle(a.poses[k], b.poses[k]) < 1e-4);
+      const auto c = geometry::centre(a.poses[k]), d = geometry::centre(b.poses[k]);
+      CHECK(std::hypot(c[0] - d[0], c[1] - d[1], c[2] - d[2]) < 1e-4);
+    }
+  }
+  CHECK((loaded.test[0].image - result.content.test[0].image).abs().max().item<double>() < 1e-6);
+  CHECK(loaded.near == Approx(result.content.near).epsilon(1e-4));
+}
+
+TEST_CASE("simulate: the same seed gives the same recording for any number of threads",
+          "[simulate]") {
+  const int threads = at::get_num_threads();
+  SimulateRun run = tiny();
+  run.simulate.exposures = 1, run.simulate.test_views = 0, run.simulate.seen_test_views = 0;
+  at::set_num_threads(1);
+  const auto one = simulate(run);
+  at::set_num_threads(3);
+  const auto three = simulate(run);
+  at::set_num_threads(threads);
+  CHECK(one.content.events.t_us().equal(three.content.events.t_us()));
+  CHECK(one.content.events.x().equal(three.content.events.x()));
+  CHECK(one.content.train[0].blurry.equal(three.content.train[0].blurry));
+  run.seed = 5;
+  CHECK_FALSE(one.content.train[0].blurry.equal(simulate(run).content.train[0].blurry));
+}
+
+TEST_CASE("simulate: pose noise moves what is written, not what is seen", "[simulate]") {
+  SimulateRun run = tiny();
+  run.simulate.exposures = 2;
+  const auto exact = simulate(run);
+  run.simulate.poses.rotation_deg = 0.5, run.simulate.poses.position = 0.01;
+  const auto noisy = simulate(run);
+  CHECK(exact.content.train[0].blurry.equal(noisy.content.train[0].blurry));
+  const auto &a = exact.content.train[0].poses[4], &b = noisy.content.train[0].poses[4];
+  CHECK((geometry::rotation_angle(a, b) > 1e-4 && geometry::rotation_angle(a, b) < 0.06));
+}
+
+TEST_CASE("simulate: a Gaussian file can be filmed", "[simulate]") {
+  test::TempDir folder;
+  splat::Gaussians g;
+  g.means = torch::rand({400, 3}) - 0.5;
+  g.rotations = torch::tensor({1.0f, 0.0f, 0.0f, 0.0f}).repeat({400, 1});
+  g.log_scales = torch::full({400, 3}, -2.5f);
+  g.logit_opacities = torch::full({400}, 3.0f);
+  g.sh = torch::rand({400, 1, 3}) * 3 - 1;
+  scene::write_ply(folder / "cloud.ply", {g, false});
+  SimulateRun run = tiny();
+  run.simulate.source = "ply", run.simulate.path = folder / "cloud.ply";
+  run.simulate.exposures = 1, run.simulate.test_views = 1, run.simulate.motion.blur_px = 3;
+  const auto result = simulate(run);
+  CHECK(result.blur_px == Approx(3).epsilon(0.05));
+  CHECK(result.content.events.size() > 50);
+  CHECK(result.content.train[0].blurry.max().item<double>() > 0.2);
+  run.simulate.path = folder / "missing.ply";
+  CHECK_THROWS_AS(simulate(run), DataError);
+}
+
+TEST_CASE("simulate: stops when asked to", "[simulate]") {
+  const SimulateRun run = tiny();
+  set_interrupt_requested(true);
+  CHECK_THROWS_AS(simulate(run), Interrupted);
+  set_interrupt_requested(false);
+}
