@@ -12,7 +12,7 @@ namespace {
 using nlohmann::json;
 
 /// A value of the entry, else of the defaults.
-const json* find(const json& entry, const json& defaults, const std::string& key) {
+const json* value_of(const json& entry, const json& defaults, const std::string& key) {
   if (entry.contains(key)) return &entry.at(key);
   if (defaults.contains(key)) return &defaults.at(key);
   return nullptr;
@@ -20,7 +20,7 @@ const json* find(const json& entry, const json& defaults, const std::string& key
 
 template <class T>
 T required(const json& entry, const json& defaults, const std::string& key) {
-  const json* value = find(entry, defaults, key);
+  const json* value = value_of(entry, defaults, key);
   if (value == nullptr) throw DataError(concat("expected the key \"", key, "\""));
   return value->get<T>();
 }
@@ -56,7 +56,7 @@ NamedCamera camera_of(const json& entry, const json& defaults, size_t index) {
   camera.height = required<int64_t>(entry, defaults, "height");
   camera.fx = required<double>(entry, defaults, "fx");
   const auto optional = [&](const char* key, double fallback) {
-    const json* value = find(entry, defaults, key);
+    const json* value = value_of(entry, defaults, key);
     return value == nullptr ? fallback : value->get<double>();
   };
   camera.fy = optional("fy", camera.fx);

@@ -50,10 +50,18 @@ void lookup(const T* image, const T* table, T* out, int64_t begin, int64_t end, 
   }
 }
 
+/// Gradient sums of the cells, [kCrfKnots, 2] Σ g and Σ g · fraction, as the table's: each cell
+/// gives 1 − fraction to its lower and fraction to its upper knot.
+torch::Tensor knots_from_cells(const torch::Tensor& cells) {
+  torch::Tensor knots = cells.select(1, 0) - cells.select(1, 1);
+  knots.slice(0, 1).add_(cells.select(1, 1).slice(0, 0, -1));
+  return knots;
+}
+
 /// Values [begin, end) of the image; the gradient's `pixels` values serve one image after another.
 template <class T>
 void backward(const T* image, const T* table, const T* gradient, T share, int64_t pixels,
-              int64_t begin, int64_t end, T* of_image, double* of_table) {
+              int64_t begin, int64_t end, T* of_image, double* of_cells) {
   constexpr T kPerUnit = static_cast<T>((kCrfKnots - 1) / kCrfRange);
   int64_t pixel = begin % pixels;
   for (int64_t i = begin; i < end; ++i) {
@@ -63,9 +71,9 @@ void backward(const T* image, const T* table, const T* gradient, T share, int64_
     if (of_image != nullptr) {
       of_image[i] = g * (table[cell.index + 1] - table[cell.index]) * kPerUnit;
     }
-    if (of_table != nullptr) {
-      of_table[cell.index] += static_cast<double>(g * (1 - cell.fraction));
-      of_table[cell.index + 1] += static_cast<double>(g * cell.fraction);
+    if (of_cells != nullptr) {
+      of_cells[2 * cell.index] += static_cast<double>(g);
+      of_cells[2 * cell.index + 1] += static_cast<double>(g * cell.fraction);
     }
   }
 }
@@ -90,7 +98,7 @@ CrfGradient crf_lookup_backward(const CrfLookup& args, const torch::Tensor& grad
   CrfGradient result;
   if (wants_image) result.image = torch::empty_like(args.image);
   torch::Tensor parts;
-  if (wants_table) parts = torch::zeros({kChunks, kCrfKnots}, torch::kFloat64);
+  if (wants_table) parts = torch::zeros({kChunks, kCrfKnots, 2}, torch::kFloat64);
   const int64_t count = args.image.numel();
   const int64_t chunk = (count + kChunks - 1) / kChunks;
   const int64_t pixels = std::max<int64_t>(1, gradient.numel());
@@ -103,11 +111,11 @@ CrfGradient crf_lookup_backward(const CrfLookup& args, const torch::Tensor& grad
                  gradient.const_data_ptr<scalar_t>(), share, pixels, c * chunk,
                  std::min(count, (c + 1) * chunk),
                  wants_image ? result.image.mutable_data_ptr<scalar_t>() : nullptr,
-                 wants_table ? parts.mutable_data_ptr<double>() + c * kCrfKnots : nullptr);
+                 wants_table ? parts.mutable_data_ptr<double>() + c * 2 * kCrfKnots : nullptr);
       }
     });
   });
-  if (wants_table) result.table = parts.sum(0).to(args.table.scalar_type());
+  if (wants_table) result.table = knots_from_cells(parts.sum(0)).to(args.table.scalar_type());
   return result;
 }
 
