@@ -19,15 +19,15 @@ float shoulder(float v) {
 
 Rgb LightMap::sample(float u, float v) const {
   const float x = u * static_cast<float>(width) - 0.5f, y = v * static_cast<float>(height) - 0.5f;
-  const float fx = std::floor(x), fy = std::floor(y);
+  const int ix = floor_int(x), iy = floor_int(y);
   const auto column = [&](int i) {
     return wrap_u ? (i + width) % width : std::clamp(i, 0, width - 1);
   };
   const auto row = [&](int j) { return std::clamp(j, 0, height - 1); };
-  const int x0 = column(static_cast<int>(fx)), x1 = column(static_cast<int>(fx) + 1);
-  const int y0 = row(static_cast<int>(fy)), y1 = row(static_cast<int>(fy) + 1);
+  const int x0 = column(ix), x1 = column(ix + 1);
+  const int y0 = row(iy), y1 = row(iy + 1);
   const auto at = [&](int i, int j) { return texels[static_cast<size_t>(j * width + i)]; };
-  return mix(mix(at(x0, y0), at(x1, y0), x - fx), mix(at(x0, y1), at(x1, y1), x - fx), y - fy);
+  return mix(mix(at(x0, y0), at(x1, y0), x - static_cast<float>(ix)), mix(at(x0, y1), at(x1, y1), x - static_cast<float>(ix)), y - static_cast<float>(iy));
 }
 
 void cast(const Scene& scene, const Ray& ray, float pixel_angle, Hit& hit) {

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
 namespace jade::simulate {
 namespace {
@@ -11,17 +12,19 @@ uint8_t to_byte(float v) {
   return static_cast<uint8_t>(std::lround(std::clamp(v, 0.0f, 1.0f) * 255));
 }
 
-/// log2 from the exponent bits and a parabola: within 0.01, and a tenth of the time of std::log2.
+/// log2 of a positive number from its exponent bits and a parabola: within 0.01.
 float fast_log2(float v) {
-  int exponent;
-  const float m = std::frexp(v, &exponent);
-  return static_cast<float>(exponent) + (-1.33333333f * m + 4) * m - 2.66666667f;
+  uint32_t bits;
+  std::memcpy(&bits, &v, sizeof bits);
+  const auto exponent = static_cast<float>(static_cast<int>(bits >> 23) - 127);
+  bits = (bits & 0x007FFFFFu) | 0x3F800000u;
+  float m;  // in [1,2)
+  std::memcpy(&m, &bits, sizeof m);
+  return exponent + (2 - m * (1.0f / 3)) * m - 5.0f / 3;
 }
 
-int wrap(int i, int n) {
-  i %= n;
-  return i < 0 ? i + n : i;
-}
+// For indices that are at most one period out.
+int wrap(int i, int n) { return i < 0 ? i + n : i >= n ? i - n : i; }
 
 }  // namespace
 
@@ -68,12 +71,12 @@ Texture::Blend Texture::blend(float footprint) const {
 }
 
 void Texture::lookup(const Level& level, float u, float v, float rgba[4]) {
-  const float x = (u - std::floor(u)) * static_cast<float>(level.width) - 0.5f;
-  const float y = (v - std::floor(v)) * static_cast<float>(level.height) - 0.5f;
-  const float fx = std::floor(x), fy = std::floor(y);
-  const int x0 = wrap(static_cast<int>(fx), level.width), x1 = x0 + 1 == level.width ? 0 : x0 + 1;
-  const int y0 = wrap(static_cast<int>(fy), level.height), y1 = y0 + 1 == level.height ? 0 : y0 + 1;
-  const float ax = x - fx, ay = y - fy;
+  const float x = (u - static_cast<float>(floor_int(u))) * static_cast<float>(level.width) - 0.5f;
+  const float y = (v - static_cast<float>(floor_int(v))) * static_cast<float>(level.height) - 0.5f;
+  const int ix = floor_int(x), iy = floor_int(y);
+  const int x0 = wrap(ix, level.width), x1 = x0 + 1 == level.width ? 0 : x0 + 1;
+  const int y0 = wrap(iy, level.height), y1 = y0 + 1 == level.height ? 0 : y0 + 1;
+  const float ax = x - static_cast<float>(ix), ay = y - static_cast<float>(iy);
   const float weight[4] = {(1 - ax) * (1 - ay), ax * (1 - ay), (1 - ax) * ay, ax * ay};
   const uint8_t* texels = level.rgba.data();
   const uint8_t* corner[4] = {

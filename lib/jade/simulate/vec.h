@@ -22,6 +22,12 @@ inline Vec3 cross(Vec3 a, Vec3 b) {
 inline float length(Vec3 a) { return std::sqrt(dot(a, a)); }
 inline Vec3 normalized(Vec3 a) { return a * (1.0f / length(a)); }
 
+/// floor as an int; std::floor is a function call without SSE 4.1. |v| < 2^31.
+inline int floor_int(float v) {
+  const int i = static_cast<int>(v);
+  return i - static_cast<int>(v < static_cast<float>(i));
+}
+
 /// Any unit vector perpendicular to the unit vector `n`.
 inline Vec3 perpendicular(Vec3 n) {
   return normalized(std::abs(n.y) < 0.9f ? cross(n, Vec3{0, 1, 0}) : cross(n, Vec3{1, 0, 0}));
