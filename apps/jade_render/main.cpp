@@ -41,7 +41,7 @@ void add_flags(CLI::App& cli, RenderFlags& flags) {
   cli.add_option("--ply", flags.ply, "Gaussians in a .ply");
   cli.add_option("--cameras", flags.cameras,
                  "test or train views of the data set, exposure (nine poses each), or a .json with "
-                 "cameras (README.md)");
+                 "cameras (see below)");
   cli.add_option("--exposure", flags.exposure,
                  "with --cameras exposure: only the one of this name");
   cli.add_option("--dataset", flags.dataset.path,
@@ -51,6 +51,12 @@ void add_flags(CLI::App& cli, RenderFlags& flags) {
   cli.add_flag("--fps-benchmark", flags.fps_benchmark,
                "measure frames per second, one view at a time, without writing images");
   apps::add_dataset_flags(cli, flags.dataset);
+  cli.footer(
+      "A .json with cameras is a list of objects, or {\"cameras\": [...]} with defaults beside "
+      "it:\n"
+      "  width, height, fx (px); fy, cx, cy, name if they differ from the usual;\n"
+      "  camera_from_world: 4x4 rows (x right, y down, z forward), or, as 3DGS trainers write it,\n"
+      "  position (camera centre) and rotation (3x3, world from camera).");
 }
 
 scene::GaussianFile load_scene(const RenderFlags& flags) {
