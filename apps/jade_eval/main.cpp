@@ -13,7 +13,8 @@ namespace fs = std::filesystem;
 namespace {
 
 /// Images of two folders, paired by name without extension.
-eval::Evaluation compare_folders(const fs::path& renders, const fs::path& truth) {
+eval::Evaluation compare_folders(const fs::path& renders, const fs::path& truth,
+                                 const eval::Lpips& lpips) {
   std::map<std::string, fs::path> by_name;
   for (const fs::path& path : imaging::list_images(renders)) by_name[path.stem().string()] = path;
   std::vector<eval::Scores> scores;
@@ -29,13 +30,14 @@ eval::Evaluation compare_folders(const fs::path& renders, const fs::path& truth)
                              reference.size(1), " as ", path.string(), ", found ", image.size(2),
                              "x", image.size(1)));
     }
-    scores.push_back(eval::score(path.stem().string(), image, reference));
+    scores.push_back(eval::score(path.stem().string(), image, reference, &lpips));
   }
   if (scores.empty()) throw DataError(concat(truth.string(), ": expected images, found none"));
   return eval::evaluation_of(std::move(scores));
 }
 
-eval::Evaluation evaluate_run(const fs::path& path, torch::Device device) {
+eval::Evaluation evaluate_run(const fs::path& path, torch::Device device,
+                              const eval::Lpips& lpips) {
   const train::FinishedRun run = train::open_run(path);
   if (run.dataset.test.empty()) {
     throw DataError(
@@ -43,7 +45,7 @@ eval::Evaluation evaluate_run(const fs::path& path, torch::Device device) {
   }
   const auto gaussians =
       scene::map_parameters(run.gaussians, [&](const torch::Tensor& t) { return t.to(device); });
-  return train::evaluate_views(gaussians, run.dataset.test);
+  return train::evaluate_views(gaussians, run.dataset.test, &lpips);
 }
 
 }  // namespace
@@ -62,8 +64,10 @@ int main(int argc, char** argv) {
     if (folders == !run.empty() || renders.empty() != truth.empty()) {
       throw ConfigError("expected --run DIR, or --renders DIR with --truth DIR");
     }
+    const torch::Device device = program.device();
+    const eval::Lpips lpips(device);
     const eval::Evaluation evaluation =
-        run.empty() ? compare_folders(renders, truth) : evaluate_run(run, program.device());
+        run.empty() ? compare_folders(renders, truth, lpips) : evaluate_run(run, device, lpips);
     const fs::path folder = !program.output().empty() ? program.output()
                             : run.empty()             ? renders
                                                       : run;

@@ -60,9 +60,16 @@ std::string row(const Scores& scores, size_t name_width) {
 
 }  // namespace
 
-Scores score(const std::string& name, const torch::Tensor& image, const torch::Tensor& truth) {
-  return {name,         psnr(image, truth), psnr_channel_mean(image, truth), ssim(image, truth),
-          std::nullopt, std::nullopt};
+Scores score(const std::string& name, const torch::Tensor& image, const torch::Tensor& truth,
+             const Lpips* lpips) {
+  Scores scores{
+      name,         psnr(image, truth), psnr_channel_mean(image, truth), ssim(image, truth),
+      std::nullopt, std::nullopt};
+  if (lpips != nullptr) {
+    scores.lpips_alex01 = lpips->alex01(image, truth);
+    scores.lpips_vgg = lpips->vgg(image, truth);
+  }
+  return scores;
 }
 
 Evaluation evaluation_of(std::vector<Scores> views) {

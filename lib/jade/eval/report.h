@@ -7,6 +7,8 @@
 #include <torch/types.h>
 #include <vector>
 
+#include "jade/eval/lpips.h"
+
 namespace jade::eval {
 
 /// One view's scores. Metrics whose network is not at hand are absent, null in JSON.
@@ -21,8 +23,9 @@ struct Evaluation {
   Scores mean;  ///< over the views; name "mean"
 };
 
-/// PSNR both ways and SSIM of one view.
-Scores score(const std::string& name, const torch::Tensor& image, const torch::Tensor& truth);
+/// PSNR both ways and SSIM of one view, and LPIPS where `lpips` has its networks (nullptr: none).
+Scores score(const std::string& name, const torch::Tensor& image, const torch::Tensor& truth,
+             const Lpips* lpips = nullptr);
 
 /// Adds the mean over the views.
 Evaluation evaluation_of(std::vector<Scores> views);

@@ -281,7 +281,9 @@ void Trainer::finish() {
   write_pictures();
   scene::write_ply(directory_.path() / "point_cloud.ply", {state_.gaussians.detached()});
   if (!dataset_.test.empty()) {
-    const eval::Evaluation evaluation = evaluate();
+    const eval::Lpips lpips(device_);
+    const eval::Evaluation evaluation =
+        evaluate_views(state_.gaussians.detached(), dataset_.test, &lpips);
     write_file(directory_.path() / "eval.json", eval::to_json(evaluation));
     log_info("on the sharp test views:\n" + eval::to_table(evaluation));
   }

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/eval/lpips.h"
+
+#include <algorithm>
+#include <cstdlib>
+#include <torch/script.h>
+
+#include "jade/core/log.h"
+
+namespace jade::eval {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// AlexNet's first stages leave nothing of smaller images.
+constexpr int64_t kSmallest = 32;
+
+fs::path default_cache() {
+  if (const char* cache = std::getenv("JADE_CACHE")) return cache;
+  const char* home = std::getenv("HOME");
+  return fs::path(home != nullptr ? home : ".") / ".cache" / "jade";
+}
+
+std::unique_ptr<torch::jit::Module> load(const fs::path& path, torch::Device device) {
+  if (!fs::exists(path)) return nullptr;
+  try {
+    auto module = std::make_unique<torch::jit::Module>(torch::jit::load(path.string(), device));
+    module->eval();
+    return module;
+  } catch (const c10::Error&) {
+    log_warn(path.string() + ": not a TorchScript module; run scripts/export_lpips.py again");
+    return nullptr;
+  }
+}
+
+}  // namespace
+
+Lpips::Lpips(torch::Device device, fs::path cache) : device_(device) {
+  if (cache.empty()) cache = default_cache();
+  alex01_ = load(cache / "lpips_alex01.pt", device_);
+  vgg_ = load(cache / "lpips_vgg.pt", device_);
+}
+
+Lpips::~Lpips() = default;
+
+std::optional<double> Lpips::distance(const std::unique_ptr<torch::jit::Module>& module,
+                                      const torch::Tensor& image,
+                                      const torch::Tensor& truth) const {
+  if (!module || std::min(image.size(1), image.size(2)) < kSmallest) return std::nullopt;
+  const torch::NoGradGuard no_grad;
+  const auto input = [&](const torch::Tensor& x) {
+    return x.clamp(0, 1).to(device_, torch::kFloat32).unsqueeze(0);
+  };
+  return module->forward({input(image), input(truth)}).toTensor().item<double>();
+}
+
+std::optional<double> Lpips::alex01(const torch::Tensor& image, const torch::Tensor& truth) const {
+  return distance(alex01_, image, truth);
+}
+
+std::optional<double> Lpips::vgg(const torch::Tensor& image, const torch::Tensor& truth) const {
+  return distance(vgg_, image, truth);
+}
+
+}  // namespace jade::eval

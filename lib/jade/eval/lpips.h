@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <torch/types.h>
+
+namespace torch::jit {
+struct Module;
+}
+
+namespace jade::eval {
+
+/// LPIPS v0.1 through the TorchScript modules of scripts/export_lpips.py, which take two RGB images
+/// in [0,1]: lpips_alex01.pt (AlexNet on [0,1], as the published tables have it) and lpips_vgg.pt
+/// (VGG16, rescaled to [-1,1] inside).
+class Lpips {
+ public:
+  /// Loads what is in `cache`; a module that is missing or cannot be read leaves its metric absent.
+  /// @param cache  empty: $JADE_CACHE, else ~/.cache/jade.
+  explicit Lpips(torch::Device device, std::filesystem::path cache = {});
+  ~Lpips();
+
+  /// Distance of two [3,H,W] images, 0 for equal ones; absent without its module.
+  std::optional<double> alex01(const torch::Tensor& image, const torch::Tensor& truth) const;
+  std::optional<double> vgg(const torch::Tensor& image, const torch::Tensor& truth) const;
+
+ private:
+  std::optional<double> distance(const std::unique_ptr<torch::jit::Module>& module,
+                                 const torch::Tensor& image, const torch::Tensor& truth) const;
+
+  torch::Device device_;
+  std::unique_ptr<torch::jit::Module> alex01_, vgg_;
+};
+
+}  // namespace jade::eval
