@@ -5,6 +5,7 @@
 
 #include <c10/cuda/CUDAGuard.h>
 #include <c10/cuda/CUDAStream.h>
+#include <cstdlib>
 #include <cuda_runtime_api.h>
 #include <torch/types.h>
 
@@ -165,7 +166,7 @@ float* pointer(const torch::Tensor& tensor) {
   return tensor.defined() ? tensor.data_ptr<float>() : nullptr;
 }
 
-/// The backward pass's working memory; everything before `uncleared` starts at zero.
+/// The backward pass's working memory; the sums start at zero.
 torch::Tensor bind_workspace(const BackwardArgs& args, const Scene& scene, Gradients* gradients,
                              cudaStream_t stream) {
   const int64_t values = kSums + (gradients->with_depth ? 1 : 0);
@@ -215,8 +216,7 @@ ForwardResult forward(const ForwardArgs& args) {
   result.rejected = torch::empty({1}, options.dtype(torch::kInt64));
   auto* const rejected = reinterpret_cast<long long*>(result.rejected.data_ptr());
   const Lists lists = project_and_bin(&scene, args, rejected, stream);
-  launch_blend(scene,
-               {pointer(result.color), pointer(result.alpha), pointer(result.depth_sum), rejected},
+  launch_blend(scene, {pointer(result.color), pointer(result.alpha), pointer(result.depth_sum)},
                stream);
   check_launches("splatting, forward");
   if (args.needs_backward) result.state.tensors = {lists.tables, lists.keys};

@@ -32,8 +32,6 @@ struct Counters {
   unsigned long long instances;  ///< (view, tile, Gaussian) triples, whether they fitted or not
   unsigned long long gaussians;
   unsigned long long rejected;
-  unsigned int done_blocks;
-  unsigned int padding;
 };
 
 /// Everything a kernel wants to know about one call. Passed by value.
@@ -57,7 +55,6 @@ struct Scene {
 
 struct Images {
   float *color, *alpha, *depth_sum;  ///< depth_sum may be null
-  long long* rejected;
 };
 
 struct ImageGradients {

@@ -11,7 +11,7 @@ __device__ __forceinline__ float warp_sum(float value) {
   return value;
 }
 
-/// One halving step of sum_by_lane(): lanes with `bit` set keep the upper half of the values.
+/// One halving step of a sum by lanes: lanes with `bit` set keep the upper half of the values.
 template <int kHalf>
 __device__ __forceinline__ void exchange_halves(float* values, int bit, bool upper) {
 #pragma unroll
@@ -22,19 +22,8 @@ __device__ __forceinline__ void exchange_halves(float* values, int bit, bool upp
   }
 }
 
-/// Sums eight values over the warp at the price of nine shuffles. Lanes 4 k to 4 k + 3 get the sum
-/// of values[k].
-__device__ __forceinline__ float sum_eight(float* values, int lane) {
-  exchange_halves<4>(values, 16, lane & 16);
-  exchange_halves<2>(values, 8, lane & 8);
-  exchange_halves<1>(values, 4, lane & 4);
-  float sum = values[0];
-  sum += __shfl_xor_sync(~0u, sum, 2);
-  sum += __shfl_xor_sync(~0u, sum, 1);
-  return sum;
-}
-
-/// The same for sixteen: lanes 2 k and 2 k + 1 get the sum of values[k].
+/// Sums sixteen values over the warp at the price of sixteen shuffles. Lanes 2 k and 2 k + 1 get
+/// the sum of values[k].
 __device__ __forceinline__ float sum_sixteen(float* values, int lane) {
   exchange_halves<8>(values, 16, lane & 16);
   exchange_halves<4>(values, 8, lane & 8);
