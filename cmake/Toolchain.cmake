@@ -16,6 +16,14 @@ endif()
 
 add_compile_options($<$<COMPILE_LANGUAGE:CXX>:-Wall> $<$<COMPILE_LANGUAGE:CXX>:-Wextra>
                     $<$<COMPILE_LANGUAGE:CXX>:-Wshadow> $<$<COMPILE_LANGUAGE:CXX>:-Wno-sign-compare>)
+# at::parallel_for is a template that runs serially wherever OpenMP is off.
+find_package(OpenMP COMPONENTS CXX)
+if(OpenMP_CXX_FOUND)
+  add_compile_options($<$<COMPILE_LANGUAGE:CXX>:${OpenMP_CXX_FLAGS}>)
+  link_libraries(OpenMP::OpenMP_CXX)
+else()
+  message(WARNING "OpenMP was not found (clang: apt install libomp-dev): the CPU code will use one thread")
+endif()
 if(JADE_WERROR)
   add_compile_options($<$<COMPILE_LANGUAGE:CXX>:-Werror>)
 endif()

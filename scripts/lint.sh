@@ -22,7 +22,7 @@ import json, re, sys
 commands = json.load(open(sys.argv[1]))
 for entry in commands:
     command = re.sub(r'-include \S*cmake_pch\.hxx', '', entry["command"])
-    command = re.sub(r'-Winvalid-pch|-fuse-ld=\S+', '', command)
+    command = re.sub(r'-Winvalid-pch|-fopenmp|-fuse-ld=\S+', '', command)
     entry["command"] = command[command.index(" ", command.index("ccache")) + 1:] if "ccache" in command else command
 json.dump(commands, open(sys.argv[2], "w"))
 PY

@@ -16,9 +16,10 @@ namespace jade::train {
 torch::Tensor render_view(const splat::Gaussians& gaussians, const geometry::Pose& pose,
                           const geometry::Intrinsics& camera);
 
-/// Scores renders of the sharp views.
+/// Scores renders of the sharp views, with LPIPS where `lpips` has its networks.
 eval::Evaluation evaluate_views(const splat::Gaussians& gaussians,
-                                const std::vector<data::SharpView>& views);
+                                const std::vector<data::SharpView>& views,
+                                const eval::Lpips* lpips = nullptr);
 
 /// A run directory as other programs use it: its settings, its data and its newest Gaussians.
 struct FinishedRun {
