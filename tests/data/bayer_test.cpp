@@ -3,6 +3,7 @@
 
 #include "support/catch.h"
 
+#include <cmath>
 #include <torch/torch.h>
 
 #include "jade/core/error.h"
@@ -24,7 +25,7 @@ TEST_CASE("bayer: without distortion the map is the RGGB pattern", "[data]") {
 
 TEST_CASE("bayer: the raw pixel nearest to a rectified pixel gives its colour", "[data]") {
   // Raw (0,0) red and raw (0,1) green both land on pixel 1; raw (1,0) and (1,1) land nowhere.
-  const torch::Tensor x = torch::tensor({{0.7, 1.1}, {NAN, 90.0}});
+  const torch::Tensor x = torch::tensor({{0.7, 1.1}, {std::nan(""), 90.0}});
   const torch::Tensor y = torch::tensor({{0.0, 0.1}, {0.0, 0.0}});
   const torch::Tensor map = event_color_map(x, y, 1, 3);
   CHECK(map.sum().item<int64_t>() == 1);

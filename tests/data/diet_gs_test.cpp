@@ -79,12 +79,12 @@ TEST_CASE("diet_gs: names give every frame its nine poses, binary or text", "[da
         const geometry::Pose expected = test::steady_pose(frame * 20000.0 + k * 1000.0);
         CHECK(test::pose_distance(data.train[size_t(frame)].poses[size_t(k)], expected) < 1e-6);
       }
-      CHECK(torch::equal(data.train[size_t(frame)].blurry, test::noise_image(frame)));
+      CHECK(test::same_image(data.train[size_t(frame)].blurry, test::noise_image(frame)));
       CHECK(data.train[size_t(frame)].events.size() == 80);
     }
     REQUIRE(data.test.size() == 2);
     CHECK(data.test[1].name == "03");
-    CHECK(torch::equal(data.test[1].image, test::noise_image(3)));
+    CHECK(test::same_image(data.test[1].image, test::noise_image(3)));
     CHECK(test::pose_distance(data.test[1].pose, test::steady_pose(90000)) < 1e-6);
     CHECK(data.points.size(0) == 3);
     CHECK(data.point_colors[0][1].item<float>() == Approx(20 / 255.0));

@@ -42,7 +42,7 @@ TEST_CASE("evdeblur: writing then loading gives back the same exposures", "[data
     const Exposure& expected = content.train[i];
     const Exposure& found = data.train[i];
     CHECK(found.name == "0" + std::to_string(i));
-    CHECK(torch::equal(found.blurry, expected.blurry));
+    CHECK(test::same_image(found.blurry, expected.blurry));
     CHECK(found.t_start_us == expected.t_start_us);
     CHECK(found.t_end_us == expected.t_end_us);
     CHECK(found.camera == expected.camera);
@@ -51,7 +51,7 @@ TEST_CASE("evdeblur: writing then loading gives back the same exposures", "[data
   }
   REQUIRE(data.test.size() == 2);
   for (size_t i = 0; i < 2; ++i) {
-    CHECK(torch::equal(data.test[i].image, content.test[i].image));
+    CHECK(test::same_image(data.test[i].image, content.test[i].image));
     CHECK(data.test[i].t_us == content.test[i].t_us);
     CHECK(pose_distance(data.test[i].pose, content.test[i].pose) < 1e-12);
   }

@@ -3,6 +3,7 @@
 
 #include "support/catch.h"
 
+#include <cmath>
 #include <torch/torch.h>
 
 #include "jade/core/error.h"
@@ -42,7 +43,7 @@ TEST_CASE("frame times: nanoseconds since 1970 keep their microseconds", "[data]
 
 TEST_CASE("frame times: implausible times are data errors", "[data]") {
   const torch::Tensor start = torch::tensor({0., 1.}, torch::kFloat64);
-  CHECK_THROWS_AS(read(start, torch::tensor({0.5, NAN}, torch::kFloat64)), DataError);
+  CHECK_THROWS_AS(read(start, torch::tensor({0.5, std::nan("")}, torch::kFloat64)), DataError);
   CHECK_THROWS_AS(read(start, start + 1e15), DataError);
   CHECK_THROWS_AS(times_us(torch::tensor({INT64_MAX}), "us", "t"), DataError);
   CHECK_THROWS_AS(times_us(torch::zeros({2, 2}), "us", "t"), DataError);

@@ -60,7 +60,7 @@ TEST_CASE("colmap scene: every eighth image by name is a test view, cameras fit 
   CHECK(first.camera.fx == Approx(25));
   CHECK(first.camera.cx == Approx(11));
   CHECK(test::pose_distance(first.poses[8], test::steady_pose(1e5)) < 1e-6);
-  CHECK(torch::equal(first.blurry, test::noise_image(1)));
+  CHECK(test::same_image(first.blurry, test::noise_image(1)));
   CHECK(data.near > 0);
   CHECK(data.far > data.near);
   DatasetOptions all = at(folder / "room");
@@ -139,7 +139,7 @@ TEST_CASE("transforms: NeRF-synthetic's pair of files gives its own split", "[da
   const Dataset data = load_dataset(at(folder / "room"));
   REQUIRE(data.train.size() == 3);
   REQUIRE(data.test.size() == 2);
-  CHECK(torch::equal(data.test[1].image, test::noise_image(51)));
+  CHECK(test::same_image(data.test[1].image, test::noise_image(51)));
   CHECK(data.train[0].camera.fx == Approx(0.5 * test::kWidth / std::tan(0.4)));
 }
 

@@ -90,6 +90,11 @@ inline bool mentions(const std::vector<std::string>& lines, const std::string& t
                      [&](const std::string& line) { return line.find(text) != std::string::npos; });
 }
 
+/// Equal 8-bit images; reading a file may round the last bit of a float differently.
+inline bool same_image(const torch::Tensor& a, const torch::Tensor& b) {
+  return torch::allclose(a, b, 0, 1e-6);
+}
+
 inline double pose_distance(const geometry::Pose& a, const geometry::Pose& b) {
   return (geometry::to_tensor(a) - geometry::to_tensor(b)).abs().max().item<double>();
 }

@@ -20,8 +20,9 @@ struct ThresholdEstimate {
 ///     log(B₂ + o) − log(B₁ + o) = Θ⁺ P − Θ⁻ N + log Σ exp J₂ − log Σ exp J₁
 /// where P and N count the events between the two mid-exposures. Solved by Gauss-Newton over the
 /// pixels of gray frames that are neither dark nor saturated, with weights that let go of pixels
-/// that do not fit (Huber). Within a tenth on ideal events; on real recordings, with noise and
-/// changing light, a third off is usual: the start of a search, no calibration.
+/// that do not fit (Huber). Reads 10 to 20 % high on ideal events, as changes
+/// of less than a threshold leave no event, and up to a third off on real recordings: the start of
+/// a search, no calibration.
 /// @param log_offset  ε of the sensor's log(I + ε), in units of intensity.
 ThresholdEstimate estimate_thresholds(const Dataset& dataset, double log_offset);
 
