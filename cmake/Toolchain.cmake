@@ -20,7 +20,6 @@ add_compile_options($<$<COMPILE_LANGUAGE:CXX>:-Wall> $<$<COMPILE_LANGUAGE:CXX>:-
 find_package(OpenMP COMPONENTS CXX)
 if(OpenMP_CXX_FOUND)
   add_compile_options($<$<COMPILE_LANGUAGE:CXX>:${OpenMP_CXX_FLAGS}>)
-  link_libraries(OpenMP::OpenMP_CXX)
 else()
   message(WARNING "OpenMP was not found (clang: apt install libomp-dev): the CPU code will use one thread")
 endif()

@@ -36,6 +36,12 @@ add_library(jade::torch ALIAS jade_torch)
 target_include_directories(jade_torch SYSTEM INTERFACE
   "${JADE_TORCH_ROOT}/include" "${JADE_TORCH_ROOT}/include/torch/csrc/api/include")
 target_link_libraries(jade_torch INTERFACE "${jade_torch_lib}/libtorch_cpu.so" "${jade_torch_lib}/libc10.so")
+# The wheel brings its own OpenMP runtime; two in one process would each start their own threads.
+if(EXISTS "${jade_torch_lib}/libgomp.so.1")
+  target_link_libraries(jade_torch INTERFACE "${jade_torch_lib}/libgomp.so.1")
+elseif(OpenMP_CXX_FOUND)
+  target_link_libraries(jade_torch INTERFACE OpenMP::OpenMP_CXX)
+endif()
 foreach(dir ${jade_runtime_dirs})
   target_link_options(jade_torch INTERFACE "-Wl,-rpath-link,${dir}")
 endforeach()
