@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
 #include "jade/data/llff.h"
 #include "jade/io/hdf5.h"
 #include "jade/io/npy.h"
