@@ -27,7 +27,8 @@ Rgb LightMap::sample(float u, float v) const {
   const int x0 = column(ix), x1 = column(ix + 1);
   const int y0 = row(iy), y1 = row(iy + 1);
   const auto at = [&](int i, int j) { return texels[static_cast<size_t>(j * width + i)]; };
-  return mix(mix(at(x0, y0), at(x1, y0), x - static_cast<float>(ix)), mix(at(x0, y1), at(x1, y1), x - static_cast<float>(ix)), y - static_cast<float>(iy));
+  return mix(mix(at(x0, y0), at(x1, y0), x - static_cast<float>(ix)),
+             mix(at(x0, y1), at(x1, y1), x - static_cast<float>(ix)), y - static_cast<float>(iy));
 }
 
 void cast(const Scene& scene, const Ray& ray, float pixel_angle, Hit& hit) {

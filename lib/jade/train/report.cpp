@@ -116,12 +116,10 @@ void write_report(const fs::path& run, const data::Dataset& dataset, const std::
   const torch::NoGradGuard no_grad;
   Json data;
   const Json environment = Json::parse(read_file(run / "env.json"));
-  data["facts"] = Json::array({dataset.name,
-                   concat(dataset.train.size(), " exposures"),
-                   concat(state.step, " steps"),
-                   concat(state.gaussians.size(), " Gaussians"),
-                   environment["device"],
-                   environment["program"]});
+  data["facts"] =
+      Json::array({dataset.name, concat(dataset.train.size(), " exposures"),
+                   concat(state.step, " steps"), concat(state.gaussians.size(), " Gaussians"),
+                   environment["device"], environment["program"]});
   data["views"] = Json::array();
   const size_t shown = std::min(kShownViews, views.size());
   for (size_t i = 0; i < shown; ++i) {
