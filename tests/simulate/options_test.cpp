@@ -3,6 +3,8 @@
 
 #include "support/catch.h"
 
+#include <functional>
+
 #include "jade/config/config.h"
 #include "jade/core/error.h"
 
@@ -22,16 +24,27 @@ TEST_CASE("presets: are what DESIGN.md says", "[simulate]") {
 }
 
 TEST_CASE("simulation options: mistakes are refused", "[simulate]") {
-  SimulateRun run;
-  CHECK_NOTHROW(validate(run));
-  SECTION("an unknown scene") { run.simulate.scene = "moon"; }
-  SECTION("a source without a path") { run.simulate.source = "ply"; }
-  SECTION("more seen test views than exposures") {
-    run.simulate.exposures = 2, run.simulate.test_views = 5, run.simulate.seen_test_views = 3;
+  CHECK_NOTHROW(validate(SimulateRun{}));
+  const auto refused = [](const std::function<void(SimulateOptions&)>& change) {
+    SimulateRun run;
+    change(run.simulate);
+    CHECK_THROWS_AS(validate(run), ConfigError);
+  };
+  SECTION("an unknown scene") {
+    refused([](auto& o) { o.scene = "moon"; });
   }
-  SECTION("no gap for test views") { run.simulate.gap_ms = 0; }
-  SECTION("a vector of two") { run.simulate.camera.eye = {1, 2}; }
-  CHECK_THROWS_AS(validate(run), ConfigError);
+  SECTION("a source without a path") {
+    refused([](auto& o) { o.source = "ply"; });
+  }
+  SECTION("more seen test views than exposures") {
+    refused([](auto& o) { o.exposures = 2, o.test_views = 5, o.seen_test_views = 3; });
+  }
+  SECTION("no gap for test views") {
+    refused([](auto& o) { o.gap_ms = 0; });
+  }
+  SECTION("a vector of two") {
+    refused([](auto& o) { o.camera.eye = {1, 2}; });
+  }
 }
 
 TEST_CASE("simulation options: printed and read back they are the same", "[simulate]") {

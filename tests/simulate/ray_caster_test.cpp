@@ -4,8 +4,10 @@
 #include "support/catch.h"
 
 #include <ATen/Parallel.h>
+#include <algorithm>
 #include <cmath>
 
+#include "jade/core/error.h"
 #include "jade/simulate/scene_builder.h"
 #include "jade/simulate/scenes.h"
 

@@ -3,6 +3,7 @@
 
 #include "support/catch.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "jade/simulate/ray_caster.h"

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "jade/core/error.h"
 #include "jade/core/interrupt.h"
 #include "jade/core/progress.h"
 #include "jade/data/dataset.h"
@@ -35,7 +36,7 @@ SimulateRun tiny() {
 
 TEST_CASE("simulate: written and loaded, the exposures are the same", "[simulate]") {
   const SimulateRun run = tiny();
-  const SimulateResult result = simulate(run);
+  const SimulateResult result = simulate::simulate(run);
   CHECK(result.blur_px == Approx(4).epsilon(0.05));
   CHECK((result.largest_flow_px > 0.2 && result.largest_flow_px <= 1));
   test::TempDir folder;
@@ -69,23 +70,23 @@ TEST_CASE("simulate: the same seed gives the same recording for any number of th
   SimulateRun run = tiny();
   run.simulate.exposures = 1, run.simulate.test_views = 0, run.simulate.seen_test_views = 0;
   at::set_num_threads(1);
-  const auto one = simulate(run);
+  const auto one = simulate::simulate(run);
   at::set_num_threads(3);
-  const auto three = simulate(run);
+  const auto three = simulate::simulate(run);
   at::set_num_threads(threads);
   CHECK(one.content.events.t_us().equal(three.content.events.t_us()));
   CHECK(one.content.events.x().equal(three.content.events.x()));
   CHECK(one.content.train[0].blurry.equal(three.content.train[0].blurry));
   run.seed = 5;
-  CHECK_FALSE(one.content.train[0].blurry.equal(simulate(run).content.train[0].blurry));
+  CHECK_FALSE(one.content.train[0].blurry.equal(simulate::simulate(run).content.train[0].blurry));
 }
 
 TEST_CASE("simulate: pose noise moves what is written, not what is seen", "[simulate]") {
   SimulateRun run = tiny();
   run.simulate.exposures = 2;
-  const auto exact = simulate(run);
+  const auto exact = simulate::simulate(run);
   run.simulate.poses.rotation_deg = 0.5, run.simulate.poses.position = 0.01;
-  const auto noisy = simulate(run);
+  const auto noisy = simulate::simulate(run);
   CHECK(exact.content.train[0].blurry.equal(noisy.content.train[0].blurry));
   const auto &a = exact.content.train[0].poses[4], &b = noisy.content.train[0].poses[4];
   CHECK((geometry::rotation_angle(a, b) > 1e-4 && geometry::rotation_angle(a, b) < 0.06));
@@ -103,17 +104,18 @@ TEST_CASE("simulate: a Gaussian file can be filmed", "[simulate]") {
   SimulateRun run = tiny();
   run.simulate.source = "ply", run.simulate.path = folder / "cloud.ply";
   run.simulate.exposures = 1, run.simulate.test_views = 1, run.simulate.motion.blur_px = 3;
-  const auto result = simulate(run);
+  run.simulate.events.threshold_positive = run.simulate.events.threshold_negative = 0.05;
+  const auto result = simulate::simulate(run);
   CHECK(result.blur_px == Approx(3).epsilon(0.05));
   CHECK(result.content.events.size() > 50);
   CHECK(result.content.train[0].blurry.max().item<double>() > 0.2);
   run.simulate.path = folder / "missing.ply";
-  CHECK_THROWS_AS(simulate(run), DataError);
+  CHECK_THROWS_AS(simulate::simulate(run), DataError);
 }
 
 TEST_CASE("simulate: stops when asked to", "[simulate]") {
   const SimulateRun run = tiny();
   set_interrupt_requested(true);
-  CHECK_THROWS_AS(simulate(run), Interrupted);
+  CHECK_THROWS_AS(simulate::simulate(run), Interrupted);
   set_interrupt_requested(false);
 }

@@ -20,7 +20,7 @@
 namespace jade::simulate {
 namespace {
 
-constexpr int64_t kPathStep_us = 2000;  // of the written trajectory
+constexpr int64_t kPathStep_us = 1000;  // of the written trajectory
 
 /// Poses as they are written: the true ones, or with the smooth error of a reconstruction. The
 /// error is drawn at the nine poses of an exposure (every eighth of one) and runs straight in
