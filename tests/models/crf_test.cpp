@@ -129,7 +129,7 @@ TEST_CASE("crf: CUDA equals the CPU, the same bits on every run", "[models][cuda
   const torch::Tensor cotangent = torch::rand({3, 50, 70}) / 1e5;
   std::vector<std::vector<torch::Tensor>> results;
   for (const torch::Device device : {torch::Device(torch::kCPU), gpu, gpu}) {
-    torch::Tensor image = x.to(device).set_requires_grad(true);
+    torch::Tensor image = x.detach().clone().to(device).set_requires_grad(true);
     torch::Tensor table = crf->table().detach().to(device).set_requires_grad(true);
     const torch::Tensor out = CrfImpl::mean(image, table) + CrfImpl::apply(image, table)[0];
     out.backward(cotangent.to(device));

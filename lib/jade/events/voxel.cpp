@@ -20,7 +20,9 @@ torch::Tensor signed_bins(const EventStream& events, const TimeWindow& window, i
 EventVoxel normalized(const torch::Tensor& sums) {
   check_shape(sums, "voxel sums", {-1, -1, -1});
   const double largest = sums.numel() > 0 ? sums.abs().max().item<double>() : 0;
-  return {largest > 0 ? sums / largest : torch::zeros_like(sums), largest};
+  if (largest == 0) return {torch::zeros_like(sums), 0};
+  // By a tensor: GPUs multiply with the reciprocal of a plain number, which rounds otherwise.
+  return {sums / torch::full({}, largest, sums.options()), largest};
 }
 
 EventVoxel voxelize(const EventStream& events, const TimeWindow& window, int64_t bins,
