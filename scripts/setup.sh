@@ -63,7 +63,8 @@ import importlib.metadata as metadata, sys
 def found(requirement):
     name, _, version = requirement.partition("==")
     try:
-        return not version or metadata.version(name).split("+")[0] == version
+        installed = metadata.version(name).split("+")[0]
+        return not version or installed == version
     except metadata.PackageNotFoundError:
         return False
 print(" ".join(r for r in sys.argv[1:] if not found(r)))
