@@ -106,7 +106,7 @@ void write_npz(const std::filesystem::path& path, const NamedTensors& arrays) {
     }
   }
   if (zip_close(archive.get()) != 0) throw failed();
-  archive.release();
+  static_cast<void>(archive.release());  // zip_close has freed it
   target.commit();
 }
 
