@@ -71,7 +71,10 @@ Program::Program(const std::string& name, const std::string& description)
 }
 
 void Program::add_config_flags() {
-  cli_.add_option("--config", config_file_, "YAML configuration; - reads standard input");
+  cli_.add_option("--config", config_files_,
+                  "YAML configuration; - reads standard input. Repeated: each is laid over those "
+                  "before it")
+      ->allow_extra_args(false);
   cli_.add_option("--set", overrides_, "Override a key: --set a.b=value (repeatable, last wins)")
       ->allow_extra_args(false);
   cli_.add_flag("--print-config", print_config_,
@@ -92,6 +95,15 @@ void Program::add_seed_flag() { cli_.add_option("--seed", seed_, "Seed of every 
 
 void Program::add_json_flag() { cli_.add_flag("--json", json_, "Print results as JSON"); }
 
+std::filesystem::path Program::config_file() const {
+  return config_files_.empty() ? std::filesystem::path() : config_files_.front();
+}
+
+std::vector<std::filesystem::path> Program::layers() const {
+  if (config_files_.empty()) return {};
+  return {config_files_.begin() + 1, config_files_.end()};
+}
+
 torch::Device Program::device() const { return select_device(device_.empty() ? "auto" : device_); }
 
 std::string Program::title() const {
@@ -100,7 +112,7 @@ std::string Program::title() const {
 }
 
 config::Sources Program::sources(const FieldList& fields) const {
-  config::Sources all{config_file_, overrides_};
+  config::Sources all{config_file(), overrides_, layers()};
   if (!device_.empty() && fields.find("device")) all.overrides.push_back("device=" + device_);
   if (seed_ && fields.find("seed")) all.overrides.push_back(concat("seed=", *seed_));
   return all;

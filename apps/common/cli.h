@@ -64,7 +64,9 @@ class Program {
     return options;
   }
 
-  const std::filesystem::path& config_file() const { return config_file_; }
+  /// The first --config; those after it are layers().
+  std::filesystem::path config_file() const;
+  std::vector<std::filesystem::path> layers() const;
   const std::vector<std::string>& overrides() const { return overrides_; }
   const std::filesystem::path& output() const { return output_; }
   bool json() const { return json_; }
@@ -80,7 +82,7 @@ class Program {
 
   std::string name_;
   CLI::App cli_;
-  std::filesystem::path config_file_;
+  std::vector<std::filesystem::path> config_files_;
   std::vector<std::string> overrides_;
   std::filesystem::path output_;
   std::string device_;

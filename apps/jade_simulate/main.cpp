@@ -18,7 +18,7 @@ struct BlenderRun : simulate::SimulateRun {
 };
 
 std::optional<simulate::SimulateRun> load(apps::Program& program) {
-  const config::Sources sources{program.config_file(), program.overrides()};
+  const config::Sources sources{program.config_file(), program.overrides(), program.layers()};
   if (config::load<simulate::SimulateRun>(sources).simulate.preset == "blender") {
     return program.load_options<BlenderRun>();
   }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Configuration from YAML files and --set overrides, driven by the `describe` function of an
-// options struct (core/fields.h). Order, later wins: defaults, the `extends` chain, the file,
-// --set.
+// options struct (core/fields.h). Order, later wins: defaults, the `extends` chain, the file, the
+// files laid over it (each after its own chain), --set.
 #pragma once
 
 #include <filesystem>
@@ -16,6 +16,7 @@ namespace jade::config {
 struct Sources {
   std::filesystem::path file;          ///< Empty: defaults only. "-" or /dev/stdin: standard input.
   std::vector<std::string> overrides;  ///< "route.lr=1e-3", the value typed as YAML; last wins.
+  std::vector<std::filesystem::path> layers;  ///< More files, laid over `file` in this order.
 };
 
 /// Reads `sources` into the fields. All problems are found before the first is thrown.

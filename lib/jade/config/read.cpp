@@ -264,6 +264,7 @@ void read(const Sources& sources, const FieldList& fields) {
   std::vector<Layer> layers;
   std::vector<fs::path> chain;
   if (!sources.file.empty()) collect_layers(sources.file, chain, layers);
+  for (const fs::path& file : sources.layers) collect_layers(file, chain, layers);
   for (const std::string& assignment : sources.overrides)
     layers.push_back(override_layer(assignment));
   Reader reader(fields);

@@ -2,6 +2,8 @@
 #include "jade/core/interrupt.h"
 
 #include <csignal>
+#include <cstdint>
+#include <ctime>
 #include <unistd.h>
 
 #include "jade/core/error.h"
@@ -9,11 +11,26 @@
 namespace jade {
 namespace {
 
+/// Schedulers and parent processes may send the same request twice; a person is slower than this.
+constexpr int64_t kRepeatMs = 300;
+
 volatile std::sig_atomic_t requested = 0;
+int64_t requested_ms = 0;
+
+int64_t now_ms() {
+  timespec now{};
+  clock_gettime(CLOCK_MONOTONIC, &now);
+  return int64_t{1000} * now.tv_sec + now.tv_nsec / 1000000;
+}
 
 extern "C" void on_signal(int) {
-  if (requested) _exit(static_cast<int>(ExitCode::kInterrupted));
+  const int64_t now = now_ms();
+  if (requested) {
+    if (now - requested_ms < kRepeatMs) return;
+    _exit(static_cast<int>(ExitCode::kInterrupted));
+  }
   requested = 1;
+  requested_ms = now;
   constexpr char kNote[] =
       "\ninterrupted: finishing and saving; press Ctrl-C again to stop at once\n";
   // write() is one of the few calls that a signal handler may make; nothing to do if it fails.

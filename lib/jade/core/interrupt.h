@@ -3,8 +3,8 @@
 
 namespace jade {
 
-/// From now on Ctrl-C and SIGTERM set a flag that long work asks for; a second one stops the
-/// program at once with exit code 130.
+/// From now on Ctrl-C and SIGTERM set a flag that long work asks for; a second one, 0.3 s later or
+/// more, stops the program at once with exit code 130.
 void install_interrupt_handlers();
 
 /// True once Ctrl-C or SIGTERM has come.
