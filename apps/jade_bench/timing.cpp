@@ -6,7 +6,9 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <sys/resource.h>
-#include <torch/torch.h>
+#include <torch/cuda.h>
+#include <torch/cuda.h>
+#include <torch/types.h>
 #include <vector>
 #ifdef JADE_WITH_CUDA
 #include <c10/cuda/CUDACachingAllocator.h>

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <fstream>
 #include <nlohmann/json.hpp>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "jade/core/error.h"
 #include "jade/io/npy.h"

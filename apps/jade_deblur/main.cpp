@@ -2,7 +2,7 @@
 // The 2D restorations alone: sharp frames from blurry ones and their events.
 #include <cstdio>
 #include <nlohmann/json.hpp>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "common/cli.h"
 #include "common/dataset_flags.h"

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "jade/imaging/image_io.h"
 

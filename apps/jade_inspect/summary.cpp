@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 namespace jade::apps {
 namespace {

@@ -2,7 +2,7 @@
 #include "support/catch.h"
 
 #include <csignal>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/check.h"

@@ -4,7 +4,7 @@
 #include "support/catch.h"
 
 #include <cmath>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "jade/core/error.h"
 

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <filesystem>
 #include <functional>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "data/tiny_recording.h"
 #include "jade/core/atomic_file.h"

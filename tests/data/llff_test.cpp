@@ -3,7 +3,7 @@
 
 #include "support/catch.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "data/tiny_recording.h"
 #include "jade/core/error.h"

@@ -5,7 +5,7 @@
 
 #include <algorithm>
 #include <string>
-#include <torch/torch.h>
+#include <torch/types.h>
 #include <vector>
 
 #include "jade/data/dataset.h"

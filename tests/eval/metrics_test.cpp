@@ -5,7 +5,7 @@
 
 #include <cmath>
 #include <nlohmann/json.hpp>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "jade/core/error.h"
 #include "jade/eval/report.h"

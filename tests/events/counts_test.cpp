@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <random>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "jade/core/error.h"
 #include "jade/events/exposure_maps.h"

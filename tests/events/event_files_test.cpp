@@ -6,7 +6,7 @@
 #include <cmath>
 #include <fstream>
 #include <functional>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "jade/core/error.h"
 #include "jade/io/hdf5.h"

@@ -5,7 +5,7 @@
 
 #include <cmath>
 #include <limits>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "jade/core/error.h"
 #include "jade/events/rectify.h"

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // make_seeds DIR writes well-formed small files into DIR/<reader>/, for the fuzzers to start from.
 #include <filesystem>
-#include <torch/torch.h>
+#include <torch/types.h>
 #include <vector>
 
 #include "jade/core/atomic_file.h"

@@ -5,7 +5,7 @@
 
 #include <cmath>
 #include <random>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "jade/core/error.h"
 #include "jade/geometry/camera.h"

@@ -7,7 +7,7 @@
 #include <functional>
 #include <opencv2/imgcodecs.hpp>
 #include <string>
-#include <torch/torch.h>
+#include <torch/types.h>
 #include <unistd.h>
 
 #include "jade/core/error.h"

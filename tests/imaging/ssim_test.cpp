@@ -6,7 +6,8 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
-#include <torch/torch.h>
+#include <torch/csrc/autograd/autograd.h>
+#include <torch/csrc/autograd/custom_function.h>
 
 #include "jade/core/error.h"
 

@@ -4,7 +4,7 @@
 #include "support/catch.h"
 
 #include <limits>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "jade/core/error.h"
 #include "support/colmap_writer.h"

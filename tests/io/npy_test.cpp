@@ -5,7 +5,7 @@
 
 #include <fstream>
 #include <string>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"

@@ -2,7 +2,7 @@
 #include "support/catch.h"
 
 #include <ATen/Parallel.h>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "jade/core/error.h"
 #include "jade/splat/cpu/dispatch.h"

@@ -3,7 +3,8 @@
 #include "support/catch.h"
 
 #include <cmath>
-#include <torch/torch.h>
+#include <torch/cuda.h>
+#include <torch/types.h>
 
 #include "jade/splat/render.h"
 #include "support/splat_scenes.h"

@@ -4,7 +4,7 @@
 #include "support/catch.h"
 
 #include <cmath>
-#include <torch/torch.h>
+#include <torch/csrc/autograd/custom_function.h>
 
 using jade::test::gradcheck;
 using torch::Tensor;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "support/catch.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "jade/core/random.h"
 #include "jade/splat/render.h"

@@ -2,7 +2,7 @@
 #include "support/dense_reference.h"
 
 #include <cmath>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 namespace jade::test {
 

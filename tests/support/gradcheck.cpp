@@ -3,7 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "jade/core/check.h"
 #include "jade/core/random.h"

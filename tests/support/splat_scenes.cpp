@@ -2,7 +2,7 @@
 #include "support/splat_scenes.h"
 
 #include <cmath>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "jade/core/random.h"
 

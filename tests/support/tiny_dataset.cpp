@@ -3,7 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <torch/torch.h>
+#include <torch/types.h>
 #include <tuple>
 
 #include "jade/data/evdeblur_writer.h"

@@ -2,7 +2,7 @@
 #include "jade/data/dataset.h"
 
 #include <cstdlib>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "jade/core/error.h"
 #include "jade/data/colmap_scene.h"

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <map>
 #include <regex>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "jade/core/error.h"
 #include "jade/data/colmap_scene.h"

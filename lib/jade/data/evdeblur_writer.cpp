@@ -2,7 +2,7 @@
 #include "jade/data/evdeblur_writer.h"
 
 #include <algorithm>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/check.h"

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <exception>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "jade/core/error.h"
 #include "jade/imaging/image_io.h"

@@ -2,7 +2,7 @@
 #include "jade/data/llff.h"
 
 #include <cmath>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "jade/core/error.h"
 #include "jade/io/npy.h"

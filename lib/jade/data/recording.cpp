@@ -2,7 +2,7 @@
 #include "jade/data/recording.h"
 
 #include <algorithm>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "jade/core/error.h"
 #include "jade/events/event_files.h"

@@ -5,7 +5,7 @@
 #include <array>
 #include <limits>
 #include <mutex>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "jade/core/check.h"
 #include "jade/events/kernels.h"

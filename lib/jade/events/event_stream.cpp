@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <torch/torch.h>
+#include <torch/types.h>
 #include <utility>
 
 #include "jade/core/check.h"

@@ -2,7 +2,7 @@
 #include "jade/events/exposure_maps.h"
 
 #include <algorithm>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "jade/core/check.h"
 #include "jade/events/counts.h"

@@ -2,7 +2,7 @@
 #include "jade/geometry/camera.h"
 
 #include <cmath>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "jade/core/check.h"
 

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "jade/core/check.h"
 

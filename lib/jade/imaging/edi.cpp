@@ -2,7 +2,7 @@
 #include "jade/imaging/edi.h"
 
 #include <cmath>
-#include <torch/torch.h>
+#include <torch/types.h>
 #include <vector>
 
 #include "jade/core/check.h"

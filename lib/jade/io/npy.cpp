@@ -6,7 +6,7 @@
 #include <cstring>
 #include <fstream>
 #include <limits>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/check.h"

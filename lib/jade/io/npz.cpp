@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <memory>
-#include <torch/torch.h>
+#include <torch/types.h>
 #include <zip.h>
 
 #include "jade/core/atomic_file.h"

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <ATen/ops/empty.h>
+#include <ATen/ops/empty_like.h>
+#include <ATen/ops/zeros.h>
+#include <ATen/ops/zeros_like.h>
 #include <algorithm>
 #include <c10/cuda/CUDAException.h>
 #include <c10/cuda/CUDAStream.h>
@@ -74,9 +78,9 @@ int64_t blocks_for(int64_t count) { return (count + kThreads - 1) / kThreads; }
 
 }  // namespace
 
-torch::Tensor crf_lookup(const CrfLookup& args) {
-  torch::Tensor out = args.mean ? torch::empty(args.image.sizes().slice(1), args.image.options())
-                                : torch::empty_like(args.image);
+at::Tensor crf_lookup(const CrfLookup& args) {
+  at::Tensor out = args.mean ? at::empty(args.image.sizes().slice(1), args.image.options())
+                             : at::empty_like(args.image);
   if (out.numel() == 0) return out;
   forward_kernel<<<static_cast<unsigned>(blocks_for(out.numel())), kThreads, 0,
                    c10::cuda::getCurrentCUDAStream()>>>(
@@ -86,15 +90,15 @@ torch::Tensor crf_lookup(const CrfLookup& args) {
   return out;
 }
 
-CrfGradient crf_lookup_backward(const CrfLookup& args, const torch::Tensor& gradient,
-                                bool wants_image, bool wants_table) {
+CrfGradient crf_lookup_backward(const CrfLookup& args, const at::Tensor& gradient, bool wants_image,
+                                bool wants_table) {
   CrfGradient result;
-  if (wants_image) result.image = torch::empty_like(args.image);
-  torch::Tensor sums;
-  if (wants_table) sums = torch::zeros({kCrfKnots}, args.table.options().dtype(torch::kInt64));
+  if (wants_image) result.image = at::empty_like(args.image);
+  at::Tensor sums;
+  if (wants_table) sums = at::zeros({kCrfKnots}, args.table.options().dtype(at::kLong));
   const int64_t count = args.image.numel();
   if (count == 0) {
-    if (wants_table) result.table = torch::zeros_like(args.table);
+    if (wants_table) result.table = at::zeros_like(args.table);
     return result;
   }
   const float share = args.mean ? 1.f / static_cast<float>(args.image.size(0)) : 1.f;
@@ -110,7 +114,7 @@ CrfGradient crf_lookup_backward(const CrfLookup& args, const torch::Tensor& grad
       wants_table ? reinterpret_cast<unsigned long long*>(sums.mutable_data_ptr<int64_t>())
                   : nullptr);
   C10_CUDA_KERNEL_LAUNCH_CHECK();
-  if (wants_table) result.table = (sums.to(torch::kFloat64) / kFixedPoint).to(torch::kFloat32);
+  if (wants_table) result.table = sums.to(at::kDouble).div(kFixedPoint).to(at::kFloat);
   return result;
 }
 

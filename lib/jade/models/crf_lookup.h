@@ -2,8 +2,8 @@
 // Linear interpolation in a table of φ, apart from autograd. Not for use outside this folder.
 #pragma once
 
+#include <ATen/core/Tensor.h>
 #include <cstdint>
-#include <torch/types.h>
 
 namespace jade::models {
 
@@ -13,26 +13,26 @@ constexpr double kCrfRange = 2;
 
 /// All tensors contiguous, of one floating type and device.
 struct CrfLookup {
-  torch::Tensor image;  ///< [K, P...]
-  torch::Tensor table;  ///< [kCrfKnots]
-  bool mean = false;    ///< average over the first dimension
+  at::Tensor image;   ///< [K, P...]
+  at::Tensor table;   ///< [kCrfKnots]
+  bool mean = false;  ///< average over the first dimension
 };
 
 struct CrfGradient {
-  torch::Tensor image;  ///< undefined unless wanted
-  torch::Tensor table;
+  at::Tensor image;  ///< undefined unless wanted
+  at::Tensor table;
 };
 
 namespace cpu {
-torch::Tensor crf_lookup(const CrfLookup& args);
-CrfGradient crf_lookup_backward(const CrfLookup& args, const torch::Tensor& gradient,
-                                bool wants_image, bool wants_table);
+at::Tensor crf_lookup(const CrfLookup& args);
+CrfGradient crf_lookup_backward(const CrfLookup& args, const at::Tensor& gradient, bool wants_image,
+                                bool wants_table);
 }  // namespace cpu
 
 namespace cuda {
-torch::Tensor crf_lookup(const CrfLookup& args);
-CrfGradient crf_lookup_backward(const CrfLookup& args, const torch::Tensor& gradient,
-                                bool wants_image, bool wants_table);
+at::Tensor crf_lookup(const CrfLookup& args);
+CrfGradient crf_lookup_backward(const CrfLookup& args, const at::Tensor& gradient, bool wants_image,
+                                bool wants_table);
 }  // namespace cuda
 
 }  // namespace jade::models

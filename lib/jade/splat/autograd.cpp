@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/splat/autograd.h"
 
-#include <torch/torch.h>
+#include <torch/csrc/autograd/custom_function.h>
 
 #include "jade/core/check.h"
 

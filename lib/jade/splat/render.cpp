@@ -2,7 +2,7 @@
 #include "jade/splat/render.h"
 
 #include <algorithm>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "jade/core/check.h"
 #include "jade/splat/autograd.h"

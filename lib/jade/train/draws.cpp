@@ -2,7 +2,7 @@
 #include "jade/train/draws.h"
 
 #include <numeric>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "jade/core/error.h"
 #include "jade/core/random.h"

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/train/evaluate.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "jade/config/config.h"
 #include "jade/core/error.h"

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/train/routing_step.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 namespace jade::train {
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/train/term_monitor.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "jade/core/error.h"
 
