@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // jade_bench: the benchmarks behind every performance figure, one file each.
 #include "common/cli.h"
+#include "iteration.h"
 #include "splat.h"
 
 int main(int argc, char** argv) {
@@ -11,8 +12,11 @@ int main(int argc, char** argv) {
   program.cli().require_subcommand(1);
   bench::SplatBench splat;
   CLI::App* const splat_command = splat.add_to(program.cli());
+  bench::IterationBench iteration;
+  CLI::App* const iteration_command = iteration.add_to(program.cli());
   return program.run(argc, argv, [&] {
     if (splat_command->parsed()) return splat.run(program);
+    if (iteration_command->parsed()) return iteration.run(program);
     return ExitCode::kUsage;
   });
 }

@@ -4,7 +4,7 @@
 
 #include <fstream>
 #include <nlohmann/json.hpp>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
@@ -117,7 +117,7 @@ TEST_CASE("routing step: changes the router and leaves the scene and its optimis
           "[train]") {
   const Scene scene;
   Bench bench(scene);
-  const auto renders = train::render_exposure(bench.state, bench.views[0], 1, bench.options);
+  const auto renders = train::render_exposure(bench.state, bench.views[0], 0, 1, bench.options);
   CHECK(renders.color.size(0) == 9);
   const auto scene_before = copies(bench.state.gaussians.parameters());
   const auto adam_before = adam_state(bench.state);
@@ -136,14 +136,15 @@ TEST_CASE("scene step: changes the scene and leaves the router and its optimiser
           "[train]") {
   const Scene scene;
   Bench bench(scene);
-  const auto renders = train::render_exposure(bench.state, bench.views[0], 1, bench.options);
+  const auto renders = train::render_exposure(bench.state, bench.views[0], 0, 1, bench.options);
   const auto router_before = copies(bench.state.allocation->parameters());
   const auto router_adam_before = copies(bench.state.allocation_adam.state());
   const auto scene_before = copies(bench.state.gaussians.parameters());
   const auto target = train::scene_target(bench.state, bench.views[0], 0);
   CHECK_FALSE(target.requires_grad());
-  const auto terms = train::scene_step(bench.state, bench.views[0], renders, target,
-                                       torch::tensor({0, 3, 8}), 1, bench.options);
+  const auto terms = train::scene_step(
+      bench.state, {bench.views[0], renders, target, torch::tensor({0, 3, 8}), {}}, 1,
+      bench.options);
   CHECK(equal(router_before, copies(bench.state.allocation->parameters())));
   CHECK(equal(router_adam_before, copies(bench.state.allocation_adam.state())));
   CHECK_FALSE(equal(scene_before, copies(bench.state.gaussians.parameters())));
@@ -156,7 +157,7 @@ TEST_CASE("routing step: where both restorations agree no gradient reaches the a
   Bench bench(scene);
   train::View view = bench.views[0];
   view.restorations.efnet = view.restorations.edi;
-  const auto renders = train::render_exposure(bench.state, view, 1, bench.options);
+  const auto renders = train::render_exposure(bench.state, view, 0, 1, bench.options);
   const auto before = copies(bench.state.allocation->parameters());
   train::routing_step(bench.state, view, 0, renders, bench.options.route);
   CHECK(equal(before, copies(bench.state.allocation->parameters())));
@@ -166,11 +167,13 @@ TEST_CASE("steps: the calendar decides which terms are there", "[train]") {
   const Scene scene;
   Bench bench(scene);
   const auto names_at = [&](int64_t step) {
-    const auto renders = train::render_exposure(bench.state, bench.views[1], step, bench.options);
+    const auto renders =
+        train::render_exposure(bench.state, bench.views[1], 1, step, bench.options);
     std::string names;
-    for (const auto& term : train::scene_step(bench.state, bench.views[1], renders,
-                                              train::scene_target(bench.state, bench.views[1], 1),
-                                              torch::tensor({1, 2, 3}), step, bench.options)) {
+    const auto target = train::scene_target(bench.state, bench.views[1], 1);
+    for (const auto& term : train::scene_step(
+             bench.state, {bench.views[1], renders, target, torch::tensor({1, 2, 3}), {}}, step,
+             bench.options)) {
       names += term.name + " ";
     }
     return names;

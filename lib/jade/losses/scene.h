@@ -27,6 +27,8 @@ struct SceneLossOptions {
   int64_t warmup = 1500;
   double event_loss_weight = 0.0;
   int64_t event_pixels = 1024;
+  std::string event_window = "exposure";
+  double event_window_share = 0.125;
 };
 
 template <class V>
@@ -34,9 +36,9 @@ void describe(V& v, SceneLossOptions& o) {
   v.field("dssim", o.dssim, "share λ of SSIM in every reconstruction term (lambda_dssim)",
           Range{0, 1});
   v.field("target", o.target,
-          "target of the middle render, Eq. (9): routed mix, EDI, EFNet, their mean, a folder of "
-          "images, or none",
-          Choices{"routed", "edi", "efnet", "mean", "image_folder", "none"});
+          "target of the middle render, Eq. (9): routed mix, EDI, EFNet, their mean, the blurry frame "
+          "itself, a folder of images, or none",
+          Choices{"routed", "edi", "efnet", "mean", "blurry", "image_folder", "none"});
   v.field("target_weight", o.target_weight, "weight of that term (efnet_weight)", Range{0, 1e3});
   v.field("blur", o.blur, "L_blur: mean of the nine renders against the blurry frame");
   v.field("edi_supervision", o.edi_supervision, "L_edi in gray and in colour, at drawn poses");
@@ -49,6 +51,13 @@ void describe(V& v, SceneLossOptions& o) {
   v.field("event_loss_weight", o.event_loss_weight,
           "weight of L_ev, which costs two more renders; 0 turns it off", Range{0, 1e3});
   v.field("event_pixels", o.event_pixels, "pixels drawn for L_ev (sample_pnum)", Range{1, 1e8});
+  v.field(
+      "event_window", o.event_window,
+      "where the time windows of L_ev are drawn: in the step's own exposure, or anywhere in the "
+      "recording, between exposures too",
+      Choices{"exposure", "recording"});
+  v.field("event_window_share", o.event_window_share,
+          "length of such a window as a share of the exposure", Range{1e-6, 1});
 }
 
 /// The camera response as the objective uses it. Without `apply` it is the identity.

@@ -6,7 +6,7 @@
 #include <fstream>
 #include <map>
 #include <torch/serialize.h>
-#include <torch/torch.h>
+#include <torch/serialize/archive.h>
 
 #include "jade/config/config.h"
 #include "jade/core/atomic_file.h"
@@ -70,6 +70,13 @@ Entries entries_of(const TrainState& state) {
   };
   if (state.allocation) put_module("allocation", *state.allocation, state.allocation_adam);
   if (state.crf) put_module("crf", *state.crf, state.crf_adam);
+  if (state.poses) {
+    put_module("poses", *state.poses, state.poses_adam);
+    for (const auto& parameter : state.poses->named_parameters()) {
+      // Gradients that wait for the rest of poses.accumulate steps.
+      put("poses.gradient." + parameter.key(), parameter.value().grad());
+    }
+  }
   return all;
 }
 
@@ -224,6 +231,13 @@ CheckpointInfo load_checkpoint(const fs::path& path, TrainState& state) {
   if (state.allocation)
     restore_module(all, "allocation", *state.allocation, state.allocation_adam, path);
   if (state.crf) restore_module(all, "crf", *state.crf, state.crf_adam, path);
+  if (state.poses) {
+    restore_module(all, "poses", *state.poses, state.poses_adam, path);
+    for (auto& parameter : state.poses->named_parameters()) {
+      const auto waiting = all.find("poses.gradient." + parameter.key());
+      if (waiting != all.end()) parameter.value().mutable_grad() = waiting->second;
+    }
+  }
   state.step = take(all, "step", path).item<int64_t>();
   return {state.step, text_of(take(all, "config", path)),
           text_of(take(all, "data_fingerprint", path))};
@@ -253,15 +267,11 @@ std::string data_fingerprint(const data::Dataset& dataset) {
 
 ConfigDifference compare_configs(const std::string& saved_yaml, RunOptions now) {
   // What changes when a run stops or what it shows, never what it computes at a given step.
-  static const std::vector<std::string> free_keys = {"train.iterations",
-                                                     "train.log_every",
-                                                     "train.evaluate_every",
-                                                     "train.picture_every",
-                                                     "checkpoint.every",
-                                                     "checkpoint.keep",
-                                                     "device",
-                                                     "dataset.path",
-                                                     "efnet.path"};
+  static const std::vector<std::string> free_keys = {
+      "train.iterations", "train.log_every",  "train.evaluate_every", "train.picture_every",
+      "train.cuda_graph", "checkpoint.every", "checkpoint.keep",      "device",
+      "dataset.path",     "efnet.path",       "cache.enabled",        "cache.folder",
+      "cache.max_mib"};
   RunOptions saved;
   try {
     config::read_text(saved_yaml, "its configuration", fields_of(saved));

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/train/module_adam.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "jade/core/check.h"
 
@@ -16,7 +16,7 @@ ModuleAdam::ModuleAdam(std::vector<torch::Tensor> parameters, double lr, double 
   }
 }
 
-void ModuleAdam::step() {
+void ModuleAdam::step(double lr) {
   const torch::NoGradGuard no_grad;
   std::vector<torch::Tensor> gradients;
   for (const torch::Tensor& parameter : parameters_) {
@@ -25,7 +25,7 @@ void ModuleAdam::step() {
     gradients.push_back(parameter.grad());
   }
   for (torch::Tensor& steps : steps_) steps += 1;
-  at::_fused_adam_(parameters_, gradients, first_, second_, {}, steps_, lr_, 0.9, 0.999, 0.0, eps_,
+  at::_fused_adam_(parameters_, gradients, first_, second_, {}, steps_, lr, 0.9, 0.999, 0.0, eps_,
                    /*amsgrad=*/false, /*maximize=*/false);
 }
 

@@ -16,7 +16,9 @@ class ModuleAdam {
   bool empty() const { return parameters_.empty(); }
 
   /// One step with the gradients that the parameters hold. All must have one.
-  void step();
+  void step() { step(lr_); }
+  /// The same with another step size.
+  void step(double lr);
   /// Sets all gradients to undefined.
   void zero_grad();
 

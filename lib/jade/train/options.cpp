@@ -40,6 +40,12 @@ void validate(const RunOptions& options) {
     throw ConfigError(
         "train.target_images: needed by scene.target image_folder; name a folder of images");
   }
+  if (options.poses.optimize != "none" && options.scene.event_loss_weight > 0) {
+    throw ConfigError(
+        "poses.optimize and scene.event_loss_weight: L_ev takes its cameras from the data; set one "
+        "of "
+        "them to none or 0");
+  }
   if (options.densify.from >= options.densify.until && options.densify.strategy != "none" &&
       options.densify.until > 0) {
     throw ConfigError(concat("densify.from: expected less than densify.until (",

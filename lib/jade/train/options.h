@@ -14,9 +14,11 @@
 #include "jade/models/allocation.h"
 #include "jade/models/crf.h"
 #include "jade/models/efnet.h"
+#include "jade/models/restoration_cache.h"
 #include "jade/scene/densify.h"
 #include "jade/scene/init.h"
 #include "jade/scene/optimizer.h"
+#include "jade/train/exposure_poses.h"
 
 namespace jade::train {
 
@@ -26,6 +28,7 @@ struct TrainOptions {
   int64_t log_every = 100;
   int64_t evaluate_every = 5000;
   int64_t picture_every = 5000;
+  bool cuda_graph = true;
   std::filesystem::path target_images;
 };
 
@@ -39,6 +42,9 @@ void describe(V& v, TrainOptions& o) {
           "steps between evaluations on the test views; 0: only at the end", Range{0, 1e8});
   v.field("picture_every", o.picture_every,
           "steps between pictures in images/ and alpha/; 0: only at the end", Range{0, 1e8});
+  v.field("cuda_graph", o.cuda_graph,
+          "record steps on a GPU as a CUDA graph, several times faster; has no effect with "
+          "deterministic, poses.optimize and allocation.kind per_view_map");
   v.field("target_images", o.target_images,
           "folder with one image a training view, by name, for scene.target image_folder");
 }
@@ -62,10 +68,12 @@ struct RunOptions {
   data::DatasetOptions dataset;
   events::EventOptions events;
   models::EfnetOptions efnet;
+  models::RestorationCacheOptions cache;
   scene::InitOptions init;
   scene::OptimOptions optim;
   scene::DensifyOptions densify;
   models::CrfOptions crf;
+  PoseOptions poses;
   models::AllocationOptions allocation;
   losses::RouteOptions route;
   losses::SceneLossOptions scene;
@@ -82,10 +90,12 @@ void describe(V& v, RunOptions& o) {
   v.group("dataset", o.dataset, "where the frames, events and poses are");
   v.group("events", o.events, "how events become voxels and EDI");
   v.group("efnet", o.efnet, "the frozen learned restorer F");
+  v.group("cache", o.cache, "restorations of the views on disk");
   v.group("init", o.init, "where the Gaussians start");
   v.group("optim", o.optim, "step sizes of the Gaussians");
   v.group("densify", o.densify, "adding and removing Gaussians");
   v.group("crf", o.crf, "the camera response φ");
+  v.group("poses", o.poses, "the cameras of the exposures");
   v.group("allocation", o.allocation, "the weight between the two restorations, Eq. (3)");
   v.group("route", o.route, "routing step, Eq. (6)");
   v.group("scene", o.scene, "scene step, Eq. (8) to (10)");

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/train/scene_step.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 namespace jade::train {
 namespace {
@@ -14,30 +14,69 @@ losses::ToneCurve tone_curve(TrainState& state, const losses::SceneLossOptions& 
           [table](const torch::Tensor& images) { return models::CrfImpl::mean(images, table); }};
 }
 
-}  // namespace
-
-Renders render_exposure(TrainState& state, const View& view, int64_t step,
-                        const RunOptions& options) {
+splat::RenderOptions render_options(int64_t step, const RunOptions& options) {
   splat::RenderOptions render;
   render.sh_degree = scene::active_sh_degree(step, options.train.sh_degree_every);
   render.deterministic = options.deterministic;
-  render.statistics = state.densifier.statistics(step);
-  render.statistics_view = state.densifier.statistics_view();
-  return {splat::render(state.gaussians.parameters(), view.cameras, render).color};
+  return render;
 }
 
-std::vector<losses::NamedTerm> scene_step(TrainState& state, const View& view,
-                                          const Renders& renders, const torch::Tensor& target,
-                                          const torch::Tensor& poses, int64_t step,
-                                          const RunOptions& options) {
+/// Two more renders, at both ends of the window, toned as the sensor's response asks.
+losses::EventPair event_pair(const TrainState& state, const EventWindow& window,
+                             const losses::ToneCurve& tone, int64_t step,
+                             const RunOptions& options) {
+  const torch::Tensor images =
+      splat::render(state.gaussians.parameters(), window.cameras, render_options(step, options))
+          .color;
+  const torch::Tensor toned = tone.apply ? tone.apply(images) : images;
+  const events::Thresholds thresholds = options.events.thresholds();
+  losses::EventPair pair;
+  pair.before = toned[0];
+  pair.after = toned[1];
+  pair.counts = window.counts;
+  pair.pixels = window.pixels;
+  pair.color_filter = window.color_filter;
+  pair.threshold_positive = thresholds.positive;
+  pair.threshold_negative = thresholds.negative;
+  pair.weighted_colors = losses::tone_acts(options.scene, step);
+  return pair;
+}
+
+void step_poses(TrainState& state, int64_t step, const PoseOptions& options) {
+  if (state.poses_adam.empty() || step % options.accumulate != 0) return;
+  state.poses_adam.step(pose_lr(options, step));
+  state.poses_adam.zero_grad();
+}
+
+}  // namespace
+
+Renders render_exposure(TrainState& state, const View& view, int64_t view_index, int64_t step,
+                        const RunOptions& options) {
+  splat::RenderOptions render = render_options(step, options);
+  render.statistics = state.densifier.statistics(step);
+  render.statistics_view = state.densifier.statistics_view();
+  splat::CameraBatch cameras = view.cameras;
+  if (state.poses) {
+    cameras.camera_from_world =
+        state.poses->forward(view_index, cameras.camera_from_world.device());
+  }
+  return {splat::render(state.gaussians.parameters(), cameras, render).color};
+}
+
+std::vector<losses::NamedTerm> scene_step(TrainState& state, const SceneStepInputs& step_inputs,
+                                          int64_t step, const RunOptions& options) {
+  const View& view = step_inputs.view;
   losses::SceneLossInputs inputs;
-  inputs.renders = renders.color;
+  inputs.renders = step_inputs.renders.color;
   inputs.blurry = view.blurry;
   inputs.blurry_moments = view.blurry_moments;
   inputs.edi_factors = view.edi_factors;
-  inputs.poses = poses;
-  if (target.defined()) inputs.target.emplace(target);
+  inputs.poses = step_inputs.poses;
+  if (step_inputs.target.defined()) inputs.target.emplace(step_inputs.target);
   inputs.tone = tone_curve(state, options.scene, step);
+  if (step_inputs.events.defined()) {
+    inputs.events = event_pair(state, step_inputs.events, inputs.tone, step, options);
+  }
 
   losses::SceneLoss loss = losses::scene_loss(inputs, step, options.scene);
   const torch::Tensor regularization = state.densifier.regularization(state.gaussians);
@@ -50,7 +89,7 @@ std::vector<losses::NamedTerm> scene_step(TrainState& state, const View& view,
   loss.total.backward();
   state.gaussian_adam.step(state.gaussians);
   if (!state.crf_adam.empty() && losses::tone_acts(options.scene, step)) state.crf_adam.step();
-  if (state.densifier.due(step)) state.densifier.update(step, state.gaussians, state.gaussian_adam);
+  step_poses(state, step, options.poses);
   for (losses::NamedTerm& term : loss.terms) term.value = term.value.detach();
   return std::move(loss.terms);
 }

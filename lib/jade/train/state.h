@@ -11,6 +11,7 @@
 #include "jade/scene/densify.h"
 #include "jade/scene/gaussian_model.h"
 #include "jade/scene/optimizer.h"
+#include "jade/train/exposure_poses.h"
 #include "jade/train/module_adam.h"
 #include "jade/train/options.h"
 
@@ -27,6 +28,8 @@ struct TrainState {
   ModuleAdam allocation_adam;                      ///< empty where nothing is learned
   models::Crf crf{nullptr};                        ///< nullptr when off
   ModuleAdam crf_adam;
+  std::shared_ptr<ExposurePoses> poses;  ///< nullptr where the data's poses stay
+  ModuleAdam poses_adam;
 };
 
 /// The nine renders of one exposure, made once a step and used by both steps.

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "jade/config/config.h"
 #include "jade/core/atomic_file.h"
@@ -64,6 +64,7 @@ bool every(int64_t step, int64_t due) { return due > 0 && step % due == 0; }
 Trainer::Trainer(const RunOptions& options, const fs::path& run, const std::string& resume)
     : options_(options),
       device_(select_device(options.device)),
+      stream_(device_),
       directory_(run),
       view_order_(static_cast<uint64_t>(options.seed), 1),
       pose_draws_(static_cast<uint64_t>(options.seed), device_) {
@@ -89,6 +90,11 @@ Trainer::Trainer(const RunOptions& options, const fs::path& run, const std::stri
   write_file(directory_.path() / "config.yaml", yaml_of(options_));
   write_environment();
   views_ = prepare_views(dataset_, options_, device_);
+  if (StepGraph::can_record(options_, device_)) step_graph_ = std::make_unique<StepGraph>();
+  if (options_.scene.event_loss_weight > 0) {
+    event_windows_ = std::make_unique<EventWindows>(dataset_, options_.scene,
+                                                    static_cast<uint64_t>(options_.seed), device_);
+  }
   metrics_ = std::make_unique<MetricsLog>(directory_.path() / "metrics.jsonl", state_.step);
 }
 
@@ -121,6 +127,8 @@ void Trainer::make_state(const data::Dataset& dataset) {
     if (options_.crf.lr > 0)
       state_.crf_adam = ModuleAdam(state_.crf->parameters(), options_.crf.lr, 1e-15);
   }
+  state_.poses = make_exposure_poses(options_.poses, dataset.train);
+  if (state_.poses) state_.poses_adam = ModuleAdam(state_.poses->parameters(), options_.poses.lr);
 }
 
 void Trainer::resume_from(const std::string& choice) {
@@ -196,17 +204,17 @@ void Trainer::step() {
   const int64_t step = state_.step + 1;
   const int64_t index = view_order_.at(step);
   const View& view = views_[static_cast<size_t>(index)];
-  const Renders renders = render_exposure(state_, view, step, options_);
-  const RouteReport route = routing_step(state_, view, index, renders, options_.route);
-  const torch::Tensor target = scene_target(state_, view, index);
-  std::vector<losses::NamedTerm> terms =
-      scene_step(state_, view, renders, target, pose_draws_.at(step), step, options_);
-  if (route.render.defined()) terms.push_back({"route_render", route.render});
-  if (route.reblur.defined()) terms.push_back({"route_reblur", route.reblur});
+  StepInputs inputs{view, index, pose_draws_.at(step), {}};
+  if (event_windows_) inputs.events = event_windows_->at(step, index);
+  const StepOutputs out = step_graph_ ? step_graph_->run(state_, inputs, step, options_)
+                                      : alternate(state_, inputs, step, options_);
+  if (state_.densifier.due(step)) {
+    state_.densifier.update(step, state_.gaussians, state_.gaussian_adam);
+  }
   state_.step = step;
-  monitor_.watch(terms, step);
+  monitor_.watch(out.terms, step);
   if (metrics_ && (every(step, options_.train.log_every) || step == options_.train.iterations)) {
-    log_step(view, renders, terms);
+    log_step(view, out.renders, out.terms);
   }
 }
 
@@ -257,6 +265,13 @@ eval::Evaluation Trainer::evaluate() {
   return evaluate_views(state_.gaussians.detached(), dataset_.test);
 }
 
+geometry::Pose Trainer::middle_pose(int64_t exposure) const {
+  if (!state_.poses) return dataset_.train[static_cast<size_t>(exposure)].poses[geometry::kMidPose];
+  const torch::NoGradGuard no_grad;
+  return geometry::pose_from_tensor(
+      state_.poses->forward(exposure, torch::kCPU)[geometry::kMidPose]);
+}
+
 void Trainer::write_pictures() {
   const splat::Gaussians gaussians = state_.gaussians.detached();
   for (const data::SharpView& view : dataset_.test) {
@@ -267,7 +282,7 @@ void Trainer::write_pictures() {
     const data::Exposure& exposure = dataset_.train[i];
     imaging::write_image(
         directory_.path() / "images" / ("train_" + exposure.name + ".png"),
-        render_view(gaussians, exposure.poses[geometry::kMidPose], exposure.camera));
+        render_view(gaussians, middle_pose(static_cast<int64_t>(i)), exposure.camera));
     const auto alpha = allocation_map(state_, views_[i], static_cast<int64_t>(i));
     if (alpha.defined()) {
       imaging::write_image(directory_.path() / "alpha" / (exposure.name + ".png"),

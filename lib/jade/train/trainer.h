@@ -10,10 +10,11 @@
 #include "jade/data/exposure.h"
 #include "jade/eval/report.h"
 #include "jade/train/draws.h"
+#include "jade/train/event_windows.h"
 #include "jade/train/options.h"
 #include "jade/train/run_directory.h"
-#include "jade/train/scene_step.h"
 #include "jade/train/state.h"
+#include "jade/train/step_graph.h"
 #include "jade/train/term_monitor.h"
 #include "jade/train/view.h"
 
@@ -50,11 +51,14 @@ class Trainer {
   void log_step(const View& view, const Renders& renders,
                 const std::vector<losses::NamedTerm>& terms);
   void save();
+  /// Where the camera was at mid-exposure, as learned where poses are.
+  geometry::Pose middle_pose(int64_t exposure) const;
   void write_pictures();
   void finish();
 
   RunOptions options_;
   torch::Device device_;
+  StreamScope stream_;  // before every tensor
   RunDirectory directory_;
   data::Dataset dataset_;
   std::string fingerprint_;
@@ -62,6 +66,8 @@ class Trainer {
   TrainState state_;
   ViewOrder view_order_;
   PoseDraws pose_draws_;
+  std::unique_ptr<EventWindows> event_windows_;  // only with L_ev
+  std::unique_ptr<StepGraph> step_graph_;        // only on a GPU, where steps can be recorded
   TermMonitor monitor_;
   std::unique_ptr<MetricsLog> metrics_;
   std::string status_;         // for the progress bar

@@ -2,7 +2,7 @@
 #include "jade/train/view.h"
 
 #include <optional>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "jade/core/check.h"
 #include "jade/core/interrupt.h"
@@ -12,19 +12,19 @@
 #include "jade/imaging/edi.h"
 #include "jade/imaging/image_io.h"
 #include "jade/imaging/reblur.h"
-#include "jade/models/efnet.h"
+#include "jade/models/view_restorer.h"
 
 namespace jade::train {
 namespace {
 
-std::optional<models::Restorer> load_restorer(const RunOptions& options, torch::Device device) {
+std::optional<models::EfnetOptions> restorer_options(const RunOptions& options) {
   if (!needs_efnet(options)) return std::nullopt;
   if (options.efnet.path.empty()) {
     throw ConfigError(
         "efnet.path: expected the TorchScript file of the restorer, found nothing; "
         "assets/efnet_small.pt is ours");
   }
-  return models::Restorer(options.efnet, device);
+  return options.efnet;
 }
 
 /// The target of Eq. (9) where no router decides; undefined for a routed one or none.
@@ -33,6 +33,7 @@ torch::Tensor fixed_target(const View& view, const RunOptions& options, torch::D
   if (target == "edi") return view.restorations.edi;
   if (target == "efnet") return view.restorations.efnet;
   if (target == "mean") return models::fuse(torch::tensor(0.5f, device), view.restorations);
+  if (target == "blurry") return view.blurry;
   if (target == "image_folder") {
     for (const auto& path : imaging::list_images(options.train.target_images)) {
       if (path.stem() == view.name) {
@@ -51,7 +52,7 @@ torch::Tensor fixed_target(const View& view, const RunOptions& options, torch::D
 }
 
 View prepare_view(const data::Exposure& exposure, const RunOptions& options,
-                  const models::Restorer* restorer, torch::Device device) {
+                  models::ViewRestorer& restorer, torch::Device device) {
   const events::ImageSize size{exposure.camera.height, exposure.camera.width};
   const events::ExposureMaps maps = events::map_exposure(
       exposure.events, {exposure.t_start_us, exposure.t_end_us}, options.events.bins, size);
@@ -67,8 +68,10 @@ View prepare_view(const data::Exposure& exposure, const RunOptions& options,
   const auto windows = events::edi_windows(maps.windows, options.events.thresholds()).to(device);
   const auto edi = imaging::edi_kernel(windows, imaging::edi_index(options.events.edi_index));
   view.edi_factors = edi.gain.unsqueeze(1);
-  view.restorations.edi = imaging::edi_mid(view.blurry, edi);
-  if (restorer != nullptr) view.restorations.efnet = restorer->restore(view.blurry, voxel);
+  view.restorations.edi =
+      restorer.edi(view.blurry, windows, concat("index ", options.events.edi_index),
+                   [&] { return imaging::edi_mid(view.blurry, edi); });
+  if (needs_efnet(options)) view.restorations.efnet = restorer.efnet(view.blurry, voxel);
   view.cameras =
       camera_batch({exposure.poses.begin(), exposure.poses.end()}, exposure.camera, device);
   view.fixed_target = fixed_target(view, options, device);
@@ -96,12 +99,12 @@ splat::CameraBatch camera_batch(const std::vector<geometry::Pose>& camera_from_w
 std::vector<View> prepare_views(const data::Dataset& dataset, const RunOptions& options,
                                 torch::Device device) {
   const torch::NoGradGuard no_grad;
-  const std::optional<models::Restorer> restorer = load_restorer(options, device);
+  models::ViewRestorer restorer(options.cache, restorer_options(options), device);
   Progress progress("restoring", static_cast<int64_t>(dataset.train.size()), 0, "views");
   std::vector<View> views;
   for (const data::Exposure& exposure : dataset.train) {
     throw_if_interrupted();
-    views.push_back(prepare_view(exposure, options, restorer ? &*restorer : nullptr, device));
+    views.push_back(prepare_view(exposure, options, restorer, device));
     if (progress.step()) progress.show();
   }
   return views;

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+// Rigid motions as differentiable tensors, for poses that are learned. Constant poses are
+// geometry/pose.h's.
+#pragma once
+
+#include <torch/types.h>
+
+namespace jade::geometry {
+
+/// exp: se(3) → SE(3). A twist is (ρ, ω): ω the rotation vector in radians and ρ the translation
+/// along it, so that exp([ρ, 0]) moves by ρ.
+///     R = I + A[ω] + B[ω]²,  t = (I + B[ω] + C[ω]²) ρ,
+///     A = sin θ / θ,  B = (1 − cos θ) / θ²,  C = (θ − sin θ) / θ³,  θ = |ω|.
+/// @param twist  [...,6] of any floating type; float64 keeps small motions exact.
+/// @return [...,4,4]; differentiable any number of times, at zero too
+torch::Tensor se3_exp(const torch::Tensor& twist);
+
+/// log: SE(3) → se(3), the inverse of se3_exp for rotations by less than 90°.
+/// @param motion  [...,4,4], rigid.
+/// @return [...,6]; differentiable
+torch::Tensor se3_log(const torch::Tensor& motion);
+
+/// The inverse of rigid motions [...,4,4]; differentiable.
+torch::Tensor se3_inverse(const torch::Tensor& motion);
+
+}  // namespace jade::geometry

@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/train/event_windows.h"
+
+#include <algorithm>
+#include <cmath>
+#include <torch/types.h>
+#include <unordered_set>
+
+#include "jade/core/error.h"
+#include "jade/core/random.h"
+#include "jade/events/counts.h"
+#include "jade/train/view.h"
+
+namespace jade::train {
+namespace {
+
+/// Timed poses in strictly rising order; of two at one time the first stays.
+class TimedPoses {
+ public:
+  void add(double t_us, const geometry::Pose& pose) {
+    if (!times_.empty() && t_us <= times_.back()) return;
+    times_.push_back(t_us);
+    poses_.push_back(pose);
+  }
+  void add(const data::Exposure& exposure) {
+    const auto times = geometry::exposure_times(exposure.t_start_us, exposure.t_end_us);
+    for (size_t k = 0; k < times.size(); ++k) add(times[k], exposure.poses[k]);
+  }
+  geometry::Trajectory path() const { return {times_, poses_}; }
+
+ private:
+  std::vector<double> times_;
+  std::vector<geometry::Pose> poses_;
+};
+
+geometry::Trajectory path_of(const data::Exposure& exposure) {
+  TimedPoses poses;
+  poses.add(exposure);
+  return poses.path();
+}
+
+geometry::Trajectory path_of(const data::Dataset& dataset) {
+  if (!dataset.trajectory.empty()) return dataset.trajectory;
+  TimedPoses poses;
+  for (const data::Exposure& exposure : dataset.train) poses.add(exposure);
+  return poses.path();
+}
+
+/// `count` distinct numbers below `bound`, as they come; all of them when there are no more.
+torch::Tensor draw_distinct(at::Generator& generator, int64_t count, int64_t bound) {
+  if (count >= bound) return torch::arange(bound, torch::kInt64);
+  std::unordered_set<int64_t> drawn;
+  const torch::Tensor pixels = torch::empty({count}, torch::kInt64);
+  int64_t* const out = pixels.mutable_data_ptr<int64_t>();
+  for (int64_t i = 0; i < count;) {
+    const int64_t pixel = draw_index(generator, bound);
+    if (drawn.insert(pixel).second) out[i++] = pixel;
+  }
+  return pixels;
+}
+
+}  // namespace
+
+EventWindows::EventWindows(const data::Dataset& dataset, const losses::SceneLossOptions& options,
+                           uint64_t seed, torch::Device device)
+    : events_(dataset.events),
+      camera_(dataset.train.front().camera),
+      pixels_(options.event_pixels),
+      seed_(seed),
+      device_(device) {
+  const double exposure_us = static_cast<double>(dataset.train.front().duration_us());
+  window_us_ = std::max<int64_t>(1, std::llround(exposure_us * options.event_window_share));
+  if (options.event_window == "recording" && !events_.empty()) {
+    spans_.push_back({events_.first_us(), events_.last_us() + 1, path_of(dataset)});
+  } else {
+    for (const data::Exposure& exposure : dataset.train) {
+      spans_.push_back({exposure.t_start_us, exposure.t_end_us, path_of(exposure)});
+    }
+  }
+  if (dataset.event_color.defined()) {
+    color_filter_ = dataset.event_color.permute({1, 2, 0}).contiguous().to(device);
+  }
+}
+
+EventWindow EventWindows::at(int64_t step, int64_t view) const {
+  const Span& span = spans_.size() == 1 ? spans_.front() : spans_.at(static_cast<size_t>(view));
+  auto generator = make_generator(seed_, concat("event window of step ", step));
+  const int64_t last_start = std::max(span.begin_us, span.end_us - window_us_);
+  const int64_t begin = span.begin_us + draw_index(generator, last_start - span.begin_us + 1);
+  const int64_t end = begin + window_us_;
+  EventWindow window;
+  window.cameras = camera_batch(
+      {span.path.at(static_cast<double>(begin)), span.path.at(static_cast<double>(end))}, camera_,
+      device_);
+  const events::ImageSize size{camera_.height, camera_.width};
+  window.counts = events::signed_count(events_.slice(begin, end), size).to(device_);
+  window.pixels = draw_distinct(generator, pixels_, size.height * size.width).to(device_);
+  window.color_filter = color_filter_;
+  return window;
+}
+
+}  // namespace jade::train

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <torch/types.h>
+#include <vector>
+
+#include "jade/data/exposure.h"
+#include "jade/geometry/trajectory.h"
+#include "jade/losses/scene.h"
+#include "jade/splat/render.h"
+
+namespace jade::train {
+
+/// What L_ev compares: the camera at both ends of a short time window and what the sensor saw
+/// between them.
+struct EventWindow {
+  splat::CameraBatch cameras;  ///< two: at the start and at the end of the window
+  torch::Tensor counts;        ///< [H,W] signed events in it
+  torch::Tensor pixels;        ///< [P] int64, distinct pixels that L_ev looks at
+  torch::Tensor color_filter;  ///< [H,W,3] bool, the colour of each pixel's events; undefined: gray
+
+  bool defined() const { return counts.defined(); }
+};
+
+/// Draws the time windows of L_ev as functions of the seed and the step, like train/draws.h.
+class EventWindows {
+ public:
+  /// Windows of `scene.event_window_share` of the first exposure's duration, drawn as
+  /// `scene.event_window` says. Cameras move along the nine poses of the exposure, or along the
+  /// data set's path (where it has none: through all exposures' poses) for "recording".
+  EventWindows(const data::Dataset& dataset, const losses::SceneLossOptions& options, uint64_t seed,
+               torch::Device device);
+
+  /// The window of `step` (counted from 1) for the training view `view`.
+  EventWindow at(int64_t step, int64_t view) const;
+
+ private:
+  struct Span {
+    int64_t begin_us, end_us;  ///< windows lie inside
+    geometry::Trajectory path;
+  };
+
+  std::vector<Span> spans_;  ///< one an exposure, or a single one for the recording
+  events::EventStream events_;
+  geometry::Intrinsics camera_;
+  torch::Tensor color_filter_;
+  int64_t window_us_ = 0;
+  int64_t pixels_ = 0;
+  uint64_t seed_ = 0;
+  torch::Device device_;
+};
+
+}  // namespace jade::train

@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+// Exposure poses that are learned with the scene, as BAD-Gaussians does (Zhao et al., ECCV 2024).
+#pragma once
+
+#include <memory>
+#include <string>
+#include <torch/nn/module.h>
+#include <torch/types.h>
+#include <vector>
+
+#include "jade/core/fields.h"
+#include "jade/data/exposure.h"
+
+namespace jade::train {
+
+struct PoseOptions {
+  std::string optimize = "none";
+  double lr = 1e-3;
+  double lr_final = 1e-5;
+  int64_t lr_max_steps = 30000;
+  int64_t accumulate = 1;
+};
+
+template <class V>
+void describe(V& v, PoseOptions& o) {
+  v.field("optimize", o.optimize,
+          "learn the camera's path through each exposure: linear between two poses in SE(3), cubic "
+          "along a B-spline of four; none keeps the poses of the data",
+          Choices{"none", "linear", "cubic"});
+  v.field("lr", o.lr, "Adam step size of the poses at step 0", Range{0, 1});
+  v.field("lr_final", o.lr_final, "the same at lr_max_steps; log-linear between", Range{0, 1});
+  v.field("lr_max_steps", o.lr_max_steps, "steps over which it falls", Range{1, 1e9});
+  v.field("accumulate", o.accumulate, "steps whose pose gradients are added up for one Adam step",
+          Range{1, 1e6});
+}
+
+/// The step size of the poses at `step` (counted from 1).
+double pose_lr(const PoseOptions& options, int64_t step);
+
+/// Control poses of every exposure: those of its start and its end (linear), or the four of a
+/// uniform cumulative cubic B-spline whose middle segment is the exposure. Each is a constant first
+/// guess moved by a learned twist ξ, world_from_camera · exp(ξ); all arithmetic is float64 on the
+/// CPU. At the start the path is the SE(3) line from the exposure's first pose to its last.
+class ExposurePoses : public torch::nn::Module {
+ public:
+  /// @param kind  "linear" or "cubic".
+  ExposurePoses(const std::string& kind, const std::vector<data::Exposure>& exposures);
+
+  /// camera_from_world of the nine poses of an exposure, [9,4,4] float32 on `device`;
+  /// differentiable in the twists.
+  torch::Tensor forward(int64_t exposure, torch::Device device) const;
+
+ private:
+  torch::Tensor guess_;   ///< [V,K,4,4] world_from_camera
+  torch::Tensor twists_;  ///< [V,K,6], the parameter
+};
+
+/// nullptr for kind "none".
+std::shared_ptr<ExposurePoses> make_exposure_poses(const PoseOptions& options,
+                                                   const std::vector<data::Exposure>& exposures);
+
+}  // namespace jade::train

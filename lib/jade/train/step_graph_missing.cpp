@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+// Builds without CUDA kernels: steps run eagerly.
+#include "jade/train/step_graph.h"
+
+namespace jade::train {
+
+struct StreamScope::Guard {};
+StreamScope::StreamScope(torch::Device) {}
+StreamScope::~StreamScope() = default;
+
+struct StepGraph::Recording {};
+StepGraph::StepGraph() = default;
+StepGraph::~StepGraph() = default;
+
+bool StepGraph::can_record(const RunOptions&, torch::Device) { return false; }
+
+StepOutputs StepGraph::run(TrainState& state, const StepInputs& inputs, int64_t step,
+                           const RunOptions& options) {
+  return alternate(state, inputs, step, options);
+}
+
+}  // namespace jade::train
