@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade_sweep/resolve.h"
+
+#include "jade/core/error.h"
+#include "jade/train/options.h"
+
+namespace jade::apps {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::vector<std::string> missing_files(const train::RunOptions& options) {
+  std::vector<std::string> missing;
+  const auto look = [&](const char* key, const fs::path& path, bool there) {
+    if (!there) {
+      missing.push_back(
+          concat(key, ": expected ",
+                 path.empty() ? "a path, found nothing" : path.string() + ", which is not there"));
+    }
+  };
+  look("dataset.path", options.dataset.path, fs::is_directory(options.dataset.path));
+  if (train::needs_efnet(options))
+    look("efnet.path", options.efnet.path, fs::is_regular_file(options.efnet.path));
+  if (options.scene.target == "image_folder") {
+    look("train.target_images", options.train.target_images,
+         fs::is_directory(options.train.target_images));
+  }
+  return missing;
+}
+
+}  // namespace
+
+sweep::Resolved resolve_training(const std::vector<config::Sources>& layers) {
+  train::RunOptions options;
+  const FieldList fields = fields_of(options);
+  std::string problems;
+  for (const config::Sources& layer : layers) {
+    try {
+      config::read(layer, fields);
+    } catch (const ConfigError& error) {
+      problems += concat(problems.empty() ? "" : "\n", error.what());
+    }
+  }
+  if (!problems.empty()) throw ConfigError(problems);
+  train::validate(options);
+  return {config::to_yaml(fields, "Settings of one run of a sweep"), config::values(fields),
+          missing_files(options)};
+}
+
+}  // namespace jade::apps

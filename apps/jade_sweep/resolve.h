@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "jade/sweep/plan.h"
+
+namespace jade::apps {
+
+/// Settings of jade_train from layers of files and overrides, checked as jade_train would.
+/// @throws ConfigError with the problems of all layers.
+sweep::Resolved resolve_training(const std::vector<config::Sources>& layers);
+
+}  // namespace jade::apps

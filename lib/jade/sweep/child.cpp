@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/sweep/child.h"
+
+#include <cerrno>
+#include <csignal>
+#include <cstdlib>
+#include <cstring>
+#include <fcntl.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "jade/core/error.h"
+
+namespace jade::sweep {
+namespace {
+
+/// Our environment with `extra` on top, as "name=value" lines.
+std::vector<std::string> environment_with(
+    const std::vector<std::pair<std::string, std::string>>& extra) {
+  std::vector<std::string> lines;
+  for (char** entry = environ; *entry; ++entry) {
+    const std::string line = *entry;
+    bool replaced = false;
+    for (const auto& pair : extra) replaced = replaced || line.rfind(pair.first + "=", 0) == 0;
+    if (!replaced) lines.push_back(line);
+  }
+  for (const auto& [name, value] : extra) lines.push_back(name + "=" + value);
+  return lines;
+}
+
+std::vector<char*> pointers(std::vector<std::string>& lines) {
+  std::vector<char*> list;
+  for (std::string& line : lines) list.push_back(line.data());
+  list.push_back(nullptr);
+  return list;
+}
+
+}  // namespace
+
+Child::Child(const std::vector<std::string>& command,
+             const std::vector<std::pair<std::string, std::string>>& environment,
+             const std::filesystem::path& log) {
+  const int out = open(log.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
+  if (out < 0) throw DataError(concat(log.string(), ": cannot be written: ", std::strerror(errno)));
+  const int in = open("/dev/null", O_RDONLY | O_CLOEXEC);
+  std::vector<std::string> arguments = command, variables = environment_with(environment);
+  const std::vector<char*> argv = pointers(arguments), envp = pointers(variables);
+  const pid_t parent = getpid();
+  pid_ = fork();
+  if (pid_ == 0) {
+    // Between fork and exec only plain system calls: other threads' locks may be held.
+    prctl(PR_SET_PDEATHSIG, SIGTERM);
+    if (getppid() != parent) _exit(static_cast<int>(ExitCode::kInterrupted));
+    dup2(in, STDIN_FILENO);
+    dup2(out, STDOUT_FILENO);
+    dup2(out, STDERR_FILENO);
+    execve(argv[0], argv.data(), envp.data());
+    _exit(127);
+  }
+  const int reason = errno;
+  close(in);
+  close(out);
+  if (pid_ < 0) {
+    pid_ = 0;
+    throw DataError(concat(command[0], ": cannot be started: ", std::strerror(reason)));
+  }
+}
+
+Child::~Child() {
+  if (pid_ <= 0) return;
+  kill(pid_, SIGTERM);
+  waitpid(pid_, nullptr, 0);
+}
+
+std::optional<ChildExit> Child::poll() {
+  int status = 0;
+  rusage usage{};
+  if (pid_ <= 0 || wait4(pid_, &status, WNOHANG, &usage) != pid_) return std::nullopt;
+  pid_ = 0;
+  ChildExit exit;
+  if (WIFEXITED(status)) exit.code = WEXITSTATUS(status);
+  if (WIFSIGNALED(status)) exit.signal = WTERMSIG(status);
+  exit.peak_bytes = int64_t{1024} * usage.ru_maxrss;
+  return exit;
+}
+
+void Child::interrupt() {
+  if (pid_ > 0) kill(pid_, SIGTERM);
+}
+
+}  // namespace jade::sweep

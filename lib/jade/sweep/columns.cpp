@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/config/config.h"
+#include "jade/core/error.h"
+#include "jade/sweep/spec.h"
+
+namespace jade::sweep {
+namespace {
+
+const std::vector<Column>& known_columns() {
+  static const std::vector<Column> list = {
+      {"psnr", "PSNR (global)", "of the mean squared error over all pixels and channels, dB", 2, 1},
+      {"psnr_channel_mean", "PSNR",
+       "mean of the PSNRs of the three channels, dB (the published tables' definition)", 2, 1},
+      {"ssim", "SSIM", "11x11 Gaussian window, sigma 1.5, zero padding", 4, 1},
+      {"lpips_alex01", "LPIPS", "v0.1, AlexNet, inputs in [0,1] (the published definition)", 4, -1},
+      {"lpips_vgg", "LPIPS (VGG)", "v0.1, VGG16, inputs in [-1,1]", 4, -1},
+      {"musiq", "MUSIQ", "scripts/evaluate_perceptual.py", 2, 1},
+      {"clipiqa", "CLIP-IQA", "scripts/evaluate_perceptual.py", 4, 1},
+      {"alpha_mean", "mean α", "over all pixels and training views, at the end", 4, 0},
+      {"alpha_std", "std α", "over all pixels and training views, at the end", 4, 0},
+      {"alpha_min", "least α", "over all pixels and training views, at the end", 3, 0},
+      {"alpha_max", "largest α", "over all pixels and training views, at the end", 3, 0},
+      {"alpha_correlation", "corr(α, events)",
+       "Pearson's r of α and event density in a view, mean over the views", 4, 0},
+      {"alpha_correlation_std", "its std", "sample deviation of that r over the views", 4, 0},
+      {"gaussians", "Gaussians", "at the end", 0, 0},
+      {"minutes", "min", "wall clock of the whole run, data and evaluation included", 2, -1},
+      {"hours", "h", "the same in hours", 3, -1},
+      {"iterations_per_second", "it/s", "median over the run's log lines", 1, 1},
+      {"memory_gib", "GiB", "peak of the device: tensors on a GPU, resident size on the CPU", 2,
+       -1}};
+  return list;
+}
+
+}  // namespace
+
+Column column_of(const std::string& key) {
+  const size_t at = key.find('@');
+  const std::string base = key.substr(0, at);
+  std::vector<std::string> names;
+  for (const Column& column : known_columns()) {
+    names.push_back(column.key);
+    if (column.key != base) continue;
+    if (at == std::string::npos) return column;
+    const std::string step = key.substr(at + 1);
+    if (step.empty() || step.find_first_not_of("0123456789") != std::string::npos) break;
+    Column timed = column;
+    timed.key = key;
+    timed.heading += " @" + step;
+    timed.meaning += ", at step " + step + " of the run (train.evaluate_every)";
+    return timed;
+  }
+  const std::string close = config::nearest(base, names);
+  throw ConfigError(concat("expected a column, such as ssim or ssim@20000, found '", key, "'",
+                           close.empty() || close == base ? "" : "; did you mean " + close + "?"));
+}
+
+}  // namespace jade::sweep

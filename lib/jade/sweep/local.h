@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "jade/sweep/memory.h"
+#include "jade/sweep/output.h"
+#include "jade/sweep/plan.h"
+
+namespace jade::sweep {
+
+struct LocalOptions {
+  std::filesystem::path program;            ///< the training program
+  std::vector<std::string> devices{"cpu"};  ///< "cpu" or "cuda:N"
+  int jobs = 1;                             ///< runs at once, spread over the devices
+  int cores = 1;                            ///< shared out among the runs
+  bool retry_failed = false;
+  int64_t memory_margin = int64_t{1} << 30;  ///< bytes that stay free
+  int poll_ms = 200;
+  std::function<void()> on_end;  ///< after each run, for the table
+};
+
+/// Runs what the plan lacks as child processes, several at once while memory lasts, and goes on
+/// past failed ones. A request to stop is passed on to the children, which save, and waited for.
+/// @throws Interrupted after that.
+void run_local(const Plan& plan, const SweepOutput& output, const LocalOptions& options,
+               const MemoryProbe& memory);
+
+}  // namespace jade::sweep

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+// The folder of a sweep: runs/ROW/SCENE/SEED is a run directory of the training program,
+// tasks/ROW/SCENE/SEED.{yaml,json,log} its settings, its outcome and what it said.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "jade/sweep/plan.h"
+
+namespace jade::sweep {
+
+enum class RunState { kNew, kUnfinished, kRunning, kFinished, kFailed };
+
+/// "new", "unfinished", "running", "finished", "failed".
+std::string to_string(RunState state);
+
+/// What became of a run's attempts; tasks/….json.
+struct Outcome {
+  int attempts = 0;
+  int exit_code = -1;  ///< of the last attempt; -1: it has not ended, or a signal ended it
+  int signal = 0;      ///< that ended it
+  double seconds = 0;  ///< all attempts together
+  int64_t peak_host_bytes = 0, peak_device_bytes = 0;
+  std::string device, host;
+  std::string reason;  ///< its last line of log, when it failed
+};
+
+class SweepOutput {
+ public:
+  explicit SweepOutput(std::filesystem::path folder) : folder_(std::move(folder)) {}
+
+  const std::filesystem::path& folder() const { return folder_; }
+  std::filesystem::path run_folder(const std::string& id) const { return folder_ / "runs" / id; }
+  std::filesystem::path settings_file(const std::string& id) const {
+    return task_file(id, ".yaml");
+  }
+  std::filesystem::path outcome_file(const std::string& id) const { return task_file(id, ".json"); }
+  std::filesystem::path log_file(const std::string& id) const { return task_file(id, ".log"); }
+
+  /// Writes the settings of every run of the plan.
+  /// @throws ConfigError naming each key that differs from a run that has been started already
+  ///   (the key device may differ).
+  void write_settings(const Plan& plan, const Resolver& resolve) const;
+
+  RunState state(const std::string& id) const;
+  Outcome outcome(const std::string& id) const;
+  void write_outcome(const std::string& id, const Outcome& outcome) const;
+
+  /// Ids of runs that lie in the folder, whatever sweep made them.
+  std::vector<std::string> present() const;
+
+  /// True when the run has a checkpoint to go on from.
+  bool can_resume(const std::string& id) const;
+
+ private:
+  std::filesystem::path task_file(const std::string& id, const std::string& ending) const {
+    return folder_ / "tasks" / (id + ending);
+  }
+  std::filesystem::path folder_;
+};
+
+}  // namespace jade::sweep

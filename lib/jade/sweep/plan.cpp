@@ -1,0 +1,168 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/sweep/plan.h"
+
+#include <algorithm>
+#include <set>
+#include <sstream>
+
+#include "jade/core/error.h"
+
+namespace jade::sweep {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Problems in the order they were found, each once: a mistake in a row meets every scene and seed.
+class Problems {
+ public:
+  void add(const std::string& lines) {
+    std::istringstream in(lines);
+    for (std::string line; std::getline(in, line);) {
+      if (seen_.insert(line).second) all_ += (all_.empty() ? "" : "\n") + line;
+    }
+  }
+  void throw_if_any() const {
+    if (!all_.empty()) throw ConfigError(all_);
+  }
+
+ private:
+  std::set<std::string> seen_;
+  std::string all_;
+};
+
+template <class Entry>
+void keep_named(std::vector<Entry>& list, const std::vector<std::string>& names,
+                const std::string& flag, Problems& problems) {
+  if (names.empty()) return;
+  std::vector<std::string> known;
+  for (const Entry& entry : list) known.push_back(entry.name);
+  for (const std::string& name : names) {
+    if (std::find(known.begin(), known.end(), name) != known.end()) continue;
+    const std::string close = config::nearest(name, known);
+    problems.add(concat(flag, ": the sweep has none named ", name,
+                        close.empty() ? "" : "; did you mean " + close + "?"));
+  }
+  list.erase(std::remove_if(list.begin(), list.end(),
+                            [&](const Entry& entry) {
+                              return std::find(names.begin(), names.end(), entry.name) ==
+                                     names.end();
+                            }),
+             list.end());
+}
+
+/// A path as a YAML value, whatever characters it holds.
+std::string yaml_text(const fs::path& path) {
+  std::string out = "'";
+  for (const char c : fs::absolute(path).lexically_normal().string()) {
+    out += c;
+    if (c == '\'') out += c;
+  }
+  return out + "'";
+}
+
+std::vector<config::Sources> layers_of(const Spec& spec, const PlanOptions& options, const Row& row,
+                                       const Scene& scene, int64_t seed) {
+  std::vector<config::Sources> layers;
+  if (!options.base.empty()) layers.push_back({{}, {}, options.base});
+  layers.push_back({scene.config, scene.set, {}});
+  layers.push_back({{}, spec.set, {}});
+  config::Sources own{{}, row.set, row.configs};
+  layers.push_back(own);
+  config::Sources last{{}, options.overrides, {}};
+  const auto data = options.data.find(scene.name);
+  if (data != options.data.end()) {
+    last.overrides.push_back("dataset.path=" + yaml_text(data->second));
+  }
+  last.overrides.push_back(concat("seed=", seed));
+  layers.push_back(last);
+  return layers;
+}
+
+void add_run(const Row& row, const Scene& scene, int64_t seed, const PlanOptions& options,
+             const Resolver& resolve, Plan& plan, Problems& problems) {
+  Run run{row.name, scene.name, seed, {}};
+  try {
+    run.settings = resolve(layers_of(plan.spec, options, row, scene, seed));
+  } catch (const ConfigError& error) {
+    std::istringstream lines(error.what());
+    for (std::string line; std::getline(lines, line);) {
+      // A problem with a file names it already; one between settings needs its row.
+      problems.add(line.find(".yaml:") != std::string::npos || line.rfind("--set", 0) == 0
+                       ? line
+                       : concat("row ", row.name, ": ", line));
+    }
+    return;
+  }
+  for (const std::string& what : run.settings.missing) {
+    const bool data = what.rfind("dataset.path", 0) == 0;
+    const std::string who = data ? "scene " + scene.name : "row " + row.name;
+    const std::string how =
+        !data ? ""
+              : concat("; ", scene.make.empty() ? "" : "make it with " + scene.make + ", or ",
+                       "name its folder with --data ", scene.name, "=DIR");
+    if (options.skip_missing) {
+      plan.skipped.push_back(run.id() + ": " + what);
+    } else {
+      problems.add(concat(who, ": ", what, how, ", or leave it out with --skip-missing"));
+    }
+  }
+  if (run.settings.missing.empty()) plan.runs.push_back(std::move(run));
+}
+
+}  // namespace
+
+std::string Run::concat_id(const std::string& row, const std::string& scene, int64_t seed) {
+  return concat(row, "/", scene, "/", seed);
+}
+
+std::string Run::value(const std::string& key) const {
+  for (const auto& [name, text] : settings.values) {
+    if (name == key) return text;
+  }
+  return "";
+}
+
+Plan make_plan(Spec spec, const PlanOptions& options, const Resolver& resolve) {
+  Plan plan;
+  Problems problems;
+  if (spec.scenes.empty()) {
+    if (options.base.empty())
+      throw ConfigError(concat(spec.name, ": names no scenes; add --config scene.yaml"));
+    spec.scenes.push_back({options.base.front().stem().string(), {}, {}, ""});
+  }
+  std::vector<std::string> known;
+  for (const Scene& scene : spec.scenes) known.push_back(scene.name);
+  for (const auto& data : options.data) {
+    if (std::find(known.begin(), known.end(), data.first) == known.end()) {
+      const std::string close = config::nearest(data.first, known);
+      problems.add(concat("--data ", data.first, ": the sweep has no such scene",
+                          close.empty() ? "" : "; did you mean " + close + "?"));
+    }
+  }
+  keep_named(spec.rows, options.rows, "--rows", problems);
+  keep_named(spec.scenes, options.scenes, "--scenes", problems);
+  if (!options.seeds.empty()) {
+    spec.seeds = options.seeds;
+    for (Row& row : spec.rows) row.seeds.clear();
+  }
+  plan.spec = std::move(spec);
+  std::vector<int64_t> seeds = plan.spec.seeds;
+  for (const Row& row : plan.spec.rows)
+    seeds.insert(seeds.end(), row.seeds.begin(), row.seeds.end());
+  std::set<int64_t> done;
+  for (const int64_t seed : seeds) {
+    if (!done.insert(seed).second) continue;
+    for (const Scene& scene : plan.spec.scenes) {
+      for (const Row& row : plan.spec.rows) {
+        const auto& own = row.seeds.empty() ? plan.spec.seeds : row.seeds;
+        if (row.run && std::find(own.begin(), own.end(), seed) != own.end()) {
+          add_run(row, scene, seed, options, resolve, plan, problems);
+        }
+      }
+    }
+  }
+  problems.throw_if_any();
+  return plan;
+}
+
+}  // namespace jade::sweep

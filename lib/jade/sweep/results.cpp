@@ -1,0 +1,249 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/sweep/results.h"
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
+#include "jade/sweep/task.h"
+
+namespace jade::sweep {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+
+/// The file's object, or an empty one where there is none.
+Json object_of(const fs::path& path) {
+  if (!fs::exists(path)) return Json::object();
+  Json json = Json::parse(read_file(path), nullptr, /*allow_exceptions=*/false);
+  if (!json.is_object())
+    throw DataError(concat(path.string(), ": damaged; expected a JSON object"));
+  return json;
+}
+
+void take_numbers(const Json& object, Measured& measured) {
+  for (const auto& [key, value] : object.items()) {
+    if (value.is_number()) measured[key] = value.get<double>();
+  }
+}
+
+double median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  const size_t half = values.size() / 2;
+  return values.size() % 2 ? values[half] : 0.5 * (values[half - 1] + values[half]);
+}
+
+/// Throughput, memory, Gaussians, and the metrics along the way as "ssim@20000".
+void read_metrics(const fs::path& path, Measured& measured) {
+  std::vector<double> rates;
+  std::ifstream in(path);
+  for (std::string line; std::getline(in, line);) {
+    const Json json = Json::parse(line, nullptr, /*allow_exceptions=*/false);
+    if (!json.is_object()) continue;
+    const std::string step = concat("@", json.value("step", int64_t{0}));
+    for (const auto& [key, value] : json.items()) {
+      if (!value.is_number()) continue;
+      if (key.rfind("test_", 0) == 0) measured[key.substr(5) + step] = value.get<double>();
+      if (key == "iterations_per_second") rates.push_back(value.get<double>());
+      if (key == "gaussians") measured["gaussians"] = value.get<double>();
+      if (key == "memory_bytes") {
+        double& most = measured["memory_gib"];
+        most = std::max(most, value.get<double>() / (1 << 30));
+      }
+    }
+  }
+  if (!rates.empty()) measured["iterations_per_second"] = median(rates);
+}
+
+/// The last step's metrics stand in eval.json, also under "@iterations".
+void repeat_at_end(const Run& run, Measured& measured) {
+  const std::string step = "@" + run.value("train.iterations");
+  Measured more;
+  for (const auto& [key, value] : measured) {
+    if (key.find('@') == std::string::npos) more[key + step] = value;
+  }
+  measured.insert(more.begin(), more.end());
+}
+
+std::vector<std::optional<double>> values_of(const std::vector<const RunRow*>& runs,
+                                             const std::string& column) {
+  std::vector<std::optional<double>> values;
+  for (const RunRow* run : runs) {
+    const auto found = run->measured.find(column);
+    values.push_back(found == run->measured.end() ? std::nullopt
+                                                  : std::optional<double>(found->second));
+  }
+  return values;
+}
+
+/// The mean over the scenes, absent as soon as one lacks it.
+std::optional<double> complete_mean(const std::vector<std::optional<double>>& values,
+                                    size_t scenes) {
+  double sum = 0;
+  for (const auto& value : values) {
+    if (!value) return std::nullopt;
+    sum += *value;
+  }
+  if (values.size() != scenes || values.empty()) return std::nullopt;
+  return sum / static_cast<double>(values.size());
+}
+
+TableRow table_row(const Row& row, const Table& table) {
+  TableRow out{row.name, row.title, row.block, row.run, {}, {}, row.paper, row.paper_scenes};
+  std::map<int64_t, std::vector<const RunRow*>> by_seed;
+  std::map<std::string, std::vector<const RunRow*>> by_scene;
+  for (const RunRow& run : table.runs) {
+    if (run.row != row.name) continue;
+    by_seed[run.seed].push_back(&run);
+    by_scene[run.scene].push_back(&run);
+  }
+  for (const Column& column : table.columns) {
+    for (const auto& [scene, runs] : by_scene) {
+      out.scenes[scene][column.key] = cell_of(values_of(runs, column.key));
+    }
+    std::vector<std::optional<double>> means;
+    for (const auto& [seed, runs] : by_seed) {
+      means.push_back(complete_mean(values_of(runs, column.key), table.scenes.size()));
+    }
+    out.average[column.key] = cell_of(means);
+  }
+  return out;
+}
+
+void remark_gaps(Table& table) {
+  for (const RunRow& run : table.runs) {
+    if (run.state == RunState::kFinished) continue;
+    table.remarks.push_back(concat(Run::concat_id(run.row, run.scene, run.seed), ": ",
+                                   to_string(run.state), run.word.empty() ? "" : ": " + run.word));
+  }
+  for (const Column& column : table.columns) {
+    std::vector<std::string> lacking;
+    size_t finished = 0;
+    for (const RunRow& run : table.runs) {
+      if (run.state != RunState::kFinished) continue;
+      ++finished;
+      if (!run.measured.count(column.key))
+        lacking.push_back(Run::concat_id(run.row, run.scene, run.seed));
+    }
+    if (lacking.empty()) continue;
+    std::string who = lacking.size() == finished ? "all finished runs" : "";
+    if (who.empty()) {
+      for (const std::string& id : lacking) who += (who.empty() ? "" : ", ") + id;
+    }
+    table.remarks.push_back(concat(column.key, ": not measured by ", who));
+  }
+}
+
+void gather_machines(const Plan& plan, const SweepOutput& output, Table& table) {
+  std::set<std::string> machines;
+  for (const Run& run : plan.runs) {
+    const Json json = object_of(output.run_folder(run.id()) / "env.json");
+    if (json.empty()) continue;
+    machines.insert(concat(json.value("program", "?"), " (commit ", json.value("commit", "?"),
+                           ", torch ", json.value("torch", "?"), ") on ",
+                           json.value("device", "?")));
+  }
+  table.machines.assign(machines.begin(), machines.end());
+  std::set<std::string> steps;
+  for (const Run& run : plan.runs) steps.insert(run.value("train.iterations"));
+  for (const std::string& count : steps) table.steps += (table.steps.empty() ? "" : ", ") + count;
+}
+
+}  // namespace
+
+Measured measure(const SweepOutput& output, const Run& run, const std::vector<Column>& columns) {
+  const fs::path folder = output.run_folder(run.id());
+  Measured all;
+  read_metrics(folder / "metrics.jsonl", all);
+  take_numbers(object_of(folder / "eval.json").value("mean", Json::object()), all);
+  take_numbers(object_of(folder / "allocation.json").value("mean", Json::object()), all);
+  repeat_at_end(run, all);
+  const double seconds = output.outcome(run.id()).seconds;
+  if (seconds > 0) {
+    all["minutes"] = seconds / 60;
+    all["hours"] = seconds / 3600;
+  }
+  Measured asked;
+  for (const Column& column : columns) {
+    const auto found = all.find(column.key);
+    if (found != all.end()) asked[column.key] = found->second;
+  }
+  return asked;
+}
+
+Cell cell_of(const std::vector<std::optional<double>>& values) {
+  Cell cell;
+  cell.expected = static_cast<int>(values.size());
+  double sum = 0;
+  for (const auto& value : values) {
+    if (!value) continue;
+    sum += *value;
+    ++cell.count;
+  }
+  if (cell.count == 0) return cell;
+  cell.mean = sum / cell.count;
+  if (cell.count < 2) return cell;
+  double squares = 0;
+  for (const auto& value : values) {
+    if (value) squares += (*value - *cell.mean) * (*value - *cell.mean);
+  }
+  cell.deviation = std::sqrt(squares / (cell.count - 1));
+  return cell;
+}
+
+Table gather(const Plan& plan, const SweepOutput& output) {
+  Table table{plan.spec.name,
+              plan.spec.title,
+              plan.spec.note,
+              plan.spec.paper_source,
+              plan.spec.columns,
+              {},
+              {},
+              {},
+              {},
+              {},
+              ""};
+  for (const Scene& scene : plan.spec.scenes) {
+    const bool runs = std::any_of(plan.runs.begin(), plan.runs.end(),
+                                  [&](const Run& run) { return run.scene == scene.name; });
+    if (runs) table.scenes.push_back(scene.name);
+  }
+  std::set<std::string> known;
+  for (const Run& run : plan.runs) {
+    const std::string id = run.id();
+    known.insert(id);
+    RunRow row{run.row, run.scene, run.seed, output.state(id), "", {}};
+    const Outcome outcome = output.outcome(id);
+    if (row.state == RunState::kFinished) {
+      row.measured = measure(output, run, plan.spec.columns);
+    } else if (outcome.attempts > 0 && row.state != RunState::kRunning) {
+      row.word = describe(outcome);
+    }
+    table.runs.push_back(std::move(row));
+  }
+  for (const Row& row : plan.spec.rows) table.rows.push_back(table_row(row, table));
+  remark_gaps(table);
+  for (const std::string& skipped : plan.skipped)
+    table.remarks.push_back(skipped + " (not run: --skip-missing)");
+  for (const std::string& id : output.present()) {
+    if (!known.count(id))
+      table.remarks.push_back(
+          id + ": lies in this folder but is no part of this sweep; not in the table");
+  }
+  gather_machines(plan, output, table);
+  return table;
+}
+
+void write_table(const Table& table, const fs::path& folder) {
+  write_file(folder / "table.md", to_markdown(table));
+  write_file(folder / "table.csv", to_csv(table));
+  write_file(folder / "table.tex", to_latex(table));
+  write_file(folder / "runs.csv", runs_csv(table));
+}
+
+}  // namespace jade::sweep

@@ -1,0 +1,259 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/sweep/spec.h"
+
+#include <cstdlib>
+#include <set>
+
+#include "jade/config/config.h"
+#include "jade/config/document.h"
+#include "jade/core/error.h"
+
+namespace jade::sweep {
+namespace {
+
+namespace fs = std::filesystem;
+using config::DocumentNode;
+using Kind = config::DocumentNode::Kind;
+
+/// Reads nodes into values and gathers what is wrong with them.
+class SpecReader {
+ public:
+  explicit SpecReader(const fs::path& file)
+      : file_(file), folder_(fs::absolute(file).parent_path()) {}
+
+  Spec read(const DocumentNode& root) {
+    Spec spec;
+    spec.name = file_.stem().string();
+    known(root,
+          {"title", "note", "paper_source", "columns", "seeds", "jobs", "set", "scenes", "rows"});
+    text(root, "title", spec.title);
+    text(root, "note", spec.note);
+    text(root, "paper_source", spec.paper_source);
+    for (const std::string& key : texts(root, "columns")) add_column(root, key, spec);
+    if (root.find("seeds")) spec.seeds = whole_numbers(root, "seeds");
+    if (const DocumentNode* jobs = root.find("jobs"))
+      spec.jobs = static_cast<int>(whole(*jobs, "jobs"));
+    spec.set = texts(root, "set");
+    for (const DocumentNode& node : maps(root, "scenes")) spec.scenes.push_back(scene(node));
+    for (const DocumentNode& node : maps(root, "rows")) spec.rows.push_back(row(node));
+    if (spec.columns.empty()) complain(root, "columns: expected a list of columns, found none");
+    if (spec.rows.empty()) complain(root, "rows: expected a list of rows, found none");
+    names_differ(root, "scenes", spec.scenes);
+    names_differ(root, "rows", spec.rows);
+    check_figures(root, spec);
+    return spec;
+  }
+
+  void throw_problems() const {
+    if (problems_.empty()) return;
+    std::string all;
+    for (const std::string& problem : problems_) all += (all.empty() ? "" : "\n") + problem;
+    throw ConfigError(all);
+  }
+
+ private:
+  void complain(const DocumentNode& node, const std::string& what) {
+    problems_.push_back(concat(file_.string(), ":", node.line, ":", node.column, ": ", what));
+  }
+
+  void known(const DocumentNode& map, const std::vector<std::string>& names) {
+    if (map.kind != Kind::kMap) {
+      complain(map, "expected 'key: value' lines");
+      return;
+    }
+    std::set<std::string> seen;
+    for (const auto& [key, node] : map.entries) {
+      if (!seen.insert(key).second) complain(node, key + ": given twice");
+      bool found = false;
+      for (const std::string& name : names) found = found || name == key;
+      if (found) continue;
+      const std::string close = config::nearest(key, names);
+      complain(node,
+               key + ": unknown key" + (close.empty() ? "" : "; did you mean " + close + "?"));
+    }
+  }
+
+  void text(const DocumentNode& map, const std::string& name, std::string& target) {
+    const DocumentNode* node = map.find(name);
+    if (!node) return;
+    if (node->kind != Kind::kText) {
+      complain(*node, name + ": expected a text");
+    } else {
+      target = node->text;
+    }
+  }
+
+  /// A text or a list of texts.
+  std::vector<std::string> texts(const DocumentNode& map, const std::string& name) {
+    std::vector<std::string> list;
+    const DocumentNode* node = map.find(name);
+    if (!node || node->kind == Kind::kNothing) return list;
+    if (node->kind == Kind::kText) return {node->text};
+    if (node->kind != Kind::kList) complain(*node, name + ": expected a list");
+    for (const DocumentNode& item : node->items) {
+      if (item.kind != Kind::kText)
+        complain(item, name + ": expected texts, such as train.iterations=1000");
+      list.push_back(item.text);
+    }
+    return list;
+  }
+
+  int64_t whole(const DocumentNode& node, const std::string& name) {
+    char* end = nullptr;
+    const long long value = std::strtoll(node.text.c_str(), &end, 10);
+    if (node.kind != Kind::kText || node.text.empty() || *end != 0 || value < 0) {
+      complain(node, name + ": expected whole numbers of 0 or more, found '" + node.text + "'");
+      return 0;
+    }
+    return value;
+  }
+
+  std::vector<int64_t> whole_numbers(const DocumentNode& map, const std::string& name) {
+    std::vector<int64_t> list;
+    const DocumentNode* node = map.find(name);
+    if (!node) return list;
+    if (node->kind == Kind::kText) return {whole(*node, name)};
+    for (const DocumentNode& item : node->items) {
+      const int64_t value = whole(item, name);
+      for (const int64_t other : list) {
+        if (other == value) complain(item, concat(name, ": ", value, " is given twice"));
+      }
+      list.push_back(value);
+    }
+    if (list.empty()) complain(*node, name + ": expected a list of whole numbers");
+    return list;
+  }
+
+  std::vector<DocumentNode> maps(const DocumentNode& map, const std::string& name) {
+    const DocumentNode* node = map.find(name);
+    if (!node || node->kind == Kind::kNothing) return {};
+    if (node->kind != Kind::kList)
+      complain(*node, name + ": expected a list of entries, each with a name");
+    return node->items;
+  }
+
+  void add_column(const DocumentNode& root, const std::string& key, Spec& spec) {
+    try {
+      spec.columns.push_back(column_of(key));
+    } catch (const ConfigError& error) {
+      complain(*root.find("columns"), concat("columns: ", error.what()));
+    }
+  }
+
+  std::string name_of(const DocumentNode& map) {
+    std::string name;
+    text(map, "name", name);
+    // A name becomes a folder.
+    const bool fit = !name.empty() && name[0] != '.' &&
+                     name.find_first_not_of(
+                         "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.-") ==
+                         std::string::npos;
+    if (!fit) complain(map, "name: expected letters, digits, _, - and ., found '" + name + "'");
+    return name;
+  }
+
+  fs::path file_of(const DocumentNode& map, const std::string& text) {
+    const fs::path path = (folder_ / text).lexically_normal();
+    if (!fs::is_regular_file(path)) complain(map, "config: no such file: " + path.string());
+    return path;
+  }
+
+  Scene scene(const DocumentNode& map) {
+    known(map, {"name", "config", "set", "make"});
+    Scene scene;
+    scene.name = name_of(map);
+    std::string config;
+    text(map, "config", config);
+    if (config.empty()) complain(map, "config: expected the scene's YAML, found nothing");
+    if (!config.empty()) scene.config = file_of(map, config);
+    scene.set = texts(map, "set");
+    text(map, "make", scene.make);
+    return scene;
+  }
+
+  Row row(const DocumentNode& map) {
+    known(map,
+          {"name", "title", "block", "config", "set", "seeds", "run", "paper", "paper_scenes"});
+    Row row;
+    row.name = name_of(map);
+    row.title = row.name;
+    text(map, "title", row.title);
+    text(map, "block", row.block);
+    for (const std::string& config : texts(map, "config"))
+      row.configs.push_back(file_of(map, config));
+    row.set = texts(map, "set");
+    row.seeds = whole_numbers(map, "seeds");
+    std::string run = "true";
+    text(map, "run", run);
+    if (run != "true" && run != "false")
+      complain(map, "run: expected true or false, found '" + run + "'");
+    row.run = run == "true";
+    if (const DocumentNode* node = map.find("paper")) row.paper = figures(*node);
+    if (const DocumentNode* scenes = map.find("paper_scenes")) {
+      for (const auto& [name, node] : scenes->entries) row.paper_scenes[name] = figures(node);
+    }
+    if (!row.run && row.paper.empty() && row.paper_scenes.empty()) {
+      complain(map, "paper: a row that is not run needs figures to quote");
+    }
+    return row;
+  }
+
+  Figures figures(const DocumentNode& map) {
+    Figures figures;
+    if (map.kind != Kind::kMap) complain(map, "paper: expected figures, such as {ssim: 0.92}");
+    for (const auto& [key, node] : map.entries) {
+      char* end = nullptr;
+      figures[key] = std::strtod(node.text.c_str(), &end);
+      if (node.kind != Kind::kText || node.text.empty() || *end != 0) {
+        complain(node, concat("paper: ", key, ": expected a number, found '", node.text, "'"));
+      }
+    }
+    return figures;
+  }
+
+  template <class Entry>
+  void names_differ(const DocumentNode& root, const std::string& what,
+                    const std::vector<Entry>& list) {
+    std::set<std::string> seen;
+    for (const Entry& entry : list) {
+      if (!seen.insert(entry.name).second) {
+        complain(*root.find(what), concat(what, ": two are named ", entry.name));
+      }
+    }
+  }
+
+  /// A figure for a column that the table does not have would vanish silently.
+  void check_figures(const DocumentNode& root, const Spec& spec) {
+    std::vector<std::string> names;
+    for (const Column& column : spec.columns) names.push_back(column.key);
+    const auto check = [&](const Row& row, const Figures& figures) {
+      for (const auto& figure : figures) {
+        bool found = false;
+        for (const std::string& name : names) found = found || name == figure.first;
+        if (found) continue;
+        const std::string close = config::nearest(figure.first, names);
+        complain(*root.find("rows"),
+                 concat("rows: ", row.name, ": paper: ", figure.first, " is none of the columns",
+                        close.empty() ? "" : "; did you mean " + close + "?"));
+      }
+    };
+    for (const Row& row : spec.rows) {
+      check(row, row.paper);
+      for (const auto& scene : row.paper_scenes) check(row, scene.second);
+    }
+  }
+
+  fs::path file_, folder_;
+  std::vector<std::string> problems_;
+};
+
+}  // namespace
+
+Spec read_spec(const fs::path& file) {
+  SpecReader reader(file);
+  Spec spec = reader.read(config::read_document(file));
+  reader.throw_problems();
+  return spec;
+}
+
+}  // namespace jade::sweep

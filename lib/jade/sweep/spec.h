@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a sweep's YAML says. docs/sweeps.md describes every key.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <string>
+#include <vector>
+
+namespace jade::sweep {
+
+/// A column of the result table.
+struct Column {
+  std::string key;      ///< "psnr_channel_mean", "ssim@20000", "minutes", …
+  std::string heading;  ///< for people
+  std::string meaning;  ///< one line below the table
+  int decimals = 3;
+  int better = 0;  ///< +1: more is better, -1: less is, 0: neither
+};
+
+/// A base configuration with its data.
+struct Scene {
+  std::string name;
+  std::filesystem::path config;
+  std::vector<std::string> set;  ///< "key=value" overrides
+  std::string make;              ///< how to get the data, for the message when it is not there
+};
+
+/// Numbers of the paper, by column.
+using Figures = std::map<std::string, double>;
+
+/// One line of the table: overrides over every scene, or figures that are only quoted.
+struct Row {
+  std::string name, title, block;
+  std::vector<std::filesystem::path> configs;
+  std::vector<std::string> set;
+  std::vector<int64_t> seeds;  ///< empty: the sweep's
+  bool run = true;             ///< false: a quoted row, nothing of ours
+  Figures paper;               ///< its average
+  std::map<std::string, Figures> paper_scenes;
+};
+
+struct Spec {
+  std::string name;  ///< of the file
+  std::string title, note, paper_source;
+  std::vector<Column> columns;
+  std::vector<int64_t> seeds{0};
+  int jobs = 0;  ///< 0: one a device
+  std::vector<std::string> set;
+  std::vector<Scene> scenes;
+  std::vector<Row> rows;
+};
+
+/// Reads a sweep file; relative paths start in its folder.
+/// @throws ConfigError with all problems, one a line, unknown words with the nearest known one.
+Spec read_spec(const std::filesystem::path& file);
+
+/// The column of that key. @throws ConfigError naming the nearest.
+Column column_of(const std::string& key);
+
+}  // namespace jade::sweep

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+// One attempt at one run.
+#pragma once
+
+#include <chrono>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "jade/sweep/child.h"
+#include "jade/sweep/output.h"
+
+namespace jade::sweep {
+
+struct TaskOptions {
+  std::filesystem::path program;  ///< the training program
+  std::string device = "auto";
+  int threads = 0;            ///< of the processor; 0: as the environment says
+  bool retry_failed = false;  ///< start diverged runs afresh instead of leaving them
+};
+
+/// True when another attempt makes sense: new and unfinished runs, and failed ones unless they
+/// diverged (exit code 5), which would happen again.
+bool wants_attempt(const SweepOutput& output, const std::string& id, bool retry_failed);
+
+/// A run under way. Goes on from the run's newest checkpoint where there is one; what a run without
+/// checkpoint left behind is removed.
+class Task {
+ public:
+  Task(const SweepOutput& output, std::string id, const TaskOptions& options);
+
+  /// The outcome once it has ended, which is then on disk as well.
+  std::optional<Outcome> poll();
+  void interrupt() { child_.interrupt(); }
+  void note_device_peak(int64_t bytes);
+  /// The step of the newest line of metrics.jsonl; 0 before.
+  int64_t step() const;
+
+  const std::string& id() const { return id_; }
+  pid_t pid() const { return child_.pid(); }
+  const std::string& device() const { return outcome_.device; }
+
+ private:
+  const SweepOutput& output_;
+  std::string id_;
+  Outcome outcome_;
+  std::chrono::steady_clock::time_point start_;
+  Child child_;
+};
+
+/// One line for people: "diverged (exit 5): step 12: …".
+std::string describe(const Outcome& outcome);
+
+}  // namespace jade::sweep

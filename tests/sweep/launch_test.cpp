@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "support/catch.h"
+
+#include <thread>
+
+#include "fixture.h"
+#include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
+#include "jade/core/interrupt.h"
+#include "jade/core/progress.h"
+#include "jade/sweep/local.h"
+#include "jade/sweep/task.h"
+
+using namespace jade;
+using namespace jade::test;
+using sweep::RunState;
+
+namespace {
+
+constexpr int64_t kGiB = int64_t{1} << 30;
+
+std::string sweep_of(const std::string& rows, const std::string& seeds = "[0, 1]") {
+  return "columns: [psnr]\nseeds: " + seeds + "\nscenes: [{name: a, config: a.yaml}]\nrows:\n" +
+         rows;
+}
+
+sweep::MemoryProbe plenty() {
+  return {[] { return 1000 * kGiB; }, [](pid_t) { return kGiB; },
+          [](const std::string&) { return 1000 * kGiB; }};
+}
+
+/// Runs a sweep with the fake trainer; returns its journal.
+std::string run(const TempDir& dir, const std::string& yaml, int jobs,
+                const sweep::MemoryProbe& memory, std::vector<std::string> devices = {"cpu"}) {
+  set_progress_enabled(false);
+  const sweep::Plan plan = plan_of(dir, yaml);
+  const sweep::SweepOutput output(dir / "out");
+  output.write_settings(plan, resolve);
+  std::filesystem::remove(dir / "journal");
+  sweep::LocalOptions options;
+  options.program = fake_trainer(dir);
+  options.devices = std::move(devices);
+  options.jobs = jobs;
+  options.cores = 8;
+  options.poll_ms = 20;
+  sweep::run_local(plan, output, options, memory);
+  return std::filesystem::exists(dir / "journal") ? read_file(dir / "journal") : "";
+}
+
+/// The most runs at once in a journal.
+int most_at_once(const std::string& journal) {
+  std::istringstream in(journal);
+  int now = 0, most = 0;
+  for (std::string line; std::getline(in, line);) {
+    now += line.rfind("start", 0) == 0 ? 1 : line.rfind("end", 0) == 0 ? -1 : 0;
+    most = std::max(most, now);
+  }
+  return most;
+}
+
+size_t count(const std::string& text, const std::string& word) {
+  size_t found = 0;
+  for (size_t at = 0; (at = text.find(word, at)) != std::string::npos; at += word.size()) ++found;
+  return found;
+}
+
+}  // namespace
+
+TEST_CASE("may_start: what is free must hold the peak, the growth of the others and the margin",
+          "[sweep]") {
+  CHECK(sweep::may_start({0, {}, 0}, 1));            // nothing known: one starts
+  CHECK_FALSE(sweep::may_start({1000, {5}, 0}, 1));  // and the next waits until its need is known
+  CHECK(sweep::may_start({11, {}, 10}, 1));
+  CHECK_FALSE(sweep::may_start({10, {}, 10}, 1));
+  CHECK(sweep::may_start({14, {7}, 10}, 1));  // 10 + 3 + 1
+  CHECK_FALSE(sweep::may_start({13, {7}, 10}, 1));
+  CHECK(sweep::may_start({11, {12, 10}, 10}, 1));  // past the peak nothing more is kept for them
+}
+
+TEST_CASE("run_local: several at once, with the cores shared out, and nothing twice", "[sweep]") {
+  const TempDir dir;
+  const std::string yaml = sweep_of("  - {name: x}\n  - {name: y}\n");
+  const std::string journal = run(dir, yaml, 2, plenty());
+  INFO(journal);
+  CHECK(count(journal, "end ") == 4);
+  CHECK(count(journal, "threads 4 resume no") == 4);
+  CHECK(most_at_once(journal) == 2);
+  CHECK(run(dir, yaml, 2, plenty()).empty());
+  // A new row runs alone.
+  CHECK(count(run(dir, yaml + "  - {name: z}\n", 2, plenty()), "start") == 2);
+}
+
+TEST_CASE("run_local: runs are spread over the devices", "[sweep]") {
+  const TempDir dir;
+  const std::string journal =
+      run(dir, sweep_of("  - {name: x}\n  - {name: y}\n"), 2, plenty(), {"cuda:0", "cuda:1"});
+  INFO(journal);
+  CHECK(count(journal, " cuda:0 ") >= 1);
+  CHECK(count(journal, " cuda:1 ") >= 1);
+}
+
+TEST_CASE("run_local: never more runs than memory holds", "[sweep]") {
+  const TempDir dir;
+  const std::string yaml = sweep_of("  - {name: x}\n  - {name: y}\n");
+  sweep::MemoryProbe tight = plenty();
+  // Each needs 4 GiB; 6 are free, of which 1 stays free.
+  tight.host_free = [] { return 6 * kGiB; };
+  tight.host_used = [](pid_t) { return 4 * kGiB; };
+  const std::string journal = run(dir, yaml, 4, tight);
+  INFO(journal);
+  CHECK(count(journal, "end ") == 4);
+  CHECK(most_at_once(journal) <= 2);
+}
+
+TEST_CASE("run_local: never more runs than a GPU's memory holds", "[sweep]") {
+  const TempDir dir;
+  const auto journal_path = dir / "journal";
+  sweep::MemoryProbe probe = plenty();
+  // 10 GiB in all, 8 of them held by each run: a second one would not fit.
+  probe.device_free = [journal_path](const std::string&) {
+    const std::string journal =
+        std::filesystem::exists(journal_path) ? read_file(journal_path) : "";
+    return 10 * kGiB -
+           8 * kGiB * static_cast<int64_t>(count(journal, "start") - count(journal, "end"));
+  };
+  const std::string journal =
+      run(dir, sweep_of("  - {name: x}\n  - {name: y}\n"), 4, probe, {"cuda:0"});
+  INFO(journal);
+  CHECK(count(journal, "end ") == 4);
+  CHECK(most_at_once(journal) == 1);
+}
+
+TEST_CASE("run_local: a failed run is marked and the rest goes on", "[sweep]") {
+  const TempDir dir;
+  const std::string yaml =
+      sweep_of("  - {name: bad, set: [train.mode=diverge]}\n  - {name: good}\n", "[0]");
+  const std::string journal = run(dir, yaml, 1, plenty());
+  const sweep::SweepOutput output(dir / "out");
+  CHECK(count(journal, "end ") == 1);
+  CHECK(output.state("good/a/0") == RunState::kFinished);
+  CHECK(output.state("bad/a/0") == RunState::kFailed);
+  CHECK(sweep::describe(output.outcome("bad/a/0")) ==
+        "diverged (exit 5): step 3: loss blur is NaN");
+  CHECK(run(dir, yaml, 1, plenty()).empty());
+}
+
+TEST_CASE("run_local: a killed run goes on from its checkpoint on the next call", "[sweep]") {
+  const TempDir dir;
+  const std::string yaml = sweep_of("  - {name: x, set: [train.mode=die]}\n", "[0]");
+  CHECK(count(run(dir, yaml, 1, plenty()), "end ") == 0);
+  const sweep::SweepOutput output(dir / "out");
+  CHECK(output.state("x/a/0") == RunState::kUnfinished);
+  CHECK(output.outcome("x/a/0").signal == 9);
+  CHECK_THAT(run(dir, yaml, 1, plenty()), Catch::Contains("resume yes"));
+  CHECK(output.state("x/a/0") == RunState::kFinished);
+  CHECK(output.outcome("x/a/0").attempts == 2);
+}
+
+TEST_CASE("run_local: a program that cannot be started is a failed run", "[sweep]") {
+  const TempDir dir;
+  const sweep::Plan plan = plan_of(dir, sweep_of("  - {name: x}\n", "[0]"));
+  const sweep::SweepOutput output(dir / "out");
+  output.write_settings(plan, resolve);
+  sweep::LocalOptions options;
+  options.program = dir / "nothing";
+  options.poll_ms = 20;
+  sweep::run_local(plan, output, options, plenty());
+  CHECK(output.state("x/a/0") == RunState::kFailed);
+  CHECK_THAT(output.outcome("x/a/0").reason, Catch::Contains("could not be started"));
+}
+
+TEST_CASE("run_local: a request to stop reaches the children, which are waited for", "[sweep]") {
+  const TempDir dir;
+  std::thread later([&] {
+    // Once both have begun.
+    for (int i = 0; i < 200; ++i) {
+      if (std::filesystem::exists(dir / "journal") &&
+          count(read_file(dir / "journal"), "start") == 2)
+        break;
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(300));
+    set_interrupt_requested(true);
+  });
+  const std::string yaml = sweep_of("  - {name: x, set: [train.mode=hang]}\n");
+  CHECK_THROWS_AS(run(dir, yaml, 2, plenty()), Interrupted);
+  later.join();
+  set_interrupt_requested(false);
+  const sweep::SweepOutput output(dir / "out");
+  CHECK(count(read_file(dir / "journal"), "asked") == 2);
+  CHECK(output.state("x/a/0") == RunState::kUnfinished);
+  CHECK(output.outcome("x/a/1").exit_code == 130);
+  CHECK(output.can_resume("x/a/0"));
+}

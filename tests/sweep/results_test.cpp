@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/sweep/results.h"
+
+#include "support/catch.h"
+
+#include "fixture.h"
+#include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
+
+using namespace jade;
+using namespace jade::test;
+
+namespace {
+
+const std::string kSweep = R"(title: Test
+paper_source: "Table 9"
+columns: [psnr, ssim, memory_gib, lpips_vgg, psnr@5]
+seeds: [0, 1, 2]
+scenes: [{name: a, config: a.yaml}, {name: b, config: b.yaml}]
+rows:
+  - {name: full, title: "Full, α", paper: {psnr: 34.5}, paper_scenes: {c: {ssim: 0.75}}}
+  - {name: half}
+  - {name: other, run: false, paper: {psnr: 31}}
+)";
+
+void finish(const TempDir& dir, const std::string& id, double psnr, double ssim) {
+  const std::string run = "out/runs/" + id;
+  dir.write(run + "/point_cloud.ply", "");
+  dir.write(run + "/eval.json", concat(R"({"mean": {"psnr": )", psnr, R"(, "ssim": )", ssim,
+                                       R"(, "lpips_vgg": null}})"));
+  dir.write(run + "/metrics.jsonl",
+            "{\"step\": 5, \"memory_bytes\": 1073741824}\n{\"step\": 5, \"test_psnr\": 20}\n"
+            "{\"step\": 9, \"memory_bytes\": 536870912}\nhalf a li");
+}
+
+/// full: all but b/2; half: only a/0, and a/1 diverged.
+sweep::Table table_of(const TempDir& dir) {
+  finish(dir, "full/a/0", 30, 0.5);
+  finish(dir, "full/a/1", 32, 0.5);
+  finish(dir, "full/a/2", 37, 0.5);
+  finish(dir, "full/b/0", 20, 0.7);
+  finish(dir, "full/b/1", 24, 0.7);
+  finish(dir, "half/a/0", 33, 0.5);
+  finish(dir, "gone/a/0", 1, 1);
+  const sweep::SweepOutput output(dir / "out");
+  sweep::Outcome diverged;
+  diverged.attempts = 1;
+  diverged.exit_code = 5;
+  diverged.reason = "step 7: NaN";
+  output.write_outcome("half/a/1", diverged);
+  return sweep::gather(plan_of(dir, kSweep), output);
+}
+
+}  // namespace
+
+TEST_CASE("cell_of: mean and sample deviation of what is there", "[sweep]") {
+  const sweep::Cell cell = sweep::cell_of({2.0, 4.0, std::nullopt, 9.0});
+  CHECK(cell.count == 3);
+  CHECK(cell.expected == 4);
+  CHECK(*cell.mean == Approx(5));
+  CHECK(*cell.deviation == Approx(std::sqrt((9 + 1 + 16) / 2.0)));
+  CHECK_FALSE(sweep::cell_of({1.0}).deviation);
+  CHECK_FALSE(sweep::cell_of({std::nullopt}).mean);
+}
+
+TEST_CASE("gather: averages take whole seeds only, and every gap is told", "[sweep]") {
+  const TempDir dir;
+  const sweep::Table table = table_of(dir);
+  const sweep::TableRow& full = table.rows[0];
+  const sweep::Cell& a = full.scenes.at("a").at("psnr");
+  CHECK(*a.mean == Approx(33));
+  CHECK(*a.deviation == Approx(std::sqrt((9 + 1 + 16) / 2.0)));
+  // Seeds 0 and 1: (30 + 20) / 2 and (32 + 24) / 2; seed 2 lacks scene b.
+  const sweep::Cell& average = full.average.at("psnr");
+  CHECK(*average.mean == Approx(26.5));
+  CHECK(*average.deviation == Approx(std::sqrt(2 * 1.5 * 1.5)));
+  CHECK(average.count == 2);
+  CHECK(average.expected == 3);
+  CHECK(*full.average.at("memory_gib").mean == Approx(1));
+  CHECK(*full.average.at("psnr@5").mean == Approx(20));
+  CHECK_FALSE(table.rows[1].average.at("psnr").mean);
+  std::string remarks;
+  for (const std::string& remark : table.remarks) remarks += remark + "\n";
+  INFO(remarks);
+  for (const char* remark :
+       {"full/b/2: new\n", "half/a/1: failed: diverged (exit 5): step 7: NaN\n",
+        "lpips_vgg: not measured by all finished runs", "gone/a/0: lies in this folder"}) {
+    CHECK_THAT(remarks, Catch::Contains(remark));
+  }
+}
+
+TEST_CASE("tables: ours and the paper's side by side, gaps marked, in three formats", "[sweep]") {
+  const TempDir dir;
+  const sweep::Table table = table_of(dir);
+  const std::string markdown = sweep::to_markdown(table);
+  INFO(markdown);
+  CHECK_THAT(markdown, Catch::Contains("6 of 12 runs finished"));
+  CHECK_THAT(markdown,
+             Catch::Contains("| Full, α | 26.50 ± 2.12 (2/3) | *34.50* | 0.6000 ± 0.0000 (2/3) |"));
+  CHECK_THAT(markdown, Catch::Contains("| half | – (0/3) | | – (0/3) |"));
+  CHECK_THAT(markdown, Catch::Contains("| other (quoted) | – | *31.00* |"));
+  CHECK_THAT(markdown, Catch::Contains("| Full, α | **33.00** ± 3.61 |"));
+  CHECK_THAT(markdown, Catch::Contains("## c (quoted from the paper; not run here)"));
+  const std::string csv = sweep::to_csv(table);
+  INFO(csv);
+  CHECK_THAT(csv, Catch::Contains("full,\"Full, α\",average,psnr,26.5,2.121320344,2,3,34.5\n"));
+  CHECK_THAT(csv, Catch::Contains("full,\"Full, α\",c,ssim,,,0,0,0.75\n"));
+  CHECK_THAT(csv, Catch::Contains("other,other,average,psnr,,,0,0,31\n"));
+  CHECK_THAT(sweep::runs_csv(table),
+             Catch::Contains("half,a,1,failed,diverged (exit 5): step 7: NaN,,,,,\n"));
+  const std::string latex = sweep::to_latex(table);
+  INFO(latex);
+  CHECK_THAT(
+      latex,
+      Catch::Contains("Full, $\\alpha$ & 26.50 {\\scriptsize$\\pm$}2.12 (2/3) & \\emph{34.50} &"));
+  CHECK_THAT(latex, Catch::Contains("% missing: full/b/2: new\n"));
+  sweep::write_table(table, dir / "out");
+  CHECK(read_file(dir / "out/table.md") == markdown);
+}
+
+TEST_CASE("gather: a damaged result is an error, not a gap", "[sweep]") {
+  const TempDir dir;
+  finish(dir, "full/a/0", 30, 0.5);
+  dir.write("out/runs/full/a/0/eval.json", "{\"mean\": ");
+  CHECK_THROWS_AS(sweep::gather(plan_of(dir, kSweep), sweep::SweepOutput(dir / "out")), DataError);
+}
