@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import io
 import json
+import os
 import pickle
 import subprocess
 import sys
@@ -81,6 +82,14 @@ class Lpips(nn.Module):
         for head, x, y in zip(self.heads, self.features(a), self.features(b)):
             total = total + head((x - y).square()).mean((1, 2, 3))
         return total
+
+
+def cache_folder() -> Path:
+    """As core/cache_folder.h."""
+    if os.environ.get("JADE_CACHE"):
+        return Path(os.environ["JADE_CACHE"])
+    base = Path(os.environ.get("XDG_CACHE_HOME", ""))
+    return (base if base.is_absolute() else Path.home() / ".cache") / "jade"
 
 
 def fetch(cache: Path, package: str, pattern: str, *options: str) -> Path:
@@ -153,7 +162,7 @@ def export(module: Lpips, path: Path, name: str) -> None:
 
 def main() -> int:
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    p.add_argument("--cache", type=Path, default=Path.home() / ".cache" / "jade", help="downloads and results go here")
+    p.add_argument("--cache", type=Path, default=cache_folder(), help="downloads and results go here")
     p.add_argument("--backbone", choices=("alex", "vgg", "both"), default="both")
     arguments = p.parse_args()
     try:

@@ -1,34 +1,34 @@
 // SPDX-License-Identifier: Apache-2.0
 // The 2D restorations alone: sharp frames from blurry ones and their events.
+#include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <torch/types.h>
 
 #include "common/cli.h"
 #include "common/dataset_flags.h"
+#include "deblurrer.h"
 #include "jade/core/atomic_file.h"
+#include "jade/core/interrupt.h"
 #include "jade/core/log.h"
-#include "jade/eval/metrics.h"
+#include "jade/core/progress.h"
 #include "jade/imaging/image_io.h"
+#include "jade/train/options.h"
 #include "methods.h"
 #include "pictures.h"
+#include "scores.h"
 
 using namespace jade;
 
 namespace {
 
 struct DeblurFlags {
-  data::DatasetOptions dataset;
+  apps::DeblurOptions options;
   std::string method = "edi";
-  apps::MethodOptions restoration;
-  double threshold_negative = 0;
+  double threshold_positive = 0, threshold_negative = 0;
+  bool no_cache = false;
   bool poses = false;
   bool npy = false;
-};
-
-struct Score {
-  std::string name, truth;
-  double psnr_blurry = 0, psnr_restored = 0;
 };
 
 void add_flags(CLI::App& cli, DeblurFlags& flags) {
@@ -36,31 +36,64 @@ void add_flags(CLI::App& cli, DeblurFlags& flags) {
   for (const apps::Method& method : apps::methods()) {
     methods += concat(methods.empty() ? "" : "; ", method.name, ": ", method.help);
   }
-  cli.add_option("--dataset", flags.dataset.path, "folder of the data set")->required();
+  apps::DeblurOptions& options = flags.options;
+  cli.add_option("--dataset", options.dataset.path,
+                 "folder of the data set (with --run: that of the run)");
   cli.add_option("--method", flags.method, methods);
-  cli.add_option("--threshold-positive", flags.restoration.thresholds.positive,
-                 "log intensity of one positive event (0.25)");
+  cli.add_option("--efnet", options.efnet.path,
+                 "TorchScript file of the learned restorer (ours, assets/efnet_small.pt)");
+  cli.add_option("--efnet-sha256", options.efnet.sha256, "SHA-256 that this file must have");
+  cli.add_option("--run", options.run,
+                 "run directory of jade_train: its router, data set, restorer and thresholds");
+  cli.add_option("--threshold-positive", flags.threshold_positive,
+                 "log intensity of one positive event (0.25, or the run's)");
   cli.add_option("--threshold-negative", flags.threshold_negative,
                  "of one negative event; like the positive one unless given");
-  cli.add_option("--log-offset", flags.restoration.log_offset,
+  cli.add_option("--log-offset", options.log_offset,
                  "offset of a sensor that measures log(I + offset), I in [0,1] (0)");
+  cli.add_option("--cache", options.cache.folder,
+                 "folder that keeps restorations (restorations in the user's cache folder)");
+  cli.add_flag("--no-cache", flags.no_cache, "neither read nor keep restorations");
   cli.add_flag("--poses", flags.poses, "also write NAME_<k>.png for the nine poses, k 0 to 8");
   cli.add_flag("--npy", flags.npy, "also write unclamped float32 [3,H,W] beside each picture");
-  apps::add_dataset_flags(cli, flags.dataset);
+  apps::add_dataset_flags(cli, options.dataset);
 }
 
-void check_flags(DeblurFlags& flags) {
-  auto& thresholds = flags.restoration.thresholds;
-  thresholds.negative =
-      flags.threshold_negative > 0 ? flags.threshold_negative : thresholds.positive;
-  if (!(thresholds.positive > 0)) {
-    throw ConfigError(
-        concat("--threshold-positive: expected a positive number, found ", thresholds.positive));
+/// What the run says and the command line does not.
+void take_from_run(apps::DeblurOptions& options) {
+  if (!std::filesystem::exists(options.run / "config.yaml")) {
+    throw DataError(concat(options.run.string(),
+                           ": expected a run directory of jade_train with its config.yaml, found "
+                           "none"));
   }
-  if (!(flags.restoration.log_offset >= 0)) {
-    throw ConfigError(
-        concat("--log-offset: expected 0 or more, found ", flags.restoration.log_offset));
+  const auto run = config::load<train::RunOptions>({options.run / "config.yaml", {}, {}});
+  if (options.dataset.path.empty()) options.dataset = run.dataset;
+  if (options.efnet.path.empty()) options.efnet = run.efnet;
+  options.events = run.events;
+}
+
+void check_positive(const char* flag, double number) {
+  if (!(number >= 0)) {
+    throw ConfigError(concat(flag, ": expected a positive number, found ", number));
   }
+}
+
+void complete(DeblurFlags& flags, const apps::Method& method) {
+  apps::DeblurOptions& options = flags.options;
+  if (!options.run.empty()) take_from_run(options);
+  if (method.needs_run && options.run.empty()) {
+    throw ConfigError("--run: method router needs the run directory of jade_train");
+  }
+  if (options.dataset.path.empty()) throw ConfigError("--dataset: expected a folder");
+  check_positive("--threshold-positive", flags.threshold_positive);
+  check_positive("--threshold-negative", flags.threshold_negative);
+  check_positive("--log-offset", options.log_offset);
+  if (flags.threshold_positive > 0) {
+    options.events.threshold_positive = flags.threshold_positive;
+    options.events.threshold_negative = 0;
+  }
+  if (flags.threshold_negative > 0) options.events.threshold_negative = flags.threshold_negative;
+  options.cache.enabled = !flags.no_cache;
 }
 
 void save(const std::filesystem::path& stem, const torch::Tensor& image, bool npy) {
@@ -68,80 +101,87 @@ void save(const std::filesystem::path& stem, const torch::Tensor& image, bool np
   if (npy) imaging::write_image(stem.string() + ".npy", image);
 }
 
-void write_pictures(const std::filesystem::path& output, const data::Exposure& exposure,
-                    const apps::Restoration& restoration, const DeblurFlags& flags) {
-  save(output / exposure.name, restoration.latents[geometry::kMidPose], flags.npy);
-  for (int64_t k = 0; flags.poses && k < geometry::kExposurePoses; ++k) {
-    save(output / concat(exposure.name, "_", k), restoration.latents[k], flags.npy);
-  }
-  imaging::write_image(output / "events" / (exposure.name + ".png"),
-                       apps::event_picture(restoration.events));
-}
-
-nlohmann::json to_json(const std::string& method, const std::vector<Score>& scores) {
-  nlohmann::json views = nlohmann::json::array();
-  double blurry = 0;
-  double restored = 0;
-  for (const Score& score : scores) {
-    views.push_back({{"name", score.name},
-                     {"truth", score.truth},
-                     {"psnr_blurry", score.psnr_blurry},
-                     {"psnr", score.psnr_restored}});
-    blurry += score.psnr_blurry / double(scores.size());
-    restored += score.psnr_restored / double(scores.size());
-  }
-  nlohmann::json result = {{"method", method}, {"views", views}, {"mean", nullptr}};
-  if (!scores.empty()) result["mean"] = {{"psnr_blurry", blurry}, {"psnr", restored}};
-  return result;
-}
-
-void print_scores(const std::string& method, const std::vector<Score>& scores) {
-  if (scores.empty()) {
-    std::printf("No sharp truth at mid-exposure in this data set, so there is nothing to score.\n");
-    return;
-  }
-  std::printf("%-10s %-14s %10s %10s %8s\n", "exposure", "truth", "blurry", method.c_str(), "gain");
-  Score mean{"mean", "", 0, 0};
-  const auto row = [](const Score& score) {
-    std::printf("%-10s %-14s %7.2f dB %7.2f dB %+5.2f dB\n", score.name.c_str(),
-                score.truth.c_str(), score.psnr_blurry, score.psnr_restored,
-                score.psnr_restored - score.psnr_blurry);
-  };
-  for (const Score& score : scores) {
-    row(score);
-    mean.psnr_blurry += score.psnr_blurry / double(scores.size());
-    mean.psnr_restored += score.psnr_restored / double(scores.size());
-  }
-  row(mean);
-  std::printf(
-      "PSNR is -10 log10 of the mean squared error over all pixels and channels, images in "
-      "[0,1].\n");
-}
-
-ExitCode deblur(DeblurFlags flags, const std::filesystem::path& output, bool json) {
-  const torch::NoGradGuard no_grad;
-  check_flags(flags);
-  const apps::Method& method = apps::find_method(flags.method);
-  if (output.empty()) throw ConfigError("--output: expected a folder for the pictures");
-  std::vector<std::string> warnings;
-  const data::Dataset dataset = data::load_dataset(flags.dataset, &warnings);
-  for (const std::string& warning : warnings) log_warn(warning);
-  make_writable_folder(output);
-  std::vector<Score> scores;
-  for (size_t i = 0; i < dataset.train.size(); ++i) {
-    const data::Exposure& exposure = dataset.train[i];
-    const apps::Restoration restoration = method.restore(exposure, flags.restoration);
-    write_pictures(output, exposure, restoration, flags);
-    for (const apps::Truth& truth : apps::truths_of(dataset, i)) {
-      scores.push_back({exposure.name, truth.name, eval::psnr(exposure.blurry, truth.image),
-                        eval::psnr(restoration.latents[geometry::kMidPose], truth.image)});
+/// The blurry frame first, the method's own result last.
+std::vector<eval::Scores> score_all(const apps::Method& method, const apps::Candidates& candidates,
+                                    const torch::Tensor& truth, const eval::Lpips& lpips) {
+  apps::Candidates c = candidates;
+  c.truth = truth;
+  std::vector<eval::Scores> scores{eval::score("blurry", c.blurry, truth, &lpips)};
+  for (const apps::Method& other : apps::methods()) {
+    const bool possible = c.efnet.defined() ? !other.needs_run : other.name == "edi";
+    if (possible && other.name != method.name) {
+      scores.push_back(eval::score(other.name, other.restore(c), truth, &lpips));
     }
   }
-  log_info(concat(dataset.train.size(), " restored frames in ", output.string()));
-  if (json) {
-    std::printf("%s\n", to_json(method.name, scores).dump(2).c_str());
+  scores.push_back(eval::score(method.name, method.restore(c), truth, &lpips));
+  return scores;
+}
+
+struct Outcome {
+  std::vector<apps::ScoredView> views;
+  int64_t written = 0, without_truth = 0;
+};
+
+Outcome restore_all(const DeblurFlags& flags, const apps::Method& method,
+                    const data::Dataset& dataset, const std::filesystem::path& output,
+                    torch::Device device) {
+  apps::Deblurrer deblurrer(flags.options, method, dataset, device);
+  const eval::Lpips lpips(device);
+  Outcome outcome;
+  Progress progress("restoring", static_cast<int64_t>(dataset.train.size()), 0, "frames");
+  for (size_t i = 0; i < dataset.train.size(); ++i) {
+    throw_if_interrupted();
+    const data::Exposure& exposure = dataset.train[i];
+    const auto truths = apps::truths_of(dataset, i);
+    if (method.needs_truth && truths.empty()) {
+      ++outcome.without_truth;
+      continue;
+    }
+    apps::Restored restored = deblurrer.restore(exposure, static_cast<int64_t>(i));
+    if (!truths.empty()) restored.candidates.truth = truths.front().image;
+    const torch::Tensor result = method.restore(restored.candidates);
+    save(output / exposure.name, result, flags.npy);
+    const auto latents = flags.poses ? deblurrer.at_all_poses(result, restored) : torch::Tensor();
+    for (int64_t k = 0; flags.poses && k < geometry::kExposurePoses; ++k) {
+      save(output / concat(exposure.name, "_", k), latents[k], flags.npy);
+    }
+    apps::write_side_pictures(output, exposure.name, restored);
+    ++outcome.written;
+    for (const apps::Truth& truth : truths) {
+      outcome.views.push_back(
+          {exposure.name, truth.name, score_all(method, restored.candidates, truth.image, lpips)});
+    }
+    if (progress.step()) progress.show();
+  }
+  return outcome;
+}
+
+ExitCode deblur(DeblurFlags flags, const apps::Program& program) {
+  const torch::NoGradGuard no_grad;
+  const apps::Method& method = apps::find_method(flags.method);
+  complete(flags, method);
+  const std::filesystem::path& output = program.output();
+  if (output.empty()) throw ConfigError("--output: expected a folder for the pictures");
+  const torch::Device device = method.needs_efnet ? program.device() : torch::Device(torch::kCPU);
+  std::vector<std::string> warnings;
+  const data::Dataset dataset = data::load_dataset(flags.options.dataset, &warnings);
+  for (const std::string& warning : warnings) log_warn(warning);
+  make_writable_folder(output);
+  const Outcome outcome = restore_all(flags, method, dataset, output, device);
+  if (outcome.written == 0) {
+    throw DataError(concat(dataset.root.string(), ": method ", method.name,
+                           " needs sharp frames at mid-exposure (sharp/, or seen test views), "
+                           "found none; use mean"));
+  }
+  if (outcome.without_truth > 0) {
+    log_warn(concat(outcome.without_truth, " of ", dataset.train.size(),
+                    " exposures have no sharp truth and were left out"));
+  }
+  log_info(concat(outcome.written, " restored frames in ", output.string()));
+  if (program.json()) {
+    std::printf("%s\n", apps::to_json(method.name, outcome.views).dump(2).c_str());
   } else {
-    print_scores(method.name, scores);
+    apps::print_scores(outcome.views);
   }
   return ExitCode::kOk;
 }
@@ -152,7 +192,10 @@ int main(int argc, char** argv) {
   apps::Program program("jade_deblur", "Restores blurry frames with their events, without a scene");
   DeblurFlags flags;
   add_flags(program.cli(), flags);
-  program.add_output_flag("folder for NAME.png of each exposure, and events/NAME.png");
+  program.add_output_flag(
+      "folder for NAME.png of each exposure, and pictures of its events and restorations in "
+      "events/, edi/, efnet/, difference/, alpha/, oracle/, better/");
+  program.add_device_flag();
   program.add_json_flag();
-  return program.run(argc, argv, [&] { return deblur(flags, program.output(), program.json()); });
+  return program.run(argc, argv, [&] { return deblur(flags, program); });
 }

@@ -4,42 +4,37 @@
 #include <torch/types.h>
 
 #include "jade/core/error.h"
-#include "jade/events/exposure_maps.h"
-#include "jade/imaging/edi.h"
+#include "jade/models/restorations.h"
 
 namespace jade::apps {
 namespace {
 
-/// EDI at all nine poses. A sensor that follows log(I + ε) sees B + ε as the mean of I_k + ε, so
-/// the offset is added before and taken off after.
-Restoration restore_edi(const data::Exposure& exposure, const MethodOptions& options) {
-  constexpr int64_t kBins = 6;
-  const events::ImageSize size{exposure.camera.height, exposure.camera.width};
-  const events::ExposureMaps maps =
-      events::map_exposure(exposure.events, {exposure.t_start_us, exposure.t_end_us}, kBins, size);
-  const imaging::EdiKernel kernel =
-      imaging::edi_kernel(events::edi_windows(maps.windows, options.thresholds));
-  const torch::Tensor latents =
-      imaging::edi_all(exposure.blurry + options.log_offset, kernel) - options.log_offset;
-  return {latents, torch::stack({maps.windows.positive.sum(0), maps.windows.negative.sum(0)})};
-}
-
-/// Half EDI, half the frame itself: what a fixed weight gives that trusts both alike.
-Restoration restore_mean(const data::Exposure& exposure, const MethodOptions& options) {
-  Restoration restoration = restore_edi(exposure, options);
-  restoration.latents = 0.5 * (restoration.latents.clamp(0, 1) + exposure.blurry);
-  return restoration;
+torch::Tensor mean_of(const Candidates& c) {
+  return models::fuse(torch::full({1}, 0.5F, c.edi.options()), {c.edi, c.efnet});
 }
 
 }  // namespace
 
+torch::Tensor edi_is_better(const Candidates& c) {
+  const auto error = [&](const torch::Tensor& image) {
+    return (image.clamp(0, 1) - c.truth).square().sum(0, true);
+  };
+  return error(c.edi) < error(c.efnet);
+}
+
 const std::vector<Method>& methods() {
   static const std::vector<Method> all = {
-      {"edi", "event double integral at the nine poses", restore_edi},
-      {"mean",
-       "mean of EDI and the other restoration, which is the frame itself as long as no "
-       "network is given",
-       restore_mean}};
+      {"edi", "event double integral", false, false, false,
+       [](const Candidates& c) { return c.edi; }},
+      {"efnet", "the learned restorer", true, false, false,
+       [](const Candidates& c) { return c.efnet; }},
+      {"mean", "half EDI, half EFNet", true, false, false, mean_of},
+      {"oracle", "the better of both at each pixel, by the sharp truth", true, true, false,
+       [](const Candidates& c) { return torch::where(edi_is_better(c), c.edi, c.efnet); }},
+      {"router", "the mix that the router of a trained run (--run) decides", true, false, true,
+       [](const Candidates& c) {
+         return models::fuse(c.alpha, {c.edi, c.efnet});
+       }}};
   return all;
 }
 

@@ -5,32 +5,30 @@
 #include <torch/types.h>
 #include <vector>
 
-#include "jade/data/exposure.h"
-#include "jade/events/thresholds.h"
-
 namespace jade::apps {
 
-struct MethodOptions {
-  events::Thresholds thresholds;
-  /// ε of a sensor that measures log(I + ε), in units of intensity; 0 for log(I).
-  double log_offset = 0;
+/// All that is known of one exposure at its middle, each [3,H,W]; undefined where not asked for.
+struct Candidates {
+  torch::Tensor blurry, edi, efnet;
+  torch::Tensor alpha;  ///< [1,H,W], the router's weight of EDI
+  torch::Tensor truth;  ///< the sharp frame
 };
 
-struct Restoration {
-  torch::Tensor latents;  ///< [9,3,H,W] at the nine poses; [4] is mid-exposure
-  torch::Tensor events;   ///< [2,H,W] positive and negative events during the exposure
-};
-
-/// A way to restore an exposure. A new one is one entry of methods().
+/// What one method makes of an exposure. A new one is one entry of methods().
 struct Method {
   std::string name;
   std::string help;
-  Restoration (*restore)(const data::Exposure&, const MethodOptions&);
+  bool needs_efnet, needs_truth, needs_run;
+  torch::Tensor (*restore)(const Candidates&);
 };
 
 const std::vector<Method>& methods();
 
 /// @throws ConfigError naming the methods there are.
 const Method& find_method(const std::string& name);
+
+/// [1,H,W] bool: where EDI is nearer to the truth than EFNet, by the squared error over channels of
+/// the images clamped to [0,1].
+torch::Tensor edi_is_better(const Candidates& candidates);
 
 }  // namespace jade::apps

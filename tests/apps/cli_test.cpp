@@ -2,41 +2,15 @@
 // Runs the programs as a user does: exit codes, one clear line on stderr, results on stdout.
 #include "support/catch.h"
 
-#include <cstdlib>
-#include <sys/wait.h>
-
 #include "jade/core/atomic_file.h"
+#include "support/programs.h"
 #include "support/temp_dir.h"
 #include "support/tiny_dataset.h"
 
 using namespace jade;
-
-namespace {
-
-struct Outcome {
-  int code;
-  std::string out, err;
-};
-
-/// `command` starts with the name of a program of ours.
-Outcome run(const test::TempDir& dir, const std::string& command) {
-  const auto out = dir.path() / "out.txt", err = dir.path() / "err.txt";
-  const int status = std::system((std::string("cd ") + dir.path().string() + " && " + JADE_BIN +
-                                  "/" + command + " >" + out.string() + " 2>" + err.string())
-                                     .c_str());
-  return {WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status), read_file(out),
-          read_file(err)};
-}
-
-/// The outcome is the exit code and one line that holds `text`.
-void check_error(const Outcome& outcome, int code, const std::string& text) {
-  INFO(outcome.err);
-  CHECK(outcome.code == code);
-  CHECK_THAT(outcome.err, Catch::Contains(text));
-  CHECK(std::count(outcome.err.begin(), outcome.err.end(), '\n') == 1);
-}
-
-}  // namespace
+using test::check_error;
+using test::Outcome;
+using test::run;
 
 TEST_CASE("jade_train: the printed configuration prints itself", "[apps]") {
   const test::TempDir dir;

@@ -16,7 +16,7 @@ namespace {
 const char* const kMetadata = R"({"format": "jade-restorer", "format_version": 1, "kind": "efnet",
   "name": "probe", "width": 1, "parameters": 0, "input": "scer", "normalization": "max_abs",
   "channel_order": "rgb", "padding_multiple": 4, "minimum_size": 8, "uses_mask": true,
-  "dtype": "float32", "weights_sha256": "0", "source": "test"})";
+  "dtype": "float32", "weights_sha256": "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855", "source": "test"})";
 
 /// Saves a module whose forward is `body`.
 std::filesystem::path save(const std::filesystem::path& path, const std::string& body,
@@ -86,14 +86,14 @@ TEST_CASE("efnet: images are padded by replication, events and mask by zeros, an
                          "  assert bool((mask[:, :, :9, :10] == 1).all())\n"
                          "  return image + events[:, 5:6]\n",
                          kMetadata);
-  const Restorer restorer({path, ""});
+  Restorer restorer({path, ""});
   const torch::Tensor image = torch::rand({3, 9, 10}) - 1.5;
   const torch::Tensor out = restorer.restore(image, 7 * bins()[0]);
   CHECK(out.sizes() == image.sizes());
   CHECK(torch::allclose(out, (image + 1).clamp(0, 1)));
   CHECK(restorer.restore(image.unsqueeze(0), bins()).dim() == 4);
   CHECK(restorer.metadata().name == "probe");
-  CHECK(restorer.file_sha256() == file_sha256(path));
+  CHECK(checked_file_sha256({path, ""}) == file_sha256(path));
 }
 
 TEST_CASE("efnet: plain bins go in where the metadata says so, and image restorers get no events",
@@ -133,20 +133,64 @@ TEST_CASE("efnet: files that are none are refused with what to do", "[models]") 
   const auto good = save(folder / "good.pt", body, kMetadata);
   CHECK(load(good, std::string(64, '0')).find("SHA-256") != std::string::npos);
   CHECK(load(good, file_sha256(good)) == "no such error");
+  // Another file's metadata, or weights that were changed after the export.
+  std::string metadata = kMetadata;
+  metadata.replace(metadata.find("e3b0c442"), 8, "00000000");
+  CHECK(bad(metadata).find("it holds e3b0c442") != std::string::npos);
+  const std::string whole = read_file(good);
+  write_file(folder / "cut.pt", whole.substr(0, whole.size() / 2));
+  CHECK(load(folder / "cut.pt").find("no TorchScript") != std::string::npos);
 }
 
 TEST_CASE("efnet: NaN, wrong shapes and refusals of the network are reported", "[models]") {
   const test::TempDir folder;
   const torch::Tensor image = torch::rand({3, 8, 8});
   const torch::Tensor voxel = torch::zeros({6, 8, 8});
-  const Restorer nan({save(folder / "nan.pt", "  return image / 0 - image / 0\n", kMetadata), ""});
+  Restorer nan({save(folder / "nan.pt", "  return image / 0 - image / 0\n", kMetadata), ""});
   CHECK_THROWS_AS(nan.restore(image, voxel), NumericError);
-  const Restorer shape({save(folder / "shape.pt", "  return image[:, :1]\n", kMetadata), ""});
+  Restorer shape({save(folder / "shape.pt", "  return image[:, :1]\n", kMetadata), ""});
   CHECK_THROWS_AS(shape.restore(image, voxel), DataError);
-  const Restorer refuses(
-      {save(folder / "no.pt", "  assert False\n  return image\n", kMetadata), ""});
+  Restorer refuses({save(folder / "no.pt", "  assert False\n  return image\n", kMetadata), ""});
   CHECK_THROWS_AS(refuses.restore(image, voxel), DataError);
   CHECK_THROWS_AS(refuses.restore(image, torch::zeros({5, 8, 8})), ContractError);
+}
+
+/// A network that refuses more than `pixels`, as a device with little memory does.
+std::filesystem::path save_small_memory(const std::filesystem::path& path, int pixels) {
+  return save(path,
+              "  assert image.size(2) * image.size(3) <= " + std::to_string(pixels) +
+                  ", 'CUDA out of memory. Tried to allocate'\n"
+                  "  return 0.5 * image + 0.5 * events[:, 2:3] + 0.1 * mask\n",
+              kMetadata);
+}
+
+TEST_CASE("efnet: a frame too large for the memory is restored in tiles, without seams",
+          "[models]") {
+  const test::TempDir folder;
+  const torch::Tensor image = torch::rand({3, 200, 330});
+  const torch::Tensor voxel = torch::randn({6, 200, 330}) * (torch::rand({1, 200, 330}) > 0.8);
+  Restorer whole({save_small_memory(folder / "large.pt", 1 << 20), ""});
+  Restorer tiled({save_small_memory(folder / "small.pt", 200 * 200), ""});
+  const torch::Tensor expected = whole.restore(image, voxel);
+  CHECK(torch::equal(tiled.restore(image, voxel), expected));
+  CHECK(torch::equal(tiled.restore(image, voxel), expected));
+  Restorer hopeless({save_small_memory(folder / "none.pt", 16), ""});
+  CHECK(message_of<DeviceError>([&] {
+          hopeless.restore(image, voxel);
+        }).find("not even in tiles") != std::string::npos);
+}
+
+TEST_CASE("efnet: the reason for a refusal is TorchScript's last line", "[models]") {
+  const test::TempDir folder;
+  // A convolution for four channels, as of a network trained on RGB and something else.
+  Restorer channels(
+      {save(folder / "c.pt", "  return torch.conv2d(image, torch.ones([3, 4, 1, 1]))\n", kMetadata),
+       ""});
+  const std::string text = message_of<DataError>([&] {
+    channels.restore(torch::rand({3, 8, 8}), torch::zeros({6, 8, 8}));
+  });
+  CHECK(text.find("expected input[1, 3, 8, 8] to have 4 channels") != std::string::npos);
+  CHECK(text.find('\n') == std::string::npos);
 }
 
 }  // namespace

@@ -2,9 +2,9 @@
 #include "jade/eval/lpips.h"
 
 #include <algorithm>
-#include <cstdlib>
 #include <torch/script.h>
 
+#include "jade/core/cache_folder.h"
 #include "jade/core/log.h"
 
 namespace jade::eval {
@@ -14,12 +14,6 @@ namespace fs = std::filesystem;
 
 /// AlexNet's first stages leave nothing of smaller images.
 constexpr int64_t kSmallest = 32;
-
-fs::path default_cache() {
-  if (const char* cache = std::getenv("JADE_CACHE")) return cache;
-  const char* home = std::getenv("HOME");
-  return fs::path(home != nullptr ? home : ".") / ".cache" / "jade";
-}
 
 std::unique_ptr<torch::jit::Module> load(const fs::path& path, torch::Device device) {
   if (!fs::exists(path)) return nullptr;
@@ -36,7 +30,7 @@ std::unique_ptr<torch::jit::Module> load(const fs::path& path, torch::Device dev
 }  // namespace
 
 Lpips::Lpips(torch::Device device, fs::path cache) : device_(device) {
-  if (cache.empty()) cache = default_cache();
+  if (cache.empty()) cache = cache_folder();
   alex01_ = load(cache / "lpips_alex01.pt", device_);
   vgg_ = load(cache / "lpips_vgg.pt", device_);
 }

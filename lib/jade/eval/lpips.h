@@ -19,7 +19,7 @@ namespace jade::eval {
 class Lpips {
  public:
   /// Loads what is in `cache`; a module that is missing or cannot be read leaves its metric absent.
-  /// @param cache  empty: $JADE_CACHE, else ~/.cache/jade.
+  /// @param cache  empty: core/cache_folder.h.
   explicit Lpips(torch::Device device, std::filesystem::path cache = {});
   ~Lpips();
 

@@ -3,84 +3,51 @@
 
 #include <algorithm>
 #include <c10/core/Allocator.h>
-#include <nlohmann/json.hpp>
+#include <map>
+#include <new>
 #include <torch/nn/functional/padding.h>
 #include <torch/script.h>
 
 #include "jade/core/check.h"
 #include "jade/core/digest.h"
+#include "jade/core/log.h"
 
 namespace jade::models {
 namespace {
 
 namespace F = torch::nn::functional;
 
-constexpr const char* kMetadataFile = "jade_efnet.json";
-constexpr int64_t kFormatVersion = 1;
 constexpr int64_t kBins = 6;
+// Tiles when memory is short: the part of each that is kept, and what it sees around it.
+constexpr int64_t kLargestTile = 512, kSmallestTile = 64, kTileMargin = 32;
+
+/// The device has too little memory for this call.
+struct OutOfMemory : DeviceError {
+  using DeviceError::DeviceError;
+};
 
 [[noreturn]] void fail(const std::filesystem::path& path, const std::string& what) {
   throw DataError(concat(path.string(), ": ", what));
 }
 
-/// The first line of a torch message, without its C++ trace.
 std::string first_line(const std::string& text) { return text.substr(0, text.find('\n')); }
 
-void check_values(const std::filesystem::path& path, const RestorerMetadata& m,
-                  const std::string& normalization) {
-  if (m.kind != "efnet" && m.kind != "image") {
-    fail(path, concat("expected kind efnet or image, found '", m.kind, "'"));
-  }
-  const bool events = m.kind == "efnet";
-  if (events ? m.input != "scer" && m.input != "bins" : m.input != "none") {
-    fail(path, concat("input '", m.input, "' does not fit kind ", m.kind));
-  }
-  if (events && normalization != "max_abs") {
-    fail(path, concat("unknown normalization '", normalization, "'; expected max_abs"));
-  }
-  if (m.padding_multiple < 1 || m.padding_multiple > 1024 || m.minimum_size < 1 ||
-      m.minimum_size > 65536) {
-    fail(path, concat("padding_multiple ", m.padding_multiple, " or minimum_size ", m.minimum_size,
-                      " makes no sense"));
-  }
+/// TorchScript puts the reason behind its trace, on the last line.
+std::string last_line(const std::string& text) {
+  const size_t end = text.find_last_not_of(" \n");
+  if (end == std::string::npos) return text;
+  const size_t newline = text.find_last_of('\n', end);
+  return text.substr(newline == std::string::npos ? 0 : newline + 1,
+                     end - (newline == std::string::npos ? 0 : newline + 1) + 1);
 }
 
-RestorerMetadata parse_metadata(const std::filesystem::path& path, const std::string& text) {
-  if (text.empty()) {
-    fail(path, concat("has no ", kMetadataFile, ": export the restorer with scripts/efnet/",
-                      "export_efnet.py --help"));
+/// TorchScript hands on what its operators throw as text only.
+bool says_out_of_memory(const std::string& text) {
+  for (const char* words :
+       {"out of memory", "ALLOC_FAILED", "can't allocate memory", "not enough memory"}) {
+    if (text.find(words) != std::string::npos) return true;
   }
-  RestorerMetadata m;
-  std::string normalization;
-  try {
-    const nlohmann::json json = nlohmann::json::parse(text);
-    if (json.at("format").get<std::string>() != "jade-restorer") {
-      fail(path, concat(kMetadataFile, " is not of format jade-restorer"));
-    }
-    const auto version = json.at("format_version").get<int64_t>();
-    if (version > kFormatVersion) {
-      fail(path, concat("has format version ", version, ", this program reads up to ",
-                        kFormatVersion, ": update it, or export the restorer anew"));
-    }
-    const std::string dtype = json.at("dtype").get<std::string>();
-    if (dtype != "float32") fail(path, concat("expected dtype float32, found ", dtype));
-    m.kind = json.at("kind").get<std::string>();
-    m.name = json.at("name").get<std::string>();
-    m.width = json.at("width").get<int64_t>();
-    m.parameters = json.at("parameters").get<int64_t>();
-    m.input = json.at("input").get<std::string>();
-    m.channel_order = json.at("channel_order").get<std::string>();
-    m.padding_multiple = json.at("padding_multiple").get<int64_t>();
-    m.minimum_size = json.at("minimum_size").get<int64_t>();
-    m.uses_mask = json.at("uses_mask").get<bool>();
-    m.weights_sha256 = json.at("weights_sha256").get<std::string>();
-    m.source = json.at("source").get<std::string>();
-    normalization = json.at("normalization").get<std::string>();
-  } catch (const nlohmann::json::exception& problem) {
-    fail(path, concat("bad ", kMetadataFile, ": ", problem.what()));
-  }
-  check_values(path, m, normalization);
-  return m;
+  return false;
 }
 
 /// How much to add to `size` so that the network can take it.
@@ -103,6 +70,23 @@ torch::Tensor dilate(const torch::Tensor& image) {
   return torch::max_pool2d(image, {3, 3}, {1, 1}, {1, 1});
 }
 
+std::unique_ptr<torch::jit::Module> load_module(const std::filesystem::path& path,
+                                                std::string* metadata) {
+  torch::jit::ExtraFilesMap extra{{kRestorerMetadataFile, ""}};
+  try {
+    auto module =
+        std::make_unique<torch::jit::Module>(torch::jit::load(path.string(), torch::kCPU, extra));
+    *metadata = extra[kRestorerMetadataFile];
+    return module;
+  } catch (const c10::Error& problem) {
+    fail(path, concat("no TorchScript file, or a damaged one: ",
+                      first_line(problem.what_without_backtrace()),
+                      "; make it with scripts/efnet/export_efnet.py"));
+  } catch (const std::exception& problem) {
+    fail(path, concat("cannot be loaded: ", first_line(problem.what())));
+  }
+}
+
 }  // namespace
 
 torch::Tensor scer_from_bins(const torch::Tensor& voxel) {
@@ -122,21 +106,40 @@ torch::Tensor event_mask(const torch::Tensor& events) {
   return 1 - dilate(1 - dilate(any));
 }
 
+std::string weights_sha256(const torch::jit::Module& module) {
+  std::map<std::string, torch::Tensor> by_name;
+  for (const auto& parameter : module.named_parameters()) {
+    by_name[parameter.name] =
+        parameter.value.detach().to(torch::kCPU, torch::kFloat32).contiguous();
+  }
+  Sha256 digest;
+  for (const auto& [name, values] : by_name) {
+    digest.update(name.c_str(), name.size() + 1);
+    digest.update(values.const_data_ptr(), values.nbytes());
+  }
+  return digest.hex();
+}
+
+std::string checked_file_sha256(const EfnetOptions& options) {
+  const std::string found = file_sha256(options.path);
+  if (!options.sha256.empty() && options.sha256 != found) {
+    fail(options.path, concat("expected SHA-256 ", options.sha256, ", found ", found,
+                              ": another file than the configuration means"));
+  }
+  return found;
+}
+
 Restorer::Restorer(const EfnetOptions& options, torch::Device device)
     : path_(options.path), device_(device) {
-  file_sha256_ = jade::file_sha256(path_);
-  if (!options.sha256.empty() && options.sha256 != file_sha256_) {
-    fail(path_, concat("expected SHA-256 ", options.sha256, ", found ", file_sha256_,
-                       ": another file than the configuration means"));
+  checked_file_sha256(options);
+  std::string metadata;
+  module_ = load_module(path_, &metadata);
+  metadata_ = parse_restorer_metadata(path_, metadata);
+  const std::string weights = weights_sha256(*module_);
+  if (weights != metadata_.weights_sha256) {
+    fail(path_, concat("its metadata is of weights ", metadata_.weights_sha256, ", it holds ",
+                       weights, ": damaged or edited; export it again"));
   }
-  torch::jit::ExtraFilesMap extra{{kMetadataFile, ""}};
-  try {
-    module_ =
-        std::make_unique<torch::jit::Module>(torch::jit::load(path_.string(), torch::kCPU, extra));
-  } catch (const c10::Error& problem) {
-    fail(path_, concat("no TorchScript file: ", first_line(problem.what_without_backtrace())));
-  }
-  metadata_ = parse_metadata(path_, extra[kMetadataFile]);
   module_->eval();
   for (const torch::Tensor& parameter : module_->parameters()) parameter.set_requires_grad(false);
   to(device);
@@ -150,31 +153,41 @@ void Restorer::to(torch::Device device) {
   try {
     module_->to(device);
   } catch (const c10::OutOfMemoryError&) {
-    throw DeviceError(concat(path_.string(), ": does not fit the memory of ", device.str()));
+    log_warn(concat(path_.string(), ": does not fit the memory of ", device.str(),
+                    "; restoring on the CPU"));
+    device = torch::kCPU;
+    module_->to(device);
   }
   device_ = device;
 }
 
-torch::Tensor Restorer::call(const torch::Tensor& image, const torch::Tensor& voxel) const {
+Restorer::Inputs Restorer::inputs_of(const torch::Tensor& image, const torch::Tensor& voxel) const {
+  if (metadata_.kind != "efnet") return {image};
+  check_shape(voxel, "voxel", {image.size(0), kBins, image.size(2), image.size(3)});
+  const torch::Tensor events =
+      normalize_views(metadata_.input == "scer" ? scer_from_bins(voxel) : voxel);
+  return {image, events, event_mask(events)};
+}
+
+torch::Tensor Restorer::call(const Inputs& inputs) const {
+  const torch::Tensor& image = inputs.front();
   const int64_t height = image.size(2), width = image.size(3);
   const int64_t right = padding(width, metadata_), bottom = padding(height, metadata_);
-  std::vector<torch::IValue> inputs{pad_replicate(image, right, bottom)};
-  if (metadata_.kind == "efnet") {
-    check_shape(voxel, "voxel", {image.size(0), kBins, height, width});
-    const torch::Tensor events =
-        normalize_views(metadata_.input == "scer" ? scer_from_bins(voxel) : voxel);
-    inputs.emplace_back(pad_zero(events, right, bottom));
-    inputs.emplace_back(pad_zero(event_mask(events), right, bottom));
-  }
+  const std::string size = concat(width, "x", height, " images");
   torch::Tensor output;
   try {
-    output = module_->forward(std::move(inputs)).toTensor();
-  } catch (const c10::OutOfMemoryError&) {
-    throw DeviceError(concat("not enough memory on ", device_.str(), " to restore ", width, "x",
-                             height, " images with ", metadata_.name, ": use --device cpu"));
+    std::vector<torch::IValue> padded{pad_replicate(image.to(device_), right, bottom)};
+    for (size_t i = 1; i < inputs.size(); ++i) {
+      padded.emplace_back(pad_zero(inputs[i].to(device_), right, bottom));
+    }
+    output = module_->forward(std::move(padded)).toTensor();
+  } catch (const std::bad_alloc&) {
+    throw OutOfMemory(concat("not enough memory on ", device_.str(), " to restore ", size));
   } catch (const std::exception& problem) {
-    fail(path_, concat("the network refused ", width, "x", height,
-                       " images: ", first_line(problem.what())));
+    if (says_out_of_memory(problem.what())) {
+      throw OutOfMemory(concat("not enough memory on ", device_.str(), " to restore ", size));
+    }
+    fail(path_, concat("the network refused ", size, ": ", last_line(problem.what())));
   }
   const std::vector<int64_t> expected{image.size(0), 3, height + bottom, width + right};
   if (output.sizes() != torch::IntArrayRef(expected)) {
@@ -184,7 +197,56 @@ torch::Tensor Restorer::call(const torch::Tensor& image, const torch::Tensor& vo
   return output.narrow(2, 0, height).narrow(3, 0, width);
 }
 
-torch::Tensor Restorer::restore(const torch::Tensor& blurry, const torch::Tensor& voxel) const {
+torch::Tensor Restorer::call_in_tiles(const Inputs& inputs, int64_t core) const {
+  const torch::Tensor& image = inputs.front();
+  const int64_t height = image.size(2), width = image.size(3);
+  torch::Tensor output = torch::empty_like(image);
+  for (int64_t y = 0; y < height; y += core) {
+    for (int64_t x = 0; x < width; x += core) {
+      const int64_t top = std::max<int64_t>(0, y - kTileMargin);
+      const int64_t left = std::max<int64_t>(0, x - kTileMargin);
+      const int64_t tall = std::min(height, y + core + kTileMargin) - top;
+      const int64_t wide = std::min(width, x + core + kTileMargin) - left;
+      Inputs part;
+      for (const torch::Tensor& input : inputs) {
+        part.push_back(input.narrow(2, top, tall).narrow(3, left, wide));
+      }
+      const int64_t kept_height = std::min(core, height - y),
+                    kept_width = std::min(core, width - x);
+      const torch::Tensor restored = call(part);
+      output.narrow(2, y, kept_height)
+          .narrow(3, x, kept_width)
+          .copy_(restored.narrow(2, y - top, kept_height).narrow(3, x - left, kept_width));
+    }
+  }
+  return output;
+}
+
+torch::Tensor Restorer::restore_where_it_fits(const Inputs& inputs) {
+  while (true) {
+    try {
+      return tile_ == 0 ? call(inputs) : call_in_tiles(inputs, tile_);
+    } catch (const OutOfMemory& problem) {
+      if (!device_.is_cpu()) {
+        log_warn(concat(problem.what(), " with ", metadata_.name, "; going on on the CPU"));
+        to(torch::kCPU);
+        continue;
+      }
+      const int64_t longest = std::max(inputs.front().size(2), inputs.front().size(3));
+      do {
+        tile_ = tile_ == 0 ? kLargestTile : tile_ / 2;
+      } while (tile_ >= longest);
+      if (tile_ < kSmallestTile) {
+        throw DeviceError(concat(problem.what(), " with ", metadata_.name,
+                                 ", not even in tiles; close other programs"));
+      }
+      log_warn(concat(problem.what(), " with ", metadata_.name, " at once; going on in tiles of ",
+                      tile_, " px, which differ slightly from whole frames"));
+    }
+  }
+}
+
+torch::Tensor Restorer::restore(const torch::Tensor& blurry, const torch::Tensor& voxel) {
   const torch::NoGradGuard no_grad;
   const bool single = blurry.dim() == 3;
   const auto prepared = [&](const torch::Tensor& tensor) {
@@ -193,7 +255,8 @@ torch::Tensor Restorer::restore(const torch::Tensor& blurry, const torch::Tensor
   };
   const torch::Tensor image = prepared(blurry);
   check_shape(image, "blurry frame", {-1, 3, -1, -1});
-  torch::Tensor output = call(image, voxel.defined() ? prepared(voxel) : voxel);
+  torch::Tensor output =
+      restore_where_it_fits(inputs_of(image, voxel.defined() ? prepared(voxel) : voxel));
   if (!output.isfinite().all().item<bool>()) {
     throw NumericError(concat(path_.string(), ": the network returned NaN or Inf for a ",
                               image.size(3), "x", image.size(2), " image"));

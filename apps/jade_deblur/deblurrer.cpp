@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "deblurrer.h"
+
+#include <torch/types.h>
+
+#include "jade/config/config.h"
+#include "jade/core/error.h"
+#include "jade/core/random.h"
+#include "jade/events/exposure_maps.h"
+#include "jade/imaging/edi.h"
+#include "jade/train/checkpoint.h"
+
+namespace jade::apps {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::optional<models::EfnetOptions> efnet_options(const DeblurOptions& options,
+                                                  const Method& method) {
+  if (!method.needs_efnet) return std::nullopt;
+  models::EfnetOptions efnet = options.efnet;
+  if (efnet.path.empty()) efnet.path = shipped_efnet();
+  if (efnet.path.empty()) {
+    throw ConfigError(concat("--efnet: method ", method.name,
+                             " needs the TorchScript file of a restorer; assets/efnet_small.pt is "
+                             "ours"));
+  }
+  return efnet;
+}
+
+std::shared_ptr<models::Allocation> load_allocation(const fs::path& run,
+                                                    const data::Dataset& dataset) {
+  const auto options = config::load<train::RunOptions>({run / "config.yaml", {}, {}});
+  const auto checkpoints = train::list_checkpoints(run);
+  if (checkpoints.empty()) {
+    throw CheckpointError(
+        concat(run.string(), ": expected a checkpoint with a router, found none; train first"));
+  }
+  const auto& camera = dataset.train.front().camera;
+  auto allocation = models::make_allocation(
+      options.allocation, static_cast<int64_t>(dataset.train.size()), camera.height, camera.width,
+      make_generator(static_cast<uint64_t>(options.seed), "router start"));
+  if (!allocation || options.scene.target != "routed") {
+    throw ConfigError(concat(run.string(), ": expected a run with a router, found scene.target ",
+                             options.scene.target, " and allocation.kind ",
+                             options.allocation.kind));
+  }
+  train::load_checkpoint_allocation(checkpoints.front(), *allocation);
+  return allocation;
+}
+
+}  // namespace
+
+fs::path shipped_efnet() {
+  std::error_code ignored;
+  const fs::path program = fs::read_symlink("/proc/self/exe", ignored);
+  for (const fs::path& folder :
+       {program.parent_path().parent_path() / "share" / "jade", fs::path(JADE_ASSETS)}) {
+    if (fs::is_regular_file(folder / "efnet_small.pt")) return folder / "efnet_small.pt";
+  }
+  return {};
+}
+
+Deblurrer::Deblurrer(const DeblurOptions& options, const Method& method,
+                     const data::Dataset& dataset, torch::Device device)
+    : options_(options),
+      needs_efnet_(method.needs_efnet),
+      restorer_(options.cache, efnet_options(options, method), device) {
+  if (method.needs_run) allocation_ = load_allocation(options.run, dataset);
+}
+
+/// A sensor that follows log(I + ε) sees B + ε as the mean of I_k + ε, so the offset is added
+/// before EDI and taken off after.
+Restored Deblurrer::restore(const data::Exposure& exposure, int64_t index) {
+  const events::ImageSize size{exposure.camera.height, exposure.camera.width};
+  const events::ExposureMaps maps = events::map_exposure(
+      exposure.events, {exposure.t_start_us, exposure.t_end_us}, options_.events.bins, size);
+  const torch::Tensor windows = events::edi_windows(maps.windows, options_.events.thresholds());
+  const imaging::EdiKernel kernel =
+      imaging::edi_kernel(windows, imaging::edi_index(options_.events.edi_index));
+  const double offset = options_.log_offset;
+  std::string settings = concat("index ", options_.events.edi_index);
+  if (offset != 0) settings += concat(" offset ", offset);
+
+  Restored restored;
+  restored.gain = kernel.gain.unsqueeze(1);
+  restored.events = torch::stack({maps.windows.positive.sum(0), maps.windows.negative.sum(0)});
+  Candidates& c = restored.candidates;
+  c.blurry = exposure.blurry;
+  const auto edi = [&] { return imaging::edi_mid(exposure.blurry + offset, kernel) - offset; };
+  c.edi = restorer_.edi(exposure.blurry, windows, settings, edi).cpu();
+  if (needs_efnet_) c.efnet = restorer_.efnet(exposure.blurry, maps.voxel.values).cpu();
+  if (allocation_) {
+    c.alpha = allocation_->forward(
+        {exposure.blurry, events::polarity_projection(maps.voxel.values), index});
+  }
+  return restored;
+}
+
+torch::Tensor Deblurrer::at_all_poses(const torch::Tensor& mid, const Restored& restored) const {
+  const torch::Tensor ratio = restored.gain / restored.gain[geometry::kMidPose];
+  return (mid + options_.log_offset) * ratio - options_.log_offset;
+}
+
+}  // namespace jade::apps

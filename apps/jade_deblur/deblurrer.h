@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <torch/types.h>
+
+#include "jade/data/dataset.h"
+#include "jade/events/thresholds.h"
+#include "jade/models/allocation.h"
+#include "jade/models/view_restorer.h"
+#include "methods.h"
+
+namespace jade::apps {
+
+struct DeblurOptions {
+  data::DatasetOptions dataset;
+  events::EventOptions events;
+  /// ε of a sensor that measures log(I + ε), in units of intensity; 0 for log(I).
+  double log_offset = 0;
+  models::EfnetOptions efnet;
+  models::RestorationCacheOptions cache;
+  std::filesystem::path run;  ///< of the router; empty: none
+};
+
+/// One exposure restored at its middle.
+struct Restored {
+  Candidates candidates;  ///< on the CPU
+  torch::Tensor gain;     ///< [9,1,H,W], latent image of each pose over the blurry frame
+  torch::Tensor events;   ///< [2,H,W] positive and negative events during the exposure
+};
+
+/// Restores exposures of a data set, through the cache.
+class Deblurrer {
+ public:
+  /// @throws DataError, ConfigError or CheckpointError for the restorer and the run.
+  Deblurrer(const DeblurOptions& options, const Method& method, const data::Dataset& dataset,
+            torch::Device device);
+
+  Restored restore(const data::Exposure& exposure, int64_t index);
+
+  /// The image of another pose from the one at mid-exposure, by the ratio that the events tell.
+  /// @return [9,3,H,W]
+  torch::Tensor at_all_poses(const torch::Tensor& mid, const Restored& restored) const;
+
+ private:
+  DeblurOptions options_;
+  bool needs_efnet_;
+  models::ViewRestorer restorer_;
+  std::shared_ptr<models::Allocation> allocation_;  ///< nullptr but for a router
+};
+
+/// The shipped restorer: beside the program as installed, or in the source tree. Empty if neither
+/// is there.
+std::filesystem::path shipped_efnet();
+
+}  // namespace jade::apps

@@ -1,0 +1,189 @@
+// SPDX-License-Identifier: Apache-2.0
+// jade_deblur and jade_eval as a user runs them: methods, pictures, the cache, and bad input.
+#include "support/catch.h"
+
+#include <torch/script.h>
+
+#include "jade/core/error.h"
+#include "support/programs.h"
+#include "support/temp_dir.h"
+#include "support/tiny_dataset.h"
+
+using namespace jade;
+using test::check_error;
+using test::Outcome;
+using test::run;
+
+namespace {
+
+namespace fs = std::filesystem;
+
+const char* const kMetadata = R"({"format": "jade-restorer", "format_version": 1, "kind": "efnet",
+  "name": "probe", "width": 1, "parameters": 0, "input": "scer", "normalization": "max_abs",
+  "channel_order": "rgb", "padding_multiple": 4, "minimum_size": 8, "uses_mask": false,
+  "dtype": "float32", "source": "test", "weights_sha256":
+  "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855"})";
+
+/// A restorer whose forward is `body`.
+void save_network(const fs::path& path, const std::string& body,
+                  const std::string& metadata = kMetadata) {
+  torch::jit::Module module("probe");
+  module.define("def forward(self, image, events, mask):\n" + body);
+  module.save(path.string(), {{"jade_efnet.json", metadata}});
+}
+
+/// A scene whose blurry frames count as their own truth, and a restorer that darkens.
+struct Scene {
+  test::TempDir dir;
+  Scene() {
+    test::write_tiny_dataset(dir / "scene");
+    fs::create_directories(dir / "scene/sharp");
+    for (const auto& entry : fs::directory_iterator(dir / "scene/images_1")) {
+      if (entry.path().extension() == ".png") {
+        fs::copy(entry.path(), dir / "scene/sharp" / entry.path().filename());
+      }
+    }
+    save_network(dir / "net.pt", "  return image * 0.9\n");
+  }
+  Outcome deblur(const std::string& flags) const {
+    return run(dir, "jade_deblur --device cpu --quiet --dataset scene --output out " + flags);
+  }
+};
+
+std::string replaced(std::string text, const std::string& from, const std::string& to) {
+  return text.replace(text.find(from), from.size(), to);
+}
+
+}  // namespace
+
+TEST_CASE("jade_deblur: each method writes its frames, pictures and scores", "[apps]") {
+  const Scene scene;
+  const Outcome edi = scene.deblur("--json");
+  INFO(edi.err);
+  CHECK(edi.code == 0);
+  CHECK_THAT(edi.out, Catch::Contains("\"psnr_blurry\": 100.0"));
+  for (const char* method : {"efnet", "mean", "oracle"}) {
+    const Outcome outcome =
+        scene.deblur(std::string("--efnet net.pt --npy --poses --method ") + method);
+    INFO(method << ": " << outcome.err);
+    CHECK(outcome.code == 0);
+    for (const char* column : {"blurry", "edi", "efnet", "mean", "oracle", "ssim", "lpips"}) {
+      CHECK_THAT(outcome.out, Catch::Contains(column));
+    }
+  }
+  for (const char* file : {"00.png", "00.npy", "00_8.png", "events/00.png", "edi/00.png",
+                           "efnet/00.png", "difference/00.png", "oracle/00.png", "better/00.png"}) {
+    INFO(file);
+    CHECK(fs::exists(scene.dir / "out" / file));
+  }
+}
+
+TEST_CASE("jade_deblur: the router of a run decides the mix", "[apps]") {
+  const Scene scene;
+  const Outcome trained =
+      run(scene.dir,
+          "jade_train --quiet --device cpu --set dataset.path=scene --set efnet.path=net.pt "
+          "--set init.points=100 --set train.iterations=3 --output run");
+  INFO(trained.err);
+  REQUIRE(trained.code == 0);
+  const Outcome outcome =
+      run(scene.dir, "jade_deblur --quiet --device cpu --method router --run run --output out");
+  INFO(outcome.err);
+  CHECK(outcome.code == 0);
+  CHECK_THAT(outcome.out, Catch::Contains("router"));
+  CHECK(fs::exists(scene.dir / "out/alpha/00.png"));
+  check_error(scene.deblur("--method router"), 2, "--run");
+  check_error(scene.deblur("--method router --run nowhere"), 3, "nowhere");
+}
+
+TEST_CASE("jade_deblur: processes that share a cache do not disturb each other", "[apps]") {
+  const Scene scene;
+  const std::string one =
+      "jade_deblur --quiet --device cpu --dataset scene --method mean --efnet net.pt --npy "
+      "--output ";
+  const Outcome both = run(scene.dir, one + "a & p=$!; " + one + "b & q=$!; wait $p && wait $q");
+  INFO(both.err);
+  CHECK(both.code == 0);
+  CHECK(both.err.empty());
+  CHECK(read_file(scene.dir / "a/01.npy") == read_file(scene.dir / "b/01.npy"));
+  int64_t entries = 0;
+  for (const auto& entry : fs::directory_iterator(scene.dir / "cache/restorations")) {
+    CHECK(entry.path().extension() == ".restoration");
+    ++entries;
+  }
+  CHECK(entries == 6);
+  for (const auto& entry : fs::directory_iterator(scene.dir / "cache/restorations")) {
+    write_file(entry.path(), "cut short");
+  }
+  const Outcome rebuilt = run(scene.dir, one + "c");
+  CHECK(rebuilt.code == 0);
+  CHECK_THAT(rebuilt.err, Catch::Contains("it is made again"));
+  CHECK(read_file(scene.dir / "c/01.npy") == read_file(scene.dir / "a/01.npy"));
+  CHECK(run(scene.dir, "rm -r cache; " + one + "d --no-cache").code == 0);
+  CHECK_FALSE(fs::exists(scene.dir / "cache"));
+}
+
+TEST_CASE("jade_deblur: a bad restorer gets one line and its exit code", "[apps]") {
+  const Scene scene;
+  const auto efnet = [&](const std::string& flags) {
+    return scene.deblur("--method efnet --efnet " + flags);
+  };
+  const auto network = [&](const std::string& body, const std::string& metadata = kMetadata) {
+    save_network(scene.dir / "bad.pt", body, metadata);
+    return efnet("bad.pt");
+  };
+  scene.dir.write("text.pt", "hello");
+  check_error(efnet("text.pt"), 3, "text.pt: no TorchScript file");
+  check_error(efnet("nowhere.pt"), 3, "nowhere.pt: cannot be read");
+  check_error(network("  return image\n", ""), 3, "export_efnet.py");
+  check_error(network("  return image\n", replaced(kMetadata, "e3b0c442", "00000000")), 3,
+              "export it again");
+  check_error(efnet("net.pt --efnet-sha256 0000"), 3, "expected SHA-256 0000");
+  check_error(network("  return torch.conv2d(image, torch.ones([3, 4, 1, 1]))\n"), 3,
+              "to have 4 channels");
+  check_error(network("  assert image.size(3) < 20, 'frames up to 20 px only'\n  return image\n"),
+              3, "frames up to 20 px only");
+  check_error(network("  return image / 0 - image / 0\n"), 5, "NaN or Inf for a 36x28 image");
+  check_error(network("  return image[:, :1]\n"), 3, "returned shape");
+  check_error(network("  assert False, 'CUDA out of memory'\n  return image\n"), 4,
+              "not even in tiles");
+}
+
+TEST_CASE("jade_deblur: other mistakes get one line and their exit code", "[apps]") {
+  const Scene scene;
+  check_error(scene.deblur("--method magic"), 2, "edi, efnet, mean, oracle, router");
+  check_error(scene.deblur("--threshold-positive -1"), 2, "expected a positive number");
+  check_error(run(scene.dir, "jade_deblur --output out"), 2, "--dataset: expected a folder");
+  check_error(run(scene.dir, "jade_deblur --dataset scene"), 2, "--output: expected a folder");
+  check_error(run(scene.dir, "jade_deblur --dataset nowhere --output out"), 3, "nowhere");
+  fs::remove_all(scene.dir / "scene/sharp");
+  check_error(scene.deblur("--method oracle --efnet net.pt"), 3, "needs sharp frames");
+  const Outcome unscored = scene.deblur("");
+  CHECK(unscored.code == 0);
+  CHECK_THAT(unscored.out, Catch::Contains("nothing to score"));
+}
+
+TEST_CASE("jade_eval: folders whose names or sizes differ get one line", "[apps]") {
+  const Scene scene;
+  const auto eval = [&](const std::string& flags) { return run(scene.dir, "jade_eval " + flags); };
+  CHECK(scene.deblur("").code == 0);
+  const Outcome good = eval("--renders out --truth scene/sharp --json");
+  CHECK(good.code == 3);  // the sharp test views have no restoration
+  CHECK_THAT(good.err, Catch::Contains("expected an image named 03"));
+  fs::create_directories(scene.dir / "truth");
+  fs::copy(scene.dir / "scene/sharp/00.png", scene.dir / "truth/00.png");
+  const Outcome one = eval("--renders out --truth truth --json");
+  CHECK(one.code == 0);
+  CHECK_THAT(one.out, Catch::Contains("psnr_channel_mean"));
+  CHECK(fs::exists(scene.dir / "out/eval.json"));
+  scene.dir.write("truth/01.png", "no picture");
+  check_error(eval("--renders out --truth truth"), 3, "01.png");
+  test::write_tiny_dataset(scene.dir / "larger", {40, 28, 3, false});
+  fs::copy(scene.dir / "larger/images_1/00.png", scene.dir / "truth/00.png",
+           fs::copy_options::overwrite_existing);
+  check_error(eval("--renders out --truth truth"), 3, "expected 40x28");
+  fs::create_directories(scene.dir / "empty");
+  check_error(eval("--renders out --truth empty"), 3, "expected images, found none");
+  check_error(eval("--renders nowhere --truth truth"), 3, "nowhere");
+  check_error(eval("--renders out"), 2, "--renders DIR with --truth DIR");
+}

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+// Runs our programs as a user does. JADE_BIN is the folder they are in.
+#pragma once
+
+#include "support/catch.h"
+
+#include <algorithm>
+#include <cstdlib>
+#include <string>
+#include <sys/wait.h>
+
+#include "jade/core/atomic_file.h"
+#include "support/temp_dir.h"
+
+namespace jade::test {
+
+struct Outcome {
+  int code;
+  std::string out, err;
+};
+
+/// Runs a line of shell in `dir`, with our programs on the path and a cache in `dir`/cache.
+inline Outcome run(const TempDir& dir, const std::string& command) {
+  const auto out = dir.path() / "out.txt", err = dir.path() / "err.txt";
+  const std::string line = "cd " + dir.path().string() + " && export PATH=" + JADE_BIN +
+                           ":\"$PATH\" JADE_CACHE=" + (dir / "cache").string() + " && { " +
+                           command + "\n} >" + out.string() + " 2>" + err.string();
+  const int status = std::system(line.c_str());
+  return {WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status), read_file(out),
+          read_file(err)};
+}
+
+/// The outcome is the exit code and one line that holds `text`.
+inline void check_error(const Outcome& outcome, int code, const std::string& text) {
+  INFO(outcome.err);
+  CHECK(outcome.code == code);
+  CHECK_THAT(outcome.err, Catch::Contains(text));
+  CHECK(std::count(outcome.err.begin(), outcome.err.end(), '\n') == 1);
+}
+
+}  // namespace jade::test
