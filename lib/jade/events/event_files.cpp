@@ -6,7 +6,7 @@
 #include <cctype>
 #include <cmath>
 #include <limits>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "jade/core/check.h"
 #include "jade/events/raw_events.h"
@@ -108,7 +108,7 @@ std::string chosen_unit(const std::filesystem::path& path, const TimeRange& rang
   if (asked == "us" || asked == "ns" || asked == "s") return asked;
   if (asked != "auto") {
     throw ConfigError(
-        concat("events.time_unit: expected auto, us, ns or s, found \"", asked, "\""));
+        concat("dataset.events_unit: expected auto, us, ns or s, found \"", asked, "\""));
   }
   if (range.first > range.last) return "us";
   const std::string unit =
@@ -172,7 +172,6 @@ EventFileResult read_events(const std::filesystem::path& path, const EventFileOp
   EventFileResult result;
   result.time_unit = chosen_unit(path, range, options);
   raw.time = to_us(raw.time, result.time_unit);
-  if (!raw.note.empty()) result.warnings.push_back(raw.note);
   result.was_unsorted = !is_sorted_in_time(raw.time);
   if (result.was_unsorted) {
     result.warnings.push_back(

@@ -8,7 +8,7 @@
 #include <fstream>
 #include <map>
 #include <set>
-#include <torch/torch.h>
+#include <torch/types.h>
 #include <vector>
 
 #include "jade/core/error.h"
@@ -39,6 +39,18 @@ torch::Tensor read_dataset(const io::Hdf5File& file, const std::string& name, in
   auto out = torch::empty({length}, type);
   read_in_parts<T>(file, name, out);
   return out;
+}
+
+/// A data set of one number, with or without axes.
+template <class T>
+T read_number(const io::Hdf5File& file, const std::string& name) {
+  if (file.length(name) != 1) {
+    throw DataError(concat(file.path().string(), ": expected one number in '", name, "', found ",
+                           file.length(name)));
+  }
+  T number{};
+  file.read<T>(name, 0, 1, &number);
+  return number;
 }
 
 /// Names of x, y, t, p in one group; the group nearest to the root wins.
@@ -83,7 +95,7 @@ RawEvents from_columns(const std::filesystem::path& path, const torch::Tensor& x
   }
   return {x.flatten().to(torch::kFloat32).contiguous(),
           y.flatten().to(torch::kFloat32).contiguous(), polarity.to(torch::kInt8).contiguous(),
-          t.flatten().to(t.is_floating_point() ? torch::kFloat64 : torch::kInt64).contiguous(), ""};
+          t.flatten().to(t.is_floating_point() ? torch::kFloat64 : torch::kInt64).contiguous()};
 }
 
 RawEvents from_table(const std::filesystem::path& path, const torch::Tensor& table) {
@@ -150,16 +162,10 @@ RawEvents read_hdf5_events(const std::filesystem::path& path) {
   out.polarity = read_dataset<int8_t>(file, names[3], lengths[0], torch::kInt8);
   if (file.dataset(names[2]).floating) {
     out.time = read_dataset<double>(file, names[2], lengths[0], torch::kFloat64);
-    return out;
-  }
-  out.time = read_dataset<int64_t>(file, names[2], lengths[0], torch::kInt64);
-  if (file.has("t_offset") && file.dataset("t_offset").shape.empty()) {
-    out.note =
-        concat(path.string(), ": t_offset is a single number and was not added to the times");
-  } else if (file.has("t_offset")) {
-    int64_t offset = 0;
-    file.read<int64_t>("t_offset", 0, 1, &offset);
-    out.time += offset;
+    if (file.has("t_offset")) out.time += read_number<double>(file, "t_offset");
+  } else {
+    out.time = read_dataset<int64_t>(file, names[2], lengths[0], torch::kInt64);
+    if (file.has("t_offset")) out.time += read_number<int64_t>(file, "t_offset");
   }
   return out;
 }
@@ -221,7 +227,7 @@ RawEvents read_text_events(const std::filesystem::path& path) {
         .clone();
   };
   return {copy(x, torch::kFloat32), copy(y, torch::kFloat32), copy(polarity, torch::kInt8),
-          copy(time, torch::kFloat64), ""};
+          copy(time, torch::kFloat64)};
 }
 
 }  // namespace jade::events

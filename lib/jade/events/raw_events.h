@@ -13,7 +13,6 @@ struct RawEvents {
   torch::Tensor x, y;      ///< float32 [N]
   torch::Tensor polarity;  ///< int8 [N], as stored
   torch::Tensor time;      ///< int64, or float64 where the file has floats, [N]
-  std::string note;        ///< a warning of the reader, or empty
 };
 
 RawEvents read_hdf5_events(const std::filesystem::path& path);

@@ -18,7 +18,6 @@ struct EventOptions {
   double threshold_negative = 0;
   int64_t bins = 6;
   std::string edi_index = "exact";
-  std::string time_unit = "auto";
 
   /// One number sets both: a negative threshold of 0 repeats the positive one.
   Thresholds thresholds() const {
@@ -37,8 +36,6 @@ void describe(V& v, EventOptions& o) {
       "edi_index", o.edi_index,
       "exact: pose k is time k; diet: poses 5 to 7 are one step late, as in the DiET-GS release",
       Choices{"exact", "diet"});
-  v.field("time_unit", o.time_unit, "unit of event times in files; auto decides by the exposures",
-          Choices{"auto", "us", "ns", "s"});
 }
 
 }  // namespace jade::events

@@ -71,6 +71,8 @@ bool describe_dataset(hid_t file, const std::string& name, Hdf5Dataset* out) {
   if (rank > 0 && H5Sget_simple_extent_dims(space, shape.data(), nullptr) < 0) return false;
   out->name = name;
   out->shape.assign(shape.begin(), shape.end());
+  // A null space has rank 0 like a single number, but holds no value.
+  if (H5Sget_simple_extent_type(space) == H5S_NULL) out->shape = {0};
   const H5T_class_t kind = H5Tget_class(type);
   out->integer = kind == H5T_INTEGER || kind == H5T_ENUM;
   out->floating = kind == H5T_FLOAT;
@@ -124,6 +126,19 @@ double largest_compression(hid_t dataset) {
     if (filter > 32000) largest = 65536;
   }
   return largest;
+}
+
+/// Selects values [begin, begin + count) along the only axis that is longer than one; a single
+/// number without axes is selected as it is.
+bool select_range(hid_t space, const std::vector<int64_t>& shape, int64_t begin, int64_t count) {
+  if (shape.empty()) return true;
+  std::vector<hsize_t> start(shape.size(), 0);
+  std::vector<hsize_t> extent(shape.size(), 1);
+  const auto longest = std::max_element(shape.begin(), shape.end()) - shape.begin();
+  start[static_cast<size_t>(longest)] = static_cast<hsize_t>(begin);
+  extent[static_cast<size_t>(longest)] = static_cast<hsize_t>(count);
+  return H5Sselect_hyperslab(space, H5S_SELECT_SET, start.data(), nullptr, extent.data(),
+                             nullptr) >= 0;
 }
 
 }  // namespace
@@ -194,7 +209,7 @@ int64_t Hdf5File::length(const std::string& name) const {
       count = extent;
     }
   }
-  if (!is_numeric(info) || info.shape.empty() || long_axes > 1) {
+  if (!is_numeric(info) || long_axes > 1) {
     throw DataError(concat(
         path_.string(), ": expected '", name, "' to be a list of numbers, found ",
         is_numeric(info) ? "numbers" : "another type", " in ", info.shape.size(), " dimensions"));
@@ -222,16 +237,9 @@ void Hdf5File::read_as(const std::string& name, int64_t begin, int64_t count, in
   if (count == 0) return;
   const Id id(H5Dopen2(handle_->file, name.c_str(), H5P_DEFAULT));
   const Id file_space(H5Dget_space(id));
-  const std::vector<int64_t>& shape = dataset(name).shape;
-  std::vector<hsize_t> start(shape.size(), 0);
-  std::vector<hsize_t> extent(shape.size(), 1);
-  const auto longest = std::max_element(shape.begin(), shape.end()) - shape.begin();
-  start[static_cast<size_t>(longest)] = static_cast<hsize_t>(begin);
-  extent[static_cast<size_t>(longest)] = static_cast<hsize_t>(count);
   const auto memory_count = static_cast<hsize_t>(count);
   const Id memory_space(H5Screate_simple(1, &memory_count, nullptr));
-  const bool selected = H5Sselect_hyperslab(file_space, H5S_SELECT_SET, start.data(), nullptr,
-                                            extent.data(), nullptr) >= 0;
+  const bool selected = select_range(file_space, dataset(name).shape, begin, count);
   if (selected &&
       H5Dread(id, static_cast<hid_t>(type), memory_space, file_space, H5P_DEFAULT, out) >= 0) {
     return;

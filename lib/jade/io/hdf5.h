@@ -37,7 +37,8 @@ class Hdf5File {
   bool has(const std::string& name) const;
   /// @throws DataError if there is no such data set; the message lists those that there are.
   const Hdf5Dataset& dataset(const std::string& name) const;
-  /// Length of a one-dimensional numeric data set; [N,1] and [1,N] count as such.
+  /// Length of a one-dimensional numeric data set; [N,1] and [1,N] count as such, and a single
+  /// number without axes as a list of one.
   /// @throws DataError otherwise, or if the file is too small to hold that many values, so that
   ///         the result is safe to allocate.
   int64_t length(const std::string& name) const;
