@@ -3,9 +3,10 @@
 # Installs what JADE-GS needs on Debian 12 or Ubuntu 22.04/24.04, only what is missing:
 # compilers and libraries through apt, LibTorch as a Python wheel in .venv.
 #
-#   scripts/setup.sh [--python-torch]
+#   scripts/setup.sh [--python-torch] [--figures]
 #
 # --python-torch  also what `import torch` needs in Python (scripts/efnet, scripts/export_lpips.py)
+# --figures       also what scripts/figures.py needs (scripts/requirements-figures.txt)
 #
 # Without root it uses sudo for apt; where neither works it prints the command to hand to an
 # administrator.
@@ -14,10 +15,12 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 say() { printf 'setup: %s\n' "$*" >&2; }
 
 python_torch=no
+figures=no
 for flag in "$@"; do
   case "$flag" in
     --python-torch) python_torch=yes ;;
-    *) sed -n '3,12p' "$0" >&2; exit 2 ;;
+    --figures) figures=yes ;;
+    *) sed -n '3,13p' "$0" >&2; exit 2 ;;
   esac
 done
 
@@ -85,5 +88,13 @@ if [ -n "$absent" ]; then
   say "installing into .venv: $absent"
   # shellcheck disable=SC2086
   .venv/bin/python -m pip install -q --disable-pip-version-check --no-deps $absent
+fi
+if [ $figures = yes ]; then
+  mapfile -t pinned < <(grep -o '^[a-z].*==[0-9.]*' scripts/requirements-figures.txt)
+  absent=$(have "${pinned[@]}")
+  if [ -n "$absent" ]; then
+    say "installing into .venv: $absent and what it needs"
+    .venv/bin/python -m pip install -q --disable-pip-version-check -r scripts/requirements-figures.txt
+  fi
 fi
 say "everything is there"

@@ -162,6 +162,10 @@ Plan make_plan(Spec spec, const PlanOptions& options, const Resolver& resolve) {
     }
   }
   problems.throw_if_any();
+  if (plan.runs.empty()) {
+    throw ConfigError(concat(plan.spec.name, ": nothing is left to run",
+                             plan.skipped.empty() ? "" : ": " + plan.skipped.front()));
+  }
   return plan;
 }
 

@@ -63,6 +63,8 @@ Json training_view(const data::Dataset& dataset, const View& view, int64_t index
   const torch::Tensor truth = truth_of(dataset, index);
   const auto render =
       render_view(state.gaussians.detached(), exposure.poses[geometry::kMidPose], exposure.camera);
+  // Count-normalised, as the correlation with α sees it.
+  const auto density = (view.density / view.density.max().clamp_min(1)).unsqueeze(0);
   Json pictures = Json::array(
       {picture("blurry", view.blurry, truth), picture("EDI", view.restorations.edi, truth)});
   if (view.restorations.efnet.defined())
@@ -73,6 +75,7 @@ Json training_view(const data::Dataset& dataset, const View& view, int64_t index
         picture("α", alpha.expand({1, exposure.camera.height, exposure.camera.width})));
     pictures.push_back(picture("fused", models::fuse(alpha, view.restorations), truth));
   }
+  pictures.push_back(picture("event density", density));
   const size_t shown = pictures.size();
   pictures.push_back(picture("render", render, truth));
   if (truth.defined()) pictures.push_back(picture("truth", truth));
@@ -87,16 +90,35 @@ double correlation(const torch::Tensor& a, const torch::Tensor& b) {
   return scale > 0 ? (x * y).sum().item<double>() / scale : 0.0;
 }
 
+/// α of every training view with its correlation with event density, and over all of them; views
+/// empty without an allocation. Deviations over pixels are of all values, over views sample ones.
 Json allocation_statistics(const std::vector<View>& views, TrainState& state) {
   Json rows = Json::array();
+  std::vector<torch::Tensor> maps, correlations;
   for (size_t i = 0; i < views.size(); ++i) {
     const auto alpha = allocation_map(state, views[i], static_cast<int64_t>(i));
-    if (!alpha.defined()) return rows;
-    const auto map = alpha.expand({1, views[i].density.size(0), views[i].density.size(1)});
-    rows.push_back({views[i].name, map.mean().item<double>(), map.std().item<double>(),
-                    correlation(map[0], views[i].density)});
+    if (!alpha.defined()) return {{"views", rows}};
+    const auto map =
+        alpha.expand({1, views[i].density.size(0), views[i].density.size(1)}).to(torch::kFloat64);
+    const double r = correlation(map[0], views[i].density);
+    rows.push_back({{"name", views[i].name},
+                    {"alpha_mean", map.mean().item<double>()},
+                    {"alpha_std", map.std(/*unbiased=*/false).item<double>()},
+                    {"alpha_min", map.min().item<double>()},
+                    {"alpha_max", map.max().item<double>()},
+                    {"alpha_correlation", r}});
+    maps.push_back(map.cpu());
+    correlations.push_back(torch::tensor(r, torch::kFloat64));
   }
-  return rows;
+  const auto all = torch::cat(maps), r = torch::stack(correlations);
+  Json mean{{"alpha_mean", all.mean().item<double>()},
+            {"alpha_std", all.std(/*unbiased=*/false).item<double>()},
+            {"alpha_min", all.min().item<double>()},
+            {"alpha_max", all.max().item<double>()},
+            {"alpha_correlation", r.mean().item<double>()}};
+  mean["alpha_correlation_std"] =
+      views.size() > 1 ? Json(r.std(/*unbiased=*/true).item<double>()) : Json(nullptr);
+  return {{"views", rows}, {"mean", mean}};
 }
 
 Json read_metrics(const fs::path& path) {
@@ -138,6 +160,8 @@ void write_report(const fs::path& run, const data::Dataset& dataset, const std::
   data["evaluation"] =
       fs::exists(run / "eval.json") ? Json::parse(read_file(run / "eval.json")) : Json(nullptr);
   data["allocation"] = allocation_statistics(views, state);
+  if (data["allocation"].contains("mean"))
+    write_file(run / "allocation.json", data["allocation"].dump(2) + "\n");
   data["metrics"] = read_metrics(run / "metrics.jsonl");
   data["config"] = read_file(run / "config.yaml");
 

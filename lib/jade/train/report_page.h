@@ -77,8 +77,12 @@ if (data.evaluation) {
   const list = make('ul', at('scores'), {className: 'facts'});
   keys.forEach(k => make('li', list, {textContent: k + ': ' + data.evaluation.definitions[k]}));
 }
-if (data.allocation.length) table(at('allocation'), ['view', 'α mean', 'α std', 'correlation with event density'], data.allocation);
-else at('allocation').textContent = 'This run has no allocation map.';
+if (data.allocation.mean) {
+  const keys = ['alpha_mean', 'alpha_std', 'alpha_min', 'alpha_max', 'alpha_correlation'], all = data.allocation.mean;
+  table(at('allocation'), ['view', 'α mean', 'α std', 'least', 'largest', 'correlation with event density'],
+        [...data.allocation.views.map(v => [v.name, ...keys.map(k => v[k])]), ['all', ...keys.map(k => all[k])]]);
+  make('p', at('allocation'), {className: 'facts', textContent: 'Pearson\'s r over the pixels of a view; over the views ' + all.alpha_correlation.toFixed(4) + (all.alpha_correlation_std === null ? '' : ' ± ' + all.alpha_correlation_std.toFixed(4) + ' (sample deviation).')});
+} else at('allocation').textContent = 'This run has no allocation map.';
 
 function chart(name, points) {
   const W = 340, H = 170, m = {l: 46, r: 8, t: 22, b: 20}, ns = 'http://www.w3.org/2000/svg';

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Figures from run directories that the test writes itself."""
+import base64
+import io
+import json
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
+import figures  # noqa: E402
+from figures import plt  # noqa: E402
+
+
+def png(image: np.ndarray) -> str:
+    buffer = io.BytesIO()
+    plt.imsave(buffer, image, format="png", cmap="gray", vmin=0, vmax=1)
+    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
+
+
+def pictures(*names: str) -> list[dict]:
+    return [{"name": name, "src": png(np.random.default_rng(0).random((24, 32)))} for name in names]
+
+
+def write_run(path: Path, routed: bool = True):
+    path.mkdir(parents=True)
+    lines = [{"step": s, "loss": 1 / s, "blur": 0.5 / s, "psnr_train": 20, "gaussians": 9, "iterations_per_second": 4.0 + s,
+              "memory_bytes": 2**30 * s} for s in (1, 2, 3)]
+    lines += [{"step": s, "test_psnr_channel_mean": 20.0 + s, "test_ssim": 0.5} for s in (1, 3)]
+    (path / "metrics.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines) + '{"step": 4, "lo')
+    (path / "eval.json").write_text(json.dumps({"mean": {"psnr_channel_mean": 25.0, "lpips_alex01": None}}))
+    if routed:
+        views = [{"name": str(i), "alpha_mean": 0.1, "alpha_std": 0.2, "alpha_min": 0, "alpha_max": 1, "alpha_correlation": r}
+                 for i, r in enumerate((0.1, 0.2, 0.6))]
+        (path / "allocation.json").write_text(json.dumps({"views": views, "mean": {"alpha_mean": 0.1, "alpha_std": 0.2}}))
+    shown = ["blurry", "EDI", "EFNet", *(["α", "fused"] if routed else []), "event density", "render"]
+    data = {"views": [{"name": "training view 0", "show": 0, "pictures": pictures(*shown)}],
+            "tests": [{"name": "test view 7", "show": 0, "pictures": pictures("render", "truth")}]}
+    text = json.dumps(data, ensure_ascii=False).replace("</", "<\\/")
+    (path / "report.html").write_text(f"<script>\nconst data = {text};\nconst at = 1;\n</script>")
+
+
+class Figures(unittest.TestCase):
+    def setUp(self):
+        self.folder = tempfile.TemporaryDirectory()
+        self.root = Path(self.folder.name)
+        for row in ("full", "half"):
+            write_run(self.root / "sweep/runs" / row / "desk/0", routed=row == "full")
+            outcome = self.root / "sweep/tasks" / row / "desk/0.json"
+            outcome.parent.mkdir(parents=True)
+            outcome.write_text(json.dumps({"seconds": 90}))
+        (self.root / "sweep/runs.csv").write_text(
+            "row,scene,seed,state,reason\nfull,desk,0,finished,\nhalf,desk,0,finished,\nhalf,desk,1,new,\n")
+
+    def tearDown(self):
+        self.folder.cleanup()
+
+    def test_every_figure_of_a_sweep(self):
+        runs = figures.collect([self.root / "sweep"])
+        self.assertEqual([run.name for run in runs], ["full/desk/0", "half/desk/0"])
+        self.assertEqual((runs[0].seconds, runs[0].peak_gib(), runs[0].rate()), (90, 3.0, 6.0))
+        written = {path.name for path in figures.draw_all(runs, self.root / "out", "png", [(2, 3, 8)], None)}
+        self.assertEqual(written, {"losses.png", "trajectories.png", "alpha_statistics.png", "alpha_statistics.csv", "training_cost.png",
+                                   "alpha_maps_full_desk_0.png", "qualitative_desk_0.png"})
+        for name in written:
+            self.assertGreater((self.root / "out" / name).stat().st_size, 100, name)
+
+    def test_correlation_has_the_sample_deviation_over_the_views(self):
+        row = figures.alpha_table(figures.collect([self.root / "sweep"]))[1]
+        self.assertAlmostEqual(row[3], 0.3)
+        self.assertAlmostEqual(row[4], ((0.04 + 0.01 + 0.09) / 2) ** 0.5)
+
+    def test_a_single_run(self):
+        runs = figures.collect([self.root / "sweep/runs/full/desk/0"])
+        self.assertEqual(runs[0].series("blur"), ([1, 2, 3], [0.5, 0.25, 0.5 / 3]))
+
+    def test_the_busiest_square_is_found(self):
+        image = np.zeros((40, 60))
+        image[20:30, 35:45] = np.indices((10, 10)).sum(0) % 2
+        x, y, size = figures.busiest_crop(image)
+        self.assertTrue(x <= 35 and x + size >= 45 and y <= 20 and y + size >= 30, (x, y, size))
+
+    def test_wrong_folders_and_files_are_refused(self):
+        with self.assertRaises(figures.DataError):
+            figures.collect([self.root])
+        (self.root / "sweep/runs/full/desk/0/eval.json").write_text("{")
+        with self.assertRaises(figures.DataError):
+            figures.collect([self.root / "sweep"])
+
+
+if __name__ == "__main__":
+    unittest.main()
