@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What ssim.cpp asks of its CPU and CUDA kernels. No torch here: cpu/ssim_band.cpp is compiled
-// with options that the precompiled header does not share.
+// What ssim.cpp asks of its CPU and CUDA kernels. No torch here: the CPU kernels are compiled for
+// several instruction sets.
 #pragma once
 
 #include <cstdint>
@@ -35,7 +35,12 @@ struct SsimBand {
   T* scratch = nullptr;         ///< ssim_scratch_size(width) values
 };
 
-int64_t ssim_scratch_size(int64_t width);
+/// Five quantities in the forward rings (μa, E[aa], E[ab], μb, E[bb]), up to four derivative maps.
+constexpr int kMoments = 5, kMaps = 4;
+constexpr int64_t ssim_scratch_size(int64_t width) {
+  return (kMoments + kMaps) * kSsimTaps * width + (kMoments + 1) * width +
+         kMoments * (width + 2 * kSsimRadius);
+}
 void ssim_band(const SsimBand<float>& band, const double* window);
 void ssim_band(const SsimBand<double>& band, const double* window);
 
@@ -44,6 +49,16 @@ void ssim_moments(const SsimBand<float>& band, const double* window, float* mean
                   float* square_out);
 void ssim_moments(const SsimBand<double>& band, const double* window, double* mean_out,
                   double* square_out);
+
+/// The same four functions for one instruction set.
+struct SsimKernels {
+  void (*band_float)(const SsimBand<float>&, const double*);
+  void (*band_double)(const SsimBand<double>&, const double*);
+  void (*moments_float)(const SsimBand<float>&, const double*, float*, float*);
+  void (*moments_double)(const SsimBand<double>&, const double*, double*, double*);
+};
+extern const SsimKernels kPortableSsimKernels;
+extern const SsimKernels kAvx2SsimKernels;  ///< x86-64 only
 
 struct SsimCuda {
   const float* a = nullptr;
