@@ -5,6 +5,8 @@
 #include <torch/nn/init.h>
 
 #include "jade/core/check.h"
+#include "jade/models/cpu/router_cpu.h"
+#include "jade/models/cuda/router_cuda.h"
 
 namespace jade::models {
 namespace {
@@ -43,10 +45,41 @@ RouterImpl::RouterImpl(at::Generator generator) {
 torch::Tensor RouterImpl::logits(const torch::Tensor& blurry, const torch::Tensor& psi) {
   check_shape(blurry, "router: blurry frame", {-1, 3, -1, -1});
   check_shape(psi, "router: event projection", {blurry.size(0), 2, blurry.size(2), blurry.size(3)});
+  if (blurry.is_cpu()) return logits_cpu(blurry, psi);
+  const bool compiled = blurry.is_cuda() && blurry.scalar_type() == torch::kFloat32;
+  return compiled ? logits_cuda(blurry, psi) : logits_by_layers(blurry, psi);
+}
+
+torch::Tensor RouterImpl::logits_by_layers(const torch::Tensor& blurry, const torch::Tensor& psi) {
   const torch::Tensor events = event2(event1(psi).relu_()).relu_();
   const torch::Tensor image = image2(image1(blurry).relu_()).relu_();
   const torch::Tensor hidden = head1(torch::cat({blurry, events, image}, 1)).relu_();
   return head3(head2(hidden).relu_());
+}
+
+torch::Tensor RouterImpl::logits_cuda(const torch::Tensor& blurry, const torch::Tensor& psi) {
+  const auto layer = [](const torch::nn::Conv2d& conv, const torch::Tensor& in, bool relu = true) {
+    return cuda::conv_layer(in, conv->weight, conv->bias, relu);
+  };
+  const torch::Tensor events = layer(event2, layer(event1, psi));
+  const torch::Tensor image = layer(image2, layer(image1, blurry));
+  const torch::Tensor hidden = layer(head1, torch::cat({blurry, events, image}, 1));
+  return layer(head3, layer(head2, hidden), false);
+}
+
+torch::Tensor RouterImpl::logits_cpu(const torch::Tensor& blurry, const torch::Tensor& psi) {
+  cpu::RouterWeights weights;
+  weights.event1 = event1->weight;
+  weights.event2 = event2->weight;
+  weights.image1 = image1->weight;
+  weights.image1_bias = image1->bias;
+  weights.image2 = image2->weight;
+  weights.image2_bias = image2->bias;
+  weights.head1 = head1->weight;
+  weights.head2 = head2->weight;
+  weights.head3 = head3->weight;
+  weights.head3_bias = head3->bias;
+  return cpu::router_logits(blurry, psi, weights);
 }
 
 torch::Tensor RouterImpl::forward(const torch::Tensor& blurry, const torch::Tensor& psi) {
