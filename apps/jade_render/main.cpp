@@ -20,6 +20,7 @@
 #include "jade/train/checkpoint.h"
 #include "jade/train/options.h"
 #include "jade/train/view.h"
+#include "movie.h"
 
 using namespace jade;
 
@@ -33,6 +34,7 @@ struct RenderFlags {
   std::string exposure;
   std::string format = "png";
   data::DatasetOptions dataset;
+  double frames_per_second = 30;
   bool fps_benchmark = false;
 };
 
@@ -46,8 +48,12 @@ void add_flags(CLI::App& cli, RenderFlags& flags) {
                  "with --cameras exposure: only the one of this name");
   cli.add_option("--dataset", flags.dataset.path,
                  "data set of the views; with --run the one it was trained on");
-  cli.add_option("--format", flags.format, "png (8 bits) or npy (float32 [3,H,W], not clamped)")
-      ->check(CLI::IsMember({"png", "npy"}));
+  cli.add_option("--format", flags.format,
+                 "png (8 bits), npy (float32 [3,H,W], not clamped), or mp4: all views in one film, "
+                 "OUTPUT or OUTPUT/<cameras>.mp4 (needs ffmpeg)")
+      ->check(CLI::IsMember({"png", "npy", "mp4"}));
+  cli.add_option("--fps", flags.frames_per_second, "with --format mp4: frames a second")
+      ->check(CLI::Range(0.01, 1000.0));
   cli.add_flag("--fps-benchmark", flags.fps_benchmark,
                "measure frames per second, one view at a time, without writing images");
   apps::add_dataset_flags(cli, flags.dataset);
@@ -77,7 +83,7 @@ std::vector<apps::NamedCamera> load_cameras(const RenderFlags& flags) {
   }
   data::DatasetOptions dataset = flags.dataset;
   if (dataset.path.empty() && !flags.run.empty()) {
-    dataset = config::load<train::RunOptions>({flags.run / "config.yaml", {}}).dataset;
+    dataset = config::load<train::RunOptions>({flags.run / "config.yaml", {}, {}}).dataset;
   }
   if (dataset.path.empty()) {
     throw ConfigError(concat("--cameras ", flags.cameras, " needs --run or --dataset"));
@@ -148,6 +154,30 @@ void write_images(const scene::GaussianFile& file, const std::vector<apps::Named
   }
 }
 
+/// --output itself where it names a film, else a film in that folder.
+fs::path movie_path(const fs::path& output, const std::string& cameras) {
+  if (output.empty()) throw ConfigError("--output: expected a folder or an .mp4 for the film");
+  if (output.extension() == ".mp4") {
+    make_writable_folder(output.has_parent_path() ? output.parent_path() : fs::path("."));
+    return output;
+  }
+  make_writable_folder(output);
+  return output / (fs::path(cameras).stem().string() + ".mp4");
+}
+
+void write_movie(const scene::GaussianFile& file, const std::vector<apps::NamedCamera>& views,
+                 const fs::path& path, double frames_per_second) {
+  apps::Movie movie(path, views.front().camera.width, views.front().camera.height,
+                    frames_per_second);
+  Progress progress("render", static_cast<int64_t>(views.size()), 0, "view");
+  for (const apps::NamedCamera& view : views) {
+    throw_if_interrupted();
+    movie.add(render(file, view));
+    if (progress.step()) progress.show(view.name);
+  }
+  movie.finish();
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -165,6 +195,12 @@ int main(int argc, char** argv) {
     const std::vector<apps::NamedCamera> views = load_cameras(flags);
     if (flags.fps_benchmark) {
       print(measure(file, views), file, program.json());
+      return ExitCode::kOk;
+    }
+    if (flags.format == "mp4") {
+      const fs::path path = movie_path(program.output(), flags.cameras);
+      write_movie(file, views, path, flags.frames_per_second);
+      log_info(concat(views.size(), " views in ", path.string()));
       return ExitCode::kOk;
     }
     write_images(file, views, program.output(), flags.format);
