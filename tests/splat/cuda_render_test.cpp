@@ -6,6 +6,7 @@
 #include <torch/cuda.h>
 #include <torch/types.h>
 
+#include "jade/core/error.h"
 #include "jade/splat/render.h"
 #include "support/splat_scenes.h"
 #ifdef JADE_WITH_CUDA
@@ -250,6 +251,44 @@ TEST_CASE("cuda: unusable parameters contribute nothing and are counted", "[spla
   for (const Tensor& gradient : gpu.gradients) CHECK(torch::isfinite(gradient).all().item<bool>());
   for (int64_t i = 0; i < 8; ++i) CHECK(gpu.gradients[0][i].abs().sum().item<double>() == 0);
   check_images(gpu.output.color, run(scene, {}, torch::kCPU).output.color);
+}
+
+TEST_CASE("cuda: finite extremes, and Gaussians behind or on the camera, agree with the CPU",
+          "[splat][cuda]") {
+  const auto check = [](const SplatScene& scene) {
+    const Outcome gpu = run(scene, {}, kGpu), cpu = run(scene, {}, torch::kCPU);
+    CHECK(gpu.output.rejected.item<int64_t>() == cpu.output.rejected.item<int64_t>());
+    CHECK(torch::isfinite(gpu.output.color).all().item<bool>());
+    for (const Tensor& gradient : gpu.gradients) {
+      CHECK(torch::isfinite(gradient).all().item<bool>());
+    }
+    check_images(gpu.output.color, cpu.output.color);
+  };
+  SplatScene behind = scene_of(300, 45, 34);
+  const Tensor pose = behind.cameras.camera_from_world[0];
+  const Tensor center =
+      -torch::matmul(pose.slice(0, 0, 3).slice(1, 0, 3).t(), pose.slice(0, 0, 3).select(1, 3));
+  behind.gaussians.means[0] = center;
+  behind.gaussians.means.slice(0, 1, 100).select(1, 2).mul_(-1);
+  check(behind);
+  for (const float log_scale : {-29.f, -12.f, 5.f, 12.f, 29.f}) {
+    INFO("log scale " << log_scale);
+    SplatScene extreme = scene_of(300, 45, 34);
+    extreme.gaussians.log_scales.slice(0, 0, 20).fill_(log_scale);
+    extreme.gaussians.log_scales.slice(0, 20, 40).select(1, 1).fill_(log_scale);
+    check(extreme);
+  }
+  SplatScene lost = scene_of(300, 45, 34);
+  lost.cameras.camera_from_world.fill_(std::nanf(""));
+  const Outcome nothing = run(lost, {}, kGpu);
+  CHECK(nothing.output.color.abs().max().item<double>() == 0);
+}
+
+TEST_CASE("cuda: the gradient tests' smooth cut-off is refused", "[splat][cuda]") {
+  const SplatScene scene = move(scene_of(10, 20, 20), kGpu, torch::kFloat32);
+  RenderOptions options;
+  options.smooth_cutoff = true;
+  CHECK_THROWS_AS(splat::render(scene.gaussians, scene.cameras, options), ContractError);
 }
 
 TEST_CASE("cuda: no Gaussians give the background", "[splat][cuda]") {

@@ -166,6 +166,25 @@ TEST_CASE("render: a camera full of NaN gives the background", "[splat]") {
   CHECK(all_finite(outcome));
 }
 
+TEST_CASE("render: no Gaussians give the background", "[splat]") {
+  const SplatScene scene = float_scene();
+  splat::Gaussians none = scene.gaussians;
+  for (Tensor* t :
+       {&none.means, &none.rotations, &none.log_scales, &none.logit_opacities, &none.sh})
+    *t = t->narrow(0, 0, 0).clone().set_requires_grad(true);
+  splat::RenderOptions options;
+  options.depth = true;
+  options.background = torch::tensor({0.25f, 0.5f, 1.0f}).set_requires_grad(true);
+  const auto out = splat::render(none, scene.cameras, options);
+  CHECK(torch::equal(out.color, options.background.view({1, 3, 1, 1}).expand_as(out.color)));
+  CHECK(out.alpha.abs().max().item<float>() == 0);
+  CHECK(out.depth.abs().max().item<float>() == 0);
+  out.color.sum().backward();
+  const double pixels = static_cast<double>(out.alpha.numel());
+  CHECK(options.background.grad()[1].item<double>() == Approx(pixels));
+  CHECK(none.means.grad().numel() == 0);
+}
+
 TEST_CASE("render: images of any size work", "[splat]") {
   const int64_t sizes[][2] = {{1, 1},   {1, 40},  {40, 1},  {7, 5},
                               {31, 33}, {32, 32}, {65, 64}, {129, 3}};
