@@ -2,6 +2,8 @@
 // jade_bench: the benchmarks behind every performance figure, one file each.
 #include "common/cli.h"
 #include "iteration.h"
+#include "losses.h"
+#include "restorer.h"
 #include "splat.h"
 
 int main(int argc, char** argv) {
@@ -14,9 +16,15 @@ int main(int argc, char** argv) {
   CLI::App* const splat_command = splat.add_to(program.cli());
   bench::IterationBench iteration;
   CLI::App* const iteration_command = iteration.add_to(program.cli());
+  bench::RestorerBench restorer;
+  CLI::App* const restorer_command = restorer.add_to(program.cli());
+  bench::LossesBench losses;
+  CLI::App* const losses_command = losses.add_to(program.cli());
   return program.run(argc, argv, [&] {
     if (splat_command->parsed()) return splat.run(program);
     if (iteration_command->parsed()) return iteration.run(program);
+    if (restorer_command->parsed()) return restorer.run(program);
+    if (losses_command->parsed()) return losses.run(program);
     return ExitCode::kUsage;
   });
 }

@@ -1,0 +1,182 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "losses.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <torch/types.h>
+
+#include "jade/core/random.h"
+#include "jade/losses/inherited.h"
+#include "jade/losses/rec.h"
+#include "jade/losses/route.h"
+#include "jade/losses/scene.h"
+#include "jade/losses/target.h"
+#include "jade/models/crf.h"
+#include "jade/models/restorations.h"
+#include "jade/models/router.h"
+
+namespace jade::bench {
+namespace {
+
+constexpr double kDssim = 0.3;
+constexpr int64_t kEventPixels = 1024;
+/// A step at which every term acts.
+constexpr int64_t kStep = 8001;
+
+/// Images as a training step has them. Leaves are what the terms differentiate to.
+struct Images {
+  torch::Tensor renders;              ///< [9,3,H,W], leaf
+  torch::Tensor image, other, alpha;  ///< [3,H,W], [3,H,W], [1,H,W], leaves
+  torch::Tensor blurry, factors, counts, pixels, psi;
+  imaging::SsimTarget blurry_moments;
+  models::Restorations restorations;
+  models::Router router{make_generator(0, "router")};
+  models::Crf crf;
+
+  Images(int64_t height, int64_t width, torch::Device device) {
+    at::Generator generator = make_generator(0, "losses benchmark");
+    const auto draw = [&](at::IntArrayRef shape) { return at::rand(shape, generator).to(device); };
+    const auto leaf = [&](at::IntArrayRef shape) { return draw(shape).set_requires_grad(true); };
+    renders = leaf({9, 3, height, width});
+    image = leaf({3, height, width});
+    other = leaf({3, height, width});
+    alpha = leaf({1, height, width});
+    blurry = draw({3, height, width});
+    blurry_moments = imaging::ssim_target(blurry);
+    factors = draw({9, 1, height, width}) + 0.5;
+    counts = (6 * draw({height, width}) - 3).round();
+    pixels = at::randperm(height * width, generator, torch::kInt64)
+                 .narrow(0, 0, std::min(kEventPixels, height * width))
+                 .to(device);
+    psi = draw({2, height, width});
+    restorations.edi = draw({3, height, width});
+    restorations.efnet = draw({3, height, width});
+    router->to(device);
+    crf->to(device);
+  }
+
+  losses::SceneLoss scene() const {
+    losses::SceneLossInputs inputs;
+    inputs.renders = renders;
+    inputs.blurry = blurry;
+    inputs.blurry_moments = blurry_moments;
+    inputs.edi_factors = factors;
+    inputs.poses = torch::tensor({1, 6, 2}, torch::kInt64).to(renders.device());
+    inputs.target.emplace(restorations.edi);
+    const torch::Tensor table = models::Crf(crf)->table();
+    inputs.tone = {[table](const torch::Tensor& x) { return models::CrfImpl::apply(x, table); },
+                   [table](const torch::Tensor& x) { return models::CrfImpl::mean(x, table); }};
+    return losses::scene_loss(inputs, kStep, {});
+  }
+};
+
+struct Term {
+  const char* name;
+  std::function<torch::Tensor(const Images&)> value;
+};
+
+std::vector<Term> terms() {
+  using losses::Fixed;
+  return {
+      {"rec", [](const Images& in) { return losses::rec_loss(in.image, in.blurry, kDssim); }},
+      {"target",
+       [](const Images& in) { return losses::target_loss(in.image, Fixed(in.blurry), kDssim); }},
+      {"blur",
+       [](const Images& in) { return losses::blur_loss(in.image, in.blurry_moments, kDssim); }},
+      {"edi_gray",
+       [](const Images& in) {
+         return losses::edi_gray_loss(in.image, in.other, in.factors[0], kDssim);
+       }},
+      {"edi_color",
+       [](const Images& in) {
+         return losses::edi_color_loss(in.image, in.blurry, in.factors[0], kDssim);
+       }},
+      {"simulation",
+       [](const Images& in) {
+         return losses::simulation_loss(in.image, in.other, in.factors[0], kDssim);
+       }},
+      {"intensity",
+       [](const Images& in) { return losses::intensity_loss(in.image, in.other, kDssim); }},
+      {"event",
+       [](const Images& in) {
+         losses::EventPair pair;
+         pair.before = in.image;
+         pair.after = in.other;
+         pair.counts = in.counts;
+         pair.pixels = in.pixels;
+         return losses::event_loss(pair);
+       }},
+      {"route",
+       [](const Images& in) {
+         return losses::route_loss(models::fuse(in.alpha, in.restorations), Fixed(in.image),
+                                   in.factors[0], in.blurry, {})
+             .total;
+       }},
+      {"router",
+       [](const Images& in) {
+         return models::Router(in.router)
+             ->logits(in.blurry.unsqueeze(0), in.psi.unsqueeze(0))
+             .sum();
+       }},
+      {"scene", [](const Images& in) { return in.scene().total; }}};
+}
+
+nlohmann::json measure(const Term& term, int64_t height, int64_t width, const Repeats& repeats,
+                       torch::Device device) {
+  const Images images(height, width, device);
+  const auto forward = [&] {
+    const torch::NoGradGuard no_grad;
+    term.value(images);
+  };
+  const Times alone = time(forward, repeats, device);
+  reset_peak(device);
+  const Times both = time([&] { term.value(images).backward(); }, repeats, device);
+  return {{"name", term.name},
+          {"device", device.str()},
+          {"views", std::string(term.name) == "scene" ? 9 : 1},
+          {"width", width},
+          {"height", height},
+          {"forward_ms", to_json(alone)},
+          {"forward_backward_ms", to_json(both)},
+          {"peak_mib", std::round(peak_mib(device) * 10) / 10}};
+}
+
+}  // namespace
+
+CLI::App* LossesBench::add_to(CLI::App& cli) {
+  CLI::App* const command = cli.add_subcommand(
+      "losses", "Every loss term and the router, at 346x260 and 600x400; scene is all of Eq. (10)");
+  command->fallthrough();
+  command->add_option("--term", names, "Only these terms")->delimiter(',');
+  command->add_option("--repeats", repeats.timed, "Timed runs")->capture_default_str();
+  command->add_option("--warm-up", repeats.warm_up, "Runs before them")->capture_default_str();
+  return command;
+}
+
+ExitCode LossesBench::run(const apps::Program& program) const {
+  torch::Device device = program.device();
+  if (device.is_cuda() && !device.has_index()) device.set_index(0);
+  nlohmann::json rows = nlohmann::json::array();
+  const int64_t sizes[][2] = {{260, 346}, {400, 600}};
+  for (const auto& [height, width] : sizes) {
+    for (const Term& term : terms()) {
+      const bool named = std::find(names.begin(), names.end(), term.name) != names.end();
+      if (!names.empty() && !named) continue;
+      rows.push_back(measure(term, height, width, repeats, device));
+      if (program.json()) continue;
+      std::printf("%-11s %4dx%-4d %9.3f ms forward %9.3f ms forward+backward\n", term.name,
+                  static_cast<int>(width), static_cast<int>(height),
+                  rows.back()["forward_ms"]["median"].get<double>(),
+                  rows.back()["forward_backward_ms"]["median"].get<double>());
+      std::fflush(stdout);
+    }
+  }
+  if (rows.empty()) throw ConfigError("--term: expected names of terms, see --help");
+  if (program.json()) std::cout << nlohmann::json{{"workloads", rows}}.dump(2) << '\n';
+  return ExitCode::kOk;
+}
+
+}  // namespace jade::bench
