@@ -83,6 +83,9 @@ def scenario(folder):
     call(*sweep)
     ids = (out / "slurm/list_1.txt").read_text().split()
     assert len(ids) == 12, ids
+    # What is in the queue already is not submitted twice.
+    again = call(*sweep)
+    assert "submitted" not in again.stderr and "12 runs are in the queue already" in again.stderr
 
     running = wait_for("two running tasks", lambda: (lambda r: r if len(r) >= min(2, os.cpu_count()) else None)(
         [index for index, state in queue().items() if state == "RUNNING"]))
@@ -94,15 +97,14 @@ def scenario(folder):
     pid = wait_for("a training program to kill", lambda: trainer_of(out / "runs" / ids[int(killed)]))
     say(f"kill -9 {pid}, which trains {ids[int(killed)]}")
     os.kill(pid, 9)
-    # What is in the queue already is not submitted twice.
-    again = call(*sweep)
-    assert "submitted" not in again.stderr or "runs are in the queue already" in again.stderr, again.stderr
     wait_for("the queue to empty", lambda: not queue())
     call(*sweep[:-2], "--table")
     before = (out / "table.md").read_text()
     say(before[:before.index("## Columns")])
+    assert "10 of 12 runs finished" in before and "killed by signal 9" in before and "interrupted" in before
 
-    call(*sweep, "--wait")
+    second = call(*sweep, "--wait")
+    assert "of 2 runs" in second.stderr
     table = (out / "table.md").read_text()
     say(table[:table.index("## Columns")])
     assert "12 of 12 runs finished" in table and "What is missing" not in table

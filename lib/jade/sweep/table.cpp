@@ -177,9 +177,13 @@ std::string markdown_head(const Table& table) {
 
 std::string to_markdown(const Table& table) {
   std::string out = markdown_head(table);
-  std::string scenes;
-  for (const std::string& scene : table.scenes) scenes += (scenes.empty() ? "" : ", ") + scene;
-  out += concat("\n## Average over ", table.scenes.size(), " scenes (", scenes, ")\n\n");
+  if (table.scenes.size() > 1) {
+    std::string scenes;
+    for (const std::string& scene : table.scenes) scenes += (scenes.empty() ? "" : ", ") + scene;
+    out += concat("\n## Average over ", table.scenes.size(), " scenes (", scenes, ")\n\n");
+  } else if (!table.scenes.empty()) {
+    out += "\n## " + table.scenes.front() + "\n\n";
+  }
   out += markdown_rows(table, "");
   for (const std::string& scene : table.scenes) {
     if (table.scenes.size() > 1) out += "\n## " + scene + "\n\n" + markdown_rows(table, scene);
