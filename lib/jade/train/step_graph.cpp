@@ -181,6 +181,7 @@ StepOutputs StepGraph::run(TrainState& state, const StepInputs& inputs, int64_t 
   }
   recording.inputs->copy_from(inputs);
   recording.graph->replay();
+  ++replays_;
   return recording.outputs;
 }
 

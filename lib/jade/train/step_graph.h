@@ -40,9 +40,13 @@ class StepGraph {
   StepOutputs run(TrainState& state, const StepInputs& inputs, int64_t step,
                   const RunOptions& options);
 
+  /// How many steps were replays of a recording.
+  int64_t replays() const { return replays_; }
+
  private:
   struct Recording;
   std::unique_ptr<Recording> recording_;
+  int64_t replays_ = 0;
 };
 
 }  // namespace jade::train

@@ -135,9 +135,9 @@ void Trainer::resume_from(const std::string& choice) {
   std::vector<fs::path> candidates =
       choice == "latest" ? list_checkpoints(directory_.path()) : std::vector<fs::path>{choice};
   if (candidates.empty()) {
-    throw CheckpointError(concat(directory_.path().string(),
-                                 ": expected a checkpoint to resume from, found none; "
-                                 "start without --resume"));
+    // A run that was killed before its first checkpoint, or a first start by a script.
+    log_info(concat(directory_.path().string(), ": no checkpoint yet; starting at step 0"));
+    return;
   }
   for (size_t i = 0; i < candidates.size(); ++i) {
     try {

@@ -26,7 +26,7 @@ class Trainer {
  public:
   /// Loads the data, prepares the views and makes or loads the state.
   /// @param resume  empty: a new run, refused where one is already; "latest": the newest whole
-  ///   checkpoint of the run directory; else the path of a checkpoint.
+  ///   checkpoint of the run directory, or the start where there is none; else the path of a checkpoint.
   /// @throws the typed errors of core/error.h.
   Trainer(const RunOptions& options, const std::filesystem::path& run, const std::string& resume);
   ~Trainer();
@@ -40,6 +40,8 @@ class Trainer {
 
   const TrainState& state() const { return state_; }
   const std::vector<View>& views() const { return views_; }
+  /// How many of the steps were replays of a CUDA graph.
+  int64_t replays() const { return step_graph_ ? step_graph_->replays() : 0; }
   /// PSNR and SSIM on the sharp test views, as they are now.
   eval::Evaluation evaluate();
 
