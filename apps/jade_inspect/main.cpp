@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Says what is in a data set and what is wrong with it.
+// Says what is in a data set, a run or a .ply, and what is wrong with it.
 #include <cstdio>
+#include <torch/types.h>
 
 #include "common/cli.h"
 #include "common/dataset_flags.h"
 #include "jade/data/dataset.h"
+#include "ply.h"
+#include "run.h"
 #include "summary.h"
 
 using namespace jade;
@@ -28,13 +31,27 @@ ExitCode inspect(const data::DatasetOptions& options, double log_offset, bool js
 
 int main(int argc, char** argv) {
   apps::Program program("jade_inspect",
-                        "Says what is in a data set: split, exposures, events, problems");
+                        "Says what is in a data set, a run or a .ply, and every problem found");
   data::DatasetOptions options;
   double log_offset = 0;
-  program.cli().add_option("what", options.path, "folder of a data set")->required();
+  program.cli()
+      .add_option("what", options.path,
+                  "folder of a data set, run directory of jade_train, or .ply")
+      ->required();
   program.cli().add_option("--log-offset", log_offset,
                            "thresholds of a sensor that measures log(I + offset), I in [0,1] (0)");
   apps::add_dataset_flags(program.cli(), options);
   program.add_json_flag();
-  return program.run(argc, argv, [&] { return inspect(options, log_offset, program.json()); });
+  return program.run(argc, argv, [&] {
+    const torch::NoGradGuard no_grad;
+    if (options.path.extension() == ".ply") {
+      apps::inspect_ply(options.path, program.json());
+      return ExitCode::kOk;
+    }
+    if (apps::is_run(options.path)) {
+      apps::inspect_run(options.path, program.json());
+      return ExitCode::kOk;
+    }
+    return inspect(options, log_offset, program.json());
+  });
 }

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The restorer as the C++ programs run it, against the independent network in Python.
+
+Runs `jade_bench restorer --input … --dump …` from $JADE_BIN (default: build/bin)."""
+
+import io
+import os
+import subprocess
+import sys
+import tempfile
+import unittest
+from contextlib import redirect_stdout
+from pathlib import Path
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "scripts" / "efnet"))
+import export_efnet  # noqa: E402
+import restoration  # noqa: E402
+from model import EFNet  # noqa: E402
+
+BENCH = Path(os.environ.get("JADE_BIN", ROOT / "build" / "bin")) / "jade_bench"
+
+
+def frame(height: int, width: int) -> tuple[torch.Tensor, torch.Tensor]:
+    """An image, and bins of a moving camera: whole numbers where there are events at all."""
+    generator = torch.Generator().manual_seed(height * width)
+    image = torch.rand(1, 3, height, width, generator=generator)
+    bins = torch.randint(-3, 4, (1, 6, height, width), generator=generator).float()
+    return image, bins * (torch.rand(1, 1, height, width, generator=generator) > 0.6)
+
+
+def restore(net: EFNet, image: torch.Tensor, bins: torch.Tensor, bgr: bool = False) -> torch.Tensor:
+    height, width = image.shape[2:]
+    right, bottom = -width % 4, -height % 4
+    events, mask = restoration.network_input(bins)
+    image = F.pad(image.flip(1) if bgr else image, (0, right, 0, bottom), mode="replicate")
+    with torch.no_grad():
+        out = net(image, F.pad(events, (0, right, 0, bottom)), F.pad(mask, (0, right, 0, bottom)))[1]
+    out = out[..., :height, :width].clamp(0, 1)
+    return out.flip(1) if bgr else out
+
+
+@unittest.skipUnless(BENCH.exists(), f"{BENCH} is not built")
+class SameAsPython(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.path = Path(folder.name)
+
+    def run_program(self, network: Path, frames: dict) -> dict:
+        command = [str(BENCH), "restorer", "--device", "cpu", "--efnet", str(network), "--warm-up", "0",
+                   "--repeats", "1", "--dump", str(self.path / "out")]
+        for name, (image, bins) in frames.items():
+            (self.path / name).mkdir()
+            np.save(self.path / name / "image.npy", image[0].numpy())
+            np.save(self.path / name / "bins.npy", bins[0].numpy())
+            command += ["--input", str(self.path / name)]
+        subprocess.run(command, check=True, capture_output=True)
+        return {name: torch.from_numpy(np.load(self.path / "out" / f"{name}.npy")) for name in frames}
+
+    def test_shipped_network_at_three_sizes(self):
+        module = torch.jit.load(str(ROOT / "assets" / "efnet_small.pt"))
+        net = EFNet(32).eval()
+        net.load_state_dict({name.removeprefix("net."): value for name, value in module.named_parameters()})
+        frames = {"davis": frame(260, 346), "multiple": frame(64, 96), "odd": frame(77, 131)}
+        for name, restored in self.run_program(ROOT / "assets" / "efnet_small.pt", frames).items():
+            difference = float((restored - restore(net, *frames[name])[0]).abs().max())
+            print(f"{name}: largest difference {difference:.1e}", file=sys.stderr)
+            self.assertLess(difference, 1e-5, name)
+            self.assertGreater(float((restored - frames[name][0][0]).abs().max()), 0.05, name)
+
+    def test_checkpoint_in_the_official_format(self):
+        torch.manual_seed(3)
+        net = EFNet(16).eval()
+        torch.save({"params": {"module." + k: v for k, v in net.state_dict().items()}}, self.path / "official.pth")
+        with redirect_stdout(io.StringIO()):
+            export_efnet.export(export_efnet.parse_arguments(
+                [str(self.path / "official.pth"), str(self.path / "out.pt"), "--channel-order", "bgr"]))
+        frames = {"small": frame(50, 67)}
+        restored = self.run_program(self.path / "out.pt", frames)["small"]
+        self.assertLess(float((restored - restore(net, *frames["small"], bgr=True)[0]).abs().max()), 1e-5)
+
+
+if __name__ == "__main__":
+    unittest.main()
