@@ -3,6 +3,7 @@
 
 #include "support/catch.h"
 
+#include <hdf5.h>
 #include <numeric>
 #include <string>
 #include <vector>
@@ -81,6 +82,30 @@ TEST_CASE("hdf5: an empty data set has length 0", "[io]") {
   const Hdf5File file(folder / "e.h5");
   CHECK(file.length("events/t") == 0);
   file.read<int64_t>("events/t", 0, 0, nullptr);
+}
+
+TEST_CASE("hdf5: a single number without axes is a list of one, a null space an empty one",
+          "[io]") {
+  const test::TempDir folder;
+  const hid_t raw = H5Fcreate((folder / "e.h5").c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
+  const int64_t offset = 57735321581;
+  for (const auto& [name, kind] : {std::pair{"t_offset", H5S_SCALAR}, {"nothing", H5S_NULL}}) {
+    const hid_t space = H5Screate(kind);
+    const hid_t set =
+        H5Dcreate2(raw, name, H5T_STD_I64LE, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
+    if (kind == H5S_SCALAR) {
+      REQUIRE(H5Dwrite(set, H5T_NATIVE_INT64, H5S_ALL, H5S_ALL, H5P_DEFAULT, &offset) >= 0);
+    }
+    H5Dclose(set);
+    H5Sclose(space);
+  }
+  H5Fclose(raw);
+  const Hdf5File file(folder / "e.h5");
+  REQUIRE(file.length("t_offset") == 1);
+  int64_t back = 0;
+  file.read("t_offset", 0, 1, &back);
+  CHECK(back == offset);
+  CHECK(file.length("nothing") == 0);
 }
 
 TEST_CASE("hdf5: missing, empty, foreign and truncated files are data errors with the path",
