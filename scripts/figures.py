@@ -98,7 +98,8 @@ def read_report(path: Path) -> dict:
 
 
 def read_run(path: Path, row: str = "", scene: str = "", seed: str = "", outcome: Path | None = None) -> Run:
-    outcome_data = read_json(outcome) if outcome else {}
+    # The time of a run that failed half-way says nothing about its cost.
+    outcome_data = read_json(outcome) if outcome and (path / "point_cloud.ply").exists() else {}
     return Run(path, row or path.name, scene, seed, outcome_data.get("seconds") or None,
                read_metrics(path / "metrics.jsonl"), read_json(path / "eval.json"),
                read_json(path / "allocation.json"), read_report(path / "report.html"))
@@ -233,11 +234,14 @@ def test_views(run: Run) -> dict[str, dict[str, np.ndarray]]:
     return {view["name"].removeprefix("test view "): pictures_of(view) for view in run.report.get("tests", [])}
 
 
-def blurry_near(runs: list[Run], view: str) -> np.ndarray | None:
-    """The blurry frame of the same name, else the first one that a report shows."""
+def blurry_near(runs: list[Run], view: str) -> tuple[str, np.ndarray | None]:
+    """The blurry frame of the same name, else the first one that a report shows, with its caption."""
     frames = {entry["name"].removeprefix("training view "): pictures_of(entry)["blurry"]
               for run in runs for entry in run.report.get("views", [])}
-    return frames.get(view, next(iter(frames.values()), None))
+    if view in frames:
+        return "blurry", frames[view]
+    other, image = next(iter(frames.items()), ("", None))
+    return f"blurry (view {other})", image
 
 
 def busiest_crop(truth: np.ndarray) -> tuple[int, int, int]:
@@ -259,7 +263,7 @@ def qualitative(runs: list[Run], crops: list[tuple[int, int, int]], view: str | 
         return None
     view = view if view in shown[0][1] else next(iter(shown[0][1]))
     truth = shown[0][1][view]["truth"]
-    columns = [("blurry", blurry_near([run for run, _ in shown], view))]
+    columns = [blurry_near([run for run, _ in shown], view)]
     columns += [(run.row, views[view]["render"]) for run, views in shown if view in views]
     columns.append(("truth", truth))
     crops = crops or [busiest_crop(truth)]

@@ -31,6 +31,7 @@ def write_run(path: Path, routed: bool = True):
               "memory_bytes": 2**30 * s} for s in (1, 2, 3)]
     lines += [{"step": s, "test_psnr_channel_mean": 20.0 + s, "test_ssim": 0.5} for s in (1, 3)]
     (path / "metrics.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines) + '{"step": 4, "lo')
+    (path / "point_cloud.ply").write_text("")
     (path / "eval.json").write_text(json.dumps({"mean": {"psnr_channel_mean": 25.0, "lpips_alex01": None}}))
     if routed:
         views = [{"name": str(i), "alpha_mean": 0.1, "alpha_std": 0.2, "alpha_min": 0, "alpha_max": 1, "alpha_correlation": r}
