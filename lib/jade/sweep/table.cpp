@@ -2,6 +2,7 @@
 // The result table as Markdown, CSV and LaTeX.
 #include <algorithm>
 #include <cstdio>
+#include <cstdlib>
 
 #include "jade/core/error.h"
 #include "jade/sweep/results.h"
@@ -12,6 +13,9 @@ namespace {
 std::string number(double value, int decimals) {
   char text[48];
   std::snprintf(text, sizeof text, "%.*f", decimals, value);
+  // A number that is not zero must not look like it.
+  const bool vanished = value != 0 && decimals > 0 && std::strtod(text, nullptr) == 0;
+  if (vanished) std::snprintf(text, sizeof text, "%.1e", value);
   return text;
 }
 

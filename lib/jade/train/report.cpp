@@ -73,7 +73,7 @@ Json training_view(const data::Dataset& dataset, const View& view, int64_t index
   if (alpha.defined()) {
     pictures.push_back(
         picture("α", alpha.expand({1, exposure.camera.height, exposure.camera.width})));
-    pictures.push_back(picture("fused", models::fuse(alpha, view.restorations), truth));
+    pictures.push_back(picture("fused", scene_target(state, view, index), truth));
   }
   pictures.push_back(picture("event density", density));
   const size_t shown = pictures.size();

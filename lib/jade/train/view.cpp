@@ -34,6 +34,11 @@ torch::Tensor fixed_target(const View& view, const RunOptions& options, torch::D
   if (target == "efnet") return view.restorations.efnet;
   if (target == "mean") return models::fuse(torch::tensor(0.5f, device), view.restorations);
   if (target == "blurry") return view.blurry;
+  // α ≡ 1 needs no F(B, V), see needs_efnet().
+  if (target == "routed" && options.allocation.kind == "constant" &&
+      options.allocation.constant == 1) {
+    return view.restorations.edi;
+  }
   if (target == "image_folder") {
     for (const auto& path : imaging::list_images(options.train.target_images)) {
       if (path.stem() == view.name) {
