@@ -52,6 +52,11 @@ int main(int argc, char** argv) {
       apps::inspect_run(options.path, program.json());
       return ExitCode::kOk;
     }
+    if (std::filesystem::is_regular_file(options.path)) {
+      throw DataError(concat(options.path.string(),
+                             ": expected the folder of a data set, a run directory or a .ply, "
+                             "found another file"));
+    }
     return inspect(options, log_offset, program.json());
   });
 }

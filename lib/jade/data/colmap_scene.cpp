@@ -92,6 +92,11 @@ void set_points(const io::ColmapModel& model, Dataset& data) {
 
 Dataset load_colmap(const DatasetOptions& options, const Warnings& warnings) {
   const fs::path folder = find_colmap_model(options.path);
+  if (folder.empty()) {
+    throw DataError(concat(options.path.string(),
+                           ": expected a COLMAP model (sparse/0 with cameras and images, .bin or "
+                           ".txt), found none"));
+  }
   io::ColmapModel model = io::read_colmap(folder);
   std::sort(model.images.begin(), model.images.end(),
             [](const io::ColmapImage& a, const io::ColmapImage& b) { return a.name < b.name; });

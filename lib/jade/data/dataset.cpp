@@ -27,10 +27,12 @@ void check_folder(const fs::path& folder) {
 
 void check_choice(const std::string& key, const std::string& value,
                   std::initializer_list<const char*> choices) {
+  std::string known;
   for (const char* choice : choices) {
     if (value == choice) return;
+    known += concat(known.empty() ? "" : ", ", choice);
   }
-  throw ConfigError(concat("dataset.", key, ": unknown value '", value, "'"));
+  throw ConfigError(concat("dataset.", key, ": expected one of ", known, ", found '", value, "'"));
 }
 
 /// Name of the folder, also of "scene/." and "scene/".

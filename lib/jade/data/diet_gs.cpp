@@ -131,6 +131,11 @@ bool is_diet_gs(const fs::path& folder) {
 
 Dataset load_diet_gs(const DatasetOptions& options, const Warnings& warnings) {
   const fs::path folder = find_colmap_model(options.path);
+  if (folder.empty()) {
+    throw DataError(concat(options.path.string(),
+                           ": expected a COLMAP model (sparse/0 with cameras and images, .bin or "
+                           ".txt), found none"));
+  }
   const io::ColmapModel model = io::read_colmap(folder);
   NamedViews views = sort_by_name(model, folder.string());
   check_complete(views, folder.string());

@@ -8,6 +8,7 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "jade/io/hdf5_driver.h"
 
 namespace jade::io {
 namespace {
@@ -159,10 +160,8 @@ Hdf5File::Hdf5File(const std::filesystem::path& path)
   }
   const Id access(H5Pcreate(H5P_FILE_ACCESS));
   H5Pset_fclose_degree(access, H5F_CLOSE_STRONG);
-  // Reading as beside a writer turns off the library's metadata accumulator, which in 1.10 follows
-  // a null pointer in files whose heaps lie elsewhere than their groups say.
-  H5Pset_metadata_read_attempts(access, 1);
-  handle_->file = Id(H5Fopen(path.c_str(), H5F_ACC_RDONLY | H5F_ACC_SWMR_READ, access));
+  H5Pset_driver(access, read_only_driver(), nullptr);
+  handle_->file = Id(H5Fopen(path.c_str(), H5F_ACC_RDONLY, access));
   if (!handle_->file.valid()) {
     throw DataError(concat(path.string(), ": cannot be opened as HDF5: it is truncated (", size,
                            " bytes), damaged, or still being written; copy it again"));

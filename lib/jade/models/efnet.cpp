@@ -32,6 +32,12 @@ struct OutOfMemory : DeviceError {
 
 std::string first_line(const std::string& text) { return text.substr(0, text.find('\n')); }
 
+/// torch's advice behind it is about its own checkpoints.
+std::string first_sentence(const std::string& text) {
+  const std::string line = first_line(text);
+  return line.substr(0, line.find(". "));
+}
+
 /// TorchScript puts the reason behind its trace, on the last line.
 std::string last_line(const std::string& text) {
   const size_t end = text.find_last_not_of(" \n");
@@ -80,7 +86,7 @@ std::unique_ptr<torch::jit::Module> load_module(const std::filesystem::path& pat
     return module;
   } catch (const c10::Error& problem) {
     fail(path, concat("no TorchScript file, or a damaged one: ",
-                      first_line(problem.what_without_backtrace()),
+                      first_sentence(problem.what_without_backtrace()),
                       "; make it with scripts/efnet/export_efnet.py"));
   } catch (const std::exception& problem) {
     fail(path, concat("cannot be loaded: ", first_line(problem.what())));
