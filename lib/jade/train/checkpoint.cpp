@@ -247,6 +247,11 @@ splat::Gaussians load_checkpoint_gaussians(const fs::path& path) {
   return take_gaussians(read_archive(path), "gaussians.", path);
 }
 
+void load_checkpoint_allocation(const fs::path& path, models::Allocation& allocation) {
+  ModuleAdam none;
+  restore_module(read_archive(path), "allocation", allocation, none, path);
+}
+
 std::string data_fingerprint(const data::Dataset& dataset) {
   Sha256 digest;
   const auto add = [&](const auto& numbers) {

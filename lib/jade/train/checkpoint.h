@@ -42,6 +42,10 @@ CheckpointInfo load_checkpoint(const std::filesystem::path& path, TrainState& st
 /// @throws CheckpointError.
 splat::Gaussians load_checkpoint_gaussians(const std::filesystem::path& path);
 
+/// Only θ, into an allocation made from the options of the run: for restoring without a scene.
+/// @throws CheckpointError, also where the checkpoint has another allocation or none.
+void load_checkpoint_allocation(const std::filesystem::path& path, models::Allocation& allocation);
+
 /// SHA-256 over names, times, poses and pixels of the training exposures and the number of events.
 std::string data_fingerprint(const data::Dataset& dataset);
 

@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+// jade_inspect on data sets, runs and Gaussians.
+#include "support/catch.h"
+
+#include <cmath>
+#include <torch/types.h>
+
+#include "jade/scene/ply.h"
+#include "support/programs.h"
+#include "support/temp_dir.h"
+#include "support/tiny_dataset.h"
+
+using namespace jade;
+using test::check_error;
+using test::Outcome;
+using test::run;
+
+namespace {
+
+splat::Gaussians some_gaussians() {
+  splat::Gaussians g;
+  g.means = torch::rand({50, 3});
+  g.rotations = torch::tensor({1.F, 0.F, 0.F, 0.F}).repeat({50, 1});
+  g.log_scales = torch::full({50, 3}, -3.F);
+  g.logit_opacities = torch::full({50}, 1.F);
+  g.sh = torch::zeros({50, 4, 3});
+  return g;
+}
+
+}  // namespace
+
+TEST_CASE("jade_inspect: Gaussians are counted, measured, and their problems named", "[apps]") {
+  const test::TempDir dir;
+  splat::Gaussians g = some_gaussians();
+  scene::write_ply(dir / "good.ply", {g, false});
+  const Outcome good = run(dir, "jade_inspect good.ply");
+  CHECK(good.code == 0);
+  CHECK_THAT(good.out, Catch::Contains("50, SH degree 1"));
+  CHECK_THAT(good.out, Catch::Contains("No problems found"));
+  g.means[3][1] = std::nanf("");
+  g.rotations[7].zero_();
+  g.logit_opacities.slice(0, 10, 45).fill_(-9);
+  scene::write_ply(dir / "bad.ply", {g, false});
+  const Outcome bad = run(dir, "jade_inspect bad.ply");
+  CHECK(bad.code == 0);
+  for (const char* text : {"1 of 50 Gaussians have NaN or Inf in their means",
+                           "1 rotations are the zero quaternion", "next to transparent"}) {
+    CHECK_THAT(bad.out, Catch::Contains(text));
+  }
+  CHECK_THAT(run(dir, "jade_inspect bad.ply --json").out, Catch::Contains("\"gaussians\": 50"));
+  dir.write("text.ply", "hello");
+  check_error(run(dir, "jade_inspect text.ply"), 3, "text.ply");
+  check_error(run(dir, "jade_inspect nowhere.ply"), 3, "nowhere.ply");
+}
+
+TEST_CASE("jade_inspect: a run says how far it came and what is wrong with it", "[apps]") {
+  const test::TempDir dir;
+  test::write_tiny_dataset(dir / "scene");
+  const Outcome trained =
+      run(dir,
+          "jade_train --quiet --device cpu --set dataset.path=scene --set scene.target=edi "
+          "--set init.points=200 --set train.iterations=4 --output run");
+  INFO(trained.err);
+  REQUIRE(trained.code == 0);
+  const Outcome whole = run(dir, "jade_inspect run");
+  INFO(whole.err);
+  CHECK(whole.code == 0);
+  CHECK_THAT(whole.out, Catch::Contains("step 4 of 4"));
+  dir.write("run/checkpoints/step_0000009.pt", "cut short");
+  std::filesystem::rename(dir / "scene", dir / "moved");
+  const Outcome damaged = run(dir, "jade_inspect run");
+  CHECK(damaged.code == 0);
+  CHECK_THAT(damaged.out, Catch::Contains("step_0000009.pt: expected a checkpoint"));
+  CHECK_THAT(damaged.out, Catch::Contains("is gone"));
+}
+
+TEST_CASE("jade_inspect: what is none of the three gets one line", "[apps]") {
+  const test::TempDir dir;
+  std::filesystem::create_directories(dir / "empty");
+  check_error(run(dir, "jade_inspect empty"), 3, "is no data set we know");
+  check_error(run(dir, "jade_inspect nowhere"), 3, "no such folder");
+  check_error(run(dir, "jade_inspect"), 2, "--help lists the flags");
+  test::write_tiny_dataset(dir / "scene");
+  CHECK_THAT(run(dir, "jade_inspect scene").out, Catch::Contains("No problems found"));
+}
