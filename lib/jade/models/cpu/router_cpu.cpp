@@ -126,9 +126,14 @@ void fold_border(const Planes<T>& padded, const Planes<T>& passed, const Planes<
       for (int64_t k = 0; k < pad && y == height - 1; ++k) add_row(height + k);
       for (int64_t k = 1; k <= pad; ++k) row[0] += row[-k];
       for (int64_t k = 0; k < pad; ++k) row[width - 1] += row[width + k];
-      T* const to = out.row(c, y);
-      const T* const value = passed.data == nullptr ? nullptr : passed.row(c, y);
-      for (int64_t x = 0; x < width; ++x) to[x] = value == nullptr || value[x] > 0 ? row[x] : T(0);
+      T* __restrict to = out.row(c, y);
+      const T* __restrict from = row;
+      if (passed.data == nullptr) {
+        std::copy_n(from, width, to);
+        continue;
+      }
+      const T* __restrict value = passed.row(c, y);
+      for (int64_t x = 0; x < width; ++x) to[x] = value[x] > 0 ? from[x] : T(0);
     }
   }
   zero_border(out, band);
