@@ -41,7 +41,8 @@ class Launcher {
   }
 
   void run() {
-    Progress progress("sweep", total_steps_, known_steps());
+    shown_steps_ = known_steps();
+    Progress progress("sweep", total_steps_, shown_steps_);
     while (!waiting_.empty() || !running_.empty()) {
       if (interrupt_requested()) stop();
       collect();
