@@ -78,10 +78,9 @@ class Lpips(nn.Module):
         return taps
 
     def forward(self, a: Tensor, b: Tensor) -> Tensor:
-        total = torch.zeros(a.shape[0], device=a.device)
-        for head, x, y in zip(self.heads, self.features(a), self.features(b)):
-            total = total + head((x - y).square()).mean((1, 2, 3))
-        return total
+        # No tensor is made here: tracing would pin it to the device of the export.
+        stages = zip(self.heads, self.features(a), self.features(b))
+        return torch.stack([head((x - y).square()).mean((1, 2, 3)) for head, x, y in stages]).sum(0)
 
 
 def cache_folder() -> Path:

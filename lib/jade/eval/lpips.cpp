@@ -5,6 +5,7 @@
 #include <torch/script.h>
 
 #include "jade/core/cache_folder.h"
+#include "jade/core/error.h"
 #include "jade/core/log.h"
 
 namespace jade::eval {
@@ -27,6 +28,8 @@ std::unique_ptr<torch::jit::Module> load(const fs::path& path, torch::Device dev
   }
 }
 
+std::string first_line(const std::string& text) { return text.substr(0, text.find('\n')); }
+
 }  // namespace
 
 Lpips::Lpips(torch::Device device, fs::path cache) : device_(device) {
@@ -45,7 +48,14 @@ std::optional<double> Lpips::distance(const std::unique_ptr<torch::jit::Module>&
   const auto input = [&](const torch::Tensor& x) {
     return x.clamp(0, 1).to(device_, torch::kFloat32).unsqueeze(0);
   };
-  return module->forward({input(image), input(truth)}).toTensor().item<double>();
+  try {
+    return module->forward({input(image), input(truth)}).toTensor().item<double>();
+  } catch (const std::exception& problem) {
+    // A metric less is better than a trained run without its others.
+    log_warn(concat("LPIPS is left out: ", first_line(problem.what()),
+                    "; run scripts/export_lpips.py again"));
+    return std::nullopt;
+  }
 }
 
 std::optional<double> Lpips::alex01(const torch::Tensor& image, const torch::Tensor& truth) const {

@@ -19,6 +19,7 @@ RouteLoss route_loss(const torch::Tensor& pseudo, const Fixed& mid_render,
     check_shape(reblur_kernel, "reblur kernel", {1, pseudo.size(1), pseudo.size(2)});
     check_shape(blurry, "blurry frame", pseudo.sizes().vec());
     loss.reblur = torch::l1_loss(pseudo * reblur_kernel, blurry);
+    if (options.reblur_weight != 1) loss.reblur = loss.reblur * options.reblur_weight;
     loss.total = loss.total.defined() ? loss.total + loss.reblur : loss.reblur;
   }
   return loss;

@@ -12,6 +12,7 @@ struct RouteOptions {
   double lr = 5e-4;
   bool render_consistency = true;
   bool reblur_consistency = true;
+  double reblur_weight = 1;
 };
 
 template <class V>
@@ -19,6 +20,7 @@ void describe(V& v, RouteOptions& o) {
   v.field("lr", o.lr, "Adam step size of the allocation (joint_lr)", Range{1e-8, 1});
   v.field("render_consistency", o.render_consistency, "first term of Eq. (6)");
   v.field("reblur_consistency", o.reblur_consistency, "second term of Eq. (6)");
+  v.field("reblur_weight", o.reblur_weight, "factor of that term; 1 is Eq. (6)", Range{0, 1e3});
 }
 
 /// Scalars; a term that is switched off is undefined.
@@ -28,8 +30,9 @@ struct RouteLoss {
   torch::Tensor reblur;
 };
 
-/// L_route = ‖I_pseudo − sg(Î_mid)‖₁ + ‖I_pseudo ⊙ K(V) − B‖₁, Eq. (6), with the reblur operator of
-/// Eq. (7) as its kernel K. Both are means over pixels and channels; pointwise on purpose.
+/// L_route = ‖I_pseudo − sg(Î_mid)‖₁ + w ‖I_pseudo ⊙ K(V) − B‖₁, Eq. (6) with w = 1, with the
+/// reblur operator of Eq. (7) as its kernel K. Both are means over pixels and channels; pointwise
+/// on purpose.
 /// @param pseudo         [3,H,W], I_pseudo. Differentiable.
 /// @param mid_render     [3,H,W], Î_mid
 /// @param reblur_kernel  [1,H,W], K(V) (imaging/reblur.h). Constant.
