@@ -7,7 +7,6 @@
 #include <nlohmann/json.hpp>
 #include <sys/resource.h>
 #include <torch/cuda.h>
-#include <torch/cuda.h>
 #include <torch/types.h>
 #include <vector>
 #ifdef JADE_WITH_CUDA

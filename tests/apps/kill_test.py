@@ -102,7 +102,7 @@ def interrupted_runs(scene, kills, whole_seconds):
         process = subprocess.Popen(scene.train_command(run, resume=True), stdout=subprocess.DEVNULL,
                                    stderr=subprocess.PIPE, text=True)
         started_at = (checkpoints(run) or [0])[-1]
-        time.sleep(draw.uniform(0.1, whole_seconds))
+        time.sleep(draw.uniform(0.1, min(whole_seconds, 4)))
         how = draw.choice(list(names))
         process.send_signal(how)
         error = process.communicate(timeout=60)[1]

@@ -11,9 +11,9 @@ std::filesystem::path cache_folder() {
     const char* value = std::getenv(name);
     return std::filesystem::path(value != nullptr ? value : "");
   };
-  if (const auto own = variable("JADE_CACHE"); !own.empty()) return own;
+  if (auto own = variable("JADE_CACHE"); !own.empty()) return own;
   // The XDG specification has relative paths ignored.
-  if (const auto cache = variable("XDG_CACHE_HOME"); cache.is_absolute()) return cache / "jade";
+  if (auto cache = variable("XDG_CACHE_HOME"); cache.is_absolute()) return cache / "jade";
   const auto home = variable("HOME");
   return (home.empty() ? std::filesystem::temp_directory_path() : home / ".cache") / "jade";
 }

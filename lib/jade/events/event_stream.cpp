@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/events/event_stream.h"
 
+#include <ATen/Parallel.h>
 #include <algorithm>
 #include <atomic>
 #include <cmath>

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/events/rectify.h"
 
+#include <ATen/Parallel.h>
 #include <algorithm>
 #include <limits>
 #include <torch/types.h>

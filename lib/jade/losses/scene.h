@@ -35,10 +35,11 @@ template <class V>
 void describe(V& v, SceneLossOptions& o) {
   v.field("dssim", o.dssim, "share λ of SSIM in every reconstruction term (lambda_dssim)",
           Range{0, 1});
-  v.field("target", o.target,
-          "target of the middle render, Eq. (9): routed mix, EDI, EFNet, their mean, the blurry frame "
-          "itself, a folder of images, or none",
-          Choices{"routed", "edi", "efnet", "mean", "blurry", "image_folder", "none"});
+  v.field(
+      "target", o.target,
+      "target of the middle render, Eq. (9): routed mix, EDI, EFNet, their mean, the blurry frame "
+      "itself, a folder of images, or none",
+      Choices{"routed", "edi", "efnet", "mean", "blurry", "image_folder", "none"});
   v.field("target_weight", o.target_weight, "weight of that term (efnet_weight)", Range{0, 1e3});
   v.field("blur", o.blur, "L_blur: mean of the nine renders against the blurry frame");
   v.field("edi_supervision", o.edi_supervision, "L_edi in gray and in colour, at drawn poses");

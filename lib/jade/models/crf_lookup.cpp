@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/models/crf_lookup.h"
 
-#include <torch/types.h>
-
 #include <ATen/Dispatch.h>
 #include <ATen/Parallel.h>
 #include <algorithm>
+#include <torch/types.h>
 #include <vector>
 
 namespace jade::models::cpu {

@@ -26,7 +26,8 @@ class Trainer {
  public:
   /// Loads the data, prepares the views and makes or loads the state.
   /// @param resume  empty: a new run, refused where one is already; "latest": the newest whole
-  ///   checkpoint of the run directory, or the start where there is none; else the path of a checkpoint.
+  ///   checkpoint of the run directory, or the start where there is none; else the path of a
+  ///   checkpoint.
   /// @throws the typed errors of core/error.h.
   Trainer(const RunOptions& options, const std::filesystem::path& run, const std::string& resume);
   ~Trainer();

@@ -11,7 +11,9 @@ constexpr int kPixels = 2;  ///< neighbours in x that a thread computes
 constexpr int kThreadsX = kTileX / kPixels;
 constexpr int kGradientThreads = 160;
 
-__host__ __device__ constexpr int round_up(int value, int step) { return (value + step - 1) / step * step; }
+__host__ __device__ constexpr int round_up(int value, int step) {
+  return (value + step - 1) / step * step;
+}
 
 __host__ __device__ int tiles(int size, int tile) { return (size + tile - 1) / tile; }
 
