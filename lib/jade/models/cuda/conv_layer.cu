@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // cuDNN picks Fourier transforms for these layers, whose 2 to 24 channels suit none of its engines:
-// 2.5 ms a training step at 346x260 where the arithmetic is worth 0.1 ms.
+// 2.8 ms a training step at 346x260 on an H200, of which these kernels leave 0.6.
 #include "jade/models/cuda/conv_layer.h"
 
 namespace jade::models::cuda {
