@@ -73,7 +73,7 @@ def found(requirement):
 print(" ".join(r for r in sys.argv[1:] if not found(r)))
 PY
 }
-wheels=(torch==2.11.0 numpy)
+wheels=(torch==2.11.0 numpy==2.2.6)
 if [ -e /usr/local/cuda/lib64/libcudart.so.13 ]; then
   # With the toolkit on the machine only what it does not hold is added.
   wheels+=(nvidia-cusparselt-cu13==0.8.0 nvidia-nvshmem-cu13==3.4.5 nvidia-cufile==1.15.1.6)
@@ -81,7 +81,9 @@ else
   wheels+=(nvidia-cuda-runtime==13.0.96 nvidia-cuda-cupti==13.0.85)
 fi
 if [ $python_torch = yes ]; then
-  wheels+=(typing_extensions sympy mpmath networkx jinja2 markupsafe fsspec filelock)
+  # Versions that run on Python 3.10 (Ubuntu 22.04) too.
+  wheels+=(typing_extensions==4.13.2 sympy==1.14.0 mpmath==1.3.0 networkx==3.4.2 jinja2==3.1.6 markupsafe==3.0.2
+    fsspec==2025.3.0 filelock==3.18.0)
 fi
 absent=$(have "${wheels[@]}")
 if [ -n "$absent" ]; then
