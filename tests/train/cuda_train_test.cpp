@@ -5,24 +5,15 @@
 #include <torch/types.h>
 
 #include "jade/core/atomic_file.h"
-#include "jade/core/log.h"
 #include "jade/train/trainer.h"
-#include "support/temp_dir.h"
-#include "support/tiny_dataset.h"
+#include "train/tiny_scene.h"
 
 using namespace jade;
 
 namespace {
 
-struct Scene {
-  test::TempDir dir;
-  std::filesystem::path data = dir.path() / "scene";
-  Scene() {
-    set_log_level("error");
-    test::write_tiny_dataset(data);
-  }
-  /// A router between EDI and the blurry frame, which stands for F, needs no restorer: with target
-  /// "edi" everything but the routing step acts.
+struct Scene : test::TinyScene {
+  /// Everything but the routing step acts: target "edi" needs no restorer.
   train::RunOptions options() const {
     train::RunOptions options;
     options.device = "cuda";

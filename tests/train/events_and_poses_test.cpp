@@ -6,27 +6,19 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
-#include "jade/core/log.h"
 #include "jade/data/dataset.h"
 #include "jade/events/counts.h"
 #include "jade/train/checkpoint.h"
 #include "jade/train/event_windows.h"
 #include "jade/train/exposure_poses.h"
 #include "jade/train/trainer.h"
-#include "support/temp_dir.h"
-#include "support/tiny_dataset.h"
+#include "train/tiny_scene.h"
 
 using namespace jade;
 
 namespace {
 
-struct Scene {
-  test::TempDir dir;
-  std::filesystem::path data = dir.path() / "scene";
-  Scene() {
-    set_log_level("error");
-    test::write_tiny_dataset(data);
-  }
+struct Scene : test::TinyScene {
   train::RunOptions options() const {
     train::RunOptions options;
     options.device = "cpu";

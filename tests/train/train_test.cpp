@@ -9,13 +9,11 @@
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/core/interrupt.h"
-#include "jade/core/log.h"
 #include "jade/core/random.h"
 #include "jade/train/checkpoint.h"
 #include "jade/train/routing_step.h"
 #include "jade/train/trainer.h"
-#include "support/temp_dir.h"
-#include "support/tiny_dataset.h"
+#include "train/tiny_scene.h"
 
 using namespace jade;
 
@@ -44,14 +42,7 @@ train::RunOptions tiny_options(const std::filesystem::path& data) {
   return options;
 }
 
-struct Scene {
-  test::TempDir dir;
-  std::filesystem::path data = dir.path() / "scene";
-  explicit Scene(const test::TinyDatasetOptions& options = {}) {
-    set_log_level("error");
-    test::write_tiny_dataset(data, options);
-  }
-};
+using Scene = test::TinyScene;
 
 std::vector<torch::Tensor> copies(const splat::Gaussians& gaussians) {
   std::vector<torch::Tensor> all;
