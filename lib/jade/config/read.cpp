@@ -9,6 +9,7 @@
 #include <yaml-cpp/yaml.h>
 
 #include "jade/config/config.h"
+#include "jade/config/problems.h"
 #include "jade/config/text.h"
 #include "jade/core/error.h"
 
@@ -43,15 +44,10 @@ class Reader {
     if (layer.has_lines && node.Mark().line >= 0) {
       where += concat(":", node.Mark().line + 1, ":", node.Mark().column + 1);
     }
-    problems_.push_back(where + ": " + what);
+    problems_.add(where + ": " + what);
   }
 
-  void throw_problems() const {
-    if (problems_.empty()) return;
-    std::string all;
-    for (const std::string& problem : problems_) all += (all.empty() ? "" : "\n") + problem;
-    throw ConfigError(all);
-  }
+  void throw_problems() const { problems_.throw_if_any(); }
 
  private:
   static std::string kind_of(const YAML::Node& node) {
@@ -174,7 +170,7 @@ class Reader {
   }
 
   const FieldList& fields_;
-  std::vector<std::string> problems_;
+  Problems problems_;
 };
 
 YAML::Node parse(const std::string& text, const std::string& name) {

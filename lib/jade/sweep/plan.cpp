@@ -5,6 +5,7 @@
 #include <set>
 #include <sstream>
 
+#include "jade/config/problems.h"
 #include "jade/core/error.h"
 
 namespace jade::sweep {
@@ -12,27 +13,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Problems in the order they were found, each once: a mistake in a row meets every scene and seed.
-class Problems {
- public:
-  void add(const std::string& lines) {
-    std::istringstream in(lines);
-    for (std::string line; std::getline(in, line);) {
-      if (seen_.insert(line).second) all_ += (all_.empty() ? "" : "\n") + line;
-    }
-  }
-  void throw_if_any() const {
-    if (!all_.empty()) throw ConfigError(all_);
-  }
-
- private:
-  std::set<std::string> seen_;
-  std::string all_;
-};
-
 template <class Entry>
 void keep_named(std::vector<Entry>& list, const std::vector<std::string>& names,
-                const std::string& flag, Problems& problems) {
+                const std::string& flag, config::Problems& problems) {
   if (names.empty()) return;
   std::vector<std::string> known;
   for (const Entry& entry : list) known.push_back(entry.name);
@@ -79,7 +62,7 @@ std::vector<config::Sources> layers_of(const Spec& spec, const PlanOptions& opti
 }
 
 void add_run(const Row& row, const Scene& scene, int64_t seed, const PlanOptions& options,
-             const Resolver& resolve, Plan& plan, Problems& problems) {
+             const Resolver& resolve, Plan& plan, config::Problems& problems) {
   Run run{row.name, scene.name, seed, {}};
   try {
     run.settings = resolve(layers_of(plan.spec, options, row, scene, seed));
@@ -124,7 +107,7 @@ std::string Run::value(const std::string& key) const {
 
 Plan make_plan(Spec spec, const PlanOptions& options, const Resolver& resolve) {
   Plan plan;
-  Problems problems;
+  config::Problems problems;
   if (spec.scenes.empty()) {
     if (options.base.empty())
       throw ConfigError(concat(spec.name, ": names no scenes; add --config scene.yaml"));

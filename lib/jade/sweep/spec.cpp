@@ -6,6 +6,7 @@
 
 #include "jade/config/config.h"
 #include "jade/config/document.h"
+#include "jade/config/problems.h"
 #include "jade/core/error.h"
 
 namespace jade::sweep {
@@ -44,16 +45,11 @@ class SpecReader {
     return spec;
   }
 
-  void throw_problems() const {
-    if (problems_.empty()) return;
-    std::string all;
-    for (const std::string& problem : problems_) all += (all.empty() ? "" : "\n") + problem;
-    throw ConfigError(all);
-  }
+  void throw_problems() const { problems_.throw_if_any(); }
 
  private:
   void complain(const DocumentNode& node, const std::string& what) {
-    problems_.push_back(concat(file_.string(), ":", node.line, ":", node.column, ": ", what));
+    problems_.add(concat(file_.string(), ":", node.line, ":", node.column, ": ", what));
   }
 
   void known(const DocumentNode& map, const std::vector<std::string>& names) {
@@ -244,7 +240,7 @@ class SpecReader {
   }
 
   fs::path file_, folder_;
-  std::vector<std::string> problems_;
+  config::Problems problems_;
 };
 
 }  // namespace
