@@ -104,6 +104,25 @@ struct Bench {
 
 }  // namespace
 
+TEST_CASE("views: Eq. (7) takes the paper's c, and with 0 the calibrated one", "[train]") {
+  const Scene scene;
+  Bench bench(scene);
+  const auto kernel = [&](double contrast) {
+    bench.options.route.reblur_contrast = contrast;
+    return train::prepare_views(bench.dataset, bench.options, torch::kCPU).front().reblur_kernel;
+  };
+  bench.options.events.threshold_positive = 0.3;
+  bench.options.events.threshold_negative = 0.2;
+  const data::Exposure& exposure = bench.dataset.train.front();
+  const auto voxel =
+      events::map_exposure(exposure.events, {exposure.t_start_us, exposure.t_end_us}, 6,
+                           {exposure.camera.height, exposure.camera.width})
+          .voxel;
+  CHECK(kernel(1).equal(imaging::reblur_kernel(voxel, 1)));
+  CHECK(kernel(0).equal(imaging::reblur_kernel(voxel, 0.25 * voxel.v_max)));
+  CHECK_FALSE(kernel(0).equal(kernel(1)));
+}
+
 TEST_CASE("routing step: changes the router and leaves the scene and its optimiser bit-equal",
           "[train]") {
   const Scene scene;

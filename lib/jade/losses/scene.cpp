@@ -49,7 +49,10 @@ bool intensity_acts(const SceneLossOptions& options, int64_t step) {
   return options.intensity && step > options.warmup;
 }
 
-bool tone_acts(const SceneLossOptions& options, int64_t step) { return step > options.warmup; }
+bool tone_acts(const SceneLossOptions& options, int64_t step) {
+  return step > options.warmup && (options.edi_supervision || simulation_acts(options, step) ||
+                                   options.intensity || options.event_loss_weight > 0);
+}
 
 SceneLoss scene_loss(const SceneLossInputs& inputs, int64_t step, const SceneLossOptions& options) {
   check_inputs(inputs, options);

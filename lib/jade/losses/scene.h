@@ -100,6 +100,7 @@ SceneLoss scene_loss(const SceneLossInputs& inputs, int64_t step, const SceneLos
 /// Which terms act at `step`, so that a caller prepares only what they need.
 bool simulation_acts(const SceneLossOptions& options, int64_t step);
 bool intensity_acts(const SceneLossOptions& options, int64_t step);
+/// The camera response φ is past its warm-up and some term reads it.
 bool tone_acts(const SceneLossOptions& options, int64_t step);
 
 }  // namespace jade::losses
