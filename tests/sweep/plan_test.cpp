@@ -167,6 +167,6 @@ TEST_CASE("configs: every sweep that ships can be read, and overrides have at mo
       ++overrides;
     }
   }
-  CHECK(sweeps == 7);
+  CHECK(sweeps == 8);
   CHECK(overrides == 19);
 }

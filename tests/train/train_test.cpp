@@ -10,6 +10,8 @@
 #include "jade/core/error.h"
 #include "jade/core/interrupt.h"
 #include "jade/core/random.h"
+#include "jade/events/exposure_maps.h"
+#include "jade/imaging/reblur.h"
 #include "jade/train/checkpoint.h"
 #include "jade/train/routing_step.h"
 #include "jade/train/trainer.h"
@@ -114,10 +116,9 @@ TEST_CASE("views: Eq. (7) takes the paper's c, and with 0 the calibrated one", "
   bench.options.events.threshold_positive = 0.3;
   bench.options.events.threshold_negative = 0.2;
   const data::Exposure& exposure = bench.dataset.train.front();
-  const auto voxel =
-      events::map_exposure(exposure.events, {exposure.t_start_us, exposure.t_end_us}, 6,
-                           {exposure.camera.height, exposure.camera.width})
-          .voxel;
+  const auto voxel = events::map_exposure(exposure.events, {exposure.t_start_us, exposure.t_end_us},
+                                          6, {exposure.camera.height, exposure.camera.width})
+                         .voxel;
   CHECK(kernel(1).equal(imaging::reblur_kernel(voxel, 1)));
   CHECK(kernel(0).equal(imaging::reblur_kernel(voxel, 0.25 * voxel.v_max)));
   CHECK_FALSE(kernel(0).equal(kernel(1)));
@@ -193,6 +194,28 @@ TEST_CASE("steps: the calendar decides which terms are there", "[train]") {
   CHECK(names_at(9) == "target blur edi_gray edi_color simulation intensity ");
   bench.options.scene.edi_supervision = false;
   CHECK(names_at(3) == "target blur ");
+}
+
+TEST_CASE("scene step: the camera response learns from the terms that read it, and rests without",
+          "[train]") {
+  const Scene scene;
+  Bench bench(scene);
+  bench.state.crf_adam = train::ModuleAdam(bench.state.crf->parameters(), 1e-3);
+  const auto moves_at = [&](int64_t step) {
+    const auto before = copies(bench.state.crf->parameters());
+    const auto renders =
+        train::render_exposure(bench.state, bench.views[1], 1, step, bench.options);
+    train::scene_step(bench.state, {bench.views[1], renders, {}, torch::tensor({1, 2, 3}), {}},
+                      step, bench.options);
+    return !equal(before, copies(bench.state.crf->parameters()));
+  };
+  CHECK_FALSE(moves_at(4));
+  CHECK(moves_at(6));
+  bench.options.scene.edi_supervision = bench.options.scene.intensity = false;
+  CHECK_FALSE(moves_at(6));
+  CHECK(moves_at(9));
+  bench.options.scene.simulation = false;
+  CHECK_FALSE(moves_at(9));
 }
 
 TEST_CASE("trainer: a view without events trains", "[train]") {

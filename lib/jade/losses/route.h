@@ -13,6 +13,7 @@ struct RouteOptions {
   bool render_consistency = true;
   bool reblur_consistency = true;
   double reblur_weight = 1;
+  double reblur_contrast = 1;
 };
 
 template <class V>
@@ -21,6 +22,10 @@ void describe(V& v, RouteOptions& o) {
   v.field("render_consistency", o.render_consistency, "first term of Eq. (6)");
   v.field("reblur_consistency", o.reblur_consistency, "second term of Eq. (6)");
   v.field("reblur_weight", o.reblur_weight, "factor of that term; 1 is Eq. (6)", Range{0, 1e3});
+  v.field("reblur_contrast", o.reblur_contrast,
+          "c of Eq. (7) on the voxel divided by its largest value; 1 in the paper; 0: the "
+          "calibrated one, mean contrast threshold times that value",
+          Range{0, 1e3});
 }
 
 /// Scalars; a term that is switched off is undefined.

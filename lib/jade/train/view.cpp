@@ -56,6 +56,14 @@ torch::Tensor fixed_target(const View& view, const RunOptions& options, torch::D
   return {};
 }
 
+/// c of Eq. (7). The paper's 1 makes the operator a scale-free surrogate; the calibrated c turns it
+/// into the exposure model that EDI inverts.
+double reblur_contrast(const events::EventVoxel& voxel, const RunOptions& options) {
+  if (options.route.reblur_contrast > 0) return options.route.reblur_contrast;
+  const auto thresholds = options.events.thresholds();
+  return 0.5 * (thresholds.positive + thresholds.negative) * voxel.v_max;
+}
+
 View prepare_view(const data::Exposure& exposure, const RunOptions& options,
                   models::ViewRestorer& restorer, torch::Device device) {
   const events::ImageSize size{exposure.camera.height, exposure.camera.width};
@@ -68,8 +76,8 @@ View prepare_view(const data::Exposure& exposure, const RunOptions& options,
   const torch::Tensor voxel = maps.voxel.values.to(device);
   view.psi = events::polarity_projection(voxel);
   view.density = maps.density.to(device);
-  // Eq. (7) on the normalised voxel with c = 1, the paper's scale-free surrogate.
-  view.reblur_kernel = imaging::reblur_kernel(maps.voxel, 1.0).to(device);
+  view.reblur_kernel =
+      imaging::reblur_kernel(maps.voxel, reblur_contrast(maps.voxel, options)).to(device);
   const auto windows = events::edi_windows(maps.windows, options.events.thresholds()).to(device);
   const auto edi = imaging::edi_kernel(windows, imaging::edi_index(options.events.edi_index));
   view.edi_factors = edi.gain.unsqueeze(1);

@@ -21,7 +21,7 @@ struct View {
   imaging::SsimTarget blurry_moments;  ///< of B, for L_blur
   torch::Tensor psi;                   ///< [2,H,W] Ψ(V)
   torch::Tensor edi_factors;           ///< [9,1,H,W] R_k: EDI_k(X) = X ⊙ R_k
-  torch::Tensor reblur_kernel;         ///< [1,H,W] K(V), Eq. (7) with c = 1
+  torch::Tensor reblur_kernel;         ///< [1,H,W] K(V), Eq. (7)
   torch::Tensor density;               ///< [H,W] events of either polarity
   models::Restorations restorations;   ///< I_edi and F; F undefined where nothing asks for it
   torch::Tensor fixed_target;  ///< [3,H,W] target that no router decides; undefined if routed
