@@ -262,7 +262,20 @@ void Trainer::save() {
 }
 
 eval::Evaluation Trainer::evaluate() {
-  return evaluate_views(state_.gaussians.detached(), dataset_.test);
+  const eval::Lpips lpips(device_);
+  return evaluate_views(state_.gaussians.detached(), dataset_.test, &lpips);
+}
+
+void Trainer::log_evaluation() {
+  const eval::Scores mean = evaluate().mean;
+  log_info(concat("step ", state_.step, ": test PSNR ", mean.psnr, " dB, SSIM ", mean.ssim));
+  nlohmann::ordered_json line{{"step", state_.step},
+                              {"test_psnr", mean.psnr},
+                              {"test_psnr_channel_mean", mean.psnr_channel_mean},
+                              {"test_ssim", mean.ssim}};
+  if (mean.lpips_alex01) line["test_lpips_alex01"] = *mean.lpips_alex01;
+  if (mean.lpips_vgg) line["test_lpips_vgg"] = *mean.lpips_vgg;
+  metrics_->append(line.dump());
 }
 
 geometry::Pose Trainer::middle_pose(int64_t exposure) const {
@@ -296,9 +309,7 @@ void Trainer::finish() {
   write_pictures();
   scene::write_ply(directory_.path() / "point_cloud.ply", {state_.gaussians.detached()});
   if (!dataset_.test.empty()) {
-    const eval::Lpips lpips(device_);
-    const eval::Evaluation evaluation =
-        evaluate_views(state_.gaussians.detached(), dataset_.test, &lpips);
+    const eval::Evaluation evaluation = evaluate();
     write_file(directory_.path() / "eval.json", eval::to_json(evaluation));
     log_info("on the sharp test views:\n" + eval::to_table(evaluation));
   }
@@ -323,14 +334,7 @@ void Trainer::run() {
     if (last) break;
     if (every(state_.step, options_.checkpoint.every)) save();
     if (every(state_.step, options_.train.evaluate_every) && !dataset_.test.empty()) {
-      const eval::Scores mean = evaluate().mean;
-      log_info(concat("step ", state_.step, ": test PSNR ", mean.psnr, " dB, SSIM ", mean.ssim));
-      metrics_->append(nlohmann::ordered_json{
-          {"step", state_.step},
-          {"test_psnr", mean.psnr},
-          {"test_psnr_channel_mean", mean.psnr_channel_mean},
-          {"test_ssim",
-           mean.ssim}}.dump());
+      log_evaluation();
     }
     if (every(state_.step, options_.train.picture_every)) write_pictures();
   }

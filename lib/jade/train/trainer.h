@@ -43,7 +43,7 @@ class Trainer {
   const std::vector<View>& views() const { return views_; }
   /// How many of the steps were replays of a CUDA graph.
   int64_t replays() const { return step_graph_ ? step_graph_->replays() : 0; }
-  /// PSNR and SSIM on the sharp test views, as they are now.
+  /// Scores on the sharp test views as they are now, LPIPS where its modules are at hand.
   eval::Evaluation evaluate();
 
  private:
@@ -53,6 +53,7 @@ class Trainer {
   void write_environment() const;
   void log_step(const View& view, const Renders& renders,
                 const std::vector<losses::NamedTerm>& terms);
+  void log_evaluation();
   void save();
   /// Where the camera was at mid-exposure, as learned where poses are.
   geometry::Pose middle_pose(int64_t exposure) const;
