@@ -84,7 +84,7 @@ TEST_CASE("gather: averages take whole seeds only, and every gap is told", "[swe
   INFO(remarks);
   for (const char* remark :
        {"full/b/2: new\n", "half/a/1: failed: diverged (exit 5): step 7: NaN\n",
-        "lpips_vgg: not measured by all finished runs", "gone/a/0: lies in this folder"}) {
+        "lpips_vgg: not measured by all finished runs", "though in its folder: gone/a/0\n"}) {
     CHECK_THAT(remarks, Catch::Contains(remark));
   }
 }

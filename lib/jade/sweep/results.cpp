@@ -154,6 +154,21 @@ void gather_machines(const Plan& plan, const SweepOutput& output, Table& table) 
   for (const std::string& count : steps) table.steps += (table.steps.empty() ? "" : ", ") + count;
 }
 
+/// Other sweeps may share the folder, so their runs take one line together.
+void remark_strangers(const std::set<std::string>& known, const SweepOutput& output, Table& table) {
+  constexpr int kNamed = 5;
+  std::string names;
+  int count = 0;
+  for (const std::string& id : output.present()) {
+    if (known.count(id)) continue;
+    if (++count <= kNamed) names += (names.empty() ? "" : ", ") + id;
+  }
+  if (count == 0) return;
+  table.remarks.push_back(concat(
+      "not in the table, because they are no part of this sweep, though in its folder: ", names,
+      count > kNamed ? concat(" and ", count - kNamed, " more") : ""));
+}
+
 }  // namespace
 
 Measured measure(const SweepOutput& output, const Run& run, const std::vector<Column>& columns) {
@@ -230,11 +245,7 @@ Table gather(const Plan& plan, const SweepOutput& output) {
   remark_gaps(table);
   for (const std::string& skipped : plan.skipped)
     table.remarks.push_back(skipped + " (not run: --skip-missing)");
-  for (const std::string& id : output.present()) {
-    if (!known.count(id))
-      table.remarks.push_back(
-          id + ": lies in this folder but is no part of this sweep; not in the table");
-  }
+  remark_strangers(known, output, table);
   gather_machines(plan, output, table);
   return table;
 }
