@@ -33,7 +33,7 @@ torch::Tensor pattern(int64_t height, int64_t width, int64_t top) {
       .view({3, height, width});
 }
 
-double worst(const torch::Tensor& a, const torch::Tensor& b) {
+double largest_difference(const torch::Tensor& a, const torch::Tensor& b) {
   return a.sub(b).abs().max().item<double>();
 }
 
@@ -53,11 +53,11 @@ TEST_CASE("image: 8-bit and 16-bit colour files come back to the last bit", "[im
   for (const char* name : {"a.png", "b.tiff", "c.bmp", "deep/er/d.ppm"}) {
     const auto image = pattern(5, 7, 255);
     write_image(folder.path / name, image);
-    CHECK(worst(read_image(folder.path / name), image) < 1e-7);
+    CHECK(largest_difference(read_image(folder.path / name), image) < 1e-7);
   }
   const auto image = pattern(9, 11, 65535);
   write_image(folder.path / "deep.png", image, {16});
-  CHECK(worst(read_image(folder.path / "deep.png"), image) < 1e-7);
+  CHECK(largest_difference(read_image(folder.path / "deep.png"), image) < 1e-7);
   CHECK(image_size(folder.path / "deep.png") == std::pair<int64_t, int64_t>(9, 11));
 }
 
@@ -75,10 +75,11 @@ TEST_CASE("image: gray files become three equal channels and alpha is dropped", 
   const Folder folder;
   const auto one = pattern(4, 6, 255).narrow(0, 0, 1).contiguous();
   write_image(folder.path / "gray.png", one);
-  CHECK(worst(read_image(folder.path / "gray.png"), one.expand({3, -1, -1})) < 1e-7);
+  CHECK(largest_difference(read_image(folder.path / "gray.png"), one.expand({3, -1, -1})) < 1e-7);
   cv::Mat gray16(3, 5, CV_16U, cv::Scalar(13107));
   cv::imwrite((folder.path / "gray16.png").string(), gray16);
-  CHECK(worst(read_image(folder.path / "gray16.png"), torch::full({3, 3, 5}, 0.2)) < 1e-7);
+  CHECK(largest_difference(read_image(folder.path / "gray16.png"), torch::full({3, 3, 5}, 0.2)) <
+        1e-7);
   cv::Mat alpha(2, 2, CV_8UC4, cv::Scalar(255, 0, 51, 7));
   cv::imwrite((folder.path / "alpha.png").string(), alpha);
   const auto read = read_image(folder.path / "alpha.png");
@@ -92,7 +93,7 @@ TEST_CASE("image: values are clamped and rounded, NaN becomes black", "[imaging]
       torch::tensor({-1.0, 2.0, 0.4999 / 255, 0.5001 / 255, std::nan(""), 1.0}).view({1, 1, 6});
   write_image(folder.path / "a.png", image);
   const auto expected = torch::tensor({0.0, 1.0, 0.0, 1.0 / 255, 0.0, 1.0});
-  CHECK(worst(read_image(folder.path / "a.png")[0][0], expected) < 1e-6);
+  CHECK(largest_difference(read_image(folder.path / "a.png")[0][0], expected) < 1e-6);
 }
 
 TEST_CASE("image: float arrays are kept as they are", "[imaging]") {
@@ -106,7 +107,7 @@ TEST_CASE("image: jpeg is close, and png bytes decode", "[imaging]") {
   const Folder folder;
   const auto image = torch::full({3, 16, 16}, 0.5);
   write_image(folder.path / "a.jpg", image);
-  CHECK(worst(read_image(folder.path / "a.jpg"), image) < 0.02);
+  CHECK(largest_difference(read_image(folder.path / "a.jpg"), image) < 0.02);
   const auto bytes = encode_png(image);
   CHECK(std::string(bytes.begin() + 1, bytes.begin() + 4) == "PNG");
 }

@@ -12,11 +12,11 @@ namespace {
 using test::check_gradients;
 using test::image;
 
-torch::Tensor flat(double value) { return torch::full({3, 5, 5}, value, torch::kFloat64); }
-torch::Tensor kernel(double value) { return torch::full({1, 5, 5}, value, torch::kFloat64); }
+torch::Tensor even(double value) { return torch::full({3, 5, 5}, value, torch::kFloat64); }
+torch::Tensor even_kernel(double value) { return torch::full({1, 5, 5}, value, torch::kFloat64); }
 
 TEST_CASE("route_loss: is the sum of both mean absolute differences", "[losses]") {
-  const RouteLoss loss = route_loss(flat(0.5), Fixed(flat(0.8)), kernel(1.5), flat(0.7), {});
+  const RouteLoss loss = route_loss(even(0.5), Fixed(even(0.8)), even_kernel(1.5), even(0.7), {});
   CHECK(loss.render.item<double>() == Approx(0.3));
   CHECK(loss.reblur.item<double>() == Approx(0.05));
   CHECK(loss.total.item<double>() == Approx(0.35));
@@ -25,18 +25,18 @@ TEST_CASE("route_loss: is the sum of both mean absolute differences", "[losses]"
 TEST_CASE("route_loss: a term that is off is absent", "[losses]") {
   RouteOptions options;
   options.render_consistency = false;
-  RouteLoss loss = route_loss(flat(0.5), Fixed(flat(0.8)), kernel(1.5), flat(0.7), options);
+  RouteLoss loss = route_loss(even(0.5), Fixed(even(0.8)), even_kernel(1.5), even(0.7), options);
   CHECK_FALSE(loss.render.defined());
   CHECK(loss.total.item<double>() == Approx(0.05));
   options.reblur_consistency = false;
-  loss = route_loss(flat(0.5), Fixed(flat(0.8)), kernel(1.5), flat(0.7), options);
+  loss = route_loss(even(0.5), Fixed(even(0.8)), even_kernel(1.5), even(0.7), options);
   CHECK_FALSE(loss.total.defined());
 }
 
 TEST_CASE("route_loss: the render gets no gradient", "[losses]") {
-  torch::Tensor pseudo = flat(0.5).set_requires_grad(true);
-  torch::Tensor render = flat(0.8).set_requires_grad(true);
-  route_loss(pseudo, Fixed(render), kernel(1.5), flat(0.7), {}).total.backward();
+  torch::Tensor pseudo = even(0.5).set_requires_grad(true);
+  torch::Tensor render = even(0.8).set_requires_grad(true);
+  route_loss(pseudo, Fixed(render), even_kernel(1.5), even(0.7), {}).total.backward();
   CHECK(pseudo.grad().defined());
   CHECK_FALSE(render.grad().defined());
 }
@@ -53,7 +53,7 @@ TEST_CASE("route_loss: gradients equal central differences", "[losses]") {
 TEST_CASE("route_loss: where I_edi = F the gradient to α is zero, Eq. (5)", "[losses]") {
   torch::Tensor alpha = image(1, {1, 5, 5}).set_requires_grad(true);
   const models::Restorations same{image(2, {3, 5, 5}), image(2, {3, 5, 5})};
-  route_loss(models::fuse(alpha, same), Fixed(flat(0.8)), kernel(1.5), flat(0.7), {})
+  route_loss(models::fuse(alpha, same), Fixed(even(0.8)), even_kernel(1.5), even(0.7), {})
       .total.backward();
   CHECK(alpha.grad().abs().max().item<double>() == 0);
 }
@@ -63,10 +63,11 @@ TEST_CASE("route_loss: the reblur residual of the mix is the mix of residuals", 
   RouteOptions options;
   options.render_consistency = false;
   const auto residual = [&](const torch::Tensor& pseudo) {
-    return route_loss(pseudo, Fixed(pseudo), kernel(2), flat(0.1), options).total.item<double>();
+    return route_loss(pseudo, Fixed(pseudo), even_kernel(2), even(0.1), options)
+        .total.item<double>();
   };
-  const models::Restorations r{flat(0.9), flat(0.4)};
-  const double mix = residual(models::fuse(kernel(0.25), r));
+  const models::Restorations r{even(0.9), even(0.4)};
+  const double mix = residual(models::fuse(even_kernel(0.25), r));
   CHECK(mix == Approx(0.25 * residual(r.edi) + 0.75 * residual(r.efnet)));
 }
 
@@ -87,7 +88,7 @@ TEST_CASE("rec_loss: gradients equal central differences on both sides", "[losse
 
 TEST_CASE("target_loss: is the colour term plus the gray term, Eq. (9)", "[losses]") {
   // With λ = 0: mean |difference| of the colours, plus the luma difference.
-  torch::Tensor render = flat(0.5), target = flat(0.5);
+  torch::Tensor render = even(0.5), target = even(0.5);
   target[1].fill_(0.6);
   const double expected = 0.1 / 3 + 0.587 * 0.1;
   CHECK(target_loss(render, Fixed(target), 0).item<double>() == Approx(expected));

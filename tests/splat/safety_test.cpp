@@ -43,7 +43,7 @@ bool all_finite(const Outcome& outcome) {
   return finite;
 }
 
-SplatScene float_scene(int64_t gaussians = 40) {
+SplatScene small_scene(int64_t gaussians = 40) {
   SplatSceneOptions options;
   options.gaussians = gaussians;
   options.dtype = torch::kFloat32;
@@ -82,7 +82,7 @@ TEST_CASE("render: unusable parameters contribute nothing, get no gradient and a
                         {"opacity 0", 3, -kInf},
                         {"NaN colour", 4, kNaN},
                         {"infinite colour", 4, kInf}};
-  const SplatScene scene = float_scene();
+  const SplatScene scene = small_scene();
   const int64_t victim = 17;
   const Outcome expected = run(without(scene, victim));
   for (const Case& c : cases) {
@@ -101,7 +101,7 @@ TEST_CASE("render: unusable parameters contribute nothing, get no gradient and a
 }
 
 TEST_CASE("render: one bad coordinate is enough to be rejected", "[splat]") {
-  SplatScene scene = float_scene();
+  SplatScene scene = small_scene();
   scene.gaussians.sh = scene.gaussians.sh.clone();
   scene.gaussians.sh[3][15][2] = kNaN;
   scene.gaussians.means = scene.gaussians.means.clone();
@@ -112,7 +112,7 @@ TEST_CASE("render: one bad coordinate is enough to be rejected", "[splat]") {
 }
 
 TEST_CASE("render: finite extremes stay finite", "[splat]") {
-  const SplatScene scene = float_scene();
+  const SplatScene scene = small_scene();
   for (const float logit : {-100.f, 100.f}) {
     SplatScene extreme = scene;
     extreme.gaussians.logit_opacities = torch::full_like(scene.gaussians.logit_opacities, logit);
@@ -143,7 +143,7 @@ TEST_CASE("render: finite extremes stay finite", "[splat]") {
 
 TEST_CASE("render: Gaussians behind, on or barely before the camera are culled quietly",
           "[splat]") {
-  SplatScene scene = float_scene();
+  SplatScene scene = small_scene();
   scene.gaussians.means = scene.gaussians.means.clone();
   const Tensor pose = scene.cameras.camera_from_world[0];
   const Tensor center =
@@ -159,7 +159,7 @@ TEST_CASE("render: Gaussians behind, on or barely before the camera are culled q
 }
 
 TEST_CASE("render: a camera full of NaN gives the background", "[splat]") {
-  SplatScene scene = float_scene();
+  SplatScene scene = small_scene();
   scene.cameras.camera_from_world = torch::full_like(scene.cameras.camera_from_world, kNaN);
   const Outcome outcome = run(scene);
   CHECK(outcome.color.abs().max().item<float>() == 0);
@@ -167,7 +167,7 @@ TEST_CASE("render: a camera full of NaN gives the background", "[splat]") {
 }
 
 TEST_CASE("render: no Gaussians give the background", "[splat]") {
-  const SplatScene scene = float_scene();
+  const SplatScene scene = small_scene();
   splat::Gaussians none = scene.gaussians;
   for (Tensor* t :
        {&none.means, &none.rotations, &none.log_scales, &none.logit_opacities, &none.sh})

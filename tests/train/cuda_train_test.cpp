@@ -12,7 +12,7 @@ using namespace jade;
 
 namespace {
 
-struct Scene : test::TinyScene {
+struct GpuScene : test::TinyScene {
   /// Everything but the routing step acts: target "edi" needs no restorer.
   train::RunOptions options() const {
     train::RunOptions options;
@@ -44,7 +44,7 @@ double mean_difference(const torch::Tensor& a, const torch::Tensor& b) {
 
 TEST_CASE("trainer: recorded steps agree with eager ones across warm-up and densification",
           "[train][cuda]") {
-  const Scene scene;
+  const GpuScene scene;
   train::RunOptions options = scene.options();
   train::Trainer recorded(options, scene.dir.path() / "recorded", "");
   options.train.cuda_graph = false;
@@ -67,7 +67,7 @@ TEST_CASE("trainer: recorded steps agree with eager ones across warm-up and dens
 }
 
 TEST_CASE("trainer: a deterministic run on a GPU resumes to the bit", "[train][cuda]") {
-  const Scene scene;
+  const GpuScene scene;
   train::RunOptions options = scene.options();
   options.deterministic = true;
   const auto whole = scene.dir.path() / "whole", halves = scene.dir.path() / "halves";

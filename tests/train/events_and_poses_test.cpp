@@ -18,7 +18,7 @@ using namespace jade;
 
 namespace {
 
-struct Scene : test::TinyScene {
+struct ShortScene : test::TinyScene {
   train::RunOptions options() const {
     train::RunOptions options;
     options.device = "cpu";
@@ -48,7 +48,7 @@ torch::Tensor poses_of(const data::Exposure& exposure) {
 
 TEST_CASE("event windows: lie in the exposure, repeat with the seed, and count its events",
           "[train]") {
-  const Scene scene;
+  const ShortScene scene;
   const data::Dataset dataset = scene.dataset();
   losses::SceneLossOptions options;
   options.event_pixels = 50;
@@ -75,7 +75,7 @@ TEST_CASE("event windows: lie in the exposure, repeat with the seed, and count i
 }
 
 TEST_CASE("event windows: a window of the whole exposure counts all its events", "[train]") {
-  const Scene scene;
+  const ShortScene scene;
   const data::Dataset dataset = scene.dataset();
   losses::SceneLossOptions options;
   options.event_window_share = 1;
@@ -91,7 +91,7 @@ TEST_CASE("event windows: a window of the whole exposure counts all its events",
 }
 
 TEST_CASE("trainer: L_ev is a term of the objective where its weight is positive", "[train]") {
-  const Scene scene;
+  const ShortScene scene;
   train::RunOptions options = scene.options();
   train::Trainer without(options, scene.dir.path() / "without", "");
   options.scene.event_loss_weight = 0.1;
@@ -110,7 +110,7 @@ TEST_CASE("trainer: L_ev is a term of the objective where its weight is positive
 }
 
 TEST_CASE("exposure poses: start on the line between the exposure's ends, both kinds", "[train]") {
-  const Scene scene;
+  const ShortScene scene;
   const data::Dataset dataset = scene.dataset();
   const train::ExposurePoses linear("linear", dataset.train), cubic("cubic", dataset.train);
   const torch::Tensor of_linear = linear.forward(1, torch::kCPU);
@@ -121,7 +121,7 @@ TEST_CASE("exposure poses: start on the line between the exposure's ends, both k
 }
 
 TEST_CASE("exposure poses: training moves them, and a resumed run goes on to the bit", "[train]") {
-  const Scene scene;
+  const ShortScene scene;
   for (const char* const kind : {"linear", "cubic"}) {
     train::RunOptions options = scene.options();
     options.scene.target = "none";

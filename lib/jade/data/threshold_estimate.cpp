@@ -17,7 +17,7 @@ constexpr double kBright = 0.96;
 constexpr int kRounds = 12;
 
 /// What one exposure says, flattened to [P] and [8,P] float64.
-struct View {
+struct LogView {
   torch::Tensor log_frame;
   torch::Tensor usable;
   torch::Tensor positive, negative;  ///< events in the eight windows
@@ -25,11 +25,11 @@ struct View {
 
 /// Events of two neighbours between their mid-exposures.
 struct Pair {
-  View first, second;
+  LogView first, second;
   torch::Tensor positive, negative;  ///< [P]
 };
 
-View view_of(const Exposure& exposure, double log_offset) {
+LogView view_of(const Exposure& exposure, double log_offset) {
   const events::ImageSize size{exposure.camera.height, exposure.camera.width};
   const torch::Tensor gray = imaging::gray(exposure.blurry).to(torch::kFloat64).flatten();
   const auto maps =
@@ -45,7 +45,7 @@ struct LogBlur {
   torch::Tensor value, by_positive, by_negative;
 };
 
-LogBlur log_blur(const View& view, const events::Thresholds& thresholds) {
+LogBlur log_blur(const LogView& view, const events::Thresholds& thresholds) {
   std::vector<torch::Tensor> positive, negative;
   for (int64_t k = 0; k <= events::kEdiWindows; ++k) {
     const int64_t mid = geometry::kMidPose;

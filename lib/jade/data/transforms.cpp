@@ -18,7 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-struct View {
+struct ListedView {
   fs::path path;
   geometry::Pose pose;
   geometry::Intrinsics camera;  ///< 0 where the file does not say
@@ -95,7 +95,7 @@ geometry::Intrinsics camera_of_frame(const json& root, const json& frame) {
   return camera;
 }
 
-std::vector<View> read_views(const fs::path& path, const Warnings& warnings) {
+std::vector<ListedView> read_views(const fs::path& path, const Warnings& warnings) {
   const json root = read_json(path);
   for (const char* key : {"k1", "k2", "k3", "k4", "p1", "p2"}) {
     if (std::abs(number(root, key, 0)) < 1e-6) continue;
@@ -104,10 +104,10 @@ std::vector<View> read_views(const fs::path& path, const Warnings& warnings) {
                  "first if it is more than a pixel");
     break;
   }
-  std::vector<View> views;
+  std::vector<ListedView> views;
   for (const json& frame : root["frames"]) {
     const std::string where = concat(path.string(), " frame ", views.size());
-    View view;
+    ListedView view;
     view.path = image_of(path.parent_path(), frame, where);
     view.camera = camera_of_frame(root, frame);
     if (!frame.contains("transform_matrix")) {
@@ -126,7 +126,7 @@ std::vector<View> read_views(const fs::path& path, const Warnings& warnings) {
   return views;
 }
 
-geometry::Intrinsics fit_camera(const View& view, int64_t width, int64_t height) {
+geometry::Intrinsics fit_camera(const ListedView& view, int64_t width, int64_t height) {
   if (view.angle_x > 0) {
     const double focal_px = 0.5 * double(width) / std::tan(0.5 * view.angle_x);
     return geometry::Intrinsics::centred(focal_px, width, height);
@@ -149,13 +149,13 @@ bool is_transforms(const fs::path& folder) {
 
 Dataset load_transforms(const DatasetOptions& options, const Warnings& warnings) {
   const fs::path single = options.path / "transforms.json";
-  std::vector<View> views;
+  std::vector<ListedView> views;
   std::vector<bool> is_test;
   Dataset data;
   if (fs::exists(single)) {
     views = read_views(single, warnings);
     std::sort(views.begin(), views.end(),
-              [](const View& a, const View& b) { return a.path < b.path; });
+              [](const ListedView& a, const ListedView& b) { return a.path < b.path; });
     Split split = split_by_position(
         views.size(), {options.split, options.test_last, options.test_every}, single.string());
     is_test = std::move(split.is_test);
@@ -165,13 +165,13 @@ Dataset load_transforms(const DatasetOptions& options, const Warnings& warnings)
     is_test.assign(views.size(), false);
     const fs::path test = options.path / "transforms_test.json";
     if (fs::exists(test) && options.split != "none") {
-      for (View& view : read_views(test, warnings)) views.push_back(std::move(view));
+      for (ListedView& view : read_views(test, warnings)) views.push_back(std::move(view));
     }
     is_test.resize(views.size(), true);
     data.split = "transforms_test.json";
   }
   std::vector<fs::path> paths;
-  for (const View& view : views) paths.push_back(view.path);
+  for (const ListedView& view : views) paths.push_back(view.path);
   const std::vector<Frame> frames = read_frames(paths);
   data.root = options.path;
   std::vector<geometry::Pose> poses;

@@ -15,7 +15,6 @@
 namespace jade::events {
 namespace {
 
-constexpr int64_t kGrain = 1 << 16;
 // Sizes beyond every sensor, when only NaN is looked for.
 constexpr ImageSize kAnySize{int64_t(1) << 40, int64_t(1) << 40};
 
@@ -35,7 +34,7 @@ RawEvents read_raw(const std::filesystem::path& path) {
 void make_signs(const std::filesystem::path& path, torch::Tensor& polarity) {
   int8_t* p = polarity.mutable_data_ptr<int8_t>();
   std::atomic<bool> zeros{false}, negatives{false}, others{false};
-  at::parallel_for(0, polarity.numel(), kGrain, [&](int64_t begin, int64_t end) {
+  at::parallel_for(0, polarity.numel(), kEventGrain, [&](int64_t begin, int64_t end) {
     bool zero = false, negative = false, other = false;
     for (int64_t i = begin; i < end; ++i) {
       zero |= p[i] == 0;
@@ -51,7 +50,7 @@ void make_signs(const std::filesystem::path& path, torch::Tensor& polarity) {
                            others ? "other numbers" : "-1 and 0 together"));
   }
   if (!zeros) return;
-  at::parallel_for(0, polarity.numel(), kGrain, [&](int64_t begin, int64_t end) {
+  at::parallel_for(0, polarity.numel(), kEventGrain, [&](int64_t begin, int64_t end) {
     for (int64_t i = begin; i < end; ++i) p[i] = p[i] == 0 ? int8_t(-1) : int8_t(1);
   });
 }
@@ -90,7 +89,7 @@ torch::Tensor to_us(const torch::Tensor& time, const std::string& unit) {
   }
   if (unit == "us") return time;
   int64_t* t = time.mutable_data_ptr<int64_t>();
-  at::parallel_for(0, time.numel(), kGrain, [&](int64_t begin, int64_t end) {
+  at::parallel_for(0, time.numel(), kEventGrain, [&](int64_t begin, int64_t end) {
     for (int64_t i = begin; i < end; ++i) {
       t[i] = unit == "ns" ? (t[i] >= 0 ? t[i] / 1000 : -((-t[i] + 999) / 1000)) : t[i] * 1000000;
     }

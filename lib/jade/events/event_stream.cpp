@@ -13,8 +13,6 @@
 namespace jade::events {
 namespace {
 
-constexpr int64_t kGrain = 1 << 16;
-
 /// First index whose time is smaller than the one before, or -1.
 int64_t first_unsorted(const torch::Tensor& t_us) {
   const int64_t n = t_us.numel();
@@ -23,7 +21,7 @@ int64_t first_unsorted(const torch::Tensor& t_us) {
   }
   const int64_t* t = t_us.const_data_ptr<int64_t>();
   std::atomic<int64_t> bad{n};
-  at::parallel_for(1, std::max<int64_t>(n, 1), kGrain, [&](int64_t begin, int64_t end) {
+  at::parallel_for(1, std::max<int64_t>(n, 1), kEventGrain, [&](int64_t begin, int64_t end) {
     for (int64_t i = begin; i < end; ++i) {
       if (t[i] < t[i - 1]) {
         int64_t seen = bad.load();
@@ -40,7 +38,7 @@ bool polarities_are_signs(const torch::Tensor& polarity) {
   if (!polarity.is_cpu()) return polarity.abs().eq(1).all().item<bool>();
   const int8_t* p = polarity.const_data_ptr<int8_t>();
   std::atomic<bool> good{true};
-  at::parallel_for(0, polarity.numel(), kGrain, [&](int64_t begin, int64_t end) {
+  at::parallel_for(0, polarity.numel(), kEventGrain, [&](int64_t begin, int64_t end) {
     bool all = true;
     for (int64_t i = begin; i < end; ++i) all &= p[i] == 1 || p[i] == -1;
     if (!all) good = false;
@@ -139,7 +137,7 @@ EventProblems count_problems(const EventStream& events, const ImageSize& size) {
   const float* y = events.y().const_data_ptr<float>();
   const float width = float(size.width), height = float(size.height);
   std::atomic<int64_t> not_finite{0}, outside{0}, touching{0};
-  at::parallel_for(0, events.size(), kGrain, [&](int64_t begin, int64_t end) {
+  at::parallel_for(0, events.size(), kEventGrain, [&](int64_t begin, int64_t end) {
     int64_t bad = 0, out = 0, edge = 0;
     for (int64_t i = begin; i < end; ++i) {
       const float u = x[i], v = y[i];

@@ -7,6 +7,9 @@
 
 namespace jade::events {
 
+/// Events that a thread takes at once.
+inline constexpr int64_t kEventGrain = 1 << 16;
+
 /// Half-open span of time [begin_us, end_us).
 struct TimeWindow {
   int64_t begin_us = 0, end_us = 0;

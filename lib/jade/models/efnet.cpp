@@ -26,10 +26,6 @@ struct OutOfMemory : DeviceError {
   using DeviceError::DeviceError;
 };
 
-[[noreturn]] void fail(const std::filesystem::path& path, const std::string& what) {
-  throw DataError(concat(path.string(), ": ", what));
-}
-
 std::string first_line(const std::string& text) { return text.substr(0, text.find('\n')); }
 
 /// torch's advice behind it is about its own checkpoints.
@@ -85,11 +81,11 @@ std::unique_ptr<torch::jit::Module> load_module(const std::filesystem::path& pat
     *metadata = extra[kRestorerMetadataFile];
     return module;
   } catch (const c10::Error& problem) {
-    fail(path, concat("no TorchScript file, or a damaged one: ",
-                      first_sentence(problem.what_without_backtrace()),
-                      "; make it with scripts/efnet/export_efnet.py"));
+    fail_restorer(path, concat("no TorchScript file, or a damaged one: ",
+                               first_sentence(problem.what_without_backtrace()),
+                               "; make it with scripts/efnet/export_efnet.py"));
   } catch (const std::exception& problem) {
-    fail(path, concat("cannot be loaded: ", first_line(problem.what())));
+    fail_restorer(path, concat("cannot be loaded: ", first_line(problem.what())));
   }
 }
 
@@ -129,8 +125,8 @@ std::string weights_sha256(const torch::jit::Module& module) {
 std::string checked_file_sha256(const EfnetOptions& options) {
   const std::string found = file_sha256(options.path);
   if (!options.sha256.empty() && options.sha256 != found) {
-    fail(options.path, concat("expected SHA-256 ", options.sha256, ", found ", found,
-                              ": another file than the configuration means"));
+    fail_restorer(options.path, concat("expected SHA-256 ", options.sha256, ", found ", found,
+                                       ": another file than the configuration means"));
   }
   return found;
 }
@@ -143,8 +139,8 @@ Restorer::Restorer(const EfnetOptions& options, torch::Device device)
   metadata_ = parse_restorer_metadata(path_, metadata);
   const std::string weights = weights_sha256(*module_);
   if (weights != metadata_.weights_sha256) {
-    fail(path_, concat("its metadata is of weights ", metadata_.weights_sha256, ", it holds ",
-                       weights, ": damaged or edited; export it again"));
+    fail_restorer(path_, concat("its metadata is of weights ", metadata_.weights_sha256,
+                                ", it holds ", weights, ": damaged or edited; export it again"));
   }
   module_->eval();
   for (const torch::Tensor& parameter : module_->parameters()) parameter.set_requires_grad(false);
@@ -193,12 +189,12 @@ torch::Tensor Restorer::call(const Inputs& inputs) const {
     if (says_out_of_memory(problem.what())) {
       throw OutOfMemory(concat("not enough memory on ", device_.str(), " to restore ", size));
     }
-    fail(path_, concat("the network refused ", size, ": ", last_line(problem.what())));
+    fail_restorer(path_, concat("the network refused ", size, ": ", last_line(problem.what())));
   }
   const std::vector<int64_t> expected{image.size(0), 3, height + bottom, width + right};
   if (output.sizes() != torch::IntArrayRef(expected)) {
-    fail(path_, concat("the network returned shape ", shape_string(output), " for ",
-                       shape_string(image), " images"));
+    fail_restorer(path_, concat("the network returned shape ", shape_string(output), " for ",
+                                shape_string(image), " images"));
   }
   return output.narrow(2, 0, height).narrow(3, 0, width);
 }

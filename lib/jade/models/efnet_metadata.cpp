@@ -10,51 +10,52 @@ namespace {
 
 constexpr int64_t kFormatVersion = 1;
 
-[[noreturn]] void fail(const std::filesystem::path& path, const std::string& what) {
-  throw DataError(concat(path.string(), ": ", what));
-}
-
 void check_values(const std::filesystem::path& path, const RestorerMetadata& m,
                   const std::string& normalization) {
   if (m.kind != "efnet" && m.kind != "image") {
-    fail(path, concat("expected kind efnet or image, found '", m.kind, "'"));
+    fail_restorer(path, concat("expected kind efnet or image, found '", m.kind, "'"));
   }
   const bool events = m.kind == "efnet";
   if (events ? m.input != "scer" && m.input != "bins" : m.input != "none") {
-    fail(path, concat("input '", m.input, "' does not fit kind ", m.kind));
+    fail_restorer(path, concat("input '", m.input, "' does not fit kind ", m.kind));
   }
   if (events && normalization != "max_abs") {
-    fail(path, concat("unknown normalization '", normalization, "'; expected max_abs"));
+    fail_restorer(path, concat("unknown normalization '", normalization, "'; expected max_abs"));
   }
   if (m.padding_multiple < 1 || m.padding_multiple > 1024 || m.minimum_size < 1 ||
       m.minimum_size > 65536) {
-    fail(path, concat("padding_multiple ", m.padding_multiple, " or minimum_size ", m.minimum_size,
-                      " makes no sense"));
+    fail_restorer(path, concat("padding_multiple ", m.padding_multiple, " or minimum_size ",
+                               m.minimum_size, " makes no sense"));
   }
 }
 
 }  // namespace
 
+void fail_restorer(const std::filesystem::path& path, const std::string& what) {
+  throw DataError(concat(path.string(), ": ", what));
+}
+
 RestorerMetadata parse_restorer_metadata(const std::filesystem::path& path,
                                          const std::string& text) {
   if (text.empty()) {
-    fail(path, concat("has no ", kRestorerMetadataFile, ": export the restorer with scripts/efnet/",
-                      "export_efnet.py --help"));
+    fail_restorer(
+        path, concat("has no ", kRestorerMetadataFile, ": export the restorer with scripts/efnet/",
+                     "export_efnet.py --help"));
   }
   RestorerMetadata m;
   std::string normalization;
   try {
     const nlohmann::json json = nlohmann::json::parse(text);
     if (json.at("format").get<std::string>() != "jade-restorer") {
-      fail(path, concat(kRestorerMetadataFile, " is not of format jade-restorer"));
+      fail_restorer(path, concat(kRestorerMetadataFile, " is not of format jade-restorer"));
     }
     const auto version = json.at("format_version").get<int64_t>();
     if (version > kFormatVersion) {
-      fail(path, concat("has format version ", version, ", this program reads up to ",
-                        kFormatVersion, ": update it, or export the restorer anew"));
+      fail_restorer(path, concat("has format version ", version, ", this program reads up to ",
+                                 kFormatVersion, ": update it, or export the restorer anew"));
     }
     const std::string dtype = json.at("dtype").get<std::string>();
-    if (dtype != "float32") fail(path, concat("expected dtype float32, found ", dtype));
+    if (dtype != "float32") fail_restorer(path, concat("expected dtype float32, found ", dtype));
     m.kind = json.at("kind").get<std::string>();
     m.name = json.at("name").get<std::string>();
     m.width = json.at("width").get<int64_t>();
@@ -68,7 +69,7 @@ RestorerMetadata parse_restorer_metadata(const std::filesystem::path& path,
     m.source = json.at("source").get<std::string>();
     normalization = json.at("normalization").get<std::string>();
   } catch (const nlohmann::json::exception& problem) {
-    fail(path, concat("bad ", kRestorerMetadataFile, ": ", problem.what()));
+    fail_restorer(path, concat("bad ", kRestorerMetadataFile, ": ", problem.what()));
   }
   check_values(path, m, normalization);
   return m;

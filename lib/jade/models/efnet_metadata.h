@@ -25,6 +25,10 @@ struct RestorerMetadata {
   std::string source;
 };
 
+/// How every problem with a restorer's file is told.
+/// @throws DataError "path: what", always.
+[[noreturn]] void fail_restorer(const std::filesystem::path& path, const std::string& what);
+
 /// @param text  what jade_efnet.json holds; empty where the file has none.
 /// @throws DataError naming the path: no metadata (with the command that exports a file with it),
 ///   another version, or values that make no sense.

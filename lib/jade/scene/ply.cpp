@@ -7,6 +7,7 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/check.h"
+#include "jade/scene/file_tensor.h"
 #include "jade/scene/ply_header.h"
 
 namespace jade::scene {
@@ -59,10 +60,6 @@ std::string header_text(const splat::Gaussians& gaussians, bool antialiased) {
   return text + "end_header\n";
 }
 
-torch::Tensor plain(const torch::Tensor& tensor) {
-  return tensor.detach().to(torch::kCPU, torch::kFloat32);
-}
-
 }  // namespace
 
 GaussianFile read_ply(const std::filesystem::path& path) {
@@ -95,15 +92,15 @@ GaussianFile read_ply(const std::filesystem::path& path) {
 void write_ply(const std::filesystem::path& path, const GaussianFile& file) {
   const splat::Gaussians& g = file.gaussians;
   check_shape(g.sh, "sh", {g.size(), -1, 3});
-  const torch::Tensor means = plain(g.means);
-  const torch::Tensor sh = plain(g.sh);
+  const torch::Tensor means = file_tensor(g.means);
+  const torch::Tensor sh = file_tensor(g.sh);
   const torch::Tensor rest =
       sh.slice(1, 1).transpose(1, 2).reshape({g.size(), 3 * (sh.size(1) - 1)});
-  const torch::Tensor rows =
-      torch::cat({means, torch::zeros_like(means), sh.select(1, 0), rest,
-                  plain(g.logit_opacities).unsqueeze(1), plain(g.log_scales), plain(g.rotations)},
-                 1)
-          .contiguous();
+  const torch::Tensor rows = torch::cat({means, torch::zeros_like(means), sh.select(1, 0), rest,
+                                         file_tensor(g.logit_opacities).unsqueeze(1),
+                                         file_tensor(g.log_scales), file_tensor(g.rotations)},
+                                        1)
+                                 .contiguous();
   const std::string header = header_text(g, file.antialiased);
   AtomicFile target(path);
   std::ofstream out(target.temporary_path(), std::ios::binary);

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "jade/core/atomic_file.h"
+#include "jade/scene/file_tensor.h"
 
 namespace jade::scene {
 namespace {
@@ -14,24 +15,20 @@ namespace {
 constexpr size_t kRecordBytes = 32;
 constexpr double kShDc = 0.28209479177387814;  ///< Y_0^0
 
-torch::Tensor plain(const torch::Tensor& tensor) {
-  return tensor.detach().to(torch::kCPU, torch::kFloat32).contiguous();
-}
-
 }  // namespace
 
 void write_splat(const std::filesystem::path& path, const splat::Gaussians& gaussians) {
-  const torch::Tensor means = plain(gaussians.means);
-  const torch::Tensor scales = plain(gaussians.log_scales).exp();
-  const torch::Tensor opacities = plain(gaussians.logit_opacities).sigmoid();
-  const torch::Tensor rgb = plain(gaussians.sh.select(1, 0)) * kShDc + 0.5;
+  const torch::Tensor means = file_tensor(gaussians.means);
+  const torch::Tensor scales = file_tensor(gaussians.log_scales).exp();
+  const torch::Tensor opacities = file_tensor(gaussians.logit_opacities).sigmoid();
+  const torch::Tensor rgb = file_tensor(gaussians.sh.select(1, 0)) * kShDc + 0.5;
   const torch::Tensor rgba = (torch::cat({rgb, opacities.unsqueeze(1)}, 1) * 255)
                                  .nan_to_num(0)
                                  .round()
                                  .clamp(0, 255)
                                  .to(torch::kUInt8)
                                  .contiguous();
-  const torch::Tensor rotations = plain(gaussians.rotations);
+  const torch::Tensor rotations = file_tensor(gaussians.rotations);
   const torch::Tensor unit = rotations / rotations.norm(2, 1, true).clamp_min(1e-12);
   const torch::Tensor packed_rotations =
       (unit * 128 + 128).nan_to_num(128).round().clamp(0, 255).to(torch::kUInt8).contiguous();

@@ -11,6 +11,7 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/check.h"
+#include "jade/scene/file_tensor.h"
 
 namespace jade::scene {
 namespace {
@@ -20,10 +21,6 @@ constexpr uint32_t kVersion = 2;
 constexpr double kColorScale = 0.15;
 /// Signs of the 15 SH coefficients beyond the first when y and z change sign.
 constexpr double kFlip[15] = {-1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1, -1, 1, -1, 1};
-
-torch::Tensor plain(const torch::Tensor& tensor) {
-  return tensor.detach().to(torch::kCPU, torch::kFloat64).contiguous();
-}
 
 void put_u32(std::string& out, uint32_t value) {
   for (int shift = 0; shift < 32; shift += 8) out += static_cast<char>(value >> shift & 255u);
@@ -110,8 +107,8 @@ std::string gzip(const std::string& content, const std::filesystem::path& path) 
 
 void write_spz(const std::filesystem::path& path, const splat::Gaussians& gaussians,
                const SpzOptions& options) {
-  const torch::Tensor means = plain(gaussians.means);
-  const torch::Tensor sh = plain(gaussians.sh);
+  const torch::Tensor means = file_tensor(gaussians.means, torch::kFloat64);
+  const torch::Tensor sh = file_tensor(gaussians.sh, torch::kFloat64);
   const int64_t count = gaussians.size();
   JADE_CHECK(count < 60'000'000, "write_spz: too many Gaussians for one stream: ", count);
   const int bits = fitting_bits(means, options.fractional_bits, path);
@@ -126,17 +123,17 @@ void write_spz(const std::filesystem::path& path, const splat::Gaussians& gaussi
   content += static_cast<char>(options.antialiased ? 1 : 0);
   content += '\0';
   put_positions(content, means, bits);
-  const torch::Tensor alphas = plain(gaussians.logit_opacities).sigmoid();
+  const torch::Tensor alphas = file_tensor(gaussians.logit_opacities, torch::kFloat64).sigmoid();
   for (int64_t i = 0; i < count; ++i) put_byte(content, alphas.data_ptr<double>()[i] * 255);
   const torch::Tensor dc = sh.select(1, 0).contiguous();
   for (int64_t i = 0; i < dc.numel(); ++i) {
     put_byte(content, dc.data_ptr<double>()[i] * kColorScale * 255 + 127.5);
   }
-  const torch::Tensor scales = plain(gaussians.log_scales);
+  const torch::Tensor scales = file_tensor(gaussians.log_scales, torch::kFloat64);
   for (int64_t i = 0; i < scales.numel(); ++i) {
     put_byte(content, (scales.data_ptr<double>()[i] + 10) * 16);
   }
-  put_rotations(content, plain(gaussians.rotations));
+  put_rotations(content, file_tensor(gaussians.rotations, torch::kFloat64));
   put_sh(content, sh);
   write_file(path, gzip(content, path));
 }
