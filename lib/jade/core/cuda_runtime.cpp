@@ -43,4 +43,14 @@ int64_t peak_memory_bytes(int index) {
   return statistics.allocated_bytes[0].peak;
 }
 
+int64_t trim_memory(int index, int64_t keep_bytes) {
+  namespace allocator = c10::cuda::CUDACachingAllocator;
+  const auto device = static_cast<c10::DeviceIndex>(index);
+  const auto before = allocator::getDeviceStats(device);
+  const int64_t reserved = before.reserved_bytes[0].current;
+  if (reserved - before.allocated_bytes[0].current <= keep_bytes) return 0;
+  allocator::emptyCache();
+  return reserved - allocator::getDeviceStats(device).reserved_bytes[0].current;
+}
+
 }  // namespace jade::cuda

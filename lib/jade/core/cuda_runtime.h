@@ -12,5 +12,6 @@ int device_count();
 std::string problem();
 std::string device_name(int index);
 int64_t peak_memory_bytes(int index);
+int64_t trim_memory(int index, int64_t keep_bytes);
 
 }  // namespace jade::cuda

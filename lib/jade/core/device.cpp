@@ -26,6 +26,11 @@ int64_t peak_memory_bytes(torch::Device device) {
   return static_cast<int64_t>(usage.ru_maxrss) * 1024;
 }
 
+int64_t trim_device_memory(torch::Device device, int64_t keep_bytes) {
+  if (!device.is_cuda()) return 0;
+  return cuda::trim_memory(device.index() < 0 ? 0 : device.index(), keep_bytes);
+}
+
 torch::Device select_device(const std::string& choice) {
   if (choice == "cpu") return torch::kCPU;
   if (choice == "auto") {

@@ -20,6 +20,11 @@ std::string device_name(torch::Device device);
 /// resident size.
 int64_t peak_memory_bytes(torch::Device device);
 
+/// Gives memory back to a GPU's other users where the allocator keeps more than `keep_bytes` beyond
+/// what tensors hold. Waits for the device when it does; nothing on the CPU.
+/// @return bytes given back
+int64_t trim_device_memory(torch::Device device, int64_t keep_bytes);
+
 /// Reads "auto", "cpu", "cuda" or "cuda:N"; auto takes the first GPU, else the CPU.
 /// @throws ConfigError for another word, DeviceError if there is no such device.
 torch::Device select_device(const std::string& choice);

@@ -7,6 +7,7 @@
 #include <optional>
 #include <torch/types.h>
 
+#include "jade/core/device.h"
 #include "jade/core/error.h"
 #include "jade/core/log.h"
 
@@ -16,6 +17,10 @@ namespace {
 /// A recording is made anew after so many steps, with room for the splats of the scene as it has
 /// become.
 constexpr int64_t kRenewal = 1000;
+
+/// What the allocator may keep beyond a second set of all tensors: less, and it would ask the
+/// driver anew at every recording.
+constexpr int64_t kSpareBytes = int64_t{512} << 20;
 
 /// The tensors that a step reads from its view, in a fixed order.
 std::vector<torch::Tensor*> tensors_of(View& view) {
@@ -130,6 +135,10 @@ struct StepGraph::Recording {
 
   void record(TrainState& state, const StepInputs& step_inputs, int64_t step,
               const RunOptions& options) {
+    // The pools of earlier recordings stay reserved until somebody asks, and nobody can while a
+    // recording is under way: after a hundred densifications they would fill the card.
+    const torch::Device device = step_inputs.view.blurry.device();
+    trim_device_memory(device, peak_memory_bytes(device) + kSpareBytes);
     inputs.emplace(step_inputs);
     // Gradients must be born inside the recording, at addresses of its own.
     state.gaussians.zero_grad();
