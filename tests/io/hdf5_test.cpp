@@ -150,5 +150,23 @@ TEST_CASE("hdf5: a writer that is not closed leaves no file and keeps the old on
   CHECK_THROWS_AS(Hdf5Writer(folder / "none/e.h5"), DataError);
 }
 
+TEST_CASE("hdf5: files that once brought libhdf5 down are refused", "[io]") {
+  // Both found by fuzzing (scripts/fuzz.sh hdf5): a null pointer inside libhdf5 1.10, and a request
+  // for more memory than there is.
+  for (const char* name : {"null_pointer.h5", "huge_allocation.h5"}) {
+    INFO(name);
+    const std::filesystem::path path = std::filesystem::path(JADE_TEST_FOLDER) / "damaged" / name;
+    const auto read_all = [&] {
+      const Hdf5File file(path);
+      for (const Hdf5Dataset& dataset : file.datasets()) {
+        const int64_t count = std::min<int64_t>(file.length(dataset.name), 1 << 20);
+        std::vector<int64_t> values(static_cast<size_t>(count));
+        file.read(dataset.name, 0, count, values.data());
+      }
+    };
+    CHECK_THROWS_AS(read_all(), DataError);
+  }
+}
+
 }  // namespace
 }  // namespace jade::io
