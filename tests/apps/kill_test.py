@@ -78,10 +78,14 @@ def checkpoints(run):
     return sorted(int(path.stem.split("_")[1]) for path in (run / "checkpoints").glob("step_*.pt"))
 
 
-def last_logged_step(run):
+def metrics(run):
     path = run / "metrics.jsonl"
+    return path.read_text() if path.exists() else ""
+
+
+def last_logged_step(run):
     steps = [0]
-    for line in path.read_text().splitlines() if path.exists() else []:
+    for line in metrics(run).splitlines():
         try:
             steps.append(json.loads(line)["step"])
         except ValueError:
@@ -101,7 +105,7 @@ def interrupted_runs(scene, kills, whole_seconds):
             fail(f"only {done} of {kills} interruptions hit a running program")
         process = subprocess.Popen(scene.train_command(run, resume=True), stdout=subprocess.DEVNULL,
                                    stderr=subprocess.PIPE, text=True)
-        started_at = (checkpoints(run) or [0])[-1]
+        started_at, logged_before = (checkpoints(run) or [0])[-1], metrics(run)
         time.sleep(draw.uniform(0.1, min(whole_seconds, 4)))
         how = draw.choice(list(names))
         process.send_signal(how)
@@ -113,11 +117,13 @@ def interrupted_runs(scene, kills, whole_seconds):
         expected = {signal.SIGKILL: {-9}, signal.SIGTERM: {130, -15}, signal.SIGINT: {130, -2}}[how]
         if process.returncode not in expected:
             fail(f"{names[how]}: exit code {process.returncode}, expected one of {expected}\n{error}")
-        if process.returncode == 130 and reached != saved:
+        # Stopped while it still prepared the views, it has left the log of the run before alone.
+        prepared = metrics(run) != logged_before
+        if process.returncode == 130 and prepared and reached != saved:
             fail(f"{names[how]}: stopped at step {reached}, but the newest checkpoint is {saved}")
         if reached - saved > EVERY:
             fail(f"{names[how]}: {reached - saved} steps lost at step {reached}")
-        if reached > started_at:
+        if prepared and reached > started_at:
             lost.append(reached - saved)
             done += 1
         else:
