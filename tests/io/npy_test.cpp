@@ -90,6 +90,9 @@ TEST_CASE("npy: damaged files are refused with the path and what is wrong", "[io
   CHECK_THROWS_AS(parse(npy_bytes(describe("<f8", "(4611686018427387904, 4)"), eight)), DataError);
   CHECK_THROWS_AS(parse(npy_bytes(describe("<f8", "(0, 1099511627776, 1099511627776)"), eight)),
                   DataError);
+  CHECK_THROWS_AS(parse(npy_bytes(describe("<f8", "(0, 1099511627776, 1099511627776)"), "")),
+                  DataError);
+  CHECK(parse(npy_bytes(describe("<f8", "(0, 1099511627776)"), "")).size(1) == 1099511627776);
   CHECK_THROWS_AS(parse(npy_bytes(describe("|O", "(1,)"), eight)), DataError);
   CHECK_THROWS_AS(parse(npy_bytes(describe("<f8", "(1"), eight)), DataError);
   CHECK_THROWS_WITH(parse(npy_bytes(describe("<f8", "(2,)"), eight)),

@@ -133,16 +133,17 @@ std::string read_header(ByteSource& source, const std::string& name) {
   return header;
 }
 
-/// Number of elements of `shape`, or -1 if its bytes cannot be what is left of the file.
+/// Number of elements of `shape`, or -1 if its bytes cannot be what is left of the file. An empty
+/// array may have long other axes, as long as its strides can be counted.
 int64_t checked_count(const std::vector<int64_t>& shape, size_t item_size, size_t remaining) {
-  for (const int64_t extent : shape) {
-    if (extent == 0) return remaining == 0 ? 0 : -1;
-  }
+  const bool empty = std::find(shape.begin(), shape.end(), 0) != shape.end();
+  const uint64_t most = empty ? std::numeric_limits<int64_t>::max() : remaining;
   uint64_t count = 1;
   for (const int64_t extent : shape) {
-    if (static_cast<uint64_t>(extent) > remaining / count) return -1;
-    count *= static_cast<uint64_t>(extent);
+    if (static_cast<uint64_t>(extent) > most / count) return -1;
+    count *= std::max<uint64_t>(static_cast<uint64_t>(extent), 1);
   }
+  if (empty) return remaining == 0 ? 0 : -1;
   return count * item_size == remaining ? static_cast<int64_t>(count) : -1;
 }
 
