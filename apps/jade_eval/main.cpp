@@ -45,7 +45,7 @@ eval::Evaluation evaluate_run(const fs::path& path, torch::Device device,
   }
   const auto gaussians =
       scene::map_parameters(run.gaussians, [&](const torch::Tensor& t) { return t.to(device); });
-  return train::evaluate_views(gaussians, run.dataset.test, &lpips);
+  return train::evaluate_views(gaussians, run.dataset.test, lpips);
 }
 
 }  // namespace

@@ -24,11 +24,11 @@ torch::Tensor render_view(const splat::Gaussians& gaussians, const geometry::Pos
 
 eval::Evaluation evaluate_views(const splat::Gaussians& gaussians,
                                 const std::vector<data::SharpView>& views,
-                                const eval::Lpips* lpips) {
+                                const eval::Lpips& lpips) {
   std::vector<eval::Scores> scores;
   for (const data::SharpView& view : views) {
     const auto render = render_view(gaussians, view.pose, view.camera);
-    scores.push_back(eval::score(view.name, render, view.image.to(render.device()), lpips));
+    scores.push_back(eval::score(view.name, render, view.image.to(render.device()), &lpips));
   }
   return eval::evaluation_of(std::move(scores));
 }

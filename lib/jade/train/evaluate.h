@@ -19,7 +19,7 @@ torch::Tensor render_view(const splat::Gaussians& gaussians, const geometry::Pos
 /// Scores renders of the sharp views, with LPIPS where `lpips` has its networks.
 eval::Evaluation evaluate_views(const splat::Gaussians& gaussians,
                                 const std::vector<data::SharpView>& views,
-                                const eval::Lpips* lpips);
+                                const eval::Lpips& lpips);
 
 /// A run directory as other programs use it: its settings, its data and its newest Gaussians.
 struct FinishedRun {

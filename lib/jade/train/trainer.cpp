@@ -263,7 +263,7 @@ void Trainer::save() {
 
 eval::Evaluation Trainer::evaluate() {
   const eval::Lpips lpips(device_);
-  return evaluate_views(state_.gaussians.detached(), dataset_.test, &lpips);
+  return evaluate_views(state_.gaussians.detached(), dataset_.test, lpips);
 }
 
 void Trainer::log_evaluation() {
