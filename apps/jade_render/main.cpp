@@ -5,7 +5,6 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "cameras.h"
 #include "common/cli.h"
 #include "common/dataset_flags.h"
 #include "jade/config/config.h"
@@ -14,10 +13,13 @@
 #include "jade/core/interrupt.h"
 #include "jade/core/log.h"
 #include "jade/core/progress.h"
+#include "jade/data/cameras.h"
+#include "jade/data/dataset.h"
 #include "jade/imaging/image_io.h"
 #include "jade/scene/gaussian_model.h"
 #include "jade/scene/ply.h"
 #include "jade/train/checkpoint.h"
+#include "jade/train/evaluate.h"
 #include "jade/train/options.h"
 #include "jade/train/view.h"
 #include "movie.h"
@@ -75,23 +77,24 @@ scene::GaussianFile load_scene(const RenderFlags& flags) {
   return scene::read_ply(flags.run / "point_cloud.ply");
 }
 
-std::vector<apps::NamedCamera> load_cameras(const RenderFlags& flags) {
-  if (fs::path(flags.cameras).extension() == ".json") return apps::read_cameras(flags.cameras);
+std::vector<data::NamedCamera> load_cameras(const RenderFlags& flags) {
+  if (fs::path(flags.cameras).extension() == ".json") return data::read_cameras(flags.cameras);
   if (flags.cameras != "test" && flags.cameras != "train" && flags.cameras != "exposure") {
     throw ConfigError(concat("--cameras: expected test, train, exposure or a .json file, found '",
                              flags.cameras, "'"));
   }
-  data::DatasetOptions dataset = flags.dataset;
-  if (dataset.path.empty() && !flags.run.empty()) {
-    dataset = config::load<train::RunOptions>({flags.run / "config.yaml", {}, {}}).dataset;
-  }
-  if (dataset.path.empty()) {
+  if (flags.dataset.path.empty() && flags.run.empty()) {
     throw ConfigError(concat("--cameras ", flags.cameras, " needs --run or --dataset"));
   }
-  return apps::dataset_cameras(data::load_dataset(dataset), flags.cameras, flags.exposure);
+  const data::Dataset dataset =
+      flags.dataset.path.empty()
+          ? train::load_run_dataset(
+                flags.run, config::load<train::RunOptions>({flags.run / "config.yaml", {}, {}}))
+          : data::load_dataset(flags.dataset);
+  return data::dataset_cameras(dataset, flags.cameras, flags.exposure);
 }
 
-torch::Tensor render(const scene::GaussianFile& file, const apps::NamedCamera& view) {
+torch::Tensor render(const scene::GaussianFile& file, const data::NamedCamera& view) {
   const torch::NoGradGuard no_grad;
   splat::RenderOptions options;
   options.antialiased = file.antialiased;
@@ -108,7 +111,7 @@ struct Timing {
   double median_ms = 0, min_ms = 0;
 };
 
-Timing measure(const scene::GaussianFile& file, const std::vector<apps::NamedCamera>& views) {
+Timing measure(const scene::GaussianFile& file, const std::vector<data::NamedCamera>& views) {
   using Clock = std::chrono::steady_clock;
   for (int i = 0; i < 5; ++i) finish(render(file, views.front()));
   std::vector<double> times;
@@ -142,12 +145,12 @@ void print(const Timing& timing, const scene::GaussianFile& file, bool as_json) 
               device_name(file.gaussians.means.device()).c_str());
 }
 
-void write_images(const scene::GaussianFile& file, const std::vector<apps::NamedCamera>& views,
+void write_images(const scene::GaussianFile& file, const std::vector<data::NamedCamera>& views,
                   const fs::path& output, const std::string& format) {
   if (output.empty()) throw ConfigError("--output: expected a folder for the images");
   make_writable_folder(output);
   Progress progress("render", static_cast<int64_t>(views.size()), 0, "view");
-  for (const apps::NamedCamera& view : views) {
+  for (const data::NamedCamera& view : views) {
     throw_if_interrupted();
     imaging::write_image(output / (view.name + "." + format), render(file, view));
     if (progress.step()) progress.show(view.name);
@@ -165,12 +168,12 @@ fs::path movie_path(const fs::path& output, const std::string& cameras) {
   return output / (fs::path(cameras).stem().string() + ".mp4");
 }
 
-void write_movie(const scene::GaussianFile& file, const std::vector<apps::NamedCamera>& views,
+void write_movie(const scene::GaussianFile& file, const std::vector<data::NamedCamera>& views,
                  const fs::path& path, double frames_per_second) {
   apps::Movie movie(path, views.front().camera.width, views.front().camera.height,
                     frames_per_second);
   Progress progress("render", static_cast<int64_t>(views.size()), 0, "view");
-  for (const apps::NamedCamera& view : views) {
+  for (const data::NamedCamera& view : views) {
     throw_if_interrupted();
     movie.add(render(file, view));
     if (progress.step()) progress.show(view.name);
@@ -192,7 +195,7 @@ int main(int argc, char** argv) {
     const torch::Device device = program.device();
     file.gaussians = scene::map_parameters(
         file.gaussians, [&](const torch::Tensor& value) { return value.to(device); });
-    const std::vector<apps::NamedCamera> views = load_cameras(flags);
+    const std::vector<data::NamedCamera> views = load_cameras(flags);
     if (flags.fps_benchmark) {
       print(measure(file, views), file, program.json());
       return ExitCode::kOk;

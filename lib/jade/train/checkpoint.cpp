@@ -273,10 +273,10 @@ std::string data_fingerprint(const data::Dataset& dataset) {
 ConfigDifference compare_configs(const std::string& saved_yaml, RunOptions now) {
   // What changes when a run stops or what it shows, never what it computes at a given step.
   static const std::vector<std::string> free_keys = {
-      "train.iterations", "train.log_every",  "train.evaluate_every", "train.picture_every",
-      "train.cuda_graph", "checkpoint.every", "checkpoint.keep",      "device",
-      "dataset.path",     "efnet.path",       "cache.enabled",        "cache.folder",
-      "cache.max_mib"};
+      "train.iterations", "train.log_every",     "train.evaluate_every", "train.picture_every",
+      "train.cuda_graph", "checkpoint.every",    "checkpoint.keep",      "device",
+      "dataset.path",     "efnet.path",          "cache.enabled",        "cache.folder",
+      "cache.max_mib",    "poses.test_fit_steps"};
   RunOptions saved;
   try {
     config::read_text(saved_yaml, "its configuration", fields_of(saved));

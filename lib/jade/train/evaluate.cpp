@@ -5,9 +5,11 @@
 
 #include "jade/config/config.h"
 #include "jade/core/error.h"
+#include "jade/core/log.h"
 #include "jade/scene/ply.h"
 #include "jade/splat/render.h"
 #include "jade/train/checkpoint.h"
+#include "jade/train/learned_cameras.h"
 #include "jade/train/view.h"
 
 namespace jade::train {
@@ -33,14 +35,26 @@ eval::Evaluation evaluate_views(const splat::Gaussians& gaussians,
   return eval::evaluation_of(std::move(scores));
 }
 
+data::Dataset load_run_dataset(const fs::path& run, const RunOptions& options) {
+  data::Dataset dataset = data::load_dataset(options.dataset);
+  if (options.poses.optimize == "none") return dataset;
+  if (fs::exists(run / kLearnedCamerasFile)) {
+    read_learned_cameras(run / kLearnedCamerasFile, dataset);
+  } else {
+    log_warn(concat(run.string(), ": its poses are learned, and ", kLearnedCamerasFile,
+                    " comes with the end of the run; the views stand where the data have them"));
+  }
+  return dataset;
+}
+
 FinishedRun open_run(const fs::path& run) {
   if (!fs::exists(run / "config.yaml")) {
     throw DataError(concat(
         run.string(), ": expected a run directory of jade_train with its config.yaml, found none"));
   }
   FinishedRun opened;
-  opened.options = config::load<RunOptions>({run / "config.yaml", {}});
-  opened.dataset = data::load_dataset(opened.options.dataset);
+  opened.options = config::load<RunOptions>({run / "config.yaml", {}, {}});
+  opened.dataset = load_run_dataset(run, opened.options);
   if (fs::exists(run / "point_cloud.ply")) {
     opened.gaussians = scene::read_ply(run / "point_cloud.ply").gaussians;
     return opened;

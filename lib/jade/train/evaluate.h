@@ -21,6 +21,10 @@ eval::Evaluation evaluate_views(const splat::Gaussians& gaussians,
                                 const std::vector<data::SharpView>& views,
                                 const eval::Lpips& lpips);
 
+/// The data set of a run, with the learned poses where the run learned them and has ended.
+/// @throws DataError naming the path.
+data::Dataset load_run_dataset(const std::filesystem::path& run, const RunOptions& options);
+
 /// A run directory as other programs use it: its settings, its data and its newest Gaussians.
 struct FinishedRun {
   RunOptions options;

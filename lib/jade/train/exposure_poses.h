@@ -19,6 +19,7 @@ struct PoseOptions {
   double lr_final = 1e-5;
   int64_t lr_max_steps = 30000;
   int64_t accumulate = 1;
+  int64_t test_fit_steps = 200;
 };
 
 template <class V>
@@ -32,6 +33,10 @@ void describe(V& v, PoseOptions& o) {
   v.field("lr_max_steps", o.lr_max_steps, "steps over which it falls", Range{1, 1e9});
   v.field("accumulate", o.accumulate, "steps whose pose gradients are added up for one Adam step",
           Range{1, 1e6});
+  v.field("test_fit_steps", o.test_fit_steps,
+          "where poses are learned: steps that fit the pose of each test view to its image, the "
+          "scene held, before it is scored",
+          Range{0, 1e6});
 }
 
 /// The step size of the poses at `step` (counted from 1).

@@ -21,6 +21,7 @@
 #include "jade/scene/ply.h"
 #include "jade/train/checkpoint.h"
 #include "jade/train/evaluate.h"
+#include "jade/train/learned_cameras.h"
 #include "jade/train/report.h"
 #include "jade/train/routing_step.h"
 
@@ -261,9 +262,11 @@ void Trainer::save() {
                   options_.checkpoint.keep);
 }
 
-eval::Evaluation Trainer::evaluate() {
+eval::Evaluation Trainer::evaluate() { return evaluate(posed_dataset()); }
+
+eval::Evaluation Trainer::evaluate(const data::Dataset& posed) {
   const eval::Lpips lpips(device_);
-  return evaluate_views(state_.gaussians.detached(), dataset_.test, lpips);
+  return evaluate_views(state_.gaussians.detached(), posed.test, lpips);
 }
 
 void Trainer::log_evaluation() {
@@ -278,24 +281,22 @@ void Trainer::log_evaluation() {
   metrics_->append(line.dump());
 }
 
-geometry::Pose Trainer::middle_pose(int64_t exposure) const {
-  if (!state_.poses) return dataset_.train[static_cast<size_t>(exposure)].poses[geometry::kMidPose];
-  const torch::NoGradGuard no_grad;
-  return geometry::pose_from_tensor(
-      state_.poses->forward(exposure, torch::kCPU)[geometry::kMidPose]);
+data::Dataset Trainer::posed_dataset() const {
+  if (!state_.poses) return dataset_;
+  return with_learned_poses(dataset_, *state_.poses, state_.gaussians.detached(), options_.poses);
 }
 
-void Trainer::write_pictures() {
+void Trainer::write_pictures(const data::Dataset& posed) {
   const splat::Gaussians gaussians = state_.gaussians.detached();
-  for (const data::SharpView& view : dataset_.test) {
+  for (const data::SharpView& view : posed.test) {
     imaging::write_image(directory_.path() / "images" / ("test_" + view.name + ".png"),
                          render_view(gaussians, view.pose, view.camera));
   }
   for (size_t i = 0; i < views_.size(); ++i) {
-    const data::Exposure& exposure = dataset_.train[i];
+    const data::Exposure& exposure = posed.train[i];
     imaging::write_image(
         directory_.path() / "images" / ("train_" + exposure.name + ".png"),
-        render_view(gaussians, middle_pose(static_cast<int64_t>(i)), exposure.camera));
+        render_view(gaussians, exposure.poses[geometry::kMidPose], exposure.camera));
     const auto alpha = allocation_map(state_, views_[i], static_cast<int64_t>(i));
     if (alpha.defined()) {
       imaging::write_image(directory_.path() / "alpha" / (exposure.name + ".png"),
@@ -306,14 +307,16 @@ void Trainer::write_pictures() {
 
 void Trainer::finish() {
   save();
-  write_pictures();
+  const data::Dataset posed = posed_dataset();
+  if (state_.poses) write_learned_cameras(directory_.path() / kLearnedCamerasFile, posed);
+  write_pictures(posed);
   scene::write_ply(directory_.path() / "point_cloud.ply", {state_.gaussians.detached()});
   if (!dataset_.test.empty()) {
-    const eval::Evaluation evaluation = evaluate();
+    const eval::Evaluation evaluation = evaluate(posed);
     write_file(directory_.path() / "eval.json", eval::to_json(evaluation));
     log_info("on the sharp test views:\n" + eval::to_table(evaluation));
   }
-  write_report(directory_.path(), dataset_, views_, state_);
+  write_report(directory_.path(), posed, views_, state_);
   log_info(concat("report      ", (directory_.path() / "report.html").string()));
   log_info(concat("scene       ", (directory_.path() / "point_cloud.ply").string()));
 }
@@ -336,7 +339,7 @@ void Trainer::run() {
     if (every(state_.step, options_.train.evaluate_every) && !dataset_.test.empty()) {
       log_evaluation();
     }
-    if (every(state_.step, options_.train.picture_every)) write_pictures();
+    if (every(state_.step, options_.train.picture_every)) write_pictures(posed_dataset());
   }
   progress.finish();
   finish();

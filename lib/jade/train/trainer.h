@@ -47,6 +47,7 @@ class Trainer {
   eval::Evaluation evaluate();
 
  private:
+  eval::Evaluation evaluate(const data::Dataset& posed);
   void make_state(const data::Dataset& dataset);
   void resume_from(const std::string& choice);
   void announce() const;
@@ -55,9 +56,9 @@ class Trainer {
                 const std::vector<losses::NamedTerm>& terms);
   void log_evaluation();
   void save();
-  /// Where the camera was at mid-exposure, as learned where poses are.
-  geometry::Pose middle_pose(int64_t exposure) const;
-  void write_pictures();
+  /// The data set with the poses at which the scene is to be seen: learned ones where poses are.
+  data::Dataset posed_dataset() const;
+  void write_pictures(const data::Dataset& posed);
   void finish();
 
   RunOptions options_;

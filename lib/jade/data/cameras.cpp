@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cameras.h"
+#include "jade/data/cameras.h"
 
 #include <nlohmann/json.hpp>
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 
-namespace jade::apps {
+namespace jade::data {
 namespace {
 
 using nlohmann::json;
@@ -102,20 +102,43 @@ std::vector<NamedCamera> read_cameras(const std::filesystem::path& path) {
   return cameras;
 }
 
-std::vector<NamedCamera> dataset_cameras(const data::Dataset& dataset, const std::string& which,
+void write_cameras(const std::filesystem::path& path, const std::vector<NamedCamera>& cameras) {
+  nlohmann::ordered_json list = nlohmann::ordered_json::array();
+  for (const NamedCamera& view : cameras) {
+    const geometry::Matrix3& r = view.camera_from_world.rotation;
+    const geometry::Vector3& t = view.camera_from_world.translation;
+    nlohmann::ordered_json rows = nlohmann::ordered_json::array();
+    for (size_t i = 0; i < 3; ++i) rows.push_back({r[3 * i], r[3 * i + 1], r[3 * i + 2], t[i]});
+    list.push_back({{"name", view.name},
+                    {"width", view.camera.width},
+                    {"height", view.camera.height},
+                    {"fx", view.camera.fx},
+                    {"fy", view.camera.fy},
+                    {"cx", view.camera.cx},
+                    {"cy", view.camera.cy},
+                    {"camera_from_world", std::move(rows)}});
+  }
+  write_file(path, list.dump(1) + "\n");
+}
+
+std::string pose_name(const Exposure& exposure, size_t pose) {
+  return concat(exposure.name, "_", pose);
+}
+
+std::vector<NamedCamera> dataset_cameras(const Dataset& dataset, const std::string& which,
                                          const std::string& name) {
   std::vector<NamedCamera> cameras;
   if (which == "test") {
-    for (const data::SharpView& view : dataset.test) {
+    for (const SharpView& view : dataset.test) {
       cameras.push_back({view.name, view.pose, view.camera});
     }
   }
-  for (const data::Exposure& exposure : dataset.train) {
+  for (const Exposure& exposure : dataset.train) {
     if (which == "train") {
       cameras.push_back({exposure.name, exposure.poses[geometry::kMidPose], exposure.camera});
     } else if (which == "exposure" && (name.empty() || name == exposure.name)) {
       for (size_t k = 0; k < exposure.poses.size(); ++k) {
-        cameras.push_back({concat(exposure.name, "_", k), exposure.poses[k], exposure.camera});
+        cameras.push_back({pose_name(exposure, k), exposure.poses[k], exposure.camera});
       }
     }
   }
@@ -126,4 +149,4 @@ std::vector<NamedCamera> dataset_cameras(const data::Dataset& dataset, const std
   return cameras;
 }
 
-}  // namespace jade::apps
+}  // namespace jade::data

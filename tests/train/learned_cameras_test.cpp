@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: Apache-2.0
+// Test views of scenes whose exposure poses were learned: aligned, fitted, kept and read back.
+#include "jade/train/learned_cameras.h"
+
+#include "support/catch.h"
+
+#include <torch/types.h>
+
+#include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
+#include "jade/data/cameras.h"
+#include "jade/data/dataset.h"
+#include "jade/eval/metrics.h"
+#include "jade/geometry/se3.h"
+#include "jade/scene/ply.h"
+#include "jade/train/evaluate.h"
+#include "jade/train/trainer.h"
+#include "train/tiny_scene.h"
+
+using namespace jade;
+
+namespace {
+
+/// A short run whose poses are learned, and its folder.
+struct LearnedRun : test::TinyScene {
+  train::RunOptions options;
+  std::filesystem::path run = dir.path() / "run";
+
+  LearnedRun() {
+    options.device = "cpu";
+    options.dataset.path = data;
+    options.scene.target = "none";
+    options.scene.edi_supervision = options.scene.simulation = false;
+    options.scene.warmup = 2;
+    options.init.points = 300;
+    options.densify.strategy = "none";
+    options.train.iterations = 20;
+    options.train.evaluate_every = options.train.picture_every = 0;
+    options.poses.optimize = "linear";
+    options.poses.test_fit_steps = 20;
+  }
+};
+
+geometry::Pose nudged(const geometry::Pose& pose, double rotation, double shift) {
+  const auto twist = torch::tensor({shift, -shift, 0.0, rotation, 0.0, -rotation}, torch::kFloat64);
+  return geometry::pose_from_tensor(geometry::to_tensor(pose).matmul(geometry::se3_exp(twist)));
+}
+
+double error_px(const geometry::Pose& a, const geometry::Pose& b, const data::SharpView& view) {
+  const geometry::Vector3 p = geometry::transform(a, {0.05, 0.02, 2}),
+                          q = geometry::transform(b, {0.05, 0.02, 2});
+  return view.camera.fx * std::hypot(p[0] / p[2] - q[0] / q[2], p[1] / p[2] - q[1] / q[2]);
+}
+
+}  // namespace
+
+TEST_CASE("learned cameras: a test pose that is off by pixels is fitted to its image", "[train]") {
+  LearnedRun scene;
+  scene.options.poses.optimize = "none";
+  scene.options.scene.target = "edi";
+  scene.options.train.iterations = 150;
+  train::Trainer trainer(scene.options, scene.run, "");
+  while (trainer.state().step < 150) trainer.step();
+  const auto gaussians = trainer.state().gaussians.detached();
+
+  data::Dataset dataset = data::load_dataset(scene.options.dataset);
+  const train::ExposurePoses unmoved("linear", dataset.train);
+  data::SharpView& view = dataset.test[0];
+  const geometry::Pose truth = view.pose;
+  view.image = train::render_view(gaussians, truth, view.camera);
+  view.pose = nudged(truth, 0.01, 0.03);
+  const auto psnr_from = [&](const geometry::Pose& pose) {
+    return eval::psnr(train::render_view(gaussians, pose, view.camera), view.image);
+  };
+
+  train::PoseOptions options;
+  options.test_fit_steps = 0;
+  const data::Dataset aligned = with_learned_poses(dataset, unmoved, gaussians, options);
+  CHECK(error_px(aligned.test[0].pose, view.pose, view) < 1e-3);
+  options.test_fit_steps = 200;
+  const data::Dataset fitted = with_learned_poses(dataset, unmoved, gaussians, options);
+  CHECK(psnr_from(fitted.test[0].pose) > psnr_from(view.pose) + 10);
+}
+
+TEST_CASE("learned cameras: a run keeps them, and scores, pictures and other programs use them",
+          "[train]") {
+  const LearnedRun scene;
+  train::Trainer trainer(scene.options, scene.run, "");
+  trainer.run();
+  const auto file = scene.run / train::kLearnedCamerasFile;
+  REQUIRE(std::filesystem::exists(file));
+
+  const data::Dataset given = data::load_dataset(scene.options.dataset);
+  const train::FinishedRun opened = train::open_run(scene.run);
+  const torch::Tensor learned = trainer.state().poses->forward(1, torch::kCPU)[3];
+  const auto read = geometry::to_tensor(opened.dataset.train[1].poses[3]).to(torch::kFloat32);
+  CHECK((read - learned).abs().max().item<double>() < 1e-6);
+  CHECK(error_px(opened.dataset.test[0].pose, given.test[0].pose, given.test[0]) > 1e-3);
+
+  const eval::Lpips lpips(torch::kCPU);
+  const auto again = train::evaluate_views(opened.gaussians, opened.dataset.test, lpips);
+  CHECK(again.mean.psnr == Approx(trainer.evaluate().mean.psnr).epsilon(1e-6));
+  const auto data_poses = train::evaluate_views(opened.gaussians, given.test, lpips);
+  CHECK(again.mean.psnr > data_poses.mean.psnr);
+}
+
+TEST_CASE(
+    "learned cameras: a run under way falls back to the data's poses; a file that lacks a "
+    "view is refused",
+    "[train]") {
+  const LearnedRun scene;
+  const data::Dataset given = data::load_dataset(scene.options.dataset);
+  const data::Dataset dataset = train::load_run_dataset(scene.run, scene.options);
+  CHECK(dataset.test[0].pose.translation == given.test[0].pose.translation);
+
+  std::filesystem::create_directories(scene.run);
+  const auto file = scene.run / train::kLearnedCamerasFile;
+  train::write_learned_cameras(file, given);
+  const data::Dataset same = train::load_run_dataset(scene.run, scene.options);
+  CHECK(same.train[2].poses[8].translation == given.train[2].poses[8].translation);
+
+  auto cameras = data::read_cameras(file);
+  CHECK(cameras.size() == given.test.size() + 9 * given.train.size());
+  cameras.erase(cameras.begin());
+  data::write_cameras(file, cameras);
+  CHECK_THROWS_WITH(train::load_run_dataset(scene.run, scene.options),
+                    Catch::Contains(given.test[0].name) && Catch::Contains("cameras.json"));
+}
