@@ -72,7 +72,7 @@ while [ $# -gt 0 ]; do
   shift
 done
 here=$(dirname "$0")
-echo "start $out $device threads $OMP_NUM_THREADS resume ${resume:-no}" >> "$here/journal"
+echo "start $out $device threads $OMP_NUM_THREADS resume ${resume:-no} wait ${OMP_WAIT_POLICY:-unset}" >> "$here/journal"
 mkdir -p "$out/checkpoints"
 mode=$(sed -n 's/^  mode: \([a-z]*\).*/\1/p' "$config")
 seed=$(sed -n 's/^seed: \([0-9]*\).*/\1/p' "$config")

@@ -86,19 +86,27 @@ TEST_CASE("run_local: several at once, with the cores shared out, and nothing tw
   INFO(journal);
   CHECK(count(journal, "end ") == 4);
   CHECK(count(journal, "threads 4 resume no") == 4);
+  CHECK(count(journal, "wait unset") == 4);
   CHECK(most_at_once(journal) == 2);
   CHECK(run(dir, yaml, 2, plenty()).empty());
   // A new row runs alone.
   CHECK(count(run(dir, yaml + "  - {name: z}\n", 2, plenty()), "start") == 2);
 }
 
-TEST_CASE("run_local: runs are spread over the devices", "[sweep]") {
+TEST_CASE("run_local: runs are spread over the devices, whose threads do not wait busily",
+          "[sweep]") {
   const TempDir dir;
   const std::string journal =
       run(dir, sweep_of("  - {name: x}\n  - {name: y}\n"), 2, plenty(), {"cuda:0", "cuda:1"});
   INFO(journal);
   CHECK(count(journal, " cuda:0 ") >= 1);
   CHECK(count(journal, " cuda:1 ") >= 1);
+  CHECK(count(journal, "wait passive") == 4);
+  setenv("OMP_WAIT_POLICY", "active", 1);
+  const TempDir other;
+  const std::string chosen = run(other, sweep_of("  - {name: x}\n"), 1, plenty(), {"cuda:0"});
+  unsetenv("OMP_WAIT_POLICY");
+  CHECK(count(chosen, "wait active") == 2);
 }
 
 TEST_CASE("run_local: never more runs than memory holds", "[sweep]") {

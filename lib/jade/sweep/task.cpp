@@ -2,6 +2,7 @@
 #include "jade/sweep/task.h"
 
 #include <algorithm>
+#include <cstdlib>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <unistd.h>
@@ -56,6 +57,11 @@ Child start(const SweepOutput& output, const std::string& id, const TaskOptions&
   fs::create_directories(output.run_folder(id));
   std::vector<std::pair<std::string, std::string>> environment;
   if (options.threads > 0) environment.emplace_back("OMP_NUM_THREADS", concat(options.threads));
+  // Runs on GPUs share a processor that they need for a moment a step. Threads that wait busily
+  // between those moments take it from the other runs.
+  if (options.device != "cpu" && std::getenv("OMP_WAIT_POLICY") == nullptr) {
+    environment.emplace_back("OMP_WAIT_POLICY", "passive");
+  }
   return {command_of(output, id, options, resume), environment, output.log_file(id)};
 }
 
