@@ -129,6 +129,16 @@ TEST_CASE("count events: weights on the image are kept for events that overlap i
   CHECK(density.sum().item<float>() == 1.0f);
 }
 
+TEST_CASE("signed count: positive less negative events at every pixel", "[events]") {
+  const auto events = random_events(500, 1.5f, 1000, 6);
+  const auto expected = slow_bins(events, 0, 1000, 1)[0];
+  const auto found = signed_count(events.stream(), kSize);
+  CHECK(found.scalar_type() == torch::kFloat32);
+  CHECK(worst(found, expected) < 1e-4);
+  CHECK(found.min().item<float>() < 0);
+  CHECK(signed_count(EventStream(), kSize).eq(0).all().item<bool>());
+}
+
 TEST_CASE("count events: the same bits for any number of threads and order of equal times",
           "[events]") {
   auto events = random_events(400000, 1.5f, 1000, 3);
