@@ -61,6 +61,11 @@ TEST_CASE("scene_loss: terms begin at the inherited steps", "[losses]") {
   std::set<std::string> late = middle;
   late.insert("simulation");
   CHECK(names(scene_loss(in, 7001, {})) == late);
+  SceneLossOptions until;
+  until.target_until = 7000;
+  CHECK(names(scene_loss(in, 7000, until)) == middle);
+  late.erase("target");
+  CHECK(names(scene_loss(in, 7001, until)) == late);
 }
 
 TEST_CASE("scene_loss: a disabled term is absent and its inputs are not needed", "[losses]") {

@@ -14,6 +14,7 @@
 #include "jade/imaging/reblur.h"
 #include "jade/train/checkpoint.h"
 #include "jade/train/routing_step.h"
+#include "jade/train/step.h"
 #include "jade/train/trainer.h"
 #include "train/tiny_scene.h"
 
@@ -196,6 +197,27 @@ TEST_CASE("steps: the calendar decides which terms are there", "[train]") {
   CHECK(names_at(3) == "target blur ");
 }
 
+TEST_CASE("steps: after target_until the target and the routing step rest", "[train]") {
+  const Scene scene;
+  Bench bench(scene);
+  bench.options.scene.target = "routed";
+  bench.options.scene.target_until = 2;
+  const auto names_of = [&](int64_t step) {
+    std::string names;
+    const train::StepInputs inputs{bench.views[1], 1, torch::tensor({1, 2, 3}), {}};
+    for (const auto& term : train::alternate(bench.state, inputs, step, bench.options).terms) {
+      names += term.name + " ";
+    }
+    return names;
+  };
+  CHECK(names_of(2) == "target blur edi_gray edi_color route_render route_reblur ");
+  const auto router = copies(bench.state.allocation->parameters());
+  const auto scene_before = copies(bench.state.gaussians.parameters());
+  CHECK(names_of(3) == "blur edi_gray edi_color ");
+  CHECK(equal(copies(bench.state.allocation->parameters()), router));
+  CHECK_FALSE(equal(copies(bench.state.gaussians.parameters()), scene_before));
+}
+
 TEST_CASE("scene step: the camera response learns from the terms that read it, and rests without",
           "[train]") {
   const Scene scene;
@@ -372,4 +394,13 @@ TEST_CASE("options: rules between fields name the keys", "[train]") {
   CHECK_THROWS_WITH(train::validate(options), Catch::Contains("route.render_consistency"));
   options.allocation.kind = "constant";
   CHECK_NOTHROW(train::validate(options));
+  options.scene.blur = options.scene.edi_supervision = options.scene.intensity = false;
+  options.scene.simulation = false;
+  CHECK_NOTHROW(train::validate(options));
+  options.scene.target_until = 100;
+  CHECK_THROWS_WITH(train::validate(options), Catch::Contains("step 101"));
+  options.train.iterations = 100;
+  CHECK_NOTHROW(train::validate(options));
+  options.scene.target = "none";
+  CHECK_THROWS_WITH(train::validate(options), Catch::Contains("step 1,"));
 }

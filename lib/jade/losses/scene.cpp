@@ -41,6 +41,10 @@ void check_inputs(const SceneLossInputs& inputs, const SceneLossOptions& options
 
 }  // namespace
 
+bool target_acts(const SceneLossOptions& options, int64_t step) {
+  return options.target != "none" && (options.target_until == 0 || step <= options.target_until);
+}
+
 bool simulation_acts(const SceneLossOptions& options, int64_t step) {
   return options.simulation && step > options.simulation_start;
 }
@@ -73,7 +77,7 @@ SceneLoss scene_loss(const SceneLossInputs& inputs, int64_t step, const SceneLos
   if (options.edi_supervision || intensity_acts(options, step)) toned_blurry = tone(blurry);
 
   SceneLoss loss;
-  if (inputs.target) {
+  if (inputs.target && target_acts(options, step)) {
     add(loss, "target", target_loss(views.mid, *inputs.target, options.dssim),
         options.target_weight);
   }

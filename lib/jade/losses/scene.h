@@ -19,6 +19,7 @@ struct SceneLossOptions {
   double dssim = 0.3;
   std::string target = "routed";
   double target_weight = 1.0;
+  int64_t target_until = 0;
   bool blur = true;
   bool edi_supervision = true;
   bool simulation = true;
@@ -41,6 +42,8 @@ void describe(V& v, SceneLossOptions& o) {
       "itself, a folder of images, or none",
       Choices{"routed", "edi", "efnet", "mean", "blurry", "image_folder", "none"});
   v.field("target_weight", o.target_weight, "weight of that term (efnet_weight)", Range{0, 1e3});
+  v.field("target_until", o.target_until,
+          "after this step that term and the routing step rest; 0: never", Range{0, 1e9});
   v.field("blur", o.blur, "L_blur: mean of the nine renders against the blurry frame");
   v.field("edi_supervision", o.edi_supervision, "L_edi in gray and in colour, at drawn poses");
   v.field("simulation", o.simulation, "L_sim: EDI of the simulated blur");
@@ -98,6 +101,7 @@ struct SceneLoss {
 SceneLoss scene_loss(const SceneLossInputs& inputs, int64_t step, const SceneLossOptions& options);
 
 /// Which terms act at `step`, so that a caller prepares only what they need.
+bool target_acts(const SceneLossOptions& options, int64_t step);
 bool simulation_acts(const SceneLossOptions& options, int64_t step);
 bool intensity_acts(const SceneLossOptions& options, int64_t step);
 /// The camera response φ is past its warm-up and some term reads it.

@@ -14,6 +14,15 @@ bool is_learned(const models::AllocationOptions& allocation) {
   return allocation.kind != "constant" && allocation.kind != "none";
 }
 
+/// Whether the objective has any term at `step`.
+bool something_acts(const RunOptions& options, int64_t step) {
+  const losses::SceneLossOptions& scene = options.scene;
+  const bool target = losses::target_acts(scene, step) &&
+                      (scene.target != "routed" || options.allocation.kind != "none");
+  return target || scene.blur || scene.edi_supervision || losses::simulation_acts(scene, step) ||
+         losses::intensity_acts(scene, step) || scene.event_loss_weight > 0;
+}
+
 }  // namespace
 
 bool needs_efnet(const RunOptions& options) {
@@ -35,6 +44,12 @@ void validate(const RunOptions& options) {
         "route.render_consistency and route.reblur_consistency: at least one must be true to train "
         "allocation.kind ",
         options.allocation.kind, "; or set allocation.kind constant"));
+  }
+  for (const int64_t step : {int64_t{1}, options.scene.target_until + 1}) {
+    if (something_acts(options, step) || step > options.train.iterations) continue;
+    throw ConfigError(concat("scene: expected a term that acts at step ", step,
+                             ", found none; turn on scene.blur or scene.edi_supervision, or "
+                             "change scene.target, scene.target_until"));
   }
   if (options.scene.target == "image_folder" && options.train.target_images.empty()) {
     throw ConfigError(

@@ -10,9 +10,12 @@ StepOutputs alternate(TrainState& state, const StepInputs& inputs, int64_t step,
   const View& view = inputs.view;
   StepOutputs out;
   out.renders = render_exposure(state, view, inputs.view_index, step, options);
-  const RouteReport route =
-      routing_step(state, view, inputs.view_index, out.renders, options.route);
-  const torch::Tensor target = scene_target(state, view, inputs.view_index);
+  RouteReport route;
+  torch::Tensor target;
+  if (losses::target_acts(options.scene, step)) {
+    route = routing_step(state, view, inputs.view_index, out.renders, options.route);
+    target = scene_target(state, view, inputs.view_index);
+  }
   out.terms =
       scene_step(state, {view, out.renders, target, inputs.poses, inputs.events}, step, options);
   if (route.render.defined()) out.terms.push_back({"route_render", route.render});

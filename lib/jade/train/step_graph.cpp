@@ -43,45 +43,13 @@ std::vector<torch::Tensor*> tensors_of(EventWindow& window) {
           &window.pixels};
 }
 
-/// The addresses that a recorded step reads from, where its inputs are copied before a replay.
-struct StaticInputs {
-  View view;
-  EventWindow events;
-  torch::Tensor poses;
-
-  explicit StaticInputs(const StepInputs& inputs)
-      : view(inputs.view), events(inputs.events), poses(inputs.poses.clone()) {
-    for (torch::Tensor* tensor : all()) {
-      if (tensor->defined()) *tensor = tensor->clone();
-    }
-  }
-
-  std::vector<torch::Tensor*> all() {
-    std::vector<torch::Tensor*> tensors = tensors_of(view);
-    for (torch::Tensor* tensor : tensors_of(events)) tensors.push_back(tensor);
-    return tensors;
-  }
-
-  void copy_from(const StepInputs& inputs) {
-    const torch::NoGradGuard no_grad;
-    View from_view = inputs.view;
-    EventWindow from_events = inputs.events;
-    std::vector<torch::Tensor*> from = tensors_of(from_view);
-    for (torch::Tensor* tensor : tensors_of(from_events)) from.push_back(tensor);
-    const std::vector<torch::Tensor*> to = all();
-    for (size_t i = 0; i < to.size(); ++i) {
-      if (to[i]->defined()) to[i]->copy_(*from[i], /*non_blocking=*/true);
-    }
-    poses.copy_(inputs.poses, /*non_blocking=*/true);
-  }
-};
-
 /// Everything that a recording takes for granted.
 std::vector<int64_t> assumptions(const TrainState& state, const StepInputs& inputs, int64_t step,
                                  const RunOptions& options) {
   std::vector<int64_t> all{step / kRenewal,
                            scene::active_sh_degree(step, options.train.sh_degree_every),
                            losses::tone_acts(options.scene, step),
+                           losses::target_acts(options.scene, step),
                            losses::simulation_acts(options.scene, step),
                            losses::intensity_acts(options.scene, step),
                            inputs.events.defined(),
@@ -119,6 +87,39 @@ StreamScope::StreamScope(torch::Device device) {
 StreamScope::~StreamScope() = default;
 
 struct StepGraph::Recording {
+  /// The addresses that a recorded step reads from, where its inputs are copied before a replay.
+  struct StaticInputs {
+    View view;
+    EventWindow events;
+    torch::Tensor poses;
+
+    explicit StaticInputs(const StepInputs& inputs)
+        : view(inputs.view), events(inputs.events), poses(inputs.poses.clone()) {
+      for (torch::Tensor* tensor : all()) {
+        if (tensor->defined()) *tensor = tensor->clone();
+      }
+    }
+
+    std::vector<torch::Tensor*> all() {
+      std::vector<torch::Tensor*> tensors = tensors_of(view);
+      for (torch::Tensor* tensor : tensors_of(events)) tensors.push_back(tensor);
+      return tensors;
+    }
+
+    void copy_from(const StepInputs& inputs) {
+      const torch::NoGradGuard no_grad;
+      View from_view = inputs.view;
+      EventWindow from_events = inputs.events;
+      std::vector<torch::Tensor*> from = tensors_of(from_view);
+      for (torch::Tensor* tensor : tensors_of(from_events)) from.push_back(tensor);
+      const std::vector<torch::Tensor*> to = all();
+      for (size_t i = 0; i < to.size(); ++i) {
+        if (to[i]->defined()) to[i]->copy_(*from[i], /*non_blocking=*/true);
+      }
+      poses.copy_(inputs.poses, /*non_blocking=*/true);
+    }
+  };
+
   std::vector<int64_t> seen;  ///< assumptions of the last eager step, which warmed everything up
   std::vector<int64_t> holds_for;  ///< assumptions of the recording; empty: there is none
   std::optional<at::cuda::CUDAGraph> graph;
