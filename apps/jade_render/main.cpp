@@ -86,12 +86,13 @@ std::vector<data::NamedCamera> load_cameras(const RenderFlags& flags) {
   if (flags.dataset.path.empty() && flags.run.empty()) {
     throw ConfigError(concat("--cameras ", flags.cameras, " needs --run or --dataset"));
   }
-  const data::Dataset dataset =
-      flags.dataset.path.empty()
-          ? train::load_run_dataset(
-                flags.run, config::load<train::RunOptions>({flags.run / "config.yaml", {}, {}}))
-          : data::load_dataset(flags.dataset);
-  return data::dataset_cameras(dataset, flags.cameras, flags.exposure);
+  if (flags.run.empty()) {
+    return data::dataset_cameras(data::load_dataset(flags.dataset), flags.cameras, flags.exposure);
+  }
+  auto options = config::load<train::RunOptions>({flags.run / "config.yaml", {}, {}});
+  if (!flags.dataset.path.empty()) options.dataset = flags.dataset;
+  return data::dataset_cameras(train::load_run_dataset(flags.run, options), flags.cameras,
+                               flags.exposure);
 }
 
 torch::Tensor render(const scene::GaussianFile& file, const data::NamedCamera& view) {

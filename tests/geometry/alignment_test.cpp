@@ -95,3 +95,38 @@ TEST_CASE("alignment: is the best of its neighbours where the cameras disagree",
     }
   }
 }
+
+TEST_CASE("alignment: the rotation is the one nearest to all, and mirrored centres keep scale 1",
+          "[geometry]") {
+  const std::vector<Pose> cameras = random_cameras(7, false);
+  std::vector<Pose> other = drifted(cameras, kDrift);
+  std::mt19937 random(11);
+  std::normal_distribution<double> normal(0, 0.2);
+  for (Pose& camera : other) {
+    const Pose turn{rotation_from_vector({normal(random), normal(random), normal(random)}), {}};
+    camera = compose(turn, camera);
+  }
+  const auto distance = [&](const Matrix3& rotation) {
+    double sum = 0;
+    for (size_t i = 0; i < cameras.size(); ++i) {
+      const Matrix3 a = moved(cameras[i], {1, rotation, {}}).rotation, b = other[i].rotation;
+      for (size_t k = 0; k < 9; ++k) sum += (a[k] - b[k]) * (a[k] - b[k]);
+    }
+    return sum;
+  };
+  const Matrix3 best = align_cameras(cameras, other).rotation;
+  for (const double angle : {-1e-3, 1e-3}) {
+    for (int axis = 0; axis < 3; ++axis) {
+      Vector3 vector{};
+      vector[axis] = angle;
+      const Pose turned = compose({rotation_from_vector(vector), {}}, {best, {}});
+      CHECK(distance(turned.rotation) > distance(best));
+    }
+  }
+  other = cameras;
+  for (Pose& camera : other) {
+    const Vector3 c = centre(camera);
+    camera = pose_at_centre(camera.rotation, {-c[0], -c[1], -c[2]});
+  }
+  CHECK(align_cameras(cameras, other).scale == 1);
+}

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "support/catch.h"
 
+#include <cstdlib>
+#include <optional>
+#include <string>
 #include <thread>
 
 #include "fixture.h"
@@ -66,6 +69,23 @@ size_t count(const std::string& text, const std::string& word) {
   return found;
 }
 
+/// OMP_WAIT_POLICY without a value for the duration of a test, whatever the caller's is.
+class WaitPolicy {
+ public:
+  WaitPolicy() {
+    if (const char* value = std::getenv(kName)) before_ = value;
+    unsetenv(kName);
+  }
+  ~WaitPolicy() { before_ ? setenv(kName, before_->c_str(), 1) : unsetenv(kName); }
+  WaitPolicy(const WaitPolicy&) = delete;
+  WaitPolicy& operator=(const WaitPolicy&) = delete;
+  void set(const char* value) const { setenv(kName, value, 1); }
+
+ private:
+  static constexpr const char* kName = "OMP_WAIT_POLICY";
+  std::optional<std::string> before_;
+};
+
 }  // namespace
 
 TEST_CASE("may_start: what is free must hold the peak, the growth of the others and the margin",
@@ -80,6 +100,7 @@ TEST_CASE("may_start: what is free must hold the peak, the growth of the others 
 }
 
 TEST_CASE("run_local: several at once, with the cores shared out, and nothing twice", "[sweep]") {
+  const WaitPolicy waiting;
   const TempDir dir;
   const std::string yaml = sweep_of("  - {name: x}\n  - {name: y}\n");
   const std::string journal = run(dir, yaml, 2, plenty());
@@ -95,6 +116,7 @@ TEST_CASE("run_local: several at once, with the cores shared out, and nothing tw
 
 TEST_CASE("run_local: runs are spread over the devices, whose threads do not wait busily",
           "[sweep]") {
+  const WaitPolicy waiting;
   const TempDir dir;
   const std::string journal =
       run(dir, sweep_of("  - {name: x}\n  - {name: y}\n"), 2, plenty(), {"cuda:0", "cuda:1"});
@@ -102,10 +124,9 @@ TEST_CASE("run_local: runs are spread over the devices, whose threads do not wai
   CHECK(count(journal, " cuda:0 ") >= 1);
   CHECK(count(journal, " cuda:1 ") >= 1);
   CHECK(count(journal, "wait passive") == 4);
-  setenv("OMP_WAIT_POLICY", "active", 1);
+  waiting.set("active");
   const TempDir other;
   const std::string chosen = run(other, sweep_of("  - {name: x}\n"), 1, plenty(), {"cuda:0"});
-  unsetenv("OMP_WAIT_POLICY");
   CHECK(count(chosen, "wait active") == 2);
 }
 

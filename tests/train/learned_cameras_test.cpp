@@ -8,10 +8,14 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "jade/core/interrupt.h"
+#include "jade/core/random.h"
 #include "jade/data/cameras.h"
 #include "jade/data/dataset.h"
 #include "jade/eval/metrics.h"
+#include "jade/geometry/alignment.h"
 #include "jade/geometry/se3.h"
+#include "jade/scene/init.h"
 #include "jade/scene/ply.h"
 #include "jade/train/evaluate.h"
 #include "jade/train/trainer.h"
@@ -73,13 +77,48 @@ TEST_CASE("learned cameras: a test pose that is off by pixels is fitted to its i
     return eval::psnr(train::render_view(gaussians, pose, view.camera), view.image);
   };
 
-  train::PoseOptions options;
-  options.test_fit_steps = 0;
-  const data::Dataset aligned = with_learned_poses(dataset, unmoved, gaussians, options);
+  const data::Dataset aligned = with_learned_poses(dataset, unmoved, gaussians, 0, false);
   CHECK(error_px(aligned.test[0].pose, view.pose, view) < 1e-3);
-  options.test_fit_steps = 200;
-  const data::Dataset fitted = with_learned_poses(dataset, unmoved, gaussians, options);
+  const data::Dataset fitted = with_learned_poses(dataset, unmoved, gaussians, 200, false);
   CHECK(psnr_from(fitted.test[0].pose) > psnr_from(view.pose) + 10);
+}
+
+TEST_CASE("learned cameras: test views follow a motion that all exposures share", "[train]") {
+  const LearnedRun scene;
+  const data::Dataset dataset = data::load_dataset(scene.options.dataset);
+  const train::ExposurePoses poses("linear", dataset.train);
+  const geometry::Similarity motion{
+      1, geometry::rotation_from_vector({0.2, -0.4, 0.1}), {0.5, -0.3, 0.8}};
+  const geometry::Pose there{motion.rotation, motion.translation};
+  {
+    // world_from_camera · exp(ξ) = motion · world_from_camera
+    const torch::NoGradGuard no_grad;
+    torch::Tensor twists = poses.parameters()[0];
+    for (size_t i = 0; i < dataset.train.size(); ++i) {
+      const auto& path = dataset.train[i].poses;
+      for (int64_t end = 0; end < 2; ++end) {
+        const auto camera = geometry::to_tensor(end == 0 ? path.front() : path.back());
+        const auto world = geometry::to_tensor(there);
+        twists[static_cast<int64_t>(i)][end].copy_(
+            geometry::se3_log(camera.matmul(world).matmul(geometry::se3_inverse(camera))));
+      }
+    }
+  }
+  auto generator = make_generator(1, "points");
+  scene::InitSources sources;
+  sources.views.push_back(
+      {dataset.train[0].poses[4], dataset.train[0].camera, dataset.train[0].blurry});
+  sources.near = dataset.near;
+  sources.far = dataset.far;
+  const splat::Gaussians gaussians = scene::initial_gaussians({}, sources, generator);
+  const data::Dataset learned = with_learned_poses(dataset, poses, gaussians, 0, false);
+  for (size_t i = 0; i < dataset.test.size(); ++i) {
+    const geometry::Pose expected = geometry::moved(dataset.test[i].pose, motion);
+    CHECK(geometry::rotation_angle(learned.test[i].pose, expected) < 1e-4);
+    for (int k = 0; k < 3; ++k) {
+      CHECK(learned.test[i].pose.translation[k] == Approx(expected.translation[k]).margin(1e-3));
+    }
+  }
 }
 
 TEST_CASE("learned cameras: a run keeps them, and scores, pictures and other programs use them",
@@ -104,6 +143,24 @@ TEST_CASE("learned cameras: a run keeps them, and scores, pictures and other pro
   CHECK(again.mean.psnr > data_poses.mean.psnr);
 }
 
+TEST_CASE("learned cameras: those of an earlier end are gone while a run goes on", "[train]") {
+  const LearnedRun scene;
+  const auto file = scene.run / train::kLearnedCamerasFile;
+  train::Trainer(scene.options, scene.run, "").run();
+  CHECK(std::filesystem::exists(file));
+  train::RunOptions longer = scene.options;
+  longer.train.iterations = 24;
+  {
+    train::Trainer going(longer, scene.run, "latest");
+    set_interrupt_requested(true);
+    CHECK_THROWS_AS(going.run(), Interrupted);
+    set_interrupt_requested(false);
+  }
+  CHECK_FALSE(std::filesystem::exists(file));
+  train::Trainer(longer, scene.run, "latest").run();
+  CHECK(std::filesystem::exists(file));
+}
+
 TEST_CASE(
     "learned cameras: a run under way falls back to the data's poses; a file that lacks a "
     "view is refused",
@@ -119,10 +176,21 @@ TEST_CASE(
   const data::Dataset same = train::load_run_dataset(scene.run, scene.options);
   CHECK(same.train[2].poses[8].translation == given.train[2].poses[8].translation);
 
-  auto cameras = data::read_cameras(file);
+  const auto cameras = data::read_cameras(file);
   CHECK(cameras.size() == given.test.size() + 9 * given.train.size());
-  cameras.erase(cameras.begin());
-  data::write_cameras(file, cameras);
+  auto others = cameras;
+  others.erase(others.begin());
+  data::write_cameras(file, others);
   CHECK_THROWS_WITH(train::load_run_dataset(scene.run, scene.options),
                     Catch::Contains(given.test[0].name) && Catch::Contains("cameras.json"));
+  others = cameras;
+  others.pop_back();
+  data::write_cameras(file, others);
+  CHECK_THROWS_WITH(train::load_run_dataset(scene.run, scene.options), Catch::Contains("none"));
+
+  // A run that has ended without the file, as older versions left it.
+  std::filesystem::remove(file);
+  write_file(scene.run / "eval.json", "{}");
+  CHECK_THROWS_WITH(train::load_run_dataset(scene.run, scene.options),
+                    Catch::Contains("--resume writes it"));
 }

@@ -118,7 +118,8 @@ void write_cameras(const std::filesystem::path& path, const std::vector<NamedCam
                     {"cy", view.camera.cy},
                     {"camera_from_world", std::move(rows)}});
   }
-  write_file(path, list.dump(1) + "\n");
+  // Names of files need not be UTF-8.
+  write_file(path, list.dump(1, ' ', false, json::error_handler_t::replace) + "\n");
 }
 
 std::string pose_name(const Exposure& exposure, size_t pose) {

@@ -59,7 +59,7 @@ Child start(const SweepOutput& output, const std::string& id, const TaskOptions&
   if (options.threads > 0) environment.emplace_back("OMP_NUM_THREADS", concat(options.threads));
   // Runs on GPUs share a processor that they need for a moment a step. Threads that wait busily
   // between those moments take it from the other runs.
-  if (options.device != "cpu" && std::getenv("OMP_WAIT_POLICY") == nullptr) {
+  if (options.device.rfind("cuda", 0) == 0 && std::getenv("OMP_WAIT_POLICY") == nullptr) {
     environment.emplace_back("OMP_WAIT_POLICY", "passive");
   }
   return {command_of(output, id, options, resume), environment, output.log_file(id)};

@@ -40,6 +40,10 @@ data::Dataset load_run_dataset(const fs::path& run, const RunOptions& options) {
   if (options.poses.optimize == "none") return dataset;
   if (fs::exists(run / kLearnedCamerasFile)) {
     read_learned_cameras(run / kLearnedCamerasFile, dataset);
+  } else if (fs::exists(run / "eval.json")) {
+    throw DataError(concat((run / kLearnedCamerasFile).string(),
+                           ": expected the cameras that this run has learned, found no file; "
+                           "jade_train --resume writes it"));
   } else {
     log_warn(concat(run.string(), ": its poses are learned, and ", kLearnedCamerasFile,
                     " comes with the end of the run; the views stand where the data have them"));

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/train/learned_cameras.h"
 
-#include <map>
+#include <algorithm>
+#include <limits>
 #include <torch/types.h>
 
 #include "jade/core/error.h"
+#include "jade/core/interrupt.h"
 #include "jade/data/cameras.h"
 #include "jade/geometry/alignment.h"
 #include "jade/geometry/se3.h"
@@ -20,37 +22,59 @@ namespace {
 constexpr double kFitDssim = 0.2;
 
 /// The pose from which the scene looks most like the image, near the pose given.
-geometry::Pose fitted(const data::SharpView& view, const splat::Gaussians& gaussians,
-                      const PoseOptions& options) {
+geometry::Pose fitted(const data::SharpView& view, const splat::Gaussians& gaussians, int64_t steps,
+                      bool deterministic) {
   const torch::Device device = gaussians.means.device();
   const torch::Tensor start = geometry::to_tensor(geometry::inverse(view.pose));
   const imaging::SsimTarget target = imaging::ssim_target(view.image.to(device));
+  splat::RenderOptions render;
+  render.deterministic = deterministic;
   splat::CameraBatch camera = camera_batch({view.pose}, view.camera, device);
   torch::Tensor twist = torch::zeros({6}, torch::kFloat64).requires_grad_();
-  const auto camera_from_world = [&] {
-    return geometry::se3_inverse(start.matmul(geometry::se3_exp(twist)));
-  };
-  ModuleAdam adam({twist}, options.lr);
-  PoseOptions schedule = options;
-  schedule.lr_max_steps = options.test_fit_steps;
-  for (int64_t step = 1; step <= options.test_fit_steps; ++step) {
-    camera.camera_from_world = camera_from_world().unsqueeze(0).to(device, torch::kFloat32);
-    const torch::Tensor render = splat::render(gaussians, camera, {}).color[0];
+  PoseOptions schedule;
+  schedule.lr_max_steps = std::max<int64_t>(1, steps);
+  ModuleAdam adam({twist}, schedule.lr);
+  geometry::Pose best = view.pose;
+  double least = std::numeric_limits<double>::infinity();
+  for (int64_t step = 1; step <= steps && !interrupt_requested(); ++step) {
+    const torch::Tensor pose = geometry::se3_inverse(start.matmul(geometry::se3_exp(twist)));
+    camera.camera_from_world = pose.unsqueeze(0).to(device, torch::kFloat32);
+    const torch::Tensor loss =
+        imaging::l1_ssim(splat::render(gaussians, camera, render).color[0], target, kFitDssim);
+    if (const double value = loss.item<double>(); value < least) {
+      least = value;
+      best = geometry::pose_from_tensor(pose);
+    }
     adam.zero_grad();
-    imaging::l1_ssim(render, target, kFitDssim).backward();
+    loss.backward();
     adam.step(pose_lr(schedule, step));
   }
-  return geometry::pose_from_tensor(camera_from_world());
+  return best;
+}
+
+/// The test views, then the nine poses of each exposure.
+std::vector<data::NamedCamera> all_cameras(const data::Dataset& dataset) {
+  std::vector<data::NamedCamera> cameras;
+  if (!dataset.test.empty()) cameras = data::dataset_cameras(dataset, "test", "");
+  for (data::NamedCamera& camera : data::dataset_cameras(dataset, "exposure", "")) {
+    cameras.push_back(std::move(camera));
+  }
+  return cameras;
 }
 
 }  // namespace
 
 data::Dataset with_learned_poses(const data::Dataset& dataset, const ExposurePoses& poses,
-                                 const splat::Gaussians& gaussians, const PoseOptions& options) {
+                                 const splat::Gaussians& gaussians, int64_t fit_steps,
+                                 bool deterministic) {
   data::Dataset learned = dataset;
   std::vector<geometry::Pose> before, after;
   for (size_t i = 0; i < learned.train.size(); ++i) {
     const torch::Tensor path = poses.forward(static_cast<int64_t>(i), torch::kCPU).detach();
+    if (!path.isfinite().all().item<bool>()) {
+      throw NumericError(concat("the learned poses of exposure ", learned.train[i].name,
+                                " are not finite; lower poses.lr"));
+    }
     data::Exposure& exposure = learned.train[i];
     before.push_back(exposure.poses[geometry::kMidPose]);
     for (size_t k = 0; k < exposure.poses.size(); ++k) {
@@ -61,40 +85,33 @@ data::Dataset with_learned_poses(const data::Dataset& dataset, const ExposurePos
   const geometry::Similarity drift = geometry::align_cameras(before, after);
   for (data::SharpView& view : learned.test) {
     view.pose = geometry::moved(view.pose, drift);
-    view.pose = fitted(view, gaussians, options);
+    view.pose = fitted(view, gaussians, fit_steps, deterministic);
   }
   return learned;
 }
 
 void write_learned_cameras(const std::filesystem::path& path, const data::Dataset& dataset) {
-  std::vector<data::NamedCamera> cameras;
-  for (const char* const which : {"test", "exposure"}) {
-    if (dataset.test.empty() && std::string(which) == "test") continue;
-    for (data::NamedCamera& camera : data::dataset_cameras(dataset, which, "")) {
-      cameras.push_back(std::move(camera));
-    }
-  }
-  data::write_cameras(path, cameras);
+  data::write_cameras(path, all_cameras(dataset));
 }
 
 void read_learned_cameras(const std::filesystem::path& path, data::Dataset& dataset) {
-  std::map<std::string, geometry::Pose> poses;
-  for (const data::NamedCamera& camera : data::read_cameras(path)) {
-    poses[camera.name] = camera.camera_from_world;
-  }
-  const auto pose_of = [&](const std::string& name) {
-    const auto found = poses.find(name);
-    if (found == poses.end()) {
-      throw DataError(concat(path.string(), ": expected a camera named ", name,
-                             " as in the data set, found none; train again or remove the file"));
-    }
-    return found->second;
+  const std::vector<data::NamedCamera> expected = all_cameras(dataset),
+                                       found = data::read_cameras(path);
+  const auto same = [](const data::NamedCamera& a, const data::NamedCamera& b) {
+    return a.name == b.name && a.camera.width == b.camera.width &&
+           a.camera.height == b.camera.height;
   };
-  for (data::SharpView& view : dataset.test) view.pose = pose_of(view.name);
+  for (size_t i = 0; i < expected.size(); ++i) {
+    if (i < found.size() && same(found[i], expected[i])) continue;
+    throw DataError(concat(
+        path.string(), ": expected camera ", expected[i].name, ", ", expected[i].camera.width, "x",
+        expected[i].camera.height, ", as in the data set, found ",
+        i < found.size() ? found[i].name : "none", "; jade_train --resume writes the file anew"));
+  }
+  size_t next = 0;
+  for (data::SharpView& view : dataset.test) view.pose = found[next++].camera_from_world;
   for (data::Exposure& exposure : dataset.train) {
-    for (size_t k = 0; k < exposure.poses.size(); ++k) {
-      exposure.poses[k] = pose_of(data::pose_name(exposure, k));
-    }
+    for (geometry::Pose& pose : exposure.poses) pose = found[next++].camera_from_world;
   }
 }
 

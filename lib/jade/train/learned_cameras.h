@@ -14,12 +14,15 @@ namespace jade::train {
 
 /// The data set with the poses that the scene has for it. Exposures get their learned poses. Test
 /// views, which training does not see, are moved by the similarity between the data's middle poses
-/// and the learned ones, then fitted to their images with the scene held: `test_fit_steps` of Adam
-/// with the step sizes of training on a twist of the camera, loss Eq. (8). Methods that learn poses
-/// are scored this way (BAD-NeRF, BAD-Gaussians).
+/// and the learned ones, then fitted to their images with the scene held: `fit_steps` of Adam on a
+/// twist of the camera, step size 1e-3 falling to 1e-5, loss Eq. (8); the best pose on the way is
+/// taken. Methods that learn poses are scored this way (BAD-NeRF, BAD-Gaussians). A request to stop
+/// ends the fit early.
 /// @param gaussians  on the device to render on, without graph
+/// @throws NumericError for learned poses that are not finite
 data::Dataset with_learned_poses(const data::Dataset& dataset, const ExposurePoses& poses,
-                                 const splat::Gaussians& gaussians, const PoseOptions& options);
+                                 const splat::Gaussians& gaussians, int64_t fit_steps,
+                                 bool deterministic);
 
 /// Where a run directory keeps its learned cameras.
 constexpr char kLearnedCamerasFile[] = "cameras.json";
@@ -29,7 +32,7 @@ constexpr char kLearnedCamerasFile[] = "cameras.json";
 void write_learned_cameras(const std::filesystem::path& path, const data::Dataset& dataset);
 
 /// Puts the poses of such a file into the data set.
-/// @throws DataError naming the file and a view that it lacks.
+/// @throws DataError naming the file and the first view that is not the data set's.
 void read_learned_cameras(const std::filesystem::path& path, data::Dataset& dataset);
 
 }  // namespace jade::train

@@ -269,8 +269,8 @@ eval::Evaluation Trainer::evaluate(const data::Dataset& posed) {
   return evaluate_views(state_.gaussians.detached(), posed.test, lpips);
 }
 
-void Trainer::log_evaluation() {
-  const eval::Scores mean = evaluate().mean;
+void Trainer::log_evaluation(const data::Dataset& posed) {
+  const eval::Scores mean = evaluate(posed).mean;
   log_info(concat("step ", state_.step, ": test PSNR ", mean.psnr, " dB, SSIM ", mean.ssim));
   nlohmann::ordered_json line{{"step", state_.step},
                               {"test_psnr", mean.psnr},
@@ -281,9 +281,11 @@ void Trainer::log_evaluation() {
   metrics_->append(line.dump());
 }
 
-data::Dataset Trainer::posed_dataset() const {
+data::Dataset Trainer::posed_dataset() {
   if (!state_.poses) return dataset_;
-  return with_learned_poses(dataset_, *state_.poses, state_.gaussians.detached(), options_.poses);
+  monitor_.check();
+  return with_learned_poses(dataset_, *state_.poses, state_.gaussians.detached(),
+                            options_.poses.test_fit_steps, options_.deterministic);
 }
 
 void Trainer::write_pictures(const data::Dataset& posed) {
@@ -307,10 +309,11 @@ void Trainer::write_pictures(const data::Dataset& posed) {
 
 void Trainer::finish() {
   save();
+  scene::write_ply(directory_.path() / "point_cloud.ply", {state_.gaussians.detached()});
   const data::Dataset posed = posed_dataset();
+  throw_if_interrupted();  // half-fitted poses are not to stay
   if (state_.poses) write_learned_cameras(directory_.path() / kLearnedCamerasFile, posed);
   write_pictures(posed);
-  scene::write_ply(directory_.path() / "point_cloud.ply", {state_.gaussians.detached()});
   if (!dataset_.test.empty()) {
     const eval::Evaluation evaluation = evaluate(posed);
     write_file(directory_.path() / "eval.json", eval::to_json(evaluation));
@@ -322,6 +325,8 @@ void Trainer::finish() {
 }
 
 void Trainer::run() {
+  // Cameras of an earlier end do not belong to the scene as it goes on.
+  if (state_.step < options_.train.iterations) fs::remove(directory_.path() / kLearnedCamerasFile);
   Progress progress("training", options_.train.iterations, state_.step);
   logged_seconds_ = now_seconds();
   logged_step_ = state_.step;
@@ -336,10 +341,13 @@ void Trainer::run() {
     }
     if (last) break;
     if (every(state_.step, options_.checkpoint.every)) save();
-    if (every(state_.step, options_.train.evaluate_every) && !dataset_.test.empty()) {
-      log_evaluation();
-    }
-    if (every(state_.step, options_.train.picture_every)) write_pictures(posed_dataset());
+    const bool evaluation_due =
+        every(state_.step, options_.train.evaluate_every) && !dataset_.test.empty();
+    const bool pictures_due = every(state_.step, options_.train.picture_every);
+    if (!evaluation_due && !pictures_due) continue;
+    const data::Dataset posed = posed_dataset();
+    if (evaluation_due) log_evaluation(posed);
+    if (pictures_due) write_pictures(posed);
   }
   progress.finish();
   finish();

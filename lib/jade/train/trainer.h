@@ -54,10 +54,10 @@ class Trainer {
   void write_environment() const;
   void log_step(const View& view, const Renders& renders,
                 const std::vector<losses::NamedTerm>& terms);
-  void log_evaluation();
+  void log_evaluation(const data::Dataset& posed);
   void save();
   /// The data set with the poses at which the scene is to be seen: learned ones where poses are.
-  data::Dataset posed_dataset() const;
+  data::Dataset posed_dataset();
   void write_pictures(const data::Dataset& posed);
   void finish();
 
