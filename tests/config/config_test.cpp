@@ -42,7 +42,7 @@ void describe(V& v, TestOptions& o) {
 
 TestOptions load_text(const test::TempDir& dir, const std::string& text,
                       const std::vector<std::string>& overrides = {}) {
-  return config::load<TestOptions>({dir.write("scene.yaml", text), overrides});
+  return config::load<TestOptions>({dir.write("scene.yaml", text), overrides, {}});
 }
 
 std::string error_of(const test::TempDir& dir, const std::string& text,
@@ -117,7 +117,7 @@ TEST_CASE("config: extends that goes in a circle is refused with the circle", "[
 }
 
 TEST_CASE("config: a file that does not exist is a ConfigError that names it", "[config]") {
-  CHECK_THROWS_WITH(config::load<TestOptions>({"/nowhere/scene.yaml", {}}),
+  CHECK_THROWS_WITH(config::load<TestOptions>({"/nowhere/scene.yaml", {}, {}}),
                     Catch::Contains("/nowhere/scene.yaml"));
 }
 
