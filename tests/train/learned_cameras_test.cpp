@@ -159,6 +159,16 @@ TEST_CASE("learned cameras: those of an earlier end are gone while a run goes on
   CHECK_FALSE(std::filesystem::exists(file));
   train::Trainer(longer, scene.run, "latest").run();
   CHECK(std::filesystem::exists(file));
+
+  // Stopped within the last fit: nothing half-fitted stays.
+  std::filesystem::remove(file);
+  {
+    train::Trainer ending(longer, scene.run, "latest");
+    set_interrupt_requested(true);
+    CHECK_THROWS_AS(ending.run(), Interrupted);
+    set_interrupt_requested(false);
+  }
+  CHECK_FALSE(std::filesystem::exists(file));
 }
 
 TEST_CASE(

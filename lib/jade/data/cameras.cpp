@@ -122,10 +122,6 @@ void write_cameras(const std::filesystem::path& path, const std::vector<NamedCam
   write_file(path, list.dump(1, ' ', false, json::error_handler_t::replace) + "\n");
 }
 
-std::string pose_name(const Exposure& exposure, size_t pose) {
-  return concat(exposure.name, "_", pose);
-}
-
 std::vector<NamedCamera> dataset_cameras(const Dataset& dataset, const std::string& which,
                                          const std::string& name) {
   std::vector<NamedCamera> cameras;
@@ -139,7 +135,7 @@ std::vector<NamedCamera> dataset_cameras(const Dataset& dataset, const std::stri
       cameras.push_back({exposure.name, exposure.poses[geometry::kMidPose], exposure.camera});
     } else if (which == "exposure" && (name.empty() || name == exposure.name)) {
       for (size_t k = 0; k < exposure.poses.size(); ++k) {
-        cameras.push_back({pose_name(exposure, k), exposure.poses[k], exposure.camera});
+        cameras.push_back({concat(exposure.name, "_", k), exposure.poses[k], exposure.camera});
       }
     }
   }

@@ -29,11 +29,9 @@ std::vector<NamedCamera> read_cameras(const std::filesystem::path& path);
 /// Writes views in that form, poses as "camera_from_world" to the last bit.
 void write_cameras(const std::filesystem::path& path, const std::vector<NamedCamera>& cameras);
 
-/// The name under which a pose of an exposure goes: that of its frame and the pose's number.
-std::string pose_name(const Exposure& exposure, size_t pose);
-
-/// The views of a data set: "test", "train" (middle poses) or "exposure" (nine poses, of the
-/// exposure `name`, or of all when it is empty). @throws DataError where there are none.
+/// The views of a data set: "test", "train" (middle poses) or "exposure" (nine poses, NAME_0 to
+/// NAME_8, of the exposure `name`, or of all when it is empty). @throws DataError where there are
+/// none.
 std::vector<NamedCamera> dataset_cameras(const Dataset& dataset, const std::string& which,
                                          const std::string& name);
 

@@ -307,12 +307,20 @@ void Trainer::write_pictures(const data::Dataset& posed) {
   }
 }
 
+void Trainer::stop() {
+  save();
+  log_info(concat("saved at step ", state_.step, "; go on with --resume"));
+  throw Interrupted();
+}
+
 void Trainer::finish() {
   save();
   scene::write_ply(directory_.path() / "point_cloud.ply", {state_.gaussians.detached()});
   const data::Dataset posed = posed_dataset();
-  throw_if_interrupted();  // half-fitted poses are not to stay
-  if (state_.poses) write_learned_cameras(directory_.path() / kLearnedCamerasFile, posed);
+  if (state_.poses) {
+    if (interrupt_requested()) stop();  // half-fitted poses are not to stay
+    write_learned_cameras(directory_.path() / kLearnedCamerasFile, posed);
+  }
   write_pictures(posed);
   if (!dataset_.test.empty()) {
     const eval::Evaluation evaluation = evaluate(posed);
@@ -334,11 +342,7 @@ void Trainer::run() {
     step();
     if (progress.step()) progress.show(status_);
     const bool last = state_.step == options_.train.iterations;
-    if (interrupt_requested()) {
-      save();
-      log_info(concat("saved at step ", state_.step, "; go on with --resume"));
-      throw Interrupted();
-    }
+    if (interrupt_requested()) stop();
     if (last) break;
     if (every(state_.step, options_.checkpoint.every)) save();
     const bool evaluation_due =
@@ -346,6 +350,7 @@ void Trainer::run() {
     const bool pictures_due = every(state_.step, options_.train.picture_every);
     if (!evaluation_due && !pictures_due) continue;
     const data::Dataset posed = posed_dataset();
+    if (interrupt_requested()) continue;  // half-fitted poses are not scored; the next step saves
     if (evaluation_due) log_evaluation(posed);
     if (pictures_due) write_pictures(posed);
   }

@@ -59,6 +59,7 @@ class Trainer {
   /// The data set with the poses at which the scene is to be seen: learned ones where poses are.
   data::Dataset posed_dataset();
   void write_pictures(const data::Dataset& posed);
+  [[noreturn]] void stop();
   void finish();
 
   RunOptions options_;
