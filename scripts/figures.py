@@ -59,6 +59,14 @@ class Run:
         points = [(line["step"], line[key]) for line in self.metrics if isinstance(line.get(key), (int, float))]
         return [p[0] for p in points], [p[1] for p in points]
 
+    def test_series(self, key: str) -> tuple[list[float], list[float]]:
+        """A metric on the test views: the evaluations on the way and the one at the end."""
+        steps, values = self.series("test_" + key)
+        last, final = max((line["step"] for line in self.metrics), default=0), self.evaluation.get("mean", {}).get(key)
+        if final is not None and (not steps or steps[-1] < last):
+            steps, values = steps + [last], values + [final]
+        return steps, values
+
     def peak_gib(self) -> float | None:
         peaks = self.series("memory_bytes")[1]
         return max(peaks) / 2**30 if peaks else None
@@ -138,26 +146,29 @@ def losses(runs: list[Run]):
     runs = [run for run in runs if len(run.series("loss")[0]) > 1]
     if not runs:
         return None
+    terms = {key for run in runs for line in run.metrics for key in line if key not in NOT_LOSSES and not key.startswith("test_")}
     figure, axes = grid(len(runs))
-    for run, axis in zip(runs, axes):
-        terms = {key for line in run.metrics for key in line if key not in NOT_LOSSES and not key.startswith("test_")}
-        for term in ["loss", *sorted(terms)]:
+    lines = {}  # a term has one colour in every panel
+    for index, term in enumerate(["loss", *sorted(terms)]):
+        style = {"color": f"C{index % 10}", "linestyle": "--" if index > 9 else "-", "linewidth": 0.8 if index else 1.6}
+        for run, axis in zip(runs, axes):
             steps, values = run.series(term)
             if len(steps) > 1 and max(values) > 0:
-                axis.plot(steps, values, label=term, linewidth=1.6 if term == "loss" else 0.8)
+                lines[term], = axis.plot(steps, values, **style)
+    for run, axis in zip(runs, axes):
         axis.set(title=run.name, xlabel="step", yscale="log")
-    axes[0].legend(fontsize=6)
+    figure.legend(lines.values(), lines.keys(), fontsize=7, loc="outside right upper")
     return figure
 
 
 def trajectories(runs: list[Run]):
-    keys = [key for key in METRICS if any(run.series("test_" + key)[0] for run in runs)]
+    keys = [key for key in METRICS if any(run.test_series(key)[0] for run in runs)]
     if not keys:
         return None
     figure, axes = grid(len(keys), 4.5, 3.2)
     for key, axis in zip(keys, axes):
         for run in runs:
-            steps, values = run.series("test_" + key)
+            steps, values = run.test_series(key)
             if steps:
                 axis.plot(steps, values, marker=".", label=run.name)
         axis.set(xlabel="step", ylabel=METRICS[key])
@@ -277,7 +288,7 @@ def qualitative(runs: list[Run], crops: list[tuple[int, int, int]], view: str | 
             axes[0, column].add_patch(plt.Rectangle((x, y), size, size, fill=False, edgecolor=color, linewidth=1))
             for spine in axes[1 + index, column].spines.values():
                 spine.set(edgecolor=color, linewidth=2)
-    figure.suptitle(f"{shown[0][0].scene or shown[0][0].row}, test view {view}", fontsize=9)
+    figure.suptitle(", ".join(filter(None, (shown[0][0].scene, f"test view {view}"))), fontsize=9)
     return figure
 
 
@@ -288,9 +299,11 @@ def training_cost(runs: list[Run]):
     bars = {"minutes (wall clock)": lambda run: run.seconds / 60 if run.seconds else None,
             "steps a second": Run.rate, "peak memory, GiB": Run.peak_gib}
     values = {title: {row: [v for v in map(get, members) if v is not None] for row, members in rows.items()} for title, get in bars.items()}
-    if not any(v for by_row in values.values() for v in by_row.values()):
+    values = {title: by_row for title, by_row in values.items() if any(by_row.values())}
+    if not values:
         return None
-    figure, axes = plt.subplots(1, 4, figsize=(15, 1.2 + 0.35 * len(rows)), layout="constrained")
+    panels = len(values) + 1
+    figure, axes = plt.subplots(1, panels, figsize=(3.75 * panels, 1.2 + 0.35 * len(rows)), layout="constrained")
     for axis, (title, by_row) in zip(axes, values.items()):
         for place, found in enumerate(by_row.values()):
             if found:
@@ -303,9 +316,9 @@ def training_cost(runs: list[Run]):
         points = [p for p in points if None not in p]
         if points:
             x, y = (statistics.mean(p[i] for p in points) for i in (0, 1))
-            axes[3].plot(x, y, "o")
-            axes[3].annotate(row, (x, y), fontsize=7, xytext=(3, 3), textcoords="offset points")
-    axes[3].set(xlabel="peak memory, GiB", ylabel=METRICS.get(metric, ""), title="quality over memory")
+            axes[-1].plot(x, y, "o")
+            axes[-1].annotate(row, (x, y), fontsize=7, xytext=(3, 3), textcoords="offset points")
+    axes[-1].set(xlabel="peak memory, GiB", ylabel=METRICS.get(metric, ""), title="quality over memory")
     return figure
 
 

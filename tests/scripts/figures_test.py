@@ -74,8 +74,37 @@ class Figures(unittest.TestCase):
         self.assertAlmostEqual(row[3], 0.3)
         self.assertAlmostEqual(row[4], ((0.04 + 0.01 + 0.09) / 2) ** 0.5)
 
+    def test_curves_of_metrics_end_with_the_final_evaluation(self):
+        run = figures.collect([self.root / "sweep/runs/full/desk/0"])[0]
+        self.assertEqual(run.test_series("psnr_channel_mean"), ([1, 3], [21.0, 23.0]))
+        run.metrics.append({"step": 5, "loss": 1})
+        self.assertEqual(run.test_series("psnr_channel_mean"), ([1, 3, 5], [21.0, 23.0, 25.0]))
+        self.assertEqual(run.test_series("lpips_alex01"), ([], []))
+
+    def test_a_term_has_one_colour_in_every_panel(self):
+        runs = figures.collect([self.root / "sweep"])
+        for line in runs[0].metrics:
+            line.pop("blur", None)
+        for step, line in enumerate(runs[0].metrics):
+            line.setdefault("step", step)
+            line["aaa"] = 0.1
+        for line in runs[1].metrics:
+            line["zzz"] = 0.2
+        figure = figures.losses(runs)
+        legend = {text.get_text(): handle.get_color() for text, handle in
+                  zip(figure.legends[0].get_texts(), figure.legends[0].get_lines())}
+        self.assertEqual(set(legend), {"loss", "aaa", "blur", "zzz"})
+        self.assertEqual(len(set(legend.values())), 4)
+        drawn = [{line.get_color() for line in axis.get_lines()} for axis in figure.axes[:2]]
+        self.assertEqual(drawn[0], {legend["loss"], legend["aaa"]})
+        self.assertEqual(drawn[1], {legend["loss"], legend["blur"], legend["zzz"]})
+        plt.close(figure)
+
     def test_a_single_run(self):
         runs = figures.collect([self.root / "sweep/runs/full/desk/0"])
+        cost = figures.training_cost(runs)
+        self.assertEqual([axis.get_title() for axis in cost.axes], ["steps a second", "peak memory, GiB", "quality over memory"])
+        plt.close(cost)
         self.assertEqual(runs[0].series("blur"), ([1, 2, 3], [0.5, 0.25, 0.5 / 3]))
 
     def test_the_busiest_square_is_found(self):
