@@ -28,6 +28,8 @@ struct TestOptions {
   std::string kind = "a";
   std::filesystem::path data;
   std::vector<double> steps = {1, 0.5};
+  Steps warmup = Steps::share(6);
+  Steps resets = Steps::share(12, 1000);
   RouteOptions route;
 };
 template <class V>
@@ -37,7 +39,15 @@ void describe(V& v, TestOptions& o) {
   v.field("kind", o.kind, "which", Choices{"a", "b"});
   v.field("data", o.data, "folder");
   v.field("steps", o.steps, "list");
+  v.field("warmup", o.warmup, "rest until", Range{0, 1e9});
+  v.field("resets", o.resets, "steps between resets", Range{0, 1e9});
   v.group("route", o.route, "the router");
+}
+
+/// What config::load calls once all fields are read.
+void settle(TestOptions& o) {
+  o.warmup.settle(o.iterations);
+  o.resets.settle(o.iterations);
 }
 
 TestOptions load_text(const test::TempDir& dir, const std::string& text,
@@ -149,4 +159,36 @@ TEST_CASE("config: nearest finds typing mistakes and leaves strangers alone", "[
   CHECK(config::nearest("iteratoins", words) == "iterations");
   CHECK(config::nearest("devise", words) == "device");
   CHECK(config::nearest("background", words).empty());
+}
+
+TEST_CASE("config: a share of the run follows its length, a number of steps does not", "[config]") {
+  const test::TempDir dir;
+  const auto steps = [&](const std::string& text) {
+    const TestOptions options = load_text(dir, text);
+    return std::pair(int64_t{options.warmup}, int64_t{options.resets});
+  };
+  CHECK(steps("") == std::pair(int64_t{1500}, int64_t{3000}));
+  CHECK(steps("iterations: 40000") == std::pair(int64_t{2400}, int64_t{4800}));
+  CHECK(steps("{iterations: 3000, warmup: 0.5 %}") == std::pair(int64_t{15}, int64_t{1000}));
+  CHECK(steps("{iterations: 3000, resets: 120, warmup: 1500}") ==
+        std::pair(int64_t{1500}, int64_t{120}));
+  CHECK(steps("{warmup: 0%, resets: 0}") == std::pair(int64_t{0}, int64_t{0}));
+  CHECK(steps("{iterations: 3, warmup: 1%}").first == 1);  // a share is never nothing
+  for (const char* bad : {"warmup: 6 steps", "warmup: -6%", "warmup: '%'", "warmup: 1.5"}) {
+    CHECK_THAT(error_of(dir, bad), Catch::Contains("warmup: expected a whole number of steps or a "
+                                                   "share of the run such as 6%"));
+  }
+}
+
+TEST_CASE("config: a share prints itself and what it comes to", "[config]") {
+  const test::TempDir dir;
+  TestOptions options = load_text(dir, "{iterations: 3000, warmup: 0.4%}");
+  const std::string yaml = config::to_yaml(fields_of(options), "title");
+  CHECK_THAT(yaml, Catch::Contains("warmup: 0.4%  # ") && Catch::Contains("here 12 steps") &&
+                       Catch::Contains("at least 1000; here 1000 steps"));
+  TestOptions again = load_text(dir, yaml);
+  CHECK(config::to_yaml(fields_of(again), "title") == yaml);
+  const auto schema = nlohmann::json::parse(config::to_json_schema(fields_of(options), "title"));
+  CHECK(schema["properties"]["warmup"]["type"] == nlohmann::json{"integer", "string"});
+  CHECK(schema["properties"]["warmup"]["default"] == "0.4%");
 }

@@ -25,11 +25,17 @@ struct Sources {
 /// Callers pass fields of a fresh struct, so that a failed load changes nothing: see load().
 void read(const Sources& sources, const FieldList& fields);
 
-/// A value of `Options` as `sources` describe it.
+/// What follows from the fields once all are read. An options struct with derived values has an
+/// overload of its own beside it.
+template <class Options>
+void settle(Options&) {}
+
+/// A value of `Options` as `sources` describe it, settled.
 template <class Options>
 Options load(const Sources& sources) {
   Options options;
   read(sources, fields_of(options));
+  settle(options);
   return options;
 }
 

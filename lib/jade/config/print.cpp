@@ -5,6 +5,7 @@
 
 #include "jade/config/config.h"
 #include "jade/config/text.h"
+#include "jade/core/error.h"
 
 namespace jade::config {
 namespace {
@@ -20,6 +21,14 @@ std::string parent_of(const std::string& key) {
   return dot == std::string::npos ? "" : key.substr(0, dot);
 }
 
+/// What a share comes to in this run.
+std::string share_text(const Steps& steps) {
+  std::string text = ", or a share such as 6%";
+  if (steps.at_least() > 0) text += concat(", at least ", steps.at_least());
+  if (steps.is_share()) text += concat("; here ", int64_t{steps}, " steps");
+  return text;
+}
+
 /// "help (one of a, b)" or "help (in [0, 1])".
 std::string comment(const Field& field) {
   std::string limits = range_text(field);
@@ -27,6 +36,7 @@ std::string comment(const Field& field) {
     limits = "";
     for (const std::string& word : field.choices) limits += (limits.empty() ? "" : "|") + word;
   }
+  if (const auto* steps = std::get_if<Steps*>(&field.value)) limits += share_text(**steps);
   return limits.empty() ? field.help : field.help + " (" + limits + ")";
 }
 
@@ -34,6 +44,9 @@ struct SchemaType {
   nlohmann::ordered_json operator()(const bool*) const { return {{"type", "boolean"}}; }
   nlohmann::ordered_json operator()(const int*) const { return {{"type", "integer"}}; }
   nlohmann::ordered_json operator()(const int64_t*) const { return {{"type", "integer"}}; }
+  nlohmann::ordered_json operator()(const Steps*) const {
+    return {{"type", {"integer", "string"}}, {"pattern", "^[0-9.]+ *%$"}};
+  }
   nlohmann::ordered_json operator()(const double*) const { return {{"type", "number"}}; }
   nlohmann::ordered_json operator()(const std::string*) const { return {{"type", "string"}}; }
   nlohmann::ordered_json operator()(const std::filesystem::path*) const {

@@ -106,6 +106,8 @@ class Reader {
     const auto in = [&](double x) { return x >= field.range->min && x <= field.range->max; };
     if (const auto* v = std::get_if<int*>(&field.value)) return in(**v);
     if (const auto* v = std::get_if<int64_t*>(&field.value)) return in(static_cast<double>(**v));
+    if (const auto* v = std::get_if<Steps*>(&field.value))
+      return in(static_cast<double>(int64_t{**v}));
     if (const auto* v = std::get_if<double*>(&field.value)) return in(**v);
     if (const auto* v = std::get_if<std::vector<double>*>(&field.value)) {
       return std::all_of((*v)->begin(), (*v)->end(), in);
@@ -135,6 +137,17 @@ class Reader {
     if (!convert_scalar(node, value) || value != std::floor(value) || std::abs(value) > 9e15)
       return false;
     target = static_cast<int64_t>(value);
+    return true;
+  }
+  static bool convert(const Layer& layer, const YAML::Node& node, Steps& target) {
+    int64_t count = 0;
+    if (convert(layer, node, count)) {
+      target.set_count(count);
+      return true;
+    }
+    double percent = 0;
+    if (!node.IsScalar() || !read_percent(node.Scalar(), percent)) return false;
+    percent > 0 ? target.set_percent(percent) : target.set_count(0);
     return true;
   }
   static bool convert(const Layer& layer, const YAML::Node& node, int& target) {

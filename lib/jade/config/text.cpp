@@ -48,6 +48,9 @@ struct ValueText {
   std::string operator()(const bool* v) const { return *v ? "true" : "false"; }
   std::string operator()(const int* v) const { return std::to_string(*v); }
   std::string operator()(const int64_t* v) const { return std::to_string(*v); }
+  std::string operator()(const Steps* v) const {
+    return v->is_share() ? number_text(v->percent()) + "%" : std::to_string(int64_t{*v});
+  }
   std::string operator()(const double* v) const { return number_text(*v); }
   std::string operator()(const std::string* v) const { return quoted(*v); }
   std::string operator()(const std::filesystem::path* v) const { return quoted(v->string()); }
@@ -60,6 +63,9 @@ struct TypeText {
   std::string operator()(const bool*) const { return "true or false"; }
   std::string operator()(const int*) const { return "a whole number"; }
   std::string operator()(const int64_t*) const { return "a whole number"; }
+  std::string operator()(const Steps*) const {
+    return "a whole number of steps or a share of the run such as 6%";
+  }
   std::string operator()(const double*) const { return "a number"; }
   std::string operator()(const std::string*) const { return "a text"; }
   std::string operator()(const std::filesystem::path*) const { return "a path"; }
@@ -76,6 +82,14 @@ std::string number_text(double value) {
   char buffer[32];
   const auto result = std::to_chars(buffer, buffer + sizeof buffer, value);
   return std::string(buffer, result.ptr);
+}
+
+bool read_percent(const std::string& text, double& percent) {
+  const char* const end = text.data() + text.size();
+  const auto [rest, error] = std::from_chars(text.data(), end, percent);
+  if (error != std::errc() || !(percent >= 0) || std::isinf(percent)) return false;
+  const std::string unit(rest, end);
+  return unit == "%" || unit == " %";
 }
 
 std::string value_text(const FieldPointer& value) { return std::visit(ValueText{}, value); }

@@ -11,6 +11,9 @@ namespace jade::config {
 /// The value as a YAML scalar or flow sequence, in the shortest form that reads back the same.
 std::string value_text(const FieldPointer& value);
 
+/// "6%" or "0.4 %" as a number of hundredths; false where the text is something else.
+bool read_percent(const std::string& text, double& percent);
+
 /// "true or false", "a whole number", "a number", "a text", "a path", "a list of numbers", …
 std::string type_text(const FieldPointer& value);
 

@@ -20,6 +20,8 @@
 #include <variant>
 #include <vector>
 
+#include "jade/core/steps.h"
+
 namespace jade {
 
 /// Both ends included.
@@ -37,7 +39,7 @@ struct Choices {
 
 /// What a field may hold. Paths are made absolute against the file that names them.
 using FieldPointer =
-    std::variant<bool*, int*, int64_t*, double*, std::string*, std::filesystem::path*,
+    std::variant<bool*, int*, int64_t*, Steps*, double*, std::string*, std::filesystem::path*,
                  std::vector<int64_t>*, std::vector<double>*, std::vector<std::string>*>;
 
 struct Field {

@@ -84,7 +84,7 @@ bool Densifier::densify_due(int64_t step) const {
 
 bool Densifier::opacity_reset_due(int64_t step) const {
   return options_.strategy == "adc" && options_.opacity_reset_every > 0 && step < options_.until &&
-         step % options_.opacity_reset_every == 0;
+         step <= options_.last_opacity_reset && step % options_.opacity_reset_every == 0;
 }
 
 bool Densifier::due(int64_t step) const {

@@ -3,6 +3,7 @@
 
 #include <ATen/core/Generator.h>
 #include <cstdint>
+#include <limits>
 #include <string>
 #include <torch/types.h>
 
@@ -33,16 +34,19 @@ void describe(V& v, McmcOptions& o) {
 struct DensifyOptions {
   std::string strategy = "adc";
   std::string statistics = "all_poses";
-  int64_t from = 500;
-  int64_t until = 15000;
-  int64_t every = 100;
+  Steps from = Steps::share(2);
+  Steps until = Steps::share(60);
+  Steps every = Steps::share(0.4, 50);
   double gradient_threshold = 2e-4;
   double split_scale = 0.01;
   double prune_opacity = 0.005;
   double prune_scale = 0.1;
-  int64_t opacity_reset_every = 3000;
+  Steps opacity_reset_every = Steps::share(12, 1000);
   int64_t max_gaussians = 1000000;
   McmcOptions mcmc;
+  /// No opacity reset after this step, or a run would end before the scene is back. Derived from
+  /// the number of steps, no key.
+  int64_t last_opacity_reset = std::numeric_limits<int64_t>::max();
 };
 
 template <class V>
@@ -66,8 +70,11 @@ void describe(V& v, DensifyOptions& o) {
       "prune_scale", o.prune_scale,
       "Gaussians larger than this share of the extent are removed after the first opacity reset",
       Range{0, 1e3});
-  v.field("opacity_reset_every", o.opacity_reset_every,
-          "steps between resets of all opacities to at most 0.01; 0: never", Range{0, 1e9});
+  v.field(
+      "opacity_reset_every", o.opacity_reset_every,
+      "steps between resets of all opacities to at most 0.01, none in the last tenth of a run; 0: "
+      "never",
+      Range{0, 1e9});
   v.field("max_gaussians", o.max_gaussians, "upper bound of the number of Gaussians",
           Range{1, 1e8});
   v.group("mcmc", o.mcmc, "strategy mcmc");

@@ -13,7 +13,7 @@ namespace jade::scene {
 struct OptimOptions {
   double position_lr_start = 1.6e-4;
   double position_lr_end = 1.6e-6;
-  int64_t position_lr_max_steps = 150000;
+  Steps position_lr_max_steps = Steps::share(600);
   double sh_dc_lr = 2.5e-3;
   double sh_rest_lr = 1.25e-4;
   double opacity_lr = 0.05;

@@ -154,6 +154,24 @@ void restore_module(const Entries& entries, const std::string& prefix, torch::nn
   adam.restore(moments);
 }
 
+RunOptions read_config(const std::string& saved_yaml) {
+  RunOptions saved;
+  try {
+    config::read_text(saved_yaml, "its configuration", fields_of(saved));
+  } catch (const ConfigError& error) {
+    throw CheckpointError(
+        concat("the checkpoint is of another version of this program: ", error.what()));
+  }
+  settle(saved);
+  return saved;
+}
+
+/// "1500" and "6%" of 25,000 are one calendar.
+bool same_steps(const Field& a, const Field& b) {
+  const auto *x = std::get_if<Steps*>(&a.value), *y = std::get_if<Steps*>(&b.value);
+  return x && y && int64_t{**x} == int64_t{**y};
+}
+
 }  // namespace
 
 fs::path checkpoint_path(const fs::path& run, int64_t step) {
@@ -209,7 +227,13 @@ void save_checkpoint(const fs::path& run, const TrainState& state, const std::st
   for (size_t i = static_cast<size_t>(keep); i < found.size(); ++i) fs::remove(found[i]);
 }
 
-CheckpointInfo load_checkpoint(const fs::path& path, TrainState& state) {
+CheckpointInfo read_checkpoint_info(const fs::path& path) {
+  const Entries all = read_archive(path);
+  return {take(all, "step", path).item<int64_t>(), text_of(take(all, "config", path)),
+          text_of(take(all, "data_fingerprint", path))};
+}
+
+void load_checkpoint(const fs::path& path, TrainState& state) {
   const Entries all = read_archive(path);
   const double extent = take(all, "extent", path).item<double>();
   const torch::Device device = state.gaussians.device();
@@ -239,8 +263,6 @@ CheckpointInfo load_checkpoint(const fs::path& path, TrainState& state) {
     }
   }
   state.step = take(all, "step", path).item<int64_t>();
-  return {state.step, text_of(take(all, "config", path)),
-          text_of(take(all, "data_fingerprint", path))};
 }
 
 splat::Gaussians load_checkpoint_gaussians(const fs::path& path) {
@@ -270,6 +292,14 @@ std::string data_fingerprint(const data::Dataset& dataset) {
   return digest.hex();
 }
 
+bool keep_calendar(const std::string& saved_yaml, RunOptions& now) {
+  const int64_t saved = calendar_steps(read_config(saved_yaml));
+  if (now.train.calendar > 0 || saved == calendar_steps(now)) return false;
+  now.train.calendar = saved;
+  settle(now);
+  return true;
+}
+
 ConfigDifference compare_configs(const std::string& saved_yaml, RunOptions now) {
   // What changes when a run stops or what it shows, never what it computes at a given step.
   static const std::vector<std::string> free_keys = {
@@ -277,17 +307,16 @@ ConfigDifference compare_configs(const std::string& saved_yaml, RunOptions now) 
       "train.cuda_graph", "checkpoint.every",    "checkpoint.keep",      "device",
       "dataset.path",     "efnet.path",          "cache.enabled",        "cache.folder",
       "cache.max_mib",    "poses.test_fit_steps"};
-  RunOptions saved;
-  try {
-    config::read_text(saved_yaml, "its configuration", fields_of(saved));
-  } catch (const ConfigError& error) {
-    throw CheckpointError(
-        concat("the checkpoint is of another version of this program: ", error.what()));
-  }
-  const auto before = config::values(fields_of(saved)), after = config::values(fields_of(now));
+  RunOptions saved = read_config(saved_yaml);
+  settle(now);
+  const FieldList saved_fields = fields_of(saved), now_fields = fields_of(now);
+  const auto before = config::values(saved_fields), after = config::values(now_fields);
   ConfigDifference difference;
   for (size_t i = 0; i < before.size(); ++i) {
     if (before[i].second == after[i].second) continue;
+    if (same_steps(saved_fields.fields()[i], now_fields.fields()[i])) continue;
+    if (before[i].first == "train.calendar" && calendar_steps(saved) == calendar_steps(now))
+      continue;
     const bool is_free =
         std::find(free_keys.begin(), free_keys.end(), before[i].first) != free_keys.end();
     (is_free ? difference.allowed : difference.refused)

@@ -32,11 +32,14 @@ struct CheckpointInfo {
   std::string fingerprint;
 };
 
+/// Reads what stands beside the state and verifies the whole file.
+/// @throws CheckpointError naming the path: unreadable, damaged or of another version.
+CheckpointInfo read_checkpoint_info(const std::filesystem::path& path);
+
 /// Reads and verifies a checkpoint into `state`, whose modules have been made from the same
 /// options.
-/// @throws CheckpointError naming the path: unreadable, damaged, of another version, or not
-/// fitting.
-CheckpointInfo load_checkpoint(const std::filesystem::path& path, TrainState& state);
+/// @throws CheckpointError as read_checkpoint_info(), and where the state does not fit.
+void load_checkpoint(const std::filesystem::path& path, TrainState& state);
 
 /// Only the Gaussians, on the CPU: for export and rendering.
 /// @throws CheckpointError.
@@ -48,6 +51,11 @@ void load_checkpoint_allocation(const std::filesystem::path& path, models::Alloc
 
 /// SHA-256 over names, times, poses and pixels of the training exposures and the number of events.
 std::string data_fingerprint(const data::Dataset& dataset);
+
+/// A run that goes on keeps the calendar with which it began: where `now` takes its shares of
+/// another number of steps and does not name one itself, its train.calendar is set to the saved
+/// one. True where that changed it.
+bool keep_calendar(const std::string& saved_yaml, RunOptions& now);
 
 /// Keys whose values differ, as "key: saved -> now" lines; keys that a resumed run may change
 /// without becoming another run (train.iterations, the calendar of logs, pictures and checkpoints,

@@ -17,7 +17,7 @@ struct PoseOptions {
   std::string optimize = "none";
   double lr = 1e-3;
   double lr_final = 1e-5;
-  int64_t lr_max_steps = 30000;
+  Steps lr_max_steps = Steps::share(120);
   int64_t accumulate = 1;
   int64_t test_fit_steps = 200;
 };

@@ -32,6 +32,19 @@ bool needs_efnet(const RunOptions& options) {
          !(options.allocation.kind == "constant" && options.allocation.constant == 1);
 }
 
+int64_t calendar_steps(const RunOptions& options) {
+  return options.train.calendar > 0 ? options.train.calendar : options.train.iterations;
+}
+
+void settle(RunOptions& options) {
+  const int64_t budget = calendar_steps(options);
+  const FieldList fields = fields_of(options);
+  for (const Field& field : fields.fields()) {
+    if (const auto* steps = std::get_if<Steps*>(&field.value)) (*steps)->settle(budget);
+  }
+  options.densify.last_opacity_reset = options.train.iterations * 9 / 10;
+}
+
 void validate(const RunOptions& options) {
   if (options.events.bins % 2 != 0) {
     throw ConfigError(concat(

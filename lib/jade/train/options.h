@@ -24,7 +24,8 @@ namespace jade::train {
 
 struct TrainOptions {
   int64_t iterations = 25000;
-  int64_t sh_degree_every = 1000;
+  int64_t calendar = 0;
+  Steps sh_degree_every = Steps::share(4);
   int64_t log_every = 100;
   int64_t evaluate_every = 5000;
   int64_t picture_every = 5000;
@@ -35,6 +36,10 @@ struct TrainOptions {
 template <class V>
 void describe(V& v, TrainOptions& o) {
   v.field("iterations", o.iterations, "training steps; the paper's budget is 25000", Range{1, 1e8});
+  v.field("calendar", o.calendar,
+          "steps that shares of the run (such as 6%) are of; 0: train.iterations. A resumed run "
+          "keeps those it began with",
+          Range{0, 1e8});
   v.field("sh_degree_every", o.sh_degree_every,
           "steps until the colours get one more SH degree, up to 3", Range{1, 1e8});
   v.field("log_every", o.log_every, "steps between lines of metrics.jsonl", Range{1, 1e8});
@@ -105,6 +110,13 @@ void describe(V& v, RunOptions& o) {
 
 /// True when the options ask for F(B, V): a routed, EFNet or mean target.
 bool needs_efnet(const RunOptions& options);
+
+/// The steps that shares are of.
+int64_t calendar_steps(const RunOptions& options);
+
+/// Turns the shares of the calendar into numbers of steps, and keeps opacity resets out of the last
+/// tenth of the run. Reading a configuration does it (config::load).
+void settle(RunOptions& options);
 
 /// Rules between fields.
 /// @throws ConfigError naming the keys.
