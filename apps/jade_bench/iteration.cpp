@@ -91,8 +91,8 @@ nlohmann::json measure_stages(Bench& bench, int64_t repeats, torch::Device devic
     torch::Tensor target;
     const std::function<void()> parts[] = {
         [&] {
-          renders = train::render_exposure(bench.state, in.view, in.view_index, bench.step,
-                                           bench.options);
+          renders = train::render_exposure(bench.state, in.view, in.view_index, in.poses,
+                                           bench.step, bench.options);
         },
         [&] {
           train::routing_step(bench.state, in.view, in.view_index, renders, bench.options.route);

@@ -3,6 +3,7 @@
 
 #include <set>
 
+#include "jade/core/error.h"
 #include "jade/losses/poses.h"
 #include "jade/losses/target.h"
 #include "loss_cases.h"
@@ -124,6 +125,41 @@ TEST_CASE("scene_loss: the event term carries its weight", "[losses]") {
   const SceneLoss loss = scene_loss(in, 1, options);
   CHECK(loss.terms.back().name == "event");
   CHECK(loss.terms.back().value.item<double>() == Approx(0.1 * event_loss(pair).item<double>()));
+}
+
+TEST_CASE("scene_loss: where no term reads the mean, the poses that are read suffice", "[losses]") {
+  SceneLossOptions options;
+  options.blur = options.simulation = options.intensity = false;
+  const auto rows = [&](int64_t step = kLate) {
+    const torch::Tensor read = poses_read(options, step, torch::tensor({2, 4, 8}, torch::kInt64));
+    return read.defined() ? std::vector<int64_t>(read.data_ptr<int64_t>(),
+                                                 read.data_ptr<int64_t>() + read.numel())
+                          : std::vector<int64_t>{};
+  };
+  const auto check_same_loss = [&] {
+    const SceneLossInputs nine = inputs(renders());
+    SceneLossInputs few = inputs(renders());
+    few.renders = few.renders.index_select(0, poses_read(options, kLate, few.poses));
+    CHECK(scene_loss(few, kLate, options).total.item<double>() ==
+          Approx(scene_loss(nine, kLate, options).total.item<double>()));
+    few.renders = few.renders.repeat({2, 1, 1, 1});
+    CHECK_THROWS_AS(scene_loss(few, kLate, options), ContractError);
+  };
+  CHECK(rows() == std::vector<int64_t>{4, 2, 4});
+  check_same_loss();
+  options.target_until = 10;
+  CHECK(rows() == std::vector<int64_t>{2, 4});
+  check_same_loss();
+  options.target_until = 0;
+  options.edi_supervision = false;
+  CHECK(rows() == std::vector<int64_t>{4});
+  check_same_loss();
+  options.simulation = true;
+  CHECK(rows(1) == std::vector<int64_t>{4});
+  CHECK(rows().empty());  // L_sim has begun
+  options.simulation = false;
+  options.blur = true;
+  CHECK(rows().empty());
 }
 
 TEST_CASE("scene_loss: gradients to all nine renders equal central differences", "[losses]") {

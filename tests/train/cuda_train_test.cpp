@@ -27,7 +27,7 @@ struct GpuScene : test::TinyScene {
     options.densify.every = 10;
     options.densify.gradient_threshold = 1e-5;
     options.densify.max_gaussians = 500;
-    options.train.iterations = 30;
+    options.train.iterations = options.train.calendar = 30;
     options.train.sh_degree_every = 8;
     options.train.log_every = 5;
     options.train.evaluate_every = options.train.picture_every = 0;

@@ -27,7 +27,7 @@ struct ShortScene : test::TinyScene {
     options.scene.warmup = 2;
     options.init.points = 200;
     options.densify.strategy = "none";
-    options.train.iterations = 8;
+    options.train.iterations = options.train.calendar = 8;
     options.train.log_every = 1;
     options.train.evaluate_every = options.train.picture_every = 0;
     options.checkpoint.every = 4;

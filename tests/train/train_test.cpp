@@ -37,7 +37,7 @@ train::RunOptions tiny_options(const std::filesystem::path& data) {
   options.densify.every = 5;
   options.densify.gradient_threshold = 1e-5;
   options.densify.max_gaussians = 500;
-  options.train.iterations = 20;
+  options.train.iterations = options.train.calendar = 20;
   options.train.log_every = 5;
   options.train.evaluate_every = 0;
   options.train.picture_every = 0;
@@ -46,6 +46,8 @@ train::RunOptions tiny_options(const std::filesystem::path& data) {
 }
 
 using Scene = test::TinyScene;
+
+const torch::Tensor kDraws = torch::tensor({1, 2, 3}, torch::kInt64);
 
 std::vector<torch::Tensor> copies(const splat::Gaussians& gaussians) {
   std::vector<torch::Tensor> all;
@@ -129,7 +131,8 @@ TEST_CASE("routing step: changes the router and leaves the scene and its optimis
           "[train]") {
   const Scene scene;
   Bench bench(scene);
-  const auto renders = train::render_exposure(bench.state, bench.views[0], 0, 1, bench.options);
+  const auto renders =
+      train::render_exposure(bench.state, bench.views[0], 0, kDraws, 1, bench.options);
   CHECK(renders.color.size(0) == 9);
   const auto scene_before = copies(bench.state.gaussians.parameters());
   const auto adam_before = adam_state(bench.state);
@@ -148,7 +151,8 @@ TEST_CASE("scene step: changes the scene and leaves the router and its optimiser
           "[train]") {
   const Scene scene;
   Bench bench(scene);
-  const auto renders = train::render_exposure(bench.state, bench.views[0], 0, 1, bench.options);
+  const auto renders =
+      train::render_exposure(bench.state, bench.views[0], 0, kDraws, 1, bench.options);
   const auto router_before = copies(bench.state.allocation->parameters());
   const auto router_adam_before = copies(bench.state.allocation_adam.state());
   const auto scene_before = copies(bench.state.gaussians.parameters());
@@ -169,7 +173,7 @@ TEST_CASE("routing step: where both restorations agree no gradient reaches the a
   Bench bench(scene);
   train::View view = bench.views[0];
   view.restorations.efnet = view.restorations.edi;
-  const auto renders = train::render_exposure(bench.state, view, 0, 1, bench.options);
+  const auto renders = train::render_exposure(bench.state, view, 0, kDraws, 1, bench.options);
   const auto before = copies(bench.state.allocation->parameters());
   train::routing_step(bench.state, view, 0, renders, bench.options.route);
   CHECK(equal(before, copies(bench.state.allocation->parameters())));
@@ -180,7 +184,7 @@ TEST_CASE("steps: the calendar decides which terms are there", "[train]") {
   Bench bench(scene);
   const auto names_at = [&](int64_t step) {
     const auto renders =
-        train::render_exposure(bench.state, bench.views[1], 1, step, bench.options);
+        train::render_exposure(bench.state, bench.views[1], 1, kDraws, step, bench.options);
     std::string names;
     const auto target = train::scene_target(bench.state, bench.views[1], 1);
     for (const auto& term : train::scene_step(
@@ -226,7 +230,7 @@ TEST_CASE("scene step: the camera response learns from the terms that read it, a
   const auto moves_at = [&](int64_t step) {
     const auto before = copies(bench.state.crf->parameters());
     const auto renders =
-        train::render_exposure(bench.state, bench.views[1], 1, step, bench.options);
+        train::render_exposure(bench.state, bench.views[1], 1, kDraws, step, bench.options);
     train::scene_step(bench.state, {bench.views[1], renders, {}, torch::tensor({1, 2, 3}), {}},
                       step, bench.options);
     return !equal(before, copies(bench.state.crf->parameters()));
@@ -267,6 +271,66 @@ TEST_CASE("trainer: twenty steps equal ten, a resume, and ten more, to the bit",
   CHECK(equal(copies(a), copies(b)));
   CHECK(a.size() != 300);  // densification took part
   CHECK(read_file(whole / "point_cloud.ply") == read_file(halves / "point_cloud.ply"));
+}
+
+TEST_CASE("trainer: no opacity reset falls into the last tenth of a run", "[train]") {
+  const Scene scene;
+  train::RunOptions options = tiny_options(scene.data);
+  options.densify.until = 1000;
+  options.densify.opacity_reset_every = 10;
+  options.train.evaluate_every = 0;
+  train::Trainer trainer(options, scene.dir.path() / "run", "");
+  const auto most_opaque = [&] {
+    return trainer.state().gaussians.parameters().logit_opacities.sigmoid().max().item<double>();
+  };
+  for (int i = 0; i < 10; ++i) trainer.step();
+  CHECK(most_opaque() < 0.011);
+  for (int i = 0; i < 10; ++i) trainer.step();
+  CHECK(most_opaque() > 0.012);
+}
+
+TEST_CASE("trainer: a resumed run keeps the calendar it began with, whatever its new budget",
+          "[train]") {
+  const Scene scene;
+  const auto whole = scene.dir.path() / "whole", halves = scene.dir.path() / "halves";
+  train::RunOptions options = tiny_options(scene.data);
+  options.scene.warmup = Steps::share(20);
+  options.densify.until = Steps::share(80);
+  options.train.calendar = 10;
+  train::Trainer(options, whole, "").run();
+  options.train.calendar = 0;
+  options.train.iterations = 10;
+  train::Trainer(options, halves, "").run();
+  options.train.iterations = options.train.calendar = 20;
+  {
+    const train::Trainer trainer(options, halves, "latest");
+    CHECK(trainer.options().train.calendar == 10);
+    CHECK(trainer.options().scene.warmup == 2);
+  }
+  train::Trainer(options, halves, "latest").run();
+  CHECK(read_file(whole / "point_cloud.ply") == read_file(halves / "point_cloud.ply"));
+  // 2 of 10 steps and 20 % of 10 are one calendar; 3 steps are another.
+  options.scene.warmup = 2;
+  CHECK_NOTHROW(train::Trainer(options, halves, "latest"));
+  options.scene.warmup = 3;
+  CHECK_THROWS_WITH(train::Trainer(options, halves, "latest"),
+                    Catch::Contains("scene.warmup: 20% -> 3"));
+}
+
+TEST_CASE("steps: poses without gradient are not rendered and do not dilute the densification",
+          "[train]") {
+  const Scene scene;
+  Bench bench(scene);
+  bench.options.scene.target = "edi";
+  bench.options.scene.blur = bench.options.scene.edi_supervision = false;
+  bench.options.scene.simulation = bench.options.scene.intensity = false;
+  bench.views[1].fixed_target = bench.views[1].restorations.edi;
+  const train::StepInputs inputs{bench.views[1], 1, kDraws, {}};
+  const auto out = train::alternate(bench.state, inputs, 1, bench.options);
+  CHECK(out.renders.color.size(0) == 1);
+  const splat::ScreenStatistics& seen = bench.state.densifier.accumulated();
+  CHECK(seen.visible_count.max().item<float>() == 1);
+  CHECK(seen.gradient_norm.max().item<float>() > 0);
 }
 
 TEST_CASE("trainer: a corrupt newest checkpoint falls back to the one before", "[train]") {
@@ -403,4 +467,31 @@ TEST_CASE("options: rules between fields name the keys", "[train]") {
   CHECK_NOTHROW(train::validate(options));
   options.scene.target = "none";
   CHECK_THROWS_WITH(train::validate(options), Catch::Contains("step 1,"));
+}
+
+TEST_CASE("options: the calendar follows the number of steps", "[train]") {
+  train::RunOptions options;
+  const auto settled = [&](int64_t iterations) {
+    options.train.iterations = iterations;
+    train::settle(options);
+    return options;
+  };
+  // The paper's budget has the paper's calendar.
+  const train::RunOptions paper = settled(25000);
+  CHECK(paper.scene.warmup == 1500);
+  CHECK(paper.scene.simulation_start == 7000);
+  CHECK(paper.densify.from == 500);
+  CHECK(paper.densify.until == 15000);
+  CHECK(paper.densify.every == 100);
+  CHECK(paper.densify.opacity_reset_every == 3000);
+  CHECK(paper.train.sh_degree_every == 1000);
+  CHECK(paper.optim.position_lr_max_steps == 150000);
+  CHECK(paper.poses.lr_max_steps == 30000);
+  for (const int64_t iterations : {500, 3000, 12000, 40000}) {
+    const train::RunOptions scaled = settled(iterations);
+    CHECK_NOTHROW(train::validate(scaled));
+    CHECK(scaled.densify.until == iterations * 3 / 5);
+    CHECK(scaled.scene.simulation_start == iterations * 7 / 25);
+    CHECK(scaled.densify.last_opacity_reset == iterations * 9 / 10);
+  }
 }

@@ -19,19 +19,37 @@ void add(SceneLoss& loss, const std::string& name, const torch::Tensor& value, d
 
 /// The renders that the terms share, toned once.
 struct Views {
-  torch::Tensor mean, mid, edi_gray, edi_color, simulation;  ///< [3,H,W]
+  torch::Tensor mean, mid, edi_gray, edi_color, simulation;  ///< [3,H,W]; undefined: not rendered
 };
 
-Views pick_views(const SceneLossInputs& inputs) {
+/// The rows of poses_read(), in its order.
+Views unpack_views(const SceneLossInputs& inputs, int64_t step, const SceneLossOptions& options) {
+  const std::vector<torch::Tensor> rendered = inputs.renders.unbind(0);
+  size_t next = 0;
+  Views views;
+  if (target_acts(options, step)) views.mid = rendered.at(next++);
+  if (options.edi_supervision) {
+    views.edi_gray = rendered.at(next++);
+    views.edi_color = rendered.at(next++);
+  }
+  return views;
+}
+
+Views pick_views(const SceneLossInputs& inputs, int64_t step, const SceneLossOptions& options) {
+  if (inputs.renders.size(0) != kPoses) return unpack_views(inputs, step, options);
   const torch::Tensor mid = torch::full({1}, kMidPose, inputs.poses.options());
   const PoseViews views = pose_views(inputs.renders, torch::cat({mid, inputs.poses}));
   const std::vector<torch::Tensor> picks = views.picks.unbind(0);
   return {views.mean, picks[0], picks[1], picks[2], picks[3]};
 }
 
-void check_inputs(const SceneLossInputs& inputs, const SceneLossOptions& options) {
-  check_shape(inputs.renders, "renders", {kPoses, 3, -1, -1});
+void check_inputs(const SceneLossInputs& inputs, int64_t step, const SceneLossOptions& options) {
+  check_shape(inputs.renders, "renders", {-1, 3, -1, -1});
   check_shape(inputs.poses, "poses", {3});
+  const torch::Tensor read = poses_read(options, step, inputs.poses);
+  const int64_t count = inputs.renders.size(0);
+  JADE_CHECK(count == kPoses || (read.defined() && count == read.size(0)), "expected renders of ",
+             read.defined() ? read.size(0) : kPoses, " poses, found ", count);
   const int64_t height = inputs.renders.size(2), width = inputs.renders.size(3);
   check_shape(inputs.blurry, "blurry frame", {3, height, width});
   if (options.edi_supervision || options.simulation) {
@@ -43,6 +61,15 @@ void check_inputs(const SceneLossInputs& inputs, const SceneLossOptions& options
 
 bool target_acts(const SceneLossOptions& options, int64_t step) {
   return options.target != "none" && (options.target_until == 0 || step <= options.target_until);
+}
+
+torch::Tensor poses_read(const SceneLossOptions& options, int64_t step,
+                         const torch::Tensor& draws) {
+  if (options.blur || simulation_acts(options, step) || intensity_acts(options, step)) return {};
+  std::vector<torch::Tensor> read;
+  if (target_acts(options, step)) read.push_back(torch::full({1}, kMidPose, draws.options()));
+  if (options.edi_supervision) read.push_back(draws.narrow(0, 0, 2));
+  return read.empty() ? torch::Tensor() : torch::cat(read);
 }
 
 bool simulation_acts(const SceneLossOptions& options, int64_t step) {
@@ -59,12 +86,12 @@ bool tone_acts(const SceneLossOptions& options, int64_t step) {
 }
 
 SceneLoss scene_loss(const SceneLossInputs& inputs, int64_t step, const SceneLossOptions& options) {
-  check_inputs(inputs, options);
+  check_inputs(inputs, step, options);
   const bool toned = tone_acts(options, step);
   const auto tone = [&](const torch::Tensor& image) {
     return toned && inputs.tone.apply ? inputs.tone.apply(image) : image;
   };
-  const Views views = pick_views(inputs);
+  const Views views = pick_views(inputs, step, options);
   const auto mean_toned = [&] {
     if (!toned || !inputs.tone.apply) return views.mean;
     return inputs.tone.mean ? inputs.tone.mean(inputs.renders) : tone(inputs.renders).mean(0);

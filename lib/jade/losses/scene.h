@@ -19,13 +19,13 @@ struct SceneLossOptions {
   double dssim = 0.3;
   std::string target = "routed";
   double target_weight = 1.0;
-  int64_t target_until = 0;
+  Steps target_until = 0;
   bool blur = true;
   bool edi_supervision = true;
   bool simulation = true;
-  int64_t simulation_start = 7000;
+  Steps simulation_start = Steps::share(28);
   bool intensity = true;
-  int64_t warmup = 1500;
+  Steps warmup = Steps::share(6);
   double event_loss_weight = 0.0;
   int64_t event_pixels = 1024;
   std::string event_window = "exposure";
@@ -72,8 +72,9 @@ struct ToneCurve {
 };
 
 struct SceneLossInputs {
-  torch::Tensor renders;  ///< [9,3,H,W], Î_k; differentiable
-  torch::Tensor blurry;   ///< [3,H,W], B
+  /// [9,3,H,W], Î_k, or [M,3,H,W], those of poses_read() alone; differentiable
+  torch::Tensor renders;
+  torch::Tensor blurry;  ///< [3,H,W], B
   /// ssim_target(blurry), which saves L_blur two of its five window sums; may stay undefined.
   imaging::SsimTarget blurry_moments;
   torch::Tensor edi_factors;  ///< [9,1,H,W], R_k; needed for L_edi and L_sim only
@@ -99,6 +100,13 @@ struct SceneLoss {
 /// L_scene = L_tgt + L_blur + L_edi + L_sim + L_int (+ L_ev), Eq. (10), at `step` (counted from 1).
 /// Nothing here waits for the device.
 SceneLoss scene_loss(const SceneLossInputs& inputs, int64_t step, const SceneLossOptions& options);
+
+/// The poses that the terms of `step` read, [M] int64 on the device of `draws`: mid-exposure where
+/// the target acts, then those of L_edi gray and colour. A pose that no term reads has no gradient,
+/// so rendering it costs time and dilutes the mean screen gradients of densification. Undefined
+/// where a term reads the mean render, and so all nine.
+/// @param draws  SceneLossInputs.poses
+torch::Tensor poses_read(const SceneLossOptions& options, int64_t step, const torch::Tensor& draws);
 
 /// Which terms act at `step`, so that a caller prepares only what they need.
 bool target_acts(const SceneLossOptions& options, int64_t step);

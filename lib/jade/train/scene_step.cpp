@@ -50,15 +50,25 @@ void step_poses(TrainState& state, int64_t step, const PoseOptions& options) {
 
 }  // namespace
 
-Renders render_exposure(TrainState& state, const View& view, int64_t view_index, int64_t step,
-                        const RunOptions& options) {
-  splat::RenderOptions render = render_options(step, options);
-  render.statistics = state.densifier.statistics(step);
-  render.statistics_view = state.densifier.statistics_view();
+splat::CameraBatch exposure_cameras(const TrainState& state, const View& view, int64_t view_index) {
   splat::CameraBatch cameras = view.cameras;
   if (state.poses) {
     cameras.camera_from_world =
         state.poses->forward(view_index, cameras.camera_from_world.device());
+  }
+  return cameras;
+}
+
+Renders render_exposure(TrainState& state, const View& view, int64_t view_index,
+                        const torch::Tensor& draws, int64_t step, const RunOptions& options) {
+  splat::RenderOptions render = render_options(step, options);
+  render.statistics = state.densifier.statistics(step);
+  render.statistics_view = state.densifier.statistics_view();
+  splat::CameraBatch cameras = exposure_cameras(state, view, view_index);
+  const torch::Tensor read = losses::poses_read(options.scene, step, draws);
+  if (read.defined()) {
+    cameras.camera_from_world = cameras.camera_from_world.index_select(0, read);
+    cameras.intrinsics = cameras.intrinsics.index_select(0, read);
   }
   return {splat::render(state.gaussians.parameters(), cameras, render).color};
 }

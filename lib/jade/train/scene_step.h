@@ -8,9 +8,15 @@
 
 namespace jade::train {
 
-/// Renders the nine poses of a view, with graph and with densification statistics of step `step`.
-Renders render_exposure(TrainState& state, const View& view, int64_t view_index, int64_t step,
-                        const RunOptions& options);
+/// The nine cameras of a view: the data's, or the learned ones, differentiable in the state's
+/// poses.
+splat::CameraBatch exposure_cameras(const TrainState& state, const View& view, int64_t view_index);
+
+/// Renders the poses of a view that the terms of `step` read, with graph and with that step's
+/// densification statistics.
+/// @param draws  SceneStepInputs.poses
+Renders render_exposure(TrainState& state, const View& view, int64_t view_index,
+                        const torch::Tensor& draws, int64_t step, const RunOptions& options);
 
 /// What the scene step takes besides the state.
 struct SceneStepInputs {

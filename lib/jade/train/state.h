@@ -6,6 +6,7 @@
 #include <torch/types.h>
 #include <vector>
 
+#include "jade/geometry/trajectory.h"
 #include "jade/models/allocation.h"
 #include "jade/models/crf.h"
 #include "jade/scene/densify.h"
@@ -32,10 +33,12 @@ struct TrainState {
   ModuleAdam poses_adam;
 };
 
-/// The nine renders of one exposure, made once a step and used by both steps.
+/// The renders of one exposure, made once a step and used by both steps.
 struct Renders {
-  torch::Tensor color;  ///< [9,3,H,W], with its graph
-  torch::Tensor mid() const { return color[4]; }
+  torch::Tensor color;  ///< [M,3,H,W] with its graph: nine, or those of losses::poses_read()
+  bool all_poses() const { return color.size(0) == geometry::kExposurePoses; }
+  /// Mid-exposure, where the target acts.
+  torch::Tensor mid() const { return color[all_poses() ? geometry::kMidPose : 0]; }
 };
 
 }  // namespace jade::train

@@ -9,7 +9,7 @@ StepOutputs alternate(TrainState& state, const StepInputs& inputs, int64_t step,
                       const RunOptions& options) {
   const View& view = inputs.view;
   StepOutputs out;
-  out.renders = render_exposure(state, view, inputs.view_index, step, options);
+  out.renders = render_exposure(state, view, inputs.view_index, inputs.poses, step, options);
   RouteReport route;
   torch::Tensor target;
   if (losses::target_acts(options.scene, step)) {

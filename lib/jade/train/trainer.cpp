@@ -84,8 +84,8 @@ Trainer::Trainer(const RunOptions& options, const fs::path& run, const std::stri
   fingerprint_ = data_fingerprint(dataset_);
   view_order_ =
       ViewOrder(static_cast<uint64_t>(options_.seed), static_cast<int64_t>(dataset_.train.size()));
-  make_state(dataset_);
-  if (!resume.empty()) resume_from(resume);
+  settle(options_);
+  if (resume.empty() || !resume_from(resume)) make_state(dataset_);
   set_log_file(directory_.path() / "train.log");
   announce();
   write_file(directory_.path() / "config.yaml", yaml_of(options_));
@@ -132,17 +132,22 @@ void Trainer::make_state(const data::Dataset& dataset) {
   if (state_.poses) state_.poses_adam = ModuleAdam(state_.poses->parameters(), options_.poses.lr);
 }
 
-void Trainer::resume_from(const std::string& choice) {
+bool Trainer::resume_from(const std::string& choice) {
   std::vector<fs::path> candidates =
       choice == "latest" ? list_checkpoints(directory_.path()) : std::vector<fs::path>{choice};
   if (candidates.empty()) {
     // A run that was killed before its first checkpoint, or a first start by a script.
     log_info(concat(directory_.path().string(), ": no checkpoint yet; starting at step 0"));
-    return;
+    return false;
   }
   for (size_t i = 0; i < candidates.size(); ++i) {
     try {
-      const CheckpointInfo info = load_checkpoint(candidates[i], state_);
+      const CheckpointInfo info = read_checkpoint_info(candidates[i]);
+      if (keep_calendar(info.config, options_)) {
+        log_info(concat("calendar    stays that of ", options_.train.calendar,
+                        " steps, as the run began; a new --output follows that of ",
+                        options_.train.iterations));
+      }
       const ConfigDifference difference = compare_configs(info.config, options_);
       if (!difference.refused.empty()) {
         std::string keys;
@@ -158,14 +163,16 @@ void Trainer::resume_from(const std::string& choice) {
         throw CheckpointError(concat(candidates[i].string(), ": made from other data than ",
                                      dataset_.root.string(), "; check dataset.path"));
       }
+      make_state(dataset_);
+      load_checkpoint(candidates[i], state_);
       log_info(concat("resumed from ", candidates[i].filename().string(), ", step ", state_.step));
-      return;
+      return true;
     } catch (const CheckpointError& error) {
       if (i + 1 == candidates.size()) throw;
       log_warn(concat(error.what(), "; trying ", candidates[i + 1].filename().string()));
-      make_state(dataset_);
     }
   }
+  return false;
 }
 
 void Trainer::announce() const {
@@ -223,6 +230,7 @@ void Trainer::log_step(const View& view, const Renders& renders,
                        const std::vector<losses::NamedTerm>& terms) {
   monitor_.check();
   const torch::NoGradGuard no_grad;
+  const int64_t index = &view - views_.data();
   nlohmann::ordered_json line{{"step", state_.step}};
   double total = 0;
   for (const losses::NamedTerm& term : terms) {
@@ -232,10 +240,15 @@ void Trainer::log_step(const View& view, const Renders& renders,
   }
   line["loss"] = total;
   // How well the simulated blur explains the frame: the one PSNR that needs no sharp truth.
-  const double psnr = eval::psnr(renders.color.detach().mean(0), view.blurry);
+  const torch::Tensor nine =
+      renders.all_poses()
+          ? renders.color.detach()
+          : splat::render(state_.gaussians.detached(), exposure_cameras(state_, view, index), {})
+                .color;
+  const double psnr = eval::psnr(nine.mean(0), view.blurry);
   line["psnr_train"] = psnr;
   if (state_.allocation) {
-    const auto alpha = allocation_map(state_, view, &view - views_.data());
+    const auto alpha = allocation_map(state_, view, index);
     line["alpha_mean"] = alpha.mean().item<double>();
     line["alpha_std"] = alpha.numel() > 1 ? alpha.std().item<double>() : 0.0;
   }

@@ -39,6 +39,8 @@ class Trainer {
   /// One step: nine renders, routing step, scene step.
   void step();
 
+  /// As they act: settled, and with the calendar of a resumed run.
+  const RunOptions& options() const { return options_; }
   const TrainState& state() const { return state_; }
   const std::vector<View>& views() const { return views_; }
   /// How many of the steps were replays of a CUDA graph.
@@ -49,7 +51,8 @@ class Trainer {
  private:
   eval::Evaluation evaluate(const data::Dataset& posed);
   void make_state(const data::Dataset& dataset);
-  void resume_from(const std::string& choice);
+  /// False where there is nothing to go on from.
+  bool resume_from(const std::string& choice);
   void announce() const;
   void write_environment() const;
   void log_step(const View& view, const Renders& renders,
