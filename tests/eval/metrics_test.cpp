@@ -99,7 +99,16 @@ TEST_CASE("evaluation: JSON holds every view, the mean and null for metrics with
   CHECK(json["views"].size() == 2);
   CHECK(json["mean"]["psnr"] == Approx((evaluation.views[0].psnr + 100) / 2));
   CHECK(json["mean"]["lpips_alex01"].is_null());
-  CHECK_THAT(eval::to_table(evaluation), Catch::Contains("run scripts/export_lpips.py"));
+}
+
+TEST_CASE("evaluation: the table says how to get LPIPS wherever it shows '-'", "[eval]") {
+  const auto table = [](std::optional<double> alex, std::optional<double> vgg) {
+    return eval::to_table(eval::evaluation_of({{"a", 30, 30, 0.9, alex, vgg}}));
+  };
+  const auto hint = Catch::Contains("scripts/setup.sh --metrics");
+  CHECK_THAT(table({}, {}), hint);
+  CHECK_THAT(table(0.1, {}), hint);
+  CHECK_THAT(table(0.1, 0.2), !hint);
 }
 
 TEST_CASE("lpips: without its modules, or with a broken one, the metric is absent", "[eval]") {

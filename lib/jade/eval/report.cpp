@@ -103,8 +103,8 @@ std::string to_table(const Evaluation& evaluation) {
   out += row(evaluation.mean, width);
   for (const auto& [name, text] : definitions())
     out += std::string("  ") + name + ": " + text + "\n";
-  if (!evaluation.mean.lpips_alex01)
-    out += "  LPIPS is not available: run scripts/export_lpips.py\n";
+  if (!evaluation.mean.lpips_alex01 || !evaluation.mean.lpips_vgg)
+    out += std::string("  ") + kLpipsAbsent;
   return out;
 }
 
