@@ -23,7 +23,7 @@ for flag in "$@"; do
     --python-torch) python_torch=yes ;;
     --figures) figures=yes ;;
     --metrics) python_torch=yes metrics=yes ;;
-    *) sed -n '3,14p' "$0" >&2; exit 2 ;;
+    *) sed -n '3,13p' "$0" >&2; exit 2 ;;
   esac
 done
 
