@@ -7,7 +7,6 @@
 
 #include "common/cli.h"
 #include "common/dataset_flags.h"
-#include "jade/config/config.h"
 #include "jade/core/atomic_file.h"
 #include "jade/core/device.h"
 #include "jade/core/interrupt.h"
@@ -20,7 +19,6 @@
 #include "jade/scene/ply.h"
 #include "jade/train/checkpoint.h"
 #include "jade/train/evaluate.h"
-#include "jade/train/options.h"
 #include "jade/train/view.h"
 #include "movie.h"
 
@@ -35,21 +33,20 @@ struct RenderFlags {
   std::string cameras = "test";
   std::string exposure;
   std::string format = "png";
-  data::DatasetOptions dataset;
   double frames_per_second = 30;
   bool fps_benchmark = false;
 };
 
-void add_flags(CLI::App& cli, RenderFlags& flags) {
-  cli.add_option("--run", flags.run, "run directory of jade_train");
+void add_flags(apps::Program& program, RenderFlags& flags) {
+  CLI::App& cli = program.cli();
+  cli.add_option("--run", flags.run,
+                 "run directory of jade_train: its scene, its settings under those given here");
   cli.add_option("--ply", flags.ply, "Gaussians in a .ply");
   cli.add_option("--cameras", flags.cameras,
                  "test or train views of the data set, exposure (nine poses each), or a .json with "
                  "cameras (see below)");
   cli.add_option("--exposure", flags.exposure,
                  "with --cameras exposure: only the one of this name");
-  cli.add_option("--dataset", flags.dataset.path,
-                 "data set of the views; with --run the one it was trained on");
   cli.add_option("--format", flags.format,
                  "png (8 bits), npy (float32 [3,H,W], not clamped), or mp4: all views in one film, "
                  "OUTPUT or OUTPUT/<cameras>.mp4 (needs ffmpeg)")
@@ -58,9 +55,10 @@ void add_flags(CLI::App& cli, RenderFlags& flags) {
       ->check(CLI::Range(0.01, 1000.0));
   cli.add_flag("--fps-benchmark", flags.fps_benchmark,
                "measure frames per second, one view at a time, without writing images");
-  apps::add_dataset_flags(cli, flags.dataset);
+  apps::add_dataset_flags(program, "--dataset", "data set of the views (that of the run)");
   cli.footer(
-      "A .json with cameras is a list of objects, or {\"cameras\": [...]} with defaults beside "
+      cli.get_footer() +
+      "\nA .json with cameras is a list of objects, or {\"cameras\": [...]} with defaults beside "
       "it:\n"
       "  width, height, fx (px); fy, cx, cy, name if they differ from the usual;\n"
       "  camera_from_world: 4x4 rows (x right, y down, z forward), or, as 3DGS trainers write it,\n"
@@ -77,22 +75,19 @@ scene::GaussianFile load_scene(const RenderFlags& flags) {
   return scene::read_ply(flags.run / "point_cloud.ply");
 }
 
-std::vector<data::NamedCamera> load_cameras(const RenderFlags& flags) {
+std::vector<data::NamedCamera> load_cameras(const RenderFlags& flags,
+                                            const train::RunOptions& options) {
   if (fs::path(flags.cameras).extension() == ".json") return data::read_cameras(flags.cameras);
   if (flags.cameras != "test" && flags.cameras != "train" && flags.cameras != "exposure") {
     throw ConfigError(concat("--cameras: expected test, train, exposure or a .json file, found '",
                              flags.cameras, "'"));
   }
-  if (flags.dataset.path.empty() && flags.run.empty()) {
+  if (options.dataset.path.empty()) {
     throw ConfigError(concat("--cameras ", flags.cameras, " needs --run or --dataset"));
   }
-  if (flags.run.empty()) {
-    return data::dataset_cameras(data::load_dataset(flags.dataset), flags.cameras, flags.exposure);
-  }
-  auto options = config::load<train::RunOptions>({flags.run / "config.yaml", {}, {}});
-  if (!flags.dataset.path.empty()) options.dataset = flags.dataset;
-  return data::dataset_cameras(train::load_run_dataset(flags.run, options), flags.cameras,
-                               flags.exposure);
+  const data::Dataset dataset = flags.run.empty() ? data::load_dataset(options.dataset)
+                                                  : train::load_run_dataset(flags.run, options);
+  return data::dataset_cameras(dataset, flags.cameras, flags.exposure);
 }
 
 torch::Tensor render(const scene::GaussianFile& file, const data::NamedCamera& view) {
@@ -187,16 +182,18 @@ void write_movie(const scene::GaussianFile& file, const std::vector<data::NamedC
 int main(int argc, char** argv) {
   apps::Program program("jade_render", "Renders views of a trained scene or of a .ply");
   RenderFlags flags;
-  add_flags(program.cli(), flags);
+  add_flags(program, flags);
   program.add_output_flag("folder for the images");
   program.add_device_flag();
   program.add_json_flag();
   return program.run(argc, argv, [&] {
+    const auto options = apps::load_settings(program, flags.run);
+    if (!options) return ExitCode::kOk;
     scene::GaussianFile file = load_scene(flags);
-    const torch::Device device = program.device();
+    const torch::Device device = select_device(options->device);
     file.gaussians = scene::map_parameters(
         file.gaussians, [&](const torch::Tensor& value) { return value.to(device); });
-    const std::vector<data::NamedCamera> views = load_cameras(flags);
+    const std::vector<data::NamedCamera> views = load_cameras(flags, *options);
     if (flags.fps_benchmark) {
       print(measure(file, views), file, program.json());
       return ExitCode::kOk;

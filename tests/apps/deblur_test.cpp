@@ -134,7 +134,10 @@ TEST_CASE("jade_deblur: a bad restorer gets one line and its exit code", "[apps]
   };
   scene.dir.write("text.pt", "hello");
   check_error(efnet("text.pt"), 3, "text.pt: no TorchScript file");
-  check_error(efnet("nowhere.pt"), 3, "nowhere.pt: cannot be read");
+  check_error(efnet("nowhere.pt"), 3, "found no file");
+  check_error(run(scene.dir,
+                  "jade_deblur --method efnet --efnet nowhere.pt --dataset nothing --output out"),
+              3, "nowhere.pt");
   check_error(network("  return image\n", ""), 3, "export_efnet.py");
   check_error(network("  return image\n", replaced(kMetadata, "e3b0c442", "00000000")), 3,
               "export it again");
@@ -152,7 +155,9 @@ TEST_CASE("jade_deblur: a bad restorer gets one line and its exit code", "[apps]
 TEST_CASE("jade_deblur: other mistakes get one line and their exit code", "[apps]") {
   const Scene scene;
   check_error(scene.deblur("--method magic"), 2, "edi, efnet, mean, oracle, router");
-  check_error(scene.deblur("--threshold-positive -1"), 2, "expected a positive number");
+  check_error(scene.deblur("--threshold-positive -1"), 2,
+              "--threshold-positive -1: events.threshold_positive: expected a number in");
+  check_error(scene.deblur("--log-offset -1"), 2, "--log-offset");
   check_error(run(scene.dir, "jade_deblur --output out"), 2, "--dataset: expected a folder");
   check_error(run(scene.dir, "jade_deblur --dataset scene"), 2, "--output: expected a folder");
   check_error(run(scene.dir, "jade_deblur --dataset nowhere --output out"), 3, "nowhere");

@@ -46,6 +46,21 @@ torch::Tensor bins() {
   return torch::arange(1, 7, torch::kFloat32).view({1, 6, 1, 1}).repeat({1, 1, 9, 10});
 }
 
+TEST_CASE("efnet: without a path the restorer that ships is meant", "[models]") {
+  const auto shipped = restorer_path({});
+  CHECK(shipped.filename() == "efnet_small.pt");
+  CHECK(checked_file_sha256({}) == file_sha256(shipped));
+  CHECK(Restorer(EfnetOptions()).metadata().kind == "efnet");
+  EfnetOptions own;
+  own.path = "own.pt";
+  CHECK(restorer_path(own) == "own.pt");
+  CHECK_THROWS_WITH(checked_file_sha256(own), Catch::Contains("efnet.path: expected") &&
+                                                  Catch::Contains("found no file own.pt"));
+  EfnetOptions other;
+  other.sha256 = "0000";
+  CHECK_THROWS_WITH(checked_file_sha256(other), Catch::Contains("expected SHA-256 0000"));
+}
+
 TEST_CASE("efnet: SCER sums the bins outwards from mid-exposure", "[models]") {
   const torch::Tensor scer = scer_from_bins(bins())[0].select(2, 0).select(1, 0);
   CHECK(torch::equal(scer, torch::tensor({-6.f, -5.f, -3.f, 4.f, 9.f, 15.f})));

@@ -7,6 +7,7 @@
 #include <torch/optim/adam.h>
 
 #include "jade/core/check.h"
+#include "jade/scene/adam.h"
 #include "random_gaussians.h"
 #include "support/devices.h"
 
@@ -94,6 +95,13 @@ TEST_CASE("adam: thirty steps equal torch's Adam on every group", "[scene]") {
 
 TEST_CASE("adam: the CUDA kernel equals torch's Adam on every group", "[scene][cuda]") {
   compare_with_torch(torch::Device(torch::kCUDA, 0));
+}
+
+TEST_CASE("adam: a launch that CUDA refuses is a DeviceError", "[scene][cuda]") {
+  AdamStep step;
+  step.group_count = 1;
+  step.groups[0].count = int64_t{1} << 42;  // blocks beyond any grid; none starts
+  CHECK_THROWS_AS(cuda::adam_step(step), DeviceError);
 }
 
 TEST_CASE("adam: parameters without gradient and their moments stay as they are", "[scene]") {

@@ -130,7 +130,7 @@ TEST_CASE("learned cameras: a run keeps them, and scores, pictures and other pro
   REQUIRE(std::filesystem::exists(file));
 
   const data::Dataset given = data::load_dataset(scene.options.dataset);
-  const train::FinishedRun opened = train::open_run(scene.run);
+  const train::FinishedRun opened = train::open_run(scene.run, train::load_run_options(scene.run));
   const torch::Tensor learned = trainer.state().poses->forward(1, torch::kCPU)[3];
   const auto read = geometry::to_tensor(opened.dataset.train[1].poses[3]).to(torch::kFloat32);
   CHECK((read - learned).abs().max().item<double>() < 1e-6);
@@ -141,6 +141,11 @@ TEST_CASE("learned cameras: a run keeps them, and scores, pictures and other pro
   CHECK(again.mean.psnr == Approx(trainer.evaluate().mean.psnr).epsilon(1e-6));
   const auto data_poses = train::evaluate_views(opened.gaussians, given.test, lpips);
   CHECK(again.mean.psnr > data_poses.mean.psnr);
+  // Settings laid over those of the run do not move its scene back.
+  train::RunOptions given_options = scene.options;
+  given_options.poses.optimize = "none";
+  const data::Dataset still = train::load_run_dataset(scene.run, given_options);
+  CHECK(still.test[0].pose.translation == opened.dataset.test[0].pose.translation);
 }
 
 TEST_CASE("learned cameras: those of an earlier end are gone while a run goes on", "[train]") {

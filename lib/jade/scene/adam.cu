@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <c10/cuda/CUDAException.h>
 #include <c10/cuda/CUDAStream.h>
 
+#include "jade/core/cuda_launch.h"
 #include "jade/scene/adam.h"
 
 namespace jade::scene::cuda {
@@ -67,7 +67,7 @@ void adam_step(const AdamStep& step) {
   if (blocks == 0) return;
   adam_kernel<<<static_cast<unsigned>(blocks), kThreads, 0, c10::cuda::getCurrentCUDAStream()>>>(
       step);
-  C10_CUDA_KERNEL_LAUNCH_CHECK();
+  jade::cuda::check_launch("the Adam step of the Gaussians");
 }
 
 }  // namespace jade::scene::cuda

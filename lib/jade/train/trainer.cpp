@@ -74,6 +74,8 @@ Trainer::Trainer(const RunOptions& options, const fs::path& run, const std::stri
         concat(run.string(),
                ": holds a run already; go on with it (--resume) or choose another --output"));
   }
+  // A wrong path is told before minutes of loading.
+  if (needs_efnet(options_)) models::checked_file_sha256(options_.efnet);
   std::vector<std::string> warnings;
   dataset_ = data::load_dataset(options_.dataset, &warnings);
   for (const std::string& warning : warnings) log_warn(warning);
@@ -185,7 +187,8 @@ void Trainer::announce() const {
   } else {
     log_info(concat("target      ", options_.scene.target));
   }
-  if (needs_efnet(options_)) log_info(concat("restorer    ", options_.efnet.path.string()));
+  if (needs_efnet(options_))
+    log_info(concat("restorer    ", models::restorer_path(options_.efnet).string()));
   log_info(concat("budget      ", options_.train.iterations, " steps, at most ",
                   options_.densify.max_gaussians, " Gaussians, seed ", options_.seed));
 }

@@ -17,16 +17,6 @@
 namespace jade::train {
 namespace {
 
-std::optional<models::EfnetOptions> restorer_options(const RunOptions& options) {
-  if (!needs_efnet(options)) return std::nullopt;
-  if (options.efnet.path.empty()) {
-    throw ConfigError(
-        "efnet.path: expected the TorchScript file of the restorer, found nothing; "
-        "assets/efnet_small.pt is ours");
-  }
-  return options.efnet;
-}
-
 /// The target of Eq. (9) where no router decides; undefined for a routed one or none.
 torch::Tensor fixed_target(const View& view, const RunOptions& options, torch::Device device) {
   const std::string& target = options.scene.target;
@@ -112,7 +102,8 @@ splat::CameraBatch camera_batch(const std::vector<geometry::Pose>& camera_from_w
 std::vector<View> prepare_views(const data::Dataset& dataset, const RunOptions& options,
                                 torch::Device device) {
   const torch::NoGradGuard no_grad;
-  models::ViewRestorer restorer(options.cache, restorer_options(options), device);
+  const auto efnet = needs_efnet(options) ? std::optional(options.efnet) : std::nullopt;
+  models::ViewRestorer restorer(options.cache, efnet, device);
   Progress progress("restoring", static_cast<int64_t>(dataset.train.size()), 0, "views");
   std::vector<View> views;
   for (const data::Exposure& exposure : dataset.train) {

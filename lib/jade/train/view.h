@@ -30,8 +30,7 @@ struct View {
 
 /// Voxels, EDI, EFNet and cameras of every training exposure. Shows progress; EFNet is loaded for
 /// the duration of the call only.
-/// @throws DataError, NumericError from the restorers; ConfigError if EFNet is needed and not
-/// named.
+/// @throws DataError, NumericError from the restorers.
 std::vector<View> prepare_views(const data::Dataset& dataset, const RunOptions& options,
                                 torch::Device device);
 
