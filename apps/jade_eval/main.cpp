@@ -8,6 +8,7 @@
 #include "jade/eval/report.h"
 #include "jade/imaging/image_io.h"
 #include "jade/train/evaluate.h"
+#include "jade/train/view.h"
 
 using namespace jade;
 namespace fs = std::filesystem;
@@ -47,7 +48,7 @@ eval::Evaluation evaluate_run(const fs::path& path, const train::RunOptions& opt
   }
   const auto gaussians =
       scene::map_parameters(run.gaussians, [&](const torch::Tensor& t) { return t.to(device); });
-  return train::evaluate_views(gaussians, run.dataset.test, lpips);
+  return train::evaluate_views(gaussians, run.dataset.test, lpips, train::render_options(options));
 }
 
 }  // namespace

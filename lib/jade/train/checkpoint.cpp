@@ -270,6 +270,17 @@ std::string data_fingerprint(const data::Dataset& dataset) {
   return digest.hex();
 }
 
+RunOptions saved_options(const std::string& yaml) {
+  RunOptions saved;
+  try {
+    config::read_text(yaml, "its configuration", fields_of(saved));
+  } catch (const ConfigError& error) {
+    throw CheckpointError(
+        concat("the checkpoint is of another version of this program: ", error.what()));
+  }
+  return saved;
+}
+
 ConfigDifference compare_configs(const std::string& saved_yaml, RunOptions now) {
   // What changes when a run stops or what it shows, never what it computes at a given step.
   static const std::vector<std::string> free_keys = {
@@ -277,13 +288,7 @@ ConfigDifference compare_configs(const std::string& saved_yaml, RunOptions now) 
       "train.cuda_graph", "checkpoint.every",    "checkpoint.keep",      "device",
       "dataset.path",     "efnet.path",          "cache.enabled",        "cache.folder",
       "cache.max_mib",    "poses.test_fit_steps"};
-  RunOptions saved;
-  try {
-    config::read_text(saved_yaml, "its configuration", fields_of(saved));
-  } catch (const ConfigError& error) {
-    throw CheckpointError(
-        concat("the checkpoint is of another version of this program: ", error.what()));
-  }
+  RunOptions saved = saved_options(saved_yaml);
   const auto before = config::values(fields_of(saved)), after = config::values(fields_of(now));
   ConfigDifference difference;
   for (size_t i = 0; i < before.size(); ++i) {

@@ -49,6 +49,10 @@ void load_checkpoint_allocation(const std::filesystem::path& path, models::Alloc
 /// SHA-256 over names, times, poses and pixels of the training exposures and the number of events.
 std::string data_fingerprint(const data::Dataset& dataset);
 
+/// The options that a checkpoint's YAML holds; keys that it lacks have their defaults.
+/// @throws CheckpointError for the YAML of another version.
+RunOptions saved_options(const std::string& yaml);
+
 /// Keys whose values differ, as "key: saved -> now" lines; keys that a resumed run may change
 /// without becoming another run (train.iterations, the calendar of logs, pictures and checkpoints,
 /// device, dataset.path) are in `allowed`, all others in `refused`.

@@ -17,19 +17,19 @@ namespace jade::train {
 namespace fs = std::filesystem;
 
 torch::Tensor render_view(const splat::Gaussians& gaussians, const geometry::Pose& pose,
-                          const geometry::Intrinsics& camera) {
+                          const geometry::Intrinsics& camera, const splat::RenderOptions& options) {
   const torch::NoGradGuard no_grad;
-  return splat::render(gaussians, camera_batch({pose}, camera, gaussians.means.device()), {})
+  return splat::render(gaussians, camera_batch({pose}, camera, gaussians.means.device()), options)
       .color[0]
       .clamp(0, 1);
 }
 
 eval::Evaluation evaluate_views(const splat::Gaussians& gaussians,
-                                const std::vector<data::SharpView>& views,
-                                const eval::Lpips& lpips) {
+                                const std::vector<data::SharpView>& views, const eval::Lpips& lpips,
+                                const splat::RenderOptions& options) {
   std::vector<eval::Scores> scores;
   for (const data::SharpView& view : views) {
-    const auto render = render_view(gaussians, view.pose, view.camera);
+    const auto render = render_view(gaussians, view.pose, view.camera, options);
     scores.push_back(eval::score(view.name, render, view.image.to(render.device()), &lpips));
   }
   return eval::evaluation_of(std::move(scores));

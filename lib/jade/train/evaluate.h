@@ -7,19 +7,20 @@
 
 #include "jade/data/exposure.h"
 #include "jade/eval/report.h"
-#include "jade/splat/gaussians.h"
+#include "jade/splat/render.h"
 #include "jade/train/options.h"
 
 namespace jade::train {
 
 /// One camera, clamped to [0,1], on the Gaussians' device, without gradient.
+/// @param options  render_options() of the run
 torch::Tensor render_view(const splat::Gaussians& gaussians, const geometry::Pose& pose,
-                          const geometry::Intrinsics& camera);
+                          const geometry::Intrinsics& camera, const splat::RenderOptions& options);
 
 /// Scores renders of the sharp views, with LPIPS where `lpips` has its networks.
 eval::Evaluation evaluate_views(const splat::Gaussians& gaussians,
-                                const std::vector<data::SharpView>& views,
-                                const eval::Lpips& lpips);
+                                const std::vector<data::SharpView>& views, const eval::Lpips& lpips,
+                                const splat::RenderOptions& options);
 
 /// What config.yaml of a run directory says, but for `device`, which is auto: the run may have been
 /// made on another machine.

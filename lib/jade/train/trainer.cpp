@@ -87,7 +87,9 @@ Trainer::Trainer(const RunOptions& options, const fs::path& run, const std::stri
   view_order_ =
       ViewOrder(static_cast<uint64_t>(options_.seed), static_cast<int64_t>(dataset_.train.size()));
   make_state(dataset_);
-  if (!resume.empty()) resume_from(resume);
+  if (resume.empty() || !resume_from(resume)) {
+    options_.splat.near_plane = near_plane(options_.splat, dataset_);
+  }
   set_log_file(directory_.path() / "train.log");
   announce();
   write_file(directory_.path() / "config.yaml", yaml_of(options_));
@@ -134,17 +136,21 @@ void Trainer::make_state(const data::Dataset& dataset) {
   if (state_.poses) state_.poses_adam = ModuleAdam(state_.poses->parameters(), options_.poses.lr);
 }
 
-void Trainer::resume_from(const std::string& choice) {
+bool Trainer::resume_from(const std::string& choice) {
   std::vector<fs::path> candidates =
       choice == "latest" ? list_checkpoints(directory_.path()) : std::vector<fs::path>{choice};
   if (candidates.empty()) {
     // A run that was killed before its first checkpoint, or a first start by a script.
     log_info(concat(directory_.path().string(), ": no checkpoint yet; starting at step 0"));
-    return;
+    return false;
   }
   for (size_t i = 0; i < candidates.size(); ++i) {
     try {
       const CheckpointInfo info = load_checkpoint(candidates[i], state_);
+      // Decided when the run started, perhaps by a version that had no such key.
+      if (options_.splat.near_plane == 0) {
+        options_.splat.near_plane = saved_options(info.config).splat.near_plane;
+      }
       const ConfigDifference difference = compare_configs(info.config, options_);
       if (!difference.refused.empty()) {
         std::string keys;
@@ -161,13 +167,14 @@ void Trainer::resume_from(const std::string& choice) {
                                      dataset_.root.string(), "; check dataset.path"));
       }
       log_info(concat("resumed from ", candidates[i].filename().string(), ", step ", state_.step));
-      return;
+      return true;
     } catch (const CheckpointError& error) {
       if (i + 1 == candidates.size()) throw;
       log_warn(concat(error.what(), "; trying ", candidates[i + 1].filename().string()));
       make_state(dataset_);
     }
   }
+  return false;
 }
 
 void Trainer::announce() const {
@@ -179,7 +186,7 @@ void Trainer::announce() const {
                   " exposures of ", camera.width, "x", camera.height, ", ", event_count,
                   " events; ", dataset_.test.size(), " sharp test views (", dataset_.split, ")"));
   log_info(concat("scene       ", state_.gaussians.size(), " Gaussians, extent ",
-                  state_.gaussians.extent()));
+                  state_.gaussians.extent(), ", near plane ", render_options(options_).near_plane));
   if (state_.allocation) {
     int64_t count = 0;
     for (const auto& parameter : state_.allocation->parameters()) count += parameter.numel();
@@ -269,7 +276,7 @@ eval::Evaluation Trainer::evaluate() { return evaluate(posed_dataset()); }
 
 eval::Evaluation Trainer::evaluate(const data::Dataset& posed) {
   const eval::Lpips lpips(device_);
-  return evaluate_views(state_.gaussians.detached(), posed.test, lpips);
+  return evaluate_views(state_.gaussians.detached(), posed.test, lpips, render_options(options_));
 }
 
 void Trainer::log_evaluation(const data::Dataset& posed) {
@@ -288,20 +295,21 @@ data::Dataset Trainer::posed_dataset() {
   if (!state_.poses) return dataset_;
   monitor_.check();
   return with_learned_poses(dataset_, *state_.poses, state_.gaussians.detached(),
-                            options_.poses.test_fit_steps, options_.deterministic);
+                            options_.poses.test_fit_steps, render_options(options_));
 }
 
 void Trainer::write_pictures(const data::Dataset& posed) {
   const splat::Gaussians gaussians = state_.gaussians.detached();
+  const splat::RenderOptions draw = render_options(options_);
   for (const data::SharpView& view : posed.test) {
     imaging::write_image(directory_.path() / "images" / ("test_" + view.name + ".png"),
-                         render_view(gaussians, view.pose, view.camera));
+                         render_view(gaussians, view.pose, view.camera, draw));
   }
   for (size_t i = 0; i < views_.size(); ++i) {
     const data::Exposure& exposure = posed.train[i];
     imaging::write_image(
         directory_.path() / "images" / ("train_" + exposure.name + ".png"),
-        render_view(gaussians, exposure.poses[geometry::kMidPose], exposure.camera));
+        render_view(gaussians, exposure.poses[geometry::kMidPose], exposure.camera, draw));
     const auto alpha = allocation_map(state_, views_[i], static_cast<int64_t>(i));
     if (alpha.defined()) {
       imaging::write_image(directory_.path() / "alpha" / (exposure.name + ".png"),
@@ -330,7 +338,7 @@ void Trainer::finish() {
     write_file(directory_.path() / "eval.json", eval::to_json(evaluation));
     log_info("on the sharp test views:\n" + eval::to_table(evaluation));
   }
-  write_report(directory_.path(), posed, views_, state_);
+  write_report(directory_.path(), posed, views_, state_, options_);
   log_info(concat("report      ", (directory_.path() / "report.html").string()));
   log_info(concat("scene       ", (directory_.path() / "point_cloud.ply").string()));
 }

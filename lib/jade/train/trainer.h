@@ -49,7 +49,8 @@ class Trainer {
  private:
   eval::Evaluation evaluate(const data::Dataset& posed);
   void make_state(const data::Dataset& dataset);
-  void resume_from(const std::string& choice);
+  /// False where there is no checkpoint yet.
+  bool resume_from(const std::string& choice);
   void announce() const;
   void write_environment() const;
   void log_step(const View& view, const Renders& renders,

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/train/view.h"
 
+#include <algorithm>
 #include <optional>
 #include <torch/types.h>
 
@@ -82,6 +83,17 @@ View prepare_view(const data::Exposure& exposure, const RunOptions& options,
 }
 
 }  // namespace
+
+double near_plane(const SplatOptions& options, const data::Dataset& dataset) {
+  return options.near_plane > 0 ? options.near_plane : std::min(0.2, 0.5 * dataset.near);
+}
+
+splat::RenderOptions render_options(const RunOptions& options) {
+  splat::RenderOptions render;
+  if (options.splat.near_plane > 0) render.near_plane = options.splat.near_plane;
+  render.deterministic = options.deterministic;
+  return render;
+}
 
 splat::CameraBatch camera_batch(const std::vector<geometry::Pose>& camera_from_world,
                                 const geometry::Intrinsics& camera, torch::Device device) {

@@ -34,6 +34,14 @@ struct View {
 std::vector<View> prepare_views(const data::Dataset& dataset, const RunOptions& options,
                                 torch::Device device);
 
+/// splat.near_plane for a run that starts with this data set: what it says, else 0.2 as in the
+/// published 3DGS, but at most half the near depth bound, so that small scenes are not cut.
+double near_plane(const SplatOptions& options, const data::Dataset& dataset);
+
+/// How a run draws any view, at the full SH degree. A near plane of 0, as in runs of versions that
+/// had no such key, means that of splat/render.h.
+splat::RenderOptions render_options(const RunOptions& options);
+
 /// One camera for several poses on a device.
 splat::CameraBatch camera_batch(const std::vector<geometry::Pose>& camera_from_world,
                                 const geometry::Intrinsics& camera, torch::Device device);
