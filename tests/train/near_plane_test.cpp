@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// One near plane for the training, the scores and the pictures of a run, and for all that resume it.
+// One near plane for the training, the scores and the pictures of a run, and for all that resume
+// it.
 #include "support/catch.h"
 
 #include <cmath>
