@@ -46,6 +46,8 @@ class Restorer {
   const RestorerMetadata& metadata() const { return metadata_; }
   /// Where it computes: the CPU after the device ran out of memory.
   torch::Device device() const { return device_; }
+  /// Side of the tiles that it restores, px, since memory ran short; 0: whole frames.
+  int64_t tile() const { return tile_; }
 
   /// The sharp frame of mid-exposure. When the device has too little memory for the frame, goes on
   /// on the CPU, and when that has too little, in overlapping tiles; says so in a warning.

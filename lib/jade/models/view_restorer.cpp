@@ -30,8 +30,12 @@ torch::Tensor ViewRestorer::efnet(const torch::Tensor& blurry, const torch::Tens
   // Devices round differently, and a run must not depend on what another device left behind.
   const std::string recipe =
       concat("efnet 1; ", file_sha256_, "; torch ", torch_version(), "; ", device_.type());
-  const auto compute = [&] { return network().restore(blurry.to(device_), voxel); };
-  return cache_.get(restoration_key(recipe, {blurry, voxel}), blurry.sizes(), compute).to(device_);
+  const std::string key = restoration_key(recipe, {blurry, voxel});
+  if (const auto kept = cache_.find(key, blurry.sizes())) return kept->to(device_);
+  const torch::Tensor restored = network().restore(blurry.to(device_), voxel);
+  const bool as_asked = network().device().type() == device_.type() && network().tile() == 0;
+  if (as_asked) cache_.keep(key, restored);
+  return restored;
 }
 
 Restorer& ViewRestorer::network() {

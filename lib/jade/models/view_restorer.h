@@ -30,6 +30,7 @@ class ViewRestorer {
                     const std::string& settings, const std::function<torch::Tensor()>& compute);
 
   /// F(B, V): blurry [3,H,W], voxel [6,H,W] on any device; result on the device of this object.
+  /// What the network restored on the CPU for want of a GPU's memory, or in tiles, is not kept.
   torch::Tensor efnet(const torch::Tensor& blurry, const torch::Tensor& voxel);
 
   /// The network, loaded if it was not.
