@@ -121,8 +121,8 @@ Entries read_archive(const fs::path& path) {
 torch::Tensor take(const Entries& entries, const std::string& name, const fs::path& path) {
   const auto found = entries.find(name);
   if (found == entries.end()) {
-    throw CheckpointError(
-        concat(path.string(), ": lacks '", name, "'; it was made with other options"));
+    throw CheckpointError(concat(path.string(), ": lacks '", name,
+                                 "'; it was made with other options or by an older program"));
   }
   return found->second;
 }
@@ -136,6 +136,16 @@ splat::Gaussians take_gaussians(const Entries& entries, const std::string& prefi
   return gaussians;
 }
 
+/// How many parameters of a module a checkpoint holds.
+int64_t parameter_count(const Entries& entries, const std::string& prefix) {
+  return std::count_if(entries.begin(), entries.end(), [&](const auto& entry) {
+    const auto begins_with = [&](const std::string& start) {
+      return entry.first.rfind(prefix + start, 0) == 0;
+    };
+    return begins_with(".") && !begins_with(".adam.") && !begins_with(".gradient.");
+  });
+}
+
 void restore_module(const Entries& entries, const std::string& prefix, torch::nn::Module& module,
                     ModuleAdam& adam, const fs::path& path) {
   const torch::NoGradGuard no_grad;
@@ -147,6 +157,12 @@ void restore_module(const Entries& entries, const std::string& prefix, torch::nn
                                    shape_string(parameter.value())));
     }
     parameter.value().copy_(saved);
+  }
+  const int64_t found = parameter_count(entries, prefix);
+  const auto expected = static_cast<int64_t>(module.named_parameters().size());
+  if (found != expected) {
+    throw CheckpointError(concat(path.string(), ": expected ", expected, " parameters of '", prefix,
+                                 "', found ", found, "; it was made from other data"));
   }
   std::vector<torch::Tensor> moments = adam.state();
   for (size_t i = 0; i < moments.size(); ++i)
@@ -178,14 +194,15 @@ std::vector<fs::path> list_checkpoints(const fs::path& run) {
   return found;
 }
 
-void save_checkpoint(const fs::path& run, const TrainState& state, const std::string& config,
-                     const std::string& fingerprint, int64_t keep) {
+void save_checkpoint(const fs::path& run, const TrainState& state, const CheckpointInfo& info,
+                     int64_t keep) {
   make_writable_folder(run / "checkpoints");
   Entries all = entries_of(state);
   all["format_version"] = torch::tensor(kFormatVersion);
   all["step"] = torch::tensor(state.step);
-  all["config"] = bytes_of(config);
-  all["data_fingerprint"] = bytes_of(fingerprint);
+  all["config"] = bytes_of(info.config);
+  all["data_fingerprint"] = bytes_of(info.fingerprint);
+  if (!info.restorer_sha256.empty()) all["restorer_sha256"] = bytes_of(info.restorer_sha256);
   all["sha256"] = bytes_of(digest_of(all));
 
   torch::serialize::OutputArchive archive;
@@ -239,8 +256,12 @@ CheckpointInfo load_checkpoint(const fs::path& path, TrainState& state) {
     }
   }
   state.step = take(all, "step", path).item<int64_t>();
-  return {state.step, text_of(take(all, "config", path)),
-          text_of(take(all, "data_fingerprint", path))};
+  CheckpointInfo info{
+      text_of(take(all, "config", path)), text_of(take(all, "data_fingerprint", path)), {}};
+  if (const auto found = all.find("restorer_sha256"); found != all.end()) {
+    info.restorer_sha256 = text_of(found->second);
+  }
+  return info;
 }
 
 splat::Gaussians load_checkpoint_gaussians(const fs::path& path) {

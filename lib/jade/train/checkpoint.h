@@ -18,19 +18,18 @@ std::filesystem::path checkpoint_path(const std::filesystem::path& run, int64_t 
 /// Checkpoints of a run directory, newest first.
 std::vector<std::filesystem::path> list_checkpoints(const std::filesystem::path& run);
 
-/// Writes the state (whole or not at all) and removes all but the `keep` newest checkpoints.
-/// @param config       the resolved YAML of the run
-/// @param fingerprint  of the data, see data_fingerprint()
-/// @throws DataError when the disk is full or the folder not writable; nothing is lost then.
-void save_checkpoint(const std::filesystem::path& run, const TrainState& state,
-                     const std::string& config, const std::string& fingerprint, int64_t keep);
-
 /// What stands beside the state.
 struct CheckpointInfo {
-  int64_t step = 0;
-  std::string config;
-  std::string fingerprint;
+  std::string config;           ///< the resolved YAML of the run
+  std::string fingerprint;      ///< of the data, see data_fingerprint()
+  std::string restorer_sha256;  ///< of the restorer's file; empty where the options need none, and
+                                ///< in checkpoints that are older than this entry
 };
+
+/// Writes the state (whole or not at all) and removes all but the `keep` newest checkpoints.
+/// @throws DataError when the disk is full or the folder not writable; nothing is lost then.
+void save_checkpoint(const std::filesystem::path& run, const TrainState& state,
+                     const CheckpointInfo& info, int64_t keep);
 
 /// Reads and verifies a checkpoint into `state`, whose modules have been made from the same
 /// options.
@@ -51,7 +50,8 @@ std::string data_fingerprint(const data::Dataset& dataset);
 
 /// Keys whose values differ, as "key: saved -> now" lines; keys that a resumed run may change
 /// without becoming another run (train.iterations, the calendar of logs, pictures and checkpoints,
-/// device, dataset.path) are in `allowed`, all others in `refused`.
+/// device, dataset.path, efnet.path) are in `allowed`, all others in `refused`. What lies at the
+/// paths is compared by CheckpointInfo.
 struct ConfigDifference {
   std::vector<std::string> allowed, refused;
 };

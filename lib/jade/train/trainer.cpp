@@ -82,6 +82,7 @@ Trainer::Trainer(const RunOptions& options, const fs::path& run, const std::stri
         concat(dataset_.root.string(), ": expected at least one training exposure, found none"));
   }
   fingerprint_ = data_fingerprint(dataset_);
+  restorer_sha256_ = restorer_sha256(options_);
   view_order_ =
       ViewOrder(static_cast<uint64_t>(options_.seed), static_cast<int64_t>(dataset_.train.size()));
   make_state(dataset_);
@@ -141,30 +142,47 @@ void Trainer::resume_from(const std::string& choice) {
     return;
   }
   for (size_t i = 0; i < candidates.size(); ++i) {
+    CheckpointInfo info;
     try {
-      const CheckpointInfo info = load_checkpoint(candidates[i], state_);
-      const ConfigDifference difference = compare_configs(info.config, options_);
-      if (!difference.refused.empty()) {
-        std::string keys;
-        for (const std::string& line : difference.refused)
-          keys += (keys.empty() ? "" : "; ") + line;
-        throw ConfigError(concat(candidates[i].string(),
-                                 ": this run was made with other settings, and changing them on "
-                                 "resume would mix two runs: ",
-                                 keys, ". Put them back or start a new --output"));
-      }
-      for (const std::string& line : difference.allowed) log_info("changed on resume: " + line);
-      if (info.fingerprint != fingerprint_) {
-        throw CheckpointError(concat(candidates[i].string(), ": made from other data than ",
-                                     dataset_.root.string(), "; check dataset.path"));
-      }
-      log_info(concat("resumed from ", candidates[i].filename().string(), ", step ", state_.step));
-      return;
+      info = load_checkpoint(candidates[i], state_);
     } catch (const CheckpointError& error) {
       if (i + 1 == candidates.size()) throw;
       log_warn(concat(error.what(), "; trying ", candidates[i + 1].filename().string()));
       make_state(dataset_);
+      continue;
     }
+    // A whole checkpoint of another run is refused; an older one would not make it the same run.
+    check_same_run(candidates[i], info);
+    log_info(concat("resumed from ", candidates[i].filename().string(), ", step ", state_.step));
+    return;
+  }
+}
+
+void Trainer::check_same_run(const fs::path& checkpoint, const CheckpointInfo& info) const {
+  const ConfigDifference difference = compare_configs(info.config, options_);
+  if (!difference.refused.empty()) {
+    std::string keys;
+    for (const std::string& line : difference.refused) keys += (keys.empty() ? "" : "; ") + line;
+    throw ConfigError(concat(checkpoint.string(),
+                             ": this run was made with other settings, and changing them on "
+                             "resume would mix two runs: ",
+                             keys, ". Put them back or start a new --output"));
+  }
+  for (const std::string& line : difference.allowed) log_info("changed on resume: " + line);
+  if (info.fingerprint != fingerprint_) {
+    throw CheckpointError(concat(checkpoint.string(), ": made from other data than ",
+                                 dataset_.root.string(), "; check dataset.path"));
+  }
+  if (restorer_sha256_.empty()) return;
+  if (info.restorer_sha256.empty()) {
+    log_warn(concat(checkpoint.string(),
+                    ": holds no hash of the restorer, as an older program wrote it; make sure that "
+                    "efnet.path is the file the run began with"));
+  } else if (info.restorer_sha256 != restorer_sha256_) {
+    throw CheckpointError(concat(checkpoint.string(), ": expected the restorer with SHA-256 ",
+                                 info.restorer_sha256, ", found ", restorer_sha256_,
+                                 "; set efnet.path to the file the run began with or start a new "
+                                 "--output"));
   }
 }
 
@@ -198,6 +216,7 @@ void Trainer::write_environment() const {
                                      {"device", device_name(device_)},
                                      {"seed", options_.seed},
                                      {"data_fingerprint", fingerprint_}};
+  if (!restorer_sha256_.empty()) environment["restorer_sha256"] = restorer_sha256_;
   write_file(directory_.path() / "env.json", environment.dump(2) + "\n");
 }
 
@@ -258,7 +277,7 @@ void Trainer::log_step(const View& view, const Renders& renders,
 
 void Trainer::save() {
   monitor_.check();
-  save_checkpoint(directory_.path(), state_, yaml_of(options_), fingerprint_,
+  save_checkpoint(directory_.path(), state_, {yaml_of(options_), fingerprint_, restorer_sha256_},
                   options_.checkpoint.keep);
 }
 

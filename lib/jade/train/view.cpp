@@ -93,6 +93,11 @@ View prepare_view(const data::Exposure& exposure, const RunOptions& options,
 
 }  // namespace
 
+std::string restorer_sha256(const RunOptions& options) {
+  const auto restorer = restorer_options(options);
+  return restorer ? models::checked_file_sha256(*restorer) : "";
+}
+
 splat::CameraBatch camera_batch(const std::vector<geometry::Pose>& camera_from_world,
                                 const geometry::Intrinsics& camera, torch::Device device) {
   std::vector<torch::Tensor> poses;

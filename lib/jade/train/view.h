@@ -28,6 +28,11 @@ struct View {
   splat::CameraBatch cameras;  ///< the nine poses
 };
 
+/// SHA-256 of the restorer's file; empty where the options need none.
+/// @throws ConfigError if EFNet is needed and not named; DataError if its file cannot be read or is
+/// not the one that efnet.sha256 means.
+std::string restorer_sha256(const RunOptions& options);
+
 /// Voxels, EDI, EFNet and cameras of every training exposure. Shows progress; EFNet is loaded for
 /// the duration of the call only.
 /// @throws DataError, NumericError from the restorers; ConfigError if EFNet is needed and not
