@@ -65,7 +65,7 @@ Deblurrer::Deblurrer(const DeblurOptions& options, const Method& method,
                      const data::Dataset& dataset, torch::Device device)
     : options_(options),
       needs_efnet_(method.needs_efnet),
-      restorer_(options.cache, efnet_options(options, method), device) {
+      restorer_(options.cache, efnet_options(options, method), device, dataset.monochrome) {
   if (method.needs_run) allocation_ = load_allocation(options.run, dataset);
 }
 

@@ -53,6 +53,9 @@ void print_frames(const Dataset& d) {
               long(camera.width), long(camera.height), camera.fx,
               2 * std::atan(0.5 * double(camera.width) / camera.fx) * 180 / M_PI,
               2 * std::atan(0.5 * double(camera.height) / camera.fy) * 180 / M_PI);
+  std::printf("color       %s\n", d.monochrome ? "monochrome: R = G = B in every frame, so the "
+                                                 "restorations and the scene are gray"
+                                               : "frames in colour");
   std::printf("depth       %.4g to %.4g units\n", d.near, d.far);
   if (d.points.defined()) std::printf("points      %ld sparse points\n", long(d.points.size(0)));
   if (d.trajectory.empty()) {
@@ -141,6 +144,7 @@ nlohmann::json to_json(const Inspection& inspection) {
                            {"width", camera.width},
                            {"height", camera.height},
                            {"focal_px", camera.fx},
+                           {"color", d.monochrome ? "gray" : "color"},
                            {"near", d.near},
                            {"far", d.far},
                            {"points", d.points.defined() ? d.points.size(0) : 0},

@@ -74,6 +74,16 @@ TEST_CASE("jade_inspect: a run says how far it came and what is wrong with it", 
   CHECK_THAT(damaged.out, Catch::Contains("is gone"));
 }
 
+TEST_CASE("jade_inspect: says whether the frames are monochrome", "[apps]") {
+  const test::TempDir dir;
+  test::write_tiny_dataset(dir / "coloured");
+  test::write_tiny_dataset(dir / "gray", {36, 28, 3, false, true});
+  CHECK_THAT(run(dir, "jade_inspect gray").out, Catch::Contains("monochrome"));
+  CHECK_THAT(run(dir, "jade_inspect coloured").out, Catch::Contains("frames in colour"));
+  CHECK_THAT(run(dir, "jade_inspect gray --json").out, Catch::Contains("\"color\": \"gray\""));
+  CHECK_THAT(run(dir, "jade_inspect coloured --json").out, Catch::Contains("\"color\": \"color\""));
+}
+
 TEST_CASE("jade_inspect: what is none of the three gets one line", "[apps]") {
   const test::TempDir dir;
   std::filesystem::create_directories(dir / "empty");

@@ -167,6 +167,29 @@ TEST_CASE("view restorer: a second start with all views at hand loads no network
       DataError);
 }
 
+TEST_CASE("view restorer: gray frames get gray restorations, whatever the cache holds of them",
+          "[models]") {
+  const test::TempDir dir;
+  const EfnetOptions tints{
+      save_network(dir / "n.pt",
+                   "torch.cat([image[:, :1], image[:, 1:2] * 0.9, image[:, 2:] * 0.8], 1)"),
+      ""};
+  const torch::Tensor gray = torch::rand({1, 16, 20}).expand({3, 16, 20}).contiguous();
+  const torch::Tensor voxel = torch::randn({6, 16, 20});
+  const auto restore = [&](bool monochrome) {
+    return ViewRestorer(in(dir / "cache"), tints, torch::kCPU, monochrome).efnet(gray, voxel);
+  };
+  const torch::Tensor tinted = restore(false);
+  CHECK(torch::allclose(tinted[2], gray[2] * 0.8));
+  for (int i = 0; i < 2; ++i) {  // computed, then from the cache
+    const torch::Tensor restored = restore(true);
+    CHECK(restored[0].equal(restored[1]));
+    CHECK(restored[0].equal(restored[2]));
+    CHECK(torch::allclose(restored, gray * 0.9));
+  }
+  CHECK(restore(false).equal(tinted));
+}
+
 TEST_CASE("view restorer: changed thresholds and settings are another EDI", "[models]") {
   const test::TempDir dir;
   ViewRestorer restorer(in(dir.path()), std::nullopt, torch::kCPU);

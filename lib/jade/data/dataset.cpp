@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/data/dataset.h"
 
+#include <algorithm>
 #include <cstdlib>
 #include <torch/types.h>
 
@@ -11,6 +12,7 @@
 #include "jade/data/frame_times.h"
 #include "jade/data/transforms.h"
 #include "jade/data/warnings.h"
+#include "jade/imaging/color.h"
 
 namespace jade::data {
 namespace {
@@ -33,6 +35,28 @@ void check_choice(const std::string& key, const std::string& value,
     known += concat(known.empty() ? "" : ", ", choice);
   }
   throw ConfigError(concat("dataset.", key, ": expected one of ", known, ", found '", value, "'"));
+}
+
+std::vector<torch::Tensor*> frames_of(Dataset& data) {
+  std::vector<torch::Tensor*> frames;
+  for (Exposure& exposure : data.train) frames.push_back(&exposure.blurry);
+  for (SharpView& view : data.test) frames.push_back(&view.image);
+  return frames;
+}
+
+/// Says whether the data set is monochrome, and makes it so where `color` is gray.
+void settle_color(const std::string& color, const Warnings& warnings, Dataset& data) {
+  const std::vector<torch::Tensor*> frames = frames_of(data);
+  const auto is_gray = [](const torch::Tensor* frame) { return imaging::is_gray(*frame); };
+  data.monochrome = color == "gray" || (color == "auto" && !frames.empty() &&
+                                        std::all_of(frames.begin(), frames.end(), is_gray));
+  if (!data.monochrome) return;
+  for (torch::Tensor* frame : frames) *frame = imaging::as_gray(*frame);
+  if (!data.event_color.defined()) return;
+  data.event_color = torch::Tensor();
+  warnings.add(data.root.string(),
+               ": the frames are gray, so the colour filter of the events (ev_map.npz or "
+               "color_map.npy) is not used; dataset.color_events false leaves it unread");
 }
 
 /// Name of the folder, also of "scene/." and "scene/".
@@ -80,6 +104,7 @@ Dataset load_dataset(const DatasetOptions& options, std::vector<std::string>* wa
   check_choice("split", options.split, {"auto", "last", "every", "none"});
   check_choice("time_unit", options.time_unit, {"auto", "us", "ns", "s"});
   check_choice("events_unit", options.events_unit, {"auto", "us", "ns", "s"});
+  check_choice("color", options.color, {"auto", "color", "gray"});
   check_folder(options.path);
   const std::string kind = options.kind == "auto" ? recognise_dataset(options.path) : options.kind;
   const Warnings sink(warnings);
@@ -90,6 +115,7 @@ Dataset load_dataset(const DatasetOptions& options, std::vector<std::string>* wa
   if (kind == "transforms") data = load_transforms(options, sink);
   data.kind = kind;
   data.name = folder_name(options.path);
+  settle_color(options.color, sink, data);
   if (data.train.size() == 1) {
     sink.add(options.path.string(), ": has a single training frame; a scene needs several views");
   }

@@ -48,6 +48,8 @@ struct Dataset {
   std::string kind;   ///< "evdeblur", "diet_gs", "colmap", "transforms"
   std::string split;  ///< the rule found, in words: "last 5 frames are sharp test views"
   std::filesystem::path root;
+  bool monochrome =
+      false;  ///< R = G = B in every frame, blurry or sharp; channels then are bit-equal
   std::vector<Exposure> train;  ///< by time where there are times, else by name
   std::vector<SharpView> test;
   events::EventStream events;       ///< the whole recording; empty for frames without events
@@ -55,8 +57,9 @@ struct Dataset {
   torch::Tensor points;             ///< [P,3] float32 in world axes, or undefined
   torch::Tensor point_colors;       ///< [P,3] float32 RGB in [0,1], or undefined
   geometry::Trajectory trajectory;  ///< dense camera path; empty where only exposures have poses
-  /// [3,H,W] bool, or undefined for gray events: which colour the events at a pixel have. At most
-  /// one channel of a pixel is set; a pixel without any has no raw pixel that lands on it.
+  /// [3,H,W] bool, or undefined for gray events and gray frames: which colour the events at a pixel
+  /// have. At most one channel of a pixel is set; a pixel without any has no raw pixel that lands
+  /// on it.
   torch::Tensor event_color;
 };
 

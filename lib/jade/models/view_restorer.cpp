@@ -5,12 +5,13 @@
 
 #include "jade/core/check.h"
 #include "jade/core/version.h"
+#include "jade/models/restorations.h"
 
 namespace jade::models {
 
 ViewRestorer::ViewRestorer(const RestorationCacheOptions& cache, std::optional<EfnetOptions> efnet,
-                           torch::Device device)
-    : cache_(cache), options_(std::move(efnet)), device_(device) {
+                           torch::Device device, bool monochrome)
+    : cache_(cache), options_(std::move(efnet)), device_(device), monochrome_(monochrome) {
   if (options_) file_sha256_ = checked_file_sha256(*options_);
 }
 
@@ -28,9 +29,12 @@ torch::Tensor ViewRestorer::edi(const torch::Tensor& blurry, const torch::Tensor
 torch::Tensor ViewRestorer::efnet(const torch::Tensor& blurry, const torch::Tensor& voxel) {
   JADE_CHECK(options_.has_value(), "expected a restorer, found none");
   // Devices round differently, and a run must not depend on what another device left behind.
-  const std::string recipe =
-      concat("efnet 1; ", file_sha256_, "; torch ", torch_version(), "; ", device_.type());
-  const auto compute = [&] { return network().restore(blurry.to(device_), voxel); };
+  const std::string recipe = concat("efnet 1; ", file_sha256_, "; torch ", torch_version(), "; ",
+                                    device_.type(), monochrome_ ? "; without tint" : "");
+  const auto compute = [&] {
+    const torch::Tensor restored = network().restore(blurry.to(device_), voxel);
+    return monochrome_ ? without_tint(restored) : restored;
+  };
   return cache_.get(restoration_key(recipe, {blurry, voxel}), blurry.sizes(), compute).to(device_);
 }
 

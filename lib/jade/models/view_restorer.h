@@ -17,9 +17,10 @@ class ViewRestorer {
  public:
   /// @param efnet  its file is read and checked against its SHA-256 now; without value there is no
   ///   F, and efnet() must not be called.
+  /// @param monochrome  the frames are gray, and so is F, see without_tint().
   /// @throws DataError.
   ViewRestorer(const RestorationCacheOptions& cache, std::optional<EfnetOptions> efnet,
-               torch::Device device);
+               torch::Device device, bool monochrome = false);
   /// Keeps the cache within its size.
   ~ViewRestorer();
 
@@ -41,6 +42,7 @@ class ViewRestorer {
   RestorationCache cache_;
   std::optional<EfnetOptions> options_;
   torch::Device device_;
+  bool monochrome_;
   std::string file_sha256_;
   std::optional<Restorer> network_;
 };

@@ -214,7 +214,8 @@ CheckpointInfo load_checkpoint(const fs::path& path, TrainState& state) {
   const double extent = take(all, "extent", path).item<double>();
   const torch::Device device = state.gaussians.device();
   state.gaussians = scene::GaussianModel(take_gaussians(all, "gaussians.", path), extent, device);
-  state.gaussian_adam = scene::GaussianAdam(state.gaussians, state.gaussian_adam.options());
+  state.gaussian_adam = scene::GaussianAdam(state.gaussians, state.gaussian_adam.options(),
+                                            state.gaussian_adam.monochrome());
   const auto on_device = [&](const torch::Tensor& tensor) { return tensor.to(device); };
   state.gaussian_adam.restore(
       scene::map_parameters(take_gaussians(all, "adam.first.", path), on_device),
@@ -257,6 +258,8 @@ std::string data_fingerprint(const data::Dataset& dataset) {
   const auto add = [&](const auto& numbers) {
     digest.update(numbers.data(), numbers.size() * sizeof(numbers[0]));
   };
+  // The same gray frames may train a scene in colour, with restorations of their own.
+  if (dataset.monochrome) digest.update("monochrome;");
   for (const data::Exposure& exposure : dataset.train) {
     digest.update(concat(exposure.name, ' ', exposure.t_start_us, ' ', exposure.t_end_us, ' ',
                          exposure.events.size(), ';'));

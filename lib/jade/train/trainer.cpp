@@ -17,6 +17,7 @@
 #include "jade/core/random.h"
 #include "jade/core/version.h"
 #include "jade/eval/metrics.h"
+#include "jade/imaging/color.h"
 #include "jade/imaging/image_io.h"
 #include "jade/scene/ply.h"
 #include "jade/train/checkpoint.h"
@@ -55,6 +56,14 @@ scene::InitSources init_sources(const data::Dataset& dataset) {
   sources.points.points = dataset.points;
   sources.points.colors = dataset.point_colors;
   return sources;
+}
+
+/// The same Gaussians in gray: colours are linear in SH, so g(·) of the coefficients is that of the
+/// colours.
+splat::Gaussians in_gray(splat::Gaussians start) {
+  const torch::Tensor planes = start.sh.transpose(1, 2).unsqueeze(-1);  // [N,3,K,1]
+  start.sh = imaging::as_gray(planes).squeeze(-1).transpose(1, 2).contiguous();
+  return start;
 }
 
 /// True when `due` divides the step; 0 is never.
@@ -104,10 +113,11 @@ Trainer::~Trainer() { set_log_file({}); }
 void Trainer::make_state(const data::Dataset& dataset) {
   const auto seed = static_cast<uint64_t>(options_.seed);
   auto init_generator = make_generator(seed, "initial points");
-  const auto start = scene::initial_gaussians(options_.init, init_sources(dataset), init_generator);
+  auto start = scene::initial_gaussians(options_.init, init_sources(dataset), init_generator);
+  if (dataset.monochrome) start = in_gray(std::move(start));
   state_.gaussians =
       scene::GaussianModel(start, scene::scene_extent(camera_poses(dataset)), device_);
-  state_.gaussian_adam = scene::GaussianAdam(state_.gaussians, options_.optim);
+  state_.gaussian_adam = scene::GaussianAdam(state_.gaussians, options_.optim, dataset.monochrome);
   state_.densifier =
       scene::Densifier(options_.densify, state_.gaussians, make_generator(seed, "densification"));
   if (options_.scene.target == "routed") {
@@ -156,7 +166,8 @@ void Trainer::resume_from(const std::string& choice) {
       for (const std::string& line : difference.allowed) log_info("changed on resume: " + line);
       if (info.fingerprint != fingerprint_) {
         throw CheckpointError(concat(candidates[i].string(), ": made from other data than ",
-                                     dataset_.root.string(), "; check dataset.path"));
+                                     dataset_.root.string(),
+                                     "; check dataset.path and dataset.color"));
       }
       log_info(concat("resumed from ", candidates[i].filename().string(), ", step ", state_.step));
       return;
@@ -174,8 +185,9 @@ void Trainer::announce() const {
   const auto& camera = dataset_.train.front().camera;
   log_info(concat("device      ", device_name(device_)));
   log_info(concat("data        ", dataset_.name, " (", dataset_.kind, "): ", dataset_.train.size(),
-                  " exposures of ", camera.width, "x", camera.height, ", ", event_count,
-                  " events; ", dataset_.test.size(), " sharp test views (", dataset_.split, ")"));
+                  " exposures of ", camera.width, "x", camera.height,
+                  dataset_.monochrome ? ", monochrome, " : " in colour, ", event_count, " events; ",
+                  dataset_.test.size(), " sharp test views (", dataset_.split, ")"));
   log_info(concat("scene       ", state_.gaussians.size(), " Gaussians, extent ",
                   state_.gaussians.extent()));
   if (state_.allocation) {
