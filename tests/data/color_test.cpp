@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Whether a data set is monochrome, and frames that are made gray.
+#include "jade/imaging/color.h"
+
 #include "support/catch.h"
 
 #include <torch/types.h>
 
 #include "data/tiny_recording.h"
 #include "jade/core/error.h"
-#include "jade/imaging/color.h"
 #include "jade/io/npy.h"
 #include "support/temp_dir.h"
 
@@ -49,6 +50,7 @@ TEST_CASE("colour: R = G = B in every frame is monochrome, and auto leaves the f
   Loaded gray(gray_content());
   const Dataset data = gray.as("auto"), in_color = gray.as("color");
   CHECK(data.monochrome);
+  CHECK(all_gray(data));
   CHECK_FALSE(in_color.monochrome);
   CHECK(gray.as("gray").monochrome);
   CHECK(data.train[2].blurry.equal(in_color.train[2].blurry));
