@@ -41,13 +41,18 @@ double path_length(const Exposure& exposure) {
   return length;
 }
 
+/// With whether training sees the scene from there, where that is known.
+std::string marked_name(const data::SharpView& view) {
+  return view.name + (!view.seen ? "" : *view.seen ? " (seen)" : " (unseen)");
+}
+
 void print_frames(const Dataset& d) {
   const geometry::Intrinsics& camera = d.train.front().camera;
   std::printf("data set    %s, layout %s, in %s\n", d.name.c_str(), d.kind.c_str(), d.root.c_str());
   std::printf("frames      %zu for training, %zu sharp test views (%s)\n", d.train.size(),
               d.test.size(), d.split.c_str());
   std::string names;
-  for (const auto& view : d.test) names += (names.empty() ? "" : ", ") + view.name;
+  for (const auto& view : d.test) names += (names.empty() ? "" : ", ") + marked_name(view);
   if (!names.empty()) std::printf("test views  %s\n", names.c_str());
   std::printf("image       %ldx%ld px, focal %.2f px, field of view %.1f x %.1f degrees\n",
               long(camera.width), long(camera.height), camera.fx,
@@ -133,8 +138,11 @@ nlohmann::json to_json(const Inspection& inspection) {
                          {"path_length", path_length(e)},
                          {"sharp_view", seen_by(d, i)}});
   }
-  nlohmann::json tests = nlohmann::json::array();
-  for (const auto& view : d.test) tests.push_back(view.name);
+  nlohmann::json tests = nlohmann::json::array(), seen = nlohmann::json::array();
+  for (const auto& view : d.test) {
+    tests.push_back(view.name);
+    seen.push_back(view.seen ? nlohmann::json(*view.seen) : nlohmann::json(nullptr));
+  }
   nlohmann::json result = {{"name", d.name},
                            {"kind", d.kind},
                            {"split", d.split},
@@ -147,6 +155,7 @@ nlohmann::json to_json(const Inspection& inspection) {
                            {"trajectory_poses", d.trajectory.size()},
                            {"train", exposures},
                            {"test", tests},
+                           {"test_seen", seen},
                            {"events",
                             {{"count", d.events.size()},
                              {"positive_share", positive_share(d.events)},

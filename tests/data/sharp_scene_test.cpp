@@ -52,6 +52,7 @@ TEST_CASE("colmap scene: every eighth image by name is a test view, cameras fit 
   CHECK(data.kind == "colmap");
   REQUIRE(data.test.size() == 2);
   CHECK(data.test[1].name == "img_08");
+  CHECK(data.test[1].seen == false);
   REQUIRE(data.train.size() == 8);
   const Exposure& first = data.train[0];
   CHECK(first.name == "img_01");

@@ -354,6 +354,12 @@ TEST_CASE("trainer: a run leaves the documented files", "[train]") {
     }
   }
   CHECK(lines == 4);
+  // Both test views are taken after the last exposure.
+  const auto scores = nlohmann::json::parse(read_file(run / "eval.json"));
+  for (const auto& view : scores["views"]) CHECK(view["seen"] == false);
+  CHECK(scores["mean_unseen"] == scores["mean"]);
+  CHECK(scores["mean_seen"].is_null());
+  CHECK_THAT(read_file(run / "report.html"), Catch::Contains("test view 04, not seen in training"));
 }
 
 TEST_CASE("term monitor: names the step and the term that first stopped being finite", "[train]") {

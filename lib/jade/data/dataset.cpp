@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/data/dataset.h"
 
+#include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <torch/types.h>
 
@@ -41,6 +43,13 @@ std::string folder_name(const fs::path& folder) {
   return whole.has_filename() ? whole.filename().string() : whole.parent_path().filename().string();
 }
 
+/// By the tolerances of is_seen.
+bool same_place(const geometry::Pose& a, const geometry::Pose& b, double near) {
+  const auto p = geometry::centre(a), q = geometry::centre(b);
+  return geometry::rotation_angle(a, b) <= 1e-3 &&
+         std::hypot(p[0] - q[0], p[1] - q[1], p[2] - q[2]) <= 1e-3 * near;
+}
+
 }  // namespace
 
 std::string listing(const std::vector<std::string>& names, size_t most) {
@@ -61,6 +70,25 @@ int64_t exposure_of(const Dataset& dataset, const SharpView& view) {
     if (away <= double(exposure.duration_us()) / 16) return static_cast<int64_t>(i);
   }
   return -1;
+}
+
+std::optional<bool> is_seen(const Dataset& dataset, const SharpView& view) {
+  const auto any_exposure = [&](const auto& holds) {
+    return std::any_of(dataset.train.begin(), dataset.train.end(), holds);
+  };
+  if (view.has_time()) {
+    return any_exposure([&](const Exposure& exposure) {
+      return exposure.t_start_us <= view.t_us && view.t_us <= exposure.t_end_us;
+    });
+  }
+  const bool posed_alike = any_exposure([&](const Exposure& exposure) {
+    return std::any_of(exposure.poses.begin(), exposure.poses.end(),
+                       [&](const auto& pose) { return same_place(pose, view.pose, dataset.near); });
+  });
+  if (posed_alike) return true;
+  const bool moving =
+      any_exposure([](const Exposure& exposure) { return exposure.duration_us() > 0; });
+  return moving ? std::nullopt : std::optional<bool>(false);
 }
 
 std::string recognise_dataset(const fs::path& folder) {
@@ -90,6 +118,7 @@ Dataset load_dataset(const DatasetOptions& options, std::vector<std::string>* wa
   if (kind == "transforms") data = load_transforms(options, sink);
   data.kind = kind;
   data.name = folder_name(options.path);
+  for (SharpView& view : data.test) view.seen = is_seen(data, view);
   if (data.train.size() == 1) {
     sink.add(options.path.string(), ": has a single training frame; a scene needs several views");
   }

@@ -31,6 +31,7 @@ eval::Evaluation evaluate_views(const splat::Gaussians& gaussians,
   for (const data::SharpView& view : views) {
     const auto render = render_view(gaussians, view.pose, view.camera);
     scores.push_back(eval::score(view.name, render, view.image.to(render.device()), &lpips));
+    scores.back().seen = view.seen;
   }
   return eval::evaluation_of(std::move(scores));
 }

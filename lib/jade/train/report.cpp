@@ -152,8 +152,11 @@ void write_report(const fs::path& run, const data::Dataset& dataset, const std::
   data["tests"] = Json::array();
   for (const data::SharpView& view : dataset.test) {
     const auto render = render_view(state.gaussians.detached(), view.pose, view.camera);
+    const char* mark = !view.seen   ? ""
+                       : *view.seen ? ", seen in training"
+                                    : ", not seen in training";
     data["tests"].push_back(
-        {{"name", "test view " + view.name},
+        {{"name", concat("test view ", view.name, mark)},
          {"show", 1},
          {"pictures", {picture("render", render, view.image), picture("truth", view.image)}}});
   }

@@ -270,7 +270,8 @@ eval::Evaluation Trainer::evaluate(const data::Dataset& posed) {
 }
 
 void Trainer::log_evaluation(const data::Dataset& posed) {
-  const eval::Scores mean = evaluate(posed).mean;
+  const eval::Evaluation evaluation = evaluate(posed);
+  const eval::Scores& mean = evaluation.mean;
   log_info(concat("step ", state_.step, ": test PSNR ", mean.psnr, " dB, SSIM ", mean.ssim));
   nlohmann::ordered_json line{{"step", state_.step},
                               {"test_psnr", mean.psnr},
@@ -278,6 +279,13 @@ void Trainer::log_evaluation(const data::Dataset& posed) {
                               {"test_ssim", mean.ssim}};
   if (mean.lpips_alex01) line["test_lpips_alex01"] = *mean.lpips_alex01;
   if (mean.lpips_vgg) line["test_lpips_vgg"] = *mean.lpips_vgg;
+  const auto split = [&](const std::optional<eval::Scores>& part, const std::string& ending) {
+    if (!part) return;
+    line["test_psnr_" + ending] = part->psnr;
+    line["test_psnr_channel_mean_" + ending] = part->psnr_channel_mean;
+  };
+  split(evaluation.mean_seen, "seen");
+  split(evaluation.mean_unseen, "unseen");
   metrics_->append(line.dump());
 }
 
