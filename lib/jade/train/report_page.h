@@ -69,7 +69,7 @@ data.tests.forEach(v => viewer(at('tests'), v));
 function table(parent, head, rows) {
   const t = make('table', parent), h = make('tr', t);
   head.forEach(c => make('th', h, {textContent: c}));
-  rows.forEach(r => { const line = make('tr', t); r.forEach(c => make('td', line, {textContent: typeof c === 'number' ? c.toFixed(4).replace(/(\.\d\d)\d\d$/, Math.abs(c) > 2 ? '$1' : '$&') : c ?? '-'})); });
+  rows.forEach(r => { const line = make('tr', t); r.forEach(c => make('td', line, {textContent: typeof c === 'number' ? c.toFixed(Math.abs(c) > 2 ? 2 : 4) : c ?? '-'})); });
 }
 if (data.evaluation) {
   const keys = ['psnr', 'psnr_channel_mean', 'ssim', 'lpips_alex01', 'lpips_vgg'];
