@@ -11,9 +11,11 @@ their exposure times as timestamps.npz (timestamps, timestamps_start, timestamps
 AEDAT4 is read by one of two packages, whichever is there: dv-processing or aedat. Also needed:
 h5py and numpy, and opencv-python-headless for --frames.
 
-    pip install dv-processing h5py      (or: pip install aedat h5py)
+    .venv/bin/python -m pip install dv-processing h5py      (or: aedat h5py)
+    .venv/bin/python scripts/convert_aedat4.py ...
 """
 import argparse
+import datetime
 import os
 import sys
 
@@ -25,34 +27,43 @@ def fail(message, code=2):
     sys.exit(code)
 
 
+def reason(error):
+    """One line: dv-processing adds where in its code that was, before and after."""
+    return str(error).partition("\nStacktrace")[0].rpartition("\n")[2]
+
+
 def need(module, package):
     try:
         return __import__(module)
     except ImportError:
-        fail(f"needs the Python package {package}: pip install {package}")
+        fail(f"needs the Python package {package}: {sys.executable} -m pip install {package}")
 
 
 def packets_from_dv(path):
-    """Yields ("events", x, y, t, p) and ("frame", image, start, end) through dv-processing."""
+    """Yields ("events", x, y, t, p) and ("frame", image, start, end) through dv-processing. Images
+    are gray, BGR or BGRA, as OpenCV writes them; start and end are those of the exposure, equal
+    where the recording has none."""
     import dv_processing as dv
 
     reader = dv.io.MonoCameraRecording(path)
-    while reader.isRunning():
-        idle = True
-        if reader.isEventStreamAvailable():
-            batch = reader.getNextEventBatch()
-            if batch is not None:
-                idle = False
-                events = batch.numpy()
-                yield "events", events["x"], events["y"], events["timestamp"], events["polarity"]
-        if reader.isFrameStreamAvailable():
-            frame = reader.getNextFrame()
-            if frame is not None:
-                idle = False
-                start = frame.timestamp
-                yield "frame", frame.image, start, start + int(frame.exposure.total_seconds() * 1e6)
-        if idle:
-            break
+    # One stream after the other: isRunning() is over with the shorter of them.
+    if reader.isEventStreamAvailable():
+        while (batch := reader.getNextEventBatch()) is not None:
+            events = batch.numpy()
+            yield "events", events["x"], events["y"], events["timestamp"], events["polarity"]
+    if reader.isFrameStreamAvailable():
+        while (frame := reader.getNextFrame()) is not None:
+            # The start of the exposure, for DV's older files as well, which store its middle.
+            start = frame.timestamp
+            yield "frame", frame.image, start, start + frame.exposure // datetime.timedelta(microseconds=1)
+
+
+def to_opencv(pixels, order):
+    """The aedat package gives colours red first."""
+    import numpy
+
+    channels = {"RGB": [2, 1, 0], "RGBA": [2, 1, 0, 3]}.get(order)
+    return pixels if channels is None else numpy.ascontiguousarray(pixels[..., channels])
 
 
 def packets_from_aedat(path):
@@ -65,7 +76,10 @@ def packets_from_aedat(path):
             yield "events", events["x"], events["y"], events["t"], events["on"]
         if "frame" in packet:
             frame = packet["frame"]
-            yield "frame", frame["pixels"], frame["exposure_begin_t"], frame["exposure_end_t"]
+            start, end = frame["exposure_begin_t"], frame["exposure_end_t"]
+            if end <= start:
+                start = end = frame["t"]
+            yield "frame", to_opencv(frame["pixels"], frame["format"]), start, end
 
 
 def packets(path):
@@ -75,7 +89,7 @@ def packets(path):
         except ImportError:
             continue
         return read(path)
-    fail("needs dv-processing or aedat to read AEDAT4: pip install dv-processing (or: pip install aedat)")
+    fail(f"needs dv-processing or aedat to read AEDAT4: {sys.executable} -m pip install dv-processing (or: aedat)")
 
 
 class EventWriter:
@@ -132,13 +146,17 @@ def main():
     except (RuntimeError, ValueError, OSError) as error:
         if os.path.exists(temporary):
             os.remove(temporary)
-        fail(f"{options.input}: {error}", 3)
+        fail(f"{options.input}: {reason(error)}", 3)
     os.replace(temporary, options.output)
     if starts:
         starts, ends = numpy.array(starts), numpy.array(ends)
         numpy.savez(os.path.join(options.frames, "timestamps.npz"), timestamps=(starts + ends) // 2,
                     timestamps_start=starts, timestamps_end=ends)
     print(f"{options.output}: {writer.count} events" + (f", {len(starts)} frames" if len(starts) else ""))
+    unknown = sum(int(start >= end) for start, end in zip(starts, ends))
+    if unknown:
+        print(f"{unknown} of {len(starts)} frames carry no exposure times (an accumulator's do not): their start and end "
+              "are equal, which JADE-GS takes for sharp test views", file=sys.stderr)
     if writer.unsorted:
         print("some batches were not in order of time; loading sorts them", file=sys.stderr)
 

@@ -21,8 +21,12 @@ import pathlib
 import pickle
 import sys
 
-import h5py
-import numpy as np
+try:
+    import h5py
+    import numpy as np
+except ImportError as error:
+    print(f"convert_diet_gs: {error}; run .venv/bin/python -m pip install h5py once, then this with .venv/bin/python", file=sys.stderr)
+    sys.exit(2)
 
 CHUNK = 1 << 22
 ALLOWED = {

@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 # From nothing to a sharp 3D scene: installs what is missing, builds, simulates the demo's blurry frames
-# and events, trains the full method on them, evaluates, and says where the results are.
+# and events, trains the full method on them, evaluates, says where the results are, and on a desktop
+# opens the report.
 #
 #   scripts/demo.sh [--set key=value ...]      further arguments go to jade_train
 #
@@ -21,6 +22,14 @@ if [ ! -f runs/demo/report.html ]; then
   resume=()
   [ -z "$(ls runs/demo/checkpoints 2>/dev/null)" ] || resume=(--resume)
   step build/bin/jade_train --config configs/demo.yaml --output runs/demo "${resume[@]}" "$@"
+elif [ $# -gt 0 ]; then
+  echo "demo: runs/demo is trained already, without '$*'; remove that folder to train again" >&2
 fi
 step build/bin/jade_eval --run runs/demo
-printf '\nreport: %s\nscene:  %s (drop it into any 3D Gaussian viewer)\n' "$PWD/runs/demo/report.html" "$PWD/runs/demo/point_cloud.ply"
+report="$PWD/runs/demo/report.html"
+printf '\nreport: %s\nscene:  %s (drop it into any 3D Gaussian viewer)\n' "$report" "$PWD/runs/demo/point_cloud.ply"
+# For whoever sits before it: a terminal on a desktop, and no machine that only checks.
+if [ -t 1 ] && [ -z "${CI:-}" ] && [ -n "${DISPLAY:-}${WAYLAND_DISPLAY:-}" ]; then
+  opener=$(command -v xdg-open || command -v open || true)
+  [ -z "$opener" ] || ("$opener" "$report" </dev/null >/dev/null 2>&1 &)
+fi

@@ -14,8 +14,13 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-import cv2
-import numpy as np
+try:
+    import cv2
+    import numpy as np
+except ImportError as error:
+    print(f"evaluate_perceptual: {error}; in an environment of its own run pip install -r scripts/requirements-perceptual.txt",
+          file=sys.stderr)
+    sys.exit(2)
 
 METRICS = {
     "musiq": "MUSIQ (pyiqa, KonIQ-10k weights), RGB in [0,1], higher is better",

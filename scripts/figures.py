@@ -24,11 +24,15 @@ import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import matplotlib
+try:
+    import matplotlib
 
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt  # noqa: E402
-import numpy as np  # noqa: E402
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+    import numpy as np
+except ImportError as error:
+    print(f"figures: {error}; run scripts/setup.sh --figures once, then this with .venv/bin/python", file=sys.stderr)
+    sys.exit(2)
 
 METRICS = {"psnr_channel_mean": "PSNR (mean of channels), dB", "ssim": "SSIM", "lpips_alex01": "LPIPS"}
 # Logged beside the loss terms.

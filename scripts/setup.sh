@@ -3,10 +3,11 @@
 # Installs what JADE-GS needs on Debian 12 or Ubuntu 22.04/24.04, only what is missing:
 # compilers and libraries through apt, LibTorch as a Python wheel in .venv.
 #
-#   scripts/setup.sh [--python-torch] [--figures]
+#   scripts/setup.sh [--python-torch] [--figures] [--metrics]
 #
-# --python-torch  also what `import torch` needs in Python (scripts/efnet, scripts/export_lpips.py)
+# --python-torch  also what `import torch` needs in Python (scripts/efnet)
 # --figures       also what scripts/figures.py needs (scripts/requirements-figures.txt)
+# --metrics       also the networks of LPIPS, made by scripts/export_lpips.py (64 MB to fetch, once)
 #
 # Without root it uses sudo for apt; where neither works it prints the command to hand to an
 # administrator.
@@ -16,10 +17,12 @@ say() { printf 'setup: %s\n' "$*" >&2; }
 
 python_torch=no
 figures=no
+metrics=no
 for flag in "$@"; do
   case "$flag" in
     --python-torch) python_torch=yes ;;
     --figures) figures=yes ;;
+    --metrics) python_torch=yes metrics=yes ;;
     *) sed -n '3,13p' "$0" >&2; exit 2 ;;
   esac
 done
@@ -98,5 +101,8 @@ if [ $figures = yes ]; then
     say "installing into .venv: $absent and what it needs"
     .venv/bin/python -m pip install -q --disable-pip-version-check -r scripts/requirements-figures.txt
   fi
+fi
+if [ $metrics = yes ]; then
+  .venv/bin/python scripts/export_lpips.py >&2
 fi
 say "everything is there"

@@ -30,6 +30,12 @@ std::string version_text(const std::string& name) {
 /// torch puts a stack trace behind the first line; users get the line.
 std::string first_line(const std::string& text) { return text.substr(0, text.find('\n')); }
 
+/// What CUDA and its libraries report through torch. cuBLAS and its like have no type of their own.
+bool is_gpu_failure(const c10::Error& error) {
+  return dynamic_cast<const c10::AcceleratorError*>(&error) != nullptr ||
+         error.msg().rfind("CUDA error", 0) == 0 || error.msg().rfind("cuDNN error", 0) == 0;
+}
+
 /// Reports the exception in flight; returns its exit code.
 ExitCode report_exception() {
   try {
@@ -48,6 +54,12 @@ ExitCode report_exception() {
     log_error("out of memory; use a smaller scene or image, or close other programs");
     return ExitCode::kDevice;
   } catch (const c10::Error& error) {
+    if (is_gpu_failure(error)) {
+      log_error(concat("the GPU failed: ", first_line(error.what_without_backtrace()),
+                       "; try again, or use --device cpu"));
+      log_debug(error.what());
+      return ExitCode::kDevice;
+    }
     log_error(concat("internal error in LibTorch: ", first_line(error.what_without_backtrace()),
                      "; run again with --log-level debug and report it"));
     log_debug(error.what());
@@ -81,6 +93,30 @@ void Program::add_config_flags() {
                 "Print the resolved configuration with help, and exit");
   cli_.add_flag("--print-schema", print_schema_,
                 "Print a JSON Schema of the configuration, and exit");
+  cli_.footer(
+      "Settings, later wins: defaults, config.yaml of the run where there is --run, --config files "
+      "in\ntheir order, --set, flags that stand for a key.");
+}
+
+CLI::Option* Program::add_key_flag(const std::string& flag, const std::string& key,
+                                   const std::string& help) {
+  return cli_.add_option_function<std::string>(
+      flag,
+      [this, flag, key](const std::string& value) {
+        const bool positional = flag.front() != '-';
+        key_flags_.push_back({positional ? value : flag + " " + value, key, value});
+      },
+      concat(help, " [", key, "]"));
+}
+
+CLI::Option* Program::add_key_switch(const std::string& flag, const std::string& key,
+                                     const std::string& value, const std::string& help) {
+  return cli_.add_flag_callback(
+      flag,
+      [this, flag, key, value] {
+        key_flags_.push_back({flag, key, value});
+      },
+      concat(help, " [", key, "]"));
 }
 
 void Program::add_output_flag(const std::string& help) {
@@ -112,9 +148,13 @@ std::string Program::title() const {
 }
 
 config::Sources Program::sources(const FieldList& fields) const {
-  config::Sources all{config_file(), overrides_, layers()};
-  if (!device_.empty() && fields.find("device")) all.overrides.push_back("device=" + device_);
-  if (seed_ && fields.find("seed")) all.overrides.push_back(concat("seed=", *seed_));
+  config::Sources all{config_file(), overrides_, layers(), key_flags_};
+  if (!device_.empty() && fields.find("device")) {
+    all.flags.push_back({"--device " + device_, "device", device_});
+  }
+  if (seed_ && fields.find("seed")) {
+    all.flags.push_back({concat("--seed ", *seed_), "seed", std::to_string(*seed_)});
+  }
   return all;
 }
 

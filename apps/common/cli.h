@@ -35,6 +35,13 @@ class Program {
 
   /// --config, --set, --print-config, --print-schema.
   void add_config_flags();
+  /// A flag (or, without dashes, a positional argument) that stands for a key and wins over --set.
+  /// `help` may leave the range and the default to --print-config.
+  CLI::Option* add_key_flag(const std::string& flag, const std::string& key,
+                            const std::string& help);
+  /// A flag without a value that sets a key to `value`.
+  CLI::Option* add_key_switch(const std::string& flag, const std::string& key,
+                              const std::string& value, const std::string& help);
   /// --output DIR.
   void add_output_flag(const std::string& help);
   /// --device auto|cpu|cuda|cuda:N.
@@ -48,14 +55,13 @@ class Program {
   /// stderr (with a trace of its origin at --log-level debug) and its exit code.
   int run(int argc, char** argv, const std::function<ExitCode()>& body);
 
-  /// The options as --config, --set, --device and --seed give them, after `validate(options)`, or
-  /// nothing when --print-config or --print-schema asked for a print, which is then done. --device
-  /// and
-  /// --seed stand for the keys of those names where the options have them.
+  /// `options` with --config, --set and the flags that stand for keys laid over them, after
+  /// `validate(options)`, or nothing when --print-config or --print-schema asked for a print, which
+  /// is then done. --device and --seed stand for the keys of those names where the options have
+  /// them.
   template <class Options>
-  std::optional<Options> load_options() {
-    Options defaults;
-    Options options = config::load<Options>(sources(fields_of(defaults)));
+  std::optional<Options> load_options(Options options = {}) {
+    config::read(sources(fields_of(options)), fields_of(options));
     validate(options);
     const FieldList fields = fields_of(options);
     if (print_config_) std::cout << config::to_yaml(fields, title());
@@ -84,6 +90,7 @@ class Program {
   CLI::App cli_;
   std::vector<std::filesystem::path> config_files_;
   std::vector<std::string> overrides_;
+  std::vector<config::KeyFlag> key_flags_;
   std::filesystem::path output_;
   std::string device_;
   std::optional<uint64_t> seed_;

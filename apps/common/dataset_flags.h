@@ -1,20 +1,36 @@
 // SPDX-License-Identifier: Apache-2.0
-// Flags of the programs that read a data set without a configuration file.
+// The vocabulary of the programs that read a data set: the keys of jade_train, and short flags that
+// stand for some of them.
 #pragma once
 
 #include "common/cli.h"
-#include "jade/data/dataset.h"
+#include "jade/train/evaluate.h"
+#include "jade/train/options.h"
 
 namespace jade::apps {
 
-/// --kind, --split, --image-folder, --events-file, --events-unit, --time-unit; not the path.
-inline void add_dataset_flags(CLI::App& cli, data::DatasetOptions& options) {
-  cli.add_option("--kind", options.kind, "auto, evdeblur, diet_gs, colmap or transforms");
-  cli.add_option("--split", options.split, "test views: auto, last, every or none");
-  cli.add_option("--image-folder", options.image_folder, "folder of the frames in the data set");
-  cli.add_option("--events-file", options.events_file, "recording of the events");
-  cli.add_option("--events-unit", options.events_unit, "of the events' times: auto, us, ns or s");
-  cli.add_option("--time-unit", options.time_unit, "of the frames' times: auto, us, ns or s");
+/// --config, --set and their like, and flags for keys of the data set.
+/// @param path  the flag, or positional argument, that names its folder
+inline void add_dataset_flags(Program& program, const std::string& path = "--dataset",
+                              const std::string& path_help = "folder of the data set") {
+  program.add_config_flags();
+  program.add_key_flag(path, "dataset.path", path_help);
+  program.add_key_flag("--kind", "dataset.kind", "auto, evdeblur, diet_gs, colmap or transforms");
+  program.add_key_flag("--split", "dataset.split", "test views: auto, last, every or none");
+  program.add_key_flag("--image-folder", "dataset.image_folder",
+                       "folder of the frames in the data set");
+  program.add_key_flag("--events-file", "dataset.events_file", "recording of the events");
+  program.add_key_flag("--events-unit", "dataset.events_unit",
+                       "of the events' times: auto, us, ns or s");
+  program.add_key_flag("--time-unit", "dataset.time_unit",
+                       "of the frames' times: auto, us, ns or s");
+}
+
+/// The settings of a program that reads a data set: those of `run`, where one is given, under what
+/// the command line says. Nothing when a print was asked for, which is then done.
+inline std::optional<train::RunOptions> load_settings(Program& program,
+                                                      const std::filesystem::path& run = {}) {
+  return program.load_options(run.empty() ? train::RunOptions() : train::load_run_options(run));
 }
 
 }  // namespace jade::apps

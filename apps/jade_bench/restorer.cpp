@@ -56,7 +56,7 @@ CLI::App* RestorerBench::add_to(CLI::App& cli) {
   CLI::App* const command =
       cli.add_subcommand("restorer", "The learned restorer: one frame and its six event bins");
   command->fallthrough();
-  command->add_option("--efnet", efnet.path, "TorchScript file (assets/efnet_small.pt)");
+  command->add_option("--efnet", efnet.path, "TorchScript file (the one that ships)");
   command->add_option("--input", inputs, "Folders with image.npy and bins.npy instead of --size");
   command->add_option("--dump", dump, "Write NAME.npy of each restored frame into this folder");
   command->add_option("--size", sizes, "Frame sizes (346x260,600x400)")->delimiter(',');
@@ -68,9 +68,7 @@ CLI::App* RestorerBench::add_to(CLI::App& cli) {
 ExitCode RestorerBench::run(const apps::Program& program) const {
   torch::Device device = program.device();
   if (device.is_cuda() && !device.has_index()) device.set_index(0);
-  models::EfnetOptions options = efnet;
-  if (options.path.empty()) options.path = JADE_ASSETS "/efnet_small.pt";
-  models::Restorer restorer(options, device);
+  models::Restorer restorer(efnet, device);
   nlohmann::json rows = nlohmann::json::array();
   std::vector<Frame> frames;
   for (const auto& folder : inputs) {

@@ -3,34 +3,21 @@
 
 #include <torch/types.h>
 
-#include "jade/config/config.h"
 #include "jade/core/error.h"
 #include "jade/core/random.h"
 #include "jade/events/exposure_maps.h"
 #include "jade/imaging/edi.h"
 #include "jade/train/checkpoint.h"
+#include "jade/train/evaluate.h"
 
 namespace jade::apps {
 namespace {
 
 namespace fs = std::filesystem;
 
-std::optional<models::EfnetOptions> efnet_options(const DeblurOptions& options,
-                                                  const Method& method) {
-  if (!method.needs_efnet) return std::nullopt;
-  models::EfnetOptions efnet = options.efnet;
-  if (efnet.path.empty()) efnet.path = shipped_efnet();
-  if (efnet.path.empty()) {
-    throw ConfigError(concat("--efnet: method ", method.name,
-                             " needs the TorchScript file of a restorer; assets/efnet_small.pt is "
-                             "ours"));
-  }
-  return efnet;
-}
-
 std::shared_ptr<models::Allocation> load_allocation(const fs::path& run,
                                                     const data::Dataset& dataset) {
-  const auto options = config::load<train::RunOptions>({run / "config.yaml", {}, {}});
+  const train::RunOptions options = train::load_run_options(run);
   const auto checkpoints = train::list_checkpoints(run);
   if (checkpoints.empty()) {
     throw CheckpointError(
@@ -51,36 +38,29 @@ std::shared_ptr<models::Allocation> load_allocation(const fs::path& run,
 
 }  // namespace
 
-fs::path shipped_efnet() {
-  std::error_code ignored;
-  const fs::path program = fs::read_symlink("/proc/self/exe", ignored);
-  for (const fs::path& folder :
-       {program.parent_path().parent_path() / "share" / "jade", fs::path(JADE_ASSETS)}) {
-    if (fs::is_regular_file(folder / "efnet_small.pt")) return folder / "efnet_small.pt";
-  }
-  return {};
-}
-
 Deblurrer::Deblurrer(const DeblurOptions& options, const Method& method,
                      const data::Dataset& dataset, torch::Device device)
     : options_(options),
       needs_efnet_(method.needs_efnet),
-      restorer_(options.cache, efnet_options(options, method), device) {
+      restorer_(options.settings.cache,
+                method.needs_efnet ? std::optional(options.settings.efnet) : std::nullopt, device,
+                dataset.monochrome) {
   if (method.needs_run) allocation_ = load_allocation(options.run, dataset);
 }
 
 /// A sensor that follows log(I + ε) sees B + ε as the mean of I_k + ε, so the offset is added
 /// before EDI and taken off after.
 Restored Deblurrer::restore(const data::Exposure& exposure, int64_t index) {
+  const events::EventOptions& settings = options_.settings.events;
   const events::ImageSize size{exposure.camera.height, exposure.camera.width};
   const events::ExposureMaps maps = events::map_exposure(
-      exposure.events, {exposure.t_start_us, exposure.t_end_us}, options_.events.bins, size);
-  const torch::Tensor windows = events::edi_windows(maps.windows, options_.events.thresholds());
+      exposure.events, {exposure.t_start_us, exposure.t_end_us}, settings.bins, size);
+  const torch::Tensor windows = events::edi_windows(maps.windows, settings.thresholds());
   const imaging::EdiKernel kernel =
-      imaging::edi_kernel(windows, imaging::edi_index(options_.events.edi_index));
+      imaging::edi_kernel(windows, imaging::edi_index(settings.edi_index));
   const double offset = options_.log_offset;
-  std::string settings = concat("index ", options_.events.edi_index);
-  if (offset != 0) settings += concat(" offset ", offset);
+  std::string recipe = concat("index ", settings.edi_index);
+  if (offset != 0) recipe += concat(" offset ", offset);
 
   Restored restored;
   restored.gain = kernel.gain.unsqueeze(1);
@@ -88,7 +68,7 @@ Restored Deblurrer::restore(const data::Exposure& exposure, int64_t index) {
   Candidates& c = restored.candidates;
   c.blurry = exposure.blurry;
   const auto edi = [&] { return imaging::edi_mid(exposure.blurry + offset, kernel) - offset; };
-  c.edi = restorer_.edi(exposure.blurry, windows, settings, edi).cpu();
+  c.edi = restorer_.edi(exposure.blurry, windows, recipe, edi).cpu();
   if (needs_efnet_) c.efnet = restorer_.efnet(exposure.blurry, maps.voxel.values).cpu();
   if (allocation_) {
     c.alpha = allocation_->forward(

@@ -7,21 +7,18 @@
 #include <string>
 #include <torch/types.h>
 
-#include "jade/data/dataset.h"
-#include "jade/events/thresholds.h"
+#include "jade/data/exposure.h"
 #include "jade/models/allocation.h"
 #include "jade/models/view_restorer.h"
+#include "jade/train/options.h"
 #include "methods.h"
 
 namespace jade::apps {
 
 struct DeblurOptions {
-  data::DatasetOptions dataset;
-  events::EventOptions events;
+  train::RunOptions settings;  ///< of which dataset, events, efnet, cache and device count
   /// ε of a sensor that measures log(I + ε), in units of intensity; 0 for log(I).
   double log_offset = 0;
-  models::EfnetOptions efnet;
-  models::RestorationCacheOptions cache;
   std::filesystem::path run;  ///< of the router; empty: none
 };
 
@@ -51,9 +48,5 @@ class Deblurrer {
   models::ViewRestorer restorer_;
   std::shared_ptr<models::Allocation> allocation_;  ///< nullptr but for a router
 };
-
-/// The shipped restorer: beside the program as installed, or in the source tree. Empty if neither
-/// is there.
-std::filesystem::path shipped_efnet();
 
 }  // namespace jade::apps

@@ -9,11 +9,11 @@
 #include "common/dataset_flags.h"
 #include "deblurrer.h"
 #include "jade/core/atomic_file.h"
+#include "jade/core/device.h"
 #include "jade/core/interrupt.h"
 #include "jade/core/log.h"
 #include "jade/core/progress.h"
 #include "jade/imaging/image_io.h"
-#include "jade/train/options.h"
 #include "methods.h"
 #include "pictures.h"
 #include "scores.h"
@@ -25,75 +25,50 @@ namespace {
 struct DeblurFlags {
   apps::DeblurOptions options;
   std::string method = "edi";
-  double threshold_positive = 0, threshold_negative = 0;
-  bool no_cache = false;
   bool poses = false;
   bool npy = false;
 };
 
-void add_flags(CLI::App& cli, DeblurFlags& flags) {
+void add_flags(apps::Program& program, DeblurFlags& flags) {
   std::string methods;
   for (const apps::Method& method : apps::methods()) {
     methods += concat(methods.empty() ? "" : "; ", method.name, ": ", method.help);
   }
-  apps::DeblurOptions& options = flags.options;
-  cli.add_option("--dataset", options.dataset.path,
-                 "folder of the data set (with --run: that of the run)");
+  CLI::App& cli = program.cli();
   cli.add_option("--method", flags.method, methods);
-  cli.add_option("--efnet", options.efnet.path,
-                 "TorchScript file of the learned restorer (ours, assets/efnet_small.pt)");
-  cli.add_option("--efnet-sha256", options.efnet.sha256, "SHA-256 that this file must have");
-  cli.add_option("--run", options.run,
-                 "run directory of jade_train: its router, data set, restorer and thresholds");
-  cli.add_option("--threshold-positive", flags.threshold_positive,
-                 "log intensity of one positive event (0.25, or the run's)");
-  cli.add_option("--threshold-negative", flags.threshold_negative,
-                 "of one negative event; like the positive one unless given");
-  cli.add_option("--log-offset", options.log_offset,
-                 "offset of a sensor that measures log(I + offset), I in [0,1] (0)");
-  cli.add_option("--cache", options.cache.folder,
-                 "folder that keeps restorations (restorations in the user's cache folder)");
-  cli.add_flag("--no-cache", flags.no_cache, "neither read nor keep restorations");
+  cli.add_option("--run", flags.options.run,
+                 "run directory of jade_train: its router, its settings under those given here");
+  cli.add_option("--log-offset", flags.options.log_offset,
+                 "offset of a sensor that measures log(I + offset), I in [0,1] (0)")
+      ->check(CLI::NonNegativeNumber);
   cli.add_flag("--poses", flags.poses, "also write NAME_<k>.png for the nine poses, k 0 to 8");
   cli.add_flag("--npy", flags.npy, "also write unclamped float32 [3,H,W] beside each picture");
-  apps::add_dataset_flags(cli, options.dataset);
+  apps::add_dataset_flags(program, "--dataset", "folder of the data set (that of the run)");
+  program.add_key_flag("--efnet", "efnet.path",
+                       "TorchScript file of the learned restorer (the one that ships)");
+  program.add_key_flag("--efnet-sha256", "efnet.sha256", "SHA-256 that this file must have");
+  program.add_key_flag("--threshold-positive", "events.threshold_positive",
+                       "log intensity of one positive event");
+  program.add_key_flag("--threshold-negative", "events.threshold_negative",
+                       "of one negative event; 0: like the positive one");
+  program.add_key_flag("--cache", "cache.folder",
+                       "folder that keeps restorations (restorations in the user's cache folder)");
+  program.add_key_switch("--no-cache", "cache.enabled", "false",
+                         "neither read nor keep restorations");
 }
 
-/// What the run says and the command line does not.
-void take_from_run(apps::DeblurOptions& options) {
-  if (!std::filesystem::exists(options.run / "config.yaml")) {
-    throw DataError(concat(options.run.string(),
-                           ": expected a run directory of jade_train with its config.yaml, found "
-                           "none"));
-  }
-  const auto run = config::load<train::RunOptions>({options.run / "config.yaml", {}, {}});
-  if (options.dataset.path.empty()) options.dataset = run.dataset;
-  if (options.efnet.path.empty()) options.efnet = run.efnet;
-  options.events = run.events;
-}
-
-void check_positive(const char* flag, double number) {
-  if (!(number >= 0)) {
-    throw ConfigError(concat(flag, ": expected a positive number, found ", number));
-  }
-}
-
-void complete(DeblurFlags& flags, const apps::Method& method) {
-  apps::DeblurOptions& options = flags.options;
-  if (!options.run.empty()) take_from_run(options);
-  if (method.needs_run && options.run.empty()) {
+/// Before anything is loaded.
+void check_flags(const DeblurFlags& flags, const apps::Method& method,
+                 const std::filesystem::path& output) {
+  const train::RunOptions& settings = flags.options.settings;
+  if (method.needs_run && flags.options.run.empty()) {
     throw ConfigError("--run: method router needs the run directory of jade_train");
   }
-  if (options.dataset.path.empty()) throw ConfigError("--dataset: expected a folder");
-  check_positive("--threshold-positive", flags.threshold_positive);
-  check_positive("--threshold-negative", flags.threshold_negative);
-  check_positive("--log-offset", options.log_offset);
-  if (flags.threshold_positive > 0) {
-    options.events.threshold_positive = flags.threshold_positive;
-    options.events.threshold_negative = 0;
+  if (settings.dataset.path.empty()) {
+    throw ConfigError("--dataset: expected a folder, there or as dataset.path of --config");
   }
-  if (flags.threshold_negative > 0) options.events.threshold_negative = flags.threshold_negative;
-  options.cache.enabled = !flags.no_cache;
+  if (output.empty()) throw ConfigError("--output: expected a folder for the pictures");
+  if (method.needs_efnet) models::checked_file_sha256(settings.efnet);
 }
 
 void save(const std::filesystem::path& stem, const torch::Tensor& image, bool npy) {
@@ -156,15 +131,18 @@ Outcome restore_all(const DeblurFlags& flags, const apps::Method& method,
   return outcome;
 }
 
-ExitCode deblur(DeblurFlags flags, const apps::Program& program) {
+ExitCode deblur(DeblurFlags flags, apps::Program& program) {
   const torch::NoGradGuard no_grad;
+  const auto settings = apps::load_settings(program, flags.options.run);
+  if (!settings) return ExitCode::kOk;
+  flags.options.settings = *settings;
   const apps::Method& method = apps::find_method(flags.method);
-  complete(flags, method);
   const std::filesystem::path& output = program.output();
-  if (output.empty()) throw ConfigError("--output: expected a folder for the pictures");
-  const torch::Device device = method.needs_efnet ? program.device() : torch::Device(torch::kCPU);
+  check_flags(flags, method, output);
+  const torch::Device device =
+      method.needs_efnet ? select_device(settings->device) : torch::Device(torch::kCPU);
   std::vector<std::string> warnings;
-  const data::Dataset dataset = data::load_dataset(flags.options.dataset, &warnings);
+  const data::Dataset dataset = data::load_dataset(settings->dataset, &warnings);
   for (const std::string& warning : warnings) log_warn(warning);
   make_writable_folder(output);
   const Outcome outcome = restore_all(flags, method, dataset, output, device);
@@ -191,7 +169,7 @@ ExitCode deblur(DeblurFlags flags, const apps::Program& program) {
 int main(int argc, char** argv) {
   apps::Program program("jade_deblur", "Restores blurry frames with their events, without a scene");
   DeblurFlags flags;
-  add_flags(program.cli(), flags);
+  add_flags(program, flags);
   program.add_output_flag(
       "folder for NAME.png of each exposure, and pictures of its events and restorations in "
       "events/, edi/, efnet/, difference/, alpha/, oracle/, better/");

@@ -6,6 +6,7 @@
 #include <torch/types.h>
 
 #include "jade/core/check.h"
+#include "jade/imaging/color.h"
 #include "jade/imaging/image_io.h"
 
 namespace jade::apps {
@@ -43,7 +44,9 @@ std::vector<Truth> truths_of(const data::Dataset& dataset, size_t index) {
   for (const char* extension : {".png", ".tiff", ".npy"}) {
     const auto path = dataset.root / "sharp" / (exposure.name + extension);
     if (std::filesystem::exists(path)) {
-      truths.push_back({"sharp/" + exposure.name, imaging::read_image(path)});
+      const torch::Tensor image = imaging::read_image(path);
+      truths.push_back(
+          {"sharp/" + exposure.name, dataset.monochrome ? imaging::as_gray(image) : image});
       if (truths.back().image.sizes() != exposure.blurry.sizes()) {
         throw DataError(concat(path.string(), ": expected ", shape_string(exposure.blurry),
                                " as the blurry frame, found ", shape_string(truths.back().image)));

@@ -81,8 +81,8 @@ void print_scores(const std::vector<ScoredView>& views) {
   std::printf(
       "PSNR is -10 log10 of the mean squared error over all pixels and channels, in dB, images in "
       "[0,1].\n");
-  if (!means.front().lpips_alex01) {
-    std::printf("LPIPS is not available: run scripts/export_lpips.py\n");
+  if (!means.front().lpips_alex01 || !means.front().lpips_vgg) {
+    std::fputs(eval::kLpipsAbsent, stdout);
   }
 }
 

@@ -2,10 +2,13 @@
 #include <map>
 
 #include "common/cli.h"
+#include "common/dataset_flags.h"
 #include "jade/core/atomic_file.h"
+#include "jade/core/device.h"
 #include "jade/eval/report.h"
 #include "jade/imaging/image_io.h"
 #include "jade/train/evaluate.h"
+#include "jade/train/view.h"
 
 using namespace jade;
 namespace fs = std::filesystem;
@@ -36,16 +39,16 @@ eval::Evaluation compare_folders(const fs::path& renders, const fs::path& truth,
   return eval::evaluation_of(std::move(scores));
 }
 
-eval::Evaluation evaluate_run(const fs::path& path, torch::Device device,
-                              const eval::Lpips& lpips) {
-  const train::FinishedRun run = train::open_run(path);
+eval::Evaluation evaluate_run(const fs::path& path, const train::RunOptions& options,
+                              torch::Device device, const eval::Lpips& lpips) {
+  const train::FinishedRun run = train::open_run(path, options);
   if (run.dataset.test.empty()) {
     throw DataError(
         concat(run.dataset.root.string(), ": expected sharp test views to score, found none"));
   }
   const auto gaussians =
       scene::map_parameters(run.gaussians, [&](const torch::Tensor& t) { return t.to(device); });
-  return train::evaluate_views(gaussians, run.dataset.test, lpips);
+  return train::evaluate_views(gaussians, run.dataset.test, lpips, train::render_options(options));
 }
 
 }  // namespace
@@ -53,21 +56,26 @@ eval::Evaluation evaluate_run(const fs::path& path, torch::Device device,
 int main(int argc, char** argv) {
   apps::Program program("jade_eval", "Scores a run, or any two folders of images");
   fs::path run, renders, truth;
-  program.cli().add_option("--run", run, "Run directory: its scores on the sharp test views");
+  program.cli().add_option("--run", run,
+                           "Run directory: its scores on the sharp test views, its settings under "
+                           "those given here");
   program.cli().add_option("--renders", renders, "Folder of images to score");
   program.cli().add_option("--truth", truth, "Folder of true images, by the same names");
+  apps::add_dataset_flags(program, "--dataset", "Folder of the data set (that of the run)");
   program.add_output_flag("Folder for eval.json (default: that of --run or --renders)");
   program.add_device_flag();
   program.add_json_flag();
   return program.run(argc, argv, [&] {
+    const auto options = apps::load_settings(program, run);
+    if (!options) return ExitCode::kOk;
     const bool folders = !renders.empty() && !truth.empty();
     if (folders == !run.empty() || renders.empty() != truth.empty()) {
       throw ConfigError("expected --run DIR, or --renders DIR with --truth DIR");
     }
-    const torch::Device device = program.device();
+    const torch::Device device = select_device(options->device);
     const eval::Lpips lpips(device);
-    const eval::Evaluation evaluation =
-        run.empty() ? compare_folders(renders, truth, lpips) : evaluate_run(run, device, lpips);
+    const eval::Evaluation evaluation = run.empty() ? compare_folders(renders, truth, lpips)
+                                                    : evaluate_run(run, *options, device, lpips);
     const fs::path folder = !program.output().empty() ? program.output()
                             : run.empty()             ? renders
                                                       : run;

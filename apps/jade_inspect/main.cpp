@@ -32,31 +32,36 @@ ExitCode inspect(const data::DatasetOptions& options, double log_offset, bool js
 int main(int argc, char** argv) {
   apps::Program program("jade_inspect",
                         "Says what is in a data set, a run or a .ply, and every problem found");
-  data::DatasetOptions options;
   double log_offset = 0;
-  program.cli()
-      .add_option("what", options.path,
-                  "folder of a data set, run directory of jade_train, or .ply")
-      ->required();
   program.cli().add_option("--log-offset", log_offset,
                            "thresholds of a sensor that measures log(I + offset), I in [0,1] (0)");
-  apps::add_dataset_flags(program.cli(), options);
+  apps::add_dataset_flags(
+      program, "what",
+      "folder of a data set, run directory of jade_train, or .ply (the data set of --config)");
   program.add_json_flag();
   return program.run(argc, argv, [&] {
     const torch::NoGradGuard no_grad;
-    if (options.path.extension() == ".ply") {
-      apps::inspect_ply(options.path, program.json());
+    const auto settings = apps::load_settings(program);
+    if (!settings) return ExitCode::kOk;
+    const std::filesystem::path& path = settings->dataset.path;
+    if (path.empty()) {
+      throw ConfigError(
+          "expected the folder of a data set, a run directory or a .ply, found nothing; --help "
+          "lists the flags");
+    }
+    if (path.extension() == ".ply") {
+      apps::inspect_ply(path, program.json());
       return ExitCode::kOk;
     }
-    if (apps::is_run(options.path)) {
-      apps::inspect_run(options.path, program.json());
+    if (apps::is_run(path)) {
+      apps::inspect_run(path, program.json());
       return ExitCode::kOk;
     }
-    if (std::filesystem::is_regular_file(options.path)) {
-      throw DataError(concat(options.path.string(),
+    if (std::filesystem::is_regular_file(path)) {
+      throw DataError(concat(path.string(),
                              ": expected the folder of a data set, a run directory or a .ply, "
                              "found another file"));
     }
-    return inspect(options, log_offset, program.json());
+    return inspect(settings->dataset, log_offset, program.json());
   });
 }

@@ -41,18 +41,26 @@ double path_length(const Exposure& exposure) {
   return length;
 }
 
+/// With whether training sees the scene from there, where that is known.
+std::string marked_name(const data::SharpView& view) {
+  return view.name + (!view.seen ? "" : *view.seen ? " (seen)" : " (unseen)");
+}
+
 void print_frames(const Dataset& d) {
   const geometry::Intrinsics& camera = d.train.front().camera;
   std::printf("data set    %s, layout %s, in %s\n", d.name.c_str(), d.kind.c_str(), d.root.c_str());
   std::printf("frames      %zu for training, %zu sharp test views (%s)\n", d.train.size(),
               d.test.size(), d.split.c_str());
   std::string names;
-  for (const auto& view : d.test) names += (names.empty() ? "" : ", ") + view.name;
+  for (const auto& view : d.test) names += (names.empty() ? "" : ", ") + marked_name(view);
   if (!names.empty()) std::printf("test views  %s\n", names.c_str());
   std::printf("image       %ldx%ld px, focal %.2f px, field of view %.1f x %.1f degrees\n",
               long(camera.width), long(camera.height), camera.fx,
               2 * std::atan(0.5 * double(camera.width) / camera.fx) * 180 / M_PI,
               2 * std::atan(0.5 * double(camera.height) / camera.fy) * 180 / M_PI);
+  std::printf("color       %s\n", d.monochrome ? "monochrome: R = G = B in every frame, so the "
+                                                 "restorations and the scene are gray"
+                                               : "frames in colour");
   std::printf("depth       %.4g to %.4g units\n", d.near, d.far);
   if (d.points.defined()) std::printf("points      %ld sparse points\n", long(d.points.size(0)));
   if (d.trajectory.empty()) {
@@ -133,20 +141,25 @@ nlohmann::json to_json(const Inspection& inspection) {
                          {"path_length", path_length(e)},
                          {"sharp_view", seen_by(d, i)}});
   }
-  nlohmann::json tests = nlohmann::json::array();
-  for (const auto& view : d.test) tests.push_back(view.name);
+  nlohmann::json tests = nlohmann::json::array(), seen = nlohmann::json::array();
+  for (const auto& view : d.test) {
+    tests.push_back(view.name);
+    seen.push_back(view.seen ? nlohmann::json(*view.seen) : nlohmann::json(nullptr));
+  }
   nlohmann::json result = {{"name", d.name},
                            {"kind", d.kind},
                            {"split", d.split},
                            {"width", camera.width},
                            {"height", camera.height},
                            {"focal_px", camera.fx},
+                           {"color", d.monochrome ? "gray" : "color"},
                            {"near", d.near},
                            {"far", d.far},
                            {"points", d.points.defined() ? d.points.size(0) : 0},
                            {"trajectory_poses", d.trajectory.size()},
                            {"train", exposures},
                            {"test", tests},
+                           {"test_seen", seen},
                            {"events",
                             {{"count", d.events.size()},
                              {"positive_share", positive_share(d.events)},

@@ -7,7 +7,6 @@
 
 #include "common/cli.h"
 #include "common/dataset_flags.h"
-#include "jade/config/config.h"
 #include "jade/core/atomic_file.h"
 #include "jade/core/device.h"
 #include "jade/core/interrupt.h"
@@ -20,7 +19,6 @@
 #include "jade/scene/ply.h"
 #include "jade/train/checkpoint.h"
 #include "jade/train/evaluate.h"
-#include "jade/train/options.h"
 #include "jade/train/view.h"
 #include "movie.h"
 
@@ -35,21 +33,20 @@ struct RenderFlags {
   std::string cameras = "test";
   std::string exposure;
   std::string format = "png";
-  data::DatasetOptions dataset;
   double frames_per_second = 30;
   bool fps_benchmark = false;
 };
 
-void add_flags(CLI::App& cli, RenderFlags& flags) {
-  cli.add_option("--run", flags.run, "run directory of jade_train");
+void add_flags(apps::Program& program, RenderFlags& flags) {
+  CLI::App& cli = program.cli();
+  cli.add_option("--run", flags.run,
+                 "run directory of jade_train: its scene, its settings under those given here");
   cli.add_option("--ply", flags.ply, "Gaussians in a .ply");
   cli.add_option("--cameras", flags.cameras,
                  "test or train views of the data set, exposure (nine poses each), or a .json with "
                  "cameras (see below)");
   cli.add_option("--exposure", flags.exposure,
                  "with --cameras exposure: only the one of this name");
-  cli.add_option("--dataset", flags.dataset.path,
-                 "data set of the views; with --run the one it was trained on");
   cli.add_option("--format", flags.format,
                  "png (8 bits), npy (float32 [3,H,W], not clamped), or mp4: all views in one film, "
                  "OUTPUT or OUTPUT/<cameras>.mp4 (needs ffmpeg)")
@@ -58,9 +55,10 @@ void add_flags(CLI::App& cli, RenderFlags& flags) {
       ->check(CLI::Range(0.01, 1000.0));
   cli.add_flag("--fps-benchmark", flags.fps_benchmark,
                "measure frames per second, one view at a time, without writing images");
-  apps::add_dataset_flags(cli, flags.dataset);
+  apps::add_dataset_flags(program, "--dataset", "data set of the views (that of the run)");
   cli.footer(
-      "A .json with cameras is a list of objects, or {\"cameras\": [...]} with defaults beside "
+      cli.get_footer() +
+      "\nA .json with cameras is a list of objects, or {\"cameras\": [...]} with defaults beside "
       "it:\n"
       "  width, height, fx (px); fy, cx, cy, name if they differ from the usual;\n"
       "  camera_from_world: 4x4 rows (x right, y down, z forward), or, as 3DGS trainers write it,\n"
@@ -77,31 +75,33 @@ scene::GaussianFile load_scene(const RenderFlags& flags) {
   return scene::read_ply(flags.run / "point_cloud.ply");
 }
 
-std::vector<data::NamedCamera> load_cameras(const RenderFlags& flags) {
+std::vector<data::NamedCamera> load_cameras(const RenderFlags& flags,
+                                            const train::RunOptions& options) {
   if (fs::path(flags.cameras).extension() == ".json") return data::read_cameras(flags.cameras);
   if (flags.cameras != "test" && flags.cameras != "train" && flags.cameras != "exposure") {
     throw ConfigError(concat("--cameras: expected test, train, exposure or a .json file, found '",
                              flags.cameras, "'"));
   }
-  if (flags.dataset.path.empty() && flags.run.empty()) {
+  if (options.dataset.path.empty()) {
     throw ConfigError(concat("--cameras ", flags.cameras, " needs --run or --dataset"));
   }
-  if (flags.run.empty()) {
-    return data::dataset_cameras(data::load_dataset(flags.dataset), flags.cameras, flags.exposure);
-  }
-  auto options = config::load<train::RunOptions>({flags.run / "config.yaml", {}, {}});
-  if (!flags.dataset.path.empty()) options.dataset = flags.dataset;
-  return data::dataset_cameras(train::load_run_dataset(flags.run, options), flags.cameras,
-                               flags.exposure);
+  const data::Dataset dataset = flags.run.empty() ? data::load_dataset(options.dataset)
+                                                  : train::load_run_dataset(flags.run, options);
+  return data::dataset_cameras(dataset, flags.cameras, flags.exposure);
 }
 
-torch::Tensor render(const scene::GaussianFile& file, const data::NamedCamera& view) {
-  const torch::NoGradGuard no_grad;
+/// What is drawn, and how.
+struct Subject {
+  scene::GaussianFile file;
   splat::RenderOptions options;
-  options.antialiased = file.antialiased;
+};
+
+torch::Tensor render(const Subject& subject, const data::NamedCamera& view) {
+  const torch::NoGradGuard no_grad;
+  const splat::Gaussians& gaussians = subject.file.gaussians;
   const auto cameras =
-      train::camera_batch({view.camera_from_world}, view.camera, file.gaussians.means.device());
-  return splat::render(file.gaussians, cameras, options).color[0];
+      train::camera_batch({view.camera_from_world}, view.camera, gaussians.means.device());
+  return splat::render(gaussians, cameras, subject.options).color[0];
 }
 
 /// A 16-byte read, which waits until the frame is done on any device.
@@ -112,26 +112,26 @@ struct Timing {
   double median_ms = 0, min_ms = 0;
 };
 
-Timing measure(const scene::GaussianFile& file, const std::vector<data::NamedCamera>& views) {
+Timing measure(const Subject& subject, const std::vector<data::NamedCamera>& views) {
   using Clock = std::chrono::steady_clock;
-  for (int i = 0; i < 5; ++i) finish(render(file, views.front()));
+  for (int i = 0; i < 5; ++i) finish(render(subject, views.front()));
   std::vector<double> times;
   const auto end = Clock::now() + std::chrono::seconds(5);
   while (Clock::now() < end || times.size() < 20) {
     throw_if_interrupted();
     const auto start = Clock::now();
-    finish(render(file, views[times.size() % views.size()]));
+    finish(render(subject, views[times.size() % views.size()]));
     times.push_back(std::chrono::duration<double, std::milli>(Clock::now() - start).count());
   }
   std::sort(times.begin(), times.end());
   return {static_cast<int64_t>(times.size()), times[times.size() / 2], times.front()};
 }
 
-void print(const Timing& timing, const scene::GaussianFile& file, bool as_json) {
+void print(const Timing& timing, const splat::Gaussians& gaussians, bool as_json) {
   const double fps = 1000 / timing.median_ms;
   if (as_json) {
-    std::cout << nlohmann::json{{"gaussians", file.gaussians.size()},
-                                {"device", device_name(file.gaussians.means.device())},
+    std::cout << nlohmann::json{{"gaussians", gaussians.size()},
+                                {"device", device_name(gaussians.means.device())},
                                 {"frames", timing.frames},
                                 {"frames_per_second", fps},
                                 {"frame_ms",
@@ -142,18 +142,18 @@ void print(const Timing& timing, const scene::GaussianFile& file, bool as_json) 
   }
   std::printf("%.1f frames/s (median %.3f ms, min %.3f ms, %lld frames), %lld Gaussians, %s\n", fps,
               timing.median_ms, timing.min_ms, static_cast<long long>(timing.frames),
-              static_cast<long long>(file.gaussians.size()),
-              device_name(file.gaussians.means.device()).c_str());
+              static_cast<long long>(gaussians.size()),
+              device_name(gaussians.means.device()).c_str());
 }
 
-void write_images(const scene::GaussianFile& file, const std::vector<data::NamedCamera>& views,
+void write_images(const Subject& subject, const std::vector<data::NamedCamera>& views,
                   const fs::path& output, const std::string& format) {
   if (output.empty()) throw ConfigError("--output: expected a folder for the images");
   make_writable_folder(output);
   Progress progress("render", static_cast<int64_t>(views.size()), 0, "view");
   for (const data::NamedCamera& view : views) {
     throw_if_interrupted();
-    imaging::write_image(output / (view.name + "." + format), render(file, view));
+    imaging::write_image(output / (view.name + "." + format), render(subject, view));
     if (progress.step()) progress.show(view.name);
   }
 }
@@ -169,14 +169,14 @@ fs::path movie_path(const fs::path& output, const std::string& cameras) {
   return output / (fs::path(cameras).stem().string() + ".mp4");
 }
 
-void write_movie(const scene::GaussianFile& file, const std::vector<data::NamedCamera>& views,
+void write_movie(const Subject& subject, const std::vector<data::NamedCamera>& views,
                  const fs::path& path, double frames_per_second) {
   apps::Movie movie(path, views.front().camera.width, views.front().camera.height,
                     frames_per_second);
   Progress progress("render", static_cast<int64_t>(views.size()), 0, "view");
   for (const data::NamedCamera& view : views) {
     throw_if_interrupted();
-    movie.add(render(file, view));
+    movie.add(render(subject, view));
     if (progress.step()) progress.show(view.name);
   }
   movie.finish();
@@ -187,27 +187,31 @@ void write_movie(const scene::GaussianFile& file, const std::vector<data::NamedC
 int main(int argc, char** argv) {
   apps::Program program("jade_render", "Renders views of a trained scene or of a .ply");
   RenderFlags flags;
-  add_flags(program.cli(), flags);
+  add_flags(program, flags);
   program.add_output_flag("folder for the images");
   program.add_device_flag();
   program.add_json_flag();
   return program.run(argc, argv, [&] {
-    scene::GaussianFile file = load_scene(flags);
-    const torch::Device device = program.device();
-    file.gaussians = scene::map_parameters(
-        file.gaussians, [&](const torch::Tensor& value) { return value.to(device); });
-    const std::vector<data::NamedCamera> views = load_cameras(flags);
+    const auto options = apps::load_settings(program, flags.run);
+    if (!options) return ExitCode::kOk;
+    Subject subject{load_scene(flags), train::render_options(*options)};
+    subject.options.antialiased = subject.file.antialiased;
+    const torch::Device device = select_device(options->device);
+    splat::Gaussians& gaussians = subject.file.gaussians;
+    gaussians = scene::map_parameters(gaussians,
+                                      [&](const torch::Tensor& value) { return value.to(device); });
+    const std::vector<data::NamedCamera> views = load_cameras(flags, *options);
     if (flags.fps_benchmark) {
-      print(measure(file, views), file, program.json());
+      print(measure(subject, views), gaussians, program.json());
       return ExitCode::kOk;
     }
     if (flags.format == "mp4") {
       const fs::path path = movie_path(program.output(), flags.cameras);
-      write_movie(file, views, path, flags.frames_per_second);
+      write_movie(subject, views, path, flags.frames_per_second);
       log_info(concat(views.size(), " views in ", path.string()));
       return ExitCode::kOk;
     }
-    write_images(file, views, program.output(), flags.format);
+    write_images(subject, views, program.output(), flags.format);
     log_info(concat(views.size(), " views in ", program.output().string()));
     return ExitCode::kOk;
   });

@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Runs the programs as a user does: exit codes, one clear line on stderr, results on stdout.
+#include "common/cli.h"
+
 #include "support/catch.h"
+
+#include <c10/util/Exception.h>
 
 #include "jade/core/atomic_file.h"
 #include "support/programs.h"
@@ -94,10 +98,45 @@ TEST_CASE("jade_train: trains, resumes and is scored from the command line", "[a
   check_error(run(dir, "jade_eval"), 2, "expected --run DIR");
 }
 
+TEST_CASE("jade_train: the restorer is the one that ships, and is looked for before the data",
+          "[apps]") {
+  const test::TempDir dir;
+  test::write_tiny_dataset(dir.path() / "scene");
+  const Outcome trained = run(dir,
+                              "jade_train --device cpu --set dataset.path=scene --set "
+                              "init.points=100 --set train.iterations=2 --output run");
+  INFO(trained.err);
+  CHECK(trained.code == 0);
+  CHECK_THAT(trained.err, Catch::Contains("efnet_small.pt"));
+  CHECK_THAT(read_file(dir / "run/config.yaml"), Catch::Contains("path: \"\"  # TorchScript"));
+  check_error(run(dir,
+                  "jade_train --device cpu --set dataset.path=nothing --set efnet.path=nowhere.pt "
+                  "--output other"),
+              3, "efnet.path: expected the TorchScript file of the restorer, found no file");
+}
+
+TEST_CASE("programs: a failure of the GPU is told by its exit code, whoever finds it", "[apps]") {
+  const auto code_of = [](const std::function<void()>& body) {
+    apps::Program program("probe", "throws");
+    char name[] = "probe", quiet[] = "--log-level=off";
+    char* arguments[] = {name, quiet};
+    return program.run(2, arguments, [&] {
+      body();
+      return ExitCode::kOk;
+    });
+  };
+  const c10::SourceLocation here{__func__, __FILE__, __LINE__};
+  CHECK(code_of([] {}) == 0);
+  CHECK(code_of([&] { throw c10::AcceleratorError(here, 700, "CUDA error: illegal address"); }) ==
+        4);
+  CHECK(code_of([&] { throw c10::Error(here, "CUDA error: CUBLAS_STATUS_NOT_INITIALIZED"); }) == 4);
+  CHECK(code_of([&] { throw c10::Error(here, "expected a tensor of CUDA error codes"); }) == 1);
+}
+
 TEST_CASE("programs: all answer --version and --help", "[apps]") {
   const test::TempDir dir;
   for (const char* program :
-       {"jade_train", "jade_eval", "jade_simulate", "jade_deblur", "jade_inspect"}) {
+       {"jade_train", "jade_eval", "jade_simulate", "jade_deblur", "jade_inspect", "jade_render"}) {
     INFO(program);
     const Outcome version = run(dir, std::string(program) + " --version");
     CHECK(version.code == 0);

@@ -5,6 +5,8 @@
 #include <torch/script.h>
 
 #include "jade/core/error.h"
+#include "jade/imaging/color.h"
+#include "jade/imaging/image_io.h"
 #include "support/programs.h"
 #include "support/temp_dir.h"
 #include "support/tiny_dataset.h"
@@ -35,8 +37,8 @@ void save_network(const fs::path& path, const std::string& body,
 /// A scene whose blurry frames count as their own truth, and a restorer that darkens.
 struct Scene {
   test::TempDir dir;
-  Scene() {
-    test::write_tiny_dataset(dir / "scene");
+  explicit Scene(const test::TinyDatasetOptions& options = {}) {
+    test::write_tiny_dataset(dir / "scene", options);
     fs::create_directories(dir / "scene/sharp");
     for (const auto& entry : fs::directory_iterator(dir / "scene/images_1")) {
       if (entry.path().extension() == ".png") {
@@ -76,6 +78,27 @@ TEST_CASE("jade_deblur: each method writes its frames, pictures and scores", "[a
     INFO(file);
     CHECK(fs::exists(scene.dir / "out" / file));
   }
+}
+
+TEST_CASE("jade_deblur: gray frames are restored in gray, and coloured ones in colour", "[apps]") {
+  const Scene coloured, gray({36, 28, 3, false, true});
+  const auto is_gray = [](const Scene& scene) {
+    save_network(scene.dir / "tints.pt",
+                 "  return torch.cat([image[:, :2], image[:, 2:] * 0.5], 1)\n");
+    bool all = true;
+    for (const char* method : {"edi", "efnet", "mean", "oracle"}) {
+      const Outcome outcome =
+          scene.deblur(std::string("--efnet tints.pt --poses --npy --method ") + method);
+      INFO(method << ": " << outcome.err);
+      CHECK(outcome.code == 0);
+      for (const char* file : {"01.png", "01.npy", "01_7.npy"}) {
+        all = all && imaging::is_gray(imaging::read_image(scene.dir / "out" / file));
+      }
+    }
+    return all && imaging::is_gray(imaging::read_image(scene.dir / "out/efnet/01.png"));
+  };
+  CHECK(is_gray(gray));
+  CHECK_FALSE(is_gray(coloured));
 }
 
 TEST_CASE("jade_deblur: the router of a run decides the mix", "[apps]") {
@@ -134,7 +157,10 @@ TEST_CASE("jade_deblur: a bad restorer gets one line and its exit code", "[apps]
   };
   scene.dir.write("text.pt", "hello");
   check_error(efnet("text.pt"), 3, "text.pt: no TorchScript file");
-  check_error(efnet("nowhere.pt"), 3, "nowhere.pt: cannot be read");
+  check_error(efnet("nowhere.pt"), 3, "found no file");
+  check_error(run(scene.dir,
+                  "jade_deblur --method efnet --efnet nowhere.pt --dataset nothing --output out"),
+              3, "nowhere.pt");
   check_error(network("  return image\n", ""), 3, "export_efnet.py");
   check_error(network("  return image\n", replaced(kMetadata, "e3b0c442", "00000000")), 3,
               "export it again");
@@ -152,7 +178,9 @@ TEST_CASE("jade_deblur: a bad restorer gets one line and its exit code", "[apps]
 TEST_CASE("jade_deblur: other mistakes get one line and their exit code", "[apps]") {
   const Scene scene;
   check_error(scene.deblur("--method magic"), 2, "edi, efnet, mean, oracle, router");
-  check_error(scene.deblur("--threshold-positive -1"), 2, "expected a positive number");
+  check_error(scene.deblur("--threshold-positive -1"), 2,
+              "--threshold-positive -1: events.threshold_positive: expected a number in");
+  check_error(scene.deblur("--log-offset -1"), 2, "--log-offset");
   check_error(run(scene.dir, "jade_deblur --output out"), 2, "--dataset: expected a folder");
   check_error(run(scene.dir, "jade_deblur --dataset scene"), 2, "--output: expected a folder");
   check_error(run(scene.dir, "jade_deblur --dataset nowhere --output out"), 3, "nowhere");

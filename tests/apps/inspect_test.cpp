@@ -3,8 +3,11 @@
 #include "support/catch.h"
 
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <torch/types.h>
 
+#include "jade/data/dataset.h"
+#include "jade/io/npy.h"
 #include "jade/scene/ply.h"
 #include "support/programs.h"
 #include "support/temp_dir.h"
@@ -74,6 +77,16 @@ TEST_CASE("jade_inspect: a run says how far it came and what is wrong with it", 
   CHECK_THAT(damaged.out, Catch::Contains("is gone"));
 }
 
+TEST_CASE("jade_inspect: says whether the frames are monochrome", "[apps]") {
+  const test::TempDir dir;
+  test::write_tiny_dataset(dir / "coloured");
+  test::write_tiny_dataset(dir / "gray", {36, 28, 3, false, true});
+  CHECK_THAT(run(dir, "jade_inspect gray").out, Catch::Contains("monochrome"));
+  CHECK_THAT(run(dir, "jade_inspect coloured").out, Catch::Contains("frames in colour"));
+  CHECK_THAT(run(dir, "jade_inspect gray --json").out, Catch::Contains("\"color\": \"gray\""));
+  CHECK_THAT(run(dir, "jade_inspect coloured --json").out, Catch::Contains("\"color\": \"color\""));
+}
+
 TEST_CASE("jade_inspect: what is none of the three gets one line", "[apps]") {
   const test::TempDir dir;
   std::filesystem::create_directories(dir / "empty");
@@ -82,4 +95,26 @@ TEST_CASE("jade_inspect: what is none of the three gets one line", "[apps]") {
   check_error(run(dir, "jade_inspect"), 2, "--help lists the flags");
   test::write_tiny_dataset(dir / "scene");
   CHECK_THAT(run(dir, "jade_inspect scene").out, Catch::Contains("No problems found"));
+}
+
+TEST_CASE("jade_inspect: test views are marked by whether training sees them", "[apps]") {
+  const test::TempDir dir;
+  test::write_tiny_dataset(dir / "scene");
+  data::DatasetOptions options;
+  options.path = dir / "scene";
+  const data::Dataset dataset = data::load_dataset(options);
+  std::vector<int64_t> start, end;
+  for (const data::Exposure& exposure : dataset.train) {
+    start.push_back(exposure.t_start_us), end.push_back(exposure.t_end_us);
+  }
+  for (const int64_t t_us : {dataset.train[1].t_end_us, dataset.test[1].t_us}) {
+    start.push_back(t_us), end.push_back(t_us);
+  }
+  io::write_npz(dir / "scene/images_1/timestamps.npz",
+                {{"timestamps_start", torch::tensor(start, torch::kInt64)},
+                 {"timestamps_end", torch::tensor(end, torch::kInt64)}});
+  CHECK_THAT(run(dir, "jade_inspect scene").out, Catch::Contains("03 (seen), 04 (unseen)\n"));
+  const auto json = nlohmann::json::parse(run(dir, "jade_inspect scene --json").out);
+  CHECK(json["test"] == nlohmann::json{"03", "04"});
+  CHECK(json["test_seen"] == nlohmann::json{true, false});
 }

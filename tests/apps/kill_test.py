@@ -7,7 +7,8 @@ checkpoint is lost.
 
 A tiny scene is simulated and trained twice: once in peace, and once with kill -9, SIGTERM and
 Ctrl-C at random moments, resumed each time. Both must give the same Gaussians to the bit. Then the
-disk "fills up" (a limit on file size) while a checkpoint is saved.
+disk "fills up" (a limit on file size) while a checkpoint is saved. The target is routed, so the
+router and its Adam are among what must survive.
 """
 import json
 import os
@@ -34,12 +35,14 @@ simulate:
 """
 ITERATIONS = 300
 EVERY = 10
+RESTORER = Path(__file__).resolve().parents[2] / "assets" / "efnet_small.pt"
 TRAINING = f"""
 device: cpu
+efnet: {{path: {RESTORER}}}
 events: {{threshold_positive: 0.25}}
 init: {{points: 300}}
 densify: {{from: 50, every: 50, until: 300, max_gaussians: 800, gradient_threshold: 1e-5}}
-scene: {{target: edi, warmup: 60, simulation_start: 120}}
+scene: {{target: routed, warmup: 60, simulation_start: 120}}
 train: {{iterations: {ITERATIONS}, log_every: 1, evaluate_every: 0, picture_every: 0}}
 checkpoint: {{every: {EVERY}, keep: 2}}
 """
@@ -67,7 +70,8 @@ class Scene:
 
     def train_command(self, run, resume):
         command = [self.program("jade_train"), "--config", self.folder / "training.yaml", "--set",
-                   f"dataset.path={self.folder / 'data'}", "--output", run, "--quiet"]
+                   f"dataset.path={self.folder / 'data'}", "--set",
+                   f"cache.folder={self.folder / 'cache'}", "--output", run, "--quiet"]
         return command + (["--resume"] if resume else [])
 
     def train(self, run, resume=False):

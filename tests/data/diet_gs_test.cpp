@@ -84,12 +84,33 @@ TEST_CASE("diet_gs: names give every frame its nine poses, binary or text", "[da
     }
     REQUIRE(data.test.size() == 2);
     CHECK(data.test[1].name == "03");
+    // The first stands where frame 0 has its fifth pose; the model does not say when the other was.
+    CHECK(data.test[0].seen == true);
+    CHECK_FALSE(data.test[1].seen.has_value());
     CHECK(test::same_image(data.test[1].image, test::noise_image(3)));
     CHECK(test::pose_distance(data.test[1].pose, test::steady_pose(90000)) < 1e-6);
     CHECK(data.points.size(0) == 3);
     CHECK(data.point_colors[0][1].item<float>() == Approx(20 / 255.0));
     CHECK(data.far > data.near);
   }
+}
+
+TEST_CASE("diet_gs: a sharp view without a time is seen from the pose of an exposure", "[data]") {
+  const Dataset data = DietScene().load();
+  // The last pose, turned and displaced away from the others.
+  const geometry::Pose& pose = data.train[1].poses[8];
+  const auto seen = [&](double turn, double shift) {
+    SharpView view = data.test[0];
+    const auto centre = geometry::centre(pose);
+    const geometry::Pose turned{geometry::rotation_from_vector({0, turn, 0}), {0, 0, 0}};
+    view.pose = geometry::pose_at_centre(geometry::compose(turned, pose).rotation,
+                                         {centre[0] + shift * data.near, centre[1], centre[2]});
+    return is_seen(data, view);
+  };
+  CHECK(seen(0, 0) == true);
+  CHECK(seen(0.8e-3, 0.8e-3) == true);
+  CHECK_FALSE(seen(1.2e-3, 0).has_value());
+  CHECK_FALSE(seen(0, 1.2e-3).has_value());
 }
 
 TEST_CASE("diet_gs: a frame that lacks poses, or is missing, is named", "[data]") {

@@ -5,6 +5,7 @@
 
 #include <filesystem>
 #include <torch/types.h>
+#include <utility>
 
 #include "data/tiny_recording.h"
 #include "jade/core/error.h"
@@ -66,6 +67,29 @@ TEST_CASE("evdeblur: a sharp view belongs to the exposure in whose middle it was
   const Dataset data = load(folder / "scene");
   CHECK(exposure_of(data, data.test[0]) == 1);
   CHECK(exposure_of(data, data.test[1]) == -1);
+}
+
+TEST_CASE("evdeblur: a sharp view is seen when its time lies in an exposure, ends included",
+          "[data]") {
+  const test::TempDir folder;
+  write_evdeblur(folder / "scene", test::tiny_content());
+  const Dataset data = load(folder / "scene");
+  CHECK(data.test[0].seen == true);
+  CHECK(data.test[1].seen == false);
+  SharpView view = data.test[1];
+  const Exposure& second = data.train[1];
+  for (const auto& [t_us, seen] : {std::pair{second.t_start_us - 1, false},
+                                   {second.t_start_us, true},
+                                   {second.t_start_us + 1000, true},
+                                   {second.t_end_us, true},
+                                   {second.t_end_us + 1, false}}) {
+    INFO(t_us);
+    view.t_us = t_us;
+    CHECK(is_seen(data, view) == seen);
+    // The time decides, whatever the poses say: learned ones move.
+    view.pose = second.poses[0];
+    CHECK(is_seen(data, view) == seen);
+  }
 }
 
 TEST_CASE("evdeblur: sharp frames between blurry ones are the test views", "[data]") {

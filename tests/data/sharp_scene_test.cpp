@@ -52,6 +52,7 @@ TEST_CASE("colmap scene: every eighth image by name is a test view, cameras fit 
   CHECK(data.kind == "colmap");
   REQUIRE(data.test.size() == 2);
   CHECK(data.test[1].name == "img_08");
+  CHECK(data.test[1].seen == false);
   REQUIRE(data.train.size() == 8);
   const Exposure& first = data.train[0];
   CHECK(first.name == "img_01");
@@ -141,6 +142,57 @@ TEST_CASE("transforms: NeRF-synthetic's pair of files gives its own split", "[da
   REQUIRE(data.test.size() == 2);
   CHECK(test::same_image(data.test[1].image, test::noise_image(51)));
   CHECK(data.train[0].camera.fx == Approx(0.5 * test::kWidth / std::tan(0.4)));
+}
+
+TEST_CASE("transforms: frames without an image are left out and told, unless few remain",
+          "[data]") {
+  const test::TempDir folder;
+  fs::create_directories(folder / "room");
+  for (int i = 0; i < 10; ++i) {
+    imaging::write_image(folder / concat("room/images/f", i, ".png"), test::noise_image(i));
+  }
+  write_file(folder / "room/transforms.json",
+             "{\"fl_x\":50,\"frames\":[" + frames_json("images/f", ".png", 10) + "]}");
+  for (const int gone : {0, 3, 4, 5, 9}) {
+    fs::remove(folder / concat("room/images/f", gone, ".png"));
+  }
+  DatasetOptions options = at(folder / "room");
+  options.split = "none";
+  std::vector<std::string> warnings;
+  const Dataset data = load_dataset(options, &warnings);
+  REQUIRE(data.train.size() == 5);
+  CHECK(data.train[1].name == "f2");
+  CHECK(test::pose_distance(data.train[1].poses[0], test::steady_pose(2e5)) < 1e-9);
+  CHECK(test::same_image(data.train[1].blurry, test::noise_image(2)));
+  CHECK(test::mentions(warnings, "5 of 10 frames name an image that is not there"));
+  CHECK(test::mentions(warnings, "images/f0.png, images/f3.png, images/f4.png and 2 more"));
+  fs::remove(folder / "room/images/f1.png");
+  CHECK_THROWS_WITH(load_dataset(options), Catch::Contains("6 of 10 frames") &&
+                                               Catch::Contains("expected at least half of them"));
+
+  // Two of three are more than half, and no scene.
+  write_file(folder / "room/transforms.json",
+             "{\"fl_x\":50,\"frames\":[" + frames_json("images/f", ".png", 3) + "]}");
+  imaging::write_image(folder / "room/images/f1.png", test::noise_image(1));
+  CHECK_THROWS_WITH(load_dataset(options), Catch::Contains("1 of 3 frames"));
+}
+
+TEST_CASE("transforms: each file of NeRF-synthetic's pair may lack a few images", "[data]") {
+  const test::TempDir folder;
+  fs::create_directories(folder / "room");
+  for (int i = 0; i < 5; ++i) {
+    imaging::write_image(folder / concat("room/train/r_", i, ".png"), test::noise_image(i));
+    imaging::write_image(folder / concat("room/test/r_", i, ".png"), test::noise_image(50 + i));
+  }
+  const std::string head = "{\"camera_angle_x\":0.8,\"frames\":[";
+  write_file(folder / "room/transforms_train.json", head + frames_json("./train/r_", "", 6) + "]}");
+  write_file(folder / "room/transforms_test.json", head + frames_json("./test/r_", "", 7) + "]}");
+  std::vector<std::string> warnings;
+  const Dataset data = load_dataset(at(folder / "room"), &warnings);
+  CHECK(data.train.size() == 5);
+  CHECK(data.test.size() == 5);
+  CHECK(test::mentions(warnings, "transforms_train.json: 1 of 6 frames"));
+  CHECK(test::mentions(warnings, "./test/r_5, ./test/r_6"));
 }
 
 TEST_CASE("transforms: damaged JSON, missing images and matrices are data errors", "[data]") {

@@ -25,6 +25,19 @@ TEST_CASE("gray: the gradient reaches each channel with its weight", "[imaging]"
     CHECK(rgb.grad()[c].sub(kGrayWeights[c]).abs().max().item<double>() < 1e-12);
 }
 
+TEST_CASE("as_gray: three equal channels; what is gray stays so to the bit", "[imaging]") {
+  const auto rgb = torch::rand({3, 20, 30});
+  CHECK_FALSE(is_gray(rgb));
+  const auto out = as_gray(rgb);
+  CHECK(is_gray(out));
+  CHECK(out[2].equal(gray(rgb)[0]));
+  CHECK(as_gray(out).equal(out));
+  auto blue = out.clone();
+  blue[2][19][29] += 1e-6;
+  CHECK_FALSE(is_gray(blue));
+  CHECK_THROWS_AS(is_gray(torch::zeros({1, 4, 5})), jade::ContractError);
+}
+
 TEST_CASE("srgb: the two curves are inverse and meet known values", "[imaging]") {
   const auto x = torch::linspace(0, 1, 257, torch::kFloat64);
   CHECK(srgb_from_linear(linear_from_srgb(x)).sub(x).abs().max().item<double>() < 1e-6);

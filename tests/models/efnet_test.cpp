@@ -3,30 +3,17 @@
 
 #include "support/catch.h"
 
-#include <torch/script.h>
-
 #include "jade/core/atomic_file.h"
 #include "jade/core/digest.h"
 #include "jade/core/error.h"
+#include "support/stub_restorer.h"
 #include "support/temp_dir.h"
 
 namespace jade::models {
 namespace {
 
-const char* const kMetadata = R"({"format": "jade-restorer", "format_version": 1, "kind": "efnet",
-  "name": "probe", "width": 1, "parameters": 0, "input": "scer", "normalization": "max_abs",
-  "channel_order": "rgb", "padding_multiple": 4, "minimum_size": 8, "uses_mask": true,
-  "dtype": "float32", "weights_sha256": "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855", "source": "test"})";
-
-/// Saves a module whose forward is `body`.
-std::filesystem::path save(const std::filesystem::path& path, const std::string& body,
-                           const std::string& metadata,
-                           const std::string& inputs = "image, events, mask") {
-  torch::jit::Module module("probe");
-  module.define("def forward(self, " + inputs + "):\n" + body);
-  module.save(path.string(), {{"jade_efnet.json", metadata}});
-  return path;
-}
+using test::kStubMetadata;
+using test::save_restorer;
 
 std::string replaced(std::string text, const std::string& from, const std::string& to) {
   return text.replace(text.find(from), from.size(), to);
@@ -44,6 +31,21 @@ std::string message_of(const std::function<void()>& action) {
 
 torch::Tensor bins() {
   return torch::arange(1, 7, torch::kFloat32).view({1, 6, 1, 1}).repeat({1, 1, 9, 10});
+}
+
+TEST_CASE("efnet: without a path the restorer that ships is meant", "[models]") {
+  const auto shipped = restorer_path({});
+  CHECK(shipped.filename() == "efnet_small.pt");
+  CHECK(checked_file_sha256({}) == file_sha256(shipped));
+  CHECK(Restorer(EfnetOptions()).metadata().kind == "efnet");
+  EfnetOptions own;
+  own.path = "own.pt";
+  CHECK(restorer_path(own) == "own.pt");
+  CHECK_THROWS_WITH(checked_file_sha256(own), Catch::Contains("efnet.path: expected") &&
+                                                  Catch::Contains("found no file own.pt"));
+  EfnetOptions other;
+  other.sha256 = "0000";
+  CHECK_THROWS_WITH(checked_file_sha256(other), Catch::Contains("expected SHA-256 0000"));
 }
 
 TEST_CASE("efnet: SCER sums the bins outwards from mid-exposure", "[models]") {
@@ -77,15 +79,15 @@ TEST_CASE("efnet: images are padded by replication, events and mask by zeros, an
           "[models]") {
   const test::TempDir folder;
   // Asserts inside the network; returns the image plus what the padding of the others must not be.
-  const auto path = save(folder / "r.pt",
-                         "  assert image.size(2) == 12\n"
-                         "  assert image.size(3) == 12\n"
-                         "  assert bool((image[:, :, 9:, :] == image[:, :, 8:9, :]).all())\n"
-                         "  assert bool((events[:, :, 9:, :] == 0).all())\n"
-                         "  assert bool((mask[:, :, :, 10:] == 0).all())\n"
-                         "  assert bool((mask[:, :, :9, :10] == 1).all())\n"
-                         "  return image + events[:, 5:6]\n",
-                         kMetadata);
+  const auto path =
+      save_restorer(folder / "r.pt",
+                    "  assert image.size(2) == 12\n"
+                    "  assert image.size(3) == 12\n"
+                    "  assert bool((image[:, :, 9:, :] == image[:, :, 8:9, :]).all())\n"
+                    "  assert bool((events[:, :, 9:, :] == 0).all())\n"
+                    "  assert bool((mask[:, :, :, 10:] == 0).all())\n"
+                    "  assert bool((mask[:, :, :9, :10] == 1).all())\n"
+                    "  return image + events[:, 5:6]\n");
   Restorer restorer({path, ""});
   const torch::Tensor image = torch::rand({3, 9, 10}) - 1.5;
   const torch::Tensor out = restorer.restore(image, 7 * bins()[0]);
@@ -99,14 +101,15 @@ TEST_CASE("efnet: images are padded by replication, events and mask by zeros, an
 TEST_CASE("efnet: plain bins go in where the metadata says so, and image restorers get no events",
           "[models]") {
   const test::TempDir folder;
-  const auto path = save(folder / "bins.pt", "  return image * 0 + events[:, 0:1]\n",
-                         replaced(kMetadata, "scer", "bins"));
+  const auto path = save_restorer(folder / "bins.pt", "  return image * 0 + events[:, 0:1]\n",
+                                  replaced(kStubMetadata, "scer", "bins"));
   const torch::Tensor image = torch::rand({3, 8, 8});
   const torch::Tensor six = bins()[0].narrow(1, 0, 8).narrow(2, 0, 8);
   CHECK(torch::allclose(Restorer({path, ""}).restore(image, six), torch::full({3, 8, 8}, 1 / 6.f)));
-  std::string metadata = replaced(kMetadata, "\"efnet\"", "\"image\"");
+  std::string metadata = replaced(kStubMetadata, "\"efnet\"", "\"image\"");
   metadata = replaced(metadata, "scer", "none");
-  const auto plain = save(folder / "image.pt", "  return image * 0.5\n", metadata, "image");
+  const auto plain =
+      save_restorer(folder / "image.pt", "  return image * 0.5\n", metadata, "image");
   CHECK(torch::allclose(Restorer({plain, ""}).restore(image, {}), image / 2));
 }
 
@@ -120,21 +123,21 @@ TEST_CASE("efnet: files that are none are refused with what to do", "[models]") 
   CHECK(load(folder / "missing.pt").find("missing.pt") != std::string::npos);
   const std::string body = "  return image\n";
   const auto bad = [&](const std::string& metadata) {
-    return load(save(folder / "bad.pt", body, metadata));
+    return load(save_restorer(folder / "bad.pt", body, metadata));
   };
   CHECK(bad("").find("export_efnet.py") != std::string::npos);
   CHECK(bad("{").find("bad jade_efnet.json") != std::string::npos);
-  CHECK(bad(replaced(kMetadata, "\"width\"", "\"wide\"")).find("width") != std::string::npos);
-  CHECK(bad(replaced(kMetadata, "\"format_version\": 1", "\"format_version\": 2"))
+  CHECK(bad(replaced(kStubMetadata, "\"width\"", "\"wide\"")).find("width") != std::string::npos);
+  CHECK(bad(replaced(kStubMetadata, "\"format_version\": 1", "\"format_version\": 2"))
             .find("version 2") != std::string::npos);
-  CHECK(bad(replaced(kMetadata, "scer", "none")).find("does not fit") != std::string::npos);
-  CHECK(bad(replaced(kMetadata, "\"padding_multiple\": 4", "\"padding_multiple\": 0"))
+  CHECK(bad(replaced(kStubMetadata, "scer", "none")).find("does not fit") != std::string::npos);
+  CHECK(bad(replaced(kStubMetadata, "\"padding_multiple\": 4", "\"padding_multiple\": 0"))
             .find("no sense") != std::string::npos);
-  const auto good = save(folder / "good.pt", body, kMetadata);
+  const auto good = save_restorer(folder / "good.pt", body);
   CHECK(load(good, std::string(64, '0')).find("SHA-256") != std::string::npos);
   CHECK(load(good, file_sha256(good)) == "no such error");
   // Another file's metadata, or weights that were changed after the export.
-  std::string metadata = kMetadata;
+  std::string metadata = kStubMetadata;
   metadata.replace(metadata.find("e3b0c442"), 8, "00000000");
   CHECK(bad(metadata).find("it holds e3b0c442") != std::string::npos);
   const std::string whole = read_file(good);
@@ -146,22 +149,20 @@ TEST_CASE("efnet: NaN, wrong shapes and refusals of the network are reported", "
   const test::TempDir folder;
   const torch::Tensor image = torch::rand({3, 8, 8});
   const torch::Tensor voxel = torch::zeros({6, 8, 8});
-  Restorer nan({save(folder / "nan.pt", "  return image / 0 - image / 0\n", kMetadata), ""});
+  Restorer nan({save_restorer(folder / "nan.pt", "  return image / 0 - image / 0\n"), ""});
   CHECK_THROWS_AS(nan.restore(image, voxel), NumericError);
-  Restorer shape({save(folder / "shape.pt", "  return image[:, :1]\n", kMetadata), ""});
+  Restorer shape({save_restorer(folder / "shape.pt", "  return image[:, :1]\n"), ""});
   CHECK_THROWS_AS(shape.restore(image, voxel), DataError);
-  Restorer refuses({save(folder / "no.pt", "  assert False\n  return image\n", kMetadata), ""});
+  Restorer refuses({save_restorer(folder / "no.pt", "  assert False\n  return image\n"), ""});
   CHECK_THROWS_AS(refuses.restore(image, voxel), DataError);
   CHECK_THROWS_AS(refuses.restore(image, torch::zeros({5, 8, 8})), ContractError);
 }
 
 /// A network that refuses more than `pixels`, as a device with little memory does.
 std::filesystem::path save_small_memory(const std::filesystem::path& path, int pixels) {
-  return save(path,
-              "  assert image.size(2) * image.size(3) <= " + std::to_string(pixels) +
-                  ", 'CUDA out of memory. Tried to allocate'\n"
-                  "  return 0.5 * image + 0.5 * events[:, 2:3] + 0.1 * mask\n",
-              kMetadata);
+  return save_restorer(path, "  assert image.size(2) * image.size(3) <= " + std::to_string(pixels) +
+                                 ", 'CUDA out of memory. Tried to allocate'\n"
+                                 "  return 0.5 * image + 0.5 * events[:, 2:3] + 0.1 * mask\n");
 }
 
 TEST_CASE("efnet: a frame too large for the memory is restored in tiles, without seams",
@@ -184,7 +185,7 @@ TEST_CASE("efnet: the reason for a refusal is TorchScript's last line", "[models
   const test::TempDir folder;
   // A convolution for four channels, as of a network trained on RGB and something else.
   Restorer channels(
-      {save(folder / "c.pt", "  return torch.conv2d(image, torch.ones([3, 4, 1, 1]))\n", kMetadata),
+      {save_restorer(folder / "c.pt", "  return torch.conv2d(image, torch.ones([3, 4, 1, 1]))\n"),
        ""});
   const std::string text = message_of<DataError>([&] {
     channels.restore(torch::rand({3, 8, 8}), torch::zeros({6, 8, 8}));

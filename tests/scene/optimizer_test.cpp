@@ -7,6 +7,7 @@
 #include <torch/optim/adam.h>
 
 #include "jade/core/check.h"
+#include "jade/scene/adam.h"
 #include "random_gaussians.h"
 #include "support/devices.h"
 
@@ -94,6 +95,47 @@ TEST_CASE("adam: thirty steps equal torch's Adam on every group", "[scene]") {
 
 TEST_CASE("adam: the CUDA kernel equals torch's Adam on every group", "[scene][cuda]") {
   compare_with_torch(torch::Device(torch::kCUDA, 0));
+}
+
+/// Channels whose gradients differ step by their mean: equal to the bit, as one channel would.
+void compare_with_one_channel(torch::Device device) {
+  splat::Gaussians start = random_gaussians(1013, 16);
+  start.sh = start.sh.narrow(2, 0, 1).expand({-1, -1, 3}).contiguous();
+  GaussianModel tied(start, 2.5, device), expected(start, 2.5, device);
+  GaussianAdam tied_adam(tied, {}, true), plain(expected, {});
+  const auto is_gray = [](const torch::Tensor& sh) {
+    return sh.select(2, 0).equal(sh.select(2, 1)) && sh.select(2, 0).equal(sh.select(2, 2));
+  };
+  for (int64_t step = 1; step <= 30; ++step) {
+    set_gradients(tied, step);
+    set_gradients(expected, step);
+    torch::Tensor& gradient = expected.parameters().sh.mutable_grad();
+    gradient = gradient.mean(2, true).expand({-1, -1, 3}).contiguous();
+    tied_adam.step(tied);
+    plain.step(expected);
+    CHECK(is_gray(tied.parameters().sh));
+    CHECK(is_gray(tied_adam.first_moments().sh));
+    CHECK(is_gray(tied_adam.second_moments().sh));
+  }
+  CHECK(torch::allclose(tied.parameters().sh, expected.parameters().sh, 1e-5, 2e-6));
+  CHECK(torch::equal(tied.parameters().means, expected.parameters().means));
+  CHECK(torch::equal(tied.parameters().log_scales, expected.parameters().log_scales));
+}
+
+TEST_CASE("adam: the channels of a monochrome scene step alike, by their mean gradient",
+          "[scene]") {
+  compare_with_one_channel(torch::kCPU);
+}
+
+TEST_CASE("adam: the CUDA kernel steps the channels of a monochrome scene alike", "[scene][cuda]") {
+  compare_with_one_channel(torch::Device(torch::kCUDA, 0));
+}
+
+TEST_CASE("adam: a launch that CUDA refuses is a DeviceError", "[scene][cuda]") {
+  AdamStep step;
+  step.group_count = 1;
+  step.groups[0].count = int64_t{1} << 42;  // blocks beyond any grid; none starts
+  CHECK_THROWS_AS(cuda::adam_step(step), DeviceError);
 }
 
 TEST_CASE("adam: parameters without gradient and their moments stay as they are", "[scene]") {

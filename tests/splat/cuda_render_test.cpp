@@ -8,6 +8,7 @@
 
 #include "jade/core/error.h"
 #include "jade/splat/render.h"
+#include "support/gradient_norms.h"
 #include "support/splat_scenes.h"
 #ifdef JADE_WITH_CUDA
 #include <ATen/cuda/CUDAGraph.h>
@@ -155,6 +156,26 @@ TEST_CASE("cuda: images and gradients agree with the CPU", "[splat][cuda]") {
   }
 }
 
+TEST_CASE("cuda: every near plane agrees with the CPU", "[splat][cuda]") {
+  const SplatScene scene = select_views(scene_of(2000, 101, 67), 0, 1);
+  const Tensor pose = scene.cameras.camera_from_world[0];
+  const Tensor depth =
+      torch::matmul(scene.gaussians.means, pose[2].slice(0, 0, 3)) + pose[2][3].item<double>();
+  const Tensor whole = run(scene, {}, kGpu).output.color;
+  for (const double share : {0.1, 0.5, 0.9}) {
+    // Between two Gaussians, so that float and double cut the same ones.
+    const Tensor sorted = std::get<0>(depth.sort());
+    const auto at = static_cast<int64_t>(share * 2000);
+    RenderOptions options;
+    options.near_plane = 0.5 * (sorted[at] + sorted[at + 1]).item<double>();
+    const Outcome gpu = run(scene, options, kGpu);
+    check_outcomes(gpu, run(scene, options, torch::kCPU));
+    CHECK((gpu.output.color - whole).abs().max().item<double>() > 0.01);
+    const Tensor hidden = (depth < options.near_plane).unsqueeze(1);
+    CHECK((gpu.gradients[0] * hidden).abs().max().item<double>() == 0);
+  }
+}
+
 TEST_CASE("cuda: coefficients above the active degree get no gradient", "[splat][cuda]") {
   RenderOptions options;
   options.sh_degree = 1;
@@ -225,7 +246,11 @@ TEST_CASE("cuda: statistics equal the CPU's", "[splat][cuda]") {
     const Tensor same = (gpu.visible_count == cpu.visible_count).to(torch::kFloat64);
     CHECK(same.mean().item<double>() > 0.999);
     CHECK(torch::allclose(gpu.max_radius_px, cpu.max_radius_px, 1e-3, 1e-2));
-    CHECK(cosine(gpu.gradient_norm, cpu.gradient_norm) > 0.9999);
+    const NormDifference norms = compare_gradient_norms(gpu.gradient_norm, cpu.gradient_norm);
+    CHECK(norms.beyond_rounding <= kBeyondRounding);
+    CHECK(norms.largest < kLargestFlip);
+    const Tensor unseen = gpu.gradient_norm.masked_select(gpu.visible_count == 0);
+    CHECK((unseen.numel() > 0 && unseen.eq(0).all().item<bool>()));
   }
 }
 

@@ -5,6 +5,7 @@
 
 #include "jade/core/random.h"
 #include "jade/splat/render.h"
+#include "support/gradient_norms.h"
 #include "support/splat_scenes.h"
 
 using namespace jade;
@@ -169,6 +170,31 @@ TEST_CASE("render: statistics sum over views and steps what autograd gives", "[s
   }
   CHECK(torch::allclose(single.statistics.gradient_norm, once.gradient_norm, 1e-5, 1e-5));
   CHECK(torch::equal(single.statistics.visible_count, once.visible_count));
+}
+
+TEST_CASE("render: the statistics' norms in float32 are those of float64 but for rounding",
+          "[splat]") {
+  for (const int64_t view : {-1, 1}) {
+    SplatSceneOptions scene_options;
+    scene_options.gaussians = 2000;
+    scene_options.width = 101;
+    scene_options.height = 67;
+    scene_options.dtype = torch::kFloat32;
+    const SplatScene single = make_splat_scene(scene_options);
+    std::vector<Tensor> norms;
+    for (const auto dtype : {torch::kFloat32, torch::kFloat64}) {
+      splat::RenderOptions options;
+      options.statistics = splat::ScreenStatistics::zeros(single.gaussians.size(), torch::kCPU);
+      options.statistics_view = view;
+      image_and_gradients(move(single, torch::kCPU, dtype), options);
+      norms.push_back(options.statistics.gradient_norm);
+    }
+    const NormDifference rounding = compare_gradient_norms(norms[0], norms[1]);
+    CHECK(rounding.beyond_rounding <= kBeyondRounding);
+    CHECK(rounding.largest < kLargestFlip);
+    // A hundredth more is seen, which leaves the direction of the whole vector as it was.
+    CHECK(compare_gradient_norms(norms[0] * 1.01, norms[1]).beyond_rounding > 0.1);
+  }
 }
 
 TEST_CASE("render: the statistics' gradient is that of the screen position", "[splat]") {

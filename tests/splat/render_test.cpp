@@ -131,6 +131,31 @@ TEST_CASE("render: float agrees with double", "[splat]") {
   }
 }
 
+TEST_CASE("render: what is nearer than the near plane is not drawn and gets no gradient",
+          "[splat]") {
+  const SplatScene all = select_views(make_splat_scene(), 0, 1);
+  const Tensor pose = all.cameras.camera_from_world[0];
+  const Tensor depth =
+      torch::matmul(all.gaussians.means, pose[2].slice(0, 0, 3)) + pose[2][3].item<double>();
+  RenderOptions options;
+  options.near_plane = depth.median().item<double>();
+  const Tensor kept = (depth >= options.near_plane).nonzero().squeeze(1);
+  REQUIRE(kept.size(0) < depth.size(0));
+  SplatScene rest = all;
+  for (Tensor* t : {&rest.gaussians.means, &rest.gaussians.rotations, &rest.gaussians.log_scales,
+                    &rest.gaussians.logit_opacities, &rest.gaussians.sh}) {
+    *t = t->index_select(0, kept);
+  }
+  const Tensor cut = splat::render(all.gaussians, all.cameras, options).color;
+  CHECK(torch::equal(cut, splat::render(rest.gaussians, rest.cameras, {}).color));
+  CHECK(largest_difference(cut, splat::render(all.gaussians, all.cameras, {}).color) > 0.01);
+  CHECK(largest_difference(cut, dense_render(all.gaussians, all.cameras, options).color) < 1e-9);
+  const Tensor of_means = gradients(all, options, false)[0];
+  const Tensor hidden = (depth < options.near_plane).unsqueeze(1);
+  CHECK((of_means * hidden).abs().max().item<double>() == 0);
+  CHECK(of_means.abs().max().item<double>() > 0);
+}
+
 TEST_CASE("render: an empty view is the background", "[splat]") {
   SplatSceneOptions scene_options;
   scene_options.gaussians = 0;

@@ -22,6 +22,10 @@ double pattern(double x, double y, int channel) {
          0.15 * std::cos(0.35 * x - 0.6 * y + phase);
 }
 
+int pattern_of(int64_t channel, const TinyDatasetOptions& options) {
+  return options.gray ? 0 : static_cast<int>(channel);
+}
+
 double shift_at(double t_us) { return kPixelsPerUs * t_us; }
 
 torch::Tensor image_at(double t_us, const TinyDatasetOptions& options) {
@@ -31,7 +35,7 @@ torch::Tensor image_at(double t_us, const TinyDatasetOptions& options) {
     for (int64_t y = 0; y < options.height; ++y) {
       for (int64_t x = 0; x < options.width; ++x) {
         pixels[c][y][x] = static_cast<float>(
-            pattern(static_cast<double>(x) + shift_at(t_us), y, static_cast<int>(c)));
+            pattern(static_cast<double>(x) + shift_at(t_us), y, pattern_of(c, options)));
       }
     }
   }
@@ -44,10 +48,10 @@ geometry::Pose pose_at(double t_us, const geometry::Intrinsics& camera) {
   return pose;
 }
 
-double log_gray(double x, double y, double t_us) {
+double log_gray(double x, double y, double t_us, const TinyDatasetOptions& options) {
   const double sx = x + shift_at(t_us);
-  return std::log(0.299 * pattern(sx, y, 0) + 0.587 * pattern(sx, y, 1) +
-                  0.114 * pattern(sx, y, 2));
+  const auto channel = [&](int64_t c) { return pattern(sx, y, pattern_of(c, options)); };
+  return std::log(0.299 * channel(0) + 0.587 * channel(1) + 0.114 * channel(2));
 }
 
 /// Threshold crossings of each pixel over [0, end), found on a grid of 100 µs.
@@ -55,11 +59,11 @@ events::EventStream events_until(int64_t end_us, const TinyDatasetOptions& optio
   std::vector<std::tuple<int64_t, float, float, int8_t>> all;
   for (int64_t y = 0; y < options.height; ++y) {
     for (int64_t x = 0; x < options.width; ++x) {
-      double reference = log_gray(static_cast<double>(x), static_cast<double>(y), 0);
+      double reference = log_gray(static_cast<double>(x), static_cast<double>(y), 0, options);
       for (int64_t t = 100; t < end_us; t += 100) {
-        const double change =
-            log_gray(static_cast<double>(x), static_cast<double>(y), static_cast<double>(t)) -
-            reference;
+        const double change = log_gray(static_cast<double>(x), static_cast<double>(y),
+                                       static_cast<double>(t), options) -
+                              reference;
         if (std::abs(change) < kThreshold) continue;
         const int8_t polarity = change > 0 ? 1 : -1;
         reference += polarity * kThreshold;

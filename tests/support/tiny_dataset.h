@@ -11,6 +11,7 @@ struct TinyDatasetOptions {
   int64_t width = 36, height = 28;
   int64_t exposures = 3;
   bool last_exposure_without_events = false;
+  bool gray = false;  ///< R = G = B in every frame
 };
 
 /// Writes a small scene in the EvDeblur layout: a plane with a smooth pattern at depth 2, passed by

@@ -168,5 +168,5 @@ TEST_CASE("configs: every sweep that ships can be read, and overrides have at mo
     }
   }
   CHECK(sweeps == 8);
-  CHECK(overrides == 19);
+  CHECK(overrides == 20);
 }

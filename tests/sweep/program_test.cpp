@@ -77,7 +77,8 @@ TEST_CASE("jade_sweep: mistakes are refused before anything starts, all at once"
       "bad.yaml",
       "columns: [psnr]\nscenes: [{name: tiny, config: tiny.yaml, set: [dataset.path=nowhere]}]\n"
       "rows: [{name: a, set: [scene.dsim=1]}, {name: b, set: [train.iterations=many]}, {name: c},\n"
-      "  {name: d, set: [scene.target=efnet]}, {name: e, set: [events.bins=5]}]\n");
+      "  {name: d, set: [scene.target=efnet, efnet.path=nowhere.pt]}, {name: e, set: "
+      "[events.bins=5]}]\n");
   const Outcome outcome = run(dir, "--sweep bad.yaml --output out");
   INFO(outcome.err);
   CHECK(outcome.code == 2);

@@ -118,6 +118,35 @@ TEST_CASE("tables: ours and the paper's side by side, gaps marked, in three form
   CHECK(read_file(dir / "out/table.md") == markdown);
 }
 
+TEST_CASE("tables: seen and unseen test views have columns, empty for runs without them",
+          "[sweep]") {
+  const std::string sweep = R"(columns: [psnr, psnr_seen, psnr_unseen, psnr_seen@5]
+scenes: [{name: a, config: a.yaml}]
+rows: [{name: new}, {name: old}, {name: unknown}]
+)";
+  const TempDir dir;
+  for (const char* row : {"new", "old", "unknown"}) finish(dir, concat(row, "/a/0"), 30, 0.5);
+  dir.write("out/runs/new/a/0/eval.json",
+            R"({"mean": {"psnr": 30}, "mean_seen": {"psnr": 33.25}, "mean_unseen": {"psnr": 28}})");
+  dir.write("out/runs/new/a/0/metrics.jsonl", R"({"step": 5, "test_psnr_seen": 24.5})");
+  dir.write("out/runs/unknown/a/0/eval.json",
+            R"({"mean": {"psnr": 30}, "mean_seen": null, "mean_unseen": null})");
+  const sweep::Table table = sweep::gather(plan_of(dir, sweep), sweep::SweepOutput(dir / "out"));
+  const std::string markdown = sweep::to_markdown(table);
+  INFO(markdown);
+  CHECK_THAT(markdown, Catch::Contains("PSNR (global), seen ↑ | PSNR (global), unseen ↑ |"));
+  CHECK_THAT(markdown, Catch::Contains("| new | **30.00** | **33.25** | **28.00** | **24.50** |"));
+  for (const char* row : {"old", "unknown"}) {
+    CHECK_THAT(markdown, Catch::Contains(concat("| ", row, " | **30.00** | – (0/1) | – (0/1) |")));
+  }
+  CHECK_THAT(markdown, Catch::Contains("psnr_seen: not measured by old/a/0, unknown/a/0"));
+  CHECK_THAT(sweep::to_csv(table), Catch::Contains("new,new,a,psnr_unseen,28,,1,1,\n"));
+  CHECK_THAT(sweep::runs_csv(table), Catch::Contains("new,a,0,finished,,30,33.25,28,24.5\n"));
+  const std::string latex = sweep::to_latex(table);
+  INFO(latex);
+  CHECK_THAT(latex, Catch::Contains("\\textbf{30.00} & \\textbf{33.25} & \\textbf{28.00}"));
+}
+
 TEST_CASE("gather: a damaged result is an error, not a gap", "[sweep]") {
   const TempDir dir;
   finish(dir, "full/a/0", 30, 0.5);

@@ -71,15 +71,15 @@ TEST_CASE("learned cameras: a test pose that is off by pixels is fitted to its i
   const train::ExposurePoses unmoved("linear", dataset.train);
   data::SharpView& view = dataset.test[0];
   const geometry::Pose truth = view.pose;
-  view.image = train::render_view(gaussians, truth, view.camera);
+  view.image = train::render_view(gaussians, truth, view.camera, {});
   view.pose = nudged(truth, 0.01, 0.03);
   const auto psnr_from = [&](const geometry::Pose& pose) {
-    return eval::psnr(train::render_view(gaussians, pose, view.camera), view.image);
+    return eval::psnr(train::render_view(gaussians, pose, view.camera, {}), view.image);
   };
 
-  const data::Dataset aligned = with_learned_poses(dataset, unmoved, gaussians, 0, false);
+  const data::Dataset aligned = with_learned_poses(dataset, unmoved, gaussians, 0, {});
   CHECK(error_px(aligned.test[0].pose, view.pose, view) < 1e-3);
-  const data::Dataset fitted = with_learned_poses(dataset, unmoved, gaussians, 200, false);
+  const data::Dataset fitted = with_learned_poses(dataset, unmoved, gaussians, 200, {});
   CHECK(psnr_from(fitted.test[0].pose) > psnr_from(view.pose) + 10);
 }
 
@@ -111,7 +111,7 @@ TEST_CASE("learned cameras: test views follow a motion that all exposures share"
   sources.near = dataset.near;
   sources.far = dataset.far;
   const splat::Gaussians gaussians = scene::initial_gaussians({}, sources, generator);
-  const data::Dataset learned = with_learned_poses(dataset, poses, gaussians, 0, false);
+  const data::Dataset learned = with_learned_poses(dataset, poses, gaussians, 0, {});
   for (size_t i = 0; i < dataset.test.size(); ++i) {
     const geometry::Pose expected = geometry::moved(dataset.test[i].pose, motion);
     CHECK(geometry::rotation_angle(learned.test[i].pose, expected) < 1e-4);
@@ -130,17 +130,24 @@ TEST_CASE("learned cameras: a run keeps them, and scores, pictures and other pro
   REQUIRE(std::filesystem::exists(file));
 
   const data::Dataset given = data::load_dataset(scene.options.dataset);
-  const train::FinishedRun opened = train::open_run(scene.run);
+  const train::RunOptions saved = train::load_run_options(scene.run);
+  const train::FinishedRun opened = train::open_run(scene.run, saved);
   const torch::Tensor learned = trainer.state().poses->forward(1, torch::kCPU)[3];
   const auto read = geometry::to_tensor(opened.dataset.train[1].poses[3]).to(torch::kFloat32);
   CHECK((read - learned).abs().max().item<double>() < 1e-6);
   CHECK(error_px(opened.dataset.test[0].pose, given.test[0].pose, given.test[0]) > 1e-3);
 
   const eval::Lpips lpips(torch::kCPU);
-  const auto again = train::evaluate_views(opened.gaussians, opened.dataset.test, lpips);
+  const splat::RenderOptions draw = train::render_options(saved);
+  const auto again = train::evaluate_views(opened.gaussians, opened.dataset.test, lpips, draw);
   CHECK(again.mean.psnr == Approx(trainer.evaluate().mean.psnr).epsilon(1e-6));
-  const auto data_poses = train::evaluate_views(opened.gaussians, given.test, lpips);
+  const auto data_poses = train::evaluate_views(opened.gaussians, given.test, lpips, draw);
   CHECK(again.mean.psnr > data_poses.mean.psnr);
+  // Settings laid over those of the run do not move its scene back.
+  train::RunOptions given_options = scene.options;
+  given_options.poses.optimize = "none";
+  const data::Dataset still = train::load_run_dataset(scene.run, given_options);
+  CHECK(still.test[0].pose.translation == opened.dataset.test[0].pose.translation);
 }
 
 TEST_CASE("learned cameras: those of an earlier end are gone while a run goes on", "[train]") {

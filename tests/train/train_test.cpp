@@ -3,12 +3,15 @@
 #include "support/catch.h"
 
 #include <fstream>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <torch/types.h>
 
 #include "jade/core/atomic_file.h"
+#include "jade/core/digest.h"
 #include "jade/core/error.h"
 #include "jade/core/interrupt.h"
+#include "jade/core/log.h"
 #include "jade/core/random.h"
 #include "jade/events/exposure_maps.h"
 #include "jade/imaging/reblur.h"
@@ -16,6 +19,8 @@
 #include "jade/train/routing_step.h"
 #include "jade/train/step.h"
 #include "jade/train/trainer.h"
+#include "support/stub_restorer.h"
+#include "train/checkpoint_entries.h"
 #include "train/tiny_scene.h"
 
 using namespace jade;
@@ -48,6 +53,16 @@ train::RunOptions tiny_options(const std::filesystem::path& data) {
 using Scene = test::TinyScene;
 
 const torch::Tensor kDraws = torch::tensor({1, 2, 3}, torch::kInt64);
+
+/// The same with the routed target, whose restorer is a stub.
+train::RunOptions routed_options(const Scene& scene) {
+  train::RunOptions options = tiny_options(scene.data);
+  options.scene.target = "routed";
+  options.efnet.path = test::save_restorer(scene.dir / "restorer.pt",
+                                           "  return 0.9 * image + 0.1 * events[:, 2:3]\n");
+  options.cache.folder = scene.dir / "cache";
+  return options;
+}
 
 std::vector<torch::Tensor> copies(const splat::Gaussians& gaussians) {
   std::vector<torch::Tensor> all;
@@ -179,6 +194,47 @@ TEST_CASE("routing step: where both restorations agree no gradient reaches the a
   CHECK(equal(before, copies(bench.state.allocation->parameters())));
 }
 
+TEST_CASE("routing step: on one view leaves the maps of the others and their Adam bit-equal",
+          "[train]") {
+  const Scene scene;
+  Bench bench(scene);
+  bench.state.allocation =
+      models::make_allocation({"per_view_map", 0.5}, 3, 28, 36, make_generator(1, "router"));
+  const auto maps = bench.state.allocation->parameters();
+  bench.state.allocation_adam = train::ModuleAdam(maps, 5e-4);
+  const auto step_on = [&](int64_t index) {
+    const auto& view = bench.views[static_cast<size_t>(index)];
+    const auto renders = train::render_exposure(bench.state, view, index, kDraws, 1, bench.options);
+    train::routing_step(bench.state, view, index, renders, bench.options.route);
+  };
+  const auto alpha_of = [&](int64_t index) {
+    return train::allocation_map(bench.state, bench.views[static_cast<size_t>(index)], index);
+  };
+  /// A view's map, its two moments and its step count.
+  const auto state_of = [&](size_t view) {
+    const auto adam = bench.state.allocation_adam.state();
+    REQUIRE(adam.size() == 9);
+    return copies(
+        std::vector<torch::Tensor>{maps[view], adam[view], adam[3 + view], adam[6 + view]});
+  };
+  const torch::Tensor untouched = alpha_of(2);
+  step_on(0);
+  const torch::Tensor of_0 = alpha_of(0), of_1 = alpha_of(1);
+  CHECK_FALSE(of_0.equal(untouched));
+  step_on(1);
+  step_on(1);
+  CHECK(alpha_of(0).equal(of_0));
+  CHECK(alpha_of(2).equal(untouched));
+  CHECK_FALSE(alpha_of(1).equal(of_1));
+  const auto of_view_0 = state_of(0), of_view_1 = state_of(1);
+  CHECK(of_view_0[3].item<double>() == 1);
+  CHECK(of_view_1[3].item<double>() == 2);
+  step_on(1);
+  CHECK(equal(state_of(0), of_view_0));
+  CHECK_FALSE(equal(state_of(1), of_view_1));
+  CHECK_FALSE(maps[0].grad().defined());
+}
+
 TEST_CASE("steps: the calendar decides which terms are there", "[train]") {
   const Scene scene;
   Bench bench(scene);
@@ -301,7 +357,7 @@ TEST_CASE("trainer: a resumed run keeps the calendar it began with, whatever its
   options.train.calendar = 0;
   options.train.iterations = 10;
   train::Trainer(options, halves, "").run();
-  options.train.iterations = options.train.calendar = 20;
+  options.train.iterations = 20;
   {
     const train::Trainer trainer(options, halves, "latest");
     CHECK(trainer.options().train.calendar == 10);
@@ -331,6 +387,74 @@ TEST_CASE("steps: poses without gradient are not rendered and do not dilute the 
   const splat::ScreenStatistics& seen = bench.state.densifier.accumulated();
   CHECK(seen.visible_count.max().item<float>() == 1);
   CHECK(seen.gradient_norm.max().item<float>() > 0);
+}
+
+TEST_CASE("trainer: whatever a checkpoint holds, a run that goes on from it does so to the bit",
+          "[train]") {
+  struct Case {
+    std::string name;
+    std::function<void(train::RunOptions&)> change;
+    /// What this case is there for: entries that must move between the two checkpoints.
+    std::vector<std::string> moved;
+  };
+  const auto allocate = [](const std::string& kind) {
+    return [kind](train::RunOptions& o) { o.allocation.kind = kind; };
+  };
+  const std::vector<Case> cases{
+      {"router",
+       allocate("router"),
+       {"allocation.router.", "allocation.adam.", "gaussians.", "adam.", "crf.layer", "crf.adam."}},
+      {"per_view_map",
+       allocate("per_view_map"),
+       {"allocation.logits_0", "allocation.logits_1", "allocation.logits_2", "allocation.adam."}},
+      {"poses",
+       [](train::RunOptions& o) {
+         o.poses.optimize = "cubic";
+         o.poses.accumulate = 3;
+         o.poses.test_fit_steps = 0;
+       },
+       {"poses.twists", "poses.adam.", "poses.gradient."}},
+      {"mcmc", [](train::RunOptions& o) { o.densify.strategy = "mcmc"; }, {"densify.generator"}},
+      {"L_ev",
+       [](train::RunOptions& o) {
+         o.scene.event_loss_weight = 0.1;
+         o.scene.event_window = "recording";
+       },
+       {"gaussians."}}};
+  const Scene scene;
+  for (const Case& each : cases) {
+    INFO(each.name);
+    train::RunOptions options = routed_options(scene);
+    each.change(options);
+    const auto whole = scene.dir / (each.name + "-whole"), resumed = scene.dir / each.name;
+    train::Trainer(options, whole, "").run();
+    const auto middle = train::checkpoint_path(whole, 10), end = train::checkpoint_path(whole, 20);
+    train::Trainer(options, resumed, middle.string()).run();
+    CHECK(test::differing_entries(train::checkpoint_path(resumed, 20), end) ==
+          std::set<std::string>());
+    const auto moved = test::differing_entries(middle, end);
+    for (const std::string& prefix : each.moved) {
+      INFO(prefix);
+      CHECK(test::any_begins_with(moved, prefix));
+    }
+  }
+}
+
+TEST_CASE("checkpoint: maps of another number of views are refused", "[train]") {
+  const Scene scene;
+  Bench bench(scene);
+  const auto maps = [](int64_t views) {
+    return models::make_allocation({"per_view_map", 0.5}, views, 28, 36, make_generator(1, "maps"));
+  };
+  bench.state.allocation = maps(3);
+  bench.state.allocation_adam = train::ModuleAdam(bench.state.allocation->parameters(), 5e-4);
+  train::save_checkpoint(scene.dir / "run", bench.state, {"config", "data", ""}, 1);
+  const auto load = [&](int64_t views) {
+    train::load_checkpoint_allocation(train::checkpoint_path(scene.dir / "run", 0), *maps(views));
+  };
+  CHECK_NOTHROW(load(3));
+  CHECK_THROWS_AS(load(4), CheckpointError);
+  CHECK_THROWS_WITH(load(2), Catch::Contains("expected 2 parameters of 'allocation', found 3"));
 }
 
 TEST_CASE("trainer: a corrupt newest checkpoint falls back to the one before", "[train]") {
@@ -371,6 +495,64 @@ TEST_CASE("trainer: refuses to resume with other settings or data, and says whic
   std::filesystem::remove_all(scene.data);
   test::write_tiny_dataset(scene.data, other);
   CHECK_THROWS_WITH(train::Trainer(options, run, "latest"), Catch::Contains("other data"));
+}
+
+TEST_CASE("trainer: refuses to resume with another restorer, wherever its file lies", "[train]") {
+  const Scene scene;
+  const auto run = scene.dir / "run";
+  train::RunOptions options = routed_options(scene);
+  options.train.iterations = 3;
+  train::Trainer(options, run, "").run();
+  const std::string expected = file_sha256(options.efnet.path);
+  CHECK_THAT(read_file(run / "env.json"), Catch::Contains(expected));
+  options.efnet.path = scene.dir / "moved.pt";
+  std::filesystem::rename(scene.dir / "restorer.pt", options.efnet.path);
+  CHECK_NOTHROW(train::Trainer(options, run, "latest"));
+  const auto other = test::save_restorer(options.efnet.path, "  return 0.8 * image\n");
+  const auto resume = [&] { train::Trainer(options, run, "latest"); };
+  CHECK_THROWS_AS(resume(), CheckpointError);
+  CHECK_THROWS_WITH(resume(), Catch::Contains(expected) && Catch::Contains(file_sha256(other)) &&
+                                  Catch::Contains("efnet.path"));
+  // What needs no restorer does not look at one.
+  train::RunOptions plain = tiny_options(scene.data);
+  plain.train.iterations = 3;
+  train::Trainer(plain, scene.dir / "plain", "").run();
+  CHECK_THAT(read_file(scene.dir / "plain" / "env.json"), !Catch::Contains("restorer_sha256"));
+  plain.efnet.path = scene.dir / "nowhere.pt";
+  CHECK_NOTHROW(train::Trainer(plain, scene.dir / "plain", "latest"));
+}
+
+TEST_CASE(
+    "trainer: a checkpoint without the restorer's hash loads with a warning, but is no way "
+    "around a newer one that has it",
+    "[train]") {
+  const Scene scene;
+  const auto run = scene.dir / "run";
+  train::RunOptions options = routed_options(scene);
+  train::Trainer(options, run, "").run();
+  const auto older = train::checkpoint_path(run, 10);
+  // As a program wrote it that did not keep the hash.
+  {
+    const train::Trainer trainer(options, scene.dir / "same", older.string());
+    const auto entries = test::checkpoint_entries(older);
+    const auto text = [&](const std::string& name) {
+      const torch::Tensor& bytes = entries.at(name);
+      return std::string(static_cast<const char*>(bytes.data_ptr()),
+                         static_cast<size_t>(bytes.numel()));
+    };
+    train::save_checkpoint(run, trainer.state(), {text("config"), text("data_fingerprint"), ""}, 2);
+  }
+  CHECK(test::checkpoint_entries(older).count("restorer_sha256") == 0);
+  const auto said = scene.dir / "said.txt";
+  const auto step_of = [&](const std::string& resume) {
+    set_log_file(said);
+    return train::Trainer(options, run, resume).state().step;
+  };
+  CHECK(step_of(older.string()) == 10);
+  CHECK_THAT(read_file(said), Catch::Contains("no hash of the restorer"));
+  test::save_restorer(options.efnet.path, "  return 0.8 * image\n");
+  CHECK_THROWS_AS(step_of("latest"), CheckpointError);
+  set_log_file({});
 }
 
 TEST_CASE("trainer: two runs in one folder are refused while the first is alive", "[train]") {
@@ -418,6 +600,12 @@ TEST_CASE("trainer: a run leaves the documented files", "[train]") {
     }
   }
   CHECK(lines == 4);
+  // Both test views are taken after the last exposure.
+  const auto scores = nlohmann::json::parse(read_file(run / "eval.json"));
+  for (const auto& view : scores["views"]) CHECK(view["seen"] == false);
+  CHECK(scores["mean_unseen"] == scores["mean"]);
+  CHECK(scores["mean_seen"].is_null());
+  CHECK_THAT(read_file(run / "report.html"), Catch::Contains("test view 04, not seen in training"));
 }
 
 TEST_CASE("term monitor: names the step and the term that first stopped being finite", "[train]") {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Configuration from YAML files and --set overrides, driven by the `describe` function of an
-// options struct (core/fields.h). Order, later wins: defaults, the `extends` chain, the file, the
-// files laid over it (each after its own chain), --set.
+// options struct (core/fields.h). Order, later wins: what the struct holds, the `extends` chain,
+// the file, the files laid over it (each after its own chain), --set, short flags.
 #pragma once
 
 #include <filesystem>
@@ -13,10 +13,18 @@
 
 namespace jade::config {
 
+/// A flag of a program that stands for a key.
+struct KeyFlag {
+  std::string text;   ///< as the user wrote it, "--kind colmap"; for messages
+  std::string key;    ///< "dataset.kind"
+  std::string value;  ///< taken as it is: a path with a colon needs no YAML quotes here
+};
+
 struct Sources {
   std::filesystem::path file;          ///< Empty: defaults only. "-" or /dev/stdin: standard input.
   std::vector<std::string> overrides;  ///< "route.lr=1e-3", the value typed as YAML; last wins.
   std::vector<std::filesystem::path> layers;  ///< More files, laid over `file` in this order.
+  std::vector<KeyFlag> flags = {};            ///< Win over `overrides`.
 };
 
 /// Reads `sources` into the fields. All problems are found before the first is thrown.

@@ -23,7 +23,7 @@ struct Layer {
   YAML::Node root;
   std::string name;
   fs::path folder;
-  bool has_lines;  ///< false for --set, whose positions mean nothing to a user
+  bool has_lines;  ///< false for --set and flags, whose positions mean nothing to a user
 };
 
 class Reader {
@@ -243,17 +243,9 @@ void collect_layers(const fs::path& file, std::vector<fs::path>& chain,
   layers.push_back(std::move(layer));
 }
 
-Layer override_layer(const std::string& assignment) {
-  const size_t equals = assignment.find('=');
-  const std::string name = "--set " + assignment;
-  if (equals == std::string::npos || equals == 0) {
-    throw ConfigError(name + ": expected key=value, such as train.iterations=1000");
-  }
-  YAML::Node value = parse(assignment.substr(equals + 1), name);
-  // An empty right side means the empty text.
-  if (value.IsNull() && equals + 1 == assignment.size()) value = YAML::Node(std::string());
+/// The tree of one key.
+YAML::Node tree_of(const std::string& key, YAML::Node value) {
   std::vector<std::string> path;
-  const std::string key = assignment.substr(0, equals);
   for (size_t start = 0; start <= key.size();) {
     const size_t dot = std::min(key.find('.', start), key.size());
     path.push_back(key.substr(start, dot - start));
@@ -264,7 +256,23 @@ Layer override_layer(const std::string& assignment) {
     outer[*part] = value;
     value = outer;
   }
-  return {value, name, fs::current_path(), false};
+  return value;
+}
+
+Layer override_layer(const std::string& assignment) {
+  const size_t equals = assignment.find('=');
+  const std::string name = "--set " + assignment;
+  if (equals == std::string::npos || equals == 0) {
+    throw ConfigError(name + ": expected key=value, such as train.iterations=1000");
+  }
+  YAML::Node value = parse(assignment.substr(equals + 1), name);
+  // An empty right side means the empty text.
+  if (value.IsNull() && equals + 1 == assignment.size()) value = YAML::Node(std::string());
+  return {tree_of(assignment.substr(0, equals), value), name, fs::current_path(), false};
+}
+
+Layer flag_layer(const KeyFlag& flag) {
+  return {tree_of(flag.key, YAML::Node(flag.value)), flag.text, fs::current_path(), false};
 }
 
 }  // namespace
@@ -276,6 +284,7 @@ void read(const Sources& sources, const FieldList& fields) {
   for (const fs::path& file : sources.layers) collect_layers(file, chain, layers);
   for (const std::string& assignment : sources.overrides)
     layers.push_back(override_layer(assignment));
+  for (const KeyFlag& flag : sources.flags) layers.push_back(flag_layer(flag));
   Reader reader(fields);
   for (const Layer& layer : layers) reader.apply(layer);
   reader.throw_problems();

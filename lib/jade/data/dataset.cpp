@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/data/dataset.h"
 
+#include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <torch/types.h>
 
@@ -11,6 +13,7 @@
 #include "jade/data/frame_times.h"
 #include "jade/data/transforms.h"
 #include "jade/data/warnings.h"
+#include "jade/imaging/color.h"
 
 namespace jade::data {
 namespace {
@@ -35,10 +38,39 @@ void check_choice(const std::string& key, const std::string& value,
   throw ConfigError(concat("dataset.", key, ": expected one of ", known, ", found '", value, "'"));
 }
 
+std::vector<torch::Tensor*> frames_of(Dataset& data) {
+  std::vector<torch::Tensor*> frames;
+  for (Exposure& exposure : data.train) frames.push_back(&exposure.blurry);
+  for (SharpView& view : data.test) frames.push_back(&view.image);
+  return frames;
+}
+
+/// Says whether the data set is monochrome, and makes it so where `color` is gray.
+void settle_color(const std::string& color, const Warnings& warnings, Dataset& data) {
+  const std::vector<torch::Tensor*> frames = frames_of(data);
+  const auto is_gray = [](const torch::Tensor* frame) { return imaging::is_gray(*frame); };
+  data.monochrome = color == "gray" || (color == "auto" && !frames.empty() &&
+                                        std::all_of(frames.begin(), frames.end(), is_gray));
+  if (!data.monochrome) return;
+  for (torch::Tensor* frame : frames) *frame = imaging::as_gray(*frame);
+  if (!data.event_color.defined()) return;
+  data.event_color = torch::Tensor();
+  warnings.add(data.root.string(),
+               ": the frames are gray, so the colour filter of the events (ev_map.npz or "
+               "color_map.npy) is not used; dataset.color_events false leaves it unread");
+}
+
 /// Name of the folder, also of "scene/." and "scene/".
 std::string folder_name(const fs::path& folder) {
   const fs::path whole = fs::absolute(folder).lexically_normal();
   return whole.has_filename() ? whole.filename().string() : whole.parent_path().filename().string();
+}
+
+/// By the tolerances of is_seen.
+bool same_place(const geometry::Pose& a, const geometry::Pose& b, double near) {
+  const auto p = geometry::centre(a), q = geometry::centre(b);
+  return geometry::rotation_angle(a, b) <= 1e-3 &&
+         std::hypot(p[0] - q[0], p[1] - q[1], p[2] - q[2]) <= 1e-3 * near;
 }
 
 }  // namespace
@@ -63,6 +95,25 @@ int64_t exposure_of(const Dataset& dataset, const SharpView& view) {
   return -1;
 }
 
+std::optional<bool> is_seen(const Dataset& dataset, const SharpView& view) {
+  const auto any_exposure = [&](const auto& holds) {
+    return std::any_of(dataset.train.begin(), dataset.train.end(), holds);
+  };
+  if (view.has_time()) {
+    return any_exposure([&](const Exposure& exposure) {
+      return exposure.t_start_us <= view.t_us && view.t_us <= exposure.t_end_us;
+    });
+  }
+  const bool posed_alike = any_exposure([&](const Exposure& exposure) {
+    return std::any_of(exposure.poses.begin(), exposure.poses.end(),
+                       [&](const auto& pose) { return same_place(pose, view.pose, dataset.near); });
+  });
+  if (posed_alike) return true;
+  const bool moving =
+      any_exposure([](const Exposure& exposure) { return exposure.duration_us() > 0; });
+  return moving ? std::nullopt : std::optional<bool>(false);
+}
+
 std::string recognise_dataset(const fs::path& folder) {
   check_folder(folder);
   if (is_evdeblur(folder)) return "evdeblur";
@@ -80,6 +131,7 @@ Dataset load_dataset(const DatasetOptions& options, std::vector<std::string>* wa
   check_choice("split", options.split, {"auto", "last", "every", "none"});
   check_choice("time_unit", options.time_unit, {"auto", "us", "ns", "s"});
   check_choice("events_unit", options.events_unit, {"auto", "us", "ns", "s"});
+  check_choice("color", options.color, {"auto", "color", "gray"});
   check_folder(options.path);
   const std::string kind = options.kind == "auto" ? recognise_dataset(options.path) : options.kind;
   const Warnings sink(warnings);
@@ -90,6 +142,8 @@ Dataset load_dataset(const DatasetOptions& options, std::vector<std::string>* wa
   if (kind == "transforms") data = load_transforms(options, sink);
   data.kind = kind;
   data.name = folder_name(options.path);
+  settle_color(options.color, sink, data);
+  for (SharpView& view : data.test) view.seen = is_seen(data, view);
   if (data.train.size() == 1) {
     sink.add(options.path.string(), ": has a single training frame; a scene needs several views");
   }

@@ -22,6 +22,7 @@ struct DatasetOptions {
   std::string events_unit = "auto";
   std::filesystem::path events_file;
   bool color_events = true;
+  std::string color = "auto";
 };
 
 template <class V>
@@ -52,11 +53,17 @@ void describe(V& v, DatasetOptions& o) {
   v.field("color_events", o.color_events,
           "use the colour filter of the event pixels (ev_map.npz "
           "or color_map.npy) where the data set has one");
+  v.field("color", o.color,
+          "auto: a data set whose every frame, blurry or sharp, has R = G = B is gray, and so are "
+          "its restorations and its scene; color: never gray; gray: frames are made gray on "
+          "loading",
+          Choices{"auto", "color", "gray"});
 }
 
 /// Reads a data set of any kind. What can be repaired or ignored becomes one line in `warnings`
 /// (which may be null): events that are unsorted, outside the image or the recording, or not
-/// finite; exposures without events; poses that had to be interpolated or extended; one exposure.
+/// finite; exposures without events; poses that had to be interpolated or extended; one exposure; a
+/// colour filter of the events of gray frames, which is left out.
 /// @throws DataError with the path and the fix for what cannot: files that are missing, truncated
 ///         or unreadable, counts and sizes that differ, missing poses of an exposure, times that
 ///         do not overlap in any unit. @throws ConfigError for an unknown kind, split or unit.

@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <torch/types.h>
 #include <vector>
@@ -38,6 +39,8 @@ struct SharpView {
   geometry::Pose pose;  ///< camera_from_world
   geometry::Intrinsics camera;
   int64_t t_us = kNoTime;  ///< when it was taken; kNoTime if the data set does not say
+  /// Whether training sees the scene from there (is_seen); absent where nobody knows.
+  std::optional<bool> seen = std::nullopt;
 
   static constexpr int64_t kNoTime = INT64_MIN;
   bool has_time() const { return t_us != kNoTime; }
@@ -48,6 +51,8 @@ struct Dataset {
   std::string kind;   ///< "evdeblur", "diet_gs", "colmap", "transforms"
   std::string split;  ///< the rule found, in words: "last 5 frames are sharp test views"
   std::filesystem::path root;
+  bool monochrome =
+      false;  ///< R = G = B in every frame, blurry or sharp; channels then are bit-equal
   std::vector<Exposure> train;  ///< by time where there are times, else by name
   std::vector<SharpView> test;
   events::EventStream events;       ///< the whole recording; empty for frames without events
@@ -55,13 +60,22 @@ struct Dataset {
   torch::Tensor points;             ///< [P,3] float32 in world axes, or undefined
   torch::Tensor point_colors;       ///< [P,3] float32 RGB in [0,1], or undefined
   geometry::Trajectory trajectory;  ///< dense camera path; empty where only exposures have poses
-  /// [3,H,W] bool, or undefined for gray events: which colour the events at a pixel have. At most
-  /// one channel of a pixel is set; a pixel without any has no raw pixel that lands on it.
+  /// [3,H,W] bool, or undefined for gray events and gray frames: which colour the events at a pixel
+  /// have. At most one channel of a pixel is set; a pixel without any has no raw pixel that lands
+  /// on it.
   torch::Tensor event_color;
 };
 
 /// The exposure at whose middle `view` was taken: mid-exposure within a sixteenth of the exposure
 /// (half a step of its nine poses) of the view's time. -1 if there is none or the view has no time.
 int64_t exposure_of(const Dataset& dataset, const SharpView& view);
+
+/// Whether a training exposure sees the scene from where `view` was taken; load_dataset asks it for
+/// every test view. With a time: it lies in an exposure, both ends included. Without one: the view
+/// has one of the nine poses of an exposure, to a milliradian and a thousandth of the nearest
+/// depth, which moves no point by more than a pixel or so. A view without a time that has none of
+/// these is not seen by sharp images, taken at their pose alone, but may lie between the poses of
+/// an exposure: absent then.
+std::optional<bool> is_seen(const Dataset& dataset, const SharpView& view);
 
 }  // namespace jade::data

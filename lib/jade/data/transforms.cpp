@@ -25,6 +25,9 @@ struct ListedView {
   double angle_x = 0;           ///< horizontal field of view in radians, in place of a focal length
 };
 
+/// With fewer images left of a file that named more, its scene is taken for damaged.
+constexpr size_t kFewestFrames = 3;
+
 json read_json(const fs::path& path) {
   const json root = json::parse(read_file(path), nullptr, /*allow_exceptions=*/false);
   if (root.is_object() && root.contains("frames") && root["frames"].is_array()) return root;
@@ -68,8 +71,10 @@ geometry::Pose pose_of_matrix(const json& matrix, const std::string& where) {
   return geometry::inverse(world_from_camera);
 }
 
-/// Paths are relative to the JSON and may lack an extension.
-fs::path image_of(const fs::path& folder, const json& frame, const std::string& where) {
+/// Paths are relative to the JSON and may lack an extension. Empty where there is no such image;
+/// its name is then added to `missing`.
+fs::path image_of(const fs::path& folder, const json& frame, const std::string& where,
+                  std::vector<std::string>& missing) {
   if (!frame.is_object() || !frame.contains("file_path") || !frame["file_path"].is_string()) {
     throw DataError(concat(where, ": expected a 'file_path'"));
   }
@@ -78,7 +83,22 @@ fs::path image_of(const fs::path& folder, const json& frame, const std::string& 
     const fs::path path = given.string() + extension;
     if (fs::is_regular_file(path)) return path;
   }
-  throw DataError(concat(given.string(), ": missing, but named in ", where));
+  missing.push_back(frame["file_path"].get<std::string>());
+  return {};
+}
+
+/// Most scenes lack none; where a few images were dropped, the rest is a scene still.
+void tell_missing(const fs::path& path, const std::vector<std::string>& missing, size_t frames,
+                  const Warnings& warnings) {
+  if (missing.empty()) return;
+  const std::string what = concat(path.string(), ": ", missing.size(), " of ", frames,
+                                  " frames name an image that is not there: ", listing(missing, 3));
+  const size_t left = frames - missing.size();
+  if (left < std::min<size_t>(frames, kFewestFrames) || 2 * left < frames) {
+    throw DataError(concat(what, "; expected at least half of them and no fewer than ",
+                           kFewestFrames, "; is the folder of the images complete?"));
+  }
+  warnings.add(what, "; they are left out");
 }
 
 geometry::Intrinsics camera_of_frame(const json& root, const json& frame) {
@@ -105,10 +125,12 @@ std::vector<ListedView> read_views(const fs::path& path, const Warnings& warning
     break;
   }
   std::vector<ListedView> views;
+  std::vector<std::string> missing;
   for (const json& frame : root["frames"]) {
-    const std::string where = concat(path.string(), " frame ", views.size());
+    const std::string where = concat(path.string(), " frame ", views.size() + missing.size());
     ListedView view;
-    view.path = image_of(path.parent_path(), frame, where);
+    view.path = image_of(path.parent_path(), frame, where, missing);
+    if (view.path.empty()) continue;
     view.camera = camera_of_frame(root, frame);
     if (!frame.contains("transform_matrix")) {
       throw DataError(concat(where, ": expected a 'transform_matrix'"));
@@ -122,6 +144,7 @@ std::vector<ListedView> read_views(const fs::path& path, const Warnings& warning
     }
     views.push_back(std::move(view));
   }
+  tell_missing(path, missing, root["frames"].size(), warnings);
   if (views.empty()) throw DataError(concat(path.string(), ": has no frames"));
   return views;
 }

@@ -12,8 +12,9 @@ namespace jade::data {
 
 bool is_transforms(const std::filesystem::path& folder);
 
-/// Matrices are world_from_camera in OpenGL axes (x right, y up, z backwards).
-/// @throws DataError naming the file and frame for malformed JSON, missing keys or images.
+/// Matrices are world_from_camera in OpenGL axes (x right, y up, z backwards). Frames whose image
+/// is not there are left out with a warning, as other programs do, unless few remain of a file.
+/// @throws DataError naming the file and frame for malformed JSON, missing keys or most images.
 Dataset load_transforms(const DatasetOptions& options, const Warnings& warnings);
 
 }  // namespace jade::data

@@ -23,7 +23,7 @@ std::unique_ptr<torch::jit::Module> load(const fs::path& path, torch::Device dev
     module->eval();
     return module;
   } catch (const c10::Error&) {
-    log_warn(path.string() + ": not a TorchScript module; run scripts/export_lpips.py again");
+    log_warn(path.string() + ": not a TorchScript module; run scripts/setup.sh --metrics");
     return nullptr;
   }
 }
@@ -53,7 +53,7 @@ std::optional<double> Lpips::distance(const std::unique_ptr<torch::jit::Module>&
   } catch (const std::exception& problem) {
     // A metric less is better than a trained run without its others.
     log_warn(concat("LPIPS is left out: ", first_line(problem.what()),
-                    "; run scripts/export_lpips.py again"));
+                    "; run scripts/setup.sh --metrics"));
     return std::nullopt;
   }
 }

@@ -22,16 +22,21 @@ const std::vector<std::pair<const char*, const char*>>& definitions() {
   return list;
 }
 
-Json to_json_object(const Scores& scores) {
-  const auto optional = [](const std::optional<double>& value) {
-    return value ? Json(*value) : Json(nullptr);
-  };
-  return {{"name", scores.name},
-          {"psnr", scores.psnr},
+template <class T>
+Json or_null(const std::optional<T>& value) {
+  return value ? Json(*value) : Json(nullptr);
+}
+
+Json metrics_of(const Scores& scores) {
+  return {{"psnr", scores.psnr},
           {"psnr_channel_mean", scores.psnr_channel_mean},
           {"ssim", scores.ssim},
-          {"lpips_alex01", optional(scores.lpips_alex01)},
-          {"lpips_vgg", optional(scores.lpips_vgg)}};
+          {"lpips_alex01", or_null(scores.lpips_alex01)},
+          {"lpips_vgg", or_null(scores.lpips_vgg)}};
+}
+
+Json mean_object(const std::optional<Scores>& mean) {
+  return mean ? metrics_of(*mean) : Json(nullptr);
 }
 
 /// The mean of a metric that every view has; absent as soon as one lacks it.
@@ -46,11 +51,41 @@ std::optional<double> mean_of(const std::vector<Scores>& views,
                        : std::optional<double>(sum / static_cast<double>(views.size()));
 }
 
+Scores mean_over(const std::string& name, const std::vector<Scores>& views) {
+  Scores mean;
+  mean.name = name;
+  mean.lpips_alex01 = mean_of(views, &Scores::lpips_alex01);
+  mean.lpips_vgg = mean_of(views, &Scores::lpips_vgg);
+  for (const Scores& view : views) {
+    const double share = 1.0 / static_cast<double>(views.size());
+    mean.psnr += share * view.psnr;
+    mean.psnr_channel_mean += share * view.psnr_channel_mean;
+    mean.ssim += share * view.ssim;
+  }
+  return mean;
+}
+
+/// The mean over the views with this mark.
+std::optional<Scores> mean_where(bool seen, const std::vector<Scores>& views) {
+  std::vector<Scores> marked;
+  for (const Scores& view : views) {
+    if (view.seen == seen) marked.push_back(view);
+  }
+  if (marked.empty()) return std::nullopt;
+  return mean_over(seen ? "mean of seen" : "mean of unseen", marked);
+}
+
+/// The name with the mark of a view that has one.
+std::string label(const Scores& scores) {
+  return scores.name + (!scores.seen ? "" : *scores.seen ? " (seen)" : " (unseen)");
+}
+
 std::string row(const Scores& scores, size_t name_width) {
   char numbers[96];
   std::snprintf(numbers, sizeof numbers, "  %8.3f  %12.3f  %7.4f", scores.psnr,
                 scores.psnr_channel_mean, scores.ssim);
-  std::string line = scores.name + std::string(name_width - scores.name.size(), ' ') + numbers;
+  const std::string name = label(scores);
+  std::string line = name + std::string(name_width - name.size(), ' ') + numbers;
   for (const auto& lpips : {scores.lpips_alex01, scores.lpips_vgg}) {
     std::snprintf(numbers, sizeof numbers, "  %10.4f", lpips.value_or(0));
     line += lpips ? numbers : "           -";
@@ -62,9 +97,11 @@ std::string row(const Scores& scores, size_t name_width) {
 
 Scores score(const std::string& name, const torch::Tensor& image, const torch::Tensor& truth,
              const Lpips* lpips) {
-  Scores scores{
-      name,         psnr(image, truth), psnr_channel_mean(image, truth), ssim(image, truth),
-      std::nullopt, std::nullopt};
+  Scores scores;
+  scores.name = name;
+  scores.psnr = psnr(image, truth);
+  scores.psnr_channel_mean = psnr_channel_mean(image, truth);
+  scores.ssim = ssim(image, truth);
   if (lpips != nullptr) {
     scores.lpips_alex01 = lpips->alex01(image, truth);
     scores.lpips_vgg = lpips->vgg(image, truth);
@@ -73,38 +110,47 @@ Scores score(const std::string& name, const torch::Tensor& image, const torch::T
 }
 
 Evaluation evaluation_of(std::vector<Scores> views) {
-  Scores mean{
-      "mean", 0, 0, 0, mean_of(views, &Scores::lpips_alex01), mean_of(views, &Scores::lpips_vgg)};
-  for (const Scores& view : views) {
-    const double share = 1.0 / static_cast<double>(views.size());
-    mean.psnr += share * view.psnr;
-    mean.psnr_channel_mean += share * view.psnr_channel_mean;
-    mean.ssim += share * view.ssim;
-  }
-  return {std::move(views), mean};
+  Evaluation evaluation;
+  evaluation.mean = mean_over("mean", views);
+  evaluation.mean_seen = mean_where(true, views);
+  evaluation.mean_unseen = mean_where(false, views);
+  evaluation.views = std::move(views);
+  return evaluation;
 }
 
 std::string to_json(const Evaluation& evaluation) {
   Json views = Json::array();
-  for (const Scores& view : evaluation.views) views.push_back(to_json_object(view));
-  Json mean = to_json_object(evaluation.mean);
-  mean.erase("name");
+  for (const Scores& scores : evaluation.views) {
+    Json view{{"name", scores.name}, {"seen", or_null(scores.seen)}};
+    view.update(metrics_of(scores));
+    views.push_back(std::move(view));
+  }
   Json meaning;
   for (const auto& [name, text] : definitions()) meaning[name] = text;
-  return Json{{"views", views}, {"mean", mean}, {"definitions", meaning}}.dump(2) + "\n";
+  return Json{{"views", views},
+              {"mean", metrics_of(evaluation.mean)},
+              {"mean_seen", mean_object(evaluation.mean_seen)},
+              {"mean_unseen", mean_object(evaluation.mean_unseen)},
+              {"definitions", meaning}}
+             .dump(2) +
+         "\n";
 }
 
 std::string to_table(const Evaluation& evaluation) {
+  std::vector<Scores> rows = evaluation.views;
+  for (const auto& mean : {evaluation.mean_seen, evaluation.mean_unseen}) {
+    if (mean) rows.push_back(*mean);
+  }
+  rows.push_back(evaluation.mean);
   size_t width = 4;
-  for (const Scores& view : evaluation.views) width = std::max(width, view.name.size());
+  for (const Scores& scores : rows) width = std::max(width, label(scores).size());
   std::string out = "view" + std::string(width - 4, ' ') +
                     "      psnr  psnr_channel     ssim  lpips_alex   lpips_vgg\n";
-  for (const Scores& view : evaluation.views) out += row(view, width);
-  out += row(evaluation.mean, width);
+  for (const Scores& scores : rows) out += row(scores, width);
   for (const auto& [name, text] : definitions())
     out += std::string("  ") + name + ": " + text + "\n";
-  if (!evaluation.mean.lpips_alex01)
-    out += "  LPIPS is not available: run scripts/export_lpips.py\n";
+  if (!evaluation.mean.lpips_alex01 || !evaluation.mean.lpips_vgg)
+    out += std::string("  ") + kLpipsAbsent;
   return out;
 }
 

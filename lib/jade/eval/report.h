@@ -16,22 +16,26 @@ struct Scores {
   std::string name;
   double psnr = 0, psnr_channel_mean = 0, ssim = 0;
   std::optional<double> lpips_alex01, lpips_vgg;
+  std::optional<bool> seen;  ///< whether training sees the scene from there; absent: not known
 };
 
 struct Evaluation {
   std::vector<Scores> views;
   Scores mean;  ///< over the views; name "mean"
+  /// Over the views that training has seen, and over those that it has not; absent without any.
+  std::optional<Scores> mean_seen, mean_unseen;
 };
 
 /// PSNR both ways and SSIM of one view, and LPIPS where `lpips` has its networks (nullptr: none).
 Scores score(const std::string& name, const torch::Tensor& image, const torch::Tensor& truth,
              const Lpips* lpips = nullptr);
 
-/// Adds the mean over the views.
+/// Adds the means over the views.
 Evaluation evaluation_of(std::vector<Scores> views);
 
-/// {"views": [{"name", "psnr", "psnr_channel_mean", "ssim", "lpips_alex01", "lpips_vgg"}], "mean":
-/// {…}, "definitions": {…}}.
+/// {"views": [{"name", "seen", "psnr", "psnr_channel_mean", "ssim", "lpips_alex01", "lpips_vgg"}],
+/// "mean": {"psnr", …}, "mean_seen": {…}, "mean_unseen": {…}, "definitions": {…}}; "seen" is true,
+/// false or null, the two means are null where there is no such view.
 std::string to_json(const Evaluation& evaluation);
 
 /// A table for people, with the definition of every column below it.

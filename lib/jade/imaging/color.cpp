@@ -15,6 +15,18 @@ torch::Tensor gray(const torch::Tensor& rgb) {
          rgb.narrow(-3, 2, 1) * kGrayWeights[2];
 }
 
+bool is_gray(const torch::Tensor& rgb) {
+  JADE_CHECK(rgb.defined() && rgb.dim() >= 3 && rgb.size(-3) == 3,
+             "is_gray: expected [..., 3, H, W], found ", shape_string(rgb));
+  const torch::Tensor red = rgb.select(-3, 0);
+  return red.equal(rgb.select(-3, 1)) && red.equal(rgb.select(-3, 2));
+}
+
+torch::Tensor as_gray(const torch::Tensor& rgb) {
+  // The weights' sum of three equal numbers is another number in the last bit.
+  return is_gray(rgb) ? rgb : gray(rgb).expand_as(rgb).contiguous();
+}
+
 torch::Tensor linear_from_srgb(const torch::Tensor& stored) {
   const auto curved = ((stored.clamp_min(0.04045) + 0.055) / 1.055).pow(2.4);
   return torch::where(stored <= 0.04045, stored / 12.92, curved);

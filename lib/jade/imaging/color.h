@@ -11,6 +11,12 @@ inline constexpr double kGrayWeights[3] = {0.299, 0.587, 0.114};
 /// g(x) = 0.299 R + 0.587 G + 0.114 B: [..., 3, H, W] → [..., 1, H, W]. Differentiable.
 torch::Tensor gray(const torch::Tensor& rgb);
 
+/// True where red, green and blue of every pixel are equal to the bit: [..., 3, H, W].
+bool is_gray(const torch::Tensor& rgb);
+
+/// The image with g(·) in all three channels; one that is gray already stays as it is, to the bit.
+torch::Tensor as_gray(const torch::Tensor& rgb);
+
 /// The piecewise sRGB transfer curve, stored value → linear light. Element-wise, differentiable.
 torch::Tensor linear_from_srgb(const torch::Tensor& stored);
 

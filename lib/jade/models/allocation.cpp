@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/models/allocation.h"
 
+#include <vector>
+
 #include "jade/core/check.h"
 #include "jade/models/router.h"
 
@@ -48,19 +50,24 @@ class GlobalScalarAllocation : public Allocation {
   torch::Tensor logit_;
 };
 
+/// One parameter a view, so that an optimiser can leave those of absent views alone.
 class PerViewAllocation : public Allocation {
  public:
-  PerViewAllocation(int64_t views, int64_t height, int64_t width)
-      : logits_(register_parameter("logits", torch::zeros({views, 1, height, width}))) {}
+  PerViewAllocation(int64_t views, int64_t height, int64_t width) {
+    for (int64_t view = 0; view < views; ++view) {
+      logits_.push_back(
+          register_parameter(concat("logits_", view), torch::zeros({1, height, width})));
+    }
+  }
 
   torch::Tensor forward(const AllocationInput& input) override {
-    JADE_CHECK(input.view >= 0 && input.view < logits_.size(0), "per_view_map: view ", input.view,
-               " of ", logits_.size(0));
-    return logits_.select(0, input.view).sigmoid();
+    JADE_CHECK(input.view >= 0 && input.view < static_cast<int64_t>(logits_.size()),
+               "per_view_map: view ", input.view, " of ", logits_.size());
+    return logits_[static_cast<size_t>(input.view)].sigmoid();
   }
 
  private:
-  torch::Tensor logits_;
+  std::vector<torch::Tensor> logits_;
 };
 
 }  // namespace

@@ -4,9 +4,9 @@
 #include <ATen/ops/zeros.h>
 #include <ATen/ops/zeros_like.h>
 #include <algorithm>
-#include <c10/cuda/CUDAException.h>
 #include <c10/cuda/CUDAStream.h>
 
+#include "jade/core/cuda_launch.h"
 #include "jade/models/crf_lookup.h"
 
 namespace jade::models::cuda {
@@ -86,7 +86,7 @@ at::Tensor crf_lookup(const CrfLookup& args) {
                    c10::cuda::getCurrentCUDAStream()>>>(
       args.image.const_data_ptr<float>(), args.table.const_data_ptr<float>(),
       out.mutable_data_ptr<float>(), out.numel(), args.mean ? args.image.size(0) : 1);
-  C10_CUDA_KERNEL_LAUNCH_CHECK();
+  jade::cuda::check_launch("the camera response");
   return out;
 }
 
@@ -113,7 +113,7 @@ CrfGradient crf_lookup_backward(const CrfLookup& args, const at::Tensor& gradien
       wants_image ? result.image.mutable_data_ptr<float>() : nullptr,
       wants_table ? reinterpret_cast<unsigned long long*>(sums.mutable_data_ptr<int64_t>())
                   : nullptr);
-  C10_CUDA_KERNEL_LAUNCH_CHECK();
+  jade::cuda::check_launch("the camera response, backward");
   if (wants_table) result.table = sums.to(at::kDouble).div(kFixedPoint).to(at::kFloat);
   return result;
 }

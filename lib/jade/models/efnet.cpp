@@ -8,6 +8,7 @@
 #include <torch/nn/functional/padding.h>
 #include <torch/script.h>
 
+#include "jade/core/asset.h"
 #include "jade/core/check.h"
 #include "jade/core/digest.h"
 #include "jade/core/log.h"
@@ -122,17 +123,28 @@ std::string weights_sha256(const torch::jit::Module& module) {
   return digest.hex();
 }
 
+std::filesystem::path restorer_path(const EfnetOptions& options) {
+  return options.path.empty() ? asset("efnet_small.pt") : options.path;
+}
+
 std::string checked_file_sha256(const EfnetOptions& options) {
-  const std::string found = file_sha256(options.path);
+  const std::filesystem::path path = restorer_path(options);
+  if (!std::filesystem::is_regular_file(path)) {
+    throw DataError(concat("efnet.path: expected the TorchScript file of the restorer, found no ",
+                           "file ", path.string(),
+                           options.path.empty() ? ", which comes with the program; name another"
+                                                : "; leave the key empty for the one that ships"));
+  }
+  const std::string found = file_sha256(path);
   if (!options.sha256.empty() && options.sha256 != found) {
-    fail_restorer(options.path, concat("expected SHA-256 ", options.sha256, ", found ", found,
-                                       ": another file than the configuration means"));
+    fail_restorer(path, concat("expected SHA-256 ", options.sha256, ", found ", found,
+                               ": another file than the configuration means"));
   }
   return found;
 }
 
 Restorer::Restorer(const EfnetOptions& options, torch::Device device)
-    : path_(options.path), device_(device) {
+    : path_(restorer_path(options)), device_(device) {
   checked_file_sha256(options);
   std::string metadata;
   module_ = load_module(path_, &metadata);

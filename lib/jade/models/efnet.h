@@ -24,12 +24,17 @@ struct EfnetOptions {
 
 template <class V>
 void describe(V& v, EfnetOptions& o) {
-  v.field("path", o.path, "TorchScript file of the restorer (scripts/efnet/export_efnet.py)");
+  v.field("path", o.path,
+          "TorchScript file of the restorer (scripts/efnet/export_efnet.py); empty: the one that "
+          "comes with the program");
   v.field("sha256", o.sha256, "SHA-256 that the file must have (sha256sum); empty: not checked");
 }
 
-/// SHA-256 of the whole file, lower-case hex. @throws DataError if it cannot be read, or differs
-/// from the options'.
+/// The file that the options mean: their path, else the one that ships. It need not be there.
+std::filesystem::path restorer_path(const EfnetOptions& options);
+
+/// SHA-256 of that whole file, lower-case hex. @throws DataError if it is not there, cannot be
+/// read, or differs from the options'.
 std::string checked_file_sha256(const EfnetOptions& options);
 
 /// F: a frozen restorer (eval mode, no gradients).
@@ -46,6 +51,8 @@ class Restorer {
   const RestorerMetadata& metadata() const { return metadata_; }
   /// Where it computes: the CPU after the device ran out of memory.
   torch::Device device() const { return device_; }
+  /// Side of the tiles that it restores, px, since memory ran short; 0: whole frames.
+  int64_t tile() const { return tile_; }
 
   /// The sharp frame of mid-exposure. When the device has too little memory for the frame, goes on
   /// on the CPU, and when that has too little, in overlapping tiles; says so in a warning.

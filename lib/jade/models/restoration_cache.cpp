@@ -120,9 +120,9 @@ fs::path RestorationCache::path_of(const std::string& key) const {
   return folder_ / (key + kExtension);
 }
 
-torch::Tensor RestorationCache::get(const std::string& key, torch::IntArrayRef shape,
-                                    const std::function<torch::Tensor()>& compute) {
-  if (folder_.empty()) return compute();
+std::optional<torch::Tensor> RestorationCache::find(const std::string& key,
+                                                    torch::IntArrayRef shape) {
+  if (folder_.empty()) return std::nullopt;
   const fs::path path = path_of(key);
   std::error_code missing;
   if (fs::is_regular_file(path, missing)) {
@@ -141,15 +141,26 @@ torch::Tensor RestorationCache::get(const std::string& key, torch::IntArrayRef s
     log_warn(concat(path.string(), ": ", problem, "; it is made again"));
   }
   ++misses_;
-  const torch::Tensor computed = compute();
-  const torch::Tensor image = computed.detach().to(torch::kCPU, torch::kFloat32).contiguous();
-  JADE_CHECK(image.sizes() == shape, "expected a restoration of shape ", shape, ", found ",
-             image.sizes());
+  return std::nullopt;
+}
+
+void RestorationCache::keep(const std::string& key, const torch::Tensor& image) {
+  if (folder_.empty()) return;
+  check_shape(image, "restoration", {-1, -1, -1});
   try {
-    write_entry(path, image);
+    write_entry(path_of(key), image.detach().to(torch::kCPU, torch::kFloat32).contiguous());
   } catch (const DataError& problem) {
     give_up(problem.what());
   }
+}
+
+torch::Tensor RestorationCache::get(const std::string& key, torch::IntArrayRef shape,
+                                    const std::function<torch::Tensor()>& compute) {
+  if (const auto kept = find(key, shape)) return *kept;
+  const torch::Tensor computed = compute();
+  JADE_CHECK(computed.sizes() == shape, "expected a restoration of shape ", shape, ", found ",
+             computed.sizes());
+  keep(key, computed);
   return computed;
 }
 

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 #include <torch/types.h>
 #include <vector>
@@ -42,9 +43,13 @@ class RestorationCache {
   /// Makes the folder where it is enabled.
   explicit RestorationCache(const RestorationCacheOptions& options);
 
-  /// What is kept under `key`, on the CPU; else what `compute` returns, which is kept.
+  /// What is kept under `key`, on the CPU.
   /// @param key    restoration_key()
   /// @param shape  that the image must have
+  std::optional<torch::Tensor> find(const std::string& key, torch::IntArrayRef shape);
+  /// Keeps an image [C,H,W] for the next run.
+  void keep(const std::string& key, const torch::Tensor& image);
+  /// find(), else what `compute` returns, which is kept.
   torch::Tensor get(const std::string& key, torch::IntArrayRef shape,
                     const std::function<torch::Tensor()>& compute);
 

@@ -12,4 +12,9 @@ torch::Tensor fuse(const torch::Tensor& alpha, const Restorations& restorations)
   return restorations.efnet + alpha * (restorations.edi - restorations.efnet);
 }
 
+torch::Tensor without_tint(const torch::Tensor& image) {
+  check_shape(image, "image", {3, -1, -1});
+  return image.mean(0, true).expand_as(image).contiguous();
+}
+
 }  // namespace jade::models

@@ -5,12 +5,13 @@
 
 #include "jade/core/check.h"
 #include "jade/core/version.h"
+#include "jade/models/restorations.h"
 
 namespace jade::models {
 
 ViewRestorer::ViewRestorer(const RestorationCacheOptions& cache, std::optional<EfnetOptions> efnet,
-                           torch::Device device)
-    : cache_(cache), options_(std::move(efnet)), device_(device) {
+                           torch::Device device, bool monochrome)
+    : cache_(cache), options_(std::move(efnet)), device_(device), monochrome_(monochrome) {
   if (options_) file_sha256_ = checked_file_sha256(*options_);
 }
 
@@ -28,10 +29,15 @@ torch::Tensor ViewRestorer::edi(const torch::Tensor& blurry, const torch::Tensor
 torch::Tensor ViewRestorer::efnet(const torch::Tensor& blurry, const torch::Tensor& voxel) {
   JADE_CHECK(options_.has_value(), "expected a restorer, found none");
   // Devices round differently, and a run must not depend on what another device left behind.
-  const std::string recipe =
-      concat("efnet 1; ", file_sha256_, "; torch ", torch_version(), "; ", device_.type());
-  const auto compute = [&] { return network().restore(blurry.to(device_), voxel); };
-  return cache_.get(restoration_key(recipe, {blurry, voxel}), blurry.sizes(), compute).to(device_);
+  const std::string recipe = concat("efnet 1; ", file_sha256_, "; torch ", torch_version(), "; ",
+                                    device_.type(), monochrome_ ? "; without tint" : "");
+  const std::string key = restoration_key(recipe, {blurry, voxel});
+  if (const auto kept = cache_.find(key, blurry.sizes())) return kept->to(device_);
+  torch::Tensor restored = network().restore(blurry.to(device_), voxel);
+  if (monochrome_) restored = without_tint(restored);
+  const bool as_asked = network().device().type() == device_.type() && network().tile() == 0;
+  if (as_asked) cache_.keep(key, restored);
+  return restored;
 }
 
 Restorer& ViewRestorer::network() {

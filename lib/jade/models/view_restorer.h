@@ -17,9 +17,10 @@ class ViewRestorer {
  public:
   /// @param efnet  its file is read and checked against its SHA-256 now; without value there is no
   ///   F, and efnet() must not be called.
+  /// @param monochrome  the frames are gray, and so is F, see without_tint().
   /// @throws DataError.
   ViewRestorer(const RestorationCacheOptions& cache, std::optional<EfnetOptions> efnet,
-               torch::Device device);
+               torch::Device device, bool monochrome = false);
   /// Keeps the cache within its size.
   ~ViewRestorer();
 
@@ -30,6 +31,7 @@ class ViewRestorer {
                     const std::string& settings, const std::function<torch::Tensor()>& compute);
 
   /// F(B, V): blurry [3,H,W], voxel [6,H,W] on any device; result on the device of this object.
+  /// What the network restored on the CPU for want of a GPU's memory, or in tiles, is not kept.
   torch::Tensor efnet(const torch::Tensor& blurry, const torch::Tensor& voxel);
 
   /// The network, loaded if it was not.
@@ -41,6 +43,7 @@ class ViewRestorer {
   RestorationCache cache_;
   std::optional<EfnetOptions> options_;
   torch::Device device_;
+  bool monochrome_;
   std::string file_sha256_;
   std::optional<Restorer> network_;
 };

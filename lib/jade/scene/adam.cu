@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <c10/cuda/CUDAException.h>
 #include <c10/cuda/CUDAStream.h>
 
+#include "jade/core/cuda_launch.h"
 #include "jade/scene/adam.h"
 
 namespace jade::scene::cuda {
@@ -14,6 +14,12 @@ struct Shared {
   float inverse_sqrt_correction2;
   float head_lr, tail_lr;
 };
+
+__device__ float gradient_of(const AdamGroup& group, int64_t i) {
+  if (!group.tied) return group.gradient[i];
+  const float* three = group.gradient + (i - i % 3);
+  return (three[0] + three[1] + three[2]) / 3;
+}
 
 /// A block handles kThreads · kPerThread floats of one group. Everything that changes from step to
 /// step is computed from the device's step counter, so that the launch can be replayed.
@@ -46,7 +52,7 @@ __global__ void adam_kernel(AdamStep step) {
   for (int k = 0; k < kPerThread; ++k) {
     const int64_t i = block * kFloats + k * kThreads + threadIdx.x;
     if (i >= group.count) return;
-    const float g = group.gradient[i];
+    const float g = gradient_of(group, i);
     const float m = beta1 * group.first[i] + one_minus_beta1 * g;
     const float v = beta2 * group.second[i] + one_minus_beta2 * g * g;
     group.first[i] = m;
@@ -67,7 +73,7 @@ void adam_step(const AdamStep& step) {
   if (blocks == 0) return;
   adam_kernel<<<static_cast<unsigned>(blocks), kThreads, 0, c10::cuda::getCurrentCUDAStream()>>>(
       step);
-  C10_CUDA_KERNEL_LAUNCH_CHECK();
+  jade::cuda::check_launch("the Adam step of the Gaussians");
 }
 
 }  // namespace jade::scene::cuda

@@ -19,6 +19,9 @@ struct AdamGroup {
   double head_lr = 0;
   double tail_lr = 0;
   bool scheduled = false;  ///< step sizes are multiplied by the schedule
+  /// Floats 3i, 3i + 1 and 3i + 2 step by the mean of their gradients, so that equal ones stay
+  /// equal to the bit. `row` and `head` are multiples of 3 then.
+  bool tied = false;
 };
 
 constexpr int kMaxAdamGroups = 5;

@@ -29,6 +29,14 @@ void update(const Constants& c, const float* __restrict lr, const float* __restr
   }
 }
 
+/// The mean of each three gradients in the place of all three; `size` is a multiple of 3.
+void tie(const float* gradient, int64_t size, float* tied) {
+  for (int64_t i = 0; i < size; i += 3) {
+    const float mean = (gradient[i] + gradient[i + 1] + gradient[i + 2]) / 3;
+    tied[i] = tied[i + 1] = tied[i + 2] = mean;
+  }
+}
+
 /// The step sizes of as many whole rows as fit, bias correction and schedule included.
 int64_t fill_rates(const AdamGroup& group, double factor, float* lr) {
   const int64_t rows = std::max<int64_t>(1, kWidestRow / group.row);
@@ -45,10 +53,13 @@ void update_group(const AdamGroup& group, const Constants& c, double factor) {
   const int64_t blocks = (group.count + block - 1) / block;
   at::parallel_for(0, blocks, std::max<int64_t>(1, kChunkRows * 3 / block),
                    [&](int64_t begin, int64_t end) {
+                     float tied[2 * kWidestRow];
                      for (int64_t b = begin; b < end; ++b) {
-                       const int64_t at = b * block;
-                       update(c, lr, group.gradient + at, group.value + at, group.first + at,
-                              group.second + at, std::min(block, group.count - at));
+                       const int64_t at = b * block, size = std::min(block, group.count - at);
+                       const float* gradient = group.gradient + at;
+                       if (group.tied) tie(gradient, size, tied);
+                       update(c, lr, group.tied ? tied : gradient, group.value + at,
+                              group.first + at, group.second + at, size);
                      }
                    });
 }

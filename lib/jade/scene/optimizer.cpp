@@ -45,8 +45,8 @@ double position_lr(const OptimOptions& options, int64_t step) {
   return std::exp(start + (end - start) * s);
 }
 
-GaussianAdam::GaussianAdam(const GaussianModel& model, const OptimOptions& options)
-    : options_(options), extent_(model.extent()) {
+GaussianAdam::GaussianAdam(const GaussianModel& model, const OptimOptions& options, bool monochrome)
+    : options_(options), extent_(model.extent()), monochrome_(monochrome) {
   const auto zeros = [](const torch::Tensor& value) { return torch::zeros_like(value.detach()); };
   first_ = map_parameters(model.parameters(), zeros);
   second_ = map_parameters(model.parameters(), zeros);
@@ -80,6 +80,7 @@ void GaussianAdam::step(GaussianModel& model) {
     group.row = value.dim() == 1 ? 1 : value.numel() / std::max<int64_t>(1, value.size(0));
     group.row = std::max<int64_t>(1, group.row);
     group.head = i == kSh ? 3 : group.row;
+    group.tied = monochrome_ && i == kSh;
     set_rates(options_, extent_, i, &group);
   }
   if (model.device().is_cuda()) {

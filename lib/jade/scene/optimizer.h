@@ -53,7 +53,10 @@ double position_lr(const OptimOptions& options, int64_t step);
 class GaussianAdam {
  public:
   GaussianAdam() = default;
-  GaussianAdam(const GaussianModel& model, const OptimOptions& options);
+  /// @param monochrome  the three channels of every SH coefficient step alike, by the mean of their
+  ///   gradients: a model that starts gray stays gray to the bit. Terms of the objective weigh the
+  ///   channels differently, and kernels sum them in different orders.
+  GaussianAdam(const GaussianModel& model, const OptimOptions& options, bool monochrome = false);
 
   /// One step with the gradients the model holds; parameters without gradient stay as they are.
   void step(GaussianModel& model);
@@ -65,6 +68,7 @@ class GaussianAdam {
   /// [1] int64 on the device: steps done.
   const torch::Tensor& step_count() const { return step_count_; }
   const OptimOptions& options() const { return options_; }
+  bool monochrome() const { return monochrome_; }
 
   /// Row surgery: row i becomes the old row rows[i] (int64 [M]); rows[i] = -1 starts from zero.
   void gather_rows(const torch::Tensor& rows);
@@ -80,6 +84,7 @@ class GaussianAdam {
  private:
   OptimOptions options_;
   double extent_ = 1;
+  bool monochrome_ = false;
   splat::Gaussians first_, second_;
   torch::Tensor step_count_;
 };

@@ -26,9 +26,17 @@ Json object_of(const fs::path& path) {
   return json;
 }
 
-void take_numbers(const Json& object, Measured& measured) {
+void take_numbers(const Json& object, Measured& measured, const std::string& ending = "") {
   for (const auto& [key, value] : object.items()) {
-    if (value.is_number()) measured[key] = value.get<double>();
+    if (value.is_number()) measured[key + ending] = value.get<double>();
+  }
+}
+
+/// The means over all, seen and unseen test views; files of older programs have the first alone.
+void read_scores(const fs::path& path, Measured& measured) {
+  const Json json = object_of(path);
+  for (const char* ending : {"", "_seen", "_unseen"}) {
+    take_numbers(json.value(concat("mean", ending), Json::object()), measured, ending);
   }
 }
 
@@ -175,7 +183,7 @@ Measured measure(const SweepOutput& output, const Run& run, const std::vector<Co
   const fs::path folder = output.run_folder(run.id());
   Measured all;
   read_metrics(folder / "metrics.jsonl", all);
-  take_numbers(object_of(folder / "eval.json").value("mean", Json::object()), all);
+  read_scores(folder / "eval.json", all);
   take_numbers(object_of(folder / "allocation.json").value("mean", Json::object()), all);
   repeat_at_end(run, all);
   const double seconds = output.outcome(run.id()).seconds;

@@ -121,8 +121,8 @@ Entries read_archive(const fs::path& path) {
 torch::Tensor take(const Entries& entries, const std::string& name, const fs::path& path) {
   const auto found = entries.find(name);
   if (found == entries.end()) {
-    throw CheckpointError(
-        concat(path.string(), ": lacks '", name, "'; it was made with other options"));
+    throw CheckpointError(concat(path.string(), ": lacks '", name,
+                                 "'; it was made with other options or by an older program"));
   }
   return found->second;
 }
@@ -134,6 +134,16 @@ splat::Gaussians take_gaussians(const Entries& entries, const std::string& prefi
     scene::parameter(gaussians, i) = take(entries, prefix + scene::kParameterNames[i], path);
   }
   return gaussians;
+}
+
+/// How many parameters of a module a checkpoint holds.
+int64_t parameter_count(const Entries& entries, const std::string& prefix) {
+  return std::count_if(entries.begin(), entries.end(), [&](const auto& entry) {
+    const auto begins_with = [&](const std::string& start) {
+      return entry.first.rfind(prefix + start, 0) == 0;
+    };
+    return begins_with(".") && !begins_with(".adam.") && !begins_with(".gradient.");
+  });
 }
 
 void restore_module(const Entries& entries, const std::string& prefix, torch::nn::Module& module,
@@ -148,22 +158,16 @@ void restore_module(const Entries& entries, const std::string& prefix, torch::nn
     }
     parameter.value().copy_(saved);
   }
+  const int64_t found = parameter_count(entries, prefix);
+  const auto expected = static_cast<int64_t>(module.named_parameters().size());
+  if (found != expected) {
+    throw CheckpointError(concat(path.string(), ": expected ", expected, " parameters of '", prefix,
+                                 "', found ", found, "; it was made from other data"));
+  }
   std::vector<torch::Tensor> moments = adam.state();
   for (size_t i = 0; i < moments.size(); ++i)
     moments[i] = take(entries, concat(prefix, ".adam.", i), path);
   adam.restore(moments);
-}
-
-RunOptions read_config(const std::string& saved_yaml) {
-  RunOptions saved;
-  try {
-    config::read_text(saved_yaml, "its configuration", fields_of(saved));
-  } catch (const ConfigError& error) {
-    throw CheckpointError(
-        concat("the checkpoint is of another version of this program: ", error.what()));
-  }
-  settle(saved);
-  return saved;
 }
 
 /// "1500" and "6%" of 25,000 are one calendar.
@@ -196,14 +200,15 @@ std::vector<fs::path> list_checkpoints(const fs::path& run) {
   return found;
 }
 
-void save_checkpoint(const fs::path& run, const TrainState& state, const std::string& config,
-                     const std::string& fingerprint, int64_t keep) {
+void save_checkpoint(const fs::path& run, const TrainState& state, const CheckpointInfo& info,
+                     int64_t keep) {
   make_writable_folder(run / "checkpoints");
   Entries all = entries_of(state);
   all["format_version"] = torch::tensor(kFormatVersion);
   all["step"] = torch::tensor(state.step);
-  all["config"] = bytes_of(config);
-  all["data_fingerprint"] = bytes_of(fingerprint);
+  all["config"] = bytes_of(info.config);
+  all["data_fingerprint"] = bytes_of(info.fingerprint);
+  if (!info.restorer_sha256.empty()) all["restorer_sha256"] = bytes_of(info.restorer_sha256);
   all["sha256"] = bytes_of(digest_of(all));
 
   torch::serialize::OutputArchive archive;
@@ -229,8 +234,12 @@ void save_checkpoint(const fs::path& run, const TrainState& state, const std::st
 
 CheckpointInfo read_checkpoint_info(const fs::path& path) {
   const Entries all = read_archive(path);
-  return {take(all, "step", path).item<int64_t>(), text_of(take(all, "config", path)),
-          text_of(take(all, "data_fingerprint", path))};
+  CheckpointInfo info{
+      text_of(take(all, "config", path)), text_of(take(all, "data_fingerprint", path)), {}};
+  if (const auto found = all.find("restorer_sha256"); found != all.end()) {
+    info.restorer_sha256 = text_of(found->second);
+  }
+  return info;
 }
 
 void load_checkpoint(const fs::path& path, TrainState& state) {
@@ -238,7 +247,8 @@ void load_checkpoint(const fs::path& path, TrainState& state) {
   const double extent = take(all, "extent", path).item<double>();
   const torch::Device device = state.gaussians.device();
   state.gaussians = scene::GaussianModel(take_gaussians(all, "gaussians.", path), extent, device);
-  state.gaussian_adam = scene::GaussianAdam(state.gaussians, state.gaussian_adam.options());
+  state.gaussian_adam = scene::GaussianAdam(state.gaussians, state.gaussian_adam.options(),
+                                            state.gaussian_adam.monochrome());
   const auto on_device = [&](const torch::Tensor& tensor) { return tensor.to(device); };
   state.gaussian_adam.restore(
       scene::map_parameters(take_gaussians(all, "adam.first.", path), on_device),
@@ -279,6 +289,8 @@ std::string data_fingerprint(const data::Dataset& dataset) {
   const auto add = [&](const auto& numbers) {
     digest.update(numbers.data(), numbers.size() * sizeof(numbers[0]));
   };
+  // The same gray frames may train a scene in colour, with restorations of their own.
+  if (dataset.monochrome) digest.update("monochrome;");
   for (const data::Exposure& exposure : dataset.train) {
     digest.update(concat(exposure.name, ' ', exposure.t_start_us, ' ', exposure.t_end_us, ' ',
                          exposure.events.size(), ';'));
@@ -292,10 +304,22 @@ std::string data_fingerprint(const data::Dataset& dataset) {
   return digest.hex();
 }
 
-bool keep_calendar(const std::string& saved_yaml, RunOptions& now) {
-  const int64_t saved = calendar_steps(read_config(saved_yaml));
-  if (now.train.calendar > 0 || saved == calendar_steps(now)) return false;
-  now.train.calendar = saved;
+RunOptions saved_options(const std::string& yaml) {
+  RunOptions saved;
+  try {
+    config::read_text(yaml, "its configuration", fields_of(saved));
+  } catch (const ConfigError& error) {
+    throw CheckpointError(
+        concat("the checkpoint is of another version of this program: ", error.what()));
+  }
+  settle(saved);
+  return saved;
+}
+
+bool keep_calendar(const RunOptions& saved, RunOptions& now) {
+  const int64_t steps = calendar_steps(saved);
+  if (now.train.calendar > 0 || steps == calendar_steps(now)) return false;
+  now.train.calendar = steps;
   settle(now);
   return true;
 }
@@ -307,7 +331,7 @@ ConfigDifference compare_configs(const std::string& saved_yaml, RunOptions now) 
       "train.cuda_graph", "checkpoint.every",    "checkpoint.keep",      "device",
       "dataset.path",     "efnet.path",          "cache.enabled",        "cache.folder",
       "cache.max_mib",    "poses.test_fit_steps"};
-  RunOptions saved = read_config(saved_yaml);
+  RunOptions saved = saved_options(saved_yaml);
   settle(now);
   const FieldList saved_fields = fields_of(saved), now_fields = fields_of(now);
   const auto before = config::values(saved_fields), after = config::values(now_fields);

@@ -18,19 +18,18 @@ std::filesystem::path checkpoint_path(const std::filesystem::path& run, int64_t 
 /// Checkpoints of a run directory, newest first.
 std::vector<std::filesystem::path> list_checkpoints(const std::filesystem::path& run);
 
-/// Writes the state (whole or not at all) and removes all but the `keep` newest checkpoints.
-/// @param config       the resolved YAML of the run
-/// @param fingerprint  of the data, see data_fingerprint()
-/// @throws DataError when the disk is full or the folder not writable; nothing is lost then.
-void save_checkpoint(const std::filesystem::path& run, const TrainState& state,
-                     const std::string& config, const std::string& fingerprint, int64_t keep);
-
 /// What stands beside the state.
 struct CheckpointInfo {
-  int64_t step = 0;
-  std::string config;
-  std::string fingerprint;
+  std::string config;           ///< the resolved YAML of the run
+  std::string fingerprint;      ///< of the data, see data_fingerprint()
+  std::string restorer_sha256;  ///< of the restorer's file; empty where the options need none, and
+                                ///< in checkpoints that are older than this entry
 };
+
+/// Writes the state (whole or not at all) and removes all but the `keep` newest checkpoints.
+/// @throws DataError when the disk is full or the folder not writable; nothing is lost then.
+void save_checkpoint(const std::filesystem::path& run, const TrainState& state,
+                     const CheckpointInfo& info, int64_t keep);
 
 /// Reads what stands beside the state and verifies the whole file.
 /// @throws CheckpointError naming the path: unreadable, damaged or of another version.
@@ -52,14 +51,19 @@ void load_checkpoint_allocation(const std::filesystem::path& path, models::Alloc
 /// SHA-256 over names, times, poses and pixels of the training exposures and the number of events.
 std::string data_fingerprint(const data::Dataset& dataset);
 
+/// The options that a checkpoint's YAML holds, settled; keys that it lacks have their defaults.
+/// @throws CheckpointError for the YAML of another version.
+RunOptions saved_options(const std::string& yaml);
+
 /// A run that goes on keeps the calendar with which it began: where `now` takes its shares of
 /// another number of steps and does not name one itself, its train.calendar is set to the saved
 /// one. True where that changed it.
-bool keep_calendar(const std::string& saved_yaml, RunOptions& now);
+bool keep_calendar(const RunOptions& saved, RunOptions& now);
 
 /// Keys whose values differ, as "key: saved -> now" lines; keys that a resumed run may change
 /// without becoming another run (train.iterations, the calendar of logs, pictures and checkpoints,
-/// device, dataset.path) are in `allowed`, all others in `refused`.
+/// device, dataset.path, efnet.path) are in `allowed`, all others in `refused`. What lies at the
+/// paths is compared by CheckpointInfo.
 struct ConfigDifference {
   std::vector<std::string> allowed, refused;
 };

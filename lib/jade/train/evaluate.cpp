@@ -17,30 +17,43 @@ namespace jade::train {
 namespace fs = std::filesystem;
 
 torch::Tensor render_view(const splat::Gaussians& gaussians, const geometry::Pose& pose,
-                          const geometry::Intrinsics& camera) {
+                          const geometry::Intrinsics& camera, const splat::RenderOptions& options) {
   const torch::NoGradGuard no_grad;
-  return splat::render(gaussians, camera_batch({pose}, camera, gaussians.means.device()), {})
+  return splat::render(gaussians, camera_batch({pose}, camera, gaussians.means.device()), options)
       .color[0]
       .clamp(0, 1);
 }
 
 eval::Evaluation evaluate_views(const splat::Gaussians& gaussians,
-                                const std::vector<data::SharpView>& views,
-                                const eval::Lpips& lpips) {
+                                const std::vector<data::SharpView>& views, const eval::Lpips& lpips,
+                                const splat::RenderOptions& options) {
   std::vector<eval::Scores> scores;
   for (const data::SharpView& view : views) {
-    const auto render = render_view(gaussians, view.pose, view.camera);
+    const auto render = render_view(gaussians, view.pose, view.camera, options);
     scores.push_back(eval::score(view.name, render, view.image.to(render.device()), &lpips));
+    scores.back().seen = view.seen;
   }
   return eval::evaluation_of(std::move(scores));
 }
 
+RunOptions load_run_options(const fs::path& run) {
+  if (!fs::exists(run / "config.yaml")) {
+    throw DataError(concat(
+        run.string(), ": expected a run directory of jade_train with its config.yaml, found none"));
+  }
+  auto options = config::load<RunOptions>({run / "config.yaml", {}, {}});
+  options.device = RunOptions().device;
+  return options;
+}
+
 data::Dataset load_run_dataset(const fs::path& run, const RunOptions& options) {
   data::Dataset dataset = data::load_dataset(options.dataset);
-  if (options.poses.optimize == "none") return dataset;
   if (fs::exists(run / kLearnedCamerasFile)) {
     read_learned_cameras(run / kLearnedCamerasFile, dataset);
-  } else if (fs::exists(run / "eval.json")) {
+    return dataset;
+  }
+  if (options.poses.optimize == "none") return dataset;
+  if (fs::exists(run / "eval.json")) {
     throw DataError(concat((run / kLearnedCamerasFile).string(),
                            ": expected the cameras that this run has learned, found no file; "
                            "jade_train --resume writes it"));
@@ -51,14 +64,9 @@ data::Dataset load_run_dataset(const fs::path& run, const RunOptions& options) {
   return dataset;
 }
 
-FinishedRun open_run(const fs::path& run) {
-  if (!fs::exists(run / "config.yaml")) {
-    throw DataError(concat(
-        run.string(), ": expected a run directory of jade_train with its config.yaml, found none"));
-  }
+FinishedRun open_run(const fs::path& run, const RunOptions& options) {
   FinishedRun opened;
-  opened.options = config::load<RunOptions>({run / "config.yaml", {}, {}});
-  opened.dataset = load_run_dataset(run, opened.options);
+  opened.dataset = load_run_dataset(run, options);
   if (fs::exists(run / "point_cloud.ply")) {
     opened.gaussians = scene::read_ply(run / "point_cloud.ply").gaussians;
     return opened;

@@ -11,7 +11,6 @@
 #include "jade/geometry/alignment.h"
 #include "jade/geometry/se3.h"
 #include "jade/imaging/ssim.h"
-#include "jade/splat/render.h"
 #include "jade/train/module_adam.h"
 #include "jade/train/view.h"
 
@@ -23,12 +22,10 @@ constexpr double kFitDssim = 0.2;
 
 /// The pose from which the scene looks most like the image, near the pose given.
 geometry::Pose fitted(const data::SharpView& view, const splat::Gaussians& gaussians, int64_t steps,
-                      bool deterministic) {
+                      const splat::RenderOptions& render) {
   const torch::Device device = gaussians.means.device();
   const torch::Tensor start = geometry::to_tensor(geometry::inverse(view.pose));
   const imaging::SsimTarget target = imaging::ssim_target(view.image.to(device));
-  splat::RenderOptions render;
-  render.deterministic = deterministic;
   splat::CameraBatch camera = camera_batch({view.pose}, view.camera, device);
   torch::Tensor twist = torch::zeros({6}, torch::kFloat64).requires_grad_();
   PoseOptions schedule;
@@ -66,7 +63,7 @@ std::vector<data::NamedCamera> all_cameras(const data::Dataset& dataset) {
 
 data::Dataset with_learned_poses(const data::Dataset& dataset, const ExposurePoses& poses,
                                  const splat::Gaussians& gaussians, int64_t fit_steps,
-                                 bool deterministic) {
+                                 const splat::RenderOptions& render) {
   data::Dataset learned = dataset;
   std::vector<geometry::Pose> before, after;
   for (size_t i = 0; i < learned.train.size(); ++i) {
@@ -85,7 +82,7 @@ data::Dataset with_learned_poses(const data::Dataset& dataset, const ExposurePos
   const geometry::Similarity drift = geometry::align_cameras(before, after);
   for (data::SharpView& view : learned.test) {
     view.pose = geometry::moved(view.pose, drift);
-    view.pose = fitted(view, gaussians, fit_steps, deterministic);
+    view.pose = fitted(view, gaussians, fit_steps, render);
   }
   return learned;
 }

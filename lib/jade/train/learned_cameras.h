@@ -7,7 +7,7 @@
 #include <filesystem>
 
 #include "jade/data/exposure.h"
-#include "jade/splat/gaussians.h"
+#include "jade/splat/render.h"
 #include "jade/train/exposure_poses.h"
 
 namespace jade::train {
@@ -19,10 +19,11 @@ namespace jade::train {
 /// taken. Methods that learn poses are scored this way (BAD-NeRF, BAD-Gaussians). A request to stop
 /// ends the fit early.
 /// @param gaussians  on the device to render on, without graph
+/// @param render     render_options() of the run
 /// @throws NumericError for learned poses that are not finite
 data::Dataset with_learned_poses(const data::Dataset& dataset, const ExposurePoses& poses,
                                  const splat::Gaussians& gaussians, int64_t fit_steps,
-                                 bool deterministic);
+                                 const splat::RenderOptions& render);
 
 /// Where a run directory keeps its learned cameras.
 constexpr char kLearnedCamerasFile[] = "cameras.json";

@@ -18,14 +18,19 @@ ModuleAdam::ModuleAdam(std::vector<torch::Tensor> parameters, double lr, double 
 
 void ModuleAdam::step(double lr) {
   const torch::NoGradGuard no_grad;
-  std::vector<torch::Tensor> gradients;
-  for (const torch::Tensor& parameter : parameters_) {
-    JADE_CHECK(parameter.grad().defined(), "ModuleAdam: a parameter of shape ",
-               shape_string(parameter), " has no gradient");
-    gradients.push_back(parameter.grad());
+  std::vector<torch::Tensor> parameters, gradients, first, second, steps;
+  for (size_t i = 0; i < parameters_.size(); ++i) {
+    if (!parameters_[i].grad().defined()) continue;
+    parameters.push_back(parameters_[i]);
+    gradients.push_back(parameters_[i].grad());
+    first.push_back(first_[i]);
+    second.push_back(second_[i]);
+    steps.push_back(steps_[i]);
+    steps_[i] += 1;
   }
-  for (torch::Tensor& steps : steps_) steps += 1;
-  at::_fused_adam_(parameters_, gradients, first_, second_, {}, steps_, lr, 0.9, 0.999, 0.0, eps_,
+  JADE_CHECK(!parameters.empty(), "ModuleAdam: none of ", parameters_.size(),
+             " parameters has a gradient");
+  at::_fused_adam_(parameters, gradients, first, second, {}, steps, lr, 0.9, 0.999, 0.0, eps_,
                    /*amsgrad=*/false, /*maximize=*/false);
 }
 

@@ -15,7 +15,8 @@ class ModuleAdam {
 
   bool empty() const { return parameters_.empty(); }
 
-  /// One step with the gradients that the parameters hold. All must have one.
+  /// One step with the gradients that the parameters hold. A parameter without one stays as it is,
+  /// with its moments and its step count; at least one must have one.
   void step() { step(lr_); }
   /// The same with another step size.
   void step(double lr);

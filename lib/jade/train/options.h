@@ -54,6 +54,19 @@ void describe(V& v, TrainOptions& o) {
           "folder with one image a training view, by name, for scene.target image_folder");
 }
 
+struct SplatOptions {
+  double near_plane = 0;
+};
+
+template <class V>
+void describe(V& v, SplatOptions& o) {
+  v.field("near_plane", o.near_plane,
+          "Gaussians nearer to a camera than this, in units of the scene, are not drawn; 0: as the "
+          "run starts, 0.2 as in the published 3DGS, but at most half the near depth bound of the "
+          "data set",
+          Range{0, 1e6});
+}
+
 struct CheckpointOptions {
   int64_t every = 5000;
   int64_t keep = 2;
@@ -77,6 +90,7 @@ struct RunOptions {
   scene::InitOptions init;
   scene::OptimOptions optim;
   scene::DensifyOptions densify;
+  SplatOptions splat;
   models::CrfOptions crf;
   PoseOptions poses;
   models::AllocationOptions allocation;
@@ -99,6 +113,7 @@ void describe(V& v, RunOptions& o) {
   v.group("init", o.init, "where the Gaussians start");
   v.group("optim", o.optim, "step sizes of the Gaussians");
   v.group("densify", o.densify, "adding and removing Gaussians");
+  v.group("splat", o.splat, "how the Gaussians are drawn");
   v.group("crf", o.crf, "the camera response φ");
   v.group("poses", o.poses, "the cameras of the exposures");
   v.group("allocation", o.allocation, "the weight between the two restorations, Eq. (3)");

@@ -57,12 +57,12 @@ torch::Tensor truth_of(const data::Dataset& dataset, int64_t exposure) {
   return {};
 }
 
-Json training_view(const data::Dataset& dataset, const View& view, int64_t index,
-                   TrainState& state) {
+Json training_view(const data::Dataset& dataset, const View& view, int64_t index, TrainState& state,
+                   const splat::RenderOptions& draw) {
   const data::Exposure& exposure = dataset.train[static_cast<size_t>(index)];
   const torch::Tensor truth = truth_of(dataset, index);
-  const auto render =
-      render_view(state.gaussians.detached(), exposure.poses[geometry::kMidPose], exposure.camera);
+  const auto render = render_view(state.gaussians.detached(), exposure.poses[geometry::kMidPose],
+                                  exposure.camera, draw);
   // Count-normalised, as the correlation with α sees it.
   const auto density = (view.density / view.density.max().clamp_min(1)).unsqueeze(0);
   Json pictures = Json::array(
@@ -134,7 +134,8 @@ Json read_metrics(const fs::path& path) {
 }  // namespace
 
 void write_report(const fs::path& run, const data::Dataset& dataset, const std::vector<View>& views,
-                  TrainState& state) {
+                  TrainState& state, const RunOptions& options) {
+  const splat::RenderOptions draw = render_options(options);
   const torch::NoGradGuard no_grad;
   Json data;
   const Json environment = Json::parse(read_file(run / "env.json"));
@@ -147,13 +148,16 @@ void write_report(const fs::path& run, const data::Dataset& dataset, const std::
   for (size_t i = 0; i < shown; ++i) {
     const size_t index = shown > 1 ? i * (views.size() - 1) / (shown - 1) : 0;
     data["views"].push_back(
-        training_view(dataset, views[index], static_cast<int64_t>(index), state));
+        training_view(dataset, views[index], static_cast<int64_t>(index), state, draw));
   }
   data["tests"] = Json::array();
   for (const data::SharpView& view : dataset.test) {
-    const auto render = render_view(state.gaussians.detached(), view.pose, view.camera);
+    const auto render = render_view(state.gaussians.detached(), view.pose, view.camera, draw);
+    const char* mark = !view.seen   ? ""
+                       : *view.seen ? ", seen in training"
+                                    : ", not seen in training";
     data["tests"].push_back(
-        {{"name", "test view " + view.name},
+        {{"name", concat("test view ", view.name, mark)},
          {"show", 1},
          {"pictures", {picture("render", render, view.image), picture("truth", view.image)}}});
   }

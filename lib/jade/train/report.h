@@ -16,6 +16,6 @@ namespace jade::train {
 /// allocation.json: {"views": [{"name", "alpha_mean", "alpha_std", "alpha_min", "alpha_max",
 /// "alpha_correlation"}], "mean": {the same over all, "alpha_correlation_std"}}.
 void write_report(const std::filesystem::path& run, const data::Dataset& dataset,
-                  const std::vector<View>& views, TrainState& state);
+                  const std::vector<View>& views, TrainState& state, const RunOptions& options);
 
 }  // namespace jade::train

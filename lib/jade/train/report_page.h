@@ -69,11 +69,13 @@ data.tests.forEach(v => viewer(at('tests'), v));
 function table(parent, head, rows) {
   const t = make('table', parent), h = make('tr', t);
   head.forEach(c => make('th', h, {textContent: c}));
-  rows.forEach(r => { const line = make('tr', t); r.forEach(c => make('td', line, {textContent: typeof c === 'number' ? c.toFixed(4).replace(/(\.\d\d)\d\d$/, Math.abs(c) > 2 ? '$1' : '$&') : c ?? '-'})); });
+  rows.forEach(r => { const line = make('tr', t); r.forEach(c => make('td', line, {textContent: typeof c === 'number' ? c.toFixed(Math.abs(c) > 2 ? 2 : 4) : c ?? '-'})); });
 }
 if (data.evaluation) {
   const keys = ['psnr', 'psnr_channel_mean', 'ssim', 'lpips_alex01', 'lpips_vgg'];
-  table(at('scores'), ['view', ...keys], [...data.evaluation.views.map(v => [v.name, ...keys.map(k => v[k])]), ['mean', ...keys.map(k => data.evaluation.mean[k])]]);
+  const e = data.evaluation, mark = v => typeof v.seen === 'boolean' ? (v.seen ? 'seen' : 'unseen') : '-';
+  const means = [['mean of seen', e.mean_seen], ['mean of unseen', e.mean_unseen], ['mean', e.mean]].filter(m => m[1]);
+  table(at('scores'), ['view', 'in training', ...keys], [...e.views.map(v => [v.name, mark(v), ...keys.map(k => v[k])]), ...means.map(([name, m]) => [name, '', ...keys.map(k => m[k])])]);
   const list = make('ul', at('scores'), {className: 'facts'});
   keys.forEach(k => make('li', list, {textContent: k + ': ' + data.evaluation.definitions[k]}));
 }

@@ -15,9 +15,8 @@ losses::ToneCurve tone_curve(TrainState& state, const losses::SceneLossOptions& 
 }
 
 splat::RenderOptions render_options(int64_t step, const RunOptions& options) {
-  splat::RenderOptions render;
+  splat::RenderOptions render = train::render_options(options);
   render.sh_degree = scene::active_sh_degree(step, options.train.sh_degree_every);
-  render.deterministic = options.deterministic;
   return render;
 }
 

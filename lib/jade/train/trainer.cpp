@@ -17,6 +17,7 @@
 #include "jade/core/random.h"
 #include "jade/core/version.h"
 #include "jade/eval/metrics.h"
+#include "jade/imaging/color.h"
 #include "jade/imaging/image_io.h"
 #include "jade/scene/ply.h"
 #include "jade/train/checkpoint.h"
@@ -57,6 +58,14 @@ scene::InitSources init_sources(const data::Dataset& dataset) {
   return sources;
 }
 
+/// The same Gaussians in gray: colours are linear in SH, so g(·) of the coefficients is that of the
+/// colours.
+splat::Gaussians in_gray(splat::Gaussians start) {
+  const torch::Tensor planes = start.sh.transpose(1, 2).unsqueeze(-1);  // [N,3,K,1]
+  start.sh = imaging::as_gray(planes).squeeze(-1).transpose(1, 2).contiguous();
+  return start;
+}
+
 /// True when `due` divides the step; 0 is never.
 bool every(int64_t step, int64_t due) { return due > 0 && step % due == 0; }
 
@@ -74,6 +83,8 @@ Trainer::Trainer(const RunOptions& options, const fs::path& run, const std::stri
         concat(run.string(),
                ": holds a run already; go on with it (--resume) or choose another --output"));
   }
+  // A wrong path is told before minutes of loading.
+  restorer_sha256_ = restorer_sha256(options_);
   std::vector<std::string> warnings;
   dataset_ = data::load_dataset(options_.dataset, &warnings);
   for (const std::string& warning : warnings) log_warn(warning);
@@ -85,7 +96,10 @@ Trainer::Trainer(const RunOptions& options, const fs::path& run, const std::stri
   view_order_ =
       ViewOrder(static_cast<uint64_t>(options_.seed), static_cast<int64_t>(dataset_.train.size()));
   settle(options_);
-  if (resume.empty() || !resume_from(resume)) make_state(dataset_);
+  if (resume.empty() || !resume_from(resume)) {
+    options_.splat.near_plane = near_plane(options_.splat, dataset_);
+    make_state(dataset_);
+  }
   set_log_file(directory_.path() / "train.log");
   announce();
   write_file(directory_.path() / "config.yaml", yaml_of(options_));
@@ -104,10 +118,11 @@ Trainer::~Trainer() { set_log_file({}); }
 void Trainer::make_state(const data::Dataset& dataset) {
   const auto seed = static_cast<uint64_t>(options_.seed);
   auto init_generator = make_generator(seed, "initial points");
-  const auto start = scene::initial_gaussians(options_.init, init_sources(dataset), init_generator);
+  auto start = scene::initial_gaussians(options_.init, init_sources(dataset), init_generator);
+  if (dataset.monochrome) start = in_gray(std::move(start));
   state_.gaussians =
       scene::GaussianModel(start, scene::scene_extent(camera_poses(dataset)), device_);
-  state_.gaussian_adam = scene::GaussianAdam(state_.gaussians, options_.optim);
+  state_.gaussian_adam = scene::GaussianAdam(state_.gaussians, options_.optim, dataset.monochrome);
   state_.densifier =
       scene::Densifier(options_.densify, state_.gaussians, make_generator(seed, "densification"));
   if (options_.scene.target == "routed") {
@@ -141,38 +156,61 @@ bool Trainer::resume_from(const std::string& choice) {
     return false;
   }
   for (size_t i = 0; i < candidates.size(); ++i) {
+    CheckpointInfo info;
     try {
-      const CheckpointInfo info = read_checkpoint_info(candidates[i]);
-      if (keep_calendar(info.config, options_)) {
-        log_info(concat("calendar    stays that of ", options_.train.calendar,
-                        " steps, as the run began; a new --output follows that of ",
-                        options_.train.iterations));
-      }
-      const ConfigDifference difference = compare_configs(info.config, options_);
-      if (!difference.refused.empty()) {
-        std::string keys;
-        for (const std::string& line : difference.refused)
-          keys += (keys.empty() ? "" : "; ") + line;
-        throw ConfigError(concat(candidates[i].string(),
-                                 ": this run was made with other settings, and changing them on "
-                                 "resume would mix two runs: ",
-                                 keys, ". Put them back or start a new --output"));
-      }
-      for (const std::string& line : difference.allowed) log_info("changed on resume: " + line);
-      if (info.fingerprint != fingerprint_) {
-        throw CheckpointError(concat(candidates[i].string(), ": made from other data than ",
-                                     dataset_.root.string(), "; check dataset.path"));
-      }
-      make_state(dataset_);
-      load_checkpoint(candidates[i], state_);
-      log_info(concat("resumed from ", candidates[i].filename().string(), ", step ", state_.step));
-      return true;
+      info = read_checkpoint_info(candidates[i]);
     } catch (const CheckpointError& error) {
       if (i + 1 == candidates.size()) throw;
       log_warn(concat(error.what(), "; trying ", candidates[i + 1].filename().string()));
+      continue;
     }
+    // A whole checkpoint of another run is refused; an older one would not make it the same run.
+    keep_decisions(saved_options(info.config));
+    check_same_run(candidates[i], info);
+    make_state(dataset_);
+    load_checkpoint(candidates[i], state_);
+    log_info(concat("resumed from ", candidates[i].filename().string(), ", step ", state_.step));
+    return true;
   }
   return false;
+}
+
+void Trainer::keep_decisions(const RunOptions& saved) {
+  if (keep_calendar(saved, options_)) {
+    log_info(concat("calendar    stays that of ", options_.train.calendar,
+                    " steps, as the run began; a new --output follows that of ",
+                    options_.train.iterations));
+  }
+  // Perhaps the run began with a version that had no such key.
+  if (options_.splat.near_plane == 0) options_.splat.near_plane = saved.splat.near_plane;
+}
+
+void Trainer::check_same_run(const fs::path& checkpoint, const CheckpointInfo& info) const {
+  const ConfigDifference difference = compare_configs(info.config, options_);
+  if (!difference.refused.empty()) {
+    std::string keys;
+    for (const std::string& line : difference.refused) keys += (keys.empty() ? "" : "; ") + line;
+    throw ConfigError(concat(checkpoint.string(),
+                             ": this run was made with other settings, and changing them on "
+                             "resume would mix two runs: ",
+                             keys, ". Put them back or start a new --output"));
+  }
+  for (const std::string& line : difference.allowed) log_info("changed on resume: " + line);
+  if (info.fingerprint != fingerprint_) {
+    throw CheckpointError(concat(checkpoint.string(), ": made from other data than ",
+                                 dataset_.root.string(), "; check dataset.path and dataset.color"));
+  }
+  if (restorer_sha256_.empty()) return;
+  if (info.restorer_sha256.empty()) {
+    log_warn(concat(checkpoint.string(),
+                    ": holds no hash of the restorer, as an older program wrote it; make sure that "
+                    "efnet.path is the file the run began with"));
+  } else if (info.restorer_sha256 != restorer_sha256_) {
+    throw CheckpointError(concat(checkpoint.string(), ": expected the restorer with SHA-256 ",
+                                 info.restorer_sha256, ", found ", restorer_sha256_,
+                                 "; set efnet.path to the file the run began with or start a new "
+                                 "--output"));
+  }
 }
 
 void Trainer::announce() const {
@@ -181,10 +219,11 @@ void Trainer::announce() const {
   const auto& camera = dataset_.train.front().camera;
   log_info(concat("device      ", device_name(device_)));
   log_info(concat("data        ", dataset_.name, " (", dataset_.kind, "): ", dataset_.train.size(),
-                  " exposures of ", camera.width, "x", camera.height, ", ", event_count,
-                  " events; ", dataset_.test.size(), " sharp test views (", dataset_.split, ")"));
+                  " exposures of ", camera.width, "x", camera.height,
+                  dataset_.monochrome ? ", monochrome, " : " in colour, ", event_count, " events; ",
+                  dataset_.test.size(), " sharp test views (", dataset_.split, ")"));
   log_info(concat("scene       ", state_.gaussians.size(), " Gaussians, extent ",
-                  state_.gaussians.extent()));
+                  state_.gaussians.extent(), ", near plane ", render_options(options_).near_plane));
   if (state_.allocation) {
     int64_t count = 0;
     for (const auto& parameter : state_.allocation->parameters()) count += parameter.numel();
@@ -192,7 +231,8 @@ void Trainer::announce() const {
   } else {
     log_info(concat("target      ", options_.scene.target));
   }
-  if (needs_efnet(options_)) log_info(concat("restorer    ", options_.efnet.path.string()));
+  if (needs_efnet(options_))
+    log_info(concat("restorer    ", models::restorer_path(options_.efnet).string()));
   log_info(concat("budget      ", options_.train.iterations, " steps, at most ",
                   options_.densify.max_gaussians, " Gaussians, seed ", options_.seed));
 }
@@ -205,6 +245,7 @@ void Trainer::write_environment() const {
                                      {"device", device_name(device_)},
                                      {"seed", options_.seed},
                                      {"data_fingerprint", fingerprint_}};
+  if (!restorer_sha256_.empty()) environment["restorer_sha256"] = restorer_sha256_;
   write_file(directory_.path() / "env.json", environment.dump(2) + "\n");
 }
 
@@ -243,7 +284,8 @@ void Trainer::log_step(const View& view, const Renders& renders,
   const torch::Tensor nine =
       renders.all_poses()
           ? renders.color.detach()
-          : splat::render(state_.gaussians.detached(), exposure_cameras(state_, view, index), {})
+          : splat::render(state_.gaussians.detached(), exposure_cameras(state_, view, index),
+                          render_options(options_))
                 .color;
   const double psnr = eval::psnr(nine.mean(0), view.blurry);
   line["psnr_train"] = psnr;
@@ -271,7 +313,7 @@ void Trainer::log_step(const View& view, const Renders& renders,
 
 void Trainer::save() {
   monitor_.check();
-  save_checkpoint(directory_.path(), state_, yaml_of(options_), fingerprint_,
+  save_checkpoint(directory_.path(), state_, {yaml_of(options_), fingerprint_, restorer_sha256_},
                   options_.checkpoint.keep);
 }
 
@@ -279,11 +321,12 @@ eval::Evaluation Trainer::evaluate() { return evaluate(posed_dataset()); }
 
 eval::Evaluation Trainer::evaluate(const data::Dataset& posed) {
   const eval::Lpips lpips(device_);
-  return evaluate_views(state_.gaussians.detached(), posed.test, lpips);
+  return evaluate_views(state_.gaussians.detached(), posed.test, lpips, render_options(options_));
 }
 
 void Trainer::log_evaluation(const data::Dataset& posed) {
-  const eval::Scores mean = evaluate(posed).mean;
+  const eval::Evaluation evaluation = evaluate(posed);
+  const eval::Scores& mean = evaluation.mean;
   log_info(concat("step ", state_.step, ": test PSNR ", mean.psnr, " dB, SSIM ", mean.ssim));
   nlohmann::ordered_json line{{"step", state_.step},
                               {"test_psnr", mean.psnr},
@@ -291,6 +334,13 @@ void Trainer::log_evaluation(const data::Dataset& posed) {
                               {"test_ssim", mean.ssim}};
   if (mean.lpips_alex01) line["test_lpips_alex01"] = *mean.lpips_alex01;
   if (mean.lpips_vgg) line["test_lpips_vgg"] = *mean.lpips_vgg;
+  const auto split = [&](const std::optional<eval::Scores>& part, const std::string& ending) {
+    if (!part) return;
+    line["test_psnr_" + ending] = part->psnr;
+    line["test_psnr_channel_mean_" + ending] = part->psnr_channel_mean;
+  };
+  split(evaluation.mean_seen, "seen");
+  split(evaluation.mean_unseen, "unseen");
   metrics_->append(line.dump());
 }
 
@@ -298,20 +348,21 @@ data::Dataset Trainer::posed_dataset() {
   if (!state_.poses) return dataset_;
   monitor_.check();
   return with_learned_poses(dataset_, *state_.poses, state_.gaussians.detached(),
-                            options_.poses.test_fit_steps, options_.deterministic);
+                            options_.poses.test_fit_steps, render_options(options_));
 }
 
 void Trainer::write_pictures(const data::Dataset& posed) {
   const splat::Gaussians gaussians = state_.gaussians.detached();
+  const splat::RenderOptions draw = render_options(options_);
   for (const data::SharpView& view : posed.test) {
     imaging::write_image(directory_.path() / "images" / ("test_" + view.name + ".png"),
-                         render_view(gaussians, view.pose, view.camera));
+                         render_view(gaussians, view.pose, view.camera, draw));
   }
   for (size_t i = 0; i < views_.size(); ++i) {
     const data::Exposure& exposure = posed.train[i];
     imaging::write_image(
         directory_.path() / "images" / ("train_" + exposure.name + ".png"),
-        render_view(gaussians, exposure.poses[geometry::kMidPose], exposure.camera));
+        render_view(gaussians, exposure.poses[geometry::kMidPose], exposure.camera, draw));
     const auto alpha = allocation_map(state_, views_[i], static_cast<int64_t>(i));
     if (alpha.defined()) {
       imaging::write_image(directory_.path() / "alpha" / (exposure.name + ".png"),
@@ -340,7 +391,7 @@ void Trainer::finish() {
     write_file(directory_.path() / "eval.json", eval::to_json(evaluation));
     log_info("on the sharp test views:\n" + eval::to_table(evaluation));
   }
-  write_report(directory_.path(), posed, views_, state_);
+  write_report(directory_.path(), posed, views_, state_, options_);
   log_info(concat("report      ", (directory_.path() / "report.html").string()));
   log_info(concat("scene       ", (directory_.path() / "point_cloud.ply").string()));
 }

@@ -9,6 +9,7 @@
 
 #include "jade/data/exposure.h"
 #include "jade/eval/report.h"
+#include "jade/train/checkpoint.h"
 #include "jade/train/draws.h"
 #include "jade/train/event_windows.h"
 #include "jade/train/options.h"
@@ -53,6 +54,9 @@ class Trainer {
   void make_state(const data::Dataset& dataset);
   /// False where there is nothing to go on from.
   bool resume_from(const std::string& choice);
+  /// What a run decides when it starts stays with it: its calendar and its near plane.
+  void keep_decisions(const RunOptions& saved);
+  void check_same_run(const std::filesystem::path& checkpoint, const CheckpointInfo& info) const;
   void announce() const;
   void write_environment() const;
   void log_step(const View& view, const Renders& renders,
@@ -71,6 +75,7 @@ class Trainer {
   RunDirectory directory_;
   data::Dataset dataset_;
   std::string fingerprint_;
+  std::string restorer_sha256_;  // empty where no restorer is needed
   std::vector<View> views_;
   TrainState state_;
   ViewOrder view_order_;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/train/view.h"
 
+#include <algorithm>
 #include <optional>
 #include <torch/types.h>
 
@@ -17,18 +18,9 @@
 namespace jade::train {
 namespace {
 
-std::optional<models::EfnetOptions> restorer_options(const RunOptions& options) {
-  if (!needs_efnet(options)) return std::nullopt;
-  if (options.efnet.path.empty()) {
-    throw ConfigError(
-        "efnet.path: expected the TorchScript file of the restorer, found nothing; "
-        "assets/efnet_small.pt is ours");
-  }
-  return options.efnet;
-}
-
 /// The target of Eq. (9) where no router decides; undefined for a routed one or none.
-torch::Tensor fixed_target(const View& view, const RunOptions& options, torch::Device device) {
+torch::Tensor fixed_target(const View& view, const RunOptions& options, bool monochrome,
+                           torch::Device device) {
   const std::string& target = options.scene.target;
   if (target == "edi") return view.restorations.edi;
   if (target == "efnet") return view.restorations.efnet;
@@ -47,7 +39,7 @@ torch::Tensor fixed_target(const View& view, const RunOptions& options, torch::D
           throw DataError(concat(path.string(), ": expected ", shape_string(view.blurry),
                                  " as the training frame, found ", shape_string(image)));
         }
-        return image;
+        return monochrome ? models::without_tint(image) : image;
       }
     }
     throw DataError(concat(options.train.target_images.string(), ": expected an image named ",
@@ -64,7 +56,7 @@ double reblur_contrast(const events::EventVoxel& voxel, const RunOptions& option
   return 0.5 * (thresholds.positive + thresholds.negative) * voxel.v_max;
 }
 
-View prepare_view(const data::Exposure& exposure, const RunOptions& options,
+View prepare_view(const data::Exposure& exposure, const RunOptions& options, bool monochrome,
                   models::ViewRestorer& restorer, torch::Device device) {
   const events::ImageSize size{exposure.camera.height, exposure.camera.width};
   const events::ExposureMaps maps = events::map_exposure(
@@ -87,11 +79,26 @@ View prepare_view(const data::Exposure& exposure, const RunOptions& options,
   if (needs_efnet(options)) view.restorations.efnet = restorer.efnet(view.blurry, voxel);
   view.cameras =
       camera_batch({exposure.poses.begin(), exposure.poses.end()}, exposure.camera, device);
-  view.fixed_target = fixed_target(view, options, device);
+  view.fixed_target = fixed_target(view, options, monochrome, device);
   return view;
 }
 
 }  // namespace
+
+std::string restorer_sha256(const RunOptions& options) {
+  return needs_efnet(options) ? models::checked_file_sha256(options.efnet) : "";
+}
+
+double near_plane(const SplatOptions& options, const data::Dataset& dataset) {
+  return options.near_plane > 0 ? options.near_plane : std::min(0.2, 0.5 * dataset.near);
+}
+
+splat::RenderOptions render_options(const RunOptions& options) {
+  splat::RenderOptions render;
+  if (options.splat.near_plane > 0) render.near_plane = options.splat.near_plane;
+  render.deterministic = options.deterministic;
+  return render;
+}
 
 splat::CameraBatch camera_batch(const std::vector<geometry::Pose>& camera_from_world,
                                 const geometry::Intrinsics& camera, torch::Device device) {
@@ -112,12 +119,13 @@ splat::CameraBatch camera_batch(const std::vector<geometry::Pose>& camera_from_w
 std::vector<View> prepare_views(const data::Dataset& dataset, const RunOptions& options,
                                 torch::Device device) {
   const torch::NoGradGuard no_grad;
-  models::ViewRestorer restorer(options.cache, restorer_options(options), device);
+  const auto efnet = needs_efnet(options) ? std::optional(options.efnet) : std::nullopt;
+  models::ViewRestorer restorer(options.cache, efnet, device, dataset.monochrome);
   Progress progress("restoring", static_cast<int64_t>(dataset.train.size()), 0, "views");
   std::vector<View> views;
   for (const data::Exposure& exposure : dataset.train) {
     throw_if_interrupted();
-    views.push_back(prepare_view(exposure, options, restorer, device));
+    views.push_back(prepare_view(exposure, options, dataset.monochrome, restorer, device));
     if (progress.step()) progress.show();
   }
   return views;

@@ -28,12 +28,24 @@ struct View {
   splat::CameraBatch cameras;  ///< the nine poses
 };
 
+/// SHA-256 of the restorer's file; empty where the options need none.
+/// @throws ConfigError if EFNet is needed and not named; DataError if its file cannot be read or is
+/// not the one that efnet.sha256 means.
+std::string restorer_sha256(const RunOptions& options);
+
 /// Voxels, EDI, EFNet and cameras of every training exposure. Shows progress; EFNet is loaded for
 /// the duration of the call only.
-/// @throws DataError, NumericError from the restorers; ConfigError if EFNet is needed and not
-/// named.
+/// @throws DataError, NumericError from the restorers.
 std::vector<View> prepare_views(const data::Dataset& dataset, const RunOptions& options,
                                 torch::Device device);
+
+/// splat.near_plane for a run that starts with this data set: what it says, else 0.2 as in the
+/// published 3DGS, but at most half the near depth bound, so that small scenes are not cut.
+double near_plane(const SplatOptions& options, const data::Dataset& dataset);
+
+/// How a run draws any view, at the full SH degree. A near plane of 0, as in runs of versions that
+/// had no such key, means that of splat/render.h.
+splat::RenderOptions render_options(const RunOptions& options);
 
 /// One camera for several poses on a device.
 splat::CameraBatch camera_batch(const std::vector<geometry::Pose>& camera_from_world,

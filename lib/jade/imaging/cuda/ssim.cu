@@ -2,6 +2,7 @@
 #include <c10/cuda/CUDAGuard.h>
 #include <c10/cuda/CUDAStream.h>
 
+#include "jade/core/cuda_launch.h"
 #include "jade/core/error.h"
 #include "jade/imaging/ssim_kernels.h"
 
@@ -199,14 +200,6 @@ __global__ void __launch_bounds__(kSumThreads) ssim_finish(SsimCuda in, int64_t 
   }
 }
 
-void check_launch(const char* what) {
-  const cudaError_t status = cudaGetLastError();
-  if (status != cudaSuccess) {
-    throw DeviceError(
-        concat("the SSIM kernel (", what, ") did not start: ", cudaGetErrorString(status)));
-  }
-}
-
 }  // namespace
 
 int64_t ssim_cuda_blocks(int64_t planes, int64_t height, int64_t width) {
@@ -232,17 +225,17 @@ void ssim_cuda(const SsimCuda& arguments, const double* window, int device_index
   } else {
     ssim_forward<false><<<grid, kThreads, 0, stream>>>(arguments, taps);
   }
-  check_launch("forward");
+  jade::cuda::check_launch("SSIM");
   if (arguments.grad_b != nullptr) {
     ssim_backward<4><<<grid, kThreads, 0, stream>>>(arguments, taps);
-    check_launch("backward");
+    jade::cuda::check_launch("SSIM, backward");
   } else if (arguments.grad_a != nullptr) {
     ssim_backward<3><<<grid, kThreads, 0, stream>>>(arguments, taps);
-    check_launch("backward");
+    jade::cuda::check_launch("SSIM, backward");
   }
   const int64_t blocks = ssim_cuda_blocks(arguments.planes, arguments.height, arguments.width);
   ssim_finish<<<1, kSumThreads, 0, stream>>>(arguments, blocks);
-  check_launch("sum");
+  jade::cuda::check_launch("SSIM, sum");
 }
 
 }  // namespace jade::imaging

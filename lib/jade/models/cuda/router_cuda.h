@@ -11,7 +11,8 @@ namespace jade::models::cuda {
 /// @param in       [N,C,H,W]
 /// @param weights  [O,C,K,K]
 /// @param bias     [O], or undefined.
-/// @throws ContractError for other shapes or types, DeviceError without CUDA kernels.
+/// @throws ContractError for other shapes or types, DeviceError without CUDA kernels and when one
+/// does not start.
 torch::Tensor conv_layer(const torch::Tensor& in, const torch::Tensor& weights,
                          const torch::Tensor& bias, bool relu);
 

@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: Apache-2.0
+// The programs that read a data set have one vocabulary: the keys of jade_train.
+#include "support/catch.h"
+
+#include "jade/core/atomic_file.h"
+#include "support/programs.h"
+#include "support/temp_dir.h"
+#include "support/tiny_dataset.h"
+
+using namespace jade;
+using test::check_error;
+using test::Outcome;
+using test::run;
+
+namespace {
+
+namespace fs = std::filesystem;
+
+const char* const kPrograms[] = {"jade_inspect", "jade_deblur", "jade_render", "jade_eval"};
+
+/// The value of a key's last part in a printed configuration.
+std::string printed(const test::TempDir& dir, const std::string& command, const std::string& name) {
+  const Outcome outcome = run(dir, command + " --print-config");
+  INFO(command << ": " << outcome.err);
+  CHECK(outcome.code == 0);
+  const std::string start = "  " + name + ": ";
+  const size_t at = outcome.out.find(start);
+  REQUIRE(at != std::string::npos);
+  const size_t begin = at + start.size();
+  return outcome.out.substr(begin, outcome.out.find("  #", begin) - begin);
+}
+
+}  // namespace
+
+TEST_CASE("settings: run, files, --set and flags are laid over each other in this order",
+          "[apps]") {
+  const test::TempDir dir;
+  fs::create_directories(dir / "run");
+  dir.write("run/config.yaml", "device: cuda:3\ndataset: {split: last, test_last: 1}\n");
+  dir.write("a.yaml", "dataset: {test_last: 2, split: every}\n");
+  dir.write("b.yaml", "dataset: {test_last: 3}\n");
+  for (const std::string program : {"jade_deblur", "jade_render", "jade_eval"}) {
+    const std::string start = program + " --run run";
+    CHECK(printed(dir, start, "test_last") == "1");
+    CHECK(printed(dir, start + " --config a.yaml", "test_last") == "2");
+    CHECK(printed(dir, start + " --config a.yaml --config b.yaml", "test_last") == "3");
+    CHECK(printed(dir, start + " --config a.yaml --config b.yaml", "split") == "every");
+    // Where they stand on the line does not matter.
+    const std::string set = program + " --set dataset.test_last=4 --config a.yaml --run run";
+    CHECK(printed(dir, set, "test_last") == "4");
+    CHECK(printed(dir, program + " --split none --set dataset.split=auto --run run", "split") ==
+          "none");
+    // The run's device may be that of another machine.
+    CHECK_THAT(run(dir, start + " --print-config").out, Catch::Contains("\ndevice: auto "));
+    CHECK_THAT(run(dir, start + " --device cpu --print-config").out,
+               Catch::Contains("\ndevice: cpu "));
+  }
+  CHECK(printed(dir, "jade_inspect --config a.yaml --config b.yaml --split last", "split") ==
+        "last");
+}
+
+TEST_CASE("settings: a mistake reads the same in each program", "[apps]") {
+  const test::TempDir dir;
+  dir.write("bad.yaml", "events:\n  bons: 6\n");
+  for (const std::string program : kPrograms) {
+    INFO(program);
+    check_error(run(dir, program + " --config bad.yaml"), 2,
+                "bad.yaml:2:3: events.bons: unknown key; did you mean events.bins?");
+    check_error(run(dir, program + " --set events.bins=many"), 2,
+                "--set events.bins=many: events.bins: expected a whole number in [2, 64]");
+    check_error(run(dir, program + " --set events.bins=5"), 2, "expected an even number");
+    check_error(run(dir, program + " --kind foo"), 2,
+                "--kind foo: dataset.kind: expected one of auto, evdeblur");
+    CHECK_THAT(run(dir, program + " --help").out, Catch::Contains("Settings, later wins:"));
+  }
+}
+
+TEST_CASE("settings: a scene's file serves every program; paths start where they are named",
+          "[apps]") {
+  const test::TempDir dir;
+  test::write_tiny_dataset(dir / "data/scene");
+  fs::create_directories(dir / "configs");
+  dir.write("configs/scene.yaml",
+            "dataset: {path: ../data/scene}\nscene: {target: edi}\ninit: {points: 100}\n"
+            "train: {iterations: 3}\n");
+  const std::string scene = " --config configs/scene.yaml ";
+  const Outcome inspected = run(dir, "jade_inspect --json" + scene);
+  INFO(inspected.err);
+  CHECK(inspected.code == 0);
+  CHECK_THAT(inspected.out, Catch::Contains("\"kind\": \"evdeblur\""));
+  check_error(run(dir, "jade_inspect --split none" + scene), 3, "by dataset.split none");
+  const Outcome deblurred = run(dir, "jade_deblur --quiet --output out" + scene);
+  INFO(deblurred.err);
+  CHECK(deblurred.code == 0);
+  CHECK(fs::exists(dir / "out/00.png"));
+  REQUIRE(run(dir, "jade_train --quiet --device cpu --output run" + scene).code == 0);
+  const std::string render = "jade_render --quiet --device cpu --format npy ";
+  CHECK(run(dir, render + "--ply run/point_cloud.ply --output a" + scene).code == 0);
+  CHECK(run(dir, render + "--run run --output b").code == 0);
+  CHECK(read_file(dir / "a/03.npy") == read_file(dir / "b/03.npy"));
+  const Outcome scored = run(dir, "jade_eval --device cpu --json --run run" + scene);
+  INFO(scored.err);
+  CHECK(scored.code == 0);
+  CHECK(run(dir, "jade_eval --device cpu --json --run run").out == scored.out);
+
+  // A flag takes its value as it is, from the folder where the program runs.
+  fs::rename(dir / "data/scene", dir / "a: [b");
+  CHECK(run(dir, "jade_deblur --quiet --output c --dataset 'a: [b'" + scene).code == 0);
+  CHECK(run(dir, "jade_inspect 'a: [b'").code == 0);
+  check_error(run(dir, "jade_inspect" + scene), 3, "data/scene");
+  check_error(run(dir, "jade_render --output d --ply run/point_cloud.ply"), 2,
+              "needs --run or --dataset");
+}
+
+TEST_CASE("settings: the thresholds of jade_deblur mean the same in each form", "[apps]") {
+  const test::TempDir dir;
+  test::write_tiny_dataset(dir / "scene");
+  dir.write("events.yaml", "events: {threshold_positive: 0.1, threshold_negative: 0.4}\n");
+  const std::string deblur = "jade_deblur --quiet --npy --dataset scene --output ";
+  CHECK(run(dir, deblur + "a --config events.yaml").code == 0);
+  CHECK(run(dir, deblur + "b --threshold-positive 0.1 --threshold-negative 0.4").code == 0);
+  CHECK(run(dir, deblur + "c --no-cache").code == 0);
+  CHECK(read_file(dir / "a/01.npy") == read_file(dir / "b/01.npy"));
+  CHECK(read_file(dir / "a/01.npy") != read_file(dir / "c/01.npy"));
+}
+
+TEST_CASE("settings: a run's learned cameras stay, whatever is laid over its settings", "[apps]") {
+  const test::TempDir dir;
+  test::write_tiny_dataset(dir / "scene");
+  const Outcome trained =
+      run(dir,
+          "jade_train --quiet --device cpu --set dataset.path=scene --set scene.target=none --set "
+          "scene.warmup=2 --set init.points=200 --set train.iterations=10 --set "
+          "poses.optimize=linear --set poses.test_fit_steps=5 --output run");
+  INFO(trained.err);
+  REQUIRE(trained.code == 0);
+  dir.write("plain.yaml", "poses: {optimize: none}\n");
+  const std::string score = "jade_eval --quiet --device cpu --json --run run ";
+  const Outcome own = run(dir, score);
+  CHECK(own.code == 0);
+  CHECK(run(dir, score + "--config plain.yaml --set scene.blur=false").out == own.out);
+  const std::string render = "jade_render --quiet --device cpu --format npy ";
+  CHECK(run(dir, render + "--run run --output a").code == 0);
+  CHECK(run(dir, render + "--run run --config plain.yaml --output b").code == 0);
+  CHECK(run(dir, render + "--ply run/point_cloud.ply --dataset scene --output c").code == 0);
+  CHECK(read_file(dir / "a/03.npy") == read_file(dir / "b/03.npy"));
+  CHECK(read_file(dir / "a/03.npy") != read_file(dir / "c/03.npy"));
+}

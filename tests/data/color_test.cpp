@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+// Whether a data set is monochrome, and frames that are made gray.
+#include "jade/imaging/color.h"
+
+#include "support/catch.h"
+
+#include <torch/types.h>
+
+#include "data/tiny_recording.h"
+#include "jade/core/error.h"
+#include "jade/io/npy.h"
+#include "support/temp_dir.h"
+
+namespace jade::data {
+namespace {
+
+EvDeblurContent gray_content() {
+  EvDeblurContent content = test::tiny_content();
+  const auto gray = [](torch::Tensor& image) { image = image[0].expand({3, -1, -1}).clone(); };
+  for (Exposure& exposure : content.train) gray(exposure.blurry);
+  for (SharpView& view : content.test) gray(view.image);
+  return content;
+}
+
+/// A data set written and read again.
+struct Loaded {
+  test::TempDir folder;
+  std::vector<std::string> warnings;
+
+  explicit Loaded(const EvDeblurContent& content) { write_evdeblur(folder / "scene", content); }
+
+  Dataset as(const std::string& color) {
+    warnings.clear();
+    DatasetOptions options;
+    options.path = folder / "scene";
+    options.color = color;
+    return load_dataset(options, &warnings);
+  }
+};
+
+bool all_gray(const Dataset& data) {
+  bool gray = true;
+  for (const Exposure& exposure : data.train) gray = gray && imaging::is_gray(exposure.blurry);
+  for (const SharpView& view : data.test) gray = gray && imaging::is_gray(view.image);
+  return gray;
+}
+
+TEST_CASE("colour: R = G = B in every frame is monochrome, and auto leaves the frames alone",
+          "[data]") {
+  Loaded gray(gray_content());
+  const Dataset data = gray.as("auto"), in_color = gray.as("color");
+  CHECK(data.monochrome);
+  CHECK(all_gray(data));
+  CHECK_FALSE(in_color.monochrome);
+  CHECK(gray.as("gray").monochrome);
+  CHECK(data.train[2].blurry.equal(in_color.train[2].blurry));
+  CHECK(data.train[2].blurry.equal(gray.as("gray").train[2].blurry));
+  CHECK_FALSE(Loaded(test::tiny_content()).as("auto").monochrome);
+  CHECK_THROWS_AS(gray.as("grey"), ConfigError);
+}
+
+TEST_CASE("colour: one coloured pixel of one frame, blurry or sharp, is colour", "[data]") {
+  EvDeblurContent blurry = gray_content(), sharp = gray_content();
+  blurry.train[3].blurry[2][5][7].neg_().add_(1);
+  sharp.test[1].image[1][0][0].neg_().add_(1);
+  CHECK_FALSE(Loaded(blurry).as("auto").monochrome);
+  CHECK_FALSE(Loaded(sharp).as("auto").monochrome);
+}
+
+TEST_CASE("colour: coloured frames are made gray by the luma where that is asked", "[data]") {
+  Loaded coloured(test::tiny_content());
+  const Dataset before = coloured.as("auto"), after = coloured.as("gray");
+  CHECK(after.monochrome);
+  CHECK_FALSE(all_gray(before));
+  CHECK(all_gray(after));
+  REQUIRE(after.test.size() == 2);
+  CHECK(after.train[1].blurry[1].equal(imaging::gray(before.train[1].blurry)[0]));
+  CHECK(after.test[0].image[2].equal(imaging::gray(before.test[0].image)[0]));
+}
+
+TEST_CASE("colour: the colour filter of events is left out for gray frames, with a warning",
+          "[data]") {
+  Loaded gray(gray_content());
+  const auto axes =
+      torch::meshgrid({torch::arange(test::kHeight), torch::arange(test::kWidth)}, "ij");
+  io::write_npz(gray.folder / "scene/ev_map.npz", {{"inv_mapx", axes[1].to(torch::kFloat32)},
+                                                   {"inv_mapy", axes[0].to(torch::kFloat32)}});
+  CHECK(gray.as("color").event_color.defined());
+  CHECK_FALSE(test::mentions(gray.warnings, "colour filter"));
+  CHECK_FALSE(gray.as("auto").event_color.defined());
+  CHECK(test::mentions(gray.warnings, "colour filter"));
+}
+
+}  // namespace
+}  // namespace jade::data

@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: Apache-2.0
+"""convert_aedat4.py on recordings as the two packages decode them (aedat 2.3.0, dv-processing 2.0.4); the packages, h5py and
+OpenCV are replaced, so that only numpy is needed."""
+import contextlib
+import datetime
+import io
+import sys
+import tempfile
+import types
+import unittest
+from pathlib import Path
+from unittest import mock
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
+import convert_aedat4  # noqa: E402
+
+RED, GREEN, BLUE, OPAQUE = 10, 100, 200, 255
+MICROSECOND = datetime.timedelta(microseconds=1)
+# Middle, start and end of the exposure, µs; the last frame has none (from DV's accumulator).
+TIMES = ((1005000, 1000000, 1010000), (2000124, 2000000, 2000249), (3000000, 0, 0))
+BATCHES = 5
+
+
+def image(*channels):
+    return np.full((2, 4, len(channels)), channels, np.uint8)
+
+
+def batch(number, names):
+    kinds = list(zip(names, ("<u8", "<u2", "<u2", "?")))
+    return np.array([(1000 * number + i, i, 1, i % 2) for i in range(3)], kinds)
+
+
+class AedatDecoder:
+    """Pixels red first, exposure times as the file has them: 0 where it has none."""
+
+    def __init__(self, path):
+        pass
+
+    def __iter__(self):
+        pixels = {"RGB": image(RED, GREEN, BLUE), "RGBA": image(RED, GREEN, BLUE, OPAQUE), "L": image(RED)[..., 0]}
+        for (middle, start, end), (order, values) in zip(TIMES, pixels.items()):
+            yield {"stream_id": 1, "frame": {"t": middle, "exposure_begin_t": start, "exposure_end_t": end, "format": order,
+                                             "width": 4, "height": 2, "pixels": values}}
+        for number in range(BATCHES):
+            yield {"stream_id": 0, "events": batch(number, ("t", "x", "y", "on"))}
+
+
+class DvRecording:
+    """Pixels as OpenCV has them, the exposure's start and length, and a recording that is over when its first stream is."""
+
+    def __init__(self, path):
+        pixels = (image(BLUE, GREEN, RED), image(BLUE, GREEN, RED, OPAQUE), image(RED)[..., 0])
+        self.frames = [types.SimpleNamespace(timestamp=start or middle, exposure=(end - start) * MICROSECOND, image=values)
+                       for (middle, start, end), values in zip(TIMES, pixels)]
+        self.batches = [types.SimpleNamespace(numpy=lambda n=n: batch(n, ("timestamp", "x", "y", "polarity")))
+                        for n in range(BATCHES)]
+        self.ended = False
+
+    def isRunning(self):
+        return not self.ended
+
+    def isEventStreamAvailable(self):
+        return True
+
+    def isFrameStreamAvailable(self):
+        return True
+
+    def next_of(self, stream):
+        item = stream.pop(0) if stream else None
+        self.ended |= not stream
+        return item
+
+    def getNextEventBatch(self):
+        return self.next_of(self.batches)
+
+    def getNextFrame(self):
+        return self.next_of(self.frames)
+
+
+class FailingRecording:
+    def __init__(self, path):
+        raise RuntimeError("/include/simplefile.hpp(313): void read()\nEndOfFile: Error info: it is empty\nStacktrace:\n 0# 0x3A")
+
+
+class Hdf5File:
+    """What of h5py.File the converter uses; the data sets stay in `written`."""
+
+    written = {}
+
+    def __init__(self, path, mode):
+        Path(path).touch()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *problem):
+        pass
+
+    def create_dataset(self, name, shape, dtype, **options):
+        return Hdf5Set(name, dtype)
+
+
+class Hdf5Set:
+    def __init__(self, name, dtype):
+        self.name, Hdf5File.written[name] = name, np.zeros(0, dtype)
+
+    def resize(self, shape):
+        Hdf5File.written[self.name] = np.resize(Hdf5File.written[self.name], shape)
+
+    def __setitem__(self, where, values):
+        Hdf5File.written[self.name][where] = values
+
+
+def module(name, **content):
+    return {name: types.SimpleNamespace(**content)}
+
+
+READERS = {"aedat": module("aedat", Decoder=AedatDecoder) | {"dv_processing": None},
+           "dv_processing": module("dv_processing", io=types.SimpleNamespace(MonoCameraRecording=DvRecording))}
+
+
+class ConvertAedat4(unittest.TestCase):
+    def convert(self, reader):
+        """Exit code, what was said, the pictures and the times."""
+        pictures = {}
+        stubs = module("h5py", File=Hdf5File) | module(
+            "cv2", imwrite=lambda path, values: pictures.update({Path(path).name: values}))
+        said = io.StringIO()
+        with tempfile.TemporaryDirectory() as folder:
+            recording = Path(folder) / "recording.aedat4"
+            recording.touch()
+            arguments = ["convert_aedat4", str(recording), f"{folder}/events.h5", "--frames", f"{folder}/frames"]
+            with mock.patch.dict(sys.modules, stubs | reader), mock.patch.object(sys, "argv", arguments), \
+                    contextlib.redirect_stderr(said), contextlib.redirect_stdout(said):
+                try:
+                    convert_aedat4.main()
+                    code = 0
+                except SystemExit as stop:
+                    code = stop.code
+            times = Path(folder) / "frames" / "timestamps.npz"
+            times = dict(np.load(times)) if times.exists() else {}
+        return code, said.getvalue(), pictures, times
+
+    def test_colours_are_in_opencvs_order(self):
+        for name, reader in READERS.items():
+            with self.subTest(name):
+                pictures = self.convert(reader)[2]
+                self.assertEqual(pictures["0000.png"][0, 0].tolist(), [BLUE, GREEN, RED])
+                self.assertEqual(pictures["0001.png"][1, 3].tolist(), [BLUE, GREEN, RED, OPAQUE])
+                self.assertEqual(pictures["0002.png"].shape, (2, 4))
+
+    def test_exposures_run_from_their_start_to_their_end(self):
+        for name, reader in READERS.items():
+            with self.subTest(name):
+                _, said, _, times = self.convert(reader)
+                self.assertEqual(times["timestamps_start"].tolist(), [1000000, 2000000, 3000000])
+                self.assertEqual(times["timestamps_end"].tolist(), [1010000, 2000249, 3000000])
+                self.assertEqual(times["timestamps"].tolist(), [1005000, 2000124, 3000000])
+                self.assertIn("1 of 3 frames carry no exposure times", said)
+
+    def test_every_event_arrives_though_the_frames_are_fewer(self):
+        for name, reader in READERS.items():
+            with self.subTest(name):
+                self.assertEqual(self.convert(reader)[0], 0)
+                self.assertEqual(Hdf5File.written["t"].tolist(), [1000 * n + i for n in range(BATCHES) for i in range(3)])
+                self.assertEqual(Hdf5File.written["p"].tolist(), [0, 1, 0] * BATCHES)
+
+    def test_a_package_that_fails_is_quoted_in_one_line(self):
+        failing = module("dv_processing", io=types.SimpleNamespace(MonoCameraRecording=FailingRecording))
+        code, said, _, _ = self.convert(failing)
+        self.assertEqual(code, 3)
+        self.assertRegex(said, r"^convert_aedat4: \S+recording.aedat4: EndOfFile: Error info: it is empty\n$")
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <torch/types.h>
+
+namespace jade::test {
+
+/// How far the gradient norms of splat::ScreenStatistics are from better ones, [N] both.
+struct NormDifference {
+  double beyond_rounding = 0;  ///< share of the Gaussians that differ by more than float32 rounds
+  double largest = 0;          ///< of all differences, in units of the mean norm
+};
+
+/// A norm is that of a sum over pixels whose terms have either sign, so rounding is relative to the
+/// terms and not to what is left of them: float32 on the CPU is within 2e-4 of the mean norm of
+/// float64 for every Gaussian whose cut-offs fall alike. The bound is 1e-3 of the norm and 1e-3 of
+/// the mean, which leaves a factor of five to other orders of summation (atomics) and to faster
+/// exponentials and quotients.
+/// What remains is α = 1/255 decided the other way at a pixel: about one Gaussian in a thousand
+/// then gains or loses a term of a fraction of the mean norm.
+inline NormDifference compare_gradient_norms(const torch::Tensor& norms,
+                                             const torch::Tensor& better) {
+  const torch::Tensor truth = better.to(torch::kFloat64);
+  const torch::Tensor difference = (norms.to(torch::kFloat64) - truth).abs();
+  const double mean = truth.masked_select(truth > 0).mean().item<double>();
+  const torch::Tensor beyond = difference > 1e-3 * truth + 1e-3 * mean;
+  return {beyond.to(torch::kFloat64).mean().item<double>(), difference.max().item<double>() / mean};
+}
+
+/// The limits to these, for 2,000 Gaussians seen three times.
+inline constexpr double kBeyondRounding = 2e-3;
+inline constexpr double kLargestFlip = 0.2;
+
+}  // namespace jade::test
