@@ -167,6 +167,6 @@ TEST_CASE("configs: every sweep that ships can be read, and overrides have at mo
       ++overrides;
     }
   }
-  CHECK(sweeps == 8);
+  CHECK(sweeps == 9);
   CHECK(overrides == 20);
 }
