@@ -62,6 +62,8 @@ class Program {
   template <class Options>
   std::optional<Options> load_options(Options options = {}) {
     config::read(sources(fields_of(options)), fields_of(options));
+    using config::settle;
+    settle(options);
     validate(options);
     const FieldList fields = fields_of(options);
     if (print_config_) std::cout << config::to_yaml(fields, title());

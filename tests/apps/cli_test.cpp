@@ -27,6 +27,18 @@ TEST_CASE("jade_train: the printed configuration prints itself", "[apps]") {
   CHECK(second.out == first.out);
 }
 
+TEST_CASE("print-config: says what the calendar's shares come to in a run of this length",
+          "[apps]") {
+  const test::TempDir dir;
+  const std::string out = run(dir, "jade_train --print-config --set train.iterations=3000").out;
+  CHECK_THAT(out,
+             Catch::Contains("simulation_start: 28%  # ") && Catch::Contains("here 840 steps"));
+  const std::string kept =
+      run(dir, "jade_train --print-config --set train.iterations=3000 --set train.calendar=25000")
+          .out;
+  CHECK_THAT(kept, Catch::Contains("here 7000 steps"));
+}
+
 TEST_CASE("jade_train: configs/reference.yaml is what the program prints", "[apps]") {
   const test::TempDir dir;
   CHECK(run(dir, "jade_train --print-config").out ==
