@@ -675,6 +675,8 @@ TEST_CASE("options: the calendar follows the number of steps", "[train]") {
   CHECK(paper.train.sh_degree_every == 1000);
   CHECK(paper.optim.position_lr_max_steps == 150000);
   CHECK(paper.poses.lr_max_steps == 30000);
+  for (const int64_t iterations : {1, 2, 7, 20})
+    CHECK_NOTHROW(train::validate(settled(iterations)));
   for (const int64_t iterations : {500, 3000, 12000, 40000}) {
     const train::RunOptions scaled = settled(iterations);
     CHECK_NOTHROW(train::validate(scaled));
