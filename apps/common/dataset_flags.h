@@ -4,7 +4,7 @@
 #pragma once
 
 #include "common/cli.h"
-#include "jade/train/evaluate.h"
+#include "jade/run/evaluate.h"
 #include "jade/train/options.h"
 
 namespace jade::apps {
@@ -30,7 +30,7 @@ inline void add_dataset_flags(Program& program, const std::string& path = "--dat
 /// the command line says. Nothing when a print was asked for, which is then done.
 inline std::optional<train::RunOptions> load_settings(Program& program,
                                                       const std::filesystem::path& run = {}) {
-  return program.load_options(run.empty() ? train::RunOptions() : train::load_run_options(run));
+  return program.load_options(run.empty() ? train::RunOptions() : run::load_run_options(run));
 }
 
 }  // namespace jade::apps

@@ -41,16 +41,17 @@ struct Bench {
     for (int64_t i = 0; i < kViews; ++i) views.push_back(make_view(work, generator, device));
     splat::Gaussians start = work.gaussians;
     start.means = start.means + 0.002 * at::randn(start.means.sizes(), generator).to(device);
-    state.gaussians = scene::GaussianModel(start, 1.0, device);
-    state.gaussian_adam = scene::GaussianAdam(state.gaussians, options.optim);
-    state.densifier = scene::Densifier(options.densify, state.gaussians, generator);
-    state.allocation = models::make_allocation(options.allocation, kViews, work.cameras.height,
+    state.gaussians = gaussians::GaussianModel(start, 1.0, device);
+    state.gaussian_adam = gaussians::GaussianAdam(state.gaussians, options.optim);
+    state.densifier = gaussians::Densifier(options.densify, state.gaussians, generator);
+    state.allocation = router::make_allocation(options.allocation, kViews, work.cameras.height,
                                                work.cameras.width, generator);
     state.allocation->to(device);
     state.allocation_adam = train::ModuleAdam(state.allocation->parameters(), options.route.lr);
-    state.crf = models::Crf();
-    state.crf->to(device);
-    state.crf_adam = train::ModuleAdam(state.crf->parameters(), options.crf.lr, 1e-15);
+    state.response = response::CameraResponse();
+    state.response->to(device);
+    state.response_adam =
+        train::ModuleAdam(state.response->parameters(), options.response.lr, 1e-15);
   }
 
   static train::View make_view(const Workload& work, at::Generator& generator,

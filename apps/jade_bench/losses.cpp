@@ -10,13 +10,13 @@
 
 #include "jade/core/random.h"
 #include "jade/losses/inherited.h"
+#include "jade/losses/objective.h"
 #include "jade/losses/rec.h"
 #include "jade/losses/route.h"
-#include "jade/losses/scene.h"
 #include "jade/losses/target.h"
-#include "jade/models/crf.h"
-#include "jade/models/restorations.h"
-#include "jade/models/router.h"
+#include "jade/response/camera_response.h"
+#include "jade/restore/restorations.h"
+#include "jade/router/router.h"
 
 namespace jade::bench {
 namespace {
@@ -32,9 +32,9 @@ struct Images {
   torch::Tensor image, other, alpha;  ///< [3,H,W], [3,H,W], [1,H,W], leaves
   torch::Tensor blurry, factors, counts, pixels, psi;
   imaging::SsimTarget blurry_moments;
-  models::Restorations restorations;
-  models::Router router{make_generator(0, "router")};
-  models::Crf crf;
+  restore::Restorations restorations;
+  router::Router router{make_generator(0, "router")};
+  response::CameraResponse response;
 
   Images(int64_t height, int64_t width, torch::Device device) {
     at::Generator generator = make_generator(0, "losses benchmark");
@@ -55,21 +55,22 @@ struct Images {
     restorations.edi = draw({3, height, width});
     restorations.efnet = draw({3, height, width});
     router->to(device);
-    crf->to(device);
+    response->to(device);
   }
 
-  losses::SceneLoss scene() const {
-    losses::SceneLossInputs inputs;
+  losses::Objective objective() const {
+    losses::ObjectiveInputs inputs;
     inputs.renders = renders;
     inputs.blurry = blurry;
     inputs.blurry_moments = blurry_moments;
     inputs.edi_factors = factors;
     inputs.poses = torch::tensor({1, 6, 2}, torch::kInt64).to(renders.device());
     inputs.target.emplace(restorations.edi);
-    const torch::Tensor table = models::Crf(crf)->table();
-    inputs.tone = {[table](const torch::Tensor& x) { return models::CrfImpl::apply(x, table); },
-                   [table](const torch::Tensor& x) { return models::CrfImpl::mean(x, table); }};
-    return losses::scene_loss(inputs, kStep, {});
+    const torch::Tensor table = response::CameraResponse(response)->table();
+    inputs.tone = {
+        [table](const torch::Tensor& x) { return response::CameraResponseImpl::apply(x, table); },
+        [table](const torch::Tensor& x) { return response::CameraResponseImpl::mean(x, table); }};
+    return losses::objective(inputs, kStep, {});
   }
 };
 
@@ -111,17 +112,17 @@ std::vector<Term> terms() {
        }},
       {"route",
        [](const Images& in) {
-         return losses::route_loss(models::fuse(in.alpha, in.restorations), Fixed(in.image),
+         return losses::route_loss(restore::fuse(in.alpha, in.restorations), Fixed(in.image),
                                    in.factors[0], in.blurry, {})
              .total;
        }},
       {"router",
        [](const Images& in) {
-         return models::Router(in.router)
+         return router::Router(in.router)
              ->logits(in.blurry.unsqueeze(0), in.psi.unsqueeze(0))
              .sum();
        }},
-      {"scene", [](const Images& in) { return in.scene().total; }}};
+      {"objective", [](const Images& in) { return in.objective().total; }}};
 }
 
 nlohmann::json measure(const Term& term, int64_t height, int64_t width, const Repeats& repeats,
@@ -136,7 +137,7 @@ nlohmann::json measure(const Term& term, int64_t height, int64_t width, const Re
   const Times both = time([&] { term.value(images).backward(); }, repeats, device);
   return {{"name", term.name},
           {"device", device.str()},
-          {"views", std::string(term.name) == "scene" ? 9 : 1},
+          {"views", std::string(term.name) == "objective" ? 9 : 1},
           {"width", width},
           {"height", height},
           {"forward_ms", to_json(alone)},

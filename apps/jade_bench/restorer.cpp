@@ -26,7 +26,7 @@ Frame make_frame(int64_t width, int64_t height) {
   return {concat(width, "x", height), image, bins};
 }
 
-nlohmann::json measure(models::Restorer& restorer, const Frame& frame, const Repeats& repeats,
+nlohmann::json measure(restore::Restorer& restorer, const Frame& frame, const Repeats& repeats,
                        torch::Device device, const std::filesystem::path& dump) {
   const torch::Tensor image = frame.image.to(device), bins = frame.bins.to(device);
   if (!dump.empty()) {
@@ -68,7 +68,7 @@ CLI::App* RestorerBench::add_to(CLI::App& cli) {
 ExitCode RestorerBench::run(const apps::Program& program) const {
   torch::Device device = program.device();
   if (device.is_cuda() && !device.has_index()) device.set_index(0);
-  models::Restorer restorer(efnet, device);
+  restore::Restorer restorer(efnet, device);
   nlohmann::json rows = nlohmann::json::array();
   std::vector<Frame> frames;
   for (const auto& folder : inputs) {

@@ -8,13 +8,13 @@
 #include <vector>
 
 #include "common/cli.h"
-#include "jade/models/efnet.h"
+#include "jade/restore/efnet.h"
 #include "timing.h"
 
 namespace jade::bench {
 
 struct RestorerBench {
-  models::EfnetOptions efnet;
+  restore::EfnetOptions efnet;
   std::vector<std::filesystem::path> inputs;
   std::filesystem::path dump;
   std::vector<std::string> sizes{"346x260", "600x400"};

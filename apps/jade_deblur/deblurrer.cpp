@@ -7,32 +7,32 @@
 #include "jade/core/random.h"
 #include "jade/events/exposure_maps.h"
 #include "jade/imaging/edi.h"
-#include "jade/train/checkpoint.h"
-#include "jade/train/evaluate.h"
+#include "jade/run/checkpoint.h"
+#include "jade/run/evaluate.h"
 
 namespace jade::apps {
 namespace {
 
 namespace fs = std::filesystem;
 
-std::shared_ptr<models::Allocation> load_allocation(const fs::path& run,
+std::shared_ptr<router::Allocation> load_allocation(const fs::path& run,
                                                     const data::Dataset& dataset) {
-  const train::RunOptions options = train::load_run_options(run);
-  const auto checkpoints = train::list_checkpoints(run);
+  const train::RunOptions options = run::load_run_options(run);
+  const auto checkpoints = run::list_checkpoints(run);
   if (checkpoints.empty()) {
     throw CheckpointError(
         concat(run.string(), ": expected a checkpoint with a router, found none; train first"));
   }
   const auto& camera = dataset.train.front().camera;
-  auto allocation = models::make_allocation(
+  auto allocation = router::make_allocation(
       options.allocation, static_cast<int64_t>(dataset.train.size()), camera.height, camera.width,
       make_generator(static_cast<uint64_t>(options.seed), "router start"));
-  if (!allocation || options.scene.target != "routed") {
-    throw ConfigError(concat(run.string(), ": expected a run with a router, found scene.target ",
-                             options.scene.target, " and allocation.kind ",
-                             options.allocation.kind));
+  if (!allocation || options.objective.target != "routed") {
+    throw ConfigError(
+        concat(run.string(), ": expected a run with a router, found objective.target ",
+               options.objective.target, " and allocation.kind ", options.allocation.kind));
   }
-  train::load_checkpoint_allocation(checkpoints.front(), *allocation);
+  run::load_checkpoint_allocation(checkpoints.front(), *allocation);
   return allocation;
 }
 

@@ -8,8 +8,8 @@
 #include <torch/types.h>
 
 #include "jade/data/exposure.h"
-#include "jade/models/allocation.h"
-#include "jade/models/view_restorer.h"
+#include "jade/restore/view_restorer.h"
+#include "jade/router/allocation.h"
 #include "jade/train/options.h"
 #include "methods.h"
 
@@ -45,8 +45,8 @@ class Deblurrer {
  private:
   DeblurOptions options_;
   bool needs_efnet_;
-  models::ViewRestorer restorer_;
-  std::shared_ptr<models::Allocation> allocation_;  ///< nullptr but for a router
+  restore::ViewRestorer restorer_;
+  std::shared_ptr<router::Allocation> allocation_;  ///< nullptr but for a router
 };
 
 }  // namespace jade::apps

@@ -68,7 +68,7 @@ void check_flags(const DeblurFlags& flags, const apps::Method& method,
     throw ConfigError("--dataset: expected a folder, there or as dataset.path of --config");
   }
   if (output.empty()) throw ConfigError("--output: expected a folder for the pictures");
-  if (method.needs_efnet) models::checked_file_sha256(settings.efnet);
+  if (method.needs_efnet) restore::checked_file_sha256(settings.efnet);
 }
 
 void save(const std::filesystem::path& stem, const torch::Tensor& image, bool npy) {

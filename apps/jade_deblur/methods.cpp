@@ -4,13 +4,13 @@
 #include <torch/types.h>
 
 #include "jade/core/error.h"
-#include "jade/models/restorations.h"
+#include "jade/restore/restorations.h"
 
 namespace jade::apps {
 namespace {
 
 torch::Tensor mean_of(const Candidates& c) {
-  return models::fuse(torch::full({1}, 0.5F, c.edi.options()), {c.edi, c.efnet});
+  return restore::fuse(torch::full({1}, 0.5F, c.edi.options()), {c.edi, c.efnet});
 }
 
 }  // namespace
@@ -33,7 +33,7 @@ const std::vector<Method>& methods() {
        [](const Candidates& c) { return torch::where(edi_is_better(c), c.edi, c.efnet); }},
       {"router", "the mix that the router of a trained run (--run) decides", true, false, true,
        [](const Candidates& c) {
-         return models::fuse(c.alpha, {c.edi, c.efnet});
+         return restore::fuse(c.alpha, {c.edi, c.efnet});
        }}};
   return all;
 }

@@ -7,7 +7,7 @@
 #include "jade/core/device.h"
 #include "jade/eval/report.h"
 #include "jade/imaging/image_io.h"
-#include "jade/train/evaluate.h"
+#include "jade/run/evaluate.h"
 #include "jade/train/view.h"
 
 using namespace jade;
@@ -41,14 +41,14 @@ eval::Evaluation compare_folders(const fs::path& renders, const fs::path& truth,
 
 eval::Evaluation evaluate_run(const fs::path& path, const train::RunOptions& options,
                               torch::Device device, const eval::Lpips& lpips) {
-  const train::FinishedRun run = train::open_run(path, options);
+  const run::FinishedRun run = run::open_run(path, options);
   if (run.dataset.test.empty()) {
     throw DataError(
         concat(run.dataset.root.string(), ": expected sharp test views to score, found none"));
   }
-  const auto gaussians =
-      scene::map_parameters(run.gaussians, [&](const torch::Tensor& t) { return t.to(device); });
-  return train::evaluate_views(gaussians, run.dataset.test, lpips, train::render_options(options));
+  const auto gaussians = gaussians::map_parameters(
+      run.gaussians, [&](const torch::Tensor& t) { return t.to(device); });
+  return run::evaluate_views(gaussians, run.dataset.test, lpips, train::render_options(options));
 }
 
 }  // namespace

@@ -2,10 +2,10 @@
 // Gaussians from a run, a checkpoint or a .ply to the formats of splat viewers.
 #include "common/cli.h"
 #include "jade/core/log.h"
-#include "jade/scene/ply.h"
-#include "jade/scene/splat_file.h"
-#include "jade/scene/spz_file.h"
-#include "jade/train/checkpoint.h"
+#include "jade/gaussians/ply.h"
+#include "jade/gaussians/splat_file.h"
+#include "jade/gaussians/spz_file.h"
+#include "jade/run/checkpoint.h"
 
 using namespace jade;
 
@@ -17,36 +17,36 @@ struct Sources {
   fs::path run, checkpoint, ply;
 };
 
-scene::GaussianFile load(const Sources& sources) {
+gaussians::GaussianFile load(const Sources& sources) {
   const int given = !sources.run.empty() + !sources.checkpoint.empty() + !sources.ply.empty();
   if (given != 1) {
     throw ConfigError(
         concat("expected exactly one of --run, --checkpoint and --ply, found ", given));
   }
-  if (!sources.ply.empty()) return scene::read_ply(sources.ply);
+  if (!sources.ply.empty()) return gaussians::read_ply(sources.ply);
   if (!sources.checkpoint.empty()) {
-    return {train::load_checkpoint_gaussians(sources.checkpoint), false};
+    return {run::load_checkpoint_gaussians(sources.checkpoint), false};
   }
-  const auto checkpoints = train::list_checkpoints(sources.run);
+  const auto checkpoints = run::list_checkpoints(sources.run);
   if (checkpoints.empty()) {
     throw DataError(concat(sources.run.string(),
                            ": expected a run directory with checkpoints, found none; is this the "
                            "--output of jade_train?"));
   }
-  return {train::load_checkpoint_gaussians(checkpoints.front()), false};
+  return {run::load_checkpoint_gaussians(checkpoints.front()), false};
 }
 
-void save(const fs::path& path, const scene::GaussianFile& file) {
+void save(const fs::path& path, const gaussians::GaussianFile& file) {
   const std::string extension = path.extension().string();
   if (path.has_parent_path()) fs::create_directories(path.parent_path());
   if (extension == ".ply") {
-    scene::write_ply(path, file);
+    gaussians::write_ply(path, file);
   } else if (extension == ".splat") {
-    scene::write_splat(path, file.gaussians);
+    gaussians::write_splat(path, file.gaussians);
   } else if (extension == ".spz") {
-    scene::SpzOptions options;
+    gaussians::SpzOptions options;
     options.antialiased = file.antialiased;
-    scene::write_spz(path, file.gaussians, options);
+    gaussians::write_spz(path, file.gaussians, options);
   } else {
     throw ConfigError(concat("--output: expected a file that ends in .ply, .splat or .spz, found ",
                              path.string().empty() ? "nothing" : path.string()));
@@ -64,7 +64,7 @@ int main(int argc, char** argv) {
   program.add_output_flag("file to write; its extension names the format: .ply, .splat or .spz");
   program.add_json_flag();
   return program.run(argc, argv, [&] {
-    const scene::GaussianFile file = load(sources);
+    const gaussians::GaussianFile file = load(sources);
     save(program.output(), file);
     const auto bytes = fs::file_size(program.output());
     if (program.json()) {

@@ -7,7 +7,7 @@
 #include <torch/types.h>
 
 #include "jade/core/error.h"
-#include "jade/scene/ply.h"
+#include "jade/gaussians/ply.h"
 
 namespace jade::apps {
 namespace {
@@ -130,8 +130,8 @@ nlohmann::json to_json(const GaussianSummary& s) {
 }
 
 void inspect_ply(const std::filesystem::path& path, bool json) {
-  if (!scene::has_gaussians(path)) {
-    const scene::PointCloud cloud = scene::read_point_cloud(path);
+  if (!gaussians::has_gaussians(path)) {
+    const gaussians::PointCloud cloud = gaussians::read_point_cloud(path);
     nlohmann::json result = {{"points", cloud.points.size(0)}};
     const char* const axes[] = {"x", "y", "z"};
     if (!json) std::printf("points      %ld with colours, no Gaussians\n", long(result["points"]));
@@ -143,7 +143,7 @@ void inspect_ply(const std::filesystem::path& path, bool json) {
     if (json) std::printf("%s\n", result.dump(2).c_str());
     return;
   }
-  const scene::GaussianFile file = scene::read_ply(path);
+  const gaussians::GaussianFile file = gaussians::read_ply(path);
   GaussianSummary summary = summarize(file.gaussians);
   summary.antialiased = file.antialiased;
   if (json) {

@@ -8,8 +8,8 @@
 #include "jade/config/config.h"
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
-#include "jade/scene/ply.h"
-#include "jade/train/checkpoint.h"
+#include "jade/gaussians/ply.h"
+#include "jade/run/checkpoint.h"
 #include "jade/train/options.h"
 #include "ply.h"
 
@@ -63,12 +63,12 @@ void read_metrics(const fs::path& run, RunSummary& s) {
 }
 
 void read_checkpoints(const fs::path& run, RunSummary& s) {
-  const auto checkpoints = train::list_checkpoints(run);
+  const auto checkpoints = run::list_checkpoints(run);
   splat::Gaussians gaussians;
   bool found = false;
   for (const fs::path& path : checkpoints) {
     try {
-      gaussians = train::load_checkpoint_gaussians(path);
+      gaussians = run::load_checkpoint_gaussians(path);
       s.step = std::stoll(path.stem().string().substr(5));
       found = true;
       break;
@@ -82,7 +82,7 @@ void read_checkpoints(const fs::path& run, RunSummary& s) {
   }
   const fs::path ply = run / "point_cloud.ply";
   if (fs::exists(ply)) {
-    gaussians = scene::read_ply(ply).gaussians;
+    gaussians = gaussians::read_ply(ply).gaussians;
     found = true;
   }
   if (found) s.gaussians = summarize(gaussians);
@@ -142,7 +142,7 @@ void inspect_run(const fs::path& folder, bool json) {
                                    {"dataset", s.options.dataset.path.string()},
                                    {"step", s.step},
                                    {"iterations", s.options.train.iterations},
-                                   {"target", s.options.scene.target},
+                                   {"target", s.options.objective.target},
                                    {"allocation", s.options.allocation.kind},
                                    {"metrics", s.metrics},
                                    {"scores", s.scores},
@@ -154,7 +154,7 @@ void inspect_run(const fs::path& folder, bool json) {
   std::printf("run         %s, step %ld of %ld\n", folder.c_str(), long(s.step),
               long(s.options.train.iterations));
   std::printf("data set    %s\n", s.options.dataset.path.c_str());
-  std::printf("target      %s, allocation %s, seed %ld\n", s.options.scene.target.c_str(),
+  std::printf("target      %s, allocation %s, seed %ld\n", s.options.objective.target.c_str(),
               s.options.allocation.kind.c_str(), long(s.options.seed));
   print_numbers("last logged", s.metrics);
   print_numbers("scores", s.scores);

@@ -14,11 +14,11 @@
 #include "jade/core/progress.h"
 #include "jade/data/cameras.h"
 #include "jade/data/dataset.h"
+#include "jade/gaussians/gaussian_model.h"
+#include "jade/gaussians/ply.h"
 #include "jade/imaging/image_io.h"
-#include "jade/scene/gaussian_model.h"
-#include "jade/scene/ply.h"
-#include "jade/train/checkpoint.h"
-#include "jade/train/evaluate.h"
+#include "jade/run/checkpoint.h"
+#include "jade/run/evaluate.h"
 #include "jade/train/view.h"
 #include "movie.h"
 
@@ -65,14 +65,14 @@ void add_flags(apps::Program& program, RenderFlags& flags) {
       "  position (camera centre) and rotation (3x3, world from camera).");
 }
 
-scene::GaussianFile load_scene(const RenderFlags& flags) {
+gaussians::GaussianFile load_scene(const RenderFlags& flags) {
   if (flags.run.empty() == flags.ply.empty()) {
     throw ConfigError("expected either --run or --ply");
   }
-  if (!flags.ply.empty()) return scene::read_ply(flags.ply);
-  const auto checkpoints = train::list_checkpoints(flags.run);
-  if (!checkpoints.empty()) return {train::load_checkpoint_gaussians(checkpoints.front()), false};
-  return scene::read_ply(flags.run / "point_cloud.ply");
+  if (!flags.ply.empty()) return gaussians::read_ply(flags.ply);
+  const auto checkpoints = run::list_checkpoints(flags.run);
+  if (!checkpoints.empty()) return {run::load_checkpoint_gaussians(checkpoints.front()), false};
+  return gaussians::read_ply(flags.run / "point_cloud.ply");
 }
 
 std::vector<data::NamedCamera> load_cameras(const RenderFlags& flags,
@@ -86,13 +86,13 @@ std::vector<data::NamedCamera> load_cameras(const RenderFlags& flags,
     throw ConfigError(concat("--cameras ", flags.cameras, " needs --run or --dataset"));
   }
   const data::Dataset dataset = flags.run.empty() ? data::load_dataset(options.dataset)
-                                                  : train::load_run_dataset(flags.run, options);
+                                                  : run::load_run_dataset(flags.run, options);
   return data::dataset_cameras(dataset, flags.cameras, flags.exposure);
 }
 
 /// What is drawn, and how.
 struct Subject {
-  scene::GaussianFile file;
+  gaussians::GaussianFile file;
   splat::RenderOptions options;
 };
 
@@ -198,8 +198,8 @@ int main(int argc, char** argv) {
     subject.options.antialiased = subject.file.antialiased;
     const torch::Device device = select_device(options->device);
     splat::Gaussians& gaussians = subject.file.gaussians;
-    gaussians = scene::map_parameters(gaussians,
-                                      [&](const torch::Tensor& value) { return value.to(device); });
+    gaussians = gaussians::map_parameters(
+        gaussians, [&](const torch::Tensor& value) { return value.to(device); });
     const std::vector<data::NamedCamera> views = load_cameras(flags, *options);
     if (flags.fps_benchmark) {
       print(measure(subject, views), gaussians, program.json());

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/cli.h"
+#include "jade/run/trainer.h"
 #include "jade/train/options.h"
-#include "jade/train/trainer.h"
 
 using namespace jade;
 
@@ -29,7 +29,7 @@ int main(int argc, char** argv) {
           "with --set dataset.path=DIR");
     }
     if (*resume_flag && resume.empty()) resume = "latest";
-    train::Trainer trainer(*options, program.output(), resume);
+    run::Trainer trainer(*options, program.output(), resume);
     trainer.run();
     return ExitCode::kOk;
   });

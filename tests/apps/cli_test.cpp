@@ -68,8 +68,8 @@ TEST_CASE("jade_train: a mistake gets one line and its exit code", "[apps]") {
               "key.yaml:2:3: train.iteratons: unknown key; did you mean train.iterations?");
   check_error(run(dir, "jade_train --set train.iterations=many"), 2,
               "expected a whole number in [1, 1e+08], found 'many'");
-  check_error(run(dir, "jade_train --set scene.dssim=2"), 2,
-              "scene.dssim: expected a number in [0, 1], found '2'");
+  check_error(run(dir, "jade_train --set objective.dssim=2"), 2,
+              "objective.dssim: expected a number in [0, 1], found '2'");
   check_error(run(dir, "jade_train --config nowhere.yaml"), 2,
               "nowhere.yaml: expected a YAML file, found no file");
   dir.write("a.yaml", "extends: b.yaml\n");
@@ -95,7 +95,7 @@ TEST_CASE("jade_train: trains, resumes and is scored from the command line", "[a
   const test::TempDir dir;
   test::write_tiny_dataset(dir.path() / "scene");
   const std::string train =
-      "jade_train --quiet --device cpu --set dataset.path=scene --set scene.target=edi --set "
+      "jade_train --quiet --device cpu --set dataset.path=scene --set objective.target=edi --set "
       "init.points=200 --output run ";
   CHECK(run(dir, train + "--set train.iterations=5").code == 0);
   check_error(run(dir, train + "--set train.iterations=8"), 3, "holds a run already");

@@ -7,8 +7,8 @@
 #include <torch/types.h>
 
 #include "jade/data/dataset.h"
+#include "jade/gaussians/ply.h"
 #include "jade/io/npy.h"
-#include "jade/scene/ply.h"
 #include "support/programs.h"
 #include "support/temp_dir.h"
 #include "support/tiny_dataset.h"
@@ -35,7 +35,7 @@ splat::Gaussians some_gaussians() {
 TEST_CASE("jade_inspect: Gaussians are counted, measured, and their problems named", "[apps]") {
   const test::TempDir dir;
   splat::Gaussians g = some_gaussians();
-  scene::write_ply(dir / "good.ply", {g, false});
+  gaussians::write_ply(dir / "good.ply", {g, false});
   const Outcome good = run(dir, "jade_inspect good.ply");
   CHECK(good.code == 0);
   CHECK_THAT(good.out, Catch::Contains("50, SH degree 1"));
@@ -43,7 +43,7 @@ TEST_CASE("jade_inspect: Gaussians are counted, measured, and their problems nam
   g.means[3][1] = std::nanf("");
   g.rotations[7].zero_();
   g.logit_opacities.slice(0, 10, 45).fill_(-9);
-  scene::write_ply(dir / "bad.ply", {g, false});
+  gaussians::write_ply(dir / "bad.ply", {g, false});
   const Outcome bad = run(dir, "jade_inspect bad.ply");
   CHECK(bad.code == 0);
   for (const char* text : {"1 of 50 Gaussians have NaN or Inf in their means",
@@ -61,7 +61,7 @@ TEST_CASE("jade_inspect: a run says how far it came and what is wrong with it", 
   test::write_tiny_dataset(dir / "scene");
   const Outcome trained =
       run(dir,
-          "jade_train --quiet --device cpu --set dataset.path=scene --set scene.target=edi "
+          "jade_train --quiet --device cpu --set dataset.path=scene --set objective.target=edi "
           "--set init.points=200 --set train.iterations=4 --output run");
   INFO(trained.err);
   REQUIRE(trained.code == 0);

@@ -75,13 +75,27 @@ TEST_CASE("settings: a mistake reads the same in each program", "[apps]") {
   }
 }
 
+TEST_CASE("settings: an old key works and is named once", "[apps]") {
+  const test::TempDir dir;
+  dir.write("old.yaml", "scene: {target: edi}\ncrf: {enabled: false}\n");
+  const Outcome old = run(dir, "jade_train --config old.yaml --print-config");
+  CHECK(old.code == 0);
+  CHECK(std::count(old.err.begin(), old.err.end(), '\n') == 2);
+  CHECK_THAT(old.err, Catch::Contains("old.yaml:1:1: scene is now called objective"));
+  CHECK_THAT(old.err, Catch::Contains("old.yaml:2:1: crf is now called response"));
+  dir.write("new.yaml", "objective: {target: edi}\nresponse: {enabled: false}\n");
+  const Outcome now = run(dir, "jade_train --config new.yaml --print-config");
+  CHECK(now.err.empty());
+  CHECK(now.out == old.out);
+}
+
 TEST_CASE("settings: a scene's file serves every program; paths start where they are named",
           "[apps]") {
   const test::TempDir dir;
   test::write_tiny_dataset(dir / "data/scene");
   fs::create_directories(dir / "configs");
   dir.write("configs/scene.yaml",
-            "dataset: {path: ../data/scene}\nscene: {target: edi}\ninit: {points: 100}\n"
+            "dataset: {path: ../data/scene}\nobjective: {target: edi}\ninit: {points: 100}\n"
             "train: {iterations: 3}\n");
   const std::string scene = " --config configs/scene.yaml ";
   const Outcome inspected = run(dir, "jade_inspect --json" + scene);
@@ -127,18 +141,18 @@ TEST_CASE("settings: the thresholds of jade_deblur mean the same in each form", 
 TEST_CASE("settings: a run's learned cameras stay, whatever is laid over its settings", "[apps]") {
   const test::TempDir dir;
   test::write_tiny_dataset(dir / "scene");
-  const Outcome trained =
-      run(dir,
-          "jade_train --quiet --device cpu --set dataset.path=scene --set scene.target=none --set "
-          "scene.warmup=2 --set init.points=200 --set train.iterations=10 --set "
-          "poses.optimize=linear --set poses.test_fit_steps=5 --output run");
+  const Outcome trained = run(
+      dir,
+      "jade_train --quiet --device cpu --set dataset.path=scene --set objective.target=none --set "
+      "objective.warmup=2 --set init.points=200 --set train.iterations=10 --set "
+      "poses.optimize=linear --set poses.test_fit_steps=5 --output run");
   INFO(trained.err);
   REQUIRE(trained.code == 0);
   dir.write("plain.yaml", "poses: {optimize: none}\n");
   const std::string score = "jade_eval --quiet --device cpu --json --run run ";
   const Outcome own = run(dir, score);
   CHECK(own.code == 0);
-  CHECK(run(dir, score + "--config plain.yaml --set scene.blur=false").out == own.out);
+  CHECK(run(dir, score + "--config plain.yaml --set objective.blur=false").out == own.out);
   const std::string render = "jade_render --quiet --device cpu --format npy ";
   CHECK(run(dir, render + "--run run --output a").code == 0);
   CHECK(run(dir, render + "--run run --config plain.yaml --output b").code == 0);

@@ -19,6 +19,7 @@ struct RouteOptions {
 template <class V>
 void describe(V& v, RouteOptions& o) {
   v.field("lr", o.lr, "Adam step size", Range{1e-8, 1});
+  v.renamed("step_size", "lr");
   v.field("render_consistency", o.render_consistency, "first term");
 }
 
@@ -41,6 +42,7 @@ void describe(V& v, TestOptions& o) {
   v.field("steps", o.steps, "list");
   v.field("warmup", o.warmup, "rest until", Range{0, 1e9});
   v.field("resets", o.resets, "steps between resets", Range{0, 1e9});
+  v.renamed("router", "route");
   v.group("route", o.route, "the router");
 }
 
@@ -70,6 +72,21 @@ std::string error_of(const test::TempDir& dir, const std::string& text,
 }
 
 }  // namespace
+
+TEST_CASE("config: a renamed key is read under both names and printed under the new one",
+          "[config]") {
+  const test::TempDir dir;
+  CHECK(load_text(dir, "router: {lr: 0.1}\n").route.lr == 0.1);
+  CHECK(load_text(dir, "route: {step_size: 0.2}\n").route.lr == 0.2);
+  CHECK(load_text(dir, "", {"router.step_size=0.3"}).route.lr == 0.3);
+  CHECK(load_text(dir, "router: {lr: 0.1}\n", {"route.lr=0.4"}).route.lr == 0.4);
+  CHECK(error_of(dir, "router: {lr: fast}\n") ==
+        "scene.yaml:1:14: route.lr: expected a number in [1e-08, 1], found 'fast'");
+  TestOptions options;
+  const std::string printed = config::to_yaml(fields_of(options), "title");
+  CHECK(printed.find("router:") == std::string::npos);
+  CHECK(printed.find("step_size") == std::string::npos);
+}
 
 TEST_CASE("config: later layers win: defaults, extends, file, --set", "[config]") {
   const test::TempDir dir;

@@ -44,7 +44,7 @@ const Filmed& filmed() {
     const auto& seen = content.train.front();
     Filmed out{seen.blurry, {}, {}};
     for (const double t_us : geometry::exposure_times(seen.t_start_us, seen.t_end_us)) {
-      simulate::SharpFrame frame;
+      world::SharpFrame frame;
       pattern.frame(static_cast<int64_t>(std::llround(t_us)), 1, frame);
       out.latent.push_back(simulate::to_image(frame));
     }

@@ -3,7 +3,7 @@
 
 #include "jade/losses/rec.h"
 #include "jade/losses/target.h"
-#include "jade/models/restorations.h"
+#include "jade/restore/restorations.h"
 #include "loss_cases.h"
 
 namespace jade::losses {
@@ -52,8 +52,8 @@ TEST_CASE("route_loss: gradients equal central differences", "[losses]") {
 
 TEST_CASE("route_loss: where I_edi = F the gradient to α is zero, Eq. (5)", "[losses]") {
   torch::Tensor alpha = image(1, {1, 5, 5}).set_requires_grad(true);
-  const models::Restorations same{image(2, {3, 5, 5}), image(2, {3, 5, 5})};
-  route_loss(models::fuse(alpha, same), Fixed(even(0.8)), even_kernel(1.5), even(0.7), {})
+  const restore::Restorations same{image(2, {3, 5, 5}), image(2, {3, 5, 5})};
+  route_loss(restore::fuse(alpha, same), Fixed(even(0.8)), even_kernel(1.5), even(0.7), {})
       .total.backward();
   CHECK(alpha.grad().abs().max().item<double>() == 0);
 }
@@ -66,8 +66,8 @@ TEST_CASE("route_loss: the reblur residual of the mix is the mix of residuals", 
     return route_loss(pseudo, Fixed(pseudo), even_kernel(2), even(0.1), options)
         .total.item<double>();
   };
-  const models::Restorations r{even(0.9), even(0.4)};
-  const double mix = residual(models::fuse(even_kernel(0.25), r));
+  const restore::Restorations r{even(0.9), even(0.4)};
+  const double mix = residual(restore::fuse(even_kernel(0.25), r));
   CHECK(mix == Approx(0.25 * residual(r.edi) + 0.75 * residual(r.efnet)));
 }
 

@@ -20,12 +20,12 @@ seeds: [0, 1, 2, 3]
 scenes: [{name: tiny, config: tiny.yaml}]
 rows:
   - {name: blur, config: blur.yaml}
-  - {name: edi, set: [scene.target=edi]}
-  - {name: plain, set: [scene.target=blurry]}
+  - {name: edi, set: [objective.target=edi]}
+  - {name: plain, set: [objective.target=blurry]}
 """
 TINY = """dataset: {path: data}
 init: {points: 300}
-scene: {target: none}
+objective: {target: none}
 train: {iterations: 150}
 checkpoint: {every: 30}
 """
@@ -75,7 +75,7 @@ def trainer_of(run):
 def scenario(folder):
     (folder / "sweep.yaml").write_text(SWEEP)
     (folder / "tiny.yaml").write_text(TINY)
-    (folder / "blur.yaml").write_text("scene: {edi_supervision: false, simulation: false}\n")
+    (folder / "blur.yaml").write_text("objective: {edi_supervision: false, simulation: false}\n")
     out = folder / "out"
     call(BIN / "jade_simulate", "--quiet", "--config", ROOT / "configs/simulate/demo.yaml", "--set", "simulate.width=64", "--set",
          "simulate.height=48", "--set", "simulate.focal_px=80", "--set", "simulate.exposures=3", "--output", folder / "data")

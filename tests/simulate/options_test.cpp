@@ -31,7 +31,7 @@ TEST_CASE("simulation options: mistakes are refused", "[simulate]") {
     CHECK_THROWS_AS(validate(run), ConfigError);
   };
   SECTION("an unknown scene") {
-    refused([](auto& o) { o.scene = "moon"; });
+    refused([](auto& o) { o.world = "moon"; });
   }
   SECTION("a source without a path") {
     refused([](auto& o) { o.source = "ply"; });

@@ -6,20 +6,20 @@
 #include <algorithm>
 #include <cmath>
 
-#include "jade/simulate/ray_caster.h"
-#include "jade/simulate/scene_builder.h"
+#include "jade/world/builder.h"
+#include "jade/world/ray_caster.h"
 
 using namespace jade;
 using namespace jade::simulate;
 
 namespace {
 
-RayCaster wall() {
-  SceneBuilder s("wall", 1);
+world::RayCaster wall() {
+  world::WorldBuilder s("wall", 1);
   s.quad({-5, 5, 0}, {10, 0, 0}, {0, -10, 0}, s.plain({0.5f, 0.5f, 0.5f}));
   s.ball({0.1f, 1, 0.9f}, 0.2f, s.plain({0.9f, 0.2f, 0.2f}));
-  s.scene().rig = {{0, 1, 2.5f}, {0, 1, 0}, {0.4f, 0.2f, 0.2f}, {0.3f, 0.2f, 0}};
-  return RayCaster(s.finish());
+  s.world().rig = {{0, 1, 2.5f}, {0, 1, 0}, {0.4f, 0.2f, 0.2f}, {0.3f, 0.2f, 0}};
+  return world::RayCaster(s.finish());
 }
 
 const auto kCamera = geometry::Intrinsics::centred(100, 80, 60);
@@ -51,8 +51,8 @@ TEST_CASE("timeline: exposures follow each other, test views lie in them and bet
 }
 
 TEST_CASE("camera path: moves smoothly and by the blur asked for", "[simulate]") {
-  const RayCaster source = wall();
-  CameraPath path(source.scene().rig, 1, 9);
+  const world::RayCaster source = wall();
+  CameraPath path(source.world().rig, 1, 9);
   SimulateOptions options;
   options.exposures = 6, options.exposure_ms = 40;
   const Timeline timeline = make_timeline(options);
@@ -68,7 +68,7 @@ TEST_CASE("camera path: moves smoothly and by the blur asked for", "[simulate]")
 }
 
 TEST_CASE("blur: a sideways move smears by focal length times way over depth", "[simulate]") {
-  SharpFrame frame;
+  world::SharpFrame frame;
   frame.resize(8, 6);
   std::fill(frame.depth.begin(), frame.depth.end(), 2.0f);
   const geometry::Pose from, to{from.rotation, {0.03, 0, 0}};
@@ -77,8 +77,8 @@ TEST_CASE("blur: a sideways move smears by focal length times way over depth", "
 
 TEST_CASE("frame clock: no pixel moves further than the bound, and steps are not wasted",
           "[simulate]") {
-  const RayCaster source = wall();
-  CameraPath path(source.scene().rig, 1, 9);
+  const world::RayCaster source = wall();
+  CameraPath path(source.world().rig, 1, 9);
   SimulateOptions options;
   options.exposures = 4, options.exposure_ms = 40;
   set_speed_for_blur(path, source, kCamera, make_timeline(options), 10);
@@ -89,7 +89,7 @@ TEST_CASE("frame clock: no pixel moves further than the bound, and steps are not
   int frames = 0;
   double sum = 0;
   while (now < 60000) {
-    SharpFrame frame;
+    world::SharpFrame frame;
     source.render(path.at(static_cast<double>(now)), kCamera, 1, frame);
     const int64_t next = clock.next_us(frame, now, 60000);
     REQUIRE(next > now);
@@ -102,7 +102,7 @@ TEST_CASE("frame clock: no pixel moves further than the bound, and steps are not
   CHECK(sum / frames > 0.3);
   sampling.min_fps = 5000;
   FrameClock fast(sampling, path, kCamera);
-  SharpFrame frame;
+  world::SharpFrame frame;
   source.render(path.at(0), kCamera, 1, frame);
   CHECK(fast.next_us(frame, 0, 60000) <= 200);
 }

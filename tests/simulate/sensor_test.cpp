@@ -11,8 +11,8 @@ using namespace jade::simulate;
 
 namespace {
 
-SharpFrame flat(float value, int64_t size = 8) {
-  SharpFrame frame;
+world::SharpFrame flat(float value, int64_t size = 8) {
+  world::SharpFrame frame;
   frame.resize(size, size);
   std::fill(frame.rgb.begin(), frame.rgb.end(), value);
   return frame;
@@ -69,7 +69,7 @@ TEST_CASE("noise: photon and read noise have the variance asked for, by the seed
 }
 
 TEST_CASE("event intensity: is the gray value of what the pixels see", "[simulate]") {
-  SharpFrame frame = flat(0);
+  world::SharpFrame frame = flat(0);
   const size_t plane = 64;
   for (size_t i = 0; i < plane; ++i) {
     frame.rgb[i] = 0.5f, frame.rgb[i + plane] = 0.25f, frame.rgb[i + 2 * plane] = 0.75f;

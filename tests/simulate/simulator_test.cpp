@@ -11,8 +11,8 @@
 #include "jade/core/interrupt.h"
 #include "jade/core/progress.h"
 #include "jade/data/dataset.h"
+#include "jade/gaussians/ply.h"
 #include "jade/geometry/se3.h"
-#include "jade/scene/ply.h"
 #include "support/drifting_pattern.h"
 #include "support/temp_dir.h"
 
@@ -26,7 +26,7 @@ SimulateRun tiny() {
   SimulateRun run;
   run.seed = 4;
   run.simulate = preset_options("cdavis");
-  run.simulate.scene = "clutter";
+  run.simulate.world = "clutter";
   run.simulate.width = 40, run.simulate.height = 30, run.simulate.focal_px = 50;
   run.simulate.exposures = 3, run.simulate.exposure_ms = 30, run.simulate.gap_ms = 6;
   run.simulate.test_views = 2, run.simulate.seen_test_views = 1;
@@ -141,7 +141,7 @@ TEST_CASE("simulate: a Gaussian file can be filmed", "[simulate]") {
   g.log_scales = torch::full({400, 3}, -2.5f);
   g.logit_opacities = torch::full({400}, 3.0f);
   g.sh = torch::rand({400, 1, 3}) * 3 - 1;
-  scene::write_ply(folder / "cloud.ply", {g, false});
+  gaussians::write_ply(folder / "cloud.ply", {g, false});
   SimulateRun run = tiny();
   run.simulate.source = "ply", run.simulate.path = folder / "cloud.ply";
   run.simulate.exposures = 1, run.simulate.test_views = 1, run.simulate.motion.blur_px = 3;

@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "jade/simulate/footage.h"
-#include "jade/simulate/noise.h"
+#include "jade/world/noise.h"
 
 namespace jade::test {
 
@@ -28,7 +28,7 @@ class DriftingPattern : public simulate::Footage {
                                     {0.5 * t, -0.2 * t, 0.1});
   }
 
-  void frame(int64_t t_us, int /*samples*/, simulate::SharpFrame& frame) const override {
+  void frame(int64_t t_us, int /*samples*/, world::SharpFrame& frame) const override {
     constexpr float kTint[] = {1.0f, 0.8f, 0.6f};
     frame.resize(camera_.width, camera_.height);
     std::fill(frame.depth.begin(), frame.depth.end(), 2.0f);
@@ -38,15 +38,14 @@ class DriftingPattern : public simulate::Footage {
       const auto x = static_cast<double>(i % static_cast<size_t>(camera_.width));
       const auto y = static_cast<float>(i / static_cast<size_t>(camera_.width));
       const float noise =
-          simulate::value_noise(static_cast<float>((x + shift) / kCell_px), y / kCell_px, 7);
+          world::value_noise(static_cast<float>((x + shift) / kCell_px), y / kCell_px, 7);
       for (size_t c = 0; c < 3; ++c) {
         frame.rgb[c * pixels + i] = kTint[c] * (kDarkest + (kBrightest - kDarkest) * noise);
       }
     }
   }
 
-  int64_t next_us(const simulate::SharpFrame& /*frame*/, int64_t now_us,
-                  int64_t until_us) override {
+  int64_t next_us(const world::SharpFrame& /*frame*/, int64_t now_us, int64_t until_us) override {
     return std::min(until_us, now_us + step_us_);
   }
 

@@ -33,8 +33,9 @@ void write_sweep(const test::TempDir& dir) {
   dir.write("tiny.yaml",
             "dataset: {path: scene}\ninit: {points: 200}\nscene: {target: edi}\ntrain: "
             "{iterations: 4}\n");
-  dir.write("bare.yaml",
-            "scene: {blur: false, edi_supervision: false, simulation: false, intensity: false}\n");
+  dir.write(
+      "bare.yaml",
+      "objective: {blur: false, edi_supervision: false, simulation: false, intensity: false}\n");
   dir.write("sweep.yaml",
             "columns: [psnr, ssim, minutes, memory_gib]\nseeds: [0, 1]\n"
             "scenes: [{name: tiny, config: tiny.yaml}]\n"
@@ -76,15 +77,15 @@ TEST_CASE("jade_sweep: mistakes are refused before anything starts, all at once"
   dir.write(
       "bad.yaml",
       "columns: [psnr]\nscenes: [{name: tiny, config: tiny.yaml, set: [dataset.path=nowhere]}]\n"
-      "rows: [{name: a, set: [scene.dsim=1]}, {name: b, set: [train.iterations=many]}, {name: c},\n"
-      "  {name: d, set: [scene.target=efnet, efnet.path=nowhere.pt]}, {name: e, set: "
+      "rows: [{name: a, set: [objective.dsim=1]}, {name: b, set: [train.iterations=many]}, {name: c},\n"
+      "  {name: d, set: [objective.target=efnet, efnet.path=nowhere.pt]}, {name: e, set: "
       "[events.bins=5]}]\n");
   const Outcome outcome = run(dir, "--sweep bad.yaml --output out");
   INFO(outcome.err);
   CHECK(outcome.code == 2);
-  for (const char* problem : {"scene.dsim: unknown key; did you mean scene.dssim?", "found 'many'",
-                              "scene tiny: dataset.path: expected", "row d: efnet.path: expected",
-                              "row e: events.bins"}) {
+  for (const char* problem : {"objective.dsim: unknown key; did you mean objective.dssim?",
+                              "found 'many'", "scene tiny: dataset.path: expected",
+                              "row d: efnet.path: expected", "row e: events.bins"}) {
     CHECK_THAT(outcome.err, Catch::Contains(problem));
   }
   CHECK_FALSE(std::filesystem::exists(dir / "out"));

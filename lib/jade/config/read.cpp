@@ -12,6 +12,7 @@
 #include "jade/config/problems.h"
 #include "jade/config/text.h"
 #include "jade/core/error.h"
+#include "jade/core/log.h"
 
 namespace jade::config {
 namespace {
@@ -25,6 +26,12 @@ struct Layer {
   fs::path folder;
   bool has_lines;  ///< false for --set and flags, whose positions mean nothing to a user
 };
+
+/// Programs read their file more than once.
+void warn_once(const std::string& message) {
+  static std::set<std::string> said;
+  if (said.insert(message).second) log_warn(message);
+}
 
 class Reader {
  public:
@@ -40,16 +47,17 @@ class Reader {
   }
 
   void complain(const Layer& layer, const YAML::Node& node, const std::string& what) {
-    std::string where = layer.name;
-    if (layer.has_lines && node.Mark().line >= 0) {
-      where += concat(":", node.Mark().line + 1, ":", node.Mark().column + 1);
-    }
-    problems_.add(where + ": " + what);
+    problems_.add(place(layer, node) + ": " + what);
   }
 
   void throw_problems() const { problems_.throw_if_any(); }
 
  private:
+  static std::string place(const Layer& layer, const YAML::Node& node) {
+    if (!layer.has_lines || node.Mark().line < 0) return layer.name;
+    return concat(layer.name, ":", node.Mark().line + 1, ":", node.Mark().column + 1);
+  }
+
   static std::string kind_of(const YAML::Node& node) {
     if (node.IsNull()) return "nothing";
     if (node.IsMap()) return "a group of keys";
@@ -61,8 +69,13 @@ class Reader {
     std::set<std::string> seen;
     for (const auto& entry : map) {
       const std::string name = entry.first.IsScalar() ? entry.first.Scalar() : std::string("?");
-      const std::string key = prefix + name;
+      std::string key = prefix + name;
       if (prefix.empty() && name == "extends") continue;
+      if (const std::string* renamed = fields_.new_key(key)) {
+        warn_once(concat(place(layer, entry.first), ": ", key, " is now called ", *renamed,
+                         "; the old name still works"));
+        key = *renamed;
+      }
       if (!seen.insert(name).second) {
         complain(layer, entry.first, key + ": given twice");
       } else if (fields_.is_group(key)) {

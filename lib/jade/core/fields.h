@@ -14,6 +14,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <limits>
+#include <map>
 #include <optional>
 #include <string>
 #include <utility>
@@ -76,6 +77,12 @@ class FieldList {
     prefix_ = outer;
   }
 
+  /// A field or group that older configurations call `old_name`. Both are read, with a warning for
+  /// the old one; only the new one is printed.
+  void renamed(const std::string& old_name, const std::string& name) {
+    renamed_[prefix_ + old_name] = prefix_ + name;
+  }
+
   const std::vector<Field>& fields() const { return fields_; }
   const std::vector<FieldGroup>& groups() const { return groups_; }
 
@@ -85,6 +92,11 @@ class FieldList {
       if (field.key == key) return &field;
     }
     return nullptr;
+  }
+  /// Today's key of a renamed one, with its groups; nullptr for any other.
+  const std::string* new_key(const std::string& key) const {
+    const auto found = renamed_.find(key);
+    return found == renamed_.end() ? nullptr : &found->second;
   }
   bool is_group(const std::string& key) const {
     for (const FieldGroup& group : groups_) {
@@ -100,6 +112,7 @@ class FieldList {
   std::string prefix_;
   std::vector<Field> fields_;
   std::vector<FieldGroup> groups_;
+  std::map<std::string, std::string> renamed_;  // old key to new key, both dotted
 };
 
 /// The fields of `options`. They point into it, so it must outlive the list.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The terms that the scene objective inherits from DiET-GS (reference: inherited.md §1). D is
-// ℓ_rec of Eq. (8) with its weight `dssim`, g is imaging::gray, φ the camera response, Î_k the
+// ℓ_rec of Eq. (8) with its weight `dssim`, g is imaging::gray, ρ the camera response, Î_k the
 // render at pose k and B the blurry frame. EDI is linear in the image, EDI_k(X) = X ⊙ R_k with the
 // factor R_k = EdiKernel::gain[k] of imaging/edi.h, so the functions take R_k.
 #pragma once
@@ -20,29 +20,29 @@ torch::Tensor blur_loss(const torch::Tensor& mean_render, const torch::Tensor& b
 torch::Tensor blur_loss(const torch::Tensor& mean_render, const imaging::SsimTarget& blurry,
                         double dssim);
 
-/// L_edi in gray = D(g(φ(Î_k)), EDI_k(g(φ(B)))).
-/// @param toned_render, toned_blurry  [3,H,W], φ(Î_k) and φ(B); differentiable in both
+/// L_edi in gray = D(g(ρ(Î_k)), EDI_k(g(ρ(B)))).
+/// @param toned_render, toned_blurry  [3,H,W], ρ(Î_k) and ρ(B); differentiable in both
 /// @param edi_factor                  [1,H,W], R_k
 torch::Tensor edi_gray_loss(const torch::Tensor& toned_render, const torch::Tensor& toned_blurry,
                             const torch::Tensor& edi_factor, double dssim);
 
-/// L_edi in colour = D(Î_k, EDI_k(B)), without φ.
+/// L_edi in colour = D(Î_k, EDI_k(B)), without ρ.
 /// @param render, blurry  [3,H,W]; differentiable in `render`
 torch::Tensor edi_color_loss(const torch::Tensor& render, const torch::Tensor& blurry,
                              const torch::Tensor& edi_factor, double dssim);
 
-/// L_sim = D(g(φ(Î_k)), EDI_k(g(φ(mean_j Î_j)))): the EDI of the simulated blur. Gradients flow
+/// L_sim = D(g(ρ(Î_k)), EDI_k(g(ρ(mean_j Î_j)))): the EDI of the simulated blur. Gradients flow
 /// through both sides.
 torch::Tensor simulation_loss(const torch::Tensor& toned_render, const torch::Tensor& toned_mean,
                               const torch::Tensor& edi_factor, double dssim);
 
-/// L_int = D(mean_k φ(Î_k), φ(B)); φ before the mean, unlike L_sim.
+/// L_int = D(mean_k ρ(Î_k), ρ(B)); ρ before the mean, unlike L_sim.
 torch::Tensor intensity_loss(const torch::Tensor& mean_toned, const torch::Tensor& toned_blurry,
                              double dssim);
 
 /// Two renders and the events between them.
 struct EventPair {
-  torch::Tensor before, after;  ///< [3,H,W], φ(render) at the start and the end of a short window
+  torch::Tensor before, after;  ///< [3,H,W], ρ(render) at the start and the end of a short window
   torch::Tensor counts;         ///< [H,W], signed event counts in it (no threshold applied)
   torch::Tensor pixels;         ///< [P] int64, flat indices of the pixels that count
   torch::Tensor color_filter;   ///< [H,W,3] bool, which channel each pixel sees; undefined: gray

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "jade/simulate/noise.h"
+#include "jade/world/noise.h"
 
 namespace jade::simulate {
 namespace {
@@ -13,7 +13,7 @@ namespace {
 constexpr double kTurn = 6.283185307179586;
 constexpr double kRollReach = 0.05;  // radians
 
-std::array<double, 3> to_array(Vec3 v) { return {v.x, v.y, v.z}; }
+std::array<double, 3> to_array(world::Vec3 v) { return {v.x, v.y, v.z}; }
 
 // Ray point at depth z of pixel (u,v), moved by `relative`, projected.
 std::array<double, 2> moved(const geometry::Intrinsics& camera, const geometry::Pose& relative,
@@ -33,9 +33,9 @@ double CameraPath::Wander::at(double t) const {
   return sum;
 }
 
-CameraPath::CameraPath(const CameraRig& rig, double reach, uint64_t seed)
+CameraPath::CameraPath(const world::CameraRig& rig, double reach, uint64_t seed)
     : eye_(to_array(rig.eye)), target_(to_array(rig.target)), up_(to_array(rig.up)) {
-  Draw draw(seed);
+  world::Draw draw(seed);
   const auto eye_reach = to_array(rig.eye_reach), target_reach = to_array(rig.target_reach);
   constexpr std::array<double, 3> kShare{0.68, 0.24, 0.08}, kPitch{1, 2.6, 6.1};
   for (size_t axis = 0; axis < 7; ++axis) {
@@ -61,7 +61,7 @@ geometry::Pose CameraPath::at(double t_us) const {
 }
 
 double blur_length(const CameraPath& path, const geometry::Intrinsics& camera,
-                   const SharpFrame& mid, double begin_us, double end_us) {
+                   const world::SharpFrame& mid, double begin_us, double end_us) {
   constexpr int kLegs = 12;
   const geometry::Pose from_mid = geometry::inverse(path.at(0.5 * (begin_us + end_us)));
   std::array<geometry::Pose, kLegs + 1> relative;
@@ -88,7 +88,7 @@ double blur_length(const CameraPath& path, const geometry::Intrinsics& camera,
   return sum / static_cast<double>(mid.width * mid.height);
 }
 
-double largest_flow(const SharpFrame& frame, const geometry::Intrinsics& camera,
+double largest_flow(const world::SharpFrame& frame, const geometry::Intrinsics& camera,
                     const geometry::Pose& from, const geometry::Pose& to) {
   const geometry::Pose relative = geometry::compose(to, geometry::inverse(from));
   const double squared = at::parallel_reduce(

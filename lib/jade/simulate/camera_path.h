@@ -6,8 +6,8 @@
 
 #include "jade/geometry/camera.h"
 #include "jade/geometry/pose.h"
-#include "jade/simulate/frame_source.h"
-#include "jade/simulate/scene.h"
+#include "jade/world/frame_source.h"
+#include "jade/world/world.h"
 
 namespace jade::simulate {
 
@@ -16,7 +16,7 @@ namespace jade::simulate {
 class CameraPath {
  public:
   /// @param reach  multiplies the rig's excursions
-  CameraPath(const CameraRig& rig, double reach, uint64_t seed);
+  CameraPath(const world::CameraRig& rig, double reach, uint64_t seed);
 
   /// Sweeps a second of the slow component; default 1.
   void set_speed(double speed) { speed_ = speed; }
@@ -38,10 +38,10 @@ class CameraPath {
 /// Mean over pixels of the length of their way over the image while the camera goes from `begin_us`
 /// to `end_us`, px. `mid` is a frame (any resolution) taken at the middle with `camera`.
 double blur_length(const CameraPath& path, const geometry::Intrinsics& camera,
-                   const SharpFrame& mid, double begin_us, double end_us);
+                   const world::SharpFrame& mid, double begin_us, double end_us);
 
 /// Largest distance over all pixels of `frame` (taken at `from`) that a pixel moves until `to`.
-double largest_flow(const SharpFrame& frame, const geometry::Intrinsics& camera,
+double largest_flow(const world::SharpFrame& frame, const geometry::Intrinsics& camera,
                     const geometry::Pose& from, const geometry::Pose& to);
 
 }  // namespace jade::simulate

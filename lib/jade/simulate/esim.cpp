@@ -25,7 +25,7 @@ torch::Tensor adopt(std::vector<T>&& values, torch::ScalarType type) {
       owner->data(), {size}, [owner](void*) {}, type);
 }
 
-float spread(float mean, double deviation, Draw& draw) {
+float spread(float mean, double deviation, world::Draw& draw) {
   return static_cast<float>(std::max(kSmallest, mean + deviation * draw.normal()));
 }
 

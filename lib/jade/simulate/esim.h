@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "jade/events/event_stream.h"
-#include "jade/simulate/noise.h"
 #include "jade/simulate/options.h"
+#include "jade/world/noise.h"
 
 namespace jade::simulate {
 
@@ -57,7 +57,7 @@ class EventSensor {
   std::vector<float> on_, off_;
   std::vector<float> hazard_;  // of the next random event, in expected events
   std::vector<double> last_us_;
-  std::vector<Draw> draw_;
+  std::vector<world::Draw> draw_;
   std::vector<uint8_t> hot_;
   // Events so far.
   std::vector<float> x_, y_;

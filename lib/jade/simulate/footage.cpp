@@ -11,8 +11,8 @@
 
 namespace jade::simulate {
 
-RenderedFootage::RenderedFootage(const SimulateRun& run, std::unique_ptr<FrameSource> source,
-                                 const CameraRig& rig, const Timeline& timeline)
+RenderedFootage::RenderedFootage(const SimulateRun& run, std::unique_ptr<world::FrameSource> source,
+                                 const world::CameraRig& rig, const Timeline& timeline)
     : source_(std::move(source)),
       camera_(geometry::Intrinsics::centred(run.simulate.focal_px, run.simulate.width,
                                             run.simulate.height)),
@@ -22,11 +22,11 @@ RenderedFootage::RenderedFootage(const SimulateRun& run, std::unique_ptr<FrameSo
   blur_px_ = set_speed_for_blur(path_, *source_, camera_, timeline, run.simulate.motion.blur_px);
 }
 
-void RenderedFootage::frame(int64_t t_us, int samples, SharpFrame& frame) const {
+void RenderedFootage::frame(int64_t t_us, int samples, world::SharpFrame& frame) const {
   source_->render(path_.at(static_cast<double>(t_us)), camera_, samples, frame);
 }
 
-int64_t RenderedFootage::next_us(const SharpFrame& frame, int64_t now_us, int64_t until_us) {
+int64_t RenderedFootage::next_us(const world::SharpFrame& frame, int64_t now_us, int64_t until_us) {
   const int64_t next = clock_.next_us(frame, now_us, until_us);
   const double flow = largest_flow(frame, camera_, path_.at(static_cast<double>(now_us)),
                                    path_.at(static_cast<double>(next)));
@@ -38,11 +38,11 @@ int64_t RenderedFootage::next_us(const SharpFrame& frame, int64_t now_us, int64_
 Footage::Depths RenderedFootage::depths(const Timeline& timeline) const {
   const auto coarse = geometry::scaled(camera_, 64, 48);
   std::vector<float> depths;
-  SharpFrame frame;
+  world::SharpFrame frame;
   for (const auto& window : timeline.exposures) {
     source_->render(path_.at(static_cast<double>(window.mid_us())), coarse, 1, frame);
     for (float depth : frame.depth) {
-      if (depth > 0 && depth < kNoDepth) depths.push_back(depth);
+      if (depth > 0 && depth < world::kNoDepth) depths.push_back(depth);
     }
   }
   if (depths.empty()) {
@@ -84,7 +84,7 @@ StoredFootage::StoredFootage(const std::filesystem::path& path, double frames_pe
   depths_ = {frames.near > 0 ? frames.near : 0.1, frames.far > frames.near ? frames.far : 100};
 }
 
-void StoredFootage::frame(int64_t t_us, int, SharpFrame& out) const {
+void StoredFootage::frame(int64_t t_us, int, world::SharpFrame& out) const {
   const auto after = std::upper_bound(times_us_.begin(), times_us_.end(), t_us);
   const auto last = static_cast<int64_t>(times_us_.size()) - 1;
   const int64_t i = std::clamp<int64_t>(after - times_us_.begin() - 1, 0, last);
@@ -101,10 +101,10 @@ void StoredFootage::frame(int64_t t_us, int, SharpFrame& out) const {
     out.rgb[k] =
         s == 0 ? a[k] : std::exp((1 - s) * std::log(a[k] + eps) + s * std::log(b[k] + eps)) - eps;
   }
-  std::fill(out.depth.begin(), out.depth.end(), kNoDepth);
+  std::fill(out.depth.begin(), out.depth.end(), world::kNoDepth);
 }
 
-int64_t StoredFootage::next_us(const SharpFrame&, int64_t now_us, int64_t until_us) {
+int64_t StoredFootage::next_us(const world::SharpFrame&, int64_t now_us, int64_t until_us) {
   const auto after = std::upper_bound(times_us_.begin(), times_us_.end(), now_us);
   return after == times_us_.end() ? until_us : std::min(*after, until_us);
 }

@@ -19,10 +19,10 @@ class Footage {
   /// camera_from_world.
   virtual geometry::Pose pose(double t_us) const = 0;
   /// @param samples  rays a pixel, where rays are cast
-  virtual void frame(int64_t t_us, int samples, SharpFrame& frame) const = 0;
+  virtual void frame(int64_t t_us, int samples, world::SharpFrame& frame) const = 0;
   /// The time of the frame to look at after `frame`, which was taken at `now_us`: in
   /// (now_us, until_us].
-  virtual int64_t next_us(const SharpFrame& frame, int64_t now_us, int64_t until_us) = 0;
+  virtual int64_t next_us(const world::SharpFrame& frame, int64_t now_us, int64_t until_us) = 0;
   /// Depths between which nearly all lies, over the timeline's exposures.
   struct Depths {
     double near, far;
@@ -37,18 +37,18 @@ class Footage {
 /// A source that is rendered along a camera path.
 class RenderedFootage : public Footage {
  public:
-  RenderedFootage(const SimulateRun& run, std::unique_ptr<FrameSource> source, const CameraRig& rig,
-                  const Timeline& timeline);
+  RenderedFootage(const SimulateRun& run, std::unique_ptr<world::FrameSource> source,
+                  const world::CameraRig& rig, const Timeline& timeline);
   const geometry::Intrinsics& camera() const override { return camera_; }
   geometry::Pose pose(double t_us) const override { return path_.at(t_us); }
-  void frame(int64_t t_us, int samples, SharpFrame& frame) const override;
-  int64_t next_us(const SharpFrame& frame, int64_t now_us, int64_t until_us) override;
+  void frame(int64_t t_us, int samples, world::SharpFrame& frame) const override;
+  int64_t next_us(const world::SharpFrame& frame, int64_t now_us, int64_t until_us) override;
   Depths depths(const Timeline& timeline) const override;
   double blur_px() const override { return blur_px_; }
   double largest_flow_px() const override { return largest_flow_px_; }
 
  private:
-  std::unique_ptr<FrameSource> source_;
+  std::unique_ptr<world::FrameSource> source_;
   geometry::Intrinsics camera_;
   CameraPath path_;
   FrameClock clock_;
@@ -65,8 +65,8 @@ class StoredFootage : public Footage {
   StoredFootage(const std::filesystem::path& path, double frames_per_second, double log_eps);
   const geometry::Intrinsics& camera() const override { return camera_; }
   geometry::Pose pose(double t_us) const override { return trajectory_.at(t_us); }
-  void frame(int64_t t_us, int samples, SharpFrame& frame) const override;
-  int64_t next_us(const SharpFrame& frame, int64_t now_us, int64_t until_us) override;
+  void frame(int64_t t_us, int samples, world::SharpFrame& frame) const override;
+  int64_t next_us(const world::SharpFrame& frame, int64_t now_us, int64_t until_us) override;
   Depths depths(const Timeline& timeline) const override;
   int64_t duration_us() const { return times_us_.back(); }
 

@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "jade/core/error.h"
-#include "jade/simulate/scenes.h"
+#include "jade/world/worlds.h"
 
 namespace jade::simulate {
 
@@ -36,13 +36,13 @@ SimulateOptions preset_options(const std::string& name) {
 
 void validate(const SimulateRun& run) {
   const SimulateOptions& o = run.simulate;
-  const auto names = scene_names();
-  if (o.source == "scene" && std::find(names.begin(), names.end(), o.scene) == names.end()) {
+  const auto names = world::world_names();
+  if (o.source == "world" && std::find(names.begin(), names.end(), o.world) == names.end()) {
     std::string known;
     for (const auto& name : names) known += (known.empty() ? "" : ", ") + name;
-    throw ConfigError(concat("simulate.scene: expected one of ", known, "; found '", o.scene, "'"));
+    throw ConfigError(concat("simulate.world: expected one of ", known, "; found '", o.world, "'"));
   }
-  if (o.source != "scene" && o.path.empty()) {
+  if (o.source != "world" && o.path.empty()) {
     throw ConfigError(concat("simulate.path: source '", o.source,
                              "' needs a file or folder, found nothing; set simulate.path"));
   }

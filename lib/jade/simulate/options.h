@@ -117,8 +117,8 @@ void describe(V& v, PoseNoiseOptions& o) {
 /// What to simulate. The initialisers are those of a clean sensor; presets change them.
 struct SimulateOptions {
   std::string preset = "cdavis";
-  std::string source = "scene";
-  std::string scene = "desk";
+  std::string source = "world";
+  std::string world = "desk";
   std::filesystem::path path;
   int64_t width = 346, height = 260;
   double focal_px = 450;
@@ -135,9 +135,10 @@ struct SimulateOptions {
 template <class V>
 void describe(V& v, SimulateOptions& o) {
   v.field("preset", o.preset, "defaults of everything below", Choices{"cdavis", "blender"});
-  v.field("source", o.source, "what the camera sees: a built-in scene, a Gaussian .ply, or frames",
-          Choices{"scene", "ply", "frames"});
-  v.field("scene", o.scene,
+  v.field("source", o.source, "what the camera sees: a built-in world, a Gaussian .ply, or frames",
+          Choices{"world", "ply", "frames"});
+  v.renamed("scene", "world");
+  v.field("world", o.world,
           "desk, workshop, bookshelf, corridor, garden, market, gallery, clutter");
   v.field("path", o.path, "source ply: the file; source frames: a folder with transforms.json");
   v.field("width", o.width, "px", Range{8, 8192});
@@ -173,7 +174,7 @@ struct SimulateRun {
 };
 template <class V>
 void describe(V& v, SimulateRun& o) {
-  v.field("seed", o.seed, "of the scene, the camera's path and all noise", Range{0, 9e15});
+  v.field("seed", o.seed, "of the world, the camera's path and all noise", Range{0, 9e15});
   v.group("simulate", o.simulate, "what to simulate");
 }
 

@@ -31,7 +31,7 @@ Recorder::Recording Recorder::record() {
   }
   stops.push_back(timeline_.end_us);
   Progress progress("simulate", timeline_.end_us / 1000, 0, "ms");
-  SharpFrame before, after;
+  world::SharpFrame before, after;
   footage_.frame(0, samples, before);
   feed(before, 0);
   int64_t now = 0;
@@ -53,18 +53,18 @@ Recorder::Recording Recorder::record() {
 }
 
 torch::Tensor Recorder::sharp(int64_t t_us) const {
-  SharpFrame frame;
+  world::SharpFrame frame;
   footage_.frame(t_us, static_cast<int>(run_.simulate.sampling.sharp_samples), frame);
   return to_image(frame);
 }
 
-void Recorder::feed(const SharpFrame& frame, int64_t t_us) {
+void Recorder::feed(const world::SharpFrame& frame, int64_t t_us) {
   event_intensity(frame, run_.simulate.image, run_.simulate.events, intensity_);
   sensor_.feed(intensity_, t_us);
 }
 
-void Recorder::expose(const SharpFrame& before, const SharpFrame& after, int64_t from_us,
-                      int64_t to_us, std::vector<data::Exposure>& done) {
+void Recorder::expose(const world::SharpFrame& before, const world::SharpFrame& after,
+                      int64_t from_us, int64_t to_us, std::vector<data::Exposure>& done) {
   if (done.size() == timeline_.exposures.size()) return;
   const auto& window = timeline_.exposures[done.size()];
   if (from_us < window.begin_us) return;

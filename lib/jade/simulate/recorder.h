@@ -31,9 +31,9 @@ class Recorder {
 
  private:
   uint64_t seed(const std::string& purpose) const;
-  void feed(const SharpFrame& frame, int64_t t_us);
-  void expose(const SharpFrame& before, const SharpFrame& after, int64_t from_us, int64_t to_us,
-              std::vector<data::Exposure>& done);
+  void feed(const world::SharpFrame& frame, int64_t t_us);
+  void expose(const world::SharpFrame& before, const world::SharpFrame& after, int64_t from_us,
+              int64_t to_us, std::vector<data::Exposure>& done);
 
   const SimulateRun run_;
   Footage& footage_;

@@ -34,7 +34,7 @@ Timeline make_timeline(const SimulateOptions& o) {
   return timeline;
 }
 
-double set_speed_for_blur(CameraPath& path, const FrameSource& source,
+double set_speed_for_blur(CameraPath& path, const world::FrameSource& source,
                           const geometry::Intrinsics& camera, const Timeline& timeline,
                           double blur_px) {
   const geometry::Intrinsics coarse = geometry::scaled(camera, 32, 24);
@@ -42,7 +42,7 @@ double set_speed_for_blur(CameraPath& path, const FrameSource& source,
   const auto mean_blur = [&] {
     double sum = 0;
     int count = 0;
-    SharpFrame mid;
+    world::SharpFrame mid;
     for (size_t i = 0; i < timeline.exposures.size(); i += stride, ++count) {
       const auto& window = timeline.exposures[i];
       source.render(path.at(static_cast<double>(window.mid_us())), coarse, 1, mid);
@@ -65,7 +65,7 @@ FrameClock::FrameClock(const SamplingOptions& options, const CameraPath& path,
                        const geometry::Intrinsics& camera)
     : options_(options), path_(path), camera_(camera) {}
 
-int64_t FrameClock::next_us(const SharpFrame& frame, int64_t now_us, int64_t until_us) {
+int64_t FrameClock::next_us(const world::SharpFrame& frame, int64_t now_us, int64_t until_us) {
   const auto now = static_cast<double>(now_us);
   const geometry::Pose from = path_.at(now);
   const double frame_us = options_.min_fps > 0 ? 1e6 / options_.min_fps : kLongestStep_us;

@@ -24,7 +24,7 @@ Timeline make_timeline(const SimulateOptions& options);
 
 /// Sets the path's speed so that the mean blur over the timeline's exposures is `blur_px`.
 /// @return the mean blur reached, px
-double set_speed_for_blur(CameraPath& path, const FrameSource& source,
+double set_speed_for_blur(CameraPath& path, const world::FrameSource& source,
                           const geometry::Intrinsics& camera, const Timeline& timeline,
                           double blur_px);
 
@@ -34,7 +34,7 @@ class FrameClock {
  public:
   FrameClock(const SamplingOptions& options, const CameraPath& path,
              const geometry::Intrinsics& camera);
-  int64_t next_us(const SharpFrame& frame, int64_t now_us, int64_t until_us);
+  int64_t next_us(const world::SharpFrame& frame, int64_t now_us, int64_t until_us);
 
  private:
   const SamplingOptions options_;

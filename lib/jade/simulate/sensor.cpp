@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "jade/simulate/noise.h"
+#include "jade/world/noise.h"
 
 namespace jade::simulate {
 namespace {
@@ -26,7 +26,7 @@ float encode(float v, const std::string& encoding) {
   return v <= 0.0031308f ? 12.92f * v : 1.055f * std::pow(v, 1 / 2.4f) - 0.055f;
 }
 
-void event_intensity(const SharpFrame& frame, const ImageSensorOptions& image,
+void event_intensity(const world::SharpFrame& frame, const ImageSensorOptions& image,
                      const EventSensorOptions& events, std::vector<float>& intensity) {
   const int64_t pixels = frame.width * frame.height;
   const bool light = events.space == "linear" && image.encoding != "linear";
@@ -47,7 +47,8 @@ Exposing::Exposing(const ImageSensorOptions& options, int64_t width, int64_t hei
       in_light_(options.blur_space == "linear" && options.encoding != "linear"),
       sum_(static_cast<size_t>(3 * width * height)) {}
 
-void Exposing::add(const SharpFrame& before, const SharpFrame& after, double duration_us) {
+void Exposing::add(const world::SharpFrame& before, const world::SharpFrame& after,
+                   double duration_us) {
   total_us_ += duration_us;
   at::parallel_for(0, static_cast<int64_t>(sum_.size()), 8192, [&](int64_t begin, int64_t end) {
     for (auto i = static_cast<size_t>(begin); i < static_cast<size_t>(end); ++i) {
@@ -74,7 +75,7 @@ torch::Tensor Exposing::develop(uint64_t seed) const {
   const bool noisy = options_.full_well > 0 || options_.read_noise > 0;
   at::parallel_for(0, noisy ? image.numel() : 0, 8192, [&](int64_t begin, int64_t end) {
     for (int64_t i = begin; i < end; ++i) {
-      Draw draw(seed, static_cast<uint64_t>(i));
+      world::Draw draw(seed, static_cast<uint64_t>(i));
       double light = decode(std::clamp(out[i], 0.0f, 1.0f), options_.encoding);
       if (options_.full_well > 0)
         light = draw.poisson(light * options_.full_well) / options_.full_well;
@@ -85,7 +86,7 @@ torch::Tensor Exposing::develop(uint64_t seed) const {
   return quantized(image);
 }
 
-torch::Tensor to_image(const SharpFrame& frame) {
+torch::Tensor to_image(const world::SharpFrame& frame) {
   const auto image = torch::from_blob(const_cast<float*>(frame.rgb.data()),
                                       {3, frame.height, frame.width}, torch::kFloat32);
   return quantized(image);

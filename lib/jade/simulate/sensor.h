@@ -5,8 +5,8 @@
 #include <torch/types.h>
 #include <vector>
 
-#include "jade/simulate/frame_source.h"
 #include "jade/simulate/options.h"
+#include "jade/world/frame_source.h"
 
 namespace jade::simulate {
 
@@ -15,7 +15,7 @@ float decode(float stored, const std::string& encoding);
 float encode(float linear, const std::string& encoding);
 
 /// What an event pixel sees of a frame: 0.299 R + 0.587 G + 0.114 B of stored values or light.
-void event_intensity(const SharpFrame& frame, const ImageSensorOptions& image,
+void event_intensity(const world::SharpFrame& frame, const ImageSensorOptions& image,
                      const EventSensorOptions& events, std::vector<float>& intensity);
 
 /// Integrates frames over one exposure; between two frames the values run on a straight line.
@@ -23,7 +23,7 @@ class Exposing {
  public:
   Exposing(const ImageSensorOptions& options, int64_t width, int64_t height);
   /// The part of the exposure from `before` to `after`.
-  void add(const SharpFrame& before, const SharpFrame& after, double duration_us);
+  void add(const world::SharpFrame& before, const world::SharpFrame& after, double duration_us);
   /// The mean, with photon and read noise, rounded to 8 bit: [3,H,W] in [0,1].
   torch::Tensor develop(uint64_t seed) const;
   /// The mean without noise and rounding, in stored values.
@@ -38,6 +38,6 @@ class Exposing {
 };
 
 /// A sharp frame as the 8-bit picture of a noiseless sensor.
-torch::Tensor to_image(const SharpFrame& frame);
+torch::Tensor to_image(const world::SharpFrame& frame);
 
 }  // namespace jade::simulate

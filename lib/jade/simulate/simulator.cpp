@@ -13,9 +13,9 @@
 #include "jade/core/interrupt.h"
 #include "jade/core/random.h"
 #include "jade/simulate/gaussian_source.h"
-#include "jade/simulate/ray_caster.h"
 #include "jade/simulate/recorder.h"
-#include "jade/simulate/scenes.h"
+#include "jade/world/ray_caster.h"
+#include "jade/world/worlds.h"
 
 namespace jade::simulate {
 namespace {
@@ -50,7 +50,7 @@ class WrittenPoses {
 
  private:
   std::array<double, 6> error(int64_t knot) const {
-    Draw draw(seed_, static_cast<uint64_t>(knot));
+    world::Draw draw(seed_, static_cast<uint64_t>(knot));
     std::array<double, 6> e{};
     for (double& v : e) v = draw.normal();
     return e;
@@ -76,13 +76,13 @@ void add_poses(const WrittenPoses& poses, const Timeline& timeline,
   for (int64_t t : content.path_t_us) content.path.push_back(poses.at(t));
 }
 
-Vec3 vector_or(const std::vector<double>& values, Vec3 fallback) {
+world::Vec3 vector_or(const std::vector<double>& values, world::Vec3 fallback) {
   if (values.empty()) return fallback;
   return {static_cast<float>(values[0]), static_cast<float>(values[1]),
           static_cast<float>(values[2])};
 }
 
-CameraRig rig_for(const CameraOptions& o, CameraRig rig) {
+world::CameraRig rig_for(const CameraOptions& o, world::CameraRig rig) {
   rig.eye = vector_or(o.eye, rig.eye), rig.target = vector_or(o.target, rig.target);
   rig.up = vector_or(o.up, rig.up);
   rig.eye_reach = vector_or(o.eye_reach, rig.eye_reach);
@@ -105,11 +105,12 @@ std::unique_ptr<Footage> open_footage(const SimulateRun& run, const Timeline& ti
   }
   if (o.source == "ply") {
     auto source = std::make_unique<GaussianSource>(o.path);
-    const CameraRig rig = rig_for(o.camera, source->rig());
+    const world::CameraRig rig = rig_for(o.camera, source->rig());
     return std::make_unique<RenderedFootage>(run, std::move(source), rig, timeline);
   }
-  auto source = std::make_unique<RayCaster>(make_scene(o.scene, static_cast<uint64_t>(run.seed)));
-  const CameraRig rig = rig_for(o.camera, source->scene().rig);
+  auto source = std::make_unique<world::RayCaster>(
+      world::make_world(o.world, static_cast<uint64_t>(run.seed)));
+  const world::CameraRig rig = rig_for(o.camera, source->world().rig);
   return std::make_unique<RenderedFootage>(run, std::move(source), rig, timeline);
 }
 

@@ -61,7 +61,7 @@ torch::Tensor draw_distinct(at::Generator& generator, int64_t count, int64_t bou
 
 }  // namespace
 
-EventWindows::EventWindows(const data::Dataset& dataset, const losses::SceneLossOptions& options,
+EventWindows::EventWindows(const data::Dataset& dataset, const losses::ObjectiveOptions& options,
                            uint64_t seed, torch::Device device)
     : events_(dataset.events),
       camera_(dataset.train.front().camera),

@@ -7,7 +7,7 @@
 
 #include "jade/data/exposure.h"
 #include "jade/geometry/trajectory.h"
-#include "jade/losses/scene.h"
+#include "jade/losses/objective.h"
 #include "jade/splat/render.h"
 
 namespace jade::train {
@@ -26,10 +26,10 @@ struct EventWindow {
 /// Draws the time windows of L_ev as functions of the seed and the step, like train/draws.h.
 class EventWindows {
  public:
-  /// Windows of `scene.event_window_share` of the first exposure's duration, drawn as
-  /// `scene.event_window` says. Cameras move along the nine poses of the exposure, or along the
+  /// Windows of `objective.event_window_share` of the first exposure's duration, drawn as
+  /// `objective.event_window` says. Cameras move along the nine poses of the exposure, or along the
   /// data set's path (where it has none: through all exposures' poses) for "recording".
-  EventWindows(const data::Dataset& dataset, const losses::SceneLossOptions& options, uint64_t seed,
+  EventWindows(const data::Dataset& dataset, const losses::ObjectiveOptions& options, uint64_t seed,
                torch::Device device);
 
   /// The window of `step` (counted from 1) for the training view `view`.

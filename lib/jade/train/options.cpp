@@ -7,26 +7,27 @@ namespace jade::train {
 namespace {
 
 bool is_routed(const RunOptions& options) {
-  return options.scene.target == "routed" && options.allocation.kind != "none";
+  return options.objective.target == "routed" && options.allocation.kind != "none";
 }
 
-bool is_learned(const models::AllocationOptions& allocation) {
+bool is_learned(const router::AllocationOptions& allocation) {
   return allocation.kind != "constant" && allocation.kind != "none";
 }
 
 /// Whether the objective has any term at `step`.
 bool something_acts(const RunOptions& options, int64_t step) {
-  const losses::SceneLossOptions& scene = options.scene;
-  const bool target = losses::target_acts(scene, step) &&
-                      (scene.target != "routed" || options.allocation.kind != "none");
-  return target || scene.blur || scene.edi_supervision || losses::simulation_acts(scene, step) ||
-         losses::intensity_acts(scene, step) || scene.event_loss_weight > 0;
+  const losses::ObjectiveOptions& objective = options.objective;
+  const bool target = losses::target_acts(objective, step) &&
+                      (objective.target != "routed" || options.allocation.kind != "none");
+  return target || objective.blur || objective.edi_supervision ||
+         losses::simulation_acts(objective, step) || losses::intensity_acts(objective, step) ||
+         objective.event_loss_weight > 0;
 }
 
 }  // namespace
 
 bool needs_efnet(const RunOptions& options) {
-  if (options.scene.target == "efnet" || options.scene.target == "mean") return true;
+  if (options.objective.target == "efnet" || options.objective.target == "mean") return true;
   // α ≡ 1 is the analytical restoration alone.
   return is_routed(options) &&
          !(options.allocation.kind == "constant" && options.allocation.constant == 1);
@@ -58,23 +59,25 @@ void validate(const RunOptions& options) {
         "allocation.kind ",
         options.allocation.kind, "; or set allocation.kind constant"));
   }
-  for (const int64_t step : {int64_t{1}, options.scene.target_until + 1}) {
+  for (const int64_t step : {int64_t{1}, options.objective.target_until + 1}) {
     if (something_acts(options, step) || step > options.train.iterations) continue;
-    throw ConfigError(concat("scene: expected a term that acts at step ", step,
-                             ", found none; turn on scene.blur or scene.edi_supervision, or "
-                             "change scene.target, scene.target_until"));
-  }
-  if (options.scene.target == "image_folder" && options.train.target_images.empty()) {
     throw ConfigError(
-        "train.target_images: needed by scene.target image_folder; name a folder of images");
+        concat("objective: expected a term that acts at step ", step,
+               ", found none; turn on objective.blur or objective.edi_supervision, or "
+               "change objective.target, objective.target_until"));
   }
-  if (options.poses.optimize != "none" && options.scene.event_loss_weight > 0) {
+  if (options.objective.target == "image_folder" && options.train.target_images.empty()) {
     throw ConfigError(
-        "poses.optimize and scene.event_loss_weight: L_ev takes its cameras from the data; set one "
+        "train.target_images: needed by objective.target image_folder; name a folder of images");
+  }
+  if (options.poses.optimize != "none" && options.objective.event_loss_weight > 0) {
+    throw ConfigError(
+        "poses.optimize and objective.event_loss_weight: L_ev takes its cameras from the data; set "
+        "one "
         "of "
         "them to none or 0");
   }
-  const scene::DensifyOptions& densify = options.densify;
+  const gaussians::DensifyOptions& densify = options.densify;
   // In a run of a few steps both shares may come to the same step; nothing is densified then.
   const bool in_order =
       densify.from < densify.until || (densify.from == densify.until && densify.until.is_share());

@@ -9,15 +9,15 @@
 #include "jade/core/fields.h"
 #include "jade/data/dataset.h"
 #include "jade/events/thresholds.h"
+#include "jade/gaussians/densify.h"
+#include "jade/gaussians/init.h"
+#include "jade/gaussians/optimizer.h"
+#include "jade/losses/objective.h"
 #include "jade/losses/route.h"
-#include "jade/losses/scene.h"
-#include "jade/models/allocation.h"
-#include "jade/models/crf.h"
-#include "jade/models/efnet.h"
-#include "jade/models/restoration_cache.h"
-#include "jade/scene/densify.h"
-#include "jade/scene/init.h"
-#include "jade/scene/optimizer.h"
+#include "jade/response/camera_response.h"
+#include "jade/restore/efnet.h"
+#include "jade/restore/restoration_cache.h"
+#include "jade/router/allocation.h"
 #include "jade/train/exposure_poses.h"
 
 namespace jade::train {
@@ -51,7 +51,7 @@ void describe(V& v, TrainOptions& o) {
           "record steps on a GPU as a CUDA graph, several times faster; has no effect with "
           "deterministic, poses.optimize and allocation.kind per_view_map");
   v.field("target_images", o.target_images,
-          "folder with one image a training view, by name, for scene.target image_folder");
+          "folder with one image a training view, by name, for objective.target image_folder");
 }
 
 struct SplatOptions {
@@ -85,17 +85,17 @@ struct RunOptions {
   bool deterministic = false;
   data::DatasetOptions dataset;
   events::EventOptions events;
-  models::EfnetOptions efnet;
-  models::RestorationCacheOptions cache;
-  scene::InitOptions init;
-  scene::OptimOptions optim;
-  scene::DensifyOptions densify;
+  restore::EfnetOptions efnet;
+  restore::RestorationCacheOptions cache;
+  gaussians::InitOptions init;
+  gaussians::OptimOptions optim;
+  gaussians::DensifyOptions densify;
   SplatOptions splat;
-  models::CrfOptions crf;
+  response::ResponseOptions response;
   PoseOptions poses;
-  models::AllocationOptions allocation;
+  router::AllocationOptions allocation;
   losses::RouteOptions route;
-  losses::SceneLossOptions scene;
+  losses::ObjectiveOptions objective;
   TrainOptions train;
   CheckpointOptions checkpoint;
 };
@@ -114,11 +114,13 @@ void describe(V& v, RunOptions& o) {
   v.group("optim", o.optim, "step sizes of the Gaussians");
   v.group("densify", o.densify, "adding and removing Gaussians");
   v.group("splat", o.splat, "how the Gaussians are drawn");
-  v.group("crf", o.crf, "the camera response φ");
+  v.group("response", o.response, "the camera response ρ");
   v.group("poses", o.poses, "the cameras of the exposures");
   v.group("allocation", o.allocation, "the weight between the two restorations, Eq. (3)");
   v.group("route", o.route, "routing step, Eq. (6)");
-  v.group("scene", o.scene, "scene step, Eq. (8) to (10)");
+  v.renamed("crf", "response");
+  v.renamed("scene", "objective");
+  v.group("objective", o.objective, "what the scene step minimises, Eq. (8) to (10)");
   v.group("train", o.train, "the calendar of a run");
   v.group("checkpoint", o.checkpoint, "what a run can be resumed from");
 }

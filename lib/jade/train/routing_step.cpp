@@ -9,7 +9,7 @@ RouteReport routing_step(TrainState& state, const View& view, int64_t view_index
                          const Renders& renders, const losses::RouteOptions& options) {
   if (state.allocation_adam.empty()) return {};
   const auto alpha = state.allocation->forward({view.blurry, view.psi, view_index});
-  const auto pseudo = models::fuse(alpha, view.restorations);
+  const auto pseudo = restore::fuse(alpha, view.restorations);
   const auto loss = losses::route_loss(pseudo, losses::Fixed(renders.mid()), view.reblur_kernel,
                                        view.blurry, options);
   state.allocation_adam.zero_grad();
@@ -29,7 +29,7 @@ torch::Tensor allocation_map(TrainState& state, const View& view, int64_t view_i
 
 torch::Tensor scene_target(TrainState& state, const View& view, int64_t view_index) {
   if (view.fixed_target.defined() || !state.allocation) return view.fixed_target;
-  return models::fuse(allocation_map(state, view, view_index), view.restorations);
+  return restore::fuse(allocation_map(state, view, view_index), view.restorations);
 }
 
 }  // namespace jade::train

@@ -6,17 +6,21 @@
 namespace jade::train {
 namespace {
 
-losses::ToneCurve tone_curve(TrainState& state, const losses::SceneLossOptions& options,
+losses::ToneCurve tone_curve(TrainState& state, const losses::ObjectiveOptions& options,
                              int64_t step) {
-  if (!state.crf || !losses::tone_acts(options, step)) return {};
-  const auto table = state.crf->table();
-  return {[table](const torch::Tensor& image) { return models::CrfImpl::apply(image, table); },
-          [table](const torch::Tensor& images) { return models::CrfImpl::mean(images, table); }};
+  if (!state.response || !losses::tone_acts(options, step)) return {};
+  const auto table = state.response->table();
+  return {[table](const torch::Tensor& image) {
+            return response::CameraResponseImpl::apply(image, table);
+          },
+          [table](const torch::Tensor& images) {
+            return response::CameraResponseImpl::mean(images, table);
+          }};
 }
 
 splat::RenderOptions render_options(int64_t step, const RunOptions& options) {
   splat::RenderOptions render = train::render_options(options);
-  render.sh_degree = scene::active_sh_degree(step, options.train.sh_degree_every);
+  render.sh_degree = gaussians::active_sh_degree(step, options.train.sh_degree_every);
   return render;
 }
 
@@ -37,7 +41,7 @@ losses::EventPair event_pair(const TrainState& state, const EventWindow& window,
   pair.color_filter = window.color_filter;
   pair.threshold_positive = thresholds.positive;
   pair.threshold_negative = thresholds.negative;
-  pair.weighted_colors = losses::tone_acts(options.scene, step);
+  pair.weighted_colors = losses::tone_acts(options.objective, step);
   return pair;
 }
 
@@ -64,7 +68,7 @@ Renders render_exposure(TrainState& state, const View& view, int64_t view_index,
   render.statistics = state.densifier.statistics(step);
   render.statistics_view = state.densifier.statistics_view();
   splat::CameraBatch cameras = exposure_cameras(state, view, view_index);
-  const torch::Tensor read = losses::poses_read(options.scene, step, draws);
+  const torch::Tensor read = losses::poses_read(options.objective, step, draws);
   if (read.defined()) {
     cameras.camera_from_world = cameras.camera_from_world.index_select(0, read);
     cameras.intrinsics = cameras.intrinsics.index_select(0, read);
@@ -75,29 +79,30 @@ Renders render_exposure(TrainState& state, const View& view, int64_t view_index,
 std::vector<losses::NamedTerm> scene_step(TrainState& state, const SceneStepInputs& step_inputs,
                                           int64_t step, const RunOptions& options) {
   const View& view = step_inputs.view;
-  losses::SceneLossInputs inputs;
+  losses::ObjectiveInputs inputs;
   inputs.renders = step_inputs.renders.color;
   inputs.blurry = view.blurry;
   inputs.blurry_moments = view.blurry_moments;
   inputs.edi_factors = view.edi_factors;
   inputs.poses = step_inputs.poses;
   if (step_inputs.target.defined()) inputs.target.emplace(step_inputs.target);
-  inputs.tone = tone_curve(state, options.scene, step);
+  inputs.tone = tone_curve(state, options.objective, step);
   if (step_inputs.events.defined()) {
     inputs.events = event_pair(state, step_inputs.events, inputs.tone, step, options);
   }
 
-  losses::SceneLoss loss = losses::scene_loss(inputs, step, options.scene);
+  losses::Objective loss = losses::objective(inputs, step, options.objective);
   const torch::Tensor regularization = state.densifier.regularization(state.gaussians);
   if (regularization.defined()) {
     loss.total = loss.total.defined() ? loss.total + regularization : regularization;
     loss.terms.push_back({"regularization", regularization});
   }
   state.gaussians.zero_grad();
-  state.crf_adam.zero_grad();
+  state.response_adam.zero_grad();
   loss.total.backward();
   state.gaussian_adam.step(state.gaussians);
-  if (!state.crf_adam.empty() && losses::tone_acts(options.scene, step)) state.crf_adam.step();
+  if (!state.response_adam.empty() && losses::tone_acts(options.objective, step))
+    state.response_adam.step();
   step_poses(state, step, options.poses);
   for (losses::NamedTerm& term : loss.terms) term.value = term.value.detach();
   return std::move(loss.terms);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "jade/losses/scene.h"
+#include "jade/losses/objective.h"
 #include "jade/train/event_windows.h"
 #include "jade/train/state.h"
 #include "jade/train/view.h"

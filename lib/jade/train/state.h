@@ -6,12 +6,12 @@
 #include <torch/types.h>
 #include <vector>
 
+#include "jade/gaussians/densify.h"
+#include "jade/gaussians/gaussian_model.h"
+#include "jade/gaussians/optimizer.h"
 #include "jade/geometry/trajectory.h"
-#include "jade/models/allocation.h"
-#include "jade/models/crf.h"
-#include "jade/scene/densify.h"
-#include "jade/scene/gaussian_model.h"
-#include "jade/scene/optimizer.h"
+#include "jade/response/camera_response.h"
+#include "jade/router/allocation.h"
 #include "jade/train/exposure_poses.h"
 #include "jade/train/module_adam.h"
 #include "jade/train/options.h"
@@ -21,14 +21,14 @@ namespace jade::train {
 /// All that changes during training, and so all that a checkpoint holds. The view order and the
 /// pose draws are functions of the seed and the step, so they need no state.
 struct TrainState {
-  int64_t step = 0;                ///< finished steps
-  scene::GaussianModel gaussians;  ///< φ
-  scene::GaussianAdam gaussian_adam;
-  scene::Densifier densifier;
-  std::shared_ptr<models::Allocation> allocation;  ///< θ; nullptr without a routed target
+  int64_t step = 0;                    ///< finished steps
+  gaussians::GaussianModel gaussians;  ///< φ
+  gaussians::GaussianAdam gaussian_adam;
+  gaussians::Densifier densifier;
+  std::shared_ptr<router::Allocation> allocation;  ///< θ; nullptr without a routed target
   ModuleAdam allocation_adam;                      ///< empty where nothing is learned
-  models::Crf crf{nullptr};                        ///< nullptr when off
-  ModuleAdam crf_adam;
+  response::CameraResponse response{nullptr};      ///< nullptr when off
+  ModuleAdam response_adam;
   std::shared_ptr<ExposurePoses> poses;  ///< nullptr where the data's poses stay
   ModuleAdam poses_adam;
 };

@@ -12,7 +12,7 @@ StepOutputs alternate(TrainState& state, const StepInputs& inputs, int64_t step,
   out.renders = render_exposure(state, view, inputs.view_index, inputs.poses, step, options);
   RouteReport route;
   torch::Tensor target;
-  if (losses::target_acts(options.scene, step)) {
+  if (losses::target_acts(options.objective, step)) {
     route = routing_step(state, view, inputs.view_index, out.renders, options.route);
     target = scene_target(state, view, inputs.view_index);
   }

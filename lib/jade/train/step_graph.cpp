@@ -47,11 +47,11 @@ std::vector<torch::Tensor*> tensors_of(EventWindow& window) {
 std::vector<int64_t> assumptions(const TrainState& state, const StepInputs& inputs, int64_t step,
                                  const RunOptions& options) {
   std::vector<int64_t> all{step / kRenewal,
-                           scene::active_sh_degree(step, options.train.sh_degree_every),
-                           losses::tone_acts(options.scene, step),
-                           losses::target_acts(options.scene, step),
-                           losses::simulation_acts(options.scene, step),
-                           losses::intensity_acts(options.scene, step),
+                           gaussians::active_sh_degree(step, options.train.sh_degree_every),
+                           losses::tone_acts(options.objective, step),
+                           losses::target_acts(options.objective, step),
+                           losses::simulation_acts(options.objective, step),
+                           losses::intensity_acts(options.objective, step),
                            inputs.events.defined(),
                            inputs.view.blurry.size(1),
                            inputs.view.blurry.size(2)};
@@ -59,10 +59,10 @@ std::vector<int64_t> assumptions(const TrainState& state, const StepInputs& inpu
     all.push_back(tensor.defined() ? reinterpret_cast<int64_t>(tensor.const_data_ptr()) : 0);
     all.push_back(tensor.defined() ? tensor.numel() : 0);
   };
-  for (int i = 0; i < scene::kParameterCount; ++i) {
-    address(scene::parameter(state.gaussians.parameters(), i));
-    address(scene::parameter(state.gaussian_adam.first_moments(), i));
-    address(scene::parameter(state.gaussian_adam.second_moments(), i));
+  for (int i = 0; i < gaussians::kParameterCount; ++i) {
+    address(gaussians::parameter(state.gaussians.parameters(), i));
+    address(gaussians::parameter(state.gaussian_adam.first_moments(), i));
+    address(gaussians::parameter(state.gaussian_adam.second_moments(), i));
   }
   const splat::ScreenStatistics statistics = state.densifier.statistics(step);
   address(statistics.gradient_norm);
@@ -144,7 +144,7 @@ struct StepGraph::Recording {
     // Gradients must be born inside the recording, at addresses of its own.
     state.gaussians.zero_grad();
     state.allocation_adam.zero_grad();
-    state.crf_adam.zero_grad();
+    state.response_adam.zero_grad();
     graph.emplace();
     graph->capture_begin();
     try {

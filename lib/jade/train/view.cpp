@@ -13,7 +13,7 @@
 #include "jade/imaging/edi.h"
 #include "jade/imaging/image_io.h"
 #include "jade/imaging/reblur.h"
-#include "jade/models/view_restorer.h"
+#include "jade/restore/view_restorer.h"
 
 namespace jade::train {
 namespace {
@@ -21,10 +21,10 @@ namespace {
 /// The target of Eq. (9) where no router decides; undefined for a routed one or none.
 torch::Tensor fixed_target(const View& view, const RunOptions& options, bool monochrome,
                            torch::Device device) {
-  const std::string& target = options.scene.target;
+  const std::string& target = options.objective.target;
   if (target == "edi") return view.restorations.edi;
   if (target == "efnet") return view.restorations.efnet;
-  if (target == "mean") return models::fuse(torch::tensor(0.5f, device), view.restorations);
+  if (target == "mean") return restore::fuse(torch::tensor(0.5f, device), view.restorations);
   if (target == "blurry") return view.blurry;
   // α ≡ 1 needs no F(B, V), see needs_efnet().
   if (target == "routed" && options.allocation.kind == "constant" &&
@@ -39,7 +39,7 @@ torch::Tensor fixed_target(const View& view, const RunOptions& options, bool mon
           throw DataError(concat(path.string(), ": expected ", shape_string(view.blurry),
                                  " as the training frame, found ", shape_string(image)));
         }
-        return monochrome ? models::without_tint(image) : image;
+        return monochrome ? restore::without_tint(image) : image;
       }
     }
     throw DataError(concat(options.train.target_images.string(), ": expected an image named ",
@@ -57,7 +57,7 @@ double reblur_contrast(const events::EventVoxel& voxel, const RunOptions& option
 }
 
 View prepare_view(const data::Exposure& exposure, const RunOptions& options, bool monochrome,
-                  models::ViewRestorer& restorer, torch::Device device) {
+                  restore::ViewRestorer& restorer, torch::Device device) {
   const events::ImageSize size{exposure.camera.height, exposure.camera.width};
   const events::ExposureMaps maps = events::map_exposure(
       exposure.events, {exposure.t_start_us, exposure.t_end_us}, options.events.bins, size);
@@ -86,7 +86,7 @@ View prepare_view(const data::Exposure& exposure, const RunOptions& options, boo
 }  // namespace
 
 std::string restorer_sha256(const RunOptions& options) {
-  return needs_efnet(options) ? models::checked_file_sha256(options.efnet) : "";
+  return needs_efnet(options) ? restore::checked_file_sha256(options.efnet) : "";
 }
 
 double near_plane(const SplatOptions& options, const data::Dataset& dataset) {
@@ -120,7 +120,7 @@ std::vector<View> prepare_views(const data::Dataset& dataset, const RunOptions& 
                                 torch::Device device) {
   const torch::NoGradGuard no_grad;
   const auto efnet = needs_efnet(options) ? std::optional(options.efnet) : std::nullopt;
-  models::ViewRestorer restorer(options.cache, efnet, device, dataset.monochrome);
+  restore::ViewRestorer restorer(options.cache, efnet, device, dataset.monochrome);
   Progress progress("restoring", static_cast<int64_t>(dataset.train.size()), 0, "views");
   std::vector<View> views;
   for (const data::Exposure& exposure : dataset.train) {

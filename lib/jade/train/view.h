@@ -7,7 +7,7 @@
 
 #include "jade/data/exposure.h"
 #include "jade/imaging/ssim.h"
-#include "jade/models/restorations.h"
+#include "jade/restore/restorations.h"
 #include "jade/splat/render.h"
 #include "jade/train/options.h"
 
@@ -23,7 +23,7 @@ struct View {
   torch::Tensor edi_factors;           ///< [9,1,H,W] R_k: EDI_k(X) = X ⊙ R_k
   torch::Tensor reblur_kernel;         ///< [1,H,W] K(V), Eq. (7)
   torch::Tensor density;               ///< [H,W] events of either polarity
-  models::Restorations restorations;   ///< I_edi and F; F undefined where nothing asks for it
+  restore::Restorations restorations;  ///< I_edi and F; F undefined where nothing asks for it
   torch::Tensor fixed_target;  ///< [3,H,W] target that no router decides; undefined if routed
   splat::CameraBatch cameras;  ///< the nine poses
 };

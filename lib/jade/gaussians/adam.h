@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+// The arithmetic of one Adam step, apart from tensors. Not for use outside this folder.
+#pragma once
+
+#include <cstdint>
+
+namespace jade::gaussians {
+
+/// One parameter tensor, rows × row floats. The first `head` floats of a row have step size
+/// `head_lr`, the others `tail_lr`.
+struct AdamGroup {
+  float* value = nullptr;
+  float* first = nullptr;
+  float* second = nullptr;
+  const float* gradient = nullptr;
+  int64_t count = 0;  ///< floats in all
+  int64_t row = 1;
+  int64_t head = 1;
+  double head_lr = 0;
+  double tail_lr = 0;
+  bool scheduled = false;  ///< step sizes are multiplied by the schedule
+  /// Floats 3i, 3i + 1 and 3i + 2 step by the mean of their gradients, so that equal ones stay
+  /// equal to the bit. `row` and `head` are multiples of 3 then.
+  bool tied = false;
+};
+
+constexpr int kMaxAdamGroups = 5;
+
+struct AdamStep {
+  AdamGroup groups[kMaxAdamGroups];
+  int group_count = 0;
+  double beta1 = 0.9, beta2 = 0.999, eps = 1e-15;
+  /// Schedule at step s: exp(log_start + (log_end − log_start) · min(s / max_steps, 1)).
+  double log_start = 0, log_end = 0;
+  double max_steps = 1;
+  /// Steps done, this one included; lives where the groups live.
+  const int64_t* step = nullptr;
+};
+
+namespace cpu {
+void adam_step(const AdamStep& step);
+}
+
+namespace cuda {
+/// On the current stream of the current device.
+void adam_step(const AdamStep& step);
+}  // namespace cuda
+
+}  // namespace jade::gaussians

@@ -1,0 +1,168 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/gaussians/densify.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "jade/core/check.h"
+#include "jade/gaussians/mcmc.h"
+
+namespace jade::gaussians {
+namespace {
+
+constexpr double kResetOpacity = 0.01;
+constexpr int kOpacity = 3;
+constexpr int64_t kChildren = 2;
+/// Children of a split are this much smaller (3DGS: 0.8 · number of children).
+const double kSplitShrink = std::log(1.6);
+
+double logit(double p) { return std::log(p / (1 - p)); }
+
+torch::Tensor largest_scale(const splat::Gaussians& values) {
+  return values.log_scales.amax(1).exp();
+}
+
+/// Rows that grow, strongest screen gradient first where only `room` fit.
+torch::Tensor growing_rows(const torch::Tensor& gradient, double threshold, int64_t room) {
+  const torch::Tensor rows = (gradient >= threshold).nonzero().squeeze(1);
+  if (rows.size(0) <= room) return rows;
+  const torch::Tensor order =
+      gradient.index_select(0, rows).argsort(/*stable=*/true, 0, /*descending=*/true);
+  return std::get<0>(rows.index_select(0, order.slice(0, 0, std::max<int64_t>(0, room))).sort());
+}
+
+/// Two children for each row, drawn from the Gaussian itself and smaller.
+splat::Gaussians split_children(const splat::Gaussians& values, const torch::Tensor& rows,
+                                at::Generator& generator) {
+  const torch::Tensor repeated = rows.repeat({kChildren});
+  splat::Gaussians children = map_parameters(
+      values, [&](const torch::Tensor& value) { return value.index_select(0, repeated); });
+  const torch::Tensor normal =
+      at::randn({repeated.size(0), 3}, generator, torch::kFloat32).to(values.means.device());
+  children.means.add_(world_offsets(children.rotations, children.log_scales, normal));
+  children.log_scales.sub_(kSplitShrink);
+  return children;
+}
+
+/// What is too faint, too large or not finite goes.
+torch::Tensor survivors(const splat::Gaussians& values, const DensifyOptions& options,
+                        double extent, bool prune_large) {
+  torch::Tensor keep = values.logit_opacities >= logit(std::max(options.prune_opacity, 1e-12));
+  if (prune_large) keep = keep & (largest_scale(values) <= options.prune_scale * extent);
+  keep = keep & values.means.isfinite().all(1) & values.log_scales.isfinite().all(1);
+  return keep.nonzero().squeeze(1);
+}
+
+}  // namespace
+
+void reset_opacities(GaussianModel& model, GaussianAdam& adam) {
+  const torch::NoGradGuard no_grad;
+  model.parameters().logit_opacities.detach().clamp_max_(logit(kResetOpacity));
+  adam.reset_parameter(kOpacity);
+}
+
+Densifier::Densifier(const DensifyOptions& options, const GaussianModel& model,
+                     at::Generator generator)
+    : options_(options), generator_(std::move(generator)) {
+  reset_statistics(model);
+}
+
+void Densifier::reset_statistics(const GaussianModel& model) {
+  statistics_ = {};
+  if (options_.strategy != "adc") return;
+  statistics_ = splat::ScreenStatistics::zeros(model.size(), model.device());
+}
+
+splat::ScreenStatistics Densifier::statistics(int64_t step) const {
+  return step < options_.until ? statistics_ : splat::ScreenStatistics{};
+}
+
+bool Densifier::densify_due(int64_t step) const {
+  return options_.strategy != "none" && step > options_.from && step < options_.until &&
+         step % options_.every == 0;
+}
+
+bool Densifier::opacity_reset_due(int64_t step) const {
+  return options_.strategy == "adc" && options_.opacity_reset_every > 0 && step < options_.until &&
+         step <= options_.last_opacity_reset && step % options_.opacity_reset_every == 0;
+}
+
+bool Densifier::due(int64_t step) const {
+  return options_.strategy == "mcmc" || densify_due(step) || opacity_reset_due(step);
+}
+
+DensifyReport Densifier::update(int64_t step, GaussianModel& model, GaussianAdam& adam) {
+  DensifyReport report;
+  if (densify_due(step)) {
+    report = options_.strategy == "mcmc" ? update_mcmc(model, adam) : update_adc(step, model, adam);
+  }
+  if (opacity_reset_due(step)) {
+    reset_opacities(model, adam);
+    report.opacity_reset = true;
+  }
+  if (options_.strategy == "mcmc") {
+    const double lr = position_lr(adam.options(), step) * model.extent();
+    add_noise(options_.mcmc.noise_lr * lr, model, generator_);
+  }
+  return report;
+}
+
+DensifyReport Densifier::update_adc(int64_t step, GaussianModel& model, GaussianAdam& adam) {
+  const torch::NoGradGuard no_grad;
+  const splat::Gaussians values = model.detached();
+  const torch::Tensor gradient =
+      (statistics_.gradient_norm / statistics_.visible_count.clamp_min(1)).nan_to_num(0, 0, 0);
+  check_shape(gradient, "densification statistics", {model.size()});
+  const int64_t room = options_.max_gaussians - model.size();
+  const torch::Tensor grow = growing_rows(gradient, options_.gradient_threshold, room);
+  const torch::Tensor large =
+      largest_scale(values).index_select(0, grow) > options_.split_scale * model.extent();
+  const torch::Tensor cloned = grow.masked_select(~large);
+  const torch::Tensor split = grow.masked_select(large);
+
+  const torch::Tensor stays =
+      torch::ones({model.size()}, gradient.options().dtype(torch::kBool)).index_fill_(0, split, 0);
+  const torch::Tensor kept = stays.nonzero().squeeze(1);
+  const splat::Gaussians children = split_children(values, split, generator_);
+  splat::Gaussians grown;
+  for (int i = 0; i < kParameterCount; ++i) {
+    const torch::Tensor& value = parameter(values, i);
+    parameter(grown, i) = torch::cat(
+        {value.index_select(0, kept), value.index_select(0, cloned), parameter(children, i)});
+  }
+  const int64_t fresh = cloned.size(0) + kChildren * split.size(0);
+  const torch::Tensor rows = torch::cat({kept, torch::full({fresh}, -1, kept.options())});
+
+  const bool prune_large = options_.opacity_reset_every > 0 && step > options_.opacity_reset_every;
+  const torch::Tensor alive = survivors(grown, options_, model.extent(), prune_large);
+  DensifyReport report;
+  report.cloned = cloned.size(0);
+  report.split = split.size(0);
+  report.pruned = rows.size(0) - alive.size(0);
+  if (report.changed()) {
+    model.replace(map_parameters(
+        grown, [&](const torch::Tensor& value) { return value.index_select(0, alive); }));
+    adam.gather_rows(rows.index_select(0, alive));
+  }
+  reset_statistics(model);
+  return report;
+}
+
+DensifyReport Densifier::update_mcmc(GaussianModel& model, GaussianAdam& adam) {
+  DensifyReport report;
+  report.relocated = relocate_dead(options_.prune_opacity, model, adam, generator_);
+  const auto wanted =
+      static_cast<int64_t>(static_cast<double>(model.size()) * (1 + options_.mcmc.growth));
+  report.added = add_on_living(std::min(options_.max_gaussians, wanted) - model.size(),
+                               options_.prune_opacity, model, adam, generator_);
+  return report;
+}
+
+torch::Tensor Densifier::regularization(const GaussianModel& model) const {
+  if (options_.strategy != "mcmc") return {};
+  const splat::Gaussians& values = model.parameters();
+  return options_.mcmc.opacity_regularization * values.logit_opacities.sigmoid().mean() +
+         options_.mcmc.scale_regularization * values.log_scales.exp().mean();
+}
+
+}  // namespace jade::gaussians

@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <ATen/core/Generator.h>
+#include <cstdint>
+#include <limits>
+#include <string>
+#include <torch/types.h>
+
+#include "jade/core/fields.h"
+#include "jade/gaussians/gaussian_model.h"
+#include "jade/gaussians/optimizer.h"
+#include "jade/splat/render.h"
+
+namespace jade::gaussians {
+
+/// 3DGS as Markov chain Monte Carlo (Kheradmand et al., NeurIPS 2024).
+struct McmcOptions {
+  double noise_lr = 5e5;
+  double growth = 0.05;
+  double opacity_regularization = 0.01;
+  double scale_regularization = 0.01;
+};
+
+template <class V>
+void describe(V& v, McmcOptions& o) {
+  v.field("noise_lr", o.noise_lr, "exploration noise, times the means' step size", Range{0, 1e9});
+  v.field("growth", o.growth, "share of new Gaussians at each densification", Range{0, 1});
+  v.field("opacity_regularization", o.opacity_regularization, "weight of the mean opacity",
+          Range{0, 10});
+  v.field("scale_regularization", o.scale_regularization, "weight of the mean scale", Range{0, 10});
+}
+
+struct DensifyOptions {
+  std::string strategy = "adc";
+  std::string statistics = "all_poses";
+  Steps from = Steps::share(2);
+  Steps until = Steps::share(60);
+  Steps every = Steps::share(0.4, 50);
+  double gradient_threshold = 2e-4;
+  double split_scale = 0.01;
+  double prune_opacity = 0.005;
+  double prune_scale = 0.1;
+  Steps opacity_reset_every = Steps::share(12, 1000);
+  int64_t max_gaussians = 1000000;
+  McmcOptions mcmc;
+  /// No opacity reset after this step, or a run would end before the scene is back. Derived from
+  /// the number of steps, no key.
+  int64_t last_opacity_reset = std::numeric_limits<int64_t>::max();
+};
+
+template <class V>
+void describe(V& v, DensifyOptions& o) {
+  v.field("strategy", o.strategy,
+          "adc: clone, split and prune; mcmc: relocation and noise; none: fixed number",
+          Choices{"adc", "mcmc", "none"});
+  v.field("statistics", o.statistics, "which of the nine poses count in the screen gradients",
+          Choices{"all_poses", "first_pose"});
+  v.field("from", o.from, "first densification after this step", Range{0, 1e9});
+  v.field("until", o.until, "no densification and no opacity reset from this step on",
+          Range{0, 1e9});
+  v.field("every", o.every, "steps between densifications", Range{1, 1e9});
+  v.field("gradient_threshold", o.gradient_threshold,
+          "mean screen gradient (NDC) above which a Gaussian is cloned or split", Range{0, 1});
+  v.field("split_scale", o.split_scale,
+          "Gaussians larger than this share of the extent are split, smaller ones cloned",
+          Range{0, 1e3});
+  v.field("prune_opacity", o.prune_opacity, "Gaussians fainter than this are removed", Range{0, 1});
+  v.field(
+      "prune_scale", o.prune_scale,
+      "Gaussians larger than this share of the extent are removed after the first opacity reset",
+      Range{0, 1e3});
+  v.field(
+      "opacity_reset_every", o.opacity_reset_every,
+      "steps between resets of all opacities to at most 0.01, none in the last tenth of a run; 0: "
+      "never",
+      Range{0, 1e9});
+  v.field("max_gaussians", o.max_gaussians, "upper bound of the number of Gaussians",
+          Range{1, 1e8});
+  v.group("mcmc", o.mcmc, "strategy mcmc");
+}
+
+/// What one densification did.
+struct DensifyReport {
+  int64_t cloned = 0, split = 0, pruned = 0, relocated = 0, added = 0;
+  bool opacity_reset = false;
+  /// True when rows were added, removed or moved: parameters are new tensors.
+  bool changed() const { return cloned || split || pruned || relocated || added; }
+};
+
+/// Adds and removes Gaussians during training, keeping the optimiser's rows with them. Steps count
+/// from 1. All random draws come from the generator, on the CPU.
+class Densifier {
+ public:
+  Densifier() = default;
+  Densifier(const DensifyOptions& options, const GaussianModel& model, at::Generator generator);
+
+  /// For RenderOptions.statistics of the nine renders of `step`; undefined when nothing reads them.
+  splat::ScreenStatistics statistics(int64_t step) const;
+  /// For RenderOptions.statistics_view: 0 with `first_pose`, else -1.
+  int64_t statistics_view() const { return options_.statistics == "first_pose" ? 0 : -1; }
+
+  /// True when update(step) will do more than return (always with mcmc, for its noise).
+  bool due(int64_t step) const;
+
+  /// What `step` asks for, after the backward pass and the optimiser's step. Synchronises with the
+  /// device only where rows change. Changed parameters have no gradient.
+  DensifyReport update(int64_t step, GaussianModel& model, GaussianAdam& adam);
+
+  /// Opacity and scale terms that strategy mcmc adds to the loss, a scalar; undefined otherwise.
+  torch::Tensor regularization(const GaussianModel& model) const;
+
+  const DensifyOptions& options() const { return options_; }
+  at::Generator& generator() { return generator_; }
+  /// The accumulators, for checkpoints; undefined after the last densification.
+  const splat::ScreenStatistics& accumulated() const { return statistics_; }
+  void restore(const splat::ScreenStatistics& statistics) { statistics_ = statistics; }
+
+ private:
+  bool densify_due(int64_t step) const;
+  bool opacity_reset_due(int64_t step) const;
+  void reset_statistics(const GaussianModel& model);
+  DensifyReport update_adc(int64_t step, GaussianModel& model, GaussianAdam& adam);
+  DensifyReport update_mcmc(GaussianModel& model, GaussianAdam& adam);
+
+  DensifyOptions options_;
+  at::Generator generator_;
+  splat::ScreenStatistics statistics_;
+};
+
+/// Sets every opacity to at most 0.01 and forgets its Adam moments.
+void reset_opacities(GaussianModel& model, GaussianAdam& adam);
+
+}  // namespace jade::gaussians

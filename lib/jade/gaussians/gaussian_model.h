@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <functional>
+#include <string>
+#include <torch/types.h>
+
+#include "jade/splat/gaussians.h"
+
+namespace jade::gaussians {
+
+/// The tensors of a Gaussians in a fixed order, for code that treats them alike.
+inline constexpr int kParameterCount = 5;
+inline constexpr std::array<const char*, kParameterCount> kParameterNames = {
+    "means", "rotations", "log_scales", "logit_opacities", "sh"};
+torch::Tensor& parameter(splat::Gaussians& gaussians, int index);
+const torch::Tensor& parameter(const splat::Gaussians& gaussians, int index);
+
+/// A Gaussians whose every tensor is `map` of the given one's.
+splat::Gaussians map_parameters(const splat::Gaussians& gaussians,
+                                const std::function<torch::Tensor(const torch::Tensor&)>& map);
+
+/// The scene φ: N Gaussians as leaf tensors that require gradients. Parameters stay raw (log
+/// scales, logit opacities, unnormalised quaternions); splat::render activates them. SH is one
+/// tensor [N,16,3] whatever degree is active.
+class GaussianModel {
+ public:
+  GaussianModel() = default;
+
+  /// Takes copies on `device`. SH of a lower degree is widened to 16 coefficients with zeros.
+  /// @param extent  size of the scene in world units (see scene_extent), positive.
+  /// @throws ContractError for shapes that do not fit or an extent that is not positive.
+  GaussianModel(const splat::Gaussians& start, double extent, torch::Device device);
+
+  const splat::Gaussians& parameters() const { return parameters_; }
+  int64_t size() const { return parameters_.size(); }
+  double extent() const { return extent_; }
+  torch::Device device() const { return parameters_.means.device(); }
+
+  /// Gradients of the last backward pass; undefined tensors where there is none.
+  splat::Gaussians gradients() const;
+  /// Drops all gradients (sets them to undefined).
+  void zero_grad();
+
+  /// Copies without gradient, for rendering, saving and tests.
+  splat::Gaussians detached() const;
+
+  /// New leaves with these values, without gradients. Use through densification, which keeps the
+  /// optimiser's rows in step. @throws ContractError for shapes that do not fit.
+  void replace(const splat::Gaussians& values);
+  void replace_parameter(int index, const torch::Tensor& value);
+
+ private:
+  splat::Gaussians parameters_;
+  double extent_ = 1;
+};
+
+/// The active SH degree at `step` (counted from 1): 0 at first, one more every `every` steps, at
+/// most 3.
+int active_sh_degree(int64_t step, int64_t every = 1000);
+
+}  // namespace jade::gaussians

@@ -1,0 +1,188 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/gaussians/init.h"
+
+#include <ATen/Parallel.h>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "jade/core/check.h"
+#include "jade/core/random.h"
+#include "jade/gaussians/neighbours.h"
+
+namespace jade::gaussians {
+namespace {
+
+using geometry::Vector3;
+
+constexpr double kShDc = 0.28209479177387814;  ///< Y_0^0
+constexpr int kNeighbours = 3;
+constexpr int64_t kFewestSfmPoints = 100;
+/// SfM points nearer to a camera than this share of the extent would fill its image.
+constexpr double kNearCamera = 1e-3;
+
+double distance(const Vector3& a, const Vector3& b) {
+  return std::sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) +
+                   (a[2] - b[2]) * (a[2] - b[2]));
+}
+
+/// Rows with finite coordinates.
+PointCloud finite_points(const PointCloud& cloud) {
+  const torch::Tensor rows = cloud.points.isfinite().all(1).nonzero().squeeze(1);
+  return {cloud.points.index_select(0, rows), cloud.colors.index_select(0, rows)};
+}
+
+/// Adds the view's colour at the projections of the points it sees.
+void add_colors(const InitView& view, const torch::Tensor& points, torch::Tensor& sums,
+                torch::Tensor& counts) {
+  const torch::Tensor image = view.image.detach().to(torch::kCPU, torch::kFloat32).contiguous();
+  const int64_t height = image.size(1), width = image.size(2);
+  const float* pixels = image.const_data_ptr<float>();
+  const float* point = points.const_data_ptr<float>();
+  auto* sum = sums.mutable_data_ptr<float>();
+  auto* count = counts.mutable_data_ptr<float>();
+  at::parallel_for(0, points.size(0), 1024, [&](int64_t begin, int64_t end) {
+    for (int64_t i = begin; i < end; ++i) {
+      const Vector3 x = geometry::transform(view.camera_from_world,
+                                            {point[3 * i], point[3 * i + 1], point[3 * i + 2]});
+      if (!(x[2] > 0)) continue;
+      const auto uv = geometry::project(view.camera, x);
+      if (!(uv[0] >= 0 && uv[1] >= 0 && uv[0] < static_cast<double>(width) &&
+            uv[1] < static_cast<double>(height))) {
+        continue;
+      }
+      const int64_t at = static_cast<int64_t>(uv[1]) * width + static_cast<int64_t>(uv[0]);
+      for (int64_t c = 0; c < 3; ++c) sum[3 * i + c] += pixels[c * height * width + at];
+      count[i] += 1;
+    }
+  });
+}
+
+std::vector<geometry::Pose> poses_of(const std::vector<InitView>& views) {
+  std::vector<geometry::Pose> poses;
+  for (const InitView& view : views) poses.push_back(view.camera_from_world);
+  return poses;
+}
+
+PointCloud sfm_points(const InitSources& sources) {
+  const auto poses = poses_of(sources.views);
+  return without_points_near_cameras(finite_points(sources.points), poses,
+                                     kNearCamera * scene_extent(poses));
+}
+
+}  // namespace
+
+double scene_extent(const std::vector<geometry::Pose>& cameras_from_world) {
+  Vector3 mean{0, 0, 0};
+  for (const auto& pose : cameras_from_world) {
+    const Vector3 c = geometry::centre(pose);
+    for (size_t a = 0; a < 3; ++a) mean[a] += c[a] / static_cast<double>(cameras_from_world.size());
+  }
+  double radius = 0;
+  for (const auto& pose : cameras_from_world) {
+    radius = std::max(radius, distance(geometry::centre(pose), mean));
+  }
+  return radius > 0 ? 1.1 * radius : 1;
+}
+
+torch::Tensor mean_squared_neighbour_distance(const torch::Tensor& points) {
+  const torch::Tensor plain = points.detach().to(torch::kCPU, torch::kFloat32).contiguous();
+  check_shape(plain, "points", {-1, 3});
+  const float* data = plain.const_data_ptr<float>();
+  std::vector<PointTree::Point> list(static_cast<size_t>(plain.size(0)));
+  for (size_t i = 0; i < list.size(); ++i)
+    list[i] = {data[3 * i], data[3 * i + 1], data[3 * i + 2]};
+  const PointTree tree(std::move(list));
+  torch::Tensor result = torch::empty({plain.size(0)}, torch::kFloat32);
+  auto* out = result.mutable_data_ptr<float>();
+  at::parallel_for(0, plain.size(0), 512, [&](int64_t begin, int64_t end) {
+    for (int64_t i = begin; i < end; ++i) {
+      out[i] = static_cast<float>(tree.mean_squared_distance(i, kNeighbours));
+    }
+  });
+  return result;
+}
+
+splat::Gaussians gaussians_from_points(const PointCloud& cloud, const InitOptions& options) {
+  const int64_t count = cloud.points.size(0);
+  check_shape(cloud.points, "points", {-1, 3});
+  check_shape(cloud.colors, "point colours", {count, 3});
+  splat::Gaussians g;
+  g.means = cloud.points.to(torch::kFloat32).contiguous();
+  const torch::Tensor spread = mean_squared_neighbour_distance(g.means).clamp_min(1e-7);
+  g.log_scales =
+      (0.5 * spread.log() + std::log(options.scale)).unsqueeze(1).repeat({1, 3}).contiguous();
+  g.rotations = torch::zeros({count, 4});
+  g.rotations.select(1, 0).fill_(1);
+  g.logit_opacities = torch::full({count}, std::log(options.opacity / (1 - options.opacity)));
+  g.sh = torch::zeros({count, 16, 3});
+  g.sh.select(1, 0).copy_((cloud.colors - 0.5) / kShDc);
+  return g;
+}
+
+PointCloud random_frusta(const InitSources& sources, int64_t count, at::Generator& generator) {
+  JADE_CHECK(!sources.views.empty(), "random_frusta: expected at least one view");
+  JADE_CHECK(sources.near > 0 && sources.far > sources.near,
+             "random_frusta: expected 0 < near < far, found ", sources.near, " and ", sources.far);
+  const torch::Tensor draws = at::rand({count, 4}, generator, torch::kFloat64);
+  const double* draw = draws.const_data_ptr<double>();
+  PointCloud cloud;
+  cloud.points = torch::empty({count, 3}, torch::kFloat32);
+  auto* point = cloud.points.mutable_data_ptr<float>();
+  const auto views = static_cast<double>(sources.views.size());
+  for (int64_t i = 0; i < count; ++i, draw += 4) {
+    const InitView& view = sources.views[static_cast<size_t>(draw[0] * views)];
+    const double inverse = 1 / sources.far + draw[3] * (1 / sources.near - 1 / sources.far);
+    const Vector3 ray =
+        geometry::unproject(view.camera, draw[1] * static_cast<double>(view.camera.width),
+                            draw[2] * static_cast<double>(view.camera.height));
+    const Vector3 world =
+        geometry::transform(geometry::inverse(view.camera_from_world),
+                            {ray[0] / inverse, ray[1] / inverse, ray[2] / inverse});
+    for (size_t a = 0; a < 3; ++a)
+      point[3 * i + static_cast<int64_t>(a)] = static_cast<float>(world[a]);
+  }
+  cloud.colors = torch::zeros({count, 3});
+  torch::Tensor seen = torch::zeros({count});
+  for (const InitView& view : sources.views) add_colors(view, cloud.points, cloud.colors, seen);
+  cloud.colors.div_(seen.clamp_min(1).unsqueeze(1));
+  return cloud;
+}
+
+PointCloud without_points_near_cameras(const PointCloud& cloud,
+                                       const std::vector<geometry::Pose>& cameras_from_world,
+                                       double distance) {
+  torch::Tensor keep = torch::ones({cloud.points.size(0)}, torch::kBool);
+  for (const auto& pose : cameras_from_world) {
+    const Vector3 c = geometry::centre(pose);
+    const torch::Tensor centre = torch::tensor({c[0], c[1], c[2]}, torch::kFloat64);
+    keep = keep & ((cloud.points.to(torch::kFloat64) - centre).norm(2, 1) > distance);
+  }
+  const torch::Tensor rows = keep.nonzero().squeeze(1);
+  return {cloud.points.index_select(0, rows), cloud.colors.index_select(0, rows)};
+}
+
+splat::Gaussians initial_gaussians(const InitOptions& options, const InitSources& sources,
+                                   at::Generator& generator) {
+  const int64_t found = sources.points.points.defined() ? sources.points.points.size(0) : 0;
+  if (options.kind == "ply") {
+    if (options.ply.empty()) {
+      throw ConfigError("init.kind is ply but init.ply names no file");
+    }
+    if (has_gaussians(options.ply)) return read_ply(options.ply).gaussians;
+    return gaussians_from_points(finite_points(read_point_cloud(options.ply)), options);
+  }
+  if (options.kind == "sfm" && found == 0) {
+    throw ConfigError("init.kind is sfm but the data set has no points: use random_frusta");
+  }
+  if (options.kind == "sfm" || (options.kind == "auto" && found >= kFewestSfmPoints)) {
+    return gaussians_from_points(sfm_points(sources), options);
+  }
+  if (!(sources.near > 0 && sources.far > sources.near)) {
+    throw ConfigError(concat("init.kind random_frusta needs depth bounds 0 < near < far, found ",
+                             sources.near, " and ", sources.far));
+  }
+  return gaussians_from_points(random_frusta(sources, options.points, generator), options);
+}
+
+}  // namespace jade::gaussians

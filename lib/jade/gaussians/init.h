@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <ATen/core/Generator.h>
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <torch/types.h>
+#include <vector>
+
+#include "jade/core/fields.h"
+#include "jade/gaussians/ply.h"
+#include "jade/geometry/camera.h"
+#include "jade/geometry/pose.h"
+#include "jade/splat/gaussians.h"
+
+namespace jade::gaussians {
+
+struct InitOptions {
+  std::string kind = "auto";
+  std::filesystem::path ply;
+  int64_t points = 20000;
+  double opacity = 0.1;
+  double scale = 1.0;
+};
+
+template <class V>
+void describe(V& v, InitOptions& o) {
+  v.field("kind", o.kind,
+          "where the Gaussians start: sfm points of the data set, points drawn in the viewing "
+          "frusta, or a .ply; auto: sfm where there are points, else random_frusta",
+          Choices{"auto", "sfm", "random_frusta", "ply"});
+  v.field("ply", o.ply, "Gaussians or coloured points to start from (kind ply)");
+  v.field("points", o.points, "how many points random_frusta draws", Range{1, 1e8});
+  v.field("opacity", o.opacity, "opacity at the start", Range{1e-4, 0.9999});
+  v.field("scale", o.scale, "factor on the start's scales", Range{1e-3, 1e3});
+}
+
+/// A view that colours and bounds the start.
+struct InitView {
+  geometry::Pose camera_from_world;
+  geometry::Intrinsics camera;
+  torch::Tensor image;  ///< [3,H,W]
+};
+
+/// What the start can draw on.
+struct InitSources {
+  std::vector<InitView> views;
+  double near = 0, far = 0;  ///< depth range of random_frusta, world units
+  PointCloud points;         ///< SfM points; tensors may be undefined
+};
+
+/// 1.1 × the largest distance of a camera centre to the mean of all; 1 for a single centre.
+double scene_extent(const std::vector<geometry::Pose>& cameras_from_world);
+
+/// [P] mean squared distance of every point to its 3 nearest others (fewer where there are fewer;
+/// 0 for a single point), through a k-d tree, which far outliers do not slow down. CPU.
+torch::Tensor mean_squared_neighbour_distance(const torch::Tensor& points);
+
+/// Gaussians at the points: base colour from the colours, scale sqrt(mean squared distance to the 3
+/// nearest, at least 1e-7), no rotation, the given opacity, SH degree 3 with zero rest.
+splat::Gaussians gaussians_from_points(const PointCloud& cloud, const InitOptions& options);
+
+/// Points drawn uniformly over the views and their pixels and uniformly in inverse depth between
+/// near and far, coloured by the mean over the views that see them.
+PointCloud random_frusta(const InitSources& sources, int64_t count, at::Generator& generator);
+
+/// Drops points within `distance` of a camera centre, where they would fill the image.
+PointCloud without_points_near_cameras(const PointCloud& cloud,
+                                       const std::vector<geometry::Pose>& cameras_from_world,
+                                       double distance);
+
+/// The start that `options` asks for.
+/// @throws ConfigError where the sources lack what the kind needs, DataError for a bad .ply.
+splat::Gaussians initial_gaussians(const InitOptions& options, const InitSources& sources,
+                                   at::Generator& generator);
+
+}  // namespace jade::gaussians

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+// The moves of 3DGS-MCMC (Kheradmand et al., NeurIPS 2024). Used by densify.cpp.
+#pragma once
+
+#include <ATen/core/Generator.h>
+#include <cstdint>
+#include <torch/types.h>
+
+#include "jade/gaussians/gaussian_model.h"
+#include "jade/gaussians/optimizer.h"
+
+namespace jade::gaussians {
+
+/// Moves every Gaussian fainter than `min_opacity` onto a living one, drawn in proportion to
+/// opacity; all that share a place get the opacity and scale that keep the image (Eq. 9 of the
+/// paper). Their Adam moments start anew. Returns how many moved.
+int64_t relocate_dead(double min_opacity, GaussianModel& model, GaussianAdam& adam,
+                      at::Generator& generator);
+
+/// Adds `count` Gaussians on living ones in the same way. Returns `count`, or 0 where none lives.
+int64_t add_on_living(int64_t count, double min_opacity, GaussianModel& model, GaussianAdam& adam,
+                      at::Generator& generator);
+
+/// Moves the means by Σ ε · `scale`, ε normal, damped for opaque Gaussians (Eq. 8 of the paper).
+void add_noise(double scale, GaussianModel& model, at::Generator& generator);
+
+/// [M,3] = R(q) (exp(s) ⊙ x): points in a Gaussian's own axes and units as world offsets.
+torch::Tensor world_offsets(const torch::Tensor& rotations, const torch::Tensor& log_scales,
+                            const torch::Tensor& x);
+
+}  // namespace jade::gaussians

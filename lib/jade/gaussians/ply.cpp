@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/gaussians/ply.h"
+
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "jade/core/atomic_file.h"
+#include "jade/core/check.h"
+#include "jade/gaussians/file_tensor.h"
+#include "jade/gaussians/ply_header.h"
+
+namespace jade::gaussians {
+namespace {
+
+const char* const kRenderMode = "SplatRenderMode: ";
+
+/// The attributes without f_rest, in the order of a standard file.
+const std::vector<std::string> kGeometry = {"opacity", "scale_0", "scale_1", "scale_2",
+                                            "rot_0",   "rot_1",   "rot_2",   "rot_3"};
+
+std::vector<std::string> rest_names(int64_t count) {
+  std::vector<std::string> names;
+  for (int64_t i = 0; i < count; ++i) names.push_back(concat("f_rest_", i));
+  return names;
+}
+
+/// How many f_rest properties there are: 0, 9, 24 or 45.
+int64_t count_rest(const PlyFile& file, const std::filesystem::path& path) {
+  int64_t count = 0;
+  while (file.vertices().find(concat("f_rest_", count)) >= 0) ++count;
+  if (count != 0 && count != 9 && count != 24 && count != 45) {
+    throw DataError(concat(path.string(), ": expected 0, 9, 24 or 45 f_rest properties (SH degree ",
+                           "0 to 3), found ", count));
+  }
+  return count;
+}
+
+bool holds_gaussians(const PlyFile& file) {
+  return file.vertices().find("f_dc_0") >= 0 && file.vertices().find("scale_0") >= 0;
+}
+
+bool says_mip(const PlyFile& file) {
+  for (const std::string& comment : file.header().comments) {
+    const size_t at = comment.find(kRenderMode);
+    if (at != std::string::npos) return comment.find("mip", at) != std::string::npos;
+  }
+  return false;
+}
+
+std::string header_text(const splat::Gaussians& gaussians, bool antialiased) {
+  std::string text =
+      concat("ply\nformat binary_little_endian 1.0\ncomment ", kRenderMode,
+             antialiased ? "mip" : "default", "\nelement vertex ", gaussians.size(), "\n");
+  std::vector<std::string> names = {"x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"};
+  const auto rest = rest_names(3 * (gaussians.sh.size(1) - 1));
+  names.insert(names.end(), rest.begin(), rest.end());
+  names.insert(names.end(), kGeometry.begin(), kGeometry.end());
+  for (const std::string& name : names) text += "property float " + name + "\n";
+  return text + "end_header\n";
+}
+
+}  // namespace
+
+GaussianFile read_ply(const std::filesystem::path& path) {
+  const PlyFile file(path);
+  if (!holds_gaussians(file)) {
+    throw DataError(concat(path.string(),
+                           ": expected the 3DGS attributes f_dc_0, scale_0, …, found ",
+                           "other vertex properties; is this a plain point cloud?"));
+  }
+  const int64_t rest = count_rest(file, path);
+  std::vector<std::string> names = {"x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2"};
+  names.insert(names.end(), kGeometry.begin(), kGeometry.end());
+  const auto more = rest_names(rest);
+  names.insert(names.end(), more.begin(), more.end());
+  const torch::Tensor rows = file.read_vertices(names);
+  const auto columns = [&](int64_t begin, int64_t count) { return rows.narrow(1, begin, count); };
+  GaussianFile result;
+  result.antialiased = says_mip(file);
+  splat::Gaussians& g = result.gaussians;
+  g.means = columns(0, 3).contiguous();
+  g.logit_opacities = columns(6, 1).squeeze(1).contiguous();
+  g.log_scales = columns(7, 3).contiguous();
+  g.rotations = columns(10, 4).contiguous();
+  const torch::Tensor dc = columns(3, 3).unsqueeze(1);
+  const torch::Tensor by_channel = columns(14, rest).reshape({rows.size(0), 3, rest / 3});
+  g.sh = torch::cat({dc, by_channel.transpose(1, 2)}, 1).contiguous();
+  return result;
+}
+
+void write_ply(const std::filesystem::path& path, const GaussianFile& file) {
+  const splat::Gaussians& g = file.gaussians;
+  check_shape(g.sh, "sh", {g.size(), -1, 3});
+  const torch::Tensor means = file_tensor(g.means);
+  const torch::Tensor sh = file_tensor(g.sh);
+  const torch::Tensor rest =
+      sh.slice(1, 1).transpose(1, 2).reshape({g.size(), 3 * (sh.size(1) - 1)});
+  const torch::Tensor rows = torch::cat({means, torch::zeros_like(means), sh.select(1, 0), rest,
+                                         file_tensor(g.logit_opacities).unsqueeze(1),
+                                         file_tensor(g.log_scales), file_tensor(g.rotations)},
+                                        1)
+                                 .contiguous();
+  const std::string header = header_text(g, file.antialiased);
+  AtomicFile target(path);
+  std::ofstream out(target.temporary_path(), std::ios::binary);
+  out.write(header.data(), static_cast<std::streamsize>(header.size()));
+  out.write(static_cast<const char*>(rows.data_ptr()),
+            static_cast<std::streamsize>(rows.numel() * rows.element_size()));
+  out.close();
+  if (!out) throw DataError(concat(path.string(), ": cannot be written; is the disk full?"));
+  target.commit();
+}
+
+PointCloud read_point_cloud(const std::filesystem::path& path) {
+  const PlyFile file(path);
+  PointCloud cloud;
+  cloud.points = file.read_vertices({"x", "y", "z"});
+  const int64_t red = file.vertices().find("red");
+  if (red < 0) {
+    cloud.colors = torch::full_like(cloud.points, 0.5);
+    return cloud;
+  }
+  cloud.colors = file.read_vertices({"red", "green", "blue"});
+  const PlyType type = file.vertices().properties[static_cast<size_t>(red)].type;
+  if (type != PlyType::kFloat32 && type != PlyType::kFloat64) cloud.colors.div_(255);
+  return cloud;
+}
+
+bool has_gaussians(const std::filesystem::path& path) { return holds_gaussians(PlyFile(path)); }
+
+}  // namespace jade::gaussians

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <torch/types.h>
+
+#include "jade/splat/gaussians.h"
+
+namespace jade::gaussians {
+
+/// Gaussians as a file holds them.
+struct GaussianFile {
+  splat::Gaussians gaussians;  ///< float32 on the CPU; K as the file's SH degree says
+  bool antialiased = false;    ///< header comment "SplatRenderMode: mip"; default is "default"
+};
+
+/// Coloured points.
+struct PointCloud {
+  torch::Tensor points;  ///< [P,3] float32, world
+  torch::Tensor colors;  ///< [P,3] float32 in [0,1]
+};
+
+/// Reads a .ply with the 3DGS attributes: x y z, f_dc_0..2, f_rest_0.. (channel-major: all of red,
+/// then green, then blue), opacity (logit), scale_0..2 (log), rot_0..3 (wxyz). Binary little- or
+/// big-endian or ascii, properties of any scalar type in any order; other properties and elements
+/// are skipped. SH degree 0 to 3 from the number of f_rest properties.
+/// @throws DataError naming the path for files that are no such .ply, cut short, or claim more
+///   vertices than they have bytes for.
+GaussianFile read_ply(const std::filesystem::path& path);
+
+/// Writes binary little-endian float32 with the attributes above plus nx ny nz (zero), which other
+/// viewers expect. Reading it back gives the same bits. Any float dtype and device.
+void write_ply(const std::filesystem::path& path, const GaussianFile& file);
+
+/// Reads x y z and red green blue (uchar, or float in [0,1]; gray 0.5 where there is no colour).
+/// @throws DataError as read_ply.
+PointCloud read_point_cloud(const std::filesystem::path& path);
+
+/// True when the .ply's vertices carry Gaussian attributes, false when they are plain points.
+/// @throws DataError as read_ply.
+bool has_gaussians(const std::filesystem::path& path);
+
+}  // namespace jade::gaussians

@@ -1,0 +1,303 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/gaussians/ply_header.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cstring>
+#include <map>
+#include <sstream>
+
+#include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
+
+namespace jade::gaussians {
+namespace {
+
+namespace fs = std::filesystem;
+
+[[noreturn]] void fail(const fs::path& path, const std::string& what) {
+  throw DataError(concat(path.string(), ": ", what));
+}
+
+PlyType type_named(const std::string& word, const fs::path& path) {
+  static const std::map<std::string, PlyType> kTypes = {
+      {"char", PlyType::kInt8},      {"int8", PlyType::kInt8},       {"uchar", PlyType::kUint8},
+      {"uint8", PlyType::kUint8},    {"short", PlyType::kInt16},     {"int16", PlyType::kInt16},
+      {"ushort", PlyType::kUint16},  {"uint16", PlyType::kUint16},   {"int", PlyType::kInt32},
+      {"int32", PlyType::kInt32},    {"uint", PlyType::kUint32},     {"uint32", PlyType::kUint32},
+      {"float", PlyType::kFloat32},  {"float32", PlyType::kFloat32}, {"double", PlyType::kFloat64},
+      {"float64", PlyType::kFloat64}};
+  const auto found = kTypes.find(word);
+  if (found == kTypes.end()) fail(path, concat("unknown property type '", word, "' in its header"));
+  return found->second;
+}
+
+size_t size_of(PlyType type) {
+  switch (type) {
+    case PlyType::kInt8:
+    case PlyType::kUint8:
+      return 1;
+    case PlyType::kInt16:
+    case PlyType::kUint16:
+      return 2;
+    case PlyType::kFloat64:
+      return 8;
+    default:
+      return 4;
+  }
+}
+
+template <class T>
+T load(const char* bytes, bool swap) {
+  char buffer[sizeof(T)];
+  std::memcpy(buffer, bytes, sizeof(T));
+  if (swap) std::reverse(buffer, buffer + sizeof(T));
+  T value;
+  std::memcpy(&value, buffer, sizeof(T));
+  return value;
+}
+
+double load_number(const char* bytes, PlyType type, bool swap) {
+  switch (type) {
+    case PlyType::kInt8:
+      return load<int8_t>(bytes, swap);
+    case PlyType::kUint8:
+      return load<uint8_t>(bytes, swap);
+    case PlyType::kInt16:
+      return load<int16_t>(bytes, swap);
+    case PlyType::kUint16:
+      return load<uint16_t>(bytes, swap);
+    case PlyType::kInt32:
+      return load<int32_t>(bytes, swap);
+    case PlyType::kUint32:
+      return load<uint32_t>(bytes, swap);
+    case PlyType::kFloat32:
+      return static_cast<double>(load<float>(bytes, swap));
+    case PlyType::kFloat64:
+      return load<double>(bytes, swap);
+  }
+  return 0;
+}
+
+/// Takes one line off the front of `rest`, without its line end.
+std::string take_line(std::string_view& rest, const fs::path& path) {
+  const size_t end = rest.substr(0, 1 << 16).find('\n');
+  if (end == std::string_view::npos) fail(path, "its header has no end_header line");
+  std::string line(rest.substr(0, end));
+  rest.remove_prefix(end + 1);
+  if (!line.empty() && line.back() == '\r') line.pop_back();
+  return line;
+}
+
+PlyFormat format_named(const std::string& word, const fs::path& path) {
+  if (word == "ascii") return PlyFormat::kAscii;
+  if (word == "binary_little_endian") return PlyFormat::kLittleEndian;
+  if (word == "binary_big_endian") return PlyFormat::kBigEndian;
+  fail(path, concat("unknown .ply format '", word, "'"));
+}
+
+PlyProperty parse_property(std::istringstream& words, const fs::path& path) {
+  PlyProperty property;
+  std::string type;
+  words >> type;
+  if (type == "list") {
+    std::string count_type;
+    words >> count_type >> type;
+    property.is_list = true;
+    property.count_type = type_named(count_type, path);
+  }
+  property.type = type_named(type, path);
+  if (!(words >> property.name)) fail(path, "a property without a name in its header");
+  return property;
+}
+
+PlyHeader parse_header(std::string_view content, const fs::path& path) {
+  std::string_view rest = content;
+  if (rest.substr(0, 4) != "ply\n" && rest.substr(0, 5) != "ply\r\n") {
+    fail(path, "no .ply file: expected the word 'ply' in its first line");
+  }
+  take_line(rest, path);
+  PlyHeader header;
+  bool has_format = false;
+  while (true) {
+    const std::string line = take_line(rest, path);
+    std::istringstream words(line);
+    std::string keyword, word;
+    words >> keyword;
+    if (keyword == "end_header") break;
+    if (keyword == "comment") {
+      header.comments.push_back(line.size() > 8 ? line.substr(8) : "");
+    } else if (keyword == "format") {
+      words >> word;
+      header.format = format_named(word, path);
+      has_format = true;
+    } else if (keyword == "element") {
+      PlyElement element;
+      if (!(words >> element.name >> element.count) || element.count < 0) {
+        fail(path, concat("bad header line '", line, "'"));
+      }
+      header.elements.push_back(std::move(element));
+    } else if (keyword == "property") {
+      if (header.elements.empty()) fail(path, "a property before the first element in its header");
+      header.elements.back().properties.push_back(parse_property(words, path));
+    } else if (keyword != "obj_info" && !keyword.empty()) {
+      fail(path, concat("unknown header line '", line.substr(0, 60), "'"));
+    }
+  }
+  if (!has_format) fail(path, "no format line in its header");
+  header.size = content.size() - rest.size();
+  return header;
+}
+
+/// Bytes of one row of an element without lists.
+size_t row_size(const PlyElement& element) {
+  size_t size = 0;
+  for (const PlyProperty& property : element.properties) size += size_of(property.type);
+  return size;
+}
+
+bool has_list(const PlyElement& element) {
+  return std::any_of(element.properties.begin(), element.properties.end(),
+                     [](const PlyProperty& property) { return property.is_list; });
+}
+
+[[noreturn]] void fail_short(const fs::path& path, const PlyElement& element) {
+  fail(path, concat("ends before the ", element.count, " '", element.name,
+                    "' rows that its header promises: cut short?"));
+}
+
+/// Skips one element of a binary file that holds lists.
+std::string_view skip_lists(std::string_view data, const PlyElement& element, bool swap,
+                            const fs::path& path) {
+  for (int64_t row = 0; row < element.count; ++row) {
+    for (const PlyProperty& property : element.properties) {
+      size_t size = size_of(property.type);
+      if (property.is_list) {
+        const size_t head = size_of(property.count_type);
+        if (data.size() < head) fail_short(path, element);
+        const double items = load_number(data.data(), property.count_type, swap);
+        if (!(items >= 0) || items > static_cast<double>(data.size())) fail_short(path, element);
+        size = head + size * static_cast<size_t>(items);
+      }
+      if (data.size() < size) fail_short(path, element);
+      data.remove_prefix(size);
+    }
+  }
+  return data;
+}
+
+std::string_view skip_lines(std::string_view data, const PlyElement& element,
+                            const fs::path& path) {
+  for (int64_t row = 0; row < element.count; ++row) {
+    const size_t end = data.find('\n');
+    if (end == std::string_view::npos) fail_short(path, element);
+    data.remove_prefix(end + 1);
+  }
+  return data;
+}
+
+}  // namespace
+
+int64_t PlyElement::find(const std::string& property) const {
+  for (size_t i = 0; i < properties.size(); ++i) {
+    if (properties[i].name == property) return static_cast<int64_t>(i);
+  }
+  return -1;
+}
+
+PlyFile::PlyFile(const fs::path& path) : path_(path), content_(read_file(path)) {
+  header_ = parse_header(content_, path_);
+  const auto& elements = header_.elements;
+  const auto vertex = std::find_if(elements.begin(), elements.end(),
+                                   [](const PlyElement& e) { return e.name == "vertex"; });
+  if (vertex == elements.end())
+    fail(path_, "has no 'vertex' element: no point cloud or splat file");
+  vertex_ = static_cast<size_t>(vertex - elements.begin());
+  if (has_list(*vertex)) fail(path_, "its vertices hold lists, which no point cloud needs");
+}
+
+std::string_view PlyFile::vertex_data() const {
+  std::string_view data = std::string_view(content_).substr(header_.size);
+  const bool swap = header_.format == PlyFormat::kBigEndian;
+  for (size_t i = 0; i < vertex_; ++i) {
+    const PlyElement& element = header_.elements[i];
+    if (header_.format == PlyFormat::kAscii) {
+      data = skip_lines(data, element, path_);
+    } else {
+      data = skip_lists(data, element, swap, path_);
+    }
+  }
+  return data;
+}
+
+torch::Tensor PlyFile::read_vertices(const std::vector<std::string>& names) const {
+  const PlyElement& element = vertices();
+  std::vector<int64_t> column(element.properties.size(), -1);
+  for (size_t i = 0; i < names.size(); ++i) {
+    const int64_t found = element.find(names[i]);
+    if (found < 0) fail(path_, concat("its vertices have no property '", names[i], "'"));
+    column[static_cast<size_t>(found)] = static_cast<int64_t>(i);
+  }
+  const std::string_view data = vertex_data();
+  // The claimed count is checked against the bytes there are before anything is allocated.
+  const size_t least =
+      header_.format == PlyFormat::kAscii ? 2 * element.properties.size() : row_size(element);
+  if (element.count > 0 &&
+      (least == 0 || static_cast<uint64_t>(element.count) > (data.size() + 1) / least)) {
+    fail_short(path_, element);
+  }
+  torch::Tensor out =
+      torch::empty({element.count, static_cast<int64_t>(names.size())}, torch::kFloat32);
+  if (header_.format == PlyFormat::kAscii) {
+    decode_ascii(data, column, out.data_ptr<float>());
+  } else {
+    decode_binary(data, column, out.data_ptr<float>());
+  }
+  return out;
+}
+
+void PlyFile::decode_binary(std::string_view data, const std::vector<int64_t>& column,
+                            float* out) const {
+  const PlyElement& element = vertices();
+  const size_t stride = row_size(element);
+  if (static_cast<uint64_t>(element.count) * stride > data.size()) fail_short(path_, element);
+  const bool swap = header_.format == PlyFormat::kBigEndian;
+  const auto width = std::count_if(column.begin(), column.end(), [](int64_t c) { return c >= 0; });
+  for (int64_t row = 0; row < element.count; ++row) {
+    const char* bytes = data.data() + static_cast<size_t>(row) * stride;
+    for (size_t i = 0; i < column.size(); ++i) {
+      const PlyType type = element.properties[i].type;
+      if (column[i] >= 0) {
+        out[row * width + column[i]] = type == PlyType::kFloat32
+                                           ? load<float>(bytes, swap)
+                                           : static_cast<float>(load_number(bytes, type, swap));
+      }
+      bytes += size_of(type);
+    }
+  }
+}
+
+void PlyFile::decode_ascii(std::string_view data, const std::vector<int64_t>& column,
+                           float* out) const {
+  const PlyElement& element = vertices();
+  const auto width = std::count_if(column.begin(), column.end(), [](int64_t c) { return c >= 0; });
+  const char* at = data.data();
+  const char* const end = at + data.size();
+  for (int64_t row = 0; row < element.count; ++row) {
+    for (const int64_t target : column) {
+      while (at != end && (*at == ' ' || *at == '\n' || *at == '\t' || *at == '\r')) ++at;
+      if (at == end) fail_short(path_, element);
+      float value = 0;
+      const auto [next, problem] = std::from_chars(at, end, value);
+      if (problem == std::errc::invalid_argument) {
+        fail(path_,
+             concat("expected a number in vertex row ", row, ", found '",
+                    std::string(at, std::min<size_t>(12, static_cast<size_t>(end - at))), "'"));
+      }
+      if (target >= 0) out[row * width + target] = value;
+      at = next;
+    }
+  }
+}
+
+}  // namespace jade::gaussians

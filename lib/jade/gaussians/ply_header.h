@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+// The parts of a .ply that ply.cpp does not want to see. Not for use outside this folder.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <torch/types.h>
+#include <vector>
+
+namespace jade::gaussians {
+
+enum class PlyFormat { kAscii, kLittleEndian, kBigEndian };
+enum class PlyType { kInt8, kUint8, kInt16, kUint16, kInt32, kUint32, kFloat32, kFloat64 };
+
+struct PlyProperty {
+  std::string name;
+  PlyType type = PlyType::kFloat32;  ///< of the items, for lists
+  bool is_list = false;
+  PlyType count_type = PlyType::kUint8;  ///< lists only
+};
+
+struct PlyElement {
+  std::string name;
+  int64_t count = 0;
+  std::vector<PlyProperty> properties;
+
+  /// Position of a property, or -1.
+  int64_t find(const std::string& property) const;
+};
+
+struct PlyHeader {
+  PlyFormat format = PlyFormat::kAscii;
+  std::vector<PlyElement> elements;
+  std::vector<std::string> comments;
+  size_t size = 0;  ///< bytes up to the first element
+};
+
+/// A .ply file in memory.
+class PlyFile {
+ public:
+  /// Reads the file and its header. @throws DataError naming the path.
+  explicit PlyFile(const std::filesystem::path& path);
+
+  const PlyHeader& header() const { return header_; }
+  const PlyElement& vertices() const { return header_.elements[vertex_]; }
+
+  /// The named vertex properties as [count, names] float32; all must exist and be scalars.
+  /// @throws DataError where the file ends early.
+  torch::Tensor read_vertices(const std::vector<std::string>& names) const;
+
+ private:
+  std::string_view vertex_data() const;
+  void decode_binary(std::string_view data, const std::vector<int64_t>& column, float* out) const;
+  void decode_ascii(std::string_view data, const std::vector<int64_t>& column, float* out) const;
+
+  std::filesystem::path path_;
+  std::string content_;
+  PlyHeader header_;
+  size_t vertex_ = 0;
+};
+
+}  // namespace jade::gaussians

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <torch/types.h>
+#include <vector>
+
+#include "jade/core/fields.h"
+#include "jade/imaging/ssim.h"
+#include "jade/losses/fixed.h"
+#include "jade/losses/inherited.h"
+
+namespace jade::losses {
+
+struct ObjectiveOptions {
+  double dssim = 0.3;
+  std::string target = "routed";
+  double target_weight = 1.0;
+  Steps target_until = 0;
+  bool blur = true;
+  bool edi_supervision = true;
+  bool simulation = true;
+  Steps simulation_start = Steps::share(28);
+  bool intensity = true;
+  Steps warmup = Steps::share(6);
+  double event_loss_weight = 0.0;
+  int64_t event_pixels = 1024;
+  std::string event_window = "exposure";
+  double event_window_share = 0.125;
+};
+
+template <class V>
+void describe(V& v, ObjectiveOptions& o) {
+  v.field("dssim", o.dssim, "share λ of SSIM in every reconstruction term (lambda_dssim)",
+          Range{0, 1});
+  v.field(
+      "target", o.target,
+      "target of the middle render, Eq. (9): routed mix, EDI, EFNet, their mean, the blurry frame "
+      "itself, a folder of images, or none",
+      Choices{"routed", "edi", "efnet", "mean", "blurry", "image_folder", "none"});
+  v.field("target_weight", o.target_weight, "weight of that term (efnet_weight)", Range{0, 1e3});
+  v.field("target_until", o.target_until,
+          "after this step that term and the routing step rest; 0: never", Range{0, 1e9});
+  v.field("blur", o.blur, "L_blur: mean of the nine renders against the blurry frame");
+  v.field("edi_supervision", o.edi_supervision, "L_edi in gray and in colour, at drawn poses");
+  v.field("simulation", o.simulation, "L_sim: EDI of the simulated blur");
+  v.field("simulation_start", o.simulation_start, "L_sim acts after this step (simul_start)",
+          Range{0, 1e9});
+  v.field("intensity", o.intensity, "L_int: blur under the camera response");
+  v.field("warmup", o.warmup, "until this step the camera response is the identity and L_int rests",
+          Range{0, 1e9});
+  v.field("event_loss_weight", o.event_loss_weight,
+          "weight of L_ev, which costs two more renders; 0 turns it off", Range{0, 1e3});
+  v.field("event_pixels", o.event_pixels, "pixels drawn for L_ev (sample_pnum)", Range{1, 1e8});
+  v.field(
+      "event_window", o.event_window,
+      "where the time windows of L_ev are drawn: in the step's own exposure, or anywhere in the "
+      "recording, between exposures too",
+      Choices{"exposure", "recording"});
+  v.field("event_window_share", o.event_window_share,
+          "length of such a window as a share of the exposure", Range{1e-6, 1});
+}
+
+/// The camera response as the objective uses it. Without `apply` it is the identity.
+struct ToneCurve {
+  std::function<torch::Tensor(const torch::Tensor&)> apply;  ///< ρ, element-wise
+  /// mean_k ρ(I_k), [K,...] → [...]; empty: through `apply`, which keeps all nine.
+  std::function<torch::Tensor(const torch::Tensor&)> mean;
+};
+
+struct ObjectiveInputs {
+  /// [9,3,H,W], Î_k, or [M,3,H,W], those of poses_read() alone; differentiable
+  torch::Tensor renders;
+  torch::Tensor blurry;  ///< [3,H,W], B
+  /// ssim_target(blurry), which saves L_blur two of its five window sums; may stay undefined.
+  imaging::SsimTarget blurry_moments;
+  torch::Tensor edi_factors;  ///< [9,1,H,W], R_k; needed for L_edi and L_sim only
+  /// [3] int64 on the renders' device: the poses of L_edi gray, L_edi colour and L_sim.
+  torch::Tensor poses;
+  std::optional<Fixed> target;      ///< [3,H,W]; absent: no L_tgt
+  std::optional<EventPair> events;  ///< absent: no L_ev
+  ToneCurve tone;                   ///< ρ; ignored during the warm-up
+};
+
+struct NamedTerm {
+  std::string name;     ///< "target", "blur", "edi_gray", "edi_color", "simulation", "intensity",
+                        ///< "event"
+  torch::Tensor value;  ///< scalar with its weight applied
+};
+
+/// Only terms that act are there: a disabled one is absent, not multiplied by zero.
+struct Objective {
+  torch::Tensor total;  ///< scalar; undefined when no term acts
+  std::vector<NamedTerm> terms;
+};
+
+/// L_scene = L_tgt + L_blur + L_edi + L_sim + L_int (+ L_ev), Eq. (10), at `step` (counted from 1).
+/// Nothing here waits for the device.
+Objective objective(const ObjectiveInputs& inputs, int64_t step, const ObjectiveOptions& options);
+
+/// The poses that the terms of `step` read, [M] int64 on the device of `draws`: mid-exposure where
+/// the target acts, then those of L_edi gray and colour. A pose that no term reads has no gradient,
+/// so rendering it costs time and dilutes the mean screen gradients of densification. Undefined
+/// where a term reads the mean render, and so all nine.
+/// @param draws  ObjectiveInputs.poses
+torch::Tensor poses_read(const ObjectiveOptions& options, int64_t step, const torch::Tensor& draws);
+
+/// Which terms act at `step`, so that a caller prepares only what they need.
+bool target_acts(const ObjectiveOptions& options, int64_t step);
+bool simulation_acts(const ObjectiveOptions& options, int64_t step);
+bool intensity_acts(const ObjectiveOptions& options, int64_t step);
+/// The camera response ρ is past its warm-up and some term reads it.
+bool tone_acts(const ObjectiveOptions& options, int64_t step);
+
+}  // namespace jade::losses

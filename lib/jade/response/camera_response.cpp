@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/response/camera_response.h"
+
+#include <torch/csrc/autograd/custom_function.h>
+
+#include "jade/core/check.h"
+#include "jade/response/identity_fit.h"
+#include "jade/response/lookup.h"
+
+namespace jade::response {
+namespace {
+
+using torch::autograd::AutogradContext;
+using torch::autograd::variable_list;
+
+class LookupFunction : public torch::autograd::Function<LookupFunction> {
+ public:
+  static torch::Tensor forward(AutogradContext* context, const torch::Tensor& image,
+                               const torch::Tensor& table, bool mean) {
+    const Lookup args{image.contiguous(), table.contiguous(), mean};
+    context->save_for_backward({args.image, args.table});
+    context->saved_data["mean"] = mean;
+    return image.is_cuda() ? cuda::lookup(args) : cpu::lookup(args);
+  }
+
+  static variable_list backward(AutogradContext* context, variable_list gradients) {
+    const variable_list saved = context->get_saved_variables();
+    const Lookup args{saved[0], saved[1], context->saved_data["mean"].toBool()};
+    const torch::Tensor gradient = gradients[0].contiguous();
+    const bool image = context->needs_input_grad(0), table = context->needs_input_grad(1);
+    const LookupGradient result = gradient.is_cuda()
+                                      ? cuda::lookup_backward(args, gradient, image, table)
+                                      : cpu::lookup_backward(args, gradient, image, table);
+    return {result.image, result.table, torch::Tensor()};
+  }
+};
+
+torch::Tensor lookup(const torch::Tensor& image, const torch::Tensor& table, bool mean) {
+  check_shape(table, "response table", {kKnots});
+  check_dtype(table, "response table", image.scalar_type());
+  check_same_device(image, "image", table, "response table");
+  return LookupFunction::apply(image, table, mean);
+}
+
+}  // namespace
+
+CameraResponseImpl::CameraResponseImpl() {
+  layer1 = register_module("layer1", torch::nn::Linear(1, 16));
+  layer2 = register_module("layer2", torch::nn::Linear(16, 16));
+  layer3 = register_module("layer3", torch::nn::Linear(16, 16));
+  layer4 = register_module("layer4", torch::nn::Linear(16, 1));
+  static const Weights fitted = fit_identity_response();
+  const torch::NoGradGuard no_grad;
+  torch::nn::Linear* const layers[] = {&layer1, &layer2, &layer3, &layer4};
+  for (size_t i = 0; i < 4; ++i) {
+    (*layers[i])->weight.copy_(fitted.weight[i]);
+    (*layers[i])->bias.copy_(fitted.bias[i]);
+  }
+}
+
+torch::Tensor CameraResponseImpl::mlp(const torch::Tensor& values) {
+  torch::Tensor hidden = layer1(values.reshape({-1, 1})).relu();
+  hidden = layer2(hidden).relu();
+  hidden = layer3(hidden).relu();
+  return layer4(hidden).view(values.sizes());
+}
+
+torch::Tensor CameraResponseImpl::exact(const torch::Tensor& image) {
+  return (0.1 * mlp(image) + image).sigmoid();
+}
+
+torch::Tensor CameraResponseImpl::table() {
+  return exact(
+      torch::linspace(0, kResponseRange, kKnots, layer1->weight.options().requires_grad(false)));
+}
+
+torch::Tensor CameraResponseImpl::apply(const torch::Tensor& image, const torch::Tensor& table) {
+  return lookup(image, table, false);
+}
+
+torch::Tensor CameraResponseImpl::mean(const torch::Tensor& images, const torch::Tensor& table) {
+  return lookup(images, table, true);
+}
+
+}  // namespace jade::response

@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <ATen/ops/empty.h>
+#include <ATen/ops/empty_like.h>
+#include <ATen/ops/zeros.h>
+#include <ATen/ops/zeros_like.h>
+#include <algorithm>
+#include <c10/cuda/CUDAStream.h>
+
+#include "jade/core/cuda_launch.h"
+#include "jade/response/lookup.h"
+
+namespace jade::response::cuda {
+namespace {
+
+constexpr int kThreads = 256;
+constexpr float kPerUnit = static_cast<float>((kKnots - 1) / kResponseRange);
+/// Sums over the table are kept in fixed point: additions of integers do not depend on their order.
+constexpr double kFixedPoint = 1125899906842624.0;  // 2^50
+
+struct Cell {
+  int index;
+  float fraction;
+};
+
+__device__ Cell cell_of(float x) {
+  const float t = x * kPerUnit;
+  const float bounded = t > 0 ? fminf(t, static_cast<float>(kKnots - 2)) : 0.f;
+  const int index = static_cast<int>(bounded);
+  return {index, t - static_cast<float>(index)};
+}
+
+__global__ void forward_kernel(const float* image, const float* table, float* out, int64_t outputs,
+                               int64_t images) {
+  const int64_t p = blockIdx.x * static_cast<int64_t>(kThreads) + threadIdx.x;
+  if (p >= outputs) return;
+  float sum = 0;
+  for (int64_t k = 0; k < images; ++k) {
+    const Cell cell = cell_of(image[k * outputs + p]);
+    const float low = __ldg(table + cell.index);
+    sum += low + cell.fraction * (__ldg(table + cell.index + 1) - low);
+  }
+  out[p] = images == 1 ? sum : sum / static_cast<float>(images);
+}
+
+__global__ void backward_kernel(const float* image, const float* table, const float* gradient,
+                                float share, int64_t pixels, int64_t count, float* of_image,
+                                unsigned long long* of_table) {
+  extern __shared__ unsigned long long sums[];
+  if (of_table != nullptr) {
+    for (int i = threadIdx.x; i < kKnots; i += kThreads) sums[i] = 0;
+    __syncthreads();
+  }
+  const int64_t stride = static_cast<int64_t>(gridDim.x) * kThreads;
+  for (int64_t i = blockIdx.x * static_cast<int64_t>(kThreads) + threadIdx.x; i < count;
+       i += stride) {
+    const Cell cell = cell_of(image[i]);
+    const float g = gradient[i % pixels] * share;
+    if (of_image != nullptr) {
+      of_image[i] = g * (__ldg(table + cell.index + 1) - __ldg(table + cell.index)) * kPerUnit;
+    }
+    if (of_table != nullptr) {
+      const double upper = static_cast<double>(g * cell.fraction);
+      const double lower = static_cast<double>(g * (1 - cell.fraction));
+      atomicAdd(sums + cell.index,
+                static_cast<unsigned long long>(__double2ll_rn(lower * kFixedPoint)));
+      atomicAdd(sums + cell.index + 1,
+                static_cast<unsigned long long>(__double2ll_rn(upper * kFixedPoint)));
+    }
+  }
+  if (of_table == nullptr) return;
+  __syncthreads();
+  for (int i = threadIdx.x; i < kKnots; i += kThreads) {
+    if (sums[i] != 0) atomicAdd(of_table + i, sums[i]);
+  }
+}
+
+int64_t blocks_for(int64_t count) { return (count + kThreads - 1) / kThreads; }
+
+}  // namespace
+
+at::Tensor lookup(const Lookup& args) {
+  at::Tensor out = args.mean ? at::empty(args.image.sizes().slice(1), args.image.options())
+                             : at::empty_like(args.image);
+  if (out.numel() == 0) return out;
+  forward_kernel<<<static_cast<unsigned>(blocks_for(out.numel())), kThreads, 0,
+                   c10::cuda::getCurrentCUDAStream()>>>(
+      args.image.const_data_ptr<float>(), args.table.const_data_ptr<float>(),
+      out.mutable_data_ptr<float>(), out.numel(), args.mean ? args.image.size(0) : 1);
+  jade::cuda::check_launch("the camera response");
+  return out;
+}
+
+LookupGradient lookup_backward(const Lookup& args, const at::Tensor& gradient, bool wants_image,
+                               bool wants_table) {
+  LookupGradient result;
+  if (wants_image) result.image = at::empty_like(args.image);
+  at::Tensor sums;
+  if (wants_table) sums = at::zeros({kKnots}, args.table.options().dtype(at::kLong));
+  const int64_t count = args.image.numel();
+  if (count == 0) {
+    if (wants_table) result.table = at::zeros_like(args.table);
+    return result;
+  }
+  const float share = args.mean ? 1.f / static_cast<float>(args.image.size(0)) : 1.f;
+  // Few blocks with long loops when each has a table of its own to add up.
+  const int64_t blocks =
+      wants_table ? std::min<int64_t>(blocks_for(count), 528) : blocks_for(count);
+  const size_t shared = wants_table ? sizeof(unsigned long long) * kKnots : 0;
+  backward_kernel<<<static_cast<unsigned>(blocks), kThreads, shared,
+                    c10::cuda::getCurrentCUDAStream()>>>(
+      args.image.const_data_ptr<float>(), args.table.const_data_ptr<float>(),
+      gradient.const_data_ptr<float>(), share, gradient.numel(), count,
+      wants_image ? result.image.mutable_data_ptr<float>() : nullptr,
+      wants_table ? reinterpret_cast<unsigned long long*>(sums.mutable_data_ptr<int64_t>())
+                  : nullptr);
+  jade::cuda::check_launch("the camera response, backward");
+  if (wants_table) result.table = sums.to(at::kDouble).div(kFixedPoint).to(at::kFloat);
+  return result;
+}
+
+}  // namespace jade::response::cuda

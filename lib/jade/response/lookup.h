@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+// Linear interpolation in a table of ρ, apart from autograd. Not for use outside this folder.
+#pragma once
+
+#include <ATen/core/Tensor.h>
+#include <cstdint>
+
+namespace jade::response {
+
+/// The table's knots are linspace(0, 2, 4097); beyond them the outermost cells go on.
+constexpr int64_t kKnots = 4097;
+constexpr double kResponseRange = 2;
+
+/// All tensors contiguous, of one floating type and device.
+struct Lookup {
+  at::Tensor image;   ///< [K, P...]
+  at::Tensor table;   ///< [kKnots]
+  bool mean = false;  ///< average over the first dimension
+};
+
+struct LookupGradient {
+  at::Tensor image;  ///< undefined unless wanted
+  at::Tensor table;
+};
+
+namespace cpu {
+at::Tensor lookup(const Lookup& args);
+LookupGradient lookup_backward(const Lookup& args, const at::Tensor& gradient, bool wants_image,
+                               bool wants_table);
+}  // namespace cpu
+
+namespace cuda {
+at::Tensor lookup(const Lookup& args);
+LookupGradient lookup_backward(const Lookup& args, const at::Tensor& gradient, bool wants_image,
+                               bool wants_table);
+}  // namespace cuda
+
+}  // namespace jade::response

@@ -1,0 +1,282 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/restore/efnet.h"
+
+#include <algorithm>
+#include <c10/core/Allocator.h>
+#include <map>
+#include <new>
+#include <torch/nn/functional/padding.h>
+#include <torch/script.h>
+
+#include "jade/core/asset.h"
+#include "jade/core/check.h"
+#include "jade/core/digest.h"
+#include "jade/core/log.h"
+
+namespace jade::restore {
+namespace {
+
+namespace F = torch::nn::functional;
+
+constexpr int64_t kBins = 6;
+// Tiles when memory is short: the part of each that is kept, and what it sees around it.
+constexpr int64_t kLargestTile = 512, kSmallestTile = 64, kTileMargin = 32;
+
+/// The device has too little memory for this call.
+struct OutOfMemory : DeviceError {
+  using DeviceError::DeviceError;
+};
+
+std::string first_line(const std::string& text) { return text.substr(0, text.find('\n')); }
+
+/// torch's advice behind it is about its own checkpoints.
+std::string first_sentence(const std::string& text) {
+  const std::string line = first_line(text);
+  return line.substr(0, line.find(". "));
+}
+
+/// TorchScript puts the reason behind its trace, on the last line.
+std::string last_line(const std::string& text) {
+  const size_t end = text.find_last_not_of(" \n");
+  if (end == std::string::npos) return text;
+  const size_t newline = text.find_last_of('\n', end);
+  return text.substr(newline == std::string::npos ? 0 : newline + 1,
+                     end - (newline == std::string::npos ? 0 : newline + 1) + 1);
+}
+
+/// TorchScript hands on what its operators throw as text only.
+bool says_out_of_memory(const std::string& text) {
+  for (const char* words :
+       {"out of memory", "ALLOC_FAILED", "can't allocate memory", "not enough memory"}) {
+    if (text.find(words) != std::string::npos) return true;
+  }
+  return false;
+}
+
+/// How much to add to `size` so that the network can take it.
+int64_t padding(int64_t size, const RestorerMetadata& m) {
+  const int64_t multiple = m.padding_multiple;
+  const int64_t wanted = std::max(size, m.minimum_size);
+  return (wanted + multiple - 1) / multiple * multiple - size;
+}
+
+torch::Tensor pad_replicate(const torch::Tensor& image, int64_t right, int64_t bottom) {
+  return F::pad(image, F::PadFuncOptions({0, right, 0, bottom}).mode(torch::kReplicate));
+}
+
+torch::Tensor pad_zero(const torch::Tensor& image, int64_t right, int64_t bottom) {
+  return torch::constant_pad_nd(image, {0, right, 0, bottom}, 0);
+}
+
+/// 3×3 maximum; outside the image counts as the smallest value.
+torch::Tensor dilate(const torch::Tensor& image) {
+  return torch::max_pool2d(image, {3, 3}, {1, 1}, {1, 1});
+}
+
+std::unique_ptr<torch::jit::Module> load_module(const std::filesystem::path& path,
+                                                std::string* metadata) {
+  torch::jit::ExtraFilesMap extra{{kRestorerMetadataFile, ""}};
+  try {
+    auto module =
+        std::make_unique<torch::jit::Module>(torch::jit::load(path.string(), torch::kCPU, extra));
+    *metadata = extra[kRestorerMetadataFile];
+    return module;
+  } catch (const c10::Error& problem) {
+    fail_restorer(path, concat("no TorchScript file, or a damaged one: ",
+                               first_sentence(problem.what_without_backtrace()),
+                               "; make it with scripts/efnet/export_efnet.py"));
+  } catch (const std::exception& problem) {
+    fail_restorer(path, concat("cannot be loaded: ", first_line(problem.what())));
+  }
+}
+
+}  // namespace
+
+torch::Tensor scer_from_bins(const torch::Tensor& voxel) {
+  check_shape(voxel, "voxel", {-1, kBins, -1, -1});
+  const auto bin = [&](int64_t i) { return voxel.narrow(1, i, 1); };
+  const torch::Tensor before2 = bin(1) + bin(2), after2 = bin(3) + bin(4);
+  return torch::cat({-(bin(0) + before2), -before2, -bin(2), bin(3), after2, after2 + bin(5)}, 1);
+}
+
+torch::Tensor normalize_views(const torch::Tensor& events) {
+  const torch::Tensor largest = events.abs().amax({1, 2, 3}, true);
+  return events / torch::where(largest > 0, largest, torch::ones_like(largest));
+}
+
+torch::Tensor event_mask(const torch::Tensor& events) {
+  const torch::Tensor any = (events != 0).any(1, true).to(events.scalar_type());
+  return 1 - dilate(1 - dilate(any));
+}
+
+std::string weights_sha256(const torch::jit::Module& module) {
+  std::map<std::string, torch::Tensor> by_name;
+  for (const auto& parameter : module.named_parameters()) {
+    by_name[parameter.name] =
+        parameter.value.detach().to(torch::kCPU, torch::kFloat32).contiguous();
+  }
+  Sha256 digest;
+  for (const auto& [name, values] : by_name) {
+    digest.update(name.c_str(), name.size() + 1);
+    digest.update(values.const_data_ptr(), values.nbytes());
+  }
+  return digest.hex();
+}
+
+std::filesystem::path restorer_path(const EfnetOptions& options) {
+  return options.path.empty() ? asset("efnet_small.pt") : options.path;
+}
+
+std::string checked_file_sha256(const EfnetOptions& options) {
+  const std::filesystem::path path = restorer_path(options);
+  if (!std::filesystem::is_regular_file(path)) {
+    throw DataError(concat("efnet.path: expected the TorchScript file of the restorer, found no ",
+                           "file ", path.string(),
+                           options.path.empty() ? ", which comes with the program; name another"
+                                                : "; leave the key empty for the one that ships"));
+  }
+  const std::string found = file_sha256(path);
+  if (!options.sha256.empty() && options.sha256 != found) {
+    fail_restorer(path, concat("expected SHA-256 ", options.sha256, ", found ", found,
+                               ": another file than the configuration means"));
+  }
+  return found;
+}
+
+Restorer::Restorer(const EfnetOptions& options, torch::Device device)
+    : path_(restorer_path(options)), device_(device) {
+  checked_file_sha256(options);
+  std::string metadata;
+  module_ = load_module(path_, &metadata);
+  metadata_ = parse_restorer_metadata(path_, metadata);
+  const std::string weights = weights_sha256(*module_);
+  if (weights != metadata_.weights_sha256) {
+    fail_restorer(path_, concat("its metadata is of weights ", metadata_.weights_sha256,
+                                ", it holds ", weights, ": damaged or edited; export it again"));
+  }
+  module_->eval();
+  for (const torch::Tensor& parameter : module_->parameters()) parameter.set_requires_grad(false);
+  to(device);
+}
+
+Restorer::~Restorer() = default;
+Restorer::Restorer(Restorer&&) noexcept = default;
+Restorer& Restorer::operator=(Restorer&&) noexcept = default;
+
+void Restorer::to(torch::Device device) {
+  try {
+    module_->to(device);
+  } catch (const c10::OutOfMemoryError&) {
+    log_warn(concat(path_.string(), ": does not fit the memory of ", device.str(),
+                    "; restoring on the CPU"));
+    device = torch::kCPU;
+    module_->to(device);
+  }
+  device_ = device;
+}
+
+Restorer::Inputs Restorer::inputs_of(const torch::Tensor& image, const torch::Tensor& voxel) const {
+  if (metadata_.kind != "efnet") return {image};
+  check_shape(voxel, "voxel", {image.size(0), kBins, image.size(2), image.size(3)});
+  const torch::Tensor events =
+      normalize_views(metadata_.input == "scer" ? scer_from_bins(voxel) : voxel);
+  return {image, events, event_mask(events)};
+}
+
+torch::Tensor Restorer::call(const Inputs& inputs) const {
+  const torch::Tensor& image = inputs.front();
+  const int64_t height = image.size(2), width = image.size(3);
+  const int64_t right = padding(width, metadata_), bottom = padding(height, metadata_);
+  const std::string size = concat(width, "x", height, " images");
+  torch::Tensor output;
+  try {
+    std::vector<torch::IValue> padded{pad_replicate(image.to(device_), right, bottom)};
+    for (size_t i = 1; i < inputs.size(); ++i) {
+      padded.emplace_back(pad_zero(inputs[i].to(device_), right, bottom));
+    }
+    output = module_->forward(std::move(padded)).toTensor();
+  } catch (const std::bad_alloc&) {
+    throw OutOfMemory(concat("not enough memory on ", device_.str(), " to restore ", size));
+  } catch (const std::exception& problem) {
+    if (says_out_of_memory(problem.what())) {
+      throw OutOfMemory(concat("not enough memory on ", device_.str(), " to restore ", size));
+    }
+    fail_restorer(path_, concat("the network refused ", size, ": ", last_line(problem.what())));
+  }
+  const std::vector<int64_t> expected{image.size(0), 3, height + bottom, width + right};
+  if (output.sizes() != torch::IntArrayRef(expected)) {
+    fail_restorer(path_, concat("the network returned shape ", shape_string(output), " for ",
+                                shape_string(image), " images"));
+  }
+  return output.narrow(2, 0, height).narrow(3, 0, width);
+}
+
+torch::Tensor Restorer::call_in_tiles(const Inputs& inputs, int64_t core) const {
+  const torch::Tensor& image = inputs.front();
+  const int64_t height = image.size(2), width = image.size(3);
+  torch::Tensor output = torch::empty_like(image);
+  for (int64_t y = 0; y < height; y += core) {
+    for (int64_t x = 0; x < width; x += core) {
+      const int64_t top = std::max<int64_t>(0, y - kTileMargin);
+      const int64_t left = std::max<int64_t>(0, x - kTileMargin);
+      const int64_t tall = std::min(height, y + core + kTileMargin) - top;
+      const int64_t wide = std::min(width, x + core + kTileMargin) - left;
+      Inputs part;
+      for (const torch::Tensor& input : inputs) {
+        part.push_back(input.narrow(2, top, tall).narrow(3, left, wide));
+      }
+      const int64_t kept_height = std::min(core, height - y),
+                    kept_width = std::min(core, width - x);
+      const torch::Tensor restored = call(part);
+      output.narrow(2, y, kept_height)
+          .narrow(3, x, kept_width)
+          .copy_(restored.narrow(2, y - top, kept_height).narrow(3, x - left, kept_width));
+    }
+  }
+  return output;
+}
+
+torch::Tensor Restorer::restore_where_it_fits(const Inputs& inputs) {
+  while (true) {
+    try {
+      return tile_ == 0 ? call(inputs) : call_in_tiles(inputs, tile_);
+    } catch (const OutOfMemory& problem) {
+      if (!device_.is_cpu()) {
+        log_warn(concat(problem.what(), " with ", metadata_.name, "; going on on the CPU"));
+        to(torch::kCPU);
+        continue;
+      }
+      const int64_t longest = std::max(inputs.front().size(2), inputs.front().size(3));
+      do {
+        tile_ = tile_ == 0 ? kLargestTile : tile_ / 2;
+      } while (tile_ >= longest);
+      if (tile_ < kSmallestTile) {
+        throw DeviceError(concat(problem.what(), " with ", metadata_.name,
+                                 ", not even in tiles; close other programs"));
+      }
+      log_warn(concat(problem.what(), " with ", metadata_.name, " at once; going on in tiles of ",
+                      tile_, " px, which differ slightly from whole frames"));
+    }
+  }
+}
+
+torch::Tensor Restorer::restore(const torch::Tensor& blurry, const torch::Tensor& voxel) {
+  const torch::NoGradGuard no_grad;
+  const bool single = blurry.dim() == 3;
+  const auto prepared = [&](const torch::Tensor& tensor) {
+    const torch::Tensor plain = tensor.detach().to(device_, torch::kFloat32);
+    return plain.dim() == 3 ? plain.unsqueeze(0) : plain;
+  };
+  const torch::Tensor image = prepared(blurry);
+  check_shape(image, "blurry frame", {-1, 3, -1, -1});
+  torch::Tensor output =
+      restore_where_it_fits(inputs_of(image, voxel.defined() ? prepared(voxel) : voxel));
+  if (!output.isfinite().all().item<bool>()) {
+    throw NumericError(concat(path_.string(), ": the network returned NaN or Inf for a ",
+                              image.size(3), "x", image.size(2), " image"));
+  }
+  output = output.clamp(0, 1).to(blurry.device()).contiguous();
+  return single ? output.squeeze(0) : output;
+}
+
+}  // namespace jade::restore

@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+// Frozen image restorers in TorchScript. docs/efnet.md is the contract of the file.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <torch/types.h>
+#include <vector>
+
+#include "jade/core/fields.h"
+#include "jade/restore/efnet_metadata.h"
+
+namespace torch::jit {
+struct Module;
+}
+
+namespace jade::restore {
+
+struct EfnetOptions {
+  std::filesystem::path path;
+  std::string sha256;
+};
+
+template <class V>
+void describe(V& v, EfnetOptions& o) {
+  v.field("path", o.path,
+          "TorchScript file of the restorer (scripts/efnet/export_efnet.py); empty: the one that "
+          "comes with the program");
+  v.field("sha256", o.sha256, "SHA-256 that the file must have (sha256sum); empty: not checked");
+}
+
+/// The file that the options mean: their path, else the one that ships. It need not be there.
+std::filesystem::path restorer_path(const EfnetOptions& options);
+
+/// SHA-256 of that whole file, lower-case hex. @throws DataError if it is not there, cannot be
+/// read, or differs from the options'.
+std::string checked_file_sha256(const EfnetOptions& options);
+
+/// F: a frozen restorer (eval mode, no gradients).
+class Restorer {
+ public:
+  /// @throws DataError naming the path: no TorchScript, no metadata (with the command that exports
+  ///   a file with it), metadata of another version, weights that are not those of the metadata, or
+  ///   a SHA-256 that differs from the options'.
+  explicit Restorer(const EfnetOptions& options, torch::Device device = torch::kCPU);
+  ~Restorer();
+  Restorer(Restorer&&) noexcept;
+  Restorer& operator=(Restorer&&) noexcept;
+
+  const RestorerMetadata& metadata() const { return metadata_; }
+  /// Where it computes: the CPU after the device ran out of memory.
+  torch::Device device() const { return device_; }
+  /// Side of the tiles that it restores, px, since memory ran short; 0: whole frames.
+  int64_t tile() const { return tile_; }
+
+  /// The sharp frame of mid-exposure. When the device has too little memory for the frame, goes on
+  /// on the CPU, and when that has too little, in overlapping tiles; says so in a warning.
+  /// @param blurry  [3,H,W] or [N,3,H,W], RGB in [0,1]
+  /// @param voxel   [6,H,W] or [N,6,H,W], signed bins, any positive scale; ignored by kind image
+  /// @return shaped as `blurry`, on its device, float32 in [0,1], without gradient
+  /// @throws NumericError where the network returns NaN or Inf, DeviceError when memory runs out
+  ///   even so, DataError when the module refuses its input or returns another shape.
+  torch::Tensor restore(const torch::Tensor& blurry, const torch::Tensor& voxel);
+
+  void to(torch::Device device);
+
+ private:
+  /// What the network takes, before padding: image, or image, events and mask. [N,C,H,W] each.
+  using Inputs = std::vector<torch::Tensor>;
+
+  Inputs inputs_of(const torch::Tensor& image, const torch::Tensor& voxel) const;
+  torch::Tensor restore_where_it_fits(const Inputs& inputs);
+  /// One forward pass on the module's device, padded and cropped.
+  /// @throws OutOfMemory (efnet.cpp).
+  torch::Tensor call(const Inputs& inputs) const;
+  torch::Tensor call_in_tiles(const Inputs& inputs, int64_t core) const;
+
+  std::filesystem::path path_;
+  RestorerMetadata metadata_;
+  torch::Device device_;
+  std::unique_ptr<torch::jit::Module> module_;
+  int64_t tile_ = 0;  ///< side of the core of a tile, px; 0: whole frames
+};
+
+/// SHA-256 over all parameters, docs/efnet.md §1.3.
+std::string weights_sha256(const torch::jit::Module& module);
+
+/// The six bins as cumulative sums from mid-exposure outwards (SCER):
+/// [−(V1+V2+V3), −(V2+V3), −V3, V4, V4+V5, V4+V5+V6].
+/// @param voxel  [N,6,H,W]
+torch::Tensor scer_from_bins(const torch::Tensor& voxel);
+
+/// Each view divided by its largest magnitude; a view of zeros stays zero. [N,6,H,W].
+torch::Tensor normalize_views(const torch::Tensor& events);
+
+/// [N,1,H,W]: 1 where any channel is not zero, then a 3×3 closing (outside the frame counts as 0 in
+/// the dilation and as 1 in the erosion).
+torch::Tensor event_mask(const torch::Tensor& events);
+
+}  // namespace jade::restore

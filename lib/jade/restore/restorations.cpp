@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/restore/restorations.h"
+
+#include "jade/core/check.h"
+
+namespace jade::restore {
+
+torch::Tensor fuse(const torch::Tensor& alpha, const Restorations& restorations) {
+  check_shape(restorations.edi, "I_edi", {3, -1, -1});
+  check_shape(restorations.efnet, "F(B, V)", restorations.edi.sizes().vec());
+  // F + α (I_edi − F): the gradient to α is exactly zero where both agree, Eq. (5).
+  return restorations.efnet + alpha * (restorations.edi - restorations.efnet);
+}
+
+torch::Tensor without_tint(const torch::Tensor& image) {
+  check_shape(image, "image", {3, -1, -1});
+  return image.mean(0, true).expand_as(image).contiguous();
+}
+
+}  // namespace jade::restore

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <torch/types.h>
+
+#include "jade/restore/efnet.h"
+#include "jade/restore/restoration_cache.h"
+
+namespace jade::restore {
+
+/// Both restorations of views through the cache on disk. The network is loaded when the first view
+/// is not in the cache, so never if all are.
+class ViewRestorer {
+ public:
+  /// @param efnet  its file is read and checked against its SHA-256 now; without value there is no
+  ///   F, and efnet() must not be called.
+  /// @param monochrome  the frames are gray, and so is F, see without_tint().
+  /// @throws DataError.
+  ViewRestorer(const RestorationCacheOptions& cache, std::optional<EfnetOptions> efnet,
+               torch::Device device, bool monochrome = false);
+  /// Keeps the cache within its size.
+  ~ViewRestorer();
+
+  /// I_edi of a view.
+  /// @param settings  what `compute` depends on besides the tensors, as text.
+  /// @param windows   [8,H,W], log intensity: thresholds are inside.
+  torch::Tensor edi(const torch::Tensor& blurry, const torch::Tensor& windows,
+                    const std::string& settings, const std::function<torch::Tensor()>& compute);
+
+  /// F(B, V): blurry [3,H,W], voxel [6,H,W] on any device; result on the device of this object.
+  /// What the network restored on the CPU for want of a GPU's memory, or in tiles, is not kept.
+  torch::Tensor efnet(const torch::Tensor& blurry, const torch::Tensor& voxel);
+
+  /// The network, loaded if it was not.
+  Restorer& network();
+  bool network_is_loaded() const { return network_.has_value(); }
+  const RestorationCache& cache() const { return cache_; }
+
+ private:
+  RestorationCache cache_;
+  std::optional<EfnetOptions> options_;
+  torch::Device device_;
+  bool monochrome_;
+  std::string file_sha256_;
+  std::optional<Restorer> network_;
+};
+
+}  // namespace jade::restore

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/router/allocation.h"
+
+#include <vector>
+
+#include "jade/core/check.h"
+#include "jade/router/router.h"
+
+namespace jade::router {
+namespace {
+
+class RoutedAllocation : public Allocation {
+ public:
+  RoutedAllocation(at::Generator generator, bool sigmoid)
+      : router_(register_module("router", Router(std::move(generator)))), sigmoid_(sigmoid) {}
+
+  torch::Tensor forward(const AllocationInput& input) override {
+    const torch::Tensor logits =
+        router_->logits(input.blurry.unsqueeze(0), input.psi.unsqueeze(0)).squeeze(0);
+    return sigmoid_ ? logits.sigmoid() : logits;
+  }
+
+ private:
+  Router router_;
+  bool sigmoid_;
+};
+
+class ConstantAllocation : public Allocation {
+ public:
+  explicit ConstantAllocation(double value) : value_(value) {}
+
+  torch::Tensor forward(const AllocationInput& input) override {
+    return torch::full({1, input.blurry.size(1), input.blurry.size(2)}, value_,
+                       input.blurry.options());
+  }
+
+ private:
+  double value_;
+};
+
+class GlobalScalarAllocation : public Allocation {
+ public:
+  GlobalScalarAllocation() : logit_(register_parameter("logit", torch::zeros({1}))) {}
+
+  torch::Tensor forward(const AllocationInput& input) override {
+    return logit_.sigmoid().view({1, 1, 1}).expand({1, input.blurry.size(1), input.blurry.size(2)});
+  }
+
+ private:
+  torch::Tensor logit_;
+};
+
+/// One parameter a view, so that an optimiser can leave those of absent views alone.
+class PerViewAllocation : public Allocation {
+ public:
+  PerViewAllocation(int64_t views, int64_t height, int64_t width) {
+    for (int64_t view = 0; view < views; ++view) {
+      logits_.push_back(
+          register_parameter(concat("logits_", view), torch::zeros({1, height, width})));
+    }
+  }
+
+  torch::Tensor forward(const AllocationInput& input) override {
+    JADE_CHECK(input.view >= 0 && input.view < static_cast<int64_t>(logits_.size()),
+               "per_view_map: view ", input.view, " of ", logits_.size());
+    return logits_[static_cast<size_t>(input.view)].sigmoid();
+  }
+
+ private:
+  std::vector<torch::Tensor> logits_;
+};
+
+}  // namespace
+
+std::shared_ptr<Allocation> make_allocation(const AllocationOptions& options, int64_t views,
+                                            int64_t height, int64_t width,
+                                            at::Generator generator) {
+  if (options.kind == "none") return nullptr;
+  if (options.kind == "constant") return std::make_shared<ConstantAllocation>(options.constant);
+  if (options.kind == "global_scalar") return std::make_shared<GlobalScalarAllocation>();
+  if (options.kind == "per_view_map") {
+    return std::make_shared<PerViewAllocation>(views, height, width);
+  }
+  if (options.kind == "router" || options.kind == "router_no_sigmoid") {
+    return std::make_shared<RoutedAllocation>(std::move(generator), options.kind == "router");
+  }
+  throw ConfigError(concat("allocation.kind: unknown kind '", options.kind, "'"));
+}
+
+}  // namespace jade::router

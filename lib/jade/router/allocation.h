@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// How the weight α between the two restorations is obtained: the rows of the ablation tables.
+#pragma once
+
+#include <ATen/core/Generator.h>
+#include <memory>
+#include <string>
+#include <torch/nn/module.h>
+#include <torch/types.h>
+
+#include "jade/core/fields.h"
+
+namespace jade::router {
+
+struct AllocationOptions {
+  std::string kind = "router";
+  double constant = 0.5;
+};
+
+template <class V>
+void describe(V& v, AllocationOptions& o) {
+  v.field(
+      "kind", o.kind,
+      "who decides between EDI (1) and EFNet (0): the router; the router without its sigmoid; "
+      "a constant; one learned number; one learned map a view; none: no fused target",
+      Choices{"router", "router_no_sigmoid", "constant", "global_scalar", "per_view_map", "none"});
+  v.field("constant", o.constant, "α of kind constant", Range{0, 1});
+}
+
+/// What an allocation may look at: measurements, never restorations.
+struct AllocationInput {
+  torch::Tensor blurry;  ///< [3,H,W]
+  torch::Tensor psi;     ///< [2,H,W], Ψ(V)
+  int64_t view = 0;      ///< index among the training views
+};
+
+/// θ behind one interface. `parameters()` is empty where there is nothing to learn.
+class Allocation : public torch::nn::Module {
+ public:
+  /// α [1,H,W], differentiable in the parameters; in [0,1] for every kind but router_no_sigmoid.
+  virtual torch::Tensor forward(const AllocationInput& input) = 0;
+  bool trainable() const { return !parameters().empty(); }
+};
+
+/// The kind that the options name, on the CPU; nullptr for "none". The learned number and maps
+/// start at 0.5.
+/// @param views, height, width  sizes of per_view_map.
+std::shared_ptr<Allocation> make_allocation(const AllocationOptions& options, int64_t views,
+                                            int64_t height, int64_t width, at::Generator generator);
+
+}  // namespace jade::router

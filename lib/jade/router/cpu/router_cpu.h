@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+// The router's seven layers as one operation on the CPU. Not for use outside this module.
+#pragma once
+
+#include <array>
+#include <torch/types.h>
+
+namespace jade::router::cpu {
+
+struct RouterWeights {
+  torch::Tensor event1, event2;                            ///< [16,2,5,5], [6,16,5,5]
+  torch::Tensor image1, image1_bias, image2, image2_bias;  ///< [10,3,5,5], [8,10,5,5]
+  torch::Tensor head1, head2;                              ///< [9,17,3,3], [24,9,3,3]
+  torch::Tensor head3, head3_bias;                         ///< [1,24,1,1]
+};
+
+/// The router's logits. Differentiable once, in every weight and both inputs. float or double, all
+/// tensors of one type. The same bits for any number of threads.
+/// @param blurry  [N,3,H,W]
+/// @param psi     [N,2,H,W]
+/// @return [N,1,H,W]
+torch::Tensor router_logits(const torch::Tensor& blurry, const torch::Tensor& psi,
+                            const RouterWeights& weights);
+
+}  // namespace jade::router::cpu

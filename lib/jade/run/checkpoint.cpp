@@ -1,0 +1,355 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/run/checkpoint.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <fstream>
+#include <map>
+#include <torch/serialize.h>
+#include <torch/serialize/archive.h>
+
+#include "jade/config/config.h"
+#include "jade/core/atomic_file.h"
+#include "jade/core/check.h"
+#include "jade/core/digest.h"
+#include "jade/core/log.h"
+
+namespace jade::run {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int64_t kFormatVersion = 1;
+
+/// Everything by name, in a fixed order; texts are byte tensors.
+using Entries = std::map<std::string, torch::Tensor>;
+
+torch::Tensor bytes_of(const std::string& text) {
+  return torch::from_blob(const_cast<char*>(text.data()), {static_cast<int64_t>(text.size())},
+                          torch::kUInt8)
+      .clone();
+}
+
+std::string text_of(const torch::Tensor& bytes) {
+  return {static_cast<const char*>(bytes.data_ptr()), static_cast<size_t>(bytes.numel())};
+}
+
+std::string digest_of(const Entries& entries) {
+  Sha256 digest;
+  for (const auto& [name, tensor] : entries) {
+    digest.update(concat(name, tensor.scalar_type(), shape_string(tensor), ";"));
+    digest.update(tensor.data_ptr(), tensor.nbytes());
+  }
+  return digest.hex();
+}
+
+/// The tensors of a state under their names; what is there depends on the options alone.
+Entries entries_of(const train::TrainState& state) {
+  Entries all;
+  const auto put = [&](const std::string& name, const torch::Tensor& tensor) {
+    if (tensor.defined()) all[name] = tensor.detach().cpu().contiguous();
+  };
+  for (int i = 0; i < gaussians::kParameterCount; ++i) {
+    const std::string name = gaussians::kParameterNames[i];
+    put("gaussians." + name, gaussians::parameter(state.gaussians.parameters(), i));
+    put("adam.first." + name, gaussians::parameter(state.gaussian_adam.first_moments(), i));
+    put("adam.second." + name, gaussians::parameter(state.gaussian_adam.second_moments(), i));
+  }
+  put("adam.step", state.gaussian_adam.step_count());
+  put("extent", torch::tensor(state.gaussians.extent(), torch::kFloat64));
+  put("densify.gradient_norm", state.densifier.accumulated().gradient_norm);
+  put("densify.visible_count", state.densifier.accumulated().visible_count);
+  put("densify.max_radius_px", state.densifier.accumulated().max_radius_px);
+  put("densify.generator", const_cast<train::TrainState&>(state).densifier.generator().get_state());
+  const auto put_module = [&](const std::string& prefix, const torch::nn::Module& module,
+                              const train::ModuleAdam& adam) {
+    for (const auto& parameter : module.named_parameters())
+      put(prefix + "." + parameter.key(), parameter.value());
+    const auto moments = adam.state();
+    for (size_t i = 0; i < moments.size(); ++i) put(concat(prefix, ".adam.", i), moments[i]);
+  };
+  if (state.allocation) put_module("allocation", *state.allocation, state.allocation_adam);
+  if (state.response) put_module("crf", *state.response, state.response_adam);
+  if (state.poses) {
+    put_module("poses", *state.poses, state.poses_adam);
+    for (const auto& parameter : state.poses->named_parameters()) {
+      // Gradients that wait for the rest of poses.accumulate steps.
+      put("poses.gradient." + parameter.key(), parameter.value().grad());
+    }
+  }
+  return all;
+}
+
+Entries read_archive(const fs::path& path) {
+  Entries all;
+  try {
+    torch::serialize::InputArchive archive;
+    archive.load_from(path.string(), torch::kCPU);
+    for (const std::string& name : archive.keys()) {
+      c10::IValue value;
+      archive.read(name, value);
+      if (value.isTensor()) all[name] = value.toTensor();
+    }
+  } catch (const c10::Error&) {
+    throw CheckpointError(concat(
+        path.string(), ": expected a checkpoint, found a file that is cut short, damaged or ",
+        "something else; resume from an older one"));
+  } catch (const std::exception& failure) {
+    throw CheckpointError(
+        concat(path.string(), ": cannot be read as a checkpoint: ", failure.what()));
+  }
+  const auto version = all.find("format_version");
+  const auto checksum = all.find("sha256");
+  if (version == all.end() || checksum == all.end()) {
+    throw CheckpointError(concat(
+        path.string(), ": expected a checkpoint of jade_train, found another torch archive"));
+  }
+  if (version->second.item<int64_t>() != kFormatVersion) {
+    throw CheckpointError(concat(path.string(), ": expected checkpoint format ", kFormatVersion,
+                                 ", found ", version->second.item<int64_t>(),
+                                 "; use the program that wrote it"));
+  }
+  const std::string expected = text_of(checksum->second);
+  all.erase(checksum);
+  if (digest_of(all) != expected) {
+    throw CheckpointError(
+        concat(path.string(), ": damaged (its checksum does not match); resume from an older one"));
+  }
+  return all;
+}
+
+torch::Tensor take(const Entries& entries, const std::string& name, const fs::path& path) {
+  const auto found = entries.find(name);
+  if (found == entries.end()) {
+    throw CheckpointError(concat(path.string(), ": lacks '", name,
+                                 "'; it was made with other options or by an older program"));
+  }
+  return found->second;
+}
+
+splat::Gaussians take_gaussians(const Entries& entries, const std::string& prefix,
+                                const fs::path& path) {
+  splat::Gaussians gaussians;
+  for (int i = 0; i < gaussians::kParameterCount; ++i) {
+    gaussians::parameter(gaussians, i) =
+        take(entries, prefix + gaussians::kParameterNames[i], path);
+  }
+  return gaussians;
+}
+
+/// How many parameters of a module a checkpoint holds.
+int64_t parameter_count(const Entries& entries, const std::string& prefix) {
+  return std::count_if(entries.begin(), entries.end(), [&](const auto& entry) {
+    const auto begins_with = [&](const std::string& start) {
+      return entry.first.rfind(prefix + start, 0) == 0;
+    };
+    return begins_with(".") && !begins_with(".adam.") && !begins_with(".gradient.");
+  });
+}
+
+void restore_module(const Entries& entries, const std::string& prefix, torch::nn::Module& module,
+                    train::ModuleAdam& adam, const fs::path& path) {
+  const torch::NoGradGuard no_grad;
+  for (auto& parameter : module.named_parameters()) {
+    const torch::Tensor saved = take(entries, prefix + "." + parameter.key(), path);
+    if (saved.sizes() != parameter.value().sizes()) {
+      throw CheckpointError(concat(path.string(), ": ", prefix, ".", parameter.key(), " has shape ",
+                                   shape_string(saved), ", expected ",
+                                   shape_string(parameter.value())));
+    }
+    parameter.value().copy_(saved);
+  }
+  const int64_t found = parameter_count(entries, prefix);
+  const auto expected = static_cast<int64_t>(module.named_parameters().size());
+  if (found != expected) {
+    throw CheckpointError(concat(path.string(), ": expected ", expected, " parameters of '", prefix,
+                                 "', found ", found, "; it was made from other data"));
+  }
+  std::vector<torch::Tensor> moments = adam.state();
+  for (size_t i = 0; i < moments.size(); ++i)
+    moments[i] = take(entries, concat(prefix, ".adam.", i), path);
+  adam.restore(moments);
+}
+
+/// "1500" and "6%" of 25,000 are one calendar.
+bool same_steps(const Field& a, const Field& b) {
+  const auto *x = std::get_if<Steps*>(&a.value), *y = std::get_if<Steps*>(&b.value);
+  return x && y && int64_t{**x} == int64_t{**y};
+}
+
+}  // namespace
+
+fs::path checkpoint_path(const fs::path& run, int64_t step) {
+  char name[32];
+  std::snprintf(name, sizeof name, "step_%07lld.pt", static_cast<long long>(step));
+  return run / "checkpoints" / name;
+}
+
+std::vector<fs::path> list_checkpoints(const fs::path& run) {
+  std::vector<fs::path> found;
+  std::error_code missing;
+  for (const auto& entry : fs::directory_iterator(run / "checkpoints", missing)) {
+    const std::string name = entry.path().filename().string();
+    if (name.rfind("step_", 0) == 0 && entry.path().extension() == ".pt")
+      found.push_back(entry.path());
+  }
+  // Longer names are later steps, also beyond seven digits.
+  std::sort(found.begin(), found.end(), [](const fs::path& a, const fs::path& b) {
+    const std::string x = a.filename().string(), y = b.filename().string();
+    return x.size() != y.size() ? x.size() > y.size() : x > y;
+  });
+  return found;
+}
+
+void save_checkpoint(const fs::path& run, const train::TrainState& state,
+                     const CheckpointInfo& info, int64_t keep) {
+  make_writable_folder(run / "checkpoints");
+  Entries all = entries_of(state);
+  all["format_version"] = torch::tensor(kFormatVersion);
+  all["step"] = torch::tensor(state.step);
+  all["config"] = bytes_of(info.config);
+  all["data_fingerprint"] = bytes_of(info.fingerprint);
+  if (!info.restorer_sha256.empty()) all["restorer_sha256"] = bytes_of(info.restorer_sha256);
+  all["sha256"] = bytes_of(digest_of(all));
+
+  torch::serialize::OutputArchive archive;
+  for (const auto& [name, tensor] : all) archive.write(name, c10::IValue(tensor));
+  AtomicFile file(checkpoint_path(run, state.step));
+  {
+    std::ofstream out(file.temporary_path(), std::ios::binary);
+    archive.save_to([&out](const void* data, size_t bytes) -> size_t {
+      out.write(static_cast<const char*>(data), static_cast<std::streamsize>(bytes));
+      return bytes;
+    });
+    out.close();
+    if (!out) {
+      throw DataError(
+          concat(checkpoint_path(run, state.step).string(),
+                 ": cannot be written; is the disk full? Free some space and go on with --resume"));
+    }
+  }
+  file.commit();
+  const auto found = list_checkpoints(run);
+  for (size_t i = static_cast<size_t>(keep); i < found.size(); ++i) fs::remove(found[i]);
+}
+
+CheckpointInfo read_checkpoint_info(const fs::path& path) {
+  const Entries all = read_archive(path);
+  CheckpointInfo info{
+      text_of(take(all, "config", path)), text_of(take(all, "data_fingerprint", path)), {}};
+  if (const auto found = all.find("restorer_sha256"); found != all.end()) {
+    info.restorer_sha256 = text_of(found->second);
+  }
+  return info;
+}
+
+void load_checkpoint(const fs::path& path, train::TrainState& state) {
+  const Entries all = read_archive(path);
+  const double extent = take(all, "extent", path).item<double>();
+  const torch::Device device = state.gaussians.device();
+  state.gaussians =
+      gaussians::GaussianModel(take_gaussians(all, "gaussians.", path), extent, device);
+  state.gaussian_adam = gaussians::GaussianAdam(state.gaussians, state.gaussian_adam.options(),
+                                                state.gaussian_adam.monochrome());
+  const auto on_device = [&](const torch::Tensor& tensor) { return tensor.to(device); };
+  state.gaussian_adam.restore(
+      gaussians::map_parameters(take_gaussians(all, "adam.first.", path), on_device),
+      gaussians::map_parameters(take_gaussians(all, "adam.second.", path), on_device),
+      take(all, "adam.step", path).to(device));
+  state.densifier.generator().set_state(take(all, "densify.generator", path));
+  splat::ScreenStatistics statistics;
+  if (all.count("densify.gradient_norm") != 0) {
+    statistics = {take(all, "densify.gradient_norm", path).to(device),
+                  take(all, "densify.visible_count", path).to(device),
+                  take(all, "densify.max_radius_px", path).to(device)};
+  }
+  state.densifier.restore(statistics);
+  if (state.allocation)
+    restore_module(all, "allocation", *state.allocation, state.allocation_adam, path);
+  if (state.response) restore_module(all, "crf", *state.response, state.response_adam, path);
+  if (state.poses) {
+    restore_module(all, "poses", *state.poses, state.poses_adam, path);
+    for (auto& parameter : state.poses->named_parameters()) {
+      const auto waiting = all.find("poses.gradient." + parameter.key());
+      if (waiting != all.end()) parameter.value().mutable_grad() = waiting->second;
+    }
+  }
+  state.step = take(all, "step", path).item<int64_t>();
+}
+
+splat::Gaussians load_checkpoint_gaussians(const fs::path& path) {
+  return take_gaussians(read_archive(path), "gaussians.", path);
+}
+
+void load_checkpoint_allocation(const fs::path& path, router::Allocation& allocation) {
+  train::ModuleAdam none;
+  restore_module(read_archive(path), "allocation", allocation, none, path);
+}
+
+std::string data_fingerprint(const data::Dataset& dataset) {
+  Sha256 digest;
+  const auto add = [&](const auto& numbers) {
+    digest.update(numbers.data(), numbers.size() * sizeof(numbers[0]));
+  };
+  // The same gray frames may train a scene in colour, with restorations of their own.
+  if (dataset.monochrome) digest.update("monochrome;");
+  for (const data::Exposure& exposure : dataset.train) {
+    digest.update(concat(exposure.name, ' ', exposure.t_start_us, ' ', exposure.t_end_us, ' ',
+                         exposure.events.size(), ';'));
+    const auto pixels = exposure.blurry.contiguous();
+    digest.update(pixels.data_ptr(), pixels.nbytes());
+    for (const geometry::Pose& pose : exposure.poses) {
+      add(pose.rotation);
+      add(pose.translation);
+    }
+  }
+  return digest.hex();
+}
+
+train::RunOptions saved_options(const std::string& yaml) {
+  train::RunOptions saved;
+  try {
+    config::read_text(yaml, "its configuration", fields_of(saved));
+  } catch (const ConfigError& error) {
+    throw CheckpointError(
+        concat("the checkpoint is of another version of this program: ", error.what()));
+  }
+  train::settle(saved);
+  return saved;
+}
+
+bool keep_calendar(const train::RunOptions& saved, train::RunOptions& now) {
+  const int64_t steps = train::calendar_steps(saved);
+  if (now.train.calendar > 0 || steps == train::calendar_steps(now)) return false;
+  now.train.calendar = steps;
+  train::settle(now);
+  return true;
+}
+
+ConfigDifference compare_configs(const std::string& saved_yaml, train::RunOptions now) {
+  // What changes when a run stops or what it shows, never what it computes at a given step.
+  static const std::vector<std::string> free_keys = {
+      "train.iterations", "train.log_every",     "train.evaluate_every", "train.picture_every",
+      "train.cuda_graph", "checkpoint.every",    "checkpoint.keep",      "device",
+      "dataset.path",     "efnet.path",          "cache.enabled",        "cache.folder",
+      "cache.max_mib",    "poses.test_fit_steps"};
+  train::RunOptions saved = saved_options(saved_yaml);
+  train::settle(now);
+  const FieldList saved_fields = fields_of(saved), now_fields = fields_of(now);
+  const auto before = config::values(saved_fields), after = config::values(now_fields);
+  ConfigDifference difference;
+  for (size_t i = 0; i < before.size(); ++i) {
+    if (before[i].second == after[i].second) continue;
+    if (same_steps(saved_fields.fields()[i], now_fields.fields()[i])) continue;
+    if (before[i].first == "train.calendar" &&
+        train::calendar_steps(saved) == train::calendar_steps(now))
+      continue;
+    const bool is_free =
+        std::find(free_keys.begin(), free_keys.end(), before[i].first) != free_keys.end();
+    (is_free ? difference.allowed : difference.refused)
+        .push_back(concat(before[i].first, ": ", before[i].second, " -> ", after[i].second));
+  }
+  return difference;
+}
+
+}  // namespace jade::run

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <torch/types.h>
+#include <vector>
+
+#include "jade/data/exposure.h"
+#include "jade/eval/report.h"
+#include "jade/splat/render.h"
+#include "jade/train/options.h"
+
+namespace jade::run {
+
+/// One camera, clamped to [0,1], on the Gaussians' device, without gradient.
+/// @param options  render_options() of the run
+torch::Tensor render_view(const splat::Gaussians& gaussians, const geometry::Pose& pose,
+                          const geometry::Intrinsics& camera, const splat::RenderOptions& options);
+
+/// Scores renders of the sharp views, with LPIPS where `lpips` has its networks.
+eval::Evaluation evaluate_views(const splat::Gaussians& gaussians,
+                                const std::vector<data::SharpView>& views, const eval::Lpips& lpips,
+                                const splat::RenderOptions& options);
+
+/// What config.yaml of a run directory says, but for `device`, which is auto: the run may have been
+/// made on another machine.
+/// @throws DataError where there is none, ConfigError naming the path.
+train::RunOptions load_run_options(const std::filesystem::path& run);
+
+/// The data set of `options`, with the learned poses where the run has ended with such: they belong
+/// to its scene, whatever poses.optimize says by now.
+/// @param options  those of the run, or with changes
+/// @throws DataError naming the path.
+data::Dataset load_run_dataset(const std::filesystem::path& run, const train::RunOptions& options);
+
+/// A run directory as other programs use it: its data and its newest Gaussians.
+struct FinishedRun {
+  data::Dataset dataset;
+  splat::Gaussians gaussians;  ///< on the CPU
+};
+
+/// Reads the data set, and point_cloud.ply or, before the run's end, the newest whole checkpoint.
+/// @param options  those of the run, or with changes
+/// @throws DataError, ConfigError or CheckpointError naming the path.
+FinishedRun open_run(const std::filesystem::path& run, const train::RunOptions& options);
+
+}  // namespace jade::run

@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/run/learned_cameras.h"
+
+#include <algorithm>
+#include <limits>
+#include <torch/types.h>
+
+#include "jade/core/error.h"
+#include "jade/core/interrupt.h"
+#include "jade/data/cameras.h"
+#include "jade/geometry/alignment.h"
+#include "jade/geometry/se3.h"
+#include "jade/imaging/ssim.h"
+#include "jade/train/module_adam.h"
+#include "jade/train/view.h"
+
+namespace jade::run {
+namespace {
+
+/// Share of SSIM in the loss of the fit; the one of the published 3DGS.
+constexpr double kFitDssim = 0.2;
+
+/// The pose from which the scene looks most like the image, near the pose given.
+geometry::Pose fitted(const data::SharpView& view, const splat::Gaussians& gaussians, int64_t steps,
+                      const splat::RenderOptions& render) {
+  const torch::Device device = gaussians.means.device();
+  const torch::Tensor start = geometry::to_tensor(geometry::inverse(view.pose));
+  const imaging::SsimTarget target = imaging::ssim_target(view.image.to(device));
+  splat::CameraBatch camera = train::camera_batch({view.pose}, view.camera, device);
+  torch::Tensor twist = torch::zeros({6}, torch::kFloat64).requires_grad_();
+  train::PoseOptions schedule;
+  schedule.lr_max_steps = std::max<int64_t>(1, steps);
+  train::ModuleAdam adam({twist}, schedule.lr);
+  geometry::Pose best = view.pose;
+  double least = std::numeric_limits<double>::infinity();
+  for (int64_t step = 1; step <= steps && !interrupt_requested(); ++step) {
+    const torch::Tensor pose = geometry::se3_inverse(start.matmul(geometry::se3_exp(twist)));
+    camera.camera_from_world = pose.unsqueeze(0).to(device, torch::kFloat32);
+    const torch::Tensor loss =
+        imaging::l1_ssim(splat::render(gaussians, camera, render).color[0], target, kFitDssim);
+    if (const double value = loss.item<double>(); value < least) {
+      least = value;
+      best = geometry::pose_from_tensor(pose);
+    }
+    adam.zero_grad();
+    loss.backward();
+    adam.step(train::pose_lr(schedule, step));
+  }
+  return best;
+}
+
+/// The test views, then the nine poses of each exposure.
+std::vector<data::NamedCamera> all_cameras(const data::Dataset& dataset) {
+  std::vector<data::NamedCamera> cameras;
+  if (!dataset.test.empty()) cameras = data::dataset_cameras(dataset, "test", "");
+  for (data::NamedCamera& camera : data::dataset_cameras(dataset, "exposure", "")) {
+    cameras.push_back(std::move(camera));
+  }
+  return cameras;
+}
+
+}  // namespace
+
+data::Dataset with_learned_poses(const data::Dataset& dataset, const train::ExposurePoses& poses,
+                                 const splat::Gaussians& gaussians, int64_t fit_steps,
+                                 const splat::RenderOptions& render) {
+  data::Dataset learned = dataset;
+  std::vector<geometry::Pose> before, after;
+  for (size_t i = 0; i < learned.train.size(); ++i) {
+    const torch::Tensor path = poses.forward(static_cast<int64_t>(i), torch::kCPU).detach();
+    if (!path.isfinite().all().item<bool>()) {
+      throw NumericError(concat("the learned poses of exposure ", learned.train[i].name,
+                                " are not finite; lower poses.lr"));
+    }
+    data::Exposure& exposure = learned.train[i];
+    before.push_back(exposure.poses[geometry::kMidPose]);
+    for (size_t k = 0; k < exposure.poses.size(); ++k) {
+      exposure.poses[k] = geometry::pose_from_tensor(path[static_cast<int64_t>(k)]);
+    }
+    after.push_back(exposure.poses[geometry::kMidPose]);
+  }
+  const geometry::Similarity drift = geometry::align_cameras(before, after);
+  for (data::SharpView& view : learned.test) {
+    view.pose = geometry::moved(view.pose, drift);
+    view.pose = fitted(view, gaussians, fit_steps, render);
+  }
+  return learned;
+}
+
+void write_learned_cameras(const std::filesystem::path& path, const data::Dataset& dataset) {
+  data::write_cameras(path, all_cameras(dataset));
+}
+
+void read_learned_cameras(const std::filesystem::path& path, data::Dataset& dataset) {
+  const std::vector<data::NamedCamera> expected = all_cameras(dataset),
+                                       found = data::read_cameras(path);
+  const auto same = [](const data::NamedCamera& a, const data::NamedCamera& b) {
+    return a.name == b.name && a.camera.width == b.camera.width &&
+           a.camera.height == b.camera.height;
+  };
+  for (size_t i = 0; i < expected.size(); ++i) {
+    if (i < found.size() && same(found[i], expected[i])) continue;
+    throw DataError(concat(
+        path.string(), ": expected camera ", expected[i].name, ", ", expected[i].camera.width, "x",
+        expected[i].camera.height, ", as in the data set, found ",
+        i < found.size() ? found[i].name : "none", "; jade_train --resume writes the file anew"));
+  }
+  size_t next = 0;
+  for (data::SharpView& view : dataset.test) view.pose = found[next++].camera_from_world;
+  for (data::Exposure& exposure : dataset.train) {
+    for (geometry::Pose& pose : exposure.poses) pose = found[next++].camera_from_world;
+  }
+}
+
+}  // namespace jade::run

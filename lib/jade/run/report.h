@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <vector>
+
+#include "jade/data/exposure.h"
+#include "jade/train/state.h"
+#include "jade/train/view.h"
+
+namespace jade::run {
+
+/// Writes report.html into a run directory: one file with everything inside (curves, pictures side
+/// by side, per-view metrics, allocation statistics, timing, the resolved configuration), from what
+/// the run has written there and from the state at its end. The allocation statistics also go to
+/// allocation.json: {"views": [{"name", "alpha_mean", "alpha_std", "alpha_min", "alpha_max",
+/// "alpha_correlation"}], "mean": {the same over all, "alpha_correlation_std"}}.
+void write_report(const std::filesystem::path& run, const data::Dataset& dataset,
+                  const std::vector<train::View>& views, train::TrainState& state,
+                  const train::RunOptions& options);
+
+}  // namespace jade::run

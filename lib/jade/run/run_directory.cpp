@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/run/run_directory.h"
+
+#include <fcntl.h>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
+#include "jade/run/checkpoint.h"
+
+namespace jade::run {
+
+namespace fs = std::filesystem;
+
+RunDirectory::RunDirectory(fs::path path) : path_(std::move(path)) {
+  make_writable_folder(path_);
+  // The kernel drops the lock with the process, however it ends.
+  lock_ = open((path_ / ".lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+  if (lock_ < 0) throw DataError(concat(path_.string(), ": cannot be locked"));
+  if (flock(lock_, LOCK_EX | LOCK_NB) != 0) {
+    close(lock_);
+    throw DataError(
+        concat(path_.string(),
+               ": another process is training here; wait for it or choose another --output"));
+  }
+}
+
+RunDirectory::~RunDirectory() {
+  if (lock_ >= 0) close(lock_);
+}
+
+bool RunDirectory::holds_a_run() const {
+  return !list_checkpoints(path_).empty() || fs::exists(path_ / "metrics.jsonl") ||
+         fs::exists(path_ / "point_cloud.ply");
+}
+
+MetricsLog::MetricsLog(fs::path path, int64_t step) : path_(std::move(path)) {
+  std::string kept;
+  std::ifstream old(path_);
+  for (std::string line; std::getline(old, line);) {
+    const auto object = nlohmann::json::parse(line, nullptr, /*allow_exceptions=*/false);
+    // A line that a killed run left half-written is not valid JSON.
+    if (object.is_object() && object.value("step", int64_t{0}) <= step) kept += line + "\n";
+  }
+  write_file(path_, kept);
+}
+
+void MetricsLog::append(const std::string& json_object) {
+  std::ofstream out(path_, std::ios::app);
+  out << json_object << '\n';
+  out.close();
+  if (!out) throw DataError(concat(path_.string(), ": cannot be written; is the disk full?"));
+}
+
+}  // namespace jade::run

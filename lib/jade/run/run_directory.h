@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+namespace jade::run {
+
+/// The folder of one run, held by one process at a time. DESIGN of its contents: README.md.
+class RunDirectory {
+ public:
+  /// Makes the folder and locks it.
+  /// @throws DataError if it cannot be written, or another process trains in it.
+  explicit RunDirectory(std::filesystem::path path);
+  ~RunDirectory();
+  RunDirectory(const RunDirectory&) = delete;
+  RunDirectory& operator=(const RunDirectory&) = delete;
+
+  const std::filesystem::path& path() const { return path_; }
+
+  /// True when a run has left something here that a new one would mix with.
+  bool holds_a_run() const;
+
+ private:
+  std::filesystem::path path_;
+  int lock_ = -1;
+};
+
+/// metrics.jsonl: one JSON object a line.
+class MetricsLog {
+ public:
+  /// Goes on with the file, dropping lines of steps after `step` (a killed run wrote them).
+  MetricsLog(std::filesystem::path path, int64_t step);
+  void append(const std::string& json_object);
+
+ private:
+  std::filesystem::path path_;
+};
+
+}  // namespace jade::run

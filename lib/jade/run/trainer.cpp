@@ -1,0 +1,432 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/run/trainer.h"
+
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <torch/types.h>
+
+#include "jade/config/config.h"
+#include "jade/core/atomic_file.h"
+#include "jade/core/check.h"
+#include "jade/core/device.h"
+#include "jade/core/interrupt.h"
+#include "jade/core/log.h"
+#include "jade/core/progress.h"
+#include "jade/core/random.h"
+#include "jade/core/version.h"
+#include "jade/eval/metrics.h"
+#include "jade/gaussians/ply.h"
+#include "jade/imaging/color.h"
+#include "jade/imaging/image_io.h"
+#include "jade/run/checkpoint.h"
+#include "jade/run/evaluate.h"
+#include "jade/run/learned_cameras.h"
+#include "jade/run/report.h"
+#include "jade/train/routing_step.h"
+
+namespace jade::run {
+namespace {
+
+namespace fs = std::filesystem;
+
+double now_seconds() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+std::string yaml_of(train::RunOptions options) {
+  return config::to_yaml(fields_of(options), "Resolved configuration of this run");
+}
+
+std::vector<geometry::Pose> camera_poses(const data::Dataset& dataset) {
+  std::vector<geometry::Pose> poses;
+  // The first pose of each exposure, as the inherited backbone measures the scene.
+  for (const data::Exposure& exposure : dataset.train) poses.push_back(exposure.poses[0]);
+  return poses;
+}
+
+gaussians::InitSources init_sources(const data::Dataset& dataset) {
+  gaussians::InitSources sources;
+  for (const data::Exposure& exposure : dataset.train) {
+    sources.views.push_back({exposure.poses[geometry::kMidPose], exposure.camera, exposure.blurry});
+  }
+  sources.near = dataset.near;
+  sources.far = dataset.far;
+  sources.points.points = dataset.points;
+  sources.points.colors = dataset.point_colors;
+  return sources;
+}
+
+/// The same Gaussians in gray: colours are linear in SH, so g(·) of the coefficients is that of the
+/// colours.
+splat::Gaussians in_gray(splat::Gaussians start) {
+  const torch::Tensor planes = start.sh.transpose(1, 2).unsqueeze(-1);  // [N,3,K,1]
+  start.sh = imaging::as_gray(planes).squeeze(-1).transpose(1, 2).contiguous();
+  return start;
+}
+
+/// True when `due` divides the step; 0 is never.
+bool every(int64_t step, int64_t due) { return due > 0 && step % due == 0; }
+
+}  // namespace
+
+Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const std::string& resume)
+    : options_(options),
+      device_(select_device(options.device)),
+      stream_(device_),
+      directory_(run),
+      view_order_(static_cast<uint64_t>(options.seed), 1),
+      pose_draws_(static_cast<uint64_t>(options.seed), device_) {
+  if (resume.empty() && directory_.holds_a_run()) {
+    throw DataError(
+        concat(run.string(),
+               ": holds a run already; go on with it (--resume) or choose another --output"));
+  }
+  // A wrong path is told before minutes of loading.
+  restorer_sha256_ = train::restorer_sha256(options_);
+  std::vector<std::string> warnings;
+  dataset_ = data::load_dataset(options_.dataset, &warnings);
+  for (const std::string& warning : warnings) log_warn(warning);
+  if (dataset_.train.empty()) {
+    throw DataError(
+        concat(dataset_.root.string(), ": expected at least one training exposure, found none"));
+  }
+  fingerprint_ = data_fingerprint(dataset_);
+  view_order_ = train::ViewOrder(static_cast<uint64_t>(options_.seed),
+                                 static_cast<int64_t>(dataset_.train.size()));
+  train::settle(options_);
+  if (resume.empty() || !resume_from(resume)) {
+    options_.splat.near_plane = train::near_plane(options_.splat, dataset_);
+    make_state(dataset_);
+  }
+  set_log_file(directory_.path() / "train.log");
+  announce();
+  write_file(directory_.path() / "config.yaml", yaml_of(options_));
+  write_environment();
+  views_ = train::prepare_views(dataset_, options_, device_);
+  if (train::StepGraph::can_record(options_, device_))
+    step_graph_ = std::make_unique<train::StepGraph>();
+  if (options_.objective.event_loss_weight > 0) {
+    event_windows_ = std::make_unique<train::EventWindows>(
+        dataset_, options_.objective, static_cast<uint64_t>(options_.seed), device_);
+  }
+  metrics_ = std::make_unique<MetricsLog>(directory_.path() / "metrics.jsonl", state_.step);
+}
+
+Trainer::~Trainer() { set_log_file({}); }
+
+void Trainer::make_state(const data::Dataset& dataset) {
+  const auto seed = static_cast<uint64_t>(options_.seed);
+  auto init_generator = make_generator(seed, "initial points");
+  auto start = gaussians::initial_gaussians(options_.init, init_sources(dataset), init_generator);
+  if (dataset.monochrome) start = in_gray(std::move(start));
+  state_.gaussians =
+      gaussians::GaussianModel(start, gaussians::scene_extent(camera_poses(dataset)), device_);
+  state_.gaussian_adam =
+      gaussians::GaussianAdam(state_.gaussians, options_.optim, dataset.monochrome);
+  state_.densifier = gaussians::Densifier(options_.densify, state_.gaussians,
+                                          make_generator(seed, "densification"));
+  if (options_.objective.target == "routed") {
+    const auto& camera = dataset.train.front().camera;
+    state_.allocation =
+        router::make_allocation(options_.allocation, static_cast<int64_t>(dataset.train.size()),
+                                camera.height, camera.width, make_generator(seed, "router start"));
+  }
+  if (state_.allocation) {
+    state_.allocation->to(device_);
+    if (state_.allocation->trainable()) {
+      state_.allocation_adam =
+          train::ModuleAdam(state_.allocation->parameters(), options_.route.lr);
+    }
+  }
+  if (options_.response.enabled) {
+    state_.response = response::CameraResponse();
+    state_.response->to(device_);
+    if (options_.response.lr > 0)
+      state_.response_adam =
+          train::ModuleAdam(state_.response->parameters(), options_.response.lr, 1e-15);
+  }
+  state_.poses = train::make_exposure_poses(options_.poses, dataset.train);
+  if (state_.poses)
+    state_.poses_adam = train::ModuleAdam(state_.poses->parameters(), options_.poses.lr);
+}
+
+bool Trainer::resume_from(const std::string& choice) {
+  std::vector<fs::path> candidates =
+      choice == "latest" ? list_checkpoints(directory_.path()) : std::vector<fs::path>{choice};
+  if (candidates.empty()) {
+    // A run that was killed before its first checkpoint, or a first start by a script.
+    log_info(concat(directory_.path().string(), ": no checkpoint yet; starting at step 0"));
+    return false;
+  }
+  for (size_t i = 0; i < candidates.size(); ++i) {
+    CheckpointInfo info;
+    try {
+      info = read_checkpoint_info(candidates[i]);
+    } catch (const CheckpointError& error) {
+      if (i + 1 == candidates.size()) throw;
+      log_warn(concat(error.what(), "; trying ", candidates[i + 1].filename().string()));
+      continue;
+    }
+    // A whole checkpoint of another run is refused; an older one would not make it the same run.
+    keep_decisions(saved_options(info.config));
+    check_same_run(candidates[i], info);
+    make_state(dataset_);
+    load_checkpoint(candidates[i], state_);
+    log_info(concat("resumed from ", candidates[i].filename().string(), ", step ", state_.step));
+    return true;
+  }
+  return false;
+}
+
+void Trainer::keep_decisions(const train::RunOptions& saved) {
+  if (keep_calendar(saved, options_)) {
+    log_info(concat("calendar    stays that of ", options_.train.calendar,
+                    " steps, as the run began; a new --output follows that of ",
+                    options_.train.iterations));
+  }
+  // Perhaps the run began with a version that had no such key.
+  if (options_.splat.near_plane == 0) options_.splat.near_plane = saved.splat.near_plane;
+}
+
+void Trainer::check_same_run(const fs::path& checkpoint, const CheckpointInfo& info) const {
+  const ConfigDifference difference = compare_configs(info.config, options_);
+  if (!difference.refused.empty()) {
+    std::string keys;
+    for (const std::string& line : difference.refused) keys += (keys.empty() ? "" : "; ") + line;
+    throw ConfigError(concat(checkpoint.string(),
+                             ": this run was made with other settings, and changing them on "
+                             "resume would mix two runs: ",
+                             keys, ". Put them back or start a new --output"));
+  }
+  for (const std::string& line : difference.allowed) log_info("changed on resume: " + line);
+  if (info.fingerprint != fingerprint_) {
+    throw CheckpointError(concat(checkpoint.string(), ": made from other data than ",
+                                 dataset_.root.string(), "; check dataset.path and dataset.color"));
+  }
+  if (restorer_sha256_.empty()) return;
+  if (info.restorer_sha256.empty()) {
+    log_warn(concat(checkpoint.string(),
+                    ": holds no hash of the restorer, as an older program wrote it; make sure that "
+                    "efnet.path is the file the run began with"));
+  } else if (info.restorer_sha256 != restorer_sha256_) {
+    throw CheckpointError(concat(checkpoint.string(), ": expected the restorer with SHA-256 ",
+                                 info.restorer_sha256, ", found ", restorer_sha256_,
+                                 "; set efnet.path to the file the run began with or start a new "
+                                 "--output"));
+  }
+}
+
+void Trainer::announce() const {
+  int64_t event_count = 0;
+  for (const data::Exposure& exposure : dataset_.train) event_count += exposure.events.size();
+  const auto& camera = dataset_.train.front().camera;
+  log_info(concat("device      ", device_name(device_)));
+  log_info(concat("data        ", dataset_.name, " (", dataset_.kind, "): ", dataset_.train.size(),
+                  " exposures of ", camera.width, "x", camera.height,
+                  dataset_.monochrome ? ", monochrome, " : " in colour, ", event_count, " events; ",
+                  dataset_.test.size(), " sharp test views (", dataset_.split, ")"));
+  log_info(concat("scene       ", state_.gaussians.size(), " Gaussians, extent ",
+                  state_.gaussians.extent(), ", near plane ",
+                  train::render_options(options_).near_plane));
+  if (state_.allocation) {
+    int64_t count = 0;
+    for (const auto& parameter : state_.allocation->parameters()) count += parameter.numel();
+    log_info(concat("allocation  ", options_.allocation.kind, ", ", count, " parameters"));
+  } else {
+    log_info(concat("target      ", options_.objective.target));
+  }
+  if (train::needs_efnet(options_))
+    log_info(concat("restorer    ", restore::restorer_path(options_.efnet).string()));
+  log_info(concat("budget      ", options_.train.iterations, " steps, at most ",
+                  options_.densify.max_gaussians, " Gaussians, seed ", options_.seed));
+}
+
+void Trainer::write_environment() const {
+  nlohmann::ordered_json environment{{"program", "jade_train " + version()},
+                                     {"commit", git_commit()},
+                                     {"torch", torch_version()},
+                                     {"cuda", cuda_version()},
+                                     {"device", device_name(device_)},
+                                     {"seed", options_.seed},
+                                     {"data_fingerprint", fingerprint_}};
+  if (!restorer_sha256_.empty()) environment["restorer_sha256"] = restorer_sha256_;
+  write_file(directory_.path() / "env.json", environment.dump(2) + "\n");
+}
+
+void Trainer::step() {
+  const int64_t step = state_.step + 1;
+  const int64_t index = view_order_.at(step);
+  const train::View& view = views_[static_cast<size_t>(index)];
+  train::StepInputs inputs{view, index, pose_draws_.at(step), {}};
+  if (event_windows_) inputs.events = event_windows_->at(step, index);
+  const train::StepOutputs out = step_graph_ ? step_graph_->run(state_, inputs, step, options_)
+                                             : train::alternate(state_, inputs, step, options_);
+  if (state_.densifier.due(step)) {
+    state_.densifier.update(step, state_.gaussians, state_.gaussian_adam);
+  }
+  state_.step = step;
+  monitor_.watch(out.terms, step);
+  if (metrics_ && (every(step, options_.train.log_every) || step == options_.train.iterations)) {
+    log_step(view, out.renders, out.terms);
+  }
+}
+
+void Trainer::log_step(const train::View& view, const train::Renders& renders,
+                       const std::vector<losses::NamedTerm>& terms) {
+  monitor_.check();
+  const torch::NoGradGuard no_grad;
+  const int64_t index = &view - views_.data();
+  nlohmann::ordered_json line{{"step", state_.step}};
+  double total = 0;
+  for (const losses::NamedTerm& term : terms) {
+    const double value = term.value.item<double>();
+    line[term.name] = value;
+    if (term.name.rfind("route_", 0) != 0) total += value;
+  }
+  line["loss"] = total;
+  // How well the simulated blur explains the frame: the one PSNR that needs no sharp truth.
+  const torch::Tensor nine =
+      renders.all_poses()
+          ? renders.color.detach()
+          : splat::render(state_.gaussians.detached(), train::exposure_cameras(state_, view, index),
+                          train::render_options(options_))
+                .color;
+  const double psnr = eval::psnr(nine.mean(0), view.blurry);
+  line["psnr_train"] = psnr;
+  if (state_.allocation) {
+    const auto alpha = train::allocation_map(state_, view, index);
+    line["alpha_mean"] = alpha.mean().item<double>();
+    line["alpha_std"] = alpha.numel() > 1 ? alpha.std().item<double>() : 0.0;
+  }
+  line["gaussians"] = state_.gaussians.size();
+  const double seconds = now_seconds();
+  if (logged_seconds_ > 0) {
+    line["iterations_per_second"] =
+        static_cast<double>(state_.step - logged_step_) / (seconds - logged_seconds_);
+  }
+  line["memory_bytes"] = peak_memory_bytes(device_);
+  logged_seconds_ = seconds;
+  logged_step_ = state_.step;
+  metrics_->append(line.dump());
+  char text[96];
+  std::snprintf(text, sizeof text, "loss %.4f  PSNR %.2f dB  %lld Gaussians  %lld MiB", total, psnr,
+                static_cast<long long>(state_.gaussians.size()),
+                static_cast<long long>(peak_memory_bytes(device_) >> 20));
+  status_ = text;
+}
+
+void Trainer::save() {
+  monitor_.check();
+  save_checkpoint(directory_.path(), state_, {yaml_of(options_), fingerprint_, restorer_sha256_},
+                  options_.checkpoint.keep);
+}
+
+eval::Evaluation Trainer::evaluate() { return evaluate(posed_dataset()); }
+
+eval::Evaluation Trainer::evaluate(const data::Dataset& posed) {
+  const eval::Lpips lpips(device_);
+  return evaluate_views(state_.gaussians.detached(), posed.test, lpips,
+                        train::render_options(options_));
+}
+
+void Trainer::log_evaluation(const data::Dataset& posed) {
+  const eval::Evaluation evaluation = evaluate(posed);
+  const eval::Scores& mean = evaluation.mean;
+  log_info(concat("step ", state_.step, ": test PSNR ", mean.psnr, " dB, SSIM ", mean.ssim));
+  nlohmann::ordered_json line{{"step", state_.step},
+                              {"test_psnr", mean.psnr},
+                              {"test_psnr_channel_mean", mean.psnr_channel_mean},
+                              {"test_ssim", mean.ssim}};
+  if (mean.lpips_alex01) line["test_lpips_alex01"] = *mean.lpips_alex01;
+  if (mean.lpips_vgg) line["test_lpips_vgg"] = *mean.lpips_vgg;
+  const auto split = [&](const std::optional<eval::Scores>& part, const std::string& ending) {
+    if (!part) return;
+    line["test_psnr_" + ending] = part->psnr;
+    line["test_psnr_channel_mean_" + ending] = part->psnr_channel_mean;
+  };
+  split(evaluation.mean_seen, "seen");
+  split(evaluation.mean_unseen, "unseen");
+  metrics_->append(line.dump());
+}
+
+data::Dataset Trainer::posed_dataset() {
+  if (!state_.poses) return dataset_;
+  monitor_.check();
+  return with_learned_poses(dataset_, *state_.poses, state_.gaussians.detached(),
+                            options_.poses.test_fit_steps, train::render_options(options_));
+}
+
+void Trainer::write_pictures(const data::Dataset& posed) {
+  const splat::Gaussians gaussians = state_.gaussians.detached();
+  const splat::RenderOptions draw = train::render_options(options_);
+  for (const data::SharpView& view : posed.test) {
+    imaging::write_image(directory_.path() / "images" / ("test_" + view.name + ".png"),
+                         render_view(gaussians, view.pose, view.camera, draw));
+  }
+  for (size_t i = 0; i < views_.size(); ++i) {
+    const data::Exposure& exposure = posed.train[i];
+    imaging::write_image(
+        directory_.path() / "images" / ("train_" + exposure.name + ".png"),
+        render_view(gaussians, exposure.poses[geometry::kMidPose], exposure.camera, draw));
+    const auto alpha = train::allocation_map(state_, views_[i], static_cast<int64_t>(i));
+    if (alpha.defined()) {
+      imaging::write_image(directory_.path() / "alpha" / (exposure.name + ".png"),
+                           alpha.expand({1, exposure.camera.height, exposure.camera.width}));
+    }
+  }
+}
+
+void Trainer::stop() {
+  save();
+  log_info(concat("saved at step ", state_.step, "; go on with --resume"));
+  throw Interrupted();
+}
+
+void Trainer::finish() {
+  save();
+  gaussians::write_ply(directory_.path() / "point_cloud.ply", {state_.gaussians.detached()});
+  const data::Dataset posed = posed_dataset();
+  if (state_.poses) {
+    if (interrupt_requested()) stop();  // half-fitted poses are not to stay
+    write_learned_cameras(directory_.path() / kLearnedCamerasFile, posed);
+  }
+  write_pictures(posed);
+  if (!dataset_.test.empty()) {
+    const eval::Evaluation evaluation = evaluate(posed);
+    write_file(directory_.path() / "eval.json", eval::to_json(evaluation));
+    log_info("on the sharp test views:\n" + eval::to_table(evaluation));
+  }
+  write_report(directory_.path(), posed, views_, state_, options_);
+  log_info(concat("report      ", (directory_.path() / "report.html").string()));
+  log_info(concat("scene       ", (directory_.path() / "point_cloud.ply").string()));
+}
+
+void Trainer::run() {
+  // Cameras of an earlier end do not belong to the scene as it goes on.
+  if (state_.step < options_.train.iterations) fs::remove(directory_.path() / kLearnedCamerasFile);
+  Progress progress("training", options_.train.iterations, state_.step);
+  logged_seconds_ = now_seconds();
+  logged_step_ = state_.step;
+  while (state_.step < options_.train.iterations) {
+    step();
+    if (progress.step()) progress.show(status_);
+    const bool last = state_.step == options_.train.iterations;
+    if (interrupt_requested()) stop();
+    if (last) break;
+    if (every(state_.step, options_.checkpoint.every)) save();
+    const bool evaluation_due =
+        every(state_.step, options_.train.evaluate_every) && !dataset_.test.empty();
+    const bool pictures_due = every(state_.step, options_.train.picture_every);
+    if (!evaluation_due && !pictures_due) continue;
+    const data::Dataset posed = posed_dataset();
+    if (interrupt_requested()) continue;  // half-fitted poses are not scored; the next step saves
+    if (evaluation_due) log_evaluation(posed);
+    if (pictures_due) write_pictures(posed);
+  }
+  progress.finish();
+  finish();
+}
+
+}  // namespace jade::run

@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <torch/types.h>
+#include <vector>
+
+#include "jade/data/exposure.h"
+#include "jade/eval/report.h"
+#include "jade/run/checkpoint.h"
+#include "jade/run/run_directory.h"
+#include "jade/run/term_monitor.h"
+#include "jade/train/draws.h"
+#include "jade/train/event_windows.h"
+#include "jade/train/options.h"
+#include "jade/train/state.h"
+#include "jade/train/step_graph.h"
+#include "jade/train/view.h"
+
+namespace jade::run {
+
+/// The loop and its calendar: what is due at which step. What a step does stands in routing_step.h
+/// and scene_step.h.
+class Trainer {
+ public:
+  /// Loads the data, prepares the views and makes or loads the state.
+  /// @param resume  empty: a new run, refused where one is already; "latest": the newest whole
+  ///   checkpoint of the run directory, or the start where there is none; else the path of a
+  ///   checkpoint.
+  /// @throws the typed errors of core/error.h.
+  Trainer(const train::RunOptions& options, const std::filesystem::path& run,
+          const std::string& resume);
+  ~Trainer();
+
+  /// Trains to options.train.iterations, then evaluates and exports.
+  /// @throws Interrupted after saving, NumericError with the last good checkpoint kept.
+  void run();
+
+  /// One step: nine renders, routing step, scene step.
+  void step();
+
+  /// As they act: settled, and with the calendar of a resumed run.
+  const train::RunOptions& options() const { return options_; }
+  const train::TrainState& state() const { return state_; }
+  const std::vector<train::View>& views() const { return views_; }
+  /// How many of the steps were replays of a CUDA graph.
+  int64_t replays() const { return step_graph_ ? step_graph_->replays() : 0; }
+  /// Scores on the sharp test views as they are now, LPIPS where its modules are at hand.
+  eval::Evaluation evaluate();
+
+ private:
+  eval::Evaluation evaluate(const data::Dataset& posed);
+  void make_state(const data::Dataset& dataset);
+  /// False where there is nothing to go on from.
+  bool resume_from(const std::string& choice);
+  /// What a run decides when it starts stays with it: its calendar and its near plane.
+  void keep_decisions(const train::RunOptions& saved);
+  void check_same_run(const std::filesystem::path& checkpoint, const CheckpointInfo& info) const;
+  void announce() const;
+  void write_environment() const;
+  void log_step(const train::View& view, const train::Renders& renders,
+                const std::vector<losses::NamedTerm>& terms);
+  void log_evaluation(const data::Dataset& posed);
+  void save();
+  /// The data set with the poses at which the scene is to be seen: learned ones where poses are.
+  data::Dataset posed_dataset();
+  void write_pictures(const data::Dataset& posed);
+  [[noreturn]] void stop();
+  void finish();
+
+  train::RunOptions options_;
+  torch::Device device_;
+  train::StreamScope stream_;  // before every tensor
+  RunDirectory directory_;
+  data::Dataset dataset_;
+  std::string fingerprint_;
+  std::string restorer_sha256_;  // empty where no restorer is needed
+  std::vector<train::View> views_;
+  train::TrainState state_;
+  train::ViewOrder view_order_;
+  train::PoseDraws pose_draws_;
+  std::unique_ptr<train::EventWindows> event_windows_;  // only with L_ev
+  std::unique_ptr<train::StepGraph> step_graph_;  // only on a GPU, where steps can be recorded
+  TermMonitor monitor_;
+  std::unique_ptr<MetricsLog> metrics_;
+  std::string status_;         // for the progress bar
+  double logged_seconds_ = 0;  // clock and step of the last log line, for it/s
+  int64_t logged_step_ = 0;
+};
+
+}  // namespace jade::run

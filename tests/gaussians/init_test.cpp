@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/gaussians/init.h"
+
+#include "support/catch.h"
+
+#include <cmath>
+
+#include "jade/core/error.h"
+#include "random_gaussians.h"
+#include "support/temp_dir.h"
+
+namespace jade::gaussians {
+namespace {
+
+using geometry::Intrinsics;
+using geometry::Pose;
+
+torch::Tensor brute_force(const torch::Tensor& points) {
+  const torch::Tensor distances =
+      (points.unsqueeze(0) - points.unsqueeze(1)).to(torch::kFloat64).square().sum(2);
+  const torch::Tensor sorted = std::get<0>(distances.sort(1));
+  return sorted.slice(1, 1, 4).mean(1).to(torch::kFloat32);
+}
+
+/// Two cameras that look along z, the second one step to the right.
+InitSources two_views() {
+  InitSources sources;
+  for (const double x : {0.0, 1.0}) {
+    InitView view;
+    view.camera_from_world.translation = {-x, 0, 0};
+    view.camera = Intrinsics::centred(20, 16, 12);
+    view.image = torch::full({3, 12, 16}, 0.25);
+    sources.views.push_back(view);
+  }
+  sources.views[1].image[0].fill_(0.75);
+  sources.near = 2;
+  sources.far = 10;
+  return sources;
+}
+
+TEST_CASE("init: three-neighbour distances equal brute force, far outliers included",
+          "[gaussians]") {
+  at::Generator generator = make_generator(1, "points");
+  torch::Tensor points = at::randn({700, 3}, generator, torch::kFloat32);
+  points[5] = torch::tensor({1e4f, -1e4f, 3e3f});
+  points[6] = points[7];
+  CHECK(torch::allclose(mean_squared_neighbour_distance(points), brute_force(points), 1e-4, 1e-9));
+  CHECK(mean_squared_neighbour_distance(points.slice(0, 0, 1)).item<float>() == 0);
+  CHECK(mean_squared_neighbour_distance(points.slice(0, 0, 0)).size(0) == 0);
+  CHECK(mean_squared_neighbour_distance(torch::tensor({{0.f, 0.f, 0.f}, {2.f, 0.f, 0.f}}))[0]
+            .item<float>() == 4);
+  CHECK(mean_squared_neighbour_distance(torch::zeros({300, 3})).max().item<float>() == 0);
+}
+
+TEST_CASE("init: Gaussians from points follow the inherited recipe", "[gaussians]") {
+  PointCloud cloud;
+  cloud.points =
+      torch::tensor({{0.f, 0.f, 0.f}, {1.f, 0.f, 0.f}, {0.f, 1.f, 0.f}, {0.f, 0.f, 2.f}});
+  cloud.colors = torch::tensor({{1.f, 0.5f, 0.f}}).repeat({4, 1});
+  const splat::Gaussians g = gaussians_from_points(cloud, {});
+  CHECK(g.log_scales[0][2].item<double>() == Approx(0.5 * std::log(2.0)));
+  CHECK(g.logit_opacities.sigmoid()[0].item<double>() == Approx(0.1));
+  CHECK(torch::equal(g.rotations[3], torch::tensor({1.f, 0.f, 0.f, 0.f})));
+  CHECK(g.sh[0][0][0].item<double>() == Approx(0.5 / 0.28209479177387814));
+  CHECK(g.sh[0][0][1].item<double>() == 0);
+  CHECK(g.sh.slice(1, 1).abs().sum().item<double>() == 0);
+}
+
+TEST_CASE("init: random points lie in the frusta between near and far, with the views' colours",
+          "[gaussians]") {
+  const InitSources sources = two_views();
+  at::Generator generator = make_generator(2, "start");
+  const PointCloud cloud = random_frusta(sources, 500, generator);
+  int64_t seen_by_both = 0;
+  for (int64_t i = 0; i < 500; ++i) {
+    const auto x = [&](int a) { return cloud.points[i][a].item<double>(); };
+    CHECK(x(2) >= 2 - 1e-4);
+    CHECK(x(2) <= 10 + 1e-4);
+    int views = 0;
+    for (const InitView& view : sources.views) {
+      const auto uv = project(view.camera, transform(view.camera_from_world, {x(0), x(1), x(2)}));
+      views += uv[0] > -1e-3 && uv[0] < 16.001 && uv[1] > -1e-3 && uv[1] < 12.001;
+    }
+    CHECK(views >= 1);
+    const double red = cloud.colors[i][0].item<double>();
+    if (views == 2 && std::abs(red - 0.5) < 1e-6) ++seen_by_both;
+    CHECK(cloud.colors[i][1].item<double>() == Approx(0.25).margin(1e-6));
+  }
+  CHECK(seen_by_both > 50);
+  at::Generator again = make_generator(2, "start");
+  CHECK(torch::equal(random_frusta(sources, 500, again).points, cloud.points));
+}
+
+TEST_CASE("init: the extent is 1.1 times the farthest camera's distance to the centre",
+          "[gaussians]") {
+  std::vector<Pose> poses(3);
+  poses[0].translation = {-3, 0, 0};
+  poses[1].translation = {3, 0, 0};
+  CHECK(scene_extent(poses) == Approx(3.3));
+  CHECK(scene_extent({poses[0]}) == 1);
+}
+
+TEST_CASE("init: kinds pick their source and say what is missing", "[gaussians]") {
+  const test::TempDir folder;
+  at::Generator generator = make_generator(2, "start");
+  InitSources sources = two_views();
+  InitOptions options;
+  options.points = 50;
+  CHECK(initial_gaussians(options, sources, generator).size() == 50);
+  at::Generator points_generator = make_generator(3, "points");
+  sources.points.points = at::randn({200, 3}, points_generator, torch::kFloat32);
+  sources.points.points[3] = torch::tensor({1.f, 0.f, 0.f});  // on the second camera
+  sources.points.points[4][0] = std::nan("");
+  sources.points.colors = torch::full({200, 3}, 0.5);
+  CHECK(initial_gaussians(options, sources, generator).size() == 198);
+  options.kind = "random_frusta";
+  CHECK(initial_gaussians(options, sources, generator).size() == 50);
+  sources.far = 0;
+  CHECK_THROWS_AS(initial_gaussians(options, sources, generator), ConfigError);
+  options.kind = "ply";
+  CHECK_THROWS_AS(initial_gaussians(options, sources, generator), ConfigError);
+  write_ply(folder / "g.ply", {test::random_gaussians(7, 4), false});
+  options.ply = folder / "g.ply";
+  CHECK(initial_gaussians(options, sources, generator).size() == 7);
+  options.kind = "sfm";
+  sources.points = {};
+  CHECK_THROWS_AS(initial_gaussians(options, sources, generator), ConfigError);
+}
+
+}  // namespace
+}  // namespace jade::gaussians

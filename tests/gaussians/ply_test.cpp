@@ -1,0 +1,204 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/gaussians/ply.h"
+
+#include "support/catch.h"
+
+#include <algorithm>
+#include <cstring>
+#include <fstream>
+#include <sstream>
+
+#include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
+#include "random_gaussians.h"
+#include "support/temp_dir.h"
+
+namespace jade::gaussians {
+namespace {
+
+using test::random_gaussians;
+
+void check_same_bits(const splat::Gaussians& a, const splat::Gaussians& b) {
+  for (int i = 0; i < kParameterCount; ++i) CHECK(torch::equal(parameter(a, i), parameter(b, i)));
+}
+
+/// The values of one Gaussian by property name.
+std::vector<std::pair<std::string, float>> named_values(const splat::Gaussians& g, int64_t row) {
+  std::vector<std::pair<std::string, float>> values;
+  const auto put = [&](const std::string& name, const torch::Tensor& value) {
+    values.emplace_back(name, value.item<float>());
+  };
+  for (int i = 0; i < 3; ++i) {
+    put(std::string(1, "xyz"[i]), g.means[row][i]);
+    put(concat("f_dc_", i), g.sh[row][0][i]);
+    put(concat("scale_", i), g.log_scales[row][i]);
+  }
+  for (int i = 0; i < 4; ++i) put(concat("rot_", i), g.rotations[row][i]);
+  put("opacity", g.logit_opacities[row]);
+  const int64_t rest = g.sh.size(1) - 1;
+  for (int64_t c = 0; c < 3; ++c) {
+    for (int64_t k = 0; k < rest; ++k) put(concat("f_rest_", c * rest + k), g.sh[row][k + 1][c]);
+  }
+  return values;
+}
+
+template <class T>
+void append(std::string& out, T value, bool swap) {
+  char bytes[sizeof(T)];
+  std::memcpy(bytes, &value, sizeof(T));
+  if (swap) std::reverse(bytes, bytes + sizeof(T));
+  out.append(bytes, sizeof(T));
+}
+
+/// A file with its properties turned round, doubles among floats, and things we do not know.
+std::string shuffled_file(const splat::Gaussians& g, const std::string& format) {
+  std::ostringstream text;
+  text << "ply\r\nformat " << format << " 1.0\nobj_info made by hand\ncomment hello\n"
+       << "element camera 1\nproperty list uchar int ids\nelement vertex " << g.size() << "\n";
+  std::vector<size_t> order;
+  const size_t count = named_values(g, 0).size();
+  for (size_t i = 0; i < count; ++i) order.push_back((i * 7 + 3) % count);
+  for (const size_t i : order) {
+    text << "property " << (i % 2 ? "double " : "float ") << named_values(g, 0)[i].first << "\n";
+  }
+  text << "property uchar unknown\nend_header\n";
+  const bool swap = format == "binary_big_endian";
+  if (format == "ascii") text << "2 7 8\n";
+  std::string binary;
+  append<uint8_t>(binary, 2, swap);
+  append<int32_t>(binary, 7, swap);
+  append<int32_t>(binary, 8, swap);
+  text.precision(9);
+  for (int64_t row = 0; row < g.size(); ++row) {
+    const auto values = named_values(g, row);
+    for (const size_t i : order) {
+      if (i % 2) append<double>(binary, static_cast<double>(values[i].second), swap);
+      if (i % 2 == 0) append<float>(binary, values[i].second, swap);
+      if (format == "ascii") text << values[i].second << " ";
+    }
+    append<uint8_t>(binary, 9, swap);
+    if (format == "ascii") text << "9\n";
+  }
+  return format == "ascii" ? text.str() : text.str() + binary;
+}
+
+std::string message_of(const std::filesystem::path& path) {
+  try {
+    read_ply(path);
+  } catch (const DataError& error) {
+    return error.what();
+  }
+  return "no error";
+}
+
+TEST_CASE("ply: what was written is read back bit by bit, at every SH degree", "[gaussians]") {
+  const test::TempDir folder;
+  for (const int64_t coefficients : {1, 4, 9, 16}) {
+    for (const bool antialiased : {false, true}) {
+      const splat::Gaussians g = random_gaussians(37, coefficients);
+      write_ply(folder / "a.ply", {g, antialiased});
+      const GaussianFile read = read_ply(folder / "a.ply");
+      check_same_bits(read.gaussians, g);
+      CHECK(read.antialiased == antialiased);
+      CHECK(has_gaussians(folder / "a.ply"));
+    }
+  }
+}
+
+TEST_CASE("ply: zero Gaussians make a valid file", "[gaussians]") {
+  const test::TempDir folder;
+  write_ply(folder / "a.ply", {random_gaussians(0, 16), false});
+  CHECK(read_ply(folder / "a.ply").gaussians.size() == 0);
+}
+
+TEST_CASE("ply: f_rest is channel-major, red first", "[gaussians]") {
+  const test::TempDir folder;
+  splat::Gaussians g = random_gaussians(1, 4);
+  write_ply(folder / "a.ply", {g, false});
+  const std::string content = read_file(folder / "a.ply");
+  const size_t data = content.find("end_header\n") + 11;
+  float rest[9];
+  std::memcpy(rest, content.data() + data + 9 * sizeof(float), sizeof(rest));
+  CHECK(rest[1] == g.sh[0][2][0].item<float>());
+  CHECK(rest[3] == g.sh[0][1][1].item<float>());
+}
+
+TEST_CASE("ply: any property order, type, byte order and ascii give the same Gaussians",
+          "[gaussians]") {
+  const test::TempDir folder;
+  const splat::Gaussians g = random_gaussians(5, 9);
+  for (const std::string format : {"ascii", "binary_little_endian", "binary_big_endian"}) {
+    write_file(folder / "b.ply", shuffled_file(g, format));
+    check_same_bits(read_ply(folder / "b.ply").gaussians, g);
+  }
+}
+
+TEST_CASE("ply: a file cut anywhere is refused by name", "[gaussians]") {
+  const test::TempDir folder;
+  write_ply(folder / "a.ply", {random_gaussians(3, 16), false});
+  const std::string whole = read_file(folder / "a.ply");
+  for (size_t size = 0; size < whole.size(); size += 13) {
+    write_file(folder / "cut.ply", whole.substr(0, size));
+    CHECK(message_of(folder / "cut.ply").find("cut.ply") != std::string::npos);
+  }
+}
+
+TEST_CASE("ply: a header that claims too many vertices allocates nothing", "[gaussians]") {
+  const test::TempDir folder;
+  write_ply(folder / "a.ply", {random_gaussians(3, 1), false});
+  std::string content = read_file(folder / "a.ply");
+  content.replace(content.find("vertex 3"), 8, "vertex 4000000000000");
+  write_file(folder / "a.ply", content);
+  CHECK(message_of(folder / "a.ply").find("cut short") != std::string::npos);
+}
+
+TEST_CASE("ply: foreign files are refused with what was expected", "[gaussians]") {
+  const test::TempDir folder;
+  CHECK_THROWS_AS(read_ply(folder / "missing.ply"), DataError);
+  const std::string head = "ply\nformat ascii 1.0\n";
+  const std::vector<std::pair<std::string, std::string>> cases = {
+      {"PNG", "no .ply"},
+      {"ply\nformat binary_middle_endian 1.0\nend_header\n", "binary_middle_endian"},
+      {"ply\nelement vertex 0\nproperty float x\nend_header\n", "format"},
+      {head + "element face 0\nproperty list uchar int i\nend_header\n", "vertex"},
+      {head + "element vertex 1\nproperty half x\nend_header\n1\n", "half"},
+      {head + "element vertex 1\nproperty list uchar int x\nend_header\n1 1\n", "list"},
+      {head + "element vertex -1\nend_header\n", "bad header"},
+      {head + "property float x\nend_header\n", "before the first element"},
+      {head + "element vertex 1\nproperty float x\nproperty float y\nproperty float z\n"
+              "end_header\n1 2 3\n",
+       "3DGS"}};
+  for (const auto& [content, expected] : cases) {
+    write_file(folder / "f.ply", content);
+    INFO(content);
+    CHECK(message_of(folder / "f.ply").find(expected) != std::string::npos);
+  }
+}
+
+TEST_CASE("ply: a text where a number should be is named", "[gaussians]") {
+  const test::TempDir folder;
+  std::string content = shuffled_file(random_gaussians(1, 4), "ascii");
+  const size_t data = content.find("2 7 8\n") + 6;
+  content.replace(data, 1, "q");
+  write_file(folder / "a.ply", content);
+  CHECK(message_of(folder / "a.ply").find("expected a number") != std::string::npos);
+}
+
+TEST_CASE("ply: plain point clouds come with their colours", "[gaussians]") {
+  const test::TempDir folder;
+  const std::string head =
+      "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
+      "property float z\n";
+  write_file(folder / "p.ply", head +
+                                   "property uchar red\nproperty uchar green\n"
+                                   "property uchar blue\nend_header\n1 2 3 255 0 51\n");
+  const PointCloud cloud = read_point_cloud(folder / "p.ply");
+  CHECK(torch::equal(cloud.points, torch::tensor({{1.f, 2.f, 3.f}})));
+  CHECK(torch::allclose(cloud.colors, torch::tensor({{1.f, 0.f, 0.2f}})));
+  CHECK_FALSE(has_gaussians(folder / "p.ply"));
+  write_file(folder / "q.ply", head + "end_header\n1 2 3\n");
+  CHECK(torch::equal(read_point_cloud(folder / "q.ply").colors, torch::full({1, 3}, 0.5f)));
+}
+
+}  // namespace
+}  // namespace jade::gaussians

@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "support/catch.h"
+
+#include <cmath>
+#include <cstring>
+#include <zlib.h>
+
+#include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
+#include "jade/gaussians/splat_file.h"
+#include "jade/gaussians/spz_file.h"
+#include "random_gaussians.h"
+#include "support/temp_dir.h"
+
+namespace jade::gaussians {
+namespace {
+
+using test::random_gaussians;
+
+std::string gunzip(const std::filesystem::path& path) {
+  gzFile file = gzopen(path.c_str(), "rb");
+  REQUIRE(file != nullptr);
+  std::string content(1 << 20, '\0');
+  const int size = gzread(file, content.data(), static_cast<unsigned>(content.size()));
+  gzclose(file);
+  REQUIRE(size > 0);
+  content.resize(static_cast<size_t>(size));
+  return content;
+}
+
+int byte_at(const std::string& content, size_t at) {
+  return static_cast<unsigned char>(content[at]);
+}
+
+double fixed24(const std::string& content, size_t at, int bits) {
+  int value = byte_at(content, at) | byte_at(content, at + 1) << 8 | byte_at(content, at + 2) << 16;
+  if (value & 0x800000) value -= 0x1000000;
+  return std::ldexp(static_cast<double>(value), -bits);
+}
+
+TEST_CASE("splat file: records are 32 bytes, the most important Gaussian first", "[gaussians]") {
+  const test::TempDir folder;
+  splat::Gaussians g = random_gaussians(10, 16);
+  g.log_scales[7].fill_(1.0);
+  g.logit_opacities[7].fill_(5.0);
+  write_splat(folder / "a.splat", g);
+  const std::string content = read_file(folder / "a.splat");
+  REQUIRE(content.size() == 320);
+  float head[6];
+  std::memcpy(head, content.data(), sizeof(head));
+  CHECK(head[0] == g.means[7][0].item<float>());
+  CHECK(head[3] == Approx(std::exp(1.0)));
+  CHECK(byte_at(content, 27) == static_cast<int>(std::lround(255 / (1 + std::exp(-5.0)))));
+  const double red = 0.28209479177387814 * g.sh[7][0][0].item<double>() + 0.5;
+  CHECK(byte_at(content, 24) == Approx(255 * red).margin(0.51));
+  const double w = g.rotations[7][0].item<double>() / g.rotations[7].norm().item<double>();
+  CHECK(byte_at(content, 28) == Approx(128 + 128 * w).margin(0.51));
+}
+
+TEST_CASE("spz file: header and attributes decode to the Gaussians within their steps",
+          "[gaussians]") {
+  const test::TempDir folder;
+  for (const int64_t coefficients : {1, 4, 9, 16}) {
+    const splat::Gaussians g = random_gaussians(6, coefficients);
+    write_spz(folder / "a.spz", g, {true, 12});
+    const std::string content = gunzip(folder / "a.spz");
+    const auto rest = static_cast<size_t>(3 * (coefficients - 1));
+    REQUIRE(content.size() == 16 + 6 * (9 + 1 + 3 + 3 + 3 + rest));
+    CHECK(content.substr(0, 4) == "NGSP");
+    CHECK(byte_at(content, 4) == 2);
+    CHECK(byte_at(content, 8) == 6);
+    CHECK((byte_at(content, 12) + 1) * (byte_at(content, 12) + 1) == coefficients);
+    CHECK(byte_at(content, 13) == 12);
+    CHECK(byte_at(content, 14) == 1);
+    const size_t alphas = 16 + 6 * 9, colors = alphas + 6, scales = colors + 18;
+    const size_t rotations = scales + 18, sh = rotations + 18;
+    for (size_t i = 0; i < 6; ++i) {
+      const auto row = static_cast<int64_t>(i);
+      const double flip[3] = {1, -1, -1};
+      for (size_t a = 0; a < 3; ++a) {
+        const auto axis = static_cast<int64_t>(a);
+        CHECK(fixed24(content, 16 + 9 * i + 3 * a, 12) ==
+              Approx(flip[a] * g.means[row][axis].item<double>()).margin(1.3e-4));
+        CHECK(byte_at(content, scales + 3 * i + a) / 16.0 - 10 ==
+              Approx(g.log_scales[row][axis].item<double>()).margin(0.032));
+        CHECK((byte_at(content, colors + 3 * i + a) / 255.0 - 0.5) / 0.15 ==
+              Approx(g.sh[row][0][axis].item<double>()).margin(0.0135));
+      }
+      CHECK(byte_at(content, alphas + i) / 255.0 ==
+            Approx(g.logit_opacities[row].sigmoid().item<double>()).margin(0.002));
+      torch::Tensor q = g.rotations[row] / g.rotations[row].norm();
+      if (q[0].item<double>() < 0) q = -q;
+      CHECK(byte_at(content, rotations + 3 * i) / 127.5 - 1 ==
+            Approx(q[1].item<double>()).margin(0.004));
+      CHECK(byte_at(content, rotations + 3 * i + 1) / 127.5 - 1 ==
+            Approx(-q[2].item<double>()).margin(0.004));
+      if (coefficients > 1) {
+        // The second coefficient, −C1·y, changes sign with y.
+        CHECK((byte_at(content, sh + rest * i) - 128) / 128.0 ==
+              Approx(-g.sh[row][1][0].item<double>()).margin(0.04));
+      }
+    }
+  }
+}
+
+TEST_CASE("spz file: large scenes get fewer fractional bits and NaN is refused", "[gaussians]") {
+  const test::TempDir folder;
+  splat::Gaussians g = random_gaussians(2, 1);
+  g.means[1][0].fill_(50000.0);
+  write_spz(folder / "a.spz", g);
+  const std::string content = gunzip(folder / "a.spz");
+  const int bits = byte_at(content, 13);
+  CHECK(bits < 12);
+  CHECK(fixed24(content, 16 + 9, bits) == Approx(50000).margin(0.01));
+  g.means[1][0].fill_(std::nan(""));
+  CHECK_THROWS_AS(write_spz(folder / "b.spz", g), DataError);
+  CHECK_FALSE(std::filesystem::exists(folder / "b.spz"));
+}
+
+}  // namespace
+}  // namespace jade::gaussians

@@ -1,0 +1,174 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/losses/objective.h"
+
+#include <set>
+
+#include "jade/core/error.h"
+#include "jade/losses/poses.h"
+#include "jade/losses/target.h"
+#include "loss_cases.h"
+
+namespace jade::losses {
+namespace {
+
+using test::check_gradients;
+using test::image;
+
+constexpr int64_t kLate = 8000;
+
+ObjectiveInputs inputs(const torch::Tensor& renders) {
+  ObjectiveInputs in;
+  in.renders = renders;
+  in.blurry = image(20);
+  in.blurry_moments = imaging::ssim_target(in.blurry);
+  in.edi_factors = image(21, {9, 1, 7, 9}) + 0.5;
+  in.poses = torch::tensor({2, 4, 8}, torch::kInt64);
+  in.target = Fixed(image(22));
+  in.tone.apply = [](const torch::Tensor& x) { return x * x; };
+  in.tone.mean = [](const torch::Tensor& x) { return (x * x).mean(0); };
+  return in;
+}
+
+torch::Tensor renders() { return image(10, {9, 3, 7, 9}); }
+
+std::set<std::string> names(const Objective& loss) {
+  std::set<std::string> result;
+  for (const NamedTerm& term : loss.terms) result.insert(term.name);
+  return result;
+}
+
+TEST_CASE("pose_views: mean and picks are those of single selections, gradients too", "[losses]") {
+  const torch::Tensor poses = torch::tensor({4, 2, 4}, torch::kInt64);
+  const PoseViews views = pose_views(renders(), poses);
+  CHECK(torch::allclose(views.mean, renders().mean(0)));
+  CHECK(torch::equal(views.picks[1], renders()[2]));
+  check_gradients(
+      [&](const std::vector<torch::Tensor>& in) {
+        const PoseViews v = pose_views(in[0], poses);
+        return torch::cat({v.mean.flatten(), v.picks.square().flatten()});
+      },
+      {renders()}, {"renders"});
+}
+
+TEST_CASE("objective: terms begin at the inherited steps", "[losses]") {
+  const ObjectiveInputs in = inputs(renders());
+  const std::set<std::string> early = {"target", "blur", "edi_gray", "edi_color"};
+  CHECK(names(objective(in, 1, {})) == early);
+  CHECK(names(objective(in, 1500, {})) == early);
+  std::set<std::string> middle = early;
+  middle.insert("intensity");
+  CHECK(names(objective(in, 1501, {})) == middle);
+  CHECK(names(objective(in, 7000, {})) == middle);
+  std::set<std::string> late = middle;
+  late.insert("simulation");
+  CHECK(names(objective(in, 7001, {})) == late);
+  ObjectiveOptions until;
+  until.target_until = 7000;
+  CHECK(names(objective(in, 7000, until)) == middle);
+  late.erase("target");
+  CHECK(names(objective(in, 7001, until)) == late);
+}
+
+TEST_CASE("objective: a disabled term is absent and its inputs are not needed", "[losses]") {
+  ObjectiveInputs in = inputs(renders());
+  ObjectiveOptions options;
+  options.edi_supervision = options.simulation = options.intensity = false;
+  in.edi_factors = torch::Tensor();
+  in.target.reset();
+  CHECK(names(objective(in, kLate, options)) == std::set<std::string>{"blur"});
+  options.blur = false;
+  CHECK(objective(in, kLate, options).terms.empty());
+  CHECK_FALSE(objective(in, kLate, options).total.defined());
+}
+
+TEST_CASE("objective: the total is the sum of its named terms and of the single functions",
+          "[losses]") {
+  ObjectiveInputs in = inputs(renders());
+  ObjectiveOptions options;
+  options.target_weight = 2;
+  const Objective loss = objective(in, kLate, options);
+  double sum = 0;
+  for (const NamedTerm& term : loss.terms) sum += term.value.item<double>();
+  CHECK(loss.total.item<double>() == Approx(sum));
+  const torch::Tensor r = renders(), b = in.blurry, toned_b = b * b;
+  const auto gain = [&](int64_t k) { return in.edi_factors[k]; };
+  const torch::Tensor expected =
+      2 * target_loss(r[4], *in.target, 0.3) + blur_loss(r.mean(0), b, 0.3) +
+      edi_gray_loss(r[2].square(), toned_b, gain(2), 0.3) + edi_color_loss(r[4], b, gain(4), 0.3) +
+      simulation_loss(r[8].square(), r.mean(0).square(), gain(8), 0.3) +
+      intensity_loss(r.square().mean(0), toned_b, 0.3);
+  CHECK(loss.total.item<double>() == Approx(expected.item<double>()));
+}
+
+TEST_CASE("objective: the camera response is the identity during the warm-up", "[losses]") {
+  ObjectiveInputs in = inputs(renders());
+  const double toned = objective(in, 1000, {}).total.item<double>();
+  in.tone.mean = nullptr;
+  CHECK(objective(in, kLate, {}).total.item<double>() ==
+        Approx(objective(inputs(renders()), kLate, {}).total.item<double>()));
+  in.tone = {};
+  CHECK(objective(in, 1000, {}).total.item<double>() == toned);
+  CHECK(objective(in, kLate, {}).total.item<double>() !=
+        objective(inputs(renders()), kLate, {}).total.item<double>());
+}
+
+TEST_CASE("objective: the event term carries its weight", "[losses]") {
+  ObjectiveInputs in = inputs(renders());
+  EventPair pair;
+  pair.before = image(1);
+  pair.after = image(2);
+  pair.counts = (image(5, {7, 9}) * 10 - 5).round();
+  pair.pixels = torch::arange(63, torch::kInt64);
+  in.events = pair;
+  ObjectiveOptions options;
+  options.event_loss_weight = 0.1;
+  const Objective loss = objective(in, 1, options);
+  CHECK(loss.terms.back().name == "event");
+  CHECK(loss.terms.back().value.item<double>() == Approx(0.1 * event_loss(pair).item<double>()));
+}
+
+TEST_CASE("objective: where no term reads the mean, the poses that are read suffice", "[losses]") {
+  ObjectiveOptions options;
+  options.blur = options.simulation = options.intensity = false;
+  const auto rows = [&](int64_t step = kLate) {
+    const torch::Tensor read = poses_read(options, step, torch::tensor({2, 4, 8}, torch::kInt64));
+    return read.defined() ? std::vector<int64_t>(read.data_ptr<int64_t>(),
+                                                 read.data_ptr<int64_t>() + read.numel())
+                          : std::vector<int64_t>{};
+  };
+  const auto check_same_loss = [&] {
+    const ObjectiveInputs nine = inputs(renders());
+    ObjectiveInputs few = inputs(renders());
+    few.renders = few.renders.index_select(0, poses_read(options, kLate, few.poses));
+    CHECK(objective(few, kLate, options).total.item<double>() ==
+          Approx(objective(nine, kLate, options).total.item<double>()));
+    few.renders = few.renders.repeat({2, 1, 1, 1});
+    CHECK_THROWS_AS(objective(few, kLate, options), ContractError);
+  };
+  CHECK(rows() == std::vector<int64_t>{4, 2, 4});
+  check_same_loss();
+  options.target_until = 10;
+  CHECK(rows() == std::vector<int64_t>{2, 4});
+  check_same_loss();
+  options.target_until = 0;
+  options.edi_supervision = false;
+  CHECK(rows() == std::vector<int64_t>{4});
+  check_same_loss();
+  options.simulation = true;
+  CHECK(rows(1) == std::vector<int64_t>{4});
+  CHECK(rows().empty());  // L_sim has begun
+  options.simulation = false;
+  options.blur = true;
+  CHECK(rows().empty());
+}
+
+TEST_CASE("objective: gradients to all nine renders equal central differences", "[losses]") {
+  check_gradients(
+      [&](const std::vector<torch::Tensor>& in) {
+        return objective(inputs(in[0]), kLate, {}).total;
+      },
+      {renders()}, {"renders"});
+}
+
+}  // namespace
+}  // namespace jade::losses

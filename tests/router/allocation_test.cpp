@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/router/allocation.h"
+
+#include "support/catch.h"
+
+#include "jade/core/error.h"
+#include "jade/core/random.h"
+#include "jade/restore/restorations.h"
+
+namespace jade::router {
+namespace {
+
+constexpr int64_t kViews = 3, kHeight = 6, kWidth = 8;
+
+std::shared_ptr<Allocation> make(const std::string& kind, double constant = 0.5) {
+  return make_allocation({kind, constant}, kViews, kHeight, kWidth, make_generator(0, "router"));
+}
+
+AllocationInput input(int64_t view = 0) {
+  return {torch::rand({3, kHeight, kWidth}), torch::rand({2, kHeight, kWidth}), view};
+}
+
+TEST_CASE("allocation: every kind gives one value a pixel, in [0,1] but without the sigmoid",
+          "[router]") {
+  for (const std::string kind :
+       {"router", "router_no_sigmoid", "constant", "global_scalar", "per_view_map"}) {
+    const torch::Tensor alpha = make(kind)->forward(input(1));
+    INFO(kind);
+    CHECK(alpha.sizes() == torch::IntArrayRef({1, kHeight, kWidth}));
+    if (kind != "router_no_sigmoid") {
+      CHECK(alpha.min().item<double>() >= 0);
+      CHECK(alpha.max().item<double>() <= 1);
+    }
+  }
+}
+
+TEST_CASE("allocation: each kind has the parameters it should have", "[router]") {
+  const auto count = [](const std::string& kind) {
+    int64_t sum = 0;
+    for (const torch::Tensor& parameter : make(kind)->parameters()) sum += parameter.numel();
+    return sum;
+  };
+  CHECK(count("router") == 9314);
+  CHECK(count("router_no_sigmoid") == 9314);
+  CHECK(count("constant") == 0);
+  CHECK(count("global_scalar") == 1);
+  CHECK(count("per_view_map") == kViews * kHeight * kWidth);
+  CHECK(make("router")->trainable());
+  CHECK_FALSE(make("constant")->trainable());
+  CHECK(make("none") == nullptr);
+  CHECK_THROWS_AS(make("oracle"), ConfigError);
+}
+
+TEST_CASE("allocation: the router without sigmoid is the same network, unbounded", "[router]") {
+  const AllocationInput in = input();
+  const torch::Tensor logits = make("router_no_sigmoid")->forward(in);
+  CHECK(torch::allclose(make("router")->forward(in), logits.sigmoid()));
+}
+
+TEST_CASE("allocation: constants, learned numbers and maps start where they should", "[router]") {
+  CHECK((make("constant", 0.25)->forward(input()) == 0.25).all().item<bool>());
+  CHECK((make("global_scalar")->forward(input()) == 0.5).all().item<bool>());
+  CHECK((make("per_view_map")->forward(input(2)) == 0.5).all().item<bool>());
+  CHECK_THROWS_AS(make("per_view_map")->forward(input(kViews)), ContractError);
+}
+
+TEST_CASE("allocation: a per-view map learns its own view only", "[router]") {
+  const auto allocation = make("per_view_map");
+  allocation->forward(input(1)).sum().backward();
+  const auto maps = allocation->parameters();
+  REQUIRE(maps.size() == kViews);
+  CHECK(maps[1].grad().abs().min().item<double>() > 0);
+  CHECK_FALSE(maps[0].grad().defined());
+  CHECK_FALSE(maps[2].grad().defined());
+}
+
+}  // namespace
+}  // namespace jade::router

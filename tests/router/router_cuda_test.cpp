@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+// The router's CUDA kernels against torch's own convolutions in float64 on the CPU.
+#include "support/catch.h"
+
+#include "jade/core/random.h"
+#include "jade/router/router.h"
+
+namespace jade::router {
+namespace {
+
+double excess(const torch::Tensor& found, const torch::Tensor& expected) {
+  const torch::Tensor difference = (found.cpu().to(torch::kFloat64) - expected).abs().max();
+  return (difference / (expected.abs().max() + 1e-12)).item<double>();
+}
+
+struct Passed {
+  torch::Tensor logits;
+  std::vector<torch::Tensor> gradients;
+};
+
+template <class Forward>
+Passed pass(Router& router, torch::Tensor blurry, torch::Tensor psi, const torch::Tensor& cotangent,
+            const Forward& forward) {
+  router->zero_grad();
+  blurry = blurry.detach().clone().set_requires_grad(true);
+  psi = psi.detach().clone().set_requires_grad(true);
+  Passed out;
+  out.logits = forward(blurry, psi);
+  out.logits.backward(cotangent);
+  for (const torch::Tensor& parameter : router->parameters()) {
+    out.gradients.push_back(parameter.grad().clone());
+  }
+  out.gradients.push_back(blurry.grad());
+  out.gradients.push_back(psi.grad());
+  out.logits = out.logits.detach();
+  return out;
+}
+
+TEST_CASE("router: CUDA values and gradients equal float64 convolutions, for any size and batch",
+          "[router][cuda]") {
+  torch::manual_seed(4);
+  for (const auto& size : std::vector<std::vector<int64_t>>{
+           {1, 1, 1}, {2, 3, 5}, {1, 8, 32}, {2, 9, 33}, {1, 61, 47}, {1, 260, 346}}) {
+    Router exact(make_generator(3, "router")), router(make_generator(3, "router"));
+    exact->to(torch::kFloat64);
+    router->to(torch::kCUDA);
+    const torch::Tensor blurry = torch::rand({size[0], 3, size[1], size[2]});
+    const torch::Tensor psi = 2 * torch::rand({size[0], 2, size[1], size[2]});
+    const torch::Tensor cotangent = torch::randn({size[0], 1, size[1], size[2]});
+    const Passed expected = pass(
+        exact, blurry.to(torch::kFloat64), psi.to(torch::kFloat64), cotangent.to(torch::kFloat64),
+        [&](const auto& b, const auto& p) { return exact->logits_by_layers(b, p); });
+    const auto on_gpu = [&](const auto& b, const auto& p) { return router->logits(b, p); };
+    const Passed found = pass(router, blurry.cuda(), psi.cuda(), cotangent.cuda(), on_gpu);
+    const Passed again = pass(router, blurry.cuda(), psi.cuda(), cotangent.cuda(), on_gpu);
+    INFO(size[0] << "x" << size[1] << "x" << size[2]);
+    CHECK(excess(found.logits, expected.logits) < 1e-5);
+    for (size_t i = 0; i < expected.gradients.size(); ++i) {
+      INFO("gradient " << i);
+      CHECK(excess(found.gradients[i], expected.gradients[i]) < 1e-4);
+      CHECK(found.gradients[i].equal(again.gradients[i]));
+    }
+  }
+}
+
+}  // namespace
+}  // namespace jade::router

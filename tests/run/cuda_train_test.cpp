@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: Apache-2.0
+// Whole runs on a GPU: recorded steps against eager ones, and resuming to the bit.
+#include "support/catch.h"
+
+#include <fstream>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <torch/types.h>
+
+#include "jade/core/atomic_file.h"
+#include "jade/run/checkpoint.h"
+#include "jade/run/trainer.h"
+#include "run/checkpoint_entries.h"
+#include "run/tiny_scene.h"
+#include "support/stub_restorer.h"
+
+using namespace jade;
+
+namespace {
+
+struct GpuScene : test::TinyScene {
+  std::filesystem::path restorer =
+      test::save_restorer(dir / "restorer.pt", "  return 0.9 * image + 0.1 * events[:, 2:3]\n");
+
+  /// Everything acts; with target "edi" the routing step rests.
+  train::RunOptions options(const std::string& target = "routed") const {
+    train::RunOptions options;
+    options.device = "cuda";
+    options.dataset.path = data;
+    options.efnet.path = restorer;
+    options.cache.folder = dir / "cache";
+    options.objective.target = target;
+    options.objective.warmup = 6;
+    options.objective.simulation_start = 12;
+    options.objective.event_loss_weight = 0.1;
+    options.init.points = 300;
+    options.densify.from = 5;
+    options.densify.every = 10;
+    options.densify.gradient_threshold = 1e-5;
+    options.densify.max_gaussians = 500;
+    options.train.iterations = options.train.calendar = 30;
+    options.train.sh_degree_every = 8;
+    options.train.log_every = 1;
+    options.train.evaluate_every = options.train.picture_every = 0;
+    options.checkpoint.every = 10;
+    return options;
+  }
+};
+
+double mean_difference(const torch::Tensor& a, const torch::Tensor& b) {
+  return ((a - b).abs().mean() / b.abs().mean()).item<double>();
+}
+
+/// θ as one vector on the CPU; empty without a router.
+torch::Tensor theta(const run::Trainer& trainer) {
+  std::vector<torch::Tensor> all{torch::empty({0})};
+  if (const auto& allocation = trainer.state().allocation) {
+    for (const torch::Tensor& p : allocation->parameters()) all.push_back(p.detach().flatten());
+  }
+  for (torch::Tensor& values : all) values = values.cpu();
+  return torch::cat(all);
+}
+
+/// The routing step's terms by step and name, as a run logged them.
+std::map<std::string, double> route_terms(const std::filesystem::path& run) {
+  std::map<std::string, double> terms;
+  std::ifstream metrics(run / "metrics.jsonl");
+  for (std::string line; std::getline(metrics, line);) {
+    const auto object = nlohmann::json::parse(line);
+    for (const char* name : {"route_render", "route_reblur"}) {
+      if (object.contains(name)) terms[object["step"].dump() + name] = object[name];
+    }
+  }
+  return terms;
+}
+
+}  // namespace
+
+TEST_CASE("trainer: recorded steps agree with eager ones across warm-up and densification",
+          "[run][cuda]") {
+  const GpuScene scene;
+  const std::string target = GENERATE(as<std::string>{}, "edi", "routed");
+  INFO(target);
+  train::RunOptions options = scene.options(target);
+  run::Trainer recorded(options, scene.dir.path() / "recorded", "");
+  options.train.cuda_graph = false;
+  run::Trainer eager(options, scene.dir.path() / "eager", "");
+  const torch::Tensor start = theta(eager);
+  CHECK(theta(recorded).equal(start));
+  for (int i = 0; i < 9; ++i) {
+    recorded.step();
+    eager.step();
+  }
+  CHECK(eager.replays() == 0);
+  CHECK(recorded.replays() > 4);
+  const auto& a = recorded.state().gaussians.parameters();
+  const auto& b = eager.state().gaussians.parameters();
+  REQUIRE(a.size() == b.size());
+  CHECK(mean_difference(a.means, b.means) < 1e-4);
+  CHECK(mean_difference(a.sh, b.sh) < 1e-2);
+  if (target == "routed") {
+    // Its losses' gradients know signs only, so θ hardly sees the last bits of a render: on the CPU
+    // noise of 1e-4 on all that the Gaussians hold, at every step, turns its way by 1e-3.
+    const torch::Tensor way = theta(eager) - start;
+    CHECK(way.abs().max().item<double>() > 1e-3);
+    CHECK((theta(recorded) - theta(eager)).norm().item<double>() <
+          0.02 * way.norm().item<double>());
+    const auto of_recorded = route_terms(scene.dir / "recorded");
+    CHECK(of_recorded.size() == 18);
+    for (const auto& [name, value] : route_terms(scene.dir / "eager")) {
+      INFO(name);
+      CHECK(of_recorded.at(name) == Approx(value).epsilon(1e-3));
+    }
+  }
+  for (int i = 0; i < 20; ++i) recorded.step();
+  CHECK(recorded.replays() > 15);
+  CHECK(recorded.state().gaussians.size() != 300);
+  CHECK(recorded.state().gaussians.parameters().sh.isfinite().all().item<bool>());
+}
+
+TEST_CASE("trainer: a deterministic run on a GPU resumes to the bit", "[run][cuda]") {
+  const GpuScene scene;
+  train::RunOptions options = scene.options();
+  options.deterministic = true;
+  const auto whole = scene.dir.path() / "whole", resumed = scene.dir.path() / "resumed";
+  run::Trainer(options, whole, "").run();
+  const auto middle = run::checkpoint_path(whole, 20), end = run::checkpoint_path(whole, 30);
+  run::Trainer(options, resumed, middle.string()).run();
+  CHECK(test::differing_entries(run::checkpoint_path(resumed, 30), end) == std::set<std::string>());
+  CHECK(read_file(whole / "point_cloud.ply") == read_file(resumed / "point_cloud.ply"));
+  const auto moved = test::differing_entries(middle, end);
+  for (const char* prefix : {"gaussians.", "allocation.router.", "allocation.adam.", "crf.adam."}) {
+    INFO(prefix);
+    CHECK(test::any_begins_with(moved, prefix));
+  }
+}

@@ -1,0 +1,213 @@
+// SPDX-License-Identifier: Apache-2.0
+// Test views of scenes whose exposure poses were learned: aligned, fitted, kept and read back.
+#include "jade/run/learned_cameras.h"
+
+#include "support/catch.h"
+
+#include <torch/types.h>
+
+#include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
+#include "jade/core/interrupt.h"
+#include "jade/core/random.h"
+#include "jade/data/cameras.h"
+#include "jade/data/dataset.h"
+#include "jade/eval/metrics.h"
+#include "jade/gaussians/init.h"
+#include "jade/gaussians/ply.h"
+#include "jade/geometry/alignment.h"
+#include "jade/geometry/se3.h"
+#include "jade/run/evaluate.h"
+#include "jade/run/trainer.h"
+#include "run/tiny_scene.h"
+
+using namespace jade;
+
+namespace {
+
+/// A short run whose poses are learned, and its folder.
+struct LearnedRun : test::TinyScene {
+  train::RunOptions options;
+  std::filesystem::path run = dir.path() / "run";
+
+  LearnedRun() {
+    options.device = "cpu";
+    options.dataset.path = data;
+    options.objective.target = "none";
+    options.objective.edi_supervision = options.objective.simulation = false;
+    options.objective.warmup = 2;
+    options.init.points = 300;
+    options.densify.strategy = "none";
+    options.train.iterations = 20;
+    options.train.evaluate_every = options.train.picture_every = 0;
+    options.poses.optimize = "linear";
+    options.poses.test_fit_steps = 20;
+  }
+};
+
+geometry::Pose nudged(const geometry::Pose& pose, double rotation, double shift) {
+  const auto twist = torch::tensor({shift, -shift, 0.0, rotation, 0.0, -rotation}, torch::kFloat64);
+  return geometry::pose_from_tensor(geometry::to_tensor(pose).matmul(geometry::se3_exp(twist)));
+}
+
+double error_px(const geometry::Pose& a, const geometry::Pose& b, const data::SharpView& view) {
+  const geometry::Vector3 p = geometry::transform(a, {0.05, 0.02, 2}),
+                          q = geometry::transform(b, {0.05, 0.02, 2});
+  return view.camera.fx * std::hypot(p[0] / p[2] - q[0] / q[2], p[1] / p[2] - q[1] / q[2]);
+}
+
+}  // namespace
+
+TEST_CASE("learned cameras: a test pose that is off by pixels is fitted to its image", "[run]") {
+  LearnedRun scene;
+  scene.options.poses.optimize = "none";
+  scene.options.objective.target = "edi";
+  scene.options.train.iterations = 150;
+  run::Trainer trainer(scene.options, scene.run, "");
+  while (trainer.state().step < 150) trainer.step();
+  const auto gaussians = trainer.state().gaussians.detached();
+
+  data::Dataset dataset = data::load_dataset(scene.options.dataset);
+  const train::ExposurePoses unmoved("linear", dataset.train);
+  data::SharpView& view = dataset.test[0];
+  const geometry::Pose truth = view.pose;
+  view.image = run::render_view(gaussians, truth, view.camera, {});
+  view.pose = nudged(truth, 0.01, 0.03);
+  const auto psnr_from = [&](const geometry::Pose& pose) {
+    return eval::psnr(run::render_view(gaussians, pose, view.camera, {}), view.image);
+  };
+
+  const data::Dataset aligned = run::with_learned_poses(dataset, unmoved, gaussians, 0, {});
+  CHECK(error_px(aligned.test[0].pose, view.pose, view) < 1e-3);
+  const data::Dataset fitted = run::with_learned_poses(dataset, unmoved, gaussians, 200, {});
+  CHECK(psnr_from(fitted.test[0].pose) > psnr_from(view.pose) + 10);
+}
+
+TEST_CASE("learned cameras: test views follow a motion that all exposures share", "[run]") {
+  const LearnedRun scene;
+  const data::Dataset dataset = data::load_dataset(scene.options.dataset);
+  const train::ExposurePoses poses("linear", dataset.train);
+  const geometry::Similarity motion{
+      1, geometry::rotation_from_vector({0.2, -0.4, 0.1}), {0.5, -0.3, 0.8}};
+  const geometry::Pose there{motion.rotation, motion.translation};
+  {
+    // world_from_camera · exp(ξ) = motion · world_from_camera
+    const torch::NoGradGuard no_grad;
+    torch::Tensor twists = poses.parameters()[0];
+    for (size_t i = 0; i < dataset.train.size(); ++i) {
+      const auto& path = dataset.train[i].poses;
+      for (int64_t end = 0; end < 2; ++end) {
+        const auto camera = geometry::to_tensor(end == 0 ? path.front() : path.back());
+        const auto world = geometry::to_tensor(there);
+        twists[static_cast<int64_t>(i)][end].copy_(
+            geometry::se3_log(camera.matmul(world).matmul(geometry::se3_inverse(camera))));
+      }
+    }
+  }
+  auto generator = make_generator(1, "points");
+  gaussians::InitSources sources;
+  sources.views.push_back(
+      {dataset.train[0].poses[4], dataset.train[0].camera, dataset.train[0].blurry});
+  sources.near = dataset.near;
+  sources.far = dataset.far;
+  const splat::Gaussians gaussians = gaussians::initial_gaussians({}, sources, generator);
+  const data::Dataset learned = run::with_learned_poses(dataset, poses, gaussians, 0, {});
+  for (size_t i = 0; i < dataset.test.size(); ++i) {
+    const geometry::Pose expected = geometry::moved(dataset.test[i].pose, motion);
+    CHECK(geometry::rotation_angle(learned.test[i].pose, expected) < 1e-4);
+    for (int k = 0; k < 3; ++k) {
+      CHECK(learned.test[i].pose.translation[k] == Approx(expected.translation[k]).margin(1e-3));
+    }
+  }
+}
+
+TEST_CASE("learned cameras: a run keeps them, and scores, pictures and other programs use them",
+          "[run]") {
+  const LearnedRun scene;
+  run::Trainer trainer(scene.options, scene.run, "");
+  trainer.run();
+  const auto file = scene.run / run::kLearnedCamerasFile;
+  REQUIRE(std::filesystem::exists(file));
+
+  const data::Dataset given = data::load_dataset(scene.options.dataset);
+  const train::RunOptions saved = run::load_run_options(scene.run);
+  const run::FinishedRun opened = run::open_run(scene.run, saved);
+  const torch::Tensor learned = trainer.state().poses->forward(1, torch::kCPU)[3];
+  const auto read = geometry::to_tensor(opened.dataset.train[1].poses[3]).to(torch::kFloat32);
+  CHECK((read - learned).abs().max().item<double>() < 1e-6);
+  CHECK(error_px(opened.dataset.test[0].pose, given.test[0].pose, given.test[0]) > 1e-3);
+
+  const eval::Lpips lpips(torch::kCPU);
+  const splat::RenderOptions draw = train::render_options(saved);
+  const auto again = run::evaluate_views(opened.gaussians, opened.dataset.test, lpips, draw);
+  CHECK(again.mean.psnr == Approx(trainer.evaluate().mean.psnr).epsilon(1e-6));
+  const auto data_poses = run::evaluate_views(opened.gaussians, given.test, lpips, draw);
+  CHECK(again.mean.psnr > data_poses.mean.psnr);
+  // Settings laid over those of the run do not move its scene back.
+  train::RunOptions given_options = scene.options;
+  given_options.poses.optimize = "none";
+  const data::Dataset still = run::load_run_dataset(scene.run, given_options);
+  CHECK(still.test[0].pose.translation == opened.dataset.test[0].pose.translation);
+}
+
+TEST_CASE("learned cameras: those of an earlier end are gone while a run goes on", "[run]") {
+  const LearnedRun scene;
+  const auto file = scene.run / run::kLearnedCamerasFile;
+  run::Trainer(scene.options, scene.run, "").run();
+  CHECK(std::filesystem::exists(file));
+  train::RunOptions longer = scene.options;
+  longer.train.iterations = 24;
+  {
+    run::Trainer going(longer, scene.run, "latest");
+    set_interrupt_requested(true);
+    CHECK_THROWS_AS(going.run(), Interrupted);
+    set_interrupt_requested(false);
+  }
+  CHECK_FALSE(std::filesystem::exists(file));
+  run::Trainer(longer, scene.run, "latest").run();
+  CHECK(std::filesystem::exists(file));
+
+  // Stopped within the last fit: nothing half-fitted stays.
+  std::filesystem::remove(file);
+  {
+    run::Trainer ending(longer, scene.run, "latest");
+    set_interrupt_requested(true);
+    CHECK_THROWS_AS(ending.run(), Interrupted);
+    set_interrupt_requested(false);
+  }
+  CHECK_FALSE(std::filesystem::exists(file));
+}
+
+TEST_CASE(
+    "learned cameras: a run under way falls back to the data's poses; a file that lacks a "
+    "view is refused",
+    "[run]") {
+  const LearnedRun scene;
+  const data::Dataset given = data::load_dataset(scene.options.dataset);
+  const data::Dataset dataset = run::load_run_dataset(scene.run, scene.options);
+  CHECK(dataset.test[0].pose.translation == given.test[0].pose.translation);
+
+  std::filesystem::create_directories(scene.run);
+  const auto file = scene.run / run::kLearnedCamerasFile;
+  run::write_learned_cameras(file, given);
+  const data::Dataset same = run::load_run_dataset(scene.run, scene.options);
+  CHECK(same.train[2].poses[8].translation == given.train[2].poses[8].translation);
+
+  const auto cameras = data::read_cameras(file);
+  CHECK(cameras.size() == given.test.size() + 9 * given.train.size());
+  auto others = cameras;
+  others.erase(others.begin());
+  data::write_cameras(file, others);
+  CHECK_THROWS_WITH(run::load_run_dataset(scene.run, scene.options),
+                    Catch::Contains(given.test[0].name) && Catch::Contains("cameras.json"));
+  others = cameras;
+  others.pop_back();
+  data::write_cameras(file, others);
+  CHECK_THROWS_WITH(run::load_run_dataset(scene.run, scene.options), Catch::Contains("none"));
+
+  // A run that has ended without the file, as older versions left it.
+  std::filesystem::remove(file);
+  write_file(scene.run / "eval.json", "{}");
+  CHECK_THROWS_WITH(run::load_run_dataset(scene.run, scene.options),
+                    Catch::Contains("--resume writes it"));
+}
