@@ -50,7 +50,17 @@ else()
 endif()
 if(JADE_WITH_CUDA)
   if(NOT DEFINED CMAKE_CUDA_ARCHITECTURES)
-    set(CMAKE_CUDA_ARCHITECTURES "80;86;89;90;120" CACHE STRING "GPU architectures to compile for")
+    # Each one compiles every kernel once more, so: those of the GPUs that are here. Where there are none, one per
+    # generation since Ampere: what is made for 80 runs on 86 and 89 too, and 90's intermediate code on what comes later.
+    execute_process(COMMAND nvidia-smi --query-gpu=compute_cap --format=csv,noheader
+                    OUTPUT_VARIABLE jade_capabilities ERROR_QUIET)
+    string(REGEX MATCHALL "[0-9]+\\.[0-9]+" jade_capabilities "${jade_capabilities}")
+    list(REMOVE_DUPLICATES jade_capabilities)
+    string(REPLACE "." "" jade_capabilities "${jade_capabilities}")
+    if(NOT jade_capabilities)
+      set(jade_capabilities "80-real;90;120-real")
+    endif()
+    set(CMAKE_CUDA_ARCHITECTURES "${jade_capabilities}" CACHE STRING "GPU architectures to compile for")
   endif()
   set(CMAKE_CUDA_STANDARD 17)
   set(CMAKE_CUDA_STANDARD_REQUIRED ON)
