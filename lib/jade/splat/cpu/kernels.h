@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // The CPU's inner loops as plain functions on plain pointers. They are compiled once per
-// instruction set (kernels_*.cpp), so nothing here may include torch or inline library code.
+// instruction set (kernels_impl.h), so nothing here may include torch or inline library code.
 #pragma once
 
 #include <cstdint>
+
+#include "jade/kernel/isa.h"
 
 namespace jade::splat::cpu {
 
@@ -86,7 +88,6 @@ constexpr int kMaxLanes = 16;
 
 template <class T>
 struct Kernels {
-  const char* name;
   /// Projects Gaussians [begin, end) into splats [views, count]; returns how many are unusable.
   int64_t (*project)(const Scene<T>& scene, int64_t begin, int64_t end, Splat<T>* splats);
   void (*blend)(const Scene<T>& scene, const T* background, const Tile<T>& tile,
@@ -103,15 +104,16 @@ struct Kernels {
                           const Gradients<T>& gradients, T* grad_cameras);
 };
 
-struct KernelSet {
-  Kernels<float> single;
-  Kernels<double> precise;
-};
+using KernelSet = kernel::KernelSet<Kernels>;
 
-extern const KernelSet kPortableKernels;
-#if defined(__x86_64__)
-extern const KernelSet kAvx2Kernels;
-extern const KernelSet kAvx512Kernels;
-#endif
+namespace portable {
+extern const KernelSet kKernels;
+}
+namespace avx2 {
+extern const KernelSet kKernels;
+}
+namespace avx512 {
+extern const KernelSet kKernels;
+}
 
 }  // namespace jade::splat::cpu

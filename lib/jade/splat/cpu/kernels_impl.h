@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The bodies of the CPU kernels. Each kernels_*.cpp names an instruction set in JADE_SPLAT_ISA,
-// includes this once and instantiates it with its pack widths.
+// The bodies of the CPU kernels, compiled once per instruction set by jade_add_isa_sources().
 #pragma once
 
 #include <cstdint>
@@ -15,7 +14,7 @@
 #include "jade/splat/math/tile.h"
 
 namespace jade::splat::cpu {
-inline namespace JADE_SPLAT_ISA {
+namespace JADE_ISA {
 
 namespace m = jade::splat::math;
 
@@ -619,9 +618,15 @@ void blend_adjoint(const Scene<T>& scene, const T* background, const Tile<T>& ti
 }
 
 template <class P>
-constexpr Kernels<typename P::Scalar> make_kernels(const char* name) {
-  return {name, project<P>, blend<P>, blend_adjoint<P>, project_adjoint<P>};
+constexpr Kernels<typename P::Scalar> make_kernels() {
+  return {project<P>, blend<P>, blend_adjoint<P>, project_adjoint<P>};
 }
 
-}  // namespace JADE_SPLAT_ISA
+// A splat's row is about ten pixels long: packs of more than 32 bytes run half empty.
+constexpr int kPackBytes = JADE_VECTOR_BYTES < 32 ? JADE_VECTOR_BYTES : 32;
+
+const KernelSet kKernels = {make_kernels<m::Pack<float, kPackBytes / sizeof(float)>>(),
+                            make_kernels<m::Pack<double, kPackBytes / sizeof(double)>>()};
+
+}  // namespace JADE_ISA
 }  // namespace jade::splat::cpu

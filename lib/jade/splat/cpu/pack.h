@@ -12,7 +12,7 @@
 #include <immintrin.h>
 #endif
 
-#include "jade/splat/math/hd.h"
+#include "jade/splat/math/scalar.h"
 
 // Return the first expression for eight floats, the second for four doubles (AVX-512: twice that).
 #if defined(__AVX2__) && defined(__FMA__)
@@ -31,7 +31,7 @@
 #endif
 
 namespace jade::splat::math {
-inline namespace JADE_SPLAT_ISA {
+inline namespace JADE_ISA {
 
 template <class T>
 struct PackTraits;
@@ -267,5 +267,5 @@ JADE_HD Pack<T, N> log2(Pack<T, N> a) {
   return a;
 }
 
-}  // namespace JADE_SPLAT_ISA
+}  // namespace JADE_ISA
 }  // namespace jade::splat::math

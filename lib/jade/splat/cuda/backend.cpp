@@ -10,7 +10,7 @@
 #include <torch/types.h>
 
 #include "jade/core/check.h"
-#include "jade/core/cuda_launch.h"
+#include "jade/kernel/launch.h"
 #include "jade/splat/cuda/capacity.h"
 #include "jade/splat/cuda/launch.h"
 
@@ -28,7 +28,7 @@ void check_launches(const char* what) {
     const char* const value = std::getenv("JADE_CUDA_SYNC");
     return value != nullptr && value[0] == '1';
   }();
-  jade::cuda::check_launch(what);
+  kernel::check_launch(what);
   if (synchronous) check_cuda(cudaDeviceSynchronize(), what);
 }
 

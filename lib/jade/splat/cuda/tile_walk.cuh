@@ -3,7 +3,6 @@
 // is reached when the ellipse comes near one of its pixel centres' bounding box.
 #pragma once
 
-#define JADE_SPLAT_ISA gpu
 #include "jade/splat/cuda/layout.h"
 #include "jade/splat/math/tile.h"
 

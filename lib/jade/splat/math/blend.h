@@ -2,10 +2,10 @@
 // One splat on one pixel, and back.
 #pragma once
 
-#include "jade/splat/math/hd.h"
+#include "jade/splat/math/scalar.h"
 
 namespace jade::splat::math {
-inline namespace JADE_SPLAT_ISA {
+inline namespace JADE_ISA {
 
 constexpr double kMaxAlpha = 0.99;
 constexpr double kMinAlpha = 1.0 / 255.0;
@@ -85,5 +85,5 @@ JADE_HD S blend_adjoint(S alpha, S weight_value, S behind) {
   return weight_value - behind * (alpha / (S(1) - alpha));
 }
 
-}  // namespace JADE_SPLAT_ISA
+}  // namespace JADE_ISA
 }  // namespace jade::splat::math

@@ -2,10 +2,10 @@
 // From a Gaussian in the world to an ellipse on the screen, and back. Forward and adjoint adjacent.
 #pragma once
 
-#include "jade/splat/math/hd.h"
+#include "jade/splat/math/scalar.h"
 
 namespace jade::splat::math {
-inline namespace JADE_SPLAT_ISA {
+inline namespace JADE_ISA {
 
 constexpr double kDilationPx2 = 0.3;       ///< added to both variances on the screen
 constexpr double kFrustumMargin = 0.3;     ///< share of the half field of view beyond each edge
@@ -348,5 +348,5 @@ JADE_HD S screen_radius(S cov_xx, S cov_yy, S det) {
   return S(3) * sqrt(mid + sqrt(max(mid * mid - det, S(0))));
 }
 
-}  // namespace JADE_SPLAT_ISA
+}  // namespace JADE_ISA
 }  // namespace jade::splat::math

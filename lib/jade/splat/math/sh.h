@@ -3,11 +3,11 @@
 // the standard 3DGS file.
 #pragma once
 
-#include "jade/splat/math/hd.h"
 #include "jade/splat/math/projection.h"
+#include "jade/splat/math/scalar.h"
 
 namespace jade::splat::math {
-inline namespace JADE_SPLAT_ISA {
+inline namespace JADE_ISA {
 
 JADE_HD constexpr int sh_count(int degree) { return (degree + 1) * (degree + 1); }
 
@@ -150,5 +150,5 @@ JADE_HD void sh_color_adjoint(int degree, const S* basis, const S* sh, const S* 
   }
 }
 
-}  // namespace JADE_SPLAT_ISA
+}  // namespace JADE_ISA
 }  // namespace jade::splat::math

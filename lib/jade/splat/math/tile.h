@@ -4,10 +4,10 @@
 #pragma once
 
 #include "jade/splat/math/blend.h"
-#include "jade/splat/math/hd.h"
+#include "jade/splat/math/scalar.h"
 
 namespace jade::splat::math {
-inline namespace JADE_SPLAT_ISA {
+inline namespace JADE_ISA {
 
 /// Rounding of the extents below, in pixels: a pixel too many costs a test, one too few a hole.
 constexpr double kExtentSlackPx = 0.01;
@@ -39,5 +39,5 @@ JADE_HD RowExtent<S> make_row_extent(S reach_value, S cov_xy, S cov_yy, S det) {
   return {cov_xy * inverse, reach_value * det * inverse, det * inverse * inverse};
 }
 
-}  // namespace JADE_SPLAT_ISA
+}  // namespace JADE_ISA
 }  // namespace jade::splat::math
