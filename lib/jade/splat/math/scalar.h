@@ -20,5 +20,18 @@ using kernel::select;
 using kernel::sqrt;
 using kernel::within;
 
+/// a where the condition holds, else +0.
+JADE_HD float keep(bool condition, float a) { return condition ? a : 0.0f; }
+JADE_HD double keep(bool condition, double a) { return condition ? a : 0.0; }
+
+/// −|a|
+#if defined(__CUDA_ARCH__)
+JADE_HD float make_negative(float a) { return -::fabsf(a); }
+JADE_HD double make_negative(double a) { return -::fabs(a); }
+#else
+JADE_HD float make_negative(float a) { return -__builtin_fabsf(a); }
+JADE_HD double make_negative(double a) { return -__builtin_fabs(a); }
+#endif
+
 }  // namespace JADE_ISA
 }  // namespace jade::splat::math
