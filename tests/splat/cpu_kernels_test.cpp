@@ -15,14 +15,10 @@ using torch::Tensor;
 
 namespace {
 
-/// Puts kernels, tile size and threads back.
-struct Restore {
+/// Puts the number of threads back.
+struct RestoreThreads {
   int threads = at::get_num_threads();
-  ~Restore() {
-    splat::cpu::select_kernels("");
-    splat::cpu::set_tile_shift(splat::cpu::kDefaultTileShift);
-    at::set_num_threads(threads);
-  }
+  ~RestoreThreads() { at::set_num_threads(threads); }
 };
 
 SplatScene scene_of(torch::ScalarType dtype) {
@@ -63,7 +59,7 @@ double relative_difference(const Tensor& a, const Tensor& b) {
 }  // namespace
 
 TEST_CASE("cpu kernels: any number of threads gives the same bits", "[splat]") {
-  const Restore restore;
+  const RestoreThreads restore;
   for (const auto dtype : {torch::kFloat32, torch::kFloat64}) {
     const SplatScene scene = scene_of(dtype);
     at::set_num_threads(1);
@@ -80,12 +76,11 @@ TEST_CASE("cpu kernels: any number of threads gives the same bits", "[splat]") {
 }
 
 TEST_CASE("cpu kernels: the image has the same bits for any tile size", "[splat]") {
-  const Restore restore;
   for (const auto dtype : {torch::kFloat32, torch::kFloat64}) {
     const SplatScene scene = scene_of(dtype);
     const auto usual = everything(scene);
     for (const int shift : {0, 2, 3, 4, 5}) {
-      splat::cpu::set_tile_shift(shift);
+      const splat::cpu::ForcedTileShift forced(shift);
       const auto other = everything(scene);
       INFO("tiles of " << (1 << shift) << " px");
       for (int i = 0; i < 3; ++i) CHECK(torch::equal(usual[i], other[i]));
@@ -95,19 +90,24 @@ TEST_CASE("cpu kernels: the image has the same bits for any tile size", "[splat]
       }
     }
   }
-  CHECK_THROWS_AS(splat::cpu::set_tile_shift(6), ContractError);
+  CHECK_THROWS_AS(splat::cpu::ForcedTileShift(6), ContractError);
+  CHECK(splat::cpu::tile_shift() == splat::cpu::kDefaultTileShift);
 }
 
 TEST_CASE("cpu kernels: every instruction set gives the portable image and gradients", "[splat]") {
-  const Restore restore;
   for (const auto dtype : {torch::kFloat32, torch::kFloat64}) {
     const SplatScene scene = scene_of(dtype);
-    splat::cpu::select_kernels("portable");
-    const auto portable = everything(scene);
-    for (const std::string& name : splat::cpu::available_kernels()) {
-      splat::cpu::select_kernels(name);
-      INFO(name);
-      CHECK(std::string(splat::cpu::kernels().single.name) == name);
+    const auto portable = [&] {
+      const kernel::ForcedIsa forced(kernel::Isa::kPortable);
+      CHECK(&splat::cpu::kernels() == &splat::cpu::portable::kKernels);
+      return everything(scene);
+    }();
+    for (const kernel::Isa isa : kernel::kIsas) {
+      if (!kernel::can_run(isa)) continue;
+      const kernel::ForcedIsa forced(isa);
+      INFO(kernel::name(isa));
+      CHECK((&splat::cpu::kernels() == &splat::cpu::portable::kKernels) ==
+            (isa == kernel::Isa::kPortable));
       const auto native = everything(scene);
       const Tensor difference = (native[0] - portable[0]).abs();
       const bool single = dtype == torch::kFloat32;
@@ -118,7 +118,6 @@ TEST_CASE("cpu kernels: every instruction set gives the portable image and gradi
       }
     }
   }
-  CHECK_THROWS_AS(splat::cpu::select_kernels("altivec"), DeviceError);
 }
 
 TEST_CASE("cpu kernels: the benchmark workload is whole", "[splat]") {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <c10/cuda/CUDAStream.h>
 
-#include "jade/core/cuda_launch.h"
 #include "jade/gaussians/adam.h"
+#include "jade/kernel/launch.h"
 
 namespace jade::gaussians::cuda {
 namespace {
@@ -73,7 +73,7 @@ void adam_step(const AdamStep& step) {
   if (blocks == 0) return;
   adam_kernel<<<static_cast<unsigned>(blocks), kThreads, 0, c10::cuda::getCurrentCUDAStream()>>>(
       step);
-  jade::cuda::check_launch("the Adam step of the Gaussians");
+  kernel::check_launch("the Adam step of the Gaussians");
 }
 
 }  // namespace jade::gaussians::cuda

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <c10/cuda/CUDAStream.h>
 
-#include "jade/core/cuda_launch.h"
+#include "jade/kernel/launch.h"
 #include "jade/response/lookup.h"
 
 namespace jade::response::cuda {
@@ -86,7 +86,7 @@ at::Tensor lookup(const Lookup& args) {
                    c10::cuda::getCurrentCUDAStream()>>>(
       args.image.const_data_ptr<float>(), args.table.const_data_ptr<float>(),
       out.mutable_data_ptr<float>(), out.numel(), args.mean ? args.image.size(0) : 1);
-  jade::cuda::check_launch("the camera response");
+  kernel::check_launch("the camera response");
   return out;
 }
 
@@ -113,7 +113,7 @@ LookupGradient lookup_backward(const Lookup& args, const at::Tensor& gradient, b
       wants_image ? result.image.mutable_data_ptr<float>() : nullptr,
       wants_table ? reinterpret_cast<unsigned long long*>(sums.mutable_data_ptr<int64_t>())
                   : nullptr);
-  jade::cuda::check_launch("the camera response, backward");
+  kernel::check_launch("the camera response, backward");
   if (wants_table) result.table = sums.to(at::kDouble).div(kFixedPoint).to(at::kFloat);
   return result;
 }

@@ -4,6 +4,7 @@
 #include <torch/csrc/autograd/custom_function.h>
 
 #include "jade/core/check.h"
+#include "jade/kernel/on_cuda.h"
 
 namespace jade::splat {
 
@@ -14,11 +15,13 @@ using torch::autograd::tensor_list;
 using torch::autograd::Variable;
 
 ForwardResult backend_forward(const ForwardArgs& args) {
-  return args.gaussians.means.is_cuda() ? cuda::forward(args) : cpu::forward(args);
+  if (!args.gaussians.means.is_cuda()) return cpu::forward(args);
+  return kernel::on_cuda("splatting", [&] { return cuda::forward(args); });
 }
 
 BackwardResult backend_backward(const BackwardArgs& args) {
-  return args.forward.gaussians.means.is_cuda() ? cuda::backward(args) : cpu::backward(args);
+  if (!args.forward.gaussians.means.is_cuda()) return cpu::backward(args);
+  return kernel::on_cuda("splatting", [&] { return cuda::backward(args); });
 }
 
 torch::Tensor contiguous_or_undefined(const torch::Tensor& tensor) {

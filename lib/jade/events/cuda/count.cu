@@ -3,9 +3,9 @@
 #include <c10/cuda/CUDAGuard.h>
 #include <c10/cuda/CUDAStream.h>
 
-#include "jade/core/cuda_launch.h"
 #include "jade/events/kernels.h"
 #include "jade/events/splat_math.h"
+#include "jade/kernel/launch.h"
 
 namespace jade::events {
 namespace {
@@ -71,7 +71,7 @@ void count_cuda(const CountArguments& arguments, int device_index) {
         reinterpret_cast<unsigned long long*>(arguments.out + first * plane_pair)};
     const auto blocks = static_cast<unsigned>((events + kThreads - 1) / kThreads);
     count_kernel<<<blocks, kThreads, 0, stream.stream()>>>(in, part);
-    jade::cuda::check_launch("the counting of events");
+    kernel::check_launch("the counting of events");
   }
 }
 

@@ -2,9 +2,9 @@
 #include <c10/cuda/CUDAGuard.h>
 #include <c10/cuda/CUDAStream.h>
 
-#include "jade/core/cuda_launch.h"
 #include "jade/core/error.h"
 #include "jade/imaging/ssim_kernels.h"
+#include "jade/kernel/launch.h"
 
 namespace jade::imaging {
 namespace {
@@ -225,17 +225,17 @@ void ssim_cuda(const SsimCuda& arguments, const double* window, int device_index
   } else {
     ssim_forward<false><<<grid, kThreads, 0, stream>>>(arguments, taps);
   }
-  jade::cuda::check_launch("SSIM");
+  kernel::check_launch("SSIM");
   if (arguments.grad_b != nullptr) {
     ssim_backward<4><<<grid, kThreads, 0, stream>>>(arguments, taps);
-    jade::cuda::check_launch("SSIM, backward");
+    kernel::check_launch("SSIM, backward");
   } else if (arguments.grad_a != nullptr) {
     ssim_backward<3><<<grid, kThreads, 0, stream>>>(arguments, taps);
-    jade::cuda::check_launch("SSIM, backward");
+    kernel::check_launch("SSIM, backward");
   }
   const int64_t blocks = ssim_cuda_blocks(arguments.planes, arguments.height, arguments.width);
   ssim_finish<<<1, kSumThreads, 0, stream>>>(arguments, blocks);
-  jade::cuda::check_launch("SSIM, sum");
+  kernel::check_launch("SSIM, sum");
 }
 
 }  // namespace jade::imaging

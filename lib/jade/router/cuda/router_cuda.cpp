@@ -6,7 +6,7 @@
 #include <torch/csrc/autograd/custom_function.h>
 
 #include "jade/core/check.h"
-#include "jade/core/cuda_launch.h"
+#include "jade/kernel/launch.h"
 #include "jade/router/cuda/conv_layer.h"
 
 namespace jade::router::cuda {
@@ -40,7 +40,7 @@ class ConvFunction : public torch::autograd::Function<ConvFunction> {
     const torch::Tensor out =
         torch::empty({in.size(0), weights.size(0), in.size(2), in.size(3)}, in.options());
     conv_forward(layer_of(image, taps, bias, out, relu), c10::cuda::getCurrentCUDAStream());
-    jade::cuda::check_launch("a layer of the router");
+    kernel::check_launch("a layer of the router");
     context->save_for_backward({image, taps, out});
     context->saved_data["relu"] = relu;
     context->saved_data["bias"] = bias.numel() > 0;
@@ -71,7 +71,7 @@ class ConvFunction : public torch::autograd::Function<ConvFunction> {
       args.padded = padded.mutable_data_ptr<float>();
     }
     conv_backward(args, c10::cuda::getCurrentCUDAStream());
-    jade::cuda::check_launch("a layer of the router, backward");
+    kernel::check_launch("a layer of the router, backward");
     const torch::Tensor of_weights = sums.narrow(0, 0, weights.numel()).view(weights.sizes());
     torch::Tensor of_bias;
     if (context->saved_data["bias"].toBool()) {

@@ -47,26 +47,28 @@ torch::Tensor make_cameras(const ForwardArgs& args) {
 }
 
 template <class T>
-Scene<T> make_scene(const ForwardArgs& args, const torch::Tensor& cameras) {
+RenderCall<T> make_call(const ForwardArgs& args, const torch::Tensor& cameras, int tile_shift) {
   const Gaussians& g = args.gaussians;
-  Scene<T> scene;
-  scene.count = g.size();
-  scene.means = g.means.data_ptr<T>();
-  scene.rotations = g.rotations.data_ptr<T>();
-  scene.log_scales = g.log_scales.data_ptr<T>();
-  scene.logit_opacities = g.logit_opacities.data_ptr<T>();
-  scene.sh = g.sh.data_ptr<T>();
-  scene.sh_stride = static_cast<int>(g.sh.size(1));
-  scene.sh_degree = args.sh_degree;
-  scene.views = static_cast<int>(cameras.size(0));
-  scene.cameras = cameras.data_ptr<T>();
-  scene.width = static_cast<int>(args.width);
-  scene.height = static_cast<int>(args.height);
-  scene.near_plane = static_cast<T>(args.near_plane);
-  scene.antialiased = args.antialiased;
-  scene.smooth_cutoff = args.smooth_cutoff;
-  scene.depth = args.depth;
-  return scene;
+  RenderCall<T> call;
+  call.count = g.size();
+  call.means = g.means.data_ptr<T>();
+  call.rotations = g.rotations.data_ptr<T>();
+  call.log_scales = g.log_scales.data_ptr<T>();
+  call.logit_opacities = g.logit_opacities.data_ptr<T>();
+  call.sh = g.sh.data_ptr<T>();
+  call.sh_stride = static_cast<int>(g.sh.size(1));
+  call.sh_degree = args.sh_degree;
+  call.views = static_cast<int>(cameras.size(0));
+  call.cameras = cameras.data_ptr<T>();
+  call.background = args.background.data_ptr<T>();
+  call.width = static_cast<int>(args.width);
+  call.height = static_cast<int>(args.height);
+  call.near_plane = static_cast<T>(args.near_plane);
+  call.antialiased = args.antialiased;
+  call.smooth_cutoff = args.smooth_cutoff;
+  call.depth = args.depth;
+  call.tile_shift = tile_shift;
+  return call;
 }
 
 /// Splats and tile lists of all views.
@@ -85,16 +87,16 @@ struct Lists {
     return {t[0], t[1], t[2], t[3], static_cast<int>(state.numbers[0])};
   }
 
-  Tile<T> tile(const Scene<T>& scene, const TileGrid& grid, int64_t view, int64_t index) const {
+  Tile<T> tile(const RenderCall<T>& call, const TileGrid& grid, int64_t view, int64_t index) const {
     const int64_t* const begin = offsets.data_ptr<int64_t>() + view * (grid.tiles() + 1) + index;
     Tile<T> tile;
-    tile.splats = splat_data() + view * scene.count;
+    tile.splats = splat_data() + view * call.count;
     tile.list = entries.data_ptr<int32_t>() + view_offsets.data_ptr<int64_t>()[view] + begin[0];
     tile.list_size = begin[1] - begin[0];
     tile.x0 = static_cast<int>(index % grid.columns) * grid.tile_size();
     tile.y0 = static_cast<int>(index / grid.columns) * grid.tile_size();
-    tile.width = std::min(grid.tile_size(), scene.width - tile.x0);
-    tile.height = std::min(grid.tile_size(), scene.height - tile.y0);
+    tile.width = std::min(grid.tile_size(), call.width - tile.x0);
+    tile.height = std::min(grid.tile_size(), call.height - tile.y0);
     return tile;
   }
 };
@@ -114,34 +116,34 @@ struct Chunks {
 };
 
 template <class T>
-Lists<T> project_and_bin(const Scene<T>& scene, int shift, int64_t* rejected) {
-  const TileGrid grid(scene.width, scene.height, shift);
+Lists<T> project_and_bin(const RenderCall<T>& call, int64_t* rejected) {
+  const TileGrid grid(call.width, call.height, call.tile_shift);
   const auto bytes = torch::TensorOptions().dtype(torch::kUInt8);
   const auto longs = torch::TensorOptions().dtype(torch::kInt64);
   Lists<T> lists;
-  lists.tile_shift = shift;
+  lists.tile_shift = call.tile_shift;
   lists.splats =
-      torch::empty({scene.views * scene.count * static_cast<int64_t>(sizeof(Splat<T>))}, bytes);
+      torch::empty({call.views * call.count * static_cast<int64_t>(sizeof(Splat<T>))}, bytes);
   Splat<T>* const splats = lists.splat_data();
-  const Chunks chunks(scene.count);
+  const Chunks chunks(call.count);
   std::vector<int64_t> unusable(static_cast<size_t>(chunks.count), 0);
   parallel_tasks(chunks.count, [&](int64_t chunk) {
     unusable[chunk] =
-        kernels_for<T>().project(scene, chunks.begin(chunk), chunks.end(chunk), splats);
+        kernels_for<T>().project(call, chunks.begin(chunk), chunks.end(chunk), splats);
   });
   *rejected = std::accumulate(unusable.begin(), unusable.end(), int64_t{0});
 
-  lists.view_offsets = torch::zeros({scene.views + 1}, longs);
+  lists.view_offsets = torch::zeros({call.views + 1}, longs);
   int64_t* const view_offsets = lists.view_offsets.template data_ptr<int64_t>();
-  parallel_tasks(scene.views, [&](int64_t view) {
-    view_offsets[view + 1] = assign_slots(splats + view * scene.count, scene.count, grid);
+  parallel_tasks(call.views, [&](int64_t view) {
+    view_offsets[view + 1] = assign_slots(splats + view * call.count, call.count, grid);
   });
-  std::partial_sum(view_offsets, view_offsets + scene.views + 1, view_offsets);
+  std::partial_sum(view_offsets, view_offsets + call.views + 1, view_offsets);
   lists.entries =
-      torch::empty({view_offsets[scene.views]}, torch::TensorOptions().dtype(torch::kInt32));
-  lists.offsets = torch::empty({scene.views, grid.tiles() + 1}, longs);
-  parallel_tasks(scene.views, [&](int64_t view) {
-    fill_lists(splats + view * scene.count, scene.count, grid,
+      torch::empty({view_offsets[call.views]}, torch::TensorOptions().dtype(torch::kInt32));
+  lists.offsets = torch::empty({call.views, grid.tiles() + 1}, longs);
+  parallel_tasks(call.views, [&](int64_t view) {
+    fill_lists(splats + view * call.count, call.count, grid,
                lists.offsets.template data_ptr<int64_t>() + view * (grid.tiles() + 1),
                lists.entries.template data_ptr<int32_t>() + view_offsets[view]);
   });
@@ -162,21 +164,20 @@ Images<T> images_of_view(const torch::Tensor& color, const torch::Tensor& alpha,
 template <class T>
 ForwardResult forward_typed(const ForwardArgs& args) {
   const torch::Tensor cameras = make_cameras<T>(args);
-  const Scene<T> scene = make_scene<T>(args, cameras);
+  const RenderCall<T> call = make_call<T>(args, cameras, tile_shift());
   int64_t rejected = 0;
-  const Lists<T> lists = project_and_bin(scene, tile_shift(), &rejected);
+  const Lists<T> lists = project_and_bin(call, &rejected);
 
   const auto options = args.gaussians.means.options();
   ForwardResult result;
-  result.color = torch::empty({scene.views, 3, args.height, args.width}, options);
-  result.alpha = torch::empty({scene.views, 1, args.height, args.width}, options);
+  result.color = torch::empty({call.views, 3, args.height, args.width}, options);
+  result.alpha = torch::empty({call.views, 1, args.height, args.width}, options);
   if (args.depth) result.depth_sum = torch::empty_like(result.alpha);
   result.rejected = torch::full({1}, rejected, torch::kInt64);
-  const TileGrid grid(scene.width, scene.height, lists.tile_shift);
-  parallel_tasks(scene.views * grid.tiles(), [&](int64_t task) {
+  const TileGrid grid(call.width, call.height, lists.tile_shift);
+  parallel_tasks(call.views * grid.tiles(), [&](int64_t task) {
     const int64_t view = task / grid.tiles();
-    kernels_for<T>().blend(scene, args.background.data_ptr<T>(),
-                           lists.tile(scene, grid, view, task % grid.tiles()),
+    kernels_for<T>().blend(call, lists.tile(call, grid, view, task % grid.tiles()),
                            images_of_view<T>(result.color, result.alpha, result.depth_sum, view));
   });
   if (args.needs_backward) result.state = lists.save();
@@ -193,14 +194,14 @@ std::vector<double> sum_rows(const std::vector<T>& partial, int64_t columns) {
 
 /// Instance sums of all tiles [instances, instance_values]; adds up the background's gradient.
 template <class T>
-torch::Tensor blend_adjoint(const BackwardArgs& args, const Scene<T>& scene, const Lists<T>& lists,
-                            const torch::Tensor& grad_background) {
-  const TileGrid grid(scene.width, scene.height, lists.tile_shift);
+torch::Tensor blend_adjoint(const BackwardArgs& args, const RenderCall<T>& call,
+                            const Lists<T>& lists, const torch::Tensor& grad_background) {
+  const TileGrid grid(call.width, call.height, lists.tile_shift);
   const int64_t* const view_offsets = lists.view_offsets.template data_ptr<int64_t>();
-  const int64_t values = instance_values(scene.depth);
+  const int64_t values = instance_values(call.depth);
   const torch::Tensor instances =
-      torch::empty({view_offsets[scene.views], values}, args.color.options());
-  const int64_t tasks = scene.views * grid.tiles();
+      torch::empty({view_offsets[call.views], values}, args.color.options());
+  const int64_t tasks = call.views * grid.tiles();
   std::vector<T> partial(static_cast<size_t>(3 * tasks), T(0));
   const int64_t plane = args.forward.width * args.forward.height;
   parallel_tasks(tasks, [&](int64_t task) {
@@ -213,11 +214,10 @@ torch::Tensor blend_adjoint(const BackwardArgs& args, const Scene<T>& scene, con
     if (args.grad_depth_sum.defined()) {
       gradients.depth_sum = args.grad_depth_sum.data_ptr<T>() + view * plane;
     }
-    kernels_for<T>().blend_adjoint(
-        scene, args.forward.background.data_ptr<T>(),
-        lists.tile(scene, grid, view, task % grid.tiles()), lists.tile_shift,
-        images_of_view<T>(args.color, args.alpha, args.depth_sum, view), gradients,
-        instances.data_ptr<T>() + view_offsets[view] * values, partial.data() + 3 * task);
+    kernels_for<T>().blend_adjoint(call, lists.tile(call, grid, view, task % grid.tiles()),
+                                   images_of_view<T>(args.color, args.alpha, args.depth_sum, view),
+                                   gradients, instances.data_ptr<T>() + view_offsets[view] * values,
+                                   partial.data() + 3 * task);
   });
   const std::vector<double> sums = sum_rows(partial, 3);
   for (int c = 0; c < 3; ++c) grad_background.data_ptr<T>()[c] = static_cast<T>(sums[c]);
@@ -244,31 +244,31 @@ Gradients<T> gradients_into(const Gaussians& grad, const BackwardArgs& args) {
 template <class T>
 BackwardResult backward_typed(const BackwardArgs& args) {
   const torch::Tensor cameras = make_cameras<T>(args.forward);
-  const Scene<T> scene = make_scene<T>(args.forward, cameras);
   const Lists<T> lists = Lists<T>::restore(args.state);
+  const RenderCall<T> call = make_call<T>(args.forward, cameras, lists.tile_shift);
   const Gaussians& g = args.forward.gaussians;
   BackwardResult result;
   result.gaussians = {torch::empty_like(g.means), torch::empty_like(g.rotations),
                       torch::empty_like(g.log_scales), torch::empty_like(g.logit_opacities),
                       torch::empty_like(g.sh)};
   result.background = torch::empty_like(args.forward.background);
-  const torch::Tensor instances = blend_adjoint(args, scene, lists, result.background);
+  const torch::Tensor instance_sums = blend_adjoint(args, call, lists, result.background);
+  const Instances<T> instances{lists.splat_data(), instance_sums.data_ptr<T>(),
+                               lists.view_offsets.template data_ptr<int64_t>()};
 
-  const Chunks chunks(scene.count);
-  const int64_t camera_sums = scene.views * kCameraValues * kMaxLanes;
+  const Chunks chunks(call.count);
+  const int64_t camera_sums = call.views * kCameraValues * kMaxLanes;
   std::vector<T> partial(static_cast<size_t>(chunks.count * camera_sums), T(0));
   const Gradients<T> gradients = gradients_into<T>(result.gaussians, args);
   parallel_tasks(chunks.count, [&](int64_t chunk) {
-    kernels_for<T>().project_adjoint(scene, chunks.begin(chunk), chunks.end(chunk),
-                                     lists.splat_data(), lists.tile_shift, instances.data_ptr<T>(),
-                                     lists.view_offsets.template data_ptr<int64_t>(), gradients,
-                                     partial.data() + chunk * camera_sums);
+    kernels_for<T>().project_adjoint(call, chunks.begin(chunk), chunks.end(chunk), instances,
+                                     gradients, partial.data() + chunk * camera_sums);
   });
   if (args.needs_camera) {
     const std::vector<double> sums = sum_rows(partial, camera_sums);
     result.camera_from_world = torch::zeros_like(args.forward.camera_from_world);
     T* const out = result.camera_from_world.template data_ptr<T>();
-    for (int64_t view = 0; view < scene.views; ++view) {
+    for (int64_t view = 0; view < call.views; ++view) {
       for (int k = 0; k < kCameraValues; ++k) {
         const double* const lanes = sums.data() + (view * kCameraValues + k) * kMaxLanes;
         const int row = k < 9 ? k / 3 : k - 9, column = k < 9 ? k % 3 : 3;

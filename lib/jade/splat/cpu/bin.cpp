@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "jade/core/error.h"
+#include "jade/splat/cpu/tile_box.h"
 
 namespace jade::splat::cpu {
 
@@ -53,14 +54,6 @@ template <class T>
 bool is_visible(const Splat<T>& splat) {
   return splat.x0 < splat.x1;
 }
-
-struct TileBox {
-  int x0, x1, y0, y1;  ///< last included
-  template <class T>
-  TileBox(const Splat<T>& s, int shift)
-      : x0(s.x0 >> shift), x1((s.x1 - 1) >> shift), y0(s.y0 >> shift), y1((s.y1 - 1) >> shift) {}
-  int64_t count() const { return int64_t{x1 - x0 + 1} * (y1 - y0 + 1); }
-};
 
 }  // namespace
 

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The CPU's inner loops as plain functions on plain pointers. They are compiled once per
-// instruction set (kernels_*.cpp), so nothing here may include torch or inline library code.
+// instruction set (kernels_impl.h), so nothing here may include torch or inline library code.
 #pragma once
 
 #include <cstdint>
+
+#include "jade/kernel/isa.h"
+#include "jade/splat/math/blend.h"
 
 namespace jade::splat::cpu {
 
@@ -19,9 +22,10 @@ struct Splat {
   uint32_t slot;            ///< first of its (splat, tile) instances in this view
 };
 
-/// Everything that the passes share. Pointers are to contiguous arrays.
+/// One call of the op, as in "draw call": Gaussians, cameras and settings. Pointers are to
+/// contiguous arrays.
 template <class T>
-struct Scene {
+struct RenderCall {
   int64_t count = 0;
   const T* means = nullptr;
   const T* rotations = nullptr;
@@ -31,12 +35,14 @@ struct Scene {
   int sh_stride = 1;
   int sh_degree = 0;
   int views = 0;
-  const T* cameras = nullptr;  ///< [views], each a math::Camera<T>
+  const T* cameras = nullptr;     ///< [views], each a math::Camera<T>
+  const T* background = nullptr;  ///< [3]
   int width = 0, height = 0;
   T near_plane = 0;
   bool antialiased = false;
   bool smooth_cutoff = false;
   bool depth = false;
+  int tile_shift = 0;  ///< tiles are 2^tile_shift pixels wide and high
 };
 
 /// A tile of one view and the splats on it, in depth order.
@@ -63,10 +69,17 @@ struct ImageGradients {
   const T* depth_sum = nullptr;
 };
 
-/// Sums over the pixels of one (splat, tile), in the order in which they are stored:
-/// moments u, x, y, xx, xy, yy (math::Moments), colour 3, and depth if Scene::depth.
-constexpr int kInstanceValues = 9;
-constexpr int instance_values(bool depth) { return kInstanceValues + (depth ? 1 : 0); }
+/// Sums over the pixels of one (splat, tile); depth if RenderCall::depth.
+constexpr int instance_values(bool depth) { return math::kPixelSums + (depth ? 1 : 0); }
+
+/// The sums of all instances and where a Gaussian finds its own: those of splat s of view v begin
+/// at sums[(view_offsets[v] + s.slot) · instance_values], one per tile of its TileBox.
+template <class T>
+struct Instances {
+  const Splat<T>* splats = nullptr;  ///< [views, count]
+  const T* sums = nullptr;
+  const int64_t* view_offsets = nullptr;
+};
 
 template <class T>
 struct Gradients {
@@ -86,32 +99,30 @@ constexpr int kMaxLanes = 16;
 
 template <class T>
 struct Kernels {
-  const char* name;
   /// Projects Gaussians [begin, end) into splats [views, count]; returns how many are unusable.
-  int64_t (*project)(const Scene<T>& scene, int64_t begin, int64_t end, Splat<T>* splats);
-  void (*blend)(const Scene<T>& scene, const T* background, const Tile<T>& tile,
-                const Images<T>& images);
-  /// Writes the sums of each instance of the tile to instances[slot] and adds to grad_background.
-  void (*blend_adjoint)(const Scene<T>& scene, const T* background, const Tile<T>& tile,
-                        int tile_shift, const Images<T>& images, const ImageGradients<T>& gradients,
-                        T* instances, T* grad_background);
-  /// Gathers the instances of Gaussians [begin, end), whose sums for view v begin at
-  /// instances + view_offsets[v] · instance_values, and writes their gradients. Adds each view's
+  int64_t (*project)(const RenderCall<T>& call, int64_t begin, int64_t end, Splat<T>* splats);
+  void (*blend)(const RenderCall<T>& call, const Tile<T>& tile, const Images<T>& images);
+  /// Writes the sums of the tile's instances below `instances`, the first of the view, and adds to
+  /// grad_background.
+  void (*blend_adjoint)(const RenderCall<T>& call, const Tile<T>& tile, const Images<T>& images,
+                        const ImageGradients<T>& gradients, T* instances, T* grad_background);
+  /// Gathers the instances of Gaussians [begin, end) and writes their gradients. Adds each view's
   /// camera gradient to grad_cameras [views, kCameraValues, kMaxLanes], spread over the last axis.
-  void (*project_adjoint)(const Scene<T>& scene, int64_t begin, int64_t end, const Splat<T>* splats,
-                          int tile_shift, const T* instances, const int64_t* view_offsets,
-                          const Gradients<T>& gradients, T* grad_cameras);
+  void (*project_adjoint)(const RenderCall<T>& call, int64_t begin, int64_t end,
+                          const Instances<T>& instances, const Gradients<T>& gradients,
+                          T* grad_cameras);
 };
 
-struct KernelSet {
-  Kernels<float> single;
-  Kernels<double> precise;
-};
+using KernelSet = kernel::KernelSet<Kernels>;
 
-extern const KernelSet kPortableKernels;
-#if defined(__x86_64__)
-extern const KernelSet kAvx2Kernels;
-extern const KernelSet kAvx512Kernels;
-#endif
+namespace portable {
+extern const KernelSet kKernels;
+}
+namespace avx2 {
+extern const KernelSet kKernels;
+}
+namespace avx512 {
+extern const KernelSet kKernels;
+}
 
 }  // namespace jade::splat::cpu

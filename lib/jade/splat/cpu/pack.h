@@ -12,7 +12,7 @@
 #include <immintrin.h>
 #endif
 
-#include "jade/splat/math/hd.h"
+#include "jade/splat/math/scalar.h"
 
 // Return the first expression for eight floats, the second for four doubles (AVX-512: twice that).
 #if defined(__AVX2__) && defined(__FMA__)
@@ -31,7 +31,7 @@
 #endif
 
 namespace jade::splat::math {
-inline namespace JADE_SPLAT_ISA {
+inline namespace JADE_ISA {
 
 template <class T>
 struct PackTraits;
@@ -142,22 +142,12 @@ JADE_HD Pack<T, N> keep(PackMask<T, N> mask, Pack<T, N> a) {
   return P((typename P::Vector)((typename P::IntVector)a.v & mask.v));
 }
 
-/// a & ~b in one instruction.
+/// −|a|: sets the sign bit.
 template <class T, int N>
-JADE_HD PackMask<T, N> and_not(PackMask<T, N> a, PackMask<T, N> b) {
-  using V [[maybe_unused]] = typename PackMask<T, N>::Vector;
-  JADE_WITH_AVX((PackMask<T, N>{(V)_mm256_andnot_ps((__m256)b.v, (__m256)a.v)}),
-                (PackMask<T, N>{(V)_mm256_andnot_pd((__m256d)b.v, (__m256d)a.v)}))
-  return a & ~b;
-}
-
-/// Sets the sign bit where the mask holds.
-template <class T, int N>
-JADE_HD Pack<T, N> make_negative(PackMask<T, N> mask, Pack<T, N> a) {
+JADE_HD Pack<T, N> make_negative(Pack<T, N> a) {
   using P = Pack<T, N>;
   const P sign(T(-0.0));
-  return P(
-      (typename P::Vector)((typename P::IntVector)a.v | (mask.v & (typename P::IntVector)sign.v)));
+  return P((typename P::Vector)((typename P::IntVector)a.v | (typename P::IntVector)sign.v));
 }
 
 template <class T, int N>
@@ -267,5 +257,5 @@ JADE_HD Pack<T, N> log2(Pack<T, N> a) {
   return a;
 }
 
-}  // namespace JADE_SPLAT_ISA
+}  // namespace JADE_ISA
 }  // namespace jade::splat::math

@@ -10,7 +10,7 @@
 #include <torch/types.h>
 
 #include "jade/core/check.h"
-#include "jade/core/cuda_launch.h"
+#include "jade/kernel/launch.h"
 #include "jade/splat/cuda/capacity.h"
 #include "jade/splat/cuda/launch.h"
 
@@ -28,7 +28,7 @@ void check_launches(const char* what) {
     const char* const value = std::getenv("JADE_CUDA_SYNC");
     return value != nullptr && value[0] == '1';
   }();
-  jade::cuda::check_launch(what);
+  kernel::check_launch(what);
   if (synchronous) check_cuda(cudaDeviceSynchronize(), what);
 }
 
@@ -61,34 +61,34 @@ class Arena {
   torch::Tensor tensor_;
 };
 
-Scene make_scene(const ForwardArgs& args) {
+RenderCall make_call(const ForwardArgs& args) {
   const Gaussians& g = args.gaussians;
   JADE_CHECK(g.size() < kMaxGaussians, "at most ", kMaxGaussians, " Gaussians on a GPU, found ",
              g.size());
   JADE_CHECK(!args.smooth_cutoff, "smooth_cutoff is for gradient tests on the CPU");
   JADE_CHECK(args.camera_from_world.size(0) < 65536, "at most 65535 views in one call, found ",
              args.camera_from_world.size(0));
-  Scene scene{};
-  scene.means = g.means.data_ptr<float>();
-  scene.rotations = g.rotations.data_ptr<float>();
-  scene.log_scales = g.log_scales.data_ptr<float>();
-  scene.logit_opacities = g.logit_opacities.data_ptr<float>();
-  scene.sh = g.sh.data_ptr<float>();
-  scene.camera_from_world = args.camera_from_world.data_ptr<float>();
-  scene.intrinsics = args.intrinsics.data_ptr<float>();
-  scene.background = args.background.data_ptr<float>();
-  scene.count = static_cast<int>(g.size());
-  scene.views = static_cast<int>(args.camera_from_world.size(0));
-  scene.width = static_cast<int>(args.width);
-  scene.height = static_cast<int>(args.height);
-  scene.sh_stride = static_cast<int>(g.sh.size(1));
-  scene.sh_degree = args.sh_degree;
-  scene.near_plane = static_cast<float>(args.near_plane);
-  scene.antialiased = args.antialiased;
-  scene.tiles_x = (scene.width + kTile - 1) / kTile;
-  scene.tiles_y = (scene.height + kTile - 1) / kTile;
-  scene.tiles = scene.tiles_x * scene.tiles_y;
-  return scene;
+  RenderCall call{};
+  call.means = g.means.data_ptr<float>();
+  call.rotations = g.rotations.data_ptr<float>();
+  call.log_scales = g.log_scales.data_ptr<float>();
+  call.logit_opacities = g.logit_opacities.data_ptr<float>();
+  call.sh = g.sh.data_ptr<float>();
+  call.camera_from_world = args.camera_from_world.data_ptr<float>();
+  call.intrinsics = args.intrinsics.data_ptr<float>();
+  call.background = args.background.data_ptr<float>();
+  call.count = static_cast<int>(g.size());
+  call.views = static_cast<int>(args.camera_from_world.size(0));
+  call.width = static_cast<int>(args.width);
+  call.height = static_cast<int>(args.height);
+  call.sh_stride = static_cast<int>(g.sh.size(1));
+  call.sh_degree = args.sh_degree;
+  call.near_plane = static_cast<float>(args.near_plane);
+  call.antialiased = args.antialiased;
+  call.tiles_x = (call.width + kTile - 1) / kTile;
+  call.tiles_y = (call.height + kTile - 1) / kTile;
+  call.tiles = call.tiles_x * call.tiles_y;
+  return call;
 }
 
 /// Screen records and tile tables in one allocation, the instances in another: the second one's
@@ -96,36 +96,36 @@ Scene make_scene(const ForwardArgs& args) {
 struct Lists {
   torch::Tensor tables, keys;
 
-  static Arena lay_out(const Scene& scene, int64_t* at) {
-    const int64_t tiles = int64_t{scene.views} * scene.tiles;
+  static Arena lay_out(const RenderCall& call, int64_t* at) {
+    const int64_t tiles = int64_t{call.views} * call.tiles;
     Arena arena;
     at[0] = arena.add(sizeof(Counters));  // with the lists behind it, zeroed in one go
     at[1] = arena.add(tiles * sizeof(TileList));
     at[2] = arena.add(tiles * sizeof(uint32_t));
-    at[3] = arena.add(int64_t{scene.views} * scene.count * sizeof(Splat));
+    at[3] = arena.add(int64_t{call.views} * call.count * sizeof(Splat));
     return arena;
   }
 
-  void bind(Scene* scene) const {
+  void bind(RenderCall* call) const {
     int64_t at[4];
-    lay_out(*scene, at);
+    lay_out(*call, at);
     char* const base = static_cast<char*>(tables.data_ptr());
-    scene->counters = reinterpret_cast<Counters*>(base + at[0]);
-    scene->tile_list = reinterpret_cast<TileList*>(base + at[1]);
-    scene->tile_order = reinterpret_cast<uint32_t*>(base + at[2]);
-    scene->splats = reinterpret_cast<Splat*>(base + at[3]);
+    call->counters = reinterpret_cast<Counters*>(base + at[0]);
+    call->tile_list = reinterpret_cast<TileList*>(base + at[1]);
+    call->tile_order = reinterpret_cast<uint32_t*>(base + at[2]);
+    call->splats = reinterpret_cast<Splat*>(base + at[3]);
     if (keys.defined()) {
-      scene->keys = reinterpret_cast<uint64_t*>(keys.data_ptr());
-      scene->capacity = static_cast<uint32_t>(keys.size(0));
+      call->keys = reinterpret_cast<uint64_t*>(keys.data_ptr());
+      call->capacity = static_cast<uint32_t>(keys.size(0));
     }
   }
 };
 
 /// Waits for the device.
-Counters read_counters(const Scene& scene, cudaStream_t stream) {
+Counters read_counters(const RenderCall& call, cudaStream_t stream) {
   Counters counters;
   check_cuda(
-      cudaMemcpyAsync(&counters, scene.counters, sizeof(counters), cudaMemcpyDeviceToHost, stream),
+      cudaMemcpyAsync(&counters, call.counters, sizeof(counters), cudaMemcpyDeviceToHost, stream),
       "counting instances");
   check_cuda(cudaStreamSynchronize(stream), "counting instances");
   return counters;
@@ -133,33 +133,33 @@ Counters read_counters(const Scene& scene, cudaStream_t stream) {
 
 /// Projects all views and cuts up an instance buffer. The first call of a size counts first and
 /// waits for the result; so does every deterministic call, whose gradients need every list.
-Lists project_and_bin(Scene* scene, const ForwardArgs& args, long long* rejected,
+Lists project_and_bin(RenderCall* call, const ForwardArgs& args, long long* rejected,
                       cudaStream_t stream) {
   const auto options = args.gaussians.means.options();
   int64_t at[4];
-  Arena arena = Lists::lay_out(*scene, at);
+  Arena arena = Lists::lay_out(*call, at);
   arena.allocate(options);
   Lists lists;
   lists.tables = arena.tensor();
-  lists.bind(scene);
-  check_cuda(cudaMemsetAsync(scene->counters, 0, static_cast<size_t>(at[2]), stream), "clearing");
-  launch_project(*scene, stream);
+  lists.bind(call);
+  check_cuda(cudaMemsetAsync(call->counters, 0, static_cast<size_t>(at[2]), stream), "clearing");
+  launch_project(*call, stream);
 
   InstanceBudget& budget =
-      InstanceBudget::of(options.device().index(), scene->views, scene->width, scene->height);
+      InstanceBudget::of(options.device().index(), call->views, call->width, call->height);
   if ((args.deterministic || !budget.known()) && !is_capturing(stream)) {
-    launch_plan(*scene, nullptr, stream);
-    budget.learn(read_counters(*scene, stream).instances, scene->count);
+    launch_plan(*call, nullptr, stream);
+    budget.learn(read_counters(*call, stream).instances, call->count);
   }
   const int64_t forced = instance_capacity_for_test();
-  const int64_t capacity = forced >= 0 ? forced : budget.capacity(scene->count);
+  const int64_t capacity = forced >= 0 ? forced : budget.capacity(call->count);
   lists.keys = torch::empty({capacity}, options.dtype(torch::kInt64));
-  lists.bind(scene);
-  launch_plan(*scene, rejected, stream);
-  check_cuda(cudaMemcpyAsync(budget.inbox(), scene->counters, 2 * sizeof(uint64_t),
+  lists.bind(call);
+  launch_plan(*call, rejected, stream);
+  check_cuda(cudaMemcpyAsync(budget.inbox(), call->counters, 2 * sizeof(uint64_t),
                              cudaMemcpyDeviceToHost, stream),
              "copying the instance count");
-  launch_fill(*scene, stream);
+  launch_fill(*call, stream);
   return lists;
 }
 
@@ -168,23 +168,23 @@ float* pointer(const torch::Tensor& tensor) {
 }
 
 /// The backward pass's working memory; the sums start at zero.
-torch::Tensor bind_workspace(const BackwardArgs& args, const Scene& scene, Gradients* gradients,
+torch::Tensor bind_workspace(const BackwardArgs& args, const RenderCall& call, Gradients* gradients,
                              cudaStream_t stream) {
-  const int64_t values = kSums + (gradients->with_depth ? 1 : 0);
-  const int64_t tiles = int64_t{scene.views} * scene.tiles;
-  const int64_t blocks = std::max(1, (scene.count + kAdjointThreads - 1) / kAdjointThreads);
+  const int64_t values = m::kPixelSums + (gradients->with_depth ? 1 : 0);
+  const int64_t tiles = int64_t{call.views} * call.tiles;
+  const int64_t blocks = std::max(1, (call.count + kAdjointThreads - 1) / kAdjointThreads);
   Arena arena;
   const int64_t done = arena.add(sizeof(unsigned int));
   const int64_t background = arena.add(3 * sizeof(float));
-  const int64_t cameras = arena.add(int64_t{scene.views} * 12 * sizeof(float));
-  const int64_t sums = arena.add(int64_t{scene.views} * scene.count * values * sizeof(float));
+  const int64_t cameras = arena.add(int64_t{call.views} * 12 * sizeof(float));
+  const int64_t sums = arena.add(int64_t{call.views} * call.count * values * sizeof(float));
   const int64_t cleared = arena.size();
   const int64_t slots = cleared;
   int64_t progress = 0, camera_partial = 0, background_partial = 0;
   if (args.forward.deterministic) {
-    arena.add(int64_t{scene.capacity} * 4 * values * sizeof(float));
+    arena.add(int64_t{call.capacity} * 4 * values * sizeof(float));
     progress = arena.add(tiles * 4 * sizeof(uint32_t));
-    camera_partial = arena.add(blocks * scene.views * 12 * sizeof(float));
+    camera_partial = arena.add(blocks * call.views * 12 * sizeof(float));
     background_partial = arena.add(tiles * 3 * sizeof(float));
   }
   arena.allocate(args.color.options());
@@ -208,16 +208,16 @@ torch::Tensor bind_workspace(const BackwardArgs& args, const Scene& scene, Gradi
 ForwardResult forward(const ForwardArgs& args) {
   const c10::cuda::CUDAGuard guard(args.gaussians.means.device());
   const cudaStream_t stream = c10::cuda::getCurrentCUDAStream();
-  Scene scene = make_scene(args);
+  RenderCall call = make_call(args);
   const auto options = args.gaussians.means.options();
   ForwardResult result;
-  result.color = torch::empty({scene.views, 3, args.height, args.width}, options);
-  result.alpha = torch::empty({scene.views, 1, args.height, args.width}, options);
+  result.color = torch::empty({call.views, 3, args.height, args.width}, options);
+  result.alpha = torch::empty({call.views, 1, args.height, args.width}, options);
   if (args.depth) result.depth_sum = torch::empty_like(result.alpha);
   result.rejected = torch::empty({1}, options.dtype(torch::kInt64));
   auto* const rejected = reinterpret_cast<long long*>(result.rejected.data_ptr());
-  const Lists lists = project_and_bin(&scene, args, rejected, stream);
-  launch_blend(scene, {pointer(result.color), pointer(result.alpha), pointer(result.depth_sum)},
+  const Lists lists = project_and_bin(&call, args, rejected, stream);
+  launch_blend(call, {pointer(result.color), pointer(result.alpha), pointer(result.depth_sum)},
                stream);
   check_launches("splatting, forward");
   if (args.needs_backward) result.state.tensors = {lists.tables, lists.keys};
@@ -227,9 +227,9 @@ ForwardResult forward(const ForwardArgs& args) {
 BackwardResult backward(const BackwardArgs& args) {
   const c10::cuda::CUDAGuard guard(args.color.device());
   const cudaStream_t stream = c10::cuda::getCurrentCUDAStream();
-  Scene scene = make_scene(args.forward);
+  RenderCall call = make_call(args.forward);
   const Lists lists{args.state.tensors.at(0), args.state.tensors.at(1)};
-  lists.bind(&scene);
+  lists.bind(&call);
   const Gaussians& g = args.forward.gaussians;
   BackwardResult result;
   result.gaussians = {torch::empty_like(g.means), torch::empty_like(g.rotations),
@@ -252,14 +252,14 @@ BackwardResult backward(const BackwardArgs& args) {
   gradients.max_radius_px = pointer(args.statistics.max_radius_px);
   gradients.statistics_view = static_cast<int>(args.statistics_view);
   gradients.with_depth = args.forward.depth && args.grad_depth_sum.defined();
-  const torch::Tensor workspace = bind_workspace(args, scene, &gradients, stream);
+  const torch::Tensor workspace = bind_workspace(args, call, &gradients, stream);
   launch_blend_adjoint(
-      scene,
+      call,
       {pointer(args.color), pointer(args.alpha), pointer(args.depth_sum), pointer(args.grad_color),
        pointer(args.grad_alpha), pointer(args.grad_depth_sum)},
       gradients, stream);
-  if (args.forward.deterministic) launch_gather(scene, gradients, stream);
-  launch_project_adjoint(scene, gradients, stream);
+  if (args.forward.deterministic) launch_gather(call, gradients, stream);
+  launch_project_adjoint(call, gradients, stream);
   check_launches("splatting, backward");
   return result;
 }

@@ -26,27 +26,27 @@ __device__ __forceinline__ uint32_t inclusive_scan(uint32_t value, int lane) {
 constexpr int kPlanLoads = 4, kPlanBatch = kPlanLoads * kPlanThreads;
 
 /// A thread's counts of a batch of tiles, all loads in flight together; 0 beyond the last tile.
-__device__ __forceinline__ void load_counts(const Scene& scene, int base, int tiles,
+__device__ __forceinline__ void load_counts(const RenderCall& call, int base, int tiles,
                                             uint32_t* counts) {
 #pragma unroll
   for (int k = 0; k < kPlanLoads; ++k) {
     const int t = base + k * kPlanThreads + threadIdx.x;
-    counts[k] = t < tiles ? scene.tile_list[t].count : 0;
+    counts[k] = t < tiles ? call.tile_list[t].count : 0;
   }
 }
 
 /// One block: lists are laid out in no particular order, which is invisible in the results.
 __global__ void __launch_bounds__(kPlanThreads)
-    plan_kernel(const __grid_constant__ Scene scene, long long* rejected) {
+    plan_kernel(const __grid_constant__ RenderCall call, long long* rejected) {
   __shared__ uint32_t next_of_class[kClasses];
   __shared__ unsigned long long total;
-  const int tiles = scene.views * scene.tiles, lane = threadIdx.x & 31;
+  const int tiles = call.views * call.tiles, lane = threadIdx.x & 31;
   if (threadIdx.x < kClasses) next_of_class[threadIdx.x] = 0;
   if (threadIdx.x == 0) total = 0;
   __syncthreads();
   for (int base = 0; base < tiles; base += kPlanBatch) {
     uint32_t counts[kPlanLoads];
-    load_counts(scene, base, tiles, counts);
+    load_counts(call, base, tiles, counts);
 #pragma unroll
     for (int k = 0; k < kPlanLoads; ++k) {
       if (base + k * kPlanThreads + threadIdx.x < tiles) {
@@ -66,7 +66,7 @@ __global__ void __launch_bounds__(kPlanThreads)
   __syncthreads();
   for (int base = 0; base < tiles; base += kPlanBatch) {
     uint32_t counts[kPlanLoads];
-    load_counts(scene, base, tiles, counts);
+    load_counts(call, base, tiles, counts);
 #pragma unroll
     for (int k = 0; k < kPlanLoads; ++k) {
       const int t = base + k * kPlanThreads + threadIdx.x;
@@ -77,18 +77,18 @@ __global__ void __launch_bounds__(kPlanThreads)
       if (lane == 31) begin = atomicAdd(&total, (unsigned long long)sum);
       begin = __shfl_sync(~0u, begin, 31) + (sum - short_count);
       if (t < tiles) {
-        const bool fits = begin + count <= scene.capacity && count == short_count;
-        const uint32_t start = fits ? uint32_t(begin) : scene.capacity;
-        scene.tile_list[t].begin = scene.tile_list[t].next = start;
-        scene.tile_order[atomicAdd(&next_of_class[length_class(count)], 1u)] = t;
+        const bool fits = begin + count <= call.capacity && count == short_count;
+        const uint32_t start = fits ? uint32_t(begin) : call.capacity;
+        call.tile_list[t].begin = call.tile_list[t].next = start;
+        call.tile_order[atomicAdd(&next_of_class[length_class(count)], 1u)] = t;
       }
     }
   }
   __syncthreads();
   if (threadIdx.x == 0) {
-    scene.counters->instances = total;
-    scene.counters->gaussians = scene.count;
-    if (rejected != nullptr) *rejected = (long long)scene.counters->rejected;
+    call.counters->instances = total;
+    call.counters->gaussians = call.count;
+    if (rejected != nullptr) *rejected = (long long)call.counters->rejected;
   }
 }
 
@@ -109,7 +109,7 @@ struct PendingInstances {
     }
     ++count;
   }
-  __device__ __forceinline__ void write(const Scene& scene, TileList* lists) {
+  __device__ __forceinline__ void write(const RenderCall& call, TileList* lists) {
     uint32_t slots[kMost];
 #pragma unroll
     for (int k = 0; k < kMost; ++k) {
@@ -117,28 +117,29 @@ struct PendingInstances {
     }
 #pragma unroll
     for (int k = 0; k < kMost; ++k) {
-      if (k < count && slots[k] < scene.capacity) scene.keys[slots[k]] = keys[k];
+      if (k < count && slots[k] < call.capacity) call.keys[slots[k]] = keys[k];
     }
     count = 0;
   }
 };
 
-__global__ void __launch_bounds__(kEmitThreads) emit_kernel(const __grid_constant__ Scene scene) {
+__global__ void __launch_bounds__(kEmitThreads)
+    emit_kernel(const __grid_constant__ RenderCall call) {
   // Neighbouring blocks work on different views, so that their atomics meet on fewer counters.
-  const int view = blockIdx.x % scene.views;
-  const int index = blockIdx.x / scene.views * kEmitThreads + threadIdx.x;
+  const int view = blockIdx.x % call.views;
+  const int index = blockIdx.x / call.views * kEmitThreads + threadIdx.x;
   Splat splat{};
-  if (index < scene.count) splat = load_splat(scene.splats + int64_t(view) * scene.count + index);
+  if (index < call.count) splat = load_splat(call.splats + int64_t(view) * call.count + index);
   // A few instances are collected before their slots are asked for: the answers then take as long
   // together as one would.
-  TileList* const lists = scene.tile_list + view * scene.tiles;
+  TileList* const lists = call.tile_list + view * call.tiles;
   PendingInstances pending;
-  walk_tiles(splat, splat.depth > 0, index, scene,
+  walk_tiles(splat, splat.depth > 0, index, call,
              [&](float depth, int gaussian, int tile, uint32_t mask) {
                pending.push(make_key(depth, gaussian, mask), tile);
-               if (pending.count == PendingInstances::kMost) pending.write(scene, lists);
+               if (pending.count == PendingInstances::kMost) pending.write(call, lists);
              });
-  pending.write(scene, lists);
+  pending.write(call, lists);
 }
 
 // ---- sort -------------------------------------------------------------------------------------
@@ -302,11 +303,12 @@ __device__ void keep_entries(uint64_t* keys, int count) {
   }
 }
 
-__global__ void __launch_bounds__(kSortThreads) sort_kernel(const __grid_constant__ Scene scene) {
+__global__ void __launch_bounds__(kSortThreads)
+    sort_kernel(const __grid_constant__ RenderCall call) {
   __shared__ SortShared shared;
-  const TileList list = scene.tile_list[scene.tile_order[blockIdx.x]];
-  if (list.count == 0 || list.begin >= scene.capacity) return;
-  uint64_t* const keys = scene.keys + list.begin;
+  const TileList list = call.tile_list[call.tile_order[blockIdx.x]];
+  if (list.count == 0 || list.begin >= call.capacity) return;
+  uint64_t* const keys = call.keys + list.begin;
   const int count = int(list.count);
   if (count <= kChunk && bucket_sort(keys, count, shared)) return;
   __syncthreads();
@@ -316,15 +318,15 @@ __global__ void __launch_bounds__(kSortThreads) sort_kernel(const __grid_constan
 
 }  // namespace
 
-void launch_plan(const Scene& scene, long long* rejected, cudaStream_t stream) {
-  plan_kernel<<<1, kPlanThreads, 0, stream>>>(scene, rejected);
+void launch_plan(const RenderCall& call, long long* rejected, cudaStream_t stream) {
+  plan_kernel<<<1, kPlanThreads, 0, stream>>>(call, rejected);
 }
 
-void launch_fill(const Scene& scene, cudaStream_t stream) {
-  if (scene.count == 0) return;
-  const int blocks = (scene.count + kEmitThreads - 1) / kEmitThreads * scene.views;
-  emit_kernel<<<blocks, kEmitThreads, 0, stream>>>(scene);
-  sort_kernel<<<scene.views * scene.tiles, kSortThreads, 0, stream>>>(scene);
+void launch_fill(const RenderCall& call, cudaStream_t stream) {
+  if (call.count == 0) return;
+  const int blocks = (call.count + kEmitThreads - 1) / kEmitThreads * call.views;
+  emit_kernel<<<blocks, kEmitThreads, 0, stream>>>(call);
+  sort_kernel<<<call.views * call.tiles, kSortThreads, 0, stream>>>(call);
 }
 
 }  // namespace jade::splat::cuda

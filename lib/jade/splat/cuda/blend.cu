@@ -15,29 +15,13 @@ __device__ __forceinline__ bool any_alive(const float* t) {
   return __any_sync(~0u, t[0] > 0.0f || t[1] > 0.0f);
 }
 
-/// α before the cap, or 0 where the splat is not visible.
-__device__ __forceinline__ float raw_alpha(const m::Falloff<float>& falloff, float log2_opacity,
-                                           float dx, float dy) {
-  const float e = m::exponent(falloff, log2_opacity, dx, dy);
-  return m::is_visible(e) ? fast_exp2(e) : 0.0f;
-}
-
-/// The decision that both passes take alike, without a branch: advances `t` or stops the pixel.
-/// Returns the weight.
-__device__ __forceinline__ float advance(float alpha, float* t) {
-  const float used = __fmul_rn(alpha, *t), left = __fsub_rn(*t, used);
-  const bool fits = left > float(m::kMinTransmittance);
-  *t = fits ? left : -fabsf(*t);
-  return fits ? used : 0.0f;
-}
-
 template <bool kDepth>
 __global__ void __launch_bounds__(kBlendThreads)
-    blend_kernel(const __grid_constant__ Scene scene, const Images images) {
+    blend_kernel(const __grid_constant__ RenderCall call, const Images images) {
   __shared__ WarpStage stages[kBlendThreads / 32];
   __shared__ RoundShared round;
   __shared__ uint64_t round_keys[kRoundKeys];
-  const Pixels pixels(scene);
+  const Pixels pixels(call);
   WarpStage& stage = stages[pixels.quarter];
   const float px[2] = {float(pixels.x[0]) + 0.5f, float(pixels.x[1]) + 0.5f};
   const float py = float(pixels.y) + 0.5f;
@@ -46,31 +30,31 @@ __global__ void __launch_bounds__(kBlendThreads)
   for (int k = 0; k < 2; ++k) t[k] = first_transmittance(pixels.inside[k]);
   const auto alive = [&] { return any_alive(t); };
   stream_tile(
-      scene, pixels, stage, round, round_keys, alive,
+      call, pixels, stage, round, round_keys, alive,
       [&](int j) {
         const float4 p = stage.splat[j][0], q = stage.splat[j][1], r = stage.splat[j][2];
         const m::Falloff<float> falloff{p.z, p.w, q.x};
-        const float dy = py - p.y;
+        const m::RowFalloff<float> row = m::at_row(falloff, q.y, py - p.y);
 #pragma unroll
         for (int k = 0; k < 2; ++k) {
-          const float raw = raw_alpha(falloff, q.y, px[k] - p.x, dy);
-          const float weight = advance(fminf(raw, float(m::kMaxAlpha)), &t[k]);
-          red[k] = fmaf(weight, q.z, red[k]);
-          green[k] = fmaf(weight, q.w, green[k]);
-          blue[k] = fmaf(weight, r.x, blue[k]);
-          if (kDepth) depth[k] = fmaf(weight, r.y, depth[k]);
+          const auto step =
+              m::blend_step<FastArithmetic, false>(m::exponent(row, px[k] - p.x), &t[k]);
+          red[k] = fmaf(step.weight, q.z, red[k]);
+          green[k] = fmaf(step.weight, q.w, green[k]);
+          blue[k] = fmaf(step.weight, r.x, blue[k]);
+          if (kDepth) depth[k] = fmaf(step.weight, r.y, depth[k]);
         }
       },
       [](int, int) {});
-  const int64_t plane = int64_t(scene.width) * scene.height;
+  const int64_t plane = int64_t(call.width) * call.height;
   float* const color = images.color + 3 * pixels.view * plane;
   for (int k = 0; k < 2; ++k) {
     if (!pixels.inside[k]) continue;
     const int64_t i = pixels.offset[k];
     t[k] = fabsf(t[k]);
-    color[i] = red[k] + t[k] * scene.background[0];
-    color[plane + i] = green[k] + t[k] * scene.background[1];
-    color[2 * plane + i] = blue[k] + t[k] * scene.background[2];
+    color[i] = red[k] + t[k] * call.background[0];
+    color[plane + i] = green[k] + t[k] * call.background[1];
+    color[2 * plane + i] = blue[k] + t[k] * call.background[2];
     images.alpha[pixels.view * plane + i] = 1.0f - t[k];
     if (kDepth) images.depth_sum[pixels.view * plane + i] = depth[k];
   }
@@ -85,10 +69,11 @@ struct PixelGradients {
 
 /// Loads the cotangents; returns in `background` this lane's part of dL/dbackground.
 template <bool kDepth>
-__device__ __forceinline__ PixelGradients load_gradients(const Scene& scene, const Pixels& pixels,
+__device__ __forceinline__ PixelGradients load_gradients(const RenderCall& call,
+                                                         const Pixels& pixels,
                                                          const ImageGradients& images,
                                                          float* background) {
-  const int64_t plane = int64_t(scene.width) * scene.height;
+  const int64_t plane = int64_t(call.width) * call.height;
   const int64_t color_at = 3 * pixels.view * plane, alpha_at = pixels.view * plane;
   PixelGradients g{};
   for (int c = 0; c < 3; ++c) background[c] = 0;
@@ -117,7 +102,7 @@ __device__ __forceinline__ PixelGradients load_gradients(const Scene& scene, con
   return g;
 }
 
-__device__ __forceinline__ void add_background(const Scene& scene, const Pixels& pixels,
+__device__ __forceinline__ void add_background(const RenderCall& call, const Pixels& pixels,
                                                const Gradients& gradients, const float* background,
                                                float (*warp_sums)[3]) {
   for (int c = 0; c < 3; ++c) {
@@ -129,7 +114,7 @@ __device__ __forceinline__ void add_background(const Scene& scene, const Pixels&
     float sum = 0;
     for (int w = 0; w < kBlendThreads / 32; ++w) sum += warp_sums[w][threadIdx.x];
     if (gradients.background_partial != nullptr) {
-      const int64_t tile = int64_t(pixels.view) * scene.tiles + pixels.tile;
+      const int64_t tile = int64_t(pixels.view) * call.tiles + pixels.tile;
       gradients.background_partial[3 * tile + threadIdx.x] = sum;
     } else {
       atomicAdd(gradients.background_sums + threadIdx.x, sum);
@@ -186,8 +171,8 @@ __device__ __forceinline__ void sum_splat(const WarpSums& s, const float (*grad)
   values[8] = color[2];
   exchange_halves<4>(values, 2, q & 2);
   exchange_halves<2>(values, 1, q & 1);
-  for (int k = 8; k < kSums + kDepth; ++k) {
-    if (k == kSums) values[k] = color[3];
+  for (int k = 8; k < m::kPixelSums + kDepth; ++k) {
+    if (k == m::kPixelSums) values[k] = color[3];
     values[k] += __shfl_xor_sync(~0u, values[k], 2);
     values[k] += __shfl_xor_sync(~0u, values[k], 1);
   }
@@ -195,23 +180,23 @@ __device__ __forceinline__ void sum_splat(const WarpSums& s, const float (*grad)
 
 template <bool kDepth, bool kSlots>
 __global__ void __launch_bounds__(kBlendThreads, kDepth || kSlots ? 5 : 6)
-    blend_adjoint_kernel(const __grid_constant__ Scene scene,
+    blend_adjoint_kernel(const __grid_constant__ RenderCall call,
                          const __grid_constant__ ImageGradients images,
                          const __grid_constant__ Gradients gradients) {
-  constexpr int kValues = kSums + kDepth;
+  constexpr int kValues = m::kPixelSums + kDepth;
   __shared__ WarpStage stages[kBlendThreads / 32];
   __shared__ __align__(16) WarpSums all_sums[kBlendThreads / 32];
   __shared__ __align__(16) float grads[kBlendThreads / 32][3 + kDepth][kQuarterPixels];
   static_assert(sizeof(all_sums) >= kRoundKeys * sizeof(uint64_t), "rounds borrow this memory");
   __shared__ RoundShared round;
   __shared__ float warp_background[kBlendThreads / 32][3];
-  const Pixels pixels(scene);
+  const Pixels pixels(call);
   WarpStage& stage = stages[pixels.quarter];
   WarpSums& sums = all_sums[pixels.quarter];
   const int lane = threadIdx.x & 31;
   float background[3];
-  PixelGradients g = load_gradients<kDepth>(scene, pixels, images, background);
-  add_background(scene, pixels, gradients, background, warp_background);
+  PixelGradients g = load_gradients<kDepth>(call, pixels, images, background);
+  add_background(call, pixels, gradients, background, warp_background);
   for (int k = 0; k < 2; ++k) {
     grads[pixels.quarter][0][2 * lane + k] = g.red[k];
     grads[pixels.quarter][1][2 * lane + k] = g.green[k];
@@ -223,10 +208,10 @@ __global__ void __launch_bounds__(kBlendThreads, kDepth || kSlots ? 5 : 6)
   const float py = float(pixels.y) + 0.5f;
   float t[2];
   for (int k = 0; k < 2; ++k) t[k] = first_transmittance(pixels.inside[k]);
-  const int64_t global_tile = int64_t(pixels.view) * scene.tiles + pixels.tile;
-  const TileList list = scene.tile_list[global_tile];
-  const bool slots = kSlots && list.begin < scene.capacity;
-  float* const view_sums = gradients.sums + int64_t(pixels.view) * scene.count * kValues;
+  const int64_t global_tile = int64_t(pixels.view) * call.tiles + pixels.tile;
+  const TileList list = call.tile_list[global_tile];
+  const bool slots = kSlots && list.begin < call.capacity;
+  float* const view_sums = gradients.sums + int64_t(pixels.view) * call.count * kValues;
   // This lane's share of a splat when the group is summed.
   const int q = lane & 3;
   const float middle_x = px[0] - float(2 * (lane & 3)) + float(4 * (q & 1)) + 1.5f;
@@ -236,21 +221,15 @@ __global__ void __launch_bounds__(kBlendThreads, kDepth || kSlots ? 5 : 6)
   const auto blend = [&](int j) {
     const float4 p = stage.splat[j][0], q4 = stage.splat[j][1], r = stage.splat[j][2];
     const m::Falloff<float> falloff{p.z, p.w, q4.x};
-    const float dy = py - p.y;
+    const m::RowFalloff<float> row = m::at_row(falloff, q4.y, py - p.y);
     float u[2], weights[2];
 #pragma unroll
     for (int k = 0; k < 2; ++k) {
-      const float raw = raw_alpha(falloff, q4.y, px[k] - p.x, dy);
-      const float alpha = fminf(raw, float(m::kMaxAlpha));
-      const float weight = advance(alpha, &t[k]);
+      const auto step = m::blend_step<FastArithmetic, false>(m::exponent(row, px[k] - p.x), &t[k]);
       float value = g.red[k] * q4.z + g.green[k] * q4.w + g.blue[k] * r.x;
       if (kDepth) value += g.depth[k] * r.y;
-      const float weighted = weight * value;
-      g.behind[k] -= weighted;
-      const float on_alpha = weighted - __fdividef(g.behind[k] * alpha, 1.0f - alpha);
-      const bool counts = weight > 0.0f && raw <= float(m::kMaxAlpha);
-      u[k] = counts ? on_alpha : 0.0f;
-      weights[k] = weight;
+      u[k] = m::blend_step_adjoint<FastArithmetic, false>(step, value, &g.behind[k]);
+      weights[k] = step.weight;
     }
     const int at = (j % kGroup) * kSplatStride + 2 * lane;
     *reinterpret_cast<float2*>(sums.u + at) = make_float2(u[0], u[1]);
@@ -285,7 +264,7 @@ __global__ void __launch_bounds__(kBlendThreads, kDepth || kSlots ? 5 : 6)
     }
     __syncwarp();
   };
-  stream_tile(scene, pixels, stage, round, reinterpret_cast<uint64_t*>(all_sums), alive, blend,
+  stream_tile(call, pixels, stage, round, reinterpret_cast<uint64_t*>(all_sums), alive, blend,
               flush);
   if (slots && lane == 0) gradients.progress[global_tile * 4 + pixels.quarter] = progress;
 }
@@ -310,23 +289,23 @@ constexpr int kGatherThreads = 128;
 
 template <bool kDepth>
 __global__ void __launch_bounds__(kGatherThreads)
-    gather_kernel(const __grid_constant__ Scene scene,
+    gather_kernel(const __grid_constant__ RenderCall call,
                   const __grid_constant__ Gradients gradients) {
-  constexpr int kValues = kSums + kDepth;
+  constexpr int kValues = m::kPixelSums + kDepth;
   const int index = blockIdx.x * kGatherThreads + threadIdx.x, view = blockIdx.y;
-  if (index >= scene.count) return;
-  const Splat* const splats = scene.splats + int64_t(view) * scene.count;
+  if (index >= call.count) return;
+  const Splat* const splats = call.splats + int64_t(view) * call.count;
   const Splat splat = load_splat(splats + index);
   if (!(splat.depth > 0)) return;
   float sums[kValues] = {};
   const Ellipse ellipse(splat);
   int lo, hi;
-  ellipse.rows(scene.tiles_y - 1, &lo, &hi);
-  walk_rows(ellipse, lo, hi, 1, scene, [&](int tile, uint32_t mask) {
-    const int64_t global_tile = int64_t(view) * scene.tiles + tile;
-    const TileList list = scene.tile_list[global_tile];
-    if (list.begin >= scene.capacity) return;
-    const auto* const entries = reinterpret_cast<const uint32_t*>(scene.keys + list.begin);
+  ellipse.rows(call.tiles_y - 1, &lo, &hi);
+  walk_rows(ellipse, lo, hi, 1, call, [&](int tile, uint32_t mask) {
+    const int64_t global_tile = int64_t(view) * call.tiles + tile;
+    const TileList list = call.tile_list[global_tile];
+    if (list.begin >= call.capacity) return;
+    const auto* const entries = reinterpret_cast<const uint32_t*>(call.keys + list.begin);
     const uint32_t at = find_in_list(entries, list.count, splats, splat.depth, index);
     for (int quarter = 0; quarter < 4; ++quarter) {
       if ((mask >> quarter & 1) == 0) continue;
@@ -336,49 +315,49 @@ __global__ void __launch_bounds__(kGatherThreads)
       for (int k = 0; k < kValues; ++k) sums[k] += slot[k];
     }
   });
-  float* const out = gradients.sums + (int64_t(view) * scene.count + index) * kValues;
+  float* const out = gradients.sums + (int64_t(view) * call.count + index) * kValues;
   for (int k = 0; k < kValues; ++k) out[k] += sums[k];
 }
 
 }  // namespace
 
-void launch_blend(const Scene& scene, const Images& images, cudaStream_t stream) {
-  const int blocks = scene.views * scene.tiles;
+void launch_blend(const RenderCall& call, const Images& images, cudaStream_t stream) {
+  const int blocks = call.views * call.tiles;
   if (images.depth_sum != nullptr) {
-    blend_kernel<true><<<blocks, kBlendThreads, 0, stream>>>(scene, images);
+    blend_kernel<true><<<blocks, kBlendThreads, 0, stream>>>(call, images);
   } else {
-    blend_kernel<false><<<blocks, kBlendThreads, 0, stream>>>(scene, images);
+    blend_kernel<false><<<blocks, kBlendThreads, 0, stream>>>(call, images);
   }
 }
 
-void launch_blend_adjoint(const Scene& scene, const ImageGradients& images,
+void launch_blend_adjoint(const RenderCall& call, const ImageGradients& images,
                           const Gradients& gradients, cudaStream_t stream) {
-  const int blocks = scene.views * scene.tiles;
+  const int blocks = call.views * call.tiles;
   const bool slots = gradients.slots != nullptr;
   if (gradients.with_depth) {
     if (slots) {
       blend_adjoint_kernel<true, true>
-          <<<blocks, kBlendThreads, 0, stream>>>(scene, images, gradients);
+          <<<blocks, kBlendThreads, 0, stream>>>(call, images, gradients);
     } else {
       blend_adjoint_kernel<true, false>
-          <<<blocks, kBlendThreads, 0, stream>>>(scene, images, gradients);
+          <<<blocks, kBlendThreads, 0, stream>>>(call, images, gradients);
     }
   } else if (slots) {
     blend_adjoint_kernel<false, true>
-        <<<blocks, kBlendThreads, 0, stream>>>(scene, images, gradients);
+        <<<blocks, kBlendThreads, 0, stream>>>(call, images, gradients);
   } else {
     blend_adjoint_kernel<false, false>
-        <<<blocks, kBlendThreads, 0, stream>>>(scene, images, gradients);
+        <<<blocks, kBlendThreads, 0, stream>>>(call, images, gradients);
   }
 }
 
-void launch_gather(const Scene& scene, const Gradients& gradients, cudaStream_t stream) {
-  if (scene.count == 0) return;
-  const dim3 blocks((scene.count + kGatherThreads - 1) / kGatherThreads, scene.views);
+void launch_gather(const RenderCall& call, const Gradients& gradients, cudaStream_t stream) {
+  if (call.count == 0) return;
+  const dim3 blocks((call.count + kGatherThreads - 1) / kGatherThreads, call.views);
   if (gradients.with_depth) {
-    gather_kernel<true><<<blocks, kGatherThreads, 0, stream>>>(scene, gradients);
+    gather_kernel<true><<<blocks, kGatherThreads, 0, stream>>>(call, gradients);
   } else {
-    gather_kernel<false><<<blocks, kGatherThreads, 0, stream>>>(scene, gradients);
+    gather_kernel<false><<<blocks, kGatherThreads, 0, stream>>>(call, gradients);
   }
 }
 

@@ -16,12 +16,18 @@ struct WarpStage {
   uint32_t position[64];  ///< in the tile's list; deterministic passes only
 };
 
-/// 2^e for −8 ≤ e ≤ 0: the special function unit's own accuracy, 2 ulp, is enough.
-__device__ __forceinline__ float fast_exp2(float e) {
-  float value;
-  asm("ex2.approx.ftz.f32 %0, %1;" : "=f"(value) : "f"(e));
-  return value;
-}
+/// The arithmetic of math::blend_step() with the special function unit's own accuracy, 2 ulp.
+struct FastArithmetic {
+  static __device__ __forceinline__ float exp2_where(bool mask, float x) {
+    float value = 0;
+    if (mask) asm("ex2.approx.ftz.f32 %0, %1;" : "=f"(value) : "f"(x));
+    return value;
+  }
+  static __device__ __forceinline__ float product(float a, float b) { return __fmul_rn(a, b); }
+  static __device__ __forceinline__ float times_ratio(float x, float a, float b) {
+    return __fdividef(x * a, b);
+  }
+};
 
 /// One block's tile and one lane's two pixels, side by side in the warp's quarter.
 struct Pixels {
@@ -30,18 +36,18 @@ struct Pixels {
   bool inside[2];
   int64_t offset[2];  ///< in a plane of the view's image
 
-  __device__ explicit Pixels(const Scene& scene) {
-    const int global_tile = scene.tile_order[blockIdx.x], lane = threadIdx.x & 31;
-    view = global_tile / scene.tiles;
-    tile = global_tile - view * scene.tiles;
-    tile_y = tile / scene.tiles_x;
-    tile_x = tile - tile_y * scene.tiles_x;
+  __device__ explicit Pixels(const RenderCall& call) {
+    const int global_tile = call.tile_order[blockIdx.x], lane = threadIdx.x & 31;
+    view = global_tile / call.tiles;
+    tile = global_tile - view * call.tiles;
+    tile_y = tile / call.tiles_x;
+    tile_x = tile - tile_y * call.tiles_x;
     quarter = threadIdx.x >> 5;
     y = tile_y * kTile + (quarter >> 1) * kSubtile + (lane >> 2);
     for (int k = 0; k < 2; ++k) {
       x[k] = tile_x * kTile + (quarter & 1) * kSubtile + 2 * (lane & 3) + k;
-      inside[k] = x[k] < scene.width && y < scene.height;
-      offset[k] = int64_t(y) * scene.width + x[k];
+      inside[k] = x[k] < call.width && y < call.height;
+      offset[k] = int64_t(y) * call.width + x[k];
     }
   }
 };
@@ -101,22 +107,22 @@ __device__ __forceinline__ bool stream(const uint32_t* list, int count, int quar
 
 /// Streams the whole tile, listed or not.
 template <class Alive, class Blend, class Flush>
-__device__ __forceinline__ void stream_tile(const Scene& scene, const Pixels& pixels,
+__device__ __forceinline__ void stream_tile(const RenderCall& call, const Pixels& pixels,
                                             WarpStage& stage, RoundShared& round,
                                             uint64_t* round_keys, const Alive& alive,
                                             const Blend& blend, const Flush& flush) {
-  const TileList list = scene.tile_list[pixels.view * scene.tiles + pixels.tile];
-  const Splat* const splats = scene.splats + int64_t(pixels.view) * scene.count;
+  const TileList list = call.tile_list[pixels.view * call.tiles + pixels.tile];
+  const Splat* const splats = call.splats + int64_t(pixels.view) * call.count;
   if (list.count == 0) return;
-  if (list.begin < scene.capacity) {
-    const auto* const entries = reinterpret_cast<const uint32_t*>(scene.keys + list.begin);
+  if (list.begin < call.capacity) {
+    const auto* const entries = reinterpret_cast<const uint32_t*>(call.keys + list.begin);
     stream(entries, int(list.count), pixels.quarter, splats, stage, alive, blend, flush);
     return;
   }
   uint64_t last = 0;
   for (;;) {
     const int found =
-        select_round(scene, pixels.view, pixels.tile_x, pixels.tile_y, round, round_keys, &last);
+        select_round(call, pixels.view, pixels.tile_x, pixels.tile_y, round, round_keys, &last);
     const bool on =
         stream(round.entries, found, pixels.quarter, splats, stage, alive, blend, flush);
     if (__syncthreads_or(on && found == kRound) == 0) return;

@@ -13,11 +13,11 @@ constexpr int kCameraChunk = 16;  ///< cameras in shared memory at a time
 
 /// Copies [count, 3 · stride] coefficients of the block's Gaussians to rows of kShRow, the first
 /// `used` of each. Threads must meet at a barrier before they read.
-__device__ __forceinline__ void stage_sh(const Scene& scene, int first, int gaussians, int used,
+__device__ __forceinline__ void stage_sh(const RenderCall& call, int first, int gaussians, int used,
                                          float* rows) {
-  const int width = 3 * scene.sh_stride;
-  const int count = min(gaussians, scene.count - first);
-  const float* const source = scene.sh + int64_t(first) * width;
+  const int width = 3 * call.sh_stride;
+  const int count = min(gaussians, call.count - first);
+  const float* const source = call.sh + int64_t(first) * width;
   if (width == 48 && used == 48) {
     for (int i = threadIdx.x; i < count * 12; i += blockDim.x) {
       const float4 value = __ldg(reinterpret_cast<const float4*>(source) + i);
@@ -36,39 +36,32 @@ __device__ __forceinline__ void stage_sh(const Scene& scene, int first, int gaus
 }
 
 /// Cameras first … first + kCameraChunk − 1 into shared memory. Call between barriers.
-__device__ __forceinline__ void stage_cameras(const Scene& scene, int first,
+__device__ __forceinline__ void stage_cameras(const RenderCall& call, int first,
                                               m::Camera<float>* cameras) {
   const int view = first + threadIdx.x;
-  if (threadIdx.x < kCameraChunk && view < scene.views) {
-    cameras[threadIdx.x] =
-        m::make_camera<float>(scene.camera_from_world + 16 * view, scene.intrinsics + 4 * view,
-                              scene.width, scene.height);
+  if (threadIdx.x < kCameraChunk && view < call.views) {
+    cameras[threadIdx.x] = m::make_camera<float>(
+        call.camera_from_world + 16 * view, call.intrinsics + 4 * view, call.width, call.height);
   }
 }
 
 /// Loads one Gaussian; unusable ones become a harmless unit Gaussian. `sh` is this thread's row.
 template <int kDegree>
-__device__ __forceinline__ bool load_gaussian(const Scene& scene, int index, const float* sh,
+__device__ __forceinline__ bool load_gaussian(const RenderCall& call, int index, const float* sh,
                                               m::RawShape<float>* raw) {
-  bool usable = index < scene.count;
+  bool usable = index < call.count;
   if (usable) {
-    for (int k = 0; k < 3; ++k) raw->mean[k] = __ldg(scene.means + 3ll * index + k);
-    for (int k = 0; k < 3; ++k) raw->log_scale[k] = __ldg(scene.log_scales + 3ll * index + k);
-    for (int k = 0; k < 4; ++k) raw->quaternion[k] = __ldg(scene.rotations + 4ll * index + k);
-    raw->logit_opacity = __ldg(scene.logit_opacities + index);
-    float poison = 0;  // stays 0 unless a coefficient is not finite
-    for (int k = 0; k < 3 * m::sh_count(kDegree); ++k) poison += sh[k] * 0.0f;
-    usable = m::is_usable(*raw) && m::within(poison, 0.0f);
+    for (int k = 0; k < 3; ++k) raw->mean[k] = __ldg(call.means + 3ll * index + k);
+    for (int k = 0; k < 3; ++k) raw->log_scale[k] = __ldg(call.log_scales + 3ll * index + k);
+    for (int k = 0; k < 4; ++k) raw->quaternion[k] = __ldg(call.rotations + 4ll * index + k);
+    raw->logit_opacity = __ldg(call.logit_opacities + index);
+    usable = m::is_usable(*raw) && m::all_finite(sh, 3 * m::sh_count(kDegree));
   }
-  if (!usable) {
-    for (int k = 0; k < 3; ++k) raw->mean[k] = raw->log_scale[k] = 0;
-    for (int k = 0; k < 4; ++k) raw->quaternion[k] = k == 0;
-    raw->logit_opacity = 0;
-  }
+  m::replace_unusable(usable, raw);
   return usable;
 }
 
-/// Calls run(std::integral_constant degree) for the scene's degree.
+/// Calls run(std::integral_constant degree) for the call's degree.
 template <class Run>
 void with_degree(int degree, const Run& run) {
   switch (degree) {

@@ -9,19 +9,20 @@
 namespace jade::splat::cuda {
 
 /// All views: screen records and the number of instances of each tile.
-void launch_project(const Scene& scene, cudaStream_t stream);
+void launch_project(const RenderCall& call, cudaStream_t stream);
 /// Cuts `keys` into the tiles' lists and orders the tiles, longest list first.
-void launch_plan(const Scene& scene, long long* rejected, cudaStream_t stream);
+void launch_plan(const RenderCall& call, long long* rejected, cudaStream_t stream);
 /// Writes the instances into the lists and sorts each by (depth, index).
-void launch_fill(const Scene& scene, cudaStream_t stream);
-void launch_blend(const Scene& scene, const Images& images, cudaStream_t stream);
+void launch_fill(const RenderCall& call, cudaStream_t stream);
+void launch_blend(const RenderCall& call, const Images& images, cudaStream_t stream);
 
 /// Sums over pixels into `gradients.sums`, or into slots if those are set.
-void launch_blend_adjoint(const Scene& scene, const ImageGradients& images,
+void launch_blend_adjoint(const RenderCall& call, const ImageGradients& images,
                           const Gradients& gradients, cudaStream_t stream);
 /// From slots to sums, always in the same order.
-void launch_gather(const Scene& scene, const Gradients& gradients, cudaStream_t stream);
+void launch_gather(const RenderCall& call, const Gradients& gradients, cudaStream_t stream);
 /// From sums to parameter, camera and background gradients and statistics.
-void launch_project_adjoint(const Scene& scene, const Gradients& gradients, cudaStream_t stream);
+void launch_project_adjoint(const RenderCall& call, const Gradients& gradients,
+                            cudaStream_t stream);
 
 }  // namespace jade::splat::cuda

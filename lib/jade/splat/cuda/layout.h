@@ -4,13 +4,16 @@
 
 #include <cstdint>
 
+#include "jade/splat/math/blend.h"
+
 namespace jade::splat::cuda {
+
+namespace m = jade::splat::math;
 
 constexpr int kTile = 16;               ///< px; one block blends one tile of one view
 constexpr int kSubtile = 8;             ///< px; one warp blends one quarter of a tile
 constexpr int kMaskBits = 4;            ///< of an entry: which quarters of the tile a splat reaches
 constexpr int kMaxGaussians = 1 << 28;  ///< an entry is index << kMaskBits | mask in 32 bits
-constexpr int kSums = 9;  ///< per splat: 6 moments, 3 colour sums; a depth sum follows
 
 /// A Gaussian on the screen of one view: three 16-byte loads. `depth` is 0 where it is not drawn.
 struct alignas(16) Splat {
@@ -34,8 +37,9 @@ struct Counters {
   unsigned long long rejected;
 };
 
-/// Everything a kernel wants to know about one call. Passed by value.
-struct Scene {
+/// One call of the op, as in "draw call": Gaussians, cameras, settings, and what the kernels hand
+/// to each other. Passed by value.
+struct RenderCall {
   const float *means, *rotations, *log_scales, *logit_opacities, *sh;
   const float *camera_from_world, *intrinsics, *background;
   int count, views, width, height;
@@ -69,14 +73,14 @@ struct Gradients {
   float *gradient_norm, *visible_count, *max_radius_px;  ///< null: no statistics
   int statistics_view;
 
-  float* sums;                ///< [views, count, kSums (+ 1 with depth)], zeroed
+  float* sums;                ///< [views, count, kPixelSums (+ 1 with depth)], zeroed
   float* camera_sums;         ///< [views, 12], zeroed
   float* background_sums;     ///< [3], zeroed
   unsigned int* done_blocks;  ///< zeroed
   bool with_depth;
 
   // Deterministic passes only.
-  float* slots;               ///< [instances, 4 quarters, kSums (+ 1)]
+  float* slots;               ///< [instances, 4 quarters, kPixelSums (+ 1)]
   uint32_t* progress;         ///< [views, tiles, 4]: entries that the quarter's warp got through
   float* camera_partial;      ///< [blocks, views, 12]
   float* background_partial;  ///< [views, tiles, 3]

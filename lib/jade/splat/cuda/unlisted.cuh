@@ -40,19 +40,19 @@ __device__ __forceinline__ void sort_round(uint64_t* keys, int count) {
 
 /// Writes to s.entries the next splats after key `last`, at most kRound; returns how many and moves
 /// `last` on. The whole block must call it.
-__device__ __noinline__ int select_round(const Scene& scene, int view, int tile_x, int tile_y,
+__device__ __noinline__ int select_round(const RenderCall& call, int view, int tile_x, int tile_y,
                                          RoundShared& s, uint64_t* keys, uint64_t* last) {
   uint64_t threshold = ~0ull;
   __syncthreads();
   if (threadIdx.x == 0) s.count = 0;
   __syncthreads();
-  for (int first = 0; first < scene.count; first += kBlendThreads) {
+  for (int first = 0; first < call.count; first += kBlendThreads) {
     const int index = first + threadIdx.x;
     uint64_t key = ~0ull;
-    if (index < scene.count) {
-      const Splat splat = load_splat(scene.splats + int64_t(view) * scene.count + index);
+    if (index < call.count) {
+      const Splat splat = load_splat(call.splats + int64_t(view) * call.count + index);
       if (splat.depth > 0) {
-        const uint32_t mask = TileRow(Ellipse(splat), tile_y, scene).mask(tile_x);
+        const uint32_t mask = TileRow(Ellipse(splat), tile_y, call).mask(tile_x);
         if (mask != 0) key = make_key(splat.depth, index, mask);
       }
     }

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// One splat on one pixel, and back.
+// One splat on one pixel, and back: for the CPU's packs and for CUDA alike.
 #pragma once
 
-#include "jade/splat/math/hd.h"
+#include "jade/splat/math/scalar.h"
 
 namespace jade::splat::math {
-inline namespace JADE_SPLAT_ISA {
+inline namespace JADE_ISA {
 
 constexpr double kMaxAlpha = 0.99;
 constexpr double kMinAlpha = 1.0 / 255.0;
@@ -32,6 +32,10 @@ struct Moments {
   S u, x, y, xx, xy, yy;
 };
 
+/// What the adjoint of blending leaves of a splat: sums over pixels, which both backends store in
+/// this order: Moments, dL/dcolour, and dL/ddepth behind them where depth is rendered.
+constexpr int kPixelSums = 9;
+
 /// Adjoint of the falloff and of the mean, in one: with conic [A B; B C] = Σ2d⁻¹ and q = dᵀ Σ2d⁻¹
 /// d, dL/dmean = Σ2d⁻¹ Σ u d and dL/dΣ2d = ½ Σ2d⁻¹ (Σ u d dᵀ) Σ2d⁻¹. cov_xy's gradient counts both
 /// off-diagonal entries.
@@ -49,11 +53,22 @@ JADE_HD void falloff_adjoint(const Falloff<S>& f, const Moments<S>& m, S* grad_x
   *grad_yy = S(0.5) * (r * conic_b + s * conic_c);
 }
 
+/// A splat's exponent along a row of pixels: a dx² + b dx + c.
+template <class S>
+struct RowFalloff {
+  S a, b, c;
+};
+
+template <class S>
+JADE_HD RowFalloff<S> at_row(const Falloff<S>& f, S log2_opacity, S dy) {
+  return {f.a, f.b * dy, fma(f.c * dy, dy, log2_opacity)};
+}
+
 /// log2 of the α before the cap. The same expression in the forward and the backward pass, so
 /// that both take the same decisions.
 template <class S>
-JADE_HD S exponent(const Falloff<S>& f, S log2_opacity, S dx, S dy) {
-  return fma(fma(f.a, dx, f.b * dy), dx, fma(f.c * dy, dy, log2_opacity));
+JADE_HD S exponent(const RowFalloff<S>& row, S dx) {
+  return fma(fma(row.a, dx, row.b), dx, row.c);
 }
 
 /// True where the splat counts at all.
@@ -76,14 +91,64 @@ JADE_HD S fade_adjoint(S raw_alpha) {
                 S(0));
 }
 
-/// Adjoint of blending. C = Σ v_i α_i T_i + v_end T_end with T_{i+1} = T_i (1 − α_i) and v_i the
-/// splat's colour dotted with dL/dC. With `behind` = everything after i, background included:
-///     dL/dα_i = T_i v_i − behind / (1 − α_i), here times α_i: the gradient to ln α_i.
-/// Front to back, `behind` starts as ⟨dL/dC, C⟩ and loses α_i T_i v_i at each splat.
+/// How a backend computes what blend_step() leaves open. This one: as written. `product` must not
+/// be fused with the subtraction that follows it, so that both passes round T alike; in
+/// `times_ratio`, x · a / b, the order is free.
+struct PlainArithmetic {
+  template <class Mask, class S>
+  JADE_HD static S exp2_where(Mask mask, S x) {
+    return keep(mask, exp2(x));
+  }
+  template <class S>
+  JADE_HD static S product(S a, S b) {
+    return a * b;
+  }
+  template <class S>
+  JADE_HD static S times_ratio(S x, S a, S b) {
+    return x * (a / b);
+  }
+};
+
+/// What one splat does to one pixel. All is 0 where it is not visible or the pixel has stopped,
+/// but for `alpha` and `raw_alpha` of stopped pixels.
 template <class S>
-JADE_HD S blend_adjoint(S alpha, S weight_value, S behind) {
-  return weight_value - behind * (alpha / (S(1) - alpha));
+struct BlendStep {
+  S raw_alpha;  ///< before the fade and the cap
+  S alpha;
+  S weight;                       ///< α T, what its colour is blended with
+  decltype(S(0) > S(0)) goes_on;  ///< false: the pixel has stopped, now or before
+};
+
+/// Takes a pixel's transmittance past a splat: T(1 − α), or, if that is too little, stops the pixel
+/// before the splat by making T negative. kSmooth, for gradient tests: α fades in, nothing stops.
+template <class Arithmetic, bool kSmooth, class S>
+JADE_HD BlendStep<S> blend_step(S exponent_value, S* transmittance) {
+  const S t = *transmittance;
+  BlendStep<S> step;
+  step.raw_alpha = Arithmetic::exp2_where(is_visible(exponent_value), exponent_value);
+  const S faded = kSmooth ? step.raw_alpha * fade(step.raw_alpha) : step.raw_alpha;
+  step.alpha = min(faded, S(kMaxAlpha));
+  const S used = Arithmetic::product(step.alpha, t), left = t - used;
+  step.goes_on = left > S(kSmooth ? -1 : kMinTransmittance);
+  step.weight = keep(step.goes_on, used);
+  *transmittance = select(step.goes_on, left, make_negative(t));
+  return step;
 }
 
-}  // namespace JADE_SPLAT_ISA
+/// Adjoint of blend_step(): returns u_i = dL/d ln α_i before the cap, for v_i = ⟨dL/dC, c_i⟩.
+///     C = Σ c_i α_i T_i + T_end · background,  T_{i+1} = T_i (1 − α_i),  so with
+///     B_i = Σ_{j>i} v_j α_j T_j + T_end ⟨dL/dC, background⟩, in which each term has a 1 − α_i:
+///     dL/dα_i = T_i v_i − B_i / (1 − α_i),  u_i = α_i dL/dα_i = α_i T_i v_i − B_i α_i / (1 − α_i).
+/// Front to back, *behind starts as B_{-1} = ⟨dL/dC, C⟩ and loses α_i T_i v_i at each splat. The
+/// cap is constant, and so is what stops a pixel: both give 0. dL/dc_i = weight · dL/dC.
+template <class Arithmetic, bool kSmooth, class S>
+JADE_HD S blend_step_adjoint(const BlendStep<S>& step, S value, S* behind) {
+  const S weighted = step.weight * value;
+  *behind = *behind - weighted;
+  S u = weighted - Arithmetic::times_ratio(*behind, step.alpha, S(1) - step.alpha);
+  if constexpr (kSmooth) u = u * fade_adjoint(step.raw_alpha);
+  return keep((step.weight > S(0)) & (step.alpha < S(kMaxAlpha)), u);
+}
+
+}  // namespace JADE_ISA
 }  // namespace jade::splat::math

@@ -2,10 +2,10 @@
 // From a Gaussian in the world to an ellipse on the screen, and back. Forward and adjoint adjacent.
 #pragma once
 
-#include "jade/splat/math/hd.h"
+#include "jade/splat/math/scalar.h"
 
 namespace jade::splat::math {
-inline namespace JADE_SPLAT_ISA {
+inline namespace JADE_ISA {
 
 constexpr double kDilationPx2 = 0.3;       ///< added to both variances on the screen
 constexpr double kFrustumMargin = 0.3;     ///< share of the half field of view beyond each edge
@@ -62,6 +62,12 @@ struct Shape {
   S opacity;
 };
 
+/// dL/d of a Shape, summed over views; `log_opacity` is dL/d ln(opacity).
+template <class S>
+struct ShapeGradient {
+  S mean[3], axes[9], log_opacity;
+};
+
 /// Raw parameters as they are stored.
 template <class S>
 struct RawShape {
@@ -83,6 +89,17 @@ JADE_HD auto is_usable(const RawShape<S>& raw) {
         usable & within(raw.mean[i], S(kMaxAbsMean)) & within(raw.log_scale[i], S(kMaxAbsLogScale));
   }
   return usable;
+}
+
+/// Makes unusable parameters those of a unit Gaussian at the origin, which harm no arithmetic.
+template <class S, class Mask>
+JADE_HD void replace_unusable(Mask usable, RawShape<S>* raw) {
+  for (int k = 0; k < 3; ++k) {
+    raw->mean[k] = keep(usable, raw->mean[k]);
+    raw->log_scale[k] = keep(usable, raw->log_scale[k]);
+  }
+  for (int k = 0; k < 4; ++k) raw->quaternion[k] = select(usable, raw->quaternion[k], S(k == 0));
+  raw->logit_opacity = keep(usable, raw->logit_opacity);
 }
 
 /// Rotation matrix of a unit quaternion wxyz.
@@ -140,21 +157,21 @@ JADE_HD Shape<S> activate(const RawShape<S>& raw) {
 
 /// Adjoint of activate(): M = R(q/|q|) diag(e^l), so dL/dl_j = Σ_i dM_ij M_ij and
 /// dL/dR_ij = dM_ij s_j; through the norm only the part of dL/d(unit q) across q survives.
-/// grad_opacity is dL/d ln(opacity), since d ln(o) / d logit = 1 − o.
+/// d ln(o) / d logit = 1 − o.
 template <class S>
 JADE_HD RawShape<S> activate_adjoint(const RawShape<S>& raw, const Shape<S>& shape,
-                                     const S* grad_mean, const S* grad_axes, S grad_log_opacity) {
+                                     const ShapeGradient<S>& on_shape) {
   RawShape<S> grad;
   S grad_rotation[9];
   for (int j = 0; j < 3; ++j) {
     S sum(0);
     for (int i = 0; i < 3; ++i) {
       const int k = 3 * i + j;
-      sum = sum + grad_axes[k] * shape.axes[k];
-      grad_rotation[k] = grad_axes[k] * shape.scale[j];
+      sum = sum + on_shape.axes[k] * shape.axes[k];
+      grad_rotation[k] = on_shape.axes[k] * shape.scale[j];
     }
     grad.log_scale[j] = sum;
-    grad.mean[j] = grad_mean[j];
+    grad.mean[j] = on_shape.mean[j];
   }
   const S* const q = raw.quaternion;
   const S inverse_norm = S(1) / sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
@@ -166,7 +183,7 @@ JADE_HD RawShape<S> activate_adjoint(const RawShape<S>& raw, const Shape<S>& sha
   for (int i = 0; i < 4; ++i) {
     grad.quaternion[i] = (grad_unit[i] - unit[i] * along) * inverse_norm;
   }
-  grad.logit_opacity = grad_log_opacity * (S(1) - shape.opacity);
+  grad.logit_opacity = on_shape.log_opacity * (S(1) - shape.opacity);
   return grad;
 }
 
@@ -268,14 +285,13 @@ struct ScreenGradient {
   S x, y, depth, cov_xx, cov_xy, cov_yy, log_opacity;
 };
 
-/// Adjoint of project(). Adds to grad_mean[3], grad_axes[9] and *grad_camera, and returns
-/// dL/d ln(shape.opacity). With C = V Vᵀ: dV = (G + Gᵀ) V, where G holds half of cov_xy's gradient
-/// on each side; then dM = Tᵀ dV, dT = dV Mᵀ, dJ = dT Wᵀ, dW = Jᵀ dT + (dpoint) meanᵀ. A clamped
-/// ratio is constant, so J's third column then depends on z alone.
+/// Adjoint of project(). Adds to *grad and *grad_camera. With C = V Vᵀ: dV = (G + Gᵀ) V, where G
+/// holds half of cov_xy's gradient on each side; then dM = Tᵀ dV, dT = dV Mᵀ, dJ = dT Wᵀ, dW = Jᵀ
+/// dT + (dpoint) meanᵀ. A clamped ratio is constant, so J's third column then depends on z alone.
 template <class S>
-JADE_HD S project_adjoint(const Shape<S>& shape, const Camera<S>& camera, bool antialiased,
-                          ScreenGradient<S> g, S* grad_mean, S* grad_axes,
-                          CameraGradient<S>* grad_camera) {
+JADE_HD void project_adjoint(const Shape<S>& shape, const Camera<S>& camera, bool antialiased,
+                             ScreenGradient<S> g, ShapeGradient<S>* grad,
+                             CameraGradient<S>* grad_camera) {
   const ProjectionSteps<S> s = projection_steps(shape, camera);
   const S two(2);
   if (antialiased) {
@@ -305,7 +321,8 @@ JADE_HD S project_adjoint(const Shape<S>& shape, const Camera<S>& camera, bool a
   for (int i = 0; i < 3; ++i) {
     const S* const axes = shape.axes + 3 * i;
     for (int k = 0; k < 3; ++k) {
-      grad_axes[3 * i + k] = grad_axes[3 * i + k] + s.t[i] * grad_v[k] + s.t[3 + i] * grad_v[3 + k];
+      grad->axes[3 * i + k] =
+          grad->axes[3 * i + k] + s.t[i] * grad_v[k] + s.t[3 + i] * grad_v[3 + k];
     }
     grad_t[i] = grad_v[0] * axes[0] + grad_v[1] * axes[1] + grad_v[2] * axes[2];
     grad_t[3 + i] = grad_v[3] * axes[0] + grad_v[4] * axes[1] + grad_v[5] * axes[2];
@@ -328,8 +345,8 @@ JADE_HD S project_adjoint(const Shape<S>& shape, const Camera<S>& camera, bool a
       g.depth - raw_x * grad_x - raw_y * grad_y -
           s.inverse_z * (s.j00 * g00 + s.j02 * g02 + s.j11 * g11 + s.j12 * g12)};
   for (int k = 0; k < 3; ++k) {
-    grad_mean[k] =
-        grad_mean[k] + w[k] * grad_point[0] + w[3 + k] * grad_point[1] + w[6 + k] * grad_point[2];
+    grad->mean[k] =
+        grad->mean[k] + w[k] * grad_point[0] + w[3 + k] * grad_point[1] + w[6 + k] * grad_point[2];
     grad_camera->translation[k] = grad_camera->translation[k] + grad_point[k];
     grad_camera->rotation[k] =
         grad_camera->rotation[k] + s.j00 * grad_t[k] + grad_point[0] * shape.mean[k];
@@ -338,15 +355,23 @@ JADE_HD S project_adjoint(const Shape<S>& shape, const Camera<S>& camera, bool a
     grad_camera->rotation[6 + k] = grad_camera->rotation[6 + k] + s.j02 * grad_t[k] +
                                    s.j12 * grad_t[3 + k] + grad_point[2] * shape.mean[k];
   }
-  return g.log_opacity;
+  grad->log_opacity = grad->log_opacity + g.log_opacity;
 }
 
 /// 3 σ of the longer axis of the dilated ellipse, px.
 template <class S>
-JADE_HD S screen_radius(S cov_xx, S cov_yy, S det) {
-  const S mid = S(0.5) * (cov_xx + cov_yy);
-  return S(3) * sqrt(mid + sqrt(max(mid * mid - det, S(0))));
+JADE_HD S screen_radius(const Shape<S>& shape, const Camera<S>& camera) {
+  const Screen<S> screen = project(shape, camera, false);
+  const S mid = S(0.5) * (screen.cov_xx + screen.cov_yy);
+  return S(3) * sqrt(mid + sqrt(max(mid * mid - screen.det, S(0))));
 }
 
-}  // namespace JADE_SPLAT_ISA
+/// ‖dL/dmean2d‖ with mean2d in NDC, px · 2 / image size.
+template <class S>
+JADE_HD S ndc_gradient_norm(const ScreenGradient<S>& g, int width, int height) {
+  const S x = g.x * (S(0.5) * S(width)), y = g.y * (S(0.5) * S(height));
+  return sqrt(x * x + y * y);
+}
+
+}  // namespace JADE_ISA
 }  // namespace jade::splat::math

@@ -3,11 +3,11 @@
 // the standard 3DGS file.
 #pragma once
 
-#include "jade/splat/math/hd.h"
 #include "jade/splat/math/projection.h"
+#include "jade/splat/math/scalar.h"
 
 namespace jade::splat::math {
-inline namespace JADE_SPLAT_ISA {
+inline namespace JADE_ISA {
 
 JADE_HD constexpr int sh_count(int degree) { return (degree + 1) * (degree + 1); }
 
@@ -22,6 +22,8 @@ constexpr double kSh3b = 2.890611442640554;    // ½ √(105/π)
 constexpr double kSh3c = 0.4570457994644658;   // ¼ √(21/2π)
 constexpr double kSh3d = 0.3731763325901154;   // ¼ √(7/π)
 constexpr double kSh3e = 1.445305721320277;    // ¼ √(105/π)
+
+constexpr double kMaxColor = 1e30;  ///< a brighter splat is culled
 
 /// The (degree+1)² basis functions at the unit direction d.
 template <class S>
@@ -150,5 +152,23 @@ JADE_HD void sh_color_adjoint(int degree, const S* basis, const S* sh, const S* 
   }
 }
 
-}  // namespace JADE_SPLAT_ISA
+/// True unless one of the values is infinite or NaN.
+template <class S>
+JADE_HD auto all_finite(const S* values, int count) {
+  const S zero(0);
+  S poison(0);  // stays 0 unless a value is not finite
+  for (int k = 0; k < count; ++k) poison = poison + values[k] * zero;
+  return within(poison, zero);
+}
+
+/// A Gaussian's colour as a camera sees it.
+template <class S>
+JADE_HD void view_color(int degree, const S* mean, const Camera<S>& camera, const S* sh, S* color) {
+  S direction[3], basis[16];
+  view_direction(mean, camera, direction);
+  sh_basis(degree, direction, basis);
+  sh_color(degree, basis, sh, color);
+}
+
+}  // namespace JADE_ISA
 }  // namespace jade::splat::math

@@ -4,10 +4,10 @@
 #pragma once
 
 #include "jade/splat/math/blend.h"
-#include "jade/splat/math/hd.h"
+#include "jade/splat/math/scalar.h"
 
 namespace jade::splat::math {
-inline namespace JADE_SPLAT_ISA {
+inline namespace JADE_ISA {
 
 /// Rounding of the extents below, in pixels: a pixel too many costs a test, one too few a hole.
 constexpr double kExtentSlackPx = 0.01;
@@ -18,12 +18,11 @@ JADE_HD S reach(S log2_opacity) {
   return S(2.0 / kLog2E) * (log2_opacity - S(kLog2MinAlpha));
 }
 
-/// Half width and half height of the box around {q ≤ reach}: sqrt(reach · variance).
+/// Half the width (or height) of the box around {q ≤ reach}, of the variance along it: sqrt(reach ·
+/// variance). Not for a negative reach.
 template <class S>
-JADE_HD void half_extents(S reach_value, S cov_xx, S cov_yy, S* half_x, S* half_y) {
-  const S r = max(reach_value, S(0));
-  *half_x = sqrt(r * cov_xx) + S(kExtentSlackPx);
-  *half_y = sqrt(r * cov_yy) + S(kExtentSlackPx);
+JADE_HD S half_extent(S reach_value, S variance) {
+  return sqrt(reach_value * variance) + S(kExtentSlackPx);
 }
 
 /// Row interval at height dy from the centre: centre ± sqrt(width2 − shrink dy²), and the centre
@@ -39,5 +38,11 @@ JADE_HD RowExtent<S> make_row_extent(S reach_value, S cov_xy, S cov_yy, S det) {
   return {cov_xy * inverse, reach_value * det * inverse, det * inverse * inverse};
 }
 
-}  // namespace JADE_SPLAT_ISA
+/// Half the length of that interval, without slack; 0 where the row is not reached.
+template <class S>
+JADE_HD S half_width(const RowExtent<S>& row, S dy) {
+  return sqrt(max(row.width2 - row.shrink * dy * dy, S(0)));
+}
+
+}  // namespace JADE_ISA
 }  // namespace jade::splat::math

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the shared maths needs from its scalar type S. S is float or double on either device, or a
-// SIMD pack on the CPU (cpu/pack.h), so every branch on data is a select().
+// What the arithmetic of an op (op_math.h) needs to be written once for the CPU and for CUDA: a
+// mark for its functions, and functions of one number.
 #pragma once
 
 #if defined(__CUDACC__)
@@ -9,36 +9,45 @@
 #define JADE_HD inline __attribute__((always_inline))
 #endif
 
-// The CPU kernels compile this maths once per instruction set. Their inline functions must not be
-// merged by the linker, so each set has its own (inline) namespace.
-#ifndef JADE_SPLAT_ISA
-#define JADE_SPLAT_ISA host
+// Sources of jade_add_isa_sources() are compiled once per instruction set. The linker would merge
+// inline functions of one name, so each set has its own (inline) namespace, and sources that are
+// compiled once have another.
+#ifndef JADE_ISA
+#if defined(__CUDACC__)
+#define JADE_ISA gpu
+#else
+#define JADE_ISA host
+#endif
 #endif
 
-namespace jade::splat::math {
-inline namespace JADE_SPLAT_ISA {
+namespace jade::kernel {
+inline namespace JADE_ISA {
 
 #if defined(__CUDA_ARCH__)
 JADE_HD float sqrt(float x) { return ::sqrtf(x); }
 JADE_HD double sqrt(double x) { return ::sqrt(x); }
+JADE_HD float floor(float x) { return ::floorf(x); }
 JADE_HD float exp(float x) { return ::expf(x); }
 JADE_HD double exp(double x) { return ::exp(x); }
 JADE_HD float exp2(float x) { return ::exp2f(x); }
 JADE_HD double exp2(double x) { return ::exp2(x); }
 JADE_HD float log2(float x) { return ::log2f(x); }
 JADE_HD double log2(double x) { return ::log2(x); }
+JADE_HD double pow(double base, double exponent) { return ::pow(base, exponent); }
 JADE_HD float fma(float a, float b, float c) { return ::fmaf(a, b, c); }
 JADE_HD double fma(double a, double b, double c) { return ::fma(a, b, c); }
 #else
 // Built-ins, as the overloads of <cmath> are inline functions that the linker may merge.
 JADE_HD float sqrt(float x) { return __builtin_sqrtf(x); }
 JADE_HD double sqrt(double x) { return __builtin_sqrt(x); }
+JADE_HD float floor(float x) { return __builtin_floorf(x); }
 JADE_HD float exp(float x) { return __builtin_expf(x); }
 JADE_HD double exp(double x) { return __builtin_exp(x); }
 JADE_HD float exp2(float x) { return __builtin_exp2f(x); }
 JADE_HD double exp2(double x) { return __builtin_exp2(x); }
 JADE_HD float log2(float x) { return __builtin_log2f(x); }
 JADE_HD double log2(double x) { return __builtin_log2(x); }
+JADE_HD double pow(double base, double exponent) { return __builtin_pow(base, exponent); }
 JADE_HD float fma(float a, float b, float c) { return a * b + c; }
 JADE_HD double fma(double a, double b, double c) { return a * b + c; }
 #endif
@@ -65,5 +74,5 @@ JADE_HD auto within(S a, S bound) {
   return (a >= -bound) & (a <= bound);
 }
 
-}  // namespace JADE_SPLAT_ISA
-}  // namespace jade::splat::math
+}  // namespace JADE_ISA
+}  // namespace jade::kernel

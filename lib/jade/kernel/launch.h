@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+// For files that are compiled with CUDA kernels only.
+#pragma once
+
+#include <cstdint>
+
+#include "jade/kernel/host_device.h"
+
+namespace jade::kernel {
+
+/// How many blocks of `size` cover `count`.
+JADE_HD constexpr int64_t block_count(int64_t count, int64_t size) {
+  return (count + size - 1) / size;
+}
+
+/// The same as a dimension of a grid. CUDA itself refuses what does not fit: see check_launch().
+inline unsigned grid_size(int64_t count, int64_t size) {
+  return static_cast<unsigned>(block_count(count, size));
+}
+
+/// To be called after kernels were launched; does not wait for them, unless the environment has
+/// JADE_CUDA_SYNC=1: then it reports the faults of these kernels too.
+/// @param what  the work, "the Adam step"
+/// @throws DeviceError when one did not start, or when the GPU reports the failure of an earlier
+///   one.
+void check_launch(const char* what);
+
+}  // namespace jade::kernel

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+// From the pixels of one view back to a Gaussian and the camera.
+#pragma once
+
+#include "jade/splat/math/blend.h"
+#include "jade/splat/math/scalar.h"
+#include "jade/splat/math/projection.h"
+#include "jade/splat/math/sh.h"
+
+namespace jade::splat::math {
+inline namespace JADE_ISA {
+
+/// A Gaussian as a view has drawn it, and the sums over the view's pixels.
+template <class S>
+struct Drawn {
+  decltype(S(0) > S(0)) visible;
+  Falloff<S> falloff;
+  S color[3];
+  Moments<S> moments;
+  S grad_color[3];
+  S grad_depth;  ///< 0 unless depth is rendered
+};
+
+/// Takes sums in the order of kPixelSums.
+template <class S>
+JADE_HD void set_sums(const S* sums, bool with_depth, Drawn<S>* drawn) {
+  drawn->moments = {sums[0], sums[1], sums[2], sums[3], sums[4], sums[5]};
+  for (int c = 0; c < 3; ++c) drawn->grad_color[c] = sums[6 + c];
+  drawn->grad_depth = with_depth ? sums[kPixelSums] : S(0);
+}
+
+/// How the view was taken.
+template <class S>
+struct View {
+  const Camera<S>& camera;
+  int sh_degree;
+  bool antialiased;
+};
+
+/// Adjoint of project(), make_falloff() and view_color() together. `sh` and `grad_sh` are [K,3].
+/// Adds to *grad, grad_sh and *grad_camera, and returns the gradient on the screen. Where the
+/// Gaussian is not visible, grad_sh stays as it is and the other results are undefined.
+template <class S>
+JADE_HD ScreenGradient<S> view_adjoint(const View<S>& view, const Shape<S>& shape, const S* sh,
+                                       const Drawn<S>& drawn, ShapeGradient<S>* grad, S* grad_sh,
+                                       CameraGradient<S>* grad_camera) {
+  const Camera<S>& camera = view.camera;
+  ScreenGradient<S> on_screen;
+  falloff_adjoint(drawn.falloff, drawn.moments, &on_screen.x, &on_screen.y, &on_screen.cov_xx,
+                  &on_screen.cov_xy, &on_screen.cov_yy);
+  on_screen.log_opacity = drawn.moments.u;
+  on_screen.depth = drawn.grad_depth;
+  project_adjoint(shape, camera, view.antialiased, on_screen, grad, grad_camera);
+  S direction[3], basis[16], grad_basis[16], grad_direction[3] = {S(0), S(0), S(0)};
+  const S inverse_norm = view_direction(shape.mean, camera, direction);
+  sh_basis(view.sh_degree, direction, basis);
+  for (int k = 0; k < sh_count(view.sh_degree); ++k) basis[k] = keep(drawn.visible, basis[k]);
+  sh_color_adjoint(view.sh_degree, basis, sh, drawn.color, drawn.grad_color, grad_sh, grad_basis);
+  sh_basis_adjoint(view.sh_degree, direction, grad_basis, grad_direction);
+  view_direction_adjoint(direction, inverse_norm, grad_direction, camera, grad->mean, grad_camera);
+  return on_screen;
+}
+
+}  // namespace JADE_ISA
+}  // namespace jade::splat::math

@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+// One pixel's splats through the shared step, in scalars.
+#include "support/catch.h"
+
+#include <cmath>
+#include <vector>
+
+#include "jade/splat/math/blend.h"
+
+using namespace jade::splat;
+using math::PlainArithmetic;
+
+namespace {
+
+struct Pixel {
+  std::vector<double> exponents;  ///< log2 of each α before the cap
+  std::vector<double> values;     ///< ⟨dL/dC, c⟩
+  double background = -0.7;       ///< ⟨dL/dC, background⟩
+};
+
+struct Blended {
+  double loss = 0;
+  double transmittance = 1;
+  std::vector<double> weights;
+};
+
+template <bool kSmooth>
+Blended blend(const Pixel& pixel) {
+  Blended result;
+  for (size_t i = 0; i < pixel.exponents.size(); ++i) {
+    const auto step = math::blend_step<PlainArithmetic, kSmooth>(pixel.exponents[i],
+                                                                 &result.transmittance);
+    result.weights.push_back(step.weight);
+    result.loss += step.weight * pixel.values[i];
+  }
+  result.loss += std::abs(result.transmittance) * pixel.background;
+  return result;
+}
+
+template <bool kSmooth>
+std::vector<double> adjoint(const Pixel& pixel) {
+  double behind = blend<kSmooth>(pixel).loss, transmittance = 1;
+  std::vector<double> gradient;
+  for (size_t i = 0; i < pixel.exponents.size(); ++i) {
+    const auto step =
+        math::blend_step<PlainArithmetic, kSmooth>(pixel.exponents[i], &transmittance);
+    gradient.push_back(
+        math::blend_step_adjoint<PlainArithmetic, kSmooth>(step, pixel.values[i], &behind));
+  }
+  return gradient;
+}
+
+/// dL/d ln α by central differences.
+template <bool kSmooth>
+double difference(Pixel pixel, size_t i) {
+  const double step = 1e-5, middle = pixel.exponents[i];
+  pixel.exponents[i] = middle + step;
+  const double above = blend<kSmooth>(pixel).loss;
+  pixel.exponents[i] = middle - step;
+  return (above - blend<kSmooth>(pixel).loss) / (2 * step * std::log(2.0));
+}
+
+template <bool kSmooth>
+void check_gradients(const Pixel& pixel) {
+  const auto gradient = adjoint<kSmooth>(pixel);
+  for (size_t i = 0; i < gradient.size(); ++i) {
+    INFO("splat " << i);
+    CHECK(gradient[i] == Approx(difference<kSmooth>(pixel, i)).epsilon(1e-7).margin(1e-9));
+  }
+}
+
+/// The first is capped, the third not visible.
+const Pixel kPixel = {{0.5, -1, -9, -3, -0.2}, {1.5, -2, 3, 0.25, 0.8}};
+
+}  // namespace
+
+TEST_CASE("blend step: weights and transmittance are those of the sum", "[splat]") {
+  const Blended blended = blend<false>(kPixel);
+  const double alphas[] = {0.99, 0.5, 0, 0.125, std::exp2(-0.2)};
+  double transmittance = 1;
+  for (size_t i = 0; i < 5; ++i) {
+    CHECK(blended.weights[i] == Approx(alphas[i] * transmittance));
+    transmittance *= 1 - alphas[i];
+  }
+  CHECK(blended.transmittance == Approx(transmittance));
+}
+
+TEST_CASE("blend step: a splat that takes too much stops the pixel before it", "[splat]") {
+  const Pixel pixel = {{0, 0, -1, -6}, {1, 1, 1, 1}};
+  const Blended blended = blend<false>(pixel);  // T: 0.01, then 1e-4, which is too little
+  CHECK(blended.weights == std::vector<double>{0.99, 0, 0, 0});
+  CHECK(blended.transmittance == Approx(-0.01));
+}
+
+TEST_CASE("blend step: the adjoint matches central differences", "[splat][gradcheck]") {
+  check_gradients<false>(kPixel);
+  Pixel dark = kPixel;
+  dark.values.assign(5, 0);  // only what shines through is left
+  check_gradients<false>(dark);
+  check_gradients<false>({{0, 0, -1, -6}, {1, 2, 3, 4}});  // stops at once
+  check_gradients<true>({{0.5, -1, -9, -7.5, -3, -7.2}, {1.5, -2, 3, 0.25, 0.8, -4}});
+}
+
+TEST_CASE("blend step: capped, invisible and stopped splats get no gradient", "[splat]") {
+  const auto gradient = adjoint<false>(kPixel);
+  CHECK(gradient[0] == 0);
+  CHECK(gradient[1] != 0);
+  CHECK(gradient[2] == 0);
+  const auto stopped = adjoint<false>({{-0.1, -0.1, -0.02, -1}, {1, 2, 3, 4}});
+  CHECK(stopped[1] != 0);
+  CHECK(stopped[2] == 0);
+  CHECK(stopped[3] == 0);
+}
