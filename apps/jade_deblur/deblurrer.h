@@ -44,7 +44,6 @@ class Deblurrer {
 
  private:
   DeblurOptions options_;
-  bool needs_efnet_;
   restore::ViewRestorer restorer_;
   std::shared_ptr<router::Allocation> allocation_;  ///< nullptr but for a router
 };
