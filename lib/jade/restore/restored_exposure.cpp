@@ -12,9 +12,9 @@ RestoredExposure restore_exposure(const data::Exposure& exposure,
                                   double log_offset) {
   const torch::Device device = restorer.device();
   RestoredExposure restored;
-  restored.maps = events::map_exposure(
-      exposure.events, {exposure.t_start_us, exposure.t_end_us}, events.bins,
-      {exposure.camera.height, exposure.camera.width});
+  restored.maps =
+      events::map_exposure(exposure.events, {exposure.t_start_us, exposure.t_end_us}, events.bins,
+                           {exposure.camera.height, exposure.camera.width});
   restored.blurry = exposure.blurry.to(device).contiguous();
   const torch::Tensor windows =
       events::edi_windows(restored.maps.windows, events.thresholds()).to(device);

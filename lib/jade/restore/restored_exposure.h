@@ -16,9 +16,9 @@ namespace jade::restore {
 struct RestoredExposure {
   events::ExposureMaps maps;  ///< on the CPU
   // On the restorer's device:
-  torch::Tensor blurry;        ///< [3,H,W]
-  imaging::EdiKernel kernel;   ///< latent images over the blurry frame
-  Restorations restorations;   ///< I_edi; F where the restorer has a network, else undefined
+  torch::Tensor blurry;       ///< [3,H,W]
+  imaging::EdiKernel kernel;  ///< latent images over the blurry frame
+  Restorations restorations;  ///< I_edi; F where the restorer has a network, else undefined
 };
 
 /// Sums the events of an exposure and restores it both ways, through the restorer's cache.

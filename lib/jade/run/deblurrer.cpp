@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "deblurrer.h"
+#include "jade/run/deblurrer.h"
 
 #include <torch/types.h>
 
@@ -9,15 +9,15 @@
 #include "jade/run/checkpoint.h"
 #include "jade/run/evaluate.h"
 
-namespace jade::apps {
+namespace jade::run {
 namespace {
 
 namespace fs = std::filesystem;
 
 std::shared_ptr<router::Allocation> load_allocation(const fs::path& run,
                                                     const data::Dataset& dataset) {
-  const train::RunOptions options = run::load_run_options(run);
-  const auto checkpoints = run::list_checkpoints(run);
+  const train::RunOptions options = load_run_options(run);
+  const auto checkpoints = list_checkpoints(run);
   if (checkpoints.empty()) {
     throw CheckpointError(
         concat(run.string(), ": expected a checkpoint with a router, found none; train first"));
@@ -31,13 +31,13 @@ std::shared_ptr<router::Allocation> load_allocation(const fs::path& run,
         concat(run.string(), ": expected a run with a router, found objective.target ",
                options.objective.target, " and allocation.kind ", options.allocation.kind));
   }
-  run::load_checkpoint_allocation(checkpoints.front(), *allocation);
+  load_checkpoint_allocation(checkpoints.front(), *allocation);
   return allocation;
 }
 
 }  // namespace
 
-Deblurrer::Deblurrer(const DeblurOptions& options, const Method& method,
+Deblurrer::Deblurrer(const DeblurOptions& options, const restore::Method& method,
                      const data::Dataset& dataset, torch::Device device)
     : options_(options),
       restorer_(options.settings.cache,
@@ -53,7 +53,7 @@ Restored Deblurrer::restore(const data::Exposure& exposure, int64_t index) {
   restored.gain = found.kernel.gain.unsqueeze(1).cpu();
   const events::WindowCounts& counts = found.maps.windows;
   restored.events = torch::stack({counts.positive.sum(0), counts.negative.sum(0)});
-  Candidates& c = restored.candidates;
+  restore::Candidates& c = restored.candidates;
   c.blurry = exposure.blurry;
   c.edi = found.restorations.edi.cpu();
   if (found.restorations.efnet.defined()) c.efnet = found.restorations.efnet.cpu();
@@ -69,4 +69,4 @@ torch::Tensor Deblurrer::at_all_poses(const torch::Tensor& mid, const Restored& 
   return (mid + options_.log_offset) * ratio - options_.log_offset;
 }
 
-}  // namespace jade::apps
+}  // namespace jade::run
