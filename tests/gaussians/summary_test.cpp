@@ -53,7 +53,8 @@ TEST_CASE("summarize: each thing that is wrong is one problem", "[gaussians]") {
   CHECK_THAT(only_problem(row_of(0)), Catch::Contains("holds no Gaussian"));
   splat::Gaussians g = row_of(100);
   g.sh[3][0][0] = NAN;
-  CHECK_THAT(only_problem(g), Catch::Contains("1 of 100 Gaussians have NaN or Inf in their colours"));
+  CHECK_THAT(only_problem(g),
+             Catch::Contains("1 of 100 Gaussians have NaN or Inf in their colours"));
   g = row_of(100);
   g.rotations[5].zero_();
   CHECK_THAT(only_problem(g), Catch::Contains("1 rotations are the zero quaternion"));
