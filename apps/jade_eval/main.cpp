@@ -1,12 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <map>
-
 #include "common/cli.h"
 #include "common/dataset_flags.h"
 #include "jade/core/atomic_file.h"
 #include "jade/core/device.h"
-#include "jade/eval/report.h"
-#include "jade/imaging/image_io.h"
+#include "jade/eval/folders.h"
 #include "jade/run/evaluate.h"
 #include "jade/train/view.h"
 
@@ -14,30 +11,6 @@ using namespace jade;
 namespace fs = std::filesystem;
 
 namespace {
-
-/// Images of two folders, paired by name without extension.
-eval::Evaluation compare_folders(const fs::path& renders, const fs::path& truth,
-                                 const eval::Lpips& lpips) {
-  std::map<std::string, fs::path> by_name;
-  for (const fs::path& path : imaging::list_images(renders)) by_name[path.stem().string()] = path;
-  std::vector<eval::Scores> scores;
-  for (const fs::path& path : imaging::list_images(truth)) {
-    const auto found = by_name.find(path.stem().string());
-    if (found == by_name.end()) {
-      throw DataError(concat(renders.string(), ": expected an image named ", path.stem().string(),
-                             " as in ", truth.string(), ", found none"));
-    }
-    const auto image = imaging::read_image(found->second), reference = imaging::read_image(path);
-    if (image.sizes() != reference.sizes()) {
-      throw DataError(concat(found->second.string(), ": expected ", reference.size(2), "x",
-                             reference.size(1), " as ", path.string(), ", found ", image.size(2),
-                             "x", image.size(1)));
-    }
-    scores.push_back(eval::score(path.stem().string(), image, reference, &lpips));
-  }
-  if (scores.empty()) throw DataError(concat(truth.string(), ": expected images, found none"));
-  return eval::evaluation_of(std::move(scores));
-}
 
 eval::Evaluation evaluate_run(const fs::path& path, const train::RunOptions& options,
                               torch::Device device, const eval::Lpips& lpips) {
@@ -74,7 +47,7 @@ int main(int argc, char** argv) {
     }
     const torch::Device device = select_device(options->device);
     const eval::Lpips lpips(device);
-    const eval::Evaluation evaluation = run.empty() ? compare_folders(renders, truth, lpips)
+    const eval::Evaluation evaluation = run.empty() ? eval::compare_folders(renders, truth, lpips)
                                                     : evaluate_run(run, *options, device, lpips);
     const fs::path folder = !program.output().empty() ? program.output()
                             : run.empty()             ? renders

@@ -6,9 +6,10 @@
 #include "common/cli.h"
 #include "common/dataset_flags.h"
 #include "jade/data/dataset.h"
-#include "ply.h"
-#include "run.h"
-#include "summary.h"
+#include "jade/run/run_summary.h"
+#include "jade_inspect/ply.h"
+#include "jade_inspect/run.h"
+#include "jade_inspect/summary.h"
 
 using namespace jade;
 
@@ -53,7 +54,7 @@ int main(int argc, char** argv) {
       apps::inspect_ply(path, program.json());
       return ExitCode::kOk;
     }
-    if (apps::is_run(path)) {
+    if (run::is_run(path)) {
       apps::inspect_run(path, program.json());
       return ExitCode::kOk;
     }

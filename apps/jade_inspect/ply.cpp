@@ -1,79 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "ply.h"
+#include "jade_inspect/ply.h"
 
-#include <algorithm>
-#include <cmath>
 #include <cstdio>
-#include <torch/types.h>
 
-#include "jade/core/error.h"
 #include "jade/gaussians/ply.h"
 
 namespace jade::apps {
 namespace {
 
-constexpr double kPruned = 0.005;
-
-Spread spread_of(const torch::Tensor& values) {
-  const torch::Tensor flat = values.flatten();
-  const torch::Tensor sorted =
-      std::get<0>(flat.masked_select(flat.isfinite()).to(torch::kFloat64).sort());
-  const int64_t count = sorted.numel();
-  if (count == 0) return {};
-  const auto at = [&](double share) {
-    return sorted[static_cast<int64_t>(std::lround(share * double(count - 1)))].item<double>();
-  };
-  return {at(0), at(0.01), at(0.5), at(0.99), at(1)};
-}
+using gaussians::GaussianSummary;
+using gaussians::Spread;
 
 nlohmann::json to_json(const Spread& s) {
   return {{"min", s.min}, {"p01", s.low}, {"median", s.median}, {"p99", s.high}, {"max", s.max}};
-}
-
-int64_t count_of(const torch::Tensor& mask) { return mask.sum().item<int64_t>(); }
-
-void find_problems(const splat::Gaussians& g, GaussianSummary& summary) {
-  const auto add = [&](const auto&... parts) { summary.problems.push_back(concat(parts...)); };
-  if (summary.count == 0) {
-    add("holds no Gaussian: training pruned everything, or the file was cut; lower "
-        "densify.prune_opacity or check the poses");
-    return;
-  }
-  const std::pair<const char*, torch::Tensor> parts[] = {{"means", g.means},
-                                                         {"rotations", g.rotations},
-                                                         {"log scales", g.log_scales},
-                                                         {"opacity logits", g.logit_opacities},
-                                                         {"colours", g.sh}};
-  for (const auto& [name, tensor] : parts) {
-    const int64_t bad =
-        count_of(tensor.reshape({tensor.size(0), -1}).isfinite().all(1).logical_not());
-    if (bad > 0) {
-      add(bad, " of ", summary.count, " Gaussians have NaN or Inf in their ", name,
-          ": they cannot be drawn; export from an older checkpoint, or delete them");
-    }
-  }
-  const int64_t unturned = count_of(g.rotations.square().sum(1) < 1e-12);
-  if (unturned > 0) add(unturned, " rotations are the zero quaternion: set them to 1 0 0 0");
-  if (summary.transparent > 0.5) {
-    add("more than half of the Gaussians are next to transparent (opacity below ", kPruned,
-        "): saved just after an opacity reset? train on, or use a later checkpoint");
-  }
-  const double extent = std::max({summary.x.high - summary.x.low, summary.y.high - summary.y.low,
-                                  summary.z.high - summary.z.low});
-  if (extent > 0 && summary.scale.high > extent) {
-    add("more than 1 % of the Gaussians are larger than the whole scene (", summary.scale.high,
-        " of ", extent,
-        " units): a fog of them; check the poses, or lower "
-        "densify.prune_scale");
-  }
-  const double reach =
-      std::max({std::abs(summary.x.min), std::abs(summary.x.max), std::abs(summary.y.min),
-                std::abs(summary.y.max), std::abs(summary.z.min), std::abs(summary.z.max)});
-  if (extent > 0 && reach > 1000 * extent) {
-    add("some Gaussians lie ", reach,
-        " units away, a thousand times the scene's size: floaters; "
-        "viewers may frame them instead of the scene, delete them");
-  }
 }
 
 void print_spread(const char* name, const Spread& s) {
@@ -83,42 +22,24 @@ void print_spread(const char* name, const Spread& s) {
 
 }  // namespace
 
-GaussianSummary summarize(const splat::Gaussians& g) {
-  GaussianSummary summary;
-  summary.count = g.means.size(0);
-  summary.sh_degree = std::lround(std::sqrt(double(g.sh.size(1)))) - 1;
-  if (summary.count > 0) {
-    summary.x = spread_of(g.means.select(1, 0));
-    summary.y = spread_of(g.means.select(1, 1));
-    summary.z = spread_of(g.means.select(1, 2));
-    const torch::Tensor opacity = g.logit_opacities.sigmoid();
-    summary.opacity = spread_of(opacity);
-    summary.transparent = double(count_of(opacity < kPruned)) / double(summary.count);
-    const torch::Tensor longest = g.log_scales.amax(1);
-    summary.scale = spread_of(longest.exp());
-    summary.elongation = spread_of((longest - g.log_scales.amin(1)).exp());
-  }
-  find_problems(g, summary);
-  return summary;
-}
-
-void print_text(const GaussianSummary& s) {
+void print_text(const GaussianSummary& s, bool antialiased) {
   std::printf("Gaussians   %ld, SH degree %ld%s\n", long(s.count), long(s.sh_degree),
-              s.antialiased ? ", antialiased (mip)" : "");
+              antialiased ? ", antialiased (mip)" : "");
   if (s.count == 0) return;
   print_spread("x", s.x);
   print_spread("y", s.y);
   print_spread("z", s.z);
   print_spread("opacity", s.opacity);
-  std::printf("            %.1f %% next to transparent (below %g)\n", 100 * s.transparent, kPruned);
+  std::printf("            %.1f %% next to transparent (below %g)\n", 100 * s.transparent,
+              gaussians::kTransparent);
   print_spread("longest axis", s.scale);
   print_spread("elongation", s.elongation);
 }
 
-nlohmann::json to_json(const GaussianSummary& s) {
+nlohmann::json to_json(const GaussianSummary& s, bool antialiased) {
   return {{"gaussians", s.count},
           {"sh_degree", s.sh_degree},
-          {"antialiased", s.antialiased},
+          {"antialiased", antialiased},
           {"x", to_json(s.x)},
           {"y", to_json(s.y)},
           {"z", to_json(s.z)},
@@ -136,7 +57,7 @@ void inspect_ply(const std::filesystem::path& path, bool json) {
     const char* const axes[] = {"x", "y", "z"};
     if (!json) std::printf("points      %ld with colours, no Gaussians\n", long(result["points"]));
     for (int64_t i = 0; i < 3; ++i) {
-      const Spread spread = spread_of(cloud.points.select(1, i));
+      const Spread spread = gaussians::spread_of(cloud.points.select(1, i));
       result[axes[i]] = to_json(spread);
       if (!json) print_spread(axes[i], spread);
     }
@@ -144,13 +65,12 @@ void inspect_ply(const std::filesystem::path& path, bool json) {
     return;
   }
   const gaussians::GaussianFile file = gaussians::read_ply(path);
-  GaussianSummary summary = summarize(file.gaussians);
-  summary.antialiased = file.antialiased;
+  const GaussianSummary summary = gaussians::summarize(file.gaussians);
   if (json) {
-    std::printf("%s\n", to_json(summary).dump(2).c_str());
+    std::printf("%s\n", to_json(summary, file.antialiased).dump(2).c_str());
     return;
   }
-  print_text(summary);
+  print_text(summary, file.antialiased);
   if (summary.problems.empty()) std::printf("\nNo problems found.\n");
   for (const std::string& problem : summary.problems)
     std::printf("problem     %s\n", problem.c_str());

@@ -17,10 +17,10 @@
 #include "jade/gaussians/gaussian_model.h"
 #include "jade/gaussians/ply.h"
 #include "jade/imaging/image_io.h"
+#include "jade/imaging/movie.h"
 #include "jade/run/checkpoint.h"
 #include "jade/run/evaluate.h"
 #include "jade/train/view.h"
-#include "movie.h"
 
 using namespace jade;
 
@@ -171,8 +171,8 @@ fs::path movie_path(const fs::path& output, const std::string& cameras) {
 
 void write_movie(const Subject& subject, const std::vector<data::NamedCamera>& views,
                  const fs::path& path, double frames_per_second) {
-  apps::Movie movie(path, views.front().camera.width, views.front().camera.height,
-                    frames_per_second);
+  imaging::Movie movie(path, views.front().camera.width, views.front().camera.height,
+                       frames_per_second);
   Progress progress("render", static_cast<int64_t>(views.size()), 0, "view");
   for (const data::NamedCamera& view : views) {
     throw_if_interrupted();

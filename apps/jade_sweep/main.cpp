@@ -1,19 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <algorithm>
-#include <cstdlib>
-#include <fcntl.h>
 #include <nlohmann/json.hpp>
-#include <sched.h>
-#include <sys/file.h>
-#include <thread>
-#include <unistd.h>
 
 #include "common/cli.h"
 #include "jade/core/atomic_file.h"
-#include "jade/core/device.h"
-#include "jade/core/interrupt.h"
+#include "jade/core/folder_lock.h"
 #include "jade/core/log.h"
-#include "jade/core/progress.h"
 #include "jade/sweep/local.h"
 #include "jade/sweep/results.h"
 #include "jade/sweep/slurm.h"
@@ -74,27 +65,6 @@ void add_flags(CLI::App& cli, Flags& flags) {
 
 fs::path own_path() { return fs::read_symlink("/proc/self/exe"); }
 
-int usable_cores() {
-  cpu_set_t cores;
-  return sched_getaffinity(0, sizeof cores, &cores) == 0 ? std::max(1, CPU_COUNT(&cores)) : 1;
-}
-
-/// The words of --devices as a list of devices that are there.
-std::vector<std::string> devices_of(const Flags& flags) {
-  std::vector<std::string> list;
-  for (const std::string& word :
-       flags.devices.empty() ? std::vector<std::string>{"auto"} : flags.devices) {
-    if (word == "auto" && cuda_device_count() > 0) {
-      for (int i = 0; i < cuda_device_count(); ++i) list.push_back(concat("cuda:", i));
-    } else {
-      const torch::Device device = select_device(word);
-      list.push_back(device.is_cpu() ? "cpu"
-                                     : concat("cuda:", device.has_index() ? device.index() : 0));
-    }
-  }
-  return list;
-}
-
 sweep::Plan plan_of(const apps::Program& program, const Flags& flags) {
   sweep::PlanOptions options;
   if (!program.config_file().empty()) options.base.push_back(program.config_file());
@@ -112,25 +82,6 @@ sweep::Plan plan_of(const apps::Program& program, const Flags& flags) {
   return sweep::make_plan(sweep::read_spec(flags.sweep), options, apps::resolve_training);
 }
 
-/// Holds the sweep's folder against a second launcher.
-class FolderLock {
- public:
-  explicit FolderLock(const fs::path& folder) {
-    handle_ = open((folder / ".lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
-    if (handle_ < 0 || flock(handle_, LOCK_EX | LOCK_NB) != 0) {
-      throw DataError(
-          concat(folder.string(),
-                 ": another jade_sweep works here; wait for it or choose another --output"));
-    }
-  }
-  ~FolderLock() { close(handle_); }
-  FolderLock(const FolderLock&) = delete;
-  FolderLock& operator=(const FolderLock&) = delete;
-
- private:
-  int handle_;
-};
-
 void list_runs(const sweep::Plan& plan, const sweep::SweepOutput& output) {
   for (const sweep::Run& run : plan.runs) {
     std::cout << sweep::to_string(output.state(run.id())) << "  " << run.id() << "  steps "
@@ -140,95 +91,45 @@ void list_runs(const sweep::Plan& plan, const sweep::SweepOutput& output) {
   std::cout << plan.runs.size() << " runs\n";
 }
 
-/// One run as a task of a job array: its exit code is ours.
+/// What a job array's task calls: its exit code is ours.
 ExitCode run_task(const sweep::SweepOutput& output, const Flags& flags, const fs::path& program) {
-  if (!fs::exists(output.settings_file(flags.task))) {
-    throw ConfigError(concat("--run-task ", flags.task, ": expected a run of ",
-                             output.folder().string(), ", found none of that name"));
-  }
-  const sweep::RunState state = output.state(flags.task);
-  if (state == sweep::RunState::kRunning) {
-    throw DataError(concat(flags.task, ": another process trains it now"));
-  }
-  if (!sweep::wants_attempt(output, flags.task, flags.retry_failed)) {
-    log_info(concat(flags.task, ": ", sweep::to_string(state), " already"));
-    return state == sweep::RunState::kFinished ? ExitCode::kOk : ExitCode::kNumeric;
-  }
   sweep::TaskOptions options;
   options.program = program;
   options.device = flags.devices.empty() ? "auto" : flags.devices.front();
   options.retry_failed = flags.retry_failed;
-  sweep::Task task(output, flags.task, options);
-  for (bool told = false;;) {
-    if (const auto outcome = task.poll()) {
-      log_info(concat(flags.task, ": ", sweep::describe(*outcome)));
-      return outcome->exit_code >= 0 ? static_cast<ExitCode>(outcome->exit_code)
-                                     : ExitCode::kDevice;
-    }
-    if (interrupt_requested() && !told) {
-      task.interrupt();
-      told = true;
-    }
-    std::this_thread::sleep_for(std::chrono::milliseconds(50));
-  }
-}
-
-/// Waits until Slurm has nothing of ours left, with the table kept up to date.
-void wait_for_slurm(const sweep::Plan& plan, const sweep::SweepOutput& output) {
-  const auto total = static_cast<int64_t>(plan.runs.size());
-  Progress progress("slurm", total, 0, "runs");
-  for (int64_t done = 0;;) {
-    const auto left = static_cast<int64_t>(sweep::queued_runs(output).size());
-    const int64_t now = std::max(done, total - left);
-    if (progress.step(now - done)) progress.show(concat(left, " in the queue"));
-    done = now;
-    if (left == 0) return;
-    for (int i = 0; i < 30; ++i) {
-      throw_if_interrupted();
-      std::this_thread::sleep_for(std::chrono::milliseconds(100));
-    }
-  }
+  return sweep::run_task(output, flags.task, options);
 }
 
 ExitCode conclude(const sweep::Plan& plan, const sweep::SweepOutput& output, bool json) {
   const sweep::Table table = sweep::gather(plan, output);
   sweep::write_table(table, output.folder());
-  int finished = 0, failed = 0;
-  ExitCode code = ExitCode::kOk;
-  for (const sweep::RunRow& run : table.runs) {
-    finished += run.state == sweep::RunState::kFinished;
-    if (run.state != sweep::RunState::kFailed) continue;
-    if (++failed == 1) {
-      code = static_cast<ExitCode>(
-          output.outcome(sweep::Run::concat_id(run.row, run.scene, run.seed)).exit_code);
-    }
-  }
-  const size_t unfinished = table.runs.size() - static_cast<size_t>(finished + failed);
+  const sweep::Standing now = sweep::standing_of(table, output);
   const std::string path = (output.folder() / "table.md").string();
   if (json) {
-    std::cout << nlohmann::ordered_json{{"runs", table.runs.size()},
-                                        {"finished", finished},
-                                        {"failed", failed},
-                                        {"unfinished", unfinished},
+    std::cout << nlohmann::ordered_json{{"runs", now.runs},
+                                        {"finished", now.finished},
+                                        {"failed", now.failed},
+                                        {"unfinished", now.unfinished},
                                         {"table", path}}
                      .dump()
               << "\n";
   } else {
-    std::cout << finished << " of " << table.runs.size() << " runs finished, " << failed
-              << " failed, " << unfinished << " unfinished; " << path << "\n";
+    std::cout << now.finished << " of " << now.runs << " runs finished, " << now.failed
+              << " failed, " << now.unfinished << " unfinished; " << path << "\n";
   }
-  return code;
+  return now.code;
 }
 
 void launch_local(const sweep::Plan& plan, const sweep::SweepOutput& output, const Flags& flags,
                   const fs::path& program) {
   sweep::LocalOptions options;
   options.program = program;
-  options.devices = devices_of(flags);
+  options.devices =
+      sweep::devices_of(flags.devices.empty() ? std::vector<std::string>{"auto"} : flags.devices);
   options.jobs = flags.jobs > 0       ? flags.jobs
                  : plan.spec.jobs > 0 ? plan.spec.jobs
                                       : static_cast<int>(options.devices.size());
-  options.cores = usable_cores();
+  options.cores = sweep::usable_cores();
   options.retry_failed = flags.retry_failed;
   options.memory_margin = static_cast<int64_t>(flags.margin_gib * (1 << 30));
   options.on_end = [&] { sweep::write_table(sweep::gather(plan, output), output.folder()); };
@@ -253,7 +154,7 @@ void launch_slurm(const sweep::Plan& plan, const sweep::SweepOutput& output, con
     log_info(concat("submitted job array ", submission.job, " of ", submission.submitted, " runs"));
   }
   if (submission.queued > 0) log_info(concat(submission.queued, " runs are in the queue already"));
-  if (flags.wait) wait_for_slurm(plan, output);
+  if (flags.wait) sweep::wait_for_slurm(plan, output);
 }
 
 ExitCode run(apps::Program& program, const Flags& flags) {
@@ -280,7 +181,12 @@ ExitCode run(apps::Program& program, const Flags& flags) {
     return ExitCode::kOk;
   }
   make_writable_folder(output.folder());
-  const FolderLock lock(output.folder());
+  const auto lock = FolderLock::take(output.folder());
+  if (!lock) {
+    throw DataError(
+        concat(output.folder().string(),
+               ": another jade_sweep works here; wait for it or choose another --output"));
+  }
   output.write_settings(plan, apps::resolve_training);
   write_file(output.folder() / "sweep.yaml", read_file(flags.sweep));
   if (!flags.table && flags.launcher == "local") launch_local(plan, output, flags, trainer);

@@ -10,11 +10,13 @@
 
 #include "jade/core/error.h"
 #include "jade/events/exposure_maps.h"
-#include "jade/events/scer.h"
 #include "jade/events/voxel.h"
 #include "support/devices.h"
+#include "support/signed_bins.h"
 
 using namespace jade::events;
+using jade::test::signed_bins;
+using jade::test::voxelize;
 
 namespace {
 
@@ -197,25 +199,6 @@ TEST_CASE("projection: positive and negative bins are summed apart", "[events]")
   const auto projected = polarity_projection(voxel).flatten();
   CHECK(projected[0].item<float>() == Approx(4.0));
   CHECK(projected[1].item<float>() == Approx(2.5));
-}
-
-TEST_CASE("scer: channels are sums away from mid-exposure", "[events]") {
-  const auto bins = torch::tensor({1.0, 2.0, 4.0, 8.0, 16.0, 32.0}).view({6, 1, 1});
-  const auto expected = torch::tensor({-7.0, -6.0, -4.0, 8.0, 24.0, 56.0}) / 56;
-  CHECK(worst(scer(bins).flatten(), expected) < 1e-6);
-  CHECK(worst(scer(bins / 32).flatten(), expected) < 1e-6);
-  CHECK(scer(torch::zeros({6, 2, 2})).abs().sum().item<float>() == 0);
-  CHECK_THROWS_AS(scer(torch::zeros({5, 2, 2})), jade::ContractError);
-}
-
-TEST_CASE("event mask: holes of one pixel are closed, wide ones stay", "[events]") {
-  auto events = torch::ones({2, 9, 9});
-  events.slice(1, 2, 3).slice(2, 2, 3).zero_();
-  events.slice(1, 5, 9).slice(2, 5, 9).zero_();
-  const auto mask = event_mask(events);
-  CHECK(mask.sizes() == torch::IntArrayRef({1, 9, 9}));
-  CHECK(mask[0][2][2].item<float>() == 1);
-  CHECK(mask[0][7][7].item<float>() == 0);
 }
 
 TEST_CASE("count events: a GPU gives the CPU's bits", "[events][cuda]") {

@@ -8,7 +8,6 @@
 #include <torch/types.h>
 
 #include "jade/core/error.h"
-#include "jade/events/rectify.h"
 
 using namespace jade::events;
 
@@ -78,19 +77,4 @@ TEST_CASE("event stream: problems are counted by kind", "[events]") {
   CHECK(problems.not_finite == 3);
   CHECK(problems.touching_edge == 2);
   CHECK(problems.outside == 3);
-}
-
-TEST_CASE("rectify: events move by the map and those beside the sensor are lost", "[events]") {
-  auto map = torch::stack({torch::arange(4.0f).expand({3, 4}) * 2,
-                           torch::arange(3.0f).view({3, 1}).expand({3, 4}) + 10});
-  const auto events =
-      EventStream::from_lists({3, 1.5f, 3.5f, 0}, {2, 0.25f, 0, -1}, {0, 1, 2, 3}, {1, -1, 1, 1});
-  const auto moved = rectify(events, map.contiguous());
-  CHECK(moved.x()[0].item<float>() == 6);
-  CHECK(moved.y()[0].item<float>() == 12);
-  CHECK(moved.x()[1].item<float>() == 3);
-  CHECK(moved.y()[1].item<float>() == 10.25f);
-  CHECK(std::isnan(moved.x()[2].item<float>()));
-  CHECK(std::isnan(moved.y()[3].item<float>()));
-  CHECK(moved.t_us().const_data_ptr<int64_t>() == events.t_us().const_data_ptr<int64_t>());
 }

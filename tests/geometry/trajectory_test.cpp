@@ -42,8 +42,6 @@ TEST_CASE("trajectory: knots are met and times outside get the nearest end", "[g
   for (size_t i = 0; i < times.size(); ++i) check_same(path.at(times[i]), poses[i], 1e-9);
   check_same(path.at(-1e9), poses.front(), 1e-9);
   check_same(path.at(1e9), poses.back(), 1e-9);
-  CHECK(path.covers(10));
-  CHECK_FALSE(path.covers(50.5));
 }
 
 TEST_CASE("trajectory: one, two and three poses give rest, a line and a parabola", "[geometry]") {

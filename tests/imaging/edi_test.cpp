@@ -8,8 +8,10 @@
 
 #include "jade/core/error.h"
 #include "jade/imaging/reblur.h"
+#include "support/exposure_model.h"
 
 using namespace jade::imaging;
+using namespace jade::test;
 using jade::events::EventVoxel;
 
 namespace {
@@ -57,6 +59,7 @@ TEST_CASE("edi: an even log slope meets the closed form", "[imaging]") {
     const auto expected = blurry * (9 * std::exp(s * double(k - 4)) / sum);
     CHECK(worst(edi_at(blurry, kernel, k), expected) < 1e-12);
   }
+  CHECK(torch::equal(edi_mid(blurry, kernel), edi_at(blurry, kernel, kEdiMid)));
 }
 
 TEST_CASE("reblur: an even log slope meets the closed form", "[imaging]") {
@@ -107,9 +110,8 @@ TEST_CASE("edi: gradients reach the frame", "[imaging]") {
 }
 
 TEST_CASE("reblur: odd bins and other sizes are refused", "[imaging]") {
-  CHECK_THROWS_AS(reblur(torch::zeros({3, 7, 9}), random_voxel(5), 1.0), jade::ContractError);
-  CHECK_THROWS_AS(reblur(torch::zeros({3, 7, 8}), random_voxel(6), 1.0), jade::ContractError);
+  CHECK_THROWS_AS(reblur_kernel(random_voxel(5), 1.0), jade::ContractError);
   CHECK_THROWS_AS(edi_kernel(torch::zeros({7, 3, 4})), jade::ContractError);
-  CHECK_THROWS_AS(edi_at(torch::zeros({3, 3, 4}), edi_kernel(torch::zeros({8, 3, 4})), 9),
+  CHECK_THROWS_AS(edi_mid(torch::zeros({3, 3, 5}), edi_kernel(torch::zeros({8, 3, 4}))),
                   jade::ContractError);
 }

@@ -12,9 +12,11 @@
 #include "jade/simulate/sensor.h"
 #include "jade/simulate/simulator.h"
 #include "support/drifting_pattern.h"
+#include "support/exposure_model.h"
 
 using namespace jade;
 using namespace jade::imaging;
+using namespace jade::test;
 
 namespace {
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/restore/restorations.h"
 
-#include <torch/types.h>
-
 #include "support/catch.h"
+
+#include <torch/types.h>
 
 namespace jade::restore {
 namespace {

@@ -1,12 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "support/catch.h"
 
-#include <fcntl.h>
-#include <sys/file.h>
-#include <unistd.h>
-
 #include "fixture.h"
 #include "jade/core/error.h"
+#include "jade/core/folder_lock.h"
 #include "jade/sweep/task.h"
 
 using namespace jade;
@@ -47,10 +44,10 @@ TEST_CASE("SweepOutput: the state of a run follows from what lies there", "[swee
   dir.write("out/runs/full/a/0/eval.json", "{}");
   CHECK(output.state(id) == RunState::kFinished);
   CHECK_FALSE(sweep::wants_attempt(output, id, true));
-  const int lock = open(dir.write("out/runs/full/a/0/.lock", "").c_str(), O_RDWR);
-  REQUIRE(flock(lock, LOCK_EX | LOCK_NB) == 0);
-  CHECK(output.state(id) == RunState::kRunning);
-  close(lock);
+  {
+    const auto lock = FolderLock::take(output.run_folder(id));
+    CHECK(output.state(id) == RunState::kRunning);
+  }
   CHECK(output.present() == std::vector<std::string>{id});
 }
 

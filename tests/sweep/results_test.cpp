@@ -89,6 +89,18 @@ TEST_CASE("gather: averages take whole seeds only, and every gap is told", "[swe
   }
 }
 
+TEST_CASE("standing_of: runs are counted, and the first failed one gives the exit code",
+          "[sweep]") {
+  const TempDir dir;
+  const sweep::SweepOutput output(dir / "out");
+  const sweep::Standing standing = sweep::standing_of(table_of(dir), output);
+  CHECK(standing.runs == 12);
+  CHECK(standing.finished == 6);
+  CHECK(standing.failed == 1);
+  CHECK(standing.unfinished == 5);
+  CHECK(standing.code == ExitCode::kNumeric);
+}
+
 TEST_CASE("tables: ours and the paper's side by side, gaps marked, in three formats", "[sweep]") {
   const TempDir dir;
   const sweep::Table table = table_of(dir);

@@ -16,16 +16,8 @@ struct EventVoxel {
   int64_t bins() const { return values.size(0); }
 };
 
-/// Signed sums before division, [T,H,W] float32 in events, on the events' device.
-torch::Tensor signed_bins(const EventStream& events, const TimeWindow& window, int64_t bins,
-                          const ImageSize& size);
-
 /// Divides [T,H,W] signed sums by their largest magnitude.
 EventVoxel normalized(const torch::Tensor& sums);
-
-/// normalized(signed_bins(...)).
-EventVoxel voxelize(const EventStream& events, const TimeWindow& window, int64_t bins,
-                    const ImageSize& size);
 
 /// Ψ, the polarity-signed temporal projection of Eq. (2): Σ_k max(V_k, 0) and Σ_k max(−V_k, 0).
 /// @param voxel  [T,H,W] of any floating type.

@@ -69,12 +69,6 @@ void GaussianModel::replace(const splat::Gaussians& values) {
   parameters_ = map_parameters(values, leaf);
 }
 
-void GaussianModel::replace_parameter(int index, const torch::Tensor& value) {
-  torch::Tensor& target = parameter(parameters_, index);
-  check_shape(value, kParameterNames[static_cast<size_t>(index)], target.sizes().vec());
-  target = leaf(value);
-}
-
 int active_sh_degree(int64_t step, int64_t every) {
   return static_cast<int>(std::min<int64_t>(3, step / every));
 }

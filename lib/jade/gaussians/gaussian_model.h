@@ -49,7 +49,6 @@ class GaussianModel {
   /// New leaves with these values, without gradients. Use through densification, which keeps the
   /// optimiser's rows in step. @throws ContractError for shapes that do not fit.
   void replace(const splat::Gaussians& values);
-  void replace_parameter(int index, const torch::Tensor& value);
 
  private:
   splat::Gaussians parameters_;

@@ -35,7 +35,6 @@ class Trajectory {
   /// The nine poses of an exposure; index kMidPose is mid-exposure.
   std::array<Pose, kExposurePoses> exposure_poses(int64_t t_start_us, int64_t t_end_us) const;
 
-  bool covers(double t_us) const { return !empty() && t_us >= begin_us() && t_us <= end_us(); }
   bool empty() const { return t_us_.empty(); }
   int64_t size() const { return int64_t(t_us_.size()); }
   double begin_us() const { return t_us_.front(); }

@@ -27,14 +27,4 @@ torch::Tensor as_gray(const torch::Tensor& rgb) {
   return is_gray(rgb) ? rgb : gray(rgb).expand_as(rgb).contiguous();
 }
 
-torch::Tensor linear_from_srgb(const torch::Tensor& stored) {
-  const auto curved = ((stored.clamp_min(0.04045) + 0.055) / 1.055).pow(2.4);
-  return torch::where(stored <= 0.04045, stored / 12.92, curved);
-}
-
-torch::Tensor srgb_from_linear(const torch::Tensor& linear) {
-  const auto curved = 1.055 * linear.clamp_min(0.0031308).pow(1 / 2.4) - 0.055;
-  return torch::where(linear <= 0.0031308, linear.clamp_min(0) * 12.92, curved);
-}
-
 }  // namespace jade::imaging

@@ -17,10 +17,4 @@ bool is_gray(const torch::Tensor& rgb);
 /// The image with g(·) in all three channels; one that is gray already stays as it is, to the bit.
 torch::Tensor as_gray(const torch::Tensor& rgb);
 
-/// The piecewise sRGB transfer curve, stored value → linear light. Element-wise, differentiable.
-torch::Tensor linear_from_srgb(const torch::Tensor& stored);
-
-/// Linear light → stored sRGB value; negative values are taken as 0. Differentiable above 0.
-torch::Tensor srgb_from_linear(const torch::Tensor& linear);
-
 }  // namespace jade::imaging

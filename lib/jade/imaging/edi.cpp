@@ -8,14 +8,6 @@
 #include "jade/core/check.h"
 
 namespace jade::imaging {
-namespace {
-
-void check_image(const torch::Tensor& image, const char* name, const torch::Tensor& blur) {
-  check_shape(image, name, {-1, blur.size(0), blur.size(1)});
-  check_same_device(image, name, blur, "EDI kernel");
-}
-
-}  // namespace
 
 EdiIndex edi_index(const std::string& name) {
   if (name == "exact") return EdiIndex::kExact;
@@ -36,24 +28,10 @@ EdiKernel edi_kernel(const torch::Tensor& windows, EdiIndex index) {
   return {gain, log_blur.exp()};
 }
 
-torch::Tensor edi_at(const torch::Tensor& blurry, const EdiKernel& kernel, int64_t k) {
-  check_image(blurry, "blurry", kernel.blur);
-  JADE_CHECK(k >= 0 && k < kEdiPoses, "expected a pose from 0 to 8, found ", k);
-  return blurry * kernel.gain.narrow(0, k, 1);
-}
-
 torch::Tensor edi_mid(const torch::Tensor& blurry, const EdiKernel& kernel) {
-  return edi_at(blurry, kernel, kEdiMid);
-}
-
-torch::Tensor edi_all(const torch::Tensor& blurry, const EdiKernel& kernel) {
-  check_image(blurry, "blurry", kernel.blur);
-  return blurry.unsqueeze(0) * kernel.gain.unsqueeze(1);
-}
-
-torch::Tensor reblur_exposure(const torch::Tensor& mid, const EdiKernel& kernel) {
-  check_image(mid, "mid", kernel.blur);
-  return mid * kernel.blur.unsqueeze(0);
+  check_shape(blurry, "blurry", {-1, kernel.blur.size(0), kernel.blur.size(1)});
+  check_same_device(blurry, "blurry", kernel.blur, "EDI kernel");
+  return blurry * kernel.gain.narrow(0, kEdiMid, 1);
 }
 
 }  // namespace jade::imaging

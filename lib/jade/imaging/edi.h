@@ -36,21 +36,9 @@ struct EdiKernel {
 /// @param windows  [8,H,W], log intensity (events::edi_windows): thresholds are inside.
 EdiKernel edi_kernel(const torch::Tensor& windows, EdiIndex index = EdiIndex::kExact);
 
-/// Φ_edi: the latent image at pose k, 0 to 8. Not clamped, may exceed 1.
+/// Φ_edi at mid-exposure, the analytical restoration of Eq. (1). Not clamped, may exceed 1.
 /// @param blurry  [3,H,W] or [1,H,W]. Differentiable.
 /// @return the shape of `blurry`.
-torch::Tensor edi_at(const torch::Tensor& blurry, const EdiKernel& kernel, int64_t k);
-
-/// Φ_edi at mid-exposure, the analytical restoration of Eq. (1).
 torch::Tensor edi_mid(const torch::Tensor& blurry, const EdiKernel& kernel);
-
-/// All nine latent images.
-/// @param blurry  [C,H,W]. Differentiable.
-/// @return [9,C,H,W]; [4] is mid-exposure.
-torch::Tensor edi_all(const torch::Tensor& blurry, const EdiKernel& kernel);
-
-/// Nine-sample blur of a mid-exposure image, I_mid · (1/9) Σ_k exp(J_k): the inverse of edi_mid.
-/// @param mid  [C,H,W]. Differentiable.
-torch::Tensor reblur_exposure(const torch::Tensor& mid, const EdiKernel& kernel);
 
 }  // namespace jade::imaging

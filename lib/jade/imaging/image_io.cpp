@@ -189,13 +189,4 @@ std::vector<std::filesystem::path> list_images(const std::filesystem::path& fold
   return out;
 }
 
-std::pair<int64_t, int64_t> image_size(const std::filesystem::path& path) {
-  if (extension(path) == ".npy") {
-    const auto image = read_array(path);
-    return {image.size(1), image.size(2)};
-  }
-  const cv::Mat mat = decode(path);
-  return {mat.rows, mat.cols};
-}
-
 }  // namespace jade::imaging

@@ -33,7 +33,4 @@ std::vector<uint8_t> encode_png(const torch::Tensor& image);
 /// @throws DataError naming the folder when it is missing.
 std::vector<std::filesystem::path> list_images(const std::filesystem::path& folder);
 
-/// Height and width of an image file. Reads the whole file.
-std::pair<int64_t, int64_t> image_size(const std::filesystem::path& path);
-
 }  // namespace jade::imaging

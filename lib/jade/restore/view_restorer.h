@@ -34,6 +34,9 @@ class ViewRestorer {
   /// What the network restored on the CPU for want of a GPU's memory, or in tiles, is not kept.
   torch::Tensor efnet(const torch::Tensor& blurry, const torch::Tensor& voxel);
 
+  torch::Device device() const { return device_; }
+  /// Whether efnet() may be called.
+  bool has_network() const { return options_.has_value(); }
   /// The network, loaded if it was not.
   Restorer& network();
   bool network_is_loaded() const { return network_.has_value(); }

@@ -1,11 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/run/run_directory.h"
 
-#include <fcntl.h>
 #include <fstream>
 #include <nlohmann/json.hpp>
-#include <sys/file.h>
-#include <unistd.h>
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
@@ -17,19 +14,12 @@ namespace fs = std::filesystem;
 
 RunDirectory::RunDirectory(fs::path path) : path_(std::move(path)) {
   make_writable_folder(path_);
-  // The kernel drops the lock with the process, however it ends.
-  lock_ = open((path_ / ".lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
-  if (lock_ < 0) throw DataError(concat(path_.string(), ": cannot be locked"));
-  if (flock(lock_, LOCK_EX | LOCK_NB) != 0) {
-    close(lock_);
+  lock_ = FolderLock::take(path_);
+  if (!lock_) {
     throw DataError(
         concat(path_.string(),
                ": another process is training here; wait for it or choose another --output"));
   }
-}
-
-RunDirectory::~RunDirectory() {
-  if (lock_ >= 0) close(lock_);
 }
 
 bool RunDirectory::holds_a_run() const {

@@ -2,19 +2,19 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
+
+#include "jade/core/folder_lock.h"
 
 namespace jade::run {
 
-/// The folder of one run, held by one process at a time. DESIGN of its contents: README.md.
+/// The folder of one run, held by one process at a time. Its contents: README.md.
 class RunDirectory {
  public:
   /// Makes the folder and locks it.
   /// @throws DataError if it cannot be written, or another process trains in it.
   explicit RunDirectory(std::filesystem::path path);
-  ~RunDirectory();
-  RunDirectory(const RunDirectory&) = delete;
-  RunDirectory& operator=(const RunDirectory&) = delete;
 
   const std::filesystem::path& path() const { return path_; }
 
@@ -23,7 +23,7 @@ class RunDirectory {
 
  private:
   std::filesystem::path path_;
-  int lock_ = -1;
+  std::optional<FolderLock> lock_;
 };
 
 /// metrics.jsonl: one JSON object a line.

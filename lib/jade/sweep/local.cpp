@@ -6,8 +6,10 @@
 #include <deque>
 #include <list>
 #include <map>
+#include <sched.h>
 #include <thread>
 
+#include "jade/core/device.h"
 #include "jade/core/error.h"
 #include "jade/core/interrupt.h"
 #include "jade/core/log.h"
@@ -261,6 +263,25 @@ void run_local(const Plan& plan, const SweepOutput& output, const LocalOptions& 
                const MemoryProbe& memory) {
   Launcher launcher(plan, output, options, memory);
   launcher.run();
+}
+
+std::vector<std::string> devices_of(const std::vector<std::string>& words) {
+  std::vector<std::string> list;
+  for (const std::string& word : words) {
+    if (word == "auto" && cuda_device_count() > 0) {
+      for (int i = 0; i < cuda_device_count(); ++i) list.push_back(concat("cuda:", i));
+    } else {
+      const torch::Device device = select_device(word);
+      list.push_back(device.is_cpu() ? "cpu"
+                                     : concat("cuda:", device.has_index() ? device.index() : 0));
+    }
+  }
+  return list;
+}
+
+int usable_cores() {
+  cpu_set_t cores;
+  return sched_getaffinity(0, sizeof cores, &cores) == 0 ? std::max(1, CPU_COUNT(&cores)) : 1;
 }
 
 }  // namespace jade::sweep

@@ -28,4 +28,11 @@ struct LocalOptions {
 void run_local(const Plan& plan, const SweepOutput& output, const LocalOptions& options,
                const MemoryProbe& memory);
 
+/// The words of --devices as devices that are there, "cpu" and "cuda:N"; auto is every GPU, else
+/// the CPU. @throws ConfigError for another word, DeviceError if there is no such device.
+std::vector<std::string> devices_of(const std::vector<std::string>& words);
+
+/// Processor cores that this process may use.
+int usable_cores();
+
 }  // namespace jade::sweep

@@ -2,28 +2,17 @@
 #include "jade/sweep/output.h"
 
 #include <algorithm>
-#include <fcntl.h>
 #include <map>
 #include <nlohmann/json.hpp>
-#include <sys/file.h>
-#include <unistd.h>
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "jade/core/folder_lock.h"
 
 namespace jade::sweep {
 namespace {
 
 namespace fs = std::filesystem;
-
-/// True when a training program holds the run directory.
-bool is_locked(const fs::path& run) {
-  const int handle = open((run / ".lock").c_str(), O_RDWR | O_CLOEXEC);
-  if (handle < 0) return false;
-  const bool locked = flock(handle, LOCK_EX | LOCK_NB) != 0;
-  close(handle);
-  return locked;
-}
 
 /// "key: saved -> now" of every setting that differs.
 std::vector<std::string> differences(const Resolved& saved, const Resolved& now) {
@@ -82,7 +71,7 @@ void SweepOutput::write_settings(const Plan& plan, const Resolver& resolve) cons
 
 RunState SweepOutput::state(const std::string& id) const {
   const fs::path run = run_folder(id);
-  if (is_locked(run)) return RunState::kRunning;
+  if (FolderLock::is_held(run)) return RunState::kRunning;
   const Outcome last = outcome(id);
   // Without test views there is no eval.json, and the exit code must tell.
   if (fs::exists(run / "point_cloud.ply") &&

@@ -258,6 +258,21 @@ Table gather(const Plan& plan, const SweepOutput& output) {
   return table;
 }
 
+Standing standing_of(const Table& table, const SweepOutput& output) {
+  Standing standing;
+  standing.runs = table.runs.size();
+  for (const RunRow& run : table.runs) {
+    standing.finished += run.state == RunState::kFinished;
+    if (run.state != RunState::kFailed) continue;
+    if (++standing.failed == 1) {
+      standing.code = static_cast<ExitCode>(
+          output.outcome(Run::concat_id(run.row, run.scene, run.seed)).exit_code);
+    }
+  }
+  standing.unfinished = standing.runs - standing.finished - standing.failed;
+  return standing;
+}
+
 void write_table(const Table& table, const fs::path& folder) {
   write_file(folder / "table.md", to_markdown(table));
   write_file(folder / "table.csv", to_csv(table));

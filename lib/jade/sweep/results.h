@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "jade/core/error.h"
 #include "jade/sweep/output.h"
 #include "jade/sweep/plan.h"
 
@@ -69,6 +70,13 @@ std::string to_csv(const Table& table);
 std::string runs_csv(const Table& table);
 /// A booktabs table of the averages.
 std::string to_latex(const Table& table);
+
+/// How a sweep stands as a whole.
+struct Standing {
+  size_t runs = 0, finished = 0, failed = 0, unfinished = 0;
+  ExitCode code = ExitCode::kOk;  ///< of the first failed run, else kOk
+};
+Standing standing_of(const Table& table, const SweepOutput& output);
 
 /// table.md, table.csv, table.tex and runs.csv in the sweep's folder.
 void write_table(const Table& table, const std::filesystem::path& folder);

@@ -2,16 +2,19 @@
 #include "jade/sweep/slurm.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cstdio>
 #include <fstream>
 #include <map>
 #include <set>
 #include <sstream>
 #include <sys/wait.h>
+#include <thread>
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
-#include "jade/core/log.h"
+#include "jade/core/interrupt.h"
+#include "jade/core/progress.h"
 #include "jade/sweep/task.h"
 
 namespace jade::sweep {
@@ -148,6 +151,22 @@ Submission submit(const Plan& plan, const SweepOutput& output, const SlurmOption
   std::ofstream(folder / "jobs.txt", std::ios::app)
       << submission.job << ' ' << list_file.filename().string() << '\n';
   return submission;
+}
+
+void wait_for_slurm(const Plan& plan, const SweepOutput& output) {
+  const auto total = static_cast<int64_t>(plan.runs.size());
+  Progress progress("slurm", total, 0, "runs");
+  for (int64_t done = 0;;) {
+    const auto left = static_cast<int64_t>(queued_runs(output).size());
+    const int64_t now = std::max(done, total - left);
+    if (progress.step(now - done)) progress.show(concat(left, " in the queue"));
+    done = now;
+    if (left == 0) return;
+    for (int i = 0; i < 30; ++i) {
+      throw_if_interrupted();
+      std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    }
+  }
 }
 
 }  // namespace jade::sweep

@@ -17,7 +17,6 @@ struct SlurmOptions {
   std::vector<std::string> arguments;  ///< more for sbatch: "--partition=gpu", "--gres=gpu:1", …
   std::string device = "auto";
   bool retry_failed = false;
-  bool wait = false;  ///< until the array has ended
 };
 
 /// What a submission did.
@@ -35,5 +34,9 @@ Submission submit(const Plan& plan, const SweepOutput& output, const SlurmOption
 /// Runs that submissions from this folder still have in Slurm's queue, waiting or running.
 /// @throws DeviceError when Slurm cannot be asked.
 std::set<std::string> queued_runs(const SweepOutput& output);
+
+/// Waits until Slurm has nothing of the folder left. Shows progress.
+/// @throws DeviceError when Slurm cannot be asked, Interrupted on request; the array goes on then.
+void wait_for_slurm(const Plan& plan, const SweepOutput& output);
 
 }  // namespace jade::sweep

@@ -5,10 +5,12 @@
 #include <cstdlib>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <thread>
 #include <unistd.h>
 
 #include "jade/core/atomic_file.h"
-#include "jade/core/error.h"
+#include "jade/core/interrupt.h"
+#include "jade/core/log.h"
 
 namespace jade::sweep {
 namespace {
@@ -124,6 +126,34 @@ int64_t Task::step() const {
     if (json.is_object()) step = json.value("step", step);
   }
   return step;
+}
+
+ExitCode run_task(const SweepOutput& output, const std::string& id, const TaskOptions& options) {
+  if (!fs::exists(output.settings_file(id))) {
+    throw ConfigError(concat("--run-task ", id, ": expected a run of ", output.folder().string(),
+                             ", found none of that name"));
+  }
+  const RunState state = output.state(id);
+  if (state == RunState::kRunning) {
+    throw DataError(concat(id, ": another process trains it now"));
+  }
+  if (!wants_attempt(output, id, options.retry_failed)) {
+    log_info(concat(id, ": ", to_string(state), " already"));
+    return state == RunState::kFinished ? ExitCode::kOk : ExitCode::kNumeric;
+  }
+  Task task(output, id, options);
+  for (bool told = false;;) {
+    if (const auto outcome = task.poll()) {
+      log_info(concat(id, ": ", describe(*outcome)));
+      return outcome->exit_code >= 0 ? static_cast<ExitCode>(outcome->exit_code)
+                                     : ExitCode::kDevice;
+    }
+    if (interrupt_requested() && !told) {
+      task.interrupt();
+      told = true;
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  }
 }
 
 std::string describe(const Outcome& outcome) {

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "jade/core/error.h"
 #include "jade/sweep/child.h"
 #include "jade/sweep/output.h"
 
@@ -47,6 +48,12 @@ class Task {
   std::chrono::steady_clock::time_point start_;
   Child child_;
 };
+
+/// Trains one run to its end, as a task of a job array does; a request to stop is passed on.
+/// @return the exit code of the training program, kDevice where a signal ended it; that of the last
+///   attempt where none is wanted.
+/// @throws ConfigError if the folder has no such run, DataError if another process trains it.
+ExitCode run_task(const SweepOutput& output, const std::string& id, const TaskOptions& options);
 
 /// One line for people: "diverged (exit 5): step 12: …".
 std::string describe(const Outcome& outcome);

@@ -8,12 +8,10 @@
 #include "jade/core/check.h"
 #include "jade/core/interrupt.h"
 #include "jade/core/progress.h"
-#include "jade/events/exposure_maps.h"
 #include "jade/events/voxel.h"
-#include "jade/imaging/edi.h"
 #include "jade/imaging/image_io.h"
 #include "jade/imaging/reblur.h"
-#include "jade/restore/view_restorer.h"
+#include "jade/restore/restored_exposure.h"
 
 namespace jade::train {
 namespace {
@@ -58,25 +56,18 @@ double reblur_contrast(const events::EventVoxel& voxel, const RunOptions& option
 
 View prepare_view(const data::Exposure& exposure, const RunOptions& options, bool monochrome,
                   restore::ViewRestorer& restorer, torch::Device device) {
-  const events::ImageSize size{exposure.camera.height, exposure.camera.width};
-  const events::ExposureMaps maps = events::map_exposure(
-      exposure.events, {exposure.t_start_us, exposure.t_end_us}, options.events.bins, size);
+  const restore::RestoredExposure restored =
+      restore::restore_exposure(exposure, options.events, restorer);
+  const events::EventVoxel& voxel = restored.maps.voxel;
   View view;
   view.name = exposure.name;
-  view.blurry = exposure.blurry.to(device).contiguous();
+  view.blurry = restored.blurry;
   view.blurry_moments = imaging::ssim_target(view.blurry);
-  const torch::Tensor voxel = maps.voxel.values.to(device);
-  view.psi = events::polarity_projection(voxel);
-  view.density = maps.density.to(device);
-  view.reblur_kernel =
-      imaging::reblur_kernel(maps.voxel, reblur_contrast(maps.voxel, options)).to(device);
-  const auto windows = events::edi_windows(maps.windows, options.events.thresholds()).to(device);
-  const auto edi = imaging::edi_kernel(windows, imaging::edi_index(options.events.edi_index));
-  view.edi_factors = edi.gain.unsqueeze(1);
-  view.restorations.edi =
-      restorer.edi(view.blurry, windows, concat("index ", options.events.edi_index),
-                   [&] { return imaging::edi_mid(view.blurry, edi); });
-  if (needs_efnet(options)) view.restorations.efnet = restorer.efnet(view.blurry, voxel);
+  view.psi = events::polarity_projection(voxel.values.to(device));
+  view.density = restored.maps.density.to(device);
+  view.reblur_kernel = imaging::reblur_kernel(voxel, reblur_contrast(voxel, options)).to(device);
+  view.edi_factors = restored.kernel.gain.unsqueeze(1);
+  view.restorations = restored.restorations;
   view.cameras =
       camera_batch({exposure.poses.begin(), exposure.poses.end()}, exposure.camera, device);
   view.fixed_target = fixed_target(view, options, monochrome, device);

@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "methods.h"
+#include "jade/restore/methods.h"
 
 #include <torch/types.h>
 
 #include "jade/core/error.h"
 #include "jade/restore/restorations.h"
 
-namespace jade::apps {
+namespace jade::restore {
 namespace {
 
 torch::Tensor mean_of(const Candidates& c) {
-  return restore::fuse(torch::full({1}, 0.5F, c.edi.options()), {c.edi, c.efnet});
+  return fuse(torch::full({1}, 0.5F, c.edi.options()), {c.edi, c.efnet});
 }
 
 }  // namespace
@@ -33,7 +33,7 @@ const std::vector<Method>& methods() {
        [](const Candidates& c) { return torch::where(edi_is_better(c), c.edi, c.efnet); }},
       {"router", "the mix that the router of a trained run (--run) decides", true, false, true,
        [](const Candidates& c) {
-         return restore::fuse(c.alpha, {c.edi, c.efnet});
+         return fuse(c.alpha, {c.edi, c.efnet});
        }}};
   return all;
 }
@@ -47,4 +47,4 @@ const Method& find_method(const std::string& name) {
   throw ConfigError(concat("--method: expected one of ", known, ", found '", name, "'"));
 }
 
-}  // namespace jade::apps
+}  // namespace jade::restore

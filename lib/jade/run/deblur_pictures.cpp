@@ -1,15 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "pictures.h"
+#include "jade/run/deblur_pictures.h"
 
 #include <algorithm>
 #include <filesystem>
 #include <torch/types.h>
 
-#include "jade/core/check.h"
-#include "jade/imaging/color.h"
 #include "jade/imaging/image_io.h"
 
-namespace jade::apps {
+namespace jade::run {
 
 torch::Tensor event_picture(const torch::Tensor& counts) {
   const torch::Tensor total = counts.sum(0).flatten();
@@ -25,7 +23,7 @@ void write_side_pictures(const std::filesystem::path& output, const std::string&
   const auto write = [&](const char* what, const torch::Tensor& picture) {
     imaging::write_image(output / what / (name + ".png"), picture);
   };
-  const Candidates& c = restored.candidates;
+  const restore::Candidates& c = restored.candidates;
   write("events", event_picture(restored.events));
   if (!c.efnet.defined()) return;
   write("edi", c.edi);
@@ -33,33 +31,9 @@ void write_side_pictures(const std::filesystem::path& output, const std::string&
   write("difference", 4 * (c.edi.clamp(0, 1) - c.efnet).abs().mean(0, true));
   if (c.alpha.defined()) write("alpha", c.alpha);
   if (!c.truth.defined()) return;
-  const torch::Tensor better = edi_is_better(c);
+  const torch::Tensor better = restore::edi_is_better(c);
   write("oracle", torch::where(better, c.edi, c.efnet));
   write("better", better.to(torch::kFloat32));
 }
 
-std::vector<Truth> truths_of(const data::Dataset& dataset, size_t index) {
-  std::vector<Truth> truths;
-  const data::Exposure& exposure = dataset.train[index];
-  for (const char* extension : {".png", ".tiff", ".npy"}) {
-    const auto path = dataset.root / "sharp" / (exposure.name + extension);
-    if (std::filesystem::exists(path)) {
-      const torch::Tensor image = imaging::read_image(path);
-      truths.push_back(
-          {"sharp/" + exposure.name, dataset.monochrome ? imaging::as_gray(image) : image});
-      if (truths.back().image.sizes() != exposure.blurry.sizes()) {
-        throw DataError(concat(path.string(), ": expected ", shape_string(exposure.blurry),
-                               " as the blurry frame, found ", shape_string(truths.back().image)));
-      }
-      break;
-    }
-  }
-  for (const data::SharpView& view : dataset.test) {
-    if (data::exposure_of(dataset, view) == static_cast<int64_t>(index)) {
-      truths.push_back({view.name, view.image});
-    }
-  }
-  return truths;
-}
-
-}  // namespace jade::apps
+}  // namespace jade::run

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "movie.h"
+#include "jade/imaging/movie.h"
 
 #include <csignal>
 #include <cstdlib>
@@ -16,7 +16,7 @@
 
 extern char** environ;
 
-namespace jade::apps {
+namespace jade::imaging {
 namespace {
 
 namespace fs = std::filesystem;
@@ -165,4 +165,4 @@ void Movie::finish() {
   state_->file.commit();
 }
 
-}  // namespace jade::apps
+}  // namespace jade::imaging

@@ -8,12 +8,12 @@
 #include <torch/types.h>
 
 #include "jade/data/exposure.h"
+#include "jade/restore/methods.h"
 #include "jade/restore/view_restorer.h"
 #include "jade/router/allocation.h"
 #include "jade/train/options.h"
-#include "methods.h"
 
-namespace jade::apps {
+namespace jade::run {
 
 struct DeblurOptions {
   train::RunOptions settings;  ///< of which dataset, events, efnet, cache and device count
@@ -24,17 +24,17 @@ struct DeblurOptions {
 
 /// One exposure restored at its middle.
 struct Restored {
-  Candidates candidates;  ///< on the CPU
-  torch::Tensor gain;     ///< [9,1,H,W], latent image of each pose over the blurry frame
-  torch::Tensor events;   ///< [2,H,W] positive and negative events during the exposure
+  restore::Candidates candidates;  ///< on the CPU
+  torch::Tensor gain;              ///< [9,1,H,W], latent image of each pose over the blurry frame
+  torch::Tensor events;            ///< [2,H,W] positive and negative events during the exposure
 };
 
 /// Restores exposures of a data set, through the cache.
 class Deblurrer {
  public:
   /// @throws DataError, ConfigError or CheckpointError for the restorer and the run.
-  Deblurrer(const DeblurOptions& options, const Method& method, const data::Dataset& dataset,
-            torch::Device device);
+  Deblurrer(const DeblurOptions& options, const restore::Method& method,
+            const data::Dataset& dataset, torch::Device device);
 
   Restored restore(const data::Exposure& exposure, int64_t index);
 
@@ -44,9 +44,8 @@ class Deblurrer {
 
  private:
   DeblurOptions options_;
-  bool needs_efnet_;
   restore::ViewRestorer restorer_;
   std::shared_ptr<router::Allocation> allocation_;  ///< nullptr but for a router
 };
 
-}  // namespace jade::apps
+}  // namespace jade::run

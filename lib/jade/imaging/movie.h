@@ -6,7 +6,7 @@
 #include <memory>
 #include <torch/types.h>
 
-namespace jade::apps {
+namespace jade::imaging {
 
 /// An .mp4 (H.264) made by the program ffmpeg, which gets raw frames through a pipe. The file
 /// appears under its name once finish() has returned; without finish(), nothing stays.
@@ -31,4 +31,4 @@ class Movie {
   std::unique_ptr<State> state_;
 };
 
-}  // namespace jade::apps
+}  // namespace jade::imaging

@@ -5,7 +5,7 @@
 #include <torch/types.h>
 #include <vector>
 
-namespace jade::apps {
+namespace jade::restore {
 
 /// All that is known of one exposure at its middle, each [3,H,W]; undefined where not asked for.
 struct Candidates {
@@ -24,11 +24,11 @@ struct Method {
 
 const std::vector<Method>& methods();
 
-/// @throws ConfigError naming the methods there are.
+/// @throws ConfigError naming the methods that there are.
 const Method& find_method(const std::string& name);
 
 /// [1,H,W] bool: where EDI is nearer to the truth than EFNet, by the squared error over channels of
 /// the images clamped to [0,1].
 torch::Tensor edi_is_better(const Candidates& candidates);
 
-}  // namespace jade::apps
+}  // namespace jade::restore

@@ -4,12 +4,10 @@
 #include <filesystem>
 #include <string>
 #include <torch/types.h>
-#include <vector>
 
-#include "deblurrer.h"
-#include "jade/data/exposure.h"
+#include "jade/run/deblurrer.h"
 
-namespace jade::apps {
+namespace jade::run {
 
 /// Events as a picture: white without, red where brightness rose, blue where it fell, full colour
 /// at the 99th percentile of the counts.
@@ -23,15 +21,4 @@ torch::Tensor event_picture(const torch::Tensor& counts);
 void write_side_pictures(const std::filesystem::path& output, const std::string& name,
                          const Restored& restored);
 
-/// A sharp image of the scene at the middle of an exposure, for scoring.
-struct Truth {
-  std::string name;
-  torch::Tensor image;  ///< [3,H,W]
-};
-
-/// The truths of exposure `index`: the data set's sharp/<name>.* where there is one (simulated
-/// sets), and every sharp test view taken at its mid-exposure.
-/// @throws DataError for a truth of another size.
-std::vector<Truth> truths_of(const data::Dataset& dataset, size_t index);
-
-}  // namespace jade::apps
+}  // namespace jade::run

@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/run/deblur.h"
+
+#include <torch/types.h>
+
+#include "jade/core/error.h"
+#include "jade/core/interrupt.h"
+#include "jade/core/progress.h"
+#include "jade/data/truths.h"
+#include "jade/imaging/image_io.h"
+#include "jade/run/deblur_pictures.h"
+
+namespace jade::run {
+namespace {
+
+namespace fs = std::filesystem;
+
+void save(const fs::path& stem, const torch::Tensor& image, bool npy) {
+  imaging::write_image(stem.string() + ".png", image);
+  if (npy) imaging::write_image(stem.string() + ".npy", image);
+}
+
+/// The blurry frame first, the method's own result last.
+std::vector<eval::Scores> score_all(const restore::Method& method,
+                                    const restore::Candidates& candidates,
+                                    const torch::Tensor& truth, const eval::Lpips& lpips) {
+  restore::Candidates c = candidates;
+  c.truth = truth;
+  std::vector<eval::Scores> scores{eval::score("blurry", c.blurry, truth, &lpips)};
+  for (const restore::Method& other : restore::methods()) {
+    const bool possible = c.efnet.defined() ? !other.needs_run : other.name == "edi";
+    if (possible && other.name != method.name) {
+      scores.push_back(eval::score(other.name, other.restore(c), truth, &lpips));
+    }
+  }
+  scores.push_back(eval::score(method.name, method.restore(c), truth, &lpips));
+  return scores;
+}
+
+}  // namespace
+
+Deblurred deblur(const data::Dataset& dataset, const DeblurOptions& options,
+                 const restore::Method& method, const fs::path& output,
+                 const DeblurPictures& pictures, torch::Device device) {
+  const torch::NoGradGuard no_grad;
+  Deblurrer deblurrer(options, method, dataset, device);
+  const eval::Lpips lpips(device);
+  Deblurred deblurred;
+  Progress progress("restoring", static_cast<int64_t>(dataset.train.size()), 0, "frames");
+  for (size_t i = 0; i < dataset.train.size(); ++i) {
+    throw_if_interrupted();
+    const data::Exposure& exposure = dataset.train[i];
+    const auto truths = data::truths_of(dataset, i);
+    if (method.needs_truth && truths.empty()) {
+      ++deblurred.without_truth;
+      continue;
+    }
+    Restored restored = deblurrer.restore(exposure, static_cast<int64_t>(i));
+    if (!truths.empty()) restored.candidates.truth = truths.front().image;
+    const torch::Tensor result = method.restore(restored.candidates);
+    save(output / exposure.name, result, pictures.npy);
+    if (pictures.poses) {
+      const torch::Tensor latents = deblurrer.at_all_poses(result, restored);
+      for (int64_t k = 0; k < geometry::kExposurePoses; ++k) {
+        save(output / concat(exposure.name, "_", k), latents[k], pictures.npy);
+      }
+    }
+    write_side_pictures(output, exposure.name, restored);
+    ++deblurred.written;
+    for (const data::Truth& truth : truths) {
+      deblurred.views.push_back(
+          {exposure.name, truth.name, score_all(method, restored.candidates, truth.image, lpips)});
+    }
+    if (progress.step()) progress.show();
+  }
+  return deblurred;
+}
+
+}  // namespace jade::run

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// Every frame of a data set restored, written and scored, without a scene.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <torch/types.h>
+#include <vector>
+
+#include "jade/eval/comparison.h"
+#include "jade/run/deblurrer.h"
+
+namespace jade::run {
+
+/// What is written beside NAME.png and the side pictures.
+struct DeblurPictures {
+  bool poses = false;  ///< NAME_<k>.png for the nine poses
+  bool npy = false;    ///< unclamped float32 [3,H,W] beside each picture
+};
+
+struct Deblurred {
+  std::vector<eval::ComparedView> views;  ///< one per exposure and truth
+  int64_t written = 0;                    ///< exposures
+  int64_t without_truth = 0;  ///< exposures left out because the method needs their truth
+};
+
+/// Restores every training exposure into the folder `output`, which must be there. Shows progress.
+/// @throws DataError, ConfigError, CheckpointError, NumericError of the restorer, the run, the
+///   truths and the pictures.
+Deblurred deblur(const data::Dataset& dataset, const DeblurOptions& options,
+                 const restore::Method& method, const std::filesystem::path& output,
+                 const DeblurPictures& pictures, torch::Device device);
+
+}  // namespace jade::run

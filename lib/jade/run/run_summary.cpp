@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/run/run_summary.h"
+
+#include <fstream>
+
+#include "jade/config/config.h"
+#include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
+#include "jade/gaussians/ply.h"
+#include "jade/run/checkpoint.h"
+
+namespace jade::run {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// The last line that is an object; counts those that are none.
+nlohmann::json last_metrics(const fs::path& path, int64_t* damaged) {
+  nlohmann::json last;
+  std::ifstream in(path);
+  for (std::string line; std::getline(in, line);) {
+    nlohmann::json parsed = nlohmann::json::parse(line, nullptr, false);
+    if (parsed.is_object()) {
+      last = std::move(parsed);
+    } else if (!line.empty()) {
+      ++*damaged;
+    }
+  }
+  return last;
+}
+
+void read_metrics(const fs::path& run, RunSummary& s) {
+  int64_t damaged = 0;
+  s.metrics = last_metrics(run / "metrics.jsonl", &damaged);
+  if (damaged > 0) {
+    s.problems.push_back(concat((run / "metrics.jsonl").string(), ": ", damaged,
+                                " lines are no JSON (a killed run?); --resume drops them"));
+  }
+  if (s.metrics.is_null()) {
+    s.problems.push_back("nothing was logged yet: metrics.jsonl is missing or empty");
+    return;
+  }
+  for (const auto& [name, value] : s.metrics.items()) {
+    if (value.is_null()) {
+      s.problems.push_back(concat("the last logged ", name,
+                                  " is no number; see train.log, and resume from an older "
+                                  "checkpoint"));
+    }
+  }
+}
+
+void read_checkpoints(const fs::path& run, RunSummary& s) {
+  const auto checkpoints = list_checkpoints(run);
+  splat::Gaussians gaussians;
+  bool found = false;
+  for (const fs::path& path : checkpoints) {
+    try {
+      gaussians = load_checkpoint_gaussians(path);
+      s.step = std::stoll(path.stem().string().substr(5));
+      found = true;
+      break;
+    } catch (const CheckpointError& problem) {
+      s.problems.emplace_back(problem.what());
+    }
+  }
+  if (!found) {
+    s.problems.push_back(
+        concat(run.string(), ": no whole checkpoint; it cannot be resumed, train again"));
+  }
+  const fs::path ply = run / "point_cloud.ply";
+  if (fs::exists(ply)) {
+    gaussians = gaussians::read_ply(ply).gaussians;
+    found = true;
+  }
+  if (found) s.gaussians = gaussians::summarize(gaussians);
+  s.problems.insert(s.problems.end(), s.gaussians.problems.begin(), s.gaussians.problems.end());
+}
+
+}  // namespace
+
+bool is_run(const fs::path& folder) {
+  return fs::exists(folder / "config.yaml") &&
+         (fs::exists(folder / "checkpoints") || fs::exists(folder / "metrics.jsonl") ||
+          fs::exists(folder / "train.log"));
+}
+
+RunSummary summarize_run(const fs::path& run) {
+  RunSummary s;
+  s.options = config::load<train::RunOptions>({run / "config.yaml", {}, {}});
+  read_metrics(run, s);
+  read_checkpoints(run, s);
+  if (fs::exists(run / "eval.json")) {
+    const auto eval = nlohmann::json::parse(read_file(run / "eval.json"), nullptr, false);
+    if (eval.is_object() && eval.contains("mean")) {
+      s.scores = eval["mean"];
+    } else {
+      s.problems.push_back(
+          concat((run / "eval.json").string(), ": damaged; make it again with jade_eval --run"));
+    }
+  }
+  if (s.step < s.options.train.iterations) {
+    s.problems.push_back(concat("stopped at step ", s.step, " of ", s.options.train.iterations,
+                                ": go on with jade_train --config ", (run / "config.yaml").string(),
+                                " --output ", run.string(), " --resume"));
+  }
+  if (!fs::is_directory(s.options.dataset.path)) {
+    s.problems.push_back(concat("its data set ", s.options.dataset.path.string(),
+                                " is gone: jade_eval and --resume need it; set dataset.path"));
+  }
+  return s;
+}
+
+}  // namespace jade::run

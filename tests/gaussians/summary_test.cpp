@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/gaussians/summary.h"
+
+#include "support/catch.h"
+
+#include <limits>
+#include <torch/types.h>
+
+namespace jade::gaussians {
+namespace {
+
+splat::Gaussians row_of(int64_t count) {
+  splat::Gaussians g;
+  g.means = torch::zeros({count, 3});
+  g.means.select(1, 0) = torch::arange(count);
+  g.rotations = torch::tensor({1.F, 0.F, 0.F, 0.F}).repeat({count, 1});
+  g.log_scales = torch::tensor({0.F, -1.F, -2.F}).repeat({count, 1});
+  g.logit_opacities = torch::zeros({count});
+  g.sh = torch::zeros({count, 4, 3});
+  return g;
+}
+
+TEST_CASE("spread_of: quantiles of what is finite", "[gaussians]") {
+  torch::Tensor values = torch::arange(102, torch::kFloat32);
+  values[101] = std::numeric_limits<float>::infinity();
+  const Spread spread = spread_of(values);
+  CHECK(spread.min == 0);
+  CHECK(spread.low == 1);
+  CHECK(spread.median == 50);
+  CHECK(spread.high == 99);
+  CHECK(spread.max == 100);
+  CHECK(spread_of(torch::full({3}, NAN)).max == 0);
+}
+
+TEST_CASE("summarize: what Gaussians are like", "[gaussians]") {
+  const GaussianSummary summary = summarize(row_of(101));
+  CHECK(summary.count == 101);
+  CHECK(summary.sh_degree == 1);
+  CHECK(summary.x.max == 100);
+  CHECK(summary.opacity.median == 0.5);
+  CHECK(summary.scale.median == Approx(1));
+  CHECK(summary.elongation.median == Approx(std::exp(2.0)));
+  CHECK(summary.transparent == 0);
+  CHECK(summary.problems.empty());
+}
+
+TEST_CASE("summarize: each thing that is wrong is one problem", "[gaussians]") {
+  const auto only_problem = [](const splat::Gaussians& g) {
+    const GaussianSummary summary = summarize(g);
+    REQUIRE(summary.problems.size() == 1);
+    return summary.problems[0];
+  };
+  CHECK_THAT(only_problem(row_of(0)), Catch::Contains("holds no Gaussian"));
+  splat::Gaussians g = row_of(100);
+  g.sh[3][0][0] = NAN;
+  CHECK_THAT(only_problem(g),
+             Catch::Contains("1 of 100 Gaussians have NaN or Inf in their colours"));
+  g = row_of(100);
+  g.rotations[5].zero_();
+  CHECK_THAT(only_problem(g), Catch::Contains("1 rotations are the zero quaternion"));
+  g = row_of(100);
+  g.logit_opacities.fill_(-9);
+  CHECK_THAT(only_problem(g), Catch::Contains("next to transparent"));
+  g = row_of(100);
+  g.log_scales.fill_(6);
+  CHECK_THAT(only_problem(g), Catch::Contains("a fog of them"));
+  g = row_of(1000);
+  g.means[0][1] = 1e7;
+  CHECK_THAT(only_problem(g), Catch::Contains("floaters"));
+}
+
+}  // namespace
+}  // namespace jade::gaussians

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the kernels of EDI and of Eq. (7) do to images, written out; the product keeps the kernels
+// and multiplies where it needs to.
+#pragma once
+
+#include <torch/types.h>
+
+#include "jade/imaging/edi.h"
+#include "jade/imaging/reblur.h"
+
+namespace jade::test {
+
+/// The latent image at pose k, 0 to 8, of a blurry one [C,H,W].
+inline torch::Tensor edi_at(const torch::Tensor& blurry, const imaging::EdiKernel& kernel,
+                            int64_t k) {
+  return blurry * kernel.gain.narrow(0, k, 1);
+}
+
+/// All nine latent images, [9,C,H,W].
+inline torch::Tensor edi_all(const torch::Tensor& blurry, const imaging::EdiKernel& kernel) {
+  return blurry.unsqueeze(0) * kernel.gain.unsqueeze(1);
+}
+
+/// Nine-sample blur of a mid-exposure image: the inverse of imaging::edi_mid.
+inline torch::Tensor reblur_exposure(const torch::Tensor& mid, const imaging::EdiKernel& kernel) {
+  return mid * kernel.blur.unsqueeze(0);
+}
+
+/// The reblur operator of Eq. (7).
+inline torch::Tensor reblur(const torch::Tensor& image, const events::EventVoxel& voxel,
+                            double contrast) {
+  return image * imaging::reblur_kernel(voxel, contrast);
+}
+
+/// The mid-exposure image whose reblur is `blurry`. With contrast Θ · v_max it is the EDI of T
+/// samples.
+inline torch::Tensor unblur(const torch::Tensor& blurry, const events::EventVoxel& voxel,
+                            double contrast) {
+  return blurry / imaging::reblur_kernel(voxel, contrast);
+}
+
+}  // namespace jade::test

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/sweep/task.h"
+
+#include "support/catch.h"
+
+#include "fixture.h"
+#include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
+#include "jade/core/folder_lock.h"
+#include "jade/core/log.h"
+
+using namespace jade;
+using namespace jade::test;
+using sweep::RunState;
+
+namespace {
+
+/// A folder with the settings of good/a/0 and bad/a/0, which diverges.
+struct Prepared {
+  TempDir dir;
+  sweep::SweepOutput output{dir / "out"};
+  sweep::TaskOptions options;
+  Prepared() {
+    set_log_level("off");
+    options.program = fake_trainer(dir);
+    options.device = "cpu";
+    output.write_settings(
+        plan_of(dir,
+                "columns: [psnr]\nscenes: [{name: a, config: a.yaml}]\nrows: [{name: good}, {name: "
+                "bad, set: [train.mode=diverge]}]\n"),
+        resolve);
+  }
+};
+
+}  // namespace
+
+TEST_CASE("run_task: one run to its end, once", "[sweep]") {
+  const Prepared sweep;
+  CHECK(sweep::run_task(sweep.output, "good/a/0", sweep.options) == ExitCode::kOk);
+  CHECK(sweep.output.state("good/a/0") == RunState::kFinished);
+  const std::string journal = read_file(sweep.dir / "journal");
+  CHECK(sweep::run_task(sweep.output, "good/a/0", sweep.options) == ExitCode::kOk);
+  CHECK(read_file(sweep.dir / "journal") == journal);
+}
+
+TEST_CASE("run_task: a diverged run keeps its exit code and is not started again", "[sweep]") {
+  Prepared sweep;
+  CHECK(sweep::run_task(sweep.output, "bad/a/0", sweep.options) == ExitCode::kNumeric);
+  CHECK(sweep::run_task(sweep.output, "bad/a/0", sweep.options) == ExitCode::kNumeric);
+  CHECK(sweep.output.outcome("bad/a/0").attempts == 1);
+  sweep.options.retry_failed = true;
+  CHECK(sweep::run_task(sweep.output, "bad/a/0", sweep.options) == ExitCode::kNumeric);
+  CHECK(sweep.output.outcome("bad/a/0").attempts == 2);
+}
+
+TEST_CASE("run_task: a run that is none, and one that another process trains", "[sweep]") {
+  const Prepared sweep;
+  CHECK_THROWS_WITH(sweep::run_task(sweep.output, "none/a/0", sweep.options),
+                    Catch::Contains("--run-task none/a/0: expected a run of"));
+  std::filesystem::create_directories(sweep.output.run_folder("good/a/0"));
+  const auto lock = FolderLock::take(sweep.output.run_folder("good/a/0"));
+  CHECK_THROWS_AS(sweep::run_task(sweep.output, "good/a/0", sweep.options), DataError);
+}
