@@ -9,16 +9,16 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::vector<std::string> missing_files(const train::RunOptions& options) {
-  std::vector<std::string> missing;
+std::vector<sweep::Missing> missing_files(const train::RunOptions& options) {
+  std::vector<sweep::Missing> missing;
   const auto look = [&](const char* key, const fs::path& path, bool there) {
     if (!there) {
-      missing.push_back(
-          concat(key, ": expected ",
-                 path.empty() ? "a path, found nothing" : path.string() + ", which is not there"));
+      missing.push_back({key, path.empty()
+                                  ? "expected a path, found nothing"
+                                  : concat("expected ", path.string(), ", which is not there")});
     }
   };
-  look("dataset.path", options.dataset.path, fs::is_directory(options.dataset.path));
+  look(sweep::kDatasetKey, options.dataset.path, fs::is_directory(options.dataset.path));
   const fs::path efnet = restore::restorer_path(options.efnet);
   if (train::needs_efnet(options)) look("efnet.path", efnet, fs::is_regular_file(efnet));
   if (options.objective.target == "image_folder") {
@@ -42,9 +42,14 @@ sweep::Resolved resolve_training(const std::vector<config::Sources>& layers) {
     }
   }
   if (!problems.empty()) throw ConfigError(problems);
-  train::validate(options);
+  std::string conflict;
+  try {
+    train::validate(options);
+  } catch (const ConfigError& error) {
+    conflict = error.what();
+  }
   return {config::to_yaml(fields, "Settings of one run of a sweep"), config::values(fields),
-          missing_files(options)};
+          missing_files(options), conflict};
 }
 
 }  // namespace jade::apps

@@ -6,7 +6,7 @@
 namespace jade::apps {
 
 /// Settings of jade_train from layers of files and overrides, checked as jade_train would.
-/// @throws ConfigError with the problems of all layers.
+/// @throws ConfigError with the problems of all layers that cannot be read.
 sweep::Resolved resolve_training(const std::vector<config::Sources>& layers);
 
 }  // namespace jade::apps

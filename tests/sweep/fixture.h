@@ -4,6 +4,7 @@
 
 #include <string>
 
+#include "jade/core/error.h"
 #include "jade/core/fields.h"
 #include "jade/sweep/output.h"
 #include "jade/sweep/plan.h"
@@ -47,11 +48,25 @@ inline sweep::Resolved resolve(const std::vector<config::Sources>& layers) {
   Settings settings;
   const FieldList fields = fields_of(settings);
   for (const config::Sources& layer : layers) config::read(layer, fields);
-  sweep::Resolved resolved{config::to_yaml(fields, "test"), config::values(fields), {}};
+  sweep::Resolved resolved{config::to_yaml(fields, "test"), config::values(fields), {}, ""};
   if (!settings.dataset.path.empty() && !std::filesystem::exists(settings.dataset.path)) {
-    resolved.missing.push_back("dataset.path: expected " + settings.dataset.path.string());
+    resolved.missing.push_back({"dataset.path", "expected " + settings.dataset.path.string()});
+  }
+  if (settings.train.mode == "rest" && settings.train.iterations > 10) {
+    resolved.conflict = "train.mode: no rest of more than 10 steps";
   }
   return resolved;
+}
+
+/// The message of a ConfigError.
+template <class Call>
+std::string problems_of(const Call& call) {
+  try {
+    call();
+  } catch (const ConfigError& error) {
+    return error.what();
+  }
+  return "";
 }
 
 /// A plan over the text of a sweep; scene "a" starts from a.yaml, "b" from b.yaml.

@@ -11,17 +11,6 @@ namespace {
 
 const std::string kScenes = "scenes: [{name: a, config: a.yaml}, {name: b, config: b.yaml}]\n";
 
-/// The message of a ConfigError.
-template <class Call>
-std::string problems_of(const Call& call) {
-  try {
-    call();
-  } catch (const ConfigError& error) {
-    return error.what();
-  }
-  return "";
-}
-
 }  // namespace
 
 TEST_CASE("make_plan: every row, scene and seed, seed by seed, with later layers winning",
@@ -52,30 +41,6 @@ rows:
   CHECK(plan.runs[5].value("seed") == "3");
 }
 
-TEST_CASE("read_spec: all problems at once, with their places and the nearest names", "[sweep]") {
-  const TempDir dir;
-  const auto file = dir.write("bad.yaml", R"(colums: [psnr]
-columns: [psnr, sim]
-seeds: [0, -1]
-scenes: [{name: a, config: nowhere.yaml}]
-rows:
-  - {name: "x/y"}
-  - {name: full, paper: {ssimm: 1}}
-  - {name: full, run: maybe}
-)");
-  const std::string all = problems_of([&] { sweep::read_spec(file); });
-  INFO(all);
-  for (const char* problem :
-       {"bad.yaml:1:9: colums: unknown key; did you mean columns?",
-        "found 'sim'; did you mean ssim?", "seeds: expected whole numbers of 0 or more, found '-1'",
-        "no such file: ", "found 'x/y'", "ssimm is none of the columns", "two are named full",
-        "run: expected true or false, found 'maybe'"}) {
-    CHECK_THAT(all, Catch::Contains(problem));
-  }
-  CHECK_THROWS_AS(sweep::read_spec(dir / "none.yaml"), ConfigError);
-  CHECK_THROWS_AS(sweep::read_spec(dir.write("text.yaml", "rows: [")), ConfigError);
-}
-
 TEST_CASE("make_plan: the problems of all runs come at once, each told once", "[sweep]") {
   const TempDir dir;
   dir.write("typo.yaml", "train: {ratte: 0.1}\n");
@@ -94,6 +59,22 @@ TEST_CASE("make_plan: the problems of all runs come at once, each told once", "[
   CHECK_THAT(all, Catch::Contains("train.ratte: unknown key; did you mean train.rate?"));
   CHECK_THAT(all, Catch::Contains("train.rate: expected a number in [0, 1], found '2'"));
   CHECK(std::count(all.begin(), all.end(), '\n') == 1);
+}
+
+TEST_CASE(
+    "make_plan: settings that do not go together are told with their row, files with their own "
+    "place",
+    "[sweep]") {
+  const TempDir dir;
+  dir.write("typo", "train: {ratte: 0.1}\n");  // a settings file of any name
+  const std::string all = problems_of([&] {
+    plan_of(dir, kScenes +
+                     "columns: [psnr]\nrows: [{name: x, config: typo}, {name: y, set: "
+                     "[train.mode=rest]}]\n");
+  });
+  INFO(all);
+  CHECK_THAT(all, Catch::Contains("row y: train.mode: no rest of more than 10 steps"));
+  CHECK_THAT(all, Catch::Contains("typo:1:9: train.ratte") && !Catch::Contains("row x"));
 }
 
 TEST_CASE("make_plan: names on the command line that the sweep lacks are refused", "[sweep]") {
@@ -147,26 +128,4 @@ TEST_CASE("make_plan: without scenes the base configuration is the scene", "[swe
   REQUIRE(plan.runs.size() == 1);
   CHECK(plan.runs[0].id() == "full/b/0");
   CHECK(plan.runs[0].value("train.iterations") == "20");
-}
-
-TEST_CASE("configs: every sweep that ships can be read, and overrides have at most five lines",
-          "[sweep]") {
-  const std::filesystem::path root = std::string(JADE_SOURCE) + "/configs";
-  int sweeps = 0, overrides = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(root / "sweeps")) {
-    INFO(entry.path());
-    CHECK_FALSE(sweep::read_spec(entry.path()).rows.empty());
-    ++sweeps;
-  }
-  for (const char* folder : {"ablation", "baseline"}) {
-    for (const auto& entry : std::filesystem::directory_iterator(root / folder)) {
-      std::ifstream in(entry.path());
-      const auto lines = std::count(std::istreambuf_iterator<char>(in), {}, '\n');
-      INFO(entry.path());
-      CHECK(lines <= 5);
-      ++overrides;
-    }
-  }
-  CHECK(sweeps == 9);
-  CHECK(overrides == 20);
 }

@@ -51,6 +51,7 @@ void SweepOutput::write_settings(const Plan& plan, const Resolver& resolve) cons
   for (const Run& run : plan.runs) {
     if (state(run.id()) == RunState::kNew || !fs::exists(settings_file(run.id()))) continue;
     const Resolved saved = resolve({{settings_file(run.id()), {}, {}}});
+    if (!saved.conflict.empty()) throw ConfigError(saved.conflict);
     std::string keys;
     for (const std::string& line : differences(saved, run.settings))
       keys += (keys.empty() ? "" : "; ") + line;

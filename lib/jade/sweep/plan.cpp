@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <set>
-#include <sstream>
 
 #include "jade/config/problems.h"
 #include "jade/core/error.h"
@@ -54,7 +53,7 @@ std::vector<config::Sources> layers_of(const Spec& spec, const PlanOptions& opti
   config::Sources last{{}, options.overrides, {}};
   const auto data = options.data.find(scene.name);
   if (data != options.data.end()) {
-    last.overrides.push_back("dataset.path=" + yaml_text(data->second));
+    last.overrides.push_back(concat(kDatasetKey, "=", yaml_text(data->second)));
   }
   last.overrides.push_back(concat("seed=", seed));
   layers.push_back(last);
@@ -67,17 +66,16 @@ void add_run(const Row& row, const Scene& scene, int64_t seed, const PlanOptions
   try {
     run.settings = resolve(layers_of(plan.spec, options, row, scene, seed));
   } catch (const ConfigError& error) {
-    std::istringstream lines(error.what());
-    for (std::string line; std::getline(lines, line);) {
-      // A problem with a file names it already; one between settings needs its row.
-      problems.add(line.find(".yaml:") != std::string::npos || line.rfind("--set", 0) == 0
-                       ? line
-                       : concat("row ", row.name, ": ", line));
-    }
+    problems.add(error.what());
     return;
   }
-  for (const std::string& what : run.settings.missing) {
-    const bool data = what.rfind("dataset.path", 0) == 0;
+  if (!run.settings.conflict.empty()) {
+    problems.add(concat("row ", row.name, ": ", run.settings.conflict));
+    return;
+  }
+  for (const Missing& missing : run.settings.missing) {
+    const bool data = missing.key == kDatasetKey;
+    const std::string what = concat(missing.key, ": ", missing.problem);
     const std::string who = data ? "scene " + scene.name : "row " + row.name;
     const std::string how =
         !data ? ""

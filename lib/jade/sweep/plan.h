@@ -14,15 +14,28 @@
 
 namespace jade::sweep {
 
+/// Data or a file that a run needs and that is not there.
+struct Missing {
+  std::string key;      ///< that names it
+  std::string problem;  ///< "expected DIR, which is not there"
+};
+
 /// A run's settings as the training program understands them.
 struct Resolved {
   std::string yaml;                                         ///< complete, reads back the same
   std::vector<std::pair<std::string, std::string>> values;  ///< key and value of every setting
-  std::vector<std::string> missing;  ///< data or files that it needs and that are not there
+  std::vector<Missing> missing;
+  /// Why settings that are right by themselves do not go together; empty: they do. It names keys,
+  /// no file.
+  std::string conflict;
 };
 
+/// The key that names a scene's data set.
+inline constexpr const char* kDatasetKey = "dataset.path";
+
 /// Applies the layers in order, later wins. The program that trains knows the settings; this
-/// module does not. @throws ConfigError, a line for each problem.
+/// module does not. @throws ConfigError, a line for each setting that cannot be read, with the file
+/// or the override that it stands in.
 using Resolver = std::function<Resolved(const std::vector<config::Sources>& layers)>;
 
 struct Run {

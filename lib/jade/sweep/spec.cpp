@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/sweep/spec.h"
 
+#include <algorithm>
 #include <cstdlib>
 #include <set>
 
@@ -16,40 +17,95 @@ namespace fs = std::filesystem;
 using config::DocumentNode;
 using Kind = config::DocumentNode::Kind;
 
+/// A sweep file, or one that such a file extends.
+struct Document {
+  fs::path file;
+  DocumentNode root;
+};
+
+[[noreturn]] void fail(const fs::path& file, const DocumentNode& node, const std::string& what) {
+  throw ConfigError(concat(file.string(), ":", node.line, ":", node.column, ": ", what));
+}
+
+/// The file after those that it extends.
+void collect(const fs::path& file, std::vector<fs::path>& chain, std::vector<Document>& documents) {
+  chain.push_back(fs::weakly_canonical(file));
+  DocumentNode root = config::read_document(file);
+  if (const DocumentNode* extends = root.find("extends")) {
+    std::vector<DocumentNode> parents = extends->items;
+    if (extends->kind == Kind::kText) parents = {*extends};
+    if (parents.empty()) fail(file, *extends, "extends: expected a path or a list of paths");
+    for (const DocumentNode& parent : parents) {
+      if (parent.kind != Kind::kText) {
+        fail(file, parent, "extends: expected a path or a list of paths");
+      }
+      const fs::path path = (fs::absolute(file).parent_path() / parent.text).lexically_normal();
+      if (!fs::is_regular_file(path)) {
+        fail(file, parent, concat("extends: no such file: ", path.string()));
+      }
+      if (std::find(chain.begin(), chain.end(), fs::weakly_canonical(path)) != chain.end()) {
+        std::string circle;
+        for (const fs::path& link : chain) circle += link.filename().string() + " -> ";
+        fail(file, parent, concat("extends: goes in a circle: ", circle, path.filename().string()));
+      }
+      collect(path, chain, documents);
+    }
+  }
+  chain.pop_back();
+  documents.push_back({file, std::move(root)});
+}
+
 /// Reads nodes into values and gathers what is wrong with them.
 class SpecReader {
  public:
-  explicit SpecReader(const fs::path& file)
-      : file_(file), folder_(fs::absolute(file).parent_path()) {}
-
-  Spec read(const DocumentNode& root) {
+  /// Later documents win, key by key.
+  Spec read(const std::vector<Document>& documents) {
     Spec spec;
-    spec.name = file_.stem().string();
-    known(root,
-          {"title", "note", "paper_source", "columns", "seeds", "jobs", "set", "scenes", "rows"});
-    text(root, "title", spec.title);
-    text(root, "note", spec.note);
-    text(root, "paper_source", spec.paper_source);
-    for (const std::string& key : texts(root, "columns")) add_column(root, key, spec);
-    if (root.find("seeds")) spec.seeds = whole_numbers(root, "seeds");
-    if (const DocumentNode* jobs = root.find("jobs"))
-      spec.jobs = static_cast<int>(whole(*jobs, "jobs"));
-    spec.set = texts(root, "set");
-    for (const DocumentNode& node : maps(root, "scenes")) spec.scenes.push_back(scene(node));
-    for (const DocumentNode& node : maps(root, "rows")) spec.rows.push_back(row(node));
+    spec.name = documents.back().file.stem().string();
+    for (const Document& document : documents) {
+      file_ = document.file;
+      folder_ = fs::absolute(document.file).parent_path();
+      apply(document.root, spec);
+    }
+    const DocumentNode& root = documents.back().root;
     if (spec.columns.empty()) complain(root, "columns: expected a list of columns, found none");
     if (spec.rows.empty()) complain(root, "rows: expected a list of rows, found none");
-    names_differ(root, "scenes", spec.scenes);
-    names_differ(root, "rows", spec.rows);
-    check_figures(root, spec);
+    check_figures(spec);
     return spec;
   }
 
   void throw_problems() const { problems_.throw_if_any(); }
 
  private:
+  void apply(const DocumentNode& root, Spec& spec) {
+    known(root, {"extends", "title", "note", "paper_source", "columns", "seeds", "jobs", "set",
+                 "scenes", "rows"});
+    text(root, "title", spec.title);
+    text(root, "note", spec.note);
+    text(root, "paper_source", spec.paper_source);
+    if (root.find("columns")) spec.columns.clear();
+    for (const std::string& key : texts(root, "columns")) add_column(root, key, spec);
+    if (root.find("seeds")) spec.seeds = whole_numbers(root, "seeds");
+    if (const DocumentNode* jobs = root.find("jobs"))
+      spec.jobs = static_cast<int>(whole(*jobs, "jobs"));
+    if (root.find("set")) spec.set = texts(root, "set");
+    if (root.find("scenes")) spec.scenes.clear();
+    for (const DocumentNode& node : maps(root, "scenes")) spec.scenes.push_back(scene(node));
+    if (const DocumentNode* rows = root.find("rows")) {
+      spec.rows.clear();
+      rows_place_ = place(*rows);
+    }
+    for (const DocumentNode& node : maps(root, "rows")) spec.rows.push_back(row(node));
+    if (root.find("scenes")) names_differ(root, "scenes", spec.scenes);
+    if (root.find("rows")) names_differ(root, "rows", spec.rows);
+  }
+
+  std::string place(const DocumentNode& node) const {
+    return concat(file_.string(), ":", node.line, ":", node.column, ": ");
+  }
+
   void complain(const DocumentNode& node, const std::string& what) {
-    problems_.add(concat(file_.string(), ":", node.line, ":", node.column, ": ", what));
+    problems_.add(place(node) + what);
   }
 
   void known(const DocumentNode& map, const std::vector<std::string>& names) {
@@ -219,7 +275,7 @@ class SpecReader {
   }
 
   /// A figure for a column that the table does not have would vanish silently.
-  void check_figures(const DocumentNode& root, const Spec& spec) {
+  void check_figures(const Spec& spec) {
     std::vector<std::string> names;
     for (const Column& column : spec.columns) names.push_back(column.key);
     const auto check = [&](const Row& row, const Figures& figures) {
@@ -228,9 +284,9 @@ class SpecReader {
         for (const std::string& name : names) found = found || name == figure.first;
         if (found) continue;
         const std::string close = config::nearest(figure.first, names);
-        complain(*root.find("rows"),
-                 concat("rows: ", row.name, ": paper: ", figure.first, " is none of the columns",
-                        close.empty() ? "" : "; did you mean " + close + "?"));
+        problems_.add(concat(rows_place_, "rows: ", row.name, ": paper: ", figure.first,
+                             " is none of the columns",
+                             close.empty() ? "" : "; did you mean " + close + "?"));
       }
     };
     for (const Row& row : spec.rows) {
@@ -239,15 +295,19 @@ class SpecReader {
     }
   }
 
-  fs::path file_, folder_;
+  fs::path file_, folder_;  ///< of the document that is read
+  std::string rows_place_;
   config::Problems problems_;
 };
 
 }  // namespace
 
 Spec read_spec(const fs::path& file) {
-  SpecReader reader(file);
-  Spec spec = reader.read(config::read_document(file));
+  std::vector<fs::path> chain;
+  std::vector<Document> documents;
+  collect(file, chain, documents);
+  SpecReader reader;
+  Spec spec = reader.read(documents);
   reader.throw_problems();
   return spec;
 }

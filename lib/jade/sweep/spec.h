@@ -52,7 +52,8 @@ struct Spec {
   std::vector<Row> rows;
 };
 
-/// Reads a sweep file; relative paths start in its folder.
+/// Reads a sweep file after the files that its `extends` names; of each key the last one counts,
+/// whole lists included. Relative paths start in the folder of the file they stand in.
 /// @throws ConfigError with all problems, one a line, unknown words with the nearest known one.
 Spec read_spec(const std::filesystem::path& file);
 
