@@ -85,8 +85,13 @@ std::vector<data::NamedCamera> load_cameras(const RenderFlags& flags,
   if (options.dataset.path.empty()) {
     throw ConfigError(concat("--cameras ", flags.cameras, " needs --run or --dataset"));
   }
-  const data::Dataset dataset = flags.run.empty() ? data::load_dataset(options.dataset)
-                                                  : run::load_run_dataset(flags.run, options);
+  if (!flags.run.empty()) {
+    return data::dataset_cameras(run::load_run_dataset(flags.run, options), flags.cameras,
+                                 flags.exposure);
+  }
+  std::vector<std::string> warnings;
+  const data::Dataset dataset = data::load_dataset(options.dataset, &warnings);
+  for (const std::string& warning : warnings) log_warn(warning);
   return data::dataset_cameras(dataset, flags.cameras, flags.exposure);
 }
 

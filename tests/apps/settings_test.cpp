@@ -160,3 +160,23 @@ TEST_CASE("settings: a run's learned cameras stay, whatever is laid over its set
   CHECK(read_file(dir / "a/03.npy") == read_file(dir / "b/03.npy"));
   CHECK(read_file(dir / "a/03.npy") != read_file(dir / "c/03.npy"));
 }
+
+TEST_CASE("settings: what is odd about a data set is said by each program that reads it",
+          "[apps]") {
+  const test::TempDir dir;
+  test::write_tiny_dataset(dir / "scene", {36, 28, 3, /*last_exposure_without_events=*/true});
+  REQUIRE(run(dir,
+              "jade_train --quiet --device cpu --output run --set dataset.path=scene --set "
+              "objective.target=edi --set init.points=100 --set train.iterations=3")
+              .code == 0);
+  for (const std::string command :
+       {"jade_deblur --quiet --dataset scene --output a",
+        "jade_eval --quiet --device cpu --run run",
+        "jade_render --quiet --device cpu --run run --output b",
+        "jade_render --quiet --device cpu --ply run/point_cloud.ply --dataset scene --output c"}) {
+    const Outcome outcome = run(dir, command);
+    INFO(command << ": " << outcome.err);
+    CHECK(outcome.code == 0);
+    CHECK_THAT(outcome.err, Catch::Contains("warning: ") && Catch::Contains("have no events"));
+  }
+}

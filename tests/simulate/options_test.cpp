@@ -11,7 +11,7 @@
 using namespace jade;
 using namespace jade::simulate;
 
-TEST_CASE("presets: are what DESIGN.md says", "[simulate]") {
+TEST_CASE("presets: are what docs/simulator.md says", "[simulate]") {
   const auto cdavis = preset_options("cdavis"), blender = preset_options("blender");
   CHECK((cdavis.width == 346 && cdavis.height == 260 && cdavis.exposure_ms == 100));
   CHECK((cdavis.events.threshold_positive == 0.25 && cdavis.events.threshold_negative == 0.25));

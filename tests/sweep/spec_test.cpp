@@ -39,12 +39,14 @@ TEST_CASE("read_spec: what a file extends is read first, and each key of a later
   const TempDir dir;
   dir.write("shared/a.yaml", "");
   dir.write("shared/b.yaml", "");
-  dir.write("shared/scenes.yaml",
-            "seeds: [7]\nset: [x=1]\nscenes: [{name: a, config: a.yaml}, {name: b, config: b.yaml}]\n");
-  dir.write("base.yaml", "extends: shared/scenes.yaml\ntitle: Base\nseeds: [1, 2]\ncolumns: [psnr]\n");
+  dir.write(
+      "shared/scenes.yaml",
+      "seeds: [7]\nset: [x=1]\nscenes: [{name: a, config: a.yaml}, {name: b, config: b.yaml}]\n");
+  dir.write("base.yaml",
+            "extends: shared/scenes.yaml\ntitle: Base\nseeds: [1, 2]\ncolumns: [psnr]\n");
   dir.write("more.yaml", "note: More\ncolumns: [ssim]\n");
-  const sweep::Spec spec = sweep::read_spec(dir.write(
-      "own.yaml", "extends: [base.yaml, more.yaml]\nset: [y=2]\nrows: [{name: full}]\n"));
+  const sweep::Spec spec = sweep::read_spec(
+      dir.write("own.yaml", "extends: [base.yaml, more.yaml]\nset: [y=2]\nrows: [{name: full}]\n"));
   CHECK(spec.name == "own");
   CHECK(spec.title == "Base");
   CHECK(spec.note == "More");
@@ -78,14 +80,16 @@ TEST_CASE("read_spec: extends in a circle, of nothing and of what is no path", "
     return problems_of([&] { sweep::read_spec(file); });
   };
   dir.write("other.yaml", "extends: own.yaml\n");
-  CHECK_THAT(problem("extends: other.yaml\n"),
-             Catch::Contains("other.yaml:1:10: extends: goes in a circle: own.yaml -> other.yaml -> "
-                             "own.yaml"));
+  CHECK_THAT(
+      problem("extends: other.yaml\n"),
+      Catch::Contains("other.yaml:1:10: extends: goes in a circle: own.yaml -> other.yaml -> "
+                      "own.yaml"));
   CHECK_THAT(problem("extends: own.yaml\n"), Catch::Contains("circle: own.yaml -> own.yaml"));
-  CHECK_THAT(problem("extends: [none.yaml]\n"),
-             Catch::Contains("own.yaml:2:11: extends: no such file: ") &&
-                 Catch::Contains("none.yaml"));
-  CHECK_THAT(problem("extends: {a: b}\n"), Catch::Contains("own.yaml:2:10: extends: expected a path"));
+  CHECK_THAT(
+      problem("extends: [none.yaml]\n"),
+      Catch::Contains("own.yaml:2:11: extends: no such file: ") && Catch::Contains("none.yaml"));
+  CHECK_THAT(problem("extends: {a: b}\n"),
+             Catch::Contains("own.yaml:2:10: extends: expected a path"));
 }
 
 TEST_CASE("configs: every sweep that ships can be read, and overrides have at most five lines",

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The terms that the scene objective inherits from DiET-GS (reference: inherited.md §1). D is
+// The terms that the scene objective inherits from DiET-GS. D is
 // ℓ_rec of Eq. (8) with its weight `dssim`, g is imaging::gray, ρ the camera response, Î_k the
 // render at pose k and B the blurry frame. EDI is linear in the image, EDI_k(X) = X ⊙ R_k with the
 // factor R_k = EdiKernel::gain[k] of imaging/edi.h, so the functions take R_k.

@@ -48,7 +48,9 @@ train::RunOptions load_run_options(const fs::path& run) {
 }
 
 data::Dataset load_run_dataset(const fs::path& run, const train::RunOptions& options) {
-  data::Dataset dataset = data::load_dataset(options.dataset);
+  std::vector<std::string> warnings;
+  data::Dataset dataset = data::load_dataset(options.dataset, &warnings);
+  for (const std::string& warning : warnings) log_warn(warning);
   if (fs::exists(run / kLearnedCamerasFile)) {
     read_learned_cameras(run / kLearnedCamerasFile, dataset);
     return dataset;

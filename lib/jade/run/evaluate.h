@@ -28,7 +28,7 @@ eval::Evaluation evaluate_views(const splat::Gaussians& gaussians,
 train::RunOptions load_run_options(const std::filesystem::path& run);
 
 /// The data set of `options`, with the learned poses where the run has ended with such: they belong
-/// to its scene, whatever poses.optimize says by now.
+/// to its scene, whatever poses.optimize says by now. Its warnings go to the log.
 /// @param options  those of the run, or with changes
 /// @throws DataError naming the path.
 data::Dataset load_run_dataset(const std::filesystem::path& run, const train::RunOptions& options);

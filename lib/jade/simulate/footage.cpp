@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "jade/core/error.h"
+#include "jade/core/log.h"
 #include "jade/core/random.h"
 #include "jade/data/dataset.h"
 
@@ -59,7 +60,9 @@ StoredFootage::StoredFootage(const std::filesystem::path& path, double frames_pe
     : log_eps_(log_eps) {
   data::DatasetOptions options;
   options.path = path, options.kind = "transforms", options.split = "none";
-  data::Dataset frames = data::load_dataset(options);
+  std::vector<std::string> warnings;
+  data::Dataset frames = data::load_dataset(options, &warnings);
+  for (const std::string& warning : warnings) log_warn(warning);
   if (frames.train.size() < 2) {
     throw DataError(concat(path.string(), ": expected at least two frames, found ",
                            frames.train.size(), "; events need a change"));
