@@ -10,6 +10,7 @@
 #include <torch/csrc/autograd/custom_function.h>
 
 #include "jade/core/error.h"
+#include "jade/imaging/ssim_band.h"
 
 using namespace jade::imaging;
 
@@ -167,6 +168,33 @@ TEST_CASE("ssim: the same bits for any number of threads", "[imaging]") {
     CHECK(torch::equal(many.second, one.second));
   }
   at::set_num_threads(before);
+}
+
+TEST_CASE("ssim: every instruction set gives the portable value and gradients", "[imaging]") {
+  using jade::kernel::ForcedIsa;
+  using jade::kernel::Isa;
+  const auto a = image({2, 3, 53, 37}, torch::kFloat32);
+  const auto b = image({2, 3, 53, 37}, torch::kFloat32);
+  const auto all = [&] {
+    const auto x = a.clone().requires_grad_(), y = b.clone().requires_grad_();
+    const auto value = l1_ssim(x, y, 0.3);
+    value.backward();
+    const SsimTarget target = ssim_target(b);
+    return std::vector<torch::Tensor>{value.detach(), x.grad(), y.grad(), target.mean,
+                                      target.square};
+  };
+  std::vector<torch::Tensor> portable;
+  for (const Isa isa : jade::kernel::kIsas) {
+    if (!jade::kernel::can_run(isa)) continue;
+    INFO(jade::kernel::name(isa));
+    const ForcedIsa forced(isa);
+    CHECK((&ssim_kernels() == &jade::imaging::portable::kSsimKernels) == (isa == Isa::kPortable));
+    const auto now = all();
+    if (isa == Isa::kPortable) portable = now;
+    for (size_t i = 0; i < now.size(); ++i) {
+      CHECK(((now[i] - portable[i]).norm() / portable[i].norm()).item<double>() < 1e-5);
+    }
+  }
 }
 
 TEST_CASE("ssim: views with strides and incoming gradients are respected", "[imaging]") {

@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // The router's fused operation on the CPU against torch's own convolutions.
-#include "jade/router/cpu/router_cpu.h"
-
 #include "support/catch.h"
 
 #include <ATen/Parallel.h>
@@ -11,7 +9,8 @@
 
 #include "jade/core/error.h"
 #include "jade/core/random.h"
-#include "jade/router/cpu/conv_kernels.h"
+#include "jade/router/conv_band.h"
+#include "jade/router/logits.h"
 #include "jade/router/router.h"
 #include "support/gradcheck.h"
 
@@ -133,8 +132,9 @@ TEST_CASE("router on the CPU: NaN stays visible, and only asked gradients are ma
   CHECK_FALSE(router->logits(images.blurry, images.psi).requires_grad());
 }
 
-/// One small convolution and the sums of its weights' gradient, by one set of kernels.
-std::vector<float> convolved(const ConvKernels& kernels) {
+/// One small convolution and the sums of its weights' gradient, by the chosen kernels.
+std::vector<float> convolved() {
+  const ConvKernels<float>& kernels = conv_kernels().single;
   const int64_t width = 21, height = 5;
   std::vector<float> memory(
       static_cast<size_t>(Planes<float>{nullptr, 4, height, width, 1}.size()));
@@ -148,32 +148,36 @@ std::vector<float> convolved(const ConvKernels& kernels) {
   args.weights = weights.data();
   args.kernel = 3;
   args.relu = true;
-  kernels.convolve_float(args, {0, height});
+  kernels.convolve(args, {0, height});
   std::vector<float> sums(weights.size());
   for (int64_t c = 0; c < 5; ++c) {
     for (int64_t y = 0; y < height; ++y) {
       for (int64_t x = width; x < args.out.stride(); ++x) args.out.row(c, y)[x] = 0;
     }
   }
-  kernels.weights_float({args.in, args.out, 3}, {0, height}, sums.data(), nullptr);
+  kernels.weight_gradient({args.in, args.out, 3}, {0, height}, sums.data(), nullptr);
   out.insert(out.end(), sums.begin(), sums.end());
   return out;
 }
 
-TEST_CASE("router on the CPU: the chosen and the portable kernels agree", "[router]") {
-  const std::vector<float> portable = convolved(kPortableConvKernels);
-  ConvKernels chosen{};
-  chosen.convolve_float = convolve;
-  chosen.weights_float = weight_gradient;
-  const std::vector<float> fast = convolved(chosen);
-  REQUIRE(fast.size() == portable.size());
-  float largest = 0, most = 0;
-  for (size_t i = 0; i < fast.size(); ++i) {
-    largest = std::max(largest, std::abs(fast[i] - portable[i]));
-    most = std::max(most, std::abs(fast[i]));
+TEST_CASE("router on the CPU: every instruction set gives the portable convolutions", "[router]") {
+  std::vector<float> plain;
+  for (const kernel::Isa isa : kernel::kIsas) {
+    if (!kernel::can_run(isa)) continue;
+    INFO(kernel::name(isa));
+    const kernel::ForcedIsa forced(isa);
+    CHECK((&conv_kernels() == &portable::kConvKernels) == (isa == kernel::Isa::kPortable));
+    const std::vector<float> now = convolved();
+    if (isa == kernel::Isa::kPortable) plain = now;
+    REQUIRE(now.size() == plain.size());
+    float largest = 0, most = 0;
+    for (size_t i = 0; i < now.size(); ++i) {
+      largest = std::max(largest, std::abs(now[i] - plain[i]));
+      most = std::max(most, std::abs(now[i]));
+    }
+    CHECK(most > 1);
+    CHECK(largest < 1e-5f * most);
   }
-  CHECK(most > 1);
-  CHECK(largest < 1e-5f * most);
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 // The router's CUDA kernels against torch's own convolutions in float64 on the CPU.
 #include "support/catch.h"
 
+#include "jade/core/error.h"
 #include "jade/core/random.h"
 #include "jade/router/router.h"
 
@@ -61,6 +62,19 @@ TEST_CASE("router: CUDA values and gradients equal float64 convolutions, for any
       CHECK(found.gradients[i].equal(again.gradients[i]));
     }
   }
+}
+
+TEST_CASE("router: a batch beyond CUDA's grid is a DeviceError", "[router][cuda]") {
+  Router router(make_generator(3, "router"));
+  router->to(torch::kCUDA);
+  const auto logits = [&](int64_t batch) {
+    const auto zeros = [&](int64_t channels) {
+      return torch::zeros({batch, channels, 1, 1}, torch::TensorOptions(torch::kCUDA));
+    };
+    return router->logits(zeros(3), zeros(2));
+  };
+  CHECK_NOTHROW(logits(2));
+  CHECK_THROWS_AS(logits(70000), DeviceError);
 }
 
 }  // namespace

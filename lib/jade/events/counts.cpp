@@ -3,15 +3,14 @@
 
 #include <ATen/Parallel.h>
 #include <algorithm>
-#include <array>
 #include <cstring>
 #include <limits>
-#include <mutex>
 #include <torch/types.h>
 
 #include "jade/core/check.h"
-#include "jade/events/kernels.h"
-#include "jade/events/splat_math.h"
+#include "jade/events/count.h"
+#include "jade/events/count_math.h"
+#include "jade/kernel/on_cuda.h"
 
 namespace jade::events {
 namespace {
@@ -28,45 +27,6 @@ std::vector<int64_t> span_bounds(const EventStream& events, const std::vector<in
   const int64_t* data = found.const_data_ptr<int64_t>();
   out.assign(data, data + found.numel());
   return out;
-}
-
-void add_events(const CountArguments& in, int64_t begin, int64_t end, int64_t* planes) {
-  const int64_t pixels = int64_t(in.width) * in.height;
-  const float *x = in.x, *y = in.y;
-  const int8_t* polarity = in.polarity;
-  for (int64_t i = begin; i < end; ++i) {
-    EventFootprint where;
-    if (!locate(x[i], y[i], in.width, in.height, where)) continue;
-    int64_t* plane = planes + (polarity[i] > 0 ? 0 : pixels);
-    spread(where, in.width, in.height,
-           [plane](int64_t pixel, int64_t weight) { plane[pixel] += weight; });
-  }
-}
-
-/// Threads take equal shares of the events. Spans that lie in one share are summed in place, the
-/// one or two that a share cuts go through a private copy.
-void count_cpu(const CountArguments& in) {
-  const auto& bounds = *in.bounds;
-  const int64_t spans = int64_t(bounds.size()) - 1;
-  const int64_t plane_pair = 2 * int64_t(in.width) * in.height;
-  std::mutex mutex;
-  const int64_t grain = std::max<int64_t>(1 << 17, plane_pair / 4);
-  at::parallel_for(bounds.front(), bounds.back(), grain, [&](int64_t begin, int64_t end) {
-    std::vector<int64_t> cut;
-    for (int64_t s = 0; s < spans; ++s) {
-      const int64_t from = std::max(begin, bounds[s]), to = std::min(end, bounds[s + 1]);
-      if (from >= to) continue;
-      int64_t* planes = in.out + s * plane_pair;
-      if (from == bounds[s] && to == bounds[s + 1]) {
-        add_events(in, from, to, planes);
-        continue;
-      }
-      cut.assign(size_t(plane_pair), 0);
-      add_events(in, from, to, cut.data());
-      const std::lock_guard<std::mutex> lock(mutex);
-      for (int64_t i = 0; i < plane_pair; ++i) planes[i] += cut[size_t(i)];
-    }
-  });
 }
 
 }  // namespace
@@ -105,8 +65,11 @@ torch::Tensor count_events(const EventStream& events, const std::vector<int64_t>
   in.width = int32_t(size.width);
   in.height = int32_t(size.height);
   in.out = out.mutable_data_ptr<int64_t>();
-  if (bounds.back() > bounds.front()) {
-    events.device().is_cpu() ? count_cpu(in) : count_cuda(in, events.device().index());
+  if (bounds.back() == bounds.front()) return out;
+  if (out.is_cpu()) {
+    cpu::count(in);
+  } else {
+    kernel::on_cuda("the counting of events", [&] { cuda::count(in, out.device().index()); });
   }
   return out;
 }

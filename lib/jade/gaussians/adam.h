@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The arithmetic of one Adam step, apart from tensors. Not for use outside this folder.
+// One Adam step over plain pointers; its arithmetic is in adam_math.h. Not for use outside this
+// room.
 #pragma once
 
 #include <cstdint>
@@ -24,15 +25,19 @@ struct AdamGroup {
   bool tied = false;
 };
 
+/// Falls log-linearly over max_steps and stays; log_start and log_end are of the step sizes.
+struct AdamSchedule {
+  double log_start = 0, log_end = 0;
+  double max_steps = 1;
+};
+
 constexpr int kMaxAdamGroups = 5;
 
 struct AdamStep {
   AdamGroup groups[kMaxAdamGroups];
   int group_count = 0;
   double beta1 = 0.9, beta2 = 0.999, eps = 1e-15;
-  /// Schedule at step s: exp(log_start + (log_end − log_start) · min(s / max_steps, 1)).
-  double log_start = 0, log_end = 0;
-  double max_steps = 1;
+  AdamSchedule schedule;
   /// Steps done, this one included; lives where the groups live.
   const int64_t* step = nullptr;
 };

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <ATen/Parallel.h>
 #include <algorithm>
-#include <cmath>
 
-#include "jade/gaussians/adam.h"
+#include "jade/gaussians/adam_math.h"
 
 namespace jade::gaussians::cpu {
 namespace {
@@ -11,29 +10,19 @@ namespace {
 constexpr int64_t kChunkRows = 1024;
 constexpr int64_t kWidestRow = 64;
 
-struct Constants {
-  float beta1, beta2, one_minus_beta1, one_minus_beta2, eps, inverse_sqrt_correction2;
-};
-
 /// `size` floats, of which float i steps by lr[i].
-void update(const Constants& c, const float* __restrict lr, const float* __restrict gradient,
+void update(const AdamConstants& c, const float* __restrict lr, const float* __restrict gradient,
             float* __restrict value, float* __restrict first, float* __restrict second,
             int64_t size) {
   for (int64_t i = 0; i < size; ++i) {
-    const float g = gradient[i];
-    const float m = c.beta1 * first[i] + c.one_minus_beta1 * g;
-    const float v = c.beta2 * second[i] + c.one_minus_beta2 * g * g;
-    first[i] = m;
-    second[i] = v;
-    value[i] -= lr[i] * m / (std::sqrt(v) * c.inverse_sqrt_correction2 + c.eps);
+    adam_update(c, lr[i], gradient[i], value[i], first[i], second[i]);
   }
 }
 
 /// The mean of each three gradients in the place of all three; `size` is a multiple of 3.
 void tie(const float* gradient, int64_t size, float* tied) {
   for (int64_t i = 0; i < size; i += 3) {
-    const float mean = (gradient[i] + gradient[i + 1] + gradient[i + 2]) / 3;
-    tied[i] = tied[i + 1] = tied[i + 2] = mean;
+    tied[i] = tied[i + 1] = tied[i + 2] = tied_gradient(gradient + i);
   }
 }
 
@@ -41,13 +30,13 @@ void tie(const float* gradient, int64_t size, float* tied) {
 int64_t fill_rates(const AdamGroup& group, double factor, float* lr) {
   const int64_t rows = std::max<int64_t>(1, kWidestRow / group.row);
   for (int64_t i = 0; i < rows * group.row; ++i) {
-    const double rate = i % group.row < group.head ? group.head_lr : group.tail_lr;
+    const double rate = in_head(group, i) ? group.head_lr : group.tail_lr;
     lr[i] = static_cast<float>(rate * factor);
   }
   return rows * group.row;
 }
 
-void update_group(const AdamGroup& group, const Constants& c, double factor) {
+void update_group(const AdamGroup& group, const AdamConstants& c, double factor) {
   float lr[2 * kWidestRow];
   const int64_t block = fill_rates(group, factor, lr);
   const int64_t blocks = (group.count + block - 1) / block;
@@ -67,18 +56,10 @@ void update_group(const AdamGroup& group, const Constants& c, double factor) {
 }  // namespace
 
 void adam_step(const AdamStep& step) {
-  const auto steps = static_cast<double>(*step.step);
-  const double correction1 = 1 - std::pow(step.beta1, steps);
-  const double correction2 = 1 - std::pow(step.beta2, steps);
-  const Constants c{
-      static_cast<float>(step.beta1),     static_cast<float>(step.beta2),
-      static_cast<float>(1 - step.beta1), static_cast<float>(1 - step.beta2),
-      static_cast<float>(step.eps),       static_cast<float>(1 / std::sqrt(correction2))};
-  const double s = std::min(steps / step.max_steps, 1.0);
-  const double schedule = std::exp(step.log_start + (step.log_end - step.log_start) * s);
+  const AdamConstants constants = adam_constants(step, inverse_sqrt_correction2(step));
   for (int i = 0; i < step.group_count; ++i) {
-    const double factor = (step.groups[i].scheduled ? schedule : 1) / correction1;
-    update_group(step.groups[i], c, factor);
+    const AdamGroup& group = step.groups[i];
+    update_group(group, constants, rate_factor(step, group.scheduled));
   }
 }
 

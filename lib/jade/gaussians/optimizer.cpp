@@ -5,7 +5,8 @@
 #include <cmath>
 
 #include "jade/core/check.h"
-#include "jade/gaussians/adam.h"
+#include "jade/gaussians/adam_math.h"
+#include "jade/kernel/on_cuda.h"
 
 namespace jade::gaussians {
 namespace {
@@ -20,6 +21,13 @@ void set_rates(const OptimOptions& options, double extent, int index, AdamGroup*
   group->head_lr = rates[index];
   group->tail_lr = index == kSh ? options.sh_rest_lr : rates[index];
   group->scheduled = index == kMeans;
+}
+
+/// That of the means; a step size of 0 has no logarithm.
+AdamSchedule schedule_of(const OptimOptions& options) {
+  return {std::log(std::max(options.position_lr_start, 1e-300)),
+          std::log(std::max(options.position_lr_end, 1e-300)),
+          static_cast<double>(options.position_lr_max_steps)};
 }
 
 torch::Tensor gathered(const torch::Tensor& values, const torch::Tensor& rows) {
@@ -38,11 +46,7 @@ torch::Tensor gathered(const torch::Tensor& values, const torch::Tensor& rows) {
 
 double position_lr(const OptimOptions& options, int64_t step) {
   if (options.position_lr_start <= 0) return 0;
-  const double s =
-      std::min(static_cast<double>(step) / static_cast<double>(options.position_lr_max_steps), 1.0);
-  const double start = std::log(options.position_lr_start);
-  const double end = std::log(std::max(options.position_lr_end, 1e-300));
-  return std::exp(start + (end - start) * s);
+  return scheduled(schedule_of(options), static_cast<double>(step));
 }
 
 GaussianAdam::GaussianAdam(const GaussianModel& model, const OptimOptions& options, bool monochrome)
@@ -62,9 +66,7 @@ void GaussianAdam::step(GaussianModel& model) {
   step.beta1 = options_.beta1;
   step.beta2 = options_.beta2;
   step.eps = options_.eps;
-  step.log_start = std::log(std::max(options_.position_lr_start, 1e-300));
-  step.log_end = std::log(std::max(options_.position_lr_end, 1e-300));
-  step.max_steps = static_cast<double>(options_.position_lr_max_steps);
+  step.schedule = schedule_of(options_);
   step.step = step_count_.const_data_ptr<int64_t>();
   std::vector<torch::Tensor> kept;  // contiguous gradients must live until the kernel is queued
   for (int i = 0; i < kParameterCount; ++i) {
@@ -84,7 +86,7 @@ void GaussianAdam::step(GaussianModel& model) {
     set_rates(options_, extent_, i, &group);
   }
   if (model.device().is_cuda()) {
-    cuda::adam_step(step);
+    kernel::on_cuda("the Adam step of the Gaussians", [&] { cuda::adam_step(step); });
   } else {
     cpu::adam_step(step);
   }

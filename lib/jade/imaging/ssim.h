@@ -31,7 +31,4 @@ torch::Tensor ssim(const torch::Tensor& a, const SsimTarget& b);
 torch::Tensor l1_ssim(const torch::Tensor& a, const torch::Tensor& c, double lambda);
 torch::Tensor l1_ssim(const torch::Tensor& a, const SsimTarget& c, double lambda);
 
-/// The 11 taps of the window, which sum to 1.
-const double* ssim_window();
-
 }  // namespace jade::imaging

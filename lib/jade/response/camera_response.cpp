@@ -4,6 +4,7 @@
 #include <torch/csrc/autograd/custom_function.h>
 
 #include "jade/core/check.h"
+#include "jade/kernel/on_cuda.h"
 #include "jade/response/identity_fit.h"
 #include "jade/response/lookup.h"
 
@@ -20,7 +21,8 @@ class LookupFunction : public torch::autograd::Function<LookupFunction> {
     const Lookup args{image.contiguous(), table.contiguous(), mean};
     context->save_for_backward({args.image, args.table});
     context->saved_data["mean"] = mean;
-    return image.is_cuda() ? cuda::lookup(args) : cpu::lookup(args);
+    if (!image.is_cuda()) return cpu::lookup(args);
+    return kernel::on_cuda("the camera response", [&] { return cuda::lookup(args); });
   }
 
   static variable_list backward(AutogradContext* context, variable_list gradients) {
@@ -28,9 +30,11 @@ class LookupFunction : public torch::autograd::Function<LookupFunction> {
     const Lookup args{saved[0], saved[1], context->saved_data["mean"].toBool()};
     const torch::Tensor gradient = gradients[0].contiguous();
     const bool image = context->needs_input_grad(0), table = context->needs_input_grad(1);
-    const LookupGradient result = gradient.is_cuda()
-                                      ? cuda::lookup_backward(args, gradient, image, table)
-                                      : cpu::lookup_backward(args, gradient, image, table);
+    const LookupGradient result =
+        !gradient.is_cuda() ? cpu::lookup_backward(args, gradient, image, table)
+                            : kernel::on_cuda("the camera response", [&] {
+                                return cuda::lookup_backward(args, gradient, image, table);
+                              });
     return {result.image, result.table, torch::Tensor()};
   }
 };

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Linear interpolation in a table of ρ, apart from autograd. Not for use outside this folder.
+// Linear interpolation in a table of ρ, apart from autograd; its arithmetic is in lookup_math.h.
+// Not for use outside this room.
 #pragma once
 
 #include <ATen/core/Tensor.h>
@@ -23,13 +24,13 @@ struct LookupGradient {
   at::Tensor table;
 };
 
-namespace cpu {
+namespace cpu {  // float or double
 at::Tensor lookup(const Lookup& args);
 LookupGradient lookup_backward(const Lookup& args, const at::Tensor& gradient, bool wants_image,
                                bool wants_table);
 }  // namespace cpu
 
-namespace cuda {
+namespace cuda {  // float
 at::Tensor lookup(const Lookup& args);
 LookupGradient lookup_backward(const Lookup& args, const at::Tensor& gradient, bool wants_image,
                                bool wants_table);

@@ -5,8 +5,8 @@
 #include <torch/nn/init.h>
 
 #include "jade/core/check.h"
-#include "jade/router/cpu/router_cpu.h"
-#include "jade/router/cuda/router_cuda.h"
+#include "jade/kernel/on_cuda.h"
+#include "jade/router/logits.h"
 
 namespace jade::router {
 namespace {
@@ -27,6 +27,21 @@ void draw_weights(torch::nn::Conv2d& layer, at::Generator& generator) {
   if (layer->bias.defined()) layer->bias.uniform_(-bound, bound, generator);
 }
 
+RouterWeights weights_of(const RouterImpl& router) {
+  RouterWeights weights;
+  weights.event1 = router.event1->weight;
+  weights.event2 = router.event2->weight;
+  weights.image1 = router.image1->weight;
+  weights.image1_bias = router.image1->bias;
+  weights.image2 = router.image2->weight;
+  weights.image2_bias = router.image2->bias;
+  weights.head1 = router.head1->weight;
+  weights.head2 = router.head2->weight;
+  weights.head3 = router.head3->weight;
+  weights.head3_bias = router.head3->bias;
+  return weights;
+}
+
 }  // namespace
 
 RouterImpl::RouterImpl(at::Generator generator) {
@@ -45,9 +60,12 @@ RouterImpl::RouterImpl(at::Generator generator) {
 torch::Tensor RouterImpl::logits(const torch::Tensor& blurry, const torch::Tensor& psi) {
   check_shape(blurry, "router: blurry frame", {-1, 3, -1, -1});
   check_shape(psi, "router: event projection", {blurry.size(0), 2, blurry.size(2), blurry.size(3)});
-  if (blurry.is_cpu()) return logits_cpu(blurry, psi);
-  const bool compiled = blurry.is_cuda() && blurry.scalar_type() == torch::kFloat32;
-  return compiled ? logits_cuda(blurry, psi) : logits_by_layers(blurry, psi);
+  if (blurry.is_cpu()) return cpu::router_logits(blurry, psi, weights_of(*this));
+  if (!blurry.is_cuda() || blurry.scalar_type() != torch::kFloat32) {
+    return logits_by_layers(blurry, psi);
+  }
+  return kernel::on_cuda("the router",
+                         [&] { return cuda::router_logits(blurry, psi, weights_of(*this)); });
 }
 
 torch::Tensor RouterImpl::logits_by_layers(const torch::Tensor& blurry, const torch::Tensor& psi) {
@@ -55,31 +73,6 @@ torch::Tensor RouterImpl::logits_by_layers(const torch::Tensor& blurry, const to
   const torch::Tensor image = image2(image1(blurry).relu_()).relu_();
   const torch::Tensor hidden = head1(torch::cat({blurry, events, image}, 1)).relu_();
   return head3(head2(hidden).relu_());
-}
-
-torch::Tensor RouterImpl::logits_cuda(const torch::Tensor& blurry, const torch::Tensor& psi) {
-  const auto layer = [](const torch::nn::Conv2d& conv, const torch::Tensor& in, bool relu = true) {
-    return cuda::conv_layer(in, conv->weight, conv->bias, relu);
-  };
-  const torch::Tensor events = layer(event2, layer(event1, psi));
-  const torch::Tensor image = layer(image2, layer(image1, blurry));
-  const torch::Tensor hidden = layer(head1, torch::cat({blurry, events, image}, 1));
-  return layer(head3, layer(head2, hidden), false);
-}
-
-torch::Tensor RouterImpl::logits_cpu(const torch::Tensor& blurry, const torch::Tensor& psi) {
-  cpu::RouterWeights weights;
-  weights.event1 = event1->weight;
-  weights.event2 = event2->weight;
-  weights.image1 = image1->weight;
-  weights.image1_bias = image1->bias;
-  weights.image2 = image2->weight;
-  weights.image2_bias = image2->bias;
-  weights.head1 = head1->weight;
-  weights.head2 = head2->weight;
-  weights.head3 = head3->weight;
-  weights.head3_bias = head3->bias;
-  return cpu::router_logits(blurry, psi, weights);
 }
 
 torch::Tensor RouterImpl::forward(const torch::Tensor& blurry, const torch::Tensor& psi) {

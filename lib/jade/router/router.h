@@ -34,10 +34,6 @@ class RouterImpl : public torch::nn::Module {
   torch::nn::Conv2d event1{nullptr}, event2{nullptr};                ///< 5×5, 2→16→6, no bias
   torch::nn::Conv2d image1{nullptr}, image2{nullptr};                ///< 5×5, 3→10→8, bias
   torch::nn::Conv2d head1{nullptr}, head2{nullptr}, head3{nullptr};  ///< 3×3, 3×3, 1×1: 17→9→24→1
-
- private:
-  torch::Tensor logits_cuda(const torch::Tensor& blurry, const torch::Tensor& psi);
-  torch::Tensor logits_cpu(const torch::Tensor& blurry, const torch::Tensor& psi);
 };
 TORCH_MODULE(Router);
 

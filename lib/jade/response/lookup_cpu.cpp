@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "jade/response/lookup.h"
-
 #include <ATen/Dispatch.h>
 #include <ATen/Parallel.h>
 #include <algorithm>
 #include <torch/types.h>
 #include <vector>
+
+#include "jade/response/lookup_math.h"
 
 namespace jade::response::cpu {
 namespace {
@@ -14,39 +14,23 @@ namespace {
 constexpr int64_t kChunks = 16;
 
 template <class T>
-struct Cell {
-  int64_t index;
-  T fraction;  ///< in [0,1] inside the table, beyond it outside
-};
-
-template <class T>
-Cell<T> cell_of(T x) {
-  constexpr T kPerUnit = static_cast<T>((kKnots - 1) / kResponseRange);
-  const T t = x * kPerUnit;
-  // Written so that NaN lands in the first cell.
-  const T bounded = t > 0 ? std::min(t, static_cast<T>(kKnots - 2)) : T(0);
-  const auto index = static_cast<int64_t>(static_cast<int32_t>(bounded));
-  return {index, t - static_cast<T>(index)};
+T value_at(T x, const T* table) {
+  const Cell<T> cell = cell_of(x);
+  return interpolate(cell, table[cell.index], table[cell.index + 1]);
 }
 
 template <class T>
 void lookup(const T* image, const T* table, T* out, int64_t begin, int64_t end, int64_t pixels,
             int64_t images, bool mean) {
   if (!mean) {
-    for (int64_t i = begin; i < end; ++i) {
-      const Cell<T> cell = cell_of(image[i]);
-      out[i] = table[cell.index] + cell.fraction * (table[cell.index + 1] - table[cell.index]);
-    }
+    for (int64_t i = begin; i < end; ++i) out[i] = value_at(image[i], table);
     return;
   }
   std::fill(out + begin, out + end, T(0));
   const T share = T(1) / static_cast<T>(images);
   for (int64_t k = 0; k < images; ++k) {
     for (int64_t p = begin; p < end; ++p) {
-      const Cell<T> cell = cell_of(image[k * pixels + p]);
-      const T value =
-          table[cell.index] + cell.fraction * (table[cell.index + 1] - table[cell.index]);
-      out[p] += share * value;
+      out[p] += share * value_at(image[k * pixels + p], table);
     }
   }
 }
@@ -63,18 +47,17 @@ torch::Tensor knots_from_cells(const torch::Tensor& cells) {
 template <class T>
 void backward(const T* image, const T* table, const T* gradient, T share, int64_t pixels,
               int64_t begin, int64_t end, T* of_image, double* of_cells) {
-  constexpr T kPerUnit = static_cast<T>((kKnots - 1) / kResponseRange);
   int64_t pixel = begin % pixels;
   for (int64_t i = begin; i < end; ++i) {
     const Cell<T> cell = cell_of(image[i]);
     const T g = gradient[pixel] * share;
     if (++pixel == pixels) pixel = 0;
     if (of_image != nullptr) {
-      of_image[i] = g * (table[cell.index + 1] - table[cell.index]) * kPerUnit;
+      of_image[i] = gradient_of_x(g, table[cell.index], table[cell.index + 1]);
     }
     if (of_cells != nullptr) {
       of_cells[2 * cell.index] += static_cast<double>(g);
-      of_cells[2 * cell.index + 1] += static_cast<double>(g * cell.fraction);
+      of_cells[2 * cell.index + 1] += static_cast<double>(gradient_of_upper(cell, g));
     }
   }
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Direct convolutions of few channels on CUDA: one layer of the router. No torch here. Not for use
-// outside this module.
+// outside this room.
 #pragma once
 
 #include <cstdint>

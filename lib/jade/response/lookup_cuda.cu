@@ -7,27 +7,14 @@
 #include <c10/cuda/CUDAStream.h>
 
 #include "jade/kernel/launch.h"
-#include "jade/response/lookup.h"
+#include "jade/response/lookup_math.h"
 
 namespace jade::response::cuda {
 namespace {
 
 constexpr int kThreads = 256;
-constexpr float kPerUnit = static_cast<float>((kKnots - 1) / kResponseRange);
 /// Sums over the table are kept in fixed point: additions of integers do not depend on their order.
 constexpr double kFixedPoint = 1125899906842624.0;  // 2^50
-
-struct Cell {
-  int index;
-  float fraction;
-};
-
-__device__ Cell cell_of(float x) {
-  const float t = x * kPerUnit;
-  const float bounded = t > 0 ? fminf(t, static_cast<float>(kKnots - 2)) : 0.f;
-  const int index = static_cast<int>(bounded);
-  return {index, t - static_cast<float>(index)};
-}
 
 __global__ void forward_kernel(const float* image, const float* table, float* out, int64_t outputs,
                                int64_t images) {
@@ -35,9 +22,8 @@ __global__ void forward_kernel(const float* image, const float* table, float* ou
   if (p >= outputs) return;
   float sum = 0;
   for (int64_t k = 0; k < images; ++k) {
-    const Cell cell = cell_of(image[k * outputs + p]);
-    const float low = __ldg(table + cell.index);
-    sum += low + cell.fraction * (__ldg(table + cell.index + 1) - low);
+    const Cell<float> cell = cell_of(image[k * outputs + p]);
+    sum += interpolate(cell, __ldg(table + cell.index), __ldg(table + cell.index + 1));
   }
   out[p] = images == 1 ? sum : sum / static_cast<float>(images);
 }
@@ -53,13 +39,13 @@ __global__ void backward_kernel(const float* image, const float* table, const fl
   const int64_t stride = static_cast<int64_t>(gridDim.x) * kThreads;
   for (int64_t i = blockIdx.x * static_cast<int64_t>(kThreads) + threadIdx.x; i < count;
        i += stride) {
-    const Cell cell = cell_of(image[i]);
+    const Cell<float> cell = cell_of(image[i]);
     const float g = gradient[i % pixels] * share;
     if (of_image != nullptr) {
-      of_image[i] = g * (__ldg(table + cell.index + 1) - __ldg(table + cell.index)) * kPerUnit;
+      of_image[i] = gradient_of_x(g, __ldg(table + cell.index), __ldg(table + cell.index + 1));
     }
     if (of_table != nullptr) {
-      const double upper = static_cast<double>(g * cell.fraction);
+      const double upper = static_cast<double>(gradient_of_upper(cell, g));
       const double lower = static_cast<double>(g * (1 - cell.fraction));
       atomicAdd(sums + cell.index,
                 static_cast<unsigned long long>(__double2ll_rn(lower * kFixedPoint)));
@@ -74,15 +60,13 @@ __global__ void backward_kernel(const float* image, const float* table, const fl
   }
 }
 
-int64_t blocks_for(int64_t count) { return (count + kThreads - 1) / kThreads; }
-
 }  // namespace
 
 at::Tensor lookup(const Lookup& args) {
   at::Tensor out = args.mean ? at::empty(args.image.sizes().slice(1), args.image.options())
                              : at::empty_like(args.image);
   if (out.numel() == 0) return out;
-  forward_kernel<<<static_cast<unsigned>(blocks_for(out.numel())), kThreads, 0,
+  forward_kernel<<<kernel::grid_size(out.numel(), kThreads), kThreads, 0,
                    c10::cuda::getCurrentCUDAStream()>>>(
       args.image.const_data_ptr<float>(), args.table.const_data_ptr<float>(),
       out.mutable_data_ptr<float>(), out.numel(), args.mean ? args.image.size(0) : 1);
@@ -103,8 +87,8 @@ LookupGradient lookup_backward(const Lookup& args, const at::Tensor& gradient, b
   }
   const float share = args.mean ? 1.f / static_cast<float>(args.image.size(0)) : 1.f;
   // Few blocks with long loops when each has a table of its own to add up.
-  const int64_t blocks =
-      wants_table ? std::min<int64_t>(blocks_for(count), 528) : blocks_for(count);
+  const int64_t blocks = wants_table ? std::min<int64_t>(kernel::block_count(count, kThreads), 528)
+                                     : kernel::block_count(count, kThreads);
   const size_t shared = wants_table ? sizeof(unsigned long long) * kKnots : 0;
   backward_kernel<<<static_cast<unsigned>(blocks), kThreads, shared,
                     c10::cuda::getCurrentCUDAStream()>>>(

@@ -2,8 +2,6 @@
 // torch's own convolutions take three times as long here: 2 to 24 channels are too few for them,
 // and replicate padding, concatenation and ReLU are passes over memory of their own. Here each
 // layer writes where the next one reads, borders included.
-#include "jade/router/cpu/router_cpu.h"
-
 #include <ATen/Dispatch.h>
 #include <ATen/Parallel.h>
 #include <algorithm>
@@ -12,9 +10,22 @@
 #include <vector>
 
 #include "jade/core/check.h"
-#include "jade/router/cpu/conv_kernels.h"
+#include "jade/router/conv_band.h"
+#include "jade/router/logits.h"
 
-namespace jade::router::cpu {
+namespace jade::router {
+
+const ConvKernelSet& conv_kernels() {
+  static constexpr kernel::IsaTable<ConvKernelSet> kTable = {
+    &portable::kConvKernels,
+#if defined(__x86_64__)
+    &avx2::kConvKernels,
+#endif
+  };
+  return kTable.chosen();
+}
+
+namespace cpu {
 namespace {
 
 using torch::autograd::AutogradContext;
@@ -278,7 +289,7 @@ class Layers {
     convolution.kernel = in_[weight].size(2);
     convolution.relu = relu;
     for_bands(height(), [&](int64_t, Band band) {
-      convolve(convolution, band);
+      kernels_.convolve(convolution, band);
       replicate_border(to, band);
     });
   }
@@ -299,8 +310,8 @@ class Layers {
     convolution.kernel = kernel;
     convolution.reach = pad;
     for_bands(height(), [&](int64_t, Band band) {
-      convolve(convolution, {band.begin == 0 ? -pad : band.begin,
-                             band.end == height() ? height() + pad : band.end});
+      kernels_.convolve(convolution, {band.begin == 0 ? -pad : band.begin,
+                                      band.end == height() ? height() + pad : band.end});
       fold_border(padded.planes, passed, out, band);
     });
   }
@@ -315,7 +326,7 @@ class Layers {
     const WeightGradient<T> args{from, gradient, in_[weight].size(2)};
     for_bands(height(), [&](int64_t i, Band band) {
       T* const out = partial.data() + i * values;
-      weight_gradient(args, band, out, bias != kNoBias ? out + taps : nullptr);
+      kernels_.weight_gradient(args, band, out, bias != kNoBias ? out + taps : nullptr);
     });
     const auto add_bands = [&](const torch::Tensor& grad, int64_t begin) {
       if (!grad.defined()) return;
@@ -339,6 +350,7 @@ class Layers {
   }
 
   const variable_list& in_;
+  const ConvKernels<T>& kernels_ = conv_kernels().of<T>();
 };
 
 class RouterFunction : public torch::autograd::Function<RouterFunction> {
@@ -406,4 +418,5 @@ torch::Tensor router_logits(const torch::Tensor& blurry, const torch::Tensor& ps
   return RouterFunction::apply(at::TensorList(inputs), needs_backward);
 }
 
-}  // namespace jade::router::cpu
+}  // namespace cpu
+}  // namespace jade::router

@@ -5,7 +5,8 @@
 
 #include <cstdint>
 
-#define JADE_INLINE inline __attribute__((always_inline))
+#include "jade/kernel/host_device.h"
+#include "jade/kernel/isa.h"
 
 namespace jade::router {
 
@@ -16,17 +17,17 @@ struct Planes {
   T* data = nullptr;
   int64_t channels = 0, height = 0, width = 0, pad = 0;
 
-  static JADE_INLINE int64_t stride(int64_t width, int64_t pad) {
+  static JADE_HD int64_t stride(int64_t width, int64_t pad) {
     return (width + 2 * pad + 15) / 16 * 16 + 16;
   }
-  JADE_INLINE int64_t stride() const { return stride(width, pad); }
-  JADE_INLINE int64_t rows() const { return height + 2 * pad; }
-  JADE_INLINE int64_t size() const { return channels * rows() * stride(); }
+  JADE_HD int64_t stride() const { return stride(width, pad); }
+  JADE_HD int64_t rows() const { return height + 2 * pad; }
+  JADE_HD int64_t size() const { return channels * rows() * stride(); }
   /// Column 0 of a row.
-  JADE_INLINE T* row(int64_t channel, int64_t y) const {
+  JADE_HD T* row(int64_t channel, int64_t y) const {
     return data + (channel * rows() + y + pad) * stride() + pad;
   }
-  JADE_INLINE Planes slice(int64_t first, int64_t count) const {
+  JADE_HD Planes slice(int64_t first, int64_t count) const {
     return {data + first * rows() * stride(), count, height, width, pad};
   }
 };
@@ -39,8 +40,8 @@ struct Band {
 constexpr int64_t kMostBlock = 6;
 struct Blocks {
   int64_t channels, count;
-  JADE_INLINE Blocks(int64_t all, int64_t most) : channels(all), count((all + most - 1) / most) {}
-  JADE_INLINE int64_t begin(int64_t block) const { return channels * block / count; }
+  JADE_HD Blocks(int64_t all, int64_t most) : channels(all), count((all + most - 1) / most) {}
+  JADE_HD int64_t begin(int64_t block) const { return channels * block / count; }
 };
 
 /// out(o, y, x) = bias[o] + Σ w[o][i][dy][dx] in(i, y + dy − K/2, x + dx − K/2).
@@ -54,12 +55,7 @@ struct Convolution {
   bool relu = false;
 };
 
-/// Computes rows of the band, which may reach into the border. Columns beyond width + reach are
-/// overwritten.
-void convolve(const Convolution<float>& convolution, Band band);
-void convolve(const Convolution<double>& convolution, Band band);
-
-/// [out][in][K][K] in the order that convolve() reads.
+/// [out][in][K][K] in the order that ConvKernels::convolve reads.
 template <class T>
 void pack_weights(const T* weights, int64_t out, int64_t in, int64_t kernel, T* packed) {
   const int64_t taps = in * kernel * kernel;
@@ -72,27 +68,32 @@ void pack_weights(const T* weights, int64_t out, int64_t in, int64_t kernel, T* 
   }
 }
 
-/// Sums over the band's rows: of_weights[o][i][dy][dx] = Σ g(o, y, x) in(i, y + dy − K/2, …) and
-/// of_bias[o] = Σ g(o, y, x) unless null. Columns of g from the width on must be zero, those of
-/// `in` finite.
+/// Columns of the gradient from the width on must be zero, those of `in` finite.
 template <class T>
 struct WeightGradient {
   Planes<T> in, gradient;
   int64_t kernel = 1;
 };
-void weight_gradient(const WeightGradient<float>& args, Band band, float* of_weights,
-                     float* of_bias);
-void weight_gradient(const WeightGradient<double>& args, Band band, double* of_weights,
-                     double* of_bias);
 
-/// The same four functions for one instruction set.
+template <class T>
 struct ConvKernels {
-  void (*convolve_float)(const Convolution<float>&, Band);
-  void (*convolve_double)(const Convolution<double>&, Band);
-  void (*weights_float)(const WeightGradient<float>&, Band, float*, float*);
-  void (*weights_double)(const WeightGradient<double>&, Band, double*, double*);
+  /// Computes rows of the band, which may reach into the border. Columns beyond width + reach are
+  /// overwritten.
+  void (*convolve)(const Convolution<T>& convolution, Band band);
+  /// Sums over the band's rows: of_weights[o][i][dy][dx] = Σ g(o, y, x) in(i, y + dy − K/2, …) and
+  /// of_bias[o] = Σ g(o, y, x) unless null.
+  void (*weight_gradient)(const WeightGradient<T>& args, Band band, T* of_weights, T* of_bias);
 };
-extern const ConvKernels kPortableConvKernels;
-extern const ConvKernels kAvx2ConvKernels;  ///< x86-64 only
+using ConvKernelSet = kernel::KernelSet<ConvKernels>;
+
+namespace portable {
+extern const ConvKernelSet kConvKernels;
+}
+namespace avx2 {
+extern const ConvKernelSet kConvKernels;
+}
+
+/// The kernels for kernel::chosen_isa().
+const ConvKernelSet& conv_kernels();
 
 }  // namespace jade::router

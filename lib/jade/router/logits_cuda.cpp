@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "jade/router/cuda/router_cuda.h"
-
 #include <c10/cuda/CUDAGuard.h>
 #include <c10/cuda/CUDAStream.h>
 #include <torch/csrc/autograd/custom_function.h>
 
 #include "jade/core/check.h"
 #include "jade/kernel/launch.h"
-#include "jade/router/cuda/conv_layer.h"
+#include "jade/router/conv_layer.h"
+#include "jade/router/logits.h"
 
 namespace jade::router::cuda {
 namespace {
@@ -81,10 +80,12 @@ class ConvFunction : public torch::autograd::Function<ConvFunction> {
   }
 };
 
-}  // namespace
-
+/// relu(bias + w * replicate_pad(in)) for the router's seven layer shapes.
+/// @param in       [N,C,H,W]
+/// @param weights  [O,C,K,K]
+/// @param bias     [O], or undefined.
 torch::Tensor conv_layer(const torch::Tensor& in, const torch::Tensor& weights,
-                         const torch::Tensor& bias, bool relu) {
+                         const torch::Tensor& bias = {}, bool relu = true) {
   check_dtype(in, "router layer input", torch::kFloat32);
   check_shape(weights, "router layer weights", {-1, in.size(1), -1, -1});
   const ConvShape shape{static_cast<int>(in.size(1)), static_cast<int>(weights.size(0)),
@@ -94,6 +95,17 @@ torch::Tensor conv_layer(const torch::Tensor& in, const torch::Tensor& weights,
   // An autograd function takes no undefined tensor.
   return ConvFunction::apply(in, weights, bias.defined() ? bias.contiguous() : in.new_empty({0}),
                              relu);
+}
+
+}  // namespace
+
+torch::Tensor router_logits(const torch::Tensor& blurry, const torch::Tensor& psi,
+                            const RouterWeights& w) {
+  const torch::Tensor events = conv_layer(conv_layer(psi, w.event1), w.event2);
+  const torch::Tensor image =
+      conv_layer(conv_layer(blurry, w.image1, w.image1_bias), w.image2, w.image2_bias);
+  const torch::Tensor hidden = conv_layer(torch::cat({blurry, events, image}, 1), w.head1);
+  return conv_layer(conv_layer(hidden, w.head2), w.head3, w.head3_bias, false);
 }
 
 }  // namespace jade::router::cuda

@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sums stay in registers: twelve in convolve(), about ten in weight_gradient(), for two or three
+// Sums stay in registers: twelve in a convolution, about ten in a weight gradient, for two or three
 // loads a multiplication less. Vectors of the compiler's own kind, always of 32 bytes, so that
-// every machine adds in the same order. Compiled once for each instruction set, in a namespace of
-// its own (JADE_CONV_ISA), without library code that the linker could mix.
+// every machine adds in the same order. Compiled once per instruction set by
+// jade_add_isa_sources().
 #pragma once
 
 #include <cstring>
 
-#include "jade/router/cpu/conv_kernels.h"
+#include "jade/router/conv_band.h"
 
 namespace jade::router {
-namespace JADE_CONV_ISA {
+namespace JADE_ISA {
 
 template <class T>
 struct Vector {
@@ -19,14 +19,14 @@ struct Vector {
 };
 
 template <class T>
-JADE_INLINE void load(typename Vector<T>::Type& v, const T* p) {
+JADE_HD void load(typename Vector<T>::Type& v, const T* p) {
   std::memcpy(&v, p, sizeof(v));
 }
 
 /// Two vectors of columns of one row, B output channels from `first` on.
 template <class T, int K, int B>
-JADE_INLINE void convolve_columns(const Convolution<T>& args, const T* weights, int64_t first,
-                                  int64_t y, int64_t x) {
+JADE_HD void convolve_columns(const Convolution<T>& args, const T* weights, int64_t first,
+                              int64_t y, int64_t x) {
   using V = typename Vector<T>::Type;
   constexpr int kLanes = Vector<T>::kLanes;
   V sums[B][2];
@@ -65,8 +65,8 @@ JADE_INLINE void convolve_columns(const Convolution<T>& args, const T* weights, 
 }
 
 template <class T, int K, int B>
-JADE_INLINE void convolve_block(const Convolution<T>& args, const T* weights, int64_t first,
-                                Band band) {
+JADE_HD void convolve_block(const Convolution<T>& args, const T* weights, int64_t first,
+                            Band band) {
   for (int64_t y = band.begin; y < band.end; ++y) {
     for (int64_t x = -args.reach; x < args.out.width + args.reach; x += 2 * Vector<T>::kLanes) {
       convolve_columns<T, K, B>(args, weights, first, y, x);
@@ -75,7 +75,7 @@ JADE_INLINE void convolve_block(const Convolution<T>& args, const T* weights, in
 }
 
 template <class T, int K>
-JADE_INLINE void convolve_kernel(const Convolution<T>& args, Band band) {
+JADE_HD void convolve_kernel(const Convolution<T>& args, Band band) {
   const Blocks blocks(args.out.channels, kMostBlock);
   for (int64_t block = 0; block < blocks.count; ++block) {
     const int64_t first = blocks.begin(block);
@@ -117,7 +117,7 @@ void convolve_any(const Convolution<T>& args, Band band) {
 }
 
 template <class T>
-JADE_INLINE T sum_lanes(const typename Vector<T>::Type& v) {
+JADE_HD T sum_lanes(const typename Vector<T>::Type& v) {
   T sum = 0;
   for (int lane = 0; lane < Vector<T>::kLanes; ++lane) sum += v[lane];
   return sum;
@@ -125,8 +125,8 @@ JADE_INLINE T sum_lanes(const typename Vector<T>::Type& v) {
 
 /// One row of taps of B output channels and one input channel.
 template <class T, int K, int B>
-JADE_INLINE void tap_row(const WeightGradient<T>& args, int64_t first, int64_t i, int dy, Band band,
-                         T* of_weights) {
+JADE_HD void tap_row(const WeightGradient<T>& args, int64_t first, int64_t i, int dy, Band band,
+                     T* of_weights) {
   using V = typename Vector<T>::Type;
   V sums[B][K] = {};
   for (int64_t y = band.begin; y < band.end; ++y) {
@@ -153,15 +153,14 @@ JADE_INLINE void tap_row(const WeightGradient<T>& args, int64_t first, int64_t i
 }
 
 template <class T, int K, int B>
-JADE_INLINE void weights_block(const WeightGradient<T>& args, int64_t first, Band band,
-                               T* of_weights) {
+JADE_HD void weights_block(const WeightGradient<T>& args, int64_t first, Band band, T* of_weights) {
   for (int64_t i = 0; i < args.in.channels; ++i) {
     for (int dy = 0; dy < K; ++dy) tap_row<T, K, B>(args, first, i, dy, band, of_weights);
   }
 }
 
 template <class T, int K>
-JADE_INLINE void weights_kernel(const WeightGradient<T>& args, Band band, T* of_weights) {
+JADE_HD void weights_kernel(const WeightGradient<T>& args, Band band, T* of_weights) {
   constexpr int kMost = K == 5 ? 2 : 3;
   const Blocks blocks(args.gradient.channels, kMost);
   for (int64_t block = 0; block < blocks.count; ++block) {
@@ -180,7 +179,7 @@ JADE_INLINE void weights_kernel(const WeightGradient<T>& args, Band band, T* of_
 }
 
 template <class T>
-JADE_INLINE void bias_sums(const WeightGradient<T>& args, Band band, T* of_bias) {
+JADE_HD void bias_sums(const WeightGradient<T>& args, Band band, T* of_bias) {
   using V = typename Vector<T>::Type;
   for (int64_t o = 0; o < args.gradient.channels; ++o) {
     V sum{};
@@ -211,9 +210,8 @@ void weights_any(const WeightGradient<T>& args, Band band, T* of_weights, T* of_
   if (of_bias != nullptr) bias_sums(args, band, of_bias);
 }
 
-constexpr ConvKernels make_kernels() {
-  return {convolve_any<float>, convolve_any<double>, weights_any<float>, weights_any<double>};
-}
+const ConvKernelSet kConvKernels = {{convolve_any<float>, weights_any<float>},
+                                    {convolve_any<double>, weights_any<double>}};
 
-}  // namespace JADE_CONV_ISA
+}  // namespace JADE_ISA
 }  // namespace jade::router

@@ -3,11 +3,11 @@
 #include <c10/cuda/CUDAGuard.h>
 #include <c10/cuda/CUDAStream.h>
 
-#include "jade/events/kernels.h"
-#include "jade/events/splat_math.h"
+#include "jade/events/count.h"
+#include "jade/events/count_math.h"
 #include "jade/kernel/launch.h"
 
-namespace jade::events {
+namespace jade::events::cuda {
 namespace {
 
 constexpr int kThreads = 256;
@@ -50,7 +50,7 @@ __global__ void count_kernel(KernelArguments in, SpanBounds bounds) {
 
 }  // namespace
 
-void count_cuda(const CountArguments& arguments, int device_index) {
+void count(const CountArguments& arguments, int device_index) {
   const c10::cuda::CUDAGuard guard(static_cast<c10::DeviceIndex>(device_index));
   const auto stream = c10::cuda::getCurrentCUDAStream(static_cast<c10::DeviceIndex>(device_index));
   const auto& bounds = *arguments.bounds;
@@ -69,10 +69,9 @@ void count_cuda(const CountArguments& arguments, int device_index) {
         arguments.width,
         arguments.height,
         reinterpret_cast<unsigned long long*>(arguments.out + first * plane_pair)};
-    const auto blocks = static_cast<unsigned>((events + kThreads - 1) / kThreads);
-    count_kernel<<<blocks, kThreads, 0, stream.stream()>>>(in, part);
+    count_kernel<<<kernel::grid_size(events, kThreads), kThreads, 0, stream.stream()>>>(in, part);
     kernel::check_launch("the counting of events");
   }
 }
 
-}  // namespace jade::events
+}  // namespace jade::events::cuda

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // cuDNN picks Fourier transforms for these layers, whose 2 to 24 channels suit none of its engines:
 // 2.8 ms a training step at 346x260 on an H200, of which these kernels leave 0.6.
-#include "jade/router/cuda/conv_layer.h"
+#include "jade/kernel/launch.h"
+#include "jade/router/conv_layer.h"
 
 namespace jade::router::cuda {
 namespace {
@@ -11,11 +12,7 @@ constexpr int kPixels = 2;  ///< neighbours in x that a thread computes
 constexpr int kThreadsX = kTileX / kPixels;
 constexpr int kGradientThreads = 160;
 
-__host__ __device__ constexpr int round_up(int value, int step) {
-  return (value + step - 1) / step * step;
-}
-
-__host__ __device__ int tiles(int size, int tile) { return (size + tile - 1) / tile; }
+JADE_HD constexpr int round_up(int value, int step) { return (value + step - 1) / step * step; }
 
 /// Where a tile's input comes from: a layer's input with its edge repeated, or the gradient of a
 /// layer's output, zero outside the image and where ReLU held the value back.
@@ -130,7 +127,7 @@ __global__ void fold_kernel(const float* padded, float* out, int planes, int hei
 }
 
 /// Output channels whose gradients one thread sums: it holds group · K sums.
-__host__ __device__ constexpr int group_of(int out) {
+JADE_HD constexpr int group_of(int out) {
   return out % 4 == 0 ? 4 : out % 3 == 0 ? 3 : out % 5 == 0 ? 5 : 1;
 }
 /// A tile's sums are shared out over (input channel, row of the kernel, group of outputs), and what
@@ -221,7 +218,8 @@ __global__ void column_sum_kernel(const float* partial, int64_t rows, int column
 template <int IN, int OUT, int K>
 struct Layer {
   static void forward(const ConvLayer& layer, cudaStream_t stream) {
-    const dim3 grid(tiles(layer.width, kTileX), tiles(layer.height, kTileY), layer.batch);
+    const dim3 grid(kernel::grid_size(layer.width, kTileX), kernel::grid_size(layer.height, kTileY),
+                    layer.batch);
     const Source source{layer.in, nullptr, layer.height, layer.width, true};
     convolve_kernel<IN, OUT, K, false><<<grid, dim3(kThreadsX, kTileY), 0, stream>>>(
         source, layer.weights, layer.bias, layer.relu, -(K / 2), layer.out, layer.height,
@@ -234,21 +232,23 @@ struct Layer {
     const Source of_out{args.of_out, layer.relu ? layer.out : nullptr, layer.height, layer.width,
                         false};
     using Tasks = WeightTasks<IN, OUT, K>;
-    const dim3 grid(tiles(layer.width, kTileX), tiles(layer.height, kTileY), layer.batch);
+    const dim3 grid(kernel::grid_size(layer.width, kTileX), kernel::grid_size(layer.height, kTileY),
+                    layer.batch);
     weight_gradient_kernel<IN, OUT, K>
         <<<grid, Tasks::kThreads, 0, stream>>>(in, of_out, args.partial);
-    column_sum_kernel<<<tiles(Tasks::kColumns, kSumColumns), dim3(kSumColumns, kSumRows), 0,
-                        stream>>>(args.partial, partial_rows(layer), Tasks::kColumns,
-                                  args.of_weights);
+    column_sum_kernel<<<kernel::grid_size(Tasks::kColumns, kSumColumns),
+                        dim3(kSumColumns, kSumRows), 0, stream>>>(args.partial, partial_rows(layer),
+                                                                  Tasks::kColumns, args.of_weights);
     if (args.of_in == nullptr) return;
     const int high = layer.height + K - 1, wide = layer.width + K - 1;
-    const dim3 padded(tiles(wide, kTileX), tiles(high, kTileY), layer.batch);
+    const dim3 padded(kernel::grid_size(wide, kTileX), kernel::grid_size(high, kTileY),
+                      layer.batch);
     convolve_kernel<OUT, IN, K, true><<<padded, dim3(kThreadsX, kTileY), 0, stream>>>(
         of_out, layer.weights, nullptr, false, -(K - 1), K == 1 ? args.of_in : args.padded, high,
         wide);
     if (K == 1) return;
     const int64_t count = int64_t{layer.batch} * IN * layer.height * layer.width;
-    fold_kernel<<<static_cast<unsigned>((count + 255) / 256), 256, 0, stream>>>(
+    fold_kernel<<<kernel::grid_size(count, 256), 256, 0, stream>>>(
         args.padded, args.of_in, layer.batch * IN, layer.height, layer.width, K / 2);
   }
 };
@@ -276,8 +276,8 @@ bool is_compiled(const ConvShape& shape) {
 }
 
 int64_t partial_rows(const ConvLayer& layer) {
-  const int64_t blocks =
-      int64_t{layer.batch} * tiles(layer.width, kTileX) * tiles(layer.height, kTileY);
+  const int64_t blocks = layer.batch * kernel::block_count(layer.width, kTileX) *
+                         kernel::block_count(layer.height, kTileY);
   int64_t rows = 0;
   dispatch(layer.shape, [&](auto, auto tasks) { rows = blocks * decltype(tasks)::kSplits; });
   return rows;

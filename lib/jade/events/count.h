@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What counts.cpp asks of cuda/count.cu; cuda/count_missing.cpp answers in CPU-only builds.
+// Sums of events over plain pointers; their arithmetic is in count_math.h. Not for use outside this
+// room: see counts.h.
 #pragma once
 
 #include <cstdint>
@@ -17,8 +18,13 @@ struct CountArguments {
   int64_t* out = nullptr;  ///< [S,2,H,W]
 };
 
-/// Runs on the current CUDA stream of the device and does not wait for it.
-/// @throws DeviceError without CUDA kernels and when the launch fails.
-void count_cuda(const CountArguments& arguments, int device_index);
+namespace cpu {
+void count(const CountArguments& arguments);
+}
+
+namespace cuda {
+/// On the current stream of the device; no waiting. @throws DeviceError when it does not start.
+void count(const CountArguments& arguments, int device_index);
+}  // namespace cuda
 
 }  // namespace jade::events

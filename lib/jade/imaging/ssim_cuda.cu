@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <ATen/ops/empty.h>
 #include <c10/cuda/CUDAGuard.h>
 #include <c10/cuda/CUDAStream.h>
 
 #include "jade/core/error.h"
 #include "jade/imaging/ssim_kernels.h"
+#include "jade/imaging/ssim_math.h"
 #include "jade/kernel/launch.h"
 
-namespace jade::imaging {
+namespace jade::imaging::cuda {
 namespace {
 
 constexpr int kTileWidth = 32, kTileHeight = 16, kRowsPerPass = 8;
@@ -19,12 +21,28 @@ struct Taps {
   float w[kSsimTaps];
 };
 
+/// SsimArguments as the kernels see them.
+struct Job {
+  const float* a;
+  const float* b;
+  const float* mean_b;
+  const float* square_b;
+  int64_t planes, height, width;
+  float weight_ssim, weight_l1;
+  double offset;
+  float* maps;  ///< [4 or 3, planes, H, W] when a gradient is wanted
+  float* grad_a;
+  float* grad_b;
+  double* partial;  ///< [blocks, 2]
+  float* value;     ///< offset + weight_ssim Σ S + weight_l1 Σ |a − b|
+};
+
 struct Tile {
   int x0, y0, width, height;
   int64_t plane;  ///< index of the plane's first pixel
 };
 
-__device__ Tile this_tile(const SsimCuda& in) {
+__device__ Tile this_tile(const Job& in) {
   const int width = static_cast<int>(in.width), height = static_cast<int>(in.height);
   return {static_cast<int>(blockIdx.x) * kTileWidth, static_cast<int>(blockIdx.y) * kTileHeight,
           width, height, static_cast<int64_t>(blockIdx.z) * width * height};
@@ -72,7 +90,7 @@ __device__ void sum_block(double& first, double& second) {
 
 /// SSIM at every pixel of a tile, its sum, and the derivative maps ∂μa, ∂E[a²], ∂E[ab], ∂μb.
 template <bool kFixedTarget>
-__global__ void __launch_bounds__(kThreads) ssim_forward(SsimCuda in, Taps taps) {
+__global__ void __launch_bounds__(kThreads) ssim_forward(Job in, Taps taps) {
   __shared__ float a[kHaloHeight][kHaloWidth], b[kHaloHeight][kHaloWidth];
   constexpr int kFiltered = kFixedTarget ? 3 : 5;
   __shared__ float filtered[kFiltered][kHaloHeight][kTileWidth];
@@ -103,30 +121,27 @@ __global__ void __launch_bounds__(kThreads) ssim_forward(SsimCuda in, Taps taps)
     const int y = tile.y0 + row;
     if (x >= tile.width || y >= tile.height) continue;
     const int64_t pixel = tile.plane + static_cast<int64_t>(y) * tile.width + x;
-    const float ma = filter_down(filtered[0], row, column, taps);
-    const float eaa = filter_down(filtered[1], row, column, taps);
-    const float eab = filter_down(filtered[2], row, column, taps);
-    float mb, ebb;
+    SsimMoments<float> moments;
+    moments.a = filter_down(filtered[0], row, column, taps);
+    moments.aa = filter_down(filtered[1], row, column, taps);
+    moments.ab = filter_down(filtered[2], row, column, taps);
     if constexpr (kFixedTarget) {
-      mb = in.mean_b[pixel];
-      ebb = in.square_b[pixel];
+      moments.b = in.mean_b[pixel];
+      moments.bb = in.square_b[pixel];
     } else {
-      mb = filter_down(filtered[3], row, column, taps);
-      ebb = filter_down(filtered[4], row, column, taps);
+      moments.b = filter_down(filtered[3], row, column, taps);
+      moments.bb = filter_down(filtered[4], row, column, taps);
     }
-    const float mm = ma * mb, aa = ma * ma, bb = mb * mb;
-    const float a1 = 2 * mm + float(kSsimC1), a2 = 2 * (eab - mm) + float(kSsimC2);
-    const float b1 = aa + bb + float(kSsimC1), b2 = (eaa - aa) + (ebb - bb) + float(kSsimC2);
-    const float inverse = 1 / (b1 * b2), value = a1 * a2 * inverse;
-    ssim_sum += value;
+    const SsimTerms<float> terms = ssim_terms(moments);
+    ssim_sum += terms.value;
     l1_sum += fabsf(a[row + kSsimRadius][column + kSsimRadius] -
                     b[row + kSsimRadius][column + kSsimRadius]);
     if (in.maps == nullptr) continue;
-    const float cross = 2 * (a2 - a1) * inverse, own = 2 * value * (b2 - b1) * inverse;
-    in.maps[pixel] = cross * mb - own * ma;
-    in.maps[map_size + pixel] = -value * b1 * inverse;
-    in.maps[2 * map_size + pixel] = 2 * a1 * inverse;
-    if (in.grad_b != nullptr) in.maps[3 * map_size + pixel] = cross * ma - own * mb;
+    const SsimDerivatives<float> d = ssim_derivatives(moments, terms);
+    in.maps[pixel] = d.a;
+    in.maps[map_size + pixel] = d.square;
+    in.maps[2 * map_size + pixel] = d.ab;
+    if (in.grad_b != nullptr) in.maps[3 * map_size + pixel] = d.b;
   }
   sum_block(ssim_sum, l1_sum);
   if (threadIdx.x == 0) {
@@ -139,7 +154,7 @@ __global__ void __launch_bounds__(kThreads) ssim_forward(SsimCuda in, Taps taps)
 
 /// Filters the derivative maps and joins them to the gradients.
 template <int kMaps>
-__global__ void __launch_bounds__(kThreads) ssim_backward(SsimCuda in, Taps taps) {
+__global__ void __launch_bounds__(kThreads) ssim_backward(Job in, Taps taps) {
   __shared__ float halo[kHaloHeight][kHaloWidth];
   __shared__ float filtered[kMaps][kHaloHeight][kTileWidth];
   const Tile tile = this_tile(in);
@@ -163,22 +178,22 @@ __global__ void __launch_bounds__(kThreads) ssim_backward(SsimCuda in, Taps taps
     if (x >= tile.width || y >= tile.height) continue;
     const int64_t pixel = tile.plane + static_cast<int64_t>(y) * tile.width + x;
     const float a = in.a[pixel], b = in.b[pixel];
-    const float sign = in.weight_l1 * (float(a > b) - float(a < b));
+    const float sign = in.weight_l1 * l1_gradient(a, b);
     const float d_sq = filter_down(filtered[1], row, column, taps);
     const float d_ab = filter_down(filtered[2], row, column, taps);
     if (in.grad_a != nullptr) {
       const float d_ma = filter_down(filtered[0], row, column, taps);
-      in.grad_a[pixel] = in.weight_ssim * (d_ma + 2 * a * d_sq + b * d_ab) + sign;
+      in.grad_a[pixel] = in.weight_ssim * ssim_gradient(d_ma, d_sq, d_ab, a, b) + sign;
     }
     if constexpr (kMaps == 4) {
       const float d_mb = filter_down(filtered[3], row, column, taps);
-      in.grad_b[pixel] = in.weight_ssim * (d_mb + 2 * b * d_sq + a * d_ab) - sign;
+      in.grad_b[pixel] = in.weight_ssim * ssim_gradient(d_mb, d_sq, d_ab, b, a) - sign;
     }
   }
 }
 
 /// Adds the blocks' sums in a fixed order: the value does not change from run to run.
-__global__ void __launch_bounds__(kSumThreads) ssim_finish(SsimCuda in, int64_t blocks) {
+__global__ void __launch_bounds__(kSumThreads) ssim_finish(Job in, int64_t blocks) {
   __shared__ double sums[2][kSumThreads];
   double ssim_sum = 0, l1_sum = 0;
   for (int64_t block = threadIdx.x; block < blocks; block += kSumThreads) {
@@ -200,42 +215,70 @@ __global__ void __launch_bounds__(kSumThreads) ssim_finish(SsimCuda in, int64_t 
   }
 }
 
-}  // namespace
-
-int64_t ssim_cuda_blocks(int64_t planes, int64_t height, int64_t width) {
-  return planes * ((height + kTileHeight - 1) / kTileHeight) *
-         ((width + kTileWidth - 1) / kTileWidth);
+Taps make_taps() {
+  Taps taps{};
+  for (int k = 0; k < kSsimTaps; ++k) taps.w[k] = static_cast<float>(ssim_window()[k]);
+  return taps;
 }
 
-void ssim_cuda(const SsimCuda& arguments, const double* window, int device_index) {
-  const c10::cuda::CUDAGuard guard(static_cast<c10::DeviceIndex>(device_index));
-  const cudaStream_t stream =
-      c10::cuda::getCurrentCUDAStream(static_cast<c10::DeviceIndex>(device_index)).stream();
-  if (arguments.planes > 65535 || arguments.height > 65535 * kTileHeight) {
-    throw DeviceError(
-        concat("SSIM on a GPU takes at most 65535 image planes, found ", arguments.planes));
-  }
-  Taps taps{};
-  for (int k = 0; k < kSsimTaps; ++k) taps.w[k] = static_cast<float>(window[k]);
-  const dim3 grid(static_cast<unsigned>((arguments.width + kTileWidth - 1) / kTileWidth),
-                  static_cast<unsigned>((arguments.height + kTileHeight - 1) / kTileHeight),
-                  static_cast<unsigned>(arguments.planes));
-  if (arguments.mean_b != nullptr) {
-    ssim_forward<true><<<grid, kThreads, 0, stream>>>(arguments, taps);
+/// @param grid  one block per tile of each plane
+void launch(const Job& job, dim3 grid, cudaStream_t stream) {
+  const Taps taps = make_taps();
+  if (job.mean_b != nullptr) {
+    ssim_forward<true><<<grid, kThreads, 0, stream>>>(job, taps);
   } else {
-    ssim_forward<false><<<grid, kThreads, 0, stream>>>(arguments, taps);
+    ssim_forward<false><<<grid, kThreads, 0, stream>>>(job, taps);
   }
   kernel::check_launch("SSIM");
-  if (arguments.grad_b != nullptr) {
-    ssim_backward<4><<<grid, kThreads, 0, stream>>>(arguments, taps);
-    kernel::check_launch("SSIM, backward");
-  } else if (arguments.grad_a != nullptr) {
-    ssim_backward<3><<<grid, kThreads, 0, stream>>>(arguments, taps);
-    kernel::check_launch("SSIM, backward");
+  if (job.grad_b != nullptr) {
+    ssim_backward<4><<<grid, kThreads, 0, stream>>>(job, taps);
+  } else if (job.grad_a != nullptr) {
+    ssim_backward<3><<<grid, kThreads, 0, stream>>>(job, taps);
   }
-  const int64_t blocks = ssim_cuda_blocks(arguments.planes, arguments.height, arguments.width);
-  ssim_finish<<<1, kSumThreads, 0, stream>>>(arguments, blocks);
+  kernel::check_launch("SSIM, backward");
+  ssim_finish<<<1, kSumThreads, 0, stream>>>(job, int64_t{grid.x} * grid.y * grid.z);
   kernel::check_launch("SSIM, sum");
 }
 
-}  // namespace jade::imaging
+}  // namespace
+
+at::Tensor similarity(const SsimArguments& arguments) {
+  const at::Tensor& a = arguments.a;
+  const ImagePlanes planes = planes_of(a);
+  if (planes.count > 65535 || planes.height > 65535 * kTileHeight) {
+    throw DeviceError(
+        concat("SSIM on a GPU takes at most 65535 image planes, found ", planes.count));
+  }
+  const c10::cuda::CUDAGuard guard(a.device());
+  const dim3 grid(kernel::grid_size(planes.width, kTileWidth),
+                  kernel::grid_size(planes.height, kTileHeight),
+                  static_cast<unsigned>(planes.count));
+  const auto options = a.options().requires_grad(false);
+  at::Tensor value = at::empty({}, options);
+  const at::Tensor partial =
+      at::empty({int64_t{grid.x} * grid.y * grid.z, 2}, options.dtype(at::kDouble));
+  at::Tensor maps;
+  if (arguments.grad_a.defined() || arguments.grad_b.defined()) {
+    maps = at::empty({arguments.grad_b.defined() ? 4 : 3, a.numel()}, options);
+  }
+  Job job{};
+  job.a = a.const_data_ptr<float>();
+  job.b = arguments.b.const_data_ptr<float>();
+  job.mean_b = read_or_null<float>(arguments.mean_b);
+  job.square_b = read_or_null<float>(arguments.square_b);
+  job.planes = planes.count;
+  job.height = planes.height;
+  job.width = planes.width;
+  job.weight_ssim = static_cast<float>(arguments.weights.ssim / static_cast<double>(a.numel()));
+  job.weight_l1 = static_cast<float>(arguments.weights.l1 / static_cast<double>(a.numel()));
+  job.offset = arguments.weights.offset;
+  job.maps = write_or_null<float>(maps);
+  job.grad_a = write_or_null<float>(arguments.grad_a);
+  job.grad_b = write_or_null<float>(arguments.grad_b);
+  job.partial = partial.mutable_data_ptr<double>();
+  job.value = value.mutable_data_ptr<float>();
+  launch(job, grid, c10::cuda::getCurrentCUDAStream(a.device().index()));
+  return value;
+}
+
+}  // namespace jade::imaging::cuda

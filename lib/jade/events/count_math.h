@@ -1,15 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where an event falls, shared by the CPU loop and the CUDA kernel. No torch here.
+// Where an event falls, and its bilinear weights. No torch here.
 #pragma once
 
-#include <cmath>
 #include <cstdint>
 
-#if defined(__CUDACC__)
-#define JADE_EVENTS_HD __host__ __device__ __forceinline__
-#else
-#define JADE_EVENTS_HD inline
-#endif
+#include "jade/kernel/host_device.h"
 
 namespace jade::events {
 
@@ -27,11 +22,11 @@ struct EventFootprint {
 };
 
 /// False, with nothing set, for NaN and for events one pixel or more from every pixel centre.
-JADE_EVENTS_HD bool locate(float x, float y, int32_t width, int32_t height, EventFootprint& out) {
+JADE_HD bool locate(float x, float y, int32_t width, int32_t height, EventFootprint& out) {
   if (!(x > -1.0f && x < float(width) && y > -1.0f && y < float(height))) return false;
   // The product is exact, so a fused multiply-add rounds alike.
-  const int32_t qx = int32_t(floorf(x * float(kWhole) + 0.5f));
-  const int32_t qy = int32_t(floorf(y * float(kWhole) + 0.5f));
+  const int32_t qx = int32_t(kernel::floor(x * float(kWhole) + 0.5f));
+  const int32_t qy = int32_t(kernel::floor(y * float(kWhole) + 0.5f));
   out.column = qx >> kFractionBits;
   out.row = qy >> kFractionBits;
   out.fx = qx & (kWhole - 1);
@@ -41,7 +36,7 @@ JADE_EVENTS_HD bool locate(float x, float y, int32_t width, int32_t height, Even
 
 /// Calls add(pixel index, weight) for the pixels inside the image that have a weight.
 template <class Add>
-JADE_EVENTS_HD void spread(const EventFootprint& f, int32_t width, int32_t height, const Add& add) {
+JADE_HD void spread(const EventFootprint& f, int32_t width, int32_t height, const Add& add) {
   const int64_t base = int64_t(f.row) * width + f.column;
   const bool left = f.column >= 0 && f.column<width, right = f.fx> 0 && f.column + 1 < width;
   if (f.row >= 0 && f.row < height) {

@@ -1,22 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 // SSIM of a band of rows, row by row: horizontally filtered rows wait in rings of 11, so that
 // everything between the images and the gradient stays in the cache. Plain loops over columns.
-// Compiled once for each instruction set, in a namespace of its own (JADE_SSIM_ISA), without
-// library code that the linker could mix.
+// Compiled once per instruction set by jade_add_isa_sources().
 #pragma once
 
-#include "jade/imaging/ssim_kernels.h"
+#include "jade/imaging/ssim_band.h"
 
 namespace jade::imaging {
-namespace JADE_SSIM_ISA {
-
-#define JADE_INLINE inline __attribute__((always_inline))
+namespace JADE_ISA {
 
 constexpr int64_t kPad = 2 * kSsimRadius;
 
 template <class T>
-JADE_INLINE void filter_row(const T* __restrict padded, const T* __restrict w, T* __restrict out,
-                            int64_t n) {
+JADE_HD void filter_row(const T* __restrict padded, const T* __restrict w, T* __restrict out,
+                        int64_t n) {
   for (int64_t x = 0; x < n; ++x) {
     T sum = w[5] * padded[x + 5];
     sum += w[0] * (padded[x] + padded[x + 10]);
@@ -30,8 +27,8 @@ JADE_INLINE void filter_row(const T* __restrict padded, const T* __restrict w, T
 
 /// Filters down the 11 rows around `centre` in a ring of rows of n values.
 template <class T>
-JADE_INLINE void filter_ring(const T* ring, int64_t centre, const T* __restrict w,
-                             T* __restrict out, int64_t n) {
+JADE_HD void filter_ring(const T* ring, int64_t centre, const T* __restrict w, T* __restrict out,
+                         int64_t n) {
   const T* r[kSsimTaps];
   for (int k = 0; k < kSsimTaps; ++k)
     r[k] = ring + ((centre + k - kSsimRadius + 2 * kSsimTaps) % kSsimTaps) * n;
@@ -50,7 +47,7 @@ JADE_INLINE void filter_ring(const T* ring, int64_t centre, const T* __restrict 
 
 /// Always eight partial sums, so that the result does not depend on the vector width.
 template <class T>
-JADE_INLINE double sum_row(const T* __restrict row, int64_t n) {
+JADE_HD double sum_row(const T* __restrict row, int64_t n) {
   double lanes[8] = {};
   int64_t x = 0;
   for (; x + 8 <= n; x += 8) {
@@ -69,7 +66,7 @@ struct Buffers {
   T* padded[kMoments];  ///< one row with 5 zeros on either side
   T* similarity;
 
-  JADE_INLINE Buffers(T* scratch, int64_t n) {
+  JADE_HD Buffers(T* scratch, int64_t n) {
     for (T*& ring : rings) take(ring, scratch, kSsimTaps * n);
     for (T*& map : maps) take(map, scratch, kSsimTaps * n);
     for (T*& row : rows) take(row, scratch, n);
@@ -79,21 +76,21 @@ struct Buffers {
       for (int64_t x = 0; x < n + kPad; ++x) row[x] = 0;
     }
   }
-  static JADE_INLINE void take(T*& out, T*& scratch, int64_t count) {
+  static JADE_HD void take(T*& out, T*& scratch, int64_t count) {
     out = scratch;
     scratch += count;
   }
 };
 
 template <class T>
-JADE_INLINE void zero_row(T* row, int64_t n) {
+JADE_HD void zero_row(T* row, int64_t n) {
   for (int64_t x = 0; x < n; ++x) row[x] = 0;
 }
 
 /// Filters input row i horizontally into the rings; rows beside the image are zero.
 template <class T>
-JADE_INLINE void push_input(const SsimBand<T>& in, Buffers<T>& buffers, const T* w, int64_t i,
-                            bool a_too, bool b_too) {
+JADE_HD void push_input(const SsimBand<T>& in, Buffers<T>& buffers, const T* w, int64_t i,
+                        bool a_too, bool b_too) {
   const int64_t n = in.width, slot = (i + 2 * kSsimTaps) % kSsimTaps * n;
   const bool inside = i >= 0 && i < in.height;
   const T* __restrict b = in.b + (inside ? i * n : 0);
@@ -128,8 +125,7 @@ JADE_INLINE void push_input(const SsimBand<T>& in, Buffers<T>& buffers, const T*
 
 /// Similarity of row r from the rings, its sum, and the derivative maps filtered horizontally.
 template <class T>
-JADE_INLINE void push_map(const SsimBand<T>& in, Buffers<T>& buffers, const T* w, int64_t r,
-                          int maps) {
+JADE_HD void push_map(const SsimBand<T>& in, Buffers<T>& buffers, const T* w, int64_t r, int maps) {
   const int64_t n = in.width, slot = (r + 2 * kSsimTaps) % kSsimTaps * n;
   if (r < 0 || r >= in.height) {
     for (int q = 0; q < maps; ++q) zero_row(buffers.maps[q] + slot, n);
@@ -149,16 +145,14 @@ JADE_INLINE void push_map(const SsimBand<T>& in, Buffers<T>& buffers, const T* w
   T* __restrict d_ab = buffers.padded[2] + kSsimRadius;
   T* __restrict d_mb = buffers.padded[3] + kSsimRadius;
   for (int64_t x = 0; x < n; ++x) {
-    const T mm = ma[x] * mb[x], aa = ma[x] * ma[x], bb = mb[x] * mb[x];
-    const T a1 = 2 * mm + T(kSsimC1), a2 = 2 * (eab[x] - mm) + T(kSsimC2);
-    const T b1 = aa + bb + T(kSsimC1), b2 = (eaa[x] - aa) + (ebb[x] - bb) + T(kSsimC2);
-    const T inverse = 1 / (b1 * b2), value = a1 * a2 * inverse;
-    const T cross = 2 * (a2 - a1) * inverse, own = 2 * value * (b2 - b1) * inverse;
-    s[x] = value;
-    d_ma[x] = cross * mb[x] - own * ma[x];
-    d_mb[x] = cross * ma[x] - own * mb[x];
-    d_sq[x] = -value * b1 * inverse;
-    d_ab[x] = 2 * a1 * inverse;
+    const SsimMoments<T> moments = {ma[x], eaa[x], eab[x], mb[x], ebb[x]};
+    const SsimTerms<T> terms = ssim_terms(moments);
+    const SsimDerivatives<T> d = ssim_derivatives(moments, terms);
+    s[x] = terms.value;
+    d_ma[x] = d.a;
+    d_mb[x] = d.b;
+    d_sq[x] = d.square;
+    d_ab[x] = d.ab;
   }
   if (r >= in.row_begin && r < in.row_end) in.ssim_sums[r] = sum_row(s, n);
   for (int q = 0; q < maps; ++q) filter_row(buffers.padded[q], w, buffers.maps[q] + slot, n);
@@ -166,8 +160,8 @@ JADE_INLINE void push_map(const SsimBand<T>& in, Buffers<T>& buffers, const T* w
 
 /// Gradient of row y, and the sum of |a − b| in it.
 template <class T>
-JADE_INLINE void pull_gradient(const SsimBand<T>& in, Buffers<T>& buffers, const T* w, int64_t y,
-                               int maps) {
+JADE_HD void pull_gradient(const SsimBand<T>& in, Buffers<T>& buffers, const T* w, int64_t y,
+                           int maps) {
   const int64_t n = in.width;
   const T* __restrict a = in.a + y * n;
   const T* __restrict b = in.b + y * n;
@@ -179,22 +173,22 @@ JADE_INLINE void pull_gradient(const SsimBand<T>& in, Buffers<T>& buffers, const
     const T* __restrict d_ma = buffers.rows[0];
     T* __restrict out = in.grad_a + y * n;
     for (int64_t x = 0; x < n; ++x) {
-      const T sign = T(a[x] > b[x]) - T(a[x] < b[x]);
-      out[x] = ws * (d_ma[x] + 2 * a[x] * d_sq[x] + b[x] * d_ab[x]) + wl * sign;
+      const T sign = l1_gradient(a[x], b[x]);
+      out[x] = ws * ssim_gradient(d_ma[x], d_sq[x], d_ab[x], a[x], b[x]) + wl * sign;
     }
   }
   if (in.grad_b != nullptr) {
     const T* __restrict d_mb = buffers.rows[3];
     T* __restrict out = in.grad_b + y * n;
     for (int64_t x = 0; x < n; ++x) {
-      const T sign = T(a[x] > b[x]) - T(a[x] < b[x]);
-      out[x] = ws * (d_mb[x] + 2 * b[x] * d_sq[x] + a[x] * d_ab[x]) - wl * sign;
+      const T sign = l1_gradient(a[x], b[x]);
+      out[x] = ws * ssim_gradient(d_mb[x], d_sq[x], d_ab[x], b[x], a[x]) - wl * sign;
     }
   }
 }
 
 template <class T>
-JADE_INLINE void l1_row(const SsimBand<T>& in, Buffers<T>& buffers, int64_t y) {
+JADE_HD void l1_row(const SsimBand<T>& in, Buffers<T>& buffers, int64_t y) {
   const int64_t n = in.width;
   const T* __restrict a = in.a + y * n;
   const T* __restrict b = in.b + y * n;
@@ -237,11 +231,8 @@ void moments_body(const SsimBand<T>& in, const double* window, T* mean_out, T* s
   }
 }
 
-constexpr SsimKernels make_kernels() {
-  return {band_body<float>, band_body<double>, moments_body<float>, moments_body<double>};
-}
+const SsimKernelSet kSsimKernels = {{band_body<float>, moments_body<float>},
+                                    {band_body<double>, moments_body<double>}};
 
-#undef JADE_INLINE
-
-}  // namespace JADE_SSIM_ISA
+}  // namespace JADE_ISA
 }  // namespace jade::imaging

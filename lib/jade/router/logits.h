@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+// The router's seven layers, from its inputs to its logits. Not for use outside this room.
+#pragma once
+
+#include <torch/types.h>
+
+namespace jade::router {
+
+struct RouterWeights {
+  torch::Tensor event1, event2;                            ///< [16,2,5,5], [6,16,5,5]
+  torch::Tensor image1, image1_bias, image2, image2_bias;  ///< [10,3,5,5], [8,10,5,5]
+  torch::Tensor head1, head2;                              ///< [9,17,3,3], [24,9,3,3]
+  torch::Tensor head3, head3_bias;                         ///< [1,24,1,1]
+};
+
+namespace cpu {
+
+/// One operation for all layers. Differentiable once, in every weight and both inputs. float or
+/// double, all tensors of one type. The same bits for any number of threads.
+/// @param blurry  [N,3,H,W]
+/// @param psi     [N,2,H,W]
+/// @return [N,1,H,W]
+torch::Tensor router_logits(const torch::Tensor& blurry, const torch::Tensor& psi,
+                            const RouterWeights& weights);
+
+}  // namespace cpu
+
+namespace cuda {
+
+/// The same, an operation per layer. float32 only; no TF32. The same bits every time.
+/// @throws ContractError for other shapes or types, DeviceError when a kernel does not start.
+torch::Tensor router_logits(const torch::Tensor& blurry, const torch::Tensor& psi,
+                            const RouterWeights& weights);
+
+}  // namespace cuda
+
+}  // namespace jade::router
