@@ -27,10 +27,11 @@ std::shared_ptr<router::Allocation> load_allocation(const fs::path& run,
   auto allocation = router::make_allocation(
       options.allocation, static_cast<int64_t>(dataset.train.size()), camera.height, camera.width,
       make_generator(static_cast<uint64_t>(options.seed), "router start"));
-  if (!allocation || options.objective.target != "routed") {
-    throw ConfigError(
-        concat(run.string(), ": expected a run with a router, found objective.target ",
-               options.objective.target, " and allocation.kind ", options.allocation.kind));
+  if (!allocation || options.objective.target != losses::Target::kRouted) {
+    throw ConfigError(concat(run.string(),
+                             ": expected a run with a router, found objective.target ",
+                             word_of(options.objective.target), " and allocation.kind ",
+                             word_of(options.allocation.kind)));
   }
   run::load_checkpoint_allocation(checkpoints.front(), *allocation);
   return allocation;
@@ -56,10 +57,9 @@ Restored Deblurrer::restore(const data::Exposure& exposure, int64_t index) {
   const events::ExposureMaps maps = events::map_exposure(
       exposure.events, {exposure.t_start_us, exposure.t_end_us}, settings.bins, size);
   const torch::Tensor windows = events::edi_windows(maps.windows, settings.thresholds());
-  const imaging::EdiKernel kernel =
-      imaging::edi_kernel(windows, imaging::edi_index(settings.edi_index));
+  const imaging::EdiKernel kernel = imaging::edi_kernel(windows, settings.edi_index);
   const double offset = options_.log_offset;
-  std::string recipe = concat("index ", settings.edi_index);
+  std::string recipe = concat("index ", word_of(settings.edi_index));
   if (offset != 0) recipe += concat(" offset ", offset);
 
   Restored restored;

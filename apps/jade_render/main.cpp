@@ -78,7 +78,8 @@ gaussians::GaussianFile load_scene(const RenderFlags& flags) {
 std::vector<data::NamedCamera> load_cameras(const RenderFlags& flags,
                                             const train::RunOptions& options) {
   if (fs::path(flags.cameras).extension() == ".json") return data::read_cameras(flags.cameras);
-  if (flags.cameras != "test" && flags.cameras != "train" && flags.cameras != "exposure") {
+  const auto set = value_of<data::CameraSet>(flags.cameras);
+  if (!set) {
     throw ConfigError(concat("--cameras: expected test, train, exposure or a .json file, found '",
                              flags.cameras, "'"));
   }
@@ -87,7 +88,7 @@ std::vector<data::NamedCamera> load_cameras(const RenderFlags& flags,
   }
   const data::Dataset dataset = flags.run.empty() ? data::load_dataset(options.dataset)
                                                   : run::load_run_dataset(flags.run, options);
-  return data::dataset_cameras(dataset, flags.cameras, flags.exposure);
+  return data::dataset_cameras(dataset, *set, flags.exposure);
 }
 
 /// What is drawn, and how.

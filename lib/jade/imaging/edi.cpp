@@ -6,9 +6,14 @@
 #include <vector>
 
 #include "jade/core/check.h"
+#include "jade/geometry/trajectory.h"
 
 namespace jade::imaging {
 namespace {
+
+using events::EdiIndex;
+using geometry::kExposurePoses;
+using geometry::kMidPose;
 
 void check_image(const torch::Tensor& image, const char* name, const torch::Tensor& blur) {
   check_shape(image, name, {-1, blur.size(0), blur.size(1)});
@@ -17,18 +22,12 @@ void check_image(const torch::Tensor& image, const char* name, const torch::Tens
 
 }  // namespace
 
-EdiIndex edi_index(const std::string& name) {
-  if (name == "exact") return EdiIndex::kExact;
-  if (name == "diet") return EdiIndex::kDiet;
-  throw ConfigError(concat("events.edi_index: expected exact or diet, found \"", name, "\""));
-}
-
 EdiKernel edi_kernel(const torch::Tensor& windows, EdiIndex index) {
-  check_shape(windows, "EDI windows", {kEdiPoses - 1, -1, -1});
+  check_shape(windows, "EDI windows", {kExposurePoses - 1, -1, -1});
   const auto before = windows.narrow(0, 0, 4).flip(0).cumsum(0).flip(0).neg();
   const auto after = windows.narrow(0, 4, 4).cumsum(0);
   const auto log_ratio = torch::cat({before, torch::zeros_like(windows.narrow(0, 0, 1)), after});
-  const auto log_blur = log_ratio.logsumexp(0) - std::log(double(kEdiPoses));
+  const auto log_blur = log_ratio.logsumexp(0) - std::log(double(kExposurePoses));
   auto gain = (log_ratio - log_blur).exp();
   if (index == EdiIndex::kDiet) {
     gain = torch::cat({gain.narrow(0, 0, 5), gain.narrow(0, 6, 3), gain.narrow(0, 8, 1)});
@@ -38,12 +37,12 @@ EdiKernel edi_kernel(const torch::Tensor& windows, EdiIndex index) {
 
 torch::Tensor edi_at(const torch::Tensor& blurry, const EdiKernel& kernel, int64_t k) {
   check_image(blurry, "blurry", kernel.blur);
-  JADE_CHECK(k >= 0 && k < kEdiPoses, "expected a pose from 0 to 8, found ", k);
+  JADE_CHECK(k >= 0 && k < kExposurePoses, "expected a pose from 0 to 8, found ", k);
   return blurry * kernel.gain.narrow(0, k, 1);
 }
 
 torch::Tensor edi_mid(const torch::Tensor& blurry, const EdiKernel& kernel) {
-  return edi_at(blurry, kernel, kEdiMid);
+  return edi_at(blurry, kernel, kMidPose);
 }
 
 torch::Tensor edi_all(const torch::Tensor& blurry, const EdiKernel& kernel) {

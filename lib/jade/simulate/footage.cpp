@@ -58,7 +58,8 @@ StoredFootage::StoredFootage(const std::filesystem::path& path, double frames_pe
                              double log_eps)
     : log_eps_(log_eps) {
   data::DatasetOptions options;
-  options.path = path, options.kind = "transforms", options.split = "none";
+  options.path = path, options.kind = data::DatasetKind::kTransforms,
+  options.split = data::SplitKind::kNone;
   data::Dataset frames = data::load_dataset(options);
   if (frames.train.size() < 2) {
     throw DataError(concat(path.string(), ": expected at least two frames, found ",
