@@ -9,21 +9,32 @@
 
 namespace jade::apps {
 
+/// "a, b or c": the words of an enum.
+template <class E>
+std::string words_text() {
+  std::string text;
+  const auto words = words_of(E{});
+  for (size_t i = 0; i < words.size(); ++i) {
+    text += concat(i == 0 ? "" : i + 1 == words.size() ? " or " : ", ", words[i].word);
+  }
+  return text;
+}
+
 /// --config, --set and their like, and flags for keys of the data set.
 /// @param path  the flag, or positional argument, that names its folder
 inline void add_dataset_flags(Program& program, const std::string& path = "--dataset",
                               const std::string& path_help = "folder of the data set") {
   program.add_config_flags();
   program.add_key_flag(path, "dataset.path", path_help);
-  program.add_key_flag("--kind", "dataset.kind", "auto, evdeblur, diet_gs, colmap or transforms");
-  program.add_key_flag("--split", "dataset.split", "test views: auto, last, every or none");
+  program.add_key_flag("--kind", "dataset.kind", words_text<data::DatasetKind>());
+  program.add_key_flag("--split", "dataset.split", "test views: " + words_text<data::SplitKind>());
   program.add_key_flag("--image-folder", "dataset.image_folder",
                        "folder of the frames in the data set");
   program.add_key_flag("--events-file", "dataset.events_file", "recording of the events");
   program.add_key_flag("--events-unit", "dataset.events_unit",
-                       "of the events' times: auto, us, ns or s");
+                       "of the events' times: " + words_text<events::TimeUnit>());
   program.add_key_flag("--time-unit", "dataset.time_unit",
-                       "of the frames' times: auto, us, ns or s");
+                       "of the frames' times: " + words_text<events::TimeUnit>());
 }
 
 /// The settings of a program that reads a data set: those of `run`, where one is given, under what

@@ -39,19 +39,14 @@ struct Bench {
     options.train.cuda_graph = !flags.eager;
     at::Generator generator = make_generator(0, "iteration benchmark");
     for (int64_t i = 0; i < kViews; ++i) views.push_back(make_view(work, generator, device));
-    splat::Gaussians start = work.gaussians;
-    start.means = start.means + 0.002 * at::randn(start.means.sizes(), generator).to(device);
-    state.gaussians = gaussians::GaussianModel(start, 1.0, device);
-    state.gaussian_adam = gaussians::GaussianAdam(state.gaussians, options.optim);
-    state.densifier = gaussians::Densifier(options.densify, state.gaussians, generator);
-    state.allocation = router::make_allocation(options.allocation, kViews, work.cameras.height,
-                                               work.cameras.width, generator);
-    state.allocation->to(device);
-    state.allocation_adam = train::ModuleAdam(state.allocation->parameters(), options.route.lr);
-    state.response = response::CameraResponse();
-    state.response->to(device);
-    state.response_adam =
-        train::ModuleAdam(state.response->parameters(), options.response.lr, 1e-15);
+    splat::Gaussians moved = work.gaussians;
+    moved.means = moved.means + 0.002 * at::randn(moved.means.sizes(), generator).to(device);
+    train::Start start;
+    start.gaussians = moved;
+    start.views = kViews;
+    start.height = work.cameras.height;
+    start.width = work.cameras.width;
+    state = train::make_state(options, start, device);
   }
 
   static train::View make_view(const Workload& work, at::Generator& generator,
@@ -67,18 +62,21 @@ struct Bench {
     view.blurry = renders.mean(0).clamp(0, 1);
     view.blurry_moments = imaging::ssim_target(view.blurry);
     view.psi = events::polarity_projection(voxel);
-    view.edi_factors = noise({9, 1, height, width}, 0.1).exp();
+    view.edi_factors = noise({geometry::kExposurePoses, 1, height, width}, 0.1).exp();
     view.reblur_kernel = noise({1, height, width}, 0.1).exp();
-    view.restorations.edi = (renders[4] + noise({3, height, width}, 0.03)).clamp(0, 1);
-    view.restorations.efnet = (renders[4] + noise({3, height, width}, 0.03)).clamp(0, 1);
+    view.restorations.edi =
+        (renders[geometry::kMidPose] + noise({3, height, width}, 0.03)).clamp(0, 1);
+    view.restorations.efnet =
+        (renders[geometry::kMidPose] + noise({3, height, width}, 0.03)).clamp(0, 1);
     view.cameras = work.cameras;
     return view;
   }
 
   train::StepInputs next() {
     const int64_t view = step % kViews;
-    return {views[static_cast<size_t>(view)], view, draws.at(step), {}};
+    return {step, views[static_cast<size_t>(view)], view, draws.at(step), {}};
   }
+  train::StepPlan plan() const { return train::plan_step(options, step); }
 };
 
 /// Milliseconds of each part of a step, run eagerly and waited for.
@@ -88,21 +86,14 @@ nlohmann::json measure_stages(Bench& bench, int64_t repeats, torch::Device devic
   std::vector<std::vector<double>> ms(4);
   for (int64_t i = 0; i < repeats; ++i, ++bench.step) {
     const train::StepInputs in = bench.next();
+    const train::StepPlan plan = bench.plan();
     train::Renders renders;
     torch::Tensor target;
     const std::function<void()> parts[] = {
-        [&] {
-          renders = train::render_exposure(bench.state, in.view, in.view_index, in.poses,
-                                           bench.step, bench.options);
-        },
-        [&] {
-          train::routing_step(bench.state, in.view, in.view_index, renders, bench.options.route);
-        },
+        [&] { renders = train::render_exposure(bench.state, in, plan, bench.options); },
+        [&] { train::routing_step(bench.state, in, renders, plan, bench.options.route); },
         [&] { target = train::scene_target(bench.state, in.view, in.view_index); },
-        [&] {
-          train::scene_step(bench.state, {in.view, renders, target, in.poses, in.events},
-                            bench.step, bench.options);
-        }};
+        [&] { train::scene_step(bench.state, in, renders, target, plan, bench.options); }};
     for (size_t part = 0; part < 4; ++part) {
       synchronize(device);
       const auto start = Clock::now();
@@ -136,11 +127,8 @@ void write_trace(const std::filesystem::path& path, const std::function<void()>&
 nlohmann::json measure(const Workload& source, const IterationBench& flags, torch::Device device) {
   Bench bench(to(source, device), flags, device);
   train::StepGraph graph;
-  const bool recorded = train::StepGraph::can_record(bench.options, device);
   const auto run = [&] {
-    const train::StepInputs inputs = bench.next();
-    recorded ? graph.run(bench.state, inputs, bench.step, bench.options)
-             : train::alternate(bench.state, inputs, bench.step, bench.options);
+    graph.run(bench.state, bench.next(), bench.plan(), bench.options);
     ++bench.step;
   };
   const nlohmann::json stages = measure_stages(bench, std::min(20, flags.repeats.timed), device);
@@ -164,10 +152,10 @@ nlohmann::json measure(const Workload& source, const IterationBench& flags, torc
   return {{"name", source.name},
           {"device", device.str()},
           {"gaussians", source.gaussians.size()},
-          {"views", 9},
+          {"views", geometry::kExposurePoses},
           {"width", source.cameras.width},
           {"height", source.cameras.height},
-          {"cuda_graph", recorded},
+          {"cuda_graph", graph.replays() > 0},
           {"iterations_per_second",
            std::round(10 * flags.repeats.timed / std::max(1e-9, seconds)) / 10},
           {"stages", stages},

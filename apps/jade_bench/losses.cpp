@@ -9,6 +9,7 @@
 #include <torch/types.h>
 
 #include "jade/core/random.h"
+#include "jade/geometry/trajectory.h"
 #include "jade/losses/inherited.h"
 #include "jade/losses/objective.h"
 #include "jade/losses/rec.h"
@@ -40,13 +41,13 @@ struct Images {
     at::Generator generator = make_generator(0, "losses benchmark");
     const auto draw = [&](at::IntArrayRef shape) { return at::rand(shape, generator).to(device); };
     const auto leaf = [&](at::IntArrayRef shape) { return draw(shape).set_requires_grad(true); };
-    renders = leaf({9, 3, height, width});
+    renders = leaf({geometry::kExposurePoses, 3, height, width});
     image = leaf({3, height, width});
     other = leaf({3, height, width});
     alpha = leaf({1, height, width});
     blurry = draw({3, height, width});
     blurry_moments = imaging::ssim_target(blurry);
-    factors = draw({9, 1, height, width}) + 0.5;
+    factors = draw({geometry::kExposurePoses, 1, height, width}) + 0.5;
     counts = (6 * draw({height, width}) - 3).round();
     pixels = at::randperm(height * width, generator, torch::kInt64)
                  .narrow(0, 0, std::min(kEventPixels, height * width))
@@ -64,13 +65,14 @@ struct Images {
     inputs.blurry = blurry;
     inputs.blurry_moments = blurry_moments;
     inputs.edi_factors = factors;
-    inputs.poses = torch::tensor({1, 6, 2}, torch::kInt64).to(renders.device());
+    inputs.pose_draws = torch::tensor({1, 6, 2}, torch::kInt64).to(renders.device());
     inputs.target.emplace(restorations.edi);
     const torch::Tensor table = response::CameraResponse(response)->table();
     inputs.tone = {
         [table](const torch::Tensor& x) { return response::CameraResponseImpl::apply(x, table); },
         [table](const torch::Tensor& x) { return response::CameraResponseImpl::mean(x, table); }};
-    return losses::objective(inputs, kStep, {});
+    const losses::ObjectiveOptions options;
+    return losses::objective(inputs, losses::plan_objective(options, kStep), options);
   }
 };
 
@@ -137,7 +139,7 @@ nlohmann::json measure(const Term& term, int64_t height, int64_t width, const Re
   const Times both = time([&] { term.value(images).backward(); }, repeats, device);
   return {{"name", term.name},
           {"device", device.str()},
-          {"views", std::string(term.name) == "objective" ? 9 : 1},
+          {"views", std::string(term.name) == "objective" ? geometry::kExposurePoses : 1},
           {"width", width},
           {"height", height},
           {"forward_ms", to_json(alone)},

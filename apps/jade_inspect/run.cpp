@@ -33,8 +33,8 @@ void inspect_run(const fs::path& folder, bool json) {
                                    {"dataset", s.options.dataset.path.string()},
                                    {"step", s.step},
                                    {"iterations", s.options.train.iterations},
-                                   {"target", s.options.objective.target},
-                                   {"allocation", s.options.allocation.kind},
+                                   {"target", word_of(s.options.objective.target)},
+                                   {"allocation", word_of(s.options.allocation.kind)},
                                    {"metrics", s.metrics},
                                    {"scores", s.scores},
                                    {"gaussians", to_json(s.gaussians)},
@@ -45,8 +45,8 @@ void inspect_run(const fs::path& folder, bool json) {
   std::printf("run         %s, step %ld of %ld\n", folder.c_str(), long(s.step),
               long(s.options.train.iterations));
   std::printf("data set    %s\n", s.options.dataset.path.c_str());
-  std::printf("target      %s, allocation %s, seed %ld\n", s.options.objective.target.c_str(),
-              s.options.allocation.kind.c_str(), long(s.options.seed));
+  std::printf("target      %s, allocation %s, seed %ld\n", word_of(s.options.objective.target),
+              word_of(s.options.allocation.kind), long(s.options.seed));
   print_numbers("last logged", s.metrics);
   print_numbers("scores", s.scores);
   print_text(s.gaussians);

@@ -48,7 +48,8 @@ std::string marked_name(const data::SharpView& view) {
 
 void print_frames(const Dataset& d) {
   const geometry::Intrinsics& camera = d.train.front().camera;
-  std::printf("data set    %s, layout %s, in %s\n", d.name.c_str(), d.kind.c_str(), d.root.c_str());
+  std::printf("data set    %s, layout %s, in %s\n", d.name.c_str(), word_of(d.kind),
+              d.root.c_str());
   std::printf("frames      %zu for training, %zu sharp test views (%s)\n", d.train.size(),
               d.test.size(), d.split.c_str());
   std::string names;
@@ -147,7 +148,7 @@ nlohmann::json to_json(const Inspection& inspection) {
     seen.push_back(view.seen ? nlohmann::json(*view.seen) : nlohmann::json(nullptr));
   }
   nlohmann::json result = {{"name", d.name},
-                           {"kind", d.kind},
+                           {"kind", word_of(d.kind)},
                            {"split", d.split},
                            {"width", camera.width},
                            {"height", camera.height},

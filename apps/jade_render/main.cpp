@@ -78,7 +78,8 @@ gaussians::GaussianFile load_scene(const RenderFlags& flags) {
 std::vector<data::NamedCamera> load_cameras(const RenderFlags& flags,
                                             const train::RunOptions& options) {
   if (fs::path(flags.cameras).extension() == ".json") return data::read_cameras(flags.cameras);
-  if (flags.cameras != "test" && flags.cameras != "train" && flags.cameras != "exposure") {
+  const auto set = value_of<data::CameraSet>(flags.cameras);
+  if (!set) {
     throw ConfigError(concat("--cameras: expected test, train, exposure or a .json file, found '",
                              flags.cameras, "'"));
   }
@@ -86,13 +87,12 @@ std::vector<data::NamedCamera> load_cameras(const RenderFlags& flags,
     throw ConfigError(concat("--cameras ", flags.cameras, " needs --run or --dataset"));
   }
   if (!flags.run.empty()) {
-    return data::dataset_cameras(run::load_run_dataset(flags.run, options), flags.cameras,
-                                 flags.exposure);
+    return data::dataset_cameras(run::load_run_dataset(flags.run, options), *set, flags.exposure);
   }
   std::vector<std::string> warnings;
   const data::Dataset dataset = data::load_dataset(options.dataset, &warnings);
   for (const std::string& warning : warnings) log_warn(warning);
-  return data::dataset_cameras(dataset, flags.cameras, flags.exposure);
+  return data::dataset_cameras(dataset, *set, flags.exposure);
 }
 
 /// What is drawn, and how.

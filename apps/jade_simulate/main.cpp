@@ -11,15 +11,16 @@ namespace {
 
 /// A preset is the set of defaults that the file and --set then change.
 struct CdavisRun : simulate::SimulateRun {
-  CdavisRun() { simulate = simulate::preset_options("cdavis"); }
+  CdavisRun() { simulate = simulate::preset_options(simulate::Preset::kCdavis); }
 };
 struct BlenderRun : simulate::SimulateRun {
-  BlenderRun() { simulate = simulate::preset_options("blender"); }
+  BlenderRun() { simulate = simulate::preset_options(simulate::Preset::kBlender); }
 };
 
 std::optional<simulate::SimulateRun> load(apps::Program& program) {
   const config::Sources sources{program.config_file(), program.overrides(), program.layers()};
-  if (config::load<simulate::SimulateRun>(sources).simulate.preset == "blender") {
+  const auto preset = config::load<simulate::SimulateRun>(sources).simulate.preset;
+  if (preset == simulate::Preset::kBlender) {
     return program.load_options<BlenderRun>();
   }
   return program.load_options<CdavisRun>();

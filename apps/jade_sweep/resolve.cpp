@@ -21,7 +21,7 @@ std::vector<sweep::Missing> missing_files(const train::RunOptions& options) {
   look(sweep::kDatasetKey, options.dataset.path, fs::is_directory(options.dataset.path));
   const fs::path efnet = restore::restorer_path(options.efnet);
   if (train::needs_efnet(options)) look("efnet.path", efnet, fs::is_regular_file(efnet));
-  if (options.objective.target == "image_folder") {
+  if (options.objective.target == losses::Target::kImageFolder) {
     look("train.target_images", options.train.target_images,
          fs::is_directory(options.train.target_images));
   }

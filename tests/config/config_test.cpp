@@ -5,7 +5,9 @@
 
 #include <nlohmann/json.hpp>
 
+#include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "jade/core/log.h"
 #include "support/temp_dir.h"
 
 using namespace jade;
@@ -23,10 +25,16 @@ void describe(V& v, RouteOptions& o) {
   v.field("render_consistency", o.render_consistency, "first term");
 }
 
+enum class Colour { kRed, kAmber };
+
+constexpr auto words_of(Colour) {
+  return std::array{Word{"red", Colour::kRed, "stop", "crimson"}, Word{"amber", Colour::kAmber}};
+}
+
 struct TestOptions {
   int64_t iterations = 25000;
   std::string device = "auto";
-  std::string kind = "a";
+  Colour kind = Colour::kRed;
   std::filesystem::path data;
   std::vector<double> steps = {1, 0.5};
   Steps warmup = Steps::share(6);
@@ -37,7 +45,7 @@ template <class V>
 void describe(V& v, TestOptions& o) {
   v.field("iterations", o.iterations, "steps", Range{1, 1e9});
   v.field("device", o.device, "where");
-  v.field("kind", o.kind, "which", Choices{"a", "b"});
+  v.field("kind", o.kind, "which");
   v.field("data", o.data, "folder");
   v.field("steps", o.steps, "list");
   v.field("warmup", o.warmup, "rest until", Range{0, 1e9});
@@ -88,13 +96,36 @@ TEST_CASE("config: a renamed key is read under both names and printed under the 
   CHECK(printed.find("step_size") == std::string::npos);
 }
 
+TEST_CASE("config: an enum is its word in files, and an old word is read but never written",
+          "[config]") {
+  const test::TempDir dir;
+  const auto said = dir.path() / "said.txt";
+  set_log_file(said);
+  TestOptions options = load_text(dir, "kind: amber\n", {"kind=crimson"});
+  set_log_file({});
+  CHECK(options.kind == Colour::kRed);
+  CHECK_THAT(read_file(said), Catch::Contains("--set kind=crimson: crimson is now called red"));
+  const std::string printed = config::to_yaml(fields_of(options), "title");
+  CHECK_THAT(printed, Catch::Contains("kind: red  # which (red|amber)\n  # red: stop\n") &&
+                          !Catch::Contains("crimson") && !Catch::Contains("# amber"));
+  options = load_text(dir, printed);
+  CHECK(options.kind == Colour::kRed);
+  const auto values = config::values(fields_of(options));
+  CHECK(std::count(values.begin(), values.end(),
+                   std::pair<std::string, std::string>("kind", "red")) == 1);
+  CHECK_THAT(error_of(dir, "kind: [red]\n"), Catch::Contains("expected one of red, amber"));
+  CHECK(word_of(Colour::kAmber) == std::string("amber"));
+  CHECK(value_of<Colour>("amber") == Colour::kAmber);
+  CHECK(value_of<Colour>("crimson") == std::nullopt);
+}
+
 TEST_CASE("config: later layers win: defaults, extends, file, --set", "[config]") {
   const test::TempDir dir;
-  dir.write("base.yaml", "iterations: 10\nkind: b\nroute: {lr: 0.1}\n");
+  dir.write("base.yaml", "iterations: 10\nkind: amber\nroute: {lr: 0.1}\n");
   const auto options = load_text(dir, "extends: base.yaml\niterations: 20\n",
                                  {"route.lr=0.2", "route.lr=0.3", "steps=[1, 2]"});
   CHECK(options.iterations == 20);
-  CHECK(options.kind == "b");
+  CHECK(options.kind == Colour::kAmber);
   CHECK(options.route.lr == 0.3);
   CHECK(options.route.render_consistency);
   CHECK(options.steps == std::vector<double>{1, 2});
@@ -116,12 +147,15 @@ TEST_CASE("config: a mistake is one line with place, key, expectation and findin
         "scene.yaml:1:13: iterations: expected a whole number in [1, 1e+09], found 'ten'");
   CHECK(error_of(dir, "route: {lr: 2}\n") ==
         "scene.yaml:1:13: route.lr: expected a number in [1e-08, 1], found '2'");
-  CHECK(error_of(dir, "kind: c\n") == "scene.yaml:1:7: kind: expected one of a, b, found 'c'");
+  CHECK(error_of(dir, "kind: ambre\n") ==
+        "scene.yaml:1:7: kind: expected one of red, amber, found 'ambre'; did you mean amber?");
+  CHECK(error_of(dir, "kind: ultramarine\n") ==
+        "scene.yaml:1:7: kind: expected one of red, amber, found 'ultramarine'");
   CHECK(error_of(dir, "iterations: \"5\"\n").find("found '5'") != std::string::npos);
   CHECK(error_of(dir, "iterations: 1.5\n").find("whole number") != std::string::npos);
   CHECK(error_of(dir, "route: 3\n") ==
         "scene.yaml:1:8: route: expected a group of keys, found '3'");
-  CHECK(error_of(dir, "kind: a\nkind: b\n") == "scene.yaml:2:1: kind: given twice");
+  CHECK(error_of(dir, "kind: red\nkind: amber\n") == "scene.yaml:2:1: kind: given twice");
   CHECK(error_of(dir, "", {"itterations=5"}) ==
         "--set itterations=5: itterations: unknown key; did you mean iterations?");
   CHECK(error_of(dir, "", {"iterations"}).find("expected key=value") != std::string::npos);
@@ -164,7 +198,11 @@ TEST_CASE("config: the schema is JSON with every key, its default and its limits
   TestOptions options;
   const auto schema = nlohmann::json::parse(config::to_json_schema(fields_of(options), "title"));
   CHECK(schema["additionalProperties"] == false);
-  CHECK(schema["properties"]["kind"]["enum"].size() == 2);
+  const auto& kind = schema["properties"]["kind"];
+  CHECK(kind["type"] == "string");
+  CHECK(kind["enum"] == nlohmann::json{"red", "amber"});
+  CHECK(kind["default"] == "red");
+  CHECK(kind["description"] == "which\nred: stop");
   const auto& lr = schema["properties"]["route"]["properties"]["lr"];
   CHECK(lr["default"] == 5e-4);
   CHECK(lr["maximum"] == 1);

@@ -72,7 +72,7 @@ TEST_CASE("diet_gs: names give every frame its nine poses, binary or text", "[da
     std::vector<std::string> warnings;
     const Dataset data = scene.load(binary, &warnings);
     CHECK(warnings.empty());
-    CHECK(data.kind == "diet_gs");
+    CHECK(data.kind == DatasetKind::kDietGs);
     REQUIRE(data.train.size() == 2);
     for (int64_t frame = 0; frame < 2; ++frame) {
       for (int64_t k = 0; k < 9; ++k) {
@@ -141,7 +141,7 @@ TEST_CASE("diet_gs: too few images or windows for the model are told", "[data]")
 TEST_CASE("diet_gs: strange names and repeated poses are refused", "[data]") {
   DietScene scene;
   scene.images[0].name = "frame.png";
-  scene.options.kind = "diet_gs";
+  scene.options.kind = DatasetKind::kDietGs;
   CHECK_THROWS_WITH(scene.load(), Catch::Contains("'frame.png'"));
   scene.images[0].name = "0_1.png";
   CHECK_THROWS_WITH(scene.load(), Catch::Contains("two images"));

@@ -34,7 +34,7 @@ TEST_CASE("evdeblur: writing then loading gives back the same exposures", "[data
   std::vector<std::string> warnings;
   const Dataset data = load(folder / "scene", &warnings);
   CHECK(warnings.empty());
-  CHECK(data.kind == "evdeblur");
+  CHECK(data.kind == DatasetKind::kEvDeblur);
   CHECK(data.name == "scene");
   CHECK(data.near == 0.5);
   CHECK(data.far == 4);

@@ -49,7 +49,7 @@ TEST_CASE("colmap scene: every eighth image by name is a test view, cameras fit 
   std::vector<std::string> warnings;
   const Dataset data = load_dataset(at(folder / "room"), &warnings);
   CHECK(warnings.empty());
-  CHECK(data.kind == "colmap");
+  CHECK(data.kind == DatasetKind::kColmap);
   REQUIRE(data.test.size() == 2);
   CHECK(data.test[1].name == "img_08");
   CHECK(data.test[1].seen == false);
@@ -65,7 +65,7 @@ TEST_CASE("colmap scene: every eighth image by name is a test view, cameras fit 
   CHECK(data.near > 0);
   CHECK(data.far > data.near);
   DatasetOptions all = at(folder / "room");
-  all.split = "none";
+  all.split = SplitKind::kNone;
   CHECK(load_dataset(all).train.size() == 10);
 }
 
@@ -119,7 +119,7 @@ TEST_CASE("transforms: nerfstudio's single file gives cameras and poses", "[data
              "{\"fl_x\":50,\"w\":42,\"h\":26,\"cx\":20,\"cy\":14,\"frames\":[" +
                  frames_json("images/f", ".png", 3) + "]}");
   const Dataset data = load_dataset(at(folder / "room"));
-  CHECK(data.kind == "transforms");
+  CHECK(data.kind == DatasetKind::kTransforms);
   REQUIRE(data.test.size() == 1);
   REQUIRE(data.train.size() == 2);
   CHECK(data.train[1].camera.fy == Approx(25));
@@ -157,7 +157,7 @@ TEST_CASE("transforms: frames without an image are left out and told, unless few
     fs::remove(folder / concat("room/images/f", gone, ".png"));
   }
   DatasetOptions options = at(folder / "room");
-  options.split = "none";
+  options.split = SplitKind::kNone;
   std::vector<std::string> warnings;
   const Dataset data = load_dataset(options, &warnings);
   REQUIRE(data.train.size() == 5);

@@ -44,7 +44,7 @@ struct Fixture {
 };
 
 void set_statistics(const Densifier& densifier, const std::vector<float>& gradient) {
-  const splat::ScreenStatistics statistics = densifier.statistics(600);
+  const splat::ScreenStatistics statistics = densifier.accumulated();
   statistics.gradient_norm.copy_(torch::tensor(gradient) * 4);
   statistics.visible_count.fill_(4);
 }
@@ -62,8 +62,8 @@ TEST_CASE("densify: small Gaussians with large gradients are cloned as they are"
   CHECK(torch::equal(f.model.detached().means.slice(0, 0, 5), means));
   CHECK(torch::equal(f.model.detached().means[5], means[1]));
   CHECK(f.tags() == std::vector<float>{1, 2, 3, 4, 5, 0});
-  CHECK(densifier.statistics(601).gradient_norm.sum().item<double>() == 0);
-  CHECK(densifier.statistics(601).gradient_norm.size(0) == 6);
+  CHECK(densifier.accumulated().gradient_norm.sum().item<double>() == 0);
+  CHECK(densifier.accumulated().gradient_norm.size(0) == 6);
 }
 
 TEST_CASE("densify: large Gaussians become two smaller ones drawn from them", "[gaussians]") {
@@ -119,11 +119,11 @@ TEST_CASE("densify: the calendar is the inherited one", "[gaussians]") {
   CHECK_FALSE(densifier.due(601));
   CHECK(densifier.due(14900));
   CHECK_FALSE(densifier.due(15000));
-  CHECK(densifier.statistics(14999).defined());
-  CHECK_FALSE(densifier.statistics(15000).defined());
+  CHECK(keeps_statistics(densifier.options(), 14999));
+  CHECK_FALSE(keeps_statistics(densifier.options(), 15000));
   CHECK(densifier.statistics_view() == -1);
   DensifyOptions first;
-  first.statistics = "first_pose";
+  first.statistics = CountedPoses::kFirst;
   CHECK(f.densifier(first).statistics_view() == 0);
 }
 
@@ -146,10 +146,11 @@ TEST_CASE("densify: nothing happens without a reason", "[gaussians]") {
   CHECK_FALSE(f.densifier({}).update(600, f.model, f.adam).changed());
   CHECK(f.model.detached().means.data_ptr() == before.means.data_ptr());
   DensifyOptions none;
-  none.strategy = "none";
+  none.strategy = DensifyStrategy::kNone;
   Densifier densifier = f.densifier(none);
   CHECK_FALSE(densifier.due(600));
-  CHECK_FALSE(densifier.statistics(600).defined());
+  CHECK_FALSE(densifier.accumulated().defined());
+  CHECK_FALSE(keeps_statistics(densifier.options(), 600));
   CHECK_FALSE(densifier.update(600, f.model, f.adam).changed());
 }
 
@@ -224,11 +225,12 @@ TEST_CASE("mcmc: update grows by the given share up to max_gaussians and regular
           "[gaussians]") {
   Fixture f(100);
   DensifyOptions options;
-  options.strategy = "mcmc";
+  options.strategy = DensifyStrategy::kMcmc;
   options.max_gaussians = 107;
   Densifier densifier = f.densifier(options);
   CHECK(densifier.due(17));
-  CHECK_FALSE(densifier.statistics(600).defined());
+  CHECK_FALSE(densifier.accumulated().defined());
+  CHECK_FALSE(keeps_statistics(densifier.options(), 600));
   CHECK(densifier.update(600, f.model, f.adam).added == 5);
   CHECK(densifier.update(700, f.model, f.adam).added == 2);
   CHECK(f.model.size() == 107);

@@ -113,16 +113,16 @@ TEST_CASE("init: kinds pick their source and say what is missing", "[gaussians]"
   sources.points.points[4][0] = std::nan("");
   sources.points.colors = torch::full({200, 3}, 0.5);
   CHECK(initial_gaussians(options, sources, generator).size() == 198);
-  options.kind = "random_frusta";
+  options.kind = InitKind::kRandomFrusta;
   CHECK(initial_gaussians(options, sources, generator).size() == 50);
   sources.far = 0;
   CHECK_THROWS_AS(initial_gaussians(options, sources, generator), ConfigError);
-  options.kind = "ply";
+  options.kind = InitKind::kPly;
   CHECK_THROWS_AS(initial_gaussians(options, sources, generator), ConfigError);
   write_ply(folder / "g.ply", {test::random_gaussians(7, 4), false});
   options.ply = folder / "g.ply";
   CHECK(initial_gaussians(options, sources, generator).size() == 7);
-  options.kind = "sfm";
+  options.kind = InitKind::kSfm;
   sources.points = {};
   CHECK_THROWS_AS(initial_gaussians(options, sources, generator), ConfigError);
 }

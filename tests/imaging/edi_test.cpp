@@ -7,9 +7,11 @@
 #include <torch/types.h>
 
 #include "jade/core/error.h"
+#include "jade/geometry/trajectory.h"
 #include "jade/imaging/reblur.h"
 #include "support/exposure_model.h"
 
+using namespace jade;
 using namespace jade::imaging;
 using namespace jade::test;
 using jade::events::EventVoxel;
@@ -43,7 +45,8 @@ TEST_CASE("edi: reblurring an EDI image gives back the frame, whatever the event
 TEST_CASE("edi: without events EDI returns the frame and K is 1", "[imaging]") {
   const auto blurry = torch::rand({3, 7, 9});
   const auto kernel = edi_kernel(torch::zeros({8, 7, 9}));
-  for (int64_t k = 0; k < kEdiPoses; ++k) CHECK(worst(edi_at(blurry, kernel, k), blurry) < 1e-6);
+  for (int64_t k = 0; k < geometry::kExposurePoses; ++k)
+    CHECK(worst(edi_at(blurry, kernel, k), blurry) < 1e-6);
   const auto voxel = jade::events::normalized(torch::zeros({6, 7, 9}));
   CHECK(worst(reblur_kernel(voxel, 1.0), torch::ones({1, 7, 9})) == 0);
 }
@@ -55,11 +58,11 @@ TEST_CASE("edi: an even log slope meets the closed form", "[imaging]") {
   const double sum = std::sinh(4.5 * s) / std::sinh(0.5 * s);
   CHECK(kernel.blur[1][2].item<double>() == Approx(sum / 9).epsilon(1e-12));
   const auto blurry = torch::rand({1, 2, 3}, torch::kFloat64);
-  for (int64_t k = 0; k < kEdiPoses; ++k) {
+  for (int64_t k = 0; k < geometry::kExposurePoses; ++k) {
     const auto expected = blurry * (9 * std::exp(s * double(k - 4)) / sum);
     CHECK(worst(edi_at(blurry, kernel, k), expected) < 1e-12);
   }
-  CHECK(torch::equal(edi_mid(blurry, kernel), edi_at(blurry, kernel, kEdiMid)));
+  CHECK(torch::equal(edi_mid(blurry, kernel), edi_at(blurry, kernel, geometry::kMidPose)));
 }
 
 TEST_CASE("reblur: an even log slope meets the closed form", "[imaging]") {
@@ -85,12 +88,11 @@ TEST_CASE("reblur: samples are at the ends of the bins, with m the last before m
 
 TEST_CASE("edi: the DiET index shows poses 5 to 7 one step late", "[imaging]") {
   const auto windows = torch::randn({8, 3, 4});
-  const auto exact = edi_kernel(windows), diet = edi_kernel(windows, EdiIndex::kDiet);
+  const auto exact = edi_kernel(windows), diet = edi_kernel(windows, events::EdiIndex::kDiet);
   const int64_t shown[] = {0, 1, 2, 3, 4, 6, 7, 8, 8};
-  for (int64_t k = 0; k < kEdiPoses; ++k) CHECK(torch::equal(diet.gain[k], exact.gain[shown[k]]));
+  for (int64_t k = 0; k < geometry::kExposurePoses; ++k)
+    CHECK(torch::equal(diet.gain[k], exact.gain[shown[k]]));
   CHECK(torch::equal(diet.blur, exact.blur));
-  CHECK(edi_index("diet") == EdiIndex::kDiet);
-  CHECK_THROWS_AS(edi_index("close"), jade::ConfigError);
 }
 
 TEST_CASE("edi: latent images follow the log increments between neighbours", "[imaging]") {

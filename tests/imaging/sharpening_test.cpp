@@ -7,6 +7,7 @@
 
 #include "jade/core/progress.h"
 #include "jade/events/exposure_maps.h"
+#include "jade/geometry/trajectory.h"
 #include "jade/imaging/edi.h"
 #include "jade/imaging/reblur.h"
 #include "jade/simulate/sensor.h"
@@ -28,7 +29,7 @@ struct Filmed {
   std::vector<torch::Tensor> latent;  ///< the true sharp frames at the nine times
   events::ExposureMaps maps;
 
-  const torch::Tensor& sharp() const { return latent[kEdiMid]; }
+  const torch::Tensor& sharp() const { return latent[geometry::kMidPose]; }
   torch::Tensor windows() const {
     return events::edi_windows(maps.windows, {kThreshold, kThreshold});
   }
@@ -65,7 +66,7 @@ double psnr(const torch::Tensor& a, const torch::Tensor& b) {
 TEST_CASE("edi: a blurry exposure gains more than 10 dB at all nine times", "[imaging]") {
   const Filmed& f = filmed();
   const EdiKernel kernel = edi_kernel(f.windows());
-  for (int64_t k = 0; k < kEdiPoses; ++k) {
+  for (int64_t k = 0; k < geometry::kExposurePoses; ++k) {
     const auto& truth = f.latent[static_cast<size_t>(k)];
     INFO("pose " << k << ": " << psnr(f.blurry, truth) << " dB");
     CHECK(psnr(edi_at(f.blurry, kernel, k), truth) > psnr(f.blurry, truth) + 10);

@@ -22,7 +22,7 @@ ObjectiveInputs inputs(const torch::Tensor& renders) {
   in.blurry = image(20);
   in.blurry_moments = imaging::ssim_target(in.blurry);
   in.edi_factors = image(21, {9, 1, 7, 9}) + 0.5;
-  in.poses = torch::tensor({2, 4, 8}, torch::kInt64);
+  in.pose_draws = torch::tensor({2, 4, 8}, torch::kInt64);
   in.target = Fixed(image(22));
   in.tone.apply = [](const torch::Tensor& x) { return x * x; };
   in.tone.mean = [](const torch::Tensor& x) { return (x * x).mean(0); };
@@ -30,6 +30,11 @@ ObjectiveInputs inputs(const torch::Tensor& renders) {
 }
 
 torch::Tensor renders() { return image(10, {9, 3, 7, 9}); }
+
+Objective objective_at(const ObjectiveInputs& in, int64_t step,
+                       const ObjectiveOptions& options = {}) {
+  return objective(in, plan_objective(options, step), options);
+}
 
 std::set<std::string> names(const Objective& loss) {
   std::set<std::string> result;
@@ -50,23 +55,46 @@ TEST_CASE("pose_views: mean and picks are those of single selections, gradients 
       {renders()}, {"renders"});
 }
 
+TEST_CASE("objective plan: what acts follows the calendar", "[losses]") {
+  ObjectiveOptions options;
+  const auto plan = [&](int64_t step) { return plan_objective(options, step); };
+  CHECK(plan(1) == plan(1500));
+  CHECK(plan(1500) != plan(1501));
+  CHECK(plan(1501) == plan(7000));
+  CHECK(plan(7000) != plan(7001));
+  CHECK_FALSE(plan(1500).response);
+  CHECK(plan(1501).response);
+  CHECK(plan(1).all_poses());
+  options.target_until = 10;
+  CHECK(plan(10).target);
+  CHECK_FALSE(plan(11).target);
+  options.blur = options.edi_supervision = options.intensity = options.simulation = false;
+  CHECK_FALSE(plan(1501).response);  // nothing reads it
+  CHECK_FALSE(plan(10).all_poses());
+  CHECK(plan(10).any_term());
+  CHECK_FALSE(plan(11).any_term());
+  options.event_loss_weight = 0.1;
+  CHECK(plan(11).any_term());
+  CHECK(plan(1501).response);
+}
+
 TEST_CASE("objective: terms begin at the inherited steps", "[losses]") {
   const ObjectiveInputs in = inputs(renders());
   const std::set<std::string> early = {"target", "blur", "edi_gray", "edi_color"};
-  CHECK(names(objective(in, 1, {})) == early);
-  CHECK(names(objective(in, 1500, {})) == early);
+  CHECK(names(objective_at(in, 1)) == early);
+  CHECK(names(objective_at(in, 1500)) == early);
   std::set<std::string> middle = early;
   middle.insert("intensity");
-  CHECK(names(objective(in, 1501, {})) == middle);
-  CHECK(names(objective(in, 7000, {})) == middle);
+  CHECK(names(objective_at(in, 1501)) == middle);
+  CHECK(names(objective_at(in, 7000)) == middle);
   std::set<std::string> late = middle;
   late.insert("simulation");
-  CHECK(names(objective(in, 7001, {})) == late);
+  CHECK(names(objective_at(in, 7001)) == late);
   ObjectiveOptions until;
   until.target_until = 7000;
-  CHECK(names(objective(in, 7000, until)) == middle);
+  CHECK(names(objective_at(in, 7000, until)) == middle);
   late.erase("target");
-  CHECK(names(objective(in, 7001, until)) == late);
+  CHECK(names(objective_at(in, 7001, until)) == late);
 }
 
 TEST_CASE("objective: a disabled term is absent and its inputs are not needed", "[losses]") {
@@ -75,10 +103,15 @@ TEST_CASE("objective: a disabled term is absent and its inputs are not needed", 
   options.edi_supervision = options.simulation = options.intensity = false;
   in.edi_factors = torch::Tensor();
   in.target.reset();
-  CHECK(names(objective(in, kLate, options)) == std::set<std::string>{"blur"});
+  CHECK_THROWS_AS(objective_at(in, kLate, options), ContractError);
+  options.target = Target::kNone;
+  CHECK(names(objective_at(in, kLate, options)) == std::set<std::string>{"blur"});
+  options.event_loss_weight = 1;
+  CHECK_THROWS_AS(objective_at(in, kLate, options), ContractError);
+  options.event_loss_weight = 0;
   options.blur = false;
-  CHECK(objective(in, kLate, options).terms.empty());
-  CHECK_FALSE(objective(in, kLate, options).total.defined());
+  CHECK(objective_at(in, kLate, options).terms.empty());
+  CHECK_FALSE(objective_at(in, kLate, options).total.defined());
 }
 
 TEST_CASE("objective: the total is the sum of its named terms and of the single functions",
@@ -86,7 +119,7 @@ TEST_CASE("objective: the total is the sum of its named terms and of the single 
   ObjectiveInputs in = inputs(renders());
   ObjectiveOptions options;
   options.target_weight = 2;
-  const Objective loss = objective(in, kLate, options);
+  const Objective loss = objective_at(in, kLate, options);
   double sum = 0;
   for (const NamedTerm& term : loss.terms) sum += term.value.item<double>();
   CHECK(loss.total.item<double>() == Approx(sum));
@@ -102,14 +135,14 @@ TEST_CASE("objective: the total is the sum of its named terms and of the single 
 
 TEST_CASE("objective: the camera response is the identity during the warm-up", "[losses]") {
   ObjectiveInputs in = inputs(renders());
-  const double toned = objective(in, 1000, {}).total.item<double>();
+  const double toned = objective_at(in, 1000).total.item<double>();
   in.tone.mean = nullptr;
-  CHECK(objective(in, kLate, {}).total.item<double>() ==
-        Approx(objective(inputs(renders()), kLate, {}).total.item<double>()));
+  CHECK(objective_at(in, kLate).total.item<double>() ==
+        Approx(objective_at(inputs(renders()), kLate).total.item<double>()));
   in.tone = {};
-  CHECK(objective(in, 1000, {}).total.item<double>() == toned);
-  CHECK(objective(in, kLate, {}).total.item<double>() !=
-        objective(inputs(renders()), kLate, {}).total.item<double>());
+  CHECK(objective_at(in, 1000).total.item<double>() == toned);
+  CHECK(objective_at(in, kLate).total.item<double>() !=
+        objective_at(inputs(renders()), kLate).total.item<double>());
 }
 
 TEST_CASE("objective: the event term carries its weight", "[losses]") {
@@ -122,7 +155,7 @@ TEST_CASE("objective: the event term carries its weight", "[losses]") {
   in.events = pair;
   ObjectiveOptions options;
   options.event_loss_weight = 0.1;
-  const Objective loss = objective(in, 1, options);
+  const Objective loss = objective_at(in, 1, options);
   CHECK(loss.terms.back().name == "event");
   CHECK(loss.terms.back().value.item<double>() == Approx(0.1 * event_loss(pair).item<double>()));
 }
@@ -131,7 +164,8 @@ TEST_CASE("objective: where no term reads the mean, the poses that are read suff
   ObjectiveOptions options;
   options.blur = options.simulation = options.intensity = false;
   const auto rows = [&](int64_t step = kLate) {
-    const torch::Tensor read = poses_read(options, step, torch::tensor({2, 4, 8}, torch::kInt64));
+    const torch::Tensor read =
+        poses_read(plan_objective(options, step), torch::tensor({2, 4, 8}, torch::kInt64));
     return read.defined() ? std::vector<int64_t>(read.data_ptr<int64_t>(),
                                                  read.data_ptr<int64_t>() + read.numel())
                           : std::vector<int64_t>{};
@@ -139,11 +173,12 @@ TEST_CASE("objective: where no term reads the mean, the poses that are read suff
   const auto check_same_loss = [&] {
     const ObjectiveInputs nine = inputs(renders());
     ObjectiveInputs few = inputs(renders());
-    few.renders = few.renders.index_select(0, poses_read(options, kLate, few.poses));
-    CHECK(objective(few, kLate, options).total.item<double>() ==
-          Approx(objective(nine, kLate, options).total.item<double>()));
+    few.renders =
+        few.renders.index_select(0, poses_read(plan_objective(options, kLate), few.pose_draws));
+    CHECK(objective_at(few, kLate, options).total.item<double>() ==
+          Approx(objective_at(nine, kLate, options).total.item<double>()));
     few.renders = few.renders.repeat({2, 1, 1, 1});
-    CHECK_THROWS_AS(objective(few, kLate, options), ContractError);
+    CHECK_THROWS_AS(objective_at(few, kLate, options), ContractError);
   };
   CHECK(rows() == std::vector<int64_t>{4, 2, 4});
   check_same_loss();
@@ -165,7 +200,7 @@ TEST_CASE("objective: where no term reads the mean, the poses that are read suff
 TEST_CASE("objective: gradients to all nine renders equal central differences", "[losses]") {
   check_gradients(
       [&](const std::vector<torch::Tensor>& in) {
-        return objective(inputs(in[0]), kLate, {}).total;
+        return objective_at(inputs(in[0]), kLate).total;
       },
       {renders()}, {"renders"});
 }

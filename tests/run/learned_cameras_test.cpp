@@ -19,9 +19,10 @@
 #include "jade/geometry/se3.h"
 #include "jade/run/evaluate.h"
 #include "jade/run/trainer.h"
-#include "run/tiny_scene.h"
+#include "support/tiny_run.h"
 
 using namespace jade;
+using train::PosePath;
 
 namespace {
 
@@ -31,16 +32,13 @@ struct LearnedRun : test::TinyScene {
   std::filesystem::path run = dir.path() / "run";
 
   LearnedRun() {
-    options.device = "cpu";
-    options.dataset.path = data;
-    options.objective.target = "none";
+    options = test::tiny_options(*this);
+    options.train.calendar = 0;
+    options.objective.target = losses::Target::kNone;
     options.objective.edi_supervision = options.objective.simulation = false;
     options.objective.warmup = 2;
-    options.init.points = 300;
-    options.densify.strategy = "none";
-    options.train.iterations = 20;
-    options.train.evaluate_every = options.train.picture_every = 0;
-    options.poses.optimize = "linear";
+    options.densify.strategy = gaussians::DensifyStrategy::kNone;
+    options.poses.optimize = PosePath::kLinear;
     options.poses.test_fit_steps = 20;
   }
 };
@@ -60,15 +58,15 @@ double error_px(const geometry::Pose& a, const geometry::Pose& b, const data::Sh
 
 TEST_CASE("learned cameras: a test pose that is off by pixels is fitted to its image", "[run]") {
   LearnedRun scene;
-  scene.options.poses.optimize = "none";
-  scene.options.objective.target = "edi";
+  scene.options.poses.optimize = PosePath::kNone;
+  scene.options.objective.target = losses::Target::kEdi;
   scene.options.train.iterations = 150;
   run::Trainer trainer(scene.options, scene.run, "");
   while (trainer.state().step < 150) trainer.step();
   const auto gaussians = trainer.state().gaussians.detached();
 
   data::Dataset dataset = data::load_dataset(scene.options.dataset);
-  const train::ExposurePoses unmoved("linear", dataset.train);
+  const train::ExposurePoses unmoved(PosePath::kLinear, dataset.train);
   data::SharpView& view = dataset.test[0];
   const geometry::Pose truth = view.pose;
   view.image = run::render_view(gaussians, truth, view.camera, {});
@@ -86,7 +84,7 @@ TEST_CASE("learned cameras: a test pose that is off by pixels is fitted to its i
 TEST_CASE("learned cameras: test views follow a motion that all exposures share", "[run]") {
   const LearnedRun scene;
   const data::Dataset dataset = data::load_dataset(scene.options.dataset);
-  const train::ExposurePoses poses("linear", dataset.train);
+  const train::ExposurePoses poses(PosePath::kLinear, dataset.train);
   const geometry::Similarity motion{
       1, geometry::rotation_from_vector({0.2, -0.4, 0.1}), {0.5, -0.3, 0.8}};
   const geometry::Pose there{motion.rotation, motion.translation};
@@ -145,7 +143,7 @@ TEST_CASE("learned cameras: a run keeps them, and scores, pictures and other pro
   CHECK(again.mean.psnr > data_poses.mean.psnr);
   // Settings laid over those of the run do not move its scene back.
   train::RunOptions given_options = scene.options;
-  given_options.poses.optimize = "none";
+  given_options.poses.optimize = PosePath::kNone;
   const data::Dataset still = run::load_run_dataset(scene.run, given_options);
   CHECK(still.test[0].pose.translation == opened.dataset.test[0].pose.translation);
 }

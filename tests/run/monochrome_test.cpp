@@ -11,7 +11,7 @@
 #include "jade/imaging/image_io.h"
 #include "jade/run/evaluate.h"
 #include "jade/run/trainer.h"
-#include "run/tiny_scene.h"
+#include "support/tiny_run.h"
 
 using namespace jade;
 
@@ -36,25 +36,9 @@ struct GrayScene : test::TinyScene {
 
   /// The whole objective, densification and all SH degrees within thirty steps.
   train::RunOptions options(const std::string& device) const {
-    train::RunOptions options;
+    train::RunOptions options = test::full_options(*this);
     options.device = device;
-    options.dataset.path = data;
     options.efnet.path = restorer;
-    options.cache.folder = dir.path() / "cache";
-    options.events.threshold_positive = 0.2;
-    options.objective.warmup = 6;
-    options.objective.simulation_start = 12;
-    options.objective.event_loss_weight = 0.1;
-    options.init.points = 300;
-    options.densify.from = 5;
-    options.densify.every = 10;
-    options.densify.gradient_threshold = 1e-5;
-    options.densify.max_gaussians = 500;
-    options.train.iterations = options.train.calendar = 30;
-    options.train.sh_degree_every = 7;
-    options.train.log_every = 5;
-    options.train.evaluate_every = options.train.picture_every = 0;
-    options.checkpoint.every = 10;
     return options;
   }
 };
@@ -90,7 +74,7 @@ void check_gray_training(const std::string& device) {
   }
   if (device == "cuda") CHECK(gray.replays() > 10);
 
-  options.dataset.color = "color";
+  options.dataset.color = data::FrameColor::kColor;
   run::Trainer colored(options, scene.dir.path() / "colored", "");
   for (int i = 0; i < 30; ++i) colored.step();
   CHECK(spread_of_state(colored.state()) > 1e-3);
@@ -121,7 +105,7 @@ TEST_CASE("monochrome: files and pictures of a run are gray, resumed or not", "[
   CHECK(imaging::is_gray(imaging::read_image(whole / "images/test_03.png")));
   CHECK_THAT(read_file(whole / "train.log"), Catch::Contains("monochrome"));
   train::RunOptions in_color = options;
-  in_color.dataset.color = "color";
+  in_color.dataset.color = data::FrameColor::kColor;
   CHECK_THROWS_WITH(run::Trainer(in_color, whole, "latest"),
                     Catch::Contains("dataset.color: auto -> color"));
 }
@@ -129,15 +113,15 @@ TEST_CASE("monochrome: files and pictures of a run are gray, resumed or not", "[
 TEST_CASE("monochrome: a coloured start becomes gray by the luma", "[run]") {
   const GrayScene scene;
   train::RunOptions options = scene.options("cpu");
-  options.dataset.color = "color";
+  options.dataset.color = data::FrameColor::kColor;
   run::Trainer colored(options, scene.dir.path() / "colored", "");
   for (int i = 0; i < 10; ++i) colored.step();
   const auto ply = scene.dir.path() / "colored.ply";
   gaussians::write_ply(ply, {colored.state().gaussians.detached()});
   const torch::Tensor before = gaussians::read_ply(ply).gaussians.sh;
   REQUIRE(spread(before) > 1e-3);
-  options.dataset.color = "auto";
-  options.init.kind = "ply";
+  options.dataset.color = data::FrameColor::kAuto;
+  options.init.kind = gaussians::InitKind::kPly;
   options.init.ply = ply;
   const run::Trainer trainer(options, scene.dir.path() / "gray", "");
   const torch::Tensor after = trainer.state().gaussians.parameters().sh.detach();
@@ -151,7 +135,7 @@ TEST_CASE("monochrome: gray forced on coloured frames trains a gray scene", "[ru
   train::RunOptions options = scene.options("cpu");
   CHECK_FALSE(imaging::is_gray(
       run::Trainer(options, scene.dir.path() / "auto", "").views()[0].restorations.efnet));
-  options.dataset.color = "gray";
+  options.dataset.color = data::FrameColor::kGray;
   run::Trainer trainer(options, scene.dir.path() / "gray", "");
   CHECK(imaging::is_gray(trainer.views()[0].restorations.efnet));
   CHECK(imaging::is_gray(trainer.views()[0].blurry));
@@ -162,7 +146,7 @@ TEST_CASE("monochrome: gray forced on coloured frames trains a gray scene", "[ru
 TEST_CASE("monochrome: targets from a folder lose their tint", "[run]") {
   const GrayScene scene;
   train::RunOptions options = scene.options("cpu");
-  options.objective.target = "image_folder";
+  options.objective.target = losses::Target::kImageFolder;
   options.train.target_images = scene.dir.path() / "targets";
   const torch::Tensor tinted = torch::tensor({0.6f, 0.3f, 0.3f}).view({3, 1, 1});
   for (const char* name : {"00.png", "01.png", "02.png"}) {

@@ -15,7 +15,7 @@
 #include "jade/run/trainer.h"
 #include "jade/train/scene_step.h"
 #include "jade/train/view.h"
-#include "run/tiny_scene.h"
+#include "support/tiny_run.h"
 
 using namespace jade;
 
@@ -27,11 +27,9 @@ struct ShortRun : test::TinyScene {
   std::filesystem::path run = dir.path() / "run";
 
   ShortRun() {
-    options.device = "cpu";
-    options.dataset.path = data;
-    options.objective.target = "edi";
-    options.init.points = 300;
-    options.densify.strategy = "none";
+    options = test::tiny_options(*this);
+    options.densify.strategy = gaussians::DensifyStrategy::kNone;
+    options.train.calendar = 0;
     options.train.iterations = 3;
   }
 };
@@ -44,33 +42,20 @@ std::string without_line(std::string text, const std::string& key) {
 
 }  // namespace
 
-TEST_CASE("near plane: 0.2, or half of what a small scene's nearest is away, unless given",
-          "[run]") {
-  data::Dataset dataset;
-  dataset.near = 1;
-  CHECK(train::near_plane({}, dataset) == 0.2);
-  dataset.near = 0.1;
-  CHECK(train::near_plane({}, dataset) == 0.05);
-  train::SplatOptions given;
-  given.near_plane = 0.7;
-  CHECK(train::near_plane(given, dataset) == 0.7);
-  // What versions without the key drew.
-  CHECK(train::render_options({}).near_plane == 0.01);
-}
-
 TEST_CASE("near plane: training, scores and pictures cut where the run says", "[run]") {
   ShortRun scene;
   // Nothing of this scene is farther: all that is drawn is cut.
   scene.options.splat.near_plane = 50;
   run::Trainer trainer(scene.options, scene.run, "");
-  const train::View& view = trainer.views()[0];
   auto& state = const_cast<train::TrainState&>(trainer.state());
-  const torch::Tensor draws = torch::zeros({3}, torch::kInt64);
-  const auto renders = train::render_exposure(state, view, 0, draws, 1, scene.options);
-  CHECK(renders.color.abs().max().item<float>() == 0);
+  const train::StepInputs inputs{1, trainer.views()[0], 0, torch::zeros({3}, torch::kInt64), {}};
+  const auto render = [&] {
+    const train::StepPlan plan = train::plan_step(scene.options, 1);
+    return train::render_exposure(state, inputs, plan, scene.options).color;
+  };
+  CHECK(render().abs().max().item<float>() == 0);
   scene.options.splat.near_plane = 0.2;
-  CHECK(train::render_exposure(state, view, 0, draws, 1, scene.options).color.max().item<float>() >
-        0.1F);
+  CHECK(render().max().item<float>() > 0.1F);
 
   trainer.run();
   CHECK(imaging::read_image(scene.run / "images/train_00.png").max().item<float>() == 0);

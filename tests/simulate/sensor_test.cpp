@@ -32,24 +32,24 @@ TEST_CASE("exposure: is the mean of its frames, each as long as it was seen", "[
 
 TEST_CASE("exposure: averages stored values or light, as told", "[simulate]") {
   ImageSensorOptions options;
-  options.encoding = "srgb";
+  options.encoding = Encoding::kSrgb;
   Exposing stored(options, 8, 8);
-  options.blur_space = "linear";
+  options.blur_space = Space::kLinear;
   Exposing light(options, 8, 8);
   for (Exposing* exposing : {&stored, &light}) {
     exposing->add(flat(0.1f), flat(0.1f), 500);
     exposing->add(flat(0.9f), flat(0.9f), 500);
   }
   CHECK(pixel(stored.mean()) == Approx(0.5));
-  const float mean = 0.5f * (decode(0.1f, "srgb") + decode(0.9f, "srgb"));
-  CHECK(pixel(light.mean()) == Approx(encode(mean, "srgb")));
+  const float mean = 0.5f * (decode(0.1f, Encoding::kSrgb) + decode(0.9f, Encoding::kSrgb));
+  CHECK(pixel(light.mean()) == Approx(encode(mean, Encoding::kSrgb)));
   CHECK(pixel(light.mean()) > 0.6);
 }
 
 TEST_CASE("encoding: light and stored values map onto each other", "[simulate]") {
   for (float v = 0; v <= 1; v += 0.05f) {
-    CHECK(encode(decode(v, "srgb"), "srgb") == Approx(v).margin(1e-5));
-    CHECK(decode(v, "linear") == v);
+    CHECK(encode(decode(v, Encoding::kSrgb), Encoding::kSrgb) == Approx(v).margin(1e-5));
+    CHECK(decode(v, Encoding::kLinear) == v);
   }
 }
 
@@ -79,8 +79,9 @@ TEST_CASE("event intensity: is the gray value of what the pixels see", "[simulat
   std::vector<float> gray;
   event_intensity(frame, image, events, gray);
   CHECK(gray[5] == Approx(0.299 * 0.5 + 0.587 * 0.25 + 0.114 * 0.75));
-  image.encoding = "srgb", events.space = "linear";
+  image.encoding = Encoding::kSrgb, events.space = Space::kLinear;
   event_intensity(frame, image, events, gray);
-  CHECK(gray[5] == Approx(0.299 * decode(0.5f, "srgb") + 0.587 * decode(0.25f, "srgb") +
-                          0.114 * decode(0.75f, "srgb")));
+  CHECK(gray[5] ==
+        Approx(0.299 * decode(0.5f, Encoding::kSrgb) + 0.587 * decode(0.25f, Encoding::kSrgb) +
+               0.114 * decode(0.75f, Encoding::kSrgb)));
 }

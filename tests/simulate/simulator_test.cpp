@@ -25,7 +25,7 @@ SimulateRun tiny() {
   set_progress_enabled(false);
   SimulateRun run;
   run.seed = 4;
-  run.simulate = preset_options("cdavis");
+  run.simulate = preset_options(Preset::kCdavis);
   run.simulate.world = "clutter";
   run.simulate.width = 40, run.simulate.height = 30, run.simulate.focal_px = 50;
   run.simulate.exposures = 3, run.simulate.exposure_ms = 30, run.simulate.gap_ms = 6;
@@ -143,7 +143,7 @@ TEST_CASE("simulate: a Gaussian file can be filmed", "[simulate]") {
   g.sh = torch::rand({400, 1, 3}) * 3 - 1;
   gaussians::write_ply(folder / "cloud.ply", {g, false});
   SimulateRun run = tiny();
-  run.simulate.source = "ply", run.simulate.path = folder / "cloud.ply";
+  run.simulate.source = Source::kPly, run.simulate.path = folder / "cloud.ply";
   run.simulate.exposures = 1, run.simulate.test_views = 1, run.simulate.motion.blur_px = 3;
   run.simulate.events.threshold_positive = run.simulate.events.threshold_negative = 0.05;
   const auto result = simulate::simulate(run);

@@ -29,15 +29,25 @@ std::string share_text(const Steps& steps) {
   return text;
 }
 
-/// "help (one of a, b)" or "help (in [0, 1])".
+/// "help (a|b)" or "help ([0, 1])".
 std::string comment(const Field& field) {
   std::string limits = range_text(field);
-  if (!field.choices.empty()) {
-    limits = "";
-    for (const std::string& word : field.choices) limits += (limits.empty() ? "" : "|") + word;
+  if (const auto* choice = std::get_if<EnumPointer>(&field.value)) {
+    limits = joined_words(choice->entries(), "|");
   }
   if (const auto* steps = std::get_if<Steps*>(&field.value)) limits += share_text(**steps);
   return limits.empty() ? field.help : field.help + " (" + limits + ")";
+}
+
+/// What the words of an enum mean, "word: help" each; empty for other fields.
+std::vector<std::string> meanings(const Field& field) {
+  std::vector<std::string> lines;
+  if (const auto* choice = std::get_if<EnumPointer>(&field.value)) {
+    for (const EnumPointer::Entry& entry : choice->entries()) {
+      if (!entry.help.empty()) lines.push_back(entry.word + ": " + entry.help);
+    }
+  }
+  return lines;
 }
 
 struct SchemaType {
@@ -57,6 +67,7 @@ struct SchemaType {
   nlohmann::ordered_json operator()(const std::vector<std::string>*) const {
     return list("string");
   }
+  nlohmann::ordered_json operator()(const EnumPointer&) const { return {{"type", "string"}}; }
   static nlohmann::ordered_json list(const char* of) {
     return {{"type", "array"}, {"items", {{"type", of}}}};
   }
@@ -64,13 +75,17 @@ struct SchemaType {
 
 nlohmann::ordered_json field_schema(const Field& field) {
   nlohmann::ordered_json schema = std::visit(SchemaType{}, field.value);
-  schema["description"] = field.help;
+  std::string description = field.help;
+  for (const std::string& line : meanings(field)) description += "\n" + line;
+  schema["description"] = description;
   schema["default"] = nlohmann::ordered_json::parse(value_text(field.value), nullptr, false);
   if (schema["default"].is_discarded()) schema["default"] = value_text(field.value);
   auto& limited = schema["type"] == "array" ? schema["items"] : schema;
   if (field.range && std::isfinite(field.range->min)) limited["minimum"] = field.range->min;
   if (field.range && std::isfinite(field.range->max)) limited["maximum"] = field.range->max;
-  if (!field.choices.empty()) schema["enum"] = field.choices;
+  if (const auto* choice = std::get_if<EnumPointer>(&field.value)) {
+    for (const EnumPointer::Entry& entry : choice->entries()) schema["enum"].push_back(entry.word);
+  }
   return schema;
 }
 
@@ -105,6 +120,7 @@ std::string to_yaml(const FieldList& fields, const std::string& title) {
     const std::string indent(2 * depth_of(field.key), ' ');
     out += indent + last_part(field.key) + ": " + value_text(field.value) + "  # " +
            comment(field) + "\n";
+    for (const std::string& line : meanings(field)) out += indent + "  # " + line + "\n";
   }
   return out;
 }

@@ -102,19 +102,25 @@ class Reader {
   }
 
   void apply_field(const Layer& layer, const YAML::Node& node, const Field& field) {
-    const bool read =
-        std::visit([&](auto* target) { return convert(layer, node, *target); }, field.value);
+    const bool read = std::visit(
+        [&](const auto& target) { return convert(layer, node, pointed(target)); }, field.value);
     if (!read || !within(field)) {
       complain(layer, node,
-               field.key + ": expected " + expectation(field) + ", found " + kind_of(node));
+               field.key + ": expected " + expectation(field) + ", found " + kind_of(node) +
+                   word_hint(node, field));
     }
   }
 
+  static std::string word_hint(const YAML::Node& node, const Field& field) {
+    const auto* choice = std::get_if<EnumPointer>(&field.value);
+    if (!choice || !node.IsScalar()) return "";
+    std::vector<std::string> words;
+    for (const EnumPointer::Entry& entry : choice->entries()) words.push_back(entry.word);
+    const std::string close = nearest(node.Scalar(), words);
+    return close.empty() ? "" : "; did you mean " + close + "?";
+  }
+
   static bool within(const Field& field) {
-    if (const auto* word = std::get_if<std::string*>(&field.value);
-        word && !field.choices.empty()) {
-      return std::find(field.choices.begin(), field.choices.end(), **word) != field.choices.end();
-    }
     if (!field.range) return true;
     const auto in = [&](double x) { return x >= field.range->min && x <= field.range->max; };
     if (const auto* v = std::get_if<int*>(&field.value)) return in(**v);
@@ -132,6 +138,28 @@ class Reader {
     return true;
   }
 
+  template <class T>
+  static T& pointed(T* target) {
+    return *target;
+  }
+  static const EnumPointer& pointed(const EnumPointer& target) { return target; }
+
+  static bool convert(const Layer& layer, const YAML::Node& node, const EnumPointer& target) {
+    if (!node.IsScalar()) return false;
+    const std::string& word = node.Scalar();
+    for (size_t i = 0; i < target.entries().size(); ++i) {
+      const EnumPointer::Entry& entry = target.entries()[i];
+      const bool is_old = !entry.old_word.empty() && word == entry.old_word;
+      if (word != entry.word && !is_old) continue;
+      if (is_old) {
+        warn_once(concat(place(layer, node), ": ", word, " is now called ", entry.word,
+                         "; the old name still works"));
+      }
+      target.set(i);
+      return true;
+    }
+    return false;
+  }
   template <class T>
   static bool convert_scalar(const YAML::Node& node, T& target) {
     // A quoted scalar carries the tag "!": "3" in quotes is a text, not a number.

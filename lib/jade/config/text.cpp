@@ -57,6 +57,7 @@ struct ValueText {
   std::string operator()(const std::vector<int64_t>* v) const { return list_text(*v); }
   std::string operator()(const std::vector<double>* v) const { return list_text(*v); }
   std::string operator()(const std::vector<std::string>* v) const { return list_text(*v); }
+  std::string operator()(const EnumPointer& v) const { return quoted(v.word()); }
 };
 
 struct TypeText {
@@ -72,9 +73,20 @@ struct TypeText {
   std::string operator()(const std::vector<int64_t>*) const { return "a list of whole numbers"; }
   std::string operator()(const std::vector<double>*) const { return "a list of numbers"; }
   std::string operator()(const std::vector<std::string>*) const { return "a list of texts"; }
+  std::string operator()(const EnumPointer& v) const {
+    return "one of " + joined_words(v.entries(), ", ");
+  }
 };
 
 }  // namespace
+
+std::string joined_words(const std::vector<EnumPointer::Entry>& entries,
+                         const std::string& separator) {
+  std::string out;
+  for (const EnumPointer::Entry& entry : entries)
+    out += (out.empty() ? "" : separator) + entry.word;
+  return out;
+}
 
 std::string number_text(double value) {
   if (std::isnan(value)) return ".nan";
@@ -106,11 +118,6 @@ std::string range_text(const Field& field) {
 }
 
 std::string expectation(const Field& field) {
-  if (!field.choices.empty()) {
-    std::string out = "one of ";
-    for (size_t i = 0; i < field.choices.size(); ++i) out += (i ? ", " : "") + field.choices[i];
-    return out;
-  }
   const std::string range = range_text(field);
   if (range.empty()) return type_text(field.value);
   return type_text(field.value) + (range[0] == '[' ? " in " : " ") + range;

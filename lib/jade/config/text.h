@@ -20,6 +20,10 @@ std::string type_text(const FieldPointer& value);
 /// "a number in [0, 1]", "one of a, b": what a field expects.
 std::string expectation(const Field& field);
 
+/// "a, b": the words of an enum.
+std::string joined_words(const std::vector<EnumPointer::Entry>& entries,
+                         const std::string& separator);
+
 /// "[0, 1]", ">= 0", or empty.
 std::string range_text(const Field& field);
 

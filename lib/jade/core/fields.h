@@ -7,21 +7,26 @@
 //     v.field("lr", o.lr, "Adam step size of the router", Range{1e-8, 1});
 //   }
 //
+// A field may be an enum that has words (core/words.h): files hold the word.
+//
 // That list drives reading, overrides, printing, the JSON schema and the range checks (config/),
 // and the compatibility check of checkpoints. The struct's initialiser is the only default.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <limits>
 #include <map>
 #include <optional>
 #include <string>
+#include <type_traits>
 #include <utility>
 #include <variant>
 #include <vector>
 
 #include "jade/core/steps.h"
+#include "jade/core/words.h"
 
 namespace jade {
 
@@ -31,24 +36,43 @@ struct Range {
   double max = std::numeric_limits<double>::infinity();
 };
 
-/// The words that a text field accepts.
-struct Choices {
-  Choices(std::initializer_list<std::string> list) : words(list) {}
-  explicit Choices(std::vector<std::string> list) : words(std::move(list)) {}
-  std::vector<std::string> words;
+/// A field that holds an enum, seen through its words.
+class EnumPointer {
+ public:
+  struct Entry {
+    std::string word, help, old_word;  ///< as in Word
+  };
+
+  template <class E>
+  explicit EnumPointer(E* value)
+      : word_([value] { return word_of(*value); }),
+        set_([value](size_t index) { *value = words_of(E{}).at(index).value; }) {
+    for (const Word<E>& each : words_of(E{})) {
+      entries_.push_back({each.word, each.help, each.old_word});
+    }
+  }
+
+  const std::vector<Entry>& entries() const { return entries_; }
+  std::string word() const { return word_(); }
+  /// Takes the value of entries()[index].
+  void set(size_t index) const { set_(index); }
+
+ private:
+  std::function<std::string()> word_;
+  std::function<void(size_t)> set_;
+  std::vector<Entry> entries_;
 };
 
 /// What a field may hold. Paths are made absolute against the file that names them.
-using FieldPointer =
-    std::variant<bool*, int*, int64_t*, Steps*, double*, std::string*, std::filesystem::path*,
-                 std::vector<int64_t>*, std::vector<double>*, std::vector<std::string>*>;
+using FieldPointer = std::variant<bool*, int*, int64_t*, Steps*, double*, std::string*,
+                                  std::filesystem::path*, std::vector<int64_t>*,
+                                  std::vector<double>*, std::vector<std::string>*, EnumPointer>;
 
 struct Field {
   std::string key;  ///< dotted, "route.lr"
   FieldPointer value;
   std::string help;
   std::optional<Range> range;
-  std::vector<std::string> choices;
 };
 
 struct FieldGroup {
@@ -59,12 +83,10 @@ struct FieldGroup {
 /// The fields of an options struct, in the order of their declaration; the `V` of `describe`.
 class FieldList {
  public:
-  template <class T, class... Constraints>
+  template <class T>
   void field(const std::string& name, T& value, const std::string& help,
-             const Constraints&... constraints) {
-    Field field{prefix_ + name, FieldPointer{&value}, help, std::nullopt, {}};
-    (constrain(field, constraints), ...);
-    fields_.push_back(std::move(field));
+             const std::optional<Range>& range = std::nullopt) {
+    fields_.push_back({prefix_ + name, pointer_to(value), help, range});
   }
 
   /// A nested struct, under `name.`.
@@ -106,8 +128,14 @@ class FieldList {
   }
 
  private:
-  static void constrain(Field& field, const Range& range) { field.range = range; }
-  static void constrain(Field& field, const Choices& choices) { field.choices = choices.words; }
+  template <class T>
+  static FieldPointer pointer_to(T& value) {
+    if constexpr (std::is_enum_v<T>) {
+      return EnumPointer(&value);
+    } else {
+      return &value;
+    }
+  }
 
   std::string prefix_;
   std::vector<Field> fields_;

@@ -122,25 +122,25 @@ void write_cameras(const std::filesystem::path& path, const std::vector<NamedCam
   write_file(path, list.dump(1, ' ', false, json::error_handler_t::replace) + "\n");
 }
 
-std::vector<NamedCamera> dataset_cameras(const Dataset& dataset, const std::string& which,
+std::vector<NamedCamera> dataset_cameras(const Dataset& dataset, CameraSet which,
                                          const std::string& name) {
   std::vector<NamedCamera> cameras;
-  if (which == "test") {
+  if (which == CameraSet::kTest) {
     for (const SharpView& view : dataset.test) {
       cameras.push_back({view.name, view.pose, view.camera});
     }
   }
   for (const Exposure& exposure : dataset.train) {
-    if (which == "train") {
+    if (which == CameraSet::kTrain) {
       cameras.push_back({exposure.name, exposure.poses[geometry::kMidPose], exposure.camera});
-    } else if (which == "exposure" && (name.empty() || name == exposure.name)) {
+    } else if (which == CameraSet::kExposure && (name.empty() || name == exposure.name)) {
       for (size_t k = 0; k < exposure.poses.size(); ++k) {
         cameras.push_back({concat(exposure.name, "_", k), exposure.poses[k], exposure.camera});
       }
     }
   }
   if (cameras.empty()) {
-    throw DataError(concat(dataset.root.string(), ": has no view for --cameras ", which,
+    throw DataError(concat(dataset.root.string(), ": has no view for --cameras ", word_of(which),
                            name.empty() ? "" : " --exposure " + name));
   }
   return cameras;

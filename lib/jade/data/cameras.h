@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "jade/core/words.h"
 #include "jade/data/exposure.h"
 #include "jade/geometry/camera.h"
 #include "jade/geometry/pose.h"
@@ -29,10 +30,18 @@ std::vector<NamedCamera> read_cameras(const std::filesystem::path& path);
 /// Writes views in that form, poses as "camera_from_world" to the last bit.
 void write_cameras(const std::filesystem::path& path, const std::vector<NamedCamera>& cameras);
 
-/// The views of a data set: "test", "train" (middle poses) or "exposure" (nine poses, NAME_0 to
-/// NAME_8, of the exposure `name`, or of all when it is empty). @throws DataError where there are
-/// none.
-std::vector<NamedCamera> dataset_cameras(const Dataset& dataset, const std::string& which,
+/// Which views of a data set.
+enum class CameraSet { kTest, kTrain, kExposure };
+
+constexpr auto words_of(CameraSet) {
+  return std::array{Word{"test", CameraSet::kTest},
+                    Word{"train", CameraSet::kTrain, "middle poses of the exposures"},
+                    Word{"exposure", CameraSet::kExposure, "nine poses each"}};
+}
+
+/// The views of a data set; for kExposure NAME_0 to NAME_8 of the exposure `name`, or of all when
+/// it is empty. @throws DataError where there are none.
+std::vector<NamedCamera> dataset_cameras(const Dataset& dataset, CameraSet which,
                                          const std::string& name);
 
 }  // namespace jade::data

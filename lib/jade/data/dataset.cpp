@@ -28,16 +28,6 @@ void check_folder(const fs::path& folder) {
                          "dataset.path must be the folder of a data set"));
 }
 
-void check_choice(const std::string& key, const std::string& value,
-                  std::initializer_list<const char*> choices) {
-  std::string known;
-  for (const char* choice : choices) {
-    if (value == choice) return;
-    known += concat(known.empty() ? "" : ", ", choice);
-  }
-  throw ConfigError(concat("dataset.", key, ": expected one of ", known, ", found '", value, "'"));
-}
-
 std::vector<torch::Tensor*> frames_of(Dataset& data) {
   std::vector<torch::Tensor*> frames;
   for (Exposure& exposure : data.train) frames.push_back(&exposure.blurry);
@@ -46,11 +36,12 @@ std::vector<torch::Tensor*> frames_of(Dataset& data) {
 }
 
 /// Says whether the data set is monochrome, and makes it so where `color` is gray.
-void settle_color(const std::string& color, const Warnings& warnings, Dataset& data) {
+void settle_color(FrameColor color, const Warnings& warnings, Dataset& data) {
   const std::vector<torch::Tensor*> frames = frames_of(data);
   const auto is_gray = [](const torch::Tensor* frame) { return imaging::is_gray(*frame); };
-  data.monochrome = color == "gray" || (color == "auto" && !frames.empty() &&
-                                        std::all_of(frames.begin(), frames.end(), is_gray));
+  data.monochrome =
+      color == FrameColor::kGray || (color == FrameColor::kAuto && !frames.empty() &&
+                                     std::all_of(frames.begin(), frames.end(), is_gray));
   if (!data.monochrome) return;
   for (torch::Tensor* frame : frames) *frame = imaging::as_gray(*frame);
   if (!data.event_color.defined()) return;
@@ -114,12 +105,12 @@ std::optional<bool> is_seen(const Dataset& dataset, const SharpView& view) {
   return moving ? std::nullopt : std::optional<bool>(false);
 }
 
-std::string recognise_dataset(const fs::path& folder) {
+DatasetKind recognise_dataset(const fs::path& folder) {
   check_folder(folder);
-  if (is_evdeblur(folder)) return "evdeblur";
-  if (is_transforms(folder)) return "transforms";
-  if (is_diet_gs(folder)) return "diet_gs";
-  if (!find_colmap_model(folder).empty()) return "colmap";
+  if (is_evdeblur(folder)) return DatasetKind::kEvDeblur;
+  if (is_transforms(folder)) return DatasetKind::kTransforms;
+  if (is_diet_gs(folder)) return DatasetKind::kDietGs;
+  if (!find_colmap_model(folder).empty()) return DatasetKind::kColmap;
   throw DataError(concat(folder.string(),
                          ": is no data set we know; expected poses_bounds.npy "
                          "(EvDeblur), sparse/0 (COLMAP, DiET-GS) or "
@@ -127,19 +118,15 @@ std::string recognise_dataset(const fs::path& folder) {
 }
 
 Dataset load_dataset(const DatasetOptions& options, std::vector<std::string>* warnings) {
-  check_choice("kind", options.kind, {"auto", "evdeblur", "diet_gs", "colmap", "transforms"});
-  check_choice("split", options.split, {"auto", "last", "every", "none"});
-  check_choice("time_unit", options.time_unit, {"auto", "us", "ns", "s"});
-  check_choice("events_unit", options.events_unit, {"auto", "us", "ns", "s"});
-  check_choice("color", options.color, {"auto", "color", "gray"});
   check_folder(options.path);
-  const std::string kind = options.kind == "auto" ? recognise_dataset(options.path) : options.kind;
+  const DatasetKind kind =
+      options.kind == DatasetKind::kAuto ? recognise_dataset(options.path) : options.kind;
   const Warnings sink(warnings);
   Dataset data;
-  if (kind == "evdeblur") data = load_evdeblur(options, sink);
-  if (kind == "diet_gs") data = load_diet_gs(options, sink);
-  if (kind == "colmap") data = load_colmap(options, sink);
-  if (kind == "transforms") data = load_transforms(options, sink);
+  if (kind == DatasetKind::kEvDeblur) data = load_evdeblur(options, sink);
+  if (kind == DatasetKind::kDietGs) data = load_diet_gs(options, sink);
+  if (kind == DatasetKind::kColmap) data = load_colmap(options, sink);
+  if (kind == DatasetKind::kTransforms) data = load_transforms(options, sink);
   data.kind = kind;
   data.name = folder_name(options.path);
   settle_color(options.color, sink, data);

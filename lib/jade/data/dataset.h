@@ -8,56 +8,67 @@
 
 #include "jade/core/fields.h"
 #include "jade/data/exposure.h"
+#include "jade/events/event_files.h"
 
 namespace jade::data {
 
+/// Which frames are test views.
+enum class SplitKind { kAuto, kLast, kEvery, kNone };
+
+constexpr auto words_of(SplitKind) {
+  return std::array{
+      Word{"auto", SplitKind::kAuto, "frames without exposure time, else the source's own rule"},
+      Word{"last", SplitKind::kLast, "the last test_last frames"},
+      Word{"every", SplitKind::kEvery, "frames 0, test_every, 2 test_every, …"},
+      Word{"none", SplitKind::kNone, "no test views"}};
+}
+
+/// Whether a data set is gray, and so are its restorations and its scene.
+enum class FrameColor { kAuto, kColor, kGray };
+
+constexpr auto words_of(FrameColor) {
+  return std::array{
+      Word{"auto", FrameColor::kAuto, "where every frame, blurry or sharp, has R = G = B"},
+      Word{"color", FrameColor::kColor, "never"},
+      Word{"gray", FrameColor::kGray, "always: frames are made gray on loading"}};
+}
+
 struct DatasetOptions {
   std::filesystem::path path;
-  std::string kind = "auto";
-  std::string split = "auto";
+  DatasetKind kind = DatasetKind::kAuto;
+  SplitKind split = SplitKind::kAuto;
   int64_t test_every = 8;
   int64_t test_last = 5;
   std::string image_folder;
-  std::string time_unit = "auto";
-  std::string events_unit = "auto";
+  events::TimeUnit time_unit = events::TimeUnit::kAuto;
+  events::TimeUnit events_unit = events::TimeUnit::kAuto;
   std::filesystem::path events_file;
   bool color_events = true;
-  std::string color = "auto";
+  FrameColor color = FrameColor::kAuto;
 };
 
 template <class V>
 void describe(V& v, DatasetOptions& o) {
   v.field("path", o.path, "folder of the data set");
-  v.field("kind", o.kind, "layout of the folder; auto recognises it",
-          Choices{"auto", "evdeblur", "diet_gs", "colmap", "transforms"});
-  v.field(
-      "split", o.split,
-      "test views. auto: frames without exposure time, else the source's own rule; last: the "
-      "last test_last frames; every: frames 0, test_every, 2 test_every, …; none: no test views",
-      Choices{"auto", "last", "every", "none"});
+  v.field("kind", o.kind, "layout of the folder; auto recognises it");
+  v.field("split", o.split, "which frames are test views");
   v.field("test_every", o.test_every, "step of split every", Range{2, 1000000});
   v.field("test_last", o.test_last, "count of split last", Range{1, 1000000});
   v.field("image_folder", o.image_folder,
           "folder of the frames inside path; empty looks for images_1, images, images_N");
   v.field("time_unit", o.time_unit,
           "unit of the frames' time stamps; auto decides by the length "
-          "of the exposures",
-          Choices{"auto", "us", "ns", "s"});
+          "of the exposures");
   v.field("events_unit", o.events_unit,
           "unit of the events' time stamps; auto takes the one in "
-          "which events and frames overlap",
-          Choices{"auto", "us", "ns", "s"});
+          "which events and frames overlap");
   v.field("events_file", o.events_file,
           "recording of the events; empty looks for events.h5 and "
           "others in path");
   v.field("color_events", o.color_events,
           "use the colour filter of the event pixels (ev_map.npz "
           "or color_map.npy) where the data set has one");
-  v.field("color", o.color,
-          "auto: a data set whose every frame, blurry or sharp, has R = G = B is gray, and so are "
-          "its restorations and its scene; color: never gray; gray: frames are made gray on "
-          "loading",
-          Choices{"auto", "color", "gray"});
+  v.field("color", o.color, "when a data set is gray, and with it its restorations and its scene");
 }
 
 /// Reads a data set of any kind. What can be repaired or ignored becomes one line in `warnings`
@@ -66,11 +77,10 @@ void describe(V& v, DatasetOptions& o) {
 /// colour filter of the events of gray frames, which is left out.
 /// @throws DataError with the path and the fix for what cannot: files that are missing, truncated
 ///         or unreadable, counts and sizes that differ, missing poses of an exposure, times that
-///         do not overlap in any unit. @throws ConfigError for an unknown kind, split or unit.
+///         do not overlap in any unit.
 Dataset load_dataset(const DatasetOptions& options, std::vector<std::string>* warnings = nullptr);
 
-/// "evdeblur", "diet_gs", "colmap" or "transforms".
-/// @throws DataError if the folder is missing or is none of them.
-std::string recognise_dataset(const std::filesystem::path& folder);
+/// @throws DataError if the folder is missing or holds no layout that is known.
+DatasetKind recognise_dataset(const std::filesystem::path& folder);
 
 }  // namespace jade::data

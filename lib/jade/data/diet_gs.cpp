@@ -139,7 +139,7 @@ Dataset load_diet_gs(const DatasetOptions& options, const Warnings& warnings) {
   const io::ColmapModel model = io::read_colmap(folder);
   NamedViews views = sort_by_name(model, folder.string());
   check_complete(views, folder.string());
-  if (options.split == "none") views.sharp.clear();
+  if (options.split == SplitKind::kNone) views.sharp.clear();
   const int64_t count = int64_t(views.moving.size());
 
   const fs::path image_folder = find_image_folder(options.path, options.image_folder);

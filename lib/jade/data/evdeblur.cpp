@@ -44,7 +44,7 @@ fs::path times_file(const fs::path& root, const fs::path& images) {
                          "frame"));
 }
 
-geometry::Trajectory read_dense(const fs::path& root, const std::string& unit,
+geometry::Trajectory read_dense(const fs::path& root, events::TimeUnit unit,
                                 const Warnings& warnings) {
   const fs::path pose_file = root / "all_poses_bounds.npy";
   const fs::path time_file = root / "all_timestamps.npy";
@@ -111,7 +111,7 @@ struct Sources {
   std::vector<fs::path> image_files;
   fs::path time_path;
   std::vector<FrameTime> times;
-  std::string time_unit;
+  events::TimeUnit time_unit;
   std::vector<LlffView> views;
 };
 

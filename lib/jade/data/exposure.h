@@ -10,12 +10,22 @@
 #include <torch/types.h>
 #include <vector>
 
+#include "jade/core/words.h"
 #include "jade/events/event_stream.h"
 #include "jade/geometry/camera.h"
 #include "jade/geometry/pose.h"
 #include "jade/geometry/trajectory.h"
 
 namespace jade::data {
+
+/// The layout of a data set's folder; kAuto is for those who ask that it be recognised.
+enum class DatasetKind { kAuto, kEvDeblur, kDietGs, kColmap, kTransforms };
+
+constexpr auto words_of(DatasetKind) {
+  return std::array{Word{"auto", DatasetKind::kAuto}, Word{"evdeblur", DatasetKind::kEvDeblur},
+                    Word{"diet_gs", DatasetKind::kDietGs}, Word{"colmap", DatasetKind::kColmap},
+                    Word{"transforms", DatasetKind::kTransforms}};
+}
 
 /// One training item: a frame that integrated light over [t_start_us, t_end_us) while the camera
 /// passed through nine poses at equal steps in time, the fifth at mid-exposure.
@@ -47,8 +57,8 @@ struct SharpView {
 };
 
 struct Dataset {
-  std::string name;   ///< of the folder
-  std::string kind;   ///< "evdeblur", "diet_gs", "colmap", "transforms"
+  std::string name;                       ///< of the folder
+  DatasetKind kind = DatasetKind::kAuto;  ///< as found, once it is loaded
   std::string split;  ///< the rule found, in words: "last 5 frames are sharp test views"
   std::filesystem::path root;
   bool monochrome =

@@ -5,11 +5,13 @@
 #include <cmath>
 #include <torch/types.h>
 
-#include "jade/core/error.h"
+#include "jade/core/check.h"
 #include "jade/io/npy.h"
 
 namespace jade::data {
 namespace {
+
+using events::TimeUnit;
 
 constexpr double kShortestUs = 10;
 constexpr double kLongestUs = 5e6;
@@ -17,12 +19,12 @@ constexpr double kLatestUs = 4e18;  // differences of two such times still fit a
 
 /// The unit in which the median exposure of `durations` (raw values, sharp frames left out) is
 /// plausible; µs where all are sharp.
-std::string guess_unit(std::vector<double> durations, bool floating, const std::string& path) {
-  if (durations.empty()) return floating ? "s" : "us";
+TimeUnit guess_unit(std::vector<double> durations, bool floating, const std::string& path) {
+  if (durations.empty()) return floating ? TimeUnit::kS : TimeUnit::kUs;
   std::nth_element(durations.begin(), durations.begin() + durations.size() / 2, durations.end());
   const double median = durations[durations.size() / 2];
-  for (const char* unit : {"us", "ns", "s"}) {
-    if (unit[0] == 's' && !floating) continue;
+  for (const TimeUnit unit : {TimeUnit::kUs, TimeUnit::kNs, TimeUnit::kS}) {
+    if (unit == TimeUnit::kS && !floating) continue;
     const double us = median * us_per_unit(unit);
     if (us >= kShortestUs && us <= kLongestUs) return unit;
   }
@@ -50,8 +52,8 @@ std::string describe_pattern(const std::vector<bool>& is_test) {
 std::vector<bool> positions(size_t count, const SplitRule& rule) {
   std::vector<bool> is_test(count, false);
   for (size_t i = 0; i < count; ++i) {
-    if (rule.kind == "last") is_test[i] = int64_t(i) >= int64_t(count) - rule.last;
-    if (rule.kind == "every") is_test[i] = int64_t(i) % rule.every == 0;
+    if (rule.kind == SplitKind::kLast) is_test[i] = int64_t(i) >= int64_t(count) - rule.last;
+    if (rule.kind == SplitKind::kEvery) is_test[i] = int64_t(i) % rule.every == 0;
   }
   return is_test;
 }
@@ -65,22 +67,19 @@ void check_train_left(const std::vector<bool>& is_test, const std::string& path)
 
 }  // namespace
 
-double us_per_unit(const std::string& unit) {
-  if (unit == "us") return 1;
-  if (unit == "ns") return 1e-3;
-  if (unit == "s") return 1e6;
-  throw ConfigError(concat("unit of time: expected us, ns or s, found '", unit, "'"));
+double us_per_unit(TimeUnit unit) {
+  JADE_CHECK(unit != TimeUnit::kAuto, "unit of time: expected us, ns or s, found auto");
+  return unit == TimeUnit::kS ? 1e6 : unit == TimeUnit::kNs ? 1e-3 : 1;
 }
 
-std::vector<int64_t> times_us(const torch::Tensor& times, const std::string& unit,
-                              const std::string& name) {
+std::vector<int64_t> times_us(const torch::Tensor& times, TimeUnit unit, const std::string& name) {
   if (times.dim() != 1) {
     throw DataError(concat(name, ": expected one list of times, found shape ", times.sizes()));
   }
   const double factor = us_per_unit(unit);
   const auto implausible = [&](size_t index, double value) {
-    return DataError(
-        concat(name, ": time ", index, " is ", value, " ", unit, "; export the times again"));
+    return DataError(concat(name, ": time ", index, " is ", value, " ", word_of(unit),
+                            "; export the times again"));
   };
   std::vector<int64_t> out(static_cast<size_t>(times.numel()));
   if (!times.is_floating_point()) {
@@ -89,9 +88,9 @@ std::vector<int64_t> times_us(const torch::Tensor& times, const std::string& uni
     // Dividing integers keeps nanoseconds since 1970, which a double would round.
     for (size_t i = 0; i < out.size(); ++i) {
       if (std::abs(double(value[i]) * factor) > kLatestUs) throw implausible(i, double(value[i]));
-      out[i] = unit == "ns"  ? value[i] / 1000 + (value[i] % 1000 >= 500 ? 1 : 0)
-               : unit == "s" ? static_cast<int64_t>(double(value[i]) * factor)
-                             : value[i];
+      out[i] = unit == TimeUnit::kNs  ? value[i] / 1000 + (value[i] % 1000 >= 500 ? 1 : 0)
+               : unit == TimeUnit::kS ? static_cast<int64_t>(double(value[i]) * factor)
+                                      : value[i];
     }
     return out;
   }
@@ -106,7 +105,7 @@ std::vector<int64_t> times_us(const torch::Tensor& times, const std::string& uni
   return out;
 }
 
-FrameTimes read_frame_times(const std::filesystem::path& path, const std::string& unit) {
+FrameTimes read_frame_times(const std::filesystem::path& path, TimeUnit unit) {
   const io::Npz archive(path);
   const torch::Tensor start = archive.read("timestamps_start");
   const torch::Tensor end = archive.read("timestamps_end");
@@ -117,8 +116,8 @@ FrameTimes read_frame_times(const std::filesystem::path& path, const std::string
                            start.sizes(), " and ", end.sizes()));
   }
   const bool floating = start.is_floating_point();
-  std::string known = unit;
-  if (unit == "auto") {
+  TimeUnit known = unit;
+  if (unit == TimeUnit::kAuto) {
     const torch::Tensor lengths = (end - start).to(torch::kFloat64).contiguous();
     std::vector<double> durations(lengths.data_ptr<double>(),
                                   lengths.data_ptr<double>() + lengths.numel());
@@ -143,7 +142,7 @@ FrameTimes read_frame_times(const std::filesystem::path& path, const std::string
 Split split_frames(const std::vector<FrameTime>& times, const SplitRule& rule,
                    const std::string& path, const Warnings& warnings) {
   Split split;
-  if (rule.kind == "auto") {
+  if (rule.kind == SplitKind::kAuto) {
     for (const FrameTime& time : times) split.is_test.push_back(time.sharp());
     check_train_left(split.is_test, path);
     split.rule = concat(describe_pattern(split.is_test), ", by their zero exposure time");
@@ -155,7 +154,7 @@ Split split_frames(const std::vector<FrameTime>& times, const SplitRule& rule,
     return split;
   }
   split.is_test = positions(times.size(), rule);
-  split.rule = concat(describe_pattern(split.is_test), ", by dataset.split ", rule.kind);
+  split.rule = concat(describe_pattern(split.is_test), ", by dataset.split ", word_of(rule.kind));
   check_train_left(split.is_test, path);
   for (size_t i = 0; i < times.size(); ++i) {
     if (split.is_test[i] == times[i].sharp()) continue;
@@ -163,7 +162,8 @@ Split split_frames(const std::vector<FrameTime>& times, const SplitRule& rule,
       warnings.add(path, ": test view ", i, " has an exposure of ",
                    times[i].end_us - times[i].start_us, " us, so it may be blurred");
     } else {
-      throw DataError(concat(path, ": frame ", i, " is for training by dataset.split ", rule.kind,
+      throw DataError(concat(path, ": frame ", i, " is for training by dataset.split ",
+                             word_of(rule.kind),
                              " but has no exposure time; set dataset.split to auto"));
     }
   }
@@ -172,9 +172,9 @@ Split split_frames(const std::vector<FrameTime>& times, const SplitRule& rule,
 
 Split split_by_position(size_t count, const SplitRule& rule, const std::string& path) {
   SplitRule known = rule;
-  if (rule.kind == "auto") known.kind = "every";
+  if (rule.kind == SplitKind::kAuto) known.kind = SplitKind::kEvery;
   Split split{positions(count, known), ""};
-  if (rule.kind == "auto" && count < 2) split.is_test.assign(count, false);
+  if (rule.kind == SplitKind::kAuto && count < 2) split.is_test.assign(count, false);
   split.rule = describe_pattern(split.is_test);
   check_train_left(split.is_test, path);
   return split;

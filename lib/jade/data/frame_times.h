@@ -8,7 +8,9 @@
 #include <torch/types.h>
 #include <vector>
 
+#include "jade/data/dataset.h"
 #include "jade/data/warnings.h"
+#include "jade/events/event_files.h"
 
 namespace jade::data {
 
@@ -20,23 +22,23 @@ struct FrameTime {
 
 struct FrameTimes {
   std::vector<FrameTime> frames;
-  std::string unit;  ///< of the file
+  events::TimeUnit unit = events::TimeUnit::kUs;  ///< of the file
 };
 
 /// Reads the arrays timestamps_start and timestamps_end.
-/// @param unit  "us", "ns", "s" or "auto": exposures last between 10 µs and 5 s, and seconds are
+/// @param unit  with kAuto the one in which exposures last between 10 µs and 5 s; seconds are
 ///              floating point.
 /// @throws DataError for missing arrays, lengths that differ, values that are not finite, ends
 ///         before starts, or exposures of no plausible length in any unit.
-FrameTimes read_frame_times(const std::filesystem::path& path, const std::string& unit);
+FrameTimes read_frame_times(const std::filesystem::path& path, events::TimeUnit unit);
 
-/// Times of any integer or floating type in `unit` ("us", "ns", "s"), rounded to µs.
+/// Times of any integer or floating type in `unit`, which is not kAuto, rounded to µs.
 /// @throws DataError if they are not one list of finite values.
-std::vector<int64_t> times_us(const torch::Tensor& times, const std::string& unit,
+std::vector<int64_t> times_us(const torch::Tensor& times, events::TimeUnit unit,
                               const std::string& name);
 
-/// Microseconds in one `unit`: 1e-3, 1 or 1e6. @throws ConfigError for another unit.
-double us_per_unit(const std::string& unit);
+/// Microseconds in one `unit`: 1e-3, 1 or 1e6. @throws ContractError for kAuto.
+double us_per_unit(events::TimeUnit unit);
 
 /// Which frames are test views.
 struct Split {
@@ -45,17 +47,17 @@ struct Split {
 };
 
 struct SplitRule {
-  std::string kind = "auto";  ///< auto, last, every, none
+  SplitKind kind = SplitKind::kAuto;
   int64_t last = 5;
   int64_t every = 8;
 };
 
-/// auto: the frames without exposure time. Names the pattern they form.
+/// kAuto: the frames without exposure time. Names the pattern they form.
 /// @throws DataError if no frame is left for training, or a frame without exposure time is.
 Split split_frames(const std::vector<FrameTime>& times, const SplitRule& rule,
                    const std::string& path, const Warnings& warnings);
 
-/// The same by position alone, for images without times; auto means `every`.
+/// The same by position alone, for images without times; kAuto means kEvery.
 Split split_by_position(size_t count, const SplitRule& rule, const std::string& path);
 
 }  // namespace jade::data

@@ -187,7 +187,7 @@ Dataset load_transforms(const DatasetOptions& options, const Warnings& warnings)
     views = read_views(options.path / "transforms_train.json", warnings);
     is_test.assign(views.size(), false);
     const fs::path test = options.path / "transforms_test.json";
-    if (fs::exists(test) && options.split != "none") {
+    if (fs::exists(test) && options.split != SplitKind::kNone) {
       for (ListedView& view : read_views(test, warnings)) views.push_back(std::move(view));
     }
     is_test.resize(views.size(), true);

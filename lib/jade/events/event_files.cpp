@@ -80,18 +80,19 @@ TimeRange range_of(const std::filesystem::path& path, const torch::Tensor& time)
 }
 
 /// Times in µs; the int64 array of a file in µs is used as it is.
-torch::Tensor to_us(const torch::Tensor& time, const std::string& unit) {
+torch::Tensor to_us(const torch::Tensor& time, TimeUnit unit) {
   if (time.is_floating_point()) {
-    const double scale = unit == "s" ? 1e6 : unit == "ns" ? 1e-3 : 1.0;
+    const double scale = unit == TimeUnit::kS ? 1e6 : unit == TimeUnit::kNs ? 1e-3 : 1.0;
     // Seconds are decimal fractions: the nearest microsecond is meant.
     const auto scaled = time * scale;
-    return (unit == "s" ? scaled.round() : scaled.floor()).to(torch::kInt64);
+    return (unit == TimeUnit::kS ? scaled.round() : scaled.floor()).to(torch::kInt64);
   }
-  if (unit == "us") return time;
+  if (unit == TimeUnit::kUs) return time;
   int64_t* t = time.mutable_data_ptr<int64_t>();
   at::parallel_for(0, time.numel(), kEventGrain, [&](int64_t begin, int64_t end) {
     for (int64_t i = begin; i < end; ++i) {
-      t[i] = unit == "ns" ? (t[i] >= 0 ? t[i] / 1000 : -((-t[i] + 999) / 1000)) : t[i] * 1000000;
+      t[i] = unit == TimeUnit::kNs ? (t[i] >= 0 ? t[i] / 1000 : -((-t[i] + 999) / 1000))
+                                   : t[i] * 1000000;
     }
   });
   return time;
@@ -102,18 +103,13 @@ bool is_sorted_in_time(const torch::Tensor& t_us) {
   return std::is_sorted(t, t + t_us.numel());
 }
 
-std::string chosen_unit(const std::filesystem::path& path, const TimeRange& range,
-                        const EventFileOptions& options) {
-  const std::string& asked = options.time_unit;
-  if (asked == "us" || asked == "ns" || asked == "s") return asked;
-  if (asked != "auto") {
-    throw ConfigError(
-        concat("dataset.events_unit: expected auto, us, ns or s, found \"", asked, "\""));
-  }
-  if (range.first > range.last) return "us";
-  const std::string unit =
+TimeUnit chosen_unit(const std::filesystem::path& path, const TimeRange& range,
+                     const EventFileOptions& options) {
+  if (options.time_unit != TimeUnit::kAuto) return options.time_unit;
+  if (range.first > range.last) return TimeUnit::kUs;
+  const std::optional<TimeUnit> unit =
       guess_time_unit(range.first, range.last, range.has_fraction, options.exposures);
-  if (!unit.empty()) return unit;
+  if (unit) return *unit;
   throw DataError(concat(path.string(), ": events run from ", range.first, " to ", range.last,
                          ", exposures from ", options.exposures->begin_us, " to ",
                          options.exposures->end_us,
@@ -137,12 +133,13 @@ void report(const std::filesystem::path& path, EventFileResult& result,
 
 }  // namespace
 
-std::string guess_time_unit(double first, double last, bool has_fraction,
-                            const std::optional<TimeWindow>& exposures) {
-  if (!exposures) return has_fraction ? "s" : "us";
-  std::string best;
+std::optional<TimeUnit> guess_time_unit(double first, double last, bool has_fraction,
+                                        const std::optional<TimeWindow>& exposures) {
+  if (!exposures) return has_fraction ? TimeUnit::kS : TimeUnit::kUs;
+  std::optional<TimeUnit> best;
   double best_share = 0;
-  const std::pair<const char*, double> units[] = {{"us", 1.0}, {"ns", 1e-3}, {"s", 1e6}};
+  const std::pair<TimeUnit, double> units[] = {
+      {TimeUnit::kUs, 1.0}, {TimeUnit::kNs, 1e-3}, {TimeUnit::kS, 1e6}};
   for (const auto& [unit, scale] : units) {
     const double begin = first * scale, end = last * scale;
     const double shared =

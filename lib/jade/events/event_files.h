@@ -6,14 +6,23 @@
 #include <string>
 #include <vector>
 
+#include "jade/core/words.h"
 #include "jade/events/event_stream.h"
 
 namespace jade::events {
 
+/// Of time stamps.
+enum class TimeUnit { kAuto, kUs, kNs, kS };
+
+constexpr auto words_of(TimeUnit) {
+  return std::array{Word{"auto", TimeUnit::kAuto}, Word{"us", TimeUnit::kUs},
+                    Word{"ns", TimeUnit::kNs}, Word{"s", TimeUnit::kS}};
+}
+
 struct EventFileOptions {
-  /// us, ns, s, or auto: the unit in which the recording overlaps `exposures` best. Without
-  /// `exposures`, auto takes µs for whole numbers and seconds for numbers with a fraction.
-  std::string time_unit = "auto";
+  /// kAuto: the unit in which the recording overlaps `exposures` best. Without `exposures`, kAuto
+  /// takes µs for whole numbers and seconds for numbers with a fraction.
+  TimeUnit time_unit = TimeUnit::kAuto;
   /// From the first exposure's start to the last one's end, in µs.
   std::optional<TimeWindow> exposures;
   /// When given, events beside the image are counted and reported.
@@ -22,10 +31,10 @@ struct EventFileOptions {
 
 struct EventFileResult {
   EventStream events;
-  std::string time_unit;              ///< us, ns or s: as found in the file
-  EventProblems problems;             ///< outside and touching_edge only when a size was given
-  bool was_unsorted = false;          ///< times were not in order and have been sorted
-  std::vector<std::string> warnings;  ///< one line each, naming the path
+  TimeUnit time_unit = TimeUnit::kUs;  ///< as found in the file, never kAuto
+  EventProblems problems;              ///< outside and touching_edge only when a size was given
+  bool was_unsorted = false;           ///< times were not in order and have been sorted
+  std::vector<std::string> warnings;   ///< one line each, naming the path
 };
 
 /// Reads a recording into memory, 17 bytes an event and no second copy of it (16 bytes more for
@@ -42,14 +51,13 @@ struct EventFileResult {
 /// coordinates or beside the image stay in the stream, where nothing counts them, with a warning.
 /// @throws DataError naming the path: missing or damaged files, arrays that are missing or of
 ///   different lengths, other polarities, times that are NaN or meet no exposure in any unit.
-/// @throws ConfigError for another unit.
 EventFileResult read_events(const std::filesystem::path& path,
                             const EventFileOptions& options = {});
 
 /// The unit that read_events would take for times from `first` to `last` as stored in a file.
-/// Empty when the recording meets the exposures in no unit.
-std::string guess_time_unit(double first, double last, bool has_fraction,
-                            const std::optional<TimeWindow>& exposures);
+/// None when the recording meets the exposures in no unit.
+std::optional<TimeUnit> guess_time_unit(double first, double last, bool has_fraction,
+                                        const std::optional<TimeWindow>& exposures);
 
 /// The same events in order of time; the order of equal times is kept.
 /// @param x,y,t_us,polarity  as EventStream takes them, in any order.

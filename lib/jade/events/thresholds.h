@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <string>
-
 #include "jade/core/fields.h"
 
 namespace jade::events {
@@ -12,12 +10,22 @@ struct Thresholds {
   double positive = 0.25, negative = 0.25;
 };
 
+/// Which log increment pose k takes. kDiet repeats the released DiET-GS data, where poses 5, 6 and
+/// 7 are shown at times 6, 7 and 8; it belongs with the camera poses of that release only.
+enum class EdiIndex { kExact, kDiet };
+
+constexpr auto words_of(EdiIndex) {
+  return std::array{
+      Word{"exact", EdiIndex::kExact, "pose k is time k"},
+      Word{"diet", EdiIndex::kDiet, "poses 5 to 7 are one step late, as in the DiET-GS release"}};
+}
+
 /// How events are read and summed; the configuration group `events`.
 struct EventOptions {
   double threshold_positive = 0.25;
   double threshold_negative = 0;
   int64_t bins = 6;
-  std::string edi_index = "exact";
+  EdiIndex edi_index = EdiIndex::kExact;
 
   /// One number sets both: a negative threshold of 0 repeats the positive one.
   Thresholds thresholds() const {
@@ -32,10 +40,7 @@ void describe(V& v, EventOptions& o) {
   v.field("threshold_negative", o.threshold_negative,
           "log intensity of one negative event; 0 repeats threshold_positive", Range{0, 10});
   v.field("bins", o.bins, "time bins of the voxel over an exposure, even", Range{2, 64});
-  v.field(
-      "edi_index", o.edi_index,
-      "exact: pose k is time k; diet: poses 5 to 7 are one step late, as in the DiET-GS release",
-      Choices{"exact", "diet"});
+  v.field("edi_index", o.edi_index, "at which times EDI shows the nine poses");
 }
 
 }  // namespace jade::events

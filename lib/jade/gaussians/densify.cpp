@@ -55,6 +55,10 @@ torch::Tensor survivors(const splat::Gaussians& values, const DensifyOptions& op
 
 }  // namespace
 
+bool keeps_statistics(const DensifyOptions& options, int64_t step) {
+  return options.strategy == DensifyStrategy::kAdc && step < options.until;
+}
+
 void reset_opacities(GaussianModel& model, GaussianAdam& adam) {
   const torch::NoGradGuard no_grad;
   model.parameters().logit_opacities.detach().clamp_max_(logit(kResetOpacity));
@@ -69,38 +73,37 @@ Densifier::Densifier(const DensifyOptions& options, const GaussianModel& model,
 
 void Densifier::reset_statistics(const GaussianModel& model) {
   statistics_ = {};
-  if (options_.strategy != "adc") return;
+  if (options_.strategy != DensifyStrategy::kAdc) return;
   statistics_ = splat::ScreenStatistics::zeros(model.size(), model.device());
 }
 
-splat::ScreenStatistics Densifier::statistics(int64_t step) const {
-  return step < options_.until ? statistics_ : splat::ScreenStatistics{};
-}
-
 bool Densifier::densify_due(int64_t step) const {
-  return options_.strategy != "none" && step > options_.from && step < options_.until &&
-         step % options_.every == 0;
+  return options_.strategy != DensifyStrategy::kNone && step > options_.from &&
+         step < options_.until && step % options_.every == 0;
 }
 
 bool Densifier::opacity_reset_due(int64_t step) const {
-  return options_.strategy == "adc" && options_.opacity_reset_every > 0 && step < options_.until &&
-         step <= options_.last_opacity_reset && step % options_.opacity_reset_every == 0;
+  return options_.strategy == DensifyStrategy::kAdc && options_.opacity_reset_every > 0 &&
+         step < options_.until && step <= options_.last_opacity_reset &&
+         step % options_.opacity_reset_every == 0;
 }
 
 bool Densifier::due(int64_t step) const {
-  return options_.strategy == "mcmc" || densify_due(step) || opacity_reset_due(step);
+  return options_.strategy == DensifyStrategy::kMcmc || densify_due(step) ||
+         opacity_reset_due(step);
 }
 
 DensifyReport Densifier::update(int64_t step, GaussianModel& model, GaussianAdam& adam) {
   DensifyReport report;
   if (densify_due(step)) {
-    report = options_.strategy == "mcmc" ? update_mcmc(model, adam) : update_adc(step, model, adam);
+    report = options_.strategy == DensifyStrategy::kMcmc ? update_mcmc(model, adam)
+                                                         : update_adc(step, model, adam);
   }
   if (opacity_reset_due(step)) {
     reset_opacities(model, adam);
     report.opacity_reset = true;
   }
-  if (options_.strategy == "mcmc") {
+  if (options_.strategy == DensifyStrategy::kMcmc) {
     const double lr = position_lr(adam.options(), step) * model.extent();
     add_noise(options_.mcmc.noise_lr * lr, model, generator_);
   }
@@ -159,7 +162,7 @@ DensifyReport Densifier::update_mcmc(GaussianModel& model, GaussianAdam& adam) {
 }
 
 torch::Tensor Densifier::regularization(const GaussianModel& model) const {
-  if (options_.strategy != "mcmc") return {};
+  if (options_.strategy != DensifyStrategy::kMcmc) return {};
   const splat::Gaussians& values = model.parameters();
   return options_.mcmc.opacity_regularization * values.logit_opacities.sigmoid().mean() +
          options_.mcmc.scale_regularization * values.log_scales.exp().mean();

@@ -4,7 +4,6 @@
 #include <ATen/core/Generator.h>
 #include <cstdint>
 #include <limits>
-#include <string>
 #include <torch/types.h>
 
 #include "jade/core/fields.h"
@@ -31,9 +30,25 @@ void describe(V& v, McmcOptions& o) {
   v.field("scale_regularization", o.scale_regularization, "weight of the mean scale", Range{0, 10});
 }
 
+enum class DensifyStrategy { kAdc, kMcmc, kNone };
+
+constexpr auto words_of(DensifyStrategy) {
+  return std::array{Word{"adc", DensifyStrategy::kAdc, "clone, split and prune"},
+                    Word{"mcmc", DensifyStrategy::kMcmc, "relocation and noise"},
+                    Word{"none", DensifyStrategy::kNone, "fixed number"}};
+}
+
+/// Which of the nine poses count in the screen gradients.
+enum class CountedPoses { kAll, kFirst };
+
+constexpr auto words_of(CountedPoses) {
+  return std::array{Word{"all_poses", CountedPoses::kAll},
+                    Word{"first_pose", CountedPoses::kFirst}};
+}
+
 struct DensifyOptions {
-  std::string strategy = "adc";
-  std::string statistics = "all_poses";
+  DensifyStrategy strategy = DensifyStrategy::kAdc;
+  CountedPoses statistics = CountedPoses::kAll;
   Steps from = Steps::share(2);
   Steps until = Steps::share(60);
   Steps every = Steps::share(0.4, 50);
@@ -51,11 +66,8 @@ struct DensifyOptions {
 
 template <class V>
 void describe(V& v, DensifyOptions& o) {
-  v.field("strategy", o.strategy,
-          "adc: clone, split and prune; mcmc: relocation and noise; none: fixed number",
-          Choices{"adc", "mcmc", "none"});
-  v.field("statistics", o.statistics, "which of the nine poses count in the screen gradients",
-          Choices{"all_poses", "first_pose"});
+  v.field("strategy", o.strategy, "how Gaussians are added and removed");
+  v.field("statistics", o.statistics, "which of the nine poses count in the screen gradients");
   v.field("from", o.from, "first densification after this step", Range{0, 1e9});
   v.field("until", o.until, "no densification and no opacity reset from this step on",
           Range{0, 1e9});
@@ -88,6 +100,9 @@ struct DensifyReport {
   bool changed() const { return cloned || split || pruned || relocated || added; }
 };
 
+/// Whether a densification will read the screen gradients of the renders of `step`.
+bool keeps_statistics(const DensifyOptions& options, int64_t step);
+
 /// Adds and removes Gaussians during training, keeping the optimiser's rows with them. Steps count
 /// from 1. All random draws come from the generator, on the CPU.
 class Densifier {
@@ -95,10 +110,8 @@ class Densifier {
   Densifier() = default;
   Densifier(const DensifyOptions& options, const GaussianModel& model, at::Generator generator);
 
-  /// For RenderOptions.statistics of the nine renders of `step`; undefined when nothing reads them.
-  splat::ScreenStatistics statistics(int64_t step) const;
-  /// For RenderOptions.statistics_view: 0 with `first_pose`, else -1.
-  int64_t statistics_view() const { return options_.statistics == "first_pose" ? 0 : -1; }
+  /// For RenderOptions.statistics_view: 0 with kFirst, else -1.
+  int64_t statistics_view() const { return options_.statistics == CountedPoses::kFirst ? 0 : -1; }
 
   /// True when update(step) will do more than return (always with mcmc, for its noise).
   bool due(int64_t step) const;
@@ -112,7 +125,8 @@ class Densifier {
 
   const DensifyOptions& options() const { return options_; }
   at::Generator& generator() { return generator_; }
-  /// The accumulators, for checkpoints; undefined after the last densification.
+  /// The accumulators, for RenderOptions.statistics of steps at which keeps_statistics(), and for
+  /// checkpoints; undefined where the strategy reads none.
   const splat::ScreenStatistics& accumulated() const { return statistics_; }
   void restore(const splat::ScreenStatistics& statistics) { statistics_ = statistics; }
 

@@ -165,17 +165,18 @@ PointCloud without_points_near_cameras(const PointCloud& cloud,
 splat::Gaussians initial_gaussians(const InitOptions& options, const InitSources& sources,
                                    at::Generator& generator) {
   const int64_t found = sources.points.points.defined() ? sources.points.points.size(0) : 0;
-  if (options.kind == "ply") {
+  if (options.kind == InitKind::kPly) {
     if (options.ply.empty()) {
       throw ConfigError("init.kind is ply but init.ply names no file");
     }
     if (has_gaussians(options.ply)) return read_ply(options.ply).gaussians;
     return gaussians_from_points(finite_points(read_point_cloud(options.ply)), options);
   }
-  if (options.kind == "sfm" && found == 0) {
+  if (options.kind == InitKind::kSfm && found == 0) {
     throw ConfigError("init.kind is sfm but the data set has no points: use random_frusta");
   }
-  if (options.kind == "sfm" || (options.kind == "auto" && found >= kFewestSfmPoints)) {
+  if (options.kind == InitKind::kSfm ||
+      (options.kind == InitKind::kAuto && found >= kFewestSfmPoints)) {
     return gaussians_from_points(sfm_points(sources), options);
   }
   if (!(sources.near > 0 && sources.far > sources.near)) {

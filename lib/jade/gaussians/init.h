@@ -4,7 +4,6 @@
 #include <ATen/core/Generator.h>
 #include <cstdint>
 #include <filesystem>
-#include <string>
 #include <torch/types.h>
 #include <vector>
 
@@ -16,8 +15,18 @@
 
 namespace jade::gaussians {
 
+/// Where the Gaussians start.
+enum class InitKind { kAuto, kSfm, kRandomFrusta, kPly };
+
+constexpr auto words_of(InitKind) {
+  return std::array{Word{"auto", InitKind::kAuto, "sfm where there are points, else random_frusta"},
+                    Word{"sfm", InitKind::kSfm, "points of the data set"},
+                    Word{"random_frusta", InitKind::kRandomFrusta, "drawn in the viewing frusta"},
+                    Word{"ply", InitKind::kPly, "init.ply"}};
+}
+
 struct InitOptions {
-  std::string kind = "auto";
+  InitKind kind = InitKind::kAuto;
   std::filesystem::path ply;
   int64_t points = 20000;
   double opacity = 0.1;
@@ -26,10 +35,7 @@ struct InitOptions {
 
 template <class V>
 void describe(V& v, InitOptions& o) {
-  v.field("kind", o.kind,
-          "where the Gaussians start: sfm points of the data set, points drawn in the viewing "
-          "frusta, or a .ply; auto: sfm where there are points, else random_frusta",
-          Choices{"auto", "sfm", "random_frusta", "ply"});
+  v.field("kind", o.kind, "where the Gaussians start");
   v.field("ply", o.ply, "Gaussians or coloured points to start from (kind ply)");
   v.field("points", o.points, "how many points random_frusta draws", Range{1, 1e8});
   v.field("opacity", o.opacity, "opacity at the start", Range{1e-4, 0.9999});

@@ -1,24 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <string>
 #include <torch/types.h>
 
+#include "jade/events/thresholds.h"
 #include "jade/events/voxel.h"
 
 namespace jade::imaging {
-
-/// Latent images of an exposure, at equal steps from its start to its end.
-inline constexpr int64_t kEdiPoses = 9;
-/// The one at mid-exposure.
-inline constexpr int64_t kEdiMid = 4;
-
-/// Which log increment pose k takes. kDiet repeats the released DiET-GS data, where poses 5, 6 and
-/// 7 are shown at times 6, 7 and 8; it belongs with the camera poses of that release only.
-enum class EdiIndex { kExact, kDiet };
-
-/// "exact" or "diet". @throws ConfigError for another word.
-EdiIndex edi_index(const std::string& name);
 
 /// The event double integral of one exposure, constant for all that is done with the view. With
 /// windows w_0 … w_7 between nine times and
@@ -34,7 +22,8 @@ struct EdiKernel {
 };
 
 /// @param windows  [8,H,W], log intensity (events::edi_windows): thresholds are inside.
-EdiKernel edi_kernel(const torch::Tensor& windows, EdiIndex index = EdiIndex::kExact);
+EdiKernel edi_kernel(const torch::Tensor& windows,
+                     events::EdiIndex index = events::EdiIndex::kExact);
 
 /// Φ_edi at mid-exposure, the analytical restoration of Eq. (1). Not clamped, may exceed 1.
 /// @param blurry  [3,H,W] or [1,H,W]. Differentiable.

@@ -2,14 +2,15 @@
 #include "jade/losses/objective.h"
 
 #include "jade/core/check.h"
+#include "jade/geometry/trajectory.h"
 #include "jade/losses/poses.h"
 #include "jade/losses/target.h"
 
 namespace jade::losses {
 namespace {
 
-constexpr int64_t kPoses = 9;
-constexpr int64_t kMidPose = 4;
+using geometry::kExposurePoses;
+using geometry::kMidPose;
 
 void add(Objective& loss, const std::string& name, const torch::Tensor& value, double weight = 1) {
   const torch::Tensor weighted = weight == 1 ? value : value * weight;
@@ -23,112 +24,110 @@ struct Views {
 };
 
 /// The rows of poses_read(), in its order.
-Views unpack_views(const ObjectiveInputs& inputs, int64_t step, const ObjectiveOptions& options) {
-  const std::vector<torch::Tensor> rendered = inputs.renders.unbind(0);
+Views unpack_views(const torch::Tensor& renders, const ObjectivePlan& plan) {
+  const std::vector<torch::Tensor> rendered = renders.unbind(0);
   size_t next = 0;
   Views views;
-  if (target_acts(options, step)) views.mid = rendered.at(next++);
-  if (options.edi_supervision) {
+  if (plan.target) views.mid = rendered.at(next++);
+  if (plan.edi) {
     views.edi_gray = rendered.at(next++);
     views.edi_color = rendered.at(next++);
   }
   return views;
 }
 
-Views pick_views(const ObjectiveInputs& inputs, int64_t step, const ObjectiveOptions& options) {
-  if (inputs.renders.size(0) != kPoses) return unpack_views(inputs, step, options);
-  const torch::Tensor mid = torch::full({1}, kMidPose, inputs.poses.options());
-  const PoseViews views = pose_views(inputs.renders, torch::cat({mid, inputs.poses}));
+Views pick_views(const ObjectiveInputs& inputs, const ObjectivePlan& plan) {
+  if (inputs.renders.size(0) != kExposurePoses) return unpack_views(inputs.renders, plan);
+  const torch::Tensor mid = torch::full({1}, kMidPose, inputs.pose_draws.options());
+  const PoseViews views = pose_views(inputs.renders, torch::cat({mid, inputs.pose_draws}));
   const std::vector<torch::Tensor> picks = views.picks.unbind(0);
   return {views.mean, picks[0], picks[1], picks[2], picks[3]};
 }
 
-void check_inputs(const ObjectiveInputs& inputs, int64_t step, const ObjectiveOptions& options) {
+void check_inputs(const ObjectiveInputs& inputs, const ObjectivePlan& plan) {
   check_shape(inputs.renders, "renders", {-1, 3, -1, -1});
-  check_shape(inputs.poses, "poses", {3});
-  const torch::Tensor read = poses_read(options, step, inputs.poses);
+  check_shape(inputs.pose_draws, "pose draws", {3});
+  const torch::Tensor read = poses_read(plan, inputs.pose_draws);
   const int64_t count = inputs.renders.size(0);
-  JADE_CHECK(count == kPoses || (read.defined() && count == read.size(0)), "expected renders of ",
-             read.defined() ? read.size(0) : kPoses, " poses, found ", count);
+  JADE_CHECK(count == kExposurePoses || (read.defined() && count == read.size(0)),
+             "expected renders of ", read.defined() ? read.size(0) : kExposurePoses,
+             " poses, found ", count);
   const int64_t height = inputs.renders.size(2), width = inputs.renders.size(3);
   check_shape(inputs.blurry, "blurry frame", {3, height, width});
-  if (options.edi_supervision || options.simulation) {
-    check_shape(inputs.edi_factors, "EDI factors", {kPoses, 1, height, width});
+  if (plan.edi || plan.simulation) {
+    check_shape(inputs.edi_factors, "EDI factors", {kExposurePoses, 1, height, width});
   }
+  JADE_CHECK(inputs.target || !plan.target, "L_tgt acts: expected a target, found none");
+  JADE_CHECK(inputs.events || !plan.event, "L_ev acts: expected a window of events, found none");
 }
 
 }  // namespace
 
-bool target_acts(const ObjectiveOptions& options, int64_t step) {
-  return options.target != "none" && (options.target_until == 0 || step <= options.target_until);
+ObjectivePlan plan_objective(const ObjectiveOptions& options, int64_t step) {
+  const bool warm = step > options.warmup;
+  ObjectivePlan plan;
+  plan.target = options.target != Target::kNone &&
+                (options.target_until == 0 || step <= options.target_until);
+  plan.blur = options.blur;
+  plan.edi = options.edi_supervision;
+  plan.simulation = options.simulation && step > options.simulation_start;
+  plan.intensity = options.intensity && warm;
+  plan.event = options.event_loss_weight > 0;
+  plan.response = warm && (plan.edi || plan.simulation || plan.intensity || plan.event);
+  return plan;
 }
 
-torch::Tensor poses_read(const ObjectiveOptions& options, int64_t step,
-                         const torch::Tensor& draws) {
-  if (options.blur || simulation_acts(options, step) || intensity_acts(options, step)) return {};
+torch::Tensor poses_read(const ObjectivePlan& plan, const torch::Tensor& pose_draws) {
+  if (plan.all_poses()) return {};
   std::vector<torch::Tensor> read;
-  if (target_acts(options, step)) read.push_back(torch::full({1}, kMidPose, draws.options()));
-  if (options.edi_supervision) read.push_back(draws.narrow(0, 0, 2));
-  return read.empty() ? torch::Tensor() : torch::cat(read);
+  if (plan.target) read.push_back(torch::full({1}, kMidPose, pose_draws.options()));
+  if (plan.edi) read.push_back(pose_draws.narrow(0, 0, 2));
+  return torch::cat(read);
 }
 
-bool simulation_acts(const ObjectiveOptions& options, int64_t step) {
-  return options.simulation && step > options.simulation_start;
-}
-
-bool intensity_acts(const ObjectiveOptions& options, int64_t step) {
-  return options.intensity && step > options.warmup;
-}
-
-bool tone_acts(const ObjectiveOptions& options, int64_t step) {
-  return step > options.warmup && (options.edi_supervision || simulation_acts(options, step) ||
-                                   options.intensity || options.event_loss_weight > 0);
-}
-
-Objective objective(const ObjectiveInputs& inputs, int64_t step, const ObjectiveOptions& options) {
-  check_inputs(inputs, step, options);
-  const bool toned = tone_acts(options, step);
+Objective objective(const ObjectiveInputs& inputs, const ObjectivePlan& plan,
+                    const ObjectiveOptions& options) {
+  check_inputs(inputs, plan);
+  const bool toned = plan.response && inputs.tone.apply;
   const auto tone = [&](const torch::Tensor& image) {
-    return toned && inputs.tone.apply ? inputs.tone.apply(image) : image;
+    return toned ? inputs.tone.apply(image) : image;
   };
-  const Views views = pick_views(inputs, step, options);
+  const Views views = pick_views(inputs, plan);
   const auto mean_toned = [&] {
-    if (!toned || !inputs.tone.apply) return views.mean;
+    if (!toned) return views.mean;
     return inputs.tone.mean ? inputs.tone.mean(inputs.renders) : tone(inputs.renders).mean(0);
   };
   const torch::Tensor& blurry = inputs.blurry;
   const auto edi_factor = [&](int64_t draw) {
-    return inputs.edi_factors.index_select(0, inputs.poses.narrow(0, draw, 1)).squeeze(0);
+    return inputs.edi_factors.index_select(0, inputs.pose_draws.narrow(0, draw, 1)).squeeze(0);
   };
   torch::Tensor toned_blurry;
-  if (options.edi_supervision || intensity_acts(options, step)) toned_blurry = tone(blurry);
+  if (plan.edi || plan.intensity) toned_blurry = tone(blurry);
 
   Objective loss;
-  if (inputs.target && target_acts(options, step)) {
+  if (plan.target) {
     add(loss, "target", target_loss(views.mid, *inputs.target, options.dssim),
         options.target_weight);
   }
-  if (options.blur) {
+  if (plan.blur) {
     const bool prepared = inputs.blurry_moments.mean.defined();
     add(loss, "blur",
         prepared ? blur_loss(views.mean, inputs.blurry_moments, options.dssim)
                  : blur_loss(views.mean, blurry, options.dssim));
   }
-  if (options.edi_supervision) {
+  if (plan.edi) {
     add(loss, "edi_gray",
         edi_gray_loss(tone(views.edi_gray), toned_blurry, edi_factor(0), options.dssim));
     add(loss, "edi_color", edi_color_loss(views.edi_color, blurry, edi_factor(1), options.dssim));
   }
-  if (simulation_acts(options, step)) {
+  if (plan.simulation) {
     add(loss, "simulation",
         simulation_loss(tone(views.simulation), tone(views.mean), edi_factor(2), options.dssim));
   }
-  if (intensity_acts(options, step)) {
+  if (plan.intensity) {
     add(loss, "intensity", intensity_loss(mean_toned(), toned_blurry, options.dssim));
   }
-  if (inputs.events) {
-    add(loss, "event", event_loss(*inputs.events), options.event_loss_weight);
-  }
+  if (plan.event) add(loss, "event", event_loss(*inputs.events), options.event_loss_weight);
   return loss;
 }
 

@@ -6,18 +6,42 @@
 #include <optional>
 #include <string>
 #include <torch/types.h>
+#include <tuple>
 #include <vector>
 
 #include "jade/core/fields.h"
+#include "jade/core/members.h"
 #include "jade/imaging/ssim.h"
 #include "jade/losses/fixed.h"
 #include "jade/losses/inherited.h"
 
 namespace jade::losses {
 
+/// What the middle render is compared with, Eq. (9).
+enum class Target { kRouted, kEdi, kEfnet, kMean, kBlurry, kImageFolder, kNone };
+
+constexpr auto words_of(Target) {
+  return std::array{Word{"routed", Target::kRouted, "the mix that the allocation decides"},
+                    Word{"edi", Target::kEdi, "EDI alone"},
+                    Word{"efnet", Target::kEfnet, "EFNet alone"},
+                    Word{"mean", Target::kMean, "the mean of EDI and EFNet"},
+                    Word{"blurry", Target::kBlurry, "the blurry frame itself"},
+                    Word{"image_folder", Target::kImageFolder, "images of train.target_images"},
+                    Word{"none", Target::kNone, "no such term"}};
+}
+
+/// Where the time windows of L_ev lie.
+enum class EventSpan { kExposure, kRecording };
+
+constexpr auto words_of(EventSpan) {
+  return std::array{
+      Word{"exposure", EventSpan::kExposure, "in the step's own exposure"},
+      Word{"recording", EventSpan::kRecording, "anywhere in it, between exposures too"}};
+}
+
 struct ObjectiveOptions {
   double dssim = 0.3;
-  std::string target = "routed";
+  Target target = Target::kRouted;
   double target_weight = 1.0;
   Steps target_until = 0;
   bool blur = true;
@@ -28,7 +52,7 @@ struct ObjectiveOptions {
   Steps warmup = Steps::share(6);
   double event_loss_weight = 0.0;
   int64_t event_pixels = 1024;
-  std::string event_window = "exposure";
+  EventSpan event_window = EventSpan::kExposure;
   double event_window_share = 0.125;
 };
 
@@ -36,11 +60,7 @@ template <class V>
 void describe(V& v, ObjectiveOptions& o) {
   v.field("dssim", o.dssim, "share λ of SSIM in every reconstruction term (lambda_dssim)",
           Range{0, 1});
-  v.field(
-      "target", o.target,
-      "target of the middle render, Eq. (9): routed mix, EDI, EFNet, their mean, the blurry frame "
-      "itself, a folder of images, or none",
-      Choices{"routed", "edi", "efnet", "mean", "blurry", "image_folder", "none"});
+  v.field("target", o.target, "target of the middle render, Eq. (9)");
   v.field("target_weight", o.target_weight, "weight of that term (efnet_weight)", Range{0, 1e3});
   v.field("target_until", o.target_until,
           "after this step that term and the routing step rest; 0: never", Range{0, 1e9});
@@ -55,14 +75,39 @@ void describe(V& v, ObjectiveOptions& o) {
   v.field("event_loss_weight", o.event_loss_weight,
           "weight of L_ev, which costs two more renders; 0 turns it off", Range{0, 1e3});
   v.field("event_pixels", o.event_pixels, "pixels drawn for L_ev (sample_pnum)", Range{1, 1e8});
-  v.field(
-      "event_window", o.event_window,
-      "where the time windows of L_ev are drawn: in the step's own exposure, or anywhere in the "
-      "recording, between exposures too",
-      Choices{"exposure", "recording"});
+  v.field("event_window", o.event_window, "where the time windows of L_ev are drawn");
   v.field("event_window_share", o.event_window_share,
           "length of such a window as a share of the exposure", Range{1e-6, 1});
 }
+
+/// Which terms act at a step and what they read; plan_objective() alone reads their calendar.
+struct ObjectivePlan {
+  bool target = false;      ///< L_tgt
+  bool blur = false;        ///< L_blur
+  bool edi = false;         ///< L_edi, gray and colour
+  bool simulation = false;  ///< L_sim
+  bool intensity = false;   ///< L_int
+  bool event = false;       ///< L_ev
+  bool response = false;  ///< ρ is past its warm-up and some term reads it, else it is the identity
+
+  bool any_term() const { return target || blur || edi || simulation || intensity || event; }
+  /// A term reads the mean render, and so all nine; also where no term reads any.
+  bool all_poses() const { return blur || simulation || intensity || !(target || edi); }
+
+  /// For the comparison.
+  auto members() const {
+    const auto all = std::tie(target, blur, edi, simulation, intensity, event, response);
+    static_assert(std::tuple_size_v<decltype(all)> == member_count<ObjectivePlan>());
+    return all;
+  }
+  friend bool operator==(const ObjectivePlan& a, const ObjectivePlan& b) {
+    return a.members() == b.members();
+  }
+  friend bool operator!=(const ObjectivePlan& a, const ObjectivePlan& b) { return !(a == b); }
+};
+
+/// @param step  counted from 1
+ObjectivePlan plan_objective(const ObjectiveOptions& options, int64_t step);
 
 /// The camera response as the objective uses it. Without `apply` it is the identity.
 struct ToneCurve {
@@ -79,10 +124,10 @@ struct ObjectiveInputs {
   imaging::SsimTarget blurry_moments;
   torch::Tensor edi_factors;  ///< [9,1,H,W], R_k; needed for L_edi and L_sim only
   /// [3] int64 on the renders' device: the poses of L_edi gray, L_edi colour and L_sim.
-  torch::Tensor poses;
-  std::optional<Fixed> target;      ///< [3,H,W]; absent: no L_tgt
-  std::optional<EventPair> events;  ///< absent: no L_ev
-  ToneCurve tone;                   ///< ρ; ignored during the warm-up
+  torch::Tensor pose_draws;
+  std::optional<Fixed> target;      ///< [3,H,W]; needed for L_tgt only
+  std::optional<EventPair> events;  ///< needed for L_ev only
+  ToneCurve tone;                   ///< ρ; ignored where the plan lets it rest
 };
 
 struct NamedTerm {
@@ -97,22 +142,16 @@ struct Objective {
   std::vector<NamedTerm> terms;
 };
 
-/// L_scene = L_tgt + L_blur + L_edi + L_sim + L_int (+ L_ev), Eq. (10), at `step` (counted from 1).
-/// Nothing here waits for the device.
-Objective objective(const ObjectiveInputs& inputs, int64_t step, const ObjectiveOptions& options);
+/// L_scene = L_tgt + L_blur + L_edi + L_sim + L_int (+ L_ev), Eq. (10): the terms of the plan with
+/// the weights of the options. Nothing here waits for the device.
+Objective objective(const ObjectiveInputs& inputs, const ObjectivePlan& plan,
+                    const ObjectiveOptions& options);
 
-/// The poses that the terms of `step` read, [M] int64 on the device of `draws`: mid-exposure where
-/// the target acts, then those of L_edi gray and colour. A pose that no term reads has no gradient,
-/// so rendering it costs time and dilutes the mean screen gradients of densification. Undefined
-/// where a term reads the mean render, and so all nine.
-/// @param draws  ObjectiveInputs.poses
-torch::Tensor poses_read(const ObjectiveOptions& options, int64_t step, const torch::Tensor& draws);
-
-/// Which terms act at `step`, so that a caller prepares only what they need.
-bool target_acts(const ObjectiveOptions& options, int64_t step);
-bool simulation_acts(const ObjectiveOptions& options, int64_t step);
-bool intensity_acts(const ObjectiveOptions& options, int64_t step);
-/// The camera response ρ is past its warm-up and some term reads it.
-bool tone_acts(const ObjectiveOptions& options, int64_t step);
+/// The poses that the terms read, [M] int64 on the device of `pose_draws`: mid-exposure where the
+/// target acts, then those of L_edi gray and colour. A pose that no term reads has no gradient, so
+/// rendering it costs time and dilutes the mean screen gradients of densification. Undefined for
+/// all nine.
+/// @param pose_draws  as ObjectiveInputs has them
+torch::Tensor poses_read(const ObjectivePlan& plan, const torch::Tensor& pose_draws);
 
 }  // namespace jade::losses

@@ -13,8 +13,8 @@ struct PoseViews {
 
 /// Mean and picks with one gradient pass: the gradient of all nine renders is written once, where
 /// separate selections would each allocate and add a batch of nine.
-/// @param renders  [K,3,H,W], differentiable
-/// @param poses    [M] int64 on the same device, repeats allowed
-PoseViews pose_views(const torch::Tensor& renders, const torch::Tensor& poses);
+/// @param renders       [K,3,H,W], differentiable
+/// @param pose_indices  [M] int64 on the same device, repeats allowed
+PoseViews pose_views(const torch::Tensor& renders, const torch::Tensor& pose_indices);
 
 }  // namespace jade::losses

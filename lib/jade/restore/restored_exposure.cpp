@@ -18,10 +18,10 @@ RestoredExposure restore_exposure(const data::Exposure& exposure,
   restored.blurry = exposure.blurry.to(device).contiguous();
   const torch::Tensor windows =
       events::edi_windows(restored.maps.windows, events.thresholds()).to(device);
-  restored.kernel = imaging::edi_kernel(windows, imaging::edi_index(events.edi_index));
+  restored.kernel = imaging::edi_kernel(windows, events.edi_index);
 
   // Part of the cache's keys.
-  std::string settings = concat("index ", events.edi_index);
+  std::string settings = concat("index ", word_of(events.edi_index));
   if (log_offset != 0) settings += concat(" offset ", log_offset);
   restored.restorations.edi = restorer.edi(restored.blurry, windows, settings, [&] {
     return imaging::edi_mid(restored.blurry + log_offset, restored.kernel) - log_offset;

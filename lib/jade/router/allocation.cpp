@@ -75,16 +75,21 @@ class PerViewAllocation : public Allocation {
 std::shared_ptr<Allocation> make_allocation(const AllocationOptions& options, int64_t views,
                                             int64_t height, int64_t width,
                                             at::Generator generator) {
-  if (options.kind == "none") return nullptr;
-  if (options.kind == "constant") return std::make_shared<ConstantAllocation>(options.constant);
-  if (options.kind == "global_scalar") return std::make_shared<GlobalScalarAllocation>();
-  if (options.kind == "per_view_map") {
-    return std::make_shared<PerViewAllocation>(views, height, width);
+  switch (options.kind) {
+    case AllocationKind::kRouter:
+      return std::make_shared<RoutedAllocation>(std::move(generator), /*sigmoid=*/true);
+    case AllocationKind::kRouterNoSigmoid:
+      return std::make_shared<RoutedAllocation>(std::move(generator), /*sigmoid=*/false);
+    case AllocationKind::kConstant:
+      return std::make_shared<ConstantAllocation>(options.constant);
+    case AllocationKind::kGlobalScalar:
+      return std::make_shared<GlobalScalarAllocation>();
+    case AllocationKind::kPerViewMap:
+      return std::make_shared<PerViewAllocation>(views, height, width);
+    case AllocationKind::kNone:
+      break;
   }
-  if (options.kind == "router" || options.kind == "router_no_sigmoid") {
-    return std::make_shared<RoutedAllocation>(std::move(generator), options.kind == "router");
-  }
-  throw ConfigError(concat("allocation.kind: unknown kind '", options.kind, "'"));
+  return nullptr;
 }
 
 }  // namespace jade::router

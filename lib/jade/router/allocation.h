@@ -4,7 +4,6 @@
 
 #include <ATen/core/Generator.h>
 #include <memory>
-#include <string>
 #include <torch/nn/module.h>
 #include <torch/types.h>
 
@@ -12,18 +11,34 @@
 
 namespace jade::router {
 
+enum class AllocationKind {
+  kRouter,
+  kRouterNoSigmoid,
+  kConstant,
+  kGlobalScalar,
+  kPerViewMap,
+  kNone
+};
+
+constexpr auto words_of(AllocationKind) {
+  using Kind = AllocationKind;
+  return std::array{
+      Word{"router", Kind::kRouter},
+      Word{"router_no_sigmoid", Kind::kRouterNoSigmoid, "the same without its sigmoid"},
+      Word{"constant", Kind::kConstant, "allocation.constant"},
+      Word{"global_scalar", Kind::kGlobalScalar, "one learned number"},
+      Word{"per_view_map", Kind::kPerViewMap, "one learned map per view"},
+      Word{"none", Kind::kNone, "no fused target"}};
+}
+
 struct AllocationOptions {
-  std::string kind = "router";
+  AllocationKind kind = AllocationKind::kRouter;
   double constant = 0.5;
 };
 
 template <class V>
 void describe(V& v, AllocationOptions& o) {
-  v.field(
-      "kind", o.kind,
-      "who decides between EDI (1) and EFNet (0): the router; the router without its sigmoid; "
-      "a constant; one learned number; one learned map a view; none: no fused target",
-      Choices{"router", "router_no_sigmoid", "constant", "global_scalar", "per_view_map", "none"});
+  v.field("kind", o.kind, "who decides between EDI (1) and EFNet (0)");
   v.field("constant", o.constant, "α of kind constant", Range{0, 1});
 }
 
@@ -42,7 +57,7 @@ class Allocation : public torch::nn::Module {
   bool trainable() const { return !parameters().empty(); }
 };
 
-/// The kind that the options name, on the CPU; nullptr for "none". The learned number and maps
+/// The kind that the options name, on the CPU; nullptr for kNone. The learned number and maps
 /// start at 0.5.
 /// @param views, height, width  sizes of per_view_map.
 std::shared_ptr<Allocation> make_allocation(const AllocationOptions& options, int64_t views,

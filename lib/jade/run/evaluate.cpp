@@ -55,7 +55,7 @@ data::Dataset load_run_dataset(const fs::path& run, const train::RunOptions& opt
     read_learned_cameras(run / kLearnedCamerasFile, dataset);
     return dataset;
   }
-  if (options.poses.optimize == "none") return dataset;
+  if (options.poses.optimize == train::PosePath::kNone) return dataset;
   if (fs::exists(run / "eval.json")) {
     throw DataError(concat((run / kLearnedCamerasFile).string(),
                            ": expected the cameras that this run has learned, found no file; "

@@ -52,8 +52,8 @@ geometry::Pose fitted(const data::SharpView& view, const splat::Gaussians& gauss
 /// The test views, then the nine poses of each exposure.
 std::vector<data::NamedCamera> all_cameras(const data::Dataset& dataset) {
   std::vector<data::NamedCamera> cameras;
-  if (!dataset.test.empty()) cameras = data::dataset_cameras(dataset, "test", "");
-  for (data::NamedCamera& camera : data::dataset_cameras(dataset, "exposure", "")) {
+  if (!dataset.test.empty()) cameras = data::dataset_cameras(dataset, data::CameraSet::kTest, "");
+  for (data::NamedCamera& camera : data::dataset_cameras(dataset, data::CameraSet::kExposure, "")) {
     cameras.push_back(std::move(camera));
   }
   return cameras;

@@ -14,11 +14,9 @@
 #include "jade/core/interrupt.h"
 #include "jade/core/log.h"
 #include "jade/core/progress.h"
-#include "jade/core/random.h"
 #include "jade/core/version.h"
 #include "jade/eval/metrics.h"
 #include "jade/gaussians/ply.h"
-#include "jade/imaging/color.h"
 #include "jade/imaging/image_io.h"
 #include "jade/run/checkpoint.h"
 #include "jade/run/evaluate.h"
@@ -39,31 +37,26 @@ std::string yaml_of(train::RunOptions options) {
   return config::to_yaml(fields_of(options), "Resolved configuration of this run");
 }
 
-std::vector<geometry::Pose> camera_poses(const data::Dataset& dataset) {
-  std::vector<geometry::Pose> poses;
-  // The first pose of each exposure, as the inherited backbone measures the scene.
-  for (const data::Exposure& exposure : dataset.train) poses.push_back(exposure.poses[0]);
-  return poses;
-}
-
-gaussians::InitSources init_sources(const data::Dataset& dataset) {
-  gaussians::InitSources sources;
-  for (const data::Exposure& exposure : dataset.train) {
-    sources.views.push_back({exposure.poses[geometry::kMidPose], exposure.camera, exposure.blurry});
+/// @throws DataError for a folder that holds a run where a new one is to begin, and for a data set
+///   that nothing can be trained on.
+RunData load_data(const RunDirectory& directory, const train::RunOptions& options, bool is_new) {
+  if (is_new && directory.holds_a_run()) {
+    throw DataError(
+        concat(directory.path().string(),
+               ": holds a run already; go on with it (--resume) or choose another --output"));
   }
-  sources.near = dataset.near;
-  sources.far = dataset.far;
-  sources.points.points = dataset.points;
-  sources.points.colors = dataset.point_colors;
-  return sources;
-}
-
-/// The same Gaussians in gray: colours are linear in SH, so g(·) of the coefficients is that of the
-/// colours.
-splat::Gaussians in_gray(splat::Gaussians start) {
-  const torch::Tensor planes = start.sh.transpose(1, 2).unsqueeze(-1);  // [N,3,K,1]
-  start.sh = imaging::as_gray(planes).squeeze(-1).transpose(1, 2).contiguous();
-  return start;
+  RunData data;
+  // A wrong path is told before minutes of loading.
+  data.restorer_sha256 = train::restorer_sha256(options);
+  std::vector<std::string> warnings;
+  data.dataset = data::load_dataset(options.dataset, &warnings);
+  for (const std::string& warning : warnings) log_warn(warning);
+  if (data.dataset.train.empty()) {
+    throw DataError(concat(data.dataset.root.string(),
+                           ": expected at least one training exposure, found none"));
+  }
+  data.fingerprint = data_fingerprint(data.dataset);
+  return data;
 }
 
 /// True when `due` divides the step; 0 is never.
@@ -76,81 +69,28 @@ Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const st
       device_(select_device(options.device)),
       stream_(device_),
       directory_(run),
-      view_order_(static_cast<uint64_t>(options.seed), 1),
+      data_(load_data(directory_, options, resume.empty())),
+      view_order_(static_cast<uint64_t>(options.seed),
+                  static_cast<int64_t>(data_.dataset.train.size())),
       pose_draws_(static_cast<uint64_t>(options.seed), device_) {
-  if (resume.empty() && directory_.holds_a_run()) {
-    throw DataError(
-        concat(run.string(),
-               ": holds a run already; go on with it (--resume) or choose another --output"));
-  }
-  // A wrong path is told before minutes of loading.
-  restorer_sha256_ = train::restorer_sha256(options_);
-  std::vector<std::string> warnings;
-  dataset_ = data::load_dataset(options_.dataset, &warnings);
-  for (const std::string& warning : warnings) log_warn(warning);
-  if (dataset_.train.empty()) {
-    throw DataError(
-        concat(dataset_.root.string(), ": expected at least one training exposure, found none"));
-  }
-  fingerprint_ = data_fingerprint(dataset_);
-  view_order_ = train::ViewOrder(static_cast<uint64_t>(options_.seed),
-                                 static_cast<int64_t>(dataset_.train.size()));
   train::settle(options_);
   if (resume.empty() || !resume_from(resume)) {
-    options_.splat.near_plane = train::near_plane(options_.splat, dataset_);
-    make_state(dataset_);
+    options_.splat.near_plane = train::near_plane(options_.splat, data_.dataset);
+    state_ = train::make_state(options_, data_.dataset, device_);
   }
   set_log_file(directory_.path() / "train.log");
   announce();
   write_file(directory_.path() / "config.yaml", yaml_of(options_));
   write_environment();
-  views_ = train::prepare_views(dataset_, options_, device_);
-  if (train::StepGraph::can_record(options_, device_))
-    step_graph_ = std::make_unique<train::StepGraph>();
+  views_ = train::prepare_views(data_.dataset, options_, device_);
   if (options_.objective.event_loss_weight > 0) {
     event_windows_ = std::make_unique<train::EventWindows>(
-        dataset_, options_.objective, static_cast<uint64_t>(options_.seed), device_);
+        data_.dataset, options_.objective, static_cast<uint64_t>(options_.seed), device_);
   }
   metrics_ = std::make_unique<MetricsLog>(directory_.path() / "metrics.jsonl", state_.step);
 }
 
 Trainer::~Trainer() { set_log_file({}); }
-
-void Trainer::make_state(const data::Dataset& dataset) {
-  const auto seed = static_cast<uint64_t>(options_.seed);
-  auto init_generator = make_generator(seed, "initial points");
-  auto start = gaussians::initial_gaussians(options_.init, init_sources(dataset), init_generator);
-  if (dataset.monochrome) start = in_gray(std::move(start));
-  state_.gaussians =
-      gaussians::GaussianModel(start, gaussians::scene_extent(camera_poses(dataset)), device_);
-  state_.gaussian_adam =
-      gaussians::GaussianAdam(state_.gaussians, options_.optim, dataset.monochrome);
-  state_.densifier = gaussians::Densifier(options_.densify, state_.gaussians,
-                                          make_generator(seed, "densification"));
-  if (options_.objective.target == "routed") {
-    const auto& camera = dataset.train.front().camera;
-    state_.allocation =
-        router::make_allocation(options_.allocation, static_cast<int64_t>(dataset.train.size()),
-                                camera.height, camera.width, make_generator(seed, "router start"));
-  }
-  if (state_.allocation) {
-    state_.allocation->to(device_);
-    if (state_.allocation->trainable()) {
-      state_.allocation_adam =
-          train::ModuleAdam(state_.allocation->parameters(), options_.route.lr);
-    }
-  }
-  if (options_.response.enabled) {
-    state_.response = response::CameraResponse();
-    state_.response->to(device_);
-    if (options_.response.lr > 0)
-      state_.response_adam =
-          train::ModuleAdam(state_.response->parameters(), options_.response.lr, 1e-15);
-  }
-  state_.poses = train::make_exposure_poses(options_.poses, dataset.train);
-  if (state_.poses)
-    state_.poses_adam = train::ModuleAdam(state_.poses->parameters(), options_.poses.lr);
-}
 
 bool Trainer::resume_from(const std::string& choice) {
   std::vector<fs::path> candidates =
@@ -172,7 +112,7 @@ bool Trainer::resume_from(const std::string& choice) {
     // A whole checkpoint of another run is refused; an older one would not make it the same run.
     keep_decisions(saved_options(info.config));
     check_same_run(candidates[i], info);
-    make_state(dataset_);
+    state_ = train::make_state(options_, data_.dataset, device_);
     load_checkpoint(candidates[i], state_);
     log_info(concat("resumed from ", candidates[i].filename().string(), ", step ", state_.step));
     return true;
@@ -201,18 +141,19 @@ void Trainer::check_same_run(const fs::path& checkpoint, const CheckpointInfo& i
                              keys, ". Put them back or start a new --output"));
   }
   for (const std::string& line : difference.allowed) log_info("changed on resume: " + line);
-  if (info.fingerprint != fingerprint_) {
+  if (info.fingerprint != data_.fingerprint) {
     throw CheckpointError(concat(checkpoint.string(), ": made from other data than ",
-                                 dataset_.root.string(), "; check dataset.path and dataset.color"));
+                                 data_.dataset.root.string(),
+                                 "; check dataset.path and dataset.color"));
   }
-  if (restorer_sha256_.empty()) return;
+  if (data_.restorer_sha256.empty()) return;
   if (info.restorer_sha256.empty()) {
     log_warn(concat(checkpoint.string(),
                     ": holds no hash of the restorer, as an older program wrote it; make sure that "
                     "efnet.path is the file the run began with"));
-  } else if (info.restorer_sha256 != restorer_sha256_) {
+  } else if (info.restorer_sha256 != data_.restorer_sha256) {
     throw CheckpointError(concat(checkpoint.string(), ": expected the restorer with SHA-256 ",
-                                 info.restorer_sha256, ", found ", restorer_sha256_,
+                                 info.restorer_sha256, ", found ", data_.restorer_sha256,
                                  "; set efnet.path to the file the run began with or start a new "
                                  "--output"));
   }
@@ -220,22 +161,23 @@ void Trainer::check_same_run(const fs::path& checkpoint, const CheckpointInfo& i
 
 void Trainer::announce() const {
   int64_t event_count = 0;
-  for (const data::Exposure& exposure : dataset_.train) event_count += exposure.events.size();
-  const auto& camera = dataset_.train.front().camera;
+  for (const data::Exposure& exposure : data_.dataset.train) event_count += exposure.events.size();
+  const auto& camera = data_.dataset.train.front().camera;
   log_info(concat("device      ", device_name(device_)));
-  log_info(concat("data        ", dataset_.name, " (", dataset_.kind, "): ", dataset_.train.size(),
-                  " exposures of ", camera.width, "x", camera.height,
-                  dataset_.monochrome ? ", monochrome, " : " in colour, ", event_count, " events; ",
-                  dataset_.test.size(), " sharp test views (", dataset_.split, ")"));
+  log_info(concat("data        ", data_.dataset.name, " (", word_of(data_.dataset.kind),
+                  "): ", data_.dataset.train.size(), " exposures of ", camera.width, "x",
+                  camera.height, data_.dataset.monochrome ? ", monochrome, " : " in colour, ",
+                  event_count, " events; ", data_.dataset.test.size(), " sharp test views (",
+                  data_.dataset.split, ")"));
   log_info(concat("scene       ", state_.gaussians.size(), " Gaussians, extent ",
                   state_.gaussians.extent(), ", near plane ",
                   train::render_options(options_).near_plane));
   if (state_.allocation) {
     int64_t count = 0;
     for (const auto& parameter : state_.allocation->parameters()) count += parameter.numel();
-    log_info(concat("allocation  ", options_.allocation.kind, ", ", count, " parameters"));
+    log_info(concat("allocation  ", word_of(options_.allocation.kind), ", ", count, " parameters"));
   } else {
-    log_info(concat("target      ", options_.objective.target));
+    log_info(concat("target      ", word_of(options_.objective.target)));
   }
   if (train::needs_efnet(options_))
     log_info(concat("restorer    ", restore::restorer_path(options_.efnet).string()));
@@ -250,37 +192,42 @@ void Trainer::write_environment() const {
                                      {"cuda", cuda_version()},
                                      {"device", device_name(device_)},
                                      {"seed", options_.seed},
-                                     {"data_fingerprint", fingerprint_}};
-  if (!restorer_sha256_.empty()) environment["restorer_sha256"] = restorer_sha256_;
+                                     {"data_fingerprint", data_.fingerprint}};
+  if (!data_.restorer_sha256.empty()) environment["restorer_sha256"] = data_.restorer_sha256;
   write_file(directory_.path() / "env.json", environment.dump(2) + "\n");
+}
+
+train::StepInputs Trainer::inputs_of(int64_t step) {
+  const int64_t index = view_order_.at(step);
+  train::StepInputs inputs{
+      step, views_[static_cast<size_t>(index)], index, pose_draws_.at(step), {}};
+  if (event_windows_) inputs.events = event_windows_->at(step, index);
+  return inputs;
 }
 
 void Trainer::step() {
   const int64_t step = state_.step + 1;
-  const int64_t index = view_order_.at(step);
-  const train::View& view = views_[static_cast<size_t>(index)];
-  train::StepInputs inputs{view, index, pose_draws_.at(step), {}};
-  if (event_windows_) inputs.events = event_windows_->at(step, index);
-  const train::StepOutputs out = step_graph_ ? step_graph_->run(state_, inputs, step, options_)
-                                             : train::alternate(state_, inputs, step, options_);
+  const train::StepInputs inputs = inputs_of(step);
+  const train::StepOutputs out =
+      step_graph_.run(state_, inputs, train::plan_step(options_, step), options_);
   if (state_.densifier.due(step)) {
     state_.densifier.update(step, state_.gaussians, state_.gaussian_adam);
   }
   state_.step = step;
   monitor_.watch(out.terms, step);
   if (metrics_ && (every(step, options_.train.log_every) || step == options_.train.iterations)) {
-    log_step(view, out.renders, out.terms);
+    log_step(inputs, out);
   }
 }
 
-void Trainer::log_step(const train::View& view, const train::Renders& renders,
-                       const std::vector<losses::NamedTerm>& terms) {
+void Trainer::log_step(const train::StepInputs& inputs, const train::StepOutputs& out) {
   monitor_.check();
   const torch::NoGradGuard no_grad;
-  const int64_t index = &view - views_.data();
+  const train::View& view = inputs.view;
+  const int64_t index = inputs.view_index;
   nlohmann::ordered_json line{{"step", state_.step}};
   double total = 0;
-  for (const losses::NamedTerm& term : terms) {
+  for (const losses::NamedTerm& term : out.terms) {
     const double value = term.value.item<double>();
     line[term.name] = value;
     if (term.name.rfind("route_", 0) != 0) total += value;
@@ -288,8 +235,8 @@ void Trainer::log_step(const train::View& view, const train::Renders& renders,
   line["loss"] = total;
   // How well the simulated blur explains the frame: the one PSNR that needs no sharp truth.
   const torch::Tensor nine =
-      renders.all_poses()
-          ? renders.color.detach()
+      out.renders.all_poses()
+          ? out.renders.color.detach()
           : splat::render(state_.gaussians.detached(), train::exposure_cameras(state_, view, index),
                           train::render_options(options_))
                 .color;
@@ -319,7 +266,8 @@ void Trainer::log_step(const train::View& view, const train::Renders& renders,
 
 void Trainer::save() {
   monitor_.check();
-  save_checkpoint(directory_.path(), state_, {yaml_of(options_), fingerprint_, restorer_sha256_},
+  save_checkpoint(directory_.path(), state_,
+                  {yaml_of(options_), data_.fingerprint, data_.restorer_sha256},
                   options_.checkpoint.keep);
 }
 
@@ -352,9 +300,9 @@ void Trainer::log_evaluation(const data::Dataset& posed) {
 }
 
 data::Dataset Trainer::posed_dataset() {
-  if (!state_.poses) return dataset_;
+  if (!state_.poses) return data_.dataset;
   monitor_.check();
-  return with_learned_poses(dataset_, *state_.poses, state_.gaussians.detached(),
+  return with_learned_poses(data_.dataset, *state_.poses, state_.gaussians.detached(),
                             options_.poses.test_fit_steps, train::render_options(options_));
 }
 
@@ -393,7 +341,7 @@ void Trainer::finish() {
     write_learned_cameras(directory_.path() / kLearnedCamerasFile, posed);
   }
   write_pictures(posed);
-  if (!dataset_.test.empty()) {
+  if (!data_.dataset.test.empty()) {
     const eval::Evaluation evaluation = evaluate(posed);
     write_file(directory_.path() / "eval.json", eval::to_json(evaluation));
     log_info("on the sharp test views:\n" + eval::to_table(evaluation));
@@ -417,7 +365,7 @@ void Trainer::run() {
     if (last) break;
     if (every(state_.step, options_.checkpoint.every)) save();
     const bool evaluation_due =
-        every(state_.step, options_.train.evaluate_every) && !dataset_.test.empty();
+        every(state_.step, options_.train.evaluate_every) && !data_.dataset.test.empty();
     const bool pictures_due = every(state_.step, options_.train.picture_every);
     if (!evaluation_due && !pictures_due) continue;
     const data::Dataset posed = posed_dataset();

@@ -21,6 +21,13 @@
 
 namespace jade::run {
 
+/// What a run trains on.
+struct RunData {
+  data::Dataset dataset;
+  std::string fingerprint;      ///< of the data set, see data_fingerprint()
+  std::string restorer_sha256;  ///< empty where no restorer is needed
+};
+
 /// The loop and its calendar: what is due at which step. What a step does stands in routing_step.h
 /// and scene_step.h.
 class Trainer {
@@ -46,13 +53,12 @@ class Trainer {
   const train::TrainState& state() const { return state_; }
   const std::vector<train::View>& views() const { return views_; }
   /// How many of the steps were replays of a CUDA graph.
-  int64_t replays() const { return step_graph_ ? step_graph_->replays() : 0; }
+  int64_t replays() const { return step_graph_.replays(); }
   /// Scores on the sharp test views as they are now, LPIPS where its modules are at hand.
   eval::Evaluation evaluate();
 
  private:
   eval::Evaluation evaluate(const data::Dataset& posed);
-  void make_state(const data::Dataset& dataset);
   /// False where there is nothing to go on from.
   bool resume_from(const std::string& choice);
   /// What a run decides when it starts stays with it: its calendar and its near plane.
@@ -60,8 +66,8 @@ class Trainer {
   void check_same_run(const std::filesystem::path& checkpoint, const CheckpointInfo& info) const;
   void announce() const;
   void write_environment() const;
-  void log_step(const train::View& view, const train::Renders& renders,
-                const std::vector<losses::NamedTerm>& terms);
+  train::StepInputs inputs_of(int64_t step);
+  void log_step(const train::StepInputs& inputs, const train::StepOutputs& out);
   void log_evaluation(const data::Dataset& posed);
   void save();
   /// The data set with the poses at which the scene is to be seen: learned ones where poses are.
@@ -74,15 +80,13 @@ class Trainer {
   torch::Device device_;
   train::StreamScope stream_;  // before every tensor
   RunDirectory directory_;
-  data::Dataset dataset_;
-  std::string fingerprint_;
-  std::string restorer_sha256_;  // empty where no restorer is needed
+  RunData data_;
   std::vector<train::View> views_;
   train::TrainState state_;
   train::ViewOrder view_order_;
   train::PoseDraws pose_draws_;
   std::unique_ptr<train::EventWindows> event_windows_;  // only with L_ev
-  std::unique_ptr<train::StepGraph> step_graph_;  // only on a GPU, where steps can be recorded
+  train::StepGraph step_graph_;
   TermMonitor monitor_;
   std::unique_ptr<MetricsLog> metrics_;
   std::string status_;         // for the progress bar

@@ -59,7 +59,8 @@ StoredFootage::StoredFootage(const std::filesystem::path& path, double frames_pe
                              double log_eps)
     : log_eps_(log_eps) {
   data::DatasetOptions options;
-  options.path = path, options.kind = "transforms", options.split = "none";
+  options.path = path, options.kind = data::DatasetKind::kTransforms,
+  options.split = data::SplitKind::kNone;
   std::vector<std::string> warnings;
   data::Dataset frames = data::load_dataset(options, &warnings);
   for (const std::string& warning : warnings) log_warn(warning);

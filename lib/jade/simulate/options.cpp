@@ -8,10 +8,10 @@
 
 namespace jade::simulate {
 
-SimulateOptions preset_options(const std::string& name) {
+SimulateOptions preset_options(Preset preset) {
   SimulateOptions o;
-  o.preset = name;
-  if (name == "cdavis") {
+  o.preset = preset;
+  if (preset == Preset::kCdavis) {
     o.image.full_well = 8000;
     o.image.read_noise = 0.004;
     o.events.threshold_positive = o.events.threshold_negative = 0.25;
@@ -22,14 +22,12 @@ SimulateOptions preset_options(const std::string& name) {
     o.events.shot_hz = 1;
     o.events.hot_fraction = 1e-4;
     o.events.hot_hz = 50;
-  } else if (name == "blender") {
+  } else {
     o.width = 600, o.height = 400, o.focal_px = 600;
     o.exposures = 29, o.exposure_ms = 40, o.gap_ms = 5;
     o.motion.blur_px = 20;
     o.sampling.min_fps = 1000;
-    o.image.encoding = "srgb";
-  } else {
-    throw ConfigError(concat("simulate.preset: expected cdavis or blender, found '", name, "'"));
+    o.image.encoding = Encoding::kSrgb;
   }
   return o;
 }
@@ -37,13 +35,13 @@ SimulateOptions preset_options(const std::string& name) {
 void validate(const SimulateRun& run) {
   const SimulateOptions& o = run.simulate;
   const auto names = world::world_names();
-  if (o.source == "world" && std::find(names.begin(), names.end(), o.world) == names.end()) {
+  if (o.source == Source::kWorld && std::find(names.begin(), names.end(), o.world) == names.end()) {
     std::string known;
     for (const auto& name : names) known += (known.empty() ? "" : ", ") + name;
     throw ConfigError(concat("simulate.world: expected one of ", known, "; found '", o.world, "'"));
   }
-  if (o.source != "world" && o.path.empty()) {
-    throw ConfigError(concat("simulate.path: source '", o.source,
+  if (o.source != Source::kWorld && o.path.empty()) {
+    throw ConfigError(concat("simulate.path: source '", word_of(o.source),
                              "' needs a file or folder, found nothing; set simulate.path"));
   }
   for (const auto* vector : {&o.camera.eye, &o.camera.target, &o.camera.up, &o.camera.eye_reach,

@@ -50,18 +50,31 @@ void describe(V& v, SamplingOptions& o) {
   v.field("sharp_samples", o.sharp_samples, "rays a pixel of sharp pictures", Range{1, 256});
 }
 
+/// How light becomes stored values.
+enum class Encoding { kLinear, kSrgb };
+
+constexpr auto words_of(Encoding) {
+  return std::array{Word{"linear", Encoding::kLinear}, Word{"srgb", Encoding::kSrgb}};
+}
+
+/// What a sensor sums.
+enum class Space { kStored, kLinear };
+
+constexpr auto words_of(Space) {
+  return std::array{Word{"stored", Space::kStored, "stored values"},
+                    Word{"linear", Space::kLinear, "linear light"}};
+}
+
 struct ImageSensorOptions {
-  std::string encoding = "linear";
-  std::string blur_space = "stored";
+  Encoding encoding = Encoding::kLinear;
+  Space blur_space = Space::kStored;
   double full_well = 0;
   double read_noise = 0;
 };
 template <class V>
 void describe(V& v, ImageSensorOptions& o) {
-  v.field("encoding", o.encoding, "how light becomes stored values; the scene holds stored values",
-          Choices{"linear", "srgb"});
-  v.field("blur_space", o.blur_space, "what an exposure averages: stored values, or linear light",
-          Choices{"stored", "linear"});
+  v.field("encoding", o.encoding, "how light becomes stored values; the scene holds stored values");
+  v.field("blur_space", o.blur_space, "what an exposure averages");
   v.field("full_well", o.full_well, "electrons of a white pixel, for photon noise; 0: none",
           Range{0, 1e9});
   v.field("read_noise", o.read_noise, "standard deviation, as a fraction of white", Range{0, 1});
@@ -70,7 +83,7 @@ void describe(V& v, ImageSensorOptions& o) {
 struct EventSensorOptions {
   double threshold_positive = 0.2, threshold_negative = 0.2;
   double threshold_spread = 0;
-  std::string space = "stored";
+  Space space = Space::kStored;
   double log_eps = 1e-3;
   int64_t refractory_us = 0;
   double cutoff_hz = 0;
@@ -87,8 +100,7 @@ void describe(V& v, EventSensorOptions& o) {
   v.field("threshold_spread", o.threshold_spread,
           "standard deviation of each threshold from pixel to pixel (kept above 0.01)",
           Range{0, 1});
-  v.field("space", o.space, "what the event pixels see: stored values, or linear light",
-          Choices{"stored", "linear"});
+  v.field("space", o.space, "what the event pixels see");
   v.field("log_eps", o.log_eps, "added to the intensity before the logarithm", Range{1e-6, 1});
   v.field("refractory_us", o.refractory_us, "dead time of a pixel after an event, µs",
           Range{0, 1e6});
@@ -114,10 +126,28 @@ void describe(V& v, PoseNoiseOptions& o) {
           Range{0, 10});
 }
 
+/// Defaults of everything else.
+enum class Preset { kCdavis, kBlender };
+
+constexpr auto words_of(Preset) {
+  return std::array{
+      Word{"cdavis", Preset::kCdavis, "346×260, 100 ms, thresholds 0.25, noisy sensor"},
+      Word{"blender", Preset::kBlender, "600×400, 40 ms at 1000 frames per second, clean"}};
+}
+
+/// What the camera sees.
+enum class Source { kWorld, kPly, kFrames };
+
+constexpr auto words_of(Source) {
+  return std::array{Word{"world", Source::kWorld, "a built-in world", "scene"},
+                    Word{"ply", Source::kPly, "a Gaussian .ply"},
+                    Word{"frames", Source::kFrames, "sharp frames"}};
+}
+
 /// What to simulate. The initialisers are those of a clean sensor; presets change them.
 struct SimulateOptions {
-  std::string preset = "cdavis";
-  std::string source = "world";
+  Preset preset = Preset::kCdavis;
+  Source source = Source::kWorld;
   std::string world = "desk";
   std::filesystem::path path;
   int64_t width = 346, height = 260;
@@ -134,9 +164,8 @@ struct SimulateOptions {
 };
 template <class V>
 void describe(V& v, SimulateOptions& o) {
-  v.field("preset", o.preset, "defaults of everything below", Choices{"cdavis", "blender"});
-  v.field("source", o.source, "what the camera sees: a built-in world, a Gaussian .ply, or frames",
-          Choices{"world", "ply", "frames"});
+  v.field("preset", o.preset, "defaults of everything below");
+  v.field("source", o.source, "what the camera sees");
   v.renamed("scene", "world");
   v.field("world", o.world,
           "desk, workshop, bookshelf, corridor, garden, market, gallery, clutter");
@@ -162,10 +191,8 @@ void describe(V& v, SimulateOptions& o) {
   v.group("poses", o.poses, "error of the written poses, as structure from motion makes");
 }
 
-/// Defaults of a preset: "cdavis" (346×260, 100 ms, thresholds 0.25, noisy sensor) or "blender"
-/// (600×400, 40 ms at 1000 frames a second, thresholds 0.2, clean).
-/// @throws ConfigError for another name.
-SimulateOptions preset_options(const std::string& name);
+/// Defaults of a preset; kBlender has thresholds of 0.2.
+SimulateOptions preset_options(Preset preset);
 
 /// The top level of a simulation file.
 struct SimulateRun {

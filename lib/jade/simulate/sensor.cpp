@@ -16,20 +16,20 @@ torch::Tensor quantized(const torch::Tensor& image) {
 
 }  // namespace
 
-float decode(float v, const std::string& encoding) {
-  if (encoding == "linear") return v;
+float decode(float v, Encoding encoding) {
+  if (encoding == Encoding::kLinear) return v;
   return v <= 0.04045f ? v / 12.92f : std::pow((v + 0.055f) / 1.055f, 2.4f);
 }
 
-float encode(float v, const std::string& encoding) {
-  if (encoding == "linear") return v;
+float encode(float v, Encoding encoding) {
+  if (encoding == Encoding::kLinear) return v;
   return v <= 0.0031308f ? 12.92f * v : 1.055f * std::pow(v, 1 / 2.4f) - 0.055f;
 }
 
 void event_intensity(const world::SharpFrame& frame, const ImageSensorOptions& image,
                      const EventSensorOptions& events, std::vector<float>& intensity) {
   const int64_t pixels = frame.width * frame.height;
-  const bool light = events.space == "linear" && image.encoding != "linear";
+  const bool light = events.space == Space::kLinear && image.encoding != Encoding::kLinear;
   intensity.resize(static_cast<size_t>(pixels));
   at::parallel_for(0, pixels, 4096, [&](int64_t begin, int64_t end) {
     for (int64_t i = begin; i < end; ++i) {
@@ -44,7 +44,7 @@ Exposing::Exposing(const ImageSensorOptions& options, int64_t width, int64_t hei
     : options_(options),
       width_(width),
       height_(height),
-      in_light_(options.blur_space == "linear" && options.encoding != "linear"),
+      in_light_(options.blur_space == Space::kLinear && options.encoding != Encoding::kLinear),
       sum_(static_cast<size_t>(3 * width * height)) {}
 
 void Exposing::add(const world::SharpFrame& before, const world::SharpFrame& after,

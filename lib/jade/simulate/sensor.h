@@ -10,9 +10,9 @@
 
 namespace jade::simulate {
 
-/// Stored value ↔ linear light of an encoding ("linear" or "srgb"); both in [0,1].
-float decode(float stored, const std::string& encoding);
-float encode(float linear, const std::string& encoding);
+/// Stored value ↔ linear light of an encoding; both in [0,1].
+float decode(float stored, Encoding encoding);
+float encode(float linear, Encoding encoding);
 
 /// What an event pixel sees of a frame: 0.299 R + 0.587 G + 0.114 B of stored values or light.
 void event_intensity(const world::SharpFrame& frame, const ImageSensorOptions& image,

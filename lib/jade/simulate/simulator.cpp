@@ -92,7 +92,7 @@ world::CameraRig rig_for(const CameraOptions& o, world::CameraRig rig) {
 
 std::unique_ptr<Footage> open_footage(const SimulateRun& run, const Timeline& timeline) {
   const SimulateOptions& o = run.simulate;
-  if (o.source == "frames") {
+  if (o.source == Source::kFrames) {
     auto footage = std::make_unique<StoredFootage>(o.path, o.frame_rate_hz, o.events.log_eps);
     if (footage->duration_us() < timeline.end_us) {
       throw ConfigError(concat("simulate.exposures: ", o.exposures, " exposures last ",
@@ -103,7 +103,7 @@ std::unique_ptr<Footage> open_footage(const SimulateRun& run, const Timeline& ti
     }
     return footage;
   }
-  if (o.source == "ply") {
+  if (o.source == Source::kPly) {
     auto source = std::make_unique<GaussianSource>(o.path);
     const world::CameraRig rig = rig_for(o.camera, source->rig());
     return std::make_unique<RenderedFootage>(run, std::move(source), rig, timeline);

@@ -70,7 +70,7 @@ EventWindows::EventWindows(const data::Dataset& dataset, const losses::Objective
       device_(device) {
   const double exposure_us = static_cast<double>(dataset.train.front().duration_us());
   window_us_ = std::max<int64_t>(1, std::llround(exposure_us * options.event_window_share));
-  if (options.event_window == "recording" && !events_.empty()) {
+  if (options.event_window == losses::EventSpan::kRecording && !events_.empty()) {
     spans_.push_back({events_.first_us(), events_.last_us() + 1, path_of(dataset)});
   } else {
     for (const data::Exposure& exposure : dataset.train) {

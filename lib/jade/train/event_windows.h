@@ -9,6 +9,7 @@
 #include "jade/geometry/trajectory.h"
 #include "jade/losses/objective.h"
 #include "jade/splat/render.h"
+#include "jade/train/visit.h"
 
 namespace jade::train {
 
@@ -21,6 +22,24 @@ struct EventWindow {
   torch::Tensor color_filter;  ///< [H,W,3] bool, the colour of each pixel's events; undefined: gray
 
   bool defined() const { return counts.defined(); }
+
+  /// Calls `visitor(name, tensor)` for every tensor, once.
+  template <class Visitor>
+  void visit(Visitor&& visitor) {
+    visit_each(*this, visitor);
+  }
+  template <class Visitor>
+  void visit(Visitor&& visitor) const {
+    visit_each(*this, visitor);
+  }
+
+ private:
+  template <class Self, class Visitor>
+  static void visit_each(Self& self, Visitor& visitor) {
+    visit_members<EventWindow>(visitor, Member{"cameras", self.cameras},
+                               Member{"counts", self.counts}, Member{"pixels", self.pixels},
+                               Member{"color_filter", self.color_filter});
+  }
 };
 
 /// Draws the time windows of L_ev as functions of the seed and the step, like train/draws.h.
@@ -41,7 +60,7 @@ class EventWindows {
     geometry::Trajectory path;
   };
 
-  std::vector<Span> spans_;  ///< one an exposure, or a single one for the recording
+  std::vector<Span> spans_;  ///< one per exposure, or a single one for the recording
   events::EventStream events_;
   geometry::Intrinsics camera_;
   torch::Tensor color_filter_;

@@ -46,11 +46,10 @@ double pose_lr(const PoseOptions& options, int64_t step) {
   return std::exp(start + (end - start) * share);
 }
 
-ExposurePoses::ExposurePoses(const std::string& kind,
-                             const std::vector<data::Exposure>& exposures) {
+ExposurePoses::ExposurePoses(PosePath path, const std::vector<data::Exposure>& exposures) {
   std::vector<torch::Tensor> guesses;
   for (const data::Exposure& exposure : exposures) {
-    guesses.push_back(first_guess(exposure, kind == "cubic"));
+    guesses.push_back(first_guess(exposure, path == PosePath::kCubic));
   }
   guess_ = torch::stack(guesses);
   twists_ = register_parameter("twists",
@@ -76,7 +75,7 @@ torch::Tensor ExposurePoses::forward(int64_t exposure, torch::Device device) con
 
 std::shared_ptr<ExposurePoses> make_exposure_poses(const PoseOptions& options,
                                                    const std::vector<data::Exposure>& exposures) {
-  if (options.optimize == "none") return nullptr;
+  if (options.optimize == PosePath::kNone) return nullptr;
   return std::make_shared<ExposurePoses>(options.optimize, exposures);
 }
 

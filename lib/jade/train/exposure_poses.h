@@ -3,7 +3,6 @@
 #pragma once
 
 #include <memory>
-#include <string>
 #include <torch/nn/module.h>
 #include <torch/types.h>
 #include <vector>
@@ -13,8 +12,17 @@
 
 namespace jade::train {
 
+/// The learned path through an exposure.
+enum class PosePath { kNone, kLinear, kCubic };
+
+constexpr auto words_of(PosePath) {
+  return std::array{Word{"none", PosePath::kNone, "the poses of the data stay"},
+                    Word{"linear", PosePath::kLinear, "between two poses in SE(3)"},
+                    Word{"cubic", PosePath::kCubic, "along a B-spline of four poses"}};
+}
+
 struct PoseOptions {
-  std::string optimize = "none";
+  PosePath optimize = PosePath::kNone;
   double lr = 1e-3;
   double lr_final = 1e-5;
   Steps lr_max_steps = Steps::share(120);
@@ -24,10 +32,7 @@ struct PoseOptions {
 
 template <class V>
 void describe(V& v, PoseOptions& o) {
-  v.field("optimize", o.optimize,
-          "learn the camera's path through each exposure: linear between two poses in SE(3), cubic "
-          "along a B-spline of four; none keeps the poses of the data",
-          Choices{"none", "linear", "cubic"});
+  v.field("optimize", o.optimize, "learn the camera's path through each exposure");
   v.field("lr", o.lr, "Adam step size of the poses at step 0", Range{0, 1});
   v.field("lr_final", o.lr_final, "the same at lr_max_steps; log-linear between", Range{0, 1});
   v.field("lr_max_steps", o.lr_max_steps, "steps over which it falls", Range{1, 1e9});
@@ -48,8 +53,8 @@ double pose_lr(const PoseOptions& options, int64_t step);
 /// CPU. At the start the path is the SE(3) line from the exposure's first pose to its last.
 class ExposurePoses : public torch::nn::Module {
  public:
-  /// @param kind  "linear" or "cubic".
-  ExposurePoses(const std::string& kind, const std::vector<data::Exposure>& exposures);
+  /// @param path  kLinear or kCubic.
+  ExposurePoses(PosePath path, const std::vector<data::Exposure>& exposures);
 
   /// camera_from_world of the nine poses of an exposure, [9,4,4] float32 on `device`;
   /// differentiable in the twists.
@@ -60,7 +65,7 @@ class ExposurePoses : public torch::nn::Module {
   torch::Tensor twists_;  ///< [V,K,6], the parameter
 };
 
-/// nullptr for kind "none".
+/// nullptr where the poses of the data stay.
 std::shared_ptr<ExposurePoses> make_exposure_poses(const PoseOptions& options,
                                                    const std::vector<data::Exposure>& exposures);
 

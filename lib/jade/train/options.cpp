@@ -2,35 +2,27 @@
 #include "jade/train/options.h"
 
 #include "jade/core/error.h"
+#include "jade/train/plan.h"
 
 namespace jade::train {
 namespace {
 
 bool is_routed(const RunOptions& options) {
-  return options.objective.target == "routed" && options.allocation.kind != "none";
-}
-
-bool is_learned(const router::AllocationOptions& allocation) {
-  return allocation.kind != "constant" && allocation.kind != "none";
-}
-
-/// Whether the objective has any term at `step`.
-bool something_acts(const RunOptions& options, int64_t step) {
-  const losses::ObjectiveOptions& objective = options.objective;
-  const bool target = losses::target_acts(objective, step) &&
-                      (objective.target != "routed" || options.allocation.kind != "none");
-  return target || objective.blur || objective.edi_supervision ||
-         losses::simulation_acts(objective, step) || losses::intensity_acts(objective, step) ||
-         objective.event_loss_weight > 0;
+  return options.objective.target == losses::Target::kRouted &&
+         options.allocation.kind != router::AllocationKind::kNone;
 }
 
 }  // namespace
 
+bool routed_to_edi(const RunOptions& options) {
+  return is_routed(options) && options.allocation.kind == router::AllocationKind::kConstant &&
+         options.allocation.constant == 1;
+}
+
 bool needs_efnet(const RunOptions& options) {
-  if (options.objective.target == "efnet" || options.objective.target == "mean") return true;
-  // α ≡ 1 is the analytical restoration alone.
-  return is_routed(options) &&
-         !(options.allocation.kind == "constant" && options.allocation.constant == 1);
+  const losses::Target target = options.objective.target;
+  return target == losses::Target::kEfnet || target == losses::Target::kMean ||
+         (is_routed(options) && !routed_to_edi(options));
 }
 
 int64_t calendar_steps(const RunOptions& options) {
@@ -52,36 +44,35 @@ void validate(const RunOptions& options) {
         "events.bins: expected an even number (mid-exposure must fall between two bins), found ",
         options.events.bins));
   }
-  if (is_routed(options) && is_learned(options.allocation) && !options.route.render_consistency &&
+  if (plan_step(options, 1).route && !options.route.render_consistency &&
       !options.route.reblur_consistency) {
     throw ConfigError(concat(
         "route.render_consistency and route.reblur_consistency: at least one must be true to train "
         "allocation.kind ",
-        options.allocation.kind, "; or set allocation.kind constant"));
+        word_of(options.allocation.kind), "; or set allocation.kind constant"));
   }
   for (const int64_t step : {int64_t{1}, options.objective.target_until + 1}) {
-    if (something_acts(options, step) || step > options.train.iterations) continue;
+    if (plan_step(options, step).objective.any_term() || step > options.train.iterations) continue;
     throw ConfigError(
         concat("objective: expected a term that acts at step ", step,
                ", found none; turn on objective.blur or objective.edi_supervision, or "
                "change objective.target, objective.target_until"));
   }
-  if (options.objective.target == "image_folder" && options.train.target_images.empty()) {
+  if (options.objective.target == losses::Target::kImageFolder &&
+      options.train.target_images.empty()) {
     throw ConfigError(
         "train.target_images: needed by objective.target image_folder; name a folder of images");
   }
-  if (options.poses.optimize != "none" && options.objective.event_loss_weight > 0) {
+  if (options.poses.optimize != PosePath::kNone && options.objective.event_loss_weight > 0) {
     throw ConfigError(
         "poses.optimize and objective.event_loss_weight: L_ev takes its cameras from the data; set "
-        "one "
-        "of "
-        "them to none or 0");
+        "one of them to none or 0");
   }
   const gaussians::DensifyOptions& densify = options.densify;
   // In a run of a few steps both shares may come to the same step; nothing is densified then.
   const bool in_order =
       densify.from < densify.until || (densify.from == densify.until && densify.until.is_share());
-  if (!in_order && densify.strategy != "none" && densify.until > 0) {
+  if (!in_order && densify.strategy != gaussians::DensifyStrategy::kNone && densify.until > 0) {
     throw ConfigError(concat("densify.from: expected less than densify.until (", densify.until,
                              "), found ", densify.from));
   }

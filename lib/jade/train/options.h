@@ -51,7 +51,7 @@ void describe(V& v, TrainOptions& o) {
           "record steps on a GPU as a CUDA graph, several times faster; has no effect with "
           "deterministic, poses.optimize and allocation.kind per_view_map");
   v.field("target_images", o.target_images,
-          "folder with one image a training view, by name, for objective.target image_folder");
+          "folder with one image per training view, by name, for objective.target image_folder");
 }
 
 struct SplatOptions {
@@ -124,6 +124,9 @@ void describe(V& v, RunOptions& o) {
   v.group("train", o.train, "the calendar of a run");
   v.group("checkpoint", o.checkpoint, "what a run can be resumed from");
 }
+
+/// True for a routed target whose α ≡ 1 is the analytical restoration alone.
+bool routed_to_edi(const RunOptions& options);
 
 /// True when the options ask for F(B, V): a routed, EFNet or mean target.
 bool needs_efnet(const RunOptions& options);

@@ -5,10 +5,11 @@
 
 namespace jade::train {
 
-RouteReport routing_step(TrainState& state, const View& view, int64_t view_index,
-                         const Renders& renders, const losses::RouteOptions& options) {
-  if (state.allocation_adam.empty()) return {};
-  const auto alpha = state.allocation->forward({view.blurry, view.psi, view_index});
+RouteReport routing_step(TrainState& state, const StepInputs& inputs, const Renders& renders,
+                         const StepPlan& plan, const losses::RouteOptions& options) {
+  if (!plan.route) return {};
+  const View& view = inputs.view;
+  const auto alpha = state.allocation->forward({view.blurry, view.psi, inputs.view_index});
   const auto pseudo = restore::fuse(alpha, view.restorations);
   const auto loss = losses::route_loss(pseudo, losses::Fixed(renders.mid()), view.reblur_kernel,
                                        view.blurry, options);

@@ -2,8 +2,9 @@
 #pragma once
 
 #include "jade/losses/route.h"
+#include "jade/train/plan.h"
 #include "jade/train/state.h"
-#include "jade/train/view.h"
+#include "jade/train/step_inputs.h"
 
 namespace jade::train {
 
@@ -14,9 +15,9 @@ struct RouteReport {
 
 /// One Adam step on θ, Eq. (2) to (7): α from the measurements, the fused target I_pseudo, its
 /// distance to a stop-gradient copy of the middle render and to the blurry frame after reblurring.
-/// Touches neither φ nor its optimiser. Does nothing where θ is empty.
-RouteReport routing_step(TrainState& state, const View& view, int64_t view_index,
-                         const Renders& renders, const losses::RouteOptions& options);
+/// Touches neither φ nor its optimiser. Does nothing where the plan has no step on θ.
+RouteReport routing_step(TrainState& state, const StepInputs& inputs, const Renders& renders,
+                         const StepPlan& plan, const losses::RouteOptions& options);
 
 /// α [1,H,W] of a view with the present θ, without gradient; undefined without an allocation.
 torch::Tensor allocation_map(TrainState& state, const View& view, int64_t view_index);

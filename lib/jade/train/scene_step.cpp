@@ -3,12 +3,13 @@
 
 #include <torch/types.h>
 
+#include "jade/core/check.h"
+
 namespace jade::train {
 namespace {
 
-losses::ToneCurve tone_curve(TrainState& state, const losses::ObjectiveOptions& options,
-                             int64_t step) {
-  if (!state.response || !losses::tone_acts(options, step)) return {};
+losses::ToneCurve tone_curve(TrainState& state, const StepPlan& plan) {
+  if (!state.response || !plan.objective.response) return {};
   const auto table = state.response->table();
   return {[table](const torch::Tensor& image) {
             return response::CameraResponseImpl::apply(image, table);
@@ -18,18 +19,19 @@ losses::ToneCurve tone_curve(TrainState& state, const losses::ObjectiveOptions& 
           }};
 }
 
-splat::RenderOptions render_options(int64_t step, const RunOptions& options) {
+splat::RenderOptions render_options(const StepPlan& plan, const RunOptions& options) {
   splat::RenderOptions render = train::render_options(options);
-  render.sh_degree = gaussians::active_sh_degree(step, options.train.sh_degree_every);
+  render.sh_degree = plan.sh_degree;
   return render;
 }
 
 /// Two more renders, at both ends of the window, toned as the sensor's response asks.
 losses::EventPair event_pair(const TrainState& state, const EventWindow& window,
-                             const losses::ToneCurve& tone, int64_t step,
+                             const losses::ToneCurve& tone, const StepPlan& plan,
                              const RunOptions& options) {
+  JADE_CHECK(window.defined(), "L_ev acts: expected a window of events, found none");
   const torch::Tensor images =
-      splat::render(state.gaussians.parameters(), window.cameras, render_options(step, options))
+      splat::render(state.gaussians.parameters(), window.cameras, render_options(plan, options))
           .color;
   const torch::Tensor toned = tone.apply ? tone.apply(images) : images;
   const events::Thresholds thresholds = options.events.thresholds();
@@ -41,14 +43,8 @@ losses::EventPair event_pair(const TrainState& state, const EventWindow& window,
   pair.color_filter = window.color_filter;
   pair.threshold_positive = thresholds.positive;
   pair.threshold_negative = thresholds.negative;
-  pair.weighted_colors = losses::tone_acts(options.objective, step);
+  pair.weighted_colors = plan.objective.response;
   return pair;
-}
-
-void step_poses(TrainState& state, int64_t step, const PoseOptions& options) {
-  if (state.poses_adam.empty() || step % options.accumulate != 0) return;
-  state.poses_adam.step(pose_lr(options, step));
-  state.poses_adam.zero_grad();
 }
 
 }  // namespace
@@ -62,13 +58,13 @@ splat::CameraBatch exposure_cameras(const TrainState& state, const View& view, i
   return cameras;
 }
 
-Renders render_exposure(TrainState& state, const View& view, int64_t view_index,
-                        const torch::Tensor& draws, int64_t step, const RunOptions& options) {
-  splat::RenderOptions render = render_options(step, options);
-  render.statistics = state.densifier.statistics(step);
+Renders render_exposure(TrainState& state, const StepInputs& inputs, const StepPlan& plan,
+                        const RunOptions& options) {
+  splat::RenderOptions render = render_options(plan, options);
+  if (plan.statistics) render.statistics = state.densifier.accumulated();
   render.statistics_view = state.densifier.statistics_view();
-  splat::CameraBatch cameras = exposure_cameras(state, view, view_index);
-  const torch::Tensor read = losses::poses_read(options.objective, step, draws);
+  splat::CameraBatch cameras = exposure_cameras(state, inputs.view, inputs.view_index);
+  const torch::Tensor read = losses::poses_read(plan.objective, inputs.pose_draws);
   if (read.defined()) {
     cameras.camera_from_world = cameras.camera_from_world.index_select(0, read);
     cameras.intrinsics = cameras.intrinsics.index_select(0, read);
@@ -76,22 +72,23 @@ Renders render_exposure(TrainState& state, const View& view, int64_t view_index,
   return {splat::render(state.gaussians.parameters(), cameras, render).color};
 }
 
-std::vector<losses::NamedTerm> scene_step(TrainState& state, const SceneStepInputs& step_inputs,
-                                          int64_t step, const RunOptions& options) {
+std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& step_inputs,
+                                          const Renders& renders, const torch::Tensor& target,
+                                          const StepPlan& plan, const RunOptions& options) {
   const View& view = step_inputs.view;
   losses::ObjectiveInputs inputs;
-  inputs.renders = step_inputs.renders.color;
+  inputs.renders = renders.color;
   inputs.blurry = view.blurry;
   inputs.blurry_moments = view.blurry_moments;
   inputs.edi_factors = view.edi_factors;
-  inputs.poses = step_inputs.poses;
-  if (step_inputs.target.defined()) inputs.target.emplace(step_inputs.target);
-  inputs.tone = tone_curve(state, options.objective, step);
-  if (step_inputs.events.defined()) {
-    inputs.events = event_pair(state, step_inputs.events, inputs.tone, step, options);
+  inputs.pose_draws = step_inputs.pose_draws;
+  if (target.defined()) inputs.target.emplace(target);
+  inputs.tone = tone_curve(state, plan);
+  if (plan.objective.event) {
+    inputs.events = event_pair(state, step_inputs.events, inputs.tone, plan, options);
   }
 
-  losses::Objective loss = losses::objective(inputs, step, options.objective);
+  losses::Objective loss = losses::objective(inputs, plan.objective, options.objective);
   const torch::Tensor regularization = state.densifier.regularization(state.gaussians);
   if (regularization.defined()) {
     loss.total = loss.total.defined() ? loss.total + regularization : regularization;
@@ -101,9 +98,11 @@ std::vector<losses::NamedTerm> scene_step(TrainState& state, const SceneStepInpu
   state.response_adam.zero_grad();
   loss.total.backward();
   state.gaussian_adam.step(state.gaussians);
-  if (!state.response_adam.empty() && losses::tone_acts(options.objective, step))
-    state.response_adam.step();
-  step_poses(state, step, options.poses);
+  if (!state.response_adam.empty() && plan.objective.response) state.response_adam.step();
+  if (plan.pose_update) {
+    state.poses_adam.step(pose_lr(options.poses, step_inputs.step));
+    state.poses_adam.zero_grad();
+  }
   for (losses::NamedTerm& term : loss.terms) term.value = term.value.detach();
   return std::move(loss.terms);
 }

@@ -2,9 +2,9 @@
 #pragma once
 
 #include "jade/losses/objective.h"
-#include "jade/train/event_windows.h"
+#include "jade/train/plan.h"
 #include "jade/train/state.h"
-#include "jade/train/view.h"
+#include "jade/train/step_inputs.h"
 
 namespace jade::train {
 
@@ -12,25 +12,17 @@ namespace jade::train {
 /// poses.
 splat::CameraBatch exposure_cameras(const TrainState& state, const View& view, int64_t view_index);
 
-/// Renders the poses of a view that the terms of `step` read, with graph and with that step's
-/// densification statistics.
-/// @param draws  SceneStepInputs.poses
-Renders render_exposure(TrainState& state, const View& view, int64_t view_index,
-                        const torch::Tensor& draws, int64_t step, const RunOptions& options);
-
-/// What the scene step takes besides the state.
-struct SceneStepInputs {
-  const View& view;
-  const Renders& renders;
-  torch::Tensor target;  ///< [3,H,W], as re-evaluated after the routing step; undefined: no L_tgt
-  torch::Tensor poses;   ///< [3] int64 on the device: those of L_edi gray, L_edi colour and L_sim
-  EventWindow events;    ///< of L_ev; undefined: no L_ev
-};
+/// Renders the poses of a view that the terms of the plan read, with graph and, where the plan
+/// keeps them, with the statistics of densification.
+Renders render_exposure(TrainState& state, const StepInputs& inputs, const StepPlan& plan,
+                        const RunOptions& options);
 
 /// One Adam step on φ (with the camera response and learned poses), Eq. (8) to (10). Touches
 /// neither θ nor its optimiser. Does not densify.
+/// @param target  [3,H,W], as re-evaluated after the routing step; needed for L_tgt only
 /// @return the terms, as device scalars without graph
-std::vector<losses::NamedTerm> scene_step(TrainState& state, const SceneStepInputs& inputs,
-                                          int64_t step, const RunOptions& options);
+std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& inputs,
+                                          const Renders& renders, const torch::Tensor& target,
+                                          const StepPlan& plan, const RunOptions& options);
 
 }  // namespace jade::train

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
+#include <string>
 #include <torch/types.h>
 #include <vector>
 
@@ -31,9 +33,30 @@ struct TrainState {
   ModuleAdam response_adam;
   std::shared_ptr<ExposurePoses> poses;  ///< nullptr where the data's poses stay
   ModuleAdam poses_adam;
+
+  /// Calls `visitor(name, tensor)` for every tensor, once.
+  void visit(const std::function<void(const std::string&, const torch::Tensor&)>& visitor) const;
 };
 
-/// The renders of one exposure, made once a step and used by both steps.
+/// What a new state starts from.
+struct Start {
+  splat::Gaussians gaussians;
+  double extent = 1;        ///< of the scene, see gaussians::scene_extent
+  bool monochrome = false;  ///< the Gaussians are gray and stay so
+  int64_t views = 1;        ///< training views, and their size
+  int64_t height = 0, width = 0;
+};
+
+/// The state of a run before its first step, all of its modules on `device`; without learned poses,
+/// which start from exposures.
+TrainState make_state(const RunOptions& options, const Start& start, torch::Device device);
+
+/// The same from a data set, with learned poses where the options ask for them.
+/// @throws ConfigError, DataError as gaussians::initial_gaussians.
+TrainState make_state(const RunOptions& options, const data::Dataset& dataset,
+                      torch::Device device);
+
+/// The renders of one exposure, made once per step and used by both steps.
 struct Renders {
   torch::Tensor color;  ///< [M,3,H,W] with its graph: nine, or those of losses::poses_read()
   bool all_poses() const { return color.size(0) == geometry::kExposurePoses; }

@@ -22,53 +22,53 @@ constexpr int64_t kRenewal = 1000;
 /// driver anew at every recording.
 constexpr int64_t kSpareBytes = int64_t{512} << 20;
 
-/// The tensors that a step reads from its view, in a fixed order.
-std::vector<torch::Tensor*> tensors_of(View& view) {
-  return {&view.blurry,
-          &view.blurry_moments.image,
-          &view.blurry_moments.mean,
-          &view.blurry_moments.square,
-          &view.psi,
-          &view.edi_factors,
-          &view.reblur_kernel,
-          &view.restorations.edi,
-          &view.restorations.efnet,
-          &view.fixed_target,
-          &view.cameras.camera_from_world,
-          &view.cameras.intrinsics};
-}
-
-std::vector<torch::Tensor*> tensors_of(EventWindow& window) {
-  return {&window.cameras.camera_from_world, &window.cameras.intrinsics, &window.counts,
-          &window.pixels};
-}
-
 /// Everything that a recording takes for granted.
-std::vector<int64_t> assumptions(const TrainState& state, const StepInputs& inputs, int64_t step,
-                                 const RunOptions& options) {
-  std::vector<int64_t> all{step / kRenewal,
-                           gaussians::active_sh_degree(step, options.train.sh_degree_every),
-                           losses::tone_acts(options.objective, step),
-                           losses::target_acts(options.objective, step),
-                           losses::simulation_acts(options.objective, step),
-                           losses::intensity_acts(options.objective, step),
-                           inputs.events.defined(),
-                           inputs.view.blurry.size(1),
-                           inputs.view.blurry.size(2)};
-  const auto address = [&](const torch::Tensor& tensor) {
-    all.push_back(tensor.defined() ? reinterpret_cast<int64_t>(tensor.const_data_ptr()) : 0);
-    all.push_back(tensor.defined() ? tensor.numel() : 0);
-  };
-  for (int i = 0; i < gaussians::kParameterCount; ++i) {
-    address(gaussians::parameter(state.gaussians.parameters(), i));
-    address(gaussians::parameter(state.gaussian_adam.first_moments(), i));
-    address(gaussians::parameter(state.gaussian_adam.second_moments(), i));
+struct Assumptions {
+  StepPlan plan;
+  /// The renewal at hand, where each tensor of the state lies, and which shapes the inputs have:
+  /// their values are copied before a replay.
+  std::vector<int64_t> buffers;
+
+  friend bool operator==(const Assumptions& a, const Assumptions& b) {
+    return a.plan == b.plan && a.buffers == b.buffers;
   }
-  const splat::ScreenStatistics statistics = state.densifier.statistics(step);
-  address(statistics.gradient_norm);
-  address(statistics.visible_count);
-  address(statistics.max_radius_px);
-  return all;
+  friend bool operator!=(const Assumptions& a, const Assumptions& b) { return !(a == b); }
+};
+
+Assumptions assumptions(const TrainState& state, const StepInputs& inputs, const StepPlan& plan) {
+  Assumptions now{plan, {inputs.step / kRenewal}};
+  state.visit([&](const std::string&, const torch::Tensor& tensor) {
+    now.buffers.push_back(tensor.defined() ? reinterpret_cast<int64_t>(tensor.const_data_ptr())
+                                           : 0);
+    now.buffers.push_back(tensor.defined() ? tensor.numel() : 0);
+  });
+  inputs.visit([&](const std::string&, const torch::Tensor& tensor) {
+    now.buffers.push_back(tensor.defined() ? tensor.dim() : -1);
+    if (!tensor.defined()) return;
+    now.buffers.insert(now.buffers.end(), tensor.sizes().begin(), tensor.sizes().end());
+  });
+  return now;
+}
+
+/// The same inputs at addresses of their own, where a recorded step reads them.
+StepInputs own_copy(const StepInputs& inputs) {
+  StepInputs own = inputs;
+  own.visit([](const std::string&, torch::Tensor& tensor) {
+    if (tensor.defined()) tensor = tensor.clone();
+  });
+  return own;
+}
+
+/// The values of `from` at the addresses of `own`.
+void copy_values(const StepInputs& from, StepInputs& own) {
+  const torch::NoGradGuard no_grad;
+  std::vector<const torch::Tensor*> sources;
+  from.visit([&](const std::string&, const torch::Tensor& tensor) { sources.push_back(&tensor); });
+  size_t next = 0;
+  own.visit([&](const std::string&, torch::Tensor& tensor) {
+    const torch::Tensor& source = *sources[next++];
+    if (tensor.defined()) tensor.copy_(source, /*non_blocking=*/true);
+  });
 }
 
 }  // namespace
@@ -87,60 +87,27 @@ StreamScope::StreamScope(torch::Device device) {
 StreamScope::~StreamScope() = default;
 
 struct StepGraph::Recording {
-  /// The addresses that a recorded step reads from, where its inputs are copied before a replay.
-  struct StaticInputs {
-    View view;
-    EventWindow events;
-    torch::Tensor poses;
-
-    explicit StaticInputs(const StepInputs& inputs)
-        : view(inputs.view), events(inputs.events), poses(inputs.poses.clone()) {
-      for (torch::Tensor* tensor : all()) {
-        if (tensor->defined()) *tensor = tensor->clone();
-      }
-    }
-
-    std::vector<torch::Tensor*> all() {
-      std::vector<torch::Tensor*> tensors = tensors_of(view);
-      for (torch::Tensor* tensor : tensors_of(events)) tensors.push_back(tensor);
-      return tensors;
-    }
-
-    void copy_from(const StepInputs& inputs) {
-      const torch::NoGradGuard no_grad;
-      View from_view = inputs.view;
-      EventWindow from_events = inputs.events;
-      std::vector<torch::Tensor*> from = tensors_of(from_view);
-      for (torch::Tensor* tensor : tensors_of(from_events)) from.push_back(tensor);
-      const std::vector<torch::Tensor*> to = all();
-      for (size_t i = 0; i < to.size(); ++i) {
-        if (to[i]->defined()) to[i]->copy_(*from[i], /*non_blocking=*/true);
-      }
-      poses.copy_(inputs.poses, /*non_blocking=*/true);
-    }
-  };
-
-  std::vector<int64_t> seen;  ///< assumptions of the last eager step, which warmed everything up
-  std::vector<int64_t> holds_for;  ///< assumptions of the recording; empty: there is none
+  std::optional<Assumptions> seen;       ///< of the last eager step, which warmed everything up
+  std::optional<Assumptions> holds_for;  ///< of the recording; none: there is none
   std::optional<at::cuda::CUDAGraph> graph;
-  std::optional<StaticInputs> inputs;
+  std::optional<StepInputs> inputs;  ///< what the recorded step reads
   StepOutputs outputs;
   bool refused = false;
 
   void forget() {
-    holds_for.clear();
+    holds_for.reset();
     outputs = {};
     graph.reset();
     inputs.reset();
   }
 
-  void record(TrainState& state, const StepInputs& step_inputs, int64_t step,
+  void record(TrainState& state, const StepInputs& step_inputs, const StepPlan& plan,
               const RunOptions& options) {
     // The pools of earlier recordings stay reserved until somebody asks, and nobody can while a
     // recording is under way: after a hundred densifications they would fill the card.
     const torch::Device device = step_inputs.view.blurry.device();
     trim_device_memory(device, peak_memory_bytes(device) + kSpareBytes);
-    inputs.emplace(step_inputs);
+    inputs = own_copy(step_inputs);
     // Gradients must be born inside the recording, at addresses of its own.
     state.gaussians.zero_grad();
     state.allocation_adam.zero_grad();
@@ -148,9 +115,7 @@ struct StepGraph::Recording {
     graph.emplace();
     graph->capture_begin();
     try {
-      outputs =
-          alternate(state, {inputs->view, step_inputs.view_index, inputs->poses, inputs->events},
-                    step, options);
+      outputs = alternate(state, *inputs, plan, options);
     } catch (...) {
       graph->capture_end();
       throw;
@@ -162,23 +127,21 @@ struct StepGraph::Recording {
 StepGraph::StepGraph() : recording_(std::make_unique<Recording>()) {}
 StepGraph::~StepGraph() = default;
 
-bool StepGraph::can_record(const RunOptions& options, torch::Device device) {
-  return device.is_cuda() && options.train.cuda_graph && !options.deterministic &&
-         options.poses.optimize == "none" && options.allocation.kind != "per_view_map";
-}
-
-StepOutputs StepGraph::run(TrainState& state, const StepInputs& inputs, int64_t step,
+StepOutputs StepGraph::run(TrainState& state, const StepInputs& inputs, const StepPlan& plan,
                            const RunOptions& options) {
   Recording& recording = *recording_;
-  std::vector<int64_t> now = assumptions(state, inputs, step, options);
-  if (recording.refused || (now != recording.holds_for && now != recording.seen)) {
+  if (recording.refused || !plan.recordable || !inputs.view.blurry.is_cuda()) {
+    return alternate(state, inputs, plan, options);
+  }
+  Assumptions now = assumptions(state, inputs, plan);
+  if (now != recording.holds_for && now != recording.seen) {
     recording.forget();
     recording.seen = std::move(now);
-    return alternate(state, inputs, step, options);
+    return alternate(state, inputs, plan, options);
   }
   if (now != recording.holds_for) {
     try {
-      recording.record(state, inputs, step, options);
+      recording.record(state, inputs, plan, options);
       recording.holds_for = std::move(now);
     } catch (const std::exception& failure) {
       // Nothing ran on the device, so the step can be done eagerly.
@@ -186,10 +149,10 @@ StepOutputs StepGraph::run(TrainState& state, const StepInputs& inputs, int64_t 
                       failure.what()));
       recording.forget();
       recording.refused = true;
-      return alternate(state, inputs, step, options);
+      return alternate(state, inputs, plan, options);
     }
   }
-  recording.inputs->copy_from(inputs);
+  copy_values(inputs, *recording.inputs);
   recording.graph->replay();
   ++replays_;
   return recording.outputs;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One launch a step on a GPU: the alternation recorded as a CUDA graph and replayed.
+// One launch per step on a GPU: the alternation recorded as a CUDA graph and replayed.
 #pragma once
 
 #include <memory>
@@ -22,9 +22,10 @@ class StreamScope {
   std::unique_ptr<Guard> guard_;
 };
 
-/// alternate(), recorded and replayed. The results are those of alternate() but for the order of
-/// atomic sums. A recording holds while the tensors of the state stay the same objects and the same
-/// terms act; after densification the next step runs eagerly, the one after it is recorded anew.
+/// alternate(), recorded and replayed where the plan and the device allow it, else run eagerly. The
+/// results are those of alternate() but for the order of atomic sums. A recording holds while the
+/// plan stays the same, the tensors of the state the same objects, and those of the inputs of the
+/// same shapes; after densification the next step runs eagerly, the one after it is recorded anew.
 /// Outputs are overwritten by the next run.
 class StepGraph {
  public:
@@ -33,11 +34,7 @@ class StepGraph {
   StepGraph(const StepGraph&) = delete;
   StepGraph& operator=(const StepGraph&) = delete;
 
-  /// False where a step depends on the host: on the CPU, for `deterministic`, learned poses and
-  /// allocation per_view_map.
-  static bool can_record(const RunOptions& options, torch::Device device);
-
-  StepOutputs run(TrainState& state, const StepInputs& inputs, int64_t step,
+  StepOutputs run(TrainState& state, const StepInputs& inputs, const StepPlan& plan,
                   const RunOptions& options);
 
   /// How many steps were replays of a recording.

@@ -12,11 +12,9 @@ struct StepGraph::Recording {};
 StepGraph::StepGraph() = default;
 StepGraph::~StepGraph() = default;
 
-bool StepGraph::can_record(const RunOptions&, torch::Device) { return false; }
-
-StepOutputs StepGraph::run(TrainState& state, const StepInputs& inputs, int64_t step,
+StepOutputs StepGraph::run(TrainState& state, const StepInputs& inputs, const StepPlan& plan,
                            const RunOptions& options) {
-  return alternate(state, inputs, step, options);
+  return alternate(state, inputs, plan, options);
 }
 
 }  // namespace jade::train

@@ -16,32 +16,41 @@
 namespace jade::train {
 namespace {
 
+/// The image of train.target_images that has the view's name.
+torch::Tensor target_image(const View& view, const std::filesystem::path& folder,
+                           torch::Device device) {
+  for (const auto& path : imaging::list_images(folder)) {
+    if (path.stem() != view.name) continue;
+    const auto image = imaging::read_image(path).to(device);
+    if (image.sizes() != view.blurry.sizes()) {
+      throw DataError(concat(path.string(), ": expected ", shape_string(view.blurry),
+                             " as the training frame, found ", shape_string(image)));
+    }
+    return image;
+  }
+  throw DataError(concat(folder.string(), ": expected an image named ", view.name, ", found none"));
+}
+
 /// The target of Eq. (9) where no router decides; undefined for a routed one or none.
 torch::Tensor fixed_target(const View& view, const RunOptions& options, bool monochrome,
                            torch::Device device) {
-  const std::string& target = options.objective.target;
-  if (target == "edi") return view.restorations.edi;
-  if (target == "efnet") return view.restorations.efnet;
-  if (target == "mean") return restore::fuse(torch::tensor(0.5f, device), view.restorations);
-  if (target == "blurry") return view.blurry;
-  // α ≡ 1 needs no F(B, V), see needs_efnet().
-  if (target == "routed" && options.allocation.kind == "constant" &&
-      options.allocation.constant == 1) {
-    return view.restorations.edi;
-  }
-  if (target == "image_folder") {
-    for (const auto& path : imaging::list_images(options.train.target_images)) {
-      if (path.stem() == view.name) {
-        const auto image = imaging::read_image(path).to(device);
-        if (image.sizes() != view.blurry.sizes()) {
-          throw DataError(concat(path.string(), ": expected ", shape_string(view.blurry),
-                                 " as the training frame, found ", shape_string(image)));
-        }
-        return monochrome ? restore::without_tint(image) : image;
-      }
+  switch (options.objective.target) {
+    case losses::Target::kEdi:
+      return view.restorations.edi;
+    case losses::Target::kEfnet:
+      return view.restorations.efnet;
+    case losses::Target::kMean:
+      return restore::fuse(torch::tensor(0.5f, device), view.restorations);
+    case losses::Target::kBlurry:
+      return view.blurry;
+    case losses::Target::kRouted:
+      return routed_to_edi(options) ? view.restorations.edi : torch::Tensor();
+    case losses::Target::kImageFolder: {
+      const torch::Tensor image = target_image(view, options.train.target_images, device);
+      return monochrome ? restore::without_tint(image) : image;
     }
-    throw DataError(concat(options.train.target_images.string(), ": expected an image named ",
-                           view.name, ", found none"));
+    case losses::Target::kNone:
+      break;
   }
   return {};
 }

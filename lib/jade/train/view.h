@@ -10,6 +10,7 @@
 #include "jade/restore/restorations.h"
 #include "jade/splat/render.h"
 #include "jade/train/options.h"
+#include "jade/train/visit.h"
 
 namespace jade::train {
 
@@ -26,6 +27,27 @@ struct View {
   restore::Restorations restorations;  ///< I_edi and F; F undefined where nothing asks for it
   torch::Tensor fixed_target;  ///< [3,H,W] target that no router decides; undefined if routed
   splat::CameraBatch cameras;  ///< the nine poses
+
+  /// Calls `visitor(name, tensor)` for every tensor, once.
+  template <class Visitor>
+  void visit(Visitor&& visitor) {
+    visit_each(*this, visitor);
+  }
+  template <class Visitor>
+  void visit(Visitor&& visitor) const {
+    visit_each(*this, visitor);
+  }
+
+ private:
+  template <class Self, class Visitor>
+  static void visit_each(Self& self, Visitor& visitor) {
+    visit_members<View>(visitor, Member{"name", self.name}, Member{"blurry", self.blurry},
+                        Member{"blurry_moments", self.blurry_moments}, Member{"psi", self.psi},
+                        Member{"edi_factors", self.edi_factors},
+                        Member{"reblur_kernel", self.reblur_kernel},
+                        Member{"density", self.density}, Member{"restorations", self.restorations},
+                        Member{"fixed_target", self.fixed_target}, Member{"cameras", self.cameras});
+  }
 };
 
 /// SHA-256 of the restorer's file; empty where the options need none.

@@ -11,41 +11,22 @@
 #include "jade/run/checkpoint.h"
 #include "jade/run/trainer.h"
 #include "run/checkpoint_entries.h"
-#include "run/tiny_scene.h"
-#include "support/stub_restorer.h"
+#include "support/tiny_run.h"
 
 using namespace jade;
 
 namespace {
 
-struct GpuScene : test::TinyScene {
-  std::filesystem::path restorer =
-      test::save_restorer(dir / "restorer.pt", "  return 0.9 * image + 0.1 * events[:, 2:3]\n");
-
-  /// Everything acts; with target "edi" the routing step rests.
-  train::RunOptions options(const std::string& target = "routed") const {
-    train::RunOptions options;
-    options.device = "cuda";
-    options.dataset.path = data;
-    options.efnet.path = restorer;
-    options.cache.folder = dir / "cache";
-    options.objective.target = target;
-    options.objective.warmup = 6;
-    options.objective.simulation_start = 12;
-    options.objective.event_loss_weight = 0.1;
-    options.init.points = 300;
-    options.densify.from = 5;
-    options.densify.every = 10;
-    options.densify.gradient_threshold = 1e-5;
-    options.densify.max_gaussians = 500;
-    options.train.iterations = options.train.calendar = 30;
-    options.train.sh_degree_every = 8;
-    options.train.log_every = 1;
-    options.train.evaluate_every = options.train.picture_every = 0;
-    options.checkpoint.every = 10;
-    return options;
-  }
-};
+/// Everything acts; with another target the routing step rests.
+train::RunOptions gpu_options(const test::TinyScene& scene,
+                              losses::Target target = losses::Target::kRouted) {
+  train::RunOptions options = test::full_options(scene);
+  options.device = "cuda";
+  options.objective.target = target;
+  options.train.sh_degree_every = 8;
+  options.train.log_every = 1;
+  return options;
+}
 
 double mean_difference(const torch::Tensor& a, const torch::Tensor& b) {
   return ((a - b).abs().mean() / b.abs().mean()).item<double>();
@@ -78,10 +59,10 @@ std::map<std::string, double> route_terms(const std::filesystem::path& run) {
 
 TEST_CASE("trainer: recorded steps agree with eager ones across warm-up and densification",
           "[run][cuda]") {
-  const GpuScene scene;
-  const std::string target = GENERATE(as<std::string>{}, "edi", "routed");
-  INFO(target);
-  train::RunOptions options = scene.options(target);
+  const test::TinyScene scene;
+  const losses::Target target = GENERATE(losses::Target::kEdi, losses::Target::kRouted);
+  INFO(word_of(target));
+  train::RunOptions options = gpu_options(scene, target);
   run::Trainer recorded(options, scene.dir.path() / "recorded", "");
   options.train.cuda_graph = false;
   run::Trainer eager(options, scene.dir.path() / "eager", "");
@@ -98,7 +79,7 @@ TEST_CASE("trainer: recorded steps agree with eager ones across warm-up and dens
   REQUIRE(a.size() == b.size());
   CHECK(mean_difference(a.means, b.means) < 1e-4);
   CHECK(mean_difference(a.sh, b.sh) < 1e-2);
-  if (target == "routed") {
+  if (target == losses::Target::kRouted) {
     // Its losses' gradients know signs only, so θ hardly sees the last bits of a render: on the CPU
     // noise of 1e-4 on all that the Gaussians hold, at every step, turns its way by 1e-3.
     const torch::Tensor way = theta(eager) - start;
@@ -119,8 +100,8 @@ TEST_CASE("trainer: recorded steps agree with eager ones across warm-up and dens
 }
 
 TEST_CASE("trainer: a deterministic run on a GPU resumes to the bit", "[run][cuda]") {
-  const GpuScene scene;
-  train::RunOptions options = scene.options();
+  const test::TinyScene scene;
+  train::RunOptions options = gpu_options(scene);
   options.deterministic = true;
   const auto whole = scene.dir.path() / "whole", resumed = scene.dir.path() / "resumed";
   run::Trainer(options, whole, "").run();

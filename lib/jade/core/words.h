@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+// The words of an enum: what a configuration says for each of its values. They stand once, beside
+// the enum, in a function that its type finds:
+//
+//   enum class Strategy { kAdc, kNone };
+//   constexpr auto words_of(Strategy) {
+//     return std::array{Word{"adc", Strategy::kAdc, "clone, split and prune"},
+//                       Word{"none", Strategy::kNone, "fixed number"}};
+//   }
+#pragma once
+
+#include <array>
+#include <optional>
+#include <string>
+
+namespace jade {
+
+template <class E>
+struct Word {
+  const char* word;
+  E value;
+  const char* help = "";      ///< empty where the word says it all
+  const char* old_word = "";  ///< what older files call it: read with a warning, never printed
+};
+template <class E>
+Word(const char*, E, const char* = "", const char* = "") -> Word<E>;
+
+/// The word of a value.
+template <class E>
+const char* word_of(E value) {
+  for (const Word<E>& each : words_of(value)) {
+    if (each.value == value) return each.word;
+  }
+  return "?";
+}
+
+/// The value that has this word; none for another.
+template <class E>
+std::optional<E> value_of(const std::string& word) {
+  for (const Word<E>& each : words_of(E{})) {
+    if (each.word == word) return each.value;
+  }
+  return std::nullopt;
+}
+
+}  // namespace jade

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+// What acts at a step. plan_step() is the only place that decides it; the steps, the rules between
+// settings, the benchmark and the recorded step all read the plan.
+#pragma once
+
+#include <cstdint>
+#include <tuple>
+
+#include "jade/core/members.h"
+#include "jade/losses/objective.h"
+#include "jade/train/options.h"
+
+namespace jade::train {
+
+/// Steps with equal plans do the same operations, on other numbers.
+struct StepPlan {
+  losses::ObjectivePlan objective;  ///< its target also rests where no allocation makes one
+  bool route = false;               ///< θ takes a step
+  int sh_degree = 3;                ///< of the renders
+  bool learned_poses = false;       ///< the exposure's cameras come from the state
+  bool pose_update = false;         ///< the added-up gradients of the poses end in an Adam step
+  bool statistics = false;          ///< the renders feed the screen gradients of densification
+  bool recordable = false;          ///< recording is wanted, and nothing depends on the host
+
+  /// For the comparison.
+  auto members() const {
+    const auto all =
+        std::tie(objective, route, sh_degree, learned_poses, pose_update, statistics, recordable);
+    static_assert(std::tuple_size_v<decltype(all)> == member_count<StepPlan>());
+    return all;
+  }
+  friend bool operator==(const StepPlan& a, const StepPlan& b) {
+    return a.members() == b.members();
+  }
+  friend bool operator!=(const StepPlan& a, const StepPlan& b) { return !(a == b); }
+};
+
+/// @param step  counted from 1
+StepPlan plan_step(const RunOptions& options, int64_t step);
+
+}  // namespace jade::train

@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/train/state.h"
+
+#include <torch/types.h>
+
+#include "jade/core/error.h"
+#include "jade/core/random.h"
+#include "jade/gaussians/init.h"
+#include "jade/imaging/color.h"
+#include "jade/train/visit.h"
+
+namespace jade::train {
+namespace {
+
+using TensorVisitor = std::function<void(const std::string&, const torch::Tensor&)>;
+
+void visit_module(const TensorVisitor& visitor, const std::string& name,
+                  const torch::nn::Module& module) {
+  for (const auto& item : module.named_parameters()) visitor(name + "." + item.key(), item.value());
+  for (const auto& item : module.named_buffers()) visitor(name + "." + item.key(), item.value());
+}
+
+void visit_adam(const TensorVisitor& visitor, const std::string& name, const ModuleAdam& adam) {
+  const std::vector<torch::Tensor> state = adam.state();
+  for (size_t i = 0; i < state.size(); ++i) visitor(concat(name, ".", i), state[i]);
+}
+
+std::vector<geometry::Pose> camera_poses(const data::Dataset& dataset) {
+  std::vector<geometry::Pose> poses;
+  // The first pose of each exposure, as the inherited backbone measures the scene.
+  for (const data::Exposure& exposure : dataset.train) poses.push_back(exposure.poses[0]);
+  return poses;
+}
+
+gaussians::InitSources init_sources(const data::Dataset& dataset) {
+  gaussians::InitSources sources;
+  for (const data::Exposure& exposure : dataset.train) {
+    sources.views.push_back({exposure.poses[geometry::kMidPose], exposure.camera, exposure.blurry});
+  }
+  sources.near = dataset.near;
+  sources.far = dataset.far;
+  sources.points.points = dataset.points;
+  sources.points.colors = dataset.point_colors;
+  return sources;
+}
+
+/// The same Gaussians in gray: colours are linear in SH, so g(·) of the coefficients is that of the
+/// colours.
+splat::Gaussians in_gray(splat::Gaussians start) {
+  const torch::Tensor planes = start.sh.transpose(1, 2).unsqueeze(-1);  // [N,3,K,1]
+  start.sh = imaging::as_gray(planes).squeeze(-1).transpose(1, 2).contiguous();
+  return start;
+}
+
+}  // namespace
+
+void TrainState::visit(const TensorVisitor& visitor) const {
+  static_assert(member_count<TrainState>() == 10, "visit what a new member holds");
+  visit_tensors(visitor, Member{"gaussians", gaussians.parameters()});
+  visit_tensors(visitor, Member{"gaussian_adam.first", gaussian_adam.first_moments()});
+  visit_tensors(visitor, Member{"gaussian_adam.second", gaussian_adam.second_moments()});
+  visitor("gaussian_adam.step_count", gaussian_adam.step_count());
+  visit_tensors(visitor, Member{"densifier", densifier.accumulated()});
+  if (allocation) visit_module(visitor, "allocation", *allocation);
+  visit_adam(visitor, "allocation_adam", allocation_adam);
+  if (response) visit_module(visitor, "response", *response);
+  visit_adam(visitor, "response_adam", response_adam);
+  if (poses) visit_module(visitor, "poses", *poses);
+  visit_adam(visitor, "poses_adam", poses_adam);
+}
+
+TrainState make_state(const RunOptions& options, const Start& start, torch::Device device) {
+  const auto seed = static_cast<uint64_t>(options.seed);
+  TrainState state;
+  state.gaussians = gaussians::GaussianModel(start.gaussians, start.extent, device);
+  state.gaussian_adam = gaussians::GaussianAdam(state.gaussians, options.optim, start.monochrome);
+  state.densifier =
+      gaussians::Densifier(options.densify, state.gaussians, make_generator(seed, "densification"));
+  if (options.objective.target == losses::Target::kRouted) {
+    state.allocation = router::make_allocation(options.allocation, start.views, start.height,
+                                               start.width, make_generator(seed, "router start"));
+  }
+  if (state.allocation) {
+    state.allocation->to(device);
+    if (state.allocation->trainable()) {
+      state.allocation_adam = ModuleAdam(state.allocation->parameters(), options.route.lr);
+    }
+  }
+  if (options.response.enabled) {
+    state.response = response::CameraResponse();
+    state.response->to(device);
+    if (options.response.lr > 0) {
+      state.response_adam = ModuleAdam(state.response->parameters(), options.response.lr, 1e-15);
+    }
+  }
+  return state;
+}
+
+TrainState make_state(const RunOptions& options, const data::Dataset& dataset,
+                      torch::Device device) {
+  auto generator = make_generator(static_cast<uint64_t>(options.seed), "initial points");
+  const auto& camera = dataset.train.front().camera;
+  Start start;
+  start.gaussians = gaussians::initial_gaussians(options.init, init_sources(dataset), generator);
+  if (dataset.monochrome) start.gaussians = in_gray(std::move(start.gaussians));
+  start.extent = gaussians::scene_extent(camera_poses(dataset));
+  start.monochrome = dataset.monochrome;
+  start.views = static_cast<int64_t>(dataset.train.size());
+  start.height = camera.height;
+  start.width = camera.width;
+  TrainState state = make_state(options, start, device);
+  state.poses = make_exposure_poses(options.poses, dataset.train);
+  if (state.poses) state.poses_adam = ModuleAdam(state.poses->parameters(), options.poses.lr);
+  return state;
+}
+
+}  // namespace jade::train

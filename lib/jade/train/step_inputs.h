@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <torch/types.h>
+
+#include "jade/train/event_windows.h"
+#include "jade/train/view.h"
+#include "jade/train/visit.h"
+
+namespace jade::train {
+
+/// What one step is given besides the state. Copies share their tensors.
+struct StepInputs {
+  int64_t step = 1;  ///< counted from 1
+  View view;
+  int64_t view_index = 0;  ///< among the training views
+  /// [3] int64 on the device: the poses of L_edi gray, L_edi colour and L_sim.
+  torch::Tensor pose_draws;
+  EventWindow events;  ///< needed for L_ev only
+
+  /// Calls `visitor(name, tensor)` for every tensor, once.
+  template <class Visitor>
+  void visit(Visitor&& visitor) {
+    visit_each(*this, visitor);
+  }
+  template <class Visitor>
+  void visit(Visitor&& visitor) const {
+    visit_each(*this, visitor);
+  }
+
+ private:
+  template <class Self, class Visitor>
+  static void visit_each(Self& self, Visitor& visitor) {
+    visit_members<StepInputs>(visitor, Member{"step", self.step}, Member{"view", self.view},
+                              Member{"view_index", self.view_index},
+                              Member{"pose_draws", self.pose_draws}, Member{"events", self.events});
+  }
+};
+
+}  // namespace jade::train

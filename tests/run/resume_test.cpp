@@ -1,0 +1,253 @@
+// SPDX-License-Identifier: Apache-2.0
+// Runs that stop and go on: to the same bits, or refused.
+#include "support/catch.h"
+
+#include <fstream>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <torch/types.h>
+
+#include "jade/core/atomic_file.h"
+#include "jade/core/digest.h"
+#include "jade/core/error.h"
+#include "jade/core/interrupt.h"
+#include "jade/core/log.h"
+#include "jade/core/random.h"
+#include "jade/run/checkpoint.h"
+#include "jade/run/trainer.h"
+#include "run/checkpoint_entries.h"
+#include "support/tensors.h"
+#include "support/tiny_run.h"
+
+using namespace jade;
+using test::copies;
+using test::equal;
+using test::routed_options;
+using test::tiny_options;
+using Scene = test::TinyScene;
+
+TEST_CASE("trainer: twenty steps equal ten, a resume, and ten more, to the bit", "[run]") {
+  const Scene scene;
+  const auto whole = scene.dir.path() / "whole", halves = scene.dir.path() / "halves";
+  train::RunOptions options = tiny_options(scene);
+  run::Trainer(options, whole, "").run();
+  train::RunOptions half = options;
+  half.train.iterations = 10;
+  run::Trainer(half, halves, "").run();
+  run::Trainer(options, halves, "latest").run();
+  CHECK(read_file(run::checkpoint_path(whole, 20)).size() > 0);
+  const auto a = run::load_checkpoint_gaussians(run::checkpoint_path(whole, 20));
+  const auto b = run::load_checkpoint_gaussians(run::checkpoint_path(halves, 20));
+  CHECK(equal(copies(a), copies(b)));
+  CHECK(a.size() != 300);  // densification took part
+  CHECK(read_file(whole / "point_cloud.ply") == read_file(halves / "point_cloud.ply"));
+}
+
+TEST_CASE("trainer: a resumed run keeps the calendar it began with, whatever its new budget",
+          "[run]") {
+  const Scene scene;
+  const auto whole = scene.dir.path() / "whole", halves = scene.dir.path() / "halves";
+  train::RunOptions options = tiny_options(scene);
+  options.objective.warmup = Steps::share(20);
+  options.densify.until = Steps::share(80);
+  options.train.calendar = 10;
+  run::Trainer(options, whole, "").run();
+  options.train.calendar = 0;
+  options.train.iterations = 10;
+  run::Trainer(options, halves, "").run();
+  options.train.iterations = 20;
+  {
+    const run::Trainer trainer(options, halves, "latest");
+    CHECK(trainer.options().train.calendar == 10);
+    CHECK(trainer.options().objective.warmup == 2);
+  }
+  run::Trainer(options, halves, "latest").run();
+  CHECK(read_file(whole / "point_cloud.ply") == read_file(halves / "point_cloud.ply"));
+  // 2 of 10 steps and 20 % of 10 are one calendar; 3 steps are another.
+  options.objective.warmup = 2;
+  CHECK_NOTHROW(run::Trainer(options, halves, "latest"));
+  options.objective.warmup = 3;
+  CHECK_THROWS_WITH(run::Trainer(options, halves, "latest"),
+                    Catch::Contains("objective.warmup: 20% -> 3"));
+}
+
+TEST_CASE("trainer: whatever a checkpoint holds, a run that goes on from it does so to the bit",
+          "[run]") {
+  struct Case {
+    std::string name;
+    std::function<void(train::RunOptions&)> change;
+    /// What this case is there for: entries that must move between the two checkpoints.
+    std::vector<std::string> moved;
+  };
+  const auto allocate = [](router::AllocationKind kind) {
+    return [kind](train::RunOptions& o) { o.allocation.kind = kind; };
+  };
+  const std::vector<Case> cases{
+      {"router",
+       allocate(router::AllocationKind::kRouter),
+       {"allocation.router.", "allocation.adam.", "gaussians.", "adam.", "crf.layer", "crf.adam."}},
+      {"per_view_map",
+       allocate(router::AllocationKind::kPerViewMap),
+       {"allocation.logits_0", "allocation.logits_1", "allocation.logits_2", "allocation.adam."}},
+      {"poses",
+       [](train::RunOptions& o) {
+         o.poses.optimize = train::PosePath::kCubic;
+         o.poses.accumulate = 3;
+         o.poses.test_fit_steps = 0;
+       },
+       {"poses.twists", "poses.adam.", "poses.gradient."}},
+      {"mcmc",
+       [](train::RunOptions& o) { o.densify.strategy = gaussians::DensifyStrategy::kMcmc; },
+       {"densify.generator"}},
+      {"L_ev",
+       [](train::RunOptions& o) {
+         o.objective.event_loss_weight = 0.1;
+         o.objective.event_window = losses::EventSpan::kRecording;
+       },
+       {"gaussians."}}};
+  const Scene scene;
+  for (const Case& each : cases) {
+    INFO(each.name);
+    train::RunOptions options = routed_options(scene);
+    each.change(options);
+    const auto whole = scene.dir / (each.name + "-whole"), resumed = scene.dir / each.name;
+    run::Trainer(options, whole, "").run();
+    const auto middle = run::checkpoint_path(whole, 10), end = run::checkpoint_path(whole, 20);
+    run::Trainer(options, resumed, middle.string()).run();
+    CHECK(test::differing_entries(run::checkpoint_path(resumed, 20), end) ==
+          std::set<std::string>());
+    const auto moved = test::differing_entries(middle, end);
+    for (const std::string& prefix : each.moved) {
+      INFO(prefix);
+      CHECK(test::any_begins_with(moved, prefix));
+    }
+  }
+}
+
+TEST_CASE("exposure poses: training moves them, and a resumed run goes on to the bit", "[run]") {
+  const Scene scene;
+  for (const train::PosePath path : {train::PosePath::kLinear, train::PosePath::kCubic}) {
+    train::RunOptions options = tiny_options(scene);
+    options.densify.strategy = gaussians::DensifyStrategy::kNone;
+    options.train.iterations = options.train.calendar = 8;
+    options.checkpoint.every = 4;
+    options.objective.target = losses::Target::kNone;
+    options.objective.edi_supervision = options.objective.simulation = false;
+    options.poses.optimize = path;
+    options.poses.accumulate = 3;
+    const auto whole = scene.dir / concat(word_of(path), "-whole");
+    const auto halves = scene.dir / concat(word_of(path), "-halves");
+    run::Trainer trainer(options, whole, "");
+    const torch::Tensor before = trainer.state().poses->forward(0, torch::kCPU).detach();
+    trainer.run();
+    const torch::Tensor after = trainer.state().poses->forward(0, torch::kCPU).detach();
+    CHECK((after - before).abs().max().item<double>() > 1e-6);
+    train::RunOptions half = options;
+    half.train.iterations = 4;
+    run::Trainer(half, halves, "").run();
+    run::Trainer second(options, halves, "latest");
+    second.run();
+    CHECK(second.state()
+              .poses->forward(0, torch::kCPU)
+              .equal(trainer.state().poses->forward(0, torch::kCPU)));
+    CHECK(read_file(whole / "point_cloud.ply") == read_file(halves / "point_cloud.ply"));
+  }
+}
+
+TEST_CASE("trainer: a corrupt newest checkpoint falls back to the one before", "[run]") {
+  const Scene scene;
+  const auto run = scene.dir.path() / "run";
+  train::RunOptions options = tiny_options(scene);
+  run::Trainer(options, run, "").run();
+  const auto newest = run::checkpoint_path(run, 20);
+  std::string bytes = read_file(newest);
+  bytes[bytes.size() / 2] = static_cast<char>(bytes[bytes.size() / 2] ^ 1);
+  std::ofstream(newest, std::ios::binary) << bytes;
+  CHECK_THROWS_AS(run::load_checkpoint_gaussians(newest), CheckpointError);
+  {
+    run::Trainer trainer(options, run, "latest");
+    CHECK(trainer.state().step == 10);
+  }
+  for (const size_t size : {size_t{0}, size_t{100}, bytes.size() - 30}) {
+    std::ofstream(newest, std::ios::binary) << bytes.substr(0, size);
+    CHECK_THROWS_AS(run::load_checkpoint_gaussians(newest), CheckpointError);
+  }
+}
+
+TEST_CASE("trainer: refuses to resume with other settings or data, and says which", "[run]") {
+  const Scene scene;
+  const auto run = scene.dir.path() / "run";
+  train::RunOptions options = tiny_options(scene);
+  options.train.iterations = 3;
+  run::Trainer(options, run, "").run();
+  CHECK_THROWS_WITH(run::Trainer(options, run, ""), Catch::Contains("holds a run already"));
+  options.train.iterations = 5;
+  CHECK_NOTHROW(run::Trainer(options, run, "latest"));
+  options.objective.dssim = 0.2;
+  CHECK_THROWS_WITH(run::Trainer(options, run, "latest"),
+                    Catch::Contains("objective.dssim: 0.3 -> 0.2"));
+  options.objective.dssim = 0.3;
+  test::TinyDatasetOptions other;
+  other.last_exposure_without_events = true;
+  std::filesystem::remove_all(scene.data);
+  test::write_tiny_dataset(scene.data, other);
+  CHECK_THROWS_WITH(run::Trainer(options, run, "latest"), Catch::Contains("other data"));
+}
+
+TEST_CASE("trainer: refuses to resume with another restorer, wherever its file lies", "[run]") {
+  const Scene scene;
+  const auto run = scene.dir / "run";
+  train::RunOptions options = routed_options(scene);
+  options.train.iterations = 3;
+  run::Trainer(options, run, "").run();
+  const std::string expected = file_sha256(options.efnet.path);
+  CHECK_THAT(read_file(run / "env.json"), Catch::Contains(expected));
+  options.efnet.path = scene.dir / "moved.pt";
+  std::filesystem::rename(scene.dir / "restorer.pt", options.efnet.path);
+  CHECK_NOTHROW(run::Trainer(options, run, "latest"));
+  const auto other = test::save_restorer(options.efnet.path, "  return 0.8 * image\n");
+  const auto resume = [&] { run::Trainer(options, run, "latest"); };
+  CHECK_THROWS_AS(resume(), CheckpointError);
+  CHECK_THROWS_WITH(resume(), Catch::Contains(expected) && Catch::Contains(file_sha256(other)) &&
+                                  Catch::Contains("efnet.path"));
+  // What needs no restorer does not look at one.
+  train::RunOptions plain = tiny_options(scene);
+  plain.train.iterations = 3;
+  run::Trainer(plain, scene.dir / "plain", "").run();
+  CHECK_THAT(read_file(scene.dir / "plain" / "env.json"), !Catch::Contains("restorer_sha256"));
+  plain.efnet.path = scene.dir / "nowhere.pt";
+  CHECK_NOTHROW(run::Trainer(plain, scene.dir / "plain", "latest"));
+}
+
+TEST_CASE(
+    "trainer: a checkpoint without the restorer's hash loads with a warning, but is no way "
+    "around a newer one that has it",
+    "[run]") {
+  const Scene scene;
+  const auto run = scene.dir / "run";
+  train::RunOptions options = routed_options(scene);
+  run::Trainer(options, run, "").run();
+  const auto older = run::checkpoint_path(run, 10);
+  // As a program wrote it that did not keep the hash.
+  {
+    const run::Trainer trainer(options, scene.dir / "same", older.string());
+    const auto entries = test::checkpoint_entries(older);
+    const auto text = [&](const std::string& name) {
+      const torch::Tensor& bytes = entries.at(name);
+      return std::string(static_cast<const char*>(bytes.data_ptr()),
+                         static_cast<size_t>(bytes.numel()));
+    };
+    run::save_checkpoint(run, trainer.state(), {text("config"), text("data_fingerprint"), ""}, 2);
+  }
+  CHECK(test::checkpoint_entries(older).count("restorer_sha256") == 0);
+  const auto said = scene.dir / "said.txt";
+  const auto step_of = [&](const std::string& resume) {
+    set_log_file(said);
+    return run::Trainer(options, run, resume).state().step;
+  };
+  CHECK(step_of(older.string()) == 10);
+  CHECK_THAT(read_file(said), Catch::Contains("no hash of the restorer"));
+  test::save_restorer(options.efnet.path, "  return 0.8 * image\n");
+  CHECK_THROWS_AS(step_of("latest"), CheckpointError);
+  set_log_file({});
+}

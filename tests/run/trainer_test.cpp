@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/run/trainer.h"
+
+#include "support/catch.h"
+
+#include <fstream>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <torch/types.h>
+
+#include "jade/core/atomic_file.h"
+#include "jade/core/digest.h"
+#include "jade/core/error.h"
+#include "jade/core/interrupt.h"
+#include "jade/core/log.h"
+#include "jade/core/random.h"
+#include "jade/run/checkpoint.h"
+#include "run/checkpoint_entries.h"
+#include "support/tensors.h"
+#include "support/tiny_run.h"
+
+using namespace jade;
+using test::copies;
+using test::equal;
+using test::routed_options;
+using test::tiny_options;
+using Scene = test::TinyScene;
+
+TEST_CASE("trainer: a view without events trains", "[run]") {
+  test::TinyDatasetOptions data;
+  data.last_exposure_without_events = true;
+  const Scene scene(data);
+  train::RunOptions options = tiny_options(scene);
+  run::Trainer trainer(options, scene.dir.path() / "run", "");
+  CHECK(trainer.views().back().density.sum().item<double>() == 0);
+  CHECK(trainer.views().back().restorations.edi.allclose(trainer.views().back().blurry));
+  for (int i = 0; i < 6; ++i) trainer.step();
+  CHECK(trainer.state().gaussians.parameters().means.isfinite().all().item<bool>());
+}
+
+TEST_CASE("trainer: no opacity reset falls into the last tenth of a run", "[run]") {
+  const Scene scene;
+  train::RunOptions options = tiny_options(scene);
+  options.densify.until = 1000;
+  options.densify.opacity_reset_every = 10;
+  options.train.evaluate_every = 0;
+  run::Trainer trainer(options, scene.dir.path() / "run", "");
+  const auto most_opaque = [&] {
+    return trainer.state().gaussians.parameters().logit_opacities.sigmoid().max().item<double>();
+  };
+  for (int i = 0; i < 10; ++i) trainer.step();
+  CHECK(most_opaque() < 0.011);
+  for (int i = 0; i < 10; ++i) trainer.step();
+  CHECK(most_opaque() > 0.012);
+}
+
+TEST_CASE("trainer: L_ev is a term of the objective where its weight is positive", "[run]") {
+  const Scene scene;
+  train::RunOptions options = tiny_options(scene);
+  options.train.log_every = 1;
+  run::Trainer without(options, scene.dir.path() / "without", "");
+  options.objective.event_loss_weight = 0.1;
+  for (const losses::EventSpan span :
+       {losses::EventSpan::kExposure, losses::EventSpan::kRecording}) {
+    options.objective.event_window = span;
+    run::Trainer with(options, scene.dir / word_of(span), "");
+    for (int i = 0; i < 4; ++i) with.step();
+    CHECK_THAT(read_file(scene.dir / word_of(span) / "metrics.jsonl"),
+               Catch::Contains("\"event\":"));
+    while (without.state().step < 4) without.step();
+    CHECK_FALSE(without.state().gaussians.parameters().means.equal(
+        with.state().gaussians.parameters().means));
+  }
+  CHECK_THAT(read_file(scene.dir.path() / "without" / "metrics.jsonl"),
+             !Catch::Contains("\"event\":"));
+}
+
+TEST_CASE("trainer: two runs in one folder are refused while the first is alive", "[run]") {
+  const test::TempDir dir;
+  auto first = std::make_unique<run::RunDirectory>(dir.path() / "run");
+  CHECK_THROWS_WITH(run::RunDirectory(dir.path() / "run"), Catch::Contains("another process"));
+  first.reset();
+  CHECK_NOTHROW(run::RunDirectory(dir.path() / "run"));
+}
+
+TEST_CASE("trainer: an interrupt saves the finished step", "[run]") {
+  const Scene scene;
+  const auto run = scene.dir.path() / "run";
+  set_interrupt_requested(true);
+  const auto interrupted = [&] {
+    train::RunOptions options = tiny_options(scene);
+    options.train.iterations = 1000;
+    // The interrupt is seen after the first step; view preparation would honour it as well.
+    set_interrupt_requested(false);
+    run::Trainer trainer(options, run, "");
+    set_interrupt_requested(true);
+    trainer.run();
+  };
+  CHECK_THROWS_AS(interrupted(), Interrupted);
+  set_interrupt_requested(false);
+  CHECK(run::list_checkpoints(run) == std::vector{run::checkpoint_path(run, 1)});
+}
+
+TEST_CASE("trainer: a run leaves the documented files", "[run]") {
+  const Scene scene;
+  const auto run = scene.dir.path() / "run";
+  run::Trainer(tiny_options(scene), run, "").run();
+  for (const char* name : {"config.yaml", "env.json", "train.log", "metrics.jsonl",
+                           "point_cloud.ply", "eval.json", "report.html", "images/test_03.png"}) {
+    INFO(name);
+    CHECK(std::filesystem::exists(run / name));
+  }
+  std::ifstream metrics(run / "metrics.jsonl");
+  int lines = 0;
+  for (std::string line; std::getline(metrics, line); ++lines) {
+    const auto object = nlohmann::json::parse(line);
+    for (const char* key : {"step", "loss", "blur", "psnr_train", "gaussians", "memory_bytes"}) {
+      INFO(key);
+      CHECK(object.contains(key));
+    }
+  }
+  CHECK(lines == 4);
+  // Both test views are taken after the last exposure.
+  const auto scores = nlohmann::json::parse(read_file(run / "eval.json"));
+  for (const auto& view : scores["views"]) CHECK(view["seen"] == false);
+  CHECK(scores["mean_unseen"] == scores["mean"]);
+  CHECK(scores["mean_seen"].is_null());
+  CHECK_THAT(read_file(run / "report.html"), Catch::Contains("test view 04, not seen in training"));
+}

@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "jade/data/dataset.h"
+#include "jade/train/plan.h"
+#include "jade/train/routing_step.h"
+#include "jade/train/scene_step.h"
+#include "jade/train/step.h"
+#include "support/tensors.h"
+#include "support/tiny_run.h"
+
+namespace jade::test {
+
+/// Views and a state with a router, without a trainer around them. The blurry frame stands in for
+/// F, so no restorer is needed.
+struct Bench {
+  train::RunOptions options;
+  data::Dataset dataset;
+  std::vector<train::View> views;
+  train::TrainState state;
+
+  explicit Bench(const TinyScene& scene, torch::Device device = torch::kCPU)
+      : options(tiny_options(scene)) {
+    dataset = data::load_dataset(options.dataset);
+    views = train::prepare_views(dataset, options, device);
+    for (train::View& view : views) {
+      view.restorations.efnet = view.blurry;
+      view.fixed_target = torch::Tensor();
+    }
+    options.objective.target = losses::Target::kRouted;
+    state = train::make_state(options, dataset, device);
+  }
+
+  train::StepInputs inputs(int64_t view, int64_t step) const {
+    const torch::Tensor draws = torch::tensor({1, 2, 3}, torch::kInt64);
+    const train::View& chosen = views[static_cast<size_t>(view)];
+    return {step, chosen, view, draws.to(chosen.blurry.device()), {}};
+  }
+  train::StepPlan plan(int64_t step) const { return train::plan_step(options, step); }
+
+  train::Renders render(const train::StepInputs& in) {
+    return train::render_exposure(state, in, plan(in.step), options);
+  }
+  train::RouteReport route(const train::StepInputs& in, const train::Renders& renders) {
+    return train::routing_step(state, in, renders, plan(in.step), options.route);
+  }
+  /// Renders and takes the step on the scene.
+  std::vector<losses::NamedTerm> scene_step(const train::StepInputs& in) {
+    const torch::Tensor target = train::scene_target(state, in.view, in.view_index);
+    return train::scene_step(state, in, render(in), target, plan(in.step), options);
+  }
+  train::StepOutputs alternate(const train::StepInputs& in) {
+    return train::alternate(state, in, plan(in.step), options);
+  }
+};
+
+inline std::string names_of(const std::vector<losses::NamedTerm>& terms) {
+  std::string names;
+  for (const losses::NamedTerm& term : terms) names += term.name + " ";
+  return names;
+}
+
+inline std::vector<torch::Tensor> adam_state(const train::TrainState& state) {
+  auto all = copies(state.gaussian_adam.first_moments());
+  for (const auto& tensor : copies(state.gaussian_adam.second_moments())) all.push_back(tensor);
+  all.push_back(state.gaussian_adam.step_count().clone());
+  return all;
+}
+
+}  // namespace jade::test

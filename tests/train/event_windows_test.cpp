@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/train/event_windows.h"
+
+#include "support/catch.h"
+
+#include <torch/types.h>
+
+#include "jade/data/dataset.h"
+#include "jade/events/counts.h"
+#include "support/tiny_run.h"
+
+using namespace jade;
+
+namespace {
+
+struct ShortScene : test::TinyScene {
+  data::Dataset dataset() const { return data::load_dataset(test::tiny_options(*this).dataset); }
+};
+
+double largest(const torch::Tensor& t) { return t.abs().max().item<double>(); }
+
+torch::Tensor pose_of(const data::Exposure& exposure, size_t k) {
+  return geometry::to_tensor(exposure.poses[k]).to(torch::kFloat32);
+}
+
+}  // namespace
+
+TEST_CASE("event windows: lie in the exposure, repeat with the seed, and count its events",
+          "[train]") {
+  const ShortScene scene;
+  const data::Dataset dataset = scene.dataset();
+  losses::ObjectiveOptions options;
+  options.event_pixels = 50;
+  const train::EventWindows windows(dataset, options, 7, torch::kCPU),
+      same(dataset, options, 7, torch::kCPU);
+  const int64_t height = dataset.train[1].camera.height, width = dataset.train[1].camera.width;
+  bool moved = false;
+  for (int64_t step = 1; step <= 20; ++step) {
+    const train::EventWindow window = windows.at(step, 1), again = same.at(step, 1);
+    CHECK(window.counts.equal(again.counts));
+    CHECK(window.pixels.equal(again.pixels));
+    CHECK(window.counts.sizes() == torch::IntArrayRef({height, width}));
+    CHECK(window.pixels.numel() == 50);
+    CHECK(std::get<0>(at::_unique(window.pixels)).numel() == 50);
+    CHECK(window.pixels.max().item<int64_t>() < height * width);
+    const torch::Tensor& cameras = window.cameras.camera_from_world;
+    moved = moved || largest(cameras[0] - cameras[1]) > 1e-6;
+    const events::ImageSize size{height, width};
+    const double all = events::event_density(dataset.train[1].events, size).sum().item<double>();
+    CHECK(window.counts.abs().sum().item<double>() <= all);
+  }
+  CHECK(moved);
+  CHECK_FALSE(windows.at(1, 1).pixels.equal(windows.at(2, 1).pixels));
+}
+
+TEST_CASE("event windows: a window of the whole exposure counts all its events", "[train]") {
+  const ShortScene scene;
+  const data::Dataset dataset = scene.dataset();
+  losses::ObjectiveOptions options;
+  options.event_window_share = 1;
+  const train::EventWindows windows(dataset, options, 7, torch::kCPU);
+  const train::EventWindow window = windows.at(1, 0);
+  const data::Exposure& exposure = dataset.train[0];
+  CHECK(window.counts.equal(
+      events::signed_count(exposure.events, {exposure.camera.height, exposure.camera.width})));
+  CHECK(largest(window.cameras.camera_from_world[0] - pose_of(exposure, 0)) < 1e-6);
+  CHECK(largest(window.cameras.camera_from_world[1] - pose_of(exposure, 8)) < 1e-6);
+}

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/train/options.h"
+
+#include "support/catch.h"
+
+#include "jade/core/error.h"
+
+using namespace jade;
+
+TEST_CASE("options: rules between fields name the keys", "[train]") {
+  train::RunOptions options;
+  CHECK_NOTHROW(train::validate(options));
+  options.events.bins = 5;
+  CHECK_THROWS_WITH(train::validate(options), Catch::Contains("events.bins"));
+  options.events.bins = 6;
+  options.route.render_consistency = options.route.reblur_consistency = false;
+  CHECK_THROWS_WITH(train::validate(options), Catch::Contains("route.render_consistency"));
+  options.allocation.kind = router::AllocationKind::kConstant;
+  CHECK_NOTHROW(train::validate(options));
+  options.objective.blur = options.objective.edi_supervision = options.objective.intensity = false;
+  options.objective.simulation = false;
+  CHECK_NOTHROW(train::validate(options));
+  options.objective.target_until = 100;
+  CHECK_THROWS_WITH(train::validate(options), Catch::Contains("step 101"));
+  options.train.iterations = 100;
+  CHECK_NOTHROW(train::validate(options));
+  options.objective.target = losses::Target::kNone;
+  CHECK_THROWS_WITH(train::validate(options), Catch::Contains("step 1,"));
+}
+
+TEST_CASE("options: the calendar follows the number of steps", "[train]") {
+  train::RunOptions options;
+  const auto settled = [&](int64_t iterations) {
+    options.train.iterations = iterations;
+    train::settle(options);
+    return options;
+  };
+  // The paper's budget has the paper's calendar.
+  const train::RunOptions paper = settled(25000);
+  CHECK(paper.objective.warmup == 1500);
+  CHECK(paper.objective.simulation_start == 7000);
+  CHECK(paper.densify.from == 500);
+  CHECK(paper.densify.until == 15000);
+  CHECK(paper.densify.every == 100);
+  CHECK(paper.densify.opacity_reset_every == 3000);
+  CHECK(paper.train.sh_degree_every == 1000);
+  CHECK(paper.optim.position_lr_max_steps == 150000);
+  CHECK(paper.poses.lr_max_steps == 30000);
+  for (const int64_t iterations : {1, 2, 7, 20})
+    CHECK_NOTHROW(train::validate(settled(iterations)));
+  for (const int64_t iterations : {500, 3000, 12000, 40000}) {
+    const train::RunOptions scaled = settled(iterations);
+    CHECK_NOTHROW(train::validate(scaled));
+    CHECK(scaled.densify.until == iterations * 3 / 5);
+    CHECK(scaled.objective.simulation_start == iterations * 7 / 25);
+    CHECK(scaled.densify.last_opacity_reset == iterations * 9 / 10);
+  }
+}
+
+TEST_CASE("validate: learned poses and L_ev are refused together", "[train]") {
+  train::RunOptions options;
+  options.poses.optimize = train::PosePath::kLinear;
+  options.objective.event_loss_weight = 0.1;
+  CHECK_THROWS_AS(train::validate(options), ConfigError);
+}

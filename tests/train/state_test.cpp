@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/train/state.h"
+
+#include "support/catch.h"
+
+#include <set>
+
+#include "train/bench.h"
+
+using namespace jade;
+
+namespace {
+
+/// The names of all tensors, each met once.
+template <class Visited>
+std::set<std::string> names_in(const Visited& visited) {
+  std::set<std::string> names;
+  visited.visit([&](const std::string& name, const torch::Tensor&) {
+    INFO(name);
+    CHECK(names.insert(name).second);
+  });
+  return names;
+}
+
+}  // namespace
+
+TEST_CASE("visit: the inputs of a step name each tensor once, at its own place", "[train]") {
+  const test::TinyScene scene;
+  const test::Bench bench(scene);
+  const train::StepInputs inputs = bench.inputs(0, 1);
+  CHECK(names_in(inputs) ==
+        std::set<std::string>{
+            "view.blurry", "view.blurry_moments.image", "view.blurry_moments.mean",
+            "view.blurry_moments.square", "view.psi", "view.edi_factors", "view.reblur_kernel",
+            "view.density", "view.restorations.edi", "view.restorations.efnet", "view.fixed_target",
+            "view.cameras.camera_from_world", "view.cameras.intrinsics", "pose_draws",
+            "events.cameras.camera_from_world", "events.cameras.intrinsics", "events.counts",
+            "events.pixels", "events.color_filter"});
+  std::set<const torch::Tensor*> places;
+  inputs.visit([&](const std::string&, const torch::Tensor& tensor) { places.insert(&tensor); });
+  CHECK(places.size() == names_in(inputs).size());
+}
+
+TEST_CASE("visit: what is written through a visit stays in the inputs that were visited",
+          "[train]") {
+  const test::TinyScene scene;
+  const test::Bench bench(scene);
+  const train::StepInputs inputs = bench.inputs(0, 1);
+  train::StepInputs own = inputs;
+  own.visit([](const std::string&, torch::Tensor& tensor) {
+    if (tensor.defined()) tensor = tensor.clone().zero_();
+  });
+  CHECK(own.view.blurry.abs().max().item<double>() == 0);
+  CHECK(own.view.restorations.edi.abs().max().item<double>() == 0);
+  CHECK(inputs.view.blurry.max().item<double>() > 0);
+}
+
+TEST_CASE("visit: the state names all that a step writes", "[train]") {
+  const test::TinyScene scene;
+  test::Bench bench(scene);
+  std::set<std::string> changed;
+  std::vector<torch::Tensor> before;
+  bench.state.visit([&](const std::string&, const torch::Tensor& tensor) {
+    before.push_back(tensor.detach().clone());
+  });
+  const auto names = names_in(bench.state);
+  CHECK(names.size() == before.size());
+  bench.alternate(bench.inputs(0, 10));
+  size_t next = 0;
+  bench.state.visit([&](const std::string& name, const torch::Tensor& tensor) {
+    if (!tensor.equal(before[next++])) changed.insert(name.substr(0, name.find_last_of('.')));
+  });
+  for (const char* part : {"gaussians", "gaussian_adam.first", "gaussian_adam.second",
+                           "gaussian_adam", "densifier", "allocation_adam", "response_adam"}) {
+    INFO(part);
+    CHECK(changed.count(part) == 1);
+  }
+}
+
+TEST_CASE("state: the modules follow the options", "[train]") {
+  const test::TinyScene scene;
+  train::RunOptions options = test::tiny_options(scene);
+  const data::Dataset dataset = data::load_dataset(options.dataset);
+  const train::TrainState plain = train::make_state(options, dataset, torch::kCPU);
+  CHECK(plain.gaussians.size() == 300);
+  CHECK(plain.gaussians.extent() > 0);
+  CHECK_FALSE(plain.allocation);
+  CHECK(plain.allocation_adam.empty());
+  CHECK_FALSE(plain.response_adam.empty());
+  CHECK_FALSE(plain.poses);
+  options.objective.target = losses::Target::kRouted;
+  options.allocation.kind = router::AllocationKind::kConstant;
+  options.response.lr = 0;
+  options.poses.optimize = train::PosePath::kLinear;
+  const train::TrainState other = train::make_state(options, dataset, torch::kCPU);
+  CHECK(other.allocation);
+  CHECK(other.allocation_adam.empty());
+  CHECK(other.response_adam.empty());
+  CHECK_FALSE(other.poses_adam.empty());
+  options.response.enabled = false;
+  CHECK_FALSE(train::make_state(options, dataset, torch::kCPU).response);
+}

@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/train/step_graph.h"
+
+#include "support/catch.h"
+
+#include <algorithm>
+#include <map>
+#include <memory>
+#include <set>
+#include <torch/types.h>
+
+#include "jade/train/event_windows.h"
+#include "train/bench.h"
+
+using namespace jade;
+
+namespace {
+
+/// The terms of a step by name, on the CPU.
+std::map<std::string, double> values_of(const train::StepOutputs& out) {
+  std::map<std::string, double> values;
+  for (const auto& term : out.terms) values[term.name] = term.value.item<double>();
+  return values;
+}
+
+/// All terms with a routed or a fixed target, and the inputs of steps after the warm-up.
+struct GraphBench : test::Bench {
+  GraphBench(const test::TinyScene& scene, bool routed)
+      : Bench(scene, torch::Device(torch::kCUDA, 0)), windows_options(options.objective) {
+    options.objective.event_loss_weight = 0.1;
+    // What is compared is one step's terms: the states of two benches must not drift apart.
+    options.densify.strategy = gaussians::DensifyStrategy::kNone;
+    gaussians::OptimOptions& optim = options.optim;
+    for (double* lr : {&optim.position_lr_start, &optim.position_lr_end, &optim.sh_dc_lr,
+                       &optim.sh_rest_lr, &optim.opacity_lr, &optim.scale_lr, &optim.rotation_lr,
+                       &options.route.lr, &options.response.lr}) {
+      *lr = 1e-20;
+    }
+    if (!routed) {
+      options.objective.target = losses::Target::kEdi;
+      for (train::View& view : views) view.fixed_target = view.restorations.edi;
+    }
+    const torch::Device device(torch::kCUDA, 0);
+    state = train::make_state(options, dataset, device);
+    windows = std::make_unique<train::EventWindows>(dataset, windows_options, 1, device);
+  }
+
+  train::StepInputs inputs(int64_t step) const {
+    train::StepInputs in = Bench::inputs(0, step);
+    in.events = windows->at(20, 0);  // the same at every step
+    in.events.color_filter = torch::zeros({28, 36, 3}, torch::kBool).to(in.view.blurry.device());
+    in.events.color_filter.select(2, 1).fill_(true);
+    return in;
+  }
+
+  losses::ObjectiveOptions windows_options;
+  std::unique_ptr<train::EventWindows> windows;
+};
+
+/// Other values of the same shape that a step can work with.
+torch::Tensor changed(const std::string& name, const torch::Tensor& tensor) {
+  if (name == "pose_draws") return (tensor + 3) % geometry::kExposurePoses;
+  if (name == "events.pixels") return tensor.flip(0).remainder(7);
+  if (tensor.scalar_type() == torch::kBool) return tensor.logical_not();
+  if (name.find("camera_from_world") != std::string::npos) {
+    torch::Tensor moved = tensor.clone();
+    moved.select(-1, 3).narrow(-1, 0, 1).add_(0.05);
+    return moved;
+  }
+  return tensor.is_floating_point() ? tensor * 1.2 + 0.01 : tensor * 2;
+}
+
+/// How far apart the terms of two steps are, as the largest difference over the larger value.
+double distance(const std::map<std::string, double>& a, const std::map<std::string, double>& b) {
+  REQUIRE(a.size() == b.size());
+  double largest = 0;
+  for (const auto& [name, value] : a) {
+    const double other = b.at(name);
+    largest = std::max(
+        largest, std::abs(value - other) / std::max({std::abs(value), std::abs(other), 1e-6}));
+  }
+  return largest;
+}
+
+}  // namespace
+
+TEST_CASE("step graph: without a device every step runs eagerly", "[train]") {
+  const test::TinyScene scene;
+  test::Bench bench(scene);
+  train::StepGraph graph;
+  for (int64_t step = 1; step <= 3; ++step) {
+    graph.run(bench.state, bench.inputs(0, step), bench.plan(step), bench.options);
+  }
+  CHECK(graph.replays() == 0);
+  CHECK(bench.state.gaussian_adam.step_count().item<int64_t>() == 3);
+}
+
+TEST_CASE("step graph: what changes in any tensor of the inputs changes a replay as an eager step",
+          "[train][cuda]") {
+  const bool routed = GENERATE(true, false);
+  const train::StreamScope stream(torch::Device(torch::kCUDA, 0));
+  const test::TinyScene scene;
+  GraphBench recorded(scene, routed), eager(scene, routed);
+  train::StepGraph graph;
+  int64_t step = 20;  // past the warm-up, between two SH degrees and renewals
+  /// The terms of the next step, replayed and eager, with one input changed.
+  const auto both = [&](const std::string& name) {
+    ++step;
+    train::StepInputs in = recorded.inputs(step);
+    in.visit([&](const std::string& each, torch::Tensor& tensor) {
+      if (each == name) tensor = changed(name, tensor);
+    });
+    const train::StepPlan plan = recorded.plan(step);
+    const auto replayed = values_of(graph.run(recorded.state, in, plan, recorded.options));
+    return std::pair(replayed,
+                     values_of(train::alternate(eager.state, in, eager.plan(step), eager.options)));
+  };
+  for (int i = 0; i < 3; ++i) both("");
+  REQUIRE(graph.replays() == 2);
+  std::vector<std::string> names;
+  recorded.inputs(1).visit([&](const std::string& name, const torch::Tensor& tensor) {
+    if (tensor.defined()) names.push_back(name);
+  });
+  std::set<std::string> felt;
+  for (const std::string& name : names) {
+    INFO(name);
+    const auto [before_replay, before] = both("");
+    const auto [after_replay, after] = both(name);
+    const double change = distance(before, after);
+    CHECK(distance(before_replay, before) < 1e-3);
+    CHECK(distance(after_replay, after) < 1e-3 + 0.02 * change);
+    if (change > 0.01) felt.insert(name);
+  }
+  CHECK(graph.replays() == 2 + 2 * static_cast<int64_t>(names.size()));
+  // The change is one that a step sees, or the comparison would say nothing.
+  for (const char* name :
+       {"view.blurry", "view.blurry_moments.mean", "view.edi_factors", "view.restorations.edi",
+        "view.cameras.camera_from_world", "view.cameras.intrinsics", "pose_draws", "events.counts",
+        "events.pixels", "events.color_filter"}) {
+    INFO(name);
+    const bool target_of_its_own = !routed && name == std::string("view.restorations.edi");
+    CHECK(felt.count(name) == (target_of_its_own ? 0 : 1));
+  }
+  CHECK(felt.count("view.reblur_kernel") == (routed ? 1 : 0));
+  CHECK(felt.count("view.restorations.efnet") == (routed ? 1 : 0));
+  CHECK(felt.count("view.fixed_target") == (routed ? 0 : 1));
+}
