@@ -28,8 +28,8 @@ template <bool kSmooth>
 Blended blend(const Pixel& pixel) {
   Blended result;
   for (size_t i = 0; i < pixel.exponents.size(); ++i) {
-    const auto step = math::blend_step<PlainArithmetic, kSmooth>(pixel.exponents[i],
-                                                                 &result.transmittance);
+    const auto step =
+        math::blend_step<PlainArithmetic, kSmooth>(pixel.exponents[i], &result.transmittance);
     result.weights.push_back(step.weight);
     result.loss += step.weight * pixel.values[i];
   }

@@ -47,9 +47,8 @@ JADE_HD void blend_splat(const Splat<T>& splat, const PackList<P>& packs, TileSt
 }
 
 template <class P, int kPlanes, class T = typename P::Scalar>
-JADE_HD void store_images(const RenderCall<T>& call, const Tile<T>& tile,
-                          const TileState<P>& state, const TilePlanes<P, kPlanes>& planes,
-                          const Images<T>& images) {
+JADE_HD void store_images(const RenderCall<T>& call, const Tile<T>& tile, const TileState<P>& state,
+                          const TilePlanes<P, kPlanes>& planes, const Images<T>& images) {
   const int64_t plane_size = static_cast<int64_t>(call.width) * call.height;
   for (int y = 0; y < tile.height; ++y) {
     const int64_t row = static_cast<int64_t>(tile.y0 + y) * call.width + tile.x0;
@@ -82,10 +81,10 @@ void blend_tile(const RenderCall<T>& call, const Tile<T>& tile, const Images<T>&
 
 template <class P, class T = typename P::Scalar>
 void blend(const RenderCall<T>& call, const Tile<T>& tile, const Images<T>& images) {
-  const auto run = call.smooth_cutoff
-                       ? (call.depth ? blend_tile<P, true, true, T> : blend_tile<P, true, false, T>)
-                       : (call.depth ? blend_tile<P, false, true, T>
-                                     : blend_tile<P, false, false, T>);
+  const auto run =
+      call.smooth_cutoff
+          ? (call.depth ? blend_tile<P, true, true, T> : blend_tile<P, true, false, T>)
+          : (call.depth ? blend_tile<P, false, true, T> : blend_tile<P, false, false, T>);
   run(call, tile, images);
 }
 

@@ -90,8 +90,8 @@ JADE_HD LaneSums<P> replay_splat(const Splat<T>& splat, const PackList<P>& packs
     const PackPlace<P> at(packs.places[n]);
     const P dx = P::load(state->center_x + at.x) - center, dy(packs.dy[at.y]);
     P t = P::load(state->transmittance + at.pixel);
-    const auto step = m::blend_step<m::PlainArithmetic, kSmooth>(
-        m::exponent(packs.row(a, at.y), dx), &t);
+    const auto step =
+        m::blend_step<m::PlainArithmetic, kSmooth>(m::exponent(packs.row(a, at.y), dx), &t);
     t.store(state->transmittance + at.pixel);
     state->keep_live(at.y, at.x, bits(step.goes_on));
     P value(0);

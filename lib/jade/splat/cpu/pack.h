@@ -169,7 +169,7 @@ JADE_HD Pack<T, N> fma(Pack<T, N> a, Pack<T, N> b, Pack<T, N> c) {
   return a * b + c;
 }
 
-/// One bit a lane, lane 0 lowest.
+/// One bit per lane, lane 0 lowest.
 template <class T, int N>
 JADE_HD uint32_t bits(PackMask<T, N> mask) {
   JADE_WITH_AVX(static_cast<uint32_t>(_mm256_movemask_ps((__m256)mask.v)),

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From splats to one depth-sorted list a tile: plan, emit, sort.
+// From splats to one depth-sorted list per tile: plan, emit, sort.
 #include "jade/splat/cuda/launch.h"
 #include "jade/splat/cuda/tile_walk.cuh"
 
@@ -10,7 +10,7 @@ namespace {
 constexpr int kPlanThreads = 1024;
 constexpr int kClasses = 128;
 
-/// Class of a list by its length, four classes an octave, longest first.
+/// Class of a list by its length, four classes per octave, longest first.
 __device__ __forceinline__ int length_class(uint32_t count) {
   return kClasses - 1 - min(int(4.0f * log2f(float(count) + 1.0f)), kClasses - 1);
 }
@@ -256,7 +256,7 @@ __device__ __forceinline__ bool bucket_sort(uint64_t* keys, int count, SortShare
     }
   }
   __syncthreads();
-  // Exclusive scan of the buckets, four a thread.
+  // Exclusive scan of the buckets, four per thread.
   static_assert(kBuckets == 4 * kSortThreads, "each thread scans four buckets");
   uint4 counts = reinterpret_cast<uint4*>(s.bucket)[threadIdx.x];
   const uint32_t fullest = max(max(counts.x, counts.y), max(counts.z, counts.w));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Blending and its adjoint: a block a tile, a warp a quarter of it, a lane two pixels.
+// Blending and its adjoint: a block per tile, a warp per quarter of it, a lane per two pixels.
 #include "jade/splat/cuda/blend.cuh"
 #include "jade/splat/cuda/launch.h"
 #include "jade/splat/cuda/warp.cuh"
@@ -125,7 +125,7 @@ __device__ __forceinline__ void add_background(const RenderCall& call, const Pix
 constexpr int kQuarterPixels = kSubtile * kSubtile;
 constexpr int kSplatStride = kQuarterPixels + 16;  ///< keeps the readers' banks apart
 
-/// A group's per-pixel gradients of one warp, to be summed with a lane a splat and pixel block.
+/// A group's per-pixel gradients of one warp, to be summed with a lane per splat and pixel block.
 struct WarpSums {
   float u[kGroup * kSplatStride];       ///< dL/d ln α
   float weight[kGroup * kSplatStride];  ///< α T

@@ -86,7 +86,7 @@ __device__ __forceinline__ void walk_rows(const Ellipse& e, int begin, int end, 
   }
 }
 
-constexpr int kSerialRows = 6;  ///< taller splats are walked by the whole warp, a row a lane
+constexpr int kSerialRows = 6;  ///< taller splats are walked by the whole warp, a row per lane
 
 /// Walks the tiles of every lane's splat. All 32 lanes must call it; `drawn` says which have one.
 /// visit(splat of the walk, its index, tile, mask).

@@ -9,7 +9,7 @@
 namespace jade::splat::cuda {
 
 constexpr int kBlendThreads = 128;
-constexpr int kRound = 512;  ///< splats a round
+constexpr int kRound = 512;  ///< splats per round
 
 /// Besides, a round needs room for kRoundKeys keys, which nobody else uses between rounds.
 constexpr int kRoundKeys = 2 * kRound;

@@ -3,8 +3,8 @@
 #pragma once
 
 #include "jade/splat/math/blend.h"
-#include "jade/splat/math/scalar.h"
 #include "jade/splat/math/projection.h"
+#include "jade/splat/math/scalar.h"
 #include "jade/splat/math/sh.h"
 
 namespace jade::splat::math {
