@@ -151,7 +151,8 @@ nlohmann::json measure(const Term& term, int64_t height, int64_t width, const Re
 
 CLI::App* LossesBench::add_to(CLI::App& cli) {
   CLI::App* const command = cli.add_subcommand(
-      "losses", "Every loss term and the router, at 346x260 and 600x400; objective is all of Eq. (10)");
+      "losses",
+      "Every loss term and the router, at 346x260 and 600x400; objective is all of Eq. (10)");
   command->fallthrough();
   command->add_option("--term", names, "Only these terms")->delimiter(',');
   command->add_option("--repeats", repeats.timed, "Timed runs")->capture_default_str();

@@ -28,13 +28,13 @@ namespace {
 
 const torch::Device kGpu(torch::kCUDA, 0);
 
-struct Outcome {
+struct Rendered {
   RenderOutput output;
   std::vector<Tensor> gradients;  ///< five parameters, cameras, background
 };
 
 /// Renders and differentiates on one device; everything comes back on the CPU.
-Outcome run(const SplatScene& scene, RenderOptions options, torch::Device device) {
+Rendered run(const SplatScene& scene, RenderOptions options, torch::Device device) {
   SplatScene s = move(scene, device, torch::kFloat32);
   require_gradients(s.gaussians);
   s.cameras.camera_from_world = s.cameras.camera_from_world.clone().set_requires_grad(true);
@@ -44,7 +44,7 @@ Outcome run(const SplatScene& scene, RenderOptions options, torch::Device device
   if (options.statistics.defined()) {
     options.statistics = splat::ScreenStatistics::zeros(s.gaussians.size(), device);
   }
-  Outcome outcome;
+  Rendered outcome;
   RenderOutput& out = outcome.output;
   out = splat::render(s.gaussians, s.cameras, options);
   const auto cotangent = [&](const Tensor& like, uint64_t seed) {
@@ -81,7 +81,7 @@ void check_images(const Tensor& gpu, const Tensor& cpu) {
   if (signs.numel() >= 50) CHECK(std::abs(signs.mean().item<double>()) < 0.5);
 }
 
-void check_outcomes(const Outcome& gpu, const Outcome& cpu) {
+void check_outcomes(const Rendered& gpu, const Rendered& cpu) {
   check_images(gpu.output.color, cpu.output.color);
   check_images(gpu.output.alpha, cpu.output.alpha);
   if (cpu.output.depth.defined()) check_images(gpu.output.depth / 10, cpu.output.depth / 10);
@@ -96,7 +96,7 @@ void check_outcomes(const Outcome& gpu, const Outcome& cpu) {
   }
 }
 
-void check_equal(const Outcome& a, const Outcome& b) {
+void check_equal(const Rendered& a, const Rendered& b) {
   CHECK(torch::equal(a.output.color, b.output.color));
   CHECK(torch::equal(a.output.alpha, b.output.alpha));
   for (size_t i = 0; i < a.gradients.size(); ++i) {
@@ -168,7 +168,7 @@ TEST_CASE("cuda: every near plane agrees with the CPU", "[splat][cuda]") {
     const auto at = static_cast<int64_t>(share * 2000);
     RenderOptions options;
     options.near_plane = 0.5 * (sorted[at] + sorted[at + 1]).item<double>();
-    const Outcome gpu = run(scene, options, kGpu);
+    const Rendered gpu = run(scene, options, kGpu);
     check_outcomes(gpu, run(scene, options, torch::kCPU));
     CHECK((gpu.output.color - whole).abs().max().item<double>() > 0.01);
     const Tensor hidden = (depth < options.near_plane).unsqueeze(1);
@@ -179,7 +179,7 @@ TEST_CASE("cuda: every near plane agrees with the CPU", "[splat][cuda]") {
 TEST_CASE("cuda: coefficients above the active degree get no gradient", "[splat][cuda]") {
   RenderOptions options;
   options.sh_degree = 1;
-  const Outcome outcome = run(scene_of(100, 40, 40), options, kGpu);
+  const Rendered outcome = run(scene_of(100, 40, 40), options, kGpu);
   CHECK(outcome.gradients[4].slice(1, 4).abs().max().item<double>() == 0);
   CHECK(outcome.gradients[4].slice(1, 0, 4).abs().max().item<double>() > 0);
 }
@@ -204,9 +204,9 @@ TEST_CASE("cuda: deterministic gradients repeat bit by bit and agree with the ot
   options.depth = true;
   options.background = torch::tensor({0.2f, 0.5f, 0.9f});
   const SplatScene scene = scene_of(5000, 150, 90);
-  const Outcome usual = run(scene, options, kGpu);
+  const Rendered usual = run(scene, options, kGpu);
   options.deterministic = true;
-  const Outcome first = run(scene, options, kGpu);
+  const Rendered first = run(scene, options, kGpu);
   for (int i = 0; i < 4; ++i) check_equal(run(scene, options, kGpu), first);
   CHECK(torch::equal(first.output.color, usual.output.color));
   for (size_t i = 0; i < first.gradients.size(); ++i) {
@@ -216,11 +216,11 @@ TEST_CASE("cuda: deterministic gradients repeat bit by bit and agree with the ot
 
 TEST_CASE("cuda: lists that do not fit change no image", "[splat][cuda]") {
   const SplatScene scene = scene_of(3000, 101, 67);
-  const Outcome usual = run(scene, {}, kGpu);
+  const Rendered usual = run(scene, {}, kGpu);
   for (const int64_t capacity : {0, 100, 4000}) {
     INFO("capacity " << capacity);
     const ForcedCapacity forced(capacity);
-    const Outcome tight = run(scene, {}, kGpu);
+    const Rendered tight = run(scene, {}, kGpu);
     CHECK(torch::equal(tight.output.color, usual.output.color));
     CHECK(torch::equal(tight.output.alpha, usual.output.alpha));
     for (size_t i = 0; i < usual.gradients.size(); ++i) {
@@ -270,7 +270,7 @@ TEST_CASE("cuda: unusable parameters contribute nothing and are counted", "[spla
   g.logit_opacities[9] = -1000;  // opacity 0
   g.means[10] = torch::tensor({0.f, 0.f, -5.f});
   g.log_scales[11] = 20;
-  const Outcome gpu = run(scene, {}, kGpu);
+  const Rendered gpu = run(scene, {}, kGpu);
   CHECK(gpu.output.rejected.item<int64_t>() == 8);
   CHECK(torch::isfinite(gpu.output.color).all().item<bool>());
   for (const Tensor& gradient : gpu.gradients) CHECK(torch::isfinite(gradient).all().item<bool>());
@@ -281,7 +281,7 @@ TEST_CASE("cuda: unusable parameters contribute nothing and are counted", "[spla
 TEST_CASE("cuda: finite extremes, and Gaussians behind or on the camera, agree with the CPU",
           "[splat][cuda]") {
   const auto check = [](const SplatScene& scene) {
-    const Outcome gpu = run(scene, {}, kGpu), cpu = run(scene, {}, torch::kCPU);
+    const Rendered gpu = run(scene, {}, kGpu), cpu = run(scene, {}, torch::kCPU);
     CHECK(gpu.output.rejected.item<int64_t>() == cpu.output.rejected.item<int64_t>());
     CHECK(torch::isfinite(gpu.output.color).all().item<bool>());
     for (const Tensor& gradient : gpu.gradients) {
@@ -305,7 +305,7 @@ TEST_CASE("cuda: finite extremes, and Gaussians behind or on the camera, agree w
   }
   SplatScene lost = scene_of(300, 45, 34);
   lost.cameras.camera_from_world.fill_(std::nanf(""));
-  const Outcome nothing = run(lost, {}, kGpu);
+  const Rendered nothing = run(lost, {}, kGpu);
   CHECK(nothing.output.color.abs().max().item<double>() == 0);
 }
 
@@ -327,7 +327,7 @@ TEST_CASE("cuda: no Gaussians give the background", "[splat][cuda]") {
   }
   for (const bool deterministic : {false, true}) {
     options.deterministic = deterministic;
-    const Outcome outcome = run(scene, options, kGpu);
+    const Rendered outcome = run(scene, options, kGpu);
     const Tensor expected = options.background.view({1, 3, 1, 1}).expand_as(outcome.output.color);
     CHECK(torch::equal(outcome.output.color, expected));
     CHECK(outcome.output.alpha.abs().max().item<double>() == 0);
@@ -363,7 +363,7 @@ TEST_CASE("cuda: equal depths keep the order of the index", "[splat][cuda]") {
 
 TEST_CASE("cuda: a million Gaussians in one tile", "[splat][cuda]") {
   const SplatScene scene = crowd(1000000, -5.2);
-  const Outcome gpu = run(scene, {}, kGpu);
+  const Rendered gpu = run(scene, {}, kGpu);
   CHECK(torch::isfinite(gpu.gradients[0]).all().item<bool>());
   check_images(gpu.output.color, run(scene, {}, torch::kCPU).output.color);
 }

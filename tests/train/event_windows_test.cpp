@@ -7,6 +7,7 @@
 
 #include "jade/data/dataset.h"
 #include "jade/events/counts.h"
+#include "support/poses.h"
 #include "support/tiny_run.h"
 
 using namespace jade;
@@ -16,12 +17,6 @@ namespace {
 struct ShortScene : test::TinyScene {
   data::Dataset dataset() const { return data::load_dataset(test::tiny_options(*this).dataset); }
 };
-
-double largest(const torch::Tensor& t) { return t.abs().max().item<double>(); }
-
-torch::Tensor pose_of(const data::Exposure& exposure, size_t k) {
-  return geometry::to_tensor(exposure.poses[k]).to(torch::kFloat32);
-}
 
 }  // namespace
 
@@ -44,7 +39,7 @@ TEST_CASE("event windows: lie in the exposure, repeat with the seed, and count i
     CHECK(std::get<0>(at::_unique(window.pixels)).numel() == 50);
     CHECK(window.pixels.max().item<int64_t>() < height * width);
     const torch::Tensor& cameras = window.cameras.camera_from_world;
-    moved = moved || largest(cameras[0] - cameras[1]) > 1e-6;
+    moved = moved || test::largest(cameras[0] - cameras[1]) > 1e-6;
     const events::ImageSize size{height, width};
     const double all = events::event_density(dataset.train[1].events, size).sum().item<double>();
     CHECK(window.counts.abs().sum().item<double>() <= all);
@@ -63,6 +58,6 @@ TEST_CASE("event windows: a window of the whole exposure counts all its events",
   const data::Exposure& exposure = dataset.train[0];
   CHECK(window.counts.equal(
       events::signed_count(exposure.events, {exposure.camera.height, exposure.camera.width})));
-  CHECK(largest(window.cameras.camera_from_world[0] - pose_of(exposure, 0)) < 1e-6);
-  CHECK(largest(window.cameras.camera_from_world[1] - pose_of(exposure, 8)) < 1e-6);
+  CHECK(test::largest(window.cameras.camera_from_world[0] - test::pose_of(exposure, 0)) < 1e-6);
+  CHECK(test::largest(window.cameras.camera_from_world[1] - test::pose_of(exposure, 8)) < 1e-6);
 }
