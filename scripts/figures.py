@@ -301,7 +301,7 @@ def training_cost(runs: list[Run]):
     for run in runs:
         rows.setdefault(run.row, []).append(run)
     bars = {"minutes (wall clock)": lambda run: run.seconds / 60 if run.seconds else None,
-            "steps a second": Run.rate, "peak memory, GiB": Run.peak_gib}
+            "steps per second": Run.rate, "peak memory, GiB": Run.peak_gib}
     values = {title: {row: [v for v in map(get, members) if v is not None] for row, members in rows.items()} for title, get in bars.items()}
     values = {title: by_row for title, by_row in values.items() if any(by_row.values())}
     if not values:

@@ -83,9 +83,10 @@ ExitCode RestorerBench::run(const apps::Program& program) const {
     rows.push_back(measure(restorer, frame, repeats, device, dump));
     const auto& row = rows.back();
     if (program.json()) continue;
-    std::printf("%-10s %s: %9.3f ms a frame (median; fastest %.3f), %.1f MiB\n", frame.name.c_str(),
-                row["device"].get<std::string>().c_str(), row["frame_ms"]["median"].get<double>(),
-                row["frame_ms"]["min"].get<double>(), row["peak_mib"].get<double>());
+    std::printf("%-10s %s: %9.3f ms per frame (median; fastest %.3f), %.1f MiB\n",
+                frame.name.c_str(), row["device"].get<std::string>().c_str(),
+                row["frame_ms"]["median"].get<double>(), row["frame_ms"]["min"].get<double>(),
+                row["peak_mib"].get<double>());
     std::fflush(stdout);
   }
   if (program.json()) std::cout << nlohmann::json{{"workloads", rows}}.dump(2) << '\n';

@@ -51,7 +51,7 @@ void add_flags(apps::Program& program, RenderFlags& flags) {
                  "png (8 bits), npy (float32 [3,H,W], not clamped), or mp4: all views in one film, "
                  "OUTPUT or OUTPUT/<cameras>.mp4 (needs ffmpeg)")
       ->check(CLI::IsMember({"png", "npy", "mp4"}));
-  cli.add_option("--fps", flags.frames_per_second, "with --format mp4: frames a second")
+  cli.add_option("--fps", flags.frames_per_second, "with --format mp4: frames per second")
       ->check(CLI::Range(0.01, 1000.0));
   cli.add_flag("--fps-benchmark", flags.fps_benchmark,
                "measure frames per second, one view at a time, without writing images");

@@ -21,7 +21,7 @@ AllocationInput input(int64_t view = 0) {
   return {torch::rand({3, kHeight, kWidth}), torch::rand({2, kHeight, kWidth}), view};
 }
 
-TEST_CASE("allocation: every kind gives one value a pixel, in [0,1] but without the sigmoid",
+TEST_CASE("allocation: every kind gives one value per pixel, in [0,1] but without the sigmoid",
           "[router]") {
   for (const std::string kind :
        {"router", "router_no_sigmoid", "constant", "global_scalar", "per_view_map"}) {

@@ -29,7 +29,7 @@ TEST_CASE("router: has the paper's 3,200 + 2,768 + 3,346 = 9,314 parameters", "[
   CHECK(all == 9314);
 }
 
-TEST_CASE("router: one value a pixel, in [0,1], for any size and batch", "[router]") {
+TEST_CASE("router: one value per pixel, in [0,1], for any size and batch", "[router]") {
   Router router = make_router();
   for (const auto& size : std::vector<std::vector<int64_t>>{{1, 1, 1}, {2, 7, 5}, {1, 26, 34}}) {
     const torch::Tensor blurry = torch::rand({size[0], 3, size[1], size[2]});

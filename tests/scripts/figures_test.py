@@ -103,7 +103,7 @@ class Figures(unittest.TestCase):
     def test_a_single_run(self):
         runs = figures.collect([self.root / "sweep/runs/full/desk/0"])
         cost = figures.training_cost(runs)
-        self.assertEqual([axis.get_title() for axis in cost.axes], ["steps a second", "peak memory, GiB", "quality over memory"])
+        self.assertEqual([axis.get_title() for axis in cost.axes], ["steps per second", "peak memory, GiB", "quality over memory"])
         plt.close(cost)
         self.assertEqual(runs[0].series("blur"), ([1, 2, 3], [0.5, 0.25, 0.5 / 3]))
 

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Reads what jade_export writes with readers of its own, made from the formats' public descriptions
-(.spz: github.com/nianticlabs/spz, README, "File Format"; .splat: 32 bytes a Gaussian; .ply: the 3DGS
+(.spz: github.com/nianticlabs/spz, README, "File Format"; .splat: 32 bytes per Gaussian; .ply: the 3DGS
 attributes), and compares. Standard library only.
 
     splat_files_test.py path/to/jade_export

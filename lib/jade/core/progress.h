@@ -23,8 +23,8 @@ class Progress {
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
 
-  /// Counts `count` steps. True when a report is due (about ten times a second on a terminal, every
-  /// 10 s otherwise): only then is it worth preparing a text for show().
+  /// Counts `count` steps. True when a report is due (about ten times per second on a terminal,
+  /// every 10 s otherwise): only then is it worth preparing a text for show().
   bool step(int64_t count = 1);
 
   /// Draws the bar with `details` behind it.

@@ -3,7 +3,7 @@
 //   images/NN.png            N blurry frames, then the sharp test frames
 //   sparse/0                 COLMAP model of 9N + 5 images named <frame>_<pose> and GT<i>
 //   events/events.h5         x, y, t, p          } made from the published pickles
-//   events/timestamps.npz    one window a frame  } by scripts/convert_diet_gs.py
+//   events/timestamps.npz    one window per frame  } by scripts/convert_diet_gs.py
 //   events/color_map.npy     optional, [3,H,W]   }
 #pragma once
 

@@ -135,7 +135,7 @@ Sources read_sources(const DatasetOptions& options) {
     throw DataError(concat(options.path.string(), ": ", s.image_files.size(), " images in ",
                            s.images.filename().string(), "/, ", s.times.size(),
                            " times in timestamps.npz and ", s.views.size(),
-                           " poses in poses_bounds.npy; there must be one of each a frame"));
+                           " poses in poses_bounds.npy; there must be one of each per frame"));
   }
   return s;
 }

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The layout of the EvDeblur-CDAVIS and -Blender scenes:
 //   images_1/NN.png          blurry and sharp frames together, in order of name
-//   images_1/timestamps.npz  timestamps_start, timestamps_end, one each a frame
-//   poses_bounds.npy         LLFF rows, one a frame
+//   images_1/timestamps.npz  timestamps_start, timestamps_end, one each per frame
+//   poses_bounds.npy         LLFF rows, one per frame
 //   all_poses_bounds.npy     optional: LLFF rows of a dense trajectory, with all_timestamps.npy
 //   events.h5                optional: x, y, t, p
 //   ev_map.npz               optional: where raw pixels of a colour sensor land

@@ -23,7 +23,7 @@ struct EvDeblurContent {
   double near = 0, far = 0;          ///< depth bounds in world units, 0 < near < far
   /// The true sharp frame at the middle of each exposure, or empty. They go to sharp/ and are for
   /// checks only: nothing that trains reads them.
-  std::vector<torch::Tensor> sharp_mid;  ///< [3,H,W] RGB in [0,1], one an exposure
+  std::vector<torch::Tensor> sharp_mid;  ///< [3,H,W] RGB in [0,1], one per exposure
 };
 
 struct EvDeblurWriteOptions {

@@ -37,7 +37,7 @@ struct EventFileResult {
   std::vector<std::string> warnings;   ///< one line each, naming the path
 };
 
-/// Reads a recording into memory, 17 bytes an event and no second copy of it (16 bytes more for
+/// Reads a recording into memory, 17 bytes per event and no second copy of it (16 bytes more for
 /// each event while unsorted times are being sorted, and for .npz and text).
 ///   .h5 .hdf5   1-D data sets x, y, t, p of any integer or float type, in the file or in a group
 ///               ("events/x", as DSEC; its t_offset is added); also xs ys ts ps, timestamps,

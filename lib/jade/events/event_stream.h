@@ -23,7 +23,7 @@ struct ImageSize {
 
 /// Events in order of time, as four arrays: sub-pixel column x and row y (float32; x = 3 is the
 /// middle of pixel column 3), time in int64 µs, polarity in int8, +1 brighter or −1 darker.
-/// 17 bytes an event. The arrays are shared: copies and slices are views that cost no memory and
+/// 17 bytes per event. The arrays are shared: copies and slices are views that cost no memory and
 /// keep the arrays alive. All four live on one device.
 class EventStream {
  public:

@@ -149,7 +149,7 @@ torch::Tensor read_image(const std::filesystem::path& path) {
       return planes_from_rows<float>(mat, 1.0f);
     default:
       throw DataError(
-          concat(path.string(), ": expected 8 or 16 bits a channel, found another kind"));
+          concat(path.string(), ": expected 8 or 16 bits per channel, found another kind"));
   }
 }
 

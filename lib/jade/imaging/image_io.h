@@ -8,7 +8,7 @@
 namespace jade::imaging {
 
 /// Reads an image file as [3,H,W] RGB float32 in [0,1] on the CPU. PNG, JPEG, TIFF, BMP, WebP, PNM
-/// and whatever else the installed OpenCV reads, 8 or 16 bits a channel; gray becomes three equal
+/// and whatever else the installed OpenCV reads, 8 or 16 bits per channel; gray becomes three equal
 /// channels, alpha is dropped, rotation tags are ignored. `.npy` files hold [3,H,W], [1,H,W] or
 /// [H,W] of a floating type and are taken as they are.
 /// @throws DataError naming the path when it is missing, empty or no image.

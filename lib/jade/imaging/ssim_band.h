@@ -22,7 +22,7 @@ struct SsimBand {
   T weight_ssim = 0, weight_l1 = 0;
   T* grad_a = nullptr;
   T* grad_b = nullptr;
-  double* ssim_sums = nullptr;  ///< [H], one a row
+  double* ssim_sums = nullptr;  ///< [H], one per row
   double* l1_sums = nullptr;    ///< [H]
   T* scratch = nullptr;         ///< ssim_scratch_size(width) values
 };

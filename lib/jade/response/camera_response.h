@@ -26,10 +26,10 @@ void describe(V& v, ResponseOptions& o) {
 /// from a fixed seed: always the same one. The inherited recipe stops 0.007 from the identity on
 /// average and 0.034 at worst (near 0 and 1, where the sigmoid needs a logit without bound).
 ///
-/// Whole images go through ρ several times a step, yet ρ is a function of one number: forward()
+/// Whole images go through ρ several times per step, yet ρ is a function of one number: forward()
 /// reads it from a table of ρ at 4097 knots over [0,2] and interpolates linearly, which differs
 /// from the network by less than 1e-4 (a test says so). Gradients reach the parameters through the
-/// knots. A GPU sees one short kernel a call.
+/// knots. A GPU sees one short kernel per call.
 class CameraResponseImpl : public torch::nn::Module {
  public:
   /// Fitted in about 0.1 s.

@@ -35,7 +35,7 @@ void describe(V& v, RestorationCacheOptions& o) {
 /// @param inputs  shapes, types and values count; on any device.
 std::string restoration_key(const std::string& recipe, const std::vector<torch::Tensor>& inputs);
 
-/// One file an image, named by its key. Files appear whole or not at all, so runs may share a
+/// One file per image, named by its key. Files appear whole or not at all, so runs may share a
 /// folder and may be killed; one that is damaged is made again with a warning. A folder that cannot
 /// be used costs a warning, never the run.
 class RestorationCache {

@@ -18,7 +18,7 @@ class Footage {
   virtual const geometry::Intrinsics& camera() const = 0;
   /// camera_from_world.
   virtual geometry::Pose pose(double t_us) const = 0;
-  /// @param samples  rays a pixel, where rays are cast
+  /// @param samples  rays per pixel, where rays are cast
   virtual void frame(int64_t t_us, int samples, world::SharpFrame& frame) const = 0;
   /// The time of the frame to look at after `frame`, which was taken at `now_us`: in
   /// (now_us, until_us].

@@ -44,10 +44,10 @@ template <class V>
 void describe(V& v, SamplingOptions& o) {
   v.field("max_flow_px", o.max_flow_px, "no pixel moves further than this between two frames, px",
           Range{0.05, 4});
-  v.field("min_fps", o.min_fps, "frames a second at least, Hz; 0 leaves it to max_flow_px",
+  v.field("min_fps", o.min_fps, "frames per second at least, Hz; 0 leaves it to max_flow_px",
           Range{0, 100000});
-  v.field("samples", o.samples, "rays a pixel of each frame", Range{1, 256});
-  v.field("sharp_samples", o.sharp_samples, "rays a pixel of sharp pictures", Range{1, 256});
+  v.field("samples", o.samples, "rays per pixel of each frame", Range{1, 256});
+  v.field("sharp_samples", o.sharp_samples, "rays per pixel of sharp pictures", Range{1, 256});
 }
 
 /// How light becomes stored values.
@@ -181,7 +181,7 @@ void describe(V& v, SimulateOptions& o) {
       Range{0, 1000});
   v.field("exposure_ms", o.exposure_ms, "ms", Range{0.1, 10000});
   v.field("gap_ms", o.gap_ms, "from the end of an exposure to the next, ms", Range{0, 10000});
-  v.field("frame_rate_hz", o.frame_rate_hz, "source frames: frames a second of the folder, Hz",
+  v.field("frame_rate_hz", o.frame_rate_hz, "source frames: frames per second of the folder, Hz",
           Range{1, 1e6});
   v.group("camera", o.camera, "where the camera is");
   v.group("motion", o.motion, "the camera's path");

@@ -54,7 +54,7 @@ struct Spec {
 
 /// Reads a sweep file after the files that its `extends` names; of each key the last one counts,
 /// whole lists included. Relative paths start in the folder of the file they stand in.
-/// @throws ConfigError with all problems, one a line, unknown words with the nearest known one.
+/// @throws ConfigError with all problems, one per line, unknown words with the nearest known one.
 Spec read_spec(const std::filesystem::path& file);
 
 /// The column of that key. @throws ConfigError naming the nearest.

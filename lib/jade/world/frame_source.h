@@ -26,7 +26,7 @@ struct SharpFrame {
 class FrameSource {
  public:
   virtual ~FrameSource() = default;
-  /// @param samples  rays a pixel, where the source casts rays
+  /// @param samples  rays per pixel, where the source casts rays
   virtual void render(const geometry::Pose& camera_from_world, const geometry::Intrinsics& camera,
                       int samples, SharpFrame& frame) const = 0;
 };
