@@ -8,8 +8,7 @@ namespace jade::splat::math {
 inline namespace JADE_ISA {
 
 constexpr double kMaxAlpha = 0.99;
-constexpr double kMinAlpha = 1.0 / 255.0;
-constexpr double kLog2MinAlpha = -7.994353436858858;
+constexpr double kLog2MinAlpha = -7.994353436858858;  ///< log2(1/255)
 constexpr double kMinTransmittance = 1e-4;
 constexpr double kLog2E = 1.4426950408889634;
 
