@@ -77,7 +77,8 @@ TEST_CASE("jade_sweep: mistakes are refused before anything starts, all at once"
   dir.write(
       "bad.yaml",
       "columns: [psnr]\nscenes: [{name: tiny, config: tiny.yaml, set: [dataset.path=nowhere]}]\n"
-      "rows: [{name: a, set: [objective.dsim=1]}, {name: b, set: [train.iterations=many]}, {name: c},\n"
+      "rows: [{name: a, set: [objective.dsim=1]}, {name: b, set: [train.iterations=many]}, {name: "
+      "c},\n"
       "  {name: d, set: [objective.target=efnet, efnet.path=nowhere.pt]}, {name: e, set: "
       "[events.bins=5]}]\n");
   const Outcome outcome = run(dir, "--sweep bad.yaml --output out");
