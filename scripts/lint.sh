@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Everything that can be checked without running the program: format, module order, clang-tidy.
+# Everything that can be checked without running the program: format, module order, names of tests, clang-tidy.
 #
 #   scripts/lint.sh [--fast]      --fast leaves clang-tidy out
 #
@@ -10,6 +10,7 @@ set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 scripts/format.sh --check
 python3 scripts/check_layers.py
+python3 scripts/check_test_names.py
 [ "${1:-}" != --fast ] || exit 0
 
 tool=$(command -v clang-tidy-14 || command -v clang-tidy || true)

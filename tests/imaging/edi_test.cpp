@@ -8,22 +8,16 @@
 
 #include "jade/core/error.h"
 #include "jade/geometry/trajectory.h"
-#include "jade/imaging/reblur.h"
 #include "support/exposure_model.h"
 
 using namespace jade;
 using namespace jade::imaging;
 using namespace jade::test;
-using jade::events::EventVoxel;
 
 namespace {
 
 double worst(const torch::Tensor& a, const torch::Tensor& b) {
   return a.sub(b).abs().max().item<double>();
-}
-
-EventVoxel random_voxel(int64_t bins) {
-  return jade::events::normalized(torch::randn({bins, 7, 9}, torch::kFloat64));
 }
 
 }  // namespace
@@ -42,13 +36,11 @@ TEST_CASE("edi: reblurring an EDI image gives back the frame, whatever the event
   }
 }
 
-TEST_CASE("edi: without events EDI returns the frame and K is 1", "[imaging]") {
+TEST_CASE("edi: without events EDI returns the frame", "[imaging]") {
   const auto blurry = torch::rand({3, 7, 9});
   const auto kernel = edi_kernel(torch::zeros({8, 7, 9}));
   for (int64_t k = 0; k < geometry::kExposurePoses; ++k)
     CHECK(worst(edi_at(blurry, kernel, k), blurry) < 1e-6);
-  const auto voxel = jade::events::normalized(torch::zeros({6, 7, 9}));
-  CHECK(worst(reblur_kernel(voxel, 1.0), torch::ones({1, 7, 9})) == 0);
 }
 
 TEST_CASE("edi: an even log slope meets the closed form", "[imaging]") {
@@ -63,27 +55,6 @@ TEST_CASE("edi: an even log slope meets the closed form", "[imaging]") {
     CHECK(worst(edi_at(blurry, kernel, k), expected) < 1e-12);
   }
   CHECK(torch::equal(edi_mid(blurry, kernel), edi_at(blurry, kernel, geometry::kMidPose)));
-}
-
-TEST_CASE("reblur: an even log slope meets the closed form", "[imaging]") {
-  // V_k = v: E_k − E_3 = v (k − 3) for k = 1 … 6.
-  const EventVoxel voxel{torch::full({6, 2, 2}, 0.5, torch::kFloat64), 1};
-  double expected = 0;
-  for (int k = 1; k <= 6; ++k) expected += std::exp(0.7 * 0.5 * (k - 3)) / 6;
-  CHECK(worst(reblur_kernel(voxel, 0.7), torch::full({1, 2, 2}, expected, torch::kFloat64)) <
-        1e-12);
-}
-
-TEST_CASE("reblur: samples are at the ends of the bins, with m the last before mid-exposure",
-          "[imaging]") {
-  for (int64_t k = 0; k < 6; ++k) {
-    auto values = torch::zeros({6, 1, 1}, torch::kFloat64);
-    values[k] = 1;
-    // A step in bin k raises the samples k + 1 … 6, or lowers those before it when k < 3.
-    const double samples = k < 3 ? (double(k) * std::exp(-1.0) + double(6 - k)) / 6
-                                 : (double(k) + double(6 - k) * std::exp(1.0)) / 6;
-    CHECK(reblur_kernel({values, 1}, 1.0).item<double>() == Approx(samples).epsilon(1e-12));
-  }
 }
 
 TEST_CASE("edi: the DiET index shows poses 5 to 7 one step late", "[imaging]") {
@@ -111,8 +82,7 @@ TEST_CASE("edi: gradients reach the frame", "[imaging]") {
   CHECK(worst(blurry.grad(), (weight * kernel.gain.unsqueeze(1)).sum(0)) < 1e-12);
 }
 
-TEST_CASE("reblur: odd bins and other sizes are refused", "[imaging]") {
-  CHECK_THROWS_AS(reblur_kernel(random_voxel(5), 1.0), jade::ContractError);
+TEST_CASE("edi: other numbers of windows and other sizes are refused", "[imaging]") {
   CHECK_THROWS_AS(edi_kernel(torch::zeros({7, 3, 4})), jade::ContractError);
   CHECK_THROWS_AS(edi_mid(torch::zeros({3, 3, 5}), edi_kernel(torch::zeros({8, 3, 4}))),
                   jade::ContractError);

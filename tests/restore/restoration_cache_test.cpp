@@ -8,8 +8,6 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
-#include "jade/restore/view_restorer.h"
-#include "support/stub_restorer.h"
 #include "support/temp_dir.h"
 
 namespace jade::restore {
@@ -128,124 +126,6 @@ TEST_CASE("restoration cache: the longest unused go first, and what killed runs 
   CHECK_FALSE(fs::exists(dir / "d.restoration.77.part"));
   CHECK(fs::exists(dir / "e.restoration.78.part"));
   CHECK(fs::exists(dir / "f.txt"));
-}
-
-TEST_CASE("view restorer: a second start with all views at hand loads no network", "[restore]") {
-  const test::TempDir dir;
-  const fs::path network = test::save_restorer(dir / "n.pt", "  return image * 0.5\n");
-  const torch::Tensor blurry = torch::rand({3, 16, 20}), voxel = torch::randn({6, 16, 20});
-  const auto restore = [&](const fs::path& file, const torch::Tensor& image, bool* loaded) {
-    ViewRestorer restorer(in(dir / "cache"), EfnetOptions{file, ""}, torch::kCPU);
-    const torch::Tensor out = restorer.efnet(image, voxel);
-    *loaded = restorer.network_is_loaded();
-    return out;
-  };
-  bool loaded = false;
-  const torch::Tensor first = restore(network, blurry, &loaded);
-  CHECK(loaded);
-  CHECK(torch::equal(restore(network, blurry, &loaded), first));
-  CHECK_FALSE(loaded);
-  restore(network, blurry + 0.01, &loaded);
-  CHECK(loaded);
-  // Another network in the same file.
-  test::save_restorer(network, "  return image * 0.25\n");
-  CHECK(torch::allclose(restore(network, blurry, &loaded), blurry * 0.25));
-  CHECK(loaded);
-  CHECK_THROWS_AS(
-      ViewRestorer(in(dir / "cache"), EfnetOptions{network, std::string(64, '0')}, torch::kCPU),
-      DataError);
-}
-
-TEST_CASE("view restorer: gray frames get gray restorations, whatever the cache holds of them",
-          "[restore]") {
-  const test::TempDir dir;
-  const EfnetOptions tints{
-      test::save_restorer(
-          dir / "n.pt",
-          "  return torch.cat([image[:, :1], image[:, 1:2] * 0.9, image[:, 2:] * 0.8], "
-          "1)\n"),
-      ""};
-  const torch::Tensor gray = torch::rand({1, 16, 20}).expand({3, 16, 20}).contiguous();
-  const torch::Tensor voxel = torch::randn({6, 16, 20});
-  const auto restore = [&](bool monochrome) {
-    return ViewRestorer(in(dir / "cache"), tints, torch::kCPU, monochrome).efnet(gray, voxel);
-  };
-  const torch::Tensor tinted = restore(false);
-  CHECK(torch::allclose(tinted[2], gray[2] * 0.8));
-  for (int i = 0; i < 2; ++i) {  // computed, then from the cache
-    const torch::Tensor restored = restore(true);
-    CHECK(restored[0].equal(restored[1]));
-    CHECK(restored[0].equal(restored[2]));
-    CHECK(torch::allclose(restored, gray * 0.9));
-  }
-  CHECK(restore(false).equal(tinted));
-}
-
-/// Restores a frame twice, in two starts over one cache: both images, whether the second start
-/// loaded the network, and how many files the cache holds in the end.
-struct TwoStarts {
-  torch::Tensor first, second;
-  bool loaded_again = false;
-  size_t kept = 0;
-};
-TwoStarts restore_twice(const fs::path& cache, const fs::path& network, torch::Device device) {
-  const torch::Tensor blurry = torch::rand({3, 200, 330}), voxel = torch::randn({6, 200, 330});
-  TwoStarts out;
-  out.first = ViewRestorer(in(cache), EfnetOptions{network, ""}, device).efnet(blurry, voxel);
-  ViewRestorer again(in(cache), EfnetOptions{network, ""}, device);
-  out.second = again.efnet(blurry, voxel);
-  out.loaded_again = again.network_is_loaded();
-  for ([[maybe_unused]] const auto& file : fs::directory_iterator(cache)) ++out.kept;
-  return out;
-}
-
-TEST_CASE("view restorer: what was restored in tiles is not kept for a whole frame", "[restore]") {
-  const test::TempDir dir;
-  const auto network = [&](const std::string& name, int pixels) {
-    return test::save_restorer(
-        dir / name, "  assert image.size(2) * image.size(3) <= " + std::to_string(pixels) +
-                        ", 'out of memory'\n  return image * 0.5\n");
-  };
-  const TwoStarts tiled = restore_twice(dir / "tiled", network("small.pt", 40000), torch::kCPU);
-  CHECK(tiled.kept == 0);
-  CHECK(tiled.loaded_again);
-  CHECK(torch::equal(tiled.first, tiled.second));
-  const TwoStarts whole = restore_twice(dir / "whole", network("large.pt", 1 << 20), torch::kCPU);
-  CHECK(whole.kept == 1);
-  CHECK_FALSE(whole.loaded_again);
-}
-
-TEST_CASE("view restorer: what a full GPU left to the CPU is not kept for the GPU",
-          "[restore][cuda]") {
-  const test::TempDir dir;
-  const fs::path network = test::save_restorer(
-      dir / "n.pt", "  assert not image.is_cuda, 'CUDA out of memory'\n  return image * 0.5\n");
-  const TwoStarts fallen = restore_twice(dir / "cache", network, torch::kCUDA);
-  CHECK(fallen.kept == 0);
-  CHECK(fallen.loaded_again);
-  CHECK(fallen.second.is_cuda());
-  CHECK(restore_twice(dir / "cpu", network, torch::kCPU).kept == 1);
-}
-
-TEST_CASE("view restorer: changed thresholds and settings are another EDI", "[restore]") {
-  const test::TempDir dir;
-  ViewRestorer restorer(in(dir.path()), std::nullopt, torch::kCPU);
-  const torch::Tensor blurry = torch::rand({3, 8, 9}), windows = torch::randn({8, 8, 9});
-  int made = 0;
-  const auto edi = [&](const torch::Tensor& w, const std::string& settings) {
-    return restorer.edi(blurry, w, settings, [&] {
-      ++made;
-      return blurry * made;
-    });
-  };
-  edi(windows, "index exact");
-  edi(windows, "index exact");
-  CHECK(made == 1);
-  edi(windows, "index diet");
-  CHECK(made == 2);
-  edi(windows * 1.1, "index exact");
-  CHECK(made == 3);
-  CHECK(restorer.cache().hits() == 1);
 }
 
 }  // namespace

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "jade/sweep/output.h"
+
 #include "support/catch.h"
 
 #include "fixture.h"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Whether a data set is monochrome, and frames that are made gray.
-#include "jade/imaging/color.h"
+#include "jade/data/dataset.h"
 
 #include "support/catch.h"
 
@@ -8,6 +8,7 @@
 
 #include "data/tiny_recording.h"
 #include "jade/core/error.h"
+#include "jade/imaging/color.h"
 #include "jade/io/npy.h"
 #include "support/temp_dir.h"
 

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "jade/sweep/local.h"
+
 #include "support/catch.h"
 
+#include <algorithm>
 #include <cstdlib>
 #include <optional>
 #include <string>
@@ -8,11 +11,11 @@
 
 #include "fixture.h"
 #include "jade/core/atomic_file.h"
+#include "jade/core/device.h"
 #include "jade/core/error.h"
 #include "jade/core/interrupt.h"
 #include "jade/core/log.h"
 #include "jade/core/progress.h"
-#include "jade/sweep/local.h"
 #include "jade/sweep/task.h"
 
 using namespace jade;
@@ -87,17 +90,6 @@ class WaitPolicy {
 };
 
 }  // namespace
-
-TEST_CASE("may_start: what is free must hold the peak, the growth of the others and the margin",
-          "[sweep]") {
-  CHECK(sweep::may_start({0, {}, 0}, 1));            // nothing known: one starts
-  CHECK_FALSE(sweep::may_start({1000, {5}, 0}, 1));  // and the next waits until its need is known
-  CHECK(sweep::may_start({11, {}, 10}, 1));
-  CHECK_FALSE(sweep::may_start({10, {}, 10}, 1));
-  CHECK(sweep::may_start({14, {7}, 10}, 1));  // 10 + 3 + 1
-  CHECK_FALSE(sweep::may_start({13, {7}, 10}, 1));
-  CHECK(sweep::may_start({11, {12, 10}, 10}, 1));  // past the peak nothing more is kept for them
-}
 
 TEST_CASE("run_local: several at once, with the cores shared out, and nothing twice", "[sweep]") {
   const WaitPolicy waiting;
@@ -225,4 +217,13 @@ TEST_CASE("run_local: a request to stop reaches the children, which are waited f
   CHECK(output.state("x/a/0") == RunState::kUnfinished);
   CHECK(output.outcome("x/a/1").exit_code == 130);
   CHECK(output.can_resume("x/a/0"));
+}
+
+TEST_CASE("devices_of: words become devices that are there", "[sweep]") {
+  CHECK(sweep::devices_of({"cpu"}) == std::vector<std::string>{"cpu"});
+  const auto found = sweep::devices_of({"auto"});
+  CHECK(found.size() == static_cast<size_t>(std::max(1, cuda_device_count())));
+  CHECK(found.front() == (cuda_device_count() > 0 ? "cuda:0" : "cpu"));
+  CHECK_THROWS_AS(sweep::devices_of({"gpu"}), ConfigError);
+  CHECK(sweep::usable_cores() >= 1);
 }

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/core/device.h"
+
+#include "support/catch.h"
+
+#include <torch/types.h>
+
+#include "jade/core/error.h"
+
+namespace jade {
+namespace {
+
+TEST_CASE("trim_device_memory: gives back what no tensor holds, and only beyond what may be kept",
+          "[core][cuda]") {
+  constexpr int64_t kBytes = int64_t{256} << 20;
+  const torch::Device device(torch::kCUDA, 0);
+  const torch::Tensor held = torch::ones({1024}, device);
+  torch::empty({kBytes}, torch::dtype(torch::kUInt8).device(device));
+  CHECK(trim_device_memory(device, 4 * kBytes) == 0);
+  CHECK(trim_device_memory(device, kBytes / 2) >= kBytes);
+  CHECK(trim_device_memory(device, kBytes / 2) == 0);
+  CHECK(held.sum().item<float>() == 1024);
+}
+
+TEST_CASE("trim_device_memory: has nothing to do on the CPU", "[core]") {
+  CHECK(trim_device_memory(torch::kCPU, 0) == 0);
+}
+
+TEST_CASE("select_device: words it does not know and GPUs that are not there are told apart",
+          "[core]") {
+  CHECK(select_device("cpu").is_cpu());
+  CHECK(select_device("auto").is_cuda() == (cuda_device_count() > 0));
+  for (const char* word : {"gpu", "cuda:", "cuda:x", "cuda:-1", ""}) {
+    CHECK_THROWS_AS(select_device(word), ConfigError);
+  }
+  CHECK_THROWS_AS(select_device("cuda:63"), DeviceError);
+}
+
+}  // namespace
+}  // namespace jade

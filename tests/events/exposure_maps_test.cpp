@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/events/exposure_maps.h"
+
+#include "support/catch.h"
+
+#include <cmath>
+#include <torch/types.h>
+
+#include "random_events.h"
+#include "support/signed_bins.h"
+
+using namespace jade::events;
+using namespace jade::test;
+
+TEST_CASE("map exposure: one pass gives what the separate functions give", "[events]") {
+  const auto events = random_events(4000, 1, 10000, 4).stream();
+  const TimeWindow exposure{1003, 8017};
+  const auto maps = map_exposure(events, exposure, 6, kSize);
+  const auto voxel = voxelize(events, exposure, 6, kSize);
+  CHECK(torch::equal(maps.voxel.values, voxel.values));
+  CHECK(maps.voxel.v_max == voxel.v_max);
+  CHECK(worst(maps.windows.positive - maps.windows.negative,
+              signed_bins(events, exposure, 8, kSize)) < 1e-5);
+  CHECK(torch::equal(maps.density, event_density(events.slice(exposure), kSize)));
+  CHECK(worst(maps.windows.positive.sum(0) + maps.windows.negative.sum(0), maps.density) < 1e-4);
+}
+
+TEST_CASE("map exposure: exposures shorter than their bins, and without events, give finite maps",
+          "[events]") {
+  const auto events = random_events(50, 0, 3, 5).stream();
+  for (const TimeWindow window : {TimeWindow{0, 3}, TimeWindow{1, 1}, TimeWindow{100, 200}}) {
+    const auto maps = map_exposure(events, window, 6, kSize);
+    CHECK(maps.density.sum().item<float>() == Approx(float(events.slice(window).size())));
+    CHECK(maps.windows.positive.sizes() == torch::IntArrayRef({8, kSize.height, kSize.width}));
+  }
+}
+
+TEST_CASE("edi windows: windows hold threshold times count, by polarity", "[events]") {
+  const auto events = EventStream::from_lists({2, 3, 2}, {1, 1, 1}, {0, 100, 799}, {1, 1, -1});
+  const auto windows = edi_windows(map_exposure(events, {0, 800}, 6, kSize).windows, {0.3, 0.2});
+  CHECK(windows[0][1][2].item<float>() == Approx(0.3));
+  CHECK(windows[1][1][3].item<float>() == Approx(0.3));
+  CHECK(windows[7][1][2].item<float>() == Approx(-0.2));
+  CHECK(windows.abs().sum().item<float>() == Approx(0.8));
+}

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/gaussians/splat_file.h"
+
+#include "support/catch.h"
+
+#include <cmath>
+#include <cstring>
+
+#include "jade/core/atomic_file.h"
+#include "random_gaussians.h"
+#include "support/temp_dir.h"
+
+namespace jade::gaussians {
+namespace {
+
+using test::random_gaussians;
+
+int byte_at(const std::string& content, size_t at) {
+  return static_cast<unsigned char>(content[at]);
+}
+
+TEST_CASE("splat file: records are 32 bytes, the most important Gaussian first", "[gaussians]") {
+  const test::TempDir folder;
+  splat::Gaussians g = random_gaussians(10, 16);
+  g.log_scales[7].fill_(1.0);
+  g.logit_opacities[7].fill_(5.0);
+  write_splat(folder / "a.splat", g);
+  const std::string content = read_file(folder / "a.splat");
+  REQUIRE(content.size() == 320);
+  float head[6];
+  std::memcpy(head, content.data(), sizeof(head));
+  CHECK(head[0] == g.means[7][0].item<float>());
+  CHECK(head[3] == Approx(std::exp(1.0)));
+  CHECK(byte_at(content, 27) == static_cast<int>(std::lround(255 / (1 + std::exp(-5.0)))));
+  const double red = 0.28209479177387814 * g.sh[7][0][0].item<double>() + 0.5;
+  CHECK(byte_at(content, 24) == Approx(255 * red).margin(0.51));
+  const double w = g.rotations[7][0].item<double>() / g.rotations[7].norm().item<double>();
+  CHECK(byte_at(content, 28) == Approx(128 + 128 * w).margin(0.51));
+}
+
+}  // namespace
+}  // namespace jade::gaussians

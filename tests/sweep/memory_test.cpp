@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/sweep/memory.h"
+
+#include "support/catch.h"
+
+using namespace jade;
+
+TEST_CASE("may_start: what is free must hold the peak, the growth of the others and the margin",
+          "[sweep]") {
+  CHECK(sweep::may_start({0, {}, 0}, 1));            // nothing known: one starts
+  CHECK_FALSE(sweep::may_start({1000, {5}, 0}, 1));  // and the next waits until its need is known
+  CHECK(sweep::may_start({11, {}, 10}, 1));
+  CHECK_FALSE(sweep::may_start({10, {}, 10}, 1));
+  CHECK(sweep::may_start({14, {7}, 10}, 1));  // 10 + 3 + 1
+  CHECK_FALSE(sweep::may_start({13, {7}, 10}, 1));
+  CHECK(sweep::may_start({11, {12, 10}, 10}, 1));  // past the peak nothing more is kept for them
+}
