@@ -19,7 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-DatasetOptions at(const fs::path& folder) {
+DatasetOptions dataset_at(const fs::path& folder) {
   DatasetOptions options;
   options.path = folder;
   return options;
@@ -48,7 +48,7 @@ TEST_CASE("colmap scene: every eighth image by name is a test view, cameras fit 
   write_colmap_scene(folder / "room",
                      {1, "PINHOLE", 2 * test::kWidth, 2 * test::kHeight, {50, 50, 22, 13}});
   std::vector<std::string> warnings;
-  const Dataset data = load_dataset(at(folder / "room"), &warnings);
+  const Dataset data = load_dataset(dataset_at(folder / "room"), &warnings);
   CHECK(warnings.empty());
   CHECK(data.kind == DatasetKind::kColmap);
   REQUIRE(data.test.size() == 2);
@@ -65,7 +65,7 @@ TEST_CASE("colmap scene: every eighth image by name is a test view, cameras fit 
   CHECK(test::same_image(first.blurry, test::noise_image(1)));
   CHECK(data.near > 0);
   CHECK(data.far > data.near);
-  DatasetOptions all = at(folder / "room");
+  DatasetOptions all = dataset_at(folder / "room");
   all.split = SplitKind::kNone;
   CHECK(load_dataset(all).train.size() == 10);
 }
@@ -76,7 +76,7 @@ TEST_CASE("colmap scene: images without a file are named, strong distortion is r
                      {1, "PINHOLE", test::kWidth, test::kHeight, {25, 25, 10.5, 6.5}});
   fs::remove(folder / "room/images/img_03.png");
   std::vector<std::string> warnings;
-  CHECK(load_dataset(at(folder / "room"), &warnings).train.size() == 7);
+  CHECK(load_dataset(dataset_at(folder / "room"), &warnings).train.size() == 7);
   CHECK(test::mentions(warnings, "img_03.png"));
 
   const io::ColmapFiles bent = {"1 SIMPLE_RADIAL 21 13 25 10.5 6.5 0.9\n",
@@ -84,7 +84,8 @@ TEST_CASE("colmap scene: images without a file are named, strong distortion is r
                                 "", false, ""};
   fs::remove_all(folder / "room/sparse");
   test::save_model(folder / "room/sparse/0", bent);
-  CHECK_THROWS_WITH(load_dataset(at(folder / "room")), Catch::Contains("image_undistorter"));
+  CHECK_THROWS_WITH(load_dataset(dataset_at(folder / "room")),
+                    Catch::Contains("image_undistorter"));
 }
 
 }  // namespace

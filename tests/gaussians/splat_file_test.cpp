@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "file_bytes.h"
 #include "jade/core/atomic_file.h"
 #include "random_gaussians.h"
 #include "support/temp_dir.h"
@@ -13,11 +14,8 @@
 namespace jade::gaussians {
 namespace {
 
+using test::byte_at;
 using test::random_gaussians;
-
-int byte_at(const std::string& content, size_t at) {
-  return static_cast<unsigned char>(content[at]);
-}
 
 TEST_CASE("splat file: records are 32 bytes, the most important Gaussian first", "[gaussians]") {
   const test::TempDir folder;

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <zlib.h>
 
+#include "file_bytes.h"
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "random_gaussians.h"
@@ -14,6 +15,7 @@
 namespace jade::gaussians {
 namespace {
 
+using test::byte_at;
 using test::random_gaussians;
 
 std::string gunzip(const std::filesystem::path& path) {
@@ -25,10 +27,6 @@ std::string gunzip(const std::filesystem::path& path) {
   REQUIRE(size > 0);
   content.resize(static_cast<size_t>(size));
   return content;
-}
-
-int byte_at(const std::string& content, size_t at) {
-  return static_cast<unsigned char>(content[at]);
 }
 
 double fixed24(const std::string& content, size_t at, int bits) {
