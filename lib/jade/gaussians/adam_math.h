@@ -40,12 +40,9 @@ struct AdamConstants {
 };
 
 JADE_HD AdamConstants adam_constants(const AdamStep& step, float inverse_sqrt_correction2) {
-  return {static_cast<float>(step.beta1),
-          static_cast<float>(step.beta2),
-          static_cast<float>(1 - step.beta1),
-          static_cast<float>(1 - step.beta2),
-          static_cast<float>(step.eps),
-          inverse_sqrt_correction2};
+  return {static_cast<float>(step.beta1),     static_cast<float>(step.beta2),
+          static_cast<float>(1 - step.beta1), static_cast<float>(1 - step.beta2),
+          static_cast<float>(step.eps),       inverse_sqrt_correction2};
 }
 
 /// One float's step by gradient g. @param lr  with rate_factor()
