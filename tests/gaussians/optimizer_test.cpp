@@ -8,6 +8,7 @@
 
 #include "jade/core/check.h"
 #include "jade/gaussians/adam.h"
+#include "jade/kernel/on_cuda.h"
 #include "random_gaussians.h"
 #include "support/devices.h"
 
@@ -136,7 +137,7 @@ TEST_CASE("adam: a launch that CUDA refuses is a DeviceError", "[gaussians][cuda
   AdamStep step;
   step.group_count = 1;
   step.groups[0].count = int64_t{1} << 42;  // blocks beyond any grid; none starts
-  CHECK_THROWS_AS(cuda::adam_step(step), DeviceError);
+  CHECK_THROWS_AS(kernel::on_cuda("the Adam step", [&] { cuda::adam_step(step); }), DeviceError);
 }
 
 TEST_CASE("adam: parameters without gradient and their moments stay as they are", "[gaussians]") {
