@@ -120,7 +120,7 @@ std::string to_yaml(const FieldList& fields, const std::string& title) {
     const std::string indent(2 * depth_of(field.key), ' ');
     out += indent + last_part(field.key) + ": " + value_text(field.value) + "  # " +
            comment(field) + "\n";
-    for (const std::string& line : meanings(field)) out += indent + "  # " + line + "\n";
+    for (const std::string& line : meanings(field)) out += concat(indent, "  # ", line, "\n");
   }
   return out;
 }
