@@ -64,13 +64,15 @@ struct Images {
     inputs.renders = renders;
     inputs.blurry = blurry;
     inputs.blurry_moments = blurry_moments;
-    inputs.edi_factors = factors;
     inputs.pose_draws = torch::tensor({1, 6, 2}, torch::kInt64).to(renders.device());
+    inputs.edi_factors = factors.index_select(0, inputs.pose_draws);
     inputs.target.emplace(restorations.edi);
     const torch::Tensor table = response::CameraResponse(response)->table();
     inputs.tone = {
         [table](const torch::Tensor& x) { return response::CameraResponseImpl::apply(x, table); },
-        [table](const torch::Tensor& x) { return response::CameraResponseImpl::mean(x, table); }};
+        [table](const torch::Tensor& x, const torch::Tensor& weights) {
+          return response::CameraResponseImpl::mean(x, table, weights);
+        }};
     const losses::ObjectiveOptions options;
     return losses::objective(inputs, losses::plan_objective(options, kStep), options);
   }

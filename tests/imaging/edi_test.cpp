@@ -59,7 +59,8 @@ TEST_CASE("edi: an even log slope meets the closed form", "[imaging]") {
 
 TEST_CASE("edi: the DiET index shows poses 5 to 7 one step late", "[imaging]") {
   const auto windows = torch::randn({8, 3, 4});
-  const auto exact = edi_kernel(windows), diet = edi_kernel(windows, events::EdiIndex::kDiet);
+  const auto exact = edi_kernel(windows),
+             diet = edi_kernel(windows, geometry::QuadratureRule::kEqual, events::EdiIndex::kDiet);
   const int64_t shown[] = {0, 1, 2, 3, 4, 6, 7, 8, 8};
   for (int64_t k = 0; k < geometry::kExposurePoses; ++k)
     CHECK(torch::equal(diet.gain[k], exact.gain[shown[k]]));
@@ -72,6 +73,34 @@ TEST_CASE("edi: latent images follow the log increments between neighbours", "[i
       edi_all(torch::rand({3, 3, 4}, torch::kFloat64) + 0.1, edi_kernel(windows)).log();
   for (int64_t j = 0; j < 8; ++j)
     CHECK(worst(latent[j + 1] - latent[j], windows[j].expand({3, -1, -1})) < 1e-10);
+}
+
+TEST_CASE("edi: by the trapezoid rule the ends of the integral count half", "[imaging]") {
+  const auto windows = torch::randn({8, 3, 4}, torch::kFloat64);
+  const auto kernel = edi_kernel(windows, geometry::QuadratureRule::kTrapezoid);
+  auto weights = torch::full({9, 1, 1}, 1.0 / 8, torch::kFloat64);
+  weights[0] = weights[8] = 1.0 / 16;
+  CHECK(worst((kernel.gain * weights).sum(0), torch::ones({3, 4}, torch::kFloat64)) < 1e-12);
+  CHECK(worst(kernel.gain[4] * kernel.blur, torch::ones({3, 4}, torch::kFloat64)) < 1e-12);
+  // A linear rise of light is integrated without error whatever the number of moments.
+  const auto light = torch::linspace(1, 3, 33, torch::kFloat64);
+  for (const int64_t step : {1, 4, 16}) {
+    const auto knots = light.slice(0, 0, 33, step).log();
+    const auto rise = (knots.slice(0, 1) - knots.slice(0, 0, -1)).view({-1, 1, 1});
+    const auto mid = edi_kernel(rise, geometry::QuadratureRule::kTrapezoid).blur;
+    CHECK(mid.item<double>() == Approx(1));
+    CHECK(edi_kernel(rise).blur.item<double>() == Approx(1));
+  }
+}
+
+TEST_CASE("edi: between its moments the gain is linear in log intensity", "[imaging]") {
+  const auto kernel = edi_kernel(torch::randn({8, 3, 4}, torch::kFloat64));
+  const auto u = torch::tensor({0.0, 0.25, 0.3125, 1.0}, torch::kFloat64);
+  const auto gain = edi_gain(kernel.log_gain, u);
+  CHECK(worst(gain[0], kernel.gain[0]) < 1e-12);
+  CHECK(worst(gain[1], kernel.gain[2]) < 1e-12);
+  CHECK(worst(gain[2], (kernel.gain[2] * kernel.gain[3]).sqrt()) < 1e-12);
+  CHECK(worst(gain[3], kernel.gain[8]) < 1e-12);
 }
 
 TEST_CASE("edi: gradients reach the frame", "[imaging]") {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/losses/objective.h"
 
+#include <map>
 #include <set>
 
 #include "jade/core/error.h"
@@ -21,11 +22,13 @@ ObjectiveInputs inputs(const torch::Tensor& renders) {
   in.renders = renders;
   in.blurry = image(20);
   in.blurry_moments = imaging::ssim_target(in.blurry);
-  in.edi_factors = image(21, {9, 1, 7, 9}) + 0.5;
+  in.edi_factors = image(21, {3, 1, 7, 9}) + 0.5;
   in.pose_draws = torch::tensor({2, 4, 8}, torch::kInt64);
   in.target = Fixed(image(22));
   in.tone.apply = [](const torch::Tensor& x) { return x * x; };
-  in.tone.mean = [](const torch::Tensor& x) { return (x * x).mean(0); };
+  in.tone.mean = [](const torch::Tensor& x, const torch::Tensor& weights) {
+    return weighted_mean(x * x, weights);
+  };
   return in;
 }
 
@@ -51,6 +54,20 @@ TEST_CASE("pose_views: mean and picks are those of single selections, gradients 
       [&](const std::vector<torch::Tensor>& in) {
         const PoseViews v = pose_views(in[0], poses);
         return torch::cat({v.mean.flatten(), v.picks.square().flatten()});
+      },
+      {renders()}, {"renders"});
+}
+
+TEST_CASE("pose_views: weights of the mean reach its gradient, not that of the picks", "[losses]") {
+  const torch::Tensor poses = torch::tensor({4, 2, 4}, torch::kInt64);
+  const torch::Tensor weights = image(3, {9}) / 4;
+  const PoseViews views = pose_views(renders(), poses, weights);
+  CHECK(torch::allclose(views.mean, torch::einsum("k,kchw->chw", {weights, renders()})));
+  CHECK_FALSE(torch::allclose(views.mean, renders().mean(0)));
+  check_gradients(
+      [&](const std::vector<torch::Tensor>& in) {
+        const PoseViews v = pose_views(in[0], poses, weights);
+        return torch::cat({v.mean.square().flatten(), v.picks.square().flatten()});
       },
       {renders()}, {"renders"});
 }
@@ -127,8 +144,8 @@ TEST_CASE("objective: the total is the sum of its named terms and of the single 
   const auto gain = [&](int64_t k) { return in.edi_factors[k]; };
   const torch::Tensor expected =
       2 * target_loss(r[4], *in.target, 0.3) + blur_loss(r.mean(0), b, 0.3) +
-      edi_gray_loss(r[2].square(), toned_b, gain(2), 0.3) + edi_color_loss(r[4], b, gain(4), 0.3) +
-      simulation_loss(r[8].square(), r.mean(0).square(), gain(8), 0.3) +
+      edi_gray_loss(r[2].square(), toned_b, gain(0), 0.3) + edi_color_loss(r[4], b, gain(1), 0.3) +
+      simulation_loss(r[8].square(), r.mean(0).square(), gain(2), 0.3) +
       intensity_loss(r.square().mean(0), toned_b, 0.3);
   CHECK(loss.total.item<double>() == Approx(expected.item<double>()));
 }
@@ -195,6 +212,71 @@ TEST_CASE("objective: where no term reads the mean, the poses that are read suff
   options.simulation = false;
   options.blur = true;
   CHECK(rows().empty());
+}
+
+TEST_CASE("objective: weights of the renders change the terms that read their mean, and only these",
+          "[losses]") {
+  const ObjectiveInputs plain = inputs(renders());
+  ObjectiveInputs weighted = plain;
+  weighted.weights = torch::full({9}, 1.0 / 8, torch::kFloat64);
+  weighted.weights[0] = weighted.weights[8] = 1.0 / 16;
+  const Objective a = objective_at(plain, kLate), b = objective_at(weighted, kLate);
+  REQUIRE(a.terms.size() == b.terms.size());
+  const std::set<std::string> of_mean = {"blur", "simulation", "intensity"};
+  for (size_t i = 0; i < a.terms.size(); ++i) {
+    INFO(a.terms[i].name);
+    CHECK(a.terms[i].value.equal(b.terms[i].value) == (of_mean.count(a.terms[i].name) == 0));
+  }
+}
+
+TEST_CASE("objective: seventeen renders have their middle at the ninth", "[losses]") {
+  ObjectiveOptions options;
+  options.edi_supervision = options.simulation = options.intensity = options.blur = false;
+  ObjectiveInputs in = inputs(image(11, {17, 3, 7, 9}));
+  in.samples = 17;
+  CHECK(objective_at(in, 1, options).total.item<double>() ==
+        Approx(target_loss(in.renders[8], *in.target, 0.3).item<double>()));
+  const torch::Tensor read = poses_read(plan_objective(options, 1), in.pose_draws, 17);
+  CHECK(read.equal(torch::tensor({8}, torch::kInt64)));
+}
+
+TEST_CASE("objective: weights that fall are those of the step", "[losses]") {
+  ObjectiveOptions options;
+  CHECK_FALSE(weights_fall(options));
+  CHECK(term_weights(options, 70, 100) == std::array<double, 2>{1, 1});
+  options.target_weight = 2;
+  options.target_weight_final = 0;
+  options.edi_weight_final = 0.5;
+  CHECK(weights_fall(options));
+  CHECK(term_weights(options, 25, 100) == std::array<double, 2>{1.5, 0.875});
+  CHECK(term_weights(options, 400, 100) == std::array<double, 2>{0, 0.5});
+  ObjectiveInputs in = inputs(renders());
+  const Objective full = objective_at(in, 1);
+  in.term_weights = torch::tensor({0.5, 0.25});
+  const Objective late = objective_at(in, 1, options);
+  const std::map<std::string, double> share = {
+      {"target", 0.5}, {"blur", 1}, {"edi_gray", 0.25}, {"edi_color", 0.25}};
+  for (size_t i = 0; i < full.terms.size(); ++i) {
+    INFO(full.terms[i].name);
+    CHECK(late.terms[i].value.item<double>() ==
+          Approx(full.terms[i].value.item<double>() * share.at(full.terms[i].name)));
+  }
+}
+
+TEST_CASE("objective: trust begins at its step, and then target and EDI draw less", "[losses]") {
+  ObjectiveOptions options;
+  options.trust.scale = 0.05;
+  options.trust.from = 10;
+  CHECK_FALSE(plan_objective(options, 10).trust);
+  CHECK(plan_objective(options, 11).trust);
+  const ObjectiveInputs in = inputs(renders());
+  const Objective before = objective_at(in, 10, options), after = objective_at(in, 11, options);
+  for (size_t i = 0; i < before.terms.size(); ++i) {
+    INFO(before.terms[i].name);
+    const bool drawn = before.terms[i].name != "blur";
+    const double a = before.terms[i].value.item<double>(), b = after.terms[i].value.item<double>();
+    CHECK((drawn ? b < 0.9 * a : b == a));
+  }
 }
 
 TEST_CASE("objective: gradients to all nine renders equal central differences", "[losses]") {

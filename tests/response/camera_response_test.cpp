@@ -55,6 +55,23 @@ TEST_CASE("camera response: the mean form equals the mean of single images", "[r
   CHECK(torch::allclose(a.grad(), b.grad(), 1e-5, 1e-7));
 }
 
+TEST_CASE("camera response: the mean takes weights, forward and backward", "[response]") {
+  CameraResponse response;
+  torch::Tensor a = drawn({5, 3, 11, 7}, -0.1, 1.2).to(torch::kFloat32).set_requires_grad(true);
+  torch::Tensor b = a.detach().clone().set_requires_grad(true);
+  const torch::Tensor table = response->table().detach();
+  const torch::Tensor weights = torch::tensor({0.125f, 0.25f, 0.25f, 0.25f, 0.125f});
+  const torch::Tensor cotangent = torch::rand({3, 11, 7});
+  const torch::Tensor mean = CameraResponseImpl::mean(a, table, weights);
+  mean.backward(cotangent);
+  const torch::Tensor sum =
+      (CameraResponseImpl::apply(b, table) * weights.view({5, 1, 1, 1})).sum(0);
+  sum.backward(cotangent);
+  CHECK(torch::allclose(mean, sum, 1e-5, 1e-6));
+  CHECK(torch::allclose(a.grad(), b.grad(), 1e-5, 1e-7));
+  CHECK_FALSE(torch::allclose(mean, CameraResponseImpl::mean(a, table), 1e-5, 1e-6));
+}
+
 /// Points inside cells, where the interpolation is smooth.
 torch::Tensor inside_cells(std::vector<int64_t> shape) {
   const double cell = kResponseRange / static_cast<double>(kKnots - 1);

@@ -14,7 +14,8 @@ namespace {
 constexpr int kWidth = 10, kHeight = 8;
 
 /// A frame of 0.1 to 0.9 whose brightness rises for a while in one half and falls in the other.
-data::Exposure exposure_with_events() {
+/// @param steady  events come at equal steps of time, else ever faster
+data::Exposure exposure_with_events(bool steady = true) {
   data::Exposure exposure;
   exposure.blurry = torch::linspace(0.1, 0.9, 3 * kHeight * kWidth).view({3, kHeight, kWidth});
   exposure.t_start_us = 1000;
@@ -27,7 +28,7 @@ data::Exposure exposure_with_events() {
   for (int i = 0; i < 400; ++i) {
     x.push_back(static_cast<float>(i * 7 % kWidth));
     y.push_back(static_cast<float>(i * 3 % kHeight));
-    t.push_back(500 + 25 * i);  // beyond both ends
+    t.push_back(500 + (steady ? 25 * i : 10500 - (400 - i) * (400 - i) / 16));  // beyond both ends
     p.push_back(x.back() < kWidth / 2 ? 1 : -1);
   }
   exposure.events = events::EventStream::from_lists(x, y, t, p);
@@ -39,7 +40,8 @@ TEST_CASE("restore_exposure: EDI blurred again is the frame, whatever the sensor
   const data::Exposure exposure = exposure_with_events();
   ViewRestorer restorer({false, {}, 1}, std::nullopt, torch::kCPU);
   for (const double offset : {0.0, 0.05}) {
-    const RestoredExposure found = restore_exposure(exposure, {}, restorer, offset);
+    const RestoredExposure found =
+        restore_exposure(exposure, exposure.events, {{}, {}, offset}, restorer);
     const torch::Tensor again = (found.restorations.edi + offset) * found.kernel.blur - offset;
     CHECK(torch::allclose(again, exposure.blurry));
     CHECK_FALSE(torch::allclose(found.restorations.edi, exposure.blurry));
@@ -54,7 +56,7 @@ TEST_CASE("restore_exposure: only events of the exposure count, and the voxel is
   const EfnetOptions adds_events{
       test::save_restorer(dir / "n.pt", "  return 0.5 * image + 0.1 * mask\n"), ""};
   ViewRestorer restorer({false, {}, 1}, adds_events, torch::kCPU);
-  const RestoredExposure found = restore_exposure(exposure, {}, restorer);
+  const RestoredExposure found = restore_exposure(exposure, exposure.events, {}, restorer);
   CHECK(found.maps.density.sum().item<double>() == 320);  // one each 25 µs of 8000
   CHECK(found.restorations.efnet.equal(
       restorer.network().restore(exposure.blurry, found.maps.voxel.values)));
@@ -68,13 +70,58 @@ TEST_CASE("restore_exposure: a second start finds both restorations; another off
   const EfnetOptions halves{test::save_restorer(dir / "n.pt", "  return image * 0.5\n"), ""};
   const auto hits = [&](double offset) {
     ViewRestorer restorer({true, dir / "cache", 2048}, halves, torch::kCPU);
-    restore_exposure(exposure, {}, restorer, offset);
+    restore_exposure(exposure, exposure.events, {{}, {}, offset}, restorer);
     return restorer.cache().hits();
   };
   CHECK(hits(0) == 0);
   CHECK(hits(0) == 2);
   CHECK(hits(0.05) == 1);
   CHECK(hits(0.05) == 2);
+}
+
+TEST_CASE("restore_exposure: every rule, number of samples and integral blurs back to the frame",
+          "[restore]") {
+  using geometry::QuadratureRule;
+  const data::Exposure exposure = exposure_with_events();
+  ViewRestorer restorer({false, {}, 1}, std::nullopt, torch::kCPU);
+  RestoreOptions options;
+  for (const auto rule :
+       {QuadratureRule::kEqual, QuadratureRule::kTrapezoid, QuadratureRule::kJittered}) {
+    for (const int64_t samples : {5, 9, 17}) {
+      options.exposure = {rule, samples};
+      const RestoredExposure found = restore_exposure(exposure, exposure.events, options, restorer);
+      CHECK(found.gain.size(0) == samples);
+      CHECK(found.gain[samples / 2].equal(found.kernel.gain[found.kernel.gain.size(0) / 2]));
+      CHECK(torch::allclose(found.restorations.edi * found.kernel.blur, exposure.blurry));
+      if (rule == QuadratureRule::kJittered) continue;
+      const auto weights = torch::tensor(geometry::quadrature(rule, samples).weights);
+      const auto mean = torch::einsum("k,khw->hw", {weights, found.gain});
+      CHECK(torch::allclose(mean, torch::ones_like(mean)));
+    }
+  }
+  options.exposure = {QuadratureRule::kEqual, 9};
+  options.events.edi_samples = 33;
+  const RestoredExposure fine = restore_exposure(exposure, exposure.events, options, restorer);
+  CHECK(fine.kernel.gain.size(0) == 33);
+  CHECK(fine.gain.size(0) == 9);
+  CHECK(torch::allclose(fine.gain[3], fine.kernel.gain[12]));
+}
+
+TEST_CASE("restore_exposure: ramps read events beyond the exposure and change EDI alone",
+          "[restore]") {
+  const data::Exposure whole = exposure_with_events(/*steady=*/false);
+  data::Exposure exposure = whole;
+  exposure.events = whole.events.slice(1000, 9000);
+  ViewRestorer restorer({false, {}, 1}, std::nullopt, torch::kCPU);
+  const RestoredExposure steps = restore_exposure(exposure, whole.events, {}, restorer);
+  RestoreOptions options;
+  options.events.ramp_ms = 1;
+  const RestoredExposure lines = restore_exposure(exposure, whole.events, options, restorer);
+  CHECK(lines.maps.voxel.values.equal(steps.maps.voxel.values));
+  CHECK(lines.maps.density.equal(steps.maps.density));
+  CHECK_FALSE(lines.restorations.edi.equal(steps.restorations.edi));
+  const RestoredExposure alone = restore_exposure(exposure, exposure.events, options, restorer);
+  CHECK_FALSE(alone.kernel.gain.equal(lines.kernel.gain));
 }
 
 }  // namespace

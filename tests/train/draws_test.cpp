@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <torch/types.h>
 
+#include "train/bench.h"
+
 using namespace jade;
 
 TEST_CASE("view order: every epoch shows every view once, whatever the step it is asked from",
@@ -20,4 +22,33 @@ TEST_CASE("view order: every epoch shows every view once, whatever the step it i
   const auto at_2000 = draws.at(2000);
   same.at(1);
   CHECK(same.at(2000).equal(at_2000));
+}
+
+TEST_CASE(
+    "moment draws: the cameras stand where the path is at the drawn moments, and an earlier "
+    "or later question changes none",
+    "[train]") {
+  const test::TinyScene scene;
+  const data::Dataset dataset = data::load_dataset(test::tiny_options(scene).dataset);
+  const auto spans = train::exposure_spans(dataset);
+  train::MomentDraws draws(spans, 9, 3, torch::kCPU), same(spans, 9, 3, torch::kCPU);
+  const auto at = draws.at(1030, 1);
+  same.at(5, 0);
+  CHECK(same.at(1030, 1).u.equal(at.u));
+  CHECK(same.at(1030, 1).camera_from_world.equal(at.camera_from_world));
+  CHECK_FALSE(same.at(1031, 1).u.equal(at.u));
+  for (int64_t k = 0; k < 9; ++k) {
+    const auto pose = geometry::to_tensor(spans[1].at(at.u[k].item<double>()));
+    CHECK(at.camera_from_world[k].equal(pose.to(torch::kFloat32)));
+  }
+  CHECK_FALSE(at.camera_from_world[0].equal(at.camera_from_world[1]));
+}
+
+TEST_CASE("term weights: those of the step, and none where nothing falls", "[train]") {
+  losses::ObjectiveOptions options;
+  CHECK_FALSE(train::TermWeights(options, 4000, torch::kCPU).at(1).defined());
+  options.edi_weight_final = 0;
+  train::TermWeights weights(options, 4000, torch::kCPU);
+  CHECK(weights.at(3000).equal(torch::tensor({1.0f, 0.25f})));
+  CHECK(weights.at(1).equal(torch::tensor({1.0f, static_cast<float>(1 - 1.0 / 4000)})));
 }

@@ -28,6 +28,21 @@ TEST_CASE("options: rules between fields name the keys", "[train]") {
   CHECK_THROWS_WITH(train::validate(options), Catch::Contains("step 1,"));
 }
 
+TEST_CASE("options: the middle of an exposure is a sample, and DiET-GS's nine images stay nine",
+          "[train]") {
+  train::RunOptions options;
+  options.exposure.samples = 10;
+  CHECK_THROWS_WITH(train::validate(options), Catch::Contains("exposure.samples"));
+  options.exposure.samples = 17;
+  CHECK_NOTHROW(train::validate(options));
+  options.events.edi_samples = 64;
+  CHECK_THROWS_WITH(train::validate(options), Catch::Contains("events.edi_samples"));
+  options.events.edi_samples = 65;
+  CHECK_NOTHROW(train::validate(options));
+  options.events.edi_index = events::EdiIndex::kDiet;
+  CHECK_THROWS_WITH(train::validate(options), Catch::Contains("events.edi_index"));
+}
+
 TEST_CASE("options: the calendar follows the number of steps", "[train]") {
   train::RunOptions options;
   const auto settled = [&](int64_t iterations) {

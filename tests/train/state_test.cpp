@@ -28,14 +28,29 @@ TEST_CASE("visit: the inputs of a step name each tensor once, at its own place",
   const test::TinyScene scene;
   const test::Bench bench(scene);
   const train::StepInputs inputs = bench.inputs(0, 1);
-  CHECK(names_in(inputs) ==
-        std::set<std::string>{
-            "view.blurry", "view.blurry_moments.image", "view.blurry_moments.mean",
-            "view.blurry_moments.square", "view.psi", "view.edi_factors", "view.reblur_kernel",
-            "view.density", "view.restorations.edi", "view.restorations.efnet", "view.fixed_target",
-            "view.cameras.camera_from_world", "view.cameras.intrinsics", "pose_draws",
-            "events.cameras.camera_from_world", "events.cameras.intrinsics", "events.counts",
-            "events.pixels", "events.color_filter"});
+  CHECK(names_in(inputs) == std::set<std::string>{"view.blurry",
+                                                  "view.blurry_moments.image",
+                                                  "view.blurry_moments.mean",
+                                                  "view.blurry_moments.square",
+                                                  "view.psi",
+                                                  "view.edi_factors",
+                                                  "view.edi_log_gain",
+                                                  "view.reblur_kernel",
+                                                  "view.u",
+                                                  "view.weights",
+                                                  "term_weights",
+                                                  "view.density",
+                                                  "view.restorations.edi",
+                                                  "view.restorations.efnet",
+                                                  "view.fixed_target",
+                                                  "view.cameras.camera_from_world",
+                                                  "view.cameras.intrinsics",
+                                                  "pose_draws",
+                                                  "events.cameras.camera_from_world",
+                                                  "events.cameras.intrinsics",
+                                                  "events.counts",
+                                                  "events.pixels",
+                                                  "events.color_filter"});
   std::set<const torch::Tensor*> places;
   inputs.visit([&](const std::string&, const torch::Tensor& tensor) { places.insert(&tensor); });
   CHECK(places.size() == names_in(inputs).size());

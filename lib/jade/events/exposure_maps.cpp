@@ -38,10 +38,11 @@ torch::Tensor edi_windows(const WindowCounts& counts, const Thresholds& threshol
 }
 
 ExposureMaps map_exposure(const EventStream& events, const TimeWindow& exposure, int64_t bins,
-                          const ImageSize& size) {
-  JADE_CHECK(bins > 0, "expected one bin or more, found ", bins);
+                          const ImageSize& size, int64_t parts) {
+  JADE_CHECK(bins > 0 && parts > 0, "expected one bin and one window or more, found ", bins,
+             " and ", parts);
   const auto bin_knots = equal_knots(exposure, bins);
-  const auto window_knots = equal_knots(exposure, kEdiWindows);
+  const auto window_knots = equal_knots(exposure, parts);
   std::vector<int64_t> knots(bin_knots);
   knots.insert(knots.end(), window_knots.begin(), window_knots.end());
   std::sort(knots.begin(), knots.end());

@@ -12,13 +12,13 @@ namespace jade::events {
 /// Spans between the nine exposure times.
 inline constexpr int64_t kEdiWindows = 8;
 
-/// Events between neighbouring exposure times t_j = linspace(t_start, t_end, 9), by polarity.
+/// Events of J equal spans of an exposure, t_j = linspace(t_start, t_end, J + 1), by polarity.
 struct WindowCounts {
-  torch::Tensor positive, negative;  ///< [8,H,W] float32, events
+  torch::Tensor positive, negative;  ///< [J,H,W] float32, events
 };
 
 /// w_j of the EDI integral: Θ⁺ P_j − Θ⁻ N_j, the change of log intensity over window j.
-/// @return [8,H,W] float32
+/// @return the shape of the counts, float32
 torch::Tensor edi_windows(const WindowCounts& counts, const Thresholds& thresholds);
 
 /// Everything that training asks of an exposure's events.
@@ -31,7 +31,8 @@ struct ExposureMaps {
 /// Voxel, EDI windows and density of the events in `exposure`, in one pass over them: events are
 /// summed between the knots of both divisions, and bins and windows are sums of these.
 /// @param events  may reach beyond the exposure; only [begin_us, end_us) counts.
+/// @param parts   how many windows.
 ExposureMaps map_exposure(const EventStream& events, const TimeWindow& exposure, int64_t bins,
-                          const ImageSize& size);
+                          const ImageSize& size, int64_t parts = kEdiWindows);
 
 }  // namespace jade::events

@@ -26,6 +26,8 @@ struct EventOptions {
   double threshold_negative = 0;
   int64_t bins = 6;
   EdiIndex edi_index = EdiIndex::kExact;
+  int64_t edi_samples = 0;
+  double ramp_ms = 0;
 
   /// One number sets both: a negative threshold of 0 repeats the positive one.
   Thresholds thresholds() const {
@@ -41,6 +43,16 @@ void describe(V& v, EventOptions& o) {
           "log intensity of one negative event; 0 repeats threshold_positive", Range{0, 10});
   v.field("bins", o.bins, "time bins of the voxel over an exposure, even", Range{2, 64});
   v.field("edi_index", o.edi_index, "at which times EDI shows the nine poses");
+  v.field(
+      "edi_samples", o.edi_samples,
+      "moments of the EDI integral, odd, by the trapezoid rule; 0: those of exposure.samples by "
+      "exposure.quadrature, as printed (jittered: 65)",
+      Range{0, 1025});
+  v.field(
+      "ramp_ms", o.ramp_ms,
+      "EDI spreads an event's step over the time since the event before it at its pixel, but at "
+      "most this long, ms; 0: a step at the event, as printed",
+      Range{0, 1e4});
 }
 
 }  // namespace jade::events

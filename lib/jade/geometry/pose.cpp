@@ -178,12 +178,19 @@ Matrix3 nearest_rotation(const Matrix3& matrix) {
   return m;
 }
 
-torch::Tensor to_tensor(const Pose& pose) {
-  auto out = torch::eye(4, torch::kFloat64);
-  double* data = out.mutable_data_ptr<double>();
-  for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) data[4 * i + j] = pose.rotation[3 * i + j];
-    data[4 * i + 3] = pose.translation[i];
+torch::Tensor to_tensor(const Pose& pose) { return to_tensor(std::vector<Pose>{pose})[0]; }
+
+torch::Tensor to_tensor(const std::vector<Pose>& poses) {
+  const torch::Tensor out =
+      torch::zeros({static_cast<int64_t>(poses.size()), 4, 4}, torch::kFloat64);
+  auto* row = out.mutable_data_ptr<double>();
+  for (const Pose& pose : poses) {
+    for (size_t i = 0; i < 3; ++i, row += 4) {
+      for (size_t j = 0; j < 3; ++j) row[j] = pose.rotation[3 * i + j];
+      row[3] = pose.translation[i];
+    }
+    row[3] = 1;
+    row += 4;
   }
   return out;
 }

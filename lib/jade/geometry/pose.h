@@ -3,6 +3,7 @@
 
 #include <array>
 #include <torch/types.h>
+#include <vector>
 
 namespace jade::geometry {
 
@@ -57,6 +58,8 @@ Matrix3 nearest_rotation(const Matrix3& matrix);
 
 /// [4,4] float64 with last row 0 0 0 1.
 torch::Tensor to_tensor(const Pose& pose);
+/// The same of several, [N,4,4] float64.
+torch::Tensor to_tensor(const std::vector<Pose>& poses);
 
 /// Pose of a [4,4] or [3,4] tensor of any floating type and device.
 Pose pose_from_tensor(const torch::Tensor& matrix);

@@ -6,31 +6,52 @@
 #include <vector>
 
 #include "jade/core/check.h"
-#include "jade/geometry/trajectory.h"
 
 namespace jade::imaging {
 
 using events::EdiIndex;
-using geometry::kExposurePoses;
-using geometry::kMidPose;
+using geometry::QuadratureRule;
 
-EdiKernel edi_kernel(const torch::Tensor& windows, EdiIndex index) {
-  check_shape(windows, "EDI windows", {kExposurePoses - 1, -1, -1});
-  const auto before = windows.narrow(0, 0, 4).flip(0).cumsum(0).flip(0).neg();
-  const auto after = windows.narrow(0, 4, 4).cumsum(0);
-  const auto log_ratio = torch::cat({before, torch::zeros_like(windows.narrow(0, 0, 1)), after});
-  const auto log_blur = log_ratio.logsumexp(0) - std::log(double(kExposurePoses));
-  auto gain = (log_ratio - log_blur).exp();
-  if (index == EdiIndex::kDiet) {
-    gain = torch::cat({gain.narrow(0, 0, 5), gain.narrow(0, 6, 3), gain.narrow(0, 8, 1)});
+EdiKernel edi_kernel(const torch::Tensor& windows, QuadratureRule rule, EdiIndex index) {
+  check_shape(windows, "EDI windows", {-1, -1, -1});
+  const int64_t parts = windows.size(0), mid = parts / 2;
+  JADE_CHECK(parts >= 2 && parts % 2 == 0, "expected an even number of EDI windows, found ", parts);
+  const auto before = windows.narrow(0, 0, mid).flip(0).cumsum(0).flip(0).neg();
+  const auto after = windows.narrow(0, mid, mid).cumsum(0);
+  auto log_ratio = torch::cat({before, torch::zeros_like(windows.narrow(0, 0, 1)), after});
+  torch::Tensor log_blur;
+  if (rule == QuadratureRule::kTrapezoid) {
+    const auto weights =
+        torch::tensor(geometry::quadrature(rule, parts + 1).weights, torch::kFloat64).log();
+    log_blur = (log_ratio + weights.to(windows.options()).view({-1, 1, 1})).logsumexp(0);
+  } else {
+    log_blur = log_ratio.logsumexp(0) - std::log(double(parts + 1));
   }
-  return {gain, log_blur.exp()};
+  auto log_gain = log_ratio - log_blur;
+  if (index == EdiIndex::kDiet) {
+    check_shape(windows, "EDI windows of the DiET-GS release", {8, -1, -1});
+    log_gain =
+        torch::cat({log_gain.narrow(0, 0, 5), log_gain.narrow(0, 6, 3), log_gain.narrow(0, 8, 1)});
+  }
+  return {log_gain, log_gain.exp(), log_blur.exp()};
+}
+
+torch::Tensor edi_gain(const torch::Tensor& log_gain, const torch::Tensor& u) {
+  check_shape(log_gain, "EDI log gain", {-1, -1, -1});
+  check_shape(u, "moments", {-1});
+  const int64_t last = log_gain.size(0) - 1;
+  const auto place = u * static_cast<double>(last);
+  const auto lower = place.floor().clamp(0, static_cast<double>(last - 1));
+  const auto share = (place - lower).to(log_gain.scalar_type()).view({-1, 1, 1});
+  const auto index = lower.to(torch::kInt64);
+  return torch::lerp(log_gain.index_select(0, index), log_gain.index_select(0, index + 1), share)
+      .exp();
 }
 
 torch::Tensor edi_mid(const torch::Tensor& blurry, const EdiKernel& kernel) {
   check_shape(blurry, "blurry", {-1, kernel.blur.size(0), kernel.blur.size(1)});
   check_same_device(blurry, "blurry", kernel.blur, "EDI kernel");
-  return blurry * kernel.gain.narrow(0, kMidPose, 1);
+  return blurry * kernel.gain.narrow(0, kernel.gain.size(0) / 2, 1);
 }
 
 }  // namespace jade::imaging

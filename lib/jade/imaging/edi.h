@@ -5,25 +5,37 @@
 
 #include "jade/events/thresholds.h"
 #include "jade/events/voxel.h"
+#include "jade/geometry/quadrature.h"
 
 namespace jade::imaging {
 
 /// The event double integral of one exposure, constant for all that is done with the view. With
-/// windows w_0 … w_7 between nine times and
-///     J_k = −Σ_{j=k..3} w_j (k < 4),  0 (k = 4),  Σ_{j=4..k−1} w_j (k > 4)
-/// the blurry frame is B = I_mid · (1/9) Σ_k exp(J_k) and the latent images are I_k = I_mid
-/// exp(J_k). One gray increment serves all three channels. Only ratios are kept, computed so that
-/// no exponential overflows.
+/// windows w_0 … w_{S−2} between S equally spaced moments, the middle one m, and
+///     J_s = −Σ_{j=s..m−1} w_j (s < m),  0 (s = m),  Σ_{j=m..s−1} w_j (s > m)
+/// the blurry frame is B = I_mid · Σ_s q_s exp(J_s), Σ q_s = 1, and the latent images are
+/// I_s = I_mid exp(J_s). The printed form has nine moments and q = 1/9. One gray increment serves
+/// all three channels. Only ratios are kept, computed so that no exponential overflows.
 struct EdiKernel {
-  /// [9,H,W], what EDI multiplies the blurry frame with: I_k / B = 9 exp(J_k) / Σ_j exp(J_j).
+  /// [S,H,W], ln of what EDI multiplies the blurry frame with: ln(I_s / B).
+  torch::Tensor log_gain;
+  /// [S,H,W], I_s / B = exp(J_s) / Σ_j q_j exp(J_j).
   torch::Tensor gain;
-  /// [H,W], what blur multiplies the mid-exposure image with: B / I_mid = (1/9) Σ_j exp(J_j).
+  /// [H,W], what blur multiplies the mid-exposure image with: B / I_mid = Σ_j q_j exp(J_j).
   torch::Tensor blur;
 };
 
-/// @param windows  [8,H,W], log intensity (events::edi_windows): thresholds are inside.
+/// @param windows  [S−1,H,W], log intensity (events::edi_windows): thresholds are inside; S odd.
+/// @param rule     the weights q, equal or by the trapezoid rule.
+/// @param index    kDiet asks for nine moments.
 EdiKernel edi_kernel(const torch::Tensor& windows,
+                     geometry::QuadratureRule rule = geometry::QuadratureRule::kEqual,
                      events::EdiIndex index = events::EdiIndex::kExact);
+
+/// I(u) / B at any moments, linear in log intensity between those of the kernel.
+/// @param log_gain  EdiKernel::log_gain
+/// @param u         [M] float64 on its device, 0 the start and 1 the end of the exposure. Constant.
+/// @return [M,H,W]
+torch::Tensor edi_gain(const torch::Tensor& log_gain, const torch::Tensor& u);
 
 /// Φ_edi at mid-exposure, the analytical restoration of Eq. (1). Not clamped, may exceed 1.
 /// @param blurry  [3,H,W] or [1,H,W]. Differentiable.

@@ -41,13 +41,16 @@ torch::Tensor blur_loss(const torch::Tensor& mean_render, const imaging::SsimTar
 }
 
 torch::Tensor edi_gray_loss(const torch::Tensor& toned_render, const torch::Tensor& toned_blurry,
-                            const torch::Tensor& edi_factor, double dssim) {
-  return rec_loss(imaging::gray(toned_render), imaging::gray(toned_blurry) * edi_factor, dssim);
+                            const torch::Tensor& edi_factor, double dssim, const Follow& follow) {
+  const torch::Tensor render = imaging::gray(toned_render);
+  const torch::Tensor target = imaging::gray(toned_blurry) * edi_factor;
+  return rec_loss(render, follow ? follow(target, render) : target, dssim);
 }
 
 torch::Tensor edi_color_loss(const torch::Tensor& render, const torch::Tensor& blurry,
-                             const torch::Tensor& edi_factor, double dssim) {
-  return rec_loss(render, blurry * edi_factor, dssim);
+                             const torch::Tensor& edi_factor, double dssim, const Follow& follow) {
+  const torch::Tensor target = blurry * edi_factor;
+  return rec_loss(render, follow ? follow(target, render) : target, dssim);
 }
 
 torch::Tensor simulation_loss(const torch::Tensor& toned_render, const torch::Tensor& toned_mean,

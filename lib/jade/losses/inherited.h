@@ -5,6 +5,7 @@
 // factor R_k = EdiKernel::gain[k] of imaging/edi.h, so the functions take R_k.
 #pragma once
 
+#include <functional>
 #include <torch/types.h>
 
 #include "jade/imaging/ssim.h"
@@ -20,16 +21,22 @@ torch::Tensor blur_loss(const torch::Tensor& mean_render, const torch::Tensor& b
 torch::Tensor blur_loss(const torch::Tensor& mean_render, const imaging::SsimTarget& blurry,
                         double dssim);
 
+/// What a render is compared with instead of its target (losses/trust.h); empty: the target.
+using Follow =
+    std::function<torch::Tensor(const torch::Tensor& target, const torch::Tensor& render)>;
+
 /// L_edi in gray = D(g(ρ(Î_k)), EDI_k(g(ρ(B)))).
 /// @param toned_render, toned_blurry  [3,H,W], ρ(Î_k) and ρ(B); differentiable in both
 /// @param edi_factor                  [1,H,W], R_k
 torch::Tensor edi_gray_loss(const torch::Tensor& toned_render, const torch::Tensor& toned_blurry,
-                            const torch::Tensor& edi_factor, double dssim);
+                            const torch::Tensor& edi_factor, double dssim,
+                            const Follow& follow = {});
 
 /// L_edi in colour = D(Î_k, EDI_k(B)), without ρ.
 /// @param render, blurry  [3,H,W]; differentiable in `render`
 torch::Tensor edi_color_loss(const torch::Tensor& render, const torch::Tensor& blurry,
-                             const torch::Tensor& edi_factor, double dssim);
+                             const torch::Tensor& edi_factor, double dssim,
+                             const Follow& follow = {});
 
 /// L_sim = D(g(ρ(Î_k)), EDI_k(g(ρ(mean_j Î_j)))): the EDI of the simulated blur. Gradients flow
 /// through both sides.

@@ -1,19 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/losses/objective.h"
 
+#include <algorithm>
+
 #include "jade/core/check.h"
-#include "jade/geometry/trajectory.h"
 #include "jade/losses/poses.h"
 #include "jade/losses/target.h"
 
 namespace jade::losses {
 namespace {
 
-using geometry::kExposurePoses;
-using geometry::kMidPose;
-
-void add(Objective& loss, const std::string& name, const torch::Tensor& value, double weight = 1) {
-  const torch::Tensor weighted = weight == 1 ? value : value * weight;
+/// @param falling  the weight of this step where it changes in the course of the run
+void add(Objective& loss, const std::string& name, const torch::Tensor& value, double weight = 1,
+         const torch::Tensor& falling = {}) {
+  const torch::Tensor weighted = falling.defined() ? value * falling
+                                 : weight == 1     ? value
+                                                   : value * weight;
   loss.terms.push_back({name, weighted});
   loss.total = loss.total.defined() ? loss.total + weighted : weighted;
 }
@@ -37,9 +39,10 @@ Views unpack_views(const torch::Tensor& renders, const ObjectivePlan& plan) {
 }
 
 Views pick_views(const ObjectiveInputs& inputs, const ObjectivePlan& plan) {
-  if (inputs.renders.size(0) != kExposurePoses) return unpack_views(inputs.renders, plan);
-  const torch::Tensor mid = torch::full({1}, kMidPose, inputs.pose_draws.options());
-  const PoseViews views = pose_views(inputs.renders, torch::cat({mid, inputs.pose_draws}));
+  if (inputs.renders.size(0) != inputs.samples) return unpack_views(inputs.renders, plan);
+  const torch::Tensor mid = torch::full({1}, inputs.samples / 2, inputs.pose_draws.options());
+  const PoseViews views =
+      pose_views(inputs.renders, torch::cat({mid, inputs.pose_draws}), inputs.weights);
   const std::vector<torch::Tensor> picks = views.picks.unbind(0);
   return {views.mean, picks[0], picks[1], picks[2], picks[3]};
 }
@@ -47,15 +50,15 @@ Views pick_views(const ObjectiveInputs& inputs, const ObjectivePlan& plan) {
 void check_inputs(const ObjectiveInputs& inputs, const ObjectivePlan& plan) {
   check_shape(inputs.renders, "renders", {-1, 3, -1, -1});
   check_shape(inputs.pose_draws, "pose draws", {3});
-  const torch::Tensor read = poses_read(plan, inputs.pose_draws);
+  const torch::Tensor read = poses_read(plan, inputs.pose_draws, inputs.samples);
   const int64_t count = inputs.renders.size(0);
-  JADE_CHECK(count == kExposurePoses || (read.defined() && count == read.size(0)),
-             "expected renders of ", read.defined() ? read.size(0) : kExposurePoses,
+  JADE_CHECK(count == inputs.samples || (read.defined() && count == read.size(0)),
+             "expected renders of ", read.defined() ? read.size(0) : inputs.samples,
              " poses, found ", count);
   const int64_t height = inputs.renders.size(2), width = inputs.renders.size(3);
   check_shape(inputs.blurry, "blurry frame", {3, height, width});
   if (plan.edi || plan.simulation) {
-    check_shape(inputs.edi_factors, "EDI factors", {kExposurePoses, 1, height, width});
+    check_shape(inputs.edi_factors, "EDI factors", {3, 1, height, width});
   }
   JADE_CHECK(inputs.target || !plan.target, "L_tgt acts: expected a target, found none");
   JADE_CHECK(inputs.events || !plan.event, "L_ev acts: expected a window of events, found none");
@@ -73,14 +76,31 @@ ObjectivePlan plan_objective(const ObjectiveOptions& options, int64_t step) {
   plan.simulation = options.simulation && step > options.simulation_start;
   plan.intensity = options.intensity && warm;
   plan.event = options.event_loss_weight > 0;
+  const bool follows = options.trust.scale > 0 || options.trust.tolerance > 0;
+  plan.trust = follows && step > options.trust.from && (plan.target || plan.edi);
   plan.response = warm && (plan.edi || plan.simulation || plan.intensity || plan.event);
   return plan;
 }
 
-torch::Tensor poses_read(const ObjectivePlan& plan, const torch::Tensor& pose_draws) {
+bool weights_fall(const ObjectiveOptions& options) {
+  return options.target_weight_final >= 0 || options.edi_weight_final >= 0;
+}
+
+std::array<double, 2> term_weights(const ObjectiveOptions& options, int64_t step, int64_t steps) {
+  const double share =
+      std::min(1.0, static_cast<double>(step) / static_cast<double>(std::max<int64_t>(1, steps)));
+  const auto at = [&](double first, double last) {
+    return last < 0 ? first : first + share * (last - first);
+  };
+  return {at(options.target_weight, options.target_weight_final),
+          at(options.edi_weight, options.edi_weight_final)};
+}
+
+torch::Tensor poses_read(const ObjectivePlan& plan, const torch::Tensor& pose_draws,
+                         int64_t samples) {
   if (plan.all_poses()) return {};
   std::vector<torch::Tensor> read;
-  if (plan.target) read.push_back(torch::full({1}, kMidPose, pose_draws.options()));
+  if (plan.target) read.push_back(torch::full({1}, samples / 2, pose_draws.options()));
   if (plan.edi) read.push_back(pose_draws.narrow(0, 0, 2));
   return torch::cat(read);
 }
@@ -95,19 +115,25 @@ Objective objective(const ObjectiveInputs& inputs, const ObjectivePlan& plan,
   const Views views = pick_views(inputs, plan);
   const auto mean_toned = [&] {
     if (!toned) return views.mean;
-    return inputs.tone.mean ? inputs.tone.mean(inputs.renders) : tone(inputs.renders).mean(0);
+    return inputs.tone.mean ? inputs.tone.mean(inputs.renders, inputs.weights)
+                            : weighted_mean(tone(inputs.renders), inputs.weights);
   };
   const torch::Tensor& blurry = inputs.blurry;
-  const auto edi_factor = [&](int64_t draw) {
-    return inputs.edi_factors.index_select(0, inputs.pose_draws.narrow(0, draw, 1)).squeeze(0);
-  };
+  const auto edi_factor = [&](int64_t draw) { return inputs.edi_factors[draw]; };
+  torch::Tensor target_weight, edi_weight;  // defined where they fall
+  if (inputs.term_weights.defined()) {
+    target_weight = inputs.term_weights[0];
+    edi_weight = inputs.term_weights[1];
+  }
   torch::Tensor toned_blurry;
   if (plan.edi || plan.intensity) toned_blurry = tone(blurry);
 
   Objective loss;
   if (plan.target) {
-    add(loss, "target", target_loss(views.mid, *inputs.target, options.dssim),
-        options.target_weight);
+    const torch::Tensor target =
+        plan.trust ? followed(**inputs.target, views.mid, options.trust, 0) : **inputs.target;
+    add(loss, "target", target_loss(views.mid, Fixed(target), options.dssim), options.target_weight,
+        target_weight);
   }
   if (plan.blur) {
     const bool prepared = inputs.blurry_moments.mean.defined();
@@ -116,9 +142,18 @@ Objective objective(const ObjectiveInputs& inputs, const ObjectivePlan& plan,
                  : blur_loss(views.mean, blurry, options.dssim));
   }
   if (plan.edi) {
+    Follow follow;
+    if (plan.trust) {
+      follow = [&](const torch::Tensor& edi, const torch::Tensor& render) {
+        return followed(edi, render, options.trust, inputs.contrast);
+      };
+    }
     add(loss, "edi_gray",
-        edi_gray_loss(tone(views.edi_gray), toned_blurry, edi_factor(0), options.dssim));
-    add(loss, "edi_color", edi_color_loss(views.edi_color, blurry, edi_factor(1), options.dssim));
+        edi_gray_loss(tone(views.edi_gray), toned_blurry, edi_factor(0), options.dssim, follow),
+        options.edi_weight, edi_weight);
+    add(loss, "edi_color",
+        edi_color_loss(views.edi_color, blurry, edi_factor(1), options.dssim, follow),
+        options.edi_weight, edi_weight);
   }
   if (plan.simulation) {
     add(loss, "simulation",

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <optional>
@@ -14,6 +15,7 @@
 #include "jade/imaging/ssim.h"
 #include "jade/losses/fixed.h"
 #include "jade/losses/inherited.h"
+#include "jade/losses/trust.h"
 
 namespace jade::losses {
 
@@ -43,13 +45,17 @@ struct ObjectiveOptions {
   double dssim = 0.3;
   Target target = Target::kRouted;
   double target_weight = 1.0;
+  double target_weight_final = -1;
   Steps target_until = 0;
   bool blur = true;
   bool edi_supervision = true;
+  double edi_weight = 1.0;
+  double edi_weight_final = -1;
   bool simulation = true;
   Steps simulation_start = Steps::share(28);
   bool intensity = true;
   Steps warmup = Steps::share(6);
+  TrustOptions trust;
   double event_loss_weight = 0.0;
   int64_t event_pixels = 1024;
   EventSpan event_window = EventSpan::kExposure;
@@ -62,16 +68,22 @@ void describe(V& v, ObjectiveOptions& o) {
           Range{0, 1});
   v.field("target", o.target, "target of the middle render, Eq. (9)");
   v.field("target_weight", o.target_weight, "weight of that term (efnet_weight)", Range{0, 1e3});
+  v.field("target_weight_final", o.target_weight_final,
+          "the same at the end of the run; linear between; below 0: it stays", Range{-1, 1e3});
   v.field("target_until", o.target_until,
           "after this step that term and the routing step rest; 0: never", Range{0, 1e9});
-  v.field("blur", o.blur, "L_blur: mean of the nine renders against the blurry frame");
+  v.field("blur", o.blur, "L_blur: mean of the renders against the blurry frame");
   v.field("edi_supervision", o.edi_supervision, "L_edi in gray and in colour, at drawn poses");
+  v.field("edi_weight", o.edi_weight, "weight of both", Range{0, 1e3});
+  v.field("edi_weight_final", o.edi_weight_final,
+          "the same at the end of the run; linear between; below 0: it stays", Range{-1, 1e3});
   v.field("simulation", o.simulation, "L_sim: EDI of the simulated blur");
   v.field("simulation_start", o.simulation_start, "L_sim acts after this step (simul_start)",
           Range{0, 1e9});
   v.field("intensity", o.intensity, "L_int: blur under the camera response");
   v.field("warmup", o.warmup, "until this step the camera response is the identity and L_int rests",
           Range{0, 1e9});
+  v.group("trust", o.trust, "how far the scene follows what is restored against its own render");
   v.field("event_loss_weight", o.event_loss_weight,
           "weight of L_ev, which costs two more renders; 0 turns it off", Range{0, 1e3});
   v.field("event_pixels", o.event_pixels, "pixels drawn for L_ev (sample_pnum)", Range{1, 1e8});
@@ -89,14 +101,15 @@ struct ObjectivePlan {
   bool intensity = false;   ///< L_int
   bool event = false;       ///< L_ev
   bool response = false;  ///< ρ is past its warm-up and some term reads it, else it is the identity
+  bool trust = false;     ///< L_tgt and L_edi follow their targets as far as TrustOptions say
 
   bool any_term() const { return target || blur || edi || simulation || intensity || event; }
-  /// A term reads the mean render, and so all nine; also where no term reads any.
+  /// A term reads the mean render, and so all renders; also where no term reads any.
   bool all_poses() const { return blur || simulation || intensity || !(target || edi); }
 
   /// For the comparison.
   auto members() const {
-    const auto all = std::tie(target, blur, edi, simulation, intensity, event, response);
+    const auto all = std::tie(target, blur, edi, simulation, intensity, event, response, trust);
     static_assert(std::tuple_size_v<decltype(all)> == member_count<ObjectivePlan>());
     return all;
   }
@@ -112,19 +125,25 @@ ObjectivePlan plan_objective(const ObjectiveOptions& options, int64_t step);
 /// The camera response as the objective uses it. Without `apply` it is the identity.
 struct ToneCurve {
   std::function<torch::Tensor(const torch::Tensor&)> apply;  ///< ρ, element-wise
-  /// mean_k ρ(I_k), [K,...] → [...]; empty: through `apply`, which keeps all nine.
-  std::function<torch::Tensor(const torch::Tensor&)> mean;
+  /// Σ_k w_k ρ(I_k), [K,...] → [...]; empty: through `apply`, which keeps all of them.
+  std::function<torch::Tensor(const torch::Tensor& images, const torch::Tensor& weights)> mean;
 };
 
 struct ObjectiveInputs {
-  /// [9,3,H,W], Î_k, or [M,3,H,W], those of poses_read() alone; differentiable
+  /// [K,3,H,W], Î_k, or [M,3,H,W], those of poses_read() alone; differentiable
   torch::Tensor renders;
-  torch::Tensor blurry;  ///< [3,H,W], B
+  int64_t samples = 9;    ///< K, odd; the middle one is mid-exposure
+  torch::Tensor weights;  ///< [K] of the mean render, of sum 1; undefined: 1/K each
+  torch::Tensor blurry;   ///< [3,H,W], B
   /// ssim_target(blurry), which saves L_blur two of its five window sums; may stay undefined.
   imaging::SsimTarget blurry_moments;
-  torch::Tensor edi_factors;  ///< [9,1,H,W], R_k; needed for L_edi and L_sim only
   /// [3] int64 on the renders' device: the poses of L_edi gray, L_edi colour and L_sim.
   torch::Tensor pose_draws;
+  torch::Tensor edi_factors;  ///< [3,1,H,W], R at these poses; needed for L_edi and L_sim only
+  /// [2] weights of L_tgt and L_edi at this step, on the device; undefined: those of the options,
+  /// which then must not fall.
+  torch::Tensor term_weights;
+  double contrast = 0;              ///< log intensity of one event, for trust.tolerance
   std::optional<Fixed> target;      ///< [3,H,W]; needed for L_tgt only
   std::optional<EventPair> events;  ///< needed for L_ev only
   ToneCurve tone;                   ///< ρ; ignored where the plan lets it rest
@@ -142,16 +161,24 @@ struct Objective {
   std::vector<NamedTerm> terms;
 };
 
+/// Whether the weight of L_tgt or L_edi changes in the course of a run.
+bool weights_fall(const ObjectiveOptions& options);
+
+/// The weights of L_tgt and L_edi at `step` (counted from 1) of a calendar of `steps`.
+std::array<double, 2> term_weights(const ObjectiveOptions& options, int64_t step, int64_t steps);
+
 /// L_scene = L_tgt + L_blur + L_edi + L_sim + L_int (+ L_ev), Eq. (10): the terms of the plan with
-/// the weights of the options. Nothing here waits for the device.
+/// their weights. Nothing here waits for the device.
 Objective objective(const ObjectiveInputs& inputs, const ObjectivePlan& plan,
                     const ObjectiveOptions& options);
 
 /// The poses that the terms read, [M] int64 on the device of `pose_draws`: mid-exposure where the
 /// target acts, then those of L_edi gray and colour. A pose that no term reads has no gradient, so
 /// rendering it costs time and dilutes the mean screen gradients of densification. Undefined for
-/// all nine.
+/// all of them.
 /// @param pose_draws  as ObjectiveInputs has them
-torch::Tensor poses_read(const ObjectivePlan& plan, const torch::Tensor& pose_draws);
+/// @param samples     K
+torch::Tensor poses_read(const ObjectivePlan& plan, const torch::Tensor& pose_draws,
+                         int64_t samples = 9);
 
 }  // namespace jade::losses

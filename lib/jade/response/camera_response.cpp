@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/response/camera_response.h"
 
+#include <optional>
 #include <torch/csrc/autograd/custom_function.h>
 
 #include "jade/core/check.h"
@@ -17,17 +18,17 @@ using torch::autograd::variable_list;
 class LookupFunction : public torch::autograd::Function<LookupFunction> {
  public:
   static torch::Tensor forward(AutogradContext* context, const torch::Tensor& image,
-                               const torch::Tensor& table, bool mean) {
-    const Lookup args{image.contiguous(), table.contiguous(), mean};
-    context->save_for_backward({args.image, args.table});
-    context->saved_data["mean"] = mean;
+                               const torch::Tensor& table,
+                               const std::optional<torch::Tensor>& weights) {
+    const Lookup args{image.contiguous(), table.contiguous(), weights.value_or(torch::Tensor())};
+    context->save_for_backward({args.image, args.table, args.weights});
     if (!image.is_cuda()) return cpu::lookup(args);
     return kernel::on_cuda("the camera response", [&] { return cuda::lookup(args); });
   }
 
   static variable_list backward(AutogradContext* context, variable_list gradients) {
     const variable_list saved = context->get_saved_variables();
-    const Lookup args{saved[0], saved[1], context->saved_data["mean"].toBool()};
+    const Lookup args{saved[0], saved[1], saved[2]};
     const torch::Tensor gradient = gradients[0].contiguous();
     const bool image = context->needs_input_grad(0), table = context->needs_input_grad(1);
     const LookupGradient result =
@@ -39,11 +40,12 @@ class LookupFunction : public torch::autograd::Function<LookupFunction> {
   }
 };
 
-torch::Tensor lookup(const torch::Tensor& image, const torch::Tensor& table, bool mean) {
+torch::Tensor lookup(const torch::Tensor& image, const torch::Tensor& table,
+                     const torch::Tensor& weights) {
   check_shape(table, "response table", {kKnots});
   check_dtype(table, "response table", image.scalar_type());
   check_same_device(image, "image", table, "response table");
-  return LookupFunction::apply(image, table, mean);
+  return LookupFunction::apply(image, table, std::optional<torch::Tensor>(weights));
 }
 
 }  // namespace
@@ -79,11 +81,19 @@ torch::Tensor CameraResponseImpl::table() {
 }
 
 torch::Tensor CameraResponseImpl::apply(const torch::Tensor& image, const torch::Tensor& table) {
-  return lookup(image, table, false);
+  return lookup(image, table, {});
 }
 
-torch::Tensor CameraResponseImpl::mean(const torch::Tensor& images, const torch::Tensor& table) {
-  return lookup(images, table, true);
+torch::Tensor CameraResponseImpl::mean(const torch::Tensor& images, const torch::Tensor& table,
+                                       const torch::Tensor& weights) {
+  JADE_CHECK(images.dim() > 1, "expected images [K,...], found ", shape_string(images));
+  if (!weights.defined()) {
+    const auto count = static_cast<double>(images.size(0));
+    return lookup(images, table,
+                  torch::full({images.size(0)}, 1 / count, table.options().requires_grad(false)));
+  }
+  check_shape(weights, "weights of the images", {images.size(0)});
+  return lookup(images, table, weights.to(images.options()).contiguous());
 }
 
 }  // namespace jade::response

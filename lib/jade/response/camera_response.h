@@ -42,8 +42,10 @@ class CameraResponseImpl : public torch::nn::Module {
   /// ρ(image), element-wise, differentiable in the image and in the table.
   static torch::Tensor apply(const torch::Tensor& image, const torch::Tensor& table);
 
-  /// mean_k ρ(images[k]): [K,...] → [...], without keeping the single ρ(images[k]).
-  static torch::Tensor mean(const torch::Tensor& images, const torch::Tensor& table);
+  /// Σ_k w_k ρ(images[k]): [K,...] → [...], without keeping the single ρ(images[k]).
+  /// @param weights  [K] on the images' device, constant; undefined: 1/K each.
+  static torch::Tensor mean(const torch::Tensor& images, const torch::Tensor& table,
+                            const torch::Tensor& weights = {});
 
   torch::Tensor forward(const torch::Tensor& image, const torch::Tensor& table) {
     return apply(image, table);

@@ -14,9 +14,9 @@ constexpr double kResponseRange = 2;
 
 /// All tensors contiguous, of one floating type and device.
 struct Lookup {
-  at::Tensor image;   ///< [K, P...]
-  at::Tensor table;   ///< [kKnots]
-  bool mean = false;  ///< average over the first dimension
+  at::Tensor image;    ///< [K, P...]
+  at::Tensor table;    ///< [kKnots]
+  at::Tensor weights;  ///< [K] of the sum over the first dimension; undefined: element by element
 };
 
 struct LookupGradient {

@@ -21,16 +21,15 @@ T value_at(T x, const T* table) {
 
 template <class T>
 void lookup(const T* image, const T* table, T* out, int64_t begin, int64_t end, int64_t pixels,
-            int64_t images, bool mean) {
-  if (!mean) {
+            int64_t images, const T* weights) {
+  if (weights == nullptr) {
     for (int64_t i = begin; i < end; ++i) out[i] = value_at(image[i], table);
     return;
   }
   std::fill(out + begin, out + end, T(0));
-  const T share = T(1) / static_cast<T>(images);
   for (int64_t k = 0; k < images; ++k) {
     for (int64_t p = begin; p < end; ++p) {
-      out[p] += share * value_at(image[k * pixels + p], table);
+      out[p] += weights[k] * value_at(image[k * pixels + p], table);
     }
   }
 }
@@ -45,13 +44,13 @@ torch::Tensor knots_from_cells(const torch::Tensor& cells) {
 
 /// Values [begin, end) of the image; the gradient's `pixels` values serve one image after another.
 template <class T>
-void backward(const T* image, const T* table, const T* gradient, T share, int64_t pixels,
+void backward(const T* image, const T* table, const T* gradient, const T* weights, int64_t pixels,
               int64_t begin, int64_t end, T* of_image, double* of_cells) {
-  int64_t pixel = begin % pixels;
+  int64_t pixel = begin % pixels, k = begin / pixels;
   for (int64_t i = begin; i < end; ++i) {
     const Cell<T> cell = cell_of(image[i]);
-    const T g = gradient[pixel] * share;
-    if (++pixel == pixels) pixel = 0;
+    const T g = weights == nullptr ? gradient[pixel] : gradient[pixel] * weights[k];
+    if (++pixel == pixels) pixel = 0, ++k;
     if (of_image != nullptr) {
       of_image[i] = gradient_of_x(g, table[cell.index], table[cell.index + 1]);
     }
@@ -66,12 +65,14 @@ void backward(const T* image, const T* table, const T* gradient, T share, int64_
 
 torch::Tensor lookup(const Lookup& args) {
   const int64_t images = args.image.size(0);
-  torch::Tensor out = args.mean ? torch::empty(args.image.sizes().slice(1), args.image.options())
-                                : torch::empty_like(args.image);
+  const bool sums = args.weights.defined();
+  torch::Tensor out = sums ? torch::empty(args.image.sizes().slice(1), args.image.options())
+                           : torch::empty_like(args.image);
   AT_DISPATCH_FLOATING_TYPES(args.image.scalar_type(), "lookup", [&] {
     at::parallel_for(0, out.numel(), 8192, [&](int64_t begin, int64_t end) {
       lookup(args.image.const_data_ptr<scalar_t>(), args.table.const_data_ptr<scalar_t>(),
-             out.mutable_data_ptr<scalar_t>(), begin, end, out.numel(), images, args.mean);
+             out.mutable_data_ptr<scalar_t>(), begin, end, out.numel(), images,
+             sums ? args.weights.const_data_ptr<scalar_t>() : nullptr);
     });
   });
   return out;
@@ -87,12 +88,12 @@ LookupGradient lookup_backward(const Lookup& args, const torch::Tensor& gradient
   const int64_t chunk = (count + kChunks - 1) / kChunks;
   const int64_t pixels = std::max<int64_t>(1, gradient.numel());
   AT_DISPATCH_FLOATING_TYPES(args.image.scalar_type(), "lookup_backward", [&] {
-    const auto share =
-        static_cast<scalar_t>(args.mean ? 1.0 / static_cast<double>(args.image.size(0)) : 1.0);
+    const scalar_t* const weights =
+        args.weights.defined() ? args.weights.const_data_ptr<scalar_t>() : nullptr;
     at::parallel_for(0, kChunks, 1, [&](int64_t first, int64_t last) {
       for (int64_t c = first; c < last; ++c) {
         backward(args.image.const_data_ptr<scalar_t>(), args.table.const_data_ptr<scalar_t>(),
-                 gradient.const_data_ptr<scalar_t>(), share, pixels, c * chunk,
+                 gradient.const_data_ptr<scalar_t>(), weights, pixels, c * chunk,
                  std::min(count, (c + 1) * chunk),
                  wants_image ? result.image.mutable_data_ptr<scalar_t>() : nullptr,
                  wants_table ? parts.mutable_data_ptr<double>() + c * 2 * kKnots : nullptr);

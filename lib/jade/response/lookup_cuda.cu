@@ -16,21 +16,22 @@ constexpr int kThreads = 256;
 /// Sums over the table are kept in fixed point: additions of integers do not depend on their order.
 constexpr double kFixedPoint = 1125899906842624.0;  // 2^50
 
-__global__ void forward_kernel(const float* image, const float* table, float* out, int64_t outputs,
-                               int64_t images) {
+__global__ void forward_kernel(const float* image, const float* table, const float* weights,
+                               float* out, int64_t outputs, int64_t images) {
   const int64_t p = blockIdx.x * static_cast<int64_t>(kThreads) + threadIdx.x;
   if (p >= outputs) return;
   float sum = 0;
   for (int64_t k = 0; k < images; ++k) {
     const Cell<float> cell = cell_of(image[k * outputs + p]);
-    sum += interpolate(cell, __ldg(table + cell.index), __ldg(table + cell.index + 1));
+    const float value = interpolate(cell, __ldg(table + cell.index), __ldg(table + cell.index + 1));
+    sum += weights == nullptr ? value : __ldg(weights + k) * value;
   }
-  out[p] = images == 1 ? sum : sum / static_cast<float>(images);
+  out[p] = sum;
 }
 
 __global__ void backward_kernel(const float* image, const float* table, const float* gradient,
-                                float share, int64_t pixels, int64_t count, float* of_image,
-                                unsigned long long* of_table) {
+                                const float* weights, int64_t pixels, int64_t count,
+                                float* of_image, unsigned long long* of_table) {
   extern __shared__ unsigned long long sums[];
   if (of_table != nullptr) {
     for (int i = threadIdx.x; i < kKnots; i += kThreads) sums[i] = 0;
@@ -40,6 +41,7 @@ __global__ void backward_kernel(const float* image, const float* table, const fl
   for (int64_t i = blockIdx.x * static_cast<int64_t>(kThreads) + threadIdx.x; i < count;
        i += stride) {
     const Cell<float> cell = cell_of(image[i]);
+    const float share = weights == nullptr ? 1.f : __ldg(weights + i / pixels);
     const float g = gradient[i % pixels] * share;
     if (of_image != nullptr) {
       of_image[i] = gradient_of_x(g, __ldg(table + cell.index), __ldg(table + cell.index + 1));
@@ -63,13 +65,15 @@ __global__ void backward_kernel(const float* image, const float* table, const fl
 }  // namespace
 
 at::Tensor lookup(const Lookup& args) {
-  at::Tensor out = args.mean ? at::empty(args.image.sizes().slice(1), args.image.options())
-                             : at::empty_like(args.image);
+  const bool sums = args.weights.defined();
+  at::Tensor out = sums ? at::empty(args.image.sizes().slice(1), args.image.options())
+                        : at::empty_like(args.image);
   if (out.numel() == 0) return out;
   forward_kernel<<<kernel::grid_size(out.numel(), kThreads), kThreads, 0,
                    c10::cuda::getCurrentCUDAStream()>>>(
       args.image.const_data_ptr<float>(), args.table.const_data_ptr<float>(),
-      out.mutable_data_ptr<float>(), out.numel(), args.mean ? args.image.size(0) : 1);
+      sums ? args.weights.const_data_ptr<float>() : nullptr, out.mutable_data_ptr<float>(),
+      out.numel(), sums ? args.image.size(0) : 1);
   kernel::check_launch("the camera response");
   return out;
 }
@@ -85,7 +89,6 @@ LookupGradient lookup_backward(const Lookup& args, const at::Tensor& gradient, b
     if (wants_table) result.table = at::zeros_like(args.table);
     return result;
   }
-  const float share = args.mean ? 1.f / static_cast<float>(args.image.size(0)) : 1.f;
   // Few blocks with long loops when each has a table of its own to add up.
   const int64_t blocks = wants_table ? std::min<int64_t>(kernel::block_count(count, kThreads), 528)
                                      : kernel::block_count(count, kThreads);
@@ -93,8 +96,9 @@ LookupGradient lookup_backward(const Lookup& args, const at::Tensor& gradient, b
   backward_kernel<<<static_cast<unsigned>(blocks), kThreads, shared,
                     c10::cuda::getCurrentCUDAStream()>>>(
       args.image.const_data_ptr<float>(), args.table.const_data_ptr<float>(),
-      gradient.const_data_ptr<float>(), share, gradient.numel(), count,
-      wants_image ? result.image.mutable_data_ptr<float>() : nullptr,
+      gradient.const_data_ptr<float>(),
+      args.weights.defined() ? args.weights.const_data_ptr<float>() : nullptr, gradient.numel(),
+      count, wants_image ? result.image.mutable_data_ptr<float>() : nullptr,
       wants_table ? reinterpret_cast<unsigned long long*>(sums.mutable_data_ptr<int64_t>())
                   : nullptr);
   kernel::check_launch("the camera response, backward");

@@ -6,28 +6,37 @@
 #include "jade/data/exposure.h"
 #include "jade/events/exposure_maps.h"
 #include "jade/events/thresholds.h"
+#include "jade/geometry/quadrature.h"
 #include "jade/imaging/edi.h"
 #include "jade/restore/restorations.h"
 #include "jade/restore/view_restorer.h"
 
 namespace jade::restore {
 
+/// What an exposure's restoration depends on besides its frame and events.
+struct RestoreOptions {
+  events::EventOptions events;         ///< how events are summed and what they stand for
+  geometry::ExposureOptions exposure;  ///< which moments the sharp images are of
+  /// ε of a sensor that follows log(I + ε). It sees B + ε as the mean of I_k + ε, so the offset is
+  /// added before EDI and taken off after.
+  double log_offset = 0;
+};
+
 /// One exposure restored at its middle, and what its events say.
 struct RestoredExposure {
-  events::ExposureMaps maps;  ///< on the CPU
+  events::ExposureMaps maps;  ///< on the CPU; their windows are those of the EDI integral
   // On the restorer's device:
   torch::Tensor blurry;       ///< [3,H,W]
-  imaging::EdiKernel kernel;  ///< latent images over the blurry frame
+  imaging::EdiKernel kernel;  ///< latent images over the blurry frame, at the integral's moments
+  torch::Tensor gain;         ///< [K,H,W] the same at those of geometry::quadrature()
   Restorations restorations;  ///< I_edi; F where the restorer has a network, else undefined
 };
 
 /// Sums the events of an exposure and restores it both ways, through the restorer's cache.
-/// @param events      how events are summed and what they stand for.
-/// @param log_offset  ε of a sensor that follows log(I + ε). It sees B + ε as the mean of I_k + ε,
-///   so the offset is added before EDI and taken off after.
+/// @param recording  all events of the data set: events.ramp_ms reaches beyond the exposure.
 /// @throws NumericError, DeviceError, DataError from the network.
 RestoredExposure restore_exposure(const data::Exposure& exposure,
-                                  const events::EventOptions& events, ViewRestorer& restorer,
-                                  double log_offset = 0);
+                                  const events::EventStream& recording,
+                                  const RestoreOptions& options, ViewRestorer& restorer);
 
 }  // namespace jade::restore

@@ -61,7 +61,7 @@ Deblurred deblur(const data::Dataset& dataset, const DeblurOptions& options,
     save(output / exposure.name, result, pictures.npy);
     if (pictures.poses) {
       const torch::Tensor latents = deblurrer.at_all_poses(result, restored);
-      for (int64_t k = 0; k < geometry::kExposurePoses; ++k) {
+      for (int64_t k = 0; k < latents.size(0); ++k) {
         save(output / concat(exposure.name, "_", k), latents[k], pictures.npy);
       }
     }

@@ -41,6 +41,7 @@ std::shared_ptr<router::Allocation> load_allocation(const fs::path& run,
 Deblurrer::Deblurrer(const DeblurOptions& options, const restore::Method& method,
                      const data::Dataset& dataset, torch::Device device)
     : options_(options),
+      events_(dataset.events),
       restorer_(options.settings.cache,
                 method.needs_efnet ? std::optional(options.settings.efnet) : std::nullopt, device,
                 dataset.monochrome) {
@@ -48,10 +49,11 @@ Deblurrer::Deblurrer(const DeblurOptions& options, const restore::Method& method
 }
 
 Restored Deblurrer::restore(const data::Exposure& exposure, int64_t index) {
-  const restore::RestoredExposure found =
-      restore::restore_exposure(exposure, options_.settings.events, restorer_, options_.log_offset);
+  const restore::RestoredExposure found = restore::restore_exposure(
+      exposure, events_,
+      {options_.settings.events, options_.settings.exposure, options_.log_offset}, restorer_);
   Restored restored;
-  restored.gain = found.kernel.gain.unsqueeze(1).cpu();
+  restored.gain = found.gain.unsqueeze(1).cpu();
   const events::WindowCounts& counts = found.maps.windows;
   restored.events = torch::stack({counts.positive.sum(0), counts.negative.sum(0)});
   restore::Candidates& c = restored.candidates;
@@ -66,7 +68,7 @@ Restored Deblurrer::restore(const data::Exposure& exposure, int64_t index) {
 }
 
 torch::Tensor Deblurrer::at_all_poses(const torch::Tensor& mid, const Restored& restored) const {
-  const torch::Tensor ratio = restored.gain / restored.gain[geometry::kMidPose];
+  const torch::Tensor ratio = restored.gain / restored.gain[restored.gain.size(0) / 2];
   return (mid + options_.log_offset) * ratio - options_.log_offset;
 }
 

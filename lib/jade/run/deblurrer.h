@@ -16,7 +16,8 @@
 namespace jade::run {
 
 struct DeblurOptions {
-  train::RunOptions settings;  ///< of which dataset, events, efnet, cache and device count
+  train::RunOptions settings;  ///< of which dataset, events, exposure, efnet, cache and device
+                               ///< count
   /// ε of a sensor that measures log(I + ε), in units of intensity; 0 for log(I).
   double log_offset = 0;
   std::filesystem::path run;  ///< of the router; empty: none
@@ -25,7 +26,7 @@ struct DeblurOptions {
 /// One exposure restored at its middle.
 struct Restored {
   restore::Candidates candidates;  ///< on the CPU
-  torch::Tensor gain;              ///< [9,1,H,W], latent image of each pose over the blurry frame
+  torch::Tensor gain;              ///< [K,1,H,W], latent image of each moment over the frame
   torch::Tensor events;            ///< [2,H,W] positive and negative events during the exposure
 };
 
@@ -39,11 +40,12 @@ class Deblurrer {
   Restored restore(const data::Exposure& exposure, int64_t index);
 
   /// The image of another pose from the one at mid-exposure, by the ratio that the events tell.
-  /// @return [9,3,H,W]
+  /// @return [K,3,H,W]
   torch::Tensor at_all_poses(const torch::Tensor& mid, const Restored& restored) const;
 
  private:
   DeblurOptions options_;
+  events::EventStream events_;  ///< of the recording
   restore::ViewRestorer restorer_;
   std::shared_ptr<router::Allocation> allocation_;  ///< nullptr but for a router
 };

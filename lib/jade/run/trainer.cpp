@@ -18,6 +18,7 @@
 #include "jade/eval/metrics.h"
 #include "jade/gaussians/ply.h"
 #include "jade/imaging/image_io.h"
+#include "jade/losses/poses.h"
 #include "jade/run/checkpoint.h"
 #include "jade/run/evaluate.h"
 #include "jade/run/learned_cameras.h"
@@ -72,17 +73,24 @@ Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const st
       data_(load_data(directory_, options, resume.empty())),
       view_order_(static_cast<uint64_t>(options.seed),
                   static_cast<int64_t>(data_.dataset.train.size())),
-      pose_draws_(static_cast<uint64_t>(options.seed), device_) {
+      pose_draws_(static_cast<uint64_t>(options.seed), device_, options.exposure.samples),
+      term_weights_(options.objective, train::calendar_steps(options), device_) {
   train::settle(options_);
   if (resume.empty() || !resume_from(resume)) {
     options_.splat.near_plane = train::near_plane(options_.splat, data_.dataset);
     state_ = train::make_state(options_, data_.dataset, device_);
   }
+  term_weights_ = train::TermWeights(options_.objective, train::calendar_steps(options_), device_);
   set_log_file(directory_.path() / "train.log");
   announce();
   write_file(directory_.path() / "config.yaml", yaml_of(options_));
   write_environment();
   views_ = train::prepare_views(data_.dataset, options_, device_);
+  if (options_.exposure.quadrature == geometry::QuadratureRule::kJittered) {
+    moment_draws_ = std::make_unique<train::MomentDraws>(
+        train::exposure_spans(data_.dataset), options_.exposure.samples,
+        static_cast<uint64_t>(options_.seed), device_);
+  }
   if (options_.objective.event_loss_weight > 0) {
     event_windows_ = std::make_unique<train::EventWindows>(
         data_.dataset, options_.objective, static_cast<uint64_t>(options_.seed), device_);
@@ -200,7 +208,13 @@ void Trainer::write_environment() const {
 train::StepInputs Trainer::inputs_of(int64_t step) {
   const int64_t index = view_order_.at(step);
   train::StepInputs inputs{
-      step, views_[static_cast<size_t>(index)], index, pose_draws_.at(step), {}};
+      step, views_[static_cast<size_t>(index)], index, pose_draws_.at(step), {}, {}};
+  inputs.term_weights = term_weights_.at(step);
+  if (moment_draws_) {
+    train::MomentDraws::Moments moments = moment_draws_->at(step, index);
+    inputs.view.u = moments.u;
+    inputs.view.cameras.camera_from_world = moments.camera_from_world;
+  }
   if (event_windows_) inputs.events = event_windows_->at(step, index);
   return inputs;
 }
@@ -234,13 +248,13 @@ void Trainer::log_step(const train::StepInputs& inputs, const train::StepOutputs
   }
   line["loss"] = total;
   // How well the simulated blur explains the frame: the one PSNR that needs no sharp truth.
-  const torch::Tensor nine =
-      out.renders.all_poses()
+  const torch::Tensor all =
+      out.renders.all_poses
           ? out.renders.color.detach()
           : splat::render(state_.gaussians.detached(), train::exposure_cameras(state_, view, index),
                           train::render_options(options_))
                 .color;
-  const double psnr = eval::psnr(nine.mean(0), view.blurry);
+  const double psnr = eval::psnr(losses::weighted_mean(all, view.weights), view.blurry);
   line["psnr_train"] = psnr;
   if (state_.allocation) {
     const auto alpha = train::allocation_map(state_, view, index);

@@ -85,6 +85,8 @@ class Trainer {
   train::TrainState state_;
   train::ViewOrder view_order_;
   train::PoseDraws pose_draws_;
+  std::unique_ptr<train::MomentDraws> moment_draws_;  ///< of exposure.quadrature jittered
+  train::TermWeights term_weights_;
   std::unique_ptr<train::EventWindows> event_windows_;  // only with L_ev
   train::StepGraph step_graph_;
   TermMonitor monitor_;

@@ -6,7 +6,7 @@
 
 #include "jade/core/error.h"
 #include "jade/core/random.h"
-#include "jade/geometry/trajectory.h"
+#include "jade/geometry/quadrature.h"
 
 namespace jade::train {
 namespace {
@@ -33,10 +33,46 @@ torch::Tensor PoseDraws::at(int64_t step) {
   if (block != block_) {
     block_ = block;
     auto generator = make_generator(seed_, concat("pose draws of block ", block));
-    draws_ =
-        torch::randint(geometry::kExposurePoses, {kBlock, 3}, generator, torch::kInt64).to(device_);
+    draws_ = torch::randint(samples_, {kBlock, 3}, generator, torch::kInt64).to(device_);
   }
   return draws_[(step - 1) % kBlock];
+}
+
+MomentDraws::MomentDraws(std::vector<ExposureSpan> spans, int64_t samples, uint64_t seed,
+                         torch::Device device)
+    : spans_(std::move(spans)), samples_(samples), seed_(seed), device_(device) {}
+
+MomentDraws::Moments MomentDraws::at(int64_t step, int64_t view) {
+  const int64_t block = (step - 1) / kBlock, row = (step - 1) % kBlock;
+  if (block != block_) {
+    block_ = block;
+    auto generator = make_generator(seed_, concat("moments of block ", block));
+    on_host_ = geometry::jittered_times(generator, kBlock, samples_);
+    u_ = on_host_.to(device_);
+  }
+  const ExposureSpan& span = spans_.at(static_cast<size_t>(view));
+  const double* const u = on_host_.const_data_ptr<double>() + row * samples_;
+  std::vector<geometry::Pose> poses;
+  for (int64_t k = 0; k < samples_; ++k) poses.push_back(span.at(u[k]));
+  return {u_[row], geometry::to_tensor(poses).to(device_, torch::kFloat32)};
+}
+
+torch::Tensor TermWeights::at(int64_t step) {
+  if (!losses::weights_fall(options_)) return {};
+  const int64_t block = (step - 1) / kBlock;
+  if (block != block_) {
+    block_ = block;
+    const torch::Tensor rows = torch::empty({kBlock, 2}, torch::kFloat32);
+    auto* const out = rows.mutable_data_ptr<float>();
+    for (int64_t i = 0; i < kBlock; ++i) {
+      const auto weights = losses::term_weights(options_, block * kBlock + i + 1, steps_);
+      for (int64_t term = 0; term < 2; ++term) {
+        out[2 * i + term] = static_cast<float>(weights[static_cast<size_t>(term)]);
+      }
+    }
+    weights_ = rows.to(device_);
+  }
+  return weights_[(step - 1) % kBlock];
 }
 
 }  // namespace jade::train

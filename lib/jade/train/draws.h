@@ -7,6 +7,9 @@
 #include <torch/types.h>
 #include <vector>
 
+#include "jade/losses/objective.h"
+#include "jade/train/exposure_span.h"
+
 namespace jade::train {
 
 /// Which view each step takes: every epoch is a new shuffle of all views, one view a step.
@@ -23,19 +26,60 @@ class ViewOrder {
   std::vector<int64_t> order_;
 };
 
-/// The poses of L_edi gray, L_edi colour and L_sim for each step, each uniform in 0..8. A block of
-/// steps is drawn and brought to the device at once.
+/// The poses of L_edi gray, L_edi colour and L_sim for each step, each uniform in 0..K−1. A block
+/// of steps is drawn and brought to the device at once.
 class PoseDraws {
  public:
-  PoseDraws(uint64_t seed, torch::Device device) : seed_(seed), device_(device) {}
+  PoseDraws(uint64_t seed, torch::Device device, int64_t samples = 9)
+      : seed_(seed), device_(device), samples_(samples) {}
   /// [3] int64 on the device. @param step  counted from 1.
   torch::Tensor at(int64_t step);
 
  private:
   uint64_t seed_;
   torch::Device device_;
+  int64_t samples_;
   int64_t block_ = -1;
   torch::Tensor draws_;  // [kBlock,3]
+};
+
+/// The moments of exposure.quadrature jittered for each step, and the cameras there.
+class MomentDraws {
+ public:
+  /// @param spans  of the exposures, and the camera's way through each
+  MomentDraws(std::vector<ExposureSpan> spans, int64_t samples, uint64_t seed,
+              torch::Device device);
+
+  struct Moments {
+    torch::Tensor u;                  ///< [K] float64 on the device
+    torch::Tensor camera_from_world;  ///< [K,4,4] float32 on the device
+  };
+  /// @param step  counted from 1. @param view  of the step, as ViewOrder says.
+  Moments at(int64_t step, int64_t view);
+
+ private:
+  std::vector<ExposureSpan> spans_;
+  int64_t samples_;
+  uint64_t seed_;
+  torch::Device device_;
+  int64_t block_ = -1;
+  torch::Tensor on_host_, u_;  // [kBlock,K]
+};
+
+/// The weights of L_tgt and L_edi for each step, where they fall in the course of the run.
+class TermWeights {
+ public:
+  TermWeights(const losses::ObjectiveOptions& options, int64_t steps, torch::Device device)
+      : options_(options), steps_(steps), device_(device) {}
+  /// [2] float32 on the device; undefined where they stay. @param step  counted from 1.
+  torch::Tensor at(int64_t step);
+
+ private:
+  losses::ObjectiveOptions options_;
+  int64_t steps_;
+  torch::Device device_;
+  int64_t block_ = -1;
+  torch::Tensor weights_;  // [kBlock,2]
 };
 
 }  // namespace jade::train

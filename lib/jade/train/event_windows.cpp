@@ -14,36 +14,8 @@
 namespace jade::train {
 namespace {
 
-/// Timed poses in strictly rising order; of two at one time the first stays.
-class TimedPoses {
- public:
-  void add(double t_us, const geometry::Pose& pose) {
-    if (!times_.empty() && t_us <= times_.back()) return;
-    times_.push_back(t_us);
-    poses_.push_back(pose);
-  }
-  void add(const data::Exposure& exposure) {
-    const auto times = geometry::exposure_times(exposure.t_start_us, exposure.t_end_us);
-    for (size_t k = 0; k < times.size(); ++k) add(times[k], exposure.poses[k]);
-  }
-  geometry::Trajectory path() const { return {times_, poses_}; }
-
- private:
-  std::vector<double> times_;
-  std::vector<geometry::Pose> poses_;
-};
-
-geometry::Trajectory path_of(const data::Exposure& exposure) {
-  TimedPoses poses;
-  poses.add(exposure);
-  return poses.path();
-}
-
 geometry::Trajectory path_of(const data::Dataset& dataset) {
-  if (!dataset.trajectory.empty()) return dataset.trajectory;
-  TimedPoses poses;
-  for (const data::Exposure& exposure : dataset.train) poses.add(exposure);
-  return poses.path();
+  return dataset.trajectory.empty() ? joined_path(dataset) : dataset.trajectory;
 }
 
 /// `count` distinct numbers below `bound`, as they come; all of them when there are no more.
@@ -74,7 +46,7 @@ EventWindows::EventWindows(const data::Dataset& dataset, const losses::Objective
     spans_.push_back({events_.first_us(), events_.last_us() + 1, path_of(dataset)});
   } else {
     for (const data::Exposure& exposure : dataset.train) {
-      spans_.push_back({exposure.t_start_us, exposure.t_end_us, path_of(exposure)});
+      spans_.push_back(span_of(exposure));
     }
   }
   if (dataset.event_color.defined()) {
@@ -83,7 +55,8 @@ EventWindows::EventWindows(const data::Dataset& dataset, const losses::Objective
 }
 
 EventWindow EventWindows::at(int64_t step, int64_t view) const {
-  const Span& span = spans_.size() == 1 ? spans_.front() : spans_.at(static_cast<size_t>(view));
+  const ExposureSpan& span =
+      spans_.size() == 1 ? spans_.front() : spans_.at(static_cast<size_t>(view));
   auto generator = make_generator(seed_, concat("event window of step ", step));
   const int64_t last_start = std::max(span.begin_us, span.end_us - window_us_);
   const int64_t begin = span.begin_us + draw_index(generator, last_start - span.begin_us + 1);

@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "jade/data/exposure.h"
-#include "jade/geometry/trajectory.h"
 #include "jade/losses/objective.h"
 #include "jade/splat/render.h"
+#include "jade/train/exposure_span.h"
 #include "jade/train/visit.h"
 
 namespace jade::train {
@@ -55,12 +55,8 @@ class EventWindows {
   EventWindow at(int64_t step, int64_t view) const;
 
  private:
-  struct Span {
-    int64_t begin_us, end_us;  ///< windows lie inside
-    geometry::Trajectory path;
-  };
-
-  std::vector<Span> spans_;  ///< one per exposure, or a single one for the recording
+  /// Windows lie inside: one per exposure, or a single one for the recording.
+  std::vector<ExposureSpan> spans_;
   events::EventStream events_;
   geometry::Intrinsics camera_;
   torch::Tensor color_filter_;

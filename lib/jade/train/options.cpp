@@ -44,6 +44,23 @@ void validate(const RunOptions& options) {
         "events.bins: expected an even number (mid-exposure must fall between two bins), found ",
         options.events.bins));
   }
+  if (options.exposure.samples % 2 == 0) {
+    throw ConfigError(
+        concat("exposure.samples: expected an odd number (the middle one is mid-exposure), found ",
+               options.exposure.samples));
+  }
+  if (options.events.edi_samples != 0 &&
+      (options.events.edi_samples % 2 == 0 || options.events.edi_samples < 3)) {
+    throw ConfigError(concat("events.edi_samples: expected 0 or an odd number of 3 or more, found ",
+                             options.events.edi_samples));
+  }
+  const bool printed = options.exposure.samples == 9 && options.events.edi_samples == 0 &&
+                       options.exposure.quadrature == geometry::QuadratureRule::kEqual;
+  if (options.events.edi_index == events::EdiIndex::kDiet && !printed) {
+    throw ConfigError(
+        "events.edi_index diet: the DiET-GS release has nine posed images; set exposure.quadrature "
+        "equal, exposure.samples 9 and events.edi_samples 0");
+  }
   if (plan_step(options, 1).route && !options.route.render_consistency &&
       !options.route.reblur_consistency) {
     throw ConfigError(concat(

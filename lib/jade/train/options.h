@@ -12,6 +12,7 @@
 #include "jade/gaussians/densify.h"
 #include "jade/gaussians/init.h"
 #include "jade/gaussians/optimizer.h"
+#include "jade/geometry/quadrature.h"
 #include "jade/losses/objective.h"
 #include "jade/losses/route.h"
 #include "jade/response/camera_response.h"
@@ -84,6 +85,7 @@ struct RunOptions {
   std::string device = "auto";
   bool deterministic = false;
   data::DatasetOptions dataset;
+  geometry::ExposureOptions exposure;
   events::EventOptions events;
   restore::EfnetOptions efnet;
   restore::RestorationCacheOptions cache;
@@ -107,6 +109,7 @@ void describe(V& v, RunOptions& o) {
   v.field("deterministic", o.deterministic,
           "bit-identical results on a GPU too, somewhat slower; the CPU always is");
   v.group("dataset", o.dataset, "where the frames, events and poses are");
+  v.group("exposure", o.exposure, "the integral over an exposure");
   v.group("events", o.events, "how events become voxels and EDI");
   v.group("efnet", o.efnet, "the frozen learned restorer F");
   v.group("cache", o.cache, "restorations of the views on disk");

@@ -4,6 +4,7 @@
 #include <torch/types.h>
 
 #include "jade/core/check.h"
+#include "jade/imaging/edi.h"
 
 namespace jade::train {
 namespace {
@@ -14,8 +15,8 @@ losses::ToneCurve tone_curve(TrainState& state, const StepPlan& plan) {
   return {[table](const torch::Tensor& image) {
             return response::CameraResponseImpl::apply(image, table);
           },
-          [table](const torch::Tensor& images) {
-            return response::CameraResponseImpl::mean(images, table);
+          [table](const torch::Tensor& images, const torch::Tensor& weights) {
+            return response::CameraResponseImpl::mean(images, table, weights);
           }};
 }
 
@@ -47,6 +48,12 @@ losses::EventPair event_pair(const TrainState& state, const EventWindow& window,
   return pair;
 }
 
+/// R at the drawn poses.
+torch::Tensor edi_factors(const View& view, const torch::Tensor& pose_draws) {
+  if (!view.edi_log_gain.defined()) return view.edi_factors.index_select(0, pose_draws);
+  return imaging::edi_gain(view.edi_log_gain, view.u.index_select(0, pose_draws)).unsqueeze(1);
+}
+
 }  // namespace
 
 splat::CameraBatch exposure_cameras(const TrainState& state, const View& view, int64_t view_index) {
@@ -64,12 +71,13 @@ Renders render_exposure(TrainState& state, const StepInputs& inputs, const StepP
   if (plan.statistics) render.statistics = state.densifier.accumulated();
   render.statistics_view = state.densifier.statistics_view();
   splat::CameraBatch cameras = exposure_cameras(state, inputs.view, inputs.view_index);
-  const torch::Tensor read = losses::poses_read(plan.objective, inputs.pose_draws);
+  const torch::Tensor read =
+      losses::poses_read(plan.objective, inputs.pose_draws, options.exposure.samples);
   if (read.defined()) {
     cameras.camera_from_world = cameras.camera_from_world.index_select(0, read);
     cameras.intrinsics = cameras.intrinsics.index_select(0, read);
   }
-  return {splat::render(state.gaussians.parameters(), cameras, render).color};
+  return {splat::render(state.gaussians.parameters(), cameras, render).color, !read.defined()};
 }
 
 std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& step_inputs,
@@ -80,8 +88,15 @@ std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& s
   inputs.renders = renders.color;
   inputs.blurry = view.blurry;
   inputs.blurry_moments = view.blurry_moments;
-  inputs.edi_factors = view.edi_factors;
+  inputs.samples = options.exposure.samples;
+  inputs.weights = view.weights;
   inputs.pose_draws = step_inputs.pose_draws;
+  if (plan.objective.edi || plan.objective.simulation) {
+    inputs.edi_factors = edi_factors(view, step_inputs.pose_draws);
+  }
+  inputs.term_weights = step_inputs.term_weights;
+  const events::Thresholds thresholds = options.events.thresholds();
+  inputs.contrast = 0.5 * (thresholds.positive + thresholds.negative);
   if (target.defined()) inputs.target.emplace(target);
   inputs.tone = tone_curve(state, plan);
   if (plan.objective.event) {

@@ -8,7 +8,7 @@
 
 namespace jade::train {
 
-/// The nine cameras of a view: the data's, or the learned ones, differentiable in the state's
+/// The cameras of a view: the data's, or the learned ones, differentiable in the state's
 /// poses.
 splat::CameraBatch exposure_cameras(const TrainState& state, const View& view, int64_t view_index);
 

@@ -11,7 +11,6 @@
 #include "jade/gaussians/densify.h"
 #include "jade/gaussians/gaussian_model.h"
 #include "jade/gaussians/optimizer.h"
-#include "jade/geometry/trajectory.h"
 #include "jade/response/camera_response.h"
 #include "jade/router/allocation.h"
 #include "jade/train/exposure_poses.h"
@@ -58,10 +57,10 @@ TrainState make_state(const RunOptions& options, const data::Dataset& dataset,
 
 /// The renders of one exposure, made once per step and used by both steps.
 struct Renders {
-  torch::Tensor color;  ///< [M,3,H,W] with its graph: nine, or those of losses::poses_read()
-  bool all_poses() const { return color.size(0) == geometry::kExposurePoses; }
+  torch::Tensor color;  ///< [M,3,H,W] with its graph: all K, or those of losses::poses_read()
+  bool all_poses = true;
   /// Mid-exposure, where the target acts.
-  torch::Tensor mid() const { return color[all_poses() ? geometry::kMidPose : 0]; }
+  torch::Tensor mid() const { return color[all_poses ? color.size(0) / 2 : 0]; }
 };
 
 }  // namespace jade::train

@@ -12,7 +12,7 @@ struct StepOutputs {
   std::vector<losses::NamedTerm> terms;
 };
 
-/// One alternation (paper, Algorithm): nine renders once, the routing step on θ against them
+/// One alternation (paper, Algorithm): all renders once, the routing step on θ against them
 /// without gradient, α again without gradient, then the scene step on φ. Neither densifies nor
 /// counts the step.
 /// @param plan  plan_step() of the inputs' step

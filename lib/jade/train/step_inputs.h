@@ -13,11 +13,13 @@ namespace jade::train {
 /// What one step is given besides the state. Copies share their tensors.
 struct StepInputs {
   int64_t step = 1;  ///< counted from 1
-  View view;
+  View view;         ///< its cameras and u those of this step, where exposure.quadrature draws them
   int64_t view_index = 0;  ///< among the training views
   /// [3] int64 on the device: the poses of L_edi gray, L_edi colour and L_sim.
   torch::Tensor pose_draws;
   EventWindow events;  ///< needed for L_ev only
+  /// [2] weights of L_tgt and L_edi; undefined where they do not change.
+  torch::Tensor term_weights;
 
   /// Calls `visitor(name, tensor)` for every tensor, once.
   template <class Visitor>
@@ -34,7 +36,8 @@ struct StepInputs {
   static void visit_each(Self& self, Visitor& visitor) {
     visit_members<StepInputs>(visitor, Member{"step", self.step}, Member{"view", self.view},
                               Member{"view_index", self.view_index},
-                              Member{"pose_draws", self.pose_draws}, Member{"events", self.events});
+                              Member{"pose_draws", self.pose_draws}, Member{"events", self.events},
+                              Member{"term_weights", self.term_weights});
   }
 };
 

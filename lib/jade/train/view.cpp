@@ -12,6 +12,7 @@
 #include "jade/imaging/image_io.h"
 #include "jade/imaging/reblur.h"
 #include "jade/restore/restored_exposure.h"
+#include "jade/train/exposure_span.h"
 
 namespace jade::train {
 namespace {
@@ -63,10 +64,25 @@ double reblur_contrast(const events::EventVoxel& voxel, const RunOptions& option
   return 0.5 * (thresholds.positive + thresholds.negative) * voxel.v_max;
 }
 
-View prepare_view(const data::Exposure& exposure, const RunOptions& options, bool monochrome,
-                  restore::ViewRestorer& restorer, torch::Device device) {
-  const restore::RestoredExposure restored =
-      restore::restore_exposure(exposure, options.events, restorer);
+/// The poses of an exposure at the moments of the run's quadrature.
+std::vector<geometry::Pose> sample_poses(const data::Exposure& exposure, const ExposureSpan& span,
+                                         const geometry::ExposureOptions& options) {
+  const bool as_given = options.samples == geometry::kExposurePoses &&
+                        options.quadrature != geometry::QuadratureRule::kJittered;
+  if (as_given) return {exposure.poses.begin(), exposure.poses.end()};
+  std::vector<geometry::Pose> poses;
+  for (const double u : geometry::quadrature(options.quadrature, options.samples).u) {
+    poses.push_back(span.at(u));
+  }
+  return poses;
+}
+
+View prepare_view(const data::Exposure& exposure, const ExposureSpan& span,
+                  const data::Dataset& dataset, const RunOptions& options,
+                  restore::ViewRestorer& restorer) {
+  const torch::Device device = restorer.device();
+  const restore::RestoredExposure restored = restore::restore_exposure(
+      exposure, dataset.events, {options.events, options.exposure, 0}, restorer);
   const events::EventVoxel& voxel = restored.maps.voxel;
   View view;
   view.name = exposure.name;
@@ -75,11 +91,20 @@ View prepare_view(const data::Exposure& exposure, const RunOptions& options, boo
   view.psi = events::polarity_projection(voxel.values.to(device));
   view.density = restored.maps.density.to(device);
   view.reblur_kernel = imaging::reblur_kernel(voxel, reblur_contrast(voxel, options)).to(device);
-  view.edi_factors = restored.kernel.gain.unsqueeze(1);
+  view.edi_factors = restored.gain.unsqueeze(1);
+  if (options.exposure.quadrature == geometry::QuadratureRule::kJittered) {
+    view.edi_log_gain = restored.kernel.log_gain;
+  }
   view.restorations = restored.restorations;
+  const geometry::Quadrature sum =
+      geometry::quadrature(options.exposure.quadrature, options.exposure.samples);
   view.cameras =
-      camera_batch({exposure.poses.begin(), exposure.poses.end()}, exposure.camera, device);
-  view.fixed_target = fixed_target(view, options, monochrome, device);
+      camera_batch(sample_poses(exposure, span, options.exposure), exposure.camera, device);
+  view.u = torch::tensor(sum.u, torch::kFloat64).to(device);
+  if (options.exposure.quadrature == geometry::QuadratureRule::kTrapezoid) {
+    view.weights = torch::tensor(sum.weights, torch::kFloat64).to(device, torch::kFloat32);
+  }
+  view.fixed_target = fixed_target(view, options, dataset.monochrome, device);
   return view;
 }
 
@@ -102,15 +127,11 @@ splat::RenderOptions render_options(const RunOptions& options) {
 
 splat::CameraBatch camera_batch(const std::vector<geometry::Pose>& camera_from_world,
                                 const geometry::Intrinsics& camera, torch::Device device) {
-  std::vector<torch::Tensor> poses;
-  for (const geometry::Pose& pose : camera_from_world) poses.push_back(geometry::to_tensor(pose));
+  const auto count = static_cast<int64_t>(camera_from_world.size());
   const auto options = torch::TensorOptions(device).dtype(torch::kFloat32);
   splat::CameraBatch batch;
-  batch.camera_from_world = torch::stack(poses).to(options);
-  batch.intrinsics = geometry::to_tensor(camera)
-                         .to(options)
-                         .expand({static_cast<int64_t>(poses.size()), 4})
-                         .contiguous();
+  batch.camera_from_world = geometry::to_tensor(camera_from_world).to(options);
+  batch.intrinsics = geometry::to_tensor(camera).to(options).expand({count, 4}).contiguous();
   batch.width = camera.width;
   batch.height = camera.height;
   return batch;
@@ -123,9 +144,10 @@ std::vector<View> prepare_views(const data::Dataset& dataset, const RunOptions& 
   restore::ViewRestorer restorer(options.cache, efnet, device, dataset.monochrome);
   Progress progress("restoring", static_cast<int64_t>(dataset.train.size()), 0, "views");
   std::vector<View> views;
-  for (const data::Exposure& exposure : dataset.train) {
+  const std::vector<ExposureSpan> spans = exposure_spans(dataset);
+  for (size_t i = 0; i < spans.size(); ++i) {
     throw_if_interrupted();
-    views.push_back(prepare_view(exposure, options, dataset.monochrome, restorer, device));
+    views.push_back(prepare_view(dataset.train[i], spans[i], dataset, options, restorer));
     if (progress.step()) progress.show();
   }
   return views;

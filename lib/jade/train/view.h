@@ -21,12 +21,16 @@ struct View {
   torch::Tensor blurry;                ///< [3,H,W] B
   imaging::SsimTarget blurry_moments;  ///< of B, for L_blur
   torch::Tensor psi;                   ///< [2,H,W] Ψ(V)
-  torch::Tensor edi_factors;           ///< [9,1,H,W] R_k: EDI_k(X) = X ⊙ R_k
+  torch::Tensor edi_factors;           ///< [K,1,H,W] R_k: EDI_k(X) = X ⊙ R_k, at the moments u
+  /// [S,H,W] ln R at equally spaced moments, where the steps draw their own; else undefined.
+  torch::Tensor edi_log_gain;
   torch::Tensor reblur_kernel;         ///< [1,H,W] K(V), Eq. (7)
   torch::Tensor density;               ///< [H,W] events of either polarity
   restore::Restorations restorations;  ///< I_edi and F; F undefined where nothing asks for it
   torch::Tensor fixed_target;  ///< [3,H,W] target that no router decides; undefined if routed
-  splat::CameraBatch cameras;  ///< the nine poses
+  splat::CameraBatch cameras;  ///< the K poses
+  torch::Tensor u;             ///< [K] float64, their moments: 0 is the exposure's start, 1 its end
+  torch::Tensor weights;       ///< [K] of the mean of their renders; undefined: 1/K each
 
   /// Calls `visitor(name, tensor)` for every tensor, once.
   template <class Visitor>
@@ -41,12 +45,13 @@ struct View {
  private:
   template <class Self, class Visitor>
   static void visit_each(Self& self, Visitor& visitor) {
-    visit_members<View>(visitor, Member{"name", self.name}, Member{"blurry", self.blurry},
-                        Member{"blurry_moments", self.blurry_moments}, Member{"psi", self.psi},
-                        Member{"edi_factors", self.edi_factors},
-                        Member{"reblur_kernel", self.reblur_kernel},
-                        Member{"density", self.density}, Member{"restorations", self.restorations},
-                        Member{"fixed_target", self.fixed_target}, Member{"cameras", self.cameras});
+    visit_members<View>(
+        visitor, Member{"name", self.name}, Member{"blurry", self.blurry},
+        Member{"blurry_moments", self.blurry_moments}, Member{"psi", self.psi},
+        Member{"edi_factors", self.edi_factors}, Member{"edi_log_gain", self.edi_log_gain},
+        Member{"reblur_kernel", self.reblur_kernel}, Member{"density", self.density},
+        Member{"restorations", self.restorations}, Member{"fixed_target", self.fixed_target},
+        Member{"cameras", self.cameras}, Member{"u", self.u}, Member{"weights", self.weights});
   }
 };
 

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+// The integral over an exposure as a sum over moments of it. Times are in units of the exposure:
+// 0 is its start and 1 its end.
+#pragma once
+
+#include <ATen/core/Generator.h>
+#include <array>
+#include <cstdint>
+#include <torch/types.h>
+#include <vector>
+
+#include "jade/core/fields.h"
+
+namespace jade::geometry {
+
+enum class QuadratureRule { kEqual, kTrapezoid, kJittered };
+
+constexpr auto words_of(QuadratureRule) {
+  return std::array{
+      Word{"equal", QuadratureRule::kEqual,
+           "the printed mean of equal steps, both ends in full: right for frames that are made so, "
+           "for light an exposure K/(K-1) as long"},
+      Word{"trapezoid", QuadratureRule::kTrapezoid, "the same moments, both ends at half weight"},
+      Word{"jittered", QuadratureRule::kJittered,
+           "a moment in each of K equal parts, drawn for every step; the middle one stays"}};
+}
+
+/// The configuration group `exposure`.
+struct ExposureOptions {
+  QuadratureRule quadrature = QuadratureRule::kEqual;
+  int64_t samples = 9;
+};
+
+template <class V>
+void describe(V& v, ExposureOptions& o) {
+  v.field("quadrature", o.quadrature, "how an exposure is a sum of sharp images");
+  v.field("samples", o.samples,
+          "how many of them, odd: renders per step in L_blur, L_sim and L_int; the paper's 9",
+          Range{5, 65});
+}
+
+/// Moments of an exposure and what each counts in its mean.
+struct Quadrature {
+  std::vector<double> u;        ///< [K], rising
+  std::vector<double> weights;  ///< [K], of sum 1
+
+  int64_t size() const { return static_cast<int64_t>(u.size()); }
+};
+
+/// The moments of a rule; of kJittered the middles of its parts, where draws scatter around.
+/// @throws ContractError for an even number of samples or fewer than 3.
+Quadrature quadrature(QuadratureRule rule, int64_t samples);
+
+/// Moments drawn by kJittered, one per part: u_k uniform in [k/K, (k+1)/K), but the middle one at
+/// ½, where the target acts.
+/// @return [steps,K] float64 on the CPU
+torch::Tensor jittered_times(at::Generator& generator, int64_t steps, int64_t samples);
+
+}  // namespace jade::geometry

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/losses/trust.h"
+
+#include <cmath>
+#include <torch/types.h>
+
+#include "jade/core/check.h"
+
+namespace jade::losses {
+
+torch::Tensor trusted(const torch::Tensor& target, const Fixed& render, double scale) {
+  check_shape(target, "target", render->sizes().vec());
+  const torch::Tensor residual = target - *render;
+  const torch::Tensor local = torch::avg_pool2d(
+      residual.detach().abs().mean(0, /*keepdim=*/true), 5, 1, 2, /*ceil_mode=*/false,
+      /*count_include_pad=*/false);
+  return torch::addcmul(*render, residual, scale / (local + scale));
+}
+
+torch::Tensor within_band(const torch::Tensor& target, const Fixed& render, double band) {
+  check_shape(target, "target", render->sizes().vec());
+  return torch::max(torch::min(*render, target * std::exp(band)), target * std::exp(-band));
+}
+
+torch::Tensor followed(const torch::Tensor& target, const torch::Tensor& render,
+                       const TrustOptions& options, double contrast) {
+  const Fixed fixed(render);
+  torch::Tensor drawn = target;
+  const double band = options.tolerance * contrast;
+  if (band > 0) drawn = within_band(drawn, fixed, band);
+  if (options.scale > 0) drawn = trusted(drawn, fixed, options.scale);
+  return drawn;
+}
+
+}  // namespace jade::losses

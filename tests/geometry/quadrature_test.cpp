@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/geometry/quadrature.h"
+
+#include "support/catch.h"
+
+#include <numeric>
+#include <torch/types.h>
+
+#include "jade/core/error.h"
+#include "jade/core/random.h"
+
+namespace jade::geometry {
+namespace {
+
+double integral(const Quadrature& sum, double (*f)(double)) {
+  double total = 0;
+  for (size_t k = 0; k < sum.u.size(); ++k) total += sum.weights[k] * f(sum.u[k]);
+  return total;
+}
+
+TEST_CASE("quadrature: every rule takes the mean of a constant and of a line", "[geometry]") {
+  for (const auto rule :
+       {QuadratureRule::kEqual, QuadratureRule::kTrapezoid, QuadratureRule::kJittered}) {
+    for (const int64_t samples : {3, 5, 9, 17}) {
+      const Quadrature sum = quadrature(rule, samples);
+      CHECK(sum.size() == samples);
+      CHECK(sum.u[static_cast<size_t>(samples / 2)] == 0.5);
+      CHECK(integral(sum, [](double) { return 1.0; }) == Approx(1));
+      CHECK(integral(sum, [](double u) { return u; }) == Approx(0.5));
+    }
+  }
+}
+
+TEST_CASE("quadrature: equal weights at both ends integrate over K/(K-1) exposures, the trapezoid "
+          "rule over one",
+          "[geometry]") {
+  const auto square = [](double u) { return (u - 0.5) * (u - 0.5); };
+  // The variance of a uniform moment is its span squared over 12.
+  const double equal = integral(quadrature(QuadratureRule::kEqual, 9), square) * 12;
+  const double trapezoid = integral(quadrature(QuadratureRule::kTrapezoid, 9), square) * 12;
+  CHECK(equal == Approx(10.0 / 8).epsilon(1e-9));  // (K + 1) / (K − 1), about (9/8)²
+  CHECK(trapezoid == Approx(1 + 2.0 / 64).epsilon(1e-9));
+  CHECK(quadrature(QuadratureRule::kTrapezoid, 9).weights.front() == 1.0 / 16);
+  CHECK_THROWS_AS(quadrature(QuadratureRule::kEqual, 8), ContractError);
+}
+
+TEST_CASE("jittered times: one per part, the middle one fixed, all over their parts",
+          "[geometry]") {
+  auto generator = make_generator(3, "test");
+  const torch::Tensor u = jittered_times(generator, 400, 9);
+  const torch::Tensor part = (u * 9).floor();
+  CHECK(part.equal(torch::arange(9, torch::kFloat64).expand({400, 9})));
+  CHECK(u.select(1, 4).eq(0.5).all().item<bool>());
+  const torch::Tensor inside = u.select(1, 0) * 9;
+  CHECK(inside.mean().item<double>() == Approx(0.5).margin(0.06));
+  CHECK(inside.var().item<double>() == Approx(1.0 / 12).margin(0.01));
+}
+
+}  // namespace
+}  // namespace jade::geometry
