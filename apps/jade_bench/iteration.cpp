@@ -69,12 +69,13 @@ struct Bench {
     view.restorations.efnet =
         (renders[geometry::kMidPose] + noise({3, height, width}, 0.03)).clamp(0, 1);
     view.cameras = work.cameras;
+    view.u = train::pose_times(device);
     return view;
   }
 
   train::StepInputs next() {
     const int64_t view = step % kViews;
-    return {step, views[static_cast<size_t>(view)], view, draws.at(step), {}};
+    return {step, views[static_cast<size_t>(view)], view, draws.at(step), {}, {}};
   }
   train::StepPlan plan() const { return train::plan_step(options, step); }
 };

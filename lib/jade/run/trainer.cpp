@@ -72,7 +72,9 @@ Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const st
       data_(load_data(directory_, options, resume.empty())),
       view_order_(static_cast<uint64_t>(options.seed),
                   static_cast<int64_t>(data_.dataset.train.size())),
-      pose_draws_(static_cast<uint64_t>(options.seed), device_) {
+      pose_draws_(static_cast<uint64_t>(options.seed), device_),
+      view_picks_(torch::arange(static_cast<int64_t>(data_.dataset.train.size()), torch::kInt64)
+                      .to(device_)) {
   train::settle(options_);
   if (resume.empty() || !resume_from(resume)) {
     options_.splat.near_plane = train::near_plane(options_.splat, data_.dataset);
@@ -199,8 +201,8 @@ void Trainer::write_environment() const {
 
 train::StepInputs Trainer::inputs_of(int64_t step) {
   const int64_t index = view_order_.at(step);
-  train::StepInputs inputs{
-      step, views_[static_cast<size_t>(index)], index, pose_draws_.at(step), {}};
+  train::StepInputs inputs{step, views_[static_cast<size_t>(index)], index, pose_draws_.at(step),
+                           {},   view_picks_.narrow(0, index, 1)};
   if (event_windows_) inputs.events = event_windows_->at(step, index);
   return inputs;
 }
@@ -210,6 +212,7 @@ void Trainer::step() {
   const train::StepInputs inputs = inputs_of(step);
   const train::StepOutputs out =
       step_graph_.run(state_, inputs, train::plan_step(options_, step), options_);
+  train::update_poses(state_, options_, step);
   if (state_.densifier.due(step)) {
     state_.densifier.update(step, state_.gaussians, state_.gaussian_adam);
   }
@@ -237,7 +240,7 @@ void Trainer::log_step(const train::StepInputs& inputs, const train::StepOutputs
   const torch::Tensor nine =
       out.renders.all_poses()
           ? out.renders.color.detach()
-          : splat::render(state_.gaussians.detached(), train::exposure_cameras(state_, view, index),
+          : splat::render(state_.gaussians.detached(), train::exposure_cameras(state_, inputs),
                           train::render_options(options_))
                 .color;
   const double psnr = eval::psnr(nine.mean(0), view.blurry);

@@ -85,6 +85,7 @@ class Trainer {
   train::TrainState state_;
   train::ViewOrder view_order_;
   train::PoseDraws pose_draws_;
+  torch::Tensor view_picks_;                            // 0, 1, … on the device
   std::unique_ptr<train::EventWindows> event_windows_;  // only with L_ev
   train::StepGraph step_graph_;
   TermMonitor monitor_;

@@ -71,10 +71,10 @@ EventWindows::EventWindows(const data::Dataset& dataset, const losses::Objective
   const double exposure_us = static_cast<double>(dataset.train.front().duration_us());
   window_us_ = std::max<int64_t>(1, std::llround(exposure_us * options.event_window_share));
   if (options.event_window == losses::EventSpan::kRecording && !events_.empty()) {
-    spans_.push_back({events_.first_us(), events_.last_us() + 1, path_of(dataset)});
+    spans_.push_back({events_.first_us(), events_.last_us() + 1, path_of(dataset), false});
   } else {
     for (const data::Exposure& exposure : dataset.train) {
-      spans_.push_back({exposure.t_start_us, exposure.t_end_us, path_of(exposure)});
+      spans_.push_back({exposure.t_start_us, exposure.t_end_us, path_of(exposure), true});
     }
   }
   if (dataset.event_color.defined()) {
@@ -92,6 +92,14 @@ EventWindow EventWindows::at(int64_t step, int64_t view) const {
   window.cameras = camera_batch(
       {span.path.at(static_cast<double>(begin)), span.path.at(static_cast<double>(end))}, camera_,
       device_);
+  if (span.is_exposure) {
+    // A window that is longer than its exposure ends with it, as the path does.
+    const auto length = static_cast<double>(std::max<int64_t>(1, span.end_us - span.begin_us));
+    const auto unit = [&](int64_t t_us) {
+      return std::clamp(static_cast<double>(t_us - span.begin_us) / length, 0.0, 1.0);
+    };
+    window.u = torch::tensor({unit(begin), unit(end)}, torch::kFloat64).to(device_);
+  }
   const events::ImageSize size{camera_.height, camera_.width};
   window.counts = events::signed_count(events_.slice(begin, end), size).to(device_);
   window.pixels = draw_distinct(generator, pixels_, size.height * size.width).to(device_);

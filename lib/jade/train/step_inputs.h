@@ -18,6 +18,8 @@ struct StepInputs {
   /// [3] int64 on the device: the poses of L_edi gray, L_edi colour and L_sim.
   torch::Tensor pose_draws;
   EventWindow events;  ///< needed for L_ev only
+  /// [1] int64 on the device: view_index, for learned poses only.
+  torch::Tensor view_pick;
 
   /// Calls `visitor(name, tensor)` for every tensor, once.
   template <class Visitor>
@@ -34,7 +36,8 @@ struct StepInputs {
   static void visit_each(Self& self, Visitor& visitor) {
     visit_members<StepInputs>(visitor, Member{"step", self.step}, Member{"view", self.view},
                               Member{"view_index", self.view_index},
-                              Member{"pose_draws", self.pose_draws}, Member{"events", self.events});
+                              Member{"pose_draws", self.pose_draws}, Member{"events", self.events},
+                              Member{"view_pick", self.view_pick});
   }
 };
 

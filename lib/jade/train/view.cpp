@@ -79,6 +79,7 @@ View prepare_view(const data::Exposure& exposure, const RunOptions& options, boo
   view.restorations = restored.restorations;
   view.cameras =
       camera_batch({exposure.poses.begin(), exposure.poses.end()}, exposure.camera, device);
+  view.u = pose_times(device);
   view.fixed_target = fixed_target(view, options, monochrome, device);
   return view;
 }
@@ -98,6 +99,10 @@ splat::RenderOptions render_options(const RunOptions& options) {
   if (options.splat.near_plane > 0) render.near_plane = options.splat.near_plane;
   render.deterministic = options.deterministic;
   return render;
+}
+
+torch::Tensor pose_times(torch::Device device) {
+  return torch::linspace(0, 1, geometry::kExposurePoses, torch::kFloat64).to(device);
 }
 
 splat::CameraBatch camera_batch(const std::vector<geometry::Pose>& camera_from_world,

@@ -27,6 +27,7 @@ struct View {
   restore::Restorations restorations;  ///< I_edi and F; F undefined where nothing asks for it
   torch::Tensor fixed_target;  ///< [3,H,W] target that no router decides; undefined if routed
   splat::CameraBatch cameras;  ///< the nine poses
+  torch::Tensor u;             ///< [9] float64, their times in units of the exposure
 
   /// Calls `visitor(name, tensor)` for every tensor, once.
   template <class Visitor>
@@ -46,7 +47,8 @@ struct View {
                         Member{"edi_factors", self.edi_factors},
                         Member{"reblur_kernel", self.reblur_kernel},
                         Member{"density", self.density}, Member{"restorations", self.restorations},
-                        Member{"fixed_target", self.fixed_target}, Member{"cameras", self.cameras});
+                        Member{"fixed_target", self.fixed_target}, Member{"cameras", self.cameras},
+                        Member{"u", self.u});
   }
 };
 
@@ -68,6 +70,9 @@ double near_plane(const SplatOptions& options, const data::Dataset& dataset);
 /// How a run draws any view, at the full SH degree. A near plane of 0, as in runs of versions that
 /// had no such key, means that of splat/render.h.
 splat::RenderOptions render_options(const RunOptions& options);
+
+/// When an exposure has its nine poses, in units of it: [9] float64 from 0 to 1.
+torch::Tensor pose_times(torch::Device device);
 
 /// One camera for several poses on a device.
 splat::CameraBatch camera_batch(const std::vector<geometry::Pose>& camera_from_world,
