@@ -69,7 +69,7 @@ struct Bench {
     view.restorations.efnet =
         (renders[geometry::kMidPose] + noise({3, height, width}, 0.03)).clamp(0, 1);
     view.cameras = work.cameras;
-    view.u = torch::linspace(0, 1, geometry::kExposurePoses, torch::kFloat64).to(device);
+    view.u = train::pose_times(device);
     return view;
   }
 

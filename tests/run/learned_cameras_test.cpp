@@ -41,6 +41,12 @@ struct LearnedRun : test::TinyScene {
     options.poses.optimize = PosePath::kLinear;
     options.poses.test_fit_steps = 20;
   }
+  /// As a run without learned poses does not have them.
+  train::PoseOptions learned() const {
+    train::PoseOptions poses;
+    poses.optimize = PosePath::kLinear;
+    return poses;
+  }
 };
 
 geometry::Pose nudged(const geometry::Pose& pose, double rotation, double shift) {
@@ -66,7 +72,7 @@ TEST_CASE("learned cameras: a test pose that is off by pixels is fitted to its i
   const auto gaussians = trainer.state().gaussians.detached();
 
   data::Dataset dataset = data::load_dataset(scene.options.dataset);
-  const train::ExposurePoses unmoved(PosePath::kLinear, dataset.train);
+  const train::ExposurePoses unmoved(scene.learned(), dataset);
   data::SharpView& view = dataset.test[0];
   const geometry::Pose truth = view.pose;
   view.image = run::render_view(gaussians, truth, view.camera, {});
@@ -84,7 +90,7 @@ TEST_CASE("learned cameras: a test pose that is off by pixels is fitted to its i
 TEST_CASE("learned cameras: test views follow a motion that all exposures share", "[run]") {
   const LearnedRun scene;
   const data::Dataset dataset = data::load_dataset(scene.options.dataset);
-  const train::ExposurePoses poses(PosePath::kLinear, dataset.train);
+  const train::ExposurePoses poses(scene.learned(), dataset);
   const geometry::Similarity motion{
       1, geometry::rotation_from_vector({0.2, -0.4, 0.1}), {0.5, -0.3, 0.8}};
   const geometry::Pose there{motion.rotation, motion.translation};
@@ -130,7 +136,7 @@ TEST_CASE("learned cameras: a run keeps them, and scores, pictures and other pro
   const data::Dataset given = data::load_dataset(scene.options.dataset);
   const train::RunOptions saved = run::load_run_options(scene.run);
   const run::FinishedRun opened = run::open_run(scene.run, saved);
-  const torch::Tensor learned = trainer.state().poses->forward(1, torch::kCPU)[3];
+  const torch::Tensor learned = run::learned_path(*trainer.state().poses, 1, given.train[1])[3];
   const auto read = geometry::to_tensor(opened.dataset.train[1].poses[3]).to(torch::kFloat32);
   CHECK((read - learned).abs().max().item<double>() < 1e-6);
   CHECK(error_px(opened.dataset.test[0].pose, given.test[0].pose, given.test[0]) > 1e-3);

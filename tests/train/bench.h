@@ -37,7 +37,9 @@ struct Bench {
   train::StepInputs inputs(int64_t view, int64_t step) const {
     const torch::Tensor draws = torch::tensor({1, 2, 3}, torch::kInt64);
     const train::View& chosen = views[static_cast<size_t>(view)];
-    return {step, chosen, view, draws.to(chosen.blurry.device()), {}};
+    const torch::Device device = chosen.blurry.device();
+    return {
+        step, chosen, view, draws.to(device), {}, torch::tensor({view}, torch::kInt64).to(device)};
   }
   train::StepPlan plan(int64_t step) const { return train::plan_step(options, step); }
 
@@ -54,6 +56,12 @@ struct Bench {
   }
   train::StepOutputs alternate(const train::StepInputs& in) {
     return train::alternate(state, in, plan(in.step), options);
+  }
+  /// The same with what follows a step.
+  train::StepOutputs step(const train::StepInputs& in) {
+    train::StepOutputs out = alternate(in);
+    train::update_poses(state, options, in.step);
+    return out;
   }
 };
 

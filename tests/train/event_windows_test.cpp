@@ -60,4 +60,32 @@ TEST_CASE("event windows: a window of the whole exposure counts all its events",
       events::signed_count(exposure.events, {exposure.camera.height, exposure.camera.width})));
   CHECK(test::largest(window.cameras.camera_from_world[0] - test::pose_of(exposure, 0)) < 1e-6);
   CHECK(test::largest(window.cameras.camera_from_world[1] - test::pose_of(exposure, 8)) < 1e-6);
+  CHECK(window.u.equal(torch::tensor({0.0, 1.0}, torch::kFloat64)));
+}
+
+TEST_CASE("event windows: their times are those of their cameras, in units of the exposure",
+          "[train]") {
+  const ShortScene scene;
+  const data::Dataset dataset = scene.dataset();
+  losses::ObjectiveOptions options;
+  const train::EventWindows windows(dataset, options, 7, torch::kCPU);
+  // The camera moves along x at one speed.
+  const double first = dataset.train[2].poses[0].translation[0],
+               last = dataset.train[2].poses[8].translation[0];
+  for (int64_t step = 1; step <= 5; ++step) {
+    const train::EventWindow window = windows.at(step, 2);
+    for (int64_t end = 0; end < 2; ++end) {
+      const double u = window.u[end].item<double>();
+      CHECK(window.cameras.camera_from_world[end][0][3].item<double>() ==
+            Approx(first + u * (last - first)).margin(1e-6));
+    }
+    CHECK((window.u[1] - window.u[0]).item<double>() == Approx(0.125).margin(1e-9));
+  }
+  options.event_window_share = 1;
+  data::Dataset uneven = scene.dataset();
+  uneven.train[2].t_end_us -= uneven.train[2].duration_us() / 2;
+  const train::EventWindow beyond = train::EventWindows(uneven, options, 7, torch::kCPU).at(1, 2);
+  CHECK(beyond.u.equal(torch::tensor({0.0, 1.0}, torch::kFloat64)));
+  options.event_window = losses::EventSpan::kRecording;
+  CHECK_FALSE(train::EventWindows(dataset, options, 7, torch::kCPU).at(1, 2).u.defined());
 }

@@ -72,9 +72,15 @@ TEST_CASE("options: the calendar follows the number of steps", "[train]") {
   }
 }
 
-TEST_CASE("validate: learned poses and L_ev are refused together", "[train]") {
+TEST_CASE("validate: learned poses end with their exposure, and so must the windows of L_ev",
+          "[train]") {
   train::RunOptions options;
   options.poses.optimize = train::PosePath::kLinear;
   options.objective.event_loss_weight = 0.1;
-  CHECK_THROWS_AS(train::validate(options), ConfigError);
+  CHECK_NOTHROW(train::validate(options));
+  options.objective.event_window = losses::EventSpan::kRecording;
+  CHECK_THROWS_WITH(train::validate(options),
+                    Catch::Contains("objective.event_window") && Catch::Contains("poses.optimize"));
+  options.objective.event_loss_weight = 0;
+  CHECK_NOTHROW(train::validate(options));
 }

@@ -23,9 +23,16 @@ std::map<std::string, double> values_of(const train::StepOutputs& out) {
   return values;
 }
 
-/// All terms with a routed or a fixed target, and the inputs of steps after the warm-up.
+/// What the target and the cameras of a recorded step are.
+struct GraphCase {
+  bool routed = true;
+  train::PosePath path = train::PosePath::kNone;
+  train::PoseStart start = train::PoseStart::kLine;
+};
+
+/// All terms of a case, and the inputs of steps after the warm-up.
 struct GraphBench : test::Bench {
-  GraphBench(const test::TinyScene& scene, bool routed)
+  GraphBench(const test::TinyScene& scene, const GraphCase& graph_case)
       : Bench(scene, torch::Device(torch::kCUDA, 0)), windows_options(options.objective) {
     options.objective.event_loss_weight = 0.1;
     // What is compared is one step's terms: the states of two benches must not drift apart.
@@ -36,12 +43,22 @@ struct GraphBench : test::Bench {
                        &options.route.lr, &options.response.lr}) {
       *lr = 1e-20;
     }
-    if (!routed) {
+    options.poses.optimize = graph_case.path;
+    options.poses.start = graph_case.start;
+    options.poses.prior_px = 1;
+    if (!graph_case.routed) {
       options.objective.target = losses::Target::kEdi;
       for (train::View& view : views) view.fixed_target = view.restorations.edi;
     }
     const torch::Device device(torch::kCUDA, 0);
     state = train::make_state(options, dataset, device);
+    if (state.poses) {
+      // Each exposure's path bends in a way of its own.
+      const torch::NoGradGuard no_grad;
+      torch::manual_seed(4);
+      torch::Tensor twists = state.poses->twists();
+      twists.add_((0.02 * torch::randn(twists.sizes(), torch::kFloat64)).to(device));
+    }
     windows = std::make_unique<train::EventWindows>(dataset, windows_options, 1, device);
   }
 
@@ -60,6 +77,8 @@ struct GraphBench : test::Bench {
 /// Other values of the same shape that a step can work with.
 torch::Tensor changed(const std::string& name, const torch::Tensor& tensor) {
   if (name == "pose_draws") return (tensor + 3) % geometry::kExposurePoses;
+  if (name == "view.u" || name == "events.u") return 1 - tensor;
+  if (name == "view_pick") return (tensor + 1) % 3;
   if (name == "events.pixels") return tensor.flip(0).remainder(7);
   if (tensor.scalar_type() == torch::kBool) return tensor.logical_not();
   if (name.find("camera_from_world") != std::string::npos) {
@@ -97,10 +116,16 @@ TEST_CASE("step graph: without a device every step runs eagerly", "[train]") {
 
 TEST_CASE("step graph: what changes in any tensor of the inputs changes a replay as an eager step",
           "[train][cuda]") {
-  const bool routed = GENERATE(true, false);
+  using train::PosePath;
+  using train::PoseStart;
+  const GraphCase graph_case = GENERATE(GraphCase{true}, GraphCase{false},
+                                        GraphCase{true, PosePath::kCubic, PoseStart::kData},
+                                        GraphCase{false, PosePath::kLinear, PoseStart::kData},
+                                        GraphCase{true, PosePath::kCubic, PoseStart::kLine});
+  const bool routed = graph_case.routed, learned = graph_case.path != PosePath::kNone;
   const train::StreamScope stream(torch::Device(torch::kCUDA, 0));
   const test::TinyScene scene;
-  GraphBench recorded(scene, routed), eager(scene, routed);
+  GraphBench recorded(scene, graph_case), eager(scene, graph_case);
   train::StepGraph graph;
   int64_t step = 20;  // past the warm-up, between two SH degrees and renewals
   /// The terms of the next step, replayed and eager, with one input changed.
@@ -133,15 +158,61 @@ TEST_CASE("step graph: what changes in any tensor of the inputs changes a replay
   }
   CHECK(graph.replays() == 2 + 2 * static_cast<int64_t>(names.size()));
   // The change is one that a step sees, or the comparison would say nothing.
-  for (const char* name :
-       {"view.blurry", "view.blurry_moments.mean", "view.edi_factors", "view.restorations.edi",
-        "view.cameras.camera_from_world", "view.cameras.intrinsics", "pose_draws", "events.counts",
-        "events.pixels", "events.color_filter"}) {
+  for (const char* name : {"view.blurry", "view.blurry_moments.mean", "view.edi_factors",
+                           "view.restorations.edi", "view.cameras.intrinsics", "pose_draws",
+                           "events.counts", "events.pixels", "events.color_filter"}) {
     INFO(name);
     const bool target_of_its_own = !routed && name == std::string("view.restorations.edi");
     CHECK(felt.count(name) == (target_of_its_own ? 0 : 1));
   }
+  const bool reads_data = !learned || graph_case.start == PoseStart::kData;
+  CHECK(felt.count("view.cameras.camera_from_world") == (reads_data ? 1 : 0));
+  for (const char* name : {"view.u", "events.u", "view_pick"}) {
+    INFO(name);
+    CHECK(felt.count(name) == (learned ? 1 : 0));
+  }
   CHECK(felt.count("view.reblur_kernel") == (routed ? 1 : 0));
   CHECK(felt.count("view.restorations.efnet") == (routed ? 1 : 0));
   CHECK(felt.count("view.fixed_target") == (routed ? 0 : 1));
+}
+
+TEST_CASE("step graph: learned poses take the gradients of replays as of eager steps, and learn",
+          "[train][cuda]") {
+  const auto start = GENERATE(train::PoseStart::kData, train::PoseStart::kLine);
+  const train::StreamScope stream(torch::Device(torch::kCUDA, 0));
+  const test::TinyScene scene;
+  const GraphCase graph_case{true, train::PosePath::kCubic, start};
+  GraphBench recorded(scene, graph_case), eager(scene, graph_case);
+  for (GraphBench* bench : {&recorded, &eager}) bench->options.poses.accumulate = 3;
+  train::StepGraph graph;
+  const auto same = [&](const char* what, const torch::Tensor& a, const torch::Tensor& b) {
+    INFO(what);
+    const double size = std::max(1e-12, b.abs().max().item<double>());
+    CHECK((a - b).abs().max().item<double>() < 1e-2 * size);
+  };
+  for (int64_t step = 21; step <= 34; ++step) {
+    train::StepInputs in = recorded.inputs(step), other = eager.inputs(step);
+    const int64_t view = step % 3;
+    for (train::StepInputs* each : {&in, &other}) each->view_pick.fill_(view);
+    in.view = recorded.views[static_cast<size_t>(view)];
+    other.view = eager.views[static_cast<size_t>(view)];
+    graph.run(recorded.state, in, recorded.plan(step), recorded.options);
+    train::alternate(eager.state, other, eager.plan(step), eager.options);
+    const train::RowAdamState& a = recorded.state.poses_adam.state();
+    const train::RowAdamState& b = eager.state.poses_adam.state();
+    INFO(step);
+    CHECK(a.seen.equal(b.seen));
+    CHECK(b.seen.sum().item<int64_t>() == (step - 21) % 3 + 1);
+    same("gradient", a.gradient, b.gradient);
+    if ((step - 20) % 3 != 0) continue;
+    // Adam turns any gradient into a whole step, so both take it from the same one.
+    const torch::NoGradGuard no_grad;
+    recorded.state.poses_adam.restore(b);
+    const torch::Tensor before = eager.state.poses->twists().detach().clone();
+    train::update_poses(recorded.state, recorded.options, 3);
+    train::update_poses(eager.state, eager.options, 3);
+    CHECK(recorded.state.poses->twists().equal(eager.state.poses->twists()));
+    CHECK_FALSE(eager.state.poses->twists().equal(before));
+  }
+  CHECK(graph.replays() > 10);
 }

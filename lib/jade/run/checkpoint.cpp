@@ -61,21 +61,27 @@ Entries entries_of(const train::TrainState& state) {
   put("densify.visible_count", state.densifier.accumulated().visible_count);
   put("densify.max_radius_px", state.densifier.accumulated().max_radius_px);
   put("densify.generator", const_cast<train::TrainState&>(state).densifier.generator().get_state());
-  const auto put_module = [&](const std::string& prefix, const torch::nn::Module& module,
-                              const train::ModuleAdam& adam) {
+  const auto put_parameters = [&](const std::string& prefix, const torch::nn::Module& module) {
     for (const auto& parameter : module.named_parameters())
       put(prefix + "." + parameter.key(), parameter.value());
+  };
+  const auto put_module = [&](const std::string& prefix, const torch::nn::Module& module,
+                              const train::ModuleAdam& adam) {
+    put_parameters(prefix, module);
     const auto moments = adam.state();
     for (size_t i = 0; i < moments.size(); ++i) put(concat(prefix, ".adam.", i), moments[i]);
   };
   if (state.allocation) put_module("allocation", *state.allocation, state.allocation_adam);
   if (state.response) put_module("crf", *state.response, state.response_adam);
   if (state.poses) {
-    put_module("poses", *state.poses, state.poses_adam);
-    for (const auto& parameter : state.poses->named_parameters()) {
-      // Gradients that wait for the rest of poses.accumulate steps.
-      put("poses.gradient." + parameter.key(), parameter.value().grad());
-    }
+    const train::RowAdamState& adam = state.poses_adam.state();
+    put_parameters("poses", *state.poses);
+    put("poses.adam.0", adam.first);
+    put("poses.adam.1", adam.second);
+    put("poses.adam.2", adam.steps);
+    // Gradients that wait for the rest of poses.accumulate steps.
+    put("poses.gradient.twists", adam.gradient);
+    put("poses.gradient.seen", adam.seen);
   }
   return all;
 }
@@ -147,8 +153,8 @@ int64_t parameter_count(const Entries& entries, const std::string& prefix) {
   });
 }
 
-void restore_module(const Entries& entries, const std::string& prefix, torch::nn::Module& module,
-                    train::ModuleAdam& adam, const fs::path& path) {
+void restore_parameters(const Entries& entries, const std::string& prefix,
+                        torch::nn::Module& module, const fs::path& path) {
   const torch::NoGradGuard no_grad;
   for (auto& parameter : module.named_parameters()) {
     const torch::Tensor saved = take(entries, prefix + "." + parameter.key(), path);
@@ -165,10 +171,26 @@ void restore_module(const Entries& entries, const std::string& prefix, torch::nn
     throw CheckpointError(concat(path.string(), ": expected ", expected, " parameters of '", prefix,
                                  "', found ", found, "; it was made from other data"));
   }
+}
+
+void restore_module(const Entries& entries, const std::string& prefix, torch::nn::Module& module,
+                    train::ModuleAdam& adam, const fs::path& path) {
+  restore_parameters(entries, prefix, module, path);
   std::vector<torch::Tensor> moments = adam.state();
   for (size_t i = 0; i < moments.size(); ++i)
     moments[i] = take(entries, concat(prefix, ".adam.", i), path);
   adam.restore(moments);
+}
+
+void restore_poses(const Entries& entries, train::TrainState& state, const fs::path& path) {
+  restore_parameters(entries, "poses", *state.poses, path);
+  const auto waiting = [&](const std::string& name) {
+    const auto found = entries.find("poses.gradient." + name);
+    return found == entries.end() ? torch::Tensor() : found->second;
+  };
+  state.poses_adam.restore(
+      {take(entries, "poses.adam.0", path), take(entries, "poses.adam.1", path),
+       take(entries, "poses.adam.2", path), waiting("twists"), waiting("seen")});
 }
 
 /// "1500" and "6%" of 25,000 are one calendar.
@@ -267,13 +289,7 @@ void load_checkpoint(const fs::path& path, train::TrainState& state) {
   if (state.allocation)
     restore_module(all, "allocation", *state.allocation, state.allocation_adam, path);
   if (state.response) restore_module(all, "crf", *state.response, state.response_adam, path);
-  if (state.poses) {
-    restore_module(all, "poses", *state.poses, state.poses_adam, path);
-    for (auto& parameter : state.poses->named_parameters()) {
-      const auto waiting = all.find("poses.gradient." + parameter.key());
-      if (waiting != all.end()) parameter.value().mutable_grad() = waiting->second;
-    }
-  }
+  if (state.poses) restore_poses(all, state, path);
   state.step = take(all, "step", path).item<int64_t>();
 }
 

@@ -61,13 +61,25 @@ std::vector<data::NamedCamera> all_cameras(const data::Dataset& dataset) {
 
 }  // namespace
 
+torch::Tensor learned_path(const train::ExposurePoses& poses, int64_t index,
+                           const data::Exposure& exposure) {
+  const torch::NoGradGuard no_grad;
+  const torch::Device device = poses.twists().device();
+  const torch::Tensor data =
+      train::camera_batch({exposure.poses.begin(), exposure.poses.end()}, exposure.camera, device)
+          .camera_from_world;
+  return poses
+      .forward(torch::tensor({index}, torch::kInt64).to(device), train::pose_times(device), data)
+      .cpu();
+}
+
 data::Dataset with_learned_poses(const data::Dataset& dataset, const train::ExposurePoses& poses,
                                  const splat::Gaussians& gaussians, int64_t fit_steps,
                                  const splat::RenderOptions& render) {
   data::Dataset learned = dataset;
   std::vector<geometry::Pose> before, after;
   for (size_t i = 0; i < learned.train.size(); ++i) {
-    const torch::Tensor path = poses.forward(static_cast<int64_t>(i), torch::kCPU).detach();
+    const torch::Tensor path = learned_path(poses, static_cast<int64_t>(i), learned.train[i]);
     if (!path.isfinite().all().item<bool>()) {
       throw NumericError(concat("the learned poses of exposure ", learned.train[i].name,
                                 " are not finite; lower poses.lr"));

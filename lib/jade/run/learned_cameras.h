@@ -12,6 +12,11 @@
 
 namespace jade::run {
 
+/// camera_from_world of an exposure's nine poses as training sees them, [9,4,4] float32 on the CPU.
+/// @param index  of the exposure among the training views
+torch::Tensor learned_path(const train::ExposurePoses& poses, int64_t index,
+                           const data::Exposure& exposure);
+
 /// The data set with the poses that the scene has for it. Exposures get their learned poses. Test
 /// views, which training does not see, are moved by the similarity between the data's middle poses
 /// and the learned ones, then fitted to their images with the scene held: `fit_steps` of Adam on a

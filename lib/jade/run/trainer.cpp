@@ -74,7 +74,9 @@ Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const st
       view_order_(static_cast<uint64_t>(options.seed),
                   static_cast<int64_t>(data_.dataset.train.size())),
       pose_draws_(static_cast<uint64_t>(options.seed), device_, options.exposure.samples),
-      term_weights_(options.objective, train::calendar_steps(options), device_) {
+      term_weights_(options.objective, train::calendar_steps(options), device_),
+      view_picks_(torch::arange(static_cast<int64_t>(data_.dataset.train.size()), torch::kInt64)
+                      .to(device_)) {
   train::settle(options_);
   if (resume.empty() || !resume_from(resume)) {
     options_.splat.near_plane = train::near_plane(options_.splat, data_.dataset);
@@ -208,8 +210,9 @@ void Trainer::write_environment() const {
 train::StepInputs Trainer::inputs_of(int64_t step) {
   const int64_t index = view_order_.at(step);
   train::StepInputs inputs{
-      step, views_[static_cast<size_t>(index)], index, pose_draws_.at(step), {}, {}};
+      step, views_[static_cast<size_t>(index)], index, pose_draws_.at(step), {}, {}, {}};
   inputs.term_weights = term_weights_.at(step);
+  inputs.view_pick = view_picks_.narrow(0, index, 1);
   if (moment_draws_) {
     train::MomentDraws::Moments moments = moment_draws_->at(step, index);
     inputs.view.u = moments.u;
@@ -224,6 +227,7 @@ void Trainer::step() {
   const train::StepInputs inputs = inputs_of(step);
   const train::StepOutputs out =
       step_graph_.run(state_, inputs, train::plan_step(options_, step), options_);
+  train::update_poses(state_, options_, step);
   if (state_.densifier.due(step)) {
     state_.densifier.update(step, state_.gaussians, state_.gaussian_adam);
   }
@@ -251,7 +255,7 @@ void Trainer::log_step(const train::StepInputs& inputs, const train::StepOutputs
   const torch::Tensor all =
       out.renders.all_poses
           ? out.renders.color.detach()
-          : splat::render(state_.gaussians.detached(), train::exposure_cameras(state_, view, index),
+          : splat::render(state_.gaussians.detached(), train::exposure_cameras(state_, inputs),
                           train::render_options(options_))
                 .color;
   const double psnr = eval::psnr(losses::weighted_mean(all, view.weights), view.blurry);

@@ -87,6 +87,7 @@ class Trainer {
   train::PoseDraws pose_draws_;
   std::unique_ptr<train::MomentDraws> moment_draws_;  ///< of exposure.quadrature jittered
   train::TermWeights term_weights_;
+  torch::Tensor view_picks_;                            // 0, 1, … on the device
   std::unique_ptr<train::EventWindows> event_windows_;  // only with L_ev
   train::StepGraph step_graph_;
   TermMonitor monitor_;

@@ -44,6 +44,7 @@ EventWindows::EventWindows(const data::Dataset& dataset, const losses::Objective
   window_us_ = std::max<int64_t>(1, std::llround(exposure_us * options.event_window_share));
   if (options.event_window == losses::EventSpan::kRecording && !events_.empty()) {
     spans_.push_back({events_.first_us(), events_.last_us() + 1, path_of(dataset)});
+    in_exposures_ = false;
   } else {
     for (const data::Exposure& exposure : dataset.train) {
       spans_.push_back(span_of(exposure));
@@ -65,6 +66,14 @@ EventWindow EventWindows::at(int64_t step, int64_t view) const {
   window.cameras = camera_batch(
       {span.path.at(static_cast<double>(begin)), span.path.at(static_cast<double>(end))}, camera_,
       device_);
+  if (in_exposures_) {
+    // A window that is longer than its exposure ends with it, as the path does.
+    const auto length = static_cast<double>(std::max<int64_t>(1, span.end_us - span.begin_us));
+    const auto unit = [&](int64_t t_us) {
+      return std::clamp(static_cast<double>(t_us - span.begin_us) / length, 0.0, 1.0);
+    };
+    window.u = torch::tensor({unit(begin), unit(end)}, torch::kFloat64).to(device_);
+  }
   const events::ImageSize size{camera_.height, camera_.width};
   window.counts = events::signed_count(events_.slice(begin, end), size).to(device_);
   window.pixels = draw_distinct(generator, pixels_, size.height * size.width).to(device_);

@@ -17,6 +17,8 @@ namespace jade::train {
 /// between them.
 struct EventWindow {
   splat::CameraBatch cameras;  ///< two: at the start and at the end of the window
+  torch::Tensor u;             ///< [2] float64, their times in units of the step's exposure, in
+                               ///< [0,1]; undefined for windows of the recording
   torch::Tensor counts;        ///< [H,W] signed events in it
   torch::Tensor pixels;        ///< [P] int64, distinct pixels that L_ev looks at
   torch::Tensor color_filter;  ///< [H,W,3] bool, the colour of each pixel's events; undefined: gray
@@ -36,7 +38,7 @@ struct EventWindow {
  private:
   template <class Self, class Visitor>
   static void visit_each(Self& self, Visitor& visitor) {
-    visit_members<EventWindow>(visitor, Member{"cameras", self.cameras},
+    visit_members<EventWindow>(visitor, Member{"cameras", self.cameras}, Member{"u", self.u},
                                Member{"counts", self.counts}, Member{"pixels", self.pixels},
                                Member{"color_filter", self.color_filter});
   }
@@ -57,6 +59,7 @@ class EventWindows {
  private:
   /// Windows lie inside: one per exposure, or a single one for the recording.
   std::vector<ExposureSpan> spans_;
+  bool in_exposures_ = true;
   events::EventStream events_;
   geometry::Intrinsics camera_;
   torch::Tensor color_filter_;

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "jade/core/check.h"
+#include "jade/geometry/exposure_path.h"
 #include "jade/geometry/se3.h"
 
 namespace jade::train {
@@ -25,15 +26,12 @@ torch::Tensor first_guess(const data::Exposure& exposure, bool cubic) {
       {start.matmul(geometry::se3_inverse(motion)), start, end, end.matmul(motion)});
 }
 
-/// The cumulative weights of the 2nd, 3rd, … control pose at u = 0, 1/8, …, 1, [9,K-1,1].
-torch::Tensor cumulative_weights(int64_t control_poses) {
-  const torch::Tensor u = torch::linspace(0, 1, geometry::kExposurePoses, torch::kFloat64);
-  if (control_poses == 2) return u.view({-1, 1, 1});
-  const torch::Tensor square = u * u, cube = square * u;
-  return torch::stack({(5 + 3 * u - 3 * square + cube) / 6, (1 + 3 * u + 3 * square - 2 * cube) / 6,
-                       cube / 6},
-                      1)
-      .unsqueeze(-1);
+torch::Tensor first_guesses(const data::Dataset& dataset, bool cubic) {
+  std::vector<torch::Tensor> guesses;
+  for (const data::Exposure& exposure : dataset.train) {
+    guesses.push_back(first_guess(exposure, cubic));
+  }
+  return torch::stack(guesses);
 }
 
 }  // namespace
@@ -46,37 +44,52 @@ double pose_lr(const PoseOptions& options, int64_t step) {
   return std::exp(start + (end - start) * share);
 }
 
-ExposurePoses::ExposurePoses(PosePath path, const std::vector<data::Exposure>& exposures) {
-  std::vector<torch::Tensor> guesses;
-  for (const data::Exposure& exposure : exposures) {
-    guesses.push_back(first_guess(exposure, path == PosePath::kCubic));
+ExposurePoses::ExposurePoses(const PoseOptions& options, const data::Dataset& dataset)
+    : start_(options.start) {
+  JADE_CHECK(options.optimize != PosePath::kNone, "expected a path that is learned, found none");
+  const torch::Tensor control = first_guesses(dataset, options.optimize == PosePath::kCubic);
+  const double depth = std::sqrt(dataset.near * dataset.far);
+  JADE_CHECK(depth > 0, "expected depth bounds above 0, found ", dataset.near, " and ",
+             dataset.far);
+  const geometry::Intrinsics& camera = dataset.train.front().camera;
+  const double focal = std::sqrt(camera.fx * camera.fy), shift = focal / depth;
+  pixels_ = register_buffer(
+      "pixels", torch::tensor({shift, shift, shift, focal, focal, focal}, torch::kFloat64));
+  if (start_ == PoseStart::kLine) {
+    control_ = register_buffer("control", control);
+  } else {
+    gauge_ = pose_gauge(control, depth);
+    gauge_.read = register_buffer("gauge_read", gauge_.read);
+    gauge_.write = register_buffer("gauge_write", gauge_.write);
   }
-  guess_ = torch::stack(guesses);
-  twists_ = register_parameter("twists",
-                               torch::zeros({guess_.size(0), guess_.size(1), 6}, torch::kFloat64));
+  twists_ = register_parameter(
+      "twists", torch::zeros({control.size(0), control.size(1), 6}, torch::kFloat64));
 }
 
-torch::Tensor ExposurePoses::forward(int64_t exposure, torch::Device device) const {
-  JADE_CHECK(exposure >= 0 && exposure < guess_.size(0), "exposure ", exposure, " of ",
-             guess_.size(0));
-  const torch::Tensor control =
-      guess_[exposure].matmul(geometry::se3_exp(twists_[exposure]));  // [K,4,4]
-  const int64_t count = control.size(0);
-  const torch::Tensor motions =
-      geometry::se3_log(geometry::se3_inverse(control.narrow(0, 0, count - 1))
-                            .matmul(control.narrow(0, 1, count - 1)));
-  const torch::Tensor weights = cumulative_weights(count);
-  torch::Tensor path = control[0].unsqueeze(0);
-  for (int64_t i = 0; i + 1 < count; ++i) {
-    path = path.matmul(geometry::se3_exp(weights.select(1, i) * motions[i]));
-  }
-  return geometry::se3_inverse(path).to(device, torch::kFloat32);
+torch::Tensor ExposurePoses::forward(const torch::Tensor& exposure, const torch::Tensor& u,
+                                     const torch::Tensor& data) const {
+  check_shape(exposure, "exposure", {1});
+  const torch::Tensor twists = twists_.index_select(0, exposure).squeeze(0);
+  const torch::Tensor path =
+      start_ == PoseStart::kData
+          ? geometry::corrected_path(twists, u, data)
+          : geometry::spline_path(twists, u, control_.index_select(0, exposure).squeeze(0));
+  return path.to(torch::kFloat32);
+}
+
+torch::Tensor ExposurePoses::squared_pixels(const torch::Tensor& exposure) const {
+  check_shape(exposure, "exposure", {1});
+  return (twists_.index_select(0, exposure) * pixels_).square().sum();
+}
+
+void ExposurePoses::hold_gauge() {
+  if (start_ == PoseStart::kData) remove_gauge(gauge_, twists_);
 }
 
 std::shared_ptr<ExposurePoses> make_exposure_poses(const PoseOptions& options,
-                                                   const std::vector<data::Exposure>& exposures) {
+                                                   const data::Dataset& dataset) {
   if (options.optimize == PosePath::kNone) return nullptr;
-  return std::make_shared<ExposurePoses>(options.optimize, exposures);
+  return std::make_shared<ExposurePoses>(options, dataset);
 }
 
 }  // namespace jade::train

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Exposure poses that are learned with the scene, as BAD-Gaussians does (Zhao et al., ECCV 2024).
+// Exposure poses that are learned with the scene, as in BAD-Gaussians (Zhao et al., ECCV 2024) or
+// as a correction of the data's.
 #pragma once
 
 #include <memory>
@@ -9,6 +10,7 @@
 
 #include "jade/core/fields.h"
 #include "jade/data/exposure.h"
+#include "jade/train/pose_gauge.h"
 
 namespace jade::train {
 
@@ -21,23 +23,43 @@ constexpr auto words_of(PosePath) {
                     Word{"cubic", PosePath::kCubic, "along a B-spline of four poses"}};
 }
 
+/// What the learned path is before the first step.
+enum class PoseStart { kLine, kData };
+
+constexpr auto words_of(PoseStart) {
+  return std::array{
+      Word{"line", PoseStart::kLine, "the line from the exposure's first pose to its last"},
+      Word{"data", PoseStart::kData, "the data's path, which a correction along it bends"}};
+}
+
 struct PoseOptions {
   PosePath optimize = PosePath::kNone;
+  PoseStart start = PoseStart::kLine;
   double lr = 1e-3;
   double lr_final = 1e-5;
   Steps lr_max_steps = Steps::share(120);
   int64_t accumulate = 1;
+  double prior_px = 0;
+  double prior_weight = 2.5e-4;
   int64_t test_fit_steps = 200;
 };
 
 template <class V>
 void describe(V& v, PoseOptions& o) {
   v.field("optimize", o.optimize, "learn the camera's path through each exposure");
+  v.field("start", o.start, "where a learned path starts and what its twists move");
   v.field("lr", o.lr, "Adam step size of the poses at step 0", Range{0, 1});
   v.field("lr_final", o.lr_final, "the same at lr_max_steps; log-linear between", Range{0, 1});
   v.field("lr_max_steps", o.lr_max_steps, "steps over which it falls", Range{1, 1e9});
   v.field("accumulate", o.accumulate, "steps whose pose gradients are added up for one Adam step",
           Range{1, 1e6});
+  v.field("prior_px", o.prior_px,
+          "pixels by which a learned pose may be off: a term pulls it towards its start; 0: none",
+          Range{0, 1e6});
+  v.field("prior_weight", o.prior_weight,
+          "weight of that term, Σ |pixels|²/prior_px² over an exposure's control poses: 2.5e-4 is "
+          "one percent of a loss of 0.1 where four are prior_px off",
+          Range{0, 1e3});
   v.field("test_fit_steps", o.test_fit_steps,
           "where poses are learned: steps that fit the pose of each test view to its image, the "
           "scene held, before it is scored",
@@ -47,26 +69,56 @@ void describe(V& v, PoseOptions& o) {
 /// The step size of the poses at `step` (counted from 1).
 double pose_lr(const PoseOptions& options, int64_t step);
 
-/// Control poses of every exposure: those of its start and its end (linear), or the four of a
-/// uniform cumulative cubic B-spline whose middle segment is the exposure. Each is a constant first
-/// guess moved by a learned twist ξ, world_from_camera · exp(ξ); all arithmetic is float64 on the
-/// CPU. At the start the path is the SE(3) line from the exposure's first pose to its last.
+/// The learned path of every exposure, by two twists (linear) or four (cubic) that start at zero,
+/// float64, differentiable on any device without asking the host; geometry/exposure_path.h has the
+/// equations.
+///
+/// kLine, as BAD-Gaussians: twists move the control poses of a path that begins as the SE(3) line
+/// from the exposure's first pose to its last. What the data say in between is lost, and so is the
+/// motion within an exposure that a line or one spline segment cannot follow.
+///
+/// kData: world_from_camera(u) = data(u) · exp(ξ(u)), ξ(u) linear or a cubic B-spline. A run starts
+/// at exactly the data's poses and keeps their motion within the exposure, however it shakes; what
+/// is learned is their error, which is small and changes slowly.
 class ExposurePoses : public torch::nn::Module {
  public:
-  /// @param path  kLinear or kCubic.
-  ExposurePoses(PosePath path, const std::vector<data::Exposure>& exposures);
+  /// @param options  optimize is kLinear or kCubic.
+  /// @param dataset  its training exposures have one camera; needs its depth bounds
+  ExposurePoses(const PoseOptions& options, const data::Dataset& dataset);
 
-  /// camera_from_world of the nine poses of an exposure, [9,4,4] float32 on `device`;
-  /// differentiable in the twists.
-  torch::Tensor forward(int64_t exposure, torch::Device device) const;
+  /// camera_from_world of an exposure at the times u, [M,4,4] float32; differentiable in the
+  /// twists.
+  /// @param exposure  [1] int64
+  /// @param u         [M] float64, in units of the exposure
+  /// @param data      [M,4,4] camera_from_world, the data's at these times; kData alone reads them
+  torch::Tensor forward(const torch::Tensor& exposure, const torch::Tensor& u,
+                        const torch::Tensor& data) const;
+
+  /// Σ over the control poses of an exposure of |pixels|², scalar float64, differentiable: by how
+  /// much a twist moves the image, f·|ω| by its turn and f·|ρ|/depth by its shift, with the
+  /// geometric means of the two focal lengths and of the two depth bounds.
+  torch::Tensor squared_pixels(const torch::Tensor& exposure) const;
+
+  /// To be called after each update: for kData takes out of the twists the motion and scale that
+  /// all cameras share (pose_gauge.h), so that the learned poses stay in the data's world. All
+  /// exposures then move, those too that the update did not see, as the motion of one is shared by
+  /// all: by an update's 1/V. Removed later, at the end of an epoch, say, it would come as one jump
+  /// of all cameras, which the scene would have to follow. Adam's moments stay: they hold gradients
+  /// of the exposure alone, and this is a change of the world's axes. kLine: nothing.
+  void hold_gauge();
+
+  const torch::Tensor& twists() const { return twists_; }  ///< [V,K,6], the parameter
 
  private:
-  torch::Tensor guess_;   ///< [V,K,4,4] world_from_camera
-  torch::Tensor twists_;  ///< [V,K,6], the parameter
+  PoseStart start_;
+  torch::Tensor control_;  ///< [V,K,4,4] world_from_camera that kLine moves
+  torch::Tensor pixels_;   ///< [6] per unit of a twist
+  PoseGauge gauge_;        ///< kData's
+  torch::Tensor twists_;
 };
 
 /// nullptr where the poses of the data stay.
 std::shared_ptr<ExposurePoses> make_exposure_poses(const PoseOptions& options,
-                                                   const std::vector<data::Exposure>& exposures);
+                                                   const data::Dataset& dataset);
 
 }  // namespace jade::train

@@ -80,10 +80,11 @@ void validate(const RunOptions& options) {
     throw ConfigError(
         "train.target_images: needed by objective.target image_folder; name a folder of images");
   }
-  if (options.poses.optimize != PosePath::kNone && options.objective.event_loss_weight > 0) {
+  if (options.poses.optimize != PosePath::kNone && options.objective.event_loss_weight > 0 &&
+      options.objective.event_window == losses::EventSpan::kRecording) {
     throw ConfigError(
-        "poses.optimize and objective.event_loss_weight: L_ev takes its cameras from the data; set "
-        "one of them to none or 0");
+        "objective.event_window: expected exposure where poses.optimize learns poses, which begin "
+        "and end with their exposure, found recording; change one of the two");
   }
   const gaussians::DensifyOptions& densify = options.densify;
   // In a run of a few steps both shares may come to the same step; nothing is densified then.

@@ -50,7 +50,7 @@ void describe(V& v, TrainOptions& o) {
           "steps between pictures in images/ and alpha/; 0: only at the end", Range{0, 1e8});
   v.field("cuda_graph", o.cuda_graph,
           "record steps on a GPU as a CUDA graph, several times faster; has no effect with "
-          "deterministic, poses.optimize and allocation.kind per_view_map");
+          "deterministic and allocation.kind per_view_map");
   v.field("target_images", o.target_images,
           "folder with one image per training view, by name, for objective.target image_folder");
 }

@@ -20,6 +20,24 @@ losses::ToneCurve tone_curve(TrainState& state, const StepPlan& plan) {
           }};
 }
 
+/// `data` at the times u, or where the learned path has these cameras.
+splat::CameraBatch learned_cameras(const TrainState& state, const torch::Tensor& view_pick,
+                                   const torch::Tensor& u, const splat::CameraBatch& data) {
+  splat::CameraBatch cameras = data;
+  if (state.poses) {
+    cameras.camera_from_world = state.poses->forward(view_pick, u, data.camera_from_world);
+  }
+  return cameras;
+}
+
+/// The pull of learned poses towards their start; undefined without one.
+torch::Tensor pose_prior(const TrainState& state, const StepInputs& inputs,
+                         const PoseOptions& options) {
+  if (!state.poses || options.prior_px <= 0) return {};
+  const double weight = options.prior_weight / (options.prior_px * options.prior_px);
+  return (state.poses->squared_pixels(inputs.view_pick) * weight).to(torch::kFloat32);
+}
+
 splat::RenderOptions render_options(const StepPlan& plan, const RunOptions& options) {
   splat::RenderOptions render = train::render_options(options);
   render.sh_degree = plan.sh_degree;
@@ -27,13 +45,15 @@ splat::RenderOptions render_options(const StepPlan& plan, const RunOptions& opti
 }
 
 /// Two more renders, at both ends of the window, toned as the sensor's response asks.
-losses::EventPair event_pair(const TrainState& state, const EventWindow& window,
+losses::EventPair event_pair(const TrainState& state, const StepInputs& inputs,
                              const losses::ToneCurve& tone, const StepPlan& plan,
                              const RunOptions& options) {
+  const EventWindow& window = inputs.events;
   JADE_CHECK(window.defined(), "L_ev acts: expected a window of events, found none");
+  const splat::CameraBatch cameras =
+      learned_cameras(state, inputs.view_pick, window.u, window.cameras);
   const torch::Tensor images =
-      splat::render(state.gaussians.parameters(), window.cameras, render_options(plan, options))
-          .color;
+      splat::render(state.gaussians.parameters(), cameras, render_options(plan, options)).color;
   const torch::Tensor toned = tone.apply ? tone.apply(images) : images;
   const events::Thresholds thresholds = options.events.thresholds();
   losses::EventPair pair;
@@ -56,13 +76,16 @@ torch::Tensor edi_factors(const View& view, const torch::Tensor& pose_draws) {
 
 }  // namespace
 
-splat::CameraBatch exposure_cameras(const TrainState& state, const View& view, int64_t view_index) {
-  splat::CameraBatch cameras = view.cameras;
-  if (state.poses) {
-    cameras.camera_from_world =
-        state.poses->forward(view_index, cameras.camera_from_world.device());
+splat::CameraBatch exposure_cameras(const TrainState& state, const StepInputs& inputs,
+                                    const torch::Tensor& read) {
+  splat::CameraBatch cameras = inputs.view.cameras;
+  torch::Tensor u = inputs.view.u;
+  if (read.defined()) {
+    cameras.camera_from_world = cameras.camera_from_world.index_select(0, read);
+    cameras.intrinsics = cameras.intrinsics.index_select(0, read);
+    if (state.poses) u = u.index_select(0, read);
   }
-  return cameras;
+  return learned_cameras(state, inputs.view_pick, u, cameras);
 }
 
 Renders render_exposure(TrainState& state, const StepInputs& inputs, const StepPlan& plan,
@@ -70,13 +93,9 @@ Renders render_exposure(TrainState& state, const StepInputs& inputs, const StepP
   splat::RenderOptions render = render_options(plan, options);
   if (plan.statistics) render.statistics = state.densifier.accumulated();
   render.statistics_view = state.densifier.statistics_view();
-  splat::CameraBatch cameras = exposure_cameras(state, inputs.view, inputs.view_index);
   const torch::Tensor read =
       losses::poses_read(plan.objective, inputs.pose_draws, options.exposure.samples);
-  if (read.defined()) {
-    cameras.camera_from_world = cameras.camera_from_world.index_select(0, read);
-    cameras.intrinsics = cameras.intrinsics.index_select(0, read);
-  }
+  const splat::CameraBatch cameras = exposure_cameras(state, inputs, read);
   return {splat::render(state.gaussians.parameters(), cameras, render).color, !read.defined()};
 }
 
@@ -100,24 +119,24 @@ std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& s
   if (target.defined()) inputs.target.emplace(target);
   inputs.tone = tone_curve(state, plan);
   if (plan.objective.event) {
-    inputs.events = event_pair(state, step_inputs.events, inputs.tone, plan, options);
+    inputs.events = event_pair(state, step_inputs, inputs.tone, plan, options);
   }
 
   losses::Objective loss = losses::objective(inputs, plan.objective, options.objective);
-  const torch::Tensor regularization = state.densifier.regularization(state.gaussians);
-  if (regularization.defined()) {
-    loss.total = loss.total.defined() ? loss.total + regularization : regularization;
-    loss.terms.push_back({"regularization", regularization});
-  }
+  const auto add = [&](const std::string& name, const torch::Tensor& value) {
+    if (!value.defined()) return;
+    loss.total = loss.total.defined() ? loss.total + value : value;
+    loss.terms.push_back({name, value});
+  };
+  add("regularization", state.densifier.regularization(state.gaussians));
+  add("poses", pose_prior(state, step_inputs, options.poses));
   state.gaussians.zero_grad();
   state.response_adam.zero_grad();
+  if (state.poses) state.poses_adam.zero_grad();
   loss.total.backward();
   state.gaussian_adam.step(state.gaussians);
   if (!state.response_adam.empty() && plan.objective.response) state.response_adam.step();
-  if (plan.pose_update) {
-    state.poses_adam.step(pose_lr(options.poses, step_inputs.step));
-    state.poses_adam.zero_grad();
-  }
+  if (state.poses) state.poses_adam.accumulate(step_inputs.view_pick);
   for (losses::NamedTerm& term : loss.terms) term.value = term.value.detach();
   return std::move(loss.terms);
 }

@@ -8,17 +8,20 @@
 
 namespace jade::train {
 
-/// The cameras of a view: the data's, or the learned ones, differentiable in the state's
-/// poses.
-splat::CameraBatch exposure_cameras(const TrainState& state, const View& view, int64_t view_index);
+/// The cameras of the inputs' view: the data's, or the learned ones at their times, differentiable
+/// in the state's poses.
+/// @param read  [M] int64, which of them; undefined: all
+splat::CameraBatch exposure_cameras(const TrainState& state, const StepInputs& inputs,
+                                    const torch::Tensor& read = {});
 
 /// Renders the poses of a view that the terms of the plan read, with graph and, where the plan
 /// keeps them, with the statistics of densification.
 Renders render_exposure(TrainState& state, const StepInputs& inputs, const StepPlan& plan,
                         const RunOptions& options);
 
-/// One Adam step on φ (with the camera response and learned poses), Eq. (8) to (10). Touches
-/// neither θ nor its optimiser. Does not densify.
+/// One Adam step on φ (with the camera response), Eq. (8) to (10), with the term "poses" where
+/// learned poses have a prior; their gradients are added up for update_poses(). Touches neither θ
+/// nor its optimiser. Does not densify.
 /// @param target  [3,H,W], as re-evaluated after the routing step; needed for L_tgt only
 /// @return the terms, as device scalars without graph
 std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& inputs,

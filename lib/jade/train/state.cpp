@@ -25,6 +25,14 @@ void visit_adam(const TensorVisitor& visitor, const std::string& name, const Mod
   for (size_t i = 0; i < state.size(); ++i) visitor(concat(name, ".", i), state[i]);
 }
 
+void visit_adam(const TensorVisitor& visitor, const std::string& name, const RowAdam& adam) {
+  const RowAdamState& state = adam.state();
+  visit_members<RowAdamState>(
+      visitor, Member{concat(name, ".first"), state.first},
+      Member{concat(name, ".second"), state.second}, Member{concat(name, ".steps"), state.steps},
+      Member{concat(name, ".gradient"), state.gradient}, Member{concat(name, ".seen"), state.seen});
+}
+
 std::vector<geometry::Pose> camera_poses(const data::Dataset& dataset) {
   std::vector<geometry::Pose> poses;
   // The first pose of each exposure, as the inherited backbone measures the scene.
@@ -78,7 +86,7 @@ void TrainState::visit(const TensorVisitor& visitor) const {
   if (response) visit_module(visitor, "response", *response);
   visit_adam(visitor, "response_adam", response_adam);
   if (poses) visit_module(visitor, "poses", *poses);
-  visit_adam(visitor, "poses_adam", poses_adam);
+  if (poses) visit_adam(visitor, "poses_adam", poses_adam);
 }
 
 TrainState make_state(const RunOptions& options, const Start& start, torch::Device device) {
@@ -121,8 +129,11 @@ TrainState make_state(const RunOptions& options, const data::Dataset& dataset,
   start.height = camera.height;
   start.width = camera.width;
   TrainState state = make_state(options, start, device);
-  state.poses = make_exposure_poses(options.poses, dataset.train);
-  if (state.poses) state.poses_adam = ModuleAdam(state.poses->parameters(), options.poses.lr);
+  state.poses = make_exposure_poses(options.poses, dataset);
+  if (state.poses) {
+    state.poses->to(device);
+    state.poses_adam = RowAdam(state.poses->twists());
+  }
   return state;
 }
 

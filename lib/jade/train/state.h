@@ -16,6 +16,7 @@
 #include "jade/train/exposure_poses.h"
 #include "jade/train/module_adam.h"
 #include "jade/train/options.h"
+#include "jade/train/row_adam.h"
 
 namespace jade::train {
 
@@ -31,7 +32,7 @@ struct TrainState {
   response::CameraResponse response{nullptr};      ///< nullptr when off
   ModuleAdam response_adam;
   std::shared_ptr<ExposurePoses> poses;  ///< nullptr where the data's poses stay
-  ModuleAdam poses_adam;
+  RowAdam poses_adam;                    ///< a row per exposure
 
   /// Calls `visitor(name, tensor)` for every tensor, once.
   void visit(const std::function<void(const std::string&, const torch::Tensor&)>& visitor) const;

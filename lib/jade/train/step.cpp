@@ -18,4 +18,10 @@ StepOutputs alternate(TrainState& state, const StepInputs& inputs, const StepPla
   return out;
 }
 
+void update_poses(TrainState& state, const RunOptions& options, int64_t step) {
+  if (!state.poses || step % options.poses.accumulate != 0) return;
+  state.poses_adam.update(pose_lr(options.poses, step));
+  state.poses->hold_gauge();
+}
+
 }  // namespace jade::train

@@ -20,6 +20,8 @@ struct StepInputs {
   EventWindow events;  ///< needed for L_ev only
   /// [2] weights of L_tgt and L_edi; undefined where they do not change.
   torch::Tensor term_weights;
+  /// [1] int64 on the device: view_index, for learned poses only.
+  torch::Tensor view_pick;
 
   /// Calls `visitor(name, tensor)` for every tensor, once.
   template <class Visitor>
@@ -37,7 +39,8 @@ struct StepInputs {
     visit_members<StepInputs>(visitor, Member{"step", self.step}, Member{"view", self.view},
                               Member{"view_index", self.view_index},
                               Member{"pose_draws", self.pose_draws}, Member{"events", self.events},
-                              Member{"term_weights", self.term_weights});
+                              Member{"term_weights", self.term_weights},
+                              Member{"view_pick", self.view_pick});
   }
 };
 

@@ -125,6 +125,10 @@ splat::RenderOptions render_options(const RunOptions& options) {
   return render;
 }
 
+torch::Tensor pose_times(torch::Device device) {
+  return torch::linspace(0, 1, geometry::kExposurePoses, torch::kFloat64).to(device);
+}
+
 splat::CameraBatch camera_batch(const std::vector<geometry::Pose>& camera_from_world,
                                 const geometry::Intrinsics& camera, torch::Device device) {
   const auto count = static_cast<int64_t>(camera_from_world.size());

@@ -74,6 +74,9 @@ double near_plane(const SplatOptions& options, const data::Dataset& dataset);
 /// had no such key, means that of splat/render.h.
 splat::RenderOptions render_options(const RunOptions& options);
 
+/// When an exposure has its nine poses, in units of it: [9] float64 from 0 to 1.
+torch::Tensor pose_times(torch::Device device);
+
 /// One camera for several poses on a device.
 splat::CameraBatch camera_batch(const std::vector<geometry::Pose>& camera_from_world,
                                 const geometry::Intrinsics& camera, torch::Device device);

@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/train/row_adam.h"
+
+#include "support/catch.h"
+
+#include <torch/types.h>
+
+#include "jade/core/error.h"
+#include "jade/train/module_adam.h"
+
+using namespace jade;
+
+namespace {
+
+/// A parameter of three rows under RowAdam, whose gradients are given by hand.
+struct Rows {
+  torch::Tensor parameter;
+  train::RowAdam adam;
+
+  explicit Rows(uint64_t seed = 5) {
+    torch::manual_seed(seed);
+    parameter = torch::randn({3, 2, 6}, torch::kFloat64).requires_grad_();
+    adam = train::RowAdam(parameter);
+  }
+  /// A gradient of row `row` alone.
+  void see(int64_t row, double size) {
+    torch::Tensor gradient = torch::zeros({3, 2, 6}, torch::kFloat64);
+    gradient[row].copy_(size * torch::linspace(-1, 2, 12, torch::kFloat64).view({2, 6}));
+    parameter.mutable_grad() = gradient;
+    adam.accumulate(torch::tensor({row}, torch::kInt64));
+    adam.zero_grad();
+  }
+  torch::Tensor row(int64_t i) const { return parameter.detach()[i].clone(); }
+};
+
+}  // namespace
+
+TEST_CASE("row Adam: each row steps as an Adam of its own would", "[train]") {
+  Rows rows;
+  torch::Tensor alone = rows.row(1).requires_grad_();
+  train::ModuleAdam expected({alone}, 0.1);
+  for (int step = 0; step < 5; ++step) {
+    rows.see(1, 0.3 + step);
+    rows.adam.update(0.1);
+    alone.mutable_grad() = (0.3 + step) * torch::linspace(-1, 2, 12, torch::kFloat64).view({2, 6});
+    expected.step();
+    // Steps of others lie in between and change nothing.
+    rows.see(2, 1);
+    rows.adam.update(0.1);
+  }
+  CHECK((rows.row(1) - alone.detach()).abs().max().item<double>() < 1e-14);
+  CHECK(rows.adam.state().steps.equal(torch::tensor({0.0, 5.0, 5.0}, torch::kFloat64)));
+}
+
+TEST_CASE("row Adam: a row that no step saw stays to the bit, with moments from before or without",
+          "[train]") {
+  Rows rows;
+  rows.see(0, 1);
+  rows.adam.update(0.1);
+  const torch::Tensor once = rows.row(0), never = rows.row(2);
+  const train::RowAdamState& state = rows.adam.state();
+  const torch::Tensor first = state.first[0].clone(), second = state.second[0].clone();
+  for (int step = 0; step < 4; ++step) {
+    rows.see(1, 2);
+    rows.adam.update(0.1);
+  }
+  CHECK(rows.row(0).equal(once));
+  CHECK(state.first[0].equal(first));
+  CHECK(state.second[0].equal(second));
+  CHECK(rows.row(2).equal(never));
+}
+
+TEST_CASE("row Adam: gradients wait and add up until the update, which leaves none", "[train]") {
+  Rows added(5), once(5);
+  added.see(0, 1);
+  added.see(0, 2);
+  added.see(1, 1);
+  CHECK(added.adam.state().seen.equal(torch::tensor({2, 1, 0}, torch::kInt64)));
+  CHECK(added.row(0).equal(once.row(0)));
+  added.adam.update(0.1);
+  once.see(0, 3);
+  once.see(1, 1);
+  once.adam.update(0.1);
+  CHECK((added.row(0) - once.row(0)).abs().max().item<double>() < 1e-15);
+  CHECK(added.row(1).equal(once.row(1)));
+  const torch::Tensor rest = added.row(0);
+  added.adam.update(0.1);
+  CHECK(added.row(0).equal(rest));
+}
+
+TEST_CASE("row Adam: goes on from its state to the bit, and from that of older versions",
+          "[train]") {
+  Rows whole(5), resumed(5);
+  whole.see(0, 1);
+  whole.see(1, 2);
+  whole.adam.update(0.1);
+  whole.see(1, 3);
+  {
+    const torch::NoGradGuard no_grad;
+    resumed.parameter.copy_(whole.parameter);
+  }
+  resumed.adam.restore(whole.adam.state());
+  for (Rows* each : {&whole, &resumed}) {
+    each->see(2, 1);
+    each->adam.update(0.1);
+  }
+  CHECK(resumed.parameter.equal(whole.parameter));
+
+  // One step count for all; gradients without a count, and none.
+  const train::RowAdamState& state = whole.adam.state();
+  const torch::Tensor four = torch::tensor(4.0, torch::kFloat64);
+  Rows older(5);
+  torch::Tensor waiting = torch::zeros({3, 2, 6}, torch::kFloat64);
+  waiting[1][0][2] = 0.5;
+  older.adam.restore({state.first, state.second, four, waiting, {}});
+  CHECK(older.adam.state().steps.equal(torch::full({3}, 4.0, torch::kFloat64)));
+  CHECK(older.adam.state().seen.gt(0).equal(torch::tensor({false, true, false})));
+  older.adam.restore({state.first, state.second, four, {}, {}});
+  CHECK(older.adam.state().seen.sum().item<int64_t>() == 0);
+  CHECK_THROWS_AS(older.adam.restore({state.first[0], state.second, four, {}, {}}), ContractError);
+}
