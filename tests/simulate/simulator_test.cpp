@@ -12,8 +12,6 @@
 #include "jade/core/progress.h"
 #include "jade/data/dataset.h"
 #include "jade/gaussians/ply.h"
-#include "jade/geometry/se3.h"
-#include "support/drifting_pattern.h"
 #include "support/temp_dir.h"
 
 using namespace jade;
@@ -81,56 +79,6 @@ TEST_CASE("simulate: the same seed gives the same recording for any number of th
   CHECK(one.content.train[0].blurry.equal(three.content.train[0].blurry));
   run.seed = 5;
   CHECK_FALSE(one.content.train[0].blurry.equal(simulate::simulate(run).content.train[0].blurry));
-}
-
-TEST_CASE("simulate: pose noise moves what is written, not what is seen", "[simulate]") {
-  SimulateRun run = tiny();
-  run.simulate.exposures = 2;
-  const auto exact = simulate::simulate(run);
-  run.simulate.poses.rotation_deg = 0.5, run.simulate.poses.position = 0.01;
-  const auto noisy = simulate::simulate(run);
-  CHECK(exact.content.train[0].blurry.equal(noisy.content.train[0].blurry));
-  const auto &a = exact.content.train[0].poses[4], &b = noisy.content.train[0].poses[4];
-  CHECK(a.rotation != b.rotation);
-  CHECK(geometry::centre(a) != geometry::centre(b));
-}
-
-TEST_CASE("simulate: pose noise has the deviations asked for, in degrees and in world units",
-          "[simulate]") {
-  SimulateRun run = tiny();
-  // The error is drawn every eighth of an exposure from time 0 on; these exposures begin at 5 ms
-  // and follow each other every 45 ms, so that every pose is at a draw of its own.
-  run.simulate.exposures = 60, run.simulate.exposure_ms = 40, run.simulate.gap_ms = 5;
-  run.simulate.test_views = run.simulate.seen_test_views = 0;
-  run.simulate.poses.rotation_deg = 0.5, run.simulate.poses.position = 0.01;
-  test::DriftingPattern pattern(8, 8, 10, 100000);
-  const auto result = simulate::simulate(run, pattern);
-  std::vector<torch::Tensor> turns;
-  std::vector<double> shifts;
-  for (const auto& exposure : result.content.train) {
-    const auto times = geometry::exposure_times(exposure.t_start_us, exposure.t_end_us);
-    for (size_t k = 0; k < times.size(); ++k) {
-      const geometry::Pose truth = pattern.pose(times[k]), &written = exposure.poses[k];
-      turns.push_back(geometry::to_tensor(geometry::compose(written, geometry::inverse(truth))));
-      const auto a = geometry::centre(truth), b = geometry::centre(written);
-      for (size_t i = 0; i < 3; ++i) shifts.push_back(b[i] - a[i]);
-    }
-  }
-  const auto n = static_cast<int64_t>(turns.size());
-  REQUIRE(n == 540);
-  // Rotation vectors and shifts in units of what was asked for: six independent standard normals.
-  const torch::Tensor rotation = geometry::se3_log(torch::stack(turns)).slice(1, 3) * (180 / M_PI);
-  const torch::Tensor position = torch::tensor(shifts, torch::kFloat64).view({n, 3});
-  const torch::Tensor errors = torch::cat({rotation / 0.5, position / 0.01}, 1);
-  // Four standard errors: 1/√n of a mean or a correlation, 1/√(2n) of a deviation.
-  const double bound = 4 / std::sqrt(double(n));
-  for (int64_t i = 0; i < 6; ++i) {
-    INFO("component " << i);
-    CHECK(std::abs(errors.select(1, i).mean().item<double>()) < bound);
-    CHECK(errors.select(1, i).std().item<double>() == Approx(1).margin(bound / std::sqrt(2.0)));
-  }
-  const torch::Tensor correlation = torch::corrcoef(errors.t()) - torch::eye(6, torch::kFloat64);
-  CHECK(correlation.abs().max().item<double>() < bound);
 }
 
 TEST_CASE("simulate: a Gaussian file can be filmed", "[simulate]") {
