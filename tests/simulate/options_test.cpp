@@ -72,6 +72,14 @@ TEST_CASE("configs: variants of a scene differ in what their name says alone", "
     sfm.simulate.poses = exact.simulate.poses;
     CHECK(yaml_of(sfm) == yaml_of(exact));
   }
+  for (const char* scene : {"desk", "corridor"}) {
+    INFO(scene);
+    const SimulateRun gray = shipped(scene);
+    SimulateRun bayer = shipped(std::string(scene) + "_bayer");
+    CHECK(bayer.simulate.events.bayer == Bayer::kRggb);
+    bayer.simulate.events.bayer = gray.simulate.events.bayer;
+    CHECK(yaml_of(bayer) == yaml_of(gray));
+  }
 }
 
 TEST_CASE("simulation options: printed and read back they are the same", "[simulate]") {

@@ -4,7 +4,9 @@
 #include "support/catch.h"
 
 #include <ATen/Parallel.h>
+#include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <filesystem>
 
 #include "jade/core/error.h"
@@ -12,6 +14,7 @@
 #include "jade/core/progress.h"
 #include "jade/data/dataset.h"
 #include "jade/gaussians/ply.h"
+#include "support/drifting_pattern.h"
 #include "support/temp_dir.h"
 
 using namespace jade;
@@ -31,6 +34,17 @@ SimulateRun tiny() {
   run.simulate.motion.blur_px = 4;
   return run;
 }
+
+/// A drifting pattern in red before even green and blue.
+class RedChanges : public test::DriftingPattern {
+ public:
+  RedChanges() : DriftingPattern(24, 16, 300, 1000) {}
+  void frame(int64_t t_us, int samples, world::SharpFrame& frame) const override {
+    DriftingPattern::frame(t_us, samples, frame);
+    const auto plane = static_cast<std::ptrdiff_t>(frame.rgb.size() / 3);
+    std::fill(frame.rgb.begin() + plane, frame.rgb.end(), 0.05f);
+  }
+};
 
 }  // namespace
 
@@ -79,6 +93,36 @@ TEST_CASE("simulate: the same seed gives the same recording for any number of th
   CHECK(one.content.train[0].blurry.equal(three.content.train[0].blurry));
   run.seed = 5;
   CHECK_FALSE(one.content.train[0].blurry.equal(simulate::simulate(run).content.train[0].blurry));
+}
+
+TEST_CASE("simulate: colour events are loaded as such, each of the channel that its pixel has",
+          "[simulate]") {
+  SimulateRun run = tiny();
+  run.simulate.exposures = 1, run.simulate.test_views = 1;
+  run.simulate.events = {};
+  RedChanges footage;
+  const auto load = [&](Bayer bayer) {
+    run.simulate.events.bayer = bayer;
+    const test::TempDir folder;
+    write(simulate::simulate(run, footage), run, folder.path());
+    data::DatasetOptions options;
+    options.path = folder.path();
+    return data::load_dataset(options);
+  };
+  const data::Dataset gray = load(Bayer::kNone), colored = load(Bayer::kRggb);
+  CHECK(gray.train[0].blurry.equal(colored.train[0].blurry));
+  CHECK_FALSE(gray.event_color.defined());
+  REQUIRE(colored.event_color.defined());
+  // What a gray pixel tells everywhere, red pixels alone tell now.
+  const auto red = colored.event_color[0];
+  CHECK(red.sum().item<int64_t>() == red.numel() / 4);
+  const auto at_red = [&](const events::EventStream& events) {
+    const auto place = events.y().to(torch::kInt64) * red.size(1) + events.x().to(torch::kInt64);
+    return red.flatten().index_select(0, place).to(torch::kFloat64).mean().item<double>();
+  };
+  CHECK(at_red(gray.events) == Approx(0.25).margin(0.05));
+  CHECK(at_red(colored.events) == 1);
+  CHECK(colored.events.size() > 100);
 }
 
 TEST_CASE("simulate: a Gaussian file can be filmed", "[simulate]") {

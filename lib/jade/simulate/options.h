@@ -80,10 +80,19 @@ void describe(V& v, ImageSensorOptions& o) {
   v.field("read_noise", o.read_noise, "standard deviation, as a fraction of white", Range{0, 1});
 }
 
+/// The colour filter before the event pixels, in the words of data/bayer.h.
+enum class Bayer { kNone, kRggb };
+
+constexpr auto words_of(Bayer) {
+  return std::array{Word{"none", Bayer::kNone, "gray"},
+                    Word{"rggb", Bayer::kRggb, "red at even rows and even columns"}};
+}
+
 struct EventSensorOptions {
   double threshold_positive = 0.2, threshold_negative = 0.2;
   double threshold_spread = 0;
   Space space = Space::kStored;
+  Bayer bayer = Bayer::kNone;
   double log_eps = 1e-3;
   int64_t refractory_us = 0;
   double cutoff_hz = 0;
@@ -101,6 +110,7 @@ void describe(V& v, EventSensorOptions& o) {
           "standard deviation of each threshold from pixel to pixel (kept above 0.01)",
           Range{0, 1});
   v.field("space", o.space, "what the event pixels see");
+  v.field("bayer", o.bayer, "colour filter before them: each sees one channel, or gray");
   v.field("log_eps", o.log_eps, "added to the intensity before the logarithm", Range{1e-6, 1});
   v.field("refractory_us", o.refractory_us, "dead time of a pixel after an event, µs",
           Range{0, 1e6});

@@ -86,6 +86,7 @@ SimulateResult simulate(const SimulateRun& run, Footage& footage) {
   data::EvDeblurContent& content = result.content;
   content.train = std::move(recording.exposures);
   content.events = recording.events;
+  content.color_events = run.simulate.events.bayer != Bayer::kNone;
   for (const auto& window : timeline.exposures) {
     throw_if_interrupted();
     content.sharp_mid.push_back(recorder.sharp(window.mid_us()));
