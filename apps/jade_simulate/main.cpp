@@ -49,6 +49,10 @@ void report(const simulate::SimulateResult& result, const std::filesystem::path&
                                 {"frames", result.frames},
                                 {"blur_px", result.blur_px},
                                 {"largest_flow_px", result.largest_flow_px},
+                                {"pose_error_mid_rms_px", result.pose_errors.mid.rms},
+                                {"pose_error_mid_max_px", result.pose_errors.mid.max},
+                                {"pose_error_nine_rms_px", result.pose_errors.nine.rms},
+                                {"pose_error_nine_max_px", result.pose_errors.nine.max},
                                 {"near", c.near},
                                 {"far", c.far}}
                      .dump()
@@ -58,6 +62,12 @@ void report(const simulate::SimulateResult& result, const std::filesystem::path&
   std::cout << folder.string() << ": " << c.train.size() << " blurry frames (mean blur "
             << result.blur_px << " px), " << c.test.size() << " sharp test views, "
             << c.events.size() << " events from " << result.frames << " rendered frames\n";
+  const auto& errors = result.pose_errors;
+  if (errors.nine.max > 0.01) {
+    std::cout << "Written poses are " << errors.mid.rms << " px off at mid-exposure (at most "
+              << errors.mid.max << "), " << errors.nine.rms << " px over all nine poses (at most "
+              << errors.nine.max << ")\n";
+  }
 }
 
 }  // namespace

@@ -164,11 +164,11 @@ TEST_CASE("evdeblur: events outside the trajectory's times are dropped", "[data]
 
 TEST_CASE("evdeblur: a colour filter is read when there is one and wanted", "[data]") {
   const test::TempDir folder;
-  write_evdeblur(folder / "scene", test::tiny_content());
-  const auto axes =
-      torch::meshgrid({torch::arange(test::kHeight), torch::arange(test::kWidth)}, "ij");
-  io::write_npz(folder / "scene/ev_map.npz", {{"inv_mapx", axes[1].to(torch::kFloat32)},
-                                              {"inv_mapy", axes[0].to(torch::kFloat32)}});
+  EvDeblurContent content = test::tiny_content();
+  write_evdeblur(folder / "gray", content);
+  CHECK_FALSE(load(folder / "gray").event_color.defined());
+  content.color_events = true;
+  write_evdeblur(folder / "scene", content);
   DatasetOptions options;
   options.path = folder / "scene";
   const Dataset data = load_dataset(options);

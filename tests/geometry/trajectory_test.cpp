@@ -77,10 +77,26 @@ TEST_CASE("trajectory: centres are interpolated, so turning on the spot does not
   CHECK(c[2] == Approx(6));
 }
 
+TEST_CASE("trajectory: continued by its mirror image, a steady camera goes on", "[geometry]") {
+  const auto steady = [](double t) {
+    return pose_at_centre(rotation_from_vector({0.3e-6 * t, 0, 0}), {2e-6 * t, 1 - 1e-6 * t, 0});
+  };
+  const Trajectory path({1e5, 2e5, 4e5}, {steady(1e5), steady(2e5), steady(4e5)});
+  const Trajectory longer = path.spanning(2e4, 5e5);
+  CHECK(longer.size() == 5);
+  for (double t = 2e4; t <= 5e5; t += 16000) check_same(longer.at(t), steady(t), 1e-9);
+  // What reaches far enough stays as it is.
+  CHECK(path.spanning(1e5, 4e5).size() == 3);
+  CHECK(path.spanning(3e5, 6e5).begin_us() == 1e5);
+  // A camera of one pose stands still.
+  check_same(Trajectory({1e5}, {steady(1e5)}).spanning(0, 3e5).at(2.5e5), steady(1e5), 1e-9);
+}
+
 TEST_CASE("trajectory: bad input is refused", "[geometry]") {
   CHECK_THROWS_AS(Trajectory({}, {}), jade::ContractError);
   CHECK_THROWS_AS(Trajectory({1, 1}, {Pose{}, Pose{}}), jade::ContractError);
   CHECK_THROWS_AS(Trajectory({1, 2}, {Pose{}}), jade::ContractError);
   CHECK_THROWS_AS(Trajectory({1, std::nan("")}, {Pose{}, Pose{}}), jade::ContractError);
   CHECK_THROWS_AS(exposure_times(2, 1), jade::ContractError);
+  CHECK_THROWS_AS(Trajectory().spanning(0, 1), jade::ContractError);
 }

@@ -4,6 +4,7 @@
 #include "support/catch.h"
 
 #include <functional>
+#include <string>
 
 #include "jade/config/config.h"
 #include "jade/core/error.h"
@@ -43,6 +44,41 @@ TEST_CASE("simulation options: mistakes are refused", "[simulate]") {
   }
   SECTION("a vector of two") {
     refused([](auto& o) { o.camera.eye = {1, 2}; });
+  }
+}
+
+namespace {
+
+struct CdavisDefaults : SimulateRun {
+  CdavisDefaults() { simulate = preset_options(Preset::kCdavis); }
+};
+
+SimulateRun shipped(const std::string& name) {
+  const std::string file = std::string(JADE_SOURCE) + "/configs/simulate/" + name + ".yaml";
+  return config::load<CdavisDefaults>({file, {}, {}});
+}
+
+std::string yaml_of(SimulateRun run) { return config::to_yaml(fields_of(run), "test"); }
+
+}  // namespace
+
+TEST_CASE("configs: variants of a scene differ in what their name says alone", "[simulate]") {
+  for (const char* scene : {"desk", "workshop", "bookshelf", "corridor"}) {
+    INFO(scene);
+    const SimulateRun exact = shipped(scene);
+    SimulateRun sfm = shipped(std::string(scene) + "_sfm");
+    CHECK((sfm.simulate.poses.at == PoseTimes::kThirds && sfm.simulate.poses.rotation_deg > 0));
+    CHECK(yaml_of(sfm) != yaml_of(exact));
+    sfm.simulate.poses = exact.simulate.poses;
+    CHECK(yaml_of(sfm) == yaml_of(exact));
+  }
+  for (const char* scene : {"desk", "corridor"}) {
+    INFO(scene);
+    const SimulateRun gray = shipped(scene);
+    SimulateRun bayer = shipped(std::string(scene) + "_bayer");
+    CHECK(bayer.simulate.events.bayer == Bayer::kRggb);
+    bayer.simulate.events.bayer = gray.simulate.events.bayer;
+    CHECK(yaml_of(bayer) == yaml_of(gray));
   }
 }
 

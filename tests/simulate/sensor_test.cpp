@@ -85,3 +85,25 @@ TEST_CASE("event intensity: is the gray value of what the pixels see", "[simulat
         Approx(0.299 * decode(0.5f, Encoding::kSrgb) + 0.587 * decode(0.25f, Encoding::kSrgb) +
                0.114 * decode(0.75f, Encoding::kSrgb)));
 }
+
+TEST_CASE("event intensity: behind a colour filter a pixel sees its channel alone", "[simulate]") {
+  world::SharpFrame frame = flat(0);
+  const size_t plane = 64;
+  for (size_t i = 0; i < plane; ++i) {
+    frame.rgb[i] = 0.5f, frame.rgb[i + plane] = 0.25f, frame.rgb[i + 2 * plane] = 0.75f;
+  }
+  ImageSensorOptions image;
+  EventSensorOptions events;
+  events.bayer = Bayer::kRggb;
+  std::vector<float> seen;
+  event_intensity(frame, image, events, seen);
+  for (size_t row = 0; row < 8; row += 2) {
+    CHECK(seen[8 * row] == 0.5f);
+    CHECK(seen[8 * row + 1] == 0.25f);
+    CHECK(seen[8 * row + 8] == 0.25f);
+    CHECK(seen[8 * row + 9] == 0.75f);
+  }
+  image.encoding = Encoding::kSrgb, events.space = Space::kLinear;
+  event_intensity(frame, image, events, seen);
+  CHECK(seen[9] == Approx(decode(0.75f, Encoding::kSrgb)));
+}

@@ -4,7 +4,9 @@
 #include "support/catch.h"
 
 #include <ATen/Parallel.h>
+#include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <filesystem>
 
 #include "jade/core/error.h"
@@ -12,7 +14,6 @@
 #include "jade/core/progress.h"
 #include "jade/data/dataset.h"
 #include "jade/gaussians/ply.h"
-#include "jade/geometry/se3.h"
 #include "support/drifting_pattern.h"
 #include "support/temp_dir.h"
 
@@ -33,6 +34,17 @@ SimulateRun tiny() {
   run.simulate.motion.blur_px = 4;
   return run;
 }
+
+/// A drifting pattern in red before even green and blue.
+class RedChanges : public test::DriftingPattern {
+ public:
+  RedChanges() : DriftingPattern(24, 16, 300, 1000) {}
+  void frame(int64_t t_us, int samples, world::SharpFrame& frame) const override {
+    DriftingPattern::frame(t_us, samples, frame);
+    const auto plane = static_cast<std::ptrdiff_t>(frame.rgb.size() / 3);
+    std::fill(frame.rgb.begin() + plane, frame.rgb.end(), 0.05f);
+  }
+};
 
 }  // namespace
 
@@ -83,54 +95,34 @@ TEST_CASE("simulate: the same seed gives the same recording for any number of th
   CHECK_FALSE(one.content.train[0].blurry.equal(simulate::simulate(run).content.train[0].blurry));
 }
 
-TEST_CASE("simulate: pose noise moves what is written, not what is seen", "[simulate]") {
-  SimulateRun run = tiny();
-  run.simulate.exposures = 2;
-  const auto exact = simulate::simulate(run);
-  run.simulate.poses.rotation_deg = 0.5, run.simulate.poses.position = 0.01;
-  const auto noisy = simulate::simulate(run);
-  CHECK(exact.content.train[0].blurry.equal(noisy.content.train[0].blurry));
-  const auto &a = exact.content.train[0].poses[4], &b = noisy.content.train[0].poses[4];
-  CHECK(a.rotation != b.rotation);
-  CHECK(geometry::centre(a) != geometry::centre(b));
-}
-
-TEST_CASE("simulate: pose noise has the deviations asked for, in degrees and in world units",
+TEST_CASE("simulate: colour events are loaded as such, each of the channel that its pixel has",
           "[simulate]") {
   SimulateRun run = tiny();
-  // The error is drawn every eighth of an exposure from time 0 on; these exposures begin at 5 ms
-  // and follow each other every 45 ms, so that every pose is at a draw of its own.
-  run.simulate.exposures = 60, run.simulate.exposure_ms = 40, run.simulate.gap_ms = 5;
-  run.simulate.test_views = run.simulate.seen_test_views = 0;
-  run.simulate.poses.rotation_deg = 0.5, run.simulate.poses.position = 0.01;
-  test::DriftingPattern pattern(8, 8, 10, 100000);
-  const auto result = simulate::simulate(run, pattern);
-  std::vector<torch::Tensor> turns;
-  std::vector<double> shifts;
-  for (const auto& exposure : result.content.train) {
-    const auto times = geometry::exposure_times(exposure.t_start_us, exposure.t_end_us);
-    for (size_t k = 0; k < times.size(); ++k) {
-      const geometry::Pose truth = pattern.pose(times[k]), &written = exposure.poses[k];
-      turns.push_back(geometry::to_tensor(geometry::compose(written, geometry::inverse(truth))));
-      const auto a = geometry::centre(truth), b = geometry::centre(written);
-      for (size_t i = 0; i < 3; ++i) shifts.push_back(b[i] - a[i]);
-    }
-  }
-  const auto n = static_cast<int64_t>(turns.size());
-  REQUIRE(n == 540);
-  // Rotation vectors and shifts in units of what was asked for: six independent standard normals.
-  const torch::Tensor rotation = geometry::se3_log(torch::stack(turns)).slice(1, 3) * (180 / M_PI);
-  const torch::Tensor position = torch::tensor(shifts, torch::kFloat64).view({n, 3});
-  const torch::Tensor errors = torch::cat({rotation / 0.5, position / 0.01}, 1);
-  // Four standard errors: 1/√n of a mean or a correlation, 1/√(2n) of a deviation.
-  const double bound = 4 / std::sqrt(double(n));
-  for (int64_t i = 0; i < 6; ++i) {
-    INFO("component " << i);
-    CHECK(std::abs(errors.select(1, i).mean().item<double>()) < bound);
-    CHECK(errors.select(1, i).std().item<double>() == Approx(1).margin(bound / std::sqrt(2.0)));
-  }
-  const torch::Tensor correlation = torch::corrcoef(errors.t()) - torch::eye(6, torch::kFloat64);
-  CHECK(correlation.abs().max().item<double>() < bound);
+  run.simulate.exposures = 1, run.simulate.test_views = 1;
+  run.simulate.events = {};
+  RedChanges footage;
+  const auto load = [&](Bayer bayer) {
+    run.simulate.events.bayer = bayer;
+    const test::TempDir folder;
+    write(simulate::simulate(run, footage), run, folder.path());
+    data::DatasetOptions options;
+    options.path = folder.path();
+    return data::load_dataset(options);
+  };
+  const data::Dataset gray = load(Bayer::kNone), colored = load(Bayer::kRggb);
+  CHECK(gray.train[0].blurry.equal(colored.train[0].blurry));
+  CHECK_FALSE(gray.event_color.defined());
+  REQUIRE(colored.event_color.defined());
+  // What a gray pixel tells everywhere, red pixels alone tell now.
+  const auto red = colored.event_color[0];
+  CHECK(red.sum().item<int64_t>() == red.numel() / 4);
+  const auto at_red = [&](const events::EventStream& events) {
+    const auto place = events.y().to(torch::kInt64) * red.size(1) + events.x().to(torch::kInt64);
+    return red.flatten().index_select(0, place).to(torch::kFloat64).mean().item<double>();
+  };
+  CHECK(at_red(gray.events) == Approx(0.25).margin(0.05));
+  CHECK(at_red(colored.events) == 1);
+  CHECK(colored.events.size() > 100);
 }
 
 TEST_CASE("simulate: a Gaussian file can be filmed", "[simulate]") {

@@ -159,6 +159,25 @@ rows: [{name: new}, {name: old}, {name: unknown}]
   CHECK_THAT(latex, Catch::Contains("\\textbf{30.00} & \\textbf{33.25} & \\textbf{28.00}"));
 }
 
+TEST_CASE("tables: what an allocation chose has columns, empty for runs that cannot tell",
+          "[sweep]") {
+  const TempDir dir;
+  for (const char* row : {"told", "unknown"}) finish(dir, concat(row, "/a/0"), 30, 0.5);
+  dir.write("out/runs/told/a/0/allocation.json",
+            R"({"views": [], "mean": {"choice_right": 0.625, "choice_gain_db": -0.25}})");
+  dir.write("out/runs/unknown/a/0/allocation.json",
+            R"({"views": [], "mean": {"choice_right": null, "choice_gain_db": null}})");
+  const sweep::Table table = sweep::gather(plan_of(dir, R"(columns: [choice_right, choice_gain_db]
+scenes: [{name: a, config: a.yaml}]
+rows: [{name: told}, {name: unknown}]
+)"),
+                                           sweep::SweepOutput(dir / "out"));
+  const std::string markdown = sweep::to_markdown(table);
+  INFO(markdown);
+  CHECK_THAT(markdown, Catch::Contains("| told | **0.6250** | **-0.25** |"));
+  CHECK_THAT(markdown, Catch::Contains("choice_right: not measured by unknown/a/0"));
+}
+
 TEST_CASE("gather: a damaged result is an error, not a gap", "[sweep]") {
   const TempDir dir;
   finish(dir, "full/a/0", 30, 0.5);

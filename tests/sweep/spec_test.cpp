@@ -116,3 +116,23 @@ TEST_CASE("configs: every sweep that ships can be read, and overrides have at mo
   CHECK(sweeps == 9);
   CHECK(overrides == 20);
 }
+
+TEST_CASE("configs: the scenes of every list have their settings and can be made", "[sweep]") {
+  const std::filesystem::path configs = std::string(JADE_SOURCE) + "/configs";
+  const TempDir dir;
+  for (const auto& entry : std::filesystem::directory_iterator(configs / "sweeps/scenes")) {
+    INFO(entry.path());
+    const auto file = dir.write("sweep.yaml", concat("extends: ", entry.path().string(),
+                                                     "\ncolumns: [psnr]\nrows: [{name: full}]\n"));
+    const sweep::Spec spec = sweep::read_spec(file);
+    CHECK(spec.scenes.size() >= 4);
+    for (const sweep::Scene& scene : spec.scenes) {
+      INFO(scene.name);
+      CHECK(std::filesystem::exists(scene.config));
+      if (scene.make.empty()) continue;
+      CHECK(std::filesystem::exists(configs / "simulate" / (scene.name + ".yaml")));
+      CHECK_THAT(scene.make, Catch::Contains("configs/simulate/" + scene.name + ".yaml"));
+      CHECK_THAT(scene.make, Catch::EndsWith("data/bench/" + scene.name));
+    }
+  }
+}

@@ -32,7 +32,7 @@ torch::Tensor event_color_map(const torch::Tensor& map_x, const torch::Tensor& m
       const double distance = std::hypot(*x - column, *y - row);
       if (distance >= nearest[size_t(pixel)]) continue;
       nearest[size_t(pixel)] = distance;
-      const int64_t color = i % 2 + j % 2;  // 0 red, 1 green, 2 blue
+      const int64_t color = filter_channel(i, j);
       for (int64_t c = 0; c < 3; ++c) channel[c * plane + pixel] = c == color;
     }
   }
@@ -51,6 +51,12 @@ torch::Tensor read_event_color_map(const std::filesystem::path& path, int64_t he
                            x.sizes(), " and ", y.sizes()));
   }
   return event_color_map(x, y, height, width);
+}
+
+void write_event_color_map(const std::filesystem::path& path, int64_t height, int64_t width) {
+  const auto axes = torch::meshgrid({torch::arange(height), torch::arange(width)}, "ij");
+  io::write_npz(
+      path, {{"inv_mapx", axes[1].to(torch::kFloat32)}, {"inv_mapy", axes[0].to(torch::kFloat32)}});
 }
 
 }  // namespace jade::data

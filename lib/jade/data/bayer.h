@@ -7,10 +7,13 @@
 
 namespace jade::data {
 
-/// Which colour the events at each rectified pixel have, for a sensor with an RGGB filter (red at
-/// even rows and even columns). Raw pixel (row i, column j) lands at (map_x[i,j], map_y[i,j]) of
-/// the rectified image and gives its colour to the nearest pixel; of several that land on one
-/// pixel the nearest to its centre counts.
+/// The channel (0 red, 1 green, 2 blue) that the RGGB filter of colour event sensors leaves to a
+/// raw pixel: red at even rows and even columns.
+constexpr int64_t filter_channel(int64_t row, int64_t column) { return row % 2 + column % 2; }
+
+/// Which colour the events at each rectified pixel have, for a sensor with this filter. Raw pixel
+/// (row i, column j) lands at (map_x[i,j], map_y[i,j]) of the rectified image and gives its colour
+/// to the nearest pixel; of several that land on one pixel the nearest to its centre counts.
 /// @param map_x, map_y  [h,w] of any floating type, in pixels; NaN and outside are left out.
 /// @return [3,height,width] bool, at most one channel set.
 /// @throws ContractError if the maps differ in shape.
@@ -20,5 +23,9 @@ torch::Tensor event_color_map(const torch::Tensor& map_x, const torch::Tensor& m
 /// The same from ev_map.npz with inv_mapx and inv_mapy. @throws DataError.
 torch::Tensor read_event_color_map(const std::filesystem::path& path, int64_t height,
                                    int64_t width);
+
+/// Writes the ev_map.npz of a sensor without distortion: each raw pixel lands on itself.
+/// @throws DataError.
+void write_event_color_map(const std::filesystem::path& path, int64_t height, int64_t width);
 
 }  // namespace jade::data

@@ -75,17 +75,6 @@ geometry::Trajectory read_dense(const fs::path& root, events::TimeUnit unit,
   return trajectory_of(timed);
 }
 
-/// `inner` mirrored through `end`: where a camera that moves steadily was as long before `end` as
-/// it is at `inner` after it.
-geometry::Pose mirrored(const geometry::Pose& end, const geometry::Pose& inner) {
-  const auto turn_back = geometry::compose(end, geometry::inverse(inner)).rotation;
-  const geometry::Pose rotated = geometry::compose({turn_back, {0, 0, 0}}, end);
-  const auto a = geometry::centre(end);
-  const auto b = geometry::centre(inner);
-  return geometry::pose_at_centre(rotated.rotation,
-                                  {2 * a[0] - b[0], 2 * a[1] - b[1], 2 * a[2] - b[2]});
-}
-
 /// A path through the poses of the frames, each taken as its mid-exposure, long enough for the
 /// first and last exposure.
 geometry::Trajectory path_through_frames(const std::vector<LlffView>& views,
@@ -98,12 +87,7 @@ geometry::Trajectory path_through_frames(const std::vector<LlffView>& views,
     first = std::min(first, double(times[i].start_us));
     last = std::max(last, double(times[i].end_us));
   }
-  const geometry::Trajectory inner = trajectory_of(timed);
-  const double begin = inner.begin_us();
-  const double end = inner.end_us();
-  if (first < begin) timed[first] = mirrored(inner.at(begin), inner.at(2 * begin - first));
-  if (last > end) timed[last] = mirrored(inner.at(end), inner.at(2 * end - last));
-  return trajectory_of(timed);
+  return trajectory_of(timed).spanning(first, last);
 }
 
 struct Sources {

@@ -6,6 +6,7 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/check.h"
+#include "jade/data/bayer.h"
 #include "jade/data/llff.h"
 #include "jade/imaging/image_io.h"
 #include "jade/io/hdf5.h"
@@ -129,6 +130,10 @@ void write_evdeblur(const fs::path& folder, const EvDeblurContent& content,
   io::write_npy(folder / "all_poses_bounds.npy", llff_rows(llff_of(content.path, content)));
   io::write_npy(folder / "all_timestamps.npy", torch::tensor(content.path_t_us, torch::kInt64));
   write_events(folder / "events.h5", content.events, options.gzip_level);
+  if (content.color_events) {
+    const geometry::Intrinsics& camera = content.train.front().camera;
+    write_event_color_map(folder / "ev_map.npz", camera.height, camera.width);
+  }
 }
 
 }  // namespace jade::data

@@ -18,6 +18,7 @@ struct EvDeblurContent {
   std::vector<Exposure> train;       ///< blurry, times, poses[4] and camera are used
   std::vector<SharpView> test;       ///< t_us must be set
   events::EventStream events;        ///< the whole recording
+  bool color_events = false;         ///< each pixel's are of the channel that data/bayer.h names
   std::vector<int64_t> path_t_us;    ///< dense trajectory: strictly increasing times that span all
   std::vector<geometry::Pose> path;  ///< exposures, and camera_from_world at each
   double near = 0, far = 0;          ///< depth bounds in world units, 0 < near < far
@@ -33,8 +34,9 @@ struct EvDeblurWriteOptions {
 };
 
 /// Writes images_1/NN.png and timestamps.npz, poses_bounds.npy, all_poses_bounds.npy,
-/// all_timestamps.npy, events.h5 (x, y float32, t int64 µs, p int8 ±1) and, if given, sharp/NN.png.
-/// One focal length and a centred principal point are all that the layout can say.
+/// all_timestamps.npy, events.h5 (x, y float32, t int64 µs, p int8 ±1) and, where there is
+/// something to say, ev_map.npz and sharp/NN.png. One focal length and a centred principal point
+/// are all that the layout can say.
 /// @throws DataError if a file cannot be written. @throws ContractError for content that the
 ///         layout cannot hold: no exposure, cameras that differ or are not centred, fx ≠ fy, test
 ///         views without time, a trajectory that does not span the exposures.

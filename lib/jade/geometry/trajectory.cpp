@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 
 #include "jade/core/check.h"
 
@@ -57,6 +58,16 @@ std::vector<double> knot_slopes(const std::vector<double>& t, const std::vector<
           m1 + curvature * (t[2] - t[1])};
 }
 
+/// `inner` mirrored through `end`: where a camera that moves steadily was as long before `end` as
+/// it is at `inner` after it.
+Pose mirrored(const Pose& end, const Pose& inner) {
+  const auto turn_back = compose(end, inverse(inner)).rotation;
+  const Pose rotated = compose({turn_back, {0, 0, 0}}, end);
+  const auto a = centre(end);
+  const auto b = centre(inner);
+  return pose_at_centre(rotated.rotation, {2 * a[0] - b[0], 2 * a[1] - b[1], 2 * a[2] - b[2]});
+}
+
 }  // namespace
 
 std::array<double, kExposurePoses> exposure_times(int64_t t_start_us, int64_t t_end_us) {
@@ -80,16 +91,28 @@ Trajectory::Trajectory(std::vector<double> t_us, const std::vector<Pose>& poses)
     rotations_.push_back(quaternion_from_rotation(poses[i].rotation));
     centres_.push_back(centre(poses[i]));
   }
-  slopes_.resize(poses.size());
-  std::vector<double> values(poses.size());
+  fit_slopes();
+}
+
+void Trajectory::fit_slopes() {
+  const size_t count = t_us_.size();
+  slopes_.resize(count);
+  std::vector<double> values(count);
   for (int axis = 0; axis < 3; ++axis) {
-    for (size_t i = 0; i < poses.size(); ++i) {
+    for (size_t i = 0; i < count; ++i) {
       values[i] = centres_[i][axis];
       JADE_CHECK(std::isfinite(values[i]), "expected finite poses, found NaN or Inf at ", i);
     }
     const auto slopes = knot_slopes(t_us_, values);
-    for (size_t i = 0; i < poses.size(); ++i) slopes_[i][axis] = slopes[i];
+    for (size_t i = 0; i < count; ++i) slopes_[i][axis] = slopes[i];
   }
+}
+
+void Trajectory::insert(size_t i, double t_us, const Pose& pose) {
+  const auto place = static_cast<std::ptrdiff_t>(i);
+  t_us_.insert(t_us_.begin() + place, t_us);
+  rotations_.insert(rotations_.begin() + place, quaternion_from_rotation(pose.rotation));
+  centres_.insert(centres_.begin() + place, centre(pose));
 }
 
 Pose Trajectory::at(double t_us) const {
@@ -108,6 +131,17 @@ Pose Trajectory::at(double t_us) const {
               s * s * (s - 1) * h * slopes_[i + 1][axis];
   }
   return pose_at_centre(rotation_from_quaternion(slerp(rotations_[i], rotations_[i + 1], s)), c);
+}
+
+Trajectory Trajectory::spanning(double begin_us, double end_us) const {
+  JADE_CHECK(!empty(), "an empty trajectory has no poses");
+  const double first = this->begin_us(), last = this->end_us();
+  Trajectory longer = *this;
+  if (begin_us < first) longer.insert(0, begin_us, mirrored(at(first), at(2 * first - begin_us)));
+  if (end_us > last)
+    longer.insert(longer.t_us_.size(), end_us, mirrored(at(last), at(2 * last - end_us)));
+  longer.fit_slopes();
+  return longer;
 }
 
 std::array<Pose, kExposurePoses> Trajectory::exposure_poses(int64_t t_start_us,

@@ -32,6 +32,10 @@ class Trajectory {
   /// camera_from_world at any time. Outside [begin_us, end_us] the nearest end is returned.
   Pose at(double t_us) const;
 
+  /// The same path, continued where it does not reach `begin_us` or `end_us`: by one pose there,
+  /// the path mirrored through its end, which is where a camera that moves steadily would be.
+  Trajectory spanning(double begin_us, double end_us) const;
+
   /// The nine poses of an exposure; index kMidPose is mid-exposure.
   std::array<Pose, kExposurePoses> exposure_poses(int64_t t_start_us, int64_t t_end_us) const;
 
@@ -42,6 +46,9 @@ class Trajectory {
   const std::vector<double>& times_us() const { return t_us_; }
 
  private:
+  void insert(size_t i, double t_us, const Pose& pose);
+  void fit_slopes();
+
   std::vector<double> t_us_;
   std::vector<Quaternion> rotations_;
   std::vector<Vector3> centres_;

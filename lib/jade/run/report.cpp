@@ -3,6 +3,7 @@
 
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <numeric>
 #include <torch/types.h>
 
 #include "jade/core/atomic_file.h"
@@ -10,6 +11,7 @@
 #include "jade/eval/metrics.h"
 #include "jade/imaging/image_io.h"
 #include "jade/restore/restorations.h"
+#include "jade/run/allocation_choice.h"
 #include "jade/run/evaluate.h"
 #include "jade/run/report_page.h"
 #include "jade/train/routing_step.h"
@@ -90,9 +92,34 @@ double correlation(const torch::Tensor& a, const torch::Tensor& b) {
   return scale > 0 ? (x * y).sum().item<double>() / scale : 0.0;
 }
 
-/// α of every training view with its correlation with event density, and over all of them; views
-/// empty without an allocation. Deviations over pixels are of all values, over views sample ones.
-Json allocation_statistics(const std::vector<train::View>& views, train::TrainState& state) {
+/// Adds to the rows what the truths say of the choice, and returns the means over those that have
+/// one.
+Json choice_statistics(const data::Dataset& dataset, const std::vector<train::View>& views,
+                       train::TrainState& state, Json& rows) {
+  std::vector<double> right, gain;
+  for (size_t i = 0; i < views.size(); ++i) {
+    const auto index = static_cast<int64_t>(i);
+    const torch::Tensor truth = truth_of(dataset, index);
+    if (!truth.defined() || !views[i].restorations.efnet.defined()) continue;
+    const AllocationChoice choice = allocation_choice(train::allocation_map(state, views[i], index),
+                                                      views[i].restorations, truth);
+    gain.push_back(choice.gain_db);
+    if (choice.right) right.push_back(*choice.right);
+    rows[i]["choice_right"] = choice.right ? Json(*choice.right) : Json(nullptr);
+    rows[i]["choice_gain_db"] = choice.gain_db;
+  }
+  const auto mean = [](const std::vector<double>& values) {
+    const double sum = std::accumulate(values.begin(), values.end(), 0.0);
+    return values.empty() ? Json(nullptr) : Json(sum / static_cast<double>(values.size()));
+  };
+  return {{"choice_right", mean(right)}, {"choice_gain_db", mean(gain)}};
+}
+
+/// α of every training view with its correlation with event density, what sharp truths say of the
+/// choice, and over all of them; views empty without an allocation. Deviations over pixels are of
+/// all values, over views sample ones.
+Json allocation_statistics(const data::Dataset& dataset, const std::vector<train::View>& views,
+                           train::TrainState& state) {
   Json rows = Json::array();
   std::vector<torch::Tensor> maps, correlations;
   for (size_t i = 0; i < views.size(); ++i) {
@@ -118,6 +145,7 @@ Json allocation_statistics(const std::vector<train::View>& views, train::TrainSt
             {"alpha_correlation", r.mean().item<double>()}};
   mean["alpha_correlation_std"] =
       views.size() > 1 ? Json(r.std(/*unbiased=*/true).item<double>()) : Json(nullptr);
+  mean.update(choice_statistics(dataset, views, state, rows));
   return {{"views", rows}, {"mean", mean}};
 }
 
@@ -164,7 +192,7 @@ void write_report(const fs::path& run, const data::Dataset& dataset,
   }
   data["evaluation"] =
       fs::exists(run / "eval.json") ? Json::parse(read_file(run / "eval.json")) : Json(nullptr);
-  data["allocation"] = allocation_statistics(views, state);
+  data["allocation"] = allocation_statistics(dataset, views, state);
   if (data["allocation"].contains("mean"))
     write_file(run / "allocation.json", data["allocation"].dump(2) + "\n");
   data["metrics"] = read_metrics(run / "metrics.jsonl");

@@ -14,7 +14,9 @@ namespace jade::run {
 /// by side, per-view metrics, allocation statistics, timing, the resolved configuration), from what
 /// the run has written there and from the state at its end. The allocation statistics also go to
 /// allocation.json: {"views": [{"name", "alpha_mean", "alpha_std", "alpha_min", "alpha_max",
-/// "alpha_correlation"}], "mean": {the same over all, "alpha_correlation_std"}}.
+/// "alpha_correlation"}], "mean": {the same over all, "alpha_correlation_std"}}. Views with both
+/// restorations and a sharp test view at their middle also have "choice_right" and "choice_gain_db"
+/// (allocation_choice.h), whose means over these views are under "mean"; null where there are none.
 void write_report(const std::filesystem::path& run, const data::Dataset& dataset,
                   const std::vector<train::View>& views, train::TrainState& state,
                   const train::RunOptions& options);

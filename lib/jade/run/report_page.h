@@ -80,10 +80,11 @@ if (data.evaluation) {
   keys.forEach(k => make('li', list, {textContent: k + ': ' + data.evaluation.definitions[k]}));
 }
 if (data.allocation.mean) {
-  const keys = ['alpha_mean', 'alpha_std', 'alpha_min', 'alpha_max', 'alpha_correlation'], all = data.allocation.mean;
-  table(at('allocation'), ['view', 'α mean', 'α std', 'least', 'largest', 'correlation with event density'],
+  const keys = ['alpha_mean', 'alpha_std', 'alpha_min', 'alpha_max', 'alpha_correlation', 'choice_right', 'choice_gain_db'], all = data.allocation.mean;
+  table(at('allocation'), ['view', 'α mean', 'α std', 'least', 'largest', 'correlation with event density', 'right choice', 'gain, dB'],
         [...data.allocation.views.map(v => [v.name, ...keys.map(k => v[k])]), ['all', ...keys.map(k => all[k])]]);
   make('p', at('allocation'), {className: 'facts', textContent: 'Pearson\'s r over the pixels of a view; over the views ' + all.alpha_correlation.toFixed(4) + (all.alpha_correlation_std === null ? '' : ' ± ' + all.alpha_correlation_std.toFixed(4) + ' (sample deviation).')});
+  if (typeof all.choice_gain_db === 'number') make('p', at('allocation'), {className: 'facts', textContent: 'Right choice: share of the pixels where α > ½ and EDI is nearer to the sharp test view at mid-exposure, or α ≤ ½ and EFNet is. Gain: PSNR of the mix less that of the better of the two.'});
 } else at('allocation').textContent = 'This run has no allocation map.';
 
 function chart(name, points) {

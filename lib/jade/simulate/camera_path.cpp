@@ -108,4 +108,21 @@ double largest_flow(const world::SharpFrame& frame, const geometry::Intrinsics& 
   return std::sqrt(squared);
 }
 
+double mean_square_distance(const world::SharpFrame& frame, const geometry::Intrinsics& camera,
+                            const geometry::Pose& from, const geometry::Pose& a,
+                            const geometry::Pose& b) {
+  const geometry::Pose back = geometry::inverse(from);
+  const geometry::Pose to_a = geometry::compose(a, back), to_b = geometry::compose(b, back);
+  double sum = 0;
+  for (int64_t y = 0; y < frame.height; ++y) {
+    for (int64_t x = 0; x < frame.width; ++x) {
+      const double u = static_cast<double>(x) + 0.5, v = static_cast<double>(y) + 0.5;
+      const double depth = frame.depth[static_cast<size_t>(y * frame.width + x)];
+      const auto p = moved(camera, to_a, u, v, depth), q = moved(camera, to_b, u, v, depth);
+      sum += (p[0] - q[0]) * (p[0] - q[0]) + (p[1] - q[1]) * (p[1] - q[1]);
+    }
+  }
+  return sum / static_cast<double>(frame.width * frame.height);
+}
+
 }  // namespace jade::simulate

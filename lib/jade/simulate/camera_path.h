@@ -44,4 +44,10 @@ double blur_length(const CameraPath& path, const geometry::Intrinsics& camera,
 double largest_flow(const world::SharpFrame& frame, const geometry::Intrinsics& camera,
                     const geometry::Pose& from, const geometry::Pose& to);
 
+/// Mean over all pixels of `frame` (taken at `from`) of the squared distance between where cameras
+/// at `a` and at `b` see its points, px².
+double mean_square_distance(const world::SharpFrame& frame, const geometry::Intrinsics& camera,
+                            const geometry::Pose& from, const geometry::Pose& a,
+                            const geometry::Pose& b);
+
 }  // namespace jade::simulate

@@ -80,10 +80,19 @@ void describe(V& v, ImageSensorOptions& o) {
   v.field("read_noise", o.read_noise, "standard deviation, as a fraction of white", Range{0, 1});
 }
 
+/// The colour filter before the event pixels, in the words of data/bayer.h.
+enum class Bayer { kNone, kRggb };
+
+constexpr auto words_of(Bayer) {
+  return std::array{Word{"none", Bayer::kNone, "gray"},
+                    Word{"rggb", Bayer::kRggb, "red at even rows and even columns"}};
+}
+
 struct EventSensorOptions {
   double threshold_positive = 0.2, threshold_negative = 0.2;
   double threshold_spread = 0;
   Space space = Space::kStored;
+  Bayer bayer = Bayer::kNone;
   double log_eps = 1e-3;
   int64_t refractory_us = 0;
   double cutoff_hz = 0;
@@ -101,6 +110,7 @@ void describe(V& v, EventSensorOptions& o) {
           "standard deviation of each threshold from pixel to pixel (kept above 0.01)",
           Range{0, 1});
   v.field("space", o.space, "what the event pixels see");
+  v.field("bayer", o.bayer, "colour filter before them: each sees one channel, or gray");
   v.field("log_eps", o.log_eps, "added to the intensity before the logarithm", Range{1e-6, 1});
   v.field("refractory_us", o.refractory_us, "dead time of a pixel after an event, µs",
           Range{0, 1e6});
@@ -114,16 +124,37 @@ void describe(V& v, EventSensorOptions& o) {
   v.field("hot_hz", o.hot_hz, "their rate, Hz", Range{0, 10000});
 }
 
+/// Which poses are estimated; the others follow from them.
+enum class PoseTimes { kPath, kMidExposure, kThirds };
+
+constexpr auto words_of(PoseTimes) {
+  return std::array{
+      Word{"path", PoseTimes::kPath, "the whole path"},
+      Word{"mid_exposure", PoseTimes::kMidExposure,
+           "one per exposure, at its middle, and the path runs through these alone"},
+      Word{"thirds", PoseTimes::kThirds, "three per exposure, at the middles of its thirds"}};
+}
+
 struct PoseNoiseOptions {
+  PoseTimes at = PoseTimes::kPath;
   double rotation_deg = 0;
   double position = 0;
+  double correlation_ms = 0;
 };
 template <class V>
 void describe(V& v, PoseNoiseOptions& o) {
-  v.field("rotation_deg", o.rotation_deg, "standard deviation of written rotations, degrees",
+  v.field("at", o.at, "which poses are estimated");
+  v.field("rotation_deg", o.rotation_deg,
+          "standard deviation of estimated rotations about each axis, degrees (1 px at the image "
+          "centre is atan(1/focal_px))",
           Range{0, 10});
-  v.field("position", o.position, "standard deviation of written camera centres, world units",
+  v.field("position", o.position,
+          "standard deviation of estimated camera centres along each axis, world units",
           Range{0, 10});
+  v.field("correlation_ms", o.correlation_ms,
+          "time over which the errors change, ms: Δ apart they correlate by exp(-Δ²/2 "
+          "correlation_ms²); 0: every estimated pose has an error of its own",
+          Range{0, 1e6});
 }
 
 /// Defaults of everything else.

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "jade/data/bayer.h"
 #include "jade/world/noise.h"
 
 namespace jade::simulate {
@@ -35,7 +36,9 @@ void event_intensity(const world::SharpFrame& frame, const ImageSensorOptions& i
     for (int64_t i = begin; i < end; ++i) {
       float c[3] = {frame.channel(0)[i], frame.channel(1)[i], frame.channel(2)[i]};
       for (float& v : c) v = light ? decode(v, image.encoding) : v;
-      intensity[static_cast<size_t>(i)] = 0.299f * c[0] + 0.587f * c[1] + 0.114f * c[2];
+      intensity[static_cast<size_t>(i)] =
+          events.bayer == Bayer::kRggb ? c[data::filter_channel(i / frame.width, i % frame.width)]
+                                       : 0.299f * c[0] + 0.587f * c[1] + 0.114f * c[2];
     }
   });
 }

@@ -2,7 +2,6 @@
 #include "jade/simulate/simulator.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <memory>
 #include <utility>
@@ -11,9 +10,9 @@
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/core/interrupt.h"
-#include "jade/core/random.h"
 #include "jade/simulate/gaussian_source.h"
 #include "jade/simulate/recorder.h"
+#include "jade/simulate/written_poses.h"
 #include "jade/world/ray_caster.h"
 #include "jade/world/worlds.h"
 
@@ -22,58 +21,18 @@ namespace {
 
 constexpr int64_t kPathStep_us = 1000;  // of the written trajectory
 
-/// Poses as they are written: the true ones, or with the smooth error of a reconstruction. The
-/// error is drawn at the nine poses of an exposure (every eighth of one) and runs straight in
-/// between.
-class WrittenPoses {
- public:
-  WrittenPoses(const SimulateRun& run, const Footage& footage)
-      : options_(run.simulate.poses),
-        footage_(footage),
-        seed_(derive_seed(static_cast<uint64_t>(run.seed), "pose noise")),
-        step_us_(run.simulate.exposure_ms * 125) {}
-
-  geometry::Pose at(int64_t t_us) const {
-    const geometry::Pose pose = footage_.pose(static_cast<double>(t_us));
-    if (options_.rotation_deg == 0 && options_.position == 0) return pose;
-    const double place = static_cast<double>(t_us) / step_us_, cell = std::floor(place);
-    const auto a = error(static_cast<int64_t>(cell)), b = error(static_cast<int64_t>(cell) + 1);
-    std::array<double, 6> e{};
-    for (size_t i = 0; i < 6; ++i) e[i] = a[i] + (b[i] - a[i]) * (place - cell);
-    const double angle = options_.rotation_deg * 3.141592653589793 / 180;
-    const geometry::Pose turn{
-        geometry::rotation_from_vector({e[0] * angle, e[1] * angle, e[2] * angle}), {0, 0, 0}};
-    auto centre = geometry::centre(pose);
-    for (size_t i = 0; i < 3; ++i) centre[i] += options_.position * e[i + 3];
-    return geometry::pose_at_centre(geometry::compose(turn, pose).rotation, centre);
-  }
-
- private:
-  std::array<double, 6> error(int64_t knot) const {
-    world::Draw draw(seed_, static_cast<uint64_t>(knot));
-    std::array<double, 6> e{};
-    for (double& v : e) v = draw.normal();
-    return e;
-  }
-
-  const PoseNoiseOptions options_;
-  const Footage& footage_;
-  const uint64_t seed_;
-  const double step_us_;
-};
-
 void add_poses(const WrittenPoses& poses, const Timeline& timeline,
                data::EvDeblurContent& content) {
   for (auto& exposure : content.train) {
     const auto times = geometry::exposure_times(exposure.t_start_us, exposure.t_end_us);
     for (size_t k = 0; k < times.size(); ++k) {
-      exposure.poses[k] = poses.at(static_cast<int64_t>(std::llround(times[k])));
+      exposure.poses[k] = poses.path(static_cast<int64_t>(std::llround(times[k])));
     }
   }
-  for (auto& view : content.test) view.pose = poses.at(view.t_us);
+  for (auto& view : content.test) view.pose = poses.frame(view.t_us);
   for (int64_t t = 0; t < timeline.end_us; t += kPathStep_us) content.path_t_us.push_back(t);
   content.path_t_us.push_back(timeline.end_us);
-  for (int64_t t : content.path_t_us) content.path.push_back(poses.at(t));
+  for (int64_t t : content.path_t_us) content.path.push_back(poses.path(t));
 }
 
 world::Vec3 vector_or(const std::vector<double>& values, world::Vec3 fallback) {
@@ -127,6 +86,7 @@ SimulateResult simulate(const SimulateRun& run, Footage& footage) {
   data::EvDeblurContent& content = result.content;
   content.train = std::move(recording.exposures);
   content.events = recording.events;
+  content.color_events = run.simulate.events.bayer != Bayer::kNone;
   for (const auto& window : timeline.exposures) {
     throw_if_interrupted();
     content.sharp_mid.push_back(recorder.sharp(window.mid_us()));
@@ -137,7 +97,8 @@ SimulateResult simulate(const SimulateRun& run, Footage& footage) {
     view.image = recorder.sharp(t), view.t_us = t, view.camera = footage.camera();
     content.test.push_back(std::move(view));
   }
-  add_poses(WrittenPoses(run, footage), timeline, content);
+  add_poses(WrittenPoses(run, footage, timeline), timeline, content);
+  result.pose_errors = pose_errors(content.train, footage);
   const auto depths = footage.depths(timeline);
   content.near = depths.near, content.far = depths.far;
   return result;

@@ -6,6 +6,7 @@
 #include "jade/data/evdeblur_writer.h"
 #include "jade/simulate/footage.h"
 #include "jade/simulate/options.h"
+#include "jade/simulate/written_poses.h"
 
 namespace jade::simulate {
 
@@ -15,6 +16,7 @@ struct SimulateResult {
   int64_t frames = 0;          ///< looked at by the sensors
   double blur_px = 0;          ///< mean blur of the exposures; 0: not known
   double largest_flow_px = 0;  ///< of a pixel between two of these frames; 0: not known
+  PoseErrors pose_errors;      ///< of the written poses of the exposures
 };
 
 /// Runs a simulation. Shows progress; the same options and seed give the same result for any number

@@ -31,6 +31,12 @@ const std::vector<Column>& known_columns() {
       {"alpha_correlation", "corr(α, events)",
        "Pearson's r of α and event density in a view, mean over the views", 4, 0},
       {"alpha_correlation_std", "its std", "sample deviation of that r over the views", 4, 0},
+      {"choice_right", "right choice",
+       "share of pixels where α prefers the restoration nearer to the sharp test view at "
+       "mid-exposure, mean over the views that have one",
+       4, 1},
+      {"choice_gain_db", "gain of the mix",
+       "PSNR of the mix less that of the better restoration, mean over the same views, dB", 2, 1},
       {"gaussians", "Gaussians", "at the end", 0, 0},
       {"minutes", "min", "wall clock of the whole run, data and evaluation included", 2, -1},
       {"hours", "h", "the same in hours", 3, -1},
