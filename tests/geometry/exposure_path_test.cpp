@@ -3,6 +3,7 @@
 
 #include "support/catch.h"
 
+#include <algorithm>
 #include <torch/types.h>
 
 #include "jade/core/error.h"
@@ -29,6 +30,15 @@ struct PathCase {
 /// b_j of exposure_path.h, [M,K].
 torch::Tensor weights(const torch::Tensor& u, int64_t count) {
   if (count == 2) return torch::stack({1 - u, u}, 1);
+  if (count > 4) {  // segment by segment
+    const torch::Tensor all = torch::zeros({u.size(0), count}, torch::kFloat64);
+    for (int64_t m = 0; m < u.size(0); ++m) {
+      const torch::Tensor place = u.narrow(0, m, 1) * static_cast<double>(count - 3);
+      const auto first = std::min(count - 4, static_cast<int64_t>(place.item<double>()));
+      all[m].narrow(0, first, 4).copy_(weights(place - static_cast<double>(first), 4)[0]);
+    }
+    return all;
+  }
   const torch::Tensor u2 = u * u, u3 = u2 * u;
   return torch::stack({(1 - u).pow(3), 3 * u3 - 6 * u2 + 4, -3 * u3 + 3 * u2 + 3 * u + 1, u3}, 1) /
          6;
@@ -67,6 +77,29 @@ TEST_CASE("exposure path: without a twist the data's poses come back to the bit"
     CHECK(path.scalar_type() == torch::kFloat64);
     CHECK(path.to(torch::kFloat32).equal(c.poses));
   }
+}
+
+TEST_CASE(
+    "exposure path: corrections of more segments are B-splines too, smooth across their joints",
+    "[geometry]") {
+  const PathCase c(8, 0.1);
+  CHECK(farthest(geometry::corrected_path(c.twists, c.u, c.poses),
+                 slow_correction(c.twists, c.u, c.poses)) < 1e-13);
+  const double joint = 2.0 / 5;
+  const torch::Tensor u =
+      torch::tensor({joint - 2e-6, joint - 1e-6, joint + 1e-6, joint + 2e-6}, torch::kFloat64);
+  const torch::Tensor still = torch::eye(4, torch::kFloat64).expand({4, 4, 4});
+  const torch::Tensor path = geometry::corrected_path(c.twists, u, still);
+  CHECK(farthest(path[1] - path[0], path[3] - path[2]) < 1e-10);
+  torch::Tensor twists = c.twists.clone().set_requires_grad(true);
+  const auto report = test::gradcheck(
+      [&](const std::vector<torch::Tensor>& in) {
+        return geometry::corrected_path(in[0], c.u, c.poses).square();
+      },
+      {twists}, {"twists"});
+  INFO(report.message);
+  CHECK(report.passed);
+  CHECK_THROWS_AS(geometry::spline_path(c.twists, c.u, c.control), ContractError);
 }
 
 TEST_CASE("exposure path: both kinds are what se3.h's operations make of the equations",
@@ -140,8 +173,9 @@ TEST_CASE("exposure path: shapes that do not fit are refused, and no pose is no 
 
 TEST_CASE("exposure path: CUDA does as the CPU, forward and backward, and repeats its bits",
           "[geometry][cuda]") {
-  for (const int64_t count : {2, 4}) {
+  for (const int64_t count : {2, 4, 8}) {
     for (const bool corrects : {true, false}) {
+      if (count > 4 && !corrects) continue;
       INFO(count << (corrects ? " corrections" : " control poses"));
       const PathCase c(count, 0.2);
       const auto run = [&](torch::Device device) {

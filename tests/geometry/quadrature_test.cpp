@@ -31,9 +31,10 @@ TEST_CASE("quadrature: every rule takes the mean of a constant and of a line", "
   }
 }
 
-TEST_CASE("quadrature: equal weights at both ends integrate over K/(K-1) exposures, the trapezoid "
-          "rule over one",
-          "[geometry]") {
+TEST_CASE(
+    "quadrature: equal weights at both ends integrate over K/(K-1) exposures, the trapezoid "
+    "rule over one",
+    "[geometry]") {
   const auto square = [](double u) { return (u - 0.5) * (u - 0.5); };
   // The variance of a uniform moment is its span squared over 12.
   const double equal = integral(quadrature(QuadratureRule::kEqual, 9), square) * 12;

@@ -11,9 +11,10 @@ namespace {
 
 using test::image;
 
-TEST_CASE("trust: where target and render agree on average over 5x5, L1 keeps its gradient; a "
-          "target far off abstains",
-          "[losses]") {
+TEST_CASE(
+    "trust: where target and render agree on average over 5x5, L1 keeps its gradient; a "
+    "target far off abstains",
+    "[losses]") {
   torch::Tensor render = torch::full({3, 24, 24}, 0.5, torch::kFloat64).set_requires_grad(true);
   torch::Tensor target = render.detach() + 0.01;
   target.narrow(1, 0, 8).add_(0.39);  // 0.4 off in the upper third
@@ -32,14 +33,14 @@ TEST_CASE("trust: the weight has no gradient, the target has its share", "[losse
   torch::Tensor target = image(1).set_requires_grad(true);
   const torch::Tensor render = image(2);
   trusted(target, Fixed(render), 0.1).sum().backward();
-  const torch::Tensor weight =
-      (trusted(target, Fixed(render), 0.1) - render) / (target - render);
+  const torch::Tensor weight = (trusted(target, Fixed(render), 0.1) - render) / (target - render);
   CHECK(torch::allclose(target.grad(), weight.detach()));
 }
 
-TEST_CASE("trust: inside the band a render has neither loss nor gradient, outside it the nearest "
-          "end draws",
-          "[losses]") {
+TEST_CASE(
+    "trust: inside the band a render has neither loss nor gradient, outside it the nearest "
+    "end draws",
+    "[losses]") {
   const torch::Tensor target = torch::full({1, 2, 3}, 0.4, torch::kFloat64);
   torch::Tensor render = torch::tensor({0.3, 0.39, 0.42, 0.5, 0.4, 0.6}, torch::kFloat64)
                              .view({1, 2, 3})

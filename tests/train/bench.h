@@ -38,8 +38,13 @@ struct Bench {
     const torch::Tensor draws = torch::tensor({1, 2, 3}, torch::kInt64);
     const train::View& chosen = views[static_cast<size_t>(view)];
     const torch::Device device = chosen.blurry.device();
-    return {
-        step, chosen, view, draws.to(device), {}, torch::tensor({view}, torch::kInt64).to(device)};
+    train::StepInputs in;
+    in.step = step;
+    in.view = chosen;
+    in.view_index = view;
+    in.pose_draws = draws.to(device);
+    in.view_pick = torch::tensor({view}, torch::kInt64).to(device);
+    return in;
   }
   train::StepPlan plan(int64_t step) const { return train::plan_step(options, step); }
 

@@ -3,6 +3,7 @@
 
 #include "support/catch.h"
 
+#include "jade/config/config.h"
 #include "jade/core/error.h"
 
 using namespace jade;
@@ -83,4 +84,26 @@ TEST_CASE("validate: learned poses end with their exposure, and so must the wind
                     Catch::Contains("objective.event_window") && Catch::Contains("poses.optimize"));
   options.objective.event_loss_weight = 0;
   CHECK_NOTHROW(train::validate(options));
+}
+
+TEST_CASE("presets: paper.yaml undoes all that base.yaml recommends", "[train]") {
+  const std::string configs = std::string(JADE_SOURCE) + "/configs/";
+  /// The values that differ from the program's own, of base.yaml with `layers` over it.
+  const auto changed = [&](const std::vector<std::filesystem::path>& layers) {
+    auto options = config::load<train::RunOptions>({configs + "base.yaml", {}, layers});
+    train::RunOptions printed;
+    train::settle(printed);
+    const auto found = config::values(fields_of(options)),
+               expected = config::values(fields_of(printed));
+    std::string keys;
+    for (size_t i = 0; i < found.size(); ++i) {
+      if (found[i] != expected[i]) keys += found[i].first + " ";
+    }
+    return keys;
+  };
+  CHECK_THAT(changed({}), Catch::Contains("exposure.samples") && Catch::Contains("poses.start"));
+  // The inherited density control counts the first pose alone; the program all of them.
+  CHECK(changed({configs + "paper.yaml"}) == "densify.statistics ");
+  CHECK(changed({configs + "ablation/full.yaml"}) ==
+        "densify.gradient_threshold densify.max_gaussians ");
 }

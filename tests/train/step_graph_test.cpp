@@ -57,7 +57,7 @@ struct GraphBench : test::Bench {
       const torch::NoGradGuard no_grad;
       torch::manual_seed(4);
       torch::Tensor twists = state.poses->twists();
-      twists.add_((0.02 * torch::randn(twists.sizes(), torch::kFloat64)).to(device));
+      twists.add_((0.1 * torch::randn(twists.sizes(), torch::kFloat64)).to(device));
     }
     windows = std::make_unique<train::EventWindows>(dataset, windows_options, 1, device);
   }

@@ -53,10 +53,10 @@ WindowCounts ramped_windows(const EventStream& events, const TimeWindow& exposur
   for (int64_t i = 0; i < near.size(); ++i) {
     EventFootprint footprint;
     if (!locate(x[i], y[i], width, height, footprint)) continue;
-    const int32_t column = std::clamp(footprint.column + int32_t(footprint.fx >= kWhole / 2), 0,
-                                      width - 1);
-    const int32_t row = std::clamp(footprint.row + int32_t(footprint.fy >= kWhole / 2), 0,
-                                   height - 1);
+    const int32_t column =
+        std::clamp(footprint.column + int32_t(footprint.fx >= kWhole / 2), 0, width - 1);
+    const int32_t row =
+        std::clamp(footprint.row + int32_t(footprint.fy >= kWhole / 2), 0, height - 1);
     int64_t& previous = before[static_cast<size_t>(row) * size.width + column];
     const int64_t begin = std::max(previous, t[i] - reach_us);
     previous = t[i];

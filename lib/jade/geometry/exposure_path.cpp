@@ -41,8 +41,9 @@ class PathFunction : public torch::autograd::Function<PathFunction> {
 torch::Tensor path_of(const torch::Tensor& twists, const torch::Tensor& u,
                       const torch::Tensor& base, bool corrects) {
   check_shape(twists, "twists", {-1, 6});
-  JADE_CHECK(twists.size(0) == 2 || twists.size(0) == 4,
-             "expected two or four twists per exposure, found ", twists.size(0));
+  const int64_t control = twists.size(0);
+  JADE_CHECK(control == 2 || control == 4 || (corrects && control > 4),
+             "expected two or four twists per exposure, or more of a correction, found ", control);
   check_dtype(twists, "twists", torch::kFloat64);
   check_shape(u, "times", {-1});
   check_dtype(u, "times", torch::kFloat64);

@@ -9,9 +9,9 @@ namespace jade::geometry {
 
 /// A given path times a correction that varies along the exposure,
 ///     world_from_camera(u) = data(u) · exp(ξ(u)),  ξ(u) = Σ_j b_j(u) ξ_j,
-/// b_j the linear basis for two twists, the uniform cubic B-spline's for four: its middle segment
-/// is the exposure. Twists of zero give the path back to the bit.
-/// @param twists             [K,6] float64, ξ_j = (ρ, ω) as in se3_exp(); K 2 or 4
+/// b_j the linear basis for two twists, the uniform cubic B-spline's for four or more: its K − 3
+/// middle segments are the exposure. Twists of zero give the path back to the bit.
+/// @param twists             [K,6] float64, ξ_j = (ρ, ω) as in se3_exp(); K 2, 4 or more
 /// @param u                  [M] float64, times in units of the exposure, 0 its start and 1 its end
 /// @param camera_from_world  [M,4,4] float32 or float64, the data's at these times
 /// @return camera_from_world [M,4,4] float64; differentiable in the twists alone, and once

@@ -9,7 +9,7 @@
 
 namespace jade::geometry {
 
-/// At most so many control twists.
+/// So many control twists bend one moment of the path at most.
 constexpr int kMaxControl = 4;
 
 /// The tensors of an ExposurePath.
@@ -79,20 +79,36 @@ JADE_HD Motion<S> spline_pose(const Twist<S>* twists, int control, double u, con
   return inverse_of(path);
 }
 
+/// The twists that bend a moment, and where it lies between them.
+struct Segment {
+  int first, control;
+  double u;
+};
+
+JADE_HD Segment segment_of(double u, int control) {
+  if (control <= kMaxControl) return {0, control, u};
+  const int segments = control - kMaxControl + 1;
+  const double place = u * segments;
+  const int first = static_cast<int>(kernel::max(0.0, kernel::min(place, segments - 1.0)));
+  return {first, kMaxControl, place - first};
+}
+
 /// camera_from_world of pose `m`, of the twists moved along `direction` (0 … 6K − 1; −1: none).
 template <class S>
 JADE_HD Motion<S> path_pose(const PathPointers& path, int64_t m, int direction) {
+  const Segment at = segment_of(path.u[m], path.control);
   Twist<S> twists[kMaxControl];
-  for (int j = 0; j < path.control; ++j) {
+  for (int j = 0; j < at.control; ++j) {
     S number[6];
     for (int i = 0; i < 6; ++i) {
-      number[i] = S(path.twists[6 * j + i]);
-      if constexpr (std::is_same_v<S, Dual>) number[i].slope = direction == 6 * j + i ? 1 : 0;
+      const int index = 6 * (at.first + j) + i;
+      number[i] = S(path.twists[index]);
+      if constexpr (std::is_same_v<S, Dual>) number[i].slope = direction == index ? 1 : 0;
     }
     twists[j] = {{number[0], number[1], number[2]}, {number[3], number[4], number[5]}};
   }
-  return path.corrects ? corrected_pose(twists, path.control, path.u[m], path.base + 16 * m)
-                       : spline_pose(twists, path.control, path.u[m], path.base);
+  return path.corrects ? corrected_pose(twists, at.control, at.u, path.base + 16 * m)
+                       : spline_pose(twists, at.control, at.u, path.base);
 }
 
 /// What pose `m` adds to the gradient of the twists along `direction`.

@@ -11,9 +11,9 @@ namespace jade::losses {
 torch::Tensor trusted(const torch::Tensor& target, const Fixed& render, double scale) {
   check_shape(target, "target", render->sizes().vec());
   const torch::Tensor residual = target - *render;
-  const torch::Tensor local = torch::avg_pool2d(
-      residual.detach().abs().mean(0, /*keepdim=*/true), 5, 1, 2, /*ceil_mode=*/false,
-      /*count_include_pad=*/false);
+  const torch::Tensor local = torch::avg_pool2d(residual.detach().abs().mean(0, /*keepdim=*/true),
+                                                5, 1, 2, /*ceil_mode=*/false,
+                                                /*count_include_pad=*/false);
   return torch::addcmul(*render, residual, scale / (local + scale));
 }
 

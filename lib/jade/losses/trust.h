@@ -30,7 +30,8 @@ void describe(V& v, TrustOptions& o) {
   v.field("from", o.from, "both act after this step", Range{0, 1e9});
 }
 
-/// What the render is drawn to instead of `target`: sg(render) + w (target − sg(render)), per pixel,
+/// What the render is drawn to instead of `target`: sg(render) + w (target − sg(render)), per
+/// pixel,
 ///     w = sg(c / (c + mean over a 5×5 window and channels of |target − render|)).
 /// Against it L1 has w times its gradient, and where w falls to 0 the target abstains.
 /// @param target  [C,H,W], differentiable

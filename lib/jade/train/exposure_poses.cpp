@@ -7,6 +7,7 @@
 #include "jade/core/check.h"
 #include "jade/geometry/exposure_path.h"
 #include "jade/geometry/se3.h"
+#include "jade/train/exposure_span.h"
 
 namespace jade::train {
 namespace {
@@ -34,6 +35,20 @@ torch::Tensor first_guesses(const data::Dataset& dataset, bool cubic) {
   return torch::stack(guesses);
 }
 
+/// Where the control twists of a spline of more than one segment act, near enough for the gauge.
+torch::Tensor poses_at_controls(const data::Dataset& dataset, int64_t control_poses) {
+  std::vector<torch::Tensor> all;
+  for (const ExposureSpan& span : exposure_spans(dataset)) {
+    std::vector<geometry::Pose> poses;
+    for (int64_t j = 0; j < control_poses; ++j) {
+      const double u = static_cast<double>(j - 1) / static_cast<double>(control_poses - 3);
+      poses.push_back(geometry::inverse(span.at(std::clamp(u, 0.0, 1.0))));
+    }
+    all.push_back(geometry::to_tensor(poses));
+  }
+  return torch::stack(all);
+}
+
 }  // namespace
 
 double pose_lr(const PoseOptions& options, int64_t step) {
@@ -47,7 +62,10 @@ double pose_lr(const PoseOptions& options, int64_t step) {
 ExposurePoses::ExposurePoses(const PoseOptions& options, const data::Dataset& dataset)
     : start_(options.start) {
   JADE_CHECK(options.optimize != PosePath::kNone, "expected a path that is learned, found none");
-  const torch::Tensor control = first_guesses(dataset, options.optimize == PosePath::kCubic);
+  const bool cubic = options.optimize == PosePath::kCubic;
+  const torch::Tensor control = cubic && options.control_poses > 4
+                                    ? poses_at_controls(dataset, options.control_poses)
+                                    : first_guesses(dataset, cubic);
   const double depth = std::sqrt(dataset.near * dataset.far);
   JADE_CHECK(depth > 0, "expected depth bounds above 0, found ", dataset.near, " and ",
              dataset.far);

@@ -35,6 +35,7 @@ constexpr auto words_of(PoseStart) {
 struct PoseOptions {
   PosePath optimize = PosePath::kNone;
   PoseStart start = PoseStart::kLine;
+  int64_t control_poses = 4;
   double lr = 1e-3;
   double lr_final = 1e-5;
   Steps lr_max_steps = Steps::share(120);
@@ -48,6 +49,11 @@ template <class V>
 void describe(V& v, PoseOptions& o) {
   v.field("optimize", o.optimize, "learn the camera's path through each exposure");
   v.field("start", o.start, "where a learned path starts and what its twists move");
+  v.field(
+      "control_poses", o.control_poses,
+      "twists per exposure of a cubic correction (start data): the more, the faster an error it "
+      "follows",
+      Range{4, 64});
   v.field("lr", o.lr, "Adam step size of the poses at step 0", Range{0, 1});
   v.field("lr_final", o.lr_final, "the same at lr_max_steps; log-linear between", Range{0, 1});
   v.field("lr_max_steps", o.lr_max_steps, "steps over which it falls", Range{1, 1e9});
@@ -69,9 +75,9 @@ void describe(V& v, PoseOptions& o) {
 /// The step size of the poses at `step` (counted from 1).
 double pose_lr(const PoseOptions& options, int64_t step);
 
-/// The learned path of every exposure, by two twists (linear) or four (cubic) that start at zero,
-/// float64, differentiable on any device without asking the host; geometry/exposure_path.h has the
-/// equations.
+/// The learned path of every exposure, by two twists (linear) or four and more (cubic) that start
+/// at zero, float64, differentiable on any device without asking the host; geometry/exposure_path.h
+/// has the equations.
 ///
 /// kLine, as BAD-Gaussians: twists move the control poses of a path that begins as the SE(3) line
 /// from the exposure's first pose to its last. What the data say in between is lost, and so is the

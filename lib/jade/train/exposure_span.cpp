@@ -38,8 +38,7 @@ std::vector<ExposureSpan> exposure_spans(const data::Dataset& dataset) {
   const geometry::Trajectory& whole = dataset.trajectory;
   for (const data::Exposure& exposure : dataset.train) {
     ExposureSpan span = span_of(exposure);
-    const bool covered = !whole.empty() &&
-                         whole.begin_us() <= static_cast<double>(span.begin_us) &&
+    const bool covered = !whole.empty() && whole.begin_us() <= static_cast<double>(span.begin_us) &&
                          whole.end_us() >= static_cast<double>(span.end_us);
     if (covered) span.path = whole;
     spans.push_back(std::move(span));

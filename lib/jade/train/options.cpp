@@ -80,6 +80,13 @@ void validate(const RunOptions& options) {
     throw ConfigError(
         "train.target_images: needed by objective.target image_folder; name a folder of images");
   }
+  if (options.poses.control_poses > 4 && options.poses.optimize != PosePath::kNone &&
+      (options.poses.optimize != PosePath::kCubic || options.poses.start != PoseStart::kData)) {
+    throw ConfigError(
+        concat("poses.control_poses: expected 4 but for poses.optimize cubic with "
+               "poses.start data, found ",
+               options.poses.control_poses));
+  }
   if (options.poses.optimize != PosePath::kNone && options.objective.event_loss_weight > 0 &&
       options.objective.event_window == losses::EventSpan::kRecording) {
     throw ConfigError(
