@@ -96,6 +96,13 @@ TEST_CASE("trainer: whatever a checkpoint holds, a run that goes on from it does
          o.poses.test_fit_steps = 0;
        },
        {"poses.twists", "poses.adam.", "poses.gradient."}},
+      {"sensor",
+       [](train::RunOptions& o) {
+         o.sensor.learn_thresholds = o.sensor.learn_gain = o.sensor.learn_offset = true;
+         o.sensor.from = 6;
+       },
+       {"sensor.log_positive", "sensor.log_negative", "sensor.log_gain", "sensor.offset_ms",
+        "sensor.adam."}},
       {"mcmc",
        [](train::RunOptions& o) { o.densify.strategy = gaussians::DensifyStrategy::kMcmc; },
        {"densify.generator"}},

@@ -17,6 +17,7 @@ StepPlan plan_step(const RunOptions& options, int64_t step) {
   plan.sh_degree = gaussians::active_sh_degree(step, options.train.sh_degree_every);
   plan.learned_poses = options.poses.optimize != PosePath::kNone;
   plan.pose_update = plan.learned_poses && step % options.poses.accumulate == 0;
+  plan.sensor = learns(options.sensor) && step > options.sensor.from;
   plan.statistics = gaussians::keeps_statistics(options.densify, step);
   plan.recordable = options.train.cuda_graph && !options.deterministic && !plan.learned_poses &&
                     allocation != AllocationKind::kPerViewMap;

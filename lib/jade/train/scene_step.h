@@ -17,8 +17,8 @@ splat::CameraBatch exposure_cameras(const TrainState& state, const View& view, i
 Renders render_exposure(TrainState& state, const StepInputs& inputs, const StepPlan& plan,
                         const RunOptions& options);
 
-/// One Adam step on φ (with the camera response and learned poses), Eq. (8) to (10). Touches
-/// neither θ nor its optimiser. Does not densify.
+/// One Adam step on φ (with the camera response, learned poses and sensor), Eq. (8) to (10).
+/// Touches neither θ nor its optimiser. Does not densify.
 /// @param target  [3,H,W], as re-evaluated after the routing step; needed for L_tgt only
 /// @return the terms, as device scalars without graph
 std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& inputs,

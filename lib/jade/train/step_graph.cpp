@@ -112,6 +112,7 @@ struct StepGraph::Recording {
     state.gaussians.zero_grad();
     state.allocation_adam.zero_grad();
     state.response_adam.zero_grad();
+    state.sensor_adam.zero_grad();
     graph.emplace();
     graph->capture_begin();
     try {
