@@ -6,6 +6,7 @@
 #include <cmath>
 #include <torch/types.h>
 
+#include "jade/core/error.h"
 #include "random_events.h"
 #include "support/signed_bins.h"
 
@@ -33,6 +34,23 @@ TEST_CASE("map exposure: exposures shorter than their bins, and without events, 
     CHECK(maps.density.sum().item<float>() == Approx(float(events.slice(window).size())));
     CHECK(maps.windows.positive.sizes() == torch::IntArrayRef({8, kSize.height, kSize.width}));
   }
+}
+
+TEST_CASE("count windows: inside those of the exposure, beyond it as many more as asked for",
+          "[events]") {
+  const auto events = random_events(4000, 1, 10000, 4).stream();
+  const TimeWindow exposure{3003, 7014};
+  const auto inside = map_exposure(events, exposure, 6, kSize).windows;
+  const auto wide = count_windows(events, exposure, 8, 3, kSize);
+  CHECK(wide.positive.sizes() == torch::IntArrayRef({14, kSize.height, kSize.width}));
+  CHECK(wide.positive.narrow(0, 3, 8).equal(inside.positive));
+  CHECK(wide.negative.narrow(0, 3, 8).equal(inside.negative));
+  // 4011 µs in eight parts: knots three parts before and after, to the next whole microsecond.
+  const auto before = event_density(events.slice(1499, 3003), kSize);
+  const auto after = event_density(events.slice(7014, 8519), kSize);
+  CHECK(worst((wide.positive + wide.negative).narrow(0, 0, 3).sum(0), before) < 1e-5);
+  CHECK(worst((wide.positive + wide.negative).narrow(0, 11, 3).sum(0), after) < 1e-5);
+  CHECK_THROWS_AS(count_windows(events, exposure, 8, -1, kSize), jade::ContractError);
 }
 
 TEST_CASE("edi windows: windows hold threshold times count, by polarity", "[events]") {

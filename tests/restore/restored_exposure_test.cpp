@@ -124,5 +124,30 @@ TEST_CASE("restore_exposure: ramps read events beyond the exposure and change ED
   CHECK_FALSE(alone.kernel.gain.equal(lines.kernel.gain));
 }
 
+TEST_CASE("restore_exposure: counts that are asked for are those of its windows, and beyond",
+          "[restore]") {
+  const data::Exposure whole = exposure_with_events();
+  data::Exposure exposure = whole;
+  exposure.events = whole.events.slice(1000, 9000);
+  ViewRestorer restorer({false, {}, 1}, std::nullopt, torch::kCPU);
+  RestoreOptions options;
+  CHECK_FALSE(restore_exposure(exposure, whole.events, options, restorer).counts.weights.defined());
+  options.count_margin = 2;
+  for (const double ramp_ms : {0.0, 0.3}) {
+    options.events.ramp_ms = ramp_ms;
+    options.events.edi_samples = 17;
+    CHECK(integral_samples(options) == 17);
+    const RestoredExposure found = restore_exposure(exposure, whole.events, options, restorer);
+    const torch::Tensor& positive = found.counts.positive;
+    CHECK(positive.size(0) == 17 + 4);
+    CHECK(positive[10].abs().max().item<double>() == 0);  // mid-exposure
+    const auto windows = positive.slice(0, 1) - positive.slice(0, 0, -1);
+    CHECK(torch::allclose(windows.narrow(0, 2, 16), found.maps.windows.positive, 0, 1e-5));
+    // Events come from 0.5 ms before the exposure on, and beyond its end.
+    CHECK(windows.narrow(0, 1, 1).sum().item<double>() > 0);
+    CHECK(windows.narrow(0, 18, 1).sum().item<double>() > 0);
+  }
+}
+
 }  // namespace
 }  // namespace jade::restore

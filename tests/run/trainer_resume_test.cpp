@@ -110,6 +110,13 @@ TEST_CASE("trainer: whatever a checkpoint holds, a run that goes on from it does
        },
        {"poses.twists", "poses.adam.0", "poses.adam.1", "poses.adam.2", "poses.gradient.twists",
         "poses.gradient.seen"}},
+      {"sensor",
+       [](train::RunOptions& o) {
+         o.sensor.learn_thresholds = o.sensor.learn_gain = o.sensor.learn_offset = true;
+         o.sensor.from = 6;
+       },
+       {"sensor.log_positive", "sensor.log_negative", "sensor.log_gain", "sensor.offset_ms",
+        "sensor.adam."}},
       {"mcmc",
        [](train::RunOptions& o) { o.densify.strategy = gaussians::DensifyStrategy::kMcmc; },
        {"densify.generator"}},

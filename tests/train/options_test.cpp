@@ -73,6 +73,19 @@ TEST_CASE("options: the calendar follows the number of steps", "[train]") {
   }
 }
 
+TEST_CASE("options: a learned sensor asks for a term that moves it, and for exact EDI", "[train]") {
+  train::RunOptions options;
+  options.sensor.learn_thresholds = true;
+  CHECK_NOTHROW(train::validate(options));
+  options.objective.edi_supervision = false;
+  CHECK_NOTHROW(train::validate(options));
+  options.objective.simulation = false;
+  CHECK_THROWS_WITH(train::validate(options), Catch::Contains("objective.edi_supervision"));
+  options.objective.simulation = true;
+  options.events.edi_index = events::EdiIndex::kDiet;
+  CHECK_THROWS_WITH(train::validate(options), Catch::Contains("sensor.learn_thresholds"));
+}
+
 TEST_CASE("validate: learned poses end with their exposure, and so must the windows of L_ev",
           "[train]") {
   train::RunOptions options;

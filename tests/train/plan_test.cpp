@@ -82,6 +82,16 @@ TEST_CASE("plan: learned poses change no plan when their gradients have been add
   CHECK(train::plan_step(options, 3) == train::plan_step(options, 4));
 }
 
+TEST_CASE("plan: what is learned of the sensor moves after its step, as a recorded one",
+          "[train]") {
+  train::RunOptions options = settled();
+  CHECK_FALSE(train::plan_step(options, 25000).sensor);
+  options.sensor.learn_gain = true;
+  CHECK_FALSE(train::plan_step(options, 3000).sensor);
+  CHECK(train::plan_step(options, 3001).sensor);
+  CHECK(train::plan_step(options, 3001).recordable);
+}
+
 TEST_CASE("plan: screen gradients count for adc alone and end with it", "[train]") {
   train::RunOptions options = settled();
   CHECK(train::plan_step(options, 14999).statistics);

@@ -35,6 +35,10 @@ TEST_CASE("visit: the inputs of a step name each tensor once, at its own place",
                                                   "view.psi",
                                                   "view.edi_factors",
                                                   "view.edi_log_gain",
+                                                  "view.edi_counts.positive",
+                                                  "view.edi_counts.negative",
+                                                  "view.edi_counts.weights",
+                                                  "view.per_ms",
                                                   "view.reblur_kernel",
                                                   "view.u",
                                                   "view.weights",
@@ -114,15 +118,19 @@ TEST_CASE("state: the modules follow the options", "[train]") {
   CHECK(plain.allocation_adam.empty());
   CHECK_FALSE(plain.response_adam.empty());
   CHECK_FALSE(plain.poses);
+  CHECK_FALSE(plain.sensor);
   options.objective.target = losses::Target::kRouted;
   options.allocation.kind = router::AllocationKind::kConstant;
   options.response.lr = 0;
   options.poses.optimize = train::PosePath::kLinear;
+  options.sensor.learn_offset = true;
   const train::TrainState other = train::make_state(options, dataset, torch::kCPU);
   CHECK(other.allocation);
   CHECK(other.allocation_adam.empty());
   CHECK(other.response_adam.empty());
   CHECK_FALSE(other.poses_adam.empty());
+  CHECK(other.sensor);
+  CHECK(other.sensor_adam.state().size() == 3);  // of the offset alone
   options.response.enabled = false;
   CHECK_FALSE(train::make_state(options, dataset, torch::kCPU).response);
 }

@@ -9,7 +9,8 @@
 namespace jade::events {
 
 /// First whole microsecond at or after begin + duration · k / parts, the k-th of parts + 1 equal
-/// knots. An event at time t belongs to part k when knot_k ≤ t < knot_{k+1}, exactly.
+/// knots; k below 0 and beyond `parts` goes on outside the window. An event at time t belongs to
+/// part k when knot_k ≤ t < knot_{k+1}, exactly.
 int64_t knot_us(const TimeWindow& window, int64_t k, int64_t parts);
 
 /// Bilinear sums of positive and negative events in consecutive spans of time,

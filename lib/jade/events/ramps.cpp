@@ -34,17 +34,19 @@ void share_out(const std::vector<int64_t>& knots, int64_t begin, int64_t end, co
 }  // namespace
 
 WindowCounts ramped_windows(const EventStream& events, const TimeWindow& exposure, int64_t parts,
-                            int64_t reach_us, const ImageSize& size) {
-  JADE_CHECK(parts > 0 && reach_us >= 0, "expected one window or more and a reach of 0 or more, ",
-             "found ", parts, " and ", reach_us, " us");
+                            int64_t reach_us, const ImageSize& size, int64_t margin) {
+  JADE_CHECK(parts > 0 && reach_us >= 0 && margin >= 0,
+             "expected one window or more, a reach and a margin of 0 or more, found ", parts, ", ",
+             reach_us, " us and ", margin);
   std::vector<int64_t> knots;
-  for (int64_t k = 0; k <= parts; ++k) knots.push_back(knot_us(exposure, k, parts));
-  const EventStream near = events.slice(exposure.begin_us - reach_us, exposure.end_us + reach_us);
+  for (int64_t k = -margin; k <= parts + margin; ++k) knots.push_back(knot_us(exposure, k, parts));
+  const int64_t windows = parts + 2 * margin;
+  const EventStream near = events.slice(knots.front() - reach_us, knots.back() + reach_us);
   const int64_t pixels = size.height * size.width;
   // Windows of one pixel side by side, as an event touches many of them.
-  const torch::Tensor sums = torch::zeros({2, pixels, parts}, torch::kFloat32);
+  const torch::Tensor sums = torch::zeros({2, pixels, windows}, torch::kFloat32);
   auto* const out = sums.mutable_data_ptr<float>();
-  std::vector<int64_t> before(static_cast<size_t>(pixels), exposure.begin_us - 2 * reach_us);
+  std::vector<int64_t> before(static_cast<size_t>(pixels), knots.front() - 2 * reach_us);
   const float* const x = near.x().const_data_ptr<float>();
   const float* const y = near.y().const_data_ptr<float>();
   const int64_t* const t = near.t_us().const_data_ptr<int64_t>();
@@ -60,15 +62,15 @@ WindowCounts ramped_windows(const EventStream& events, const TimeWindow& exposur
     int64_t& previous = before[static_cast<size_t>(row) * size.width + column];
     const int64_t begin = std::max(previous, t[i] - reach_us);
     previous = t[i];
-    float* const plane = out + (polarity[i] > 0 ? 0 : pixels * parts);
+    float* const plane = out + (polarity[i] > 0 ? 0 : pixels * windows);
     share_out(knots, begin, t[i], [&](int64_t window, float share) {
       spread(footprint, width, height, [&](int64_t pixel, int64_t weight) {
-        plane[pixel * parts + window] += share * static_cast<float>(weight * kCountUnit);
+        plane[pixel * windows + window] += share * static_cast<float>(weight * kCountUnit);
       });
     });
   }
   const torch::Tensor maps =
-      sums.view({2, size.height, size.width, parts}).permute({0, 3, 1, 2}).contiguous();
+      sums.view({2, size.height, size.width, windows}).permute({0, 3, 1, 2}).contiguous();
   return {maps[0], maps[1]};
 }
 

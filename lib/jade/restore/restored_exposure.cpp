@@ -14,6 +14,10 @@ using geometry::QuadratureRule;
 /// Where nothing else is said: fine enough for any drawn moment.
 constexpr int64_t kFineSamples = 65;
 
+int64_t reach_of(const events::EventOptions& options) {
+  return static_cast<int64_t>(options.ramp_ms * 1000);
+}
+
 /// The moments of the EDI integral and their weights.
 struct Integral {
   int64_t samples;
@@ -29,6 +33,16 @@ Integral integral_of(const RestoreOptions& options) {
   return {options.exposure.samples, options.exposure.quadrature};
 }
 
+events::WindowCounts integral_windows(const data::Exposure& exposure,
+                                      const events::EventStream& recording,
+                                      const RestoreOptions& options, int64_t margin) {
+  const events::TimeWindow span{exposure.t_start_us, exposure.t_end_us};
+  const events::ImageSize size{exposure.camera.height, exposure.camera.width};
+  const int64_t parts = integral_of(options).samples - 1, reach_us = reach_of(options.events);
+  return reach_us > 0 ? events::ramped_windows(recording, span, parts, reach_us, size, margin)
+                      : events::count_windows(recording, span, parts, margin, size);
+}
+
 torch::Tensor gain_at_samples(const imaging::EdiKernel& kernel,
                               const geometry::ExposureOptions& options) {
   const bool same =
@@ -41,6 +55,8 @@ torch::Tensor gain_at_samples(const imaging::EdiKernel& kernel,
 
 }  // namespace
 
+int64_t integral_samples(const RestoreOptions& options) { return integral_of(options).samples; }
+
 RestoredExposure restore_exposure(const data::Exposure& exposure,
                                   const events::EventStream& recording,
                                   const RestoreOptions& options, ViewRestorer& restorer) {
@@ -48,19 +64,22 @@ RestoredExposure restore_exposure(const data::Exposure& exposure,
   const events::TimeWindow span{exposure.t_start_us, exposure.t_end_us};
   const events::ImageSize size{exposure.camera.height, exposure.camera.width};
   const Integral integral = integral_of(options);
-  const auto reach_us = static_cast<int64_t>(options.events.ramp_ms * 1000);
   RestoredExposure restored;
   restored.maps =
       events::map_exposure(exposure.events, span, options.events.bins, size, integral.samples - 1);
-  if (reach_us > 0) {
-    restored.maps.windows =
-        events::ramped_windows(recording, span, integral.samples - 1, reach_us, size);
+  if (reach_of(options.events) > 0) {
+    restored.maps.windows = integral_windows(exposure, recording, options, 0);
   }
   restored.blurry = exposure.blurry.to(device).contiguous();
   const torch::Tensor windows =
       events::edi_windows(restored.maps.windows, options.events.thresholds()).to(device);
   restored.kernel = imaging::edi_kernel(windows, integral.rule, options.events.edi_index);
   restored.gain = gain_at_samples(restored.kernel, options.exposure);
+  if (const auto margin = options.count_margin) {
+    const events::WindowCounts wide = integral_windows(exposure, recording, options, *margin);
+    restored.counts = imaging::edi_counts({wide.positive.to(device), wide.negative.to(device)},
+                                          *margin, integral.rule);
+  }
 
   // Part of the cache's keys.
   std::string settings = concat("index ", word_of(options.events.edi_index));

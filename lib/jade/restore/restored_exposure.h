@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
+#include <optional>
 #include <torch/types.h>
 
 #include "jade/data/exposure.h"
@@ -20,7 +22,12 @@ struct RestoreOptions {
   /// ε of a sensor that follows log(I + ε). It sees B + ε as the mean of I_k + ε, so the offset is
   /// added before EDI and taken off after.
   double log_offset = 0;
+  /// Asks for RestoredExposure::counts, with so many moments beyond each end of the exposure.
+  std::optional<int64_t> count_margin = std::nullopt;
 };
+
+/// How many moments the EDI integral of these options has.
+int64_t integral_samples(const RestoreOptions& options);
 
 /// One exposure restored at its middle, and what its events say.
 struct RestoredExposure {
@@ -29,6 +36,7 @@ struct RestoredExposure {
   torch::Tensor blurry;       ///< [3,H,W]
   imaging::EdiKernel kernel;  ///< latent images over the blurry frame, at the integral's moments
   torch::Tensor gain;         ///< [K,H,W] the same at those of geometry::quadrature()
+  imaging::EdiCounts counts;  ///< of the integral's moments; undefined where not asked for
   Restorations restorations;  ///< I_edi; F where the restorer has a network, else undefined
 };
 

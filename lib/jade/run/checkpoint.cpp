@@ -73,6 +73,7 @@ Entries entries_of(const train::TrainState& state) {
   };
   if (state.allocation) put_module("allocation", *state.allocation, state.allocation_adam);
   if (state.response) put_module("crf", *state.response, state.response_adam);
+  if (state.sensor) put_module("sensor", *state.sensor, state.sensor_adam);
   if (state.poses) {
     const train::RowAdamState& adam = state.poses_adam.state();
     put_parameters("poses", *state.poses);
@@ -289,6 +290,7 @@ void load_checkpoint(const fs::path& path, train::TrainState& state) {
   if (state.allocation)
     restore_module(all, "allocation", *state.allocation, state.allocation_adam, path);
   if (state.response) restore_module(all, "crf", *state.response, state.response_adam, path);
+  if (state.sensor) restore_module(all, "sensor", *state.sensor, state.sensor_adam, path);
   if (state.poses) restore_poses(all, state, path);
   state.step = take(all, "step", path).item<int64_t>();
 }

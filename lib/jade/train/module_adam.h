@@ -6,20 +6,23 @@
 
 namespace jade::train {
 
-/// Adam over a handful of small tensors in one fused call, its step counter on their device: for
-/// the router and the camera response, where launches would cost more than the arithmetic.
+/// Adam over a handful of small tensors in one fused call per step size, its step counter on their
+/// device: for the router and the camera response, where launches would cost more than the
+/// arithmetic.
 class ModuleAdam {
  public:
   ModuleAdam() = default;
   ModuleAdam(std::vector<torch::Tensor> parameters, double lr, double eps = 1e-8);
+  /// The same with a step size for each parameter.
+  ModuleAdam(std::vector<torch::Tensor> parameters, std::vector<double> lrs, double eps = 1e-8);
 
   bool empty() const { return parameters_.empty(); }
 
   /// One step with the gradients that the parameters hold. A parameter without one stays as it is,
   /// with its moments and its step count; at least one must have one.
-  void step() { step(lr_); }
-  /// The same with another step size.
-  void step(double lr);
+  void step() { step(lrs_); }
+  /// The same with another step size for all.
+  void step(double lr) { step(std::vector<double>(parameters_.size(), lr)); }
   /// Sets all gradients to undefined.
   void zero_grad();
 
@@ -29,8 +32,10 @@ class ModuleAdam {
   void restore(const std::vector<torch::Tensor>& state);
 
  private:
+  void step(const std::vector<double>& lrs);
+
   std::vector<torch::Tensor> parameters_, first_, second_, steps_;
-  double lr_ = 0;
+  std::vector<double> lrs_;
   double eps_ = 1e-8;
 };
 

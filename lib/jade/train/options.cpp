@@ -93,6 +93,18 @@ void validate(const RunOptions& options) {
         "objective.event_window: expected exposure where poses.optimize learns poses, which begin "
         "and end with their exposure, found recording; change one of the two");
   }
+  if (learns(options.sensor)) {
+    if (options.events.edi_index == events::EdiIndex::kDiet) {
+      throw ConfigError(
+          "events.edi_index diet: expected exact where something of the sensor is learned; set it, "
+          "or sensor.learn_thresholds, sensor.learn_gain and sensor.learn_offset false");
+    }
+    if (!options.objective.edi_supervision && !options.objective.simulation) {
+      throw ConfigError(
+          "sensor: expected a term to learn it from, found none; turn on "
+          "objective.edi_supervision or objective.simulation");
+    }
+  }
   const gaussians::DensifyOptions& densify = options.densify;
   // In a run of a few steps both shares may come to the same step; nothing is densified then.
   const bool in_order =

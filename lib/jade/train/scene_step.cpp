@@ -68,10 +68,24 @@ losses::EventPair event_pair(const TrainState& state, const StepInputs& inputs,
   return pair;
 }
 
-/// R at the drawn poses.
-torch::Tensor edi_factors(const View& view, const torch::Tensor& pose_draws) {
+/// R at the drawn poses, differentiable in the state's sensor where the plan moves it.
+torch::Tensor edi_factors(const TrainState& state, const View& view,
+                          const torch::Tensor& pose_draws, const StepPlan& plan) {
+  if (plan.sensor) {
+    return imaging::edi_log_gain(view.edi_counts, state.sensor->at(view.per_ms),
+                                 view.u.index_select(0, pose_draws))
+        .exp()
+        .unsqueeze(1);
+  }
   if (!view.edi_log_gain.defined()) return view.edi_factors.index_select(0, pose_draws);
   return imaging::edi_gain(view.edi_log_gain, view.u.index_select(0, pose_draws)).unsqueeze(1);
+}
+
+/// Nothing where the value is undefined.
+void add_term(losses::Objective& loss, const std::string& name, const torch::Tensor& value) {
+  if (!value.defined()) return;
+  loss.total = loss.total.defined() ? loss.total + value : value;
+  loss.terms.push_back({name, value});
 }
 
 }  // namespace
@@ -111,7 +125,7 @@ std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& s
   inputs.weights = view.weights;
   inputs.pose_draws = step_inputs.pose_draws;
   if (plan.objective.edi || plan.objective.simulation) {
-    inputs.edi_factors = edi_factors(view, step_inputs.pose_draws);
+    inputs.edi_factors = edi_factors(state, view, step_inputs.pose_draws, plan);
   }
   inputs.term_weights = step_inputs.term_weights;
   const events::Thresholds thresholds = options.events.thresholds();
@@ -123,19 +137,17 @@ std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& s
   }
 
   losses::Objective loss = losses::objective(inputs, plan.objective, options.objective);
-  const auto add = [&](const std::string& name, const torch::Tensor& value) {
-    if (!value.defined()) return;
-    loss.total = loss.total.defined() ? loss.total + value : value;
-    loss.terms.push_back({name, value});
-  };
-  add("regularization", state.densifier.regularization(state.gaussians));
-  add("poses", pose_prior(state, step_inputs, options.poses));
+  if (plan.sensor) add_term(loss, "sensor", state.sensor->prior());
+  add_term(loss, "regularization", state.densifier.regularization(state.gaussians));
+  add_term(loss, "poses", pose_prior(state, step_inputs, options.poses));
   state.gaussians.zero_grad();
   state.response_adam.zero_grad();
+  state.sensor_adam.zero_grad();
   if (state.poses) state.poses_adam.zero_grad();
   loss.total.backward();
   state.gaussian_adam.step(state.gaussians);
   if (!state.response_adam.empty() && plan.objective.response) state.response_adam.step();
+  if (plan.sensor) state.sensor_adam.step();
   if (state.poses) state.poses_adam.accumulate(step_inputs.view_pick);
   for (losses::NamedTerm& term : loss.terms) term.value = term.value.detach();
   return std::move(loss.terms);

@@ -19,9 +19,9 @@ splat::CameraBatch exposure_cameras(const TrainState& state, const StepInputs& i
 Renders render_exposure(TrainState& state, const StepInputs& inputs, const StepPlan& plan,
                         const RunOptions& options);
 
-/// One Adam step on φ (with the camera response), Eq. (8) to (10), with the term "poses" where
-/// learned poses have a prior; their gradients are added up for update_poses(). Touches neither θ
-/// nor its optimiser. Does not densify.
+/// One Adam step on φ (with the camera response and the learned sensor), Eq. (8) to (10), with the
+/// term "poses" where learned poses have a prior; their gradients are added up for update_poses().
+/// Touches neither θ nor its optimiser. Does not densify.
 /// @param target  [3,H,W], as re-evaluated after the routing step; needed for L_tgt only
 /// @return the terms, as device scalars without graph
 std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& inputs,

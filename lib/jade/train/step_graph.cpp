@@ -113,6 +113,7 @@ struct StepGraph::Recording {
     state.allocation_adam.zero_grad();
     state.response_adam.zero_grad();
     if (state.poses) state.poses_adam.zero_grad();
+    state.sensor_adam.zero_grad();
     graph.emplace();
     graph->capture_begin();
     try {

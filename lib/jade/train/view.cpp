@@ -77,12 +77,27 @@ std::vector<geometry::Pose> sample_poses(const data::Exposure& exposure, const E
   return poses;
 }
 
+restore::RestoreOptions restore_options(const data::Dataset& dataset, const RunOptions& options) {
+  restore::RestoreOptions out{options.events, options.exposure, 0};
+  if (learns(options.sensor)) {
+    out.count_margin =
+        count_margin(options.sensor, dataset.train, restore::integral_samples(out) - 1);
+  }
+  return out;
+}
+
+/// One without duration has no events to shift.
+torch::Tensor exposures_per_ms(const data::Exposure& exposure) {
+  const auto duration_us = static_cast<double>(exposure.duration_us());
+  return torch::tensor(duration_us > 0 ? 1000 / duration_us : 0.0, torch::kFloat32);
+}
+
 View prepare_view(const data::Exposure& exposure, const ExposureSpan& span,
                   const data::Dataset& dataset, const RunOptions& options,
                   restore::ViewRestorer& restorer) {
   const torch::Device device = restorer.device();
   const restore::RestoredExposure restored = restore::restore_exposure(
-      exposure, dataset.events, {options.events, options.exposure, 0}, restorer);
+      exposure, dataset.events, restore_options(dataset, options), restorer);
   const events::EventVoxel& voxel = restored.maps.voxel;
   View view;
   view.name = exposure.name;
@@ -94,6 +109,10 @@ View prepare_view(const data::Exposure& exposure, const ExposureSpan& span,
   view.edi_factors = restored.gain.unsqueeze(1);
   if (options.exposure.quadrature == geometry::QuadratureRule::kJittered) {
     view.edi_log_gain = restored.kernel.log_gain;
+  }
+  if (learns(options.sensor)) {
+    view.edi_counts = restored.counts;
+    view.per_ms = exposures_per_ms(exposure).to(device);
   }
   view.restorations = restored.restorations;
   const geometry::Quadrature sum =

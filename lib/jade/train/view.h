@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "jade/data/exposure.h"
+#include "jade/imaging/edi.h"
 #include "jade/imaging/ssim.h"
 #include "jade/restore/restorations.h"
 #include "jade/splat/render.h"
@@ -24,6 +25,8 @@ struct View {
   torch::Tensor edi_factors;           ///< [K,1,H,W] R_k: EDI_k(X) = X ⊙ R_k, at the moments u
   /// [S,H,W] ln R at equally spaced moments, where the steps draw their own; else undefined.
   torch::Tensor edi_log_gain;
+  imaging::EdiCounts edi_counts;       ///< where something of the sensor is learned, else undefined
+  torch::Tensor per_ms;                ///< [] float32, exposures in one millisecond
   torch::Tensor reblur_kernel;         ///< [1,H,W] K(V), Eq. (7)
   torch::Tensor density;               ///< [H,W] events of either polarity
   restore::Restorations restorations;  ///< I_edi and F; F undefined where nothing asks for it
@@ -49,6 +52,7 @@ struct View {
         visitor, Member{"name", self.name}, Member{"blurry", self.blurry},
         Member{"blurry_moments", self.blurry_moments}, Member{"psi", self.psi},
         Member{"edi_factors", self.edi_factors}, Member{"edi_log_gain", self.edi_log_gain},
+        Member{"edi_counts", self.edi_counts}, Member{"per_ms", self.per_ms},
         Member{"reblur_kernel", self.reblur_kernel}, Member{"density", self.density},
         Member{"restorations", self.restorations}, Member{"fixed_target", self.fixed_target},
         Member{"cameras", self.cameras}, Member{"u", self.u}, Member{"weights", self.weights});

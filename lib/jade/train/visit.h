@@ -9,6 +9,7 @@
 #include <type_traits>
 
 #include "jade/core/members.h"
+#include "jade/imaging/edi.h"
 #include "jade/imaging/ssim.h"
 #include "jade/restore/restorations.h"
 #include "jade/splat/render.h"
@@ -47,6 +48,10 @@ void visit_tensors(Visitor& visitor, const Member<T>& member) {
   } else if constexpr (std::is_same_v<Type, imaging::SsimTarget>) {
     visit_members<Type>(visitor, Member{inner("image"), value.image},
                         Member{inner("mean"), value.mean}, Member{inner("square"), value.square});
+  } else if constexpr (std::is_same_v<Type, imaging::EdiCounts>) {
+    visit_members<Type>(visitor, Member{inner("positive"), value.positive},
+                        Member{inner("negative"), value.negative},
+                        Member{inner("weights"), value.weights});
   } else if constexpr (std::is_same_v<Type, restore::Restorations>) {
     visit_members<Type>(visitor, Member{inner("edi"), value.edi},
                         Member{inner("efnet"), value.efnet});
