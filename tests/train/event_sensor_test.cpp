@@ -24,10 +24,10 @@ constexpr int64_t kRenders = 9, kIntegralParts = 64;
 /// What the sensor that recorded the events does and the configuration does not say.
 struct TrueSensor {
   double threshold = 0.25;
-  int64_t late_us = 0;         ///< stamps beyond the frames' clock
-  torch::Tensor gain = {};     ///< [H,W]
-  bool counts_levels = true;   ///< an event at each level crossed, else where a threshold is passed
-  int64_t ramp_us = 0;         ///< events are read with such a reach
+  int64_t late_us = 0;        ///< stamps beyond the frames' clock
+  torch::Tensor gain = {};    ///< [H,W]
+  bool counts_levels = true;  ///< an event at each level crossed, else where a threshold is passed
+  int64_t ramp_us = 0;        ///< events are read with such a reach
 };
 
 /// [H,W] of a pattern that drifts eight pixels in the exposure, above a part that never changes.
@@ -106,8 +106,8 @@ train::EventSensor fitted(const TrueSensor& truth, const train::SensorOptions& o
     const torch::Tensor u = geometry::jittered_times(generator, 1, kRenders)[0];
     inputs.renders = sharp_images(u);
     inputs.pose_draws = torch::randint(kRenders, {3}, generator, torch::kInt64);
-    const auto log_gain = imaging::edi_log_gain(counts, sensor.at(per_ms),
-                                                u.index_select(0, inputs.pose_draws));
+    const auto log_gain =
+        imaging::edi_log_gain(counts, sensor.at(per_ms), u.index_select(0, inputs.pose_draws));
     inputs.edi_factors = log_gain.exp().unsqueeze(1);
     adam.zero_grad();
     (losses::objective(inputs, plan, {}).total + sensor.prior()).backward();
@@ -251,8 +251,7 @@ TEST_CASE("event sensor: as configured, R is that of EDI; each parameter moves i
   const test::TinyScene scene;
   train::RunOptions options = test::tiny_options(scene);
   options.sensor.learn_thresholds = options.sensor.learn_gain = options.sensor.learn_offset = true;
-  for (const auto rule :
-       {geometry::QuadratureRule::kEqual, geometry::QuadratureRule::kTrapezoid}) {
+  for (const auto rule : {geometry::QuadratureRule::kEqual, geometry::QuadratureRule::kTrapezoid}) {
     options.exposure.quadrature = rule;
     const data::Dataset dataset = data::load_dataset(options.dataset);
     const train::View view = train::prepare_views(dataset, options, torch::kCPU)[1];

@@ -131,6 +131,12 @@ TEST_CASE("state: the modules follow the options", "[train]") {
   CHECK_FALSE(other.poses_adam.empty());
   CHECK(other.sensor);
   CHECK(other.sensor_adam.state().size() == 3);  // of the offset alone
+  const auto names = names_in(other);
+  for (const char* name : {"sensor.log_positive", "sensor.log_negative", "sensor.log_gain",
+                           "sensor.offset_ms", "sensor_adam.0", "sensor_adam.2"}) {
+    INFO(name);
+    CHECK(names.count(name) == 1);
+  }
   options.response.enabled = false;
   CHECK_FALSE(train::make_state(options, dataset, torch::kCPU).response);
 }
