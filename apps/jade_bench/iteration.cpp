@@ -75,7 +75,12 @@ struct Bench {
 
   train::StepInputs next() {
     const int64_t view = step % kViews;
-    return {step, views[static_cast<size_t>(view)], view, draws.at(step), {}, {}};
+    train::StepInputs inputs;
+    inputs.step = step;
+    inputs.view = views[static_cast<size_t>(view)];
+    inputs.view_index = view;
+    inputs.pose_draws = draws.at(step);
+    return inputs;
   }
   train::StepPlan plan() const { return train::plan_step(options, step); }
 };

@@ -48,8 +48,9 @@ TEST_CASE("near plane: training, scores and pictures cut where the run says", "[
   scene.options.splat.near_plane = 50;
   run::Trainer trainer(scene.options, scene.run, "");
   auto& state = const_cast<train::TrainState&>(trainer.state());
-  const train::StepInputs inputs{1, trainer.views()[0], 0, torch::zeros({3}, torch::kInt64), {},
-                                 {}};
+  train::StepInputs inputs;
+  inputs.view = trainer.views()[0];
+  inputs.pose_draws = torch::zeros({3}, torch::kInt64);
   const auto render = [&] {
     const train::StepPlan plan = train::plan_step(scene.options, 1);
     return train::render_exposure(state, inputs, plan, scene.options).color;

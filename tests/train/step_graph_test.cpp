@@ -107,7 +107,7 @@ TEST_CASE("step graph: replayed steps move the sensor as eager ones do", "[train
   const torch::Device device(torch::kCUDA, 0);
   const train::StreamScope stream(device);
   const test::TinyScene scene;
-  GraphBench recorded(scene, false), eager(scene, false);
+  GraphBench recorded(scene, GraphCase{false}), eager(scene, GraphCase{false});
   train::StepGraph graph;
   for (GraphBench* bench : {&recorded, &eager}) {
     train::SensorOptions& sensor = bench->options.sensor;

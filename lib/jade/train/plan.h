@@ -24,8 +24,8 @@ struct StepPlan {
 
   /// For the comparison.
   auto members() const {
-    const auto all = std::tie(objective, route, sh_degree, learned_poses, sensor, statistics,
-                              recordable);
+    const auto all =
+        std::tie(objective, route, sh_degree, learned_poses, sensor, statistics, recordable);
     static_assert(std::tuple_size_v<decltype(all)> == member_count<StepPlan>());
     return all;
   }
