@@ -13,7 +13,7 @@ namespace {
 
 TEST_CASE("camera response: a failure that CUDA reports is a DeviceError", "[response][cuda]") {
   const auto options = torch::TensorOptions(torch::kCUDA);
-  const Lookup args{torch::zeros({2, 5}, options), torch::zeros({kKnots}, options)};
+  const Lookup args{torch::zeros({2, 5}, options), torch::zeros({kKnots}, options), {}};
   const auto forward = [&] { cuda::lookup(args); };
   const auto backward = [&] { cuda::lookup_backward(args, args.image, true, false); };
   CHECK_NOTHROW(forward());

@@ -181,8 +181,7 @@ Matrix3 nearest_rotation(const Matrix3& matrix) {
 torch::Tensor to_tensor(const Pose& pose) { return to_tensor(std::vector<Pose>{pose})[0]; }
 
 torch::Tensor to_tensor(const std::vector<Pose>& poses) {
-  const torch::Tensor out =
-      torch::zeros({static_cast<int64_t>(poses.size()), 4, 4}, torch::kFloat64);
+  torch::Tensor out = torch::zeros({static_cast<int64_t>(poses.size()), 4, 4}, torch::kFloat64);
   auto* row = out.mutable_data_ptr<double>();
   for (const Pose& pose : poses) {
     for (size_t i = 0; i < 3; ++i, row += 4) {
