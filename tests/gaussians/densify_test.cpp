@@ -240,5 +240,22 @@ TEST_CASE("mcmc: update grows by the given share up to max_gaussians and regular
   CHECK_FALSE(f.densifier({}).regularization(f.model).defined());
 }
 
+TEST_CASE("mcmc: a run of any length has time for as many new Gaussians", "[gaussians]") {
+  const auto total = [](int64_t budget) {
+    DensifyOptions options;
+    for (Steps* steps : {&options.from, &options.until, &options.every}) steps->settle(budget);
+    const double count = static_cast<double>(options.until - options.from) /
+                         static_cast<double>(static_cast<int64_t>(options.every));
+    return count * std::log(mcmc_growth(options));
+  };
+  CHECK(mcmc_growth({}) == 1.05);
+  for (const int64_t budget : {1000, 3000, 8000, 12000}) {
+    CHECK(total(budget) == Approx(total(25000)).epsilon(1e-9));
+  }
+  DensifyOptions often;
+  often.every = 25;
+  CHECK(mcmc_growth(often) == 1.05);
+}
+
 }  // namespace
 }  // namespace jade::gaussians

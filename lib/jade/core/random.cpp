@@ -29,12 +29,16 @@ at::Generator make_generator(uint64_t seed, const std::string& purpose) {
   return at::detail::createCPUGenerator(derive_seed(seed, purpose));
 }
 
-int64_t draw_index(at::Generator& generator, int64_t bound) {
-  JADE_CHECK(bound > 0, "draw_index: expected a positive bound, found ", bound);
+uint64_t draw_bits(at::Generator& generator) {
   auto* implementation = at::check_generator<at::CPUGeneratorImpl>(generator);
   const std::lock_guard<std::mutex> lock(generator.mutex());
+  return implementation->random64();
+}
+
+int64_t draw_index(at::Generator& generator, int64_t bound) {
+  JADE_CHECK(bound > 0, "draw_index: expected a positive bound, found ", bound);
   // 64 random bits against a bound far below 2^32: the modulo's bias is below 2^-32.
-  return static_cast<int64_t>(implementation->random64() % static_cast<uint64_t>(bound));
+  return static_cast<int64_t>(draw_bits(generator) % static_cast<uint64_t>(bound));
 }
 
 }  // namespace jade

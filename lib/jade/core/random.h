@@ -16,6 +16,9 @@ at::Generator make_generator(uint64_t seed, const std::string& purpose);
 /// The seed that make_generator uses, for code with a generator of its own.
 uint64_t derive_seed(uint64_t seed, const std::string& purpose);
 
+/// 64 uniform bits.
+uint64_t draw_bits(at::Generator& generator);
+
 /// A uniform integer in [0, bound).
 int64_t draw_index(at::Generator& generator, int64_t bound);
 

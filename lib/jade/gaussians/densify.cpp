@@ -13,6 +13,8 @@ namespace {
 constexpr double kResetOpacity = 0.01;
 constexpr int kOpacity = 3;
 constexpr int64_t kChildren = 2;
+/// Of the calendar that mcmc.growth is given for: until 15,000 from 500, every 100.
+constexpr double kMcmcDensifications = 145;
 /// Children of a split are this much smaller (3DGS: 0.8 · number of children).
 const double kSplitShrink = std::log(1.6);
 
@@ -54,6 +56,13 @@ torch::Tensor survivors(const splat::Gaussians& values, const DensifyOptions& op
 }
 
 }  // namespace
+
+double mcmc_growth(const DensifyOptions& options) {
+  const double densifications = static_cast<double>(options.until - options.from) /
+                                static_cast<double>(static_cast<int64_t>(options.every));
+  const double more = kMcmcDensifications / std::clamp(densifications, 1.0, kMcmcDensifications);
+  return std::pow(1 + options.mcmc.growth, more);
+}
 
 bool keeps_statistics(const DensifyOptions& options, int64_t step) {
   return options.strategy == DensifyStrategy::kAdc && step < options.until;
@@ -155,7 +164,7 @@ DensifyReport Densifier::update_mcmc(GaussianModel& model, GaussianAdam& adam) {
   DensifyReport report;
   report.relocated = relocate_dead(options_.prune_opacity, model, adam, generator_);
   const auto wanted =
-      static_cast<int64_t>(static_cast<double>(model.size()) * (1 + options_.mcmc.growth));
+      static_cast<int64_t>(static_cast<double>(model.size()) * mcmc_growth(options_));
   report.added = add_on_living(std::min(options_.max_gaussians, wanted) - model.size(),
                                options_.prune_opacity, model, adam, generator_);
   return report;

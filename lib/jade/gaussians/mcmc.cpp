@@ -5,6 +5,10 @@
 #include <cmath>
 #include <vector>
 
+#include "jade/core/random.h"
+#include "jade/gaussians/noise.h"
+#include "jade/kernel/on_cuda.h"
+
 namespace jade::gaussians {
 namespace {
 
@@ -126,15 +130,19 @@ int64_t add_on_living(int64_t count, double min_opacity, GaussianModel& model, G
 void add_noise(double scale, GaussianModel& model, at::Generator& generator) {
   const torch::NoGradGuard no_grad;
   const splat::Gaussians values = model.detached();
-  const torch::Tensor normal =
-      at::randn({model.size(), 3}, generator, torch::kFloat32).to(model.device());
-  // Σ ε = R S (S Rᵀ ε): through the Gaussian's own axes and back.
-  const torch::Tensor unit = values.rotations / values.rotations.norm(2, 1, true).clamp_min(1e-12);
-  const torch::Tensor conjugate = unit * torch::tensor({1.f, -1.f, -1.f, -1.f}, unit.options());
-  const torch::Tensor local = values.log_scales.exp() * rotate(conjugate, normal);
-  const torch::Tensor offsets = world_offsets(unit, values.log_scales, local);
-  const torch::Tensor faint = (-100 * (values.logit_opacities.sigmoid() - 0.005)).sigmoid();
-  values.means.add_((offsets * faint.unsqueeze(1)).nan_to_num(0, 0, 0), scale);
+  NoiseStep step;
+  step.means = values.means.data_ptr<float>();
+  step.rotations = values.rotations.const_data_ptr<float>();
+  step.log_scales = values.log_scales.const_data_ptr<float>();
+  step.logit_opacities = values.logit_opacities.const_data_ptr<float>();
+  step.count = model.size();
+  step.scale = static_cast<float>(scale);
+  step.seed = draw_bits(generator);
+  if (values.means.is_cuda()) {
+    kernel::on_cuda("the noise of the Gaussians", [&] { cuda::add_noise(step); });
+  } else {
+    cpu::add_noise(step);
+  }
 }
 
 }  // namespace jade::gaussians

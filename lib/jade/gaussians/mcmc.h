@@ -22,6 +22,7 @@ int64_t add_on_living(int64_t count, double min_opacity, GaussianModel& model, G
                       at::Generator& generator);
 
 /// Moves the means by Σ ε · `scale`, ε normal, damped for opaque Gaussians (Eq. 8 of the paper).
+/// One draw from the generator; never waits for the device.
 void add_noise(double scale, GaussianModel& model, at::Generator& generator);
 
 /// [M,3] = R(q) (exp(s) ⊙ x): points in a Gaussian's own axes and units as world offsets.

@@ -33,6 +33,8 @@ JADE_HD float exp2(float x) { return ::exp2f(x); }
 JADE_HD double exp2(double x) { return ::exp2(x); }
 JADE_HD float log2(float x) { return ::log2f(x); }
 JADE_HD double log2(double x) { return ::log2(x); }
+JADE_HD float sin(float x) { return ::sinf(x); }
+JADE_HD float cos(float x) { return ::cosf(x); }
 JADE_HD double pow(double base, double exponent) { return ::pow(base, exponent); }
 JADE_HD float fma(float a, float b, float c) { return ::fmaf(a, b, c); }
 JADE_HD double fma(double a, double b, double c) { return ::fma(a, b, c); }
@@ -47,6 +49,8 @@ JADE_HD float exp2(float x) { return __builtin_exp2f(x); }
 JADE_HD double exp2(double x) { return __builtin_exp2(x); }
 JADE_HD float log2(float x) { return __builtin_log2f(x); }
 JADE_HD double log2(double x) { return __builtin_log2(x); }
+JADE_HD float sin(float x) { return __builtin_sinf(x); }
+JADE_HD float cos(float x) { return __builtin_cosf(x); }
 JADE_HD double pow(double base, double exponent) { return __builtin_pow(base, exponent); }
 JADE_HD float fma(float a, float b, float c) { return a * b + c; }
 JADE_HD double fma(double a, double b, double c) { return a * b + c; }
