@@ -263,6 +263,25 @@ TEST_CASE("objective: weights that fall are those of the step", "[losses]") {
   }
 }
 
+TEST_CASE("objective: after target_until the target stays where the scene agrees with it",
+          "[losses]") {
+  ObjectiveOptions options;
+  options.target_until = 10;
+  const torch::Tensor images = renders().set_requires_grad(true);
+  const ObjectiveInputs in = inputs(images);
+  const double all = objective_at(in, 10, options).terms.front().value.item<double>();
+  const auto kept = [&](double bound) {
+    options.trust.agreement = bound;
+    const NamedTerm term = objective_at(in, 11, options).terms.front();
+    REQUIRE(term.name == "target");
+    images.mutable_grad() = torch::Tensor();
+    term.value.backward();
+    return std::pair(term.value.item<double>(), images.grad().abs().max().item<double>() > 0);
+  };
+  CHECK(kept(1.01 * all) == std::pair(all, true));
+  CHECK(kept(0.99 * all) == std::pair(0.0, false));
+}
+
 TEST_CASE("objective: trust begins at its step, and then target and EDI draw less", "[losses]") {
   ObjectiveOptions options;
   options.trust.scale = 0.05;

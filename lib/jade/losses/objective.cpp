@@ -69,8 +69,9 @@ void check_inputs(const ObjectiveInputs& inputs, const ObjectivePlan& plan) {
 ObjectivePlan plan_objective(const ObjectiveOptions& options, int64_t step) {
   const bool warm = step > options.warmup;
   ObjectivePlan plan;
-  plan.target = options.target != Target::kNone &&
-                (options.target_until == 0 || step <= options.target_until);
+  const bool over = options.target_until != 0 && step > options.target_until;
+  plan.target = options.target != Target::kNone && (!over || options.trust.agreement > 0);
+  plan.agreed_target = plan.target && over;
   plan.blur = options.blur;
   plan.edi = options.edi_supervision;
   plan.simulation = options.simulation && step > options.simulation_start;
@@ -132,8 +133,9 @@ Objective objective(const ObjectiveInputs& inputs, const ObjectivePlan& plan,
   if (plan.target) {
     const torch::Tensor target =
         plan.trust ? followed(**inputs.target, views.mid, options.trust, 0) : **inputs.target;
-    add(loss, "target", target_loss(views.mid, Fixed(target), options.dssim), options.target_weight,
-        target_weight);
+    const torch::Tensor value = target_loss(views.mid, Fixed(target), options.dssim);
+    add(loss, "target", plan.agreed_target ? where_agreed(value, options.trust.agreement) : value,
+        options.target_weight, target_weight);
   }
   if (plan.blur) {
     const bool prepared = inputs.blurry_moments.mean.defined();

@@ -71,7 +71,8 @@ void describe(V& v, ObjectiveOptions& o) {
   v.field("target_weight_final", o.target_weight_final,
           "the same at the end of the run; linear between; below 0: it stays", Range{-1, 1e3});
   v.field("target_until", o.target_until,
-          "after this step that term and the routing step rest; 0: never", Range{0, 1e9});
+          "after this step that term and the routing step rest, but see trust.agreement; 0: never",
+          Range{0, 1e9});
   v.field("blur", o.blur, "L_blur: mean of the renders against the blurry frame");
   v.field("edi_supervision", o.edi_supervision, "L_edi in gray and in colour, at drawn poses");
   v.field("edi_weight", o.edi_weight, "weight of both", Range{0, 1e3});
@@ -102,6 +103,7 @@ struct ObjectivePlan {
   bool event = false;       ///< L_ev
   bool response = false;  ///< ρ is past its warm-up and some term reads it, else it is the identity
   bool trust = false;     ///< L_tgt and L_edi follow their targets as far as TrustOptions say
+  bool agreed_target = false;  ///< L_tgt acts where scene and target agree
 
   bool any_term() const { return target || blur || edi || simulation || intensity || event; }
   /// A term reads the mean render, and so all renders; also where no term reads any.
@@ -109,7 +111,8 @@ struct ObjectivePlan {
 
   /// For the comparison.
   auto members() const {
-    const auto all = std::tie(target, blur, edi, simulation, intensity, event, response, trust);
+    const auto all =
+        std::tie(target, blur, edi, simulation, intensity, event, response, trust, agreed_target);
     static_assert(std::tuple_size_v<decltype(all)> == member_count<ObjectivePlan>());
     return all;
   }

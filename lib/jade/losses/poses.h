@@ -12,7 +12,7 @@ struct PoseViews {
 };
 
 /// Mean and picks with one gradient pass: the gradient of all nine renders is written once, where
-/// separate selections would each allocate and add a batch of nine.
+/// separate selections would each allocate and add a batch of all renders.
 /// @param renders       [K,3,H,W], differentiable
 /// @param pose_indices  [M] int64 on the same device, repeats allowed
 /// @param weights       [K] of the mean, of sum 1; undefined: 1/K each

@@ -22,6 +22,10 @@ torch::Tensor within_band(const torch::Tensor& target, const Fixed& render, doub
   return torch::max(torch::min(*render, target * std::exp(band)), target * std::exp(-band));
 }
 
+torch::Tensor where_agreed(const torch::Tensor& value, double bound) {
+  return value * value.detach().lt(bound);
+}
+
 torch::Tensor followed(const torch::Tensor& target, const torch::Tensor& render,
                        const TrustOptions& options, double contrast) {
   const Fixed fixed(render);

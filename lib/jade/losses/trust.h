@@ -15,6 +15,7 @@ namespace jade::losses {
 struct TrustOptions {
   double scale = 0;
   double tolerance = 0;
+  double agreement = 0;
   Steps from = Steps::share(8);
 };
 
@@ -27,7 +28,11 @@ void describe(V& v, TrustOptions& o) {
   v.field("tolerance", o.tolerance,
           "differences in log intensity up to this many contrast thresholds do not count in L_edi",
           Range{0, 10});
-  v.field("from", o.from, "both act after this step", Range{0, 1e9});
+  v.field("agreement", o.agreement,
+          "after objective.target_until the target stays at the views where L_tgt, before its "
+          "weight, is below this; 0: at none",
+          Range{0, 10});
+  v.field("from", o.from, "scale and tolerance act after this step", Range{0, 1e9});
 }
 
 /// What the render is drawn to instead of `target`: sg(render) + w (target − sg(render)), per
@@ -44,7 +49,13 @@ torch::Tensor trusted(const torch::Tensor& target, const Fixed& render, double s
 /// @param render  [C,H,W], no gradient
 torch::Tensor within_band(const torch::Tensor& target, const Fixed& render, double band);
 
-/// Both as far as the options ask for them, the band first.
+/// The value where it is below `bound`, else 0 without a gradient: a restoration that all other
+/// views and terms contradict keeps away from the scene, one that they have come to agree with
+/// stays. Once away a view seldom comes back, as nothing draws its render to the restoration.
+/// @param value  scalar, L_tgt of a view
+torch::Tensor where_agreed(const torch::Tensor& value, double bound);
+
+/// Scale and tolerance as far as the options ask for them, the band first.
 /// @param contrast  log intensity of one event; 0: no band
 torch::Tensor followed(const torch::Tensor& target, const torch::Tensor& render,
                        const TrustOptions& options, double contrast);
