@@ -23,7 +23,7 @@ TEST_CASE("quadrature: every rule takes the mean of a constant and of a line", "
        {QuadratureRule::kEqual, QuadratureRule::kTrapezoid, QuadratureRule::kJittered}) {
     for (const int64_t samples : {3, 5, 9, 17}) {
       const Quadrature sum = quadrature(rule, samples);
-      CHECK(sum.size() == samples);
+      CHECK(static_cast<int64_t>(sum.u.size()) == samples);
       CHECK(sum.u[static_cast<size_t>(samples / 2)] == 0.5);
       CHECK(integral(sum, [](double) { return 1.0; }) == Approx(1));
       CHECK(integral(sum, [](double u) { return u; }) == Approx(0.5));

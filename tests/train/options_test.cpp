@@ -44,6 +44,23 @@ TEST_CASE("options: the middle of an exposure is a sample, and DiET-GS's nine im
   CHECK_THROWS_WITH(train::validate(options), Catch::Contains("events.edi_index"));
 }
 
+TEST_CASE("options: exposures of a DiET-GS release are nine equal moments whatever is asked for",
+          "[train]") {
+  train::RunOptions options;
+  options.exposure.quadrature = geometry::QuadratureRule::kTrapezoid;
+  options.exposure.samples = 17;
+  options.events.edi_samples = 65;
+  data::Dataset dataset;
+  dataset.kind = data::DatasetKind::kEvDeblur;
+  train::follow_dataset(dataset, options);
+  CHECK(options.exposure.samples == 17);
+  dataset.kind = data::DatasetKind::kDietGs;
+  train::follow_dataset(dataset, options);
+  CHECK(options.exposure.quadrature == geometry::QuadratureRule::kEqual);
+  CHECK(options.exposure.samples == 9);
+  CHECK(options.events.edi_samples == 0);
+}
+
 TEST_CASE("options: the calendar follows the number of steps", "[train]") {
   train::RunOptions options;
   const auto settled = [&](int64_t iterations) {

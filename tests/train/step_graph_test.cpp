@@ -77,7 +77,8 @@ struct GraphBench : test::Bench {
 /// Other values of the same shape that a step can work with.
 torch::Tensor changed(const std::string& name, const torch::Tensor& tensor) {
   if (name == "pose_draws") return (tensor + 3) % geometry::kExposurePoses;
-  if (name == "view.u" || name == "events.u") return 1 - tensor;
+  if (name == "view.u") return 1 - tensor;
+  if (name == "events.u") return 0.8 - 0.6 * tensor;
   if (name == "view_pick") return (tensor + 1) % 3;
   if (name == "events.pixels") return tensor.flip(0).remainder(7);
   if (tensor.scalar_type() == torch::kBool) return tensor.logical_not();
@@ -185,7 +186,8 @@ TEST_CASE("step graph: what changes in any tensor of the inputs changes a replay
     const double change = distance(before, after);
     CHECK(distance(before_replay, before) < 1e-3);
     CHECK(distance(after_replay, after) < 1e-3 + 0.02 * change);
-    if (change > 0.01) felt.insert(name);
+    // Well above what replays and eager steps may differ by.
+    if (change > 0.003) felt.insert(name);
   }
   CHECK(graph.replays() == 2 + 2 * static_cast<int64_t>(names.size()));
   // The change is one that a step sees, or the comparison would say nothing.

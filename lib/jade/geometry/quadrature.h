@@ -43,8 +43,6 @@ void describe(V& v, ExposureOptions& o) {
 struct Quadrature {
   std::vector<double> u;        ///< [K], rising
   std::vector<double> weights;  ///< [K], of sum 1
-
-  int64_t size() const { return static_cast<int64_t>(u.size()); }
 };
 
 /// The moments of a rule; of kJittered the middles of its parts, where draws scatter around.

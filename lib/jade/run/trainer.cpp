@@ -80,15 +80,16 @@ Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const st
       data_(load_data(directory_, options, resume.empty())),
       view_order_(static_cast<uint64_t>(options.seed),
                   static_cast<int64_t>(data_.dataset.train.size())),
-      pose_draws_(static_cast<uint64_t>(options.seed), device_, options.exposure.samples),
-      term_weights_(options.objective, train::calendar_steps(options), device_),
       view_picks_(torch::arange(static_cast<int64_t>(data_.dataset.train.size()), torch::kInt64)
                       .to(device_)) {
   train::settle(options_);
+  train::follow_dataset(data_.dataset, options_);
   if (resume.empty() || !resume_from(resume)) {
     options_.splat.near_plane = train::near_plane(options_.splat, data_.dataset);
     state_ = train::make_state(options_, data_.dataset, device_);
   }
+  pose_draws_ = train::PoseDraws(static_cast<uint64_t>(options_.seed), device_,
+                                 options_.exposure.samples);
   term_weights_ = train::TermWeights(options_.objective, train::calendar_steps(options_), device_);
   set_log_file(directory_.path() / "train.log");
   announce();

@@ -30,15 +30,16 @@ class ViewOrder {
 /// of steps is drawn and brought to the device at once.
 class PoseDraws {
  public:
+  PoseDraws() = default;
   PoseDraws(uint64_t seed, torch::Device device, int64_t samples = 9)
       : seed_(seed), device_(device), samples_(samples) {}
   /// [3] int64 on the device. @param step  counted from 1.
   torch::Tensor at(int64_t step);
 
  private:
-  uint64_t seed_;
-  torch::Device device_;
-  int64_t samples_;
+  uint64_t seed_ = 0;
+  torch::Device device_ = torch::kCPU;
+  int64_t samples_ = 9;
   int64_t block_ = -1;
   torch::Tensor draws_;  // [kBlock,3]
 };
@@ -69,6 +70,7 @@ class MomentDraws {
 /// The weights of L_tgt and L_edi for each step, where they fall in the course of the run.
 class TermWeights {
  public:
+  TermWeights() = default;
   TermWeights(const losses::ObjectiveOptions& options, int64_t steps, torch::Device device)
       : options_(options), steps_(steps), device_(device) {}
   /// [2] float32 on the device; undefined where they stay. @param step  counted from 1.
@@ -76,8 +78,8 @@ class TermWeights {
 
  private:
   losses::ObjectiveOptions options_;
-  int64_t steps_;
-  torch::Device device_;
+  int64_t steps_ = 0;
+  torch::Device device_ = torch::kCPU;
   int64_t block_ = -1;
   torch::Tensor weights_;  // [kBlock,2]
 };

@@ -2,6 +2,7 @@
 #include "jade/train/options.h"
 
 #include "jade/core/error.h"
+#include "jade/core/log.h"
 #include "jade/train/plan.h"
 
 namespace jade::train {
@@ -10,6 +11,12 @@ namespace {
 bool is_routed(const RunOptions& options) {
   return options.objective.target == losses::Target::kRouted &&
          options.allocation.kind != router::AllocationKind::kNone;
+}
+
+/// The printed sum over an exposure.
+bool has_nine_equal_moments(const RunOptions& options) {
+  return options.exposure.samples == geometry::kExposurePoses && options.events.edi_samples == 0 &&
+         options.exposure.quadrature == geometry::QuadratureRule::kEqual;
 }
 
 }  // namespace
@@ -38,6 +45,15 @@ void settle(RunOptions& options) {
   options.densify.last_opacity_reset = options.train.iterations * 9 / 10;
 }
 
+void follow_dataset(const data::Dataset& dataset, RunOptions& options) {
+  if (dataset.kind != data::DatasetKind::kDietGs || has_nine_equal_moments(options)) return;
+  log_info(concat(dataset.name, ": nine posed images per exposure, so exposure.quadrature is equal, "
+                  "exposure.samples 9 and events.edi_samples 0"));
+  options.exposure.quadrature = geometry::QuadratureRule::kEqual;
+  options.exposure.samples = geometry::kExposurePoses;
+  options.events.edi_samples = 0;
+}
+
 void validate(const RunOptions& options) {
   if (options.events.bins % 2 != 0) {
     throw ConfigError(concat(
@@ -54,9 +70,7 @@ void validate(const RunOptions& options) {
     throw ConfigError(concat("events.edi_samples: expected 0 or an odd number of 3 or more, found ",
                              options.events.edi_samples));
   }
-  const bool printed = options.exposure.samples == 9 && options.events.edi_samples == 0 &&
-                       options.exposure.quadrature == geometry::QuadratureRule::kEqual;
-  if (options.events.edi_index == events::EdiIndex::kDiet && !printed) {
+  if (options.events.edi_index == events::EdiIndex::kDiet && !has_nine_equal_moments(options)) {
     throw ConfigError(
         "events.edi_index diet: the DiET-GS release has nine posed images; set exposure.quadrature "
         "equal, exposure.samples 9 and events.edi_samples 0");
@@ -85,7 +99,7 @@ void validate(const RunOptions& options) {
     throw ConfigError(
         concat("poses.control_poses: expected 4 but for poses.optimize cubic with "
                "poses.start data, found ",
-               options.poses.control_poses));
+               options.poses.control_poses, "; set poses.control_poses 4"));
   }
   if (options.poses.optimize != PosePath::kNone && options.objective.event_loss_weight > 0 &&
       options.objective.event_window == losses::EventSpan::kRecording) {

@@ -22,6 +22,8 @@ constexpr int64_t kRenewal = 1000;
 /// driver anew at every recording.
 constexpr int64_t kSpareBytes = int64_t{512} << 20;
 
+}  // namespace
+
 /// Everything that a recording takes for granted.
 struct Assumptions {
   StepPlan plan;
@@ -34,6 +36,8 @@ struct Assumptions {
   }
   friend bool operator!=(const Assumptions& a, const Assumptions& b) { return !(a == b); }
 };
+
+namespace {
 
 Assumptions assumptions(const TrainState& state, const StepInputs& inputs, const StepPlan& plan) {
   Assumptions now{plan, {inputs.step / kRenewal}};
