@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the readers of each format give recording.cpp. Not for use outside this folder.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "jade/recording/recording.h"
+
+namespace jade::recording {
+
+/// A folder for one conversion, removed with everything in it when the last user is gone.
+class TemporaryFolder {
+ public:
+  /// @throws DataError if none can be made.
+  TemporaryFolder();
+  ~TemporaryFolder();
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+  const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+/// An image that has not been read yet.
+struct FrameFile {
+  std::filesystem::path path;
+  /// Of its exposure; start and end are equal where only one time is known. None: no time at all.
+  std::optional<events::TimeWindow> time;
+};
+
+/// A recording whose images are still files.
+struct Contents {
+  Recording recording;  ///< without frames
+  std::vector<FrameFile> files;
+  std::shared_ptr<TemporaryFolder> keep;  ///< where the files are, if they are not the user's
+};
+
+Contents read_rpg(const std::filesystem::path& folder, const ReadOptions& options);
+Contents read_rpg_zip(const std::filesystem::path& path, const ReadOptions& options);
+Contents read_event_folder(const std::filesystem::path& folder, const ReadOptions& options);
+/// HDF5, .npz, .npy and text: events alone.
+Contents read_event_file(const std::filesystem::path& path, const ReadOptions& options);
+
+/// Gives each image the exposure that `exposures` has for its name.
+/// @throws DataError if an image has none.
+void apply_exposures(const std::filesystem::path& list, const std::vector<NamedExposure>& exposures,
+                     std::vector<FrameFile>& files);
+
+/// Reads images, on several threads, into recording.frames in order of time; those without a time
+/// are left out. @throws DataError if one cannot be read, they differ in size, or they do not fit
+/// into memory.
+void read_frames(std::vector<FrameFile> files, Recording& recording);
+
+/// @throws DataError if that many events would not fit into memory.
+void check_event_memory(const std::filesystem::path& path, int64_t count);
+
+/// Bytes of memory that this machine has.
+double memory_bytes();
+
+/// Reads a file of events into `recording` with its notes.
+void add_events(const std::filesystem::path& path, const ReadOptions& options,
+                const std::optional<events::TimeWindow>& exposures, Recording& recording);
+
+}  // namespace jade::recording
