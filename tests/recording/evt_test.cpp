@@ -73,8 +73,8 @@ TEST_CASE("evt: EVT 2.0 with times, both polarities and triggers", "[recording]"
   CHECK(decoder.header().width == 640);
   CHECK(decoder.header().height == 480);
   CHECK(decoded(decoder) == expected);
-  CHECK(decoder.triggers().rising_us == std::vector<int64_t>{1000010});
-  CHECK(decoder.triggers().falling_us == std::vector<int64_t>{1000070});
+  CHECK(decoder.triggers().at(3).rising_us == std::vector<int64_t>{1000010});
+  CHECK(decoder.triggers().at(3).falling_us == std::vector<int64_t>{1000070});
   CHECK(decoder.counts().before_time == 1);
   CHECK(decoder.counts().outside == 1);
   CHECK(decoder.counts().unknown == 0);
@@ -95,7 +95,7 @@ TEST_CASE("evt: EVT 2.1 vectors in both orders of the word's halves", "[recordin
     CHECK(decoded(decoder) ==
           std::vector<PlainEvent>{
               {645, 32, 5, 1}, {645, 34, 5, 1}, {645, 63, 5, 1}, {650, 1278, 6, -1}});
-    CHECK(decoder.triggers().rising_us == std::vector<int64_t>{646});
+    CHECK(decoder.triggers().at(3).rising_us == std::vector<int64_t>{646});
   }
 }
 
@@ -117,7 +117,7 @@ TEST_CASE("evt: EVT 3.0 single events, vectors of 12, 12 and 8, redundant times"
                                          {4096 * 4, 9, 100, -1}};
   EvtDecoder decoder(path);
   CHECK(decoded(decoder) == expected);
-  CHECK(decoder.triggers().rising_us == std::vector<int64_t>{t});
+  CHECK(decoder.triggers().at(3).rising_us == std::vector<int64_t>{t});
   CHECK(decoder.counts().before_time == 1);
   CHECK(decoder.counts().unknown == 1);
   CHECK(decoded(path, 1) == expected);
@@ -197,6 +197,7 @@ TEST_CASE("evt: a recording has the sensor, the events, the triggers and what is
   const TempDir dir;
   std::string text = evt_header("3.0", "% geometry 640x480\n");
   text += evt3_time(100) + evt3_word(0, 1) + evt3_word(2, 0x800 | 2) + evt3_word(10, 1);
+  text += evt3_word(10, 0x601);  // of another channel
   text += evt3_time(50) + evt3_word(2, 3) + evt3_word(2, 700) + evt3_word(10, 0) + "\x01";
   const Recording recording = read_recording(dir.write("a.raw", text));
   CHECK(recording.format == "Prophesee EVT3");
@@ -208,7 +209,8 @@ TEST_CASE("evt: a recording has the sensor, the events, the triggers and what is
   std::string notes;
   for (const std::string& note : recording.notes) notes += note + "\n";
   for (const char* part : {"1 events lie beside the sensor", "1 bytes at the end are no whole word",
-                           "1 times the clock went backwards", "there are no frames"}) {
+                           "1 times the clock went backwards",
+                           "1 trigger edges of channel 6 are left out", "there are no frames"}) {
     CHECK_THAT(notes, Catch::Contains(part));
   }
   ReadOptions options;

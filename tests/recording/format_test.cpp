@@ -69,4 +69,8 @@ TEST_CASE("format: a folder with poses is a data set, no recording", "[recording
   CHECK(is_recording(dir / "scene"));
   dir.write("scene/poses_bounds.npy", "");
   CHECK_FALSE(is_recording(dir / "scene"));
+  dir.write("model/events.txt", "0.5 1 2 1\n");
+  dir.write("model/cameras.txt", "");
+  dir.write("model/images.txt", "");
+  CHECK_FALSE(is_recording(dir / "model"));
 }

@@ -79,7 +79,8 @@ void write_geometry(hid_t file, const char* text) {
   H5Tclose(type);
 }
 
-const std::vector<EventRecord> kRecords{{1, 2, 1, 100}, {1279, 719, 0, 300}, {5, 6, 0, 200}};
+const std::vector<EventRecord> kRecords{
+    {1, 2, 1, 100}, {1279, 719, 0, 300}, {5, 6, 0, 200}, {1280, 3, 1, 400}};
 
 }  // namespace
 
@@ -101,6 +102,7 @@ TEST_CASE("recording: Metavision's records with triggers and the sensor's size",
   CHECK(recording.triggers.rising_us == std::vector<int64_t>{110});
   CHECK(recording.triggers.falling_us == std::vector<int64_t>{150});
   CHECK_THAT(recording.notes.at(0), Catch::Contains("have been sorted"));
+  CHECK_THAT(recording.notes.at(1), Catch::Contains("1 of 4 events lie beside the 1280x720"));
 }
 
 TEST_CASE("recording: Metavision's compression without its plug-in names it", "[recording]") {

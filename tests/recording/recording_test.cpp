@@ -155,8 +155,8 @@ TEST_CASE("recording: the EvDeblur layout without poses", "[recording]") {
     imaging::write_image(dir / "scene/images_1" / (std::string(name) + ".png"),
                          torch::full({3, 6, 8}, 0.5));
   io::write_npz(dir / "scene/images_1/timestamps.npz",
-                {{"timestamps_start", torch::tensor({2000000000, 2600000000}, torch::kInt64)},
-                 {"timestamps_end", torch::tensor({2020000000, 2600000000}, torch::kInt64)}});
+                {{"timestamps_start", torch::tensor(std::vector<int64_t>{2000000000, 2600000000})},
+                 {"timestamps_end", torch::tensor(std::vector<int64_t>{2020000000, 2600000000})}});
   const Recording recording = read_recording(dir / "scene");
   CHECK(recording.events.t_us().equal(torch::tensor({2000000, 2000500, 3000000}, torch::kInt64)));
   REQUIRE(recording.frames.size() == 2);

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -81,6 +82,10 @@ void add_npz_times(const std::filesystem::path& path, events::TimeUnit unit,
 /// What options and trigger edges say about exposures that the recording's own fields do not.
 /// @throws DataError for frames from elsewhere that are left without a time.
 void complete_exposures(const ReadOptions& options, Contents& contents);
+
+/// Takes the channel of the trigger input with the most edges, and notes the others.
+void choose_channel(const std::filesystem::path& path, const std::map<int64_t, Triggers>& channels,
+                    Recording& recording);
 
 /// @throws DataError if that many events would not fit into memory.
 void check_event_memory(const std::filesystem::path& path, int64_t count);

@@ -226,9 +226,10 @@ void EvtDecoder::add_event(int64_t x, int64_t y, bool on, EvtEvents& out) {
   out.polarity.push_back(on ? 1 : -1);
 }
 
-void EvtDecoder::add_trigger(bool rising) {
+void EvtDecoder::add_trigger(int64_t channel, bool rising) {
   if (!has_time_) return;
-  (rising ? triggers_.rising_us : triggers_.falling_us).push_back(time_us_);
+  Triggers& edges = triggers_[channel];
+  (rising ? edges.rising_us : edges.falling_us).push_back(time_us_);
 }
 
 bool EvtDecoder::next(int64_t max_events, EvtEvents& out) {
@@ -264,7 +265,7 @@ void EvtDecoder::decode_evt2(int64_t max_events, EvtEvents& out) {
         break;
       case Evt2Type::kTrigger:
         time_us_ = wrap_us_ + high_us_ + bits(word, 22, 6);
-        add_trigger(bits(word, 0, 1) != 0);
+        add_trigger(bits(word, 8, 5), bits(word, 0, 1) != 0);
         break;
       case Evt2Type::kOthers:
       case Evt2Type::kContinued:
@@ -297,7 +298,7 @@ void EvtDecoder::decode_evt21(int64_t max_events, EvtEvents& out) {
         break;
       case Evt2Type::kTrigger:
         time_us_ = wrap_us_ + high_us_ + bits(upper, 22, 6);
-        add_trigger(bits(upper, 0, 1) != 0);
+        add_trigger(bits(upper, 8, 5), bits(upper, 0, 1) != 0);
         break;
       case Evt2Type::kOthers:
       case Evt2Type::kContinued:
@@ -340,7 +341,7 @@ void EvtDecoder::decode_evt3(int64_t max_events, EvtEvents& out) {
         set_time_high(bits(word, 0, 12), 12, 12);
         break;
       case Evt3Type::kTrigger:
-        add_trigger(bits(word, 0, 1) != 0);
+        add_trigger(bits(word, 8, 4), bits(word, 0, 1) != 0);
         break;
       case Evt3Type::kContinued4:
       case Evt3Type::kOthers:

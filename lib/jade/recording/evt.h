@@ -64,8 +64,8 @@ class EvtDecoder {
   /// False when the file is over and nothing was decoded.
   bool next(int64_t max_events, EvtEvents& out);
 
-  /// Those met so far.
-  const Triggers& triggers() const { return triggers_; }
+  /// Edges met so far, by the channel of the trigger input (0: its plug, 6: looped back, …).
+  const std::map<int64_t, Triggers>& triggers() const { return triggers_; }
   const EvtCounts& counts() const { return counts_; }
   /// Part of the file behind us, 0 to 1.
   double progress() const;
@@ -78,7 +78,7 @@ class EvtDecoder {
   void decode_evt3(int64_t max_events, EvtEvents& out);
   void set_time_high(int64_t value, int bits, int shift);
   void add_event(int64_t x, int64_t y, bool on, EvtEvents& out);
-  void add_trigger(bool rising);
+  void add_trigger(int64_t channel, bool rising);
 
   std::filesystem::path path_;
   std::ifstream file_;
@@ -87,7 +87,7 @@ class EvtDecoder {
   std::vector<uint8_t> buffer_;
   size_t at_ = 0, end_ = 0;
   bool header_word_first_ = false;  // EVT 2.1 of IMX636: its two halves in big-endian order
-  Triggers triggers_;
+  std::map<int64_t, Triggers> triggers_;
   EvtCounts counts_;
   // The state of the stream.
   bool has_time_ = false;

@@ -88,9 +88,7 @@ Contents read_evt(const fs::path& path, const ReadOptions& options) {
   recording.width = decoder.header().width, recording.height = decoder.header().height;
   recording.events = decoder.counts().backwards > 0 ? events::sort_events(x, y, t, polarity)
                                                     : events::EventStream(x, y, t, polarity);
-  recording.triggers = decoder.triggers();
-  for (auto* edges : {&recording.triggers.rising_us, &recording.triggers.falling_us})
-    std::sort(edges->begin(), edges->end());
+  choose_channel(path, decoder.triggers(), recording);
   note_counts(path, decoder, recording);
   return out;
 }

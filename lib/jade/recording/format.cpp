@@ -117,8 +117,8 @@ Format recognise(const fs::path& path) {
 bool is_recording(const fs::path& path) {
   std::error_code ignored;
   // Poses make a data set of it.
-  for (const char* poses :
-       {"poses_bounds.npy", "transforms.json", "transforms_train.json", "sparse"}) {
+  for (const char* poses : {"poses_bounds.npy", "transforms.json", "transforms_train.json",
+                            "sparse", "colmap/sparse"}) {
     if (fs::exists(path / poses, ignored)) return false;
   }
   if (io::is_colmap_model(path)) return false;

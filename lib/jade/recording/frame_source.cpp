@@ -107,6 +107,26 @@ void apply_triggers(const ReadOptions& options, Contents& contents) {
 
 }  // namespace
 
+void choose_channel(const fs::path& path, const std::map<int64_t, Triggers>& channels,
+                    Recording& recording) {
+  const auto count = [](const Triggers& edges) {
+    return edges.rising_us.size() + edges.falling_us.size();
+  };
+  const auto most = std::max_element(channels.begin(), channels.end(), [&](auto& a, auto& b) {
+    return count(a.second) < count(b.second);
+  });
+  if (most == channels.end()) return;
+  recording.triggers = most->second;
+  for (auto* edges : {&recording.triggers.rising_us, &recording.triggers.falling_us})
+    std::sort(edges->begin(), edges->end());
+  for (const auto& [channel, edges] : channels) {
+    if (channel == most->first) continue;
+    recording.notes.push_back(concat(path.string(), ": ", count(edges),
+                                     " trigger edges of channel ", channel,
+                                     " are left out; those of channel ", most->first, " are more"));
+  }
+}
+
 void replace_frames(const fs::path& path, const ReadOptions& options, Contents& contents) {
   std::error_code ignored;
   if (!fs::exists(path, ignored))

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // HDF5 files of Metavision: records {x, y, p, t} in CD/events, {p, t, id} in EXT_TRIGGER/events.
 #include <algorithm>
+#include <map>
 #include <sstream>
 #include <torch/types.h>
 
@@ -28,16 +29,19 @@ void read_column(const io::Hdf5File& file, const char* field, torch::Tensor& out
   }
 }
 
-void read_triggers(const io::Hdf5File& file, Triggers& triggers) {
+void read_triggers(const io::Hdf5File& file, Recording& recording) {
   if (!file.has(kTriggerRecords)) return;
   const int64_t count = file.length(kTriggerRecords);
-  std::vector<int64_t> t(static_cast<size_t>(count)), p(t.size());
+  std::vector<int64_t> t(static_cast<size_t>(count)), p(t.size()), id(t.size());
   file.read_field<int64_t>(kTriggerRecords, "t", 0, count, t.data());
   file.read_field<int64_t>(kTriggerRecords, "p", 0, count, p.data());
-  for (size_t i = 0; i < t.size(); ++i)
-    (p[i] > 0 ? triggers.rising_us : triggers.falling_us).push_back(t[i]);
-  std::sort(triggers.rising_us.begin(), triggers.rising_us.end());
-  std::sort(triggers.falling_us.begin(), triggers.falling_us.end());
+  file.read_field<int64_t>(kTriggerRecords, "id", 0, count, id.data());
+  std::map<int64_t, Triggers> channels;
+  for (size_t i = 0; i < t.size(); ++i) {
+    Triggers& edges = channels[id[i]];
+    (p[i] > 0 ? edges.rising_us : edges.falling_us).push_back(t[i]);
+  }
+  choose_channel(file.path(), channels, recording);
 }
 
 }  // namespace
@@ -68,7 +72,7 @@ Contents read_metavision(const fs::path& path) {
         concat(path.string(), ": event times were not in order; they have been sorted"));
   }
   recording.events = sorted ? events::EventStream(x, y, t, p) : events::sort_events(x, y, t, p);
-  read_triggers(file, recording.triggers);
+  read_triggers(file, recording);
   return out;
 }
 
