@@ -128,12 +128,12 @@ TEST_CASE("evt: the time counter wraps, small steps back do not wrap it", "[reco
   const int64_t range = int64_t(1) << 24;
   std::string text = evt_header("3.0");
   for (const int64_t t :
-       {range - 5, int64_t(3), int64_t(5000), int64_t(4097), range - 1, int64_t(0)})
+       {range - 5, int64_t(3), int64_t(5000), int64_t(4000), range - 1, int64_t(0)})
     text += evt3_time(t) + evt3_word(2, 1);
   EvtDecoder decoder(dir.write("a.raw", text));
   std::vector<int64_t> times;
   for (const PlainEvent& event : decoded(decoder)) times.push_back(event.t);
-  CHECK(times == std::vector<int64_t>{range - 5, range + 3, range + 5000, range + 4097,
+  CHECK(times == std::vector<int64_t>{range - 5, range + 3, range + 5000, range + 4000,
                                       2 * range - 1, 2 * range});
   CHECK(decoder.counts().wraps == 2);
   CHECK(decoder.counts().backwards == 1);
