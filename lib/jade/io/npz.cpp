@@ -9,53 +9,25 @@
 #include "jade/core/error.h"
 #include "jade/io/npy.h"
 #include "jade/io/npy_format.h"
+#include "jade/io/zip.h"
 
 namespace jade::io {
 namespace {
 
 struct ZipClose {
   void operator()(zip_t* archive) const { zip_discard(archive); }
-  void operator()(zip_file_t* file) const { zip_fclose(file); }
 };
 using ZipArchive = std::unique_ptr<zip_t, ZipClose>;
-using ZipEntry = std::unique_ptr<zip_file_t, ZipClose>;
 
-ZipArchive open_zip(const std::filesystem::path& path) {
-  int code = 0;
-  ZipArchive archive(zip_open(path.c_str(), ZIP_RDONLY, &code));
-  if (archive) return archive;
-  const bool missing = code == ZIP_ER_NOENT || code == ZIP_ER_OPEN;
-  throw DataError(
-      concat(path.string(), missing ? ": no such file, or it cannot be read"
-                                    : ": expected an .npz archive, found a damaged or other file; "
-                                      "write it again with numpy.savez"));
-}
-
-/// Decompresses an entry in steps, so that memory follows what is really there rather than the
-/// size that the archive claims.
-std::string read_entry(zip_file_t* file, const std::string& name) {
-  constexpr size_t kStep = 1 << 20;
-  std::string bytes;
-  for (;;) {
-    const size_t before = bytes.size();
-    bytes.resize(before + kStep);
-    const zip_int64_t count = zip_fread(file, bytes.data() + before, kStep);
-    if (count < 0) throw DataError(concat(name, ": damaged entry; copy the file again"));
-    bytes.resize(before + static_cast<size_t>(count));
-    if (count == 0) return bytes;
-  }
-}
+const ZipWords kNpzWords{"an .npz archive", "write it again with numpy.savez"};
 
 }  // namespace
 
 Npz::Npz(const std::filesystem::path& path) : path_(path) {
-  const ZipArchive archive = open_zip(path);
-  const zip_int64_t count = zip_get_num_entries(archive.get(), 0);
-  for (zip_int64_t i = 0; i < count; ++i) {
-    const char* entry = zip_get_name(archive.get(), static_cast<zip_uint64_t>(i), 0);
-    std::string name = entry == nullptr ? "" : entry;
-    if (name.size() < 5 || name.compare(name.size() - 4, 4, ".npy") != 0) continue;
-    names_.push_back(name.substr(0, name.size() - 4));
+  const Zip archive(path, kNpzWords);
+  for (const std::string& entry : archive.names()) {
+    if (entry.size() < 5 || entry.compare(entry.size() - 4, 4, ".npy") != 0) continue;
+    names_.push_back(entry.substr(0, entry.size() - 4));
   }
 }
 
@@ -71,10 +43,7 @@ torch::Tensor Npz::read(const std::string& name) const {
                            found.empty() ? "none" : found));
   }
   const std::string label = concat(path_.string(), "[", name, "]");
-  const ZipArchive archive = open_zip(path_);
-  const ZipEntry entry(zip_fopen(archive.get(), (name + ".npy").c_str(), 0));
-  if (!entry) throw DataError(concat(label, ": damaged entry; copy the file again"));
-  const std::string bytes = read_entry(entry.get(), label);
+  const std::string bytes = Zip(path_, kNpzWords).read(name + ".npy");
   return parse_npy(bytes.data(), bytes.size(), label);
 }
 

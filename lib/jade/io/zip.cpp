@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/io/zip.h"
+
+#include <algorithm>
+#include <fstream>
+#include <functional>
+#include <memory>
+#include <zip.h>
+
+#include "jade/core/error.h"
+
+namespace jade::io {
+namespace {
+
+struct ZipFree {
+  void operator()(zip_t* archive) const { zip_discard(archive); }
+  void operator()(zip_file_t* file) const { zip_fclose(file); }
+};
+using OpenZip = std::unique_ptr<zip_t, ZipFree>;
+using OpenZipEntry = std::unique_ptr<zip_file_t, ZipFree>;
+
+OpenZip open_zip(const std::filesystem::path& path, const ZipWords& words) {
+  int code = 0;
+  OpenZip archive(zip_open(path.c_str(), ZIP_RDONLY, &code));
+  if (archive) return archive;
+  if (code == ZIP_ER_NOENT || code == ZIP_ER_OPEN)
+    throw DataError(concat(path.string(), ": no such file, or it cannot be read"));
+  throw DataError(concat(path.string(), ": expected ", words.expected,
+                         ", found a damaged or other file; ", words.remedy));
+}
+
+/// Hands an entry to `take` a part at a time.
+void for_each_part(zip_t* archive, const std::string& name, const std::string& label,
+                   const std::function<void(const char*, size_t)>& take) {
+  const OpenZipEntry entry(zip_fopen(archive, name.c_str(), 0));
+  if (!entry) throw DataError(concat(label, ": damaged entry; copy the file again"));
+  std::vector<char> part(1 << 20);
+  for (;;) {
+    const zip_int64_t count = zip_fread(entry.get(), part.data(), part.size());
+    if (count < 0) throw DataError(concat(label, ": damaged entry; copy the file again"));
+    if (count == 0) return;
+    take(part.data(), static_cast<size_t>(count));
+  }
+}
+
+}  // namespace
+
+Zip::Zip(const std::filesystem::path& path, const ZipWords& words) : path_(path), words_(words) {
+  const OpenZip archive = open_zip(path, words);
+  const zip_int64_t count = zip_get_num_entries(archive.get(), 0);
+  for (zip_int64_t i = 0; i < count; ++i) {
+    const char* entry = zip_get_name(archive.get(), static_cast<zip_uint64_t>(i), 0);
+    if (entry != nullptr) names_.emplace_back(entry);
+  }
+}
+
+bool Zip::has(const std::string& name) const {
+  return std::find(names_.begin(), names_.end(), name) != names_.end();
+}
+
+std::string Zip::read(const std::string& name) const {
+  const OpenZip archive = open_zip(path_, words_);
+  std::string bytes;
+  for_each_part(archive.get(), name, concat(path_.string(), "[", name, "]"),
+                [&](const char* part, size_t count) { bytes.append(part, count); });
+  return bytes;
+}
+
+void Zip::extract(const std::string& name, const std::filesystem::path& target) const {
+  const OpenZip archive = open_zip(path_, words_);
+  std::ofstream file(target, std::ios::binary | std::ios::trunc);
+  for_each_part(archive.get(), name, concat(path_.string(), "[", name, "]"),
+                [&](const char* part, size_t count) {
+                  file.write(part, static_cast<std::streamsize>(count));
+                });
+  file.close();
+  if (!file) throw DataError(concat(target.string(), ": cannot be written; check the free space"));
+}
+
+}  // namespace jade::io

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace jade::io {
+
+/// How a message about a file that is no archive goes on.
+struct ZipWords {
+  std::string expected = "a zip archive";
+  std::string remedy = "copy it again";
+};
+
+/// A zip archive open for reading. Entries are decompressed when asked for, in steps, so that
+/// memory follows what is really there rather than the size that the archive claims.
+class Zip {
+ public:
+  /// @throws DataError if the file is missing or is no zip archive.
+  explicit Zip(const std::filesystem::path& path, const ZipWords& words = {});
+
+  /// Names of all entries in archive order; those of folders end in '/'.
+  const std::vector<std::string>& names() const { return names_; }
+  bool has(const std::string& name) const;
+  /// @throws DataError for an entry that is missing or damaged.
+  std::string read(const std::string& name) const;
+  /// Writes an entry to a file, a megabyte at a time. @throws DataError as read, or if `target`
+  /// cannot be written.
+  void extract(const std::string& name, const std::filesystem::path& target) const;
+
+ private:
+  std::filesystem::path path_;
+  ZipWords words_;
+  std::vector<std::string> names_;
+};
+
+}  // namespace jade::io

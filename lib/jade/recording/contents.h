@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the readers of each format give recording.cpp. Not for use outside this folder.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "jade/recording/recording.h"
+
+namespace jade::recording {
+
+/// A folder for one conversion, removed with everything in it when the last user is gone.
+class TemporaryFolder {
+ public:
+  /// @throws DataError if none can be made.
+  TemporaryFolder();
+  ~TemporaryFolder();
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+  const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+/// An image that has not been read yet.
+struct FrameFile {
+  std::filesystem::path path;
+  /// Of its exposure; start and end are equal where only one time is known. None: no time at all.
+  std::optional<events::TimeWindow> time;
+};
+
+/// A recording whose images are still files.
+struct Contents {
+  Recording recording;  ///< without frames
+  std::vector<FrameFile> files;
+  std::shared_ptr<TemporaryFolder> keep;  ///< where the files are, if they are not the user's
+};
+
+Contents read_rpg(const std::filesystem::path& folder, const ReadOptions& options);
+Contents read_rpg_zip(const std::filesystem::path& path, const ReadOptions& options);
+Contents read_event_folder(const std::filesystem::path& folder, const ReadOptions& options);
+Contents read_evt(const std::filesystem::path& path, const ReadOptions& options);
+Contents read_converted(const std::filesystem::path& path, const ReadOptions& options);
+/// Records of Metavision in HDF5.
+bool is_metavision(const std::filesystem::path& path);
+Contents read_metavision(const std::filesystem::path& path);
+/// HDF5, .npz, .npy and text: events alone.
+Contents read_event_file(const std::filesystem::path& path, const ReadOptions& options);
+
+/// Gives each image the exposure that `exposures` has for its name.
+/// @throws DataError if an image has none.
+void apply_exposures(const std::filesystem::path& list, const std::vector<NamedExposure>& exposures,
+                     std::vector<FrameFile>& files);
+
+/// Reads images, on several threads, into recording.frames in order of time; those without a time
+/// are left out. @throws DataError if one cannot be read, they differ in size, or they do not fit
+/// into memory.
+void read_frames(std::vector<FrameFile> files, Recording& recording);
+
+/// Puts the images of a folder, or those of a video, in place of the recording's own. A folder may
+/// hold exposures.csv, images.txt or timestamps.npz; frames of a video have its own clock, whose
+/// zero is its beginning.
+/// @throws DataError for a folder without images, a video that ffmpeg cannot read.
+void replace_frames(const std::filesystem::path& path, const ReadOptions& options,
+                    Contents& contents);
+
+/// images.txt: a time in seconds and the path of an image, a line each.
+/// @throws DataError naming the line.
+std::vector<FrameFile> listed_images(const std::filesystem::path& list);
+
+/// The times of timestamps.npz beside images in order of their names.
+/// @throws DataError if they are not as many.
+void add_npz_times(const std::filesystem::path& path, events::TimeUnit unit,
+                   std::vector<FrameFile>& files, Recording& recording);
+
+/// What options and trigger edges say about exposures that the recording's own fields do not.
+/// @throws DataError for frames from elsewhere that are left without a time.
+void complete_exposures(const ReadOptions& options, Contents& contents);
+
+/// Takes the channel of the trigger input with the most edges, and notes the others.
+void choose_channel(const std::filesystem::path& path, const std::map<int64_t, Triggers>& channels,
+                    Recording& recording);
+
+/// @throws DataError if that many events would not fit into memory.
+void check_event_memory(const std::filesystem::path& path, int64_t count);
+
+/// Bytes of memory that this machine has.
+double memory_bytes();
+
+/// Reads a file of events into `recording` with its notes.
+void add_events(const std::filesystem::path& path, const ReadOptions& options,
+                const std::optional<events::TimeWindow>& exposures, Recording& recording);
+
+}  // namespace jade::recording

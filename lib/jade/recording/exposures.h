@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+// When frames were exposed.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "jade/core/words.h"
+#include "jade/events/event_stream.h"
+
+namespace jade::recording {
+
+/// What the only time stamp of a frame is the time of.
+enum class Stamp { kStart, kMiddle, kEnd };
+
+constexpr auto words_of(Stamp) {
+  return std::array{Word{"start", Stamp::kStart, "start of the exposure"},
+                    Word{"middle", Stamp::kMiddle, "middle of the exposure"},
+                    Word{"end", Stamp::kEnd, "end of the exposure"}};
+}
+
+/// The exposure of `length_us` that is stamped `t_us`.
+events::TimeWindow exposure_at(int64_t t_us, int64_t length_us, Stamp stamp);
+
+/// Edges on the event sensor's trigger input, each list in order of time.
+struct Triggers {
+  std::vector<int64_t> rising_us, falling_us;
+};
+
+/// The level of the trigger input while a frame is exposed.
+enum class TriggerLevel { kHigh, kLow };
+
+constexpr auto words_of(TriggerLevel) {
+  return std::array{
+      Word{"high", TriggerLevel::kHigh, "an exposure lasts from a rising edge to the falling one"},
+      Word{"low", TriggerLevel::kLow, "from a falling edge to the rising one"}};
+}
+
+/// The exposures that trigger edges mark, in order of time. Edges without a partner, at the ends of
+/// a recording or where one was lost, mark none.
+std::vector<events::TimeWindow> exposures_of(const Triggers& triggers, TriggerLevel level);
+
+/// A line of an exposure list.
+struct NamedExposure {
+  std::string name;  ///< of the image file, with or without its extension
+  int64_t start_us = 0, end_us = 0;
+};
+
+/// Reads lines "name,start_us,end_us", whole µs in the clock of the events; lines of '#' and one
+/// header line are skipped.
+/// @throws DataError naming the line for other content, an end before its start, a name twice.
+std::vector<NamedExposure> read_exposures(const std::filesystem::path& path);
+
+/// Writes such a list with its header line. @throws DataError.
+void write_exposures(const std::filesystem::path& path,
+                     const std::vector<NamedExposure>& exposures);
+
+}  // namespace jade::recording

@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/recording/format.h"
+
+#include <algorithm>
+#include <cctype>
+#include <fstream>
+#include <string>
+
+#include "jade/core/error.h"
+#include "jade/io/colmap.h"
+#include "jade/io/zip.h"
+#include "jade/recording/event_folder.h"
+
+namespace jade::recording {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kReadable =
+    "expected a recording (Prophesee .raw, RPG text folder or .zip, HDF5, .npz, .npy, text, "
+    ".aedat4, ROS bag)";
+
+bool begins(const std::string& head, const std::string& with) {
+  return head.compare(0, with.size(), with) == 0;
+}
+
+std::string head_of(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::string head(4096, '\0');
+  file.read(head.data(), std::streamsize(head.size()));
+  head.resize(size_t(std::max<std::streamsize>(file.gcount(), 0)));
+  if (head.empty()) {
+    std::error_code error;
+    const auto size = fs::file_size(path, error);
+    throw DataError(concat(path.string(), !error && size == 0
+                                              ? ": the file is empty; copy or record it again"
+                                              : ": the file cannot be read"));
+  }
+  return head;
+}
+
+/// Printable, and its first line that is no comment begins with a number or names a column.
+bool is_text(const std::string& head) {
+  return std::all_of(head.begin(), head.end(), [](unsigned char c) {
+    return c == '\n' || c == '\r' || c == '\t' || (c >= 32 && c < 127);
+  });
+}
+
+Format zip_format(const fs::path& path) {
+  const io::Zip archive(path);
+  const auto ends = [&](const std::string& tail) {
+    return std::any_of(archive.names().begin(), archive.names().end(), [&](const auto& name) {
+      return name.size() >= tail.size() &&
+             name.compare(name.size() - tail.size(), tail.size(), tail) == 0;
+    });
+  };
+  if (ends("events.txt")) return Format::kZip;
+  if (ends(".npy")) return Format::kNpz;
+  throw DataError(concat(path.string(),
+                         ": expected an archive with events.txt or .npy arrays in it, "
+                         "found neither; unpack it and give the recording inside"));
+}
+
+/// Formats that are known, and not read.
+void refuse_foreign(const fs::path& path, const std::string& head) {
+  const auto refuse = [&](const char* what, const char* remedy) {
+    throw DataError(concat(path.string(), ": is ", what, ", which is not read; ", remedy));
+  };
+  if (begins(head, "#!AER-DAT")) {
+    refuse("AEDAT 1 to 3", "convert it to .aedat4 with dv-processing or DV");
+  }
+  if (begins(head, "% Data file containing") || begins(head, "% DAT")) {
+    refuse("Prophesee DAT", "convert it to HDF5 with metavision_file_to_hdf5");
+  }
+  if (begins(head, "#ROSBAG V1")) refuse("a ROS bag of version 1.x", "run rosbag fix on it");
+}
+
+Format file_format(const fs::path& path) {
+  const std::string head = head_of(path);
+  if (begins(head, "#!AER-DAT4")) return Format::kAedat4;
+  if (begins(head, "#ROSBAG V2")) return Format::kRosBag;
+  if (begins(head, std::string("SQLite format 3\0", 16)) || begins(head, "\x89MCAP0"))
+    return Format::kRosBag;
+  refuse_foreign(path, head);
+  if (begins(head, "% ")) return Format::kEvt;
+  if (begins(head, "\x93NUMPY")) return Format::kNpy;
+  if (begins(head, "\x89HDF")) return Format::kHdf5;
+  if (begins(head, "PK")) return zip_format(path);
+  if (is_text(head)) return Format::kText;
+  std::string kind = path.extension().string();
+  std::transform(kind.begin(), kind.end(), kind.begin(),
+                 [](unsigned char c) { return std::tolower(c); });
+  if (kind == ".raw") {
+    throw DataError(concat(path.string(),
+                           ": expected a Prophesee header of lines that begin with "
+                           "'%', found none; record or export it again"));
+  }
+  throw DataError(concat(path.string(), ": ", kReadable, ", found another kind of file"));
+}
+
+}  // namespace
+
+Format recognise(const fs::path& path) {
+  std::error_code ignored;
+  if (!fs::exists(path, ignored))
+    throw DataError(concat(path.string(), ": no such file or folder"));
+  if (!fs::is_directory(path, ignored)) return file_format(path);
+  if (fs::is_regular_file(path / "events.txt", ignored)) return Format::kRpg;
+  if (fs::is_regular_file(path / "metadata.yaml", ignored) && holds_bag(path))
+    return Format::kRosBag;
+  if (is_event_folder(path)) return Format::kFrameFolder;
+  throw DataError(concat(path.string(), ": ", kReadable,
+                         ", found a folder with neither events nor frames that have times; give "
+                         "the file in it"));
+}
+
+bool is_recording(const fs::path& path) {
+  std::error_code ignored;
+  // Poses make a data set of it.
+  for (const char* poses : {"poses_bounds.npy", "transforms.json", "transforms_train.json",
+                            "sparse", "colmap/sparse"}) {
+    if (fs::exists(path / poses, ignored)) return false;
+  }
+  if (io::is_colmap_model(path)) return false;
+  try {
+    recognise(path);
+    return true;
+  } catch (const DataError&) {
+    return false;
+  }
+}
+
+}  // namespace jade::recording

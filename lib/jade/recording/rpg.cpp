@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: Apache-2.0
+// The text layout of the event camera data sets of RPG Zurich: events.txt "t x y p" in seconds,
+// images.txt "t images/NAME", calib.txt.
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <sstream>
+#include <string>
+
+#include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
+#include "jade/imaging/image_io.h"
+#include "jade/io/zip.h"
+#include "jade/recording/contents.h"
+
+namespace jade::recording {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Names in a list or an archive must not lead out of their folder.
+bool stays_inside(const fs::path& name) {
+  return name.is_relative() &&
+         std::none_of(name.begin(), name.end(), [](const fs::path& part) { return part == ".."; });
+}
+
+void note_untimed_images(const fs::path& folder, Recording& recording) {
+  size_t count = imaging::list_images(folder).size();
+  if (fs::is_directory(folder / "images")) count += imaging::list_images(folder / "images").size();
+  if (count == 0) return;
+  recording.notes.push_back(concat((folder / "images.txt").string(), ": missing, so that ", count,
+                                   count == 1 ? " image has" : " images have",
+                                   " no time and cannot be used; write a line \"seconds "
+                                   "images/NAME\" for each"));
+}
+
+std::optional<CalibrationFile> find_calibration(const fs::path& folder) {
+  for (const char* name : {"calibration.yaml", "calib.txt"}) {
+    if (fs::is_regular_file(folder / name)) return CalibrationFile{name, read_file(folder / name)};
+  }
+  return std::nullopt;
+}
+
+/// Exposures of exposures.csv in place of single times.
+void add_exposures(const fs::path& folder, std::vector<FrameFile>& files) {
+  const fs::path list = folder / "exposures.csv";
+  if (!fs::is_regular_file(list)) return;
+  apply_exposures(list, read_exposures(list), files);
+}
+
+/// Where in an archive the recording lies: "" or "folder/".
+std::string prefix_of(const io::Zip& archive) {
+  std::string best;
+  for (const std::string& name : archive.names()) {
+    constexpr size_t kLength = 10;  // of events.txt
+    if (name.size() < kLength || name.compare(name.size() - kLength, kLength, "events.txt") != 0)
+      continue;
+    const std::string prefix = name.substr(0, name.size() - kLength);
+    if (!prefix.empty() && prefix.back() != '/') continue;
+    if (best.empty() || prefix.size() < best.size() - kLength) best = name;
+  }
+  return best.substr(0, best.size() - std::min<size_t>(best.size(), 10));
+}
+
+}  // namespace
+
+std::vector<FrameFile> listed_images(const fs::path& list) {
+  std::istringstream text(read_file(list));
+  std::vector<FrameFile> out;
+  int64_t number = 0;
+  for (std::string line; std::getline(text, line);) {
+    ++number;
+    std::istringstream words(line);
+    std::string time, name;
+    if (!(words >> time) || time[0] == '#') continue;
+    double seconds = 0;
+    const auto [end, error] = std::from_chars(time.data(), time.data() + time.size(), seconds);
+    if (error != std::errc() || end != time.data() + time.size() || !(words >> name) ||
+        !(std::abs(seconds) < 4e12) || !stays_inside(name)) {
+      throw DataError(
+          concat(list.string(), ":", number, ": expected \"seconds images/NAME\" of an image"));
+    }
+    const int64_t t = std::llround(1e6 * seconds);
+    out.push_back({list.parent_path() / name, events::TimeWindow{t, t}});
+  }
+  return out;
+}
+
+Contents read_rpg(const fs::path& folder, const ReadOptions& options) {
+  Contents out;
+  Recording& recording = out.recording;
+  recording.format = "RPG text folder";
+  // rpg_dvs_ros stamps with libcaer's time of a frame, the middle of its exposure.
+  recording.stamp = Stamp::kMiddle;
+  recording.calibration = find_calibration(folder);
+  if (fs::is_regular_file(folder / "images.txt")) {
+    out.files = listed_images(folder / "images.txt");
+    add_exposures(folder, out.files);
+  } else {
+    note_untimed_images(folder, recording);
+  }
+  add_events(folder / "events.txt", options, std::nullopt, recording);
+  return out;
+}
+
+Contents read_rpg_zip(const fs::path& path, const ReadOptions& options) {
+  const io::Zip archive(path);
+  const std::string prefix = prefix_of(archive);
+  const auto folder = std::make_shared<TemporaryFolder>();
+  for (const std::string& name : archive.names()) {
+    if (name.compare(0, prefix.size(), prefix) != 0 || name.back() == '/') continue;
+    const fs::path inside = name.substr(prefix.size());
+    const bool image = inside.has_parent_path() && *inside.begin() == "images";
+    const bool list = !inside.has_parent_path() &&
+                      (inside.extension() == ".txt" || inside.extension() == ".csv" ||
+                       inside.extension() == ".yaml");
+    if (!(image || list) || !stays_inside(inside)) continue;
+    fs::create_directories((folder->path() / inside).parent_path());
+    archive.extract(name, folder->path() / inside);
+  }
+  Contents out = read_rpg(folder->path(), options);
+  out.recording.format = "zip of an RPG text folder";
+  out.keep = folder;
+  return out;
+}
+
+}  // namespace jade::recording

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/recording/exposures.h"
+
+#include "support/catch.h"
+
+#include "jade/core/error.h"
+#include "support/temp_dir.h"
+
+using namespace jade;
+using namespace jade::recording;
+
+namespace {
+
+void check_window(const events::TimeWindow& window, int64_t begin_us, int64_t end_us) {
+  CHECK(window.begin_us == begin_us);
+  CHECK(window.end_us == end_us);
+}
+
+}  // namespace
+
+TEST_CASE("exposures: a stamp is the start, the middle or the end", "[recording]") {
+  check_window(exposure_at(1000, 301, Stamp::kStart), 1000, 1301);
+  check_window(exposure_at(1000, 301, Stamp::kMiddle), 850, 1151);
+  check_window(exposure_at(1000, 301, Stamp::kEnd), 699, 1000);
+}
+
+TEST_CASE("exposures: trigger pulses of either level, lost edges left out", "[recording]") {
+  // High from 10 to 20, from 30 (its end was lost), from 50 to 60; an edge without partner at 5 and
+  // at 70.
+  const Triggers triggers{{10, 30, 50, 70}, {5, 20, 60}};
+  const auto high = exposures_of(triggers, TriggerLevel::kHigh);
+  REQUIRE(high.size() == 2);
+  check_window(high[0], 10, 20);
+  check_window(high[1], 50, 60);
+  const auto low = exposures_of(triggers, TriggerLevel::kLow);
+  REQUIRE(low.size() == 3);
+  check_window(low[0], 5, 10);
+  check_window(low[1], 20, 30);
+  check_window(low[2], 60, 70);
+  CHECK(exposures_of({}, TriggerLevel::kHigh).empty());
+}
+
+TEST_CASE("exposures: a list is written, read, and its faults named by line", "[recording]") {
+  const test::TempDir dir;
+  write_exposures(dir / "a.csv", {{"0001", -5, 20}, {"a,b", 30, 30}});
+  const auto read = read_exposures(dir / "a.csv");
+  REQUIRE(read.size() == 2);
+  CHECK(read[0].name == "0001");
+  CHECK(read[0].start_us == -5);
+  CHECK(read[0].end_us == 20);
+  CHECK(read[1].name == "a,b");
+  dir.write("spaces.csv", "# made by hand\r\n\"x.png\" , 1 , 2\r\n\r\n");
+  REQUIRE(read_exposures(dir / "spaces.csv").size() == 1);
+  CHECK(read_exposures(dir / "spaces.csv")[0].name == "x.png");
+  const auto message = [&](const std::string& text) -> std::string {
+    try {
+      read_exposures(dir.write("bad.csv", text));
+    } catch (const DataError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  CHECK_THAT(message("name,start_us,end_us\na,1.5,2\n"), Catch::Contains("bad.csv:2: expected"));
+  CHECK_THAT(message("a,1,2\nname,start_us,end_us\n"), Catch::Contains("bad.csv:2: expected"));
+  CHECK_THAT(message("a,3,2\n"), Catch::Contains("bad.csv:1: a ends at 2 us, before"));
+  CHECK_THAT(message("a,1,2\na,3,4\n"), Catch::Contains("bad.csv:2: a is listed twice"));
+}

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/recording/format.h"
+
+#include "support/catch.h"
+
+#include <torch/types.h>
+
+#include "jade/core/error.h"
+#include "jade/io/hdf5.h"
+#include "jade/io/npy.h"
+#include "support/temp_dir.h"
+
+using namespace jade;
+using namespace jade::recording;
+
+TEST_CASE("format: recognised by content, whatever the name", "[recording]") {
+  const test::TempDir dir;
+  CHECK(recognise(dir.write("a", "% evt 3.0\n% end\n\x01\x02")) == Format::kEvt);
+  CHECK(recognise(dir.write("b.txt", "#!AER-DAT4.0\r\n....")) == Format::kAedat4);
+  CHECK(recognise(dir.write("c.raw", "#ROSBAG V2.0\n....")) == Format::kRosBag);
+  CHECK(recognise(dir.write("d", std::string("SQLite format 3\0....", 20))) == Format::kRosBag);
+  CHECK(recognise(dir.write("e", "\x89MCAP0\r\n....")) == Format::kRosBag);
+  CHECK(recognise(dir.write("f.dat", "0.5 1 2 1\n0.6 3 4 0\n")) == Format::kText);
+  io::write_npy(dir / "g.h5", torch::zeros({1, 4}));
+  CHECK(recognise(dir / "g.h5") == Format::kNpy);
+  io::write_npz(dir / "h", {{"x", torch::zeros({1})}});
+  CHECK(recognise(dir / "h") == Format::kNpz);
+  const float x = 1;
+  io::Hdf5Writer file(dir / "i.raw");
+  file.append("x", &x, 1);
+  file.close();
+  CHECK(recognise(dir / "i.raw") == Format::kHdf5);
+  dir.write("rpg/events.txt", "0.5 1 2 1\n");
+  CHECK(recognise(dir / "rpg") == Format::kRpg);
+  dir.write("folder/events.npz", "");
+  CHECK(recognise(dir / "folder") == Format::kFrameFolder);
+  dir.write("bag/metadata.yaml", "rosbag2_bagfile_information:");
+  dir.write("bag/a_0.db3", "");
+  CHECK(recognise(dir / "bag") == Format::kRosBag);
+}
+
+TEST_CASE("format: what is not read says what it is and what to do", "[recording]") {
+  const test::TempDir dir;
+  const auto message = [](const std::filesystem::path& path) -> std::string {
+    CHECK_FALSE(is_recording(path));
+    try {
+      recognise(path);
+    } catch (const DataError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  CHECK_THAT(message(dir / "missing"), Catch::Contains("no such file or folder"));
+  CHECK_THAT(message(dir.write("empty.raw", "")), Catch::Contains("the file is empty"));
+  CHECK_THAT(message(dir.write("old.aedat", "#!AER-DAT3.1\n")), Catch::Contains("AEDAT 1 to 3"));
+  CHECK_THAT(message(dir.write("old.dat", "% Data file containing CD events.\n")),
+             Catch::Contains("Prophesee DAT"));
+  CHECK_THAT(message(dir.write("x.raw", "\x01\x02\x03")), Catch::Contains("Prophesee header"));
+  CHECK_THAT(message(dir.write("x.mp4", std::string("\0\0\0 ftypisom", 12))),
+             Catch::Contains("another kind of file"));
+  CHECK_THAT(message(dir.write("x.zip", "PK\x03\x04 cut short")), Catch::Contains("zip archive"));
+  dir.write("folder/notes.md", "");
+  CHECK_THAT(message(dir / "folder"), Catch::Contains("neither events nor frames"));
+}
+
+TEST_CASE("format: a folder with poses is a data set, no recording", "[recording]") {
+  const test::TempDir dir;
+  dir.write("scene/events.txt", "0.5 1 2 1\n");
+  CHECK(is_recording(dir / "scene"));
+  dir.write("scene/poses_bounds.npy", "");
+  CHECK_FALSE(is_recording(dir / "scene"));
+  dir.write("model/events.txt", "0.5 1 2 1\n");
+  dir.write("model/cameras.txt", "");
+  dir.write("model/images.txt", "");
+  CHECK_FALSE(is_recording(dir / "model"));
+}

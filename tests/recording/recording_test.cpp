@@ -1,0 +1,229 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/recording/recording.h"
+
+#include "support/catch.h"
+
+#include <functional>
+#include <torch/types.h>
+#include <zip.h>
+
+#include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
+#include "jade/imaging/image_io.h"
+#include "jade/io/hdf5.h"
+#include "jade/io/npy.h"
+#include "support/temp_dir.h"
+
+using namespace jade;
+using namespace jade::recording;
+using test::TempDir;
+
+namespace {
+
+std::string message_of(const std::function<void()>& action) {
+  try {
+    action();
+  } catch (const DataError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+bool has_note(const Recording& recording, const std::string& text) {
+  for (const std::string& note : recording.notes) {
+    if (note.find(text) != std::string::npos) return true;
+  }
+  return false;
+}
+
+constexpr const char* kEvents = "0.000100 0 0 1\n0.000250 7 5 0\n0.000250 3 2 1\n0.001 1 1 0\n";
+
+/// Two gray frames of 8x6 px at 0.2 and 0.6 ms.
+void write_rpg_folder(const TempDir& dir, const std::string& name) {
+  dir.write(name + "/events.txt", kEvents);
+  dir.write(name + "/images.txt", "0.000600 images/b.png\n0.0002 images/a.png\n");
+  dir.write(name + "/calib.txt", "6 6 4 3 0 0 0 0 0\n");
+  imaging::write_image(dir / (name + "/images/a.png"), torch::full({3, 6, 8}, 0.2));
+  imaging::write_image(dir / (name + "/images/b.png"), torch::full({3, 6, 8}, 0.6));
+}
+
+void check_rpg(const Recording& recording) {
+  CHECK(recording.width == 8);
+  CHECK(recording.height == 6);
+  REQUIRE(recording.events.size() == 4);
+  CHECK(recording.events.t_us().equal(torch::tensor({100, 250, 250, 1000}, torch::kInt64)));
+  CHECK(recording.events.polarity().equal(torch::tensor({1, -1, 1, -1}, torch::kInt8)));
+  CHECK(recording.events.x()[1].item<float>() == 7);
+  REQUIRE(recording.frames.size() == 2);
+  CHECK(recording.frames[0].name == "a");
+  CHECK(recording.frames[0].image.sizes() == torch::IntArrayRef({3, 6, 8}));
+  CHECK(recording.frames[0].image[0][0][0].item<float>() == Approx(0.2).margin(1e-6));
+  CHECK(recording.frames[1].name == "b");
+  REQUIRE(recording.calibration);
+  CHECK(recording.calibration->name == "calib.txt");
+  CHECK(recording.calibration->text == "6 6 4 3 0 0 0 0 0\n");
+}
+
+/// Packs files of a folder, with `prefix` before their names.
+void zip_folder(const std::filesystem::path& folder, const std::filesystem::path& path,
+                const std::string& prefix) {
+  int code = 0;
+  zip_t* archive = zip_open(path.c_str(), ZIP_CREATE, &code);
+  REQUIRE(archive != nullptr);
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
+    if (!entry.is_regular_file()) continue;
+    zip_source_t* source = zip_source_file(archive, entry.path().c_str(), 0, -1);
+    const auto name = prefix + std::filesystem::relative(entry.path(), folder).string();
+    REQUIRE(zip_file_add(archive, name.c_str(), source, 0) >= 0);
+  }
+  // An archive from elsewhere may name files beside its folder.
+  zip_source_t* source = zip_source_buffer(archive, "x", 1, 0);
+  REQUIRE(zip_file_add(archive, (prefix + "images/../../escaped.png").c_str(), source, 0) >= 0);
+  REQUIRE(zip_close(archive) == 0);
+}
+
+}  // namespace
+
+TEST_CASE("recording: RPG text folder, frames in order of time, size from the frames",
+          "[recording]") {
+  const TempDir dir;
+  write_rpg_folder(dir, "rpg");
+  const Recording recording = read_recording(dir / "rpg");
+  CHECK(recording.source == dir / "rpg");
+  CHECK(recording.format == "RPG text folder");
+  check_rpg(recording);
+  CHECK(recording.frames[0].t_start_us == 200);
+  CHECK(recording.frames[0].t_end_us == 200);
+  CHECK(recording.stamp == Stamp::kMiddle);
+  CHECK(has_note(recording, "2 of 2 frames carry no length"));
+}
+
+TEST_CASE("recording: exposures from a list beside the images, or from their length",
+          "[recording]") {
+  const TempDir dir;
+  write_rpg_folder(dir, "rpg");
+  ReadOptions options;
+  options.exposure_ms = 0.1;
+  CHECK(read_recording(dir / "rpg", options).frames[0].t_start_us == 150);
+  CHECK(read_recording(dir / "rpg", options).frames[0].t_end_us == 250);
+  options.stamp = Stamp::kEnd;
+  CHECK(read_recording(dir / "rpg", options).frames[1].t_start_us == 500);
+  dir.write("rpg/exposures.csv", "name,start_us,end_us\na,120,240\nb.png,510,700\n");
+  const Recording listed = read_recording(dir / "rpg", options);
+  CHECK(listed.frames[0].t_start_us == 120);
+  CHECK(listed.frames[0].t_end_us == 240);
+  CHECK(listed.frames[1].t_end_us == 700);
+  CHECK_FALSE(has_note(listed, "carry no length"));
+  dir.write("mine.csv", "a,0,10\nb,20,30\n");
+  options.frame_times = dir / "mine.csv";
+  CHECK(read_recording(dir / "rpg", options).frames[1].t_end_us == 30);
+  dir.write("mine.csv", "a,0,10\n");
+  CHECK_THAT(message_of([&] { read_recording(dir / "rpg", options); }),
+             Catch::Contains("expected a line for b.png, found none among 1"));
+}
+
+TEST_CASE("recording: a zip of the folder, at its root or within a folder", "[recording]") {
+  const TempDir dir;
+  write_rpg_folder(dir, "rpg");
+  const auto temporary = dir / "temporary";
+  std::filesystem::create_directories(temporary);
+  setenv("TMPDIR", temporary.c_str(), 1);
+  for (const std::string prefix : {"", "recording/"}) {
+    zip_folder(dir / "rpg", dir / "rpg.zip", prefix);
+    const Recording recording = read_recording(dir / "rpg.zip");
+    CHECK(recording.format == "zip of an RPG text folder");
+    check_rpg(recording);
+    CHECK(std::filesystem::is_empty(temporary));
+    std::filesystem::remove(dir / "rpg.zip");
+  }
+  unsetenv("TMPDIR");
+}
+
+TEST_CASE("recording: the EvDeblur layout without poses", "[recording]") {
+  const TempDir dir;
+  const std::vector<float> x{0, 7, 3}, y{0, 5, 2};
+  const std::vector<int64_t> t{2000000000, 2000500000, 3000000000};  // ns
+  const std::vector<int8_t> p{1, -1, 1};
+  std::filesystem::create_directories(dir / "scene");
+  io::Hdf5Writer file(dir / "scene/events.h5");
+  file.append("x", x.data(), 3);
+  file.append("y", y.data(), 3);
+  file.append("t", t.data(), 3);
+  file.append("p", p.data(), 3);
+  file.close();
+  for (const char* name : {"00", "01"})
+    imaging::write_image(dir / "scene/images_1" / (std::string(name) + ".png"),
+                         torch::full({3, 6, 8}, 0.5));
+  io::write_npz(dir / "scene/images_1/timestamps.npz",
+                {{"timestamps_start", torch::tensor(std::vector<int64_t>{2000000000, 2600000000})},
+                 {"timestamps_end", torch::tensor(std::vector<int64_t>{2020000000, 2600000000})}});
+  const Recording recording = read_recording(dir / "scene");
+  CHECK(recording.events.t_us().equal(torch::tensor({2000000, 2000500, 3000000}, torch::kInt64)));
+  REQUIRE(recording.frames.size() == 2);
+  CHECK(recording.frames[0].t_start_us == 2000000);
+  CHECK(recording.frames[0].t_end_us == 2020000);
+  CHECK(recording.frames[1].t_start_us == 2600000);
+  CHECK(recording.width == 8);
+  io::write_npz(dir / "scene/images_1/timestamps.npz", {{"timestamps", torch::zeros({3})}});
+  CHECK_THAT(message_of([&] { read_recording(dir / "scene"); }),
+             Catch::Contains("expected one time for each of 2 images, found 3"));
+}
+
+TEST_CASE("recording: files of events alone, and a window of them", "[recording]") {
+  const TempDir dir;
+  const auto table = torch::tensor({{100., 1., 2., 1.}, {300., 3., 4., 0.}, {500., 5., 6., 1.}});
+  io::write_npy(dir / "events.npy", table);
+  io::write_npz(dir / "events.npz", {{"events", table}});
+  dir.write("events.txt", "100 1 2 1\n300 3 4 0\n500 5 6 1\n");
+  for (const char* name : {"events.npy", "events.npz", "events.txt"}) {
+    const Recording recording = read_recording(dir / name);
+    REQUIRE(recording.events.size() == 3);
+    CHECK(recording.events.last_us() == 500);
+    CHECK(recording.width == 0);
+    CHECK(has_note(recording, "there are no frames"));
+    ReadOptions options;
+    options.window = events::TimeWindow{300, 500};
+    CHECK(read_recording(dir / name, options).events.size() == 1);
+  }
+}
+
+TEST_CASE("recording: times out of order are sorted, events beside the sensor dropped, both noted",
+          "[recording]") {
+  const TempDir dir;
+  write_rpg_folder(dir, "rpg");
+  dir.write("rpg/events.txt", "0.5 7 5 1\n0.1 0 0 0\n");
+  const Recording sorted = read_recording(dir / "rpg");
+  CHECK(sorted.events.first_us() == 100000);
+  CHECK(has_note(sorted, "have been sorted"));
+  CHECK(has_note(sorted, "2 of 2 frames lie outside the time of the events"));
+  CHECK(has_note(sorted, "the two clocks may differ"));
+  dir.write("rpg/events.txt", "0.1 7 5 1\n0.2 8 0 0\n");
+  const Recording beside = read_recording(dir / "rpg");
+  CHECK(beside.width == 0);
+  CHECK(has_note(beside, "events lie within 9x6 px, frames are 8x6 px"));
+}
+
+TEST_CASE("recording: what is missing is noted, what is damaged is an error", "[recording]") {
+  const TempDir dir;
+  write_rpg_folder(dir, "rpg");
+  dir.write("rpg/images.txt", "0.1 images/a.png\nsoon images/b.png\n");
+  CHECK_THAT(message_of([&] { read_recording(dir / "rpg"); }),
+             Catch::Contains("images.txt:2: expected \"seconds images/NAME\""));
+  dir.write("rpg/images.txt", "0.1 ../secret.png\n");
+  CHECK_THAT(message_of([&] { read_recording(dir / "rpg"); }), Catch::Contains("images.txt:1"));
+  dir.write("rpg/images.txt", "0.1 images/missing.png\n");
+  CHECK_THAT(message_of([&] { read_recording(dir / "rpg"); }),
+             Catch::Contains("missing.png: no such image file"));
+  imaging::write_image(dir / "rpg/images/b.png", torch::full({3, 6, 9}, 0.6));
+  dir.write("rpg/images.txt", "0.1 images/a.png\n0.2 images/b.png\n");
+  CHECK_THAT(message_of([&] { read_recording(dir / "rpg"); }),
+             Catch::Contains("b.png: is 9x6 while a.png is 8x6"));
+  std::filesystem::remove(dir / "rpg/images.txt");
+  const Recording unlisted = read_recording(dir / "rpg");
+  CHECK(unlisted.frames.empty());
+  CHECK(has_note(unlisted, "images.txt: missing, so that 2 images have no time"));
+  dir.write("rpg/events.txt", "");
+  CHECK(has_note(read_recording(dir / "rpg"), "there are no events"));
+  dir.write("rpg/events.txt", "0.1 2 3\n0.1 2 3 1\n0.2 4 x 1\n");
+  CHECK_THAT(message_of([&] { read_recording(dir / "rpg"); }), Catch::Contains("events.txt:3"));
+}
