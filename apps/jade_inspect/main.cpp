@@ -21,7 +21,8 @@ ExitCode inspect(const data::DatasetOptions& options, double log_offset, bool js
   apps::Inspection inspection;
   inspection.log_offset = log_offset;
   inspection.dataset = data::load_dataset(options, &inspection.problems);
-  inspection.thresholds = data::estimate_thresholds(inspection.dataset, log_offset);
+  inspection.thresholds =
+      data::estimate_thresholds(inspection.dataset.train, inspection.dataset.events, log_offset);
   if (json) {
     std::printf("%s\n", apps::to_json(inspection).dump(2).c_str());
   } else {

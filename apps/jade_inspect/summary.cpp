@@ -91,12 +91,13 @@ void print_events(const Inspection& inspection) {
     return;
   }
   std::printf(
-      "thresholds  about %.2f (positive) and %.2f (negative) in log(I + %.4g), fitted to the "
-      "change "
-      "between\n            blurry frames, %.0f %% of which stays unexplained: a start for a "
-      "search, "
-      "no calibration\n",
-      t.thresholds.positive, t.thresholds.negative, inspection.log_offset, 100 * t.unexplained);
+      "thresholds  about %.2f (positive) and %.2f (negative) in log(I + %.4g), spread %.2f and "
+      "%.2f "
+      "from\n            pixel to pixel; fitted to the change between blurry frames, %.0f %% of "
+      "which "
+      "stays unexplained\n",
+      t.thresholds.positive, t.thresholds.negative, inspection.log_offset, t.spread.positive,
+      t.spread.negative, 100 * t.unexplained);
 }
 
 void print_exposures(const Dataset& d) {
@@ -170,6 +171,8 @@ nlohmann::json to_json(const Inspection& inspection) {
   if (inspection.thresholds.found) {
     result["thresholds"] = {{"positive", inspection.thresholds.thresholds.positive},
                             {"negative", inspection.thresholds.thresholds.negative},
+                            {"spread_positive", inspection.thresholds.spread.positive},
+                            {"spread_negative", inspection.thresholds.spread.negative},
                             {"log_offset", inspection.log_offset},
                             {"unexplained", inspection.thresholds.unexplained}};
   }

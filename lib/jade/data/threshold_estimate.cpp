@@ -6,7 +6,6 @@
 #include <torch/types.h>
 
 #include "jade/events/counts.h"
-#include "jade/events/exposure_maps.h"
 #include "jade/imaging/color.h"
 
 namespace jade::data {
@@ -14,128 +13,190 @@ namespace {
 
 constexpr double kDark = 0.04;
 constexpr double kBright = 0.96;
-constexpr int kRounds = 12;
+constexpr int64_t kMoments = 17;  // per exposure
+constexpr int64_t kMostExposures = 25;
+constexpr int64_t kMostPixels = 8000;
+constexpr int kRounds = 30;
+constexpr double kHuber = 2;  // in deviations of the residual
+constexpr double kSmallest = 0.01, kLargest = 3;
 
-/// What one exposure says, flattened to [P] and [8,P] float64.
-struct LogView {
-  torch::Tensor log_frame;
-  torch::Tensor usable;
-  torch::Tensor positive, negative;  ///< events in the eight windows
+/// What P pixels saw in V exposures, float64.
+struct Series {
+  torch::Tensor positive, negative;  ///< [P,V,K] events since the first exposure began
+  torch::Tensor change;              ///< [P,V−1] of the logarithm of the frames
+  torch::Tensor usable;              ///< [P,V−1] bool
 };
 
-/// Events of two neighbours between their mid-exposures.
-struct Pair {
-  LogView first, second;
-  torch::Tensor positive, negative;  ///< [P]
-};
-
-LogView view_of(const Exposure& exposure, double log_offset) {
-  const events::ImageSize size{exposure.camera.height, exposure.camera.width};
-  const torch::Tensor gray = imaging::gray(exposure.blurry).to(torch::kFloat64).flatten();
-  const auto maps =
-      events::map_exposure(exposure.events, {exposure.t_start_us, exposure.t_end_us}, 6, size);
-  // Dark pixels are not used, yet their logarithm must stay finite.
-  return {(gray.clamp_min(kDark) + log_offset).log(), (gray > kDark) & (gray < kBright),
-          maps.windows.positive.to(torch::kFloat64).flatten(1),
-          maps.windows.negative.to(torch::kFloat64).flatten(1)};
+/// A run of neighbours: the middle of the recording, where cameras move most.
+std::vector<Exposure> middle_of(const std::vector<Exposure>& exposures) {
+  const size_t count = std::min(exposures.size(), size_t(kMostExposures));
+  const auto begin = exposures.begin() + std::ptrdiff_t((exposures.size() - count) / 2);
+  return {begin, begin + std::ptrdiff_t(count)};
 }
 
-/// Log of the mean of exp(J_k) over the nine times, and its derivatives to Θ⁺ and Θ⁻.
-struct LogBlur {
-  torch::Tensor value, by_positive, by_negative;
-};
+/// Over long gaps, noise events outweigh what the frames can tell.
+bool is_neighbour(const Exposure& a, const Exposure& b) {
+  const int64_t gap = b.t_start_us - a.t_end_us;
+  return gap >= 0 && gap <= std::max<int64_t>(3 * a.duration_us(), 100000);
+}
 
-LogBlur log_blur(const LogView& view, const events::Thresholds& thresholds) {
-  std::vector<torch::Tensor> positive, negative;
-  for (int64_t k = 0; k <= events::kEdiWindows; ++k) {
-    const int64_t mid = geometry::kMidPose;
-    const double sign = k < mid ? -1 : 1;
-    const auto sum = [&](const torch::Tensor& windows) {
-      return sign * windows.slice(0, std::min(k, mid), std::max(k, mid)).sum(0);
-    };
-    positive.push_back(sum(view.positive));
-    negative.push_back(-sum(view.negative));
+/// Evenly chosen pixels among those that have events.
+torch::Tensor chosen_pixels(const events::EventStream& events, const events::ImageSize& size) {
+  const torch::Tensor active =
+      (events::event_density(events, size).flatten() >= 1).nonzero().flatten();
+  const int64_t count = std::min(active.numel(), kMostPixels);
+  if (count == 0) return active;
+  const torch::Tensor places =
+      (torch::arange(count, torch::kFloat64) * (double(active.numel()) / double(count)))
+          .to(torch::kInt64);
+  return active.index_select(0, places);
+}
+
+/// Times of the moments of an exposure, then the next exposure's start.
+std::vector<int64_t> knots_from(const Exposure& exposure, int64_t next_us) {
+  std::vector<int64_t> knots;
+  const events::TimeWindow window{exposure.t_start_us, exposure.t_end_us};
+  for (int64_t k = 0; k < kMoments; ++k) knots.push_back(events::knot_us(window, k, kMoments - 1));
+  knots.push_back(std::max(next_us, knots.back()));
+  return knots;
+}
+
+Series series_of(const std::vector<Exposure>& exposures, const events::EventStream& events,
+                 double log_offset) {
+  const torch::Tensor& frame = exposures.front().blurry;
+  const events::ImageSize size{frame.size(-2), frame.size(-1)};
+  const torch::Tensor pixels =
+      chosen_pixels(events.slice(exposures.front().t_start_us, exposures.back().t_end_us), size);
+  std::vector<torch::Tensor> sums, logs, good;
+  torch::Tensor before = torch::zeros({1, 2, pixels.numel()}, torch::kFloat64);
+  for (size_t i = 0; i < exposures.size(); ++i) {
+    const Exposure& exposure = exposures[i];
+    const bool last = i + 1 == exposures.size();
+    const int64_t next_us = last ? exposure.t_end_us : exposures[i + 1].t_start_us;
+    const torch::Tensor counts = events::count_events(events, knots_from(exposure, next_us), size);
+    const torch::Tensor some =
+        events::to_events(counts.flatten(2).index_select(2, pixels)).to(torch::kFloat64);
+    const torch::Tensor until = torch::cat({before, before + some.cumsum(0)});  // [K+1,2,P]
+    sums.push_back(until.slice(0, 0, kMoments));
+    before = until.slice(0, kMoments, kMoments + 1);
+    const torch::Tensor gray =
+        imaging::gray(exposure.blurry).to(torch::kFloat64).flatten().index_select(0, pixels);
+    // Dark pixels are not used, yet their logarithm must stay finite.
+    logs.push_back((gray.clamp_min(kDark) + log_offset).log());
+    good.push_back((gray > kDark) & (gray < kBright));
   }
-  const torch::Tensor p = torch::stack(positive);
-  const torch::Tensor n = torch::stack(negative);
-  const torch::Tensor j = thresholds.positive * p + thresholds.negative * n;
-  const torch::Tensor weight = torch::softmax(j, 0);
-  return {torch::logsumexp(j, 0) - std::log(9.0), (weight * p).sum(0), (weight * n).sum(0)};
-}
-
-std::vector<Pair> pairs_of(const Dataset& dataset, double log_offset) {
-  std::vector<Pair> pairs;
-  for (size_t i = 0; i + 1 < dataset.train.size(); ++i) {
-    const Exposure& a = dataset.train[i];
-    const Exposure& b = dataset.train[i + 1];
-    // Over long gaps, noise events outweigh what the frames can tell.
-    if (b.t_start_us < a.t_end_us || a.duration_us() == 0 ||
-        b.t_start_us - a.t_end_us > 3 * a.duration_us()) {
-      continue;
-    }
-    const events::ImageSize size{a.camera.height, a.camera.width};
-    const torch::Tensor counts =
-        events::to_events(events::count_events(dataset.events, {a.t_mid_us(), b.t_mid_us()}, size));
-    const torch::Tensor flat = counts[0].to(torch::kFloat64).flatten(1);
-    pairs.push_back({view_of(a, log_offset), view_of(b, log_offset), flat[0], flat[1]});
-    if (pairs.size() == 24) break;
+  const torch::Tensor all = torch::stack(sums).permute({2, 3, 0, 1});  // [2,P,V,K]
+  Series series{all[0].contiguous(), all[1].contiguous(), torch::stack(logs, 1).diff(), {}};
+  std::vector<torch::Tensor> usable;
+  for (size_t i = 0; i + 1 < exposures.size(); ++i) {
+    usable.push_back(good[i] & good[i + 1] & is_neighbour(exposures[i], exposures[i + 1]));
   }
-  return pairs;
+  series.usable = torch::stack(usable, 1);
+  return series;
 }
 
-/// Sums of the weighted normal equations, in their own type to be added up pair by pair.
-struct Normal {
-  double pp = 0, pn = 0, nn = 0, p = 0, n = 0;
-  double squares = 0, change = 0, weight = 0;
+/// The model at each pixel's own thresholds, linear about them: the change is
+/// X θ + (change − model), all of [P,V−1].
+struct Linear {
+  torch::Tensor by_threshold;  ///< X, [P,V−1,2]
+  torch::Tensor target;        ///< what X θ should be
 };
 
-void add_pair(const Pair& pair, const events::Thresholds& thresholds, double huber, Normal& sum) {
-  const LogBlur a = log_blur(pair.first, thresholds);
-  const LogBlur b = log_blur(pair.second, thresholds);
-  const torch::Tensor change = pair.second.log_frame - pair.first.log_frame;
-  const torch::Tensor model =
-      thresholds.positive * pair.positive - thresholds.negative * pair.negative + b.value - a.value;
-  const torch::Tensor residual = change - model;
-  const torch::Tensor by_p = pair.positive + b.by_positive - a.by_positive;
-  const torch::Tensor by_n = -pair.negative + b.by_negative - a.by_negative;
-  const torch::Tensor use =
-      (pair.first.usable & pair.second.usable & ((pair.positive + pair.negative) >= 1))
-          .to(torch::kFloat64);
-  const torch::Tensor w = use * (huber / residual.abs().clamp_min(huber));
-  const auto total = [](const torch::Tensor& value) { return value.sum().item<double>(); };
-  sum.pp += total(w * by_p * by_p);
-  sum.pn += total(w * by_p * by_n);
-  sum.nn += total(w * by_n * by_n);
-  sum.p += total(w * by_p * residual);
-  sum.n += total(w * by_n * residual);
-  sum.squares += total(w * residual * residual);
-  sum.change += total(w * change * change);
-  sum.weight += total(use);
+Linear linearise(const Series& series, const torch::Tensor& thresholds) {
+  torch::Tensor rule = torch::full({kMoments}, 1.0 / double(kMoments - 1), torch::kFloat64);
+  rule[0] *= 0.5, rule[kMoments - 1] *= 0.5;
+  const torch::Tensor positive = thresholds.select(1, 0).reshape({-1, 1, 1});
+  const torch::Tensor negative = thresholds.select(1, 1).reshape({-1, 1, 1});
+  const torch::Tensor j = positive * series.positive - negative * series.negative + rule.log();
+  const torch::Tensor weight = torch::softmax(j, 2);
+  const torch::Tensor model = torch::logsumexp(j, 2).diff();
+  const torch::Tensor x = torch::stack(
+      {(weight * series.positive).sum(2).diff(), -(weight * series.negative).sum(2).diff()}, 2);
+  return {x, series.change - model + (x * thresholds.unsqueeze(1)).sum(2)};
+}
+
+/// The mixed model: θ of a pixel ~ N(mean, spread²), target ~ N(X θ, noise²).
+struct Mixed {
+  torch::Tensor mean = torch::full({2}, 0.25, torch::kFloat64);
+  torch::Tensor variance = torch::full({2}, 0.03 * 0.03, torch::kFloat64);
+  double noise = 0.1;
+  torch::Tensor thresholds;  ///< [P,2], the mean where a pixel says nothing
+  int64_t pixels = 0;
+  double unexplained = 1;
+};
+
+/// One round: the mean by generalised least squares, each pixel's expected thresholds, and from
+/// their scatter and the residuals the variances.
+/// @return false if too few pixels speak.
+bool improve(const Series& series, Mixed& model) {
+  const Linear linear = linearise(series, model.thresholds);
+  const torch::Tensor& x = linear.by_threshold;
+  const torch::Tensor here = linear.target - (x * model.thresholds.unsqueeze(1)).sum(2);
+  const torch::Tensor active = series.usable & (x.abs().sum(2) >= 0.5);
+  const torch::Tensor index = (active.sum(1) >= 2).nonzero().flatten();
+  model.pixels = index.numel();
+  if (model.pixels < 100) return false;
+  const torch::Tensor weight =
+      active * (kHuber * model.noise / here.abs().clamp_min(1e-9)).clamp_max(1);
+  const torch::Tensor weighted = x * (weight / (model.noise * model.noise)).unsqueeze(2);
+  const torch::Tensor gram = weighted.transpose(1, 2).matmul(x).index_select(0, index);
+  const torch::Tensor seen = weighted.transpose(1, 2)
+                                 .matmul(linear.target.unsqueeze(2))
+                                 .index_select(0, index);  // [p,2,1]
+  const torch::Tensor precision = torch::diag(1 / model.variance);
+  const torch::Tensor covariance = torch::linalg_inv(gram + precision);
+  // Xᵀ V⁻¹ X and Xᵀ V⁻¹ y of V = noise² + X spread² Xᵀ, without forming V.
+  const torch::Tensor left = (precision - precision.matmul(covariance).matmul(precision)).sum(0);
+  const torch::Tensor right = precision.matmul(covariance).matmul(seen).sum(0);
+  model.mean = torch::linalg_solve(left, right).flatten().clamp(kSmallest, kLargest);
+  const torch::Tensor own =
+      covariance.matmul(seen + precision.matmul(model.mean.unsqueeze(1))).squeeze(2);
+  model.variance = ((own - model.mean).square() + covariance.diagonal(0, 1, 2))
+                       .mean(0)
+                       .clamp(1e-5, kLargest * kLargest);
+  model.thresholds = model.mean.repeat({x.size(0), 1});
+  model.thresholds.index_copy_(0, index, own.clamp(kSmallest, kLargest));
+  const torch::Tensor residual =
+      (linear.target - (x * model.thresholds.unsqueeze(1)).sum(2)).index_select(0, index);
+  const torch::Tensor counts = active.index_select(0, index);
+  const torch::Tensor left_over = residual.masked_select(counts);
+  // A tenth for what the pixels' own thresholds take with them.
+  model.noise = std::sqrt(1.1) * left_over.abs().median().item<double>() / 0.6745 + 1e-3;
+  const torch::Tensor change = series.change.index_select(0, index).masked_select(counts);
+  model.unexplained =
+      (left_over.square().sum() / change.square().sum().clamp_min(1e-12)).item<double>();
+  return true;
 }
 
 }  // namespace
 
-ThresholdEstimate estimate_thresholds(const Dataset& dataset, double log_offset) {
+ThresholdEstimate estimate_thresholds(const std::vector<Exposure>& exposures,
+                                      const events::EventStream& events, double log_offset) {
   const torch::NoGradGuard no_grad;
   ThresholdEstimate estimate;
-  if (dataset.events.empty()) return estimate;
-  const std::vector<Pair> pairs = pairs_of(dataset, log_offset);
-  estimate.thresholds = {0.2, 0.2};
+  const std::vector<Exposure> some = middle_of(exposures);
+  // Two thresholds and one equation per pair of frames.
+  if (events.empty() || some.size() < 4) return estimate;
+  // Each event belongs to one pixel; shared between the four around a rectified place, counts lose
+  // their extremes and thresholds come out a sixth too high.
+  const events::EventStream whole(events.x().round(), events.y().round(), events.t_us(),
+                                  events.polarity());
+  const Series series = series_of(some, whole, log_offset);
+  Mixed model;
+  model.thresholds = model.mean.repeat({series.change.size(0), 1});
   for (int round = 0; round < kRounds; ++round) {
-    Normal sum;
-    const double huber = round == 0 ? 10.0 : std::max(0.05, 1.5 * estimate.residual);
-    for (const Pair& pair : pairs) add_pair(pair, estimate.thresholds, huber, sum);
-    const double determinant = sum.pp * sum.nn - sum.pn * sum.pn;
-    estimate.pixels = static_cast<int64_t>(sum.weight);
-    if (estimate.pixels < 100 || !(determinant > 1e-9 * sum.pp * sum.nn)) return estimate;
-    estimate.residual = std::sqrt(sum.squares / sum.weight);
-    estimate.unexplained = sum.squares / sum.change;
-    const double step_p = (sum.nn * sum.p - sum.pn * sum.n) / determinant;
-    const double step_n = (sum.pp * sum.n - sum.pn * sum.p) / determinant;
-    estimate.thresholds.positive = std::clamp(estimate.thresholds.positive + step_p, 0.01, 3.0);
-    estimate.thresholds.negative = std::clamp(estimate.thresholds.negative + step_n, 0.01, 3.0);
+    if (!improve(series, model)) return estimate;
   }
-  estimate.found = estimate.unexplained < 0.9;
+  const auto mean = model.mean.accessor<double, 1>();
+  const torch::Tensor deviation = model.variance.sqrt();
+  const auto spread = deviation.accessor<double, 1>();
+  estimate.thresholds = {mean[0], mean[1]};
+  estimate.spread = {spread[0], spread[1]};
+  estimate.pixels = model.pixels;
+  estimate.residual = model.noise;
+  estimate.unexplained = model.unexplained;
+  estimate.found =
+      model.unexplained < 0.6 && spread[0] < 0.6 * mean[0] && spread[1] < 0.6 * mean[1];
   return estimate;
 }
 

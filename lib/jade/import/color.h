@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+// Whether a recording is gray or in colour, as its frames and events show it.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "jade/core/words.h"
+#include "jade/data/exposure.h"
+
+namespace jade::import {
+
+/// A filter of 2 x 2 pixels, named by its rows.
+enum class ColorFilter { kNone, kRggb, kBggr, kGrbg, kGbrg };
+
+constexpr auto words_of(ColorFilter) {
+  return std::array{Word{"none", ColorFilter::kNone}, Word{"rggb", ColorFilter::kRggb},
+                    Word{"bggr", ColorFilter::kBggr}, Word{"grbg", ColorFilter::kGrbg},
+                    Word{"gbrg", ColorFilter::kGbrg}};
+}
+
+/// Channel (0 red, 1 green, 2 blue) that a filter leaves to a pixel. @throws ContractError for
+/// none.
+int64_t channel_of(ColorFilter filter, int64_t row, int64_t column);
+
+/// True for a gray frame that is the raw mosaic of a colour sensor: the four places of its 2 x 2
+/// cells differ in mean brightness, two on a diagonal (the greens) less than the others.
+/// @param frame  [3,H,W]; false where it is in colour already
+bool is_mosaic(const torch::Tensor& frame);
+
+/// What the events say of the filter before their pixels.
+struct FilterFinding {
+  ColorFilter filter = ColorFilter::kNone;
+  /// Correlation of event sums with the change of the frames: of gray, and of the best filter.
+  double gray_correlation = 0, filter_correlation = 0;
+};
+
+/// Finds the filter before the event pixels of a recording with frames in colour: where it leaves
+/// one channel to a pixel, the pixel's events follow that channel. A filter is named only if it
+/// leaves 5 % less of the changes unexplained than gray does. Gray frames tell nothing: kNone.
+/// @param exposures  frames and times, in order; poses are not used
+/// @param events     in coordinates of the raw sensor, by the same clock
+FilterFinding find_event_filter(const std::vector<data::Exposure>& exposures,
+                                const events::EventStream& events);
+
+}  // namespace jade::import

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <torch/types.h>
+#include <vector>
+
+#include "jade/events/event_stream.h"
+
+namespace jade::import {
+
+/// Counts events per pixel of the raw sensor, part by part, so that a recording of any length
+/// streams through in the memory of one image.
+class PixelCounter {
+ public:
+  explicit PixelCounter(const events::ImageSize& size);
+
+  /// Coordinates are rounded to the nearest pixel; those beside the sensor count nowhere.
+  void add(const events::EventStream& events);
+
+  torch::Tensor counts() const { return counts_; }  ///< [H,W] int64
+  double seconds() const;  ///< from the first event to the last; 0 without events
+
+ private:
+  torch::Tensor counts_;
+  int64_t first_us_ = INT64_MAX, last_us_ = INT64_MIN;
+};
+
+struct HotPixel {
+  int64_t row = 0, column = 0;
+  double rate_hz = 0;        ///< of this pixel
+  double neighbours_hz = 0;  ///< median of those around it
+};
+
+struct HotPixels {
+  std::vector<HotPixel> pixels;  ///< by rate, the hottest first
+  torch::Tensor mask;            ///< [H,W] bool
+};
+
+/// Pixels that fire by themselves: more than eight times as often as the median of all pixels and
+/// as the median of the 24 around them, and more than eight standard deviations of a count above
+/// the larger of the two. A textured scene that moves wakes neighbours alike, a defect stands
+/// alone, or with a few.
+HotPixels find_hot_pixels(const PixelCounter& counter);
+
+struct CleanedEvents {
+  events::EventStream events;
+  int64_t removed = 0;
+};
+
+/// The events that no pixel of the mask sent. Any part of a recording can be given by itself.
+CleanedEvents remove_events(const events::EventStream& events, const torch::Tensor& mask);
+
+}  // namespace jade::import

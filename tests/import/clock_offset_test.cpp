@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/import/clock_offset.h"
+
+#include "support/catch.h"
+
+#include <cmath>
+
+#include "import/moving_pattern.h"
+#include "jade/core/error.h"
+
+using namespace jade;
+
+namespace {
+
+simulate::EventSensorOptions noisy_sensor() {
+  simulate::EventSensorOptions sensor;
+  sensor.threshold_positive = 0.2, sensor.threshold_negative = 0.25;
+  sensor.threshold_spread = 0.03;
+  sensor.shot_hz = 2;
+  sensor.refractory_us = 100;
+  return sensor;
+}
+
+/// A hand: two sinusoids each way, some 300 px/s.
+test::PatternMotion by_hand() {
+  test::PatternMotion motion;
+  motion.x_px = [](double t) { return 14 * std::sin(19 * t) + 5 * std::sin(41 * t + 1); };
+  motion.y_px = [](double t) { return 9 * std::sin(23 * t + 2) + 4 * std::sin(37 * t); };
+  return motion;
+}
+
+test::PatternRecording shifted(test::PatternRecording recording, int64_t offset_us) {
+  const auto& e = recording.events;
+  recording.events = events::EventStream(e.x(), e.y(), e.t_us() + offset_us, e.polarity());
+  return recording;
+}
+
+}  // namespace
+
+TEST_CASE("clock offset: known offsets are found to two milliseconds", "[import]") {
+  const auto recording = test::record_pattern(by_hand(), noisy_sensor());
+  REQUIRE(recording.exposures.size() == 8);
+  for (const int64_t truth_us : {-20000, 0, 13000}) {
+    const auto moved = shifted(recording, truth_us);
+    const auto found = import::estimate_clock_offset(moved.exposures, moved.events);
+    CAPTURE(found.offset_us, found.error_us, found.correlation, found.second, found.doubt);
+    CHECK_FALSE(found.ambiguous());
+    CHECK(std::abs(found.offset_us - double(truth_us)) < 2000);
+    CHECK(found.error_us < 1000);
+    CHECK(found.correlation > 0.6);
+    CHECK(found.curve.size() == 101);
+  }
+}
+
+TEST_CASE("clock offset: a camera that stands still says nothing", "[import]") {
+  auto motion = by_hand();
+  motion.x_px = motion.y_px = [](double) { return 0.0; };
+  auto recording = test::record_pattern(motion, noisy_sensor());
+  torch::manual_seed(1);
+  for (auto& exposure : recording.exposures) {
+    exposure.blurry = (exposure.blurry + 0.01 * torch::randn({48, 64})).contiguous();
+  }
+  const auto found = import::estimate_clock_offset(recording.exposures, recording.events);
+  CHECK_THAT(found.doubt, Catch::Matchers::Contains("stand still"));
+}
+
+TEST_CASE("clock offset: beyond the reach, and without events, there is doubt", "[import]") {
+  const auto recording = test::record_pattern(by_hand(), noisy_sensor());
+  CHECK(import::estimate_clock_offset(recording.exposures, {}).ambiguous());
+  CHECK(import::estimate_clock_offset({}, recording.events).ambiguous());
+  const auto late = shifted(recording, 70000);
+  CHECK(import::estimate_clock_offset(late.exposures, late.events).ambiguous());
+  const auto far = shifted(recording, 60000000);
+  CHECK_THAT(import::estimate_clock_offset(far.exposures, far.events).doubt,
+             Catch::Matchers::Contains("clocks overlap"));
+  CHECK_THROWS_AS(import::estimate_clock_offset(late.exposures, late.events, {50, 0}),
+                  ContractError);
+}
+
+TEST_CASE("clock offset: a texture that comes back has two answers", "[import]") {
+  auto motion = by_hand();
+  // To and fro at 50 Hz: 20 ms later all is as it was.
+  motion.x_px = [](double t) { return 6 * std::sin(2 * M_PI * 50 * t); };
+  motion.y_px = [](double) { return 0.0; };
+  motion.exposure_us = 4000, motion.gap_us = 27000;
+  const auto recording = test::record_pattern(motion, noisy_sensor());
+  CHECK(import::estimate_clock_offset(recording.exposures, recording.events).ambiguous());
+}
