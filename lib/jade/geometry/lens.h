@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+
+#include "jade/core/words.h"
+#include "jade/geometry/camera.h"
+#include "jade/geometry/pose.h"
+
+namespace jade::geometry {
+
+/// How a lens bends directions, in the order and sign of OpenCV and Kalibr.
+enum class LensModel { kPinhole, kRadialTangential, kRational, kFisheye };
+
+constexpr auto words_of(LensModel) {
+  return std::array{Word{"pinhole", LensModel::kPinhole, "no distortion"},
+                    Word{"radtan", LensModel::kRadialTangential, "k1 k2 p1 p2 k3"},
+                    Word{"rational", LensModel::kRational, "k1 k2 p1 p2 k3 k4 k5 k6"},
+                    Word{"fisheye", LensModel::kFisheye, "k1 k2 k3 k4, equidistant"}};
+}
+
+/// With (x, y) = (X/Z, Y/Z) and ρ = x² + y², radial-tangential and rational lenses put a direction
+/// at
+///     x' = x r + 2 p1 x y + p2 (ρ + 2x²),  y' = y r + p1 (ρ + 2y²) + 2 p2 x y,
+///     r = (1 + k1 ρ + k2 ρ² + k3 ρ³) / (1 + k4 ρ + k5 ρ² + k6 ρ³),
+/// fisheyes (Kannala and Brandt, PAMI 2006), with θ the angle to the axis, at
+///     (X, Y)/√(X²+Y²) · θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸).
+struct Lens {
+  LensModel model = LensModel::kPinhole;
+  double k1 = 0, k2 = 0, p1 = 0, p2 = 0, k3 = 0, k4 = 0, k5 = 0, k6 = 0;
+};
+
+/// A pinhole behind a lens.
+class LensCamera {
+ public:
+  LensCamera() = default;
+  /// @throws ContractError unless check_camera(pinhole) passes and the coefficients are finite.
+  LensCamera(const Intrinsics& pinhole, const Lens& lens);
+
+  const Intrinsics& pinhole() const { return pinhole_; }
+  const Lens& lens() const { return lens_; }
+
+  /// Projection coordinates of a point in camera axes. NaN for points behind a lens that is no
+  /// fisheye, and beyond the angle at which the formula turns back and would put a second
+  /// direction on the same pixel.
+  std::array<double, 2> project(const Vector3& point) const;
+
+  /// The unit direction in camera axes that projects to (u, v), by Newton's method; NaN where the
+  /// lens puts none there.
+  Vector3 unproject(double u, double v) const;
+
+  /// The largest angle to the axis, radians, that the radial part of the formula maps one to one.
+  double largest_angle() const { return largest_angle_; }
+
+ private:
+  std::array<double, 2> distorted(double x, double y) const;
+
+  Intrinsics pinhole_;
+  Lens lens_;
+  double largest_angle_ = 0;
+};
+
+}  // namespace jade::geometry

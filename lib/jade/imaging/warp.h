@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <torch/types.h>
+
+namespace jade::imaging {
+
+/// The image as seen through a map: pixel (i, j) of the result is the image at column map[0,i,j]
+/// and row map[1,i,j], bicubic, clamped to [0,1]. Beside the image its nearest edge counts up to a
+/// pixel away; further out, and where the map is NaN, the result is black.
+/// @param image  [C,H,W] float32 on the CPU, C 1 or 3
+/// @param map    [2,h,w] float32, pixel indices (geometry/rectification.h)
+/// @return [C,h,w]
+torch::Tensor remap(const torch::Tensor& image, const torch::Tensor& map);
+
+}  // namespace jade::imaging

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "jade/geometry/lens.h"
+#include "jade/geometry/pose.h"
+
+namespace jade::import {
+
+/// A camera as a calibration file has it.
+struct CalibratedCamera {
+  std::string name;  ///< "cam0", or empty
+  /// Principal point raised by 0.5 px: the files put pixel centres on integers, we do not.
+  double fx = 0, fy = 0, cx = 0, cy = 0;
+  int64_t width = 0, height = 0;  ///< 0: the file does not say
+  geometry::Lens lens;
+};
+
+/// One camera, or two: then the second's place beside the first, in metres as Kalibr has it.
+struct Calibration {
+  std::filesystem::path path;
+  std::vector<CalibratedCamera> cameras;
+  std::optional<geometry::Pose> second_from_first;
+};
+
+/// Reads the camera chain of Kalibr (`cam0`, `cam1`: camera_model pinhole, distortion_model radtan,
+/// equidistant or none, T_cn_cnm1), the FileStorage of OpenCV and its ROS twin (camera_matrix,
+/// distortion_coefficients or fisheye's four with distortion_model, image_width, image_height), or
+/// calib.txt of the RPG data sets (fx fy cx cy k1 k2 p1 p2 k3). The content tells which.
+/// @throws DataError: one line with the path, what was expected, what was found.
+Calibration read_calibration(const std::filesystem::path& path);
+
+/// The camera at `index` for pictures of this size.
+/// @param what  for the message: "frames", "events"
+/// @throws DataError if the calibration is of another size, or its principal point lies outside.
+geometry::LensCamera camera_of(const Calibration& calibration, size_t index, int64_t width,
+                               int64_t height, const std::string& what);
+
+}  // namespace jade::import
