@@ -11,6 +11,11 @@ void add_flags(apps::Program& program, import::StageRange& range) {
   program.add_config_flags();
   program.add_key_flag("recording", "recording", "the recording, a file or a folder");
   program.add_key_flag("--frames", "frames", "folder of frames, or a video");
+  program.add_key_flag("--calibration", "lens.calibration",
+                       "calibration of Kalibr, OpenCV, ROS or RPG (none: a pinhole, its focal "
+                       "length searched)");
+  program.add_key_flag("--plane-depth", "lens.plane_depth",
+                       "of two cameras: where events fall on the frames exactly");
   program.add_key_flag("--test", "test.names", "frames that judge the scene, a YAML list: [a, b]");
   program.add_key_flag("--threshold-positive", "events.threshold_positive",
                        "log intensity of one positive event");
@@ -18,8 +23,9 @@ void add_flags(apps::Program& program, import::StageRange& range) {
                        "of one negative event; 0: like the positive one");
   program.add_key_flag("--efnet", "efnet.path",
                        "TorchScript file of the learned restorer (the one that ships)");
-  program.cli().add_option("--from", range.from,
-                           "make this stage and those after it again: read, restore, poses, write");
+  program.cli().add_option(
+      "--from", range.from,
+      "make this stage and those after it again: read, undistort, restore, poses, write");
   program.cli().add_option("--until", range.until, "stop after this stage");
 }
 

@@ -13,18 +13,17 @@ using namespace jade;
 
 namespace {
 
-import::Capture small_capture() {
-  import::Capture capture;
-  capture.source = "table.zip";
-  capture.format = "RPG text folder";
-  for (int64_t i = 0; i < 3; ++i) {
-    const auto image = torch::randint(0, 256, {3, 6, 8}).to(torch::kFloat32) / 255;
-    capture.shots.push_back({concat("frame_", i), image, 1000 * i, 1000 * i + 700, 0.5 * double(i)});
-  }
-  capture.events = events::EventStream::from_lists({1, 2.5f}, {3, 4}, {-5, 900}, {1, -1});
-  capture.camera = geometry::Intrinsics::centred(7.25, 8, 6);
-  return capture;
+import::Capture small_capture(){import::Capture capture;
+capture.source = "table.zip";
+capture.format = "RPG text folder";
+for (int64_t i = 0; i < 3; ++i) {
+  const auto image = torch::randint(0, 256, {3, 6, 8}).to(torch::kFloat32) / 255;
+  capture.shots.push_back({concat("frame_", i), image, 1000 * i, 1000 * i + 700, 0.5 * double(i)});
 }
+capture.events = events::EventStream::from_lists({1, 2.5f}, {3, 4}, {-5, 900}, {1, -1});
+capture.camera = geometry::Intrinsics::centred(7.25, 8, 6);
+return capture;
+}  // namespace
 
 }  // namespace
 

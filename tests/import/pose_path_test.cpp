@@ -14,8 +14,8 @@ namespace {
 /// A camera that turns about an axis by a quadratic angle while its centre follows a parabola.
 geometry::Pose moving(double t) {
   const double angle = 0.3 * t + 0.2 * t * t;
-  return geometry::pose_at_centre(
-      geometry::rotation_from_vector({0, 0.6 * angle, 0.8 * angle}), {t, 0.5 * t * t, 1 - t});
+  return geometry::pose_at_centre(geometry::rotation_from_vector({0, 0.6 * angle, 0.8 * angle}),
+                                  {t, 0.5 * t * t, 1 - t});
 }
 
 geometry::Pose moving_at(double t_us) { return moving(1e-6 * t_us); }
@@ -25,17 +25,17 @@ double distance(const geometry::Pose& a, const geometry::Pose& b) {
   return std::hypot(p[0] - q[0], p[1] - q[1], p[2] - q[2]);
 }
 
-import::PosePath path_of(const std::vector<double>& times) {
-  std::vector<geometry::Pose> poses;
-  for (const double t : times) poses.push_back(moving_at(t));
-  return {times, poses};
-}
+import::PosePath path_of(const std::vector<double>& times){std::vector<geometry::Pose> poses;
+for (const double t : times) poses.push_back(moving_at(t));
+return {times, poses};
+}  // namespace
 
 }  // namespace
 
-TEST_CASE("pose path: meets its poses and follows a steady acceleration between them, at uneven "
-          "steps and beyond the ends",
-          "[import]") {
+TEST_CASE(
+    "pose path: meets its poses and follows a steady acceleration between them, at uneven "
+    "steps and beyond the ends",
+    "[import]") {
   const std::vector<double> times{0, 5e4, 1e5, 1.2e5, 1.7e5, 2.2e5};
   const import::PosePath path = path_of(times);
   for (const double t : {0.0, 2e4, 5e4, 1.1e5, 1.2e5, 1.43e5, 2.1e5, 2.2e5, 2.3e5, -1e4}) {

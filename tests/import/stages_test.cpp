@@ -29,16 +29,15 @@ struct Letters {
     std::vector<Stage> list;
     for (const char* letter : {"a", "b", "c"}) {
       const std::string name = letter;
-      list.push_back({name, settings[name],
-                      [this, name](const std::filesystem::path& folder) {
-                        ++made[name];
-                        write_file(folder / "text", text + name);
-                        if (name == failing) throw Interrupted();
-                        return "wrote " + name;
-                      },
-                      [this](const std::filesystem::path& folder) {
-                        text = read_file(folder / "text");
-                      }});
+      list.push_back(
+          {name, settings[name],
+           [this, name](const std::filesystem::path& folder) {
+             ++made[name];
+             write_file(folder / "text", text + name);
+             if (name == failing) throw Interrupted();
+             return "wrote " + name;
+           },
+           [this](const std::filesystem::path& folder) { text = read_file(folder / "text"); }});
     }
     return list;
   }

@@ -26,7 +26,9 @@ fs::path program(const fs::path& path, const std::string& text) {
 }
 
 std::vector<import::LatentImage> four_images() {
-  return {{"00000_0.png", 0, 0}, {"00000_4.png", 0, 50}, {"00001_0.png", 1, 100},
+  return {{"00000_0.png", 0, 0},
+          {"00000_4.png", 0, 50},
+          {"00001_0.png", 1, 100},
           {"00001_4.png", 1, 150}};
 }
 
@@ -49,17 +51,21 @@ std::string mapper_of(int images) {
 struct Search {
   test::TempDir dir;
   import::ImportOptions options;
+  import::Capture capture;  ///< two sharp frames, the second to the side of the first
 
   explicit Search(const std::string& colmap) {
     set_log_level("error");
     set_progress_enabled(false);
     options.poses.colmap = program(dir / "colmap", colmap);
     fs::create_directories(dir / "latents/images");
+    torch::manual_seed(1);
+    const auto image = torch::avg_pool2d(torch::rand({1, 3, 20, 30}), 3, 1, 1)[0];
+    capture.shots = {{"a", image, 0, 0, 0}, {"b", torch::roll(image, 5, 2), 100, 100, 0}};
   }
-  import::SearchResult find() {
-    return import::find_poses(dir / "latents", four_images(), std::nullopt, options, dir / "work");
-  }
-};
+  import::SearchResult find(){
+      return import::find_poses(dir / "latents", four_images(), capture, options, dir / "work");
+}
+};  // namespace
 
 }  // namespace
 
@@ -89,6 +95,12 @@ TEST_CASE("poses: a model becomes poses by time in units of its depth", "[import
 TEST_CASE("poses: too few images say what to record", "[import]") {
   Search search(mapper_of(2));
   CHECK_THROWS_WITH(search.find(), Catch::Contains("2 of 4 images") && Catch::Contains("record"));
+}
+
+TEST_CASE("poses: a camera that stood still is told before COLMAP runs", "[import]") {
+  Search search("exit 1\n");
+  search.capture.shots[1].image = search.capture.shots[0].image;
+  CHECK_THROWS_WITH(search.find(), Catch::Contains("expected a moving camera"));
 }
 
 TEST_CASE("poses: no model, and a COLMAP that fails, are told", "[import]") {

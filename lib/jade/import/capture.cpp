@@ -34,6 +34,26 @@ geometry::Intrinsics camera_from(const Json& json) {
 
 }  // namespace
 
+data::Exposure exposure_of(const Shot& shot, const Capture& capture) {
+  data::Exposure exposure;
+  exposure.name = shot.name;
+  exposure.blurry = shot.image;
+  exposure.t_start_us = shot.t_start_us;
+  exposure.t_end_us = shot.t_end_us;
+  exposure.events = capture.events.slice(shot.t_start_us, shot.t_end_us);
+  exposure.camera = capture.camera.value_or(
+      geometry::Intrinsics::centred(double(capture.width()), capture.width(), capture.height()));
+  return exposure;
+}
+
+std::vector<data::Exposure> exposures_of(const Capture& capture) {
+  std::vector<data::Exposure> exposures;
+  for (const Shot& shot : capture.shots) {
+    if (shot.duration_us() > 0) exposures.push_back(exposure_of(shot, capture));
+  }
+  return exposures;
+}
+
 void keep_capture(const fs::path& folder, const Capture& capture) {
   make_writable_folder(folder / "frames");
   Json frames = Json::array();
@@ -50,6 +70,8 @@ void keep_capture(const fs::path& folder, const Capture& capture) {
   data::write_event_file(folder / "events.h5", capture.events, 1);
   const Json all{{"source", capture.source},
                  {"format", capture.format},
+                 {"sensor_height", capture.sensor.height},
+                 {"sensor_width", capture.sensor.width},
                  {"camera", capture.camera ? json_of(*capture.camera) : Json(nullptr)},
                  {"frames", frames}};
   write_file(folder / "capture.json", all.dump(1) + "\n");
@@ -62,6 +84,7 @@ Capture load_capture(const fs::path& folder) {
     const Json all = Json::parse(read_file(file));
     capture.source = all.at("source");
     capture.format = all.at("format");
+    capture.sensor = {all.at("sensor_height"), all.at("sensor_width")};
     if (!all.at("camera").is_null()) capture.camera = camera_from(all.at("camera"));
     for (const Json& frame : all.at("frames")) {
       capture.shots.push_back(

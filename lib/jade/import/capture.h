@@ -9,6 +9,7 @@
 #include <torch/types.h>
 #include <vector>
 
+#include "jade/data/exposure.h"
 #include "jade/events/event_stream.h"
 #include "jade/geometry/camera.h"
 
@@ -28,13 +29,18 @@ struct Shot {
 struct Capture {
   std::string source, format;  ///< the file or folder, and what it is, in words
   std::vector<Shot> shots;     ///< by time
-  events::EventStream events;  ///< on the pixels and the clock of the shots
+  events::EventStream events;  ///< on the pixels and the clock of the shots, once these are settled
+  events::ImageSize sensor;    ///< of the events, before they were undistorted
   /// A pinhole, centred, without distortion; absent where no calibration was given.
   std::optional<geometry::Intrinsics> camera;
 
   int64_t width() const { return shots.front().image.size(2); }
   int64_t height() const { return shots.front().image.size(1); }
 };
+
+/// The shots with a length as exposures with their events, without poses.
+std::vector<data::Exposure> exposures_of(const Capture& capture);
+data::Exposure exposure_of(const Shot& shot, const Capture& capture);
 
 /// Writes frames/NNNN.png (16 bit), events.h5 and capture.json into the folder, which is there.
 /// @throws DataError.

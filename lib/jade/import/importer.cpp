@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <torch/types.h>
 
 #include "jade/config/config.h"
@@ -14,6 +15,7 @@
 #include "jade/import/latents.h"
 #include "jade/import/scene_files.h"
 #include "jade/import/structure_from_motion.h"
+#include "jade/import/undistortion.h"
 #include "jade/recording/recording.h"
 
 namespace jade::import {
@@ -100,6 +102,8 @@ Capture read_capture(const ImportOptions& options) {
   std::stable_sort(capture.shots.begin(), capture.shots.end(),
                    [](const Shot& a, const Shot& b) { return a.t_start_us < b.t_start_us; });
   capture.events = recording.events;
+  capture.sensor = {recording.height, recording.width};
+  if (capture.sensor.height == 0) capture.sensor = {capture.height(), capture.width()};
   check_capture(capture);
   return capture;
 }
@@ -120,7 +124,9 @@ std::string said_of(const Capture& capture) {
 std::string said_of(const SearchResult& result) {
   const Attempt& a = result.attempts[result.chosen];
   return concat(a.registered, " of ", a.images, " images, ", a.points, " points, error ",
-                a.error_px, " px, focal length ", result.best.camera.fx, " px, attempt ", a.name);
+                a.error_px, " px, ", std::lround(100 * a.explained_blur),
+                " % of the blur explained, focal length ", result.best.camera.fx, " px, attempt ",
+                a.name);
 }
 
 Stage read_stage(const ImportOptions& options, Progressed& so_far) {
@@ -133,25 +139,43 @@ Stage read_stage(const ImportOptions& options, Progressed& so_far) {
           [&](const fs::path& folder) { so_far.capture = load_capture(folder); }};
 }
 
-Stage restore_stage(const ImportOptions& options, Progressed& so_far) {
-  return {"restore",
-          concat(text_of(options.events), text_of(options.latents),
-                 restore::checked_file_sha256(options.efnet), " ", options.test.sharp_px),
-          [&](const fs::path& folder) {
-            return concat(write_latents(folder, so_far.capture, options).size(), " sharp images");
+/// Frames and events on a centred pinhole; as they are where there is no calibration, and then
+/// nothing is kept twice.
+Stage undistort_stage(const ImportOptions& options, Progressed& so_far) {
+  return {"undistort", text_of(options.lens) + fingerprint(options.lens.calibration),
+          [&](const fs::path& folder) -> std::string {
+            if (options.lens.calibration.empty()) return "no calibration given";
+            Capture capture = so_far.capture;
+            const std::string said = undistort(options.lens, capture);
+            keep_capture(folder, capture);
+            return said;
           },
           [&](const fs::path& folder) {
-            so_far.latent_folder = folder;
-            so_far.latents = load_latents(folder);
+            if (fs::exists(folder / "capture.json")) so_far.capture = load_capture(folder);
           }};
+}
+
+Stage restore_stage(const ImportOptions& options, Progressed& so_far) {
+  return {
+      "restore",
+      concat(text_of(options.events), text_of(options.latents),
+             options.latents.kind == LatentKind::kEdi ? ""
+                                                      : restore::checked_file_sha256(options.efnet),
+             " ", options.test.sharp_px),
+      [&](const fs::path& folder) {
+        return concat(write_latents(folder, so_far.capture, options).size(), " sharp images");
+      },
+      [&](const fs::path& folder) {
+        so_far.latent_folder = folder;
+        so_far.latents = load_latents(folder);
+      }};
 }
 
 Stage poses_stage(const ImportOptions& options, Progressed& so_far) {
   return {"poses", text_of(options.poses),
           [&](const fs::path& folder) {
-            const SearchResult result =
-                find_poses(so_far.latent_folder, so_far.latents, so_far.capture.camera, options,
-                           folder / "colmap");
+            const SearchResult result = find_poses(so_far.latent_folder, so_far.latents,
+                                                   so_far.capture, options, folder / "colmap");
             keep_reconstruction(folder, result);
             return said_of(result);
           },
@@ -177,8 +201,8 @@ void import_recording(const ImportOptions& options, const fs::path& output,
   }
   find_colmap(options.poses.colmap);  // told before minutes of work
   Progressed so_far;
-  const std::vector<Stage> stages{read_stage(options, so_far), restore_stage(options, so_far),
-                                  poses_stage(options, so_far),
+  const std::vector<Stage> stages{read_stage(options, so_far), undistort_stage(options, so_far),
+                                  restore_stage(options, so_far), poses_stage(options, so_far),
                                   write_stage(options, output, so_far)};
   make_writable_folder(output);
   run_stages(output / "import", stages, range);

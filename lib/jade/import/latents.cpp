@@ -20,19 +20,6 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-/// Beyond an exposure, for the line that leads to its first event.
-data::Exposure exposure_of(const Shot& shot, const Capture& capture) {
-  data::Exposure exposure;
-  exposure.name = shot.name;
-  exposure.blurry = shot.image;
-  exposure.t_start_us = shot.t_start_us;
-  exposure.t_end_us = shot.t_end_us;
-  exposure.events = capture.events.slice(shot.t_start_us, shot.t_end_us);
-  exposure.camera.width = capture.width();
-  exposure.camera.height = capture.height();
-  return exposure;
-}
-
 /// Pixel centres keep their place in the field of view.
 torch::Tensor enlarged(const torch::Tensor& image, int64_t factor) {
   if (factor == 1) return image;
@@ -69,22 +56,20 @@ torch::Tensor latents_of(const Shot& shot, const Capture& capture, const ImportO
       imaging::edi_gain(restored.kernel.log_gain, u.to(restored.kernel.log_gain.device()))
           .unsqueeze(1);
   torch::Tensor latents = restored.blurry * gain;
-  if (restorer.has_network()) {
-    const torch::Tensor mean = 0.5 * (restored.restorations.edi + restored.restorations.efnet);
-    if (options.latents.ends == LatentEnds::kMean) {
-      latents = mean * (gain / gain[1]);
-    } else {
-      latents[1] = mean;
-    }
-  }
+  if (options.latents.kind == LatentKind::kEdi) return latents.cpu();
+  const torch::Tensor mean = 0.5 * (restored.restorations.edi + restored.restorations.efnet);
+  if (options.latents.kind == LatentKind::kMean) return (mean * (gain / gain[1])).cpu();
+  latents[1] = mean;
   return latents.cpu();
 }
 
 std::vector<LatentImage> write_latents(const fs::path& folder, const Capture& capture,
                                        const ImportOptions& options) {
   make_writable_folder(folder / "images");
-  restore::ViewRestorer restorer(options.cache, options.efnet, select_device(options.device),
-                                 is_monochrome(capture));
+  const bool needs_network = options.latents.kind != LatentKind::kEdi;
+  restore::ViewRestorer restorer(options.cache,
+                                 needs_network ? std::optional(options.efnet) : std::nullopt,
+                                 select_device(options.device), is_monochrome(capture));
   std::vector<LatentImage> images;
   Progress progress("restoring", static_cast<int64_t>(capture.shots.size()), 0, "frames");
   const auto write = [&](size_t shot, size_t moment, const torch::Tensor& image, int64_t t_us) {

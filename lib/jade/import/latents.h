@@ -18,8 +18,9 @@ namespace jade::import {
 /// motion open; nine cost much and tell no more than three.
 inline constexpr double kLatentMoments[] = {0, 0.5, 1};
 
-/// The sharp images of an exposure at its start, middle and end, [3,3,H,W] on the CPU: at the
-/// middle ½ (I_edi + F(B, V)), at the ends what `ends` says. Not clamped.
+/// The sharp images of an exposure at its start, middle and end, [3,3,H,W] on the CPU, of the kind
+/// that the options say. Not clamped.
+/// @param restorer  with its network unless the kind is EDI
 torch::Tensor latents_of(const Shot& shot, const Capture& capture, const ImportOptions& options,
                          restore::ViewRestorer& restorer);
 

@@ -10,29 +10,52 @@
 #include "jade/core/fields.h"
 #include "jade/core/words.h"
 #include "jade/events/thresholds.h"
+#include "jade/geometry/rectification.h"
 #include "jade/restore/efnet.h"
 #include "jade/restore/restoration_cache.h"
 
 namespace jade::import {
 
-/// What stands at the start and the end of an exposure for structure from motion.
-enum class LatentEnds { kMean, kEdi };
+/// The lens, and a second camera.
+struct LensOptions {
+  std::filesystem::path calibration;
+  geometry::RectifiedField field = geometry::RectifiedField::kFilled;
+  double plane_depth = 0, near = 0, far = 0;
+};
 
-constexpr auto words_of(LatentEnds) {
-  return std::array{Word{"mean", LatentEnds::kMean,
-                         "the mean of EDI and EFNet at mid-exposure, carried there by the events"},
-                    Word{"edi", LatentEnds::kEdi, "EDI alone"}};
+template <class V>
+void describe(V& v, LensOptions& o) {
+  v.field("calibration", o.calibration,
+          "file of Kalibr, OpenCV, ROS or RPG; empty: a pinhole whose focal length is searched");
+  v.field("field", o.field, "what the undistorted images show");
+  v.field("plane_depth", o.plane_depth,
+          "depth at which the events of a second camera fall on the frames exactly, in the unit of "
+          "the calibration",
+          Range{0, 1e6});
+  v.field("near", o.near, "nearest depth of the scene, same unit; 0: not known", Range{0, 1e6});
+  v.field("far", o.far, "farthest", Range{0, 1e6});
+}
+
+/// What structure from motion sees of an exposure at its start, middle and end.
+enum class LatentKind { kEdi, kMixed, kMean };
+
+constexpr auto words_of(LatentKind) {
+  return std::array{Word{"edi", LatentKind::kEdi, "EDI"},
+                    Word{"mixed", LatentKind::kMixed,
+                         "EDI at both ends, the mean of EDI and EFNet in the middle"},
+                    Word{"mean", LatentKind::kMean,
+                         "that mean, carried to both ends by the ratio that the events tell"}};
 }
 
 /// The sharp images that structure from motion sees.
 struct LatentOptions {
-  LatentEnds ends = LatentEnds::kMean;
+  LatentKind kind = LatentKind::kEdi;
   int64_t upscale = 2;
 };
 
 template <class V>
 void describe(V& v, LatentOptions& o) {
-  v.field("ends", o.ends, "what stands for the start and the end of an exposure");
+  v.field("kind", o.kind, "what stands for an exposure at its start, middle and end");
   v.field("upscale", o.upscale, "how much larger COLMAP sees the images", Range{1, 4});
 }
 
@@ -78,6 +101,7 @@ struct ImportOptions {
   std::string device = "auto";
   std::filesystem::path recording;
   std::filesystem::path frames;
+  LensOptions lens;
   events::EventOptions events = continuous_events();
   restore::EfnetOptions efnet;
   restore::RestorationCacheOptions cache;
@@ -99,6 +123,7 @@ void describe(V& v, ImportOptions& o) {
   v.field("device", o.device, "auto (a GPU if there is one), cpu, cuda or cuda:N");
   v.field("recording", o.recording, "the recording, a file or a folder");
   v.field("frames", o.frames, "folder of frames, or a video, where they are not in the recording");
+  v.group("lens", o.lens, "the lens, and a second camera");
   v.group("events", o.events, "how events become voxels and EDI");
   v.group("efnet", o.efnet, "the frozen learned restorer F");
   v.group("cache", o.cache, "restorations on disk");

@@ -24,7 +24,8 @@ geometry::Vector3 rotation_vector(const geometry::Matrix3& rotation) {
 
 /// A pose as it lies from `origin`: R = exp(ω) R_origin, and its centre in world axes.
 Place place_of(const geometry::Pose& pose, const geometry::Pose& origin) {
-  const geometry::Pose turn = geometry::compose({pose.rotation, {}}, geometry::inverse({origin.rotation, {}}));
+  const geometry::Pose turn =
+      geometry::compose({pose.rotation, {}}, geometry::inverse({origin.rotation, {}}));
   const auto w = rotation_vector(turn.rotation);
   const auto c = geometry::centre(pose);
   return {c[0], c[1], c[2], w[0], w[1], w[2]};
@@ -53,8 +54,10 @@ double cubic(double a, double slope_a, double b, double slope_b, double step, do
 
 PosePath::PosePath(std::vector<double> t_us, std::vector<geometry::Pose> poses)
     : t_us_(std::move(t_us)), poses_(std::move(poses)) {
-  JADE_CHECK(t_us_.size() == poses_.size() && t_us_.size() >= 2, "expected two poses or more with a "
-             "time each, found ", poses_.size(), " at ", t_us_.size(), " times");
+  JADE_CHECK(t_us_.size() == poses_.size() && t_us_.size() >= 2,
+             "expected two poses or more with a "
+             "time each, found ",
+             poses_.size(), " at ", t_us_.size(), " times");
   for (size_t i = 1; i < t_us_.size(); ++i) {
     JADE_CHECK(t_us_[i - 1] < t_us_[i], "times of the path do not increase");
   }

@@ -10,8 +10,11 @@
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/core/log.h"
+#include "jade/geometry/trajectory.h"
 #include "jade/imaging/image_io.h"
 #include "jade/import/colmap.h"
+#include "jade/import/motion_check.h"
+#include "jade/import/pose_path.h"
 #include "jade/io/colmap.h"
 #include "jade/io/npy.h"
 
@@ -24,6 +27,12 @@ using Json = nlohmann::ordered_json;
 /// Above this, comparing all pairs on a processor takes longer than an hour.
 constexpr int64_t kMostExhaustive = 150;
 constexpr double kLeastShare = 2.0 / 3;
+/// Wrong models explain nothing of the blur, right ones more than half.
+constexpr double kLeastExplained = 0.1;
+/// Frames that checks look at.
+constexpr size_t kChecked = 8;
+/// Less than this between all frames is noise, px.
+constexpr double kStandingStill = 1;
 
 /// Deblurred images have fewer and weaker corners than photographs, and a handheld camera moves
 /// little: later attempts ask for less contrast, then for less parallax. The images are enlarged
@@ -119,21 +128,84 @@ Attempt attempt_of(const std::string& name, size_t images, const Reconstruction&
   return a;
 }
 
+/// So many indices below `count`, spread evenly.
+std::vector<size_t> spread(size_t count) {
+  std::vector<size_t> picked;
+  const size_t most = std::min(count, kChecked);
+  for (size_t i = 0; i < most; ++i) picked.push_back(i * count / most);
+  return picked;
+}
+
+void check_motion(const Capture& capture) {
+  std::vector<torch::Tensor> frames;
+  for (const size_t i : spread(capture.shots.size())) frames.push_back(capture.shots[i].image);
+  const double shift = largest_shift_px(frames);
+  if (shift >= kStandingStill) return;
+  throw DataError(concat(
+      "poses: expected a moving camera, found frames that lie within ", shift,
+      " px of each other; without parallax there is no depth: move sideways around the scene"));
+}
+
+/// Blurry shots with a middle image, spread over the recording, as `found` places them.
+double explained_blur_of(const fs::path& latents, const std::vector<LatentImage>& images,
+                         const Capture& capture, const Reconstruction& found) {
+  std::vector<double> times;
+  std::vector<geometry::Pose> poses;
+  for (const TimedPose& timed : found.poses) {
+    if (!times.empty() && double(timed.t_us) <= times.back()) continue;
+    times.push_back(double(timed.t_us));
+    poses.push_back(timed.pose);
+  }
+  if (times.size() < 2) return 0;
+  const PosePath path(times, poses);
+  std::vector<const LatentImage*> middles;
+  for (const LatentImage& image : images) {
+    const Shot& shot = capture.shots[static_cast<size_t>(image.shot)];
+    if (shot.duration_us() > 0 && image.t_us == shot.t_mid_us()) middles.push_back(&image);
+  }
+  std::vector<PosedExposure> exposures;
+  for (const size_t i : spread(middles.size())) {
+    const LatentImage& image = *middles[i];
+    const Shot& shot = capture.shots[static_cast<size_t>(image.shot)];
+    PosedExposure e;
+    e.blurry = shot.image;
+    e.sharp = at::adaptive_avg_pool2d(imaging::read_image(latents / "images" / image.file),
+                                      {shot.image.size(1), shot.image.size(2)});
+    e.camera = found.camera;
+    for (const double t : geometry::exposure_times(shot.t_start_us, shot.t_end_us)) {
+      e.poses.push_back(path.at(t));
+    }
+    for (size_t k = 0; k < found.seen_by.size(); ++k) {
+      const bool seen = std::any_of(
+          found.seen_by[k].begin(), found.seen_by[k].end(),
+          [&](int64_t pose) { return found.poses[static_cast<size_t>(pose)].shot == image.shot; });
+      if (seen) e.points.push_back(point_at(found.points, static_cast<int64_t>(k)));
+    }
+    exposures.push_back(std::move(e));
+  }
+  return exposures.empty() ? 1 : explained_blur(exposures);
+}
+
+bool explains_blur(const Attempt& a) { return a.explained_blur >= kLeastExplained; }
+
 bool is_better(const Attempt& a, const Attempt& b) {
+  if (explains_blur(a) != explains_blur(b)) return explains_blur(a);
   if (a.registered != b.registered) return a.registered > b.registered;
   return a.observations > b.observations;
 }
 
 std::string sentence(const Attempt& a) {
   if (!a.problem.empty()) return concat(a.name, ": ", a.problem);
-  return concat(a.name, ": ", a.registered, " of ", a.images, " images");
+  return concat(a.name, ": ", a.registered, " of ", a.images, " images, ",
+                std::lround(100 * a.explained_blur), " % of the blur explained");
 }
 
 [[noreturn]] void fail(const std::vector<Attempt>& tried) {
   std::string all;
   for (const Attempt& a : tried) all += (all.empty() ? "" : "; ") + sentence(a);
   throw DataError(concat(
-      "poses: expected structure from motion to place at least two thirds of the images, found ",
+      "poses: expected structure from motion to place at least two thirds of the images and to "
+      "explain their blur, found ",
       all,
       "; record with sideways motion around the scene, more texture and light and slower turns "
       "(docs/own-recording.md, \"When it fails\")"));
@@ -162,6 +234,7 @@ Json json_of(const Attempt& a) {
           {"observations", a.observations},
           {"reprojection_error_px", a.error_px},
           {"parallax_deg", a.parallax_deg},
+          {"explained_blur", a.explained_blur},
           {"problem", a.problem}};
 }
 
@@ -211,9 +284,10 @@ Reconstruction read_reconstruction(const fs::path& model, const std::vector<Late
 }
 
 SearchResult find_poses(const fs::path& latents, const std::vector<LatentImage>& images,
-                        const std::optional<geometry::Intrinsics>& camera,
-                        const ImportOptions& options, const fs::path& work) {
-  const ColmapJob job = job_of(latents, images, camera, options);
+                        const Capture& capture, const ImportOptions& options,
+                        const fs::path& work) {
+  check_motion(capture);
+  const ColmapJob job = job_of(latents, images, capture.camera, options);
   SearchResult result;
   std::string matched;  // flags of the features at hand
   fs::path folder;
@@ -228,10 +302,11 @@ SearchResult find_poses(const fs::path& latents, const std::vector<LatentImage>&
       match_features(job, settings, folder);
       matched = flags;
     }
-    Attempt best{settings.name, job.count, 0, 0, 0, 0, 0, "no pair of images to begin with"};
+    Attempt best{settings.name, job.count, 0, 0, 0, 0, 0, 0, "no pair of images to begin with"};
     for (const fs::path& model : reconstruct(job, settings, folder)) {
       Reconstruction r = read_reconstruction(model, images, double(options.latents.upscale));
-      const Attempt attempt = attempt_of(settings.name, images.size(), r);
+      Attempt attempt = attempt_of(settings.name, images.size(), r);
+      attempt.explained_blur = explained_blur_of(latents, images, capture, r);
       if (!is_better(attempt, best)) continue;
       best = attempt;
       const bool first = result.best.poses.empty();
@@ -245,7 +320,8 @@ SearchResult find_poses(const fs::path& latents, const std::vector<LatentImage>&
                     " degrees"));
     result.attempts.push_back(best);
   }
-  if (double(result.best.poses.size()) < kLeastShare * double(images.size())) fail(result.attempts);
+  const bool enough = double(result.best.poses.size()) >= kLeastShare * double(images.size());
+  if (!enough || !explains_blur(result.attempts[result.chosen])) fail(result.attempts);
   return result;
 }
 

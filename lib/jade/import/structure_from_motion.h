@@ -4,7 +4,6 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <optional>
 #include <string>
 #include <torch/types.h>
 #include <vector>
@@ -40,9 +39,10 @@ struct Attempt {
   std::string name;
   int64_t images = 0, registered = 0;
   int64_t points = 0, observations = 0;
-  double error_px = 0;      ///< mean reprojection error, px of the shots
-  double parallax_deg = 0;  ///< median angle between the outermost rays to a point
-  std::string problem;      ///< why it gave nothing; empty where it gave a model
+  double error_px = 0;        ///< mean reprojection error, px of the shots
+  double parallax_deg = 0;    ///< median angle between the outermost rays to a point
+  double explained_blur = 0;  ///< share of the blur of the frames that its poses explain
+  std::string problem;        ///< why it gave nothing; empty where it gave a model
 };
 
 struct SearchResult {
@@ -51,15 +51,16 @@ struct SearchResult {
   size_t chosen = 0;  ///< index in attempts
 };
 
-/// Finds the poses of the images in FOLDER/images of the latents' stage: several attempts, of which
-/// the one with the most images counts, then the one with the most observations. Everything that
-/// COLMAP wrote stays in `work`. Shows progress.
-/// @param camera  of the shots, held; absent: the focal length is searched
-/// @throws DataError where no attempt registers two thirds of the images, with what each one found
-///   and what to record differently; Interrupted.
+/// Finds the poses of the images in LATENTS/images: several attempts, of which one that explains
+/// the blur of the frames comes first, then the one with the most images, then with the most
+/// observations. Everything that COLMAP wrote stays in `work`. Shows progress.
+/// @param capture  its camera is held; absent: the focal length is searched
+/// @throws DataError for a camera that stood still, and where no attempt registers two thirds of
+/// the
+///   images or explains the blur, with what each one found and what to record differently;
+///   Interrupted.
 SearchResult find_poses(const std::filesystem::path& latents,
-                        const std::vector<LatentImage>& images,
-                        const std::optional<geometry::Intrinsics>& camera,
+                        const std::vector<LatentImage>& images, const Capture& capture,
                         const ImportOptions& options, const std::filesystem::path& work);
 
 /// A model of COLMAP as a reconstruction.
