@@ -7,8 +7,8 @@
 #
 # --python-torch  also what `import torch` needs in Python (scripts/efnet)
 # --figures       also what scripts/figures.py needs (scripts/requirements-figures.txt)
+# --import        also COLMAP, and what reads AEDAT4 files and ROS bags (scripts/requirements-import.txt)
 # --metrics       also the networks of LPIPS, made by scripts/export_lpips.py (64 MB to fetch, once)
-# --import        also what jade_import needs: COLMAP
 #
 # Without root it uses sudo for apt; where neither works it prints the command to hand to an
 # administrator.
@@ -24,8 +24,8 @@ for flag in "$@"; do
   case "$flag" in
     --python-torch) python_torch=yes ;;
     --figures) figures=yes ;;
-    --metrics) python_torch=yes metrics=yes ;;
     --import) import=yes ;;
+    --metrics) python_torch=yes metrics=yes ;;
     *) sed -n '3,14p' "$0" >&2; exit 2 ;;
   esac
 done
@@ -98,14 +98,18 @@ if [ -n "$absent" ]; then
   # shellcheck disable=SC2086
   .venv/bin/python -m pip install -q --disable-pip-version-check --no-deps $absent
 fi
-if [ $figures = yes ]; then
-  mapfile -t pinned < <(grep -o '^[a-z].*==[0-9.]*' scripts/requirements-figures.txt)
+# What a list of pinned packages names, with all that it needs.
+install_list() {
+  local pinned absent
+  mapfile -t pinned < <(grep -o '^[a-z].*==[0-9.]*' "$1")
   absent=$(have "${pinned[@]}")
   if [ -n "$absent" ]; then
     say "installing into .venv: $absent and what it needs"
-    .venv/bin/python -m pip install -q --disable-pip-version-check -r scripts/requirements-figures.txt
+    .venv/bin/python -m pip install -q --disable-pip-version-check -r "$1"
   fi
-fi
+}
+if [ $figures = yes ]; then install_list scripts/requirements-figures.txt; fi
+if [ $import = yes ]; then install_list scripts/requirements-import.txt; fi
 if [ $metrics = yes ]; then
   .venv/bin/python scripts/export_lpips.py >&2
 fi

@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Says what is in a data set, a run or a .ply, and what is wrong with it.
+// Says what is in a recording, a data set, a run or a .ply, and what is wrong with it.
 #include <cstdio>
 #include <torch/types.h>
 
 #include "common/cli.h"
 #include "common/dataset_flags.h"
 #include "jade/data/dataset.h"
+#include "jade/recording/format.h"
 #include "jade/run/run_summary.h"
 #include "jade_inspect/ply.h"
+#include "jade_inspect/recording.h"
 #include "jade_inspect/run.h"
 #include "jade_inspect/summary.h"
 
@@ -31,14 +33,17 @@ ExitCode inspect(const data::DatasetOptions& options, double log_offset, bool js
 }  // namespace
 
 int main(int argc, char** argv) {
-  apps::Program program("jade_inspect",
-                        "Says what is in a data set, a run or a .ply, and every problem found");
+  apps::Program program(
+      "jade_inspect",
+      "Says what is in a recording, a data set, a run or a .ply, and every problem "
+      "found");
   double log_offset = 0;
   program.cli().add_option("--log-offset", log_offset,
                            "thresholds of a sensor that measures log(I + offset), I in [0,1] (0)");
   apps::add_dataset_flags(
       program, "what",
-      "folder of a data set, run directory of jade_train, or .ply (the data set of --config)");
+      "recording, folder of a data set, run directory of jade_train, or .ply (the data set of "
+      "--config)");
   program.add_json_flag();
   return program.run(argc, argv, [&] {
     const torch::NoGradGuard no_grad;
@@ -47,8 +52,8 @@ int main(int argc, char** argv) {
     const std::filesystem::path& path = settings->dataset.path;
     if (path.empty()) {
       throw ConfigError(
-          "expected the folder of a data set, a run directory or a .ply, found nothing; --help "
-          "lists the flags");
+          "expected a recording, the folder of a data set, a run directory or a .ply, found "
+          "nothing; --help lists the flags");
     }
     if (path.extension() == ".ply") {
       apps::inspect_ply(path, program.json());
@@ -58,10 +63,9 @@ int main(int argc, char** argv) {
       apps::inspect_run(path, program.json());
       return ExitCode::kOk;
     }
-    if (std::filesystem::is_regular_file(path)) {
-      throw DataError(concat(path.string(),
-                             ": expected the folder of a data set, a run directory or a .ply, "
-                             "found another file"));
+    if (std::filesystem::is_regular_file(path) || recording::is_recording(path)) {
+      apps::inspect_recording(path, settings->dataset.events_unit, program.json());
+      return ExitCode::kOk;
     }
     return inspect(settings->dataset, log_offset, program.json());
   });

@@ -83,12 +83,18 @@ int main(int argc, char** argv) {
   program.add_json_flag();
   bool force = false;
   program.cli().add_flag("--force", force, "Write into a folder that holds files already");
+  bool recording = false;
+  program.cli().add_flag("--recording", recording,
+                         "Write a recording without poses, as a camera does, with the true data "
+                         "set in truth/, to try jade_import");
   return program.run(argc, argv, [&] {
-    const auto run = load(program);
+    auto run = load(program);
     if (!run) return ExitCode::kOk;
     check_output(program.output(), force);
+    // What others' poses are judged by has no error of its own.
+    if (recording) run->simulate.poses = {};
     const auto result = simulate::simulate(*run);
-    simulate::write(result, *run, program.output());
+    (recording ? simulate::write_recording : simulate::write)(result, *run, program.output());
     report(result, program.output(), program.json());
     return ExitCode::kOk;
   });

@@ -8,6 +8,7 @@
 
 #include "jade/data/dataset.h"
 #include "jade/gaussians/ply.h"
+#include "jade/imaging/image_io.h"
 #include "jade/io/npy.h"
 #include "support/programs.h"
 #include "support/temp_dir.h"
@@ -117,4 +118,36 @@ TEST_CASE("jade_inspect: test views are marked by whether training sees them", "
   const auto json = nlohmann::json::parse(run(dir, "jade_inspect scene --json").out);
   CHECK(json["test"] == nlohmann::json{"03", "04"});
   CHECK(json["test_seen"] == nlohmann::json{true, false});
+}
+
+TEST_CASE("jade_inspect: a recording, what is missing, and the next command", "[apps]") {
+  const test::TempDir dir;
+  dir.write("scene/events.txt", "0.1 7 5 1\n0.3 0 0 0\n0.5 1 1 1\n");
+  dir.write("scene/images.txt", "0.2 images/a.png\n0.4 images/b.png\n");
+  for (const char* name : {"a", "b"})
+    imaging::write_image(dir / "scene/images" / (std::string(name) + ".png"),
+                         torch::full({3, 6, 8}, 0.5));
+  const Outcome bare = run(dir, "jade_inspect scene");
+  INFO(bare.err);
+  CHECK(bare.code == 0);
+  for (const char* text :
+       {"RPG text folder", "sensor      8x6 px", "events      3 from 0.100000 to 0.500000 s",
+        "66.7 % positive", "frames      2 of 8x6 px, 5 a second", "of unknown length",
+        "next        build/bin/jade_import scene --exposure-ms MILLISECONDS --calibration "
+        "CAMERA.yaml --output data/scene"}) {
+    CHECK_THAT(bare.out, Catch::Contains(text));
+  }
+  dir.write("scene/exposures.csv", "a,190000,210000\nb,390000,420000\n");
+  dir.write("scene/calib.txt", "6 6 4 3 0 0 0 0 0\n");
+  const Outcome whole = run(dir, "jade_inspect scene");
+  CHECK_THAT(whole.out, Catch::Contains("exposures   2, 20 to 30 ms, median 30"));
+  CHECK_THAT(whole.out, Catch::Contains("jade_import scene --output data/scene"));
+  const auto json = nlohmann::json::parse(run(dir, "jade_inspect scene --json").out);
+  CHECK(json["events"] == 3);
+  CHECK(json["frames"][1]["t_end_us"] == 420000);
+  const Outcome alone = run(dir, "jade_inspect scene/events.txt");
+  CHECK_THAT(alone.out, Catch::Contains("--frames FOLDER_OR_VIDEO --frame-times LIST.csv"));
+  check_error(run(dir, "jade_inspect scene/images/a.png"), 3, "expected a recording");
+  dir.write("empty.raw", "");
+  check_error(run(dir, "jade_inspect empty.raw"), 3, "the file is empty");
 }

@@ -9,6 +9,7 @@
 #include "jade/data/llff.h"
 #include "jade/io/hdf5.h"
 #include "jade/io/npy.h"
+#include "recording/evt_words.h"
 #include "support/colmap_writer.h"
 
 namespace fs = std::filesystem;
@@ -17,7 +18,7 @@ using namespace jade;
 int main(int argc, char** argv) {
   if (argc != 2) return 2;
   const fs::path root = argv[1];
-  for (const char* reader : {"colmap", "hdf5", "llff", "npy", "npz"}) {
+  for (const char* reader : {"colmap", "evt", "hdf5", "llff", "npy", "npz"}) {
     fs::create_directories(root / reader);
   }
   io::write_npy(root / "npy/float", torch::rand({3, 5}));
@@ -35,6 +36,20 @@ int main(int argc, char** argv) {
     writer.append("events/x", x.data(), 8);
     writer.close();
   }
+
+  write_file(root / "evt/evt2", test::evt_header("2.0", "% geometry 640x480\n") +
+                                    test::bytes_of(test::evt2_time(640), 4) +
+                                    test::bytes_of(test::evt2_event(645, 3, 4, true), 4) +
+                                    test::bytes_of(test::evt2_trigger(646, false), 4));
+  for (const bool upper_first : {false, true}) {
+    write_file(root / (upper_first ? "evt/evt21" : "evt/evt21_swapped"),
+               test::evt_header("2.1") + test::evt21_word(test::evt2_time(640), 0, upper_first) +
+                   test::evt21_word(test::evt2_event(645, 32, 4, true), 5, upper_first));
+  }
+  write_file(root / "evt/evt3", test::evt_header("3.0") + test::evt3_time(5000) +
+                                    test::evt3_word(0, 9) + test::evt3_word(2, 8) +
+                                    test::evt3_word(3, 64) + test::evt3_word(4, 0x801) +
+                                    test::evt3_word(5, 1) + test::evt3_word(10, 1));
 
   const io::ColmapCamera camera{1, "PINHOLE", 20, 10, {15, 16, 10, 5}};
   const std::vector<io::ColmapImage> images = {{1, {1, 0, 0, 0}, {0, 0, 1}, 1, "0_0.png"},

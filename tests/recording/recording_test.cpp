@@ -142,7 +142,7 @@ TEST_CASE("recording: a zip of the folder, at its root or within a folder", "[re
 TEST_CASE("recording: the EvDeblur layout without poses", "[recording]") {
   const TempDir dir;
   const std::vector<float> x{0, 7, 3}, y{0, 5, 2};
-  const std::vector<int64_t> t{2000000, 2000500, 3000000};  // ns
+  const std::vector<int64_t> t{2000000000, 2000500000, 3000000000};  // ns
   const std::vector<int8_t> p{1, -1, 1};
   std::filesystem::create_directories(dir / "scene");
   io::Hdf5Writer file(dir / "scene/events.h5");
@@ -155,14 +155,14 @@ TEST_CASE("recording: the EvDeblur layout without poses", "[recording]") {
     imaging::write_image(dir / "scene/images_1" / (std::string(name) + ".png"),
                          torch::full({3, 6, 8}, 0.5));
   io::write_npz(dir / "scene/images_1/timestamps.npz",
-                {{"timestamps_start", torch::tensor({2000000, 2600000}, torch::kInt64)},
-                 {"timestamps_end", torch::tensor({2400000, 2600000}, torch::kInt64)}});
+                {{"timestamps_start", torch::tensor({2000000000, 2600000000}, torch::kInt64)},
+                 {"timestamps_end", torch::tensor({2020000000, 2600000000}, torch::kInt64)}});
   const Recording recording = read_recording(dir / "scene");
-  CHECK(recording.events.t_us().equal(torch::tensor({2000, 2000, 3000}, torch::kInt64)));
+  CHECK(recording.events.t_us().equal(torch::tensor({2000000, 2000500, 3000000}, torch::kInt64)));
   REQUIRE(recording.frames.size() == 2);
-  CHECK(recording.frames[0].t_start_us == 2000);
-  CHECK(recording.frames[0].t_end_us == 2400);
-  CHECK(recording.frames[1].t_start_us == 2600);
+  CHECK(recording.frames[0].t_start_us == 2000000);
+  CHECK(recording.frames[0].t_end_us == 2020000);
+  CHECK(recording.frames[1].t_start_us == 2600000);
   CHECK(recording.width == 8);
   io::write_npz(dir / "scene/images_1/timestamps.npz", {{"timestamps", torch::zeros({3})}});
   CHECK_THAT(message_of([&] { read_recording(dir / "scene"); }),

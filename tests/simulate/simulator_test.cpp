@@ -14,6 +14,7 @@
 #include "jade/core/progress.h"
 #include "jade/data/dataset.h"
 #include "jade/gaussians/ply.h"
+#include "jade/recording/recording.h"
 #include "support/drifting_pattern.h"
 #include "support/temp_dir.h"
 
@@ -76,6 +77,41 @@ TEST_CASE("simulate: written and loaded, the exposures are the same", "[simulate
   }
   CHECK((loaded.test[0].image - result.content.test[0].image).abs().max().item<double>() < 1e-6);
   CHECK(loaded.near == Approx(result.content.near).epsilon(1e-4));
+}
+
+TEST_CASE("simulate: a recording has the same frames and events, its poses in truth/ alone",
+          "[simulate]") {
+  const SimulateRun run = tiny();
+  const SimulateResult result = simulate::simulate(run);
+  test::TempDir folder;
+  write_recording(result, run, folder.path());
+  const recording::Recording read = recording::read_recording(folder.path());
+  CHECK(read.width == 40);
+  CHECK(read.height == 30);
+  CHECK(read.events.t_us().equal(result.content.events.t_us()));
+  CHECK(read.events.x().equal(result.content.events.x()));
+  CHECK(read.events.y().equal(result.content.events.y()));
+  CHECK(read.events.polarity().equal(result.content.events.polarity()));
+  // Three exposures and the test view between them; the other lies within an exposure.
+  REQUIRE(read.frames.size() == 4);
+  data::DatasetOptions options;
+  options.path = folder / "truth";
+  const data::Dataset truth = data::load_dataset(options);
+  for (const recording::Frame& frame : read.frames) {
+    if (frame.t_end_us - frame.t_start_us == 1) {
+      CHECK(frame.image.equal(truth.test[1].image));
+      CHECK(frame.name == truth.test[1].name);
+      continue;
+    }
+    const auto same = std::find_if(truth.train.begin(), truth.train.end(),
+                                   [&](const auto& e) { return e.name == frame.name; });
+    REQUIRE(same != truth.train.end());
+    CHECK(frame.image.equal(same->blurry));
+    CHECK(frame.t_start_us == same->t_start_us);
+    CHECK(frame.t_end_us == same->t_end_us);
+  }
+  for (const char* poses : {"poses_bounds.npy", "all_poses_bounds.npy", "images_1", "sharp"})
+    CHECK_FALSE(std::filesystem::exists(folder / poses));
 }
 
 TEST_CASE("simulate: the same seed gives the same recording for any number of threads",

@@ -59,6 +59,20 @@ void silence_hdf5() {
 
 bool is_numeric(const Hdf5Dataset& dataset) { return dataset.integer || dataset.floating; }
 
+/// Names of the members of a record that are numbers.
+std::vector<std::string> numeric_fields(hid_t type) {
+  std::vector<std::string> names;
+  const int count = H5Tget_nmembers(type);
+  for (int i = 0; i < count; ++i) {
+    const H5T_class_t kind = H5Tget_member_class(type, static_cast<unsigned>(i));
+    char* const name = H5Tget_member_name(type, static_cast<unsigned>(i));
+    if (name == nullptr) continue;
+    if (kind == H5T_INTEGER || kind == H5T_ENUM || kind == H5T_FLOAT) names.emplace_back(name);
+    H5free_memory(name);
+  }
+  return names;
+}
+
 bool describe_dataset(hid_t file, const std::string& name, Hdf5Dataset* out) {
   const Id dataset(H5Dopen2(file, name.c_str(), H5P_DEFAULT));
   if (!dataset.valid()) return false;
@@ -77,6 +91,7 @@ bool describe_dataset(hid_t file, const std::string& name, Hdf5Dataset* out) {
   const H5T_class_t kind = H5Tget_class(type);
   out->integer = kind == H5T_INTEGER || kind == H5T_ENUM;
   out->floating = kind == H5T_FLOAT;
+  if (kind == H5T_COMPOUND) out->fields = numeric_fields(type);
   out->item_size = static_cast<int64_t>(H5Tget_size(type));
   out->stored_bytes = static_cast<int64_t>(H5Dget_storage_size(dataset));
   if (H5Pget_layout(properties) == H5D_CHUNKED && rank == 1) {
@@ -107,6 +122,9 @@ std::string missing_filter(hid_t dataset) {
     std::string text = concat("filter ", filter);
     if (filter == 32000) text += " (LZF: apt install hdf5-plugin-lzf)";
     if (filter == 32001) text += " (Blosc: apt install hdf5-filter-plugin-blosc-serial)";
+    if (filter == 36559)
+      text +=
+          " (ECF of Metavision: build github.com/prophesee-ai/hdf5_ecf and set HDF5_PLUGIN_PATH)";
     if (filter == 32015) text += " (Zstandard: apt install hdf5-filter-plugin-zstd)";
     return text;
   }
@@ -211,7 +229,7 @@ int64_t Hdf5File::length(const std::string& name) const {
       count = extent;
     }
   }
-  if (!is_numeric(info) || long_axes > 1) {
+  if (!(is_numeric(info) || !info.fields.empty()) || long_axes > 1) {
     throw DataError(concat(
         path_.string(), ": expected '", name, "' to be a list of numbers, found ",
         is_numeric(info) ? "numbers" : "another type", " in ", info.shape.size(), " dimensions"));
@@ -252,6 +270,45 @@ void Hdf5File::read_as(const std::string& name, int64_t begin, int64_t count, in
                                "' cannot be read; the file is truncated or damaged, copy it again")
                       : concat(path_.string(), ": '", name, "' needs HDF5 ", filter,
                                ", which is not installed; install it or store the data with gzip"));
+}
+
+template <class T>
+void Hdf5File::read_field(const std::string& name, const std::string& field, int64_t begin,
+                          int64_t count, T* out) const {
+  const auto& fields = dataset(name).fields;
+  if (std::find(fields.begin(), fields.end(), field) == fields.end()) {
+    throw DataError(concat(path_.string(), ": expected '", name,
+                           "' to hold records with a number '", field,
+                           "', found none; the file is of another kind"));
+  }
+  const Id record(H5Tcreate(H5T_COMPOUND, sizeof(T)));
+  H5Tinsert(record, field.c_str(), 0, native_type<T>());
+  read_as(name, begin, count, record, out);
+}
+
+std::string Hdf5File::attribute(const std::string& name) const {
+  if (H5Aexists(handle_->file, name.c_str()) <= 0) return "";
+  const Id attribute(H5Aopen(handle_->file, name.c_str(), H5P_DEFAULT));
+  const Id type(H5Aget_type(attribute));
+  const Id space(H5Aget_space(attribute));
+  if (!type.valid() || H5Tget_class(type) != H5T_STRING || H5Sget_simple_extent_npoints(space) != 1)
+    return "";
+  if (H5Tis_variable_str(type) > 0) {
+    char* text = nullptr;
+    const Id memory(H5Tcopy(H5T_C_S1));
+    H5Tset_size(memory, H5T_VARIABLE);
+    H5Tset_cset(memory, H5Tget_cset(type));
+    if (H5Aread(attribute, memory, &text) < 0 || text == nullptr) return "";
+    std::string out = text;
+    H5free_memory(text);
+    return out;
+  }
+  constexpr size_t kLongest = 1 << 16;
+  const size_t size = H5Tget_size(type);
+  if (size > kLongest) return "";
+  std::string text(size, '\0');
+  if (H5Aread(attribute, type, text.data()) < 0) return "";
+  return text.substr(0, text.find('\0'));
 }
 
 template <class T>
@@ -352,8 +409,10 @@ void Hdf5Writer::close() {
   handle_->target.commit();
 }
 
-#define JADE_HDF5_TYPE(T)                                                          \
-  template void Hdf5File::read<T>(const std::string&, int64_t, int64_t, T*) const; \
+#define JADE_HDF5_TYPE(T)                                                                         \
+  template void Hdf5File::read<T>(const std::string&, int64_t, int64_t, T*) const;                \
+  template void Hdf5File::read_field<T>(const std::string&, const std::string&, int64_t, int64_t, \
+                                        T*) const;                                                \
   template void Hdf5Writer::append<T>(const std::string&, const T*, int64_t);
 JADE_HDF5_TYPE(int8_t)
 JADE_HDF5_TYPE(uint8_t)

@@ -14,11 +14,12 @@ namespace jade::io {
 struct Hdf5Dataset {
   std::string name;
   std::vector<int64_t> shape;
-  bool integer = false;      ///< Integers, booleans and enumerations of any size and sign.
-  bool floating = false;     ///< Neither: text, records, references, which cannot be read.
-  int64_t item_size = 0;     ///< Bytes of a stored value.
-  int64_t chunk_length = 0;  ///< Values in a chunk of a 1-D array; 0 if stored in one piece.
-  int64_t stored_bytes = 0;  ///< As kept in the file, after compression.
+  bool integer = false;   ///< Integers, booleans and enumerations of any size and sign.
+  bool floating = false;  ///< Neither: text, references, which cannot be read, or records.
+  std::vector<std::string> fields;  ///< Names of a record's numbers; read_field reads them.
+  int64_t item_size = 0;            ///< Bytes of a stored value.
+  int64_t chunk_length = 0;         ///< Values in a chunk of a 1-D array; 0 if stored in one piece.
+  int64_t stored_bytes = 0;         ///< As kept in the file, after compression.
 };
 
 /// An HDF5 file open for reading. Use from one thread at a time. Messages of the HDF5 library are
@@ -37,8 +38,10 @@ class Hdf5File {
   bool has(const std::string& name) const;
   /// @throws DataError if there is no such data set; the message lists those that there are.
   const Hdf5Dataset& dataset(const std::string& name) const;
-  /// Length of a one-dimensional numeric data set; [N,1] and [1,N] count as such, and a single
-  /// number without axes as a list of one.
+  /// An attribute of the file that is text; empty if there is none.
+  std::string attribute(const std::string& name) const;
+  /// Length of a one-dimensional data set of numbers or records of numbers; [N,1] and [1,N] count
+  /// as such, and a single number without axes as a list of one.
   /// @throws DataError otherwise, or if the file is too small to hold that many values, so that
   ///         the result is safe to allocate.
   int64_t length(const std::string& name) const;
@@ -50,6 +53,10 @@ class Hdf5File {
   /// @throws DataError if the data cannot be decoded; a missing filter is named with its package.
   template <class T>
   void read(const std::string& name, int64_t begin, int64_t count, T* out) const;
+  /// The same of one field of the records of `name`.
+  template <class T>
+  void read_field(const std::string& name, const std::string& field, int64_t begin, int64_t count,
+                  T* out) const;
 
  private:
   void read_as(const std::string& name, int64_t begin, int64_t count, int64_t type,

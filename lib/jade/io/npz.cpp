@@ -24,7 +24,8 @@ const ZipWords kNpzWords{"an .npz archive", "write it again with numpy.savez"};
 }  // namespace
 
 Npz::Npz(const std::filesystem::path& path) : path_(path) {
-  for (const std::string& entry : Zip(path, kNpzWords).names()) {
+  const Zip archive(path, kNpzWords);
+  for (const std::string& entry : archive.names()) {
     if (entry.size() < 5 || entry.compare(entry.size() - 4, 4, ".npy") != 0) continue;
     names_.push_back(entry.substr(0, entry.size() - 4));
   }

@@ -44,6 +44,11 @@ struct Contents {
 Contents read_rpg(const std::filesystem::path& folder, const ReadOptions& options);
 Contents read_rpg_zip(const std::filesystem::path& path, const ReadOptions& options);
 Contents read_event_folder(const std::filesystem::path& folder, const ReadOptions& options);
+Contents read_evt(const std::filesystem::path& path, const ReadOptions& options);
+Contents read_converted(const std::filesystem::path& path, const ReadOptions& options);
+/// Records of Metavision in HDF5.
+bool is_metavision(const std::filesystem::path& path);
+Contents read_metavision(const std::filesystem::path& path);
 /// HDF5, .npz, .npy and text: events alone.
 Contents read_event_file(const std::filesystem::path& path, const ReadOptions& options);
 
@@ -56,6 +61,26 @@ void apply_exposures(const std::filesystem::path& list, const std::vector<NamedE
 /// are left out. @throws DataError if one cannot be read, they differ in size, or they do not fit
 /// into memory.
 void read_frames(std::vector<FrameFile> files, Recording& recording);
+
+/// Puts the images of a folder, or those of a video, in place of the recording's own. A folder may
+/// hold exposures.csv, images.txt or timestamps.npz; frames of a video have its own clock, whose
+/// zero is its beginning.
+/// @throws DataError for a folder without images, a video that ffmpeg cannot read.
+void replace_frames(const std::filesystem::path& path, const ReadOptions& options,
+                    Contents& contents);
+
+/// images.txt: a time in seconds and the path of an image, a line each.
+/// @throws DataError naming the line.
+std::vector<FrameFile> listed_images(const std::filesystem::path& list);
+
+/// The times of timestamps.npz beside images in order of their names.
+/// @throws DataError if they are not as many.
+void add_npz_times(const std::filesystem::path& path, events::TimeUnit unit,
+                   std::vector<FrameFile>& files, Recording& recording);
+
+/// What options and trigger edges say about exposures that the recording's own fields do not.
+/// @throws DataError for frames from elsewhere that are left without a time.
+void complete_exposures(const ReadOptions& options, Contents& contents);
 
 /// @throws DataError if that many events would not fit into memory.
 void check_event_memory(const std::filesystem::path& path, int64_t count);

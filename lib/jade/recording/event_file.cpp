@@ -24,6 +24,14 @@ void check_event_memory(const fs::path& path, int64_t count) {
 
 void add_events(const fs::path& path, const ReadOptions& options,
                 const std::optional<events::TimeWindow>& exposures, Recording& recording) {
+  if (path.extension() == ".raw") {
+    Recording raw = read_evt(path, options).recording;
+    recording.events = raw.events;
+    recording.triggers = std::move(raw.triggers);
+    recording.width = raw.width, recording.height = raw.height;
+    recording.notes.insert(recording.notes.end(), raw.notes.begin(), raw.notes.end());
+    return;
+  }
   events::EventFileOptions file_options;
   file_options.time_unit = options.time_unit;
   file_options.exposures = exposures;

@@ -76,6 +76,19 @@ torch::Tensor whole_us(const torch::Tensor& times, TimeUnit unit, const fs::path
   return t.round().to(torch::kInt64);
 }
 
+std::optional<events::TimeWindow> span_of(const std::vector<FrameFile>& files) {
+  std::optional<events::TimeWindow> out;
+  for (const FrameFile& file : files) {
+    if (!file.time) continue;
+    if (!out) out = file.time;
+    out->begin_us = std::min(out->begin_us, file.time->begin_us);
+    out->end_us = std::max(out->end_us, file.time->end_us);
+  }
+  return out;
+}
+
+}  // namespace
+
 void add_npz_times(const fs::path& path, TimeUnit wanted, std::vector<FrameFile>& files,
                    Recording& recording) {
   const io::Npz archive(path);
@@ -102,19 +115,6 @@ void add_npz_times(const fs::path& path, TimeUnit wanted, std::vector<FrameFile>
                                      word_of(recording.stamp), " of the exposure"));
   }
 }
-
-std::optional<events::TimeWindow> span_of(const std::vector<FrameFile>& files) {
-  std::optional<events::TimeWindow> out;
-  for (const FrameFile& file : files) {
-    if (!file.time) continue;
-    if (!out) out = file.time;
-    out->begin_us = std::min(out->begin_us, file.time->begin_us);
-    out->end_us = std::max(out->end_us, file.time->end_us);
-  }
-  return out;
-}
-
-}  // namespace
 
 bool is_event_folder(const fs::path& folder) {
   if (!events_in(folder).empty()) return true;

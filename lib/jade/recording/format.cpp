@@ -7,6 +7,7 @@
 #include <string>
 
 #include "jade/core/error.h"
+#include "jade/io/colmap.h"
 #include "jade/io/zip.h"
 #include "jade/recording/event_folder.h"
 
@@ -117,9 +118,10 @@ bool is_recording(const fs::path& path) {
   std::error_code ignored;
   // Poses make a data set of it.
   for (const char* poses :
-       {"poses_bounds.npy", "transforms.json", "transforms_train.json", "sparse", "config.yaml"}) {
+       {"poses_bounds.npy", "transforms.json", "transforms_train.json", "sparse"}) {
     if (fs::exists(path / poses, ignored)) return false;
   }
+  if (io::is_colmap_model(path)) return false;
   try {
     recognise(path);
     return true;

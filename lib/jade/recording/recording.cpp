@@ -2,7 +2,6 @@
 #include "jade/recording/recording.h"
 
 #include <algorithm>
-#include <cmath>
 #include <torch/types.h>
 
 #include "jade/core/error.h"
@@ -19,40 +18,36 @@ constexpr double kSameSensor = 0.9;
 
 Contents read_contents(const fs::path& path, const ReadOptions& options) {
   switch (recognise(path)) {
+    case Format::kEvt:
+      return read_evt(path, options);
     case Format::kRpg:
       return read_rpg(path, options);
     case Format::kZip:
       return read_rpg_zip(path, options);
     case Format::kFrameFolder:
       return read_event_folder(path, options);
+    case Format::kAedat4:
+    case Format::kRosBag:
+      return read_converted(path, options);
     case Format::kHdf5:
+      return is_metavision(path) ? read_metavision(path) : read_event_file(path, options);
     case Format::kNpz:
     case Format::kNpy:
     case Format::kText:
       return read_event_file(path, options);
-    default:
-      throw DataError(concat(path.string(), ": cannot be read by this build"));
   }
-}
-
-/// Lengths from options.exposure_ms for frames that have none.
-void complete_exposures(const ReadOptions& options, Contents& contents) {
-  Recording& recording = contents.recording;
-  recording.stamp = options.stamp.value_or(recording.stamp);
-  if (!options.frame_times.empty()) {
-    apply_exposures(options.frame_times, read_exposures(options.frame_times), contents.files);
-  }
-  if (!(options.exposure_ms > 0)) return;
-  const int64_t length = std::llround(1e3 * options.exposure_ms);
-  for (FrameFile& file : contents.files) {
-    if (file.time && file.time->duration_us() == 0)
-      file.time = exposure_at(file.time->begin_us, length, recording.stamp);
-  }
+  throw ContractError("recognise: a format without a reader");
 }
 
 void cut_to(const events::TimeWindow& window, Contents& contents) {
   Recording& recording = contents.recording;
   recording.events = recording.events.slice(window);
+  for (auto* edges : {&recording.triggers.rising_us, &recording.triggers.falling_us}) {
+    edges->erase(
+        std::remove_if(edges->begin(), edges->end(),
+                       [&](int64_t t) { return t < window.begin_us || t >= window.end_us; }),
+        edges->end());
+  }
   auto& files = contents.files;
   files.erase(std::remove_if(files.begin(), files.end(),
                              [&](const FrameFile& file) {
@@ -133,6 +128,7 @@ Recording read_recording(const fs::path& path, const ReadOptions& options) {
   Contents contents = read_contents(path, options);
   Recording& recording = contents.recording;
   recording.source = path;
+  if (!options.frames.empty()) replace_frames(options.frames, options, contents);
   complete_exposures(options, contents);
   if (options.window) cut_to(*options.window, contents);
   read_frames(std::move(contents.files), recording);

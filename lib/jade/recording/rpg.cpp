@@ -24,30 +24,6 @@ bool stays_inside(const fs::path& name) {
          std::none_of(name.begin(), name.end(), [](const fs::path& part) { return part == ".."; });
 }
 
-/// images.txt: a time in seconds and the path of the image, a line each.
-std::vector<FrameFile> listed_images(const fs::path& folder) {
-  const fs::path list = folder / "images.txt";
-  std::istringstream text(read_file(list));
-  std::vector<FrameFile> out;
-  int64_t number = 0;
-  for (std::string line; std::getline(text, line);) {
-    ++number;
-    std::istringstream words(line);
-    std::string time, name;
-    if (!(words >> time) || time[0] == '#') continue;
-    double seconds = 0;
-    const auto [end, error] = std::from_chars(time.data(), time.data() + time.size(), seconds);
-    if (error != std::errc() || end != time.data() + time.size() || !(words >> name) ||
-        !(std::abs(seconds) < 4e12) || !stays_inside(name)) {
-      throw DataError(
-          concat(list.string(), ":", number, ": expected \"seconds images/NAME\" of an image"));
-    }
-    const int64_t t = std::llround(1e6 * seconds);
-    out.push_back({folder / name, events::TimeWindow{t, t}});
-  }
-  return out;
-}
-
 void note_untimed_images(const fs::path& folder, Recording& recording) {
   size_t count = imaging::list_images(folder).size();
   if (fs::is_directory(folder / "images")) count += imaging::list_images(folder / "images").size();
@@ -88,6 +64,28 @@ std::string prefix_of(const io::Zip& archive) {
 
 }  // namespace
 
+std::vector<FrameFile> listed_images(const fs::path& list) {
+  std::istringstream text(read_file(list));
+  std::vector<FrameFile> out;
+  int64_t number = 0;
+  for (std::string line; std::getline(text, line);) {
+    ++number;
+    std::istringstream words(line);
+    std::string time, name;
+    if (!(words >> time) || time[0] == '#') continue;
+    double seconds = 0;
+    const auto [end, error] = std::from_chars(time.data(), time.data() + time.size(), seconds);
+    if (error != std::errc() || end != time.data() + time.size() || !(words >> name) ||
+        !(std::abs(seconds) < 4e12) || !stays_inside(name)) {
+      throw DataError(
+          concat(list.string(), ":", number, ": expected \"seconds images/NAME\" of an image"));
+    }
+    const int64_t t = std::llround(1e6 * seconds);
+    out.push_back({list.parent_path() / name, events::TimeWindow{t, t}});
+  }
+  return out;
+}
+
 Contents read_rpg(const fs::path& folder, const ReadOptions& options) {
   Contents out;
   Recording& recording = out.recording;
@@ -96,7 +94,7 @@ Contents read_rpg(const fs::path& folder, const ReadOptions& options) {
   recording.stamp = Stamp::kMiddle;
   recording.calibration = find_calibration(folder);
   if (fs::is_regular_file(folder / "images.txt")) {
-    out.files = listed_images(folder);
+    out.files = listed_images(folder / "images.txt");
     add_exposures(folder, out.files);
   } else {
     note_untimed_images(folder, recording);

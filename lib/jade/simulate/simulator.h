@@ -32,4 +32,12 @@ SimulateResult simulate(const SimulateRun& run, Footage& footage);
 void write(const SimulateResult& result, const SimulateRun& run,
            const std::filesystem::path& folder);
 
+/// Writes what a user's camera would have: a recording in the RPG text layout (recording/
+/// rpg_writer.h) with its calibration, and nothing about poses. Its frames are the exposures and
+/// those test views that were taken between them, with an exposure of 1 µs. truth/ gets the data
+/// set of write(), for checks only; frames have the same names there.
+/// @throws DataError.
+void write_recording(const SimulateResult& result, const SimulateRun& run,
+                     const std::filesystem::path& folder);
+
 }  // namespace jade::simulate

@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade_inspect/recording.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <torch/types.h>
+#include <vector>
+
+#include "jade/recording/recording.h"
+
+namespace jade::apps {
+namespace {
+
+namespace fs = std::filesystem;
+using recording::Recording;
+
+/// Numbers of a recording that its lists hold only in pieces.
+struct RecordingNumbers {
+  double first_s = 0, last_s = 0;                         ///< of the events
+  double rate_hz = 0;                                     ///< events per second
+  double positive = 0;                                    ///< part of them
+  double shortest_ms = 0, median_ms = 0, longest_ms = 0;  ///< exposures of a known length
+  size_t exposed = 0;                                     ///< frames that have one
+  double frame_rate_hz = 0;
+};
+
+RecordingNumbers numbers_of(const Recording& r) {
+  RecordingNumbers n;
+  if (!r.events.empty()) {
+    n.first_s = 1e-6 * double(r.events.first_us()), n.last_s = 1e-6 * double(r.events.last_us());
+    n.rate_hz = double(r.events.size()) / std::max(n.last_s - n.first_s, 1e-6);
+    n.positive = (r.events.polarity() > 0).sum().item<double>() / double(r.events.size());
+  }
+  std::vector<double> lengths;
+  for (const recording::Frame& frame : r.frames) {
+    if (frame.t_end_us > frame.t_start_us)
+      lengths.push_back(1e-3 * double(frame.t_end_us - frame.t_start_us));
+  }
+  std::sort(lengths.begin(), lengths.end());
+  n.exposed = lengths.size();
+  if (!lengths.empty()) {
+    n.shortest_ms = lengths.front(), n.longest_ms = lengths.back();
+    n.median_ms = lengths[lengths.size() / 2];
+  }
+  if (r.frames.size() > 1) {
+    const double span = 1e-6 * double(r.frames.back().t_start_us - r.frames.front().t_start_us);
+    n.frame_rate_hz = span > 0 ? double(r.frames.size() - 1) / span : 0;
+  }
+  return n;
+}
+
+/// What to run next; what it lacks is named in capitals.
+std::string next_command(const Recording& r, const RecordingNumbers& n) {
+  if (r.events.empty()) return "";
+  std::string line = "build/bin/jade_import " + r.source.string();
+  if (r.frames.empty()) {
+    line += " --frames FOLDER_OR_VIDEO";
+    if (r.triggers.rising_us.empty()) line += " --frame-times LIST.csv";
+  } else if (n.exposed < r.frames.size()) {
+    line += " --exposure-ms MILLISECONDS";
+  }
+  if (!r.calibration) line += " --calibration CAMERA.yaml";
+  return line + " --output data/" + r.source.stem().string();
+}
+
+void print_frames(const Recording& r, const RecordingNumbers& n) {
+  if (r.frames.empty()) {
+    std::printf("frames      none\n");
+    return;
+  }
+  const torch::Tensor& image = r.frames.front().image;
+  std::printf("frames      %zu of %ldx%ld px, %.3g a second\n", r.frames.size(),
+              long(image.size(2)), long(image.size(1)), n.frame_rate_hz);
+  if (n.exposed == 0) {
+    std::printf("exposures   of unknown length; the time of a frame is taken as its %s\n",
+                word_of(r.stamp));
+  } else {
+    std::printf("exposures   %zu, %.4g to %.4g ms, median %.4g\n", n.exposed, n.shortest_ms,
+                n.longest_ms, n.median_ms);
+  }
+}
+
+void print_recording(const Recording& r, const RecordingNumbers& n) {
+  std::printf("recording   %s, %s\n", r.source.c_str(), r.format.c_str());
+  if (r.width > 0) {
+    std::printf("sensor      %ldx%ld px\n", long(r.width), long(r.height));
+  } else {
+    std::printf("sensor      of unknown size\n");
+  }
+  if (r.events.empty()) {
+    std::printf("events      none\n");
+  } else {
+    std::printf("events      %ld from %.6f to %.6f s (%.4g s), %.4g a second, %.1f %% positive\n",
+                long(r.events.size()), n.first_s, n.last_s, n.last_s - n.first_s, n.rate_hz,
+                100 * n.positive);
+  }
+  print_frames(r, n);
+  if (!r.triggers.rising_us.empty() || !r.triggers.falling_us.empty()) {
+    std::printf("triggers    %zu rising and %zu falling edges\n", r.triggers.rising_us.size(),
+                r.triggers.falling_us.size());
+  }
+  if (r.calibration) std::printf("calibration %s\n", r.calibration->name.c_str());
+  std::printf("poses       none: a recording, no data set yet\n");
+  if (!r.notes.empty()) std::printf("\n");
+  for (const std::string& note : r.notes) std::printf("note        %s\n", note.c_str());
+  const std::string next = next_command(r, n);
+  if (!next.empty()) std::printf("\nnext        %s\n", next.c_str());
+}
+
+nlohmann::json to_json(const Recording& r, const RecordingNumbers& n) {
+  nlohmann::json frames = nlohmann::json::array();
+  for (const recording::Frame& frame : r.frames) {
+    frames.push_back(
+        {{"name", frame.name}, {"t_start_us", frame.t_start_us}, {"t_end_us", frame.t_end_us}});
+  }
+  nlohmann::json size;
+  if (!r.frames.empty()) size = {r.frames.front().image.size(2), r.frames.front().image.size(1)};
+  return {{"recording", r.source.string()},
+          {"format", r.format},
+          {"width", r.width},
+          {"height", r.height},
+          {"events", r.events.size()},
+          {"first_s", n.first_s},
+          {"last_s", n.last_s},
+          {"events_per_second", n.rate_hz},
+          {"positive_share", n.positive},
+          {"frame_size", size},
+          {"frames", frames},
+          {"stamp", word_of(r.stamp)},
+          {"rising_us", r.triggers.rising_us},
+          {"falling_us", r.triggers.falling_us},
+          {"calibration", r.calibration ? r.calibration->name : ""},
+          {"notes", r.notes},
+          {"next", next_command(r, n)}};
+}
+
+}  // namespace
+
+void inspect_recording(const fs::path& path, events::TimeUnit unit, bool json) {
+  recording::ReadOptions options;
+  options.time_unit = unit;
+  const Recording r = recording::read_recording(path, options);
+  const RecordingNumbers numbers = numbers_of(r);
+  if (json) {
+    std::printf("%s\n", to_json(r, numbers).dump(2).c_str());
+  } else {
+    print_recording(r, numbers);
+  }
+}
+
+}  // namespace jade::apps

@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+// Recordings that scripts/read_recording.py turns into a folder.
+#include <cstdlib>
+#include <fstream>
+#include <sstream>
+#include <string>
+
+#include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
+#include "jade/recording/contents.h"
+#include "jade/recording/program.h"
+
+namespace jade::recording {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Exit codes of the script.
+constexpr int kScriptDataError = 3, kScriptPackageMissing = 4;
+
+fs::path script() {
+  std::error_code ignored;
+  const fs::path program = fs::read_symlink("/proc/self/exe", ignored);
+  const fs::path installed =
+      program.parent_path().parent_path() / "share" / "jade" / "read_recording.py";
+  return fs::is_regular_file(installed, ignored) ? installed
+                                                 : fs::path(JADE_SCRIPTS) / "read_recording.py";
+}
+
+/// The interpreter that has the packages.
+std::string interpreter(const ReadOptions& options) {
+  if (!options.python.empty()) return options.python.string();
+  if (const char* const given = std::getenv("JADE_PYTHON"); given != nullptr && *given != '\0')
+    return given;
+  const fs::path own = fs::path(JADE_SCRIPTS).parent_path() / ".venv/bin/python";
+  std::error_code ignored;
+  return fs::exists(own, ignored) ? own.string() : "python3";
+}
+
+std::string last_line(const fs::path& log) {
+  std::istringstream text(read_file(log));
+  std::string last;
+  for (std::string line; std::getline(text, line);) {
+    if (!line.empty()) last = line;
+  }
+  return last;
+}
+
+void convert(const fs::path& path, const ReadOptions& options, const fs::path& folder) {
+  const fs::path log = folder / "log.txt";
+  const std::string python = interpreter(options);
+  const int code =
+      run_program({python, script().string(), path.string(), (folder / "out").string()}, log);
+  if (code == 0) return;
+  const std::string said = last_line(log);
+  if (code == kScriptDataError) throw DataError(said);
+  if (code == kScriptPackageMissing) throw DataError(concat(path.string(), ": ", said));
+  if (code == 127) {
+    throw DataError(concat(path.string(), ": is read by Python, and there is no ", python,
+                           "; run scripts/setup.sh --import, or set JADE_PYTHON"));
+  }
+  throw DataError(concat(path.string(), ": scripts/read_recording.py failed (", code, "): ", said));
+}
+
+/// Lines "key value" of recording.txt.
+void apply_description(const fs::path& path, Recording& recording, int64_t* offset_us) {
+  std::istringstream text(read_file(path));
+  for (std::string line; std::getline(text, line);) {
+    std::istringstream words(line);
+    std::string key, value;
+    words >> key;
+    std::getline(words >> std::ws, value);
+    std::istringstream number(value);
+    if (key == "format") recording.format = value;
+    if (key == "stamp") recording.stamp = value_of<Stamp>(value).value_or(recording.stamp);
+    if (key == "offset_us") number >> *offset_us;
+    if (key == "width") number >> recording.width;
+    if (key == "height") number >> recording.height;
+    if (key == "note") recording.notes.push_back(value);
+  }
+}
+
+void add_edges(const fs::path& path, Triggers& triggers) {
+  if (!fs::is_regular_file(path)) return;
+  std::istringstream text(read_file(path));
+  std::string header;
+  std::getline(text, header);
+  int64_t t = 0, rising = 0;
+  for (char comma = 0; text >> t >> comma >> rising;)
+    (rising ? triggers.rising_us : triggers.falling_us).push_back(t);
+}
+
+void move_clock(int64_t offset_us, Recording& recording) {
+  if (offset_us == 0) return;
+  const events::EventStream& e = recording.events;
+  recording.events = {e.x(), e.y(), e.t_us() + offset_us, e.polarity()};
+  for (auto* edges : {&recording.triggers.rising_us, &recording.triggers.falling_us}) {
+    for (int64_t& t : *edges) t += offset_us;
+  }
+}
+
+/// Without what cannot be: the window and the unit are those of the original.
+ReadOptions whole(const ReadOptions& options) {
+  ReadOptions out = options;
+  out.window.reset();
+  out.time_unit = events::TimeUnit::kUs;
+  return out;
+}
+
+}  // namespace
+
+Contents read_converted(const fs::path& path, const ReadOptions& options) {
+  const auto folder = std::make_shared<TemporaryFolder>();
+  convert(path, options, folder->path());
+  const fs::path made = folder->path() / "out";
+  Contents out = read_event_folder(made, whole(options));
+  int64_t offset_us = 0;
+  apply_description(made / "recording.txt", out.recording, &offset_us);
+  add_edges(made / "triggers.csv", out.recording.triggers);
+  move_clock(offset_us, out.recording);
+  // Notes on files that are gone by then would only confuse.
+  const std::string prefix = made.string() + "/";
+  for (std::string& note : out.recording.notes) {
+    if (note.rfind(prefix, 0) == 0) note = path.string() + note.substr(note.find(": "));
+  }
+  out.keep = folder;
+  return out;
+}
+
+}  // namespace jade::recording

@@ -1,0 +1,355 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/recording/evt.h"
+
+#include <algorithm>
+#include <cstring>
+#include <sstream>
+
+#include "jade/core/error.h"
+
+namespace jade::recording {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr size_t kBufferBytes = size_t(1) << 20;
+constexpr int64_t kLongestHeader = 1 << 16;
+constexpr int64_t kLargestSensor = 2048;  // 11 bits per coordinate
+
+/// Types of the words of EVT 2.0 and 2.1: their four highest bits.
+enum class Evt2Type : uint32_t {
+  kOff = 0x0,
+  kOn = 0x1,
+  kTimeHigh = 0x8,
+  kTrigger = 0xA,
+  kOthers = 0xE,
+  kContinued = 0xF
+};
+
+/// The same of EVT 3.0.
+enum class Evt3Type : uint32_t {
+  kRow = 0x0,
+  kEvent = 0x2,
+  kVectorBase = 0x3,
+  kVector12 = 0x4,
+  kVector8 = 0x5,
+  kTimeLow = 0x6,
+  kContinued4 = 0x7,
+  kTimeHigh = 0x8,
+  kTrigger = 0xA,
+  kOthers = 0xE,
+  kContinued12 = 0xF
+};
+
+template <class T>
+T word_at(const uint8_t* bytes) {
+  T word = 0;
+  for (size_t i = 0; i < sizeof(T); ++i) word = T(word | T(T(bytes[i]) << (8 * i)));
+  return word;
+}
+
+constexpr uint32_t bits(uint64_t word, int low, int count) {
+  return uint32_t((word >> low) & ((uint64_t(1) << count) - 1));
+}
+
+size_t word_bytes(EvtVersion version) {
+  return version == EvtVersion::kEvt2 ? 4 : version == EvtVersion::kEvt21 ? 8 : 2;
+}
+
+/// "1280x720", as "% geometry" has it.
+void parse_geometry(const std::string& text, EvtHeader& header) {
+  char x = 0;
+  int64_t width = 0, height = 0;
+  std::istringstream in(text);
+  if (in >> width >> x >> height && x == 'x') header.width = width, header.height = height;
+}
+
+/// "EVT3;height=720;width=1280", as "% format" has it. Returns its first part.
+std::string parse_format(const std::string& text, EvtHeader& header) {
+  std::istringstream in(text);
+  std::string first;
+  std::getline(in, first, ';');
+  for (std::string part; std::getline(in, part, ';');) {
+    const auto equals = part.find('=');
+    if (equals == std::string::npos) continue;
+    const std::string key = part.substr(0, equals), value = part.substr(equals + 1);
+    header.fields["format." + key] = value;
+    std::istringstream number(value);
+    if (key == "width") number >> header.width;
+    if (key == "height") number >> header.height;
+  }
+  return first;
+}
+
+EvtVersion version_of(const fs::path& path, const std::string& evt, const std::string& format) {
+  if (format == "EVT3" || (format.empty() && evt == "3.0")) return EvtVersion::kEvt3;
+  if (format == "EVT21" || (format.empty() && evt == "2.1")) return EvtVersion::kEvt21;
+  if (format == "EVT2" || (format.empty() && evt == "2.0")) return EvtVersion::kEvt2;
+  throw DataError(concat(path.string(),
+                         ": expected the encoding EVT2, EVT2.1 or EVT3 in its header, ", "found ",
+                         format.empty() ? evt.empty() ? "none" : evt : format,
+                         "; convert it to HDF5 with metavision_file_to_hdf5"));
+}
+
+/// Without an end line, the first word of the stream may begin with the byte of '%' as well.
+bool starts_header_line(std::ifstream& file) {
+  const auto at = file.tellg();
+  char two[2] = {};
+  const bool whole = bool(file.read(two, 2));
+  file.clear();
+  file.seekg(at);
+  return whole && two[0] == '%' && two[1] == ' ';
+}
+
+EvtHeader read_header(const fs::path& path, std::ifstream& file) {
+  EvtHeader header;
+  std::string format;
+  while (header.bytes < kLongestHeader && starts_header_line(file)) {
+    std::string line;
+    std::getline(file, line);
+    header.bytes += int64_t(line.size()) + 1;
+    if (!line.empty() && line.back() == '\r') line.pop_back();
+    std::istringstream words(line);
+    std::string mark, key, value;
+    words >> mark >> key;
+    std::getline(words >> std::ws, value);
+    if (key == "end") break;
+    header.fields[key] = value;
+    if (key == "format") format = parse_format(value, header);
+    if (key == "geometry") parse_geometry(value, header);
+  }
+  if (header.bytes == 0) {
+    throw DataError(concat(path.string(),
+                           ": expected a Prophesee header of lines that begin with "
+                           "'%', found none; record or export it again"));
+  }
+  header.version = version_of(path, header.fields["evt"], format);
+  if (header.width < 0 || header.height < 0 || header.width > 65536 || header.height > 65536) {
+    throw DataError(concat(path.string(), ": expected the size of a sensor in its header, found ",
+                           header.width, "x", header.height, "; record or export it again"));
+  }
+  return header;
+}
+
+}  // namespace
+
+void EvtEvents::clear() { x.clear(), y.clear(), t_us.clear(), polarity.clear(); }
+
+EvtDecoder::EvtDecoder(const fs::path& path) : path_(path), file_(path, std::ios::binary) {
+  std::error_code error;
+  file_bytes_ = int64_t(fs::file_size(path, error));
+  if (error || !file_)
+    throw DataError(concat(path.string(), ": no such file, or it cannot be read"));
+  header_ = read_header(path, file_);
+  file_.clear();
+  file_.seekg(header_.bytes);
+  read_bytes_ = header_.bytes;
+  buffer_.resize(kBufferBytes);
+  if (header_.version == EvtVersion::kEvt21) choose_order();
+}
+
+double EvtDecoder::progress() const {
+  return file_bytes_ == 0 ? 1 : double(read_bytes_ - int64_t(end_ - at_)) / double(file_bytes_);
+}
+
+/// Moves what is left to the front and reads on. False when less than a word is left.
+bool EvtDecoder::refill() {
+  const size_t left = end_ - at_, word = word_bytes(header_.version);
+  if (left >= word) return true;
+  std::memmove(buffer_.data(), buffer_.data() + at_, left);
+  file_.read(reinterpret_cast<char*>(buffer_.data() + left), std::streamsize(kBufferBytes - left));
+  const auto count = std::max<std::streamsize>(file_.gcount(), 0);
+  read_bytes_ += count;
+  at_ = 0, end_ = left + size_t(count);
+  if (end_ >= word) return true;
+  counts_.cut_bytes = int64_t(end_);
+  return false;
+}
+
+/// GenX320 writes 64-bit words little-endian; IMX636 writes their upper half first. The type is in
+/// the upper half: the order in which more types are known is right.
+void EvtDecoder::choose_order() {
+  refill();
+  const auto known = [](uint32_t half) {
+    switch (Evt2Type(bits(half, 28, 4))) {
+      case Evt2Type::kOff:
+      case Evt2Type::kOn:
+      case Evt2Type::kTimeHigh:
+      case Evt2Type::kTrigger:
+      case Evt2Type::kOthers:
+      case Evt2Type::kContinued:
+        return true;
+    }
+    return false;
+  };
+  // Of a vector's mask, any type may show in the other half; of times and of empty bits few.
+  int64_t upper_first = 0, upper_last = 0;
+  for (size_t i = at_; i + 8 <= end_; i += 8) {
+    const auto first = word_at<uint32_t>(&buffer_[i]), last = word_at<uint32_t>(&buffer_[i + 4]);
+    upper_first += known(first), upper_last += known(last);
+    // A time's other half is not used.
+    if (bits(first, 28, 4) == uint32_t(Evt2Type::kTimeHigh) && last == 0) ++upper_first;
+    if (bits(last, 28, 4) == uint32_t(Evt2Type::kTimeHigh) && first == 0) ++upper_last;
+  }
+  header_word_first_ = upper_first > upper_last;
+}
+
+/// The counter of `bits` bits stands for steps of 2^shift µs; a fall by more than half of its range
+/// is a wrap.
+void EvtDecoder::set_time_high(int64_t value, int count, int shift) {
+  const int64_t range = int64_t(1) << count, high = value << shift;
+  if (has_time_ && high_us_ - high > (range << shift) / 2) {
+    wrap_us_ += range << shift;
+    ++counts_.wraps;
+  }
+  if (!has_time_ || high != high_us_) time_us_ = wrap_us_ + high;
+  high_us_ = high;
+  has_time_ = true;
+}
+
+void EvtDecoder::add_event(int64_t x, int64_t y, bool on, EvtEvents& out) {
+  if (!has_time_) {
+    ++counts_.before_time;
+    return;
+  }
+  if (x >= (header_.width > 0 ? header_.width : kLargestSensor) ||
+      y >= (header_.height > 0 ? header_.height : kLargestSensor)) {
+    ++counts_.outside;
+    return;
+  }
+  if (time_us_ < latest_us_) ++counts_.backwards;
+  latest_us_ = time_us_;
+  ++counts_.events;
+  out.x.push_back(uint16_t(x));
+  out.y.push_back(uint16_t(y));
+  out.t_us.push_back(time_us_);
+  out.polarity.push_back(on ? 1 : -1);
+}
+
+void EvtDecoder::add_trigger(bool rising) {
+  if (!has_time_) return;
+  (rising ? triggers_.rising_us : triggers_.falling_us).push_back(time_us_);
+}
+
+bool EvtDecoder::next(int64_t max_events, EvtEvents& out) {
+  out.clear();
+  while (int64_t(out.size()) < max_events && refill()) {
+    switch (header_.version) {
+      case EvtVersion::kEvt2:
+        decode_evt2(max_events, out);
+        break;
+      case EvtVersion::kEvt21:
+        decode_evt21(max_events, out);
+        break;
+      case EvtVersion::kEvt3:
+        decode_evt3(max_events, out);
+        break;
+    }
+  }
+  return out.size() > 0;
+}
+
+void EvtDecoder::decode_evt2(int64_t max_events, EvtEvents& out) {
+  for (; at_ + 4 <= end_ && int64_t(out.size()) < max_events; at_ += 4) {
+    const auto word = word_at<uint32_t>(&buffer_[at_]);
+    const auto type = Evt2Type(bits(word, 28, 4));
+    switch (type) {
+      case Evt2Type::kOff:
+      case Evt2Type::kOn:
+        time_us_ = wrap_us_ + high_us_ + bits(word, 22, 6);
+        add_event(bits(word, 11, 11), bits(word, 0, 11), type == Evt2Type::kOn, out);
+        break;
+      case Evt2Type::kTimeHigh:
+        set_time_high(bits(word, 0, 28), 28, 6);
+        break;
+      case Evt2Type::kTrigger:
+        time_us_ = wrap_us_ + high_us_ + bits(word, 22, 6);
+        add_trigger(bits(word, 0, 1) != 0);
+        break;
+      case Evt2Type::kOthers:
+      case Evt2Type::kContinued:
+        break;
+      default:
+        ++counts_.unknown;
+    }
+  }
+}
+
+void EvtDecoder::decode_evt21(int64_t max_events, EvtEvents& out) {
+  for (; at_ + 8 <= end_ && int64_t(out.size()) < max_events; at_ += 8) {
+    const auto first = word_at<uint32_t>(&buffer_[at_]),
+               last = word_at<uint32_t>(&buffer_[at_ + 4]);
+    const uint32_t upper = header_word_first_ ? first : last;
+    const uint32_t lower = header_word_first_ ? last : first;
+    const auto type = Evt2Type(bits(upper, 28, 4));
+    switch (type) {
+      case Evt2Type::kOff:
+      case Evt2Type::kOn:
+        time_us_ = wrap_us_ + high_us_ + bits(upper, 22, 6);
+        for (int i = 0; i < 32; ++i) {
+          if ((lower >> i & 1) == 0) continue;
+          add_event(int64_t(bits(upper, 11, 11)) + i, bits(upper, 0, 11), type == Evt2Type::kOn,
+                    out);
+        }
+        break;
+      case Evt2Type::kTimeHigh:
+        set_time_high(bits(upper, 0, 28), 28, 6);
+        break;
+      case Evt2Type::kTrigger:
+        time_us_ = wrap_us_ + high_us_ + bits(upper, 22, 6);
+        add_trigger(bits(upper, 0, 1) != 0);
+        break;
+      case Evt2Type::kOthers:
+      case Evt2Type::kContinued:
+        break;
+      default:
+        ++counts_.unknown;
+    }
+  }
+}
+
+void EvtDecoder::decode_evt3(int64_t max_events, EvtEvents& out) {
+  const auto vector = [&](uint32_t valid, int length) {
+    for (int i = 0; i < length; ++i) {
+      if (valid >> i & 1) add_event(base_x_ + i, row_, base_on_, out);
+    }
+    base_x_ += length;
+  };
+  for (; at_ + 2 <= end_ && int64_t(out.size()) < max_events; at_ += 2) {
+    const auto word = word_at<uint16_t>(&buffer_[at_]);
+    switch (Evt3Type(bits(word, 12, 4))) {
+      case Evt3Type::kRow:
+        row_ = bits(word, 0, 11);
+        break;
+      case Evt3Type::kEvent:
+        add_event(bits(word, 0, 11), row_, bits(word, 11, 1) != 0, out);
+        break;
+      case Evt3Type::kVectorBase:
+        base_x_ = bits(word, 0, 11), base_on_ = bits(word, 11, 1) != 0;
+        break;
+      case Evt3Type::kVector12:
+        vector(bits(word, 0, 12), 12);
+        break;
+      case Evt3Type::kVector8:
+        vector(bits(word, 0, 8), 8);
+        break;
+      case Evt3Type::kTimeLow:
+        time_us_ = wrap_us_ + high_us_ + bits(word, 0, 12);
+        break;
+      case Evt3Type::kTimeHigh:
+        set_time_high(bits(word, 0, 12), 12, 12);
+        break;
+      case Evt3Type::kTrigger:
+        add_trigger(bits(word, 0, 1) != 0);
+        break;
+      case Evt3Type::kContinued4:
+      case Evt3Type::kOthers:
+      case Evt3Type::kContinued12:
+        break;
+      default:
+        ++counts_.unknown;
+    }
+  }
+}
+
+}  // namespace jade::recording

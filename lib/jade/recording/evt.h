@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+// Prophesee's raw streams EVT 2.0, 2.1 and 3.0 (docs.prophesee.ai, "Data Encoding Formats").
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "jade/core/words.h"
+#include "jade/recording/exposures.h"
+
+namespace jade::recording {
+
+enum class EvtVersion { kEvt2, kEvt21, kEvt3 };
+
+constexpr auto words_of(EvtVersion) {
+  return std::array{Word{"EVT2", EvtVersion::kEvt2}, Word{"EVT2.1", EvtVersion::kEvt21},
+                    Word{"EVT3", EvtVersion::kEvt3}};
+}
+
+/// The lines of '%' at the head of a file.
+struct EvtHeader {
+  EvtVersion version = EvtVersion::kEvt3;
+  int64_t width = 0, height = 0;  ///< 0: not said
+  int64_t bytes = 0;              ///< of the header
+  std::map<std::string, std::string> fields;
+};
+
+/// Events as decoded, in the order of the file, four lists of one length.
+struct EvtEvents {
+  std::vector<uint16_t> x, y;
+  std::vector<int64_t> t_us;     ///< of the sensor's clock, wraps undone
+  std::vector<int8_t> polarity;  ///< ±1
+
+  size_t size() const { return t_us.size(); }
+  void clear();
+};
+
+/// What a decoder met on its way.
+struct EvtCounts {
+  int64_t events = 0;
+  int64_t outside = 0;      ///< events beside the sensor, dropped
+  int64_t before_time = 0;  ///< events before the first full time, dropped
+  int64_t backwards = 0;    ///< events earlier than the one before them, kept
+  int64_t unknown = 0;      ///< words of no known type, skipped
+  int64_t wraps = 0;        ///< of the sensor's time counter
+  int64_t cut_bytes = 0;    ///< at the end of the file, less than a word
+};
+
+/// Decodes a file a piece at a time, in memory that does not depend on its length: 1 MiB of the
+/// file and what next() is asked for, at most 31 events more.
+class EvtDecoder {
+ public:
+  /// Reads the header. @throws DataError for a file that is missing, without such a header, or of
+  /// another encoding (EVT4, histograms).
+  explicit EvtDecoder(const std::filesystem::path& path);
+
+  const EvtHeader& header() const { return header_; }
+
+  /// Decodes up to `max_events` events (a vector is not split) into `out`, whose content goes.
+  /// False when the file is over and nothing was decoded.
+  bool next(int64_t max_events, EvtEvents& out);
+
+  /// Those met so far.
+  const Triggers& triggers() const { return triggers_; }
+  const EvtCounts& counts() const { return counts_; }
+  /// Part of the file behind us, 0 to 1.
+  double progress() const;
+
+ private:
+  bool refill();
+  void choose_order();
+  void decode_evt2(int64_t max_events, EvtEvents& out);
+  void decode_evt21(int64_t max_events, EvtEvents& out);
+  void decode_evt3(int64_t max_events, EvtEvents& out);
+  void set_time_high(int64_t value, int bits, int shift);
+  void add_event(int64_t x, int64_t y, bool on, EvtEvents& out);
+  void add_trigger(bool rising);
+
+  std::filesystem::path path_;
+  std::ifstream file_;
+  int64_t file_bytes_ = 0, read_bytes_ = 0;
+  EvtHeader header_;
+  std::vector<uint8_t> buffer_;
+  size_t at_ = 0, end_ = 0;
+  bool header_word_first_ = false;  // EVT 2.1 of IMX636: its two halves in big-endian order
+  Triggers triggers_;
+  EvtCounts counts_;
+  // The state of the stream.
+  bool has_time_ = false;
+  int64_t high_us_ = 0, wrap_us_ = 0, time_us_ = 0, latest_us_ = INT64_MIN;
+  int64_t row_ = 0, base_x_ = 0;
+  bool base_on_ = false;
+};
+
+}  // namespace jade::recording

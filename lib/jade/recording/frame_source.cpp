@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: Apache-2.0
+// Frames from elsewhere than the recording, and the times of all.
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <sstream>
+#include <string>
+
+#include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
+#include "jade/imaging/image_io.h"
+#include "jade/recording/contents.h"
+#include "jade/recording/program.h"
+
+namespace jade::recording {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kGiveTimes =
+    "give a list \"name,start_us,end_us\" of their exposures, or record them with a trigger signal";
+
+/// Times that ffmpeg's filter showinfo reports, one per frame: "… pts_time:0.033 …".
+std::vector<int64_t> reported_times(const fs::path& log) {
+  constexpr const char* kMark = "pts_time:";
+  std::istringstream text(read_file(log));
+  std::vector<int64_t> out;
+  for (std::string line; std::getline(text, line);) {
+    const auto at = line.find(kMark);
+    if (line.find("showinfo") == std::string::npos || at == std::string::npos) continue;
+    const char* const begin = line.data() + at + std::char_traits<char>::length(kMark);
+    double seconds = 0;
+    if (std::from_chars(begin, line.data() + line.size(), seconds).ec != std::errc()) continue;
+    out.push_back(std::llround(1e6 * seconds));
+  }
+  return out;
+}
+
+std::vector<FrameFile> frames_of_video(const fs::path& path, const fs::path& folder) {
+  const fs::path log = folder / "ffmpeg.txt", images = folder / "video";
+  fs::create_directories(images);
+  const int code =
+      run_program({"ffmpeg", "-nostdin", "-hide_banner", "-i", path.string(), "-an", "-vf",
+                   "showinfo", "-vsync", "passthrough", (images / "%08d.png").string()},
+                  log);
+  if (code == 127) {
+    throw DataError(concat(path.string(),
+                           ": expected a folder of images, found a file; as a video "
+                           "it needs the program ffmpeg: apt install ffmpeg"));
+  }
+  const std::vector<fs::path> files = imaging::list_images(images);
+  const std::vector<int64_t> times = reported_times(log);
+  if (code != 0 || files.empty()) {
+    throw DataError(concat(path.string(),
+                           ": expected a folder of images or a video, and ffmpeg "
+                           "cannot read it as one; convert it to images"));
+  }
+  if (times.size() < files.size()) {
+    throw DataError(concat(path.string(), ": ffmpeg made ", files.size(), " images and reported ",
+                           times.size(), " times; convert it to images and give their times"));
+  }
+  std::vector<FrameFile> out;
+  for (size_t i = 0; i < files.size(); ++i)
+    out.push_back({files[i], events::TimeWindow{times[i], times[i]}});
+  return out;
+}
+
+std::vector<FrameFile> frames_of_folder(const fs::path& folder, const ReadOptions& options,
+                                        Recording& recording) {
+  if (fs::is_regular_file(folder / "images.txt")) return listed_images(folder / "images.txt");
+  std::vector<FrameFile> out;
+  for (const fs::path& file : imaging::list_images(folder)) out.push_back({file, {}});
+  if (out.empty()) throw DataError(concat(folder.string(), ": expected images, found none"));
+  if (fs::is_regular_file(folder / "exposures.csv")) {
+    apply_exposures(folder / "exposures.csv", read_exposures(folder / "exposures.csv"), out);
+  } else if (fs::is_regular_file(folder / "timestamps.npz")) {
+    add_npz_times(folder / "timestamps.npz", options.time_unit, out, recording);
+  }
+  return out;
+}
+
+bool lacks_length(const FrameFile& file) { return !file.time || file.time->duration_us() == 0; }
+
+/// Pulses of the trigger input, where there is one for each frame.
+void apply_triggers(const ReadOptions& options, Contents& contents) {
+  auto& files = contents.files;
+  Recording& recording = contents.recording;
+  const auto pulses = exposures_of(recording.triggers, options.trigger_level);
+  if (pulses.empty() || std::none_of(files.begin(), files.end(), lacks_length)) return;
+  if (pulses.size() != files.size()) {
+    recording.notes.push_back(concat("the trigger input has ", pulses.size(),
+                                     " pulses and there are ", files.size(),
+                                     " frames, so that they say nothing about "
+                                     "exposures"));
+    return;
+  }
+  if (std::all_of(files.begin(), files.end(),
+                  [](const FrameFile& f) { return f.time.has_value(); })) {
+    std::stable_sort(files.begin(), files.end(), [](const FrameFile& a, const FrameFile& b) {
+      return a.time->begin_us < b.time->begin_us;
+    });
+  }
+  for (size_t i = 0; i < files.size(); ++i) files[i].time = pulses[i];
+  recording.notes.push_back(
+      concat("exposures are those of ", pulses.size(), " pulses of the trigger input"));
+}
+
+}  // namespace
+
+void replace_frames(const fs::path& path, const ReadOptions& options, Contents& contents) {
+  std::error_code ignored;
+  if (!fs::exists(path, ignored))
+    throw DataError(concat(path.string(), ": no such folder of images or video"));
+  Recording& recording = contents.recording;
+  if (fs::is_directory(path, ignored)) {
+    contents.files = frames_of_folder(path, options, recording);
+    return;
+  }
+  if (!contents.keep) contents.keep = std::make_shared<TemporaryFolder>();
+  contents.files = frames_of_video(path, contents.keep->path());
+  recording.stamp = Stamp::kStart;
+  recording.notes.push_back(concat(path.string(), ": its frames have the clock of the video"));
+}
+
+void complete_exposures(const ReadOptions& options, Contents& contents) {
+  Recording& recording = contents.recording;
+  auto& files = contents.files;
+  recording.stamp = options.stamp.value_or(recording.stamp);
+  if (!options.frame_times.empty())
+    apply_exposures(options.frame_times, read_exposures(options.frame_times), files);
+  apply_triggers(options, contents);
+  const auto length = std::llround(1e3 * options.exposure_ms);
+  for (FrameFile& file : files) {
+    if (length > 0 && file.time && file.time->duration_us() == 0)
+      file.time = exposure_at(file.time->begin_us, length, recording.stamp);
+  }
+  const auto untimed =
+      std::find_if(files.begin(), files.end(), [](const auto& f) { return !f.time; });
+  if (options.frames.empty() || untimed == files.end()) return;
+  const auto pulses = exposures_of(recording.triggers, options.trigger_level).size();
+  throw DataError(concat(options.frames.string(), ": ", files.size(), " frames without times",
+                         pulses > 0 ? concat(" and ", pulses, " trigger pulses") : "", "; ",
+                         kGiveTimes));
+}
+
+}  // namespace jade::recording

@@ -1,0 +1,406 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Turns an AEDAT4 file or a ROS bag into a folder that jade_import and jade_inspect read by themselves.
+
+    .venv/bin/python scripts/read_recording.py recording.aedat4 FOLDER
+
+They run this script for such recordings; it is of use alone where the packages are on another machine.
+scripts/setup.sh --import installs what it needs.
+
+FOLDER gets events.h5 (x, y, t in microseconds, p) or, for packets in Prophesee's encodings, events.raw as the sensor
+sent them; images/*.png with exposures.csv (name,start_us,end_us: equal where the recording does not say how long a frame
+was exposed); triggers.csv (t_us,rising) and recording.txt ("key value": format, width, height, stamp, offset_us of
+events and triggers, note).
+
+Read are AEDAT4 (packages aedat or dv-processing) and ROS 1 and ROS 2 bags (package rosbags) with dvs_msgs or
+prophesee_event_msgs EventArray, event_camera_msgs EventPacket (evt3, evt21, evt2, mono), sensor_msgs Image and
+CompressedImage, and the exposure topic of rpg_dvs_ros (std_msgs/Int32).
+"""
+import argparse
+import os
+import statistics
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+from convert_aedat4 import EventWriter, packets_from_dv, reason, to_opencv  # noqa: E402
+
+DATA_ERROR, PACKAGE_MISSING = 3, 4
+INSTALL = "run scripts/setup.sh --import"
+
+
+class Problem(Exception):
+    """What stops the conversion, in one line."""
+
+
+def need(module, package):
+    try:
+        return __import__(module)
+    except ImportError:
+        print(f"needs the Python package {package}: {INSTALL}", file=sys.stderr)
+        sys.exit(PACKAGE_MISSING)
+
+
+class Output:
+    """The folder that is written. Memory does not grow with the recording."""
+
+    def __init__(self, folder, form):
+        self.folder, self.form = Path(folder), form
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self.size = None
+        self.stamp = "middle"
+        self.offset_us = 0
+        self.notes = []
+        self.exposures, self.edges = [], []
+        self.writer = self.h5 = self.raw = self.encoding = None
+        self.event_count = 0
+
+    def events(self, x, y, t_us, p):
+        if self.h5 is None:
+            self.h5 = need("h5py", "h5py").File(self.folder / "events.h5", "w")
+            self.writer = EventWriter(self.h5)
+        self.writer.append(x, y, t_us, p)
+        self.event_count += len(t_us)
+
+    def words(self, encoding, data):
+        """Bytes of a Prophesee stream."""
+        if self.raw is None:
+            width, height = self.size
+            version = {"evt3": "3.0", "evt21": "2.1", "evt2": "2.0"}[encoding]
+            self.raw, self.encoding = open(self.folder / "events.raw", "wb"), encoding
+            self.raw.write(f"% evt {version}\n% geometry {width}x{height}\n% end\n".encode())
+        if encoding != self.encoding:
+            raise Problem(f"expected event packets of one encoding, found {self.encoding} and {encoding}")
+        self.raw.write(data)
+
+    def frame(self, image, start_us, end_us):
+        cv2 = need("cv2", "opencv-python-headless")
+        name = f"{len(self.exposures):06d}"
+        (self.folder / "images").mkdir(exist_ok=True)
+        if not cv2.imwrite(str(self.folder / "images" / f"{name}.png"), image):
+            raise Problem(f"{self.folder}: an image cannot be written; check the free space")
+        self.exposures.append((name, start_us, end_us))
+
+    def close(self):
+        for file in (self.h5, self.raw):
+            if file is not None:
+                file.close()
+        if self.exposures:
+            lines = "".join(f"{name},{start},{end}\n" for name, start, end in self.exposures)
+            (self.folder / "exposures.csv").write_text("name,start_us,end_us\n" + lines)
+        if self.edges:
+            lines = "".join(f"{t},{rising}\n" for t, rising in sorted(self.edges))
+            (self.folder / "triggers.csv").write_text("t_us,rising\n" + lines)
+        lines = [f"format {self.form}", f"stamp {self.stamp}", f"offset_us {self.offset_us}"]
+        if self.size:
+            lines += [f"width {self.size[0]}", f"height {self.size[1]}"]
+        lines += [f"note {note}" for note in self.notes]
+        (self.folder / "recording.txt").write_text("\n".join(lines) + "\n")
+
+
+def read_with_aedat(path, out):
+    import aedat
+
+    decoder = aedat.Decoder(path)
+    for stream in decoder.id_to_stream().values():
+        if stream["type"] == "events":
+            out.size = stream["width"], stream["height"]
+    for packet in decoder:
+        if "events" in packet:
+            events = packet["events"]
+            out.events(events["x"], events["y"], events["t"].astype("int64"), events["on"])
+        elif "frame" in packet:
+            frame = packet["frame"]
+            start, end = int(frame["exposure_begin_t"]), int(frame["exposure_end_t"])
+            if end <= start:
+                start = end = int(frame["t"])
+            out.frame(to_opencv(frame["pixels"], frame["format"]), start, end)
+        elif "triggers" in packet:
+            for trigger in packet["triggers"]:
+                # 1 and 2 are the edges at the plug; the others belong to the frames, which have them.
+                if trigger["source"] in (1, 2):
+                    out.edges.append((int(trigger["t"]), int(trigger["source"] == 1)))
+
+
+def read_with_dv(path, out):
+    import dv_processing as dv
+
+    reader = dv.io.MonoCameraRecording(path)
+    if reader.isEventStreamAvailable():
+        out.size = tuple(reader.getEventResolution())
+    for kind, *values in packets_from_dv(path):
+        if kind == "events":
+            x, y, t, p = values
+            out.events(x, y, t, p)
+        else:
+            image, start, end = values
+            out.frame(image, start, end)
+    while reader.isTriggerStreamAvailable() and (batch := reader.getNextTriggerBatch()) is not None:
+        for trigger in batch:
+            kind = str(trigger.type)
+            if "EXTERNAL_SIGNAL" in kind and "PULSE" not in kind:
+                out.edges.append((trigger.timestamp, int("RISING" in kind)))
+
+
+def read_aedat4(path, folder):
+    out = Output(folder, "AEDAT4")
+    for module, read in (("aedat", read_with_aedat), ("dv_processing", read_with_dv)):
+        try:
+            __import__(module)
+        except ImportError:
+            continue
+        try:
+            read(path, out)
+        except Problem:
+            raise
+        except Exception as error:  # the packages' own kinds
+            raise Problem(f"{path}: {reason(error)}; the file is damaged or was cut short, copy it again") from error
+        return out
+    need("aedat", "aedat")
+
+
+PACKET = """std_msgs/Header header
+uint32 height
+uint32 width
+uint64 seq
+uint64 time_base
+string encoding
+bool is_bigendian
+uint8[] events
+"""
+
+
+def stamp_us(header):
+    """Of a message, in microseconds."""
+    return header.stamp.sec * 1000000 + header.stamp.nanosec // 1000
+
+
+def event_array(raw, ros1, np):
+    """The size and the fields of a serialised EventArray of dvs_msgs or prophesee_event_msgs. Read from the bytes:
+    one Python object per event would take a thousand times as long."""
+    data = np.frombuffer(raw, dtype=np.uint8)
+    word = lambda at: int.from_bytes(bytes(data[at:at + 4]), "little")  # noqa: E731
+    at = 12  # seq and stamp; in ROS 2 the encapsulation and the stamp
+    at += 4 + word(at)  # frame_id
+    if not ros1:
+        at += -at % 4
+    height, width, count = word(at), word(at + 4), word(at + 8)
+    at += 12
+    if ros1:
+        record = np.dtype([("x", "<u2"), ("y", "<u2"), ("s", "<u4"), ("ns", "<u4"), ("p", "u1")])
+        if at + 13 * count > len(data):
+            raise Problem("an event message is shorter than it says")
+        events = np.frombuffer(raw, dtype=record, count=count, offset=at)
+        x, y, s, ns, p = (events[name] for name in ("x", "y", "s", "ns", "p"))
+    else:
+        # CDR aligns: the numbers of 4 bytes stand at 4 and 8 of each 16 bytes, x and y of all but the first event
+        # right after the polarity before them.
+        if count and at + 16 * (count - 1) + 13 > len(data):
+            raise Problem("an event message is shorter than it says")
+        i = np.arange(count) * 16 + at
+        first = np.where(np.arange(count) == 0, i, i - 2)
+
+        def whole(start, size):
+            return sum(data[start + k].astype(np.int64) << (8 * k) for k in range(size))
+        x, y = whole(first, 2), whole(first + 2, 2)
+        s, ns, p = whole(i + 4, 4), whole(i + 8, 4), data[i + 12]
+    return (width, height), x, y, s.astype(np.int64) * 1000000 + ns.astype(np.int64) // 1000, p
+
+
+def mono_events(message, np):
+    """EventPacket of encoding mono: 64 bits an event, from the top: polarity, 15 bits y, 16 bits x, 32 bits of ns since
+    time_base."""
+    words = np.frombuffer(message.events.tobytes(), dtype=">u8" if message.is_bigendian else "<u8").astype(np.uint64)
+    t = message.time_base + (words & np.uint64(0xffffffff)).astype(np.int64)
+    return ((words >> np.uint64(32)) & np.uint64(0xffff), (words >> np.uint64(48)) & np.uint64(0x7fff), t // 1000,
+            words >> np.uint64(63))
+
+
+def first_sensor_time(data, np):
+    """The first full time in words of EVT3, modulo 2^24 us; None if there is none."""
+    words = np.frombuffer(data[:4096 - len(data[:4096]) % 2], dtype="<u2")
+    high = np.flatnonzero(words >> 12 == 8)
+    if not len(high):
+        return None
+    low = np.flatnonzero(words[high[0]:] >> 12 == 6)
+    return int(words[high[0]] & 0xfff) << 12 | (int(words[high[0]:][low[0]] & 0xfff) if len(low) else 0)
+
+
+class SensorClock:
+    """How far the stamps of EVT3 packets are ahead of the sensor's counter, whose wraps it undoes."""
+
+    def __init__(self):
+        self.wraps, self.last, self.ahead = 0, None, []
+
+    def packet(self, stamp, time):
+        if time is None:
+            return
+        if self.last is not None and self.last - time > 1 << 23:
+            self.wraps += 1 << 24
+        self.last = time
+        self.ahead.append(stamp - self.wraps - time)
+
+    def offset_us(self):
+        return round(statistics.median(self.ahead)) if self.ahead else 0
+
+
+def to_picture(message, np, cv2):
+    """A sensor_msgs Image as OpenCV writes it."""
+    form = message.encoding
+    kinds = {"mono8": (1, 1), "8UC1": (1, 1), "mono16": (2, 1), "16UC1": (2, 1), "rgb8": (1, 3), "bgr8": (1, 3), "8UC3": (1, 3),
+             "rgba8": (1, 4), "bgra8": (1, 4), "rgb16": (2, 3), "bgr16": (2, 3)}
+    kinds.update({f"bayer_{order}{bits}": (bits // 8, 1) for order in ("rggb", "bggr", "gbrg", "grbg") for bits in (8, 16)})
+    if form not in kinds:
+        raise Problem(f"images of encoding {form} are not read; expected one of {', '.join(kinds)}")
+    size, channels = kinds[form]
+    rows = np.frombuffer(message.data.tobytes(), dtype=np.uint8)
+    if message.step < message.width * size * channels or len(rows) < message.step * message.height:
+        raise Problem(f"an image of {message.width}x{message.height} holds {len(rows)} bytes only")
+    rows = rows[:message.step * message.height].reshape(message.height, message.step)[:, :message.width * size * channels]
+    order = ">" if message.is_bigendian else "<"
+    image = np.ascontiguousarray(rows).view(f"{order}u{size}").astype(f"u{size}")
+    image = image.reshape(message.height, message.width, channels)
+    if channels == 1:
+        image = image[..., 0]
+    if form.startswith("rgb"):
+        return np.ascontiguousarray(image[..., [2, 1, 0]])
+    if form.startswith("bayer"):
+        # OpenCV names a pattern after its second row and second column.
+        code = {"rggb": "BG", "bggr": "RG", "gbrg": "GR", "grbg": "GB"}[form[6:10]]
+        return cv2.cvtColor(image, getattr(cv2, f"COLOR_Bayer{code}2BGR"))
+    return image
+
+
+class BagReader:
+    def __init__(self, folder):
+        self.np = need("numpy", "numpy")
+        self.out = Output(folder, "ROS bag")
+        self.clock = SensorClock()
+        self.exposure_us = 0
+        self.skipped = {}
+
+    def take(self, kind, topic, raw, ros1, decode):
+        if kind in ("dvs_msgs/msg/EventArray", "prophesee_event_msgs/msg/EventArray"):
+            self.out.size, *events = event_array(raw, ros1, self.np)
+            self.out.events(*events)
+        elif kind == "event_camera_msgs/msg/EventPacket":
+            self.packet(decode())
+        elif kind == "sensor_msgs/msg/Image":
+            message = decode()
+            self.picture(message.header, to_picture(message, self.np, need("cv2", "opencv-python-headless")))
+        elif kind == "sensor_msgs/msg/CompressedImage":
+            message, cv2 = decode(), need("cv2", "opencv-python-headless")
+            image = cv2.imdecode(self.np.frombuffer(message.data.tobytes(), dtype=self.np.uint8), cv2.IMREAD_UNCHANGED)
+            if image is None:
+                raise Problem(f"an image of {topic} cannot be decoded ({message.format})")
+            self.picture(message.header, image)
+        elif kind == "std_msgs/msg/Int32" and "exposure" in topic:
+            self.exposure_us = max(int(decode().data), 0)
+        else:
+            self.skipped[topic] = kind
+
+    def packet(self, message):
+        self.out.size = message.width, message.height
+        if message.encoding == "mono":
+            self.out.events(*mono_events(message, self.np))
+        elif message.encoding in ("evt3", "evt21", "evt2"):
+            data = message.events.tobytes()
+            self.out.words(message.encoding, data)
+            if message.encoding == "evt3":
+                self.clock.packet(stamp_us(message.header), first_sensor_time(data, self.np))
+        else:
+            raise Problem(f"event packets of encoding {message.encoding} are not read; expected evt3, evt21, evt2 or mono")
+
+    def picture(self, header, image):
+        t = stamp_us(header)
+        if self.exposure_us:
+            start = t - self.exposure_us // 2 if self.out.stamp == "middle" else t
+            self.out.frame(image, start, start + self.exposure_us)
+        else:
+            self.out.frame(image, t, t)
+
+    def finish(self):
+        out = self.out
+        if out.raw is not None and out.exposures:
+            out.offset_us = self.clock.offset_us()
+            out.notes.append("event times are the sensor's; they were moved by the median delay of the packets' stamps, "
+                             f"{out.offset_us} us" if self.clock.ahead else
+                             "event times are the sensor's and frames have those of ROS: the clocks differ")
+        if self.skipped:
+            out.notes.append("topics that are not read: " + ", ".join(f"{t} ({k})" for t, k in sorted(self.skipped.items())))
+        return out
+
+
+def chosen_topics(connections, events, frames):
+    """One topic of events and one of frames; all others that hold the same are left."""
+    kinds = {"events": ("EventArray", "EventPacket"), "frames": ("Image", "CompressedImage")}
+    left = []
+    for what, wanted in (("events", events), ("frames", frames)):
+        topics = [c.topic for c in connections if c.msgtype.split("/")[-1] in kinds[what]]
+        topics = sorted(set(topics))
+        if wanted and wanted not in topics:
+            raise Problem(f"expected a topic of {what}, found none called {wanted}; there are {', '.join(topics) or 'none'}")
+        keep = wanted or (topics[0] if topics else None)
+        left += [topic for topic in topics if topic != keep]
+    return left
+
+
+def read_bag(path, folder, events_topic, frames_topic):
+    need("rosbags", "rosbags")
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.LATEST)
+    store.register(get_types_from_msg(PACKET, "event_camera_msgs/msg/EventPacket"))
+    reader = BagReader(folder)
+    try:
+        with AnyReader([Path(path)], default_typestore=store) as bag:
+            left = chosen_topics(bag.connections, events_topic, frames_topic)
+            if left:
+                reader.out.notes.append("only one topic of events and one of frames is read; left out: " + ", ".join(left))
+            # The DAVIS driver stamps the middle of an exposure; of other drivers the start is known best.
+            davis = any(c.msgtype == "dvs_msgs/msg/EventArray" for c in bag.connections)
+            reader.out.stamp = "middle" if davis else "start"
+            wanted = [c for c in bag.connections if c.topic not in left]
+            ros1 = not bag.is2
+            for connection, _, raw in bag.messages(wanted):
+                reader.take(connection.msgtype, connection.topic, raw, ros1,
+                            lambda: bag.deserialize(raw, connection.msgtype))
+    except Problem as problem:
+        raise Problem(f"{path}: {problem}") from problem
+    except Exception as error:  # the packages' own kinds
+        text = str(error).split("\n")[0]
+        raise Problem(f"{path}: cannot be read as a ROS bag: {text}; is it whole?") from error
+    return reader.finish()
+
+
+def is_aedat4(path):
+    return os.path.isfile(path) and open(path, "rb").read(10) == b"#!AER-DAT4"
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("input", help="recording.aedat4, a ROS 1 .bag, a ROS 2 .db3, .mcap or folder")
+    parser.add_argument("output", help="folder to make")
+    parser.add_argument("--events-topic", default="", help="of a bag; else the first by name")
+    parser.add_argument("--frames-topic", default="", help="of a bag; else the first by name")
+    options = parser.parse_args()
+    if not os.path.exists(options.input):
+        print(f"{options.input}: no such file or folder", file=sys.stderr)
+        sys.exit(DATA_ERROR)
+    need("numpy", "numpy")
+    try:
+        if is_aedat4(options.input):
+            out = read_aedat4(options.input, options.output)
+        else:
+            out = read_bag(options.input, options.output, options.events_topic, options.frames_topic)
+        out.close()
+    except Problem as problem:
+        print(problem, file=sys.stderr)
+        sys.exit(DATA_ERROR)
+    print(f"{options.output}: {out.form}, {'a raw stream of' if out.raw else out.event_count} events, "
+          f"{len(out.exposures)} frames, {len(out.edges)} trigger edges")
+
+
+if __name__ == "__main__":
+    main()

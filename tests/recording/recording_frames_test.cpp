@@ -1,0 +1,154 @@
+// SPDX-License-Identifier: Apache-2.0
+// Frames from elsewhere, and where exposures come from.
+#include "support/catch.h"
+
+#include <cstdlib>
+#include <functional>
+#include <torch/types.h>
+
+#include "jade/core/error.h"
+#include "jade/imaging/image_io.h"
+#include "jade/recording/recording.h"
+#include "recording/evt_words.h"
+#include "support/temp_dir.h"
+
+using namespace jade;
+using namespace jade::recording;
+using namespace jade::test;
+
+namespace {
+
+/// An event camera that saw the pulses [1000, 1400) and [2000, 2300) on its trigger input.
+std::filesystem::path write_triggered(const TempDir& dir) {
+  std::string text = evt_header("3.0", "% geometry 640x480\n");
+  text += evt3_time(500) + evt3_word(2, 1);
+  for (const auto& [t, level] : {std::pair{1000, 1}, {1400, 0}, {2000, 1}, {2300, 0}})
+    text += evt3_time(t) + evt3_word(10, level);
+  return dir.write("events.raw", text + evt3_time(3000) + evt3_word(2, 2));
+}
+
+void write_frames(const std::filesystem::path& folder, int count) {
+  for (int i = 0; i < count; ++i)
+    imaging::write_image(folder / concat("f", i, ".png"), torch::full({3, 6, 8}, 0.1 * i));
+}
+
+std::string error_of(const std::function<void()>& action) {
+  try {
+    action();
+  } catch (const DataError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+std::string notes_of(const Recording& recording) {
+  std::string out;
+  for (const std::string& note : recording.notes) out += note + "\n";
+  return out;
+}
+
+/// A program in a folder of its own that is first on PATH while this lives.
+class FakeProgram {
+ public:
+  FakeProgram(const TempDir& dir, const std::string& name, const std::string& script)
+      : before_(std::getenv("PATH")) {
+    const auto path = dir.write("programs/" + name, "#!/bin/sh\n" + script);
+    std::filesystem::permissions(path, std::filesystem::perms::owner_all);
+    setenv("PATH", (path.parent_path().string() + ":" + before_).c_str(), 1);
+  }
+  ~FakeProgram() { setenv("PATH", before_.c_str(), 1); }
+  FakeProgram(const FakeProgram&) = delete;
+  FakeProgram& operator=(const FakeProgram&) = delete;
+
+ private:
+  std::string before_;
+};
+
+}  // namespace
+
+TEST_CASE("recording: frames of a folder, exposed while the trigger input was high or low",
+          "[recording]") {
+  const TempDir dir;
+  const auto raw = write_triggered(dir);
+  write_frames(dir / "frames", 2);
+  ReadOptions options;
+  options.frames = dir / "frames";
+  const Recording high = read_recording(raw, options);
+  REQUIRE(high.frames.size() == 2);
+  CHECK(high.frames[0].name == "f0");
+  CHECK(high.frames[0].t_start_us == 1000);
+  CHECK(high.frames[0].t_end_us == 1400);
+  CHECK(high.frames[1].t_start_us == 2000);
+  CHECK(high.width == 640);  // of the events, not of the other camera
+  CHECK_THAT(notes_of(high), Catch::Contains("exposures are those of 2 pulses"));
+  // A window leaves the pairing as it is.
+  options.window = events::TimeWindow{1900, 4000};
+  const Recording part = read_recording(raw, options);
+  REQUIRE(part.frames.size() == 1);
+  CHECK(part.frames[0].name == "f1");
+  CHECK(part.triggers.rising_us == std::vector<int64_t>{2000});
+  CHECK(part.events.size() == 1);
+  options.window.reset();
+  options.trigger_level = TriggerLevel::kLow;
+  CHECK_THAT(error_of([&] { read_recording(raw, options); }),
+             Catch::Contains("2 frames without times and 1 trigger pulses; give a list"));
+  std::filesystem::remove(dir / "frames/f1.png");
+  const Recording low = read_recording(raw, options);
+  REQUIRE(low.frames.size() == 1);
+  CHECK(low.frames[0].t_start_us == 1400);
+  CHECK(low.frames[0].t_end_us == 2000);
+}
+
+TEST_CASE("recording: frames of a folder have the times of a list before those of triggers",
+          "[recording]") {
+  const TempDir dir;
+  const auto raw = write_triggered(dir);
+  write_frames(dir / "frames", 2);
+  ReadOptions options;
+  options.frames = dir / "frames";
+  options.frame_times = dir.write("times.csv", "f1.png,900,950\nf0,100,150\n");
+  const Recording listed = read_recording(raw, options);
+  CHECK(listed.frames[0].name == "f0");
+  CHECK(listed.frames[1].t_end_us == 950);
+  options.frame_times.clear();
+  dir.write("frames/exposures.csv", "f0,10,20\nf1,30,40\n");
+  CHECK(read_recording(raw, options).frames[1].t_start_us == 30);
+  options.frames = dir / "nowhere";
+  CHECK_THAT(error_of([&] { read_recording(raw, options); }),
+             Catch::Contains("no such folder of images or video"));
+  options.frames = dir / "programs";
+  std::filesystem::create_directories(options.frames);
+  CHECK_THAT(error_of([&] { read_recording(raw, options); }),
+             Catch::Contains("expected images, found none"));
+}
+
+TEST_CASE("recording: frames of a video come through ffmpeg with its times", "[recording]") {
+  const TempDir dir;
+  const auto raw = write_triggered(dir);
+  write_frames(dir / "decoded", 3);
+  ReadOptions options;
+  options.frames = dir.write("film.mp4", "...");
+  options.exposure_ms = 0.5;
+  // As ffmpeg 5 does: pictures into the folder of its last argument, times on its second output.
+  const FakeProgram ffmpeg(
+      dir, "ffmpeg",
+      "for last; do :; done; out=$(dirname \"$last\"); i=0\n"
+      "for f in " +
+          (dir / "decoded").string() +
+          "/*; do\n"
+          "  i=$((i+1)); cp $f $out/0000000$i.png\n"
+          "  echo \"[Parsed_showinfo_0 @ 0x55] n: $i pts: 5 pts_time:0.03$i dur\" >&2\n"
+          "done\n");
+  const Recording recording = read_recording(raw, options);
+  REQUIRE(recording.frames.size() == 3);
+  CHECK(recording.stamp == Stamp::kStart);
+  CHECK(recording.frames[0].t_start_us == 31000);
+  CHECK(recording.frames[2].t_end_us == 33500);
+  CHECK(recording.frames[2].image[0][0][0].item<float>() == Approx(0.2).margin(2e-3));
+  CHECK_THAT(notes_of(recording), Catch::Contains("its frames have the clock of the video"));
+  CHECK_THAT(notes_of(recording), Catch::Contains("2 pulses and there are 3 frames"));
+  const FakeProgram broken(dir, "ffmpeg", "echo moov atom not found >&2; exit 1\n");
+  CHECK_THAT(
+      error_of([&] { read_recording(raw, options); }),
+      Catch::Contains("film.mp4: expected a folder of images or a video, and ffmpeg cannot"));
+}

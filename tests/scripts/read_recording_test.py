@@ -1,0 +1,209 @@
+# SPDX-License-Identifier: Apache-2.0
+"""read_recording.py: what it makes of messages and packets, which are packed here by their specifications. With the packages
+of scripts/setup.sh --import there, whole bags and, with dv-processing, an AEDAT4 file go through it too."""
+import importlib.util
+import struct
+import subprocess
+import sys
+import tempfile
+import types
+import unittest
+from pathlib import Path
+
+import numpy as np
+
+SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
+sys.path.insert(0, str(SCRIPTS))
+import read_recording  # noqa: E402
+
+EVENTS = ((3, 4, 7, 999999999, 1), (345, 259, 8, 1500, 0), (0, 1, 8, 2999, 1))  # x, y, s, ns, polarity
+FIELDS = ([3, 345, 0], [4, 259, 1], [7999999, 8000001, 8000002], [1, 0, 1])
+
+
+def there(*modules):
+    return all(importlib.util.find_spec(module) for module in modules)
+
+
+def ros1_array(events=EVENTS, frame=b"cam"):
+    head = struct.pack("<IIII", 5, 7, 0, len(frame)) + frame + struct.pack("<III", 260, 346, len(events))
+    return head + b"".join(struct.pack("<HHIIB", *event) for event in events)
+
+
+def cdr(parts):
+    """Numbers in the alignment of CDR behind its four bytes of encapsulation."""
+    out = b""
+    for form, value in parts:
+        size = struct.calcsize("<" + form)
+        out += b"\0" * (-len(out) % size if form != "s" else 0)
+        out += value if form == "s" else struct.pack("<" + form, value)
+    return b"\0\1\0\0" + out
+
+
+def ros2_array(frame=b"cam\0"):
+    parts = [("i", 7), ("I", 0), ("I", len(frame)), ("s", frame), ("I", 260), ("I", 346), ("I", len(EVENTS))]
+    for event in EVENTS:
+        parts += list(zip("HHiIB", event))
+    return cdr(parts)
+
+
+def picture(encoding, width, pixels, step=None, big=False, height=1):
+    data = np.frombuffer(bytes(pixels), np.uint8)
+    return types.SimpleNamespace(encoding=encoding, width=width, height=height, data=data, step=step or len(data) // height,
+                                 is_bigendian=big)
+
+
+class Messages(unittest.TestCase):
+    def check(self, raw, ros1):
+        size, *fields = read_recording.event_array(raw, ros1, np)
+        self.assertEqual(size, (346, 260))
+        for found, expected in zip(fields, FIELDS):
+            self.assertEqual(found.tolist(), expected)
+
+    def test_event_arrays_of_both_versions_of_ros(self):
+        self.check(ros1_array(), True)
+        for frame in (b"cam\0", b"camera\0", b"\0", b"ab\0"):
+            with self.subTest(frame):
+                self.check(ros2_array(frame), False)
+
+    def test_event_arrays_cut_short(self):
+        for raw, ros1 in ((ros1_array()[:-1], True), (ros2_array()[:-1], False)):
+            with self.assertRaisesRegex(read_recording.Problem, "shorter than it says"):
+                read_recording.event_array(raw, ros1, np)
+
+    def test_mono_packets(self):
+        words = [1 << 63 | 259 << 48 | 345 << 32 | 1999, 0 << 63 | 2 << 48 | 1 << 32 | 5000]
+        for big in (False, True):
+            packed = b"".join(struct.pack(">Q" if big else "<Q", word) for word in words)
+            message = types.SimpleNamespace(events=np.frombuffer(packed, np.uint8), is_bigendian=big, time_base=10 ** 18)
+            x, y, t, p = read_recording.mono_events(message, np)
+            self.assertEqual([x.tolist(), y.tolist(), t.tolist(), p.tolist()],
+                             [[345, 1], [259, 2], [10 ** 15 + 1, 10 ** 15 + 5], [1, 0]])
+
+    def test_pictures(self):
+        def made(*arguments, **more):
+            return read_recording.to_picture(picture(*arguments, **more), np, None).tolist()
+        self.assertEqual(made("mono8", 2, [1, 2, 9], step=3), [[1, 2]])
+        self.assertEqual(made("rgb8", 2, [1, 2, 3, 4, 5, 6], height=1), [[[3, 2, 1], [6, 5, 4]]])
+        self.assertEqual(made("bgr8", 1, [1, 2, 3]), [[[1, 2, 3]]])
+        self.assertEqual(made("mono16", 1, [1, 2], big=True), [[258]])
+        self.assertEqual(made("mono16", 1, [1, 2]), [[513]])
+        with self.assertRaisesRegex(read_recording.Problem, "yuv422 are not read"):
+            made("yuv422", 1, [1, 2])
+        with self.assertRaisesRegex(read_recording.Problem, "2x1 holds 1 bytes only"):
+            made("mono8", 2, [1], step=2)
+
+    def test_the_sensors_clock_undoes_wraps(self):
+        def packet(time):
+            return struct.pack("<HHHH", 0x2001, 0x8000 | time >> 12, 0x6000 | time & 0xfff, 0x2002)
+        clock = read_recording.SensorClock()
+        for stamp, time in ((10 ** 15, (1 << 24) - 10), (10 ** 15 + 30, 20), (10 ** 15 + 130, 120)):
+            self.assertEqual(read_recording.first_sensor_time(packet(time), np), time)
+            clock.packet(stamp, time)
+        self.assertEqual(clock.offset_us(), 10 ** 15 - (1 << 24) + 10)
+        self.assertIsNone(read_recording.first_sensor_time(b"\x01\x20", np))
+
+    def test_one_topic_of_each_kind(self):
+        topics = [types.SimpleNamespace(topic=topic, msgtype=kind) for topic, kind in (
+            ("/b/events", "dvs_msgs/msg/EventArray"), ("/a/events", "dvs_msgs/msg/EventArray"),
+            ("/image", "sensor_msgs/msg/Image"), ("/imu", "sensor_msgs/msg/Imu"))]
+        self.assertEqual(read_recording.chosen_topics(topics, "", ""), ["/b/events"])
+        self.assertEqual(read_recording.chosen_topics(topics, "/b/events", ""), ["/a/events"])
+        with self.assertRaisesRegex(read_recording.Problem, "found none called /c; there are /image"):
+            read_recording.chosen_topics(topics, "", "/c")
+
+    def test_missing_packages_are_one_line(self):
+        done = subprocess.run([sys.executable, "-S", SCRIPTS / "read_recording.py", __file__, "out"], capture_output=True, text=True)
+        self.assertEqual(done.returncode, read_recording.PACKAGE_MISSING)
+        self.assertRegex(done.stderr, r"^needs the Python package numpy: run scripts/setup.sh --import\n$")
+
+
+def rows(path):
+    return [tuple(line.split(",")) for line in path.read_text().splitlines()[1:]]
+
+
+@unittest.skipUnless(there("rosbags", "h5py", "cv2"), "needs scripts/setup.sh --import")
+class Bags(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+
+    def convert(self, path):
+        done = subprocess.run([sys.executable, SCRIPTS / "read_recording.py", path, self.folder / "out"], capture_output=True, text=True)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        return self.folder / "out"
+
+    def test_a_davis_recording_of_ros1(self):
+        from rosbags.rosbag1 import Writer
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+        store = get_typestore(Stores.ROS1_NOETIC)
+        event = "uint16 x\nuint16 y\ntime ts\nbool polarity\n"
+        store.register(get_types_from_msg(event, "dvs_msgs/msg/Event"))
+        store.register(get_types_from_msg("Header header\nuint32 height\nuint32 width\nEvent[] events\n", "dvs_msgs/msg/EventArray"))
+        types_ = store.types
+        stamp = types_["builtin_interfaces/msg/Time"](sec=7, nanosec=500000000)
+        header = types_["std_msgs/msg/Header"](seq=0, stamp=stamp, frame_id="")
+        image = types_["sensor_msgs/msg/Image"](header=header, height=1, width=2, encoding="mono8", is_bigendian=0, step=2,
+                                                data=np.array([5, 200], np.uint8))
+        made = [types_["dvs_msgs/msg/Event"](x, y, types_["builtin_interfaces/msg/Time"](s, ns), bool(p)) for x, y, s, ns, p in EVENTS]
+        array = types_["dvs_msgs/msg/EventArray"](header=header, height=260, width=346, events=made)
+        with Writer(self.folder / "a.bag") as bag:
+            for topic, message in (("/dvs/exposure", types_["std_msgs/msg/Int32"](data=4000)), ("/dvs/events", array),
+                                   ("/dvs/image_raw", image)):
+                kind = message.__msgtype__
+                connection = bag.add_connection(topic, kind, typestore=store)
+                bag.write(connection, 1, store.serialize_ros1(message, kind))
+        out = self.convert(self.folder / "a.bag")
+        import h5py
+        with h5py.File(out / "events.h5") as file:
+            self.assertEqual([file[name][:].tolist() for name in "xytp"], [list(field) for field in FIELDS])
+        self.assertEqual(rows(out / "exposures.csv"), [("000000", "7498000", "7502000")])
+        self.assertIn("width 346", (out / "recording.txt").read_text())
+
+    def test_packets_and_pictures_of_ros2(self):
+        from rosbags.rosbag2 import Writer
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+        store = get_typestore(Stores.ROS2_HUMBLE)
+        kind = "event_camera_msgs/msg/EventPacket"
+        store.register(get_types_from_msg(read_recording.PACKET, kind))
+        types_ = store.types
+        header = types_["std_msgs/msg/Header"](stamp=types_["builtin_interfaces/msg/Time"](sec=7, nanosec=0), frame_id="a")
+        words = np.frombuffer(struct.pack("<HHHH", 0x8001, 0x6002, 0x0003, 0x2805), np.uint8)
+        packet = types_[kind](header=header, height=720, width=1280, seq=0, time_base=0, encoding="evt3", is_bigendian=False,
+                              events=words)
+        image = types_["sensor_msgs/msg/Image"](header=header, height=1, width=2, encoding="rgb8", is_bigendian=0, step=6,
+                                                data=np.array([1, 2, 3, 4, 5, 6], np.uint8))
+        with Writer(self.folder / "bag", version=9) as bag:
+            for topic, name, message in (("/events", kind, packet), ("/image", "sensor_msgs/msg/Image", image)):
+                connection = bag.add_connection(topic, name, typestore=store)
+                bag.write(connection, 1, store.serialize_cdr(message, name))
+        out = self.convert(self.folder / "bag")
+        self.assertEqual((out / "events.raw").read_bytes(), b"% evt 3.0\n% geometry 1280x720\n% end\n" + words.tobytes())
+        self.assertEqual(rows(out / "exposures.csv"), [("000000", "7000000", "7000000")])
+        described = (out / "recording.txt").read_text()
+        self.assertIn("stamp start\noffset_us 6995902\n", described)
+        import cv2
+        self.assertEqual(cv2.imread(str(out / "images/000000.png")).tolist(), [[[3, 2, 1], [6, 5, 4]]])
+
+    def test_files_that_are_no_bag(self):
+        for name, content in (("a.bag", b"#ROSBAG V2.0\ncut"), ("b.db3", b"SQLite format 3\0cut")):
+            (self.folder / name).write_bytes(content)
+            done = subprocess.run([sys.executable, SCRIPTS / "read_recording.py", self.folder / name, self.folder / "out"],
+                                  capture_output=True, text=True)
+            self.assertEqual(done.returncode, read_recording.DATA_ERROR)
+            self.assertRegex(done.stderr, rf"^\S*{name}: cannot be read as a ROS bag: .*\n$")
+
+
+@unittest.skipUnless(there("aedat", "h5py"), "needs scripts/setup.sh --import")
+class Aedat4(unittest.TestCase):
+    def test_a_file_cut_short(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "a.aedat4"
+            path.write_bytes(b"#!AER-DAT4.0\r\n\x10\0\0\0cut")
+            done = subprocess.run([sys.executable, SCRIPTS / "read_recording.py", path, f"{folder}/out"], capture_output=True, text=True)
+            self.assertEqual(done.returncode, read_recording.DATA_ERROR)
+            self.assertRegex(done.stderr, r"^\S*a.aedat4: .*cut short, copy it again\n$")
+
+
+if __name__ == "__main__":
+    unittest.main()
