@@ -14,6 +14,11 @@ void add_flags(apps::Program& program, import::StageRange& range) {
   program.add_key_flag("--calibration", "lens.calibration",
                        "calibration of Kalibr, OpenCV, ROS or RPG (none: a pinhole, its focal "
                        "length searched)");
+  program.add_key_flag("--frame-times", "time.frame_times", "list of exposures");
+  program.add_key_flag("--exposure-ms", "time.exposure_ms",
+                       "length of exposures that no file says");
+  program.add_key_flag("--offset-ms", "time.offset_ms",
+                       "how far the clock of the events is ahead of that of the frames");
   program.add_key_flag("--plane-depth", "lens.plane_depth",
                        "of two cameras: where events fall on the frames exactly");
   program.add_key_flag("--test", "test.names", "frames that judge the scene, a YAML list: [a, b]");
@@ -25,7 +30,7 @@ void add_flags(apps::Program& program, import::StageRange& range) {
                        "TorchScript file of the learned restorer (the one that ships)");
   program.cli().add_option(
       "--from", range.from,
-      "make this stage and those after it again: read, undistort, restore, poses, write");
+      "make this stage and those after it again: read, time, undistort, restore, poses, write");
   program.cli().add_option("--until", range.until, "stop after this stage");
 }
 

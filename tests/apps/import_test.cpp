@@ -63,8 +63,9 @@ TEST_CASE("jade_import: a simulated recording becomes a scene that trains", "[ap
   CHECK(data.points.size(0) > 50);
   CHECK_THAT(run(dir, import).err, Catch::Contains("up to date"));
   const Outcome trained =
-      run(dir, "jade_train --quiet --device cpu --config table/scene.yaml --output run "
-               "--set train.iterations=20 --set objective.target=edi");
+      run(dir,
+          "jade_train --quiet --device cpu --config table/scene.yaml --output run "
+          "--set train.iterations=20 --set objective.target=edi");
   INFO(trained.err);
   CHECK(trained.code == 0);
   CHECK(fs::exists(dir / "run/point_cloud.ply"));
@@ -75,8 +76,10 @@ TEST_CASE("jade_import: bad input is one line each", "[apps]") {
   test::write_tiny_dataset(dir / "three");
   forget_poses(dir / "three");
   const auto import = [&](const std::string& flags) {
-    return run(dir, "touch colmap; chmod +x colmap; jade_import --quiet --output out "
-                    "--set poses.colmap=colmap " + flags);
+    return run(dir,
+               "touch colmap; chmod +x colmap; jade_import --quiet --output out "
+               "--set poses.colmap=colmap " +
+                   flags);
   };
   check_error(import("nowhere"), 3, "nowhere: no such file");
   check_error(import(""), 2, "expected a recording");

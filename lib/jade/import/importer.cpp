@@ -73,8 +73,18 @@ void check_capture(const Capture& capture) {
                            " frames from different places, found ", capture.shots.size(),
                            "; record longer, or give more with --frames DIR"));
   }
+  const bool timed = std::any_of(capture.shots.begin(), capture.shots.end(),
+                                 [](const Shot& shot) { return shot.duration_us() > 0; });
+  if (!timed) {
+    throw DataError(concat(source,
+                           ": expected exposures with a length, found frames with one time each; "
+                           "give --exposure-ms or a list with --frame-times"));
+  }
+}
+
+void check_clocks(const Capture& capture) {
   if (events_in_exposures(capture) == 0) {
-    throw DataError(concat(source, ": no event lies in an exposure: frames from ",
+    throw DataError(concat(capture.source, ": no event lies in an exposure: frames from ",
                            capture.shots.front().t_start_us, " to ", capture.shots.back().t_end_us,
                            " us, events from ", capture.events.first_us(), " to ",
                            capture.events.last_us(),
@@ -83,12 +93,37 @@ void check_capture(const Capture& capture) {
   }
 }
 
-Capture read_capture(const ImportOptions& options) {
+/// A calibration that came with the recording is kept beside it.
+void keep_calibration(const fs::path& folder, const recording::Recording& recording) {
+  if (!recording.calibration) return;
+  make_writable_folder(folder / "calibration");
+  write_file(folder / "calibration" / recording.calibration->name, recording.calibration->text);
+}
+
+/// The file that keep_calibration wrote; empty where there was none.
+fs::path kept_calibration(const fs::path& folder) {
+  if (!fs::is_directory(folder / "calibration")) return {};
+  for (const auto& entry : fs::directory_iterator(folder / "calibration")) return entry.path();
+  return {};
+}
+
+/// Events on the clock of the frames.
+void set_clock(double ahead_ms, Capture& capture) {
+  const auto ahead_us = std::llround(1000 * ahead_ms);
+  if (ahead_us == 0) return;
+  const events::EventStream& e = capture.events;
+  capture.events = events::EventStream(e.x(), e.y(), e.t_us() - ahead_us, e.polarity());
+}
+
+Capture read_capture(const ImportOptions& options, const fs::path& folder) {
   recording::ReadOptions how;
   how.frames = options.frames;
+  how.frame_times = options.time.frame_times;
+  how.exposure_ms = options.time.exposure_ms;
   recording::Recording recording = recording::read_recording(options.recording, how);
   for (const std::string& note : recording.notes) log_info("            " + note);
   Capture capture;
+  keep_calibration(folder, recording);
   capture.source = recording.source.string();
   capture.format = recording.format;
   if (recording.frames.empty()) {
@@ -111,6 +146,7 @@ Capture read_capture(const ImportOptions& options) {
 /// What the stages have found so far.
 struct Progressed {
   Capture capture;
+  fs::path calibration;  ///< that came with the recording
   fs::path latent_folder;
   std::vector<LatentImage> latents;
   Reconstruction found;
@@ -130,13 +166,32 @@ std::string said_of(const SearchResult& result) {
 }
 
 Stage read_stage(const ImportOptions& options, Progressed& so_far) {
-  return {"read", fingerprint(options.recording) + fingerprint(options.frames),
+  return {"read",
+          concat(fingerprint(options.recording), fingerprint(options.frames),
+                 fingerprint(options.time.frame_times), options.time.exposure_ms),
           [&](const fs::path& folder) {
-            const Capture capture = read_capture(options);
+            const Capture capture = read_capture(options, folder);
             keep_capture(folder, capture);
             return said_of(capture);
           },
-          [&](const fs::path& folder) { so_far.capture = load_capture(folder); }};
+          [&](const fs::path& folder) {
+            so_far.capture = load_capture(folder);
+            so_far.calibration = kept_calibration(folder);
+          }};
+}
+
+/// Puts events on the clock of the frames; what is kept is the offset alone.
+Stage time_stage(const ImportOptions& options, Progressed& so_far) {
+  return {"time", concat(options.time.offset_ms),
+          [&](const fs::path&) {
+            Capture moved = so_far.capture;
+            set_clock(options.time.offset_ms, moved);
+            check_clocks(moved);
+            return concat("events ahead by ", options.time.offset_ms, " ms, ",
+                          events_in_exposures(moved), " of ", moved.events.size(),
+                          " within exposures");
+          },
+          [&](const fs::path&) { set_clock(options.time.offset_ms, so_far.capture); }};
 }
 
 /// Frames and events on a centred pinhole; as they are where there is no calibration, and then
@@ -144,9 +199,11 @@ Stage read_stage(const ImportOptions& options, Progressed& so_far) {
 Stage undistort_stage(const ImportOptions& options, Progressed& so_far) {
   return {"undistort", text_of(options.lens) + fingerprint(options.lens.calibration),
           [&](const fs::path& folder) -> std::string {
-            if (options.lens.calibration.empty()) return "no calibration given";
+            LensOptions lens = options.lens;
+            if (lens.calibration.empty()) lens.calibration = so_far.calibration;
+            if (lens.calibration.empty()) return "no calibration given";
             Capture capture = so_far.capture;
-            const std::string said = undistort(options.lens, capture);
+            const std::string said = undistort(lens, capture);
             keep_capture(folder, capture);
             return said;
           },
@@ -201,9 +258,10 @@ void import_recording(const ImportOptions& options, const fs::path& output,
   }
   find_colmap(options.poses.colmap);  // told before minutes of work
   Progressed so_far;
-  const std::vector<Stage> stages{read_stage(options, so_far), undistort_stage(options, so_far),
-                                  restore_stage(options, so_far), poses_stage(options, so_far),
-                                  write_stage(options, output, so_far)};
+  const std::vector<Stage> stages{
+      read_stage(options, so_far),      time_stage(options, so_far),
+      undistort_stage(options, so_far), restore_stage(options, so_far),
+      poses_stage(options, so_far),     write_stage(options, output, so_far)};
   make_writable_folder(output);
   run_stages(output / "import", stages, range);
 }

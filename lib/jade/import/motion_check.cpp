@@ -61,6 +61,18 @@ torch::Tensor sampled(const torch::Tensor& image, const torch::Tensor& places) {
                              /*align_corners=*/false)[0];
 }
 
+/// The patches around `base` [P,N,2] of an image that went these ways [P,K,2], ends at half weight.
+torch::Tensor blurred(const torch::Tensor& sharp, const torch::Tensor& base,
+                      const torch::Tensor& ways) {
+  torch::Tensor sum = torch::zeros({3, base.size(0), base.size(1)});
+  const int64_t count = ways.size(1);
+  for (int64_t k = 0; k < count; ++k) {
+    const double weight = (k == 0 || k == count - 1 ? 0.5 : 1.0) / double(count - 1);
+    sum += weight * sampled(sharp, base - ways.select(1, k).unsqueeze(1));
+  }
+  return sum;
+}
+
 torch::Tensor patch_offsets() {
   const torch::Tensor steps = torch::arange(-kReach, kReach + 1, torch::kFloat64);
   const auto mesh = torch::meshgrid({steps, steps}, "ij");
@@ -85,24 +97,23 @@ double largest_shift_px(const std::vector<torch::Tensor>& images) {
 
 double explained_blur(const std::vector<PosedExposure>& exposures) {
   const torch::Tensor offsets = patch_offsets();
-  double left = 0, there = 0;
+  double left = 0, still = 0, turned = 0;
   for (const PosedExposure& e : exposures) {
     const torch::Tensor tracks = tracks_of(e);
     if (tracks.size(0) == 0) continue;
-    const int64_t count = tracks.size(1);
-    const torch::Tensor middle = tracks.select(1, count / 2);
-    const torch::Tensor base = middle.unsqueeze(1) + offsets;
-    const torch::Tensor blurry = sampled(e.blurry, base);
-    torch::Tensor mean = torch::zeros_like(blurry);
-    for (int64_t k = 0; k < count; ++k) {
-      const double weight = (k == 0 || k == count - 1 ? 0.5 : 1.0) / double(count - 1);
-      const torch::Tensor way = tracks.select(1, k) - middle;
-      mean += weight * sampled(e.sharp, base - way.unsqueeze(1));
-    }
-    left += (blurry - mean).square().sum().item<double>();
-    there += (blurry - sampled(e.sharp, base)).square().sum().item<double>();
+    const torch::Tensor middle = tracks.select(1, tracks.size(1) / 2).unsqueeze(1);
+    const torch::Tensor ways = tracks - middle;
+    const torch::Tensor across = torch::stack({-ways.select(2, 1), ways.select(2, 0)}, 2);
+    const torch::Tensor base = middle + offsets, blurry = sampled(e.blurry, base);
+    const auto error = [&](const torch::Tensor& sum) {
+      return (blurry - sum).square().sum().item<double>();
+    };
+    left += error(blurred(e.sharp, base, ways));
+    turned += error(blurred(e.sharp, base, across));
+    still += error(sampled(e.sharp, base));
   }
-  return there > 0 ? 1 - left / there : 0;
+  const double rival = std::min(still, turned);
+  return rival > 0 ? 1 - left / rival : 0;
 }
 
 }  // namespace jade::import

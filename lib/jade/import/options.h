@@ -16,6 +16,23 @@
 
 namespace jade::import {
 
+/// When frames were exposed, where the recording does not say it.
+struct TimeOptions {
+  std::filesystem::path frame_times;
+  double exposure_ms = 0;
+  double offset_ms = 0;
+};
+
+template <class V>
+void describe(V& v, TimeOptions& o) {
+  v.field("frame_times", o.frame_times,
+          "list of exposures, name,start_us,end_us; empty: what the recording says");
+  v.field("exposure_ms", o.exposure_ms, "of frames whose own length is not known; 0: not known",
+          Range{0, 1e5});
+  v.field("offset_ms", o.offset_ms,
+          "how far the clock of the events is ahead of that of the frames", Range{-1e9, 1e9});
+}
+
 /// The lens, and a second camera.
 struct LensOptions {
   std::filesystem::path calibration;
@@ -101,6 +118,7 @@ struct ImportOptions {
   std::string device = "auto";
   std::filesystem::path recording;
   std::filesystem::path frames;
+  TimeOptions time;
   LensOptions lens;
   events::EventOptions events = continuous_events();
   restore::EfnetOptions efnet;
@@ -123,6 +141,7 @@ void describe(V& v, ImportOptions& o) {
   v.field("device", o.device, "auto (a GPU if there is one), cpu, cuda or cuda:N");
   v.field("recording", o.recording, "the recording, a file or a folder");
   v.field("frames", o.frames, "folder of frames, or a video, where they are not in the recording");
+  v.group("time", o.time, "when frames were exposed");
   v.group("lens", o.lens, "the lens, and a second camera");
   v.group("events", o.events, "how events become voxels and EDI");
   v.group("efnet", o.efnet, "the frozen learned restorer F");

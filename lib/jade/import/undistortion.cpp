@@ -11,8 +11,7 @@ namespace jade::import {
 namespace {
 
 RectifyCameras cameras_of(const Calibration& calibration, const Capture& capture) {
-  RectifyCameras cameras{
-      camera_of(calibration, 0, capture.width(), capture.height(), "frames")};
+  RectifyCameras cameras{camera_of(calibration, 0, capture.width(), capture.height(), "frames")};
   if (calibration.second_from_first) {
     cameras.events = geometry::Rig{
         camera_of(calibration, 1, capture.sensor.width, capture.sensor.height, "events"),
@@ -34,12 +33,12 @@ std::string undistort(const LensOptions& options, Capture& capture) {
     throw_if_interrupted();
     shot.image = imaging::remap(shot.image, to.frame_map).clamp(0, 1);
   }
-  const RectifiedEvents moved = rectify_events(capture.events, to.event_map,
-                                               {to.camera.height, to.camera.width});
+  const RectifiedEvents moved =
+      rectify_events(capture.events, to.event_map, {to.camera.height, to.camera.width});
   capture.events = moved.events;
   capture.camera = to.camera;
-  std::string said = concat("focal length ", to.camera.fx, " px, ", moved.dropped,
-                            " events beside the image");
+  std::string said =
+      concat("focal length ", to.camera.fx, " px, ", moved.dropped, " events beside the image");
   if (cameras.events && options.far > 0) {
     said += concat(", the plane leaves ", to.at_near.largest_px, " px at ", options.near, " and ",
                    to.at_far.largest_px, " px at ", options.far);
