@@ -7,7 +7,7 @@
 #
 # --python-torch  also what `import torch` needs in Python (scripts/efnet)
 # --figures       also what scripts/figures.py needs (scripts/requirements-figures.txt)
-# --import        also what reads AEDAT4 files and ROS bags (scripts/requirements-import.txt)
+# --import        also COLMAP, and what reads AEDAT4 files and ROS bags (scripts/requirements-import.txt)
 # --metrics       also the networks of LPIPS, made by scripts/export_lpips.py (64 MB to fetch, once)
 #
 # Without root it uses sudo for apt; where neither works it prints the command to hand to an
@@ -35,6 +35,7 @@ packages=(g++ cmake ninja-build ccache git pkg-config ca-certificates python3 py
   libyaml-cpp-dev libcli11-dev libspdlog-dev catch2 libhdf5-dev nlohmann-json3-dev libzip-dev zlib1g-dev libssl-dev)
 # Small comforts: a faster linker, and an HDF5 filter that some recordings use.
 optional=(mold hdf5-plugin-lzf)
+if [ $import = yes ]; then packages+=(colmap); fi
 
 installed() { dpkg-query -W -f='${db:Status-Abbrev}' "$1" 2>/dev/null | grep -q '^.i'; }
 

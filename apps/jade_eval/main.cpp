@@ -15,13 +15,14 @@ namespace {
 eval::Evaluation evaluate_run(const fs::path& path, const train::RunOptions& options,
                               torch::Device device, const eval::Lpips& lpips) {
   const run::FinishedRun run = run::open_run(path, options);
-  if (run.dataset.test.empty()) {
-    throw DataError(
-        concat(run.dataset.root.string(), ": expected sharp test views to score, found none"));
+  if (run.dataset.test.empty() && run.dataset.held_out.empty()) {
+    throw DataError(concat(run.dataset.root.string(),
+                           ": expected sharp test views or held-out exposures to score, found "
+                           "neither"));
   }
   const auto gaussians = gaussians::map_parameters(
       run.gaussians, [&](const torch::Tensor& t) { return t.to(device); });
-  return run::evaluate_views(gaussians, run.dataset.test, lpips, train::render_options(options));
+  return run::evaluate_dataset(gaussians, run.dataset, lpips, options);
 }
 
 }  // namespace

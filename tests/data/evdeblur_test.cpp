@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "data/tiny_recording.h"
+#include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/data/evdeblur_writer.h"
 #include "jade/io/hdf5.h"
@@ -176,6 +177,48 @@ TEST_CASE("evdeblur: a colour filter is read when there is one and wanted", "[da
   CHECK(data.event_color.sum().item<int64_t>() == test::kWidth * test::kHeight);
   options.color_events = false;
   CHECK_FALSE(load_dataset(options).event_color.defined());
+}
+
+TEST_CASE("evdeblur: points of structure from motion come back, damaged ones are refused",
+          "[data]") {
+  const test::TempDir folder;
+  EvDeblurContent content = test::tiny_content();
+  content.points = torch::rand({5, 3}, torch::kFloat64);
+  content.point_colors = torch::randint(0, 256, {5, 3}, torch::kUInt8);
+  write_evdeblur(folder / "scene", content);
+  const Dataset data = load(folder / "scene");
+  CHECK(torch::equal(data.points, content.points.to(torch::kFloat32)));
+  CHECK(torch::equal(data.point_colors, content.point_colors.to(torch::kFloat32) / 255));
+  content.points[3][1] = NAN;
+  write_evdeblur(folder / "scene", content);
+  CHECK_THROWS_WITH(load(folder / "scene"), Catch::Contains("points.npz: found points"));
+  io::write_npz(folder / "scene/points.npz", {{"points", torch::zeros({4, 2})},
+                                              {"colors", torch::zeros({4, 2}, torch::kUInt8)}});
+  CHECK_THROWS_WITH(load(folder / "scene"), Catch::Contains("points.npz: expected points [P,3]"));
+}
+
+TEST_CASE("evdeblur: held-out exposures are kept from training", "[data]") {
+  const test::TempDir folder;
+  EvDeblurContent content = test::tiny_content();
+  content.held_out = {false, true, false, false};
+  write_evdeblur(folder / "scene", content);
+  const Dataset data = load(folder / "scene");
+  REQUIRE(data.train.size() == 3);
+  REQUIRE(data.held_out.size() == 1);
+  CHECK(data.held_out[0].t_start_us == content.train[1].t_start_us);
+  CHECK(torch::allclose(data.held_out[0].blurry, content.train[1].blurry, 0, 1e-6));
+  CHECK(data.train[1].t_start_us == content.train[2].t_start_us);
+  // Its sharp view is one that training does not see any more.
+  CHECK(data.test[0].seen == false);
+}
+
+TEST_CASE("evdeblur: held-out names that are no exposure, or all of them, are refused", "[data]") {
+  const test::TempDir folder;
+  write_evdeblur(folder / "scene", test::tiny_content());
+  write_file(folder / "scene" / kHeldOutFile, "01\n77\n");
+  CHECK_THROWS_WITH(load(folder / "scene"), Catch::Contains("found '77'"));
+  write_file(folder / "scene" / kHeldOutFile, "00\n01\r\n02\n\n03\n");
+  CHECK_THROWS_WITH(load(folder / "scene"), Catch::Contains("holds out every exposure"));
 }
 
 }  // namespace

@@ -65,3 +65,26 @@ TEST_CASE("evaluation: views that training has seen have a mean of their own", "
   CHECK((unknown["mean_seen"].is_null() && unknown["mean_unseen"].is_null()));
   CHECK_THAT(eval::to_table(eval::evaluation_of(views)), !Catch::Contains("seen"));
 }
+
+TEST_CASE("evaluation: held-out exposures have a mean of their own, with and without sharp views",
+          "[eval]") {
+  const auto truth = torch::rand({3, 24, 30});
+  const std::vector<eval::ReblurScore> held{{"03", 30}, {"11", 33}};
+  const auto alone = eval::evaluation_of({}, held);
+  auto json = nlohmann::json::parse(eval::to_json(alone));
+  CHECK(json["held_out"][1]["name"] == "11");
+  CHECK(json["held_out"][1]["psnr_reblur"] == Approx(33));
+  CHECK(json["mean"]["psnr_reblur"] == Approx(31.5));
+  CHECK(json["mean"]["psnr"].is_null());
+  CHECK_THAT(eval::to_table(alone), Catch::Contains("31.500") && !Catch::Contains("ssim"));
+  const auto both = eval::evaluation_of({eval::score("a", truth, truth)}, held);
+  json = nlohmann::json::parse(eval::to_json(both));
+  CHECK(json["mean"]["psnr"] == Approx(100));
+  CHECK(json["mean"]["psnr_reblur"] == Approx(31.5));
+  CHECK(json["views"][0]["psnr_reblur"].is_null());
+  CHECK_THAT(eval::to_table(both), Catch::Contains("31.500") && Catch::Contains("100.000"));
+  json =
+      nlohmann::json::parse(eval::to_json(eval::evaluation_of({eval::score("a", truth, truth)})));
+  CHECK(json["mean"]["psnr_reblur"].is_null());
+  CHECK(json["held_out"].empty());
+}

@@ -4,6 +4,7 @@
 
 #include "support/catch.h"
 
+#include <nlohmann/json.hpp>
 #include <torch/types.h>
 
 #include "jade/core/atomic_file.h"
@@ -214,4 +215,25 @@ TEST_CASE(
   write_file(scene.run / "eval.json", "{}");
   CHECK_THROWS_WITH(run::load_run_dataset(scene.run, scene.options),
                     Catch::Contains("--resume writes it"));
+}
+
+TEST_CASE("learned cameras: a held-out exposure is scored and its path fitted as one body",
+          "[run]") {
+  LearnedRun scene;
+  write_file(scene.data / data::kHeldOutFile, "01\n");
+  run::Trainer(scene.options, scene.run, "").run();
+  const auto json = nlohmann::json::parse(read_file(scene.run / "eval.json"));
+  CHECK(json["held_out"].size() == 1);
+  CHECK(json["mean"]["psnr_reblur"] == json["held_out"][0]["psnr_reblur"]);
+  const data::Dataset learned = run::load_run_dataset(scene.run, scene.options);
+  const data::Dataset given = data::load_dataset(scene.options.dataset);
+  REQUIRE(learned.held_out.size() == 1);
+  const auto& a = learned.held_out[0].poses;
+  const auto& b = given.held_out[0].poses;
+  CHECK(a[4].translation != b[4].translation);
+  for (size_t k = 1; k < 9; ++k) {
+    const geometry::Pose moved = geometry::compose(a[k], geometry::inverse(a[0]));
+    const geometry::Pose before = geometry::compose(b[k], geometry::inverse(b[0]));
+    CHECK(geometry::rotation_angle(moved, before) < 1e-5);
+  }
 }

@@ -2,10 +2,13 @@
 #include "jade/data/dataset.h"
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <cstdlib>
+#include <sstream>
 #include <torch/types.h>
 
+#include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/data/colmap_scene.h"
 #include "jade/data/diet_gs.h"
@@ -31,6 +34,7 @@ void check_folder(const fs::path& folder) {
 std::vector<torch::Tensor*> frames_of(Dataset& data) {
   std::vector<torch::Tensor*> frames;
   for (Exposure& exposure : data.train) frames.push_back(&exposure.blurry);
+  for (Exposure& exposure : data.held_out) frames.push_back(&exposure.blurry);
   for (SharpView& view : data.test) frames.push_back(&view.image);
   return frames;
 }
@@ -49,6 +53,39 @@ void settle_color(FrameColor color, const Warnings& warnings, Dataset& data) {
   warnings.add(data.root.string(),
                ": the frames are gray, so the colour filter of the events (ev_map.npz or "
                "color_map.npy) is not used; dataset.color_events false leaves it unread");
+}
+
+/// The names of held_out.txt; none without it.
+std::vector<std::string> held_out_names(const fs::path& path) {
+  std::vector<std::string> names;
+  if (!fs::exists(path)) return names;
+  std::istringstream lines(read_file(path));
+  for (std::string line; std::getline(lines, line);) {
+    while (!line.empty() && std::isspace(static_cast<unsigned char>(line.back())) != 0) {
+      line.pop_back();
+    }
+    if (!line.empty()) names.push_back(line);
+  }
+  return names;
+}
+
+/// Moves the exposures that the folder names from training to held_out.
+void hold_out(Dataset& data) {
+  const fs::path path = data.root / kHeldOutFile;
+  for (const std::string& name : held_out_names(path)) {
+    const auto found = std::find_if(data.train.begin(), data.train.end(),
+                                    [&](const Exposure& e) { return e.name == name; });
+    if (found == data.train.end()) {
+      throw DataError(concat(path.string(), ": expected names of training exposures, found '", name,
+                             "'; correct or remove the line"));
+    }
+    data.held_out.push_back(std::move(*found));
+    data.train.erase(found);
+  }
+  if (!data.held_out.empty() && data.train.empty()) {
+    throw DataError(
+        concat(path.string(), ": holds out every exposure; leave at least one for training"));
+  }
 }
 
 /// Name of the folder, also of "scene/." and "scene/".
@@ -129,6 +166,7 @@ Dataset load_dataset(const DatasetOptions& options, std::vector<std::string>* wa
   if (kind == DatasetKind::kTransforms) data = load_transforms(options, sink);
   data.kind = kind;
   data.name = folder_name(options.path);
+  hold_out(data);
   settle_color(options.color, sink, data);
   for (SharpView& view : data.test) view.seen = is_seen(data, view);
   if (data.train.size() == 1) {

@@ -75,12 +75,16 @@ void describe(V& v, DatasetOptions& o) {
 /// (which may be null): events that are unsorted, outside the image or the recording, or not
 /// finite; exposures without events; poses that had to be interpolated or extended; one exposure; a
 /// colour filter of the events of gray frames, which is left out.
+/// Exposures that held_out.txt in the folder names go to Dataset::held_out.
 /// @throws DataError with the path and the fix for what cannot: files that are missing, truncated
 ///         or unreadable, counts and sizes that differ, missing poses of an exposure, times that
-///         do not overlap in any unit.
+///         do not overlap in any unit, held-out names that are no exposure, or are all of them.
 Dataset load_dataset(const DatasetOptions& options, std::vector<std::string>* warnings = nullptr);
 
 /// @throws DataError if the folder is missing or holds no layout that is known.
 DatasetKind recognise_dataset(const std::filesystem::path& folder);
+
+/// Where a folder names its held-out exposures: one frame per line, without extension.
+constexpr char kHeldOutFile[] = "held_out.txt";
 
 }  // namespace jade::data

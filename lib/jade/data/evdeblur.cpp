@@ -241,6 +241,25 @@ void set_bounds(const Sources& s, Dataset& data) {
                          " to ", data.far, "; expected 0 < near < far in the last two columns"));
 }
 
+/// What structure from motion left of the scene.
+void read_points(const fs::path& path, Dataset& data) {
+  if (!fs::exists(path)) return;
+  const io::Npz file(path);
+  const torch::Tensor points = file.read("points"), colors = file.read("colors");
+  const bool shaped = points.dim() == 2 && points.size(1) == 3 && points.sizes() == colors.sizes();
+  if (!shaped || !points.is_floating_point() || colors.scalar_type() != torch::kUInt8) {
+    throw DataError(concat(path.string(),
+                           ": expected points [P,3] of a floating type and colors [P,3] uint8, "
+                           "found other shapes or types; remove the file or write it again"));
+  }
+  if (!points.isfinite().all().item<bool>()) {
+    throw DataError(concat(path.string(), ": found points that are not finite; remove them"));
+  }
+  if (points.size(0) == 0) return;
+  data.points = points.to(torch::kFloat32);
+  data.point_colors = colors.to(torch::kFloat32) / 255;
+}
+
 }  // namespace
 
 bool is_evdeblur(const fs::path& folder) {
@@ -272,6 +291,7 @@ Dataset load_evdeblur(const DatasetOptions& options, const Warnings& warnings) {
             static_cast<int64_t>(data.trajectory.end_us())};
   }
   attach_events(options, span, keep, warnings, data);
+  read_points(options.path / "points.npz", data);
   const fs::path color_map = options.path / "ev_map.npz";
   if (options.color_events && fs::exists(color_map)) {
     const geometry::Intrinsics& camera = data.train.front().camera;

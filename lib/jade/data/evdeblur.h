@@ -5,6 +5,7 @@
 //   poses_bounds.npy         LLFF rows, one per frame
 //   all_poses_bounds.npy     optional: LLFF rows of a dense trajectory, with all_timestamps.npy
 //   events.h5                optional: x, y, t, p
+//   points.npz               optional: points [P,3] in world axes, colors [P,3] uint8
 //   ev_map.npz               optional: where raw pixels of a colour sensor land
 #pragma once
 

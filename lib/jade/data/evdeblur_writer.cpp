@@ -7,6 +7,7 @@
 #include "jade/core/atomic_file.h"
 #include "jade/core/check.h"
 #include "jade/data/bayer.h"
+#include "jade/data/dataset.h"
 #include "jade/data/llff.h"
 #include "jade/imaging/image_io.h"
 #include "jade/io/hdf5.h"
@@ -45,6 +46,14 @@ void check_content(const EvDeblurContent& content) {
   }
   JADE_CHECK(content.sharp_mid.empty() || content.sharp_mid.size() == content.train.size(),
              content.sharp_mid.size(), " sharp frames for ", content.train.size(), " exposures");
+  JADE_CHECK(content.held_out.empty() || content.held_out.size() == content.train.size(),
+             content.held_out.size(), " marks of held-out for ", content.train.size(),
+             " exposures");
+  if (content.points.defined()) {
+    const int64_t count = content.points.size(0);
+    check_shape(content.points, "points", {count, 3});
+    check_shape(content.point_colors, "point colours", {count, 3});
+  }
   JADE_CHECK(content.near > 0 && content.far > content.near, "depth bounds ", content.near, " to ",
              content.far);
 }
@@ -87,7 +96,18 @@ void write_times(const fs::path& path, const EvDeblurContent& content) {
                        {"end", torch::tensor(end.back(), torch::kInt64)}});
 }
 
-void write_events(const fs::path& path, const events::EventStream& events, int gzip_level) {
+/// The names under which the held-out exposures are written, where there are any.
+void write_held_out(const fs::path& path, const EvDeblurContent& content, size_t frames) {
+  std::string names;
+  for (size_t i = 0; i < content.held_out.size(); ++i) {
+    if (content.held_out[i]) names += frame_name(i, frames) + "\n";
+  }
+  if (!names.empty()) write_file(path, names);
+}
+
+}  // namespace
+
+void write_event_file(const fs::path& path, const events::EventStream& events, int gzip_level) {
   io::Hdf5Writer writer(path, gzip_level);
   const int64_t count = events.size();
   writer.append("x", events.x().cpu().contiguous().data_ptr<float>(), count);
@@ -96,8 +116,6 @@ void write_events(const fs::path& path, const events::EventStream& events, int g
   writer.append("p", events.polarity().cpu().contiguous().data_ptr<int8_t>(), count);
   writer.close();
 }
-
-}  // namespace
 
 void write_evdeblur(const fs::path& folder, const EvDeblurContent& content,
                     const EvDeblurWriteOptions& options) {
@@ -129,7 +147,12 @@ void write_evdeblur(const fs::path& folder, const EvDeblurContent& content,
   io::write_npy(folder / "poses_bounds.npy", llff_rows(llff_of(poses, content)));
   io::write_npy(folder / "all_poses_bounds.npy", llff_rows(llff_of(content.path, content)));
   io::write_npy(folder / "all_timestamps.npy", torch::tensor(content.path_t_us, torch::kInt64));
-  write_events(folder / "events.h5", content.events, options.gzip_level);
+  write_event_file(folder / "events.h5", content.events, options.gzip_level);
+  if (content.points.defined()) {
+    io::write_npz(folder / "points.npz", {{"points", content.points.to(torch::kFloat32)},
+                                          {"colors", content.point_colors}});
+  }
+  write_held_out(folder / kHeldOutFile, content, images.size());
   if (content.color_events) {
     const geometry::Intrinsics& camera = content.train.front().camera;
     write_event_color_map(folder / "ev_map.npz", camera.height, camera.width);

@@ -65,6 +65,9 @@ struct Dataset {
       false;  ///< R = G = B in every frame, blurry or sharp; channels then are bit-equal
   std::vector<Exposure> train;  ///< by time where there are times, else by name
   std::vector<SharpView> test;
+  /// Exposures that held_out.txt names: training never sees them, a render that is blurred along
+  /// their poses is scored against them.
+  std::vector<Exposure> held_out;
   events::EventStream events;       ///< the whole recording; empty for frames without events
   double near = 0, far = 0;         ///< depth bounds in world units, 0 < near < far
   torch::Tensor points;             ///< [P,3] float32 in world axes, or undefined

@@ -18,7 +18,9 @@ const std::vector<std::pair<const char*, const char*>>& definitions() {
        "mean of the PSNRs of the three channels, dB (the published tables' definition)"},
       {"ssim", "11x11 Gaussian window, sigma 1.5, zero padding, mean over pixels and channels"},
       {"lpips_alex01", "LPIPS v0.1, AlexNet, inputs in [0,1] (the published tables' definition)"},
-      {"lpips_vgg", "LPIPS v0.1, VGG16, inputs in [-1,1]"}};
+      {"lpips_vgg", "LPIPS v0.1, VGG16, inputs in [-1,1]"},
+      {"psnr_reblur",
+       "PSNR of held-out blurry frames against the mean of renders along their exposure, dB"}};
   return list;
 }
 
@@ -32,7 +34,26 @@ Json metrics_of(const Scores& scores) {
           {"psnr_channel_mean", scores.psnr_channel_mean},
           {"ssim", scores.ssim},
           {"lpips_alex01", or_null(scores.lpips_alex01)},
-          {"lpips_vgg", or_null(scores.lpips_vgg)}};
+          {"lpips_vgg", or_null(scores.lpips_vgg)},
+          {"psnr_reblur", or_null(scores.psnr_reblur)}};
+}
+
+/// The means over all views; without a sharp one only held-out exposures have a number.
+Json mean_of_all(const Evaluation& evaluation) {
+  Json mean = metrics_of(evaluation.mean);
+  if (!evaluation.views.empty()) return mean;
+  for (auto& [key, value] : mean.items()) {
+    if (key != "psnr_reblur") value = nullptr;
+  }
+  return mean;
+}
+
+Json held_out_list(const Evaluation& evaluation) {
+  Json list = Json::array();
+  for (const ReblurScore& score : evaluation.held_out) {
+    list.push_back({{"name", score.name}, {"psnr_reblur", score.psnr_reblur}});
+  }
+  return list;
 }
 
 Json mean_object(const std::optional<Scores>& mean) {
@@ -93,6 +114,21 @@ std::string row(const Scores& scores, size_t name_width) {
   return line + "\n";
 }
 
+/// The held-out exposures and their mean.
+std::string reblur_table(const Evaluation& evaluation) {
+  std::vector<ReblurScore> rows = evaluation.held_out;
+  rows.push_back({"mean", evaluation.mean.psnr_reblur.value_or(0)});
+  size_t width = 8;
+  for (const ReblurScore& score : rows) width = std::max(width, score.name.size());
+  std::string out = "held out" + std::string(width - 8, ' ') + "  psnr_reblur\n";
+  for (const ReblurScore& score : rows) {
+    char number[32];
+    std::snprintf(number, sizeof number, "  %11.3f\n", score.psnr_reblur);
+    out += score.name + std::string(width - score.name.size(), ' ') + number;
+  }
+  return out + "  psnr_reblur: " + definitions().back().second + "\n";
+}
+
 }  // namespace
 
 Scores score(const std::string& name, const torch::Tensor& image, const torch::Tensor& truth,
@@ -109,9 +145,15 @@ Scores score(const std::string& name, const torch::Tensor& image, const torch::T
   return scores;
 }
 
-Evaluation evaluation_of(std::vector<Scores> views) {
+Evaluation evaluation_of(std::vector<Scores> views, std::vector<ReblurScore> held_out) {
   Evaluation evaluation;
   evaluation.mean = mean_over("mean", views);
+  if (!held_out.empty()) {
+    double sum = 0;
+    for (const ReblurScore& score : held_out) sum += score.psnr_reblur;
+    evaluation.mean.psnr_reblur = sum / static_cast<double>(held_out.size());
+  }
+  evaluation.held_out = std::move(held_out);
   evaluation.mean_seen = mean_where(true, views);
   evaluation.mean_unseen = mean_where(false, views);
   evaluation.views = std::move(views);
@@ -128,7 +170,8 @@ std::string to_json(const Evaluation& evaluation) {
   Json meaning;
   for (const auto& [name, text] : definitions()) meaning[name] = text;
   return Json{{"views", views},
-              {"mean", metrics_of(evaluation.mean)},
+              {"held_out", held_out_list(evaluation)},
+              {"mean", mean_of_all(evaluation)},
               {"mean_seen", mean_object(evaluation.mean_seen)},
               {"mean_unseen", mean_object(evaluation.mean_unseen)},
               {"definitions", meaning}}
@@ -137,6 +180,7 @@ std::string to_json(const Evaluation& evaluation) {
 }
 
 std::string to_table(const Evaluation& evaluation) {
+  if (evaluation.views.empty() && !evaluation.held_out.empty()) return reblur_table(evaluation);
   std::vector<Scores> rows = evaluation.views;
   for (const auto& mean : {evaluation.mean_seen, evaluation.mean_unseen}) {
     if (mean) rows.push_back(*mean);
@@ -148,7 +192,8 @@ std::string to_table(const Evaluation& evaluation) {
                     "      psnr  psnr_channel     ssim  lpips_alex   lpips_vgg\n";
   for (const Scores& scores : rows) out += row(scores, width);
   for (const auto& [name, text] : definitions())
-    out += std::string("  ") + name + ": " + text + "\n";
+    if (std::string(name) != "psnr_reblur") out += std::string("  ") + name + ": " + text + "\n";
+  if (!evaluation.held_out.empty()) out += reblur_table(evaluation);
   if (!evaluation.mean.lpips_alex01 || !evaluation.mean.lpips_vgg)
     out += std::string("  ") + kLpipsAbsent;
   return out;

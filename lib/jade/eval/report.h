@@ -16,7 +16,16 @@ struct Scores {
   std::string name;
   double psnr = 0, psnr_channel_mean = 0, ssim = 0;
   std::optional<double> lpips_alex01, lpips_vgg;
-  std::optional<bool> seen;  ///< whether training sees the scene from there; absent: not known
+  std::optional<bool> seen =
+      std::nullopt;  ///< whether training sees the scene from there; absent: not known
+  /// Of the blurry frame of a held-out exposure against renders blurred along its path.
+  std::optional<double> psnr_reblur = std::nullopt;
+};
+
+/// One held-out exposure.
+struct ReblurScore {
+  std::string name;
+  double psnr_reblur = 0;
 };
 
 struct Evaluation {
@@ -24,18 +33,21 @@ struct Evaluation {
   Scores mean;  ///< over the views; name "mean"
   /// Over the views that training has seen, and over those that it has not; absent without any.
   std::optional<Scores> mean_seen, mean_unseen;
+  std::vector<ReblurScore> held_out;  ///< their mean is mean.psnr_reblur
 };
 
 /// PSNR both ways and SSIM of one view, and LPIPS where `lpips` has its networks (nullptr: none).
 Scores score(const std::string& name, const torch::Tensor& image, const torch::Tensor& truth,
              const Lpips* lpips = nullptr);
 
-/// Adds the means over the views.
-Evaluation evaluation_of(std::vector<Scores> views);
+/// Adds the means over the views and over the held-out exposures.
+Evaluation evaluation_of(std::vector<Scores> views, std::vector<ReblurScore> held_out = {});
 
-/// {"views": [{"name", "seen", "psnr", "psnr_channel_mean", "ssim", "lpips_alex01", "lpips_vgg"}],
-/// "mean": {"psnr", …}, "mean_seen": {…}, "mean_unseen": {…}, "definitions": {…}}; "seen" is true,
-/// false or null, the two means are null where there is no such view.
+/// {"views": [{"name", "seen", "psnr", "psnr_channel_mean", "ssim", "lpips_alex01", "lpips_vgg",
+/// "psnr_reblur"}], "held_out": [{"name", "psnr_reblur"}], "mean": {"psnr", …}, "mean_seen": {…},
+/// "mean_unseen": {…}, "definitions": {…}}; "seen" is true, false or null, the two means are null
+/// where there is no such view, mean.psnr_reblur where no exposure is held out, and the other
+/// metrics of mean where there is no sharp view.
 std::string to_json(const Evaluation& evaluation);
 
 /// A table for people, with the definition of every column below it.

@@ -33,6 +33,8 @@ constexpr CameraModel kModels[] = {{"SIMPLE_PINHOLE", 3},
 struct Points {
   std::vector<double> xyz;
   std::vector<uint8_t> rgb;
+  std::vector<double> errors;
+  std::vector<std::vector<int64_t>> images;
 };
 
 DataError damaged(const std::string& file, const std::string& what) {
@@ -136,9 +138,13 @@ Points binary_points(const std::string& bytes, const std::string& file) {
     cursor.skip(8);  // id
     for (int axis = 0; axis < 3; ++axis) points.xyz.push_back(cursor.take_finite());
     for (int channel = 0; channel < 3; ++channel) points.rgb.push_back(cursor.take<uint8_t>());
-    cursor.skip(8);                      // reprojection error
+    points.errors.push_back(cursor.take<double>());
     constexpr size_t kTrackElement = 8;  // image id, observation index
-    cursor.skip(cursor.take_count(kTrackElement) * kTrackElement);
+    points.images.emplace_back(cursor.take_count(kTrackElement));
+    for (int64_t& image : points.images.back()) {
+      image = cursor.take<int32_t>();
+      cursor.skip(4);
+    }
   }
   return points;
 }
@@ -219,6 +225,12 @@ Points text_points(const std::string& text, const std::string& file) {
     if (!row) throw lines.error("POINT3D_ID X Y Z R G B ERROR TRACK");
     for (const double value : xyz) points.xyz.push_back(value);
     for (const int value : rgb) points.rgb.push_back(static_cast<uint8_t>(value));
+    double error = 0;
+    points.errors.push_back(row >> error ? error : std::nan(""));
+    points.images.emplace_back();
+    for (int64_t image = 0, observation = 0; row >> image >> observation;) {
+      points.images.back().push_back(image);
+    }
   }
   return points;
 }
@@ -293,6 +305,8 @@ ColmapModel parse_colmap(const ColmapFiles& files) {
   }
   model.points = torch::tensor(points.xyz, torch::kFloat64).reshape({-1, 3});
   model.point_colors = torch::tensor(points.rgb, torch::kUInt8).reshape({-1, 3});
+  model.point_errors = torch::tensor(points.errors, torch::kFloat64);
+  model.point_images = std::move(points.images);
   return model;
 }
 

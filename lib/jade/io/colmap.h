@@ -31,6 +31,9 @@ struct ColmapModel {
   std::vector<ColmapImage> images;  ///< in file order
   torch::Tensor points;             ///< [P,3] float64, world axes
   torch::Tensor point_colors;       ///< [P,3] uint8 RGB
+  torch::Tensor point_errors;       ///< [P] float64, mean reprojection error, px; NaN: not said
+  /// Ids of the images in which each point was found, once per observation.
+  std::vector<std::vector<int64_t>> point_images;
 
   /// @throws DataError if an image names a camera that is not there.
   const ColmapCamera& camera(int64_t id) const;

@@ -6,10 +6,13 @@
 #include "jade/config/config.h"
 #include "jade/core/error.h"
 #include "jade/core/log.h"
+#include "jade/eval/metrics.h"
 #include "jade/gaussians/ply.h"
+#include "jade/losses/poses.h"
 #include "jade/run/checkpoint.h"
 #include "jade/run/learned_cameras.h"
 #include "jade/splat/render.h"
+#include "jade/train/exposure_span.h"
 #include "jade/train/view.h"
 
 namespace jade::run {
@@ -35,6 +38,35 @@ eval::Evaluation evaluate_views(const splat::Gaussians& gaussians,
     scores.back().seen = view.seen;
   }
   return eval::evaluation_of(std::move(scores));
+}
+
+std::vector<eval::ReblurScore> evaluate_held_out(const splat::Gaussians& gaussians,
+                                                 const std::vector<data::Exposure>& held_out,
+                                                 const geometry::ExposureOptions& exposure,
+                                                 const splat::RenderOptions& options) {
+  const torch::NoGradGuard no_grad;
+  const torch::Device device = gaussians.means.device();
+  const auto moments = geometry::quadrature(exposure.quadrature, exposure.samples);
+  const auto weights = torch::tensor(moments.weights, torch::kFloat64).to(device);
+  std::vector<eval::ReblurScore> scores;
+  for (const data::Exposure& each : held_out) {
+    const train::ExposureSpan span = train::span_of(each);
+    std::vector<geometry::Pose> poses;
+    for (const double u : moments.u) poses.push_back(span.at(u));
+    const auto renders =
+        splat::render(gaussians, train::camera_batch(poses, each.camera, device), options).color;
+    scores.push_back({each.name, eval::psnr(losses::weighted_mean(renders, weights).clamp(0, 1),
+                                            each.blurry.to(device))});
+  }
+  return scores;
+}
+
+eval::Evaluation evaluate_dataset(const splat::Gaussians& gaussians, const data::Dataset& dataset,
+                                  const eval::Lpips& lpips, const train::RunOptions& options) {
+  const splat::RenderOptions draw = train::render_options(options);
+  return eval::evaluation_of(
+      evaluate_views(gaussians, dataset.test, lpips, draw).views,
+      evaluate_held_out(gaussians, dataset.held_out, options.exposure, draw));
 }
 
 train::RunOptions load_run_options(const fs::path& run) {

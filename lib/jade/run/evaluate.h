@@ -22,6 +22,17 @@ eval::Evaluation evaluate_views(const splat::Gaussians& gaussians,
                                 const std::vector<data::SharpView>& views, const eval::Lpips& lpips,
                                 const splat::RenderOptions& options);
 
+/// Scores renders that are blurred along the paths of exposures that training has not seen: their
+/// mean over the moments of `exposure` against the blurry frame.
+std::vector<eval::ReblurScore> evaluate_held_out(const splat::Gaussians& gaussians,
+                                                 const std::vector<data::Exposure>& held_out,
+                                                 const geometry::ExposureOptions& exposure,
+                                                 const splat::RenderOptions& options);
+
+/// Both, over all that a data set has to judge by.
+eval::Evaluation evaluate_dataset(const splat::Gaussians& gaussians, const data::Dataset& dataset,
+                                  const eval::Lpips& lpips, const train::RunOptions& options);
+
 /// What config.yaml of a run directory says, but for `device`, which is auto: the run may have been
 /// made on another machine.
 /// @throws DataError where there is none, ConfigError naming the path.

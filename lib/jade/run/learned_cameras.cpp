@@ -9,8 +9,10 @@
 #include "jade/core/interrupt.h"
 #include "jade/data/cameras.h"
 #include "jade/geometry/alignment.h"
+#include "jade/geometry/quadrature.h"
 #include "jade/geometry/se3.h"
 #include "jade/imaging/ssim.h"
+#include "jade/losses/poses.h"
 #include "jade/train/module_adam.h"
 #include "jade/train/view.h"
 
@@ -20,27 +22,44 @@ namespace {
 /// Share of SSIM in the loss of the fit; the one of the published 3DGS.
 constexpr double kFitDssim = 0.2;
 
-/// The pose from which the scene looks most like the image, near the pose given.
-geometry::Pose fitted(const data::SharpView& view, const splat::Gaussians& gaussians, int64_t steps,
-                      const splat::RenderOptions& render) {
+/// A picture of the scene from a path: a sharp view from one pose, a blurry one from several.
+struct Sight {
+  torch::Tensor image;  ///< [3,H,W]
+  geometry::Intrinsics camera;
+  std::vector<geometry::Pose> path;
+  std::vector<double> weights;  ///< of each pose in the picture
+};
+
+/// The path, moved as a whole, from which the scene looks most like the image, near the one given.
+std::vector<geometry::Pose> fitted(const Sight& sight, const splat::Gaussians& gaussians,
+                                   int64_t steps, const splat::RenderOptions& render) {
   const torch::Device device = gaussians.means.device();
-  const torch::Tensor start = geometry::to_tensor(geometry::inverse(view.pose));
-  const imaging::SsimTarget target = imaging::ssim_target(view.image.to(device));
-  splat::CameraBatch camera = train::camera_batch({view.pose}, view.camera, device);
+  std::vector<torch::Tensor> start;
+  for (const geometry::Pose& pose : sight.path) {
+    start.push_back(geometry::to_tensor(geometry::inverse(pose)));
+  }
+  const torch::Tensor weights = torch::tensor(sight.weights, torch::kFloat64).to(device);
+  const imaging::SsimTarget target = imaging::ssim_target(sight.image.to(device));
+  splat::CameraBatch camera = train::camera_batch(sight.path, sight.camera, device);
   torch::Tensor twist = torch::zeros({6}, torch::kFloat64).requires_grad_();
   train::PoseOptions schedule;
   schedule.lr_max_steps = std::max<int64_t>(1, steps);
   train::ModuleAdam adam({twist}, schedule.lr);
-  geometry::Pose best = view.pose;
+  std::vector<geometry::Pose> best = sight.path;
   double least = std::numeric_limits<double>::infinity();
   for (int64_t step = 1; step <= steps && !interrupt_requested(); ++step) {
-    const torch::Tensor pose = geometry::se3_inverse(start.matmul(geometry::se3_exp(twist)));
-    camera.camera_from_world = pose.unsqueeze(0).to(device, torch::kFloat32);
+    std::vector<torch::Tensor> poses;
+    for (const torch::Tensor& each : start) {
+      poses.push_back(geometry::se3_inverse(each.matmul(geometry::se3_exp(twist))));
+    }
+    camera.camera_from_world = torch::stack(poses).to(device, torch::kFloat32);
+    const torch::Tensor renders = splat::render(gaussians, camera, render).color;
     const torch::Tensor loss =
-        imaging::l1_ssim(splat::render(gaussians, camera, render).color[0], target, kFitDssim);
+        imaging::l1_ssim(poses.size() == 1 ? renders[0] : losses::weighted_mean(renders, weights),
+                         target, kFitDssim);
     if (const double value = loss.item<double>(); value < least) {
       least = value;
-      best = geometry::pose_from_tensor(pose);
+      for (size_t k = 0; k < poses.size(); ++k) best[k] = geometry::pose_from_tensor(poses[k]);
     }
     adam.zero_grad();
     loss.backward();
@@ -49,12 +68,17 @@ geometry::Pose fitted(const data::SharpView& view, const splat::Gaussians& gauss
   return best;
 }
 
-/// The test views, then the nine poses of each exposure.
+/// The test views, then the nine poses of each exposure, then of each that is held out.
 std::vector<data::NamedCamera> all_cameras(const data::Dataset& dataset) {
   std::vector<data::NamedCamera> cameras;
   if (!dataset.test.empty()) cameras = data::dataset_cameras(dataset, data::CameraSet::kTest, "");
   for (data::NamedCamera& camera : data::dataset_cameras(dataset, data::CameraSet::kExposure, "")) {
     cameras.push_back(std::move(camera));
+  }
+  for (const data::Exposure& exposure : dataset.held_out) {
+    for (size_t k = 0; k < exposure.poses.size(); ++k) {
+      cameras.push_back({concat(exposure.name, "_", k), exposure.poses[k], exposure.camera});
+    }
   }
   return cameras;
 }
@@ -94,7 +118,16 @@ data::Dataset with_learned_poses(const data::Dataset& dataset, const train::Expo
   const geometry::Similarity drift = geometry::align_cameras(before, after);
   for (data::SharpView& view : learned.test) {
     view.pose = geometry::moved(view.pose, drift);
-    view.pose = fitted(view, gaussians, fit_steps, render);
+    view.pose =
+        fitted({view.image, view.camera, {view.pose}, {1.0}}, gaussians, fit_steps, render)[0];
+  }
+  for (data::Exposure& exposure : learned.held_out) {
+    for (geometry::Pose& pose : exposure.poses) pose = geometry::moved(pose, drift);
+    const std::vector<geometry::Pose> path{exposure.poses.begin(), exposure.poses.end()};
+    const auto moments = geometry::quadrature(geometry::QuadratureRule::kTrapezoid, path.size());
+    const auto found = fitted({exposure.blurry, exposure.camera, path, moments.weights}, gaussians,
+                              fit_steps, render);
+    std::copy(found.begin(), found.end(), exposure.poses.begin());
   }
   return learned;
 }
@@ -120,6 +153,9 @@ void read_learned_cameras(const std::filesystem::path& path, data::Dataset& data
   size_t next = 0;
   for (data::SharpView& view : dataset.test) view.pose = found[next++].camera_from_world;
   for (data::Exposure& exposure : dataset.train) {
+    for (geometry::Pose& pose : exposure.poses) pose = found[next++].camera_from_world;
+  }
+  for (data::Exposure& exposure : dataset.held_out) {
     for (geometry::Pose& pose : exposure.poses) pose = found[next++].camera_from_world;
   }
 }

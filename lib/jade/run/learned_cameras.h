@@ -21,8 +21,9 @@ torch::Tensor learned_path(const train::ExposurePoses& poses, int64_t index,
 /// views, which training does not see, are moved by the similarity between the data's middle poses
 /// and the learned ones, then fitted to their images with the scene held: `fit_steps` of Adam on a
 /// twist of the camera, step size 1e-3 falling to 1e-5, loss Eq. (8); the best pose on the way is
-/// taken. Methods that learn poses are scored this way (BAD-NeRF, BAD-Gaussians). A request to stop
-/// ends the fit early.
+/// taken. Methods that learn poses are scored this way (BAD-NeRF, BAD-Gaussians).
+/// Held-out exposures are moved and fitted alike, the nine poses of each as one body. A request to
+/// stop ends the fit early.
 /// @param gaussians  on the device to render on, without graph
 /// @param render     render_options() of the run
 /// @throws NumericError for learned poses that are not finite

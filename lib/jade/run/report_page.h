@@ -72,7 +72,7 @@ function table(parent, head, rows) {
   rows.forEach(r => { const line = make('tr', t); r.forEach(c => make('td', line, {textContent: typeof c === 'number' ? c.toFixed(Math.abs(c) > 2 ? 2 : 4) : c ?? '-'})); });
 }
 if (data.evaluation) {
-  const keys = ['psnr', 'psnr_channel_mean', 'ssim', 'lpips_alex01', 'lpips_vgg'];
+  const keys = ['psnr', 'psnr_channel_mean', 'ssim', 'lpips_alex01', 'lpips_vgg', 'psnr_reblur'];
   const e = data.evaluation, mark = v => typeof v.seen === 'boolean' ? (v.seen ? 'seen' : 'unseen') : '-';
   const means = [['mean of seen', e.mean_seen], ['mean of unseen', e.mean_unseen], ['mean', e.mean]].filter(m => m[1]);
   table(at('scores'), ['view', 'in training', ...keys], [...e.views.map(v => [v.name, mark(v), ...keys.map(k => v[k])]), ...means.map(([name, m]) => [name, '', ...keys.map(k => m[k])])]);

@@ -303,22 +303,31 @@ void Trainer::save() {
   }
 }
 
+bool Trainer::can_evaluate() const {
+  return !data_.dataset.test.empty() || !data_.dataset.held_out.empty();
+}
+
 eval::Evaluation Trainer::evaluate() { return evaluate(posed_dataset()); }
 
 eval::Evaluation Trainer::evaluate(const data::Dataset& posed) {
   const eval::Lpips lpips(device_);
-  return evaluate_views(state_.gaussians.detached(), posed.test, lpips,
-                        train::render_options(options_));
+  return evaluate_dataset(state_.gaussians.detached(), posed, lpips, options_);
 }
 
 void Trainer::log_evaluation(const data::Dataset& posed) {
   const eval::Evaluation evaluation = evaluate(posed);
   const eval::Scores& mean = evaluation.mean;
-  log_info(concat("step ", state_.step, ": test PSNR ", mean.psnr, " dB, SSIM ", mean.ssim));
-  nlohmann::ordered_json line{{"step", state_.step},
-                              {"test_psnr", mean.psnr},
-                              {"test_psnr_channel_mean", mean.psnr_channel_mean},
-                              {"test_ssim", mean.ssim}};
+  nlohmann::ordered_json line{{"step", state_.step}};
+  if (!evaluation.views.empty()) {
+    log_info(concat("step ", state_.step, ": test PSNR ", mean.psnr, " dB, SSIM ", mean.ssim));
+    line["test_psnr"] = mean.psnr;
+    line["test_psnr_channel_mean"] = mean.psnr_channel_mean;
+    line["test_ssim"] = mean.ssim;
+  }
+  if (mean.psnr_reblur) {
+    log_info(concat("step ", state_.step, ": held-out PSNR after reblur ", *mean.psnr_reblur));
+    line["test_psnr_reblur"] = *mean.psnr_reblur;
+  }
   if (mean.lpips_alex01) line["test_lpips_alex01"] = *mean.lpips_alex01;
   if (mean.lpips_vgg) line["test_lpips_vgg"] = *mean.lpips_vgg;
   const auto split = [&](const std::optional<eval::Scores>& part, const std::string& ending) {
@@ -373,10 +382,12 @@ void Trainer::finish() {
     write_learned_cameras(directory_.path() / kLearnedCamerasFile, posed);
   }
   write_pictures(posed);
-  if (!data_.dataset.test.empty()) {
+  if (can_evaluate()) {
     const eval::Evaluation evaluation = evaluate(posed);
     write_file(directory_.path() / "eval.json", eval::to_json(evaluation));
-    log_info("on the sharp test views:\n" + eval::to_table(evaluation));
+    log_info((data_.dataset.test.empty() ? "on the held-out exposures:\n"
+                                         : "on the sharp test views:\n") +
+             eval::to_table(evaluation));
   }
   if (state_.sensor) {
     const train::SensorEstimate sensor = state_.sensor->estimate();
@@ -402,8 +413,7 @@ void Trainer::run() {
     if (interrupt_requested()) stop();
     if (last) break;
     if (every(state_.step, options_.checkpoint.every)) save();
-    const bool evaluation_due =
-        every(state_.step, options_.train.evaluate_every) && !data_.dataset.test.empty();
+    const bool evaluation_due = every(state_.step, options_.train.evaluate_every) && can_evaluate();
     const bool pictures_due = every(state_.step, options_.train.picture_every);
     if (!evaluation_due && !pictures_due) continue;
     const data::Dataset posed = posed_dataset();

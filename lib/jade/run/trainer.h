@@ -56,6 +56,8 @@ class Trainer {
   int64_t replays() const { return step_graph_.replays(); }
   /// Scores on the sharp test views as they are now, LPIPS where its modules are at hand.
   eval::Evaluation evaluate();
+  /// Whether the data set has sharp test views or held-out exposures.
+  bool can_evaluate() const;
 
  private:
   eval::Evaluation evaluate(const data::Dataset& posed);

@@ -22,6 +22,8 @@ const std::vector<Column>& known_columns() {
       {"ssim", "SSIM", "11x11 Gaussian window, sigma 1.5, zero padding", 4, 1},
       {"lpips_alex01", "LPIPS", "v0.1, AlexNet, inputs in [0,1] (the published definition)", 4, -1},
       {"lpips_vgg", "LPIPS (VGG)", "v0.1, VGG16, inputs in [-1,1]", 4, -1},
+      {"psnr_reblur", "PSNR, reblurred",
+       "of held-out blurry frames against the mean of renders along their exposure, dB", 2, 1},
       {"musiq", "MUSIQ", "scripts/evaluate_perceptual.py", 2, 1},
       {"clipiqa", "CLIP-IQA", "scripts/evaluate_perceptual.py", 4, 1},
       {"alpha_mean", "mean α", "over all pixels and training views, at the end", 4, 0},

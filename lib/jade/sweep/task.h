@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "jade/core/child.h"
 #include "jade/core/error.h"
-#include "jade/sweep/child.h"
 #include "jade/sweep/output.h"
 
 namespace jade::sweep {

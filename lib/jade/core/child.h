@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-namespace jade::sweep {
+namespace jade {
 
 /// How a program ended.
 struct ChildExit {
@@ -41,4 +41,4 @@ class Child {
   pid_t pid_ = 0;
 };
 
-}  // namespace jade::sweep
+}  // namespace jade

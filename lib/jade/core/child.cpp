@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "jade/sweep/child.h"
+#include "jade/core/child.h"
 
 #include <cerrno>
 #include <csignal>
@@ -13,7 +13,7 @@
 
 #include "jade/core/error.h"
 
-namespace jade::sweep {
+namespace jade {
 namespace {
 
 /// Our environment with `extra` on top, as "name=value" lines.
@@ -90,4 +90,4 @@ void Child::interrupt() {
   if (pid_ > 0) kill(pid_, SIGTERM);
 }
 
-}  // namespace jade::sweep
+}  // namespace jade

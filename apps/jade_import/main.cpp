@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+// A recording of an event camera in, a data set with poses and its scene.yaml out.
+#include "common/cli.h"
+#include "jade/import/importer.h"
+
+using namespace jade;
+
+namespace {
+
+void add_flags(apps::Program& program, import::StageRange& range) {
+  program.add_config_flags();
+  program.add_key_flag("recording", "recording", "the recording, a file or a folder");
+  program.add_key_flag("--frames", "frames", "folder of frames, or a video");
+  program.add_key_flag("--calibration", "lens.calibration",
+                       "calibration of Kalibr, OpenCV, ROS or RPG (none: a pinhole, its focal "
+                       "length searched)");
+  program.add_key_flag("--frame-times", "time.frame_times", "list of exposures");
+  program.add_key_flag("--exposure-ms", "time.exposure_ms",
+                       "length of exposures that no file says");
+  program.add_key_flag("--offset-ms", "time.offset_ms",
+                       "how far the clock of the events is ahead of that of the frames");
+  program.add_key_flag("--plane-depth", "lens.plane_depth",
+                       "of two cameras: where events fall on the frames exactly");
+  program.add_key_flag("--test", "test.names", "frames that judge the scene, a YAML list: [a, b]");
+  program.add_key_flag("--threshold-positive", "events.threshold_positive",
+                       "log intensity of one positive event");
+  program.add_key_flag("--threshold-negative", "events.threshold_negative",
+                       "of one negative event; 0: like the positive one");
+  program.add_key_flag("--efnet", "efnet.path",
+                       "TorchScript file of the learned restorer (the one that ships)");
+  program.cli().add_option(
+      "--from", range.from,
+      "make this stage and those after it again: read, time, undistort, restore, poses, write");
+  program.cli().add_option("--until", range.until, "stop after this stage");
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  apps::Program program("jade_import",
+                        "Makes a data set with poses from a recording of an event camera");
+  import::StageRange range;
+  add_flags(program, range);
+  program.add_output_flag("folder of the data set; stages are kept in import/");
+  program.add_device_flag();
+  return program.run(argc, argv, [&] {
+    const auto options = program.load_options<import::ImportOptions>();
+    if (!options) return ExitCode::kOk;
+    if (program.output().empty()) {
+      throw ConfigError("--output: expected a folder for the data set, found nothing");
+    }
+    import::import_recording(*options, program.output(), range);
+    if (range.until.empty()) {
+      std::cout << "jade_train --config " << (program.output() / "scene.yaml").string()
+                << " --output DIR\n";
+    }
+    return ExitCode::kOk;
+  });
+}

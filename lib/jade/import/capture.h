@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the stages hand on: frames, events, and what is known of the camera and its sensor.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <torch/types.h>
+#include <vector>
+
+#include "jade/data/exposure.h"
+#include "jade/events/event_stream.h"
+#include "jade/geometry/camera.h"
+
+namespace jade::import {
+
+/// One frame of the camera.
+struct Shot {
+  std::string name;
+  torch::Tensor image;  ///< [3,H,W] RGB float32 in [0,1]
+  int64_t t_start_us = 0, t_end_us = 0;
+  double blur_px = 0;  ///< how far the scene moved during it, px; 0: not measured
+
+  int64_t duration_us() const { return t_end_us - t_start_us; }
+  int64_t t_mid_us() const { return t_start_us + duration_us() / 2; }
+};
+
+struct Capture {
+  std::string source, format;  ///< the file or folder, and what it is, in words
+  std::vector<Shot> shots;     ///< by time
+  events::EventStream events;  ///< on the pixels and the clock of the shots, once these are settled
+  events::ImageSize sensor;    ///< of the events, before they were undistorted
+  /// A pinhole, centred, without distortion; absent where no calibration was given.
+  std::optional<geometry::Intrinsics> camera;
+
+  int64_t width() const { return shots.front().image.size(2); }
+  int64_t height() const { return shots.front().image.size(1); }
+};
+
+/// The shots with a length as exposures with their events, without poses.
+std::vector<data::Exposure> exposures_of(const Capture& capture);
+data::Exposure exposure_of(const Shot& shot, const Capture& capture);
+
+/// Writes frames/NNNN.png (16 bit), events.h5 and capture.json into the folder, which is there.
+/// @throws DataError.
+void keep_capture(const std::filesystem::path& folder, const Capture& capture);
+
+/// What keep_capture wrote. @throws DataError naming the file.
+Capture load_capture(const std::filesystem::path& folder);
+
+}  // namespace jade::import

@@ -1,0 +1,161 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/import/colmap.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cstdlib>
+#include <fstream>
+#include <sstream>
+#include <thread>
+#include <unistd.h>
+
+#include "jade/core/atomic_file.h"
+#include "jade/core/child.h"
+#include "jade/core/error.h"
+#include "jade/core/interrupt.h"
+#include "jade/core/progress.h"
+#include "jade/io/colmap.h"
+
+namespace jade::import {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool is_program(const fs::path& path) {
+  return fs::is_regular_file(path) && access(path.c_str(), X_OK) == 0;
+}
+
+/// One call of COLMAP, and what tells how far it is.
+struct Step {
+  std::string title;
+  std::vector<std::string> command;
+  std::string mark;      ///< of its log, once for each unit of work
+  int64_t expected = 0;  ///< marks
+};
+
+int64_t count_marks(const fs::path& log, std::streamoff from, const std::string& mark) {
+  std::ifstream in(log);
+  in.seekg(from);
+  int64_t count = 0;
+  for (std::string line; std::getline(in, line);) {
+    if (line.find(mark) != std::string::npos) ++count;
+  }
+  return count;
+}
+
+/// The last line that says something.
+std::string last_line(const fs::path& log) {
+  std::istringstream in(read_file(log));
+  std::string last;
+  for (std::string line; std::getline(in, line);) {
+    if (line.find_first_not_of(" \t=") != std::string::npos) last = line;
+  }
+  return last;
+}
+
+/// Runs COLMAP to its end. @return whether it ended well
+bool run_step(const Step& step, const fs::path& log) {
+  const auto begin = fs::exists(log) ? static_cast<std::streamoff>(fs::file_size(log)) : 0;
+  // The window system is not needed, and often not there.
+  Child child(step.command, {{"QT_QPA_PLATFORM", "offscreen"}}, log);
+  Progress progress(step.title, std::max<int64_t>(1, step.expected));
+  for (int64_t shown = 0;;) {
+    if (const auto exit = child.poll()) return exit->code == 0;
+    throw_if_interrupted();
+    const int64_t now = std::min(step.expected, count_marks(log, begin, step.mark));
+    if (progress.step(now - shown)) progress.show();
+    shown = now;
+    std::this_thread::sleep_for(std::chrono::milliseconds(200));
+  }
+}
+
+void run_or_throw(const Step& step, const fs::path& log) {
+  if (run_step(step, log)) return;
+  throw DataError(
+      concat("COLMAP (", step.command[1], ") failed: ", last_line(log), "; see ", log.string()));
+}
+
+std::string numbers(const std::vector<double>& values) {
+  std::ostringstream out;
+  out.precision(12);
+  for (size_t i = 0; i < values.size(); ++i) out << (i == 0 ? "" : ",") << values[i];
+  return out.str();
+}
+
+void append(std::vector<std::string>& to, const std::vector<std::string>& more) {
+  to.insert(to.end(), more.begin(), more.end());
+}
+
+}  // namespace
+
+fs::path find_colmap(const fs::path& wanted) {
+  if (!wanted.empty()) {
+    if (is_program(wanted)) return wanted;
+    throw DataError(concat(wanted.string(),
+                           ": expected the program colmap, found none; correct "
+                           "poses.colmap or leave it empty"));
+  }
+  const char* path = std::getenv("PATH");
+  std::istringstream folders(path == nullptr ? "" : path);
+  for (std::string folder; std::getline(folders, folder, ':');) {
+    if (is_program(fs::path(folder) / "colmap")) return fs::path(folder) / "colmap";
+  }
+  throw DataError(
+      "COLMAP: expected the program colmap on the path, found none; install it with "
+      "scripts/setup.sh --import (Debian's package colmap)");
+}
+
+void match_features(const ColmapJob& job, const ColmapSettings& settings, const fs::path& folder) {
+  make_writable_folder(folder);
+  const std::string database = (folder / "database.db").string();
+  Step extract{
+      "features",
+      {job.program.string(), "feature_extractor", "--database_path", database, "--image_path",
+       job.images.string(), "--ImageReader.single_camera", "1", "--SiftExtraction.use_gpu", "0"},
+      "Processed file",
+      job.count};
+  if (job.camera) {
+    append(extract.command,
+           {"--ImageReader.camera_model", "PINHOLE", "--ImageReader.camera_params",
+            numbers({job.camera->fx, job.camera->fy, job.camera->cx, job.camera->cy})});
+  } else {
+    append(extract.command, {"--ImageReader.camera_model", "SIMPLE_PINHOLE"});
+  }
+  append(extract.command, settings.extraction);
+  run_or_throw(extract, folder / "colmap.log");
+  const int64_t blocks = (job.count + 49) / 50;
+  Step match{"matching",
+             {job.program.string(), job.sequential ? "sequential_matcher" : "exhaustive_matcher",
+              "--database_path", database, "--SiftMatching.use_gpu", "0"},
+             job.sequential ? "Matching image" : "Matching block",
+             job.sequential ? job.count : blocks * blocks};
+  if (job.sequential) {
+    append(match.command, {"--SequentialMatching.overlap", "20"});
+  }
+  append(match.command, settings.matching);
+  run_or_throw(match, folder / "colmap.log");
+}
+
+std::vector<fs::path> reconstruct(const ColmapJob& job, const ColmapSettings& settings,
+                                  const fs::path& folder) {
+  const fs::path models = folder / settings.name;
+  make_writable_folder(models);
+  Step map{"poses",
+           {job.program.string(), "mapper", "--database_path", (folder / "database.db").string(),
+            "--image_path", job.images.string(), "--output_path", models.string(),
+            "--Mapper.ba_refine_principal_point", "0", "--Mapper.ba_refine_extra_params", "0",
+            "--Mapper.ba_refine_focal_length", job.camera ? "0" : "1"},
+           "Registering image",
+           job.count};
+  append(map.command, settings.mapping);
+  // Its exit code says little: a search without result ends well in some versions only.
+  run_step(map, folder / "colmap.log");
+  std::vector<fs::path> found;
+  for (const auto& entry : fs::directory_iterator(models)) {
+    if (entry.is_directory() && io::is_colmap_model(entry.path())) found.push_back(entry.path());
+  }
+  std::sort(found.begin(), found.end());
+  return found;
+}
+
+}  // namespace jade::import

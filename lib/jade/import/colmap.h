@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+// COLMAP as a process.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "jade/geometry/camera.h"
+
+namespace jade::import {
+
+/// The program that the options mean: theirs, else colmap of the path.
+/// @throws DataError with the command that installs it.
+std::filesystem::path find_colmap(const std::filesystem::path& wanted);
+
+/// What all attempts at one set of images share.
+struct ColmapJob {
+  std::filesystem::path program;
+  std::filesystem::path images;  ///< folder
+  int64_t count = 0;             ///< of the images in it
+  /// Of all images, at their size, and held; absent: the focal length is searched, the principal
+  /// point is the middle.
+  std::optional<geometry::Intrinsics> camera;
+  bool sequential = false;  ///< compare neighbours in name instead of all pairs
+};
+
+/// Flags beside ours, as COLMAP spells them.
+struct ColmapSettings {
+  std::string name;  ///< of the attempt and its folder
+  std::vector<std::string> extraction, matching, mapping;
+};
+
+/// Finds and compares features. Writes FOLDER/database.db and FOLDER/colmap.log. Shows progress.
+/// @throws DataError with COLMAP's last words where it fails, Interrupted.
+void match_features(const ColmapJob& job, const ColmapSettings& settings,
+                    const std::filesystem::path& folder);
+
+/// Reconstructs from FOLDER/database.db into FOLDER/NAME.
+/// @return the folders of the models that came out, none where no pair of images began one
+std::vector<std::filesystem::path> reconstruct(const ColmapJob& job, const ColmapSettings& settings,
+                                               const std::filesystem::path& folder);
+
+}  // namespace jade::import

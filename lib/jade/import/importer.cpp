@@ -1,0 +1,269 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/import/importer.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <torch/types.h>
+
+#include "jade/config/config.h"
+#include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
+#include "jade/core/log.h"
+#include "jade/import/capture.h"
+#include "jade/import/colmap.h"
+#include "jade/import/latents.h"
+#include "jade/import/scene_files.h"
+#include "jade/import/structure_from_motion.h"
+#include "jade/import/undistortion.h"
+#include "jade/recording/recording.h"
+
+namespace jade::import {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Three views of a scene say little of it, and structure from motion cannot check itself.
+constexpr size_t kFewestFrames = 4;
+
+/// Names, sizes and times of change: hashing a recording of 10 GB would take a minute.
+std::string fingerprint(const fs::path& path) {
+  const auto line = [](const fs::path& file) {
+    const auto changed = fs::last_write_time(file).time_since_epoch();
+    return concat(file.string(), ' ', fs::file_size(file), ' ',
+                  std::chrono::duration_cast<std::chrono::microseconds>(changed).count(), '\n');
+  };
+  if (fs::is_regular_file(path)) return line(path);
+  if (!fs::is_directory(path)) return {};
+  std::vector<std::string> lines;
+  for (const auto& entry : fs::recursive_directory_iterator(path)) {
+    if (entry.is_regular_file()) lines.push_back(line(entry.path()));
+  }
+  std::sort(lines.begin(), lines.end());
+  std::string all;
+  for (const std::string& each : lines) all += each;
+  return all;
+}
+
+/// The values of an options struct, a line each.
+template <class Options>
+std::string text_of(Options options) {
+  std::string text;
+  for (const auto& [key, value] : config::values(fields_of(options)))
+    text += key + "=" + value + "\n";
+  return text;
+}
+
+/// Events while the shutter was open.
+int64_t events_in_exposures(const Capture& capture) {
+  int64_t count = 0;
+  for (const Shot& shot : capture.shots) {
+    count += capture.events.slice(shot.t_start_us, shot.t_end_us).size();
+  }
+  return count;
+}
+
+void check_capture(const Capture& capture) {
+  const std::string& source = capture.source;
+  if (capture.events.empty()) {
+    throw DataError(concat(source, ": holds no events; expected a recording of an event camera"));
+  }
+  if (capture.shots.size() < kFewestFrames) {
+    throw DataError(concat(source, ": expected at least ", kFewestFrames,
+                           " frames from different places, found ", capture.shots.size(),
+                           "; record longer, or give more with --frames DIR"));
+  }
+  const bool timed = std::any_of(capture.shots.begin(), capture.shots.end(),
+                                 [](const Shot& shot) { return shot.duration_us() > 0; });
+  if (!timed) {
+    throw DataError(concat(source,
+                           ": expected exposures with a length, found frames with one time each; "
+                           "give --exposure-ms or a list with --frame-times"));
+  }
+}
+
+void check_clocks(const Capture& capture) {
+  if (events_in_exposures(capture) == 0) {
+    throw DataError(concat(capture.source, ": no event lies in an exposure: frames from ",
+                           capture.shots.front().t_start_us, " to ", capture.shots.back().t_end_us,
+                           " us, events from ", capture.events.first_us(), " to ",
+                           capture.events.last_us(),
+                           " us; the two clocks do not overlap, give the offset between them with "
+                           "--offset-ms"));
+  }
+}
+
+/// A calibration that came with the recording is kept beside it.
+void keep_calibration(const fs::path& folder, const recording::Recording& recording) {
+  if (!recording.calibration) return;
+  make_writable_folder(folder / "calibration");
+  write_file(folder / "calibration" / recording.calibration->name, recording.calibration->text);
+}
+
+/// The file that keep_calibration wrote; empty where there was none.
+fs::path kept_calibration(const fs::path& folder) {
+  if (!fs::is_directory(folder / "calibration")) return {};
+  for (const auto& entry : fs::directory_iterator(folder / "calibration")) return entry.path();
+  return {};
+}
+
+/// Events on the clock of the frames.
+void set_clock(double ahead_ms, Capture& capture) {
+  const auto ahead_us = std::llround(1000 * ahead_ms);
+  if (ahead_us == 0) return;
+  const events::EventStream& e = capture.events;
+  capture.events = events::EventStream(e.x(), e.y(), e.t_us() - ahead_us, e.polarity());
+}
+
+Capture read_capture(const ImportOptions& options, const fs::path& folder) {
+  recording::ReadOptions how;
+  how.frames = options.frames;
+  how.frame_times = options.time.frame_times;
+  how.exposure_ms = options.time.exposure_ms;
+  recording::Recording recording = recording::read_recording(options.recording, how);
+  for (const std::string& note : recording.notes) log_info("            " + note);
+  Capture capture;
+  keep_calibration(folder, recording);
+  capture.source = recording.source.string();
+  capture.format = recording.format;
+  if (recording.frames.empty()) {
+    throw DataError(concat(capture.source,
+                           ": holds no frames; give a folder of them with --frames "
+                           "DIR, each named after a line of its times"));
+  }
+  for (recording::Frame& frame : recording.frames) {
+    capture.shots.push_back({frame.name, frame.image, frame.t_start_us, frame.t_end_us, 0});
+  }
+  std::stable_sort(capture.shots.begin(), capture.shots.end(),
+                   [](const Shot& a, const Shot& b) { return a.t_start_us < b.t_start_us; });
+  capture.events = recording.events;
+  capture.sensor = {recording.height, recording.width};
+  if (capture.sensor.height == 0) capture.sensor = {capture.height(), capture.width()};
+  check_capture(capture);
+  return capture;
+}
+
+/// What the stages have found so far.
+struct Progressed {
+  Capture capture;
+  fs::path calibration;  ///< that came with the recording
+  fs::path latent_folder;
+  std::vector<LatentImage> latents;
+  Reconstruction found;
+};
+
+std::string said_of(const Capture& capture) {
+  return concat(capture.format, ", ", capture.shots.size(), " frames of ", capture.width(), "x",
+                capture.height(), ", ", capture.events.size(), " events");
+}
+
+std::string said_of(const SearchResult& result) {
+  const Attempt& a = result.attempts[result.chosen];
+  return concat(a.registered, " of ", a.images, " images, ", a.points, " points, error ",
+                a.error_px, " px, ", std::lround(100 * a.explained_blur),
+                " % of the blur explained, focal length ", result.best.camera.fx, " px, attempt ",
+                a.name);
+}
+
+Stage read_stage(const ImportOptions& options, Progressed& so_far) {
+  return {"read",
+          concat(fingerprint(options.recording), fingerprint(options.frames),
+                 fingerprint(options.time.frame_times), options.time.exposure_ms),
+          [&](const fs::path& folder) {
+            const Capture capture = read_capture(options, folder);
+            keep_capture(folder, capture);
+            return said_of(capture);
+          },
+          [&](const fs::path& folder) {
+            so_far.capture = load_capture(folder);
+            so_far.calibration = kept_calibration(folder);
+          }};
+}
+
+/// Puts events on the clock of the frames; what is kept is the offset alone.
+Stage time_stage(const ImportOptions& options, Progressed& so_far) {
+  return {"time", concat(options.time.offset_ms),
+          [&](const fs::path&) {
+            Capture moved = so_far.capture;
+            set_clock(options.time.offset_ms, moved);
+            check_clocks(moved);
+            return concat("events ahead by ", options.time.offset_ms, " ms, ",
+                          events_in_exposures(moved), " of ", moved.events.size(),
+                          " within exposures");
+          },
+          [&](const fs::path&) { set_clock(options.time.offset_ms, so_far.capture); }};
+}
+
+/// Frames and events on a centred pinhole; as they are where there is no calibration, and then
+/// nothing is kept twice.
+Stage undistort_stage(const ImportOptions& options, Progressed& so_far) {
+  return {"undistort", text_of(options.lens) + fingerprint(options.lens.calibration),
+          [&](const fs::path& folder) -> std::string {
+            LensOptions lens = options.lens;
+            if (lens.calibration.empty()) lens.calibration = so_far.calibration;
+            if (lens.calibration.empty()) return "no calibration given";
+            Capture capture = so_far.capture;
+            const std::string said = undistort(lens, capture);
+            keep_capture(folder, capture);
+            return said;
+          },
+          [&](const fs::path& folder) {
+            if (fs::exists(folder / "capture.json")) so_far.capture = load_capture(folder);
+          }};
+}
+
+Stage restore_stage(const ImportOptions& options, Progressed& so_far) {
+  return {
+      "restore",
+      concat(text_of(options.events), text_of(options.latents),
+             options.latents.kind == LatentKind::kEdi ? ""
+                                                      : restore::checked_file_sha256(options.efnet),
+             " ", options.test.sharp_px),
+      [&](const fs::path& folder) {
+        return concat(write_latents(folder, so_far.capture, options).size(), " sharp images");
+      },
+      [&](const fs::path& folder) {
+        so_far.latent_folder = folder;
+        so_far.latents = load_latents(folder);
+      }};
+}
+
+Stage poses_stage(const ImportOptions& options, Progressed& so_far) {
+  return {"poses", text_of(options.poses),
+          [&](const fs::path& folder) {
+            const SearchResult result = find_poses(so_far.latent_folder, so_far.latents,
+                                                   so_far.capture, options, folder / "colmap");
+            keep_reconstruction(folder, result);
+            return said_of(result);
+          },
+          [&](const fs::path& folder) { so_far.found = load_reconstruction(folder); }};
+}
+
+Stage write_stage(const ImportOptions& options, const fs::path& output, Progressed& so_far) {
+  return {"write", text_of(options.test),
+          [&, output](const fs::path&) {
+            // The data set is not written in one go: until it is, none is there.
+            fs::remove_all(output / "import" / "write");
+            return write_scene(output, so_far.capture, so_far.found, options);
+          },
+          [](const fs::path&) {}};
+}
+
+}  // namespace
+
+void import_recording(const ImportOptions& options, const fs::path& output,
+                      const StageRange& range) {
+  if (!fs::exists(options.recording)) {
+    throw DataError(concat(options.recording.string(), ": no such file or folder"));
+  }
+  find_colmap(options.poses.colmap);  // told before minutes of work
+  Progressed so_far;
+  const std::vector<Stage> stages{
+      read_stage(options, so_far),      time_stage(options, so_far),
+      undistort_stage(options, so_far), restore_stage(options, so_far),
+      poses_stage(options, so_far),     write_stage(options, output, so_far)};
+  make_writable_folder(output);
+  run_stages(output / "import", stages, range);
+}
+
+}  // namespace jade::import

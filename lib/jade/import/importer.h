@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+// A recording in, a data set with poses out.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "jade/import/options.h"
+#include "jade/import/stages.h"
+
+namespace jade::import {
+
+/// Runs the stages read, time, undistort, restore, poses and write, each in its folder of
+/// OUTPUT/import, and puts the data set into OUTPUT. Shows progress.
+/// @throws DataError for what cannot be read, ordered or posed; ConfigError; Interrupted.
+void import_recording(const ImportOptions& options, const std::filesystem::path& output,
+                      const StageRange& range);
+
+}  // namespace jade::import

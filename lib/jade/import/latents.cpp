@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/import/latents.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <torch/types.h>
+
+#include "jade/core/atomic_file.h"
+#include "jade/core/device.h"
+#include "jade/core/error.h"
+#include "jade/core/interrupt.h"
+#include "jade/core/progress.h"
+#include "jade/imaging/color.h"
+#include "jade/imaging/image_io.h"
+#include "jade/restore/restored_exposure.h"
+
+namespace jade::import {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+/// Pixel centres keep their place in the field of view.
+torch::Tensor enlarged(const torch::Tensor& image, int64_t factor) {
+  if (factor == 1) return image;
+  return at::upsample_bicubic2d(image.unsqueeze(0),
+                                {factor * image.size(1), factor * image.size(2)},
+                                /*align_corners=*/false)[0];
+}
+
+std::string image_file(size_t shot, size_t moment) {
+  const std::string number = std::to_string(shot);
+  return concat(std::string(number.size() < 5 ? 5 - number.size() : 0, '0'), number, "_",
+                4 * moment, ".png");
+}
+
+bool is_monochrome(const Capture& capture) {
+  return std::all_of(capture.shots.begin(), capture.shots.end(),
+                     [](const Shot& shot) { return imaging::is_gray(shot.image); });
+}
+
+}  // namespace
+
+bool is_sharp(const Shot& shot, double sharp_px) {
+  return shot.duration_us() == 0 || (shot.blur_px > 0 && shot.blur_px < sharp_px);
+}
+
+torch::Tensor latents_of(const Shot& shot, const Capture& capture, const ImportOptions& options,
+                         restore::ViewRestorer& restorer) {
+  const restore::RestoreOptions how{
+      options.events, {geometry::QuadratureRule::kTrapezoid, 9}, 0, std::nullopt};
+  const restore::RestoredExposure restored =
+      restore::restore_exposure(exposure_of(shot, capture), capture.events, how, restorer);
+  const torch::Tensor u = torch::tensor({0.0, 0.5, 1.0}, torch::kFloat64);
+  const torch::Tensor gain =
+      imaging::edi_gain(restored.kernel.log_gain, u.to(restored.kernel.log_gain.device()))
+          .unsqueeze(1);
+  torch::Tensor latents = restored.blurry * gain;
+  if (options.latents.kind == LatentKind::kEdi) return latents.cpu();
+  const torch::Tensor mean = 0.5 * (restored.restorations.edi + restored.restorations.efnet);
+  if (options.latents.kind == LatentKind::kMean) return (mean * (gain / gain[1])).cpu();
+  latents[1] = mean;
+  return latents.cpu();
+}
+
+std::vector<LatentImage> write_latents(const fs::path& folder, const Capture& capture,
+                                       const ImportOptions& options) {
+  make_writable_folder(folder / "images");
+  const bool needs_network = options.latents.kind != LatentKind::kEdi;
+  restore::ViewRestorer restorer(options.cache,
+                                 needs_network ? std::optional(options.efnet) : std::nullopt,
+                                 select_device(options.device), is_monochrome(capture));
+  std::vector<LatentImage> images;
+  Progress progress("restoring", static_cast<int64_t>(capture.shots.size()), 0, "frames");
+  const auto write = [&](size_t shot, size_t moment, const torch::Tensor& image, int64_t t_us) {
+    images.push_back({image_file(shot, moment), static_cast<int64_t>(shot), t_us});
+    imaging::write_image(folder / "images" / images.back().file,
+                         enlarged(image, options.latents.upscale));
+  };
+  for (size_t i = 0; i < capture.shots.size(); ++i) {
+    throw_if_interrupted();
+    const Shot& shot = capture.shots[i];
+    if (is_sharp(shot, options.test.sharp_px)) {
+      write(i, 1, shot.image, shot.t_mid_us());
+    } else {
+      const torch::Tensor latents = latents_of(shot, capture, options, restorer);
+      for (size_t k = 0; k < std::size(kLatentMoments); ++k) {
+        write(
+            i, k, latents[static_cast<int64_t>(k)],
+            shot.t_start_us + static_cast<int64_t>(kLatentMoments[k] * double(shot.duration_us())));
+      }
+    }
+    if (progress.step()) progress.show(shot.name);
+  }
+  Json list = Json::array();
+  for (const LatentImage& image : images) {
+    list.push_back({{"file", image.file}, {"shot", image.shot}, {"t_us", image.t_us}});
+  }
+  write_file(folder / "images.json", list.dump(1) + "\n");
+  return images;
+}
+
+std::vector<LatentImage> load_latents(const fs::path& folder) {
+  std::vector<LatentImage> images;
+  try {
+    for (const Json& image : Json::parse(read_file(folder / "images.json"))) {
+      images.push_back({image.at("file"), image.at("shot"), image.at("t_us")});
+    }
+  } catch (const Json::exception& error) {
+    throw DataError(concat((folder / "images.json").string(),
+                           ": expected what this program wrote, found ", error.what(),
+                           "; import again with --from restore"));
+  }
+  return images;
+}
+
+}  // namespace jade::import

@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/import/motion_check.h"
+
+#include <algorithm>
+#include <cmath>
+#include <torch/types.h>
+
+#include "jade/core/check.h"
+#include "jade/imaging/color.h"
+
+namespace jade::import {
+namespace {
+
+constexpr int64_t kReach = 6;  // px, of a patch to each side
+constexpr int64_t kMostPoints = 500;
+
+torch::Tensor windowed_spectrum(const torch::Tensor& image) {
+  const torch::Tensor gray = imaging::gray(image)[0].to(torch::kFloat32);
+  const torch::Tensor rows = torch::hann_window(gray.size(0)).unsqueeze(1),
+                      columns = torch::hann_window(gray.size(1)).unsqueeze(0);
+  return at::fft_fft2((gray - gray.mean()) * rows * columns);
+}
+
+double signed_place(int64_t place, int64_t size) {
+  return static_cast<double>(place > size / 2 ? place - size : place);
+}
+
+/// Where the image shows the point, px.
+std::array<double, 2> seen_at(const PosedExposure& e, size_t pose, const geometry::Vector3& point) {
+  return geometry::project(e.camera, geometry::transform(e.poses[pose], point));
+}
+
+/// Points well inside the image from all poses, as places [P,K,2] in px.
+torch::Tensor tracks_of(const PosedExposure& e) {
+  std::vector<double> places;
+  const auto width = double(e.camera.width), height = double(e.camera.height);
+  int64_t count = 0;
+  for (const geometry::Vector3& point : e.points) {
+    std::vector<double> track;
+    for (size_t k = 0; k < e.poses.size(); ++k) {
+      if (geometry::transform(e.poses[k], point)[2] <= 0) break;
+      const auto at = seen_at(e, k, point);
+      if (at[0] < kReach || at[1] < kReach || at[0] > width - kReach || at[1] > height - kReach) {
+        break;
+      }
+      track.insert(track.end(), at.begin(), at.end());
+    }
+    if (track.size() != 2 * e.poses.size() || count == kMostPoints) continue;
+    places.insert(places.end(), track.begin(), track.end());
+    ++count;
+  }
+  return torch::tensor(places, torch::kFloat64)
+      .reshape({count, static_cast<int64_t>(e.poses.size()), 2});
+}
+
+/// Bilinear samples [3,P,N] at places [P,N,2] in px.
+torch::Tensor sampled(const torch::Tensor& image, const torch::Tensor& places) {
+  const auto size = torch::tensor({double(image.size(2)), double(image.size(1))}, torch::kFloat64);
+  const torch::Tensor grid = (2 * places / size - 1).to(torch::kFloat32).unsqueeze(0);
+  return at::grid_sampler_2d(image.to(torch::kFloat32).unsqueeze(0), grid, 0, 1,
+                             /*align_corners=*/false)[0];
+}
+
+/// The patches around `base` [P,N,2] of an image that went these ways [P,K,2], ends at half weight.
+torch::Tensor blurred(const torch::Tensor& sharp, const torch::Tensor& base,
+                      const torch::Tensor& ways) {
+  torch::Tensor sum = torch::zeros({3, base.size(0), base.size(1)});
+  const int64_t count = ways.size(1);
+  for (int64_t k = 0; k < count; ++k) {
+    const double weight = (k == 0 || k == count - 1 ? 0.5 : 1.0) / double(count - 1);
+    sum += weight * sampled(sharp, base - ways.select(1, k).unsqueeze(1));
+  }
+  return sum;
+}
+
+torch::Tensor patch_offsets() {
+  const torch::Tensor steps = torch::arange(-kReach, kReach + 1, torch::kFloat64);
+  const auto mesh = torch::meshgrid({steps, steps}, "ij");
+  return torch::stack({mesh[1].reshape({-1}), mesh[0].reshape({-1})}, 1);
+}
+
+}  // namespace
+
+double largest_shift_px(const std::vector<torch::Tensor>& images) {
+  JADE_CHECK(!images.empty(), "expected images, found none");
+  const torch::Tensor first = windowed_spectrum(images.front());
+  double largest = 0;
+  for (const torch::Tensor& image : images) {
+    const torch::Tensor cross = windowed_spectrum(image) * first.conj();
+    const torch::Tensor peak = torch::real(at::fft_ifft2(cross / (cross.abs() + 1e-9)));
+    const int64_t place = peak.argmax().item<int64_t>(), width = peak.size(1);
+    largest = std::max(largest, std::hypot(signed_place(place / width, peak.size(0)),
+                                           signed_place(place % width, width)));
+  }
+  return largest;
+}
+
+double explained_blur(const std::vector<PosedExposure>& exposures) {
+  const torch::Tensor offsets = patch_offsets();
+  double left = 0, still = 0, turned = 0;
+  for (const PosedExposure& e : exposures) {
+    const torch::Tensor tracks = tracks_of(e);
+    if (tracks.size(0) == 0) continue;
+    const torch::Tensor middle = tracks.select(1, tracks.size(1) / 2).unsqueeze(1);
+    const torch::Tensor ways = tracks - middle;
+    const torch::Tensor across = torch::stack({-ways.select(2, 1), ways.select(2, 0)}, 2);
+    const torch::Tensor base = middle + offsets, blurry = sampled(e.blurry, base);
+    const auto error = [&](const torch::Tensor& sum) {
+      return (blurry - sum).square().sum().item<double>();
+    };
+    left += error(blurred(e.sharp, base, ways));
+    turned += error(blurred(e.sharp, base, across));
+    still += error(sampled(e.sharp, base));
+  }
+  const double rival = std::min(still, turned);
+  return rival > 0 ? 1 - left / rival : 0;
+}
+
+}  // namespace jade::import

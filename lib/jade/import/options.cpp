@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/import/options.h"
+
+#include "jade/core/error.h"
+
+namespace jade::import {
+
+void validate(const ImportOptions& options) {
+  if (options.recording.empty()) {
+    throw ConfigError("expected a recording, a file or a folder, found none; name it first");
+  }
+  if (options.test.every == 1) {
+    throw ConfigError(
+        "test.every: expected 0 or at least 2, found 1, which holds out every exposure");
+  }
+}
+
+}  // namespace jade::import

@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: Apache-2.0
+// Everything that an import's YAML and flags can say.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "jade/core/fields.h"
+#include "jade/core/words.h"
+#include "jade/events/thresholds.h"
+#include "jade/geometry/rectification.h"
+#include "jade/restore/efnet.h"
+#include "jade/restore/restoration_cache.h"
+
+namespace jade::import {
+
+/// When frames were exposed, where the recording does not say it.
+struct TimeOptions {
+  std::filesystem::path frame_times;
+  double exposure_ms = 0;
+  double offset_ms = 0;
+};
+
+template <class V>
+void describe(V& v, TimeOptions& o) {
+  v.field("frame_times", o.frame_times,
+          "list of exposures, name,start_us,end_us; empty: what the recording says");
+  v.field("exposure_ms", o.exposure_ms, "of frames whose own length is not known; 0: not known",
+          Range{0, 1e5});
+  v.field("offset_ms", o.offset_ms,
+          "how far the clock of the events is ahead of that of the frames", Range{-1e9, 1e9});
+}
+
+/// The lens, and a second camera.
+struct LensOptions {
+  std::filesystem::path calibration;
+  geometry::RectifiedField field = geometry::RectifiedField::kFilled;
+  double plane_depth = 0, near = 0, far = 0;
+};
+
+template <class V>
+void describe(V& v, LensOptions& o) {
+  v.field("calibration", o.calibration,
+          "file of Kalibr, OpenCV, ROS or RPG; empty: a pinhole whose focal length is searched");
+  v.field("field", o.field, "what the undistorted images show");
+  v.field("plane_depth", o.plane_depth,
+          "depth at which the events of a second camera fall on the frames exactly, in the unit of "
+          "the calibration",
+          Range{0, 1e6});
+  v.field("near", o.near, "nearest depth of the scene, same unit; 0: not known", Range{0, 1e6});
+  v.field("far", o.far, "farthest", Range{0, 1e6});
+}
+
+/// What structure from motion sees of an exposure at its start, middle and end.
+enum class LatentKind { kEdi, kMixed, kMean };
+
+constexpr auto words_of(LatentKind) {
+  return std::array{Word{"edi", LatentKind::kEdi, "EDI"},
+                    Word{"mixed", LatentKind::kMixed,
+                         "EDI at both ends, the mean of EDI and EFNet in the middle"},
+                    Word{"mean", LatentKind::kMean,
+                         "that mean, carried to both ends by the ratio that the events tell"}};
+}
+
+/// The sharp images that structure from motion sees.
+struct LatentOptions {
+  LatentKind kind = LatentKind::kEdi;
+  int64_t upscale = 2;
+};
+
+template <class V>
+void describe(V& v, LatentOptions& o) {
+  v.field("kind", o.kind, "what stands for an exposure at its start, middle and end");
+  v.field("upscale", o.upscale, "how much larger COLMAP sees the images", Range{1, 4});
+}
+
+/// Which pairs of images COLMAP compares.
+enum class PairChoice { kAuto, kExhaustive, kSequential };
+
+constexpr auto words_of(PairChoice) {
+  return std::array{
+      Word{"auto", PairChoice::kAuto, "all up to 150 images, else sequential"},
+      Word{"exhaustive", PairChoice::kExhaustive, "all"},
+      Word{"sequential", PairChoice::kSequential, "neighbours in time, and at growing distances"}};
+}
+
+struct PoseSearchOptions {
+  std::filesystem::path colmap;
+  PairChoice pairs = PairChoice::kAuto;
+};
+
+template <class V>
+void describe(V& v, PoseSearchOptions& o) {
+  v.field("colmap", o.colmap, "the program; empty: colmap of the path");
+  v.field("pairs", o.pairs, "which pairs of images are compared");
+}
+
+/// Which frames judge the scene.
+struct TestOptions {
+  std::vector<std::string> names;
+  double sharp_px = 1;
+  int64_t every = 8;
+};
+
+template <class V>
+void describe(V& v, TestOptions& o) {
+  v.field("names", o.names,
+          "frames by name; empty: those that are sharp, else every so many exposures, held out");
+  v.field("sharp_px", o.sharp_px, "a frame is sharp when the scene moves less during it, px",
+          Range{0, 100});
+  v.field("every", o.every,
+          "of how many exposures one is held out where no frame is sharp; 0: none", Range{0, 1e6});
+}
+
+struct ImportOptions {
+  std::string device = "auto";
+  std::filesystem::path recording;
+  std::filesystem::path frames;
+  TimeOptions time;
+  LensOptions lens;
+  events::EventOptions events = continuous_events();
+  restore::EfnetOptions efnet;
+  restore::RestorationCacheOptions cache;
+  LatentOptions latents;
+  PoseSearchOptions poses;
+  TestOptions test;
+
+  /// Those of configs/base.yaml.
+  static events::EventOptions continuous_events() {
+    events::EventOptions options;
+    options.edi_samples = 65;
+    options.ramp_ms = 5;
+    return options;
+  }
+};
+
+template <class V>
+void describe(V& v, ImportOptions& o) {
+  v.field("device", o.device, "auto (a GPU if there is one), cpu, cuda or cuda:N");
+  v.field("recording", o.recording, "the recording, a file or a folder");
+  v.field("frames", o.frames, "folder of frames, or a video, where they are not in the recording");
+  v.group("time", o.time, "when frames were exposed");
+  v.group("lens", o.lens, "the lens, and a second camera");
+  v.group("events", o.events, "how events become voxels and EDI");
+  v.group("efnet", o.efnet, "the frozen learned restorer F");
+  v.group("cache", o.cache, "restorations on disk");
+  v.group("latents", o.latents, "sharp images for structure from motion");
+  v.group("poses", o.poses, "structure from motion");
+  v.group("test", o.test, "frames that judge the scene");
+}
+
+/// Rules between fields. @throws ConfigError naming the keys.
+void validate(const ImportOptions& options);
+
+}  // namespace jade::import

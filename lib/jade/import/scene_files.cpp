@@ -1,0 +1,198 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/import/scene_files.h"
+
+#include <algorithm>
+#include <set>
+#include <torch/types.h>
+
+#include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
+#include "jade/data/evdeblur_writer.h"
+#include "jade/data/frames.h"
+#include "jade/data/warnings.h"
+#include "jade/geometry/trajectory.h"
+#include "jade/import/base_settings.h"
+#include "jade/import/pose_path.h"
+
+namespace jade::import {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Events beyond the first and the last exposure, for lines that begin or end there.
+constexpr int64_t kMarginUs = 20000;
+
+std::set<std::string> checked_names(const Capture& capture, const TestOptions& options) {
+  std::set<std::string> known, wanted;
+  for (const Shot& shot : capture.shots) known.insert(shot.name);
+  for (const std::string& name : options.names) {
+    if (known.count(name) == 0) {
+      throw ConfigError(concat("--test: expected names of frames such as '",
+                               capture.shots.front().name, "', found '", name, "'"));
+    }
+    wanted.insert(name);
+  }
+  return wanted;
+}
+
+/// Every so many of the training exposures, from the middle of the first so many on.
+void hold_out(int64_t every, std::vector<Part>& parts) {
+  if (every < 2) return;
+  int64_t count = 0;
+  for (Part& part : parts) {
+    if (part == Part::kTrain && count++ % every == every / 2) part = Part::kHeldOut;
+  }
+}
+
+PosePath path_through(const std::vector<TimedPose>& found) {
+  std::vector<double> times;
+  std::vector<geometry::Pose> poses;
+  for (const TimedPose& timed : found) {
+    if (!times.empty() && double(timed.t_us) <= times.back()) continue;
+    times.push_back(double(timed.t_us));
+    poses.push_back(timed.pose);
+  }
+  return {times, poses};
+}
+
+/// Nine times of each exposure, and as dense in between.
+std::vector<int64_t> path_times(const std::vector<Shot>& shots, const std::vector<Part>& parts) {
+  std::set<int64_t> times;
+  int64_t first = INT64_MAX, last = INT64_MIN, step = INT64_MAX;
+  for (size_t i = 0; i < shots.size(); ++i) {
+    if (parts[i] == Part::kLeftOut) continue;
+    first = std::min(first, shots[i].t_start_us);
+    last = std::max(last, shots[i].t_end_us);
+    if (shots[i].duration_us() == 0) continue;
+    step = std::min(step, std::max<int64_t>(shots[i].duration_us() / 8, 100));
+    for (const double t : geometry::exposure_times(shots[i].t_start_us, shots[i].t_end_us)) {
+      times.insert(std::llround(t));
+    }
+  }
+  for (int64_t t = first - kMarginUs; t < last + kMarginUs; t += step) {
+    const auto next = times.lower_bound(t - step / 2);
+    if (next == times.end() || *next > t + step / 2) times.insert(t);
+  }
+  times.insert(last + kMarginUs);
+  return {times.begin(), times.end()};
+}
+
+data::EvDeblurContent content_of(const Capture& capture, const Reconstruction& found,
+                                 const std::vector<Part>& parts) {
+  data::EvDeblurContent content;
+  const PosePath path = path_through(found.poses);
+  content.path_t_us = path_times(capture.shots, parts);
+  for (const int64_t t : content.path_t_us) content.path.push_back(path.at(double(t)));
+  std::vector<geometry::Pose> middles;
+  for (size_t i = 0; i < capture.shots.size(); ++i) {
+    const Shot& shot = capture.shots[i];
+    const geometry::Pose middle = path.at(double(shot.t_mid_us()));
+    if (parts[i] == Part::kLeftOut) continue;
+    middles.push_back(middle);
+    if (parts[i] == Part::kTest) {
+      content.test.push_back({shot.name, shot.image, middle, found.camera, shot.t_mid_us()});
+      continue;
+    }
+    data::Exposure exposure;
+    exposure.name = shot.name;
+    exposure.blurry = shot.image;
+    exposure.t_start_us = shot.t_start_us;
+    exposure.t_end_us = shot.t_end_us;
+    exposure.poses[geometry::kMidPose] = middle;
+    exposure.camera = found.camera;
+    content.train.push_back(std::move(exposure));
+    content.held_out.push_back(parts[i] == Part::kHeldOut);
+  }
+  content.events = capture.events.slice(content.path_t_us.front(), content.path_t_us.back() + 1);
+  content.points = found.points;
+  content.point_colors = found.colors;
+  const data::DepthBounds bounds = data::depth_bounds(found.points, middles);
+  content.near = bounds.near;
+  content.far = bounds.far;
+  return content;
+}
+
+/// Steps of 8 bit: frames that no stage has changed.
+bool is_eight_bit(const Capture& capture) {
+  return std::all_of(capture.shots.begin(), capture.shots.end(), [](const Shot& shot) {
+    const torch::Tensor steps = shot.image * 255;
+    return (steps - steps.round()).abs().max().item<float>() < 1e-3f;
+  });
+}
+
+std::string scene_yaml(const Capture& capture, const ImportOptions& options) {
+  const events::Thresholds thresholds = options.events.thresholds();
+  return concat("# Written by jade_import from ", fs::path(capture.source).filename().string(),
+                ":\n#   jade_train --config scene.yaml --output DIR\n"
+                "extends: base.yaml\n"
+                "dataset: {path: .}\n"
+                "events: {threshold_positive: ",
+                thresholds.positive, ", threshold_negative: ", thresholds.negative,
+                "}\n"
+                "init: {kind: sfm}\n");
+}
+
+/// In the order in which the data set numbers its frames.
+std::string frame_list(const Capture& capture, const std::vector<Part>& parts) {
+  std::string lines = "frame,part,name,start_us,end_us,blur_px\n";
+  int64_t number = 0;
+  for (const bool tests : {false, true}) {
+    for (size_t i = 0; i < capture.shots.size(); ++i) {
+      if (parts[i] == Part::kLeftOut || (parts[i] == Part::kTest) != tests) continue;
+      const Shot& shot = capture.shots[i];
+      const char* part = tests ? "test" : parts[i] == Part::kHeldOut ? "held out" : "train";
+      lines += concat(number++, ",", part, ",", shot.name, ",", shot.t_start_us, ",", shot.t_end_us,
+                      ",", shot.blur_px, "\n");
+    }
+  }
+  return lines;
+}
+
+}  // namespace
+
+std::vector<Part> parts_of(const Capture& capture, const std::vector<TimedPose>& found,
+                           const TestOptions& options) {
+  const std::set<std::string> named = checked_names(capture, options);
+  std::set<int64_t> posed;
+  for (const TimedPose& timed : found) posed.insert(timed.shot);
+  std::vector<Part> parts;
+  for (size_t i = 0; i < capture.shots.size(); ++i) {
+    const Shot& shot = capture.shots[i];
+    const bool sharp = is_sharp(shot, options.sharp_px);
+    if (posed.count(static_cast<int64_t>(i)) == 0) {
+      parts.push_back(Part::kLeftOut);
+    } else if (named.count(shot.name) != 0) {
+      parts.push_back(sharp ? Part::kTest : Part::kHeldOut);
+    } else if (sharp && (named.empty() || shot.duration_us() == 0)) {
+      parts.push_back(Part::kTest);
+    } else {
+      parts.push_back(Part::kTrain);
+    }
+  }
+  if (named.empty() && std::count(parts.begin(), parts.end(), Part::kTest) == 0) {
+    hold_out(options.every, parts);
+  }
+  if (std::count(parts.begin(), parts.end(), Part::kTrain) == 0) {
+    throw DataError(
+        "write: expected blurry frames with poses for training, found none; name fewer test frames "
+        "(--test) or lower test.sharp_px");
+  }
+  return parts;
+}
+
+std::string write_scene(const fs::path& folder, const Capture& capture, const Reconstruction& found,
+                        const ImportOptions& options) {
+  const std::vector<Part> parts = parts_of(capture, found.poses, options.test);
+  data::EvDeblurWriteOptions how;
+  how.image_bits = is_eight_bit(capture) ? 8 : 16;
+  data::write_evdeblur(folder, content_of(capture, found, parts), how);
+  write_file(folder / "frames.csv", frame_list(capture, parts));
+  write_file(folder / "base.yaml", kBaseSettings);
+  write_file(folder / "scene.yaml", scene_yaml(capture, options));
+  const auto count = [&](Part part) { return std::count(parts.begin(), parts.end(), part); };
+  return concat(count(Part::kTrain), " exposures, ", count(Part::kHeldOut), " held out, ",
+                count(Part::kTest), " sharp test views, ", count(Part::kLeftOut),
+                " frames left out, ", found.points.size(0), " points");
+}
+
+}  // namespace jade::import

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+// The data set that an import ends with, and the scene.yaml that trains it.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "jade/import/capture.h"
+#include "jade/import/options.h"
+#include "jade/import/structure_from_motion.h"
+
+namespace jade::import {
+
+/// What becomes of a shot in the data set.
+enum class Part { kTrain, kHeldOut, kTest, kLeftOut };
+
+/// Named frames, else sharp ones, else every so many exposures held out. Shots without a pose in
+/// `found` are left out; named ones that are blurry are held out.
+/// @throws ConfigError for a name that no shot has, DataError where nothing is left for training.
+std::vector<Part> parts_of(const Capture& capture, const std::vector<TimedPose>& found,
+                           const TestOptions& options);
+
+/// Writes the data set in the EvDeblur layout into `folder`, with frames.csv (which frame is which
+/// shot), base.yaml and scene.yaml. @return one line that says what it is
+std::string write_scene(const std::filesystem::path& folder, const Capture& capture,
+                        const Reconstruction& found, const ImportOptions& options);
+
+}  // namespace jade::import

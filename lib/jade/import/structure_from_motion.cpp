@@ -1,0 +1,376 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/import/structure_from_motion.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <torch/types.h>
+
+#include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
+#include "jade/core/log.h"
+#include "jade/geometry/trajectory.h"
+#include "jade/imaging/image_io.h"
+#include "jade/import/colmap.h"
+#include "jade/import/motion_check.h"
+#include "jade/import/pose_path.h"
+#include "jade/io/colmap.h"
+#include "jade/io/npy.h"
+
+namespace jade::import {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+/// Above this, comparing all pairs on a processor takes longer than an hour.
+constexpr int64_t kMostExhaustive = 150;
+constexpr double kLeastShare = 2.0 / 3;
+/// Wrong models explain nothing of the blur, right ones more than half.
+constexpr double kLeastExplained = 0.1;
+/// Frames that checks look at.
+constexpr size_t kChecked = 8;
+/// Less than this between all frames is noise, px.
+constexpr double kStandingStill = 1;
+
+/// Deblurred images have fewer and weaker corners than photographs, and a handheld camera moves
+/// little: later attempts ask for less contrast, then for less parallax. The images are enlarged
+/// already, and enlarging them again finds corners of noise that take most of the time to compare.
+std::vector<ColmapSettings> attempts() {
+  const std::vector<std::string> usual{"--SiftExtraction.first_octave", "0",
+                                       "--SiftExtraction.max_num_features", "4000"};
+  const std::vector<std::string> weak{"--SiftExtraction.first_octave",     "0",
+                                      "--SiftExtraction.max_num_features", "4000",
+                                      "--SiftExtraction.peak_threshold",   "0.003"};
+  const std::vector<std::string> guided{"--SiftMatching.guided_matching", "1"};
+  return {{"usual", usual, {}, {}},
+          {"weak_corners", weak, guided, {}},
+          {"little_parallax",
+           weak,
+           guided,
+           {"--Mapper.init_min_tri_angle", "4", "--Mapper.filter_min_tri_angle", "0.5",
+            "--Mapper.tri_min_angle", "0.5", "--Mapper.min_num_matches", "10"}}};
+}
+
+double median(std::vector<double> values) {
+  if (values.empty()) return 0;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+geometry::Vector3 point_at(const torch::Tensor& points, int64_t index) {
+  const double* p = points.const_data_ptr<double>() + 3 * index;
+  return {p[0], p[1], p[2]};
+}
+
+double median_depth(const Reconstruction& r) {
+  std::vector<double> depths;
+  for (size_t i = 0; i < r.seen_by.size(); ++i) {
+    for (const int64_t k : r.seen_by[i]) {
+      depths.push_back(geometry::transform(r.poses[static_cast<size_t>(k)].pose,
+                                           point_at(r.points, static_cast<int64_t>(i)))[2]);
+    }
+  }
+  return median(std::move(depths));
+}
+
+/// The scene in units of its median depth: COLMAP leaves the scale open, and step sizes of learned
+/// poses mean the same for turns and moves where depths are about 1.
+void set_scale(Reconstruction& r) {
+  const double depth = median_depth(r);
+  if (!(depth > 0)) return;
+  r.points = r.points / depth;
+  for (TimedPose& timed : r.poses) {
+    for (double& t : timed.pose.translation) t /= depth;
+  }
+}
+
+double angle_between(const geometry::Vector3& a, const geometry::Vector3& b) {
+  double dot = 0, aa = 0, bb = 0;
+  for (size_t i = 0; i < 3; ++i) {
+    dot += a[i] * b[i];
+    aa += a[i] * a[i];
+    bb += b[i] * b[i];
+  }
+  return std::acos(std::clamp(dot / std::sqrt(aa * bb), -1.0, 1.0)) * 180 / M_PI;
+}
+
+/// Between the first and the last image of each point's track.
+double median_parallax(const Reconstruction& r) {
+  std::vector<double> angles;
+  for (size_t i = 0; i < r.seen_by.size(); ++i) {
+    const geometry::Vector3 x = point_at(r.points, static_cast<int64_t>(i));
+    const auto ray = [&](int64_t pose) {
+      geometry::Vector3 d = geometry::centre(r.poses[static_cast<size_t>(pose)].pose);
+      for (size_t k = 0; k < 3; ++k) d[k] = x[k] - d[k];
+      return d;
+    };
+    double widest = 0;
+    for (const int64_t k : r.seen_by[i]) {
+      widest = std::max(widest, angle_between(ray(r.seen_by[i].front()), ray(k)));
+    }
+    angles.push_back(widest);
+  }
+  return median(std::move(angles));
+}
+
+Attempt attempt_of(const std::string& name, size_t images, const Reconstruction& r) {
+  Attempt a;
+  a.name = name;
+  a.images = static_cast<int64_t>(images);
+  a.registered = static_cast<int64_t>(r.poses.size());
+  a.points = r.points.size(0);
+  for (const auto& seen : r.seen_by) a.observations += static_cast<int64_t>(seen.size());
+  a.error_px = a.points > 0 ? r.point_errors.nanmean().item<double>() : 0;
+  a.parallax_deg = median_parallax(r);
+  return a;
+}
+
+/// So many indices below `count`, spread evenly.
+std::vector<size_t> spread(size_t count) {
+  std::vector<size_t> picked;
+  const size_t most = std::min(count, kChecked);
+  for (size_t i = 0; i < most; ++i) picked.push_back(i * count / most);
+  return picked;
+}
+
+void check_motion(const Capture& capture) {
+  std::vector<torch::Tensor> frames;
+  for (const size_t i : spread(capture.shots.size())) frames.push_back(capture.shots[i].image);
+  const double shift = largest_shift_px(frames);
+  if (shift >= kStandingStill) return;
+  throw DataError(concat(
+      "poses: expected a moving camera, found frames that lie within ", shift,
+      " px of each other; without parallax there is no depth: move sideways around the scene"));
+}
+
+/// Blurry shots with a middle image, spread over the recording, as `found` places them.
+double explained_blur_of(const fs::path& latents, const std::vector<LatentImage>& images,
+                         const Capture& capture, const Reconstruction& found) {
+  std::vector<double> times;
+  std::vector<geometry::Pose> poses;
+  for (const TimedPose& timed : found.poses) {
+    if (!times.empty() && double(timed.t_us) <= times.back()) continue;
+    times.push_back(double(timed.t_us));
+    poses.push_back(timed.pose);
+  }
+  if (times.size() < 2) return 0;
+  const PosePath path(times, poses);
+  std::vector<const LatentImage*> middles;
+  for (const LatentImage& image : images) {
+    const Shot& shot = capture.shots[static_cast<size_t>(image.shot)];
+    if (shot.duration_us() > 0 && image.t_us == shot.t_mid_us()) middles.push_back(&image);
+  }
+  std::vector<PosedExposure> exposures;
+  for (const size_t i : spread(middles.size())) {
+    const LatentImage& image = *middles[i];
+    const Shot& shot = capture.shots[static_cast<size_t>(image.shot)];
+    PosedExposure e;
+    e.blurry = shot.image;
+    e.sharp = at::adaptive_avg_pool2d(imaging::read_image(latents / "images" / image.file),
+                                      {shot.image.size(1), shot.image.size(2)});
+    e.camera = found.camera;
+    for (const double t : geometry::exposure_times(shot.t_start_us, shot.t_end_us)) {
+      e.poses.push_back(path.at(t));
+    }
+    for (size_t k = 0; k < found.seen_by.size(); ++k) {
+      const bool seen = std::any_of(
+          found.seen_by[k].begin(), found.seen_by[k].end(),
+          [&](int64_t pose) { return found.poses[static_cast<size_t>(pose)].shot == image.shot; });
+      if (seen) e.points.push_back(point_at(found.points, static_cast<int64_t>(k)));
+    }
+    exposures.push_back(std::move(e));
+  }
+  return exposures.empty() ? 1 : explained_blur(exposures);
+}
+
+bool explains_blur(const Attempt& a) { return a.explained_blur >= kLeastExplained; }
+
+bool is_better(const Attempt& a, const Attempt& b) {
+  if (explains_blur(a) != explains_blur(b)) return explains_blur(a);
+  if (a.registered != b.registered) return a.registered > b.registered;
+  return a.observations > b.observations;
+}
+
+std::string sentence(const Attempt& a) {
+  if (!a.problem.empty()) return concat(a.name, ": ", a.problem);
+  return concat(a.name, ": ", a.registered, " of ", a.images, " images, ",
+                std::lround(100 * a.explained_blur), " % of the blur explained");
+}
+
+[[noreturn]] void fail(const std::vector<Attempt>& tried) {
+  std::string all;
+  for (const Attempt& a : tried) all += (all.empty() ? "" : "; ") + sentence(a);
+  throw DataError(concat(
+      "poses: expected structure from motion to place at least two thirds of the images and to "
+      "explain their blur, found ",
+      all,
+      "; record with sideways motion around the scene, more texture and light and slower turns "
+      "(docs/own-recording.md, \"When it fails\")"));
+}
+
+ColmapJob job_of(const fs::path& folder, const std::vector<LatentImage>& images,
+                 const std::optional<geometry::Intrinsics>& camera, const ImportOptions& options) {
+  ColmapJob job;
+  job.program = find_colmap(options.poses.colmap);
+  job.images = folder / "images";
+  job.count = static_cast<int64_t>(images.size());
+  if (camera) {
+    job.camera = geometry::scaled(*camera, camera->width * options.latents.upscale,
+                                  camera->height * options.latents.upscale);
+  }
+  job.sequential = options.poses.pairs == PairChoice::kSequential ||
+                   (options.poses.pairs == PairChoice::kAuto && job.count > kMostExhaustive);
+  return job;
+}
+
+Json json_of(const Attempt& a) {
+  return {{"name", a.name},
+          {"images", a.images},
+          {"registered", a.registered},
+          {"points", a.points},
+          {"observations", a.observations},
+          {"reprojection_error_px", a.error_px},
+          {"parallax_deg", a.parallax_deg},
+          {"explained_blur", a.explained_blur},
+          {"problem", a.problem}};
+}
+
+}  // namespace
+
+Reconstruction read_reconstruction(const fs::path& model, const std::vector<LatentImage>& images,
+                                   double scale) {
+  const io::ColmapModel found = io::read_colmap(model);
+  std::map<std::string, const LatentImage*> by_file;
+  for (const LatentImage& image : images) by_file[image.file] = &image;
+  Reconstruction r;
+  std::map<int64_t, const LatentImage*> by_id;
+  for (const io::ColmapImage& image : found.images) {
+    const auto known = by_file.find(image.name);
+    if (known == by_file.end()) continue;
+    by_id[image.id] = known->second;
+    const geometry::Pose pose{geometry::rotation_from_quaternion(image.rotation),
+                              image.translation};
+    r.poses.push_back({known->second->t_us, known->second->shot, pose, 0});
+  }
+  if (r.poses.empty()) return r;
+  std::sort(r.poses.begin(), r.poses.end(),
+            [](const TimedPose& a, const TimedPose& b) { return a.t_us < b.t_us; });
+  const auto index_of = [&](int64_t id) {
+    const int64_t t = by_id.at(id)->t_us;
+    return std::lower_bound(r.poses.begin(), r.poses.end(), t,
+                            [](const TimedPose& p, int64_t at) { return p.t_us < at; }) -
+           r.poses.begin();
+  };
+  for (const auto& track : found.point_images) {
+    r.seen_by.emplace_back();
+    for (const int64_t id : track) {
+      if (by_id.count(id) == 0) continue;
+      r.seen_by.back().push_back(index_of(id));
+      ++r.poses[static_cast<size_t>(r.seen_by.back().back())].observations;
+    }
+  }
+  const io::ColmapCamera& camera = found.cameras.front();
+  const auto whole = [&](int64_t size) { return std::llround(double(size) / scale); };
+  r.camera = geometry::Intrinsics::centred(camera.parameters[0] / scale, whole(camera.width),
+                                           whole(camera.height));
+  r.points = found.points;
+  r.colors = found.point_colors;
+  r.point_errors = found.point_errors / scale;
+  set_scale(r);
+  return r;
+}
+
+SearchResult find_poses(const fs::path& latents, const std::vector<LatentImage>& images,
+                        const Capture& capture, const ImportOptions& options,
+                        const fs::path& work) {
+  check_motion(capture);
+  const ColmapJob job = job_of(latents, images, capture.camera, options);
+  SearchResult result;
+  std::string matched;  // flags of the features at hand
+  fs::path folder;
+  for (const ColmapSettings& settings : attempts()) {
+    std::string flags;
+    for (const auto* list : {&settings.extraction, &settings.matching}) {
+      for (const std::string& flag : *list) flags += flag + " ";
+    }
+    if (folder.empty() || flags != matched) {
+      folder = work / settings.name;
+      fs::remove_all(folder);
+      match_features(job, settings, folder);
+      matched = flags;
+    }
+    Attempt best{settings.name, job.count, 0, 0, 0, 0, 0, 0, "no pair of images to begin with"};
+    for (const fs::path& model : reconstruct(job, settings, folder)) {
+      Reconstruction r = read_reconstruction(model, images, double(options.latents.upscale));
+      Attempt attempt = attempt_of(settings.name, images.size(), r);
+      attempt.explained_blur = explained_blur_of(latents, images, capture, r);
+      if (!is_better(attempt, best)) continue;
+      best = attempt;
+      const bool first = result.best.poses.empty();
+      if (first || is_better(attempt, result.attempts[result.chosen])) {
+        result.best = std::move(r);
+        result.chosen = result.attempts.size();
+      }
+    }
+    log_info(concat("  ", sentence(best), ", ", best.points, " points, ", best.observations,
+                    " observations, error ", best.error_px, " px, parallax ", best.parallax_deg,
+                    " degrees"));
+    result.attempts.push_back(best);
+  }
+  const bool enough = double(result.best.poses.size()) >= kLeastShare * double(images.size());
+  if (!enough || !explains_blur(result.attempts[result.chosen])) fail(result.attempts);
+  return result;
+}
+
+void keep_reconstruction(const fs::path& folder, const SearchResult& result) {
+  const Reconstruction& r = result.best;
+  Json poses = Json::array();
+  for (const TimedPose& timed : r.poses) {
+    poses.push_back({{"t_us", timed.t_us},
+                     {"shot", timed.shot},
+                     {"rotation", timed.pose.rotation},
+                     {"translation", timed.pose.translation},
+                     {"observations", timed.observations}});
+  }
+  Json tried = Json::array();
+  for (const Attempt& attempt : result.attempts) tried.push_back(json_of(attempt));
+  const Json all{{"focal_px", r.camera.fx},
+                 {"width", r.camera.width},
+                 {"height", r.camera.height},
+                 {"chosen", result.attempts[result.chosen].name},
+                 {"attempts", tried},
+                 {"seen_by", r.seen_by},
+                 {"poses", poses}};
+  write_file(folder / "poses.json", all.dump() + "\n");
+  io::write_npz(folder / "points.npz",
+                {{"points", r.points}, {"colors", r.colors}, {"errors_px", r.point_errors}});
+}
+
+Reconstruction load_reconstruction(const fs::path& folder) {
+  Reconstruction r;
+  try {
+    const Json all = Json::parse(read_file(folder / "poses.json"));
+    r.camera = geometry::Intrinsics::centred(all.at("focal_px"), all.at("width"), all.at("height"));
+    all.at("seen_by").get_to(r.seen_by);
+    for (const Json& json : all.at("poses")) {
+      TimedPose timed{json.at("t_us"), json.at("shot"), {}, json.at("observations")};
+      json.at("rotation").get_to(timed.pose.rotation);
+      json.at("translation").get_to(timed.pose.translation);
+      r.poses.push_back(timed);
+    }
+  } catch (const Json::exception& error) {
+    throw DataError(concat((folder / "poses.json").string(),
+                           ": expected what this program wrote, found ", error.what(),
+                           "; import again with --from poses"));
+  }
+  const io::Npz points(folder / "points.npz");
+  r.points = points.read("points");
+  r.colors = points.read("colors");
+  r.point_errors = points.read("errors_px");
+  return r;
+}
+
+}  // namespace jade::import

@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: Apache-2.0
+// jade_import as a user runs it: a recording without poses to a scene that trains, and bad input.
+#include "support/catch.h"
+
+#include <filesystem>
+
+#include "jade/core/error.h"
+#include "jade/data/dataset.h"
+#include "support/programs.h"
+#include "support/temp_dir.h"
+#include "support/tiny_dataset.h"
+
+using namespace jade;
+using test::check_error;
+using test::Outcome;
+using test::run;
+
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A data set without its poses is a recording.
+void forget_poses(const fs::path& folder) {
+  for (const char* file : {"poses_bounds.npy", "all_poses_bounds.npy", "all_timestamps.npy"}) {
+    fs::remove(folder / file);
+  }
+}
+
+bool has_colmap(const test::TempDir& dir) { return run(dir, "command -v colmap").code == 0; }
+
+/// A second of a small desk, in the time that a test has.
+constexpr char kSimulate[] =
+    "jade_simulate --quiet --seed 7 --output desk --set simulate.world=desk "
+    "--set simulate.width=200 --set simulate.height=150 --set simulate.focal_px=240 "
+    "--set simulate.exposures=4 --set simulate.exposure_ms=40 --set simulate.gap_ms=40 "
+    "--set simulate.test_views=1 --set simulate.seen_test_views=0 "
+    "--set simulate.motion.blur_px=6 --set simulate.sampling.max_flow_px=3 "
+    "--set simulate.sampling.samples=1 --set simulate.sampling.sharp_samples=1";
+
+}  // namespace
+
+TEST_CASE("jade_import: a simulated recording becomes a scene that trains", "[apps][slow]") {
+  const test::TempDir dir;
+  if (!has_colmap(dir)) {
+    WARN("SKIPPED: COLMAP is not installed; scripts/setup.sh --import installs it");
+    SUCCEED();
+    return;
+  }
+  const Outcome simulated = run(dir, kSimulate);
+  INFO(simulated.err);
+  REQUIRE(simulated.code == 0);
+  forget_poses(dir / "desk");
+  const std::string import = "jade_import desk --output table";
+  const Outcome imported = run(dir, import);
+  INFO(imported.err);
+  REQUIRE(imported.code == 0);
+  CHECK_THAT(imported.out, Catch::Contains("jade_train --config table/scene.yaml"));
+  data::DatasetOptions options;
+  options.path = dir / "table";
+  const data::Dataset data = data::load_dataset(options);
+  CHECK(data.train.size() == 4);
+  CHECK(data.test.size() == 1);
+  CHECK(data.points.size(0) > 50);
+  CHECK_THAT(run(dir, import).err, Catch::Contains("up to date"));
+  const Outcome trained =
+      run(dir,
+          "jade_train --quiet --device cpu --config table/scene.yaml --output run "
+          "--set train.iterations=20 --set objective.target=edi");
+  INFO(trained.err);
+  CHECK(trained.code == 0);
+  CHECK(fs::exists(dir / "run/point_cloud.ply"));
+}
+
+TEST_CASE("jade_import: bad input is one line each", "[apps]") {
+  const test::TempDir dir;
+  test::write_tiny_dataset(dir / "three");
+  forget_poses(dir / "three");
+  const auto import = [&](const std::string& flags) {
+    return run(dir,
+               "touch colmap; chmod +x colmap; jade_import --quiet --output out "
+               "--set poses.colmap=colmap " +
+                   flags);
+  };
+  check_error(import("nowhere"), 3, "nowhere: no such file");
+  check_error(import(""), 2, "expected a recording");
+  check_error(run(dir, "jade_import --quiet three"), 2, "--output: expected a folder");
+  check_error(run(dir, "jade_import --quiet three --output out --set poses.colmap=gone"), 3,
+              "gone: expected the program colmap");
+  check_error(import("three --from nothing"), 2, "--from: expected one of read");
+  fs::remove(dir / "three/events.h5");
+  check_error(import("three"), 3, "holds no events");
+  fs::remove_all(dir / "three/images_1");
+  test::write_tiny_dataset(dir / "more");
+  fs::copy(dir / "more/events.h5", dir / "three/events.h5");
+  check_error(import("three"), 3, "no frames");
+}

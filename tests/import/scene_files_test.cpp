@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/import/scene_files.h"
+
+#include "support/catch.h"
+
+#include <torch/types.h>
+
+#include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
+#include "jade/data/dataset.h"
+#include "support/temp_dir.h"
+
+using namespace jade;
+using import::Part;
+
+namespace {
+
+constexpr int64_t kPeriodUs = 30000, kExposureUs = 20000;
+
+/// Frames of 20 ms every 30 ms; `blur_px` of each.
+import::Capture capture_of(const std::vector<double>& blur_px){import::Capture capture;
+capture.source = "table.zip";
+capture.format = "RPG text folder";
+std::vector<float> x, y;
+std::vector<int64_t> t;
+std::vector<int8_t> p;
+for (size_t i = 0; i < blur_px.size(); ++i) {
+  const int64_t start = kPeriodUs * static_cast<int64_t>(i);
+  const auto image = torch::randint(0, 256, {3, 20, 30}).to(torch::kFloat32) / 255;
+  capture.shots.push_back({concat("shot", i), image, start, start + kExposureUs, blur_px[i]});
+  x.push_back(3), y.push_back(4), t.push_back(start + 100), p.push_back(1);
+}
+capture.events = events::EventStream::from_lists(x, y, t, p);
+return capture;
+}  // namespace
+
+/// Three poses per shot on a line, and points in front of them.
+import::Reconstruction line_of(const import::Capture& capture){import::Reconstruction found;
+found.camera = geometry::Intrinsics::centred(25, 30, 20);
+for (size_t i = 0; i < capture.shots.size(); ++i) {
+  const import::Shot& shot = capture.shots[i];
+  for (const int64_t t : {shot.t_start_us, shot.t_mid_us(), shot.t_end_us}) {
+    found.poses.push_back(
+        {t, static_cast<int64_t>(i), {{1, 0, 0, 0, 1, 0, 0, 0, 1}, {-1e-6 * double(t), 0, 0}}, 9});
+  }
+}
+found.points = torch::rand({50, 3}, torch::kFloat64) + torch::tensor({-0.5, -0.5, 1.0});
+found.colors = torch::randint(0, 256, {50, 3}, torch::kUInt8);
+found.point_errors = torch::zeros({50}, torch::kFloat64);
+found.seen_by.assign(50, {0, 1, 2});
+return found;
+}
+
+import::ImportOptions options_with(std::vector<std::string> tests = {}){
+    import::ImportOptions options;
+options.test.names = std::move(tests);
+return options;
+}
+
+std::vector<Part> parts(const std::vector<double>& blur_px, const import::TestOptions& options) {
+  const import::Capture capture = capture_of(blur_px);
+  return import::parts_of(capture, line_of(capture).poses, options);
+}
+
+}  // namespace
+
+TEST_CASE("test frames: the sharp ones, where there are any", "[import]") {
+  CHECK((parts({5, 0.5, 5, 5}, {}) ==
+         std::vector{Part::kTrain, Part::kTest, Part::kTrain, Part::kTrain}));
+}
+
+TEST_CASE("test frames: every eighth exposure is held out where all are blurry", "[import]") {
+  const std::vector<Part> found = parts(std::vector<double>(17, 5.0), {});
+  for (size_t i = 0; i < found.size(); ++i) {
+    CHECK((found[i] == (i == 4 || i == 12 ? Part::kHeldOut : Part::kTrain)));
+  }
+}
+
+TEST_CASE("test frames: named ones, held out where they are blurry", "[import]") {
+  import::TestOptions options;
+  options.names = {"shot1", "shot2"};
+  CHECK((parts({5, 0.5, 5, 0.5}, options) ==
+         std::vector{Part::kTrain, Part::kTest, Part::kHeldOut, Part::kTrain}));
+  options.names = {"shot9"};
+  CHECK_THROWS_WITH(parts({5, 5, 5, 5}, options), Catch::Contains("found 'shot9'"));
+}
+
+TEST_CASE("test frames: a shot without a pose is left out, and something must be left to train",
+          "[import]") {
+  const import::Capture capture = capture_of({5, 5, 5, 5});
+  std::vector<import::TimedPose> poses = line_of(capture).poses;
+  poses.erase(poses.begin() + 3, poses.begin() + 6);
+  CHECK((import::parts_of(capture, poses, {})[1] == Part::kLeftOut));
+  CHECK_THROWS_WITH(parts({0.5, 0.5, 0.5, 0.5}, {}), Catch::Contains("for training, found none"));
+}
+
+TEST_CASE("scene files: the data set loads with poses, points and held-out exposures", "[import]") {
+  const test::TempDir dir;
+  const import::Capture capture = capture_of({5, 5, 5, 0.5, 5});
+  const import::Reconstruction found = line_of(capture);
+  import::write_scene(dir.path(), capture, found, options_with({"shot2", "shot3"}));
+  data::DatasetOptions options;
+  options.path = dir.path();
+  const data::Dataset data = data::load_dataset(options);
+  REQUIRE(data.train.size() == 3);
+  REQUIRE(data.held_out.size() == 1);
+  REQUIRE(data.test.size() == 1);
+  CHECK(torch::allclose(data.held_out[0].blurry, capture.shots[2].image, 0, 1e-6));
+  CHECK(torch::allclose(data.test[0].image, capture.shots[3].image, 0, 1e-6));
+  CHECK(data.held_out[0].t_start_us == capture.shots[2].t_start_us);
+  CHECK(data.points.size(0) == 50);
+  CHECK(torch::allclose(data.points.to(torch::kFloat64), found.points, 0, 1e-6));
+  for (const data::Exposure& exposure : data.train) {
+    const auto times = geometry::exposure_times(exposure.t_start_us, exposure.t_end_us);
+    for (size_t k = 0; k < times.size(); ++k) {
+      CHECK(geometry::centre(exposure.poses[k])[0] == Approx(1e-6 * times[k]).margin(1e-7));
+    }
+  }
+  const std::string list = read_file(dir / "frames.csv"), yaml = read_file(dir / "scene.yaml");
+  CHECK_THAT(list, Catch::Contains("2,held out,shot2,60000,80000,5\n"));
+  CHECK_THAT(list, Catch::Contains("4,test,shot3,"));
+  CHECK_THAT(yaml, Catch::Contains("extends: base.yaml"));
+  CHECK_THAT(yaml, Catch::Contains("threshold_positive: 0.25"));
+  CHECK_THAT(read_file(dir / "base.yaml"), Catch::Contains("optimize: cubic"));
+}

@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/import/structure_from_motion.h"
+
+#include "support/catch.h"
+
+#include <sys/stat.h>
+#include <torch/types.h>
+
+#include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
+#include "jade/core/log.h"
+#include "jade/core/progress.h"
+#include "support/temp_dir.h"
+
+using namespace jade;
+
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A program of the given shell text in the place of COLMAP.
+fs::path program(const fs::path& path, const std::string& text) {
+  write_file(path, "#!/bin/sh\n" + text);
+  chmod(path.c_str(), 0755);
+  return path;
+}
+
+std::vector<import::LatentImage> four_images() {
+  return {{"00000_0.png", 0, 0},
+          {"00000_4.png", 0, 50},
+          {"00001_0.png", 1, 100},
+          {"00001_4.png", 1, 150}};
+}
+
+/// A mapper that leaves a model of as many images, at depth 4 from its two points.
+std::string mapper_of(int images) {
+  std::string text =
+      "case $1 in mapper) ;; *) exit 0;; esac\n"
+      "while [ $1 != --output_path ]; do shift; done\nmkdir -p $2/0; cd $2/0\n"
+      "echo '1 SIMPLE_PINHOLE 60 40 50 30 20' > cameras.txt\n"
+      "echo '7 0 0 4 1 2 3 0.5 1 0 2 0' > points3D.txt\n"
+      "echo '8 1 0 4 1 2 3 1.5 1 1 2 1' >> points3D.txt\n: > images.txt\n";
+  const auto list = four_images();
+  for (int i = 0; i < images; ++i) {
+    text += concat("echo '", i + 1, " 1 0 0 0 ", -0.4 * i, " 0 0 1 ", list[size_t(i)].file,
+                   "' >> images.txt; echo >> images.txt\n");
+  }
+  return text;
+}
+
+struct Search {
+  test::TempDir dir;
+  import::ImportOptions options;
+  import::Capture capture;  ///< two sharp frames, the second to the side of the first
+
+  explicit Search(const std::string& colmap) {
+    set_log_level("error");
+    set_progress_enabled(false);
+    options.poses.colmap = program(dir / "colmap", colmap);
+    fs::create_directories(dir / "latents/images");
+    torch::manual_seed(1);
+    const auto image = torch::avg_pool2d(torch::rand({1, 3, 20, 30}), 3, 1, 1)[0];
+    capture.shots = {{"a", image, 0, 0, 0}, {"b", torch::roll(image, 5, 2), 100, 100, 0}};
+  }
+  import::SearchResult find(){
+      return import::find_poses(dir / "latents", four_images(), capture, options, dir / "work");
+}
+};  // namespace
+
+}  // namespace
+
+TEST_CASE("poses: a model becomes poses by time in units of its depth", "[import]") {
+  Search search(mapper_of(4));
+  const import::SearchResult result = search.find();
+  const import::Reconstruction& r = result.best;
+  REQUIRE(r.poses.size() == 4);
+  CHECK(r.camera == geometry::Intrinsics::centred(25, 30, 20));
+  CHECK(r.poses[3].t_us == 150);
+  CHECK(r.poses[3].shot == 1);
+  CHECK(r.poses[3].pose.translation[0] == Approx(-0.3));
+  CHECK(r.points[1][2].item<double>() == Approx(1));
+  CHECK(r.point_errors[1].item<double>() == Approx(0.75));
+  CHECK(r.seen_by[0] == std::vector<int64_t>{0, 1});
+  CHECK(result.attempts[result.chosen].observations == 4);
+  CHECK(result.attempts[result.chosen].parallax_deg > 1);
+
+  import::keep_reconstruction(search.dir.path(), result);
+  const import::Reconstruction kept = import::load_reconstruction(search.dir.path());
+  CHECK(kept.camera == r.camera);
+  CHECK(kept.poses[2].pose.translation == r.poses[2].pose.translation);
+  CHECK(torch::equal(kept.points, r.points));
+  CHECK(kept.seen_by == r.seen_by);
+}
+
+TEST_CASE("poses: too few images say what to record", "[import]") {
+  Search search(mapper_of(2));
+  CHECK_THROWS_WITH(search.find(), Catch::Contains("2 of 4 images") && Catch::Contains("record"));
+}
+
+TEST_CASE("poses: a camera that stood still is told before COLMAP runs", "[import]") {
+  Search search("exit 1\n");
+  search.capture.shots[1].image = search.capture.shots[0].image;
+  CHECK_THROWS_WITH(search.find(), Catch::Contains("expected a moving camera"));
+}
+
+TEST_CASE("poses: no model, and a COLMAP that fails, are told", "[import]") {
+  Search none("exit 0\n");
+  CHECK_THROWS_WITH(none.find(), Catch::Contains("no pair of images to begin with"));
+  Search failing("echo 'Check failed: no space'; exit 1\n");
+  CHECK_THROWS_WITH(failing.find(), Catch::Contains("COLMAP (feature_extractor) failed") &&
+                                        Catch::Contains("no space"));
+  Search gone("exit 0\n");
+  gone.options.poses.colmap = gone.dir / "nowhere";
+  CHECK_THROWS_WITH(gone.find(), Catch::Contains("nowhere: expected the program colmap"));
+}
