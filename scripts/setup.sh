@@ -3,11 +3,12 @@
 # Installs what JADE-GS needs on Debian 12 or Ubuntu 22.04/24.04, only what is missing:
 # compilers and libraries through apt, LibTorch as a Python wheel in .venv.
 #
-#   scripts/setup.sh [--python-torch] [--figures] [--metrics]
+#   scripts/setup.sh [--python-torch] [--figures] [--metrics] [--browser]
 #
 # --python-torch  also what `import torch` needs in Python (scripts/efnet)
 # --figures       also what scripts/figures.py needs (scripts/requirements-figures.txt)
 # --metrics       also the networks of LPIPS, made by scripts/export_lpips.py (64 MB to fetch, once)
+# --browser       also node and Chromium, for the tests of the report's page
 #
 # Without root it uses sudo for apt; where neither works it prints the command to hand to an
 # administrator.
@@ -18,12 +19,14 @@ say() { printf 'setup: %s\n' "$*" >&2; }
 python_torch=no
 figures=no
 metrics=no
+browser=no
 for flag in "$@"; do
   case "$flag" in
     --python-torch) python_torch=yes ;;
     --figures) figures=yes ;;
     --metrics) python_torch=yes metrics=yes ;;
-    *) sed -n '3,13p' "$0" >&2; exit 2 ;;
+    --browser) browser=yes ;;
+    *) sed -n '3,14p' "$0" >&2; exit 2 ;;
   esac
 done
 
@@ -32,6 +35,11 @@ packages=(g++ cmake ninja-build ccache git pkg-config ca-certificates python3 py
   libyaml-cpp-dev libcli11-dev libspdlog-dev catch2 libhdf5-dev nlohmann-json3-dev libzip-dev zlib1g-dev libssl-dev)
 # Small comforts: a faster linker, and an HDF5 filter that some recordings use.
 optional=(mold hdf5-plugin-lzf)
+if [ $browser = yes ]; then
+  # Any node will do; on Ubuntu the package of Chromium is a snap, which the tests cannot drive.
+  command -v node >/dev/null || packages+=(nodejs)
+  command -v chromium >/dev/null || command -v google-chrome >/dev/null || packages+=(chromium)
+fi
 
 installed() { dpkg-query -W -f='${db:Status-Abbrev}' "$1" 2>/dev/null | grep -q '^.i'; }
 
