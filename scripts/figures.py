@@ -103,10 +103,12 @@ def read_report(path: Path) -> dict:
     """The data inside report.html, pictures included."""
     if not path.exists():
         return {}
-    found = re.search(r"^const data = (.*);$", path.read_text(), re.MULTILINE)
+    # Older reports hold it in their script.
+    found = re.search(r'^(?:<script type="application/json" id="data">(.*)</script>|const data = (.*);)$', path.read_text(),
+                      re.MULTILINE)
     if not found:
         raise DataError(f"{path}: expected a report of jade_train, found no data in it; train again")
-    return json.loads(found[1])
+    return json.loads(found[1] or found[2])
 
 
 def read_run(path: Path, row: str = "", scene: str = "", seed: str = "", outcome: Path | None = None) -> Run:

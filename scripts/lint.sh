@@ -11,6 +11,7 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 scripts/format.sh --check
 python3 scripts/check_layers.py
 python3 scripts/check_test_names.py
+if command -v node >/dev/null; then node scripts/lint_front.mjs; else echo "lint: the front end is not checked, node is missing: apt install nodejs" >&2; fi
 [ "${1:-}" != --fast ] || exit 0
 
 tool=$(command -v clang-tidy-14 || command -v clang-tidy || true)

@@ -3,12 +3,13 @@
 # Installs what JADE-GS needs on Debian 12 or Ubuntu 22.04/24.04, only what is missing:
 # compilers and libraries through apt, LibTorch as a Python wheel in .venv.
 #
-#   scripts/setup.sh [--python-torch] [--figures] [--metrics] [--import]
+#   scripts/setup.sh [--python-torch] [--figures] [--metrics] [--import] [--browser]
 #
 # --python-torch  also what `import torch` needs in Python (scripts/efnet)
 # --figures       also what scripts/figures.py needs (scripts/requirements-figures.txt)
 # --import        also COLMAP, and what reads AEDAT4 files and ROS bags (scripts/requirements-import.txt)
 # --metrics       also the networks of LPIPS, made by scripts/export_lpips.py (64 MB to fetch, once)
+# --browser       also node and Chromium, for the tests of the report's page
 #
 # Without root it uses sudo for apt; where neither works it prints the command to hand to an
 # administrator.
@@ -20,13 +21,15 @@ python_torch=no
 figures=no
 metrics=no
 import=no
+browser=no
 for flag in "$@"; do
   case "$flag" in
     --python-torch) python_torch=yes ;;
     --figures) figures=yes ;;
     --import) import=yes ;;
     --metrics) python_torch=yes metrics=yes ;;
-    *) sed -n '3,14p' "$0" >&2; exit 2 ;;
+    --browser) browser=yes ;;
+    *) sed -n '3,15p' "$0" >&2; exit 2 ;;
   esac
 done
 
@@ -36,6 +39,11 @@ packages=(g++ cmake ninja-build ccache git pkg-config ca-certificates python3 py
 # Small comforts: a faster linker, and an HDF5 filter that some recordings use.
 optional=(mold hdf5-plugin-lzf)
 if [ $import = yes ]; then packages+=(colmap); fi
+if [ $browser = yes ]; then
+  # Any node will do; on Ubuntu the package of Chromium is a snap, which the tests cannot drive.
+  command -v node >/dev/null || packages+=(nodejs)
+  command -v chromium >/dev/null || command -v google-chrome >/dev/null || packages+=(chromium)
+fi
 
 installed() { dpkg-query -W -f='${db:Status-Abbrev}' "$1" 2>/dev/null | grep -q '^.i'; }
 

@@ -95,5 +95,30 @@ TEST_CASE("spz file: large scenes get fewer fractional bits and NaN is refused",
   CHECK_FALSE(std::filesystem::exists(folder / "b.spz"));
 }
 
+TEST_CASE("spz file: more bits hold the SH finer, in the same bytes", "[gaussians]") {
+  splat::Gaussians g = random_gaussians(50, 16);
+  g.sh = 0.3 * torch::randn({50, 16, 3}).clamp(-3, 3);
+  const test::TempDir folder;
+  double before = 1;
+  for (const int bits : {4, 6, 8}) {
+    write_spz(folder / "a.spz", g, {false, 12, bits, bits});
+    const std::string content = gunzip(folder / "a.spz");
+    const size_t sh = 16 + 50 * 19;
+    REQUIRE(content.size() == sh + 50 * 45);
+    double worst = 0;
+    for (int64_t i = 0; i < 50; ++i) {
+      for (int64_t k = 1; k < 16; ++k) {
+        const auto at = sh + static_cast<size_t>(45 * i + 3 * (k - 1));
+        const double value = (byte_at(content, at) - 128) / 128.0;
+        worst = std::max(worst, std::abs(std::abs(value) - std::abs(g.sh[i][k][0].item<double>())));
+      }
+    }
+    CHECK(worst <= std::ldexp(1.0, -bits) + 1.0 / 256);
+    CHECK(worst < before);
+    before = worst;
+  }
+  CHECK_THROWS_AS(encode_spz(g, {false, 12, 5, 9}), ContractError);
+}
+
 }  // namespace
 }  // namespace jade::gaussians

@@ -64,6 +64,46 @@ TEST_CASE("report: says whether the allocation chose the better restoration, whe
   CHECK(efnet["mean"]["choice_gain_db"].get<double>() < edi["mean"]["choice_gain_db"]);
 }
 
+TEST_CASE("report: says what came before, where the cameras stand, and holds the scene", "[run]") {
+  const test::TinyScene scene;
+  const train::RunOptions options = test::tiny_options(scene);
+  const auto folder = scene.dir.path() / "run";
+  run::Trainer trainer(options, folder, "");
+  data::Dataset dataset = data::load_dataset(options.dataset);
+  const data::Exposure& exposure = dataset.train[1];
+  dataset.test.push_back({"mid", exposure.blurry.clamp(0.1, 0.9),
+                          exposure.poses[geometry::kMidPose], exposure.camera, exposure.t_mid_us(),
+                          true});
+  train::TrainState state = train::make_state(options, dataset, torch::kCPU);
+  run::write_report(folder, dataset, trainer.views(), state, trainer.options());
+  const std::string page = read_file(folder / "report.html");
+  const std::string mark = "id=\"data\">";
+  const size_t from = page.find(mark) + mark.size();
+  const auto data = nlohmann::json::parse(page.substr(from, page.find("</script>", from) - from));
+
+  const torch::Tensor truth = dataset.test.back().image;
+  CHECK(data["headline"]["views"] == 1);
+  CHECK(data["headline"]["blurry"] == Approx(eval::psnr(exposure.blurry, truth)));
+  CHECK(data["headline"]["render"].get<double>() > 0);
+  CHECK(data["views"][1]["camera"] == "train.1");
+  CHECK(data["tests"].back()["camera"] ==
+        nlohmann::json("test." + std::to_string(dataset.test.size() - 1)));
+  CHECK(data["tests"].back()["seen"] == true);
+  CHECK(data["tests"][0]["seen"].is_null() != dataset.test[0].seen.has_value());
+  const auto& camera = data["scene"]["cameras"]["train"][1];
+  CHECK(camera["fx"] == exposure.camera.fx);
+  REQUIRE(camera["poses"].size() == geometry::kExposurePoses);
+  CHECK(camera["poses"][8][7] == exposure.poses[8].translation[1]);
+  CHECK(camera["poses"][8][4] == exposure.poses[8].rotation[3]);
+  CHECK(data["scene"]["near_plane"].get<double>() > 0);
+  // The first bytes of a gzip file.
+  CHECK(page.find("id=\"spz\">H4sI") != std::string::npos);
+
+  state.gaussians.detached().means[0][0].fill_(INFINITY);
+  run::write_report(folder, dataset, trainer.views(), state, trainer.options());
+  CHECK(read_file(folder / "report.html").find("id=\"spz\"></script>") != std::string::npos);
+}
+
 TEST_CASE("report: without a truth or a second restoration the choice is not judged", "[run]") {
   for (const auto& found : {allocation_of(0.5, {}), allocation_of(1, edi_of_exposure_1())}) {
     CHECK(found["mean"]["choice_right"].is_null());

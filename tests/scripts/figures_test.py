@@ -41,7 +41,7 @@ def write_run(path: Path, routed: bool = True):
     data = {"views": [{"name": "training view 0", "show": 0, "pictures": pictures(*shown)}],
             "tests": [{"name": "test view 7", "show": 0, "pictures": pictures("render", "truth")}]}
     text = json.dumps(data, ensure_ascii=False).replace("</", "<\\/")
-    (path / "report.html").write_text(f"<script>\nconst data = {text};\nconst at = 1;\n</script>")
+    (path / "report.html").write_text(f'<p>\n<script type="application/json" id="data">{text}</script>\n<script>1</script>')
 
 
 class Figures(unittest.TestCase):

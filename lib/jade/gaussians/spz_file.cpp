@@ -54,12 +54,13 @@ void put_rotations(std::string& out, const torch::Tensor& rotations) {
   }
 }
 
-void put_sh(std::string& out, const torch::Tensor& sh) {
+void put_sh(std::string& out, const torch::Tensor& sh, const SpzOptions& options) {
   const int64_t rest = sh.size(1) - 1;
   const double* row = sh.data_ptr<double>();
   for (int64_t i = 0; i < sh.size(0); ++i, row += sh.size(1) * 3) {
     for (int64_t k = 0; k < rest; ++k) {
-      const double step = k < 3 ? 8 : 16;  // 5 bits for degree 1, 4 beyond
+      const int bits = k < 3 ? options.first_degree_bits : options.higher_degree_bits;
+      const double step = std::ldexp(1.0, 8 - bits);
       for (int c = 0; c < 3; ++c) {
         const double fine = std::round(kFlip[k] * row[3 * (k + 1) + c] * 128) + 128;
         put_byte(out, std::floor((fine + step / 2) / step) * step);
@@ -69,26 +70,26 @@ void put_sh(std::string& out, const torch::Tensor& sh) {
 }
 
 /// The finest fixed point that still holds the farthest position in 24 bits.
-int fitting_bits(const torch::Tensor& means, int wanted, const std::filesystem::path& path) {
+int fitting_bits(const torch::Tensor& means, int wanted) {
   const double far = means.numel() == 0 ? 0 : means.abs().max().item<double>();
   if (!std::isfinite(far)) {
-    throw DataError(concat(path.string(), ": not written: a Gaussian's position is not finite"));
+    throw DataError("not written: a Gaussian's position is not finite");
   }
   int bits = wanted;
   while (bits > 0 && far * std::ldexp(1.0, bits) >= 8388607) --bits;
   if (far * std::ldexp(1.0, bits) >= 8388607) {
-    throw DataError(concat(path.string(), ": not written: positions reach ", far,
+    throw DataError(concat("not written: positions reach ", far,
                            ", beyond the 8388607 units that .spz can hold; write .ply"));
   }
   return bits;
 }
 
-std::string gzip(const std::string& content, const std::filesystem::path& path) {
+std::string gzip(const std::string& content) {
   z_stream stream{};
   const int gzip_window = 15 + 16;
   if (deflateInit2(&stream, Z_DEFAULT_COMPRESSION, Z_DEFLATED, gzip_window, 9,
                    Z_DEFAULT_STRATEGY) != Z_OK) {
-    throw DataError(concat(path.string(), ": zlib cannot start"));
+    throw DataError("zlib cannot start");
   }
   std::string out(deflateBound(&stream, static_cast<uLong>(content.size())), '\0');
   stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(content.data()));
@@ -98,20 +99,22 @@ std::string gzip(const std::string& content, const std::filesystem::path& path) 
   const int result = deflate(&stream, Z_FINISH);
   out.resize(stream.total_out);
   deflateEnd(&stream);
-  if (result != Z_STREAM_END)
-    throw DataError(concat(path.string(), ": zlib failed (", result, ")"));
+  if (result != Z_STREAM_END) throw DataError(concat("zlib failed (", result, ")"));
   return out;
 }
 
 }  // namespace
 
-void write_spz(const std::filesystem::path& path, const splat::Gaussians& gaussians,
-               const SpzOptions& options) {
+std::string encode_spz(const splat::Gaussians& gaussians, const SpzOptions& options) {
   const torch::Tensor means = file_tensor(gaussians.means, torch::kFloat64);
   const torch::Tensor sh = file_tensor(gaussians.sh, torch::kFloat64);
   const int64_t count = gaussians.size();
-  JADE_CHECK(count < 60'000'000, "write_spz: too many Gaussians for one stream: ", count);
-  const int bits = fitting_bits(means, options.fractional_bits, path);
+  for (const int bits : {options.first_degree_bits, options.higher_degree_bits}) {
+    JADE_CHECK(bits >= 1 && bits <= 8, "encode_spz: expected 1 to 8 bits per coefficient, found ",
+               bits);
+  }
+  JADE_CHECK(count < 60'000'000, "encode_spz: too many Gaussians for one stream: ", count);
+  const int bits = fitting_bits(means, options.fractional_bits);
   const int degree = sh.size(1) == 1 ? 0 : sh.size(1) == 4 ? 1 : sh.size(1) == 9 ? 2 : 3;
   std::string content;
   content.reserve(16 + static_cast<size_t>(count) * static_cast<size_t>(19 + 3 * sh.size(1)));
@@ -134,8 +137,19 @@ void write_spz(const std::filesystem::path& path, const splat::Gaussians& gaussi
     put_byte(content, (scales.data_ptr<double>()[i] + 10) * 16);
   }
   put_rotations(content, file_tensor(gaussians.rotations, torch::kFloat64));
-  put_sh(content, sh);
-  write_file(path, gzip(content, path));
+  put_sh(content, sh, options);
+  return gzip(content);
+}
+
+void write_spz(const std::filesystem::path& path, const splat::Gaussians& gaussians,
+               const SpzOptions& options) {
+  std::string bytes;
+  try {
+    bytes = encode_spz(gaussians, options);
+  } catch (const DataError& problem) {
+    throw DataError(concat(path.string(), ": ", problem.what()));
+  }
+  write_file(path, bytes);
 }
 
 }  // namespace jade::gaussians

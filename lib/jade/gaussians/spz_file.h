@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
 
 #include "jade/splat/gaussians.h"
 
@@ -11,12 +12,20 @@ struct SpzOptions {
   bool antialiased = false;
   /// Fixed-point bits after the binary point, lowered where the scene is too large for 24 bits.
   int fractional_bits = 12;
+  /// Bits of the SH coefficients of degree 1 and of those beyond, of the 8 that each has in the
+  /// file: fewer pack better, and are most of what the format loses.
+  int first_degree_bits = 5, higher_degree_bits = 4;
 };
 
-/// Writes the compressed .spz format, version 2 (gzip): 24-bit fixed-point positions, 8-bit scales,
-/// rotations, opacities and colours, SH up to degree 3 in 5 (degree 1) and 4 bits. Positions are
-/// turned from our axes (x right, y down, z forward) to the format's (x right, y up, z back).
-/// @throws DataError if the file cannot be written, or a position is not finite.
+/// The compressed .spz format, version 2 (gzip): 24-bit fixed-point positions, 8-bit scales,
+/// rotations, opacities and colours, SH up to degree 3 in as many bits as the options say.
+/// Positions are turned from our axes (x right, y down, z forward) to the format's (x right, y up,
+/// z back).
+/// @throws DataError where a position is not finite or too far for 24 bits.
+std::string encode_spz(const splat::Gaussians& gaussians, const SpzOptions& options = {});
+
+/// Writes the same as a file.
+/// @throws DataError naming the path, also if the file cannot be written.
 void write_spz(const std::filesystem::path& path, const splat::Gaussians& gaussians,
                const SpzOptions& options = {});
 

@@ -8,12 +8,15 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "jade/core/log.h"
 #include "jade/eval/metrics.h"
+#include "jade/gaussians/spz_file.h"
 #include "jade/imaging/image_io.h"
+#include "jade/page/base64.h"
+#include "jade/page/page.h"
 #include "jade/restore/restorations.h"
 #include "jade/run/allocation_choice.h"
 #include "jade/run/evaluate.h"
-#include "jade/run/report_page.h"
 #include "jade/train/routing_step.h"
 
 namespace jade::run {
@@ -25,24 +28,14 @@ using Json = nlohmann::ordered_json;
 /// Pictures make the file large; this many training views are shown, spread over the sequence.
 constexpr size_t kShownViews = 4;
 
-std::string base64(const std::vector<uint8_t>& bytes) {
-  constexpr char kDigits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string out;
-  for (size_t i = 0; i < bytes.size(); i += 3) {
-    const uint32_t left = static_cast<uint32_t>(bytes.size() - i);
-    const uint32_t group =
-        (bytes[i] << 16) | ((left > 1 ? bytes[i + 1] : 0) << 8) | (left > 2 ? bytes[i + 2] : 0);
-    out += kDigits[group >> 18];
-    out += kDigits[group >> 12 & 63];
-    out += left > 1 ? kDigits[group >> 6 & 63] : '=';
-    out += left > 2 ? kDigits[group & 63] : '=';
-  }
-  return out;
-}
+/// The embedded scene is finer than an .spz usually is: as many bits after the binary point as 24
+/// leave, and SH of 7 and 6 bits, which for half as many bytes more is 6 dB nearer to the scene.
+constexpr gaussians::SpzOptions kEmbedded{false, 20, 7, 6};
 
 Json picture(const std::string& name, const torch::Tensor& image, const torch::Tensor& truth = {}) {
-  Json entry{{"name", name},
-             {"src", "data:image/png;base64," + base64(imaging::encode_png(image.detach().cpu()))}};
+  const std::vector<uint8_t> png = imaging::encode_png(image.detach().cpu());
+  const std::string_view bytes(reinterpret_cast<const char*>(png.data()), png.size());
+  Json entry{{"name", name}, {"src", "data:image/png;base64," + page::base64(bytes)}};
   if (truth.defined()) {
     char note[24];
     std::snprintf(note, sizeof note, "%.2f dB", eval::psnr(image, truth.to(image.device())));
@@ -78,10 +71,81 @@ Json training_view(const data::Dataset& dataset, const train::View& view, int64_
     pictures.push_back(picture("fused", train::scene_target(state, view, index), truth));
   }
   pictures.push_back(picture("event density", density));
-  const size_t shown = pictures.size();
   pictures.push_back(picture("render", render, truth));
   if (truth.defined()) pictures.push_back(picture("truth", truth));
-  return {{"name", "training view " + view.name}, {"show", shown}, {"pictures", pictures}};
+  return {{"name", "training view " + view.name},
+          {"camera", concat("train.", index)},
+          {"pictures", pictures}};
+}
+
+/// Mean PSNR at mid-exposure of what comes before the scene and of the scene, over the views where
+/// a sharp truth tells; null where there are none.
+Json headline(const data::Dataset& dataset, const std::vector<train::View>& views,
+              const train::TrainState& state, const splat::RenderOptions& draw) {
+  int64_t count = 0;
+  double blurry = 0, edi = 0, rendered = 0;
+  for (size_t i = 0; i < views.size(); ++i) {
+    torch::Tensor truth = truth_of(dataset, static_cast<int64_t>(i));
+    if (!truth.defined()) continue;
+    truth = truth.to(views[i].blurry.device());
+    const data::Exposure& exposure = dataset.train[i];
+    ++count;
+    blurry += eval::psnr(views[i].blurry, truth);
+    edi += eval::psnr(views[i].restorations.edi.clamp(0, 1), truth);
+    rendered += eval::psnr(render_view(state.gaussians.detached(),
+                                       exposure.poses[geometry::kMidPose], exposure.camera, draw),
+                           truth);
+  }
+  if (count == 0) return nullptr;
+  const auto n = static_cast<double>(count);
+  return {{"views", count}, {"blurry", blurry / n}, {"edi", edi / n}, {"render", rendered / n}};
+}
+
+template <class Poses>
+Json camera_entry(const std::string& name, const geometry::Intrinsics& camera, const Poses& poses) {
+  Json rows = Json::array();
+  for (const geometry::Pose& pose : poses) {
+    Json numbers = Json::array();
+    for (size_t r = 0; r < 3; ++r) {
+      for (size_t c = 0; c < 3; ++c) numbers.push_back(pose.rotation[3 * r + c]);
+      numbers.push_back(pose.translation[r]);
+    }
+    rows.push_back(std::move(numbers));
+  }
+  return {{"name", name},    {"width", camera.width}, {"height", camera.height}, {"fx", camera.fx},
+          {"fy", camera.fy}, {"cx", camera.cx},       {"cy", camera.cy},         {"poses", rows}};
+}
+
+/// How the viewer draws, and where the data set's cameras stand.
+Json scene_of(const data::Dataset& dataset, const splat::RenderOptions& draw) {
+  Json train = Json::array(), test = Json::array();
+  for (const data::Exposure& exposure : dataset.train) {
+    train.push_back(camera_entry(exposure.name, exposure.camera, exposure.poses));
+  }
+  for (const data::SharpView& view : dataset.test) {
+    test.push_back(camera_entry(view.name, view.camera, std::array{view.pose}));
+    test.back()["seen"] = view.seen ? Json(*view.seen) : Json(nullptr);
+  }
+  Json background{0, 0, 0};
+  if (draw.background.defined()) {
+    for (int64_t c = 0; c < 3; ++c) {
+      background[static_cast<size_t>(c)] = draw.background[c].item<double>();
+    }
+  }
+  return {{"near_plane", draw.near_plane},
+          {"background", background},
+          {"cameras", {{"train", train}, {"test", test}}}};
+}
+
+/// The scene as the page embeds it, or nothing where .spz cannot hold it: then the pictures stand
+/// alone.
+std::string packed_scene(const splat::Gaussians& gaussians) {
+  try {
+    return gaussians::encode_spz(gaussians, kEmbedded);
+  } catch (const DataError& problem) {
+    log_warn(concat("report.html shows no scene in 3D: ", problem.what()));
+    return {};
+  }
 }
 
 /// Pearson's r over the pixels of one view; 0 where either side does not vary.
@@ -180,16 +244,17 @@ void write_report(const fs::path& run, const data::Dataset& dataset,
         training_view(dataset, views[index], static_cast<int64_t>(index), state, draw));
   }
   data["tests"] = Json::array();
-  for (const data::SharpView& view : dataset.test) {
+  for (size_t i = 0; i < dataset.test.size(); ++i) {
+    const data::SharpView& view = dataset.test[i];
     const auto render = render_view(state.gaussians.detached(), view.pose, view.camera, draw);
-    const char* mark = !view.seen   ? ""
-                       : *view.seen ? ", seen in training"
-                                    : ", not seen in training";
     data["tests"].push_back(
-        {{"name", concat("test view ", view.name, mark)},
-         {"show", 1},
+        {{"name", "test view " + view.name},
+         {"camera", concat("test.", i)},
+         {"seen", view.seen ? Json(*view.seen) : Json(nullptr)},
          {"pictures", {picture("render", render, view.image), picture("truth", view.image)}}});
   }
+  data["headline"] = headline(dataset, views, state, draw);
+  data["scene"] = scene_of(dataset, draw);
   data["evaluation"] =
       fs::exists(run / "eval.json") ? Json::parse(read_file(run / "eval.json")) : Json(nullptr);
   data["allocation"] = allocation_statistics(dataset, views, state);
@@ -198,13 +263,9 @@ void write_report(const fs::path& run, const data::Dataset& dataset,
   data["metrics"] = read_metrics(run / "metrics.jsonl");
   data["config"] = read_file(run / "config.yaml");
 
-  std::string json = data.dump();
-  // "</script>" inside a text would end the page's script.
-  for (size_t at = 0; (at = json.find("</", at)) != std::string::npos; at += 3)
-    json.replace(at, 2, "<\\/");
-  std::string page = kReportPage;
-  page.replace(page.find("@DATA@"), 6, json);
-  write_file(run / "report.html", page);
+  write_file(run / "report.html",
+             page::report_page(data.dump(-1, ' ', false, Json::error_handler_t::replace),
+                               packed_scene(state.gaussians.detached())));
 }
 
 }  // namespace jade::run

@@ -1,0 +1,11 @@
+// SPDX-License-Identifier: Apache-2.0
+// The front end as embed.cmake found it in front/.
+#pragma once
+
+namespace jade::page {
+
+extern const char* const kHtml;    ///< with @STYLE@, @DATA@, @SCENE@ and @SCRIPT@
+extern const char* const kStyle;   ///< CSS
+extern const char* const kScript;  ///< every module, joined
+
+}  // namespace jade::page

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a link remembers of the view: its camera and, where that was left, the pose; the moment of
+// the exposure, the two layers and the wipe between them.
+
+/** @param view  {camera: 'train.3', pose: null or 12 numbers, moment, left, right, wipe} */
+export function formatLink(view) {
+  const parts = new URLSearchParams({ camera: view.camera, u: round(view.moment), left: view.left, right: view.right, wipe: round(view.wipe) });
+  if (view.pose) parts.set('pose', view.pose.map((value) => Number(value.toPrecision(8))).join(','));
+  return `#${parts}`;
+}
+
+/** What formatLink() wrote; parts that are missing or damaged are left out. */
+export function parseLink(hash) {
+  const parts = new URLSearchParams(hash.replace(/^#/, ''));
+  const view = {};
+  const share = (text) => (text !== null && text !== '' && Number(text) >= 0 && Number(text) <= 1 ? Number(text) : undefined);
+  if (/^(train|test)\.\d+$/.test(parts.get('camera') ?? '')) view.camera = parts.get('camera');
+  for (const [key, name] of [['moment', 'u'], ['wipe', 'wipe']]) {
+    if (share(parts.get(name)) !== undefined) view[key] = share(parts.get(name));
+  }
+  for (const key of ['left', 'right']) if (parts.get(key)) view[key] = parts.get(key);
+  const pose = (parts.get('pose') ?? '').split(',').map(Number);
+  if (pose.length === 12 && pose.every(Number.isFinite)) view.pose = pose;
+  return view;
+}
+
+function round(share) {
+  return String(Math.round(share * 1e4) / 1e4);
+}

@@ -1,0 +1,357 @@
+// SPDX-License-Identifier: Apache-2.0
+// The page: wires the scene, its controls and the report together. What a person can do, a script
+// can do through `window.jade`.
+
+import { CameraPath } from './path.js';
+import { Controls } from './controls.js';
+import { Layers, SCENE } from './layers.js';
+import { Viewer } from './viewer.js';
+import { formatLink, parseLink } from './link.js';
+import { add, axis, poseInExposure, unit } from './pose.js';
+import { gunzipBase64, parseSpz } from './spz.js';
+import { writeReport } from './report.js';
+
+const DEPTH = 'depth';
+const PLAY_MOMENTS = 32;
+const element = (id) => document.getElementById(id);
+
+class Page {
+  constructor(data) {
+    this.data = data;
+    this.cameras = new Map();
+    for (const kind of ['train', 'test']) {
+      data.scene.cameras[kind].forEach((camera, k) => this.cameras.set(`${kind}.${k}`, camera));
+    }
+    this.first = data.views[0]?.camera ?? data.tests[0]?.camera ?? this.cameras.keys().next().value;
+    this.state = { camera: this.first, pose: null, moment: 0.5 };
+    this.path = new CameraPath();
+    this.layers = new Layers({
+      left: element('left'), right: element('right'), bar: element('bar'), leftTag: element('left-tag'), rightTag: element('right-tag'),
+      leftSelect: element('left-layer'), rightSelect: element('right-layer'),
+    }, () => this.writeLink());
+    this.layers.live = (name) => (name === DEPTH ? this.depthPicture() : null);
+  }
+
+  async start() {
+    this.listCameras();
+    this.listen();
+    const packed = element('spz').textContent;
+    try {
+      if (!packed) throw new Error('this page holds no scene');
+      const scene = parseSpz(await gunzipBase64(packed));
+      this.viewer = new Viewer(element('scene'), scene, this.data.scene);
+      this.viewer.onFrame = () => this.writeFrame();
+      this.down = unit([...this.cameras.values()].map((camera) => axis(camera.poses[0], 1)).reduce((a, b) => add(a, b)));
+      this.controls = new Controls(element('stage'), this);
+    } catch (problem) {
+      element('notice').textContent = `A still picture: ${problem.message}.`;
+      element('notice').hidden = false;
+      element('stage').classList.add('still');
+      element('more').hidden = element('reset').hidden = true;
+    }
+    await this.restore(parseLink(location.hash));
+    document.documentElement.dataset.ready = this.viewer ? 'scene' : 'still';
+  }
+
+  // --- what the controls ask of their host
+
+  pose() {
+    return this.state.pose ?? poseInExposure(this.camera().poses, this.camera().poses.length > 1 ? this.state.moment : 0);
+  }
+
+  reach() {
+    return this.distance;
+  }
+
+  /** Width of the picture at distance 1. */
+  pixel() {
+    return this.camera().width / this.camera().fx;
+  }
+
+  move(pose, distance = this.distance) {
+    this.stop();
+    this.distance = distance;
+    this.state.pose = pose;
+    this.refresh();
+  }
+
+  // --- cameras
+
+  camera() {
+    return this.cameras.get(this.state.camera);
+  }
+
+  pictures() {
+    return [...this.data.views, ...this.data.tests].find((view) => view.camera === this.state.camera)?.pictures ?? [];
+  }
+
+  /** Puts the viewer where a camera of the data set stands; a promise of its being drawn. */
+  async jump(id, layers = {}) {
+    this.stop();
+    Object.assign(this.state, { camera: id, pose: null });
+    element('camera').value = id;
+    const camera = this.camera();
+    element('stage').style.setProperty('--aspect', `${camera.width} / ${camera.height}`);
+    element('stage').style.setProperty('--ratio', camera.width / camera.height);
+    const exposure = camera.poses.length > 1;
+    element('moment').disabled = element('play').disabled = !exposure || !this.viewer;
+    if (this.viewer) this.distance = this.viewer.depthAhead(camera, this.pose());
+    await this.draw();
+    Object.assign(this.layers, layers);
+    await this.layers.setPictures(this.pictures(), this.viewer ? [SCENE, DEPTH] : []);
+    await this.draw();
+  }
+
+  step(by) {
+    const ids = [...this.cameras.keys()];
+    const next = (ids.indexOf(this.state.camera) + by + ids.length) % ids.length;
+    return this.jump(ids[next]);
+  }
+
+  reset() {
+    return this.jump(this.state.camera);
+  }
+
+  setMoment(moment) {
+    this.stop();
+    Object.assign(this.state, { moment: Math.min(1, Math.max(0, moment)), pose: null });
+    element('moment').value = this.state.moment;
+    return this.draw();
+  }
+
+  // --- drawing
+
+  /** Draws soon, while the camera moves. */
+  refresh() {
+    this.writeMoment();
+    if (this.viewer) this.viewer.request(this.camera(), this.pose());
+    element('stage').classList.toggle('away', this.state.pose !== null);
+    element('back').hidden = this.state.pose === null;
+    this.writeLink();
+  }
+
+  /** Draws this very view; a promise of its being shown. */
+  async draw() {
+    this.writeMoment();
+    element('stage').classList.toggle('away', this.state.pose !== null);
+    element('back').hidden = this.state.pose === null;
+    if (this.viewer) await this.viewer.draw(this.camera(), this.pose());
+    this.writeLink();
+  }
+
+  async depthPicture() {
+    const picture = await this.viewer.picture(this.camera(), this.pose(), { depthMode: true });
+    await this.viewer.draw(this.camera(), this.pose());
+    return picture;
+  }
+
+  /** The blur builds up: the mean of the renders so far, over the exposure. A promise of its end. */
+  async play() {
+    if (this.playing) return this.stop();
+    const run = {};
+    this.playing = run;
+    Object.assign(this.state, { pose: null });
+    element('play').setAttribute('aria-pressed', 'true');
+    await this.layers.choose(this.layers.left === 'blurry' ? 'blurry' : SCENE, SCENE);
+    for (let n = 1; n <= PLAY_MOMENTS && this.playing === run; ++n) {
+      this.state.moment = (n - 0.5) / PLAY_MOMENTS;
+      element('moment').value = this.state.moment;
+      this.writeMoment(`mean of ${n}`);
+      await this.viewer.draw(this.camera(), this.pose(), { part: n });
+      await new Promise((resolve) => { setTimeout(resolve, 50); });
+    }
+    return this.stop();
+  }
+
+  stop() {
+    this.playing = null;
+    element('play').setAttribute('aria-pressed', 'false');
+  }
+
+  // --- the camera path
+
+  addKey() {
+    this.path.add(this.camera(), this.pose());
+    this.writePath();
+  }
+
+  clearPath() {
+    this.path.clear();
+    this.writePath();
+  }
+
+  seconds() {
+    return Math.max(0.1, Number(element('seconds').value) || 2);
+  }
+
+  pathJson() {
+    return this.path.json(this.seconds(), 30);
+  }
+
+  async playPath() {
+    const run = {};
+    this.stop();
+    this.playing = run;
+    const length = 1000 * this.seconds() * (this.path.keys.length - 1);
+    const start = performance.now();
+    for (let now = start; this.playing === run && now <= start + length; now = await new Promise(requestAnimationFrame)) {
+      this.state.pose = this.path.at((now - start) / length);
+      this.refresh();
+    }
+    this.stop();
+  }
+
+  writePath() {
+    const keys = this.path.keys.length;
+    element('path-keys').textContent = keys === 1 ? '1 key' : `${keys} keys`;
+    for (const id of ['path-play', 'path-save', 'path-clear']) element(id).disabled = keys === 0;
+    element('path-play').disabled = keys < 2;
+  }
+
+  // --- words
+
+  writeMoment(text) {
+    const exposure = this.camera().poses.length > 1;
+    const percent = `${Math.round(100 * this.state.moment)} %`;
+    element('moment-value').textContent = exposure ? text ?? percent : '-';
+    element('moment').setAttribute('aria-valuetext', exposure ? `${percent} of the exposure` : 'no exposure');
+  }
+
+  writeFrame() {
+    const { pace, renderer } = this.viewer;
+    const rate = pace ? `${Math.round(1000 / pace)} FPS · ` : '';
+    element('hud').textContent = `${rate}${this.viewer.scene.count.toLocaleString('en')} Gaussians · ${renderer.canvas.width}×${renderer.canvas.height}`;
+  }
+
+  say(text) {
+    element('status').textContent = text;
+  }
+
+  // --- links
+
+  link() {
+    const { left, right, wipe } = this.layers;
+    return formatLink({ ...this.state, left, right, wipe });
+  }
+
+  writeLink() {
+    if (!this.restored) return;
+    clearTimeout(this.linkTimer);
+    this.linkTimer = setTimeout(() => history.replaceState(null, '', this.link()), 200);
+  }
+
+  async restore(wanted) {
+    this.restored = false;
+    const layers = {
+      left: wanted.left ?? (this.pictures()[0] ? this.pictures()[0].name : SCENE),
+      right: wanted.right ?? (this.viewer ? SCENE : 'render'),
+      wipe: wanted.wipe ?? 0.5,
+    };
+    this.state.moment = wanted.moment ?? 0.5;
+    element('moment').value = this.state.moment;
+    await this.jump(this.cameras.has(wanted.camera) ? wanted.camera : this.first, layers);
+    this.restored = true;
+    if (wanted.pose && this.viewer) {
+      this.state.pose = wanted.pose;
+      await this.draw();
+    }
+  }
+
+  async copyLink() {
+    history.replaceState(null, '', this.link());
+    try {
+      await navigator.clipboard.writeText(location.href);
+      this.say('Link copied');
+    } catch {
+      this.say('The address bar holds the link');
+    }
+  }
+
+  // --- the page's elements
+
+  listCameras() {
+    const select = element('camera');
+    for (const [kind, label] of [['train', 'exposures'], ['test', 'test views']]) {
+      const group = select.appendChild(Object.assign(document.createElement('optgroup'), { label }));
+      this.data.scene.cameras[kind].forEach(({ name, seen }, k) => {
+        const mark = { true: ', seen', false: ', unseen' }[seen] ?? '';
+        const pictured = [...this.data.views, ...this.data.tests].some((view) => view.camera === `${kind}.${k}`);
+        group.append(new Option(`${name}${mark}${pictured && kind === 'train' ? ' ▣' : ''}`, `${kind}.${k}`));
+      });
+    }
+  }
+
+  listen() {
+    const on = (id, event, call) => element(id).addEventListener(event, call);
+    on('camera', 'change', () => this.jump(element('camera').value));
+    on('previous', 'click', () => this.step(-1));
+    on('next', 'click', () => this.step(1));
+    on('back', 'click', () => this.reset());
+    on('reset', 'click', () => this.reset());
+    on('moment', 'input', () => this.setMoment(Number(element('moment').value)));
+    on('play', 'click', () => this.play());
+    on('swap', 'click', () => this.layers.swap());
+    on('link', 'click', () => this.copyLink());
+    on('picture', 'click', () => this.savePicture());
+    on('help', 'click', () => element('keys').showModal());
+    on('native', 'change', () => {
+      this.viewer.native = element('native').checked;
+      element('stage').classList.toggle('native', this.viewer.native);
+      this.draw();
+    });
+    on('path-add', 'click', () => this.addKey());
+    on('path-clear', 'click', () => this.clearPath());
+    on('path-play', 'click', () => this.playPath());
+    on('path-save', 'click', () => save('path.json', new Blob([this.pathJson()], { type: 'application/json' })));
+    document.addEventListener('keydown', (event) => this.key(event));
+    window.addEventListener('hashchange', () => this.restore(parseLink(location.hash)));
+    window.addEventListener('resize', () => this.viewer && !this.playing && this.refresh());
+    this.writePath();
+  }
+
+  key(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey || /^(INPUT|SELECT|TEXTAREA)$/.test(event.target.tagName)) return;
+    const scene = {
+      r: () => this.reset(), ' ': () => !element('play').disabled && this.play(), k: () => this.addKey(), p: () => this.savePicture(),
+    };
+    const keys = {
+      '?': () => element('keys').showModal(), '[': () => this.step(-1), ']': () => this.step(1), x: () => this.layers.swap(),
+      l: () => this.copyLink(), ...(this.viewer ? scene : {}),
+    };
+    if (event.key === ' ' && event.target.tagName === 'BUTTON') return;
+    const call = keys[event.key.toLowerCase()];
+    if (!call || element('keys').open) return;
+    event.preventDefault();
+    call();
+  }
+
+  async savePicture() {
+    const picture = await this.viewer.picture(this.camera(), this.pose());
+    if (picture) save('view.png', pictureBlob(picture));
+  }
+
+  async pick(view, name) {
+    await this.jump(view.camera);
+    const other = this.viewer ? SCENE : 'render';
+    await this.layers.choose(name, other);
+    element('see').scrollIntoView({ behavior: 'smooth' });
+  }
+}
+
+/** A data URL's bytes, without a request. */
+function pictureBlob(source) {
+  const bytes = Uint8Array.from(atob(source.slice(source.indexOf(',') + 1)), (letter) => letter.charCodeAt(0));
+  return new Blob([bytes], { type: 'image/png' });
+}
+
+function save(name, blob) {
+  const address = URL.createObjectURL(blob);
+  Object.assign(document.createElement('a'), { href: address, download: name }).click();
+  setTimeout(() => URL.revokeObjectURL(address), 1000);
+}
+
+const data = JSON.parse(element('data').textContent);
+const page = new Page(data);
+window.jade = page;
+writeReport(data, (view, name) => page.pick(view, name));
+page.start();

@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the report says beside the scene: headline figures, views, tables, curves.
+
+const make = (tag, parent, props = {}) => parent.appendChild(Object.assign(document.createElement(tag), props));
+const at = (id) => document.getElementById(id);
+const METRICS = ['psnr', 'psnr_channel_mean', 'ssim', 'lpips_alex01', 'lpips_vgg', 'psnr_reblur'];
+
+/** @param onPick  called with a view and the name of one of its pictures */
+export function writeReport(data, onPick) {
+  at('facts').textContent = data.facts.join(' · ');
+  at('config').textContent = data.config;
+  writeGlance(at('glance'), data);
+  for (const view of data.views) strip(at('views'), view, onPick);
+  const groups = [['Seen in training', true], ['Not seen in training', false], ['Test views', null]];
+  for (const [title, seen] of groups) {
+    const views = data.tests.filter((view) => view.seen === seen);
+    if (views.length === 0) continue;
+    make('h3', at('tests'), { textContent: `${title}${meanNote(data.evaluation, seen)}` });
+    for (const view of views) strip(at('tests'), view, onPick);
+  }
+  writeScores(at('scores'), data.evaluation);
+  writeAllocation(at('allocation'), data.allocation);
+  writeCurves(at('charts'), data.metrics);
+}
+
+/** The figures that come first: {label, value, note}. */
+export function glanceFigures({ headline, evaluation, metrics }) {
+  const decibels = (value) => `${value.toFixed(2)} dB`;
+  const figures = [];
+  if (headline) {
+    const over = (value) => `${value >= headline.blurry ? '+' : '−'}${Math.abs(value - headline.blurry).toFixed(2)} dB`;
+    figures.push({ label: 'blurry frame', value: decibels(headline.blurry), note: `mid-exposure, ${headline.views} with truth` });
+    figures.push({ label: 'EDI', value: decibels(headline.edi), note: over(headline.edi) });
+    figures.push({ label: 'this scene', value: decibels(headline.render), note: over(headline.render), best: true });
+  }
+  for (const [label, mean] of [['seen test views', evaluation?.mean_seen], ['unseen test views', evaluation?.mean_unseen],
+    ['test views', evaluation?.mean_seen || evaluation?.mean_unseen ? null : evaluation?.mean]]) {
+    if (mean) figures.push({ label, value: decibels(mean.psnr), note: `SSIM ${mean.ssim.toFixed(3)}` });
+  }
+  if (figures.length === 0) {
+    const last = metrics.filter((line) => typeof line.psnr_train === 'number').pop();
+    if (last) figures.push({ label: 'blur explained', value: decibels(last.psnr_train), note: 're-blurred render against its frame' });
+  }
+  return figures;
+}
+
+function writeGlance(parent, data) {
+  for (const { label, value, note, best } of glanceFigures(data)) {
+    const card = make('div', parent, { className: best ? 'card best' : 'card' });
+    make('dt', card, { textContent: label });
+    make('dd', card, { textContent: value });
+    make('dd', card, { textContent: note, className: 'note' });
+  }
+}
+
+function meanNote(evaluation, seen) {
+  const mean = { true: evaluation?.mean_seen, false: evaluation?.mean_unseen, null: null }[seen];
+  return mean ? `: ${mean.psnr.toFixed(2)} dB` : '';
+}
+
+function strip(parent, view, onPick) {
+  const box = make('section', parent, { className: 'view' });
+  make('h4', box, { textContent: view.name });
+  const row = make('div', box, { className: 'strip' });
+  for (const picture of view.pictures) {
+    const button = make('button', row, { type: 'button', className: 'thumb', title: 'show above' });
+    make('img', button, { src: picture.src, alt: '', loading: 'lazy' });
+    make('span', button, { textContent: picture.note ? `${picture.name} ${picture.note}` : picture.name });
+    button.onclick = () => onPick(view, picture.name);
+  }
+}
+
+function table(parent, head, rows) {
+  const box = make('div', parent, { className: 'scroll', tabIndex: 0 });
+  const whole = make('table', box);
+  const top = make('tr', make('thead', whole));
+  for (const cell of head) make('th', top, { textContent: cell, scope: 'col' });
+  const body = make('tbody', whole);
+  for (const row of rows) {
+    const line = make('tr', body);
+    row.forEach((cell, k) => make(k === 0 ? 'th' : 'td', line, { textContent: shown(cell) }));
+  }
+}
+
+function shown(cell) {
+  return typeof cell === 'number' ? cell.toFixed(Math.abs(cell) > 2 ? 2 : 4) : cell ?? '-';
+}
+
+function writeScores(parent, evaluation) {
+  if (!evaluation) return;
+  const mark = ({ seen }) => (typeof seen === 'boolean' ? (seen ? 'seen' : 'unseen') : '-');
+  const means = [['mean of seen', evaluation.mean_seen], ['mean of unseen', evaluation.mean_unseen], ['mean', evaluation.mean]];
+  table(parent, ['view', 'in training', ...METRICS], [
+    ...evaluation.views.map((view) => [view.name, mark(view), ...METRICS.map((key) => view[key])]),
+    ...means.filter(([, mean]) => mean).map(([name, mean]) => [name, '', ...METRICS.map((key) => mean[key])]),
+  ]);
+  const list = make('ul', parent, { className: 'facts' });
+  for (const key of METRICS) make('li', list, { textContent: `${key}: ${evaluation.definitions[key]}` });
+}
+
+function writeAllocation(parent, { views, mean }) {
+  if (!mean) {
+    parent.textContent = 'This run has no allocation map.';
+    return;
+  }
+  const keys = ['alpha_mean', 'alpha_std', 'alpha_min', 'alpha_max', 'alpha_correlation', 'choice_right', 'choice_gain_db'];
+  table(parent, ['view', 'α mean', 'α std', 'least', 'largest', 'correlation with event density', 'right choice', 'gain, dB'],
+    [...views.map((view) => [view.name, ...keys.map((key) => view[key])]), ['all', ...keys.map((key) => mean[key])]]);
+  const spread = mean.alpha_correlation_std === null ? '' : ` ± ${mean.alpha_correlation_std.toFixed(4)} (sample deviation)`;
+  make('p', parent, { className: 'facts', textContent: `Pearson's r over the pixels of a view; over the views ${mean.alpha_correlation.toFixed(4)}${spread}.` });
+  if (typeof mean.choice_gain_db === 'number') {
+    const text = 'Right choice: share of the pixels where α > ½ and EDI is nearer to the sharp test view at mid-exposure, or α ≤ ½ and EFNet is. '
+      + 'Gain: PSNR of the mix less that of the better of the two.';
+    make('p', parent, { className: 'facts', textContent: text });
+  }
+}
+
+function writeCurves(parent, metrics) {
+  const keys = new Set(metrics.flatMap((line) => Object.keys(line)));
+  keys.delete('step');
+  for (const key of keys) {
+    const points = metrics.filter((line) => typeof line[key] === 'number').map((line) => [line.step, line[key]]);
+    if (points.length > 1) chart(parent, key, points);
+  }
+}
+
+/** Three digits, thousands as k and millions as M. */
+export function short(value) {
+  const size = Math.abs(value);
+  if (size >= 1e6) return `${(value / 1e6).toPrecision(3)}M`;
+  return size >= 1e4 ? `${(value / 1e3).toPrecision(3)}k` : String(Number(value.toPrecision(3)));
+}
+
+function chart(parent, name, points) {
+  const [width, height] = [340, 170];
+  const margin = { left: 46, right: 8, top: 22, bottom: 20 };
+  const space = 'http://www.w3.org/2000/svg';
+  const range = (k) => points.reduce(([low, high], point) => [Math.min(low, point[k]), Math.max(high, point[k])], [Infinity, -Infinity]);
+  const [[x0, x1], [y0, y1]] = [range(0), range(1)];
+  const svg = parent.appendChild(document.createElementNS(space, 'svg'));
+  svg.setAttribute('viewBox', `0 0 ${width} ${height}`);
+  svg.setAttribute('role', 'img');
+  svg.setAttribute('aria-label', `${name} from ${short(points[0][1])} to ${short(points[points.length - 1][1])}`);
+  const draw = (tag, attributes, text = '') => {
+    const element = svg.appendChild(document.createElementNS(space, tag));
+    for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
+    element.textContent = text;
+  };
+  const across = (x) => margin.left + (width - margin.left - margin.right) * (x - x0) / (x1 - x0 || 1);
+  const up = (y) => height - margin.bottom - (height - margin.top - margin.bottom) * (y - y0) / (y1 - y0 || 1);
+  draw('text', { x: margin.left, y: 14 }, name);
+  draw('text', { x: margin.left - 4, y: margin.top + 8, 'text-anchor': 'end' }, short(y1));
+  draw('text', { x: margin.left - 4, y: height - margin.bottom, 'text-anchor': 'end' }, short(y0));
+  draw('text', { x: margin.left, y: height - 6 }, short(x0));
+  draw('text', { x: width - margin.right, y: height - 6, 'text-anchor': 'end' }, `step ${short(x1)}`);
+  draw('polyline', { points: points.map(([x, y]) => `${across(x).toFixed(1)},${up(y).toFixed(1)}`).join(' '), class: 'curve' });
+}

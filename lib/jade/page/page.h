@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+
+namespace jade::page {
+
+/// The report as one HTML file that needs nothing from outside itself, and whose policy forbids it
+/// to ask.
+/// @param json  what front/main.js and front/report.js show; its keys:
+///   "facts" [text]; "headline" {"views", "blurry", "edi", "render"} in dB, or null;
+///   "views" and "tests" [{"name", "camera": "train.3", "seen", "pictures": [{"name", "src",
+///   "note"}]}]; "evaluation" (eval.json or null); "allocation" (allocation.json); "metrics" (lines
+///   of metrics.jsonl); "config" (text); "scene" {"near_plane", "background" [3], "cameras":
+///   {"train", "test": [{"name", "seen", "width", "height", "fx", "fy", "cx", "cy", "poses": [rows
+///   of camera_from_world, 12 numbers]}]}}, at least one camera.
+/// @param spz  the scene as gaussians::encode_spz() gives it; empty: pictures alone.
+std::string report_page(const std::string& json, const std::string& spz);
+
+}  // namespace jade::page

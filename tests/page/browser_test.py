@@ -1,0 +1,316 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""A report in headless Chromium: the scene against jade_render, and what a person can do there.
+
+    browser_test.py BIN_FOLDER      exits with 77 where there is no Chromium
+"""
+import array
+import base64
+import json
+import random
+import re
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import chromium
+
+SIMULATION = """
+seed: 3
+simulate:
+  world: desk
+  width: 80
+  height: 60
+  focal_px: 100
+  exposures: 3
+  test_views: 2
+  seen_test_views: 1
+  motion: {blur_px: 5}
+"""
+RESTORER = Path(__file__).resolve().parents[2] / "assets" / "efnet_small.pt"
+TRAINING = f"""
+device: cpu
+efnet: {{path: {RESTORER}}}
+events: {{threshold_positive: 0.25}}
+init: {{points: 2000}}
+densify: {{max_gaussians: 2000}}
+train: {{iterations: 1, evaluate_every: 0, picture_every: 0}}
+"""
+# PSNR between what the canvas shows, or a picture, and another picture.
+PROBE = """window.probe = {
+  async pixels(source) {
+    const image = Object.assign(new Image(), {src: source});
+    await image.decode();
+    const board = Object.assign(document.createElement('canvas'), {width: image.naturalWidth, height: image.naturalHeight});
+    const context = board.getContext('2d');
+    context.drawImage(image, 0, 0);
+    return context.getImageData(0, 0, board.width, board.height).data;
+  },
+  psnr(a, b) {
+    if (a.length !== b.length) throw new Error(`sizes differ: ${a.length} and ${b.length}`);
+    let sum = 0;
+    for (let k = 0; k < a.length; ++k) if (k % 4 < 3) sum += ((a[k] - b[k]) / 255) ** 2;
+    return -10 * Math.log10(sum / (0.75 * a.length) + 1e-12);
+  },
+  async canvas() {
+    // The mean that was played lies behind the canvas; anything else is drawn again.
+    const viewer = jade.viewer;
+    if (probe.mean) { viewer.renderer.show(true); return probe.pixels(viewer.renderer.picture()); }
+    return probe.pixels(await viewer.picture(jade.camera(), jade.pose()));
+  },
+  async against(sources) {
+    const all = [];
+    for (const source of sources) all.push(await probe.pixels(source));
+    const mean = all[0].map((_, k) => all.reduce((sum, one) => sum + one[k], 0) / all.length);
+    return probe.psnr(await probe.canvas(), mean);
+  },
+}; 0"""
+CONTROLS = "[...document.querySelectorAll('button, select, input, [role=slider], [role=application]')]"
+
+
+def harden(ply: Path, seed=5):
+    """Makes a scene's Gaussians small, thin, turned, of every opacity, and their colours follow the direction."""
+    header, body = ply.read_bytes().split(b"end_header\n", 1)
+    names = re.findall(rb"property float (\w+)", header)
+    values = array.array("f", body)
+    draw = random.Random(seed)
+    spread = {b"f_dc": (0, 1), b"f_rest": (0, 0.2), b"opacity": (0, 2.5), b"scale": (-4.3, 0.9), b"rot": (0, 1)}
+    for k in range(len(values)):
+        kind = re.sub(rb"_\d+$", b"", names[k % len(names)])
+        if kind in spread:
+            values[k] = draw.gauss(*spread[kind])
+        if kind == b"f_rest":
+            values[k] = round(8 * values[k]) / 8  # what .spz holds without loss
+    ply.write_bytes(header + b"end_header\n" + values.tobytes())
+
+
+class Run:
+    """A small scene, hard to draw and trained for a step; and its pictures by jade_render."""
+
+    def __init__(self, programs: Path, folder: Path):
+        self.programs, self.folder = programs, folder
+        (folder / "simulation.yaml").write_text(SIMULATION)
+        (folder / "training.yaml").write_text(TRAINING)
+        self.program("jade_simulate", "--config", folder / "simulation.yaml", "--output", folder / "data")
+        self.train(folder / "start")
+        harden(folder / "start" / "point_cloud.ply")
+        self.train(folder / "run", "--set", "init.kind=ply", "--set", f"init.ply={folder / 'start' / 'point_cloud.ply'}")
+        for cameras in ("test", "exposure"):
+            self.render(cameras, "--run", folder / "run")
+        self.report = (folder / "run" / "report.html").as_uri()
+
+    def program(self, name, *arguments):
+        done = subprocess.run([self.programs / name, *arguments], capture_output=True, text=True)
+        if done.returncode != 0:
+            raise RuntimeError(f"{name}: {done.stderr}")
+
+    def train(self, output, *more):
+        self.program("jade_train", "--config", self.folder / "training.yaml", "--set", f"dataset.path={self.folder / 'data'}",
+                     "--output", output, *more)
+
+    def render(self, cameras, *source):
+        self.program("jade_render", *source, "--device", "cpu", "--cameras", cameras, "--output",
+                     self.folder / Path(cameras).stem)
+
+    def picture(self, path):
+        return "data:image/png;base64," + base64.b64encode((self.folder / path).read_bytes()).decode()
+
+
+def expect(condition, what):
+    if not condition:
+        raise AssertionError(what)
+
+
+def expect_like(page, pictures, least, what):
+    found = page.evaluate(f"probe.against({json.dumps(pictures)})")
+    print(f"{what}: {found:.2f} dB")
+    expect(found >= least, f"{what}: expected {least} dB at least, found {found:.2f}")
+
+
+def choose(page, element, value):
+    """As a person does: sets a control and lets it tell."""
+    page.evaluate(f"""(() => {{ const control = document.getElementById({json.dumps(element)});
+        control.value = {json.dumps(value)};
+        control.dispatchEvent(new Event('input', {{bubbles: true}}));
+        control.dispatchEvent(new Event('change', {{bubbles: true}})); }})()""")
+
+
+def box(page, element):
+    """Left, top, width and height of an element in the window."""
+    return page.evaluate(f"""(() => {{ const box = document.getElementById({json.dumps(element)}).getBoundingClientRect();
+        return [box.left, box.top, box.width, box.height]; }})()""")
+
+
+def check_start(page, run):
+    expect(page.open(run.report) == "scene", "expected the scene in 3D")
+    page.evaluate(PROBE)
+    expect(page.evaluate("document.getElementById('left-tag').textContent").startswith("blurry"), "before on the left")
+    expect(page.evaluate("document.getElementById('right-tag').textContent") == "scene", "after on the right")
+    expect(page.evaluate("document.querySelectorAll('#glance .card').length") >= 4, "headline figures")
+    expect(page.evaluate("[...document.querySelectorAll('#tests h3')].map(h => h.textContent.split(':')[0])")
+           == ["Seen in training", "Not seen in training"], "seen and unseen views apart")
+    page.evaluate("document.getElementById('native').click()")
+
+
+def check_fidelity(page, run):
+    evaluation = json.loads((run.folder / "run/eval.json").read_text())
+    for k, view in enumerate(evaluation["views"]):
+        choose(page, "camera", f"test.{k}")
+        expect_like(page, [run.picture(f"test/{view['name']}.png")], 35, f"test view {view['name']} against jade_render")
+        truth = page.evaluate(f"probe.against([jade.pictures().find(p => p.name === 'truth').src])")
+        expect(abs(truth - view["psnr"]) < 1, f"{view['name']}: {truth:.2f} dB to the truth, {view['psnr']:.2f} by jade_render")
+
+
+def check_exposure(page, run):
+    names = sorted(path.stem for path in (run.folder / "exposure").glob("*_0.png"))
+    first = names[0].removesuffix("_0")
+    choose(page, "camera", "train.0")
+    for k in (0, 2, 8):
+        choose(page, "moment", k / 8)
+        expect_like(page, [run.picture(f"exposure/{first}_{k}.png")], 35, f"moment {k} of 8 against jade_render")
+    page.evaluate("document.getElementById('play').click()")
+    page.wait("document.getElementById('play').getAttribute('aria-pressed') === 'true'")
+    page.wait("document.getElementById('play').getAttribute('aria-pressed') === 'false'")
+    page.evaluate("probe.mean = true")
+    expect_like(page, [run.picture(f"exposure/{first}_{k}.png") for k in range(9)], 35, "blur that was played against the mean of nine")
+    page.evaluate("probe.mean = false")
+    expect(page.evaluate("document.getElementById('moment-value').textContent") == "mean of 32", "the mean is named")
+    choose(page, "moment", 0.5)
+    expect(page.evaluate("document.getElementById('moment').getAttribute('aria-valuetext')") == "50 % of the exposure", "moment in words")
+    choose(page, "camera", "test.0")
+    page.wait("document.getElementById('moment').disabled")
+
+
+def check_layers(page, run):
+    choose(page, "camera", "test.0")
+    page.wait("[...document.getElementById('left-layer').options].some(o => o.value === '|difference|')")
+    choose(page, "left-layer", "truth")
+    choose(page, "right-layer", "|difference|")
+    page.wait("jade.layers.right === '|difference|' && document.getElementById('right').src.length > 100")
+    expect(page.evaluate("document.getElementById('left').src === jade.pictures().find(p => p.name === 'truth').src"), "truth on the left")
+    error = page.evaluate("""(async () => { const [shown, a, b] = await Promise.all(
+        [document.getElementById('right').src, ...['render', 'truth'].map(n => jade.layers.sourceOf(n))].map(probe.pixels));
+        let worst = 0;
+        for (let k = 0; k < a.length; ++k) if (k % 4 < 3) worst = Math.max(worst, Math.abs(shown[k] - Math.min(255, 4 * Math.abs(a[k] - b[k]))));
+        return worst; })()""")
+    expect(error == 0, f"the difference is four times that of render and truth, {error} off")
+    left, top, width, height = box(page, "stage")
+    page.drag((left + page.evaluate("jade.layers.wipe") * width, top + height / 2), (left + 0.25 * width, top + height / 2))
+    expect(page.evaluate("document.getElementById('bar').getAttribute('aria-valuenow')") == "25", "the wipe follows the pointer")
+    expect("75%" in page.evaluate("document.getElementById('left').style.clipPath"), "the left layer ends at the wipe")
+    page.evaluate("document.getElementById('bar').focus()")
+    page.key("ArrowRight")
+    expect(page.evaluate("document.getElementById('bar').getAttribute('aria-valuenow')") == "27", "the wipe follows the arrows")
+    page.evaluate("document.getElementById('stage').focus()")
+    page.key("x", "KeyX", "x")
+    page.wait("jade.layers.left === '|difference|' && jade.layers.right === 'truth'")
+    choose(page, "left-layer", "depth")
+    page.wait("document.getElementById('left').alt === 'depth' && document.getElementById('left').naturalWidth === 80")
+
+
+def check_moving(page):
+    choose(page, "camera", "train.1")
+    page.wait("document.getElementById('camera').value === 'train.1' && !jade.state.pose")
+    left, top, width, height = box(page, "stage")
+    before = page.evaluate("jade.pose()")
+    page.drag((left + 0.8 * width, top + 0.5 * height), (left + 0.6 * width, top + 0.6 * height))
+    orbited = page.evaluate("jade.pose()")
+    expect(max(abs(a - b) for a, b in zip(before, orbited)) > 0.05, "a drag orbits")
+    expect(page.evaluate("!document.getElementById('back').hidden && document.getElementById('stage').matches('.away')"), "away from the camera")
+    page.call("Input.dispatchMouseEvent", type="mouseWheel", x=left + 50, y=top + 50, deltaX=0, deltaY=-200)
+    page.wait(f"Math.abs(jade.pose()[11] - {orbited[11]}) > 1e-3")
+    flown = page.evaluate("jade.pose()")
+    page.evaluate("document.getElementById('stage').focus()")
+    page.call("Input.dispatchKeyEvent", type="keyDown", key="w", code="KeyW")
+    page.wait(f"jade.pose()[11] < {flown[11]} - 1e-3")
+    page.call("Input.dispatchKeyEvent", type="keyUp", key="w", code="KeyW")
+    page.key("r", "KeyR", "r")
+    page.wait("!jade.state.pose")
+    expect(page.evaluate("jade.pose()") == before, "reset goes back to the camera")
+
+
+def check_path(page, run):
+    choose(page, "camera", "test.0")
+    page.wait("document.getElementById('camera').value === 'test.0'")
+    page.evaluate("document.getElementById('stage').focus()")
+    page.key("k", "KeyK", "k")
+    left, top, width, height = box(page, "stage")
+    page.drag((left + 0.8 * width, top + 0.5 * height), (left + 0.7 * width, top + 0.5 * height))
+    page.key("k", "KeyK", "k")
+    expect(page.evaluate("document.getElementById('path-keys').textContent") == "2 keys", "two keys")
+    choose(page, "seconds", "0.2")
+    (run.folder / "path.json").write_text(page.evaluate("jade.pathJson()"))
+    run.render(str(run.folder / "path.json"), "--ply", run.folder / "run/point_cloud.ply", "--config", run.folder / "run/config.yaml")
+    frames = sorted((run.folder / "path").glob("*.png"))
+    expect(len(frames) == 7, f"expected a frame per 1/30 s, found {len(frames)}")
+    expect_like(page, [run.picture(frames[-1])], 35, "end of a recorded path against jade_render")
+
+
+def check_link(page, run):
+    choose(page, "camera", "train.1")
+    page.wait("document.getElementById('camera').value === 'train.1' && !jade.state.pose")
+    choose(page, "left-layer", "EDI")
+    left, top, width, height = box(page, "stage")
+    page.drag((left + 0.8 * width, top + 0.5 * height), (left + 0.7 * width, top + 0.4 * height))
+    state = "({...jade.state, left: jade.layers.left, right: jade.layers.right, wipe: jade.layers.wipe})"
+    link, before = page.evaluate("jade.link()"), page.evaluate(state)
+    page.call("Page.navigate", url="about:blank")
+    page.open(run.report + link)
+    after = page.evaluate(state)
+    error = max(abs(a - b) for a, b in zip(before.pop("pose"), after.pop("pose")))
+    expect(error < 1e-6, f"a link restores the pose, {error} off")
+    expect(before == after, f"a link restores the view: expected {before}, found {after}")
+
+
+def check_access(page):
+    unnamed = page.evaluate(f"""{CONTROLS}.filter(c => !(c.getAttribute('aria-label') || /\\p{{L}}/u.test(c.textContent) || c.labels?.length))
+        .map(c => c.outerHTML.slice(0, 80))""")
+    expect(unnamed == [], f"controls without a name: {unnamed}")
+    expect(page.evaluate("[...document.images].every(image => image.hasAttribute('alt'))"), "every picture has an alt")
+    page.evaluate("document.getElementById('stage').focus()")
+    page.key("?", "Slash", "?")
+    expect(page.evaluate("document.getElementById('keys').open"), "? shows the keys")
+    page.key("Escape")
+    page.resize(360, 740, mobile=True)
+    page.wait("document.documentElement.scrollWidth <= 360", 5)
+
+
+def check_page(run):
+    with chromium.Chromium() as page:
+        check_start(page, run)
+        check_fidelity(page, run)
+        check_exposure(page, run)
+        check_layers(page, run)
+        check_moving(page)
+        check_path(page, run)
+        check_link(page, run)
+        check_access(page)
+        expect(page.errors == [], f"the page complains: {page.errors}")
+        foreign = [url[:80] for url in page.requests if not url.startswith((run.report, "data:", "blob:", "about:"))]
+        expect(foreign == [], f"the page asks elsewhere: {foreign}")
+
+
+def check_without_webgl(run):
+    with chromium.Chromium(flags=["--disable-3d-apis"]) as page:
+        expect(page.open(run.report) == "still", "expected a still picture without WebGL2")
+        expect(page.evaluate("document.getElementById('notice').textContent").startswith("A still picture"), "it says so")
+        expect(page.evaluate("document.getElementById('right').alt") == "render", "the render in its place")
+        expect(page.evaluate("document.getElementById('more').hidden && document.getElementById('play').disabled"), "no idle controls")
+        expect(page.errors == [], f"the page complains: {page.errors}")
+
+
+def main():
+    if not chromium.find():
+        print("SKIPPED: needs Chromium: scripts/setup.sh --browser")
+        return 77
+    with tempfile.TemporaryDirectory() as folder:
+        run = Run(Path(sys.argv[1]), Path(folder))
+        check_page(run)
+        check_without_webgl(run)
+    print("the page does what it says")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

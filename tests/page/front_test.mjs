@@ -1,0 +1,195 @@
+// SPDX-License-Identifier: Apache-2.0
+// The front end's modules without a browser: node --test tests/page/front_test.mjs
+import assert from 'node:assert/strict';
+import test from 'node:test';
+import { gzipSync } from 'node:zlib';
+import { mkdtempSync, readFileSync, readdirSync, writeFileSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import { dirname, join } from 'node:path';
+import { fileURLToPath, pathToFileURL } from 'node:url';
+
+// The modules are .js without a package.json that says so; node needs one.
+const front = join(dirname(fileURLToPath(import.meta.url)), '../../lib/jade/page/front');
+const copy = mkdtempSync(join(tmpdir(), 'front-'));
+for (const file of readdirSync(front)) writeFileSync(join(copy, file), readFileSync(join(front, file)));
+writeFileSync(join(copy, 'package.json'), '{"type": "module"}');
+const load = (name) => import(pathToFileURL(join(copy, name)).href);
+const { parseSpz, gunzipBase64 } = await load('spz.js');
+const pose = await load('pose.js');
+const { Sorter, shadesOf, sortByDepth } = await load('sort.js');
+const { CameraPath } = await load('path.js');
+const { formatLink, parseLink } = await load('link.js');
+const { ratioLimits } = await load('renderer.js');
+const { absoluteDifference } = await load('layers.js');
+const { glanceFigures, short } = await load('report.js');
+
+const near = (a, b, tolerance = 1e-9) => a.forEach((value, k) => assert.ok(Math.abs(value - b[k]) < tolerance, `${a} against ${b}`));
+const IDENTITY = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0];
+
+/** One Gaussian: position (1, 2, 3) in our axes, turned 90° about x, scales e^-2, e^-1, 1. */
+function spzBytes() {
+  const bytes = new Uint8Array(16 + 19 + 9);
+  const view = new DataView(bytes.buffer);
+  view.setUint32(0, 0x5053474e, true);
+  view.setUint32(4, 2, true);
+  view.setUint32(8, 1, true);
+  bytes.set([1, 12, 1, 0], 12);
+  [1, -2, -3].forEach((value, k) => {
+    const fixed = value * 4096;
+    bytes.set([fixed & 255, (fixed >> 8) & 255, (fixed >> 16) & 255], 16 + 3 * k);
+  });
+  bytes[25] = 51; // opacity 0.2
+  bytes.set([255, 128, 0], 26);
+  bytes.set([128, 144, 160], 29);
+  bytes.set([Math.round((Math.SQRT1_2 + 1) * 127.5), 128, 127], 32);
+  bytes.set([1, 2, 3, 4, 5, 6, 7, 8, 9], 35);
+  return bytes;
+}
+
+test('spz: a Gaussian comes out in our axes', () => {
+  const scene = parseSpz(spzBytes());
+  assert.equal(scene.count, 1);
+  assert.equal(scene.degree, 1);
+  assert.equal(scene.antialiased, true);
+  near([...scene.positions], [1, 2, 3]);
+  near([...scene.opacities], [0.2], 1e-6);
+  // About x by 90°: y and z change places.
+  const [xx, xy, xz, yy, yz, zz] = scene.covariances;
+  near([xx, yy, zz], [Math.exp(-4), 1, Math.exp(-2)], 0.02);
+  near([xy, xz, yz], [0, 0, 0], 0.02);
+  assert.deepEqual([...scene.colors.subarray(0, 13)], [255, 128, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 128]);
+});
+
+test('spz: gzip in base64 unpacks, and what is no .spz is named', async () => {
+  const packed = gzipSync(spzBytes()).toString('base64');
+  assert.deepEqual(await gunzipBase64(packed), spzBytes());
+  assert.throws(() => parseSpz(new Uint8Array(40)), /expected \.spz/);
+  assert.throws(() => parseSpz(spzBytes().subarray(0, 43)), /expected 1 Gaussians in 44 bytes, found 43/);
+});
+
+test('sort: far to near, without what is nearer than the near plane', () => {
+  const positions = new Float32Array([0, 0, 2, 0, 0, 5, 0, 0, 0.1, 0, 0, 3, 0, 0, 5]);
+  const { order, nearest, farthest } = sortByDepth(positions, [0, 0, 1, 0], 0.2);
+  assert.deepEqual([...order], [4, 1, 3, 0]);
+  near([nearest, farthest], [2, 5]);
+  assert.equal(sortByDepth(positions, [0, 0, 1, -10], 0.2).order.length, 0);
+});
+
+test('sort: any order of many agrees with sorting their depths', () => {
+  let seed = 1;
+  const random = () => { seed = (seed * 16807) % 2147483647; return seed / 2147483647; };
+  const positions = Float32Array.from({ length: 3000 }, () => random() * 4);
+  const depth = (i) => 0.6 * positions[3 * i] + 0.8 * positions[3 * i + 2] + 1;
+  const { order } = sortByDepth(positions, [0.6, 0, 0.8, 1], 0.01);
+  assert.equal(new Set(order).size, 1000);
+  for (let k = 1; k < order.length; ++k) assert.ok(depth(order[k - 1]) > depth(order[k]) - 6 / 65535);
+});
+
+test('sort: colours follow the direction, in the order given, and are not negative', () => {
+  const scene = { positions: new Float32Array([0, 0, 0, 5, 5, 5]), degree: 1, colors: new Uint8Array(96).fill(128) };
+  // Constant terms: byte 127.5 is ½; the second Gaussian is as bright as it gets.
+  scene.colors.set([127, 127, 0], 0);
+  scene.colors.set([255, 255, 255], 48);
+  // y, z and x of degree 1, for red and green.
+  scene.colors.set([192, 128, 128], 3);
+  scene.colors.set([128, 192, 128], 6);
+  const [r2, , , r, g, b] = shadesOf(scene, [1, 0], [0, -1, 0]);
+  near([r2], [0.5 + 0.28209479177387814 / 0.3], 1e-6);
+  // Down in our axes is −y in the file's: basis −0.4886 · (−1), coefficient ½.
+  near([r, g, b], [0.5 + 0.5 * 0.4886025 - 0.0037, 0.5 - 0.0037, 0], 1e-3);
+  const [ahead] = [shadesOf(scene, [0], [0, 0, -1])];
+  near([ahead[0], ahead[1]], [0.5 - 0.0037, 0.5 - 0.5 * 0.4886025 - 0.0037], 1e-3);
+  scene.degree = 0;
+  near([...shadesOf(scene, [0], [0, -1, 0])].slice(0, 2), [0.4963, 0.4963], 1e-3);
+});
+
+test('sort: the newest request wins, and without a worker the answer is the same', async () => {
+  const scene = { positions: new Float32Array([0, 0, 2, 0, 0, 5]), degree: 0, colors: new Uint8Array(96) };
+  const sorter = new Sorter(scene, 0.2);
+  assert.equal(sorter.worker, null); // node has none of this kind
+  const sorted = await sorter.request(IDENTITY);
+  assert.deepEqual([...sorted.order], [1, 0]);
+  assert.equal(sorted.shades.length, 6);
+  const sent = [];
+  sorter.worker = { postMessage: (from) => sent.push(from.view[3]) };
+  const answers = [1, 2, 3].map((shift) => sorter.request([...IDENTITY.slice(0, 11), shift]));
+  assert.deepEqual(sent, [1]);
+  sorter.done('first');
+  sorter.done('third');
+  assert.deepEqual(await Promise.all(answers), ['first', null, 'third']);
+  assert.deepEqual(sent, [1, 3]);
+});
+
+test('pose: quaternions, between and the way through an exposure', () => {
+  const turned = pose.poseOfQuaternion([0.5, -0.5, 0.5, 0.5], [1, 2, 3]);
+  near(pose.centreOf(turned), [1, 2, 3]);
+  near(pose.quaternionOf(turned).map((v) => v * Math.sign(pose.quaternionOf(turned)[0])), [0.5, -0.5, 0.5, 0.5]);
+  for (const q of [[0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]) {
+    near(pose.quaternionOf(pose.poseOfQuaternion(q, [0, 0, 0])).map(Math.abs), q);
+  }
+  near(pose.between(IDENTITY, turned, 0), IDENTITY);
+  near(pose.between(IDENTITY, turned, 1), turned);
+  const shifted = [...IDENTITY];
+  shifted[3] = -2;
+  near(pose.centreOf(pose.poseInExposure([IDENTITY, shifted, turned], 0.25)), [1, 0, 0]);
+  near(pose.poseInExposure([IDENTITY, shifted, turned], 1), turned);
+  near(pose.poseInExposure([turned], 0.3), turned);
+});
+
+test('pose: orbit keeps the distance and looks at the target; look keeps the place', () => {
+  const target = [0, 0, 4];
+  const there = pose.orbit(IDENTITY, target, [0, 1, 0], 0.3, -0.2);
+  const centre = pose.centreOf(there);
+  assert.ok(Math.abs(pose.norm(pose.add(target, centre, -1)) - 4) < 1e-9);
+  near(pose.axis(there, 2), pose.unit(pose.add(target, centre, -1)));
+  assert.ok(pose.norm(pose.add(centre, [0, 0, 0], -1)) > 1);
+  near(pose.centreOf(pose.look(there, [0, 1, 0], 0.4, 0.1)), centre);
+  near(pose.centreOf(pose.moved(there, [0, 0, 1])), pose.add(centre, pose.axis(there, 2)));
+});
+
+test('path: goes through its keys and is what jade_render reads', () => {
+  const path = new CameraPath();
+  const camera = { width: 40, height: 30, fx: 50, fy: 51, cx: 20, cy: 15, poses: [] };
+  const keys = [[0, 0, 0], [1, 0, 0], [1, 2, 0]].map((centre) => pose.poseOfQuaternion([1, 0.1, 0, 0], centre));
+  keys.forEach((key) => path.add(camera, key));
+  near(path.at(0.5), keys[1]);
+  const { cameras, ...defaults } = JSON.parse(path.json(1, 10));
+  assert.deepEqual(defaults, { width: 40, height: 30, fx: 50, fy: 51, cx: 20, cy: 15 });
+  assert.equal(cameras.length, 21);
+  assert.equal(cameras[20].name, '00020');
+  near(cameras[20].camera_from_world.flat(), keys[2]);
+  assert.equal(cameras[0].camera_from_world.length, 3);
+  path.clear();
+  path.add(camera, keys[0]);
+  assert.equal(JSON.parse(path.json()).cameras.length, 1);
+});
+
+test('link: what is written is read, and damage is left out', () => {
+  const view = { camera: 'train.3', pose: [...IDENTITY], moment: 0.25, left: '|difference|', right: 'α', wipe: 0.7 };
+  assert.deepEqual(parseLink(formatLink(view)), view);
+  assert.equal(parseLink(formatLink({ ...view, pose: null })).pose, undefined);
+  assert.deepEqual(parseLink('#camera=elsewhere.1&u=7&wipe=x&pose=1,2'), {});
+  assert.deepEqual(parseLink(''), {});
+});
+
+test('renderer: the Jacobian is taken within 0.3 half fields beside the picture', () => {
+  near(ratioLimits({ fx: 100, fy: 50, cx: 40, cy: 25, width: 100, height: 50 }), [-0.55, 0.75, -0.65, 0.65]);
+});
+
+test('layers: a difference is absolute, amplified and opaque', () => {
+  assert.deepEqual([...absoluteDifference([10, 20, 200, 255], [12, 10, 0, 255], 4)], [8, 40, 255, 255]);
+});
+
+test('report: the glance compares with blurry and EDI, and says something in every case', () => {
+  const headline = { views: 2, blurry: 20, edi: 19.5, render: 25.25 };
+  const figures = glanceFigures({ headline, evaluation: { mean: { psnr: 24, ssim: 0.8 }, mean_seen: null, mean_unseen: null }, metrics: [] });
+  assert.deepEqual(figures.map(({ label, value, note }) => [label, value, note]), [
+    ['blurry frame', '20.00 dB', 'mid-exposure, 2 with truth'], ['EDI', '19.50 dB', '−0.50 dB'],
+    ['this scene', '25.25 dB', '+5.25 dB'], ['test views', '24.00 dB', 'SSIM 0.800']]);
+  const split = glanceFigures({ headline: null, metrics: [],
+    evaluation: { mean: { psnr: 1, ssim: 0 }, mean_seen: { psnr: 2, ssim: 0 }, mean_unseen: { psnr: 3, ssim: 0 } } });
+  assert.deepEqual(split.map(({ label }) => label), ['seen test views', 'unseen test views']);
+  const alone = glanceFigures({ headline: null, evaluation: null, metrics: [{ step: 1, psnr_train: 30 }, { step: 2, test_psnr: 1 }] });
+  assert.equal(alone[0].value, '30.00 dB');
+  assert.deepEqual([short(1234567), short(12345), short(0.00012345)], ['1.23M', '12.3k', '0.000123']);
+});
