@@ -26,12 +26,13 @@ std::vector<std::string> environment_with(
     for (const auto& pair : extra) replaced = replaced || line.rfind(pair.first + "=", 0) == 0;
     if (!replaced) lines.push_back(line);
   }
-  for (const auto& [name, value] : extra) lines.push_back(name + "=" + value);
+  for (const auto& [name, value] : extra) lines.push_back(concat(name, "=", value));
   return lines;
 }
 
 std::vector<char*> pointers(std::vector<std::string>& lines) {
   std::vector<char*> list;
+  list.reserve(lines.size() + 1);
   for (std::string& line : lines) list.push_back(line.data());
   list.push_back(nullptr);
   return list;
