@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/gaussians/noise.h"
 
+#include "support/catch.h"
+
 #include <cmath>
 #include <torch/types.h>
 
 #include "jade/core/random.h"
 #include "jade/gaussians/mcmc.h"
-#include "support/catch.h"
 
 namespace jade::gaussians {
 namespace {
 
 constexpr int64_t kMany = 40000;
-
 
 /// Equal Gaussians at the origin: turned, of three scales, the quaternion not of length 1.
 GaussianModel many_equal(torch::Device device, double logit_opacity) {
@@ -48,8 +48,7 @@ TEST_CASE("noise: offsets are normal with covariance (scale damping)^2 Sigma^2",
   const double gain = 3 / (1 + std::exp(100 * (opacity - 0.005)));
   const torch::Tensor expected = gain * gain * sigma.mm(sigma);
   const torch::Tensor found = offsets.t().mm(offsets) / kMany;
-  CHECK((found - expected).abs().max().item<double>() <
-        0.03 * expected.abs().max().item<double>());
+  CHECK((found - expected).abs().max().item<double>() < 0.03 * expected.abs().max().item<double>());
   CHECK(offsets.mean(0).abs().max().item<double>() < 0.02 * gain * 0.25);
   // Kurtosis of a normal number is 3, of a uniform one 1.8.
   const torch::Tensor x = offsets.select(1, 0);

@@ -9,7 +9,7 @@ namespace jade::gaussians {
 
 /// Moves the means of `count` Gaussians by scale · damping(o) · Σ ε, ε normal.
 struct NoiseStep {
-  float* means = nullptr;  ///< [N,3]
+  float* means = nullptr;                  ///< [N,3]
   const float* rotations = nullptr;        ///< [N,4] wxyz, of any length
   const float* log_scales = nullptr;       ///< [N,3]
   const float* logit_opacities = nullptr;  ///< [N]

@@ -88,8 +88,8 @@ Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const st
     options_.splat.near_plane = train::near_plane(options_.splat, data_.dataset);
     state_ = train::make_state(options_, data_.dataset, device_);
   }
-  pose_draws_ = train::PoseDraws(static_cast<uint64_t>(options_.seed), device_,
-                                 options_.exposure.samples);
+  pose_draws_ =
+      train::PoseDraws(static_cast<uint64_t>(options_.seed), device_, options_.exposure.samples);
   term_weights_ = train::TermWeights(options_.objective, train::calendar_steps(options_), device_);
   set_log_file(directory_.path() / "train.log");
   announce();

@@ -47,7 +47,8 @@ void settle(RunOptions& options) {
 
 void follow_dataset(const data::Dataset& dataset, RunOptions& options) {
   if (dataset.kind != data::DatasetKind::kDietGs || has_nine_equal_moments(options)) return;
-  log_info(concat(dataset.name, ": nine posed images per exposure, so exposure.quadrature is equal, "
+  log_info(concat(dataset.name,
+                  ": nine posed images per exposure, so exposure.quadrature is equal, "
                   "exposure.samples 9 and events.edi_samples 0"));
   options.exposure.quadrature = geometry::QuadratureRule::kEqual;
   options.exposure.samples = geometry::kExposurePoses;
