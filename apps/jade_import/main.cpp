@@ -28,9 +28,9 @@ void add_flags(apps::Program& program, import::StageRange& range) {
                        "of one negative event; 0: like the positive one");
   program.add_key_flag("--efnet", "efnet.path",
                        "TorchScript file of the learned restorer (the one that ships)");
-  program.cli().add_option(
-      "--from", range.from,
-      "make this stage and those after it again: read, time, undistort, restore, poses, write");
+  program.cli().add_option("--from", range.from,
+                           "make this stage and those after it again: read, time, sensor, "
+                           "undistort, restore, poses, write");
   program.cli().add_option("--until", range.until, "stop after this stage");
 }
 

@@ -18,7 +18,8 @@ capture.source = "table.zip";
 capture.format = "RPG text folder";
 for (int64_t i = 0; i < 3; ++i) {
   const auto image = torch::randint(0, 256, {3, 6, 8}).to(torch::kFloat32) / 255;
-  capture.shots.push_back({concat("frame_", i), image, 1000 * i, 1000 * i + 700, 0.5 * double(i)});
+  const auto blur_px = 0.5 * static_cast<double>(i);
+  capture.shots.push_back({concat("frame_", i), image, 1000 * i, 1000 * i + 700, blur_px});
 }
 capture.events = events::EventStream::from_lists({1, 2.5f}, {3, 4}, {-5, 900}, {1, -1});
 capture.camera = geometry::Intrinsics::centred(7.25, 8, 6);

@@ -12,6 +12,7 @@
 #include "jade/core/log.h"
 #include "jade/import/capture.h"
 #include "jade/import/colmap.h"
+#include "jade/import/findings.h"
 #include "jade/import/latents.h"
 #include "jade/import/scene_files.h"
 #include "jade/import/structure_from_motion.h"
@@ -182,16 +183,38 @@ Stage read_stage(const ImportOptions& options, Progressed& so_far) {
 
 /// Puts events on the clock of the frames; what is kept is the offset alone.
 Stage time_stage(const ImportOptions& options, Progressed& so_far) {
-  return {"time", concat(options.time.offset_ms),
-          [&](const fs::path&) {
+  return {"time", text_of(options.time),
+          [&](const fs::path& folder) {
+            const ClockFinding clock =
+                find_clock(options.time, so_far.capture, !options.frames.empty());
             Capture moved = so_far.capture;
-            set_clock(options.time.offset_ms, moved);
+            set_clock(clock.offset_ms, moved);
             check_clocks(moved);
-            return concat("events ahead by ", options.time.offset_ms, " ms, ",
+            keep(folder, clock);
+            return concat("events ahead by ", clock.offset_ms, " ms (", clock.said, "), ",
                           events_in_exposures(moved), " of ", moved.events.size(),
                           " within exposures");
           },
-          [&](const fs::path&) { set_clock(options.time.offset_ms, so_far.capture); }};
+          [&](const fs::path& folder) { set_clock(load_clock(folder).offset_ms, so_far.capture); }};
+}
+
+/// Leaves hot pixels out and settles the thresholds, which the stages behind it read.
+Stage sensor_stage(ImportOptions& options, Progressed& so_far) {
+  return {"sensor",
+          concat(text_of(options.sensor), options.events.threshold_positive, " ",
+                 options.events.threshold_negative),
+          [&](const fs::path& folder) {
+            const SensorFinding sensor =
+                find_sensor(options.sensor, options.events, so_far.capture);
+            keep(folder, sensor);
+            return sensor.said;
+          },
+          [&](const fs::path& folder) {
+            const SensorFinding sensor = load_sensor(folder);
+            clean(sensor, so_far.capture);
+            options.events.threshold_positive = sensor.thresholds.positive;
+            options.events.threshold_negative = sensor.thresholds.negative;
+          }};
 }
 
 /// Frames and events on a centred pinhole; as they are where there is no calibration, and then
@@ -251,17 +274,18 @@ Stage write_stage(const ImportOptions& options, const fs::path& output, Progress
 
 }  // namespace
 
-void import_recording(const ImportOptions& options, const fs::path& output,
-                      const StageRange& range) {
+void import_recording(const ImportOptions& given, const fs::path& output, const StageRange& range) {
+  ImportOptions options = given;  // thresholds that are found take the place of the default ones
   if (!fs::exists(options.recording)) {
     throw DataError(concat(options.recording.string(), ": no such file or folder"));
   }
   find_colmap(options.poses.colmap);  // told before minutes of work
   Progressed so_far;
   const std::vector<Stage> stages{
-      read_stage(options, so_far),      time_stage(options, so_far),
-      undistort_stage(options, so_far), restore_stage(options, so_far),
-      poses_stage(options, so_far),     write_stage(options, output, so_far)};
+      read_stage(options, so_far),         time_stage(options, so_far),
+      sensor_stage(options, so_far),       undistort_stage(options, so_far),
+      restore_stage(options, so_far),      poses_stage(options, so_far),
+      write_stage(options, output, so_far)};
   make_writable_folder(output);
   run_stages(output / "import", stages, range);
 }

@@ -10,7 +10,7 @@
 
 namespace jade::import {
 
-/// Runs the stages read, time, undistort, restore, poses and write, each in its folder of
+/// Runs the stages read, time, sensor, undistort, restore, poses and write, each in its folder of
 /// OUTPUT/import, and puts the data set into OUTPUT. Shows progress.
 /// @throws DataError for what cannot be read, ordered or posed; ConfigError; Interrupted.
 void import_recording(const ImportOptions& options, const std::filesystem::path& output,

@@ -11,7 +11,7 @@
 namespace jade::import {
 namespace {
 
-constexpr int64_t kReach = 6;  // px, of a patch to each side
+constexpr int64_t kSearchPx = 6;  // px, of a patch to each side
 constexpr int64_t kMostPoints = 500;
 
 torch::Tensor windowed_spectrum(const torch::Tensor& image) {
@@ -40,7 +40,8 @@ torch::Tensor tracks_of(const PosedExposure& e) {
     for (size_t k = 0; k < e.poses.size(); ++k) {
       if (geometry::transform(e.poses[k], point)[2] <= 0) break;
       const auto at = seen_at(e, k, point);
-      if (at[0] < kReach || at[1] < kReach || at[0] > width - kReach || at[1] > height - kReach) {
+      if (at[0] < kSearchPx || at[1] < kSearchPx || at[0] > width - kSearchPx ||
+          at[1] > height - kSearchPx) {
         break;
       }
       track.insert(track.end(), at.begin(), at.end());
@@ -74,7 +75,7 @@ torch::Tensor blurred(const torch::Tensor& sharp, const torch::Tensor& base,
 }
 
 torch::Tensor patch_offsets() {
-  const torch::Tensor steps = torch::arange(-kReach, kReach + 1, torch::kFloat64);
+  const torch::Tensor steps = torch::arange(-kSearchPx, kSearchPx + 1, torch::kFloat64);
   const auto mesh = torch::meshgrid({steps, steps}, "ij");
   return torch::stack({mesh[1].reshape({-1}), mesh[0].reshape({-1})}, 1);
 }

@@ -21,6 +21,7 @@ struct TimeOptions {
   std::filesystem::path frame_times;
   double exposure_ms = 0;
   double offset_ms = 0;
+  bool find_offset = true;
 };
 
 template <class V>
@@ -31,6 +32,23 @@ void describe(V& v, TimeOptions& o) {
           Range{0, 1e5});
   v.field("offset_ms", o.offset_ms,
           "how far the clock of the events is ahead of that of the frames", Range{-1e9, 1e9});
+  v.field("find_offset", o.find_offset,
+          "where offset_ms is 0 it is found in frames and events, up to 50 ms");
+}
+
+/// The sensor of the events.
+struct SensorOptions {
+  bool remove_hot_pixels = true;
+  bool find_thresholds = true;
+};
+
+template <class V>
+void describe(V& v, SensorOptions& o) {
+  v.field("remove_hot_pixels", o.remove_hot_pixels,
+          "leave out the events of pixels that fire by themselves");
+  v.field("find_thresholds", o.find_thresholds,
+          "where events.threshold_positive and _negative are the defaults they are found in frames "
+          "and events");
 }
 
 /// The lens, and a second camera.
@@ -119,6 +137,7 @@ struct ImportOptions {
   std::filesystem::path recording;
   std::filesystem::path frames;
   TimeOptions time;
+  SensorOptions sensor;
   LensOptions lens;
   events::EventOptions events = continuous_events();
   restore::EfnetOptions efnet;
@@ -142,6 +161,7 @@ void describe(V& v, ImportOptions& o) {
   v.field("recording", o.recording, "the recording, a file or a folder");
   v.field("frames", o.frames, "folder of frames, or a video, where they are not in the recording");
   v.group("time", o.time, "when frames were exposed");
+  v.group("sensor", o.sensor, "the sensor of the events");
   v.group("lens", o.lens, "the lens, and a second camera");
   v.group("events", o.events, "how events become voxels and EDI");
   v.group("efnet", o.efnet, "the frozen learned restorer F");

@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/import/findings.h"
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <torch/types.h>
+
+#include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
+#include "jade/core/log.h"
+#include "jade/data/threshold_estimate.h"
+#include "jade/import/clock_offset.h"
+
+namespace jade::import {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+constexpr char kClockFile[] = "clock.json", kSensorFile[] = "sensor.json";
+constexpr double kSmallestOffsetMs = 2;
+
+double rounded(double value, double unit) { return std::round(value / unit) * unit; }
+
+template <class Read>
+auto read_json(const fs::path& file, const Read& read) {
+  try {
+    return read(Json::parse(read_file(file)));
+  } catch (const nlohmann::json::exception& error) {
+    throw DataError(concat(file.string(), ": expected what jade_import wrote, found ", error.what(),
+                           "; make it again with --from ", file.parent_path().filename().string()));
+  }
+}
+
+bool is_default(const events::EventOptions& options) {
+  const events::EventOptions fresh;
+  return options.threshold_positive == fresh.threshold_positive &&
+         options.threshold_negative == fresh.threshold_negative;
+}
+
+torch::Tensor mask_of(const std::vector<HotPixel>& pixels, const events::ImageSize& sensor) {
+  torch::Tensor mask = torch::zeros({sensor.height, sensor.width}, torch::kBool);
+  for (const HotPixel& pixel : pixels) mask[pixel.row][pixel.column] = true;
+  return mask;
+}
+
+std::vector<HotPixel> hot_pixels_of(const Capture& capture) {
+  PixelCounter counter(capture.sensor);
+  counter.add(capture.events);
+  return find_hot_pixels(counter).pixels;
+}
+
+events::EventStream without(const std::vector<HotPixel>& pixels, const Capture& capture) {
+  if (pixels.empty()) return capture.events;
+  return remove_events(capture.events, mask_of(pixels, capture.sensor)).events;
+}
+
+std::string said_of(const events::Thresholds& thresholds, const char* source) {
+  return concat("thresholds ", rounded(thresholds.positive, 1e-3), " and ",
+                rounded(thresholds.negative, 1e-3), " (", source, ")");
+}
+
+}  // namespace
+
+ClockFinding find_clock(const TimeOptions& options, const Capture& capture, bool frames_apart) {
+  if (options.offset_ms != 0) return {options.offset_ms, "as given"};
+  if (!options.find_offset) return {0, "as given"};
+  // One pixel that fires all the time can outweigh all that move.
+  const ClockOffset found = estimate_clock_offset(exposures_of(capture),
+                                                  without(hot_pixels_of(capture), capture));
+  if (found.ambiguous() && frames_apart) {
+    throw DataError(concat(capture.source, ": the offset between the clocks of frames and events is not "
+                           "certain: ", found.doubt, "; give it with --offset-ms, or --set "
+                           "time.find_offset=false for clocks that are one"));
+  }
+  if (found.ambiguous()) return {0, concat("taken for one clock, as nothing tells: ", found.doubt)};
+  const double offset_ms = found.offset_us / 1000, error_ms = found.error_us / 1000;
+  const std::string measured = concat(rounded(offset_ms, 0.1), " +- ", rounded(error_ms, 0.1),
+                                      " ms found, correlation ", rounded(found.correlation, 0.01));
+  if (std::abs(offset_ms) < std::max(kSmallestOffsetMs, 3 * error_ms)) {
+    return {0, concat(measured, ", which is one clock")};
+  }
+  return {rounded(offset_ms, 1e-3), measured};
+}
+
+SensorFinding find_sensor(const SensorOptions& options, const events::EventOptions& events,
+                          const Capture& capture) {
+  SensorFinding finding;
+  if (options.remove_hot_pixels) finding.hot_pixels = hot_pixels_of(capture);
+  finding.said = concat(finding.hot_pixels.size(), " hot pixels removed, ");
+  finding.thresholds = events.thresholds();
+  if (!is_default(events) || !options.find_thresholds) {
+    finding.said += said_of(finding.thresholds, "given");
+    return finding;
+  }
+  Capture cleaned = capture;
+  clean(finding, cleaned);
+  const data::ThresholdEstimate estimate =
+      data::estimate_thresholds(exposures_of(cleaned), cleaned.events, 0);
+  if (estimate.found) {
+    finding.thresholds = estimate.thresholds;
+  } else {
+    log_warn(concat(capture.source, ": frames and events do not tell the contrast thresholds; taken for ",
+                    finding.thresholds.positive, ", give them with --threshold-positive and "
+                    "--threshold-negative"));
+  }
+  finding.said += said_of(finding.thresholds, estimate.found ? "found" : "default");
+  return finding;
+}
+
+void clean(const SensorFinding& finding, Capture& capture) {
+  capture.events = without(finding.hot_pixels, capture);
+}
+
+void keep(const fs::path& folder, const ClockFinding& finding) {
+  write_file(folder / kClockFile,
+             Json{{"offset_ms", finding.offset_ms}, {"said", finding.said}}.dump(1) + "\n");
+}
+
+void keep(const fs::path& folder, const SensorFinding& finding) {
+  Json pixels = Json::array();
+  for (const HotPixel& p : finding.hot_pixels) {
+    pixels.push_back({{"row", p.row},
+                      {"column", p.column},
+                      {"rate_hz", p.rate_hz},
+                      {"neighbours_hz", p.neighbours_hz}});
+  }
+  const Json all{{"threshold_positive", finding.thresholds.positive},
+                 {"threshold_negative", finding.thresholds.negative},
+                 {"said", finding.said},
+                 {"hot_pixels", std::move(pixels)}};
+  write_file(folder / kSensorFile, all.dump(1) + "\n");
+}
+
+ClockFinding load_clock(const fs::path& folder) {
+  return read_json(folder / kClockFile, [](const Json& json) {
+    return ClockFinding{json.at("offset_ms"), json.at("said")};
+  });
+}
+
+SensorFinding load_sensor(const fs::path& folder) {
+  return read_json(folder / kSensorFile, [](const Json& json) {
+    SensorFinding finding;
+    finding.thresholds = {json.at("threshold_positive"), json.at("threshold_negative")};
+    finding.said = json.at("said");
+    for (const Json& p : json.at("hot_pixels")) {
+      finding.hot_pixels.push_back(
+          {p.at("row"), p.at("column"), p.at("rate_hz"), p.at("neighbours_hz")});
+    }
+    return finding;
+  });
+}
+
+}  // namespace jade::import

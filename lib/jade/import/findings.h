@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the stages "time" and "sensor" decide, and keep as JSON.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "jade/events/thresholds.h"
+#include "jade/import/capture.h"
+#include "jade/import/hot_pixels.h"
+#include "jade/import/options.h"
+
+namespace jade::import {
+
+/// How far the clock of the events is ahead of that of the frames, and how that is known.
+struct ClockFinding {
+  double offset_ms = 0;
+  std::string said;
+};
+
+/// The offset of the options where they give one, else that which estimate_clock_offset() finds.
+/// One that is within two milliseconds or three of its standard errors of 0 counts as 0.
+/// @param frames_apart  frames and events come from different files: an offset in doubt is an error
+///   then, and counts as 0, said so, where both are of one recording.
+/// @throws DataError where an offset must be given.
+ClockFinding find_clock(const TimeOptions& options, const Capture& capture, bool frames_apart);
+
+/// The sensor of the events, on its raw pixels.
+struct SensorFinding {
+  std::vector<HotPixel> hot_pixels;  ///< whose events are to go
+  events::Thresholds thresholds;
+  std::string said;
+};
+
+/// Thresholds of the options where they differ from the default, else those that
+/// data::estimate_thresholds() finds, else the default, with a warning.
+SensorFinding find_sensor(const SensorOptions& options, const events::EventOptions& events,
+                          const Capture& capture);
+
+/// Takes the events of the hot pixels out.
+void clean(const SensorFinding& finding, Capture& capture);
+
+void keep(const std::filesystem::path& folder, const ClockFinding& finding);
+void keep(const std::filesystem::path& folder, const SensorFinding& finding);
+
+/// What keep() wrote. @throws DataError naming the file.
+ClockFinding load_clock(const std::filesystem::path& folder);
+SensorFinding load_sensor(const std::filesystem::path& folder);
+
+}  // namespace jade::import

@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/import/findings.h"
+
+#include "support/catch.h"
+
+#include <cmath>
+#include <torch/types.h>
+
+#include "import/moving_pattern.h"
+#include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
+#include "support/temp_dir.h"
+
+using namespace jade;
+
+namespace {
+
+/// Eight exposures by a hand, events `ahead_us` ahead of them, and a pixel that fires by itself.
+import::Capture capture_ahead(int64_t ahead_us) {
+  simulate::EventSensorOptions sensor;
+  sensor.threshold_positive = 0.2, sensor.threshold_negative = 0.25;
+  sensor.threshold_spread = 0.03;
+  test::PatternMotion motion;
+  motion.x_px = [](double t) { return 14 * std::sin(19 * t) + 5 * std::sin(41 * t + 1); };
+  motion.y_px = [](double t) { return 9 * std::sin(23 * t + 2) + 4 * std::sin(37 * t); };
+  const test::PatternRecording recording = test::record_pattern(motion, sensor);
+  import::Capture capture;
+  capture.source = "table";
+  for (const data::Exposure& e : recording.exposures) {
+    capture.shots.push_back({concat(e.t_start_us), e.blurry, e.t_start_us, e.t_end_us, 0});
+  }
+  capture.sensor = {motion.height, motion.width};
+  const events::EventStream& e = recording.events;
+  const int64_t hot = 5000;
+  const torch::Tensor times = torch::linspace(e.first_us(), e.last_us(), hot).to(torch::kInt64);
+  const auto joined = [](const torch::Tensor& a, const torch::Tensor& b) {
+    return torch::cat({a, b.to(a.scalar_type())});
+  };
+  const torch::Tensor t = joined(e.t_us(), times);
+  const torch::Tensor order = t.argsort(/*stable=*/true, 0, false);
+  const auto sorted = [&](const torch::Tensor& all) { return all.index_select(0, order); };
+  capture.events = events::EventStream(sorted(joined(e.x(), torch::full({hot}, 30))),
+                                       sorted(joined(e.y(), torch::full({hot}, 21))),
+                                       sorted(t) + ahead_us,
+                                       sorted(joined(e.polarity(), torch::ones({hot}))));
+  return capture;
+}
+
+}  // namespace
+
+TEST_CASE("findings: the offset is found, given or one clock", "[import]") {
+  const import::Capture ahead = capture_ahead(13000), level = capture_ahead(0);
+  CHECK(import::find_clock({}, ahead, true).offset_ms == Approx(13).margin(2));
+  CHECK(import::find_clock({}, level, true).offset_ms == 0);
+  import::TimeOptions options;
+  options.offset_ms = 7;
+  CHECK(import::find_clock(options, ahead, true).offset_ms == 7);
+  options.offset_ms = 0;
+  options.find_offset = false;
+  CHECK(import::find_clock(options, ahead, true).offset_ms == 0);
+}
+
+TEST_CASE("findings: an offset in doubt must be given where frames and events are two recordings",
+          "[import]") {
+  import::Capture still = capture_ahead(0);
+  for (import::Shot& shot : still.shots) shot.image = still.shots[0].image;
+  CHECK_THROWS_WITH(import::find_clock({}, still, true), Catch::Contains("--offset-ms"));
+  const import::ClockFinding one = import::find_clock({}, still, false);
+  CHECK(one.offset_ms == 0);
+  CHECK_THAT(one.said, Catch::Contains("one clock"));
+}
+
+TEST_CASE("findings: hot pixels go and thresholds are found, unless they are given", "[import]") {
+  import::Capture capture = capture_ahead(0);
+  const import::SensorFinding found = import::find_sensor({}, {}, capture);
+  CAPTURE(found.said);
+  REQUIRE(found.hot_pixels.size() == 1);
+  CHECK(found.hot_pixels[0].row == 21);
+  CHECK(found.hot_pixels[0].column == 30);
+  CHECK(found.thresholds.positive == Approx(0.2).epsilon(0.15));
+  CHECK(found.thresholds.negative == Approx(0.25).epsilon(0.15));
+  const int64_t before = capture.events.size();
+  import::clean(found, capture);
+  CHECK(capture.events.size() <= before - 5000);
+
+  events::EventOptions given;
+  given.threshold_positive = 0.3;
+  CHECK(import::find_sensor({}, given, capture).hot_pixels.empty());
+  CHECK(import::find_sensor({}, given, capture).thresholds.negative == 0.3);
+  import::SensorOptions off;
+  off.find_thresholds = off.remove_hot_pixels = false;
+  const import::SensorFinding none = import::find_sensor(off, {}, capture_ahead(0));
+  CHECK(none.hot_pixels.empty());
+  CHECK(none.thresholds.positive == 0.25);
+}
+
+TEST_CASE("findings: what is kept comes back, what is damaged is named", "[import]") {
+  const test::TempDir dir;
+  import::SensorFinding sensor;
+  sensor.hot_pixels = {{3, 4, 120, 2}, {0, 9, 50, 1}};
+  sensor.thresholds = {0.31, 0.22};
+  sensor.said = "two";
+  import::keep(dir.path(), sensor);
+  import::keep(dir.path(), import::ClockFinding{-4.5, "found"});
+  const import::SensorFinding back = import::load_sensor(dir.path());
+  CHECK(back.hot_pixels.size() == 2);
+  CHECK(back.hot_pixels[1].column == 9);
+  CHECK(back.thresholds.negative == 0.22);
+  CHECK(back.said == "two");
+  CHECK(import::load_clock(dir.path()).offset_ms == -4.5);
+  write_file(dir / "clock.json", "{}");
+  CHECK_THROWS_WITH(import::load_clock(dir.path()), Catch::Contains("clock.json"));
+}
