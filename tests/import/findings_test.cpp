@@ -16,35 +16,33 @@ using namespace jade;
 namespace {
 
 /// Eight exposures by a hand, events `ahead_us` ahead of them, and a pixel that fires by itself.
-import::Capture capture_ahead(int64_t ahead_us) {
-  simulate::EventSensorOptions sensor;
-  sensor.threshold_positive = 0.2, sensor.threshold_negative = 0.25;
-  sensor.threshold_spread = 0.03;
-  test::PatternMotion motion;
-  motion.x_px = [](double t) { return 14 * std::sin(19 * t) + 5 * std::sin(41 * t + 1); };
-  motion.y_px = [](double t) { return 9 * std::sin(23 * t + 2) + 4 * std::sin(37 * t); };
-  const test::PatternRecording recording = test::record_pattern(motion, sensor);
-  import::Capture capture;
-  capture.source = "table";
-  for (const data::Exposure& e : recording.exposures) {
-    capture.shots.push_back({concat(e.t_start_us), e.blurry, e.t_start_us, e.t_end_us, 0});
-  }
-  capture.sensor = {motion.height, motion.width};
-  const events::EventStream& e = recording.events;
-  const int64_t hot = 5000;
-  const torch::Tensor times = torch::linspace(e.first_us(), e.last_us(), hot).to(torch::kInt64);
-  const auto joined = [](const torch::Tensor& a, const torch::Tensor& b) {
-    return torch::cat({a, b.to(a.scalar_type())});
-  };
-  const torch::Tensor t = joined(e.t_us(), times);
-  const torch::Tensor order = t.argsort(/*stable=*/true, 0, false);
-  const auto sorted = [&](const torch::Tensor& all) { return all.index_select(0, order); };
-  capture.events = events::EventStream(sorted(joined(e.x(), torch::full({hot}, 30))),
-                                       sorted(joined(e.y(), torch::full({hot}, 21))),
-                                       sorted(t) + ahead_us,
-                                       sorted(joined(e.polarity(), torch::ones({hot}))));
-  return capture;
+import::Capture capture_ahead(int64_t ahead_us){simulate::EventSensorOptions sensor;
+sensor.threshold_positive = 0.2, sensor.threshold_negative = 0.25;
+sensor.threshold_spread = 0.03;
+test::PatternMotion motion;
+motion.x_px = [](double t) { return 14 * std::sin(19 * t) + 5 * std::sin(41 * t + 1); };
+motion.y_px = [](double t) { return 9 * std::sin(23 * t + 2) + 4 * std::sin(37 * t); };
+const test::PatternRecording recording = test::record_pattern(motion, sensor);
+import::Capture capture;
+capture.source = "table";
+for (const data::Exposure& e : recording.exposures) {
+  capture.shots.push_back({concat(e.t_start_us), e.blurry, e.t_start_us, e.t_end_us, 0});
 }
+capture.sensor = {motion.height, motion.width};
+const events::EventStream& e = recording.events;
+const int64_t hot = 5000;
+const torch::Tensor times = torch::linspace(e.first_us(), e.last_us(), hot).to(torch::kInt64);
+const auto joined = [](const torch::Tensor& a, const torch::Tensor& b) {
+  return torch::cat({a, b.to(a.scalar_type())});
+};
+const torch::Tensor t = joined(e.t_us(), times);
+const torch::Tensor order = t.argsort(/*stable=*/true, 0, false);
+const auto sorted = [&](const torch::Tensor& all) { return all.index_select(0, order); };
+capture.events = events::EventStream(
+    sorted(joined(e.x(), torch::full({hot}, 30))), sorted(joined(e.y(), torch::full({hot}, 21))),
+    sorted(t) + ahead_us, sorted(joined(e.polarity(), torch::ones({hot}))));
+return capture;
+}  // namespace
 
 }  // namespace
 

@@ -67,11 +67,14 @@ ClockFinding find_clock(const TimeOptions& options, const Capture& capture, bool
   if (options.offset_ms != 0) return {options.offset_ms, "as given"};
   if (!options.find_offset) return {0, "as given"};
   // One pixel that fires all the time can outweigh all that move.
-  const ClockOffset found = estimate_clock_offset(exposures_of(capture),
-                                                  without(hot_pixels_of(capture), capture));
+  const ClockOffset found =
+      estimate_clock_offset(exposures_of(capture), without(hot_pixels_of(capture), capture));
   if (found.ambiguous() && frames_apart) {
-    throw DataError(concat(capture.source, ": the offset between the clocks of frames and events is not "
-                           "certain: ", found.doubt, "; give it with --offset-ms, or --set "
+    throw DataError(concat(capture.source,
+                           ": the offset between the clocks of frames and events is not "
+                           "certain: ",
+                           found.doubt,
+                           "; give it with --offset-ms, or --set "
                            "time.find_offset=false for clocks that are one"));
   }
   if (found.ambiguous()) return {0, concat("taken for one clock, as nothing tells: ", found.doubt)};
@@ -101,8 +104,10 @@ SensorFinding find_sensor(const SensorOptions& options, const events::EventOptio
   if (estimate.found) {
     finding.thresholds = estimate.thresholds;
   } else {
-    log_warn(concat(capture.source, ": frames and events do not tell the contrast thresholds; taken for ",
-                    finding.thresholds.positive, ", give them with --threshold-positive and "
+    log_warn(concat(capture.source,
+                    ": frames and events do not tell the contrast thresholds; taken for ",
+                    finding.thresholds.positive,
+                    ", give them with --threshold-positive and "
                     "--threshold-negative"));
   }
   finding.said += said_of(finding.thresholds, estimate.found ? "found" : "default");
