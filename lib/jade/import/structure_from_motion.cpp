@@ -191,7 +191,9 @@ bool explains_blur(const Attempt& a) { return a.explained_blur >= kLeastExplaine
 bool is_better(const Attempt& a, const Attempt& b) {
   if (explains_blur(a) != explains_blur(b)) return explains_blur(a);
   if (a.registered != b.registered) return a.registered > b.registered;
-  return a.observations > b.observations;
+  // More observations of weaker corners are no better poses: on the simulated desk 28,000 explained
+  // 91 % of the blur and were 0.47 px off, 43,000 explained 87 % and were 0.57 px off.
+  return a.explained_blur > b.explained_blur;
 }
 
 std::string sentence(const Attempt& a) {

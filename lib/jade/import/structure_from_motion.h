@@ -52,8 +52,8 @@ struct SearchResult {
 };
 
 /// Finds the poses of the images in LATENTS/images: several attempts, of which one that explains
-/// the blur of the frames comes first, then the one with the most images, then with the most
-/// observations. Everything that COLMAP wrote stays in `work`. Shows progress.
+/// the blur of the frames comes first, then the one with the most images, then the one that
+/// explains most of the blur. Everything that COLMAP wrote stays in `work`. Shows progress.
 /// @param capture  its camera is held; absent: the focal length is searched
 /// @throws DataError for a camera that stood still, and where no attempt registers two thirds of
 /// the
