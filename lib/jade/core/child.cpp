@@ -2,6 +2,7 @@
 #include "jade/core/child.h"
 
 #include <cerrno>
+#include <chrono>
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
@@ -9,9 +10,11 @@
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
+#include <thread>
 #include <unistd.h>
 
 #include "jade/core/error.h"
+#include "jade/core/interrupt.h"
 
 namespace jade {
 namespace {
@@ -49,18 +52,26 @@ Child::Child(const std::vector<std::string>& command,
   std::vector<std::string> arguments = command, variables = environment_with(environment);
   const std::vector<char*> argv = pointers(arguments), envp = pointers(variables);
   const pid_t parent = getpid();
+  // Our handler of SIGTERM would swallow one that reaches the child before its program runs.
+  sigset_t term, before;
+  sigemptyset(&term);
+  sigaddset(&term, SIGTERM);
+  pthread_sigmask(SIG_BLOCK, &term, &before);
   pid_ = fork();
   if (pid_ == 0) {
+    signal(SIGTERM, SIG_DFL);
+    pthread_sigmask(SIG_SETMASK, &before, nullptr);
     // Between fork and exec only plain system calls: other threads' locks may be held.
     prctl(PR_SET_PDEATHSIG, SIGTERM);
     if (getppid() != parent) _exit(static_cast<int>(ExitCode::kInterrupted));
     dup2(in, STDIN_FILENO);
     dup2(out, STDOUT_FILENO);
     dup2(out, STDERR_FILENO);
-    execve(argv[0], argv.data(), envp.data());
+    execvpe(argv[0], argv.data(), envp.data());  // glibc's takes no lock and no memory
     _exit(127);
   }
   const int reason = errno;
+  pthread_sigmask(SIG_SETMASK, &before, nullptr);
   close(in);
   close(out);
   if (pid_ < 0) {
@@ -89,6 +100,19 @@ std::optional<ChildExit> Child::poll() {
 
 void Child::interrupt() {
   if (pid_ > 0) kill(pid_, SIGTERM);
+}
+
+int run_to_end(const std::vector<std::string>& command,
+               const std::vector<std::pair<std::string, std::string>>& environment,
+               const std::filesystem::path& log, const std::function<void()>& meanwhile) {
+  Child child(command, environment, log);
+  for (;;) {
+    const std::optional<ChildExit> exit = child.poll();
+    throw_if_interrupted();  // first, as Ctrl-C in a terminal ends the program too
+    if (exit) return exit->code;
+    if (meanwhile) meanwhile();
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
 }
 
 }  // namespace jade

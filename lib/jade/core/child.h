@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <sys/types.h>
@@ -18,7 +19,8 @@ struct ChildExit {
   int64_t peak_bytes = 0;  ///< resident size at its highest
 };
 
-/// A program that runs beside us, with its output in a file. It is asked to stop when we die.
+/// A program that runs beside us, found on PATH where its name has no slash, with its output at the
+/// end of a file. It is asked to stop when we die.
 class Child {
  public:
   /// @param environment  set on top of ours
@@ -40,5 +42,12 @@ class Child {
  private:
   pid_t pid_ = 0;
 };
+
+/// Runs a program to its end and calls `meanwhile` some times a second.
+/// @return its exit code: 127 where there is no such program, -1 when a signal ended it
+/// @throws Interrupted after stopping it; what Child and `meanwhile` throw.
+int run_to_end(const std::vector<std::string>& command,
+               const std::vector<std::pair<std::string, std::string>>& environment,
+               const std::filesystem::path& log, const std::function<void()>& meanwhile = {});
 
 }  // namespace jade

@@ -2,17 +2,14 @@
 #include "jade/import/colmap.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cstdlib>
 #include <fstream>
 #include <sstream>
-#include <thread>
 #include <unistd.h>
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/child.h"
 #include "jade/core/error.h"
-#include "jade/core/interrupt.h"
 #include "jade/core/progress.h"
 #include "jade/io/colmap.h"
 
@@ -57,16 +54,14 @@ std::string last_line(const fs::path& log) {
 bool run_step(const Step& step, const fs::path& log) {
   const auto begin = fs::exists(log) ? static_cast<std::streamoff>(fs::file_size(log)) : 0;
   // The window system is not needed, and often not there.
-  Child child(step.command, {{"QT_QPA_PLATFORM", "offscreen"}}, log);
   Progress progress(step.title, std::max<int64_t>(1, step.expected));
-  for (int64_t shown = 0;;) {
-    if (const auto exit = child.poll()) return exit->code == 0;
-    throw_if_interrupted();
+  int64_t shown = 0;
+  const auto show = [&] {
     const int64_t now = std::min(step.expected, count_marks(log, begin, step.mark));
     if (progress.step(now - shown)) progress.show();
     shown = now;
-    std::this_thread::sleep_for(std::chrono::milliseconds(200));
-  }
+  };
+  return run_to_end(step.command, {{"QT_QPA_PLATFORM", "offscreen"}}, log, show) == 0;
 }
 
 void run_or_throw(const Step& step, const fs::path& log) {

@@ -6,9 +6,9 @@
 #include <string>
 
 #include "jade/core/atomic_file.h"
+#include "jade/core/child.h"
 #include "jade/core/error.h"
 #include "jade/recording/contents.h"
-#include "jade/recording/program.h"
 
 namespace jade::recording {
 namespace {
@@ -50,7 +50,7 @@ void convert(const fs::path& path, const ReadOptions& options, const fs::path& f
   const fs::path log = folder / "log.txt";
   const std::string python = interpreter(options);
   const int code =
-      run_program({python, script().string(), path.string(), (folder / "out").string()}, log);
+      run_to_end({python, script().string(), path.string(), (folder / "out").string()}, {}, log);
   if (code == 0) return;
   const std::string said = last_line(log);
   if (code == kScriptDataError) throw DataError(said);

@@ -250,29 +250,34 @@ bool EvtDecoder::next(int64_t max_events, EvtEvents& out) {
   return out.size() > 0;
 }
 
+template <class Events>
+void EvtDecoder::decode_word(uint32_t word, const Events& events) {
+  const auto type = Evt2Type(bits(word, 28, 4));
+  switch (type) {
+    case Evt2Type::kOff:
+    case Evt2Type::kOn:
+      time_us_ = wrap_us_ + high_us_ + bits(word, 22, 6);
+      events(int64_t(bits(word, 11, 11)), int64_t(bits(word, 0, 11)), type == Evt2Type::kOn);
+      break;
+    case Evt2Type::kTimeHigh:
+      set_time_high(bits(word, 0, 28), 28, 6);
+      break;
+    case Evt2Type::kTrigger:
+      time_us_ = wrap_us_ + high_us_ + bits(word, 22, 6);
+      add_trigger(bits(word, 8, 5), bits(word, 0, 1) != 0);
+      break;
+    case Evt2Type::kOthers:
+    case Evt2Type::kContinued:
+      break;
+    default:
+      ++counts_.unknown;
+  }
+}
+
 void EvtDecoder::decode_evt2(int64_t max_events, EvtEvents& out) {
   for (; at_ + 4 <= end_ && int64_t(out.size()) < max_events; at_ += 4) {
-    const auto word = word_at<uint32_t>(&buffer_[at_]);
-    const auto type = Evt2Type(bits(word, 28, 4));
-    switch (type) {
-      case Evt2Type::kOff:
-      case Evt2Type::kOn:
-        time_us_ = wrap_us_ + high_us_ + bits(word, 22, 6);
-        add_event(bits(word, 11, 11), bits(word, 0, 11), type == Evt2Type::kOn, out);
-        break;
-      case Evt2Type::kTimeHigh:
-        set_time_high(bits(word, 0, 28), 28, 6);
-        break;
-      case Evt2Type::kTrigger:
-        time_us_ = wrap_us_ + high_us_ + bits(word, 22, 6);
-        add_trigger(bits(word, 8, 5), bits(word, 0, 1) != 0);
-        break;
-      case Evt2Type::kOthers:
-      case Evt2Type::kContinued:
-        break;
-      default:
-        ++counts_.unknown;
-    }
+    decode_word(word_at<uint32_t>(&buffer_[at_]),
+                [&](int64_t x, int64_t y, bool on) { add_event(x, y, on, out); });
   }
 }
 
@@ -280,32 +285,12 @@ void EvtDecoder::decode_evt21(int64_t max_events, EvtEvents& out) {
   for (; at_ + 8 <= end_ && int64_t(out.size()) < max_events; at_ += 8) {
     const auto first = word_at<uint32_t>(&buffer_[at_]),
                last = word_at<uint32_t>(&buffer_[at_ + 4]);
-    const uint32_t upper = header_word_first_ ? first : last;
-    const uint32_t lower = header_word_first_ ? last : first;
-    const auto type = Evt2Type(bits(upper, 28, 4));
-    switch (type) {
-      case Evt2Type::kOff:
-      case Evt2Type::kOn:
-        time_us_ = wrap_us_ + high_us_ + bits(upper, 22, 6);
-        for (int i = 0; i < 32; ++i) {
-          if ((lower >> i & 1) == 0) continue;
-          add_event(int64_t(bits(upper, 11, 11)) + i, bits(upper, 0, 11), type == Evt2Type::kOn,
-                    out);
-        }
-        break;
-      case Evt2Type::kTimeHigh:
-        set_time_high(bits(upper, 0, 28), 28, 6);
-        break;
-      case Evt2Type::kTrigger:
-        time_us_ = wrap_us_ + high_us_ + bits(upper, 22, 6);
-        add_trigger(bits(upper, 8, 5), bits(upper, 0, 1) != 0);
-        break;
-      case Evt2Type::kOthers:
-      case Evt2Type::kContinued:
-        break;
-      default:
-        ++counts_.unknown;
-    }
+    const uint32_t valid = header_word_first_ ? last : first;
+    decode_word(header_word_first_ ? first : last, [&](int64_t x, int64_t y, bool on) {
+      for (int i = 0; i < 32; ++i) {
+        if (valid >> i & 1) add_event(x + i, y, on, out);
+      }
+    });
   }
 }
 

@@ -73,6 +73,10 @@ class EvtDecoder {
  private:
   bool refill();
   void choose_order();
+  /// A word of EVT2, or the half of an EVT2.1 word that has its type.
+  /// @param events  called with x, y and polarity of a word of events
+  template <class Events>
+  void decode_word(uint32_t word, const Events& events);
   void decode_evt2(int64_t max_events, EvtEvents& out);
   void decode_evt21(int64_t max_events, EvtEvents& out);
   void decode_evt3(int64_t max_events, EvtEvents& out);

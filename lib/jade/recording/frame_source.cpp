@@ -7,10 +7,10 @@
 #include <string>
 
 #include "jade/core/atomic_file.h"
+#include "jade/core/child.h"
 #include "jade/core/error.h"
 #include "jade/imaging/image_io.h"
 #include "jade/recording/contents.h"
-#include "jade/recording/program.h"
 
 namespace jade::recording {
 namespace {
@@ -40,9 +40,9 @@ std::vector<FrameFile> frames_of_video(const fs::path& path, const fs::path& fol
   const fs::path log = folder / "ffmpeg.txt", images = folder / "video";
   fs::create_directories(images);
   const int code =
-      run_program({"ffmpeg", "-nostdin", "-hide_banner", "-i", path.string(), "-an", "-vf",
-                   "showinfo", "-vsync", "passthrough", (images / "%08d.png").string()},
-                  log);
+      run_to_end({"ffmpeg", "-nostdin", "-hide_banner", "-i", path.string(), "-an", "-vf",
+                  "showinfo", "-vsync", "passthrough", (images / "%08d.png").string()},
+                 {}, log);
   if (code == 127) {
     throw DataError(concat(path.string(),
                            ": expected a folder of images, found a file; as a video "
