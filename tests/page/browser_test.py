@@ -40,8 +40,13 @@ train: {{iterations: 1, evaluate_every: 0, picture_every: 0}}
 # PSNR between what the canvas shows, or a picture, and another picture.
 PROBE = """window.probe = {
   async pixels(source) {
-    const image = Object.assign(new Image(), {src: source});
-    await image.decode();
+    // Not decode(), which Chromium under load was seen to refuse for a whole picture.
+    const image = new Image();
+    await new Promise((done, fail) => {
+      image.onload = done;
+      image.onerror = () => fail(new Error(`expected a picture, found ${source.slice(0, 60)}, ${source.length} characters`));
+      image.src = source;
+    });
     const board = Object.assign(document.createElement('canvas'), {width: image.naturalWidth, height: image.naturalHeight});
     const context = board.getContext('2d');
     context.drawImage(image, 0, 0);
