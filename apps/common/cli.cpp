@@ -82,18 +82,18 @@ Program::Program(const std::string& name, const std::string& description)
   cli_.add_flag("--quiet", quiet_, "No progress and no messages but warnings and errors");
 }
 
-void Program::add_config_flags() {
-  cli_.add_option("--config", config_files_,
-                  "YAML configuration; - reads standard input. Repeated: each is laid over those "
-                  "before it")
+void Program::add_config_flags(CLI::App& cli) {
+  cli.add_option("--config", config_files_,
+                 "YAML configuration; - reads standard input. Repeated: each is laid over those "
+                 "before it")
       ->allow_extra_args(false);
-  cli_.add_option("--set", overrides_, "Override a key: --set a.b=value (repeatable, last wins)")
+  cli.add_option("--set", overrides_, "Override a key: --set a.b=value (repeatable, last wins)")
       ->allow_extra_args(false);
-  cli_.add_flag("--print-config", print_config_,
-                "Print the resolved configuration with help, and exit");
-  cli_.add_flag("--print-schema", print_schema_,
-                "Print a JSON Schema of the configuration, and exit");
-  cli_.footer(
+  cli.add_flag("--print-config", print_config_,
+               "Print the resolved configuration with help, and exit");
+  cli.add_flag("--print-schema", print_schema_,
+               "Print a JSON Schema of the configuration, and exit");
+  cli.footer(
       "Settings, later wins: defaults, config.yaml of the run where there is --run, --config files "
       "in\ntheir order, --set, flags that stand for a key.");
 }

@@ -33,8 +33,9 @@ class Program {
 
   CLI::App& cli() { return cli_; }
 
-  /// --config, --set, --print-config, --print-schema.
-  void add_config_flags();
+  /// --config, --set, --print-config, --print-schema, of the program or of one of its subcommands.
+  void add_config_flags() { add_config_flags(cli_); }
+  void add_config_flags(CLI::App& cli);
   /// A flag (or, without dashes, a positional argument) that stands for a key and wins over --set.
   /// `help` may leave the range and the default to --print-config.
   CLI::Option* add_key_flag(const std::string& flag, const std::string& key,
@@ -60,7 +61,7 @@ class Program {
   /// is then done. --device and --seed stand for the keys of those names where the options have
   /// them.
   template <class Options>
-  std::optional<Options> load_options(Options options = {}) {
+  std::optional<Options> load_options(Options options = {}) const {
     config::read(sources(fields_of(options)), fields_of(options));
     using config::settle;
     settle(options);

@@ -10,10 +10,11 @@
 #include <torch/csrc/autograd/profiler_kineto.h>
 #include <torch/types.h>
 
+#include "jade/core/check.h"
+#include "jade/core/device.h"
 #include "jade/core/random.h"
-#include "jade/events/voxel.h"
-#include "jade/train/draws.h"
 #include "jade/train/routing_step.h"
+#include "jade/train/step_feed.h"
 #include "jade/train/step_graph.h"
 #include "workload.h"
 
@@ -21,67 +22,79 @@ namespace jade::bench {
 namespace {
 
 constexpr int64_t kViews = 4;
-/// A step at which every term acts and densification statistics are kept.
-constexpr int64_t kFirstStep = 8001;
+/// Every term acts by then and densification keeps its statistics: 32 % of the calendar.
+constexpr double kFirstShare = 0.32;
+/// Of an exposure, as many per pixel as a hand that shakes makes in 100 ms.
+constexpr int64_t kEventsPerPixel = 4;
+constexpr int64_t kExposureUs = 100000;
 
-/// A training state and views made from a splatting workload: frames are renders of its scene, the
-/// trained Gaussians are the same ones slightly moved.
+/// `count` events anywhere and at any time of the window.
+events::EventStream random_events(const splat::CameraBatch& cameras, int64_t count,
+                                  const events::TimeWindow& window, at::Generator& generator) {
+  const auto uniform = [&](int64_t end, torch::ScalarType type) {
+    return at::randint(end, {count}, generator, torch::kInt64).to(type);
+  };
+  const torch::Tensor t = uniform(window.duration_us(), torch::kInt64) + window.begin_us;
+  return {uniform(cameras.width, torch::kFloat32), uniform(cameras.height, torch::kFloat32),
+          std::get<0>(t.sort()), (2 * uniform(2, torch::kInt64) - 1).to(torch::kInt8)};
+}
+
+/// Exposures of a workload's scene, whose frames are means of its renders; the events are random.
+data::Dataset make_dataset(const Workload& work, at::Generator& generator) {
+  const torch::NoGradGuard no_grad;
+  const torch::Tensor intrinsics = work.cameras.intrinsics[0].cpu();
+  data::Dataset dataset;
+  dataset.name = work.name;
+  dataset.near = 3;
+  dataset.far = 7;
+  dataset.events = random_events(
+      work.cameras, kViews * kEventsPerPixel * work.cameras.width * work.cameras.height,
+      {0, kViews * kExposureUs}, generator);
+  data::Exposure exposure;
+  exposure.blurry = splat::render(work.gaussians, work.cameras, {}).color.mean(0).clamp(0, 1).cpu();
+  const auto at = [&](int64_t i) { return intrinsics[i].item<double>(); };
+  exposure.camera = {at(0), at(1), at(2), at(3), work.cameras.width, work.cameras.height};
+  for (size_t k = 0; k < exposure.poses.size(); ++k) {
+    exposure.poses[k] =
+        geometry::pose_from_tensor(work.cameras.camera_from_world[static_cast<int64_t>(k)]);
+  }
+  for (int64_t i = 0; i < kViews; ++i) {
+    exposure.name = concat("view_", i);
+    exposure.t_start_us = i * kExposureUs;
+    exposure.t_end_us = exposure.t_start_us + kExposureUs;
+    exposure.events = dataset.events.slice(exposure.t_start_us, exposure.t_end_us);
+    dataset.train.push_back(exposure);
+  }
+  return dataset;
+}
+
+/// A training state and what its steps are given, made from a splatting workload: the Gaussians are
+/// those of its scene, slightly moved.
 struct Bench {
   train::RunOptions options;
-  std::vector<train::View> views;
+  train::StepFeed feed;
   train::TrainState state;
-  train::PoseDraws draws;
-  int64_t step = kFirstStep;
+  int64_t step = 1;
 
-  Bench(const Workload& work, const IterationBench& flags, torch::Device device)
-      : draws(0, device) {
-    options.deterministic = flags.deterministic;
-    options.train.cuda_graph = !flags.eager;
+  Bench(const Workload& work, const train::RunOptions& asked, torch::Device device)
+      : options(asked) {
+    options.densify.every = 1000000000;  // between densifications
+    step = static_cast<int64_t>(kFirstShare * static_cast<double>(calendar_steps(options))) + 1;
     at::Generator generator = make_generator(0, "iteration benchmark");
-    for (int64_t i = 0; i < kViews; ++i) views.push_back(make_view(work, generator, device));
-    splat::Gaussians moved = work.gaussians;
-    moved.means = moved.means + 0.002 * at::randn(moved.means.sizes(), generator).to(device);
+    const data::Dataset dataset = make_dataset(work, generator);
+    feed = train::StepFeed(dataset, options, device);
     train::Start start;
-    start.gaussians = moved;
+    start.gaussians = work.gaussians;
+    start.gaussians.means = work.gaussians.means +
+                            0.002 * at::randn(work.gaussians.means.sizes(), generator).to(device);
     start.views = kViews;
     start.height = work.cameras.height;
     start.width = work.cameras.width;
     state = train::make_state(options, start, device);
+    train::learn_poses(state, options.poses, dataset, device);
   }
 
-  static train::View make_view(const Workload& work, at::Generator& generator,
-                               torch::Device device) {
-    const torch::NoGradGuard no_grad;
-    const int64_t height = work.cameras.height, width = work.cameras.width;
-    const torch::Tensor renders = splat::render(work.gaussians, work.cameras, {}).color;
-    const auto noise = [&](at::IntArrayRef shape, double size) {
-      return (size * at::randn(shape, generator)).to(device);
-    };
-    const torch::Tensor voxel = noise({6, height, width}, 0.2);
-    train::View view;
-    view.blurry = renders.mean(0).clamp(0, 1);
-    view.blurry_moments = imaging::ssim_target(view.blurry);
-    view.psi = events::polarity_projection(voxel);
-    view.edi_factors = noise({geometry::kExposurePoses, 1, height, width}, 0.1).exp();
-    view.reblur_kernel = noise({1, height, width}, 0.1).exp();
-    view.restorations.edi =
-        (renders[geometry::kMidPose] + noise({3, height, width}, 0.03)).clamp(0, 1);
-    view.restorations.efnet =
-        (renders[geometry::kMidPose] + noise({3, height, width}, 0.03)).clamp(0, 1);
-    view.cameras = work.cameras;
-    view.u = train::pose_times(device);
-    return view;
-  }
-
-  train::StepInputs next() {
-    const int64_t view = step % kViews;
-    train::StepInputs inputs;
-    inputs.step = step;
-    inputs.view = views[static_cast<size_t>(view)];
-    inputs.view_index = view;
-    inputs.pose_draws = draws.at(step);
-    return inputs;
-  }
+  train::StepInputs next() { return feed.at(step); }
   train::StepPlan plan() const { return train::plan_step(options, step); }
 };
 
@@ -130,11 +143,17 @@ void write_trace(const std::filesystem::path& path, const std::function<void()>&
   disableProfiler()->save(path.string());
 }
 
-nlohmann::json measure(const Workload& source, const IterationBench& flags, torch::Device device) {
-  Bench bench(to(source, device), flags, device);
+nlohmann::json measure(const Workload& source, const IterationBench& flags,
+                       const train::RunOptions& options, torch::Device device) {
+  Bench bench(to(source, device), options, device);
   train::StepGraph graph;
   const auto run = [&] {
-    graph.run(bench.state, bench.next(), bench.plan(), bench.options);
+    train::TrainState& state = bench.state;
+    graph.run(state, bench.next(), bench.plan(), bench.options);
+    train::update_poses(state, bench.options, bench.step);
+    if (state.densifier.due(bench.step)) {
+      state.densifier.update(bench.step, state.gaussians, state.gaussian_adam);
+    }
     ++bench.step;
   };
   const nlohmann::json stages = measure_stages(bench, std::min(20, flags.repeats.timed), device);
@@ -158,7 +177,7 @@ nlohmann::json measure(const Workload& source, const IterationBench& flags, torc
   return {{"name", source.name},
           {"device", device.str()},
           {"gaussians", source.gaussians.size()},
-          {"views", geometry::kExposurePoses},
+          {"views", options.exposure.samples},
           {"width", source.cameras.width},
           {"height", source.cameras.height},
           {"cuda_graph", graph.replays() > 0},
@@ -183,9 +202,9 @@ void print_row(const nlohmann::json& row) {
 
 }  // namespace
 
-CLI::App* IterationBench::add_to(CLI::App& cli) {
-  CLI::App* const command = cli.add_subcommand(
-      "iteration", "A training step of the full objective, between densifications");
+CLI::App* IterationBench::add_to(apps::Program& program) {
+  CLI::App* const command = program.cli().add_subcommand(
+      "iteration", "A training step of a configuration (as printed), between densifications");
   command->fallthrough();
   command->add_option("--workload", names, "Which of W1 … W5")
       ->delimiter(',')
@@ -193,19 +212,24 @@ CLI::App* IterationBench::add_to(CLI::App& cli) {
   command->add_option("--repeats", repeats.timed, "Timed steps")->capture_default_str();
   command->add_option("--warm-up", repeats.warm_up, "Steps before them")->capture_default_str();
   command->add_flag("--eager", eager, "Without CUDA graph");
-  command->add_flag("--deterministic", deterministic, "Bit-equal steps on a GPU");
+  program.add_config_flags(*command);
   command->add_option("--trace", trace, "Write a Chrome trace of three steps to this file");
   return command;
 }
 
 ExitCode IterationBench::run(const apps::Program& program) const {
-  torch::Device device = program.device();
+  train::RunOptions defaults;
+  defaults.dataset.path = "workload";  // in memory
+  std::optional<train::RunOptions> options = program.load_options(defaults);
+  if (!options) return ExitCode::kOk;
+  if (eager) options->train.cuda_graph = false;
+  torch::Device device = select_device(options->device);
   if (device.is_cuda() && !device.has_index()) device.set_index(0);
   const train::StreamScope stream(device);
   nlohmann::json rows = nlohmann::json::array();
   for (const WorkloadSize& size : standard_sizes()) {
     if (std::find(names.begin(), names.end(), size.name) == names.end()) continue;
-    rows.push_back(measure(make_workload(size), *this, device));
+    rows.push_back(measure(make_workload(size), *this, *options, device));
     if (!program.json()) print_row(rows.back());
   }
   if (rows.empty()) throw ConfigError("--workload: expected names among W1, W2, W3, W4, W5");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// jade_bench iteration: a whole training step, every term of the full objective active.
+// jade_bench iteration: a whole training step of any configuration, every term that it has active.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -16,11 +16,10 @@ struct IterationBench {
   std::vector<std::string> names{"W2"};
   std::filesystem::path trace;
   bool eager = false;
-  bool deterministic = false;
   Repeats repeats{20, 300};
 
   /// Adds the subcommand and its flags.
-  CLI::App* add_to(CLI::App& cli);
+  CLI::App* add_to(apps::Program& program);
   ExitCode run(const apps::Program& program) const;
 };
 

@@ -15,7 +15,7 @@ int main(int argc, char** argv) {
   bench::SplatBench splat;
   CLI::App* const splat_command = splat.add_to(program.cli());
   bench::IterationBench iteration;
-  CLI::App* const iteration_command = iteration.add_to(program.cli());
+  CLI::App* const iteration_command = iteration.add_to(program);
   bench::RestorerBench restorer;
   CLI::App* const restorer_command = restorer.add_to(program.cli());
   bench::LossesBench losses;

@@ -118,7 +118,10 @@ TEST_CASE("scene step: with trust the sensor has its share of the gradient", "[t
     bench.options.sensor.from = 0;
     bench.options.objective.target = losses::Target::kNone;
     bench.options.objective.dssim = 0;
-    bench.options.objective.trust = {scale, tolerance, 0, 0};
+    losses::TrustOptions& trust = bench.options.objective.trust;
+    trust.scale = scale;
+    trust.tolerance = tolerance;
+    trust.from = 0;
     bench.views = train::prepare_views(bench.dataset, bench.options, torch::kCPU);
     bench.state = train::make_state(bench.options, bench.dataset, torch::kCPU);
     bench.scene_step(bench.inputs(1, 5));

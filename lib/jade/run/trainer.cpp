@@ -77,34 +77,18 @@ Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const st
       device_(select_device(options.device)),
       stream_(device_),
       directory_(run),
-      data_(load_data(directory_, options, resume.empty())),
-      view_order_(static_cast<uint64_t>(options.seed),
-                  static_cast<int64_t>(data_.dataset.train.size())),
-      view_picks_(torch::arange(static_cast<int64_t>(data_.dataset.train.size()), torch::kInt64)
-                      .to(device_)) {
+      data_(load_data(directory_, options, resume.empty())) {
   train::settle(options_);
   train::follow_dataset(data_.dataset, options_);
   if (resume.empty() || !resume_from(resume)) {
     options_.splat.near_plane = train::near_plane(options_.splat, data_.dataset);
     state_ = train::make_state(options_, data_.dataset, device_);
   }
-  pose_draws_ =
-      train::PoseDraws(static_cast<uint64_t>(options_.seed), device_, options_.exposure.samples);
-  term_weights_ = train::TermWeights(options_.objective, train::calendar_steps(options_), device_);
   set_log_file(directory_.path() / "train.log");
   announce();
   write_file(directory_.path() / "config.yaml", yaml_of(options_));
   write_environment();
-  views_ = train::prepare_views(data_.dataset, options_, device_);
-  if (options_.exposure.quadrature == geometry::QuadratureRule::kJittered) {
-    moment_draws_ = std::make_unique<train::MomentDraws>(
-        train::exposure_spans(data_.dataset), options_.exposure.samples,
-        static_cast<uint64_t>(options_.seed), device_);
-  }
-  if (options_.objective.event_loss_weight > 0) {
-    event_windows_ = std::make_unique<train::EventWindows>(
-        data_.dataset, options_.objective, static_cast<uint64_t>(options_.seed), device_);
-  }
+  feed_ = train::StepFeed(data_.dataset, options_, device_);
   metrics_ = std::make_unique<MetricsLog>(directory_.path() / "metrics.jsonl", state_.step);
 }
 
@@ -215,24 +199,9 @@ void Trainer::write_environment() const {
   write_file(directory_.path() / "env.json", environment.dump(2) + "\n");
 }
 
-train::StepInputs Trainer::inputs_of(int64_t step) {
-  const int64_t index = view_order_.at(step);
-  train::StepInputs inputs{
-      step, views_[static_cast<size_t>(index)], index, pose_draws_.at(step), {}, {}, {}};
-  inputs.term_weights = term_weights_.at(step);
-  inputs.view_pick = view_picks_.narrow(0, index, 1);
-  if (moment_draws_) {
-    train::MomentDraws::Moments moments = moment_draws_->at(step, index);
-    inputs.view.u = moments.u;
-    inputs.view.cameras.camera_from_world = moments.camera_from_world;
-  }
-  if (event_windows_) inputs.events = event_windows_->at(step, index);
-  return inputs;
-}
-
 void Trainer::step() {
   const int64_t step = state_.step + 1;
-  const train::StepInputs inputs = inputs_of(step);
+  const train::StepInputs inputs = feed_.at(step);
   const train::StepOutputs out =
       step_graph_.run(state_, inputs, train::plan_step(options_, step), options_);
   train::update_poses(state_, options_, step);
@@ -354,12 +323,12 @@ void Trainer::write_pictures(const data::Dataset& posed) {
     imaging::write_image(directory_.path() / "images" / ("test_" + view.name + ".png"),
                          render_view(gaussians, view.pose, view.camera, draw));
   }
-  for (size_t i = 0; i < views_.size(); ++i) {
+  for (size_t i = 0; i < views().size(); ++i) {
     const data::Exposure& exposure = posed.train[i];
     imaging::write_image(
         directory_.path() / "images" / ("train_" + exposure.name + ".png"),
         render_view(gaussians, exposure.poses[geometry::kMidPose], exposure.camera, draw));
-    const auto alpha = train::allocation_map(state_, views_[i], static_cast<int64_t>(i));
+    const auto alpha = train::allocation_map(state_, views()[i], static_cast<int64_t>(i));
     if (alpha.defined()) {
       imaging::write_image(directory_.path() / "alpha" / (exposure.name + ".png"),
                            alpha.expand({1, exposure.camera.height, exposure.camera.width}));
@@ -395,7 +364,7 @@ void Trainer::finish() {
                     sensor.threshold_negative, ", log gain of deviation ", sensor.gain_std,
                     ", events' clock ahead by ", sensor.offset_ms, " ms"));
   }
-  write_report(directory_.path(), posed, views_, state_, options_);
+  write_report(directory_.path(), posed, views(), state_, options_);
   log_info(concat("report      ", (directory_.path() / "report.html").string()));
   log_info(concat("scene       ", (directory_.path() / "point_cloud.ply").string()));
 }

@@ -12,12 +12,10 @@
 #include "jade/run/checkpoint.h"
 #include "jade/run/run_directory.h"
 #include "jade/run/term_monitor.h"
-#include "jade/train/draws.h"
-#include "jade/train/event_windows.h"
 #include "jade/train/options.h"
 #include "jade/train/state.h"
+#include "jade/train/step_feed.h"
 #include "jade/train/step_graph.h"
-#include "jade/train/view.h"
 
 namespace jade::run {
 
@@ -51,7 +49,7 @@ class Trainer {
   /// As they act: settled, and with the calendar of a resumed run.
   const train::RunOptions& options() const { return options_; }
   const train::TrainState& state() const { return state_; }
-  const std::vector<train::View>& views() const { return views_; }
+  const std::vector<train::View>& views() const { return feed_.views(); }
   /// How many of the steps were replays of a CUDA graph.
   int64_t replays() const { return step_graph_.replays(); }
   /// Scores on the sharp test views as they are now, LPIPS where its modules are at hand.
@@ -68,7 +66,6 @@ class Trainer {
   void check_same_run(const std::filesystem::path& checkpoint, const CheckpointInfo& info) const;
   void announce() const;
   void write_environment() const;
-  train::StepInputs inputs_of(int64_t step);
   void log_step(const train::StepInputs& inputs, const train::StepOutputs& out);
   void log_evaluation(const data::Dataset& posed);
   void save();
@@ -83,14 +80,8 @@ class Trainer {
   train::StreamScope stream_;  // before every tensor
   RunDirectory directory_;
   RunData data_;
-  std::vector<train::View> views_;
   train::TrainState state_;
-  train::ViewOrder view_order_;
-  train::PoseDraws pose_draws_;
-  std::unique_ptr<train::MomentDraws> moment_draws_;  ///< of exposure.quadrature jittered
-  train::TermWeights term_weights_;
-  torch::Tensor view_picks_;                            // 0, 1, … on the device
-  std::unique_ptr<train::EventWindows> event_windows_;  // only with L_ev
+  train::StepFeed feed_;
   train::StepGraph step_graph_;
   TermMonitor monitor_;
   std::unique_ptr<MetricsLog> metrics_;

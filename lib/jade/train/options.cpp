@@ -29,6 +29,7 @@ bool routed_to_edi(const RunOptions& options) {
 bool needs_efnet(const RunOptions& options) {
   const losses::Target target = options.objective.target;
   return target == losses::Target::kEfnet || target == losses::Target::kMean ||
+         (target != losses::Target::kNone && options.objective.trust.disagreement > 0) ||
          (is_routed(options) && !routed_to_edi(options));
 }
 

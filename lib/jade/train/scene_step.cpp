@@ -131,6 +131,7 @@ std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& s
   const events::Thresholds thresholds = options.events.thresholds();
   inputs.contrast = 0.5 * (thresholds.positive + thresholds.negative);
   if (target.defined()) inputs.target.emplace(target);
+  inputs.target_closeness = view.target_closeness;
   inputs.tone = tone_curve(state, plan);
   if (plan.objective.event) {
     inputs.events = event_pair(state, step_inputs, inputs.tone, plan, options);

@@ -124,6 +124,14 @@ TrainState make_state(const RunOptions& options, const Start& start, torch::Devi
   return state;
 }
 
+void learn_poses(TrainState& state, const PoseOptions& options, const data::Dataset& dataset,
+                 torch::Device device) {
+  state.poses = make_exposure_poses(options, dataset);
+  if (!state.poses) return;
+  state.poses->to(device);
+  state.poses_adam = RowAdam(state.poses->twists());
+}
+
 TrainState make_state(const RunOptions& options, const data::Dataset& dataset,
                       torch::Device device) {
   auto generator = make_generator(static_cast<uint64_t>(options.seed), "initial points");
@@ -137,11 +145,7 @@ TrainState make_state(const RunOptions& options, const data::Dataset& dataset,
   start.height = camera.height;
   start.width = camera.width;
   TrainState state = make_state(options, start, device);
-  state.poses = make_exposure_poses(options.poses, dataset);
-  if (state.poses) {
-    state.poses->to(device);
-    state.poses_adam = RowAdam(state.poses->twists());
-  }
+  learn_poses(state, options.poses, dataset, device);
   return state;
 }
 

@@ -54,6 +54,10 @@ struct Start {
 /// which start from exposures.
 TrainState make_state(const RunOptions& options, const Start& start, torch::Device device);
 
+/// Poses of the data set's exposures that the state learns, where the options ask for them.
+void learn_poses(TrainState& state, const PoseOptions& options, const data::Dataset& dataset,
+                 torch::Device device);
+
 /// The same from a data set, with learned poses where the options ask for them.
 /// @throws ConfigError, DataError as gaussians::initial_gaussians.
 TrainState make_state(const RunOptions& options, const data::Dataset& dataset,

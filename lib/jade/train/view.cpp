@@ -124,6 +124,11 @@ View prepare_view(const data::Exposure& exposure, const ExposureSpan& span,
     view.weights = torch::tensor(sum.weights, torch::kFloat64).to(device, torch::kFloat32);
   }
   view.fixed_target = fixed_target(view, options, dataset.monochrome, device);
+  const double disagreement = options.objective.trust.disagreement;
+  if (disagreement > 0 && view.restorations.efnet.defined()) {
+    view.target_closeness =
+        losses::closeness(view.restorations.efnet, view.restorations.edi, disagreement);
+  }
   return view;
 }
 

@@ -30,10 +30,11 @@ struct View {
   torch::Tensor reblur_kernel;         ///< [1,H,W] K(V), Eq. (7)
   torch::Tensor density;               ///< [H,W] events of either polarity
   restore::Restorations restorations;  ///< I_edi and F; F undefined where nothing asks for it
-  torch::Tensor fixed_target;  ///< [3,H,W] target that no router decides; undefined if routed
-  splat::CameraBatch cameras;  ///< the K poses
-  torch::Tensor u;             ///< [K] float64, their moments: 0 is the exposure's start, 1 its end
-  torch::Tensor weights;       ///< [K] of the mean of their renders; undefined: 1/K each
+  torch::Tensor fixed_target;      ///< [3,H,W] target that no router decides; undefined if routed
+  torch::Tensor target_closeness;  ///< [1,H,W] of trust.disagreement, else undefined
+  splat::CameraBatch cameras;      ///< the K poses
+  torch::Tensor u;        ///< [K] float64, their moments: 0 is the exposure's start, 1 its end
+  torch::Tensor weights;  ///< [K] of the mean of their renders; undefined: 1/K each
 
   /// Calls `visitor(name, tensor)` for every tensor, once.
   template <class Visitor>
@@ -55,7 +56,8 @@ struct View {
         Member{"edi_counts", self.edi_counts}, Member{"per_ms", self.per_ms},
         Member{"reblur_kernel", self.reblur_kernel}, Member{"density", self.density},
         Member{"restorations", self.restorations}, Member{"fixed_target", self.fixed_target},
-        Member{"cameras", self.cameras}, Member{"u", self.u}, Member{"weights", self.weights});
+        Member{"target_closeness", self.target_closeness}, Member{"cameras", self.cameras},
+        Member{"u", self.u}, Member{"weights", self.weights});
   }
 };
 

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/train/step_feed.h"
+
+#include <torch/types.h>
+
+#include "jade/train/exposure_span.h"
+
+namespace jade::train {
+
+StepFeed::StepFeed(const data::Dataset& dataset, const RunOptions& options, torch::Device device)
+    : views_(prepare_views(dataset, options, device)),
+      order_(static_cast<uint64_t>(options.seed), static_cast<int64_t>(views_.size())),
+      pose_draws_(static_cast<uint64_t>(options.seed), device, options.exposure.samples),
+      term_weights_(options.objective, calendar_steps(options), device),
+      view_picks_(
+          torch::arange(static_cast<int64_t>(views_.size()), torch::kInt64).to(device)) {
+  const auto seed = static_cast<uint64_t>(options.seed);
+  if (options.exposure.quadrature == geometry::QuadratureRule::kJittered) {
+    moment_draws_ = std::make_unique<MomentDraws>(exposure_spans(dataset),
+                                                  options.exposure.samples, seed, device);
+  }
+  if (options.objective.event_loss_weight > 0) {
+    event_windows_ = std::make_unique<EventWindows>(dataset, options.objective, seed, device);
+  }
+}
+
+StepInputs StepFeed::at(int64_t step) {
+  const int64_t index = order_.at(step);
+  StepInputs inputs;
+  inputs.step = step;
+  inputs.view = views_[static_cast<size_t>(index)];
+  inputs.view_index = index;
+  inputs.pose_draws = pose_draws_.at(step);
+  inputs.term_weights = term_weights_.at(step);
+  inputs.view_pick = view_picks_.narrow(0, index, 1);
+  if (moment_draws_) {
+    MomentDraws::Moments moments = moment_draws_->at(step, index);
+    inputs.view.u = moments.u;
+    inputs.view.cameras.camera_from_world = moments.camera_from_world;
+  }
+  if (event_windows_) inputs.events = event_windows_->at(step, index);
+  return inputs;
+}
+
+}  // namespace jade::train

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <torch/types.h>
+#include <vector>
+
+#include "jade/data/exposure.h"
+#include "jade/train/draws.h"
+#include "jade/train/event_windows.h"
+#include "jade/train/options.h"
+#include "jade/train/step_inputs.h"
+#include "jade/train/view.h"
+
+namespace jade::train {
+
+/// What the steps of a run are given, a function of seed and step: the view whose turn it is, the
+/// poses of its terms, and, where the options ask for them, moments, weights and windows of events.
+class StepFeed {
+ public:
+  StepFeed() = default;
+  /// Restores all exposures: prepare_views, and throws as it does.
+  /// @param options  settled
+  StepFeed(const data::Dataset& dataset, const RunOptions& options, torch::Device device);
+
+  /// @param step  counted from 1
+  StepInputs at(int64_t step);
+
+  const std::vector<View>& views() const { return views_; }
+
+ private:
+  std::vector<View> views_;
+  ViewOrder order_{0, 1};
+  PoseDraws pose_draws_;
+  TermWeights term_weights_;
+  torch::Tensor view_picks_;                     // 0, 1, … on the device
+  std::unique_ptr<MomentDraws> moment_draws_;    // of exposure.quadrature jittered
+  std::unique_ptr<EventWindows> event_windows_;  // of L_ev
+};
+
+}  // namespace jade::train
