@@ -29,6 +29,17 @@ TEST_CASE(
   CHECK(share(0) == Approx(0.04 / 0.44));  // the border's window is smaller, not darker
 }
 
+TEST_CASE("trust: closeness is 1 for equal images and a half where they differ by c", "[losses]") {
+  const torch::Tensor a = image(1, {3, 12, 14}), same = closeness(a, a, 0.1);
+  CHECK(same.equal(torch::ones({1, 12, 14}, torch::kFloat64)));
+  torch::Tensor b = a.clone();
+  b.narrow(2, 7, 7).sub_(0.1);
+  const torch::Tensor close = closeness(a, b, 0.1);
+  CHECK(close[0][6][12].item<double>() == Approx(0.5));
+  CHECK(close[0][6][2].item<double>() == 1);
+  CHECK(close[0][6][6].item<double>() == Approx(0.1 / (0.1 + 0.1 * 2 / 5)));
+}
+
 TEST_CASE("trust: the weight has no gradient, the target has its share", "[losses]") {
   torch::Tensor target = image(1).set_requires_grad(true);
   const torch::Tensor render = image(2);

@@ -47,6 +47,22 @@ Views pick_views(const ObjectiveInputs& inputs, const ObjectivePlan& plan) {
   return {views.mean, picks[0], picks[1], picks[2], picks[3]};
 }
 
+/// L_tgt before its weight.
+torch::Tensor target_term(const ObjectiveInputs& inputs, const torch::Tensor& mid,
+                          const ObjectivePlan& plan, const ObjectiveOptions& options) {
+  const torch::Tensor& whole = **inputs.target;
+  torch::Tensor drawn = whole;
+  if (inputs.target_closeness.defined()) {
+    drawn = drawn_by(drawn, Fixed(mid), inputs.target_closeness);
+  }
+  if (plan.trust) drawn = followed(drawn, mid, options.trust, 0);
+  const torch::Tensor value = target_loss(mid, Fixed(drawn), options.dssim);
+  if (!plan.agreed_target) return value;
+  const torch::Tensor distance =
+      drawn.is_same(whole) ? value : target_loss(mid.detach(), *inputs.target, options.dssim);
+  return where_agreed(value, distance, options.trust.agreement);
+}
+
 void check_inputs(const ObjectiveInputs& inputs, const ObjectivePlan& plan) {
   check_shape(inputs.renders, "renders", {-1, 3, -1, -1});
   check_shape(inputs.pose_draws, "pose draws", {3});
@@ -131,11 +147,8 @@ Objective objective(const ObjectiveInputs& inputs, const ObjectivePlan& plan,
 
   Objective loss;
   if (plan.target) {
-    const torch::Tensor target =
-        plan.trust ? followed(**inputs.target, views.mid, options.trust, 0) : **inputs.target;
-    const torch::Tensor value = target_loss(views.mid, Fixed(target), options.dssim);
-    add(loss, "target", plan.agreed_target ? where_agreed(value, options.trust.agreement) : value,
-        options.target_weight, target_weight);
+    add(loss, "target", target_term(inputs, views.mid, plan, options), options.target_weight,
+        target_weight);
   }
   if (plan.blur) {
     const bool prepared = inputs.blurry_moments.mean.defined();

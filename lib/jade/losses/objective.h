@@ -148,6 +148,7 @@ struct ObjectiveInputs {
   torch::Tensor term_weights;
   double contrast = 0;              ///< log intensity of one event, for trust.tolerance
   std::optional<Fixed> target;      ///< [3,H,W]; needed for L_tgt only
+  torch::Tensor target_closeness;   ///< [1,H,W] of trust.disagreement; undefined: 1
   std::optional<EventPair> events;  ///< needed for L_ev only
   ToneCurve tone;                   ///< ρ; ignored where the plan lets it rest
 };
