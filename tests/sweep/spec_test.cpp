@@ -113,7 +113,7 @@ TEST_CASE("configs: every sweep that ships can be read, and overrides have at mo
       ++overrides;
     }
   }
-  CHECK(sweeps == 14);
+  CHECK(sweeps == 16);
   CHECK(overrides == 21);
 }
 
