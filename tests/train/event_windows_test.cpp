@@ -89,3 +89,20 @@ TEST_CASE("event windows: their times are those of their cameras, in units of th
   options.event_window = losses::EventSpan::kRecording;
   CHECK_FALSE(train::EventWindows(dataset, options, 7, torch::kCPU).at(1, 2).u.defined());
 }
+
+TEST_CASE("event windows: a GPU is given the CPU's windows to the bit", "[train][cuda]") {
+  const ShortScene scene;
+  const data::Dataset dataset = scene.dataset();
+  losses::ObjectiveOptions options;
+  const train::EventWindows here(dataset, options, 7, torch::kCPU),
+      there(dataset, options, 7, torch::kCUDA);
+  for (int64_t step = 1; step <= 8; ++step) {
+    const train::EventWindow a = here.at(step, step % 3), b = there.at(step, step % 3);
+    CHECK(b.counts.is_cuda());
+    CHECK(b.counts.cpu().equal(a.counts));
+    CHECK(b.pixels.cpu().equal(a.pixels));
+    CHECK(b.u.cpu().equal(a.u));
+    CHECK(b.cameras.camera_from_world.cpu().equal(a.cameras.camera_from_world));
+    CHECK(b.cameras.intrinsics.cpu().equal(a.cameras.intrinsics));
+  }
+}

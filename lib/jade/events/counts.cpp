@@ -4,7 +4,6 @@
 #include <ATen/Parallel.h>
 #include <algorithm>
 #include <cstring>
-#include <limits>
 #include <torch/types.h>
 
 #include "jade/core/check.h"
@@ -29,25 +28,13 @@ std::vector<int64_t> span_bounds(const EventStream& events, const std::vector<in
   return out;
 }
 
-}  // namespace
-
-int64_t knot_us(const TimeWindow& window, int64_t k, int64_t parts) {
-  const int64_t duration = window.duration_us();
-  JADE_CHECK(duration >= 0 && parts > 0, "expected a window that ends after it begins, found [",
-             window.begin_us, ", ", window.end_us, ") us");
-  // duration · k could overflow for absurd windows; split it first.
-  const int64_t whole = duration / parts, rest = duration % parts * k;
-  return window.begin_us + whole * k + rest / parts + (rest % parts > 0 ? 1 : 0);
-}
-
-torch::Tensor count_events(const EventStream& events, const std::vector<int64_t>& knots_us,
-                           const ImageSize& size) {
-  JADE_CHECK(knots_us.size() >= 2 && std::is_sorted(knots_us.begin(), knots_us.end()),
-             "expected two or more knots in order of time, found ", knots_us.size());
+/// [S,2,H,W] of the events bounds[s], …, bounds[s + 1] − 1. Does not wait for the device.
+torch::Tensor count_spans(const EventStream& events, const std::vector<int64_t>& bounds,
+                          const ImageSize& size) {
   JADE_CHECK(size.height > 0 && size.width > 0 && size.height < 32768 && size.width < 32768,
              "expected an image of 1 to 32767 pixels a side, found ", size.height, " x ",
              size.width);
-  const int64_t spans = int64_t(knots_us.size()) - 1;
+  const int64_t spans = int64_t(bounds.size()) - 1;
   auto out = torch::empty({spans, 2, size.height, size.width},
                           torch::dtype(torch::kInt64).device(events.device()));
   if (out.is_cpu()) {
@@ -55,7 +42,6 @@ torch::Tensor count_events(const EventStream& events, const std::vector<int64_t>
   } else {
     out.zero_();
   }
-  const auto bounds = span_bounds(events, knots_us);
   CountArguments in;
   in.x = events.x().const_data_ptr<float>();
   in.y = events.y().const_data_ptr<float>();
@@ -73,14 +59,31 @@ torch::Tensor count_events(const EventStream& events, const std::vector<int64_t>
   return out;
 }
 
+}  // namespace
+
+int64_t knot_us(const TimeWindow& window, int64_t k, int64_t parts) {
+  const int64_t duration = window.duration_us();
+  JADE_CHECK(duration >= 0 && parts > 0, "expected a window that ends after it begins, found [",
+             window.begin_us, ", ", window.end_us, ") us");
+  // duration · k could overflow for absurd windows; split it first.
+  const int64_t whole = duration / parts, rest = duration % parts * k;
+  return window.begin_us + whole * k + rest / parts + (rest % parts > 0 ? 1 : 0);
+}
+
+torch::Tensor count_events(const EventStream& events, const std::vector<int64_t>& knots_us,
+                           const ImageSize& size) {
+  JADE_CHECK(knots_us.size() >= 2 && std::is_sorted(knots_us.begin(), knots_us.end()),
+             "expected two or more knots in order of time, found ", knots_us.size());
+  return count_spans(events, span_bounds(events, knots_us), size);
+}
+
 torch::Tensor to_events(const torch::Tensor& counts) {
   check_dtype(counts, "event counts", torch::kInt64);
   return counts.to(torch::kFloat64).mul_(kCountUnit).to(torch::kFloat32);
 }
 
 torch::Tensor signed_count(const EventStream& events, const ImageSize& size) {
-  const auto counts = count_events(
-      events, {std::numeric_limits<int64_t>::min(), std::numeric_limits<int64_t>::max()}, size);
+  const auto counts = count_spans(events, {0, events.size()}, size);
   if (!counts.is_cpu()) return to_events(counts[0][0] - counts[0][1]);
   // The same in one pass. A training step asks for a small window, and waking all threads for each
   // of five operations takes longer than they do, a hundred times so where the processor is busy.
@@ -98,8 +101,7 @@ torch::Tensor signed_count(const EventStream& events, const ImageSize& size) {
 }
 
 torch::Tensor event_density(const EventStream& events, const ImageSize& size) {
-  const auto counts = count_events(
-      events, {std::numeric_limits<int64_t>::min(), std::numeric_limits<int64_t>::max()}, size);
+  const auto counts = count_spans(events, {0, events.size()}, size);
   return to_events(counts[0][0] + counts[0][1]);
 }
 

@@ -36,7 +36,9 @@ torch::Tensor draw_distinct(at::Generator& generator, int64_t count, int64_t bou
 EventWindows::EventWindows(const data::Dataset& dataset, const losses::ObjectiveOptions& options,
                            uint64_t seed, torch::Device device)
     : events_(dataset.events),
-      camera_(dataset.train.front().camera),
+      on_device_(dataset.events.to(device)),
+      size_{dataset.train.front().camera.height, dataset.train.front().camera.width},
+      cameras_(camera_batch({{}, {}}, dataset.train.front().camera, device)),
       pixels_(options.event_pixels),
       seed_(seed),
       device_(device) {
@@ -62,21 +64,32 @@ EventWindow EventWindows::at(int64_t step, int64_t view) const {
   const int64_t last_start = std::max(span.begin_us, span.end_us - window_us_);
   const int64_t begin = span.begin_us + draw_index(generator, last_start - span.begin_us + 1);
   const int64_t end = begin + window_us_;
+  const torch::Tensor pixels = draw_distinct(generator, pixels_, size_.height * size_.width);
+  // All that the host draws in one copy: two poses, two times, the pixels, every one exact in
+  // float64.
+  const torch::Tensor drawn =
+      torch::empty({2 * 16 + 2 + pixels.numel()},
+                   torch::dtype(torch::kFloat64).pinned_memory(device_.is_cuda()));
+  drawn.narrow(0, 0, 32).copy_(geometry::to_tensor({span.path.at(static_cast<double>(begin)),
+                                                    span.path.at(static_cast<double>(end))})
+                                   .flatten());
+  // A window that is longer than its exposure ends with it, as the path does.
+  const auto length = static_cast<double>(std::max<int64_t>(1, span.end_us - span.begin_us));
+  const auto unit = [&](int64_t t_us) {
+    return std::clamp(static_cast<double>(t_us - span.begin_us) / length, 0.0, 1.0);
+  };
+  drawn[32] = unit(begin);
+  drawn[33] = unit(end);
+  drawn.narrow(0, 34, pixels.numel()).copy_(pixels);
+  const torch::Tensor there = drawn.to(device_, /*non_blocking=*/true);
+
   EventWindow window;
-  window.cameras = camera_batch(
-      {span.path.at(static_cast<double>(begin)), span.path.at(static_cast<double>(end))}, camera_,
-      device_);
-  if (in_exposures_) {
-    // A window that is longer than its exposure ends with it, as the path does.
-    const auto length = static_cast<double>(std::max<int64_t>(1, span.end_us - span.begin_us));
-    const auto unit = [&](int64_t t_us) {
-      return std::clamp(static_cast<double>(t_us - span.begin_us) / length, 0.0, 1.0);
-    };
-    window.u = torch::tensor({unit(begin), unit(end)}, torch::kFloat64).to(device_);
-  }
-  const events::ImageSize size{camera_.height, camera_.width};
-  window.counts = events::signed_count(events_.slice(begin, end), size).to(device_);
-  window.pixels = draw_distinct(generator, pixels_, size.height * size.width).to(device_);
+  window.cameras = cameras_;
+  window.cameras.camera_from_world = there.narrow(0, 0, 32).view({2, 4, 4}).to(torch::kFloat32);
+  if (in_exposures_) window.u = there.narrow(0, 32, 2);
+  window.pixels = there.narrow(0, 34, pixels.numel()).to(torch::kInt64);
+  window.counts = events::signed_count(
+      on_device_.range(events_.count_before(begin), events_.count_before(end)), size_);
   window.color_filter = color_filter_;
   return window;
 }

@@ -44,7 +44,8 @@ struct EventWindow {
   }
 };
 
-/// Draws the time windows of L_ev as functions of the seed and the step, like train/draws.h.
+/// Draws the time windows of L_ev as functions of the seed and the step, like train/draws.h. Keeps
+/// the recording's events on the device: 17 bytes each.
 class EventWindows {
  public:
   /// Windows of `objective.event_window_share` of the first exposure's duration, drawn as
@@ -53,15 +54,18 @@ class EventWindows {
   EventWindows(const data::Dataset& dataset, const losses::ObjectiveOptions& options, uint64_t seed,
                torch::Device device);
 
-  /// The window of `step` (counted from 1) for the training view `view`.
+  /// The window of `step` (counted from 1) for the training view `view`. Does not wait for the
+  /// device.
   EventWindow at(int64_t step, int64_t view) const;
 
  private:
   /// Windows lie inside: one per exposure, or a single one for the recording.
   std::vector<ExposureSpan> spans_;
   bool in_exposures_ = true;
-  events::EventStream events_;
-  geometry::Intrinsics camera_;
+  events::EventStream events_;     // on the CPU, where windows are looked up
+  events::EventStream on_device_;  // the same events, where they are counted
+  events::ImageSize size_;
+  splat::CameraBatch cameras_;  // two, whose poses at() sets
   torch::Tensor color_filter_;
   int64_t window_us_ = 0;
   int64_t pixels_ = 0;

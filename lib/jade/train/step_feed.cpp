@@ -12,12 +12,11 @@ StepFeed::StepFeed(const data::Dataset& dataset, const RunOptions& options, torc
       order_(static_cast<uint64_t>(options.seed), static_cast<int64_t>(views_.size())),
       pose_draws_(static_cast<uint64_t>(options.seed), device, options.exposure.samples),
       term_weights_(options.objective, calendar_steps(options), device),
-      view_picks_(
-          torch::arange(static_cast<int64_t>(views_.size()), torch::kInt64).to(device)) {
+      view_picks_(torch::arange(static_cast<int64_t>(views_.size()), torch::kInt64).to(device)) {
   const auto seed = static_cast<uint64_t>(options.seed);
   if (options.exposure.quadrature == geometry::QuadratureRule::kJittered) {
-    moment_draws_ = std::make_unique<MomentDraws>(exposure_spans(dataset),
-                                                  options.exposure.samples, seed, device);
+    moment_draws_ = std::make_unique<MomentDraws>(exposure_spans(dataset), options.exposure.samples,
+                                                  seed, device);
   }
   if (options.objective.event_loss_weight > 0) {
     event_windows_ = std::make_unique<EventWindows>(dataset, options.objective, seed, device);
