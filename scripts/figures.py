@@ -6,7 +6,7 @@
 
 losses            every loss term over the steps, one panel a run
 trajectories      the metrics on the test views over the steps
-alpha_maps_*      blurry frame, event density, EDI, EFNet, α and the fused restoration of a few views
+alpha_maps_*      blurry frame, event density, EDI, EFNet, α, the better of the two where a truth tells, and the mix, of a few views
 alpha_statistics  α and its Pearson correlation with event density, each view, mean and deviation (also as CSV)
 qualitative_*     one scene: blurry frame, every row of the sweep, truth, with zoomed crops
 training_cost     wall clock, speed and memory of every row, and quality over memory
@@ -36,6 +36,7 @@ except ImportError as error:
 
 METRICS = {"psnr_channel_mean": "PSNR (mean of channels), dB", "ssim": "SSIM", "lpips_alex01": "LPIPS"}
 # Logged beside the loss terms.
+NEARER = "EDI nearer"
 NOT_LOSSES = {"step", "loss", "psnr_train", "alpha_mean", "alpha_std", "gaussians", "iterations_per_second", "memory_bytes"}
 
 
@@ -193,7 +194,7 @@ def pictures_of(view: dict) -> dict[str, np.ndarray]:
 
 def show(axis, image: np.ndarray | None, title: str = ""):
     if image is None:
-        axis.set_visible(False)
+        axis.set(xticks=[], yticks=[], frame_on=False)  # its label stays
         return
     axis.imshow(image, cmap="gray", vmin=0, vmax=1, interpolation="nearest")
     axis.set(xticks=[], yticks=[])
@@ -201,16 +202,37 @@ def show(axis, image: np.ndarray | None, title: str = ""):
         axis.set_title(title, fontsize=8)
 
 
+def gray(image: np.ndarray) -> np.ndarray:
+    return image.mean(axis=2) if image.ndim == 3 else image
+
+
+def edi_is_nearer(images: dict[str, np.ndarray]) -> np.ndarray:
+    """White where EDI is nearer to the truth than EFNet, black where EFNet is, gray where both are equally near."""
+    distance = {name: gray(np.abs(images[name] - images["truth"])) for name in ("EDI", "EFNet")}
+    return 0.5 + 0.5 * np.sign(distance["EFNet"] - distance["EDI"])
+
+
+def chosen_right(images: dict[str, np.ndarray]) -> float:
+    """Share of the pixels where α leans to the nearer one; those equally near are left out."""
+    nearer = images[NEARER]
+    return float(np.mean(((gray(images["α"]) > 0.5) == (nearer > 0.5))[nearer != 0.5]))
+
+
 def alpha_maps(run: Run):
     views = [(view["name"], pictures_of(view)) for view in run.report.get("views", [])]
     views = [(name, images) for name, images in views if "α" in images]
     if not views:
         return None
-    rows = [name for name in ("blurry", "event density", "EDI", "EFNet", "α", "fused", "render") if name in views[0][1]]
+    for _, images in views:
+        if {"EDI", "EFNet", "truth"} <= images.keys():
+            images[NEARER] = edi_is_nearer(images)
+    shown = ("blurry", "event density", "EDI", "EFNet", "α", NEARER, "fused", "render")
+    rows = [name for name in shown if any(name in images for _, images in views)]
     figure, axes = plt.subplots(len(rows), len(views), figsize=(2.6 * len(views), 2.0 * len(rows)), squeeze=False, layout="constrained")
     for column, (name, images) in enumerate(views):
         for axis, row in zip(axes[:, column], rows):
-            show(axis, images.get(row), name if axis is axes[0, column] else "")
+            title = f"α chose right: {chosen_right(images):.0%}" if row == NEARER and row in images else ""
+            show(axis, images.get(row), name if axis is axes[0, column] else title)
             if column == 0:
                 axis.set_ylabel(row, fontsize=8)
     return figure

@@ -69,6 +69,14 @@ class Figures(unittest.TestCase):
         for name in written:
             self.assertGreater((self.root / "out" / name).stat().st_size, 100, name)
 
+    def test_the_nearer_restoration_and_how_often_alpha_leans_to_it(self):
+        truth = np.zeros((1, 4, 3))
+        images = {"truth": truth, "EDI": truth + np.array([0.1, 0.1, 0.3, 0.2])[None, :, None],
+                  "EFNet": truth + np.array([0.2, 0.3, 0.1, 0.2])[None, :, None], "α": np.array([[0.9, 0.2, 0.1, 0.9]])}
+        images[figures.NEARER] = figures.edi_is_nearer(images)
+        self.assertEqual(images[figures.NEARER].tolist(), [[1, 1, 0, 0.5]])
+        self.assertAlmostEqual(figures.chosen_right(images), 2 / 3)
+
     def test_correlation_has_the_sample_deviation_over_the_views(self):
         row = figures.alpha_table(figures.collect([self.root / "sweep"]))[1]
         self.assertAlmostEqual(row[3], 0.3)
