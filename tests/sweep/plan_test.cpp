@@ -18,7 +18,7 @@ const std::string kScenes = "scenes: [{name: a, config: a.yaml}, {name: b, confi
 TEST_CASE("make_plan: every row, scene and seed, seed by seed, with later layers winning",
           "[sweep]") {
   const TempDir dir;
-  dir.write("low.yaml", "train: {rate: 0.1}\n");
+  dir.write("low.yaml", "train: {rate: 0.1, iterations: 100}\n");
   sweep::PlanOptions options;
   options.overrides = {"train.mode=quick"};
   const sweep::Plan plan = plan_of(dir, kScenes + R"(
@@ -28,19 +28,23 @@ set: [train.iterations=7]
 rows:
   - {name: plain}
   - {name: low, config: low.yaml, set: [train.iterations=9], seeds: [3]}
+  - {name: filed, config: low.yaml, seeds: [3]}
   - {name: quoted, run: false, paper: {psnr: 30}}
 )",
                                    options);
   std::vector<std::string> ids;
   for (const sweep::Run& run : plan.runs) ids.push_back(run.id());
   CHECK(ids == std::vector<std::string>{"plain/a/0", "plain/b/0", "plain/a/3", "low/a/3",
-                                        "plain/b/3", "low/b/3"});
+                                        "filed/a/3", "plain/b/3", "low/b/3", "filed/b/3"});
   CHECK(plan.runs[0].value("train.iterations") == "7");
   CHECK(plan.runs[1].value("train.rate") == "0.25");
-  CHECK(plan.runs[5].value("train.rate") == "0.1");
-  CHECK(plan.runs[5].value("train.iterations") == "9");
-  CHECK(plan.runs[5].value("train.mode") == "quick");
-  CHECK(plan.runs[5].value("seed") == "3");
+  CHECK(plan.runs[6].value("train.rate") == "0.1");
+  CHECK(plan.runs[6].value("train.iterations") == "9");
+  CHECK(plan.runs[6].value("train.mode") == "quick");
+  CHECK(plan.runs[6].value("seed") == "3");
+  // The sweep's own settings are over a row's files.
+  CHECK(plan.runs[7].value("train.iterations") == "7");
+  CHECK(plan.runs[7].value("train.rate") == "0.1");
 }
 
 TEST_CASE("make_plan: the problems of all runs come at once, each told once", "[sweep]") {

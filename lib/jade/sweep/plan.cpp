@@ -47,9 +47,10 @@ std::vector<config::Sources> layers_of(const Spec& spec, const PlanOptions& opti
   std::vector<config::Sources> layers;
   if (!options.base.empty()) layers.push_back({{}, {}, options.base});
   layers.push_back({scene.config, scene.set, {}});
+  // Over the rows' files too: a preset among them names a number of steps of its own.
+  layers.push_back({{}, {}, row.configs});
   layers.push_back({{}, spec.set, {}});
-  config::Sources own{{}, row.set, row.configs};
-  layers.push_back(own);
+  layers.push_back({{}, row.set, {}});
   config::Sources last{{}, options.overrides, {}};
   const auto data = options.data.find(scene.name);
   if (data != options.data.end()) {
