@@ -12,7 +12,6 @@
 #include "jade/data/warnings.h"
 #include "jade/geometry/trajectory.h"
 #include "jade/import/base_settings.h"
-#include "jade/import/pose_path.h"
 
 namespace jade::import {
 namespace {
@@ -44,17 +43,6 @@ void hold_out(int64_t every, std::vector<Part>& parts) {
   }
 }
 
-PosePath path_through(const std::vector<TimedPose>& found) {
-  std::vector<double> times;
-  std::vector<geometry::Pose> poses;
-  for (const TimedPose& timed : found) {
-    if (!times.empty() && double(timed.t_us) <= times.back()) continue;
-    times.push_back(double(timed.t_us));
-    poses.push_back(timed.pose);
-  }
-  return {times, poses};
-}
-
 /// Nine times of each exposure, and as dense in between.
 std::vector<int64_t> path_times(const std::vector<Shot>& shots, const std::vector<Part>& parts) {
   std::set<int64_t> times;
@@ -80,7 +68,7 @@ std::vector<int64_t> path_times(const std::vector<Shot>& shots, const std::vecto
 data::EvDeblurContent content_of(const Capture& capture, const Reconstruction& found,
                                  const std::vector<Part>& parts) {
   data::EvDeblurContent content;
-  const PosePath path = path_through(found.poses);
+  const PosePath path = path_of(found.poses, capture);
   content.path_t_us = path_times(capture.shots, parts);
   for (const int64_t t : content.path_t_us) content.path.push_back(path.at(double(t)));
   std::vector<geometry::Pose> middles;
