@@ -34,8 +34,13 @@ TEST_CASE("time survey: finds a span as a search of the whole list does", "[even
   CHECK_FALSE(survey.has_fraction());
   CHECK(survey.smallest() == 0);
   CHECK(survey.largest() == times.back());
-  for (const auto& [begin, end] : std::vector<std::pair<double, double>>{
-           {-5, 3}, {9362, 9363}, {0, 1e9}, {149796.5, 149797}, {171000, 171429}, {7, 7}, {2e5, 3e5}}) {
+  for (const auto& [begin, end] : std::vector<std::pair<double, double>>{{-5, 3},
+                                                                         {9362, 9363},
+                                                                         {0, 1e9},
+                                                                         {149796.5, 149797},
+                                                                         {171000, 171429},
+                                                                         {7, 7},
+                                                                         {2e5, 3e5}}) {
     INFO(begin << " to " << end);
     const Stretch found = survey.between(begin, end);
     CHECK(found.begin == position(times, begin));

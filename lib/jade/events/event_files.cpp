@@ -233,7 +233,7 @@ void check_event_memory(const std::filesystem::path& path, int64_t count, double
   if (needed < 0.7 * memory_bytes()) return;
   throw DataError(concat(path.string(), ": ", count, " events need ", std::llround(1e-9 * needed),
                          " GB, and this machine has ", std::llround(1e-9 * memory_bytes()),
-                         "; choose a shorter span of time"));
+                         "; choose a shorter span of time (jade_import: --begin-s, --end-s)"));
 }
 
 EventFileResult read_events(const std::filesystem::path& path, const EventFileOptions& options) {
