@@ -17,6 +17,13 @@ void add_flags(apps::Program& program, import::StageRange& range) {
   program.add_key_flag("--frame-times", "time.frame_times", "list of exposures");
   program.add_key_flag("--exposure-ms", "time.exposure_ms",
                        "length of exposures that no file says");
+  program.add_key_flag("--stamp", "time.stamp",
+                       "what the only time of a frame is: start, middle or end of its exposure");
+  program.add_key_flag("--trigger-level", "time.trigger_level",
+                       "of the trigger input during an exposure, high or low");
+  program.add_key_flag("--begin-s", "time.begin_s",
+                       "read from here on, seconds since the first frame");
+  program.add_key_flag("--end-s", "time.end_s", "read until here, seconds since the first frame");
   program.add_key_flag("--offset-ms", "time.offset_ms",
                        "how far the clock of the events is ahead of that of the frames");
   program.add_key_flag("--plane-depth", "lens.plane_depth",

@@ -87,6 +87,9 @@ TEST_CASE("jade_import: bad input is one line each", "[apps]") {
   check_error(run(dir, "jade_import --quiet three --output out --set poses.colmap=gone"), 3,
               "gone: expected the program colmap");
   check_error(import("three --from nothing"), 2, "--from: expected one of read");
+  check_error(import("three --begin-s 2 --end-s 1"), 2, "time.end_s: expected 0 or more than");
+  check_error(import("three --stamp begin"), 2, "time.stamp");
+  check_error(import("three --offset-ms 500000"), 3, "the two clocks do not overlap");
   fs::remove(dir / "three/events.h5");
   check_error(import("three"), 3, "holds no events");
   fs::remove_all(dir / "three/images_1");

@@ -164,3 +164,37 @@ TEST_CASE("event files: a file without events is read with a warning", "[events]
   CHECK(result.events.empty());
   CHECK(result.warnings.size() == 1);
 }
+
+TEST_CASE("event files: of an HDF5 file only the events of some spans are kept", "[events]") {
+  const TempDir dir;
+  std::vector<float> x, y;
+  std::vector<int64_t> t;
+  std::vector<int8_t> p;
+  for (int i = 0; i < 1000; ++i) {
+    x.push_back(float(i)), y.push_back(1);
+    t.push_back(10 * i), p.push_back(int8_t(i % 2));
+  }
+  write_h5<float, int64_t>(dir / "us.h5", x, y, t, p);
+  std::vector<double> seconds;
+  for (const int64_t us : t) seconds.push_back(1e-6 * double(us));
+  write_h5<float, double>(dir / "s.h5", x, y, seconds, p);
+  std::swap(t[3], t[900]);
+  write_h5<float, int64_t>(dir / "unsorted.h5", x, y, t, p);
+  jade::events::EventFileOptions options;
+  options.keep = {{1000, 1050}, {5001, 5011}, {20000, 30000}};
+  for (const char* name : {"us.h5", "s.h5", "unsorted.h5"}) {
+    INFO(name);
+    const auto result = read_events(dir / name, options);
+    CHECK(result.stored == 1000);
+    CHECK(result.stored_us.begin_us == 0);
+    CHECK(result.stored_us.end_us == 9991);
+    REQUIRE(result.events.size() == 6);
+    CHECK(result.events.first_us() == 1000);
+    CHECK(result.events.last_us() == 5010);
+    CHECK(result.events.x()[4].item<float>() == 104);
+  }
+  options.keep = std::vector<TimeWindow>{{10, 20}};
+  options.event_bytes = 1e12;
+  CHECK_THAT(message_of([&] { read_events(dir / "us.h5", options); }),
+             Catch::Contains("1 events need 1000 GB, and this machine has"));
+}

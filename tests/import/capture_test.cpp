@@ -23,6 +23,8 @@ for (int64_t i = 0; i < 3; ++i) {
 }
 capture.events = events::EventStream::from_lists({1, 2.5f}, {3, 4}, {-5, 900}, {1, -1});
 capture.camera = geometry::Intrinsics::centred(7.25, 8, 6);
+capture.filter = import::ColorFilter::kGbrg;
+capture.event_map = torch::rand({2, 4, 5});
 return capture;
 }  // namespace
 
@@ -36,6 +38,8 @@ TEST_CASE("capture: what is kept comes back", "[import]") {
   CHECK(found.source == kept.source);
   CHECK(found.format == kept.format);
   CHECK(found.camera == kept.camera);
+  CHECK((found.filter == import::ColorFilter::kGbrg));
+  CHECK(torch::equal(found.event_map, kept.event_map));
   REQUIRE(found.shots.size() == 3);
   for (size_t i = 0; i < 3; ++i) {
     CHECK(found.shots[i].name == kept.shots[i].name);

@@ -8,6 +8,7 @@
 #include "import/moving_pattern.h"
 #include "jade/core/error.h"
 #include "jade/imaging/color.h"
+#include "jade/import/findings.h"
 
 using namespace jade;
 using import::ColorFilter;
@@ -113,4 +114,21 @@ TEST_CASE("color: gray events and gray frames have no filter", "[import]") {
   for (auto& exposure : gray.exposures) exposure.blurry = exposure.blurry * tint;
   CHECK(import::find_event_filter(gray.exposures, gray.events).filter == ColorFilter::kNone);
   CHECK(import::find_event_filter({}, gray.events).filter == ColorFilter::kNone);
+}
+
+TEST_CASE("color: thresholds behind a filter are found in the channel of each pixel", "[import]") {
+  const auto recording = colored(ColorFilter::kGrbg);
+  import::Capture capture;
+  for (const data::Exposure& e : recording.exposures) {
+    capture.shots.push_back({concat(e.t_start_us), e.blurry, e.t_start_us, e.t_end_us, 0});
+  }
+  capture.events = recording.events;
+  capture.sensor = {capture.height(), capture.width()};
+  const import::SensorFinding found = import::find_sensor({}, {}, capture);
+  CAPTURE(found.said, found.thresholds.positive, found.thresholds.negative);
+  CHECK(found.filter == ColorFilter::kGrbg);
+  CHECK_THAT(found.said, Catch::Contains("events through a grbg filter"));
+  const simulate::EventSensorOptions truth;
+  CHECK(found.thresholds.positive == Approx(truth.threshold_positive).epsilon(0.08));
+  CHECK(found.thresholds.negative == Approx(truth.threshold_negative).epsilon(0.08));
 }

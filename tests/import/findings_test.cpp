@@ -98,6 +98,7 @@ TEST_CASE("findings: what is kept comes back, what is damaged is named", "[impor
   sensor.hot_pixels = {{3, 4, 120, 2}, {0, 9, 50, 1}};
   sensor.thresholds = {0.31, 0.22};
   sensor.said = "two";
+  sensor.filter = import::ColorFilter::kGrbg;
   import::keep(dir.path(), sensor);
   import::keep(dir.path(), import::ClockFinding{-4.5, "found"});
   const import::SensorFinding back = import::load_sensor(dir.path());
@@ -105,6 +106,7 @@ TEST_CASE("findings: what is kept comes back, what is damaged is named", "[impor
   CHECK(back.hot_pixels[1].column == 9);
   CHECK(back.thresholds.negative == 0.22);
   CHECK(back.said == "two");
+  CHECK((back.filter == import::ColorFilter::kGrbg));
   CHECK(import::load_clock(dir.path()).offset_ms == -4.5);
   write_file(dir / "clock.json", "{}");
   CHECK_THROWS_WITH(import::load_clock(dir.path()), Catch::Contains("clock.json"));

@@ -16,7 +16,7 @@ constexpr int64_t kHeight = 40, kWidth = 60;
 
 /// A second of events: a few everywhere, many along an edge that passes the columns from 20 to 40,
 /// and two pixels that fire by themselves, one of them on the edge's way.
-events::EventStream recording() {
+events::EventStream noisy_recording() {
   std::mt19937 random(2);
   struct Event {
     float x, y;
@@ -45,7 +45,7 @@ events::EventStream recording() {
 
 TEST_CASE("hot pixels: those that stand alone are found, an edge is not", "[import]") {
   import::PixelCounter counter({kHeight, kWidth});
-  counter.add(recording());
+  counter.add(noisy_recording());
   CHECK(counter.seconds() == Approx(1).epsilon(0.01));
   const auto hot = import::find_hot_pixels(counter);
   REQUIRE(hot.pixels.size() == 2);
@@ -57,7 +57,7 @@ TEST_CASE("hot pixels: those that stand alone are found, an edge is not", "[impo
 }
 
 TEST_CASE("hot pixels: parts of a recording add up to the whole", "[import]") {
-  const auto all = recording();
+  const auto all = noisy_recording();
   import::PixelCounter whole({kHeight, kWidth}), parts({kHeight, kWidth});
   whole.add(all);
   parts.add(all.range(0, all.size() / 3));
@@ -69,7 +69,7 @@ TEST_CASE("hot pixels: parts of a recording add up to the whole", "[import]") {
 }
 
 TEST_CASE("hot pixels: their events go, all others stay in order", "[import]") {
-  const auto all = recording();
+  const auto all = noisy_recording();
   import::PixelCounter counter({kHeight, kWidth}), after({kHeight, kWidth});
   counter.add(all);
   const auto hot = import::find_hot_pixels(counter);

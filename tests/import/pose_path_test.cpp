@@ -52,6 +52,25 @@ TEST_CASE("pose path: two poses are a line", "[import]") {
   CHECK(geometry::rotation_angle(path.at(0), path.at(5e5)) == Approx(0.25));
 }
 
+TEST_CASE("pose path: two poses a microsecond apart do not throw the path beside them off",
+          "[import]") {
+  std::vector<std::pair<double, geometry::Pose>> timed;
+  for (double t = 0; t < 4.5e5; t += 5e4) timed.emplace_back(t, moving_at(t));
+  // The same moment again, with an error of a thousandth of the scene, out of order.
+  geometry::Pose other = moving_at(2e5);
+  other.translation[0] += 1e-3;
+  timed.emplace_back(2e5 + 1, other);
+  const import::PosePath path = import::path_through(timed, 1e4);
+  CHECK(path.t_us().size() == 9);
+  for (const double t : {0.0, 1.2e5, 1.75e5, 2e5, 2.25e5, 2.8e5, 4e5}) {
+    INFO(t);
+    CHECK(distance(path.at(t), moving_at(t)) < 6e-4);
+  }
+  // None is merged that lies further apart.
+  CHECK(import::path_through(timed, 0.5).t_us().size() == 10);
+  CHECK(distance(import::path_through(timed, 0.5).at(1.75e5), moving_at(1.75e5)) > 1);
+}
+
 TEST_CASE("pose path: refuses a single pose and times that do not increase", "[import]") {
   CHECK_THROWS_AS(path_of({0}), ContractError);
   CHECK_THROWS_AS(path_of({0, 0}), ContractError);

@@ -123,3 +123,39 @@ TEST_CASE("scene files: the data set loads with poses, points and held-out expos
   CHECK_THAT(yaml, Catch::Contains("threshold_positive: 0.25"));
   CHECK_THAT(read_file(dir / "base.yaml"), Catch::Contains("optimize: cubic"));
 }
+
+TEST_CASE("scene files: events behind a colour filter keep their colours", "[import]") {
+  using import::ColorFilter;
+  import::Capture capture = capture_of({5, 5, 5, 5});
+  capture.sensor = {20, 30};
+  for (const ColorFilter filter :
+       {ColorFilter::kRggb, ColorFilter::kBggr, ColorFilter::kGrbg, ColorFilter::kGbrg}) {
+    capture.filter = filter;
+    for (const int64_t shift : {0, 3}) {
+      INFO(word_of(filter) << " " << shift);
+      const auto axes = torch::meshgrid({torch::arange(20), torch::arange(30)}, "ij");
+      capture.event_map = torch::stack({axes[1] + shift, axes[0] + shift}).to(torch::kFloat32);
+      if (shift == 0) capture.event_map = torch::Tensor();
+      const test::TempDir dir;
+      import::write_scene(dir.path(), capture, line_of(capture), {});
+      data::DatasetOptions options;
+      options.path = dir.path();
+      const torch::Tensor color = data::load_dataset(options).event_color;
+      REQUIRE(color.defined());
+      for (const auto& [row, column] : {std::pair<int64_t, int64_t>{8, 9}, {11, 6}, {7, 7}}) {
+        const int64_t channel = import::channel_of(filter, row - shift, column - shift);
+        CHECK(color.select(1, row).select(1, column).nonzero().item<int64_t>() == channel);
+      }
+    }
+  }
+}
+
+TEST_CASE("scene files: frames without a pose are named", "[import]") {
+  const test::TempDir dir;
+  const import::Capture capture = capture_of({5, 5, 5, 5, 5});
+  import::Reconstruction found = line_of(capture);
+  found.poses.erase(found.poses.begin() + 3, found.poses.begin() + 9);
+  const std::string said = import::write_scene(dir.path(), capture, found, {});
+  CHECK_THAT(said, Catch::Contains("2 left out without a pose (shot1, shot2)"));
+  CHECK_THAT(read_file(dir / "frames.csv"), Catch::Contains("\n,left out,shot1,30000,50000,5\n"));
+}

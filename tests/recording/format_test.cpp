@@ -58,6 +58,8 @@ TEST_CASE("format: what is not read says what it is and what to do", "[recording
   CHECK_THAT(message(dir.write("x.raw", "\x01\x02\x03")), Catch::Contains("Prophesee header"));
   CHECK_THAT(message(dir.write("x.mp4", std::string("\0\0\0 ftypisom", 12))),
              Catch::Contains("another kind of file"));
+  CHECK_THAT(message(dir.write("words.aedat4", "not a recording\n")),
+             Catch::Contains("found text; copy it again"));
   CHECK_THAT(message(dir.write("x.zip", "PK\x03\x04 cut short")), Catch::Contains("zip archive"));
   dir.write("folder/notes.md", "");
   CHECK_THAT(message(dir / "folder"), Catch::Contains("neither events nor frames"));

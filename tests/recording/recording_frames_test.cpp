@@ -152,3 +152,76 @@ TEST_CASE("recording: frames of a video come through ffmpeg with its times", "[r
       error_of([&] { read_recording(raw, options); }),
       Catch::Contains("film.mp4: expected a folder of images or a video, and ffmpeg cannot"));
 }
+
+TEST_CASE("recording: a real video through the real ffmpeg", "[recording]") {
+  const TempDir dir;
+  if (std::system("command -v ffmpeg >/dev/null") != 0) {
+    WARN("SKIPPED: ffmpeg is not installed");
+    SUCCEED();
+    return;
+  }
+  write_frames(dir / "frames", 4);
+  for (int i = 0; i < 4; ++i) {  // an encoder wants more than a few pixels
+    imaging::write_image(dir / concat("frames/f", i, ".png"), torch::full({3, 32, 48}, 0.2 * i));
+  }
+  const std::string film = (dir / "film.mkv").string();
+  REQUIRE(std::system(concat("ffmpeg -nostdin -loglevel error -framerate 20 -i ",
+                             (dir / "frames/f%d.png").string(), " -c:v ffv1 ", film)
+                          .c_str()) == 0);
+  ReadOptions options;
+  options.frames = film;
+  options.exposure_ms = 10;
+  const Recording recording = read_recording(write_triggered(dir), options);
+  REQUIRE(recording.frames.size() == 4);
+  for (int i = 0; i < 4; ++i) {
+    CHECK(recording.frames[size_t(i)].t_start_us == 50000 * i);
+    CHECK(recording.frames[size_t(i)].t_end_us == 50000 * i + 10000);
+    CHECK(recording.frames[size_t(i)].image.mean().item<double>() == Approx(0.2 * i).margin(0.01));
+  }
+}
+
+TEST_CASE("recording: only events near frames are read, on the clock of the events",
+          "[recording]") {
+  const TempDir dir;
+  write_frames(dir / "a/images", 3);
+  // Frames at 0, 0.1 and 2 s; events every 10 ms for 4 s.
+  dir.write("a/images/exposures.csv",
+            "name,start_us,end_us\nf0,0,20000\nf1,100000,120000\nf2,2000000,2020000\n");
+  std::string events = "t,x,y,p\n";
+  for (int i = 0; i < 400; ++i) events += concat(10000 * i, ",3,4,1\n");
+  dir.write("a/events.csv", events);
+  ReadOptions options;
+  options.time_unit = events::TimeUnit::kUs;
+  CHECK(read_recording(dir / "a", options).events.size() == 400);
+  options.near_frames_ahead_us = 0;
+  const Recording near = read_recording(dir / "a", options);
+  // Up to 250 ms after 0.12 s, and from 250 ms before 2 s to as much after 2.02 s.
+  CHECK(near.events.size() == 37 + 52);
+  CHECK(near.stored_events == 400);
+  CHECK(near.stored_us.end_us == 3990001);
+  CHECK_THAT(notes_of(near), Catch::Contains("311 of 400 events lie outside the time"));
+  options.near_frames_ahead_us = 1000000;
+  CHECK(read_recording(dir / "a", options).events.first_us() == 750000);
+  options.near_frames_ahead_us = 0;
+  options.since_first_frame = events::TimeWindow{90000, 1000000};
+  const Recording span = read_recording(dir / "a", options);
+  REQUIRE(span.frames.size() == 1);
+  CHECK(span.frames[0].name == "f1");
+  CHECK(span.events.last_us() == 360000);
+}
+
+TEST_CASE("recording: of a Prophesee file only events near frames are kept", "[recording]") {
+  const TempDir dir;
+  const auto raw = write_triggered(dir);
+  write_frames(dir / "frames", 2);
+  ReadOptions options;
+  options.frames = dir / "frames";
+  const Recording all = read_recording(raw, options);
+  options.near_frames_ahead_us = 0;
+  CHECK(read_recording(raw, options).events.size() == all.events.size());
+  options.near_frames_ahead_us = -100000000;
+  const Recording none = read_recording(raw, options);
+  CHECK(none.events.empty());
+  CHECK(none.stored_events == all.events.size());
+  CHECK(none.frames.size() == 2);
+}

@@ -53,10 +53,15 @@ torch::Tensor read_event_color_map(const std::filesystem::path& path, int64_t he
   return event_color_map(x, y, height, width);
 }
 
+void write_event_color_map(const std::filesystem::path& path, const torch::Tensor& map) {
+  check_shape(map, "map of event pixels", {2, -1, -1});
+  const torch::Tensor places = map.to(torch::kFloat32);
+  io::write_npz(path, {{"inv_mapx", places[0].contiguous()}, {"inv_mapy", places[1].contiguous()}});
+}
+
 void write_event_color_map(const std::filesystem::path& path, int64_t height, int64_t width) {
   const auto axes = torch::meshgrid({torch::arange(height), torch::arange(width)}, "ij");
-  io::write_npz(
-      path, {{"inv_mapx", axes[1].to(torch::kFloat32)}, {"inv_mapy", axes[0].to(torch::kFloat32)}});
+  write_event_color_map(path, torch::stack({axes[1], axes[0]}));
 }
 
 }  // namespace jade::data

@@ -24,8 +24,11 @@ torch::Tensor event_color_map(const torch::Tensor& map_x, const torch::Tensor& m
 torch::Tensor read_event_color_map(const std::filesystem::path& path, int64_t height,
                                    int64_t width);
 
-/// Writes the ev_map.npz of a sensor without distortion: each raw pixel lands on itself.
+/// Writes ev_map.npz: raw pixel (i,j) lands at column map[0,i,j] and row map[1,i,j].
 /// @throws DataError.
+void write_event_color_map(const std::filesystem::path& path, const torch::Tensor& map);
+
+/// The same of a sensor without distortion: each raw pixel lands on itself.
 void write_event_color_map(const std::filesystem::path& path, int64_t height, int64_t width);
 
 }  // namespace jade::data

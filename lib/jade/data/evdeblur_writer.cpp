@@ -153,7 +153,9 @@ void write_evdeblur(const fs::path& folder, const EvDeblurContent& content,
                                           {"colors", content.point_colors}});
   }
   write_held_out(folder / kHeldOutFile, content, images.size());
-  if (content.color_events) {
+  if (content.color_events && content.event_map.defined()) {
+    write_event_color_map(folder / "ev_map.npz", content.event_map);
+  } else if (content.color_events) {
     const geometry::Intrinsics& camera = content.train.front().camera;
     write_event_color_map(folder / "ev_map.npz", camera.height, camera.width);
   }

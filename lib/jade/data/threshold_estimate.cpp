@@ -179,8 +179,8 @@ ThresholdEstimate estimate_thresholds(const std::vector<Exposure>& exposures,
   if (events.empty() || some.size() < 4) return estimate;
   // Each event belongs to one pixel; shared between the four around a rectified place, counts lose
   // their extremes and thresholds come out a sixth too high.
-  const events::EventStream whole(events.x().round(), events.y().round(), events.t_us(),
-                                  events.polarity());
+  const events::EventStream near = events.slice(some.front().t_start_us, some.back().t_end_us);
+  const events::EventStream whole(near.x().round(), near.y().round(), near.t_us(), near.polarity());
   const Series series = series_of(some, whole, log_offset);
   Mixed model;
   model.thresholds = model.mean.repeat({series.change.size(0), 1});

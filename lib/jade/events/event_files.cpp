@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 #include <torch/types.h>
+#include <unistd.h>
 
 #include "jade/core/check.h"
 #include "jade/events/raw_events.h"
@@ -116,6 +117,49 @@ TimeUnit chosen_unit(const std::filesystem::path& path, const TimeRange& range,
                          " us: they share no moment in us, ns or s; are they of one recording?"));
 }
 
+double in_unit(int64_t us, TimeUnit unit) {
+  return double(us) * (unit == TimeUnit::kS ? 1e-6 : unit == TimeUnit::kNs ? 1e3 : 1.0);
+}
+
+bool is_hdf5(const std::filesystem::path& path) {
+  return path.extension() == ".h5" || path.extension() == ".hdf5";
+}
+
+/// All events of a file, or those that options.keep asks for where the file lets them be found
+/// without reading it whole.
+RawEvents wanted_events(const std::filesystem::path& path, const EventFileOptions& options,
+                        EventFileResult& result) {
+  if (options.keep && is_hdf5(path)) {
+    const TimeSurvey survey = survey_hdf5_times(path);
+    result.stored = survey.count();
+    const bool ordered = survey.sorted() && survey.finite() && survey.count() > 0;
+    std::vector<Stretch> stretches{{0, survey.count()}};
+    if (ordered) {
+      const TimeUnit unit =
+          chosen_unit(path, {survey.smallest(), survey.largest(), survey.has_fraction()}, options);
+      stretches.clear();
+      result.stored_us = {std::llround(survey.smallest() / in_unit(1, unit)),
+                          std::llround(survey.largest() / in_unit(1, unit)) + 1};
+      // Other units are rounded when they become µs.
+      const int64_t more_us = unit == TimeUnit::kUs && !survey.has_fraction() ? 0 : 1;
+      for (const TimeWindow& window : *options.keep) {
+        Stretch found = survey.between(in_unit(window.begin_us - more_us, unit),
+                                       in_unit(window.end_us + more_us, unit));
+        if (!stretches.empty()) found.begin = std::max(found.begin, stretches.back().end);
+        if (found.size() > 0) stretches.push_back(found);
+      }
+    }
+    int64_t count = 0;
+    for (const Stretch& stretch : stretches) count += stretch.size();
+    check_event_memory(path, count, options.event_bytes);
+    return read_hdf5_events(path, stretches);
+  }
+  RawEvents raw = read_raw(path);
+  result.stored = raw.time.numel();
+  check_event_memory(path, result.stored, options.event_bytes);
+  return raw;
+}
+
 void report(const std::filesystem::path& path, EventFileResult& result,
             const std::optional<ImageSize>& size) {
   const auto warn = [&](int64_t count, const char* what) {
@@ -162,11 +206,41 @@ EventStream sort_events(const torch::Tensor& x, const torch::Tensor& y, const to
           polarity.index_select(0, order)};
 }
 
+EventStream only_in(const std::vector<TimeWindow>& windows, const EventStream& events) {
+  std::vector<EventStream> parts;
+  int64_t count = 0;
+  for (const TimeWindow& window : windows) {
+    parts.push_back(events.slice(window));
+    count += parts.back().size();
+  }
+  if (parts.empty()) return {};
+  const int64_t begin = events.count_before(windows.front().begin_us);
+  const int64_t end = events.count_before(windows.back().end_us);
+  if (count == end - begin) return events.range(begin, end);
+  const auto joined = [&](const torch::Tensor& (EventStream::*list)() const) {
+    std::vector<torch::Tensor> pieces;
+    for (const EventStream& part : parts) pieces.push_back((part.*list)());
+    return torch::cat(pieces);
+  };
+  return {joined(&EventStream::x), joined(&EventStream::y), joined(&EventStream::t_us),
+          joined(&EventStream::polarity)};
+}
+
+double memory_bytes() { return double(sysconf(_SC_PHYS_PAGES)) * double(sysconf(_SC_PAGE_SIZE)); }
+
+void check_event_memory(const std::filesystem::path& path, int64_t count, double bytes) {
+  const double needed = bytes * double(count);
+  if (needed < 0.7 * memory_bytes()) return;
+  throw DataError(concat(path.string(), ": ", count, " events need ", std::llround(1e-9 * needed),
+                         " GB, and this machine has ", std::llround(1e-9 * memory_bytes()),
+                         "; choose a shorter span of time (jade_import: --begin-s, --end-s)"));
+}
+
 EventFileResult read_events(const std::filesystem::path& path, const EventFileOptions& options) {
-  auto raw = read_raw(path);
+  EventFileResult result;
+  RawEvents raw = wanted_events(path, options, result);
   make_signs(path, raw.polarity);
   const auto range = range_of(path, raw.time);
-  EventFileResult result;
   result.time_unit = chosen_unit(path, range, options);
   raw.time = to_us(raw.time, result.time_unit);
   result.was_unsorted = !is_sorted_in_time(raw.time);
@@ -177,6 +251,10 @@ EventFileResult read_events(const std::filesystem::path& path, const EventFileOp
   } else {
     result.events = EventStream(raw.x, raw.y, raw.time, raw.polarity);
   }
+  if (result.stored_us.duration_us() == 0 && !result.events.empty()) {
+    result.stored_us = {result.events.first_us(), result.events.last_us() + 1};
+  }
+  if (options.keep) result.events = only_in(*options.keep, result.events);
   report(path, result, options.size);
   return result;
 }

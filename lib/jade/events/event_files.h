@@ -27,6 +27,12 @@ struct EventFileOptions {
   std::optional<TimeWindow> exposures;
   /// When given, events beside the image are counted and reported.
   std::optional<ImageSize> size;
+  /// When given, only events in these are kept; they lie in order and apart, in µs. Of an HDF5 file
+  /// in order of time nothing else is read into memory.
+  std::optional<std::vector<TimeWindow>> keep = std::nullopt;
+  /// Bytes that a kept event may come to cost the caller; more of them than 0.7 of the machine's
+  /// memory are refused before they are read. 0: not checked.
+  double event_bytes = 0;
 };
 
 struct EventFileResult {
@@ -34,8 +40,20 @@ struct EventFileResult {
   TimeUnit time_unit = TimeUnit::kUs;  ///< as found in the file, never kAuto
   EventProblems problems;              ///< outside and touching_edge only when a size was given
   bool was_unsorted = false;           ///< times were not in order and have been sorted
+  int64_t stored = 0;                  ///< events of the file, kept or not
+  TimeWindow stored_us;                ///< from the first of these to the last, both within
   std::vector<std::string> warnings;   ///< one line each, naming the path
 };
+
+/// The events in windows that lie in order and apart: a view where they are in one piece, as those
+/// that read_events has kept are, else a copy.
+EventStream only_in(const std::vector<TimeWindow>& windows, const EventStream& events);
+
+/// Bytes of memory that this machine has.
+double memory_bytes();
+
+/// @throws DataError if so many events at so many bytes each do not fit into memory.
+void check_event_memory(const std::filesystem::path& path, int64_t count, double bytes);
 
 /// Reads a recording into memory, 17 bytes per event and no second copy of it (16 bytes more for
 /// each event while unsorted times are being sorted, and for .npz and text).

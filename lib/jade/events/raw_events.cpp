@@ -7,11 +7,13 @@
 #include <cmath>
 #include <fstream>
 #include <map>
-#include <set>
+#include <memory>
+#include <optional>
 #include <torch/types.h>
 #include <vector>
 
 #include "jade/core/error.h"
+#include "jade/core/interrupt.h"
 #include "jade/io/hdf5.h"
 #include "jade/io/npy.h"
 
@@ -19,25 +21,34 @@ namespace jade::events {
 namespace {
 
 constexpr int64_t kReadLength = int64_t(1) << 22;
+constexpr size_t kTextAtOnce = size_t(1) << 22;
 constexpr const char* kFieldNames[4] = {"x", "y", "t", "p"};
 
 template <class T>
-void read_in_parts(const io::Hdf5File& file, const std::string& name, torch::Tensor& out) {
+void read_in_parts(const io::Hdf5File& file, const std::string& name, const Stretch& stretch,
+                   T* data) {
   // Whole chunks at a time, so that none is decompressed twice.
   const int64_t chunk = std::max<int64_t>(file.dataset(name).chunk_length, 1);
   const int64_t step = std::max<int64_t>(chunk, kReadLength / chunk * chunk);
-  T* data = out.mutable_data_ptr<T>();
-  for (int64_t begin = 0; begin < out.numel(); begin += step) {
-    const int64_t count = std::min(step, out.numel() - begin);
-    file.read<T>(name, begin, count, data + begin);
+  for (int64_t begin = stretch.begin; begin < stretch.end;) {
+    throw_if_interrupted();
+    const int64_t count = std::min((begin / step + 1) * step, stretch.end) - begin;
+    file.read<T>(name, begin, count, data + (begin - stretch.begin));
+    begin += count;
   }
 }
 
 template <class T>
-torch::Tensor read_dataset(const io::Hdf5File& file, const std::string& name, int64_t length,
-                           torch::ScalarType type) {
+torch::Tensor read_dataset(const io::Hdf5File& file, const std::string& name,
+                           const std::vector<Stretch>& stretches, torch::ScalarType type) {
+  int64_t length = 0;
+  for (const Stretch& stretch : stretches) length += stretch.size();
   auto out = torch::empty({length}, type);
-  read_in_parts<T>(file, name, out);
+  T* data = out.mutable_data_ptr<T>();
+  for (const Stretch& stretch : stretches) {
+    read_in_parts<T>(file, name, stretch, data);
+    data += stretch.size();
+  }
   return out;
 }
 
@@ -84,6 +95,38 @@ void check_lengths(const std::filesystem::path& path, const std::array<int64_t, 
                          "; the recording is damaged or was cut short"));
 }
 
+struct Hdf5Fields {
+  std::array<std::string, 4> names;  ///< of x, y, t, p
+  int64_t length = 0;
+};
+
+Hdf5Fields checked_fields(const io::Hdf5File& file) {
+  Hdf5Fields out{find_fields(file)};
+  std::array<int64_t, 4> lengths{};
+  for (size_t i = 0; i < 4; ++i) lengths[i] = file.length(out.names[i]);
+  check_lengths(file.path(), lengths);
+  out.length = lengths[0];
+  return out;
+}
+
+RawEvents read_stretches(const io::Hdf5File& file, const Hdf5Fields& fields,
+                         const std::optional<std::vector<Stretch>>& wanted) {
+  const auto stretches = wanted.value_or(std::vector<Stretch>{{0, fields.length}});
+  const auto& names = fields.names;
+  RawEvents out;
+  out.x = read_dataset<float>(file, names[0], stretches, torch::kFloat32);
+  out.y = read_dataset<float>(file, names[1], stretches, torch::kFloat32);
+  out.polarity = read_dataset<int8_t>(file, names[3], stretches, torch::kInt8);
+  if (file.dataset(names[2]).floating) {
+    out.time = read_dataset<double>(file, names[2], stretches, torch::kFloat64);
+    if (file.has("t_offset")) out.time += read_number<double>(file, "t_offset");
+  } else {
+    out.time = read_dataset<int64_t>(file, names[2], stretches, torch::kInt64);
+    if (file.has("t_offset")) out.time += read_number<int64_t>(file, "t_offset");
+  }
+  return out;
+}
+
 /// One column of numbers → the type we keep; floats with fractions stay floats in times.
 RawEvents from_columns(const std::filesystem::path& path, const torch::Tensor& x,
                        const torch::Tensor& y, const torch::Tensor& t, const torch::Tensor& p) {
@@ -111,14 +154,36 @@ RawEvents from_table(const std::filesystem::path& path, const torch::Tensor& tab
                     : from_columns(path, column(0), column(1), column(2), column(3));
 }
 
-std::string read_whole(const std::filesystem::path& path) {
-  std::ifstream file(path, std::ios::binary | std::ios::ate);
+/// Calls `line` with each line of a file, of which it holds a piece at a time.
+template <class Line>
+void for_each_line(const std::filesystem::path& path, const Line& line) {
+  std::ifstream file(path, std::ios::binary);
   if (!file) throw DataError(concat(path.string(), ": no such event file"));
-  std::string text(size_t(file.tellg()), '\0');
-  file.seekg(0);
-  file.read(text.data(), std::streamsize(text.size()));
-  if (!file) throw DataError(concat(path.string(), ": the file cannot be read to its end"));
-  return text;
+  std::string text;
+  size_t rest = 0;  // of a line that the piece before began
+  while (file) {
+    throw_if_interrupted();
+    text.resize(rest + kTextAtOnce);
+    file.read(text.data() + rest, std::streamsize(kTextAtOnce));
+    text.resize(rest + size_t(file.gcount()));
+    const char* begin = text.data();
+    const char* const stop = begin + text.size();
+    for (const char* end = begin; (end = std::find(begin, stop, '\n')) != stop; begin = end + 1) {
+      line(begin, end);
+    }
+    rest = size_t(stop - begin);
+    text.erase(0, text.size() - rest);
+  }
+  if (!file.eof()) throw DataError(concat(path.string(), ": the file cannot be read to its end"));
+  if (rest > 0) line(text.data(), text.data() + rest);
+}
+
+/// The values of a list, which move into the tensor.
+template <class T>
+torch::Tensor tensor_of(std::vector<T> values, torch::ScalarType type) {
+  auto* const kept = new std::vector<T>(std::move(values));
+  return torch::from_blob(
+      kept->data(), {int64_t(kept->size())}, [kept](void*) { delete kept; }, type);
 }
 
 /// Numbers of one line; -1 when something else stands there.
@@ -152,22 +217,24 @@ int event_field(const std::string& name) {
 
 RawEvents read_hdf5_events(const std::filesystem::path& path) {
   const io::Hdf5File file(path);
-  const auto names = find_fields(file);
-  std::array<int64_t, 4> lengths{};
-  for (size_t i = 0; i < 4; ++i) lengths[i] = file.length(names[i]);
-  check_lengths(path, lengths);
-  RawEvents out;
-  out.x = read_dataset<float>(file, names[0], lengths[0], torch::kFloat32);
-  out.y = read_dataset<float>(file, names[1], lengths[0], torch::kFloat32);
-  out.polarity = read_dataset<int8_t>(file, names[3], lengths[0], torch::kInt8);
-  if (file.dataset(names[2]).floating) {
-    out.time = read_dataset<double>(file, names[2], lengths[0], torch::kFloat64);
-    if (file.has("t_offset")) out.time += read_number<double>(file, "t_offset");
-  } else {
-    out.time = read_dataset<int64_t>(file, names[2], lengths[0], torch::kInt64);
-    if (file.has("t_offset")) out.time += read_number<int64_t>(file, "t_offset");
-  }
-  return out;
+  return read_stretches(file, checked_fields(file), std::nullopt);
+}
+
+RawEvents read_hdf5_events(const std::filesystem::path& path,
+                           const std::vector<Stretch>& stretches) {
+  const io::Hdf5File file(path);
+  return read_stretches(file, checked_fields(file), stretches);
+}
+
+TimeSurvey survey_hdf5_times(const std::filesystem::path& path) {
+  const auto file = std::make_shared<io::Hdf5File>(path);
+  const Hdf5Fields fields = checked_fields(*file);
+  const double offset = file->has("t_offset") ? read_number<double>(*file, "t_offset") : 0;
+  const std::string time = fields.names[2];
+  return {fields.length, [file, time, offset](int64_t begin, int64_t count, double* out) {
+            read_in_parts<double>(*file, time, {begin, begin + count}, out);
+            for (int64_t i = 0; i < count; ++i) out[i] += offset;
+          }};
 }
 
 RawEvents read_npz_events(const std::filesystem::path& path) {
@@ -193,17 +260,15 @@ RawEvents read_npy_events(const std::filesystem::path& path) {
 }
 
 RawEvents read_text_events(const std::filesystem::path& path) {
-  const std::string text = read_whole(path);
   std::vector<double> time;
   std::vector<float> x, y;
   std::vector<int8_t> polarity;
   int64_t line = 0;
   bool header_seen = false;
-  for (const char *begin = text.data(), *stop = begin + text.size(); begin < stop;) {
-    const char* end = std::find(begin, stop, '\n');
+  for_each_line(path, [&](const char* begin, const char* end) {
     ++line;
     double numbers[4];
-    const int count = *begin == '#' ? 0 : parse_line(begin, end, numbers, 4);
+    const int count = begin < end && *begin == '#' ? 0 : parse_line(begin, end, numbers, 4);
     if (count == 4) {
       if (std::abs(numbers[3]) > 1) {
         throw DataError(concat(path.string(), ":", line, ": expected polarity 0/1 or -1/+1, found ",
@@ -219,15 +284,10 @@ RawEvents read_text_events(const std::filesystem::path& path) {
         throw DataError(concat(path.string(), ":", line, ": expected \"t x y p\""));
       header_seen = true;
     }
-    begin = end + (end < stop ? 1 : 0);
-  }
-  const auto copy = [](const auto& values, torch::ScalarType type) {
-    return torch::from_blob(const_cast<void*>(static_cast<const void*>(values.data())),
-                            {int64_t(values.size())}, type)
-        .clone();
-  };
-  return {copy(x, torch::kFloat32), copy(y, torch::kFloat32), copy(polarity, torch::kInt8),
-          copy(time, torch::kFloat64)};
+  });
+  return {tensor_of(std::move(x), torch::kFloat32), tensor_of(std::move(y), torch::kFloat32),
+          tensor_of(std::move(polarity), torch::kInt8),
+          tensor_of(std::move(time), torch::kFloat64)};
 }
 
 }  // namespace jade::events

@@ -5,6 +5,9 @@
 #include <filesystem>
 #include <string>
 #include <torch/types.h>
+#include <vector>
+
+#include "jade/events/time_survey.h"
 
 namespace jade::events {
 
@@ -16,6 +19,11 @@ struct RawEvents {
 };
 
 RawEvents read_hdf5_events(const std::filesystem::path& path);
+/// The times of such a file without the rest.
+TimeSurvey survey_hdf5_times(const std::filesystem::path& path);
+/// Events of these stretches alone, which lie in order and apart.
+RawEvents read_hdf5_events(const std::filesystem::path& path,
+                           const std::vector<Stretch>& stretches);
 RawEvents read_npz_events(const std::filesystem::path& path);
 RawEvents read_npy_events(const std::filesystem::path& path);
 RawEvents read_text_events(const std::filesystem::path& path);

@@ -10,6 +10,7 @@
 #include "jade/data/evdeblur_writer.h"
 #include "jade/events/event_files.h"
 #include "jade/imaging/image_io.h"
+#include "jade/io/npy.h"
 
 namespace jade::import {
 namespace {
@@ -68,10 +69,12 @@ void keep_capture(const fs::path& folder, const Capture& capture) {
                       {"blur_px", shot.blur_px}});
   }
   data::write_event_file(folder / "events.h5", capture.events, 1);
+  if (capture.event_map.defined()) io::write_npy(folder / "event_map.npy", capture.event_map);
   const Json all{{"source", capture.source},
                  {"format", capture.format},
                  {"sensor_height", capture.sensor.height},
                  {"sensor_width", capture.sensor.width},
+                 {"filter", word_of(capture.filter)},
                  {"camera", capture.camera ? json_of(*capture.camera) : Json(nullptr)},
                  {"frames", frames}};
   write_file(folder / "capture.json", all.dump(1) + "\n");
@@ -85,6 +88,8 @@ Capture load_capture(const fs::path& folder) {
     capture.source = all.at("source");
     capture.format = all.at("format");
     capture.sensor = {all.at("sensor_height"), all.at("sensor_width")};
+    capture.filter =
+        value_of<ColorFilter>(all.at("filter").get<std::string>()).value_or(ColorFilter::kNone);
     if (!all.at("camera").is_null()) capture.camera = camera_from(all.at("camera"));
     for (const Json& frame : all.at("frames")) {
       capture.shots.push_back(
@@ -94,6 +99,9 @@ Capture load_capture(const fs::path& folder) {
   } catch (const Json::exception& error) {
     throw DataError(concat(file.string(), ": expected what this program wrote, found ",
                            error.what(), "; remove the folder and import again"));
+  }
+  if (fs::exists(folder / "event_map.npy")) {
+    capture.event_map = io::read_npy(folder / "event_map.npy");
   }
   events::EventFileOptions options;
   options.time_unit = events::TimeUnit::kUs;

@@ -12,6 +12,7 @@
 #include "jade/data/exposure.h"
 #include "jade/events/event_stream.h"
 #include "jade/geometry/camera.h"
+#include "jade/import/color.h"
 
 namespace jade::import {
 
@@ -31,6 +32,9 @@ struct Capture {
   std::vector<Shot> shots;     ///< by time
   events::EventStream events;  ///< on the pixels and the clock of the shots, once these are settled
   events::ImageSize sensor;    ///< of the events, before they were undistorted
+  ColorFilter filter = ColorFilter::kNone;  ///< before the pixels of that sensor
+  /// [2,h,w] float32: column and row where the events of its pixels went; undefined where they are.
+  torch::Tensor event_map;
   /// A pinhole, centred, without distortion; absent where no calibration was given.
   std::optional<geometry::Intrinsics> camera;
 

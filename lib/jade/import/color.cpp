@@ -75,6 +75,13 @@ int64_t channel_of(ColorFilter filter, int64_t row, int64_t column) {
   return red_row ? 0 : 2;
 }
 
+std::array<int64_t, 2> first_red(ColorFilter filter) {
+  for (int64_t place = 0; place < 4; ++place) {
+    if (channel_of(filter, place / 2, place % 2) == 0) return {place / 2, place % 2};
+  }
+  throw ContractError("expected a filter with red pixels");
+}
+
 bool is_mosaic(const torch::Tensor& frame) {
   check_shape(frame, "frame", {3, -1, -1});
   if (!imaging::is_gray(frame)) return false;

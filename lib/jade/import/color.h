@@ -23,6 +23,10 @@ constexpr auto words_of(ColorFilter) {
 /// none.
 int64_t channel_of(ColorFilter filter, int64_t row, int64_t column);
 
+/// Where the first red pixel of a filter is: its rows and columns from there on are those of RGGB.
+/// @throws ContractError for none.
+std::array<int64_t, 2> first_red(ColorFilter filter);
+
 /// True for a gray frame that is the raw mosaic of a colour sensor: the four places of its 2 x 2
 /// cells differ in mean brightness, two on a diagonal (the greens) less than the others.
 /// @param frame  [3,H,W]; false where it is in colour already

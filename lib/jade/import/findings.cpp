@@ -56,6 +56,37 @@ events::EventStream without(const std::vector<HotPixel>& pixels, const Capture& 
   return remove_events(capture.events, mask_of(pixels, capture.sensor)).events;
 }
 
+/// Frames as pixels behind a filter see them: all channels that of the pixel's own.
+void filter_frames(ColorFilter filter, Capture& capture) {
+  const int64_t height = capture.height(), width = capture.width();
+  torch::Tensor channel = torch::empty({1, height, width}, torch::kInt64);
+  for (int64_t place = 0; place < 4; ++place) {
+    channel.slice(1, place / 2, {}, 2)
+        .slice(2, place % 2, {}, 2)
+        .fill_(channel_of(filter, place / 2, place % 2));
+  }
+  for (Shot& shot : capture.shots) {
+    shot.image = shot.image.gather(0, channel).expand({3, height, width}).contiguous();
+  }
+}
+
+/// A filter is that of the frames' own pixels.
+ColorFilter filter_of(const Capture& capture) {
+  if (capture.sensor.height != capture.height() || capture.sensor.width != capture.width()) {
+    return ColorFilter::kNone;
+  }
+  return find_event_filter(exposures_of(capture), capture.events).filter;
+}
+
+void warn_of_mosaics(const Capture& capture) {
+  const auto count = std::count_if(capture.shots.begin(), capture.shots.end(),
+                                   [](const Shot& shot) { return is_mosaic(shot.image); });
+  if (2 * count < int64_t(capture.shots.size())) return;
+  log_warn(concat(capture.source,
+                  ": its frames look like the raw mosaic of a colour sensor; make colour frames of "
+                  "them and give these with --frames"));
+}
+
 std::string said_of(const events::Thresholds& thresholds, const char* source) {
   return concat("thresholds ", rounded(thresholds.positive, 1e-3), " and ",
                 rounded(thresholds.negative, 1e-3), " (", source, ")");
@@ -92,13 +123,19 @@ SensorFinding find_sensor(const SensorOptions& options, const events::EventOptio
   SensorFinding finding;
   if (options.remove_hot_pixels) finding.hot_pixels = hot_pixels_of(capture);
   finding.said = concat(finding.hot_pixels.size(), " hot pixels removed, ");
+  warn_of_mosaics(capture);
+  Capture cleaned = capture;
+  clean(finding, cleaned);
+  finding.filter = filter_of(cleaned);
+  if (finding.filter != ColorFilter::kNone) {
+    finding.said += concat("events through a ", word_of(finding.filter), " filter, ");
+  }
   finding.thresholds = events.thresholds();
   if (!is_default(events) || !options.find_thresholds) {
     finding.said += said_of(finding.thresholds, "given");
     return finding;
   }
-  Capture cleaned = capture;
-  clean(finding, cleaned);
+  if (finding.filter != ColorFilter::kNone) filter_frames(finding.filter, cleaned);
   const data::ThresholdEstimate estimate =
       data::estimate_thresholds(exposures_of(cleaned), cleaned.events, 0);
   if (estimate.found) {
@@ -116,6 +153,7 @@ SensorFinding find_sensor(const SensorOptions& options, const events::EventOptio
 
 void clean(const SensorFinding& finding, Capture& capture) {
   capture.events = without(finding.hot_pixels, capture);
+  capture.filter = finding.filter;
 }
 
 void keep(const fs::path& folder, const ClockFinding& finding) {
@@ -133,6 +171,7 @@ void keep(const fs::path& folder, const SensorFinding& finding) {
   }
   const Json all{{"threshold_positive", finding.thresholds.positive},
                  {"threshold_negative", finding.thresholds.negative},
+                 {"filter", word_of(finding.filter)},
                  {"said", finding.said},
                  {"hot_pixels", std::move(pixels)}};
   write_file(folder / kSensorFile, all.dump(1) + "\n");
@@ -148,6 +187,8 @@ SensorFinding load_sensor(const fs::path& folder) {
   return read_json(folder / kSensorFile, [](const Json& json) {
     SensorFinding finding;
     finding.thresholds = {json.at("threshold_positive"), json.at("threshold_negative")};
+    finding.filter =
+        value_of<ColorFilter>(json.at("filter").get<std::string>()).value_or(ColorFilter::kNone);
     finding.said = json.at("said");
     for (const Json& p : json.at("hot_pixels")) {
       finding.hot_pixels.push_back(

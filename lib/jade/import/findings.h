@@ -8,6 +8,7 @@
 
 #include "jade/events/thresholds.h"
 #include "jade/import/capture.h"
+#include "jade/import/color.h"
 #include "jade/import/hot_pixels.h"
 #include "jade/import/options.h"
 
@@ -30,15 +31,18 @@ ClockFinding find_clock(const TimeOptions& options, const Capture& capture, bool
 struct SensorFinding {
   std::vector<HotPixel> hot_pixels;  ///< whose events are to go
   events::Thresholds thresholds;
+  ColorFilter filter = ColorFilter::kNone;  ///< before its pixels
   std::string said;
 };
 
 /// Thresholds of the options where they differ from the default, else those that
-/// data::estimate_thresholds() finds, else the default, with a warning.
+/// data::estimate_thresholds() finds, else the default, with a warning. Where the frames are in
+/// colour and the events follow one channel each, thresholds are found in these channels. Frames
+/// that are raw mosaics get a warning.
 SensorFinding find_sensor(const SensorOptions& options, const events::EventOptions& events,
                           const Capture& capture);
 
-/// Takes the events of the hot pixels out.
+/// Takes the events of the hot pixels out, and sets the filter.
 void clean(const SensorFinding& finding, Capture& capture);
 
 void keep(const std::filesystem::path& folder, const ClockFinding& finding);

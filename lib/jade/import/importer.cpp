@@ -64,11 +64,61 @@ int64_t events_in_exposures(const Capture& capture) {
   return count;
 }
 
-void check_capture(const Capture& capture) {
-  const std::string& source = capture.source;
-  if (capture.events.empty()) {
+/// Most that an event costs on its way: it is there as it was and as it comes to be, 17 bytes each,
+/// and the estimate of the thresholds counts another few.
+constexpr double kEventBytes = 45;
+
+recording::ReadOptions read_options(const ImportOptions& options) {
+  recording::ReadOptions how;
+  how.frames = options.frames;
+  how.frame_times = options.time.frame_times;
+  how.exposure_ms = options.time.exposure_ms;
+  how.trigger_level = options.time.trigger_level;
+  switch (options.time.stamp) {
+    case StampChoice::kAuto:
+      break;
+    case StampChoice::kStart:
+      how.stamp = recording::Stamp::kStart;
+      break;
+    case StampChoice::kMiddle:
+      how.stamp = recording::Stamp::kMiddle;
+      break;
+    case StampChoice::kEnd:
+      how.stamp = recording::Stamp::kEnd;
+      break;
+  }
+  const double end_s = options.time.end_s > 0 ? options.time.end_s : 1e9;
+  if (options.time.begin_s > 0 || options.time.end_s > 0) {
+    how.since_first_frame =
+        events::TimeWindow{std::llround(1e6 * options.time.begin_s), std::llround(1e6 * end_s)};
+  }
+  how.near_frames_ahead_us = std::llround(1e3 * options.time.offset_ms);
+  how.event_bytes = kEventBytes;
+  return how;
+}
+
+void check_recording(const recording::Recording& recording) {
+  const std::string source = recording.source.string();
+  if (recording.frames.empty()) {
+    throw DataError(concat(source,
+                           ": holds no frames; give a folder of them with --frames "
+                           "DIR, each named after a line of its times"));
+  }
+  if (recording.stored_events == 0) {
     throw DataError(concat(source, ": holds no events; expected a recording of an event camera"));
   }
+  if (recording.events.empty()) {
+    throw DataError(concat(
+        source, ": no event lies near a frame: frames from ", recording.frames.front().t_start_us,
+        " to ", recording.frames.back().t_end_us, " us, ", recording.stored_events, " events from ",
+        recording.stored_us.begin_us, " to ", recording.stored_us.end_us,
+        " us; the two clocks do not overlap, give the offset between them with "
+        "--offset-ms"));
+  }
+}
+
+void check_shots(const Capture& capture) {
+  const std::string& source = capture.source;
   if (capture.shots.size() < kFewestFrames) {
     throw DataError(concat(source, ": expected at least ", kFewestFrames,
                            " frames from different places, found ", capture.shots.size(),
@@ -117,21 +167,14 @@ void set_clock(double ahead_ms, Capture& capture) {
 }
 
 Capture read_capture(const ImportOptions& options, const fs::path& folder) {
-  recording::ReadOptions how;
-  how.frames = options.frames;
-  how.frame_times = options.time.frame_times;
-  how.exposure_ms = options.time.exposure_ms;
-  recording::Recording recording = recording::read_recording(options.recording, how);
+  recording::Recording recording =
+      recording::read_recording(options.recording, read_options(options));
   for (const std::string& note : recording.notes) log_info("            " + note);
-  Capture capture;
+  check_recording(recording);
   keep_calibration(folder, recording);
+  Capture capture;
   capture.source = recording.source.string();
   capture.format = recording.format;
-  if (recording.frames.empty()) {
-    throw DataError(concat(capture.source,
-                           ": holds no frames; give a folder of them with --frames "
-                           "DIR, each named after a line of its times"));
-  }
   for (recording::Frame& frame : recording.frames) {
     capture.shots.push_back({frame.name, frame.image, frame.t_start_us, frame.t_end_us, 0});
   }
@@ -140,7 +183,7 @@ Capture read_capture(const ImportOptions& options, const fs::path& folder) {
   capture.events = recording.events;
   capture.sensor = {recording.height, recording.width};
   if (capture.sensor.height == 0) capture.sensor = {capture.height(), capture.width()};
-  check_capture(capture);
+  check_shots(capture);
   return capture;
 }
 
@@ -169,7 +212,7 @@ std::string said_of(const SearchResult& result) {
 Stage read_stage(const ImportOptions& options, Progressed& so_far) {
   return {"read",
           concat(fingerprint(options.recording), fingerprint(options.frames),
-                 fingerprint(options.time.frame_times), options.time.exposure_ms),
+                 fingerprint(options.time.frame_times), text_of(options.time)),
           [&](const fs::path& folder) {
             const Capture capture = read_capture(options, folder);
             keep_capture(folder, capture);
@@ -231,7 +274,9 @@ Stage undistort_stage(const ImportOptions& options, Progressed& so_far) {
             return said;
           },
           [&](const fs::path& folder) {
-            if (fs::exists(folder / "capture.json")) so_far.capture = load_capture(folder);
+            if (!fs::exists(folder / "capture.json")) return;
+            so_far.capture = {};  // not both at once
+            so_far.capture = load_capture(folder);
           }};
 }
 

@@ -11,15 +11,29 @@
 #include "jade/core/words.h"
 #include "jade/events/thresholds.h"
 #include "jade/geometry/rectification.h"
+#include "jade/recording/exposures.h"
 #include "jade/restore/efnet.h"
 #include "jade/restore/restoration_cache.h"
 
 namespace jade::import {
 
+/// What the only time of a frame is the time of.
+enum class StampChoice { kAuto, kStart, kMiddle, kEnd };
+
+constexpr auto words_of(StampChoice) {
+  return std::array{Word{"auto", StampChoice::kAuto, "what the format says"},
+                    Word{"start", StampChoice::kStart, "start of the exposure"},
+                    Word{"middle", StampChoice::kMiddle, "middle of the exposure"},
+                    Word{"end", StampChoice::kEnd, "end of the exposure"}};
+}
+
 /// When frames were exposed, where the recording does not say it.
 struct TimeOptions {
   std::filesystem::path frame_times;
   double exposure_ms = 0;
+  StampChoice stamp = StampChoice::kAuto;
+  recording::TriggerLevel trigger_level = recording::TriggerLevel::kHigh;
+  double begin_s = 0, end_s = 0;
   double offset_ms = 0;
   bool find_offset = true;
 };
@@ -30,6 +44,11 @@ void describe(V& v, TimeOptions& o) {
           "list of exposures, name,start_us,end_us; empty: what the recording says");
   v.field("exposure_ms", o.exposure_ms, "of frames whose own length is not known; 0: not known",
           Range{0, 1e5});
+  v.field("stamp", o.stamp, "what the only time of a frame is the time of");
+  v.field("trigger_level", o.trigger_level, "of the trigger input while a frame is exposed");
+  v.field("begin_s", o.begin_s, "leave out what comes before, in seconds since the first frame",
+          Range{0, 1e6});
+  v.field("end_s", o.end_s, "and what comes after; 0: nothing", Range{0, 1e6});
   v.field("offset_ms", o.offset_ms,
           "how far the clock of the events is ahead of that of the frames", Range{-1e9, 1e9});
   v.field("find_offset", o.find_offset,

@@ -37,6 +37,17 @@ geometry::Pose pose_of(const Place& place, const geometry::Pose& origin) {
                                   {place[0], place[1], place[2]});
 }
 
+/// The mean of poses that lie close together.
+geometry::Pose mean_of(const std::vector<geometry::Pose>& poses) {
+  const geometry::Pose& origin = poses.front();
+  Place sum{};
+  for (const geometry::Pose& pose : poses) {
+    const Place place = place_of(pose, origin);
+    for (size_t k = 0; k < sum.size(); ++k) sum[k] += place[k] / double(poses.size());
+  }
+  return pose_of(sum, origin);
+}
+
 /// The slope at b of the parabola through three values, a step `before` and a step `after` apart.
 double slope(const std::array<double, 3>& values, double before, double after) {
   const double left = (values[1] - values[0]) / before, right = (values[2] - values[1]) / after;
@@ -84,6 +95,25 @@ geometry::Pose PosePath::at(double t_us) const {
     place[k] = cubic(a[k], slope_a, b[k], slope_b, step, s);
   }
   return pose_of(place, origin);
+}
+
+PosePath path_through(std::vector<std::pair<double, geometry::Pose>> timed, double apart_us) {
+  std::stable_sort(timed.begin(), timed.end(),
+                   [](const auto& a, const auto& b) { return a.first < b.first; });
+  std::vector<double> times;
+  std::vector<geometry::Pose> poses;
+  for (size_t begin = 0, end = 0; begin < timed.size(); begin = end) {
+    double sum_us = 0;
+    std::vector<geometry::Pose> near;
+    for (; end < timed.size() && (end == begin || timed[end].first - timed[begin].first < apart_us);
+         ++end) {
+      sum_us += timed[end].first;
+      near.push_back(timed[end].second);
+    }
+    times.push_back(sum_us / double(near.size()));
+    poses.push_back(mean_of(near));
+  }
+  return {times, poses};
 }
 
 }  // namespace jade::import

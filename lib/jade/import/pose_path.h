@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <utility>
 #include <vector>
 
 #include "jade/geometry/pose.h"
@@ -21,9 +22,18 @@ class PosePath {
   /// camera_from_world; beyond the ends the outermost cubic goes on.
   geometry::Pose at(double t_us) const;
 
+  const std::vector<double>& t_us() const { return t_us_; }
+
  private:
   std::vector<double> t_us_;
   std::vector<geometry::Pose> poses_;
 };
+
+/// The path through poses in any order of time, where those that lie nearer to each other than
+/// `apart_us` become one at their mean time and place: a sharp frame beside the restored middle of
+/// the same exposure, say. The slope between two poses that are 1 us apart is their error alone,
+/// and would throw the cubics beside them hundreds of pixels off.
+/// @throws ContractError where fewer than two are left.
+PosePath path_through(std::vector<std::pair<double, geometry::Pose>> timed, double apart_us);
 
 }  // namespace jade::import

@@ -93,7 +93,8 @@ RectifiedEvents rectify_events(const events::EventStream& events, const torch::T
     x_out[kept] = u, y_out[kept] = v, t_out[kept] = t_in[i], p_out[kept] = p_in[i];
     ++kept;
   }
-  const auto head = [&](const torch::Tensor& all) { return all.narrow(0, 0, kept).clone(); };
+  // A copy would cost the memory of all events once more.
+  const auto head = [&](const torch::Tensor& all) { return all.narrow(0, 0, kept); };
   return {{head(x), head(y), head(t), head(p)}, count - kept};
 }
 

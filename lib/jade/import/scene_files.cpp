@@ -12,7 +12,6 @@
 #include "jade/data/warnings.h"
 #include "jade/geometry/trajectory.h"
 #include "jade/import/base_settings.h"
-#include "jade/import/pose_path.h"
 
 namespace jade::import {
 namespace {
@@ -44,17 +43,6 @@ void hold_out(int64_t every, std::vector<Part>& parts) {
   }
 }
 
-PosePath path_through(const std::vector<TimedPose>& found) {
-  std::vector<double> times;
-  std::vector<geometry::Pose> poses;
-  for (const TimedPose& timed : found) {
-    if (!times.empty() && double(timed.t_us) <= times.back()) continue;
-    times.push_back(double(timed.t_us));
-    poses.push_back(timed.pose);
-  }
-  return {times, poses};
-}
-
 /// Nine times of each exposure, and as dense in between.
 std::vector<int64_t> path_times(const std::vector<Shot>& shots, const std::vector<Part>& parts) {
   std::set<int64_t> times;
@@ -77,10 +65,23 @@ std::vector<int64_t> path_times(const std::vector<Shot>& shots, const std::vecto
   return {times.begin(), times.end()};
 }
 
+/// Where event pixels are, from the first red one on.
+torch::Tensor map_from_red(const Capture& capture) {
+  torch::Tensor map = capture.event_map;
+  if (!map.defined()) {
+    const auto axes = torch::meshgrid({torch::arange(capture.sensor.height, torch::kFloat32),
+                                       torch::arange(capture.sensor.width, torch::kFloat32)},
+                                      "ij");
+    map = torch::stack({axes[1], axes[0]});
+  }
+  const auto [row, column] = first_red(capture.filter);
+  return map.slice(1, row).slice(2, column).contiguous();
+}
+
 data::EvDeblurContent content_of(const Capture& capture, const Reconstruction& found,
                                  const std::vector<Part>& parts) {
   data::EvDeblurContent content;
-  const PosePath path = path_through(found.poses);
+  const PosePath path = path_of(found.poses, capture);
   content.path_t_us = path_times(capture.shots, parts);
   for (const int64_t t : content.path_t_us) content.path.push_back(path.at(double(t)));
   std::vector<geometry::Pose> middles;
@@ -104,6 +105,8 @@ data::EvDeblurContent content_of(const Capture& capture, const Reconstruction& f
     content.held_out.push_back(parts[i] == Part::kHeldOut);
   }
   content.events = capture.events.slice(content.path_t_us.front(), content.path_t_us.back() + 1);
+  content.color_events = capture.filter != ColorFilter::kNone;
+  if (content.color_events) content.event_map = map_from_red(capture);
   content.points = found.points;
   content.point_colors = found.colors;
   const data::DepthBounds bounds = data::depth_bounds(found.points, middles);
@@ -132,20 +135,39 @@ std::string scene_yaml(const Capture& capture, const ImportOptions& options) {
                 "init: {kind: sfm}\n");
 }
 
-/// In the order in which the data set numbers its frames.
+/// In the order in which the data set numbers its frames, then those that are not in it.
 std::string frame_list(const Capture& capture, const std::vector<Part>& parts) {
   std::string lines = "frame,part,name,start_us,end_us,blur_px\n";
   int64_t number = 0;
+  const auto rest = [&](const Shot& shot) {
+    return concat(shot.name, ",", shot.t_start_us, ",", shot.t_end_us, ",", shot.blur_px, "\n");
+  };
   for (const bool tests : {false, true}) {
     for (size_t i = 0; i < capture.shots.size(); ++i) {
       if (parts[i] == Part::kLeftOut || (parts[i] == Part::kTest) != tests) continue;
       const Shot& shot = capture.shots[i];
       const char* part = tests ? "test" : parts[i] == Part::kHeldOut ? "held out" : "train";
-      lines += concat(number++, ",", part, ",", shot.name, ",", shot.t_start_us, ",", shot.t_end_us,
-                      ",", shot.blur_px, "\n");
+      lines += concat(number++, ",", part, ",", rest(shot));
     }
   }
+  for (size_t i = 0; i < capture.shots.size(); ++i) {
+    if (parts[i] == Part::kLeftOut) lines += concat(",left out,", rest(capture.shots[i]));
+  }
   return lines;
+}
+
+/// "2 frames left out without a pose (a, b)", the first few by name.
+std::string left_out(const Capture& capture, const std::vector<Part>& parts) {
+  constexpr int64_t kNamed = 8;
+  std::string names;
+  int64_t count = 0;
+  for (size_t i = 0; i < capture.shots.size(); ++i) {
+    if (parts[i] != Part::kLeftOut) continue;
+    if (count < kNamed) names += concat(count > 0 ? ", " : "", capture.shots[i].name);
+    ++count;
+  }
+  if (count == 0) return "no frame left out";
+  return concat(count, " left out without a pose (", names, count > kNamed ? ", ..." : "", ")");
 }
 
 }  // namespace
@@ -191,8 +213,8 @@ std::string write_scene(const fs::path& folder, const Capture& capture, const Re
   write_file(folder / "scene.yaml", scene_yaml(capture, options));
   const auto count = [&](Part part) { return std::count(parts.begin(), parts.end(), part); };
   return concat(count(Part::kTrain), " exposures, ", count(Part::kHeldOut), " held out, ",
-                count(Part::kTest), " sharp test views, ", count(Part::kLeftOut),
-                " frames left out, ", found.points.size(0), " points");
+                count(Part::kTest), " sharp test views, ", left_out(capture, parts), ", ",
+                found.points.size(0), " points");
 }
 
 }  // namespace jade::import

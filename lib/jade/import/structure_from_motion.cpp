@@ -14,7 +14,6 @@
 #include "jade/imaging/image_io.h"
 #include "jade/import/colmap.h"
 #include "jade/import/motion_check.h"
-#include "jade/import/pose_path.h"
 #include "jade/io/colmap.h"
 #include "jade/io/npy.h"
 
@@ -149,15 +148,8 @@ void check_motion(const Capture& capture) {
 /// Blurry shots with a middle image, spread over the recording, as `found` places them.
 double explained_blur_of(const fs::path& latents, const std::vector<LatentImage>& images,
                          const Capture& capture, const Reconstruction& found) {
-  std::vector<double> times;
-  std::vector<geometry::Pose> poses;
-  for (const TimedPose& timed : found.poses) {
-    if (!times.empty() && double(timed.t_us) <= times.back()) continue;
-    times.push_back(double(timed.t_us));
-    poses.push_back(timed.pose);
-  }
-  if (times.size() < 2) return 0;
-  const PosePath path(times, poses);
+  if (found.poses.size() < 2) return 0;
+  const PosePath path = path_of(found.poses, capture);
   std::vector<const LatentImage*> middles;
   for (const LatentImage& image : images) {
     const Shot& shot = capture.shots[static_cast<size_t>(image.shot)];
@@ -241,6 +233,16 @@ Json json_of(const Attempt& a) {
 }
 
 }  // namespace
+
+PosePath path_of(const std::vector<TimedPose>& poses, const Capture& capture) {
+  std::vector<std::pair<double, geometry::Pose>> timed;
+  for (const TimedPose& pose : poses) timed.emplace_back(double(pose.t_us), pose.pose);
+  int64_t shortest_us = INT64_MAX;
+  for (const Shot& shot : capture.shots) {
+    if (shot.duration_us() > 0) shortest_us = std::min(shortest_us, shot.duration_us());
+  }
+  return path_through(std::move(timed), shortest_us == INT64_MAX ? 1 : 0.125 * double(shortest_us));
+}
 
 Reconstruction read_reconstruction(const fs::path& model, const std::vector<LatentImage>& images,
                                    double scale) {

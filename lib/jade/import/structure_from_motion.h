@@ -12,6 +12,7 @@
 #include "jade/geometry/pose.h"
 #include "jade/import/latents.h"
 #include "jade/import/options.h"
+#include "jade/import/pose_path.h"
 
 namespace jade::import {
 
@@ -67,6 +68,10 @@ SearchResult find_poses(const std::filesystem::path& latents,
 /// @param scale  how much larger COLMAP saw the images than the shots are
 Reconstruction read_reconstruction(const std::filesystem::path& model,
                                    const std::vector<LatentImage>& images, double scale);
+
+/// The path of the camera through poses of a capture; those closer than an eighth of its shortest
+/// exposure count as one.
+PosePath path_of(const std::vector<TimedPose>& poses, const Capture& capture);
 
 /// Writes poses.json and points.npz. @throws DataError.
 void keep_reconstruction(const std::filesystem::path& folder, const SearchResult& result);

@@ -36,6 +36,7 @@ std::string undistort(const LensOptions& options, Capture& capture) {
   const RectifiedEvents moved =
       rectify_events(capture.events, to.event_map, {to.camera.height, to.camera.width});
   capture.events = moved.events;
+  capture.event_map = to.event_map;
   capture.camera = to.camera;
   std::string said =
       concat("focal length ", to.camera.fx, " px, ", moved.dropped, " events beside the image");

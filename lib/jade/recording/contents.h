@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
@@ -35,10 +36,18 @@ struct FrameFile {
   std::optional<events::TimeWindow> time;
 };
 
-/// A recording whose images are still files.
+/// Spans of the clock of a recording, in order and apart; none: all of it.
+using Kept = std::optional<std::vector<events::TimeWindow>>;
+
+/// Adds the events of these spans, and what there is to note about them, to a recording. Which
+/// spans are wanted is known only once frames have their exposures.
+using ReadEvents = std::function<void(const Kept& kept, Recording& recording)>;
+
+/// A recording whose images are still files, and whose events are not read yet.
 struct Contents {
-  Recording recording;  ///< without frames
+  Recording recording;  ///< without frames and events
   std::vector<FrameFile> files;
+  ReadEvents read_events;                 ///< empty: there are none
   std::shared_ptr<TemporaryFolder> keep;  ///< where the files are, if they are not the user's
 };
 
@@ -49,7 +58,7 @@ Contents read_evt(const std::filesystem::path& path, const ReadOptions& options)
 Contents read_converted(const std::filesystem::path& path, const ReadOptions& options);
 /// Records of Metavision in HDF5.
 bool is_metavision(const std::filesystem::path& path);
-Contents read_metavision(const std::filesystem::path& path);
+Contents read_metavision(const std::filesystem::path& path, const ReadOptions& options);
 /// HDF5, .npz, .npy and text: events alone.
 Contents read_event_file(const std::filesystem::path& path, const ReadOptions& options);
 
@@ -87,14 +96,15 @@ void complete_exposures(const ReadOptions& options, Contents& contents);
 void choose_channel(const std::filesystem::path& path, const std::map<int64_t, Triggers>& channels,
                     Recording& recording);
 
-/// @throws DataError if that many events would not fit into memory.
-void check_event_memory(const std::filesystem::path& path, int64_t count);
+/// How the events of a file are read; what comes with them, such as triggers, is in `recording` at
+/// once.
+/// @param exposures  that tell the unit of times that the file does not
+ReadEvents events_of(const std::filesystem::path& path, const ReadOptions& options,
+                     const std::optional<events::TimeWindow>& exposures, Recording& recording);
+ReadEvents events_of_evt(const std::filesystem::path& path, const ReadOptions& options,
+                         Recording& recording);
 
-/// Bytes of memory that this machine has.
-double memory_bytes();
-
-/// Reads a file of events into `recording` with its notes.
-void add_events(const std::filesystem::path& path, const ReadOptions& options,
-                const std::optional<events::TimeWindow>& exposures, Recording& recording);
+/// Sets what there was besides the events that were kept, and says how many were left out.
+void note_stored(int64_t events, const events::TimeWindow& span_us, Recording& recording);
 
 }  // namespace jade::recording

@@ -90,19 +90,39 @@ void add_edges(const fs::path& path, Triggers& triggers) {
     (rising ? triggers.rising_us : triggers.falling_us).push_back(t);
 }
 
-void move_clock(int64_t offset_us, Recording& recording) {
-  if (offset_us == 0) return;
-  const events::EventStream& e = recording.events;
-  recording.events = {e.x(), e.y(), e.t_us() + offset_us, e.polarity()};
-  for (auto* edges : {&recording.triggers.rising_us, &recording.triggers.falling_us}) {
+void move(int64_t offset_us, Triggers& triggers) {
+  for (auto* edges : {&triggers.rising_us, &triggers.falling_us}) {
     for (int64_t& t : *edges) t += offset_us;
   }
 }
 
-/// Without what cannot be: the window and the unit are those of the original.
-ReadOptions whole(const ReadOptions& options) {
+/// Notes on files that are gone by then would only confuse.
+void name_original(const fs::path& made, const fs::path& original,
+                   std::vector<std::string>& notes) {
+  const std::string prefix = made.string() + "/";
+  for (std::string& note : notes) {
+    if (note.rfind(prefix, 0) == 0) note = original.string() + note.substr(note.find(": "));
+  }
+}
+
+/// Events whose clock is moved by so much after reading.
+ReadEvents moved(const ReadEvents& read, int64_t offset_us, const fs::path& made,
+                 const fs::path& original) {
+  return [=](const Kept& kept, Recording& out) {
+    Kept theirs = kept;
+    if (theirs) {
+      for (events::TimeWindow& w : *theirs) w = {w.begin_us - offset_us, w.end_us - offset_us};
+    }
+    read(theirs, out);
+    name_original(made, original, out.notes);
+    const events::EventStream& e = out.events;
+    if (offset_us != 0) out.events = {e.x(), e.y(), e.t_us() + offset_us, e.polarity()};
+  };
+}
+
+/// What was converted is in µs.
+ReadOptions in_microseconds(const ReadOptions& options) {
   ReadOptions out = options;
-  out.window.reset();
   out.time_unit = events::TimeUnit::kUs;
   return out;
 }
@@ -113,16 +133,13 @@ Contents read_converted(const fs::path& path, const ReadOptions& options) {
   const auto folder = std::make_shared<TemporaryFolder>();
   convert(path, options, folder->path());
   const fs::path made = folder->path() / "out";
-  Contents out = read_event_folder(made, whole(options));
+  Contents out = read_event_folder(made, in_microseconds(options));
   int64_t offset_us = 0;
   apply_description(made / "recording.txt", out.recording, &offset_us);
   add_edges(made / "triggers.csv", out.recording.triggers);
-  move_clock(offset_us, out.recording);
-  // Notes on files that are gone by then would only confuse.
-  const std::string prefix = made.string() + "/";
-  for (std::string& note : out.recording.notes) {
-    if (note.rfind(prefix, 0) == 0) note = path.string() + note.substr(note.find(": "));
-  }
+  move(offset_us, out.recording.triggers);
+  name_original(made, path, out.recording.notes);
+  if (out.read_events) out.read_events = moved(out.read_events, offset_us, made, path);
   out.keep = folder;
   return out;
 }

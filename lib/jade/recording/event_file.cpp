@@ -1,8 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // Files that hold events alone.
-#include <cmath>
-#include <unistd.h>
-
 #include "jade/core/error.h"
 #include "jade/recording/contents.h"
 #include "jade/recording/format.h"
@@ -11,39 +8,36 @@ namespace jade::recording {
 
 namespace fs = std::filesystem;
 
-double memory_bytes() { return double(sysconf(_SC_PHYS_PAGES)) * double(sysconf(_SC_PAGE_SIZE)); }
-
-void check_event_memory(const fs::path& path, int64_t count) {
-  constexpr double kBytes = 17;
-  const double needed = kBytes * double(count);
-  if (needed < 0.7 * memory_bytes()) return;
-  throw DataError(concat(path.string(), ": ", count, " events need ", std::llround(1e-9 * needed),
-                         " GB, and this machine has ", std::llround(1e-9 * memory_bytes()),
-                         "; choose a shorter span of time"));
+void note_stored(int64_t events, const events::TimeWindow& span_us, Recording& recording) {
+  recording.stored_events = events;
+  recording.stored_us = span_us;
+  const int64_t left = events - recording.events.size();
+  if (left == 0) return;
+  recording.notes.push_back(concat(left, " of ", events,
+                                   " events lie outside the time that is read, or far from every "
+                                   "frame, and were left out"));
 }
 
-void add_events(const fs::path& path, const ReadOptions& options,
-                const std::optional<events::TimeWindow>& exposures, Recording& recording) {
-  if (path.extension() == ".raw") {
-    Recording raw = read_evt(path, options).recording;
-    recording.events = raw.events;
-    recording.triggers = std::move(raw.triggers);
-    recording.width = raw.width, recording.height = raw.height;
-    recording.notes.insert(recording.notes.end(), raw.notes.begin(), raw.notes.end());
-    return;
-  }
-  events::EventFileOptions file_options;
-  file_options.time_unit = options.time_unit;
-  file_options.exposures = exposures;
-  events::EventFileResult result = events::read_events(path, file_options);
-  recording.events = std::move(result.events);
-  for (std::string& warning : result.warnings) recording.notes.push_back(std::move(warning));
+ReadEvents events_of(const fs::path& path, const ReadOptions& options,
+                     const std::optional<events::TimeWindow>& exposures, Recording& recording) {
+  if (path.extension() == ".raw") return events_of_evt(path, options, recording);
+  return [=](const Kept& kept, Recording& out) {
+    events::EventFileOptions how;
+    how.time_unit = options.time_unit;
+    how.exposures = exposures;
+    how.keep = kept;
+    how.event_bytes = options.event_bytes;
+    events::EventFileResult result = events::read_events(path, how);
+    out.events = std::move(result.events);
+    for (std::string& warning : result.warnings) out.notes.push_back(std::move(warning));
+    note_stored(result.stored, result.stored_us, out);
+  };
 }
 
 Contents read_event_file(const fs::path& path, const ReadOptions& options) {
   Contents out;
   out.recording.format = concat("events in ", word_of(recognise(path)));
-  add_events(path, options, std::nullopt, out.recording);
+  out.read_events = events_of(path, options, std::nullopt, out.recording);
   return out;
 }
 

@@ -151,7 +151,9 @@ Contents read_event_folder(const fs::path& folder, const ReadOptions& options) {
     }
   }
   const fs::path events = events_in(folder);
-  if (!events.empty()) add_events(events, options, span_of(out.files), recording);
+  if (!events.empty()) {
+    out.read_events = events_of(events, options, span_of(out.files), recording);
+  }
   return out;
 }
 

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <map>
+#include <numeric>
 #include <torch/types.h>
 
 #include "jade/core/error.h"
@@ -30,19 +32,44 @@ void decode_all(EvtDecoder& decoder, const std::string& title, F take) {
   }
 }
 
-struct Kept {
-  events::TimeWindow window;
-  bool contains(int64_t t_us) const { return window.begin_us <= t_us && t_us < window.end_us; }
+/// How many events fall into each span of about a millisecond.
+class Histogram {
+ public:
+  void add(const EvtEvents& events) {
+    for (const int64_t t : events.t_us) ++counts_[t >> kShift];
+  }
+  int64_t total() const {
+    return std::accumulate(counts_.begin(), counts_.end(), int64_t(0),
+                           [](int64_t sum, const auto& bin) { return sum + bin.second; });
+  }
+  /// From the first to the last, to a millisecond.
+  events::TimeWindow span_us() const {
+    if (counts_.empty()) return {};
+    return {counts_.begin()->first << kShift, (counts_.rbegin()->first + 1) << kShift};
+  }
+  /// At most so many lie in the windows.
+  int64_t most_in(const std::vector<events::TimeWindow>& windows) const {
+    int64_t sum = 0;
+    for (const events::TimeWindow& window : windows) {
+      for (auto bin = counts_.lower_bound(window.begin_us >> kShift);
+           bin != counts_.end() && (bin->first << kShift) < window.end_us; ++bin) {
+        sum += bin->second;
+      }
+    }
+    return sum;
+  }
+
+ private:
+  static constexpr int kShift = 10;
+  std::map<int64_t, int64_t> counts_;
 };
 
-int64_t count_kept(const fs::path& path, const Kept& kept) {
-  EvtDecoder decoder(path);
-  int64_t count = 0;
-  decode_all(decoder, "count events", [&](const EvtEvents& events) {
-    count += std::count_if(events.t_us.begin(), events.t_us.end(),
-                           [&](int64_t t) { return kept.contains(t); });
-  });
-  return count;
+bool is_kept(const Kept& kept, int64_t t_us) {
+  if (!kept) return true;
+  const auto next =
+      std::upper_bound(kept->begin(), kept->end(), t_us,
+                       [](int64_t t, const events::TimeWindow& w) { return t < w.begin_us; });
+  return next != kept->begin() && t_us < std::prev(next)->end_us;
 }
 
 void note_counts(const fs::path& path, const EvtDecoder& decoder, Recording& recording) {
@@ -59,37 +86,51 @@ void note_counts(const fs::path& path, const EvtDecoder& decoder, Recording& rec
     recording.notes.push_back(concat(path.string(), ": its header does not say the sensor's size"));
 }
 
-}  // namespace
-
-Contents read_evt(const fs::path& path, const ReadOptions& options) {
-  const Kept kept{options.window.value_or(events::TimeWindow{INT64_MIN, INT64_MAX})};
-  const int64_t count = count_kept(path, kept);
-  check_event_memory(path, count);
-  torch::Tensor x = torch::empty({count}, torch::kFloat32), y = torch::empty_like(x);
-  torch::Tensor t = torch::empty({count}, torch::kInt64);
-  torch::Tensor polarity = torch::empty({count}, torch::kInt8);
+/// Decodes the file once more, into lists of `most` events, of which the kept ones are filled.
+events::EventStream kept_events(const fs::path& path, const Kept& kept, int64_t most) {
+  torch::Tensor x = torch::empty({most}, torch::kFloat32), y = torch::empty_like(x);
+  torch::Tensor t = torch::empty({most}, torch::kInt64);
+  torch::Tensor polarity = torch::empty({most}, torch::kInt8);
   EvtDecoder decoder(path);
   int64_t at = 0;
   decode_all(decoder, "read events",
              [&, xs = x.data_ptr<float>(), ys = y.data_ptr<float>(), ts = t.data_ptr<int64_t>(),
               ps = polarity.data_ptr<int8_t>()](const EvtEvents& events) {
-               for (size_t i = 0; i < events.size(); ++i) {
-                 if (!kept.contains(events.t_us[i]) || at == count) continue;
+               for (size_t i = 0; i < events.size() && at < most; ++i) {
+                 if (!is_kept(kept, events.t_us[i])) continue;
                  xs[at] = events.x[i], ys[at] = events.y[i];
                  ts[at] = events.t_us[i], ps[at] = events.polarity[i];
                  ++at;
                }
              });
-  if (at != count)
-    throw DataError(concat(path.string(), ": changed while it was read; read it again"));
-  Contents out;
-  Recording& recording = out.recording;
-  recording.format = concat("Prophesee ", word_of(decoder.header().version));
+  const auto head = [&](const torch::Tensor& list) { return list.narrow(0, 0, at); };
+  return decoder.counts().backwards > 0
+             ? events::sort_events(head(x), head(y), head(t), head(polarity))
+             : events::EventStream(head(x), head(y), head(t), head(polarity));
+}
+
+}  // namespace
+
+ReadEvents events_of_evt(const fs::path& path, const ReadOptions& options, Recording& recording) {
+  Histogram histogram;
+  EvtDecoder decoder(path);
+  decode_all(decoder, "count events", [&](const EvtEvents& events) { histogram.add(events); });
   recording.width = decoder.header().width, recording.height = decoder.header().height;
-  recording.events = decoder.counts().backwards > 0 ? events::sort_events(x, y, t, polarity)
-                                                    : events::EventStream(x, y, t, polarity);
   choose_channel(path, decoder.triggers(), recording);
   note_counts(path, decoder, recording);
+  return [path, histogram, bytes = options.event_bytes](const Kept& kept, Recording& out) {
+    const int64_t all = histogram.total();
+    const int64_t most = kept ? histogram.most_in(*kept) : all;
+    events::check_event_memory(path, most, bytes);
+    out.events = kept_events(path, kept, most);
+    note_stored(all, histogram.span_us(), out);
+  };
+}
+
+Contents read_evt(const fs::path& path, const ReadOptions& options) {
+  Contents out;
+  out.recording.format = concat("Prophesee ", word_of(EvtDecoder(path).header().version));
+  out.read_events = events_of_evt(path, options, out.recording);
   return out;
 }
 

@@ -39,7 +39,7 @@ std::string head_of(const fs::path& path) {
   return head;
 }
 
-/// Printable, and its first line that is no comment begins with a number or names a column.
+/// Printable.
 bool is_text(const std::string& head) {
   return std::all_of(head.begin(), head.end(), [](unsigned char c) {
     return c == '\n' || c == '\r' || c == '\t' || (c >= 32 && c < 127);
@@ -86,10 +86,17 @@ Format file_format(const fs::path& path) {
   if (begins(head, "\x93NUMPY")) return Format::kNpy;
   if (begins(head, "\x89HDF")) return Format::kHdf5;
   if (begins(head, "PK")) return zip_format(path);
-  if (is_text(head)) return Format::kText;
   std::string kind = path.extension().string();
   std::transform(kind.begin(), kind.end(), kind.begin(),
                  [](unsigned char c) { return std::tolower(c); });
+  if (is_text(head)) {
+    for (const char* other : {".aedat4", ".bag", ".db3", ".mcap", ".h5", ".hdf5", ".npz", ".npy"}) {
+      if (kind != other) continue;
+      throw DataError(concat(path.string(), ": expected what a camera writes under such a name, ",
+                             "found text; copy it again, or name a list of events .txt or .csv"));
+    }
+    return Format::kText;
+  }
   if (kind == ".raw") {
     throw DataError(concat(path.string(),
                            ": expected a Prophesee header of lines that begin with "

@@ -39,10 +39,14 @@ std::vector<int64_t> reported_times(const fs::path& log) {
 std::vector<FrameFile> frames_of_video(const fs::path& path, const fs::path& folder) {
   const fs::path log = folder / "ffmpeg.txt", images = folder / "video";
   fs::create_directories(images);
-  const int code =
-      run_to_end({"ffmpeg", "-nostdin", "-hide_banner", "-i", path.string(), "-an", "-vf",
-                  "showinfo", "-vsync", "passthrough", (images / "%08d.png").string()},
-                 {}, log);
+  // ffmpeg 9 has only the first name of the option, 5.0 and before only the second.
+  int code = 0;
+  for (const char* each_once : {"-fps_mode", "-vsync"}) {
+    code = run_to_end({"ffmpeg", "-nostdin", "-hide_banner", "-i", path.string(), "-an", "-vf",
+                       "showinfo", each_once, "passthrough", (images / "%08d.png").string()},
+                      {}, log);
+    if (code == 0 || code == 127) break;
+  }
   if (code == 127) {
     throw DataError(concat(path.string(),
                            ": expected a folder of images, found a file; as a video "

@@ -7,6 +7,7 @@
 
 #include "jade/core/error.h"
 #include "jade/core/interrupt.h"
+#include "jade/events/time_survey.h"
 #include "jade/io/hdf5.h"
 #include "jade/recording/contents.h"
 
@@ -20,13 +21,57 @@ constexpr const char* kTriggerRecords = "EXT_TRIGGER/events";
 constexpr int64_t kRecordsAtOnce = int64_t(1) << 20;
 
 template <class T>
-void read_column(const io::Hdf5File& file, const char* field, torch::Tensor& out) {
+torch::Tensor read_column(const io::Hdf5File& file, const char* field,
+                          const std::vector<events::Stretch>& stretches, torch::ScalarType type) {
+  int64_t length = 0;
+  for (const events::Stretch& stretch : stretches) length += stretch.size();
+  torch::Tensor out = torch::empty({length}, type);
   T* data = out.mutable_data_ptr<T>();
-  for (int64_t begin = 0; begin < out.numel(); begin += kRecordsAtOnce) {
-    throw_if_interrupted();
-    const int64_t count = std::min(kRecordsAtOnce, out.numel() - begin);
-    file.read_field<T>(kRecords, field, begin, count, data + begin);
+  for (const events::Stretch& stretch : stretches) {
+    for (int64_t begin = stretch.begin; begin < stretch.end; begin += kRecordsAtOnce) {
+      throw_if_interrupted();
+      const int64_t count = std::min(kRecordsAtOnce, stretch.end - begin);
+      file.read_field<T>(kRecords, field, begin, count, data);
+      data += count;
+    }
   }
+  return out;
+}
+
+/// Where the events of the spans lie; of a file out of order, everywhere.
+std::vector<events::Stretch> stretches_of(const events::TimeSurvey& survey, const Kept& kept) {
+  if (!kept || !survey.sorted()) return {{0, survey.count()}};
+  std::vector<events::Stretch> found;
+  for (const events::TimeWindow& window : *kept)
+    found.push_back(survey.between(double(window.begin_us), double(window.end_us)));
+  return found;
+}
+
+void read_records(const fs::path& path, const Kept& kept, double bytes, Recording& recording) {
+  const io::Hdf5File file(path);
+  const events::TimeSurvey survey(file.length(kRecords),
+                                  [&](int64_t begin, int64_t at_once, double* out) {
+                                    file.read_field<double>(kRecords, "t", begin, at_once, out);
+                                  });
+  const auto stretches = stretches_of(survey, kept);
+  int64_t count = 0;
+  for (const events::Stretch& stretch : stretches) count += stretch.size();
+  events::check_event_memory(path, count, bytes);
+  const torch::Tensor x = read_column<float>(file, "x", stretches, torch::kFloat32);
+  const torch::Tensor y = read_column<float>(file, "y", stretches, torch::kFloat32);
+  const torch::Tensor t = read_column<int64_t>(file, "t", stretches, torch::kInt64);
+  torch::Tensor p = read_column<int8_t>(file, "p", stretches, torch::kInt8);
+  p = p.gt(0).to(torch::kInt8).mul(2).sub(1);
+  if (!survey.sorted()) {
+    recording.notes.push_back(
+        concat(path.string(), ": event times were not in order; they have been sorted"));
+  }
+  recording.events =
+      survey.sorted() ? events::EventStream(x, y, t, p) : events::sort_events(x, y, t, p);
+  if (kept && !survey.sorted()) recording.events = events::only_in(*kept, recording.events);
+  events::TimeWindow span;
+  if (survey.count() > 0) span = {int64_t(survey.smallest()), int64_t(survey.largest()) + 1};
+  note_stored(survey.count(), span, recording);
 }
 
 void read_triggers(const io::Hdf5File& file, Recording& recording) {
@@ -48,7 +93,7 @@ void read_triggers(const io::Hdf5File& file, Recording& recording) {
 
 bool is_metavision(const fs::path& path) { return io::Hdf5File(path).has(kRecords); }
 
-Contents read_metavision(const fs::path& path) {
+Contents read_metavision(const fs::path& path, const ReadOptions& options) {
   const io::Hdf5File file(path);
   Contents out;
   Recording& recording = out.recording;
@@ -57,22 +102,10 @@ Contents read_metavision(const fs::path& path) {
   std::istringstream geometry(file.attribute("geometry"));
   if (!(geometry >> recording.width >> by >> recording.height))
     recording.width = recording.height = 0;
-  const int64_t count = file.length(kRecords);
-  check_event_memory(path, count);
-  torch::Tensor x = torch::empty({count}, torch::kFloat32), y = torch::empty_like(x);
-  torch::Tensor t = torch::empty({count}, torch::kInt64), p = torch::empty({count}, torch::kInt8);
-  read_column<float>(file, "x", x);
-  read_column<float>(file, "y", y);
-  read_column<int64_t>(file, "t", t);
-  read_column<int8_t>(file, "p", p);
-  p = p.gt(0).to(torch::kInt8).mul(2).sub(1);
-  const bool sorted = count < 2 || t.diff().ge(0).all().item<bool>();
-  if (!sorted) {
-    recording.notes.push_back(
-        concat(path.string(), ": event times were not in order; they have been sorted"));
-  }
-  recording.events = sorted ? events::EventStream(x, y, t, p) : events::sort_events(x, y, t, p);
   read_triggers(file, recording);
+  out.read_events = [path, bytes = options.event_bytes](const Kept& kept, Recording& to) {
+    read_records(path, kept, bytes, to);
+  };
   return out;
 }
 

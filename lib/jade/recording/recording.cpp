@@ -15,6 +15,8 @@ namespace fs = std::filesystem;
 
 /// Events that reach this part of the frames in both directions are of the same sensor.
 constexpr double kSameSensor = 0.9;
+/// Of a frame; thresholds and clocks are found in frames that lie less than twice this apart.
+constexpr int64_t kLeastReachUs = 250000;
 
 Contents read_contents(const fs::path& path, const ReadOptions& options) {
   switch (recognise(path)) {
@@ -30,7 +32,7 @@ Contents read_contents(const fs::path& path, const ReadOptions& options) {
     case Format::kRosBag:
       return read_converted(path, options);
     case Format::kHdf5:
-      return is_metavision(path) ? read_metavision(path) : read_event_file(path, options);
+      return is_metavision(path) ? read_metavision(path, options) : read_event_file(path, options);
     case Format::kNpz:
     case Format::kNpy:
     case Format::kText:
@@ -39,9 +41,9 @@ Contents read_contents(const fs::path& path, const ReadOptions& options) {
   throw ContractError("recognise: a format without a reader");
 }
 
+/// Frames and triggers of a span.
 void cut_to(const events::TimeWindow& window, Contents& contents) {
   Recording& recording = contents.recording;
-  recording.events = recording.events.slice(window);
   for (auto* edges : {&recording.triggers.rising_us, &recording.triggers.falling_us}) {
     edges->erase(
         std::remove_if(edges->begin(), edges->end(),
@@ -55,6 +57,60 @@ void cut_to(const events::TimeWindow& window, Contents& contents) {
                                                     file.time->end_us > window.end_us);
                              }),
               files.end());
+}
+
+/// The span that is asked for, whichever way.
+std::optional<events::TimeWindow> wanted_span(const ReadOptions& options,
+                                              const Contents& contents) {
+  if (!options.since_first_frame) return options.window;
+  int64_t first_us = INT64_MAX;
+  for (const FrameFile& file : contents.files) {
+    if (file.time) first_us = std::min(first_us, file.time->begin_us);
+  }
+  if (first_us == INT64_MAX) return options.window;
+  const events::TimeWindow& since = *options.since_first_frame;
+  return events::TimeWindow{first_us + since.begin_us, first_us + since.end_us};
+}
+
+/// Spans around frames, by the clock of the events; those that touch are one.
+std::vector<events::TimeWindow> near_frames(const std::vector<FrameFile>& files, int64_t ahead_us) {
+  int64_t reach_us = kLeastReachUs;
+  std::vector<events::TimeWindow> spans;
+  for (const FrameFile& file : files) {
+    if (file.time) reach_us = std::max(reach_us, 2 * file.time->duration_us());
+  }
+  for (const FrameFile& file : files) {
+    if (!file.time) continue;
+    spans.push_back(
+        {file.time->begin_us - reach_us + ahead_us, file.time->end_us + reach_us + ahead_us});
+  }
+  std::sort(spans.begin(), spans.end(),
+            [](const auto& a, const auto& b) { return a.begin_us < b.begin_us; });
+  std::vector<events::TimeWindow> joined;
+  for (const events::TimeWindow& span : spans) {
+    if (joined.empty() || span.begin_us > joined.back().end_us) {
+      joined.push_back(span);
+    } else {
+      joined.back().end_us = std::max(joined.back().end_us, span.end_us);
+    }
+  }
+  return joined;
+}
+
+Kept kept_spans(const ReadOptions& options, const std::optional<events::TimeWindow>& span,
+                const Contents& contents) {
+  std::vector<events::TimeWindow> spans;
+  if (options.near_frames_ahead_us)
+    spans = near_frames(contents.files, *options.near_frames_ahead_us);
+  if (spans.empty()) return span ? Kept({*span}) : std::nullopt;
+  if (!options.window) return spans;
+  std::vector<events::TimeWindow> inside;
+  for (const events::TimeWindow& s : spans) {
+    const events::TimeWindow both{std::max(s.begin_us, span->begin_us),
+                                  std::min(s.end_us, span->end_us)};
+    if (both.begin_us < both.end_us) inside.push_back(both);
+  }
+  return inside;
 }
 
 /// Frames of the event sensor itself tell its size.
@@ -130,7 +186,9 @@ Recording read_recording(const fs::path& path, const ReadOptions& options) {
   recording.source = path;
   if (!options.frames.empty()) replace_frames(options.frames, options, contents);
   complete_exposures(options, contents);
-  if (options.window) cut_to(*options.window, contents);
+  const auto span = wanted_span(options, contents);
+  if (span) cut_to(*span, contents);
+  if (contents.read_events) contents.read_events(kept_spans(options, span, contents), recording);
   read_frames(std::move(contents.files), recording);
   find_sensor_size(recording);
   drop_outside(recording);

@@ -33,6 +33,8 @@ struct Recording {
   std::string format;             ///< in words, "Prophesee EVT3"
   int64_t width = 0, height = 0;  ///< of the event sensor, 0: not known
   events::EventStream events;     ///< none beside the sensor where its size is known
+  int64_t stored_events = 0;      ///< kept or not
+  events::TimeWindow stored_us;   ///< from the first of these to the last
   std::vector<Frame> frames;      ///< in order of time, of one size
   /// What the one time of a frame is, where the length of its exposure is not known.
   Stamp stamp = Stamp::kMiddle;
@@ -45,6 +47,15 @@ struct ReadOptions {
   events::TimeUnit time_unit = events::TimeUnit::kAuto;  ///< of files that do not say it
   /// What to keep, in the recording's clock: events in it and frames exposed wholly in it.
   std::optional<events::TimeWindow> window;
+  /// The same in time since the first frame began.
+  std::optional<events::TimeWindow> since_first_frame;
+  /// Where frames have times, only events within a quarter of a second, or two of the longest
+  /// exposures, of a frame are kept: all that tells of frames. The clock of the events is this far
+  /// ahead of that of the frames. None: all events.
+  std::optional<int64_t> near_frames_ahead_us;
+  /// Bytes that a kept event will cost the caller at most; a recording whose events would not fit
+  /// into 0.7 of this machine's memory is refused before they are read.
+  double event_bytes = 17;
   /// A folder of images or a video that holds the frames instead of the recording's own.
   std::filesystem::path frames;
   std::filesystem::path frame_times;  ///< a list of exposures (exposures.h) for the frames
@@ -58,7 +69,8 @@ struct ReadOptions {
 /// Reads a recording of any format that docs/own-recording.md lists, recognised by its content.
 /// Exposures come from options.frame_times, else from the recording's own fields, else from trigger
 /// edges where there are as many as frames, else from options.exposure_ms; each other case is a
-/// note. Takes 17 bytes per event and 12 per pixel of every frame; options.window bounds both.
+/// note. Takes 17 bytes per event that is kept and 12 per pixel of every frame; of Prophesee's and
+/// HDF5 files no more than that is held while they are read, of others all events are.
 /// Missing frames and missing events are notes, no errors.
 /// @throws DataError naming the path, one line: missing, empty, truncated or foreign files, frames
 ///   of different sizes, times that do not fit, what does not fit into memory, and packages that

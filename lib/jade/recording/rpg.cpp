@@ -99,7 +99,7 @@ Contents read_rpg(const fs::path& folder, const ReadOptions& options) {
   } else {
     note_untimed_images(folder, recording);
   }
-  add_events(folder / "events.txt", options, std::nullopt, recording);
+  out.read_events = events_of(folder / "events.txt", options, std::nullopt, recording);
   return out;
 }
 
