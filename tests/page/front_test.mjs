@@ -22,6 +22,7 @@ const { formatLink, parseLink } = await load('link.js');
 const { ratioLimits } = await load('renderer.js');
 const { absoluteDifference } = await load('layers.js');
 const { EventFilm } = await load('events.js');
+const { Pace } = await load('viewer.js');
 const { glanceFigures, short } = await load('report.js');
 const { addressOf, groupsOf, picturesOf } = await load('sweep.js');
 
@@ -191,11 +192,28 @@ test('events: signs come out by step, and fade with the distance from the moment
   const there = film.picture(8.5 / 16);
   assert.deepEqual([pixel(there, 0), pixel(there, 199), pixel(there, 130)], [[64, 132, 255, 255], [64, 132, 255, 255], [255, 56, 48, 255]]);
   assert.equal(there.filter((value, k) => k % 4 === 3 && value > 0).length, 3);
+  assert.deepEqual(pixel(film.picture(8.6 / 16), 130).slice(0, 3), [255, 56, 48]); // the nearer step wins
   const later = film.picture(9.4 / 16);
   assert.deepEqual(pixel(later, 130).slice(0, 3), [64, 132, 255]);
   assert.ok(pixel(later, 0)[3] > 0 && pixel(later, 0)[3] < pixel(later, 130)[3]);
   assert.ok(film.picture(0.2).every((value) => value === 0));
   assert.throws(() => new EventFilm(entry, Uint8Array.of(0, 3, 1)), /end too soon/);
+});
+
+test('viewer: slow frames halve the size until the picture rests, and the whole size is tried again', () => {
+  const pace = new Pace();
+  for (let k = 0; k < 50; ++k) assert.equal(pace.frame(16.7), true);
+  assert.equal(pace.coarse, false);
+  for (let k = 0; k < 20; ++k) pace.frame(40);
+  assert.equal(pace.coarse, true);
+  for (let k = 0; k < 100; ++k) pace.frame(16.7); // fast because they are small
+  assert.equal(pace.coarse, true);
+  assert.ok(pace.mean < 17);
+  assert.equal(pace.frame(300), false);
+  for (let k = 0; k < 3; ++k) pace.rest();
+  assert.equal(pace.coarse, false);
+  pace.frame(40);
+  assert.equal(pace.coarse, false); // one late frame is not slow
 });
 
 test('layers: a difference is absolute, amplified and opaque', () => {
@@ -220,7 +238,7 @@ test('sweep: a picture per row, of the lowest seed that has one, and the reason 
   const run = (row, seed, state, views = {}, reason = '') => ({ row, scene: 'a', seed, state, views, reason });
   const data = {
     rows: [{ name: 'r', title: 'R' }, { name: 's', title: 'S' }, { name: 't', title: 'T' }, { name: 'u', title: 'U' }, { name: 'other', title: 'O' }],
-    runs: [run('r', 2, 'finished', { v: { src: 'r2', psnr: 31 } }), run('r', 10, 'finished', { v: { src: 'r10', psnr: 40 } }), run('r', 0, 'failed', {}, 'NaN'),
+    runs: [run('r', 10, 'finished', { v: { src: 'r10', psnr: 40 } }), run('r', 2, 'finished', { v: { src: 'r2', psnr: 31 } }), run('r', 0, 'failed', {}, 'NaN'),
       run('s', 0, 'new'), run('s', 1, 'failed', {}, 'NaN at 7'), run('t', 0, 'finished', { v: { src: null, psnr: 50 } }), run('u', 0, 'finished', { v: { src: 'u0', psnr: 32 } }),
       { ...run('other', 0, 'finished', { v: { src: 'o', psnr: 60 } }), scene: 'b' }],
   };

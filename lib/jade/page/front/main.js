@@ -262,7 +262,7 @@ class Page {
 
   writeFrame() {
     const { pace, renderer } = this.viewer;
-    const rate = pace ? `${Math.round(1000 / pace)} FPS · ` : '';
+    const rate = pace.mean ? `${Math.round(1000 / pace.mean)} FPS · ` : '';
     element('hud').textContent = `${rate}${this.viewer.scene.count.toLocaleString('en')} Gaussians · ${renderer.canvas.width}×${renderer.canvas.height}`;
   }
 
