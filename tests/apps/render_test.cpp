@@ -78,12 +78,13 @@ TEST_CASE("jade_render --unblur: the blurry frame, then the moments that the run
   }
 }
 
-TEST_CASE("jade_render --unblur: a film holds the blurry frame for a second, each moment for a "
-          "sixth",
-          "[apps]") {
+TEST_CASE(
+    "jade_render --unblur: a film holds the blurry frame for a second, each moment for a "
+    "sixth",
+    "[apps]") {
   const TrainedScene scene;
-  const Outcome film = scene.render_with(
-      "/bin/cat > \"$out\"", "--unblur 01 --format mp4 --fps 12 --output films");
+  const Outcome film =
+      scene.render_with("/bin/cat > \"$out\"", "--unblur 01 --format mp4 --fps 12 --output films");
   INFO(film.err);
   CHECK(film.code == 0);
   const std::string bytes = read_file(scene.dir / "films/01.mp4");
@@ -125,8 +126,9 @@ TEST_CASE("jade_render: a wrong exposure comes with those that are near", "[apps
   check_error(scene.render("--unblur elsewhere --output out"), 2, "they are 00, 01, 02");
   check_error(scene.render("--unblur 01 --cameras test --output out"), 2, "expected alone");
   check_error(scene.render("--unblur 01"), 2, "--output: expected a folder");
-  check_error(run(scene.dir, "jade_render --quiet --device cpu --ply run/point_cloud.ply "
-                             "--unblur 01 --output out"),
+  check_error(run(scene.dir,
+                  "jade_render --quiet --device cpu --ply run/point_cloud.ply "
+                  "--unblur 01 --output out"),
               2, "--unblur needs --run or --dataset");
   CHECK_FALSE(fs::exists(scene.dir / "out"));
 }

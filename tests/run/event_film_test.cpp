@@ -71,8 +71,9 @@ TEST_CASE("event_film: a sign per pixel and step, of the sum and else of the las
 }
 
 TEST_CASE("event_film: events beside the picture and without a place do not count", "[run]") {
-  const auto exposure = exposure_of({-0.6f, 19.5f, NAN, 5, 19.4f}, {3, 3, 3, 9.6f, -0.4f},
-                                    {2000, 2000, 2000, 2000, 2000}, {1, 1, 1, 1, 1});
+  const auto exposure =
+      exposure_of({-0.6f, 19.5f, NAN, 5, 19, 19.4f}, {3, 3, 3, 9.6f, -0.7f, -0.4f},
+                  {2000, 2000, 2000, 2000, 2000, 2000}, {1, 1, 1, 1, 1, 1});
   const run::EventFilm film = run::event_film(exposure);
   CHECK(film.events == 1);
   CHECK(signs_of(film)[10][19] == 1);
@@ -96,9 +97,11 @@ TEST_CASE("event_film: longer steps and larger cells keep it below the limit", "
   const auto exposure = exposure_of(x, y, t_us, polarity);
   size_t before = run::event_film(exposure).bytes.size();
   CHECK(before > 2000);
-  for (const auto& [limit, bins, cell] :
-       {std::tuple(size_t{2200}, 16, 1), {size_t{1800}, 8, 1}, {size_t{600}, 8, 2},
-        {size_t{200}, 8, 4}, {size_t{1}, 8, 8}}) {
+  for (const auto& [limit, bins, cell] : {std::tuple(size_t{2200}, 16, 1),
+                                          {size_t{1800}, 8, 1},
+                                          {size_t{600}, 8, 2},
+                                          {size_t{200}, 8, 4},
+                                          {size_t{1}, 8, 8}}) {
     const run::EventFilm film = run::event_film(exposure, limit);
     CHECK(film.bins == bins);
     CHECK(film.cell == cell);

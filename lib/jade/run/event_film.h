@@ -16,10 +16,10 @@ namespace jade::run {
 /// between it and the one before (the first: and the picture's beginning). Each number is 7 bits
 /// per byte, the low ones first, the high bit set where more follow.
 struct EventFilm {
-  int64_t bins = 0;           ///< steps of time
+  int64_t bins = 0;  ///< steps of time
   int64_t columns = 0, rows = 0, cell = 1;
-  int64_t events = 0;         ///< of the exposure that lie in the picture
-  int64_t marks = 0;          ///< signs in the film
+  int64_t events = 0;  ///< of the exposure that lie in the picture
+  int64_t marks = 0;   ///< signs in the film
   std::string bytes;
 };
 

@@ -48,12 +48,9 @@ PageJson run_entry(const RunRow& run, const RunFiles& files) {
                      {"src", files.link("images/test_" + name + ".png")}};
     }
   }
-  return {{"row", run.row},
-          {"scene", run.scene},
-          {"seed", run.seed},
-          {"state", to_string(run.state)},
-          {"reason", run.word},
-          {"report", files.link("report.html")},
+  return {{"row", run.row},     {"scene", run.scene},
+          {"seed", run.seed},   {"state", to_string(run.state)},
+          {"reason", run.word}, {"report", files.link("report.html")},
           {"views", views}};
 }
 
