@@ -61,8 +61,7 @@ Unblurring unblurring_of(const data::Exposure& exposure, const geometry::Exposur
   for (size_t k = 0; k < moments.u.size(); ++k) {
     std::string number = std::to_string(k);
     number.insert(0, digits - number.size(), '0');
-    film.moments.push_back(
-        {exposure.name + "_" + number, span.at(moments.u[k]), exposure.camera});
+    film.moments.push_back({exposure.name + "_" + number, span.at(moments.u[k]), exposure.camera});
   }
   return film;
 }
