@@ -2,6 +2,7 @@
 // Renders views of a trained scene.
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
@@ -21,6 +22,7 @@
 #include "jade/run/checkpoint.h"
 #include "jade/run/evaluate.h"
 #include "jade/train/view.h"
+#include "jade_render/unblur.h"
 
 using namespace jade;
 
@@ -31,7 +33,7 @@ namespace fs = std::filesystem;
 struct RenderFlags {
   fs::path run, ply;
   std::string cameras = "test";
-  std::string exposure;
+  std::string exposure, unblur;
   std::string format = "png";
   double frames_per_second = 30;
   bool fps_benchmark = false;
@@ -47,9 +49,13 @@ void add_flags(apps::Program& program, RenderFlags& flags) {
                  "cameras (see below)");
   cli.add_option("--exposure", flags.exposure,
                  "with --cameras exposure: only the one of this name");
+  cli.add_option(
+      "--unblur", flags.unblur,
+      "instead of --cameras: the film of the exposure of this name, its blurry frame and "
+      "then its sharp moments (exposure.samples); NAME_blurry, NAME_0, …");
   cli.add_option("--format", flags.format,
                  "png (8 bits), npy (float32 [3,H,W], not clamped), or mp4: all views in one film, "
-                 "OUTPUT or OUTPUT/<cameras>.mp4 (needs ffmpeg)")
+                 "OUTPUT or OUTPUT/<cameras or exposure>.mp4 (needs ffmpeg)")
       ->check(CLI::IsMember({"png", "npy", "mp4"}));
   cli.add_option("--fps", flags.frames_per_second, "with --format mp4: frames per second")
       ->check(CLI::Range(0.01, 1000.0));
@@ -75,6 +81,16 @@ gaussians::GaussianFile load_scene(const RenderFlags& flags) {
   return gaussians::read_ply(flags.run / "point_cloud.ply");
 }
 
+data::Dataset load_data(const RenderFlags& flags, const train::RunOptions& options,
+                        const std::string& flag) {
+  if (options.dataset.path.empty()) throw ConfigError(flag + " needs --run or --dataset");
+  if (!flags.run.empty()) return run::load_run_dataset(flags.run, options);
+  std::vector<std::string> warnings;
+  data::Dataset dataset = data::load_dataset(options.dataset, &warnings);
+  for (const std::string& warning : warnings) log_warn(warning);
+  return dataset;
+}
+
 std::vector<data::NamedCamera> load_cameras(const RenderFlags& flags,
                                             const train::RunOptions& options) {
   if (fs::path(flags.cameras).extension() == ".json") return data::read_cameras(flags.cameras);
@@ -83,15 +99,10 @@ std::vector<data::NamedCamera> load_cameras(const RenderFlags& flags,
     throw ConfigError(concat("--cameras: expected test, train, exposure or a .json file, found '",
                              flags.cameras, "'"));
   }
-  if (options.dataset.path.empty()) {
-    throw ConfigError(concat("--cameras ", flags.cameras, " needs --run or --dataset"));
+  const data::Dataset dataset = load_data(flags, options, "--cameras " + flags.cameras);
+  if (*set == data::CameraSet::kExposure && !flags.exposure.empty()) {
+    apps::exposure_named(dataset, flags.exposure, "--exposure");
   }
-  if (!flags.run.empty()) {
-    return data::dataset_cameras(run::load_run_dataset(flags.run, options), *set, flags.exposure);
-  }
-  std::vector<std::string> warnings;
-  const data::Dataset dataset = data::load_dataset(options.dataset, &warnings);
-  for (const std::string& warning : warnings) log_warn(warning);
   return data::dataset_cameras(dataset, *set, flags.exposure);
 }
 
@@ -151,10 +162,13 @@ void print(const Timing& timing, const splat::Gaussians& gaussians, bool as_json
               device_name(gaussians.means.device()).c_str());
 }
 
+/// @param film  whose blurry frame comes first, or nothing
 void write_images(const Subject& subject, const std::vector<data::NamedCamera>& views,
-                  const fs::path& output, const std::string& format) {
+                  const fs::path& output, const std::string& format,
+                  const apps::Unblurring* film = nullptr) {
   if (output.empty()) throw ConfigError("--output: expected a folder for the images");
   make_writable_folder(output);
+  if (film) imaging::write_image(output / (film->name + "_blurry." + format), film->blurry);
   Progress progress("render", static_cast<int64_t>(views.size()), 0, "view");
   for (const data::NamedCamera& view : views) {
     throw_if_interrupted();
@@ -164,14 +178,29 @@ void write_images(const Subject& subject, const std::vector<data::NamedCamera>& 
 }
 
 /// --output itself where it names a film, else a film in that folder.
-fs::path movie_path(const fs::path& output, const std::string& cameras) {
+fs::path movie_path(const fs::path& output, const std::string& name) {
   if (output.empty()) throw ConfigError("--output: expected a folder or an .mp4 for the film");
   if (output.extension() == ".mp4") {
     make_writable_folder(output.has_parent_path() ? output.parent_path() : fs::path("."));
     return output;
   }
   make_writable_folder(output);
-  return output / (fs::path(cameras).stem().string() + ".mp4");
+  return output / (name + ".mp4");
+}
+
+/// The blurry frame for a second, then each moment for a sixth of one: long enough to be seen.
+void write_movie(const Subject& subject, const apps::Unblurring& film, const fs::path& path,
+                 double frames_per_second) {
+  imaging::Movie movie(path, film.blurry.size(2), film.blurry.size(1), frames_per_second);
+  const auto show = [&](const torch::Tensor& image, double seconds) {
+    for (auto left = std::max(1L, std::lround(seconds * frames_per_second)); left > 0; --left) {
+      throw_if_interrupted();
+      movie.add(image);
+    }
+  };
+  show(film.blurry, 1);
+  for (const data::NamedCamera& moment : film.moments) show(render(subject, moment), 1.0 / 6);
+  movie.finish();
 }
 
 void write_movie(const Subject& subject, const std::vector<data::NamedCamera>& views,
@@ -187,6 +216,34 @@ void write_movie(const Subject& subject, const std::vector<data::NamedCamera>& v
   movie.finish();
 }
 
+ExitCode unblur(const Subject& subject, const RenderFlags& flags, const train::RunOptions& options,
+                const fs::path& output) {
+  const data::Dataset dataset = load_data(flags, options, "--unblur");
+  const apps::Unblurring film = apps::unblurring_of(
+      apps::exposure_named(dataset, flags.unblur, "--unblur"), options.exposure);
+  const std::string what = concat("the blurry frame and ", film.moments.size(), " moments in ");
+  if (flags.format == "mp4") {
+    const fs::path path = movie_path(output, film.name);
+    write_movie(subject, film, path, flags.frames_per_second);
+    log_info(what + path.string());
+  } else {
+    write_images(subject, film.moments, output, flags.format, &film);
+    log_info(what + output.string());
+  }
+  return ExitCode::kOk;
+}
+
+/// What can be known to go wrong before anything is read.
+void check_flags(const RenderFlags& flags, apps::Program& program) {
+  const bool other = program.cli().count("--cameras") + program.cli().count("--exposure") > 0;
+  if (!flags.unblur.empty() && (other || flags.fps_benchmark)) {
+    throw ConfigError(
+        "--unblur: expected alone, found with --cameras, --exposure or "
+        "--fps-benchmark; take one of them out");
+  }
+  if (flags.format == "mp4" && !flags.fps_benchmark) imaging::find_ffmpeg();
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -199,19 +256,21 @@ int main(int argc, char** argv) {
   return program.run(argc, argv, [&] {
     const auto options = apps::load_settings(program, flags.run);
     if (!options) return ExitCode::kOk;
+    check_flags(flags, program);
     Subject subject{load_scene(flags), train::render_options(*options)};
     subject.options.antialiased = subject.file.antialiased;
     const torch::Device device = select_device(options->device);
     splat::Gaussians& gaussians = subject.file.gaussians;
     gaussians = gaussians::map_parameters(
         gaussians, [&](const torch::Tensor& value) { return value.to(device); });
+    if (!flags.unblur.empty()) return unblur(subject, flags, *options, program.output());
     const std::vector<data::NamedCamera> views = load_cameras(flags, *options);
     if (flags.fps_benchmark) {
       print(measure(subject, views), gaussians, program.json());
       return ExitCode::kOk;
     }
     if (flags.format == "mp4") {
-      const fs::path path = movie_path(program.output(), flags.cameras);
+      const fs::path path = movie_path(program.output(), fs::path(flags.cameras).stem().string());
       write_movie(subject, views, path, flags.frames_per_second);
       log_info(concat(views.size(), " views in ", path.string()));
       return ExitCode::kOk;

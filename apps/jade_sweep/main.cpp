@@ -110,12 +110,13 @@ ExitCode conclude(const sweep::Plan& plan, const sweep::SweepOutput& output, boo
                                         {"finished", now.finished},
                                         {"failed", now.failed},
                                         {"unfinished", now.unfinished},
-                                        {"table", path}}
+                                        {"table", path},
+                                        {"page", (output.folder() / "index.html").string()}}
                      .dump()
               << "\n";
   } else {
     std::cout << now.finished << " of " << now.runs << " runs finished, " << now.failed
-              << " failed, " << now.unfinished << " unfinished; " << path << "\n";
+              << " failed, " << now.unfinished << " unfinished; " << path << " and index.html\n";
   }
   return now.code;
 }
@@ -201,7 +202,8 @@ int main(int argc, char** argv) {
       "jade_sweep",
       "Trains rows x scenes x seeds of one YAML and writes one table; called again it goes on");
   program.add_config_flags();
-  program.add_output_flag("Folder of the sweep: runs/, tasks/, table.md, table.csv, table.tex");
+  program.add_output_flag(
+      "Folder of the sweep: runs/, tasks/, index.html, table.md, table.csv, table.tex");
   program.add_json_flag();
   Flags flags;
   add_flags(program.cli(), flags);

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""A report in headless Chromium: the scene against jade_render, and what a person can do there.
+"""A report and a sweep's page in headless Chromium: the scene against jade_render, and what a person can do there.
 
     browser_test.py BIN_FOLDER      exits with 77 where there is no Chromium
 """
@@ -71,7 +71,7 @@ PROBE = """window.probe = {
     return probe.psnr(await probe.canvas(), mean);
   },
 }; 0"""
-CONTROLS = "[...document.querySelectorAll('button, select, input, [role=slider], [role=application]')]"
+CONTROLS = "[...document.querySelectorAll('button, select, input, [role=slider], [role=application], [tabindex]')]"
 
 
 def harden(ply: Path, seed=5):
@@ -214,6 +214,32 @@ def check_layers(page, run):
     page.wait("document.getElementById('left').alt === 'depth' && document.getElementById('left').naturalWidth === 80")
 
 
+def check_events(page):
+    choose(page, "camera", "test.0")
+    page.wait("document.getElementById('events').disabled && document.getElementById('event-layer').hidden")
+    choose(page, "camera", "train.0")
+    page.wait("!document.getElementById('events').disabled")
+    page.evaluate("document.getElementById('events').click()")
+    page.wait("!document.getElementById('event-layer').hidden")
+    counts = """(() => { const layer = document.getElementById('event-layer');
+        const {data} = layer.getContext('2d').getImageData(0, 0, layer.width, layer.height);
+        const of = (test) => data.filter((_, k) => k % 4 === 0 && data[k + 3] > 0 && test(data[k], data[k + 2])).length;
+        return {width: layer.width, red: of((r, b) => r > b), blue: of((r, b) => b > r), all: [...data].join()}; })()"""
+    shown = []
+    for moment in (0.1, 0.5, 0.9):
+        choose(page, "moment", moment)
+        shown.append(page.evaluate(counts))
+    for found in shown:
+        expect(found["width"] == 80 and found["red"] > 20 and found["blue"] > 20, f"events of both signs, found {found['red']} and {found['blue']}")
+        expect(found["red"] + found["blue"] < 0.9 * 80 * 60, "events of a moment, not of the whole exposure")
+    expect(len({found["all"] for found in shown}) == 3, "events follow the slider")
+    expect("events=1" in page.evaluate("jade.link()"), "the link remembers the events")
+    page.evaluate("document.getElementById('stage').focus()")
+    page.key("v", "KeyV", "v")
+    page.wait("document.getElementById('event-layer').hidden && !document.getElementById('events').checked")
+    choose(page, "moment", 0.5)
+
+
 def check_moving(page):
     choose(page, "camera", "train.1")
     page.wait("document.getElementById('camera').value === 'train.1' && !jade.state.pose")
@@ -268,17 +294,33 @@ def check_link(page, run):
     expect(before == after, f"a link restores the view: expected {before}, found {after}")
 
 
-def check_access(page):
-    unnamed = page.evaluate(f"""{CONTROLS}.filter(c => !(c.getAttribute('aria-label') || /\\p{{L}}/u.test(c.textContent) || c.labels?.length))
+def expect_named(page):
+    unnamed = page.evaluate(f"""{CONTROLS}.filter(c => !(c.getAttribute('aria-label') || c.labels?.length
+        || (!c.hasAttribute('tabindex') && /\\p{{L}}/u.test(c.textContent))))
         .map(c => c.outerHTML.slice(0, 80))""")
     expect(unnamed == [], f"controls without a name: {unnamed}")
     expect(page.evaluate("[...document.images].every(image => image.hasAttribute('alt'))"), "every picture has an alt")
+    levels = page.evaluate("[...document.querySelectorAll('main h2, main h3, main h4')].map(h => Number(h.tagName[1]))")
+    expect(all(after <= before + 1 for before, after in zip([1, *levels], levels)), f"headings skip a level: {levels}")
+
+
+def check_access(page):
+    expect_named(page)
     page.evaluate("document.getElementById('stage').focus()")
+    choose(page, "camera", "train.0")
+    choose(page, "moment", 0.5)
+    page.key(".", "Period", ".")
+    page.wait("document.getElementById('moment').value === '0.56'")
+    page.key(",", "Comma", ",")
+    page.wait("document.getElementById('moment').value === '0.5'")
     page.key("?", "Slash", "?")
     expect(page.evaluate("document.getElementById('keys').open"), "? shows the keys")
     page.key("Escape")
     page.resize(360, 740, mobile=True)
     page.wait("document.documentElement.scrollWidth <= 360", 5)
+    cut = page.evaluate("""[...document.querySelectorAll('.controls *')].filter(c => c.getBoundingClientRect().right > innerWidth)
+        .map(c => c.outerHTML.slice(0, 60))""")
+    expect(cut == [], f"controls beyond the edge of a phone: {cut}")
 
 
 def check_page(run):
@@ -287,6 +329,7 @@ def check_page(run):
         check_fidelity(page, run)
         check_exposure(page, run)
         check_layers(page, run)
+        check_events(page)
         check_moving(page)
         check_path(page, run)
         check_link(page, run)
@@ -305,6 +348,59 @@ def check_without_webgl(run):
         expect(page.errors == [], f"the page complains: {page.errors}")
 
 
+def sweep_of(run):
+    """A sweep of two rows that are trained, one without a picture, and one that is not started."""
+    folder = run.folder / "sweep"
+    rows = ["{name: edi, title: \"EDI & more\", set: [objective.target=edi]}", "{name: none, title: None, set: [objective.target=none]}"]
+    for number, more in enumerate(([], ["{name: later, title: Later}"])):
+        (run.folder / "sweep.yaml").write_text("title: Two rows\ncolumns: [psnr, psnr_seen, psnr_unseen]\nscenes: [{name: desk, config: training.yaml, "
+                                               f"set: [dataset.path={run.folder / 'data'}]}}]\nrows: [" + ", ".join(rows + more) + "]\n")
+        run.program("jade_sweep", "--sweep", run.folder / "sweep.yaml", "--output", folder, "--device", "cpu", "--quiet", *["--table"][:number])
+        if not more:
+            gone = sorted((folder / "runs/none/desk/0/images").glob("test_*.png"))[0]
+            gone.unlink()
+    return folder
+
+
+def check_sweep(run):
+    folder = sweep_of(run)
+    views = json.loads((folder / "runs/edi/desk/0/eval.json").read_text())["views"]
+    with chromium.Chromium() as page:
+        expect(page.open((folder / "index.html").as_uri()) == "sweep", "expected the sweep's page")
+        expect(page.evaluate("document.querySelector('#glance dd').textContent") == "2 of 3 runs", "how it stands")
+        expect(page.evaluate("[...document.querySelectorAll('#runs .chip')].map(c => c.textContent)") == ["0 ✓", "0 ✓", "0 ·"], "a mark per run")
+        report = page.evaluate("document.querySelector('#runs a').href")
+        expect(report == (folder / "runs/edi/desk/0/report.html").as_uri(), f"a link to the report, found {report}")
+        heads = page.evaluate("[...document.querySelectorAll('#pictures h4')].map(h => h.textContent)")
+        expect(heads == ["Seen in training", "Not seen in training"], f"seen and unseen apart, found {heads}")
+        names = page.evaluate("[...document.querySelectorAll('.figures')].map(f => [...f.querySelectorAll('.name')].map(n => n.textContent))")
+        expect(names == [["truth", "EDI & more", "None", "Later"]] * 2, f"every row in the table's order, found {names}")
+        words = page.evaluate("[...document.querySelectorAll('.figures .none')].map(f => f.textContent)")
+        expect(len(words) == 3 and sum("no picture" in word for word in words) == 1 and words[-1] == "Laternew", f"gaps are told, found {words}")
+        page.evaluate("document.querySelectorAll('.figures img').forEach(image => { image.loading = 'eager'; })")
+        page.wait("[...document.querySelectorAll('.figures img')].every(image => image.naturalWidth === 80)")
+        shown = page.evaluate("document.querySelector('.figures .thumb:nth-child(2) .note').textContent")
+        expect(shown == f"{next(view for view in views if view['seen'])['psnr']:.2f} dB", f"PSNR of the view, found {shown}")
+        page.evaluate("document.querySelector('.figures .thumb:nth-child(2)').click()")
+        page.wait("document.getElementById('compare').open && document.getElementById('right').naturalWidth === 80")
+        page.wait("document.getElementById('left-tag').textContent === 'truth'")
+        expect(page.evaluate("document.getElementById('right-tag').textContent") == f"EDI & more {shown}", "the row on the right")
+        left, top, width, height = box(page, "stage")
+        page.drag((left + width / 2, top + height / 2), (left + 0.25 * width, top + height / 2))
+        expect(page.evaluate("document.getElementById('bar').getAttribute('aria-valuenow')") == "25", "the wipe follows the pointer")
+        title = page.evaluate("document.getElementById('compare-title').textContent")
+        page.key("]", "BracketRight", "]")
+        page.wait(f"document.getElementById('compare-title').textContent !== {json.dumps(title)}")
+        page.key("x", "KeyX", "x")
+        page.wait("document.getElementById('right-tag').textContent === 'truth'")
+        page.evaluate("document.querySelector('#compare .head button').click()")
+        page.wait("!document.getElementById('compare').open")
+        expect_named(page)
+        page.resize(360, 740, mobile=True)
+        page.wait("document.documentElement.scrollWidth <= 360", 5)
+        expect(page.errors == [], f"the page complains: {page.errors}")
+
+
 def main():
     if not chromium.find():
         print("SKIPPED: needs Chromium: scripts/setup.sh --browser")
@@ -313,6 +409,7 @@ def main():
         run = Run(Path(sys.argv[1]), Path(folder))
         check_page(run)
         check_without_webgl(run)
+        check_sweep(run)
     print("the page does what it says")
     return 0
 

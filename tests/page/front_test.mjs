@@ -21,7 +21,10 @@ const { CameraPath } = await load('path.js');
 const { formatLink, parseLink } = await load('link.js');
 const { ratioLimits } = await load('renderer.js');
 const { absoluteDifference } = await load('layers.js');
+const { EventFilm } = await load('events.js');
+const { Pace } = await load('viewer.js');
 const { glanceFigures, short } = await load('report.js');
+const { addressOf, groupsOf, picturesOf } = await load('sweep.js');
 
 const near = (a, b, tolerance = 1e-9) => a.forEach((value, k) => assert.ok(Math.abs(value - b[k]) < tolerance, `${a} against ${b}`));
 const IDENTITY = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0];
@@ -167,6 +170,8 @@ test('path: goes through its keys and is what jade_render reads', () => {
 test('link: what is written is read, and damage is left out', () => {
   const view = { camera: 'train.3', pose: [...IDENTITY], moment: 0.25, left: '|difference|', right: 'α', wipe: 0.7 };
   assert.deepEqual(parseLink(formatLink(view)), view);
+  assert.deepEqual(parseLink(formatLink({ ...view, events: true })), { ...view, events: true });
+  assert.deepEqual(parseLink(formatLink({ ...view, events: false })), view);
   assert.equal(parseLink(formatLink({ ...view, pose: null })).pose, undefined);
   assert.deepEqual(parseLink('#camera=elsewhere.1&u=7&wipe=x&pose=1,2'), {});
   assert.deepEqual(parseLink(''), {});
@@ -174,6 +179,41 @@ test('link: what is written is read, and damage is left out', () => {
 
 test('renderer: the Jacobian is taken within 0.3 half fields beside the picture', () => {
   near(ratioLimits({ fx: 100, fy: 50, cx: 40, cy: 25, width: 100, height: 50 }), [-0.55, 0.75, -0.65, 0.65]);
+});
+
+test('events: signs come out by step, and fade with the distance from the moment', async () => {
+  // 16 steps of 20 by 10 cells: in step 8 darker in cells 0 and 199, brighter in cell 130; cell 130 darker in step 9.
+  const steps = Array.from({ length: 16 }, () => [0, 0]);
+  steps[8] = [2, 0, 0xc6, 0x01, 1, 0x82, 0x01];
+  steps[9] = [1, 0x82, 0x01, 0];
+  const entry = { bins: 16, columns: 20, rows: 10, cell: 1, events: 4, packed: gzipSync(Uint8Array.from(steps.flat())).toString('base64') };
+  const film = await EventFilm.unpack(entry);
+  const pixel = (picture, cell) => [...picture.subarray(4 * cell, 4 * cell + 4)];
+  const there = film.picture(8.5 / 16);
+  assert.deepEqual([pixel(there, 0), pixel(there, 199), pixel(there, 130)], [[64, 132, 255, 255], [64, 132, 255, 255], [255, 56, 48, 255]]);
+  assert.equal(there.filter((value, k) => k % 4 === 3 && value > 0).length, 3);
+  assert.deepEqual(pixel(film.picture(8.6 / 16), 130).slice(0, 3), [255, 56, 48]); // the nearer step wins
+  const later = film.picture(9.4 / 16);
+  assert.deepEqual(pixel(later, 130).slice(0, 3), [64, 132, 255]);
+  assert.ok(pixel(later, 0)[3] > 0 && pixel(later, 0)[3] < pixel(later, 130)[3]);
+  assert.ok(film.picture(0.2).every((value) => value === 0));
+  assert.throws(() => new EventFilm(entry, Uint8Array.of(0, 3, 1)), /end too soon/);
+});
+
+test('viewer: slow frames halve the size until the picture rests, and the whole size is tried again', () => {
+  const pace = new Pace();
+  for (let k = 0; k < 50; ++k) assert.equal(pace.frame(16.7), true);
+  assert.equal(pace.coarse, false);
+  for (let k = 0; k < 20; ++k) pace.frame(40);
+  assert.equal(pace.coarse, true);
+  for (let k = 0; k < 100; ++k) pace.frame(16.7); // fast because they are small
+  assert.equal(pace.coarse, true);
+  assert.ok(pace.mean < 17);
+  assert.equal(pace.frame(300), false);
+  for (let k = 0; k < 3; ++k) pace.rest();
+  assert.equal(pace.coarse, false);
+  pace.frame(40);
+  assert.equal(pace.coarse, false); // one late frame is not slow
 });
 
 test('layers: a difference is absolute, amplified and opaque', () => {
@@ -192,4 +232,24 @@ test('report: the glance compares with blurry and EDI, and says something in eve
   const alone = glanceFigures({ headline: null, evaluation: null, metrics: [{ step: 1, psnr_train: 30 }, { step: 2, test_psnr: 1 }] });
   assert.equal(alone[0].value, '30.00 dB');
   assert.deepEqual([short(1234567), short(12345), short(0.00012345)], ['1.23M', '12.3k', '0.000123']);
+});
+
+test('sweep: a picture per row, of the lowest seed that has one, and the reason where none has', () => {
+  const run = (row, seed, state, views = {}, reason = '') => ({ row, scene: 'a', seed, state, views, reason });
+  const data = {
+    rows: [{ name: 'r', title: 'R' }, { name: 's', title: 'S' }, { name: 't', title: 'T' }, { name: 'u', title: 'U' }, { name: 'other', title: 'O' }],
+    runs: [run('r', 10, 'finished', { v: { src: 'r10', psnr: 40 } }), run('r', 2, 'finished', { v: { src: 'r2', psnr: 31 } }), run('r', 0, 'failed', {}, 'NaN'),
+      run('s', 0, 'new'), run('s', 1, 'failed', {}, 'NaN at 7'), run('t', 0, 'finished', { v: { src: null, psnr: 50 } }), run('u', 0, 'finished', { v: { src: 'u0', psnr: 32 } }),
+      { ...run('other', 0, 'finished', { v: { src: 'o', psnr: 60 } }), scene: 'b' }],
+  };
+  assert.deepEqual(picturesOf(data, 'a', 'v').map(({ title, src, best, reason }) => [title, src, best, reason]), [
+    ['R', 'r2', false, undefined], ['S', null, false, 'failed: NaN at 7'], ['T', null, false, 'no picture of this view'], ['U', 'u0', true, undefined]]);
+  assert.deepEqual(picturesOf(data, 'a', 'elsewhere').map(({ best }) => best), [false, false, false, false]);
+});
+
+test('sweep: seen and unseen views apart, and addresses that any name survives', () => {
+  const views = [{ name: 'p', seen: false }, { name: 'q', seen: true }, { name: 'r', seen: null }, { name: 's', seen: true }];
+  assert.deepEqual(groupsOf(views).map(({ heading, views: of }) => [heading, of.map(({ name }) => name)]),
+    [['Seen in training', ['q', 's']], ['Not seen in training', ['p']], ['Test views', ['r']]]);
+  assert.equal(addressOf('runs/a b/50%#?.png'), 'runs/a%20b/50%25%23%3F.png');
 });

@@ -42,3 +42,14 @@ TEST_CASE("page: a text cannot end the element that holds it", "[page]") {
   CHECK(count(page, "</script>") == count(plain, "</script>"));
   CHECK(count(page, R"(\u003c/script>\u003c!-- \u003cb>)") == 1);
 }
+
+TEST_CASE("sweep_page: holds what it was given, its own program, and the policy", "[page]") {
+  const std::string page = page::sweep_page(R"({"title": "</script><b>"})");
+  CHECK(page.rfind("<!doctype html>", 0) == 0);
+  CHECK_THAT(page, Catch::Contains(R"({"title": "\u003c/script>\u003cb>"})"));
+  CHECK_THAT(page, Catch::Contains("class SweepPage") && Catch::Contains("class Layers"));
+  CHECK_THAT(page, Catch::Contains("default-src 'none'"));
+  CHECK(page.find("import {") == std::string::npos);
+  CHECK(page.find("@STYLE@") == std::string::npos);
+  CHECK(page.find("@SCRIPT@") == std::string::npos);
+}

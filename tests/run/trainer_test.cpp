@@ -151,8 +151,9 @@ TEST_CASE("trainer: a run leaves the documented files", "[run]") {
   const Scene scene;
   const auto run = scene.dir.path() / "run";
   run::Trainer(tiny_options(scene), run, "").run();
-  for (const char* name : {"config.yaml", "env.json", "train.log", "metrics.jsonl",
-                           "point_cloud.ply", "eval.json", "report.html", "images/test_03.png"}) {
+  for (const char* name :
+       {"config.yaml", "env.json", "train.log", "metrics.jsonl", "point_cloud.ply", "eval.json",
+        "report.html", "images/test_03.png", "images/truth_03.png"}) {
     INFO(name);
     CHECK(std::filesystem::exists(run / name));
   }

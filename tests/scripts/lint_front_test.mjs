@@ -29,14 +29,16 @@ test('lint_front: the front end as it is passes', () => {
 
 for (const [what, change, message] of [
   ['a syntax error', append('link.js', 'const = 1;\n'), /link\.js: .*SyntaxError/],
-  ['a name of two modules', append('link.js', 'function chart() {}\n'), /all modules joined: .*SyntaxError/],
+  ['a name of two modules', append('link.js', 'function chart() {}\n'), /all modules of modules\.txt joined: .*SyntaxError/],
   ['a loose comparison', append('link.js', 'if (1 == 2) short();\n'), /link\.js:\d+: ==; use ===/],
   ['a request', append('link.js', "fetch('x');\n"), /link\.js:\d+: a request/],
   ['an import from below', append('spz.js', "import { Page } from './main.js';\nPage();\n"), /main\.js does not stand above/],
   ['a missing export', append('main.js', "import { nothing } from './spz.js';\nnothing();\n"), /spz\.js exports no nothing/],
   ['an unused import', append('main.js', "import { short } from './report.js';\n"), /short is not used/],
   ['a missing id', append('main.js', "element('nowhere');\n"), /page\.html has no id nowhere/],
-  ['an unlisted module', (folder) => writeFileSync(join(folder, 'more.js'), ''), /more\.js: not in modules\.txt/],
+  ['an unlisted module', (folder) => writeFileSync(join(folder, 'more.js'), ''), /more\.js: not in modules\.txt or sweep_modules\.txt/],
+  ['a missing id of the other page', append('sweep.js', "part('nowhere');\n"), /sweep\.html has no id nowhere/],
+  ['a name of two modules of the other page', append('sweep.js', 'const SCENE = 1;\n'), /all modules of sweep_modules\.txt joined: .*SyntaxError/],
 ]) {
   test(`lint_front: finds ${what}`, () => {
     const { status, stdout } = lint(change);

@@ -6,6 +6,7 @@
 #include <sys/wait.h>
 
 #include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
 #include "support/temp_dir.h"
 #include "support/tiny_dataset.h"
 
@@ -59,6 +60,10 @@ TEST_CASE("jade_sweep: trains two rows with two seeds, goes on, and writes the t
   CHECK(first.code == 0);
   CHECK_THAT(first.out, Catch::Contains("4 of 4 runs finished, 0 failed, 0 unfinished"));
   const std::string table = read_file(dir / "out/table.md");
+  const std::string page = read_file(dir / "out/index.html");
+  for (const char* file : {"images/test_03.png", "images/truth_03.png", "report.html"}) {
+    CHECK_THAT(page, Catch::Contains(concat("runs/all/tiny/0/", file)));
+  }
   INFO(table);
   CHECK_THAT(table, Catch::Contains("4 of 4 runs finished. Steps: 4."));
   CHECK_THAT(table, !Catch::Contains("What is missing"));

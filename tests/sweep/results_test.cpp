@@ -3,6 +3,8 @@
 
 #include "support/catch.h"
 
+#include <nlohmann/json.hpp>
+
 #include "fixture.h"
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
@@ -176,6 +178,87 @@ rows: [{name: told}, {name: unknown}]
   INFO(markdown);
   CHECK_THAT(markdown, Catch::Contains("| told | **0.6250** | **-0.25** |"));
   CHECK_THAT(markdown, Catch::Contains("choice_right: not measured by unknown/a/0"));
+}
+
+namespace {
+
+/// What the page embeds.
+nlohmann::json page_data(const std::string& page) {
+  const std::string mark = "id=\"data\">";
+  const size_t from = page.find(mark) + mark.size();
+  return nlohmann::json::parse(page.substr(from, page.find("</script>", from) - from));
+}
+
+/// A finished run with a seen and an unseen view.
+void finish_with_views(const TempDir& dir, const std::string& id, double psnr) {
+  finish(dir, id, psnr, 0.5);
+  const std::string run = "out/runs/" + id;
+  dir.write(run + "/eval.json",
+            concat(R"({"mean": {"psnr": )", psnr, R"(}, "views": [{"name": "3 a", "seen": true, )",
+                   R"("psnr": )", psnr + 1, R"(}, {"name": "4", "seen": false, "psnr": )", psnr - 1,
+                   "}]}"));
+  dir.write(run + "/report.html", "");
+  dir.write(run + "/images/test_3 a.png", "");
+  dir.write(run + "/images/truth_3 a.png", "");
+}
+
+}  // namespace
+
+TEST_CASE("page: links what the runs have, and shows what failed and what is missing", "[sweep]") {
+  const TempDir dir;
+  table_of(dir);
+  finish_with_views(dir, "full/a/0", 30);
+  finish_with_views(dir, "half/a/0", 33);
+  dir.write("out/runs/half/a/0/images/test_4.png", "");
+  const sweep::SweepOutput output(dir / "out");
+  const sweep::Table table = sweep::gather(plan_of(dir, kSweep), output);
+  sweep::write_table(table, dir / "out");
+  const std::string page = read_file(dir / "out/index.html");
+  CHECK(page == sweep::to_page(table, dir / "out"));
+  const auto data = page_data(page);
+  CHECK(data["title"] == "Test");
+  CHECK(data["finished"] == 6);
+  CHECK(data["runs_total"] == 12);
+  REQUIRE(data["rows"].size() == 2);  // the quoted one has no runs
+  CHECK(data["rows"][0]["title"] == "Full, α");
+
+  const auto& views = data["scenes"][0]["views"];
+  REQUIRE(views.size() == 2);
+  CHECK(views[0]["name"] == "3 a");
+  CHECK(views[0]["seen"] == true);
+  CHECK(views[0]["truth"] == "runs/full/a/0/images/truth_3 a.png");
+  CHECK(views[1]["seen"] == false);
+  CHECK(views[1]["truth"].is_null());
+  CHECK(data["scenes"][1]["views"].empty());
+  const auto run_of = [&](const char* row, const char* scene, int seed) {
+    for (const auto& run : data["runs"]) {
+      if (run["row"] == row && run["scene"] == scene && run["seed"] == seed) return run;
+    }
+    return nlohmann::json();
+  };
+  const auto full = run_of("full", "a", 0);
+  CHECK(full["state"] == "finished");
+  CHECK(full["report"] == "runs/full/a/0/report.html");
+  CHECK(full["views"]["3 a"]["src"] == "runs/full/a/0/images/test_3 a.png");
+  CHECK(full["views"]["3 a"]["psnr"] == 31.0);
+  CHECK(full["views"]["4"]["src"].is_null());
+  CHECK(run_of("half", "a", 0)["views"]["4"]["src"] == "runs/half/a/0/images/test_4.png");
+  CHECK(run_of("full", "a", 1)["report"].is_null());
+  CHECK(run_of("half", "a", 1)["state"] == "failed");
+  CHECK(run_of("half", "a", 1)["reason"] == "diverged (exit 5): step 7: NaN");
+  CHECK(run_of("full", "b", 2)["state"] == "new");
+
+  const auto& averages = data["tables"][0];
+  CHECK(averages["title"] == "Average over 2 scenes (a, b)");
+  CHECK(averages["paper"][0] == true);
+  CHECK(averages["rows"][0]["cells"][0]["text"] == "26.50 ± 2.12 (2/3)");
+  CHECK(averages["rows"][0]["cells"][0]["gap"] == true);
+  CHECK(averages["rows"][0]["cells"][0]["paper"] == "34.50");
+  CHECK(averages["rows"][2]["title"] == "other (quoted)");
+  CHECK(data["tables"][1]["rows"][0]["cells"][0]["best"] == true);
+  CHECK(data["tables"][1]["rows"][1]["cells"][0]["best"] == false);
+  CHECK(data["tables"][3]["title"] == "c (quoted from the paper; not run here)");
+  CHECK(data["remarks"].size() == table.remarks.size());
 }
 
 TEST_CASE("gather: a damaged result is an error, not a gap", "[sweep]") {

@@ -7,11 +7,11 @@
 #include <cmath>
 #include <cstdint>
 #include <string>
-#include <zlib.h>
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/check.h"
 #include "jade/gaussians/file_tensor.h"
+#include "jade/io/gzip.h"
 
 namespace jade::gaussians {
 namespace {
@@ -84,25 +84,6 @@ int fitting_bits(const torch::Tensor& means, int wanted) {
   return bits;
 }
 
-std::string gzip(const std::string& content) {
-  z_stream stream{};
-  const int gzip_window = 15 + 16;
-  if (deflateInit2(&stream, Z_DEFAULT_COMPRESSION, Z_DEFLATED, gzip_window, 9,
-                   Z_DEFAULT_STRATEGY) != Z_OK) {
-    throw DataError("zlib cannot start");
-  }
-  std::string out(deflateBound(&stream, static_cast<uLong>(content.size())), '\0');
-  stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(content.data()));
-  stream.avail_in = static_cast<uInt>(content.size());
-  stream.next_out = reinterpret_cast<Bytef*>(out.data());
-  stream.avail_out = static_cast<uInt>(out.size());
-  const int result = deflate(&stream, Z_FINISH);
-  out.resize(stream.total_out);
-  deflateEnd(&stream);
-  if (result != Z_STREAM_END) throw DataError(concat("zlib failed (", result, ")"));
-  return out;
-}
-
 }  // namespace
 
 std::string encode_spz(const splat::Gaussians& gaussians, const SpzOptions& options) {
@@ -138,7 +119,7 @@ std::string encode_spz(const splat::Gaussians& gaussians, const SpzOptions& opti
   }
   put_rotations(content, file_tensor(gaussians.rotations, torch::kFloat64));
   put_sh(content, sh, options);
-  return gzip(content);
+  return io::gzip(content);
 }
 
 void write_spz(const std::filesystem::path& path, const splat::Gaussians& gaussians,

@@ -21,18 +21,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-fs::path find_ffmpeg() {
-  const char* const path = std::getenv("PATH");
-  std::istringstream folders(path == nullptr ? "" : path);
-  for (std::string folder; std::getline(folders, folder, ':');) {
-    const fs::path candidate = fs::path(folder.empty() ? "." : folder) / "ffmpeg";
-    if (access(candidate.c_str(), X_OK) == 0 && fs::is_regular_file(candidate)) return candidate;
-  }
-  throw ConfigError(
-      "--format mp4 needs the program ffmpeg, and none is on PATH: install it (apt install ffmpeg) "
-      "or choose --format png");
-}
-
 std::vector<std::string> arguments(const fs::path& program, const fs::path& output, int64_t width,
                                    int64_t height, double frames_per_second) {
   return {program.string(), "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s",
@@ -78,6 +66,18 @@ class BrokenPipeIgnored {
 };
 
 }  // namespace
+
+std::filesystem::path find_ffmpeg() {
+  const char* const path = std::getenv("PATH");
+  std::istringstream folders(path == nullptr ? "" : path);
+  for (std::string folder; std::getline(folders, folder, ':');) {
+    const fs::path candidate = fs::path(folder.empty() ? "." : folder) / "ffmpeg";
+    if (access(candidate.c_str(), X_OK) == 0 && fs::is_regular_file(candidate)) return candidate;
+  }
+  throw ConfigError(
+      "--format mp4 needs the program ffmpeg, and none is on PATH: install it (apt install ffmpeg) "
+      "or choose --format png");
+}
 
 struct Movie::State {
   State(const fs::path& target, int64_t frame_width, int64_t frame_height)

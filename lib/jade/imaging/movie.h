@@ -8,6 +8,9 @@
 
 namespace jade::imaging {
 
+/// The program that makes films, on PATH. @throws ConfigError that says how to get it.
+std::filesystem::path find_ffmpeg();
+
 /// An .mp4 (H.264) made by the program ffmpeg, which gets raw frames through a pipe. The file
 /// appears under its name once finish() has returned; without finish(), nothing stays.
 class Movie {

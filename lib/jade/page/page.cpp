@@ -2,6 +2,8 @@
 #include "jade/page/page.h"
 
 #include <string_view>
+#include <utility>
+#include <vector>
 
 #include "jade/page/base64.h"
 #include "jade/page/front.h"
@@ -17,22 +19,32 @@ std::string inside_script(std::string text) {
   return text;
 }
 
-}  // namespace
-
-std::string report_page(const std::string& json, const std::string& spz) {
-  const std::string_view html = kHtml;
+/// The page with texts in place of its marks, which stand in this order.
+std::string filled(std::string_view html,
+                   const std::vector<std::pair<std::string_view, std::string>>& texts) {
   std::string page;
   size_t from = 0;
-  const auto fill = [&](std::string_view mark, std::string_view text) {
+  for (const auto& [mark, text] : texts) {
     const size_t at = html.find(mark, from);
     page.append(html, from, at - from).append(text);
     from = at + mark.size();
-  };
-  fill("@STYLE@", kStyle);
-  fill("@DATA@", inside_script(json));
-  fill("@SCENE@", base64(spz));
-  fill("@SCRIPT@", kScript);
+  }
   return page.append(html, from);
+}
+
+}  // namespace
+
+std::string report_page(const std::string& json, const std::string& spz) {
+  return filled(kHtml, {{"@STYLE@", kStyle},
+                        {"@DATA@", inside_script(json)},
+                        {"@SCENE@", base64(spz)},
+                        {"@SCRIPT@", kScript}});
+}
+
+std::string sweep_page(const std::string& json) {
+  return filled(
+      kSweepHtml,
+      {{"@STYLE@", kSweepStyle}, {"@DATA@", inside_script(json)}, {"@SCRIPT@", kSweepScript}});
 }
 
 }  // namespace jade::page

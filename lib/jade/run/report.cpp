@@ -12,11 +12,13 @@
 #include "jade/eval/metrics.h"
 #include "jade/gaussians/spz_file.h"
 #include "jade/imaging/image_io.h"
+#include "jade/io/gzip.h"
 #include "jade/page/base64.h"
 #include "jade/page/page.h"
 #include "jade/restore/restorations.h"
 #include "jade/run/allocation_choice.h"
 #include "jade/run/evaluate.h"
+#include "jade/run/event_film.h"
 #include "jade/train/routing_step.h"
 
 namespace jade::run {
@@ -52,6 +54,15 @@ torch::Tensor truth_of(const data::Dataset& dataset, int64_t exposure) {
   return {};
 }
 
+/// What the page's events.js reads; null for exposures without events.
+Json film_json(const data::Exposure& exposure) {
+  const EventFilm film = event_film(exposure);
+  if (film.marks == 0) return nullptr;
+  return {{"bins", film.bins},     {"columns", film.columns},
+          {"rows", film.rows},     {"cell", film.cell},
+          {"events", film.events}, {"packed", page::base64(io::gzip(film.bytes))}};
+}
+
 Json training_view(const data::Dataset& dataset, const train::View& view, int64_t index,
                    train::TrainState& state, const splat::RenderOptions& draw) {
   const data::Exposure& exposure = dataset.train[static_cast<size_t>(index)];
@@ -75,7 +86,8 @@ Json training_view(const data::Dataset& dataset, const train::View& view, int64_
   if (truth.defined()) pictures.push_back(picture("truth", truth));
   return {{"name", "training view " + view.name},
           {"camera", concat("train.", index)},
-          {"pictures", pictures}};
+          {"pictures", pictures},
+          {"events", film_json(exposure)}};
 }
 
 /// Mean PSNR at mid-exposure of what comes before the scene and of the scene, over the views where

@@ -351,6 +351,10 @@ void Trainer::finish() {
     write_learned_cameras(directory_.path() / kLearnedCamerasFile, posed);
   }
   write_pictures(posed);
+  for (const data::SharpView& view : posed.test) {
+    imaging::write_image(directory_.path() / "images" / ("truth_" + view.name + ".png"),
+                         view.image);
+  }
   if (can_evaluate()) {
     const eval::Evaluation evaluation = evaluate(posed);
     write_file(directory_.path() / "eval.json", eval::to_json(evaluation));

@@ -278,6 +278,7 @@ void write_table(const Table& table, const fs::path& folder) {
   write_file(folder / "table.csv", to_csv(table));
   write_file(folder / "table.tex", to_latex(table));
   write_file(folder / "runs.csv", runs_csv(table));
+  write_file(folder / "index.html", to_page(table, folder));
 }
 
 }  // namespace jade::sweep

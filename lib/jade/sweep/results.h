@@ -71,6 +71,10 @@ std::string runs_csv(const Table& table);
 /// A booktabs table of the averages.
 std::string to_latex(const Table& table);
 
+/// A page with the tables, how every run stands, and their pictures beside each other, which it
+/// links from runs/ in `folder`, as it does the runs' reports.
+std::string to_page(const Table& table, const std::filesystem::path& folder);
+
 /// How a sweep stands as a whole.
 struct Standing {
   size_t runs = 0, finished = 0, failed = 0, unfinished = 0;
@@ -78,7 +82,7 @@ struct Standing {
 };
 Standing standing_of(const Table& table, const SweepOutput& output);
 
-/// table.md, table.csv, table.tex and runs.csv in the sweep's folder.
+/// table.md, table.csv, table.tex, runs.csv and index.html in the sweep's folder.
 void write_table(const Table& table, const std::filesystem::path& folder);
 
 }  // namespace jade::sweep

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a link remembers of the view: its camera and, where that was left, the pose; the moment of
-// the exposure, the two layers and the wipe between them.
+// the exposure, the two layers, the wipe between them, and whether events lie over them.
 
-/** @param view  {camera: 'train.3', pose: null or 12 numbers, moment, left, right, wipe} */
+/** @param view  {camera: 'train.3', pose: null or 12 numbers, moment, left, right, wipe, events} */
 export function formatLink(view) {
   const parts = new URLSearchParams({ camera: view.camera, u: round(view.moment), left: view.left, right: view.right, wipe: round(view.wipe) });
+  if (view.events) parts.set('events', '1');
   if (view.pose) parts.set('pose', view.pose.map((value) => Number(value.toPrecision(8))).join(','));
   return `#${parts}`;
 }
@@ -19,6 +20,7 @@ export function parseLink(hash) {
     if (share(parts.get(name)) !== undefined) view[key] = share(parts.get(name));
   }
   for (const key of ['left', 'right']) if (parts.get(key)) view[key] = parts.get(key);
+  if (parts.get('events') === '1') view.events = true;
   const pose = (parts.get('pose') ?? '').split(',').map(Number);
   if (pose.length === 12 && pose.every(Number.isFinite)) view.pose = pose;
   return view;

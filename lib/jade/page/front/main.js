@@ -4,6 +4,7 @@
 
 import { CameraPath } from './path.js';
 import { Controls } from './controls.js';
+import { EventFilm } from './events.js';
 import { Layers, SCENE } from './layers.js';
 import { Viewer } from './viewer.js';
 import { formatLink, parseLink } from './link.js';
@@ -23,7 +24,8 @@ class Page {
       data.scene.cameras[kind].forEach((camera, k) => this.cameras.set(`${kind}.${k}`, camera));
     }
     this.first = data.views[0]?.camera ?? data.tests[0]?.camera ?? this.cameras.keys().next().value;
-    this.state = { camera: this.first, pose: null, moment: 0.5 };
+    this.state = { camera: this.first, pose: null, moment: 0.5, events: false };
+    this.films = new Map();
     this.path = new CameraPath();
     this.layers = new Layers({
       left: element('left'), right: element('right'), bar: element('bar'), leftTag: element('left-tag'), rightTag: element('right-tag'),
@@ -81,8 +83,12 @@ class Page {
     return this.cameras.get(this.state.camera);
   }
 
+  view() {
+    return [...this.data.views, ...this.data.tests].find((view) => view.camera === this.state.camera);
+  }
+
   pictures() {
-    return [...this.data.views, ...this.data.tests].find((view) => view.camera === this.state.camera)?.pictures ?? [];
+    return this.view()?.pictures ?? [];
   }
 
   /** Puts the viewer where a camera of the data set stands; a promise of its being drawn. */
@@ -94,7 +100,10 @@ class Page {
     element('stage').style.setProperty('--aspect', `${camera.width} / ${camera.height}`);
     element('stage').style.setProperty('--ratio', camera.width / camera.height);
     const exposure = camera.poses.length > 1;
-    element('moment').disabled = element('play').disabled = !exposure || !this.viewer;
+    element('play').disabled = !exposure || !this.viewer;
+    element('events').disabled = !this.view()?.events;
+    element('moment').disabled = !exposure || (!this.viewer && element('events').disabled);
+    await this.loadFilm();
     if (this.viewer) this.distance = this.viewer.depthAhead(camera, this.pose());
     await this.draw();
     Object.assign(this.layers, layers);
@@ -117,6 +126,39 @@ class Page {
     Object.assign(this.state, { moment: Math.min(1, Math.max(0, moment)), pose: null });
     element('moment').value = this.state.moment;
     return this.draw();
+  }
+
+  /** A sixteenth of the exposure earlier or later. */
+  nudge(by) {
+    if (!element('moment').disabled) this.setMoment(this.state.moment + by / 16);
+  }
+
+  // --- events about the slider's moment
+
+  async loadFilm() {
+    const { camera, events } = this.state;
+    const entry = this.view()?.events;
+    if (!events || !entry || this.films.has(camera)) return;
+    try {
+      this.films.set(camera, await EventFilm.unpack(entry));
+    } catch (problem) {
+      this.say(`No events here: ${problem.message}`);
+    }
+  }
+
+  /** Shows or hides them; a promise of that. */
+  async showEvents(on) {
+    this.state.events = on;
+    element('events').checked = on;
+    await this.loadFilm();
+    this.writeMoment();
+    this.writeLink();
+  }
+
+  paintEvents() {
+    const film = this.state.events && this.view()?.events ? this.films.get(this.state.camera) : null;
+    element('event-layer').hidden = !film;
+    if (film) film.paint(element('event-layer'), this.state.moment);
   }
 
   // --- drawing
@@ -215,11 +257,12 @@ class Page {
     const percent = `${Math.round(100 * this.state.moment)} %`;
     element('moment-value').textContent = exposure ? text ?? percent : '-';
     element('moment').setAttribute('aria-valuetext', exposure ? `${percent} of the exposure` : 'no exposure');
+    this.paintEvents();
   }
 
   writeFrame() {
     const { pace, renderer } = this.viewer;
-    const rate = pace ? `${Math.round(1000 / pace)} FPS · ` : '';
+    const rate = pace.mean ? `${Math.round(1000 / pace.mean)} FPS · ` : '';
     element('hud').textContent = `${rate}${this.viewer.scene.count.toLocaleString('en')} Gaussians · ${renderer.canvas.width}×${renderer.canvas.height}`;
   }
 
@@ -248,6 +291,7 @@ class Page {
       wipe: wanted.wipe ?? 0.5,
     };
     this.state.moment = wanted.moment ?? 0.5;
+    element('events').checked = this.state.events = wanted.events ?? false;
     element('moment').value = this.state.moment;
     await this.jump(this.cameras.has(wanted.camera) ? wanted.camera : this.first, layers);
     this.restored = true;
@@ -290,6 +334,7 @@ class Page {
     on('reset', 'click', () => this.reset());
     on('moment', 'input', () => this.setMoment(Number(element('moment').value)));
     on('play', 'click', () => this.play());
+    on('events', 'change', () => this.showEvents(element('events').checked));
     on('swap', 'click', () => this.layers.swap());
     on('link', 'click', () => this.copyLink());
     on('picture', 'click', () => this.savePicture());
@@ -316,7 +361,8 @@ class Page {
     };
     const keys = {
       '?': () => element('keys').showModal(), '[': () => this.step(-1), ']': () => this.step(1), x: () => this.layers.swap(),
-      l: () => this.copyLink(), ...(this.viewer ? scene : {}),
+      ',': () => this.nudge(-1), '.': () => this.nudge(1),
+      l: () => this.copyLink(), v: () => !element('events').disabled && this.showEvents(!this.state.events), ...(this.viewer ? scene : {}),
     };
     if (event.key === ' ' && event.target.tagName === 'BUTTON') return;
     const call = keys[event.key.toLowerCase()];

@@ -10,13 +10,13 @@ export function writeReport(data, onPick) {
   at('facts').textContent = data.facts.join(' · ');
   at('config').textContent = data.config;
   writeGlance(at('glance'), data);
-  for (const view of data.views) strip(at('views'), view, onPick);
+  for (const view of data.views) strip(at('views'), 'h3', view, onPick);
   const groups = [['Seen in training', true], ['Not seen in training', false], ['Test views', null]];
   for (const [title, seen] of groups) {
     const views = data.tests.filter((view) => view.seen === seen);
     if (views.length === 0) continue;
     make('h3', at('tests'), { textContent: `${title}${meanNote(data.evaluation, seen)}` });
-    for (const view of views) strip(at('tests'), view, onPick);
+    for (const view of views) strip(at('tests'), 'h4', view, onPick);
   }
   writeScores(at('scores'), data.evaluation);
   writeAllocation(at('allocation'), data.allocation);
@@ -58,27 +58,30 @@ function meanNote(evaluation, seen) {
   return mean ? `: ${mean.psnr.toFixed(2)} dB` : '';
 }
 
-function strip(parent, view, onPick) {
+function strip(parent, heading, view, onPick) {
   const box = make('section', parent, { className: 'view' });
-  make('h4', box, { textContent: view.name });
+  make(heading, box, { textContent: view.name });
   const row = make('div', box, { className: 'strip' });
   for (const picture of view.pictures) {
     const button = make('button', row, { type: 'button', className: 'thumb', title: 'show above' });
     make('img', button, { src: picture.src, alt: '', loading: 'lazy' });
     make('span', button, { textContent: picture.note ? `${picture.name} ${picture.note}` : picture.name });
+    button.setAttribute('aria-label', `${picture.name} ${picture.note ?? ''} of ${view.name}: show above`);
     button.onclick = () => onPick(view, picture.name);
   }
 }
 
-function table(parent, head, rows) {
+function table(parent, label, head, rows) {
   const box = make('div', parent, { className: 'scroll', tabIndex: 0 });
+  box.setAttribute('role', 'region');
+  box.setAttribute('aria-label', label);
   const whole = make('table', box);
   const top = make('tr', make('thead', whole));
   for (const cell of head) make('th', top, { textContent: cell, scope: 'col' });
   const body = make('tbody', whole);
   for (const row of rows) {
     const line = make('tr', body);
-    row.forEach((cell, k) => make(k === 0 ? 'th' : 'td', line, { textContent: shown(cell) }));
+    row.forEach((cell, k) => make(k === 0 ? 'th' : 'td', line, { textContent: shown(cell), ...(k === 0 ? { scope: 'row' } : {}) }));
   }
 }
 
@@ -90,7 +93,7 @@ function writeScores(parent, evaluation) {
   if (!evaluation) return;
   const mark = ({ seen }) => (typeof seen === 'boolean' ? (seen ? 'seen' : 'unseen') : '-');
   const means = [['mean of seen', evaluation.mean_seen], ['mean of unseen', evaluation.mean_unseen], ['mean', evaluation.mean]];
-  table(parent, ['view', 'in training', ...METRICS], [
+  table(parent, 'Scores of the test views', ['view', 'in training', ...METRICS], [
     ...evaluation.views.map((view) => [view.name, mark(view), ...METRICS.map((key) => view[key])]),
     ...means.filter(([, mean]) => mean).map(([name, mean]) => [name, '', ...METRICS.map((key) => mean[key])]),
   ]);
@@ -104,7 +107,7 @@ function writeAllocation(parent, { views, mean }) {
     return;
   }
   const keys = ['alpha_mean', 'alpha_std', 'alpha_min', 'alpha_max', 'alpha_correlation', 'choice_right', 'choice_gain_db'];
-  table(parent, ['view', 'α mean', 'α std', 'least', 'largest', 'correlation with event density', 'right choice', 'gain, dB'],
+  table(parent, 'Allocation by view', ['view', 'α mean', 'α std', 'least', 'largest', 'correlation with event density', 'right choice', 'gain, dB'],
     [...views.map((view) => [view.name, ...keys.map((key) => view[key])]), ['all', ...keys.map((key) => mean[key])]]);
   const spread = mean.alpha_correlation_std === null ? '' : ` ± ${mean.alpha_correlation_std.toFixed(4)} (sample deviation)`;
   make('p', parent, { className: 'facts', textContent: `Pearson's r over the pixels of a view; over the views ${mean.alpha_correlation.toFixed(4)}${spread}.` });

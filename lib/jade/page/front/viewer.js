@@ -4,7 +4,31 @@
 import { Renderer } from './renderer.js';
 import { Sorter } from './sort.js';
 
-const SLOW_MS = 40; // per frame; above it a moving picture is drawn at half the size
+const REST_MS = 250; // without a frame the picture stands still
+const SLOW_MS = 22; // per frame: not 60 per second; a moving picture is drawn at half the size then
+
+/** How fast frames come while the picture moves, and whether they come in time at the whole size. */
+export class Pace {
+  constructor() {
+    Object.assign(this, { mean: 0, whole: 1000 / 60, coarse: false });
+  }
+
+  /** A frame begins `since` ms after the one before; true while the picture moves. */
+  frame(since) {
+    if (since >= REST_MS) return false;
+    this.mean = this.mean ? 0.9 * this.mean + 0.1 * since : since;
+    // Frames of half the size say nothing of whole ones: the size would flicker.
+    if (!this.coarse) this.whole = 0.8 * this.whole + 0.2 * since;
+    this.coarse = this.whole > SLOW_MS;
+    return true;
+  }
+
+  /** The movement has ended: sooner or later the whole size is tried again. */
+  rest() {
+    this.whole *= 0.8;
+    this.coarse = this.whole > SLOW_MS;
+  }
+}
 
 export class Viewer {
   /**
@@ -16,7 +40,7 @@ export class Viewer {
     this.sorter = new Sorter(scene, settings.near_plane);
     this.scene = scene;
     this.native = false;
-    this.pace = 0; // ms per frame while it moves
+    this.pace = new Pace();
     this.onFrame = () => {};
   }
 
@@ -25,7 +49,7 @@ export class Viewer {
     if (this.native) return 1;
     const shown = this.renderer.canvas.clientWidth || camera.width;
     const full = Math.min(devicePixelRatio || 1, 2) * shown / camera.width;
-    return moving && this.pace > SLOW_MS ? full / 2 : full;
+    return moving && this.pace.coarse ? full / 2 : full;
   }
 
   /** Draws soon, with the order at hand until the new one has come. */
@@ -44,14 +68,17 @@ export class Viewer {
     if (!this.renderer.range || !this.wanted) return;
     const since = now - (this.drawnAt ?? -Infinity);
     this.drawnAt = now;
-    const moving = since < 250;
-    if (moving) this.pace = this.pace ? 0.9 * this.pace + 0.1 * since : since;
+    const moving = this.pace.frame(since);
     const { camera, pose } = this.wanted;
     this.renderer.draw(camera, pose, this.scale(camera, moving));
     this.renderer.show();
     this.onFrame();
     clearTimeout(this.rest);
-    if (moving && this.pace > SLOW_MS) this.rest = setTimeout(() => this.request(camera, pose), 300);
+    if (!moving || !this.pace.coarse) return;
+    this.rest = setTimeout(() => {
+      this.pace.rest();
+      this.request(camera, pose);
+    }, 300);
   }
 
   /** Draws now, in the order of this very pose; `depthMode` shows depth. False where another request came first. */

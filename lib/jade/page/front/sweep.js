@@ -1,0 +1,230 @@
+// SPDX-License-Identifier: Apache-2.0
+// The page of a sweep: how its runs stand, its tables, and the pictures of every row beside each
+// other. Pictures and reports are files beside the page.
+
+import { Layers } from './layers.js';
+
+const TRUTH = 'truth';
+const MARKS = { finished: '✓', failed: '✗', running: '▸', unfinished: '…', new: '·' };
+const part = (id) => document.getElementById(id);
+const append = (tag, parent, props = {}) => parent.appendChild(Object.assign(document.createElement(tag), props));
+const byNumber = (a, b) => a.seed - b.seed;
+
+/** The address of a file beside the page: any byte of a name may stand in it. */
+export function addressOf(path) {
+  return path.split('/').map(encodeURIComponent).join('/');
+}
+
+/**
+ * What stands for each row in the pictures of a view: {title, src, psnr, best, run, reason}. The run
+ * is that of the lowest seed with a picture; where none has one, the reason says why.
+ */
+export function picturesOf(data, scene, view) {
+  const entries = data.rows.flatMap(({ name, title }) => {
+    const runs = data.runs.filter((run) => run.row === name && run.scene === scene).sort(byNumber);
+    if (runs.length === 0) return [];
+    const run = runs.find((each) => each.views[view]?.src);
+    if (run) return [{ title, run, src: run.views[view].src, psnr: run.views[view].psnr }];
+    const failed = runs.find((each) => each.state === 'failed');
+    const first = failed ?? runs[0];
+    const reason = first.state === 'finished' ? 'no picture of this view' : `${first.state}${first.reason ? `: ${first.reason}` : ''}`;
+    return [{ title, run: first, src: null, reason }];
+  });
+  const most = Math.max(...entries.map(({ psnr }) => psnr ?? -Infinity));
+  return entries.map((entry) => ({ ...entry, best: Number.isFinite(most) && entry.psnr === most }));
+}
+
+/** {heading, views}: those seen in training, those not seen, and those of which nobody knows. */
+export function groupsOf(views) {
+  return [['Seen in training', true], ['Not seen in training', false], ['Test views', null]]
+    .map(([heading, seen]) => ({ heading, views: views.filter((view) => view.seen === seen) }))
+    .filter((group) => group.views.length > 0);
+}
+
+export class SweepPage {
+  constructor(data) {
+    this.data = data;
+    this.layers = new Layers({
+      left: part('left'), right: part('right'), bar: part('bar'), leftTag: part('left-tag'), rightTag: part('right-tag'),
+      leftSelect: part('left-layer'), rightSelect: part('right-layer'),
+    }, () => {});
+    part('left').addEventListener('load', () => this.fit(part('left')));
+    part('right').addEventListener('load', () => this.fit(part('right')));
+    part('swap').addEventListener('click', () => this.layers.swap());
+    part('previous').addEventListener('click', () => this.step(-1));
+    part('next').addEventListener('click', () => this.step(1));
+    part('compare').addEventListener('keydown', (event) => this.key(event));
+  }
+
+  write() {
+    const { data } = this;
+    document.title = `${data.title} · JADE-GS`;
+    part('title').textContent = data.title;
+    part('note').textContent = data.note;
+    part('facts').textContent = data.facts.join(' · ');
+    this.writeGlance();
+    this.writeRuns();
+    data.tables.forEach((table, k) => this.writeTable(part(k === 0 ? 'first-table' : 'tables'), table));
+    part('more-tables').hidden = data.tables.length < 2;
+    for (const scene of data.scenes) this.writeScene(scene);
+    const any = data.runs.some((run) => Object.keys(run.views).length > 0);
+    part('pictures-note').textContent = any ? 'Test views of every row in the table’s order, with PSNR; the highest is framed. Choose one to wipe it against the truth or another row.'
+      : 'No run has finished yet.';
+    for (const { heading, meaning } of data.columns) {
+      append('dt', part('columns'), { textContent: heading });
+      append('dd', part('columns'), { textContent: meaning });
+    }
+    part('missing').hidden = data.remarks.length === 0;
+    for (const remark of data.remarks) append('li', part('remarks'), { textContent: remark });
+  }
+
+  writeGlance() {
+    const { finished, runs_total: total, runs, tables, columns } = this.data;
+    const failed = runs.filter((run) => run.state === 'failed').length;
+    const card = (label, value, note, kind = '') => {
+      const box = append('div', part('glance'), { className: `card ${kind}` });
+      append('dt', box, { textContent: label });
+      append('dd', box, { textContent: value });
+      append('dd', box, { textContent: note, className: 'note' });
+    };
+    card('finished', `${finished} of ${total} runs`, total - finished - failed > 0 ? `${total - finished - failed} to go` : 'none to go');
+    if (failed > 0) card('failed', String(failed), 'below with their reasons', 'bad');
+    columns.slice(0, 3).forEach((column, k) => {
+      const row = tables[0]?.rows.find((each) => each.cells[k].best);
+      if (row) card(column.heading, row.cells[k].text.split(' ')[0], row.title, k === 0 ? 'best' : '');
+    });
+  }
+
+  /** Rows by scenes, a mark per seed that leads to its report. */
+  writeRuns() {
+    const { rows, scenes, runs } = this.data;
+    const body = tableIn(part('runs'), 'Runs by row and scene', ['row', ...scenes.map(({ name }) => name)]);
+    for (const { name, title } of rows) {
+      const line = append('tr', body);
+      append('th', line, { textContent: title, scope: 'row' });
+      for (const scene of scenes) {
+        const cell = append('td', line);
+        for (const run of runs.filter((each) => each.row === name && each.scene === scene.name).sort(byNumber)) addChip(cell, run);
+      }
+    }
+  }
+
+  writeTable(parent, { title, paper, rows }) {
+    append('h3', parent, { textContent: title });
+    const head = this.data.columns.flatMap(({ heading }, k) => (paper[k] ? [heading, 'paper'] : [heading]));
+    const body = tableIn(parent, title, ['', ...head]);
+    let block = '';
+    for (const row of rows) {
+      if (row.block && row.block !== block) {
+        append('th', append('tr', body, { className: 'block' }), { textContent: row.block, colSpan: head.length + 1, scope: 'rowgroup' });
+      }
+      block = row.block;
+      const line = append('tr', body);
+      append('th', line, { textContent: row.title, scope: 'row' });
+      row.cells.forEach((cell, k) => {
+        append('td', line, { textContent: cell.text, className: cell.best ? 'best' : cell.gap ? 'gap' : '' });
+        if (paper[k]) append('td', line, { textContent: cell.paper ?? '', className: 'paper' });
+      });
+    }
+  }
+
+  writeScene(scene) {
+    const groups = groupsOf(scene.views);
+    if (groups.length === 0) return;
+    const box = append('section', part('pictures'));
+    box.setAttribute('aria-label', `Pictures of ${scene.name}`);
+    append('h3', box, { textContent: scene.name });
+    for (const { heading, views } of groups) {
+      const bar = append('div', box, { className: 'pick' });
+      append('h4', bar, { textContent: heading });
+      const select = append('select', append('label', bar, { textContent: 'view ' }));
+      select.append(...views.map(({ name }) => new Option(name)));
+      const grid = append('div', box, { className: 'figures' });
+      select.onchange = () => this.fill(grid, scene, views[select.selectedIndex]);
+      this.fill(grid, scene, views[0]);
+    }
+  }
+
+  fill(grid, scene, view) {
+    grid.replaceChildren();
+    if (view.truth) this.figure(grid, scene, view, { title: TRUTH, src: view.truth });
+    for (const entry of picturesOf(this.data, scene.name, view.name)) this.figure(grid, scene, view, entry);
+  }
+
+  figure(grid, scene, view, { title, src, psnr, best, run, reason }) {
+    const seed = run && this.data.runs.some((each) => each.seed !== run.seed) ? `seed ${run.seed}` : '';
+    const note = [typeof psnr === 'number' ? `${psnr.toFixed(2)} dB` : '', seed, reason ?? ''].filter((text) => text).join(' · ');
+    if (!src) {
+      const box = append('div', grid, { className: run.state === 'failed' ? 'none failed' : 'none' });
+      append('span', box, { className: 'name', textContent: title });
+      append('span', box, { className: 'note', textContent: note });
+      return;
+    }
+    const button = append('button', grid, { type: 'button', className: best ? 'thumb leading' : 'thumb', title: 'compare' });
+    append('img', button, { src: addressOf(src), alt: '', loading: 'lazy' });
+    append('span', button, { className: 'name', textContent: title });
+    append('span', button, { className: 'note', textContent: note });
+    button.onclick = () => this.compare(scene, view, title);
+  }
+
+  // --- two pictures with a wipe between them
+
+  compare(scene, view, title) {
+    Object.assign(this, { scene, view });
+    Object.assign(this.layers, { left: TRUTH, right: title, wipe: 0.5 });
+    part('compare').showModal();
+    return this.show();
+  }
+
+  show() {
+    const { scene, view } = this;
+    const seen = { true: ', seen in training', false: ', not seen in training' }[view.seen] ?? '';
+    part('compare-title').textContent = `${scene.name}, view ${view.name}${seen}`;
+    const rows = picturesOf(this.data, scene.name, view.name).filter(({ src }) => src)
+      .map(({ title, src, psnr }) => ({ name: title, src: addressOf(src), note: typeof psnr === 'number' ? `${psnr.toFixed(2)} dB` : '' }));
+    const truth = view.truth ? [{ name: TRUTH, src: addressOf(view.truth) }] : [];
+    part('previous').disabled = part('next').disabled = scene.views.length < 2;
+    if (this.layers.left === this.layers.right && rows.length > 0) this.layers.right = rows[0].name;
+    return this.layers.setPictures([...truth, ...rows], []);
+  }
+
+  step(by) {
+    const { views } = this.scene;
+    this.view = views[(views.indexOf(this.view) + by + views.length) % views.length];
+    return this.show();
+  }
+
+  key(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey || event.target.tagName === 'SELECT') return;
+    const call = { '[': () => this.step(-1), ']': () => this.step(1), x: () => this.layers.swap() }[event.key.toLowerCase()];
+    if (!call) return;
+    event.preventDefault();
+    call();
+  }
+
+  fit(image) {
+    part('stage').style.setProperty('--aspect', `${image.naturalWidth} / ${image.naturalHeight}`);
+    part('stage').style.setProperty('--ratio', image.naturalWidth / image.naturalHeight);
+  }
+}
+
+/** An empty table that scrolls sideways where it must; its body. */
+function tableIn(parent, label, head) {
+  const box = append('div', parent, { className: 'scroll', tabIndex: 0 });
+  box.setAttribute('role', 'region');
+  box.setAttribute('aria-label', label);
+  const whole = append('table', box);
+  const top = append('tr', append('thead', whole));
+  for (const text of head) append('th', top, { textContent: text, scope: 'col' });
+  return append('tbody', whole);
+}
+
+function addChip(parent, { seed, state, reason, report }) {
+  const chip = append(report ? 'a' : 'span', parent, { textContent: `${seed} ${MARKS[state]}` });
+  chip.className = `chip ${['finished', 'failed'].includes(state) ? state : 'waiting'}`;
+  const words = `seed ${seed}: ${state}${reason ? `: ${reason}` : ''}${report ? '; its report' : ''}`;
+  chip.title = words;
+  chip.setAttribute('aria-label', words);
+  if (report) chip.href = addressOf(report);
+  else chip.setAttribute('role', 'img');
+}

@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: Apache-2.0
+// jade_render as a user runs it: the film of an exposure, with and without ffmpeg, and bad input.
+#include "support/catch.h"
+
+#include "jade/core/error.h"
+#include "jade/imaging/image_io.h"
+#include "support/programs.h"
+#include "support/temp_dir.h"
+#include "support/tiny_dataset.h"
+
+using namespace jade;
+using test::check_error;
+using test::Outcome;
+using test::run;
+
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A scene trained for two steps with five moments per exposure.
+struct TrainedScene {
+  test::TempDir dir;
+  TrainedScene() {
+    test::write_tiny_dataset(dir / "scene");
+    const Outcome trained =
+        run(dir,
+            "jade_train --quiet --device cpu --set dataset.path=scene --set init.points=100 "
+            "--set objective.target=edi --set exposure.samples=5 --set train.iterations=2 "
+            "--output run");
+    INFO(trained.err);
+    REQUIRE(trained.code == 0);
+  }
+  Outcome render(const std::string& flags) const {
+    return run(dir, "jade_render --quiet --device cpu --run run " + flags);
+  }
+  /// With `body` as the only ffmpeg there is; the file it is to write is $out.
+  Outcome render_with(const std::string& body, const std::string& flags) const {
+    const auto path = dir.write("bin/ffmpeg", "#!/bin/sh\nfor out; do :; done\n" + body + "\n");
+    fs::permissions(path, fs::perms::owner_all);
+    return without_path("bin", flags);
+  }
+  Outcome without_path(const std::string& folder, const std::string& flags) const {
+    return run(dir, "program=$(command -v jade_render); PATH=$PWD/" + folder +
+                        " $program --quiet --device cpu --run run " + flags);
+  }
+};
+
+}  // namespace
+
+TEST_CASE("jade_render --unblur: the blurry frame, then the moments that the run renders",
+          "[apps]") {
+  const TrainedScene scene;
+  const Outcome frames = scene.render("--unblur 01 --output frames");
+  INFO(frames.err);
+  CHECK(frames.code == 0);
+  std::vector<std::string> names;
+  for (const auto& entry : fs::directory_iterator(scene.dir / "frames")) {
+    names.push_back(entry.path().filename().string());
+  }
+  std::sort(names.begin(), names.end());
+  CHECK(names == std::vector<std::string>{"01_0.png", "01_1.png", "01_2.png", "01_3.png",
+                                          "01_4.png", "01_blurry.png"});
+  const auto picture = [&](const fs::path& path) { return imaging::read_image(scene.dir / path); };
+  CHECK(torch::equal(picture("frames/01_blurry.png"), picture("scene/images_1/01.png")));
+  // Five equal moments are every second of the nine poses.
+  CHECK(scene.render("--cameras exposure --exposure 01 --output poses").code == 0);
+  for (const int k : {0, 2, 4}) {
+    CHECK(torch::allclose(picture(concat("frames/01_", k, ".png")),
+                          picture(concat("poses/01_", 2 * k, ".png")), 0, 1.01 / 255));
+  }
+  CHECK_FALSE(torch::equal(picture("frames/01_0.png"), picture("frames/01_4.png")));
+  const Outcome more =
+      scene.render("--unblur 00 --set exposure.samples=11 --format npy --output more");
+  INFO(more.err);
+  CHECK(more.code == 0);
+  for (const char* name : {"00_blurry.npy", "00_00.npy", "00_10.npy"}) {
+    CHECK(fs::exists(scene.dir / "more" / name));
+  }
+}
+
+TEST_CASE(
+    "jade_render --unblur: a film holds the blurry frame for a second, each moment for a "
+    "sixth",
+    "[apps]") {
+  const TrainedScene scene;
+  const Outcome film =
+      scene.render_with("/bin/cat > \"$out\"", "--unblur 01 --format mp4 --fps 12 --output films");
+  INFO(film.err);
+  CHECK(film.code == 0);
+  const std::string bytes = read_file(scene.dir / "films/01.mp4");
+  const size_t frame = 36 * 28 * 3;
+  REQUIRE(bytes.size() == frame * (12 + 5 * 2));
+  const auto shown = [&](size_t k) { return bytes.substr(k * frame, frame); };
+  CHECK(shown(0) == shown(11));
+  CHECK(shown(11) != shown(12));
+  CHECK(shown(12) == shown(13));
+  CHECK(shown(13) != shown(14));
+  CHECK(scene.render_with("/bin/cat > \"$out\"", "--unblur 01 --format mp4 --output a.mp4").code ==
+        0);
+  CHECK(fs::exists(scene.dir / "a.mp4"));
+  check_error(scene.render_with("exit 1", "--unblur 01 --format mp4 --output failed.mp4"), 3,
+              "ffmpeg");
+  CHECK_FALSE(fs::exists(scene.dir / "failed.mp4"));
+}
+
+TEST_CASE("jade_render: without ffmpeg one line says how to get it, before anything is read",
+          "[apps]") {
+  const TrainedScene scene;
+  fs::remove(scene.dir / "run/point_cloud.ply");
+  fs::remove_all(scene.dir / "run/checkpoints");
+  fs::create_directory(scene.dir / "empty");
+  for (const char* what : {"--unblur 01", "--cameras test"}) {
+    check_error(
+        scene.without_path("empty", concat(what, " --format mp4 --output films")), 2,
+        "needs the program ffmpeg, and none is on PATH: install it (apt install ffmpeg) or choose "
+        "--format png");
+  }
+  CHECK_FALSE(fs::exists(scene.dir / "films"));
+}
+
+TEST_CASE("jade_render: a wrong exposure comes with those that are near", "[apps]") {
+  const TrainedScene scene;
+  check_error(scene.render("--unblur 0l --output out"), 2, "found '0l'; near it: 00, 01, 02");
+  check_error(scene.render("--cameras exposure --exposure 11 --output out"), 2,
+              "--exposure: expected one of the 3 exposures of ");
+  check_error(scene.render("--unblur elsewhere --output out"), 2, "they are 00, 01, 02");
+  check_error(scene.render("--unblur 01 --cameras test --output out"), 2, "expected alone");
+  check_error(scene.render("--unblur 01"), 2, "--output: expected a folder");
+  check_error(run(scene.dir,
+                  "jade_render --quiet --device cpu --ply run/point_cloud.ply "
+                  "--unblur 01 --output out"),
+              2, "--unblur needs --run or --dataset");
+  CHECK_FALSE(fs::exists(scene.dir / "out"));
+}
