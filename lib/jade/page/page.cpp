@@ -17,9 +17,8 @@ std::string inside_script(std::string text) {
   return text;
 }
 
-}  // namespace
-
-std::string report_page(const std::string& json, const std::string& spz) {
+/// @param connect  directives for the policy
+std::string page_with(const std::string& json, const std::string& spz, std::string_view connect) {
   const std::string_view html = kHtml;
   std::string page;
   size_t from = 0;
@@ -28,11 +27,22 @@ std::string report_page(const std::string& json, const std::string& spz) {
     page.append(html, from, at - from).append(text);
     from = at + mark.size();
   };
+  fill("@CONNECT@", connect);
   fill("@STYLE@", kStyle);
   fill("@DATA@", inside_script(json));
   fill("@SCENE@", base64(spz));
   fill("@SCRIPT@", kScript);
   return page.append(html, from);
+}
+
+}  // namespace
+
+std::string report_page(const std::string& json, const std::string& spz) {
+  return page_with(json, spz, "");
+}
+
+std::string live_page(const std::string& json) {
+  return page_with(json, "", " 'self'; connect-src 'self'");
 }
 
 }  // namespace jade::page
