@@ -13,6 +13,7 @@
 #include "jade/core/digest.h"
 #include "jade/core/error.h"
 #include "jade/core/interrupt.h"
+#include "jade/run/evaluate.h"
 #include "jade/run/trainer.h"
 #include "jade/serve/server.h"
 #include "support/tiny_run.h"
@@ -103,6 +104,36 @@ TEST_CASE("live_run: a run gives the same bits with viewers and without", "[run]
   CHECK(audience.seen() >= 3);
   CHECK(audience.failed() == 0);
   CHECK(file_sha256(alone / "point_cloud.ply") == file_sha256(watched / "point_cloud.ply"));
+}
+
+TEST_CASE("live_run: frames come from a GPU that trains, and are whole", "[run][cuda]") {
+  if (!serve::can_serve()) return;
+  test::TinyScene scene;
+  train::RunOptions options = test::routed_options(scene);
+  options.device = "cuda";
+  options.train.iterations = options.train.calendar = 2000;
+  serve::Server server({"127.0.0.1", 0}, "--serve");
+  run::LiveRun live(server);
+  run::Trainer trainer(options, scene.dir / "run", "");
+  const data::Exposure exposure = data::load_dataset(options.dataset).train.front();
+  Audience audience(server.stage(), exposure.poses.front(), exposure.camera);
+  trainer.run(&live);
+  audience.leave();
+  CHECK(audience.seen() >= 10);
+  CHECK(audience.failed() == 0);
+
+  const run::GaussianSource gaussians = [&] { return trainer.state().gaussians.detached(); };
+  const splat::RenderOptions draw = train::render_options(trainer.options());
+  const data::Dataset dataset = data::load_dataset(options.dataset);
+  const run::LiveScene shown(dataset, draw, gaussians);
+  Wanted wanted;
+  wanted.pose = exposure.poses.front();
+  wanted.camera = exposure.camera;
+  const serve::Drawn drawn = shown.draw(wanted, 0);
+  REQUIRE(drawn.finish);
+  drawn.finish();
+  const auto expected = run::render_view(gaussians(), wanted.pose, wanted.camera, draw);
+  CHECK(drawn.image.sub(expected.cpu()).abs().max().item<double>() < 1e-5);
 }
 
 TEST_CASE("live_run: progress and metrics come as they are logged", "[run]") {
