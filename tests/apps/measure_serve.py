@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What --serve costs a run, for docs/viewer.md: steps per second without it, with nobody looking, with one viewer.
 
-    measure_serve.py BIN_FOLDER [--repeat N] [--size WxH] -- FLAGS OF jade_train
+    measure_serve.py BIN_FOLDER [--repeat N] -- FLAGS OF jade_train
 
 The three ways take turns, so that a machine that slows down slows all of them. Steps per second are those
 from the second logged line to the last; CPU seconds are the program's own, encoding included.
@@ -10,6 +10,7 @@ from the second logged line to the last; CPU seconds are the program's own, enco
 import argparse
 import json
 import os
+import re
 import statistics
 import subprocess
 import sys
@@ -23,11 +24,22 @@ from serve_test import Served, ask
 WAYS = ("without --serve", "nobody looks", "one viewer")
 
 
-def look(url, size, state):
+def first_camera(url, state):
+    """What the page shows first, as parameters of a frame."""
+    while not state["stop"]:
+        text = ask(url)[1].decode()
+        if '"live"' in text:
+            data = re.search(r'id="data">(.*?)</script>', text, re.DOTALL)[1]
+            camera = json.loads(data)["scene"]["cameras"]["train"][0]
+            lens = ",".join(str(camera[key]) for key in ("fx", "fy", "cx", "cy", "width", "height"))
+            return f"pose={','.join(map(str, camera['poses'][4]))}&camera={lens}"
+        time.sleep(0.1)
+    return ""
+
+
+def look(url, state):
     """Asks for a frame as soon as the last has come, as the page does."""
-    width, height = size
-    camera = f"{width},{width},{width / 2},{height / 2},{width},{height}"
-    address = f"{url}frame?viewer=a&layer=color&pose=1,0,0,0,0,1,0,0,0,0,1,0&camera={camera}"
+    address = f"{url}frame?viewer=a&layer=color&{first_camera(url, state)}"
     while not state["stop"]:
         status, _ = ask(address)
         state["frames"] += status == 200
@@ -35,7 +47,7 @@ def look(url, size, state):
             time.sleep(0.1)
 
 
-def one_run(program, flags, way, size):
+def one_run(program, flags, way):
     """(steps per second, CPU seconds, frames per second)"""
     with tempfile.TemporaryDirectory() as folder:
         run, state = Path(folder) / "run", {"stop": False, "frames": 0}
@@ -45,7 +57,7 @@ def one_run(program, flags, way, size):
             subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
         else:
             served = Served(*command, "--serve=0")
-            viewer = threading.Thread(target=look, args=(served.url, size, state)) if way == WAYS[2] else None
+            viewer = threading.Thread(target=look, args=(served.url, state)) if way == WAYS[2] else None
             if viewer:
                 viewer.start()
             code = served.end()
@@ -67,14 +79,12 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("programs", type=Path)
     parser.add_argument("--repeat", type=int, default=3)
-    parser.add_argument("--size", default="240x180")
     parser.add_argument("flags", nargs="+", help="of jade_train, after --")
     arguments = parser.parse_args()
-    size = tuple(int(part) for part in arguments.size.split("x"))
     results = {way: [] for way in WAYS}
     for _ in range(arguments.repeat):
         for way in WAYS:
-            results[way].append(one_run(arguments.programs / "jade_train", arguments.flags, way, size))
+            results[way].append(one_run(arguments.programs / "jade_train", arguments.flags, way))
             print(f"{way}: {results[way][-1][0]:.3f} steps per second, {results[way][-1][1]:.1f} CPU s", file=sys.stderr, flush=True)
     print("| | steps per second | cost | CPU s | frames per second |\n|---|---:|---:|---:|---:|")
     base = statistics.median(rate for rate, _, _ in results[WAYS[0]])
