@@ -35,7 +35,8 @@ done
 
 packages=(g++ cmake ninja-build ccache git pkg-config ca-certificates python3 python3-venv
   libopencv-core-dev libopencv-imgproc-dev libopencv-imgcodecs-dev
-  libyaml-cpp-dev libcli11-dev libspdlog-dev catch2 libhdf5-dev nlohmann-json3-dev libzip-dev zlib1g-dev libssl-dev)
+  libyaml-cpp-dev libcli11-dev libspdlog-dev catch2 libhdf5-dev nlohmann-json3-dev libzip-dev zlib1g-dev libssl-dev
+  libcpp-httplib-dev)
 # Small comforts: a faster linker, and an HDF5 filter that some recordings use.
 optional=(mold hdf5-plugin-lzf)
 if [ $import = yes ]; then packages+=(colmap); fi

@@ -119,6 +119,15 @@ CLI::Option* Program::add_key_switch(const std::string& flag, const std::string&
       concat(help, " [", key, "]"));
 }
 
+CLI::Option* Program::add_serve_flag(std::string& address, const std::string& help) {
+  return cli_
+      .add_option("--serve", address,
+                  help +
+                      ": 127.0.0.1:8080, or another ADDRESS:PORT, ADDRESS or PORT (0: any free "
+                      "one). Others than this machine need the token of the address printed")
+      ->expected(0, 1);
+}
+
 void Program::add_output_flag(const std::string& help) {
   cli_.add_option("--output", output_, help);
 }

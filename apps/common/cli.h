@@ -43,6 +43,8 @@ class Program {
   /// A flag without a value that sets a key to `value`.
   CLI::Option* add_key_switch(const std::string& flag, const std::string& key,
                               const std::string& value, const std::string& help);
+  /// --serve[=ADDRESS:PORT], which fills `address` with what is given, empty for the default.
+  CLI::Option* add_serve_flag(std::string& address, const std::string& help);
   /// --output DIR.
   void add_output_flag(const std::string& help);
   /// --device auto|cpu|cuda|cuda:N.

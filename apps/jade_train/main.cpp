@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/cli.h"
+#include "jade/run/live_run.h"
 #include "jade/run/trainer.h"
+#include "jade/serve/server.h"
 #include "jade/train/options.h"
 
 using namespace jade;
@@ -16,6 +18,8 @@ int main(int argc, char** argv) {
   auto* resume_flag = program.cli().add_option(
       "--resume", resume, "Go on with the newest whole checkpoint of --output, or with this one");
   resume_flag->expected(0, 1);
+  std::string address;
+  const auto* serve = program.add_serve_flag(address, "Show the scene in a browser as it trains");
   return program.run(argc, argv, [&] {
     const auto options = program.load_options<train::RunOptions>();
     if (!options) return ExitCode::kOk;
@@ -29,8 +33,16 @@ int main(int argc, char** argv) {
           "with --set dataset.path=DIR");
     }
     if (*resume_flag && resume.empty()) resume = "latest";
+    std::optional<serve::Server> server;
+    std::optional<run::LiveRun> live;
+    if (*serve) {
+      // Before minutes of preparation: a port may be taken.
+      server.emplace(serve::parse_address(address, "--serve"), "--serve");
+      live.emplace(*server);
+      std::cout << server->url() << std::endl;
+    }
     run::Trainer trainer(*options, program.output(), resume);
-    trainer.run();
+    trainer.run(live ? &*live : nullptr);
     return ExitCode::kOk;
   });
 }

@@ -25,6 +25,7 @@ const { EventFilm } = await load('events.js');
 const { Pace } = await load('viewer.js');
 const { glanceFigures, short } = await load('report.js');
 const { addressOf, groupsOf, picturesOf } = await load('sweep.js');
+const live = await load('live.js');
 
 const near = (a, b, tolerance = 1e-9) => a.forEach((value, k) => assert.ok(Math.abs(value - b[k]) < tolerance, `${a} against ${b}`));
 const IDENTITY = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0];
@@ -252,4 +253,51 @@ test('sweep: seen and unseen views apart, and addresses that any name survives',
   assert.deepEqual(groupsOf(views).map(({ heading, views: of }) => [heading, of.map(({ name }) => name)]),
     [['Seen in training', ['q', 's']], ['Not seen in training', ['p']], ['Test views', ['r']]]);
   assert.equal(addressOf('runs/a b/50%#?.png'), 'runs/a%20b/50%25%23%3F.png');
+});
+
+test('live: asks for the camera at whole pixels, with viewer and token', async () => {
+  const asked = [];
+  const answer = { status: 200, headers: new Map([['X-Step', '12'], ['X-Gaussians', '345']]), blob: async () => 'blob' };
+  const link = new live.LiveLink('?token=abc', async (address, options) => { asked.push([address, options]); return answer; });
+  const camera = { width: 81, height: 60, fx: 100, fy: 101, cx: 40.5, cy: 30 };
+  assert.deepEqual(await link.frame(camera, IDENTITY, 1.5, 'color'), { blob: 'blob', step: 12, gaussians: 345 });
+  const parts = new URLSearchParams(asked[0][0].replace(/^frame\?/, ''));
+  assert.equal(parts.get('token'), 'abc');
+  assert.match(parts.get('viewer'), /^[a-z0-9]{12}$/);
+  assert.equal(parts.get('pose'), IDENTITY.join(','));
+  const [fx, fy, cx, cy, width, height] = parts.get('camera').split(',').map(Number);
+  assert.deepEqual([width, height], [122, 90]);
+  near([fx / 100, fy / 101, cx / 40.5, cy / 30], [122 / 81, 1.5, 122 / 81, 1.5]);
+  answer.status = 204;
+  assert.equal(await link.frame(camera, IDENTITY, 1, 'color'), null);
+  await link.pause(true);
+  assert.deepEqual([asked[2][0].includes('on=1'), asked[2][1]], [true, { method: 'POST' }]);
+  assert.equal(new live.LiveLink('').address('state', {}).includes('token'), false);
+});
+
+test('live: metrics are gathered, thinned out ones and answers that crossed asked for anew', () => {
+  const tail = new live.MetricsTail();
+  const lines = [1, 2, 3].map((step) => ({ step }));
+  assert.equal(tail.take({ generation: 0, count: 2, lines: lines.slice(0, 2) }), true);
+  assert.equal(tail.take({ generation: 0, count: 2, lines: [] }), false);
+  assert.equal(tail.take({ generation: 0, count: 3, lines: lines.slice(2) }), true);
+  assert.deepEqual(tail.lines, lines);
+  tail.take({ generation: 0, count: 3, lines: lines.slice(2) });
+  assert.equal(tail.generation, -1);
+  tail.take({ generation: 1, count: 1, lines: lines.slice(2) });
+  assert.deepEqual([tail.generation, tail.lines], [1, lines.slice(2)]);
+});
+
+test('live: the figures are the newest, and a still scene has no steps', () => {
+  const lines = [{ step: 5, psnr_train: 20, iterations_per_second: 3 }, { step: 10, psnr_train: 25.5 }, { step: 10, test_psnr: 24 }];
+  const figures = live.liveFigures({ step: 10, steps: 20, gaussians: 1234, phase: 'training' }, lines);
+  assert.deepEqual(figures.map(({ label, value }) => [label, value]),
+    [['training', '50 %'], ['Gaussians', '1,234'], ['blur explained', '25.50 dB'], ['test views', '24.00 dB'], ['speed', '3.00 / s']]);
+  assert.deepEqual(live.liveFigures({ step: 0, steps: 0, gaussians: 5, phase: 'still' }, []).map(({ label }) => label), ['Gaussians']);
+});
+
+test('live: the blur is the mean of what came', () => {
+  const mean = new Float32Array(2);
+  [[0, 10], [4, 20], [8, 60]].forEach((values, k) => live.addToMean(mean, values, k + 1));
+  near([...mean], [4, 30], 1e-5);
 });

@@ -27,13 +27,20 @@ TEST_CASE("page: holds its data, its scene and every module, and no mark is left
   CHECK(between(page, "id=\"data\">", "</script>") == R"({"config": "@SCENE@ @SCRIPT@"})");
   CHECK(between(page, "id=\"spz\">", "</script>") == "Zm9vYmFy");
   CHECK(count(page, "@SCENE@") == 1);
-  CHECK(count(page, "@DATA@") + count(page, "@STYLE@") == 0);
+  CHECK(count(page, "@DATA@") + count(page, "@STYLE@") + count(page, "@CONNECT@") == 0);
   for (const char* part :
        {"function parseSpz", "class Renderer", "class Page", "#stage", "</html>"}) {
     CHECK(count(page, part) >= 1);
   }
   CHECK(count(page, "\nimport ") + count(page, "\nexport ") == 0);
   CHECK(count(page, "default-src 'none'") == 1);
+}
+
+TEST_CASE("page: a report may ask nobody, a live page whom it comes from", "[page]") {
+  const std::string report = page::report_page("{}", ""), live = page::live_page("{}");
+  CHECK(count(report, "'self'") + count(report, "connect-src") == 0);
+  CHECK(count(live, "default-src 'none'; img-src data: blob: 'self'; connect-src 'self'; ") == 1);
+  CHECK(between(live, "id=\"spz\">", "</script>").empty());
 }
 
 TEST_CASE("page: a text cannot end the element that holds it", "[page]") {

@@ -174,6 +174,10 @@ std::vector<uint8_t> encode_png(const torch::Tensor& image) {
   return encode(image, ".png", {}, "PNG");
 }
 
+std::vector<uint8_t> encode_jpeg(const torch::Tensor& image, int quality) {
+  return encode(image, ".jpg", {8, quality}, "JPEG");
+}
+
 std::vector<std::filesystem::path> list_images(const std::filesystem::path& folder) {
   std::error_code error;
   std::vector<fs::path> out;

@@ -29,6 +29,10 @@ void write_image(const std::filesystem::path& path, const torch::Tensor& image,
 /// The PNG file of an image as bytes, for reports that embed it.
 std::vector<uint8_t> encode_png(const torch::Tensor& image);
 
+/// The JPEG file of an image as bytes.
+/// @param quality  0 to 100
+std::vector<uint8_t> encode_jpeg(const torch::Tensor& image, int quality);
+
 /// Image files directly in `folder` (extensions read_image knows, `.npy` left out), sorted by name.
 /// @throws DataError naming the folder when it is missing.
 std::vector<std::filesystem::path> list_images(const std::filesystem::path& folder);

@@ -32,13 +32,23 @@ std::string filled(std::string_view html,
   return page.append(html, from);
 }
 
-}  // namespace
-
-std::string report_page(const std::string& json, const std::string& spz) {
-  return filled(kHtml, {{"@STYLE@", kStyle},
+/// @param connect  directives for the policy
+std::string scene_page(const std::string& json, const std::string& spz, const char* connect) {
+  return filled(kHtml, {{"@CONNECT@", connect},
+                        {"@STYLE@", kStyle},
                         {"@DATA@", inside_script(json)},
                         {"@SCENE@", base64(spz)},
                         {"@SCRIPT@", kScript}});
+}
+
+}  // namespace
+
+std::string report_page(const std::string& json, const std::string& spz) {
+  return scene_page(json, spz, "");
+}
+
+std::string live_page(const std::string& json) {
+  return scene_page(json, "", " 'self'; connect-src 'self'");
 }
 
 std::string sweep_page(const std::string& json) {

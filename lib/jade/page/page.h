@@ -19,6 +19,12 @@ namespace jade::page {
 /// @param spz  the scene as gaussians::encode_spz() gives it; empty: pictures alone.
 std::string report_page(const std::string& json, const std::string& spz);
 
+/// The same page with the scene drawn elsewhere: it asks the server that it comes from
+/// (serve/server.h), and may ask nobody else.
+/// @param json  as above, its pictures without "src", and "live" {"id": of this server, "scale":
+///   pixels per trained pixel at most, "pausable", "sample": x, y, z of some Gaussians, flat}
+std::string live_page(const std::string& json);
+
 /// The page of a sweep, whose pictures and reports are files beside it.
 /// @param json  what front/sweep.js shows; its keys:
 ///   "title", "note" (texts); "facts" [text]; "finished", "runs_total" (counts); "columns"

@@ -19,6 +19,8 @@
 #include "jade/run/allocation_choice.h"
 #include "jade/run/evaluate.h"
 #include "jade/run/event_film.h"
+#include "jade/run/page_scene.h"
+#include "jade/run/view_pictures.h"
 #include "jade/train/routing_step.h"
 
 namespace jade::run {
@@ -46,14 +48,6 @@ Json picture(const std::string& name, const torch::Tensor& image, const torch::T
   return entry;
 }
 
-/// The sharp test view taken at an exposure's middle, or undefined.
-torch::Tensor truth_of(const data::Dataset& dataset, int64_t exposure) {
-  for (const data::SharpView& view : dataset.test) {
-    if (data::exposure_of(dataset, view) == exposure) return view.image;
-  }
-  return {};
-}
-
 /// What the page's events.js reads; null for exposures without events.
 Json film_json(const data::Exposure& exposure) {
   const EventFilm film = event_film(exposure);
@@ -65,25 +59,11 @@ Json film_json(const data::Exposure& exposure) {
 
 Json training_view(const data::Dataset& dataset, const train::View& view, int64_t index,
                    train::TrainState& state, const splat::RenderOptions& draw) {
-  const data::Exposure& exposure = dataset.train[static_cast<size_t>(index)];
   const torch::Tensor truth = truth_of(dataset, index);
-  const auto render = render_view(state.gaussians.detached(), exposure.poses[geometry::kMidPose],
-                                  exposure.camera, draw);
-  // Count-normalised, as the correlation with α sees it.
-  const auto density = (view.density / view.density.max().clamp_min(1)).unsqueeze(0);
-  Json pictures = Json::array(
-      {picture("blurry", view.blurry, truth), picture("EDI", view.restorations.edi, truth)});
-  if (view.restorations.efnet.defined())
-    pictures.push_back(picture("EFNet", view.restorations.efnet, truth));
-  const auto alpha = train::allocation_map(state, view, index);
-  if (alpha.defined()) {
-    pictures.push_back(
-        picture("α", alpha.expand({1, exposure.camera.height, exposure.camera.width})));
-    pictures.push_back(picture("fused", train::scene_target(state, view, index), truth));
+  Json pictures = Json::array();
+  for (const ViewPicture& each : training_pictures(dataset, view, index, state, draw)) {
+    pictures.push_back(picture(each.name, each.make(), each.judged ? truth : torch::Tensor()));
   }
-  pictures.push_back(picture("event density", density));
-  pictures.push_back(picture("render", render, truth));
-  if (truth.defined()) pictures.push_back(picture("truth", truth));
   return {{"name", "training view " + view.name},
           {"camera", concat("train.", index)},
           {"pictures", pictures},
@@ -111,42 +91,6 @@ Json headline(const data::Dataset& dataset, const std::vector<train::View>& view
   if (count == 0) return nullptr;
   const auto n = static_cast<double>(count);
   return {{"views", count}, {"blurry", blurry / n}, {"edi", edi / n}, {"render", rendered / n}};
-}
-
-template <class Poses>
-Json camera_entry(const std::string& name, const geometry::Intrinsics& camera, const Poses& poses) {
-  Json rows = Json::array();
-  for (const geometry::Pose& pose : poses) {
-    Json numbers = Json::array();
-    for (size_t r = 0; r < 3; ++r) {
-      for (size_t c = 0; c < 3; ++c) numbers.push_back(pose.rotation[3 * r + c]);
-      numbers.push_back(pose.translation[r]);
-    }
-    rows.push_back(std::move(numbers));
-  }
-  return {{"name", name},    {"width", camera.width}, {"height", camera.height}, {"fx", camera.fx},
-          {"fy", camera.fy}, {"cx", camera.cx},       {"cy", camera.cy},         {"poses", rows}};
-}
-
-/// How the viewer draws, and where the data set's cameras stand.
-Json scene_of(const data::Dataset& dataset, const splat::RenderOptions& draw) {
-  Json train = Json::array(), test = Json::array();
-  for (const data::Exposure& exposure : dataset.train) {
-    train.push_back(camera_entry(exposure.name, exposure.camera, exposure.poses));
-  }
-  for (const data::SharpView& view : dataset.test) {
-    test.push_back(camera_entry(view.name, view.camera, std::array{view.pose}));
-    test.back()["seen"] = view.seen ? Json(*view.seen) : Json(nullptr);
-  }
-  Json background{0, 0, 0};
-  if (draw.background.defined()) {
-    for (int64_t c = 0; c < 3; ++c) {
-      background[static_cast<size_t>(c)] = draw.background[c].item<double>();
-    }
-  }
-  return {{"near_plane", draw.near_plane},
-          {"background", background},
-          {"cameras", {{"train", train}, {"test", test}}}};
 }
 
 /// The scene as the page embeds it, or nothing where .spz cannot hold it: then the pictures stand
@@ -266,7 +210,7 @@ void write_report(const fs::path& run, const data::Dataset& dataset,
          {"pictures", {picture("render", render, view.image), picture("truth", view.image)}}});
   }
   data["headline"] = headline(dataset, views, state, draw);
-  data["scene"] = scene_of(dataset, draw);
+  data["scene"] = page_scene(dataset, draw);
   data["evaluation"] =
       fs::exists(run / "eval.json") ? Json::parse(read_file(run / "eval.json")) : Json(nullptr);
   data["allocation"] = allocation_statistics(dataset, views, state);

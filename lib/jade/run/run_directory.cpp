@@ -43,6 +43,7 @@ void MetricsLog::append(const std::string& json_object) {
   out << json_object << '\n';
   out.close();
   if (!out) throw DataError(concat(path_.string(), ": cannot be written; is the disk full?"));
+  if (listener_) listener_(json_object);
 }
 
 }  // namespace jade::run

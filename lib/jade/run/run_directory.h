@@ -2,8 +2,10 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "jade/core/folder_lock.h"
 
@@ -32,9 +34,12 @@ class MetricsLog {
   /// Goes on with the file, dropping lines of steps after `step` (a killed run wrote them).
   MetricsLog(std::filesystem::path path, int64_t step);
   void append(const std::string& json_object);
+  /// Also calls `listener` with each line from now on.
+  void tell(std::function<void(const std::string&)> listener) { listener_ = std::move(listener); }
 
  private:
   std::filesystem::path path_;
+  std::function<void(const std::string&)> listener_;
 };
 
 }  // namespace jade::run

@@ -373,15 +373,20 @@ void Trainer::finish() {
   log_info(concat("scene       ", (directory_.path() / "point_cloud.ply").string()));
 }
 
-void Trainer::run() {
+void Trainer::run(Watcher* watcher) {
   // Cameras of an earlier end do not belong to the scene as it goes on.
   if (state_.step < options_.train.iterations) fs::remove(directory_.path() / kLearnedCamerasFile);
   Progress progress("training", options_.train.iterations, state_.step);
+  if (watcher) {
+    watcher->begin({data_.dataset, views(), state_, options_, directory_.path()});
+    metrics_->tell([watcher](const std::string& line) { watcher->on_metrics(line); });
+  }
   logged_seconds_ = now_seconds();
   logged_step_ = state_.step;
   while (state_.step < options_.train.iterations) {
     step();
     if (progress.step()) progress.show(status_);
+    if (watcher) logged_seconds_ += watcher->after_step();
     const bool last = state_.step == options_.train.iterations;
     if (interrupt_requested()) stop();
     if (last) break;
@@ -395,6 +400,7 @@ void Trainer::run() {
     if (pictures_due) write_pictures(posed);
   }
   progress.finish();
+  if (watcher) watcher->ended();
   finish();
 }
 

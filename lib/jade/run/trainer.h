@@ -12,6 +12,7 @@
 #include "jade/run/checkpoint.h"
 #include "jade/run/run_directory.h"
 #include "jade/run/term_monitor.h"
+#include "jade/run/watcher.h"
 #include "jade/train/options.h"
 #include "jade/train/state.h"
 #include "jade/train/step_feed.h"
@@ -40,8 +41,9 @@ class Trainer {
   ~Trainer();
 
   /// Trains to options.train.iterations, then evaluates and exports.
+  /// @param watcher  may look on; the result is the same to the bit
   /// @throws Interrupted after saving, NumericError with the last good checkpoint kept.
-  void run();
+  void run(Watcher* watcher = nullptr);
 
   /// One step: nine renders, routing step, scene step.
   void step();

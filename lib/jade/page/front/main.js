@@ -11,6 +11,7 @@ import { formatLink, parseLink } from './link.js';
 import { add, axis, poseInExposure, unit } from './pose.js';
 import { gunzipBase64, parseSpz } from './spz.js';
 import { writeReport } from './report.js';
+import { LivePage } from './live.js';
 
 const DEPTH = 'depth';
 const PLAY_MOMENTS = 32;
@@ -37,11 +38,8 @@ class Page {
   async start() {
     this.listCameras();
     this.listen();
-    const packed = element('spz').textContent;
     try {
-      if (!packed) throw new Error('this page holds no scene');
-      const scene = parseSpz(await gunzipBase64(packed));
-      this.viewer = new Viewer(element('scene'), scene, this.data.scene);
+      this.viewer = this.live ? this.live.openViewer(element('scene')) : await this.openViewer();
       this.viewer.onFrame = () => this.writeFrame();
       this.down = unit([...this.cameras.values()].map((camera) => axis(camera.poses[0], 1)).reduce((a, b) => add(a, b)));
       this.controls = new Controls(element('stage'), this);
@@ -53,6 +51,13 @@ class Page {
     }
     await this.restore(parseLink(location.hash));
     document.documentElement.dataset.ready = this.viewer ? 'scene' : 'still';
+  }
+
+  async openViewer() {
+    const packed = element('spz').textContent;
+    if (!packed) throw new Error('this page holds no scene');
+    const scene = parseSpz(await gunzipBase64(packed));
+    return new Viewer(element('scene'), scene, this.data.scene);
   }
 
   // --- what the controls ask of their host
@@ -261,6 +266,10 @@ class Page {
   }
 
   writeFrame() {
+    if (this.live) {
+      element('hud').textContent = this.live.label();
+      return;
+    }
     const { pace, renderer } = this.viewer;
     const rate = pace.mean ? `${Math.round(1000 / pace.mean)} FPS · ` : '';
     element('hud').textContent = `${rate}${this.viewer.scene.count.toLocaleString('en')} Gaussians · ${renderer.canvas.width}×${renderer.canvas.height}`;
@@ -399,5 +408,6 @@ function save(name, blob) {
 const data = JSON.parse(element('data').textContent);
 const page = new Page(data);
 window.jade = page;
-writeReport(data, (view, name) => page.pick(view, name));
+if (data.live) new LivePage(page);
+else writeReport(data, (view, name) => page.pick(view, name));
 page.start();

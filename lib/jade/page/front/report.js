@@ -45,7 +45,11 @@ export function glanceFigures({ headline, evaluation, metrics }) {
 }
 
 function writeGlance(parent, data) {
-  for (const { label, value, note, best } of glanceFigures(data)) {
+  writeCards(parent, glanceFigures(data));
+}
+
+export function writeCards(parent, figures) {
+  for (const { label, value, note, best } of figures) {
     const card = make('div', parent, { className: best ? 'card best' : 'card' });
     make('dt', card, { textContent: label });
     make('dd', card, { textContent: value });
@@ -118,7 +122,7 @@ function writeAllocation(parent, { views, mean }) {
   }
 }
 
-function writeCurves(parent, metrics) {
+export function writeCurves(parent, metrics) {
   const keys = new Set(metrics.flatMap((line) => Object.keys(line)));
   keys.delete('step');
   for (const key of keys) {

@@ -99,17 +99,20 @@ export class Viewer {
     return (await this.draw(camera, pose, options)) ? this.renderer.picture() : null;
   }
 
-  /** Median depth of the Gaussians in the middle of the picture: what one turns about. */
   depthAhead(camera, pose) {
-    const { positions, opacities, count } = this.scene;
-    const depths = [];
-    for (let i = 0; i < count; i += Math.ceil(count / 20000)) {
-      const [x, y, z] = [0, 4, 8].map((row) => pose[row] * positions[3 * i] + pose[row + 1] * positions[3 * i + 1]
-        + pose[row + 2] * positions[3 * i + 2] + pose[row + 3]);
-      const centred = Math.abs(x / z) * camera.fx < camera.width / 6 && Math.abs(y / z) * camera.fy < camera.height / 6;
-      if (z > 0 && centred && opacities[i] > 0.2) depths.push(z);
-    }
-    depths.sort((a, b) => a - b);
-    return depths.length > 0 ? depths[depths.length >> 1] : 1;
+    return depthAhead(this.scene, camera, pose);
   }
+}
+
+/** Median depth of the Gaussians in the middle of the picture: what one turns about. */
+export function depthAhead({ positions, opacities, count }, camera, pose) {
+  const depths = [];
+  for (let i = 0; i < count; i += Math.ceil(count / 20000)) {
+    const [x, y, z] = [0, 4, 8].map((row) => pose[row] * positions[3 * i] + pose[row + 1] * positions[3 * i + 1]
+      + pose[row + 2] * positions[3 * i + 2] + pose[row + 3]);
+    const centred = Math.abs(x / z) * camera.fx < camera.width / 6 && Math.abs(y / z) * camera.fy < camera.height / 6;
+    if (z > 0 && centred && opacities[i] > 0.2) depths.push(z);
+  }
+  depths.sort((a, b) => a - b);
+  return depths.length > 0 ? depths[depths.length >> 1] : 1;
 }

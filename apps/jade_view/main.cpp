@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: Apache-2.0
+// Shows a scene in a browser, drawn by our op.
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "common/cli.h"
+#include "jade/core/atomic_file.h"
+#include "jade/core/device.h"
+#include "jade/core/interrupt.h"
+#include "jade/gaussians/gaussian_model.h"
+#include "jade/gaussians/ply.h"
+#include "jade/gaussians/summary.h"
+#include "jade/page/page.h"
+#include "jade/run/evaluate.h"
+#include "jade/run/live_scene.h"
+#include "jade/run/run_summary.h"
+#include "jade/serve/server.h"
+#include "jade/train/view.h"
+
+using namespace jade;
+
+namespace {
+
+namespace fs = std::filesystem;
+
+/// What is shown, on its device.
+struct Subject {
+  data::Dataset dataset;  ///< its cameras and pictures
+  splat::Gaussians gaussians;
+  splat::RenderOptions draw;
+  std::string config;  ///< text of the run's config.yaml
+};
+
+/// A camera that sees the bulk of a scene of which nothing else is known. Scenes from structure
+/// from motion mostly have y down.
+data::SharpView overview(const splat::Gaussians& gaussians) {
+  const gaussians::GaussianSummary summary = gaussians::summarize(gaussians);
+  const auto middle = [](const gaussians::Spread& s) { return 0.5 * (s.low + s.high); };
+  const auto half = [](const gaussians::Spread& s) { return 0.5 * (s.high - s.low); };
+  const geometry::Vector3 target{middle(summary.x), middle(summary.y), middle(summary.z)};
+  const double radius =
+      std::max(1e-3, std::hypot(half(summary.x), half(summary.y), half(summary.z)));
+  geometry::Vector3 eye = target;
+  eye[2] -= 2 * radius;
+  data::SharpView view;
+  view.name = "overview";
+  view.pose = geometry::look_at(eye, target, {0, -1, 0});
+  view.camera = geometry::Intrinsics::centred(800, 800, 600);
+  return view;
+}
+
+Subject open_ply(const fs::path& path, torch::Device device) {
+  gaussians::GaussianFile file = gaussians::read_ply(path);
+  Subject subject;
+  subject.dataset.name = path.filename().string();
+  subject.dataset.test.push_back(overview(file.gaussians));
+  subject.draw.antialiased = file.antialiased;
+  subject.gaussians = gaussians::map_parameters(
+      file.gaussians, [&](const torch::Tensor& tensor) { return tensor.to(device); });
+  return subject;
+}
+
+Subject open_run(const fs::path& path, torch::Device device) {
+  const train::RunOptions options = run::load_run_options(path);
+  run::FinishedRun opened = run::open_run(path, options);
+  Subject subject;
+  subject.dataset = std::move(opened.dataset);
+  subject.draw = train::render_options(options);
+  subject.config = read_file(path / "config.yaml");
+  subject.gaussians = gaussians::map_parameters(
+      opened.gaussians, [&](const torch::Tensor& tensor) { return tensor.to(device); });
+  return subject;
+}
+
+Subject open_subject(const fs::path& path, torch::Device device) {
+  if (run::is_run(path)) return open_run(path, device);
+  if (fs::is_directory(path) || !fs::exists(path)) {
+    throw DataError(concat(path.string(),
+                           ": expected a run directory of jade_train or a .ply, found ",
+                           fs::exists(path) ? "another folder" : "nothing"));
+  }
+  return open_ply(path, device);
+}
+
+run::LiveScene scene_of(const Subject& subject) {
+  const run::GaussianSource gaussians = [&subject] { return subject.gaussians; };
+  run::LiveScene scene(subject.dataset, subject.draw, gaussians);
+  for (size_t i = 0; i < subject.dataset.train.size(); ++i) {
+    scene.add(concat("train.", i), run::exposure_pictures(subject.dataset, static_cast<int64_t>(i),
+                                                          gaussians, subject.draw));
+  }
+  for (size_t i = 0; i < subject.dataset.test.size(); ++i) {
+    scene.add(concat("test.", i),
+              run::test_pictures(subject.dataset.test[i], gaussians, subject.draw));
+  }
+  return scene;
+}
+
+/// Until Ctrl-C.
+[[noreturn]] void show(const Subject& subject, serve::Server& server) {
+  const run::LiveScene scene = scene_of(subject);
+  server.board().set({0, 0, subject.gaussians.size(), "still"});
+  server.show(page::live_page(
+      scene.page_data({{subject.dataset.name, concat(subject.gaussians.size(), " Gaussians"),
+                        device_name(subject.gaussians.means.device())},
+                       subject.config,
+                       server.board().id(),
+                       /*pausable=*/false})));
+  for (;;) {
+    throw_if_interrupted();
+    if (!server.stage().wait(serve::Stage::Seconds(0.1))) continue;
+    server.stage().draw_one([&](const serve::Wanted& wanted) { return scene.draw(wanted, 0); });
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  apps::Program program("jade_view", "Shows a scene in a browser until Ctrl-C");
+  fs::path path;
+  program.cli()
+      .add_option("scene", path,
+                  "run directory of jade_train (its newest scene, with its cameras and pictures) "
+                  "or a .ply")
+      ->required();
+  std::string address;
+  program.add_serve_flag(address, "Where");
+  program.add_device_flag();
+  return program.run(argc, argv, [&] {
+    const torch::Device device = program.device();
+    serve::Server server(serve::parse_address(address, "--serve"), "--serve");
+    const Subject subject = open_subject(path, device);
+    std::cout << server.url() << std::endl;
+    show(subject, server);
+    return ExitCode::kOk;
+  });
+}

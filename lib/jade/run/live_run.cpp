@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/run/live_run.h"
+
+#include <fstream>
+
+#include "jade/core/atomic_file.h"
+#include "jade/core/device.h"
+#include "jade/core/error.h"
+#include "jade/core/interrupt.h"
+#include "jade/core/log.h"
+#include "jade/gaussians/gaussian_model.h"
+#include "jade/page/page.h"
+
+namespace jade::run {
+namespace {
+
+/// Of the time while it trains: what is drawn costs this much, and encoding some more elsewhere.
+constexpr double kShare = 0.1;
+
+/// How soon a paused run sees Ctrl-C.
+constexpr serve::Stage::Seconds kGlance{0.05};
+
+}  // namespace
+
+LiveRun::LiveRun(serve::Server& server, std::chrono::duration<double> patience)
+    : server_(server), patience_(patience) {}
+
+void LiveRun::begin(const WatchedRun& run) {
+  state_ = &run.state;
+  steps_ = run.options.train.iterations;
+  const splat::RenderOptions draw = train::render_options(run.options);
+  const GaussianSource gaussians = [state = state_] {
+    return gaussians::map_parameters(state->gaussians.parameters(),
+                                     [](const torch::Tensor& tensor) { return tensor.detach(); });
+  };
+  scene_.emplace(run.dataset, draw, gaussians);
+  for (size_t i = 0; i < run.views.size(); ++i) {
+    scene_->add(concat("train.", i), training_pictures(run.dataset, run.views[i],
+                                                       static_cast<int64_t>(i), run.state, draw));
+  }
+  for (size_t i = 0; i < run.dataset.test.size(); ++i) {
+    scene_->add(concat("test.", i), test_pictures(run.dataset.test[i], gaussians, draw));
+  }
+  clock_.emplace(state_->gaussians.device());
+  std::ifstream metrics(run.folder / "metrics.jsonl");
+  for (std::string line; std::getline(metrics, line);) on_metrics(line);
+  tell("training");
+  server_.show(page::live_page(
+      scene_->page_data({{run.dataset.name, concat(run.dataset.train.size(), " exposures"),
+                          device_name(state_->gaussians.device())},
+                         read_file(run.folder / "config.yaml"),
+                         server_.board().id(),
+                         /*pausable=*/true})));
+}
+
+void LiveRun::tell(const std::string& phase) {
+  server_.board().set({state_->step, steps_, state_->gaussians.size(), phase});
+}
+
+bool LiveRun::may_draw() {
+  if (drawing_) {
+    const std::optional<double> seconds = clock_->seconds();
+    if (!seconds) return false;
+    drawing_ = false;
+    const std::chrono::duration<double> apart(*seconds / kShare);
+    next_draw_ = drawn_at_ + std::chrono::duration_cast<Clock::duration>(apart);
+  }
+  return Clock::now() >= next_draw_;
+}
+
+void LiveRun::draw_one() {
+  drawn_at_ = Clock::now();
+  clock_->start();
+  server_.stage().draw_one(
+      [this](const serve::Wanted& wanted) { return scene_->draw(wanted, state_->step); });
+  clock_->stop();
+  drawing_ = true;
+}
+
+double LiveRun::after_step() {
+  tell("training");
+  if (server_.stage().asked() && may_draw()) draw_one();
+  return server_.stage().paused() ? hold() : 0.0;
+}
+
+double LiveRun::hold() {
+  const Clock::time_point start = Clock::now();
+  log_info(concat("a viewer has paused the run at step ", state_->step));
+  tell("paused");
+  serve::Stage& stage = server_.stage();
+  while (stage.paused() && !interrupt_requested()) {
+    if (stage.silence() > patience_) {
+      log_info("the viewers have gone");
+      stage.set_paused(false);
+    } else if (stage.wait(kGlance)) {
+      draw_one();
+    }
+  }
+  if (!interrupt_requested()) log_info("the run goes on");
+  tell("training");
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+void LiveRun::on_metrics(const std::string& line) { server_.board().add(line); }
+
+void LiveRun::ended() { tell("finishing"); }
+
+}  // namespace jade::run

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "jade/run/draw_clock.h"
+#include "jade/run/live_scene.h"
+#include "jade/run/watcher.h"
+#include "jade/serve/server.h"
+
+namespace jade::run {
+
+/// A run on the live page. Between two steps it draws what viewers ask for, at most a tenth of the
+/// time; while paused whenever they ask. It reads the state and changes nothing of it.
+class LiveRun : public Watcher {
+ public:
+  /// @param server    outlives this
+  /// @param patience  a pause ends when no viewer has asked for anything for so long: who pauses
+  ///   and vanishes holds nothing up. Browsers let a hidden page ask once per minute.
+  explicit LiveRun(serve::Server& server,
+                   std::chrono::duration<double> patience = std::chrono::minutes(3));
+
+  void begin(const WatchedRun& run) override;
+  double after_step() override;
+  void on_metrics(const std::string& line) override;
+  void ended() override;
+
+ private:
+  using Clock = std::chrono::steady_clock;
+
+  void tell(const std::string& phase);
+  bool may_draw();
+  void draw_one();
+  double hold();
+
+  serve::Server& server_;
+  std::chrono::duration<double> patience_;
+  train::TrainState* state_ = nullptr;
+  int64_t steps_ = 0;
+  std::optional<LiveScene> scene_;
+  std::optional<DrawClock> clock_;
+  bool drawing_ = false;
+  Clock::time_point drawn_at_, next_draw_;
+};
+
+}  // namespace jade::run

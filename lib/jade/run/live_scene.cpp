@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/run/live_scene.h"
+
+#include <algorithm>
+#include <c10/core/Event.h>
+#include <c10/core/impl/VirtualGuardImpl.h>
+#include <cmath>
+#include <memory>
+#include <utility>
+
+#include "jade/core/error.h"
+#include "jade/run/page_scene.h"
+#include "jade/train/view.h"
+
+namespace jade::run {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// So many of the Gaussians tell the page what the middle of a picture shows, to turn about it.
+constexpr int64_t kSample = 2000;
+
+/// A GPU draws the pixels of the screen, up to twice those that it was trained at; a CPU those.
+constexpr double kGpuScale = 2;
+
+/// Near is bright, by the logarithm as in the report's page; black where nothing is.
+torch::Tensor depth_picture(const splat::RenderOutput& render) {
+  const torch::Tensor depth = render.depth[0], solid = render.alpha[0] > 0.5;
+  const torch::Tensor far = depth.masked_fill(~solid, 0).max().clamp_min(1e-6);
+  const torch::Tensor near = torch::where(solid, depth, far).min();
+  const torch::Tensor range = (far / near).log().clamp_min(1e-6);
+  return ((far / depth.clamp_min(1e-6)).log() / range).clamp(0, 1).masked_fill(~solid, 0);
+}
+
+/// On the CPU, or on its way there.
+serve::Drawn drawn_of(const torch::Tensor& image) {
+  serve::Drawn drawn;
+  if (!image.is_cuda()) {
+    // What training goes on writing to must not be what is shown.
+    drawn.image = image.to(torch::kFloat32).contiguous().clone();
+    return drawn;
+  }
+  drawn.image = image.to(torch::kFloat32).contiguous().to(torch::kCPU, /*non_blocking=*/true);
+  const auto ready = std::make_shared<c10::Event>(image.device().type());
+  ready->record(c10::impl::VirtualGuardImpl(image.device().type()).getStream(image.device()));
+  drawn.finish = [ready] { ready->synchronize(); };
+  return drawn;
+}
+
+/// Flat x, y, z of some of the opaque half.
+Json sample_of(const splat::Gaussians& gaussians) {
+  const torch::NoGradGuard no_grad;
+  Json numbers = Json::array();
+  if (gaussians.size() == 0) return numbers;
+  const auto opacities = gaussians.logit_opacities.flatten();
+  const auto opaque = (opacities >= opacities.median()).nonzero().flatten();
+  auto means = gaussians.means.index_select(0, opaque).to(torch::kCPU);
+  const int64_t step = std::max<int64_t>(1, means.size(0) / kSample);
+  means = means.slice(0, 0, means.size(0), step).to(torch::kFloat64).contiguous();
+  const double* values = means.const_data_ptr<double>();
+  for (int64_t i = 0; i < means.numel(); ++i) {
+    numbers.push_back(std::round(1e4 * values[i]) / 1e4);
+  }
+  return numbers;
+}
+
+}  // namespace
+
+LiveScene::LiveScene(const data::Dataset& dataset, const splat::RenderOptions& draw,
+                     GaussianSource gaussians)
+    : dataset_(dataset), draw_(draw), gaussians_(std::move(gaussians)) {}
+
+void LiveScene::add(const std::string& camera, std::vector<ViewPicture> pictures) {
+  pictures_[camera] = std::move(pictures);
+}
+
+serve::Drawn LiveScene::draw(const serve::Wanted& wanted, int64_t step) const {
+  const torch::NoGradGuard no_grad;
+  const splat::Gaussians gaussians = gaussians_();
+  serve::Drawn drawn;
+  if (wanted.kind == serve::Wanted::Kind::kPicture) {
+    const auto view = pictures_.find(wanted.view);
+    if (view == pictures_.end()) throw ConfigError(concat("no camera ", wanted.view));
+    const auto picture =
+        std::find_if(view->second.begin(), view->second.end(),
+                     [&](const ViewPicture& each) { return each.name == wanted.picture; });
+    if (picture == view->second.end()) throw ConfigError(concat("no picture ", wanted.picture));
+    drawn = drawn_of(picture->make());
+  } else {
+    splat::RenderOptions options = draw_;
+    options.depth = wanted.kind == serve::Wanted::Kind::kDepth;
+    const auto camera = train::camera_batch({wanted.pose}, wanted.camera, gaussians.means.device());
+    const splat::RenderOutput render = splat::render(gaussians, camera, options);
+    drawn = drawn_of(options.depth ? depth_picture(render) : render.color[0].clamp(0, 1));
+  }
+  drawn.step = step;
+  drawn.gaussians = gaussians.size();
+  return drawn;
+}
+
+std::string LiveScene::page_data(const PageText& text) const {
+  const splat::Gaussians gaussians = gaussians_();
+  Json data{{"facts", text.facts},      {"headline", nullptr},
+            {"evaluation", nullptr},    {"config", text.config},
+            {"metrics", Json::array()}, {"allocation", {{"views", Json::array()}}},
+            {"views", Json::array()},   {"tests", Json::array()}};
+  for (const auto& [camera, pictures] : pictures_) {
+    Json names = Json::array();
+    for (const ViewPicture& each : pictures) names.push_back({{"name", each.name}});
+    data[camera.rfind("train", 0) == 0 ? "views" : "tests"].push_back(
+        {{"name", camera}, {"camera", camera}, {"seen", nullptr}, {"pictures", names}});
+  }
+  data["scene"] = page_scene(dataset_, draw_);
+  data["live"] = {{"id", text.server_id},
+                  {"scale", gaussians.means.is_cuda() ? kGpuScale : 1.0},
+                  {"pausable", text.pausable},
+                  {"sample", sample_of(gaussians)}};
+  return data.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+}  // namespace jade::run

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <torch/types.h>
+#include <vector>
+
+#include "jade/data/exposure.h"
+#include "jade/run/view_pictures.h"
+#include "jade/serve/stage.h"
+#include "jade/splat/render.h"
+
+namespace jade::run {
+
+/// A scene as the live page shows it: drawn by our op, from anywhere, beside the pictures of the
+/// data set's cameras. All on one thread.
+class LiveScene {
+ public:
+  /// @param gaussians  those of now, without gradient; drawn at once, so that they need be no copy
+  /// @param draw       render_options() of the run
+  LiveScene(const data::Dataset& dataset, const splat::RenderOptions& draw,
+            GaussianSource gaussians);
+
+  /// Makes `pictures` the layers of a camera: "train.3", "test.0".
+  void add(const std::string& camera, std::vector<ViewPicture> pictures);
+
+  /// What a viewer wants. On a GPU the picture is on its way when this returns.
+  /// @throws ConfigError for a picture that is not there, whatever rendering throws.
+  serve::Drawn draw(const serve::Wanted& wanted, int64_t step) const;
+
+  /// What page::live_page() shows.
+  struct PageText {
+    std::vector<std::string> facts;
+    std::string config;     ///< text of config.yaml; may be empty
+    std::string server_id;  ///< serve::Board::id()
+    bool pausable = false;
+  };
+  std::string page_data(const PageText& text) const;
+
+ private:
+  const data::Dataset& dataset_;
+  splat::RenderOptions draw_;
+  GaussianSource gaussians_;
+  std::map<std::string, std::vector<ViewPicture>> pictures_;
+};
+
+}  // namespace jade::run

@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/run/view_pictures.h"
+
+#include "jade/gaussians/gaussian_model.h"
+#include "jade/run/evaluate.h"
+#include "jade/train/routing_step.h"
+
+namespace jade::run {
+namespace {
+
+ViewPicture render_picture(const data::Exposure& exposure, const GaussianSource& gaussians,
+                           const splat::RenderOptions& draw) {
+  return {"render",
+          [&exposure, gaussians, draw] {
+            return render_view(gaussians(), exposure.poses[geometry::kMidPose], exposure.camera,
+                               draw);
+          },
+          true};
+}
+
+void add_truth(const torch::Tensor& truth, std::vector<ViewPicture>& pictures) {
+  if (truth.defined()) pictures.push_back({"truth", [truth] { return truth; }});
+}
+
+}  // namespace
+
+torch::Tensor truth_of(const data::Dataset& dataset, int64_t exposure) {
+  for (const data::SharpView& view : dataset.test) {
+    if (data::exposure_of(dataset, view) == exposure) return view.image;
+  }
+  return {};
+}
+
+std::vector<ViewPicture> training_pictures(const data::Dataset& dataset, const train::View& view,
+                                           int64_t index, train::TrainState& state,
+                                           const splat::RenderOptions& draw) {
+  const data::Exposure& exposure = dataset.train[static_cast<size_t>(index)];
+  const bool judged = true;
+  std::vector<ViewPicture> pictures{
+      {"blurry", [&view] { return view.blurry; }, judged},
+      {"EDI", [&view] { return view.restorations.edi; }, judged},
+  };
+  if (view.restorations.efnet.defined()) {
+    pictures.push_back({"EFNet", [&view] { return view.restorations.efnet; }, judged});
+  }
+  if (state.allocation) {
+    pictures.push_back({"α", [&view, &state, &exposure, index] {
+                          return train::allocation_map(state, view, index)
+                              .expand({1, exposure.camera.height, exposure.camera.width});
+                        }});
+    pictures.push_back({"fused",
+                        [&view, &state, index] { return train::scene_target(state, view, index); },
+                        judged});
+  }
+  // Count-normalised, as the correlation with α sees it.
+  pictures.push_back({"event density", [&view] {
+                        return (view.density / view.density.max().clamp_min(1)).unsqueeze(0);
+                      }});
+  const auto gaussians = [&state] { return state.gaussians.detached(); };
+  pictures.push_back(render_picture(exposure, gaussians, draw));
+  add_truth(truth_of(dataset, index), pictures);
+  return pictures;
+}
+
+std::vector<ViewPicture> exposure_pictures(const data::Dataset& dataset, int64_t index,
+                                           const GaussianSource& gaussians,
+                                           const splat::RenderOptions& draw) {
+  const data::Exposure& exposure = dataset.train[static_cast<size_t>(index)];
+  std::vector<ViewPicture> pictures{{"blurry", [&exposure] { return exposure.blurry; }, true},
+                                    render_picture(exposure, gaussians, draw)};
+  add_truth(truth_of(dataset, index), pictures);
+  return pictures;
+}
+
+std::vector<ViewPicture> test_pictures(const data::SharpView& view, const GaussianSource& gaussians,
+                                       const splat::RenderOptions& draw) {
+  std::vector<ViewPicture> pictures{
+      {"render",
+       [&view, gaussians, draw] { return render_view(gaussians(), view.pose, view.camera, draw); },
+       true}};
+  add_truth(view.image, pictures);
+  return pictures;
+}
+
+}  // namespace jade::run

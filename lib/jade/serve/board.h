@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <mutex>
+#include <string>
+#include <vector>
+
+namespace jade::serve {
+
+/// How far a run is, as its viewers read it.
+struct Progress {
+  int64_t step = 0, steps = 0, gaussians = 0;
+  std::string phase;  ///< "training", "paused", "finishing"; "still" for a scene that is as it is
+};
+
+/// What stands written for all viewers: progress and the lines of metrics.jsonl. They ask for it
+/// about once per second; nothing is kept per viewer. Any thread.
+class Board {
+ public:
+  /// At so many lines every second one is dropped, the newest kept.
+  static constexpr size_t kMostLines = 2000;
+
+  Board();
+  /// Of this server, so that a page knows when another one has taken its port.
+  const std::string& id() const { return id_; }
+
+  void set(const Progress& progress);
+  void add(const std::string& line);
+
+  /// {"id", "step", "steps", "gaussians", "phase", "viewers", "generation", "count", "lines": […]}:
+  /// the lines from `from` on, or all where `generation` is not that of the answer, because lines
+  /// have been dropped. The next question has the answer's generation, and its count as `from`.
+  std::string json(int64_t generation, int64_t from, int64_t viewers) const;
+
+ private:
+  const std::string id_;
+  mutable std::mutex mutex_;
+  Progress progress_;
+  std::vector<std::string> lines_;
+  int64_t generation_ = 0;
+};
+
+}  // namespace jade::serve

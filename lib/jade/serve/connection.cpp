@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/serve/connection.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+namespace jade::serve {
+
+Connection::Connection(int socket, const Limits& limits)
+    : socket_(socket), limits_(limits), read_until_(Clock::now() + limits.reading) {}
+
+Connection::~Connection() {
+  // What is unread would turn the close into a reset, and the answer be lost on its way.
+  shutdown(socket_, SHUT_WR);
+  const auto until = Clock::now() + std::chrono::milliseconds(50);
+  while (wait(POLLIN, until) && recv(socket_, buffer_.data(), buffer_.size(), MSG_DONTWAIT) > 0) {
+  }
+  close(socket_);
+}
+
+bool Connection::wait(short event, Clock::time_point until) const {
+  for (;;) {
+    const auto left =
+        std::chrono::duration_cast<std::chrono::milliseconds>(until - Clock::now()).count();
+    if (left < 0) return false;
+    pollfd one{socket_, event, 0};
+    const int ready = poll(&one, 1, static_cast<int>(left) + 1);
+    if (ready > 0) return true;
+    if (ready < 0 && errno != EINTR) return false;
+  }
+}
+
+bool Connection::can_read() { return begin_ < end_ || wait(POLLIN, read_until_); }
+
+ssize_t Connection::read(char* into, size_t size) {
+  if (begin_ == end_) {
+    const size_t room = std::min(buffer_.size(), limits_.request_bytes - taken_);
+    if (room == 0 || !wait(POLLIN, read_until_)) return -1;
+    const ssize_t got = recv(socket_, buffer_.data(), room, 0);
+    if (got <= 0) return got;
+    begin_ = 0;
+    end_ = static_cast<size_t>(got);
+    taken_ += end_;
+  }
+  const size_t given = std::min(size, end_ - begin_);
+  std::memcpy(into, buffer_.data() + begin_, given);
+  begin_ += given;
+  return static_cast<ssize_t>(given);
+}
+
+Connection::Clock::time_point Connection::write_until() {
+  if (!write_until_) write_until_ = Clock::now() + limits_.writing;
+  return *write_until_;
+}
+
+bool Connection::can_write() { return wait(POLLOUT, write_until()); }
+
+ssize_t Connection::write(const char* from, size_t size) {
+  for (size_t sent = 0; sent < size;) {
+    if (!can_write()) return -1;
+    // Who has gone must not end the program by SIGPIPE.
+    const ssize_t went = send(socket_, from + sent, size - sent, MSG_NOSIGNAL | MSG_DONTWAIT);
+    if (went < 0 && errno != EAGAIN && errno != EINTR) return -1;
+    sent += static_cast<size_t>(std::max<ssize_t>(0, went));
+  }
+  return static_cast<ssize_t>(size);
+}
+
+}  // namespace jade::serve

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "jade/serve/address.h"
+
+namespace jade::serve {
+
+/// What the gate looks at in a request; a header that is not there is empty.
+struct Knock {
+  std::string path;
+  std::string host, origin;
+  std::string fetch_site, fetch_mode;  ///< Sec-Fetch-Site and -Mode, which browsers set
+  std::string token;
+  std::string content_length, transfer_encoding;
+};
+
+struct Refusal {
+  int status;          ///< of HTTP
+  std::string reason;  ///< one line for whoever asked
+};
+
+/// 128 random bits as 32 hexadecimal digits.
+std::string make_token();
+
+/// Who may ask. A page of another site that is open in the same browser must reach nothing: neither
+/// by requests of its own (Origin, Sec-Fetch-Site) nor through a name that it lets point here
+/// (Host). Requests carry no body worth mentioning.
+class Gate {
+ public:
+  /// @param token  what every request has to know; empty: nothing
+  Gate(const Address& address, std::string token);
+
+  /// Nothing where the request may pass.
+  std::optional<Refusal> refuse(const Knock& knock) const;
+
+  /// The largest body.
+  static constexpr long kLargestBody = 1024;
+
+ private:
+  bool is_ours(const std::string& host) const;
+
+  bool loopback_;
+  std::string token_, machine_;
+};
+
+}  // namespace jade::serve

@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/serve/stage.h"
+
+#include <algorithm>
+#include <exception>
+#include <utility>
+
+namespace jade::serve {
+namespace {
+
+constexpr auto kPresence = std::chrono::seconds(10);
+constexpr size_t kMostViewers = 64;
+
+}  // namespace
+
+void Stage::finish(Waiting::iterator at) {
+  (*at)->done = true;
+  requests_.erase(at);
+  waiting_ = requests_.size();
+}
+
+bool Stage::wait(Seconds at_most) {
+  std::unique_lock<std::mutex> lock(mutex_);
+  const bool was_paused = paused_;
+  asked_.wait_for(lock, at_most, [&] { return !requests_.empty() || paused_ != was_paused; });
+  return !requests_.empty();
+}
+
+void Stage::draw_one(const Draw& draw) {
+  std::shared_ptr<Request> request;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (requests_.empty()) return;
+    request = requests_.front();
+  }
+  Answer answer;
+  try {
+    answer.drawn = draw(request->wanted);
+    answer.kind = Answer::Kind::kDrawn;
+  } catch (const std::exception& problem) {
+    answer.kind = Answer::Kind::kFailed;
+    answer.reason = problem.what();
+  }
+  const std::lock_guard<std::mutex> lock(mutex_);
+  const auto at = std::find(requests_.begin(), requests_.end(), request);
+  if (at == requests_.end()) return;  // it did not wait so long
+  request->answer = std::move(answer);
+  finish(at);
+  answered_.notify_all();
+}
+
+Answer Stage::ask(const std::string& key, const Wanted& wanted, Seconds at_most) {
+  auto request = std::make_shared<Request>();
+  request->key = key;
+  request->wanted = wanted;
+  std::unique_lock<std::mutex> lock(mutex_);
+  const auto older = std::find_if(requests_.begin(), requests_.end(),
+                                  [&](const auto& other) { return other->key == key; });
+  if (older != requests_.end()) {
+    finish(older);
+    answered_.notify_all();
+  }
+  if (closed_) return {};
+  if (requests_.size() >= kMostWaiting) return {Answer::Kind::kFull, {}, {}};
+  requests_.push_back(request);
+  waiting_ = requests_.size();
+  asked_.notify_all();
+  answered_.wait_for(lock, at_most, [&] { return request->done; });
+  if (!request->done) finish(std::find(requests_.begin(), requests_.end(), request));
+  return std::move(request->answer);
+}
+
+void Stage::set_paused(bool paused) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  paused_ = paused;
+  asked_.notify_all();
+}
+
+void Stage::note(const std::string& viewer) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  const Clock::time_point now = Clock::now();
+  last_seen_ = now;
+  for (auto at = seen_.begin(); at != seen_.end();) {
+    at = now - at->second > kPresence ? seen_.erase(at) : std::next(at);
+  }
+  if (seen_.size() < kMostViewers || seen_.count(viewer) > 0) seen_[viewer] = now;
+}
+
+int64_t Stage::viewers() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  const Clock::time_point now = Clock::now();
+  return std::count_if(seen_.begin(), seen_.end(),
+                       [&](const auto& one) { return now - one.second <= kPresence; });
+}
+
+Stage::Seconds Stage::silence() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return Clock::now() - last_seen_;
+}
+
+void Stage::close() {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  closed_ = true;
+  while (!requests_.empty()) finish(requests_.begin());
+  answered_.notify_all();
+  asked_.notify_all();
+}
+
+}  // namespace jade::serve

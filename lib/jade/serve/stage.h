@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <functional>
+#include <list>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <torch/types.h>
+
+#include "jade/serve/wanted.h"
+
+namespace jade::serve {
+
+/// A picture that was drawn for a viewer.
+struct Drawn {
+  torch::Tensor image;              ///< [3,H,W] or [1,H,W] float32 on the CPU, not written again
+  std::function<void()> finish;     ///< waits until `image` is there; empty: it is
+  int64_t step = 0, gaussians = 0;  ///< of the scene that it shows
+};
+
+/// What came of asking.
+struct Answer {
+  enum class Kind { kDrawn, kTooLate, kFull, kFailed };
+  Kind kind = Kind::kTooLate;
+  Drawn drawn;         ///< of kDrawn
+  std::string reason;  ///< of kFailed
+};
+
+/// Where those who want to see and the one thread that draws meet. Viewers ask and wait; the thread
+/// draws when it has time. What nobody asks for costs one reading of an atomic. Of the requests of
+/// one viewer for one thing the newest counts; a viewer that does not ask again gets nothing more,
+/// so that slow and vanished ones hold nothing up. Memory is bounded by kMostWaiting.
+class Stage {
+ public:
+  static constexpr size_t kMostWaiting = 32;
+  using Draw = std::function<Drawn(const Wanted&)>;
+  using Seconds = std::chrono::duration<double>;
+
+  // --- the thread that draws
+
+  bool asked() const { return waiting_.load(std::memory_order_relaxed) > 0; }
+  /// Waits for somebody to ask or for a change of paused(). True once somebody does.
+  bool wait(Seconds at_most);
+  /// Draws what has been asked for the longest, where something is. What `draw` throws is the
+  /// answer: a picture that cannot be drawn must not end a run.
+  void draw_one(const Draw& draw);
+
+  // --- the threads of those who ask
+
+  /// @param key  of the viewer and the thing; a request under the same key is answered kTooLate
+  Answer ask(const std::string& key, const Wanted& wanted, Seconds at_most);
+  void set_paused(bool paused);
+  /// A viewer was there.
+  void note(const std::string& viewer);
+
+  // --- any thread
+
+  bool paused() const { return paused_; }
+  /// Viewers that were there within the last ten seconds.
+  int64_t viewers() const;
+  /// Since the last viewer was there.
+  Seconds silence() const;
+  /// Answers all that wait and whoever asks from now on with kTooLate.
+  void close();
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  struct Request {
+    std::string key;
+    Wanted wanted;
+    Answer answer;
+    bool done = false;
+  };
+  using Waiting = std::list<std::shared_ptr<Request>>;
+
+  void finish(Waiting::iterator at);
+
+  mutable std::mutex mutex_;
+  std::condition_variable asked_, answered_;
+  Waiting requests_;
+  std::atomic<size_t> waiting_{0};
+  std::atomic<bool> paused_{false};
+  bool closed_ = false;
+  std::map<std::string, Clock::time_point> seen_;
+  Clock::time_point last_seen_ = Clock::now();
+};
+
+}  // namespace jade::serve

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <string>
+
+#include "jade/geometry/camera.h"
+#include "jade/geometry/pose.h"
+
+namespace jade::serve {
+
+/// What a viewer wants to see.
+struct Wanted {
+  enum class Kind { kColor, kDepth, kPicture };
+  Kind kind = Kind::kColor;
+  geometry::Pose pose;          ///< of kColor and kDepth, and
+  geometry::Intrinsics camera;  ///< at most kMostPixels large
+  std::string view, picture;    ///< of kPicture: "train.3", "EDI"
+
+  static constexpr int64_t kMostPixels = int64_t{1} << 22;
+};
+
+/// The value of a request's parameter; empty where it has none.
+using Parameter = std::function<std::string(const char* name)>;
+
+/// Reads a frame's request: `pose`, rows of camera_from_world, 12 numbers; `camera`, six: fx, fy,
+/// cx, cy, width, height; `layer`, color or depth.
+/// @throws ConfigError in one line.
+Wanted wanted_frame(const Parameter& parameter);
+
+/// Reads a picture's request: `view` and `name`.
+/// @throws ConfigError in one line.
+Wanted wanted_picture(const Parameter& parameter);
+
+/// `viewer`: 1 to 32 letters and digits, the same in all requests of one page.
+/// @throws ConfigError in one line.
+std::string viewer_of(const Parameter& parameter);
+
+}  // namespace jade::serve

@@ -1,0 +1,225 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""jade_train --serve and jade_view as a user runs them: viewers of all kinds, Ctrl-C, mistakes, and the same bits.
+
+    serve_test.py BIN_FOLDER        exits with 77 where the programs were built without a web server
+"""
+import hashlib
+import json
+import re
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import urllib.error
+import urllib.request
+from pathlib import Path
+
+SIMULATION = """
+seed: 3
+simulate: {world: desk, width: 48, height: 36, focal_px: 62, exposures: 3, test_views: 1, seen_test_views: 1, motion: {blur_px: 4}}
+"""
+TRAINING = """
+device: cpu
+events: {threshold_positive: 0.25}
+objective: {target: edi, warmup: 20, simulation_start: 40}
+init: {points: 300}
+densify: {from: 20, every: 20, until: 150, max_gaussians: 600, gradient_threshold: 1e-5}
+train: {iterations: 150, log_every: 5, evaluate_every: 50, picture_every: 0}
+"""
+FRAME = "frame?viewer={}&layer=color&pose=1,0,0,0,0,1,0,0,0,0,1,0&camera=62,62,24,18,48,36"
+
+
+def expect(condition, what):
+    if not condition:
+        raise AssertionError(what)
+
+
+def ask(url, method="GET"):
+    """Status and bytes of an answer; (0, b'') where nobody answers."""
+    try:
+        with urllib.request.urlopen(urllib.request.Request(url, method=method, data=b"" if method == "POST" else None), timeout=30) as answer:
+            return answer.status, answer.read()
+    except urllib.error.HTTPError as error:
+        return error.code, error.read()
+    except (OSError, EOFError):
+        return 0, b""
+
+
+def state(url, viewer="a"):
+    return json.loads(ask(f"{url}state?viewer={viewer}&generation=-1&from=0")[1])
+
+
+def wait_for(condition, what, seconds=60):
+    end = time.monotonic() + seconds
+    while not condition():
+        expect(time.monotonic() < end, f"not within {seconds} s: {what}")
+        time.sleep(0.05)
+
+
+class Served:
+    """A program that serves, and the address that it prints."""
+
+    def __init__(self, *command):
+        self.errors = tempfile.TemporaryFile(mode="w+")
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=self.errors, text=True)
+        self.url = self.process.stdout.readline().strip()
+        expect(re.fullmatch(r"http://\S+:\d+/\S*", self.url), f"expected an address, found '{self.url}': {self.said()}")
+
+    def said(self):
+        self.errors.seek(0)
+        return self.errors.read()
+
+    def end(self):
+        """The exit code."""
+        self.process.stdout.close()
+        return self.process.wait(timeout=120)
+
+    def interrupt(self):
+        """Ctrl-C; the exit code, and the seconds that it took."""
+        start = time.monotonic()
+        self.process.send_signal(signal.SIGINT)
+        return self.end(), time.monotonic() - start
+
+
+class Runs:
+    def __init__(self, programs, folder):
+        self.programs, self.folder = programs, folder
+        (folder / "simulation.yaml").write_text(SIMULATION)
+        (folder / "training.yaml").write_text(TRAINING)
+        self.run("jade_simulate", "--config", folder / "simulation.yaml", "--output", folder / "data")
+
+    def program(self, name, *arguments):
+        return [self.programs / name, *arguments]
+
+    def training(self, output, *more):
+        return self.program("jade_train", "--config", self.folder / "training.yaml", "--set",
+                            f"dataset.path={self.folder / 'data'}", "--output", self.folder / output, *more)
+
+    def run(self, *command):
+        done = subprocess.run(self.program(*command), capture_output=True, text=True)
+        expect(done.returncode == 0, f"{command[0]}: {done.stderr}")
+
+    def bits(self, output):
+        return hashlib.sha256((self.folder / output / "point_cloud.ply").read_bytes()).hexdigest()
+
+
+def look(url, viewer, seen, stop):
+    while not stop.is_set():
+        status, body = ask(url + FRAME.format(viewer))
+        if status == 200 and body.startswith(b"\xff\xd8"):
+            seen[viewer] = seen.get(viewer, 0) + 1
+        elif status != 204:
+            time.sleep(0.05)
+
+
+def stall(url, viewer):
+    """A viewer that asks and never reads; its connection."""
+    port = int(re.search(r":(\d+)/", url)[1])
+    connection = socket.create_connection(("127.0.0.1", port))
+    connection.sendall(f"GET /{FRAME.format(viewer)} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode())
+    return connection
+
+
+def check_same_bits(runs):
+    """With two viewers, some that stall or leave, and a pause."""
+    done = subprocess.run(runs.training("alone"), capture_output=True, text=True)
+    expect(done.returncode == 0, done.stderr)
+    served = Served(*runs.training("served", "--serve=0"))
+    url, seen, stop = served.url, {}, threading.Event()
+    viewers = [threading.Thread(target=look, args=(url, name, seen, stop)) for name in "ab"]
+    for viewer in viewers:
+        viewer.start()
+    stalled = [stall(url, f"stalls{k}") for k in range(3)]
+    wait_for(lambda: state(url)["step"] > 5, "steps go on")
+    stall(url, "leaves").close()
+    expect(ask(f"{url}pause?viewer=a&on=1", "POST")[0] == 204, "pause")
+    wait_for(lambda: state(url)["phase"] == "paused", "paused")
+    step = state(url)["step"]
+    before = seen.get("a", 0)
+    wait_for(lambda: seen.get("a", 0) > before + 3, "frames while paused")
+    expect(state(url)["step"] == step, "no step while paused")
+    expect(ask(f"{url}pause?viewer=a&on=0", "POST")[0] == 204, "go on")
+    lines = []
+    while served.process.poll() is None:
+        status, body = ask(f"{url}state?viewer=a&generation=-1&from=0")
+        lines = json.loads(body)["lines"] if status == 200 else lines
+        time.sleep(0.05)
+    stop.set()
+    for viewer in viewers:
+        viewer.join()
+    for connection in stalled:
+        connection.close()
+    expect(served.end() == 0, served.said())
+    expect(min(seen.get("a", 0), seen.get("b", 0)) > 3, f"both viewers see: {seen}")
+    expect(len(lines) > 5 and any("test_psnr" in line for line in lines), "metrics come while it trains")
+    expect(runs.bits("alone") == runs.bits("served"), "the same bits with viewers and without")
+    print(f"same bits; frames {seen}")
+
+
+def check_interrupt(runs):
+    served = Served(*runs.training("stopped", "--set", "train.iterations=100000", "--serve=0"))
+    seen, stop = {}, threading.Event()
+    viewer = threading.Thread(target=look, args=(served.url, "a", seen, stop))
+    viewer.start()
+    stalled = stall(served.url, "stalls")
+    wait_for(lambda: seen.get("a", 0) > 2, "frames")
+    code, seconds = served.interrupt()
+    stop.set()
+    viewer.join()
+    stalled.close()
+    expect(code == 130, f"expected 130, found {code}: {served.said()}")
+    expect(seconds < 10, f"{seconds:.1f} s to stop")
+    expect(list((runs.folder / "stopped/checkpoints").glob("step_*.pt")), "saved before the end")
+
+
+def check_mistakes(runs):
+    """One line, exit code 2, nothing made."""
+    def fails(what, code, *command):
+        done = subprocess.run(command, capture_output=True, text=True)
+        expect(done.returncode == code and done.stderr.count("\n") == 1 and what in done.stderr,
+               f"expected {code} and '{what}', found {done.returncode} and {done.stderr}")
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        fails("Address already in use; choose another port", 2, *runs.training("none", f"--serve={port}"))
+    fails("--serve 127.0.0.1:http: expected an IP address and a port", 2, *runs.training("none", "--serve=127.0.0.1:http"))
+    fails("--serve example.org: expected an IP address", 2, *runs.training("none", "--serve=example.org"))
+    expect(not (runs.folder / "none").exists(), "no run directory")
+    fails("expected a run directory of jade_train or a .ply, found nothing", 3, *runs.program("jade_view", runs.folder / "nothing", "--serve=0"))
+    fails("expected a run directory of jade_train or a .ply, found another folder", 3, *runs.program("jade_view", runs.folder / "data", "--serve=0"))
+
+
+def check_view(runs):
+    for scene, picture in (("served", "picture?viewer=a&view=train.0&name=blurry"), ("served/point_cloud.ply", None)):
+        view = Served(*runs.program("jade_view", runs.folder / scene, "--device", "cpu", "--serve=0"))
+        wait_for(lambda: b'"live"' in ask(view.url)[1], "the page")
+        expect(state(view.url)["phase"] == "still", "a scene that is as it is")
+        status, body = ask(view.url + FRAME.format("a"))
+        expect(status == 200 and body.startswith(b"\xff\xd8"), f"a frame of {scene}")
+        if picture:
+            expect(ask(view.url + picture)[1][1:4] == b"PNG", "a picture")
+        code, seconds = view.interrupt()
+        expect(code == 130 and seconds < 5, f"jade_view ends with Ctrl-C: {code} after {seconds:.1f} s")
+
+
+def main():
+    programs = Path(sys.argv[1])
+    with tempfile.TemporaryDirectory() as folder:
+        runs = Runs(programs, Path(folder))
+        probe = subprocess.run(runs.training("probe", "--serve=127.0.0.1:0", "--set", "dataset.path=/nowhere"), capture_output=True, text=True)
+        if "has no web server" in probe.stderr:
+            print("SKIPPED: needs libcpp-httplib-dev: scripts/setup.sh; then configure and build again")
+            return 77
+        check_mistakes(runs)
+        check_same_bits(runs)
+        check_interrupt(runs)
+        check_view(runs)
+    print("it serves as it says")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

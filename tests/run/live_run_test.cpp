@@ -1,0 +1,214 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/run/live_run.h"
+
+#include "support/catch.h"
+
+#include <atomic>
+#include <future>
+#include <nlohmann/json.hpp>
+#include <thread>
+#include <torch/types.h>
+#include <vector>
+
+#include "jade/core/digest.h"
+#include "jade/core/error.h"
+#include "jade/core/interrupt.h"
+#include "jade/run/evaluate.h"
+#include "jade/run/trainer.h"
+#include "jade/serve/server.h"
+#include "support/tiny_run.h"
+
+using namespace jade;
+using serve::Answer;
+using serve::Wanted;
+
+namespace {
+
+using Seconds = serve::Stage::Seconds;
+
+/// Looks at everything there is, as fast as it is drawn, from two viewers.
+class Audience {
+ public:
+  Audience(serve::Stage& stage, const geometry::Pose& pose, const geometry::Intrinsics& camera)
+      : stage_(stage) {
+    for (const std::string name : {"a", "b"}) {
+      threads_.emplace_back([this, name, pose, camera] {
+        for (int i = 0; going_; ++i) {
+          Wanted wanted;
+          wanted.kind = static_cast<Wanted::Kind>(i % 3);
+          wanted.pose = pose;
+          wanted.pose.translation[0] += 0.01 * (i % 7);
+          wanted.camera = camera;
+          wanted.view = "train.0";
+          wanted.picture = kPictures[i % 5];
+          const Answer answer = stage_.ask(name, wanted, Seconds(1));
+          seen_ += answer.kind == Answer::Kind::kDrawn ? 1 : 0;
+          failed_ += answer.kind == Answer::Kind::kFailed ? 1 : 0;
+        }
+      });
+    }
+  }
+  ~Audience() { leave(); }
+  void leave() {
+    going_ = false;
+    for (std::thread& thread : threads_) thread.join();
+    threads_.clear();
+  }
+  int seen() const { return seen_; }
+  int failed() const { return failed_; }
+
+ private:
+  static constexpr const char* kPictures[] = {"blurry", "EDI", "α", "fused", "render"};
+  serve::Stage& stage_;
+  std::atomic<bool> going_{true};
+  std::atomic<int> seen_{0}, failed_{0};
+  std::vector<std::thread> threads_;
+};
+
+/// A live run of twenty steps in a folder of its own.
+struct LiveTraining {
+  test::TinyScene scene;
+  train::RunOptions options = test::routed_options(scene);
+  serve::Server server{{"127.0.0.1", 0}, "--serve"};
+  run::LiveRun live{server};
+  run::Trainer trainer{options, scene.dir / "run", ""};
+
+  nlohmann::json state() { return nlohmann::json::parse(server.board().json(-1, 0, 0)); }
+};
+
+void wait_for(const std::function<bool()>& condition) {
+  for (int i = 0; i < 2000 && !condition(); ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  REQUIRE(condition());
+}
+
+}  // namespace
+
+TEST_CASE("live_run: a run gives the same bits with viewers and without", "[run]") {
+  if (!serve::can_serve()) return;
+  test::TinyScene scene;
+  const train::RunOptions options = test::routed_options(scene);
+  const auto alone = scene.dir / "alone", watched = scene.dir / "watched";
+  run::Trainer(options, alone, "").run();
+  serve::Server server({"127.0.0.1", 0}, "--serve");
+  run::LiveRun live(server);
+  run::Trainer trainer(options, watched, "");
+  const train::View& view = trainer.views().front();
+  const auto matrix = view.cameras.camera_from_world[0];
+  const auto dataset = data::load_dataset(options.dataset);
+  Audience audience(server.stage(), geometry::pose_from_tensor(matrix),
+                    dataset.train.front().camera);
+  trainer.run(&live);
+  audience.leave();
+  CHECK(audience.seen() >= 3);
+  CHECK(audience.failed() == 0);
+  CHECK(file_sha256(alone / "point_cloud.ply") == file_sha256(watched / "point_cloud.ply"));
+}
+
+TEST_CASE("live_run: frames come from a GPU that trains, and are whole", "[run][cuda]") {
+  if (!serve::can_serve()) return;
+  test::TinyScene scene;
+  train::RunOptions options = test::routed_options(scene);
+  options.device = "cuda";
+  options.train.iterations = options.train.calendar = 2000;
+  serve::Server server({"127.0.0.1", 0}, "--serve");
+  run::LiveRun live(server);
+  run::Trainer trainer(options, scene.dir / "run", "");
+  const data::Exposure exposure = data::load_dataset(options.dataset).train.front();
+  Audience audience(server.stage(), exposure.poses.front(), exposure.camera);
+  trainer.run(&live);
+  audience.leave();
+  CHECK(audience.seen() >= 10);
+  CHECK(audience.failed() == 0);
+
+  const run::GaussianSource gaussians = [&] { return trainer.state().gaussians.detached(); };
+  const splat::RenderOptions draw = train::render_options(trainer.options());
+  const data::Dataset dataset = data::load_dataset(options.dataset);
+  const run::LiveScene shown(dataset, draw, gaussians);
+  Wanted wanted;
+  wanted.pose = exposure.poses.front();
+  wanted.camera = exposure.camera;
+  const serve::Drawn drawn = shown.draw(wanted, 0);
+  REQUIRE(drawn.finish);
+  drawn.finish();
+  const auto expected = run::render_view(gaussians(), wanted.pose, wanted.camera, draw);
+  CHECK(drawn.image.sub(expected.cpu()).abs().max().item<double>() < 1e-5);
+}
+
+TEST_CASE("live_run: progress and metrics come as they are logged", "[run]") {
+  if (!serve::can_serve()) return;
+  LiveTraining training;
+  training.trainer.run(&training.live);
+  const nlohmann::json state = training.state();
+  CHECK(state["phase"] == "finishing");
+  CHECK(state["step"] == 20);
+  CHECK(state["steps"] == 20);
+  CHECK(state["gaussians"] == training.trainer.state().gaussians.size());
+  REQUIRE(state["lines"].size() == 4);
+  CHECK(state["lines"][3]["step"] == 20);
+  CHECK(state["lines"][3].contains("psnr_train"));
+}
+
+TEST_CASE("live_run: a resumed run shows the metrics before it too", "[run]") {
+  if (!serve::can_serve()) return;
+  const test::TinyScene scene;
+  train::RunOptions options = test::tiny_options(scene);
+  options.train.iterations = options.train.calendar = 10;
+  run::Trainer(options, scene.dir / "run", "").run();
+  options.train.iterations = 15;
+  serve::Server server({"127.0.0.1", 0}, "--serve");
+  run::LiveRun live(server);
+  run::Trainer(options, scene.dir / "run", "latest").run(&live);
+  const auto lines = nlohmann::json::parse(server.board().json(-1, 0, 0))["lines"];
+  REQUIRE(lines.size() == 3);
+  CHECK(lines[0]["step"] == 5);
+}
+
+TEST_CASE("live_run: pauses and goes on; while paused it draws what is asked", "[run]") {
+  if (!serve::can_serve()) return;
+  LiveTraining training;
+  serve::Stage& stage = training.server.stage();
+  stage.set_paused(true);
+  auto done = std::async(std::launch::async, [&] { training.trainer.run(&training.live); });
+  wait_for([&] { return training.state()["phase"] == "paused"; });
+  CHECK(training.state()["step"] == 1);
+  Wanted picture;
+  picture.kind = Wanted::Kind::kPicture;
+  picture.view = "train.1";
+  picture.picture = "blurry";
+  stage.note("a");
+  const Answer answer = stage.ask("a", picture, Seconds(10));
+  REQUIRE(answer.kind == Answer::Kind::kDrawn);
+  CHECK(answer.drawn.step == 1);
+  CHECK(answer.drawn.image.equal(training.trainer.views()[1].blurry));
+  picture.picture = "secret";
+  CHECK(stage.ask("a", picture, Seconds(10)).kind == Answer::Kind::kFailed);
+  CHECK(training.state()["step"] == 1);
+  stage.set_paused(false);
+  done.get();
+  CHECK(training.state()["step"] == 20);
+}
+
+TEST_CASE("live_run: a viewer that pauses and vanishes holds the run up for a while only",
+          "[run]") {
+  if (!serve::can_serve()) return;
+  LiveTraining training;
+  run::LiveRun hasty(training.server, std::chrono::milliseconds(200));
+  training.server.stage().set_paused(true);
+  training.trainer.run(&hasty);
+  CHECK(training.state()["step"] == 20);
+  CHECK_FALSE(training.server.stage().paused());
+}
+
+TEST_CASE("live_run: Ctrl-C ends a paused run as any other", "[run]") {
+  if (!serve::can_serve()) return;
+  LiveTraining training;
+  training.server.stage().set_paused(true);
+  auto done = std::async(std::launch::async, [&] { training.trainer.run(&training.live); });
+  wait_for([&] { return training.state()["phase"] == "paused"; });
+  set_interrupt_requested(true);
+  CHECK_THROWS_AS(done.get(), Interrupted);
+  set_interrupt_requested(false);
+  CHECK(run::list_checkpoints(training.scene.dir / "run").size() == 1);
+}

@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/serve/connection.h"
+
+#include "support/catch.h"
+
+#include <chrono>
+#include <functional>
+#include <string>
+#include <sys/socket.h>
+#include <thread>
+#include <unistd.h>
+
+using namespace jade;
+using serve::Connection;
+
+namespace {
+
+constexpr std::chrono::milliseconds kSoon{60};
+
+struct Pair {
+  int ours = -1, theirs = -1;
+  Pair() {
+    int both[2];
+    REQUIRE(socketpair(AF_UNIX, SOCK_STREAM, 0, both) == 0);
+    ours = both[0];
+    theirs = both[1];
+  }
+  ~Pair() { close(theirs); }
+  void say(const std::string& text) const {
+    REQUIRE(::send(theirs, text.data(), text.size(), MSG_NOSIGNAL) == ssize_t(text.size()));
+  }
+};
+
+double seconds_of(const std::function<void()>& action) {
+  const auto start = std::chrono::steady_clock::now();
+  action();
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+}  // namespace
+
+TEST_CASE("connection: reads and writes as a socket does", "[serve]") {
+  const Pair pair;
+  Connection connection(pair.ours, {});
+  pair.say("GET");
+  std::string text(8, '.');
+  CHECK(connection.read(text.data(), 1) == 1);
+  CHECK(connection.can_read());
+  CHECK(connection.read(text.data() + 1, 7) == 2);
+  CHECK(text == "GET.....");
+  CHECK(connection.write("200 OK", 6) == 6);
+  char answer[6];
+  CHECK(::read(pair.theirs, answer, 6) == 6);
+  CHECK(std::string(answer, 6) == "200 OK");
+  shutdown(pair.theirs, SHUT_WR);
+  CHECK(connection.read(text.data(), 8) == 0);
+}
+
+TEST_CASE("connection: a request has an end, in bytes and in time", "[serve]") {
+  {
+    const Pair pair;
+    Connection connection(pair.ours, {10, kSoon, kSoon});
+    pair.say("0123456789abcdef");
+    std::string text(16, '.');
+    CHECK(connection.read(text.data(), 16) == 10);
+    CHECK(connection.read(text.data(), 16) == -1);
+  }
+  const Pair pair;
+  Connection connection(pair.ours, {1000, kSoon, kSoon});
+  char letter = 0;
+  // One byte each 20 ms, which a limit between bytes would let go on.
+  std::thread slow([&] {
+    for (int i = 0; i < 20; ++i) {
+      pair.say("x");
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+  });
+  const double seconds = seconds_of([&] {
+    while (connection.read(&letter, 1) > 0) {
+    }
+  });
+  slow.join();
+  CHECK(seconds < 0.3);
+}
+
+TEST_CASE("connection: who does not read is left after a while", "[serve]") {
+  const Pair pair;
+  Connection connection(pair.ours, {1000, kSoon, kSoon});
+  const std::string much(size_t{1} << 24, 'x');
+  ssize_t sent = 0;
+  CHECK(seconds_of([&] { sent = connection.write(much.data(), much.size()); }) < 1);
+  CHECK(sent == -1);
+}
