@@ -67,7 +67,7 @@ Json training_view(const data::Dataset& dataset, const train::View& view, int64_
   return {{"name", "training view " + view.name},
           {"camera", concat("train.", index)},
           {"pictures", pictures},
-          {"events", film_json(exposure)}};
+          {"events", film_json(dataset.train[static_cast<size_t>(index)])}};
 }
 
 /// Mean PSNR at mid-exposure of what comes before the scene and of the scene, over the views where
