@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the report says beside the scene: headline figures, views, tables, curves.
 
-const make = (tag, parent, props = {}) => parent.appendChild(Object.assign(document.createElement(tag), props));
+import { make, tableIn } from './elements.js';
+
 const at = (id) => document.getElementById(id);
 const METRICS = ['psnr', 'psnr_channel_mean', 'ssim', 'lpips_alex01', 'lpips_vgg', 'psnr_reblur'];
 
@@ -76,13 +77,7 @@ function strip(parent, heading, view, onPick) {
 }
 
 function table(parent, label, head, rows) {
-  const box = make('div', parent, { className: 'scroll', tabIndex: 0 });
-  box.setAttribute('role', 'region');
-  box.setAttribute('aria-label', label);
-  const whole = make('table', box);
-  const top = make('tr', make('thead', whole));
-  for (const cell of head) make('th', top, { textContent: cell, scope: 'col' });
-  const body = make('tbody', whole);
+  const body = tableIn(parent, label, head);
   for (const row of rows) {
     const line = make('tr', body);
     row.forEach((cell, k) => make(k === 0 ? 'th' : 'td', line, { textContent: shown(cell), ...(k === 0 ? { scope: 'row' } : {}) }));

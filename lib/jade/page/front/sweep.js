@@ -3,11 +3,11 @@
 // other. Pictures and reports are files beside the page.
 
 import { Layers } from './layers.js';
+import { make, tableIn } from './elements.js';
 
 const TRUTH = 'truth';
 const MARKS = { finished: '✓', failed: '✗', running: '▸', unfinished: '…', new: '·' };
 const part = (id) => document.getElementById(id);
-const append = (tag, parent, props = {}) => parent.appendChild(Object.assign(document.createElement(tag), props));
 const byNumber = (a, b) => a.seed - b.seed;
 
 /** The address of a file beside the page: any byte of a name may stand in it. */
@@ -71,21 +71,21 @@ export class SweepPage {
     part('pictures-note').textContent = any ? 'Test views of every row in the table’s order, with PSNR; the highest is framed. Choose one to wipe it against the truth or another row.'
       : 'No run has finished yet.';
     for (const { heading, meaning } of data.columns) {
-      append('dt', part('columns'), { textContent: heading });
-      append('dd', part('columns'), { textContent: meaning });
+      make('dt', part('columns'), { textContent: heading });
+      make('dd', part('columns'), { textContent: meaning });
     }
     part('missing').hidden = data.remarks.length === 0;
-    for (const remark of data.remarks) append('li', part('remarks'), { textContent: remark });
+    for (const remark of data.remarks) make('li', part('remarks'), { textContent: remark });
   }
 
   writeGlance() {
     const { finished, runs_total: total, runs, tables, columns } = this.data;
     const failed = runs.filter((run) => run.state === 'failed').length;
     const card = (label, value, note, kind = '') => {
-      const box = append('div', part('glance'), { className: `card ${kind}` });
-      append('dt', box, { textContent: label });
-      append('dd', box, { textContent: value });
-      append('dd', box, { textContent: note, className: 'note' });
+      const box = make('div', part('glance'), { className: `card ${kind}` });
+      make('dt', box, { textContent: label });
+      make('dd', box, { textContent: value });
+      make('dd', box, { textContent: note, className: 'note' });
     };
     card('finished', `${finished} of ${total} runs`, total - finished - failed > 0 ? `${total - finished - failed} to go` : 'none to go');
     if (failed > 0) card('failed', String(failed), 'below with their reasons', 'bad');
@@ -100,30 +100,30 @@ export class SweepPage {
     const { rows, scenes, runs } = this.data;
     const body = tableIn(part('runs'), 'Runs by row and scene', ['row', ...scenes.map(({ name }) => name)]);
     for (const { name, title } of rows) {
-      const line = append('tr', body);
-      append('th', line, { textContent: title, scope: 'row' });
+      const line = make('tr', body);
+      make('th', line, { textContent: title, scope: 'row' });
       for (const scene of scenes) {
-        const cell = append('td', line);
+        const cell = make('td', line);
         for (const run of runs.filter((each) => each.row === name && each.scene === scene.name).sort(byNumber)) addChip(cell, run);
       }
     }
   }
 
   writeTable(parent, { title, paper, rows }) {
-    append('h3', parent, { textContent: title });
+    make('h3', parent, { textContent: title });
     const head = this.data.columns.flatMap(({ heading }, k) => (paper[k] ? [heading, 'paper'] : [heading]));
     const body = tableIn(parent, title, ['', ...head]);
     let block = '';
     for (const row of rows) {
       if (row.block && row.block !== block) {
-        append('th', append('tr', body, { className: 'block' }), { textContent: row.block, colSpan: head.length + 1, scope: 'rowgroup' });
+        make('th', make('tr', body, { className: 'block' }), { textContent: row.block, colSpan: head.length + 1, scope: 'rowgroup' });
       }
       block = row.block;
-      const line = append('tr', body);
-      append('th', line, { textContent: row.title, scope: 'row' });
+      const line = make('tr', body);
+      make('th', line, { textContent: row.title, scope: 'row' });
       row.cells.forEach((cell, k) => {
-        append('td', line, { textContent: cell.text, className: cell.best ? 'best' : cell.gap ? 'gap' : '' });
-        if (paper[k]) append('td', line, { textContent: cell.paper ?? '', className: 'paper' });
+        make('td', line, { textContent: cell.text, className: cell.best ? 'best' : cell.gap ? 'gap' : '' });
+        if (paper[k]) make('td', line, { textContent: cell.paper ?? '', className: 'paper' });
       });
     }
   }
@@ -131,15 +131,15 @@ export class SweepPage {
   writeScene(scene) {
     const groups = groupsOf(scene.views);
     if (groups.length === 0) return;
-    const box = append('section', part('pictures'));
+    const box = make('section', part('pictures'));
     box.setAttribute('aria-label', `Pictures of ${scene.name}`);
-    append('h3', box, { textContent: scene.name });
+    make('h3', box, { textContent: scene.name });
     for (const { heading, views } of groups) {
-      const bar = append('div', box, { className: 'pick' });
-      append('h4', bar, { textContent: heading });
-      const select = append('select', append('label', bar, { textContent: 'view ' }));
+      const bar = make('div', box, { className: 'pick' });
+      make('h4', bar, { textContent: heading });
+      const select = make('select', make('label', bar, { textContent: 'view ' }));
       select.append(...views.map(({ name }) => new Option(name)));
-      const grid = append('div', box, { className: 'figures' });
+      const grid = make('div', box, { className: 'figures' });
       select.onchange = () => this.fill(grid, scene, views[select.selectedIndex]);
       this.fill(grid, scene, views[0]);
     }
@@ -155,15 +155,15 @@ export class SweepPage {
     const seed = run && this.data.runs.some((each) => each.seed !== run.seed) ? `seed ${run.seed}` : '';
     const note = [typeof psnr === 'number' ? `${psnr.toFixed(2)} dB` : '', seed, reason ?? ''].filter((text) => text).join(' · ');
     if (!src) {
-      const box = append('div', grid, { className: run.state === 'failed' ? 'none failed' : 'none' });
-      append('span', box, { className: 'name', textContent: title });
-      append('span', box, { className: 'note', textContent: note });
+      const box = make('div', grid, { className: run.state === 'failed' ? 'none failed' : 'none' });
+      make('span', box, { className: 'name', textContent: title });
+      make('span', box, { className: 'note', textContent: note });
       return;
     }
-    const button = append('button', grid, { type: 'button', className: best ? 'thumb leading' : 'thumb', title: 'compare' });
-    append('img', button, { src: addressOf(src), alt: '', loading: 'lazy' });
-    append('span', button, { className: 'name', textContent: title });
-    append('span', button, { className: 'note', textContent: note });
+    const button = make('button', grid, { type: 'button', className: best ? 'thumb leading' : 'thumb', title: 'compare' });
+    make('img', button, { src: addressOf(src), alt: '', loading: 'lazy' });
+    make('span', button, { className: 'name', textContent: title });
+    make('span', button, { className: 'note', textContent: note });
     button.onclick = () => this.compare(scene, view, title);
   }
 
@@ -208,19 +208,8 @@ export class SweepPage {
   }
 }
 
-/** An empty table that scrolls sideways where it must; its body. */
-function tableIn(parent, label, head) {
-  const box = append('div', parent, { className: 'scroll', tabIndex: 0 });
-  box.setAttribute('role', 'region');
-  box.setAttribute('aria-label', label);
-  const whole = append('table', box);
-  const top = append('tr', append('thead', whole));
-  for (const text of head) append('th', top, { textContent: text, scope: 'col' });
-  return append('tbody', whole);
-}
-
 function addChip(parent, { seed, state, reason, report }) {
-  const chip = append(report ? 'a' : 'span', parent, { textContent: `${seed} ${MARKS[state]}` });
+  const chip = make(report ? 'a' : 'span', parent, { textContent: `${seed} ${MARKS[state]}` });
   chip.className = `chip ${['finished', 'failed'].includes(state) ? state : 'waiting'}`;
   const words = `seed ${seed}: ${state}${reason ? `: ${reason}` : ''}${report ? '; its report' : ''}`;
   chip.title = words;

@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+// Elements that both pages are made of.
+
+/** A new element at the end of `parent`, with properties. */
+export const make = (tag, parent, props = {}) => parent.appendChild(Object.assign(document.createElement(tag), props));
+
+/** An empty table that scrolls sideways where it must, with a name for screen readers; its body. */
+export function tableIn(parent, label, head) {
+  const box = make('div', parent, { className: 'scroll', tabIndex: 0 });
+  box.setAttribute('role', 'region');
+  box.setAttribute('aria-label', label);
+  const whole = make('table', box);
+  const top = make('tr', make('thead', whole));
+  for (const text of head) make('th', top, { textContent: text, scope: 'col' });
+  return make('tbody', whole);
+}
