@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "common/cli.h"
+#include "jade/io/npy.h"
 #include "jade/simulate/simulator.h"
 
 using namespace jade;
@@ -70,6 +71,15 @@ void report(const simulate::SimulateResult& result, const std::filesystem::path&
   }
 }
 
+void write_footage(const simulate::SimulateRun& run, int64_t frames,
+                   const std::filesystem::path& folder) {
+  const torch::Tensor footage = simulate::exposure_footage(run, frames);
+  std::filesystem::create_directories(folder);
+  io::write_npy(folder / "footage.npy", footage);
+  std::cout << (folder / "footage.npy").string() << ": " << footage.size(0) << " exposures of "
+            << frames << " frames\n";
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -87,10 +97,22 @@ int main(int argc, char** argv) {
   program.cli().add_flag("--recording", recording,
                          "Write a recording without poses, as a camera does, with the true data "
                          "set in truth/, to try jade_import");
+  int64_t footage = 0;
+  program.cli()
+      .add_option(
+          "--footage", footage,
+          "Write footage.npy and nothing else: so many sharp frames at equal steps of every "
+          "exposure, [exposures,frames,3,H,W] uint8, to train restorers from")
+      ->check(CLI::Range(2, 1025))
+      ->excludes("--recording");
   return program.run(argc, argv, [&] {
     auto run = load(program);
     if (!run) return ExitCode::kOk;
     check_output(program.output(), force);
+    if (footage > 0) {
+      write_footage(*run, footage, program.output());
+      return ExitCode::kOk;
+    }
     // What others' poses are judged by has no error of its own.
     if (recording) run->simulate.poses = {};
     const auto result = simulate::simulate(*run);

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scores an exported EFNet beside EDI on an EvDeblur folder: exposures whose middle frame is also there, sharp.
+"""Scores an exported EFNet beside EDI on an EvDeblur folder: exposures whose middle frame is also there, sharp, among the
+test views or in sharp/ (jade_simulate).
 
 Prints PSNR (of the global mean squared error) and SSIM (11x11 Gaussian window, sigma 1.5) of the blurry frame, EDI,
 EFNet, their mean and their per-pixel oracle mix.
@@ -50,6 +51,16 @@ def picture(path: Path) -> Tensor:
 
 
 @torch.no_grad()
+def restore_at(module: torch.jit.ScriptModule, blurry: Tensor, counts: Tensor, moment: float, multiple: int = 4) -> Tensor:
+    """By a file of version 2."""
+    height, width = blurry.shape[2:]
+    pad = (0, -width % multiple, 0, -height % multiple)
+    image = torch.nn.functional.pad(blurry, pad, mode="replicate")
+    restored = module(image, torch.nn.functional.pad(counts, pad), torch.tensor([moment]))
+    return restored[:, :, :height, :width].clamp(0, 1)
+
+
+@torch.no_grad()
 def restore(module: torch.jit.ScriptModule, blurry: Tensor, bins: Tensor, kind: str, multiple: int = 4) -> Tensor:
     events, mask = restoration.network_input(bins, kind)
     height, width = blurry.shape[2:]
@@ -72,23 +83,28 @@ def ssim(a: Tensor, b: Tensor) -> float:
 
 def evaluate(arguments: argparse.Namespace) -> dict[str, dict[str, float]]:
     metadata = {"jade_efnet.json": ""}
-    module = torch.jit.load(str(arguments.model), map_location="cpu", _extra_files=metadata)
-    kind = json.loads(metadata["jade_efnet.json"])["input"]
+    module = torch.jit.load(str(arguments.model), map_location="cpu", _extra_files=metadata).float()
+    about = json.loads(metadata["jade_efnet.json"])
     images = arguments.data / "images_1"
     times = np.load(images / "timestamps.npz")
     start, middle, end = times["timestamps_start"], times["timestamps"], times["timestamps_end"]
     with h5py.File(arguments.data / "events.h5") as file:
         events = {k: file[k][:] for k in "xytp"}
     files = sorted(images.glob("*.png"))
-    sharp = {int(middle[i]): files[i] for i in range(len(files)) if end[i] <= start[i]}
+    truths = {int(middle[i]): files[i] for i in range(len(files)) if end[i] <= start[i]}
+    truths |= {int(middle[i]): arguments.data / "sharp" / files[i].name for i in range(len(files))
+               if (arguments.data / "sharp" / files[i].name).is_file()}
     rows: dict[str, list[tuple[float, float]]] = {}
-    for i in (i for i in range(len(files)) if end[i] > start[i] and int(middle[i]) in sharp):
-        blurry, truth = picture(files[i]), picture(sharp[int(middle[i])])
+    for i in (i for i in range(len(files)) if end[i] > start[i] and int(middle[i]) in truths):
+        blurry, truth = picture(files[i]), picture(truths[int(middle[i])])
         window = int(start[i]), int(end[i])
         shape = tuple(blurry.shape[2:])
         maps = splat_windows(events, *window, restoration.EDI_WINDOWS, shape, *arguments.thresholds)
         edi = restoration.double_integral(blurry, maps).clamp(0, 1)
-        efnet = restore(module, blurry, splat_windows(events, *window, restoration.BINS, shape), kind)
+        number = about.get("windows", restoration.BINS)
+        counts = splat_windows(events, *window, number, shape)
+        at_any_time = about["format_version"] > 1
+        efnet = restore_at(module, blurry, counts, 0.5) if at_any_time else restore(module, blurry, counts, about["input"])
         results = {"blurry": blurry, "edi": edi, "efnet": efnet, "mean": restoration.mean_mix(edi, efnet),
                    "oracle": restoration.oracle_mix(edi, efnet, truth)}
         for name, image in results.items():

@@ -18,11 +18,13 @@ import torch
 from torch import Tensor, nn
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
+import restoration  # noqa: E402
 from model import PADDING_MULTIPLE, EFNet, parameter_count  # noqa: E402
 
 METADATA_NAME = "jade_efnet.json"
 TRACED_SIZE = (64, 96)
 VERIFIED_SIZES = ((64, 96), (128, 160), (260, 348))
+VERIFIED_TIMES = (0.5, 0.0, 0.8125)
 TOLERANCE = 1e-5
 
 
@@ -45,6 +47,27 @@ class Restorer(nn.Module):
         return restored.flip(1) if self.bgr else restored
 
 
+class AnyTimeRestorer(nn.Module):
+    """The signature of version 2: RGB, signed counts of equal windows and moments in, RGB out."""
+
+    def __init__(self, net: nn.Module):
+        super().__init__()
+        self.net = net
+
+    def forward(self, image: Tensor, counts: Tensor, time: Tensor) -> Tensor:
+        blurry, events, mask, candidates = restoration.any_time_input(image, counts, time)
+        return self.net(blurry, events, mask, candidates)
+
+
+class SecondStage(nn.Module):
+    def __init__(self, net: EFNet):
+        super().__init__()
+        self.net = net
+
+    def forward(self, blurry: Tensor, events: Tensor, mask: Tensor, candidates: Tensor) -> Tensor:
+        return self.net(blurry, events, mask, candidates)[1]
+
+
 def load_checkpoint(path: Path) -> dict[str, Tensor]:
     """State of a {"params": ...} checkpoint, or of a bare state dict, without the prefix of parallel training."""
     try:
@@ -60,7 +83,12 @@ def load_checkpoint(path: Path) -> dict[str, Tensor]:
 def network_from_state(path: Path, state: dict[str, Tensor]) -> EFNet:
     if "conv_01.weight" not in state:
         raise DataError(f"{path}: expected EFNet weights, found no 'conv_01.weight'")
-    net = EFNet(state["conv_01.weight"].shape[0])
+    width, pictures = state["conv_01.weight"].shape[:2]
+    events = state["conv_ev1.weight"].shape[1] if "conv_ev1.weight" in state else restoration.BINS
+    net = EFNet(width, events, pictures // 3 - 1)
+    if net.candidates and events != restoration.any_time_channels():
+        raise DataError(f"{path}: expected {restoration.any_time_channels()} event channels of an any-time network, "
+                        f"found {events}")
     expected = net.state_dict()
     wrong = [k for k in expected if k not in state or state[k].shape != expected[k].shape]
     wrong += [k for k in state if k not in expected]
@@ -81,25 +109,28 @@ def weights_sha256(module: nn.Module) -> str:
     return digest.hexdigest()
 
 
-def metadata(module: nn.Module, arguments: argparse.Namespace, width: int, minimum: int) -> dict[str, object]:
-    efnet = arguments.kind == "efnet"
-    return {
+def metadata(module: nn.Module, arguments: argparse.Namespace, net: EFNet | None, minimum: int) -> dict[str, object]:
+    any_time = net is not None and net.candidates > 0
+    content: dict[str, object] = {
         "format": "jade-restorer",
-        "format_version": 1,
+        "format_version": 2 if any_time else 1,
         "kind": arguments.kind,
         "name": arguments.name or arguments.output.stem,
-        "width": width,
+        "width": 0 if net is None else net.width,
         "parameters": parameter_count(module),
-        "input": arguments.input if efnet else "none",
-        "normalization": "max_abs" if efnet else "none",
+        "input": "none" if net is None else "counts" if any_time else arguments.input,
+        "normalization": "none" if net is None else "inside" if any_time else "max_abs",
         "channel_order": arguments.channel_order,
         "padding_multiple": arguments.padding_multiple,
         "minimum_size": minimum,
-        "uses_mask": efnet and not arguments.no_mask,
-        "dtype": "float32",
+        "uses_mask": net is not None and not arguments.no_mask,
+        "dtype": "float16" if arguments.half else "float32",
         "weights_sha256": weights_sha256(module),
         "source": arguments.source,
     }
+    if any_time:
+        content |= {"windows": restoration.WINDOWS, "any_time": True}
+    return content
 
 
 def example_inputs(kind: str, height: int, width: int, seed: int) -> tuple[Tensor, ...]:
@@ -107,14 +138,17 @@ def example_inputs(kind: str, height: int, width: int, seed: int) -> tuple[Tenso
     image = torch.rand(1, 3, height, width, generator=generator)
     if kind == "image":
         return (image,)
+    if kind == "any_time":
+        counts = torch.randint(-2, 3, (1, restoration.WINDOWS, height, width), generator=generator).float()
+        return image, counts, torch.tensor([VERIFIED_TIMES[seed % len(VERIFIED_TIMES)]])
     events = torch.rand(1, 6, height, width, generator=generator) * 2 - 1
     return image, events, (torch.rand(1, 1, height, width, generator=generator) > 0.3).float()
 
 
 @torch.no_grad()
 def verify(reference: nn.Module, path: Path, kind: str) -> float:
-    """Largest difference between the saved file and the module it came from, over three sizes."""
-    saved, worst = torch.jit.load(str(path), map_location="cpu"), 0.0
+    """Largest difference between the saved file, read as JADE-GS does, and the module it came from, over three sizes."""
+    saved, worst = torch.jit.load(str(path), map_location="cpu").float(), 0.0
     for seed, (height, width) in enumerate(VERIFIED_SIZES):
         inputs = example_inputs(kind, height, width, seed)
         expected, found = reference(*inputs), saved(*inputs)
@@ -127,27 +161,42 @@ def verify(reference: nn.Module, path: Path, kind: str) -> float:
 
 
 @torch.no_grad()
-def scripted_module(arguments: argparse.Namespace) -> tuple[nn.Module, torch.jit.ScriptModule, int, int]:
-    """(reference, scripted, width, minimum size)"""
+def scripted_module(arguments: argparse.Namespace) -> tuple[nn.Module, torch.jit.ScriptModule, EFNet | None, str]:
+    """(reference, scripted, network, kind of its inputs)"""
     if arguments.kind == "image":
         try:
             module = torch.jit.load(str(arguments.checkpoint), map_location="cpu").eval()
         except (RuntimeError, ValueError) as error:
             raise DataError(f"{arguments.checkpoint}: expected TorchScript ({str(error).splitlines()[0]})")
-        return module, module, 0, arguments.padding_multiple
-    net = network_from_state(arguments.checkpoint, load_checkpoint(arguments.checkpoint))
-    module = Restorer(net, arguments.channel_order == "bgr", not arguments.no_mask).eval()
-    traced = torch.jit.trace(module, example_inputs("efnet", *TRACED_SIZE, seed=0), check_trace=False)
-    return module, traced, net.width, 2 * PADDING_MULTIPLE
+        return module, module, None, "image"
+    state = load_checkpoint(arguments.checkpoint)
+    if arguments.half:  # the weights of the file are those of the reference
+        state = {name: value.half().float() for name, value in state.items()}
+    net = network_from_state(arguments.checkpoint, state).eval()
+    if net.candidates == 0:
+        module = Restorer(net, arguments.channel_order == "bgr", not arguments.no_mask).eval()
+        traced = torch.jit.trace(module, example_inputs("efnet", *TRACED_SIZE, seed=0), check_trace=False)
+        return module, traced, net, "efnet"
+    if arguments.channel_order == "bgr" or arguments.no_mask:
+        raise DataError(f"{arguments.checkpoint}: an any-time network takes RGB and makes its mask itself; "
+                        "leave out --channel-order and --no-mask")
+    image, counts, time = example_inputs("any_time", *TRACED_SIZE, seed=0)
+    traced = torch.jit.trace(
+        SecondStage(net).eval(), restoration.any_time_input(image, counts, time), check_trace=False
+    )
+    return AnyTimeRestorer(SecondStage(net)).eval(), torch.jit.script(AnyTimeRestorer(traced).eval()), net, "any_time"
 
 
 def export(arguments: argparse.Namespace) -> dict[str, object]:
-    reference, module, width, minimum = scripted_module(arguments)
-    content = metadata(module, arguments, width, minimum)
+    reference, module, net, inputs = scripted_module(arguments)
+    content = metadata(module, arguments, net, arguments.padding_multiple if net is None else 2 * PADDING_MULTIPLE)
     temporary = arguments.output.with_suffix(".tmp")
+    if arguments.half:
+        module.half()
     torch.jit.save(module, str(temporary), _extra_files={METADATA_NAME: json.dumps(content, indent=1)})
+    module.float()  # its parameters are those of the reference
     try:
-        difference = verify(reference, temporary, arguments.kind)
+        difference = verify(reference, temporary, inputs)
         temporary.replace(arguments.output)
     finally:
         temporary.unlink(missing_ok=True)
@@ -165,11 +214,14 @@ def parse_arguments(arguments: list[str] | None = None) -> argparse.Namespace:
     p.add_argument("--channel-order", choices=("rgb", "bgr"), default="rgb",
                    help="order the weights were trained on; the official ones are most likely bgr")
     p.add_argument("--no-mask", action="store_true", help="the network runs without the event mask")
+    p.add_argument("--half", action="store_true", help="store float16 weights; they are computed with in float32")
     p.add_argument("--padding-multiple", type=int, default=PADDING_MULTIPLE, help="for --kind image")
     p.add_argument("--source", default="", help="one line: where the weights come from")
     result = p.parse_args(arguments)
     if result.kind == "efnet" and result.padding_multiple != PADDING_MULTIPLE:
         p.error(f"--padding-multiple: an EFNet needs {PADDING_MULTIPLE}")
+    if result.half and result.kind != "efnet":
+        p.error("--half: for --kind efnet")
     if result.padding_multiple < 1:
         p.error("--padding-multiple: expected at least 1")
     return result

@@ -175,30 +175,52 @@ class UpLevel(nn.Module):
         return self.conv_block(torch.cat([self.up(x), skip], 1))
 
 
+def output_channels(candidates: int) -> int:
+    """A colour, and where there are candidates the weights of the mix that it is added to."""
+    return 3 + candidates + 1 if candidates > 0 else 3
+
+
+def add_to_mix(output: Tensor, pictures: Tensor, candidates: int) -> Tensor:
+    """A colour plus the blurry frame, or plus a mix of it and the candidates, each pixel with weights of its own.
+
+    output [N,output_channels,H,W]; pictures [N,3+3C,H,W], the blurry frame first.
+    """
+    if candidates == 0:
+        return output + pictures
+    weights = output[:, 3:].softmax(1)
+    return output[:, :3] + (weights.unsqueeze(2) * pictures.unflatten(1, (-1, 3))).sum(1)
+
+
 class SupervisedAttention(nn.Module):
     """SAM: makes the stage 1 restoration and uses it to gate the feature that goes on to stage 2."""
 
-    def __init__(self, channels: int):
+    def __init__(self, channels: int, candidates: int = 0):
         super().__init__()
+        self.candidates = candidates
         self.conv1 = conv3(channels, channels)
-        self.conv2 = conv3(channels, 3)
+        self.conv2 = conv3(channels, output_channels(candidates))
         self.conv3 = conv3(3, channels)
 
-    def forward(self, x: Tensor, blurry: Tensor) -> tuple[Tensor, Tensor]:
-        restored = self.conv2(x) + blurry
+    def forward(self, x: Tensor, pictures: Tensor) -> tuple[Tensor, Tensor]:
+        restored = add_to_mix(self.conv2(x), pictures, self.candidates)
         return self.conv1(x) * torch.sigmoid(self.conv3(restored)) + x, restored
 
 
 class EFNet(nn.Module):
-    """(blurry [N,3,H,W], events [N,6,H,W], mask [N,1,H,W] or None) -> [stage 1, stage 2]; the second is the result."""
+    """(blurry [N,3,H,W], events [N,C,H,W], mask [N,1,H,W] or None) -> [stage 1, stage 2]; the second is the result.
 
-    def __init__(self, width: int = 64, event_channels: int = 6):
+    The published network has six event channels and no candidates. Ours is given further pictures [N,3C,H,W], which the
+    first stage sees and both stages mix.
+    """
+
+    def __init__(self, width: int = 64, event_channels: int = 6, candidates: int = 0):
         super().__init__()
         w = width
         widths = (w, 2 * w, 4 * w)
         inputs = (w, w, 2 * w)
         self.width = width
-        self.conv_01 = conv3(3, w)
+        self.candidates = candidates
+        self.conv_01 = conv3(3 + 3 * candidates, w)
         self.conv_02 = conv3(3, w)
         self.conv_ev1 = conv3(event_channels, w)
         levels = [(inputs[i], widths[i], i == 2) for i in range(3)]
@@ -209,9 +231,9 @@ class EFNet(nn.Module):
         self.up_path_2 = nn.ModuleList([UpLevel(4 * w, 2 * w), UpLevel(2 * w, w)])
         self.skip_conv_1 = nn.ModuleList([conv3(2 * w, 2 * w), conv3(w, w)])
         self.skip_conv_2 = nn.ModuleList([conv3(2 * w, 2 * w), conv3(w, w)])
-        self.sam12 = SupervisedAttention(w)
+        self.sam12 = SupervisedAttention(w, candidates)
         self.cat12 = nn.Conv2d(2 * w, w, 1)
-        self.last = conv3(w, 3)
+        self.last = conv3(w, output_channels(candidates))
 
     def encode_events(self, events: Tensor) -> list[Tensor]:
         merged, x = [], self.conv_ev1(events)
@@ -220,8 +242,8 @@ class EFNet(nn.Module):
             merged.append(feature)
         return merged
 
-    def stage_1(self, blurry: Tensor, events: Tensor) -> tuple[list[Tensor], list[Tensor]]:
-        encoded, x = [], self.conv_01(blurry)
+    def stage_1(self, seen: Tensor, events: Tensor) -> tuple[list[Tensor], list[Tensor]]:
+        encoded, x = [], self.conv_01(seen)
         for level, event in zip(self.down_path_1, self.encode_events(events)):
             feature, x = level(x, event)
             encoded.append(feature)
@@ -229,9 +251,12 @@ class EFNet(nn.Module):
         full = self.up_path_1[1](half, self.skip_conv_1[1](encoded[0]))
         return encoded, [full, half]
 
-    def forward(self, blurry: Tensor, events: Tensor, mask: Tensor | None = None) -> list[Tensor]:
-        encoded, decoded = self.stage_1(blurry, events)
-        feature, first = self.sam12(decoded[0], blurry)
+    def forward(
+        self, blurry: Tensor, events: Tensor, mask: Tensor | None = None, candidates: Tensor | None = None
+    ) -> list[Tensor]:
+        pictures = blurry if candidates is None else torch.cat([blurry, candidates], 1)
+        encoded, decoded = self.stage_1(pictures, events)
+        feature, first = self.sam12(decoded[0], pictures)
         masks = [None, None] if mask is None else [mask, F.interpolate(mask, scale_factor=0.5, mode="nearest")]
         x = self.cat12(torch.cat([self.conv_02(blurry), feature], 1))
         own: list[Tensor] = []
@@ -241,7 +266,7 @@ class EFNet(nn.Module):
             own.append(y)
         x = self.up_path_2[0](x, self.skip_conv_2[0](own[1]))
         x = self.up_path_2[1](x, self.skip_conv_2[1](own[0]))
-        return [first, self.last(x) + blurry]
+        return [first, add_to_mix(self.last(x), pictures, self.candidates)]
 
 
 def parameter_count(model: nn.Module) -> int:

@@ -10,6 +10,7 @@ from contextlib import redirect_stdout
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import torch
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -17,7 +18,11 @@ sys.path.insert(0, str(ROOT / "scripts" / "efnet"))
 import export_efnet  # noqa: E402
 import restoration  # noqa: E402
 from model import EFNet, parameter_count  # noqa: E402
-from synthetic import Draw, NoiseOptions, SceneOptions, generate, procedural_textures, splat  # noqa: E402
+from draw import Draw  # noqa: E402
+from footage import Footage  # noqa: E402
+from synthetic import (  # noqa: E402
+    NoiseOptions, SceneOptions, event_step, generate, generate_from_footage, procedural_textures, splat,
+)
 
 torch.set_num_threads(1)
 
@@ -91,10 +96,68 @@ class Input(unittest.TestCase):
         self.assertLess(float((found - sharp).abs().max()), 1e-12)
         self.assertTrue(torch.allclose(restoration.double_integral(sharp, windows * 0), sharp))
 
+    def test_double_integral_at_any_border_shows_that_moment(self):
+        windows = torch.randn(1, 8, 6, 5, dtype=torch.float64) * 0.3
+        knots = torch.cat([torch.zeros(1, 1, 6, 5, dtype=torch.float64), windows.cumsum(1)], 1)
+        latents = torch.rand(1, 1, 3, 6, 5, dtype=torch.float64) * knots.exp().unsqueeze(2)
+        weights = torch.tensor([0.5] + [1.0] * 7 + [0.5], dtype=torch.float64).view(1, 9, 1, 1, 1) / 8
+        blurry = (latents * weights).sum(1)
+        for moment in (0, 3, 8):
+            found = restoration.double_integral(blurry, windows, moment, trapezoid=True)
+            self.assertLess(float((found - latents[:, moment]).abs().max()), 1e-12)
+
     def test_oracle_mix_is_never_worse(self):
         a, b, truth = (torch.rand(2, 3, 8, 8) for _ in range(3))
         best = restoration.psnr(restoration.oracle_mix(a, b, truth), truth)
         self.assertTrue(bool((best >= torch.maximum(restoration.psnr(a, truth), restoration.psnr(b, truth))).all()))
+
+
+class AnyTime(unittest.TestCase):
+    """moment_input against its definition, pixel by pixel."""
+
+    def setUp(self):
+        generator = torch.Generator().manual_seed(3)
+        self.counts = torch.randint(-2, 3, (2, 16, 5, 6), generator=generator).float()
+        self.counts[:, :, 0, 0] = 0
+
+    def test_counts_are_cumulated_about_the_moment(self):
+        time = torch.tensor([0.5, 0.28])
+        events, mask, log_gain = restoration.moment_input(self.counts, time)
+        self.assertEqual(events.shape[1], restoration.any_time_channels())
+        for n, t in enumerate(time.tolist()):
+            active = int((self.counts[n] != 0).any(0).sum())
+            scale = float(self.counts[n].abs().sum()) / active
+            for border in (0, 4, 5, 16):
+                low, high = sorted((border / 16, t))
+                share = [max(0.0, min(high, (w + 1) / 16) - max(low, w / 16)) * 16 for w in range(16)]
+                sign = 1 if border / 16 >= t else -1
+                expected = sign * sum(s * self.counts[n, w] for w, s in enumerate(share)) / scale
+                self.assertLess(float((events[n, border] - expected.clamp(-8, 8)).abs().max()), 1e-5, (n, border))
+            self.assertAlmostEqual(float(events[n, -2, 1, 1]), 2 * t - 1, places=5)
+            self.assertAlmostEqual(float(events[n, -1, 1, 1]), float(torch.tensor(scale).log()), places=5)
+            self.assertEqual(float(mask[n, 0, 2, 2]), 1)
+
+    def test_candidates_are_double_integrals(self):
+        blurry = torch.rand(2, 3, 5, 6)
+        _, _, _, images = restoration.any_time_input(blurry, self.counts, torch.tensor([0.75, 0.75]))
+        expected = restoration.double_integral(blurry, self.counts * 0.2, 12, trapezoid=True)
+        self.assertLess(float((images[:, 3:6] - expected.clamp(0, 1.5)).abs().max()), 1e-5)
+
+    def test_an_exposure_without_events_is_finite_and_its_candidates_are_the_frame(self):
+        blurry = torch.rand(1, 3, 8, 8)
+        inputs = restoration.any_time_input(blurry, torch.zeros(1, 16, 8, 8), torch.tensor([0.3]))
+        self.assertTrue(all(bool(x.isfinite().all()) for x in inputs))
+        self.assertLess(float((inputs[3] - blurry.repeat(1, restoration.CANDIDATES, 1, 1)).abs().max()), 1e-5)
+
+    def test_a_pixel_mixes_the_frame_and_the_candidates(self):
+        net = EFNet(8, restoration.any_time_channels(), restoration.CANDIDATES).eval()
+        torch.nn.init.zeros_(net.last.weight)
+        torch.nn.init.zeros_(net.last.bias)
+        with torch.no_grad():
+            net.last.bias[3 + 2] = 40  # all weight on the second candidate
+            inputs = restoration.any_time_input(torch.rand(2, 3, 8, 8), self.counts[:, :, :4, :4].repeat(1, 1, 2, 2),
+                                                torch.tensor([0.1, 0.9]))
+            self.assertLess(float((net(*inputs)[1] - inputs[3][:, 3:6]).abs().max()), 1e-5)
 
 
 class Generator(unittest.TestCase):
@@ -107,29 +170,68 @@ class Generator(unittest.TestCase):
 
     def test_a_seed_fixes_the_batch(self):
         first, second, other = self.make(3), self.make(3), self.make(4)
-        for name in ("blurry", "sharp", "events", "mask", "windows"):
+        for name in ("blurry", "sharp", "counts", "time", "ends", "weighted"):
             self.assertTrue(torch.equal(getattr(first, name), getattr(second, name)), name)
         self.assertFalse(torch.equal(first.blurry, other.blurry))
 
     def test_shapes_and_ranges(self):
         sample = self.make(5)
         self.assertEqual(tuple(sample.blurry.shape), (2, 3, 32, 40))
-        self.assertEqual(tuple(sample.events.shape), (2, 6, 32, 40))
-        self.assertEqual(tuple(sample.mask.shape), (2, 1, 32, 40))
-        self.assertLessEqual(float(sample.events.abs().max()), 1)
-        for image in (sample.blurry, sample.sharp):
+        self.assertEqual(tuple(sample.sharp.shape), (2, 2, 3, 32, 40))
+        self.assertEqual(tuple(sample.counts.shape), (2, 16, 32, 40))
+        self.assertEqual(tuple(sample.time.shape), (2, 2))
+        for image in (sample.blurry, sample.sharp, sample.ends):
             self.assertTrue(0 <= float(image.min()) and float(image.max()) <= 1)
         self.assertTrue(torch.equal(sample.blurry, (sample.blurry * 255).round() / 255))
+
+    def test_the_sharp_frame_is_that_of_its_moment(self):
+        options = replace(self.options, batch=8, moments=4, noise=NoiseOptions(0, 0))
+        sample = self.make(11, options)
+        for moment, end in ((0.0, 0), (1.0, 1)):
+            exposures, which = (sample.time == moment).nonzero(as_tuple=True)
+            self.assertGreater(len(exposures), 0)
+            self.assertTrue(torch.equal(sample.sharp[exposures, which], sample.ends[exposures, end]))
+        self.assertTrue(bool(((sample.time > 0) & (sample.time < 1) & (sample.time != 0.5)).any()))
+        self.assertTrue(bool((self.make(11, replace(options, middle=True)).time == 0.5).all()))
+
+    def test_an_event_moves_the_reference_by_its_threshold(self):
+        one, none = torch.ones(1, 1, 1), torch.zeros(1, 1, 1)
+        chances = torch.full((2, 1, 1, 1), 0.5)
+        seen, reference, signed = event_step(
+            one * 0.7, none, none, one * 0.3, one * 0.2, none, one * 1e6, none, none, none, chances)
+        self.assertAlmostEqual(float(signed), 2)
+        self.assertAlmostEqual(float(reference), 0.6, places=6)
+        _, reference, signed = event_step(
+            none, seen, reference, one * 0.3, one * 0.2, none, one * 1e6, none, none, none, chances)
+        self.assertAlmostEqual(float(signed), -3)
+        self.assertAlmostEqual(float(reference), 0.0, places=6)
+
+    def test_footage_gives_the_same_kind_of_sample(self):
+        with tempfile.TemporaryDirectory() as folder:
+            film = torch.linspace(0.2, 0.8, 17 * 3 * 40 * 44).view(1, 17, 3, 40, 44)
+            (Path(folder) / "a").mkdir()
+            np.save(Path(folder) / "a" / "footage.npy", (film * 255).round().byte().numpy())
+            footage = Footage(Path(folder), torch.device("cpu"))
+            sample = generate_from_footage(Draw(1, "cpu"), footage, self.options)
+            self.assertEqual(tuple(sample.sharp.shape), (2, 2, 3, 32, 40))
+            self.assertEqual(tuple(sample.counts.shape), (2, 16, 32, 40))
+            np.save(Path(folder) / "footage.npy", (film * 255).round().byte().numpy())
+            footage.refresh()
+            footage.refresh()
+            self.assertEqual(len(footage), 2)
 
     def test_events_explain_the_blur_of_a_clean_scene(self):
         clean = replace(self.options, threshold_min=0.05, threshold_max=0.06, steps=48, rectified=0, batch=6,
                         blur_min_px=6, noise=NoiseOptions(0, 0))
-        sample = self.make(8, clean)
-        edi = restoration.double_integral(sample.blurry, sample.windows)
-        gain = restoration.psnr(edi, sample.sharp) - restoration.psnr(sample.blurry, sample.sharp)
+        sample = self.make(8, replace(clean, moments=1, middle=True))
+        truth = sample.sharp[:, 0]
+        edi = restoration.double_integral(sample.blurry, sample.weighted)
+        gain = restoration.psnr(edi, truth) - restoration.psnr(sample.blurry, truth)
         self.assertGreater(float(gain.median()), 0.5)
-        wrong = restoration.double_integral(sample.blurry, -sample.windows)
-        self.assertTrue(bool((restoration.psnr(wrong, sample.sharp) < restoration.psnr(edi, sample.sharp)).all()))
+        wrong = restoration.double_integral(sample.blurry, -sample.weighted)
+        self.assertTrue(bool((restoration.psnr(wrong, truth) < restoration.psnr(edi, truth)).all()))
+        start = restoration.double_integral(sample.blurry, sample.weighted, 0)
+        self.assertTrue(bool((restoration.psnr(start, sample.ends[:, 0]) > restoration.psnr(edi, sample.ends[:, 0])).all()))
 
     def test_splat_keeps_the_sum_inside_and_drops_what_leaves(self):
         maps = torch.zeros(1, 1, 6, 6)
@@ -190,6 +292,39 @@ class Export(unittest.TestCase):
         with torch.no_grad():
             self.assertTrue(torch.equal(module(image, events, mask), module(image, events, mask * 0)))
 
+    def any_time(self, *options: str):
+        net = EFNet(8, restoration.any_time_channels(), restoration.CANDIDATES).eval()
+        torch.save({"params": net.state_dict()}, self.path / "official.pth")
+        return net, *self.export(*options)
+
+    def test_an_any_time_network_becomes_version_2(self):
+        net, module, content = self.any_time()
+        self.assertEqual((content["format_version"], content["windows"], content["any_time"]), (2, 16, True))
+        self.assertEqual((content["input"], content["normalization"], content["dtype"]), ("counts", "inside", "float32"))
+        image, counts, _ = export_efnet.example_inputs("any_time", 40, 52, seed=4)
+        times = torch.tensor([0.0, 0.37, 1.0])
+        with torch.no_grad():
+            batch = module(image.expand(3, -1, -1, -1), counts.expand(3, -1, -1, -1), times)
+            for n in range(3):
+                expected = net(*restoration.any_time_input(image, counts, times[n : n + 1]))[1]
+                self.assertLess(float((batch[n] - expected[0]).abs().max()), 1e-5)
+            self.assertGreater(float((batch[0] - batch[2]).abs().max()), 1e-4)
+
+    def test_half_weights_are_those_of_the_hash(self):
+        net, module, content = self.any_time("--half")
+        self.assertEqual(content["dtype"], "float16")
+        self.assertTrue(all(p.dtype == torch.float16 for p in module.parameters()))
+        self.assertEqual(content["weights_sha256"], export_efnet.weights_sha256(module))
+        image, counts, time = export_efnet.example_inputs("any_time", 32, 32, seed=1)
+        with torch.no_grad():
+            expected = net(*restoration.any_time_input(image, counts, time))[1]
+            self.assertLess(float((module.float()(image, counts, time) - expected).abs().max()), 1e-2)
+
+    def test_an_any_time_network_takes_no_options_of_the_published_one(self):
+        for option in (("--no-mask",), ("--channel-order", "bgr")):
+            with self.assertRaises(export_efnet.DataError):
+                self.any_time(*option)
+
     def test_wrong_files_are_refused_in_one_line(self):
         state = {k: v for k, v in self.net.state_dict().items() if k != "last.bias"}
         for content in ({"params": state}, {"params": {"a": torch.zeros(1)}}, {"params": 3}):
@@ -205,13 +340,13 @@ class Export(unittest.TestCase):
 
 class Shipped(unittest.TestCase):
     def test_shipped_file_is_small_and_whole(self):
-        path = ROOT / "assets" / "efnet_small.pt"
-        self.assertLess(path.stat().st_size, 10 * 2**20)
+        path = ROOT / "assets" / "efnet_anytime.pt"
+        self.assertLess(path.stat().st_size, 16 * 2**20)
         extra = {"jade_efnet.json": ""}
         module = torch.jit.load(str(path), _extra_files=extra)
         content = json.loads(extra["jade_efnet.json"])
         self.assertEqual(content["weights_sha256"], export_efnet.weights_sha256(module))
-        self.assertEqual(content["width"], 32)
+        self.assertEqual((content["width"], content["format_version"]), (48, 2))
 
 
 if __name__ == "__main__":

@@ -49,6 +49,21 @@ class RedChanges : public test::DriftingPattern {
 
 }  // namespace
 
+TEST_CASE("simulate: footage is the sharp film of every exposure", "[simulate]") {
+  SimulateRun run = tiny();
+  run.simulate.sampling.samples = run.simulate.sampling.sharp_samples;
+  const torch::Tensor footage = exposure_footage(run, 5);
+  CHECK(footage.sizes() == torch::IntArrayRef({3, 5, 3, 30, 40}));
+  CHECK(footage.scalar_type() == torch::kU8);
+  const SimulateResult result = simulate::simulate(run);
+  for (int64_t e = 0; e < 3; ++e) {
+    const auto middle = result.content.sharp_mid[static_cast<size_t>(e)];
+    CHECK(torch::equal(footage[e][2], (middle * 255).round().to(torch::kU8)));
+    CHECK_FALSE(torch::equal(footage[e][0], footage[e][4]));
+  }
+  CHECK_THROWS_AS(exposure_footage(run, 1), ContractError);
+}
+
 TEST_CASE("simulate: written and loaded, the exposures are the same", "[simulate]") {
   const SimulateRun run = tiny();
   const SimulateResult result = simulate::simulate(run);

@@ -8,10 +8,13 @@
 
 #include "jade/config/config.h"
 #include "jade/core/atomic_file.h"
+#include "jade/core/check.h"
 #include "jade/core/error.h"
 #include "jade/core/interrupt.h"
+#include "jade/core/progress.h"
 #include "jade/simulate/gaussian_source.h"
 #include "jade/simulate/recorder.h"
+#include "jade/simulate/sensor.h"
 #include "jade/simulate/written_poses.h"
 #include "jade/world/ray_caster.h"
 #include "jade/world/worlds.h"
@@ -107,6 +110,30 @@ SimulateResult simulate(const SimulateRun& run, Footage& footage) {
 SimulateResult simulate(const SimulateRun& run) {
   validate(run);
   return simulate(run, *open_footage(run, make_timeline(run.simulate)));
+}
+
+torch::Tensor exposure_footage(const SimulateRun& run, int64_t frames) {
+  validate(run);
+  JADE_CHECK(frames >= 2, "exposure_footage: expected at least 2 frames, found ", frames);
+  const Timeline timeline = make_timeline(run.simulate);
+  const auto footage = open_footage(run, timeline);
+  const auto samples = static_cast<int>(run.simulate.sampling.samples);
+  const auto exposures = static_cast<int64_t>(timeline.exposures.size());
+  const geometry::Intrinsics& camera = footage->camera();
+  torch::Tensor all = torch::empty({exposures, frames, 3, camera.height, camera.width}, torch::kU8);
+  Progress progress("footage", exposures * frames, 0, "frames");
+  world::SharpFrame frame;
+  for (int64_t e = 0; e < exposures; ++e) {
+    const auto& window = timeline.exposures[static_cast<size_t>(e)];
+    const int64_t length_us = window.end_us - window.begin_us;
+    for (int64_t i = 0; i < frames; ++i) {
+      throw_if_interrupted();
+      footage->frame(window.begin_us + length_us * i / (frames - 1), samples, frame);
+      all[e][i].copy_((to_image(frame) * 255).round());
+      if (progress.step()) progress.show();
+    }
+  }
+  return all;
 }
 
 void write(const SimulateResult& result, const SimulateRun& run,

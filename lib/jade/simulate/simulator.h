@@ -27,6 +27,13 @@ SimulateResult simulate(const SimulateRun& run);
 /// The same with footage at hand.
 SimulateResult simulate(const SimulateRun& run, Footage& footage);
 
+/// Sharp, noiseless frames at equal steps of every exposure, from its start to its end, for
+/// training restorers (scripts/efnet/train_efnet.py --footage). No sensor looks on.
+/// @param frames  of each exposure, at least 2
+/// @return [exposures,frames,3,H,W] uint8
+/// @throws as simulate().
+torch::Tensor exposure_footage(const SimulateRun& run, int64_t frames);
+
 /// Writes the data set in the EvDeblur layout with simulation.yaml beside it.
 /// @throws DataError.
 void write(const SimulateResult& result, const SimulateRun& run,
