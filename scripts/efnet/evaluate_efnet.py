@@ -3,7 +3,7 @@
 test views or in sharp/ (jade_simulate).
 
 Prints PSNR (of the global mean squared error) and SSIM (11x11 Gaussian window, sigma 1.5) of the blurry frame, EDI,
-EFNet, their mean and their per-pixel oracle mix.
+EFNet, their mean and their per-pixel oracle mix. With --footage, of an any-time EFNet, at the moments of these frames.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -81,42 +82,105 @@ def ssim(a: Tensor, b: Tensor) -> float:
     return float(((2 * ma * mb + 1e-4) * (2 * vab + 9e-4) / ((ma**2 + mb**2 + 1e-4) * (va + vb + 9e-4))).mean())
 
 
-def evaluate(arguments: argparse.Namespace) -> dict[str, dict[str, float]]:
-    metadata = {"jade_efnet.json": ""}
-    module = torch.jit.load(str(arguments.model), map_location="cpu", _extra_files=metadata).float()
-    about = json.loads(metadata["jade_efnet.json"])
-    images = arguments.data / "images_1"
-    times = np.load(images / "timestamps.npz")
-    start, middle, end = times["timestamps_start"], times["timestamps"], times["timestamps_end"]
-    with h5py.File(arguments.data / "events.h5") as file:
-        events = {k: file[k][:] for k in "xytp"}
-    files = sorted(images.glob("*.png"))
-    truths = {int(middle[i]): files[i] for i in range(len(files)) if end[i] <= start[i]}
-    truths |= {int(middle[i]): arguments.data / "sharp" / files[i].name for i in range(len(files))
-               if (arguments.data / "sharp" / files[i].name).is_file()}
+@dataclass
+class Exposure:
+    name: str
+    blurry: Tensor  # [1,3,H,W]
+    window: tuple[int, int]
+    middle: int
+
+
+class Recording:
+    """An EvDeblur folder and a network."""
+
+    def __init__(self, arguments: argparse.Namespace):
+        metadata = {"jade_efnet.json": ""}
+        self.module = torch.jit.load(str(arguments.model), map_location="cpu", _extra_files=metadata).float()
+        self.about = json.loads(metadata["jade_efnet.json"])
+        self.thresholds, self.images = arguments.thresholds, arguments.data / "images_1"
+        self.times = {k: v for k, v in np.load(self.images / "timestamps.npz").items()}
+        self.files = sorted(self.images.glob("*.png"))
+        with h5py.File(arguments.data / "events.h5") as file:
+            self.events = {k: file[k][:] for k in "xytp"}
+
+    def exposures(self) -> list[Exposure]:
+        start, middle, end = (self.times[k] for k in ("timestamps_start", "timestamps", "timestamps_end"))
+        return [Exposure(self.files[i].name, picture(self.files[i]), (int(start[i]), int(end[i])), int(middle[i]))
+                for i in range(len(self.files)) if end[i] > start[i]]
+
+    def truths(self, folder: Path) -> dict[int, Path]:
+        """By the time of the middle: sharp test views, and what the simulator keeps beside."""
+        start, middle, end = (self.times[k] for k in ("timestamps_start", "timestamps", "timestamps_end"))
+        found = {int(middle[i]): self.files[i] for i in range(len(self.files)) if end[i] <= start[i]}
+        kept = {int(middle[i]): folder / "sharp" / self.files[i].name for i in range(len(self.files))}
+        return found | {time: path for time, path in kept.items() if path.is_file()}
+
+    def edi(self, exposure: Exposure, moment: float, windows: int = restoration.EDI_WINDOWS) -> Tensor:
+        shape = tuple(exposure.blurry.shape[2:])
+        maps = splat_windows(self.events, *exposure.window, windows, shape, *self.thresholds)
+        return restoration.double_integral(exposure.blurry, maps, round(moment * windows)).clamp(0, 1)
+
+    def efnet(self, exposure: Exposure, moment: float) -> Tensor:
+        shape = tuple(exposure.blurry.shape[2:])
+        counts = splat_windows(self.events, *exposure.window, self.about.get("windows", restoration.BINS), shape)
+        if self.about["format_version"] > 1:
+            return restore_at(self.module, exposure.blurry, counts, moment)
+        if moment != 0.5:
+            raise ValueError(f"a file of version 1 restores the middle only, not {moment}")
+        return restore(self.module, exposure.blurry, counts, self.about["input"])
+
+
+Scores = dict[str, dict[str, float]]
+
+
+def means(rows: dict[str, list[tuple[float, float]]]) -> Scores:
+    return {n: {"psnr": sum(v[0] for v in r) / len(r), "ssim": sum(v[1] for v in r) / len(r)} for n, r in rows.items()}
+
+
+def score(image: Tensor, truth: Tensor) -> tuple[float, float]:
+    return float(restoration.psnr(image, truth)), ssim(image, truth)
+
+
+def save_sheet(folder: Path | None, name: str, images: list[Tensor]) -> None:
+    if folder is None:
+        return
+    folder.mkdir(parents=True, exist_ok=True)
+    sheet = torch.cat(images, 3)[0].permute(1, 2, 0).flip(2) * 255
+    cv2.imwrite(str(folder / name), sheet.round().byte().numpy())
+
+
+def evaluate_middle(arguments: argparse.Namespace) -> Scores:
+    recording = Recording(arguments)
+    truths = recording.truths(arguments.data)
     rows: dict[str, list[tuple[float, float]]] = {}
-    for i in (i for i in range(len(files)) if end[i] > start[i] and int(middle[i]) in truths):
-        blurry, truth = picture(files[i]), picture(truths[int(middle[i])])
-        window = int(start[i]), int(end[i])
-        shape = tuple(blurry.shape[2:])
-        maps = splat_windows(events, *window, restoration.EDI_WINDOWS, shape, *arguments.thresholds)
-        edi = restoration.double_integral(blurry, maps).clamp(0, 1)
-        number = about.get("windows", restoration.BINS)
-        counts = splat_windows(events, *window, number, shape)
-        at_any_time = about["format_version"] > 1
-        efnet = restore_at(module, blurry, counts, 0.5) if at_any_time else restore(module, blurry, counts, about["input"])
-        results = {"blurry": blurry, "edi": edi, "efnet": efnet, "mean": restoration.mean_mix(edi, efnet),
+    for exposure in recording.exposures():
+        if exposure.middle not in truths:
+            continue
+        truth = picture(truths[exposure.middle])
+        edi, efnet = recording.edi(exposure, 0.5), recording.efnet(exposure, 0.5)
+        results = {"blurry": exposure.blurry, "edi": edi, "efnet": efnet, "mean": restoration.mean_mix(edi, efnet),
                    "oracle": restoration.oracle_mix(edi, efnet, truth)}
         for name, image in results.items():
-            rows.setdefault(name, []).append((float(restoration.psnr(image, truth)), ssim(image, truth)))
-        if arguments.pictures:
-            sheet = torch.cat([blurry, edi, efnet, truth], 3)[0].permute(1, 2, 0).flip(2) * 255
-            arguments.pictures.mkdir(parents=True, exist_ok=True)
-            cv2.imwrite(str(arguments.pictures / f"{files[i].stem}.png"), sheet.round().byte().numpy())
+            rows.setdefault(name, []).append(score(image, truth))
+        save_sheet(arguments.pictures, exposure.name, [exposure.blurry, edi, efnet, truth])
     if not rows:
-        raise FileNotFoundError(f"{images}: no exposure has a sharp frame at its middle")
-    count = len(rows["blurry"])
-    return {n: {"psnr": sum(v[0] for v in r) / count, "ssim": sum(v[1] for v in r) / count} for n, r in rows.items()}
+        raise FileNotFoundError(f"{arguments.data}: no exposure has a sharp frame at its middle")
+    return means(rows)
+
+
+def evaluate_footage(arguments: argparse.Namespace) -> Scores:
+    """At the moments of frames [exposures,F,3,H,W] of the same exposures."""
+    recording, footage = Recording(arguments), torch.from_numpy(np.load(arguments.footage))
+    rows: dict[str, list[tuple[float, float]]] = {}
+    last = footage.shape[1] - 1
+    for exposure, film in zip(recording.exposures(), footage, strict=True):
+        for i, frame in enumerate(film):
+            truth = frame.unsqueeze(0).float() / 255
+            edi, efnet = recording.edi(exposure, i / last, 8 * last), recording.efnet(exposure, i / last)
+            for name, image in (("blurry", exposure.blurry), ("edi", edi), ("efnet", efnet)):
+                rows.setdefault(f"{i}/{last} {name}", []).append(score(image, truth))
+            save_sheet(arguments.pictures, f"{Path(exposure.name).stem}_{i}.png", [exposure.blurry, edi, efnet, truth])
+    return means(rows)
 
 
 def main() -> int:
@@ -124,15 +188,16 @@ def main() -> int:
     p.add_argument("model", type=Path, help="file made by export_efnet.py")
     p.add_argument("data", type=Path, help="folder in the EvDeblur layout")
     p.add_argument("--thresholds", type=float, nargs=2, default=(0.2, 0.2), metavar=("RISE", "FALL"))
+    p.add_argument("--footage", type=Path, help="footage.npy that jade_simulate --footage N made with the same settings")
     p.add_argument("--pictures", type=Path, help="folder for blurry | EDI | EFNet | truth")
     arguments = p.parse_args()
     try:
-        table = evaluate(arguments)
+        table = evaluate_footage(arguments) if arguments.footage else evaluate_middle(arguments)
     except (FileNotFoundError, RuntimeError, ValueError, KeyError) as error:
         print(f"evaluate_efnet: {str(error).splitlines()[0]}", file=sys.stderr)
         return 3
     for name, row in table.items():
-        print(f"{name:8s} PSNR {row['psnr']:6.2f} dB  SSIM {row['ssim']:.4f}")
+        print(f"{name:11s} PSNR {row['psnr']:6.2f} dB  SSIM {row['ssim']:.4f}")
     return 0
 
 
