@@ -6,6 +6,7 @@
 #include <cmath>
 #include <torch/types.h>
 
+#include "jade/core/error.h"
 #include "random_events.h"
 #include "support/signed_bins.h"
 
@@ -53,6 +54,30 @@ TEST_CASE("voxelize: a window without events gives zeros", "[events]") {
   CHECK(voxel.values.abs().max().item<float>() == 0.0f);
   CHECK(voxel.values.sizes() == torch::IntArrayRef({6, kSize.height, kSize.width}));
   CHECK(voxelize(EventStream(), {5, 5}, 6, kSize).v_max == 0);
+}
+
+TEST_CASE("projection: about a moment each event counts with its side's share of the blur",
+          "[events]") {
+  torch::manual_seed(2);
+  const auto voxel = torch::randn({6, 3, 4}, torch::kFloat64);
+  constexpr int kFine = 1200;  // slices per bin, so that every moment below falls between two
+  for (const double u : {0.0, 0.125, 0.25, 0.5, 0.8, 1.0}) {
+    INFO(u);
+    auto expected = torch::zeros({2, 3, 4}, torch::kFloat64);
+    for (int64_t bin = 0; bin < 6; ++bin) {
+      double share = 0;
+      for (int slice = 0; slice < kFine; ++slice) {
+        const double tau = (double(bin) + (slice + 0.5) / kFine) / 6;
+        share += (tau < u ? 2 * u : 2 * (1 - u)) / kFine;
+      }
+      expected[0] += share * voxel[bin].clamp_min(0);
+      expected[1] += share * (-voxel[bin]).clamp_min(0);
+    }
+    CHECK(torch::allclose(polarity_projection(voxel, u), expected, 0, 1e-12));
+  }
+  CHECK(polarity_projection(voxel, 0.5).equal(polarity_projection(voxel)));
+  CHECK(polarity_projection(voxel, 1).equal(2 * polarity_projection(voxel)));
+  CHECK_THROWS_AS(polarity_projection(voxel, 1.1), jade::ContractError);
 }
 
 TEST_CASE("projection: positive and negative bins are summed apart", "[events]") {

@@ -3,6 +3,7 @@
 
 #include "support/catch.h"
 
+#include <algorithm>
 #include <cmath>
 #include <torch/types.h>
 
@@ -31,6 +32,28 @@ TEST_CASE("reblur: samples are at the ends of the bins, with m the last before m
                                  : (double(k) + double(6 - k) * std::exp(1.0)) / 6;
     CHECK(reblur_kernel({values, 1}, 1.0).item<double>() == Approx(samples).epsilon(1e-12));
   }
+}
+
+TEST_CASE("reblur: about any moment K is the blur over the image of that moment", "[imaging]") {
+  torch::manual_seed(3);
+  const EventVoxel voxel = normalized(torch::randn({6, 2, 3}, torch::kFloat64));
+  /// Σ of the bins before the place, the last one in part.
+  const auto log_image = [&](double place) {
+    auto sum = torch::zeros({2, 3}, torch::kFloat64);
+    for (int64_t bin = 0; bin < 6; ++bin) {
+      sum += voxel.values[bin] * std::clamp(place - double(bin), 0.0, 1.0);
+    }
+    return sum;
+  };
+  for (const double u : {0.0, 0.125, 0.3, 0.5, 1.0}) {
+    INFO(u);
+    auto blur = torch::zeros({2, 3}, torch::kFloat64);
+    for (int k = 1; k <= 6; ++k) blur += (0.7 * log_image(k)).exp() / 6;
+    CHECK(torch::allclose(reblur_kernel(voxel, 0.7, u)[0], blur / (0.7 * log_image(6 * u)).exp(), 0,
+                          1e-12));
+  }
+  CHECK(reblur_kernel(voxel, 0.7, 0.5).equal(reblur_kernel(voxel, 0.7)));
+  CHECK_THROWS_AS(reblur_kernel(voxel, 0.7, -0.1), jade::ContractError);
 }
 
 TEST_CASE("reblur: without events K is 1", "[imaging]") {

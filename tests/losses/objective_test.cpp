@@ -240,6 +240,76 @@ TEST_CASE("objective: seventeen renders have their middle at the ninth", "[losse
   CHECK(read.equal(torch::tensor({8}, torch::kInt64)));
 }
 
+TEST_CASE("objective: a drawn target is compared with the render of its pose, all else stays",
+          "[losses]") {
+  ObjectiveOptions options;
+  const ObjectivePlan middle = plan_objective(options, kLate);
+  options.restored_poses = RestoredPoses::kAll;
+  const ObjectivePlan plan = plan_objective(options, kLate);
+  CHECK_FALSE(middle.drawn_target);
+  CHECK(plan.drawn_target);
+  CHECK(plan != middle);
+  ObjectiveInputs in = inputs(renders());
+  CHECK_THROWS_AS(objective(in, plan, options), ContractError);
+  const Objective at_middle = objective(in, middle, options);
+  in.pose_draws = torch::tensor({2, 4, 8, 7}, torch::kInt64);
+  in.renders.set_requires_grad(true);
+  const Objective drawn = objective(in, plan, options);
+  REQUIRE(drawn.terms.size() == at_middle.terms.size());
+  for (size_t i = 0; i < drawn.terms.size(); ++i) {
+    INFO(drawn.terms[i].name);
+    CHECK(drawn.terms[i].value.equal(at_middle.terms[i].value) ==
+          (drawn.terms[i].name != "target"));
+  }
+  CHECK(drawn.terms[0].value.item<double>() ==
+        Approx(target_loss(renders()[7], *in.target, 0.3).item<double>()));
+  drawn.terms[0].value.backward();
+  const torch::Tensor gradient = in.renders.grad();
+  for (int64_t k = 0; k < 9; ++k) {
+    INFO(k);
+    CHECK((gradient[k].abs().sum().item<double>() > 0) == (k == 7));
+  }
+  // The fourth draw of a run whose target rests moves nothing.
+  CHECK(objective(in, middle, options).total.item<double>() ==
+        Approx(at_middle.total.item<double>()));
+}
+
+TEST_CASE("objective: the poses read of a drawn target begin with its own", "[losses]") {
+  ObjectiveOptions options;
+  options.blur = options.intensity = options.simulation = false;
+  options.restored_poses = RestoredPoses::kAll;
+  const torch::Tensor draws = torch::tensor({2, 4, 8, 7}, torch::kInt64);
+  const ObjectivePlan plan = plan_objective(options, kLate);
+  CHECK(poses_read(plan, draws).equal(torch::tensor({7, 2, 4}, torch::kInt64)));
+  ObjectiveInputs nine = inputs(renders());
+  nine.pose_draws = draws;
+  ObjectiveInputs few = nine;
+  few.renders = nine.renders.index_select(0, poses_read(plan, draws));
+  CHECK(objective(few, plan, options).total.item<double>() ==
+        Approx(objective(nine, plan, options).total.item<double>()));
+  options.target = Target::kNone;
+  CHECK_FALSE(plan_objective(options, kLate).drawn_target);
+}
+
+TEST_CASE("objective: agreement is asked of the drawn pose", "[losses]") {
+  ObjectiveOptions options;
+  options.restored_poses = RestoredPoses::kAll;
+  options.target_until = 10;
+  options.trust.agreement = 1e-3;
+  ObjectiveInputs in = inputs(renders());
+  in.target = Fixed(renders()[7]);
+  const auto target_at = [&](int64_t pose) {
+    in.pose_draws = torch::tensor(std::vector<int64_t>{2, 4, 8, pose}, torch::kInt64);
+    in.renders = renders() + 1e-4;
+    in.renders.set_requires_grad(true);
+    const Objective loss = objective_at(in, kLate, options);
+    loss.terms[0].value.backward();
+    return in.renders.grad().abs().sum().item<double>();
+  };
+  CHECK(target_at(7) > 0);
+  CHECK(target_at(6) == 0);
+}
+
 TEST_CASE("objective: weights that fall are those of the step", "[losses]") {
   ObjectiveOptions options;
   CHECK_FALSE(weights_fall(options));

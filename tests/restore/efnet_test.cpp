@@ -3,6 +3,9 @@
 
 #include "support/catch.h"
 
+#include <cmath>
+#include <torch/script.h>
+
 #include "jade/core/atomic_file.h"
 #include "jade/core/digest.h"
 #include "jade/core/error.h"
@@ -12,7 +15,9 @@
 namespace jade::restore {
 namespace {
 
+using test::kAnyTimeMetadata;
 using test::kStubMetadata;
+using test::save_any_time_restorer;
 using test::save_restorer;
 
 std::string replaced(std::string text, const std::string& from, const std::string& to) {
@@ -129,8 +134,8 @@ TEST_CASE("efnet: files that are none are refused with what to do", "[restore]")
   CHECK(bad("").find("export_efnet.py") != std::string::npos);
   CHECK(bad("{").find("bad jade_efnet.json") != std::string::npos);
   CHECK(bad(replaced(kStubMetadata, "\"width\"", "\"wide\"")).find("width") != std::string::npos);
-  CHECK(bad(replaced(kStubMetadata, "\"format_version\": 1", "\"format_version\": 2"))
-            .find("version 2") != std::string::npos);
+  CHECK(bad(replaced(kStubMetadata, "\"format_version\": 1", "\"format_version\": 3"))
+            .find("version 3") != std::string::npos);
   CHECK(bad(replaced(kStubMetadata, "scer", "none")).find("does not fit") != std::string::npos);
   CHECK(bad(replaced(kStubMetadata, "\"padding_multiple\": 4", "\"padding_multiple\": 0"))
             .find("no sense") != std::string::npos);
@@ -157,6 +162,150 @@ TEST_CASE("efnet: NaN, wrong shapes and refusals of the network are reported", "
   Restorer refuses({save_restorer(folder / "no.pt", "  assert False\n  return image\n"), ""});
   CHECK_THROWS_AS(refuses.restore(image, voxel), DataError);
   CHECK_THROWS_AS(refuses.restore(image, torch::zeros({5, 8, 8})), ContractError);
+}
+
+/// Counts of four windows, each of another number.
+torch::Tensor counts(int64_t height, int64_t width) {
+  return torch::arange(4, torch::kFloat32).view({4, 1, 1}).repeat({1, height, width});
+}
+
+TEST_CASE("efnet: moments reach the network in their order, all in one call", "[restore]") {
+  const test::TempDir folder;
+  const std::vector<double> times{1, 0, 0.25};
+  Restorer restorer({save_any_time_restorer(folder / "t.pt",
+                                            "  assert image.size(0) == time.size(0)\n"
+                                            "  assert image.size(0) == 3 or image.size(0) == 1\n"
+                                            "  assert bool((counts[:, 3] == 3).all())\n"
+                                            "  return image * 0 + time.view(-1, 1, 1, 1)\n"),
+                     ""});
+  const torch::Tensor image = torch::rand({3, 8, 12});
+  const torch::Tensor out = restorer.restore(image, counts(8, 12), times);
+  CHECK(out.sizes() == torch::IntArrayRef({3, 3, 8, 12}));
+  for (int64_t k = 0; k < 3; ++k) {
+    CHECK(out[k].equal(torch::full({3, 8, 12}, times[static_cast<size_t>(k)])));
+  }
+  CHECK(restorer.restore(image, counts(8, 12)).equal(torch::full({3, 8, 12}, 0.5)));
+  CHECK(restorer.batch() == 0);
+  CHECK_THROWS_AS(restorer.restore(image, counts(8, 12), {1.25}), ContractError);
+  CHECK_THROWS_AS(restorer.restore(image, counts(8, 12), {}), ContractError);
+  CHECK_THROWS_AS(restorer.restore(image, counts(8, 12).narrow(0, 0, 3), {0}), ContractError);
+}
+
+/// Mixes each pixel with its neighbours and the events, by the moment; refuses more than `images`.
+std::filesystem::path save_mixing(const std::filesystem::path& path, int images) {
+  return save_any_time_restorer(
+      path, "  assert image.size(0) <= " + std::to_string(images) +
+                ", 'CUDA out of memory. Tried to allocate'\n"
+                "  near = torch.max_pool2d(image, [3, 3], [1, 1], [1, 1])\n"
+                "  t = time.view(-1, 1, 1, 1)\n"
+                "  return t * image + (1 - t) * near + 0.01 * t * counts.cumsum(1)[:, 2:3]\n");
+}
+
+TEST_CASE("efnet: a batch of moments equals one by one, also where memory asks for less",
+          "[restore]") {
+  const test::TempDir folder;
+  const torch::Tensor image = torch::rand({3, 13, 10}), events = torch::randn({4, 13, 10});
+  const std::vector<double> times{0, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1};
+  Restorer whole({save_mixing(folder / "whole.pt", 9), ""});
+  Restorer small({save_mixing(folder / "small.pt", 2), ""});
+  const torch::Tensor together = whole.restore(image, events, times);
+  CHECK(whole.batch() == 0);
+  CHECK(torch::equal(small.restore(image, events, times), together));
+  CHECK(small.batch() == 2);  // 9, 4, 2
+  CHECK(small.tile() == 0);
+  for (size_t k = 0; k < times.size(); ++k) {
+    const auto row = static_cast<int64_t>(k);
+    CHECK(torch::equal(whole.restore(image, events, {times[k]})[0], together[row]));
+  }
+  CHECK_FALSE(together[0].equal(together[8]));
+}
+
+TEST_CASE("efnet: on a CPU large frames go in one by one and small ones together", "[restore]") {
+  const test::TempDir folder;
+  Restorer restorer(
+      {save_any_time_restorer(
+           folder / "n.pt", "  return image * 0 + 0.1 * image.size(0) * torch.ones_like(image)\n"),
+       ""});
+  const auto in_one_call = [&](int64_t side) {
+    const torch::Tensor out =
+        restorer.restore(torch::rand({3, side, side}), torch::zeros({4, side, side}), {0, 0.5, 1});
+    return std::lround(10 * out[0][0][0][0].item<double>());
+  };
+  CHECK(in_one_call(16) == 3);
+  CHECK(in_one_call(1024) == 1);
+  CHECK(restorer.batch() == 0);
+}
+
+TEST_CASE("efnet: who restores the middle only says so when another moment is asked for",
+          "[restore]") {
+  const test::TempDir folder;
+  const torch::Tensor image = torch::rand({3, 8, 8}), voxel = torch::zeros({6, 8, 8});
+  Restorer old({save_restorer(folder / "old.pt", "  return image\n"), ""});
+  CHECK(torch::allclose(old.restore(image, voxel, {0.5})[0], image));
+  const std::string text = message_of<DataError>([&] { old.restore(image, voxel, {0.5, 0.25}); });
+  for (const char* part : {"old.pt", "version 1", "middle", "0.25", "efnet.path"}) {
+    INFO(part);
+    CHECK(text.find(part) != std::string::npos);
+  }
+  CHECK(text.find('\n') == std::string::npos);
+  std::string metadata =
+      replaced(replaced(kStubMetadata, "\"efnet\"", "\"image\""), "scer", "none");
+  Restorer plain({save_restorer(folder / "i.pt", "  return image\n", metadata, "image"), ""});
+  CHECK(message_of<DataError>([&] { plain.restore(image, {}, {0}); }).find("kind image") !=
+        std::string::npos);
+}
+
+TEST_CASE("efnet: frames of 8 px, with and without events, are restored at any moment",
+          "[restore]") {
+  const test::TempDir folder;
+  const std::string metadata =
+      replaced(kAnyTimeMetadata, "\"padding_multiple\": 4", "\"padding_multiple\": 16");
+  const auto path =
+      save_any_time_restorer(folder / "r.pt",
+                             "  assert image.size(2) % 16 == 0\n"
+                             "  assert bool((counts[:, :, 8:, :] == 0).all())\n"
+                             "  assert bool((image[:, :, 8:] == image[:, :, 7:8]).all())\n"
+                             "  return image + 0.1 * counts[:, 0:1]\n",
+                             metadata);
+  Restorer restorer({path, ""});
+  for (const int64_t width : {8, 9, 17}) {
+    const torch::Tensor image = torch::rand({3, 8, width}) * 0.8;
+    const torch::Tensor none = torch::zeros({4, 8, width});
+    CHECK(torch::allclose(restorer.restore(image, none, {0, 1})[1], image));
+    CHECK(torch::allclose(restorer.restore(image, none + 1, {0, 1})[1], image + 0.1));
+  }
+}
+
+TEST_CASE("efnet: NaN at one of several moments is reported", "[restore]") {
+  const test::TempDir folder;
+  Restorer restorer(
+      {save_any_time_restorer(folder / "nan.pt",
+                              "  return image + 0 / (time.view(-1, 1, 1, 1) - 0.25).abs()\n"),
+       ""});
+  const torch::Tensor image = torch::rand({3, 8, 8}), none = torch::zeros({4, 8, 8});
+  CHECK(restorer.restore(image, none, {0, 1}).isfinite().all().item<bool>());
+  CHECK_THROWS_AS(restorer.restore(image, none, {0, 0.25}), NumericError);
+}
+
+TEST_CASE("efnet: weights stored as float16 work, and hash, as float32", "[restore]") {
+  const test::TempDir folder;
+  const auto save = [&](const std::string& dtype, torch::ScalarType type) {
+    torch::jit::Module module("half");
+    module.register_parameter("gain", torch::tensor({0.7}).to(torch::kHalf).to(type), false);
+    module.define("def forward(self, image, counts, time):\n  return image * self.gain\n");
+    std::string metadata = replaced(kAnyTimeMetadata, "\"float32\"", "\"" + dtype + "\"");
+    const size_t hash = metadata.find("e3b0c442");
+    metadata.replace(hash, 64, weights_sha256(module));
+    const auto path = folder / (dtype + ".pt");
+    module.save(path.string(), {{"jade_efnet.json", metadata}});
+    return path;
+  };
+  const torch::Tensor image = torch::rand({3, 8, 8}), none = torch::zeros({4, 8, 8});
+  Restorer half({save("float16", torch::kHalf), ""}), full({save("float32", torch::kFloat32), ""});
+  CHECK(half.metadata().stored_as_half);
+  CHECK(half.metadata().weights_sha256 == full.metadata().weights_sha256);
+  CHECK(torch::equal(half.restore(image, none, {0}), full.restore(image, none, {0})));
+  CHECK(torch::allclose(half.restore(image, none), image * torch::tensor({0.7}).to(torch::kHalf)));
 }
 
 /// A network that refuses more than `pixels`, as a device with little memory does.

@@ -11,25 +11,26 @@
 namespace jade::restore {
 namespace {
 
-constexpr int kWidth = 10, kHeight = 8;
+constexpr int kFrameWidth = 10, kFrameHeight = 8;
 
 /// A frame of 0.1 to 0.9 whose brightness rises for a while in one half and falls in the other.
 /// @param steady  events come at equal steps of time, else ever faster
 data::Exposure exposure_with_events(bool steady = true) {
   data::Exposure exposure;
-  exposure.blurry = torch::linspace(0.1, 0.9, 3 * kHeight * kWidth).view({3, kHeight, kWidth});
+  exposure.blurry = torch::linspace(0.1, 0.9, 3 * kFrameHeight * kFrameWidth)
+                        .view({3, kFrameHeight, kFrameWidth});
   exposure.t_start_us = 1000;
   exposure.t_end_us = 9000;
-  exposure.camera.width = kWidth;
-  exposure.camera.height = kHeight;
+  exposure.camera.width = kFrameWidth;
+  exposure.camera.height = kFrameHeight;
   std::vector<float> x, y;
   std::vector<int64_t> t;
   std::vector<int8_t> p;
   for (int i = 0; i < 400; ++i) {
-    x.push_back(static_cast<float>(i * 7 % kWidth));
-    y.push_back(static_cast<float>(i * 3 % kHeight));
+    x.push_back(static_cast<float>(i * 7 % kFrameWidth));
+    y.push_back(static_cast<float>(i * 3 % kFrameHeight));
     t.push_back(500 + (steady ? 25 * i : 10500 - (400 - i) * (400 - i) / 16));  // beyond both ends
-    p.push_back(x.back() < kWidth / 2 ? 1 : -1);
+    p.push_back(x.back() < kFrameWidth / 2 ? 1 : -1);
   }
   exposure.events = events::EventStream::from_lists(x, y, t, p);
   return exposure;
@@ -61,6 +62,56 @@ TEST_CASE("restore_exposure: only events of the exposure count, and the voxel is
   CHECK(found.restorations.efnet.equal(
       restorer.network().restore(exposure.blurry, found.maps.voxel.values)));
   CHECK_FALSE(torch::allclose(found.restorations.efnet, exposure.blurry * 0.5));
+}
+
+/// Signed events of equal windows at whole pixels, counted one by one.
+torch::Tensor slow_counts(const data::Exposure& exposure, int64_t windows) {
+  torch::Tensor counts = torch::zeros({windows, kFrameHeight, kFrameWidth});
+  const events::EventStream& all = exposure.events;
+  const torch::Tensor x = all.x(), y = all.y(), t = all.t_us(), p = all.polarity();
+  for (int64_t i = 0; i < all.size(); ++i) {
+    const double place = double(t[i].item<int64_t>() - exposure.t_start_us) /
+                         double(exposure.duration_us()) * double(windows);
+    if (place < 0 || place >= double(windows)) continue;
+    counts[static_cast<int64_t>(place)][y[i].item<int64_t>()][x[i].item<int64_t>()] +=
+        p[i].item<int64_t>();
+  }
+  return counts;
+}
+
+TEST_CASE("restore_exposure: a network of any moment gets its own windows' counts, at each moment",
+          "[restore]") {
+  const test::TempDir dir;
+  const data::Exposure exposure = exposure_with_events();
+  const EfnetOptions network{
+      test::save_any_time_restorer(
+          dir / "n.pt",
+          "  return 0.3 + 0.1 * time.view(-1, 1, 1, 1) * image + 0.05 * counts[:, 0:3]\n"),
+      ""};
+  ViewRestorer restorer({false, {}, 1}, network, torch::kCPU);
+  RestoreOptions options;
+  const torch::Tensor events = slow_counts(exposure, 4).narrow(0, 0, 3);
+  const auto expected = [&](double time) {
+    return (0.3 + 0.1 * time * exposure.blurry + 0.05 * events).clamp(0, 1);
+  };
+  CHECK(events.abs().sum().item<double>() == 240);
+  const RestoredExposure middle = restore_exposure(exposure, exposure.events, options, restorer);
+  CHECK_FALSE(middle.efnet_at.defined());
+  CHECK(torch::allclose(middle.restorations.efnet, expected(0.5)));
+  for (const std::vector<double>& times :
+       {std::vector<double>{0, 0.5, 1}, std::vector<double>{0.875, 0.125}}) {
+    options.times = times;
+    const RestoredExposure found = restore_exposure(exposure, exposure.events, options, restorer);
+    REQUIRE(found.efnet_at.size(0) == static_cast<int64_t>(times.size()));
+    for (size_t k = 0; k < times.size(); ++k) {
+      CHECK(torch::allclose(found.efnet_at[static_cast<int64_t>(k)], expected(times[k])));
+    }
+    CHECK(found.restorations.efnet.equal(middle.restorations.efnet));
+  }
+  data::Exposure still = exposure;
+  still.events = events::EventStream();
+  CHECK(torch::allclose(restore_exposure(still, still.events, options, restorer).restorations.efnet,
+                        0.3 + 0.05 * exposure.blurry));
 }
 
 TEST_CASE("restore_exposure: a second start finds both restorations; another offset is another EDI",

@@ -5,7 +5,9 @@
 
 #include <torch/types.h>
 
+#include "jade/core/digest.h"
 #include "jade/core/error.h"
+#include "jade/core/version.h"
 #include "support/stub_restorer.h"
 #include "support/temp_dir.h"
 
@@ -40,6 +42,53 @@ TEST_CASE("view restorer: a second start with all views at hand loads no network
   CHECK_THROWS_AS(
       ViewRestorer(in(dir / "cache"), EfnetOptions{network, std::string(64, '0')}, torch::kCPU),
       DataError);
+}
+
+TEST_CASE("view restorer: restorations at several moments are one entry, found by data and moments",
+          "[restore]") {
+  const test::TempDir dir;
+  const EfnetOptions network{
+      test::save_any_time_restorer(
+          dir / "n.pt",
+          "  return 0.4 * image + 0.3 * time.view(-1, 1, 1, 1) + 0.01 * counts[:, 3:]\n"),
+      ""};
+  const torch::Tensor blurry = torch::rand({3, 16, 20}), counts = torch::randn({4, 16, 20});
+  struct Found {
+    torch::Tensor images;
+    bool loaded;
+  };
+  const auto restore = [&](const torch::Tensor& events, const std::vector<double>& times) {
+    ViewRestorer restorer(in(dir / "cache"), network, torch::kCPU);
+    const torch::Tensor out = restorer.efnet(blurry, events, times);
+    return Found{out, restorer.network_is_loaded()};
+  };
+  const Found first = restore(counts, {0, 0.5, 1});
+  CHECK(first.loaded);
+  CHECK(first.images.sizes() == torch::IntArrayRef({3, 3, 16, 20}));
+  CHECK(torch::allclose(first.images[2],
+                        (0.4 * blurry + 0.3 + 0.01 * counts.narrow(0, 3, 1)).clamp(0, 1)));
+  const Found again = restore(counts, {0, 0.5, 1});
+  CHECK_FALSE(again.loaded);
+  CHECK(again.images.equal(first.images));
+  const Found turned = restore(counts, {1, 0.5, 0});
+  CHECK(turned.loaded);
+  CHECK(turned.images.equal(first.images.flip(0)));
+  CHECK(restore(counts + 1, {0, 0.5, 1}).loaded);
+  ViewRestorer middle(in(dir / "cache"), network, torch::kCPU);
+  CHECK(middle.efnet(blurry, counts).equal(first.images[1]));
+  CHECK(middle.metadata().any_time);
+}
+
+TEST_CASE("view restorer: entries of version 1 keep their names", "[restore]") {
+  const test::TempDir dir;
+  const fs::path network = test::save_restorer(dir / "n.pt", "  return image * 0.5\n");
+  const torch::Tensor blurry = torch::rand({3, 16, 20}), voxel = torch::randn({6, 16, 20});
+  ViewRestorer restorer(in(dir / "cache"), EfnetOptions{network, ""}, torch::kCPU);
+  restorer.efnet(blurry, voxel);
+  const std::string recipe = concat("efnet 1; ", file_sha256(network), "; torch ", torch_version(),
+                                    "; ", torch::Device(torch::kCPU).type());
+  CHECK(fs::exists(dir / "cache" / (restoration_key(recipe, {blurry, voxel}) + ".restoration")));
+  CHECK_THROWS_WITH(restorer.efnet(blurry, voxel, {0}), Catch::Contains("version 1"));
 }
 
 TEST_CASE("view restorer: gray frames get gray restorations, whatever the cache holds of them",

@@ -45,6 +45,29 @@ TEST_CASE("trainer: twenty steps equal ten, a resume, and ten more, to the bit",
   CHECK(read_file(whole / "point_cloud.ply") == read_file(halves / "point_cloud.ply"));
 }
 
+TEST_CASE(
+    "trainer: with every pose restored a resume goes on to the same bits, and to others than "
+    "with the middle",
+    "[run]") {
+  const Scene scene;
+  const auto whole = scene.dir.path() / "whole", halves = scene.dir.path() / "halves";
+  train::RunOptions options = test::all_poses_options(scene);
+  options.train.iterations = options.train.calendar = 10;
+  options.checkpoint.every = 5;
+  run::Trainer(options, whole, "").run();
+  train::RunOptions half = options;
+  half.train.iterations = 5;
+  run::Trainer(half, halves, "").run();
+  run::Trainer(options, halves, "latest").run();
+  const std::string all = read_file(whole / "point_cloud.ply");
+  CHECK(all == read_file(halves / "point_cloud.ply"));
+  options.objective.restored_poses = losses::RestoredPoses::kMiddle;
+  CHECK_THROWS_WITH(run::Trainer(options, halves, "latest"),
+                    Catch::Contains("objective.restored_poses: all -> middle"));
+  run::Trainer(options, scene.dir.path() / "middle", "").run();
+  CHECK(all != read_file(scene.dir.path() / "middle" / "point_cloud.ply"));
+}
+
 TEST_CASE("trainer: a resumed run keeps the calendar it began with, whatever its new budget",
           "[run]") {
   const Scene scene;

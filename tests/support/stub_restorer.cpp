@@ -19,4 +19,16 @@ std::filesystem::path save_restorer(const std::filesystem::path& path, const std
   return path;
 }
 
+const char* const kAnyTimeMetadata =
+    R"({"format": "jade-restorer", "format_version": 2, "kind": "efnet",
+  "name": "anytime", "width": 1, "parameters": 0, "input": "counts", "windows": 4,
+  "normalization": "inside", "any_time": true, "channel_order": "rgb", "padding_multiple": 4,
+  "minimum_size": 8, "uses_mask": false, "dtype": "float32",
+  "weights_sha256": "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855", "source": "test"})";
+
+std::filesystem::path save_any_time_restorer(const std::filesystem::path& path,
+                                             const std::string& body, const std::string& metadata) {
+  return save_restorer(path, body, metadata, "image, counts, time");
+}
+
 }  // namespace jade::test

@@ -15,4 +15,12 @@ std::filesystem::path save_restorer(const std::filesystem::path& path, const std
                                     const std::string& metadata = kStubMetadata,
                                     const std::string& inputs = "image, events, mask");
 
+/// jade_efnet.json of a restorer of version 2 without weights, for four windows.
+extern const char* const kAnyTimeMetadata;
+
+/// The same as save_restorer for a restorer of any moment, forward(image, counts, time).
+std::filesystem::path save_any_time_restorer(const std::filesystem::path& path,
+                                             const std::string& body,
+                                             const std::string& metadata = kAnyTimeMetadata);
+
 }  // namespace jade::test

@@ -54,7 +54,18 @@ inline train::RunOptions routed_options(const TinyScene& scene) {
   return options;
 }
 
-/// The same with every term, L_ev among them, and three SH degrees within thirty steps.
+/// The same with a restorer of any moment, which every pose is restored by.
+inline train::RunOptions all_poses_options(const TinyScene& scene) {
+  train::RunOptions options = routed_options(scene);
+  options.objective.restored_poses = losses::RestoredPoses::kAll;
+  options.efnet.path = save_any_time_restorer(
+      scene.dir / "any_time.pt",
+      "  t = time.view(-1, 1, 1, 1)\n"
+      "  return (0.9 - 0.2 * t) * image + 0.05 * t * counts[:, 1:2] + 0.02 * counts[:, 2:3]\n");
+  return options;
+}
+
+/// routed_options() with every term, L_ev among them, and three SH degrees within thirty steps.
 inline train::RunOptions full_options(const TinyScene& scene) {
   train::RunOptions options = routed_options(scene);
   options.objective.warmup = 6;

@@ -4,8 +4,11 @@
 #include "support/catch.h"
 
 #include <algorithm>
+#include <array>
+#include <cstdlib>
 #include <torch/types.h>
 
+#include "jade/core/error.h"
 #include "train/bench.h"
 
 using namespace jade;
@@ -22,6 +25,22 @@ TEST_CASE("view order: every epoch shows every view once, whatever the step it i
   const auto at_2000 = draws.at(2000);
   same.at(1);
   CHECK(same.at(2000).equal(at_2000));
+}
+
+TEST_CASE("pose draws: a fourth for the target leaves the three as they are, and the host knows it",
+          "[train]") {
+  train::PoseDraws three(3, torch::kCPU), four(3, torch::kCPU, 9, true),
+      late(3, torch::kCPU, 9, true);
+  CHECK(late.target_at(2000) == four.at(2000)[3].item<int64_t>());
+  std::array<int, 9> seen{};
+  for (int64_t step = 1; step <= 1100; ++step) {
+    const torch::Tensor drawn = four.at(step);
+    REQUIRE(drawn.narrow(0, 0, 3).equal(three.at(step)));
+    REQUIRE(drawn[3].item<int64_t>() == four.target_at(step));
+    ++seen[static_cast<size_t>(four.target_at(step))];
+  }
+  for (const int count : seen) CHECK(std::abs(count - 1100 / 9) < 50);
+  CHECK_THROWS_AS(three.target_at(1), ContractError);
 }
 
 TEST_CASE(

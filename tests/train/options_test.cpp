@@ -29,6 +29,24 @@ TEST_CASE("options: rules between fields name the keys", "[train]") {
   CHECK_THROWS_WITH(train::validate(options), Catch::Contains("step 1,"));
 }
 
+TEST_CASE("options: all poses are refused where only the middle is known, or moments change",
+          "[train]") {
+  train::RunOptions options;
+  options.objective.restored_poses = losses::RestoredPoses::kAll;
+  CHECK_NOTHROW(train::validate(options));
+  options.exposure.quadrature = geometry::QuadratureRule::kJittered;
+  CHECK_THROWS_WITH(train::validate(options), Catch::Contains("exposure.quadrature jittered"));
+  options.exposure.quadrature = geometry::QuadratureRule::kTrapezoid;
+  for (const auto target : {losses::Target::kBlurry, losses::Target::kImageFolder}) {
+    options.objective.target = target;
+    options.train.target_images = "somewhere";
+    CHECK_THROWS_WITH(train::validate(options),
+                      Catch::Contains("restored_poses") && Catch::Contains(word_of(target)));
+  }
+  options.objective.restored_poses = losses::RestoredPoses::kMiddle;
+  CHECK_NOTHROW(train::validate(options));
+}
+
 TEST_CASE("options: the middle of an exposure is a sample, and DiET-GS's nine images stay nine",
           "[train]") {
   train::RunOptions options;

@@ -3,6 +3,10 @@
 
 #include "support/catch.h"
 
+#include <algorithm>
+#include <cmath>
+
+#include "jade/train/step_feed.h"
 #include "train/bench.h"
 
 using namespace jade;
@@ -79,6 +83,84 @@ TEST_CASE("routing step: on one view leaves the maps of the others and their Ada
   CHECK(equal(state_of(0), of_view_0));
   CHECK_FALSE(equal(state_of(1), of_view_1));
   CHECK_FALSE(maps[0].grad().defined());
+}
+
+namespace {
+
+/// A scene whose every pose is restored, in float64 but for the renders.
+struct DrawnRouting {
+  test::TinyScene scene;
+  train::RunOptions options = test::all_poses_options(scene);
+  data::Dataset dataset = data::load_dataset(options.dataset);
+  train::StepFeed feed{dataset, options, torch::kCPU};
+  train::TrainState state = train::make_state(options, dataset, torch::kCPU);
+  train::Renders renders;
+  train::StepInputs inputs;
+
+  explicit DrawnRouting(int64_t pose) {
+    int64_t step = 1;
+    while (feed.at(step).pose_draws[3].item<int64_t>() != pose) ++step;
+    inputs = feed.at(step);
+    const train::StepPlan plan = train::plan_step(options, step);
+    const torch::NoGradGuard no_grad;
+    renders = train::render_exposure(state, inputs, plan, options);
+    renders.color = renders.color.to(torch::kFloat64);
+    inputs.view.visit([](const std::string&, torch::Tensor& tensor) {
+      if (tensor.defined() && tensor.is_floating_point()) tensor = tensor.to(torch::kFloat64);
+    });
+    state.allocation->to(torch::kFloat64);
+    state.allocation_adam = train::ModuleAdam(state.allocation->parameters(), 1e-12);
+  }
+
+  /// Eq. (6) at a pose, written out.
+  double loss_at(int64_t pose) {
+    const torch::NoGradGuard no_grad;
+    const train::View& view = inputs.view;
+    const auto alpha = state.allocation->forward({view.blurry, view.psi, inputs.view_index});
+    const auto pseudo = alpha * view.restorations.edi + (1 - alpha) * view.restorations.efnet;
+    return ((pseudo - renders.color[pose]).abs().mean() +
+            (pseudo * view.reblur_kernel - view.blurry).abs().mean())
+        .item<double>();
+  }
+};
+
+}  // namespace
+
+TEST_CASE("routing step: at a drawn pose the gradient is that of Eq. (6) there", "[train]") {
+  constexpr int64_t kPose = 7;
+  DrawnRouting routing(kPose);
+  train::StepPlan plan = train::plan_step(routing.options, routing.inputs.step);
+  REQUIRE(plan.objective.drawn_target);
+  routing.state.allocation_adam.zero_grad();
+  const auto report = train::routing_step(routing.state, routing.inputs, routing.renders, plan,
+                                          routing.options.route);
+  CHECK(report.render.item<double>() + report.reblur.item<double>() ==
+        Approx(routing.loss_at(kPose)).epsilon(1e-6));
+  const torch::NoGradGuard no_grad;
+  double worst = 0, elsewhere = 0;
+  int64_t checked = 0;
+  for (torch::Tensor& parameter : routing.state.allocation->parameters()) {
+    const torch::Tensor gradient = parameter.grad().flatten();
+    const torch::Tensor values = parameter.view({-1});
+    const double largest = gradient.abs().max().item<double>();
+    const int64_t i = gradient.abs().argmax().item<int64_t>();
+    const double start = values[i].item<double>(), step = 1e-7;
+    const auto slope = [&](int64_t pose) {
+      values[i] = start + step;
+      const double above = routing.loss_at(pose);
+      values[i] = start - step;
+      const double below = routing.loss_at(pose);
+      values[i] = start;
+      return (above - below) / (2 * step);
+    };
+    const double analytic = gradient[i].item<double>();
+    worst = std::max(worst, std::abs(slope(kPose) - analytic) / largest);
+    elsewhere = std::max(elsewhere, std::abs(slope(4) - analytic) / largest);
+    ++checked;
+  }
+  CHECK(checked >= 7);
+  CHECK(worst < 1e-4);
+  CHECK(elsewhere > 1e-2);  // the middle's gradient is another
 }
 
 TEST_CASE("routing step: rests where the plan has none", "[train]") {

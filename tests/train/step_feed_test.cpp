@@ -44,6 +44,35 @@ TEST_CASE("step feed: a step is given its view, whatever was asked for before", 
   }
 }
 
+TEST_CASE("step feed: where every pose is restored a step is given its drawn pose's view",
+          "[train]") {
+  const test::TinyScene scene;
+  train::RunOptions options = test::all_poses_options(scene);
+  train::StepFeed feed = feed_of(scene, options), plain_feed = [&] {
+    train::RunOptions middle = options;
+    middle.objective.restored_poses = losses::RestoredPoses::kMiddle;
+    return feed_of(scene, middle);
+  }();
+  bool other_than_middle = false;
+  for (int64_t step = 1; step <= 12; ++step) {
+    const train::StepInputs in = feed.at(step), plain = plain_feed.at(step);
+    REQUIRE(in.pose_draws.numel() == 4);
+    CHECK(plain.pose_draws.equal(in.pose_draws.narrow(0, 0, 3)));
+    CHECK(plain.view_index == in.view_index);
+    const int64_t pose = in.pose_draws[3].item<int64_t>();
+    const train::View& view = feed.views()[static_cast<size_t>(in.view_index)];
+    CHECK(in.view.restorations.efnet.equal(view.restored_poses.efnet[pose]));
+    CHECK(in.view.psi.equal(view.restored_poses.psi[pose]));
+    CHECK_FALSE(in.view.restored_poses.efnet.defined());
+    CHECK_FALSE(plain.view.restored_poses.efnet.defined());
+    CHECK(plain.view.restorations.efnet.equal(view.restorations.efnet));
+    other_than_middle |= pose != 4;
+  }
+  CHECK(other_than_middle);
+  options.objective.target = losses::Target::kNone;
+  CHECK(feed_of(scene, options).at(1).pose_draws.numel() == 3);
+}
+
 TEST_CASE("step feed: what the options do not ask for is not there", "[train]") {
   const test::TinyScene scene;
   train::StepFeed feed = feed_of(scene, test::tiny_options(scene));

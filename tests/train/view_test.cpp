@@ -6,8 +6,10 @@
 #include <set>
 #include <torch/types.h>
 
+#include "jade/core/error.h"
 #include "jade/core/random.h"
 #include "jade/events/exposure_maps.h"
+#include "jade/events/voxel.h"
 #include "jade/imaging/reblur.h"
 #include "train/bench.h"
 
@@ -56,6 +58,79 @@ TEST_CASE("views: cameras, moments, weights and EDI are those of the quadrature"
   const train::View drawn = first(QuadratureRule::kJittered, 9);
   CHECK(drawn.edi_log_gain.size(0) == 65);
   CHECK(drawn.u[0].item<double>() == Approx(0.5 / 9));
+}
+
+TEST_CASE(
+    "views: at a pose the target reads what is restored there, at the middle what it always did",
+    "[train]") {
+  const test::TinyScene scene;
+  train::RunOptions options = test::all_poses_options(scene);
+  options.route.reblur_contrast = 0;
+  options.events.threshold_negative = 0.3;
+  options.objective.trust.disagreement = 0.1;
+  const data::Dataset dataset = data::load_dataset(options.dataset);
+  const train::View view = train::prepare_views(dataset, options, torch::kCPU)[1];
+  const data::Exposure& exposure = dataset.train[1];
+  const events::TimeWindow span{exposure.t_start_us, exposure.t_end_us};
+  const events::ImageSize size{exposure.camera.height, exposure.camera.width};
+  const auto voxel = events::map_exposure(exposure.events, span, 6, size).voxel;
+  const auto counts = events::count_windows(exposure.events, span, 4, 0, size);
+  restore::Restorer network(options.efnet);
+  for (int64_t k = 0; k < 9; ++k) {
+    INFO(k);
+    const train::View at = train::at_pose(view, k, options);
+    const double u = double(k) / 8;
+    CHECK(torch::allclose(
+        at.restorations.efnet,
+        network.restore(exposure.blurry, counts.positive - counts.negative, {u})[0], 0, 1e-6));
+    CHECK(torch::allclose(at.restorations.edi, exposure.blurry * view.edi_factors[k]));
+    CHECK(at.psi.equal(events::polarity_projection(voxel.values, u)));
+    CHECK(at.reblur_kernel.equal(imaging::reblur_kernel(voxel, 0.25 * voxel.v_max, u)));
+    CHECK(at.target_closeness.equal(
+        losses::closeness(at.restorations.efnet, at.restorations.edi, 0.1)));
+    CHECK_FALSE(at.fixed_target.defined());
+    CHECK_FALSE(at.restored_poses.efnet.defined());
+  }
+  CHECK_FALSE(view.restorations.efnet.equal(train::at_pose(view, 0, options).restorations.efnet));
+  const train::View middle = train::at_pose(view, 4, options);
+  CHECK(middle.restorations.edi.equal(view.restorations.edi));
+  CHECK(middle.restorations.efnet.equal(view.restorations.efnet));
+  CHECK(middle.psi.equal(view.psi));
+  CHECK(middle.reblur_kernel.equal(view.reblur_kernel));
+  CHECK(middle.target_closeness.equal(view.target_closeness));
+  CHECK_THROWS_AS(train::at_pose(view, 9, options), ContractError);
+}
+
+TEST_CASE("views: a fixed target at a pose is made of the restorations there", "[train]") {
+  using losses::Target;
+  const test::TinyScene scene;
+  train::RunOptions options = test::all_poses_options(scene);
+  const data::Dataset dataset = data::load_dataset(options.dataset);
+  const auto at = [&](Target target) {
+    options.objective.target = target;
+    return train::at_pose(train::prepare_views(dataset, options, torch::kCPU).front(), 7, options);
+  };
+  const train::View mean = at(Target::kMean);
+  CHECK(
+      torch::allclose(mean.fixed_target, 0.5 * (mean.restorations.edi + mean.restorations.efnet)));
+  CHECK_FALSE(mean.restored_poses.psi.defined());
+  const train::View efnet = at(Target::kEfnet), edi = at(Target::kEdi);
+  CHECK(efnet.fixed_target.equal(mean.restorations.efnet));
+  CHECK(edi.fixed_target.equal(mean.restorations.edi));
+  CHECK_FALSE(edi.restorations.efnet.defined());
+}
+
+TEST_CASE("views: a restorer of the middle cannot restore every pose, and says so first",
+          "[train]") {
+  const test::TinyScene scene;
+  train::RunOptions options = test::routed_options(scene);
+  options.objective.restored_poses = losses::RestoredPoses::kAll;
+  const data::Dataset dataset = data::load_dataset(options.dataset);
+  CHECK_THROWS_AS(train::prepare_views(dataset, options, torch::kCPU), DataError);
+  CHECK_THROWS_WITH(train::prepare_views(dataset, options, torch::kCPU),
+                    Catch::Contains("restorer.pt") && Catch::Contains("version 1"));
+  options.objective.target = losses::Target::kEdi;
+  CHECK_NOTHROW(train::prepare_views(dataset, options, torch::kCPU));
 }
 
 TEST_CASE("near plane: 0.2, or half of what a small scene's nearest is away, unless given",

@@ -20,4 +20,15 @@ torch::Tensor polarity_projection(const torch::Tensor& voxel) {
   return torch::stack({voxel.clamp_min(0).sum(0), voxel.neg().clamp_min(0).sum(0)});
 }
 
+torch::Tensor polarity_projection(const torch::Tensor& voxel, double moment) {
+  check_shape(voxel, "voxel", {-1, -1, -1});
+  JADE_CHECK(moment >= 0 && moment <= 1, "expected a moment from 0 to 1, found ", moment);
+  const int64_t bins = voxel.size(0);
+  const torch::Tensor before = (moment * static_cast<double>(bins) -
+                                torch::arange(bins, torch::TensorOptions(torch::kFloat64)))
+                                   .clamp(0, 1);
+  const torch::Tensor share = 2 * (before * moment + (1 - before) * (1 - moment));
+  return polarity_projection(voxel * share.to(voxel.options()).view({-1, 1, 1}));
+}
+
 }  // namespace jade::events

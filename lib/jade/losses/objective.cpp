@@ -10,6 +10,9 @@
 namespace jade::losses {
 namespace {
 
+/// Draws of L_edi gray, L_edi colour and L_sim; that of L_tgt comes after them.
+constexpr int64_t kTermDraws = 3;
+
 /// @param falling  the weight of this step where it changes in the course of the run
 void add(Objective& loss, const std::string& name, const torch::Tensor& value, double weight = 1,
          const torch::Tensor& falling = {}) {
@@ -22,7 +25,8 @@ void add(Objective& loss, const std::string& name, const torch::Tensor& value, d
 
 /// The renders that the terms share, toned once.
 struct Views {
-  torch::Tensor mean, mid, edi_gray, edi_color, simulation;  ///< [3,H,W]; undefined: not rendered
+  torch::Tensor mean, target, edi_gray, edi_color,
+      simulation;  ///< [3,H,W]; undefined: not rendered
 };
 
 /// The rows of poses_read(), in its order.
@@ -30,7 +34,7 @@ Views unpack_views(const torch::Tensor& renders, const ObjectivePlan& plan) {
   const std::vector<torch::Tensor> rendered = renders.unbind(0);
   size_t next = 0;
   Views views;
-  if (plan.target) views.mid = rendered.at(next++);
+  if (plan.target) views.target = rendered.at(next++);
   if (plan.edi) {
     views.edi_gray = rendered.at(next++);
     views.edi_color = rendered.at(next++);
@@ -40,32 +44,32 @@ Views unpack_views(const torch::Tensor& renders, const ObjectivePlan& plan) {
 
 Views pick_views(const ObjectiveInputs& inputs, const ObjectivePlan& plan) {
   if (inputs.renders.size(0) != inputs.samples) return unpack_views(inputs.renders, plan);
-  const torch::Tensor mid = torch::full({1}, inputs.samples / 2, inputs.pose_draws.options());
+  const torch::Tensor target = target_pose(plan, inputs.pose_draws, inputs.samples);
   const PoseViews views =
-      pose_views(inputs.renders, torch::cat({mid, inputs.pose_draws}), inputs.weights);
+      pose_views(inputs.renders, torch::cat({target, inputs.pose_draws.narrow(0, 0, kTermDraws)}),
+                 inputs.weights);
   const std::vector<torch::Tensor> picks = views.picks.unbind(0);
   return {views.mean, picks[0], picks[1], picks[2], picks[3]};
 }
 
 /// L_tgt before its weight.
-torch::Tensor target_term(const ObjectiveInputs& inputs, const torch::Tensor& mid,
+torch::Tensor target_term(const ObjectiveInputs& inputs, const torch::Tensor& render,
                           const ObjectivePlan& plan, const ObjectiveOptions& options) {
   const torch::Tensor& whole = **inputs.target;
   torch::Tensor drawn = whole;
   if (inputs.target_closeness.defined()) {
-    drawn = drawn_by(drawn, Fixed(mid), inputs.target_closeness);
+    drawn = drawn_by(drawn, Fixed(render), inputs.target_closeness);
   }
-  if (plan.trust) drawn = followed(drawn, mid, options.trust, 0);
-  const torch::Tensor value = target_loss(mid, Fixed(drawn), options.dssim);
+  if (plan.trust) drawn = followed(drawn, render, options.trust, 0);
+  const torch::Tensor value = target_loss(render, Fixed(drawn), options.dssim);
   if (!plan.agreed_target) return value;
   const torch::Tensor distance =
-      drawn.is_same(whole) ? value : target_loss(mid.detach(), *inputs.target, options.dssim);
+      drawn.is_same(whole) ? value : target_loss(render.detach(), *inputs.target, options.dssim);
   return where_agreed(value, distance, options.trust.agreement);
 }
 
 void check_inputs(const ObjectiveInputs& inputs, const ObjectivePlan& plan) {
   check_shape(inputs.renders, "renders", {-1, 3, -1, -1});
-  check_shape(inputs.pose_draws, "pose draws", {3});
   const torch::Tensor read = poses_read(plan, inputs.pose_draws, inputs.samples);
   const int64_t count = inputs.renders.size(0);
   JADE_CHECK(count == inputs.samples || (read.defined() && count == read.size(0)),
@@ -88,6 +92,7 @@ ObjectivePlan plan_objective(const ObjectiveOptions& options, int64_t step) {
   const bool over = options.target_until != 0 && step > options.target_until;
   plan.target = options.target != Target::kNone && (!over || options.trust.agreement > 0);
   plan.agreed_target = plan.target && over;
+  plan.drawn_target = plan.target && options.restored_poses == RestoredPoses::kAll;
   plan.blur = options.blur;
   plan.edi = options.edi_supervision;
   plan.simulation = options.simulation && step > options.simulation_start;
@@ -113,11 +118,20 @@ std::array<double, 2> term_weights(const ObjectiveOptions& options, int64_t step
           at(options.edi_weight, options.edi_weight_final)};
 }
 
+torch::Tensor target_pose(const ObjectivePlan& plan, const torch::Tensor& pose_draws,
+                          int64_t samples) {
+  return plan.drawn_target ? pose_draws.narrow(0, kTermDraws, 1)
+                           : torch::full({1}, samples / 2, pose_draws.options());
+}
+
 torch::Tensor poses_read(const ObjectivePlan& plan, const torch::Tensor& pose_draws,
                          int64_t samples) {
+  const int64_t draws = pose_draws.numel();
+  JADE_CHECK(draws == kTermDraws + 1 || (draws == kTermDraws && !plan.drawn_target),
+             "expected 3 drawn poses, 4 where that of L_tgt is drawn, found ", draws);
   if (plan.all_poses()) return {};
   std::vector<torch::Tensor> read;
-  if (plan.target) read.push_back(torch::full({1}, samples / 2, pose_draws.options()));
+  if (plan.target) read.push_back(target_pose(plan, pose_draws, samples));
   if (plan.edi) read.push_back(pose_draws.narrow(0, 0, 2));
   return torch::cat(read);
 }
@@ -147,7 +161,7 @@ Objective objective(const ObjectiveInputs& inputs, const ObjectivePlan& plan,
 
   Objective loss;
   if (plan.target) {
-    add(loss, "target", target_term(inputs, views.mid, plan, options), options.target_weight,
+    add(loss, "target", target_term(inputs, views.target, plan, options), options.target_weight,
         target_weight);
   }
   if (plan.blur) {

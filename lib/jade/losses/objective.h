@@ -19,7 +19,7 @@
 
 namespace jade::losses {
 
-/// What the middle render is compared with, Eq. (9).
+/// What the render of mid-exposure, or of RestoredPoses, is compared with, Eq. (9).
 enum class Target { kRouted, kEdi, kEfnet, kMean, kBlurry, kImageFolder, kNone };
 
 constexpr auto words_of(Target) {
@@ -30,6 +30,14 @@ constexpr auto words_of(Target) {
                     Word{"blurry", Target::kBlurry, "the blurry frame itself"},
                     Word{"image_folder", Target::kImageFolder, "images of train.target_images"},
                     Word{"none", Target::kNone, "no such term"}};
+}
+
+/// Which poses of an exposure the target, and with it fusion and routing, act at.
+enum class RestoredPoses { kMiddle, kAll };
+
+constexpr auto words_of(RestoredPoses) {
+  return std::array{Word{"middle", RestoredPoses::kMiddle, "mid-exposure, as printed"},
+                    Word{"all", RestoredPoses::kAll, "one of all poses, drawn for every step"}};
 }
 
 /// Where the time windows of L_ev lie.
@@ -47,6 +55,7 @@ struct ObjectiveOptions {
   double target_weight = 1.0;
   double target_weight_final = -1;
   Steps target_until = 0;
+  RestoredPoses restored_poses = RestoredPoses::kMiddle;
   bool blur = true;
   bool edi_supervision = true;
   double edi_weight = 1.0;
@@ -73,6 +82,9 @@ void describe(V& v, ObjectiveOptions& o) {
   v.field("target_until", o.target_until,
           "after this step that term and the routing step rest, but see trust.agreement; 0: never",
           Range{0, 1e9});
+  v.field("restored_poses", o.restored_poses,
+          "poses of that term, fusion and the routing step; all restores every pose, needs a "
+          "restorer of version 2 where the target reads EFNet");
   v.field("blur", o.blur, "L_blur: mean of the renders against the blurry frame");
   v.field("edi_supervision", o.edi_supervision, "L_edi in gray and in colour, at drawn poses");
   v.field("edi_weight", o.edi_weight, "weight of both", Range{0, 1e3});
@@ -104,6 +116,7 @@ struct ObjectivePlan {
   bool response = false;  ///< ρ is past its warm-up and some term reads it, else it is the identity
   bool trust = false;     ///< L_tgt and L_edi follow their targets as far as TrustOptions say
   bool agreed_target = false;  ///< L_tgt acts where scene and target agree
+  bool drawn_target = false;   ///< L_tgt acts at a drawn pose, else at mid-exposure
 
   bool any_term() const { return target || blur || edi || simulation || intensity || event; }
   /// A term reads the mean render, and so all renders; also where no term reads any.
@@ -111,8 +124,8 @@ struct ObjectivePlan {
 
   /// For the comparison.
   auto members() const {
-    const auto all =
-        std::tie(target, blur, edi, simulation, intensity, event, response, trust, agreed_target);
+    const auto all = std::tie(target, blur, edi, simulation, intensity, event, response, trust,
+                              agreed_target, drawn_target);
     static_assert(std::tuple_size_v<decltype(all)> == member_count<ObjectivePlan>());
     return all;
   }
@@ -140,14 +153,15 @@ struct ObjectiveInputs {
   torch::Tensor blurry;   ///< [3,H,W], B
   /// ssim_target(blurry), which saves L_blur two of its five window sums; may stay undefined.
   imaging::SsimTarget blurry_moments;
-  /// [3] int64 on the renders' device: the poses of L_edi gray, L_edi colour and L_sim.
+  /// [3] int64 on the renders' device: the poses of L_edi gray, L_edi colour and L_sim; [4] with
+  /// that of L_tgt, which a plan with drawn_target needs.
   torch::Tensor pose_draws;
   torch::Tensor edi_factors;  ///< [3,1,H,W], R at these poses; needed for L_edi and L_sim only
   /// [2] weights of L_tgt and L_edi at this step, on the device; undefined: those of the options,
   /// which then must not fall.
   torch::Tensor term_weights;
   double contrast = 0;              ///< log intensity of one event, for trust.tolerance
-  std::optional<Fixed> target;      ///< [3,H,W]; needed for L_tgt only
+  std::optional<Fixed> target;      ///< [3,H,W], at the pose of L_tgt; needed for it only
   torch::Tensor target_closeness;   ///< [1,H,W] of trust.disagreement; undefined: 1
   std::optional<EventPair> events;  ///< needed for L_ev only
   ToneCurve tone;                   ///< ρ; ignored where the plan lets it rest
@@ -171,17 +185,23 @@ bool weights_fall(const ObjectiveOptions& options);
 /// The weights of L_tgt and L_edi at `step` (counted from 1) of a calendar of `steps`.
 std::array<double, 2> term_weights(const ObjectiveOptions& options, int64_t step, int64_t steps);
 
+/// The pose where L_tgt acts, [1] int64 on the device of `pose_draws`: the drawn one or
+/// mid-exposure.
+torch::Tensor target_pose(const ObjectivePlan& plan, const torch::Tensor& pose_draws,
+                          int64_t samples);
+
 /// L_scene = L_tgt + L_blur + L_edi + L_sim + L_int (+ L_ev), Eq. (10): the terms of the plan with
 /// their weights. Nothing here waits for the device.
 Objective objective(const ObjectiveInputs& inputs, const ObjectivePlan& plan,
                     const ObjectiveOptions& options);
 
-/// The poses that the terms read, [M] int64 on the device of `pose_draws`: mid-exposure where the
-/// target acts, then those of L_edi gray and colour. A pose that no term reads has no gradient, so
+/// The poses that the terms read, [M] int64 on the device of `pose_draws`: that of the target where
+/// it acts, then those of L_edi gray and colour. A pose that no term reads has no gradient, so
 /// rendering it costs time and dilutes the mean screen gradients of densification. Undefined for
 /// all of them.
 /// @param pose_draws  as ObjectiveInputs has them
 /// @param samples     K
+/// @throws ContractError where the plan asks for a draw that is not there
 torch::Tensor poses_read(const ObjectivePlan& plan, const torch::Tensor& pose_draws,
                          int64_t samples = 9);
 

@@ -21,6 +21,8 @@ namespace F = torch::nn::functional;
 constexpr int64_t kBins = 6;
 // Tiles when memory is short: the part of each that is kept, and what it sees around it.
 constexpr int64_t kLargestTile = 512, kSmallestTile = 64, kTileMargin = 32;
+// A CPU gains nothing by larger batches, and a system may kill a program rather than refuse memory.
+constexpr int64_t kPixelsPerCpuCall = int64_t{1} << 20;
 
 /// The device has too little memory for this call.
 struct OutOfMemory : DeviceError {
@@ -73,14 +75,9 @@ torch::Tensor dilate(const torch::Tensor& image) {
   return torch::max_pool2d(image, {3, 3}, {1, 1}, {1, 1});
 }
 
-std::unique_ptr<torch::jit::Module> load_module(const std::filesystem::path& path,
-                                                std::string* metadata) {
-  torch::jit::ExtraFilesMap extra{{kRestorerMetadataFile, ""}};
+std::unique_ptr<torch::jit::Module> load_module(const std::filesystem::path& path) {
   try {
-    auto module =
-        std::make_unique<torch::jit::Module>(torch::jit::load(path.string(), torch::kCPU, extra));
-    *metadata = extra[kRestorerMetadataFile];
-    return module;
+    return std::make_unique<torch::jit::Module>(torch::jit::load(path.string(), torch::kCPU));
   } catch (const c10::Error& problem) {
     fail_restorer(path, concat("no TorchScript file, or a damaged one: ",
                                first_sentence(problem.what_without_backtrace()),
@@ -146,14 +143,14 @@ std::string checked_file_sha256(const EfnetOptions& options) {
 Restorer::Restorer(const EfnetOptions& options, torch::Device device)
     : path_(restorer_path(options)), device_(device) {
   checked_file_sha256(options);
-  std::string metadata;
-  module_ = load_module(path_, &metadata);
-  metadata_ = parse_restorer_metadata(path_, metadata);
+  metadata_ = read_restorer_metadata(path_);
+  module_ = load_module(path_);
   const std::string weights = weights_sha256(*module_);
   if (weights != metadata_.weights_sha256) {
     fail_restorer(path_, concat("its metadata is of weights ", metadata_.weights_sha256,
                                 ", it holds ", weights, ": damaged or edited; export it again"));
   }
+  if (metadata_.stored_as_half) module_->to(torch::kFloat32);
   module_->eval();
   for (const torch::Tensor& parameter : module_->parameters()) parameter.set_requires_grad(false);
   to(device);
@@ -175,25 +172,28 @@ void Restorer::to(torch::Device device) {
   device_ = device;
 }
 
-Restorer::Inputs Restorer::inputs_of(const torch::Tensor& image, const torch::Tensor& voxel) const {
-  if (metadata_.kind != "efnet") return {image};
-  check_shape(voxel, "voxel", {image.size(0), kBins, image.size(2), image.size(3)});
-  const torch::Tensor events =
-      normalize_views(metadata_.input == "scer" ? scer_from_bins(voxel) : voxel);
-  return {image, events, event_mask(events)};
+Restorer::Inputs Restorer::inputs_of(const torch::Tensor& image, const torch::Tensor& events,
+                                     const torch::Tensor& times) const {
+  if (metadata_.kind != "efnet") return {{image}, {}};
+  check_shape(events, "events", {image.size(0), metadata_.windows, image.size(2), image.size(3)});
+  if (metadata_.any_time) return {{image, events}, times};
+  const torch::Tensor channels =
+      normalize_views(metadata_.input == "scer" ? scer_from_bins(events) : events);
+  return {{image, channels, event_mask(channels)}, {}};
 }
 
 torch::Tensor Restorer::call(const Inputs& inputs) const {
-  const torch::Tensor& image = inputs.front();
+  const torch::Tensor& image = inputs.maps.front();
   const int64_t height = image.size(2), width = image.size(3);
   const int64_t right = padding(width, metadata_), bottom = padding(height, metadata_);
   const std::string size = concat(width, "x", height, " images");
   torch::Tensor output;
   try {
     std::vector<torch::IValue> padded{pad_replicate(image.to(device_), right, bottom)};
-    for (size_t i = 1; i < inputs.size(); ++i) {
-      padded.emplace_back(pad_zero(inputs[i].to(device_), right, bottom));
+    for (size_t i = 1; i < inputs.maps.size(); ++i) {
+      padded.emplace_back(pad_zero(inputs.maps[i].to(device_), right, bottom));
     }
+    if (inputs.times.defined()) padded.emplace_back(inputs.times.to(device_));
     output = module_->forward(std::move(padded)).toTensor();
   } catch (const std::bad_alloc&) {
     throw OutOfMemory(concat("not enough memory on ", device_.str(), " to restore ", size));
@@ -211,8 +211,28 @@ torch::Tensor Restorer::call(const Inputs& inputs) const {
   return output.narrow(2, 0, height).narrow(3, 0, width);
 }
 
+int64_t Restorer::images_per_call(const torch::Tensor& image) const {
+  if (batch_ > 0) return batch_;
+  const int64_t pixels = image.size(2) * image.size(3);
+  return device_.is_cpu() ? std::max<int64_t>(1, kPixelsPerCpuCall / pixels) : image.size(0);
+}
+
+torch::Tensor Restorer::call_in_parts(const Inputs& inputs) const {
+  const int64_t images = inputs.maps.front().size(0);
+  const int64_t each = images_per_call(inputs.maps.front());
+  std::vector<torch::Tensor> restored;
+  for (int64_t first = 0; first < images; first += each) {
+    const int64_t count = std::min(each, images - first);
+    Inputs part;
+    for (const torch::Tensor& map : inputs.maps) part.maps.push_back(map.narrow(0, first, count));
+    if (inputs.times.defined()) part.times = inputs.times.narrow(0, first, count);
+    restored.push_back(tile_ == 0 ? call(part) : call_in_tiles(part, tile_));
+  }
+  return restored.size() == 1 ? restored.front() : torch::cat(restored);
+}
+
 torch::Tensor Restorer::call_in_tiles(const Inputs& inputs, int64_t core) const {
-  const torch::Tensor& image = inputs.front();
+  const torch::Tensor& image = inputs.maps.front();
   const int64_t height = image.size(2), width = image.size(3);
   torch::Tensor output = torch::empty_like(image);
   for (int64_t y = 0; y < height; y += core) {
@@ -222,9 +242,10 @@ torch::Tensor Restorer::call_in_tiles(const Inputs& inputs, int64_t core) const 
       const int64_t tall = std::min(height, y + core + kTileMargin) - top;
       const int64_t wide = std::min(width, x + core + kTileMargin) - left;
       Inputs part;
-      for (const torch::Tensor& input : inputs) {
-        part.push_back(input.narrow(2, top, tall).narrow(3, left, wide));
+      for (const torch::Tensor& map : inputs.maps) {
+        part.maps.push_back(map.narrow(2, top, tall).narrow(3, left, wide));
       }
+      part.times = inputs.times;
       const int64_t kept_height = std::min(core, height - y),
                     kept_width = std::min(core, width - x);
       const torch::Tensor restored = call(part);
@@ -239,14 +260,22 @@ torch::Tensor Restorer::call_in_tiles(const Inputs& inputs, int64_t core) const 
 torch::Tensor Restorer::restore_where_it_fits(const Inputs& inputs) {
   while (true) {
     try {
-      return tile_ == 0 ? call(inputs) : call_in_tiles(inputs, tile_);
+      return call_in_parts(inputs);
     } catch (const OutOfMemory& problem) {
+      const torch::Tensor& image = inputs.maps.front();
+      const int64_t together = std::min(image.size(0), images_per_call(image));
+      if (together > 1) {
+        batch_ = together / 2;
+        log_warn(concat(problem.what(), " with ", metadata_.name, ", ", together,
+                        " at once; going on with ", batch_, " at once"));
+        continue;
+      }
       if (!device_.is_cpu()) {
         log_warn(concat(problem.what(), " with ", metadata_.name, "; going on on the CPU"));
         to(torch::kCPU);
         continue;
       }
-      const int64_t longest = std::max(inputs.front().size(2), inputs.front().size(3));
+      const int64_t longest = std::max(image.size(2), image.size(3));
       do {
         tile_ = tile_ == 0 ? kLargestTile : tile_ / 2;
       } while (tile_ >= longest);
@@ -260,23 +289,45 @@ torch::Tensor Restorer::restore_where_it_fits(const Inputs& inputs) {
   }
 }
 
-torch::Tensor Restorer::restore(const torch::Tensor& blurry, const torch::Tensor& voxel) {
-  const torch::NoGradGuard no_grad;
-  const bool single = blurry.dim() == 3;
-  const auto prepared = [&](const torch::Tensor& tensor) {
-    const torch::Tensor plain = tensor.detach().to(device_, torch::kFloat32);
-    return plain.dim() == 3 ? plain.unsqueeze(0) : plain;
-  };
-  const torch::Tensor image = prepared(blurry);
+torch::Tensor Restorer::restore_batch(const torch::Tensor& image, const torch::Tensor& events,
+                                      const torch::Tensor& times) {
   check_shape(image, "blurry frame", {-1, 3, -1, -1});
-  torch::Tensor output =
-      restore_where_it_fits(inputs_of(image, voxel.defined() ? prepared(voxel) : voxel));
+  const torch::Tensor output = restore_where_it_fits(inputs_of(image, events, times));
   if (!output.isfinite().all().item<bool>()) {
     throw NumericError(concat(path_.string(), ": the network returned NaN or Inf for a ",
                               image.size(3), "x", image.size(2), " image"));
   }
-  output = output.clamp(0, 1).to(blurry.device()).contiguous();
+  return output.clamp(0, 1);
+}
+
+torch::Tensor Restorer::restore(const torch::Tensor& blurry, const torch::Tensor& events) {
+  const torch::NoGradGuard no_grad;
+  const bool single = blurry.dim() == 3;
+  const auto prepared = [&](const torch::Tensor& tensor) {
+    if (!tensor.defined()) return tensor;
+    const torch::Tensor plain = tensor.detach().to(device_, torch::kFloat32);
+    return plain.dim() == 3 ? plain.unsqueeze(0) : plain;
+  };
+  const torch::Tensor image = prepared(blurry);
+  const torch::Tensor middle = torch::full({image.size(0)}, 0.5, image.options());
+  const torch::Tensor output =
+      restore_batch(image, prepared(events), middle).to(blurry.device()).contiguous();
   return single ? output.squeeze(0) : output;
+}
+
+torch::Tensor Restorer::restore(const torch::Tensor& blurry, const torch::Tensor& events,
+                                const std::vector<double>& times) {
+  check_times(path_, metadata_, times);
+  const torch::NoGradGuard no_grad;
+  const auto count = static_cast<int64_t>(times.size());
+  const auto repeated = [&](const torch::Tensor& tensor) {
+    if (!tensor.defined()) return tensor;
+    return tensor.detach().to(device_, torch::kFloat32).expand({count, -1, -1, -1});
+  };
+  return restore_batch(repeated(blurry), repeated(events),
+                       torch::tensor(times, torch::kFloat32).to(device_))
+      .to(blurry.device())
+      .contiguous();
 }
 
 }  // namespace jade::restore

@@ -54,23 +54,48 @@ class Restorer {
   /// Side of the tiles that it restores, px, since memory ran short; 0: whole frames.
   int64_t tile() const { return tile_; }
 
+  /// Moments restored in one call of the network since memory ran short; 0: as many as asked for.
+  int64_t batch() const { return batch_; }
+
   /// The sharp frame of mid-exposure. When the device has too little memory for the frame, goes on
   /// on the CPU, and when that has too little, in overlapping tiles; says so in a warning.
   /// @param blurry  [3,H,W] or [N,3,H,W], RGB in [0,1]
-  /// @param voxel   [6,H,W] or [N,6,H,W], signed bins, any positive scale; ignored by kind image
+  /// @param events  [T,H,W] or [N,T,H,W], signed sums of the events of metadata().windows equal
+  ///   half-open windows of the exposure; of version 1 at any positive scale. Ignored by kind
+  ///   image.
   /// @return shaped as `blurry`, on its device, float32 in [0,1], without gradient
   /// @throws NumericError where the network returns NaN or Inf, DeviceError when memory runs out
   ///   even so, DataError when the module refuses its input or returns another shape.
-  torch::Tensor restore(const torch::Tensor& blurry, const torch::Tensor& voxel);
+  torch::Tensor restore(const torch::Tensor& blurry, const torch::Tensor& events);
+
+  /// The sharp frames of any moments of one exposure, in one call of the network; in several where
+  /// the device has too little memory for all of them, and then as above.
+  /// @param blurry  [3,H,W]
+  /// @param events  [T,H,W]
+  /// @param times   K of them, 0 the start and 1 the end of the exposure, in any order
+  /// @return [K,3,H,W]
+  /// @throws DataError, before anything else, for a moment that the file cannot restore
+  ///   (check_times); else as above.
+  torch::Tensor restore(const torch::Tensor& blurry, const torch::Tensor& events,
+                        const std::vector<double>& times);
 
   void to(torch::Device device);
 
  private:
-  /// What the network takes, before padding: image, or image, events and mask. [N,C,H,W] each.
-  using Inputs = std::vector<torch::Tensor>;
+  /// What the network takes, before padding.
+  struct Inputs {
+    std::vector<torch::Tensor> maps;  ///< the image and what goes with it, [N,C,H,W] each
+    torch::Tensor times;              ///< [N] of any_time, else undefined
+  };
 
-  Inputs inputs_of(const torch::Tensor& image, const torch::Tensor& voxel) const;
+  Inputs inputs_of(const torch::Tensor& image, const torch::Tensor& events,
+                   const torch::Tensor& times) const;
+  torch::Tensor restore_batch(const torch::Tensor& image, const torch::Tensor& events,
+                              const torch::Tensor& times);
   torch::Tensor restore_where_it_fits(const Inputs& inputs);
+  /// How many images go into one call of the network.
+  int64_t images_per_call(const torch::Tensor& image) const;
+  torch::Tensor call_in_parts(const Inputs& inputs) const;
   /// One forward pass on the module's device, padded and cropped.
   /// @throws OutOfMemory (efnet.cpp).
   torch::Tensor call(const Inputs& inputs) const;
@@ -80,10 +105,12 @@ class Restorer {
   RestorerMetadata metadata_;
   torch::Device device_;
   std::unique_ptr<torch::jit::Module> module_;
-  int64_t tile_ = 0;  ///< side of the core of a tile, px; 0: whole frames
+  int64_t tile_ = 0;   ///< side of the core of a tile, px; 0: whole frames
+  int64_t batch_ = 0;  ///< images in one call; 0: no bound but that of images_per_call()
 };
 
-/// SHA-256 over all parameters, docs/efnet.md §1.3.
+/// SHA-256 over all parameters, docs/efnet.md §1.3. Stored as float16 or not, they count as
+/// float32.
 std::string weights_sha256(const torch::jit::Module& module);
 
 /// The six bins as cumulative sums from mid-exposure outwards (SCER):

@@ -13,8 +13,12 @@ torch::Tensor fuse(const torch::Tensor& alpha, const Restorations& restorations)
 }
 
 torch::Tensor without_tint(const torch::Tensor& image) {
-  check_shape(image, "image", {3, -1, -1});
-  return image.mean(0, true).expand_as(image).contiguous();
+  if (image.dim() == 4) {
+    check_shape(image, "images", {-1, 3, -1, -1});
+  } else {
+    check_shape(image, "image", {3, -1, -1});
+  }
+  return image.mean(-3, true).expand_as(image).contiguous();
 }
 
 }  // namespace jade::restore

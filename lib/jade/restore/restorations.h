@@ -19,7 +19,7 @@ torch::Tensor fuse(const torch::Tensor& alpha, const Restorations& restorations)
 /// The gray image nearest to `image`, the mean of its channels in all three: what a restorer for
 /// colours makes of a gray frame, without the tint. Of all grays this one is never farther from a
 /// gray truth, in squared error, than the tinted image itself.
-/// @param image  [3,H,W]
+/// @param image  [3,H,W] or [K,3,H,W]
 torch::Tensor without_tint(const torch::Tensor& image);
 
 }  // namespace jade::restore

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/restore/restored_exposure.h"
 
+#include <algorithm>
 #include <torch/types.h>
 
 #include "jade/core/error.h"
@@ -53,6 +54,25 @@ torch::Tensor gain_at_samples(const imaging::EdiKernel& kernel,
                            torch::tensor(u, torch::kFloat64).to(kernel.log_gain.device()));
 }
 
+/// What the network takes of the events: its windows' signed counts, or the voxel.
+torch::Tensor network_events(const data::Exposure& exposure, const events::EventVoxel& voxel,
+                             const RestorerMetadata& network) {
+  if (!network.any_time) return voxel.values;
+  const events::WindowCounts counts =
+      events::count_windows(exposure.events, {exposure.t_start_us, exposure.t_end_us},
+                            network.windows, 0, {exposure.camera.height, exposure.camera.width});
+  return counts.positive - counts.negative;
+}
+
+void restore_learned(const data::Exposure& exposure, const std::vector<double>& times,
+                     ViewRestorer& restorer, RestoredExposure& restored) {
+  const torch::Tensor events = network_events(exposure, restored.maps.voxel, restorer.metadata());
+  if (!times.empty()) restored.efnet_at = restorer.efnet(restored.blurry, events, times);
+  const auto middle = std::find(times.begin(), times.end(), 0.5);
+  restored.restorations.efnet = middle != times.end() ? restored.efnet_at[middle - times.begin()]
+                                                      : restorer.efnet(restored.blurry, events);
+}
+
 }  // namespace
 
 int64_t integral_samples(const RestoreOptions& options) { return integral_of(options).samples; }
@@ -89,9 +109,7 @@ RestoredExposure restore_exposure(const data::Exposure& exposure,
     return imaging::edi_mid(restored.blurry + options.log_offset, restored.kernel) -
            options.log_offset;
   });
-  if (restorer.has_network()) {
-    restored.restorations.efnet = restorer.efnet(restored.blurry, restored.maps.voxel.values);
-  }
+  if (restorer.has_network()) restore_learned(exposure, options.times, restorer, restored);
   return restored;
 }
 

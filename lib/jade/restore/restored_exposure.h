@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 #include <torch/types.h>
+#include <vector>
 
 #include "jade/data/exposure.h"
 #include "jade/events/exposure_maps.h"
@@ -24,6 +25,8 @@ struct RestoreOptions {
   double log_offset = 0;
   /// Asks for RestoredExposure::counts, with so many moments beyond each end of the exposure.
   std::optional<int64_t> count_margin = std::nullopt;
+  /// Asks for RestoredExposure::efnet_at, at these moments: 0 the start and 1 the end.
+  std::vector<double> times = {};
 };
 
 /// How many moments the EDI integral of these options has.
@@ -38,9 +41,13 @@ struct RestoredExposure {
   torch::Tensor gain;         ///< [K,H,W] the same at those of geometry::quadrature()
   imaging::EdiCounts counts;  ///< of the integral's moments; undefined where not asked for
   Restorations restorations;  ///< I_edi; F where the restorer has a network, else undefined
+  /// [M,3,H,W] F(B, V, t) at RestoreOptions::times, in their order, computed in one call; undefined
+  /// without a network and without times.
+  torch::Tensor efnet_at;
 };
 
-/// Sums the events of an exposure and restores it both ways, through the restorer's cache.
+/// Sums the events of an exposure and restores it both ways, through the restorer's cache. Where
+/// the middle is among the times, F is restored at the times alone.
 /// @param recording  all events of the data set: events.ramp_ms reaches beyond the exposure.
 /// @throws NumericError, DeviceError, DataError from the network.
 RestoredExposure restore_exposure(const data::Exposure& exposure,

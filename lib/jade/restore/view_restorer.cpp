@@ -12,7 +12,9 @@ namespace jade::restore {
 ViewRestorer::ViewRestorer(const RestorationCacheOptions& cache, std::optional<EfnetOptions> efnet,
                            torch::Device device, bool monochrome)
     : cache_(cache), options_(std::move(efnet)), device_(device), monochrome_(monochrome) {
-  if (options_) file_sha256_ = checked_file_sha256(*options_);
+  if (!options_) return;
+  file_sha256_ = checked_file_sha256(*options_);
+  metadata_ = read_restorer_metadata(restorer_path(*options_));
 }
 
 ViewRestorer::~ViewRestorer() { cache_.prune(); }
@@ -26,18 +28,46 @@ torch::Tensor ViewRestorer::edi(const torch::Tensor& blurry, const torch::Tensor
       .to(device_);
 }
 
-torch::Tensor ViewRestorer::efnet(const torch::Tensor& blurry, const torch::Tensor& voxel) {
-  JADE_CHECK(options_.has_value(), "expected a restorer, found none");
+torch::Tensor ViewRestorer::efnet(const torch::Tensor& blurry, const torch::Tensor& events) {
+  return efnet(blurry, events, {0.5})[0];
+}
+
+torch::Tensor ViewRestorer::efnet(const torch::Tensor& blurry, const torch::Tensor& events,
+                                  const std::vector<double>& times) {
+  check_times(times);
   // Devices round differently, and a run must not depend on what another device left behind.
-  const std::string recipe = concat("efnet 1; ", file_sha256_, "; torch ", torch_version(), "; ",
-                                    device_.type(), monochrome_ ? "; without tint" : "");
-  const std::string key = restoration_key(recipe, {blurry, voxel});
-  if (const auto kept = cache_.find(key, blurry.sizes())) return kept->to(device_);
-  torch::Tensor restored = network().restore(blurry.to(device_), voxel);
+  const std::string recipe =
+      concat("efnet ", metadata_.any_time ? 2 : 1, "; ", file_sha256_, "; torch ", torch_version(),
+             "; ", device_.type(), monochrome_ ? "; without tint" : "");
+  std::vector<torch::Tensor> inputs{blurry, events};
+  if (metadata_.any_time || times.size() > 1) {
+    inputs.push_back(torch::tensor(times, torch::kFloat64));
+  }
+  const std::string key = restoration_key(recipe, inputs);
+  // An entry is one image, so the moments lie in its channels.
+  const auto count = static_cast<int64_t>(times.size());
+  const std::vector<int64_t> shape{count, 3, blurry.size(1), blurry.size(2)};
+  if (const auto kept = cache_.find(key, {3 * count, shape[2], shape[3]})) {
+    return kept->view(shape).to(device_);
+  }
+  torch::Tensor restored = network().restore(blurry.to(device_), events, times);
   if (monochrome_) restored = without_tint(restored);
-  const bool as_asked = network().device().type() == device_.type() && network().tile() == 0;
-  if (as_asked) cache_.keep(key, restored);
+  if (as_asked()) cache_.keep(key, restored.flatten(0, 1));
   return restored;
+}
+
+bool ViewRestorer::as_asked() const {
+  return network_->device().type() == device_.type() && network_->tile() == 0 &&
+         network_->batch() == 0;
+}
+
+const RestorerMetadata& ViewRestorer::metadata() const {
+  JADE_CHECK(options_.has_value(), "expected a restorer, found none");
+  return metadata_;
+}
+
+void ViewRestorer::check_times(const std::vector<double>& times) const {
+  restore::check_times(restorer_path(*options_), metadata(), times);
 }
 
 Restorer& ViewRestorer::network() {

@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 #include <torch/types.h>
+#include <vector>
 
 #include "jade/restore/efnet.h"
 #include "jade/restore/restoration_cache.h"
@@ -15,8 +16,8 @@ namespace jade::restore {
 /// is not in the cache, so never if all are.
 class ViewRestorer {
  public:
-  /// @param efnet  its file is read and checked against its SHA-256 now; without value there is no
-  ///   F, and efnet() must not be called.
+  /// @param efnet  its file is read and checked against its SHA-256 now, its metadata too; without
+  ///   value there is no F, and efnet() must not be called.
   /// @param monochrome  the frames are gray, and so is F, see without_tint().
   /// @throws DataError.
   ViewRestorer(const RestorationCacheOptions& cache, std::optional<EfnetOptions> efnet,
@@ -30,9 +31,20 @@ class ViewRestorer {
   torch::Tensor edi(const torch::Tensor& blurry, const torch::Tensor& windows,
                     const std::string& settings, const std::function<torch::Tensor()>& compute);
 
-  /// F(B, V): blurry [3,H,W], voxel [6,H,W] on any device; result on the device of this object.
-  /// What the network restored on the CPU for want of a GPU's memory, or in tiles, is not kept.
-  torch::Tensor efnet(const torch::Tensor& blurry, const torch::Tensor& voxel);
+  /// F(B, V) at mid-exposure: blurry [3,H,W], events [T,H,W] as the network takes them, on any
+  /// device; result on the device of this object. What the network restored on the CPU for want of
+  /// a GPU's memory, in tiles or in fewer images at once than asked for, is not kept.
+  torch::Tensor efnet(const torch::Tensor& blurry, const torch::Tensor& events);
+
+  /// F(B, V, t) at several moments of an exposure, [K,3,H,W], kept as one entry.
+  /// @throws DataError as check_times.
+  torch::Tensor efnet(const torch::Tensor& blurry, const torch::Tensor& events,
+                      const std::vector<double>& times);
+
+  /// What the network's file says, without loading it. @throws DataError.
+  const RestorerMetadata& metadata() const;
+  /// @throws DataError naming the file where it cannot restore these moments.
+  void check_times(const std::vector<double>& times) const;
 
   torch::Device device() const { return device_; }
   /// Whether efnet() may be called.
@@ -43,11 +55,14 @@ class ViewRestorer {
   const RestorationCache& cache() const { return cache_; }
 
  private:
+  bool as_asked() const;
+
   RestorationCache cache_;
   std::optional<EfnetOptions> options_;
   torch::Device device_;
   bool monochrome_;
   std::string file_sha256_;
+  RestorerMetadata metadata_;
   std::optional<Restorer> network_;
 };
 

@@ -4,7 +4,7 @@
 #include <numeric>
 #include <torch/types.h>
 
-#include "jade/core/error.h"
+#include "jade/core/check.h"
 #include "jade/core/random.h"
 #include "jade/geometry/quadrature.h"
 
@@ -28,14 +28,29 @@ int64_t ViewOrder::at(int64_t step) {
   return order_[static_cast<size_t>((step - 1) % views_)];
 }
 
-torch::Tensor PoseDraws::at(int64_t step) {
+void PoseDraws::draw_block_of(int64_t step) {
   const int64_t block = (step - 1) / kBlock;
-  if (block != block_) {
-    block_ = block;
-    auto generator = make_generator(seed_, concat("pose draws of block ", block));
-    draws_ = torch::randint(samples_, {kBlock, 3}, generator, torch::kInt64).to(device_);
+  if (block == block_) return;
+  block_ = block;
+  auto generator = make_generator(seed_, concat("pose draws of block ", block));
+  torch::Tensor draws = torch::randint(samples_, {kBlock, 3}, generator, torch::kInt64);
+  if (target_) {
+    auto of_target = make_generator(seed_, concat("target poses of block ", block));
+    target_on_host_ = torch::randint(samples_, {kBlock, 1}, of_target, torch::kInt64);
+    draws = torch::cat({draws, target_on_host_}, 1);
   }
+  draws_ = draws.to(device_);
+}
+
+torch::Tensor PoseDraws::at(int64_t step) {
+  draw_block_of(step);
   return draws_[(step - 1) % kBlock];
+}
+
+int64_t PoseDraws::target_at(int64_t step) {
+  JADE_CHECK(target_, "expected draws of the target's pose, found none");
+  draw_block_of(step);
+  return target_on_host_.const_data_ptr<int64_t>()[(step - 1) % kBlock];
 }
 
 MomentDraws::MomentDraws(std::vector<ExposureSpan> spans, int64_t samples, uint64_t seed,

@@ -26,22 +26,29 @@ class ViewOrder {
   std::vector<int64_t> order_;
 };
 
-/// The poses of L_edi gray, L_edi colour and L_sim for each step, each uniform in 0..K−1. A block
-/// of steps is drawn and brought to the device at once.
+/// The poses of L_edi gray, L_edi colour and L_sim for each step, and of L_tgt where it is asked
+/// for, each uniform in 0..K−1. A block of steps is drawn and brought to the device at once. Asking
+/// for the fourth changes none of the three.
 class PoseDraws {
  public:
   PoseDraws() = default;
-  PoseDraws(uint64_t seed, torch::Device device, int64_t samples = 9)
-      : seed_(seed), device_(device), samples_(samples) {}
-  /// [3] int64 on the device. @param step  counted from 1.
+  PoseDraws(uint64_t seed, torch::Device device, int64_t samples = 9, bool target = false)
+      : seed_(seed), device_(device), samples_(samples), target_(target) {}
+  /// [3] int64 on the device, [4] with that of L_tgt. @param step  counted from 1.
   torch::Tensor at(int64_t step);
+  /// The last of these four as the host knows it, without waiting for the device.
+  int64_t target_at(int64_t step);
 
  private:
+  void draw_block_of(int64_t step);
+
   uint64_t seed_ = 0;
   torch::Device device_ = torch::kCPU;
   int64_t samples_ = 9;
+  bool target_ = false;
   int64_t block_ = -1;
-  torch::Tensor draws_;  // [kBlock,3]
+  torch::Tensor draws_;           // [kBlock,3] or [kBlock,4]
+  torch::Tensor target_on_host_;  // [kBlock,1]
 };
 
 /// The moments of exposure.quadrature jittered for each step, and the cameras there.

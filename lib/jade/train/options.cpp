@@ -19,6 +19,23 @@ bool has_nine_equal_moments(const RunOptions& options) {
          options.exposure.quadrature == geometry::QuadratureRule::kEqual;
 }
 
+/// objective.restored_poses all, against what knows the middle only.
+void validate_restored_poses(const RunOptions& options) {
+  if (options.objective.restored_poses != losses::RestoredPoses::kAll) return;
+  if (options.exposure.quadrature == geometry::QuadratureRule::kJittered) {
+    throw ConfigError(
+        "objective.restored_poses all: expected moments that are the same at every step, found "
+        "exposure.quadrature jittered; set it to trapezoid or equal, or restored_poses middle");
+  }
+  const losses::Target target = options.objective.target;
+  if (target == losses::Target::kBlurry || target == losses::Target::kImageFolder) {
+    throw ConfigError(concat(
+        "objective.restored_poses all: expected a target that is restored (routed, edi, efnet or "
+        "mean), found ",
+        word_of(target), ", which is of mid-exposure only; set restored_poses middle"));
+  }
+}
+
 }  // namespace
 
 bool routed_to_edi(const RunOptions& options) {
@@ -57,6 +74,7 @@ void follow_dataset(const data::Dataset& dataset, RunOptions& options) {
 }
 
 void validate(const RunOptions& options) {
+  validate_restored_poses(options);
   if (options.events.bins % 2 != 0) {
     throw ConfigError(concat(
         "events.bins: expected an even number (mid-exposure must fall between two bins), found ",

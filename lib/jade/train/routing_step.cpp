@@ -11,8 +11,8 @@ RouteReport routing_step(TrainState& state, const StepInputs& inputs, const Rend
   const View& view = inputs.view;
   const auto alpha = state.allocation->forward({view.blurry, view.psi, inputs.view_index});
   const auto pseudo = restore::fuse(alpha, view.restorations);
-  const auto loss = losses::route_loss(pseudo, losses::Fixed(renders.mid()), view.reblur_kernel,
-                                       view.blurry, options);
+  const auto loss = losses::route_loss(pseudo, losses::Fixed(renders.of_target()),
+                                       view.reblur_kernel, view.blurry, options);
   state.allocation_adam.zero_grad();
   loss.total.backward();
   state.allocation_adam.step();

@@ -14,7 +14,8 @@ struct RouteReport {
 };
 
 /// One Adam step on θ, Eq. (2) to (7): α from the measurements, the fused target I_pseudo, its
-/// distance to a stop-gradient copy of the middle render and to the blurry frame after reblurring.
+/// distance to a stop-gradient copy of the render where the target acts and to the blurry frame
+/// after reblurring. The inputs' view is of that pose (at_pose).
 /// Touches neither φ nor its optimiser. Does nothing where the plan has no step on θ.
 RouteReport routing_step(TrainState& state, const StepInputs& inputs, const Renders& renders,
                          const StepPlan& plan, const losses::RouteOptions& options);

@@ -110,7 +110,14 @@ Renders render_exposure(TrainState& state, const StepInputs& inputs, const StepP
   const torch::Tensor read =
       losses::poses_read(plan.objective, inputs.pose_draws, options.exposure.samples);
   const splat::CameraBatch cameras = exposure_cameras(state, inputs, read);
-  return {splat::render(state.gaussians.parameters(), cameras, render).color, !read.defined()};
+  Renders renders;
+  renders.color = splat::render(state.gaussians.parameters(), cameras, render).color;
+  renders.all_poses = !read.defined();
+  if (plan.objective.drawn_target) {
+    renders.target_pose =
+        losses::target_pose(plan.objective, inputs.pose_draws, options.exposure.samples);
+  }
+  return renders;
 }
 
 std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& step_inputs,
@@ -125,7 +132,7 @@ std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& s
   inputs.weights = view.weights;
   inputs.pose_draws = step_inputs.pose_draws;
   if (plan.objective.edi || plan.objective.simulation) {
-    inputs.edi_factors = edi_factors(state, view, step_inputs.pose_draws, plan);
+    inputs.edi_factors = edi_factors(state, view, step_inputs.pose_draws.narrow(0, 0, 3), plan);
   }
   inputs.term_weights = step_inputs.term_weights;
   const events::Thresholds thresholds = options.events.thresholds();

@@ -67,8 +67,12 @@ TrainState make_state(const RunOptions& options, const data::Dataset& dataset,
 struct Renders {
   torch::Tensor color;  ///< [M,3,H,W] with its graph: all K, or those of losses::poses_read()
   bool all_poses = true;
-  /// Mid-exposure, where the target acts.
-  torch::Tensor mid() const { return color[all_poses ? color.size(0) / 2 : 0]; }
+  torch::Tensor target_pose = {};  ///< [1] int64 where it is drawn, else undefined
+  /// Where the target acts: mid-exposure, or the drawn pose.
+  torch::Tensor of_target() const {
+    if (!all_poses) return color[0];
+    return target_pose.defined() ? color.index_select(0, target_pose)[0] : color[color.size(0) / 2];
+  }
 };
 
 }  // namespace jade::train

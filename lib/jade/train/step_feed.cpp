@@ -6,11 +6,21 @@
 #include "jade/train/exposure_span.h"
 
 namespace jade::train {
+namespace {
+
+bool draws_target_pose(const RunOptions& options) {
+  return options.objective.restored_poses == losses::RestoredPoses::kAll &&
+         options.objective.target != losses::Target::kNone;
+}
+
+}  // namespace
 
 StepFeed::StepFeed(const data::Dataset& dataset, const RunOptions& options, torch::Device device)
-    : views_(prepare_views(dataset, options, device)),
+    : options_(options),
+      views_(prepare_views(dataset, options, device)),
       order_(static_cast<uint64_t>(options.seed), static_cast<int64_t>(views_.size())),
-      pose_draws_(static_cast<uint64_t>(options.seed), device, options.exposure.samples),
+      pose_draws_(static_cast<uint64_t>(options.seed), device, options.exposure.samples,
+                  draws_target_pose(options)),
       term_weights_(options.objective, calendar_steps(options), device),
       view_picks_(torch::arange(static_cast<int64_t>(views_.size()), torch::kInt64).to(device)) {
   const auto seed = static_cast<uint64_t>(options.seed);
@@ -36,6 +46,9 @@ StepInputs StepFeed::at(int64_t step) {
     MomentDraws::Moments moments = moment_draws_->at(step, index);
     inputs.view.u = moments.u;
     inputs.view.cameras.camera_from_world = moments.camera_from_world;
+  }
+  if (draws_target_pose(options_)) {
+    inputs.view = at_pose(inputs.view, pose_draws_.target_at(step), options_);
   }
   if (event_windows_) inputs.events = event_windows_->at(step, index);
   return inputs;

@@ -16,7 +16,8 @@
 namespace jade::train {
 
 /// What the steps of a run are given, a function of seed and step: the view whose turn it is, the
-/// poses of its terms, and, where the options ask for them, moments, weights and windows of events.
+/// poses of its terms, and, where the options ask for them, moments, weights, windows of events and
+/// restorations of a drawn pose.
 class StepFeed {
  public:
   StepFeed() = default;
@@ -27,9 +28,11 @@ class StepFeed {
   /// @param step  counted from 1
   StepInputs at(int64_t step);
 
+  /// As they are at mid-exposure.
   const std::vector<View>& views() const { return views_; }
 
  private:
+  RunOptions options_;
   std::vector<View> views_;
   ViewOrder order_{0, 1};
   PoseDraws pose_draws_;

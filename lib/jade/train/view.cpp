@@ -13,6 +13,7 @@
 #include "jade/imaging/reblur.h"
 #include "jade/restore/restored_exposure.h"
 #include "jade/train/exposure_span.h"
+#include "jade/train/plan.h"
 
 namespace jade::train {
 namespace {
@@ -32,28 +33,48 @@ torch::Tensor target_image(const View& view, const std::filesystem::path& folder
   throw DataError(concat(folder.string(), ": expected an image named ", view.name, ", found none"));
 }
 
-/// The target of Eq. (9) where no router decides; undefined for a routed one or none.
-torch::Tensor fixed_target(const View& view, const RunOptions& options, bool monochrome,
-                           torch::Device device) {
+/// The target of Eq. (9) where it is made of the restorations and no router decides; else
+/// undefined.
+torch::Tensor restored_target(const restore::Restorations& restorations,
+                              const RunOptions& options) {
   switch (options.objective.target) {
     case losses::Target::kEdi:
-      return view.restorations.edi;
+      return restorations.edi;
     case losses::Target::kEfnet:
-      return view.restorations.efnet;
+      return restorations.efnet;
     case losses::Target::kMean:
-      return restore::fuse(torch::tensor(0.5f, device), view.restorations);
-    case losses::Target::kBlurry:
-      return view.blurry;
+      return restore::fuse(torch::full({}, 0.5, restorations.edi.options()), restorations);
     case losses::Target::kRouted:
-      return routed_to_edi(options) ? view.restorations.edi : torch::Tensor();
-    case losses::Target::kImageFolder: {
-      const torch::Tensor image = target_image(view, options.train.target_images, device);
-      return monochrome ? restore::without_tint(image) : image;
-    }
+      return routed_to_edi(options) ? restorations.edi : torch::Tensor();
+    case losses::Target::kBlurry:
+    case losses::Target::kImageFolder:
     case losses::Target::kNone:
       break;
   }
   return {};
+}
+
+/// The target of Eq. (9) where no router decides; undefined for a routed one or none.
+torch::Tensor fixed_target(const View& view, const RunOptions& options, bool monochrome,
+                           torch::Device device) {
+  switch (options.objective.target) {
+    case losses::Target::kBlurry:
+      return view.blurry;
+    case losses::Target::kImageFolder: {
+      const torch::Tensor image = target_image(view, options.train.target_images, device);
+      return monochrome ? restore::without_tint(image) : image;
+    }
+    default:
+      return restored_target(view.restorations, options);
+  }
+}
+
+bool restores_all_poses(const RunOptions& options) {
+  return options.objective.restored_poses == losses::RestoredPoses::kAll;
+}
+
+std::vector<double> moments_of(const RunOptions& options) {
+  return geometry::quadrature(options.exposure.quadrature, options.exposure.samples).u;
 }
 
 /// c of Eq. (7). The paper's 1 makes the operator a scale-free surrogate; the calibrated c turns it
@@ -83,6 +104,37 @@ restore::RestoreOptions restore_options(const data::Dataset& dataset, const RunO
     out.count_margin =
         count_margin(options.sensor, dataset.train, restore::integral_samples(out) - 1);
   }
+  if (restores_all_poses(options)) out.times = moments_of(options);
+  return out;
+}
+
+/// What objective.restored_poses all reads at every pose of the view.
+PoseRestorations restorations_of_poses(const View& view, const restore::RestoredExposure& restored,
+                                       const RunOptions& options) {
+  const events::EventVoxel& voxel = restored.maps.voxel;
+  PoseRestorations out;
+  out.efnet = restored.efnet_at;
+  const bool routes = plan_step(options, 1).route;
+  const double disagreement = options.objective.trust.disagreement;
+  const bool closeness = disagreement > 0 && out.efnet.defined();
+  std::vector<torch::Tensor> psi, kernels, close;
+  const std::vector<double> moments = moments_of(options);
+  for (size_t k = 0; k < moments.size(); ++k) {
+    if (routes) {
+      psi.push_back(events::polarity_projection(voxel.values, moments[k]));
+      kernels.push_back(imaging::reblur_kernel(voxel, reblur_contrast(voxel, options), moments[k]));
+    }
+    if (!closeness) continue;
+    const auto row = static_cast<int64_t>(k);
+    close.push_back(
+        losses::closeness(out.efnet[row], view.blurry * view.edi_factors[row], disagreement));
+  }
+  const torch::Device device = view.blurry.device();
+  if (routes) {
+    out.psi = torch::stack(psi).to(device);
+    out.reblur_kernel = torch::stack(kernels).to(device);
+  }
+  if (closeness) out.closeness = torch::stack(close);
   return out;
 }
 
@@ -129,10 +181,29 @@ View prepare_view(const data::Exposure& exposure, const ExposureSpan& span,
     view.target_closeness =
         losses::closeness(view.restorations.efnet, view.restorations.edi, disagreement);
   }
+  if (restores_all_poses(options))
+    view.restored_poses = restorations_of_poses(view, restored, options);
   return view;
 }
 
 }  // namespace
+
+View at_pose(const View& view, int64_t pose, const RunOptions& options) {
+  JADE_CHECK(pose >= 0 && pose < view.edi_factors.size(0), "expected a pose below ",
+             view.edi_factors.size(0), ", found ", pose);
+  const auto replace = [pose](torch::Tensor& of_middle, const torch::Tensor& of_poses) {
+    if (of_poses.defined()) of_middle = of_poses[pose];
+  };
+  View out = view;
+  out.restored_poses = {};
+  out.restorations.edi = view.blurry * view.edi_factors[pose];
+  replace(out.restorations.efnet, view.restored_poses.efnet);
+  replace(out.psi, view.restored_poses.psi);
+  replace(out.reblur_kernel, view.restored_poses.reblur_kernel);
+  replace(out.target_closeness, view.restored_poses.closeness);
+  out.fixed_target = restored_target(out.restorations, options);
+  return out;
+}
 
 std::string restorer_sha256(const RunOptions& options) {
   return needs_efnet(options) ? restore::checked_file_sha256(options.efnet) : "";
@@ -170,6 +241,7 @@ std::vector<View> prepare_views(const data::Dataset& dataset, const RunOptions& 
   const torch::NoGradGuard no_grad;
   const auto efnet = needs_efnet(options) ? std::optional(options.efnet) : std::nullopt;
   restore::ViewRestorer restorer(options.cache, efnet, device, dataset.monochrome);
+  if (efnet && restores_all_poses(options)) restorer.check_times(moments_of(options));
   Progress progress("restoring", static_cast<int64_t>(dataset.train.size()), 0, "views");
   std::vector<View> views;
   const std::vector<ExposureSpan> spans = exposure_spans(dataset);

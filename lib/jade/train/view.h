@@ -15,6 +15,33 @@
 
 namespace jade::train {
 
+/// What the target, fusion and the routing step read at each pose, for objective.restored_poses
+/// all. Row k is of moment u_k. Undefined where nothing asks for it; EDI there is R_k ⊙ B.
+struct PoseRestorations {
+  torch::Tensor efnet;          ///< [K,3,H,W] F(B, V, u_k)
+  torch::Tensor psi;            ///< [K,2,H,W] Ψ(V) about u_k
+  torch::Tensor reblur_kernel;  ///< [K,1,H,W] K(V) about u_k
+  torch::Tensor closeness;      ///< [K,1,H,W] of trust.disagreement
+
+  /// Calls `visitor(name, tensor)` for every tensor, once.
+  template <class Visitor>
+  void visit(Visitor&& visitor) {
+    visit_each(*this, visitor);
+  }
+  template <class Visitor>
+  void visit(Visitor&& visitor) const {
+    visit_each(*this, visitor);
+  }
+
+ private:
+  template <class Self, class Visitor>
+  static void visit_each(Self& self, Visitor& visitor) {
+    visit_members<PoseRestorations>(visitor, Member{"efnet", self.efnet}, Member{"psi", self.psi},
+                                    Member{"reblur_kernel", self.reblur_kernel},
+                                    Member{"closeness", self.closeness});
+  }
+};
+
 /// What training asks of one exposure again and again: constants in θ and φ, computed once, on the
 /// training device.
 struct View {
@@ -30,9 +57,10 @@ struct View {
   torch::Tensor reblur_kernel;         ///< [1,H,W] K(V), Eq. (7)
   torch::Tensor density;               ///< [H,W] events of either polarity
   restore::Restorations restorations;  ///< I_edi and F; F undefined where nothing asks for it
-  torch::Tensor fixed_target;      ///< [3,H,W] target that no router decides; undefined if routed
-  torch::Tensor target_closeness;  ///< [1,H,W] of trust.disagreement, else undefined
-  splat::CameraBatch cameras;      ///< the K poses
+  torch::Tensor fixed_target;       ///< [3,H,W] target that no router decides; undefined if routed
+  torch::Tensor target_closeness;   ///< [1,H,W] of trust.disagreement, else undefined
+  PoseRestorations restored_poses;  ///< undefined but for objective.restored_poses all
+  splat::CameraBatch cameras;       ///< the K poses
   torch::Tensor u;        ///< [K] float64, their moments: 0 is the exposure's start, 1 its end
   torch::Tensor weights;  ///< [K] of the mean of their renders; undefined: 1/K each
 
@@ -56,10 +84,18 @@ struct View {
         Member{"edi_counts", self.edi_counts}, Member{"per_ms", self.per_ms},
         Member{"reblur_kernel", self.reblur_kernel}, Member{"density", self.density},
         Member{"restorations", self.restorations}, Member{"fixed_target", self.fixed_target},
-        Member{"target_closeness", self.target_closeness}, Member{"cameras", self.cameras},
+        Member{"target_closeness", self.target_closeness},
+        Member{"restored_poses", self.restored_poses}, Member{"cameras", self.cameras},
         Member{"u", self.u}, Member{"weights", self.weights});
   }
 };
+
+/// The view with what its target, fusion and routing step read at pose k in place of mid-exposure:
+/// Ψ, K(V), both restorations, the fixed target and its closeness. What it has of all poses stays
+/// behind, so that a recorded step need not copy it. Does not wait for the device.
+/// @param view  prepared with objective.restored_poses all
+/// @param pose  k
+View at_pose(const View& view, int64_t pose, const RunOptions& options);
 
 /// SHA-256 of the restorer's file; empty where the options need none.
 /// @throws ConfigError if EFNet is needed and not named; DataError if its file cannot be read or is
@@ -68,7 +104,8 @@ std::string restorer_sha256(const RunOptions& options);
 
 /// Voxels, EDI, EFNet and cameras of every training exposure. Shows progress; EFNet is loaded for
 /// the duration of the call only.
-/// @throws DataError, NumericError from the restorers.
+/// @throws DataError, NumericError from the restorers; DataError before the first view where every
+/// pose is to be restored and the restorer can do the middle only.
 std::vector<View> prepare_views(const data::Dataset& dataset, const RunOptions& options,
                                 torch::Device device);
 
