@@ -64,10 +64,9 @@ Views unpack_views(const torch::Tensor& renders, const ObjectivePlan& plan) {
 
 Views pick_views(const ObjectiveInputs& inputs, const ObjectivePlan& plan) {
   if (inputs.renders.size(0) != inputs.samples) return unpack_views(inputs.renders, plan);
-  const torch::Tensor mid = torch::full({1}, inputs.samples / 2, inputs.pose_draws.options());
   const PoseViews views =
-      pose_views(inputs.renders, torch::cat({mid, inputs.pose_draws}), inputs.weights);
-  const std::vector<torch::Tensor> picks = views.picks.unbind(0);
+      pose_views(inputs.renders, inputs.pose_draws, inputs.weights, inputs.samples / 2);
+  const std::vector<torch::Tensor>& picks = views.picks;
   return {views.mean, picks[0], picks[1], picks[2], picks[3]};
 }
 
