@@ -119,7 +119,7 @@ TEST_CASE("jade_train: the restorer is the one that ships, and is looked for bef
                               "init.points=100 --set train.iterations=2 --output run");
   INFO(trained.err);
   CHECK(trained.code == 0);
-  CHECK_THAT(trained.err, Catch::Contains("efnet_small.pt"));
+  CHECK_THAT(trained.err, Catch::Contains("efnet_anytime.pt"));
   CHECK_THAT(read_file(dir / "run/config.yaml"), Catch::Contains("path: \"\"  # TorchScript"));
   check_error(run(dir,
                   "jade_train --device cpu --set dataset.path=nothing --set efnet.path=nowhere.pt "

@@ -35,7 +35,7 @@ simulate:
 """
 ITERATIONS = 300
 EVERY = 10
-RESTORER = Path(__file__).resolve().parents[2] / "assets" / "efnet_small.pt"
+RESTORER = Path(__file__).resolve().parents[2] / "assets" / "efnet_anytime.pt"
 TRAINING = f"""
 device: cpu
 efnet: {{path: {RESTORER}}}

@@ -197,6 +197,127 @@ TEST_CASE("ssim: every instruction set gives the portable value and gradients", 
   }
 }
 
+namespace {
+
+/// Four pairs in three terms: free, fixed and one-sided, of three channels and of one.
+struct SumCase {
+  torch::Tensor a, b, c, gray_a, gray_b, scale;
+  SsimTarget target;
+
+  explicit SumCase(torch::ScalarType type, torch::Device device = torch::kCPU,
+                   const Sizes& size = {21, 34}) {
+    const auto make = [&](int64_t channels) {
+      return image({channels, size[0], size[1]}, torch::kFloat64).to(type).to(device);
+    };
+    a = make(3).requires_grad_(true);
+    b = make(3).requires_grad_(true);
+    c = make(3);
+    gray_a = make(1).requires_grad_(true);
+    gray_b = make(1).requires_grad_(true);
+    scale = torch::full({}, 0.75, torch::TensorOptions(torch::kFloat32).device(device));
+    target = ssim_target(c);
+  }
+
+  std::vector<torch::Tensor> leaves() const { return {a, b, gray_a, gray_b}; }
+
+  L1SsimSum sum() const {
+    return l1_ssim_sum({{{{a, {b, {}, {}}}, {gray_a, {gray_b, {}, {}}}}, 2, {}},
+                        {{{a, target}}, 1, {}},
+                        {{{b, {c, {}, {}}}}, 1, scale}},
+                       0.3);
+  }
+
+  /// The terms from the slow reference.
+  torch::Tensor expected() const {
+    const auto d = [](const torch::Tensor& x, const torch::Tensor& y) {
+      return 0.7 * (x - y).abs().mean() + 0.3 * (1 - reference(x, y));
+    };
+    return torch::stack({2 * (d(a, b) + d(gray_a, gray_b)), d(a, c), d(b, c) * scale});
+  }
+};
+
+double apart(const std::vector<torch::Tensor>& a, const std::vector<torch::Tensor>& b) {
+  double worst = 0;
+  for (size_t i = 0; i < a.size(); ++i) {
+    worst = std::max(worst, ((a[i] - b[i]).norm() / b[i].norm()).item<double>());
+  }
+  return worst;
+}
+
+}  // namespace
+
+TEST_CASE("l1 ssim sum: terms, total and gradients are those of the slow reference", "[imaging]") {
+  torch::manual_seed(6);
+  const SumCase one(torch::kFloat64);
+  const auto sum = one.sum();
+  const auto expected = one.expected();
+  CHECK(torch::allclose(sum.terms, expected, 1e-10, 0));
+  CHECK(torch::allclose(sum.total, expected.sum(), 1e-10, 0));
+  const auto of_total = torch::autograd::grad({sum.total}, one.leaves(), {}, true);
+  CHECK(apart(of_total, torch::autograd::grad({expected.sum()}, one.leaves(), {}, true)) < 1e-9);
+  // Both outputs at once, each with a weight of its own.
+  const auto weights = torch::tensor({1.0, -2.0, 0.5}, torch::kFloat64);
+  const auto both = 3 * one.sum().total + (one.sum().terms * weights).sum();
+  const auto slow = 3 * expected.sum() + (expected * weights).sum();
+  CHECK(apart(torch::autograd::grad({both}, one.leaves()),
+              torch::autograd::grad({slow}, one.leaves(), {}, true)) < 1e-9);
+  // The negative control: other weights are other gradients.
+  CHECK(apart(of_total, torch::autograd::grad({slow}, one.leaves())) > 1e-2);
+}
+
+TEST_CASE("l1 ssim sum: pairs in a sum have the bits that they have alone", "[imaging]") {
+  torch::manual_seed(7);
+  const SumCase in(torch::kFloat32);
+  const auto terms = in.sum().terms;
+  CHECK(terms[0].equal(2 * (l1_ssim(in.a, in.b, 0.3) + l1_ssim(in.gray_a, in.gray_b, 0.3))));
+  CHECK(terms[1].equal(l1_ssim(in.a, in.target, 0.3)));
+  CHECK(terms[2].equal(l1_ssim(in.b, in.c, 0.3) * in.scale));
+}
+
+TEST_CASE("l1 ssim sum: without a gradient nothing is kept, and a pass can be taken twice",
+          "[imaging]") {
+  torch::manual_seed(8);
+  const SumCase in(torch::kFloat64);
+  {
+    const torch::NoGradGuard no_grad;
+    CHECK_FALSE(in.sum().total.requires_grad());
+  }
+  const auto total = in.sum().total;
+  const auto first = torch::autograd::grad({total}, in.leaves(), {}, /*retain_graph=*/true);
+  CHECK(apart(torch::autograd::grad({2 * total}, in.leaves()), first) == Approx(1));
+}
+
+TEST_CASE("l1 ssim sum: images of several sizes are refused", "[imaging]") {
+  const auto one = image({3, 4, 4}), other = image({3, 4, 5});
+  CHECK_THROWS_AS(
+      l1_ssim_sum({{{{one, {one, {}, {}}}}, 1, {}}, {{{other, {other, {}, {}}}}, 1, {}}}, 0.3),
+      jade::ContractError);
+  CHECK_THROWS_AS(l1_ssim_sum({}, 0.3), jade::ContractError);
+}
+
+TEST_CASE("l1 ssim sum: a GPU agrees with the CPU in values and gradients", "[imaging][cuda]") {
+  for (const auto& size : {Sizes{21, 34}, Sizes{1, 1}, Sizes{130, 67}}) {
+    INFO(torch::IntArrayRef(size));
+    torch::manual_seed(9);
+    const SumCase on_cpu(torch::kFloat32, torch::kCPU, size);
+    torch::manual_seed(9);
+    const SumCase on_gpu(torch::kFloat32, torch::kCUDA, size);
+    const auto weights = torch::tensor({1.0f, -2.0f, 0.5f});
+    const auto run = [&](const SumCase& in) {
+      const auto sum = in.sum();
+      const auto value = 3 * sum.total + (sum.terms * weights.to(in.a.device())).sum();
+      auto out = torch::autograd::grad({value}, in.leaves());
+      out.push_back(sum.terms.detach());
+      out.push_back(sum.total.detach());
+      for (auto& each : out) each = each.cpu();
+      return out;
+    };
+    const auto cpu = run(on_cpu), gpu = run(on_gpu), again = run(on_gpu);
+    CHECK(apart(gpu, cpu) < 2e-3);
+    for (size_t i = 0; i < gpu.size(); ++i) CHECK(gpu[i].equal(again[i]));
+  }
+}
+
 TEST_CASE("ssim: views with strides and incoming gradients are respected", "[imaging]") {
   auto base = image({12, 9, 3}).requires_grad_(true);
   const auto b = image({3, 12, 9});

@@ -53,7 +53,7 @@ TEST_CASE("pose_views: mean and picks are those of single selections, gradients 
   check_gradients(
       [&](const std::vector<torch::Tensor>& in) {
         const PoseViews v = pose_views(in[0], poses);
-        return torch::cat({v.mean.flatten(), v.picks.square().flatten()});
+        return torch::cat({v.mean.flatten(), torch::stack(v.picks).square().flatten()});
       },
       {renders()}, {"renders"});
 }
@@ -67,9 +67,42 @@ TEST_CASE("pose_views: weights of the mean reach its gradient, not that of the p
   check_gradients(
       [&](const std::vector<torch::Tensor>& in) {
         const PoseViews v = pose_views(in[0], poses, weights);
-        return torch::cat({v.mean.square().flatten(), v.picks.square().flatten()});
+        return torch::cat({v.mean.square().flatten(), torch::stack(v.picks).square().flatten()});
       },
       {renders()}, {"renders"});
+}
+
+TEST_CASE("pose_views: a first pick comes before the others; what nobody reads has no gradient",
+          "[losses]") {
+  const torch::Tensor images = renders().set_requires_grad(true);
+  const torch::Tensor poses = torch::tensor({2, 4}, torch::kInt64);
+  const PoseViews views = pose_views(images, poses, {}, 4);
+  REQUIRE(views.picks.size() == 3);
+  CHECK(views.picks[0].equal(images[4]));
+  CHECK(views.picks[2].equal(images[4]));
+  (views.picks[0].sum() + 2 * views.picks[2].sum()).backward();
+  for (int64_t k = 0; k < 9; ++k) {
+    CHECK(images.grad()[k].eq(k == 4 ? 3 : 0).all().item<bool>());
+  }
+}
+
+TEST_CASE("pose_views: a GPU agrees with the CPU, gradients too", "[losses][cuda]") {
+  const auto run = [](torch::Device device, const torch::Tensor& weights) {
+    const torch::Tensor images =
+        renders().to(torch::kFloat32).to(device).detach().set_requires_grad(true);
+    const PoseViews views = pose_views(images, torch::tensor({2, 4, 2}, torch::kInt64).to(device),
+                                       weights.defined() ? weights.to(device) : weights, 4);
+    // The second pick is read by nobody.
+    (views.mean.square().sum() + views.picks[0].square().sum() + views.picks[1].sum() +
+     views.picks[3].pow(3).sum())
+        .backward();
+    return std::vector<torch::Tensor>{views.mean.detach().cpu(), views.picks[2].detach().cpu(),
+                                      images.grad().cpu()};
+  };
+  for (const torch::Tensor& weights : {torch::Tensor(), image(3, {9}).to(torch::kFloat32)}) {
+    const auto cpu = run(torch::kCPU, weights), gpu = run(torch::kCUDA, weights);
+    for (size_t i = 0; i < cpu.size(); ++i) CHECK(torch::allclose(gpu[i], cpu[i], 1e-5, 1e-6));
+  }
 }
 
 TEST_CASE("objective plan: what acts follows the calendar", "[losses]") {

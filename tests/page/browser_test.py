@@ -28,7 +28,7 @@ simulate:
   seen_test_views: 1
   motion: {blur_px: 5}
 """
-RESTORER = Path(__file__).resolve().parents[2] / "assets" / "efnet_small.pt"
+RESTORER = Path(__file__).resolve().parents[2] / "assets" / "efnet_anytime.pt"
 TRAINING = f"""
 device: cpu
 efnet: {{path: {RESTORER}}}

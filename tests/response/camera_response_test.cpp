@@ -192,5 +192,33 @@ TEST_CASE("camera response: CUDA equals the CPU, the same bits on every run", "[
   }
 }
 
+TEST_CASE("camera response: a GPU's table and its gradients are those of torch's layers",
+          "[response][cuda]") {
+  const auto run = [](const torch::Device device, bool layers) {
+    CameraResponse response;
+    const torch::NoGradGuard no_grad;
+    // Away from the fit, so that each unit counts.
+    torch::manual_seed(3);
+    for (torch::Tensor& each : response->parameters()) each.add_(0.3 * torch::randn(each.sizes()));
+    response->to(device);
+    const torch::AutoGradMode with_grad(true);
+    const torch::Tensor knots = torch::linspace(0, kResponseRange, kKnots).to(device);
+    const torch::Tensor table = layers ? response->exact(knots) : response->table();
+    torch::manual_seed(4);
+    table.backward(torch::randn({kKnots}).to(device));
+    std::vector<torch::Tensor> out{table.detach().cpu()};
+    for (const torch::Tensor& each : response->parameters()) out.push_back(each.grad().cpu());
+    return out;
+  };
+  const auto expected = run(torch::kCPU, true), found = run(torch::kCUDA, false);
+  const auto again = run(torch::kCUDA, false);
+  REQUIRE(found.size() == 9);
+  for (size_t i = 0; i < found.size(); ++i) {
+    INFO(i);
+    CHECK(((found[i] - expected[i]).norm() / expected[i].norm()).item<double>() < 1e-4);
+    CHECK(found[i].equal(again[i]));
+  }
+}
+
 }  // namespace
 }  // namespace jade::response

@@ -40,7 +40,7 @@ torch::Tensor bins() {
 
 TEST_CASE("efnet: without a path the restorer that ships is meant", "[restore]") {
   const auto shipped = restorer_path({});
-  CHECK(shipped.filename() == "efnet_small.pt");
+  CHECK(shipped.filename() == "efnet_anytime.pt");
   CHECK(checked_file_sha256({}) == file_sha256(shipped));
   CHECK(Restorer(EfnetOptions()).metadata().kind == "efnet");
   EfnetOptions own;

@@ -8,7 +8,8 @@ namespace jade::imaging {
 /// Weights of red, green and blue in g(·) (ITU-R BT.601 luma).
 inline constexpr double kGrayWeights[3] = {0.299, 0.587, 0.114};
 
-/// g(x) = 0.299 R + 0.587 G + 0.114 B: [..., 3, H, W] → [..., 1, H, W]. Differentiable.
+/// g(x) = 0.299 R + 0.587 G + 0.114 B: [..., 3, H, W] → [..., 1, H, W], float or double. One pass
+/// each way; differentiable once.
 torch::Tensor gray(const torch::Tensor& rgb);
 
 /// True where red, green and blue of every pixel are equal to the bit: [..., 3, H, W].

@@ -28,38 +28,84 @@ void check_pair(const torch::Tensor& a, const torch::Tensor& b) {
       b.scalar_type());
 }
 
+/// What backward() needs of the forward pass. The images in it carry no graph.
+struct Held : torch::CustomClassHolder {
+  SsimBatch batch;
+  std::vector<torch::Tensor> kept;
+};
+
 struct Similarity : torch::autograd::Function<Similarity> {
-  static torch::Tensor forward(AutogradContext* ctx, const torch::Tensor& a, const torch::Tensor& b,
-                               const SsimTarget& target, const SsimWeights& weights, bool grad_to_a,
-                               bool grad_to_b) {
-    SsimArguments in;
-    in.a = a.contiguous();
-    in.b = b.contiguous();
-    in.mean_b = target.mean;
-    in.square_b = target.square;
-    in.weights = weights;
-    if (grad_to_a) in.grad_a = torch::empty_like(in.a);
-    if (grad_to_b) in.grad_b = torch::empty_like(in.b);
-    const auto value = a.is_cuda() ? kernel::on_cuda("SSIM", [&] { return cuda::similarity(in); })
-                                   : cpu::similarity(in);
-    ctx->save_for_backward({in.grad_a, in.grad_b});
-    return value;
+  /// @param images  a and b of every pair in turn, as autograd sees them
+  static variable_list forward(AutogradContext* ctx, at::TensorList images,
+                               const SsimBatch& batch) {
+    ctx->set_materialize_grads(false);
+    SsimValues values = images[0].is_cuda()
+                            ? kernel::on_cuda("SSIM", [&] { return cuda::similarity(batch); })
+                            : cpu::similarity(batch);
+    auto held = c10::make_intrusive<Held>();
+    held->batch = batch;
+    held->kept = std::move(values.kept);
+    ctx->saved_data["held"] = c10::IValue::make_capsule(held);
+    return {values.total, values.terms};
   }
 
-  static variable_list backward(AutogradContext* ctx, variable_list grad_outputs) {
-    const auto saved = ctx->get_saved_variables();
-    const auto scaled = [&](const torch::Tensor& grad) {
-      return grad.defined() ? grad * grad_outputs[0] : torch::Tensor();
-    };
-    return {scaled(saved[0]), scaled(saved[1]), {}, {}, {}, {}};
+  static variable_list backward(AutogradContext* ctx, variable_list gradients) {
+    const auto held = c10::static_intrusive_pointer_cast<Held>(ctx->saved_data["held"].toCapsule());
+    const SsimBatch& batch = held->batch;
+    const SsimUpstream upstream{gradients[0], gradients[1]};
+    variable_list result(2 * batch.pairs.size());
+    if (upstream.total.defined() || upstream.terms.defined()) {
+      result =
+          batch.pairs[0].a.is_cuda()
+              ? kernel::on_cuda(
+                    "SSIM", [&] { return cuda::similarity_gradients(batch, held->kept, upstream); })
+              : cpu::similarity_gradients(batch, held->kept, upstream);
+    }
+    result.emplace_back();  // of the batch itself
+    return result;
   }
 };
 
-torch::Tensor similarity(const torch::Tensor& a, const SsimTarget& b, const SsimWeights& weights) {
-  check_pair(a, b.image);
+/// The images of a pair as autograd sees them, and what is computed of them.
+SsimPair add_pair(const L1SsimPair& images, variable_list& seen) {
+  check_pair(images.a, images.c.image);
   const bool tracked = torch::GradMode::is_enabled();
-  return Similarity::apply(a, b.image, b, weights, tracked && a.requires_grad(),
-                           tracked && b.image.requires_grad());
+  SsimPair pair;
+  pair.a = images.a.detach().contiguous();
+  pair.b = images.c.image.detach().contiguous();
+  pair.mean_b = images.c.mean;
+  pair.square_b = images.c.square;
+  pair.grad_a = tracked && images.a.requires_grad();
+  pair.grad_b = tracked && images.c.image.requires_grad();
+  seen.push_back(images.a);
+  seen.push_back(images.c.image);
+  return pair;
+}
+
+L1SsimSum similarity(const std::vector<L1SsimTerm>& terms, const SsimWeights& weights) {
+  SsimBatch batch;
+  batch.weights = weights;
+  variable_list seen;
+  for (const L1SsimTerm& term : terms) {
+    for (const L1SsimPair& images : term.pairs) batch.pairs.push_back(add_pair(images, seen));
+    batch.terms.push_back({static_cast<int64_t>(term.pairs.size()), term.weight, term.scale});
+  }
+  JADE_CHECK(!batch.pairs.empty(), "SSIM: expected a pair of images, found none");
+  const ImagePlanes size = planes_of(batch.pairs[0].a);
+  for (const SsimPair& pair : batch.pairs) {
+    const ImagePlanes other = planes_of(pair.a);
+    JADE_CHECK(other.height == size.height && other.width == size.width &&
+                   pair.a.scalar_type() == batch.pairs[0].a.scalar_type(),
+               "SSIM: expected images of one size and type, found ", shape_string(batch.pairs[0].a),
+               " and ", shape_string(pair.a));
+    check_same_device(batch.pairs[0].a, "first image", pair.a, "image of another pair");
+  }
+  const variable_list out = Similarity::apply(at::TensorList(seen), batch);
+  return {out[0], out[1]};
+}
+
+torch::Tensor similarity(const torch::Tensor& a, const SsimTarget& b, const SsimWeights& weights) {
+  return similarity({{{{a, b}}, 1, {}}}, weights).total;
 }
 
 SsimWeights dissimilarity_weights(double lambda) { return {lambda, -lambda, 1 - lambda}; }
@@ -109,6 +155,10 @@ torch::Tensor l1_ssim(const torch::Tensor& a, const torch::Tensor& c, double lam
 
 torch::Tensor l1_ssim(const torch::Tensor& a, const SsimTarget& c, double lambda) {
   return similarity(a, c, dissimilarity_weights(lambda));
+}
+
+L1SsimSum l1_ssim_sum(const std::vector<L1SsimTerm>& terms, double lambda) {
+  return similarity(terms, dissimilarity_weights(lambda));
 }
 
 }  // namespace jade::imaging

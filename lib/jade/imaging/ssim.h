@@ -2,6 +2,7 @@
 #pragma once
 
 #include <torch/types.h>
+#include <vector>
 
 namespace jade::imaging {
 
@@ -30,5 +31,27 @@ torch::Tensor ssim(const torch::Tensor& a, const SsimTarget& b);
 /// derivative of |x| at 0 is taken as 0. Differentiable in both images.
 torch::Tensor l1_ssim(const torch::Tensor& a, const torch::Tensor& c, double lambda);
 torch::Tensor l1_ssim(const torch::Tensor& a, const SsimTarget& c, double lambda);
+
+/// D of two images as part of a sum. A second image without means receives its gradient.
+struct L1SsimPair {
+  torch::Tensor a;
+  SsimTarget c;
+};
+
+/// weight · scale · (D of the first pair + D of the second + …).
+struct L1SsimTerm {
+  std::vector<L1SsimPair> pairs;
+  double weight = 1;
+  torch::Tensor scale;  ///< [] on the images' device, constant; undefined: 1
+};
+
+struct L1SsimSum {
+  torch::Tensor total;  ///< scalar
+  torch::Tensor terms;  ///< [T]
+};
+
+/// A sum of terms, all of their images in one pass. Images have one height and width, at most 16
+/// pairs in all on a GPU. Differentiable in both images of each pair, through either output.
+L1SsimSum l1_ssim_sum(const std::vector<L1SsimTerm>& terms, double lambda);
 
 }  // namespace jade::imaging

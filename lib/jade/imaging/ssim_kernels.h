@@ -4,20 +4,57 @@
 
 #include <ATen/core/Tensor.h>
 #include <cstdint>
+#include <vector>
 
 namespace jade::imaging {
+
+/// Of one batch on a GPU, where they travel as the argument of a launch.
+constexpr int64_t kMostPairs = 16;
 
 /// value = offset + ssim · mean SSIM + l1 · mean |a − b|.
 struct SsimWeights {
   double offset = 0, ssim = 0, l1 = 0;
 };
 
-/// All tensors contiguous, of one shape, floating type and device.
-struct SsimArguments {
+/// Two images: all tensors contiguous, of one shape, floating type and device.
+struct SsimPair {
   at::Tensor a, b;
-  at::Tensor mean_b, square_b;  ///< window means of b and b², or both undefined
+  at::Tensor mean_b, square_b;          ///< window means of b and b², or both undefined
+  bool grad_a = false, grad_b = false;  ///< which gradients are wanted
+};
+
+/// A term is the sum of the values of so many pairs, times a weight.
+struct SsimTerm {
+  int64_t pairs = 1;
+  double weight = 1;
+  at::Tensor scale;  ///< [] on the device, a further weight; undefined: 1
+};
+
+/// Pairs of one height and width, those of the first term first.
+struct SsimBatch {
+  std::vector<SsimPair> pairs;
+  std::vector<SsimTerm> terms;
   SsimWeights weights;
-  at::Tensor grad_a, grad_b;  ///< filled with the value's gradients; undefined where not wanted
+
+  bool any_gradient() const {
+    for (const SsimPair& pair : pairs) {
+      if (pair.grad_a || pair.grad_b) return true;
+    }
+    return false;
+  }
+};
+
+struct SsimValues {
+  at::Tensor total;  ///< []
+  at::Tensor terms;  ///< [T], weights applied
+  /// What the gradients need beside the batch. CPU: those of each pair's value, two per pair;
+  /// CUDA: one buffer of derivative maps. Undefined where nothing is wanted.
+  std::vector<at::Tensor> kept;
+};
+
+/// Gradients of the outputs; undefined: none.
+struct SsimUpstream {
+  at::Tensor total, terms;
 };
 
 /// [..., H, W] as so many planes.
@@ -42,15 +79,22 @@ T* write_or_null(const at::Tensor& tensor) {
 const double* ssim_window();
 
 namespace cpu {  // float or double
-/// The value, a scalar.
-at::Tensor similarity(const SsimArguments& arguments);
+SsimValues similarity(const SsimBatch& batch);
+/// Of a and b of every pair in turn; undefined where not wanted.
+std::vector<at::Tensor> similarity_gradients(const SsimBatch& batch,
+                                             const std::vector<at::Tensor>& kept,
+                                             const SsimUpstream& upstream);
 /// Window means of an image and of its square.
 void window_means(const at::Tensor& image, at::Tensor& mean, at::Tensor& square);
 }  // namespace cpu
 
 namespace cuda {  // float
-/// On the current stream of the images' device; no waiting. @throws DeviceError.
-at::Tensor similarity(const SsimArguments& arguments);
+/// On the current stream of the images' device; no waiting. At most kMostPairs pairs.
+/// @throws DeviceError.
+SsimValues similarity(const SsimBatch& batch);
+std::vector<at::Tensor> similarity_gradients(const SsimBatch& batch,
+                                             const std::vector<at::Tensor>& kept,
+                                             const SsimUpstream& upstream);
 }  // namespace cuda
 
 }  // namespace jade::imaging

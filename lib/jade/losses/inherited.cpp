@@ -40,22 +40,39 @@ torch::Tensor blur_loss(const torch::Tensor& mean_render, const imaging::SsimTar
   return imaging::l1_ssim(mean_render, blurry, dssim);
 }
 
-torch::Tensor edi_gray_loss(const torch::Tensor& toned_render, const torch::Tensor& toned_blurry,
-                            const torch::Tensor& edi_factor, double dssim, const Follow& follow) {
+imaging::L1SsimPair edi_gray_pair(const torch::Tensor& toned_render,
+                                  const torch::Tensor& toned_blurry,
+                                  const torch::Tensor& edi_factor, const Follow& follow) {
   const torch::Tensor render = imaging::gray(toned_render);
   const torch::Tensor target = imaging::gray(toned_blurry) * edi_factor;
-  return rec_loss(render, follow ? follow(target, render) : target, dssim);
+  return {render, {follow ? follow(target, render) : target, {}, {}}};
+}
+
+imaging::L1SsimPair edi_color_pair(const torch::Tensor& render, const torch::Tensor& blurry,
+                                   const torch::Tensor& edi_factor, const Follow& follow) {
+  const torch::Tensor target = blurry * edi_factor;
+  return {render, {follow ? follow(target, render) : target, {}, {}}};
+}
+
+imaging::L1SsimPair simulation_pair(const torch::Tensor& toned_render,
+                                    const torch::Tensor& toned_mean,
+                                    const torch::Tensor& edi_factor) {
+  return {imaging::gray(toned_render), {imaging::gray(toned_mean) * edi_factor, {}, {}}};
+}
+
+torch::Tensor edi_gray_loss(const torch::Tensor& toned_render, const torch::Tensor& toned_blurry,
+                            const torch::Tensor& edi_factor, double dssim, const Follow& follow) {
+  return rec_loss(edi_gray_pair(toned_render, toned_blurry, edi_factor, follow), dssim);
 }
 
 torch::Tensor edi_color_loss(const torch::Tensor& render, const torch::Tensor& blurry,
                              const torch::Tensor& edi_factor, double dssim, const Follow& follow) {
-  const torch::Tensor target = blurry * edi_factor;
-  return rec_loss(render, follow ? follow(target, render) : target, dssim);
+  return rec_loss(edi_color_pair(render, blurry, edi_factor, follow), dssim);
 }
 
 torch::Tensor simulation_loss(const torch::Tensor& toned_render, const torch::Tensor& toned_mean,
                               const torch::Tensor& edi_factor, double dssim) {
-  return rec_loss(imaging::gray(toned_render), imaging::gray(toned_mean) * edi_factor, dssim);
+  return rec_loss(simulation_pair(toned_render, toned_mean, edi_factor), dssim);
 }
 
 torch::Tensor intensity_loss(const torch::Tensor& mean_toned, const torch::Tensor& toned_blurry,

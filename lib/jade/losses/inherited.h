@@ -25,6 +25,16 @@ torch::Tensor blur_loss(const torch::Tensor& mean_render, const imaging::SsimTar
 using Follow =
     std::function<torch::Tensor(const torch::Tensor& target, const torch::Tensor& render)>;
 
+/// The two images of L_edi in gray, as imaging::l1_ssim_sum() takes them; so for the others.
+imaging::L1SsimPair edi_gray_pair(const torch::Tensor& toned_render,
+                                  const torch::Tensor& toned_blurry,
+                                  const torch::Tensor& edi_factor, const Follow& follow = {});
+imaging::L1SsimPair edi_color_pair(const torch::Tensor& render, const torch::Tensor& blurry,
+                                   const torch::Tensor& edi_factor, const Follow& follow = {});
+imaging::L1SsimPair simulation_pair(const torch::Tensor& toned_render,
+                                    const torch::Tensor& toned_mean,
+                                    const torch::Tensor& edi_factor);
+
 /// L_edi in gray = D(g(ρ(Î_k)), EDI_k(g(ρ(B)))).
 /// @param toned_render, toned_blurry  [3,H,W], ρ(Î_k) and ρ(B); differentiable in both
 /// @param edi_factor                  [1,H,W], R_k

@@ -13,8 +13,32 @@ namespace {
 /// Draws of L_edi gray, L_edi colour and L_sim; that of L_tgt comes after them.
 constexpr int64_t kTermDraws = 3;
 
-/// @param falling  the weight of this step where it changes in the course of the run
-void add(Objective& loss, const std::string& name, const torch::Tensor& value, double weight = 1,
+/// The reconstruction terms of an objective, which become numbers in one pass.
+class Terms {
+ public:
+  /// @param falling  the weight of this step where it changes in the course of the run
+  void add(const std::string& name, std::vector<imaging::L1SsimPair> pairs, double weight = 1,
+           const torch::Tensor& falling = {}) {
+    names_.push_back(name);
+    terms_.push_back({std::move(pairs), falling.defined() ? 1 : weight, falling});
+  }
+
+  void sum_up(double dssim, Objective* loss) const {
+    if (terms_.empty()) return;
+    const imaging::L1SsimSum sum = imaging::l1_ssim_sum(terms_, dssim);
+    for (size_t i = 0; i < names_.size(); ++i) {
+      loss->terms.push_back({names_[i], sum.terms[static_cast<int64_t>(i)]});
+    }
+    loss->total = loss->total.defined() ? loss->total + sum.total : sum.total;
+  }
+
+ private:
+  std::vector<std::string> names_;
+  std::vector<imaging::L1SsimTerm> terms_;
+};
+
+/// A term that is a number already.
+void add(Objective& loss, const std::string& name, const torch::Tensor& value, double weight,
          const torch::Tensor& falling = {}) {
   const torch::Tensor weighted = falling.defined() ? value * falling
                                  : weight == 1     ? value
@@ -44,27 +68,35 @@ Views unpack_views(const torch::Tensor& renders, const ObjectivePlan& plan) {
 
 Views pick_views(const ObjectiveInputs& inputs, const ObjectivePlan& plan) {
   if (inputs.renders.size(0) != inputs.samples) return unpack_views(inputs.renders, plan);
-  const torch::Tensor target = target_pose(plan, inputs.pose_draws, inputs.samples);
-  const PoseViews views =
-      pose_views(inputs.renders, torch::cat({target, inputs.pose_draws.narrow(0, 0, kTermDraws)}),
-                 inputs.weights);
-  const std::vector<torch::Tensor> picks = views.picks.unbind(0);
+  if (plan.drawn_target) {
+    const PoseViews views = pose_views(inputs.renders, inputs.pose_draws, inputs.weights);
+    const std::vector<torch::Tensor>& picks = views.picks;
+    return {views.mean, picks[kTermDraws], picks[0], picks[1], picks[2]};
+  }
+  const PoseViews views = pose_views(inputs.renders, inputs.pose_draws.narrow(0, 0, kTermDraws),
+                                     inputs.weights, inputs.samples / 2);
+  const std::vector<torch::Tensor>& picks = views.picks;
   return {views.mean, picks[0], picks[1], picks[2], picks[3]};
 }
 
-/// L_tgt before its weight.
-torch::Tensor target_term(const ObjectiveInputs& inputs, const torch::Tensor& render,
-                          const ObjectivePlan& plan, const ObjectiveOptions& options) {
-  const torch::Tensor& whole = **inputs.target;
-  torch::Tensor drawn = whole;
+/// What the render of the target's pose is compared with.
+torch::Tensor drawn_target(const ObjectiveInputs& inputs, const torch::Tensor& render,
+                           const ObjectivePlan& plan, const ObjectiveOptions& options) {
+  torch::Tensor drawn = **inputs.target;
   if (inputs.target_closeness.defined()) {
     drawn = drawn_by(drawn, Fixed(render), inputs.target_closeness);
   }
   if (plan.trust) drawn = followed(drawn, render, options.trust, 0);
+  return drawn;
+}
+
+/// L_tgt where scene and target agree, before its weight.
+torch::Tensor agreed_target(const ObjectiveInputs& inputs, const torch::Tensor& render,
+                            const torch::Tensor& drawn, const ObjectiveOptions& options) {
   const torch::Tensor value = target_loss(render, Fixed(drawn), options.dssim);
-  if (!plan.agreed_target) return value;
-  const torch::Tensor distance =
-      drawn.is_same(whole) ? value : target_loss(render.detach(), *inputs.target, options.dssim);
+  const torch::Tensor distance = drawn.is_same(**inputs.target)
+                                     ? value
+                                     : target_loss(render.detach(), *inputs.target, options.dssim);
   return where_agreed(value, distance, options.trust.agreement);
 }
 
@@ -160,15 +192,21 @@ Objective objective(const ObjectiveInputs& inputs, const ObjectivePlan& plan,
   if (plan.edi || plan.intensity) toned_blurry = tone(blurry);
 
   Objective loss;
+  Terms terms;
   if (plan.target) {
-    add(loss, "target", target_term(inputs, views.target, plan, options), options.target_weight,
-        target_weight);
+    const torch::Tensor drawn = drawn_target(inputs, views.target, plan, options);
+    if (plan.agreed_target) {
+      add(loss, "target", agreed_target(inputs, views.target, drawn, options), options.target_weight,
+          target_weight);
+    } else {
+      terms.add("target", target_pairs(views.target, Fixed(drawn)), options.target_weight,
+                target_weight);
+    }
   }
   if (plan.blur) {
     const bool prepared = inputs.blurry_moments.mean.defined();
-    add(loss, "blur",
-        prepared ? blur_loss(views.mean, inputs.blurry_moments, options.dssim)
-                 : blur_loss(views.mean, blurry, options.dssim));
+    terms.add("blur", {{views.mean,
+                        prepared ? inputs.blurry_moments : imaging::SsimTarget{blurry, {}, {}}}});
   }
   if (plan.edi) {
     Follow follow;
@@ -177,20 +215,18 @@ Objective objective(const ObjectiveInputs& inputs, const ObjectivePlan& plan,
         return followed(edi, render, options.trust, inputs.contrast);
       };
     }
-    add(loss, "edi_gray",
-        edi_gray_loss(tone(views.edi_gray), toned_blurry, edi_factor(0), options.dssim, follow),
-        options.edi_weight, edi_weight);
-    add(loss, "edi_color",
-        edi_color_loss(views.edi_color, blurry, edi_factor(1), options.dssim, follow),
-        options.edi_weight, edi_weight);
+    terms.add("edi_gray",
+              {edi_gray_pair(tone(views.edi_gray), toned_blurry, edi_factor(0), follow)},
+              options.edi_weight, edi_weight);
+    terms.add("edi_color", {edi_color_pair(views.edi_color, blurry, edi_factor(1), follow)},
+              options.edi_weight, edi_weight);
   }
   if (plan.simulation) {
-    add(loss, "simulation",
-        simulation_loss(tone(views.simulation), tone(views.mean), edi_factor(2), options.dssim));
+    terms.add("simulation",
+              {simulation_pair(tone(views.simulation), tone(views.mean), edi_factor(2))});
   }
-  if (plan.intensity) {
-    add(loss, "intensity", intensity_loss(mean_toned(), toned_blurry, options.dssim));
-  }
+  if (plan.intensity) terms.add("intensity", {{mean_toned(), {toned_blurry, {}, {}}}});
+  terms.sum_up(options.dssim, &loss);
   if (plan.event) add(loss, "event", event_loss(*inputs.events), options.event_loss_weight);
   return loss;
 }

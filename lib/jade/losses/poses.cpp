@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/losses/poses.h"
 
-#include <optional>
 #include <torch/csrc/autograd/custom_function.h>
 
 #include "jade/core/check.h"
+#include "jade/kernel/on_cuda.h"
+#include "jade/losses/poses_kernels.h"
 
 namespace jade::losses {
 namespace {
@@ -14,35 +15,56 @@ using torch::autograd::variable_list;
 
 class PoseViewsFunction : public torch::autograd::Function<PoseViewsFunction> {
  public:
+  /// @return the mean, then the picks
   static variable_list forward(AutogradContext* context, const torch::Tensor& renders,
-                               const torch::Tensor& pose_indices,
-                               const std::optional<torch::Tensor>& given) {
-    const torch::Tensor weights = given.value_or(torch::Tensor());
-    context->save_for_backward({pose_indices, weights});
-    context->saved_data["count"] = renders.size(0);
-    return {weighted_mean(renders, weights), renders.index_select(0, pose_indices)};
+                               const PosePicks& picks) {
+    context->set_materialize_grads(false);
+    context->save_for_backward({picks.indices, picks.weights});
+    context->saved_data["first"] = picks.first;
+    context->saved_data["shape"] = renders.sizes().vec();
+    if (renders.is_cuda()) return on_gpu(renders.contiguous(), picks);
+    variable_list out{weighted_mean(renders, picks.weights)};
+    if (picks.first >= 0) out.push_back(renders[picks.first].clone());
+    const auto* const indices = picks.indices.const_data_ptr<int64_t>();
+    for (int64_t m = 0; m < picks.indices.numel(); ++m) out.push_back(renders[indices[m]].clone());
+    return out;
   }
 
   static variable_list backward(AutogradContext* context, variable_list gradients) {
     const variable_list saved = context->get_saved_variables();
-    const torch::Tensor &pose_indices = saved[0], &weights = saved[1];
-    const int64_t count = context->saved_data["count"].toInt();
-    const torch::Tensor& of_mean = gradients[0];
-    const torch::Tensor& of_picks = gradients[1];
-    std::vector<int64_t> shape = of_mean.sizes().vec();
-    shape.insert(shape.begin(), count);
-    torch::Tensor result = torch::empty(shape, of_mean.options());
-    if (weights.defined()) {
-      torch::mul_out(result, of_mean.unsqueeze(0),
-                     weights.to(of_mean.scalar_type()).view({-1, 1, 1, 1}));
-    } else {
-      result.copy_((of_mean / static_cast<double>(count)).unsqueeze(0).expand(shape));
+    PosePicks picks;
+    picks.indices = saved[0];
+    picks.weights = saved[1];
+    picks.first = context->saved_data["first"].toInt();
+    torch::Tensor result;
+    for (torch::Tensor& gradient : gradients) {
+      if (!gradient.defined()) continue;
+      gradient = gradient.contiguous();
+      result = torch::empty(context->saved_data["shape"].toIntVector(), gradient.options());
     }
-    // One at a time, so that repeated poses add up in a fixed order on every device.
-    for (int64_t i = 0; i < pose_indices.size(0); ++i) {
-      result.index_add_(0, pose_indices.narrow(0, i, 1), of_picks.narrow(0, i, 1));
+    if (result.defined()) {
+      const torch::Tensor of_mean = gradients[0];
+      gradients.erase(gradients.begin());
+      if (result.is_cuda()) {
+        kernel::on_cuda("the mean of the renders",
+                        [&] { cuda::pose_gradient(picks, of_mean, gradients, result); });
+      } else {
+        cpu::pose_gradient(picks, of_mean, gradients, result);
+      }
     }
-    return {result, torch::Tensor(), torch::Tensor()};
+    return {result, torch::Tensor()};
+  }
+
+ private:
+  static variable_list on_gpu(const torch::Tensor& renders, const PosePicks& picks) {
+    const torch::Tensor like = renders[0];
+    torch::Tensor mean = torch::empty_like(like);
+    variable_list picked;
+    for (int64_t m = 0; m < picks.count(); ++m) picked.push_back(torch::empty_like(like));
+    kernel::on_cuda("the mean of the renders",
+                    [&] { cuda::pose_views(picks, renders, mean, picked); });
+    picked.insert(picked.begin(), mean);
+    return picked;
   }
 };
 
@@ -57,12 +79,25 @@ torch::Tensor weighted_mean(const torch::Tensor& renders, const torch::Tensor& w
 }
 
 PoseViews pose_views(const torch::Tensor& renders, const torch::Tensor& pose_indices,
-                     const torch::Tensor& weights) {
+                     const torch::Tensor& weights, int64_t first) {
   check_shape(renders, "renders", {-1, 3, -1, -1});
+  if (renders.is_cuda()) check_dtype(renders, "renders on a GPU", torch::kFloat32);
   check_dtype(pose_indices, "pose indices", torch::kInt64);
-  const variable_list outputs =
-      PoseViewsFunction::apply(renders, pose_indices, std::optional<torch::Tensor>(weights));
-  return {outputs[0], outputs[1]};
+  check_same_device(renders, "renders", pose_indices, "pose indices");
+  PosePicks picks;
+  picks.indices = pose_indices.contiguous();
+  picks.first = first;
+  if (weights.defined()) {
+    check_shape(weights, "weights of the renders", {renders.size(0)});
+    picks.weights = weights.to(renders.scalar_type()).contiguous();
+  }
+  JADE_CHECK(!renders.is_cuda() || picks.count() <= kMostPicks, "expected at most ", kMostPicks,
+             " picks of the renders, found ", picks.count());
+  variable_list outputs = PoseViewsFunction::apply(renders, picks);
+  PoseViews views;
+  views.mean = outputs[0];
+  views.picks.assign(outputs.begin() + 1, outputs.end());
+  return views;
 }
 
 }  // namespace jade::losses

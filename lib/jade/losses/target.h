@@ -2,7 +2,9 @@
 #pragma once
 
 #include <torch/types.h>
+#include <vector>
 
+#include "jade/imaging/ssim.h"
 #include "jade/losses/fixed.h"
 
 namespace jade::losses {
@@ -12,5 +14,8 @@ namespace jade::losses {
 /// @param target      [3,H,W], I_pseudo or any other target
 /// @param dssim       λ of Eq. (8)
 torch::Tensor target_loss(const torch::Tensor& mid_render, const Fixed& target, double dssim);
+
+/// The images of its two terms, in colour and in gray.
+std::vector<imaging::L1SsimPair> target_pairs(const torch::Tensor& mid_render, const Fixed& target);
 
 }  // namespace jade::losses

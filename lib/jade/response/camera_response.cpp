@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/response/camera_response.h"
 
+#include <algorithm>
 #include <optional>
 #include <torch/csrc/autograd/custom_function.h>
 
@@ -8,6 +9,7 @@
 #include "jade/kernel/on_cuda.h"
 #include "jade/response/identity_fit.h"
 #include "jade/response/lookup.h"
+#include "jade/response/table.h"
 
 namespace jade::response {
 namespace {
@@ -37,6 +39,37 @@ class LookupFunction : public torch::autograd::Function<LookupFunction> {
                                 return cuda::lookup_backward(args, gradient, image, table);
                               });
     return {result.image, result.table, torch::Tensor()};
+  }
+};
+
+class TableFunction : public torch::autograd::Function<TableFunction> {
+ public:
+  /// @param weights  NetworkWeights
+  static torch::Tensor forward(AutogradContext* context, at::TensorList weights) {
+    NetworkWeights network;
+    std::copy(weights.begin(), weights.end(), network.begin());
+    const torch::Tensor table = kernel::on_cuda("the table of the camera response",
+                                                [&] { return cuda::response_table(network); });
+    variable_list saved = weights.vec();
+    saved.push_back(table);
+    context->save_for_backward(saved);
+    return table;
+  }
+
+  static variable_list backward(AutogradContext* context, variable_list gradients) {
+    const variable_list saved = context->get_saved_variables();
+    NetworkWeights network;
+    std::copy_n(saved.begin(), network.size(), network.begin());
+    const torch::Tensor of_table = gradients[0].contiguous();
+    const torch::Tensor all = kernel::on_cuda("the table of the camera response", [&] {
+      return cuda::response_table_gradient(network, saved.back(), of_table);
+    });
+    variable_list result;
+    for (size_t p = 0; p < network.size(); ++p) {
+      const int begin = kParameterOffsets[p], end = kParameterOffsets[p + 1];
+      result.push_back(all.narrow(0, begin, end - begin).view(network[p].sizes()));
+    }
+    return result;
   }
 };
 
@@ -76,6 +109,12 @@ torch::Tensor CameraResponseImpl::exact(const torch::Tensor& image) {
 }
 
 torch::Tensor CameraResponseImpl::table() {
+  const variable_list weights{layer1->weight, layer1->bias, layer2->weight, layer2->bias,
+                              layer3->weight, layer3->bias, layer4->weight, layer4->bias};
+  const torch::Tensor& first = weights[0];
+  if (first.is_cuda() && first.scalar_type() == torch::kFloat32) {
+    return TableFunction::apply(at::TensorList(weights));
+  }
   return exact(
       torch::linspace(0, kResponseRange, kKnots, layer1->weight.options().requires_grad(false)));
 }

@@ -62,6 +62,13 @@ __global__ void backward_kernel(const float* image, const float* table, const fl
   }
 }
 
+__global__ void to_float_kernel(const unsigned long long* sums, float* out) {
+  const int i = blockIdx.x * kThreads + threadIdx.x;
+  if (i < kKnots) {
+    out[i] = static_cast<float>(static_cast<double>(static_cast<long long>(sums[i])) / kFixedPoint);
+  }
+}
+
 }  // namespace
 
 at::Tensor lookup(const Lookup& args) {
@@ -102,7 +109,13 @@ LookupGradient lookup_backward(const Lookup& args, const at::Tensor& gradient, b
       wants_table ? reinterpret_cast<unsigned long long*>(sums.mutable_data_ptr<int64_t>())
                   : nullptr);
   kernel::check_launch("the camera response, backward");
-  if (wants_table) result.table = sums.to(at::kDouble).div(kFixedPoint).to(at::kFloat);
+  if (!wants_table) return result;
+  result.table = at::empty_like(args.table);
+  to_float_kernel<<<kernel::grid_size(kKnots, kThreads), kThreads, 0,
+                    c10::cuda::getCurrentCUDAStream()>>>(
+      reinterpret_cast<const unsigned long long*>(sums.const_data_ptr<int64_t>()),
+      result.table.mutable_data_ptr<float>());
+  kernel::check_launch("the camera response, sums");
   return result;
 }
 

@@ -36,11 +36,11 @@ void ModuleAdam::step(const std::vector<double>& lrs) {
     group.first.push_back(first_[i]);
     group.second.push_back(second_[i]);
     group.steps.push_back(steps_[i]);
-    steps_[i] += 1;
   }
   JADE_CHECK(!groups.empty(), "ModuleAdam: none of ", parameters_.size(),
              " parameters has a gradient");
   for (auto& [lr, group] : groups) {
+    at::_foreach_add_(group.steps, 1);
     at::_fused_adam_(group.parameters, group.gradients, group.first, group.second, {}, group.steps,
                      lr, 0.9, 0.999, 0.0, eps_, /*amsgrad=*/false, /*maximize=*/false);
   }

@@ -2,6 +2,7 @@
 #include "jade/train/step_graph.h"
 
 #include <ATen/cuda/CUDAGraph.h>
+#include <algorithm>
 #include <c10/cuda/CUDAGuard.h>
 #include <c10/cuda/CUDAStream.h>
 #include <optional>
@@ -10,6 +11,7 @@
 #include "jade/core/device.h"
 #include "jade/core/error.h"
 #include "jade/core/log.h"
+#include "jade/train/batch_copy.h"
 
 namespace jade::train {
 namespace {
@@ -22,34 +24,21 @@ constexpr int64_t kRenewal = 1000;
 /// driver anew at every recording.
 constexpr int64_t kSpareBytes = int64_t{512} << 20;
 
-}  // namespace
+/// The most plans whose recordings are kept: steps alternate between few.
+constexpr size_t kMostPlans = 4;
 
-/// Everything that a recording takes for granted.
-struct Assumptions {
-  StepPlan plan;
-  /// The renewal at hand, where each tensor of the state lies, and which shapes the inputs have:
-  /// their values are copied before a replay.
-  std::vector<int64_t> buffers;
-
-  friend bool operator==(const Assumptions& a, const Assumptions& b) {
-    return a.plan == b.plan && a.buffers == b.buffers;
-  }
-  friend bool operator!=(const Assumptions& a, const Assumptions& b) { return !(a == b); }
-};
-
-namespace {
-
-Assumptions assumptions(const TrainState& state, const StepInputs& inputs, const StepPlan& plan) {
-  Assumptions now{plan, {inputs.step / kRenewal}};
+/// What all recordings take for granted: the renewal at hand, where each tensor of the state lies,
+/// and which shapes the inputs have. Their values are copied before a replay.
+std::vector<int64_t> assumptions(const TrainState& state, const StepInputs& inputs) {
+  std::vector<int64_t> now{inputs.step / kRenewal};
   state.visit([&](const std::string&, const torch::Tensor& tensor) {
-    now.buffers.push_back(tensor.defined() ? reinterpret_cast<int64_t>(tensor.const_data_ptr())
-                                           : 0);
-    now.buffers.push_back(tensor.defined() ? tensor.numel() : 0);
+    now.push_back(tensor.defined() ? reinterpret_cast<int64_t>(tensor.const_data_ptr()) : 0);
+    now.push_back(tensor.defined() ? tensor.numel() : 0);
   });
   inputs.visit([&](const std::string&, const torch::Tensor& tensor) {
-    now.buffers.push_back(tensor.defined() ? tensor.dim() : -1);
+    now.push_back(tensor.defined() ? tensor.dim() : -1);
     if (!tensor.defined()) return;
-    now.buffers.insert(now.buffers.end(), tensor.sizes().begin(), tensor.sizes().end());
+    now.insert(now.end(), tensor.sizes().begin(), tensor.sizes().end());
   });
   return now;
 }
@@ -63,16 +52,30 @@ StepInputs own_copy(const StepInputs& inputs) {
   return own;
 }
 
+/// Whether the bytes of the one are those of the other.
+bool same_layout(const torch::Tensor& a, const torch::Tensor& b) {
+  return a.scalar_type() == b.scalar_type() && a.device() == b.device() && a.numel() == b.numel() &&
+         a.is_contiguous() && b.is_contiguous();
+}
+
 /// The values of `from` at the addresses of `own`.
 void copy_values(const StepInputs& from, StepInputs& own) {
   const torch::NoGradGuard no_grad;
   std::vector<const torch::Tensor*> sources;
   from.visit([&](const std::string&, const torch::Tensor& tensor) { sources.push_back(&tensor); });
+  std::vector<BufferCopy> copies;
   size_t next = 0;
   own.visit([&](const std::string&, torch::Tensor& tensor) {
     const torch::Tensor& source = *sources[next++];
-    if (tensor.defined()) tensor.copy_(source, /*non_blocking=*/true);
+    if (!tensor.defined()) return;
+    if (same_layout(source, tensor)) {
+      copies.push_back({source.const_data_ptr(), tensor.mutable_data_ptr(),
+                        static_cast<int64_t>(tensor.nbytes())});
+    } else {
+      tensor.copy_(source, /*non_blocking=*/true);
+    }
   });
+  cuda::copy_all(copies);
 }
 
 }  // namespace
@@ -90,78 +93,108 @@ StreamScope::StreamScope(torch::Device device) {
 
 StreamScope::~StreamScope() = default;
 
-struct StepGraph::Recording {
-  std::optional<Assumptions> seen;       ///< of the last eager step, which warmed everything up
-  std::optional<Assumptions> holds_for;  ///< of the recording; none: there is none
-  std::optional<at::cuda::CUDAGraph> graph;
-  std::optional<StepInputs> inputs;  ///< what the recorded step reads
+/// One plan's step.
+struct Recording {
+  StepPlan plan;
+  at::cuda::CUDAGraph graph;
   StepOutputs outputs;
+};
+
+struct StepGraph::Recordings {
+  std::vector<int64_t> holds_for;  ///< what all recordings and `seen` take for granted
+  std::vector<StepPlan> seen;      ///< of eager steps, which warmed everything up
+  std::vector<std::unique_ptr<Recording>> recorded;  ///< oldest first
+  std::optional<StepInputs> inputs;                  ///< what the recorded steps read
   bool refused = false;
 
   void forget() {
-    holds_for.reset();
-    outputs = {};
-    graph.reset();
+    seen.clear();
+    recorded.clear();
     inputs.reset();
   }
 
-  void record(TrainState& state, const StepInputs& step_inputs, const StepPlan& plan,
-              const RunOptions& options) {
+  Recording* find(const StepPlan& plan) {
+    for (const auto& each : recorded) {
+      if (each->plan == plan) return each.get();
+    }
+    return nullptr;
+  }
+
+  /// Whether the plan is due to be recorded: it has run once. From now on it has.
+  bool warmed_up(const StepPlan& plan) {
+    if (std::find(seen.begin(), seen.end(), plan) != seen.end()) return true;
+    if (seen.size() == kMostPlans) seen.erase(seen.begin());
+    seen.push_back(plan);
+    return false;
+  }
+
+  Recording& record(TrainState& state, const StepInputs& step_inputs, const StepPlan& plan,
+                    const RunOptions& options) {
     // The pools of earlier recordings stay reserved until somebody asks, and nobody can while a
     // recording is under way: after a hundred densifications they would fill the card.
+    if (recorded.size() == kMostPlans) recorded.erase(recorded.begin());
     const torch::Device device = step_inputs.view.blurry.device();
     trim_device_memory(device, peak_memory_bytes(device) + kSpareBytes);
-    inputs = own_copy(step_inputs);
+    if (!inputs) inputs = own_copy(step_inputs);
     // Gradients must be born inside the recording, at addresses of its own.
     state.gaussians.zero_grad();
     state.allocation_adam.zero_grad();
     state.response_adam.zero_grad();
     if (state.poses) state.poses_adam.zero_grad();
     state.sensor_adam.zero_grad();
-    graph.emplace();
-    graph->capture_begin();
+    auto made = std::make_unique<Recording>();
+    made->plan = plan;
+    // One pool for all: they never run at the same time, and what a step leaves behind is read
+    // before the next one runs.
+    if (recorded.empty()) {
+      made->graph.capture_begin();
+    } else {
+      made->graph.capture_begin(recorded.front()->graph.pool());
+    }
     try {
-      outputs = alternate(state, *inputs, plan, options);
+      made->outputs = alternate(state, *inputs, plan, options);
     } catch (...) {
-      graph->capture_end();
+      made->graph.capture_end();
       throw;
     }
-    graph->capture_end();
+    made->graph.capture_end();
+    recorded.push_back(std::move(made));
+    return *recorded.back();
   }
 };
 
-StepGraph::StepGraph() : recording_(std::make_unique<Recording>()) {}
+StepGraph::StepGraph() : recordings_(std::make_unique<Recordings>()) {}
 StepGraph::~StepGraph() = default;
 
 StepOutputs StepGraph::run(TrainState& state, const StepInputs& inputs, const StepPlan& plan,
                            const RunOptions& options) {
-  Recording& recording = *recording_;
-  if (recording.refused || !plan.recordable || !inputs.view.blurry.is_cuda()) {
+  Recordings& recordings = *recordings_;
+  if (recordings.refused || !plan.recordable || !inputs.view.blurry.is_cuda()) {
     return alternate(state, inputs, plan, options);
   }
-  Assumptions now = assumptions(state, inputs, plan);
-  if (now != recording.holds_for && now != recording.seen) {
-    recording.forget();
-    recording.seen = std::move(now);
-    return alternate(state, inputs, plan, options);
+  std::vector<int64_t> now = assumptions(state, inputs);
+  if (now != recordings.holds_for) {
+    recordings.forget();
+    recordings.holds_for = std::move(now);
   }
-  if (now != recording.holds_for) {
+  Recording* recording = recordings.find(plan);
+  if (recording == nullptr) {
+    if (!recordings.warmed_up(plan)) return alternate(state, inputs, plan, options);
     try {
-      recording.record(state, inputs, plan, options);
-      recording.holds_for = std::move(now);
+      recording = &recordings.record(state, inputs, plan, options);
     } catch (const std::exception& failure) {
       // Nothing ran on the device, so the step can be done eagerly.
       log_warn(concat("steps are not recorded as a CUDA graph, which makes them slower: ",
                       failure.what()));
-      recording.forget();
-      recording.refused = true;
+      recordings.forget();
+      recordings.refused = true;
       return alternate(state, inputs, plan, options);
     }
   }
-  copy_values(inputs, *recording.inputs);
-  recording.graph->replay();
+  copy_values(inputs, *recordings.inputs);
+  recording->graph.replay();
   ++replays_;
-  return recording.outputs;
+  return recording->outputs;
 }
 
 }  // namespace jade::train

@@ -23,10 +23,10 @@ class StreamScope {
 };
 
 /// alternate(), recorded and replayed where the plan and the device allow it, else run eagerly. The
-/// results are those of alternate() but for the order of atomic sums. A recording holds while the
-/// plan stays the same, the tensors of the state the same objects, and those of the inputs of the
-/// same shapes; after densification the next step runs eagerly, the one after it is recorded anew.
-/// Outputs are overwritten by the next run.
+/// results are those of alternate() but for the order of atomic sums. Each plan has a recording of
+/// its own, so that plans may alternate. All hold while the tensors of the state stay the same
+/// objects and those of the inputs of the same shapes; after densification the next step of a plan
+/// runs eagerly, the one after it is recorded anew. Outputs are overwritten by the next run.
 class StepGraph {
  public:
   StepGraph();
@@ -41,8 +41,8 @@ class StepGraph {
   int64_t replays() const { return replays_; }
 
  private:
-  struct Recording;
-  std::unique_ptr<Recording> recording_;
+  struct Recordings;
+  std::unique_ptr<Recordings> recordings_;
   int64_t replays_ = 0;
 };
 

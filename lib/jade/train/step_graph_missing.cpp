@@ -8,7 +8,7 @@ struct StreamScope::Guard {};
 StreamScope::StreamScope(torch::Device) {}
 StreamScope::~StreamScope() = default;
 
-struct StepGraph::Recording {};
+struct StepGraph::Recordings {};
 StepGraph::StepGraph() = default;
 StepGraph::~StepGraph() = default;
 

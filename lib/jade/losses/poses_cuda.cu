@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <c10/cuda/CUDAGuard.h>
+#include <c10/cuda/CUDAStream.h>
+
+#include "jade/kernel/launch.h"
+#include "jade/losses/poses_kernels.h"
+
+namespace jade::losses::cuda {
+namespace {
+
+constexpr int kThreads = 256;
+
+struct Picks {
+  const int64_t* indices;
+  int64_t first;
+  const float* weights;
+  int64_t renders;  ///< K
+  int count;
+  float* images[kMostPicks];  ///< picked images, or their gradients; null: none
+
+  __device__ int64_t pose(int m) const {
+    if (first < 0) return indices[m];
+    return m == 0 ? first : indices[m - 1];
+  }
+  /// Of render k in the mean.
+  __device__ float weight(int64_t k) const {
+    return weights != nullptr ? weights[k] : 1.0f / static_cast<float>(renders);
+  }
+};
+
+/// A thread per value of one image.
+__global__ void __launch_bounds__(kThreads)
+    views_kernel(Picks picks, const float* renders, float* mean, int64_t values) {
+  const int64_t i = blockIdx.x * static_cast<int64_t>(kThreads) + threadIdx.x;
+  if (i >= values) return;
+  float sum = 0;
+  for (int64_t k = 0; k < picks.renders; ++k) sum += picks.weight(k) * renders[k * values + i];
+  mean[i] = sum;
+  for (int m = 0; m < picks.count; ++m) picks.images[m][i] = renders[picks.pose(m) * values + i];
+}
+
+__global__ void __launch_bounds__(kThreads)
+    gradient_kernel(Picks picks, const float* of_mean, float* of_renders, int64_t values) {
+  const int64_t i = blockIdx.x * static_cast<int64_t>(kThreads) + threadIdx.x;
+  if (i >= values) return;
+  const float mean = of_mean != nullptr ? of_mean[i] : 0.f;
+  for (int64_t k = 0; k < picks.renders; ++k) {
+    float sum = picks.weight(k) * mean;
+    // In order, so that repeated poses add up the same way every time.
+    for (int m = 0; m < picks.count; ++m) {
+      if (picks.images[m] != nullptr && picks.pose(m) == k) sum += picks.images[m][i];
+    }
+    of_renders[k * values + i] = sum;
+  }
+}
+
+Picks picks_of(const PosePicks& picks, int64_t renders) {
+  Picks out{};
+  out.indices = picks.indices.const_data_ptr<int64_t>();
+  out.first = picks.first;
+  out.weights = picks.weights.defined() ? picks.weights.const_data_ptr<float>() : nullptr;
+  out.renders = renders;
+  out.count = static_cast<int>(picks.count());
+  return out;
+}
+
+}  // namespace
+
+void pose_views(const PosePicks& picks, const at::Tensor& renders, at::Tensor& mean,
+                std::vector<at::Tensor>& picked) {
+  const int64_t values = mean.numel();
+  if (values == 0) return;
+  const c10::cuda::CUDAGuard guard(renders.device());
+  Picks job = picks_of(picks, renders.size(0));
+  for (size_t m = 0; m < picked.size(); ++m) {
+    job.images[m] = picked[m].mutable_data_ptr<float>();
+  }
+  views_kernel<<<kernel::grid_size(values, kThreads), kThreads, 0,
+                 c10::cuda::getCurrentCUDAStream()>>>(job, renders.const_data_ptr<float>(),
+                                                      mean.mutable_data_ptr<float>(), values);
+  kernel::check_launch("the mean of the renders");
+}
+
+void pose_gradient(const PosePicks& picks, const at::Tensor& of_mean,
+                   const std::vector<at::Tensor>& of_picks, at::Tensor& of_renders) {
+  if (of_renders.numel() == 0) return;
+  const c10::cuda::CUDAGuard guard(of_renders.device());
+  const int64_t values = of_renders.numel() / of_renders.size(0);
+  Picks job = picks_of(picks, of_renders.size(0));
+  for (size_t m = 0; m < of_picks.size(); ++m) {
+    if (!of_picks[m].defined()) continue;
+    job.images[m] = const_cast<float*>(of_picks[m].const_data_ptr<float>());
+  }
+  gradient_kernel<<<kernel::grid_size(values, kThreads), kThreads, 0,
+                    c10::cuda::getCurrentCUDAStream()>>>(
+      job, of_mean.defined() ? of_mean.const_data_ptr<float>() : nullptr,
+      of_renders.mutable_data_ptr<float>(), values);
+  kernel::check_launch("the mean of the renders, backward");
+}
+
+}  // namespace jade::losses::cuda

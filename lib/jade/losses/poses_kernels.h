@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+// pose_views() apart from autograd. Not for use outside this room.
+#pragma once
+
+#include <ATen/core/Tensor.h>
+#include <cstdint>
+#include <vector>
+
+namespace jade::losses {
+
+/// Of one call on a GPU, where they travel as the argument of a launch.
+constexpr int kMostPicks = 8;
+
+/// Which renders are picked, and how they are averaged.
+struct PosePicks {
+  at::Tensor indices;  ///< [M] int64
+  int64_t first = -1;  ///< a pick before those of the indices; below 0: none
+  at::Tensor weights;  ///< [K] of the renders' type; undefined: 1/K each
+
+  int64_t count() const { return indices.numel() + (first >= 0 ? 1 : 0); }
+};
+
+/// The gradient of all renders, [K,...] contiguous, written once.
+/// @param of_mean   contiguous; undefined: none
+/// @param of_picks  count() of them, contiguous; undefined: none
+namespace cpu {  // float or double
+void pose_gradient(const PosePicks& picks, const at::Tensor& of_mean,
+                   const std::vector<at::Tensor>& of_picks, at::Tensor& of_renders);
+}  // namespace cpu
+
+namespace cuda {  // float; on the current stream, no waiting
+/// @param renders  [K,...] contiguous
+void pose_views(const PosePicks& picks, const at::Tensor& renders, at::Tensor& mean,
+                std::vector<at::Tensor>& picked);
+void pose_gradient(const PosePicks& picks, const at::Tensor& of_mean,
+                   const std::vector<at::Tensor>& of_picks, at::Tensor& of_renders);
+}  // namespace cuda
+
+}  // namespace jade::losses

@@ -1,0 +1,196 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <ATen/ops/empty.h>
+#include <c10/cuda/CUDAGuard.h>
+#include <c10/cuda/CUDAStream.h>
+
+#include "jade/kernel/launch.h"
+#include "jade/response/table.h"
+
+namespace jade::response::cuda {
+namespace {
+
+constexpr int kTableThreads = 64;  ///< knots of a block
+constexpr int kSumThreads = 128;
+constexpr int kPitch = kTableThreads + 1;  ///< neighbouring units lie a bank apart
+
+struct Network {
+  const float* parameters[8];
+};
+
+/// The hidden layers' outputs at one knot.
+struct Activations {
+  float first[kHidden], second[kHidden], third[kHidden];
+};
+
+/// All parameters one after the other, brought in by the whole block.
+__device__ void load_parameters(const Network& network, float (&all)[kResponseParameters]) {
+  constexpr int kOffsets[9] = {0, 16, 32, 288, 304, 560, 576, 592, 593};
+#pragma unroll
+  for (int p = 0; p < 8; ++p) {
+    for (int i = threadIdx.x; i < kOffsets[p + 1] - kOffsets[p]; i += blockDim.x) {
+      all[kOffsets[p] + i] = network.parameters[p][i];
+    }
+  }
+  __syncthreads();
+}
+
+__device__ void hidden_layer(const float* weights, const float* bias, const float (&in)[kHidden],
+                             float (&out)[kHidden]) {
+#pragma unroll
+  for (int j = 0; j < kHidden; ++j) {
+    float sum = bias[j];
+#pragma unroll
+    for (int k = 0; k < kHidden; ++k) sum += weights[j * kHidden + k] * in[k];
+    out[j] = fmaxf(sum, 0.f);
+  }
+}
+
+/// The gradient of a layer's input, from that of its output before ReLU; 0 where ReLU held it back.
+__device__ void hidden_gradient(const float* weights, const float (&of_out)[kHidden],
+                                const float (&in)[kHidden], float (&of_in)[kHidden]) {
+#pragma unroll
+  for (int k = 0; k < kHidden; ++k) {
+    float sum = 0;
+#pragma unroll
+    for (int j = 0; j < kHidden; ++j) sum += weights[j * kHidden + k] * of_out[j];
+    of_in[k] = in[k] > 0 ? sum : 0.f;
+  }
+}
+
+__device__ float knot_at(int64_t i) {
+  return static_cast<float>(static_cast<double>(i) * (kResponseRange / (kKnots - 1)));
+}
+
+__device__ void run_network(const float (&all)[kResponseParameters], float x, Activations& units) {
+#pragma unroll
+  for (int j = 0; j < kHidden; ++j) units.first[j] = fmaxf(all[j] * x + all[16 + j], 0.f);
+  hidden_layer(all + 32, all + 288, units.first, units.second);
+  hidden_layer(all + 304, all + 560, units.second, units.third);
+}
+
+__global__ void __launch_bounds__(kTableThreads) table_kernel(Network network, float* table) {
+  __shared__ float all[kResponseParameters];
+  load_parameters(network, all);
+  const int64_t i = blockIdx.x * static_cast<int64_t>(kTableThreads) + threadIdx.x;
+  if (i >= kKnots) return;
+  const float x = knot_at(i);
+  Activations units;
+  run_network(all, x, units);
+  float sum = all[592];
+#pragma unroll
+  for (int k = 0; k < kHidden; ++k) sum += all[576 + k] * units.third[k];
+  table[i] = 1.f / (1.f + expf(-(0.1f * sum + x)));
+}
+
+/// What the sums over a block's knots are made of: outputs of the layers before, and gradients of
+/// the layers' outputs before ReLU.
+struct Products {
+  float x[kPitch], of_out[kPitch];
+  float first[kHidden][kPitch], second[kHidden][kPitch], third[kHidden][kPitch];
+  float of_first[kHidden][kPitch], of_second[kHidden][kPitch], of_third[kHidden][kPitch];
+};
+
+__device__ float sum_of_products(const float* a, const float* b) {
+  float sum = 0;
+#pragma unroll 8
+  for (int n = 0; n < kTableThreads; ++n) sum += a[n] * (b == nullptr ? 1.f : b[n]);
+  return sum;
+}
+
+/// The sum over the block's knots for one parameter.
+__device__ float parameter_gradient(const Products& in, int p) {
+  if (p < 16) return sum_of_products(in.of_first[p], in.x);
+  if (p < 32) return sum_of_products(in.of_first[p - 16], nullptr);
+  if (p < 288) return sum_of_products(in.of_second[(p - 32) / 16], in.first[(p - 32) % 16]);
+  if (p < 304) return sum_of_products(in.of_second[p - 288], nullptr);
+  if (p < 560) return sum_of_products(in.of_third[(p - 304) / 16], in.second[(p - 304) % 16]);
+  if (p < 576) return sum_of_products(in.of_third[p - 560], nullptr);
+  if (p < 592) return sum_of_products(in.of_out, in.third[p - 576]);
+  return sum_of_products(in.of_out, nullptr);
+}
+
+/// @param partial  [blocks, 593]
+__global__ void __launch_bounds__(kTableThreads)
+    table_gradient_kernel(Network network, const float* table, const float* of_table,
+                          float* partial) {
+  __shared__ float all[kResponseParameters];
+  __shared__ Products products;
+  load_parameters(network, all);
+  const int n = threadIdx.x;
+  const int64_t i = blockIdx.x * static_cast<int64_t>(kTableThreads) + n;
+  const bool inside = i < kKnots;
+  const float x = inside ? knot_at(i) : 0.f;
+  Activations units;
+  run_network(all, x, units);
+  const float y = inside ? table[i] : 0.f;
+  const float of_out = inside ? 0.1f * of_table[i] * y * (1 - y) : 0.f;
+  float of_third[kHidden], of_second[kHidden], of_first[kHidden];
+#pragma unroll
+  for (int k = 0; k < kHidden; ++k) of_third[k] = units.third[k] > 0 ? all[576 + k] * of_out : 0.f;
+  hidden_gradient(all + 304, of_third, units.second, of_second);
+  hidden_gradient(all + 32, of_second, units.first, of_first);
+  products.x[n] = x;
+  products.of_out[n] = of_out;
+#pragma unroll
+  for (int k = 0; k < kHidden; ++k) {
+    products.first[k][n] = units.first[k];
+    products.second[k][n] = units.second[k];
+    products.third[k][n] = units.third[k];
+    products.of_first[k][n] = of_first[k];
+    products.of_second[k][n] = of_second[k];
+    products.of_third[k][n] = of_third[k];
+  }
+  __syncthreads();
+  for (int p = threadIdx.x; p < kResponseParameters; p += kTableThreads) {
+    partial[blockIdx.x * kResponseParameters + p] = parameter_gradient(products, p);
+  }
+}
+
+__global__ void __launch_bounds__(kSumThreads)
+    table_sum_kernel(const float* partial, int blocks, float* out) {
+  const int p = blockIdx.x * kSumThreads + threadIdx.x;
+  if (p >= kResponseParameters) return;
+  float sum = 0;
+#pragma unroll 8
+  for (int block = 0; block < blocks; ++block) sum += partial[block * kResponseParameters + p];
+  out[p] = sum;
+}
+
+Network network_of(const NetworkWeights& weights) {
+  Network network{};
+  for (size_t p = 0; p < weights.size(); ++p) {
+    network.parameters[p] = weights[p].const_data_ptr<float>();
+  }
+  return network;
+}
+
+}  // namespace
+
+at::Tensor response_table(const NetworkWeights& weights) {
+  const c10::cuda::CUDAGuard guard(weights[0].device());
+  at::Tensor table = at::empty({kKnots}, weights[0].options().requires_grad(false));
+  table_kernel<<<kernel::grid_size(kKnots, kTableThreads), kTableThreads, 0,
+                 c10::cuda::getCurrentCUDAStream()>>>(network_of(weights),
+                                                      table.mutable_data_ptr<float>());
+  kernel::check_launch("the table of the camera response");
+  return table;
+}
+
+at::Tensor response_table_gradient(const NetworkWeights& weights, const at::Tensor& table,
+                                   const at::Tensor& of_table) {
+  const c10::cuda::CUDAGuard guard(table.device());
+  const auto stream = c10::cuda::getCurrentCUDAStream();
+  const auto blocks = static_cast<int>(kernel::block_count(kKnots, kTableThreads));
+  const at::Tensor partial = at::empty({blocks, kResponseParameters}, table.options());
+  at::Tensor out = at::empty({kResponseParameters}, table.options());
+  table_gradient_kernel<<<static_cast<unsigned>(blocks), kTableThreads, 0, stream>>>(
+      network_of(weights), table.const_data_ptr<float>(), of_table.const_data_ptr<float>(),
+      partial.mutable_data_ptr<float>());
+  kernel::check_launch("the table of the camera response, backward");
+  table_sum_kernel<<<kernel::grid_size(kResponseParameters, kSumThreads), kSumThreads, 0, stream>>>(
+      partial.const_data_ptr<float>(), blocks, out.mutable_data_ptr<float>());
+  kernel::check_launch("the table of the camera response, sum");
+  return out;
+}
+
+}  // namespace jade::response::cuda
