@@ -13,20 +13,19 @@ using namespace jade;
 namespace {
 
 /// One exposure of 8 ms with brightening events in its second half.
-import::Capture brightening_capture() {
-  import::Capture capture;
-  capture.shots.push_back({"a", torch::full({3, 8, 10}, 0.4), 0, 8000, 9});
-  std::vector<float> x, y;
-  std::vector<int64_t> t;
-  for (int64_t i = 0; i < 80; ++i) {
-    x.push_back(static_cast<float>(i % 10));
-    y.push_back(static_cast<float>(i / 10));
-    t.push_back(5000 + 30 * i);
-  }
-  capture.events = events::EventStream::from_lists(x, y, t, std::vector<int8_t>(80, 1));
-  capture.camera = geometry::Intrinsics::centred(10, 10, 8);
-  return capture;
+import::Capture brightening_capture(){import::Capture capture;
+capture.shots.push_back({"a", torch::full({3, 8, 10}, 0.4), 0, 8000, 9});
+std::vector<float> x, y;
+std::vector<int64_t> t;
+for (int64_t i = 0; i < 80; ++i) {
+  x.push_back(static_cast<float>(i % 10));
+  y.push_back(static_cast<float>(i / 10));
+  t.push_back(5000 + 30 * i);
 }
+capture.events = events::EventStream::from_lists(x, y, t, std::vector<int8_t>(80, 1));
+capture.camera = geometry::Intrinsics::centred(10, 10, 8);
+return capture;
+}  // namespace
 
 torch::Tensor latents(const std::filesystem::path& network, import::LatentKind kind) {
   import::ImportOptions options;

@@ -88,26 +88,27 @@ class SameAsPython(ProgramCase):
         self.assertLess(float((restored - restore(net, *frames["small"], bgr=True)[0]).abs().max()), 1e-5)
 
 
-ANY_TIME = """
-def forward(self, image, counts, time):
-    t = time.view(-1, 1, 1, 1)
-    edges = torch.linspace(0, 1, counts.size(1) + 1)
-    after = ((edges[1:].view(1, -1, 1, 1) - t) * counts.size(1)).clamp(0, 1)
-    scale = counts.abs().amax([1, 2, 3], keepdim=True).clamp(min=1)
-    late = (counts * after).sum(1, keepdim=True) / scale
-    early = (counts * (1 - after)).sum(1, keepdim=True) / scale
-    channels = torch.cat([image, late, early, t.expand_as(late)], 1)
-    return image + 0.2 * torch.tanh(torch.conv2d(channels, self.kernel, padding=[1, 1]))
-"""
+class AnyTimeLines(torch.nn.Module):
+    """A restorer of version 2 of a few lines: a 3x3 convolution over image, events and moment."""
+
+    def __init__(self, half: bool):
+        super().__init__()
+        kernel = (0.2 * torch.randn(3, 6, 3, 3, generator=torch.Generator().manual_seed(7))).half()
+        self.kernel = torch.nn.Parameter(kernel if half else kernel.float())
+
+    def forward(self, image: torch.Tensor, counts: torch.Tensor, time: torch.Tensor) -> torch.Tensor:
+        t = time.view(-1, 1, 1, 1)
+        edges = torch.linspace(0, 1, counts.size(1) + 1)
+        after = ((edges[1:].view(1, -1, 1, 1) - t) * counts.size(1)).clamp(0, 1)
+        scale = counts.abs().amax([1, 2, 3], keepdim=True).clamp(min=1)
+        late = (counts * after).sum(1, keepdim=True) / scale
+        early = (counts * (1 - after)).sum(1, keepdim=True) / scale
+        channels = torch.cat([image, late, early, t.expand_as(late)], 1)
+        return image + 0.2 * torch.tanh(torch.conv2d(channels, self.kernel, padding=[1, 1]))
 
 
 def any_time_module(half: bool) -> torch.jit.ScriptModule:
-    """A restorer of version 2 of a few lines: a 3x3 convolution over image, events and moment."""
-    kernel = (0.2 * torch.randn(3, 6, 3, 3, generator=torch.Generator().manual_seed(7))).half()
-    module = torch.jit.ScriptModule()
-    module.register_parameter("kernel", torch.nn.Parameter(kernel if half else kernel.float()))
-    module.define(ANY_TIME)
-    return module
+    return torch.jit.script(AnyTimeLines(half))
 
 
 def save_any_time(path: Path, windows: int, half: bool) -> None:
