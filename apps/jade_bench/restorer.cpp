@@ -14,30 +14,60 @@ namespace {
 
 struct Frame {
   std::string name;
-  torch::Tensor image, bins;  ///< [3,H,W] and [6,H,W]
+  torch::Tensor image, bins;  ///< [3,H,W] and [T,H,W]
 };
 
+/// The poses of an exposure.
+const std::vector<double> kNineMoments = {0, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1};
+
 /// Events at a third of the pixels, as of a moving camera.
-Frame make_frame(int64_t width, int64_t height) {
+Frame make_frame(int64_t width, int64_t height, int64_t windows) {
   const auto generator = at::detail::createCPUGenerator(0);
   const torch::Tensor image = torch::rand({3, height, width}, generator);
-  const torch::Tensor bins = torch::randn({6, height, width}, generator) *
+  const torch::Tensor bins = torch::randn({windows, height, width}, generator) *
                              (torch::rand({1, height, width}, generator) > 0.67);
   return {concat(width, "x", height), image, bins};
 }
 
+double peak_of(torch::Device device) { return std::round(peak_mib(device) * 10) / 10; }
+
 nlohmann::json measure(restore::Restorer& restorer, const Frame& frame, const Repeats& repeats,
-                       torch::Device device, const std::filesystem::path& dump) {
+                       torch::Device device) {
   const torch::Tensor image = frame.image.to(device), bins = frame.bins.to(device);
-  if (!dump.empty()) {
-    std::filesystem::create_directories(dump);
-    io::write_npy(dump / (frame.name + ".npy"), restorer.restore(image, bins).cpu());
-  }
   reset_peak(device);
-  const Times times = time([&] { restorer.restore(image, bins); }, repeats, device);
-  return {{"name", frame.name},         {"device", restorer.device().str()},
-          {"width", image.size(2)},     {"height", image.size(1)},
-          {"frame_ms", to_json(times)}, {"peak_mib", std::round(peak_mib(device) * 10) / 10}};
+  const Times one = time([&] { restorer.restore(image, bins); }, repeats, device);
+  nlohmann::json row{{"name", frame.name},       {"device", restorer.device().str()},
+                     {"width", image.size(2)},   {"height", image.size(1)},
+                     {"frame_ms", to_json(one)}, {"peak_mib", peak_of(device)}};
+  if (!restorer.metadata().any_time) return row;
+  reset_peak(device);
+  const Times nine = time([&] { restorer.restore(image, bins, kNineMoments); }, repeats, device);
+  row["nine_ms"] = to_json(nine);
+  row["nine_peak_mib"] = peak_of(device);
+  return row;
+}
+
+/// What the program found, for other programs to compare.
+void dump_restored(restore::Restorer& restorer, const Frame& frame, torch::Device device,
+                   const std::filesystem::path& folder, const std::vector<double>& times) {
+  const torch::Tensor image = frame.image.to(device), bins = frame.bins.to(device);
+  std::filesystem::create_directories(folder);
+  const torch::Tensor restored =
+      times.empty() ? restorer.restore(image, bins) : restorer.restore(image, bins, times);
+  io::write_npy(folder / (frame.name + ".npy"), restored.cpu());
+}
+
+void print_frame(const nlohmann::json& row) {
+  std::printf("%-10s %s: %9.3f ms per frame (median; fastest %.3f), %.1f MiB",
+              row["name"].get<std::string>().c_str(), row["device"].get<std::string>().c_str(),
+              row["frame_ms"]["median"].get<double>(), row["frame_ms"]["min"].get<double>(),
+              row["peak_mib"].get<double>());
+  if (row.contains("nine_ms")) {
+    std::printf("; nine moments together %.3f ms, %.1f MiB", row["nine_ms"]["median"].get<double>(),
+                row["nine_peak_mib"].get<double>());
+  }
+  std::printf("\n");
+  std::fflush(stdout);
 }
 
 std::pair<int64_t, int64_t> parse_size(const std::string& text) {
@@ -54,11 +84,20 @@ std::pair<int64_t, int64_t> parse_size(const std::string& text) {
 
 CLI::App* RestorerBench::add_to(CLI::App& cli) {
   CLI::App* const command =
-      cli.add_subcommand("restorer", "The learned restorer: one frame and its six event bins");
+      cli.add_subcommand("restorer", "The learned restorer: one frame, and nine moments of it");
   command->fallthrough();
   command->add_option("--efnet", efnet.path, "TorchScript file (the one that ships)");
-  command->add_option("--input", inputs, "Folders with image.npy and bins.npy instead of --size");
-  command->add_option("--dump", dump, "Write NAME.npy of each restored frame into this folder");
+  command->add_option("--input", inputs,
+                      "Folders with image.npy [3,H,W] and bins.npy [T,H,W], the signed events of "
+                      "the restorer's windows, instead of --size");
+  command->add_option("--dump", dump,
+                      "Write NAME.npy of each restored frame into this folder, [3,H,W]");
+  command
+      ->add_option("--times", times,
+                   "Moments for --dump, such as 0,0.5,1, which makes it [K,3,H,W]; other than 0.5 "
+                   "they need a restorer of version 2")
+      ->delimiter(',')
+      ->check(CLI::Range(0.0, 1.0));
   command->add_option("--size", sizes, "Frame sizes (346x260,600x400)")->delimiter(',');
   command->add_option("--repeats", repeats.timed, "Timed runs")->capture_default_str();
   command->add_option("--warm-up", repeats.warm_up, "Runs before them")->capture_default_str();
@@ -77,17 +116,12 @@ ExitCode RestorerBench::run(const apps::Program& program) const {
   }
   for (const std::string& size : inputs.empty() ? sizes : std::vector<std::string>()) {
     const auto [width, height] = parse_size(size);
-    frames.push_back(make_frame(width, height));
+    frames.push_back(make_frame(width, height, restorer.metadata().windows));
   }
   for (const Frame& frame : frames) {
-    rows.push_back(measure(restorer, frame, repeats, device, dump));
-    const auto& row = rows.back();
-    if (program.json()) continue;
-    std::printf("%-10s %s: %9.3f ms per frame (median; fastest %.3f), %.1f MiB\n",
-                frame.name.c_str(), row["device"].get<std::string>().c_str(),
-                row["frame_ms"]["median"].get<double>(), row["frame_ms"]["min"].get<double>(),
-                row["peak_mib"].get<double>());
-    std::fflush(stdout);
+    if (!dump.empty()) dump_restored(restorer, frame, device, dump, times);
+    rows.push_back(measure(restorer, frame, repeats, device));
+    if (!program.json()) print_frame(rows.back());
   }
   if (program.json()) std::cout << nlohmann::json{{"workloads", rows}}.dump(2) << '\n';
   return ExitCode::kOk;

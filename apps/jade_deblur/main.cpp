@@ -33,7 +33,13 @@ void add_flags(apps::Program& program, DeblurFlags& flags) {
                  "offset of a sensor that measures log(I + offset), I in [0,1] (0)")
       ->check(CLI::NonNegativeNumber);
   cli.add_flag("--poses", flags.pictures.poses,
-               "also write NAME_<k>.png for the nine poses, k 0 to 8");
+               "also write NAME_<k>.png for the nine poses, k 0 to 8: restored there by a "
+               "restorer of version 2, else carried there from the middle by the events");
+  cli.add_option("--times", flags.pictures.times,
+                 "also write NAME_t<u>.png at these moments, 0 the start and 1 the end of the "
+                 "exposure, such as 0,0.5,1; methods that read EFNet need a restorer of version 2")
+      ->delimiter(',')
+      ->check(CLI::Range(0.0, 1.0));
   cli.add_flag("--npy", flags.pictures.npy,
                "also write unclamped float32 [3,H,W] beside each picture");
   apps::add_dataset_flags(program, "--dataset", "folder of the data set (that of the run)");
@@ -61,7 +67,15 @@ void check_flags(const DeblurFlags& flags, const restore::Method& method,
     throw ConfigError("--dataset: expected a folder, there or as dataset.path of --config");
   }
   if (output.empty()) throw ConfigError("--output: expected a folder for the pictures");
-  if (method.needs_efnet) restore::checked_file_sha256(settings.efnet);
+  if (method.needs_truth && !flags.pictures.times.empty()) {
+    throw ConfigError(concat("--times: method ", method.name,
+                             " knows the truth of mid-exposure only; use edi, efnet or mean"));
+  }
+  if (!method.needs_efnet) return;
+  restore::checked_file_sha256(settings.efnet);
+  if (flags.pictures.times.empty()) return;
+  const std::filesystem::path network = restore::restorer_path(settings.efnet);
+  restore::check_times(network, restore::read_restorer_metadata(network), flags.pictures.times);
 }
 
 ExitCode deblur(DeblurFlags flags, apps::Program& program) {

@@ -80,6 +80,39 @@ TEST_CASE("jade_deblur: each method writes its frames, pictures and scores", "[a
   }
 }
 
+TEST_CASE("jade_deblur: moments are restored where they are, or refused in one line", "[apps]") {
+  const Scene scene;
+  std::string metadata = replaced(kMetadata, "\"format_version\": 1", "\"format_version\": 2");
+  metadata = replaced(metadata, "scer", "counts");
+  metadata = replaced(metadata, "max_abs", "inside");
+  metadata =
+      replaced(metadata, "\"uses_mask\"", "\"windows\": 4, \"any_time\": true, \"uses_mask\"");
+  save_network(scene.dir / "any.pt", "  return 0 * image + 0.2 + 0.4 * mask.view(-1, 1, 1, 1)\n",
+               metadata);
+  const Outcome found =
+      scene.deblur("--method efnet --efnet any.pt --npy --times 0,0.25,1 --poses");
+  INFO(found.err);
+  CHECK(found.code == 0);
+  const auto value = [&](const char* file) {
+    const torch::Tensor image = imaging::read_image(scene.dir / "out" / file);
+    CHECK(image.min().item<float>() == image.max().item<float>());
+    return image.mean().item<double>();
+  };
+  CHECK(value("00.npy") == Approx(0.4));
+  CHECK(value("00_t0.npy") == Approx(0.2));
+  CHECK(value("00_t0.25.npy") == Approx(0.3));
+  CHECK(value("01_t1.npy") == Approx(0.6));
+  CHECK(value("01_1.npy") == Approx(0.25));
+  CHECK(value("02_8.npy") == Approx(0.6));
+  CHECK(scene.deblur("--method edi --times 0,1").code == 0);
+  check_error(
+      scene.deblur("--method mean --efnet net.pt --times 0.25"), 3,
+      "net.pt: is of version 1 and restores the middle of an exposure only, asked for moment 0.25");
+  check_error(scene.deblur("--method oracle --efnet any.pt --times 0.25"), 2,
+              "--times: method oracle knows");
+  CHECK(scene.deblur("--method edi --times 1.5").code == 2);
+}
+
 TEST_CASE("jade_deblur: gray frames are restored in gray, and coloured ones in colour", "[apps]") {
   const Scene coloured, gray({36, 28, 3, false, true});
   const auto is_gray = [](const Scene& scene) {

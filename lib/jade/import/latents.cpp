@@ -2,6 +2,7 @@
 #include "jade/import/latents.h"
 
 #include <algorithm>
+#include <iterator>
 #include <nlohmann/json.hpp>
 #include <torch/types.h>
 
@@ -47,8 +48,11 @@ bool is_sharp(const Shot& shot, double sharp_px) {
 
 torch::Tensor latents_of(const Shot& shot, const Capture& capture, const ImportOptions& options,
                          restore::ViewRestorer& restorer) {
-  const restore::RestoreOptions how{
+  restore::RestoreOptions how{
       options.events, {geometry::QuadratureRule::kTrapezoid, 9}, 0, std::nullopt};
+  const bool mean_of_each = options.latents.kind == LatentKind::kMean && restorer.has_network() &&
+                            restorer.metadata().any_time;
+  if (mean_of_each) how.times.assign(std::begin(kLatentMoments), std::end(kLatentMoments));
   const restore::RestoredExposure restored =
       restore::restore_exposure(exposure_of(shot, capture), capture.events, how, restorer);
   const torch::Tensor u = torch::tensor({0.0, 0.5, 1.0}, torch::kFloat64);
@@ -57,6 +61,7 @@ torch::Tensor latents_of(const Shot& shot, const Capture& capture, const ImportO
           .unsqueeze(1);
   torch::Tensor latents = restored.blurry * gain;
   if (options.latents.kind == LatentKind::kEdi) return latents.cpu();
+  if (mean_of_each) return (0.5 * (latents + restored.efnet_at)).cpu();
   const torch::Tensor mean = 0.5 * (restored.restorations.edi + restored.restorations.efnet);
   if (options.latents.kind == LatentKind::kMean) return (mean * (gain / gain[1])).cpu();
   latents[1] = mean;

@@ -98,7 +98,8 @@ constexpr auto words_of(LatentKind) {
                     Word{"mixed", LatentKind::kMixed,
                          "EDI at both ends, the mean of EDI and EFNet in the middle"},
                     Word{"mean", LatentKind::kMean,
-                         "that mean, carried to both ends by the ratio that the events tell"}};
+                         "that mean at all three; with a restorer of version 1, which knows the "
+                         "middle only, carried to both ends by the ratio that the events tell"}};
 }
 
 /// The sharp images that structure from motion sees.

@@ -37,6 +37,24 @@ std::vector<eval::Scores> score_all(const restore::Method& method,
   return scores;
 }
 
+/// A moment beside the middle, and how its files are named.
+struct NamedMoment {
+  double u;
+  std::string ending;
+};
+
+/// @param poses  whether the poses are among what is restored, not carried
+std::vector<NamedMoment> moments_of(const DeblurPictures& pictures, bool poses,
+                                    const geometry::ExposureOptions& exposure) {
+  std::vector<NamedMoment> moments;
+  for (const double u : pictures.times) moments.push_back({u, concat("_t", u)});
+  if (!poses) return moments;
+  for (const double u : geometry::quadrature(exposure.quadrature, exposure.samples).u) {
+    moments.push_back({u, concat("_", moments.size() - pictures.times.size())});
+  }
+  return moments;
+}
+
 }  // namespace
 
 Deblurred deblur(const data::Dataset& dataset, const DeblurOptions& options,
@@ -44,6 +62,11 @@ Deblurred deblur(const data::Dataset& dataset, const DeblurOptions& options,
                  const DeblurPictures& pictures, torch::Device device) {
   const torch::NoGradGuard no_grad;
   Deblurrer deblurrer(options, method, dataset, device);
+  const bool poses_restored =
+      pictures.poses && deblurrer.has_any_time_network() && !method.needs_truth;
+  const auto moments = moments_of(pictures, poses_restored, options.settings.exposure);
+  std::vector<double> times;
+  for (const NamedMoment& moment : moments) times.push_back(moment.u);
   const eval::Lpips lpips(device);
   Deblurred deblurred;
   Progress progress("restoring", static_cast<int64_t>(dataset.train.size()), 0, "frames");
@@ -55,11 +78,15 @@ Deblurred deblur(const data::Dataset& dataset, const DeblurOptions& options,
       ++deblurred.without_truth;
       continue;
     }
-    Restored restored = deblurrer.restore(exposure, static_cast<int64_t>(i));
+    Restored restored = deblurrer.restore(exposure, static_cast<int64_t>(i), times);
     if (!truths.empty()) restored.candidates.truth = truths.front().image;
     const torch::Tensor result = method.restore(restored.candidates);
     save(output / exposure.name, result, pictures.npy);
-    if (pictures.poses) {
+    for (size_t k = 0; k < moments.size(); ++k) {
+      save(output / (exposure.name + moments[k].ending), method.restore(restored.at[k]),
+           pictures.npy);
+    }
+    if (pictures.poses && !poses_restored) {
       const torch::Tensor latents = deblurrer.at_all_poses(result, restored);
       for (int64_t k = 0; k < latents.size(0); ++k) {
         save(output / concat(exposure.name, "_", k), latents[k], pictures.npy);

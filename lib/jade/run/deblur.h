@@ -14,8 +14,9 @@ namespace jade::run {
 
 /// What is written beside NAME.png and the side pictures.
 struct DeblurPictures {
-  bool poses = false;  ///< NAME_<k>.png for the nine poses
-  bool npy = false;    ///< unclamped float32 [3,H,W] beside each picture
+  bool poses = false;              ///< NAME_<k>.png for the nine poses
+  bool npy = false;                ///< unclamped float32 [3,H,W] beside each picture
+  std::vector<double> times = {};  ///< NAME_t<u>.png at these moments
 };
 
 struct Deblurred {
@@ -25,6 +26,8 @@ struct Deblurred {
 };
 
 /// Restores every training exposure into the folder `output`, which must be there. Shows progress.
+/// Poses are restored where they are by a restorer of any moment; with one of the middle, and by a
+/// method that needs the truth, the middle is carried there by the ratio that the events tell.
 /// @throws DataError, ConfigError, CheckpointError, NumericError of the restorer, the run, the
 ///   truths and the pictures.
 Deblurred deblur(const data::Dataset& dataset, const DeblurOptions& options,

@@ -5,6 +5,8 @@
 
 #include "jade/core/error.h"
 #include "jade/core/random.h"
+#include "jade/events/voxel.h"
+#include "jade/imaging/edi.h"
 #include "jade/restore/restored_exposure.h"
 #include "jade/run/checkpoint.h"
 #include "jade/run/evaluate.h"
@@ -48,10 +50,17 @@ Deblurrer::Deblurrer(const DeblurOptions& options, const restore::Method& method
   if (method.needs_run) allocation_ = load_allocation(options.run, dataset);
 }
 
-Restored Deblurrer::restore(const data::Exposure& exposure, int64_t index) {
-  const restore::RestoredExposure found = restore::restore_exposure(
-      exposure, events_,
-      {options_.settings.events, options_.settings.exposure, options_.log_offset}, restorer_);
+bool Deblurrer::has_any_time_network() const {
+  return restorer_.has_network() && restorer_.metadata().any_time;
+}
+
+Restored Deblurrer::restore(const data::Exposure& exposure, int64_t index,
+                            const std::vector<double>& times) {
+  restore::RestoreOptions how{options_.settings.events, options_.settings.exposure,
+                              options_.log_offset};
+  how.times = times;
+  const restore::RestoredExposure found =
+      restore::restore_exposure(exposure, events_, how, restorer_);
   Restored restored;
   restored.gain = found.gain.unsqueeze(1).cpu();
   const events::WindowCounts& counts = found.maps.windows;
@@ -63,6 +72,20 @@ Restored Deblurrer::restore(const data::Exposure& exposure, int64_t index) {
   if (allocation_) {
     c.alpha = allocation_->forward(
         {exposure.blurry, events::polarity_projection(found.maps.voxel.values), index});
+  }
+  for (size_t k = 0; k < times.size(); ++k) {
+    const torch::Tensor u = torch::tensor({times[k]}, torch::kFloat64);
+    const torch::Tensor gain =
+        imaging::edi_gain(found.kernel.log_gain, u.to(found.kernel.log_gain.device()));
+    restore::Candidates at;
+    at.blurry = exposure.blurry;
+    at.edi = ((found.blurry + options_.log_offset) * gain - options_.log_offset).cpu();
+    if (found.efnet_at.defined()) at.efnet = found.efnet_at[static_cast<int64_t>(k)].cpu();
+    if (allocation_) {
+      const auto psi = events::polarity_projection(found.maps.voxel.values, times[k]);
+      at.alpha = allocation_->forward({exposure.blurry, psi, index});
+    }
+    restored.at.push_back(std::move(at));
   }
   return restored;
 }

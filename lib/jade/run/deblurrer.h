@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 #include <torch/types.h>
+#include <vector>
 
 #include "jade/data/exposure.h"
 #include "jade/restore/methods.h"
@@ -23,11 +24,13 @@ struct DeblurOptions {
   std::filesystem::path run;  ///< of the router; empty: none
 };
 
-/// One exposure restored at its middle.
+/// One exposure restored at its middle, and at other moments.
 struct Restored {
   restore::Candidates candidates;  ///< on the CPU
   torch::Tensor gain;              ///< [K,1,H,W], latent image of each moment over the frame
   torch::Tensor events;            ///< [2,H,W] positive and negative events during the exposure
+  /// The same at the moments asked for, in their order; the truth is that of the middle alone.
+  std::vector<restore::Candidates> at;
 };
 
 /// Restores exposures of a data set, through the cache.
@@ -37,7 +40,13 @@ class Deblurrer {
   Deblurrer(const DeblurOptions& options, const restore::Method& method,
             const data::Dataset& dataset, torch::Device device);
 
-  Restored restore(const data::Exposure& exposure, int64_t index);
+  /// @param times  other moments to restore, 0 the start and 1 the end of the exposure
+  /// @throws DataError where the restorer can do the middle only.
+  Restored restore(const data::Exposure& exposure, int64_t index,
+                   const std::vector<double>& times = {});
+
+  /// Whether there is a network, and it restores any moment.
+  bool has_any_time_network() const;
 
   /// The image of another pose from the one at mid-exposure, by the ratio that the events tell.
   /// @return [K,3,H,W]
