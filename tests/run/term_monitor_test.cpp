@@ -25,7 +25,8 @@ TEST_CASE("term monitor: names the step and the term that first stopped being fi
 TEST_CASE("term monitor: steps whose terms alternate are told apart", "[run]") {
   run::TermMonitor monitor;
   const auto watch = [&](int64_t step, double blur) {
-    std::vector<losses::NamedTerm> terms{{"blur", torch::tensor(blur)}};
+    std::vector<losses::NamedTerm> terms{{"blur", torch::tensor(blur)},
+                                         {"edi_gray", torch::tensor(1.0)}};
     if (step % 2 == 1) terms.push_back({"route_render", torch::tensor(1.0)});
     monitor.watch(terms, step);
   };
