@@ -10,8 +10,10 @@
 
 #include "jade/core/random.h"
 #include "jade/geometry/trajectory.h"
+#include "jade/imaging/color.h"
 #include "jade/losses/inherited.h"
 #include "jade/losses/objective.h"
+#include "jade/losses/poses.h"
 #include "jade/losses/rec.h"
 #include "jade/losses/route.h"
 #include "jade/losses/target.h"
@@ -31,7 +33,7 @@ constexpr int64_t kStep = 8001;
 struct Images {
   torch::Tensor renders;              ///< [9,3,H,W], leaf
   torch::Tensor image, other, alpha;  ///< [3,H,W], [3,H,W], [1,H,W], leaves
-  torch::Tensor blurry, factors, counts, pixels, psi;
+  torch::Tensor blurry, factors, counts, pixels, psi, draws;
   imaging::SsimTarget blurry_moments;
   restore::Restorations restorations;
   router::Router router{make_generator(0, "router")};
@@ -53,10 +55,15 @@ struct Images {
                  .narrow(0, 0, std::min(kEventPixels, height * width))
                  .to(device);
     psi = draw({2, height, width});
+    draws = torch::tensor({1, 6, 2}, torch::kInt64).to(device);
     restorations.edi = draw({3, height, width});
     restorations.efnet = draw({3, height, width});
     router->to(device);
     response->to(device);
+  }
+
+  torch::Tensor toned(const torch::Tensor& x) const {
+    return response::CameraResponse(response)->forward(x);
   }
 
   losses::Objective objective() const {
@@ -64,7 +71,7 @@ struct Images {
     inputs.renders = renders;
     inputs.blurry = blurry;
     inputs.blurry_moments = blurry_moments;
-    inputs.pose_draws = torch::tensor({1, 6, 2}, torch::kInt64).to(renders.device());
+    inputs.pose_draws = draws;
     inputs.edi_factors = factors.index_select(0, inputs.pose_draws);
     inputs.target.emplace(restorations.edi);
     const torch::Tensor table = response::CameraResponse(response)->table();
@@ -105,6 +112,22 @@ std::vector<Term> terms() {
        }},
       {"intensity",
        [](const Images& in) { return losses::intensity_loss(in.image, in.other, kDssim); }},
+      {"pairs",  // the images of L_tgt, L_blur, L_edi in colour and L_int, in one pass
+       [](const Images& in) {
+         return imaging::l1_ssim_sum({{losses::target_pairs(in.image, Fixed(in.blurry)), 1, {}},
+                                      {{{in.image, in.blurry_moments}}, 1, {}},
+                                      {{{in.image, {in.blurry, {}, {}}}}, 1, {}},
+                                      {{{in.image, {in.other, {}, {}}}}, 1, {}}},
+                                     kDssim)
+             .total;
+       }},
+      {"gray", [](const Images& in) { return imaging::gray(in.image).sum(); }},
+      {"views",
+       [](const Images& in) {
+         const losses::PoseViews views = losses::pose_views(in.renders, in.draws, {}, 4);
+         return views.mean.sum() + views.picks[0].sum() + views.picks[1].sum();
+       }},
+      {"response", [](const Images& in) { return in.toned(in.image).sum(); }},
       {"event",
        [](const Images& in) {
          losses::EventPair pair;

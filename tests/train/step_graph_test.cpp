@@ -135,6 +135,26 @@ TEST_CASE("step graph: replayed steps move the sensor as eager ones do", "[train
   }
 }
 
+TEST_CASE("step graph: plans that alternate are replayed, each from its own recording",
+          "[train][cuda]") {
+  const train::StreamScope stream(torch::Device(torch::kCUDA, 0));
+  const test::TinyScene scene;
+  GraphBench recorded(scene, GraphCase{true}), eager(scene, GraphCase{true});
+  for (GraphBench* bench : {&recorded, &eager}) bench->options.route.every = 2;
+  train::StepGraph graph;
+  for (int64_t step = 21; step < 33; ++step) {
+    INFO(step);
+    const train::StepInputs in = recorded.inputs(step);
+    const auto replayed =
+        values_of(graph.run(recorded.state, in, recorded.plan(step), recorded.options));
+    const auto expected =
+        values_of(train::alternate(eager.state, in, eager.plan(step), eager.options));
+    CHECK(replayed.count("route_render") == static_cast<size_t>(step % 2));
+    CHECK(distance(replayed, expected) < 1e-3);
+  }
+  CHECK(graph.replays() == 10);  // all but the first step of each plan
+}
+
 TEST_CASE("step graph: without a device every step runs eagerly", "[train]") {
   const test::TinyScene scene;
   test::Bench bench(scene);

@@ -11,7 +11,8 @@
 namespace jade::run {
 
 /// Watches the loss terms for NaN and Inf without waiting for the device: it counts finite values
-/// there, and from the count tells the step of the first bad one when asked.
+/// there, and from the count tells the step of the first bad one when asked. Steps with other terms
+/// may alternate: each set of terms has counts of its own.
 class TermMonitor {
  public:
   /// After each step.
@@ -21,12 +22,16 @@ class TermMonitor {
   void check();
 
  private:
-  void start(const std::vector<losses::NamedTerm>& terms, int64_t step);
+  /// Steps with the same terms since the last check.
+  struct Count {
+    std::vector<std::string> names;
+    torch::Tensor finite_steps;  // [terms] int64 on the device
+    std::vector<int64_t> steps;
+  };
 
-  std::vector<std::string> names_;
-  torch::Tensor finite_steps_;  // [terms] int64 on the device
-  int64_t first_step_ = 0;      // of this count
-  int64_t steps_ = 0;           // counted
+  Count& count_of(const std::vector<losses::NamedTerm>& terms);
+
+  std::vector<Count> counts_;
 };
 
 }  // namespace jade::run

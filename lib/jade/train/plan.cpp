@@ -13,7 +13,8 @@ StepPlan plan_step(const RunOptions& options, int64_t step) {
   StepPlan plan;
   plan.objective = losses::plan_objective(options.objective, step);
   plan.objective.target &= !routed || allocation != AllocationKind::kNone;
-  plan.route = plan.objective.target && routed && allocation != AllocationKind::kConstant;
+  plan.route = plan.objective.target && routed && allocation != AllocationKind::kConstant &&
+               (step - 1) % options.route.every == 0;
   plan.sh_degree = gaussians::active_sh_degree(step, options.train.sh_degree_every);
   plan.learned_poses = options.poses.optimize != PosePath::kNone;
   plan.sensor = learns(options.sensor) && step > options.sensor.from;
