@@ -33,7 +33,7 @@ void add_flags(apps::Program& program, DeblurFlags& flags) {
                  "offset of a sensor that measures log(I + offset), I in [0,1] (0)")
       ->check(CLI::NonNegativeNumber);
   cli.add_flag("--poses", flags.pictures.poses,
-               "also write NAME_<k>.png for the nine poses, k 0 to 8");
+               "also write NAME_<k>.png for each moment of exposure.samples, k from 0");
   cli.add_flag("--npy", flags.pictures.npy,
                "also write unclamped float32 [3,H,W] beside each picture");
   apps::add_dataset_flags(program, "--dataset", "folder of the data set (that of the run)");
