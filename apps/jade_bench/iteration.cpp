@@ -218,7 +218,7 @@ CLI::App* IterationBench::add_to(apps::Program& program) {
 }
 
 ExitCode IterationBench::run(const apps::Program& program) const {
-  train::RunOptions defaults;
+  train::RunOptions defaults = train::printed_options();
   defaults.dataset.path = "workload";  // in memory
   std::optional<train::RunOptions> options = program.load_options(defaults);
   if (!options) return ExitCode::kOk;

@@ -20,6 +20,7 @@
 #include "jade/response/camera_response.h"
 #include "jade/restore/restorations.h"
 #include "jade/router/router.h"
+#include "jade/train/options.h"
 
 namespace jade::bench {
 namespace {
@@ -80,7 +81,7 @@ struct Images {
         [table](const torch::Tensor& x, const torch::Tensor& weights) {
           return response::CameraResponseImpl::mean(x, table, weights);
         }};
-    const losses::ObjectiveOptions options;
+    const losses::ObjectiveOptions options = train::printed_options().objective;
     return losses::objective(inputs, losses::plan_objective(options, kStep), options);
   }
 };

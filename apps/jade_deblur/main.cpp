@@ -33,8 +33,9 @@ void add_flags(apps::Program& program, DeblurFlags& flags) {
                  "offset of a sensor that measures log(I + offset), I in [0,1] (0)")
       ->check(CLI::NonNegativeNumber);
   cli.add_flag("--poses", flags.pictures.poses,
-               "also write NAME_<k>.png for the nine poses, k 0 to 8: restored there by a "
-               "restorer of version 2, else carried there from the middle by the events");
+               "also write NAME_<k>.png for each moment of exposure.samples, k from 0: "
+               "restored there by a restorer of version 2, else carried there from the middle by "
+               "the events");
   cli.add_option("--times", flags.pictures.times,
                  "also write NAME_t<u>.png at these moments, 0 the start and 1 the end of the "
                  "exposure, such as 0,0.5,1; methods that read EFNet need a restorer of version 2")

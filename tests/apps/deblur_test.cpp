@@ -136,10 +136,10 @@ TEST_CASE("jade_deblur: gray frames are restored in gray, and coloured ones in c
 
 TEST_CASE("jade_deblur: the router of a run decides the mix", "[apps]") {
   const Scene scene;
-  const Outcome trained =
-      run(scene.dir,
-          "jade_train --quiet --device cpu --set dataset.path=scene --set efnet.path=net.pt "
-          "--set init.points=100 --set train.iterations=3 --output run");
+  const Outcome trained = run(
+      scene.dir,
+      "jade_train --quiet --device cpu --set dataset.path=scene --set efnet.path=net.pt "
+      "--set objective.target=routed --set init.points=100 --set train.iterations=3 --output run");
   INFO(trained.err);
   REQUIRE(trained.code == 0);
   const Outcome outcome =

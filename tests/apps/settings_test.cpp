@@ -96,7 +96,7 @@ TEST_CASE("settings: a scene's file serves every program; paths start where they
   fs::create_directories(dir / "configs");
   dir.write("configs/scene.yaml",
             "dataset: {path: ../data/scene}\nobjective: {target: edi}\ninit: {points: 100}\n"
-            "train: {iterations: 3}\n");
+            "poses: {optimize: none}\ntrain: {iterations: 3}\n");
   const std::string scene = " --config configs/scene.yaml ";
   const Outcome inspected = run(dir, "jade_inspect --json" + scene);
   INFO(inspected.err);

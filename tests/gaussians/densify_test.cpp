@@ -13,6 +13,10 @@ namespace {
 
 using test::random_gaussians;
 
+struct CloneAndSplit : DensifyOptions {
+  CloneAndSplit() { strategy = DensifyStrategy::kAdc; }
+};
+
 /// Five small, opaque Gaussians and an optimiser whose moments hold the row's index + 1.
 struct Fixture {
   GaussianModel model;
@@ -51,7 +55,7 @@ void set_statistics(const Densifier& densifier, const std::vector<float>& gradie
 
 TEST_CASE("densify: small Gaussians with large gradients are cloned as they are", "[gaussians]") {
   Fixture f;
-  Densifier densifier = f.densifier({});
+  Densifier densifier = f.densifier(CloneAndSplit());
   set_statistics(densifier, {0, 3e-4f, 0, 0, 1e-4f});
   const torch::Tensor means = f.model.detached().means.clone();
   const DensifyReport report = densifier.update(600, f.model, f.adam);
@@ -69,7 +73,7 @@ TEST_CASE("densify: small Gaussians with large gradients are cloned as they are"
 TEST_CASE("densify: large Gaussians become two smaller ones drawn from them", "[gaussians]") {
   Fixture f;
   f.model.parameters().log_scales.detach()[2].fill_(std::log(0.05));
-  Densifier densifier = f.densifier({});
+  Densifier densifier = f.densifier(CloneAndSplit());
   set_statistics(densifier, {0, 0, 1, 0, 0});
   const torch::Tensor mean = f.model.detached().means[2].clone();
   const DensifyReport report = densifier.update(600, f.model, f.adam);
@@ -91,7 +95,7 @@ TEST_CASE("densify: faint, not finite and, late, overlarge Gaussians go", "[gaus
     f.model.parameters().logit_opacities.detach()[0].fill_(-6);
     f.model.parameters().means.detach()[1][2].fill_(std::nan(""));
     f.model.parameters().log_scales.detach()[3][1].fill_(std::log(0.2));
-    Densifier densifier = f.densifier({});
+    Densifier densifier = f.densifier(CloneAndSplit());
     const DensifyReport report = densifier.update(step, f.model, f.adam);
     CHECK(report.pruned == (step == 600 ? 2 : 3));
     CHECK(f.tags() == (step == 600 ? std::vector<float>{3, 4, 5} : std::vector<float>{3, 5}));
@@ -100,7 +104,7 @@ TEST_CASE("densify: faint, not finite and, late, overlarge Gaussians go", "[gaus
 
 TEST_CASE("densify: max_gaussians keeps the strongest gradients", "[gaussians]") {
   Fixture f;
-  DensifyOptions options;
+  CloneAndSplit options;
   options.max_gaussians = 7;
   Densifier densifier = f.densifier(options);
   set_statistics(densifier, {5e-4f, 2e-3f, 3e-4f, 1e-3f, 4e-4f});
@@ -113,7 +117,7 @@ TEST_CASE("densify: max_gaussians keeps the strongest gradients", "[gaussians]")
 
 TEST_CASE("densify: the calendar is the inherited one", "[gaussians]") {
   Fixture f;
-  const Densifier densifier = f.densifier({});
+  const Densifier densifier = f.densifier(CloneAndSplit());
   CHECK_FALSE(densifier.due(500));
   CHECK(densifier.due(600));
   CHECK_FALSE(densifier.due(601));
@@ -122,7 +126,7 @@ TEST_CASE("densify: the calendar is the inherited one", "[gaussians]") {
   CHECK(keeps_statistics(densifier.options(), 14999));
   CHECK_FALSE(keeps_statistics(densifier.options(), 15000));
   CHECK(densifier.statistics_view() == -1);
-  DensifyOptions first;
+  CloneAndSplit first;
   first.statistics = CountedPoses::kFirst;
   CHECK(f.densifier(first).statistics_view() == 0);
 }
@@ -131,7 +135,7 @@ TEST_CASE("densify: opacities are reset to at most 0.01 and their moments forgot
           "[gaussians]") {
   Fixture f;
   f.model.parameters().logit_opacities.detach()[0].fill_(-5);
-  const DensifyReport report = f.densifier({}).update(3000, f.model, f.adam);
+  const DensifyReport report = f.densifier(CloneAndSplit()).update(3000, f.model, f.adam);
   CHECK(report.opacity_reset);
   const torch::Tensor opacities = f.model.detached().logit_opacities.sigmoid();
   CHECK(opacities.max().item<double>() == Approx(0.01));
@@ -143,7 +147,7 @@ TEST_CASE("densify: opacities are reset to at most 0.01 and their moments forgot
 TEST_CASE("densify: nothing happens without a reason", "[gaussians]") {
   Fixture f;
   const splat::Gaussians before = f.model.detached();
-  CHECK_FALSE(f.densifier({}).update(600, f.model, f.adam).changed());
+  CHECK_FALSE(f.densifier(CloneAndSplit()).update(600, f.model, f.adam).changed());
   CHECK(f.model.detached().means.data_ptr() == before.means.data_ptr());
   DensifyOptions none;
   none.strategy = DensifyStrategy::kNone;
@@ -159,7 +163,7 @@ TEST_CASE("densify: the same generator state splits the same way", "[gaussians]"
   for (int run = 0; run < 2; ++run) {
     Fixture f;
     f.model.parameters().log_scales.detach().fill_(-2);
-    Densifier densifier = f.densifier({});
+    Densifier densifier = f.densifier(CloneAndSplit());
     set_statistics(densifier, {1, 1, 1, 1, 1});
     densifier.update(600, f.model, f.adam);
     results.push_back(f.model.detached().means);
@@ -237,7 +241,7 @@ TEST_CASE("mcmc: update grows by the given share up to max_gaussians and regular
   const torch::Tensor loss = densifier.regularization(f.model);
   loss.backward();
   CHECK(f.model.parameters().log_scales.grad().min().item<double>() > 0);
-  CHECK_FALSE(f.densifier({}).regularization(f.model).defined());
+  CHECK_FALSE(f.densifier(CloneAndSplit()).regularization(f.model).defined());
 }
 
 TEST_CASE("mcmc: a run of any length has time for as many new Gaussians", "[gaussians]") {

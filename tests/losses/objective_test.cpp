@@ -34,8 +34,17 @@ ObjectiveInputs inputs(const torch::Tensor& renders) {
 
 torch::Tensor renders() { return image(10, {9, 3, 7, 9}); }
 
+/// As printed: every term acts in full from its step to the end.
+struct PrintedOptions : ObjectiveOptions {
+  PrintedOptions() {
+    target_until = 0;
+    edi_weight_final = -1;
+    trust.agreement = 0;
+  }
+};
+
 Objective objective_at(const ObjectiveInputs& in, int64_t step,
-                       const ObjectiveOptions& options = {}) {
+                       const ObjectiveOptions& options = PrintedOptions()) {
   return objective(in, plan_objective(options, step), options);
 }
 
@@ -106,7 +115,7 @@ TEST_CASE("pose_views: a GPU agrees with the CPU, gradients too", "[losses][cuda
 }
 
 TEST_CASE("objective plan: what acts follows the calendar", "[losses]") {
-  ObjectiveOptions options;
+  PrintedOptions options;
   const auto plan = [&](int64_t step) { return plan_objective(options, step); };
   CHECK(plan(1) == plan(1500));
   CHECK(plan(1500) != plan(1501));
@@ -140,7 +149,7 @@ TEST_CASE("objective: terms begin at the inherited steps", "[losses]") {
   std::set<std::string> late = middle;
   late.insert("simulation");
   CHECK(names(objective_at(in, 7001)) == late);
-  ObjectiveOptions until;
+  PrintedOptions until;
   until.target_until = 7000;
   CHECK(names(objective_at(in, 7000, until)) == middle);
   late.erase("target");
@@ -149,7 +158,7 @@ TEST_CASE("objective: terms begin at the inherited steps", "[losses]") {
 
 TEST_CASE("objective: a disabled term is absent and its inputs are not needed", "[losses]") {
   ObjectiveInputs in = inputs(renders());
-  ObjectiveOptions options;
+  PrintedOptions options;
   options.edi_supervision = options.simulation = options.intensity = false;
   in.edi_factors = torch::Tensor();
   in.target.reset();
@@ -167,7 +176,7 @@ TEST_CASE("objective: a disabled term is absent and its inputs are not needed", 
 TEST_CASE("objective: the total is the sum of its named terms and of the single functions",
           "[losses]") {
   ObjectiveInputs in = inputs(renders());
-  ObjectiveOptions options;
+  PrintedOptions options;
   options.target_weight = 2;
   const Objective loss = objective_at(in, kLate, options);
   double sum = 0;
@@ -203,7 +212,7 @@ TEST_CASE("objective: the event term carries its weight", "[losses]") {
   pair.counts = (image(5, {7, 9}) * 10 - 5).round();
   pair.pixels = torch::arange(63, torch::kInt64);
   in.events = pair;
-  ObjectiveOptions options;
+  PrintedOptions options;
   options.event_loss_weight = 0.1;
   const Objective loss = objective_at(in, 1, options);
   CHECK(loss.terms.back().name == "event");
@@ -211,7 +220,7 @@ TEST_CASE("objective: the event term carries its weight", "[losses]") {
 }
 
 TEST_CASE("objective: where no term reads the mean, the poses that are read suffice", "[losses]") {
-  ObjectiveOptions options;
+  PrintedOptions options;
   options.blur = options.simulation = options.intensity = false;
   const auto rows = [&](int64_t step = kLate) {
     const torch::Tensor read =
@@ -263,7 +272,7 @@ TEST_CASE("objective: weights of the renders change the terms that read their me
 }
 
 TEST_CASE("objective: seventeen renders have their middle at the ninth", "[losses]") {
-  ObjectiveOptions options;
+  PrintedOptions options;
   options.edi_supervision = options.simulation = options.intensity = options.blur = false;
   ObjectiveInputs in = inputs(image(11, {17, 3, 7, 9}));
   in.samples = 17;
@@ -344,7 +353,7 @@ TEST_CASE("objective: agreement is asked of the drawn pose", "[losses]") {
 }
 
 TEST_CASE("objective: weights that fall are those of the step", "[losses]") {
-  ObjectiveOptions options;
+  PrintedOptions options;
   CHECK_FALSE(weights_fall(options));
   CHECK(term_weights(options, 70, 100) == std::array<double, 2>{1, 1});
   options.target_weight = 2;
@@ -368,7 +377,7 @@ TEST_CASE("objective: weights that fall are those of the step", "[losses]") {
 
 TEST_CASE("objective: after target_until the target stays where the scene agrees with it",
           "[losses]") {
-  ObjectiveOptions options;
+  PrintedOptions options;
   options.target_until = 10;
   const torch::Tensor images = renders().set_requires_grad(true);
   const ObjectiveInputs in = inputs(images);
@@ -387,7 +396,7 @@ TEST_CASE("objective: after target_until the target stays where the scene agrees
 
 TEST_CASE("objective: whether a view agrees is asked of its whole target, however little it draws",
           "[losses]") {
-  ObjectiveOptions options;
+  PrintedOptions options;
   options.target_until = 10;
   options.trust.from = 0;
   const ObjectiveInputs in = inputs(renders());
@@ -403,7 +412,7 @@ TEST_CASE("objective: whether a view agrees is asked of its whole target, howeve
 
 TEST_CASE("objective: where the restorations differ the target draws less, and L_edi as before",
           "[losses]") {
-  ObjectiveOptions options;
+  PrintedOptions options;
   options.dssim = 0;
   torch::Tensor images = renders().set_requires_grad(true);
   ObjectiveInputs in = inputs(images);
@@ -419,7 +428,7 @@ TEST_CASE("objective: where the restorations differ the target draws less, and L
 }
 
 TEST_CASE("objective: trust begins at its step, and then target and EDI draw less", "[losses]") {
-  ObjectiveOptions options;
+  PrintedOptions options;
   options.trust.scale = 0.05;
   options.trust.from = 10;
   CHECK_FALSE(plan_objective(options, 10).trust);

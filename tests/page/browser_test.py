@@ -28,8 +28,10 @@ simulate:
   seen_test_views: 1
   motion: {blur_px: 5}
 """
-RESTORER = Path(__file__).resolve().parents[2] / "assets" / "efnet_anytime.pt"
+ROOT = Path(__file__).resolve().parents[2]
+RESTORER = ROOT / "assets" / "efnet_anytime.pt"
 TRAINING = f"""
+extends: {ROOT / "configs" / "paper.yaml"}
 device: cpu
 efnet: {{path: {RESTORER}}}
 events: {{threshold_positive: 0.25}}

@@ -61,6 +61,16 @@ def check_views(page):
     page.evaluate("window.early = document.getElementById('scene').toDataURL(); 0")
     choose(page, "moment", 1)
     page.wait("document.getElementById('scene').toDataURL() !== window.early")
+    page.evaluate("document.getElementById('events').click()")
+    page.wait("!document.getElementById('event-layer').hidden")
+    choose(page, "moment", 0.5)
+    marks = """(() => { const layer = document.getElementById('event-layer');
+        const {data} = layer.getContext('2d').getImageData(0, 0, layer.width, layer.height);
+        return {width: layer.width, marked: data.filter((value, k) => k % 4 === 3 && value > 0).length}; })()"""
+    found = page.evaluate(marks)
+    expect(found["width"] == 48 and found["marked"] > 10, f"events over the scene, found {found}")
+    page.evaluate("document.getElementById('events').click()")
+    page.wait("document.getElementById('event-layer').hidden")
     page.evaluate("document.getElementById('play').click()")
     page.wait("document.getElementById('moment-value').textContent === 'mean of 32' && !jade.playing")
     page.evaluate("document.getElementById('pause').click()")

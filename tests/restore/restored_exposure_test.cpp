@@ -136,6 +136,7 @@ TEST_CASE("restore_exposure: every rule, number of samples and integral blurs ba
   const data::Exposure exposure = exposure_with_events();
   ViewRestorer restorer({false, {}, 1}, std::nullopt, torch::kCPU);
   RestoreOptions options;
+  options.events.edi_samples = 0;
   for (const auto rule :
        {QuadratureRule::kEqual, QuadratureRule::kTrapezoid, QuadratureRule::kJittered}) {
     for (const int64_t samples : {5, 9, 17}) {
@@ -164,8 +165,9 @@ TEST_CASE("restore_exposure: ramps read events beyond the exposure and change ED
   data::Exposure exposure = whole;
   exposure.events = whole.events.slice(1000, 9000);
   ViewRestorer restorer({false, {}, 1}, std::nullopt, torch::kCPU);
-  const RestoredExposure steps = restore_exposure(exposure, whole.events, {}, restorer);
   RestoreOptions options;
+  options.events.ramp_ms = 0;
+  const RestoredExposure steps = restore_exposure(exposure, whole.events, options, restorer);
   options.events.ramp_ms = 1;
   const RestoredExposure lines = restore_exposure(exposure, whole.events, options, restorer);
   CHECK(lines.maps.voxel.values.equal(steps.maps.voxel.values));

@@ -6,9 +6,28 @@
 #include "jade/core/error.h"
 #include "jade/core/random.h"
 #include "jade/data/dataset.h"
+#include "jade/run/evaluate.h"
+#include "jade/run/run_summary.h"
+#include "support/temp_dir.h"
 #include "support/tiny_run.h"
 
 using namespace jade;
+
+TEST_CASE("checkpoint: stored settings did as printed where a later version has a key more",
+          "[run]") {
+  const std::string old = "train: {iterations: 100}\nobjective: {target: edi}\n";
+  const test::TempDir dir;
+  dir.write("config.yaml", old);
+  for (const train::RunOptions& saved : {run::saved_options(old), run::load_run_options(dir.path()),
+                                         run::summarize_run(dir.path()).options}) {
+    CHECK(saved.train.iterations == 100);
+    CHECK(saved.exposure.samples == 9);
+    CHECK(saved.exposure.quadrature == geometry::QuadratureRule::kEqual);
+    CHECK(saved.events.ramp_ms == 0);
+    CHECK(saved.poses.optimize == train::PosePath::kNone);
+    CHECK(saved.densify.strategy == gaussians::DensifyStrategy::kAdc);
+  }
+}
 
 TEST_CASE("checkpoint: maps of another number of views are refused", "[run]") {
   const test::TinyScene scene;

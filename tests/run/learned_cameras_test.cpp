@@ -44,7 +44,7 @@ struct LearnedRun : test::TinyScene {
   }
   /// As a run without learned poses does not have them.
   train::PoseOptions learned() const {
-    train::PoseOptions poses;
+    train::PoseOptions poses = train::printed_options().poses;
     poses.optimize = PosePath::kLinear;
     return poses;
   }

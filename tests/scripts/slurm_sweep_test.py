@@ -23,11 +23,12 @@ rows:
   - {name: edi, set: [objective.target=edi]}
   - {name: plain, set: [objective.target=blurry]}
 """
-TINY = """dataset: {path: data}
-init: {points: 300}
-objective: {target: none}
-train: {iterations: 150}
-checkpoint: {every: 30}
+TINY = f"""extends: {ROOT / "configs" / "paper.yaml"}
+dataset: {{path: data}}
+init: {{points: 300}}
+objective: {{target: none}}
+train: {{iterations: 150}}
+checkpoint: {{every: 30}}
 """
 
 

@@ -24,7 +24,7 @@ struct TinyScene {
 
 /// Twenty steps on the CPU in which all happens that needs no restorer: its place is EDI's.
 inline train::RunOptions tiny_options(const TinyScene& scene) {
-  train::RunOptions options;
+  train::RunOptions options = train::printed_options();
   options.device = "cpu";
   options.dataset.path = scene.data;
   options.events.threshold_positive = 0.2;

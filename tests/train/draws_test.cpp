@@ -64,7 +64,7 @@ TEST_CASE(
 }
 
 TEST_CASE("term weights: those of the step, and none where nothing falls", "[train]") {
-  losses::ObjectiveOptions options;
+  losses::ObjectiveOptions options = train::printed_options().objective;
   CHECK_FALSE(train::TermWeights(options, 4000, torch::kCPU).at(1).defined());
   options.edi_weight_final = 0;
   train::TermWeights weights(options, 4000, torch::kCPU);

@@ -18,7 +18,7 @@ using train::PoseStart;
 namespace {
 
 train::PoseOptions learned(PosePath path, PoseStart start) {
-  train::PoseOptions options;
+  train::PoseOptions options = train::printed_options().poses;
   options.optimize = path;
   options.start = start;
   return options;
@@ -99,7 +99,7 @@ TEST_CASE("exposure poses: a run that starts at the data's poses renders as one 
           "[train]") {
   const test::TinyScene scene;
   PoseBench with(scene, learned(PosePath::kCubic, PoseStart::kData)),
-      without(scene, train::PoseOptions{});
+      without(scene, train::printed_options().poses);
   const auto same = [&](int64_t step) {
     const train::StepInputs in = with.inputs(1, step);
     return with.render(in).color.equal(without.render(in).color);

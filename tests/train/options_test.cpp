@@ -3,13 +3,15 @@
 
 #include "support/catch.h"
 
+#include <map>
+
 #include "jade/config/config.h"
 #include "jade/core/error.h"
 
 using namespace jade;
 
 TEST_CASE("options: rules between fields name the keys", "[train]") {
-  train::RunOptions options;
+  train::RunOptions options = train::printed_options();
   CHECK_NOTHROW(train::validate(options));
   options.events.bins = 5;
   CHECK_THROWS_WITH(train::validate(options), Catch::Contains("events.bins"));
@@ -49,7 +51,7 @@ TEST_CASE("options: all poses are refused where only the middle is known, or mom
 
 TEST_CASE("options: the middle of an exposure is a sample, and DiET-GS's nine images stay nine",
           "[train]") {
-  train::RunOptions options;
+  train::RunOptions options = train::printed_options();
   options.exposure.samples = 10;
   CHECK_THROWS_WITH(train::validate(options), Catch::Contains("exposure.samples"));
   options.exposure.samples = 17;
@@ -109,7 +111,7 @@ TEST_CASE("options: the calendar follows the number of steps", "[train]") {
 }
 
 TEST_CASE("options: a learned sensor asks for a term that moves it, and for exact EDI", "[train]") {
-  train::RunOptions options;
+  train::RunOptions options = train::printed_options();
   options.sensor.learn_thresholds = true;
   CHECK_NOTHROW(train::validate(options));
   options.objective.edi_supervision = false;
@@ -134,24 +136,109 @@ TEST_CASE("validate: learned poses end with their exposure, and so must the wind
   CHECK_NOTHROW(train::validate(options));
 }
 
-TEST_CASE("presets: paper.yaml undoes all that base.yaml recommends", "[train]") {
-  const std::string configs = std::string(JADE_SOURCE) + "/configs/";
-  /// The values that differ from the program's own, of base.yaml with `layers` over it.
-  const auto changed = [&](const std::vector<std::filesystem::path>& layers) {
-    auto options = config::load<train::RunOptions>({configs + "base.yaml", {}, layers});
-    train::RunOptions printed;
-    train::settle(printed);
-    const auto found = config::values(fields_of(options)),
-               expected = config::values(fields_of(printed));
-    std::string keys;
-    for (size_t i = 0; i < found.size(); ++i) {
-      if (found[i] != expected[i]) keys += found[i].first + " ";
-    }
-    return keys;
+namespace {
+
+const std::string kConfigs = std::string(JADE_SOURCE) + "/configs/";
+
+/// "key=value" for every value of `found` that `expected` does not have.
+std::vector<std::string> differences(train::RunOptions found, train::RunOptions expected) {
+  train::settle(found);
+  train::settle(expected);
+  const auto values = config::values(fields_of(found)),
+             others = config::values(fields_of(expected));
+  std::vector<std::string> keys;
+  for (size_t i = 0; i < values.size(); ++i) {
+    if (values[i] != others[i]) keys.push_back(values[i].first + "=" + values[i].second);
+  }
+  return keys;
+}
+
+}  // namespace
+
+TEST_CASE("presets: base.yaml says what the program does by itself", "[train]") {
+  const std::vector<std::string> none;
+  const config::Sources base{kConfigs + "base.yaml", {}, {}};
+  CHECK(differences(config::load<train::RunOptions>(base), {}) == none);
+  // All of it: nothing is left for the program to add.
+  CHECK(differences(config::load(base, train::printed_options()), {}) == none);
+  CHECK_NOTHROW(train::validate({}));
+}
+
+TEST_CASE("presets: paper.yaml over what we recommend is the method as printed", "[train]") {
+  const auto paper = [](const std::vector<std::filesystem::path>& layers) {
+    return config::load<train::RunOptions>({kConfigs + "paper.yaml", {}, layers});
   };
-  CHECK_THAT(changed({}), Catch::Contains("exposure.samples") && Catch::Contains("poses.start"));
-  // The inherited density control counts the first pose alone; the program all of them.
-  CHECK(changed({configs + "paper.yaml"}) == "densify.statistics ");
-  CHECK(changed({configs + "ablation/full.yaml"}) ==
-        "densify.gradient_threshold densify.max_gaussians ");
+  const std::map<std::string, std::string> printed{
+      // The paper's table of settings, and Eq. (3), (6), (7), (9) and (10).
+      {"train.iterations", "25000"},
+      {"events.bins", "6"},
+      {"route.reblur_contrast", "1"},
+      {"route.lr", "5e-04"},
+      {"objective.target_weight", "1"},
+      {"objective.dssim", "0.3"},
+      {"objective.warmup", "6%"},
+      {"objective.simulation_start", "28%"},
+      {"route.render_consistency", "true"},
+      {"route.reblur_consistency", "true"},
+      {"route.reblur_weight", "1"},
+      {"exposure.samples", "9"},
+      {"exposure.quadrature", "equal"},
+      {"allocation.kind", "router"},
+      {"objective.target", "routed"},
+      {"objective.target_until", "0"},
+      {"objective.target_weight_final", "-1"},
+      {"objective.blur", "true"},
+      {"objective.edi_supervision", "true"},
+      {"objective.simulation", "true"},
+      {"objective.intensity", "true"},
+      {"objective.event_loss_weight", "0"},
+      // What it inherits: events as they are, poses as the data have them.
+      {"objective.edi_weight", "1"},
+      {"objective.edi_weight_final", "-1"},
+      {"objective.trust.scale", "0"},
+      {"objective.trust.tolerance", "0"},
+      {"objective.trust.agreement", "0"},
+      {"objective.trust.disagreement", "0"},
+      {"events.edi_index", "exact"},
+      {"events.edi_samples", "0"},
+      {"events.ramp_ms", "0"},
+      {"sensor.learn_thresholds", "false"},
+      {"sensor.learn_gain", "false"},
+      {"sensor.learn_offset", "false"},
+      {"poses.optimize", "none"},
+      {"response.enabled", "true"},
+      {"response.lr", "1e-07"},
+      // Clone and split of 3DGS over 25,000 steps; there is no bound, and ours is far.
+      {"densify.strategy", "adc"},
+      {"densify.statistics", "first_pose"},
+      {"densify.from", "2%"},
+      {"densify.until", "60%"},
+      {"densify.every", "0.4%"},
+      {"densify.gradient_threshold", "2e-04"},
+      {"densify.split_scale", "0.01"},
+      {"densify.prune_opacity", "0.005"},
+      {"densify.prune_scale", "0.1"},
+      {"densify.opacity_reset_every", "12%"},
+      {"densify.max_gaussians", "1000000"},
+      {"optim.position_lr_start", "0.00016"},
+      {"optim.position_lr_end", "1.6e-06"},
+      {"optim.position_lr_max_steps", "600%"},
+      {"optim.sh_dc_lr", "0.0025"},
+      {"optim.sh_rest_lr", "0.000125"},
+      {"optim.opacity_lr", "0.05"},
+      {"optim.scale_lr", "0.005"},
+      {"optim.rotation_lr", "0.001"},
+      {"train.sh_degree_every", "4%"},
+      {"init.opacity", "0.1"}};
+  train::RunOptions options = paper({});
+  std::map<std::string, std::string> found;
+  for (const auto& [key, value] : config::values(fields_of(options))) {
+    if (printed.count(key) > 0) found[key] = value;
+  }
+  CHECK(found == printed);
+  CHECK(differences(options, train::printed_options()) ==
+        std::vector<std::string>{"densify.statistics=first_pose"});
+  CHECK(
+      differences(paper({kConfigs + "ablation/full.yaml"}), train::printed_options()) ==
+      std::vector<std::string>{"densify.gradient_threshold=5e-04", "densify.max_gaussians=200000"});
 }

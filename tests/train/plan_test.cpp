@@ -9,7 +9,7 @@ using router::AllocationKind;
 namespace {
 
 train::RunOptions settled() {
-  train::RunOptions options;
+  train::RunOptions options = train::printed_options();
   train::settle(options);
   return options;
 }

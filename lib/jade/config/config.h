@@ -38,10 +38,9 @@ void read(const Sources& sources, const FieldList& fields);
 template <class Options>
 void settle(Options&) {}
 
-/// A value of `Options` as `sources` describe it, settled.
+/// `options` with `sources` laid over them, settled.
 template <class Options>
-Options load(const Sources& sources) {
-  Options options;
+Options load(const Sources& sources, Options options = {}) {
   read(sources, fields_of(options));
   settle(options);
   return options;

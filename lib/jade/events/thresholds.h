@@ -26,8 +26,8 @@ struct EventOptions {
   double threshold_negative = 0;
   int64_t bins = 6;
   EdiIndex edi_index = EdiIndex::kExact;
-  int64_t edi_samples = 0;
-  double ramp_ms = 0;
+  int64_t edi_samples = 65;
+  double ramp_ms = 5;
 
   /// One number sets both: a negative threshold of 0 repeats the positive one.
   Thresholds thresholds() const {

@@ -50,7 +50,7 @@ constexpr auto words_of(CountedPoses) {
 }
 
 struct DensifyOptions {
-  DensifyStrategy strategy = DensifyStrategy::kAdc;
+  DensifyStrategy strategy = DensifyStrategy::kMcmc;
   CountedPoses statistics = CountedPoses::kAll;
   Steps from = Steps::share(2);
   Steps until = Steps::share(60);
@@ -60,7 +60,7 @@ struct DensifyOptions {
   double prune_opacity = 0.005;
   double prune_scale = 0.1;
   Steps opacity_reset_every = Steps::share(12, 1000);
-  int64_t max_gaussians = 1000000;
+  int64_t max_gaussians = 150000;
   McmcOptions mcmc;
   /// No opacity reset after this step, or a run would end before the scene is back. Derived from
   /// the number of steps, no key.

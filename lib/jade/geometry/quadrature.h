@@ -27,8 +27,8 @@ constexpr auto words_of(QuadratureRule) {
 
 /// The configuration group `exposure`.
 struct ExposureOptions {
-  QuadratureRule quadrature = QuadratureRule::kEqual;
-  int64_t samples = 9;
+  QuadratureRule quadrature = QuadratureRule::kTrapezoid;
+  int64_t samples = 17;
 };
 
 template <class V>

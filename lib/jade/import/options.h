@@ -159,20 +159,12 @@ struct ImportOptions {
   TimeOptions time;
   SensorOptions sensor;
   LensOptions lens;
-  events::EventOptions events = continuous_events();
+  events::EventOptions events;
   restore::EfnetOptions efnet;
   restore::RestorationCacheOptions cache;
   LatentOptions latents;
   PoseSearchOptions poses;
   TestOptions test;
-
-  /// Those of configs/base.yaml.
-  static events::EventOptions continuous_events() {
-    events::EventOptions options;
-    options.edi_samples = 65;
-    options.ramp_ms = 5;
-    return options;
-  }
 };
 
 template <class V>

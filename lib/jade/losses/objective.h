@@ -51,15 +51,15 @@ constexpr auto words_of(EventSpan) {
 
 struct ObjectiveOptions {
   double dssim = 0.3;
-  Target target = Target::kRouted;
+  Target target = Target::kEfnet;
   double target_weight = 1.0;
   double target_weight_final = -1;
-  Steps target_until = 0;
-  RestoredPoses restored_poses = RestoredPoses::kMiddle;
+  Steps target_until = Steps::share(20);
+  RestoredPoses restored_poses = RestoredPoses::kAll;
   bool blur = true;
   bool edi_supervision = true;
   double edi_weight = 1.0;
-  double edi_weight_final = -1;
+  double edi_weight_final = 0;
   bool simulation = true;
   Steps simulation_start = Steps::share(28);
   bool intensity = true;

@@ -15,7 +15,7 @@ namespace jade::losses {
 struct TrustOptions {
   double scale = 0;
   double tolerance = 0;
-  double agreement = 0;
+  double agreement = 0.05;
   double disagreement = 0;
   Steps from = Steps::share(8);
 };

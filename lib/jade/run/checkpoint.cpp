@@ -325,7 +325,7 @@ std::string data_fingerprint(const data::Dataset& dataset) {
 }
 
 train::RunOptions saved_options(const std::string& yaml) {
-  train::RunOptions saved;
+  train::RunOptions saved = train::printed_options();
   try {
     config::read_text(yaml, "its configuration", fields_of(saved));
   } catch (const ConfigError& error) {

@@ -51,7 +51,8 @@ void load_checkpoint_allocation(const std::filesystem::path& path, router::Alloc
 /// SHA-256 over names, times, poses and pixels of the training exposures and the number of events.
 std::string data_fingerprint(const data::Dataset& dataset);
 
-/// The options that a checkpoint's YAML holds, settled; keys that it lacks have their defaults.
+/// The options that a checkpoint's YAML holds, settled; keys that it lacks are as printed
+/// (train::printed_options).
 /// @throws CheckpointError for the YAML of another version.
 train::RunOptions saved_options(const std::string& yaml);
 

@@ -74,7 +74,7 @@ train::RunOptions load_run_options(const fs::path& run) {
     throw DataError(concat(
         run.string(), ": expected a run directory of jade_train with its config.yaml, found none"));
   }
-  auto options = config::load<train::RunOptions>({run / "config.yaml", {}, {}});
+  auto options = config::load({run / "config.yaml", {}, {}}, train::printed_options());
   options.device = train::RunOptions().device;
   return options;
 }

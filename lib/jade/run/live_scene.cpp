@@ -6,6 +6,7 @@
 #include <c10/core/impl/VirtualGuardImpl.h>
 #include <cmath>
 #include <memory>
+#include <string_view>
 #include <utility>
 
 #include "jade/core/error.h"
@@ -22,6 +23,12 @@ constexpr int64_t kSample = 2000;
 
 /// A GPU draws the pixels of the screen, up to twice those that it was trained at; a CPU those.
 constexpr double kGpuScale = 2;
+
+/// The cameras of exposures are called this and their number.
+constexpr char kTrain[] = "train.";
+
+/// Bytes of all films of a live page before they are packed.
+constexpr size_t kAllFilmBytes = 12'000'000;
 
 /// Near is bright, by the logarithm as in the report's page; black where nothing is.
 torch::Tensor depth_picture(const splat::RenderOutput& render) {
@@ -107,8 +114,14 @@ std::string LiveScene::page_data(const PageText& text) const {
   for (const auto& [camera, pictures] : pictures_) {
     Json names = Json::array();
     for (const ViewPicture& each : pictures) names.push_back({{"name", each.name}});
-    data[camera.rfind("train", 0) == 0 ? "views" : "tests"].push_back(
-        {{"name", camera}, {"camera", camera}, {"seen", nullptr}, {"pictures", names}});
+    Json view{{"name", camera}, {"camera", camera}, {"seen", nullptr}, {"pictures", names}};
+    const bool exposed = camera.rfind(kTrain, 0) == 0;
+    if (exposed) {
+      const size_t index = std::stoul(camera.substr(std::string_view(kTrain).size()));
+      view["events"] = page_film(dataset_.train.at(index),
+                                 std::min(kFilmBytes, kAllFilmBytes / dataset_.train.size()));
+    }
+    data[exposed ? "views" : "tests"].push_back(std::move(view));
   }
   data["scene"] = page_scene(dataset_, draw_);
   data["live"] = {{"id", text.server_id},

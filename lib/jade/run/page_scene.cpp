@@ -5,6 +5,9 @@
 #include <string>
 #include <torch/types.h>
 
+#include "jade/io/gzip.h"
+#include "jade/page/base64.h"
+
 namespace jade::run {
 
 using Json = nlohmann::ordered_json;
@@ -46,6 +49,14 @@ Json page_scene(const data::Dataset& dataset, const splat::RenderOptions& draw) 
   return {{"near_plane", draw.near_plane},
           {"background", background},
           {"cameras", {{"train", train}, {"test", test}}}};
+}
+
+Json page_film(const data::Exposure& exposure, size_t limit) {
+  const EventFilm film = event_film(exposure, limit);
+  if (film.marks == 0) return nullptr;
+  return {{"bins", film.bins},     {"columns", film.columns},
+          {"rows", film.rows},     {"cell", film.cell},
+          {"events", film.events}, {"packed", page::base64(io::gzip(film.bytes))}};
 }
 
 }  // namespace jade::run

@@ -12,13 +12,11 @@
 #include "jade/eval/metrics.h"
 #include "jade/gaussians/spz_file.h"
 #include "jade/imaging/image_io.h"
-#include "jade/io/gzip.h"
 #include "jade/page/base64.h"
 #include "jade/page/page.h"
 #include "jade/restore/restorations.h"
 #include "jade/run/allocation_choice.h"
 #include "jade/run/evaluate.h"
-#include "jade/run/event_film.h"
 #include "jade/run/page_scene.h"
 #include "jade/run/view_pictures.h"
 #include "jade/train/routing_step.h"
@@ -48,15 +46,6 @@ Json picture(const std::string& name, const torch::Tensor& image, const torch::T
   return entry;
 }
 
-/// What the page's events.js reads; null for exposures without events.
-Json film_json(const data::Exposure& exposure) {
-  const EventFilm film = event_film(exposure);
-  if (film.marks == 0) return nullptr;
-  return {{"bins", film.bins},     {"columns", film.columns},
-          {"rows", film.rows},     {"cell", film.cell},
-          {"events", film.events}, {"packed", page::base64(io::gzip(film.bytes))}};
-}
-
 Json training_view(const data::Dataset& dataset, const train::View& view, int64_t index,
                    train::TrainState& state, const splat::RenderOptions& draw) {
   const torch::Tensor truth = truth_of(dataset, index);
@@ -67,7 +56,7 @@ Json training_view(const data::Dataset& dataset, const train::View& view, int64_
   return {{"name", "training view " + view.name},
           {"camera", concat("train.", index)},
           {"pictures", pictures},
-          {"events", film_json(dataset.train[static_cast<size_t>(index)])}};
+          {"events", page_film(dataset.train[static_cast<size_t>(index)])}};
 }
 
 /// Mean PSNR at mid-exposure of what comes before the scene and of the scene, over the views where

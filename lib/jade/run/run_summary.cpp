@@ -86,7 +86,7 @@ bool is_run(const fs::path& folder) {
 
 RunSummary summarize_run(const fs::path& run) {
   RunSummary s;
-  s.options = config::load<train::RunOptions>({run / "config.yaml", {}, {}});
+  s.options = config::load({run / "config.yaml", {}, {}}, train::printed_options());
   read_metrics(run, s);
   read_checkpoints(run, s);
   if (fs::exists(run / "eval.json")) {

@@ -230,9 +230,10 @@ struct Server::Impl {
 
   void listen(const std::string& flag) {
     errno = 0;
+    const char* const host = address.host.c_str();  // as cpp-httplib 0.10 takes it
     if (address.port == 0) {
-      address.port = http.bind_to_any_port(address.host);
-    } else if (!http.bind_to_port(address.host, address.port)) {
+      address.port = http.bind_to_any_port(host);
+    } else if (!http.bind_to_port(host, address.port)) {
       address.port = -1;
     }
     if (address.port < 0) {

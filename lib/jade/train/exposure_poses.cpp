@@ -63,9 +63,9 @@ ExposurePoses::ExposurePoses(const PoseOptions& options, const data::Dataset& da
     : start_(options.start) {
   JADE_CHECK(options.optimize != PosePath::kNone, "expected a path that is learned, found none");
   const bool cubic = options.optimize == PosePath::kCubic;
-  const torch::Tensor control = cubic && options.control_poses > 4
-                                    ? poses_at_controls(dataset, options.control_poses)
-                                    : first_guesses(dataset, cubic);
+  const bool bends = cubic && start_ == PoseStart::kData && options.control_poses > 4;
+  const torch::Tensor control =
+      bends ? poses_at_controls(dataset, options.control_poses) : first_guesses(dataset, cubic);
   const double depth = std::sqrt(dataset.near * dataset.far);
   JADE_CHECK(depth > 0, "expected depth bounds above 0, found ", dataset.near, " and ",
              dataset.far);

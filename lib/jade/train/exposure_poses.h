@@ -33,11 +33,11 @@ constexpr auto words_of(PoseStart) {
 }
 
 struct PoseOptions {
-  PosePath optimize = PosePath::kNone;
-  PoseStart start = PoseStart::kLine;
-  int64_t control_poses = 4;
-  double lr = 1e-3;
-  double lr_final = 1e-5;
+  PosePath optimize = PosePath::kCubic;
+  PoseStart start = PoseStart::kData;
+  int64_t control_poses = 12;
+  double lr = 3e-4;
+  double lr_final = 3e-6;
   Steps lr_max_steps = Steps::share(120);
   int64_t accumulate = 1;
   double prior_px = 0;
@@ -52,7 +52,7 @@ void describe(V& v, PoseOptions& o) {
   v.field(
       "control_poses", o.control_poses,
       "twists per exposure of a cubic correction (start data): the more, the faster an error it "
-      "follows",
+      "follows; other cubic paths have 4",
       Range{4, 64});
   v.field("lr", o.lr, "Adam step size of the poses at step 0", Range{0, 1});
   v.field("lr_final", o.lr_final, "the same at lr_max_steps; log-linear between", Range{0, 1});

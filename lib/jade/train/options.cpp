@@ -38,6 +38,27 @@ void validate_restored_poses(const RunOptions& options) {
 
 }  // namespace
 
+RunOptions printed_options() {
+  RunOptions options;
+  options.exposure = {geometry::QuadratureRule::kEqual, geometry::kExposurePoses};
+  options.events.edi_samples = 0;
+  options.events.ramp_ms = 0;
+  options.objective.target = losses::Target::kRouted;
+  options.objective.target_until = 0;
+  options.objective.restored_poses = losses::RestoredPoses::kMiddle;
+  options.objective.edi_weight_final = -1;
+  options.objective.trust.agreement = 0;
+  options.poses.optimize = PosePath::kNone;
+  options.poses.start = PoseStart::kLine;
+  options.poses.control_poses = 4;
+  options.poses.lr = 1e-3;
+  options.poses.lr_final = 1e-5;
+  options.densify.strategy = gaussians::DensifyStrategy::kAdc;
+  options.densify.max_gaussians = 1000000;
+  options.train.iterations = 25000;
+  return options;
+}
+
 bool routed_to_edi(const RunOptions& options) {
   return is_routed(options) && options.allocation.kind == router::AllocationKind::kConstant &&
          options.allocation.constant == 1;
@@ -113,13 +134,6 @@ void validate(const RunOptions& options) {
       options.train.target_images.empty()) {
     throw ConfigError(
         "train.target_images: needed by objective.target image_folder; name a folder of images");
-  }
-  if (options.poses.control_poses > 4 && options.poses.optimize != PosePath::kNone &&
-      (options.poses.optimize != PosePath::kCubic || options.poses.start != PoseStart::kData)) {
-    throw ConfigError(
-        concat("poses.control_poses: expected 4 but for poses.optimize cubic with "
-               "poses.start data, found ",
-               options.poses.control_poses, "; set poses.control_poses 4"));
   }
   if (options.poses.optimize != PosePath::kNone && options.objective.event_loss_weight > 0 &&
       options.objective.event_window == losses::EventSpan::kRecording) {
