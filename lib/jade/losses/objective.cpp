@@ -196,8 +196,8 @@ Objective objective(const ObjectiveInputs& inputs, const ObjectivePlan& plan,
   if (plan.target) {
     const torch::Tensor drawn = drawn_target(inputs, views.target, plan, options);
     if (plan.agreed_target) {
-      add(loss, "target", agreed_target(inputs, views.target, drawn, options), options.target_weight,
-          target_weight);
+      add(loss, "target", agreed_target(inputs, views.target, drawn, options),
+          options.target_weight, target_weight);
     } else {
       terms.add("target", target_pairs(views.target, Fixed(drawn)), options.target_weight,
                 target_weight);

@@ -40,14 +40,15 @@ torch::Tensor depth_picture(const splat::RenderOutput& render) {
 }
 
 /// On the CPU, or on its way there.
-serve::Drawn drawn_of(const torch::Tensor& image) {
+serve::Drawn drawn_of(const torch::Tensor& image, FrameMemory& memory) {
   serve::Drawn drawn;
   if (!image.is_cuda()) {
     // What training goes on writing to must not be what is shown.
     drawn.image = image.to(torch::kFloat32).contiguous().clone();
     return drawn;
   }
-  drawn.image = image.to(torch::kFloat32).contiguous().to(torch::kCPU, /*non_blocking=*/true);
+  drawn.image = memory.lend(image.sizes(), /*pinned=*/true);
+  drawn.image.copy_(image.to(torch::kFloat32), /*non_blocking=*/true);
   const auto ready = std::make_shared<c10::Event>(image.device().type());
   ready->record(c10::impl::VirtualGuardImpl(image.device().type()).getStream(image.device()));
   drawn.finish = [ready] { ready->synchronize(); };
@@ -92,13 +93,13 @@ serve::Drawn LiveScene::draw(const serve::Wanted& wanted, int64_t step) const {
         std::find_if(view->second.begin(), view->second.end(),
                      [&](const ViewPicture& each) { return each.name == wanted.picture; });
     if (picture == view->second.end()) throw ConfigError(concat("no picture ", wanted.picture));
-    drawn = drawn_of(picture->make());
+    drawn = drawn_of(picture->make(), *memory_);
   } else {
     splat::RenderOptions options = draw_;
     options.depth = wanted.kind == serve::Wanted::Kind::kDepth;
     const auto camera = train::camera_batch({wanted.pose}, wanted.camera, gaussians.means.device());
     const splat::RenderOutput render = splat::render(gaussians, camera, options);
-    drawn = drawn_of(options.depth ? depth_picture(render) : render.color[0].clamp(0, 1));
+    drawn = drawn_of(options.depth ? depth_picture(render) : render.color[0].clamp(0, 1), *memory_);
   }
   drawn.step = step;
   drawn.gaussians = gaussians.size();

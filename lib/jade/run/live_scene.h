@@ -4,12 +4,14 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <torch/types.h>
 #include <vector>
 
 #include "jade/data/exposure.h"
+#include "jade/run/frame_memory.h"
 #include "jade/run/view_pictures.h"
 #include "jade/serve/stage.h"
 #include "jade/splat/render.h"
@@ -45,6 +47,7 @@ class LiveScene {
   const data::Dataset& dataset_;
   splat::RenderOptions draw_;
   GaussianSource gaussians_;
+  std::shared_ptr<FrameMemory> memory_ = std::make_shared<FrameMemory>();
   std::map<std::string, std::vector<ViewPicture>> pictures_;
 };
 

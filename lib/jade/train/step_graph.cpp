@@ -146,11 +146,10 @@ struct StepGraph::Recordings {
     made->plan = plan;
     // One pool for all: they never run at the same time, and what a step leaves behind is read
     // before the next one runs.
-    if (recorded.empty()) {
-      made->graph.capture_begin();
-    } else {
-      made->graph.capture_begin(recorded.front()->graph.pool());
-    }
+    // Of this thread alone: whoever shows frames meanwhile asks for events on threads of their own.
+    made->graph.capture_begin(
+        recorded.empty() ? c10::MempoolId_t{0, 0} : recorded.front()->graph.pool(),
+        cudaStreamCaptureModeThreadLocal);
     try {
       made->outputs = alternate(state, *inputs, plan, options);
     } catch (...) {
