@@ -10,7 +10,7 @@ TEST_CASE("frame memory: what nobody holds is lent again", "[run]") {
   torch::Tensor first = memory.lend({3, 4, 5}, false);
   const void* const place = first.const_data_ptr();
   const torch::Tensor held = first.narrow(0, 1, 2);
-  first = {};
+  first = torch::Tensor();
   const torch::Tensor second = memory.lend({3, 4, 5}, false);
   CHECK(second.const_data_ptr() != place);  // a part of it is still held
   CHECK(memory.count() == 2);

@@ -61,7 +61,7 @@ TEST_CASE("step feed: where every pose is restored a step is given its drawn pos
     CHECK(plain.view_index == in.view_index);
     const int64_t pose = in.pose_draws[3].item<int64_t>();
     const train::View& view = feed.views()[static_cast<size_t>(in.view_index)];
-    CHECK(in.view.restorations.efnet.equal(view.restored_poses.efnet[pose]));
+    CHECK(in.view.restorations.efnet.equal(view.restored_poses.efnet[pose].to(torch::kFloat32)));
     CHECK(in.view.psi.equal(view.restored_poses.psi[pose]));
     CHECK_FALSE(in.view.restored_poses.efnet.defined());
     CHECK_FALSE(plain.view.restored_poses.efnet.defined());

@@ -76,13 +76,14 @@ TEST_CASE(
   const auto voxel = events::map_exposure(exposure.events, span, 6, size).voxel;
   const auto counts = events::count_windows(exposure.events, span, 4, 0, size);
   restore::Restorer network(options.efnet);
+  const double rounding = 5e-4;  // of float16 below 1
   for (int64_t k = 0; k < 9; ++k) {
     INFO(k);
     const train::View at = train::at_pose(view, k, options);
     const double u = double(k) / 8;
     CHECK(torch::allclose(
         at.restorations.efnet,
-        network.restore(exposure.blurry, counts.positive - counts.negative, {u})[0], 0, 1e-6));
+        network.restore(exposure.blurry, counts.positive - counts.negative, {u})[0], 0, rounding));
     CHECK(torch::allclose(at.restorations.edi, exposure.blurry * view.edi_factors[k]));
     CHECK(at.psi.equal(events::polarity_projection(voxel.values, u)));
     CHECK(at.reblur_kernel.equal(imaging::reblur_kernel(voxel, 0.25 * voxel.v_max, u)));
@@ -91,13 +92,14 @@ TEST_CASE(
     CHECK_FALSE(at.fixed_target.defined());
     CHECK_FALSE(at.restored_poses.efnet.defined());
   }
-  CHECK_FALSE(view.restorations.efnet.equal(train::at_pose(view, 0, options).restorations.efnet));
+  CHECK_FALSE(torch::allclose(view.restorations.efnet,
+                              train::at_pose(view, 0, options).restorations.efnet, 0, rounding));
   const train::View middle = train::at_pose(view, 4, options);
   CHECK(middle.restorations.edi.equal(view.restorations.edi));
-  CHECK(middle.restorations.efnet.equal(view.restorations.efnet));
+  CHECK(torch::allclose(middle.restorations.efnet, view.restorations.efnet, 0, rounding));
   CHECK(middle.psi.equal(view.psi));
   CHECK(middle.reblur_kernel.equal(view.reblur_kernel));
-  CHECK(middle.target_closeness.equal(view.target_closeness));
+  CHECK(torch::allclose(middle.target_closeness, view.target_closeness, 0, 10 * rounding));
   CHECK_THROWS_AS(train::at_pose(view, 9, options), ContractError);
 }
 

@@ -113,7 +113,7 @@ PoseRestorations restorations_of_poses(const View& view, const restore::Restored
                                        const RunOptions& options) {
   const events::EventVoxel& voxel = restored.maps.voxel;
   PoseRestorations out;
-  out.efnet = restored.efnet_at;
+  if (restored.efnet_at.defined()) out.efnet = restored.efnet_at.to(torch::kHalf);
   const bool routes = plan_step(options, 1).route;
   const double disagreement = options.objective.trust.disagreement;
   const bool closeness = disagreement > 0 && out.efnet.defined();
@@ -126,8 +126,8 @@ PoseRestorations restorations_of_poses(const View& view, const restore::Restored
     }
     if (!closeness) continue;
     const auto row = static_cast<int64_t>(k);
-    close.push_back(
-        losses::closeness(out.efnet[row], view.blurry * view.edi_factors[row], disagreement));
+    close.push_back(losses::closeness(out.efnet[row].to(torch::kFloat32),
+                                      view.blurry * view.edi_factors[row], disagreement));
   }
   const torch::Device device = view.blurry.device();
   if (routes) {
@@ -181,8 +181,9 @@ View prepare_view(const data::Exposure& exposure, const ExposureSpan& span,
     view.target_closeness =
         losses::closeness(view.restorations.efnet, view.restorations.edi, disagreement);
   }
-  if (restores_all_poses(options))
+  if (restores_all_poses(options)) {
     view.restored_poses = restorations_of_poses(view, restored, options);
+  }
   return view;
 }
 
@@ -192,7 +193,7 @@ View at_pose(const View& view, int64_t pose, const RunOptions& options) {
   JADE_CHECK(pose >= 0 && pose < view.edi_factors.size(0), "expected a pose below ",
              view.edi_factors.size(0), ", found ", pose);
   const auto replace = [pose](torch::Tensor& of_middle, const torch::Tensor& of_poses) {
-    if (of_poses.defined()) of_middle = of_poses[pose];
+    if (of_poses.defined()) of_middle = of_poses[pose].to(torch::kFloat32);
   };
   View out = view;
   out.restored_poses = {};

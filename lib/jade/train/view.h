@@ -18,7 +18,7 @@ namespace jade::train {
 /// What the target, fusion and the routing step read at each pose, for objective.restored_poses
 /// all. Row k is of moment u_k. Undefined where nothing asks for it; EDI there is R_k ⊙ B.
 struct PoseRestorations {
-  torch::Tensor efnet;          ///< [K,3,H,W] F(B, V, u_k)
+  torch::Tensor efnet;          ///< [K,3,H,W] float16, as there are many, F(B, V, u_k)
   torch::Tensor psi;            ///< [K,2,H,W] Ψ(V) about u_k
   torch::Tensor reblur_kernel;  ///< [K,1,H,W] K(V) about u_k
   torch::Tensor closeness;      ///< [K,1,H,W] of trust.disagreement
