@@ -38,6 +38,7 @@ torch::Tensor renders() { return image(10, {9, 3, 7, 9}); }
 struct PrintedOptions : ObjectiveOptions {
   PrintedOptions() {
     target_until = 0;
+    restored_poses = RestoredPoses::kMiddle;
     edi_weight_final = -1;
     trust.agreement = 0;
   }
@@ -284,7 +285,7 @@ TEST_CASE("objective: seventeen renders have their middle at the ninth", "[losse
 
 TEST_CASE("objective: a drawn target is compared with the render of its pose, all else stays",
           "[losses]") {
-  ObjectiveOptions options;
+  PrintedOptions options;
   const ObjectivePlan middle = plan_objective(options, kLate);
   options.restored_poses = RestoredPoses::kAll;
   const ObjectivePlan plan = plan_objective(options, kLate);
