@@ -21,7 +21,8 @@ namespace F = torch::nn::functional;
 constexpr int64_t kBins = 6;
 // Tiles when memory is short: the part of each that is kept, and what it sees around it.
 constexpr int64_t kLargestTile = 512, kSmallestTile = 64, kTileMargin = 32;
-// A CPU is slower with larger batches (docs/efnet.md), and a system may kill a program rather than refuse memory.
+// A CPU is slower with larger batches (docs/efnet.md), and a system may kill a program rather than
+// refuse memory.
 constexpr int64_t kPixelsPerCpuCall = int64_t{1} << 17;
 
 /// The device has too little memory for this call.
