@@ -128,8 +128,8 @@ CLI::Option* Program::add_serve_flag(std::string& address, const std::string& he
       ->expected(0, 1);
 }
 
-void Program::add_output_flag(const std::string& help) {
-  cli_.add_option("--output", output_, help);
+void Program::add_output_flag(CLI::App& cli, const std::string& help) {
+  cli.add_option("--output", output_, help);
 }
 
 void Program::add_device_flag() {

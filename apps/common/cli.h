@@ -45,8 +45,9 @@ class Program {
                               const std::string& value, const std::string& help);
   /// --serve[=ADDRESS:PORT], which fills `address` with what is given, empty for the default.
   CLI::Option* add_serve_flag(std::string& address, const std::string& help);
-  /// --output DIR.
-  void add_output_flag(const std::string& help);
+  /// --output DIR, of the program or of one of its subcommands.
+  void add_output_flag(const std::string& help) { add_output_flag(cli_, help); }
+  void add_output_flag(CLI::App& cli, const std::string& help);
   /// --device auto|cpu|cuda|cuda:N.
   void add_device_flag();
   /// --seed N.

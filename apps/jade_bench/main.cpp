@@ -4,6 +4,7 @@
 #include "iteration.h"
 #include "losses.h"
 #include "restorer.h"
+#include "run.h"
 #include "splat.h"
 
 int main(int argc, char** argv) {
@@ -20,11 +21,14 @@ int main(int argc, char** argv) {
   CLI::App* const restorer_command = restorer.add_to(program.cli());
   bench::LossesBench losses;
   CLI::App* const losses_command = losses.add_to(program.cli());
+  bench::RunBench run;
+  CLI::App* const run_command = run.add_to(program);
   return program.run(argc, argv, [&] {
     if (splat_command->parsed()) return splat.run(program);
     if (iteration_command->parsed()) return iteration.run(program);
     if (restorer_command->parsed()) return restorer.run(program);
     if (losses_command->parsed()) return losses.run(program);
+    if (run_command->parsed()) return run.run(program);
     return ExitCode::kUsage;
   });
 }

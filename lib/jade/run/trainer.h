@@ -51,6 +51,7 @@ class Trainer {
   /// As they act: settled, and with the calendar of a resumed run.
   const train::RunOptions& options() const { return options_; }
   const train::TrainState& state() const { return state_; }
+  const data::Dataset& dataset() const { return data_.dataset; }
   const std::vector<train::View>& views() const { return feed_.views(); }
   /// How many of the steps were replays of a CUDA graph.
   int64_t replays() const { return step_graph_.replays(); }

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+// jade_bench run: time to quality, the seconds until a scene first scores so many decibels.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <cstdint>
+#include <vector>
+
+#include "common/cli.h"
+
+namespace jade::bench {
+
+struct RunBench {
+  std::vector<double> goals;  ///< dB
+  int64_t every = 250;
+
+  /// Adds the subcommand and its flags.
+  CLI::App* add_to(apps::Program& program);
+  ExitCode run(const apps::Program& program) const;
+};
+
+}  // namespace jade::bench

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+// jade_bench as a user runs it: time to quality.
+#include "support/catch.h"
+
+#include <nlohmann/json.hpp>
+
+#include "jade/core/atomic_file.h"
+#include "support/programs.h"
+#include "support/temp_dir.h"
+#include "support/tiny_dataset.h"
+
+using namespace jade;
+using test::check_error;
+using test::Outcome;
+using test::run;
+
+namespace {
+
+const std::string kRun =
+    "jade_bench --quiet --device cpu --json run --set dataset.path=scene --set init.points=100 "
+    "--set objective.target=edi --set exposure.samples=5 --set train.iterations=5 "
+    "--set train.log_every=1 --output run --every 2";
+
+}  // namespace
+
+TEST_CASE("jade_bench run: the first score at a goal or above, and what came before", "[apps]") {
+  const test::TempDir dir;
+  test::write_tiny_dataset(dir / "scene");
+  const Outcome outcome = run(dir, kRun + " --psnr 1,99");
+  INFO(outcome.err);
+  REQUIRE(outcome.code == 0);
+  const auto result = nlohmann::json::parse(outcome.out);
+  const auto& curve = result["curve"];
+  REQUIRE(curve.size() == 3);
+  double before = result["prepare_seconds"].get<double>();
+  CHECK(before > 0);
+  const int64_t steps[] = {2, 4, 5};
+  for (size_t i = 0; i < 3; ++i) {
+    CHECK(curve[i]["step"] == steps[i]);
+    CHECK(curve[i]["seconds"].get<double>() > before);
+    before = curve[i]["seconds"].get<double>();
+    CHECK(curve[i]["psnr"].get<double>() > 1);
+  }
+  REQUIRE(result["goals"].size() == 2);
+  CHECK(result["goals"][0]["psnr"] == 1);
+  CHECK(result["goals"][0]["reached"] == curve[0]);
+  CHECK(result["goals"][1]["reached"].is_null());
+  CHECK(result["last"] == curve[2]);
+  CHECK_THAT(read_file(dir / "run/curve.csv"), Catch::StartsWith("step,seconds,psnr\n2,"));
+  // Steps and nothing else: no checkpoint, no report.
+  CHECK_FALSE(std::filesystem::exists(dir / "run/checkpoints"));
+  CHECK_FALSE(std::filesystem::exists(dir / "run/report.html"));
+}
+
+TEST_CASE("jade_bench run: what it needs, in one line", "[apps]") {
+  const test::TempDir dir;
+  REQUIRE(run(dir,
+              "jade_simulate --quiet --set simulate.exposures=2 --set simulate.test_views=0 --set "
+              "simulate.seen_test_views=0 "
+              "--set simulate.width=36 --set simulate.height=28 --set simulate.focal_px=40 "
+              "--set simulate.motion.blur_px=3 --output scene")
+              .code == 0);
+  check_error(run(dir, kRun), 3, "expected sharp test views to score, found none");
+  check_error(run(dir, "jade_bench --quiet run --set dataset.path=scene"), 2,
+              "--output: expected a folder for the run");
+  CHECK(run(dir, kRun + " --every 0").code == 2);
+}
