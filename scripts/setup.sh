@@ -114,7 +114,9 @@ install_list() {
   absent=$(have "${pinned[@]}")
   if [ -n "$absent" ]; then
     say "installing into .venv: $absent and what it needs"
-    .venv/bin/python -m pip install -q --disable-pip-version-check -r "$1"
+    # Of torch only what is needed is here, of which pip warns at length.
+    .venv/bin/python -m pip install -q --disable-pip-version-check -r "$1" \
+      2> >(grep -v -e '^ERROR: pip.s dependency resolver' -e '^torch [0-9.]* requires' >&2)
   fi
 }
 if [ $figures = yes ]; then install_list scripts/requirements-figures.txt; fi

@@ -62,6 +62,8 @@ std::string next_command(const Recording& r, const RecordingNumbers& n) {
     line += " --exposure-ms MILLISECONDS";
   }
   if (!r.calibration) line += " --calibration CAMERA.yaml";
+  const bool two_cameras = r.calibration && r.calibration->text.find("cam1:") != std::string::npos;
+  if (two_cameras) line += " --plane-depth METRES";
   return line + " --output data/" + r.source.stem().string();
 }
 

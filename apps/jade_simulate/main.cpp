@@ -113,6 +113,11 @@ int main(int argc, char** argv) {
       write_footage(*run, footage, program.output());
       return ExitCode::kOk;
     }
+    if (run->simulate.event_camera.is_beside() && !recording) {
+      throw ConfigError(
+          "simulate.event_camera: expected --recording, as data sets have frames and events of one "
+          "camera; add it, then make a data set with jade_import");
+    }
     // What others' poses are judged by has no error of its own.
     if (recording) run->simulate.poses = {};
     const auto result = simulate::simulate(*run);

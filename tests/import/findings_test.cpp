@@ -3,6 +3,7 @@
 
 #include "support/catch.h"
 
+#include <algorithm>
 #include <cmath>
 #include <torch/types.h>
 
@@ -92,12 +93,40 @@ TEST_CASE("findings: hot pixels go and thresholds are found, unless they are giv
   CHECK(none.thresholds.positive == 0.25);
 }
 
+TEST_CASE("findings: shots between moving ones are sharp, those that noise hides are not known",
+          "[import]") {
+  import::Capture capture = import::without_hot_pixels(capture_ahead(0));
+  const int64_t end = capture.shots[0].t_end_us;
+  capture.shots.insert(capture.shots.begin() + 1,
+                       {"short", capture.shots[0].image, end + 10000, end + 10001});
+  const std::vector<double> blur = import::find_blur(capture);
+  REQUIRE(blur.size() == 9);
+  for (size_t i = 0; i < blur.size(); ++i) {
+    CAPTURE(i, blur[i]);
+    CHECK((blur[i] >= 0 && blur[i] < 1) == (i == 1));
+  }
+  CHECK(*std::max_element(blur.begin(), blur.end()) > 4);
+  // As many events where nothing moves.
+  const int64_t count = capture.events.size();
+  torch::manual_seed(1);
+  const torch::Tensor evenly =
+      torch::linspace(capture.events.first_us(), capture.events.last_us(), count, torch::kFloat64);
+  capture.events = events::EventStream(torch::rand({count}) * 64, torch::rand({count}) * 48,
+                                       evenly.to(torch::kInt64), capture.events.polarity());
+  const std::vector<double> drowned = import::find_blur(capture);
+  for (size_t i = 0; i < drowned.size(); ++i) {
+    CAPTURE(i, drowned[i]);
+    CHECK((drowned[i] < 0) == (i != 1));
+  }
+}
+
 TEST_CASE("findings: what is kept comes back, what is damaged is named", "[import]") {
   const test::TempDir dir;
   import::SensorFinding sensor;
   sensor.hot_pixels = {{3, 4, 120, 2}, {0, 9, 50, 1}};
   sensor.thresholds = {0.31, 0.22};
   sensor.said = "two";
+  sensor.blur_px = {4.5, -1, 0};
   sensor.filter = import::ColorFilter::kGrbg;
   import::keep(dir.path(), sensor);
   import::keep(dir.path(), import::ClockFinding{-4.5, "found"});
@@ -106,6 +135,7 @@ TEST_CASE("findings: what is kept comes back, what is damaged is named", "[impor
   CHECK(back.hot_pixels[1].column == 9);
   CHECK(back.thresholds.negative == 0.22);
   CHECK(back.said == "two");
+  CHECK(back.blur_px == sensor.blur_px);
   CHECK((back.filter == import::ColorFilter::kGrbg));
   CHECK(import::load_clock(dir.path()).offset_ms == -4.5);
   write_file(dir / "clock.json", "{}");

@@ -89,6 +89,10 @@ TEST_CASE("rectify: events of a second camera meet the frames on the plane", "[i
   CHECK(moved.events.y()[0].item<float>() == Approx(want[1] - 0.5).margin(0.01));
   CHECK(plan.at_near.mean_px == Approx(2 * plan.at_far.mean_px).epsilon(0.1));
   CHECK(plan.at_far.mean_px > 0.5);
+  const auto unknown = import::rectification(cameras, {geometry::RectifiedField::kFilled, 1.5});
+  const auto known = import::rectification(cameras, {{}, 1.5, 0.75, 1e9});
+  CHECK(unknown.at_near.largest_px == known.at_near.largest_px);
+  CHECK(unknown.at_far.largest_px == Approx(known.at_far.largest_px).epsilon(1e-3));
   CHECK_THROWS_AS(import::rectification(cameras, {}), ConfigError);
   CHECK_THROWS_AS(import::rectification(cameras, {geometry::RectifiedField::kFilled, 1.5, 2, 3}),
                   ConfigError);

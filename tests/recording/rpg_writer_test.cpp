@@ -45,3 +45,22 @@ TEST_CASE("rpg_writer: what is written is read back equal", "[recording]") {
   CHECK_THAT(read.calibration->text,
              Catch::Contains("data: [ 20.125, 0., 7.5, 0., 20.125, 5.5, 0., 0., 1. ]"));
 }
+
+TEST_CASE("rpg_writer: two cameras are written as Kalibr does, and found", "[recording]") {
+  const test::TempDir dir;
+  Recording written;
+  written.events = events::EventStream::from_lists({1, 2}, {1, 2}, {0, 10}, {1, -1});
+  write_rpg(dir.path(), written);
+  write_camchain(dir.path(), {geometry::Intrinsics::centred(20.5, 16, 12),
+                              geometry::Intrinsics::centred(30, 24, 18),
+                              {{1, 0, 0, 0, 1, 0, 0, 0, 1}, {-0.125, 0.5, 0.25}}});
+  const Recording read = read_recording(dir.path());
+  REQUIRE(read.calibration);
+  CHECK(read.calibration->name == "camchain.yaml");
+  CHECK_FALSE(read.size_is_said);
+  for (const char* line :
+       {"cam0:\n  camera_model: pinhole\n", "cam1:\n  T_cn_cnm1:\n", "  - [1., 0., 0., -0.125]\n",
+        "intrinsics: [20.5, 20.5, 7.5, 5.5]", "resolution: [24, 18]"}) {
+    CHECK_THAT(read.calibration->text, Catch::Contains(line));
+  }
+}

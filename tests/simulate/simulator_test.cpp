@@ -176,6 +176,43 @@ TEST_CASE("simulate: colour events are loaded as such, each of the channel that 
   CHECK(colored.events.size() > 100);
 }
 
+TEST_CASE("simulate: an event camera beside that of the frames sees from where it stands",
+          "[simulate]") {
+  SimulateRun run = tiny();
+  run.simulate.exposures = 1, run.simulate.test_views = 0, run.simulate.seen_test_views = 0;
+  const SimulateResult one = simulate::simulate(run);
+  CHECK_FALSE(one.event_camera);
+  auto& beside = run.simulate.event_camera;
+  // In the same place it is the same sensor.
+  beside.centre = {0, 0, 0};
+  const SimulateResult same = simulate::simulate(run);
+  CHECK(same.content.events.t_us().equal(one.content.events.t_us()));
+  CHECK(same.content.events.x().equal(one.content.events.x()));
+  CHECK(same.content.train[0].blurry.equal(one.content.train[0].blurry));
+  beside.centre = {0.1, 0, 0}, beside.turn_deg = {0, 0, 90};
+  beside.width = 30, beside.height = 44, beside.focal_px = 70;
+  const SimulateResult other = simulate::simulate(run);
+  REQUIRE(other.event_camera);
+  CHECK(other.event_camera->camera.fx == 70);
+  CHECK(other.content.events.x().max().item<float>() == 29);
+  CHECK(other.content.events.y().max().item<float>() > 39);
+  CHECK(other.largest_flow_px <= 50. / 70);
+  // What stands before it lies to the right of the frames' camera, whose right is its up.
+  const auto seen = geometry::transform(other.event_camera->from_frames, {1.1, 0, 1});
+  CHECK(seen[0] == Approx(0).margin(1e-12));
+  CHECK(seen[1] == Approx(-1));
+  CHECK(seen[2] == Approx(1));
+  const test::TempDir folder;
+  write_recording(other, run, folder.path());
+  const recording::Recording read = recording::read_recording(folder.path());
+  REQUIRE(read.calibration);
+  CHECK(read.calibration->name == "camchain.yaml");
+  CHECK(read.events.size() == other.content.events.size());
+  beside = {};
+  beside.focal_px = 70;
+  CHECK_THROWS_AS(simulate::simulate(run), ConfigError);
+}
+
 TEST_CASE("simulate: a Gaussian file can be filmed", "[simulate]") {
   test::TempDir folder;
   splat::Gaussians g;

@@ -74,6 +74,7 @@ void keep_capture(const fs::path& folder, const Capture& capture) {
                  {"format", capture.format},
                  {"sensor_height", capture.sensor.height},
                  {"sensor_width", capture.sensor.width},
+                 {"sensor_is_said", capture.sensor_is_said},
                  {"filter", word_of(capture.filter)},
                  {"camera", capture.camera ? json_of(*capture.camera) : Json(nullptr)},
                  {"frames", frames}};
@@ -88,6 +89,7 @@ Capture load_capture(const fs::path& folder) {
     capture.source = all.at("source");
     capture.format = all.at("format");
     capture.sensor = {all.at("sensor_height"), all.at("sensor_width")};
+    capture.sensor_is_said = all.value("sensor_is_said", true);
     capture.filter =
         value_of<ColorFilter>(all.at("filter").get<std::string>()).value_or(ColorFilter::kNone);
     if (!all.at("camera").is_null()) capture.camera = camera_from(all.at("camera"));

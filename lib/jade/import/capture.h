@@ -21,7 +21,7 @@ struct Shot {
   std::string name;
   torch::Tensor image;  ///< [3,H,W] RGB float32 in [0,1]
   int64_t t_start_us = 0, t_end_us = 0;
-  double blur_px = 0;  ///< how far the scene moved during it, px; 0: not measured
+  double blur_px = -1;  ///< how far the scene moved during it, px; below 0: not known
 
   int64_t duration_us() const { return t_end_us - t_start_us; }
   int64_t t_mid_us() const { return t_start_us + duration_us() / 2; }
@@ -32,6 +32,7 @@ struct Capture {
   std::vector<Shot> shots;     ///< by time
   events::EventStream events;  ///< on the pixels and the clock of the shots, once these are settled
   events::ImageSize sensor;    ///< of the events, before they were undistorted
+  bool sensor_is_said = true;  ///< by the recording; false: taken for that of the frames
   ColorFilter filter = ColorFilter::kNone;  ///< before the pixels of that sensor
   /// [2,h,w] float32: column and row where the events of its pixels went; undefined where they are.
   torch::Tensor event_map;

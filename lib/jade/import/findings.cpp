@@ -8,8 +8,10 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "jade/core/interrupt.h"
 #include "jade/core/log.h"
 #include "jade/data/threshold_estimate.h"
+#include "jade/import/blur_length.h"
 #include "jade/import/clock_offset.h"
 
 namespace jade::import {
@@ -20,6 +22,8 @@ using Json = nlohmann::ordered_json;
 
 constexpr char kClockFile[] = "clock.json", kSensorFile[] = "sensor.json";
 constexpr double kSmallestOffsetMs = 2;
+/// Slower than this, noise decides how slow.
+constexpr double kSlow_px = 2;
 
 double rounded(double value, double unit) { return std::round(value / unit) * unit; }
 
@@ -92,7 +96,20 @@ std::string said_of(const events::Thresholds& thresholds, const char* source) {
                 rounded(thresholds.negative, 1e-3), " (", source, ")");
 }
 
+double median_of(std::vector<double> values) {
+  if (values.empty()) return 0;
+  const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
 }  // namespace
+
+Capture without_hot_pixels(const Capture& capture) {
+  Capture cleaned = capture;
+  cleaned.events = without(hot_pixels_of(capture), capture);
+  return cleaned;
+}
 
 ClockFinding find_clock(const TimeOptions& options, const Capture& capture, bool frames_apart) {
   if (options.offset_ms != 0) return {options.offset_ms, "as given"};
@@ -118,14 +135,35 @@ ClockFinding find_clock(const TimeOptions& options, const Capture& capture, bool
   return {rounded(offset_ms, 1e-3), measured};
 }
 
+std::vector<double> find_blur(const Capture& capture) {
+  std::vector<double> blur;
+  std::vector<int64_t> counts;
+  for (const Shot& shot : capture.shots) {
+    throw_if_interrupted();
+    const events::TimeWindow exposure{shot.t_start_us, shot.t_end_us};
+    counts.push_back(capture.events.slice(exposure).size());
+    blur.push_back(blur_px(capture.events, exposure, capture.sensor));
+  }
+  std::vector<int64_t> ordered = counts;
+  std::sort(ordered.begin(), ordered.end());
+  const int64_t many = ordered.empty() ? 0 : ordered[3 * ordered.size() / 4] / 2;
+  for (size_t i = 0; i < blur.size(); ++i) {
+    if (counts[i] > many && blur[i] < kSlow_px) blur[i] = -1;
+  }
+  return blur;
+}
+
 SensorFinding find_sensor(const SensorOptions& options, const events::EventOptions& events,
-                          const Capture& capture) {
+                          const Capture& capture, const Align& align) {
   SensorFinding finding;
   if (options.remove_hot_pixels) finding.hot_pixels = hot_pixels_of(capture);
   finding.said = concat(finding.hot_pixels.size(), " hot pixels removed, ");
   warn_of_mosaics(capture);
   Capture cleaned = capture;
   clean(finding, cleaned);
+  if (align) align(cleaned);
+  finding.blur_px = find_blur(cleaned);
+  finding.said += concat("median blur ", rounded(median_of(finding.blur_px), 0.1), " px, ");
   finding.filter = filter_of(cleaned);
   if (finding.filter != ColorFilter::kNone) {
     finding.said += concat("events through a ", word_of(finding.filter), " filter, ");
@@ -154,6 +192,8 @@ SensorFinding find_sensor(const SensorOptions& options, const events::EventOptio
 void clean(const SensorFinding& finding, Capture& capture) {
   capture.events = without(finding.hot_pixels, capture);
   capture.filter = finding.filter;
+  if (finding.blur_px.size() != capture.shots.size()) return;
+  for (size_t i = 0; i < capture.shots.size(); ++i) capture.shots[i].blur_px = finding.blur_px[i];
 }
 
 void keep(const fs::path& folder, const ClockFinding& finding) {
@@ -173,6 +213,7 @@ void keep(const fs::path& folder, const SensorFinding& finding) {
                  {"threshold_negative", finding.thresholds.negative},
                  {"filter", word_of(finding.filter)},
                  {"said", finding.said},
+                 {"blur_px", finding.blur_px},
                  {"hot_pixels", std::move(pixels)}};
   write_file(folder / kSensorFile, all.dump(1) + "\n");
 }
@@ -190,6 +231,7 @@ SensorFinding load_sensor(const fs::path& folder) {
     finding.filter =
         value_of<ColorFilter>(json.at("filter").get<std::string>()).value_or(ColorFilter::kNone);
     finding.said = json.at("said");
+    json.at("blur_px").get_to(finding.blur_px);
     for (const Json& p : json.at("hot_pixels")) {
       finding.hot_pixels.push_back(
           {p.at("row"), p.at("column"), p.at("rate_hz"), p.at("neighbours_hz")});

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -20,6 +21,12 @@ struct ClockFinding {
   std::string said;
 };
 
+/// The capture without the events of pixels that fire by themselves.
+Capture without_hot_pixels(const Capture& capture);
+
+/// Brings a capture to where frames and events see the same, if that is elsewhere.
+using Align = std::function<void(Capture&)>;
+
 /// The offset of the options where they give one, else that which estimate_clock_offset() finds.
 /// One that is within two milliseconds or three of its standard errors of 0 counts as 0.
 /// @param frames_apart  frames and events come from different files: an offset in doubt is an error
@@ -32,6 +39,7 @@ struct SensorFinding {
   std::vector<HotPixel> hot_pixels;  ///< whose events are to go
   events::Thresholds thresholds;
   ColorFilter filter = ColorFilter::kNone;  ///< before its pixels
+  std::vector<double> blur_px;              ///< of each shot, as in Shot
   std::string said;
 };
 
@@ -39,10 +47,15 @@ struct SensorFinding {
 /// data::estimate_thresholds() finds, else the default, with a warning. Where the frames are in
 /// colour and the events follow one channel each, thresholds are found in these channels. Frames
 /// that are raw mosaics get a warning.
+/// @param align  of two cameras, before frames and events are compared; hot pixels come before it
 SensorFinding find_sensor(const SensorOptions& options, const events::EventOptions& events,
-                          const Capture& capture);
+                          const Capture& capture, const Align& align = {});
 
-/// Takes the events of the hot pixels out, and sets the filter.
+/// blur_px() of each shot. One that seems still though it has half as many events as the upper
+/// quarter of the shots is not known: its motion drowns in noise.
+std::vector<double> find_blur(const Capture& capture);
+
+/// Takes the events of the hot pixels out, sets the filter and the blur.
 void clean(const SensorFinding& finding, Capture& capture);
 
 void keep(const std::filesystem::path& folder, const ClockFinding& finding);

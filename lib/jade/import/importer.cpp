@@ -65,8 +65,9 @@ int64_t events_in_exposures(const Capture& capture) {
 }
 
 /// Most that an event costs on its way: it is there as it was and as it comes to be, 17 bytes each,
-/// and the estimate of the thresholds counts another few.
-constexpr double kEventBytes = 45;
+/// and the estimate of the thresholds counts another few. Those of a second camera are there once
+/// more, as the frames see them.
+constexpr double kEventBytes = 45, kSecondCameraBytes = 17;
 
 recording::ReadOptions read_options(const ImportOptions& options) {
   recording::ReadOptions how;
@@ -93,12 +94,18 @@ recording::ReadOptions read_options(const ImportOptions& options) {
         events::TimeWindow{std::llround(1e6 * options.time.begin_s), std::llround(1e6 * end_s)};
   }
   how.near_frames_ahead_us = std::llround(1e3 * options.time.offset_ms);
-  how.event_bytes = kEventBytes;
+  how.event_bytes = kEventBytes + (options.lens.plane_depth > 0 ? kSecondCameraBytes : 0);
   return how;
 }
 
-void check_recording(const recording::Recording& recording) {
+void check_recording(const recording::Recording& recording, const TimeOptions& time) {
   const std::string source = recording.source.string();
+  if (recording.frames.empty() && (time.begin_s > 0 || time.end_s > 0)) {
+    throw DataError(concat(source, ": no frame lies wholly between --begin-s ", time.begin_s,
+                           " and --end-s ", time.end_s,
+                           " after the first frame began; give a longer span, or frames with "
+                           "--frames DIR if there are none"));
+  }
   if (recording.frames.empty()) {
     throw DataError(concat(source,
                            ": holds no frames; give a folder of them with --frames "
@@ -170,18 +177,19 @@ Capture read_capture(const ImportOptions& options, const fs::path& folder) {
   recording::Recording recording =
       recording::read_recording(options.recording, read_options(options));
   for (const std::string& note : recording.notes) log_info("            " + note);
-  check_recording(recording);
+  check_recording(recording, options.time);
   keep_calibration(folder, recording);
   Capture capture;
   capture.source = recording.source.string();
   capture.format = recording.format;
   for (recording::Frame& frame : recording.frames) {
-    capture.shots.push_back({frame.name, frame.image, frame.t_start_us, frame.t_end_us, 0});
+    capture.shots.push_back({frame.name, frame.image, frame.t_start_us, frame.t_end_us});
   }
   std::stable_sort(capture.shots.begin(), capture.shots.end(),
                    [](const Shot& a, const Shot& b) { return a.t_start_us < b.t_start_us; });
   capture.events = recording.events;
   capture.sensor = {recording.height, recording.width};
+  capture.sensor_is_said = recording.size_is_said;
   if (capture.sensor.height == 0) capture.sensor = {capture.height(), capture.width()};
   check_shots(capture);
   return capture;
@@ -190,7 +198,7 @@ Capture read_capture(const ImportOptions& options, const fs::path& folder) {
 /// What the stages have found so far.
 struct Progressed {
   Capture capture;
-  fs::path calibration;  ///< that came with the recording
+  std::optional<Calibration> calibration;
   fs::path latent_folder;
   std::vector<LatentImage> latents;
   Reconstruction found;
@@ -220,16 +228,40 @@ Stage read_stage(const ImportOptions& options, Progressed& so_far) {
           },
           [&](const fs::path& folder) {
             so_far.capture = load_capture(folder);
-            so_far.calibration = kept_calibration(folder);
+            so_far.calibration = calibration_of(options.lens, kept_calibration(folder));
+            if (so_far.calibration) settle_sensor(*so_far.calibration, so_far.capture);
           }};
+}
+
+/// What time and sensor depend on besides their own settings: of two cameras, how they meet.
+std::string rig_text(const ImportOptions& options) {
+  if (!(options.lens.plane_depth > 0)) return {};
+  return text_of(options.lens) + fingerprint(options.lens.calibration);
+}
+
+/// Frames and events of two cameras where they see the same; of one they do so already.
+Align align_of(const ImportOptions& options, const Progressed& so_far) {
+  if (!is_rig(so_far.calibration)) return {};
+  return [&](Capture& capture) {
+    undistort(options.lens, *so_far.calibration, capture);
+    capture.sensor = {capture.height(), capture.width()};
+  };
+}
+
+ClockFinding clock_of(const ImportOptions& options, const Progressed& so_far) {
+  const bool apart = !options.frames.empty();
+  const Align align = align_of(options, so_far);
+  if (!align) return find_clock(options.time, so_far.capture, apart);
+  Capture seen = without_hot_pixels(so_far.capture);
+  align(seen);
+  return find_clock(options.time, seen, apart);
 }
 
 /// Puts events on the clock of the frames; what is kept is the offset alone.
 Stage time_stage(const ImportOptions& options, Progressed& so_far) {
-  return {"time", text_of(options.time),
+  return {"time", text_of(options.time) + rig_text(options),
           [&](const fs::path& folder) {
-            const ClockFinding clock =
-                find_clock(options.time, so_far.capture, !options.frames.empty());
+            const ClockFinding clock = clock_of(options, so_far);
             Capture moved = so_far.capture;
             set_clock(clock.offset_ms, moved);
             check_clocks(moved);
@@ -247,8 +279,8 @@ Stage sensor_stage(ImportOptions& options, Progressed& so_far) {
           concat(text_of(options.sensor), options.events.threshold_positive, " ",
                  options.events.threshold_negative),
           [&](const fs::path& folder) {
-            const SensorFinding sensor =
-                find_sensor(options.sensor, options.events, so_far.capture);
+            const SensorFinding sensor = find_sensor(options.sensor, options.events, so_far.capture,
+                                                     align_of(options, so_far));
             keep(folder, sensor);
             return sensor.said;
           },
@@ -265,11 +297,9 @@ Stage sensor_stage(ImportOptions& options, Progressed& so_far) {
 Stage undistort_stage(const ImportOptions& options, Progressed& so_far) {
   return {"undistort", text_of(options.lens) + fingerprint(options.lens.calibration),
           [&](const fs::path& folder) -> std::string {
-            LensOptions lens = options.lens;
-            if (lens.calibration.empty()) lens.calibration = so_far.calibration;
-            if (lens.calibration.empty()) return "no calibration given";
+            if (!so_far.calibration) return "no calibration given";
             Capture capture = so_far.capture;
-            const std::string said = undistort(lens, capture);
+            const std::string said = undistort(options.lens, *so_far.calibration, capture);
             keep_capture(folder, capture);
             return said;
           },
@@ -325,6 +355,7 @@ void import_recording(const ImportOptions& given, const fs::path& output, const 
     throw DataError(concat(options.recording.string(), ": no such file or folder"));
   }
   find_colmap(options.poses.colmap);  // told before minutes of work
+  if (!options.lens.calibration.empty()) calibration_of(options.lens, {});
   Progressed so_far;
   const std::vector<Stage> stages{
       read_stage(options, so_far),         time_stage(options, so_far),

@@ -43,7 +43,7 @@ bool is_monochrome(const Capture& capture) {
 }  // namespace
 
 bool is_sharp(const Shot& shot, double sharp_px) {
-  return shot.duration_us() == 0 || (shot.blur_px > 0 && shot.blur_px < sharp_px);
+  return shot.duration_us() == 0 || (shot.blur_px >= 0 && shot.blur_px < sharp_px);
 }
 
 torch::Tensor latents_of(const Shot& shot, const Capture& capture, const ImportOptions& options,

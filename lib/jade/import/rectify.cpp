@@ -10,6 +10,9 @@
 namespace jade::import {
 namespace {
 
+/// Of the plane's depth: no shift of a camera is seen there any more.
+constexpr double kFarAway = 1e6;
+
 /// Bilinear samples of the two planes of a map.
 struct MapReader {
   const float* columns;
@@ -54,14 +57,16 @@ Rectification rectification(const RectifyCameras& cameras, const RectifyOptions&
                "to agree, in the calibration's unit (metres), found ",
                depth));
   }
-  if (!(options.near > 0 && options.near <= depth && depth <= options.far)) {
-    throw ConfigError(concat("expected 0 < near <= --plane-depth <= far, found ", options.near,
-                             ", ", depth, ", ", options.far));
+  const double near = options.near > 0 ? options.near : 0.5 * depth;
+  const double far = options.far > 0 ? options.far : kFarAway * depth;
+  if (!(near <= depth && depth <= far)) {
+    throw ConfigError(concat("--plane-depth: expected lens.near (", near,
+                             ") or more, and lens.far (", far, ") or less, found ", depth));
   }
   const geometry::Rig& rig = *cameras.events;
   result.event_map = geometry::plane_map(rig, result.camera, depth);
-  result.at_near = geometry::plane_parallax(rig, result.camera, depth, options.near);
-  result.at_far = geometry::plane_parallax(rig, result.camera, depth, options.far);
+  result.at_near = geometry::plane_parallax(rig, result.camera, depth, near);
+  result.at_far = geometry::plane_parallax(rig, result.camera, depth, far);
   return result;
 }
 

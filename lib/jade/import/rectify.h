@@ -20,7 +20,7 @@ struct RectifyCameras {
 struct RectifyOptions {
   geometry::RectifiedField field = geometry::RectifiedField::kFilled;
   /// Of a rig: where events are put right exactly, and the depths between which the scene lies, in
-  /// the unit of the rig's translation.
+  /// the unit of the rig's translation. Not known: near is half the plane's depth, far is far away.
   double plane_depth = 0, near = 0, far = 0;
 };
 
@@ -32,7 +32,7 @@ struct Rectification {
   geometry::Parallax at_near, at_far;  ///< of a rig: what the plane leaves; zero for one sensor
 };
 
-/// @throws ConfigError for a rig without a plane's depth, or with near and far that are no range.
+/// @throws ConfigError for a rig without a plane's depth, or with near and far that do not hold it.
 Rectification rectification(const RectifyCameras& cameras, const RectifyOptions& options);
 
 struct RectifiedEvents {

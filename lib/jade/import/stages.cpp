@@ -17,7 +17,7 @@ namespace {
 namespace fs = std::filesystem;
 
 /// Of what the stages write; raised when results of an older program no longer serve.
-constexpr int kFormat = 1;
+constexpr int kFormat = 2;
 constexpr char kKeyFile[] = "stage.txt";
 
 /// A stage's key holds that of the stage before it.

@@ -1,14 +1,34 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/import/undistortion.h"
 
+#include <algorithm>
+#include <cmath>
+#include <torch/types.h>
+
 #include "jade/core/error.h"
 #include "jade/core/interrupt.h"
+#include "jade/core/log.h"
 #include "jade/imaging/warp.h"
-#include "jade/import/calibration.h"
 #include "jade/import/rectify.h"
 
 namespace jade::import {
 namespace {
+
+/// Of the image's size: principal points lie this near its middle.
+constexpr double kFarFromMiddle = 0.15;
+
+/// A file that does not say its size may be of another one.
+void warn_of_size(const Calibration& calibration, size_t index, const Capture& capture) {
+  const CalibratedCamera& camera = calibration.cameras[index];
+  if (camera.width > 0) return;
+  const double width = double(capture.width()), height = double(capture.height());
+  const double off =
+      std::max(std::abs(camera.cx / width - 0.5), std::abs(camera.cy / height - 0.5));
+  if (off < kFarFromMiddle) return;
+  log_warn(concat(calibration.path.string(), ": principal point (", camera.cx - 0.5, ", ",
+                  camera.cy - 0.5, ") lies far from the middle of ", capture.width(), "x",
+                  capture.height(), " frames; was it calibrated at another size?"));
+}
 
 RectifyCameras cameras_of(const Calibration& calibration, const Capture& capture) {
   RectifyCameras cameras{camera_of(calibration, 0, capture.width(), capture.height(), "frames")};
@@ -22,10 +42,62 @@ RectifyCameras cameras_of(const Calibration& calibration, const Capture& capture
   return cameras;
 }
 
+/// As far as events lie, as a size.
+events::ImageSize reach_of(const events::EventStream& events) {
+  if (events.empty()) return {};
+  const auto reach = [](const torch::Tensor& places) {
+    return int64_t(std::floor(places.max().item<double>() + 0.5)) + 1;
+  };
+  return {reach(events.y()), reach(events.x())};
+}
+
+std::string parallax_said(const LensOptions& options, const Rectification& to) {
+  const auto at = [](double depth, const char* unknown) {
+    return depth > 0 ? concat("at ", depth) : unknown;
+  };
+  return concat(", the plane leaves ", to.at_near.largest_px, " px ",
+                at(options.near, "at half its depth"), " and ", to.at_far.largest_px, " px ",
+                at(options.far, "far away"));
+}
+
 }  // namespace
 
-std::string undistort(const LensOptions& options, Capture& capture) {
-  const Calibration calibration = read_calibration(options.calibration);
+std::optional<Calibration> calibration_of(const LensOptions& options,
+                                          const std::filesystem::path& kept) {
+  const std::filesystem::path& path = options.calibration.empty() ? kept : options.calibration;
+  std::optional<Calibration> calibration;
+  if (!path.empty()) calibration = read_calibration(path);
+  if (is_rig(calibration) && !(options.plane_depth > 0)) {
+    throw ConfigError(
+        concat("--plane-depth: ", path.string(),
+               " is of two cameras; expected the distance at which their pictures are to agree, in "
+               "metres, that of most of the scene, found none"));
+  }
+  if (!is_rig(calibration) && options.plane_depth > 0) {
+    throw ConfigError(
+        concat("--plane-depth: expected a calibration of two cameras (Kalibr's cam0 "
+               "and cam1), found ",
+               calibration ? "one camera in " + path.string() : "none"));
+  }
+  return calibration;
+}
+
+bool is_rig(const std::optional<Calibration>& calibration) {
+  return calibration && calibration->second_from_first;
+}
+
+void settle_sensor(const Calibration& calibration, Capture& capture) {
+  if (calibration.second_from_first && !capture.sensor_is_said) {
+    const CalibratedCamera& second = calibration.cameras[1];
+    const events::ImageSize reach = reach_of(capture.events);
+    capture.sensor = {std::max(second.height, reach.height), std::max(second.width, reach.width)};
+  }
+  cameras_of(calibration, capture);
+  warn_of_size(calibration, 0, capture);
+}
+
+std::string undistort(const LensOptions& options, const Calibration& calibration,
+                      Capture& capture) {
   const RectifyCameras cameras = cameras_of(calibration, capture);
   const Rectification to =
       rectification(cameras, {options.field, options.plane_depth, options.near, options.far});
@@ -40,10 +112,7 @@ std::string undistort(const LensOptions& options, Capture& capture) {
   capture.camera = to.camera;
   std::string said =
       concat("focal length ", to.camera.fx, " px, ", moved.dropped, " events beside the image");
-  if (cameras.events && options.far > 0) {
-    said += concat(", the plane leaves ", to.at_near.largest_px, " px at ", options.near, " and ",
-                   to.at_far.largest_px, " px at ", options.far);
-  }
+  if (cameras.events) said += parallax_said(options, to);
   return said;
 }
 

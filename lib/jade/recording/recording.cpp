@@ -2,6 +2,7 @@
 #include "jade/recording/recording.h"
 
 #include <algorithm>
+#include <cstdio>
 #include <torch/types.h>
 
 #include "jade/core/error.h"
@@ -115,7 +116,8 @@ Kept kept_spans(const ReadOptions& options, const std::optional<events::TimeWind
 
 /// Frames of the event sensor itself tell its size.
 void find_sensor_size(Recording& recording) {
-  if (recording.width > 0 || recording.frames.empty() || recording.events.empty()) return;
+  recording.size_is_said = recording.width > 0;
+  if (recording.size_is_said || recording.frames.empty() || recording.events.empty()) return;
   const torch::Tensor& image = recording.frames.front().image;
   const double width = double(image.size(2)), height = double(image.size(1));
   const double right = recording.events.x().max().item<double>() + 1;
@@ -164,6 +166,13 @@ void note_frames(Recording& recording) {
   }
 }
 
+/// Clocks count from 1970 or from the start of a sensor: neither fits six digits.
+std::string seconds_of(int64_t t_us) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.3f", 1e-6 * double(t_us));
+  return text;
+}
+
 void note_clocks(Recording& recording) {
   const auto& frames = recording.frames;
   if (frames.empty() || recording.events.empty()) return;
@@ -173,8 +182,8 @@ void note_clocks(Recording& recording) {
   });
   if (covered == int64_t(frames.size())) return;
   recording.notes.push_back(concat(frames.size() - size_t(covered), " of ", frames.size(),
-                                   " frames lie outside the time of the ", "events (",
-                                   1e-6 * double(first), " to ", 1e-6 * double(last), " s)",
+                                   " frames lie outside the time of the events (",
+                                   seconds_of(first), " to ", seconds_of(last), " s)",
                                    covered == 0 ? "; the two clocks may differ" : ""));
 }
 

@@ -23,7 +23,7 @@ struct Frame {
 
 /// A calibration that lies beside a recording, as it was found.
 struct CalibrationFile {
-  std::string name;  ///< "calib.txt", "calibration.yaml"
+  std::string name;  ///< "calib.txt", "calibration.yaml", "camchain.yaml"
   std::string text;
 };
 
@@ -32,6 +32,7 @@ struct Recording {
   std::filesystem::path source;
   std::string format;             ///< in words, "Prophesee EVT3"
   int64_t width = 0, height = 0;  ///< of the event sensor, 0: not known
+  bool size_is_said = true;       ///< by the recording; false: taken from the frames, or not known
   events::EventStream events;     ///< none beside the sensor where its size is known
   int64_t stored_events = 0;      ///< kept or not
   events::TimeWindow stored_us;   ///< from the first of these to the last

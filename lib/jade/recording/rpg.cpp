@@ -35,7 +35,7 @@ void note_untimed_images(const fs::path& folder, Recording& recording) {
 }
 
 std::optional<CalibrationFile> find_calibration(const fs::path& folder) {
-  for (const char* name : {"calibration.yaml", "calib.txt"}) {
+  for (const char* name : {"camchain.yaml", "calibration.yaml", "calib.txt"}) {
     if (fs::is_regular_file(folder / name)) return CalibrationFile{name, read_file(folder / name)};
   }
   return std::nullopt;

@@ -72,14 +72,15 @@ std::string opencv_matrix(const char* name, int rows, int columns, const std::st
                 "\n   dt: d\n   data: [ ", data, " ]\n");
 }
 
+/// A YAML real of OpenCV has a point.
+std::string number(double value) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.17g", value);
+  return std::string(text).find_first_of(".e") == std::string::npos ? std::string(text) + "."
+                                                                    : std::string(text);
+}
+
 void write_calibration(const fs::path& folder, const geometry::Intrinsics& camera) {
-  const auto number = [](double value) {
-    char text[40];
-    std::snprintf(text, sizeof text, "%.17g", value);
-    // A YAML real of OpenCV has a point.
-    return std::string(text).find_first_of(".e") == std::string::npos ? std::string(text) + "."
-                                                                      : std::string(text);
-  };
   const std::string fx = number(camera.fx), fy = number(camera.fy), cx = number(camera.cx - 0.5),
                     cy = number(camera.cy - 0.5);
   write_file(folder / "calib.txt", concat(fx, " ", fy, " ", cx, " ", cy, " 0 0 0 0 0\n"));
@@ -91,7 +92,33 @@ void write_calibration(const fs::path& folder, const geometry::Intrinsics& camer
              opencv_matrix("distortion_coefficients", 1, 5, "0., 0., 0., 0., 0.")));
 }
 
+std::string kalibr_camera(const char* name, const std::string& pose,
+                          const geometry::Intrinsics& c) {
+  return concat(name, ":\n", pose,
+                "  camera_model: pinhole\n  distortion_coeffs: [0.0, 0.0, 0.0, 0.0]\n"
+                "  distortion_model: radtan\n  intrinsics: [",
+                number(c.fx), ", ", number(c.fy), ", ", number(c.cx - 0.5), ", ",
+                number(c.cy - 0.5), "]\n  resolution: [", c.width, ", ", c.height, "]\n");
+}
+
+std::string kalibr_pose(const geometry::Pose& pose) {
+  std::string rows = "  T_cn_cnm1:\n";
+  for (size_t i = 0; i < 3; ++i) {
+    const double* r = &pose.rotation[3 * i];
+    rows += concat("  - [", number(r[0]), ", ", number(r[1]), ", ", number(r[2]), ", ",
+                   number(pose.translation[i]), "]\n");
+  }
+  return rows + "  - [0.0, 0.0, 0.0, 1.0]\n";
+}
+
 }  // namespace
+
+void write_camchain(const fs::path& folder, const CameraPair& cameras) {
+  make_writable_folder(folder);
+  write_file(folder / "camchain.yaml",
+             kalibr_camera("cam0", "", cameras.frames) +
+                 kalibr_camera("cam1", kalibr_pose(cameras.events_from_frames), cameras.events));
+}
 
 void write_rpg(const fs::path& folder, const Recording& recording,
                const std::optional<geometry::Intrinsics>& camera) {

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "jade/geometry/camera.h"
+#include "jade/geometry/pose.h"
 #include "jade/recording/recording.h"
 
 namespace jade::recording {
@@ -16,5 +17,16 @@ namespace jade::recording {
 /// @throws DataError if a file cannot be written.
 void write_rpg(const std::filesystem::path& folder, const Recording& recording,
                const std::optional<geometry::Intrinsics>& camera = std::nullopt);
+
+/// Cameras without distortion, one for frames and one for events.
+struct CameraPair {
+  geometry::Intrinsics frames, events;
+  geometry::Pose events_from_frames;
+};
+
+/// Writes camchain.yaml as Kalibr does: cam0 took the frames, cam1 the events. Its pixels have
+/// centres that are whole numbers. read_recording finds it in the folder.
+/// @throws DataError if it cannot be written.
+void write_camchain(const std::filesystem::path& folder, const CameraPair& cameras);
 
 }  // namespace jade::recording

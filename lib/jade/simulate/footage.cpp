@@ -11,20 +11,57 @@
 #include "jade/data/dataset.h"
 
 namespace jade::simulate {
+namespace {
+
+constexpr double kRadians = 3.14159265358979323846 / 180;
+
+std::optional<EventCamera> event_camera_of(const SimulateOptions& o) {
+  const EventCameraOptions& beside = o.event_camera;
+  if (!beside.is_beside()) return std::nullopt;
+  const auto or_else = [](auto value, auto fallback) { return value > 0 ? value : fallback; };
+  geometry::Vector3 turn{};
+  for (size_t i = 0; i < beside.turn_deg.size(); ++i) turn[i] = beside.turn_deg[i] * kRadians;
+  const geometry::Pose frames_from_events{geometry::rotation_from_vector(turn),
+                                          {beside.centre[0], beside.centre[1], beside.centre[2]}};
+  return EventCamera{geometry::Intrinsics::centred(or_else(beside.focal_px, o.focal_px),
+                                                   or_else(beside.width, o.width),
+                                                   or_else(beside.height, o.height)),
+                     geometry::inverse(frames_from_events)};
+}
+
+/// Bounds the flow in the finer of both cameras; that they see from different places changes it
+/// little.
+SamplingOptions sampling_of(const SimulateOptions& o, const std::optional<EventCamera>& events) {
+  SamplingOptions sampling = o.sampling;
+  if (events) sampling.max_flow_px *= std::min(1.0, o.focal_px / events->camera.fx);
+  return sampling;
+}
+
+}  // namespace
+
+void Footage::event_frame(int64_t, int, world::SharpFrame&) const {
+  throw ContractError("event_frame: expected footage of two cameras, found one");
+}
 
 RenderedFootage::RenderedFootage(const SimulateRun& run, std::unique_ptr<world::FrameSource> source,
                                  const world::CameraRig& rig, const Timeline& timeline)
     : source_(std::move(source)),
       camera_(geometry::Intrinsics::centred(run.simulate.focal_px, run.simulate.width,
                                             run.simulate.height)),
+      event_camera_(event_camera_of(run.simulate)),
       path_(rig, run.simulate.motion.reach,
             derive_seed(static_cast<uint64_t>(run.seed), "camera path")),
-      clock_(run.simulate.sampling, path_, camera_) {
+      clock_(sampling_of(run.simulate, event_camera_), path_, camera_) {
   blur_px_ = set_speed_for_blur(path_, *source_, camera_, timeline, run.simulate.motion.blur_px);
 }
 
 void RenderedFootage::frame(int64_t t_us, int samples, world::SharpFrame& frame) const {
   source_->render(path_.at(static_cast<double>(t_us)), camera_, samples, frame);
+}
+
+void RenderedFootage::event_frame(int64_t t_us, int samples, world::SharpFrame& frame) const {
+  source_->render(geometry::compose(event_camera_->from_frames, path_.at(double(t_us))),
+                  event_camera_->camera, samples, frame);
 }
 
 int64_t RenderedFootage::next_us(const world::SharpFrame& frame, int64_t now_us, int64_t until_us) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <torch/types.h>
 #include <vector>
 
@@ -10,6 +11,12 @@
 #include "jade/simulate/sampling.h"
 
 namespace jade::simulate {
+
+/// A camera for events alone.
+struct EventCamera {
+  geometry::Intrinsics camera;
+  geometry::Pose from_frames;  ///< x_events = R x_frames + t
+};
 
 /// What the sensors look at, as a film that can be stopped at any time.
 class Footage {
@@ -20,6 +27,10 @@ class Footage {
   virtual geometry::Pose pose(double t_us) const = 0;
   /// @param samples  rays per pixel, where rays are cast
   virtual void frame(int64_t t_us, int samples, world::SharpFrame& frame) const = 0;
+  /// The camera that the events come from, where it is not that of the frames.
+  virtual std::optional<EventCamera> event_camera() const { return std::nullopt; }
+  /// frame() as event_camera() sees it; for footage that has one.
+  virtual void event_frame(int64_t t_us, int samples, world::SharpFrame& frame) const;
   /// The time of the frame to look at after `frame`, which was taken at `now_us`: in
   /// (now_us, until_us].
   virtual int64_t next_us(const world::SharpFrame& frame, int64_t now_us, int64_t until_us) = 0;
@@ -42,6 +53,8 @@ class RenderedFootage : public Footage {
   const geometry::Intrinsics& camera() const override { return camera_; }
   geometry::Pose pose(double t_us) const override { return path_.at(t_us); }
   void frame(int64_t t_us, int samples, world::SharpFrame& frame) const override;
+  std::optional<EventCamera> event_camera() const override { return event_camera_; }
+  void event_frame(int64_t t_us, int samples, world::SharpFrame& frame) const override;
   int64_t next_us(const world::SharpFrame& frame, int64_t now_us, int64_t until_us) override;
   Depths depths(const Timeline& timeline) const override;
   double blur_px() const override { return blur_px_; }
@@ -50,6 +63,7 @@ class RenderedFootage : public Footage {
  private:
   std::unique_ptr<world::FrameSource> source_;
   geometry::Intrinsics camera_;
+  std::optional<EventCamera> event_camera_;
   CameraPath path_;
   FrameClock clock_;
   double blur_px_ = 0, largest_flow_px_ = 0;

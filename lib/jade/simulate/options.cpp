@@ -44,12 +44,27 @@ void validate(const SimulateRun& run) {
     throw ConfigError(concat("simulate.path: source '", word_of(o.source),
                              "' needs a file or folder, found nothing; set simulate.path"));
   }
-  for (const auto* vector : {&o.camera.eye, &o.camera.target, &o.camera.up, &o.camera.eye_reach,
-                             &o.camera.target_reach}) {
+  for (const auto* vector :
+       {&o.camera.eye, &o.camera.target, &o.camera.up, &o.camera.eye_reach, &o.camera.target_reach,
+        &o.event_camera.centre, &o.event_camera.turn_deg}) {
     if (!vector->empty() && vector->size() != 3) {
       throw ConfigError(
-          concat("simulate.camera: expected vectors of 3 numbers, found ", vector->size()));
+          concat("simulate.camera, simulate.event_camera: expected vectors of 3 numbers, found ",
+                 vector->size()));
     }
+  }
+  const EventCameraOptions& beside = o.event_camera;
+  const bool described =
+      !beside.turn_deg.empty() || beside.width != 0 || beside.height != 0 || beside.focal_px != 0;
+  if (described && !beside.is_beside()) {
+    throw ConfigError(
+        "simulate.event_camera: expected its centre [x, y, z] beside the camera of the frames, "
+        "found none; set simulate.event_camera.centre");
+  }
+  if (beside.is_beside() && o.source == Source::kFrames) {
+    throw ConfigError(
+        "simulate.event_camera: expected source world or ply, found stored frames, which no second "
+        "camera has seen");
   }
   if (o.seen_test_views > std::min(o.test_views, o.exposures)) {
     throw ConfigError(concat("simulate.seen_test_views: at most test_views (", o.test_views,

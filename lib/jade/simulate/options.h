@@ -124,6 +124,25 @@ void describe(V& v, EventSensorOptions& o) {
   v.field("hot_hz", o.hot_hz, "their rate, Hz", Range{0, 10000});
 }
 
+/// An event camera beside the camera of the frames. One sensor gives both where `centre` is empty.
+struct EventCameraOptions {
+  std::vector<double> centre, turn_deg;
+  int64_t width = 0, height = 0;
+  double focal_px = 0;
+  bool is_beside() const { return !centre.empty(); }
+};
+template <class V>
+void describe(V& v, EventCameraOptions& o) {
+  v.field("centre", o.centre,
+          "where it stands [x, y, z], in the axes of the camera of the frames (x right, y down, z "
+          "forward), world units; empty: one sensor gives frames and events");
+  v.field("turn_deg", o.turn_deg,
+          "rotation vector of its axes from those of the frames' camera, degrees; empty: none");
+  v.field("width", o.width, "px; 0: as the frames", Range{0, 8192});
+  v.field("height", o.height, "px; 0: as the frames", Range{0, 8192});
+  v.field("focal_px", o.focal_px, "px; 0: as the frames", Range{0, 1e5});
+}
+
 /// Which poses are estimated; the others follow from them.
 enum class PoseTimes { kPath, kMidExposure, kThirds };
 
@@ -191,6 +210,7 @@ struct SimulateOptions {
   SamplingOptions sampling;
   ImageSensorOptions image;
   EventSensorOptions events;
+  EventCameraOptions event_camera;
   PoseNoiseOptions poses;
 };
 template <class V>
@@ -219,6 +239,7 @@ void describe(V& v, SimulateOptions& o) {
   v.group("sampling", o.sampling, "frames that are rendered");
   v.group("image", o.image, "the frame sensor");
   v.group("events", o.events, "the event sensor");
+  v.group("event_camera", o.event_camera, "where the event sensor is not that of the frames");
   v.group("poses", o.poses, "error of the written poses, as structure from motion makes");
 }
 

@@ -14,8 +14,12 @@ Recorder::Recorder(const SimulateRun& run, Footage& footage, const Timeline& tim
     : run_(run),
       footage_(footage),
       timeline_(timeline),
-      sensor_(run.simulate.events, footage.camera().width, footage.camera().height,
-              seed("events")) {}
+      sensor_(run.simulate.events, event_camera().width, event_camera().height, seed("events")) {}
+
+geometry::Intrinsics Recorder::event_camera() const {
+  const auto beside = footage_.event_camera();
+  return beside ? beside->camera : footage_.camera();
+}
 
 uint64_t Recorder::seed(const std::string& purpose) const {
   return derive_seed(static_cast<uint64_t>(run_.seed), purpose);
@@ -59,7 +63,12 @@ torch::Tensor Recorder::sharp(int64_t t_us) const {
 }
 
 void Recorder::feed(const world::SharpFrame& frame, int64_t t_us) {
-  event_intensity(frame, run_.simulate.image, run_.simulate.events, intensity_);
+  const bool beside = footage_.event_camera().has_value();
+  if (beside) {
+    footage_.event_frame(t_us, static_cast<int>(run_.simulate.sampling.samples), event_view_);
+  }
+  event_intensity(beside ? event_view_ : frame, run_.simulate.image, run_.simulate.events,
+                  intensity_);
   sensor_.feed(intensity_, t_us);
 }
 

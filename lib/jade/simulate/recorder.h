@@ -30,6 +30,7 @@ class Recorder {
   torch::Tensor sharp(int64_t t_us) const;
 
  private:
+  geometry::Intrinsics event_camera() const;
   uint64_t seed(const std::string& purpose) const;
   void feed(const world::SharpFrame& frame, int64_t t_us);
   void expose(const world::SharpFrame& before, const world::SharpFrame& after, int64_t from_us,
@@ -39,6 +40,7 @@ class Recorder {
   Footage& footage_;
   const Timeline& timeline_;
   EventSensor sensor_;
+  world::SharpFrame event_view_;  // of an event camera beside that of the frames
   std::vector<float> intensity_;
   std::unique_ptr<Exposing> exposing_;
 };

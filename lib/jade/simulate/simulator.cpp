@@ -84,7 +84,7 @@ SimulateResult simulate(const SimulateRun& run, Footage& footage) {
   Recorder recorder(run, footage, timeline);
   auto recording = recorder.record();
   SimulateResult result;
-  result.frames = recording.frames;
+  result.frames = recording.frames, result.event_camera = footage.event_camera();
   result.blur_px = footage.blur_px(), result.largest_flow_px = footage.largest_flow_px();
   data::EvDeblurContent& content = result.content;
   content.train = std::move(recording.exposures);
@@ -138,7 +138,9 @@ torch::Tensor exposure_footage(const SimulateRun& run, int64_t frames) {
 
 void write(const SimulateResult& result, const SimulateRun& run,
            const std::filesystem::path& folder) {
-  data::write_evdeblur(folder, result.content);
+  data::EvDeblurContent content = result.content;
+  if (result.event_camera) content.events = {}, content.color_events = false;
+  data::write_evdeblur(folder, content);
   SimulateRun copy = run;
   write_file(folder / "simulation.yaml", config::to_yaml(fields_of(copy), "jade_simulate"));
 }

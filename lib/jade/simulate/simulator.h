@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 
 #include "jade/data/evdeblur_writer.h"
 #include "jade/simulate/footage.h"
@@ -17,6 +18,8 @@ struct SimulateResult {
   double blur_px = 0;          ///< mean blur of the exposures; 0: not known
   double largest_flow_px = 0;  ///< of a pixel between two of these frames; 0: not known
   PoseErrors pose_errors;      ///< of the written poses of the exposures
+  /// Whose pixels content.events are of; absent where they are those of the frames.
+  std::optional<EventCamera> event_camera;
 };
 
 /// Runs a simulation. Shows progress; the same options and seed give the same result for any number
@@ -34,15 +37,16 @@ SimulateResult simulate(const SimulateRun& run, Footage& footage);
 /// @throws as simulate().
 torch::Tensor exposure_footage(const SimulateRun& run, int64_t frames);
 
-/// Writes the data set in the EvDeblur layout with simulation.yaml beside it.
+/// Writes the data set in the EvDeblur layout with simulation.yaml beside it. Events of another
+/// camera than that of the frames are left out, as data sets have one for both.
 /// @throws DataError.
 void write(const SimulateResult& result, const SimulateRun& run,
            const std::filesystem::path& folder);
 
 /// Writes what a user's camera would have: a recording in the RPG text layout (recording/
-/// rpg_writer.h) with its calibration, and nothing about poses. Its frames are the exposures and
-/// those test views that were taken between them, with an exposure of 1 µs. truth/ gets the data
-/// set of write(), for checks only; frames have the same names there.
+/// rpg_writer.h) with its calibration, of two cameras in Kalibr's format, and nothing about poses.
+/// Its frames are the exposures and those test views that were taken between them, with an exposure
+/// of 1 µs. truth/ gets the data set of write(), for checks only; frames have the same names there.
 /// @throws DataError.
 void write_recording(const SimulateResult& result, const SimulateRun& run,
                      const std::filesystem::path& folder);

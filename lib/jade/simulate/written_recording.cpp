@@ -43,7 +43,13 @@ void write_recording(const SimulateResult& result, const SimulateRun& run,
   }
   std::sort(written.frames.begin(), written.frames.end(),
             [](const auto& a, const auto& b) { return a.t_start_us < b.t_start_us; });
-  recording::write_rpg(folder, written, content.train.front().camera);
+  const geometry::Intrinsics& camera = content.train.front().camera;
+  if (const auto& events = result.event_camera) {
+    recording::write_rpg(folder, written);
+    recording::write_camchain(folder, {camera, events->camera, events->from_frames});
+  } else {
+    recording::write_rpg(folder, written, camera);
+  }
   write(result, run, folder / "truth");
 }
 

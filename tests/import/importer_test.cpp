@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/import/importer.h"
+
+#include "support/catch.h"
+
+#include <array>
+#include <filesystem>
+#include <torch/types.h>
+
+#include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
+#include "jade/core/progress.h"
+#include "jade/import/capture.h"
+#include "jade/simulate/simulator.h"
+#include "support/temp_dir.h"
+
+using namespace jade;
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int64_t kWidth = 96, kHeight = 72;
+constexpr double kFocal = 110, kEventFocal = 140;
+
+simulate::SimulateRun small_run() {
+  set_progress_enabled(false);
+  simulate::SimulateRun run;
+  run.seed = 3;
+  simulate::SimulateOptions& o = run.simulate;
+  o = simulate::preset_options(simulate::Preset::kCdavis);
+  o.world = "clutter";
+  o.width = kWidth, o.height = kHeight, o.focal_px = kFocal;
+  o.exposures = 5, o.exposure_ms = 40, o.gap_ms = 20, o.motion.blur_px = 5;
+  o.test_views = 0, o.seen_test_views = 0;
+  o.sampling.samples = 1, o.sampling.sharp_samples = 1;
+  return run;
+}
+
+/// Beside the camera of the frames by a hundredth, turned, with other pixels.
+simulate::SimulateRun rig_run() {
+  simulate::SimulateRun run = small_run();
+  auto& beside = run.simulate.event_camera;
+  beside.centre = {0.01, -0.004, 0}, beside.turn_deg = {1.5, -2, 3};
+  beside.width = 130, beside.height = 100, beside.focal_px = kEventFocal;
+  return run;
+}
+
+/// Events per pixel of the frames, smoothed over three.
+torch::Tensor count_map(const events::EventStream& events) {
+  const torch::Tensor column = events.x().round().clamp(0, kWidth - 1).to(torch::kInt64);
+  const torch::Tensor row = events.y().round().clamp(0, kHeight - 1).to(torch::kInt64);
+  const torch::Tensor count = torch::zeros({kHeight * kWidth}, torch::kFloat32);
+  count.index_add_(0, row * kWidth + column, torch::ones({events.size()}, torch::kFloat32));
+  const torch::Tensor map = count.reshape({1, 1, kHeight, kWidth});
+  return at::avg_pool2d(map, {3, 3}, {1, 1})[0][0];
+}
+
+/// Correlation of two maps, the second moved by so many pixels, without their borders.
+double correlation(const torch::Tensor& a, const torch::Tensor& b, int64_t down, int64_t right) {
+  constexpr int64_t kBorder = 12;
+  const auto part = [&](const torch::Tensor& map, int64_t y, int64_t x) {
+    const torch::Tensor inner = map.slice(0, kBorder + y, map.size(0) - kBorder + y)
+                                    .slice(1, kBorder + x, map.size(1) - kBorder + x);
+    return (inner - inner.mean()).flatten();
+  };
+  const torch::Tensor u = part(a, 0, 0), v = part(b, down, right);
+  return (u.dot(v) / (u.norm() * v.norm())).item<double>();
+}
+
+import::ImportOptions options_for(const fs::path& recording,
+                                  const fs::path& colmap){write_file(colmap, "");
+fs::permissions(colmap, fs::perms::owner_all);
+import::ImportOptions options;
+options.recording = recording;
+options.poses.colmap = colmap;
+// Finding them takes seconds.
+options.events.threshold_positive = options.events.threshold_negative = 0.24;
+return options;
+}  // namespace
+
+}  // namespace
+
+TEST_CASE("importer: events of a second camera come to lie on the frames", "[import]") {
+  const test::TempDir dir;
+  const simulate::SimulateRun run = rig_run();
+  const simulate::SimulateResult rig = simulate::simulate(run);
+  simulate::write_recording(rig, run, dir / "rig");
+  import::ImportOptions options = options_for(dir / "rig", dir / "colmap");
+  options.lens.plane_depth = 2 / (1 / rig.content.near + 1 / rig.content.far);
+  import::import_recording(options, dir / "out", {"", "undistort"});
+  const fs::path stages = dir / "out/import";
+  const import::Capture capture = import::load_capture(stages / "undistort");
+  CHECK(capture.camera->fx == Approx(kFocal));
+  CHECK(capture.sensor.width == 130);
+  CHECK(capture.sensor.height == 100);
+  // Against the events that the frames' own pixels would have had.
+  const torch::Tensor moved = count_map(capture.events);
+  const torch::Tensor own = count_map(simulate::simulate(small_run()).content.events);
+  double best = -1;
+  std::array<int64_t, 2> best_at{9, 9};
+  for (int64_t down = -4; down <= 4; ++down) {
+    for (int64_t right = -4; right <= 4; ++right) {
+      const double r = correlation(moved, own, down, right);
+      if (r > best) best = r, best_at = {down, right};
+    }
+  }
+  CHECK(best_at == std::array<int64_t, 2>{0, 0});
+  CHECK(best > 0.8);
+  CHECK_THAT(read_file(stages / "time/stage.txt"), Catch::Contains("events ahead by 0 ms"));
+  CHECK_THAT(read_file(stages / "undistort/stage.txt"), Catch::Contains("px far away"));
+}
+
+TEST_CASE("importer: two cameras and the depth of their plane belong together", "[import]") {
+  const test::TempDir dir;
+  simulate::SimulateRun run = rig_run();
+  run.simulate.exposures = 4, run.simulate.exposure_ms = 10;
+  simulate::write_recording(simulate::simulate(run), run, dir / "rig");
+  import::ImportOptions options = options_for(dir / "rig", dir / "colmap");
+  const auto import = [&] { import::import_recording(options, dir / "out", {"", "undistort"}); };
+  CHECK_THROWS_WITH(import(), Catch::Contains("--plane-depth: ") &&
+                                  Catch::Contains("camchain.yaml is of two cameras"));
+  options.lens.calibration = dir / "one.txt";
+  write_file(dir / "one.txt", "110 110 47.5 35.5 0 0 0 0 0\n");
+  options.lens.plane_depth = 2;
+  CHECK_THROWS_WITH(import(), Catch::Contains("expected a calibration of two cameras"));
+  // Calibrated at half the size of what the events reach.
+  const std::string chain = read_file(dir / "rig/camchain.yaml");
+  write_file(dir / "half.yaml",
+             std::string(chain).replace(chain.find("[130, 100]"), 10, "[65, 50]"));
+  options.lens.calibration = dir / "half.yaml";
+  CHECK_THROWS_WITH(import(), Catch::Contains("calibrated at 65x50, the events have 130x100"));
+}
+
+TEST_CASE("importer: frames of no length are sharp images", "[import]") {
+  const test::TempDir dir;
+  simulate::SimulateRun run = small_run();
+  run.simulate.test_views = 1;
+  simulate::write_recording(simulate::simulate(run), run, dir / "table");
+  import::import_recording(options_for(dir / "table", dir / "colmap"), dir / "out",
+                           {"", "restore"});
+  int64_t images = 0;
+  for (const auto& file : fs::directory_iterator(dir / "out/import/restore/images")) {
+    images += file.path().extension() == ".png";
+  }
+  CHECK(images == 5 * 3 + 1);
+}
+
+TEST_CASE("importer: a span without frames is named", "[import]") {
+  const test::TempDir dir;
+  simulate::SimulateRun run = small_run();
+  run.simulate.exposures = 4, run.simulate.exposure_ms = 10;
+  simulate::write_recording(simulate::simulate(run), run, dir / "short");
+  import::ImportOptions options = options_for(dir / "short", dir / "colmap");
+  options.time.begin_s = 50;
+  CHECK_THROWS_WITH(import::import_recording(options, dir / "out", {}),
+                    Catch::Contains("no frame lies wholly between --begin-s 50"));
+}
