@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/cli.h"
 
+#include <algorithm>
 #include <c10/util/Exception.h>
 #include <cstdio>
 #include <new>
+#include <utility>
 
 #include "jade/core/device.h"
 #include "jade/core/interrupt.h"
@@ -13,6 +15,8 @@
 
 namespace jade::apps {
 namespace {
+
+constexpr char kDefaultAddress[] = "127.0.0.1:8080";  // of serve::Address
 
 std::string version_text(const std::string& name) {
   std::string text = concat(name, " ", version(), " (commit ", git_commit(), ")\ntorch ",
@@ -71,6 +75,19 @@ ExitCode report_exception() {
   }
 }
 
+/// An address is optional after --serve, and CLI11 would take any word for one: those that cannot
+/// be one are left to others, the name of a run among them.
+std::vector<std::string> with_whole_addresses(std::vector<std::string> words) {
+  const auto is_address = [](const std::string& word) {
+    return !word.empty() && word.find_first_not_of("0123456789abcdefABCDEF.:[]") == word.npos;
+  };
+  for (size_t i = 0; i < words.size(); ++i) {
+    if (words[i] != "--serve" || (i + 1 < words.size() && is_address(words[i + 1]))) continue;
+    words[i] += concat("=", kDefaultAddress);
+  }
+  return words;
+}
+
 }  // namespace
 
 Program::Program(const std::string& name, const std::string& description)
@@ -122,8 +139,8 @@ CLI::Option* Program::add_key_switch(const std::string& flag, const std::string&
 CLI::Option* Program::add_serve_flag(std::string& address, const std::string& help) {
   return cli_
       .add_option("--serve", address,
-                  help +
-                      ": 127.0.0.1:8080, or another ADDRESS:PORT, ADDRESS or PORT (0: any free "
+                  help + ": " + kDefaultAddress +
+                      ", or another ADDRESS:PORT, ADDRESS or PORT (0: any free "
                       "one). Others than this machine need the token of the address printed")
       ->expected(0, 1);
 }
@@ -169,7 +186,10 @@ config::Sources Program::sources(const FieldList& fields) const {
 
 int Program::run(int argc, char** argv, const std::function<ExitCode()>& body) {
   try {
-    cli_.parse(argc, argv);
+    std::vector<std::string> words(argv + 1, argv + argc);
+    if (cli_.get_option_no_throw("--serve")) words = with_whole_addresses(std::move(words));
+    std::reverse(words.begin(), words.end());  // as CLI11 takes them
+    cli_.parse(std::move(words));
   } catch (const CLI::ParseError& error) {
     // CLI11 prints help and version itself and returns 0 for them; its other codes are its own.
     if (error.get_exit_code() == 0) return cli_.exit(error);

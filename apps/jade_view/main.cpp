@@ -2,7 +2,10 @@
 // Shows a scene in a browser, drawn by our op.
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <optional>
+#include <utility>
+#include <vector>
 
 #include "common/cli.h"
 #include "jade/core/atomic_file.h"
@@ -14,6 +17,7 @@
 #include "jade/page/page.h"
 #include "jade/run/evaluate.h"
 #include "jade/run/live_scene.h"
+#include "jade/run/restored_pictures.h"
 #include "jade/run/run_summary.h"
 #include "jade/serve/server.h"
 #include "jade/train/view.h"
@@ -29,7 +33,8 @@ struct Subject {
   data::Dataset dataset;  ///< its cameras and pictures
   splat::Gaussians gaussians;
   splat::RenderOptions draw;
-  std::string config;  ///< text of the run's config.yaml
+  std::string config;                                         ///< text of the run's config.yaml
+  std::unique_ptr<run::RestoredPictures> restored = nullptr;  ///< of a run; reads `dataset`
 };
 
 /// A camera that sees the bulk of a scene of which nothing else is known. Scenes from structure
@@ -50,44 +55,45 @@ data::SharpView overview(const splat::Gaussians& gaussians) {
   return view;
 }
 
-Subject open_ply(const fs::path& path, torch::Device device) {
+void open_ply(const fs::path& path, torch::Device device, Subject& subject) {
   gaussians::GaussianFile file = gaussians::read_ply(path);
-  Subject subject;
   subject.dataset.name = path.filename().string();
   subject.dataset.test.push_back(overview(file.gaussians));
   subject.draw.antialiased = file.antialiased;
   subject.gaussians = gaussians::map_parameters(
       file.gaussians, [&](const torch::Tensor& tensor) { return tensor.to(device); });
-  return subject;
 }
 
-Subject open_run(const fs::path& path, torch::Device device) {
+void open_run(const fs::path& path, torch::Device device, Subject& subject) {
   const train::RunOptions options = run::load_run_options(path);
   run::FinishedRun opened = run::open_run(path, options);
-  Subject subject;
   subject.dataset = std::move(opened.dataset);
   subject.draw = train::render_options(options);
   subject.config = read_file(path / "config.yaml");
   subject.gaussians = gaussians::map_parameters(
       opened.gaussians, [&](const torch::Tensor& tensor) { return tensor.to(device); });
-  return subject;
+  if (subject.dataset.train.empty()) return;
+  subject.restored =
+      std::make_unique<run::RestoredPictures>(path, options, subject.dataset, device);
 }
 
-Subject open_subject(const fs::path& path, torch::Device device) {
-  if (run::is_run(path)) return open_run(path, device);
+void open_subject(const fs::path& path, torch::Device device, Subject& subject) {
+  if (run::is_run(path)) return open_run(path, device, subject);
   if (fs::is_directory(path) || !fs::exists(path)) {
     throw DataError(concat(path.string(),
                            ": expected a run directory of jade_train or a .ply, found ",
                            fs::exists(path) ? "another folder" : "nothing"));
   }
-  return open_ply(path, device);
+  open_ply(path, device, subject);
 }
 
 run::LiveScene scene_of(const Subject& subject) {
   const run::GaussianSource gaussians = [&subject] { return subject.gaussians; };
   run::LiveScene scene(subject.dataset, subject.draw, gaussians);
   for (size_t i = 0; i < subject.dataset.train.size(); ++i) {
-    scene.add(concat("train.", i), run::exposure_pictures(subject.dataset, static_cast<int64_t>(i),
+    const auto index = static_cast<int64_t>(i);
+    auto known = subject.restored ? subject.restored->of(index) : std::vector<run::ViewPicture>();
+    scene.add(concat("train.", i), run::exposure_pictures(subject.dataset, index, std::move(known),
                                                           gaussians, subject.draw));
   }
   for (size_t i = 0; i < subject.dataset.test.size(); ++i) {
@@ -130,7 +136,8 @@ int main(int argc, char** argv) {
   return program.run(argc, argv, [&] {
     const torch::Device device = program.device();
     serve::Server server(serve::parse_address(address, "--serve"), "--serve");
-    const Subject subject = open_subject(path, device);
+    Subject subject;
+    open_subject(path, device, subject);
     std::cout << server.url() << std::endl;
     show(subject, server);
     return ExitCode::kOk;

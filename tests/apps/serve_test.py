@@ -188,7 +188,10 @@ def check_mistakes(runs):
         fails("Address already in use; choose another port", 2, *runs.training("none", f"--serve={port}"))
     fails("--serve 127.0.0.1:http: expected an IP address and a port", 2, *runs.training("none", "--serve=127.0.0.1:http"))
     fails("--serve example.org: expected an IP address", 2, *runs.training("none", "--serve=example.org"))
+    fails("not expected: example.org", 2, *runs.training("none", "--serve", "example.org"))
     expect(not (runs.folder / "none").exists(), "no run directory")
+    done = subprocess.run(runs.program("jade_view", "--serve", runs.folder / "nothing"), capture_output=True, text=True)
+    expect(done.returncode != 0 and ("found nothing" in done.stderr or "already in use" in done.stderr), f"the word after --serve is the scene: {done.stderr}")
     fails("expected a run directory of jade_train or a .ply, found nothing", 3, *runs.program("jade_view", runs.folder / "nothing", "--serve=0"))
     fails("expected a run directory of jade_train or a .ply, found another folder", 3, *runs.program("jade_view", runs.folder / "data", "--serve=0"))
 
@@ -202,6 +205,7 @@ def check_view(runs):
         expect(status == 200 and body.startswith(b"\xff\xd8"), f"a frame of {scene}")
         if picture:
             expect(ask(view.url + picture)[1][1:4] == b"PNG", "a picture")
+            wait_for(lambda: ask(view.url + picture.replace("blurry", "EDI"))[1][1:4] == b"PNG", "a restoration")
         code, seconds = view.interrupt()
         expect(code == 130 and seconds < 5, f"jade_view ends with Ctrl-C: {code} after {seconds:.1f} s")
 

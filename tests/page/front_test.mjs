@@ -25,6 +25,7 @@ const { EventFilm } = await load('events.js');
 const { Pace } = await load('viewer.js');
 const { glanceFigures, short } = await load('report.js');
 const { addressOf, groupsOf, picturesOf } = await load('sweep.js');
+const { takesSpace, takesText } = await load('elements.js');
 const live = await load('live.js');
 
 const near = (a, b, tolerance = 1e-9) => a.forEach((value, k) => assert.ok(Math.abs(value - b[k]) < tolerance, `${a} against ${b}`));
@@ -260,7 +261,7 @@ test('live: asks for the camera at whole pixels, with viewer and token', async (
   const answer = { status: 200, headers: new Map([['X-Step', '12'], ['X-Gaussians', '345']]), blob: async () => 'blob' };
   const link = new live.LiveLink('?token=abc', async (address, options) => { asked.push([address, options]); return answer; });
   const camera = { width: 81, height: 60, fx: 100, fy: 101, cx: 40.5, cy: 30 };
-  assert.deepEqual(await link.frame(camera, IDENTITY, 1.5, 'color'), { blob: 'blob', step: 12, gaussians: 345 });
+  assert.deepEqual(await link.frame(camera, IDENTITY, 1.5, 'color'), { blob: 'blob', step: 12, gaussians: 345, psnr: null });
   const parts = new URLSearchParams(asked[0][0].replace(/^frame\?/, ''));
   assert.equal(parts.get('token'), 'abc');
   assert.match(parts.get('viewer'), /^[a-z0-9]{12}$/);
@@ -268,8 +269,20 @@ test('live: asks for the camera at whole pixels, with viewer and token', async (
   const [fx, fy, cx, cy, width, height] = parts.get('camera').split(',').map(Number);
   assert.deepEqual([width, height], [122, 90]);
   near([fx / 100, fy / 101, cx / 40.5, cy / 30], [122 / 81, 1.5, 122 / 81, 1.5]);
+  assert.equal(parts.has('view'), false);
+  answer.headers.set('X-Psnr', '27.25');
+  assert.equal((await link.frame(camera, IDENTITY, 1, 'color', 'test.0')).psnr, 27.25);
+  assert.equal(new URLSearchParams(asked.pop()[0].replace(/^frame\?/, '')).get('view'), 'test.0');
+  assert.deepEqual(await link.picture('train.1', 'EDI'), { blob: 'blob', psnr: 27.25 });
   answer.status = 204;
   assert.equal(await link.frame(camera, IDENTITY, 1, 'color'), null);
+  assert.equal(await link.picture('train.1', 'EDI'), null);
+  Object.assign(answer, { status: 503, text: async () => 'no restorer\n' });
+  assert.deepEqual(await link.picture('train.1', 'EFNet'), { reason: 'no restorer' });
+  assert.equal(await link.poses('train.1'), null);
+  Object.assign(answer, { status: 200, json: async () => ({ poses: [IDENTITY] }) });
+  assert.deepEqual(await link.poses('train.1'), [IDENTITY]);
+  asked.splice(2);
   await link.pause(true);
   assert.deepEqual([asked[2][0].includes('on=1'), asked[2][1]], [true, { method: 'POST' }]);
   assert.equal(new live.LiveLink('').address('state', {}).includes('token'), false);
@@ -294,6 +307,31 @@ test('live: the figures are the newest, and a still scene has no steps', () => {
   assert.deepEqual(figures.map(({ label, value }) => [label, value]),
     [['training', '50 %'], ['Gaussians', '1,234'], ['blur explained', '25.50 dB'], ['test views', '24.00 dB'], ['speed', '3.00 / s']]);
   assert.deepEqual(live.liveFigures({ step: 0, steps: 0, gaussians: 5, phase: 'still' }, []).map(({ label }) => label), ['Gaussians']);
+});
+
+test('live: a picture is judged by its truth, else by the last evaluation, else by the blur that it explains', () => {
+  const state = { scored: { step: 1500, psnr: { 'test.1': 26.125 } } };
+  const lines = [{ psnr_train: 30 }, { psnr_train: 31.5 }, { test_psnr: 25 }];
+  assert.equal(live.judgement(28.456, 'test.1', state, lines), 'PSNR 28.46 dB');
+  assert.equal(live.judgement(null, 'test.1', state, lines), 'PSNR 26.13 dB at step 1,500');
+  assert.equal(live.judgement(null, 'test.0', state, lines), 'blur explained 31.50 dB');
+  assert.equal(live.judgement(null, '', state, lines), 'blur explained 31.50 dB');
+  assert.equal(live.judgement(null, '', null, []), '');
+});
+
+test('live: who loses the program learns whether the training had ended', () => {
+  const settings = { report: 'runs/a/report.html', pausable: true };
+  assert.match(live.farewell({ phase: 'finishing', step: 9, steps: 9 }, settings), /^Training has ended.*runs\/a\/report\.html/);
+  assert.match(live.farewell({ phase: 'training', step: 9, steps: 9 }, settings), /^Training has ended/);
+  assert.match(live.farewell({ phase: 'training', step: 4, steps: 9 }, settings), /has ended or cannot be reached.*--resume/);
+  assert.match(live.farewell(null, { report: '', pausable: false }), /^jade_view has ended/);
+});
+
+test('keys: sliders and boxes take no text; what the space bar presses keeps it', () => {
+  assert.deepEqual([['INPUT', 'range'], ['INPUT', 'checkbox'], ['BUTTON'], ['INPUT', 'number'], ['SELECT'], ['TEXTAREA']]
+    .map(([tagName, type]) => takesText({ tagName, type })), [false, false, false, true, true, true]);
+  assert.deepEqual([['SUMMARY'], ['BUTTON'], ['INPUT', 'checkbox'], ['INPUT', 'range'], ['DIV']].map(([tagName, type]) => takesSpace({ tagName, type })),
+    [true, true, true, false, false]);
 });
 
 test('live: the blur is the mean of what came', () => {

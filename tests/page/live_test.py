@@ -4,6 +4,7 @@
 
     live_test.py BIN_FOLDER [SCREENSHOT.jpg]      exits with 77 where there is no Chromium or no web server
 """
+import re
 import subprocess
 import sys
 import tempfile
@@ -15,7 +16,8 @@ from browser_test import box, choose, expect
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "apps"))
 from serve_test import Runs, Served, wait_for  # noqa: E402
 
-STEPS = "--set train.iterations=100000 --set objective.target=edi --set densify.until=100000".split()
+STEPS = "--set train.iterations=100000 --set objective.target=edi --set densify.until=100000 --set train.evaluate_every=0".split()
+LEARNED = "--set poses.optimize=linear --set poses.lr=1e-2 --set poses.lr_final=1e-2".split()
 STEP = "Number(jade.live.viewer.step)"
 
 
@@ -32,6 +34,49 @@ def check_frames(page, served):
     page.wait("document.querySelectorAll('#charts svg').length > 3")
     expect(page.evaluate("document.querySelectorAll('#glance .card').length") >= 3, "figures")
     expect(page.evaluate("document.getElementById('views').hidden && document.getElementById('allocation').hidden"), "no empty sections")
+
+
+def check_cameras(page):
+    """Poses that are learned move the page's cameras while somebody stands there."""
+    page.evaluate("window.first = jade.cameras.get('train.0').poses[4].join(); 0")
+    page.wait("jade.cameras.get('train.0').poses[4].join() !== window.first")
+    page.wait("!jade.state.pose && jade.viewer.wanted?.pose.join() === jade.pose().join()")
+
+
+def check_notes(page):
+    """What a sharp truth says: of the frame, of pictures; the render's follows the training."""
+    choose(page, "camera", "test.0")
+    page.wait("jade.state.camera === 'test.0' && /PSNR \\d+\\.\\d\\d dB/.test(document.getElementById('hud').textContent)")
+    choose(page, "left-layer", "render")
+    note = "document.getElementById('left-tag').textContent"
+    page.wait(f"/^render \\d+\\.\\d\\d dB$/.test({note})")
+    page.evaluate(f"window.noted = {note}; 0")
+    page.wait(f"{note} !== window.noted && /^render/.test({note})")
+    choose(page, "left-layer", "truth")
+    page.wait(f"{note} === 'truth'")
+    choose(page, "left-layer", "|difference|")
+    page.wait("document.getElementById('left').naturalWidth === 48 && document.getElementById('left').alt === '|difference|'")
+    choose(page, "camera", "train.0")
+    page.wait("jade.state.camera === 'train.0' && jade.layers.names.includes('EDI')")
+    hud = page.evaluate("document.getElementById('hud').textContent")
+    expect("dB" in hud, f"a figure where no truth is: {hud}")
+
+
+def check_keys(page):
+    """One flies before anything has the focus, and keys act on sliders too."""
+    page.evaluate("document.activeElement.blur()")
+    before = page.evaluate("jade.pose()")
+    page.call("Input.dispatchKeyEvent", type="keyDown", key="w", code="KeyW")
+    page.wait(f"Math.abs(jade.pose()[11] - {before[11]}) > 1e-3")
+    page.call("Input.dispatchKeyEvent", type="keyUp", key="w", code="KeyW")
+    page.evaluate("document.getElementById('moment').focus()")
+    page.key("r", "KeyR", "r")
+    page.wait("!jade.state.pose")
+    page.evaluate("document.querySelector('#more summary').focus()")
+    page.key(" ", "Space", " ")
+    page.wait("document.getElementById('more').open && !jade.playing")
+    page.key(" ", "Space", " ")
+    page.wait("!document.getElementById('more').open")
 
 
 def check_pause(page):
@@ -80,7 +125,40 @@ def check_views(page):
 def check_end(page, served):
     code, _ = served.interrupt()
     expect(code == 130, f"expected 130 after Ctrl-C with a page open, found {code}")
-    page.wait("!document.getElementById('notice').hidden && /has ended/.test(document.getElementById('notice').textContent)")
+    page.wait("!document.getElementById('notice').hidden && /has ended or cannot be reached/.test(document.getElementById('notice').textContent)")
+    page.wait("document.getElementById('hud').textContent.startsWith('not live') && document.getElementById('pause').disabled")
+
+
+def check_next(page, served, runs):
+    """Another run takes the port; the page shows that one, and says so when its training has ended."""
+    port = re.search(r":(\d+)/", served.url)[1]
+    following = Served(*runs.training("next", f"--serve={port}", *LEARNED, "--set", "train.evaluate_every=0", "--set", "train.iterations=300"))
+    try:
+        page.wait("window.jade?.live?.known?.steps === 300")
+        page.wait("/^Training has ended/.test(document.getElementById('notice').textContent)", 120)
+        expect(following.end() == 0, following.said())
+        page.wait("document.getElementById('notice').textContent.includes('next/report.html')")
+    finally:
+        following.process.kill()
+        following.process.wait()
+
+
+def check_view(page, runs):
+    """jade_view of a run that has ended has the layers that it was trained with."""
+    view = Served(*runs.program("jade_view", runs.folder / "next", "--device", "cpu", "--serve=0"))
+    try:
+        wait_for(lambda: page.open(view.url, "document.readyState === 'complete'") and page.evaluate("!!document.getElementById('stage')"), "the page")
+        page.wait("document.documentElement.dataset.ready")
+        expect(page.evaluate("jade.layers.names") == ["scene", "depth", "blurry", "EDI", "event density", "render"]
+               + page.evaluate("jade.layers.names.filter(name => name === 'truth' || name === '|difference|')"), "the layers of a run")
+        choose(page, "left-layer", "EDI")
+        page.wait("document.getElementById('left').naturalWidth === 48 && document.getElementById('left-tag').textContent.startsWith('EDI')")
+        expect(page.evaluate("document.getElementById('pause-key').hidden"), "nothing to pause")
+        view.interrupt()
+        page.wait("/^jade_view has ended/.test(document.getElementById('notice').textContent)")
+    finally:
+        view.process.kill()
+        view.process.wait()
 
 
 def main():
@@ -94,11 +172,14 @@ def main():
         if "has no web server" in probe.stderr:
             print("SKIPPED: needs libcpp-httplib-dev: scripts/setup.sh; then configure and build again")
             return 77
-        served = Served(*runs.training("run", "--serve=0", *STEPS))
+        served = Served(*runs.training("run", "--serve=0", *STEPS, *LEARNED))
         try:
             with chromium.Chromium(1180, 900) as page:
                 wait_for(lambda: page.open(served.url, "document.readyState === 'complete'") and page.evaluate("!!document.getElementById('stage')"), "the page")
                 check_frames(page, served)
+                check_cameras(page)
+                check_notes(page)
+                check_keys(page)
                 check_pause(page)
                 check_views(page)
                 expect(page.errors == [], f"the page complains: {page.errors}")
@@ -107,6 +188,8 @@ def main():
                 if len(sys.argv) > 2:
                     Path(sys.argv[2]).write_bytes(page.screenshot("jpeg", 80))
                 check_end(page, served)
+                check_next(page, served, runs)
+                check_view(page, runs)
         finally:
             served.process.kill()
             served.process.wait()

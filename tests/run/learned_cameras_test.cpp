@@ -155,6 +155,26 @@ TEST_CASE("learned cameras: a run keeps them, and scores, pictures and other pro
   CHECK(still.test[0].pose.translation == opened.dataset.test[0].pose.translation);
 }
 
+TEST_CASE("learned cameras: before a run's end other programs have those of its checkpoint",
+          "[run]") {
+  const LearnedRun scene;
+  run::Trainer trainer(scene.options, scene.run, "");
+  trainer.run();
+  for (const char* made : {"point_cloud.ply", "eval.json", run::kLearnedCamerasFile}) {
+    std::filesystem::remove(scene.run / made);
+  }
+  const run::FinishedRun opened = run::open_run(scene.run, run::load_run_options(scene.run));
+  const data::Dataset given = data::load_dataset(scene.options.dataset);
+  const torch::Tensor learned = run::learned_path(*trainer.state().poses, 1, given.train[1])[3];
+  const auto read = geometry::to_tensor(opened.dataset.train[1].poses[3]).to(torch::kFloat32);
+  CHECK((read - learned).abs().max().item<double>() < 1e-6);
+  CHECK(error_px(opened.dataset.train[1].poses[3], given.train[1].poses[3], given.test[0]) > 1e-3);
+  CHECK(error_px(opened.dataset.test[0].pose, given.test[0].pose, given.test[0]) > 1e-3);
+  std::filesystem::remove_all(scene.run / "checkpoints");
+  const data::Dataset none = run::load_run_dataset(scene.run, scene.options);
+  CHECK(none.test[0].pose.translation == given.test[0].pose.translation);
+}
+
 TEST_CASE("learned cameras: those of an earlier end are gone while a run goes on", "[run]") {
   const LearnedRun scene;
   const auto file = scene.run / run::kLearnedCamerasFile;

@@ -3,9 +3,12 @@
 
 #include "support/catch.h"
 
+#include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <future>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <thread>
 #include <torch/types.h>
 #include <vector>
@@ -35,13 +38,15 @@ class Audience {
       threads_.emplace_back([this, name, pose, camera] {
         for (int i = 0; going_; ++i) {
           Wanted wanted;
-          wanted.kind = static_cast<Wanted::Kind>(i % 3);
+          wanted.kind = static_cast<Wanted::Kind>(i % 4);
           wanted.pose = pose;
           wanted.pose.translation[0] += 0.01 * (i % 7);
           wanted.camera = camera;
-          wanted.view = "train.0";
+          wanted.view = i % 8 < 4 ? "test.0" : "train.0";
+          if (wanted.kind == Wanted::Kind::kPicture) wanted.view = "train.0";
           wanted.picture = kPictures[i % 5];
           const Answer answer = stage_.ask(name, wanted, Seconds(1));
+          if (answer.drawn.psnr) judged_ += answer.drawn.psnr() > 5 ? 1 : 0;
           seen_ += answer.kind == Answer::Kind::kDrawn ? 1 : 0;
           failed_ += answer.kind == Answer::Kind::kFailed ? 1 : 0;
         }
@@ -56,12 +61,13 @@ class Audience {
   }
   int seen() const { return seen_; }
   int failed() const { return failed_; }
+  int judged() const { return judged_; }
 
  private:
   static constexpr const char* kPictures[] = {"blurry", "EDI", "α", "fused", "render"};
   serve::Stage& stage_;
   std::atomic<bool> going_{true};
-  std::atomic<int> seen_{0}, failed_{0};
+  std::atomic<int> seen_{0}, failed_{0}, judged_{0};
   std::vector<std::thread> threads_;
 };
 
@@ -88,7 +94,10 @@ void wait_for(const std::function<bool()>& condition) {
 TEST_CASE("live_run: a run gives the same bits with viewers and without", "[run]") {
   if (!serve::can_serve()) return;
   test::TinyScene scene;
-  const train::RunOptions options = test::routed_options(scene);
+  train::RunOptions options = test::routed_options(scene);
+  options.poses.optimize = train::PosePath::kCubic;
+  options.poses.test_fit_steps = 5;
+  options.train.evaluate_every = 7;
   const auto alone = scene.dir / "alone", watched = scene.dir / "watched";
   run::Trainer(options, alone, "").run();
   serve::Server server({"127.0.0.1", 0}, "--serve");
@@ -102,6 +111,7 @@ TEST_CASE("live_run: a run gives the same bits with viewers and without", "[run]
   trainer.run(&live);
   audience.leave();
   CHECK(audience.seen() >= 3);
+  CHECK(audience.judged() >= 1);
   CHECK(audience.failed() == 0);
   CHECK(file_sha256(alone / "point_cloud.ply") == file_sha256(watched / "point_cloud.ply"));
 }
@@ -148,6 +158,69 @@ TEST_CASE("live_run: progress and metrics come as they are logged", "[run]") {
   REQUIRE(state["lines"].size() == 4);
   CHECK(state["lines"][3]["step"] == 20);
   CHECK(state["lines"][3].contains("psnr_train"));
+}
+
+TEST_CASE("live_run: the page learns what an evaluation has found, and where cameras stand now",
+          "[run]") {
+  if (!serve::can_serve()) return;
+  const test::TinyScene scene;
+  train::RunOptions options = test::routed_options(scene);
+  options.poses.optimize = train::PosePath::kLinear;
+  options.poses.lr = 1e-2;
+  options.poses.test_fit_steps = 10;
+  options.train.evaluate_every = 10;
+  serve::Server server({"127.0.0.1", 0}, "--serve");
+  run::LiveRun live(server);
+  run::Trainer trainer(options, scene.dir / "run", "");
+  const data::Dataset data = data::load_dataset(options.dataset);
+  // Pauses after the evaluation at step 10, to be asked at the same step.
+  struct Pausing : run::Watcher {
+    run::LiveRun& live;
+    serve::Stage& stage;
+    data::Dataset posed;
+    std::optional<double> psnr;
+    Pausing(run::LiveRun& to, serve::Stage& at) : live(to), stage(at) {}
+    void begin(const run::WatchedRun& run) override { live.begin(run); }
+    double after_step() override { return live.after_step(); }
+    void on_metrics(const std::string& line) override { live.on_metrics(line); }
+    void ended() override { live.ended(); }
+    void on_evaluation(const data::Dataset& at, const eval::Evaluation& found) override {
+      posed = at;
+      psnr = found.views[1].psnr;
+      live.on_evaluation(at, found);
+      stage.set_paused(true);
+    }
+  } watcher(live, server.stage());
+  auto done = std::async(std::launch::async, [&] { trainer.run(&watcher); });
+  const auto state = [&] { return nlohmann::json::parse(server.board().json(-1, 0, 0)); };
+  wait_for([&] { return state()["phase"] == "paused"; });
+  CHECK(state()["scored"]["step"] == 10);
+  CHECK(state()["scored"]["psnr"]["test.1"] == *watcher.psnr);
+  const auto stands = [&](const std::string& camera) {
+    Wanted wanted;
+    wanted.kind = Wanted::Kind::kCamera;
+    wanted.view = camera;
+    server.stage().note("a");
+    const Answer answer = server.stage().ask("a", wanted, Seconds(10));
+    REQUIRE(answer.kind == Answer::Kind::kDrawn);
+    return nlohmann::json::parse(answer.drawn.json)["poses"];
+  };
+  const auto exposure = stands("train.1"), view = stands("test.1");
+  REQUIRE(exposure.size() == 9);
+  REQUIRE(view.size() == 1);
+  // One step lies between the evaluation and the pause.
+  const auto off = [](const nlohmann::json& rows, const geometry::Pose& pose) {
+    double most = 0;
+    for (size_t r = 0; r < 3; ++r) {
+      most = std::max(most, std::abs(rows[4 * r + 3].get<double>() - pose.translation[r]));
+    }
+    return most;
+  };
+  CHECK(off(exposure[4], watcher.posed.train[1].poses[4]) < 0.02);
+  CHECK(off(exposure[4], data.train[1].poses[4]) > 1e-4);
+  CHECK(off(view[0], watcher.posed.test[1].pose) < 0.02);
+  server.stage().set_paused(false);
+  done.get();
 }
 
 TEST_CASE("live_run: a resumed run shows the metrics before it too", "[run]") {

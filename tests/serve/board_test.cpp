@@ -21,6 +21,10 @@ TEST_CASE("board: a viewer gets what it has not got", "[serve]") {
   CHECK(all["phase"] == "training");
   CHECK(all["viewers"] == 2);
   CHECK(all["lines"].size() == 2);
+  CHECK(all["scored"]["psnr"].empty());
+  board.set(serve::Scored{5, {{"test.0", 27.5}}});
+  CHECK(json::parse(board.json(-1, -1, 2))["scored"] ==
+        json::parse(R"({"step":5,"psnr":{"test.0":27.5}})"));
   board.add(R"({"step":3})");
   const json rest = json::parse(board.json(all["generation"], all["count"], 2));
   CHECK(rest["lines"] == json::parse(R"([{"step":3}])"));

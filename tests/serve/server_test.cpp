@@ -37,8 +37,13 @@ struct Live {
       : server({host, 0}, "--serve"), artist([this, width] {
           while (going) {
             if (!server.stage().wait(serve::Stage::Seconds(0.01))) continue;
-            server.stage().draw_one([&](const serve::Wanted&) {
+            server.stage().draw_one([&](const serve::Wanted& wanted) {
               serve::Drawn picture;
+              if (wanted.kind == serve::Wanted::Kind::kCamera) {
+                picture.json = R"({"poses":[]})";
+                return picture;
+              }
+              if (wanted.view == "test.0") picture.psnr = [] { return 27.25; };
               picture.image = torch::rand({3, 3 * width / 4, width});
               picture.step = ++drawn;
               picture.gaussians = 7;
@@ -125,6 +130,14 @@ TEST_CASE("server: page, frame, picture, state and pause", "[serve]") {
   CHECK(frame->get_header_value("X-Step") == "1");
   CHECK(frame->get_header_value("X-Gaussians") == "7");
   CHECK(frame->body.substr(0, 2) == "\xff\xd8");
+  CHECK_FALSE(frame->has_header("X-Psnr"));
+  const auto judged = get(live, kAskFrame + "a&view=test.0");
+  REQUIRE(judged);
+  CHECK(std::stod(judged->get_header_value("X-Psnr")) == 27.25);
+  const auto camera = get(live, "/camera?view=test.0&viewer=a");
+  REQUIRE(camera);
+  CHECK(camera->get_header_value("Content-Type") == "application/json");
+  CHECK(camera->body == R"({"poses":[]})");
   const auto picture = get(live, "/picture?view=train.0&name=EDI&viewer=a");
   REQUIRE(picture);
   CHECK(picture->body.substr(1, 3) == "PNG");
@@ -156,6 +169,7 @@ TEST_CASE("server: what nobody serves, and what is asked wrongly", "[serve]") {
   CHECK(status(live, kAskFrame) == 400);
   CHECK(status(live, "/frame?viewer=a") == 400);
   CHECK(status(live, "/picture?viewer=a") == 400);
+  CHECK(status(live, "/camera?viewer=a") == 400);
   CHECK(live.drawn == 0);
 }
 

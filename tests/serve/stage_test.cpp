@@ -121,6 +121,10 @@ TEST_CASE("stage: what drawing throws is the answer, and closing answers all", "
   const Answer answer = failed.get();
   CHECK(answer.kind == Answer::Kind::kFailed);
   CHECK(answer.reason == "out of memory");
+  auto early = asking(stage, "a");
+  REQUIRE(stage.wait(kLong));
+  stage.draw_one([](const Wanted&) -> serve::Drawn { throw serve::NotYet(); });
+  CHECK(early.get().kind == Answer::Kind::kTooLate);
   auto waiting = asking(stage, "a");
   REQUIRE(stage.wait(kLong));
   stage.close();

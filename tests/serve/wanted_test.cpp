@@ -41,6 +41,9 @@ TEST_CASE("wanted: a frame's pose, camera and layer", "[serve]") {
   CHECK(wanted.pose.translation == geometry::Vector3{1.5, -2, 0.3});
   CHECK(wanted.camera == geometry::Intrinsics{100, 101, 40, 30, 80, 60});
   CHECK(serve::wanted_frame(from(with("layer", "depth"))).kind == Wanted::Kind::kDepth);
+  CHECK(wanted.view.empty());
+  CHECK(serve::wanted_frame(from(with("view", "test.1"))).view == "test.1");
+  CHECK_THROWS_AS(serve::wanted_frame(from(with("view", std::string(201, 'x')))), ConfigError);
 }
 
 TEST_CASE("wanted: what cannot be drawn is refused before it reaches who draws", "[serve]") {
@@ -67,6 +70,10 @@ TEST_CASE("wanted: pictures and viewers have short names", "[serve]") {
   CHECK_THROWS_AS(serve::wanted_picture(from({{"view", "train.3"}})), ConfigError);
   CHECK_THROWS_AS(serve::wanted_picture(from({{"view", std::string(201, 'x')}, {"name", "a"}})),
                   ConfigError);
+  const Wanted camera = serve::wanted_camera(from({{"view", "test.1"}}));
+  CHECK(camera.kind == Wanted::Kind::kCamera);
+  CHECK(camera.view == "test.1");
+  CHECK_THROWS_AS(serve::wanted_camera(from({})), ConfigError);
   CHECK(serve::viewer_of(from({{"viewer", "aB3"}})) == "aB3");
   for (const std::string& bad : {std::string(), std::string("a b"), std::string(33, 'a')}) {
     CHECK_THROWS_AS(serve::viewer_of(from({{"viewer", bad}})), ConfigError);

@@ -64,13 +64,19 @@ torch::Tensor network_events(const data::Exposure& exposure, const events::Event
   return counts.positive - counts.negative;
 }
 
-void restore_learned(const data::Exposure& exposure, const std::vector<double>& times,
+void restore_learned(const data::Exposure& exposure, const RestoreOptions& options,
                      ViewRestorer& restorer, RestoredExposure& restored) {
+  const std::vector<double>& times = options.times;
   const torch::Tensor events = network_events(exposure, restored.maps.voxel, restorer.metadata());
-  if (!times.empty()) restored.efnet_at = restorer.efnet(restored.blurry, events, times);
+  if (!times.empty()) {
+    restored.efnet_at = options.only_kept_times
+                            ? restorer.kept_efnet(restored.blurry, events, times)
+                            : restorer.efnet(restored.blurry, events, times);
+  }
   const auto middle = std::find(times.begin(), times.end(), 0.5);
-  restored.restorations.efnet = middle != times.end() ? restored.efnet_at[middle - times.begin()]
-                                                      : restorer.efnet(restored.blurry, events);
+  const bool has_middle = restored.efnet_at.defined() && middle != times.end();
+  restored.restorations.efnet = has_middle ? restored.efnet_at[middle - times.begin()]
+                                           : restorer.efnet(restored.blurry, events);
 }
 
 }  // namespace
@@ -109,7 +115,7 @@ RestoredExposure restore_exposure(const data::Exposure& exposure,
     return imaging::edi_mid(restored.blurry + options.log_offset, restored.kernel) -
            options.log_offset;
   });
-  if (restorer.has_network()) restore_learned(exposure, options.times, restorer, restored);
+  if (restorer.has_network()) restore_learned(exposure, options, restorer, restored);
   return restored;
 }
 

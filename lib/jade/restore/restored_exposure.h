@@ -27,6 +27,8 @@ struct RestoreOptions {
   std::optional<int64_t> count_margin = std::nullopt;
   /// Asks for RestoredExposure::efnet_at, at these moments: 0 the start and 1 the end.
   std::vector<double> times = {};
+  /// Those moments come from the cache, all of them, or there is only the middle.
+  bool only_kept_times = false;
 };
 
 /// How many moments the EDI integral of these options has.

@@ -32,9 +32,8 @@ torch::Tensor ViewRestorer::efnet(const torch::Tensor& blurry, const torch::Tens
   return efnet(blurry, events, {0.5})[0];
 }
 
-torch::Tensor ViewRestorer::efnet(const torch::Tensor& blurry, const torch::Tensor& events,
-                                  const std::vector<double>& times) {
-  check_times(times);
+std::string ViewRestorer::efnet_key(const torch::Tensor& blurry, const torch::Tensor& events,
+                                    const std::vector<double>& times) const {
   // Devices round differently, and a run must not depend on what another device left behind.
   const std::string recipe =
       concat("efnet ", metadata_.any_time ? 2 : 1, "; ", file_sha256_, "; torch ", torch_version(),
@@ -43,16 +42,25 @@ torch::Tensor ViewRestorer::efnet(const torch::Tensor& blurry, const torch::Tens
   if (metadata_.any_time || times.size() > 1) {
     inputs.push_back(torch::tensor(times, torch::kFloat64));
   }
-  const std::string key = restoration_key(recipe, inputs);
+  return restoration_key(recipe, inputs);
+}
+
+torch::Tensor ViewRestorer::kept_efnet(const torch::Tensor& blurry, const torch::Tensor& events,
+                                       const std::vector<double>& times) {
+  check_times(times);
   // An entry is one image, so the moments lie in its channels.
   const auto count = static_cast<int64_t>(times.size());
   const std::vector<int64_t> shape{count, 3, blurry.size(1), blurry.size(2)};
-  if (const auto kept = cache_.find(key, {3 * count, shape[2], shape[3]})) {
-    return kept->view(shape).to(device_);
-  }
+  const auto kept = cache_.find(efnet_key(blurry, events, times), {3 * count, shape[2], shape[3]});
+  return kept ? kept->view(shape).to(device_) : torch::Tensor();
+}
+
+torch::Tensor ViewRestorer::efnet(const torch::Tensor& blurry, const torch::Tensor& events,
+                                  const std::vector<double>& times) {
+  if (torch::Tensor kept = kept_efnet(blurry, events, times); kept.defined()) return kept;
   torch::Tensor restored = network().restore(blurry.to(device_), events, times);
   if (monochrome_) restored = without_tint(restored);
-  if (as_asked()) cache_.keep(key, restored.flatten(0, 1));
+  if (as_asked()) cache_.keep(efnet_key(blurry, events, times), restored.flatten(0, 1));
   return restored;
 }
 

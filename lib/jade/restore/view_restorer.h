@@ -41,6 +41,10 @@ class ViewRestorer {
   torch::Tensor efnet(const torch::Tensor& blurry, const torch::Tensor& events,
                       const std::vector<double>& times);
 
+  /// The same where the cache has it, else undefined.
+  torch::Tensor kept_efnet(const torch::Tensor& blurry, const torch::Tensor& events,
+                           const std::vector<double>& times);
+
   /// What the network's file says, without loading it. @throws DataError.
   const RestorerMetadata& metadata() const;
   /// @throws DataError naming the file where it cannot restore these moments.
@@ -55,6 +59,8 @@ class ViewRestorer {
   const RestorationCache& cache() const { return cache_; }
 
  private:
+  std::string efnet_key(const torch::Tensor& blurry, const torch::Tensor& events,
+                        const std::vector<double>& times) const;
   bool as_asked() const;
 
   RestorationCache cache_;

@@ -304,6 +304,10 @@ void load_checkpoint_allocation(const fs::path& path, router::Allocation& alloca
   restore_module(read_archive(path), "allocation", allocation, none, path);
 }
 
+void load_checkpoint_poses(const fs::path& path, train::ExposurePoses& poses) {
+  restore_parameters(read_archive(path), "poses", poses, path);
+}
+
 std::string data_fingerprint(const data::Dataset& dataset) {
   Sha256 digest;
   const auto add = [&](const auto& numbers) {

@@ -48,6 +48,10 @@ splat::Gaussians load_checkpoint_gaussians(const std::filesystem::path& path);
 /// @throws CheckpointError, also where the checkpoint has another allocation or none.
 void load_checkpoint_allocation(const std::filesystem::path& path, router::Allocation& allocation);
 
+/// Only learned poses, into poses made from the options and the data of the run.
+/// @throws CheckpointError, also where the checkpoint has others or none.
+void load_checkpoint_poses(const std::filesystem::path& path, train::ExposurePoses& poses);
+
 /// SHA-256 over names, times, poses and pixels of the training exposures and the number of events.
 std::string data_fingerprint(const data::Dataset& dataset);
 

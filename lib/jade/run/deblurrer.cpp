@@ -58,7 +58,8 @@ Restored Deblurrer::restore(const data::Exposure& exposure, int64_t index,
                             const std::vector<double>& times) {
   restore::RestoreOptions how{options_.settings.events, options_.settings.exposure,
                               options_.log_offset};
-  how.times = times;
+  how.times = times.empty() ? options_.kept_times : times;
+  how.only_kept_times = times.empty();
   const restore::RestoredExposure found =
       restore::restore_exposure(exposure, events_, how, restorer_);
   Restored restored;

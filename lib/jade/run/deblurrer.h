@@ -22,6 +22,8 @@ struct DeblurOptions {
   /// ε of a sensor that measures log(I + ε), in units of intensity; 0 for log(I).
   double log_offset = 0;
   std::filesystem::path run;  ///< of the router; empty: none
+  /// Where the cache has F at these moments, the middle is taken from them.
+  std::vector<double> kept_times = {};
 };
 
 /// One exposure restored at its middle, and at other moments.

@@ -79,6 +79,19 @@ train::RunOptions load_run_options(const fs::path& run) {
   return options;
 }
 
+namespace {
+
+data::Dataset with_poses_of(const fs::path& checkpoint, const data::Dataset& dataset,
+                            const train::RunOptions& options) {
+  const auto poses = train::make_exposure_poses(options.poses, dataset);
+  load_checkpoint_poses(checkpoint, *poses);
+  splat::Gaussians none;
+  none.means = torch::zeros({0, 3});
+  return with_learned_poses(dataset, *poses, none, /*fit_steps=*/0, train::render_options(options));
+}
+
+}  // namespace
+
 data::Dataset load_run_dataset(const fs::path& run, const train::RunOptions& options) {
   std::vector<std::string> warnings;
   data::Dataset dataset = data::load_dataset(options.dataset, &warnings);
@@ -92,11 +105,18 @@ data::Dataset load_run_dataset(const fs::path& run, const train::RunOptions& opt
     throw DataError(concat((run / kLearnedCamerasFile).string(),
                            ": expected the cameras that this run has learned, found no file; "
                            "jade_train --resume writes it"));
-  } else {
-    log_warn(concat(run.string(), ": its poses are learned, and ", kLearnedCamerasFile,
-                    " comes with the end of the run; the views stand where the data have them"));
   }
-  return dataset;
+  const auto checkpoints = list_checkpoints(run);
+  if (checkpoints.empty()) {
+    log_warn(concat(run.string(),
+                    ": its poses are learned, and there is no checkpoint yet; the "
+                    "views stand where the data have them"));
+    return dataset;
+  }
+  log_warn(concat(run.string(), ": its poses are learned and not final: exposures stand as in ",
+                  checkpoints.front().filename().string(),
+                  "; test views are fitted at the end of the run"));
+  return with_poses_of(checkpoints.front(), dataset, options);
 }
 
 FinishedRun open_run(const fs::path& run, const train::RunOptions& options) {

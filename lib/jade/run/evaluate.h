@@ -39,7 +39,8 @@ eval::Evaluation evaluate_dataset(const splat::Gaussians& gaussians, const data:
 train::RunOptions load_run_options(const std::filesystem::path& run);
 
 /// The data set of `options`, with the learned poses where the run has ended with such: they belong
-/// to its scene, whatever poses.optimize says by now. Its warnings go to the log.
+/// to its scene, whatever poses.optimize says by now. Before the run's end those of the newest
+/// checkpoint, and the test views as they lie between them, not fitted. Its warnings go to the log.
 /// @param options  those of the run, or with changes
 /// @throws DataError naming the path.
 data::Dataset load_run_dataset(const std::filesystem::path& run, const train::RunOptions& options);

@@ -33,13 +33,16 @@ void LiveRun::begin(const WatchedRun& run) {
     return gaussians::map_parameters(state->gaussians.parameters(),
                                      [](const torch::Tensor& tensor) { return tensor.detach(); });
   };
-  scene_.emplace(run.dataset, draw, gaussians);
+  cameras_.emplace(run.dataset, run.state.poses);
+  cameras_->follow_all();
+  const data::Dataset& posed = cameras_->dataset();
+  scene_.emplace(posed, draw, gaussians);
   for (size_t i = 0; i < run.views.size(); ++i) {
-    scene_->add(concat("train.", i), training_pictures(run.dataset, run.views[i],
-                                                       static_cast<int64_t>(i), run.state, draw));
+    scene_->add(concat("train.", i),
+                training_pictures(posed, run.views[i], static_cast<int64_t>(i), run.state, draw));
   }
-  for (size_t i = 0; i < run.dataset.test.size(); ++i) {
-    scene_->add(concat("test.", i), test_pictures(run.dataset.test[i], gaussians, draw));
+  for (size_t i = 0; i < posed.test.size(); ++i) {
+    scene_->add(concat("test.", i), test_pictures(posed.test[i], gaussians, draw));
   }
   clock_.emplace(state_->gaussians.device());
   std::ifstream metrics(run.folder / "metrics.jsonl");
@@ -50,7 +53,9 @@ void LiveRun::begin(const WatchedRun& run) {
                           device_name(state_->gaussians.device())},
                          read_file(run.folder / "config.yaml"),
                          server_.board().id(),
-                         /*pausable=*/true})));
+                         /*pausable=*/true,
+                         cameras_->are_learned(),
+                         (run.folder / "report.html").string()})));
 }
 
 void LiveRun::tell(const std::string& phase) {
@@ -71,8 +76,11 @@ bool LiveRun::may_draw() {
 void LiveRun::draw_one() {
   drawn_at_ = Clock::now();
   clock_->start();
-  server_.stage().draw_one(
-      [this](const serve::Wanted& wanted) { return scene_->draw(wanted, state_->step); });
+  server_.stage().draw_one([this](const serve::Wanted& wanted) {
+    // A frame says itself where it is seen from.
+    if (wanted.kind != serve::Wanted::Kind::kColor) cameras_->follow(wanted.view);
+    return scene_->draw(wanted, state_->step);
+  });
   clock_->stop();
   drawing_ = true;
 }
@@ -99,6 +107,15 @@ double LiveRun::hold() {
   if (!interrupt_requested()) log_info("the run goes on");
   tell("training");
   return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+void LiveRun::on_evaluation(const data::Dataset& posed, const eval::Evaluation& evaluation) {
+  cameras_->refit(posed);
+  serve::Scored scored{state_->step, {}};
+  for (size_t i = 0; i < evaluation.views.size(); ++i) {
+    scored.psnr[concat("test.", i)] = evaluation.views[i].psnr;
+  }
+  server_.board().set(scored);
 }
 
 void LiveRun::on_metrics(const std::string& line) { server_.board().add(line); }

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "jade/run/draw_clock.h"
+#include "jade/run/live_cameras.h"
 #include "jade/run/live_scene.h"
 #include "jade/run/watcher.h"
 #include "jade/serve/server.h"
@@ -25,6 +26,7 @@ class LiveRun : public Watcher {
 
   void begin(const WatchedRun& run) override;
   double after_step() override;
+  void on_evaluation(const data::Dataset& posed, const eval::Evaluation& evaluation) override;
   void on_metrics(const std::string& line) override;
   void ended() override;
 
@@ -40,6 +42,7 @@ class LiveRun : public Watcher {
   std::chrono::duration<double> patience_;
   train::TrainState* state_ = nullptr;
   int64_t steps_ = 0;
+  std::optional<LiveCameras> cameras_;
   std::optional<LiveScene> scene_;
   std::optional<DrawClock> clock_;
   bool drawing_ = false;

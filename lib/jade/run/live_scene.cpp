@@ -6,10 +6,10 @@
 #include <c10/core/impl/VirtualGuardImpl.h>
 #include <cmath>
 #include <memory>
-#include <string_view>
 #include <utility>
 
 #include "jade/core/error.h"
+#include "jade/eval/metrics.h"
 #include "jade/run/page_scene.h"
 #include "jade/train/view.h"
 
@@ -23,9 +23,6 @@ constexpr int64_t kSample = 2000;
 
 /// A GPU draws the pixels of the screen, up to twice those that it was trained at; a CPU those.
 constexpr double kGpuScale = 2;
-
-/// The cameras of exposures are called this and their number.
-constexpr char kTrain[] = "train.";
 
 /// Bytes of all films of a live page before they are packed.
 constexpr size_t kAllFilmBytes = 12'000'000;
@@ -55,6 +52,15 @@ serve::Drawn drawn_of(const torch::Tensor& image, FrameMemory& memory) {
   return drawn;
 }
 
+/// Told when somebody asks, and on their thread; nothing without a truth of the image's size.
+std::function<double()> judge(const torch::Tensor& image, const torch::Tensor& truth) {
+  if (!truth.defined() || truth.sizes() != image.sizes()) return {};
+  return [image, truth] {
+    const torch::NoGradGuard no_grad;
+    return eval::psnr(image, truth);
+  };
+}
+
 /// Flat x, y, z of some of the opaque half.
 Json sample_of(const splat::Gaussians& gaussians) {
   const torch::NoGradGuard no_grad;
@@ -82,24 +88,59 @@ void LiveScene::add(const std::string& camera, std::vector<ViewPicture> pictures
   pictures_[camera] = std::move(pictures);
 }
 
+torch::Tensor LiveScene::truth_at(const std::string& camera) const {
+  const std::optional<CameraOfPage> found = camera_of_page(dataset_, camera);
+  if (!found) return {};
+  return found->exposure ? truth_of(dataset_, static_cast<int64_t>(found->index))
+                         : dataset_.test[found->index].image;
+}
+
+serve::Drawn LiveScene::picture(const serve::Wanted& wanted) const {
+  const auto view = pictures_.find(wanted.view);
+  if (view == pictures_.end()) throw ConfigError(concat("no camera ", wanted.view));
+  const auto picture =
+      std::find_if(view->second.begin(), view->second.end(),
+                   [&](const ViewPicture& each) { return each.name == wanted.picture; });
+  if (picture == view->second.end()) throw ConfigError(concat("no picture ", wanted.picture));
+  serve::Drawn drawn = drawn_of(picture->make(), *memory_);
+  if (picture->judged) drawn.psnr = judge(drawn.image, truth_at(wanted.view));
+  return drawn;
+}
+
+serve::Drawn LiveScene::frame(const serve::Wanted& wanted,
+                              const splat::Gaussians& gaussians) const {
+  splat::RenderOptions options = draw_;
+  options.depth = wanted.kind == serve::Wanted::Kind::kDepth;
+  const auto camera = train::camera_batch({wanted.pose}, wanted.camera, gaussians.means.device());
+  const splat::RenderOutput render = splat::render(gaussians, camera, options);
+  if (options.depth) return drawn_of(depth_picture(render), *memory_);
+  serve::Drawn drawn = drawn_of(render.color[0].clamp(0, 1), *memory_);
+  drawn.psnr = judge(drawn.image, truth_at(wanted.view));
+  return drawn;
+}
+
+Json LiveScene::cameras(const std::string& name) const {
+  const std::optional<CameraOfPage> found = camera_of_page(dataset_, name);
+  if (!found) throw ConfigError(concat("no camera ", name));
+  if (!found->exposure) return page_poses({dataset_.test[found->index].pose});
+  const auto& poses = dataset_.train[found->index].poses;
+  return page_poses({poses.begin(), poses.end()});
+}
+
 serve::Drawn LiveScene::draw(const serve::Wanted& wanted, int64_t step) const {
   const torch::NoGradGuard no_grad;
   const splat::Gaussians gaussians = gaussians_();
   serve::Drawn drawn;
-  if (wanted.kind == serve::Wanted::Kind::kPicture) {
-    const auto view = pictures_.find(wanted.view);
-    if (view == pictures_.end()) throw ConfigError(concat("no camera ", wanted.view));
-    const auto picture =
-        std::find_if(view->second.begin(), view->second.end(),
-                     [&](const ViewPicture& each) { return each.name == wanted.picture; });
-    if (picture == view->second.end()) throw ConfigError(concat("no picture ", wanted.picture));
-    drawn = drawn_of(picture->make(), *memory_);
-  } else {
-    splat::RenderOptions options = draw_;
-    options.depth = wanted.kind == serve::Wanted::Kind::kDepth;
-    const auto camera = train::camera_batch({wanted.pose}, wanted.camera, gaussians.means.device());
-    const splat::RenderOutput render = splat::render(gaussians, camera, options);
-    drawn = drawn_of(options.depth ? depth_picture(render) : render.color[0].clamp(0, 1), *memory_);
+  switch (wanted.kind) {
+    case serve::Wanted::Kind::kPicture:
+      drawn = picture(wanted);
+      break;
+    case serve::Wanted::Kind::kCamera:
+      drawn.json = Json{{"poses", cameras(wanted.view)}}.dump();
+      break;
+    case serve::Wanted::Kind::kColor:
+    case serve::Wanted::Kind::kDepth:
+      drawn = frame(wanted, gaussians);
   }
   drawn.step = step;
   drawn.gaussians = gaussians.size();
@@ -116,19 +157,18 @@ std::string LiveScene::page_data(const PageText& text) const {
     Json names = Json::array();
     for (const ViewPicture& each : pictures) names.push_back({{"name", each.name}});
     Json view{{"name", camera}, {"camera", camera}, {"seen", nullptr}, {"pictures", names}};
-    const bool exposed = camera.rfind(kTrain, 0) == 0;
-    if (exposed) {
-      const size_t index = std::stoul(camera.substr(std::string_view(kTrain).size()));
-      view["events"] = page_film(dataset_.train.at(index),
+    const CameraOfPage of = camera_of_page(dataset_, camera).value();
+    if (of.exposure) {
+      view["events"] = page_film(dataset_.train[of.index],
                                  std::min(kFilmBytes, kAllFilmBytes / dataset_.train.size()));
     }
-    data[exposed ? "views" : "tests"].push_back(std::move(view));
+    data[of.exposure ? "views" : "tests"].push_back(std::move(view));
   }
   data["scene"] = page_scene(dataset_, draw_);
-  data["live"] = {{"id", text.server_id},
-                  {"scale", gaussians.means.is_cuda() ? kGpuScale : 1.0},
-                  {"pausable", text.pausable},
-                  {"sample", sample_of(gaussians)}};
+  data["live"] = {
+      {"id", text.server_id},      {"scale", gaussians.means.is_cuda() ? kGpuScale : 1.0},
+      {"pausable", text.pausable}, {"moving", text.moving},
+      {"report", text.report},     {"sample", sample_of(gaussians)}};
   return data.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 

@@ -22,6 +22,7 @@ namespace jade::run {
 /// data set's cameras. All on one thread.
 class LiveScene {
  public:
+  /// @param dataset    outlives this; cameras may move from one call to the next
   /// @param gaussians  those of now, without gradient; drawn at once, so that they need be no copy
   /// @param draw       render_options() of the run
   LiveScene(const data::Dataset& dataset, const splat::RenderOptions& draw,
@@ -31,7 +32,7 @@ class LiveScene {
   void add(const std::string& camera, std::vector<ViewPicture> pictures);
 
   /// What a viewer wants. On a GPU the picture is on its way when this returns.
-  /// @throws ConfigError for a picture that is not there, whatever rendering throws.
+  /// @throws ConfigError for a picture or a camera that is not there, whatever rendering throws.
   serve::Drawn draw(const serve::Wanted& wanted, int64_t step) const;
 
   /// What page::live_page() shows.
@@ -40,10 +41,17 @@ class LiveScene {
     std::string config;     ///< text of config.yaml; may be empty
     std::string server_id;  ///< serve::Board::id()
     bool pausable = false;
+    bool moving = false;      ///< cameras move as poses are learned
+    std::string report = {};  ///< where the finished scene will be; empty where none will
   };
   std::string page_data(const PageText& text) const;
 
  private:
+  torch::Tensor truth_at(const std::string& camera) const;
+  serve::Drawn picture(const serve::Wanted& wanted) const;
+  serve::Drawn frame(const serve::Wanted& wanted, const splat::Gaussians& gaussians) const;
+  nlohmann::ordered_json cameras(const std::string& name) const;
+
   const data::Dataset& dataset_;
   splat::RenderOptions draw_;
   GaussianSource gaussians_;

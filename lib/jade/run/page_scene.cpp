@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/run/page_scene.h"
 
-#include <array>
+#include <charconv>
 #include <string>
+#include <string_view>
 #include <torch/types.h>
 
 #include "jade/io/gzip.h"
@@ -14,10 +15,31 @@ using Json = nlohmann::ordered_json;
 
 namespace {
 
-template <class Poses>
-Json page_camera(const std::string& name, const geometry::Intrinsics& camera, const Poses& poses) {
+Json page_camera(const std::string& name, const geometry::Intrinsics& camera,
+                 const std::vector<geometry::Pose>& poses) {
+  return {{"name", name},    {"width", camera.width},     {"height", camera.height},
+          {"fx", camera.fx}, {"fy", camera.fy},           {"cx", camera.cx},
+          {"cy", camera.cy}, {"poses", page_poses(poses)}};
+}
+
+}  // namespace
+
+std::optional<CameraOfPage> camera_of_page(const data::Dataset& dataset, const std::string& name) {
+  for (const bool exposure : {true, false}) {
+    const std::string_view kind = exposure ? "train." : "test.";
+    if (name.compare(0, kind.size(), kind) != 0) continue;
+    size_t index = 0;
+    const char* const end = name.data() + name.size();
+    const auto [next, error] = std::from_chars(name.data() + kind.size(), end, index);
+    const size_t count = exposure ? dataset.train.size() : dataset.test.size();
+    if (error == std::errc() && next == end && index < count) return CameraOfPage{exposure, index};
+  }
+  return std::nullopt;
+}
+
+Json page_poses(const std::vector<geometry::Pose>& camera_from_world) {
   Json rows = Json::array();
-  for (const geometry::Pose& pose : poses) {
+  for (const geometry::Pose& pose : camera_from_world) {
     Json numbers = Json::array();
     for (size_t r = 0; r < 3; ++r) {
       for (size_t c = 0; c < 3; ++c) numbers.push_back(pose.rotation[3 * r + c]);
@@ -25,19 +47,17 @@ Json page_camera(const std::string& name, const geometry::Intrinsics& camera, co
     }
     rows.push_back(std::move(numbers));
   }
-  return {{"name", name},    {"width", camera.width}, {"height", camera.height}, {"fx", camera.fx},
-          {"fy", camera.fy}, {"cx", camera.cx},       {"cy", camera.cy},         {"poses", rows}};
+  return rows;
 }
-
-}  // namespace
 
 Json page_scene(const data::Dataset& dataset, const splat::RenderOptions& draw) {
   Json train = Json::array(), test = Json::array();
   for (const data::Exposure& exposure : dataset.train) {
-    train.push_back(page_camera(exposure.name, exposure.camera, exposure.poses));
+    train.push_back(page_camera(exposure.name, exposure.camera,
+                                {exposure.poses.begin(), exposure.poses.end()}));
   }
   for (const data::SharpView& view : dataset.test) {
-    test.push_back(page_camera(view.name, view.camera, std::array{view.pose}));
+    test.push_back(page_camera(view.name, view.camera, {view.pose}));
     test.back()["seen"] = view.seen ? Json(*view.seen) : Json(nullptr);
   }
   Json background{0, 0, 0};

@@ -3,6 +3,9 @@
 #pragma once
 
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include "jade/data/exposure.h"
 #include "jade/run/event_film.h"
@@ -10,9 +13,21 @@
 
 namespace jade::run {
 
+/// A camera of a data set as pages name it: "train.3", the exposure of index 3, or "test.0".
+struct CameraOfPage {
+  bool exposure = false;
+  size_t index = 0;
+};
+
+/// Nothing for a name that no camera has.
+std::optional<CameraOfPage> camera_of_page(const data::Dataset& dataset, const std::string& name);
+
 /// {"near_plane", "background", "cameras": {"train", "test"}}: how a viewer draws, and where the
 /// data set's cameras stand.
 nlohmann::ordered_json page_scene(const data::Dataset& dataset, const splat::RenderOptions& draw);
+
+/// Cameras as the page has them: 12 numbers each, the rows of camera_from_world.
+nlohmann::ordered_json page_poses(const std::vector<geometry::Pose>& camera_from_world);
 
 /// The film of an exposure's events, packed for the page's events.js; null where there are none.
 /// @param limit  as event_film() has it

@@ -283,7 +283,7 @@ eval::Evaluation Trainer::evaluate(const data::Dataset& posed) {
   return evaluate_dataset(state_.gaussians.detached(), posed, lpips, options_);
 }
 
-void Trainer::log_evaluation(const data::Dataset& posed) {
+eval::Evaluation Trainer::log_evaluation(const data::Dataset& posed) {
   const eval::Evaluation evaluation = evaluate(posed);
   const eval::Scores& mean = evaluation.mean;
   nlohmann::ordered_json line{{"step", state_.step}};
@@ -307,6 +307,7 @@ void Trainer::log_evaluation(const data::Dataset& posed) {
   split(evaluation.mean_seen, "seen");
   split(evaluation.mean_unseen, "unseen");
   metrics_->append(line.dump());
+  return evaluation;
 }
 
 data::Dataset Trainer::posed_dataset() {
@@ -396,7 +397,10 @@ void Trainer::run(Watcher* watcher) {
     if (!evaluation_due && !pictures_due) continue;
     const data::Dataset posed = posed_dataset();
     if (interrupt_requested()) continue;  // half-fitted poses are not scored; the next step saves
-    if (evaluation_due) log_evaluation(posed);
+    if (evaluation_due) {
+      const eval::Evaluation evaluation = log_evaluation(posed);
+      if (watcher) watcher->on_evaluation(posed, evaluation);
+    }
     if (pictures_due) write_pictures(posed);
   }
   progress.finish();

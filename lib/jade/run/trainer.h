@@ -70,7 +70,7 @@ class Trainer {
   void announce() const;
   void write_environment() const;
   void log_step(const train::StepInputs& inputs, const train::StepOutputs& out);
-  void log_evaluation(const data::Dataset& posed);
+  eval::Evaluation log_evaluation(const data::Dataset& posed);
   void save();
   /// The data set with the poses at which the scene is to be seen: learned ones where poses are.
   data::Dataset posed_dataset();

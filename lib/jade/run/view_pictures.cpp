@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/run/view_pictures.h"
 
+#include <iterator>
+#include <utility>
+
 #include "jade/gaussians/gaussian_model.h"
 #include "jade/run/evaluate.h"
 #include "jade/train/routing_step.h"
@@ -63,11 +66,13 @@ std::vector<ViewPicture> training_pictures(const data::Dataset& dataset, const t
 }
 
 std::vector<ViewPicture> exposure_pictures(const data::Dataset& dataset, int64_t index,
+                                           std::vector<ViewPicture> known,
                                            const GaussianSource& gaussians,
                                            const splat::RenderOptions& draw) {
   const data::Exposure& exposure = dataset.train[static_cast<size_t>(index)];
-  std::vector<ViewPicture> pictures{{"blurry", [&exposure] { return exposure.blurry; }, true},
-                                    render_picture(exposure, gaussians, draw)};
+  std::vector<ViewPicture> pictures{{"blurry", [&exposure] { return exposure.blurry; }, true}};
+  std::move(known.begin(), known.end(), std::back_inserter(pictures));
+  pictures.push_back(render_picture(exposure, gaussians, draw));
   add_truth(truth_of(dataset, index), pictures);
   return pictures;
 }

@@ -32,8 +32,10 @@ std::vector<ViewPicture> training_pictures(const data::Dataset& dataset, const t
                                            int64_t index, train::TrainState& state,
                                            const splat::RenderOptions& draw);
 
-/// Of an exposure alone: blurry, render and, where a test view tells, truth.
+/// Of an exposure without its training: blurry, what is `known` besides, render and, where a test
+/// view tells, truth.
 std::vector<ViewPicture> exposure_pictures(const data::Dataset& dataset, int64_t index,
+                                           std::vector<ViewPicture> known,
                                            const GaussianSource& gaussians,
                                            const splat::RenderOptions& draw);
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "jade/data/exposure.h"
+#include "jade/eval/report.h"
 #include "jade/train/options.h"
 #include "jade/train/state.h"
 #include "jade/train/view.h"
@@ -31,6 +32,9 @@ class Watcher {
   /// After each step; the run waits for it to return.
   /// @return seconds of waiting that are not the step's, as while paused
   virtual double after_step() = 0;
+  /// Scores of the test views between two steps.
+  /// @param posed  the data set with the poses that it was scored at
+  virtual void on_evaluation(const data::Dataset& posed, const eval::Evaluation& evaluation) = 0;
   /// A line of metrics.jsonl.
   virtual void on_metrics(const std::string& line) = 0;
   /// No step follows.

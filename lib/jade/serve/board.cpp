@@ -15,6 +15,11 @@ void Board::set(const Progress& progress) {
   progress_ = progress;
 }
 
+void Board::set(const Scored& scored) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  scored_ = scored;
+}
+
 void Board::add(const std::string& line) {
   const std::lock_guard<std::mutex> lock(mutex_);
   lines_.push_back(line);
@@ -35,6 +40,7 @@ std::string Board::json(int64_t generation, int64_t from, int64_t viewers) const
                               {"steps", progress_.steps},
                               {"gaussians", progress_.gaussians},
                               {"phase", progress_.phase},
+                              {"scored", {{"step", scored_.step}, {"psnr", scored_.psnr}}},
                               {"viewers", viewers},
                               {"generation", generation_},
                               {"count", count}};

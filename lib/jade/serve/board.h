@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <mutex>
 #include <string>
 #include <vector>
@@ -12,6 +13,12 @@ namespace jade::serve {
 struct Progress {
   int64_t step = 0, steps = 0, gaussians = 0;
   std::string phase;  ///< "training", "paused", "finishing"; "still" for a scene that is as it is
+};
+
+/// What an evaluation has found, by cameras of the data set: "test.0".
+struct Scored {
+  int64_t step = 0;
+  std::map<std::string, double> psnr;
 };
 
 /// What stands written for all viewers: progress and the lines of metrics.jsonl. They ask for it
@@ -26,17 +33,20 @@ class Board {
   const std::string& id() const { return id_; }
 
   void set(const Progress& progress);
+  void set(const Scored& scored);
   void add(const std::string& line);
 
-  /// {"id", "step", "steps", "gaussians", "phase", "viewers", "generation", "count", "lines": […]}:
-  /// the lines from `from` on, or all where `generation` is not that of the answer, because lines
-  /// have been dropped. The next question has the answer's generation, and its count as `from`.
+  /// {"id", "step", "steps", "gaussians", "phase", "scored": {"step", "psnr": {…}}, "viewers",
+  /// "generation", "count", "lines": […]}: the lines from `from` on, or all where `generation` is
+  /// not that of the answer, because lines have been dropped. The next question has the answer's
+  /// generation, and its count as `from`.
   std::string json(int64_t generation, int64_t from, int64_t viewers) const;
 
  private:
   const std::string id_;
   mutable std::mutex mutex_;
   Progress progress_;
+  Scored scored_;
   std::vector<std::string> lines_;
   int64_t generation_ = 0;
 };

@@ -114,26 +114,33 @@ int64_t number_of(const httplib::Request& request, const char* name) {
   return text.empty() || text.size() > 18 ? -1 : std::strtoll(text.c_str(), nullptr, 10);
 }
 
-void send(httplib::Response& response, Answer answer, bool lossless) {
+/// Says so where nothing was drawn.
+bool was_drawn(const Answer& answer, httplib::Response& response) {
   switch (answer.kind) {
     case Answer::Kind::kTooLate:
       response.status = 204;
-      return;
+      return false;
     case Answer::Kind::kFull:
       say(response, 503, "too many viewers wait; try again");
-      return;
+      return false;
     case Answer::Kind::kFailed:
       say(response, 503, answer.reason);
-      return;
+      return false;
     case Answer::Kind::kDrawn:
       break;
   }
+  return true;
+}
+
+void send(httplib::Response& response, const Answer& answer, bool lossless) {
+  if (!was_drawn(answer, response)) return;
   const Drawn& drawn = answer.drawn;
   if (drawn.finish) drawn.finish();
   const std::vector<uint8_t> bytes =
       lossless ? imaging::encode_png(drawn.image) : imaging::encode_jpeg(drawn.image, kJpegQuality);
   response.set_header("X-Step", std::to_string(drawn.step));
   response.set_header("X-Gaussians", std::to_string(drawn.gaussians));
+  if (drawn.psnr) response.set_header("X-Psnr", std::to_string(drawn.psnr()));
   response.set_content(reinterpret_cast<const char*>(bytes.data()), bytes.size(),
                        lossless ? "image/png" : "image/jpeg");
 }
@@ -211,6 +218,15 @@ struct Server::Impl {
                const std::string key =
                    viewer_of(parameter) + "/" + wanted.view + "/" + wanted.picture;
                send(response, stage.ask(key, wanted, kPictureWait), /*lossless=*/true);
+             }));
+    http.Get("/camera", for_viewer([this](const auto& request, auto& response) {
+               const Parameter parameter = parameters(request);
+               const Wanted wanted = wanted_camera(parameter);
+               const Answer answer =
+                   stage.ask(viewer_of(parameter) + "/camera", wanted, kFrameWait);
+               if (was_drawn(answer, response)) {
+                 response.set_content(answer.drawn.json, "application/json");
+               }
              }));
     http.Get("/state", for_viewer([this](const auto& request, auto& response) {
                response.set_content(board.json(number_of(request, "generation"),

@@ -13,8 +13,10 @@ namespace jade::serve {
 /// The live page over HTTP, from threads of its own:
 ///
 ///   GET /            the page of show(), or a note that it is on its way
-///   GET /frame       JPEG of what wanted_frame() reads; headers X-Step, X-Gaussians
-///   GET /picture     PNG of what wanted_picture() reads
+///   GET /frame       JPEG of what wanted_frame() reads; headers X-Step, X-Gaussians and, where a
+///                    sharp truth tells, X-Psnr in dB
+///   GET /picture     PNG of what wanted_picture() reads, with the same headers
+///   GET /camera      Drawn::json of what wanted_camera() reads
 ///   GET /state       Board::json(); parameters generation and from
 ///   POST /pause      parameter on: 1 or 0
 ///

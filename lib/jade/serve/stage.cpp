@@ -37,6 +37,8 @@ void Stage::draw_one(const Draw& draw) {
   try {
     answer.drawn = draw(request->wanted);
     answer.kind = Answer::Kind::kDrawn;
+  } catch (const NotYet&) {
+    answer.kind = Answer::Kind::kTooLate;
   } catch (const std::exception& problem) {
     answer.kind = Answer::Kind::kFailed;
     answer.reason = problem.what();

@@ -18,12 +18,19 @@
 
 namespace jade::serve {
 
-/// A picture that was drawn for a viewer.
+/// What was drawn for a viewer.
 struct Drawn {
   torch::Tensor image;              ///< [3,H,W] or [1,H,W] float32 on the CPU, not written again
   std::function<void()> finish;     ///< waits until `image` is there; empty: it is
   int64_t step = 0, gaussians = 0;  ///< of the scene that it shows
+  /// PSNR of `image` to a sharp truth, dB, once it is there; empty where none tells. Asked by the
+  /// thread that answers, so that it costs the one that draws nothing.
+  std::function<double()> psnr;
+  std::string json;  ///< of kCamera, in place of an image: {"poses": [[12 numbers]]}
 };
+
+/// Thrown while drawing: it is being made and comes by itself; whoever asked asks again.
+struct NotYet {};
 
 /// What came of asking.
 struct Answer {
@@ -49,7 +56,7 @@ class Stage {
   /// Waits for somebody to ask or for a change of paused(). True once somebody does.
   bool wait(Seconds at_most);
   /// Draws what has been asked for the longest, where something is. What `draw` throws is the
-  /// answer: a picture that cannot be drawn must not end a run.
+  /// answer: a picture that cannot be drawn must not end a run. NotYet is kTooLate.
   void draw_one(const Draw& draw);
 
   // --- the threads of those who ask

@@ -66,6 +66,14 @@ geometry::Intrinsics camera_of(const Parameter& parameter) {
   return camera;
 }
 
+std::string name_of(const Parameter& parameter, const char* name) {
+  const std::string text = parameter(name);
+  if (text.empty() || text.size() > kLongestName) {
+    throw ConfigError(concat(name, ": expected 1 to ", kLongestName, " characters"));
+  }
+  return text;
+}
+
 }  // namespace
 
 Wanted wanted_frame(const Parameter& parameter) {
@@ -77,19 +85,22 @@ Wanted wanted_frame(const Parameter& parameter) {
   if (layer == "depth") wanted.kind = Wanted::Kind::kDepth;
   wanted.pose = pose_of(parameter);
   wanted.camera = camera_of(parameter);
+  if (!parameter("view").empty()) wanted.view = name_of(parameter, "view");
   return wanted;
 }
 
 Wanted wanted_picture(const Parameter& parameter) {
   Wanted wanted;
   wanted.kind = Wanted::Kind::kPicture;
-  wanted.view = parameter("view");
-  wanted.picture = parameter("name");
-  for (const std::string* name : {&wanted.view, &wanted.picture}) {
-    if (name->empty() || name->size() > kLongestName) {
-      throw ConfigError("expected view and name of a picture");
-    }
-  }
+  wanted.view = name_of(parameter, "view");
+  wanted.picture = name_of(parameter, "name");
+  return wanted;
+}
+
+Wanted wanted_camera(const Parameter& parameter) {
+  Wanted wanted;
+  wanted.kind = Wanted::Kind::kCamera;
+  wanted.view = name_of(parameter, "view");
   return wanted;
 }
 

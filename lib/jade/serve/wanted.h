@@ -11,11 +11,14 @@ namespace jade::serve {
 
 /// What a viewer wants to see.
 struct Wanted {
-  enum class Kind { kColor, kDepth, kPicture };
+  enum class Kind { kColor, kDepth, kPicture, kCamera };
   Kind kind = Kind::kColor;
   geometry::Pose pose;          ///< of kColor and kDepth, and
   geometry::Intrinsics camera;  ///< at most kMostPixels large
-  std::string view, picture;    ///< of kPicture: "train.3", "EDI"
+  /// A camera of the data set, "train.3": of kPicture and kCamera, and of a kColor that is taken
+  /// there, at mid-exposure, else empty.
+  std::string view;
+  std::string picture;  ///< of kPicture: "EDI"
 
   static constexpr int64_t kMostPixels = int64_t{1} << 22;
 };
@@ -24,13 +27,17 @@ struct Wanted {
 using Parameter = std::function<std::string(const char* name)>;
 
 /// Reads a frame's request: `pose`, rows of camera_from_world, 12 numbers; `camera`, six: fx, fy,
-/// cx, cy, width, height; `layer`, color or depth.
+/// cx, cy, width, height; `layer`, color or depth; perhaps `view`.
 /// @throws ConfigError in one line.
 Wanted wanted_frame(const Parameter& parameter);
 
 /// Reads a picture's request: `view` and `name`.
 /// @throws ConfigError in one line.
 Wanted wanted_picture(const Parameter& parameter);
+
+/// Reads the question where a camera of the data set stands: `view`.
+/// @throws ConfigError in one line.
+Wanted wanted_camera(const Parameter& parameter);
 
 /// `viewer`: 1 to 32 letters and digits, the same in all requests of one page.
 /// @throws ConfigError in one line.

@@ -26,8 +26,11 @@ export class Controls {
       this.dolly(Math.exp(-0.001 * event.deltaY));
     }, { passive: false });
     stage.addEventListener('keydown', (event) => this.press(event));
-    stage.addEventListener('keyup', (event) => this.held.delete(event.code));
+    // Before anything has the focus one flies too; arrows then scroll the page.
+    document.addEventListener('keydown', (event) => event.target === document.body && FLY[event.code] && this.press(event));
+    document.addEventListener('keyup', (event) => this.held.delete(event.code));
     stage.addEventListener('blur', () => this.held.clear());
+    window.addEventListener('blur', () => this.held.clear());
   }
 
   down(event) {

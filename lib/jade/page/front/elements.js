@@ -4,6 +4,16 @@
 /** A new element at the end of `parent`, with properties. */
 export const make = (tag, parent, props = {}) => parent.appendChild(Object.assign(document.createElement(tag), props));
 
+/** Whether keys typed there are text, or choose among words, and so none of ours. */
+export function takesText({ tagName, type }) {
+  return tagName === 'SELECT' || tagName === 'TEXTAREA' || (tagName === 'INPUT' && type !== 'range' && type !== 'checkbox');
+}
+
+/** Whether the space bar presses it. */
+export function takesSpace({ tagName, type }) {
+  return tagName === 'BUTTON' || tagName === 'SUMMARY' || type === 'checkbox';
+}
+
 /** An empty table that scrolls sideways where it must, with a name for screen readers; its body. */
 export function tableIn(parent, label, head) {
   const box = make('div', parent, { className: 'scroll', tabIndex: 0 });

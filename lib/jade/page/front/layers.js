@@ -2,13 +2,13 @@
 // Pictures laid over the scene, with a wipe between a left and a right one.
 
 export const SCENE = 'scene';
-const DIFFERENCE = '|difference|';
+export const DIFFERENCE = '|difference|';
 const GAIN = 4; // of the difference, which is dark otherwise
 
 export class Layers {
   /** @param parts  the stage's elements: left, right, bar, leftTag, rightTag, leftSelect, rightSelect */
   constructor(parts, onChange) {
-    Object.assign(this, { parts, onChange, pictures: [], left: SCENE, right: SCENE, wipe: 0.5 });
+    Object.assign(this, { parts, onChange, pictures: [], left: SCENE, right: SCENE, wipe: 0.5, turn: 0 });
     parts.leftSelect.onchange = () => this.choose(parts.leftSelect.value, this.right);
     parts.rightSelect.onchange = () => this.choose(this.left, parts.rightSelect.value);
     parts.bar.addEventListener('pointerdown', (event) => {
@@ -47,27 +47,44 @@ export class Layers {
     Object.assign(this, { left, right });
     this.parts.leftSelect.value = left;
     this.parts.rightSelect.value = right;
-    await Promise.all([this.fill(this.parts.left, left), this.fill(this.parts.right, right)]);
+    this.turn += 1;
+    await this.fill(['left', 'right']);
+  }
+
+  /** Fetches those of the two layers again that have one of these names. */
+  again(names) {
+    return this.fill(['left', 'right'].filter((side) => names.includes(this[side])));
+  }
+
+  async fill(sides) {
+    const { turn } = this;
+    await Promise.all(sides.map((side) => this.fillOne(this.parts[side], this[side], turn)));
+    if (turn !== this.turn) return;
     this.place();
     this.onChange();
   }
 
-  async fill(image, name) {
-    image.hidden = name === SCENE;
-    if (name === SCENE) return;
-    const source = name === DIFFERENCE ? await this.difference() : await this.sourceOf(name);
+  async fillOne(image, name, turn) {
+    const source = name === SCENE ? null : await (name === DIFFERENCE ? this.difference() : this.sourceOf(name));
+    // A later choice has not waited for this one.
+    if (turn !== this.turn) return;
+    image.hidden = !source;
     if (!source) return;
     image.src = source;
     image.alt = name;
     await image.decode().catch(() => {});
   }
 
+  /** An address, a promise of one, or nothing where the picture is not to be had. */
   sourceOf(name) {
-    return this.pictures.find((picture) => picture.name === name)?.src ?? this.live?.(name);
+    const picture = this.pictures.find((each) => each.name === name);
+    return picture?.load ? picture.load() : picture?.src ?? this.live?.(name);
   }
 
   async difference() {
-    const [a, b] = await Promise.all(['render', 'truth'].map((name) => pixelsOf(this.sourceOf(name))));
+    const sources = await Promise.all(['render', 'truth'].map((name) => this.sourceOf(name)));
+    if (!sources.every(Boolean)) return null;
+    const [a, b] = await Promise.all(sources.map(pixelsOf));
     const board = Object.assign(document.createElement('canvas'), { width: a.width, height: a.height });
     board.getContext('2d').putImageData(new ImageData(absoluteDifference(a.data, b.data, GAIN), a.width), 0, 0);
     return board.toDataURL();

@@ -3,11 +3,16 @@
 // question at a time, and takes what comes; so a page that sleeps costs the program nothing.
 
 import { depthAhead } from './viewer.js';
+import { DIFFERENCE } from './layers.js';
+import { takesText } from './elements.js';
 import { writeCards, writeCurves } from './report.js';
 
 const ASK_MS = 1000; // between two questions for the state
 const AGAIN_MS = 150; // after a frame that did not come
 const ATTEMPTS = 3; // for a frame that somebody waits for
+const MAKING_MS = 500; // between two questions for a picture that is being made
+const RENEW_MS = 4000; // between two looks at a layer that changes while it trains
+const CHANGING = ['α', 'fused', 'render', DIFFERENCE];
 
 /** What the server is asked: addresses with the viewer's name and the token, and their answers. */
 export class LiveLink {
@@ -24,13 +29,30 @@ export class LiveLink {
     return `${path}?${all}`;
   }
 
-  /** {blob, step, gaussians}, or null where it was not drawn. */
-  async frame(camera, pose, scale, layer) {
+  /**
+   * {blob, step, gaussians, psnr}, or null where it was not drawn.
+   * @param view  the camera of the data set that it is seen from, which may have a truth to judge by
+   */
+  async frame(camera, pose, scale, layer, view = '') {
     const { width, height, fx, fy, cx, cy } = scaledCamera(camera, scale);
-    const answer = await this.ask(this.address('frame', { layer, pose: pose.join(','), camera: [fx, fy, cx, cy, width, height].join(',') }));
+    const where = { layer, pose: pose.join(','), camera: [fx, fy, cx, cy, width, height].join(',') };
+    const answer = await this.ask(this.address('frame', view ? { ...where, view } : where));
     if (answer.status !== 200) return null;
     const number = (name) => Number(answer.headers.get(name));
-    return { blob: await answer.blob(), step: number('X-Step'), gaussians: number('X-Gaussians') };
+    return { blob: await answer.blob(), step: number('X-Step'), gaussians: number('X-Gaussians'), psnr: psnrOf(answer) };
+  }
+
+  /** {blob, psnr}; {reason} where it cannot be had; null while it is being made. */
+  async picture(view, name) {
+    const answer = await this.ask(this.address('picture', { view, name }));
+    if (answer.status === 200) return { blob: await answer.blob(), psnr: psnrOf(answer) };
+    return answer.status === 204 ? null : { reason: (await answer.text()).trim() };
+  }
+
+  /** Where a camera of the data set stands now, poses as 12 numbers, or null. */
+  async poses(view) {
+    const answer = await this.ask(this.address('camera', { view }));
+    return answer.status === 200 ? (await answer.json()).poses : null;
   }
 
   async state(generation, from) {
@@ -41,6 +63,33 @@ export class LiveLink {
   pause(on) {
     return this.ask(this.address('pause', { on: on ? '1' : '0' }), { method: 'POST' });
   }
+}
+
+/** What a sharp truth says of the picture of an answer, dB, or null. */
+function psnrOf(answer) {
+  return answer.headers.has('X-Psnr') ? Number(answer.headers.get('X-Psnr')) : null;
+}
+
+const decibels = (value) => `${value.toFixed(2)} dB`;
+
+/**
+ * What is known of how good the picture is: against the truth of its camera now or when that was last
+ * evaluated, else how well the last step explained a blurry frame.
+ */
+export function judgement(psnr, camera, state, lines) {
+  if (typeof psnr === 'number') return `PSNR ${decibels(psnr)}`;
+  const scored = camera ? state?.scored?.psnr[camera] : undefined;
+  if (typeof scored === 'number') return `PSNR ${decibels(scored)} at step ${state.scored.step.toLocaleString('en')}`;
+  const line = lines.findLast((each) => typeof each.psnr_train === 'number');
+  return line ? `blur explained ${decibels(line.psnr_train)}` : '';
+}
+
+/** What to tell somebody whose page has lost its program. */
+export function farewell(state, { report, pausable }) {
+  const where = report ? ` The finished scene: ${report}.` : '';
+  if (!pausable) return 'jade_view has ended or cannot be reached. The page goes on by itself once it answers.';
+  if (state && state.step === state.steps) return `Training has ended.${where}`;
+  return 'The program that trains has ended or cannot be reached: --resume goes on with a run that was stopped, and so does this page once there is an answer.';
 }
 
 /** The same view at `scale` times as many pixels, whole ones. */
@@ -89,9 +138,10 @@ export class LiveViewer {
   /**
    * @param settings  {scale, sample}
    * @param changing  whether the scene changes by itself now
+   * @param at        the camera of the data set that it is seen from now, or ''
    */
-  constructor(canvas, settings, link, changing) {
-    Object.assign(this, { canvas, link, changing, native: false, pace: 0, onFrame: () => {} });
+  constructor(canvas, settings, link, changing, at) {
+    Object.assign(this, { canvas, link, changing, at, psnr: null, native: false, pace: 0, onFrame: () => {} });
     this.renderer = { canvas };
     this.limit = settings.scale;
     const count = settings.sample.length / 3;
@@ -156,10 +206,10 @@ export class LiveViewer {
   }
 
   fetch({ camera, pose }, layer) {
-    return this.link.frame(camera, pose, this.scale(camera), layer).catch(() => null);
+    return this.link.frame(camera, pose, this.scale(camera), layer, this.at()).catch(() => null);
   }
 
-  async paint({ blob, step, gaussians }, part) {
+  async paint({ blob, step, gaussians, psnr }, part) {
     const bitmap = await createImageBitmap(blob);
     const { canvas } = this;
     const { width, height } = bitmap;
@@ -169,7 +219,7 @@ export class LiveViewer {
     if (part > 0) board.putImageData(this.meanWith(board.getImageData(0, 0, width, height), part), 0, 0);
     const now = performance.now();
     this.pace = this.drawnAt ? 0.8 * (this.pace || now - this.drawnAt) + 0.2 * (now - this.drawnAt) : 0;
-    Object.assign(this, { step, gaussians, drawnAt: now });
+    Object.assign(this, { step, gaussians, psnr, drawnAt: now });
     this.onFrame();
   }
 
@@ -186,6 +236,14 @@ export function addToMean(mean, values, n) {
   for (let k = 0; k < mean.length; ++k) mean[k] += (values[k] - mean[k]) / n;
 }
 
+function dataUrl(blob) {
+  return new Promise((resolve) => {
+    const reader = new FileReader();
+    reader.onload = () => resolve(reader.result);
+    reader.readAsDataURL(blob);
+  });
+}
+
 function sleep(milliseconds) {
   return new Promise((resolve) => { setTimeout(resolve, milliseconds); });
 }
@@ -194,7 +252,7 @@ function sleep(milliseconds) {
 export class LivePage {
   constructor(page) {
     const { data } = page;
-    Object.assign(this, { page, data, link: new LiveLink(location.search), tail: new MetricsTail(), state: null });
+    Object.assign(this, { page, data, link: new LiveLink(location.search), tail: new MetricsTail(), state: null, renewedAt: 0 });
     page.live = this;
     document.title = 'JADE-GS live';
     for (const view of [...data.views, ...data.tests]) view.pictures.forEach((picture) => this.givePicture(view, picture));
@@ -210,33 +268,70 @@ export class LivePage {
     const charts = document.getElementById('charts');
     charts.previousElementSibling.hidden = !data.live.pausable;
     const pause = document.getElementById('pause');
-    pause.hidden = !data.live.pausable;
+    pause.hidden = document.getElementById('pause-key').hidden = !data.live.pausable;
     pause.addEventListener('click', () => this.togglePause());
     document.addEventListener('keydown', (event) => this.key(event));
     this.poll();
   }
 
   openViewer(canvas) {
-    this.viewer = new LiveViewer(canvas, this.data.live, this.link, () => this.state?.phase === 'training');
+    this.viewer = new LiveViewer(canvas, this.data.live, this.link, () => this.state?.phase === 'training', () => this.page.standsAt());
     return this.viewer;
   }
 
-  /** Its address changes with the step, or a browser would show an older one. */
+  /** The picture comes when it is asked for, with what the truth says of it. */
   givePicture(view, picture) {
-    const address = () => this.link.address('picture', { view: view.camera, name: picture.name, step: this.state?.step ?? 0 });
-    Object.defineProperty(picture, 'src', { get: address });
+    picture.load = async () => {
+      if (picture.kept) return picture.kept;
+      const found = await this.wait(view, picture);
+      picture.note = found?.reason ? 'is not to be had' : '';
+      if (!found) return null;
+      if (found.reason) this.page.say(`${picture.name}: ${found.reason}`);
+      if (!found.blob) return null;
+      if (found.psnr !== null) picture.note = decibels(found.psnr);
+      const source = await dataUrl(found.blob);
+      if (!CHANGING.includes(picture.name)) picture.kept = source;
+      return source;
+    };
+  }
+
+  /** Asks until the picture is there or nobody wants it any more. */
+  async wait(view, { name }) {
+    const { layers, state } = this.page;
+    const wanted = () => state.camera === view.camera && [layers.left, layers.right].some((shown) => shown === name || shown === DIFFERENCE);
+    let told = false;
+    while (wanted()) {
+      const found = await this.link.picture(view.camera, name).catch(() => ({ reason: 'no answer' }));
+      if (found) {
+        if (told) this.page.say('');
+        return found;
+      }
+      this.page.say(`${name} is on its way`);
+      told = true;
+      await sleep(MAKING_MS);
+    }
+    return null;
+  }
+
+  /** Poses that are learned move: puts a camera of the data set where it stands now. True where it did. */
+  async follow(id) {
+    if (!this.data.live.moving) return false;
+    const poses = await this.link.poses(id).catch(() => null);
+    if (!poses) return false;
+    this.page.cameras.get(id).poses = poses;
+    return true;
   }
 
   label() {
-    const { canvas, pace, step, gaussians } = this.viewer;
-    const rate = pace && this.state?.phase === 'training' ? `${(1000 / pace).toFixed(1)} FPS · ` : '';
-    const steps = this.state?.steps ? `step ${step.toLocaleString('en')} · ` : '';
-    const psnr = this.tail.lines.findLast((line) => typeof line.psnr_train === 'number');
-    return `${rate}${steps}${gaussians.toLocaleString('en')} Gaussians · ${psnr ? `${psnr.psnr_train.toFixed(2)} dB · ` : ''}${canvas.width}×${canvas.height}`;
+    const { canvas, pace, psnr, step, gaussians } = this.viewer;
+    const training = this.state?.phase === 'training';
+    return [this.state ? '' : 'not live', pace && training ? `${(1000 / pace).toFixed(1)} FPS` : '',
+      this.steps ? `step ${step.toLocaleString('en')}` : '', `${gaussians.toLocaleString('en')} Gaussians`,
+      judgement(psnr, this.page.standsAt(), this.state, this.tail.lines), `${canvas.width}×${canvas.height}`].filter(Boolean).join(' · ');
   }
 
   key(event) {
-    if (event.ctrlKey || event.metaKey || event.altKey || /^(INPUT|SELECT|TEXTAREA)$/.test(event.target.tagName)) return;
+    if (event.ctrlKey || event.metaKey || event.altKey || takesText(event.target)) return;
     if (event.key.toLowerCase() !== 't' || !this.data.live.pausable || document.getElementById('keys').open) return;
     event.preventDefault();
     this.togglePause();
@@ -269,9 +364,22 @@ export class LivePage {
     if (state.id !== this.data.live.id) location.reload();
     const fresh = this.tail.take(state);
     const turned = state.phase !== this.state?.phase;
-    this.state = state;
+    this.state = this.known = state;
+    this.steps = state.steps;
     if (turned || fresh || state.phase === 'training') this.write(fresh);
     if (turned) this.viewer?.wake();
+    if (state.phase === 'training' && document.visibilityState === 'visible') this.renew();
+  }
+
+  /** Where somebody stands at a camera: its pose and its layers as training has them by now. */
+  async renew() {
+    const { page } = this;
+    if (!this.viewer || !page.restored || page.playing || page.state.pose) return;
+    const { camera } = page.state;
+    if (await this.follow(camera) && page.state.camera === camera && !page.playing && !page.state.pose) page.refresh();
+    if (performance.now() - this.renewedAt < RENEW_MS) return;
+    this.renewedAt = performance.now();
+    page.layers.again(CHANGING);
   }
 
   write(fresh) {
@@ -284,7 +392,10 @@ export class LivePage {
     pause.textContent = paused ? 'go on' : 'pause training';
     pause.setAttribute('aria-pressed', String(paused));
     pause.disabled = state.phase === 'finishing';
-    document.getElementById('notice').hidden = true;
+    const notice = document.getElementById('notice');
+    notice.hidden = state.phase !== 'finishing';
+    if (!notice.hidden) notice.textContent = 'Training has ended; scores and report.html are being written.';
+    document.title = state.steps ? `${Math.floor(100 * state.step / state.steps)} % · JADE-GS live` : 'JADE-GS live';
     if (!fresh) return;
     const charts = document.getElementById('charts');
     charts.replaceChildren();
@@ -294,8 +405,10 @@ export class LivePage {
   lose() {
     this.state = null;
     const notice = document.getElementById('notice');
-    notice.textContent = 'The program that serves this page has ended or cannot be reached; report.html in the run directory holds the finished scene.';
+    notice.textContent = farewell(this.known, this.data.live);
     notice.hidden = false;
     document.getElementById('pause').disabled = true;
+    document.title = 'JADE-GS, not live';
+    if (this.viewer?.drawnAt) this.page.writeFrame();
   }
 }

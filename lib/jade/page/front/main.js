@@ -10,6 +10,7 @@ import { Viewer } from './viewer.js';
 import { formatLink, parseLink } from './link.js';
 import { add, axis, poseInExposure, unit } from './pose.js';
 import { gunzipBase64, parseSpz } from './spz.js';
+import { takesSpace, takesText } from './elements.js';
 import { writeReport } from './report.js';
 import { LivePage } from './live.js';
 
@@ -38,6 +39,7 @@ class Page {
   async start() {
     this.listCameras();
     this.listen();
+    if (!this.live) await this.showStill();
     try {
       this.viewer = this.live ? this.live.openViewer(element('scene')) : await this.openViewer();
       this.viewer.onFrame = () => this.writeFrame();
@@ -51,6 +53,21 @@ class Page {
     }
     await this.restore(parseLink(location.hash));
     document.documentElement.dataset.ready = this.viewer ? 'scene' : 'still';
+  }
+
+  /** The report's pictures, until the scene is unpacked. */
+  async showStill() {
+    const wanted = parseLink(location.hash).camera;
+    this.state.camera = this.cameras.has(wanted) ? wanted : this.first;
+    this.shapeStage();
+    Object.assign(this.layers, { left: this.pictures()[0]?.name, right: 'render' });
+    if (this.pictures().length > 0) await this.layers.setPictures(this.pictures(), []);
+  }
+
+  shapeStage() {
+    const { width, height } = this.camera();
+    element('stage').style.setProperty('--aspect', `${width} / ${height}`);
+    element('stage').style.setProperty('--ratio', width / height);
   }
 
   async openViewer() {
@@ -92,6 +109,12 @@ class Page {
     return [...this.data.views, ...this.data.tests].find((view) => view.camera === this.state.camera);
   }
 
+  /** The camera of the data set whose picture this is, truths and all, or ''. */
+  standsAt() {
+    const { camera, pose, moment } = this.state;
+    return !pose && (moment === 0.5 || this.camera().poses.length === 1) ? camera : '';
+  }
+
   pictures() {
     return this.view()?.pictures ?? [];
   }
@@ -102,15 +125,16 @@ class Page {
     Object.assign(this.state, { camera: id, pose: null });
     element('camera').value = id;
     const camera = this.camera();
-    element('stage').style.setProperty('--aspect', `${camera.width} / ${camera.height}`);
-    element('stage').style.setProperty('--ratio', camera.width / camera.height);
+    this.shapeStage();
     const exposure = camera.poses.length > 1;
     element('play').disabled = !exposure || !this.viewer;
     element('events').disabled = !this.view()?.events;
     element('moment').disabled = !exposure || (!this.viewer && element('events').disabled);
-    await this.loadFilm();
+    await Promise.all([this.loadFilm(), this.live?.follow(id)]);
+    if (this.state.camera !== id) return;
     if (this.viewer) this.distance = this.viewer.depthAhead(camera, this.pose());
     await this.draw();
+    if (this.state.camera !== id) return;
     Object.assign(this.layers, layers);
     await this.layers.setPictures(this.pictures(), this.viewer ? [SCENE, DEPTH] : []);
     await this.draw();
@@ -364,7 +388,7 @@ class Page {
   }
 
   key(event) {
-    if (event.ctrlKey || event.metaKey || event.altKey || /^(INPUT|SELECT|TEXTAREA)$/.test(event.target.tagName)) return;
+    if (event.ctrlKey || event.metaKey || event.altKey || takesText(event.target)) return;
     const scene = {
       r: () => this.reset(), ' ': () => !element('play').disabled && this.play(), k: () => this.addKey(), p: () => this.savePicture(),
     };
@@ -373,7 +397,7 @@ class Page {
       ',': () => this.nudge(-1), '.': () => this.nudge(1),
       l: () => this.copyLink(), v: () => !element('events').disabled && this.showEvents(!this.state.events), ...(this.viewer ? scene : {}),
     };
-    if (event.key === ' ' && event.target.tagName === 'BUTTON') return;
+    if (event.key === ' ' && takesSpace(event.target)) return;
     const call = keys[event.key.toLowerCase()];
     if (!call || element('keys').open) return;
     event.preventDefault();

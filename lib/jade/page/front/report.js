@@ -92,12 +92,13 @@ function writeScores(parent, evaluation) {
   if (!evaluation) return;
   const mark = ({ seen }) => (typeof seen === 'boolean' ? (seen ? 'seen' : 'unseen') : '-');
   const means = [['mean of seen', evaluation.mean_seen], ['mean of unseen', evaluation.mean_unseen], ['mean', evaluation.mean]];
-  table(parent, 'Scores of the test views', ['view', 'in training', ...METRICS], [
-    ...evaluation.views.map((view) => [view.name, mark(view), ...METRICS.map((key) => view[key])]),
-    ...means.filter(([, mean]) => mean).map(([name, mean]) => [name, '', ...METRICS.map((key) => mean[key])]),
+  const metrics = METRICS.filter((key) => [...evaluation.views, evaluation.mean].some((scores) => typeof scores?.[key] === 'number'));
+  table(parent, 'Scores of the test views', ['view', 'in training', ...metrics], [
+    ...evaluation.views.map((view) => [view.name, mark(view), ...metrics.map((key) => view[key])]),
+    ...means.filter(([, mean]) => mean).map(([name, mean]) => [name, '', ...metrics.map((key) => mean[key])]),
   ]);
   const list = make('ul', parent, { className: 'facts' });
-  for (const key of METRICS) make('li', list, { textContent: `${key}: ${evaluation.definitions[key]}` });
+  for (const key of metrics) make('li', list, { textContent: `${key}: ${evaluation.definitions[key]}` });
 }
 
 function writeAllocation(parent, { views, mean }) {

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <future>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <torch/types.h>
+#include <vector>
+
+#include "jade/data/exposure.h"
+#include "jade/run/deblurrer.h"
+#include "jade/run/view_pictures.h"
+
+namespace jade::run {
+
+/// What a run was trained with, for who looks at it later: EDI, EFNet, α and fused of its exposures
+/// as far as it has them. They come from the cache of restorations; what is not there is restored
+/// at mid-exposure when it is first asked for, on a thread of its own, one exposure at a time.
+class RestoredPictures {
+ public:
+  /// What the restorer or the allocation cannot give, and why, is one line in the log; the layers
+  /// without it are there.
+  /// @param run      the run's folder
+  /// @param options  load_run_options() of it
+  /// @param dataset  its data; outlives this
+  /// @param device   to restore on
+  RestoredPictures(const std::filesystem::path& run, const train::RunOptions& options,
+                   const data::Dataset& dataset, torch::Device device);
+  /// Waits for the exposure at hand.
+  ~RestoredPictures();
+
+  /// The layers of an exposure, to be asked from one thread. Those that are not there yet throw
+  /// serve::NotYet when they are made.
+  std::vector<ViewPicture> of(int64_t index);
+
+ private:
+  /// @throws serve::NotYet, and again whatever restoring has thrown.
+  const Restored& restored(int64_t index);
+  Restored restore(int64_t index);
+
+  const data::Dataset& dataset_;
+  bool efnet_ = false, alpha_ = false;
+  std::mutex one_at_a_time_;
+  bool ends_ = false;  ///< under the mutex
+  std::optional<Deblurrer> deblurrer_;
+  std::map<int64_t, std::shared_future<Restored>> found_;
+};
+
+}  // namespace jade::run
