@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/losses/objective.h"
 
+#include <ATen/Parallel.h>
 #include <map>
 #include <set>
 
@@ -80,6 +81,21 @@ TEST_CASE("pose_views: weights of the mean reach its gradient, not that of the p
         return torch::cat({v.mean.square().flatten(), torch::stack(v.picks).square().flatten()});
       },
       {renders()}, {"renders"});
+}
+
+TEST_CASE("pose_views: the weighted mean adds pose by pose, for any number of threads",
+          "[losses]") {
+  const torch::Tensor images = image(5, {9, 3, 110, 101}).to(torch::kFloat32);
+  const torch::Tensor weights = image(6, {9}).to(torch::kFloat32);
+  torch::Tensor expected = images[0] * weights[0];
+  for (int64_t k = 1; k < 9; ++k) expected = expected + images[k] * weights[k];
+  const int threads = at::get_num_threads();
+  for (const int count : {1, 2, 3}) {
+    at::set_num_threads(count);
+    const PoseViews views = pose_views(images, torch::tensor({1}, torch::kInt64), weights);
+    CHECK(views.mean.equal(expected));
+  }
+  at::set_num_threads(threads);
 }
 
 TEST_CASE("pose_views: a first pick comes before the others; what nobody reads has no gradient",

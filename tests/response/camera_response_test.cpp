@@ -8,6 +8,7 @@
 
 #include "jade/core/random.h"
 #include "jade/response/lookup.h"
+#include "jade/response/lookup_band.h"
 #include "support/devices.h"
 #include "support/gradcheck.h"
 
@@ -170,6 +171,32 @@ TEST_CASE("camera response: sums over the image do not depend on the number of t
   }
   torch::set_num_threads(threads);
   CHECK(torch::equal(results[0], results[1]));
+}
+
+TEST_CASE("camera response: every instruction set gives the same bits", "[response]") {
+  CameraResponse response;
+  torch::Tensor x = drawn({3, 3, 17, 41}, -0.1, 2.2).to(torch::kFloat32);
+  x.flatten()[7] = std::nanf("");
+  const torch::Tensor weights = torch::tensor({0.2f, 0.5f, 0.3f});
+  const auto all = [&] {
+    torch::Tensor image = x.clone().set_requires_grad(true);
+    torch::Tensor table = response->table().detach().set_requires_grad(true);
+    const torch::Tensor mean = CameraResponseImpl::mean(image, table, weights);
+    const torch::Tensor single = CameraResponseImpl::apply(image, table);
+    (mean.nan_to_num().square().sum() + single.nan_to_num().square().sum()).backward();
+    return std::vector<torch::Tensor>{mean.nan_to_num(-1), single.nan_to_num(-1), image.grad(),
+                                      table.grad().nan_to_num(-1)};
+  };
+  std::vector<torch::Tensor> plain;
+  for (const kernel::Isa isa : kernel::kIsas) {
+    if (!kernel::can_run(isa)) continue;
+    INFO(kernel::name(isa));
+    const kernel::ForcedIsa forced(isa);
+    CHECK((&lookup_kernels() == &portable::kLookupKernels) == (isa == kernel::Isa::kPortable));
+    const std::vector<torch::Tensor> now = all();
+    if (isa == kernel::Isa::kPortable) plain = now;
+    for (size_t i = 0; i < now.size(); ++i) CHECK(now[i].equal(plain[i]));
+  }
 }
 
 TEST_CASE("camera response: CUDA equals the CPU, the same bits on every run", "[response][cuda]") {

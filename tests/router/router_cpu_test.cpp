@@ -133,20 +133,20 @@ TEST_CASE("router on the CPU: NaN stays visible, and only asked gradients are ma
 }
 
 /// One small convolution and the sums of its weights' gradient, by the chosen kernels.
-std::vector<float> convolved() {
+std::vector<float> convolved(int64_t kernel, int64_t width) {
   const ConvKernels<float>& kernels = conv_kernels().single;
-  const int64_t width = 21, height = 5;
+  const int64_t height = 5, pad = kernel / 2;
   std::vector<float> memory(
-      static_cast<size_t>(Planes<float>{nullptr, 4, height, width, 1}.size()));
+      static_cast<size_t>(Planes<float>{nullptr, 4, height, width, pad}.size()));
   for (size_t i = 0; i < memory.size(); ++i) memory[i] = std::sin(static_cast<float>(i));
   std::vector<float> out(static_cast<size_t>(Planes<float>{nullptr, 5, height, width, 0}.size()));
-  std::vector<float> weights(5 * 4 * 9);
+  std::vector<float> weights(static_cast<size_t>(5 * 4 * kernel * kernel));
   for (size_t i = 0; i < weights.size(); ++i) weights[i] = std::cos(static_cast<float>(i));
   Convolution<float> args;
-  args.in = {memory.data(), 4, height, width, 1};
+  args.in = {memory.data(), 4, height, width, pad};
   args.out = {out.data(), 5, height, width, 0};
   args.weights = weights.data();
-  args.kernel = 3;
+  args.kernel = kernel;
   args.relu = true;
   kernels.convolve(args, {0, height});
   std::vector<float> sums(weights.size());
@@ -155,20 +155,27 @@ std::vector<float> convolved() {
       for (int64_t x = width; x < args.out.stride(); ++x) args.out.row(c, y)[x] = 0;
     }
   }
-  kernels.weight_gradient({args.in, args.out, 3}, {0, height}, sums.data(), nullptr);
+  kernels.weight_gradient({args.in, args.out, kernel}, {0, height}, sums.data(), nullptr);
   out.insert(out.end(), sums.begin(), sums.end());
   return out;
 }
 
 TEST_CASE("router on the CPU: every instruction set gives the portable convolutions", "[router]") {
-  std::vector<float> plain;
+  std::vector<float> plain, fused;
   for (const kernel::Isa isa : kernel::kIsas) {
     if (!kernel::can_run(isa)) continue;
     INFO(kernel::name(isa));
     const kernel::ForcedIsa forced(isa);
     CHECK((&conv_kernels() == &portable::kConvKernels) == (isa == kernel::Isa::kPortable));
-    const std::vector<float> now = convolved();
+    std::vector<float> now = convolved(3, 21);
+    // Widths that end in the first and in the second half of the widest step.
+    for (const int64_t width : {37, 61}) {
+      const std::vector<float> more = convolved(5, width);
+      now.insert(now.end(), more.begin(), more.end());
+    }
     if (isa == kernel::Isa::kPortable) plain = now;
+    if (isa == kernel::Isa::kAvx2) fused = now;
+    if (isa == kernel::Isa::kAvx512) CHECK(now == fused);
     REQUIRE(now.size() == plain.size());
     float largest = 0, most = 0;
     for (size_t i = 0; i < now.size(); ++i) {

@@ -48,6 +48,9 @@ extern const SsimKernelSet kSsimKernels;
 namespace avx2 {
 extern const SsimKernelSet kSsimKernels;
 }
+namespace avx512 {
+extern const SsimKernelSet kSsimKernels;
+}
 
 /// The kernels for kernel::chosen_isa().
 const SsimKernelSet& ssim_kernels();

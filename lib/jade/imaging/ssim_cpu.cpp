@@ -31,6 +31,7 @@ const SsimKernelSet& ssim_kernels() {
     &portable::kSsimKernels,
 #if defined(__x86_64__)
     &avx2::kSsimKernels,
+    &avx512::kSsimKernels,
 #endif
   };
   return kTable.chosen();
@@ -39,18 +40,25 @@ const SsimKernelSet& ssim_kernels() {
 namespace cpu {
 namespace {
 
-/// Runs work(plane, first row, last row, scratch) over bands of rows. Results are kept a row, so
-/// that the division, which depends on the threads, does not show.
+/// Fewer rows in a band and its neighbours' rows, which it filters too, would be most of the work.
+constexpr int64_t kLeastRows = 32;
+
+/// Runs work(plane, first row, last row, scratch) over bands of rows: each thread has as many rows
+/// as the others, whatever planes they are of. Results are kept per row, so that the division,
+/// which depends on the threads, does not show.
 template <class T, class Work>
 void for_bands(const ImagePlanes& planes, const Work& work) {
   const int64_t threads = at::in_parallel_region() ? 1 : at::get_num_threads();
-  const int64_t wanted = threads == 1 ? 1 : (2 * threads + planes.count - 1) / planes.count;
-  const int64_t bands = std::clamp<int64_t>(wanted, 1, std::max<int64_t>(1, planes.height / 32));
-  at::parallel_for(0, planes.count * bands, 1, [&](int64_t begin, int64_t end) {
+  const int64_t rows = planes.count * planes.height;
+  const int64_t parts = std::clamp<int64_t>(threads, 1, std::max<int64_t>(1, rows / kLeastRows));
+  at::parallel_for(0, parts, 1, [&](int64_t begin, int64_t end) {
     std::vector<T> scratch(size_t(ssim_scratch_size(planes.width)));
-    for (int64_t task = begin; task < end; ++task) {
-      const int64_t plane = task / bands, band = task % bands;
-      work(plane, planes.height * band / bands, planes.height * (band + 1) / bands, scratch.data());
+    const int64_t last = rows * end / parts;
+    for (int64_t row = rows * begin / parts; row < last;) {
+      const int64_t plane = row / planes.height, first = row % planes.height;
+      const int64_t until = std::min(planes.height, first + last - row);
+      work(plane, first, until, scratch.data());
+      row += until - first;
     }
   });
 }

@@ -23,7 +23,7 @@ class PoseViewsFunction : public torch::autograd::Function<PoseViewsFunction> {
     context->saved_data["first"] = picks.first;
     context->saved_data["shape"] = renders.sizes().vec();
     if (renders.is_cuda()) return on_gpu(renders.contiguous(), picks);
-    variable_list out{weighted_mean(renders, picks.weights)};
+    variable_list out{mean_on_cpu(renders, picks.weights)};
     if (picks.first >= 0) out.push_back(renders[picks.first].clone());
     const auto* const indices = picks.indices.const_data_ptr<int64_t>();
     for (int64_t m = 0; m < picks.indices.numel(); ++m) out.push_back(renders[indices[m]].clone());
@@ -56,6 +56,13 @@ class PoseViewsFunction : public torch::autograd::Function<PoseViewsFunction> {
   }
 
  private:
+  static torch::Tensor mean_on_cpu(const torch::Tensor& renders, const torch::Tensor& weights) {
+    if (!weights.defined()) return renders.mean(0);
+    torch::Tensor mean = torch::empty_like(renders[0], torch::MemoryFormat::Contiguous);
+    cpu::weighted_sum(renders.contiguous(), weights, mean);
+    return mean;
+  }
+
   static variable_list on_gpu(const torch::Tensor& renders, const PosePicks& picks) {
     const torch::Tensor like = renders[0];
     torch::Tensor mean = torch::empty_like(like);

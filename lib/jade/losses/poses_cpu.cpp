@@ -10,7 +10,29 @@ namespace {
 
 constexpr int64_t kGrain = 16384;
 
+/// Values whose sums stay in the first cache while one render after another is added.
+constexpr int64_t kBlock = 2048;
+
 }  // namespace
+
+void weighted_sum(const at::Tensor& renders, const at::Tensor& weights, at::Tensor& sum) {
+  const int64_t count = renders.size(0), values = renders.numel() / count;
+  AT_DISPATCH_FLOATING_TYPES(renders.scalar_type(), "weighted_sum", [&] {
+    const scalar_t* const from = renders.const_data_ptr<scalar_t>();
+    const scalar_t* const weight = weights.const_data_ptr<scalar_t>();
+    scalar_t* const out = sum.mutable_data_ptr<scalar_t>();
+    at::parallel_for(0, values, kGrain, [&](int64_t first, int64_t last) {
+      for (int64_t begin = first; begin < last; begin += kBlock) {
+        const int64_t end = std::min(last, begin + kBlock);
+        for (int64_t i = begin; i < end; ++i) out[i] = weight[0] * from[i];
+        for (int64_t k = 1; k < count; ++k) {
+          const scalar_t* const render = from + k * values;
+          for (int64_t i = begin; i < end; ++i) out[i] += weight[k] * render[i];
+        }
+      }
+    });
+  });
+}
 
 void pose_gradient(const PosePicks& picks, const at::Tensor& of_mean,
                    const std::vector<at::Tensor>& of_picks, at::Tensor& of_renders) {

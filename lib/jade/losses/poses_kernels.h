@@ -24,6 +24,8 @@ struct PosePicks {
 /// @param of_mean   contiguous; undefined: none
 /// @param of_picks  count() of them, contiguous; undefined: none
 namespace cpu {  // float or double
+/// Σ weights[k] renders[k] in that order. @param renders  [K,...] contiguous
+void weighted_sum(const at::Tensor& renders, const at::Tensor& weights, at::Tensor& sum);
 void pose_gradient(const PosePicks& picks, const at::Tensor& of_mean,
                    const std::vector<at::Tensor>& of_picks, at::Tensor& of_renders);
 }  // namespace cpu

@@ -4,13 +4,10 @@
 #pragma once
 
 #include <ATen/core/Tensor.h>
-#include <cstdint>
+
+#include "jade/response/lookup_math.h"
 
 namespace jade::response {
-
-/// The table's knots are linspace(0, 2, 4097); beyond them the outermost cells go on.
-constexpr int64_t kKnots = 4097;
-constexpr double kResponseRange = 2;
 
 /// All tensors contiguous, of one floating type and device.
 struct Lookup {

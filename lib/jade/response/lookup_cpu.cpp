@@ -5,32 +5,39 @@
 #include <torch/types.h>
 #include <vector>
 
-#include "jade/response/lookup_math.h"
+#include "jade/response/lookup.h"
+#include "jade/response/lookup_band.h"
 
-namespace jade::response::cpu {
+namespace jade::response {
+
+const LookupKernelSet& lookup_kernels() {
+  static constexpr kernel::IsaTable<LookupKernelSet> kTable = {
+    &portable::kLookupKernels,
+#if defined(__x86_64__)
+    &avx2::kLookupKernels,
+    &avx512::kLookupKernels,
+#endif
+  };
+  return kTable.chosen();
+}
+
+namespace cpu {
 namespace {
 
 /// Fixed, so that sums over the image do not depend on the number of threads.
 constexpr int64_t kChunks = 16;
 
 template <class T>
-T value_at(T x, const T* table) {
-  const Cell<T> cell = cell_of(x);
-  return interpolate(cell, table[cell.index], table[cell.index + 1]);
-}
-
-template <class T>
 void lookup(const T* image, const T* table, T* out, int64_t begin, int64_t end, int64_t pixels,
             int64_t images, const T* weights) {
+  const LookupKernels<T>& kernels = lookup_kernels().of<T>();
   if (weights == nullptr) {
-    for (int64_t i = begin; i < end; ++i) out[i] = value_at(image[i], table);
+    kernels.values({image + begin, table, end - begin, T(1)}, out + begin);
     return;
   }
   std::fill(out + begin, out + end, T(0));
   for (int64_t k = 0; k < images; ++k) {
-    for (int64_t p = begin; p < end; ++p) {
-      out[p] += weights[k] * value_at(image[k * pixels + p], table);
-    }
+    kernels.add_values({image + k * pixels + begin, table, end - begin, weights[k]}, out + begin);
   }
 }
 
@@ -46,18 +53,13 @@ torch::Tensor knots_from_cells(const torch::Tensor& cells) {
 template <class T>
 void backward(const T* image, const T* table, const T* gradient, const T* weights, int64_t pixels,
               int64_t begin, int64_t end, T* of_image, double* of_cells) {
-  int64_t pixel = begin % pixels, k = begin / pixels;
-  for (int64_t i = begin; i < end; ++i) {
-    const Cell<T> cell = cell_of(image[i]);
-    const T g = weights == nullptr ? gradient[pixel] : gradient[pixel] * weights[k];
-    if (++pixel == pixels) pixel = 0, ++k;
-    if (of_image != nullptr) {
-      of_image[i] = gradient_of_x(g, table[cell.index], table[cell.index + 1]);
-    }
-    if (of_cells != nullptr) {
-      of_cells[2 * cell.index] += static_cast<double>(g);
-      of_cells[2 * cell.index + 1] += static_cast<double>(gradient_of_upper(cell, g));
-    }
+  const LookupKernels<T>& kernels = lookup_kernels().of<T>();
+  while (begin < end) {
+    const int64_t k = begin / pixels, pixel = begin % pixels;
+    const int64_t count = std::min(end - begin, pixels - pixel);
+    kernels.gradients({image + begin, table, count, weights == nullptr ? T(1) : weights[k]},
+                      gradient + pixel, of_image == nullptr ? nullptr : of_image + begin, of_cells);
+    begin += count;
   }
 }
 
@@ -83,7 +85,7 @@ LookupGradient lookup_backward(const Lookup& args, const torch::Tensor& gradient
   LookupGradient result;
   if (wants_image) result.image = torch::empty_like(args.image);
   torch::Tensor parts;
-  if (wants_table) parts = torch::zeros({kChunks, kKnots, 2}, torch::kFloat64);
+  if (wants_table) parts = torch::empty({kChunks, kKnots, 2}, torch::kFloat64);
   const int64_t count = args.image.numel();
   const int64_t chunk = (count + kChunks - 1) / kChunks;
   const int64_t pixels = std::max<int64_t>(1, gradient.numel());
@@ -92,11 +94,14 @@ LookupGradient lookup_backward(const Lookup& args, const torch::Tensor& gradient
         args.weights.defined() ? args.weights.const_data_ptr<scalar_t>() : nullptr;
     at::parallel_for(0, kChunks, 1, [&](int64_t first, int64_t last) {
       for (int64_t c = first; c < last; ++c) {
+        double* const cells =
+            wants_table ? parts.mutable_data_ptr<double>() + c * 2 * kKnots : nullptr;
+        // Here, so that each thread clears what it then has in its cache.
+        if (wants_table) std::fill_n(cells, 2 * kKnots, 0.0);
         backward(args.image.const_data_ptr<scalar_t>(), args.table.const_data_ptr<scalar_t>(),
                  gradient.const_data_ptr<scalar_t>(), weights, pixels, c * chunk,
                  std::min(count, (c + 1) * chunk),
-                 wants_image ? result.image.mutable_data_ptr<scalar_t>() : nullptr,
-                 wants_table ? parts.mutable_data_ptr<double>() + c * 2 * kKnots : nullptr);
+                 wants_image ? result.image.mutable_data_ptr<scalar_t>() : nullptr, cells);
       }
     });
   });
@@ -104,4 +109,5 @@ LookupGradient lookup_backward(const Lookup& args, const torch::Tensor& gradient
   return result;
 }
 
-}  // namespace jade::response::cpu
+}  // namespace cpu
+}  // namespace jade::response

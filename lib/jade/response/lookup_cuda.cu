@@ -7,6 +7,7 @@
 #include <c10/cuda/CUDAStream.h>
 
 #include "jade/kernel/launch.h"
+#include "jade/response/lookup.h"
 #include "jade/response/lookup_math.h"
 
 namespace jade::response::cuda {

@@ -1,11 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// One number's way through the table, and back.
+// One number's way through the table, and back. No torch here.
 #pragma once
 
+#include <cstdint>
+
 #include "jade/kernel/host_device.h"
-#include "jade/response/lookup.h"
 
 namespace jade::response {
+
+/// The table's knots are linspace(0, 2, 4097); beyond them the outermost cells go on.
+constexpr int64_t kKnots = 4097;
+constexpr double kResponseRange = 2;
 
 template <class T>
 constexpr T kCellsPerUnit = static_cast<T>((kKnots - 1) / kResponseRange);

@@ -10,6 +10,9 @@
 
 namespace jade::router {
 
+/// What a kernel computes at once may end this many columns less one beyond what was asked for.
+constexpr int64_t kColumnStep = 16;
+
 /// Planes with a border: rows −pad … height + pad − 1, columns −pad … at least width + pad + 15,
 /// which the kernels read and write in steps of several columns.
 template <class T>
@@ -90,6 +93,9 @@ namespace portable {
 extern const ConvKernelSet kConvKernels;
 }
 namespace avx2 {
+extern const ConvKernelSet kConvKernels;
+}
+namespace avx512 {
 extern const ConvKernelSet kConvKernels;
 }
 

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sums stay in registers: twelve in a convolution, about ten in a weight gradient, for two or three
-// loads a multiplication less. Vectors of the compiler's own kind, always of 32 bytes, so that
-// every machine adds in the same order. Compiled once per instruction set by
-// jade_add_isa_sources().
+// Sums stay in registers: twelve in a convolution, about ten in a weight gradient (twenty of the
+// 5x5 layers where there are 32 registers), for two or three loads per multiplication less. Vectors
+// of the compiler's own kind. What adds up columns has vectors of 32 bytes always, so that every
+// machine adds in the same order; a convolution's columns know nothing of each other. Compiled once
+// per instruction set by jade_add_isa_sources().
 #pragma once
 
 #include <cstring>
@@ -12,41 +13,48 @@
 namespace jade::router {
 namespace JADE_ISA {
 
-template <class T>
+constexpr int kSumBytes = 32;
+constexpr int kColumnBytes = JADE_VECTOR_BYTES > kSumBytes ? JADE_VECTOR_BYTES : kSumBytes;
+constexpr bool kManyRegisters = JADE_VECTOR_BYTES == 64;
+
+template <class T, int Bytes = kSumBytes>
 struct Vector {
-  typedef T Type __attribute__((vector_size(32)));
-  static constexpr int kLanes = 32 / sizeof(T);
+  typedef T Type __attribute__((vector_size(Bytes)));
+  static constexpr int kLanes = Bytes / sizeof(T);
 };
 
-template <class T>
-JADE_HD void load(typename Vector<T>::Type& v, const T* p) {
+template <class V, class T>
+JADE_HD void load(V& v, const T* p) {
   std::memcpy(&v, p, sizeof(v));
 }
 
-/// Two vectors of columns of one row, B output channels from `first` on.
-template <class T, int K, int B>
+/// `Count` vectors of columns of one row, B output channels from `first` on.
+template <class T, int K, int B, int Count>
 JADE_HD void convolve_columns(const Convolution<T>& args, const T* weights, int64_t first,
                               int64_t y, int64_t x) {
-  using V = typename Vector<T>::Type;
-  constexpr int kLanes = Vector<T>::kLanes;
-  V sums[B][2];
+  using V = typename Vector<T, kColumnBytes>::Type;
+  constexpr int kLanes = Vector<T, kColumnBytes>::kLanes;
+  V sums[B][Count];
 #pragma GCC unroll 8
   for (int o = 0; o < B; ++o) {
-    sums[o][0] = sums[o][1] = V{} + (args.bias != nullptr ? args.bias[first + o] : T(0));
+#pragma GCC unroll 2
+    for (int part = 0; part < Count; ++part) {
+      sums[o][part] = V{} + (args.bias != nullptr ? args.bias[first + o] : T(0));
+    }
   }
   for (int64_t i = 0; i < args.in.channels; ++i) {
     const T* in = args.in.row(i, y - K / 2) + x - K / 2;
     for (int dy = 0; dy < K; ++dy, in += args.in.stride()) {
 #pragma GCC unroll 8
       for (int dx = 0; dx < K; ++dx) {
-        V left, right;
-        load(left, in + dx);
-        load(right, in + dx + kLanes);
+        V values[Count];
+#pragma GCC unroll 2
+        for (int part = 0; part < Count; ++part) load(values[part], in + dx + part * kLanes);
 #pragma GCC unroll 8
         for (int o = 0; o < B; ++o) {
           const V weight = V{} + weights[dx * B + o];
-          sums[o][0] += weight * left;
-          sums[o][1] += weight * right;
+#pragma GCC unroll 2
+          for (int part = 0; part < Count; ++part) sums[o][part] += weight * values[part];
         }
       }
       weights += K * B;
@@ -55,11 +63,11 @@ JADE_HD void convolve_columns(const Convolution<T>& args, const T* weights, int6
 #pragma GCC unroll 8
   for (int o = 0; o < B; ++o) {
 #pragma GCC unroll 2
-    for (int half = 0; half < 2; ++half) {
-      V& sum = sums[o][half];
+    for (int part = 0; part < Count; ++part) {
+      V& sum = sums[o][part];
       // Written so that NaN stays.
       if (args.relu) sum = sum < V{} ? V{} : sum;
-      std::memcpy(args.out.row(first + o, y) + x + half * kLanes, &sum, sizeof(V));
+      std::memcpy(args.out.row(first + o, y) + x + part * kLanes, &sum, sizeof(V));
     }
   }
 }
@@ -67,10 +75,14 @@ JADE_HD void convolve_columns(const Convolution<T>& args, const T* weights, int6
 template <class T, int K, int B>
 JADE_HD void convolve_block(const Convolution<T>& args, const T* weights, int64_t first,
                             Band band) {
+  constexpr int kLanes = Vector<T, kColumnBytes>::kLanes;
+  const int64_t end = args.out.width + args.reach;
   for (int64_t y = band.begin; y < band.end; ++y) {
-    for (int64_t x = -args.reach; x < args.out.width + args.reach; x += 2 * Vector<T>::kLanes) {
-      convolve_columns<T, K, B>(args, weights, first, y, x);
+    int64_t x = -args.reach;
+    for (; x + 2 * kLanes - kColumnStep < end; x += 2 * kLanes) {
+      convolve_columns<T, K, B, 2>(args, weights, first, y, x);
     }
+    for (; x < end; x += kLanes) convolve_columns<T, K, B, 1>(args, weights, first, y, x);
   }
 }
 
@@ -161,7 +173,7 @@ JADE_HD void weights_block(const WeightGradient<T>& args, int64_t first, Band ba
 
 template <class T, int K>
 JADE_HD void weights_kernel(const WeightGradient<T>& args, Band band, T* of_weights) {
-  constexpr int kMost = K == 5 ? 2 : 3;
+  constexpr int kMost = K != 5 ? 3 : kManyRegisters ? 4 : 2;
   const Blocks blocks(args.gradient.channels, kMost);
   for (int64_t block = 0; block < blocks.count; ++block) {
     const int64_t first = blocks.begin(block);
@@ -171,6 +183,9 @@ JADE_HD void weights_kernel(const WeightGradient<T>& args, Band band, T* of_weig
         break;
       case 2:
         weights_block<T, K, 2>(args, first, band, of_weights);
+        break;
+      case 3:
+        weights_block < T, K, kMost<3 ? kMost : 3>(args, first, band, of_weights);
         break;
       default:
         weights_block<T, K, kMost>(args, first, band, of_weights);

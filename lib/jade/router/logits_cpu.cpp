@@ -20,6 +20,7 @@ const ConvKernelSet& conv_kernels() {
     &portable::kConvKernels,
 #if defined(__x86_64__)
     &avx2::kConvKernels,
+    &avx512::kConvKernels,
 #endif
   };
   return kTable.chosen();
