@@ -5,12 +5,14 @@
 #include <c10/core/Allocator.h>
 #include <map>
 #include <new>
+#include <optional>
 #include <torch/nn/functional/padding.h>
 #include <torch/script.h>
 
 #include "jade/core/asset.h"
 #include "jade/core/check.h"
 #include "jade/core/digest.h"
+#include "jade/core/freed_memory.h"
 #include "jade/core/log.h"
 
 namespace jade::restore {
@@ -188,6 +190,8 @@ torch::Tensor Restorer::call(const Inputs& inputs) const {
   const int64_t height = image.size(2), width = image.size(3);
   const int64_t right = padding(width, metadata_), bottom = padding(height, metadata_);
   const std::string size = concat(width, "x", height, " images");
+  std::optional<FreedMemoryKept> kept;
+  if (device_.is_cpu()) kept.emplace();
   torch::Tensor output;
   try {
     std::vector<torch::IValue> padded{pad_replicate(image.to(device_), right, bottom)};
