@@ -121,6 +121,39 @@ TEST_CASE("cpu kernels: every instruction set gives the portable image and gradi
   }
 }
 
+TEST_CASE("cpu kernels: what stands behind stopped pixels changes nothing", "[splat]") {
+  // Splats over the whole image, one behind the other: pixels stop within the first few, the list
+  // goes on for many batches.
+  const auto stack_of = [](int64_t count) {
+    splat::Gaussians g;
+    g.means = torch::zeros({count, 3});
+    g.means.select(1, 2).copy_(2 + 0.01 * torch::arange(count));
+    g.rotations = torch::tensor({1.0f, 0.0f, 0.0f, 0.0f}).repeat({count, 1});
+    g.log_scales = torch::full({count, 3}, 1.0f);
+    g.logit_opacities = torch::full({count}, 3.0f);
+    g.sh = 0.3 * torch::sin(torch::arange(3 * count)).view({count, 1, 3});
+    return g;
+  };
+  const splat::CameraBatch cameras = {torch::eye(4).unsqueeze(0),
+                                      torch::tensor({{40.0f, 40.0f, 18.5f, 17.0f}}), 37, 34};
+  constexpr int64_t kFront = 16, kAll = 200;
+  for (const kernel::Isa isa : kernel::kIsas) {
+    if (!kernel::can_run(isa)) continue;
+    const kernel::ForcedIsa forced(isa);
+    INFO(kernel::name(isa));
+    splat::Gaussians g = stack_of(kAll);
+    require_gradients(g);
+    const Tensor all = splat::render(g, cameras, {}).color;
+    CHECK(torch::equal(all.detach(), splat::render(stack_of(kFront), cameras, {}).color));
+    all.sum().backward();
+    for (const Tensor& p : parameters(g)) {
+      CHECK(torch::isfinite(p.grad()).all().item<bool>());
+      CHECK(p.grad().narrow(0, kFront, kAll - kFront).count_nonzero().item<int64_t>() == 0);
+    }
+    CHECK(g.sh.grad().narrow(0, 0, 1).count_nonzero().item<int64_t>() > 0);
+  }
+}
+
 TEST_CASE("cpu kernels: the benchmark workload is whole", "[splat]") {
   SplatScene scene = make_splat_workload(30000, 346, 260);
   const auto out = splat::render(scene.gaussians, scene.cameras, {});

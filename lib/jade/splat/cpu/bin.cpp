@@ -18,10 +18,12 @@ namespace {
 template <class T>
 using KeyOf = std::conditional_t<sizeof(T) == 4, uint32_t, uint64_t>;
 
+/// The box travels along, as looking it up in the order of depth would miss the cache.
 template <class T>
 struct Entry {
   KeyOf<T> key;
   int32_t index;
+  TileBox box;
 };
 
 /// Least significant digit first, 11 bits at a time: stable, so equal depths keep the index order.
@@ -36,7 +38,7 @@ void sort_by_key(std::vector<Entry<T>>& entries) {
       ++counts[pass][(entry.key >> (pass * kBits)) & (kBuckets - 1)];
     }
   }
-  std::vector<Entry<T>> other(entries.size());
+  std::vector<Entry<T>> other(entries);
   const int64_t size = static_cast<int64_t>(entries.size());
   for (int pass = 0; pass < kPasses; ++pass) {
     auto& count = counts[pass];
@@ -80,11 +82,10 @@ void fill_lists(const Splat<T>* splats, int64_t count, const TileGrid& grid, int
   std::vector<int64_t> next(static_cast<size_t>(grid.tiles()) + 1, 0);
   for (int64_t i = 0; i < count; ++i) {
     if (!is_visible(splats[i])) continue;
-    Entry<T> entry;  // depths are positive, so their bits sort as they do
-    std::memcpy(&entry.key, &splats[i].depth, sizeof(T));
-    entry.index = static_cast<int32_t>(i);
-    order.push_back(entry);
     const TileBox box(splats[i], grid.shift);
+    KeyOf<T> key;  // depths are positive, so their bits sort as they do
+    std::memcpy(&key, &splats[i].depth, sizeof(T));
+    order.push_back({key, static_cast<int32_t>(i), box});
     for (int y = box.y0; y <= box.y1; ++y) {
       for (int x = box.x0; x <= box.x1; ++x) ++next[int64_t{y} * grid.columns + x];
     }
@@ -96,7 +97,7 @@ void fill_lists(const Splat<T>* splats, int64_t count, const TileGrid& grid, int
   }
   sort_by_key(order);
   for (const Entry<T>& entry : order) {
-    const TileBox box(splats[entry.index], grid.shift);
+    const TileBox& box = entry.box;
     for (int y = box.y0; y <= box.y1; ++y) {
       for (int x = box.x0; x <= box.x1; ++x) {
         list[next[int64_t{y} * grid.columns + x]++] = entry.index;

@@ -19,7 +19,6 @@ namespace JADE_ISA {
 template <class P, bool kExtra>
 struct TileGradients {
   using T = typename P::Scalar;
-  static constexpr int kStride = TileState<P>::kStride;
   static constexpr int kPlanes = kExtra ? 5 : 3;  ///< dL/dcolour, dL/dalpha, dL/ddepth
 
   alignas(64) T behind[TileState<P>::kSize];
@@ -27,23 +26,19 @@ struct TileGradients {
 
   JADE_HD TileGradients(const RenderCall<T>& call, const Tile<T>& tile, const Images<T>& images,
                         const ImageGradients<T>& gradients) {
-    std::memset(behind, 0, sizeof(T) * kStride * tile.height);
-    for (auto& plane : planes) std::memset(plane, 0, sizeof(T) * kStride * tile.height);
+    std::memset(behind, 0, sizeof(behind));
+    std::memset(planes, 0, sizeof(planes));
     const int64_t plane_size = static_cast<int64_t>(call.width) * call.height;
-    for (int y = 0; y < tile.height; ++y) {
-      const int64_t row = static_cast<int64_t>(tile.y0 + y) * call.width + tile.x0;
-      for (int k = 0; k < kPlanes; ++k) {
-        const T* const grad = k < 3 ? (gradients.color ? gradients.color + k * plane_size : nullptr)
-                                    : (k == 3 ? gradients.alpha : gradients.depth_sum);
-        const T* const image =
-            k < 3 ? images.color + k * plane_size : (k == 3 ? images.alpha : images.depth_sum);
-        if (grad == nullptr) continue;
-        for (int x = 0; x < tile.width; ++x) {
-          const T g = grad[row + x];
-          planes[k][y * kStride + x] = g;
-          behind[y * kStride + x] += g * image[row + x];
-        }
-      }
+    for (int k = 0; k < kPlanes; ++k) {
+      const T* const grad = k < 3 ? (gradients.color ? gradients.color + k * plane_size : nullptr)
+                                  : (k == 3 ? gradients.alpha : gradients.depth_sum);
+      const T* const image =
+          k < 3 ? images.color + k * plane_size : (k == 3 ? images.alpha : images.depth_sum);
+      if (grad == nullptr) continue;
+      for_each_run<P>(tile, call.width, [&](int64_t from, int p, auto count) {
+        for (int i = 0; i < count; ++i) planes[k][p + i] = grad[from + i];
+        for (int i = 0; i < count; ++i) behind[p + i] += grad[from + i] * image[from + i];
+      });
     }
   }
 };
@@ -67,33 +62,30 @@ struct LaneSums {
 
   template <class T>
   JADE_HD void store(bool with_depth, T* out) const {
-    out[0] = sum(moments.u);
-    out[1] = sum(moments.x);
-    out[2] = sum(moments.y);
-    out[3] = sum(moments.xx);
-    out[4] = sum(moments.xy);
-    out[5] = sum(moments.yy);
-    for (int k = 0; k < 3; ++k) out[6 + k] = sum(color[k]);
+    const P first[8] = {moments.u,  moments.x,  moments.y, moments.xx,
+                        moments.xy, moments.yy, color[0],  color[1]};
+    store_sums(first, out);
+    out[8] = sum(color[2]);
     if (with_depth) out[9] = sum(depth);
   }
 };
 
 /// Replays one splat on the pixels that it may cover.
 template <bool kSmooth, class P, bool kExtra, class T = typename P::Scalar>
-JADE_HD LaneSums<P> replay_splat(const Splat<T>& splat, const PackList<P>& packs,
+JADE_HD LaneSums<P> replay_splat(const Splat<T>& splat, const BlockMask<P>& blocks,
                                  TileState<P>* state, TileGradients<P, kExtra>* gradients) {
   constexpr int kPlanes = TileGradients<P, kExtra>::kPlanes;
-  const P center(splat.x), a(splat.a), depth(splat.depth);
+  const SplatFalloff<P> falloff(splat);
+  const P depth(splat.depth);
   const P color[3] = {P(splat.color[0]), P(splat.color[1]), P(splat.color[2])};
   LaneSums<P> sums;
-  for (int n = 0; n < packs.count; ++n) {
-    const PackPlace<P> at(packs.places[n]);
-    const P dx = P::load(state->center_x + at.x) - center, dy(packs.dy[at.y]);
+  blocks.for_each([&](int block) {
+    const BlockPlace<P> at(block);
+    const P dx = P::load(state->center_x[at.column]) - falloff.x;
+    const P dy = P::load(state->center_y[at.band]) - falloff.y;
     P t = P::load(state->transmittance + at.pixel);
-    const auto step =
-        m::blend_step<m::PlainArithmetic, kSmooth>(m::exponent(packs.row(a, at.y), dx), &t);
+    const auto step = m::blend_step<m::PlainArithmetic, kSmooth>(falloff.exponent(dx, dy), &t);
     t.store(state->transmittance + at.pixel);
-    state->keep_live(at.y, at.x, bits(step.goes_on));
     P value(0);
     for (int k = 0; k < 3; ++k) {
       const P g = P::load(gradients->planes[k] + at.pixel);
@@ -109,23 +101,21 @@ JADE_HD LaneSums<P> replay_splat(const Splat<T>& splat, const PackList<P>& packs
     const P u = m::blend_step_adjoint<m::PlainArithmetic, kSmooth>(step, value, &behind);
     behind.store(gradients->behind + at.pixel);
     sums.add(u, dx, dy);
-  }
+  });
   return sums;
 }
 
 /// dL/dbackground = Σ dL/dC T_end, after the last splat.
 template <class P, bool kExtra, class T = typename P::Scalar>
-JADE_HD void add_background(const Tile<T>& tile, const TileState<P>& state,
-                            const TileGradients<P, kExtra>& gradients, T* grad_background) {
+JADE_HD void add_background(const TileState<P>& state, const TileGradients<P, kExtra>& gradients,
+                            T* grad_background) {
   for (int c = 0; c < 3; ++c) {
-    T total(0);
-    for (int y = 0; y < tile.height; ++y) {
-      for (int x = 0; x < tile.width; ++x) {
-        const int p = y * TileState<P>::kStride + x;
-        total += gradients.planes[c][p] * m::abs(state.transmittance[p]);
-      }
+    P total(0);
+    for (int p = 0; p < TileState<P>::kSize; p += P::kLanes) {
+      total =
+          fma(P::load(gradients.planes[c] + p), m::abs(P::load(state.transmittance + p)), total);
     }
-    grad_background[c] += total;
+    grad_background[c] += sum(total);
   }
 }
 
@@ -138,20 +128,28 @@ void blend_tile_adjoint(const RenderCall<T>& call, const Tile<T>& tile, const Im
   TileGradients<P, kExtra> gradients(call, tile, images, image_gradients);
   const int values = instance_values(call.depth);
   const int column = tile.x0 >> call.tile_shift, row = tile.y0 >> call.tile_shift;
-  PackList<P> packs;
-  for (int64_t i = 0; i < tile.list_size; ++i) {
-    const Splat<T>& splat = tile.splats[tile.list[i]];
-    if (i + 2 < tile.list_size) __builtin_prefetch(tile.splats + tile.list[i + 2]);
-    T* const out =
-        instances + (splat.slot + TileBox(splat, call.tile_shift).place(column, row)) * values;
-    if (!state.any_live()) {
-      for (int k = 0; k < values; ++k) out[k] = 0;
-      continue;
+  const auto sums_of = [&](const Splat<T>& splat) {
+    const int64_t place = TileBox(splat, call.tile_shift).place(column, row);
+    return instances + (splat.slot + place) * values;
+  };
+  SplatBatch<P> batch;
+  int64_t next = 0;
+  for (; next < tile.list_size && state.any_live(); next += batch.size) {
+    batch.take(tile, next, state.live);
+    // Slots are in the order of the index, so each of these stores would miss the cache.
+    for (int k = 0; k < batch.size; ++k) __builtin_prefetch(sums_of(*batch.splats[k]), 1);
+    for (int k = 0; k < batch.size; ++k) {
+      const Splat<T>& splat = *batch.splats[k];
+      replay_splat<kSmooth>(splat, batch.blocks[k], &state, &gradients)
+          .store(call.depth, sums_of(splat));
     }
-    packs.build(splat, tile, state.live);
-    replay_splat<kSmooth>(splat, packs, &state, &gradients).store(call.depth, out);
+    state.find_live();
   }
-  if (image_gradients.color != nullptr) add_background(tile, state, gradients, grad_background);
+  for (; next < tile.list_size; ++next) {
+    T* const out = sums_of(tile.splats[tile.list[next]]);
+    for (int k = 0; k < values; ++k) out[k] = 0;
+  }
+  if (image_gradients.color != nullptr) add_background(state, gradients, grad_background);
 }
 
 template <class P, class T = typename P::Scalar>

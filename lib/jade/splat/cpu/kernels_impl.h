@@ -12,16 +12,17 @@
 namespace jade::splat::cpu {
 namespace JADE_ISA {
 
+/// A pack has at least four lanes, the width of a block of pixels.
+template <class T>
+using WidestPack =
+    m::Pack<T, (JADE_VECTOR_BYTES / sizeof(T) < 4 ? 4 : JADE_VECTOR_BYTES / sizeof(T))>;
+
 template <class P>
 constexpr Kernels<typename P::Scalar> make_kernels() {
   return {project<P>, blend<P>, blend_adjoint<P>, project_adjoint<P>};
 }
 
-// A splat's row is about ten pixels long: packs of more than 32 bytes run half empty.
-constexpr int kPackBytes = JADE_VECTOR_BYTES < 32 ? JADE_VECTOR_BYTES : 32;
-
-const KernelSet kKernels = {make_kernels<m::Pack<float, kPackBytes / sizeof(float)>>(),
-                            make_kernels<m::Pack<double, kPackBytes / sizeof(double)>>()};
+const KernelSet kKernels = {make_kernels<WidestPack<float>>(), make_kernels<WidestPack<double>>()};
 
 }  // namespace JADE_ISA
 }  // namespace jade::splat::cpu

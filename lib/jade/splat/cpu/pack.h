@@ -8,8 +8,16 @@
 #include <cstring>
 #include <type_traits>
 
+#if defined(__GNUC__) && !defined(__clang__)
+// GCC's own 512-bit functions begin with a value that is undefined by intent.
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
+#endif
 #if defined(__AVX2__)
 #include <immintrin.h>
+#endif
+#if defined(__GNUC__) && !defined(__clang__)
+#pragma GCC diagnostic pop
 #endif
 
 #include "jade/splat/math/scalar.h"
@@ -51,8 +59,15 @@ struct VectorOf {
   typedef E Type __attribute__((vector_size(N * sizeof(E))));
 };
 
+#if defined(__AVX512F__) && defined(__AVX512DQ__)
+/// Whether a comparison of so many bytes gives one bit per lane, in a register for masks.
+constexpr bool has_mask_register(int bytes) { return bytes == 64; }
+#else
+constexpr bool has_mask_register(int) { return false; }
+#endif
+
 /// Lane by lane all ones or all zero.
-template <class T, int N>
+template <class T, int N, bool kRegister = has_mask_register(N * sizeof(T))>
 struct PackMask {
   using Int = typename PackTraits<T>::Int;
   typedef Int Vector __attribute__((vector_size(N * sizeof(T))));
@@ -63,13 +78,24 @@ struct PackMask {
   JADE_HD friend PackMask operator~(PackMask a) { return {~a.v}; }
 };
 
+/// One bit per lane.
+template <class T, int N>
+struct PackMask<T, N, true> {
+  using Bits = std::conditional_t<N == 16, uint16_t, uint8_t>;
+  Bits v;
+
+  JADE_HD friend PackMask operator&(PackMask a, PackMask b) { return {Bits(a.v & b.v)}; }
+  JADE_HD friend PackMask operator|(PackMask a, PackMask b) { return {Bits(a.v | b.v)}; }
+  JADE_HD friend PackMask operator~(PackMask a) { return {Bits(~a.v)}; }
+};
+
 template <class T, int N>
 struct Pack {
   using Scalar = T;
   using Mask = PackMask<T, N>;
   using Int = typename PackTraits<T>::Int;
   typedef T Vector __attribute__((vector_size(N * sizeof(T))));
-  using IntVector = typename Mask::Vector;
+  typedef Int IntVector __attribute__((vector_size(N * sizeof(T))));
   static constexpr int kLanes = N;
 
   Vector v;
@@ -102,12 +128,16 @@ struct Pack {
   JADE_HD friend Mask operator<(Pack a, Pack b) {
     JADE_WITH_AVX((Mask{(IntVector)_mm256_cmp_ps((__m256)a.v, (__m256)b.v, _CMP_LT_OQ)}),
                   (Mask{(IntVector)_mm256_cmp_pd((__m256d)a.v, (__m256d)b.v, _CMP_LT_OQ)}))
-    return {a.v < b.v};
+    JADE_WITH_AVX512((Mask{_mm512_cmp_ps_mask((__m512)a.v, (__m512)b.v, _CMP_LT_OQ)}),
+                     (Mask{_mm512_cmp_pd_mask((__m512d)a.v, (__m512d)b.v, _CMP_LT_OQ)}))
+    if constexpr (!has_mask_register(N * sizeof(T))) return {a.v < b.v};
   }
   JADE_HD friend Mask operator<=(Pack a, Pack b) {
     JADE_WITH_AVX((Mask{(IntVector)_mm256_cmp_ps((__m256)a.v, (__m256)b.v, _CMP_LE_OQ)}),
                   (Mask{(IntVector)_mm256_cmp_pd((__m256d)a.v, (__m256d)b.v, _CMP_LE_OQ)}))
-    return {a.v <= b.v};
+    JADE_WITH_AVX512((Mask{_mm512_cmp_ps_mask((__m512)a.v, (__m512)b.v, _CMP_LE_OQ)}),
+                     (Mask{_mm512_cmp_pd_mask((__m512d)a.v, (__m512d)b.v, _CMP_LE_OQ)}))
+    if constexpr (!has_mask_register(N * sizeof(T))) return {a.v <= b.v};
   }
 };
 
@@ -116,7 +146,11 @@ JADE_HD Pack<T, N> select(PackMask<T, N> mask, Pack<T, N> a, Pack<T, N> b) {
   using V [[maybe_unused]] = typename Pack<T, N>::Vector;
   JADE_WITH_AVX(V(_mm256_blendv_ps((__m256)b.v, (__m256)a.v, (__m256)mask.v)),
                 V(_mm256_blendv_pd((__m256d)b.v, (__m256d)a.v, (__m256d)mask.v)))
-  return Pack<T, N>(mask.v ? a.v : b.v);
+  JADE_WITH_AVX512(V(_mm512_mask_blend_ps(mask.v, (__m512)b.v, (__m512)a.v)),
+                   V(_mm512_mask_blend_pd(mask.v, (__m512d)b.v, (__m512d)a.v)))
+  if constexpr (!has_mask_register(N * sizeof(T))) {
+    return Pack<T, N>(mask.v ? a.v : b.v);
+  }
 }
 
 /// As math::min and max: b where either is NaN.
@@ -125,6 +159,8 @@ JADE_HD Pack<T, N> min(Pack<T, N> a, Pack<T, N> b) {
   using V [[maybe_unused]] = typename Pack<T, N>::Vector;
   JADE_WITH_AVX(V(_mm256_min_ps((__m256)a.v, (__m256)b.v)),
                 V(_mm256_min_pd((__m256d)a.v, (__m256d)b.v)))
+  JADE_WITH_AVX512(V(_mm512_min_ps((__m512)a.v, (__m512)b.v)),
+                   V(_mm512_min_pd((__m512d)a.v, (__m512d)b.v)))
   return select(a < b, a, b);
 }
 template <class T, int N>
@@ -132,6 +168,8 @@ JADE_HD Pack<T, N> max(Pack<T, N> a, Pack<T, N> b) {
   using V [[maybe_unused]] = typename Pack<T, N>::Vector;
   JADE_WITH_AVX(V(_mm256_max_ps((__m256)a.v, (__m256)b.v)),
                 V(_mm256_max_pd((__m256d)a.v, (__m256d)b.v)))
+  JADE_WITH_AVX512(V(_mm512_max_ps((__m512)a.v, (__m512)b.v)),
+                   V(_mm512_max_pd((__m512d)a.v, (__m512d)b.v)))
   return select(a > b, a, b);
 }
 
@@ -139,7 +177,12 @@ JADE_HD Pack<T, N> max(Pack<T, N> a, Pack<T, N> b) {
 template <class T, int N>
 JADE_HD Pack<T, N> keep(PackMask<T, N> mask, Pack<T, N> a) {
   using P = Pack<T, N>;
-  return P((typename P::Vector)((typename P::IntVector)a.v & mask.v));
+  using V [[maybe_unused]] = typename P::Vector;
+  JADE_WITH_AVX512(V(_mm512_maskz_mov_ps(mask.v, (__m512)a.v)),
+                   V(_mm512_maskz_mov_pd(mask.v, (__m512d)a.v)))
+  if constexpr (!has_mask_register(N * sizeof(T))) {
+    return P((V)((typename P::IntVector)a.v & mask.v));
+  }
 }
 
 /// −|a|: sets the sign bit.
@@ -174,10 +217,12 @@ template <class T, int N>
 JADE_HD uint32_t bits(PackMask<T, N> mask) {
   JADE_WITH_AVX(static_cast<uint32_t>(_mm256_movemask_ps((__m256)mask.v)),
                 static_cast<uint32_t>(_mm256_movemask_pd((__m256d)mask.v)))
-  JADE_WITH_AVX512(_mm512_movepi32_mask((__m512i)mask.v), _mm512_movepi64_mask((__m512i)mask.v))
-  uint32_t result = 0;
-  for (int i = 0; i < N; ++i) result |= static_cast<uint32_t>(mask.v[i] & 1) << i;
-  return result;
+  JADE_WITH_AVX512(static_cast<uint32_t>(mask.v), static_cast<uint32_t>(mask.v))
+  if constexpr (!has_mask_register(N * sizeof(T))) {
+    uint32_t result = 0;
+    for (int i = 0; i < N; ++i) result |= static_cast<uint32_t>(mask.v[i] & 1) << i;
+    return result;
+  }
 }
 
 template <class T, int N>
@@ -191,6 +236,32 @@ JADE_HD T sum(Pack<T, N> a) {
     return sum(Pack<T, N / 2>(halves[0] + halves[1]));
   }
 }
+
+/// out[i] = sum(packs[i]).
+template <class T, int N>
+JADE_HD void store_sums(const Pack<T, N> (&packs)[8], T* out) {
+  for (int i = 0; i < 8; ++i) out[i] = sum(packs[i]);
+}
+
+#if defined(__AVX512F__)
+/// Adds while it transposes: 23 instructions, one by one it is 64.
+JADE_HD void store_sums(const Pack<float, 16> (&packs)[8], float* out) {
+  __m512 four[2];  // a quarter for each pack
+  for (int i = 0; i < 2; ++i) {
+    const auto halves = [&](int k) {
+      const __m512 a = (__m512)packs[k].v, b = (__m512)packs[k + 1].v;
+      return _mm512_add_ps(_mm512_shuffle_f32x4(a, b, 0x44), _mm512_shuffle_f32x4(a, b, 0xee));
+    };
+    const __m512 ab = halves(4 * i), cd = halves(4 * i + 2);
+    four[i] = _mm512_add_ps(_mm512_shuffle_f32x4(ab, cd, 0x88), _mm512_shuffle_f32x4(ab, cd, 0xdd));
+  }
+  const __m512 pairs =
+      _mm512_add_ps(_mm512_unpacklo_ps(four[0], four[1]), _mm512_unpackhi_ps(four[0], four[1]));
+  const __m512 all = _mm512_add_ps(pairs, _mm512_permute_ps(pairs, 0x4e));
+  const __m512i order = _mm512_setr_epi32(0, 4, 8, 12, 1, 5, 9, 13, 0, 0, 0, 0, 0, 0, 0, 0);
+  _mm256_storeu_ps(out, _mm512_castps512_ps256(_mm512_permutexvar_ps(order, all)));
+}
+#endif
 
 /// 2^f for f in [−½, ½]. float: minimax of degree 6 (relative error 2e-9 before rounding);
 /// double: Taylor of degree 13 (2e-17).
