@@ -160,6 +160,24 @@ TEST_CASE("live_run: progress and metrics come as they are logged", "[run]") {
   CHECK(state["lines"][3].contains("psnr_train"));
 }
 
+TEST_CASE("live_run: a viewer can hear of the end; nobody is not waited for", "[run]") {
+  if (!serve::can_serve()) return;
+  const test::TinyScene scene;
+  const auto seconds_to_leave = [&](const std::string& name, bool watched) {
+    serve::Server server({"127.0.0.1", 0}, "--serve");
+    std::optional<run::LiveRun> live(std::in_place, server);
+    run::Trainer trainer(test::routed_options(scene), scene.dir / name, "");
+    trainer.run(&*live);
+    if (watched) server.stage().note("viewer");
+    live->ended();
+    const auto start = std::chrono::steady_clock::now();
+    live.reset();
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  };
+  CHECK(seconds_to_leave("alone", false) < 1);
+  CHECK(seconds_to_leave("watched", true) > 1);
+}
+
 TEST_CASE("live_run: the page learns what an evaluation has found, and where cameras stand now",
           "[run]") {
   if (!serve::can_serve()) return;

@@ -2,6 +2,7 @@
 #include "jade/run/live_run.h"
 
 #include <fstream>
+#include <thread>
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/device.h"
@@ -20,10 +21,21 @@ constexpr double kShare = 0.1;
 /// How soon a paused run sees Ctrl-C.
 constexpr serve::Stage::Seconds kGlance{0.05};
 
+/// Pages ask for the state once per second; who has not asked for longer has gone.
+constexpr serve::Stage::Seconds kHeard{1.5}, kGone{3};
+
 }  // namespace
 
 LiveRun::LiveRun(serve::Server& server, std::chrono::duration<double> patience)
     : server_(server), patience_(patience) {}
+
+LiveRun::~LiveRun() {
+  const serve::Stage& stage = server_.stage();
+  while (ended_at_ && Clock::now() - *ended_at_ < kHeard && stage.viewers() > 0 &&
+         stage.silence() < kGone && !interrupt_requested()) {
+    std::this_thread::sleep_for(kGlance);
+  }
+}
 
 void LiveRun::begin(const WatchedRun& run) {
   state_ = &run.state;
@@ -120,6 +132,9 @@ void LiveRun::on_evaluation(const data::Dataset& posed, const eval::Evaluation& 
 
 void LiveRun::on_metrics(const std::string& line) { server_.board().add(line); }
 
-void LiveRun::ended() { tell("finishing"); }
+void LiveRun::ended() {
+  tell("finishing");
+  ended_at_ = Clock::now();
+}
 
 }  // namespace jade::run

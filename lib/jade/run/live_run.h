@@ -23,6 +23,8 @@ class LiveRun : public Watcher {
   ///   and vanishes holds nothing up. Browsers let a hidden page ask once per minute.
   explicit LiveRun(serve::Server& server,
                    std::chrono::duration<double> patience = std::chrono::minutes(3));
+  /// After the end of a run, stays until viewers who were just there can have heard of it.
+  ~LiveRun() override;
 
   void begin(const WatchedRun& run) override;
   double after_step() override;
@@ -47,6 +49,7 @@ class LiveRun : public Watcher {
   std::optional<DrawClock> clock_;
   bool drawing_ = false;
   Clock::time_point drawn_at_, next_draw_;
+  std::optional<Clock::time_point> ended_at_;
 };
 
 }  // namespace jade::run
