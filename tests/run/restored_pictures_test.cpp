@@ -100,6 +100,7 @@ TEST_CASE(
 
 TEST_CASE("restored pictures: many that are asked for and not awaited hold nothing up", "[run]") {
   const EndedRun ended(test::routed_options);
+  const torch::Tensor first = ended.trainer.views()[0].restorations.efnet;
   fs::remove_all(ended.scene.dir / "cache");
   run::RestoredPictures pictures(ended.folder(), ended.options, ended.dataset, torch::kCPU);
   for (int64_t i = 0; i < 3; ++i) {
@@ -108,6 +109,7 @@ TEST_CASE("restored pictures: many that are asked for and not awaited hold nothi
     } catch (const serve::NotYet&) {
     }
   }
+  CHECK(made(pictures.of(0), "EFNet").allclose(first, 0, 1e-5));
 }
 
 TEST_CASE("restored pictures: another restorer, or an allocation that is gone, leave a layer out",
