@@ -83,6 +83,22 @@ TEST_CASE("connection: a request has an end, in bytes and in time", "[serve]") {
   CHECK(seconds < 0.3);
 }
 
+TEST_CASE("connection: who goes on after the answer is passed over so far and no further",
+          "[serve]") {
+  const Pair pair;
+  Connection::Limits limits;
+  limits.unread_bytes = 50000;
+  int64_t sent = 0;
+  std::thread flood([&] {
+    const std::string part(1000, 'x');
+    while (::send(pair.theirs, part.data(), part.size(), MSG_NOSIGNAL) > 0) sent += 1000;
+  });
+  { const Connection connection(pair.ours, limits); }
+  flood.join();
+  CHECK(sent > 50000);
+  CHECK(sent < 2000000);  // and what a socket holds
+}
+
 TEST_CASE("connection: who does not read is left after a while", "[serve]") {
   const Pair pair;
   Connection connection(pair.ours, {1000, kSoon, kSoon});

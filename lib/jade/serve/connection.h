@@ -17,6 +17,7 @@ class Connection {
   struct Limits {
     size_t request_bytes = size_t{16} << 10;  ///< of request line, headers and body together
     std::chrono::milliseconds reading{2000}, writing{2000};
+    size_t unread_bytes = size_t{1} << 20;  ///< passed over at the end, so that the answer arrives
   };
 
   /// Takes the socket, which need not block, and closes it at the end.
