@@ -37,7 +37,9 @@ void add_flags(CLI::App& cli, Flags& flags) {
   cli.add_option("--seeds", flags.seeds, "These seeds instead of the sweep's")->delimiter(',');
   cli.add_option("--data", flags.data, "A scene's data set: SCENE=DIR (repeatable)")
       ->allow_extra_args(false);
-  cli.add_option("--jobs", flags.jobs, "Runs at once (default: the sweep's, else one a device)")
+  cli.add_option(
+         "--jobs", flags.jobs,
+         "Runs at once at most (default: the sweep's, else six per GPU, or one per two cores)")
       ->check(CLI::Range(1, 100000));
   cli.add_option("--devices,--device", flags.devices, "auto, cpu, or GPUs such as cuda:0,cuda:1")
       ->delimiter(',');
@@ -127,10 +129,11 @@ void launch_local(const sweep::Plan& plan, const sweep::SweepOutput& output, con
   options.program = program;
   options.devices =
       sweep::devices_of(flags.devices.empty() ? std::vector<std::string>{"auto"} : flags.devices);
+  options.cores = sweep::usable_cores();
   options.jobs = flags.jobs > 0       ? flags.jobs
                  : plan.spec.jobs > 0 ? plan.spec.jobs
-                                      : static_cast<int>(options.devices.size());
-  options.cores = sweep::usable_cores();
+                                      : sweep::jobs_for(options.devices, options.cores);
+  if (flags.jobs == 0) log_info(concat(options.jobs, " runs at once at most; --jobs sets it"));
   options.retry_failed = flags.retry_failed;
   options.memory_margin = static_cast<int64_t>(flags.margin_gib * (1 << 30));
   options.on_end = [&] { sweep::write_table(sweep::gather(plan, output), output.folder()); };

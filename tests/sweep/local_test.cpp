@@ -5,7 +5,9 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <thread>
 
@@ -33,7 +35,8 @@ std::string sweep_of(const std::string& rows, const std::string& seeds = "[0, 1]
 
 sweep::MemoryProbe plenty() {
   return {[] { return 1000 * kGiB; }, [](pid_t) { return kGiB; },
-          [](const std::string&) { return 1000 * kGiB; }};
+          [](const std::string&) { return 1000 * kGiB; },
+          [](const std::string&) { return std::map<pid_t, int64_t>(); }};
 }
 
 /// Runs a sweep with the fake trainer; returns its journal.
@@ -156,6 +159,33 @@ TEST_CASE("run_local: never more runs than a GPU's memory holds", "[sweep]") {
   CHECK(most_at_once(journal) == 1);
 }
 
+TEST_CASE("run_local: a run is charged what it holds of a GPU by itself, where the driver tells",
+          "[sweep]") {
+  const TempDir dir;
+  sweep::MemoryProbe probe = plenty();
+  // 100 GiB; a run holds 2, and 90 belong to somebody who came after us.
+  std::set<pid_t> ours;
+  probe.host_used = [&ours](pid_t pid) {
+    ours.insert(pid);
+    return kGiB;
+  };
+  bool before = true;
+  probe.device_free = [&before](const std::string&) {
+    const int64_t free = before ? 100 * kGiB : 8 * kGiB;
+    before = false;
+    return free;
+  };
+  probe.device_used = [&ours](const std::string&) {
+    std::map<pid_t, int64_t> processes{{1, 90 * kGiB}};
+    for (const pid_t pid : ours) processes[pid] = 2 * kGiB;
+    return processes;
+  };
+  run(dir, sweep_of("  - {name: x}\n"), 2, probe, {"cuda:0"});
+  const sweep::SweepOutput output(dir / "out");
+  CHECK(output.outcome("x/a/0").peak_device_bytes == 2 * kGiB);
+  CHECK(output.outcome("x/a/1").peak_device_bytes == 2 * kGiB);
+}
+
 TEST_CASE("run_local: a failed run is marked and the rest goes on", "[sweep]") {
   const TempDir dir;
   const std::string yaml =
@@ -217,6 +247,15 @@ TEST_CASE("run_local: a request to stop reaches the children, which are waited f
   CHECK(output.state("x/a/0") == RunState::kUnfinished);
   CHECK(output.outcome("x/a/1").exit_code == 130);
   CHECK(output.can_resume("x/a/0"));
+}
+
+TEST_CASE("jobs_for: six per GPU while cores last, one per two cores without", "[sweep]") {
+  CHECK(sweep::jobs_for({"cuda:0"}, 16) == 6);
+  CHECK(sweep::jobs_for({"cuda:0", "cuda:1"}, 32) == 12);
+  CHECK(sweep::jobs_for({"cuda:0", "cuda:1"}, 8) == 8);
+  CHECK(sweep::jobs_for({"cuda:0", "cuda:1"}, 1) == 2);
+  CHECK(sweep::jobs_for({"cpu"}, 16) == 8);
+  CHECK(sweep::jobs_for({"cpu"}, 1) == 1);
 }
 
 TEST_CASE("devices_of: words become devices that are there", "[sweep]") {

@@ -5,6 +5,12 @@
 
 using namespace jade;
 
+TEST_CASE("read_processes: bytes by process, and nothing of what is no number", "[sweep]") {
+  const auto processes = sweep::read_processes("12, 300\n7, [N/A]\n\nNo devices\n12, 1\n9, 0\n");
+  REQUIRE(processes.size() == 1);
+  CHECK(processes.at(12) == int64_t{301} << 20);
+}
+
 TEST_CASE("may_start: what is free must hold the peak, the growth of the others and the margin",
           "[sweep]") {
   CHECK(sweep::may_start({0, {}, 0}, 1));            // nothing known: one starts

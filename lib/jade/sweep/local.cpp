@@ -67,6 +67,7 @@ class Launcher {
     int64_t steps;
     int64_t step = 0;
     int64_t host = 0;  ///< resident now
+    int64_t held = 0;  ///< of its device now
   };
 
   void enlist(const Run& run) {
@@ -147,18 +148,29 @@ class Launcher {
       if (run.task.device() == device) here.push_back(&run);
     }
     if (here.empty()) return;
-    const int64_t each = held(device, pool, here.size());
+    measure(device, pool, here);
     const bool started =
         std::all_of(here.begin(), here.end(), [](const Running* run) { return run->step > 0; });
-    if (started) pool.peak = std::max(pool.peak, each);
-    for (Running* run : here) run->task.note_device_peak(each);
+    for (Running* run : here) {
+      if (started) pool.peak = std::max(pool.peak, run->held);
+      run->task.note_device_peak(run->held);
+    }
   }
 
-  /// What each of `count` runs holds of a device, on average.
-  int64_t held(const std::string& device, const Pool& pool, size_t count) const {
+  /// What each run holds of the device, by itself where the driver tells of all of them (in a
+  /// container it knows other numbers for processes), else on average.
+  void measure(const std::string& device, const Pool& pool, const std::vector<Running*>& here) {
+    const std::map<pid_t, int64_t> processes = memory_.device_used(device);
+    const auto told = [&](const Running* run) { return processes.count(run->task.pid()) > 0; };
+    if (std::all_of(here.begin(), here.end(), told)) {
+      for (Running* run : here) run->held = processes.at(run->task.pid());
+      return;
+    }
     const int64_t free = memory_.device_free(device);
-    if (free < 0 || pool.baseline < 0 || count == 0) return 0;
-    return std::max<int64_t>(0, pool.baseline - free) / static_cast<int64_t>(count);
+    const int64_t all = free < 0 || pool.baseline < 0 ? 0 : pool.baseline - free;
+    for (Running* run : here) {
+      run->held = std::max<int64_t>(0, all) / static_cast<int64_t>(here.size());
+    }
   }
 
   void start_what_fits() {
@@ -203,11 +215,10 @@ class Launcher {
     const auto pool = pools_.find(device);
     // A device that cannot be asked is trusted with --jobs.
     if (enough && pool != pools_.end() && pool->second.baseline >= 0) {
-      const size_t count = static_cast<size_t>(
-          std::count_if(running_.begin(), running_.end(),
-                        [&](const Running& run) { return run.task.device() == device; }));
       MemoryUse use{memory_.device_free(device), {}, pool->second.peak};
-      use.running.assign(count, held(device, pool->second, count));
+      for (const Running& run : running_) {
+        if (run.task.device() == device) use.running.push_back(run.held);
+      }
       enough = may_start(use, options_.memory_margin);
       free = use.free;
       peak = use.peak;
@@ -258,6 +269,14 @@ class Launcher {
 };
 
 }  // namespace
+
+int jobs_for(const std::vector<std::string>& devices, int cores) {
+  constexpr int kPerGpu = 6;
+  const int gpus = static_cast<int>(std::count_if(devices.begin(), devices.end(),
+                                                  [](const auto& name) { return name != "cpu"; }));
+  if (gpus == 0) return std::max(1, cores / 2);
+  return std::max(gpus, std::min(kPerGpu * gpus, cores));
+}
 
 void run_local(const Plan& plan, const SweepOutput& output, const LocalOptions& options,
                const MemoryProbe& memory) {

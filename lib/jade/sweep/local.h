@@ -14,13 +14,17 @@ namespace jade::sweep {
 struct LocalOptions {
   std::filesystem::path program;            ///< the training program
   std::vector<std::string> devices{"cpu"};  ///< "cpu" or "cuda:N"
-  int jobs = 1;                             ///< runs at once, spread over the devices
+  int jobs = 1;                             ///< runs at once at most, spread over the devices
   int cores = 1;                            ///< shared out among the runs
   bool retry_failed = false;
   int64_t memory_margin = int64_t{1} << 30;  ///< bytes that stay free
   int poll_ms = 200;
   std::function<void()> on_end;  ///< after each run, for the table
 };
+
+/// Runs at once where nobody says: six per GPU, as long as each has a core, or one per two cores
+/// where the CPU trains. Memory may let fewer start (may_start()).
+int jobs_for(const std::vector<std::string>& devices, int cores);
 
 /// Runs what the plan lacks as child processes, several at once while memory lasts, and goes on
 /// past failed ones. A request to stop is passed on to the children, which save, and waited for.

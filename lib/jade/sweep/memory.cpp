@@ -59,30 +59,52 @@ std::string smi_name(const std::string& device) {
   return concat(index);
 }
 
-int64_t device_free(const std::string& device) {
+/// What nvidia-smi says of the device; empty where it cannot be asked.
+std::string ask_smi(const std::string& device, const std::string& query) {
   const std::string name = smi_name(device);
   // The name goes to a shell.
   if (name.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-/") !=
       std::string::npos) {
-    return -1;
+    return "";
   }
-  const std::string command = "nvidia-smi -i " + name +
-                              " --query-gpu=memory.free --format=csv,noheader,nounits 2>/dev/null";
+  const std::string command =
+      concat("nvidia-smi -i ", name, " ", query, " --format=csv,noheader,nounits 2>/dev/null");
   const std::unique_ptr<FILE, int (*)(FILE*)> pipe(popen(command.c_str(), "r"), pclose);
-  char line[64] = "";
-  if (!pipe || std::fgets(line, sizeof line, pipe.get()) == nullptr) return -1;
-  const long long mib = std::atoll(line);
+  std::string answer;
+  char part[256] = "";
+  while (pipe && std::fgets(part, sizeof part, pipe.get()) != nullptr) answer += part;
+  return answer;
+}
+
+int64_t device_free(const std::string& device) {
+  const long long mib = std::atoll(ask_smi(device, "--query-gpu=memory.free").c_str());
   return mib > 0 ? int64_t{mib} << 20 : -1;
 }
 
+std::map<pid_t, int64_t> device_used(const std::string& device) {
+  return read_processes(ask_smi(device, "--query-compute-apps=pid,used_memory"));
+}
+
 }  // namespace
+
+std::map<pid_t, int64_t> read_processes(const std::string& lines) {
+  std::map<pid_t, int64_t> processes;
+  std::istringstream in(lines);
+  for (std::string line; std::getline(in, line);) {
+    long long pid = 0, mib = 0;
+    if (std::sscanf(line.c_str(), "%lld, %lld", &pid, &mib) == 2 && pid > 0 && mib > 0) {
+      processes[static_cast<pid_t>(pid)] += int64_t{mib} << 20;
+    }
+  }
+  return processes;
+}
 
 MemoryProbe machine_memory() {
   return {host_free,
           [](pid_t pid) {
             return std::max<int64_t>(0, proc_bytes(concat("/proc/", pid, "/status"), "VmRSS"));
           },
-          device_free};
+          device_free, device_used};
 }
 
 bool may_start(const MemoryUse& use, int64_t margin) {

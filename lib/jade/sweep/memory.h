@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <string>
 #include <sys/types.h>
 #include <vector>
@@ -15,7 +16,12 @@ struct MemoryProbe {
   std::function<int64_t()> host_free;                      ///< bytes for new processes
   std::function<int64_t(pid_t)> host_used;                 ///< resident bytes of a process
   std::function<int64_t(const std::string&)> device_free;  ///< bytes of "cuda:N"; -1: not known
+  /// What processes hold of "cuda:N"; one that is not told of is missing.
+  std::function<std::map<pid_t, int64_t>(const std::string&)> device_used;
 };
+
+/// The lines "pid, MiB" of nvidia-smi, in bytes; others, such as "[N/A]", are left out.
+std::map<pid_t, int64_t> read_processes(const std::string& lines);
 
 /// This machine: MemAvailable and the control group's limit, /proc, nvidia-smi.
 MemoryProbe machine_memory();

@@ -46,7 +46,7 @@ struct Spec {
   std::string title, note, paper_source;
   std::vector<Column> columns;
   std::vector<int64_t> seeds{0};
-  int jobs = 0;  ///< 0: one a device
+  int jobs = 0;  ///< 0: jobs_for() says
   std::vector<std::string> set;
   std::vector<Scene> scenes;
   std::vector<Row> rows;
