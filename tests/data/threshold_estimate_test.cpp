@@ -8,6 +8,9 @@
 #include <random>
 #include <torch/types.h>
 
+#include "jade/core/error.h"
+#include "jade/core/interrupt.h"
+
 namespace jade::data {
 namespace {
 
@@ -130,6 +133,13 @@ TEST_CASE("thresholds: events that belong to other frames explain nothing", "[da
     exposure.blurry = torch::rand({1, kSize, kSize}).expand({3, -1, -1}) * 0.8 + 0.1;
   }
   CHECK_FALSE(estimate_of(data, 0).found);
+}
+
+TEST_CASE("thresholds: the search stops when asked to", "[data]") {
+  const Dataset data = sliding_pattern({0.25, 0.25}, 0, 0);
+  set_interrupt_requested(true);
+  CHECK_THROWS_AS(estimate_of(data, 0), Interrupted);
+  set_interrupt_requested(false);
 }
 
 }  // namespace

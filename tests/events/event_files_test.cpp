@@ -155,6 +155,8 @@ TEST_CASE("event files: damaged files are refused with their path", "[events]") 
     CHECK(message_of([&] { read_events(dir / name); }).find((dir / name).string()) !=
           std::string::npos);
   }
+  CHECK_THAT(message_of([&] { read_events(dir / "a.bin"); }),
+             Catch::Contains("found 'a.bin'; give a list in text the ending .txt"));
 }
 
 TEST_CASE("event files: a file without events is read with a warning", "[events]") {
@@ -163,6 +165,13 @@ TEST_CASE("event files: a file without events is read with a warning", "[events]
   const auto result = read_events(dir / "a.txt");
   CHECK(result.events.empty());
   CHECK(result.warnings.size() == 1);
+  // Those that nobody asked for are there all the same.
+  std::ofstream(dir / "b.txt") << "100 1 2 1\n";
+  EventFileOptions later;
+  later.keep = std::vector<TimeWindow>{{5000, 6000}};
+  const auto none = read_events(dir / "b.txt", later);
+  CHECK(none.events.empty());
+  CHECK(none.warnings.empty());
 }
 
 TEST_CASE("event files: of an HDF5 file only the events of some spans are kept", "[events]") {

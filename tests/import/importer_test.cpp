@@ -68,16 +68,16 @@ double correlation(const torch::Tensor& a, const torch::Tensor& b, int64_t down,
   return (u.dot(v) / (u.norm() * v.norm())).item<double>();
 }
 
-import::ImportOptions options_for(const fs::path& recording,
-                                  const fs::path& colmap){write_file(colmap, "");
-fs::permissions(colmap, fs::perms::owner_all);
-import::ImportOptions options;
-options.recording = recording;
-options.poses.colmap = colmap;
-// Finding them takes seconds.
-options.events.threshold_positive = options.events.threshold_negative = 0.24;
-return options;
-}  // namespace
+jade::import::ImportOptions options_for(const fs::path& recording, const fs::path& colmap) {
+  write_file(colmap, "");
+  fs::permissions(colmap, fs::perms::owner_all);
+  import::ImportOptions options;
+  options.recording = recording;
+  options.poses.colmap = colmap;
+  // Finding them takes seconds.
+  options.events.threshold_positive = options.events.threshold_negative = 0.24;
+  return options;
+}
 
 }  // namespace
 

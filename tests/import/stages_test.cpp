@@ -97,3 +97,17 @@ TEST_CASE("stages: an interruption loses one stage, and its old result stays", "
   CHECK_THROWS_AS(letters.run({"c", ""}), Interrupted);
   CHECK(read_file(letters.dir / "c/text") == "abc");
 }
+
+TEST_CASE("stages: what was made before the stage ahead of it is made again", "[import]") {
+  Letters letters;
+  letters.run();
+  letters.failing = "c";
+  CHECK_THROWS_AS(letters.run({"b", ""}), Interrupted);
+  CHECK(read_file(letters.dir / "c/text") == "abc");
+  letters.failing = "";
+  letters.run();
+  CHECK(letters.counts() == std::vector{0, 0, 1});
+  letters.run({"a", "a"});
+  letters.run();
+  CHECK(letters.counts() == std::vector{0, 1, 1});
+}

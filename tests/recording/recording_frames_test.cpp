@@ -224,4 +224,5 @@ TEST_CASE("recording: of a Prophesee file only events near frames are kept", "[r
   CHECK(none.events.empty());
   CHECK(none.stored_events == all.events.size());
   CHECK(none.frames.size() == 2);
+  CHECK_THAT(notes_of(none), !Catch::Contains("there are no events"));
 }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <torch/types.h>
 
+#include "jade/core/interrupt.h"
 #include "jade/events/counts.h"
 #include "jade/imaging/color.h"
 
@@ -185,6 +186,7 @@ ThresholdEstimate estimate_thresholds(const std::vector<Exposure>& exposures,
   Mixed model;
   model.thresholds = model.mean.repeat({series.change.size(0), 1});
   for (int round = 0; round < kRounds; ++round) {
+    throw_if_interrupted();
     if (!improve(series, model)) return estimate;
   }
   const auto mean = model.mean.accessor<double, 1>();

@@ -31,6 +31,7 @@ struct ThresholdEstimate {
 /// @param exposures   frames and times, in order; poses are not used
 /// @param events      of the pixels of these frames, by the same clock
 /// @param log_offset  ε of the sensor's log(I + ε), in units of intensity.
+/// @throws Interrupted.
 ThresholdEstimate estimate_thresholds(const std::vector<Exposure>& exposures,
                                       const events::EventStream& events, double log_offset);
 

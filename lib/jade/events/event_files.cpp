@@ -27,8 +27,12 @@ RawEvents read_raw(const std::filesystem::path& path) {
   if (kind == ".npz") return read_npz_events(path);
   if (kind == ".npy") return read_npy_events(path);
   if (kind == ".txt" || kind == ".csv") return read_text_events(path);
-  throw DataError(concat(path.string(), ": expected events in .h5, .npz, .npy, .txt or .csv; ",
-                         "scripts/convert_aedat4.py turns .aedat4 into .h5"));
+  throw DataError(concat(path.string(),
+                         ": expected a list of events named .h5, .hdf5, .npz, .npy, .txt or .csv, "
+                         "found '",
+                         path.filename().string(),
+                         "'; give a list in text the ending .txt, and a "
+                         "camera's own file to jade_import"));
 }
 
 /// 0/1 → −1/+1 in place.
@@ -172,7 +176,7 @@ void report(const std::filesystem::path& path, EventFileResult& result,
   if (!size) result.problems.outside = result.problems.touching_edge = 0;
   warn(result.problems.not_finite, "have NaN or Inf coordinates and are ignored");
   warn(result.problems.outside, "lie outside the image and are ignored");
-  if (result.events.empty()) result.warnings.push_back(concat(path.string(), ": holds no events"));
+  if (result.stored == 0) result.warnings.push_back(concat(path.string(), ": holds no events"));
 }
 
 }  // namespace

@@ -114,14 +114,17 @@ void check_recording(const recording::Recording& recording, const TimeOptions& t
   if (recording.stored_events == 0) {
     throw DataError(concat(source, ": holds no events; expected a recording of an event camera"));
   }
-  if (recording.events.empty()) {
-    throw DataError(concat(
-        source, ": no event lies near a frame: frames from ", recording.frames.front().t_start_us,
-        " to ", recording.frames.back().t_end_us, " us, ", recording.stored_events, " events from ",
-        recording.stored_us.begin_us, " to ", recording.stored_us.end_us,
-        " us; the two clocks do not overlap, give the offset between them with "
-        "--offset-ms"));
-  }
+}
+
+void check_overlap(const recording::Recording& recording) {
+  if (recording.frames.empty() || recording.stored_events == 0) return;
+  if (!recording.events.empty()) return;
+  throw DataError(
+      concat(recording.source.string(), ": no event lies near a frame: frames from ",
+             recording.frames.front().t_start_us, " to ", recording.frames.back().t_end_us, " us, ",
+             recording.stored_events, " events from ", recording.stored_us.begin_us, " to ",
+             recording.stored_us.end_us,
+             " us; the two clocks do not overlap, give the offset between them with --offset-ms"));
 }
 
 void check_shots(const Capture& capture) {
@@ -176,6 +179,7 @@ void set_clock(double ahead_ms, Capture& capture) {
 Capture read_capture(const ImportOptions& options, const fs::path& folder) {
   recording::Recording recording =
       recording::read_recording(options.recording, read_options(options));
+  check_overlap(recording);  // says more than the note of what was left out
   for (const std::string& note : recording.notes) log_info("            " + note);
   check_recording(recording, options.time);
   keep_calibration(folder, recording);

@@ -64,6 +64,11 @@ void make(const Stage& stage, const std::string& key, const fs::path& place) {
                   said, " (", duration_text(seconds.count()), ")"));
 }
 
+/// What was made of an older result is to be made again, though its settings are the same.
+void outdate(const fs::path& folder, const std::vector<Stage>& stages, size_t from) {
+  for (size_t i = from; i < stages.size(); ++i) fs::remove(folder / stages[i].name / kKeyFile);
+}
+
 }  // namespace
 
 bool is_up_to_date(const fs::path& folder, const std::vector<Stage>& stages,
@@ -90,7 +95,10 @@ void run_stages(const fs::path& folder, const std::vector<Stage>& stages, const 
   }
   for (size_t i = 0; i < end; ++i) {
     throw_if_interrupted();
-    if (i >= first) make(stages[i], keys[i], folder / stages[i].name);
+    if (i >= first) {
+      make(stages[i], keys[i], folder / stages[i].name);
+      outdate(folder, stages, i + 1);
+    }
     stages[i].load(folder / stages[i].name);
   }
 }

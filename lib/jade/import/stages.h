@@ -26,7 +26,8 @@ struct StageRange {
 /// Runs what is not up to date: a stage whose settings or one before it changed since its folder
 /// was made, and from `from` on all. A result appears in FOLDER/NAME whole or not at all, so that
 /// an interruption loses the stage that runs and no more; what a stage gives to others is always
-/// read back from there. Logs a line for each stage with its time.
+/// read back from there. What stands behind a stage that was made anew counts as not up to date,
+/// also where the run ends before it gets there. Logs a line for each stage with its time.
 /// @throws ConfigError for names that are no stage, or `until` before `from`; what stages throw.
 void run_stages(const std::filesystem::path& folder, const std::vector<Stage>& stages,
                 const StageRange& range);

@@ -201,7 +201,7 @@ Recording read_recording(const fs::path& path, const ReadOptions& options) {
   read_frames(std::move(contents.files), recording);
   find_sensor_size(recording);
   drop_outside(recording);
-  if (recording.events.empty()) recording.notes.push_back("there are no events");
+  if (recording.stored_events == 0) recording.notes.push_back("there are no events");
   note_frames(recording);
   note_clocks(recording);
   return std::move(recording);
