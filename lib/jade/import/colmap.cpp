@@ -28,6 +28,7 @@ struct Step {
   std::vector<std::string> command;
   std::string mark;      ///< of its log, once for each unit of work
   int64_t expected = 0;  ///< marks
+  int64_t ahead = 0;     ///< marks that stand before the work they announce
 };
 
 int64_t count_marks(const fs::path& log, std::streamoff from, const std::string& mark) {
@@ -57,7 +58,8 @@ bool run_step(const Step& step, const fs::path& log) {
   Progress progress(step.title, std::max<int64_t>(1, step.expected));
   int64_t shown = 0;
   const auto show = [&] {
-    const int64_t now = std::min(step.expected, count_marks(log, begin, step.mark));
+    const int64_t now = std::min(
+        step.expected, std::max<int64_t>(0, count_marks(log, begin, step.mark) - step.ahead));
     if (progress.step(now - shown)) progress.show();
     shown = now;
   };
@@ -123,7 +125,8 @@ void match_features(const ColmapJob& job, const ColmapSettings& settings, const 
              {job.program.string(), job.sequential ? "sequential_matcher" : "exhaustive_matcher",
               "--database_path", database, "--SiftMatching.use_gpu", "0"},
              job.sequential ? "Matching image" : "Matching block",
-             job.sequential ? job.count : blocks * blocks};
+             job.sequential ? job.count : blocks * blocks,
+             1};
   if (job.sequential) {
     append(match.command, {"--SequentialMatching.overlap", "20"});
   }
