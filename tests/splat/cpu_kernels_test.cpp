@@ -102,7 +102,8 @@ TEST_CASE("cpu kernels: one view on any number of threads gives the same bits", 
 }
 
 TEST_CASE("cpu kernels: equal depths are drawn in the order of the index", "[splat]") {
-  // A stack at one depth, more than a chunk of Gaussians apart: the first one covers the rest.
+  // A stack at one depth, more than a chunk of Gaussians: its first ones are bright. One behind it,
+  // as depths that are all equal would need no sorting.
   constexpr int64_t kCount = 1500;
   splat::Gaussians g;
   g.means = torch::tensor({0.0f, 0.0f, 2.0f}).repeat({kCount, 1});
@@ -110,7 +111,8 @@ TEST_CASE("cpu kernels: equal depths are drawn in the order of the index", "[spl
   g.log_scales = torch::full({kCount, 3}, 2.0f);
   g.logit_opacities = torch::full({kCount}, 8.0f);
   g.sh = torch::full({kCount, 1, 3}, -1.0f);
-  g.sh.slice(0, 0, 2).fill_(1.0f);
+  g.means[0][2] = 3.0f;
+  g.sh.slice(0, 1, 3).fill_(1.0f);
   const splat::CameraBatch cameras = {torch::eye(4).unsqueeze(0),
                                       torch::tensor({{40.0f, 40.0f, 18.5f, 17.0f}}), 37, 34};
   const Tensor front = splat::render(g, cameras, {}).color;
