@@ -75,6 +75,52 @@ TEST_CASE("cpu kernels: any number of threads gives the same bits", "[splat]") {
   }
 }
 
+TEST_CASE("cpu kernels: one view on any number of threads gives the same bits", "[splat]") {
+  // Equal depths in every tile, so that their order is the index's or the image is another.
+  const RestoreThreads restore;
+  for (const auto dtype : {torch::kFloat32, torch::kFloat64}) {
+    SplatScene scene = select_views(scene_of(dtype), 0, 1);
+    const Tensor pose = scene.cameras.camera_from_world[0];
+    Tensor& means = scene.gaussians.means;
+    const Tensor forward = pose[2].slice(0, 0, 3);
+    const Tensor depth = torch::mv(means, forward) + pose[2][3];
+    const SplatScene spread = scene;
+    means = means - (depth - torch::round(depth)).unsqueeze(1) * forward;
+    for (const SplatScene& each : {spread, scene}) {
+      at::set_num_threads(1);
+      const auto one = everything(each);
+      for (const int threads : {2, 4, 16}) {
+        at::set_num_threads(threads);
+        const auto many = everything(each);
+        for (size_t i = 0; i < one.size(); ++i) {
+          INFO(threads << " threads, result " << i);
+          CHECK(torch::equal(one[i], many[i]));
+        }
+      }
+    }
+  }
+}
+
+TEST_CASE("cpu kernels: equal depths are drawn in the order of the index", "[splat]") {
+  // A stack at one depth, more than a chunk of Gaussians: its first ones are bright. One behind it,
+  // as depths that are all equal would need no sorting.
+  constexpr int64_t kCount = 1500;
+  splat::Gaussians g;
+  g.means = torch::tensor({0.0f, 0.0f, 2.0f}).repeat({kCount, 1});
+  g.rotations = torch::tensor({1.0f, 0.0f, 0.0f, 0.0f}).repeat({kCount, 1});
+  g.log_scales = torch::full({kCount, 3}, 2.0f);
+  g.logit_opacities = torch::full({kCount}, 8.0f);
+  g.sh = torch::full({kCount, 1, 3}, -1.0f);
+  g.means[0][2] = 3.0f;
+  g.sh.slice(0, 1, 3).fill_(1.0f);
+  const splat::CameraBatch cameras = {torch::eye(4).unsqueeze(0),
+                                      torch::tensor({{40.0f, 40.0f, 18.5f, 17.0f}}), 37, 34};
+  const Tensor front = splat::render(g, cameras, {}).color;
+  CHECK(front.min().item<double>() > 0.75);
+  g.means.slice(0, kCount - 2).select(1, 2).fill_(1.9f);
+  CHECK(splat::render(g, cameras, {}).color.max().item<double>() < 0.25);
+}
+
 TEST_CASE("cpu kernels: the image has the same bits for any tile size", "[splat]") {
   for (const auto dtype : {torch::kFloat32, torch::kFloat64}) {
     const SplatScene scene = scene_of(dtype);

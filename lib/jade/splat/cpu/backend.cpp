@@ -3,6 +3,7 @@
 #include "jade/splat/backend.h"
 
 #include <algorithm>
+#include <memory>
 #include <numeric>
 #include <torch/types.h>
 
@@ -75,7 +76,7 @@ RenderCall<T> make_call(const ForwardArgs& args, const torch::Tensor& cameras, i
 template <class T>
 struct Lists {
   torch::Tensor splats;        ///< bytes of Splat<T> [C, N]
-  torch::Tensor entries;       ///< int32, view after view
+  torch::Tensor entries;       ///< int32, view after view; each tile's by index until it is blended
   torch::Tensor offsets;       ///< int64 [C, tiles + 1], within the view
   torch::Tensor view_offsets;  ///< int64 [C + 1]
   int tile_shift = 0;
@@ -87,11 +88,15 @@ struct Lists {
     return {t[0], t[1], t[2], t[3], static_cast<int>(state.numbers[0])};
   }
 
+  int32_t* list_of(const TileGrid& grid, int64_t view, int64_t index) const {
+    return entries.data_ptr<int32_t>() + view_offsets.data_ptr<int64_t>()[view] +
+           offsets.data_ptr<int64_t>()[view * (grid.tiles() + 1) + index];
+  }
   Tile<T> tile(const RenderCall<T>& call, const TileGrid& grid, int64_t view, int64_t index) const {
     const int64_t* const begin = offsets.data_ptr<int64_t>() + view * (grid.tiles() + 1) + index;
     Tile<T> tile;
     tile.splats = splat_data() + view * call.count;
-    tile.list = entries.data_ptr<int32_t>() + view_offsets.data_ptr<int64_t>()[view] + begin[0];
+    tile.list = list_of(grid, view, index);
     tile.list_size = begin[1] - begin[0];
     tile.x0 = static_cast<int>(index % grid.columns) * grid.tile_size();
     tile.y0 = static_cast<int>(index / grid.columns) * grid.tile_size();
@@ -115,6 +120,8 @@ struct Chunks {
   int64_t end(int64_t chunk) const { return std::min(total, (chunk + 1) * size); }
 };
 
+/// Splats, and lists whose tiles are still by index: a tile is sorted when it is blended, while its
+/// splats are on their way to the cache anyway.
 template <class T>
 Lists<T> project_and_bin(const RenderCall<T>& call, int64_t* rejected) {
   const TileGrid grid(call.width, call.height, call.tile_shift);
@@ -127,25 +134,37 @@ Lists<T> project_and_bin(const RenderCall<T>& call, int64_t* rejected) {
   Splat<T>* const splats = lists.splat_data();
   const Chunks chunks(call.count);
   std::vector<int64_t> unusable(static_cast<size_t>(chunks.count), 0);
+  const int64_t parts = call.views * chunks.count;
+  const std::unique_ptr<uint32_t[]> counts(new uint32_t[parts * grid.tiles()]);
   parallel_tasks(chunks.count, [&](int64_t chunk) {
     unusable[chunk] =
         kernels_for<T>().project(call, chunks.begin(chunk), chunks.end(chunk), splats);
+    for (int64_t view = 0; view < call.views; ++view) {
+      count_instances(splats + view * call.count, chunks.begin(chunk), chunks.end(chunk), grid,
+                      counts.get() + (view * chunks.count + chunk) * grid.tiles());
+    }
   });
   *rejected = std::accumulate(unusable.begin(), unusable.end(), int64_t{0});
 
   lists.view_offsets = torch::zeros({call.views + 1}, longs);
+  lists.offsets = torch::empty({call.views, grid.tiles() + 1}, longs);
   int64_t* const view_offsets = lists.view_offsets.template data_ptr<int64_t>();
+  int64_t* const offsets = lists.offsets.template data_ptr<int64_t>();
+  std::vector<uint32_t> slots(static_cast<size_t>(parts));
   parallel_tasks(call.views, [&](int64_t view) {
-    view_offsets[view + 1] = assign_slots(splats + view * call.count, call.count, grid);
+    const int64_t first = view * chunks.count;
+    view_offsets[view + 1] =
+        assign_positions(counts.get() + first * grid.tiles(), chunks.count, grid.tiles(),
+                         offsets + view * (grid.tiles() + 1), slots.data() + first);
   });
   std::partial_sum(view_offsets, view_offsets + call.views + 1, view_offsets);
   lists.entries =
       torch::empty({view_offsets[call.views]}, torch::TensorOptions().dtype(torch::kInt32));
-  lists.offsets = torch::empty({call.views, grid.tiles() + 1}, longs);
-  parallel_tasks(call.views, [&](int64_t view) {
-    fill_lists(splats + view * call.count, call.count, grid,
-               lists.offsets.template data_ptr<int64_t>() + view * (grid.tiles() + 1),
-               lists.entries.template data_ptr<int32_t>() + view_offsets[view]);
+  int32_t* const entries = lists.entries.template data_ptr<int32_t>();
+  parallel_tasks(parts, [&](int64_t part) {
+    const int64_t view = part / chunks.count, chunk = part % chunks.count;
+    place_instances(splats + view * call.count, chunks.begin(chunk), chunks.end(chunk), grid,
+                    slots[part], counts.get() + part * grid.tiles(), entries + view_offsets[view]);
   });
   return lists;
 }
@@ -176,8 +195,10 @@ ForwardResult forward_typed(const ForwardArgs& args) {
   result.rejected = torch::full({1}, rejected, torch::kInt64);
   const TileGrid grid(call.width, call.height, lists.tile_shift);
   parallel_tasks(call.views * grid.tiles(), [&](int64_t task) {
-    const int64_t view = task / grid.tiles();
-    kernels_for<T>().blend(call, lists.tile(call, grid, view, task % grid.tiles()),
+    const int64_t view = task / grid.tiles(), index = task % grid.tiles();
+    const Tile<T> tile = lists.tile(call, grid, view, index);
+    sort_by_depth(tile.splats, lists.list_of(grid, view, index), tile.list_size);
+    kernels_for<T>().blend(call, tile,
                            images_of_view<T>(result.color, result.alpha, result.depth_sum, view));
   });
   if (args.needs_backward) result.state = lists.save();
@@ -188,7 +209,9 @@ ForwardResult forward_typed(const ForwardArgs& args) {
 template <class T>
 std::vector<double> sum_rows(const std::vector<T>& partial, int64_t columns) {
   std::vector<double> sums(static_cast<size_t>(columns), 0.0);
-  for (size_t i = 0; i < partial.size(); ++i) sums[i % columns] += static_cast<double>(partial[i]);
+  for (auto row = partial.begin(); row != partial.end(); row += columns) {
+    for (int64_t i = 0; i < columns; ++i) sums[i] += static_cast<double>(row[i]);
+  }
   return sums;
 }
 

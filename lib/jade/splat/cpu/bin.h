@@ -3,7 +3,6 @@
 #pragma once
 
 #include <cstdint>
-#include <vector>
 
 #include "jade/splat/cpu/kernels.h"
 
@@ -20,15 +19,30 @@ struct TileGrid {
   int64_t tiles() const { return int64_t{columns} * rows; }
 };
 
-/// Gives every visible splat of a view its run of instance slots, in the order of the index.
-/// Returns how many slots there are. @throws DeviceError beyond 2^32 of them.
+/// Lists are made in parts: runs of splats that follow each other, each by any thread. First the
+/// parts count, then assign_positions() says where each writes, then they write, then tiles are
+/// sorted; nothing depends on how many parts there are.
+///
+/// Counts the instances of splats [begin, end) per tile into counts [tiles].
 template <class T>
-int64_t assign_slots(Splat<T>* splats, int64_t count, const TileGrid& grid);
+void count_instances(const Splat<T>* splats, int64_t begin, int64_t end, const TileGrid& grid,
+                     uint32_t* counts);
 
-/// Fills `list` (assign_slots() entries) with splat indices, tile after tile in row-major order,
-/// each tile's by (depth, index); tile t has list[offsets[t]] … list[offsets[t + 1] − 1].
+/// Turns counts [parts, tiles] of a view into where in its list each part's first entry of a tile
+/// belongs, by tile in row-major order and then by part. Writes the tiles' bounds, offsets
+/// [tiles + 1], and the first instance slot of each part, slots [parts]. Returns how many instances
+/// there are. @throws DeviceError beyond 2^32 of them.
+int64_t assign_positions(uint32_t* counts, int64_t parts, int64_t tiles, int64_t* offsets,
+                         uint32_t* slots);
+
+/// Writes splats [begin, end) into `list` at next [tiles], which move on, and gives each its run of
+/// instance slots from `slot` on; both in the order of the index.
 template <class T>
-void fill_lists(const Splat<T>* splats, int64_t count, const TileGrid& grid, int64_t* offsets,
-                int32_t* list);
+void place_instances(Splat<T>* splats, int64_t begin, int64_t end, const TileGrid& grid,
+                     uint32_t slot, uint32_t* next, int32_t* list);
+
+/// Sorts a tile's list by (depth, index). It comes by index.
+template <class T>
+void sort_by_depth(const Splat<T>* splats, int32_t* list, int64_t size);
 
 }  // namespace jade::splat::cpu

@@ -33,21 +33,39 @@ JADE_HD m::Camera<P> load_camera(const RenderCall<T>& call, int view) {
 /// read while its scalars are still on their way to the cache.
 template <int kWidth, class P, class T = typename P::Scalar>
 JADE_HD void load_lanes(const T* source, int64_t stride, int64_t first, int last, P* out) {
-  alignas(64) T buffer[kWidth][P::kLanes];
-  for (int l = 0; l < P::kLanes; ++l) {
-    const T* const row = source + (first + (l < last ? l : last)) * stride;
-    for (int k = 0; k < kWidth; ++k) buffer[k][l] = row[k];
+  const auto row = [&](int l) { return source + (first + (l < last ? l : last)) * stride; };
+  if constexpr (m::kCanTranspose<P> && kWidth % P::kLanes == 0) {
+    for (int column = 0; column < kWidth; column += P::kLanes) {
+      P packs[P::kLanes];
+      for (int l = 0; l < P::kLanes; ++l) packs[l] = P::load(row(l) + column);
+      transpose(packs);
+      for (int k = 0; k < P::kLanes; ++k) out[column + k] = packs[k];
+    }
+  } else {
+    alignas(64) T buffer[kWidth][P::kLanes];
+    for (int l = 0; l < P::kLanes; ++l) {
+      for (int k = 0; k < kWidth; ++k) buffer[k][l] = row(l)[k];
+    }
+    for (int k = 0; k < kWidth; ++k) out[k] = P::load(buffer[k]);
   }
-  for (int k = 0; k < kWidth; ++k) out[k] = P::load(buffer[k]);
 }
 
 template <int kWidth, class P, class T = typename P::Scalar>
 JADE_HD void store_lanes(T* target, int64_t stride, int64_t first, int lanes, const P* in) {
-  alignas(64) T buffer[kWidth][P::kLanes];
-  for (int k = 0; k < kWidth; ++k) in[k].store(buffer[k]);
-  for (int l = 0; l < lanes; ++l) {
-    T* const row = target + (first + l) * stride;
-    for (int k = 0; k < kWidth; ++k) row[k] = buffer[k][l];
+  const auto row = [&](int l) { return target + (first + l) * stride; };
+  if constexpr (m::kCanTranspose<P> && kWidth % P::kLanes == 0) {
+    for (int column = 0; column < kWidth; column += P::kLanes) {
+      P packs[P::kLanes];
+      for (int k = 0; k < P::kLanes; ++k) packs[k] = in[column + k];
+      transpose(packs);
+      for (int l = 0; l < lanes; ++l) packs[l].store(row(l) + column);
+    }
+  } else {
+    alignas(64) T buffer[kWidth][P::kLanes];
+    for (int k = 0; k < kWidth; ++k) in[k].store(buffer[k]);
+    for (int l = 0; l < lanes; ++l) {
+      for (int k = 0; k < kWidth; ++k) row(l)[k] = buffer[k][l];
+    }
   }
 }
 

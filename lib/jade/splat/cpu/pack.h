@@ -263,6 +263,42 @@ JADE_HD void store_sums(const Pack<float, 16> (&packs)[8], float* out) {
 }
 #endif
 
+/// Whether there is a transpose() of as many packs as they have lanes.
+template <class P>
+constexpr bool kCanTranspose = false;
+
+#if defined(__AVX512F__)
+template <>
+inline constexpr bool kCanTranspose<Pack<float, 16>> = true;
+
+/// Lane j of pack i to lane i of pack j: 64 instructions, one by one it is 256 loads and stores.
+JADE_HD void transpose(Pack<float, 16> (&packs)[16]) {
+  __m512 pairs[16], fours[16];  // of rows, side by side in each quarter
+  for (int i = 0; i < 16; i += 2) {
+    const __m512 a = (__m512)packs[i].v, b = (__m512)packs[i + 1].v;
+    pairs[i] = _mm512_unpacklo_ps(a, b);
+    pairs[i + 1] = _mm512_unpackhi_ps(a, b);
+  }
+  for (int i = 0; i < 16; i += 4) {
+    for (int half = 0; half < 2; ++half) {
+      const __m512d a = (__m512d)pairs[i + half], b = (__m512d)pairs[i + half + 2];
+      fours[i + 2 * half] = (__m512)_mm512_unpacklo_pd(a, b);
+      fours[i + 2 * half + 1] = (__m512)_mm512_unpackhi_pd(a, b);
+    }
+  }
+  for (int k = 0; k < 4; ++k) {
+    const __m512 a = _mm512_shuffle_f32x4(fours[k], fours[4 + k], 0x88);
+    const __m512 b = _mm512_shuffle_f32x4(fours[k], fours[4 + k], 0xdd);
+    const __m512 c = _mm512_shuffle_f32x4(fours[8 + k], fours[12 + k], 0x88);
+    const __m512 d = _mm512_shuffle_f32x4(fours[8 + k], fours[12 + k], 0xdd);
+    packs[k].v = _mm512_shuffle_f32x4(a, c, 0x88);
+    packs[4 + k].v = _mm512_shuffle_f32x4(b, d, 0x88);
+    packs[8 + k].v = _mm512_shuffle_f32x4(a, c, 0xdd);
+    packs[12 + k].v = _mm512_shuffle_f32x4(b, d, 0xdd);
+  }
+}
+#endif
+
 /// 2^f for f in [−½, ½]. float: minimax of degree 6 (relative error 2e-9 before rounding);
 /// double: Taylor of degree 13 (2e-17).
 template <class T, int N>
