@@ -132,7 +132,8 @@ void launch_local(const sweep::Plan& plan, const sweep::SweepOutput& output, con
   options.cores = sweep::usable_cores();
   options.jobs = flags.jobs > 0       ? flags.jobs
                  : plan.spec.jobs > 0 ? plan.spec.jobs
-                                      : sweep::jobs_for(options.devices, options.cores);
+                                      : sweep::jobs_for(options.devices, options.cores,
+                                                        static_cast<int>(plan.runs.size()));
   if (flags.jobs == 0) log_info(concat(options.jobs, " runs at once at most; --jobs sets it"));
   options.retry_failed = flags.retry_failed;
   options.memory_margin = static_cast<int64_t>(flags.margin_gib * (1 << 30));

@@ -250,12 +250,16 @@ TEST_CASE("run_local: a request to stop reaches the children, which are waited f
 }
 
 TEST_CASE("jobs_for: six per GPU while cores last, one per two cores without", "[sweep]") {
-  CHECK(sweep::jobs_for({"cuda:0"}, 16) == 6);
-  CHECK(sweep::jobs_for({"cuda:0", "cuda:1"}, 32) == 12);
-  CHECK(sweep::jobs_for({"cuda:0", "cuda:1"}, 8) == 8);
-  CHECK(sweep::jobs_for({"cuda:0", "cuda:1"}, 1) == 2);
-  CHECK(sweep::jobs_for({"cpu"}, 16) == 8);
-  CHECK(sweep::jobs_for({"cpu"}, 1) == 1);
+  CHECK(sweep::jobs_for({"cuda:0"}, 16, 100) == 6);
+  CHECK(sweep::jobs_for({"cuda:0", "cuda:1"}, 32, 100) == 12);
+  CHECK(sweep::jobs_for({"cuda:0", "cuda:1"}, 8, 100) == 8);
+  CHECK(sweep::jobs_for({"cuda:0", "cuda:1"}, 1, 100) == 2);
+  CHECK(sweep::jobs_for({"cpu"}, 16, 100) == 8);
+  CHECK(sweep::jobs_for({"cpu"}, 1, 100) == 1);
+  // One run has all the cores.
+  CHECK(sweep::jobs_for({"cpu"}, 16, 1) == 1);
+  CHECK(sweep::jobs_for({"cuda:0"}, 16, 4) == 4);
+  CHECK(sweep::jobs_for({"cuda:0"}, 16, 0) == 1);
 }
 
 TEST_CASE("devices_of: words become devices that are there", "[sweep]") {

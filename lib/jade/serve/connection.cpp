@@ -15,7 +15,7 @@ Connection::Connection(int socket, const Limits& limits)
 
 Connection::~Connection() {
   // What is unread would turn the close into a reset, and the answer be lost on its way. Whoever
-  // goes on and on is reset all the same: 50 ms of a local flood are 100 MB.
+  // goes on and on is reset all the same: 50 ms of a local flood are 50 MB and more.
   shutdown(socket_, SHUT_WR);
   const auto until = Clock::now() + std::chrono::milliseconds(50);
   size_t left = limits_.unread_bytes;

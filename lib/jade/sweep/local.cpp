@@ -270,12 +270,12 @@ class Launcher {
 
 }  // namespace
 
-int jobs_for(const std::vector<std::string>& devices, int cores) {
+int jobs_for(const std::vector<std::string>& devices, int cores, int runs) {
   constexpr int kPerGpu = 6;
   const int gpus = static_cast<int>(std::count_if(devices.begin(), devices.end(),
                                                   [](const auto& name) { return name != "cpu"; }));
-  if (gpus == 0) return std::max(1, cores / 2);
-  return std::max(gpus, std::min(kPerGpu * gpus, cores));
+  const int fit = gpus == 0 ? cores / 2 : std::max(gpus, std::min(kPerGpu * gpus, cores));
+  return std::max(1, std::min(fit, runs));
 }
 
 void run_local(const Plan& plan, const SweepOutput& output, const LocalOptions& options,

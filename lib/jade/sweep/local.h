@@ -22,9 +22,10 @@ struct LocalOptions {
   std::function<void()> on_end;  ///< after each run, for the table
 };
 
-/// Runs at once where nobody says: six per GPU, as long as each has a core, or one per two cores
-/// where the CPU trains. Memory may let fewer start (may_start()).
-int jobs_for(const std::vector<std::string>& devices, int cores);
+/// How many of `runs` go at once where nobody says: six per GPU, as long as each has a core, or one
+/// per two cores where the CPU trains; never more than there are, as they share out the cores.
+/// Memory may let fewer start (may_start()).
+int jobs_for(const std::vector<std::string>& devices, int cores, int runs);
 
 /// Runs what the plan lacks as child processes, several at once while memory lasts, and goes on
 /// past failed ones. A request to stop is passed on to the children, which save, and waited for.

@@ -26,7 +26,7 @@ struct Entry {
   int32_t index;
 };
 
-constexpr int kMaxDigitBits = 9;  // a tile has a few hundred entries: more buckets cost more
+constexpr int kMaxDigitBits = 9;  // as many buckets as a tile has entries, a few hundred
 
 template <class T>
 bool is_visible(const Splat<T>& splat) {
