@@ -336,7 +336,8 @@ def simulate_events(
     # The stream runs on before the exposure: the reference is anywhere within a threshold of the first sample.
     offset = draw.uniform(-1, 1, count, height, width)
     reference = level[:, 0] - torch.where(offset > 0, offset * thresholds.rise, offset * thresholds.fall)
-    slow = draw.chance(0.3, count, 1, 1) * draw.uniform(0, 0.85, count, 1, 1) * per_sample
+    # A lag of 2.3 steps at the most: in dim light sensors reach some milliseconds.
+    slow = draw.chance(0.3, count, 1, 1) * draw.uniform(0, 0.7, count, 1, 1) * per_sample
     limited = draw.chance(0.25, count, 1, 1) & (per_sample > 0.2)
     most = torch.where(limited, 1.0 + draw.index(3, count, 1, 1), torch.full_like(per_sample, 1e6))
     lost = draw.uniform(0, 0.12, count, 1, 1) * per_sample

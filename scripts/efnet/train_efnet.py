@@ -24,6 +24,7 @@ from torch import Tensor, nn
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 import restoration  # noqa: E402
 from draw import Draw  # noqa: E402
+from export_efnet import DataError, load_checkpoint  # noqa: E402
 from footage import Footage  # noqa: E402
 from model import EFNet, parameter_count  # noqa: E402
 from synthetic import (  # noqa: E402
@@ -68,6 +69,7 @@ def parse_arguments(arguments: list[str] | None = None) -> argparse.Namespace:
     p.add_argument("--validation-batches", type=int, default=4, help="of four scenes, per noise level; twice as many at the end")
     p.add_argument("--blur-max", type=float, default=40)
     p.add_argument("--resume", type=Path, help="output folder of an earlier run (weights.pth, state.pth)")
+    p.add_argument("--weights", type=Path, help="begin with these weights, a .pth or an exported .pt; all else anew")
     p.add_argument("--seed", type=int, default=1)
     p.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
     p.add_argument("--precision", choices=("bf16", "fp32"), default="bf16" if torch.cuda.is_available() else "fp32")
@@ -76,11 +78,24 @@ def parse_arguments(arguments: list[str] | None = None) -> argparse.Namespace:
         p.error(f"--crop: expected a multiple of 4, at least 16, got {result.crop}")
     if result.input == "counts" and result.batch % 2:
         p.error(f"--batch: expected an even number, got {result.batch}")
+    if result.resume and result.weights:
+        p.error("--weights: --resume brings its own")
+    if result.weights is not None and not result.weights.is_file():
+        p.error(f"--weights: no file at {result.weights}")
     for name in ("photographs", "held_out", "footage", "held_out_footage", "resume"):
         folder = getattr(result, name)
         if folder is not None and not folder.is_dir():
             p.error(f"--{name.replace('_', '-')}: no folder at {folder}")
     return result
+
+
+def read_weights(path: Path) -> dict[str, Tensor]:
+    """State of an EFNet from a checkpoint, or from a file that export_efnet.py wrote."""
+    try:
+        exported = torch.jit.load(str(path), map_location="cpu")
+    except RuntimeError:
+        return load_checkpoint(path)
+    return {name.rpartition("net.")[2]: value.detach().float() for name, value in exported.named_parameters()}
 
 
 class Machines:
@@ -142,6 +157,11 @@ class Trainer:
         decayed = dict(lr=options.lr, betas=(0.9, 0.99), weight_decay=options.weight_decay)
         self.optimiser = torch.optim.AdamW(self.model.parameters(), fused=self.device.type == "cuda", **decayed)
         self.step, self.samples_seen, self.fraction = 0, 0, 0.0
+        if options.weights:
+            try:
+                self.model.net.load_state_dict(read_weights(options.weights))
+            except RuntimeError as error:
+                raise DataError(f"{options.weights}: expected weights of this network ({str(error).splitlines()[-1].strip()})")
         self.mean = [p.clone() for p in self.values()]
         if options.resume:
             self.load(options.resume)
@@ -389,7 +409,7 @@ def main() -> int:
     options = parse_arguments()
     try:
         Trainer(options).run()
-    except FileNotFoundError as error:
+    except (DataError, FileNotFoundError) as error:
         print(f"train_efnet: {error}", file=sys.stderr)
         return 3
     return 0

@@ -17,6 +17,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "scripts" / "efnet"))
 import export_efnet  # noqa: E402
 import restoration  # noqa: E402
+import train_efnet  # noqa: E402
 from model import EFNet, parameter_count  # noqa: E402
 from draw import Draw  # noqa: E402
 from footage import Footage  # noqa: E402
@@ -319,6 +320,13 @@ class Export(unittest.TestCase):
         with torch.no_grad():
             expected = net(*restoration.any_time_input(image, counts, time))[1]
             self.assertLess(float((module.float()(image, counts, time) - expected).abs().max()), 1e-2)
+
+    def test_training_begins_with_exported_weights_and_checkpoints(self):
+        net, _, _ = self.any_time()
+        for name in ("official.pth", "out.pt"):
+            read = train_efnet.read_weights(self.path / name)
+            self.assertEqual(read.keys(), net.state_dict().keys())
+            self.assertTrue(all(torch.equal(read[k], v) for k, v in net.state_dict().items()), name)
 
     def test_an_any_time_network_takes_no_options_of_the_published_one(self):
         for option in (("--no-mask",), ("--channel-order", "bgr")):
