@@ -3,6 +3,8 @@
 
 #include "support/catch.h"
 
+#include <ATen/Parallel.h>
+#include <cstdlib>
 #include <torch/types.h>
 
 #include "jade/core/error.h"
@@ -24,6 +26,28 @@ TEST_CASE("trim_device_memory: gives back what no tensor holds, and only beyond 
 
 TEST_CASE("trim_device_memory: has nothing to do on the CPU", "[core]") {
   CHECK(trim_device_memory(torch::kCPU, 0) == 0);
+}
+
+TEST_CASE("limit_threads_beside: a GPU leaves eight threads, unless the user said how many",
+          "[core]") {
+  const int before = at::get_num_threads();
+  const char* said = std::getenv("OMP_NUM_THREADS");
+  const std::string kept = said == nullptr ? "" : said;
+  unsetenv("OMP_NUM_THREADS");
+  at::set_num_threads(12);
+  limit_threads_beside(torch::kCPU);
+  CHECK(at::get_num_threads() == 12);
+  setenv("OMP_NUM_THREADS", "12", 1);
+  limit_threads_beside(torch::kCUDA);
+  CHECK(at::get_num_threads() == 12);
+  unsetenv("OMP_NUM_THREADS");
+  limit_threads_beside(torch::kCUDA);
+  CHECK(at::get_num_threads() == 8);
+  at::set_num_threads(3);
+  limit_threads_beside(torch::kCUDA);
+  CHECK(at::get_num_threads() == 3);
+  at::set_num_threads(before);
+  if (said != nullptr) setenv("OMP_NUM_THREADS", kept.c_str(), 1);
 }
 
 TEST_CASE("select_device: words it does not know and GPUs that are not there are told apart",

@@ -2,6 +2,7 @@
 #include "jade/core/device.h"
 
 #include <ATen/Parallel.h>
+#include <cstdlib>
 #include <sys/resource.h>
 
 #include "jade/core/cuda_runtime.h"
@@ -24,6 +25,14 @@ int64_t peak_memory_bytes(torch::Device device) {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
   return static_cast<int64_t>(usage.ru_maxrss) * 1024;
+}
+
+void limit_threads_beside(torch::Device device) {
+  constexpr int kThreads = 8;
+  if (device.is_cuda() && std::getenv("OMP_NUM_THREADS") == nullptr &&
+      at::get_num_threads() > kThreads) {
+    at::set_num_threads(kThreads);
+  }
 }
 
 int64_t trim_device_memory(torch::Device device, int64_t keep_bytes) {

@@ -20,6 +20,10 @@ std::string device_name(torch::Device device);
 /// resident size.
 int64_t peak_memory_bytes(torch::Device device);
 
+/// Where a GPU does the work, leaves at most eight threads to what remains on the CPU, unless
+/// OMP_NUM_THREADS says otherwise: more have little to do, and wait for each other busily.
+void limit_threads_beside(torch::Device device);
+
 /// Gives memory back to a GPU's other users where the allocator keeps more than `keep_bytes` beyond
 /// what tensors hold. Waits for the device when it does; nothing on the CPU.
 /// @return bytes given back

@@ -78,6 +78,7 @@ Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const st
       stream_(device_),
       directory_(run),
       data_(load_data(directory_, options, resume.empty())) {
+  limit_threads_beside(device_);
   train::settle(options_);
   train::follow_dataset(data_.dataset, options_);
   if (resume.empty() || !resume_from(resume)) {
