@@ -14,7 +14,7 @@ import chromium
 from browser_test import box, choose, expect
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "apps"))
-from serve_test import Runs, Served, wait_for  # noqa: E402
+from serve_test import Runs, Served, ask, wait_for  # noqa: E402
 
 STEPS = "--set train.iterations=100000 --set objective.target=edi --set densify.until=100000 --set train.evaluate_every=0".split()
 LEARNED = "--set poses.optimize=linear --set poses.lr=1e-2 --set poses.lr_final=1e-2".split()
@@ -134,7 +134,11 @@ def check_next(page, served, runs):
     port = re.search(r":(\d+)/", served.url)[1]
     following = Served(*runs.training("next", f"--serve={port}", *LEARNED, "--set", "train.evaluate_every=0", "--set", "train.iterations=300"))
     try:
+        # Paused until the page has found it: a quick machine would be through before.
+        expect(ask(f"{following.url}pause?viewer=test&on=1", "POST")[0] == 204, "pause")
         page.wait("window.jade?.live?.known?.steps === 300")
+        page.wait("jade.live.known.phase === 'paused'")
+        expect(ask(f"{following.url}pause?viewer=test&on=0", "POST")[0] == 204, "go on")
         page.wait("/^Training has ended/.test(document.getElementById('notice').textContent)", 120)
         expect(following.end() == 0, following.said())
         page.wait("document.getElementById('notice').textContent.includes('next/report.html')")
