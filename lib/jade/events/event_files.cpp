@@ -230,14 +230,17 @@ EventStream only_in(const std::vector<TimeWindow>& windows, const EventStream& e
           joined(&EventStream::polarity)};
 }
 
-double memory_bytes() { return double(sysconf(_SC_PHYS_PAGES)) * double(sysconf(_SC_PAGE_SIZE)); }
+void check_memory(const std::string& what, double bytes) {
+  const double machine = double(sysconf(_SC_PHYS_PAGES)) * double(sysconf(_SC_PAGE_SIZE));
+  if (bytes < kMostMemory * machine) return;
+  throw DataError(concat(what, " need ", std::llround(1e-9 * bytes), " GB, more than ", kMostMemory,
+                         " of the ", std::llround(1e-9 * machine),
+                         " GB of this machine; choose a shorter span of time (jade_import: "
+                         "--begin-s, --end-s)"));
+}
 
 void check_event_memory(const std::filesystem::path& path, int64_t count, double bytes) {
-  const double needed = bytes * double(count);
-  if (needed < 0.7 * memory_bytes()) return;
-  throw DataError(concat(path.string(), ": ", count, " events need ", std::llround(1e-9 * needed),
-                         " GB, and this machine has ", std::llround(1e-9 * memory_bytes()),
-                         "; choose a shorter span of time (jade_import: --begin-s, --end-s)"));
+  check_memory(concat(path.string(), ": ", count, " events"), bytes * double(count));
 }
 
 EventFileResult read_events(const std::filesystem::path& path, const EventFileOptions& options) {

@@ -49,10 +49,13 @@ struct EventFileResult {
 /// that read_events has kept are, else a copy.
 EventStream only_in(const std::vector<TimeWindow>& windows, const EventStream& events);
 
-/// Bytes of memory that this machine has.
-double memory_bytes();
+/// The share of a machine's memory that a recording may take.
+constexpr double kMostMemory = 0.7;
 
-/// @throws DataError if so many events at so many bytes each do not fit into memory.
+/// @throws DataError if `what` of a recording, which takes so many bytes, does not fit into memory.
+void check_memory(const std::string& what, double bytes);
+
+/// The same for so many events at so many bytes each.
 void check_event_memory(const std::filesystem::path& path, int64_t count, double bytes);
 
 /// Reads a recording into memory, 17 bytes per event and no second copy of it (16 bytes more for

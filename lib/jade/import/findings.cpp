@@ -163,7 +163,9 @@ SensorFinding find_sensor(const SensorOptions& options, const events::EventOptio
   clean(finding, cleaned);
   if (align) align(cleaned);
   finding.blur_px = find_blur(cleaned);
-  finding.said += concat("median blur ", rounded(median_of(finding.blur_px), 0.1), " px, ");
+  const double blur = median_of(finding.blur_px);
+  finding.said += blur < 0 ? "blur not known, as events follow no motion, "
+                           : concat("median blur ", rounded(blur, 0.1), " px, ");
   finding.filter = filter_of(cleaned);
   if (finding.filter != ColorFilter::kNone) {
     finding.said += concat("events through a ", word_of(finding.filter), " filter, ");

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <ATen/Parallel.h>
 #include <algorithm>
-#include <cmath>
 #include <map>
 #include <torch/types.h>
 
@@ -16,13 +15,9 @@ namespace fs = std::filesystem;
 
 /// The first image says how large all of them will be.
 void check_memory(const std::vector<FrameFile>& files, const Frame& first) {
-  const double needed = double(files.size()) * double(first.image.nbytes());
-  if (needed < 0.7 * events::memory_bytes()) return;
-  throw DataError(concat(files.front().path.parent_path().string(), ": ", files.size(),
-                         " frames of ", first.image.size(2), "x", first.image.size(1), " px need ",
-                         std::llround(needed / 1e9), " GB, and this machine has ",
-                         std::llround(events::memory_bytes() / 1e9),
-                         "; choose a shorter span of time"));
+  events::check_memory(concat(files.front().path.parent_path().string(), ": ", files.size(),
+                              " frames of ", first.image.size(2), "x", first.image.size(1), " px"),
+                       double(files.size()) * double(first.image.nbytes()));
 }
 
 Frame read_frame(const FrameFile& file) {
