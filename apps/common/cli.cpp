@@ -126,6 +126,16 @@ CLI::Option* Program::add_key_flag(const std::string& flag, const std::string& k
       concat(help, " [", key, "]"));
 }
 
+CLI::Option* Program::add_key_list_flag(const std::string& flag, const std::string& key,
+                                        const std::string& help) {
+  return cli_.add_option_function<std::string>(
+      flag,
+      [this, flag, key](const std::string& value) {
+        key_flags_.push_back({flag + " " + value, key, value, /*is_list=*/true});
+      },
+      concat(help, " [", key, "]"));
+}
+
 CLI::Option* Program::add_key_switch(const std::string& flag, const std::string& key,
                                      const std::string& value, const std::string& help) {
   return cli_.add_flag_callback(

@@ -40,6 +40,9 @@ class Program {
   /// `help` may leave the range and the default to --print-config.
   CLI::Option* add_key_flag(const std::string& flag, const std::string& key,
                             const std::string& help);
+  /// A flag that stands for a key with a list: a YAML list, or its only element.
+  CLI::Option* add_key_list_flag(const std::string& flag, const std::string& key,
+                                 const std::string& help);
   /// A flag without a value that sets a key to `value`.
   CLI::Option* add_key_switch(const std::string& flag, const std::string& key,
                               const std::string& value, const std::string& help);

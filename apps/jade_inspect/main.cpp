@@ -5,6 +5,7 @@
 
 #include "common/cli.h"
 #include "common/dataset_flags.h"
+#include "common/shell.h"
 #include "jade/data/dataset.h"
 #include "jade/recording/format.h"
 #include "jade/run/run_summary.h"
@@ -17,9 +18,21 @@ using namespace jade;
 
 namespace {
 
+/// A data set of jade_import brings its own settings.
+std::string training_of(const data::DatasetOptions& options) {
+  namespace fs = std::filesystem;
+  const fs::path folder = fs::weakly_canonical(options.path), scene = options.path / "scene.yaml";
+  const std::string source = fs::is_regular_file(scene)
+                                 ? "--config " + apps::shell_word(scene)
+                                 : "--set " + apps::shell_word("dataset.path=" + folder.string());
+  return "build/bin/jade_train " + source + " --output " +
+         apps::shell_word(fs::path("runs") / folder.filename());
+}
+
 ExitCode inspect(const data::DatasetOptions& options, double log_offset, bool json) {
   apps::Inspection inspection;
   inspection.log_offset = log_offset;
+  inspection.next = training_of(options);
   inspection.dataset = data::load_dataset(options, &inspection.problems);
   inspection.thresholds =
       data::estimate_thresholds(inspection.dataset.train, inspection.dataset.events, log_offset);

@@ -8,6 +8,7 @@
 #include <torch/types.h>
 #include <vector>
 
+#include "common/shell.h"
 #include "jade/recording/recording.h"
 
 namespace jade::apps {
@@ -54,7 +55,7 @@ RecordingNumbers numbers_of(const Recording& r) {
 /// What to run next; what it lacks is named in capitals.
 std::string next_command(const Recording& r, const RecordingNumbers& n) {
   if (r.events.empty()) return "";
-  std::string line = "build/bin/jade_import " + r.source.string();
+  std::string line = "build/bin/jade_import " + shell_word(r.source);
   if (r.frames.empty()) {
     line += " --frames FOLDER_OR_VIDEO";
     if (r.triggers.rising_us.empty()) line += " --frame-times LIST.csv";
@@ -64,7 +65,7 @@ std::string next_command(const Recording& r, const RecordingNumbers& n) {
   if (!r.calibration) line += " --calibration CAMERA.yaml";
   const bool two_cameras = r.calibration && r.calibration->text.find("cam1:") != std::string::npos;
   if (two_cameras) line += " --plane-depth METRES";
-  return line + " --output data/" + r.source.stem().string();
+  return line + " --output " + shell_word(fs::path("data") / r.source.stem());
 }
 
 void print_frames(const Recording& r, const RecordingNumbers& n) {

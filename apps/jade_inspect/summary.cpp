@@ -121,7 +121,7 @@ void print_text(const Inspection& inspection) {
   print_events(inspection);
   print_exposures(inspection.dataset);
   if (inspection.problems.empty()) {
-    std::printf("\nNo problems found.\n");
+    std::printf("\nNo problems found.\n\nnext        %s\n", inspection.next.c_str());
     return;
   }
   std::printf("\n%zu problem%s:\n", inspection.problems.size(),
@@ -167,7 +167,8 @@ nlohmann::json to_json(const Inspection& inspection) {
                              {"positive_share", positive_share(d.events)},
                              {"colour", d.event_color.defined()}}},
                            {"thresholds", nullptr},
-                           {"problems", inspection.problems}};
+                           {"problems", inspection.problems},
+                           {"next", inspection.next}};
   if (inspection.thresholds.found) {
     result["thresholds"] = {{"positive", inspection.thresholds.thresholds.positive},
                             {"negative", inspection.thresholds.thresholds.negative},

@@ -16,6 +16,7 @@ struct Inspection {
   std::vector<std::string> problems;  ///< one line each, with the fix
   data::ThresholdEstimate thresholds;
   double log_offset = 0;  ///< that the thresholds are for
+  std::string next;       ///< the command that trains it
 };
 
 void print_text(const Inspection& inspection);

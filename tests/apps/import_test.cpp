@@ -86,6 +86,21 @@ TEST_CASE("jade_import: bad input is one line each", "[apps]") {
   check_error(run(dir, "jade_import --quiet three"), 2, "--output: expected a folder");
   check_error(run(dir, "jade_import --quiet three --output out --set poses.colmap=gone"), 3,
               "gone: expected the program colmap");
+  for (const char* names : {"nothing", "'[nothing]'"}) {
+    check_error(import(concat("three --from read --until read --test ", names)), 2,
+                "--test: expected names of frames such as");
+  }
+  check_error(run(dir, "jade_import --quiet three --output three"), 2,
+              "--output: expected a folder apart from ");
+  check_error(run(dir, "jade_import --quiet three --output three/out"), 2,
+              "--output: expected a folder apart from ");
+  fs::create_directories(dir / "mine");
+  write_file(dir / "mine/notes.txt", "");
+  check_error(run(dir, "jade_import --quiet three --output mine"), 2,
+              "--output: expected a new or empty folder");
+  // COLMAP is asked for where it is needed.
+  CHECK(run(dir, "jade_import --quiet three --output early --until read --set poses.colmap=gone")
+            .code == 0);
   check_error(import("three --from nothing"), 2, "--from: expected one of read");
   check_error(import("three --begin-s 2 --end-s 1"), 2, "time.end_s: expected 0 or more than");
   check_error(import("three --stamp begin"), 2, "time.stamp");

@@ -9,6 +9,7 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "jade/core/folder_lock.h"
 #include "jade/core/progress.h"
 #include "jade/import/capture.h"
 #include "jade/simulate/simulator.h"
@@ -130,6 +131,28 @@ TEST_CASE("importer: two cameras and the depth of their plane belong together", 
              std::string(chain).replace(chain.find("[130, 100]"), 10, "[65, 50]"));
   options.lens.calibration = dir / "half.yaml";
   CHECK_THROWS_WITH(import(), Catch::Contains("calibrated at 65x50, the events have 130x100"));
+}
+
+TEST_CASE("importer: names of test frames are checked as soon as frames are there", "[import]") {
+  const test::TempDir dir;
+  const simulate::SimulateRun run = small_run();
+  simulate::write_recording(simulate::simulate(run), run, dir / "table");
+  import::ImportOptions options = options_for(dir / "table", dir / "colmap");
+  options.test.names = {"nothing"};
+  CHECK_THROWS_WITH(import::import_recording(options, dir / "out", {"", "read"}),
+                    Catch::Contains("--test: expected names of frames such as"));
+}
+
+TEST_CASE("importer: one at a time works on a folder", "[import]") {
+  const test::TempDir dir;
+  const simulate::SimulateRun run = small_run();
+  simulate::write_recording(simulate::simulate(run), run, dir / "table");
+  const import::ImportOptions options = options_for(dir / "table", dir / "colmap");
+  fs::create_directories(dir / "out/import");
+  const auto other = FolderLock::take(dir / "out/import");
+  REQUIRE(other);
+  CHECK_THROWS_WITH(import::import_recording(options, dir / "out", {"", "read"}),
+                    Catch::Contains("another jade_import is at work here"));
 }
 
 TEST_CASE("importer: frames of no length are sharp images", "[import]") {

@@ -124,6 +124,23 @@ TEST_CASE("scene files: the data set loads with poses, points and held-out expos
   CHECK_THAT(read_file(dir / "base.yaml"), Catch::Contains("optimize: cubic"));
 }
 
+TEST_CASE("scene files: a second import leaves nothing of the first", "[import]") {
+  const test::TempDir dir;
+  import::Capture first = capture_of(std::vector<double>(9, 5.0));
+  first.filter = import::ColorFilter::kRggb;
+  first.sensor = {20, 30};
+  import::write_scene(dir.path(), first, line_of(first), {});
+  const import::Capture second = capture_of({5, 0.5, 5, 5});
+  import::write_scene(dir.path(), second, line_of(second), {});
+  data::DatasetOptions options;
+  options.path = dir.path();
+  const data::Dataset data = data::load_dataset(options);
+  CHECK(data.train.size() == 3);
+  CHECK(data.held_out.empty());
+  CHECK(data.test.size() == 1);
+  CHECK_FALSE(data.event_color.defined());
+}
+
 TEST_CASE("scene files: events behind a colour filter keep their colours", "[import]") {
   using import::ColorFilter;
   import::Capture capture = capture_of({5, 5, 5, 5});

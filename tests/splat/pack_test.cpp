@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "jade/splat/cpu/pack.h"
+
 #include "support/catch.h"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
-
-#include "jade/splat/cpu/pack.h"
 
 namespace m = jade::splat::math;
 

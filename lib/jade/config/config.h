@@ -15,9 +15,10 @@ namespace jade::config {
 
 /// A flag of a program that stands for a key.
 struct KeyFlag {
-  std::string text;   ///< as the user wrote it, "--kind colmap"; for messages
-  std::string key;    ///< "dataset.kind"
-  std::string value;  ///< taken as it is: a path with a colon needs no YAML quotes here
+  std::string text;      ///< as the user wrote it, "--kind colmap"; for messages
+  std::string key;       ///< "dataset.kind"
+  std::string value;     ///< taken as it is: a path with a colon needs no YAML quotes here
+  bool is_list = false;  ///< `value` is YAML: a list, or its only element
 };
 
 struct Sources {

@@ -312,8 +312,17 @@ Layer override_layer(const std::string& assignment) {
   return {tree_of(assignment.substr(0, equals), value), name, fs::current_path(), false};
 }
 
+YAML::Node value_of(const KeyFlag& flag) {
+  if (!flag.is_list) return YAML::Node(flag.value);
+  const YAML::Node value = parse(flag.value, flag.text);
+  if (value.IsSequence()) return value;
+  YAML::Node list(YAML::NodeType::Sequence);
+  list.push_back(value);
+  return list;
+}
+
 Layer flag_layer(const KeyFlag& flag) {
-  return {tree_of(flag.key, YAML::Node(flag.value)), flag.text, fs::current_path(), false};
+  return {tree_of(flag.key, value_of(flag)), flag.text, fs::current_path(), false};
 }
 
 }  // namespace

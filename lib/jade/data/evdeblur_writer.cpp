@@ -120,6 +120,9 @@ void write_event_file(const fs::path& path, const events::EventStream& events, i
 void write_evdeblur(const fs::path& folder, const EvDeblurContent& content,
                     const EvDeblurWriteOptions& options) {
   check_content(content);
+  for (const char* name : {"images_1", "sharp", kHeldOutFile, "points.npz", "ev_map.npz"}) {
+    fs::remove_all(folder / name);
+  }
   make_writable_folder(folder / "images_1");
   const imaging::ImageWriteOptions image_options{options.image_bits, 95};
   std::vector<const torch::Tensor*> images;

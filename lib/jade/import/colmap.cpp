@@ -19,7 +19,8 @@ namespace {
 namespace fs = std::filesystem;
 
 bool is_program(const fs::path& path) {
-  return fs::is_regular_file(path) && access(path.c_str(), X_OK) == 0;
+  std::error_code unreadable;
+  return fs::is_regular_file(path, unreadable) && access(path.c_str(), X_OK) == 0;
 }
 
 /// One call of COLMAP, and what tells how far it is.

@@ -125,7 +125,12 @@ ClockFinding find_clock(const TimeOptions& options, const Capture& capture, bool
                            "; give it with --offset-ms, or --set "
                            "time.find_offset=false for clocks that are one"));
   }
-  if (found.ambiguous()) return {0, concat("taken for one clock, as nothing tells: ", found.doubt)};
+  if (found.ambiguous()) {
+    log_warn(
+        concat(capture.source, ": frames and events do not tell the offset between their clocks (",
+               found.doubt, "); taken for one clock, give it with --offset-ms if they are two"));
+    return {0, "taken for one clock, as nothing tells"};
+  }
   const double offset_ms = found.offset_us / 1000, error_ms = found.error_us / 1000;
   const std::string measured = concat(rounded(offset_ms, 0.1), " +- ", rounded(error_ms, 0.1),
                                       " ms found, correlation ", rounded(found.correlation, 0.01));

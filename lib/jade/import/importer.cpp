@@ -9,6 +9,7 @@
 #include "jade/config/config.h"
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "jade/core/folder_lock.h"
 #include "jade/core/log.h"
 #include "jade/import/capture.h"
 #include "jade/import/colmap.h"
@@ -29,16 +30,19 @@ constexpr size_t kFewestFrames = 4;
 
 /// Names, sizes and times of change: hashing a recording of 10 GB would take a minute.
 std::string fingerprint(const fs::path& path) {
-  const auto line = [](const fs::path& file) {
-    const auto changed = fs::last_write_time(file).time_since_epoch();
-    return concat(file.string(), ' ', fs::file_size(file), ' ',
+  // What cannot be looked at is told by who reads it.
+  std::error_code unreadable;
+  const auto line = [&](const fs::path& file) {
+    const auto changed = fs::last_write_time(file, unreadable).time_since_epoch();
+    return concat(file.string(), ' ', fs::file_size(file, unreadable), ' ',
                   std::chrono::duration_cast<std::chrono::microseconds>(changed).count(), '\n');
   };
-  if (fs::is_regular_file(path)) return line(path);
-  if (!fs::is_directory(path)) return {};
+  if (fs::is_regular_file(path, unreadable)) return line(path);
+  if (!fs::is_directory(path, unreadable)) return {};
   std::vector<std::string> lines;
-  for (const auto& entry : fs::recursive_directory_iterator(path)) {
-    if (entry.is_regular_file()) lines.push_back(line(entry.path()));
+  constexpr auto kSkip = fs::directory_options::skip_permission_denied;
+  for (const auto& entry : fs::recursive_directory_iterator(path, kSkip, unreadable)) {
+    if (entry.is_regular_file(unreadable)) lines.push_back(line(entry.path()));
   }
   std::sort(lines.begin(), lines.end());
   std::string all;
@@ -234,6 +238,7 @@ Stage read_stage(const ImportOptions& options, Progressed& so_far) {
             so_far.capture = load_capture(folder);
             so_far.calibration = calibration_of(options.lens, kept_calibration(folder));
             if (so_far.calibration) settle_sensor(*so_far.calibration, so_far.capture);
+            check_test_names(so_far.capture, options.test);
           }};
 }
 
@@ -253,7 +258,7 @@ Align align_of(const ImportOptions& options, const Progressed& so_far) {
 }
 
 ClockFinding clock_of(const ImportOptions& options, const Progressed& so_far) {
-  const bool apart = !options.frames.empty();
+  const bool apart = !options.frames.empty() || is_rig(so_far.calibration);
   const Align align = align_of(options, so_far);
   if (!align) return find_clock(options.time, so_far.capture, apart);
   Capture seen = without_hot_pixels(so_far.capture);
@@ -351,6 +356,38 @@ Stage write_stage(const ImportOptions& options, const fs::path& output, Progress
           [](const fs::path&) {}};
 }
 
+/// Whether `inner` is `outer` or lies in it.
+bool lies_in(const fs::path& inner, const fs::path& outer) {
+  const fs::path in = fs::weakly_canonical(inner), out = fs::weakly_canonical(outer);
+  return std::mismatch(out.begin(), out.end(), in.begin(), in.end()).first == out.end();
+}
+
+/// What is imported stays as it is, and so does a folder of somebody else's.
+void check_output(const ImportOptions& options, const fs::path& output) {
+  for (const fs::path& given : {options.recording, options.frames}) {
+    if (given.empty() || !fs::exists(given)) continue;
+    if (!lies_in(output, given) && !lies_in(given, output)) continue;
+    throw ConfigError(concat("--output: expected a folder apart from ", given.string(), ", found ",
+                             output.string(), "; the data set would be written over what is read"));
+  }
+  if (!fs::exists(output) || fs::exists(output / "import")) return;
+  if (fs::is_directory(output) && fs::is_empty(output)) return;
+  throw ConfigError(
+      concat("--output: expected a new or empty folder, or one of an earlier import, "
+             "found other files in ",
+             output.string(), "; choose another"));
+}
+
+/// Told before minutes of work, if COLMAP will be needed at all.
+void check_colmap(const ImportOptions& options, const StageRange& range) {
+  const auto is_one_of = [](const std::string& name, std::initializer_list<const char*> names) {
+    return std::find(names.begin(), names.end(), name) != names.end();
+  };
+  if (is_one_of(range.until, {"read", "time", "sensor", "undistort", "restore"})) return;
+  if (range.from == "write") return;
+  find_colmap(options.poses.colmap);
+}
+
 }  // namespace
 
 void import_recording(const ImportOptions& given, const fs::path& output, const StageRange& range) {
@@ -358,7 +395,8 @@ void import_recording(const ImportOptions& given, const fs::path& output, const 
   if (!fs::exists(options.recording)) {
     throw DataError(concat(options.recording.string(), ": no such file or folder"));
   }
-  find_colmap(options.poses.colmap);  // told before minutes of work
+  check_output(options, output);
+  check_colmap(options, range);
   if (!options.lens.calibration.empty()) calibration_of(options.lens, {});
   Progressed so_far;
   const std::vector<Stage> stages{
@@ -366,7 +404,13 @@ void import_recording(const ImportOptions& given, const fs::path& output, const 
       sensor_stage(options, so_far),       undistort_stage(options, so_far),
       restore_stage(options, so_far),      poses_stage(options, so_far),
       write_stage(options, output, so_far)};
-  make_writable_folder(output);
+  make_writable_folder(output / "import");
+  const auto lock = FolderLock::take(output / "import");
+  if (!lock) {
+    throw DataError(concat(output.string(),
+                           ": another jade_import is at work here; wait for it or choose another "
+                           "--output"));
+  }
   run_stages(output / "import", stages, range);
 }
 

@@ -21,19 +21,6 @@ namespace fs = std::filesystem;
 /// Events beyond the first and the last exposure, for lines that begin or end there.
 constexpr int64_t kMarginUs = 20000;
 
-std::set<std::string> checked_names(const Capture& capture, const TestOptions& options) {
-  std::set<std::string> known, wanted;
-  for (const Shot& shot : capture.shots) known.insert(shot.name);
-  for (const std::string& name : options.names) {
-    if (known.count(name) == 0) {
-      throw ConfigError(concat("--test: expected names of frames such as '",
-                               capture.shots.front().name, "', found '", name, "'"));
-    }
-    wanted.insert(name);
-  }
-  return wanted;
-}
-
 /// Every so many of the training exposures, from the middle of the first so many on.
 void hold_out(int64_t every, std::vector<Part>& parts) {
   if (every < 2) return;
@@ -172,9 +159,20 @@ std::string left_out(const Capture& capture, const std::vector<Part>& parts) {
 
 }  // namespace
 
+void check_test_names(const Capture& capture, const TestOptions& options) {
+  std::set<std::string> known;
+  for (const Shot& shot : capture.shots) known.insert(shot.name);
+  for (const std::string& name : options.names) {
+    if (known.count(name) != 0) continue;
+    throw ConfigError(concat("--test: expected names of frames such as '",
+                             capture.shots.front().name, "', found '", name, "'"));
+  }
+}
+
 std::vector<Part> parts_of(const Capture& capture, const std::vector<TimedPose>& found,
                            const TestOptions& options) {
-  const std::set<std::string> named = checked_names(capture, options);
+  check_test_names(capture, options);
+  const std::set<std::string> named(options.names.begin(), options.names.end());
   std::set<int64_t> posed;
   for (const TimedPose& timed : found) posed.insert(timed.shot);
   std::vector<Part> parts;

@@ -17,9 +17,12 @@ enum class Part { kTrain, kHeldOut, kTest, kLeftOut };
 
 /// Named frames, else sharp ones, else every so many exposures held out. Shots without a pose in
 /// `found` are left out; named ones that are blurry are held out.
-/// @throws ConfigError for a name that no shot has, DataError where nothing is left for training.
+/// @throws ConfigError as check_test_names(), DataError where nothing is left for training.
 std::vector<Part> parts_of(const Capture& capture, const std::vector<TimedPose>& found,
                            const TestOptions& options);
+
+/// @throws ConfigError for a name of a test frame that no shot has.
+void check_test_names(const Capture& capture, const TestOptions& options);
 
 /// Writes the data set in the EvDeblur layout into `folder`, with frames.csv (which frame is which
 /// shot), base.yaml and scene.yaml. @return one line that says what it is

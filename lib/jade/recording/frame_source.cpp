@@ -71,13 +71,17 @@ std::vector<FrameFile> frames_of_video(const fs::path& path, const fs::path& fol
 
 std::vector<FrameFile> frames_of_folder(const fs::path& folder, const ReadOptions& options,
                                         Recording& recording) {
-  if (fs::is_regular_file(folder / "images.txt")) return listed_images(folder / "images.txt");
   std::vector<FrameFile> out;
-  for (const fs::path& file : imaging::list_images(folder)) out.push_back({file, {}});
+  const bool listed = fs::is_regular_file(folder / "images.txt");
+  if (listed) {
+    out = listed_images(folder / "images.txt");
+  } else {
+    for (const fs::path& file : imaging::list_images(folder)) out.push_back({file, {}});
+  }
   if (out.empty()) throw DataError(concat(folder.string(), ": expected images, found none"));
   if (fs::is_regular_file(folder / "exposures.csv")) {
     apply_exposures(folder / "exposures.csv", read_exposures(folder / "exposures.csv"), out);
-  } else if (fs::is_regular_file(folder / "timestamps.npz")) {
+  } else if (!listed && fs::is_regular_file(folder / "timestamps.npz")) {
     add_npz_times(folder / "timestamps.npz", options.time_unit, out, recording);
   }
   return out;

@@ -79,9 +79,9 @@ void read_checkpoints(const fs::path& run, RunSummary& s) {
 }  // namespace
 
 bool is_run(const fs::path& folder) {
-  return fs::exists(folder / "config.yaml") &&
-         (fs::exists(folder / "checkpoints") || fs::exists(folder / "metrics.jsonl") ||
-          fs::exists(folder / "train.log"));
+  std::error_code unreadable;
+  const auto has = [&](const char* name) { return fs::exists(folder / name, unreadable); };
+  return has("config.yaml") && (has("checkpoints") || has("metrics.jsonl") || has("train.log"));
 }
 
 RunSummary summarize_run(const fs::path& run) {

@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+// Commands that a program prints for its user to run.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+namespace jade::apps {
+
+/// `path` as one word of a command line: in quotes where a shell would take it apart.
+inline std::string shell_word(const std::filesystem::path& path) {
+  const std::string text = path.string();
+  constexpr char kPlain[] =
+      "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-./+=:,@%";
+  if (!text.empty() && text.find_first_not_of(kPlain) == std::string::npos) return text;
+  std::string word = "'";
+  for (const char c : text) word += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return word + "'";
+}
+
+}  // namespace jade::apps
