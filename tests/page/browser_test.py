@@ -194,7 +194,7 @@ def check_layers(page, run):
     page.wait("[...document.getElementById('left-layer').options].some(o => o.value === '|difference|')")
     choose(page, "left-layer", "truth")
     choose(page, "right-layer", "|difference|")
-    page.wait("jade.layers.right === '|difference|' && document.getElementById('right').src.length > 100")
+    page.wait("document.getElementById('right').alt === '|difference|' && !document.getElementById('right').hidden")
     expect(page.evaluate("document.getElementById('left').src === jade.pictures().find(p => p.name === 'truth').src"), "truth on the left")
     error = page.evaluate("""(async () => { const [shown, a, b] = await Promise.all(
         [document.getElementById('right').src, ...['render', 'truth'].map(n => jade.layers.sourceOf(n))].map(probe.pixels));
@@ -214,6 +214,14 @@ def check_layers(page, run):
     page.wait("jade.layers.left === '|difference|' && jade.layers.right === 'truth'")
     choose(page, "left-layer", "depth")
     page.wait("document.getElementById('left').alt === 'depth' && document.getElementById('left').naturalWidth === 80")
+    choose(page, "camera", "train.0")
+    page.wait("jade.state.camera === 'train.0' && !document.getElementById('moment').disabled")
+    choose(page, "left-layer", "depth")
+    page.wait("document.getElementById('left').alt === 'depth'")
+    page.evaluate("window.depth = document.getElementById('left').src; 0")
+    choose(page, "moment", 0.05)
+    page.wait("document.getElementById('left').src !== window.depth")
+    choose(page, "moment", 0.5)
 
 
 def check_events(page):
@@ -261,6 +269,11 @@ def check_moving(page):
     page.key("r", "KeyR", "r")
     page.wait("!jade.state.pose")
     expect(page.evaluate("jade.pose()") == before, "reset goes back to the camera")
+    page.drag((left + 0.8 * width, top + 0.5 * height), (left + 0.6 * width, top + 0.6 * height))
+    page.wait("!document.getElementById('back').hidden")
+    x, y, wide, high = box(page, "back")
+    page.drag((x + wide / 2, y + high / 2), (x + wide / 2, y + high / 2))
+    page.wait("!jade.state.pose && document.getElementById('back').hidden")
 
 
 def check_path(page, run):

@@ -3,6 +3,7 @@
 import base64
 import json
 import os
+import re
 import select
 import shutil
 import subprocess
@@ -107,7 +108,13 @@ class Chromium:
     def wait(self, expression, seconds=60):
         end = time.monotonic() + seconds
         while time.monotonic() < end:
-            value = self.evaluate(expression)
+            try:
+                value = self.evaluate(expression)
+            except RuntimeError as problem:
+                # The page is on its way to another one.
+                if not re.search("navigated|context", str(problem), re.IGNORECASE):
+                    raise
+                value = None
             if value:
                 return value
             time.sleep(0.05)

@@ -233,6 +233,8 @@ test('report: the glance compares with blurry and EDI, and says something in eve
   assert.deepEqual(split.map(({ label }) => label), ['seen test views', 'unseen test views']);
   const alone = glanceFigures({ headline: null, evaluation: null, metrics: [{ step: 1, psnr_train: 30 }, { step: 2, test_psnr: 1 }] });
   assert.equal(alone[0].value, '30.00 dB');
+  const unseen = glanceFigures({ headline: null, metrics: [], evaluation: { mean: { psnr: null, ssim: null, psnr_reblur: 31.5 }, mean_seen: null, mean_unseen: null } });
+  assert.deepEqual(unseen.map(({ label, value }) => [label, value]), [['held-out blur explained', '31.50 dB']]);
   assert.deepEqual([short(1234567), short(12345), short(0.00012345)], ['1.23M', '12.3k', '0.000123']);
 });
 

@@ -22,7 +22,7 @@ STEP = "Number(jade.live.viewer.step)"
 
 
 def check_frames(page, served):
-    expect(page.open(served.url) == "scene", "expected the scene")
+    expect(page.wait("document.documentElement.dataset.ready") == "scene", "expected the scene")
     page.wait(f"{STEP} > 0")
     first = page.evaluate(STEP)
     page.wait(f"{STEP} > {first} + 2")
@@ -134,7 +134,8 @@ def check_next(page, served, runs):
     port = re.search(r":(\d+)/", served.url)[1]
     following = Served(*runs.training("next", f"--serve={port}", *LEARNED, "--set", "train.evaluate_every=0", "--set", "train.iterations=300"))
     try:
-        # Paused until the page has found it: a quick machine would be through before.
+        # Paused until the page has found it: a quick machine would be through before. Meanwhile the
+        # page may have come to the note that the views are on their way.
         expect(ask(f"{following.url}pause?viewer=test&on=1", "POST")[0] == 204, "pause")
         page.wait("window.jade?.live?.known?.steps === 300")
         page.wait("jade.live.known.phase === 'paused'")
@@ -179,7 +180,9 @@ def main():
         served = Served(*runs.training("run", "--serve=0", *STEPS, *LEARNED))
         try:
             with chromium.Chromium(1180, 900) as page:
-                wait_for(lambda: page.open(served.url, "document.readyState === 'complete'") and page.evaluate("!!document.getElementById('stage')"), "the page")
+                # As somebody comes back to it: before there are views, and with a view in the address.
+                page.open(f"{served.url}#camera=train.0", "document.readyState === 'complete'")
+                page.wait("!!document.getElementById('stage')")
                 check_frames(page, served)
                 check_cameras(page)
                 check_notes(page)

@@ -26,8 +26,8 @@ Knock knock_at(const std::string& host) {
 
 TEST_CASE("gate: on loopback only names of this machine's loopback pass, on any port", "[serve]") {
   const Gate gate({"127.0.0.1", 8080}, "");
-  for (const char* host :
-       {"127.0.0.1:8080", "localhost:9000", "localhost", "[::1]:8080", "127.0.0.2"}) {
+  for (const char* host : {"127.0.0.1:8080", "localhost:9000", "LocalHost:80", "localhost",
+                           "[::1]:8080", "127.0.0.2"}) {
     INFO(host);
     CHECK(status_of(gate, knock_at(host)) == 0);
   }

@@ -22,7 +22,7 @@ constexpr double kShare = 0.1;
 constexpr serve::Stage::Seconds kGlance{0.05};
 
 /// Pages ask for the state once per second; who has not asked for longer has gone.
-constexpr serve::Stage::Seconds kHeard{1.5}, kGone{3};
+constexpr serve::Stage::Seconds kHeard{3}, kGone{3};
 
 }  // namespace
 

@@ -22,9 +22,17 @@ std::string name_of(const std::string& host) {
   return host.substr(0, host.rfind(':'));
 }
 
+/// Names of machines know no case; browsers send them in small letters.
+std::string in_small_letters(std::string name) {
+  for (char& c : name) {
+    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+  }
+  return name;
+}
+
 std::string machine_name() {
   std::array<char, 256> name{};
-  return gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "";
+  return gethostname(name.data(), name.size() - 1) == 0 ? in_small_letters(name.data()) : "";
 }
 
 bool is_large(const std::string& content_length) {
@@ -57,7 +65,7 @@ Gate::Gate(const Address& address, std::string token)
     : loopback_(is_loopback(address)), token_(std::move(token)), machine_(machine_name()) {}
 
 bool Gate::is_ours(const std::string& host) const {
-  const std::string name = name_of(host);
+  const std::string name = in_small_letters(name_of(host));
   // A tunnel changes the port, so it is left open; a name that somebody else gives does not pass.
   if (name == "localhost") return true;
   if (is_ip(name)) return !loopback_ || is_loopback({name, 0});

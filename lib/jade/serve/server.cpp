@@ -23,10 +23,11 @@ constexpr size_t kThreads = 16;
 constexpr int kJpegQuality = 85;
 constexpr Stage::Seconds kFrameWait{2.0};     // then the viewer asks again
 constexpr Stage::Seconds kPictureWait{10.0};  // a picture is asked for once
+// By a script: a refresh by <meta> goes nowhere where the address ends in #camera=...
 constexpr char kOnItsWay[] =
-    "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><meta http-equiv=\"refresh\" "
-    "content=\"1\"><link rel=\"icon\" href=\"data:,\"><title>JADE-GS</title><p>The views are being "
-    "prepared; this page comes by itself.</html>";
+    "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><link rel=\"icon\" "
+    "href=\"data:,\"><title>JADE-GS</title><p>The views are being prepared; this page comes by "
+    "itself.<script>setTimeout(() => location.reload(), 1000);</script></html>";
 
 /// Connections beyond the threads wait in the kernel, where they cost us neither memory nor file
 /// descriptors, which the trainer needs for its own files.

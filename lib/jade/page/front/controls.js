@@ -34,6 +34,7 @@ export class Controls {
   }
 
   down(event) {
+    if (event.target.closest('button')) return; // captured, it would get no click
     this.stage.setPointerCapture(event.pointerId);
     this.pointers.set(event.pointerId, { x: event.clientX, y: event.clientY });
   }

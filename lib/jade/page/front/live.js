@@ -12,7 +12,7 @@ const AGAIN_MS = 150; // after a frame that did not come
 const ATTEMPTS = 3; // for a frame that somebody waits for
 const MAKING_MS = 500; // between two questions for a picture that is being made
 const RENEW_MS = 4000; // between two looks at a layer that changes while it trains
-const CHANGING = ['α', 'fused', 'render', DIFFERENCE];
+const CHANGING = ['α', 'fused', 'render', 'depth', DIFFERENCE];
 
 /** What the server is asked: addresses with the viewer's name and the token, and their answers. */
 export class LiveLink {
@@ -376,7 +376,9 @@ export class LivePage {
     const { page } = this;
     if (!this.viewer || !page.restored || page.playing || page.state.pose) return;
     const { camera } = page.state;
-    if (await this.follow(camera) && page.state.camera === camera && !page.playing && !page.state.pose) page.refresh();
+    const moved = await this.follow(camera) && page.state.camera === camera && !page.playing && !page.state.pose;
+    // A mean that has been built up stays.
+    if (moved && this.viewer.wanted) page.refresh();
     if (performance.now() - this.renewedAt < RENEW_MS) return;
     this.renewedAt = performance.now();
     page.layers.again(CHANGING);

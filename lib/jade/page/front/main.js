@@ -43,6 +43,7 @@ class Page {
     try {
       this.viewer = this.live ? this.live.openViewer(element('scene')) : await this.openViewer();
       this.viewer.onFrame = () => this.writeFrame();
+      element('scene').addEventListener('webglcontextlost', () => this.lose());
       this.down = unit([...this.cameras.values()].map((camera) => axis(camera.poses[0], 1)).reduce((a, b) => add(a, b)));
       this.controls = new Controls(element('stage'), this);
     } catch (problem) {
@@ -53,6 +54,16 @@ class Page {
     }
     await this.restore(parseLink(location.hash));
     document.documentElement.dataset.ready = this.viewer ? 'scene' : 'still';
+  }
+
+  /** The browser took the graphics card away: pictures stand in. */
+  lose() {
+    this.viewer = null;
+    element('notice').textContent = 'A still picture: the browser has taken the graphics card away. Load the page again to go on.';
+    element('notice').hidden = false;
+    element('stage').classList.add('still');
+    element('more').hidden = element('reset').hidden = true;
+    return this.jump(this.state.camera);
   }
 
   /** The report's pictures, until the scene is unpacked. */
@@ -150,11 +161,13 @@ class Page {
     return this.jump(this.state.camera);
   }
 
-  setMoment(moment) {
+  async setMoment(wanted) {
+    const moment = Math.min(1, Math.max(0, wanted));
     this.stop();
-    Object.assign(this.state, { moment: Math.min(1, Math.max(0, moment)), pose: null });
-    element('moment').value = this.state.moment;
-    return this.draw();
+    Object.assign(this.state, { moment, pose: null });
+    element('moment').value = moment;
+    await this.draw();
+    if (this.state.moment === moment) await this.layers.again([DEPTH]);
   }
 
   /** A sixteenth of the exposure earlier or later. */

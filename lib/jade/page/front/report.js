@@ -36,7 +36,11 @@ export function glanceFigures({ headline, evaluation, metrics }) {
   }
   for (const [label, mean] of [['seen test views', evaluation?.mean_seen], ['unseen test views', evaluation?.mean_unseen],
     ['test views', evaluation?.mean_seen || evaluation?.mean_unseen ? null : evaluation?.mean]]) {
-    if (mean) figures.push({ label, value: decibels(mean.psnr), note: `SSIM ${mean.ssim.toFixed(3)}` });
+    if (typeof mean?.psnr === 'number') figures.push({ label, value: decibels(mean.psnr), note: `SSIM ${mean.ssim.toFixed(3)}` });
+  }
+  const explained = evaluation?.mean?.psnr_reblur;
+  if (!headline && typeof explained === 'number') {
+    figures.push({ label: 'held-out blur explained', value: decibels(explained), note: 're-blurred render against frames that training has not seen' });
   }
   if (figures.length === 0) {
     const last = metrics.filter((line) => typeof line.psnr_train === 'number').pop();

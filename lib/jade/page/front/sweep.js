@@ -69,7 +69,7 @@ export class SweepPage {
     for (const scene of data.scenes) this.writeScene(scene);
     const any = data.runs.some((run) => Object.keys(run.views).length > 0);
     part('pictures-note').textContent = any ? 'Test views of every row in the table’s order, with PSNR; the highest is framed. Choose one to wipe it against the truth or another row.'
-      : 'No run has finished yet.';
+      : 'No run has finished yet, or none has test views.';
     for (const { heading, meaning } of data.columns) {
       make('dt', part('columns'), { textContent: heading });
       make('dd', part('columns'), { textContent: meaning });
