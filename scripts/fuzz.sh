@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # Builds the fuzz targets with clang under address and undefined sanitizers and runs each for a while.
 #
-#   scripts/fuzz.sh [SECONDS] [READER ...]     60 seconds each of: colmap evt hdf5 llff npy npz
+#   scripts/fuzz.sh [SECONDS] [READER ...]     60 seconds each of: colmap ecf evt hdf5 llff npy npz
 #
 # Stops at the first finding; its input is left in build-fuzz/findings/ and can be given to
 # build-fuzz/bin/jade_fuzz_<reader> again. JADE_FUZZ_BUILD names another build folder.
@@ -11,7 +11,7 @@ cd "$(dirname "$0")/.."
 seconds="${1:-60}"
 shift || true
 readers=("$@")
-[ ${#readers[@]} -gt 0 ] || readers=(colmap evt hdf5 llff npy npz)
+[ ${#readers[@]} -gt 0 ] || readers=(colmap ecf evt hdf5 llff npy npz)
 build="${JADE_FUZZ_BUILD:-build-fuzz}"
 
 compiler=""

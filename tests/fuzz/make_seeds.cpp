@@ -18,7 +18,7 @@ using namespace jade;
 int main(int argc, char** argv) {
   if (argc != 2) return 2;
   const fs::path root = argv[1];
-  for (const char* reader : {"colmap", "evt", "hdf5", "llff", "npy", "npz"}) {
+  for (const char* reader : {"colmap", "ecf", "evt", "hdf5", "llff", "npy", "npz"}) {
     fs::create_directories(root / reader);
   }
   io::write_npy(root / "npy/float", torch::rand({3, 5}));
@@ -50,6 +50,13 @@ int main(int argc, char** argv) {
                                     test::evt3_word(0, 9) + test::evt3_word(2, 8) +
                                     test::evt3_word(3, 64) + test::evt3_word(4, 0x801) +
                                     test::evt3_word(5, 1) + test::evt3_word(10, 1));
+
+  // Two events 17 µs apart in each of the layouts.
+  const std::string times("\x64\0\0\0\0\0\0\0\x01\xf1\xf1\x01", 12);
+  const std::string rows("\x41\0\x61\0", 4), columns("\x20\0\x40\0", 4), packed(12, '\x11');
+  write_file(root / "ecf/runs", std::string("\x08\0\0\0", 4) + times + rows + columns + "\x81\x01");
+  write_file(root / "ecf/packed_columns", std::string("\x09\0\0\0", 4) + times + rows + packed);
+  write_file(root / "ecf/packed", std::string("\x0a\0\0\0", 4) + times + packed);
 
   const io::ColmapCamera camera{1, "PINHOLE", 20, 10, {15, 16, 10, 5}};
   const std::vector<io::ColmapImage> images = {{1, {1, 0, 0, 0}, {0, 0, 1}, 1, "0_0.png"},

@@ -46,14 +46,18 @@ hid_t trigger_type() {
   return type;
 }
 
-/// A list of records in a group; `ecf`: bytes of one chunk that only that filter could decode.
+/// A list of records in a group; `ecf`: bytes that are no chunk of that compression.
 void write_records(hid_t file, const char* group, hid_t type, const void* records, hsize_t count,
                    bool ecf = false) {
   const hid_t folder = H5Gcreate2(file, group, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
   const hid_t space = H5Screate_simple(1, &count, nullptr);
   const hid_t properties = H5Pcreate(H5P_DATASET_CREATE);
   H5Pset_chunk(properties, 1, &count);
-  if (ecf) H5Pset_filter(properties, kEcf, H5Z_FLAG_OPTIONAL, 0, nullptr);
+  if (ecf) {
+    // HDF5 makes no data set for a filter that can only read.
+    if (H5Zfilter_avail(kEcf) > 0) H5Zunregister(kEcf);
+    H5Pset_filter(properties, kEcf, H5Z_FLAG_OPTIONAL, 0, nullptr);
+  }
   const hid_t data =
       H5Dcreate2(folder, "events", type, space, H5P_DEFAULT, properties, H5P_DEFAULT);
   const hsize_t origin = 0;
@@ -103,15 +107,22 @@ TEST_CASE("recording: Metavision's records with triggers and the sensor's size",
   CHECK(recording.triggers.falling_us == std::vector<int64_t>{150});
   CHECK_THAT(recording.notes.at(0), Catch::Contains("have been sorted"));
   CHECK_THAT(recording.notes.at(1), Catch::Contains("1 of 4 events lie beside the 1280x720"));
+  ReadOptions options;
+  options.most_events = 2;
+  const Recording first = read_recording(dir / "a.hdf5", options);
+  CHECK(first.events.t_us().equal(torch::tensor({100, 300}, torch::kInt64)));
+  CHECK(first.stored_events == 4);
+  CHECK(first.stored_us.end_us == 401);
 }
 
-TEST_CASE("recording: Metavision's compression without its plug-in names it", "[recording]") {
+TEST_CASE("recording: Metavision's compression, damaged, is one line", "[recording]") {
   const TempDir dir;
   const hid_t file = H5Fcreate((dir / "a.hdf5").c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
   write_records(file, "CD", event_type(), nullptr, 3, true);
   H5Fclose(file);
-  CHECK_THROWS_WITH(read_recording(dir / "a.hdf5"),
-                    Catch::Contains("'CD/events' needs HDF5 filter 36559 (ECF of Metavision"));
+  CHECK_THROWS_WITH(
+      read_recording(dir / "a.hdf5"),
+      Catch::Contains("'CD/events' cannot be read; the file is truncated or damaged"));
 }
 
 TEST_CASE("recording: records of another kind are refused", "[recording]") {

@@ -8,6 +8,7 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "jade/io/ecf.h"
 #include "jade/io/hdf5_driver.h"
 
 namespace jade::io {
@@ -122,13 +123,21 @@ std::string missing_filter(hid_t dataset) {
     std::string text = concat("filter ", filter);
     if (filter == 32000) text += " (LZF: apt install hdf5-plugin-lzf)";
     if (filter == 32001) text += " (Blosc: apt install hdf5-filter-plugin-blosc-serial)";
-    if (filter == 36559)
-      text +=
-          " (ECF of Metavision: build github.com/prophesee-ai/hdf5_ecf and set HDF5_PLUGIN_PATH)";
     if (filter == 32015) text += " (Zstandard: apt install hdf5-filter-plugin-zstd)";
     return text;
   }
   return "";
+}
+
+bool has_filter(hid_t dataset, H5Z_filter_t wanted) {
+  const Id properties(H5Dget_create_plist(dataset));
+  for (int i = 0; i < H5Pget_nfilters(properties); ++i) {
+    size_t elements = 0;
+    if (H5Pget_filter2(properties, static_cast<unsigned>(i), nullptr, &elements, nullptr, 0,
+                       nullptr, nullptr) == wanted)
+      return true;
+  }
+  return false;
 }
 
 /// How many times smaller than its values a data set can be: deflate reaches 1032, LZF less; only
@@ -169,6 +178,7 @@ struct Hdf5File::Handle {
 Hdf5File::Hdf5File(const std::filesystem::path& path)
     : path_(path), handle_(std::make_unique<Handle>()) {
   silence_hdf5();
+  register_ecf();
   std::error_code error;
   const auto size = std::filesystem::file_size(path, error);
   if (error) throw DataError(concat(path.string(), ": no such file, or it cannot be read"));
@@ -256,10 +266,18 @@ void Hdf5File::read_as(const std::string& name, int64_t begin, int64_t count, in
   }
   if (count == 0) return;
   const Id id(H5Dopen2(handle_->file, name.c_str(), H5P_DEFAULT));
+  const Hdf5Dataset& info = dataset(name);
+  if (has_filter(id, kEcfFilter) &&
+      (info.item_size != sizeof(EcfEvent) || info.chunk_length > kEcfChunk)) {
+    throw DataError(concat(path_.string(), ": expected records of ", sizeof(EcfEvent),
+                           " bytes in chunks of at most ", kEcfChunk, " behind '", name,
+                           "', which is compressed as ECF, found ", info.item_size, " bytes and ",
+                           info.chunk_length, "; the file is damaged, copy or record it again"));
+  }
   const Id file_space(H5Dget_space(id));
   const auto memory_count = static_cast<hsize_t>(count);
   const Id memory_space(H5Screate_simple(1, &memory_count, nullptr));
-  const bool selected = select_range(file_space, dataset(name).shape, begin, count);
+  const bool selected = select_range(file_space, info.shape, begin, count);
   if (selected &&
       H5Dread(id, static_cast<hid_t>(type), memory_space, file_space, H5P_DEFAULT, out) >= 0) {
     return;
