@@ -17,11 +17,15 @@ namespace {
 namespace fs = std::filesystem;
 using recording::Recording;
 
+/// Events that are looked at one by one: a gigabyte of memory with what is made of them.
+constexpr int64_t kMostEvents = int64_t(1) << 25;
+
 /// Numbers of a recording that its lists hold only in pieces.
 struct RecordingNumbers {
-  double first_s = 0, last_s = 0;                         ///< of the events
+  double first_s = 0, last_s = 0;  ///< of the events
+  int64_t events = 0;
   double rate_hz = 0;                                     ///< events per second
-  double positive = 0;                                    ///< part of them
+  double positive = 0;                                    ///< part of those that are looked at
   double shortest_ms = 0, median_ms = 0, longest_ms = 0;  ///< exposures of a known length
   size_t exposed = 0;                                     ///< frames that have one
   double frame_rate_hz = 0;
@@ -30,8 +34,11 @@ struct RecordingNumbers {
 RecordingNumbers numbers_of(const Recording& r) {
   RecordingNumbers n;
   if (!r.events.empty()) {
-    n.first_s = 1e-6 * double(r.events.first_us()), n.last_s = 1e-6 * double(r.events.last_us());
-    n.rate_hz = double(r.events.size()) / std::max(n.last_s - n.first_s, 1e-6);
+    const bool all = r.stored_events <= kMostEvents;
+    n.events = all ? r.events.size() : r.stored_events;
+    n.first_s = 1e-6 * double(r.events.first_us());
+    n.last_s = 1e-6 * double(all ? r.events.last_us() : r.stored_us.end_us);
+    n.rate_hz = double(n.events) / std::max(n.last_s - n.first_s, 1e-6);
     n.positive = (r.events.polarity() > 0).sum().item<double>() / double(r.events.size());
   }
   std::vector<double> lengths;
@@ -96,7 +103,7 @@ void print_recording(const Recording& r, const RecordingNumbers& n) {
     std::printf("events      none\n");
   } else {
     std::printf("events      %ld from %.6f to %.6f s (%.4g s), %.4g a second, %.1f %% positive\n",
-                long(r.events.size()), n.first_s, n.last_s, n.last_s - n.first_s, n.rate_hz,
+                long(n.events), n.first_s, n.last_s, n.last_s - n.first_s, n.rate_hz,
                 100 * n.positive);
   }
   print_frames(r, n);
@@ -124,7 +131,7 @@ nlohmann::json to_json(const Recording& r, const RecordingNumbers& n) {
           {"format", r.format},
           {"width", r.width},
           {"height", r.height},
-          {"events", r.events.size()},
+          {"events", n.events},
           {"first_s", n.first_s},
           {"last_s", n.last_s},
           {"events_per_second", n.rate_hz},
@@ -144,6 +151,7 @@ nlohmann::json to_json(const Recording& r, const RecordingNumbers& n) {
 void inspect_recording(const fs::path& path, events::TimeUnit unit, bool json) {
   recording::ReadOptions options;
   options.time_unit = unit;
+  options.most_events = kMostEvents;
   const Recording r = recording::read_recording(path, options);
   const RecordingNumbers numbers = numbers_of(r);
   if (json) {

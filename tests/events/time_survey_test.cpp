@@ -48,6 +48,14 @@ TEST_CASE("time survey: finds a span as a search of the whole list does", "[even
   }
 }
 
+TEST_CASE("time survey: stretches are cut to a number of places", "[events]") {
+  std::vector<Stretch> stretches{{5, 15}, {20, 24}, {30, 31}};
+  shorten(stretches, 12);
+  CHECK(stretches[0].size() == 10);
+  CHECK(stretches[1].end == 22);
+  CHECK(stretches[2].size() == 0);
+}
+
 TEST_CASE("time survey: tells what times are", "[events]") {
   CHECK_FALSE(survey_of({1, 3, 2}).sorted());
   CHECK(survey_of({1, 1, 2}).sorted());

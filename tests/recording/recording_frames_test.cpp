@@ -8,6 +8,7 @@
 
 #include "jade/core/error.h"
 #include "jade/imaging/image_io.h"
+#include "jade/io/hdf5.h"
 #include "jade/recording/recording.h"
 #include "recording/evt_words.h"
 #include "support/temp_dir.h"
@@ -225,4 +226,31 @@ TEST_CASE("recording: of a Prophesee file only events near frames are kept", "[r
   CHECK(none.stored_events == all.events.size());
   CHECK(none.frames.size() == 2);
   CHECK_THAT(notes_of(none), !Catch::Contains("there are no events"));
+}
+
+TEST_CASE("recording: a look at the first events tells of all", "[recording]") {
+  const TempDir dir;
+  const auto raw = write_triggered(dir);
+  const Recording all = read_recording(raw);
+  REQUIRE(all.events.size() == 2);
+  ReadOptions options;
+  options.most_events = 1;
+  const Recording first = read_recording(raw, options);
+  CHECK(first.events.t_us().equal(all.events.t_us().narrow(0, 0, 1)));
+  CHECK(first.stored_events == all.events.size());
+  CHECK(first.stored_us.end_us > all.events.last_us());
+  CHECK_THAT(notes_of(first), Catch::Contains("of 2 events only the first 1 were looked at"));
+
+  options.most_events = 2;
+  io::Hdf5Writer writer(dir / "list.h5");
+  for (const char* name : {"x", "y", "p"})
+    writer.append(name, std::vector<int64_t>{1, 0, 1, 0}.data(), 4);
+  writer.append("t", std::vector<int64_t>{10, 20, 30, 40}.data(), 4);
+  writer.close();
+  const Recording list = read_recording(dir / "list.h5", options);
+  CHECK(list.events.last_us() == 20);
+  CHECK(list.stored_events == 4);
+  CHECK(list.stored_us.end_us == 41);
+  options.window = events::TimeWindow{20, 41};
+  CHECK(read_recording(dir / "list.h5", options).events.last_us() == 30);
 }

@@ -133,7 +133,7 @@ bool is_hdf5(const std::filesystem::path& path) {
 /// without reading it whole.
 RawEvents wanted_events(const std::filesystem::path& path, const EventFileOptions& options,
                         EventFileResult& result) {
-  if (options.keep && is_hdf5(path)) {
+  if ((options.keep || options.most > 0) && is_hdf5(path)) {
     const TimeSurvey survey = survey_hdf5_times(path);
     result.stored = survey.count();
     const bool ordered = survey.sorted() && survey.finite() && survey.count() > 0;
@@ -141,18 +141,19 @@ RawEvents wanted_events(const std::filesystem::path& path, const EventFileOption
     if (ordered) {
       const TimeUnit unit =
           chosen_unit(path, {survey.smallest(), survey.largest(), survey.has_fraction()}, options);
-      stretches.clear();
       result.stored_us = {std::llround(survey.smallest() / in_unit(1, unit)),
                           std::llround(survey.largest() / in_unit(1, unit)) + 1};
       // Other units are rounded when they become µs.
       const int64_t more_us = unit == TimeUnit::kUs && !survey.has_fraction() ? 0 : 1;
-      for (const TimeWindow& window : *options.keep) {
+      if (options.keep) stretches.clear();
+      for (const TimeWindow& window : options.keep.value_or(std::vector<TimeWindow>())) {
         Stretch found = survey.between(in_unit(window.begin_us - more_us, unit),
                                        in_unit(window.end_us + more_us, unit));
         if (!stretches.empty()) found.begin = std::max(found.begin, stretches.back().end);
         if (found.size() > 0) stretches.push_back(found);
       }
     }
+    if (options.most > 0) shorten(stretches, options.most);
     int64_t count = 0;
     for (const Stretch& stretch : stretches) count += stretch.size();
     check_event_memory(path, count, options.event_bytes);

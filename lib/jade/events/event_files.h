@@ -30,6 +30,8 @@ struct EventFileOptions {
   /// When given, only events in these are kept; they lie in order and apart, in µs. Of an HDF5 file
   /// in order of time nothing else is read into memory.
   std::optional<std::vector<TimeWindow>> keep = std::nullopt;
+  /// No more than the first so many of those are kept, of an HDF5 file; 0: all.
+  int64_t most = 0;
   /// Bytes that a kept event may come to cost the caller; more of them than 0.7 of the machine's
   /// memory are refused before they are read. 0: not checked.
   double event_bytes = 0;

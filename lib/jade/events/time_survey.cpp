@@ -38,6 +38,13 @@ TimeSurvey::TimeSurvey(int64_t count, Read read)
   }
 }
 
+void shorten(std::vector<Stretch>& stretches, int64_t most) {
+  for (Stretch& stretch : stretches) {
+    stretch.end = std::min(stretch.end, stretch.begin + most);
+    most -= stretch.size();
+  }
+}
+
 int64_t TimeSurvey::first_at_or_after(double time) const {
   const auto mark = std::lower_bound(marks_.begin(), marks_.end(), time);
   if (mark == marks_.begin()) return 0;

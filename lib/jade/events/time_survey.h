@@ -14,6 +14,9 @@ struct Stretch {
   int64_t size() const { return end - begin; }
 };
 
+/// Cuts off what lies beyond the first `most` places of all stretches together.
+void shorten(std::vector<Stretch>& stretches, int64_t most);
+
 /// One pass over a stored list of times, in its own unit, that keeps one in 65,536 of them.
 class TimeSurvey {
  public:

@@ -105,6 +105,8 @@ ReadEvents events_of_evt(const std::filesystem::path& path, const ReadOptions& o
                          Recording& recording);
 
 /// Sets what there was besides the events that were kept, and says how many were left out.
-void note_stored(int64_t events, const events::TimeWindow& span_us, Recording& recording);
+/// @param most  that were to be kept, 0: all
+void note_stored(int64_t events, const events::TimeWindow& span_us, int64_t most,
+                 Recording& recording);
 
 }  // namespace jade::recording

@@ -8,11 +8,17 @@ namespace jade::recording {
 
 namespace fs = std::filesystem;
 
-void note_stored(int64_t events, const events::TimeWindow& span_us, Recording& recording) {
+void note_stored(int64_t events, const events::TimeWindow& span_us, int64_t most,
+                 Recording& recording) {
   recording.stored_events = events;
   recording.stored_us = span_us;
   const int64_t left = events - recording.events.size();
   if (left == 0) return;
+  if (most > 0 && recording.events.size() == most) {
+    recording.notes.push_back(
+        concat("of ", events, " events only the first ", most, " were looked at closely"));
+    return;
+  }
   recording.notes.push_back(concat(left, " of ", events,
                                    " events lie outside the time that is read, or far from every "
                                    "frame, and were left out"));
@@ -26,11 +32,12 @@ ReadEvents events_of(const fs::path& path, const ReadOptions& options,
     how.time_unit = options.time_unit;
     how.exposures = exposures;
     how.keep = kept;
+    how.most = options.most_events;
     how.event_bytes = options.event_bytes;
     events::EventFileResult result = events::read_events(path, how);
     out.events = std::move(result.events);
     for (std::string& warning : result.warnings) out.notes.push_back(std::move(warning));
-    note_stored(result.stored, result.stored_us, out);
+    note_stored(result.stored, result.stored_us, options.most_events, out);
   };
 }
 

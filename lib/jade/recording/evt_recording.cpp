@@ -17,7 +17,7 @@ namespace fs = std::filesystem;
 
 constexpr int64_t kEventsAtOnce = int64_t(1) << 18;
 
-/// Decodes to the end; `take` gets each piece.
+/// Decodes to the end, or until `take`, which gets each piece, wants no more.
 template <class F>
 void decode_all(EvtDecoder& decoder, const std::string& title, F take) {
   Progress progress(title, 1000);
@@ -25,7 +25,7 @@ void decode_all(EvtDecoder& decoder, const std::string& title, F take) {
   int64_t shown = 0;
   while (decoder.next(kEventsAtOnce, events)) {
     throw_if_interrupted();
-    take(events);
+    if (!take(events)) break;
     const auto now = int64_t(1000 * decoder.progress());
     if (progress.step(now - shown)) progress.show();
     shown = now;
@@ -91,7 +91,8 @@ void note_counts(const fs::path& path, const EvtDecoder& decoder, Recording& rec
     recording.notes.push_back(concat(path.string(), ": its header does not say the sensor's size"));
 }
 
-/// Decodes the file once more, into lists of `most` events, of which the kept ones are filled.
+/// Decodes the file once more, into lists of `most` events at most, which are filled with kept
+/// ones.
 events::EventStream kept_events(const fs::path& path, const Kept& kept, int64_t most) {
   torch::Tensor x = torch::empty({most}, torch::kFloat32), y = torch::empty_like(x);
   torch::Tensor t = torch::empty({most}, torch::kInt64);
@@ -107,6 +108,7 @@ events::EventStream kept_events(const fs::path& path, const Kept& kept, int64_t 
                  ts[at] = events.t_us[i], ps[at] = events.polarity[i];
                  ++at;
                }
+               return at < most;
              });
   const auto head = [&](const torch::Tensor& list) { return list.narrow(0, 0, at); };
   return decoder.counts().backwards > 0
@@ -119,16 +121,21 @@ events::EventStream kept_events(const fs::path& path, const Kept& kept, int64_t 
 ReadEvents events_of_evt(const fs::path& path, const ReadOptions& options, Recording& recording) {
   Histogram histogram;
   EvtDecoder decoder(path);
-  decode_all(decoder, "count events", [&](const EvtEvents& events) { histogram.add(events); });
+  decode_all(decoder, "count events", [&](const EvtEvents& events) {
+    histogram.add(events);
+    return true;
+  });
   recording.width = decoder.header().width, recording.height = decoder.header().height;
   choose_channel(path, decoder.triggers(), recording);
   note_counts(path, decoder, recording);
-  return [path, histogram, bytes = options.event_bytes](const Kept& kept, Recording& out) {
+  return [path, histogram, bytes = options.event_bytes, limit = options.most_events](
+             const Kept& kept, Recording& out) {
     const int64_t all = histogram.total();
-    const int64_t most = kept ? histogram.most_in(*kept) : all;
+    int64_t most = kept ? histogram.most_in(*kept) : all;
+    if (limit > 0) most = std::min(most, limit);
     events::check_event_memory(path, most, bytes);
     out.events = kept_events(path, kept, most);
-    note_stored(all, histogram.span_us(), out);
+    note_stored(all, histogram.span_us(), limit, out);
   };
 }
 

@@ -39,24 +39,29 @@ torch::Tensor read_column(const io::Hdf5File& file, const char* field,
 }
 
 /// Where the events of the spans lie; of a file out of order, everywhere.
-std::vector<events::Stretch> stretches_of(const events::TimeSurvey& survey, const Kept& kept) {
-  if (!kept || !survey.sorted()) return {{0, survey.count()}};
-  std::vector<events::Stretch> found;
-  for (const events::TimeWindow& window : *kept)
-    found.push_back(survey.between(double(window.begin_us), double(window.end_us)));
+std::vector<events::Stretch> stretches_of(const events::TimeSurvey& survey, const Kept& kept,
+                                          int64_t most) {
+  std::vector<events::Stretch> found{{0, survey.count()}};
+  if (kept && survey.sorted()) {
+    found.clear();
+    for (const events::TimeWindow& window : *kept)
+      found.push_back(survey.between(double(window.begin_us), double(window.end_us)));
+  }
+  if (most > 0) events::shorten(found, most);
   return found;
 }
 
-void read_records(const fs::path& path, const Kept& kept, double bytes, Recording& recording) {
+void read_records(const fs::path& path, const Kept& kept, const ReadOptions& options,
+                  Recording& recording) {
   const io::Hdf5File file(path);
   const events::TimeSurvey survey(file.length(kRecords),
                                   [&](int64_t begin, int64_t at_once, double* out) {
                                     file.read_field<double>(kRecords, "t", begin, at_once, out);
                                   });
-  const auto stretches = stretches_of(survey, kept);
+  const auto stretches = stretches_of(survey, kept, options.most_events);
   int64_t count = 0;
   for (const events::Stretch& stretch : stretches) count += stretch.size();
-  events::check_event_memory(path, count, bytes);
+  events::check_event_memory(path, count, options.event_bytes);
   const torch::Tensor x = read_column<float>(file, "x", stretches, torch::kFloat32);
   const torch::Tensor y = read_column<float>(file, "y", stretches, torch::kFloat32);
   const torch::Tensor t = read_column<int64_t>(file, "t", stretches, torch::kInt64);
@@ -71,7 +76,7 @@ void read_records(const fs::path& path, const Kept& kept, double bytes, Recordin
   if (kept && !survey.sorted()) recording.events = events::only_in(*kept, recording.events);
   events::TimeWindow span;
   if (survey.count() > 0) span = {int64_t(survey.smallest()), int64_t(survey.largest()) + 1};
-  note_stored(survey.count(), span, recording);
+  note_stored(survey.count(), span, options.most_events, recording);
 }
 
 void read_triggers(const io::Hdf5File& file, Recording& recording) {
@@ -103,8 +108,8 @@ Contents read_metavision(const fs::path& path, const ReadOptions& options) {
   if (!(geometry >> recording.width >> by >> recording.height))
     recording.width = recording.height = 0;
   read_triggers(file, recording);
-  out.read_events = [path, bytes = options.event_bytes](const Kept& kept, Recording& to) {
-    read_records(path, kept, bytes, to);
+  out.read_events = [path, options](const Kept& kept, Recording& to) {
+    read_records(path, kept, options, to);
   };
   return out;
 }

@@ -173,10 +173,12 @@ std::string seconds_of(int64_t t_us) {
   return text;
 }
 
-void note_clocks(Recording& recording) {
+void note_clocks(const ReadOptions& options, Recording& recording) {
   const auto& frames = recording.frames;
   if (frames.empty() || recording.events.empty()) return;
-  const int64_t first = recording.events.first_us(), last = recording.events.last_us();
+  const bool all = options.most_events == 0;
+  const int64_t first = all ? recording.events.first_us() : recording.stored_us.begin_us;
+  const int64_t last = all ? recording.events.last_us() : recording.stored_us.end_us;
   const auto covered = std::count_if(frames.begin(), frames.end(), [&](const Frame& f) {
     return f.t_end_us >= first && f.t_start_us <= last;
   });
@@ -203,7 +205,7 @@ Recording read_recording(const fs::path& path, const ReadOptions& options) {
   drop_outside(recording);
   if (recording.stored_events == 0) recording.notes.push_back("there are no events");
   note_frames(recording);
-  note_clocks(recording);
+  note_clocks(options, recording);
   return std::move(recording);
 }
 

@@ -54,6 +54,9 @@ struct ReadOptions {
   /// exposures, of a frame are kept: all that tells of frames. The clock of the events is this far
   /// ahead of that of the frames. None: all events.
   std::optional<int64_t> near_frames_ahead_us;
+  /// Keeps no more than the first so many events, for a look at a recording of any size;
+  /// stored_events and stored_us tell of all. 0: all. Text and .npz are read whole all the same.
+  int64_t most_events = 0;
   /// Bytes that a kept event will cost the caller at most; a recording whose events would not fit
   /// into 0.7 of this machine's memory is refused before they are read.
   double event_bytes = 17;
