@@ -92,6 +92,11 @@ def packets(path):
     fail(f"needs dv-processing or aedat to read AEDAT4: {sys.executable} -m pip install dv-processing (or: aedat)")
 
 
+# HDF5 keeps this much of each list unpacked: more than the chunk in work, which it would unpack and pack again for every batch
+# of a few hundred events otherwise.
+CACHE_BYTES = 1 << 24
+
+
 class EventWriter:
     """Appends batches to resizable data sets, so that memory does not grow with the recording."""
 
@@ -133,7 +138,7 @@ def main():
     starts, ends = [], []
     temporary = options.output + ".part"
     try:
-        with h5py.File(temporary, "w") as file:
+        with h5py.File(temporary, "w", rdcc_nbytes=CACHE_BYTES) as file:
             writer = EventWriter(file)
             for kind, *values in packets(options.input):
                 if kind == "events":

@@ -23,7 +23,7 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
-from convert_aedat4 import EventWriter, packets_from_dv, reason, to_opencv  # noqa: E402
+from convert_aedat4 import CACHE_BYTES, EventWriter, packets_from_dv, reason, to_opencv  # noqa: E402
 
 DATA_ERROR, PACKAGE_MISSING = 3, 4
 INSTALL = "run scripts/setup.sh --import"
@@ -57,7 +57,7 @@ class Output:
 
     def events(self, x, y, t_us, p):
         if self.h5 is None:
-            self.h5 = need("h5py", "h5py").File(self.folder / "events.h5", "w")
+            self.h5 = need("h5py", "h5py").File(self.folder / "events.h5", "w", rdcc_nbytes=CACHE_BYTES)
             self.writer = EventWriter(self.h5)
         self.writer.append(x, y, t_us, p)
         self.event_count += len(t_us)

@@ -89,7 +89,7 @@ class Hdf5File:
 
     written = {}
 
-    def __init__(self, path, mode):
+    def __init__(self, path, mode, rdcc_nbytes):
         Path(path).touch()
 
     def __enter__(self):
