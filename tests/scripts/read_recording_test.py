@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """read_recording.py: what it makes of messages and packets, which are packed here by their specifications. With the packages
-of scripts/setup.sh --import there, whole bags and, with dv-processing, an AEDAT4 file go through it too."""
+of scripts/setup.sh --import there, whole bags and AEDAT4 files go through it too."""
 import importlib.util
 import struct
 import subprocess
@@ -129,9 +129,10 @@ class Bags(unittest.TestCase):
         self.folder = Path(folder.name)
 
     def convert(self, path):
-        done = subprocess.run([sys.executable, SCRIPTS / "read_recording.py", path, self.folder / "out"], capture_output=True, text=True)
+        out = self.folder / f"out_of_{path.name}"
+        done = subprocess.run([sys.executable, SCRIPTS / "read_recording.py", path, out], capture_output=True, text=True)
         self.assertEqual(done.returncode, 0, done.stderr)
-        return self.folder / "out"
+        return out
 
     def test_a_davis_recording_of_ros1(self):
         from rosbags.rosbag1 import Writer
@@ -161,7 +162,7 @@ class Bags(unittest.TestCase):
         self.assertIn("width 346", (out / "recording.txt").read_text())
 
     def test_packets_and_pictures_of_ros2(self):
-        from rosbags.rosbag2 import Writer
+        from rosbags.rosbag2 import StoragePlugin, Writer
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
         store = get_typestore(Stores.ROS2_HUMBLE)
         kind = "event_camera_msgs/msg/EventPacket"
@@ -173,17 +174,20 @@ class Bags(unittest.TestCase):
                               events=words)
         image = types_["sensor_msgs/msg/Image"](header=header, height=1, width=2, encoding="rgb8", is_bigendian=0, step=6,
                                                 data=np.array([1, 2, 3, 4, 5, 6], np.uint8))
-        with Writer(self.folder / "bag", version=9) as bag:
-            for topic, name, message in (("/events", kind, packet), ("/image", "sensor_msgs/msg/Image", image)):
-                connection = bag.add_connection(topic, name, typestore=store)
-                bag.write(connection, 1, store.serialize_cdr(message, name))
-        out = self.convert(self.folder / "bag")
-        self.assertEqual((out / "events.raw").read_bytes(), b"% evt 3.0\n% geometry 1280x720\n% end\n" + words.tobytes())
-        self.assertEqual(rows(out / "exposures.csv"), [("000000", "7000000", "7000000")])
-        described = (out / "recording.txt").read_text()
-        self.assertIn("stamp start\noffset_us 6995902\n", described)
         import cv2
-        self.assertEqual(cv2.imread(str(out / "images/000000.png")).tolist(), [[[3, 2, 1], [6, 5, 4]]])
+        for storage in (StoragePlugin.SQLITE3, StoragePlugin.MCAP):
+            with Writer(self.folder / storage.name, version=9, storage_plugin=storage) as bag:
+                for topic, name, message in (("/events", kind, packet), ("/image", "sensor_msgs/msg/Image", image)):
+                    connection = bag.add_connection(topic, name, typestore=store)
+                    bag.write(connection, 1, store.serialize_cdr(message, name))
+            file = next(path for path in (self.folder / storage.name).iterdir() if path.suffix != ".yaml")
+            for path in (self.folder / storage.name, file):
+                with self.subTest(path.name):
+                    out = self.convert(path)
+                    self.assertEqual((out / "events.raw").read_bytes(), b"% evt 3.0\n% geometry 1280x720\n% end\n" + words.tobytes())
+                    self.assertEqual(rows(out / "exposures.csv"), [("000000", "7000000", "7000000")])
+                    self.assertIn("stamp start\noffset_us 6995902\n", (out / "recording.txt").read_text())
+                    self.assertEqual(cv2.imread(str(out / "images/000000.png")).tolist(), [[[3, 2, 1], [6, 5, 4]]])
 
     def test_files_that_are_no_bag(self):
         for name, content in (("a.bag", b"#ROSBAG V2.0\ncut"), ("b.db3", b"SQLite format 3\0cut")):
@@ -194,15 +198,103 @@ class Bags(unittest.TestCase):
             self.assertRegex(done.stderr, rf"^\S*{name}: cannot be read as a ROS bag: .*\n$")
 
 
-@unittest.skipUnless(there("aedat", "h5py"), "needs scripts/setup.sh --import")
+def table(at, fields):
+    """A table of FlatBuffers that begins with its vtable at `at`, and where the table itself lies. Numbers are (form, value),
+    lists ("list", (length, bytes)), lists of tables ("tables", [fields, ...])."""
+    count = len(fields)
+    place = at + 4 + 2 * count
+    place += (4 - place) % 8  # so that the fields, 8 bytes apart, are aligned
+    head = struct.pack("<HH", 4 + 2 * count, 4 + 8 * count) + struct.pack(f"<{count}H", *(4 + 8 * i for i in range(count)))
+    inline, behind = struct.pack("<i", place - at), b""
+    end = place + 4 + 8 * count
+    for i, (form, value) in enumerate(fields):
+        if form in ("list", "tables"):
+            behind += b"\0" * ((4 - end - len(behind)) % 8)
+            start = end + len(behind)
+            behind += packed_list(value) if form == "list" else list_of_tables(start, value)
+            form, value = "I", start - (place + 4 + 8 * i)
+        inline += struct.pack("<" + form, value).ljust(8, b"\0")
+    return head.ljust(place - at, b"\0") + inline + behind, place
+
+
+def packed_list(value):
+    return struct.pack("<I", value[0]) + value[1]
+
+
+def list_of_tables(start, tables):
+    offsets, behind = b"", b""
+    for i, fields in enumerate(tables):
+        behind += b"\0" * (-(start + 4 + 4 * len(tables) + len(behind)) % 8)
+        made, place = table(start + 4 + 4 * len(tables) + len(behind), fields)
+        offsets += struct.pack("<I", place - (start + 4 + 4 * i))
+        behind += made
+    return struct.pack("<I", len(tables)) + offsets + behind
+
+
+def flatbuffer(kind, fields):
+    """With its size before it, as AEDAT4 has them."""
+    made, place = table(12, fields)
+    content = struct.pack("<I", place - 4) + kind + made
+    return struct.pack("<I", len(content)) + content
+
+
+def aedat4(streams, packets):
+    """A file without compression. streams: (kind, width, height); packets: (number of the stream, fields)."""
+    nodes = "".join(f'<node name="{i}"><attr key="typeIdentifier" type="string">{kind}</attr><node name="info">'
+                    f'<attr key="sizeX" type="int">{width}</attr><attr key="sizeY" type="int">{height}</attr></node></node>'
+                    for i, (kind, width, height) in enumerate(streams))
+    described = f'<dv version="2.0"><node name="outInfo">{nodes}</node></dv>'.encode()
+    out = b"#!AER-DAT4.0\r\n" + flatbuffer(b"IOHE", [("i", 0), ("q", -1), ("list", (len(described), described + b"\0"))])
+    for number, fields in packets:
+        content = flatbuffer(streams[number][0].encode(), fields)
+        out += struct.pack("<ii", number, len(content)) + content
+    return out
+
+
+def aedat4_frame(t, start, end, form, width, height, pixels):
+    return [("q", t), ("q", t), ("q", t), ("q", start), ("q", end), ("b", form), ("h", width), ("h", height), ("h", 0), ("h", 0),
+            ("list", (len(pixels), bytes(pixels)))]
+
+
+@unittest.skipUnless(there("aedat", "h5py", "cv2"), "needs scripts/setup.sh --import")
 class Aedat4(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+
+    def run_on(self, content):
+        path = self.folder / "a.aedat4"
+        path.write_bytes(content)
+        return subprocess.run([sys.executable, SCRIPTS / "read_recording.py", path, self.folder / "out"], capture_output=True, text=True)
+
+    def test_events_frames_and_triggers(self):
+        event_lists = (((1000, 3, 4, 1), (1001, 345, 259, 0)), ((1002, 0, 1, 1),))
+        packets = [(0, [("list", (len(events), b"".join(struct.pack("<qhhB3x", *event) for event in events)))])
+                   for events in event_lists]
+        gray, bgr = 0, 16
+        packets.insert(1, (1, aedat4_frame(1500, 1100, 1900, bgr, 2, 1, [1, 2, 3, 4, 5, 6])))
+        packets.append((1, aedat4_frame(2500, 0, 0, gray, 1, 2, [7, 200])))
+        rising, falling, frame_begin = 1, 2, 6
+        packets.append((2, [("tables", [[("q", 1300), ("b", falling)], [("q", 1100), ("b", frame_begin)], [("q", 1200), ("b", rising)]])]))
+        done = self.run_on(aedat4([("EVTS", 346, 260), ("FRME", 346, 260), ("TRIG", 0, 0)], packets))
+        self.assertEqual(done.returncode, 0, done.stderr)
+        out = self.folder / "out"
+        import cv2
+        import h5py
+        with h5py.File(out / "events.h5") as file:
+            self.assertEqual([file[name][:].tolist() for name in "xytp"],
+                             [[3, 345, 0], [4, 259, 1], [1000, 1001, 1002], [1, 0, 1]])
+        self.assertEqual(rows(out / "exposures.csv"), [("000000", "1100", "1900"), ("000001", "2500", "2500")])
+        self.assertEqual(rows(out / "triggers.csv"), [("1200", "1"), ("1300", "0")])
+        self.assertEqual((out / "recording.txt").read_text(), "format AEDAT4\nstamp middle\noffset_us 0\nwidth 346\nheight 260\n")
+        self.assertEqual(cv2.imread(str(out / "images/000000.png")).tolist(), [[[1, 2, 3], [4, 5, 6]]])
+        self.assertEqual(cv2.imread(str(out / "images/000001.png"), cv2.IMREAD_UNCHANGED).tolist(), [[7], [200]])
+
     def test_a_file_cut_short(self):
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "a.aedat4"
-            path.write_bytes(b"#!AER-DAT4.0\r\n\x10\0\0\0cut")
-            done = subprocess.run([sys.executable, SCRIPTS / "read_recording.py", path, f"{folder}/out"], capture_output=True, text=True)
-            self.assertEqual(done.returncode, read_recording.DATA_ERROR)
-            self.assertRegex(done.stderr, r"^\S*a.aedat4: .*cut short, copy it again\n$")
+        done = self.run_on(b"#!AER-DAT4.0\r\n\x10\0\0\0cut")
+        self.assertEqual(done.returncode, read_recording.DATA_ERROR)
+        self.assertRegex(done.stderr, r"^\S*a.aedat4: .*cut short, copy it again\n$")
 
 
 if __name__ == "__main__":
