@@ -125,10 +125,14 @@ TEST_CASE("importer: two cameras and the depth of their plane belong together", 
   write_file(dir / "one.txt", "110 110 47.5 35.5 0 0 0 0 0\n");
   options.lens.plane_depth = 2;
   CHECK_THROWS_WITH(import(), Catch::Contains("expected a calibration of two cameras"));
+  options.lens.calibration.clear();
+  options.lens.plane_depth = 2e-4;
+  CHECK_THROWS_WITH(import(), Catch::Contains("beside them; is --plane-depth 0.0002 in the unit"));
   // Calibrated at half the size of what the events reach.
   const std::string chain = read_file(dir / "rig/camchain.yaml");
   write_file(dir / "half.yaml",
              std::string(chain).replace(chain.find("[130, 100]"), 10, "[65, 50]"));
+  options.lens.plane_depth = 2;
   options.lens.calibration = dir / "half.yaml";
   CHECK_THROWS_WITH(import(), Catch::Contains("calibrated at 65x50, the events have 130x100"));
 }

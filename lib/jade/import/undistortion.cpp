@@ -16,6 +16,8 @@ namespace {
 
 /// Of the image's size: principal points lie this near its middle.
 constexpr double kFarFromMiddle = 0.15;
+/// Of the events, lost beside the image: a lens with a wide margin loses a fifth.
+constexpr double kManyLost = 0.4, kMostLost = 0.9;
 
 /// A file that does not say its size may be of another one.
 void warn_of_size(const Calibration& calibration, size_t index, const Capture& capture) {
@@ -58,6 +60,21 @@ std::string parallax_said(const LensOptions& options, const Rectification& to) {
   return concat(", the plane leaves ", to.at_near.largest_px, " px ",
                 at(options.near, "at half its depth"), " and ", to.at_far.largest_px, " px ",
                 at(options.far, "far away"));
+}
+
+/// Calibrations that are not of these cameras, and planes in another unit, send events astray.
+void check_loss(const RectifiedEvents& moved, int64_t all, const LensOptions& options, bool rig) {
+  const double lost = all > 0 ? double(moved.dropped) / double(all) : 0;
+  if (lost < kManyLost) return;
+  const std::string said =
+      concat("undistort: expected most events to fall on the frames, found ", moved.dropped, " of ",
+             all, " beside them; ",
+             rig ? concat("is --plane-depth ", options.plane_depth,
+                          " in the unit of the calibration's translation, and cam0 the camera of "
+                          "the frames?")
+                 : std::string("is the calibration of this camera at this size?"));
+  if (lost > kMostLost) throw DataError(said);
+  log_warn(said);
 }
 
 }  // namespace
@@ -107,6 +124,7 @@ std::string undistort(const LensOptions& options, const Calibration& calibration
   }
   const RectifiedEvents moved =
       rectify_events(capture.events, to.event_map, {to.camera.height, to.camera.width});
+  check_loss(moved, capture.events.size(), options, cameras.events.has_value());
   capture.events = moved.events;
   capture.event_map = to.event_map;
   capture.camera = to.camera;
