@@ -39,7 +39,8 @@ packages=(g++ cmake ninja-build ccache git pkg-config ca-certificates python3 py
   libcpp-httplib-dev)
 # Small comforts: a faster linker, and an HDF5 filter that some recordings use.
 optional=(mold hdf5-plugin-lzf)
-if [ $import = yes ]; then packages+=(colmap); fi
+# Elsewhere COLMAP comes as a wheel, which is also the faster one.
+if [ $import = yes ] && [ "$(uname -m)" != x86_64 ]; then packages+=(colmap); fi
 if [ $browser = yes ]; then
   # Any node will do; on Ubuntu the package of Chromium is a snap, which the tests cannot drive.
   command -v node >/dev/null || packages+=(nodejs)
@@ -110,7 +111,7 @@ fi
 # What a list of pinned packages names, with all that it needs.
 install_list() {
   local pinned absent
-  mapfile -t pinned < <(grep -o '^[a-z].*==[0-9.]*' "$1")
+  mapfile -t pinned < <(grep -o '^[a-z][^=;]*==[0-9.]*' "$1")
   absent=$(have "${pinned[@]}")
   if [ -n "$absent" ]; then
     say "installing into .venv: $absent and what it needs"

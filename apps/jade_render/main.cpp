@@ -241,7 +241,20 @@ void check_flags(const RenderFlags& flags, apps::Program& program) {
         "--unblur: expected alone, found with --cameras, --exposure or "
         "--fps-benchmark; take one of them out");
   }
-  if (flags.format == "mp4" && !flags.fps_benchmark) imaging::find_ffmpeg();
+  if (!flags.exposure.empty() && flags.cameras != "exposure") {
+    throw ConfigError(concat("--exposure: expected with --cameras exposure, found --cameras ",
+                             flags.cameras, "; add it, or take --unblur ", flags.exposure,
+                             " for the film of the exposure"));
+  }
+  const bool film = flags.format == "mp4";
+  if (!film && program.cli().count("--fps") > 0) {
+    throw ConfigError("--fps: is of films, found --format " + flags.format + "; add --format mp4");
+  }
+  if (!film && !flags.fps_benchmark && program.output().extension() == ".mp4") {
+    throw ConfigError(concat("--output: expected a folder for ", flags.format, " images, found ",
+                             program.output().string(), "; add --format mp4 for a film"));
+  }
+  if (film && !flags.fps_benchmark) imaging::find_ffmpeg();
 }
 
 }  // namespace

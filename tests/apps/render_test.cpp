@@ -126,6 +126,9 @@ TEST_CASE("jade_render: a wrong exposure comes with those that are near", "[apps
   check_error(scene.render("--unblur elsewhere --output out"), 2, "they are 00, 01, 02");
   check_error(scene.render("--unblur 01 --cameras test --output out"), 2, "expected alone");
   check_error(scene.render("--unblur 01"), 2, "--output: expected a folder");
+  check_error(scene.render("--exposure 01 --output out"), 2, "expected with --cameras exposure");
+  check_error(scene.render("--fps 10 --output out"), 2, "--fps: is of films");
+  check_error(scene.render("--output film.mp4"), 2, "add --format mp4 for a film");
   check_error(run(scene.dir,
                   "jade_render --quiet --device cpu --ply run/point_cloud.ply "
                   "--unblur 01 --output out"),

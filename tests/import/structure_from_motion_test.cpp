@@ -10,6 +10,7 @@
 #include "jade/core/error.h"
 #include "jade/core/log.h"
 #include "jade/core/progress.h"
+#include "jade/imaging/image_io.h"
 #include "support/temp_dir.h"
 
 using namespace jade;
@@ -81,6 +82,9 @@ TEST_CASE("poses: a model becomes poses by time in units of its depth", "[import
   CHECK(r.points[1][2].item<double>() == Approx(1));
   CHECK(r.point_errors[1].item<double>() == Approx(0.75));
   CHECK(r.seen_by[0] == std::vector<int64_t>{0, 1});
+  // All images placed, and their blur explained: nothing else is tried.
+  CHECK(result.attempts.size() == 1);
+  CHECK(Search(mapper_of(3)).find().attempts.size() == 3);
   CHECK(result.attempts[result.chosen].observations == 4);
   CHECK(result.attempts[result.chosen].parallax_deg > 1);
 
@@ -92,9 +96,82 @@ TEST_CASE("poses: a model becomes poses by time in units of its depth", "[import
   CHECK(kept.seen_by == r.seen_by);
 }
 
+TEST_CASE("poses: the better of two models of one attempt is taken", "[import]") {
+  std::string second = mapper_of(4);
+  const auto replace = [&](const std::string& from, const std::string& to) {
+    second.replace(second.find(from), from.size(), to);
+  };
+  replace("mkdir -p $2/0; cd $2/0", "mkdir -p $2/1; cd $2/1");
+  Search search("(" + mapper_of(3) + ")\n" + second);
+  const import::SearchResult result = search.find();
+  CHECK(result.best.poses.size() == 4);
+  CHECK(result.attempts[result.chosen].registered == 4);
+}
+
 TEST_CASE("poses: too few images say what to record", "[import]") {
   Search search(mapper_of(2));
   CHECK_THROWS_WITH(search.find(), Catch::Contains("2 of 4 images") && Catch::Contains("record"));
+}
+
+TEST_CASE("poses: a model with all images in it is refused where it does not explain their blur",
+          "[import]") {
+  // A plane at depth 2 before a camera of 100 px that moves sideways by 12 px in each exposure.
+  torch::manual_seed(4);
+  const auto texture = torch::avg_pool2d(torch::rand({1, 1, 90, 130}), 3, 1, 1)[0];
+  const auto way_px = [](double t_us) { return 0.12 * t_us; };
+  const auto picture = [&](double t_us) {
+    const double way = way_px(t_us), part = way - std::floor(way);
+    return ((1 - part) * torch::roll(texture, int64_t(std::floor(way)), 2) +
+            part * torch::roll(texture, int64_t(std::ceil(way)), 2))
+        .expand({3, 90, 130})
+        .contiguous();
+  };
+  for (const bool right : {true, false}) {
+    INFO((right ? "sideways" : "upwards"));
+    Search search(
+        "case $1 in mapper) ;; *) exit 0;; esac\n"
+        "while [ $1 != --output_path ]; do shift; done\ncp -r ${0%/*}/model $2/0\n");
+    std::vector<import::LatentImage> images;
+    std::string poses, track, points;
+    search.capture.shots.clear();
+    for (int64_t shot = 0; shot < 2; ++shot) {
+      const int64_t start = 200 * shot;
+      auto blurry = torch::zeros({3, 90, 130});
+      for (int k = 0; k < 9; ++k)
+        blurry += picture(double(start) + 12.5 * k) * ((k == 0 || k == 8 ? 0.5 : 1.0) / 8);
+      search.capture.shots.push_back({concat(shot), blurry, start, start + 100, 0});
+      for (const int64_t k : {0, 4, 8}) {
+        const int64_t t = start + 100 * k / 8;
+        images.push_back({concat(shot, "_", k, ".png"), shot, t});
+        const double shift = way_px(double(t)) * 2 / 100;
+        poses += concat(images.size(), " 1 0 0 0 ", right ? shift : 0, " ", right ? 0 : shift,
+                        " 0 1 ", images.back().file, "\n\n");
+        track += concat(" ", images.size(), " 0");
+        const auto large = picture(double(t)).repeat_interleave(2, 1).repeat_interleave(2, 2);
+        imaging::write_image(search.dir / "latents/images" / images.back().file, large);
+      }
+    }
+    int id = 0;
+    for (double x = -0.8; x < 0.9; x += 0.2) {
+      for (double y = -0.5; y < 0.6; y += 0.2)
+        points += concat(++id, " ", x, " ", y, " 2 1 2 3 0.5", track, "\n");
+    }
+    search.dir.write("model/cameras.txt", "1 SIMPLE_PINHOLE 260 180 200 130 90\n");
+    search.dir.write("model/images.txt", poses);
+    search.dir.write("model/points3D.txt", points);
+    const auto find = [&] {
+      return import::find_poses(search.dir / "latents", images, search.capture, search.options,
+                                search.dir / "work");
+    };
+    if (right) {
+      const import::SearchResult result = find();
+      CHECK(result.best.poses.size() == 6);
+      CHECK(result.attempts[result.chosen].explained_blur > 0.8);
+    } else {
+      CHECK_THROWS_WITH(find(), Catch::Contains("usual: 6 of 6 images, -") &&
+                                    Catch::Contains("% of the blur explained"));
+    }
+  }
 }
 
 TEST_CASE("poses: a camera that stood still is told before COLMAP runs", "[import]") {
@@ -107,9 +184,29 @@ TEST_CASE("poses: no model, and a COLMAP that fails, are told", "[import]") {
   Search none("exit 0\n");
   CHECK_THROWS_WITH(none.find(), Catch::Contains("no pair of images to begin with"));
   Search failing("echo 'Check failed: no space'; exit 1\n");
-  CHECK_THROWS_WITH(failing.find(), Catch::Contains("COLMAP (feature_extractor) failed") &&
-                                        Catch::Contains("no space"));
+  CHECK_THROWS_WITH(failing.find(),
+                    Catch::Contains("COLMAP (features) failed") && Catch::Contains("no space"));
   Search gone("exit 0\n");
   gone.options.poses.colmap = gone.dir / "nowhere";
   CHECK_THROWS_WITH(gone.find(), Catch::Contains("nowhere: expected the program colmap"));
+}
+
+TEST_CASE("poses: a COLMAP since 3.13 gets its flags by its names", "[import]") {
+  const std::string says =
+      "[ \"$2\" = -h ] && echo \"--FeatureExtraction.use_gpu arg (=1)\" && exit 0\n"
+      "echo \"$@\" >> ${0%/*}/calls.txt\n";
+  const auto calls_of = [](Search& search) {
+    search.find();
+    return read_file(search.dir / "calls.txt");
+  };
+  Search old("echo \"$@\" >> ${0%/*}/calls.txt\n" + mapper_of(3));
+  CHECK_THAT(calls_of(old), Catch::Contains("--SiftExtraction.use_gpu 0") &&
+                                Catch::Contains("--SiftMatching.guided_matching 1"));
+  Search recent(says + mapper_of(3));
+  const std::string calls = calls_of(recent);
+  CHECK_THAT(calls, Catch::Contains("--FeatureExtraction.use_gpu 0") &&
+                        Catch::Contains("--FeatureMatching.use_gpu 0") &&
+                        Catch::Contains("--FeatureMatching.guided_matching 1") &&
+                        Catch::Contains("--SiftExtraction.first_octave 0"));
+  CHECK_THAT(calls, !Catch::Contains("--SiftMatching") && !Catch::Contains("--SiftExtraction.use"));
 }

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/io/ecf.h"
 
+#include "support/catch.h"
+
 #include <algorithm>
 #include <hdf5.h>
 #include <random>
 
 #include "jade/core/error.h"
 #include "jade/io/hdf5.h"
-#include "support/catch.h"
 #include "support/temp_dir.h"
 
 namespace jade::io {
@@ -214,8 +215,9 @@ TEST_CASE("ecf: a data set of several chunks is read, over their borders and in 
   const TestFile file(folder / "a.h5", 2500, 1000);
   for (size_t at = 0; at < 2500; at += 1000) {
     const size_t end = std::min<size_t>(at + 1000, 2500);
-    file.chunk(at, encode({events.begin() + std::ptrdiff_t(at), events.begin() + std::ptrdiff_t(end)},
-                          at == 1000 ? Mode::kPacked : Mode::kRuns));
+    file.chunk(at,
+               encode({events.begin() + std::ptrdiff_t(at), events.begin() + std::ptrdiff_t(end)},
+                      at == 1000 ? Mode::kPacked : Mode::kRuns));
   }
   file.close();
   const Hdf5File read(folder / "a.h5");

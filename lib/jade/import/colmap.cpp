@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <fstream>
+#include <map>
 #include <sstream>
 #include <unistd.h>
 
@@ -12,6 +13,7 @@
 #include "jade/core/error.h"
 #include "jade/core/progress.h"
 #include "jade/io/colmap.h"
+#include "jade/recording/python.h"
 
 namespace jade::import {
 namespace {
@@ -70,7 +72,7 @@ bool run_step(const Step& step, const fs::path& log) {
 void run_or_throw(const Step& step, const fs::path& log) {
   if (run_step(step, log)) return;
   throw DataError(
-      concat("COLMAP (", step.command[1], ") failed: ", last_line(log), "; see ", log.string()));
+      concat("COLMAP (", step.title, ") failed: ", last_line(log), "; see ", log.string()));
 }
 
 std::string numbers(const std::vector<double>& values) {
@@ -84,34 +86,60 @@ void append(std::vector<std::string>& to, const std::vector<std::string>& more) 
   to.insert(to.end(), more.begin(), more.end());
 }
 
+std::vector<std::string> call(const ColmapJob& job, const std::string& command) {
+  std::vector<std::string> words = job.program;
+  words.push_back(command);
+  return words;
+}
+
+/// Whether the program is of those since 3.13, which keep some flags under other names.
+bool has_new_names(const ColmapJob& job, const fs::path& out) {
+  std::vector<std::string> help = call(job, "feature_extractor");
+  help.push_back("-h");
+  run_to_end(help, {{"QT_QPA_PLATFORM", "offscreen"}}, out);
+  return read_file(out).find("--FeatureExtraction.use_gpu") != std::string::npos;
+}
+
+void rename_flags(std::vector<std::string>& command) {
+  static const std::map<std::string, std::string> names{
+      {"--SiftExtraction.use_gpu", "--FeatureExtraction.use_gpu"},
+      {"--SiftMatching.use_gpu", "--FeatureMatching.use_gpu"},
+      {"--SiftMatching.guided_matching", "--FeatureMatching.guided_matching"}};
+  for (std::string& word : command) {
+    if (const auto found = names.find(word); found != names.end()) word = found->second;
+  }
+}
+
 }  // namespace
 
-fs::path find_colmap(const fs::path& wanted) {
+std::vector<std::string> find_colmap(const fs::path& wanted) {
   if (!wanted.empty()) {
-    if (is_program(wanted)) return wanted;
+    if (is_program(wanted)) return {wanted.string()};
     throw DataError(concat(wanted.string(),
                            ": expected the program colmap, found none; correct "
                            "poses.colmap or leave it empty"));
   }
+  const std::vector<std::string> package{recording::interpreter({}),
+                                         recording::script("colmap.py").string()};
+  if (run_to_end({package[0], package[1], "version"}, {}, "/dev/null") == 0) return package;
   const char* path = std::getenv("PATH");
   std::istringstream folders(path == nullptr ? "" : path);
   for (std::string folder; std::getline(folders, folder, ':');) {
-    if (is_program(fs::path(folder) / "colmap")) return fs::path(folder) / "colmap";
+    const fs::path program = fs::path(folder) / "colmap";
+    if (is_program(program)) return {program.string()};
   }
   throw DataError(
-      "COLMAP: expected the program colmap on the path, found none; install it with "
-      "scripts/setup.sh --import (Debian's package colmap)");
+      "COLMAP: expected the Python package pycolmap or the program colmap on the path, found "
+      "neither; install one with scripts/setup.sh --import");
 }
 
 void match_features(const ColmapJob& job, const ColmapSettings& settings, const fs::path& folder) {
   make_writable_folder(folder);
+  const fs::path log = folder / "colmap.log";
   const std::string database = (folder / "database.db").string();
-  Step extract{
-      "features",
-      {job.program.string(), "feature_extractor", "--database_path", database, "--image_path",
-       job.images.string(), "--ImageReader.single_camera", "1", "--SiftExtraction.use_gpu", "0"},
-      "Processed file",
-      job.count};
+  Step extract{"features", call(job, "feature_extractor"), "Processed file", job.count};
+  append(extract.command, {"--database_path", database, "--image_path", job.images.string(),
+                           "--ImageReader.single_camera", "1", "--SiftExtraction.use_gpu", "0"});
   if (job.camera) {
     append(extract.command,
            {"--ImageReader.camera_model", "PINHOLE", "--ImageReader.camera_params",
@@ -120,32 +148,30 @@ void match_features(const ColmapJob& job, const ColmapSettings& settings, const 
     append(extract.command, {"--ImageReader.camera_model", "SIMPLE_PINHOLE"});
   }
   append(extract.command, settings.extraction);
-  run_or_throw(extract, folder / "colmap.log");
   const int64_t blocks = (job.count + 49) / 50;
-  Step match{"matching",
-             {job.program.string(), job.sequential ? "sequential_matcher" : "exhaustive_matcher",
-              "--database_path", database, "--SiftMatching.use_gpu", "0"},
-             job.sequential ? "Matching image" : "Matching block",
-             job.sequential ? job.count : blocks * blocks,
+  Step match{"matching", call(job, job.sequential ? "sequential_matcher" : "exhaustive_matcher"),
+             job.sequential ? " image [" : " block [", job.sequential ? job.count : blocks * blocks,
              1};
-  if (job.sequential) {
-    append(match.command, {"--SequentialMatching.overlap", "20"});
-  }
+  append(match.command, {"--database_path", database, "--SiftMatching.use_gpu", "0"});
+  if (job.sequential) append(match.command, {"--SequentialMatching.overlap", "20"});
   append(match.command, settings.matching);
-  run_or_throw(match, folder / "colmap.log");
+  if (has_new_names(job, folder / "help.txt")) {
+    rename_flags(extract.command);
+    rename_flags(match.command);
+  }
+  run_or_throw(extract, log);
+  run_or_throw(match, log);
 }
 
 std::vector<fs::path> reconstruct(const ColmapJob& job, const ColmapSettings& settings,
                                   const fs::path& folder) {
   const fs::path models = folder / settings.name;
   make_writable_folder(models);
-  Step map{"poses",
-           {job.program.string(), "mapper", "--database_path", (folder / "database.db").string(),
-            "--image_path", job.images.string(), "--output_path", models.string(),
-            "--Mapper.ba_refine_principal_point", "0", "--Mapper.ba_refine_extra_params", "0",
-            "--Mapper.ba_refine_focal_length", job.camera ? "0" : "1"},
-           "Registering image",
-           job.count};
+  Step map{"poses", call(job, "mapper"), "Registering image", job.count};
+  append(map.command, {"--database_path", (folder / "database.db").string(), "--image_path",
+                       job.images.string(), "--output_path", models.string(),
+                       "--Mapper.ba_refine_principal_point", "0", "--Mapper.ba_refine_extra_params",
+                       "0", "--Mapper.ba_refine_focal_length", job.camera ? "0" : "1"});
   append(map.command, settings.mapping);
   // Its exit code says little: a search without result ends well in some versions only.
   run_step(map, folder / "colmap.log");

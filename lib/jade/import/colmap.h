@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// COLMAP as a process.
+// COLMAP as a process: the program, or the package pycolmap through scripts/colmap.py.
 #pragma once
 
 #include <cstdint>
@@ -12,22 +12,24 @@
 
 namespace jade::import {
 
-/// The program that the options mean: theirs, else colmap of the path.
+/// The words before COLMAP's own: the program `wanted`, else the package pycolmap through
+/// scripts/colmap.py, which on a processor takes a quarter of the time of the program that Debian
+/// 12 has, else colmap of the path.
 /// @throws DataError with the command that installs it.
-std::filesystem::path find_colmap(const std::filesystem::path& wanted);
+std::vector<std::string> find_colmap(const std::filesystem::path& wanted);
 
 /// What all attempts at one set of images share.
 struct ColmapJob {
-  std::filesystem::path program;
-  std::filesystem::path images;  ///< folder
-  int64_t count = 0;             ///< of the images in it
+  std::vector<std::string> program;  ///< find_colmap()
+  std::filesystem::path images;      ///< folder
+  int64_t count = 0;                 ///< of the images in it
   /// Of all images, at their size, and held; absent: the focal length is searched, the principal
   /// point is the middle.
   std::optional<geometry::Intrinsics> camera;
   bool sequential = false;  ///< compare neighbours in name instead of all pairs
 };
 
-/// Flags beside ours, as COLMAP spells them.
+/// Flags beside ours, as COLMAP spelled them up to 3.12.
 struct ColmapSettings {
   std::string name;  ///< of the attempt and its folder
   std::vector<std::string> extraction, matching, mapping;

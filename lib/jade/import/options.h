@@ -131,7 +131,7 @@ struct PoseSearchOptions {
 
 template <class V>
 void describe(V& v, PoseSearchOptions& o) {
-  v.field("colmap", o.colmap, "the program; empty: colmap of the path");
+  v.field("colmap", o.colmap, "the program; empty: the package pycolmap, else colmap of the path");
   v.field("pairs", o.pairs, "which pairs of images are compared");
 }
 

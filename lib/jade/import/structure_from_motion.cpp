@@ -28,6 +28,13 @@ constexpr int64_t kMostExhaustive = 150;
 constexpr double kLeastShare = 2.0 / 3;
 /// Wrong models explain nothing of the blur, right ones more than half.
 constexpr double kLeastExplained = 0.1;
+/// Chance moves the explained blur by as much. Where no attempt is ahead by more, the first is the
+/// best: on a desk of 4 exposures all three explained 76 %, and their poses were 1.1, 1.3 and 1.3
+/// px off.
+constexpr double kClearlyBetter = 0.01;
+/// With all images placed, an attempt that explains this much is not followed by another: of seven
+/// recordings no later attempt was better than such a one.
+constexpr double kWellExplained = 0.85;
 /// Frames that checks look at.
 constexpr size_t kChecked = 8;
 /// Less than this between all frames is noise, px.
@@ -180,12 +187,13 @@ double explained_blur_of(const fs::path& latents, const std::vector<LatentImage>
 
 bool explains_blur(const Attempt& a) { return a.explained_blur >= kLeastExplained; }
 
-bool is_better(const Attempt& a, const Attempt& b) {
+/// @param margin  of the explained blur that `a` must be ahead by
+bool is_better(const Attempt& a, const Attempt& b, double margin = 0) {
   if (explains_blur(a) != explains_blur(b)) return explains_blur(a);
   if (a.registered != b.registered) return a.registered > b.registered;
   // More observations of weaker corners are no better poses: on the simulated desk 28,000 explained
   // 91 % of the blur and were 0.47 px off, 43,000 explained 87 % and were 0.57 px off.
-  return a.explained_blur > b.explained_blur;
+  return a.explained_blur > b.explained_blur + margin;
 }
 
 std::string sentence(const Attempt& a) {
@@ -293,6 +301,7 @@ SearchResult find_poses(const fs::path& latents, const std::vector<LatentImage>&
   check_motion(capture);
   const ColmapJob job = job_of(latents, images, capture.camera, options);
   SearchResult result;
+  Attempt chosen;
   std::string matched;  // flags of the features at hand
   fs::path folder;
   for (const ColmapSettings& settings : attempts()) {
@@ -313,9 +322,9 @@ SearchResult find_poses(const fs::path& latents, const std::vector<LatentImage>&
       attempt.explained_blur = explained_blur_of(latents, images, capture, r);
       if (!is_better(attempt, best)) continue;
       best = attempt;
-      const bool first = result.best.poses.empty();
-      if (first || is_better(attempt, result.attempts[result.chosen])) {
+      if (result.best.poses.empty() || is_better(attempt, chosen, kClearlyBetter)) {
         result.best = std::move(r);
+        chosen = attempt;
         result.chosen = result.attempts.size();
       }
     }
@@ -323,9 +332,10 @@ SearchResult find_poses(const fs::path& latents, const std::vector<LatentImage>&
                     " observations, error ", best.error_px, " px, parallax ", best.parallax_deg,
                     " degrees"));
     result.attempts.push_back(best);
+    if (best.registered == best.images && best.explained_blur >= kWellExplained) break;
   }
   const bool enough = double(result.best.poses.size()) >= kLeastShare * double(images.size());
-  if (!enough || !explains_blur(result.attempts[result.chosen])) fail(result.attempts);
+  if (!enough || !explains_blur(chosen)) fail(result.attempts);
   return result;
 }
 

@@ -88,8 +88,8 @@ bool decode_polarities(Bytes& in, std::vector<EcfEvent>& out) {
   return in.good();
 }
 
-/// Four numbers of 6·`unit` bits in three of 8·`unit`, a unit being 2 or 4 bytes: the second lies in
-/// the ends of the first two, the third in those of the last two.
+/// Four numbers of 6·`unit` bits in three of 8·`unit`, a unit being 2 or 4 bytes: the second lies
+/// in the ends of the first two, the third in those of the last two.
 template <class Set>
 bool decode_packed(Bytes& in, std::vector<EcfEvent>& out, int unit, Set set) {
   const int part = 2 * unit;  // bits
@@ -149,8 +149,8 @@ bool decode_ecf(const uint8_t* bytes, size_t size, std::vector<EcfEvent>& out) {
 
 void register_ecf() {
   static_assert(sizeof(EcfEvent) == 16);
-  static const H5Z_class2_t description{
-      H5Z_CLASS_T_VERS, kEcfFilter, 0, 1, "ECF of Metavision", nullptr, nullptr, filter};
+  static const H5Z_class2_t description{H5Z_CLASS_T_VERS,    kEcfFilter, 0,       1,
+                                        "ECF of Metavision", nullptr,    nullptr, filter};
   if (H5Zfilter_avail(kEcfFilter) <= 0) H5Zregister(&description);
 }
 

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // Recordings that scripts/read_recording.py turns into a folder.
-#include <cstdlib>
 #include <fstream>
 #include <sstream>
 #include <string>
@@ -9,6 +8,7 @@
 #include "jade/core/child.h"
 #include "jade/core/error.h"
 #include "jade/recording/contents.h"
+#include "jade/recording/python.h"
 
 namespace jade::recording {
 namespace {
@@ -17,25 +17,6 @@ namespace fs = std::filesystem;
 
 // Exit codes of the script.
 constexpr int kScriptDataError = 3, kScriptPackageMissing = 4;
-
-fs::path script() {
-  std::error_code ignored;
-  const fs::path program = fs::read_symlink("/proc/self/exe", ignored);
-  const fs::path installed =
-      program.parent_path().parent_path() / "share" / "jade" / "read_recording.py";
-  return fs::is_regular_file(installed, ignored) ? installed
-                                                 : fs::path(JADE_SCRIPTS) / "read_recording.py";
-}
-
-/// The interpreter that has the packages.
-std::string interpreter(const ReadOptions& options) {
-  if (!options.python.empty()) return options.python.string();
-  if (const char* const given = std::getenv("JADE_PYTHON"); given != nullptr && *given != '\0')
-    return given;
-  const fs::path own = fs::path(JADE_SCRIPTS).parent_path() / ".venv/bin/python";
-  std::error_code ignored;
-  return fs::exists(own, ignored) ? own.string() : "python3";
-}
 
 std::string last_line(const fs::path& log) {
   std::istringstream text(read_file(log));
@@ -48,9 +29,10 @@ std::string last_line(const fs::path& log) {
 
 void convert(const fs::path& path, const ReadOptions& options, const fs::path& folder) {
   const fs::path log = folder / "log.txt";
-  const std::string python = interpreter(options);
-  const int code =
-      run_to_end({python, script().string(), path.string(), (folder / "out").string()}, {}, log);
+  const std::string python = interpreter(options.python);
+  const int code = run_to_end(
+      {python, script("read_recording.py").string(), path.string(), (folder / "out").string()}, {},
+      log);
   if (code == 0) return;
   const std::string said = last_line(log);
   if (code == kScriptDataError) throw DataError(said);

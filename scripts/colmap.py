@@ -1,0 +1,98 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Takes the calls that jade_import makes of COLMAP, where not the program but the Python package pycolmap is there.
+
+    colmap.py feature_extractor|exhaustive_matcher|sequential_matcher|mapper --NAME VALUE ...
+    colmap.py version
+
+Names are those of the program: --database_path, --image_path, --output_path, --SiftExtraction.first_octave and so on.
+"""
+import sys
+from pathlib import Path
+
+# Of the program's groups, what pycolmap keeps elsewhere.
+MOVED = {
+    "SiftExtraction.use_gpu": "extraction.use_gpu",
+    "SiftMatching.use_gpu": "matching.use_gpu",
+    "SiftMatching.guided_matching": "matching.guided_matching",
+    "Mapper.tri_min_angle": "pipeline.triangulation.min_angle",
+    "Mapper.init_min_tri_angle": "pipeline.mapper.init_min_tri_angle",
+    "Mapper.filter_min_tri_angle": "pipeline.mapper.filter_min_tri_angle",
+}
+GROUPS = {"ImageReader": "reader", "SiftExtraction": "extraction.sift", "SiftMatching": "matching.sift",
+          "SequentialMatching": "sequential", "Mapper": "pipeline"}
+
+
+def fail(text):
+    print(text, file=sys.stderr)
+    sys.exit(1)
+
+
+def parse(words):
+    """The paths among the flags, and the options."""
+    if len(words) % 2 or any(not word.startswith("--") for word in words[::2]):
+        fail(f"expected pairs of --name and value, found {' '.join(words)}")
+    paths, options = {}, {}
+    for name, value in zip(words[::2], words[1::2]):
+        (options if "." in name else paths)[name[2:]] = value
+    return paths, options
+
+
+def path_of(paths, name):
+    if name not in paths:
+        fail(f"expected --{name}, found none")
+    return paths[name]
+
+
+def set_option(objects, name, value):
+    group, _, field = name.partition(".")
+    place = MOVED.get(name) or (f"{GROUPS[group]}.{field}" if group in GROUPS else None)
+    if place is None:
+        fail(f"--{name}: no such option")
+    target, *middle, field = place.split(".")
+    holder = objects[target]
+    for step in middle:
+        holder = getattr(holder, step)
+    if not hasattr(holder, field):
+        fail(f"--{name}: this pycolmap has no such option")
+    kind = type(getattr(holder, field))
+    setattr(holder, field, value == "1" if kind is bool else kind(value))
+
+
+def main():
+    if len(sys.argv) < 2:
+        fail("expected a command, found none; see the head of this file")
+    try:
+        import pycolmap
+    except ImportError as error:
+        fail(f"needs the Python package pycolmap: {error}")
+    command, words = sys.argv[1], sys.argv[2:]
+    if command == "version":
+        print(f"pycolmap {pycolmap.__version__}")
+        return
+    paths, options = parse(words)
+    objects = {"reader": pycolmap.ImageReaderOptions(), "extraction": pycolmap.FeatureExtractionOptions(),
+               "matching": pycolmap.FeatureMatchingOptions(), "sequential": pycolmap.SequentialPairingOptions(),
+               "pipeline": pycolmap.IncrementalPipelineOptions()}
+    single = options.pop("ImageReader.single_camera", "0") == "1"
+    for name, value in options.items():
+        set_option(objects, name, value)
+    database = path_of(paths, "database_path")
+    if command == "feature_extractor":
+        mode = pycolmap.CameraMode.SINGLE if single else pycolmap.CameraMode.AUTO
+        pycolmap.extract_features(database, path_of(paths, "image_path"), camera_mode=mode, reader_options=objects["reader"],
+                                  extraction_options=objects["extraction"])
+    elif command == "exhaustive_matcher":
+        pycolmap.match_exhaustive(database, matching_options=objects["matching"])
+    elif command == "sequential_matcher":
+        pycolmap.match_sequential(database, matching_options=objects["matching"], pairing_options=objects["sequential"])
+    elif command == "mapper":
+        models = path_of(paths, "output_path")
+        Path(models).mkdir(parents=True, exist_ok=True)
+        pycolmap.incremental_mapping(database, path_of(paths, "image_path"), models, options=objects["pipeline"])
+    else:
+        fail(f"{command}: expected feature_extractor, exhaustive_matcher, sequential_matcher or mapper")
+
+
+if __name__ == "__main__":
+    main()
