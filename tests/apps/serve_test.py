@@ -5,6 +5,7 @@
     serve_test.py BIN_FOLDER        exits with 77 where the programs were built without a web server
 """
 import hashlib
+import http.client
 import json
 import re
 import signal
@@ -119,14 +120,66 @@ def look(url, viewer, seen, stop):
 
 def stall(url, viewer):
     """A viewer that asks and never reads; its connection."""
-    port = int(re.search(r":(\d+)/", url)[1])
-    connection = socket.create_connection(("127.0.0.1", port))
+    connection = socket.create_connection(("127.0.0.1", port_of(url)))
     connection.sendall(f"GET /{FRAME.format(viewer)} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode())
     return connection
 
 
+def port_of(url):
+    return int(re.search(r":(\d+)/", url)[1])
+
+
+def raw(url, request):
+    """The first line of the answer to these bytes; empty where the server hung up."""
+    with socket.create_connection(("127.0.0.1", port_of(url)), timeout=30) as connection:
+        try:
+            connection.sendall(request)
+            return connection.recv(200).split(b"\r\n")[0].decode()
+        except ConnectionError:
+            return ""
+
+
+def misuse(url):
+    """What does not belong to a viewer. Connections that say nothing, left open."""
+    ask_state = b"GET /state?viewer=a&generation=-1&from=0 HTTP/1.1\r\n"
+    for what, request, answer in (
+            ("another Host", ask_state + b"Host: example.org\r\n\r\n", "HTTP/1.1 421 Misdirected Request"),
+            ("another page", ask_state + b"Host: 127.0.0.1\r\nOrigin: http://example.org\r\n\r\n", "HTTP/1.1 403 Forbidden"),
+            ("a long address", b"GET /" + 20000 * b"a" + b" HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n", ""),
+            ("a long body", b"POST /pause HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 100000\r\n\r\n" + 100000 * b"x",
+             "HTTP/1.1 413 Payload Too Large")):
+        found = raw(url, request)
+        expect(found == answer, f"{what}: expected '{answer}', found '{found}'")
+    return [socket.create_connection(("127.0.0.1", port_of(url))) for _ in range(4)]
+
+
+def flood(url, count, half):
+    """So many requests, by four at once; training is held at the step `half` until they are through."""
+    bad, held = [], threading.Event()
+
+    def part(viewer):
+        connection = http.client.HTTPConnection("127.0.0.1", port_of(url), timeout=30)
+        for _ in range(count // 4):
+            connection.request("GET", f"/state?viewer={viewer}&generation=-1&from=0")
+            answer = connection.getresponse()
+            body = answer.read()
+            if answer.status != 200:
+                bad.append(answer.status)
+            elif json.loads(body)["step"] >= half and not held.is_set():
+                held.set()
+                ask(f"{url}pause?viewer=a&on=1", "POST")
+
+    parts = [threading.Thread(target=part, args=(f"flood{k}",)) for k in range(4)]
+    for each in parts:
+        each.start()
+    for each in parts:
+        each.join()
+    expect(bad == [], f"{count} requests, of which some were answered by {bad[:5]}")
+    ask(f"{url}pause?viewer=a&on=0", "POST")
+
+
 def check_same_bits(runs):
-    """With two viewers, some that stall or leave, and a pause."""
+    """With two viewers, some that stall or leave, a pause, requests that are refused and 10,000 that are not."""
     done = subprocess.run(runs.training("alone"), capture_output=True, text=True)
     expect(done.returncode == 0, done.stderr)
     served = Served(*runs.training("served", "--serve=0"))
@@ -144,6 +197,8 @@ def check_same_bits(runs):
     wait_for(lambda: seen.get("a", 0) > before + 3, "frames while paused")
     expect(state(url)["step"] == step, "no step while paused")
     expect(ask(f"{url}pause?viewer=a&on=0", "POST")[0] == 204, "go on")
+    stalled += misuse(url)
+    flood(url, 10000, 75)
     lines = []
     while served.process.poll() is None:
         status, body = ask(f"{url}state?viewer=a&generation=-1&from=0")

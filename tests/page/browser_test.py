@@ -276,6 +276,56 @@ def check_moving(page):
     page.wait("!jade.state.pose && document.getElementById('back').hidden")
 
 
+def check_touch(page):
+    """One finger orbits, two come nearer."""
+    choose(page, "camera", "train.1")
+    page.wait("document.getElementById('camera').value === 'train.1' && !jade.state.pose")
+    page.call("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=2)
+    left, top, width, height = box(page, "stage")
+    middle = top + 0.5 * height
+
+    def touch(kind, *fingers):
+        points = [{"x": left + part * width, "y": middle, "id": k} for k, part in enumerate(fingers)]
+        page.call("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+    before = page.evaluate("jade.pose()")
+    touch("touchStart", 0.6)
+    for part in (0.57, 0.54, 0.5):
+        touch("touchMove", part)
+    touch("touchEnd")
+    page.wait("document.getElementById('stage').matches('.away')")
+    orbited = page.evaluate("jade.pose()")
+    expect(max(abs(a - b) for a, b in zip(before[:3], orbited[:3])) > 0.02, "a finger turns the camera")
+    touch("touchStart", 0.4, 0.6)
+    for spread in (0.12, 0.15, 0.2):
+        touch("touchMove", 0.5 - spread, 0.5 + spread)
+    touch("touchEnd")
+    page.wait(f"jade.pose()[11] < {orbited[11]} - 1e-2")
+    nearer = page.evaluate("jade.pose()")
+    expect(max(abs(a - b) for a, b in zip(nearer[8:11], orbited[8:11])) < 1e-6, "two fingers come nearer and do not turn")
+    page.call("Emulation.setTouchEmulationEnabled", enabled=False)
+    page.evaluate("document.getElementById('reset').click()")
+    page.wait("!jade.state.pose")
+
+
+def check_saving(page):
+    """What the buttons copy and save."""
+    page.evaluate("""window.saved = {}; const address = URL.createObjectURL;
+        URL.createObjectURL = (blob) => { saved.last = blob; return address.call(URL, blob); };
+        HTMLAnchorElement.prototype.click = function () { saved[this.download] = saved.last; }; 0""")
+    page.evaluate("document.getElementById('path-add').click(); document.getElementById('path-save').click()")
+    page.wait("!!saved['path.json']")
+    expect(page.evaluate("saved['path.json'].text()") == page.evaluate("jade.pathJson()"), "the path that is saved")
+    page.evaluate("document.getElementById('path-clear').click(); document.getElementById('picture').click()")
+    page.wait("!!saved['view.png']")
+    size = """createImageBitmap(saved['view.png']).then(({width, height}) => {
+        const canvas = document.getElementById('scene'); return `${width}x${height} ${canvas.width}x${canvas.height}`; })"""
+    found = page.evaluate(size).split()
+    expect(found[0] == found[1], f"the picture that is saved has the pixels of the view, found {found}")
+    page.evaluate("document.getElementById('link').click()")
+    page.wait("/^(Link copied|The address bar holds the link)$/.test(document.getElementById('status').textContent)")
+    expect(page.evaluate("location.hash === jade.link()"), "the address is the link")
+
+
 def check_path(page, run):
     choose(page, "camera", "test.0")
     page.wait("document.getElementById('camera').value === 'test.0'")
@@ -346,6 +396,8 @@ def check_page(run):
         check_layers(page, run)
         check_events(page)
         check_moving(page)
+        check_touch(page)
+        check_saving(page)
         check_path(page, run)
         check_link(page, run)
         check_access(page)

@@ -123,6 +123,11 @@ test('sort: the newest request wins, and without a worker the answer is the same
   sorter.done('third');
   assert.deepEqual(await Promise.all(answers), ['first', null, 'third']);
   assert.deepEqual(sent, [1, 3]);
+  // A worker that fails leaves nobody waiting.
+  const left = [sorter.request(IDENTITY), sorter.request(IDENTITY)];
+  sorter.lose();
+  for (const answer of await Promise.all(left)) assert.deepEqual([...answer.order], [1, 0]);
+  assert.equal((await sorter.request(IDENTITY)).shades.length, 6);
 });
 
 test('pose: quaternions, between and the way through an exposure', () => {

@@ -101,7 +101,7 @@ def check_views(page):
     page.wait("document.getElementById('camera').value === 'train.1' && jade.layers.names.includes('EDI')")
     for layer in ("EDI", "render", "depth"):
         choose(page, "left-layer", layer)
-        page.wait(f"jade.layers.left === '{layer}' && document.getElementById('left').naturalWidth === 48")
+        page.wait(f"document.getElementById('left').alt === '{layer}' && document.getElementById('left').naturalWidth === 48")
     choose(page, "moment", 0)
     page.evaluate("window.early = document.getElementById('scene').toDataURL(); 0")
     choose(page, "moment", 1)
@@ -157,7 +157,7 @@ def check_view(page, runs):
         expect(page.evaluate("jade.layers.names") == ["scene", "depth", "blurry", "EDI", "event density", "render"]
                + page.evaluate("jade.layers.names.filter(name => name === 'truth' || name === '|difference|')"), "the layers of a run")
         choose(page, "left-layer", "EDI")
-        page.wait("document.getElementById('left').naturalWidth === 48 && document.getElementById('left-tag').textContent.startsWith('EDI')")
+        page.wait("document.getElementById('left').alt === 'EDI' && document.getElementById('left').naturalWidth === 48")
         expect(page.evaluate("document.getElementById('pause-key').hidden"), "nothing to pause")
         view.interrupt()
         page.wait("/^jade_view has ended/.test(document.getElementById('notice').textContent)")

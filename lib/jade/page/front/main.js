@@ -244,7 +244,8 @@ class Page {
       await this.viewer.draw(this.camera(), this.pose(), { part: n });
       await new Promise((resolve) => { setTimeout(resolve, 50); });
     }
-    return this.stop();
+    // Another may have begun since.
+    if (this.playing === run) this.stop();
   }
 
   stop() {
@@ -282,7 +283,7 @@ class Page {
       this.state.pose = this.path.at((now - start) / length);
       this.refresh();
     }
-    this.stop();
+    if (this.playing === run) this.stop();
   }
 
   writePath() {

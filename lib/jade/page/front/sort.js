@@ -113,6 +113,7 @@ export class Sorter {
         };`;
       this.worker = new Worker(URL.createObjectURL(new Blob([source], { type: 'text/javascript' })));
       this.worker.onmessage = ({ data }) => this.done(data);
+      this.worker.onerror = () => this.lose();
       this.worker.postMessage({ scene, near });
     } catch {
       this.worker = null;
@@ -134,6 +135,14 @@ export class Sorter {
     this.busy = this.waiting;
     this.waiting = null;
     if (this.busy) this.worker.postMessage(this.busy.from);
+  }
+
+  /** A worker that fails, where memory is short, say, or a policy forbids it: its work is done here. */
+  lose() {
+    this.worker = null;
+    const left = [this.busy, this.waiting].filter(Boolean);
+    this.busy = this.waiting = null;
+    for (const { from, resolve } of left) resolve(this.arrange(from));
   }
 
   done(sorted) {
