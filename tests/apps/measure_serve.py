@@ -32,7 +32,7 @@ def first_camera(url, state):
             data = re.search(r'id="data">(.*?)</script>', text, re.DOTALL)[1]
             camera = json.loads(data)["scene"]["cameras"]["train"][0]
             lens = ",".join(str(camera[key]) for key in ("fx", "fy", "cx", "cy", "width", "height"))
-            return f"pose={','.join(map(str, camera['poses'][4]))}&camera={lens}"
+            return f"pose={','.join(map(str, camera['poses'][4]))}&camera={lens}&view=train.0"
         time.sleep(0.1)
     return ""
 
@@ -40,11 +40,28 @@ def first_camera(url, state):
 def look(url, state):
     """Asks for a frame as soon as the last has come, as the page does."""
     address = f"{url}frame?viewer=a&layer=color&{first_camera(url, state)}"
+    asks = threading.Thread(target=ask_along, args=(url, state))
+    asks.start()
     while not state["stop"]:
         status, _ = ask(address)
         state["frames"] += status == 200
         if status == 0:
             time.sleep(0.1)
+    asks.join()
+
+
+def ask_along(url, state):
+    """What the page asks beside frames (front/live.js): each second the state and where its camera stands, every four the
+    picture of a layer that changes."""
+    second, lines = 0, 0
+    while not state["stop"]:
+        status, body = ask(f"{url}state?viewer=a&generation=0&from={lines}")
+        lines = json.loads(body)["count"] if status == 200 else 0
+        ask(f"{url}camera?viewer=a&view=train.0")
+        if second % 4 == 0:
+            ask(f"{url}picture?viewer=a&view=train.0&name=render")
+        second += 1
+        time.sleep(1)
 
 
 def one_run(program, flags, way):
