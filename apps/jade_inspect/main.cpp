@@ -6,6 +6,7 @@
 #include "common/cli.h"
 #include "common/dataset_flags.h"
 #include "common/shell.h"
+#include "jade/core/error.h"
 #include "jade/data/dataset.h"
 #include "jade/recording/format.h"
 #include "jade/run/run_summary.h"
@@ -42,6 +43,20 @@ ExitCode inspect(const data::DatasetOptions& options, double log_offset, bool js
     apps::print_text(inspection);
   }
   return ExitCode::kOk;
+}
+
+/// A folder that is nothing is told what it could have been.
+void check_is_dataset(const data::DatasetOptions& options) {
+  if (options.kind != data::DatasetKind::kAuto || !std::filesystem::is_directory(options.path))
+    return;
+  try {
+    data::recognise_dataset(options.path);
+  } catch (const DataError&) {
+    throw DataError(concat(options.path.string(),
+                           ": expected a recording (events, or frames that have times), a data set "
+                           "(poses_bounds.npy, sparse/0 or transforms.json) or a run directory, "
+                           "found none of them"));
+  }
 }
 
 }  // namespace
@@ -81,6 +96,7 @@ int main(int argc, char** argv) {
       apps::inspect_recording(path, settings->dataset.events_unit, program.json());
       return ExitCode::kOk;
     }
+    check_is_dataset(settings->dataset);
     return inspect(settings->dataset, log_offset, program.json());
   });
 }

@@ -63,7 +63,9 @@ RecordingNumbers numbers_of(const Recording& r) {
 std::string next_command(const Recording& r, const RecordingNumbers& n) {
   if (r.events.empty()) return "";
   std::string line = "build/bin/jade_import " + shell_word(r.source);
-  if (r.frames.empty()) {
+  if (r.frames.empty() && r.untimed_frames > 0) {
+    line += " --frame-times LIST.csv";
+  } else if (r.frames.empty()) {
     line += " --frames FOLDER_OR_VIDEO";
     if (r.triggers.rising_us.empty()) line += " --frame-times LIST.csv";
   } else if (n.exposed < r.frames.size()) {

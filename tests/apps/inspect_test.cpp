@@ -91,7 +91,8 @@ TEST_CASE("jade_inspect: says whether the frames are monochrome", "[apps]") {
 TEST_CASE("jade_inspect: what is none of the three gets one line", "[apps]") {
   const test::TempDir dir;
   std::filesystem::create_directories(dir / "empty");
-  check_error(run(dir, "jade_inspect empty"), 3, "is no data set we know");
+  check_error(run(dir, "jade_inspect empty"), 3,
+              "expected a recording (events, or frames that have times), a data set");
   check_error(run(dir, "jade_inspect nowhere"), 3, "no such folder");
   check_error(run(dir, "jade_inspect"), 2, "--help lists the flags");
   test::write_tiny_dataset(dir / "scene");
@@ -147,6 +148,12 @@ TEST_CASE("jade_inspect: a recording, what is missing, and the next command", "[
   CHECK(json["frames"][1]["t_end_us"] == 420000);
   const Outcome alone = run(dir, "jade_inspect scene/events.txt");
   CHECK_THAT(alone.out, Catch::Contains("--frames FOLDER_OR_VIDEO --frame-times LIST.csv"));
+  run(dir, "rm scene/exposures.csv scene/images.txt");
+  const Outcome untimed = run(dir, "jade_inspect scene");
+  CHECK_THAT(untimed.out, Catch::Contains("2 of 2 frames have no time and are left out; give"));
+  CHECK_THAT(untimed.out, Catch::Contains("/scene --frame-times LIST.csv --output data/scene"));
+  check_error(run(dir, "jade_import --quiet scene --output out --until read"), 3,
+              "holds 2 frames and no time of any; give --frame-times LIST.csv");
   check_error(run(dir, "jade_inspect scene/images/a.png"), 3, "expected a recording");
   dir.write("empty.raw", "");
   check_error(run(dir, "jade_inspect empty.raw"), 3, "the file is empty");

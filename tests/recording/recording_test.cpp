@@ -221,7 +221,8 @@ TEST_CASE("recording: what is missing is noted, what is damaged is an error", "[
   std::filesystem::remove(dir / "rpg/images.txt");
   const Recording unlisted = read_recording(dir / "rpg");
   CHECK(unlisted.frames.empty());
-  CHECK(has_note(unlisted, "images.txt: missing, so that 2 images have no time"));
+  CHECK(has_note(unlisted, "2 of 2 frames have no time and are left out; give them one"));
+  CHECK(unlisted.untimed_frames == 2);
   dir.write("rpg/events.txt", "");
   CHECK(has_note(read_recording(dir / "rpg"), "there are no events"));
   dir.write("rpg/events.txt", "0.1 2 3\n0.1 2 3 1\n0.2 4 x 1\n");

@@ -111,9 +111,14 @@ void check_recording(const recording::Recording& recording, const TimeOptions& t
                            "--frames DIR if there are none"));
   }
   if (recording.frames.empty()) {
-    throw DataError(concat(source,
-                           ": holds no frames; give a folder of them with --frames "
-                           "DIR, each named after a line of its times"));
+    throw DataError(
+        recording.untimed_frames > 0
+            ? concat(source, ": holds ", recording.untimed_frames,
+                     " frames and no time of any; give --frame-times LIST.csv "
+                     "(name,start_us,end_us)")
+            : concat(source,
+                     ": holds no frames; give a folder of them with --frames DIR, each named after "
+                     "a line of its times"));
   }
   if (recording.stored_events == 0) {
     throw DataError(concat(source, ": holds no events; expected a recording of an event camera"));

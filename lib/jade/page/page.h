@@ -22,8 +22,8 @@ std::string report_page(const std::string& json, const std::string& spz);
 /// The same page with the scene drawn elsewhere: it asks the server that it comes from
 /// (serve/server.h), and may ask nobody else.
 /// @param json  as above, its pictures without "src", and "live" {"id": of this server, "scale":
-///   pixels per trained pixel at most, "pausable", "moving": whether its cameras do, "report": where
-///   the finished one will be, or "", "sample": x, y, z of some Gaussians, flat}
+///   pixels per trained pixel at most, "pausable", "moving": whether its cameras do, "report":
+///   where the finished one will be, or "", "sample": x, y, z of some Gaussians, flat}
 std::string live_page(const std::string& json);
 
 /// The page of a sweep, whose pictures and reports are files beside it.

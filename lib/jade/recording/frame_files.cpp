@@ -59,8 +59,10 @@ void read_frames(std::vector<FrameFile> files, Recording& recording) {
   const auto untimed = std::stable_partition(files.begin(), files.end(),
                                              [](const FrameFile& f) { return f.time.has_value(); });
   if (untimed != files.end()) {
-    recording.notes.push_back(concat(files.end() - untimed, " of ", files.size(),
-                                     " frames have no time and are left out"));
+    recording.untimed_frames = files.end() - untimed;
+    recording.notes.push_back(concat(recording.untimed_frames, " of ", files.size(),
+                                     " frames have no time and are left out; give them one with "
+                                     "--frame-times LIST.csv (name,start_us,end_us)"));
     files.erase(untimed, files.end());
   }
   std::stable_sort(files.begin(), files.end(), [](const FrameFile& a, const FrameFile& b) {

@@ -10,7 +10,8 @@ namespace jade::recording {
 /// A script by its name: beside the installed program, else of the source folder.
 std::filesystem::path script(const std::string& name);
 
-/// The interpreter that has their packages: the one given, $JADE_PYTHON, the project's own, python3.
+/// The interpreter that has their packages: the one given, $JADE_PYTHON, the project's own,
+/// python3.
 std::string interpreter(const std::filesystem::path& given);
 
 }  // namespace jade::recording

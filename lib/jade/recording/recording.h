@@ -37,6 +37,7 @@ struct Recording {
   int64_t stored_events = 0;      ///< kept or not
   events::TimeWindow stored_us;   ///< from the first of these to the last
   std::vector<Frame> frames;      ///< in order of time, of one size
+  int64_t untimed_frames = 0;     ///< that are not among them, as nothing says when they were taken
   /// What the one time of a frame is, where the length of its exposure is not known.
   Stamp stamp = Stamp::kMiddle;
   Triggers triggers;

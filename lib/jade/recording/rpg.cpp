@@ -24,14 +24,13 @@ bool stays_inside(const fs::path& name) {
          std::none_of(name.begin(), name.end(), [](const fs::path& part) { return part == ".."; });
 }
 
-void note_untimed_images(const fs::path& folder, Recording& recording) {
-  size_t count = imaging::list_images(folder).size();
-  if (fs::is_directory(folder / "images")) count += imaging::list_images(folder / "images").size();
-  if (count == 0) return;
-  recording.notes.push_back(concat((folder / "images.txt").string(), ": missing, so that ", count,
-                                   count == 1 ? " image has" : " images have",
-                                   " no time and cannot be used; write a line \"seconds "
-                                   "images/NAME\" for each"));
+/// Of a folder without images.txt: files that only a list can give a time.
+std::vector<FrameFile> unlisted_images(const fs::path& folder) {
+  std::vector<FrameFile> out;
+  const fs::path images = folder / "images";
+  for (const fs::path& path : imaging::list_images(fs::is_directory(images) ? images : folder))
+    out.push_back({path, std::nullopt});
+  return out;
 }
 
 std::optional<CalibrationFile> find_calibration(const fs::path& folder) {
@@ -93,12 +92,9 @@ Contents read_rpg(const fs::path& folder, const ReadOptions& options) {
   // rpg_dvs_ros stamps with libcaer's time of a frame, the middle of its exposure.
   recording.stamp = Stamp::kMiddle;
   recording.calibration = find_calibration(folder);
-  if (fs::is_regular_file(folder / "images.txt")) {
-    out.files = listed_images(folder / "images.txt");
-    add_exposures(folder, out.files);
-  } else {
-    note_untimed_images(folder, recording);
-  }
+  const fs::path list = folder / "images.txt";
+  out.files = fs::is_regular_file(list) ? listed_images(list) : unlisted_images(folder);
+  if (!out.files.empty()) add_exposures(folder, out.files);
   out.read_events = events_of(folder / "events.txt", options, std::nullopt, recording);
   return out;
 }
