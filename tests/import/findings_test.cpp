@@ -49,11 +49,17 @@ return capture;
 
 TEST_CASE("findings: the offset is found, given or one clock", "[import]") {
   const import::Capture ahead = capture_ahead(13000), level = capture_ahead(0);
-  CHECK(import::find_clock({}, ahead, true).offset_ms == Approx(13).margin(2));
+  const import::ClockFinding found = import::find_clock({}, ahead, true);
+  CHECK(found.offset_ms == Approx(13).margin(2));
+  // From −50 ms in steps of one.
+  REQUIRE(found.curve.size() == 101);
+  CHECK(std::max_element(found.curve.begin(), found.curve.end()) - found.curve.begin() ==
+        Approx(50 + found.offset_ms).margin(1));
   CHECK(import::find_clock({}, level, true).offset_ms == 0);
   import::TimeOptions options;
   options.offset_ms = 7;
   CHECK(import::find_clock(options, ahead, true).offset_ms == 7);
+  CHECK(import::find_clock(options, ahead, true).curve.empty());
   options.offset_ms = 0;
   options.find_offset = false;
   CHECK(import::find_clock(options, ahead, true).offset_ms == 0);
@@ -129,7 +135,7 @@ TEST_CASE("findings: what is kept comes back, what is damaged is named", "[impor
   sensor.blur_px = {4.5, -1, 0};
   sensor.filter = import::ColorFilter::kGrbg;
   import::keep(dir.path(), sensor);
-  import::keep(dir.path(), import::ClockFinding{-4.5, "found"});
+  import::keep(dir.path(), import::ClockFinding{-4.5, "found", { 0.25, 0.5 }});
   const import::SensorFinding back = import::load_sensor(dir.path());
   CHECK(back.hot_pixels.size() == 2);
   CHECK(back.hot_pixels[1].column == 9);
@@ -138,6 +144,7 @@ TEST_CASE("findings: what is kept comes back, what is damaged is named", "[impor
   CHECK(back.blur_px == sensor.blur_px);
   CHECK((back.filter == import::ColorFilter::kGrbg));
   CHECK(import::load_clock(dir.path()).offset_ms == -4.5);
+  CHECK(import::load_clock(dir.path()).curve == std::vector<double>{0.25, 0.5});
   write_file(dir / "clock.json", "{}");
   CHECK_THROWS_WITH(import::load_clock(dir.path()), Catch::Contains("clock.json"));
 }

@@ -112,8 +112,8 @@ Capture without_hot_pixels(const Capture& capture) {
 }
 
 ClockFinding find_clock(const TimeOptions& options, const Capture& capture, bool frames_apart) {
-  if (options.offset_ms != 0) return {options.offset_ms, "as given"};
-  if (!options.find_offset) return {0, "as given"};
+  if (options.offset_ms != 0) return {options.offset_ms, "as given", {}};
+  if (!options.find_offset) return {0, "as given", {}};
   // One pixel that fires all the time can outweigh all that move.
   const ClockOffset found =
       estimate_clock_offset(exposures_of(capture), without(hot_pixels_of(capture), capture));
@@ -129,15 +129,15 @@ ClockFinding find_clock(const TimeOptions& options, const Capture& capture, bool
     log_warn(
         concat(capture.source, ": frames and events do not tell the offset between their clocks (",
                found.doubt, "); taken for one clock, give it with --offset-ms if they are two"));
-    return {0, "taken for one clock, as nothing tells"};
+    return {0, "taken for one clock, as nothing tells", found.curve};
   }
   const double offset_ms = found.offset_us / 1000, error_ms = found.error_us / 1000;
   const std::string measured = concat(rounded(offset_ms, 0.1), " +- ", rounded(error_ms, 0.1),
                                       " ms found, correlation ", rounded(found.correlation, 0.01));
   if (std::abs(offset_ms) < std::max(kSmallestOffsetMs, 3 * error_ms)) {
-    return {0, concat(measured, ", which is one clock")};
+    return {0, concat(measured, ", which is one clock"), found.curve};
   }
-  return {rounded(offset_ms, 1e-3), measured};
+  return {rounded(offset_ms, 1e-3), measured, found.curve};
 }
 
 std::vector<double> find_blur(const Capture& capture) {
@@ -204,8 +204,12 @@ void clean(const SensorFinding& finding, Capture& capture) {
 }
 
 void keep(const fs::path& folder, const ClockFinding& finding) {
-  write_file(folder / kClockFile,
-             Json{{"offset_ms", finding.offset_ms}, {"said", finding.said}}.dump(1) + "\n");
+  const double reach_ms = ClockOffsetOptions().reach_ms;
+  const Json all{
+      {"offset_ms", finding.offset_ms},
+      {"said", finding.said},
+      {"curve", {{"from_ms", -reach_ms}, {"to_ms", reach_ms}, {"correlation", finding.curve}}}};
+  write_file(folder / kClockFile, all.dump(1) + "\n");
 }
 
 void keep(const fs::path& folder, const SensorFinding& finding) {
@@ -227,7 +231,9 @@ void keep(const fs::path& folder, const SensorFinding& finding) {
 
 ClockFinding load_clock(const fs::path& folder) {
   return read_json(folder / kClockFile, [](const Json& json) {
-    return ClockFinding{json.at("offset_ms"), json.at("said")};
+    ClockFinding finding{json.at("offset_ms"), json.at("said"), {}};
+    if (json.contains("curve")) json["curve"].at("correlation").get_to(finding.curve);
+    return finding;
   });
 }
 

@@ -19,6 +19,8 @@ namespace jade::import {
 struct ClockFinding {
   double offset_ms = 0;
   std::string said;
+  /// ClockOffset::curve from −reach to +reach of ClockOffsetOptions; empty where none was sought.
+  std::vector<double> curve;
 };
 
 /// The capture without the events of pixels that fire by themselves.
