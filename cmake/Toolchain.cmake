@@ -10,13 +10,6 @@ if(JADE_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
   set(CMAKE_CXX_COMPILER_LAUNCHER ${jade_launcher})
   set(CMAKE_CUDA_COMPILER_LAUNCHER ${jade_launcher})
 endif()
-find_program(JADE_MOLD mold)
-if(JADE_MOLD AND CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_GREATER_EQUAL 12.1)
-  # mold 1.10 of Debian 12 may place the pages that are read-only after loading on no page's start, by the luck of a
-  # program's size; such a program does not start ("cannot apply additional memory protection").
-  add_link_options(-fuse-ld=mold -Wl,-z,norelro)
-endif()
-
 add_compile_options($<$<COMPILE_LANGUAGE:CXX>:-Wall> $<$<COMPILE_LANGUAGE:CXX>:-Wextra>
                     $<$<COMPILE_LANGUAGE:CXX>:-Wshadow> $<$<COMPILE_LANGUAGE:CXX>:-Wno-sign-compare>)
 # at::parallel_for is a template that runs serially wherever OpenMP is off.

@@ -37,8 +37,8 @@ packages=(g++ cmake ninja-build ccache git pkg-config ca-certificates python3 py
   libopencv-core-dev libopencv-imgproc-dev libopencv-imgcodecs-dev
   libyaml-cpp-dev libcli11-dev libspdlog-dev catch2 libhdf5-dev nlohmann-json3-dev libzip-dev zlib1g-dev libssl-dev
   libcpp-httplib-dev)
-# Small comforts: a faster linker, and an HDF5 filter that some recordings use.
-optional=(mold hdf5-plugin-lzf)
+# A small comfort: an HDF5 filter that some recordings use.
+optional=(hdf5-plugin-lzf)
 # Elsewhere COLMAP comes as a wheel, which is also the faster one.
 if [ $import = yes ] && [ "$(uname -m)" != x86_64 ]; then packages+=(colmap); fi
 if [ $browser = yes ]; then
