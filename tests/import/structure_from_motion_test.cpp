@@ -96,6 +96,29 @@ TEST_CASE("poses: a model becomes poses by time in units of its depth", "[import
   CHECK(kept.seen_by == r.seen_by);
 }
 
+TEST_CASE("poses: an image placed far off its neighbours is left out", "[import]") {
+  for (const double stray : {0.0, 0.4}) {
+    const test::TempDir dir;
+    std::vector<import::LatentImage> images;
+    std::string poses, track;
+    for (int k = 0; k < 12; ++k) {
+      images.push_back({concat(k, ".png"), k, 1000 * k});
+      // A camera that goes sideways in steps of 0.1, not quite evenly.
+      const double x = 0.1 * k + 0.004 * ((k * 7) % 3) - (k == 5 ? stray : 0);
+      poses += concat(k + 1, " 1 0 0 0 ", -x, " 0 0 1 ", k, ".png\n\n");
+      track += concat(" ", k + 1, " 0");
+    }
+    dir.write("cameras.txt", "1 SIMPLE_PINHOLE 60 40 50 30 20\n");
+    dir.write("images.txt", poses);
+    dir.write("points3D.txt", "7 0 0 4 1 2 3 0.5" + track + "\n8 1 0 4 1 2 3 0.5" + track + "\n");
+    const import::Reconstruction r = import::read_reconstruction(dir.path(), images, 2);
+    REQUIRE(r.poses.size() == (stray > 0 ? 11 : 12));
+    CHECK(r.poses[5].shot == (stray > 0 ? 6 : 5));
+    CHECK(r.seen_by[0].size() == r.poses.size());
+    CHECK(r.seen_by[0].back() == int64_t(r.poses.size()) - 1);
+  }
+}
+
 TEST_CASE("poses: the better of two models of one attempt is taken", "[import]") {
   std::string second = mapper_of(4);
   const auto replace = [&](const std::string& from, const std::string& to) {

@@ -122,6 +122,37 @@ double median_parallax(const Reconstruction& r) {
   return median(std::move(angles));
 }
 
+double distance_between(const geometry::Vector3& a, const geometry::Vector3& b) {
+  double sum = 0;
+  for (size_t i = 0; i < 3; ++i) sum += (a[i] - b[i]) * (a[i] - b[i]);
+  return std::sqrt(sum);
+}
+
+/// Takes out images that were placed by another part of a texture that repeats: each, the worst
+/// first, that lies ten times as far off the line between its neighbours in time as images do, and
+/// three times as far as they are apart. Few poses tell nothing of what is usual.
+void drop_strays(std::vector<TimedPose>& poses) {
+  constexpr size_t kFew = 8;
+  while (poses.size() > kFew) {
+    std::vector<double> off{0}, steps;
+    for (size_t i = 0; i + 1 < poses.size(); ++i) {
+      const geometry::Vector3 here = geometry::centre(poses[i].pose);
+      const geometry::Vector3 after = geometry::centre(poses[i + 1].pose);
+      steps.push_back(distance_between(here, after));
+      if (i == 0) continue;
+      const geometry::Vector3 before = geometry::centre(poses[i - 1].pose);
+      const double span = double(poses[i + 1].t_us - poses[i - 1].t_us);
+      const double part = span > 0 ? double(poses[i].t_us - poses[i - 1].t_us) / span : 0.5;
+      geometry::Vector3 between{};
+      for (size_t k = 0; k < 3; ++k) between[k] = before[k] + part * (after[k] - before[k]);
+      off.push_back(distance_between(here, between));
+    }
+    const auto worst = std::max_element(off.begin(), off.end());
+    if (*worst <= std::max(10 * median(off), 3 * median(steps))) return;
+    poses.erase(poses.begin() + (worst - off.begin()));
+  }
+}
+
 Attempt attempt_of(const std::string& name, size_t images, const Reconstruction& r) {
   Attempt a;
   a.name = name;
@@ -270,6 +301,13 @@ Reconstruction read_reconstruction(const fs::path& model, const std::vector<Late
   if (r.poses.empty()) return r;
   std::sort(r.poses.begin(), r.poses.end(),
             [](const TimedPose& a, const TimedPose& b) { return a.t_us < b.t_us; });
+  drop_strays(r.poses);
+  for (auto image = by_id.begin(); image != by_id.end();) {
+    const bool kept = std::any_of(r.poses.begin(), r.poses.end(), [&](const TimedPose& p) {
+      return p.t_us == image->second->t_us && p.shot == image->second->shot;
+    });
+    image = kept ? std::next(image) : by_id.erase(image);
+  }
   const auto index_of = [&](int64_t id) {
     const int64_t t = by_id.at(id)->t_us;
     return std::lower_bound(r.poses.begin(), r.poses.end(), t,
