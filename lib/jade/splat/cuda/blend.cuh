@@ -20,7 +20,11 @@ struct WarpStage {
 struct FastArithmetic {
   static __device__ __forceinline__ float exp2_where(bool mask, float x) {
     float value = 0;
+#ifdef __CUDACC__
     if (mask) asm("ex2.approx.ftz.f32 %0, %1;" : "=f"(value) : "f"(x));
+#else
+    if (mask) value = exp2f(x);
+#endif
     return value;
   }
   static __device__ __forceinline__ float product(float a, float b) { return __fmul_rn(a, b); }

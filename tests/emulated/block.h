@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+// A grid of CUDA threads on one thread of the CPU: blocks one after the other, the threads of a
+// block as fibers that take turns at barriers and warp operations.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+
+namespace jade::emulated {
+
+struct Index {
+  unsigned x = 1, y = 1, z = 1;
+  Index(unsigned x_ = 1, unsigned y_ = 1, unsigned z_ = 1) : x(x_), y(y_), z(z_) {}
+};
+
+/// In which order the threads of a block run between two barriers. What a kernel computes must not
+/// depend on it: a missing barrier shows as a difference between orders.
+enum class Order { kAscending, kDescending, kShuffled };
+
+/// For launches that follow, until the object's end.
+class ForcedOrder {
+ public:
+  explicit ForcedOrder(Order order);
+  ~ForcedOrder();
+  ForcedOrder(const ForcedOrder&) = delete;
+  ForcedOrder& operator=(const ForcedOrder&) = delete;
+
+ private:
+  Order before_;
+};
+
+/// Which barrier or operation threads meet at: all must be at the same.
+enum class Meeting { kBlock, kWarp, kBallot, kShuffle, kReduce };
+
+/// Runs `kernel` once for every thread of every block.
+/// @throws std::logic_error where threads wait at barriers that the others never reach, or meet at
+///   different ones. Such a kernel is wrong on a GPU too.
+void run_grid(const Index& grid, const Index& block, const std::function<void()>& kernel);
+
+/// @name For code that runs inside of run_grid()
+/// @{
+const Index& grid_size();
+const Index& block_size();
+const Index& block_index();   ///< from 0
+const Index& thread_index();  ///< from 0
+
+/// What threads brought to a meeting, by their place in the block or warp. Valid until the thread's
+/// next meeting.
+struct Brought {
+  const uint64_t* values;     ///< 0 of those that had returned
+  const uint8_t* were_there;  ///< 1 or 0
+  unsigned count;
+};
+
+/// Waits for all threads of the block that have not returned.
+Brought meet_block(uint64_t mine);
+
+/// Likewise for the 32 threads of the warp, whose mask must name them all.
+Brought meet_warp(Meeting meeting, uint32_t mask, uint64_t mine);
+/// @}
+
+}  // namespace jade::emulated

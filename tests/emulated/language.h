@@ -1,0 +1,182 @@
+// SPDX-License-Identifier: Apache-2.0
+// As much of CUDA's language as the kernels use, for a compiler of C++. Comes before every other
+// header of an emulated source.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <type_traits>
+
+#include "emulated/block.h"
+
+// The namespaces of the kernels stand beside those of the build's own, which has them for a GPU.
+#define cuda emulated_cuda
+#define check_launch check_emulated_launch
+namespace jade::kernel {
+inline void check_emulated_launch(const char*) {}
+}  // namespace jade::kernel
+
+#define __device__
+#define __global__
+#define __host__
+#define __forceinline__ inline
+#define __noinline__
+#define __grid_constant__
+#define __launch_bounds__(...)
+#define __shared__ static  // blocks run one after the other
+#define __align__(bytes) __attribute__((aligned(bytes)))
+
+#define threadIdx (::jade::emulated::thread_index())
+#define blockIdx (::jade::emulated::block_index())
+#define blockDim (::jade::emulated::block_size())
+#define gridDim (::jade::emulated::grid_size())
+
+using dim3 = jade::emulated::Index;
+struct alignas(8) float2 {
+  float x, y;
+};
+struct float3 {
+  float x, y, z;
+};
+struct alignas(16) float4 {
+  float x, y, z, w;
+};
+struct alignas(16) uint4 {
+  uint32_t x, y, z, w;
+};
+inline float2 make_float2(float x, float y) { return {x, y}; }
+inline float3 make_float3(float x, float y, float z) { return {x, y, z}; }
+inline float4 make_float4(float x, float y, float z, float w) { return {x, y, z, w}; }
+inline uint4 make_uint4(uint32_t x, uint32_t y, uint32_t z, uint32_t w) { return {x, y, z, w}; }
+
+template <class A, class B>
+constexpr std::common_type_t<A, B> min(A a, B b) {
+  return b < a ? b : a;
+}
+template <class A, class B>
+constexpr std::common_type_t<A, B> max(A a, B b) {
+  return a < b ? b : a;
+}
+
+inline float __fmul_rn(float a, float b) { return a * b; }
+inline float __fdividef(float a, float b) { return a / b; }
+inline uint32_t __umulhi(uint32_t a, uint32_t b) { return uint32_t(uint64_t(a) * b >> 32); }
+inline int __popc(uint32_t x) { return __builtin_popcount(x); }
+inline int __ffs(uint32_t x) { return __builtin_ffs(int(x)); }
+inline uint32_t __float_as_uint(float x) {
+  uint32_t bits;
+  std::memcpy(&bits, &x, sizeof bits);
+  return bits;
+}
+template <class T>
+T __ldg(const T* at) {
+  return *at;
+}
+template <class T>
+T __ldcg(const T* at) {
+  return *at;
+}
+inline void __threadfence() {}
+
+template <class T, class V>
+T atomicAdd(T* at, V value) {
+  const T before = *at;
+  *at = T(before + value);
+  return before;
+}
+template <class T, class V>
+T atomicMin(T* at, V value) {
+  const T before = *at;
+  *at = std::min(before, T(value));
+  return before;
+}
+template <class T, class V>
+T atomicMax(T* at, V value) {
+  const T before = *at;
+  *at = std::max(before, T(value));
+  return before;
+}
+
+namespace jade::emulated {
+
+template <class T>
+uint64_t to_bits(T value) {
+  static_assert(sizeof(T) <= sizeof(uint64_t) && std::is_trivially_copyable_v<T>);
+  uint64_t bits = 0;
+  std::memcpy(&bits, &value, sizeof value);
+  return bits;
+}
+template <class T>
+T from_bits(uint64_t bits) {
+  T value;
+  std::memcpy(&value, &bits, sizeof value);
+  return value;
+}
+
+inline unsigned lane() {
+  const Index &t = thread_index(), &size = block_size();
+  return (t.x + size.x * (t.y + size.y * t.z)) % 32;
+}
+template <class T>
+T shuffle(uint32_t mask, T value, int from) {
+  const Brought all = meet_warp(Meeting::kShuffle, mask, to_bits(value));
+  return from_bits<T>(all.values[from >= 0 && from < int(all.count) ? unsigned(from) : lane()]);
+}
+template <class Pick>
+uint32_t reduce(uint32_t mask, uint32_t value, const Pick& pick) {
+  const Brought all = meet_warp(Meeting::kReduce, mask, value);
+  uint32_t result = value;
+  for (unsigned k = 0; k < all.count; ++k) {
+    if (all.were_there[k]) result = pick(result, uint32_t(all.values[k]));
+  }
+  return result;
+}
+
+/// What `kernel<<<grid, block, bytes, stream>>>(arguments)` becomes (launches.py).
+template <class Kernel>
+auto launch(const Kernel& kernel, const Index& grid, const Index& block, size_t = 0,
+            const void* = nullptr) {
+  return [=](auto... arguments) { run_grid(grid, block, [&] { kernel(arguments...); }); };
+}
+
+}  // namespace jade::emulated
+
+inline void __syncthreads() { jade::emulated::meet_block(0); }
+inline int __syncthreads_or(int value) {
+  const auto all = jade::emulated::meet_block(value != 0);
+  return std::any_of(all.values, all.values + all.count, [](uint64_t v) { return v != 0; });
+}
+inline void __syncwarp(uint32_t mask = ~0u) {
+  jade::emulated::meet_warp(jade::emulated::Meeting::kWarp, mask, 0);
+}
+inline uint32_t __ballot_sync(uint32_t mask, bool value) {
+  const auto all = jade::emulated::meet_warp(jade::emulated::Meeting::kBallot, mask, value);
+  uint32_t votes = 0;
+  for (unsigned k = 0; k < all.count; ++k) votes |= uint32_t(all.values[k] != 0) << k;
+  return votes;
+}
+inline bool __any_sync(uint32_t mask, bool value) { return __ballot_sync(mask, value) != 0; }
+template <class T>
+T __shfl_sync(uint32_t mask, T value, int from) {
+  return jade::emulated::shuffle(mask, value, from & 31);
+}
+template <class T>
+T __shfl_xor_sync(uint32_t mask, T value, int bits) {
+  return jade::emulated::shuffle(mask, value, int(jade::emulated::lane()) ^ bits);
+}
+template <class T>
+T __shfl_up_sync(uint32_t mask, T value, int by) {
+  return jade::emulated::shuffle(mask, value, int(jade::emulated::lane()) - by);
+}
+template <class T>
+T __shfl_down_sync(uint32_t mask, T value, int by) {
+  return jade::emulated::shuffle(mask, value, int(jade::emulated::lane()) + by);
+}
+inline uint32_t __reduce_min_sync(uint32_t mask, uint32_t value) {
+  return jade::emulated::reduce(mask, value, [](uint32_t a, uint32_t b) { return std::min(a, b); });
+}
+inline uint32_t __reduce_max_sync(uint32_t mask, uint32_t value) {
+  return jade::emulated::reduce(mask, value, [](uint32_t a, uint32_t b) { return std::max(a, b); });
+}

@@ -1,0 +1,268 @@
+// SPDX-License-Identifier: Apache-2.0
+// The CUDA backend's own sources, run thread by thread on the CPU, against the CPU backend.
+#include "support/catch.h"
+
+#include <algorithm>
+#include <cmath>
+#include <torch/types.h>
+
+#include "emulated/block.h"
+#include "jade/splat/backend.h"
+#include "support/splat_scenes.h"
+
+namespace jade::splat::emulated_cuda {
+ForwardResult forward(const ForwardArgs& args);
+BackwardResult backward(const BackwardArgs& args);
+void set_instance_capacity_for_test(int64_t capacity);
+}  // namespace jade::splat::emulated_cuda
+
+using namespace jade;
+using namespace jade::test;
+using emulated::ForcedOrder;
+using emulated::Order;
+using torch::Tensor;
+
+namespace {
+
+struct Settings {
+  int sh_degree = 3;
+  bool antialiased = false;
+  bool depth = false;
+  bool deterministic = false;
+  int64_t statistics_view = -1;
+  bool cameras = true;  ///< their gradients too
+};
+
+struct Backend {
+  splat::ForwardResult (*forward)(const splat::ForwardArgs&);
+  splat::BackwardResult (*backward)(const splat::BackwardArgs&);
+};
+const Backend kCpu{splat::cpu::forward, splat::cpu::backward};
+const Backend kCuda{splat::emulated_cuda::forward, splat::emulated_cuda::backward};
+
+struct Outcome {
+  std::vector<Tensor> images;     ///< colour, alpha, depth sums
+  std::vector<Tensor> gradients;  ///< five parameters, background, cameras
+  splat::ScreenStatistics statistics;
+  int64_t rejected = 0;
+};
+
+Outcome run(const Backend& backend, const SplatScene& scene, const Settings& settings) {
+  splat::BackwardArgs args;
+  splat::ForwardArgs& f = args.forward;
+  f.gaussians = scene.gaussians;
+  f.camera_from_world = scene.cameras.camera_from_world;
+  f.intrinsics = scene.cameras.intrinsics;
+  f.background = torch::tensor({0.2f, 0.5f, 0.9f});
+  f.width = scene.cameras.width;
+  f.height = scene.cameras.height;
+  f.sh_degree = settings.sh_degree;
+  f.antialiased = settings.antialiased;
+  f.depth = settings.depth;
+  f.deterministic = settings.deterministic;
+  f.needs_backward = true;
+  const splat::ForwardResult images = backend.forward(f);
+  args.state = images.state;
+  args.color = images.color;
+  args.alpha = images.alpha;
+  args.depth_sum = images.depth_sum;
+  args.grad_color = random_cotangent(images.color, 1);
+  args.grad_alpha = random_cotangent(images.alpha, 2);
+  if (settings.depth) args.grad_depth_sum = 0.1 * random_cotangent(images.depth_sum, 3);
+  args.statistics = splat::ScreenStatistics::zeros(scene.gaussians.size(), torch::kCPU);
+  args.statistics_view = settings.statistics_view;
+  args.needs_camera = settings.cameras;
+  const splat::BackwardResult back = backend.backward(args);
+  Outcome out;
+  out.images = {images.color, images.alpha};
+  if (settings.depth) out.images.push_back(images.depth_sum);
+  const splat::Gaussians& g = back.gaussians;
+  out.gradients = {g.means, g.rotations, g.log_scales, g.logit_opacities, g.sh, back.background};
+  if (settings.cameras) out.gradients.push_back(back.camera_from_world);
+  out.statistics = args.statistics;
+  out.rejected = images.rejected.item<int64_t>();
+  return out;
+}
+
+double cosine(const Tensor& a, const Tensor& b) {
+  const Tensor x = a.to(torch::kFloat64).flatten(), y = b.to(torch::kFloat64).flatten();
+  const double norms = (x.norm() * y.norm()).item<double>();
+  return norms == 0 ? 1 : x.dot(y).item<double>() / norms;
+}
+
+/// A cut-off decided the other way changes a pixel by up to 1/255 of a colour; all else is tight.
+void check_outcomes(const Outcome& cuda, const Outcome& cpu) {
+  REQUIRE(cuda.images.size() == cpu.images.size());
+  for (size_t i = 0; i < cpu.images.size(); ++i) {
+    INFO("image " << i);
+    const Tensor difference = (cuda.images[i] - cpu.images[i]).abs();
+    const double scale = std::max(1.0, cpu.images[i].abs().max().item<double>());
+    const Tensor flipped = difference > 1e-4 * scale;
+    CHECK(flipped.to(torch::kFloat64).mean().item<double>() <= 1e-3);
+    CHECK(difference.masked_select(flipped.logical_not()).mean().item<double>() < 2e-6 * scale);
+  }
+  CHECK(cuda.rejected == cpu.rejected);
+  for (size_t i = 0; i < cpu.gradients.size(); ++i) {
+    INFO("gradient " << i);
+    CHECK(torch::isfinite(cuda.gradients[i]).all().item<bool>());
+    CHECK(cosine(cuda.gradients[i], cpu.gradients[i]) >= 0.9999);
+    const double norm = cuda.gradients[i].norm().item<double>();
+    CHECK(norm == Approx(cpu.gradients[i].norm().item<double>()).epsilon(5e-3).margin(1e-6));
+  }
+  const Tensor seen = cuda.statistics.visible_count == cpu.statistics.visible_count;
+  CHECK(seen.to(torch::kFloat64).mean().item<double>() > 0.99);
+  CHECK(torch::allclose(cuda.statistics.max_radius_px, cpu.statistics.max_radius_px, 1e-3, 1e-2));
+}
+
+/// Whatever the order of threads.
+void check_against_cpu(const SplatScene& scene, const Settings& settings = {}) {
+  const Outcome cpu = run(kCpu, scene, settings);
+  for (const Order order : {Order::kAscending, Order::kDescending}) {
+    INFO("order " << static_cast<int>(order));
+    const ForcedOrder forced(order);
+    check_outcomes(run(kCuda, scene, settings), cpu);
+  }
+}
+
+SplatScene scene_of(int64_t gaussians, int64_t width, int64_t height, double sigma_px = 3) {
+  SplatSceneOptions options;
+  options.gaussians = gaussians;
+  options.width = width;
+  options.height = height;
+  options.sigma_px = sigma_px;
+  options.dtype = torch::kFloat32;
+  return make_splat_scene(options);
+}
+
+void check_equal(const std::vector<Tensor>& a, const std::vector<Tensor>& b) {
+  REQUIRE(a.size() == b.size());
+  for (size_t i = 0; i < a.size(); ++i) {
+    INFO("tensor " << i);
+    CHECK(torch::equal(a[i], b[i]));
+  }
+}
+
+}  // namespace
+
+TEST_CASE("emulated cuda: images and gradients agree with the CPU backend", "[emulated]") {
+  const SplatScene scene = scene_of(200, 45, 37);
+  for (const int degree : {0, 1, 2, 3}) {
+    Settings settings;
+    settings.sh_degree = degree;
+    settings.antialiased = degree % 2 == 1;
+    settings.depth = degree >= 2;
+    settings.statistics_view = degree == 1 ? 1 : -1;
+    INFO("degree " << degree);
+    check_against_cpu(scene, settings);
+  }
+}
+
+TEST_CASE("emulated cuda: the order of threads changes no image and no deterministic gradient",
+          "[emulated]") {
+  const SplatScene scene = scene_of(150, 37, 29);
+  Settings settings;
+  settings.depth = true;
+  const Outcome usual = run(kCuda, scene, settings);
+  settings.deterministic = true;
+  const Outcome first = run(kCuda, scene, settings);
+  check_equal(first.images, usual.images);
+  for (size_t i = 0; i < first.gradients.size(); ++i) {
+    CHECK(cosine(first.gradients[i], usual.gradients[i]) > 0.999999);
+  }
+  for (const Order order : {Order::kDescending, Order::kShuffled}) {
+    const ForcedOrder forced(order);
+    const Outcome again = run(kCuda, scene, settings);
+    check_equal(again.images, first.images);
+    check_equal(again.gradients, first.gradients);
+    settings.deterministic = false;
+    const Outcome sums = run(kCuda, scene, settings);
+    settings.deterministic = true;
+    check_equal(sums.images, first.images);
+    for (size_t i = 0; i < sums.gradients.size(); ++i) {
+      CHECK(cosine(sums.gradients[i], first.gradients[i]) > 0.999999);
+    }
+  }
+}
+
+TEST_CASE("emulated cuda: lists that do not fit change no image", "[emulated]") {
+  // More than are looked for at a time, and all of them to be seen.
+  SplatScene scene = scene_of(700, 20, 17);
+  scene.gaussians.logit_opacities.fill_(-4.5);
+  const Outcome usual = run(kCuda, scene, {});
+  for (const int64_t capacity : {0, 2000}) {
+    INFO("capacity " << capacity);
+    splat::emulated_cuda::set_instance_capacity_for_test(capacity);
+    const Outcome tight = run(kCuda, scene, {});
+    splat::emulated_cuda::set_instance_capacity_for_test(-1);
+    check_equal(tight.images, usual.images);
+    for (size_t i = 0; i < usual.gradients.size(); ++i) {
+      CHECK(cosine(tight.gradients[i], usual.gradients[i]) > 0.999999);
+    }
+  }
+}
+
+TEST_CASE("emulated cuda: long lists, equal depths and large splats agree with the CPU backend",
+          "[emulated]") {
+  SplatSceneOptions options;
+  options.views = 1;
+  options.dtype = torch::kFloat32;
+  options.width = 20;
+  options.height = 18;
+  options.gaussians = 2300;
+  SplatScene crowd = make_splat_scene(options);
+  crowd.gaussians.logit_opacities.fill_(-4.5);
+  check_against_cpu(crowd);
+  options.gaussians = 120;
+  SplatScene flat = make_splat_scene(options);
+  flat.cameras.camera_from_world = torch::eye(4).unsqueeze(0);
+  flat.gaussians.means.select(1, 2).fill_(4);
+  check_against_cpu(flat);
+  options.width = 150;
+  options.height = 140;
+  options.gaussians = 12;
+  options.sigma_px = 40;
+  const SplatScene large = make_splat_scene(options);
+  check_against_cpu(large);
+}
+
+TEST_CASE("emulated cuda: more views than a block holds cameras agree with the CPU backend",
+          "[emulated]") {
+  SplatSceneOptions options;
+  options.views = 18;
+  options.gaussians = 40;
+  options.width = options.height = 17;
+  options.dtype = torch::kFloat32;
+  const SplatScene scene = make_splat_scene(options);
+  check_against_cpu(scene);
+  Settings settings;
+  settings.cameras = false;
+  check_against_cpu(scene, settings);
+}
+
+TEST_CASE("emulated cuda: unusable parameters contribute nothing and are counted", "[emulated]") {
+  SplatScene scene = scene_of(80, 33, 21);
+  scene.gaussians.means[0][0] = std::nanf("");
+  scene.gaussians.rotations[1].zero_();
+  scene.gaussians.log_scales[2][1] = 70;
+  scene.gaussians.sh[3][2][1] = INFINITY;
+  const Outcome cuda = run(kCuda, scene, {});
+  CHECK(cuda.rejected == 4);
+  check_outcomes(cuda, run(kCpu, scene, {}));
+  for (int64_t i = 0; i < 4; ++i) CHECK(cuda.gradients[0][i].abs().sum().item<double>() == 0);
+}
+
+TEST_CASE("emulated cuda: no Gaussians give the background", "[emulated]") {
+  SplatScene scene = scene_of(1, 20, 19);
+  splat::Gaussians& g = scene.gaussians;
+  for (Tensor* t : {&g.means, &g.rotations, &g.log_scales, &g.logit_opacities, &g.sh}) {
+    *t = t->narrow(0, 0, 0);
+  }
+  Settings settings;
+  settings.depth = true;
+  for (const bool deterministic : {false, true}) {
+    settings.deterministic = deterministic;
+    const Outcome cuda = run(kCuda, scene, settings), cpu = run(kCpu, scene, settings);
+    for (size_t i = 0; i < cpu.images.size(); ++i) CHECK(cuda.images[i].equal(cpu.images[i]));
+    CHECK(torch::allclose(cuda.gradients[5], cpu.gradients[5]));
+  }
+}
