@@ -2,6 +2,7 @@
 #include "emulated/block.h"
 
 #include <algorithm>
+#include <cstring>
 #include <memory>
 #include <numeric>
 #include <random>
@@ -41,8 +42,13 @@ Block* running = nullptr;
 
 class Block {
  public:
-  Block(const Index& grid, const Index& size, const std::function<void()>& kernel)
-      : grid_(grid), size_(size), kernel_(kernel), fibers_(size.x * size.y * size.z) {
+  Block(const Index& grid, const Index& size, const std::function<void()>& kernel,
+        size_t shared_bytes)
+      : grid_(grid),
+        size_(size),
+        kernel_(kernel),
+        fibers_(size.x * size.y * size.z),
+        shared_((shared_bytes + sizeof(Aligned) - 1) / sizeof(Aligned)) {
     for (Fiber& fiber : fibers_) fiber.stack.reset(new char[kStackBytes]);
     order_.resize(fibers_.size());
     std::iota(order_.begin(), order_.end(), 0u);
@@ -50,6 +56,7 @@ class Block {
 
   void run(const Index& index) {
     index_ = index;
+    if (!shared_.empty()) std::memset(shared_.data(), 0xcd, shared_.size() * sizeof(Aligned));
     start();
     while (left_ > 0) {
       order_threads();
@@ -90,8 +97,13 @@ class Block {
   const Index& size() const { return size_; }
   const Index& index() const { return index_; }
   const Index& thread() const { return fibers_[current_].index; }
+  void* shared() { return shared_.data(); }
 
  private:
+  struct alignas(16) Aligned {
+    char bytes[16];
+  };
+
   static void reset(Group* group, unsigned first, unsigned size) {
     group->first = first;
     group->size = group->alive = size;
@@ -162,6 +174,7 @@ class Block {
   Index grid_, size_, index_;
   const std::function<void()>& kernel_;
   std::vector<Fiber> fibers_;
+  std::vector<Aligned> shared_;
   std::vector<unsigned> order_;
   Group everyone_;
   std::vector<Group> warps_;
@@ -177,8 +190,9 @@ class Block {
 ForcedOrder::ForcedOrder(Order order) : before_(current_order) { current_order = order; }
 ForcedOrder::~ForcedOrder() { current_order = before_; }
 
-void run_grid(const Index& grid, const Index& size, const std::function<void()>& kernel) {
-  Block block(grid, size, kernel);
+void run_grid(const Index& grid, const Index& size, const std::function<void()>& kernel,
+              size_t shared_bytes) {
+  Block block(grid, size, kernel, shared_bytes);
   running = &block;
   for (unsigned z = 0; z < grid.z; ++z) {
     for (unsigned y = 0; y < grid.y; ++y) {
@@ -192,6 +206,7 @@ const Index& grid_size() { return running->grid(); }
 const Index& block_size() { return running->size(); }
 const Index& block_index() { return running->index(); }
 const Index& thread_index() { return running->thread(); }
+void* shared_memory() { return running->shared(); }
 
 Brought meet_block(uint64_t mine) {
   return running->meet(running->everyone(), Meeting::kBlock, mine);

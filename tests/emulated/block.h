@@ -34,9 +34,11 @@ class ForcedOrder {
 enum class Meeting { kBlock, kWarp, kBallot, kShuffle, kReduce };
 
 /// Runs `kernel` once for every thread of every block.
+/// @param shared_bytes  what shared_memory() has, the same garbage at the start of every block
 /// @throws std::logic_error where threads wait at barriers that the others never reach, or meet at
 ///   different ones. Such a kernel is wrong on a GPU too.
-void run_grid(const Index& grid, const Index& block, const std::function<void()>& kernel);
+void run_grid(const Index& grid, const Index& block, const std::function<void()>& kernel,
+              size_t shared_bytes = 0);
 
 /// @name For code that runs inside of run_grid()
 /// @{
@@ -44,6 +46,8 @@ const Index& grid_size();
 const Index& block_size();
 const Index& block_index();   ///< from 0
 const Index& thread_index();  ///< from 0
+
+void* shared_memory();
 
 /// What threads brought to a meeting, by their place in the block or warp. Valid until the thread's
 /// next meeting.

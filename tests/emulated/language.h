@@ -43,6 +43,12 @@ struct float3 {
 struct alignas(16) float4 {
   float x, y, z, w;
 };
+struct alignas(16) double2 {
+  double x, y;
+};
+struct alignas(16) int4 {
+  int32_t x, y, z, w;
+};
 struct alignas(16) uint4 {
   uint32_t x, y, z, w;
 };
@@ -70,6 +76,7 @@ inline uint32_t __float_as_uint(float x) {
   std::memcpy(&bits, &x, sizeof bits);
   return bits;
 }
+inline long long __double2ll_rn(double x) { return std::llrint(x); }
 template <class T>
 T __ldg(const T* at) {
   return *at;
@@ -84,6 +91,11 @@ template <class T, class V>
 T atomicAdd(T* at, V value) {
   const T before = *at;
   *at = T(before + value);
+  return before;
+}
+inline float4 atomicAdd(float4* at, float4 v) {
+  const float4 before = *at;
+  *at = {before.x + v.x, before.y + v.y, before.z + v.z, before.w + v.w};
   return before;
 }
 template <class T, class V>
@@ -136,9 +148,12 @@ uint32_t reduce(uint32_t mask, uint32_t value, const Pick& pick) {
 
 /// What `kernel<<<grid, block, bytes, stream>>>(arguments)` becomes (launches.py).
 template <class Kernel>
-auto launch(const Kernel& kernel, const Index& grid, const Index& block, size_t = 0,
+auto launch(const Kernel& kernel, const Index& grid, const Index& block, size_t shared_bytes = 0,
             const void* = nullptr) {
-  return [=](auto... arguments) { run_grid(grid, block, [&] { kernel(arguments...); }); };
+  return [=](auto... arguments) {
+    run_grid(
+        grid, block, [&] { kernel(arguments...); }, shared_bytes);
+  };
 }
 
 }  // namespace jade::emulated

@@ -6,5 +6,6 @@
 namespace c10::cuda {
 struct CUDAGuard {
   explicit CUDAGuard(Device) {}
+  explicit CUDAGuard(DeviceIndex) {}
 };
 }  // namespace c10::cuda

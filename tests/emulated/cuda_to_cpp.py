@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Writes a CUDA source with every kernel<<<grid, block, bytes, stream>>>(...) as a call of C++.
+"""Writes a CUDA source as C++: launches kernel<<<grid, block, bytes, stream>>>(...) as calls, and shared memory whose
+size the launch names as a pointer.
 
-    launches.py IN.cu OUT.cpp
+    cuda_to_cpp.py IN.cu OUT.cpp
 """
 import re
 import sys
@@ -10,8 +11,10 @@ from pathlib import Path
 
 LAUNCH = re.compile(r"([A-Za-z_]\w*(?:<[^;{}]*?>)?)\s*<<<(.*?)>>>\s*\(", re.DOTALL)
 
+SHARED = re.compile(r"extern __shared__ ([\w: ]+?) (\w+)\[\];")
 
-def as_calls(text: str) -> str:
+
+def as_cpp(text: str) -> str:
     """Lines keep their numbers."""
 
     def call(found: re.Match) -> str:
@@ -19,13 +22,14 @@ def as_calls(text: str) -> str:
         start = f"::jade::emulated::launch([&](auto... all) {{ {kernel}(all...); }}, {where})("
         return start + "\n" * (found.group().count("\n") - start.count("\n"))
 
+    text = SHARED.sub(r"\1* const \2 = static_cast<\1*>(::jade::emulated::shared_memory());", text)
     return LAUNCH.sub(call, text)
 
 
 def main() -> None:
     source, target = map(Path, sys.argv[1:])
     text = source.read_text(encoding="utf-8")
-    target.write_text(f'#line 1 "{source}"\n{as_calls(text)}', encoding="utf-8")
+    target.write_text(f'#line 1 "{source}"\n{as_cpp(text)}', encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+// The router's CUDA layers, run thread by thread on the CPU, against torch's convolutions in
+// float64.
+#include "support/catch.h"
+
+#include <torch/nn/functional.h>
+#include <torch/types.h>
+
+#include "emulated/block.h"
+
+#define cuda emulated_cuda
+#include "jade/router/logits.h"
+#undef cuda
+
+using namespace jade;
+using emulated::ForcedOrder;
+using emulated::Order;
+using router::RouterWeights;
+using torch::Tensor;
+
+namespace {
+
+Tensor layer(const Tensor& in, const Tensor& weights, const Tensor& bias, bool relu = true) {
+  namespace F = torch::nn::functional;
+  const int64_t border = weights.size(2) / 2;
+  const Tensor padded =
+      F::pad(in, F::PadFuncOptions({border, border, border, border}).mode(torch::kReplicate));
+  const Tensor out = torch::conv2d(padded, weights, bias);
+  return relu ? out.relu() : out;
+}
+
+Tensor reference(const Tensor& blurry, const Tensor& psi, const RouterWeights& w) {
+  const Tensor events = layer(layer(psi, w.event1, {}), w.event2, {});
+  const Tensor image = layer(layer(blurry, w.image1, w.image1_bias), w.image2, w.image2_bias);
+  const Tensor hidden = layer(torch::cat({blurry, events, image}, 1), w.head1, {});
+  return layer(layer(hidden, w.head2, {}), w.head3, w.head3_bias, false);
+}
+
+std::vector<Tensor*> all_of(RouterWeights& w) {
+  return {&w.event1,      &w.event2, &w.image1, &w.image1_bias, &w.image2,
+          &w.image2_bias, &w.head1,  &w.head2,  &w.head3,       &w.head3_bias};
+}
+
+RouterWeights random_weights() {
+  RouterWeights w;
+  const std::vector<std::vector<int64_t>> shapes = {
+      {16, 2, 5, 5}, {6, 16, 5, 5}, {10, 3, 5, 5}, {10},          {8, 10, 5, 5},
+      {8},           {9, 17, 3, 3}, {24, 9, 3, 3}, {1, 24, 1, 1}, {1}};
+  const auto members = all_of(w);
+  for (size_t i = 0; i < shapes.size(); ++i) *members[i] = 0.2 * torch::randn(shapes[i]);
+  return w;
+}
+
+/// Logits, then the gradients of the weights, of the frame and of Ψ(V).
+template <class Forward>
+std::vector<Tensor> pass(RouterWeights w, const Tensor& blurry, const Tensor& psi,
+                         const Tensor& cotangent, torch::ScalarType type, const Forward& forward) {
+  const auto leaf = [&](const Tensor& t) {
+    return t.detach().to(type).clone().set_requires_grad(true);
+  };
+  for (Tensor* member : all_of(w)) *member = leaf(*member);
+  const Tensor b = leaf(blurry), p = leaf(psi);
+  std::vector<Tensor> out{forward(b, p, w)};
+  out[0].backward(cotangent.to(type));
+  for (Tensor* member : all_of(w)) out.push_back(member->grad());
+  out.push_back(b.grad());
+  out.push_back(p.grad());
+  return out;
+}
+
+}  // namespace
+
+TEST_CASE("emulated cuda: the router's logits and gradients are those of exact convolutions",
+          "[emulated]") {
+  torch::manual_seed(4);
+  const RouterWeights weights = random_weights();
+  for (const auto& size : std::vector<std::vector<int64_t>>{{1, 1, 1}, {2, 3, 5}, {1, 19, 35}}) {
+    INFO(size[0] << "x" << size[1] << "x" << size[2]);
+    const Tensor blurry = torch::rand({size[0], 3, size[1], size[2]});
+    const Tensor psi = 2 * torch::rand({size[0], 2, size[1], size[2]});
+    const Tensor cotangent = torch::randn({size[0], 1, size[1], size[2]});
+    const auto expected = pass(weights, blurry, psi, cotangent, torch::kFloat64, reference);
+    for (const Order order : {Order::kAscending, Order::kDescending}) {
+      const ForcedOrder forced(order);
+      const auto found = pass(weights, blurry, psi, cotangent, torch::kFloat32,
+                              router::emulated_cuda::router_logits);
+      for (size_t i = 0; i < expected.size(); ++i) {
+        INFO("tensor " << i << ", order " << static_cast<int>(order));
+        const double scale = expected[i].abs().max().item<double>() + 1e-12;
+        CHECK((found[i] - expected[i]).abs().max().item<double>() < 1e-4 * scale);
+      }
+    }
+  }
+}

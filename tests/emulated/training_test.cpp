@@ -1,0 +1,257 @@
+// SPDX-License-Identifier: Apache-2.0
+// The small CUDA kernels of a training step, run thread by thread on the CPU, against the CPU code
+// of their rooms.
+#include "support/catch.h"
+
+#include <numeric>
+#include <torch/types.h>
+#include <vector>
+
+#include "emulated/block.h"
+#include "jade/response/camera_response.h"
+
+#define cuda emulated_cuda
+#include "jade/events/count.h"
+#include "jade/gaussians/adam.h"
+#include "jade/gaussians/noise.h"
+#include "jade/geometry/exposure_path.h"
+#include "jade/losses/poses_kernels.h"
+#include "jade/response/lookup.h"
+#include "jade/response/table.h"
+#include "jade/train/batch_copy.h"
+#undef cuda
+
+using namespace jade;
+using emulated::ForcedOrder;
+using emulated::Order;
+using torch::Tensor;
+
+namespace {
+
+constexpr Order kOrders[] = {Order::kAscending, Order::kDescending};
+
+Tensor random_rotations(int64_t count) { return torch::randn({count, 4}); }
+
+}  // namespace
+
+TEST_CASE("emulated cuda: the mean of the renders, its picks and their gradient", "[emulated]") {
+  torch::manual_seed(1);
+  const int64_t samples = 5;
+  const Tensor renders = torch::rand({samples, 3, 7, 43});
+  for (const bool weighted : {false, true}) {
+    losses::PosePicks picks;
+    picks.indices = torch::tensor({1, 4, 1}, torch::kInt64);
+    picks.first = 2;
+    if (weighted) picks.weights = torch::rand({samples});
+    const Tensor weights = weighted ? picks.weights : torch::full({samples}, 0.2f);
+    Tensor mean = torch::empty({3, 7, 43});
+    std::vector<Tensor> picked(4);
+    for (Tensor& each : picked) each = torch::empty_like(mean);
+    losses::emulated_cuda::pose_views(picks, renders, mean, picked);
+    CHECK(torch::allclose(mean, (renders * weights.view({samples, 1, 1, 1})).sum(0)));
+    for (size_t m = 0; m < 4; ++m) {
+      CHECK(picked[m].equal(renders[std::array{2, 1, 4, 1}[m]]));
+    }
+    const Tensor of_mean = torch::rand_like(mean);
+    std::vector<Tensor> of_picks;
+    for (int m = 0; m < 4; ++m) of_picks.push_back(m == 2 ? Tensor() : torch::rand_like(mean));
+    Tensor found = torch::empty_like(renders), expected = torch::empty_like(renders);
+    losses::emulated_cuda::pose_gradient(picks, of_mean, of_picks, found);
+    losses::cpu::pose_gradient(picks, of_mean, of_picks, expected);
+    CHECK(torch::allclose(found, expected));
+  }
+}
+
+TEST_CASE("emulated cuda: the camera response's lookup and its gradients", "[emulated]") {
+  torch::manual_seed(2);
+  const Tensor table = torch::rand({response::kKnots});
+  for (const bool sums : {false, true}) {
+    response::Lookup args{2.4 * torch::rand({4, 3, 11, 13}) - 0.2, table, {}};
+    if (sums) args.weights = torch::rand({4});
+    const Tensor out = response::cpu::lookup(args);
+    const Tensor cotangent = torch::rand_like(out) / 1e5;
+    const auto expected = response::cpu::lookup_backward(args, cotangent, true, true);
+    for (const Order order : kOrders) {
+      const ForcedOrder forced(order);
+      CHECK(torch::allclose(response::emulated_cuda::lookup(args), out, 1e-5, 1e-6));
+      const auto found = response::emulated_cuda::lookup_backward(args, cotangent, true, true);
+      CHECK(torch::allclose(found.image, expected.image, 1e-3, 1e-8));
+      CHECK(torch::allclose(found.table, expected.table, 1e-3, 1e-8));
+    }
+  }
+}
+
+TEST_CASE("emulated cuda: the camera response's table is that of torch's layers", "[emulated]") {
+  response::CameraResponse layers;
+  {
+    // Away from the fit, so that each unit counts.
+    const torch::NoGradGuard no_grad;
+    torch::manual_seed(3);
+    for (Tensor& each : layers->parameters()) each.add_(0.3 * torch::randn(each.sizes()));
+  }
+  response::NetworkWeights weights;
+  const std::vector<Tensor> parameters = layers->parameters();
+  REQUIRE(parameters.size() == weights.size());
+  for (size_t i = 0; i < weights.size(); ++i) weights[i] = parameters[i].detach().contiguous();
+  const Tensor expected =
+      layers->exact(torch::linspace(0, response::kResponseRange, response::kKnots));
+  const Tensor of_table = torch::randn({response::kKnots});
+  expected.backward(of_table);
+  for (const Order order : kOrders) {
+    const ForcedOrder forced(order);
+    const Tensor table = response::emulated_cuda::response_table(weights);
+    CHECK(torch::allclose(table, expected, 1e-5, 1e-6));
+    const Tensor found = response::emulated_cuda::response_table_gradient(weights, table, of_table);
+    for (size_t i = 0; i < weights.size(); ++i) {
+      INFO("parameter " << i);
+      const Tensor gradient = parameters[i].grad();
+      const Tensor part =
+          found.narrow(0, response::kParameterOffsets[i], gradient.numel()).view_as(gradient);
+      CHECK((part - gradient).abs().max().item<double>() <
+            1e-4 * gradient.abs().max().item<double>());
+    }
+  }
+}
+
+TEST_CASE("emulated cuda: learned paths and the gradient of their twists", "[emulated]") {
+  torch::manual_seed(4);
+  for (const int64_t control : {2, 4, 7}) {
+    for (const bool corrects : {true, false}) {
+      if (control > 4 && !corrects) continue;
+      const int64_t poses = 70;  // more than a warp has threads
+      geometry::ExposurePath path;
+      path.twists = 0.1 * torch::randn({control, 6}, torch::kFloat64);
+      path.u = torch::linspace(0, 1, poses, torch::kFloat64);
+      path.base = torch::eye(4, torch::kFloat64).repeat({corrects ? poses : control, 1, 1});
+      path.base.select(2, 3).narrow(1, 0, 3).uniform_(-1, 1);
+      path.corrects = corrects;
+      const Tensor of_poses = torch::randn({poses, 4, 4}, torch::kFloat64);
+      const Tensor expected = geometry::cpu::exposure_path(path);
+      const Tensor expected_gradient = geometry::cpu::exposure_path_backward(path, of_poses);
+      for (const Order order : kOrders) {
+        const ForcedOrder forced(order);
+        INFO(control << (corrects ? " corrections" : " control poses"));
+        CHECK(torch::allclose(geometry::emulated_cuda::exposure_path(path), expected, 0, 1e-12));
+        CHECK(torch::allclose(geometry::emulated_cuda::exposure_path_backward(path, of_poses),
+                              expected_gradient, 1e-10, 1e-10));
+      }
+    }
+  }
+}
+
+TEST_CASE("emulated cuda: events are counted where the CPU counts them", "[emulated]") {
+  torch::manual_seed(5);
+  const int64_t count = 5000;
+  const int32_t width = 31, height = 17;
+  const Tensor x = (width + 4) * torch::rand({count}) - 2,
+               y = (height + 4) * torch::rand({count}) - 2;
+  const Tensor polarity = torch::randint(0, 2, {count}).mul(2).sub(1).to(torch::kInt8);
+  std::vector<int64_t> bounds{3};
+  while (bounds.size() < 80)
+    bounds.push_back(bounds.back() + static_cast<int64_t>(bounds.size()) % 60);
+  REQUIRE(bounds.back() <= count);
+  const auto spans = static_cast<int64_t>(bounds.size()) - 1;
+  const auto counted = [&](const auto& run) {
+    Tensor out = torch::zeros({spans, 2, height, width}, torch::kInt64);
+    events::CountArguments args;
+    args.x = x.const_data_ptr<float>();
+    args.y = y.const_data_ptr<float>();
+    args.polarity = polarity.const_data_ptr<int8_t>();
+    args.bounds = &bounds;
+    args.width = width;
+    args.height = height;
+    args.out = out.mutable_data_ptr<int64_t>();
+    run(args);
+    return out;
+  };
+  const Tensor expected = counted([](const auto& args) { events::cpu::count(args); });
+  CHECK(expected.sum().item<int64_t>() > 0);
+  CHECK(counted([](const auto& args) { events::emulated_cuda::count(args, 0); }).equal(expected));
+}
+
+TEST_CASE("emulated cuda: an Adam step of every kind of group", "[emulated]") {
+  torch::manual_seed(6);
+  struct Kind {
+    int64_t rows, row, head;
+    bool scheduled, tied;
+  };
+  const Kind kinds[] = {{300, 3, 3, true, false},
+                        {70, 4, 4, false, false},
+                        {65, 48, 3, false, false},
+                        {65, 48, 3, false, true},
+                        {1, 1, 1, false, false}};
+  std::vector<Tensor> start, gradients;
+  for (const Kind& kind : kinds) {
+    for (int k = 0; k < 3; ++k) start.push_back(torch::rand({kind.rows, kind.row}));
+    gradients.push_back(torch::randn({kind.rows, kind.row}));
+  }
+  const int64_t steps = 7;
+  const auto stepped = [&](const auto& run) {
+    std::vector<Tensor> state;
+    for (const Tensor& each : start) state.push_back(each.clone());
+    gaussians::AdamStep step;
+    step.step = &steps;
+    step.schedule = {-4, -6, 100};
+    for (const Kind& kind : kinds) {
+      const auto i = static_cast<size_t>(step.group_count);
+      gaussians::AdamGroup& group = step.groups[step.group_count++];
+      group.value = state[3 * i].mutable_data_ptr<float>();
+      group.first = state[3 * i + 1].mutable_data_ptr<float>();
+      group.second = state[3 * i + 2].mutable_data_ptr<float>();
+      group.gradient = gradients[i].const_data_ptr<float>();
+      group.count = gradients[i].numel();
+      group.row = kind.row;
+      group.head = kind.head;
+      group.head_lr = 1e-2;
+      group.tail_lr = 5e-4;
+      group.scheduled = kind.scheduled;
+      group.tied = kind.tied;
+    }
+    run(step);
+    return state;
+  };
+  const auto expected = stepped([](const auto& step) { gaussians::cpu::adam_step(step); });
+  const auto found = stepped([](const auto& step) { gaussians::emulated_cuda::adam_step(step); });
+  for (size_t i = 0; i < expected.size(); ++i) {
+    INFO("tensor " << i);
+    CHECK_FALSE(expected[i].equal(start[i]));
+    CHECK(torch::allclose(found[i], expected[i], 1e-5, 1e-7));
+  }
+}
+
+TEST_CASE("emulated cuda: the noise of MCMC is the CPU's", "[emulated]") {
+  torch::manual_seed(7);
+  const int64_t count = 500;
+  const Tensor rotations = random_rotations(count), scales = torch::randn({count, 3}) - 3;
+  const Tensor opacities = torch::randn({count}) - 5;
+  const auto moved = [&](const auto& run) {
+    Tensor means = torch::zeros({count, 3});
+    run(gaussians::NoiseStep{means.mutable_data_ptr<float>(), rotations.const_data_ptr<float>(),
+                             scales.const_data_ptr<float>(), opacities.const_data_ptr<float>(),
+                             count, 10, 99});
+    return means;
+  };
+  const Tensor expected = moved([](const auto& step) { gaussians::cpu::add_noise(step); });
+  CHECK(expected.abs().max().item<double>() > 0);
+  const Tensor found = moved([](const auto& step) { gaussians::emulated_cuda::add_noise(step); });
+  CHECK(torch::allclose(found, expected, 1e-4, 1e-7));
+}
+
+TEST_CASE("emulated cuda: buffers of any length and alignment are copied", "[emulated]") {
+  std::vector<uint8_t> from(200000), to(from.size(), 0);
+  std::iota(from.begin(), from.end(), uint8_t{1});
+  std::vector<train::BufferCopy> copies;
+  std::vector<bool> expected(from.size(), false);
+  size_t at = 0;
+  for (int i = 0; i < 150; ++i) {
+    const size_t bytes = i == 70 ? 70001 : static_cast<size_t>(i * 7 % 97);
+    copies.push_back({from.data() + at, to.data() + at, static_cast<int64_t>(bytes)});
+    std::fill_n(expected.begin() + static_cast<ptrdiff_t>(at), bytes, true);
+    at += bytes + static_cast<size_t>(i % 19);
+  }
+  REQUIRE(at <= from.size());
+  train::emulated_cuda::copy_all(copies);
+  size_t wrong = 0;
+  for (size_t i = 0; i < to.size(); ++i) wrong += to[i] != (expected[i] ? from[i] : 0);
+  CHECK(wrong == 0);
+}
