@@ -10,9 +10,15 @@
 #include <ucontext.h>
 #include <vector>
 
+// Where the linker puts the shared memory of all emulated kernels (language.h); null without any.
+extern "C" char __start_emulated_shared[] __attribute__((weak));
+extern "C" char __stop_emulated_shared[] __attribute__((weak));
+
 namespace jade::emulated {
 
 namespace {
+
+constexpr int kGarbage = 0xcd;
 
 constexpr size_t kStackBytes = 256 << 10;
 constexpr unsigned kWarp = 32;
@@ -56,7 +62,11 @@ class Block {
 
   void run(const Index& index) {
     index_ = index;
-    if (!shared_.empty()) std::memset(shared_.data(), 0xcd, shared_.size() * sizeof(Aligned));
+    if (!shared_.empty()) std::memset(shared_.data(), kGarbage, shared_.size() * sizeof(Aligned));
+    if (__start_emulated_shared != nullptr) {
+      std::memset(__start_emulated_shared, kGarbage,
+                  static_cast<size_t>(__stop_emulated_shared - __start_emulated_shared));
+    }
     start();
     while (left_ > 0) {
       order_threads();

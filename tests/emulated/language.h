@@ -25,7 +25,8 @@ inline void check_emulated_launch(const char*) {}
 #define __noinline__
 #define __grid_constant__
 #define __launch_bounds__(...)
-#define __shared__ static  // blocks run one after the other
+// Blocks run one after the other. The section is filled with garbage before each: block.cpp.
+#define __shared__ static __attribute__((section("emulated_shared")))
 #define __align__(bytes) __attribute__((aligned(bytes)))
 
 #define threadIdx (::jade::emulated::thread_index())
