@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <random>
 #include <torch/types.h>
 
 #include "emulated/block.h"
@@ -264,5 +265,40 @@ TEST_CASE("emulated cuda: no Gaussians give the background", "[emulated]") {
     const Outcome cuda = run(kCuda, scene, settings), cpu = run(kCpu, scene, settings);
     for (size_t i = 0; i < cpu.images.size(); ++i) CHECK(cuda.images[i].equal(cpu.images[i]));
     CHECK(torch::allclose(cuda.gradients[5], cpu.gradients[5]));
+  }
+}
+
+TEST_CASE("emulated cuda: random scenes, sizes and settings agree with the CPU backend",
+          "[emulated]") {
+  for (uint32_t seed = 0; seed < 16; ++seed) {
+    std::mt19937 random(seed);
+    const auto pick = [&](int low, int high) {
+      return low + static_cast<int>(random() % static_cast<uint32_t>(high - low + 1));
+    };
+    const auto rarely = [&] { return pick(0, 3) == 0; };
+    SplatSceneOptions options;
+    options.seed = seed;
+    options.dtype = torch::kFloat32;
+    options.gaussians = pick(1, rarely() ? 300 : 80);
+    options.views = pick(1, rarely() ? 12 : 3);
+    options.width = pick(1, rarely() ? 90 : 40);
+    options.height = pick(1, rarely() ? 90 : 40);
+    options.sh_degree = pick(0, 3);
+    options.sigma_px = rarely() ? pick(1, 60) : 3;
+    SplatScene scene = make_splat_scene(options);
+    if (rarely()) scene.gaussians.logit_opacities.fill_(-4.8f);
+    if (rarely()) scene.gaussians.log_scales.select(1, 0).add_(3);
+    Settings settings;
+    settings.sh_degree = pick(0, options.sh_degree);
+    settings.antialiased = pick(0, 1) == 1;
+    settings.depth = pick(0, 1) == 1;
+    settings.deterministic = rarely();
+    settings.statistics_view = pick(-1, static_cast<int>(options.views) - 1);
+    settings.cameras = !rarely();
+    INFO("seed " << seed << ", " << options.gaussians << " Gaussians, " << options.views
+                 << " views of " << options.width << "x" << options.height << ", sigma "
+                 << options.sigma_px << " px, degree " << settings.sh_degree);
+    const ForcedOrder forced(Order::kShuffled);
+    check_outcomes(run(kCuda, scene, settings), run(kCpu, scene, settings));
   }
 }
