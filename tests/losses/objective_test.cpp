@@ -401,8 +401,15 @@ TEST_CASE("objective: after target_until the target stays where the scene agrees
   const double all = objective_at(in, 10, options).terms.front().value.item<double>();
   const auto kept = [&](double bound) {
     options.trust.agreement = bound;
-    const NamedTerm term = objective_at(in, 11, options).terms.front();
+    const Objective loss = objective_at(in, 11, options);
+    const NamedTerm &term = loss.terms[0], &distance = loss.terms[1];
     REQUIRE(term.name == "target");
+    REQUIRE(distance.name == "target_distance");
+    CHECK_FALSE(distance.in_total);
+    CHECK(distance.value.item<double>() == all);
+    double total = 0;
+    for (const NamedTerm& each : loss.terms) total += each.in_total ? each.value.item<double>() : 0;
+    CHECK(loss.total.item<double>() == Approx(total));
     images.mutable_grad() = torch::Tensor();
     term.value.backward();
     return std::pair(term.value.item<double>(), images.grad().abs().max().item<double>() > 0);

@@ -90,14 +90,18 @@ torch::Tensor drawn_target(const ObjectiveInputs& inputs, const torch::Tensor& r
   return drawn;
 }
 
-/// L_tgt where scene and target agree, before its weight.
-torch::Tensor agreed_target(const ObjectiveInputs& inputs, const torch::Tensor& render,
-                            const torch::Tensor& drawn, const ObjectiveOptions& options) {
+/// L_tgt where scene and target agree, and how far they are apart, before its weight.
+struct AgreedTarget {
+  torch::Tensor value, distance;
+};
+
+AgreedTarget agreed_target(const ObjectiveInputs& inputs, const torch::Tensor& render,
+                           const torch::Tensor& drawn, const ObjectiveOptions& options) {
   const torch::Tensor value = target_loss(render, Fixed(drawn), options.dssim);
   const torch::Tensor distance = drawn.is_same(**inputs.target)
-                                     ? value
+                                     ? value.detach()
                                      : target_loss(render.detach(), *inputs.target, options.dssim);
-  return where_agreed(value, distance, options.trust.agreement);
+  return {where_agreed(value, distance, options.trust.agreement), distance};
 }
 
 void check_inputs(const ObjectiveInputs& inputs, const ObjectivePlan& plan) {
@@ -196,8 +200,9 @@ Objective objective(const ObjectiveInputs& inputs, const ObjectivePlan& plan,
   if (plan.target) {
     const torch::Tensor drawn = drawn_target(inputs, views.target, plan, options);
     if (plan.agreed_target) {
-      add(loss, "target", agreed_target(inputs, views.target, drawn, options),
-          options.target_weight, target_weight);
+      const AgreedTarget agreed = agreed_target(inputs, views.target, drawn, options);
+      add(loss, "target", agreed.value, options.target_weight, target_weight);
+      loss.terms.push_back({"target_distance", agreed.distance, false});
     } else {
       terms.add("target", target_pairs(views.target, Fixed(drawn)), options.target_weight,
                 target_weight);

@@ -168,9 +168,10 @@ struct ObjectiveInputs {
 };
 
 struct NamedTerm {
-  std::string name;     ///< "target", "blur", "edi_gray", "edi_color", "simulation", "intensity",
-                        ///< "event"
-  torch::Tensor value;  ///< scalar with its weight applied
+  std::string name;      ///< "target", "blur", "edi_gray", "edi_color", "simulation", "intensity",
+                         ///< "event"; "target_distance", what trust.agreement is asked of
+  torch::Tensor value;   ///< scalar with its weight applied
+  bool in_total = true;  ///< a part of L_scene; else only to be looked at
 };
 
 /// Only terms that act are there: a disabled one is absent, not multiplied by zero.

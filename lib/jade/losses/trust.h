@@ -31,7 +31,7 @@ void describe(V& v, TrustOptions& o) {
           Range{0, 10});
   v.field("agreement", o.agreement,
           "after objective.target_until the target stays at the views where L_tgt, before its "
-          "weight and scale, is below this; 0: at none",
+          "weight and scale, is below this; 0: at none; metrics.jsonl has it as target_distance",
           Range{0, 10});
   v.field("disagreement", o.disagreement,
           "c of the weight c / (c + 5x5 mean of |EFNet - EDI|) on L_tgt, in intensity, at every "

@@ -226,7 +226,7 @@ void Trainer::log_step(const train::StepInputs& inputs, const train::StepOutputs
   for (const losses::NamedTerm& term : out.terms) {
     const double value = term.value.item<double>();
     line[term.name] = value;
-    if (term.name.rfind("route_", 0) != 0) total += value;
+    if (term.in_total) total += value;
   }
   line["loss"] = total;
   // How well the simulated blur explains the frame: the one PSNR that needs no sharp truth.

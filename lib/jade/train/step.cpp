@@ -13,8 +13,8 @@ StepOutputs alternate(TrainState& state, const StepInputs& inputs, const StepPla
   torch::Tensor target;
   if (plan.objective.target) target = scene_target(state, inputs.view, inputs.view_index);
   out.terms = scene_step(state, inputs, out.renders, target, plan, options);
-  if (route.render.defined()) out.terms.push_back({"route_render", route.render});
-  if (route.reblur.defined()) out.terms.push_back({"route_reblur", route.reblur});
+  if (route.render.defined()) out.terms.push_back({"route_render", route.render, false});
+  if (route.reblur.defined()) out.terms.push_back({"route_reblur", route.reblur, false});
   return out;
 }
 
