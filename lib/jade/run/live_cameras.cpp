@@ -5,6 +5,7 @@
 #include <torch/types.h>
 #include <utility>
 
+#include "jade/core/error.h"
 #include "jade/geometry/alignment.h"
 #include "jade/run/learned_cameras.h"
 #include "jade/run/page_scene.h"
