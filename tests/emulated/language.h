@@ -38,9 +38,6 @@ using dim3 = jade::emulated::Index;
 struct alignas(8) float2 {
   float x, y;
 };
-struct float3 {
-  float x, y, z;
-};
 struct alignas(16) float4 {
   float x, y, z, w;
 };
@@ -54,7 +51,6 @@ struct alignas(16) uint4 {
   uint32_t x, y, z, w;
 };
 inline float2 make_float2(float x, float y) { return {x, y}; }
-inline float3 make_float3(float x, float y, float z) { return {x, y, z}; }
 inline float4 make_float4(float x, float y, float z, float w) { return {x, y, z, w}; }
 inline uint4 make_uint4(uint32_t x, uint32_t y, uint32_t z, uint32_t w) { return {x, y, z, w}; }
 
@@ -92,11 +88,6 @@ template <class T, class V>
 T atomicAdd(T* at, V value) {
   const T before = *at;
   *at = T(before + value);
-  return before;
-}
-inline float4 atomicAdd(float4* at, float4 v) {
-  const float4 before = *at;
-  *at = {before.x + v.x, before.y + v.y, before.z + v.z, before.w + v.w};
   return before;
 }
 template <class T, class V>
@@ -147,7 +138,7 @@ uint32_t reduce(uint32_t mask, uint32_t value, const Pick& pick) {
   return result;
 }
 
-/// What `kernel<<<grid, block, bytes, stream>>>(arguments)` becomes (launches.py).
+/// What `kernel<<<grid, block, bytes, stream>>>(arguments)` becomes (cuda_to_cpp.py).
 template <class Kernel>
 auto launch(const Kernel& kernel, const Index& grid, const Index& block, size_t shared_bytes = 0,
             const void* = nullptr) {

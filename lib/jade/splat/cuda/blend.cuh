@@ -23,7 +23,7 @@ struct FastArithmetic {
 #ifdef __CUDACC__
     if (mask) asm("ex2.approx.ftz.f32 %0, %1;" : "=f"(value) : "f"(x));
 #else
-    if (mask) value = exp2f(x);
+    if (mask) value = exp2f(x);  // tests/emulated
 #endif
     return value;
   }
