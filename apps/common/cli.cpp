@@ -111,8 +111,8 @@ void Program::add_config_flags(CLI::App& cli) {
   cli.add_flag("--print-schema", print_schema_,
                "Print a JSON Schema of the configuration, and exit");
   cli.footer(
-      "Settings, later wins: defaults, config.yaml of the run where there is --run, --config files "
-      "in\ntheir order, --set, flags that stand for a key.");
+      "Settings, later wins: defaults, config.yaml of the run where there is --run (or --resume "
+      "without\n--config), --config files in their order, --set, flags that stand for a key.");
 }
 
 CLI::Option* Program::add_key_flag(const std::string& flag, const std::string& key,

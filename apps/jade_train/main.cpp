@@ -1,11 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/cli.h"
+#include "jade/run/evaluate.h"
 #include "jade/run/live_run.h"
 #include "jade/run/trainer.h"
 #include "jade/serve/server.h"
 #include "jade/train/options.h"
 
 using namespace jade;
+
+namespace {
+
+/// What the command line is laid over: a run that goes on knows its settings, so nobody need name
+/// them again.
+train::RunOptions settings_before(const std::filesystem::path& config,
+                                  const std::filesystem::path& run, bool resumed) {
+  const bool known = resumed && config.empty() && std::filesystem::exists(run / "config.yaml");
+  return known ? run::load_run_options(run) : train::RunOptions();
+}
+
+}  // namespace
 
 int main(int argc, char** argv) {
   apps::Program program("jade_train",
@@ -16,12 +29,16 @@ int main(int argc, char** argv) {
   program.add_seed_flag();
   std::string resume;
   auto* resume_flag = program.cli().add_option(
-      "--resume", resume, "Go on with the newest whole checkpoint of --output, or with this one");
+      "--resume", resume,
+      "Go on with the newest whole checkpoint of --output, or with this one; without --config by "
+      "the settings of the run");
   resume_flag->expected(0, 1);
   std::string address;
   const auto* serve = program.add_serve_flag(address, "Show the scene in a browser as it trains");
   return program.run(argc, argv, [&] {
-    const auto options = program.load_options<train::RunOptions>();
+    const bool resumed = resume_flag->count() > 0;
+    const auto options =
+        program.load_options(settings_before(program.config_file(), program.output(), resumed));
     if (!options) return ExitCode::kOk;
     if (program.output().empty()) {
       throw ConfigError(
@@ -32,7 +49,7 @@ int main(int argc, char** argv) {
           "dataset.path: expected the folder of a data set, found nothing; set it in the YAML or "
           "with --set dataset.path=DIR");
     }
-    if (*resume_flag && resume.empty()) resume = "latest";
+    if (resumed && resume.empty()) resume = "latest";
     std::optional<serve::Server> server;
     std::optional<run::LiveRun> live;
     if (*serve) {

@@ -103,6 +103,15 @@ TEST_CASE("jade_train: trains, resumes and is scored from the command line", "[a
   INFO(resumed.err);
   CHECK(resumed.code == 0);
   CHECK(std::filesystem::exists(dir.path() / "run/checkpoints/step_0000008.pt"));
+  // The run's own settings: by default the target would be EFNet, and nothing else names the data.
+  const Outcome further =
+      run(dir, "jade_train --quiet --output run --resume --set train.iterations=9");
+  INFO(further.err);
+  CHECK(further.code == 0);
+  CHECK(std::filesystem::exists(dir.path() / "run/checkpoints/step_0000009.pt"));
+  CHECK_THAT(read_file(dir / "run/config.yaml"), Catch::Contains("target: edi"));
+  check_error(run(dir, "jade_train --output nowhere --resume"), 2,
+              "dataset.path: expected the folder of a data set");
   const Outcome scores = run(dir, "jade_eval --run run --device cpu --json");
   CHECK(scores.code == 0);
   CHECK_THAT(scores.out, Catch::Contains("psnr_channel_mean"));

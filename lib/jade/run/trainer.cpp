@@ -340,7 +340,8 @@ void Trainer::write_pictures(const data::Dataset& posed) {
 
 void Trainer::stop() {
   save();
-  log_info(concat("saved at step ", state_.step, "; go on with --resume"));
+  log_info(concat("saved at step ", state_.step, "; go on with jade_train --output ",
+                  directory_.path().string(), " --resume"));
   throw Interrupted();
 }
 
