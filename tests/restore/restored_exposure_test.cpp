@@ -177,6 +177,25 @@ TEST_CASE("restore_exposure: ramps read events beyond the exposure and change ED
   CHECK_FALSE(alone.kernel.gain.equal(lines.kernel.gain));
 }
 
+TEST_CASE("restore_exposure: what teaches has a contrast of its own", "[restore]") {
+  const data::Exposure exposure = exposure_with_events();
+  ViewRestorer restorer({false, {}, 1}, std::nullopt, torch::kCPU);
+  RestoreOptions options;
+  const auto found = [&] { return restore_exposure(exposure, exposure.events, options, restorer); };
+  const RestoredExposure plain = found();
+  CHECK(plain.taught_gain.equal(plain.gain));
+  options.taught_contrast = 1.4;
+  const RestoredExposure taught = found();
+  CHECK(taught.gain.equal(plain.gain));
+  CHECK(taught.restorations.edi.equal(plain.restorations.edi));
+  options.taught_contrast = 1;
+  options.events.threshold_positive *= 1.4;
+  const RestoredExposure scaled = found();
+  CHECK(torch::allclose(taught.taught_gain, scaled.gain, 1e-5));
+  CHECK(torch::allclose(taught.taught.log_gain, scaled.kernel.log_gain, 0, 1e-5));
+  CHECK_FALSE(torch::allclose(taught.taught_gain, plain.gain, 1e-3));
+}
+
 TEST_CASE("restore_exposure: counts that are asked for are those of its windows, and beyond",
           "[restore]") {
   const data::Exposure whole = exposure_with_events();

@@ -195,6 +195,7 @@ TEST_CASE("presets: paper.yaml over what we recommend is the method as printed",
       // What it inherits: events as they are, poses as the data have them.
       {"objective.edi_weight", "1"},
       {"objective.edi_weight_final", "-1"},
+      {"objective.edi_contrast", "1"},
       {"objective.trust.scale", "0"},
       {"objective.trust.tolerance", "0"},
       {"objective.trust.agreement", "0"},

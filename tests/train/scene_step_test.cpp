@@ -3,6 +3,10 @@
 
 #include "support/catch.h"
 
+#include <cmath>
+#include <map>
+#include <string>
+
 #include "jade/core/error.h"
 #include "train/bench.h"
 
@@ -60,6 +64,54 @@ TEST_CASE("scene step: the camera response learns from the terms that read it, a
   CHECK(moves_at(9));
   bench.options.objective.simulation = false;
   CHECK_FALSE(moves_at(9));
+}
+
+TEST_CASE(
+    "scene step: objective.edi_contrast is thresholds so many times as large, for L_edi and "
+    "L_sim alone",
+    "[train]") {
+  const test::TinyScene scene;
+  Bench bench(scene);
+  bench.options.objective.target = losses::Target::kNone;
+  const train::RunOptions usual = bench.options;
+  const auto terms_with = [&](double contrast, double thresholds) {
+    bench.options.objective.edi_contrast = contrast;
+    bench.options.events.threshold_positive *= thresholds;
+    bench.options.events.threshold_negative *= thresholds;
+    bench.views = train::prepare_views(bench.dataset, bench.options, torch::kCPU);
+    bench.state = train::make_state(bench.options, bench.dataset, torch::kCPU);
+    std::map<std::string, double> values;
+    for (const auto& term : bench.scene_step(bench.inputs(1, 9))) {
+      values[term.name] = term.value.item<double>();
+    }
+    return values;
+  };
+  const auto check = [&](const train::RunOptions& options) {
+    const auto with = [&](double contrast, double thresholds) {
+      bench.options = options;
+      return terms_with(contrast, thresholds);
+    };
+    const auto plain = with(1, 1), taught = with(1.6, 1), scaled = with(1, 1.6);
+    for (const char* name : {"edi_gray", "edi_color", "simulation"}) {
+      INFO(name);
+      CHECK(taught.at(name) == Approx(scaled.at(name)).epsilon(1e-5));
+      CHECK(std::abs(taught.at(name) - plain.at(name)) > 1e-4);
+    }
+    for (const char* name : {"blur", "intensity"}) {
+      CHECK(taught.at(name) == Approx(plain.at(name)).epsilon(1e-6));
+    }
+  };
+  train::RunOptions options = usual;
+  options.events.threshold_negative = 0.2;
+  for (const auto rule : {geometry::QuadratureRule::kEqual, geometry::QuadratureRule::kTrapezoid,
+                          geometry::QuadratureRule::kJittered}) {
+    options.exposure.quadrature = rule;
+    check(options);
+  }
+  options.exposure.quadrature = geometry::QuadratureRule::kTrapezoid;
+  options.sensor.learn_thresholds = true;
+  options.sensor.from = 4;
+  check(options);
 }
 
 TEST_CASE("scene step: the sensor moves after its step, with what is learned of it", "[train]") {

@@ -60,6 +60,23 @@ TEST_CASE("views: cameras, moments, weights and EDI are those of the quadrature"
   CHECK(drawn.u[0].item<double>() == Approx(0.5 / 9));
 }
 
+TEST_CASE("views: objective.edi_contrast leaves both restorations as they are", "[train]") {
+  const test::TinyScene scene;
+  train::RunOptions options = test::tiny_options(scene);
+  const data::Dataset dataset = data::load_dataset(options.dataset);
+  const auto view = [&] { return train::prepare_views(dataset, options, torch::kCPU)[1]; };
+  const train::View plain = view();
+  CHECK_FALSE(plain.taught_factors.defined());
+  options.objective.edi_contrast = 1.5;
+  const train::View taught = view();
+  CHECK(taught.restorations.edi.equal(plain.restorations.edi));
+  CHECK(taught.edi_factors.equal(plain.edi_factors));
+  options.objective.edi_contrast = 1;
+  options.events.threshold_positive *= 1.5;
+  options.events.threshold_negative *= 1.5;
+  CHECK(torch::allclose(taught.taught_factors, view().edi_factors, 1e-5));
+}
+
 TEST_CASE(
     "views: at a pose the target reads what is restored there, at the middle what it always did",
     "[train]") {

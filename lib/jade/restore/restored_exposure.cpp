@@ -101,6 +101,13 @@ RestoredExposure restore_exposure(const data::Exposure& exposure,
       events::edi_windows(restored.maps.windows, options.events.thresholds()).to(device);
   restored.kernel = imaging::edi_kernel(windows, integral.rule, options.events.edi_index);
   restored.gain = gain_at_samples(restored.kernel, options.exposure);
+  restored.taught = restored.kernel;
+  restored.taught_gain = restored.gain;
+  if (options.taught_contrast != 1) {
+    restored.taught = imaging::edi_kernel(windows * options.taught_contrast, integral.rule,
+                                          options.events.edi_index);
+    restored.taught_gain = gain_at_samples(restored.taught, options.exposure);
+  }
   if (const auto margin = options.count_margin) {
     const events::WindowCounts wide = integral_windows(exposure, recording, options, *margin);
     restored.counts = imaging::edi_counts({wide.positive.to(device), wide.negative.to(device)},

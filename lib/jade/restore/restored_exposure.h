@@ -25,6 +25,9 @@ struct RestoreOptions {
   double log_offset = 0;
   /// Asks for RestoredExposure::counts, with so many moments beyond each end of the exposure.
   std::optional<int64_t> count_margin = std::nullopt;
+  /// Asks for RestoredExposure::taught and taught_gain, with thresholds so many times as large;
+  /// 1: they are kernel and gain.
+  double taught_contrast = 1;
   /// Asks for RestoredExposure::efnet_at, at these moments: 0 the start and 1 the end.
   std::vector<double> times = {};
   /// Those moments come from the cache, all of them, or there is only the middle.
@@ -41,6 +44,8 @@ struct RestoredExposure {
   torch::Tensor blurry;       ///< [3,H,W]
   imaging::EdiKernel kernel;  ///< latent images over the blurry frame, at the integral's moments
   torch::Tensor gain;         ///< [K,H,W] the same at those of geometry::quadrature()
+  imaging::EdiKernel taught;  ///< `kernel` of another contrast, for what teaches a scene
+  torch::Tensor taught_gain;  ///< [K,H,W] `gain` likewise
   imaging::EdiCounts counts;  ///< of the integral's moments; undefined where not asked for
   Restorations restorations;  ///< I_edi; F where the restorer has a network, else undefined
   /// [M,3,H,W] F(B, V, t) at RestoreOptions::times, in their order, computed in one call; undefined

@@ -47,6 +47,7 @@ RunOptions printed_options() {
   options.objective.target_until = 0;
   options.objective.restored_poses = losses::RestoredPoses::kMiddle;
   options.objective.edi_weight_final = -1;
+  options.objective.edi_contrast = 1;
   options.objective.trust.agreement = 0;
   options.poses.optimize = PosePath::kNone;
   options.poses.start = PoseStart::kLine;

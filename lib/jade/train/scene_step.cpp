@@ -68,16 +68,24 @@ losses::EventPair event_pair(const TrainState& state, const StepInputs& inputs,
   return pair;
 }
 
-/// R at the drawn poses, differentiable in the state's sensor where the plan moves it.
+/// R of L_edi and L_sim at the drawn poses, differentiable in the state's sensor where the plan
+/// moves it.
 torch::Tensor edi_factors(const TrainState& state, const View& view,
-                          const torch::Tensor& pose_draws, const StepPlan& plan) {
+                          const torch::Tensor& pose_draws, const StepPlan& plan,
+                          const losses::ObjectiveOptions& options) {
   if (plan.sensor) {
-    return imaging::edi_log_gain(view.edi_counts, state.sensor->at(view.per_ms),
-                                 view.u.index_select(0, pose_draws))
+    imaging::EdiSensor sensor = state.sensor->at(view.per_ms);
+    sensor.threshold_positive = sensor.threshold_positive * options.edi_contrast;
+    sensor.threshold_negative = sensor.threshold_negative * options.edi_contrast;
+    return imaging::edi_log_gain(view.edi_counts, sensor, view.u.index_select(0, pose_draws))
         .exp()
         .unsqueeze(1);
   }
-  if (!view.edi_log_gain.defined()) return view.edi_factors.index_select(0, pose_draws);
+  if (!view.edi_log_gain.defined()) {
+    const torch::Tensor& factors =
+        view.taught_factors.defined() ? view.taught_factors : view.edi_factors;
+    return factors.index_select(0, pose_draws);
+  }
   return imaging::edi_gain(view.edi_log_gain, view.u.index_select(0, pose_draws)).unsqueeze(1);
 }
 
@@ -132,7 +140,8 @@ std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& s
   inputs.weights = view.weights;
   inputs.pose_draws = step_inputs.pose_draws;
   if (plan.objective.edi || plan.objective.simulation) {
-    inputs.edi_factors = edi_factors(state, view, step_inputs.pose_draws.narrow(0, 0, 3), plan);
+    inputs.edi_factors =
+        edi_factors(state, view, step_inputs.pose_draws.narrow(0, 0, 3), plan, options.objective);
   }
   inputs.term_weights = step_inputs.term_weights;
   const events::Thresholds thresholds = options.events.thresholds();

@@ -104,6 +104,7 @@ restore::RestoreOptions restore_options(const data::Dataset& dataset, const RunO
     out.count_margin =
         count_margin(options.sensor, dataset.train, restore::integral_samples(out) - 1);
   }
+  out.taught_contrast = options.objective.edi_contrast;
   if (restores_all_poses(options)) out.times = moments_of(options);
   return out;
 }
@@ -159,8 +160,11 @@ View prepare_view(const data::Exposure& exposure, const ExposureSpan& span,
   view.density = restored.maps.density.to(device);
   view.reblur_kernel = imaging::reblur_kernel(voxel, reblur_contrast(voxel, options)).to(device);
   view.edi_factors = restored.gain.unsqueeze(1);
+  if (options.objective.edi_contrast != 1) {
+    view.taught_factors = restored.taught_gain.unsqueeze(1);
+  }
   if (options.exposure.quadrature == geometry::QuadratureRule::kJittered) {
-    view.edi_log_gain = restored.kernel.log_gain;
+    view.edi_log_gain = restored.taught.log_gain;
   }
   if (learns(options.sensor)) {
     view.edi_counts = restored.counts;

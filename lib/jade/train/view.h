@@ -50,7 +50,11 @@ struct View {
   imaging::SsimTarget blurry_moments;  ///< of B, for L_blur
   torch::Tensor psi;                   ///< [2,H,W] Ψ(V)
   torch::Tensor edi_factors;           ///< [K,1,H,W] R_k: EDI_k(X) = X ⊙ R_k, at the moments u
-  /// [S,H,W] ln R at equally spaced moments, where the steps draw their own; else undefined.
+  /// [K,1,H,W] the same with objective.edi_contrast, for L_edi and L_sim; where that is 1 it is
+  /// edi_factors, and undefined.
+  torch::Tensor taught_factors;
+  /// [S,H,W] ln R of L_edi and L_sim at equally spaced moments, where the steps draw their own;
+  /// else undefined.
   torch::Tensor edi_log_gain;
   imaging::EdiCounts edi_counts;       ///< where something of the sensor is learned, else undefined
   torch::Tensor per_ms;                ///< [] float32, exposures in one millisecond
@@ -80,10 +84,11 @@ struct View {
     visit_members<View>(
         visitor, Member{"name", self.name}, Member{"blurry", self.blurry},
         Member{"blurry_moments", self.blurry_moments}, Member{"psi", self.psi},
-        Member{"edi_factors", self.edi_factors}, Member{"edi_log_gain", self.edi_log_gain},
-        Member{"edi_counts", self.edi_counts}, Member{"per_ms", self.per_ms},
-        Member{"reblur_kernel", self.reblur_kernel}, Member{"density", self.density},
-        Member{"restorations", self.restorations}, Member{"fixed_target", self.fixed_target},
+        Member{"edi_factors", self.edi_factors}, Member{"taught_factors", self.taught_factors},
+        Member{"edi_log_gain", self.edi_log_gain}, Member{"edi_counts", self.edi_counts},
+        Member{"per_ms", self.per_ms}, Member{"reblur_kernel", self.reblur_kernel},
+        Member{"density", self.density}, Member{"restorations", self.restorations},
+        Member{"fixed_target", self.fixed_target},
         Member{"target_closeness", self.target_closeness},
         Member{"restored_poses", self.restored_poses}, Member{"cameras", self.cameras},
         Member{"u", self.u}, Member{"weights", self.weights});
