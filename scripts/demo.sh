@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 # From nothing to a sharp 3D scene: installs what is missing, builds, simulates the demo's blurry frames
-# and events, trains the full method on them, evaluates, says where the results are, and on a desktop
-# opens the report.
+# and events, trains the recommended preset (no router) on them, evaluates, says where the results are,
+# and on a desktop opens the report.
 #
 #   scripts/demo.sh [--set key=value ...]      further arguments go to jade_train
 #
