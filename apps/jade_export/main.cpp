@@ -6,6 +6,7 @@
 #include "jade/gaussians/splat_file.h"
 #include "jade/gaussians/spz_file.h"
 #include "jade/run/checkpoint.h"
+#include "jade/run/evaluate.h"
 
 using namespace jade;
 
@@ -27,13 +28,7 @@ gaussians::GaussianFile load(const Sources& sources) {
   if (!sources.checkpoint.empty()) {
     return {run::load_checkpoint_gaussians(sources.checkpoint), false};
   }
-  const auto checkpoints = run::list_checkpoints(sources.run);
-  if (checkpoints.empty()) {
-    throw DataError(concat(sources.run.string(),
-                           ": expected a run directory with checkpoints, found none; is this the "
-                           "--output of jade_train?"));
-  }
-  return {run::load_checkpoint_gaussians(checkpoints.front()), false};
+  return {run::newest_gaussians(sources.run), false};
 }
 
 void save(const fs::path& path, const gaussians::GaussianFile& file) {
@@ -58,7 +53,7 @@ void save(const fs::path& path, const gaussians::GaussianFile& file) {
 int main(int argc, char** argv) {
   apps::Program program("jade_export", "Writes Gaussians as .ply, .splat or .spz");
   Sources sources;
-  program.cli().add_option("--run", sources.run, "run directory; its newest checkpoint is taken");
+  program.cli().add_option("--run", sources.run, "run directory; its newest scene is taken");
   program.cli().add_option("--checkpoint", sources.checkpoint, "one checkpoint");
   program.cli().add_option("--ply", sources.ply, "Gaussians in a .ply, for another format");
   program.add_output_flag("file to write; its extension names the format: .ply, .splat or .spz");

@@ -19,7 +19,6 @@
 #include "jade/gaussians/ply.h"
 #include "jade/imaging/image_io.h"
 #include "jade/imaging/movie.h"
-#include "jade/run/checkpoint.h"
 #include "jade/run/evaluate.h"
 #include "jade/train/view.h"
 #include "jade_render/unblur.h"
@@ -76,9 +75,7 @@ gaussians::GaussianFile load_scene(const RenderFlags& flags) {
     throw ConfigError("expected either --run or --ply");
   }
   if (!flags.ply.empty()) return gaussians::read_ply(flags.ply);
-  const auto checkpoints = run::list_checkpoints(flags.run);
-  if (!checkpoints.empty()) return {run::load_checkpoint_gaussians(checkpoints.front()), false};
-  return gaussians::read_ply(flags.run / "point_cloud.ply");
+  return {run::newest_gaussians(flags.run), false};
 }
 
 data::Dataset load_data(const RenderFlags& flags, const train::RunOptions& options,

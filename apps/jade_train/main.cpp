@@ -15,7 +15,7 @@ namespace {
 train::RunOptions settings_before(const std::filesystem::path& config,
                                   const std::filesystem::path& run, bool resumed) {
   const bool known = resumed && config.empty() && std::filesystem::exists(run / "config.yaml");
-  return known ? run::load_run_options(run) : train::RunOptions();
+  return known ? run::written_options(run) : train::RunOptions();
 }
 
 }  // namespace

@@ -113,8 +113,12 @@ TEST_CASE("init: kinds pick their source and say what is missing", "[gaussians]"
   sources.points.points[4][0] = std::nan("");
   sources.points.colors = torch::full({200, 3}, 0.5);
   CHECK(initial_gaussians(options, sources, generator).size() == 198);
+  const splat::Gaussians part = initial_gaussians(options, sources, generator, 60);
+  CHECK(part.size() == 60);
+  CHECK(std::get<0>(torch::unique_dim(part.means, 0)).size(0) == 60);  // none twice
   options.kind = InitKind::kRandomFrusta;
   CHECK(initial_gaussians(options, sources, generator).size() == 50);
+  CHECK(initial_gaussians(options, sources, generator, 20).size() == 20);
   sources.far = 0;
   CHECK_THROWS_AS(initial_gaussians(options, sources, generator), ConfigError);
   options.kind = InitKind::kPly;
@@ -122,6 +126,7 @@ TEST_CASE("init: kinds pick their source and say what is missing", "[gaussians]"
   write_ply(folder / "g.ply", {test::random_gaussians(7, 4), false});
   options.ply = folder / "g.ply";
   CHECK(initial_gaussians(options, sources, generator).size() == 7);
+  CHECK(initial_gaussians(options, sources, generator, 5).size() == 7);  // a scene stays whole
   options.kind = InitKind::kSfm;
   sources.points = {};
   CHECK_THROWS_AS(initial_gaussians(options, sources, generator), ConfigError);

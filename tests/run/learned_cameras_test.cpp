@@ -163,6 +163,7 @@ TEST_CASE("learned cameras: before a run's end other programs have those of its 
   for (const char* made : {"point_cloud.ply", "eval.json", run::kLearnedCamerasFile}) {
     std::filesystem::remove(scene.run / made);
   }
+  write_file(scene.run / "eval.json", "{}");  // as jade_eval leaves it
   const run::FinishedRun opened = run::open_run(scene.run, run::load_run_options(scene.run));
   const data::Dataset given = data::load_dataset(scene.options.dataset);
   const torch::Tensor learned = run::learned_path(*trainer.state().poses, 1, given.train[1])[3];
@@ -188,7 +189,10 @@ TEST_CASE("learned cameras: those of an earlier end are gone while a run goes on
     CHECK_THROWS_AS(going.run(), Interrupted);
     set_interrupt_requested(false);
   }
-  CHECK_FALSE(std::filesystem::exists(file));
+  for (const char* made :
+       {"point_cloud.ply", "eval.json", "report.html", run::kLearnedCamerasFile}) {
+    CHECK_FALSE(std::filesystem::exists(scene.run / made));
+  }
   run::Trainer(longer, scene.run, "latest").run();
   CHECK(std::filesystem::exists(file));
 
@@ -232,7 +236,7 @@ TEST_CASE(
 
   // A run that has ended without the file, as older versions left it.
   std::filesystem::remove(file);
-  write_file(scene.run / "eval.json", "{}");
+  write_file(scene.run / "point_cloud.ply", "");
   CHECK_THROWS_WITH(run::load_run_dataset(scene.run, scene.options),
                     Catch::Contains("--resume writes it"));
 }

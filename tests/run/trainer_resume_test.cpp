@@ -15,6 +15,7 @@
 #include "jade/core/random.h"
 #include "jade/data/dataset.h"
 #include "jade/run/checkpoint.h"
+#include "jade/run/evaluate.h"
 #include "jade/run/learned_cameras.h"
 #include "jade/run/trainer.h"
 #include "run/checkpoint_entries.h"
@@ -296,4 +297,46 @@ TEST_CASE(
   test::save_restorer(options.efnet.path, "  return 0.8 * image\n");
   CHECK_THROWS_AS(step_of("latest"), CheckpointError);
   set_log_file({});
+}
+
+TEST_CASE("trainer: a run that goes on from an older checkpoint leaves the later ones", "[run]") {
+  const Scene scene;
+  const auto run = scene.dir.path() / "run";
+  train::RunOptions options = tiny_options(scene);
+  options.train.iterations = options.train.calendar = 12;
+  options.checkpoint.every = 4;
+  options.checkpoint.keep = 3;
+  run::Trainer(options, run, "").run();
+  REQUIRE(run::list_checkpoints(run).size() == 3);
+  const std::string end = read_file(run / "point_cloud.ply");
+  options.checkpoint.keep = 1;
+  {
+    run::Trainer going(options, run, run::checkpoint_path(run, 4).string());
+    set_interrupt_requested(true);
+    CHECK_THROWS_AS(going.run(), Interrupted);
+    set_interrupt_requested(false);
+  }
+  CHECK(run::list_checkpoints(run) ==
+        std::vector<std::filesystem::path>{run::checkpoint_path(run, 5)});
+  CHECK(std::filesystem::exists(run / "checkpoints/left_step_0000012.pt"));
+  CHECK(run::newest_gaussians(run).size() > 0);  // of the checkpoint, as the old end is gone
+  CHECK_FALSE(std::filesystem::exists(run / "point_cloud.ply"));
+  run::Trainer(options, run, "latest").run();
+  CHECK(read_file(run / "point_cloud.ply") == end);
+}
+
+TEST_CASE("trainer: a run goes on without the file that it started from", "[run]") {
+  const Scene scene;
+  const auto run = scene.dir.path() / "run";
+  train::RunOptions options = tiny_options(scene);
+  options.train.iterations = options.train.calendar = 4;
+  options.init.kind = gaussians::InitKind::kPly;
+  options.init.ply = scene.dir.path() / "start.ply";
+  run::Trainer(tiny_options(scene), scene.dir.path() / "other", "").run();
+  std::filesystem::copy_file(scene.dir.path() / "other/point_cloud.ply", options.init.ply);
+  run::Trainer(options, run, "").run();
+  std::filesystem::remove(options.init.ply);
+  options.train.iterations = 6;
+  run::Trainer(options, run, "latest").run();
+  CHECK(std::filesystem::exists(run::checkpoint_path(run, 6)));
 }

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "jade/core/check.h"
+#include "jade/core/log.h"
 #include "jade/core/random.h"
 #include "jade/gaussians/neighbours.h"
 
@@ -68,6 +69,17 @@ PointCloud sfm_points(const InitSources& sources) {
   const auto poses = poses_of(sources.views);
   return without_points_near_cameras(finite_points(sources.points), poses,
                                      kNearCamera * scene_extent(poses));
+}
+
+/// A random part of the points where there are more.
+PointCloud drawn_points(const PointCloud& cloud, int64_t at_most, at::Generator& generator) {
+  const int64_t count = cloud.points.size(0);
+  if (count <= at_most) return cloud;
+  log_info(
+      concat("start       ", at_most, " of ", count, " points, as densify.max_gaussians says"));
+  const torch::Tensor rows =
+      std::get<0>(at::randperm(count, generator).narrow(0, 0, at_most).sort());
+  return {cloud.points.index_select(0, rows), cloud.colors.index_select(0, rows)};
 }
 
 }  // namespace
@@ -163,27 +175,36 @@ PointCloud without_points_near_cameras(const PointCloud& cloud,
 }
 
 splat::Gaussians initial_gaussians(const InitOptions& options, const InitSources& sources,
-                                   at::Generator& generator) {
+                                   at::Generator& generator, int64_t at_most) {
+  const auto start_at = [&](const PointCloud& cloud) {
+    return gaussians_from_points(drawn_points(cloud, at_most, generator), options);
+  };
   const int64_t found = sources.points.points.defined() ? sources.points.points.size(0) : 0;
   if (options.kind == InitKind::kPly) {
     if (options.ply.empty()) {
       throw ConfigError("init.kind is ply but init.ply names no file");
     }
-    if (has_gaussians(options.ply)) return read_ply(options.ply).gaussians;
-    return gaussians_from_points(finite_points(read_point_cloud(options.ply)), options);
+    if (!has_gaussians(options.ply)) return start_at(finite_points(read_point_cloud(options.ply)));
+    splat::Gaussians scene = read_ply(options.ply).gaussians;
+    if (scene.size() > at_most) {
+      log_warn(concat(options.ply.string(), ": ", scene.size(),
+                      " Gaussians, more than densify.max_gaussians ", at_most,
+                      ": none will be added; raise it to let the scene grow"));
+    }
+    return scene;
   }
   if (options.kind == InitKind::kSfm && found == 0) {
     throw ConfigError("init.kind is sfm but the data set has no points: use random_frusta");
   }
   if (options.kind == InitKind::kSfm ||
       (options.kind == InitKind::kAuto && found >= kFewestSfmPoints)) {
-    return gaussians_from_points(sfm_points(sources), options);
+    return start_at(sfm_points(sources));
   }
   if (!(sources.near > 0 && sources.far > sources.near)) {
     throw ConfigError(concat("init.kind random_frusta needs depth bounds 0 < near < far, found ",
                              sources.near, " and ", sources.far));
   }
-  return gaussians_from_points(random_frusta(sources, options.points, generator), options);
+  return start_at(random_frusta(sources, std::min(options.points, at_most), generator));
 }
 
 }  // namespace jade::gaussians

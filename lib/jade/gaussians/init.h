@@ -4,6 +4,7 @@
 #include <ATen/core/Generator.h>
 #include <cstdint>
 #include <filesystem>
+#include <limits>
 #include <torch/types.h>
 #include <vector>
 
@@ -77,8 +78,11 @@ PointCloud without_points_near_cameras(const PointCloud& cloud,
                                        double distance);
 
 /// The start that `options` asks for.
+/// @param at_most  of more points a part is drawn; Gaussians of a .ply, a scene already, all stay,
+///   with a warning
 /// @throws ConfigError where the sources lack what the kind needs, DataError for a bad .ply.
 splat::Gaussians initial_gaussians(const InitOptions& options, const InitSources& sources,
-                                   at::Generator& generator);
+                                   at::Generator& generator,
+                                   int64_t at_most = std::numeric_limits<int64_t>::max());
 
 }  // namespace jade::gaussians

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <cstdlib>
+#include <cstring>
 #include <fstream>
 #include <map>
 #include <torch/serialize.h>
@@ -208,6 +210,10 @@ fs::path checkpoint_path(const fs::path& run, int64_t step) {
   return run / "checkpoints" / name;
 }
 
+int64_t step_of(const fs::path& checkpoint) {
+  return std::strtoll(checkpoint.stem().string().c_str() + std::strlen("step_"), nullptr, 10);
+}
+
 std::vector<fs::path> list_checkpoints(const fs::path& run) {
   std::vector<fs::path> found;
   std::error_code missing;
@@ -222,6 +228,16 @@ std::vector<fs::path> list_checkpoints(const fs::path& run) {
     return x.size() != y.size() ? x.size() > y.size() : x > y;
   });
   return found;
+}
+
+int64_t set_aside_checkpoints(const fs::path& run, int64_t step) {
+  int64_t count = 0;
+  for (const fs::path& path : list_checkpoints(run)) {
+    if (step_of(path) <= step) continue;
+    fs::rename(path, path.parent_path() / ("left_" + path.filename().string()));
+    ++count;
+  }
+  return count;
 }
 
 void save_checkpoint(const fs::path& run, const train::TrainState& state,
@@ -350,11 +366,21 @@ bool keep_calendar(const train::RunOptions& saved, train::RunOptions& now) {
 
 ConfigDifference compare_configs(const std::string& saved_yaml, train::RunOptions now) {
   // What changes when a run stops or what it shows, never what it computes at a given step.
-  static const std::vector<std::string> free_keys = {
-      "train.iterations", "train.log_every",     "train.evaluate_every", "train.picture_every",
-      "train.cuda_graph", "checkpoint.every",    "checkpoint.keep",      "device",
-      "dataset.path",     "efnet.path",          "cache.enabled",        "cache.folder",
-      "cache.max_mib",    "poses.test_fit_steps"};
+  static const std::vector<std::string> free_keys = {"train.iterations",
+                                                     "train.log_every",
+                                                     "train.evaluate_every",
+                                                     "train.picture_every",
+                                                     "train.cuda_graph",
+                                                     "checkpoint.every",
+                                                     "checkpoint.keep",
+                                                     "device",
+                                                     "dataset.path",
+                                                     "efnet.path",
+                                                     "cache.enabled",
+                                                     "cache.folder",
+                                                     "cache.max_mib",
+                                                     "poses.test_fit_steps",
+                                                     "init.ply"};
   train::RunOptions saved = saved_options(saved_yaml);
   train::settle(now);
   const FieldList saved_fields = fields_of(saved), now_fields = fields_of(now);

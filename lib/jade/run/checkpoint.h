@@ -15,8 +15,16 @@ namespace jade::run {
 /// checkpoints/step_0025000.pt of a run directory.
 std::filesystem::path checkpoint_path(const std::filesystem::path& run, int64_t step);
 
+/// The step that the name of such a file tells.
+int64_t step_of(const std::filesystem::path& checkpoint);
+
 /// Checkpoints of a run directory, newest first.
 std::vector<std::filesystem::path> list_checkpoints(const std::filesystem::path& run);
+
+/// Renames those of later steps than `step` to left_step_….pt, which list_checkpoints() does not
+/// name: a run that goes on from there has left them.
+/// @return how many
+int64_t set_aside_checkpoints(const std::filesystem::path& run, int64_t step);
 
 /// What stands beside the state.
 struct CheckpointInfo {

@@ -11,6 +11,7 @@
 #include "jade/losses/poses.h"
 #include "jade/run/checkpoint.h"
 #include "jade/run/learned_cameras.h"
+#include "jade/run/run_directory.h"
 #include "jade/splat/render.h"
 #include "jade/train/exposure_span.h"
 #include "jade/train/view.h"
@@ -69,12 +70,16 @@ eval::Evaluation evaluate_dataset(const splat::Gaussians& gaussians, const data:
       evaluate_held_out(gaussians, dataset.held_out, options.exposure, draw));
 }
 
-train::RunOptions load_run_options(const fs::path& run) {
+train::RunOptions written_options(const fs::path& run) {
   if (!fs::exists(run / "config.yaml")) {
     throw DataError(concat(
         run.string(), ": expected a run directory of jade_train with its config.yaml, found none"));
   }
-  auto options = config::load({run / "config.yaml", {}, {}}, train::printed_options());
+  return config::load({run / "config.yaml", {}, {}}, train::printed_options());
+}
+
+train::RunOptions load_run_options(const fs::path& run) {
+  train::RunOptions options = written_options(run);
   options.device = train::RunOptions().device;
   return options;
 }
@@ -101,7 +106,7 @@ data::Dataset load_run_dataset(const fs::path& run, const train::RunOptions& opt
     return dataset;
   }
   if (options.poses.optimize == train::PosePath::kNone) return dataset;
-  if (fs::exists(run / "eval.json")) {
+  if (fs::exists(run / kSceneFile)) {
     throw DataError(concat((run / kLearnedCamerasFile).string(),
                            ": expected the cameras that this run has learned, found no file; "
                            "jade_train --resume writes it"));
@@ -119,19 +124,27 @@ data::Dataset load_run_dataset(const fs::path& run, const train::RunOptions& opt
   return with_poses_of(checkpoints.front(), dataset, options);
 }
 
+splat::Gaussians newest_gaussians(const fs::path& run) {
+  if (fs::exists(run / kSceneFile)) return gaussians::read_ply(run / kSceneFile).gaussians;
+  const auto checkpoints = list_checkpoints(run);
+  if (checkpoints.empty()) {
+    throw DataError(concat(run.string(), ": expected ", kSceneFile,
+                           " or a checkpoint, found neither; is this the --output of jade_train?"));
+  }
+  for (size_t i = 0; i + 1 < checkpoints.size(); ++i) {
+    try {
+      return load_checkpoint_gaussians(checkpoints[i]);
+    } catch (const CheckpointError& damage) {
+      log_warn(concat(damage.what(), "; trying ", checkpoints[i + 1].filename().string()));
+    }
+  }
+  return load_checkpoint_gaussians(checkpoints.back());
+}
+
 FinishedRun open_run(const fs::path& run, const train::RunOptions& options) {
   FinishedRun opened;
   opened.dataset = load_run_dataset(run, options);
-  if (fs::exists(run / "point_cloud.ply")) {
-    opened.gaussians = gaussians::read_ply(run / "point_cloud.ply").gaussians;
-    return opened;
-  }
-  const auto checkpoints = list_checkpoints(run);
-  if (checkpoints.empty()) {
-    throw DataError(concat(
-        run.string(), ": expected point_cloud.ply or a checkpoint, found neither; train first"));
-  }
-  opened.gaussians = load_checkpoint_gaussians(checkpoints.front());
+  opened.gaussians = newest_gaussians(run);
   return opened;
 }
 

@@ -33,9 +33,13 @@ std::vector<eval::ReblurScore> evaluate_held_out(const splat::Gaussians& gaussia
 eval::Evaluation evaluate_dataset(const splat::Gaussians& gaussians, const data::Dataset& dataset,
                                   const eval::Lpips& lpips, const train::RunOptions& options);
 
-/// What config.yaml of a run directory says, but for `device`, which is auto: the run may have been
-/// made on another machine.
+/// What config.yaml of a run directory says; where the run is older than a key, that means what was
+/// printed.
 /// @throws DataError where there is none, ConfigError naming the path.
+train::RunOptions written_options(const std::filesystem::path& run);
+
+/// The same, but for `device`, which is auto: the run may have been made on another machine.
+/// @throws as written_options.
 train::RunOptions load_run_options(const std::filesystem::path& run);
 
 /// The data set of `options`, with the learned poses where the run has ended with such: they belong
@@ -45,13 +49,18 @@ train::RunOptions load_run_options(const std::filesystem::path& run);
 /// @throws DataError naming the path.
 data::Dataset load_run_dataset(const std::filesystem::path& run, const train::RunOptions& options);
 
+/// The Gaussians of a run, on the CPU: those of its end, before it those of the newest whole
+/// checkpoint.
+/// @throws DataError where there are none, CheckpointError naming the path.
+splat::Gaussians newest_gaussians(const std::filesystem::path& run);
+
 /// A run directory as other programs use it: its data and its newest Gaussians.
 struct FinishedRun {
   data::Dataset dataset;
   splat::Gaussians gaussians;  ///< on the CPU
 };
 
-/// Reads the data set, and point_cloud.ply or, before the run's end, the newest whole checkpoint.
+/// Its load_run_dataset() and its newest_gaussians().
 /// @param options  those of the run, or with changes
 /// @throws DataError, ConfigError or CheckpointError naming the path.
 FinishedRun open_run(const std::filesystem::path& run, const train::RunOptions& options);

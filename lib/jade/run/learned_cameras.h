@@ -31,11 +31,8 @@ data::Dataset with_learned_poses(const data::Dataset& dataset, const train::Expo
                                  const splat::Gaussians& gaussians, int64_t fit_steps,
                                  const splat::RenderOptions& render);
 
-/// Where a run directory keeps its learned cameras.
-constexpr char kLearnedCamerasFile[] = "cameras.json";
-
-/// Writes such a file: the test views by name and the nine poses of each exposure, in the form
-/// that data::read_cameras() reads.
+/// Writes kLearnedCamerasFile of a run directory: the test views by name and the nine poses of each
+/// exposure, in the form that data::read_cameras() reads.
 void write_learned_cameras(const std::filesystem::path& path, const data::Dataset& dataset);
 
 /// Puts the poses of such a file into the data set.

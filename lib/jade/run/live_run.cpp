@@ -11,6 +11,7 @@
 #include "jade/core/log.h"
 #include "jade/gaussians/gaussian_model.h"
 #include "jade/page/page.h"
+#include "jade/run/run_directory.h"
 
 namespace jade::run {
 namespace {
@@ -67,7 +68,7 @@ void LiveRun::begin(const WatchedRun& run) {
                          server_.board().id(),
                          /*pausable=*/true,
                          cameras_->are_learned(),
-                         (run.folder / "report.html").string()})));
+                         (run.folder / kReportFile).string()})));
 }
 
 void LiveRun::tell(const std::string& phase) {

@@ -18,6 +18,7 @@
 #include "jade/run/allocation_choice.h"
 #include "jade/run/evaluate.h"
 #include "jade/run/page_scene.h"
+#include "jade/run/run_directory.h"
 #include "jade/run/view_pictures.h"
 #include "jade/train/routing_step.h"
 
@@ -201,14 +202,14 @@ void write_report(const fs::path& run, const data::Dataset& dataset,
   data["headline"] = headline(dataset, views, state, draw);
   data["scene"] = page_scene(dataset, draw);
   data["evaluation"] =
-      fs::exists(run / "eval.json") ? Json::parse(read_file(run / "eval.json")) : Json(nullptr);
+      fs::exists(run / kScoresFile) ? Json::parse(read_file(run / kScoresFile)) : Json(nullptr);
   data["allocation"] = allocation_statistics(dataset, views, state);
   if (data["allocation"].contains("mean"))
     write_file(run / "allocation.json", data["allocation"].dump(2) + "\n");
   data["metrics"] = read_metrics(run / "metrics.jsonl");
   data["config"] = read_file(run / "config.yaml");
 
-  write_file(run / "report.html",
+  write_file(run / kReportFile,
              page::report_page(data.dump(-1, ' ', false, Json::error_handler_t::replace),
                                packed_scene(state.gaussians.detached())));
 }

@@ -24,7 +24,13 @@ RunDirectory::RunDirectory(fs::path path) : path_(std::move(path)) {
 
 bool RunDirectory::holds_a_run() const {
   return !list_checkpoints(path_).empty() || fs::exists(path_ / "metrics.jsonl") ||
-         fs::exists(path_ / "point_cloud.ply");
+         fs::exists(path_ / kSceneFile);
+}
+
+void RunDirectory::remove_results() const {
+  for (const char* left : {kSceneFile, kLearnedCamerasFile, kScoresFile, kReportFile}) {
+    fs::remove(path_ / left);
+  }
 }
 
 MetricsLog::MetricsLog(fs::path path, int64_t step) : path_(std::move(path)) {

@@ -11,6 +11,13 @@
 
 namespace jade::run {
 
+/// What the end of a run leaves in its folder: the scene, which tells that it has ended, its
+/// learned cameras, scores and report.
+constexpr char kSceneFile[] = "point_cloud.ply";
+constexpr char kLearnedCamerasFile[] = "cameras.json";
+constexpr char kScoresFile[] = "eval.json";
+constexpr char kReportFile[] = "report.html";
+
 /// The folder of one run, held by one process at a time. Its contents: README.md.
 class RunDirectory {
  public:
@@ -22,6 +29,9 @@ class RunDirectory {
 
   /// True when a run has left something here that a new one would mix with.
   bool holds_a_run() const;
+
+  /// Removes what an earlier end left, which is not of the scene as the run goes on.
+  void remove_results() const;
 
  private:
   std::filesystem::path path_;

@@ -8,6 +8,7 @@
 #include "jade/core/error.h"
 #include "jade/gaussians/ply.h"
 #include "jade/run/checkpoint.h"
+#include "jade/run/run_directory.h"
 
 namespace jade::run {
 namespace {
@@ -43,8 +44,8 @@ void read_metrics(const fs::path& run, RunSummary& s) {
   for (const auto& [name, value] : s.metrics.items()) {
     if (value.is_null()) {
       s.problems.push_back(concat("the last logged ", name,
-                                  " is no number; see train.log, and resume from an older "
-                                  "checkpoint"));
+                                  " is no number; see train.log, and train again with smaller "
+                                  "step sizes (optim.*) and another --output"));
     }
   }
 }
@@ -56,7 +57,7 @@ void read_checkpoints(const fs::path& run, RunSummary& s) {
   for (const fs::path& path : checkpoints) {
     try {
       gaussians = load_checkpoint_gaussians(path);
-      s.step = std::stoll(path.stem().string().substr(5));
+      s.step = step_of(path);
       found = true;
       break;
     } catch (const CheckpointError& problem) {
@@ -64,10 +65,11 @@ void read_checkpoints(const fs::path& run, RunSummary& s) {
     }
   }
   if (!found) {
-    s.problems.push_back(
-        concat(run.string(), ": no whole checkpoint; it cannot be resumed, train again"));
+    s.problems.push_back(concat(
+        run.string(), ": no whole checkpoint; ",
+        checkpoints.empty() ? "--resume begins with step 0" : "train again with another --output"));
   }
-  const fs::path ply = run / "point_cloud.ply";
+  const fs::path ply = run / kSceneFile;
   if (fs::exists(ply)) {
     gaussians = gaussians::read_ply(ply).gaussians;
     found = true;
@@ -89,19 +91,18 @@ RunSummary summarize_run(const fs::path& run) {
   s.options = config::load({run / "config.yaml", {}, {}}, train::printed_options());
   read_metrics(run, s);
   read_checkpoints(run, s);
-  if (fs::exists(run / "eval.json")) {
-    const auto eval = nlohmann::json::parse(read_file(run / "eval.json"), nullptr, false);
+  if (fs::exists(run / kScoresFile)) {
+    const auto eval = nlohmann::json::parse(read_file(run / kScoresFile), nullptr, false);
     if (eval.is_object() && eval.contains("mean")) {
       s.scores = eval["mean"];
     } else {
       s.problems.push_back(
-          concat((run / "eval.json").string(), ": damaged; make it again with jade_eval --run"));
+          concat((run / kScoresFile).string(), ": damaged; make it again with jade_eval --run"));
     }
   }
   if (s.step < s.options.train.iterations) {
     s.problems.push_back(concat("stopped at step ", s.step, " of ", s.options.train.iterations,
-                                ": go on with jade_train --config ", (run / "config.yaml").string(),
-                                " --output ", run.string(), " --resume"));
+                                ": go on with jade_train --output ", run.string(), " --resume"));
   }
   if (!fs::is_directory(s.options.dataset.path)) {
     s.problems.push_back(concat("its data set ", s.options.dataset.path.string(),

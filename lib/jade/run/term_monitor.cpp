@@ -57,7 +57,8 @@ void TermMonitor::check() {
   if (first) {
     throw NumericError(concat(
         "step ", *first, ": NaN or Inf in loss term ", bad,
-        "; the last good checkpoint is kept: try smaller step sizes (optim.*) and --resume"));
+        "; the last good checkpoint is kept; train again with smaller step sizes (optim.*) and "
+        "another --output"));
   }
   counts_.clear();
 }

@@ -115,7 +115,7 @@ bool Trainer::resume_from(const std::string& choice) {
     // A whole checkpoint of another run is refused; an older one would not make it the same run.
     keep_decisions(saved_options(info.config));
     check_same_run(candidates[i], info);
-    state_ = train::make_state(options_, data_.dataset, device_);
+    state_ = train::make_state_to_load(options_, data_.dataset, device_);
     load_checkpoint(candidates[i], state_);
     log_info(concat("resumed from ", candidates[i].filename().string(), ", step ", state_.step));
     return true;
@@ -347,12 +347,13 @@ void Trainer::stop() {
 
 void Trainer::finish() {
   save();
-  gaussians::write_ply(directory_.path() / "point_cloud.ply", {state_.gaussians.detached()});
   const data::Dataset posed = posed_dataset();
   if (state_.poses) {
     if (interrupt_requested()) stop();  // half-fitted poses are not to stay
     write_learned_cameras(directory_.path() / kLearnedCamerasFile, posed);
   }
+  // After its cameras, as it tells others that the run has ended.
+  gaussians::write_ply(directory_.path() / kSceneFile, {state_.gaussians.detached()});
   write_pictures(posed);
   for (const data::SharpView& view : posed.test) {
     imaging::write_image(directory_.path() / "images" / ("truth_" + view.name + ".png"),
@@ -360,7 +361,7 @@ void Trainer::finish() {
   }
   if (can_evaluate()) {
     const eval::Evaluation evaluation = evaluate(posed);
-    write_file(directory_.path() / "eval.json", eval::to_json(evaluation));
+    write_file(directory_.path() / kScoresFile, eval::to_json(evaluation));
     log_info((data_.dataset.test.empty() ? "on the held-out exposures:\n"
                                          : "on the sharp test views:\n") +
              eval::to_table(evaluation));
@@ -372,13 +373,16 @@ void Trainer::finish() {
                     ", events' clock ahead by ", sensor.offset_ms, " ms"));
   }
   write_report(directory_.path(), posed, views(), state_, options_);
-  log_info(concat("report      ", (directory_.path() / "report.html").string()));
-  log_info(concat("scene       ", (directory_.path() / "point_cloud.ply").string()));
+  log_info(concat("report      ", (directory_.path() / kReportFile).string()));
+  log_info(concat("scene       ", (directory_.path() / kSceneFile).string()));
 }
 
 void Trainer::run(Watcher* watcher) {
-  // Cameras of an earlier end do not belong to the scene as it goes on.
-  if (state_.step < options_.train.iterations) fs::remove(directory_.path() / kLearnedCamerasFile);
+  if (state_.step < options_.train.iterations) directory_.remove_results();
+  if (const int64_t left = set_aside_checkpoints(directory_.path(), state_.step); left > 0) {
+    log_warn(concat("checkpoints of later steps, no part of the run any more: ", left, ", kept as ",
+                    (directory_.path() / "checkpoints/left_*.pt").string()));
+  }
   Progress progress("training", options_.train.iterations, state_.step);
   if (watcher) {
     watcher->begin({data_.dataset, views(), state_, options_, directory_.path()});

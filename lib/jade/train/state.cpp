@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/train/state.h"
 
+#include <limits>
 #include <torch/types.h>
 
 #include "jade/core/error.h"
@@ -132,13 +133,19 @@ void learn_poses(TrainState& state, const PoseOptions& options, const data::Data
   state.poses_adam = RowAdam(state.poses->twists());
 }
 
+namespace {
+
+/// A strategy that adds none has no bound.
+int64_t most_at_start(const gaussians::DensifyOptions& options) {
+  const bool bounded = options.strategy != gaussians::DensifyStrategy::kNone;
+  return bounded ? options.max_gaussians : std::numeric_limits<int64_t>::max();
+}
+
 TrainState make_state(const RunOptions& options, const data::Dataset& dataset,
-                      torch::Device device) {
-  auto generator = make_generator(static_cast<uint64_t>(options.seed), "initial points");
+                      splat::Gaussians gaussians, torch::Device device) {
   const auto& camera = dataset.train.front().camera;
   Start start;
-  start.gaussians = gaussians::initial_gaussians(options.init, init_sources(dataset), generator);
-  if (dataset.monochrome) start.gaussians = in_gray(std::move(start.gaussians));
+  start.gaussians = std::move(gaussians);
   start.extent = gaussians::scene_extent(camera_poses(dataset));
   start.monochrome = dataset.monochrome;
   start.views = static_cast<int64_t>(dataset.train.size());
@@ -147,6 +154,24 @@ TrainState make_state(const RunOptions& options, const data::Dataset& dataset,
   TrainState state = make_state(options, start, device);
   learn_poses(state, options.poses, dataset, device);
   return state;
+}
+
+}  // namespace
+
+TrainState make_state(const RunOptions& options, const data::Dataset& dataset,
+                      torch::Device device) {
+  auto generator = make_generator(static_cast<uint64_t>(options.seed), "initial points");
+  auto gaussians = gaussians::initial_gaussians(options.init, init_sources(dataset), generator,
+                                                most_at_start(options.densify));
+  if (dataset.monochrome) gaussians = in_gray(std::move(gaussians));
+  return make_state(options, dataset, std::move(gaussians), device);
+}
+
+TrainState make_state_to_load(const RunOptions& options, const data::Dataset& dataset,
+                              torch::Device device) {
+  const gaussians::PointCloud point{torch::zeros({1, 3}), torch::zeros({1, 3})};
+  return make_state(options, dataset, gaussians::gaussians_from_points(point, options.init),
+                    device);
 }
 
 }  // namespace jade::train

@@ -63,6 +63,11 @@ void learn_poses(TrainState& state, const PoseOptions& options, const data::Data
 TrainState make_state(const RunOptions& options, const data::Dataset& dataset,
                       torch::Device device);
 
+/// A state of the same shape to load a checkpoint into: no start is read, one Gaussian stands for
+/// the scene.
+TrainState make_state_to_load(const RunOptions& options, const data::Dataset& dataset,
+                              torch::Device device);
+
 /// The renders of one exposure, made once per step and used by both steps.
 struct Renders {
   torch::Tensor color;  ///< [M,3,H,W] with its graph: all K, or those of losses::poses_read()
