@@ -150,7 +150,7 @@ void launch_slurm(const sweep::Plan& plan, const sweep::SweepOutput& output, con
   sweep::SlurmOptions options;
   options.self = own_path();
   options.program = flags.program;
-  options.jobs = flags.jobs;
+  options.jobs = flags.jobs > 0 ? flags.jobs : plan.spec.jobs;
   options.arguments = flags.slurm;
   options.device = flags.devices.empty() ? "auto" : flags.devices.front();
   options.retry_failed = flags.retry_failed;
@@ -192,7 +192,7 @@ ExitCode run(apps::Program& program, const Flags& flags) {
         concat(output.folder().string(),
                ": another jade_sweep works here; wait for it or choose another --output"));
   }
-  output.write_settings(plan, apps::resolve_training);
+  output.write_settings(plan, apps::resolve_written);
   write_file(output.folder() / "sweep.yaml", read_file(flags.sweep));
   if (!flags.table && flags.launcher == "local") launch_local(plan, output, flags, trainer);
   if (!flags.table && flags.launcher == "slurm") launch_slurm(plan, output, flags);

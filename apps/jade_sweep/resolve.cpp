@@ -28,10 +28,8 @@ std::vector<sweep::Missing> missing_files(const train::RunOptions& options) {
   return missing;
 }
 
-}  // namespace
-
-sweep::Resolved resolve_training(const std::vector<config::Sources>& layers) {
-  train::RunOptions options;
+/// Lays them over `options`.
+sweep::Resolved resolve(const std::vector<config::Sources>& layers, train::RunOptions options) {
   const FieldList fields = fields_of(options);
   std::string problems;
   for (const config::Sources& layer : layers) {
@@ -42,6 +40,7 @@ sweep::Resolved resolve_training(const std::vector<config::Sources>& layers) {
     }
   }
   if (!problems.empty()) throw ConfigError(problems);
+  train::settle(options);
   std::string conflict;
   try {
     train::validate(options);
@@ -50,6 +49,16 @@ sweep::Resolved resolve_training(const std::vector<config::Sources>& layers) {
   }
   return {config::to_yaml(fields, "Settings of one run of a sweep"), config::values(fields),
           missing_files(options), conflict};
+}
+
+}  // namespace
+
+sweep::Resolved resolve_training(const std::vector<config::Sources>& layers) {
+  return resolve(layers, train::RunOptions());
+}
+
+sweep::Resolved resolve_written(const std::vector<config::Sources>& layers) {
+  return resolve(layers, train::printed_options());
 }
 
 }  // namespace jade::apps

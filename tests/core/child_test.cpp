@@ -3,6 +3,8 @@
 
 #include "support/catch.h"
 
+#include <sstream>
+
 #include "jade/core/atomic_file.h"
 #include "support/temp_dir.h"
 
@@ -21,6 +23,14 @@ TEST_CASE("child: a program runs to its end, with its output, environment and ex
   CHECK(run_to_end({"true"}, {}, log) == 0);
   CHECK(run_to_end({"sh", "-c", "kill -9 $$"}, {}, log) == -1);
   CHECK(run_to_end({"jade-no-such-program"}, {}, log) == 127);
+}
+
+TEST_CASE("child: Ctrl-C in a terminal reaches it through us alone", "[core]") {
+  const test::TempDir dir;
+  CHECK(run_to_end({"cut", "-d", " ", "-f", "1,5", "/proc/self/stat"}, {}, dir / "log.txt") == 0);
+  int64_t process = 0, group = 1;
+  std::istringstream(read_file(dir / "log.txt")) >> process >> group;
+  CHECK(process == group);
 }
 
 TEST_CASE("child: what the caller throws stops the program", "[core]") {

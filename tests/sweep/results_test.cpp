@@ -103,6 +103,19 @@ TEST_CASE("standing_of: runs are counted, and the first failed one gives the exi
   CHECK(standing.code == ExitCode::kNumeric);
 }
 
+TEST_CASE("standing_of: a run that was killed gives an exit code too", "[sweep]") {
+  const TempDir dir;
+  const sweep::SweepOutput output(dir / "out");
+  sweep::Outcome killed;
+  killed.attempts = 1;
+  killed.signal = 9;
+  output.write_outcome("full/a/0", killed);
+  const sweep::Standing standing =
+      sweep::standing_of(sweep::gather(plan_of(dir, kSweep), output), output);
+  CHECK(standing.failed == 0);
+  CHECK(standing.code == ExitCode::kDevice);
+}
+
 TEST_CASE("tables: ours and the paper's side by side, gaps marked, in three formats", "[sweep]") {
   const TempDir dir;
   const sweep::Table table = table_of(dir);

@@ -63,6 +63,8 @@ Child::Child(const std::vector<std::string>& command,
     pthread_sigmask(SIG_SETMASK, &before, nullptr);
     // Between fork and exec only plain system calls: other threads' locks may be held.
     prctl(PR_SET_PDEATHSIG, SIGTERM);
+    // Ctrl-C in a terminal reaches a whole group: it would come twice, the second to stop at once.
+    setpgid(0, 0);
     if (getppid() != parent) _exit(static_cast<int>(ExitCode::kInterrupted));
     dup2(in, STDIN_FILENO);
     dup2(out, STDOUT_FILENO);
@@ -108,7 +110,7 @@ int run_to_end(const std::vector<std::string>& command,
   Child child(command, environment, log);
   for (;;) {
     const std::optional<ChildExit> exit = child.poll();
-    throw_if_interrupted();  // first, as Ctrl-C in a terminal ends the program too
+    throw_if_interrupted();
     if (exit) return exit->code;
     if (meanwhile) meanwhile();
     std::this_thread::sleep_for(std::chrono::milliseconds(20));

@@ -43,6 +43,7 @@ class SweepOutput {
   /// Writes the settings of every run of the plan.
   /// @throws ConfigError naming each key that differs from a run that has been started already
   ///   (the key device may differ).
+  /// @param resolve  reads the settings that are there already
   void write_settings(const Plan& plan, const Resolver& resolve) const;
 
   RunState state(const std::string& id) const;

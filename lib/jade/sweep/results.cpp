@@ -260,15 +260,18 @@ Table gather(const Plan& plan, const SweepOutput& output) {
 
 Standing standing_of(const Table& table, const SweepOutput& output) {
   Standing standing;
+  bool killed = false;
   standing.runs = table.runs.size();
   for (const RunRow& run : table.runs) {
     standing.finished += run.state == RunState::kFinished;
-    if (run.state != RunState::kFailed) continue;
-    if (++standing.failed == 1) {
-      standing.code = static_cast<ExitCode>(
-          output.outcome(Run::concat_id(run.row, run.scene, run.seed)).exit_code);
+    const Outcome outcome = output.outcome(Run::concat_id(run.row, run.scene, run.seed));
+    if (run.state == RunState::kFailed && ++standing.failed == 1) {
+      standing.code = static_cast<ExitCode>(outcome.exit_code);
     }
+    killed = killed || (run.state == RunState::kUnfinished && outcome.signal != 0);
   }
+  // Nearly always the kernel, for want of memory.
+  if (killed && standing.failed == 0) standing.code = ExitCode::kDevice;
   standing.unfinished = standing.runs - standing.finished - standing.failed;
   return standing;
 }

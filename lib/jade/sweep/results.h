@@ -78,7 +78,7 @@ std::string to_page(const Table& table, const std::filesystem::path& folder);
 /// How a sweep stands as a whole.
 struct Standing {
   size_t runs = 0, finished = 0, failed = 0, unfinished = 0;
-  ExitCode code = ExitCode::kOk;  ///< of the first failed run, else kOk
+  ExitCode code = ExitCode::kOk;  ///< of the first failed run, else kDevice where one was killed
 };
 Standing standing_of(const Table& table, const SweepOutput& output);
 
