@@ -91,6 +91,7 @@ ExitCode deblur(DeblurFlags flags, apps::Program& program) {
   std::vector<std::string> warnings;
   const data::Dataset dataset = data::load_dataset(settings->dataset, &warnings);
   for (const std::string& warning : warnings) log_warn(warning);
+  train::follow_dataset(dataset, flags.options.settings);
   make_writable_folder(output);
   const run::Deblurred deblurred =
       run::deblur(dataset, flags.options, method, output, flags.pictures, device);

@@ -111,7 +111,7 @@ TEST_CASE("restoration cache: the longest unused go first, and what killed runs 
   const std::vector<int64_t> shape{3, 200, 200};  // 469 KiB
   const auto hour = std::chrono::hours(1);
   const auto now = fs::file_time_type::clock::now();
-  for (const char* key : {"a", "b", "c"}) ask(cache, key, 0, shape);
+  for (const char* key : {"a", "b"}) ask(cache, key, 0, shape);
   fs::last_write_time(dir / "a.restoration", now - 3 * hour);
   fs::last_write_time(dir / "b.restoration", now - 2 * hour);
   CHECK_FALSE(ask(cache, "a", 0, shape).made);  // used again
@@ -119,7 +119,7 @@ TEST_CASE("restoration cache: the longest unused go first, and what killed runs 
   dir.write("e.restoration.78.part", "being written");
   dir.write("f.txt", "not ours");
   fs::last_write_time(dir / "d.restoration.77.part", now - 2 * hour);
-  cache.prune();
+  ask(cache, "c", 0, shape);  // keeps the bound while it fills
   CHECK(fs::exists(dir / "a.restoration"));
   CHECK_FALSE(fs::exists(dir / "b.restoration"));
   CHECK(fs::exists(dir / "c.restoration"));

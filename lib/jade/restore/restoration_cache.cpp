@@ -113,6 +113,7 @@ RestorationCache::RestorationCache(const RestorationCacheOptions& options)
 
 void RestorationCache::give_up(const std::string& why) {
   log_warn(concat("restorations are not kept for the next run: ", why));
+  prune();  // the last time that the folder is known
   folder_.clear();
 }
 
@@ -148,7 +149,13 @@ void RestorationCache::keep(const std::string& key, const torch::Tensor& image) 
   if (folder_.empty()) return;
   check_shape(image, "restoration", {-1, -1, -1});
   try {
-    write_entry(path_of(key), image.detach().to(torch::kCPU, torch::kFloat32).contiguous());
+    const auto values = image.detach().to(torch::kCPU, torch::kFloat32).contiguous();
+    write_entry(path_of(key), values);
+    kept_bytes_ += static_cast<int64_t>(values.nbytes());
+    if (kept_bytes_ > max_bytes_ / 8) {
+      prune();
+      kept_bytes_ = 0;
+    }
   } catch (const DataError& problem) {
     give_up(problem.what());
   }

@@ -47,7 +47,7 @@ class RestorationCache {
   /// @param key    restoration_key()
   /// @param shape  that the image must have
   std::optional<torch::Tensor> find(const std::string& key, torch::IntArrayRef shape);
-  /// Keeps an image [C,H,W] for the next run.
+  /// Keeps an image [C,H,W] for the next run, and prunes after every eighth of `max_mib`.
   void keep(const std::string& key, const torch::Tensor& image);
   /// find(), else what `compute` returns, which is kept.
   torch::Tensor get(const std::string& key, torch::IntArrayRef shape,
@@ -67,6 +67,7 @@ class RestorationCache {
 
   std::filesystem::path folder_;
   int64_t max_bytes_ = 0;
+  int64_t kept_bytes_ = 0;  ///< since the last time that keep() pruned
   int64_t hits_ = 0, misses_ = 0;
 };
 
