@@ -39,10 +39,10 @@ def stage(data: Path, name: str) -> Path:
 
 
 class Capture:
-    """Frames and events as a stage left them."""
+    """Frames and events as a stage left them, the events' clock ahead of that of the frames by so much."""
 
-    def __init__(self, folder: Path):
-        self.folder = folder
+    def __init__(self, folder: Path, ahead_us: float = 0):
+        self.folder, self.ahead_us = folder, ahead_us
         told = json.loads((folder / "capture.json").read_text())
         self.frames, self.size = told["frames"], (told["sensor_height"], told["sensor_width"])
 
@@ -52,8 +52,16 @@ class Capture:
     def events(self, begin_us: float, end_us: float) -> tuple[np.ndarray, ...]:
         with h5py.File(self.folder / "events.h5") as file:
             t = file["t"][:]
-            part = slice(*np.searchsorted(t, (begin_us, end_us)))
+            part = slice(*np.searchsorted(t, (begin_us + self.ahead_us, end_us + self.ahead_us)))
             return file["x"][part], file["y"][part], file["p"][part]
+
+
+def levelled(data: Path) -> Capture:
+    """What the stage undistort hands on: without a calibration what was read, on one clock."""
+    if (stage(data, "undistort") / "capture.json").exists():
+        return Capture(data / "import/undistort")
+    clock = json.loads((stage(data, "time") / "clock.json").read_text())
+    return Capture(stage(data, "read"), 1000 * clock["offset_ms"])
 
 
 def counts(x, y, p, height: int, width: int) -> np.ndarray:
@@ -136,7 +144,7 @@ def chosen(capture: Capture, name: str | None) -> dict:
 
 
 def draw(data: Path, name: str | None) -> plt.Figure:
-    raw, level = Capture(stage(data, "read")), Capture(stage(data, "undistort"))
+    raw, level = Capture(stage(data, "read")), levelled(data)
     frame = chosen(raw, name)
     index = [each["name"] for each in raw.frames].index(frame["name"])
     after = next((each for each in level.frames if each["name"] == frame["name"]), None)

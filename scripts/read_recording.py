@@ -17,6 +17,7 @@ prophesee_event_msgs EventArray, event_camera_msgs EventPacket (evt3, evt21, evt
 CompressedImage, and the exposure topic of rpg_dvs_ros (std_msgs/Int32).
 """
 import argparse
+import errno
 import os
 import statistics
 import sys
@@ -26,6 +27,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from convert_aedat4 import CACHE_BYTES, EventWriter, packets_from_dv, reason, to_opencv  # noqa: E402
 
 DATA_ERROR, PACKAGE_MISSING = 3, 4
+FULL = (errno.ENOSPC, errno.EDQUOT)
 INSTALL = "run scripts/setup.sh --import"
 
 
@@ -39,6 +41,22 @@ def need(module, package):
     except ImportError:
         print(f"needs the Python package {package}: {INSTALL}", file=sys.stderr)
         sys.exit(PACKAGE_MISSING)
+
+
+def is_full(error):
+    """Whether what went wrong is that a disk or a quota is used up; HDF5 says so in its text alone."""
+    told = any(os.strerror(code) in str(error) for code in FULL)
+    return isinstance(error, OSError) and (error.errno in FULL or told)
+
+
+def no_space(folder):
+    return f"no space in {folder}; make some, or set TMPDIR to a folder that has it"
+
+
+def check_space(error, folder):
+    """Of a full disk the recording is not to blame."""
+    if is_full(error):
+        raise Problem(no_space(folder)) from error
 
 
 class Output:
@@ -98,14 +116,29 @@ class Output:
         (self.folder / "recording.txt").write_text("\n".join(lines) + "\n")
 
 
+def chosen_streams(streams):
+    """The first stream of each kind is read; the numbers of all others of that kind."""
+    kinds = ("events", "frame", "triggers")
+    wanted = [number for number in sorted(streams) if streams[number]["type"] in kinds]
+    first = {streams[number]["type"]: number for number in reversed(wanted)}
+    return [number for number in wanted if first[streams[number]["type"]] != number]
+
+
 def read_with_aedat(path, out):
     import aedat
 
     decoder = aedat.Decoder(path)
-    for stream in decoder.id_to_stream().values():
-        if stream["type"] == "events":
+    streams = decoder.id_to_stream()
+    left = chosen_streams(streams)
+    if left:
+        out.notes.append("only one stream of each kind is read; left out: "
+                         + ", ".join(f"{number} ({streams[number]['type']})" for number in left))
+    for number, stream in streams.items():
+        if stream["type"] == "events" and number not in left:
             out.size = stream["width"], stream["height"]
     for packet in decoder:
+        if packet["stream_id"] in left:
+            continue
         if "events" in packet:
             events = packet["events"]
             out.events(events["x"], events["y"], events["t"].astype("int64"), events["on"])
@@ -154,6 +187,7 @@ def read_aedat4(path, folder):
         except Problem:
             raise
         except Exception as error:  # the packages' own kinds
+            check_space(error, folder)
             raise Problem(f"{path}: {reason(error)}; the file is damaged or was cut short, copy it again") from error
         return out
     need("aedat", "aedat")
@@ -369,6 +403,7 @@ def read_bag(path, folder, events_topic, frames_topic):
     except Problem as problem:
         raise Problem(f"{path}: {problem}") from problem
     except Exception as error:  # the packages' own kinds
+        check_space(error, folder)
         text = str(error).split("\n")[0]
         raise Problem(f"{path}: cannot be read as a ROS bag: {text}; is it whole?") from error
     return reader.finish()
@@ -397,6 +432,9 @@ def main():
         out.close()
     except Problem as problem:
         print(problem, file=sys.stderr)
+        sys.exit(DATA_ERROR)
+    except OSError as error:
+        print(no_space(options.output) if is_full(error) else error, file=sys.stderr)
         sys.exit(DATA_ERROR)
     print(f"{options.output}: {out.form}, {'a raw stream of' if out.raw else out.event_count} events, "
           f"{len(out.exposures)} frames, {len(out.edges)} trigger edges")

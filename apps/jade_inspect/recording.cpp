@@ -59,6 +59,12 @@ RecordingNumbers numbers_of(const Recording& r) {
   return n;
 }
 
+/// Of a file or folder, which may be given as "scene/" or ".".
+fs::path name_of(const fs::path& path) {
+  const fs::path whole = fs::absolute(path).lexically_normal();
+  return (whole.has_filename() ? whole : whole.parent_path()).stem();
+}
+
 /// What to run next; what it lacks is named in capitals.
 std::string next_command(const Recording& r, const RecordingNumbers& n) {
   if (r.events.empty()) return "";
@@ -74,7 +80,7 @@ std::string next_command(const Recording& r, const RecordingNumbers& n) {
   if (!r.calibration) line += " --calibration CAMERA.yaml";
   const bool two_cameras = r.calibration && r.calibration->text.find("cam1:") != std::string::npos;
   if (two_cameras) line += " --plane-depth METRES";
-  return line + " --output " + shell_word(fs::path("data") / r.source.stem());
+  return line + " --output " + shell_word(fs::path("data") / name_of(r.source));
 }
 
 void print_frames(const Recording& r, const RecordingNumbers& n) {
@@ -157,7 +163,9 @@ void inspect_recording(const fs::path& path, events::TimeUnit unit, bool json) {
   const Recording r = recording::read_recording(path, options);
   const RecordingNumbers numbers = numbers_of(r);
   if (json) {
-    std::printf("%s\n", to_json(r, numbers).dump(2).c_str());
+    // Names of files are any bytes, those of JSON are UTF-8.
+    constexpr auto kReplace = nlohmann::json::error_handler_t::replace;
+    std::printf("%s\n", to_json(r, numbers).dump(2, ' ', false, kReplace).c_str());
   } else {
     print_recording(r, numbers);
   }

@@ -146,6 +146,13 @@ TEST_CASE("jade_inspect: a recording, what is missing, and the next command", "[
   const auto json = nlohmann::json::parse(run(dir, "jade_inspect scene --json").out);
   CHECK(json["events"] == 3);
   CHECK(json["frames"][1]["t_end_us"] == 420000);
+  CHECK_THAT(run(dir, "jade_inspect scene/").out, Catch::Contains("--output data/scene\n"));
+  run(dir, "mkdir odd && cp -r scene odd/s");
+  run(dir, "cd odd/s/images && mv a.png \"$(printf 'a\\337')\".png");
+  run(dir,
+      "cd odd/s && rm images.txt && printf 'a\\337,190000,210000\nb,390000,420000\n' > "
+      "exposures.csv");
+  CHECK_THAT(run(dir, "jade_inspect odd/s --json").out, Catch::Contains("a\xEF\xBF\xBD"));
   const Outcome alone = run(dir, "jade_inspect scene/events.txt");
   CHECK_THAT(alone.out, Catch::Contains("--frames FOLDER_OR_VIDEO --frame-times LIST.csv"));
   run(dir, "rm scene/exposures.csv scene/images.txt");

@@ -62,6 +62,20 @@ TEST_CASE("evdeblur: writing then loading gives back the same exposures", "[data
   CHECK(torch::equal(data.events.polarity(), content.events.polarity()));
 }
 
+TEST_CASE("evdeblur: frames go by their numbers, with a warning where text would not", "[data]") {
+  const test::TempDir folder;
+  const fs::path images = folder / "scene/images_1";
+  write_evdeblur(folder / "scene", test::tiny_content());
+  const Dataset padded = load(folder / "scene");
+  fs::rename(images / "04.png", images / "9.png");
+  fs::rename(images / "05.png", images / "10.png");
+  std::vector<std::string> warnings;
+  const Dataset data = load(folder / "scene", &warnings);
+  CHECK(data.test[0].name == "9");
+  CHECK(torch::equal(data.test[1].image, padded.test[1].image));
+  CHECK(mentions(warnings, "names are not padded with zeros"));
+}
+
 TEST_CASE("evdeblur: a sharp view belongs to the exposure in whose middle it was taken", "[data]") {
   const test::TempDir folder;
   write_evdeblur(folder / "scene", test::tiny_content());

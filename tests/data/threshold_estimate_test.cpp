@@ -24,7 +24,9 @@ double brightness(int64_t x, int64_t y, double t_us) {
 
 /// Frames and events of that pattern: an event at each crossing of a threshold.
 /// @param spread  standard deviation of both thresholds from pixel to pixel
-Dataset sliding_pattern(const events::Thresholds& mean, double spread, double log_offset) {
+/// @param gap_us  between exposures of 80 ms
+Dataset sliding_pattern(const events::Thresholds& mean, double spread, double log_offset,
+                        int64_t gap_us = 40000) {
   struct Event {
     float x, y;
     int64_t t_us;
@@ -66,7 +68,7 @@ Dataset sliding_pattern(const events::Thresholds& mean, double spread, double lo
   data.events = events::EventStream::from_lists(xs, ys, ts, ps);
   for (int64_t i = 0; i < 9; ++i) {
     Exposure exposure;
-    exposure.t_start_us = 10000 + 120000 * i;
+    exposure.t_start_us = 10000 + (80000 + gap_us) * i;
     exposure.t_end_us = exposure.t_start_us + 80000;
     exposure.camera = geometry::Intrinsics::centred(50, kSize, kSize);
     torch::Tensor frame = torch::zeros({kSize, kSize});
@@ -115,6 +117,27 @@ TEST_CASE("thresholds: their spread from pixel to pixel pulls them nowhere", "[d
   CHECK(error_of(estimate, 0.1, 0.12) < 0.1);
   CHECK(estimate.spread.positive == Approx(0.03).epsilon(0.25));
   CHECK(estimate.spread.negative == Approx(0.03).epsilon(0.25));
+}
+
+TEST_CASE("thresholds: exposures that overlap a little are neighbours", "[data]") {
+  for (const int64_t overlap_us : {3, 4000}) {
+    const auto data = sliding_pattern({0.25, 0.18}, 0, 0, -overlap_us);
+    const ThresholdEstimate estimate = estimate_of(data, 0);
+    CAPTURE(overlap_us, estimate.thresholds.positive, estimate.thresholds.negative);
+    CHECK(estimate.found);
+    CHECK(error_of(estimate, 0.25, 0.18) < 0.1);
+  }
+}
+
+TEST_CASE("thresholds: events of one polarity tell of none", "[data]") {
+  Dataset data = sliding_pattern({0.25, 0.25}, 0, 0);
+  const events::EventStream all = data.events;
+  for (const int sign : {1, -1}) {
+    const torch::Tensor some = all.polarity() == sign;
+    data.events = {all.x().masked_select(some), all.y().masked_select(some),
+                   all.t_us().masked_select(some), all.polarity().masked_select(some)};
+    CHECK_FALSE(estimate_of(data, 0).found);
+  }
 }
 
 TEST_CASE("thresholds: nothing is claimed without events", "[data]") {

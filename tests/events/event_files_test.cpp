@@ -87,14 +87,22 @@ TEST_CASE("event files: npy, npz and text hold the same events", "[events]") {
   check_events(read_events(dir / "s.csv").events);
 }
 
+TEST_CASE("event files: of a table, time is the column that never decreases", "[events]") {
+  const TempDir dir;
+  const auto x = torch::tensor({1.5, 2.0, 3.0, 0.0}, torch::kFloat64);
+  const auto y = torch::tensor({0.0, 1.0, 2.25, 7.0}, torch::kFloat64);
+  const auto s = torch::tensor({0.0001, 0.00025, 0.00025, 0.000999}, torch::kFloat64);
+  const auto p = torch::tensor({1, 0, 1, 1}, torch::kFloat64);
+  jade::io::write_npy(dir / "xytp.npy", torch::stack({x, y, s, p}, 1));
+  check_events(read_events(dir / "xytp.npy").events);
+  jade::io::write_npy(dir / "txyp.npy", torch::stack({s, x, y.flip(0), p}, 1));
+  CHECK(read_events(dir / "txyp.npy").events.last_us() == 999);
+  // Neither does: the larger.
+  jade::io::write_npy(dir / "unsorted.npy", torch::stack({x, y, (s * 1e6).round().flip(0), p}, 1));
+  CHECK(read_events(dir / "unsorted.npy").events.last_us() == 999);
+}
+
 TEST_CASE("event files: the unit is the one in which events meet the exposures", "[events]") {
-  const TimeWindow exposures{1000000, 3000000};
-  CHECK(guess_time_unit(0.9e6, 3.1e6, false, exposures) == TimeUnit::kUs);
-  CHECK(guess_time_unit(0.9e9, 3.1e9, false, exposures) == TimeUnit::kNs);
-  CHECK(guess_time_unit(0.9, 3.1, true, exposures) == TimeUnit::kS);
-  CHECK(guess_time_unit(0, 3.5e6, false, exposures) == TimeUnit::kUs);
-  CHECK(guess_time_unit(0, 3.5e9, false, exposures) == TimeUnit::kNs);
-  CHECK(guess_time_unit(8e12, 9e12, false, exposures) == std::nullopt);
   const TempDir dir;
   write_h5<float, int64_t>(dir / "ns.h5", kX, kY, {100999, 250000, 250001, 999500}, {1, 0, 1, 1});
   const auto found = read_events(dir / "ns.h5", {TimeUnit::kAuto, TimeWindow{0, 1000}, {}});

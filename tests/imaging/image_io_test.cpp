@@ -145,3 +145,17 @@ TEST_CASE("image: listings are sorted and hold images only", "[imaging]") {
   CHECK(found[2].filename() == "c.jpg");
   CHECK_THROWS_AS(list_images(folder.path / "missing"), jade::DataError);
 }
+
+TEST_CASE("image: listings go by the numbers in names", "[imaging]") {
+  const Folder folder;
+  for (const char* name : {"f10.png", "f2.png", "f1.png", "f02.png", "e3.png", "f2b.png"})
+    std::ofstream(folder.path / name) << "x";
+  std::string order;
+  for (const auto& file : list_images(folder.path)) order += file.stem().string() + " ";
+  CHECK(order == "e3 f1 f02 f2 f2b f10 ");
+  CHECK(comes_before("9", "18446744073709551617"));
+  CHECK_FALSE(comes_before("a", "a"));
+  CHECK(comes_before("a", "a0"));
+  // Padded alike, the order is that of text.
+  CHECK(comes_before("0009_1", "0010_0"));
+}

@@ -53,6 +53,18 @@ TEST_CASE("capture: what is kept comes back", "[import]") {
   CHECK(torch::equal(found.events.polarity(), kept.events.polarity()));
 }
 
+TEST_CASE("capture: names that are no UTF-8 are kept as far as they are", "[import]") {
+  const test::TempDir dir;
+  import::Capture capture = small_capture();
+  capture.shots[1].name =
+      "Stra\xDF"
+      "e";
+  import::keep_capture(dir.path(), capture);
+  CHECK(import::load_capture(dir.path()).shots[1].name ==
+        "Stra\xEF\xBF\xBD"
+        "e");
+}
+
 TEST_CASE("capture: a damaged list is named", "[import]") {
   const test::TempDir dir;
   import::keep_capture(dir.path(), small_capture());

@@ -52,6 +52,17 @@ TEST_CASE("clock offset: known offsets are found to two milliseconds", "[import]
   }
 }
 
+TEST_CASE("clock offset: exposures that overlap a little are neighbours", "[import]") {
+  auto motion = by_hand();
+  motion.gap_us = 500;
+  auto recording = test::record_pattern(motion, noisy_sensor());
+  for (auto& exposure : recording.exposures) exposure.t_end_us += 507;
+  const auto found = import::estimate_clock_offset(recording.exposures, recording.events);
+  CHECK(found.pairs == 7);
+  CHECK_FALSE(found.ambiguous());
+  CHECK(std::abs(found.offset_us) < 2000);
+}
+
 TEST_CASE("clock offset: a camera that stands still says nothing", "[import]") {
   auto motion = by_hand();
   motion.x_px = motion.y_px = [](double) { return 0.0; };

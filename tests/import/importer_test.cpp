@@ -11,8 +11,10 @@
 #include "jade/core/error.h"
 #include "jade/core/folder_lock.h"
 #include "jade/core/progress.h"
+#include "jade/imaging/image_io.h"
 #include "jade/import/capture.h"
 #include "jade/simulate/simulator.h"
+#include "recording/evt_words.h"
 #include "support/temp_dir.h"
 
 using namespace jade;
@@ -135,6 +137,26 @@ TEST_CASE("importer: two cameras and the depth of their plane belong together", 
   options.lens.plane_depth = 2;
   options.lens.calibration = dir / "half.yaml";
   CHECK_THROWS_WITH(import(), Catch::Contains("calibrated at 65x50, the events have 130x100"));
+}
+
+TEST_CASE("importer: two cameras without a calibration are no one sensor", "[import]") {
+  const test::TempDir dir;
+  std::string events = test::evt_header("3.0", "% geometry 130x100\n"), times;
+  for (int i = 0; i < 4; ++i) {
+    events += test::evt3_time(1000 * i + 500) + test::evt3_word(2, 3);
+    imaging::write_image(dir / concat("frames/f", i, ".png"), torch::full({3, 72, 96}, 0.5));
+    times += concat("f", i, ",", 1000 * i, ",", 1000 * i + 900, "\n");
+  }
+  dir.write("frames/exposures.csv", times);
+  import::ImportOptions options = options_for(dir.write("a.raw", events), dir / "colmap");
+  options.frames = dir / "frames";
+  const auto import = [&] { import::import_recording(options, dir / "out", {"", "time"}); };
+  CHECK_THROWS_WITH(import(), Catch::Contains("events of 130x100 px and frames of 96x72 px are of "
+                                              "two cameras; give --calibration with both") &&
+                                  Catch::Contains("--plane-depth"));
+  // One camera's calibration that says no size fits either.
+  options.lens.calibration = dir.write("one.txt", "110 110 47.5 35.5 0 0 0 0 0\n");
+  CHECK_THROWS_WITH(import(), Catch::Contains("are of two cameras"));
 }
 
 TEST_CASE("importer: names of test frames are checked as soon as frames are there", "[import]") {

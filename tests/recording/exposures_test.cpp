@@ -52,6 +52,10 @@ TEST_CASE("exposures: a list is written, read, and its faults named by line", "[
   dir.write("spaces.csv", "# made by hand\r\n\"x.png\" , 1 , 2\r\n\r\n");
   REQUIRE(read_exposures(dir / "spaces.csv").size() == 1);
   CHECK(read_exposures(dir / "spaces.csv")[0].name == "x.png");
+  dir.write("marked.csv", "\xEF\xBB\xBFname,start_us,end_us\nx,1,2\n");
+  CHECK(read_exposures(dir / "marked.csv").size() == 1);
+  dir.write("marked.csv", "\xEF\xBB\xBFx,1,2\n");
+  CHECK(read_exposures(dir / "marked.csv")[0].name == "x");
   const auto message = [&](const std::string& text) -> std::string {
     try {
       read_exposures(dir.write("bad.csv", text));

@@ -61,6 +61,8 @@ TEST_CASE("recording: what the script made is read with its clock, size and trig
   CHECK(recording.stamp == Stamp::kStart);
   CHECK(recording.events.first_us() == 1050);
   CHECK(recording.triggers.rising_us == std::vector<int64_t>{1050});
+  CHECK(recording.stored_us.begin_us >= 1000);
+  CHECK(recording.stored_us.end_us > 1090);
   REQUIRE(recording.frames.size() == 1);
   CHECK(recording.frames[0].t_start_us == 1060);
   CHECK(recording.notes[0] == "topics: a b");
@@ -69,6 +71,46 @@ TEST_CASE("recording: what the script made is read with its clock, size and trig
   options.window = events::TimeWindow{1080, 2000};
   CHECK(read_recording(bag, options).events.size() == 1);
   CHECK(read_recording(bag, options).frames.empty());
+}
+
+TEST_CASE("recording: a look at the first events of a bag has its clock", "[recording]") {
+  const TempDir dir;
+  dir.write("made/events.raw", evt_header("3.0", "% geometry 640x480\n") + evt3_time(50) +
+                                   evt3_word(2, 3) + evt3_time(90) + evt3_word(2, 3));
+  dir.write("made/exposures.csv", "name,start_us,end_us\n000000,1060,1060\n");
+  dir.write("made/recording.txt", "format ROS bag\noffset_us 1000\n");
+  imaging::write_image(dir / "made/images/000000.png", torch::full({3, 6, 8}, 0.5));
+  ReadOptions options;
+  options.python = copying_python(dir);
+  options.most_events = 1;
+  const Recording first = read_recording(dir.write("a.bag", "#ROSBAG V2.0\n"), options);
+  for (const std::string& note : first.notes)
+    CHECK_THAT(note, !Catch::Contains("outside the time"));
+  CHECK(first.notes.size() > 0);
+}
+
+TEST_CASE("recording: a folder that the script made by hand is read the same", "[recording]") {
+  const TempDir dir;
+  dir.write("made/events.raw", evt_header("3.0", "% geometry 640x480\n") + evt3_time(50) +
+                                   evt3_word(2, 3) + evt3_word(10, 1) + evt3_time(90) +
+                                   evt3_word(2, 3));
+  dir.write("made/exposures.csv", "name,start_us,end_us\n000000,1060,1060\n");
+  dir.write("made/triggers.csv", "t_us,rising\n60,0\n");
+  dir.write("made/recording.txt",
+            "format ROS bag\nstamp start\noffset_us 1000\nwidth 640\nheight 480\nnote said\n");
+  imaging::write_image(dir / "made/images/000000.png", torch::full({3, 6, 8}, 0.5));
+  const Recording recording = read_recording(dir / "made");
+  CHECK(recording.format == "ROS bag");
+  CHECK(recording.stamp == Stamp::kStart);
+  CHECK(recording.width == 640);
+  CHECK(recording.height == 480);
+  CHECK(recording.events.first_us() == 1050);
+  CHECK(recording.triggers.rising_us == std::vector<int64_t>{1050});
+  CHECK(recording.triggers.falling_us == std::vector<int64_t>{1060});
+  CHECK(recording.notes[0] == "said");
+  // Somebody's own notes of that name say nothing.
+  dir.write("made/recording.txt", "stamp start, offset_us 1000\n");
+  CHECK(read_recording(dir / "made").format == "folder of frames and events");
 }
 
 TEST_CASE("recording: microseconds since 1970 and edges of a list", "[recording]") {
@@ -102,6 +144,8 @@ TEST_CASE("recording: a script that fails is one line with the mend", "[recordin
              Catch::EndsWith("a.aedat4: needs aedat: run scripts/setup.sh --import"));
   CHECK_THAT(failure(dir, "echo 'Traceback'; echo 'KeyError: 5'; exit 1\n"),
              Catch::Contains("scripts/read_recording.py failed (1): KeyError: 5"));
+  CHECK_THAT(failure(dir, "exit 3\n"), Catch::Contains("could not say why; is ") &&
+                                           Catch::EndsWith("Set TMPDIR to a folder with space"));
   ReadOptions options;
   options.python = dir / "nothing";
   CHECK_THROWS_WITH(read_recording(dir / "a.aedat4", options),

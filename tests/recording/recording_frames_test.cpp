@@ -151,7 +151,33 @@ TEST_CASE("recording: frames of a video come through ffmpeg with its times", "[r
   const FakeProgram broken(dir, "ffmpeg", "echo moov atom not found >&2; exit 1\n");
   CHECK_THAT(
       error_of([&] { read_recording(raw, options); }),
-      Catch::Contains("film.mp4: expected a folder of images or a video, and ffmpeg cannot"));
+      Catch::Contains("film.mp4: expected a folder of images or a video, and ffmpeg cannot read "
+                      "it as one (moov atom not found); convert it"));
+  // Of the two names of an option the one that this version lacks says nothing of the video.
+  const FakeProgram newer(dir, "ffmpeg",
+                          "case \"$*\" in *-vsync*) echo Option not found >&2;; "
+                          "*) echo Invalid data >&2;; esac; exit 1\n");
+  CHECK_THAT(error_of([&] { read_recording(raw, options); }), Catch::Contains("(Invalid data);"));
+}
+
+TEST_CASE("recording: frames without padded numbers are in the order of their numbers",
+          "[recording]") {
+  const TempDir dir;
+  std::string text = evt_header("3.0", "% geometry 640x480\n");
+  for (int i = 0; i < 11; ++i) {
+    text += evt3_time(1000 * i + 1000) + evt3_word(2, 1) + evt3_word(10, 1);
+    text += evt3_time(1000 * i + 1400) + evt3_word(10, 0);
+  }
+  const auto raw = dir.write("events.raw", text);
+  write_frames(dir / "frames", 11);
+  ReadOptions options;
+  options.frames = dir / "frames";
+  const Recording recording = read_recording(raw, options);
+  REQUIRE(recording.frames.size() == 11);
+  CHECK(recording.frames[2].name == "f2");
+  CHECK(recording.frames[2].t_start_us == 3000);
+  CHECK(recording.frames[10].name == "f10");
+  CHECK(recording.frames[10].t_start_us == 11000);
 }
 
 TEST_CASE("recording: a real video through the real ffmpeg", "[recording]") {

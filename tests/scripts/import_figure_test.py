@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The stages of an import that the test writes itself."""
 import json
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -79,6 +80,16 @@ class ImportFigure(unittest.TestCase):
         for found, t in zip(shown, (2000, 2400, 2800)):
             self.assertAlmostEqual(found, t / 3000, delta=0.01)
         self.assertEqual(len(poses.lines[0].get_xdata()), 7)
+
+    def test_an_import_without_a_calibration(self):
+        write_import(self.data, True)
+        shutil.rmtree(self.data / "import/undistort")
+        (self.data / "import/undistort").mkdir()
+        done = self.call()
+        self.assertEqual(done.returncode, 0, done.stderr)
+        level, raw = import_figure.levelled(self.data), import_figure.Capture(self.data / "import/read")
+        # Events are 10 ms ahead: those of the frames come later in what was read.
+        self.assertEqual(level.events(-10000, -9000)[0].tolist(), raw.events(0, 1000)[0].tolist())
 
     def test_polarities_and_places(self):
         found = import_figure.counts(np.array([1, 1, 2, 99]), np.array([0, 0, 1, 0]), np.array([1, 1, -1, 1]), 2, 3)

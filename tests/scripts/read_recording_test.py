@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """read_recording.py: what it makes of messages and packets, which are packed here by their specifications. With the packages
 of scripts/setup.sh --import there, whole bags and AEDAT4 files go through it too."""
+import errno
 import importlib.util
+import os
 import struct
 import subprocess
 import sys
@@ -110,6 +112,18 @@ class Messages(unittest.TestCase):
         self.assertEqual(read_recording.chosen_topics(topics, "/b/events", ""), ["/a/events"])
         with self.assertRaisesRegex(read_recording.Problem, "found none called /c; there are /image"):
             read_recording.chosen_topics(topics, "", "/c")
+
+    def test_the_first_stream_of_each_kind(self):
+        streams = {number: {"type": kind} for number, kind in ((4, "events"), (0, "imus"), (1, "events"), (2, "frame"), (3, "imus"))}
+        self.assertEqual(read_recording.chosen_streams(streams), [4])
+
+    def test_a_full_disk_is_named(self):
+        full = OSError("Can't write data (file write failed: errno = 28, error message = 'No space left on device')")
+        for error in (OSError(errno.ENOSPC, "x"), OSError(errno.EDQUOT, "x"), full):
+            with self.assertRaisesRegex(read_recording.Problem, "^no space in out; .*set TMPDIR"):
+                read_recording.check_space(error, "out")
+        for error in (OSError(errno.EIO, "x"), ValueError("cut short")):
+            self.assertIsNone(read_recording.check_space(error, "out"))
 
     def test_missing_packages_are_one_line(self):
         done = subprocess.run([sys.executable, "-S", SCRIPTS / "read_recording.py", __file__, "out"], capture_output=True, text=True)
@@ -290,6 +304,28 @@ class Aedat4(unittest.TestCase):
         self.assertEqual((out / "recording.txt").read_text(), "format AEDAT4\nstamp middle\noffset_us 0\nwidth 346\nheight 260\n")
         self.assertEqual(cv2.imread(str(out / "images/000000.png")).tolist(), [[[1, 2, 3], [4, 5, 6]]])
         self.assertEqual(cv2.imread(str(out / "images/000001.png"), cv2.IMREAD_UNCHANGED).tolist(), [[7], [200]])
+
+    def test_of_two_cameras_the_first_is_read(self):
+        packets = [(number, [("list", (1, struct.pack("<qhhB3x", *event)))])
+                   for number, event in ((1, (1000, 600, 400, 1)), (0, (1001, 3, 4, 1)), (1, (1002, 600, 401, 1)))]
+        packets += [(number, aedat4_frame(1500, 1100, 1900, 0, 1, 2, [value, value])) for number, value in ((2, 7), (3, 200))]
+        done = self.run_on(aedat4([("EVTS", 346, 260), ("EVTS", 640, 480), ("FRME", 346, 260), ("FRME", 640, 480)], packets))
+        self.assertEqual(done.returncode, 0, done.stderr)
+        out = self.folder / "out"
+        import h5py
+        with h5py.File(out / "events.h5") as file:
+            self.assertEqual(file["x"][:].tolist(), [3])
+        self.assertEqual(rows(out / "exposures.csv"), [("000000", "1100", "1900")])
+        self.assertIn("width 346\nheight 260\nnote only one stream of each kind is read; left out: 1 (events), 3 (frame)\n",
+                      (out / "recording.txt").read_text())
+
+    @unittest.skipUnless(os.path.exists("/dev/full"), "needs /dev/full")
+    def test_a_full_disk(self):
+        (self.folder / "out").mkdir()
+        (self.folder / "out/recording.txt").symlink_to("/dev/full")
+        done = self.run_on(aedat4([("EVTS", 346, 260)], [(0, [("list", (1, struct.pack("<qhhB3x", 1000, 3, 4, 1)))])]))
+        self.assertEqual(done.returncode, read_recording.DATA_ERROR)
+        self.assertRegex(done.stderr, r"^no space in \S*out; .*set TMPDIR.*\n$")
 
     def test_a_file_cut_short(self):
         done = self.run_on(b"#!AER-DAT4.0\r\n\x10\0\0\0cut")

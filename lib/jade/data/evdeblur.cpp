@@ -57,7 +57,8 @@ geometry::Trajectory read_dense(const fs::path& root, events::TimeUnit unit,
                            "remove the other one"));
   }
   const std::vector<LlffView> views = read_llff(pose_file);
-  const std::vector<int64_t> times = times_us(io::read_npy(time_file), unit, time_file.string());
+  const std::vector<int64_t> times =
+      events::times_us(io::read_npy(time_file), unit, time_file.string());
   if (views.size() != times.size()) {
     throw DataError(concat(time_file.string(), ": ", times.size(), " times for ", views.size(),
                            " poses in all_poses_bounds.npy; export both again"));
@@ -99,7 +100,16 @@ struct Sources {
   std::vector<LlffView> views;
 };
 
-Sources read_sources(const DatasetOptions& options) {
+/// Tools that sort names as text wrote the rows of times and poses in another order.
+void warn_of_order(const Sources& s, const Warnings& warnings) {
+  if (std::is_sorted(s.image_files.begin(), s.image_files.end())) return;
+  warnings.add(
+      s.images.string(),
+      ": names are not padded with zeros; frames go by their numbers (2 before 10), and so "
+      "must the rows of timestamps.npz and poses_bounds.npy");
+}
+
+Sources read_sources(const DatasetOptions& options, const Warnings& warnings) {
   Sources s;
   s.images = find_image_folder(options.path, options.image_folder);
   s.image_files = imaging::list_images(s.images);
@@ -121,6 +131,7 @@ Sources read_sources(const DatasetOptions& options) {
                            " times in timestamps.npz and ", s.views.size(),
                            " poses in poses_bounds.npy; there must be one of each per frame"));
   }
+  warn_of_order(s, warnings);
   return s;
 }
 
@@ -271,7 +282,7 @@ bool is_evdeblur(const fs::path& folder) {
 }
 
 Dataset load_evdeblur(const DatasetOptions& options, const Warnings& warnings) {
-  const Sources s = read_sources(options);
+  const Sources s = read_sources(options, warnings);
   const Split split = split_frames(s.times, {options.split, options.test_last, options.test_every},
                                    s.time_path.string(), warnings);
   Dataset data;

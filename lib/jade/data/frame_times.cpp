@@ -2,35 +2,15 @@
 #include "jade/data/frame_times.h"
 
 #include <algorithm>
-#include <cmath>
 #include <torch/types.h>
 
-#include "jade/core/check.h"
+#include "jade/core/error.h"
 #include "jade/io/npy.h"
 
 namespace jade::data {
 namespace {
 
 using events::TimeUnit;
-
-constexpr double kShortestUs = 10;
-constexpr double kLongestUs = 5e6;
-constexpr double kLatestUs = 4e18;  // differences of two such times still fit an int64
-
-/// The unit in which the median exposure of `durations` (raw values, sharp frames left out) is
-/// plausible; µs where all are sharp.
-TimeUnit guess_unit(std::vector<double> durations, bool floating, const std::string& path) {
-  if (durations.empty()) return floating ? TimeUnit::kS : TimeUnit::kUs;
-  std::nth_element(durations.begin(), durations.begin() + durations.size() / 2, durations.end());
-  const double median = durations[durations.size() / 2];
-  for (const TimeUnit unit : {TimeUnit::kUs, TimeUnit::kNs, TimeUnit::kS}) {
-    if (unit == TimeUnit::kS && !floating) continue;
-    const double us = median * us_per_unit(unit);
-    if (us >= kShortestUs && us <= kLongestUs) return unit;
-  }
-  throw DataError(concat(path, ": the median exposure is ", median,
-                         ", which is no plausible time in us, ns or s; set dataset.time_unit"));
-}
 
 /// A multiple of `step` positions, or the tail, or neither.
 std::string describe_pattern(const std::vector<bool>& is_test) {
@@ -67,44 +47,6 @@ void check_train_left(const std::vector<bool>& is_test, const std::string& path)
 
 }  // namespace
 
-double us_per_unit(TimeUnit unit) {
-  JADE_CHECK(unit != TimeUnit::kAuto, "unit of time: expected us, ns or s, found auto");
-  return unit == TimeUnit::kS ? 1e6 : unit == TimeUnit::kNs ? 1e-3 : 1;
-}
-
-std::vector<int64_t> times_us(const torch::Tensor& times, TimeUnit unit, const std::string& name) {
-  if (times.dim() != 1) {
-    throw DataError(concat(name, ": expected one list of times, found shape ", times.sizes()));
-  }
-  const double factor = us_per_unit(unit);
-  const auto implausible = [&](size_t index, double value) {
-    return DataError(concat(name, ": time ", index, " is ", value, " ", word_of(unit),
-                            "; export the times again"));
-  };
-  std::vector<int64_t> out(static_cast<size_t>(times.numel()));
-  if (!times.is_floating_point()) {
-    const torch::Tensor values = times.to(torch::kInt64).contiguous();
-    const int64_t* value = values.data_ptr<int64_t>();
-    // Dividing integers keeps nanoseconds since 1970, which a double would round.
-    for (size_t i = 0; i < out.size(); ++i) {
-      if (std::abs(double(value[i]) * factor) > kLatestUs) throw implausible(i, double(value[i]));
-      out[i] = unit == TimeUnit::kNs  ? value[i] / 1000 + (value[i] % 1000 >= 500 ? 1 : 0)
-               : unit == TimeUnit::kS ? static_cast<int64_t>(double(value[i]) * factor)
-                                      : value[i];
-    }
-    return out;
-  }
-  const torch::Tensor values = times.to(torch::kFloat64).contiguous();
-  const double* value = values.data_ptr<double>();
-  for (size_t i = 0; i < out.size(); ++i) {
-    if (!std::isfinite(value[i]) || std::abs(value[i] * factor) > kLatestUs) {
-      throw implausible(i, value[i]);
-    }
-    out[i] = std::llround(value[i] * factor);
-  }
-  return out;
-}
-
 FrameTimes read_frame_times(const std::filesystem::path& path, TimeUnit unit) {
   const io::Npz archive(path);
   const torch::Tensor start = archive.read("timestamps_start");
@@ -115,19 +57,14 @@ FrameTimes read_frame_times(const std::filesystem::path& path, TimeUnit unit) {
                            "length, found ",
                            start.sizes(), " and ", end.sizes()));
   }
-  const bool floating = start.is_floating_point();
-  TimeUnit known = unit;
-  if (unit == TimeUnit::kAuto) {
-    const torch::Tensor lengths = (end - start).to(torch::kFloat64).contiguous();
-    std::vector<double> durations(lengths.data_ptr<double>(),
-                                  lengths.data_ptr<double>() + lengths.numel());
-    durations.erase(std::remove_if(durations.begin(), durations.end(),
-                                   [](double value) { return !(value > 0); }),
-                    durations.end());
-    known = guess_unit(std::move(durations), floating, path.string());
-  }
-  const std::vector<int64_t> starts = times_us(start, known, path.string() + "[timestamps_start]");
-  const std::vector<int64_t> ends = times_us(end, known, path.string() + "[timestamps_end]");
+  const TimeUnit known =
+      unit == TimeUnit::kAuto
+          ? events::guess_exposure_unit(start, end, path.string(), "set dataset.time_unit")
+          : unit;
+  const std::vector<int64_t> starts =
+      events::times_us(start, known, path.string() + "[timestamps_start]");
+  const std::vector<int64_t> ends =
+      events::times_us(end, known, path.string() + "[timestamps_end]");
   FrameTimes times{std::vector<FrameTime>(starts.size()), known};
   for (size_t i = 0; i < starts.size(); ++i) {
     times.frames[i] = {starts[i], ends[i]};

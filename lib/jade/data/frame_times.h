@@ -10,7 +10,7 @@
 
 #include "jade/data/dataset.h"
 #include "jade/data/warnings.h"
-#include "jade/events/event_files.h"
+#include "jade/events/time_unit.h"
 
 namespace jade::data {
 
@@ -26,19 +26,10 @@ struct FrameTimes {
 };
 
 /// Reads the arrays timestamps_start and timestamps_end.
-/// @param unit  with kAuto the one in which exposures last between 10 µs and 5 s; seconds are
-///              floating point.
+/// @param unit  with kAuto as events::guess_exposure_unit has it
 /// @throws DataError for missing arrays, lengths that differ, values that are not finite, ends
 ///         before starts, or exposures of no plausible length in any unit.
 FrameTimes read_frame_times(const std::filesystem::path& path, events::TimeUnit unit);
-
-/// Times of any integer or floating type in `unit`, which is not kAuto, rounded to µs.
-/// @throws DataError if they are not one list of finite values.
-std::vector<int64_t> times_us(const torch::Tensor& times, events::TimeUnit unit,
-                              const std::string& name);
-
-/// Microseconds in one `unit`: 1e-3, 1 or 1e6. @throws ContractError for kAuto.
-double us_per_unit(events::TimeUnit unit);
 
 /// Which frames are test views.
 struct Split {

@@ -12,6 +12,11 @@ namespace {
 
 constexpr int64_t kRow = 17;
 
+double determinant_of(const geometry::Matrix3& m) {
+  return m[0] * (m[4] * m[8] - m[5] * m[7]) - m[1] * (m[3] * m[8] - m[5] * m[6]) +
+         m[2] * (m[3] * m[7] - m[4] * m[6]);
+}
+
 geometry::Pose pose_of_row(const double* row, const std::string& where) {
   geometry::Pose world_from_camera;
   for (int axis = 0; axis < 3; ++axis) {
@@ -21,21 +26,17 @@ geometry::Pose pose_of_row(const double* row, const std::string& where) {
     world_from_camera.rotation[3 * axis + 2] = -line[2];
     world_from_camera.translation[axis] = line[3];
   }
+  if (determinant_of(world_from_camera.rotation) < 0) {
+    throw DataError(concat(where,
+                           ": its 3x3 part is a reflection; the columns must be down, right, "
+                           "backwards as in LLFF"));
+  }
   try {
     world_from_camera.rotation = geometry::nearest_rotation(world_from_camera.rotation);
   } catch (const ContractError&) {
     throw DataError(concat(where,
                            ": its 3x3 part is no rotation; write the poses again in LLFF "
                            "form, with columns down, right, backwards"));
-  }
-  const auto& r = world_from_camera.rotation;
-  const double determinant = r[0] * (r[4] * r[8] - r[5] * r[7]) -
-                             r[1] * (r[3] * r[8] - r[5] * r[6]) +
-                             r[2] * (r[3] * r[7] - r[4] * r[6]);
-  if (determinant < 0) {
-    throw DataError(concat(where,
-                           ": its 3x3 part is a reflection; the columns must be down, right, "
-                           "backwards as in LLFF"));
   }
   return geometry::inverse(world_from_camera);
 }

@@ -35,10 +35,11 @@ std::vector<Exposure> middle_of(const std::vector<Exposure>& exposures) {
   return {begin, begin + std::ptrdiff_t(count)};
 }
 
-/// Over long gaps, noise events outweigh what the frames can tell.
+/// Over long gaps, noise events outweigh what the frames can tell. Exposures whose times were
+/// rounded overlap a little.
 bool is_neighbour(const Exposure& a, const Exposure& b) {
   const int64_t gap = b.t_start_us - a.t_end_us;
-  return gap >= 0 && gap <= std::max<int64_t>(3 * a.duration_us(), 100000);
+  return gap >= -a.duration_us() / 20 && gap <= std::max<int64_t>(3 * a.duration_us(), 100000);
 }
 
 /// Evenly chosen pixels among those that have events.
@@ -62,6 +63,13 @@ std::vector<int64_t> knots_from(const Exposure& exposure, int64_t next_us) {
   return knots;
 }
 
+/// Events of each span at the chosen pixels, [S,2,P] float64.
+torch::Tensor counts_at(const torch::Tensor& pixels, const events::EventStream& events,
+                        const std::vector<int64_t>& knots, const events::ImageSize& size) {
+  const torch::Tensor counts = events::count_events(events, knots, size);
+  return events::to_events(counts.flatten(2).index_select(2, pixels)).to(torch::kFloat64);
+}
+
 Series series_of(const std::vector<Exposure>& exposures, const events::EventStream& events,
                  double log_offset) {
   const torch::Tensor& frame = exposures.front().blurry;
@@ -74,12 +82,13 @@ Series series_of(const std::vector<Exposure>& exposures, const events::EventStre
     const Exposure& exposure = exposures[i];
     const bool last = i + 1 == exposures.size();
     const int64_t next_us = last ? exposure.t_end_us : exposures[i + 1].t_start_us;
-    const torch::Tensor counts = events::count_events(events, knots_from(exposure, next_us), size);
-    const torch::Tensor some =
-        events::to_events(counts.flatten(2).index_select(2, pixels)).to(torch::kFloat64);
+    const torch::Tensor some = counts_at(pixels, events, knots_from(exposure, next_us), size);
     const torch::Tensor until = torch::cat({before, before + some.cumsum(0)});  // [K+1,2,P]
     sums.push_back(until.slice(0, 0, kMoments));
     before = until.slice(0, kMoments, kMoments + 1);
+    if (next_us < exposure.t_end_us) {  // the next exposure counts these again
+      before = before - counts_at(pixels, events, {next_us, exposure.t_end_us}, size);
+    }
     const torch::Tensor gray =
         imaging::gray(exposure.blurry).to(torch::kFloat64).flatten().index_select(0, pixels);
     // Dark pixels are not used, yet their logarithm must stay finite.
@@ -144,6 +153,8 @@ bool improve(const Series& series, Mixed& model) {
   const torch::Tensor seen = weighted.transpose(1, 2)
                                  .matmul(linear.target.unsqueeze(2))
                                  .index_select(0, index);  // [p,2,1]
+  // Of events of one polarity, the other threshold has no equation.
+  if (gram.sum(0).diagonal().min().item<double>() <= 0) return false;
   const torch::Tensor precision = torch::diag(1 / model.variance);
   const torch::Tensor covariance = torch::linalg_inv(gram + precision);
   // Xᵀ V⁻¹ X and Xᵀ V⁻¹ y of V = noise² + X spread² Xᵀ, without forming V.

@@ -182,28 +182,6 @@ void report(const std::filesystem::path& path, EventFileResult& result,
 
 }  // namespace
 
-std::optional<TimeUnit> guess_time_unit(double first, double last, bool has_fraction,
-                                        const std::optional<TimeWindow>& exposures) {
-  if (!exposures) return has_fraction ? TimeUnit::kS : TimeUnit::kUs;
-  std::optional<TimeUnit> best;
-  double best_share = 0;
-  const std::pair<TimeUnit, double> units[] = {
-      {TimeUnit::kUs, 1.0}, {TimeUnit::kNs, 1e-3}, {TimeUnit::kS, 1e6}};
-  for (const auto& [unit, scale] : units) {
-    const double begin = first * scale, end = last * scale;
-    const double shared =
-        std::min(end, double(exposures->end_us)) - std::max(begin, double(exposures->begin_us));
-    const double whole =
-        std::max(end, double(exposures->end_us)) - std::min(begin, double(exposures->begin_us));
-    const double share = shared < 0 ? -1 : whole > 0 ? (shared + 1e-9) / whole : 1;
-    if (share > best_share) {
-      best = unit;
-      best_share = share;
-    }
-  }
-  return best;
-}
-
 EventStream sort_events(const torch::Tensor& x, const torch::Tensor& y, const torch::Tensor& t_us,
                         const torch::Tensor& polarity) {
   const auto [sorted, order] = torch::sort(t_us, /*stable=*/true, 0, false);

@@ -6,22 +6,13 @@
 #include <string>
 #include <vector>
 
-#include "jade/core/words.h"
 #include "jade/events/event_stream.h"
+#include "jade/events/time_unit.h"
 
 namespace jade::events {
 
-/// Of time stamps.
-enum class TimeUnit { kAuto, kUs, kNs, kS };
-
-constexpr auto words_of(TimeUnit) {
-  return std::array{Word{"auto", TimeUnit::kAuto}, Word{"us", TimeUnit::kUs},
-                    Word{"ns", TimeUnit::kNs}, Word{"s", TimeUnit::kS}};
-}
-
 struct EventFileOptions {
-  /// kAuto: the unit in which the recording overlaps `exposures` best. Without `exposures`, kAuto
-  /// takes µs for whole numbers and seconds for numbers with a fraction.
+  /// kAuto: as guess_time_unit has it.
   TimeUnit time_unit = TimeUnit::kAuto;
   /// From the first exposure's start to the last one's end, in µs.
   std::optional<TimeWindow> exposures;
@@ -66,7 +57,8 @@ void check_event_memory(const std::filesystem::path& path, int64_t count, double
 ///               ("events/x", as DSEC; its t_offset is added); also xs ys ts ps, timestamps,
 ///               polarity
 ///   .npz        arrays of these names
-///   .npy        [N,4], columns t x y p or x y t p: of the first and the third, the larger is time
+///   .npy        [N,4], columns t x y p or x y t p: of the first and the third, the one that never
+///               decreases is time; where both or neither do, the larger
 ///   .txt .csv   a line "t x y p" an event, blanks or commas; lines of '#' and one header line
 ///               are skipped
 /// Polarity is 0/1 or −1/+1. Times are stored in µs, rounded down from ns. Unsorted times are
@@ -76,11 +68,6 @@ void check_event_memory(const std::filesystem::path& path, int64_t count, double
 ///   different lengths, other polarities, times that are NaN or meet no exposure in any unit.
 EventFileResult read_events(const std::filesystem::path& path,
                             const EventFileOptions& options = {});
-
-/// The unit that read_events would take for times from `first` to `last` as stored in a file.
-/// None when the recording meets the exposures in no unit.
-std::optional<TimeUnit> guess_time_unit(double first, double last, bool has_fraction,
-                                        const std::optional<TimeWindow>& exposures);
 
 /// The same events in order of time; the order of equal times is kept.
 /// @param x,y,t_us,polarity  as EventStream takes them, in any order.

@@ -141,17 +141,30 @@ RawEvents from_columns(const std::filesystem::path& path, const torch::Tensor& x
           t.flatten().to(t.is_floating_point() ? torch::kFloat64 : torch::kInt64).contiguous()};
 }
 
+bool never_decreases(const torch::Tensor& column) {
+  const torch::Tensor values = column.to(torch::kFloat64).contiguous();
+  const double* value = values.const_data_ptr<double>();
+  return std::is_sorted(value, value + values.numel());
+}
+
+/// Of x or t before y or t. Seconds are smaller than many an x, so that their order counts first.
+bool is_time_first(const torch::Tensor& first, const torch::Tensor& third) {
+  if (first.numel() == 0) return true;
+  const bool rises = never_decreases(first);
+  if (rises != never_decreases(third)) return rises;
+  return first.max().to(torch::kFloat64).item<double>() >=
+         third.max().to(torch::kFloat64).item<double>();
+}
+
 RawEvents from_table(const std::filesystem::path& path, const torch::Tensor& table) {
   if (table.dim() != 2 || table.size(1) != 4) {
     throw DataError(concat(path.string(), ": expected an array [N,4] of t x y p or x y t p, found ",
                            table.dim(), " dimensions"));
   }
   const auto column = [&](int64_t i) { return table.select(1, i); };
-  const bool time_first =
-      table.size(0) == 0 || column(0).max().to(torch::kFloat64).item<double>() >=
-                                column(2).max().to(torch::kFloat64).item<double>();
-  return time_first ? from_columns(path, column(1), column(2), column(0), column(3))
-                    : from_columns(path, column(0), column(1), column(2), column(3));
+  return is_time_first(column(0), column(2))
+             ? from_columns(path, column(1), column(2), column(0), column(3))
+             : from_columns(path, column(0), column(1), column(2), column(3));
 }
 
 /// Calls `line` with each line of a file, of which it holds a piece at a time.

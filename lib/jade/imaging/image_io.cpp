@@ -135,6 +135,34 @@ cv::Mat decode(const fs::path& path) {
   return mat;
 }
 
+bool is_digit(char c) { return c >= '0' && c <= '9'; }
+
+/// The digits from `at` on without leading zeros; `at` moves behind them.
+std::string number_at(const std::string& text, size_t& at) {
+  size_t end = at;
+  while (end < text.size() && is_digit(text[end])) ++end;
+  while (at < end && text[at] == '0') ++at;
+  const size_t begin = at;
+  at = end;
+  return text.substr(begin, end - begin);
+}
+
+/// Below, at or above zero, as the first is before, level with or behind the other.
+int compare_names(const std::string& a, const std::string& b) {
+  size_t i = 0, j = 0;
+  while (i < a.size() && j < b.size()) {
+    if (is_digit(a[i]) && is_digit(b[j])) {
+      const std::string m = number_at(a, i), n = number_at(b, j);
+      if (m.size() != n.size()) return m.size() < n.size() ? -1 : 1;
+      if (m != n) return m.compare(n);
+    } else {
+      if (a[i] != b[j]) return uint8_t(a[i]) < uint8_t(b[j]) ? -1 : 1;
+      ++i, ++j;
+    }
+  }
+  return int(i < a.size()) - int(j < b.size());
+}
+
 }  // namespace
 
 torch::Tensor read_image(const std::filesystem::path& path) {
@@ -178,6 +206,11 @@ std::vector<uint8_t> encode_jpeg(const torch::Tensor& image, int quality) {
   return encode(image, ".jpg", {8, quality}, "JPEG");
 }
 
+bool comes_before(const std::string& name, const std::string& other) {
+  const int order = compare_names(name, other);
+  return order != 0 ? order < 0 : name < other;  // 01 and 1 are one number
+}
+
 std::vector<std::filesystem::path> list_images(const std::filesystem::path& folder) {
   std::error_code error;
   std::vector<fs::path> out;
@@ -189,7 +222,9 @@ std::vector<std::filesystem::path> list_images(const std::filesystem::path& fold
   }
   if (error)
     throw DataError(concat(folder.string(), ": the folder cannot be read: ", error.message()));
-  std::sort(out.begin(), out.end());
+  std::sort(out.begin(), out.end(), [](const fs::path& a, const fs::path& b) {
+    return comes_before(a.filename().string(), b.filename().string());
+  });
   return out;
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
 #include <torch/types.h>
 #include <vector>
 
@@ -33,7 +34,12 @@ std::vector<uint8_t> encode_png(const torch::Tensor& image);
 /// @param quality  0 to 100
 std::vector<uint8_t> encode_jpeg(const torch::Tensor& image, int quality);
 
-/// Image files directly in `folder` (extensions read_image knows, `.npy` left out), sorted by name.
+/// The order of frames by their names: text, but runs of digits by their number, so that frame_2
+/// comes before frame_10. Where the digits of all names are padded alike it is the order of text;
+/// recordings and data sets of every layout go by it.
+bool comes_before(const std::string& name, const std::string& other);
+
+/// Image files directly in `folder` (extensions read_image knows, `.npy` left out), in that order.
 /// @throws DataError naming the folder when it is missing.
 std::vector<std::filesystem::path> list_images(const std::filesystem::path& folder);
 

@@ -78,7 +78,9 @@ void keep_capture(const fs::path& folder, const Capture& capture) {
                  {"filter", word_of(capture.filter)},
                  {"camera", capture.camera ? json_of(*capture.camera) : Json(nullptr)},
                  {"frames", frames}};
-  write_file(folder / "capture.json", all.dump(1) + "\n");
+  // Names of files are any bytes, those of JSON are UTF-8.
+  const std::string text = all.dump(1, ' ', false, Json::error_handler_t::replace);
+  write_file(folder / "capture.json", text + "\n");
 }
 
 Capture load_capture(const fs::path& folder) {

@@ -194,8 +194,9 @@ std::vector<size_t> chosen_pairs(const std::vector<data::Exposure>& exposures, i
   for (size_t i = 0; i + 1 < exposures.size(); ++i) {
     const auto &a = exposures[i], &b = exposures[i + 1];
     const int64_t gap = b.t_start_us - a.t_end_us;
-    // Over long gaps noise outweighs what the frames tell.
-    if (gap >= 0 && gap <= std::max<int64_t>(3 * a.duration_us(), 200000)) all.push_back(i);
+    // Over long gaps noise outweighs what the frames tell; rounded times overlap a little.
+    if (gap >= -a.duration_us() / 20 && gap <= std::max<int64_t>(3 * a.duration_us(), 200000))
+      all.push_back(i);
   }
   const size_t count = std::min(all.size(), size_t(std::max<int64_t>(most, 1)));
   for (size_t k = 0; k < count; ++k) some.push_back(all[k * all.size() / count]);

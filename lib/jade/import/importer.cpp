@@ -152,6 +152,17 @@ void check_shots(const Capture& capture) {
   }
 }
 
+/// Where no calibration says how two cameras meet, a place of one is a place of the other.
+void check_one_sensor(const Capture& capture) {
+  const events::ImageSize& sensor = capture.sensor;
+  if (!capture.sensor_is_said) return;
+  if (sensor.width == capture.width() && sensor.height == capture.height()) return;
+  throw DataError(concat(capture.source, ": events of ", sensor.width, "x", sensor.height,
+                         " px and frames of ", capture.width(), "x", capture.height(),
+                         " px are of two cameras; give --calibration with both (Kalibr's cam0 for "
+                         "the frames, cam1 for the events) and --plane-depth METRES"));
+}
+
 void check_clocks(const Capture& capture) {
   if (events_in_exposures(capture) == 0) {
     throw DataError(concat(capture.source, ": no event lies in an exposure: frames from ",
@@ -243,6 +254,7 @@ Stage read_stage(const ImportOptions& options, Progressed& so_far) {
             so_far.capture = load_capture(folder);
             so_far.calibration = calibration_of(options.lens, kept_calibration(folder));
             if (so_far.calibration) settle_sensor(*so_far.calibration, so_far.capture);
+            if (!is_rig(so_far.calibration)) check_one_sensor(so_far.capture);
             check_test_names(so_far.capture, options.test);
           }};
 }

@@ -56,6 +56,8 @@ Contents read_rpg_zip(const std::filesystem::path& path, const ReadOptions& opti
 Contents read_event_folder(const std::filesystem::path& folder, const ReadOptions& options);
 Contents read_evt(const std::filesystem::path& path, const ReadOptions& options);
 Contents read_converted(const std::filesystem::path& path, const ReadOptions& options);
+/// What a program that failed said last; empty if nothing.
+std::string last_line(const std::filesystem::path& log);
 /// Records of Metavision in HDF5.
 bool is_metavision(const std::filesystem::path& path);
 Contents read_metavision(const std::filesystem::path& path, const ReadOptions& options);

@@ -2,7 +2,8 @@
 #include "jade/recording/event_folder.h"
 
 #include <algorithm>
-#include <cmath>
+#include <sstream>
+#include <string>
 #include <torch/types.h>
 
 #include "jade/core/atomic_file.h"
@@ -17,8 +18,8 @@ namespace {
 namespace fs = std::filesystem;
 using events::TimeUnit;
 
-/// Exposures are between these, which tells the unit of their times.
-constexpr double kShortest_us = 10, kLongest_us = 5e6;
+/// What scripts/read_recording.py writes into the folders that it makes.
+constexpr const char* kDescription = "recording.txt";
 
 fs::path events_in(const fs::path& folder) {
   for (const char* name : {"events.h5", "events.hdf5", "events/events.h5", "events.npz",
@@ -44,38 +45,6 @@ fs::path beside_images(const fs::path& folder, const fs::path& images, const cha
   return {};
 }
 
-double microseconds(TimeUnit unit) {
-  return unit == TimeUnit::kS ? 1e6 : unit == TimeUnit::kNs ? 1e-3 : 1;
-}
-
-/// As data sets have it: the unit in which the median exposure is plausible.
-TimeUnit unit_of(const torch::Tensor& start, const torch::Tensor& end, const fs::path& path) {
-  torch::Tensor lengths = (end - start).to(torch::kFloat64);
-  lengths = lengths.masked_select(lengths > 0);
-  if (lengths.numel() == 0) return start.is_floating_point() ? TimeUnit::kS : TimeUnit::kUs;
-  const double median = lengths.median().item<double>();
-  for (const TimeUnit unit : {TimeUnit::kUs, TimeUnit::kNs, TimeUnit::kS}) {
-    if (unit == TimeUnit::kS && !start.is_floating_point()) continue;
-    const double us = median * microseconds(unit);
-    if (us >= kShortest_us && us <= kLongest_us) return unit;
-  }
-  throw DataError(concat(path.string(), ": the median exposure is ", median,
-                         ", which is no plausible time in us, ns or s; give the unit"));
-}
-
-/// Exact for whole numbers, rounded to whole µs.
-torch::Tensor whole_us(const torch::Tensor& times, TimeUnit unit, const fs::path& path) {
-  if (!times.is_floating_point()) {
-    const torch::Tensor t = times.to(torch::kInt64);
-    return unit == TimeUnit::kNs ? t.div(1000, "floor") : unit == TimeUnit::kS ? t * 1000000 : t;
-  }
-  const torch::Tensor t = times.to(torch::kFloat64) * microseconds(unit);
-  if (!(t.abs() < 4e18).all().item<bool>())
-    throw DataError(
-        concat(path.string(), ": expected finite times, found others; export it again"));
-  return t.round().to(torch::kInt64);
-}
-
 std::optional<events::TimeWindow> span_of(const std::vector<FrameFile>& files) {
   std::optional<events::TimeWindow> out;
   for (const FrameFile& file : files) {
@@ -85,6 +54,71 @@ std::optional<events::TimeWindow> span_of(const std::vector<FrameFile>& files) {
     out->end_us = std::max(out->end_us, file.time->end_us);
   }
   return out;
+}
+
+/// The first line is "format …"; other files of this name are the user's own notes.
+bool is_described(const fs::path& folder) {
+  return fs::is_regular_file(folder / kDescription) &&
+         read_file(folder / kDescription).rfind("format ", 0) == 0;
+}
+
+/// Lines "key value" of recording.txt.
+void apply_description(const fs::path& path, Recording& recording, int64_t* offset_us) {
+  std::istringstream text(read_file(path));
+  for (std::string line; std::getline(text, line);) {
+    std::istringstream words(line);
+    std::string key, value;
+    words >> key;
+    std::getline(words >> std::ws, value);
+    std::istringstream number(value);
+    if (key == "format") recording.format = value;
+    if (key == "stamp") recording.stamp = value_of<Stamp>(value).value_or(recording.stamp);
+    if (key == "offset_us") number >> *offset_us;
+    if (key == "width") number >> recording.width;
+    if (key == "height") number >> recording.height;
+    if (key == "note") recording.notes.push_back(value);
+  }
+}
+
+void add_edges(const fs::path& path, Triggers& triggers) {
+  if (!fs::is_regular_file(path)) return;
+  std::istringstream text(read_file(path));
+  std::string header;
+  std::getline(text, header);
+  int64_t t = 0, rising = 0;
+  for (char comma = 0; text >> t >> comma >> rising;)
+    (rising ? triggers.rising_us : triggers.falling_us).push_back(t);
+}
+
+void move(int64_t offset_us, Triggers& triggers) {
+  for (auto* edges : {&triggers.rising_us, &triggers.falling_us}) {
+    for (int64_t& t : *edges) t += offset_us;
+  }
+}
+
+/// Events whose clock is moved by so much after reading.
+ReadEvents moved(const ReadEvents& read, int64_t offset_us) {
+  return [=](const Kept& kept, Recording& out) {
+    Kept theirs = kept;
+    if (theirs) {
+      for (events::TimeWindow& w : *theirs) w = {w.begin_us - offset_us, w.end_us - offset_us};
+    }
+    read(theirs, out);
+    const events::EventStream& e = out.events;
+    out.events = {e.x(), e.y(), e.t_us() + offset_us, e.polarity()};
+    out.stored_us = {out.stored_us.begin_us + offset_us, out.stored_us.end_us + offset_us};
+  };
+}
+
+/// What recording.txt and triggers.csv say of a folder that the script made.
+void describe(const fs::path& folder, Contents& contents) {
+  Recording& recording = contents.recording;
+  int64_t offset_us = 0;
+  apply_description(folder / kDescription, recording, &offset_us);
+  add_edges(folder / "triggers.csv", recording.triggers);
+  if (offset_us == 0) return;
+  move(offset_us, recording.triggers);
+  if (contents.read_events) contents.read_events = moved(contents.read_events, offset_us);
 }
 
 }  // namespace
@@ -100,10 +134,13 @@ void add_npz_times(const fs::path& path, TimeUnit wanted, std::vector<FrameFile>
                            " images, found ", start.numel(), " and ", end.numel(),
                            "; export it again"));
   }
-  const TimeUnit unit = wanted == TimeUnit::kAuto ? unit_of(start, end, path) : wanted;
-  const torch::Tensor from = whole_us(start, unit, path), to = whole_us(end, unit, path);
+  const TimeUnit unit = wanted == TimeUnit::kAuto ? events::guess_exposure_unit(
+                                                        start, end, path.string(), "give the unit")
+                                                  : wanted;
+  const auto from = events::times_us(start, unit, path.string());
+  const auto to = events::times_us(end, unit, path.string());
   for (size_t i = 0; i < files.size(); ++i) {
-    files[i].time = {from[int64_t(i)].item<int64_t>(), to[int64_t(i)].item<int64_t>()};
+    files[i].time = {from[i], to[i]};
     if (files[i].time->duration_us() >= 0) continue;
     throw DataError(concat(path.string(), ": frame ", i,
                            " ends before its start; swap the two "
@@ -136,7 +173,10 @@ bool holds_bag(const fs::path& folder) {
   return false;
 }
 
-Contents read_event_folder(const fs::path& folder, const ReadOptions& options) {
+Contents read_event_folder(const fs::path& folder, const ReadOptions& given) {
+  const bool described = is_described(folder);
+  ReadOptions options = given;
+  if (described) options.time_unit = TimeUnit::kUs;  // as the script writes all times
   Contents out;
   Recording& recording = out.recording;
   recording.format = "folder of frames and events";
@@ -154,6 +194,7 @@ Contents read_event_folder(const fs::path& folder, const ReadOptions& options) {
   if (!events.empty()) {
     out.read_events = events_of(events, options, span_of(out.files), recording);
   }
+  if (described) describe(folder, out);
   return out;
 }
 

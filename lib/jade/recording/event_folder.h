@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Folders with frames, their times and a file of events, such as the EvDeblur layout without poses.
+// Folders with frames, their times and a file of events, such as the EvDeblur layout without poses
+// or what scripts/read_recording.py makes: that has recording.txt and triggers.csv besides.
 #pragma once
 
 #include <filesystem>

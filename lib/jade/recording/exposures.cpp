@@ -18,6 +18,11 @@ std::string trimmed(const std::string& text) {
   return text.substr(first, text.find_last_not_of(" \t\r\"") - first + 1);
 }
 
+/// Spreadsheets put a mark of UTF-8 before the first line.
+std::string without_mark(const std::string& text) {
+  return text.rfind("\xEF\xBB\xBF", 0) == 0 ? text.substr(3) : text;
+}
+
 bool parse_whole(const std::string& text, int64_t* out) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), *out);
   return error == std::errc() && end == text.data() + text.size();
@@ -59,7 +64,7 @@ std::vector<events::TimeWindow> exposures_of(const Triggers& triggers, TriggerLe
 }
 
 std::vector<NamedExposure> read_exposures(const std::filesystem::path& path) {
-  std::istringstream text(read_file(path));
+  std::istringstream text(without_mark(read_file(path)));
   std::vector<NamedExposure> out;
   std::set<std::string> names;
   int64_t number = 0;

@@ -36,17 +36,30 @@ std::vector<int64_t> reported_times(const fs::path& log) {
   return out;
 }
 
+struct Decoding {
+  int code = 0;      ///< of ffmpeg
+  std::string said;  ///< in brackets, why it failed
+};
+
+Decoding decode(const fs::path& video, const fs::path& images, const fs::path& log) {
+  Decoding out;
+  // ffmpeg 9 has only the first name of the option, 5.0 and before only the second.
+  for (const char* each_once : {"-fps_mode", "-vsync"}) {
+    out.code = run_to_end({"ffmpeg", "-nostdin", "-hide_banner", "-i", video.string(), "-an", "-vf",
+                           "showinfo", each_once, "passthrough", (images / "%08d.png").string()},
+                          {}, log);
+    if (out.code == 0 || out.code == 127) return out;
+    const std::string last = last_line(log);
+    const bool of_the_option = last.find("Option not found") != std::string::npos;
+    if (!last.empty() && (out.said.empty() || !of_the_option)) out.said = concat(" (", last, ")");
+  }
+  return out;
+}
+
 std::vector<FrameFile> frames_of_video(const fs::path& path, const fs::path& folder) {
   const fs::path log = folder / "ffmpeg.txt", images = folder / "video";
   fs::create_directories(images);
-  // ffmpeg 9 has only the first name of the option, 5.0 and before only the second.
-  int code = 0;
-  for (const char* each_once : {"-fps_mode", "-vsync"}) {
-    code = run_to_end({"ffmpeg", "-nostdin", "-hide_banner", "-i", path.string(), "-an", "-vf",
-                       "showinfo", each_once, "passthrough", (images / "%08d.png").string()},
-                      {}, log);
-    if (code == 0 || code == 127) break;
-  }
+  const auto [code, said] = decode(path, images, log);
   if (code == 127) {
     throw DataError(concat(path.string(),
                            ": expected a folder of images, found a file; as a video "
@@ -56,8 +69,9 @@ std::vector<FrameFile> frames_of_video(const fs::path& path, const fs::path& fol
   const std::vector<int64_t> times = reported_times(log);
   if (code != 0 || files.empty()) {
     throw DataError(concat(path.string(),
-                           ": expected a folder of images or a video, and ffmpeg "
-                           "cannot read it as one; convert it to images"));
+                           ": expected a folder of images or a video, and ffmpeg cannot read it as "
+                           "one",
+                           said, "; convert it to images"));
   }
   if (times.size() < files.size()) {
     throw DataError(concat(path.string(), ": ffmpeg made ", files.size(), " images and reported ",

@@ -9,6 +9,7 @@
 #include "jade/core/log.h"
 #include "jade/core/random.h"
 #include "jade/data/dataset.h"
+#include "jade/imaging/image_io.h"
 
 namespace jade::simulate {
 namespace {
@@ -106,7 +107,7 @@ StoredFootage::StoredFootage(const std::filesystem::path& path, double frames_pe
                            frames.train.size(), "; events need a change"));
   }
   std::sort(frames.train.begin(), frames.train.end(),
-            [](const auto& a, const auto& b) { return a.name < b.name; });
+            [](const auto& a, const auto& b) { return imaging::comes_before(a.name, b.name); });
   camera_ = frames.train.front().camera;
   std::vector<double> times;
   std::vector<geometry::Pose> poses;

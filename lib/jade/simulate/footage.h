@@ -73,7 +73,8 @@ class RenderedFootage : public Footage {
 /// a straight line and the camera as a Trajectory does.
 class StoredFootage : public Footage {
  public:
-  /// @param path  a folder with transforms.json; frames are in order of name
+  /// @param path  a folder with transforms.json; frames are in order of name, frame_2 before
+  ///              frame_10
   /// @param log_eps  added before the logarithm
   /// @throws DataError for fewer than two frames, cameras that differ, or an unreadable folder.
   StoredFootage(const std::filesystem::path& path, double frames_per_second, double log_eps);

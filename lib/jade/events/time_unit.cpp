@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/events/time_unit.h"
+
+#include <algorithm>
+#include <cmath>
+#include <torch/types.h>
+
+#include "jade/core/check.h"
+
+namespace jade::events {
+namespace {
+
+constexpr double kShortestUs = 10;
+constexpr double kLongestUs = 5e6;
+constexpr double kLatestUs = 4e18;  // differences of two such times still fit an int64
+
+/// How well events from `first` to `last` in this unit match the exposures: the share of these in
+/// which there are events, less where both spans are of unlike lengths. Alone the first would be
+/// for the largest unit wherever a clock begins at 0, the second against long recordings of few
+/// frames. Zero: they miss.
+double match_of(TimeUnit unit, double first, double last, const TimeWindow& exposures) {
+  const double begin = first * us_per_unit(unit), end = last * us_per_unit(unit);
+  const double since = double(exposures.begin_us), until = double(exposures.end_us);
+  const double shared = std::min(end, until) - std::max(begin, since);
+  if (shared < 0) return 0;
+  const auto share_of = [&](double span) { return span > 0 ? (shared + 1e-9) / span : 1; };
+  const double both = std::max(end, until) - std::min(begin, since);
+  return share_of(until - since) * std::sqrt(share_of(both));
+}
+
+bool is_only_ns(const torch::Tensor& times) {
+  return !times.is_floating_point() && times.numel() > 0 &&
+         times.max().to(torch::kFloat64).item<double>() > kOnlyNs;
+}
+
+}  // namespace
+
+double us_per_unit(TimeUnit unit) {
+  JADE_CHECK(unit != TimeUnit::kAuto, "unit of time: expected us, ns or s, found auto");
+  return unit == TimeUnit::kS ? 1e6 : unit == TimeUnit::kNs ? 1e-3 : 1;
+}
+
+std::optional<TimeUnit> guess_time_unit(double first, double last, bool has_fraction,
+                                        const std::optional<TimeWindow>& exposures) {
+  const bool only_ns = !has_fraction && last > kOnlyNs;
+  if (!exposures) return has_fraction ? TimeUnit::kS : only_ns ? TimeUnit::kNs : TimeUnit::kUs;
+  std::optional<TimeUnit> best;
+  double best_match = 0;
+  for (const TimeUnit unit : {TimeUnit::kUs, TimeUnit::kNs, TimeUnit::kS}) {
+    if (only_ns && unit != TimeUnit::kNs) continue;
+    const double match = match_of(unit, first, last, *exposures);
+    if (match > best_match) best = unit, best_match = match;
+  }
+  return best;
+}
+
+TimeUnit guess_exposure_unit(const torch::Tensor& start, const torch::Tensor& end,
+                             const std::string& name, const std::string& mend) {
+  if (is_only_ns(start)) return TimeUnit::kNs;
+  const bool floating = start.is_floating_point();
+  torch::Tensor lengths = (end - start).to(torch::kFloat64);
+  lengths = lengths.masked_select(lengths > 0);
+  if (lengths.numel() == 0) return floating ? TimeUnit::kS : TimeUnit::kUs;
+  const double median = lengths.median().item<double>();
+  for (const TimeUnit unit : {TimeUnit::kUs, TimeUnit::kNs, TimeUnit::kS}) {
+    if (unit == TimeUnit::kS && !floating) continue;
+    const double us = median * us_per_unit(unit);
+    if (us >= kShortestUs && us <= kLongestUs) return unit;
+  }
+  throw DataError(concat(name, ": the median exposure is ", median,
+                         ", which is no plausible time in us, ns or s; ", mend));
+}
+
+std::vector<int64_t> times_us(const torch::Tensor& times, TimeUnit unit, const std::string& name) {
+  if (times.dim() != 1) {
+    throw DataError(concat(name, ": expected one list of times, found shape ", times.sizes()));
+  }
+  const double factor = us_per_unit(unit);
+  const auto implausible = [&](size_t index, double value) {
+    return DataError(concat(name, ": time ", index, " is ", value, " ", word_of(unit),
+                            "; export the times again"));
+  };
+  std::vector<int64_t> out(static_cast<size_t>(times.numel()));
+  if (!times.is_floating_point()) {
+    const torch::Tensor values = times.to(torch::kInt64).contiguous();
+    const int64_t* value = values.data_ptr<int64_t>();
+    // Dividing integers keeps nanoseconds since 1970, which a double would round.
+    for (size_t i = 0; i < out.size(); ++i) {
+      if (std::abs(double(value[i]) * factor) > kLatestUs) throw implausible(i, double(value[i]));
+      out[i] = unit == TimeUnit::kNs  ? value[i] / 1000 + (value[i] % 1000 >= 500 ? 1 : 0)
+               : unit == TimeUnit::kS ? static_cast<int64_t>(double(value[i]) * factor)
+                                      : value[i];
+    }
+    return out;
+  }
+  const torch::Tensor values = times.to(torch::kFloat64).contiguous();
+  const double* value = values.data_ptr<double>();
+  for (size_t i = 0; i < out.size(); ++i) {
+    if (!std::isfinite(value[i]) || std::abs(value[i] * factor) > kLatestUs) {
+      throw implausible(i, value[i]);
+    }
+    out[i] = std::llround(value[i] * factor);
+  }
+  return out;
+}
+
+}  // namespace jade::events

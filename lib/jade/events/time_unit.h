@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+// Units of time stamps: how they are told, and whole microseconds of them.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <torch/types.h>
+#include <vector>
+
+#include "jade/core/words.h"
+#include "jade/events/event_stream.h"
+
+namespace jade::events {
+
+/// Of time stamps.
+enum class TimeUnit { kAuto, kUs, kNs, kS };
+
+constexpr auto words_of(TimeUnit) {
+  return std::array{Word{"auto", TimeUnit::kAuto}, Word{"us", TimeUnit::kUs},
+                    Word{"ns", TimeUnit::kNs}, Word{"s", TimeUnit::kS}};
+}
+
+/// Whole numbers above this are ns: as such they begin in 1973, as µs they would be of the year
+/// 5138.
+constexpr double kOnlyNs = 1e17;
+
+/// Microseconds in one `unit`: 1e-3, 1 or 1e6. @throws ContractError for kAuto.
+double us_per_unit(TimeUnit unit);
+
+/// The unit of event times from `first` to `last` as stored in a file: the one in which they cover
+/// most of the exposures and, less strongly, in which both spans are alike. So it is found where
+/// events cover a fifth of the exposures, or go on for a hundred times as long. Without exposures
+/// µs for whole numbers and seconds for numbers with a fraction. Whole numbers above kOnlyNs are
+/// ns.
+/// None when the recording meets the exposures in no unit.
+std::optional<TimeUnit> guess_time_unit(double first, double last, bool has_fraction,
+                                        const std::optional<TimeWindow>& exposures);
+
+/// The unit of the times of exposures: that in which the median length of those that have one is
+/// between 10 µs and 5 s, tried in the order µs, ns, s; seconds are floating point, and where no
+/// exposure has a length floating point is seconds. Whole numbers above kOnlyNs are ns.
+/// @param start,end  [N] of one integer or floating type
+/// @param mend  what to do about exposures of no plausible length, for the message
+/// @throws DataError beginning with `name` for those.
+TimeUnit guess_exposure_unit(const torch::Tensor& start, const torch::Tensor& end,
+                             const std::string& name, const std::string& mend);
+
+/// Times of any integer or floating type in `unit`, which is not kAuto, rounded to µs.
+/// @throws DataError if they are not one list of finite values.
+std::vector<int64_t> times_us(const torch::Tensor& times, TimeUnit unit, const std::string& name);
+
+}  // namespace jade::events

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/events/time_unit.h"
+
+#include "support/catch.h"
+
+#include <torch/types.h>
+
+#include "jade/core/error.h"
+
+using namespace jade::events;
+
+TEST_CASE("time unit: that in which events meet the exposures", "[events]") {
+  const TimeWindow exposures{1000000, 3000000};
+  CHECK(guess_time_unit(0.9e6, 3.1e6, false, exposures) == TimeUnit::kUs);
+  CHECK(guess_time_unit(0.9e9, 3.1e9, false, exposures) == TimeUnit::kNs);
+  CHECK(guess_time_unit(0.9, 3.1, true, exposures) == TimeUnit::kS);
+  CHECK(guess_time_unit(0, 3.5e6, false, exposures) == TimeUnit::kUs);
+  CHECK(guess_time_unit(0, 3.5e9, false, exposures) == TimeUnit::kNs);
+  CHECK(guess_time_unit(8e12, 9e12, false, exposures) == std::nullopt);
+  CHECK(guess_time_unit(0, 5, true, {}) == TimeUnit::kS);
+  CHECK(guess_time_unit(0, 5, false, {}) == TimeUnit::kUs);
+}
+
+TEST_CASE("time unit: events that go on long before and behind the exposures", "[events]") {
+  // 100 s of events and a second of frames: in ns they would cover a twentieth of these.
+  const TimeWindow exposures{50000, 1050000};
+  CHECK(guess_time_unit(0, 1e8, false, exposures) == TimeUnit::kUs);
+  CHECK(guess_time_unit(0, 1e11, false, exposures) == TimeUnit::kNs);
+  // Those that end early are no worse for it, though in a larger unit they would cover all.
+  CHECK(guess_time_unit(0, 3e8, false, exposures) == TimeUnit::kNs);
+  CHECK(guess_time_unit(0, 3e5, false, exposures) == TimeUnit::kUs);
+  CHECK(guess_time_unit(0, 1.0e9, false, exposures) == TimeUnit::kNs);
+  CHECK(guess_time_unit(0, 1.0, true, exposures) == TimeUnit::kS);
+}
+
+TEST_CASE("time unit: whole numbers of today's clock in ns are nothing else", "[events]") {
+  const double first = 1.7e18;
+  CHECK(guess_time_unit(first, first + 1e9, false, {}) == TimeUnit::kNs);
+  const auto begin_us = static_cast<int64_t>(first / 1000);
+  CHECK(guess_time_unit(first, first + 1e9, false, TimeWindow{begin_us, begin_us + 1000000}) ==
+        TimeUnit::kNs);
+  // Frames on a clock of their own share no moment with them in any unit.
+  CHECK(guess_time_unit(first, first + 1e9, false, TimeWindow{0, 1000000}) == std::nullopt);
+  const auto start = torch::tensor(std::vector<int64_t>{1700000000000000000});
+  CHECK(guess_exposure_unit(start, start + 4000000, "t", "") == TimeUnit::kNs);
+  CHECK(guess_exposure_unit(start, start, "t", "") == TimeUnit::kNs);
+  const auto start_us = torch::tensor(std::vector<int64_t>{1700000000000000});
+  CHECK(guess_exposure_unit(start_us, start_us + 4000, "t", "") == TimeUnit::kUs);
+}
+
+TEST_CASE("time unit: implausible exposures say what to do", "[events]") {
+  const auto start = torch::zeros({3}, torch::kInt64);
+  CHECK_THROWS_WITH(
+      guess_exposure_unit(start, start + 3, "t.npz", "give the unit"),
+      Catch::StartsWith("t.npz: the median exposure is 3") && Catch::EndsWith("; give the unit"));
+  CHECK(guess_exposure_unit(start, start, "t", "") == TimeUnit::kUs);
+  const auto seconds = start.to(torch::kFloat64);
+  CHECK(guess_exposure_unit(seconds, seconds, "t", "") == TimeUnit::kS);
+  CHECK(guess_exposure_unit(seconds, seconds + 0.02, "t", "") == TimeUnit::kS);
+}
+
+TEST_CASE("time unit: whole microseconds, of nanoseconds since 1970 too", "[events]") {
+  const torch::Tensor times = torch::tensor(std::vector<int64_t>{1700000000123456789});
+  CHECK(times_us(times, TimeUnit::kNs, "t")[0] == 1700000000123457);
+  CHECK(times_us(torch::tensor({0.25}, torch::kFloat64), TimeUnit::kS, "t")[0] == 250000);
+  CHECK_THROWS_AS(times_us(torch::tensor({INT64_MAX}), TimeUnit::kUs, "t"), jade::DataError);
+  CHECK_THROWS_AS(times_us(torch::zeros({2, 2}), TimeUnit::kUs, "t"), jade::DataError);
+  CHECK_THROWS_AS(us_per_unit(TimeUnit::kAuto), jade::ContractError);
+}
