@@ -66,11 +66,31 @@ def to_opencv(pixels, order):
     return pixels if channels is None else numpy.ascontiguousarray(pixels[..., channels])
 
 
+def other_streams(streams):
+    """Of two cameras in one file the first is read: the numbers of all streams but the first of each kind."""
+    kinds = ("events", "frame", "triggers")
+    wanted = [number for number in sorted(streams) if streams[number]["type"] in kinds]
+    first = {streams[number]["type"]: number for number in reversed(wanted)}
+    return [number for number in wanted if first[streams[number]["type"]] != number]
+
+
+def left_out(streams, numbers):
+    return "only one stream of each kind is read; left out: " + ", ".join(
+        f"{number} ({streams[number]['type']})" for number in numbers)
+
+
 def packets_from_aedat(path):
     """The same through the aedat package."""
     import aedat
 
-    for packet in aedat.Decoder(path):
+    decoder = aedat.Decoder(path)
+    streams = decoder.id_to_stream()
+    others = other_streams(streams)
+    if others:
+        print(f"convert_aedat4: {path}: {left_out(streams, others)}", file=sys.stderr)
+    for packet in decoder:
+        if packet["stream_id"] in others:
+            continue
         if "events" in packet:
             events = packet["events"]
             yield "events", events["x"], events["y"], events["t"], events["on"]

@@ -24,7 +24,8 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
-from convert_aedat4 import CACHE_BYTES, EventWriter, packets_from_dv, reason, to_opencv  # noqa: E402
+from convert_aedat4 import (CACHE_BYTES, EventWriter, left_out, other_streams, packets_from_dv, reason,  # noqa: E402
+                            to_opencv)
 
 DATA_ERROR, PACKAGE_MISSING = 3, 4
 FULL = (errno.ENOSPC, errno.EDQUOT)
@@ -116,23 +117,14 @@ class Output:
         (self.folder / "recording.txt").write_text("\n".join(lines) + "\n")
 
 
-def chosen_streams(streams):
-    """The first stream of each kind is read; the numbers of all others of that kind."""
-    kinds = ("events", "frame", "triggers")
-    wanted = [number for number in sorted(streams) if streams[number]["type"] in kinds]
-    first = {streams[number]["type"]: number for number in reversed(wanted)}
-    return [number for number in wanted if first[streams[number]["type"]] != number]
-
-
 def read_with_aedat(path, out):
     import aedat
 
     decoder = aedat.Decoder(path)
     streams = decoder.id_to_stream()
-    left = chosen_streams(streams)
+    left = other_streams(streams)
     if left:
-        out.notes.append("only one stream of each kind is read; left out: "
-                         + ", ".join(f"{number} ({streams[number]['type']})" for number in left))
+        out.notes.append(left_out(streams, left))
     for number, stream in streams.items():
         if stream["type"] == "events" and number not in left:
             out.size = stream["width"], stream["height"]

@@ -38,7 +38,11 @@ class AedatDecoder:
     def __init__(self, path):
         pass
 
+    def id_to_stream(self):
+        return {0: {"type": "events"}, 1: {"type": "frame"}, 2: {"type": "events"}}
+
     def __iter__(self):
+        yield {"stream_id": 2, "events": batch(7, ("t", "x", "y", "on"))}  # of a second camera
         pixels = {"RGB": image(RED, GREEN, BLUE), "RGBA": image(RED, GREEN, BLUE, OPAQUE), "L": image(RED)[..., 0]}
         for (middle, start, end), (order, values) in zip(TIMES, pixels.items()):
             yield {"stream_id": 1, "frame": {"t": middle, "exposure_begin_t": start, "exposure_end_t": end, "format": order,
@@ -166,6 +170,9 @@ class ConvertAedat4(unittest.TestCase):
                 self.assertEqual(self.convert(reader)[0], 0)
                 self.assertEqual(Hdf5File.written["t"].tolist(), [1000 * n + i for n in range(BATCHES) for i in range(3)])
                 self.assertEqual(Hdf5File.written["p"].tolist(), [0, 1, 0] * BATCHES)
+
+    def test_of_two_cameras_the_first_is_read(self):
+        self.assertIn("left out: 2 (events)", self.convert(READERS["aedat"])[1])
 
     def test_a_package_that_fails_is_quoted_in_one_line(self):
         failing = module("dv_processing", io=types.SimpleNamespace(MonoCameraRecording=FailingRecording))

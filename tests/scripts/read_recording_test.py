@@ -115,7 +115,7 @@ class Messages(unittest.TestCase):
 
     def test_the_first_stream_of_each_kind(self):
         streams = {number: {"type": kind} for number, kind in ((4, "events"), (0, "imus"), (1, "events"), (2, "frame"), (3, "imus"))}
-        self.assertEqual(read_recording.chosen_streams(streams), [4])
+        self.assertEqual(read_recording.other_streams(streams), [4])
 
     def test_a_full_disk_is_named(self):
         full = OSError("Can't write data (file write failed: errno = 28, error message = 'No space left on device')")
