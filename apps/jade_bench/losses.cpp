@@ -91,6 +91,8 @@ struct Term {
   std::function<torch::Tensor(const Images&)> value;
 };
 
+torch::Tensor rec_of(const imaging::L1SsimPair& pair) { return losses::rec_loss(pair, kDssim); }
+
 std::vector<Term> terms() {
   using losses::Fixed;
   return {
@@ -98,21 +100,21 @@ std::vector<Term> terms() {
       {"target",
        [](const Images& in) { return losses::target_loss(in.image, Fixed(in.blurry), kDssim); }},
       {"blur",
-       [](const Images& in) { return losses::blur_loss(in.image, in.blurry_moments, kDssim); }},
+       [](const Images& in) { return rec_of(losses::blur_pair(in.image, in.blurry_moments)); }},
       {"edi_gray",
        [](const Images& in) {
-         return losses::edi_gray_loss(in.image, in.other, in.factors[0], kDssim);
+         return rec_of(losses::edi_gray_pair(in.image, in.other, in.factors[0]));
        }},
       {"edi_color",
        [](const Images& in) {
-         return losses::edi_color_loss(in.image, in.blurry, in.factors[0], kDssim);
+         return rec_of(losses::edi_color_pair(in.image, in.blurry, in.factors[0]));
        }},
       {"simulation",
        [](const Images& in) {
-         return losses::simulation_loss(in.image, in.other, in.factors[0], kDssim);
+         return rec_of(losses::simulation_pair(in.image, in.other, in.factors[0]));
        }},
       {"intensity",
-       [](const Images& in) { return losses::intensity_loss(in.image, in.other, kDssim); }},
+       [](const Images& in) { return rec_of(losses::intensity_pair(in.image, in.other)); }},
       {"pairs",  // the images of L_tgt, L_blur, L_edi in colour and L_int, in one pass
        [](const Images& in) {
          return imaging::l1_ssim_sum({{losses::target_pairs(in.image, Fixed(in.blurry)), 1, {}},

@@ -7,6 +7,7 @@
 
 #include "jade/core/error.h"
 #include "jade/losses/poses.h"
+#include "jade/losses/rec.h"
 #include "jade/losses/target.h"
 #include "loss_cases.h"
 
@@ -201,11 +202,12 @@ TEST_CASE("objective: the total is the sum of its named terms and of the single 
   CHECK(loss.total.item<double>() == Approx(sum));
   const torch::Tensor r = renders(), b = in.blurry, toned_b = b * b;
   const auto gain = [&](int64_t k) { return in.edi_factors[k]; };
+  const auto rec = [](const imaging::L1SsimPair& pair) { return rec_loss(pair, 0.3); };
   const torch::Tensor expected =
-      2 * target_loss(r[4], *in.target, 0.3) + blur_loss(r.mean(0), b, 0.3) +
-      edi_gray_loss(r[2].square(), toned_b, gain(0), 0.3) + edi_color_loss(r[4], b, gain(1), 0.3) +
-      simulation_loss(r[8].square(), r.mean(0).square(), gain(2), 0.3) +
-      intensity_loss(r.square().mean(0), toned_b, 0.3);
+      2 * target_loss(r[4], *in.target, 0.3) + rec(blur_pair(r.mean(0), {b, {}, {}})) +
+      rec(edi_gray_pair(r[2].square(), toned_b, gain(0))) + rec(edi_color_pair(r[4], b, gain(1))) +
+      rec(simulation_pair(r[8].square(), r.mean(0).square(), gain(2))) +
+      rec(intensity_pair(r.square().mean(0), toned_b));
   CHECK(loss.total.item<double>() == Approx(expected.item<double>()));
 }
 

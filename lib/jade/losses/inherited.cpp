@@ -5,7 +5,6 @@
 
 #include "jade/core/check.h"
 #include "jade/imaging/color.h"
-#include "jade/losses/rec.h"
 
 namespace jade::losses {
 namespace {
@@ -30,14 +29,8 @@ torch::Tensor log_change(const EventPair& events, const torch::Tensor& filter) {
 
 }  // namespace
 
-torch::Tensor blur_loss(const torch::Tensor& mean_render, const torch::Tensor& blurry,
-                        double dssim) {
-  return rec_loss(mean_render, blurry, dssim);
-}
-
-torch::Tensor blur_loss(const torch::Tensor& mean_render, const imaging::SsimTarget& blurry,
-                        double dssim) {
-  return imaging::l1_ssim(mean_render, blurry, dssim);
+imaging::L1SsimPair blur_pair(const torch::Tensor& mean_render, const imaging::SsimTarget& blurry) {
+  return {mean_render, blurry};
 }
 
 imaging::L1SsimPair edi_gray_pair(const torch::Tensor& toned_render,
@@ -60,24 +53,9 @@ imaging::L1SsimPair simulation_pair(const torch::Tensor& toned_render,
   return {imaging::gray(toned_render), {imaging::gray(toned_mean) * edi_factor, {}, {}}};
 }
 
-torch::Tensor edi_gray_loss(const torch::Tensor& toned_render, const torch::Tensor& toned_blurry,
-                            const torch::Tensor& edi_factor, double dssim, const Follow& follow) {
-  return rec_loss(edi_gray_pair(toned_render, toned_blurry, edi_factor, follow), dssim);
-}
-
-torch::Tensor edi_color_loss(const torch::Tensor& render, const torch::Tensor& blurry,
-                             const torch::Tensor& edi_factor, double dssim, const Follow& follow) {
-  return rec_loss(edi_color_pair(render, blurry, edi_factor, follow), dssim);
-}
-
-torch::Tensor simulation_loss(const torch::Tensor& toned_render, const torch::Tensor& toned_mean,
-                              const torch::Tensor& edi_factor, double dssim) {
-  return rec_loss(simulation_pair(toned_render, toned_mean, edi_factor), dssim);
-}
-
-torch::Tensor intensity_loss(const torch::Tensor& mean_toned, const torch::Tensor& toned_blurry,
-                             double dssim) {
-  return rec_loss(mean_toned, toned_blurry, dssim);
+imaging::L1SsimPair intensity_pair(const torch::Tensor& mean_toned,
+                                   const torch::Tensor& toned_blurry) {
+  return {mean_toned, {toned_blurry, {}, {}}};
 }
 
 torch::Tensor lin_log(const torch::Tensor& x) {

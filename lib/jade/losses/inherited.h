@@ -2,7 +2,9 @@
 // The terms that the scene objective inherits from DiET-GS. D is
 // ℓ_rec of Eq. (8) with its weight `dssim`, g is imaging::gray, ρ the camera response, Î_k the
 // render at pose k and B the blurry frame. EDI is linear in the image, EDI_k(X) = X ⊙ R_k with the
-// factor R_k = EdiKernel::gain[k] of imaging/edi.h, so the functions take R_k.
+// factor R_k = EdiKernel::gain[k] of imaging/edi.h, so the functions take R_k. Those of D(·,·) give
+// the two images that it compares: rec_loss() of rec.h makes a number of one pair,
+// imaging::l1_ssim_sum() of all of a step in one pass.
 #pragma once
 
 #include <functional>
@@ -12,50 +14,36 @@
 
 namespace jade::losses {
 
-/// L_blur = D(mean_k Î_k, B).
-/// @param mean_render  [3,H,W], differentiable
-/// @param blurry       [3,H,W]
-torch::Tensor blur_loss(const torch::Tensor& mean_render, const torch::Tensor& blurry,
-                        double dssim);
-/// The same against a frame whose window means are kept.
-torch::Tensor blur_loss(const torch::Tensor& mean_render, const imaging::SsimTarget& blurry,
-                        double dssim);
-
 /// What a render is compared with instead of its target (losses/trust.h); empty: the target.
 using Follow =
     std::function<torch::Tensor(const torch::Tensor& target, const torch::Tensor& render)>;
 
-/// The two images of L_edi in gray, as imaging::l1_ssim_sum() takes them; so for the others.
-imaging::L1SsimPair edi_gray_pair(const torch::Tensor& toned_render,
-                                  const torch::Tensor& toned_blurry,
-                                  const torch::Tensor& edi_factor, const Follow& follow = {});
-imaging::L1SsimPair edi_color_pair(const torch::Tensor& render, const torch::Tensor& blurry,
-                                   const torch::Tensor& edi_factor, const Follow& follow = {});
-imaging::L1SsimPair simulation_pair(const torch::Tensor& toned_render,
-                                    const torch::Tensor& toned_mean,
-                                    const torch::Tensor& edi_factor);
+/// L_blur = D(mean_k Î_k, B).
+/// @param mean_render  [3,H,W], differentiable
+/// @param blurry       [3,H,W], with its window means where they are kept
+imaging::L1SsimPair blur_pair(const torch::Tensor& mean_render, const imaging::SsimTarget& blurry);
 
 /// L_edi in gray = D(g(ρ(Î_k)), EDI_k(g(ρ(B)))).
 /// @param toned_render, toned_blurry  [3,H,W], ρ(Î_k) and ρ(B); differentiable in both
 /// @param edi_factor                  [1,H,W], R_k
-torch::Tensor edi_gray_loss(const torch::Tensor& toned_render, const torch::Tensor& toned_blurry,
-                            const torch::Tensor& edi_factor, double dssim,
-                            const Follow& follow = {});
+imaging::L1SsimPair edi_gray_pair(const torch::Tensor& toned_render,
+                                  const torch::Tensor& toned_blurry,
+                                  const torch::Tensor& edi_factor, const Follow& follow = {});
 
 /// L_edi in colour = D(Î_k, EDI_k(B)), without ρ.
 /// @param render, blurry  [3,H,W]; differentiable in `render`
-torch::Tensor edi_color_loss(const torch::Tensor& render, const torch::Tensor& blurry,
-                             const torch::Tensor& edi_factor, double dssim,
-                             const Follow& follow = {});
+imaging::L1SsimPair edi_color_pair(const torch::Tensor& render, const torch::Tensor& blurry,
+                                   const torch::Tensor& edi_factor, const Follow& follow = {});
 
 /// L_sim = D(g(ρ(Î_k)), EDI_k(g(ρ(mean_j Î_j)))): the EDI of the simulated blur. Gradients flow
 /// through both sides.
-torch::Tensor simulation_loss(const torch::Tensor& toned_render, const torch::Tensor& toned_mean,
-                              const torch::Tensor& edi_factor, double dssim);
+imaging::L1SsimPair simulation_pair(const torch::Tensor& toned_render,
+                                    const torch::Tensor& toned_mean,
+                                    const torch::Tensor& edi_factor);
 
 /// L_int = D(mean_k ρ(Î_k), ρ(B)); ρ before the mean, unlike L_sim.
-torch::Tensor intensity_loss(const torch::Tensor& mean_toned, const torch::Tensor& toned_blurry,
-                             double dssim);
+imaging::L1SsimPair intensity_pair(const torch::Tensor& mean_toned,
+                                   const torch::Tensor& toned_blurry);
 
 /// Two renders and the events between them.
 struct EventPair {

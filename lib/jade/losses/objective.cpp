@@ -210,8 +210,8 @@ Objective objective(const ObjectiveInputs& inputs, const ObjectivePlan& plan,
   }
   if (plan.blur) {
     const bool prepared = inputs.blurry_moments.mean.defined();
-    terms.add("blur", {{views.mean,
-                        prepared ? inputs.blurry_moments : imaging::SsimTarget{blurry, {}, {}}}});
+    const imaging::SsimTarget plain{blurry, {}, {}};
+    terms.add("blur", {blur_pair(views.mean, prepared ? inputs.blurry_moments : plain)});
   }
   if (plan.edi) {
     Follow follow;
@@ -230,7 +230,7 @@ Objective objective(const ObjectiveInputs& inputs, const ObjectivePlan& plan,
     terms.add("simulation",
               {simulation_pair(tone(views.simulation), tone(views.mean), edi_factor(2))});
   }
-  if (plan.intensity) terms.add("intensity", {{mean_toned(), {toned_blurry, {}, {}}}});
+  if (plan.intensity) terms.add("intensity", {intensity_pair(mean_toned(), toned_blurry)});
   terms.sum_up(options.dssim, &loss);
   if (plan.event) add(loss, "event", event_loss(*inputs.events), options.event_loss_weight);
   return loss;
