@@ -196,6 +196,19 @@ TEST_CASE("mcmc: dead Gaussians move onto living ones, which share their opacity
   for (const float tag : f.tags()) CHECK(tag == 0);
 }
 
+TEST_CASE("mcmc: rows are drawn by their weights, late ones among millions too", "[gaussians]") {
+  at::Generator generator = make_generator(1, "rows");
+  const torch::Tensor few = drawn_rows(torch::tensor({0.f, 1.f, 0.f, 3.f, 0.f}), 4000, generator);
+  const torch::Tensor counts = few.bincount({}, 5);
+  CHECK(counts[1].item<int64_t>() + counts[3].item<int64_t>() == 4000);
+  CHECK(std::abs(counts[3].item<int64_t>() - 3000) < 4 * 28);  // deviation sqrt(4000 · 3/16)
+  // In float32 a sum of 2^24 does not grow by ones.
+  torch::Tensor weights = torch::ones({(1 << 20) + 1});
+  weights[0] = float(1 << 24);
+  const torch::Tensor late = drawn_rows(weights, 10000, generator) > 0;
+  CHECK(std::abs(late.sum().item<int64_t>() - 588) < 4 * 24);  // 1 of 17, deviation 23.5
+}
+
 TEST_CASE("mcmc: two that share a place look like the one before at its centre", "[gaussians]") {
   Fixture f(1);
   at::Generator generator = make_generator(1, "mcmc");

@@ -157,6 +157,15 @@ test('pose: orbit keeps the distance and looks at the target; look keeps the pla
   near(pose.centreOf(pose.moved(there, [0, 0, 1])), pose.add(centre, pose.axis(there, 2)));
 });
 
+test('pose: who looks along the vertical may turn and leave it, but not cross it', () => {
+  const down = [0, 1, 0];
+  const along = pose.poseAt([1, 0, 0], [0, 0, -1], down, [0, 0, 0]);
+  near(pose.axis(pose.look(along, down, 0.3, 0), 0), pose.turned([1, 0, 0], down, 0.3));
+  for (const pitch of [-0.01, 0.01]) assert.ok(pose.axis(pose.look(along, down, 0, pitch), 2)[1] < 0.99996);
+  const steep = pose.look(along, down, 0, 0.15); // more than the 5.7 degrees that are kept free
+  for (const pitch of [-0.1, -0.2]) assert.equal(pose.look(steep, down, 0, pitch), steep);
+});
+
 test('path: goes through its keys and is what jade_render reads', () => {
   const path = new CameraPath();
   const camera = { width: 40, height: 30, fx: 50, fy: 51, cx: 20, cy: 15, poses: [] };
@@ -209,17 +218,18 @@ test('events: signs come out by step, and fade with the distance from the moment
 
 test('viewer: slow frames halve the size until the picture rests, and the whole size is tried again', () => {
   const pace = new Pace();
-  for (let k = 0; k < 50; ++k) assert.equal(pace.frame(16.7), true);
+  for (let k = 0; k < 50; ++k) pace.took(16.7);
   assert.equal(pace.coarse, false);
-  for (let k = 0; k < 20; ++k) pace.frame(40);
+  for (let k = 0; k < 20; ++k) pace.took(40);
   assert.equal(pace.coarse, true);
-  for (let k = 0; k < 100; ++k) pace.frame(16.7); // fast because they are small
+  for (let k = 0; k < 100; ++k) pace.took(16.7); // fast because they are small
   assert.equal(pace.coarse, true);
   assert.ok(pace.mean < 17);
-  assert.equal(pace.frame(300), false);
+  pace.took(300); // the page was hidden
+  assert.ok(pace.mean < 17);
   for (let k = 0; k < 3; ++k) pace.rest();
   assert.equal(pace.coarse, false);
-  pace.frame(40);
+  pace.took(40);
   assert.equal(pace.coarse, false); // one late frame is not slow
 });
 
@@ -261,6 +271,25 @@ test('sweep: seen and unseen views apart, and addresses that any name survives',
   assert.deepEqual(groupsOf(views).map(({ heading, views: of }) => [heading, of.map(({ name }) => name)]),
     [['Seen in training', ['q', 's']], ['Not seen in training', ['p']], ['Test views', ['r']]]);
   assert.equal(addressOf('runs/a b/50%#?.png'), 'runs/a%20b/50%25%23%3F.png');
+});
+
+test('sweep: rows of one title keep names of their own, also beside what the stage shows', () => {
+  const rows = [{ name: 'a', title: 'Alone' }, { name: 'b', title: 'Alone' }, { name: 'c', title: 'truth' }, { name: 'd', title: 'D' }];
+  const runs = rows.map(({ name }) => ({ row: name, scene: 's', seed: 0, state: 'finished', views: { v: { src: name, psnr: 1 } } }));
+  assert.deepEqual(picturesOf({ rows, runs }, 's', 'v').map(({ title, src }) => [title, src]),
+    [['Alone (a)', 'a'], ['Alone (b)', 'b'], ['truth (c)', 'c'], ['D', 'd']]);
+});
+
+test('live: never more pixels are asked for than the program draws', () => {
+  const screen = { shown: 2000, ratio: 2, limit: 3, pixels: 1 << 22, native: false };
+  assert.equal(live.askedScale({ width: 346, height: 260 }, screen), 3);
+  assert.equal(live.askedScale({ width: 346, height: 260 }, { ...screen, native: true }), 1);
+  for (const native of [false, true]) {
+    for (const camera of [{ width: 2448, height: 2048 }, { width: 1280, height: 1024 }, { width: 1, height: 100000000 }]) {
+      const scale = live.askedScale(camera, { ...screen, native });
+      assert.ok(Math.round(camera.width * scale) * Math.round(camera.height * scale) <= 1 << 22, `${camera.width}`);
+    }
+  }
 });
 
 test('live: asks for the camera at whole pixels, with viewer and token', async () => {

@@ -82,6 +82,15 @@ torch::Tensor cpu_opacities(const GaussianModel& model) {
 
 }  // namespace
 
+torch::Tensor drawn_rows(const torch::Tensor& weights, int64_t count, at::Generator& generator) {
+  const torch::Tensor sums = weights.to(torch::kFloat64).cumsum(0);
+  const auto total = sums[-1].item<double>();
+  const torch::Tensor places = at::rand({count}, generator, torch::kFloat64) * total;
+  // The first sum beyond the place; a place that was rounded up to the total has none.
+  return torch::searchsorted(sums, places.clamp_max(std::nextafter(total, 0.0)),
+                             /*out_int32=*/false, /*right=*/true);
+}
+
 torch::Tensor world_offsets(const torch::Tensor& rotations, const torch::Tensor& log_scales,
                             const torch::Tensor& x) {
   return rotate(rotations, log_scales.exp() * x);
@@ -94,7 +103,7 @@ int64_t relocate_dead(double min_opacity, GaussianModel& model, GaussianAdam& ad
   const torch::Tensor dead = (opacities <= min_opacity).nonzero().squeeze(1);
   const torch::Tensor weights = living_weights(opacities, min_opacity);
   if (dead.size(0) == 0 || dead.size(0) == opacities.size(0)) return 0;
-  const torch::Tensor chosen = at::multinomial(weights, dead.size(0), true, generator);
+  const torch::Tensor chosen = drawn_rows(weights, dead.size(0), generator);
   splat::Gaussians values = copies_of(model);
   share_places(chosen, opacities, min_opacity, &values);
   const torch::Tensor from = chosen.to(model.device());
@@ -114,7 +123,7 @@ int64_t add_on_living(int64_t count, double min_opacity, GaussianModel& model, G
   const torch::Tensor opacities = cpu_opacities(model);
   const torch::Tensor weights = living_weights(opacities, min_opacity);
   if (count <= 0 || !(weights > 0).any().item<bool>()) return 0;
-  const torch::Tensor chosen = at::multinomial(weights, count, true, generator);
+  const torch::Tensor chosen = drawn_rows(weights, count, generator);
   splat::Gaussians values = copies_of(model);
   share_places(chosen, opacities, min_opacity, &values);
   const torch::Tensor from = chosen.to(model.device());

@@ -165,10 +165,13 @@ std::string LiveScene::page_data(const PageText& text) const {
     data[of.exposure ? "views" : "tests"].push_back(std::move(view));
   }
   data["scene"] = page_scene(dataset_, draw_);
-  data["live"] = {
-      {"id", text.server_id},      {"scale", gaussians.means.is_cuda() ? kGpuScale : 1.0},
-      {"pausable", text.pausable}, {"moving", text.moving},
-      {"report", text.report},     {"sample", sample_of(gaussians)}};
+  data["live"] = {{"id", text.server_id},
+                  {"scale", gaussians.means.is_cuda() ? kGpuScale : 1.0},
+                  {"pausable", text.pausable},
+                  {"moving", text.moving},
+                  {"report", text.report},
+                  {"sample", sample_of(gaussians)},
+                  {"pixels", serve::Wanted::kMostPixels}};
   return data.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Pointers, wheel and keys as movements of a camera.
 
+import { takesText } from './elements.js';
 import { add, axis, centreOf, look, moved, orbit } from './pose.js';
 
 const FLY = { KeyW: [0, 0, 1], KeyS: [0, 0, -1], KeyA: [-1, 0, 0], KeyD: [1, 0, 0], KeyQ: [0, 1, 0], KeyE: [0, -1, 0] };
@@ -26,8 +27,11 @@ export class Controls {
       this.dolly(Math.exp(-0.001 * event.deltaY));
     }, { passive: false });
     stage.addEventListener('keydown', (event) => this.press(event));
-    // Before anything has the focus one flies too; arrows then scroll the page.
-    document.addEventListener('keydown', (event) => event.target === document.body && FLY[event.code] && this.press(event));
+    // Elsewhere one flies too; arrows scroll the page there, or move a slider.
+    document.addEventListener('keydown', (event) => {
+      const elsewhere = !stage.contains(event.target) && !takesText(event.target) && !document.querySelector('dialog[open]');
+      if (elsewhere && FLY[event.code]) this.press(event);
+    });
     document.addEventListener('keyup', (event) => this.held.delete(event.code));
     stage.addEventListener('blur', () => this.held.clear());
     window.addEventListener('blur', () => this.held.clear());
@@ -74,13 +78,15 @@ export class Controls {
   press(event) {
     if (event.ctrlKey || event.metaKey || event.altKey || !(FLY[event.code] || TURN[event.code])) return;
     event.preventDefault();
-    const start = this.held.size === 0;
     this.held.add(event.code);
-    if (start) requestAnimationFrame((now) => this.fly(now, now - 16));
+    if (this.flying) return;
+    this.flying = true;
+    requestAnimationFrame((now) => this.fly(now, now - 16));
   }
 
   fly(now, before) {
-    if (this.held.size === 0) return;
+    this.flying = this.held.size > 0;
+    if (!this.flying) return;
     const seconds = Math.min(0.1, (now - before) / 1000);
     let pose = this.host.pose();
     for (const code of this.held) {

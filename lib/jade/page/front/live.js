@@ -100,6 +100,15 @@ export function scaledCamera(camera, scale) {
   return { width, height, fx: camera.fx * across, fy: camera.fy * down, cx: camera.cx * across, cy: camera.cy * down };
 }
 
+/**
+ * Pixels asked for per pixel of the camera: those of the screen, never fewer than the camera's, at most
+ * `limit` times as many, and exactly one where `native`; but never more than `pixels` in all.
+ */
+export function askedScale({ width, height }, { shown, ratio, limit, pixels, native }) {
+  const most = Math.sqrt(0.998 * pixels / (width * height)); // both sides are rounded
+  return Math.min(most, native ? 1 : Math.min(limit, Math.max(1, Math.min(ratio, 2) * shown / width)));
+}
+
 /** The lines of metrics.jsonl that have come so far; the server may thin them out. */
 export class MetricsTail {
   constructor() {
@@ -143,7 +152,7 @@ export class LiveViewer {
   constructor(canvas, settings, link, changing, at) {
     Object.assign(this, { canvas, link, changing, at, psnr: null, native: false, pace: 0, onFrame: () => {} });
     this.renderer = { canvas };
-    this.limit = settings.scale;
+    Object.assign(this, { limit: settings.scale, pixels: settings.pixels });
     const count = settings.sample.length / 3;
     this.sample = { positions: settings.sample, opacities: new Array(count).fill(1), count };
     this.wake = () => {};
@@ -155,8 +164,8 @@ export class LiveViewer {
   }
 
   scale(camera) {
-    const shown = (this.canvas.clientWidth || camera.width) / camera.width;
-    return this.native ? 1 : Math.min(this.limit, Math.max(1, Math.min(devicePixelRatio || 1, 2) * shown));
+    const { native, limit, pixels } = this;
+    return askedScale(camera, { shown: this.canvas.clientWidth || camera.width, ratio: devicePixelRatio || 1, limit, pixels, native });
   }
 
   /** Draws soon, and again while the scene changes. */

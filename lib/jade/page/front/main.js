@@ -58,6 +58,8 @@ class Page {
 
   /** The browser took the graphics card away: pictures stand in. */
   lose() {
+    if (!this.viewer) return null;
+    this.viewer.onFrame = () => {};
     this.viewer = null;
     element('notice').textContent = 'A still picture: the browser has taken the graphics card away. Load the page again to go on.';
     element('notice').hidden = false;
@@ -104,6 +106,7 @@ class Page {
   }
 
   move(pose, distance = this.distance) {
+    if (!this.viewer) return; // pictures do not move
     this.stop();
     this.distance = distance;
     this.state.pose = pose;

@@ -93,8 +93,9 @@ export function orbit(pose, target, down, yaw, pitch) {
   const turn = (vector) => turned(turned(vector, down, yaw), right, pitch);
   const forward = turn(axis(pose, 2));
   const centre = add(target, turn(add(centreOf(pose), target, -1)));
-  // Over the pole the picture would turn upside down.
-  if (Math.abs(dot(forward, down)) > 0.995) return pose;
+  // Over the pole the picture would turn upside down; who stands near it may turn, and leave.
+  const steep = Math.abs(dot(forward, down));
+  if (steep > 0.995 && steep > Math.abs(dot(axis(pose, 2), down)) + 1e-9) return pose;
   return lookAlong(centre, forward, turn(axis(pose, 1)));
 }
 

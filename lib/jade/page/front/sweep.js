@@ -2,7 +2,7 @@
 // The page of a sweep: how its runs stand, its tables, and the pictures of every row beside each
 // other. Pictures and reports are files beside the page.
 
-import { Layers } from './layers.js';
+import { DIFFERENCE, Layers, SCENE } from './layers.js';
 import { make, tableIn } from './elements.js';
 
 const TRUTH = 'truth';
@@ -15,12 +15,20 @@ export function addressOf(path) {
   return path.split('/').map(encodeURIComponent).join('/');
 }
 
+/** What a row is called among the pictures: its title, with its name where the title is not its alone. */
+function labelOf({ name, title }, rows) {
+  const alone = ![TRUTH, SCENE, DIFFERENCE].includes(title) && rows.filter((row) => row.title === title).length === 1;
+  return alone ? title : `${title} (${name})`;
+}
+
 /**
- * What stands for each row in the pictures of a view: {title, src, psnr, best, run, reason}. The run
- * is that of the lowest seed with a picture; where none has one, the reason says why.
+ * What stands for each row in the pictures of a view: {title, src, psnr, best, run, reason}, every
+ * title once. The run is that of the lowest seed with a picture; where none has one, the reason says why.
  */
 export function picturesOf(data, scene, view) {
-  const entries = data.rows.flatMap(({ name, title }) => {
+  const entries = data.rows.flatMap((row) => {
+    const { name } = row;
+    const title = labelOf(row, data.rows);
     const runs = data.runs.filter((run) => run.row === name && run.scene === scene).sort(byNumber);
     if (runs.length === 0) return [];
     const run = runs.find((each) => each.views[view]?.src);

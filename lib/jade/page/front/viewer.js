@@ -13,14 +13,13 @@ export class Pace {
     Object.assign(this, { mean: 0, whole: 1000 / 60, coarse: false });
   }
 
-  /** A frame begins `since` ms after the one before; true while the picture moves. */
-  frame(since) {
-    if (since >= REST_MS) return false;
-    this.mean = this.mean ? 0.9 * this.mean + 0.1 * since : since;
+  /** A drawn frame held the screen for `ms`; longer than a rest, nobody was looking. */
+  took(ms) {
+    if (ms >= REST_MS) return;
+    this.mean = this.mean ? 0.9 * this.mean + 0.1 * ms : ms;
     // Frames of half the size say nothing of whole ones: the size would flicker.
-    if (!this.coarse) this.whole = 0.8 * this.whole + 0.2 * since;
+    if (!this.coarse) this.whole = 0.8 * this.whole + 0.2 * ms;
     this.coarse = this.whole > SLOW_MS;
-    return true;
   }
 
   /** The movement has ended: sooner or later the whole size is tried again. */
@@ -54,6 +53,7 @@ export class Viewer {
 
   /** Draws soon, with the order at hand until the new one has come. */
   request(camera, pose) {
+    clearTimeout(this.rest);
     this.wanted = { camera, pose };
     if (!this.frame) this.frame = requestAnimationFrame((now) => this.drawWanted(now));
     this.sorter.request(pose).then((sorted) => {
@@ -68,11 +68,13 @@ export class Viewer {
     if (!this.renderer.range || !this.wanted) return;
     const since = now - (this.drawnAt ?? -Infinity);
     this.drawnAt = now;
-    const moving = this.pace.frame(since);
+    const moving = since < REST_MS;
     const { camera, pose } = this.wanted;
     this.renderer.draw(camera, pose, this.scale(camera, moving));
     this.renderer.show();
     this.onFrame();
+    // Until the browser is ready for the next one: how soon somebody asks for it says nothing of the graphics card.
+    requestAnimationFrame((next) => this.pace.took(next - now));
     clearTimeout(this.rest);
     if (!moving || !this.pace.coarse) return;
     this.rest = setTimeout(() => {
@@ -83,6 +85,7 @@ export class Viewer {
 
   /** Draws now, in the order of this very pose; `depthMode` shows depth. False where another request came first. */
   async draw(camera, pose, { depthMode = false, part = 0 } = {}) {
+    clearTimeout(this.rest);
     this.wanted = null;
     const sorted = await this.sorter.request(pose);
     if (!sorted || this.wanted) return false;
