@@ -146,7 +146,8 @@ void launch_local(const sweep::Plan& plan, const sweep::SweepOutput& output, con
   }
 }
 
-void launch_slurm(const sweep::Plan& plan, const sweep::SweepOutput& output, const Flags& flags) {
+/// Whether runs are left in the queue, of this call or of earlier ones.
+bool launch_slurm(const sweep::Plan& plan, const sweep::SweepOutput& output, const Flags& flags) {
   sweep::SlurmOptions options;
   options.self = own_path();
   options.program = flags.program;
@@ -160,6 +161,7 @@ void launch_slurm(const sweep::Plan& plan, const sweep::SweepOutput& output, con
   }
   if (submission.queued > 0) log_info(concat(submission.queued, " runs are in the queue already"));
   if (flags.wait) sweep::wait_for_slurm(plan, output);
+  return !flags.wait && submission.submitted + submission.queued > 0;
 }
 
 ExitCode run(apps::Program& program, const Flags& flags) {
@@ -195,8 +197,11 @@ ExitCode run(apps::Program& program, const Flags& flags) {
   output.write_settings(plan, apps::resolve_written);
   write_file(output.folder() / "sweep.yaml", read_file(flags.sweep));
   if (!flags.table && flags.launcher == "local") launch_local(plan, output, flags, trainer);
-  if (!flags.table && flags.launcher == "slurm") launch_slurm(plan, output, flags);
-  return conclude(plan, output, program.json());
+  const bool goes_on =
+      !flags.table && flags.launcher == "slurm" && launch_slurm(plan, output, flags);
+  const ExitCode code = conclude(plan, output, program.json());
+  // What failed or was killed before is tried again now: no fault of a call that submits it.
+  return goes_on ? ExitCode::kOk : code;
 }
 
 }  // namespace
