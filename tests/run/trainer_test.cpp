@@ -55,6 +55,32 @@ TEST_CASE("trainer: no opacity reset falls into the last tenth of a run", "[run]
   CHECK(most_opaque() > 0.012);
 }
 
+TEST_CASE("trainer: an evaluation at the step of an opacity reset sees the scene before it",
+          "[run]") {
+  const Scene scene;
+  train::RunOptions options = tiny_options(scene);
+  options.densify.until = 1000;
+  options.densify.opacity_reset_every = 10;
+  options.train.evaluate_every = 10;
+  options.train.log_every = 10;
+  const auto lines_at_10 = [&](const std::string& name) {
+    run::Trainer(options, scene.dir / name, "").run();
+    std::istringstream lines(read_file(scene.dir / name / "metrics.jsonl"));
+    std::vector<nlohmann::json> found;
+    for (std::string text; std::getline(lines, text);) {
+      const auto line = nlohmann::json::parse(text);
+      if (line.at("step") == 10) found.push_back(line);
+    }
+    REQUIRE(found.size() == 2);
+    return found;
+  };
+  const auto reset = lines_at_10("reset");
+  options.densify.opacity_reset_every = 0;
+  const auto kept = lines_at_10("kept");
+  CHECK(reset[0].at("psnr_train") == kept[0].at("psnr_train"));
+  CHECK(reset[1].at("test_psnr") == kept[1].at("test_psnr"));
+}
+
 TEST_CASE("trainer: L_ev is a term of the objective where its weight is positive", "[run]") {
   const Scene scene;
   train::RunOptions options = tiny_options(scene);

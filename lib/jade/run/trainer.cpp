@@ -200,19 +200,20 @@ void Trainer::write_environment() const {
   write_file(directory_.path() / "env.json", environment.dump(2) + "\n");
 }
 
-void Trainer::step() {
+void Trainer::step(const std::function<void()>& look) {
   const int64_t step = state_.step + 1;
   const train::StepInputs inputs = feed_.at(step);
   const train::StepOutputs out =
       step_graph_.run(state_, inputs, train::plan_step(options_, step), options_);
   train::update_poses(state_, options_, step);
-  if (state_.densifier.due(step)) {
-    state_.densifier.update(step, state_.gaussians, state_.gaussian_adam);
-  }
   state_.step = step;
   monitor_.watch(out.terms, step);
   if (metrics_ && (every(step, options_.train.log_every) || step == options_.train.iterations)) {
     log_step(inputs, out);
+  }
+  if (look) look();
+  if (state_.densifier.due(step)) {
+    state_.densifier.update(step, state_.gaussians, state_.gaussian_adam);
   }
 }
 
@@ -338,6 +339,21 @@ void Trainer::write_pictures(const data::Dataset& posed) {
   }
 }
 
+void Trainer::look(Watcher* watcher) {
+  // The end has its own.
+  if (state_.step == options_.train.iterations) return;
+  const bool evaluation_due = every(state_.step, options_.train.evaluate_every) && can_evaluate();
+  const bool pictures_due = every(state_.step, options_.train.picture_every);
+  if (!evaluation_due && !pictures_due) return;
+  const data::Dataset posed = posed_dataset();
+  if (interrupt_requested()) return;  // half-fitted poses are not scored
+  if (evaluation_due) {
+    const eval::Evaluation evaluation = log_evaluation(posed);
+    if (watcher) watcher->on_evaluation(posed, evaluation);
+  }
+  if (pictures_due) write_pictures(posed);
+}
+
 void Trainer::stop() {
   save();
   log_info(concat("saved at step ", state_.step, "; go on with jade_train --output ",
@@ -391,23 +407,13 @@ void Trainer::run(Watcher* watcher) {
   logged_seconds_ = now_seconds();
   logged_step_ = state_.step;
   while (state_.step < options_.train.iterations) {
-    step();
+    step([&] { look(watcher); });
     if (progress.step()) progress.show(status_);
     if (watcher) logged_seconds_ += watcher->after_step();
-    const bool last = state_.step == options_.train.iterations;
     if (interrupt_requested()) stop();
-    if (last) break;
-    if (every(state_.step, options_.checkpoint.every)) save();
-    const bool evaluation_due = every(state_.step, options_.train.evaluate_every) && can_evaluate();
-    const bool pictures_due = every(state_.step, options_.train.picture_every);
-    if (!evaluation_due && !pictures_due) continue;
-    const data::Dataset posed = posed_dataset();
-    if (interrupt_requested()) continue;  // half-fitted poses are not scored; the next step saves
-    if (evaluation_due) {
-      const eval::Evaluation evaluation = log_evaluation(posed);
-      if (watcher) watcher->on_evaluation(posed, evaluation);
+    if (state_.step < options_.train.iterations && every(state_.step, options_.checkpoint.every)) {
+      save();
     }
-    if (pictures_due) write_pictures(posed);
   }
   progress.finish();
   if (watcher) watcher->ended();

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <string>
 #include <torch/types.h>
@@ -45,8 +46,10 @@ class Trainer {
   /// @throws Interrupted after saving, NumericError with the last good checkpoint kept.
   void run(Watcher* watcher = nullptr);
 
-  /// One step: nine renders, routing step, scene step.
-  void step();
+  /// One step: nine renders, routing step, scene step, densification.
+  /// @param look  called before densification: after a reset of the opacities a scene shows nothing
+  ///   for some steps
+  void step(const std::function<void()>& look = {});
 
   /// As they act: settled, and with the calendar of a resumed run.
   const train::RunOptions& options() const { return options_; }
@@ -71,6 +74,8 @@ class Trainer {
   void write_environment() const;
   void log_step(const train::StepInputs& inputs, const train::StepOutputs& out);
   eval::Evaluation log_evaluation(const data::Dataset& posed);
+  /// Evaluation and pictures that are due.
+  void look(Watcher* watcher);
   void save();
   /// The data set with the poses at which the scene is to be seen: learned ones where poses are.
   data::Dataset posed_dataset();
