@@ -47,6 +47,7 @@ struct Outcome {
   std::vector<Tensor> gradients;  ///< five parameters, background, cameras
   splat::ScreenStatistics statistics;
   int64_t rejected = 0;
+  int64_t room = 0;  ///< for how many list entries; CUDA alone
 };
 
 Outcome run(const Backend& backend, const SplatScene& scene, const Settings& settings) {
@@ -83,6 +84,7 @@ Outcome run(const Backend& backend, const SplatScene& scene, const Settings& set
   if (settings.cameras) out.gradients.push_back(back.camera_from_world);
   out.statistics = args.statistics;
   out.rejected = images.rejected.item<int64_t>();
+  if (backend.forward == kCuda.forward) out.room = images.state.tensors.at(1).size(0);
   return out;
 }
 
@@ -179,6 +181,20 @@ TEST_CASE("emulated cuda: lists that do not fit change no image", "[emulated]") 
       CHECK(cosine(tight.gradients[i], usual.gradients[i]) > 0.999999);
     }
   }
+}
+
+TEST_CASE("emulated cuda: deterministic calls make room for what is there, whatever came before",
+          "[emulated]") {
+  const SplatScene small = scene_of(60, 41, 23, 1), large = scene_of(60, 41, 23, 30);
+  Settings settings;
+  settings.deterministic = true;
+  const int64_t before = run(kCuda, small, settings).room;
+  const int64_t most = run(kCuda, large, settings).room;
+  CHECK(before >= 60);
+  CHECK(most > 2 * before);
+  CHECK(run(kCuda, small, settings).room == before);
+  settings.deterministic = false;
+  CHECK(run(kCuda, small, settings).room > most);
 }
 
 TEST_CASE("emulated cuda: long lists, equal depths and large splats agree with the CPU backend",

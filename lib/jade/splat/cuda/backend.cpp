@@ -3,6 +3,7 @@
 // waits for the device or allocates by what is on it, so a caller may capture it in a CUDA graph.
 #include "jade/splat/backend.h"
 
+#include <algorithm>
 #include <c10/cuda/CUDAGuard.h>
 #include <c10/cuda/CUDAStream.h>
 #include <cstdlib>
@@ -132,7 +133,8 @@ Counters read_counters(const RenderCall& call, cudaStream_t stream) {
 }
 
 /// Projects all views and cuts up an instance buffer. The first call of a size counts first and
-/// waits for the result; so does every deterministic call, whose gradients need every list.
+/// waits for the result; so does every deterministic call, whose gradients need every list, and
+/// which makes room for just these: it writes 144 B a list entry.
 Lists project_and_bin(RenderCall* call, const ForwardArgs& args, long long* rejected,
                       cudaStream_t stream) {
   const auto options = args.gaussians.means.options();
@@ -147,12 +149,15 @@ Lists project_and_bin(RenderCall* call, const ForwardArgs& args, long long* reje
 
   InstanceBudget& budget =
       InstanceBudget::of(options.device().index(), call->views, call->width, call->height);
+  int64_t counted = kMostInstances;
   if ((args.deterministic || !budget.known()) && !is_capturing(stream)) {
     launch_plan(*call, nullptr, stream);
-    budget.learn(read_counters(*call, stream).instances, call->count);
+    const uint64_t instances = read_counters(*call, stream).instances;
+    budget.learn(instances, call->count);
+    if (args.deterministic) counted = static_cast<int64_t>(std::min<uint64_t>(instances, counted));
   }
   const int64_t forced = instance_capacity_for_test();
-  const int64_t capacity = forced >= 0 ? forced : budget.capacity(call->count);
+  const int64_t capacity = forced >= 0 ? forced : std::min(counted, budget.capacity(call->count));
   lists.keys = torch::empty({capacity}, options.dtype(torch::kInt64));
   lists.bind(call);
   launch_plan(*call, rejected, stream);

@@ -16,7 +16,6 @@ namespace jade::splat::cuda {
 namespace {
 constexpr double kSpare = 1.25;
 constexpr int64_t kLeast = 16384;
-constexpr int64_t kMost = int64_t{1} << 31;
 std::mutex budgets_mutex;
 int64_t forced_capacity = -1;
 }  // namespace
@@ -56,7 +55,7 @@ int64_t InstanceBudget::capacity(int64_t gaussians) {
   const std::lock_guard<std::mutex> lock(budgets_mutex);
   read_inbox();
   const double wanted = std::max(per_gaussian_, 0.0) * static_cast<double>(gaussians) * kSpare;
-  return std::min(kMost, kLeast + static_cast<int64_t>(std::min(wanted, 4e9)));
+  return std::min(kMostInstances, kLeast + static_cast<int64_t>(std::min(wanted, 4e9)));
 }
 
 void set_instance_capacity_for_test(int64_t capacity) { forced_capacity = capacity; }

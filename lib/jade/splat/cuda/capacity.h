@@ -6,6 +6,9 @@
 
 namespace jade::splat::cuda {
 
+/// Capacities never exceed it.
+constexpr int64_t kMostInstances = int64_t{1} << 31;
+
 /// What one image size of one device needed so far. Calls of one size share an object.
 class InstanceBudget {
  public:
