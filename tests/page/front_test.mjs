@@ -25,7 +25,7 @@ const { EventFilm } = await load('events.js');
 const { Pace } = await load('viewer.js');
 const { glanceFigures, short } = await load('report.js');
 const { addressOf, groupsOf, picturesOf } = await load('sweep.js');
-const { takesSpace, takesText } = await load('elements.js');
+const { shortcut, takesSpace, takesText } = await load('elements.js');
 const live = await load('live.js');
 
 const near = (a, b, tolerance = 1e-9) => a.forEach((value, k) => assert.ok(Math.abs(value - b[k]) < tolerance, `${a} against ${b}`));
@@ -214,6 +214,13 @@ test('events: signs come out by step, and fade with the distance from the moment
   assert.ok(pixel(later, 0)[3] > 0 && pixel(later, 0)[3] < pixel(later, 130)[3]);
   assert.ok(film.picture(0.2).every((value) => value === 0));
   assert.throws(() => new EventFilm(entry, Uint8Array.of(0, 3, 1)), /end too soon/);
+  // Cells of 8 pixels of which the last reach beyond a camera of 155 by 77.
+  globalThis.ImageData = class { constructor(data, width) { Object.assign(this, { data, width }); } };
+  const canvas = { style: {}, getContext: () => ({ putImageData: () => {} }) };
+  film.cell = 8;
+  film.paint(canvas, 0.5, { width: 155, height: 77 });
+  assert.deepEqual([canvas.width, canvas.height], [20, 10]);
+  near([parseFloat(canvas.style.width), parseFloat(canvas.style.height)], [100 * 160 / 155, 100 * 80 / 77]);
 });
 
 test('viewer: slow frames halve the size until the picture rests, and the whole size is tried again', () => {
@@ -315,6 +322,7 @@ test('live: asks for the camera at whole pixels, with viewer and token', async (
   assert.equal(await link.picture('train.1', 'EDI'), null);
   Object.assign(answer, { status: 503, text: async () => 'no restorer\n' });
   assert.deepEqual(await link.picture('train.1', 'EFNet'), { reason: 'no restorer' });
+  assert.deepEqual(await link.frame(camera, IDENTITY, 1, 'color'), { reason: 'no restorer' });
   assert.equal(await link.poses('train.1'), null);
   Object.assign(answer, { status: 200, json: async () => ({ poses: [IDENTITY] }) });
   assert.deepEqual(await link.poses('train.1'), [IDENTITY]);
@@ -322,6 +330,21 @@ test('live: asks for the camera at whole pixels, with viewer and token', async (
   await link.pause(true);
   assert.deepEqual([asked[2][0].includes('on=1'), asked[2][1]], [true, { method: 'POST' }]);
   assert.equal(new live.LiveLink('').address('state', {}).includes('token'), false);
+});
+
+test('live: why nothing is drawn is told once, and taken back when a frame comes', async () => {
+  const told = [];
+  const answers = [{ reason: 'no memory' }, { reason: 'no memory' }, null, { blob: 'blob' }, { blob: 'blob' }];
+  const link = { frame: async () => answers.shift() };
+  // Without its constructor, which begins to ask for as long as the page lives.
+  const viewer = Object.assign(Object.create(live.LiveViewer.prototype), {
+    canvas: { clientWidth: 10 }, link, at: () => '', limit: 1, pixels: 1 << 22, trouble: '', onTrouble: (reason) => told.push(reason),
+  });
+  const frames = [];
+  globalThis.devicePixelRatio = 1;
+  while (answers.length > 0) frames.push(await viewer.fetch({ camera: { width: 10, height: 10 }, pose: IDENTITY }, 'color'));
+  assert.deepEqual(frames, [null, null, null, { blob: 'blob' }, { blob: 'blob' }]);
+  assert.deepEqual(told, ['no memory', '']);
 });
 
 test('live: metrics are gathered, thinned out ones and answers that crossed asked for anew', () => {
@@ -366,6 +389,9 @@ test('live: who loses the program learns whether the training had ended', () => 
 test('keys: sliders and boxes take no text; what the space bar presses keeps it', () => {
   assert.deepEqual([['INPUT', 'range'], ['INPUT', 'checkbox'], ['BUTTON'], ['INPUT', 'number'], ['SELECT'], ['TEXTAREA']]
     .map(([tagName, type]) => takesText({ tagName, type })), [false, false, false, true, true, true]);
+  const typed = (key, held = {}, tagName = 'BODY') => shortcut({ key, target: { tagName }, ...held });
+  assert.deepEqual([typed('R'), typed('['), typed('[', { altKey: true }), typed(']', { altKey: true, ctrlKey: true })], ['r', '[', '[', ']']);
+  assert.deepEqual([typed('r', { altKey: true }), typed('r', { ctrlKey: true }), typed('[', { metaKey: true }), typed('[', {}, 'SELECT')], ['', '', '', '']);
   assert.deepEqual([['SUMMARY'], ['BUTTON'], ['INPUT', 'checkbox'], ['INPUT', 'range'], ['DIV']].map(([tagName, type]) => takesSpace({ tagName, type })),
     [true, true, true, false, false]);
 });

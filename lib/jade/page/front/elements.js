@@ -9,6 +9,15 @@ export function takesText({ tagName, type }) {
   return tagName === 'SELECT' || tagName === 'TEXTAREA' || (tagName === 'INPUT' && type !== 'range' && type !== 'checkbox');
 }
 
+/**
+ * The key of a shortcut in lower case, or '' where text is typed or a modifier makes it the browser's. Alt, and
+ * AltGr, which comes as both Ctrl and Alt, write the brackets on many keyboards.
+ */
+export function shortcut({ key, ctrlKey, metaKey, altKey, target }) {
+  const writes = altKey && '[]'.includes(key);
+  return takesText(target) || ((ctrlKey || metaKey || altKey) && !writes) ? '' : key.toLowerCase();
+}
+
 /** Whether the space bar presses it. */
 export function takesSpace({ tagName, type }) {
   return tagName === 'BUTTON' || tagName === 'SUMMARY' || type === 'checkbox';

@@ -34,9 +34,11 @@ export class EventFilm {
     return rgba;
   }
 
-  /** Fills a canvas with the picture. */
-  paint(canvas, moment) {
+  /** Fills a canvas with the picture, and makes it as large as its cells: the last ones may reach beyond the camera's. */
+  paint(canvas, moment, camera) {
     Object.assign(canvas, { width: this.columns, height: this.rows });
+    canvas.style.width = `${100 * this.columns * this.cell / camera.width}%`;
+    canvas.style.height = `${100 * this.rows * this.cell / camera.height}%`;
     canvas.getContext('2d').putImageData(new ImageData(this.picture(moment), this.columns), 0, 0);
   }
 }

@@ -4,7 +4,7 @@
 
 import { depthAhead } from './viewer.js';
 import { DIFFERENCE } from './layers.js';
-import { takesText } from './elements.js';
+import { shortcut } from './elements.js';
 import { writeCards, writeCurves } from './report.js';
 
 const ASK_MS = 1000; // between two questions for the state
@@ -30,14 +30,15 @@ export class LiveLink {
   }
 
   /**
-   * {blob, step, gaussians, psnr}, or null where it was not drawn.
+   * {blob, step, gaussians, psnr}; {reason} where it cannot be drawn; null where another request came first.
    * @param view  the camera of the data set that it is seen from, which may have a truth to judge by
    */
   async frame(camera, pose, scale, layer, view = '') {
     const { width, height, fx, fy, cx, cy } = scaledCamera(camera, scale);
     const where = { layer, pose: pose.join(','), camera: [fx, fy, cx, cy, width, height].join(',') };
     const answer = await this.ask(this.address('frame', view ? { ...where, view } : where));
-    if (answer.status !== 200) return null;
+    if (answer.status === 204) return null;
+    if (answer.status !== 200) return { reason: (await answer.text()).trim() };
     const number = (name) => Number(answer.headers.get(name));
     return { blob: await answer.blob(), step: number('X-Step'), gaussians: number('X-Gaussians'), psnr: psnrOf(answer) };
   }
@@ -150,7 +151,7 @@ export class LiveViewer {
    * @param at        the camera of the data set that it is seen from now, or ''
    */
   constructor(canvas, settings, link, changing, at) {
-    Object.assign(this, { canvas, link, changing, at, psnr: null, native: false, pace: 0, onFrame: () => {} });
+    Object.assign(this, { canvas, link, changing, at, psnr: null, native: false, pace: 0, trouble: '', onFrame: () => {}, onTrouble: () => {} });
     this.renderer = { canvas };
     Object.assign(this, { limit: settings.scale, pixels: settings.pixels });
     const count = settings.sample.length / 3;
@@ -214,8 +215,13 @@ export class LiveViewer {
     }
   }
 
-  fetch({ camera, pose }, layer) {
-    return this.link.frame(camera, pose, this.scale(camera), layer, this.at()).catch(() => null);
+  /** A frame, or null; why there is none is told once. */
+  async fetch({ camera, pose }, layer) {
+    const frame = await this.link.frame(camera, pose, this.scale(camera), layer, this.at()).catch(() => null);
+    const trouble = frame ? frame.reason || '' : this.trouble;
+    if (trouble !== this.trouble) this.onTrouble(trouble);
+    this.trouble = trouble;
+    return frame?.blob ? frame : null;
   }
 
   async paint({ blob, step, gaussians, psnr }, part) {
@@ -285,6 +291,7 @@ export class LivePage {
 
   openViewer(canvas) {
     this.viewer = new LiveViewer(canvas, this.data.live, this.link, () => this.state?.phase === 'training', () => this.page.standsAt());
+    this.viewer.onTrouble = (reason) => this.page.say(reason && `not drawn: ${reason}`);
     return this.viewer;
   }
 
@@ -340,8 +347,7 @@ export class LivePage {
   }
 
   key(event) {
-    if (event.ctrlKey || event.metaKey || event.altKey || takesText(event.target)) return;
-    if (event.key.toLowerCase() !== 't' || !this.data.live.pausable || document.getElementById('keys').open) return;
+    if (shortcut(event) !== 't' || !this.data.live.pausable || document.getElementById('keys').open) return;
     event.preventDefault();
     this.togglePause();
   }

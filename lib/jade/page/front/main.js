@@ -10,7 +10,7 @@ import { Viewer } from './viewer.js';
 import { formatLink, parseLink } from './link.js';
 import { add, axis, poseInExposure, unit } from './pose.js';
 import { gunzipBase64, parseSpz } from './spz.js';
-import { takesSpace, takesText } from './elements.js';
+import { shortcut, takesSpace } from './elements.js';
 import { writeReport } from './report.js';
 import { LivePage } from './live.js';
 
@@ -203,7 +203,7 @@ class Page {
   paintEvents() {
     const film = this.state.events && this.view()?.events ? this.films.get(this.state.camera) : null;
     element('event-layer').hidden = !film;
-    if (film) film.paint(element('event-layer'), this.state.moment);
+    if (film) film.paint(element('event-layer'), this.state.moment, this.camera());
   }
 
   // --- drawing
@@ -405,7 +405,6 @@ class Page {
   }
 
   key(event) {
-    if (event.ctrlKey || event.metaKey || event.altKey || takesText(event.target)) return;
     const scene = {
       r: () => this.reset(), ' ': () => !element('play').disabled && this.play(), k: () => this.addKey(), p: () => this.savePicture(),
     };
@@ -415,7 +414,7 @@ class Page {
       l: () => this.copyLink(), v: () => !element('events').disabled && this.showEvents(!this.state.events), ...(this.viewer ? scene : {}),
     };
     if (event.key === ' ' && takesSpace(event.target)) return;
-    const call = keys[event.key.toLowerCase()];
+    const call = keys[shortcut(event)];
     if (!call || element('keys').open) return;
     event.preventDefault();
     call();

@@ -3,7 +3,7 @@
 // other. Pictures and reports are files beside the page.
 
 import { DIFFERENCE, Layers, SCENE } from './layers.js';
-import { make, tableIn } from './elements.js';
+import { make, shortcut, tableIn } from './elements.js';
 
 const TRUTH = 'truth';
 const MARKS = { finished: '✓', failed: '✗', running: '▸', unfinished: '…', new: '·' };
@@ -203,8 +203,7 @@ export class SweepPage {
   }
 
   key(event) {
-    if (event.ctrlKey || event.metaKey || event.altKey || event.target.tagName === 'SELECT') return;
-    const call = { '[': () => this.step(-1), ']': () => this.step(1), x: () => this.layers.swap() }[event.key.toLowerCase()];
+    const call = { '[': () => this.step(-1), ']': () => this.step(1), x: () => this.layers.swap() }[shortcut(event)];
     if (!call) return;
     event.preventDefault();
     call();
