@@ -108,7 +108,16 @@ TEST_CASE("live_run: a run gives the same bits with viewers and without", "[run]
   const auto dataset = data::load_dataset(options.dataset);
   Audience audience(server.stage(), geometry::pose_from_tensor(matrix),
                     dataset.train.front().camera);
+  // However slow the machine is, they have looked before the run goes on.
+  server.stage().set_paused(true);
+  auto going_on = std::async(std::launch::async, [&] {
+    for (int i = 0; i < 6000 && (audience.seen() < 3 || audience.judged() < 1); ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    server.stage().set_paused(false);
+  });
   trainer.run(&live);
+  going_on.get();
   audience.leave();
   CHECK(audience.seen() >= 3);
   CHECK(audience.judged() >= 1);
