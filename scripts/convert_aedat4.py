@@ -165,7 +165,8 @@ def main():
                     writer.append(*values)
                 elif cv2 is not None:
                     image, start, end = values
-                    cv2.imwrite(os.path.join(options.frames, f"{len(starts):04d}.png"), image)
+                    if not cv2.imwrite(os.path.join(options.frames, f"{len(starts):04d}.png"), image):
+                        raise OSError(f"{options.frames}: an image cannot be written; check the free space")
                     starts.append(start)
                     ends.append(end)
     except (RuntimeError, ValueError, OSError) as error:

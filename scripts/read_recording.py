@@ -66,6 +66,7 @@ class Output:
     def __init__(self, folder, form):
         self.folder, self.form = Path(folder), form
         self.folder.mkdir(parents=True, exist_ok=True)
+        self.forget_earlier()
         self.size = None
         self.stamp = "middle"
         self.offset_us = 0
@@ -73,6 +74,15 @@ class Output:
         self.exposures, self.edges = [], []
         self.writer = self.h5 = self.raw = self.encoding = None
         self.event_count = 0
+
+    def forget_earlier(self):
+        """What this script wrote here before would be taken for a part of the new recording. recording.txt, which comes
+        last, says that it was this script."""
+        if not (self.folder / "recording.txt").is_file():
+            return
+        names = ("recording.txt", "events.h5", "events.raw", "exposures.csv", "triggers.csv", "images/" + 6 * "[0-9]" + ".png")
+        for path in [path for name in names for path in self.folder.glob(name)]:
+            path.unlink()
 
     def events(self, x, y, t_us, p):
         if self.h5 is None:
@@ -302,10 +312,12 @@ class BagReader:
         self.np = need("numpy", "numpy")
         self.out = Output(folder, "ROS bag")
         self.clock = SensorClock()
-        self.exposure_us = 0
+        self.lengths = {}  # of exposures, by namespace: when the bag has them from, us
+        self.pictures = []  # the same for frames: when from, namespace
         self.skipped = {}
 
-    def take(self, kind, topic, raw, ros1, decode):
+    def take(self, kind, topic, at, raw, ros1, decode):
+        room = topic.rpartition("/")[0]
         if kind in ("dvs_msgs/msg/EventArray", "prophesee_event_msgs/msg/EventArray"):
             self.out.size, *events = event_array(raw, ros1, self.np)
             self.out.events(*events)
@@ -313,15 +325,15 @@ class BagReader:
             self.packet(decode())
         elif kind == "sensor_msgs/msg/Image":
             message = decode()
-            self.picture(message.header, to_picture(message, self.np, need("cv2", "opencv-python-headless")))
+            self.picture(message.header, at, room, to_picture(message, self.np, need("cv2", "opencv-python-headless")))
         elif kind == "sensor_msgs/msg/CompressedImage":
             message, cv2 = decode(), need("cv2", "opencv-python-headless")
             image = cv2.imdecode(self.np.frombuffer(message.data.tobytes(), dtype=self.np.uint8), cv2.IMREAD_UNCHANGED)
             if image is None:
                 raise Problem(f"an image of {topic} cannot be decoded ({message.format})")
-            self.picture(message.header, image)
+            self.picture(message.header, at, room, image)
         elif kind == "std_msgs/msg/Int32" and "exposure" in topic:
-            self.exposure_us = max(int(decode().data), 0)
+            self.lengths.setdefault(room, []).append((at, max(int(decode().data), 0)))
         else:
             self.skipped[topic] = kind
 
@@ -337,15 +349,25 @@ class BagReader:
         else:
             raise Problem(f"event packets of encoding {message.encoding} are not read; expected evt3, evt21, evt2 or mono")
 
-    def picture(self, header, image):
+    def picture(self, header, at, room, image):
         t = stamp_us(header)
-        if self.exposure_us:
-            start = t - self.exposure_us // 2 if self.out.stamp == "middle" else t
-            self.out.frame(image, start, start + self.exposure_us)
-        else:
-            self.out.frame(image, t, t)
+        self.pictures.append((at, room))
+        self.out.frame(image, t, t)
+
+    def give_lengths(self):
+        """To each frame that of its own exposure. The DAVIS driver publishes a frame first and its length right after it;
+        a bag has them in the order in which they arrived. So the nearest counts, of two as near the later."""
+        for k, (at, room) in enumerate(self.pictures):
+            known = self.lengths.get(room) or [length for lengths in self.lengths.values() for length in lengths]
+            if not known:
+                continue
+            _, length = min(known, key=lambda each: (abs(each[0] - at), -each[0]))
+            name, t, _ = self.out.exposures[k]
+            start = t - length // 2 if self.out.stamp == "middle" else t
+            self.out.exposures[k] = (name, start, start + length)
 
     def finish(self):
+        self.give_lengths()
         out = self.out
         if out.raw is not None and out.exposures:
             out.offset_us = self.clock.offset_us()
@@ -389,8 +411,8 @@ def read_bag(path, folder, events_topic, frames_topic):
             reader.out.stamp = "middle" if davis else "start"
             wanted = [c for c in bag.connections if c.topic not in left]
             ros1 = not bag.is2
-            for connection, _, raw in bag.messages(wanted):
-                reader.take(connection.msgtype, connection.topic, raw, ros1,
+            for connection, at, raw in bag.messages(wanted):
+                reader.take(connection.msgtype, connection.topic, at, raw, ros1,
                             lambda: bag.deserialize(raw, connection.msgtype))
     except Problem as problem:
         raise Problem(f"{path}: {problem}") from problem

@@ -193,6 +193,20 @@ class Trainer:
         """The parameters' memory, outside of any graph."""
         return [p.detach() for p in self.model.parameters()]
 
+    def learned(self) -> list[Tensor]:
+        """The parameters and their running mean."""
+        return self.values() + self.mean
+
+    def keep_or_restore(self, good: list[Tensor], loss: float) -> None:
+        """What is learned becomes `good`, or, where it is not finite, `good` again. The loss is of the weights before its own
+        step, and the mean keeps what a step between two calls spoilt."""
+        if math.isfinite(loss) and all(bool(p.isfinite().all()) for p in self.learned()):
+            torch._foreach_copy_(good, self.learned())
+            return
+        self.log(f"step {self.step}: a loss of {loss} or weights that are not finite; those of the last report are restored")
+        torch._foreach_copy_(self.learned(), good)
+        self.optimiser.state.clear()
+
     def log(self, text: str) -> None:
         if self.log_file is None:
             return
@@ -294,19 +308,14 @@ class Trainer:
         torch.backends.cudnn.benchmark = True
         self.log(f"one batch of drawn data takes {1e3 * self.data_seconds():.1f} ms")
         last_validation = last_report = time.monotonic()
-        good = [p.clone() for p in self.values()]
+        good = [p.clone() for p in self.learned()]
         reported = self.step
         self.fraction = 0.0
         while self.progress() < 1:
             loss = self.train_step()
             if self.step % self.REPORT_STEPS == 0 or self.step == self.first_step + 20:
                 value, now = self.machines.from_first(float(loss)), time.monotonic()
-                if math.isfinite(value):
-                    torch._foreach_copy_(good, self.values())
-                else:
-                    self.log(f"step {self.step}: loss is {value}; the weights of the last report are restored")
-                    torch._foreach_copy_(self.values(), good)
-                    self.optimiser.state.clear()
+                self.keep_or_restore(good, value)
                 rate = (self.step - reported) / (now - last_report)
                 left = (1 - self.fraction) * (now - self.begin) / max(self.fraction, 1e-6)
                 self.log(
@@ -317,10 +326,11 @@ class Trainer:
                     self.footage.refresh()
                 last_report, reported = now, self.step
             if self.machines.rank == 0 and time.monotonic() - last_validation > 60 * o.validate_minutes:
+                self.save()
                 if self.fraction < 0.9:
                     self.validate(final=False)
-                    self.save()
                 last_validation = last_report = time.monotonic()
+        self.keep_or_restore(good, 0.0)
         self.save()
         if self.machines.rank == 0:
             self.validate(final=True)

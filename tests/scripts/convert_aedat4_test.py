@@ -126,11 +126,16 @@ READERS = {"aedat": module("aedat", Decoder=AedatDecoder) | {"dv_processing": No
 
 
 class ConvertAedat4(unittest.TestCase):
-    def convert(self, reader):
-        """Exit code, what was said, the pictures and the times."""
+    def convert(self, reader, room=9):
+        """Exit code, what was said, the pictures, for as many as there is room, and the times."""
         pictures = {}
-        stubs = module("h5py", File=Hdf5File) | module(
-            "cv2", imwrite=lambda path, values: pictures.update({Path(path).name: values}))
+
+        def imwrite(path, values):
+            if len(pictures) < room:
+                pictures[Path(path).name] = values
+            return Path(path).name in pictures
+
+        stubs = module("h5py", File=Hdf5File) | module("cv2", imwrite=imwrite)
         said = io.StringIO()
         with tempfile.TemporaryDirectory() as folder:
             recording = Path(folder) / "recording.aedat4"
@@ -173,6 +178,11 @@ class ConvertAedat4(unittest.TestCase):
 
     def test_of_two_cameras_the_first_is_read(self):
         self.assertIn("left out: 2 (events)", self.convert(READERS["aedat"])[1])
+
+    def test_a_full_disk_is_told(self):
+        code, said, _, times = self.convert(READERS["aedat"], room=1)
+        self.assertEqual((code, times), (3, {}))
+        self.assertRegex(said, "frames: an image cannot be written; check the free space")
 
     def test_a_package_that_fails_is_quoted_in_one_line(self):
         failing = module("dv_processing", io=types.SimpleNamespace(MonoCameraRecording=FailingRecording))

@@ -162,18 +162,36 @@ class Bags(unittest.TestCase):
                                                 data=np.array([5, 200], np.uint8))
         made = [types_["dvs_msgs/msg/Event"](x, y, types_["builtin_interfaces/msg/Time"](s, ns), bool(p)) for x, y, s, ns, p in EVENTS]
         array = types_["dvs_msgs/msg/EventArray"](header=header, height=260, width=346, events=made)
+        length = types_["std_msgs/msg/Int32"]
+        # Frames at 10, 50 and 90; the driver publishes each length after its frame, but it may overtake it. The other
+        # camera's are none of these.
+        messages = ((1, "/dvs/events", array), (10, "/dvs/image_raw", image), (11, "/dvs/exposure", length(data=4000)),
+                    (49, "/dvs/exposure", length(data=6000)), (50, "/dvs/image_raw", image), (50, "/right/exposure", length(data=2)),
+                    (90, "/dvs/image_raw", image), (91, "/dvs/exposure", length(data=8000)))
         with Writer(self.folder / "a.bag") as bag:
-            for topic, message in (("/dvs/exposure", types_["std_msgs/msg/Int32"](data=4000)), ("/dvs/events", array),
-                                   ("/dvs/image_raw", image)):
+            connections = {}
+            for at, topic, message in messages:
                 kind = message.__msgtype__
-                connection = bag.add_connection(topic, kind, typestore=store)
-                bag.write(connection, 1, store.serialize_ros1(message, kind))
+                if topic not in connections:
+                    connections[topic] = bag.add_connection(topic, kind, typestore=store)
+                bag.write(connections[topic], at, store.serialize_ros1(message, kind))
         out = self.convert(self.folder / "a.bag")
         import h5py
         with h5py.File(out / "events.h5") as file:
             self.assertEqual([file[name][:].tolist() for name in "xytp"], [list(field) for field in FIELDS])
-        self.assertEqual(rows(out / "exposures.csv"), [("000000", "7498000", "7502000")])
+        self.assertEqual(rows(out / "exposures.csv"), [("000000", "7498000", "7502000"), ("000001", "7497000", "7503000"),
+                                                       ("000002", "7496000", "7504000")])
         self.assertIn("width 346", (out / "recording.txt").read_text())
+        # Another recording into the same folder: nothing of the first stays but what is somebody else's.
+        (out / "images" / "mine.png").touch()
+        (out / "triggers.csv").touch()
+        with Writer(self.folder / "b.bag") as bag:
+            bag.write(bag.add_connection("/dvs/image_raw", image.__msgtype__, typestore=store), 1,
+                      store.serialize_ros1(image, image.__msgtype__))
+        done = subprocess.run([sys.executable, SCRIPTS / "read_recording.py", self.folder / "b.bag", out], capture_output=True, text=True)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual(sorted(str(path.relative_to(out)) for path in out.rglob("*.*")),
+                         ["exposures.csv", "images/000000.png", "images/mine.png", "recording.txt"])
 
     def test_packets_and_pictures_of_ros2(self):
         from rosbags.rosbag2 import StoragePlugin, Writer

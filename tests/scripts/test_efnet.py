@@ -328,6 +328,30 @@ class Export(unittest.TestCase):
             self.assertEqual(read.keys(), net.state_dict().keys())
             self.assertTrue(all(torch.equal(read[k], v) for k, v in net.state_dict().items()), name)
 
+    def test_a_training_survives_steps_that_are_not_finite(self):
+        options = "--width 4 --crop 16 --batch 2 --texture-size 64 --procedural 4 --device cpu --max-steps 12 --blur-max 4".split()
+        for where in ("truth", "gradient"):
+            folder = self.path / where
+            with redirect_stdout(io.StringIO()):
+                trainer = train_efnet.Trainer(train_efnet.parse_arguments(["--output", str(folder), *options]))
+            trainer.REPORT_STEPS, trainer.validate, sample = 4, lambda final: None, trainer.sample
+
+            def spoilt():
+                drawn = sample()
+                if where == "truth" and trainer.step == 5:
+                    drawn.sharp[0, 0, 0, 0, 0] = float("nan")
+                if where == "gradient" and trainer.step == 7:
+                    next(trainer.model.parameters()).register_hook(lambda g: g * float("inf") if trainer.step == 7 else g)
+                return drawn
+
+            trainer.sample = spoilt
+            with redirect_stdout(io.StringIO()) as said:
+                trainer.run()
+            self.assertIn("those of the last report are restored", said.getvalue() + (folder / "log.txt").read_text())
+            for name in ("weights.pth", "state.pth"):
+                kept = torch.load(folder / name, weights_only=True)["params"]
+                self.assertTrue(all(bool(v.isfinite().all()) for v in kept.values()), (where, name))
+
     def test_an_any_time_network_takes_no_options_of_the_published_one(self):
         for option in (("--no-mask",), ("--channel-order", "bgr")):
             with self.assertRaises(export_efnet.DataError):
