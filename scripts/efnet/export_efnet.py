@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
+import math
 import pickle
 import sys
 from pathlib import Path
@@ -146,10 +147,12 @@ def example_inputs(kind: str, height: int, width: int, seed: int) -> tuple[Tenso
 
 
 @torch.no_grad()
-def verify(reference: nn.Module, path: Path, kind: str) -> float:
-    """Largest difference between the saved file, read as JADE-GS does, and the module it came from, over three sizes."""
+def verify(reference: nn.Module, path: Path, kind: str, multiple: int) -> float:
+    """Largest difference between the saved file, read as JADE-GS does, and the module it came from, over three sizes,
+    padded to a multiple as there."""
     saved, worst = torch.jit.load(str(path), map_location="cpu").float(), 0.0
-    for seed, (height, width) in enumerate(VERIFIED_SIZES):
+    for seed, size in enumerate(VERIFIED_SIZES):
+        height, width = (math.ceil(side / multiple) * multiple for side in size)
         inputs = example_inputs(kind, height, width, seed)
         expected, found = reference(*inputs), saved(*inputs)
         if not isinstance(found, Tensor) or found.shape != inputs[0].shape:
@@ -196,7 +199,7 @@ def export(arguments: argparse.Namespace) -> dict[str, object]:
     torch.jit.save(module, str(temporary), _extra_files={METADATA_NAME: json.dumps(content, indent=1)})
     module.float()  # its parameters are those of the reference
     try:
-        difference = verify(reference, temporary, inputs)
+        difference = verify(reference, temporary, inputs, content["padding_multiple"])
         temporary.replace(arguments.output)
     finally:
         temporary.unlink(missing_ok=True)

@@ -293,6 +293,22 @@ class Export(unittest.TestCase):
         with torch.no_grad():
             self.assertTrue(torch.equal(module(image, events, mask), module(image, events, mask * 0)))
 
+    def test_an_image_network_is_verified_at_multiples_of_its_padding(self):
+        class Halved(torch.nn.Module):
+            """Fails where a side is no multiple of 16."""
+
+            def __init__(self):
+                super().__init__()
+                self.gain = torch.nn.Parameter(torch.ones(1))
+
+            def forward(self, image: torch.Tensor) -> torch.Tensor:
+                small = image[:, :, ::16, ::16] * self.gain
+                return image + torch.repeat_interleave(torch.repeat_interleave(small, 16, 2), 16, 3)
+
+        torch.jit.script(Halved()).save(str(self.path / "official.pth"))
+        _, content = self.export("--kind", "image", "--padding-multiple", "16")
+        self.assertEqual((content["kind"], content["padding_multiple"]), ("image", 16))
+
     def any_time(self, *options: str):
         net = EFNet(8, restoration.any_time_channels(), restoration.CANDIDATES).eval()
         torch.save({"params": net.state_dict()}, self.path / "official.pth")
