@@ -17,6 +17,7 @@ prophesee_event_msgs EventArray, event_camera_msgs EventPacket (evt3, evt21, evt
 CompressedImage, and the exposure topic of rpg_dvs_ros (std_msgs/Int32).
 """
 import argparse
+import bisect
 import errno
 import os
 import statistics
@@ -357,11 +358,13 @@ class BagReader:
     def give_lengths(self):
         """To each frame that of its own exposure. The DAVIS driver publishes a frame first and its length right after it;
         a bag has them in the order in which they arrived. So the nearest counts, of two as near the later."""
+        every = sorted(length for lengths in self.lengths.values() for length in lengths)
         for k, (at, room) in enumerate(self.pictures):
-            known = self.lengths.get(room) or [length for lengths in self.lengths.values() for length in lengths]
+            known = self.lengths.get(room, every)  # in the order of the bag's times
             if not known:
-                continue
-            _, length = min(known, key=lambda each: (abs(each[0] - at), -each[0]))
+                return
+            after = bisect.bisect_left(known, (at,))
+            _, length = min(known[max(after - 1, 0):after + 1], key=lambda each: (abs(each[0] - at), -each[0]))
             name, t, _ = self.out.exposures[k]
             start = t - length // 2 if self.out.stamp == "middle" else t
             self.out.exposures[k] = (name, start, start + length)
