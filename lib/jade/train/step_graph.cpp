@@ -20,8 +20,9 @@ namespace {
 /// become.
 constexpr int64_t kRenewal = 1000;
 
-/// What the allocator may keep beyond a second set of all tensors: less, and it would ask the
-/// driver anew at every recording.
+/// What the allocator may keep beyond what tensors hold when a step is recorded: what earlier
+/// recordings and the restorer left behind goes back to the driver. Less saves nothing
+/// (docs/performance.md).
 constexpr int64_t kSpareBytes = int64_t{512} << 20;
 
 /// The most plans whose recordings are kept: steps alternate between few.
@@ -134,7 +135,7 @@ struct StepGraph::Recordings {
     // recording is under way: after a hundred densifications they would fill the card.
     if (recorded.size() == kMostPlans) recorded.erase(recorded.begin());
     const torch::Device device = step_inputs.view.blurry.device();
-    trim_device_memory(device, peak_memory_bytes(device) + kSpareBytes);
+    trim_device_memory(device, kSpareBytes);
     if (!inputs) inputs = own_copy(step_inputs);
     // Gradients must be born inside the recording, at addresses of its own.
     state.gaussians.zero_grad();
