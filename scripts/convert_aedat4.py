@@ -15,11 +15,16 @@ h5py and numpy, and opencv-python-headless for --frames.
     .venv/bin/python scripts/convert_aedat4.py ...
 """
 import argparse
+import contextlib
 import datetime
 import os
+import struct
 import sys
+import xml.etree.ElementTree
 
 CHUNK = 1 << 20
+MAGIC = b"#!AER-DAT4.0\r\n"
+COPY_AGAIN = "the file is damaged or was cut short, copy it again"
 
 
 def fail(message, code=2):
@@ -37,6 +42,86 @@ def need(module, package):
         return __import__(module)
     except ImportError:
         fail(f"needs the Python package {package}: {sys.executable} -m pip install {package}")
+
+
+def header_fields(header):
+    """Of the file's IOHeader, a table of FlatBuffers: the compression, where the packets end (0 or less: with the file), and
+    the description of the streams. Raises struct.error where it points beyond itself."""
+    def number(form, at):
+        if at < 0:  # struct would count from the end
+            raise struct.error
+        return struct.unpack_from("<" + form, header, at)[0]
+
+    table = number("I", 0)
+    fields = table - number("i", table)
+
+    def place(index):
+        known = 4 + 2 * index < number("H", fields)
+        offset = number("H", fields + 4 + 2 * index) if known else 0
+        return table + offset if offset else None
+
+    compression, end, text = (place(index) for index in range(3))
+    description = b""
+    if text is not None:
+        text += number("I", text)
+        description = struct.unpack_from(f"<{number('I', text)}s", header, text + 4)[0]
+    return 0 if compression is None else number("i", compression), -1 if end is None else number("q", end), description
+
+
+def check_header(path):
+    """Where the packages would end the whole interpreter, as they do on sizes beyond the file and on a description that is no
+    text: a ValueError. Each packet's size is part of that."""
+    size = os.path.getsize(path)
+    with open(path, "rb") as file:
+        if file.read(len(MAGIC)) != MAGIC:
+            raise ValueError(f"expected an AEDAT4 recording, found a file that does not begin with {MAGIC.decode().strip()}")
+        length = int.from_bytes(file.read(4), "little")
+        if not 0 < length <= size - file.tell():
+            raise ValueError(f"expected a header within the {size} bytes of the file, found one of {length}; {COPY_AGAIN}")
+        try:
+            compression, end, description = header_fields(file.read(length))
+            xml.etree.ElementTree.fromstring(description.decode())
+        except (struct.error, UnicodeDecodeError, xml.etree.ElementTree.ParseError):
+            raise ValueError(f"expected a header that describes the streams, found one that cannot be read; {COPY_AGAIN}") from None
+        if not 0 <= compression <= 4:
+            raise ValueError(f"expected a compression from 0 to 4, found {compression}; {COPY_AGAIN}")
+        end = end if 0 < end <= size else size
+        while (at := file.tell()) < end:
+            head = file.read(8)
+            length = struct.unpack("<ii", head)[1] if len(head) == 8 else -1
+            if not 0 <= length <= end - at - 8:
+                raise ValueError(f"the packet at byte {at} does not end within the recording; {COPY_AGAIN}")
+            file.seek(length, os.SEEK_CUR)
+
+
+@contextlib.contextmanager
+def standard_error_closed():
+    """Also for what is not Python: aedat prints where in its code it failed."""
+    sys.stderr.flush()
+    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    os.close(nowhere)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+
+
+def aedat_packets(decoder):
+    """What a decoder of the aedat package gives. Its failures within a packet are no Exception, so that nothing would catch them."""
+    packets = iter(decoder)
+    while True:
+        try:
+            with standard_error_closed():
+                packet = next(packets, None)
+        except BaseException as error:
+            if type(error).__name__ != "PanicException":
+                raise
+            raise RuntimeError(f"a packet cannot be decoded; {COPY_AGAIN}") from None
+        if packet is None:
+            return
+        yield packet
 
 
 def packets_from_dv(path):
@@ -83,12 +168,13 @@ def packets_from_aedat(path):
     """The same through the aedat package."""
     import aedat
 
+    check_header(path)
     decoder = aedat.Decoder(path)
     streams = decoder.id_to_stream()
     others = other_streams(streams)
     if others:
         print(f"convert_aedat4: {path}: {left_out(streams, others)}", file=sys.stderr)
-    for packet in decoder:
+    for packet in aedat_packets(decoder):
         if packet["stream_id"] in others:
             continue
         if "events" in packet:
@@ -152,13 +238,23 @@ def main():
         fail(f"{options.input}: no such file", 3)
     h5py, numpy = need("h5py", "h5py"), need("numpy", "numpy")
     cv2 = need("cv2", "opencv-python-headless") if options.frames else None
+    folder = os.path.dirname(options.output)
+    if os.path.isdir(options.output) or (folder and not os.path.isdir(folder)):
+        fail(f"{options.output}: expected a file to write in a folder that is there, such as events.h5")
     if options.frames:
-        os.makedirs(options.frames, exist_ok=True)
+        try:
+            os.makedirs(options.frames, exist_ok=True)
+        except OSError as error:
+            fail(f"{options.frames}: the folder of the frames cannot be made: {error.strerror}", 3)
 
     starts, ends = [], []
     temporary = options.output + ".part"
     try:
-        with h5py.File(temporary, "w", rdcc_nbytes=CACHE_BYTES) as file:
+        file = h5py.File(temporary, "w", rdcc_nbytes=CACHE_BYTES)
+    except OSError as error:
+        fail(f"{options.output}: cannot be written: {reason(error)}", 3)
+    try:
+        with file:
             writer = EventWriter(file)
             for kind, *values in packets(options.input):
                 if kind == "events":
@@ -169,15 +265,19 @@ def main():
                         raise OSError(f"{options.frames}: an image cannot be written; check the free space")
                     starts.append(start)
                     ends.append(end)
+        if starts:
+            starts, ends = numpy.array(starts), numpy.array(ends)
+            numpy.savez(os.path.join(options.frames, "timestamps.npz"), timestamps=(starts + ends) // 2,
+                        timestamps_start=starts, timestamps_end=ends)
+        os.replace(temporary, options.output)
+    except KeyboardInterrupt:
+        fail("interrupted", 130)
     except (RuntimeError, ValueError, OSError) as error:
+        fail(f"{options.input}: {reason(error)}", 3)
+    finally:
+        # Of what failed, or of a package that is not there, nothing stays.
         if os.path.exists(temporary):
             os.remove(temporary)
-        fail(f"{options.input}: {reason(error)}", 3)
-    os.replace(temporary, options.output)
-    if starts:
-        starts, ends = numpy.array(starts), numpy.array(ends)
-        numpy.savez(os.path.join(options.frames, "timestamps.npz"), timestamps=(starts + ends) // 2,
-                    timestamps_start=starts, timestamps_end=ends)
     print(f"{options.output}: {writer.count} events" + (f", {len(starts)} frames" if len(starts) else ""))
     unknown = sum(int(start >= end) for start, end in zip(starts, ends))
     if unknown:

@@ -25,8 +25,8 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
-from convert_aedat4 import (CACHE_BYTES, EventWriter, left_out, other_streams, packets_from_dv, reason,  # noqa: E402
-                            to_opencv)
+from convert_aedat4 import (CACHE_BYTES, COPY_AGAIN, EventWriter, aedat_packets, check_header, left_out,  # noqa: E402
+                            other_streams, packets_from_dv, reason, to_opencv)
 
 DATA_ERROR, PACKAGE_MISSING = 3, 4
 FULL = (errno.ENOSPC, errno.EDQUOT)
@@ -131,6 +131,7 @@ class Output:
 def read_with_aedat(path, out):
     import aedat
 
+    check_header(path)
     decoder = aedat.Decoder(path)
     streams = decoder.id_to_stream()
     left = other_streams(streams)
@@ -139,7 +140,7 @@ def read_with_aedat(path, out):
     for number, stream in streams.items():
         if stream["type"] == "events" and number not in left:
             out.size = stream["width"], stream["height"]
-    for packet in decoder:
+    for packet in aedat_packets(decoder):
         if packet["stream_id"] in left:
             continue
         if "events" in packet:
@@ -191,7 +192,8 @@ def read_aedat4(path, folder):
             raise
         except Exception as error:  # the packages' own kinds
             check_space(error, folder)
-            raise Problem(f"{path}: {reason(error)}; the file is damaged or was cut short, copy it again") from error
+            said = reason(error)
+            raise Problem(f"{path}: {said}" + ("" if COPY_AGAIN in said else f"; {COPY_AGAIN}")) from error
         return out
     need("aedat", "aedat")
 

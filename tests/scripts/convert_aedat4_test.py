@@ -4,6 +4,7 @@ OpenCV are replaced, so that only numpy is needed."""
 import contextlib
 import datetime
 import io
+import struct
 import sys
 import tempfile
 import types
@@ -15,6 +16,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
 import convert_aedat4  # noqa: E402
+from read_recording_test import aedat4  # noqa: E402
 
 RED, GREEN, BLUE, OPAQUE = 10, 100, 200, 255
 MICROSECOND = datetime.timedelta(microseconds=1)
@@ -30,6 +32,11 @@ def image(*channels):
 def batch(number, names):
     kinds = list(zip(names, ("<u8", "<u2", "<u2", "?")))
     return np.array([(1000 * number + i, i, 1, i % 2) for i in range(3)], kinds)
+
+
+# What is decoded comes from the stubs; a file has to begin and end as one of its format all the same.
+WHOLE = aedat4([("EVTS", 4, 2)], [(0, [("list", (1, struct.pack("<qhhB3x", 1000, 3, 1, 1)))])])
+HEADER_END = 18 + struct.unpack_from("<I", WHOLE, 14)[0]
 
 
 class AedatDecoder:
@@ -126,7 +133,7 @@ READERS = {"aedat": module("aedat", Decoder=AedatDecoder) | {"dv_processing": No
 
 
 class ConvertAedat4(unittest.TestCase):
-    def convert(self, reader, room=9):
+    def convert(self, reader, room=9, content=WHOLE, output="events.h5"):
         """Exit code, what was said, the pictures, for as many as there is room, and the times."""
         pictures = {}
 
@@ -139,8 +146,8 @@ class ConvertAedat4(unittest.TestCase):
         said = io.StringIO()
         with tempfile.TemporaryDirectory() as folder:
             recording = Path(folder) / "recording.aedat4"
-            recording.touch()
-            arguments = ["convert_aedat4", str(recording), f"{folder}/events.h5", "--frames", f"{folder}/frames"]
+            recording.write_bytes(content)
+            arguments = ["convert_aedat4", str(recording), f"{folder}/{output}", "--frames", f"{folder}/frames"]
             with mock.patch.dict(sys.modules, stubs | reader), mock.patch.object(sys, "argv", arguments), \
                     contextlib.redirect_stderr(said), contextlib.redirect_stdout(said):
                 try:
@@ -150,6 +157,7 @@ class ConvertAedat4(unittest.TestCase):
                     code = stop.code
             times = Path(folder) / "frames" / "timestamps.npz"
             times = dict(np.load(times)) if times.exists() else {}
+            self.left = {path.name for path in Path(folder).iterdir()}
         return code, said.getvalue(), pictures, times
 
     def test_colours_are_in_opencvs_order(self):
@@ -183,6 +191,41 @@ class ConvertAedat4(unittest.TestCase):
         code, said, _, times = self.convert(READERS["aedat"], room=1)
         self.assertEqual((code, times), (3, {}))
         self.assertRegex(said, "frames: an image cannot be written; check the free space")
+
+    def test_damage_that_ends_the_interpreter_of_the_package_is_told_before(self):
+        description = WHOLE.index(b"<dv")
+        for place, bytes_, hint in (
+                (0, b"#!AER-DAT3", "found a file that does not begin with"),
+                (14, struct.pack("<I", 0xffffffff), "found one of 4294967295"),
+                (18, struct.pack("<I", 0xfffffff0), "header that describes the streams"),
+                (description - 4, struct.pack("<I", 0x7fffffff), "header that describes the streams"),
+                (description + 5, b"\xff", "header that describes the streams"),
+                (description, b">", "header that describes the streams"),
+                (HEADER_END + 4, struct.pack("<i", -1), f"packet at byte {HEADER_END} does not end"),
+                (HEADER_END + 4, struct.pack("<i", 1 << 30), f"packet at byte {HEADER_END} does not end")):
+            with self.subTest(hint, place=place, bytes=bytes_):
+                damaged = WHOLE[:place] + bytes_ + WHOLE[place + len(bytes_):]
+                code, said, _, _ = self.convert(READERS["aedat"], content=damaged)
+                self.assertEqual(code, 3)
+                self.assertRegex(said, rf"^convert_aedat4: \S+recording.aedat4: .*{hint}.*\n$")
+                self.assertEqual(self.left, {"recording.aedat4", "frames"})
+        for length in (0, 5, 16, 40, HEADER_END + 3, len(WHOLE) - 1):
+            with self.subTest(length=length):
+                code, said, _, _ = self.convert(READERS["aedat"], content=WHOLE[:length])
+                self.assertEqual(code, 3)
+                self.assertRegex(said, r"^convert_aedat4: \S+recording.aedat4: .*\n$")
+
+    def test_a_place_that_cannot_be_written_is_told(self):
+        for output in (".", "none/events.h5"):
+            code, said, _, _ = self.convert(READERS["aedat"], output=output)
+            self.assertEqual(code, 2)
+            self.assertRegex(said, r"^convert_aedat4: \S+: expected a file to write in a folder that is there.*\n$")
+
+    def test_without_a_package_nothing_is_left(self):
+        code, said, _, _ = self.convert({"aedat": None, "dv_processing": None})
+        self.assertEqual(code, 2)
+        self.assertRegex(said, r"^convert_aedat4: needs dv-processing or aedat.*\n$")
+        self.assertEqual(self.left, {"recording.aedat4", "frames"})
 
     def test_a_package_that_fails_is_quoted_in_one_line(self):
         failing = module("dv_processing", io=types.SimpleNamespace(MonoCameraRecording=FailingRecording))

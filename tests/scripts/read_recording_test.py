@@ -345,6 +345,18 @@ class Aedat4(unittest.TestCase):
         self.assertEqual(done.returncode, read_recording.DATA_ERROR)
         self.assertRegex(done.stderr, r"^no space in \S*out; .*set TMPDIR.*\n$")
 
+    def test_a_damaged_file_is_told_in_one_line(self):
+        whole = aedat4([("EVTS", 346, 260)], [(0, [("list", (1, struct.pack("<qhhB3x", 1000, 3, 4, 1)))])])
+        packets, name = 18 + struct.unpack_from("<I", whole, 14)[0], whole.index(b"</node>") + 3
+        # Each ends the package's interpreter, or is a failure that no Python code catches.
+        for content in (whole[:18] + b"\xf0\xff\xff\xff" + whole[22:],  # the table of the header
+                        whole[:name] + b"\xec" + whole[name + 1:],  # its description
+                        whole[:packets] + struct.pack("<iii", 0, 4, 0)):  # a packet without room for its table
+            with self.subTest(bytes=len(content)):
+                done = self.run_on(content)
+                self.assertEqual(done.returncode, read_recording.DATA_ERROR)
+                self.assertRegex(done.stderr, r"^\S*a.aedat4: .*; the file is damaged or was cut short, copy it again\n$")
+
     def test_a_file_cut_short(self):
         done = self.run_on(b"#!AER-DAT4.0\r\n\x10\0\0\0cut")
         self.assertEqual(done.returncode, read_recording.DATA_ERROR)
