@@ -39,6 +39,10 @@ ALLOWED = {
 }
 
 
+class DataError(Exception):
+    """What was expected, what was found, what to do: one line."""
+
+
 def storage_from_bytes(data):
     """What torch.storage._load_from_bytes does, without running code from the bytes."""
     import torch
@@ -68,27 +72,46 @@ def load(path):
             import torch
             value = torch.load(path, map_location="cpu", weights_only=True)
         except Exception:
-            sys.exit(f"{path}: cannot be read: {plain_error}")
+            raise DataError(f"{path}: cannot be read: {str(plain_error).partition(chr(10))[0]}; copy it again") from plain_error
     if hasattr(value, "detach"):
         value = value.detach().cpu().numpy()
     elif isinstance(value, (list, tuple)):
         value = [v.item() if hasattr(v, "item") else v for v in value]
-    return np.asarray(value)
+    try:
+        array = np.asarray(value)
+    except ValueError:  # rows of different lengths
+        array = np.empty(0, object)
+    if array.dtype.kind not in "biuf":
+        raise DataError(f"{path}: expected an array of numbers, found {type(value).__name__}; copy it again")
+    return array
 
 
 def need(folder, name):
     array = load(folder / name)
     if array is None:
-        sys.exit(f"{folder / name}: missing; copy the scene's events folder again")
+        raise DataError(f"{folder / name}: missing; copy the scene's events folder again")
     return array
+
+
+def check_events(folder, rows, coords):
+    if rows.ndim != 2 or rows.shape[1] < 3:
+        raise DataError(f"{folder / 'events.pickle'}: expected rows of id, time, polarity; found shape {rows.shape}")
+    if coords.ndim != 2 or coords.shape[1] != 2:
+        raise DataError(f"{folder / 'id_to_coords.pickle'}: expected [K, 2], found {coords.shape}")
+    for begin in range(0, len(rows), CHUNK):
+        block = rows[begin:begin + CHUNK, :2]
+        if not np.isfinite(block).all():
+            raise DataError(f"{folder / 'events.pickle'}: expected finite numbers, found NaN or Inf; copy it again")
+        ids = block[:, 0]
+        # A negative one would count from the end of the table.
+        beyond = ids[(ids < 0) | (ids >= len(coords))]
+        if len(beyond):
+            raise DataError(f"{folder / 'events.pickle'}: expected ids from 0 to {len(coords) - 1}, the last of id_to_coords.pickle, "
+                            f"found {beyond[0]:.0f}; the two belong to different scenes or one is damaged, copy both again")
 
 
 def write_events(path, rows, coords):
     """rows: coordinate id, time in us, polarity. Sorted by time if they are not."""
-    if rows.ndim != 2 or rows.shape[1] < 3:
-        sys.exit(f"events.pickle: expected rows of id, time, polarity; found shape {rows.shape}")
-    if coords.ndim != 2 or coords.shape[1] != 2:
-        sys.exit(f"id_to_coords.pickle: expected [K, 2], found {coords.shape}")
     if len(rows) and np.any(np.diff(rows[:, 1]) < 0):
         print("  events were out of order in time and have been sorted")
         rows = rows[np.argsort(rows[:, 1], kind="stable")]
@@ -113,19 +136,20 @@ def write_events(path, rows, coords):
 def convert(scene):
     folder = scene / "events"
     if not folder.is_dir():
-        sys.exit(f"{folder}: no such folder; give the folder of a DiET-GS scene")
+        raise DataError(f"{folder}: no such folder; give the folder of a DiET-GS scene")
     start = need(folder, "image_start.pickle").reshape(-1)
     end = need(folder, "image_end.pickle").reshape(-1)
     if len(start) != len(end):
-        sys.exit(f"{folder}: {len(start)} starts and {len(end)} ends of exposures")
+        raise DataError(f"{folder}: {len(start)} starts and {len(end)} ends of exposures; copy the scene's events folder again")
+    rows, coords = need(folder, "events.pickle"), need(folder, "id_to_coords.pickle")
+    check_events(folder, rows, coords)
+    color = load(folder / "id_to_color.pickle")
+    if color is not None and (color.ndim != 3 or color.shape[2] != 3):
+        raise DataError(f"{folder / 'id_to_color.pickle'}: expected [H, W, 3], found {color.shape}")
     np.savez(folder / "timestamps.npz", timestamps_start=np.rint(start).astype(np.int64),
              timestamps_end=np.rint(end).astype(np.int64))
-    rows = need(folder, "events.pickle")
-    write_events(folder / "events.h5", rows, need(folder, "id_to_coords.pickle"))
-    color = load(folder / "id_to_color.pickle")
+    write_events(folder / "events.h5", rows, coords)
     if color is not None:
-        if color.ndim != 3 or color.shape[2] != 3:
-            sys.exit(f"id_to_color.pickle: expected [H, W, 3], found {color.shape}")
         np.save(folder / "color_map.npy", np.ascontiguousarray(color.astype(bool).transpose(2, 0, 1)))
     print(f"{scene}: {len(start)} exposures, {len(rows)} events"
           + (", colour map" if color is not None else ""))
@@ -135,8 +159,13 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("scene", nargs="+", type=pathlib.Path, help="folder of a DiET-GS scene")
     for scene in parser.parse_args().scene:
-        convert(scene)
+        try:
+            convert(scene)
+        except (DataError, OSError) as error:
+            print(f"convert_diet_gs: {error}", file=sys.stderr)
+            return 3
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())
