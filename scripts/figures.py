@@ -43,6 +43,14 @@ NOT_LOSSES = {"step", "loss", "psnr_train", "alpha_mean", "alpha_std", "gaussian
 class DataError(Exception):
     """What was expected, what was found, what to do: one line."""
 
+    code = 3
+
+
+class UsageError(DataError):
+    """The same of the command line."""
+
+    code = 2
+
 
 @dataclass
 class Run:
@@ -85,18 +93,24 @@ def read_json(path: Path) -> dict:
     if not path.exists():
         return {}
     try:
-        return json.loads(path.read_text())
-    except json.JSONDecodeError as error:
+        content = json.loads(path.read_text())
+    except ValueError as error:
         raise DataError(f"{path}: damaged: {error}") from error
+    if not isinstance(content, dict):
+        raise DataError(f"{path}: expected what jade_train writes, found a {type(content).__name__}; train or evaluate again")
+    return content
 
 
 def read_metrics(path: Path) -> list[dict]:
     lines = []
-    for text in path.read_text().splitlines() if path.exists() else []:
+    for text in path.read_text(errors="replace").splitlines() if path.exists() else []:
         try:
-            lines.append(json.loads(text))
+            line = json.loads(text)
         except json.JSONDecodeError:
             continue  # a killed run may leave half a line
+        if not isinstance(line, dict) or "step" not in line:
+            raise DataError(f"{path}: expected lines with a step, as jade_train writes them, found {text[:40]}")
+        lines.append(line)
     return lines
 
 
@@ -105,11 +119,15 @@ def read_report(path: Path) -> dict:
     if not path.exists():
         return {}
     # Older reports hold it in their script.
-    found = re.search(r'^(?:<script type="application/json" id="data">(.*)</script>|const data = (.*);)$', path.read_text(),
-                      re.MULTILINE)
-    if not found:
+    found = re.search(r'^(?:<script type="application/json" id="data">(.*)</script>|const data = (.*);)$',
+                      path.read_text(errors="replace"), re.MULTILINE)
+    try:
+        data = json.loads(found[1] or found[2]) if found else None
+    except json.JSONDecodeError:
+        data = None
+    if not isinstance(data, dict):
         raise DataError(f"{path}: expected a report of jade_train, found no data in it; train again")
-    return json.loads(found[1] or found[2])
+    return data
 
 
 def read_run(path: Path, row: str = "", scene: str = "", seed: str = "", outcome: Path | None = None) -> Run:
@@ -125,8 +143,10 @@ def collect(paths: list[Path]) -> list[Run]:
     runs = []
     for path in paths:
         if (path / "runs.csv").exists():
-            with (path / "runs.csv").open() as table:
+            with (path / "runs.csv").open(errors="replace") as table:
                 for line in csv.DictReader(table):
+                    if not all(line.get(name) for name in ("row", "scene", "seed")):
+                        raise DataError(f"{path / 'runs.csv'}: expected columns row, scene and seed, as jade_sweep writes them")
                     key = Path(line["row"]) / line["scene"] / line["seed"]
                     if (path / "runs" / key / "metrics.jsonl").exists():
                         runs.append(read_run(path / "runs" / key, line["row"], line["scene"], line["seed"],
@@ -184,7 +204,10 @@ def trajectories(runs: list[Run]):
 
 
 def picture(entry: dict) -> np.ndarray:
-    image = plt.imread(io.BytesIO(base64.b64decode(entry["src"].split(",", 1)[1])), format="png")
+    try:
+        image = plt.imread(io.BytesIO(base64.b64decode(entry["src"].split(",", 1)[1])), format="png")
+    except (KeyError, IndexError, ValueError, SyntaxError, OSError) as error:
+        raise DataError(f"a report's picture '{entry.get('name', '')}' cannot be read; train again") from error
     return image[..., :3] if image.ndim == 3 else image
 
 
@@ -305,6 +328,11 @@ def qualitative(runs: list[Run], crops: list[tuple[int, int, int]], view: str | 
     columns = [blurry_near([run for run, _ in shown], view)]
     columns += [(run.row, views[view]["render"]) for run, views in shown if view in views]
     columns.append(("truth", truth))
+    height, width = truth.shape[:2]
+    for x, y, size in crops:
+        if x + size > width or y + size > height:
+            raise UsageError(f"--crop {x},{y},{size}: expected X,Y,SIZE within the {width}x{height} pixels of test view {view}, found "
+                             f"a square that ends at {x + size},{y + size}")
     crops = crops or [busiest_crop(truth)]
     figure, axes = plt.subplots(1 + len(crops), len(columns), figsize=(2.3 * len(columns), 1.8 + 2.1 * len(crops)),
                                 squeeze=False, layout="constrained")
@@ -355,6 +383,8 @@ def crop_of(text: str) -> tuple[int, int, int]:
         x, y, size = (int(part) for part in text.split(","))
     except ValueError:
         raise argparse.ArgumentTypeError(f"expected X,Y,SIZE in pixels, found '{text}'") from None
+    if x < 0 or y < 0 or size < 1:
+        raise argparse.ArgumentTypeError(f"expected X and Y from 0 and SIZE from 1, found '{text}'")
     return x, y, size
 
 
@@ -402,11 +432,18 @@ def main() -> int:
             if words:
                 runs = [run for run in runs if getattr(run, name) in words.split(",")]
         if not runs:
-            raise DataError("--rows and --scenes leave no run")
+            raise UsageError("--rows and --scenes leave no run")
+        views = {view for run in runs for view in test_views(run)}
+        if arguments.view and arguments.view not in views:
+            raise UsageError(f"--view {arguments.view}: expected a test view that a report shows ({', '.join(sorted(views)) or 'none'})")
         for path in draw_all(runs, arguments.output, arguments.format, arguments.crop, arguments.view):
             print(path)
     except DataError as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"figures: {error}", file=sys.stderr)
+        return error.code
+    except OSError as error:
+        print(f"figures: {error.filename}: {error.strerror}; expected runs that can be read and a folder that can be written",
+              file=sys.stderr)
         return 3
     return 0
 

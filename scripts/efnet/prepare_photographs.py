@@ -11,8 +11,12 @@ import re
 import sys
 from pathlib import Path
 
-import cv2
-import numpy as np
+try:
+    import cv2
+    import numpy as np
+except ImportError as error:
+    print(f"prepare_photographs: {error}; run scripts/setup.sh --python-torch once, then this with .venv/bin/python", file=sys.stderr)
+    sys.exit(2)
 
 SUFFIXES = {".jpg", ".jpeg", ".png", ".bmp", ".webp"}
 # Diagrams, icons and drawings teach nothing about photographs, and html pages hold mostly those.
@@ -20,9 +24,14 @@ SKIPPED = ("/html/", "charmap", "letter", "digits", "logo", "opencv4", "shape_sa
            "720x1440", "1080x1920", "images_dark", "ml.png", "gradient", "pca_test")
 
 
+def is_skipped(path: Path, folder: Path) -> bool:
+    """By its names below the folder alone: where that lies says nothing about its pictures."""
+    return any(word in f"/{path.relative_to(folder).as_posix()}" for word in SKIPPED)
+
+
 def candidates(folders: list[Path]) -> list[Path]:
-    files = sorted(p for f in folders for p in f.rglob("*") if p.suffix.lower() in SUFFIXES and p.is_file())
-    files = [p for p in files if not any(word in str(p) for word in SKIPPED) and p.stat().st_size > 30_000]
+    files = {p for f in folders for p in f.rglob("*") if p.suffix.lower() in SUFFIXES and p.is_file() and not is_skipped(p, f)}
+    files = [p for p in sorted(files) if p.stat().st_size > 30_000]
     largest: dict[str, Path] = {}
     for path in files:  # wallpaper packages hold one picture in many resolutions, in a folder of its own
         key = str(path.parent) if path.parent.name == "images" else re.sub(r"_\d+x\d+$", "", str(path.with_suffix("")))
@@ -58,19 +67,7 @@ def tiles(image: np.ndarray, size: int, most: int) -> list[np.ndarray]:
     return [t for t in result if t.shape[:2] == (size, size) and detail(t) > 1.5]
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folders", nargs="+", type=Path, help="unpacked packages")
-    parser.add_argument("--output", type=Path, required=True)
-    parser.add_argument("--size", type=int, default=512)
-    parser.add_argument("--most-tiles", type=int, default=10, help="tiles of one large picture")
-    parser.add_argument("--quality", type=int, default=90)
-    parser.add_argument("--max-mib", type=float, default=35)
-    arguments = parser.parse_args()
-    missing = [f for f in arguments.folders if not f.is_dir()]
-    if missing:
-        print(f"prepare_photographs: expected a folder, found none at {missing[0]}", file=sys.stderr)
-        return 3
+def cut(arguments: argparse.Namespace) -> int:
     arguments.output.mkdir(parents=True, exist_ok=True)
     count, total = 0, 0
     for path in candidates(arguments.folders):
@@ -83,8 +80,35 @@ def main() -> int:
                 break
             (arguments.output / f"{count:04d}_{path.stem[:24]}.jpg").write_bytes(code.tobytes())
             count, total = count + 1, total + code.size
+    if count == 0:
+        print(f"prepare_photographs: found no photograph that is large enough (30 kB, and --size {arguments.size}) and not "
+              f"skipped by its name below {', '.join(map(str, arguments.folders))}; give folders of unpacked packages", file=sys.stderr)
+        return 3
     print(f"{count} pictures, {total / 2**20:.1f} MiB in {arguments.output}")
-    return 0 if count else 3
+    return 0
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folders", nargs="+", type=Path, help="unpacked packages")
+    parser.add_argument("--output", type=Path, required=True)
+    parser.add_argument("--size", type=int, default=512)
+    parser.add_argument("--most-tiles", type=int, default=10, help="tiles of one large picture")
+    parser.add_argument("--quality", type=int, default=90)
+    parser.add_argument("--max-mib", type=float, default=35)
+    arguments = parser.parse_args()
+    for name, least in (("size", 1), ("most_tiles", 0), ("max_mib", 0)):
+        if getattr(arguments, name) < least:
+            parser.error(f"--{name.replace('_', '-')}: expected at least {least}, found {getattr(arguments, name)}")
+    missing = [f for f in arguments.folders if not f.is_dir()]
+    if missing:
+        print(f"prepare_photographs: expected a folder, found none at {missing[0]}", file=sys.stderr)
+        return 3
+    try:
+        return cut(arguments)
+    except OSError as error:
+        print(f"prepare_photographs: {error.filename}: {error.strerror}; expected folders that can be read and written", file=sys.stderr)
+        return 3
 
 
 if __name__ == "__main__":

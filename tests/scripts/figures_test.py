@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Figures from run directories that the test writes itself."""
 import base64
+import contextlib
 import io
 import json
 import sys
 import tempfile
 import unittest
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 
@@ -127,6 +129,47 @@ class Figures(unittest.TestCase):
         (self.root / "sweep/runs/full/desk/0/eval.json").write_text("{")
         with self.assertRaises(figures.DataError):
             figures.collect([self.root / "sweep"])
+
+    def refused(self, code, pattern, *flags):
+        said = io.StringIO()
+        arguments = ["figures.py", str(self.root / "sweep"), "--output", str(self.root / "out"), *flags]
+        with mock.patch.object(sys, "argv", arguments), contextlib.redirect_stderr(said), contextlib.redirect_stdout(said):
+            try:
+                found = figures.main()
+            except SystemExit as stop:
+                found = stop.code
+        plt.close("all")
+        self.assertEqual(found, code, said.getvalue())
+        self.assertRegex(said.getvalue().splitlines()[-1], pattern)
+        self.assertNotIn("Traceback", said.getvalue())
+
+    def test_a_crop_outside_the_picture_is_told(self):
+        for crop, end in (("30,20,8", "38,28"), ("900,0,4", "904,4"), ("0,0,33", "33,33")):
+            self.refused(2, rf"^figures: --crop {crop}: expected X,Y,SIZE within the 32x24 pixels of test view 7, found .* {end}$",
+                         "--crop", crop)
+        for crop in ("-1,0,8", "0,0,0", "1,2"):
+            self.refused(2, f"argument --crop: expected .*'{crop}'", f"--crop={crop}")
+
+    def test_what_is_asked_for_and_not_there_is_told(self):
+        self.refused(2, r"^figures: --view 99: expected a test view that a report shows \(7\)$", "--view", "99")
+        self.refused(2, "^figures: --rows and --scenes leave no run$", "--rows", "none")
+        (self.root / "file").touch()
+        self.refused(3, "^figures: .*file: File exists; ", "--output", str(self.root / "file"))
+
+    def test_damaged_files_are_told(self):
+        run = self.root / "sweep/runs/full/desk/0"
+        for name, content, pattern in (("report.html", '<script type="application/json" id="data">{"vi</script>', "found no data in it"),
+                                       ("report.html", '<script type="application/json" id="data">{"tests": [{"name": "test view 7", '
+                                        '"pictures": [{"name": "truth", "src": "data:,AAAA"}]}]}</script>', "picture 'truth' cannot"),
+                                       ("metrics.jsonl", "[1]\n", "expected lines with a step"),
+                                       ("eval.json", "[1]", "found a list"), ("allocation.json", "\xff", "damaged")):
+            with self.subTest(pattern):
+                kept = (run / name).read_bytes()
+                (run / name).write_text(content, encoding="latin-1")
+                self.refused(3, f"^figures: .*{pattern}")
+                (run / name).write_bytes(kept)
+        (self.root / "sweep/runs.csv").write_text("a,b\n1,2\n")
+        self.refused(3, "^figures: .*runs.csv: expected columns row, scene and seed")
 
 
 if __name__ == "__main__":

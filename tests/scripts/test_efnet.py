@@ -6,9 +6,12 @@ import json
 import sys
 import tempfile
 import unittest
-from contextlib import redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import replace
 from pathlib import Path
+from unittest import mock
+
+import cv2
 
 import numpy as np
 import torch
@@ -16,6 +19,7 @@ import torch
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "scripts" / "efnet"))
 import export_efnet  # noqa: E402
+import prepare_photographs  # noqa: E402
 import restoration  # noqa: E402
 import train_efnet  # noqa: E402
 from model import EFNet, parameter_count  # noqa: E402
@@ -384,6 +388,48 @@ class Export(unittest.TestCase):
         with self.assertRaises(export_efnet.DataError):
             self.export()
         self.assertFalse((self.path / "out.pt").exists())
+
+
+def run_script(script, *arguments) -> tuple[int, str]:
+    """Exit code of a script's main(), and all that it said."""
+    said = io.StringIO()
+    with mock.patch.object(sys, "argv", [script.__name__, *map(str, arguments)]), redirect_stdout(said), redirect_stderr(said):
+        try:
+            code = script.main()
+        except SystemExit as stop:
+            code = stop.code
+    return code, said.getvalue()
+
+
+class Photographs(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        # Skipped words above the given folder mean nothing.
+        self.folder = Path(folder.name) / "logo" / "gradient_letters"
+        self.folder.mkdir(parents=True)
+        self.output = Path(folder.name) / "out"
+        noise = np.random.default_rng(1).integers(0, 255, (160, 160, 3), dtype=np.uint8)
+        for name in ("a.png", "logo.png", "html/b.png"):
+            (self.folder / name).parent.mkdir(exist_ok=True)
+            cv2.imwrite(str(self.folder / name), noise)
+
+    def run_on(self, folder, *options):
+        return run_script(prepare_photographs, folder, "--size", 128, "--output", self.output, *options)
+
+    def test_words_are_skipped_below_the_given_folder_only(self):
+        self.assertEqual(self.run_on(self.folder)[0], 0)
+        self.assertEqual([path.name for path in self.output.iterdir()], ["0000_a.jpg"])
+
+    def test_mistakes_are_told_in_one_line(self):
+        for code, folder, options, pattern in (
+                (3, self.folder / "none", (), "expected a folder, found none at"), (3, self.folder / "a.png", (), "expected a folder"),
+                (3, self.folder, ("--size", "1000"), "found no photograph"), (2, self.folder, ("--size", "0"), "at least 1, found 0"),
+                (3, self.folder, ("--output", self.folder / "a.png"), "a.png: File exists; expected folders")):
+            with self.subTest(pattern):
+                found, said = self.run_on(folder, *options)
+                self.assertEqual(found, code, said)
+                self.assertRegex(said.splitlines()[-1], rf"^prepare_photographs\S*: .*{pattern}")
 
 
 class Shipped(unittest.TestCase):
