@@ -11,12 +11,16 @@ import argparse
 import hashlib
 import json
 import math
-import pickle
 import sys
 from pathlib import Path
 
-import torch
-from torch import Tensor, nn
+try:
+    import numpy  # noqa: F401, which torch needs for the hash of the weights
+    import torch
+    from torch import Tensor, nn
+except ImportError as error:
+    print(f"export_efnet: {error}; run scripts/setup.sh --python-torch once, then this with .venv/bin/python", file=sys.stderr)
+    sys.exit(2)
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 import restoration  # noqa: E402
@@ -69,12 +73,17 @@ class SecondStage(nn.Module):
         return self.net(blurry, events, mask, candidates)[1]
 
 
+def load_tensors(path: Path) -> object:
+    """What torch.save wrote, on the CPU."""
+    try:
+        return torch.load(path, map_location="cpu", weights_only=True)
+    except Exception as error:  # a damaged pickle fails in every way there is
+        raise DataError(f"{path}: expected a checkpoint of plain tensors, could not read one ({type(error).__name__})")
+
+
 def load_checkpoint(path: Path) -> dict[str, Tensor]:
     """State of a {"params": ...} checkpoint, or of a bare state dict, without the prefix of parallel training."""
-    try:
-        content = torch.load(path, map_location="cpu", weights_only=True)
-    except (OSError, RuntimeError, EOFError, pickle.UnpicklingError) as error:
-        raise DataError(f"{path}: expected a checkpoint of plain tensors, could not read one ({type(error).__name__})")
+    content = load_tensors(path)
     state = content.get("params", content) if isinstance(content, dict) else None
     if not isinstance(state, dict) or not all(isinstance(v, Tensor) for v in state.values()):
         raise DataError(f"{path}: expected a dictionary of tensors under the key 'params'")
@@ -196,7 +205,11 @@ def export(arguments: argparse.Namespace) -> dict[str, object]:
     temporary = arguments.output.with_suffix(".tmp")
     if arguments.half:
         module.half()
-    torch.jit.save(module, str(temporary), _extra_files={METADATA_NAME: json.dumps(content, indent=1)})
+    try:
+        torch.jit.save(module, str(temporary), _extra_files={METADATA_NAME: json.dumps(content, indent=1)})
+    except RuntimeError as error:
+        temporary.unlink(missing_ok=True)
+        raise DataError(f"{temporary}: cannot be written; check the free space and the rights of the folder") from error
     module.float()  # its parameters are those of the reference
     try:
         difference = verify(reference, temporary, inputs, content["padding_multiple"])
@@ -237,6 +250,8 @@ def main() -> int:
             raise DataError(f"{arguments.checkpoint}: no such file")
         if not arguments.output.parent.is_dir():
             raise DataError(f"{arguments.output.parent}: no such folder")
+        if arguments.output.is_dir():
+            raise DataError(f"{arguments.output}: expected a file to write, such as efnet.pt, found a folder")
         print(json.dumps(export(arguments), indent=1))
     except DataError as error:
         print(f"export_efnet: {error}", file=sys.stderr)

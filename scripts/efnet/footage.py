@@ -10,26 +10,62 @@ import torch
 from torch import Tensor
 
 from draw import Draw
+from export_efnet import DataError
 
 
 class Footage:
-    """All footage.npy below a folder: [exposures,frames,3,H,W] uint8 each. More may appear while training goes on."""
+    """All footage.npy below a folder: [exposures,frames,3,H,W] uint8 each, all of as many frames. More may appear while training
+    goes on.
 
-    def __init__(self, folder: Path, device: torch.device, most: int = 100_000):
+    smallest: height and width of the pieces that batch() will be asked for; fewest: time steps of them.
+    """
+
+    def __init__(self, folder: Path, device: torch.device, smallest: tuple[int, int] = (1, 1), fewest: int = 1, most: int = 100_000):
         self.folder, self.device, self.most = folder, device, most
+        self.smallest, self.fewest = smallest, fewest
         self.known: set[Path] = set()
         self.films: list[Tensor] = []
+        self.problems: list[str] = []  # of the files that the last refresh() left out
         self.refresh()
 
     def __len__(self) -> int:
         return len(self.films)
 
     def refresh(self) -> None:
+        """Reads what has appeared. What of it cannot be used is left out until the next call: it may still be on its way from
+        another machine."""
+        self.problems = []
         for path in sorted(self.folder.rglob("footage.npy")):
             if path in self.known or len(self.films) >= self.most:
                 continue
+            try:
+                films = self.read(path)
+            except DataError as error:
+                self.problems.append(str(error))
+                continue
             self.known.add(path)
-            self.films.extend(torch.from_numpy(np.load(path)).to(self.device))
+            self.films.extend(torch.from_numpy(films).to(self.device))
+
+    def read(self, path: Path) -> np.ndarray:
+        try:
+            films = np.load(path)
+        except (OSError, EOFError, ValueError) as error:
+            raise DataError(f"{path}: cannot be read as .npy, it is damaged or was cut short; make it again "
+                            "(jade_simulate --footage)") from error
+        if not isinstance(films, np.ndarray) or films.ndim != 5 or films.shape[2] != 3 or films.dtype != np.uint8:
+            found = f"{films.dtype} {list(films.shape)}" if isinstance(films, np.ndarray) else "an archive"
+            raise DataError(f"{path}: expected uint8 [exposures,frames,3,H,W], found {found}; make it with jade_simulate --footage")
+        frames, height, width = films.shape[1], *films.shape[3:]
+        if frames <= self.fewest:
+            raise DataError(f"{path}: expected films of at least {self.fewest + 1} frames, found {frames}; "
+                            f"make it with jade_simulate --footage {2 * self.fewest + 1}")
+        if height < self.smallest[0] or width < self.smallest[1]:
+            raise DataError(f"{path}: expected frames of at least {self.smallest[1]}x{self.smallest[0]} pixels, "
+                            f"found {width}x{height}; make larger ones or choose a smaller --crop")
+        if self.films and frames != self.longest() + 1:
+            raise DataError(f"{path}: expected films of {self.longest() + 1} frames, as the others below {self.folder}, found {frames}; "
+                            "make all of them with one number of frames")
+        return films
 
     def longest(self) -> int:
         """Steps between the frames of a film."""

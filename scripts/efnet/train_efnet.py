@@ -9,6 +9,7 @@ Nothing is read but the pictures and the footage given. Several GPUs: torchrun -
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import json
 import math
 import os
@@ -17,14 +18,19 @@ import time
 from dataclasses import asdict, replace
 from pathlib import Path
 
-import torch
-import torch.distributed as distributed
-from torch import Tensor, nn
+try:
+    import numpy  # noqa: F401, for what is imported below
+    import torch
+    import torch.distributed as distributed
+    from torch import Tensor, nn
+except ImportError as error:
+    print(f"train_efnet: {error}; run scripts/setup.sh --python-torch once, then this with .venv/bin/python", file=sys.stderr)
+    sys.exit(2)
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 import restoration  # noqa: E402
 from draw import Draw  # noqa: E402
-from export_efnet import DataError, load_checkpoint  # noqa: E402
+from export_efnet import DataError, load_checkpoint, load_tensors  # noqa: E402
 from footage import Footage  # noqa: E402
 from model import EFNet, parameter_count  # noqa: E402
 from synthetic import (  # noqa: E402
@@ -68,7 +74,8 @@ def parse_arguments(arguments: list[str] | None = None) -> argparse.Namespace:
     p.add_argument("--validate-minutes", type=float, default=2.5)
     p.add_argument("--validation-batches", type=int, default=4, help="of four scenes, per noise level; twice as many at the end")
     p.add_argument("--blur-max", type=float, default=40)
-    p.add_argument("--resume", type=Path, help="output folder of an earlier run (weights.pth, state.pth)")
+    p.add_argument("--resume", type=Path, help="output folder of an earlier run (weights.pth, state.pth): a run by steps that was "
+                   "interrupted goes on with its schedule, otherwise a new one begins")
     p.add_argument("--weights", type=Path, help="begin with these weights, a .pth or an exported .pt; all else anew")
     p.add_argument("--seed", type=int, default=1)
     p.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
@@ -82,6 +89,18 @@ def parse_arguments(arguments: list[str] | None = None) -> argparse.Namespace:
         p.error("--weights: --resume brings its own")
     if result.weights is not None and not result.weights.is_file():
         p.error(f"--weights: no file at {result.weights}")
+    for name, least in (("width", 1), ("batch", 1), ("max_steps", 1), ("texture_size", 16), ("validation_batches", 1), ("procedural", 0),
+                        ("warmup", 0), ("max_minutes", 0), ("validate_minutes", 0), ("blur_max", 0), ("lr", 0)):
+        if not getattr(result, name) >= least:  # nor NaN
+            p.error(f"--{name.replace('_', '-')}: expected at least {least}, got {getattr(result, name)}")
+    try:
+        there = torch.device(result.device).type == "cpu" or torch.cuda.is_available()
+    except RuntimeError:
+        there = False
+    if not there:
+        p.error(f"--device: expected cpu, or cuda where torch finds a GPU, got {result.device}")
+    if (result.photographs or result.held_out) and importlib.util.find_spec("cv2") is None:
+        p.error("--photographs, --held-out: need OpenCV: run scripts/setup.sh --python-torch")
     for name in ("photographs", "held_out", "footage", "held_out_footage", "resume"):
         folder = getattr(result, name)
         if folder is not None and not folder.is_dir():
@@ -157,6 +176,7 @@ class Trainer:
         decayed = dict(lr=options.lr, betas=(0.9, 0.99), weight_decay=options.weight_decay)
         self.optimiser = torch.optim.AdamW(self.model.parameters(), fused=self.device.type == "cuda", **decayed)
         self.step, self.samples_seen, self.fraction = 0, 0, 0.0
+        self.schedule_begin = 0  # the step where the warm-up and the cosine began
         if options.weights:
             try:
                 self.model.net.load_state_dict(read_weights(options.weights))
@@ -165,6 +185,7 @@ class Trainer:
         self.mean = [p.clone() for p in self.values()]
         if options.resume:
             self.load(options.resume)
+        self.first_step = self.step
         self.runner: nn.Module = self.model
         if self.machines.count > 1:
             self.runner = nn.parallel.DistributedDataParallel(
@@ -181,8 +202,28 @@ class Trainer:
             moments=moments, middle=options.input != "counts",
         )
         self.bank = self.textures(options.photographs, options.procedural, options.seed + 7)
-        self.footage = Footage(options.footage, self.device) if options.footage else None
-        self.first_step = self.step
+        self.footage = self.films_of(options.footage, options.crop) if options.footage else None
+        self.told: set[str] = set()  # of the footage that was left out
+        self.check_data()
+
+    def films_of(self, folder: Path, side: int) -> Footage:
+        return Footage(folder, self.device, (side, side), self.scenes.windows)
+
+    def check_data(self) -> None:
+        """Before the training, not at its first validation."""
+        held_out = self.options.held_out_footage
+        if self.options.held_out:
+            photographs(self.options.held_out, self.options.texture_size)
+        for films in (self.footage, self.films_of(held_out, self.film_side()) if held_out else None):
+            if films is not None and films.problems:
+                raise DataError(films.problems[0])
+        if held_out and len(films) == 0:
+            raise DataError(f"--held-out-footage {held_out}: expected files footage.npy below this folder, found none; make them with "
+                            "jade_simulate --footage")
+
+    def film_side(self) -> int:
+        """Pixels of the pieces of films that are validated."""
+        return 256 if self.options.crop >= 128 else self.options.crop
 
     def textures(self, folder: Path | None, procedural: int, seed: int) -> Tensor:
         size = self.options.texture_size
@@ -216,10 +257,13 @@ class Trainer:
         self.log_file.flush()
 
     def load(self, folder: Path) -> None:
-        state = torch.load(folder / "state.pth", map_location=self.device)
+        for name in ("state.pth", "weights.pth"):
+            if not (folder / name).is_file():
+                raise DataError(f"{folder / name}: missing; --resume expects the output folder of a run that has saved")
+        state, mean = load_tensors(folder / "state.pth"), load_checkpoint(folder / "weights.pth")
+        self.check_state(folder / "state.pth", state, mean)
         self.model.net.load_state_dict(state["params"])
         self.step, self.samples_seen = state["step"], state["samples_seen"]
-        mean = torch.load(folder / "weights.pth", map_location=self.device)["params"]
         for (name, parameter), average, (first, second) in zip(
             self.model.net.named_parameters(), self.mean, state["moments"], strict=True
         ):
@@ -230,6 +274,25 @@ class Trainer:
                 "exp_avg": torch.empty_like(parameter, **as_weights).copy_(first),
                 "exp_avg_sq": torch.empty_like(parameter, **as_weights).copy_(second),
             }
+        if self.step >= self.options.max_steps:
+            raise DataError(f"--max-steps {self.options.max_steps}: expected more than the {self.step} steps that {folder} has already")
+        # Files of earlier versions do not say; what ended by the clock or with its last step begins anew.
+        schedule = state.get("schedule")
+        goes_on = schedule is not None and self.options.max_minutes <= 0 and self.step < schedule["end"]
+        self.schedule_begin = schedule["begin"] if goes_on else self.step
+
+    def check_state(self, path: Path, state: object, mean: dict[str, Tensor]) -> None:
+        if not isinstance(state, dict) or not {"params", "moments", "step", "samples_seen"} <= state.keys():
+            raise DataError(f"{path}: expected what train_efnet.py saves; give the output folder of an earlier run")
+        shapes = {name: p.shape for name, p in self.model.net.named_parameters()}
+        found = {name: p.shape for name, p in state["params"].items()}
+        if found != shapes:
+            width = found["conv_01.weight"][0] if "conv_01.weight" in found else "unknown"
+            raise DataError(f"{path}: expected the weights of this network (--width {self.options.width}, --input {self.options.input}), "
+                            f"found others, of width {width}; give the --width and the --input of that run")
+        moments = [m.shape for pair in state["moments"] for m in pair]
+        if {name: p.shape for name, p in mean.items()} != shapes or moments != [s for s in shapes.values() for _ in range(2)]:
+            raise DataError(f"{path}: does not fit the weights.pth beside it; give the output folder of an earlier run as it was")
 
     def save(self) -> None:
         if self.machines.rank != 0:
@@ -243,15 +306,20 @@ class Trainer:
             pair = (entry.get("exp_avg"), entry.get("exp_avg_sq"))
             empty = torch.zeros(parameter.shape)
             moments.append(tuple((empty if m is None else m).to("cpu", torch.bfloat16).contiguous() for m in pair))
-        state = {"step": self.step, "samples_seen": self.samples_seen, "params": params, "moments": moments}
+        by_steps = self.options.max_minutes <= 0
+        schedule = {"begin": self.schedule_begin, "end": self.options.max_steps} if by_steps else None
+        state = {"step": self.step, "samples_seen": self.samples_seen, "params": params, "moments": moments, "schedule": schedule}
         for name, content in (("weights.pth", {"params": mean}), ("state.pth", state)):
             target = self.options.output / name
-            torch.save(content, target.with_suffix(".tmp"))
-            target.with_suffix(".tmp").replace(target)
+            try:
+                torch.save(content, target.with_suffix(".tmp"))
+                target.with_suffix(".tmp").replace(target)
+            except (OSError, RuntimeError) as error:
+                raise DataError(f"{target}: cannot be written; check the free space and the rights of the folder") from error
 
     def progress(self) -> float:
-        """Fraction of the run that is done: by the clock when there is a time limit."""
-        by_steps = (self.step - self.first_step) / max(self.options.max_steps - self.first_step, 1)
+        """Fraction of the schedule that is done: by the clock when there is a time limit."""
+        by_steps = (self.step - self.schedule_begin) / (self.options.max_steps - self.schedule_begin)
         if self.options.max_minutes <= 0:
             self.fraction = by_steps
         elif (self.step - self.first_step) % self.CLOCK_STEPS == 0:
@@ -261,7 +329,7 @@ class Trainer:
 
     def learning_rate(self) -> float:
         o = self.options
-        warm = min(1.0, (self.step - self.first_step + 1) / max(o.warmup, 1))
+        warm = min(1.0, (self.step - self.schedule_begin + 1) / max(o.warmup, 1))
         return o.lr_min + (o.lr - o.lr_min) * warm * 0.5 * (1 + math.cos(math.pi * min(self.fraction, 1.0)))
 
     def sample(self) -> Sample:
@@ -304,6 +372,7 @@ class Trainer:
             f"{parameter_count(self.model)} parameters, {len(self.bank)} textures, "
             f"{len(self.footage) if self.footage else 0} films, {self.machines.count} x {self.device}, "
             f"precision {o.precision}, batch {o.batch} of {o.crop}x{o.crop}, from step {self.step}"
+            + (f" of the schedule that began at step {self.schedule_begin}" if self.schedule_begin < self.step else "")
         )
         torch.backends.cudnn.benchmark = True
         self.log(f"one batch of drawn data takes {1e3 * self.data_seconds():.1f} ms")
@@ -311,19 +380,19 @@ class Trainer:
         good = [p.clone() for p in self.learned()]
         reported = self.step
         self.fraction = 0.0
+        done_before = self.progress()
         while self.progress() < 1:
             loss = self.train_step()
             if self.step % self.REPORT_STEPS == 0 or self.step == self.first_step + 20:
                 value, now = self.machines.from_first(float(loss)), time.monotonic()
                 self.keep_or_restore(good, value)
                 rate = (self.step - reported) / (now - last_report)
-                left = (1 - self.fraction) * (now - self.begin) / max(self.fraction, 1e-6)
+                left = (1 - self.fraction) * (now - self.begin) / max(self.fraction - done_before, 1e-6)
                 self.log(
                     f"step {self.step}  loss {value:7.3f}  lr {self.learning_rate():.2e}  {rate:5.2f} steps/s  "
                     f"{100 * self.fraction:3.0f}%  about {left:4.0f} s left"
                 )
-                if self.footage is not None:
-                    self.footage.refresh()
+                self.refresh_footage()
                 last_report, reported = now, self.step
             if self.machines.rank == 0 and time.monotonic() - last_validation > 60 * o.validate_minutes:
                 self.save()
@@ -339,6 +408,16 @@ class Trainer:
                      f"peak GPU memory {torch.cuda.max_memory_allocated() / 2**30:.2f} GiB")
         self.machines.close()
 
+    def refresh_footage(self) -> None:
+        """A file that cannot be used is told once and costs no training."""
+        if self.footage is None:
+            return
+        self.footage.refresh()
+        for problem in self.footage.problems:
+            if problem not in self.told:
+                self.log(f"left out: {problem}")
+        self.told.update(self.footage.problems)
+
     @torch.no_grad()
     def restore(self, sample: Sample, moment: float) -> Tensor:
         at = torch.full((len(sample.blurry),), moment, device=self.device)
@@ -349,7 +428,7 @@ class Trainer:
         bank = self.textures(self.options.held_out, 6, VALIDATION_SEED)
         sets = {"drawn": lambda draw, scenes: generate(draw, bank, scenes, with_windows=True)}
         if self.options.held_out_footage:
-            films = Footage(self.options.held_out_footage, self.device)
+            films = self.films_of(self.options.held_out_footage, self.film_side())
             steps = films.longest() // self.scenes.windows * self.scenes.windows
             sets["films"] = lambda draw, scenes: generate_from_footage(
                 draw, films, replace(scenes, steps=steps), with_windows=True)
@@ -376,7 +455,7 @@ class Trainer:
         draw = Draw(VALIDATION_SEED, self.device)
         scenes = validation_options(self.scenes, strength)
         if kind == "films":
-            scenes = replace(scenes, height=256, width=256)
+            scenes = replace(scenes, height=self.film_side(), width=self.film_side())
         if self.options.crop < 128:  # a trial at tiny size
             scenes = replace(scenes, height=self.options.crop, width=self.options.crop, batch=2)
         rows: dict[str, list[Tensor]] = {}
@@ -419,9 +498,17 @@ def main() -> int:
     options = parse_arguments()
     try:
         Trainer(options).run()
-    except (DataError, FileNotFoundError) as error:
+    except torch.OutOfMemoryError as error:
+        print(f"train_efnet: {str(error).splitlines()[0]} Give a smaller --batch or --crop", file=sys.stderr)
+        return 4
+    except (DataError, OSError) as error:
         print(f"train_efnet: {error}", file=sys.stderr)
         return 3
+    except KeyboardInterrupt:
+        saved = (options.output / "state.pth").is_file()
+        print("train_efnet: interrupted; " + (f"--resume {options.output} goes on from where it was saved last" if saved
+                                              else "nothing was saved yet"), file=sys.stderr)
+        return 130
     return 0
 
 

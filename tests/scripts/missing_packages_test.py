@@ -8,7 +8,9 @@ from pathlib import Path
 SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
 HINTS = {"figures": "scripts/setup.sh --figures", "export_lpips": "scripts/setup.sh --metrics",
          "evaluate_perceptual": "scripts/requirements-perceptual.txt", "convert_diet_gs": "pip install h5py",
-         "convert_aedat4": "pip install h5py"}
+         "convert_aedat4": "pip install h5py", "efnet/train_efnet": "scripts/setup.sh --python-torch",
+         "efnet/export_efnet": "scripts/setup.sh --python-torch", "efnet/evaluate_efnet": "scripts/setup.sh --python-torch",
+         "efnet/prepare_photographs": "scripts/setup.sh --python-torch"}
 
 
 class MissingPackages(unittest.TestCase):
@@ -18,7 +20,7 @@ class MissingPackages(unittest.TestCase):
                 # -S: no installed package is found. convert_aedat4 looks for its packages once it has a recording.
                 done = subprocess.run([sys.executable, "-S", SCRIPTS / f"{name}.py", __file__, "out"], capture_output=True, text=True)
                 self.assertEqual(done.returncode, 2, done.stderr)
-                self.assertRegex(done.stderr, rf"^{name}: .*{hint}.*\n$")
+                self.assertRegex(done.stderr, rf"^{Path(name).name}: .*{hint}.*\n$")
 
 
 if __name__ == "__main__":

@@ -377,6 +377,13 @@ class Export(unittest.TestCase):
             with self.assertRaises(export_efnet.DataError):
                 self.any_time(*option)
 
+    def test_a_place_that_cannot_be_written_is_told(self):
+        for output, pattern in ((self.path, "expected a file to write, such as efnet.pt, found a folder"),
+                                (self.path / "none" / "out.pt", "none: no such folder")):
+            code, said = run_script(export_efnet, self.path / "official.pth", output)
+            self.assertEqual(code, 3)
+            self.assertRegex(said, rf"^export_efnet: \S+: .*{pattern.rpartition(': ')[2]}\n$")
+
     def test_wrong_files_are_refused_in_one_line(self):
         state = {k: v for k, v in self.net.state_dict().items() if k != "last.bias"}
         for content in ({"params": state}, {"params": {"a": torch.zeros(1)}}, {"params": 3}):
@@ -399,6 +406,125 @@ def run_script(script, *arguments) -> tuple[int, str]:
         except SystemExit as stop:
             code = stop.code
     return code, said.getvalue()
+
+
+class Training(unittest.TestCase):
+    SMALL = "--width 4 --crop 16 --batch 2 --texture-size 64 --procedural 4 --device cpu --blur-max 4 --warmup 3".split()
+
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.path = Path(folder.name)
+
+    def train(self, name, *options, stop=None) -> dict[int, float]:
+        """Learning rate of every step. stop: save before this step, and end as by a signal."""
+        with redirect_stdout(io.StringIO()):
+            trainer = train_efnet.Trainer(train_efnet.parse_arguments(["--output", str(self.path / name), *self.SMALL, *options]))
+        trainer.validate, step, rates = lambda final: None, trainer.train_step, {}
+
+        def recorded():
+            if trainer.step == stop:
+                trainer.save()
+                raise KeyboardInterrupt
+            rates[trainer.step] = trainer.learning_rate()
+            return step()
+
+        trainer.train_step = recorded
+        try:
+            with redirect_stdout(io.StringIO()):
+                trainer.run()
+        except KeyboardInterrupt:
+            pass
+        trainer.log_file.close()
+        return rates
+
+    def refused(self, code, pattern, *options):
+        found, said = run_script(train_efnet, "--output", self.path / "out", *self.SMALL, "--max-steps", 2, *options)
+        self.assertEqual(found, code, said)
+        self.assertRegex(said.splitlines()[-1], rf"^train_efnet\S*: .*{pattern}")
+        self.assertNotIn("Traceback", said)
+
+    def film(self, name, frames=17, side=20, kind=np.uint8):
+        (self.path / name).mkdir(parents=True, exist_ok=True)
+        np.save(self.path / name / "footage.npy", np.zeros((1, frames, 3, side, side), kind))
+        return self.path / name / "footage.npy"
+
+    def test_an_interrupted_run_goes_on_with_its_schedule(self):
+        whole = self.train("whole", "--max-steps", "9")
+        first = self.train("first", "--max-steps", "9", stop=2)
+        second = self.train("second", "--max-steps", "9", "--resume", str(self.path / "first"), stop=5)
+        third = self.train("third", "--max-steps", "9", "--resume", str(self.path / "second"))
+        self.assertEqual((list(first), list(second), list(third)), ([0, 1], [2, 3, 4], [5, 6, 7, 8]))
+        self.assertEqual(first | second | third, whole)
+
+    def test_a_finished_run_and_one_by_the_clock_begin_a_new_schedule(self):
+        self.train("done", "--max-steps", "3")
+        self.train("clock", "--max-minutes", "9", stop=3)
+        fresh = self.train("fresh", "--max-steps", "6")
+        for name in ("done", "clock"):
+            more = self.train("more", "--max-steps", "9", "--resume", str(self.path / name))
+            self.assertEqual(list(more.values()), list(fresh.values()))
+
+    def test_a_folder_that_cannot_be_resumed_is_told(self):
+        self.refused(3, "state.pth: missing; --resume expects", "--resume", self.path)
+        self.train("done", "--max-steps", "2")
+        done = self.path / "done"
+        resume = ("--resume", done)
+        self.refused(3, "max-steps 2: expected more than the 2 steps that", *resume)
+        self.refused(3, r"state.pth: .*this network \(--width 6, .*, of width 4; give", *resume, "--width", "6", "--max-steps", "9")
+        self.refused(3, "state.pth: .*this network .*give the --width and the --input", *resume, "--input", "bins", "--max-steps", "9")
+        whole = (done / "state.pth").read_bytes()
+        for name, content in (("state.pth", whole[:1000]), ("state.pth", b""), ("state.pth", (done / "weights.pth").read_bytes()),
+                              ("weights.pth", b"none")):
+            with self.subTest(name, size=len(content)):
+                (done / "state.pth").write_bytes(whole)
+                (done / name).write_bytes(content)
+                self.refused(3, rf"{name}: expected ", *resume, "--max-steps", "9")
+
+    def test_footage_that_cannot_be_used_is_told(self):
+        (self.path / "empty").mkdir()
+        self.refused(3, "held-out-footage .*empty: expected files footage.npy below", "--held-out-footage", self.path / "empty")
+        self.film("cut").write_bytes(self.film("cut").read_bytes()[:-9])
+        self.film("nothing").write_bytes(b"")
+        self.film("lengths/a")
+        self.film("lengths/b", frames=33)
+        self.film("short", frames=9)
+        self.film("small", side=12)
+        self.film("real", kind=np.float32)
+        for name, pattern in (("cut", "footage.npy: cannot be read .* cut short"), ("nothing", "cannot be read"),
+                              ("lengths", "b/footage.npy: expected films of 17 frames, .* found 33"),
+                              ("short", "expected films of at least 17 frames, found 9"),
+                              ("small", "expected frames of at least 16x16 pixels, found 12x12"), ("real", "expected uint8 .*float32")):
+            for flag in ("--footage", "--held-out-footage"):
+                with self.subTest(name, flag=flag):
+                    self.refused(3, pattern, flag, self.path / name)
+
+    def test_footage_that_arrives_damaged_costs_no_training(self):
+        good = self.film("films/a").parent.parent
+        with redirect_stdout(io.StringIO()) as said:
+            trainer = train_efnet.Trainer(train_efnet.parse_arguments(
+                ["--output", str(self.path / "out"), *self.SMALL, "--footage", str(good)]))
+            arriving = self.film("films/b")
+            whole = arriving.read_bytes()
+            arriving.write_bytes(whole[:2000])
+            trainer.refresh_footage()
+            trainer.refresh_footage()
+            self.assertEqual(len(trainer.footage), 1)
+            arriving.write_bytes(whole)
+            trainer.refresh_footage()
+        trainer.log_file.close()
+        self.assertEqual(len(trainer.footage), 2)
+        self.assertEqual(said.getvalue().count("left out: "), 1)
+
+    def test_mistakes_of_the_command_line_are_told(self):
+        (self.path / "file").touch()
+        for code, pattern, *options in ((2, "--width: expected at least 1, got 0", "--width", 0), (2, "--batch: .* got -2", "--batch", -2),
+                                        (2, "--max-minutes: .*got nan", "--max-minutes", "nan"), (2, "--device: expected", "--device", "gpu"),
+                                        (2, "--footage: no folder at", "--footage", self.path / "file"),
+                                        (3, "expected pictures of at least 64x64", "--held-out", self.path),
+                                        (3, "File exists: .*file", "--output", self.path / "file")):
+            with self.subTest(pattern):
+                self.refused(code, pattern, *options)
 
 
 class Photographs(unittest.TestCase):
