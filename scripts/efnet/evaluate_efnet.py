@@ -14,14 +14,21 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
-import h5py
-import numpy as np
-import torch
-from torch import Tensor
+try:
+    import cv2
+    import h5py  # noqa: F401, for recording.py
+    import numpy as np
+    import torch
+    from torch import Tensor
+except ImportError as error:
+    print(f"evaluate_efnet: {error}; run scripts/setup.sh --python-torch once, then this with .venv/bin/python", file=sys.stderr)
+    sys.exit(2)
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 import restoration  # noqa: E402
+from export_efnet import METADATA_NAME, DataError  # noqa: E402
+from footage import read_films  # noqa: E402
+from recording import Frame, find_events, picture, read_events, read_frames  # noqa: E402
 
 
 def splat_windows(events: dict[str, np.ndarray], start: int, end: int, windows: int, shape: tuple[int, int],
@@ -42,13 +49,6 @@ def splat_windows(events: dict[str, np.ndarray], start: int, end: int, windows: 
             index = (window[good] * height + yi[good]) * width + xi[good]
             np.add.at(result, index, value[good] * weight[good])
     return torch.from_numpy(result.reshape(1, windows, height, width)).float()
-
-
-def picture(path: Path) -> Tensor:
-    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
-    if image is None:
-        raise FileNotFoundError(f"{path}: expected a picture")
-    return torch.from_numpy(image[:, :, ::-1].copy()).permute(2, 0, 1).unsqueeze(0).float() / 255
 
 
 @torch.no_grad()
@@ -82,6 +82,20 @@ def ssim(a: Tensor, b: Tensor) -> float:
     return float(((2 * ma * mb + 1e-4) * (2 * vab + 9e-4) / ((ma**2 + mb**2 + 1e-4) * (va + vb + 9e-4))).mean())
 
 
+def load_network(path: Path) -> tuple[torch.jit.ScriptModule, dict]:
+    """The module and its metadata."""
+    metadata = {METADATA_NAME: ""}
+    try:
+        module = torch.jit.load(str(path), map_location="cpu", _extra_files=metadata).float()
+        about = json.loads(metadata[METADATA_NAME])
+    except (RuntimeError, ValueError):
+        found = "another or a damaged one" if path.is_file() else "none"
+        raise DataError(f"{path}: expected a file made by export_efnet.py, found {found}") from None
+    if about.get("kind") != "efnet":
+        raise DataError(f"{path}: expected an EFNet, found a restorer of kind '{about.get('kind')}', which takes no events")
+    return module, about
+
+
 @dataclass
 class Exposure:
     name: str
@@ -94,26 +108,34 @@ class Recording:
     """An EvDeblur folder and a network."""
 
     def __init__(self, arguments: argparse.Namespace):
-        metadata = {"jade_efnet.json": ""}
-        self.module = torch.jit.load(str(arguments.model), map_location="cpu", _extra_files=metadata).float()
-        self.about = json.loads(metadata["jade_efnet.json"])
-        self.thresholds, self.images = arguments.thresholds, arguments.data / "images_1"
-        self.times = {k: v for k, v in np.load(self.images / "timestamps.npz").items()}
-        self.files = sorted(self.images.glob("*.png"))
-        with h5py.File(arguments.data / "events.h5") as file:
-            self.events = {k: file[k][:] for k in "xytp"}
+        self.module, self.about = load_network(arguments.model)
+        self.root, self.thresholds = arguments.data, arguments.thresholds
+        self.frames = read_frames(arguments.data, arguments.time_unit)
+        blurred = self.blurred()
+        if not blurred:
+            raise DataError(f"{arguments.data}: expected frames whose timestamps_end is after timestamps_start, found none")
+        self.events = read_events(find_events(arguments.data), arguments.events_unit, blurred[0].start, max(f.end for f in blurred))
+
+    def blurred(self) -> list[Frame]:
+        return sorted((frame for frame in self.frames if frame.end > frame.start), key=lambda frame: frame.start)
 
     def exposures(self) -> list[Exposure]:
-        start, middle, end = (self.times[k] for k in ("timestamps_start", "timestamps", "timestamps_end"))
-        return [Exposure(self.files[i].name, picture(self.files[i]), (int(start[i]), int(end[i])), int(middle[i]))
-                for i in range(len(self.files)) if end[i] > start[i]]
+        found = [Exposure(f.path.name, picture(f.path), (f.start, f.end), f.middle) for f in self.blurred()]
+        for exposure in found:
+            if exposure.blurry.shape != found[0].blurry.shape:
+                raise DataError(f"{self.root}: expected frames of one size, found {size_of(found[0].blurry)} ({found[0].name}) and "
+                                f"{size_of(exposure.blurry)} ({exposure.name})")
+        return found
 
-    def truths(self, folder: Path) -> dict[int, Path]:
-        """By the time of the middle: sharp test views, and what the simulator keeps beside."""
-        start, middle, end = (self.times[k] for k in ("timestamps_start", "timestamps", "timestamps_end"))
-        found = {int(middle[i]): self.files[i] for i in range(len(self.files)) if end[i] <= start[i]}
-        kept = {int(middle[i]): folder / "sharp" / self.files[i].name for i in range(len(self.files))}
-        return found | {time: path for time, path in kept.items() if path.is_file()}
+    def truth(self, exposure: Exposure) -> Tensor | None:
+        """What the simulator keeps beside, else a sharp test view of the middle. Times in ns or s are rounded to us."""
+        stem = Path(exposure.name).stem
+        kept = [self.root / "sharp" / (stem + kind) for kind in (".png", ".tiff", ".npy")]
+        views = [f.path for f in self.frames if f.end == f.start and abs(f.start - exposure.middle) <= 1]
+        path = next((path for path in kept + views if path.is_file()), None)
+        if path is None:
+            return None
+        return fitting(picture(path), exposure, path)
 
     def edi(self, exposure: Exposure, moment: float, windows: int = restoration.EDI_WINDOWS) -> Tensor:
         shape = tuple(exposure.blurry.shape[2:])
@@ -126,11 +148,21 @@ class Recording:
         if self.about["format_version"] > 1:
             return restore_at(self.module, exposure.blurry, counts, moment)
         if moment != 0.5:
-            raise ValueError(f"a file of version 1 restores the middle only, not {moment}")
+            raise DataError(f"a file of version 1 restores the middle only, not {moment}; leave out --footage")
         return restore(self.module, exposure.blurry, counts, self.about["input"])
 
 
 Scores = dict[str, dict[str, float]]
+
+
+def size_of(image: Tensor) -> str:
+    return f"{image.shape[3]}x{image.shape[2]}"
+
+
+def fitting(truth: Tensor, exposure: Exposure, path: Path) -> Tensor:
+    if truth.shape != exposure.blurry.shape:
+        raise DataError(f"{path}: expected {size_of(exposure.blurry)} pixels as the blurry frame {exposure.name}, found {size_of(truth)}")
+    return truth
 
 
 def means(rows: dict[str, list[tuple[float, float]]]) -> Scores:
@@ -146,17 +178,17 @@ def save_sheet(folder: Path | None, name: str, images: list[Tensor]) -> None:
         return
     folder.mkdir(parents=True, exist_ok=True)
     sheet = torch.cat(images, 3)[0].permute(1, 2, 0).flip(2) * 255
-    cv2.imwrite(str(folder / name), sheet.round().byte().numpy())
+    if not cv2.imwrite(str(folder / name), sheet.clamp(0, 255).round().byte().numpy()):
+        raise DataError(f"{folder / name}: cannot be written; check the free space and the rights of the folder")
 
 
 def evaluate_middle(arguments: argparse.Namespace) -> Scores:
     recording = Recording(arguments)
-    truths = recording.truths(arguments.data)
     rows: dict[str, list[tuple[float, float]]] = {}
     for exposure in recording.exposures():
-        if exposure.middle not in truths:
+        truth = recording.truth(exposure)
+        if truth is None:
             continue
-        truth = picture(truths[exposure.middle])
         edi, efnet = recording.edi(exposure, 0.5), recording.efnet(exposure, 0.5)
         results = {"blurry": exposure.blurry, "edi": edi, "efnet": efnet, "mean": restoration.mean_mix(edi, efnet),
                    "oracle": restoration.oracle_mix(edi, efnet, truth)}
@@ -164,18 +196,23 @@ def evaluate_middle(arguments: argparse.Namespace) -> Scores:
             rows.setdefault(name, []).append(score(image, truth))
         save_sheet(arguments.pictures, exposure.name, [exposure.blurry, edi, efnet, truth])
     if not rows:
-        raise FileNotFoundError(f"{arguments.data}: no exposure has a sharp frame at its middle")
+        raise DataError(f"{arguments.data}: expected a sharp frame at the middle of an exposure, among the test views or in sharp/, "
+                        "found none")
     return means(rows)
 
 
 def evaluate_footage(arguments: argparse.Namespace) -> Scores:
     """At the moments of frames [exposures,F,3,H,W] of the same exposures."""
-    recording, footage = Recording(arguments), torch.from_numpy(np.load(arguments.footage))
+    recording, footage = Recording(arguments), torch.from_numpy(read_films(arguments.footage))
+    exposures = recording.exposures()
+    if len(footage) != len(exposures) or footage.shape[1] < 2:
+        raise DataError(f"{arguments.footage}: expected at least two frames of each of {len(exposures)} exposures, found {footage.shape[1]} "
+                        f"of {len(footage)}; make it with jade_simulate --footage and the settings of {arguments.data}")
     rows: dict[str, list[tuple[float, float]]] = {}
     last = footage.shape[1] - 1
-    for exposure, film in zip(recording.exposures(), footage, strict=True):
+    for exposure, film in zip(exposures, footage):
         for i, frame in enumerate(film):
-            truth = frame.unsqueeze(0).float() / 255
+            truth = fitting(frame.unsqueeze(0).float() / 255, exposure, arguments.footage)
             edi, efnet = recording.edi(exposure, i / last, 8 * last), recording.efnet(exposure, i / last)
             for name, image in (("blurry", exposure.blurry), ("edi", edi), ("efnet", efnet)):
                 rows.setdefault(f"{i}/{last} {name}", []).append(score(image, truth))
@@ -190,11 +227,16 @@ def main() -> int:
     p.add_argument("--thresholds", type=float, nargs=2, default=(0.2, 0.2), metavar=("RISE", "FALL"))
     p.add_argument("--footage", type=Path, help="footage.npy that jade_simulate --footage N made with the same settings")
     p.add_argument("--pictures", type=Path, help="folder for blurry | EDI | EFNet | truth")
+    units = ("auto", "us", "ns", "s")
+    p.add_argument("--time-unit", choices=units, default="auto", help="of the frames' times")
+    p.add_argument("--events-unit", choices=units, default="auto", help="of the events' times")
     arguments = p.parse_args()
+    if not all(0 < threshold < 100 for threshold in arguments.thresholds):
+        p.error(f"--thresholds: expected two numbers above 0, found {' '.join(map(str, arguments.thresholds))}")
     try:
         table = evaluate_footage(arguments) if arguments.footage else evaluate_middle(arguments)
-    except (FileNotFoundError, RuntimeError, ValueError, KeyError) as error:
-        print(f"evaluate_efnet: {str(error).splitlines()[0]}", file=sys.stderr)
+    except (DataError, OSError) as error:
+        print(f"evaluate_efnet: {error}", file=sys.stderr)
         return 3
     for name, row in table.items():
         print(f"{name:11s} PSNR {row['psnr']:6.2f} dB  SSIM {row['ssim']:.4f}")

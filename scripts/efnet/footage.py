@@ -13,6 +13,19 @@ from draw import Draw
 from export_efnet import DataError
 
 
+def read_films(path: Path) -> np.ndarray:
+    """[exposures,frames,3,H,W] uint8."""
+    try:
+        films = np.load(path)
+    except (OSError, EOFError, ValueError) as error:
+        raise DataError(f"{path}: cannot be read as .npy, it is damaged or was cut short; make it again "
+                        "(jade_simulate --footage)") from error
+    if not isinstance(films, np.ndarray) or films.ndim != 5 or films.shape[2] != 3 or films.dtype != np.uint8:
+        found = f"{films.dtype} {list(films.shape)}" if isinstance(films, np.ndarray) else "an archive"
+        raise DataError(f"{path}: expected uint8 [exposures,frames,3,H,W], found {found}; make it with jade_simulate --footage")
+    return films
+
+
 class Footage:
     """All footage.npy below a folder: [exposures,frames,3,H,W] uint8 each, all of as many frames. More may appear while training
     goes on.
@@ -47,14 +60,7 @@ class Footage:
             self.films.extend(torch.from_numpy(films).to(self.device))
 
     def read(self, path: Path) -> np.ndarray:
-        try:
-            films = np.load(path)
-        except (OSError, EOFError, ValueError) as error:
-            raise DataError(f"{path}: cannot be read as .npy, it is damaged or was cut short; make it again "
-                            "(jade_simulate --footage)") from error
-        if not isinstance(films, np.ndarray) or films.ndim != 5 or films.shape[2] != 3 or films.dtype != np.uint8:
-            found = f"{films.dtype} {list(films.shape)}" if isinstance(films, np.ndarray) else "an archive"
-            raise DataError(f"{path}: expected uint8 [exposures,frames,3,H,W], found {found}; make it with jade_simulate --footage")
+        films = read_films(path)
         frames, height, width = films.shape[1], *films.shape[3:]
         if frames <= self.fewest:
             raise DataError(f"{path}: expected films of at least {self.fewest + 1} frames, found {frames}; "

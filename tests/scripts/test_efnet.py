@@ -12,12 +12,13 @@ from pathlib import Path
 from unittest import mock
 
 import cv2
-
+import h5py
 import numpy as np
 import torch
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "scripts" / "efnet"))
+import evaluate_efnet  # noqa: E402
 import export_efnet  # noqa: E402
 import prepare_photographs  # noqa: E402
 import restoration  # noqa: E402
@@ -379,10 +380,10 @@ class Export(unittest.TestCase):
 
     def test_a_place_that_cannot_be_written_is_told(self):
         for output, pattern in ((self.path, "expected a file to write, such as efnet.pt, found a folder"),
-                                (self.path / "none" / "out.pt", "none: no such folder")):
+                                (self.path / "none" / "out.pt", "no such folder")):
             code, said = run_script(export_efnet, self.path / "official.pth", output)
             self.assertEqual(code, 3)
-            self.assertRegex(said, rf"^export_efnet: \S+: .*{pattern.rpartition(': ')[2]}\n$")
+            self.assertRegex(said, rf"^export_efnet: \S+: {pattern}\n$")
 
     def test_wrong_files_are_refused_in_one_line(self):
         state = {k: v for k, v in self.net.state_dict().items() if k != "last.bias"}
@@ -556,6 +557,179 @@ class Photographs(unittest.TestCase):
                 found, said = self.run_on(folder, *options)
                 self.assertEqual(found, code, said)
                 self.assertRegex(said.splitlines()[-1], rf"^prepare_photographs\S*: .*{pattern}")
+
+
+class Evaluation(unittest.TestCase):
+    """evaluate_efnet.py reads recordings as the programs do (docs/data.md)."""
+
+    SIDE = 16
+    BEGIN = 1_600_000_000_000_000  # us, so that no other unit fits
+
+    @classmethod
+    def setUpClass(cls):
+        folder = tempfile.TemporaryDirectory()
+        cls.addClassCleanup(folder.cleanup)
+        cls.model = Path(folder.name) / "net.pt"
+        torch.manual_seed(0)
+        net = EFNet(4, restoration.any_time_channels(), restoration.CANDIDATES)
+        torch.save({"params": net.state_dict()}, cls.model.with_suffix(".pth"))
+        code, said = run_script(export_efnet, cls.model.with_suffix(".pth"), cls.model)
+        assert code == 0, said
+
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.path = Path(folder.name) / "scene"
+        # Twelve frames, so that names in order of text and of number differ; every third is the sharp one of the exposure before.
+        k = np.arange(12)
+        start = self.BEGIN + 10_000 * (k // 3 * 2 + k % 3)
+        self.start, self.end = np.where(k % 3 == 2, start - 15_000, start), np.where(k % 3 == 2, start - 15_000, start + 10_000)
+        draw = np.random.default_rng(5)
+        self.pictures = draw.integers(40, 200, (12, self.SIDE, self.SIDE, 3), dtype=np.uint8)
+        count = 4000
+        self.events = {"x": draw.integers(0, self.SIDE, count), "y": draw.integers(0, self.SIDE, count),
+                       "t": np.sort(draw.integers(self.BEGIN - 999, self.BEGIN + 90_000, count)), "p": draw.integers(0, 2, count)}
+
+    def write(self, name="{:02d}.png", images="images_1", per_us=1, times=np.int64, middle=False):
+        folder = self.path / images
+        folder.mkdir(parents=True)
+        for i, image in enumerate(self.pictures):
+            cv2.imwrite(str(folder / name.format(i)), image)
+        arrays = {"timestamps_start": (self.start * per_us).astype(times), "timestamps_end": (self.end * per_us).astype(times)}
+        np.savez(folder / "timestamps.npz", **arrays, **({"timestamps": (self.start + self.end) // 2} if middle else {}))
+
+    def write_events(self, name="events.h5", group="", offset=None, **lists):
+        (self.path / name).parent.mkdir(exist_ok=True)
+        with h5py.File(self.path / name, "w") as file:
+            for field, values in (self.events | lists).items():
+                file[group + field] = values
+            if offset is not None:
+                file["t_offset"] = offset
+
+    def run_on(self, *options):
+        return run_script(evaluate_efnet, self.model, self.path, *options)
+
+    def scores(self, *options):
+        code, said = self.run_on(*options)
+        self.assertEqual(code, 0, said)
+        self.assertRegex(said, "efnet +PSNR")
+        self.said = said
+        return [line for line in said.splitlines() if "PSNR" in line]
+
+    def fresh(self):
+        """The folder anew."""
+        for path in sorted(self.path.rglob("*"), reverse=True):
+            path.unlink() if path.is_file() else path.rmdir()
+        self.path.rmdir()
+
+    def test_every_layout_that_the_programs_read_gives_the_same_scores(self):
+        self.write(middle=True)
+        self.write_events()
+        expected = self.scores()
+        shuffled = np.random.default_rng(1).permutation(len(self.events["t"]))
+        mixed = {name: values[shuffled] for name, values in self.events.items()}
+        t = self.events["t"]
+        table = [self.events[name] for name in "txyp"]
+
+        def text(first):
+            return lambda: (self.path / "events.txt").write_text(first + "".join("{} {},{}\t{}\n".format(*row) for row in zip(*table)))
+
+        cases = {
+            "names without zeros": (dict(name="frame_{}.png"), self.write_events),
+            "in images": (dict(images="images"), self.write_events),
+            "frames in ns": (dict(per_us=1000), self.write_events),
+            "frames in s": (dict(per_us=1e-6, times=np.float64), self.write_events),
+            "events in ns": ({}, lambda: self.write_events(t=t * 1000 + 7)),
+            "events in s": ({}, lambda: self.write_events(t=t * 1e-6)),
+            "signs": ({}, lambda: self.write_events(p=(2 * self.events["p"] - 1).astype(np.int8))),
+            "truths": ({}, lambda: self.write_events(p=self.events["p"].astype(bool))),
+            "unsorted": ({}, lambda: self.write_events(**mixed)),
+            "DSEC": ({}, lambda: self.write_events("events/events.h5", "events/", self.BEGIN, t=(t - self.BEGIN).astype(np.int32))),
+            "DSEC with axes": ({}, lambda: self.write_events("events.hdf5", "events/", [self.BEGIN], t=t - self.BEGIN)),
+            "npz": ({}, lambda: np.savez(self.path / "events.npz", **{name + "s": values for name, values in self.events.items()})),
+            "npy": ({}, lambda: np.save(self.path / "events.npy", np.stack(table, 1))),
+            "npy, time third": ({}, lambda: np.save(self.path / "events.npy", np.stack([table[i] for i in (1, 2, 0, 3)], 1))),
+            "text": ({}, text("")), "text with a header": ({}, text("# made by hand\nt x y p\n")),
+        }
+        for name, (frames, write_events) in cases.items():
+            with self.subTest(name):
+                self.fresh()
+                self.write(**frames)
+                write_events()
+                self.assertEqual(self.scores(), expected)
+                self.assertEqual("event times were not in order" in self.said, name == "unsorted")
+        self.assertNotEqual(self.scores("--thresholds", "0.1", "0.4"), expected, "events count")
+
+    def test_damaged_and_missing_files_are_told(self):
+        def cut(path):
+            path.write_bytes(path.read_bytes()[:100])
+
+        images = self.path / "images_1"
+        p = self.events["p"]
+        cases = {
+            "expected frames in images_1/": lambda: [path.unlink() for path in images.iterdir()],
+            "timestamps.npz: missing": lambda: (images / "timestamps.npz").unlink(),
+            "timestamps.npz: cannot be read as .npz": lambda: cut(images / "timestamps.npz"),
+            "expected the arrays timestamps_start": lambda: np.savez(images / "timestamps.npz", timestamps=self.start),
+            "3 times for 12 images": lambda: np.savez(images / "timestamps.npz", timestamps_start=self.start[:3], timestamps_end=self.end[:3]),
+            "frame 0 ends before": lambda: np.savez(images / "timestamps.npz", timestamps_start=self.end, timestamps_end=self.start),
+            "no plausible time": lambda: np.savez(images / "timestamps.npz", timestamps_start=self.start, timestamps_end=self.end * 10),
+            "00.png: expected an image": lambda: cut(images / "00.png"),
+            "expected frames of one size": lambda: cv2.imwrite(str(images / "00.png"), self.pictures[0][:8]),
+            "no recording of events": lambda: (self.path / "events.h5").unlink(),
+            "events.h5: cannot be read as HDF5": lambda: cut(self.path / "events.h5"),
+            "expected event arrays x, y, t and p in one group, found x, y": lambda: self.write_only("xy"),
+            "of one length, found 4000, 4000, 4000, 9": lambda: self.write_events(p=p[:9]),
+            "expected polarities 0/1 or -1/.1, found -1, 0": lambda: self.write_events(p=p - 1),
+            "they share no moment": lambda: self.write_events(t=self.events["t"] + 10 ** 9),
+            "expected finite event times": lambda: self.write_events(t=self.events["t"] * np.nan),
+        }
+        for pattern, damage in cases.items():
+            with self.subTest(pattern):
+                self.setUp()
+                images = self.path / "images_1"
+                self.write()
+                self.write_events()
+                damage()
+                code, said = self.run_on()
+                self.assertEqual(code, 3, said)
+                self.assertRegex(said, rf"^evaluate_efnet: .*{pattern}.*\n$")
+
+    def write_only(self, names):
+        with h5py.File(self.path / "events.h5", "w") as file:
+            for name in names:
+                file[name] = self.events[name]
+
+    def test_other_files_are_told(self):
+        self.write()
+        self.write_events()
+        (self.path / "file.pt").write_bytes(b"no network")
+        film = self.path / "footage.npy"
+        for code, pattern, model, data, *options in (
+                (3, "expected a file made by export_efnet.py, found another", self.path / "file.pt", self.path),
+                (3, "expected a file made by export_efnet.py, found none", self.path / "none.pt", self.path),
+                (3, "expected a folder in the EvDeblur layout .* found nothing", self.model, self.path / "none"),
+                (3, "expected a folder in the EvDeblur layout .* found a file", self.model, self.path / "file.pt"),
+                (3, "footage.npy: cannot be read as .npy", self.model, self.path, "--footage", film),
+                (2, "--thresholds: expected two numbers above 0", self.model, self.path, "--thresholds", "0", "1"),
+                (3, "File exists: .*file.pt", self.model, self.path, "--pictures", self.path / "file.pt")):
+            with self.subTest(pattern):
+                found, said = run_script(evaluate_efnet, model, data, *options)
+                self.assertEqual(found, code, said)
+                self.assertRegex(said.splitlines()[-1], rf"^evaluate_efnet\S*: .*{pattern}")
+                self.assertNotIn("Traceback", said)
+
+    def test_footage_is_that_of_the_exposures(self):
+        self.write()
+        self.write_events()
+        np.save(self.path / "footage.npy", np.zeros((8, 3, 3, self.SIDE, self.SIDE), np.uint8))
+        self.assertRegex(" ".join(self.scores("--footage", self.path / "footage.npy")), "2/2 efnet +PSNR")
+        for shape, pattern in (((3, 3, 3, self.SIDE, self.SIDE), "of 8 exposures, found 3 of 3"), ((8, 1, 3, 16, 16), "found 1 of 8"),
+                               ((8, 3, 3, 9, 16), "footage.npy: expected 16x16 pixels .* found 16x9")):
+            np.save(self.path / "footage.npy", np.zeros(shape, np.uint8))
+            code, said = self.run_on("--footage", self.path / "footage.npy")
+            self.assertEqual(code, 3)
+            self.assertRegex(said, rf"^evaluate_efnet: .*{pattern}.*\n$")
 
 
 class Shipped(unittest.TestCase):
