@@ -7,6 +7,7 @@
 # JADE_CUDA=ON|OFF|AUTO (default AUTO) and CMAKE_CUDA_ARCHITECTURES="90" are taken from the environment.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
+case "${1:-}" in -h | --help) sed -n '3,/^[^#]/s/^# \{0,1\}//p' scripts/build.sh; exit ;; esac
 # Four source files to a compilation: half the time of a clean build, which goes into libtorch's templates.
 configure=(cmake -S . -B build -G Ninja -DCMAKE_BUILD_TYPE=Release -DCMAKE_UNITY_BUILD=ON -DCMAKE_UNITY_BUILD_BATCH_SIZE=4)
 [ -z "${JADE_CUDA:-}" ] || configure+=("-DJADE_CUDA=$JADE_CUDA")

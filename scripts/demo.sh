@@ -10,6 +10,7 @@
 # training that was interrupted goes on.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
+case "${1:-}" in -h | --help) sed -n '3,/^[^#]/s/^# \{0,1\}//p' scripts/demo.sh; exit ;; esac
 step() { printf '\n+ %s\n' "$*" >&2; "$@"; }
 
 step scripts/setup.sh

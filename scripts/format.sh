@@ -5,6 +5,9 @@
 #   scripts/format.sh [--check]
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
+case "${1:-}" in -h | --help) sed -n '3,/^[^#]/s/^# \{0,1\}//p' scripts/format.sh; exit ;; esac
+# Nothing is formatted because a word was mistyped.
+[ $# -eq 0 ] || [ "$*" = --check ] || { echo "format: expected --check or nothing, found '$*'" >&2; exit 2; }
 tool=$(command -v clang-format-14 || command -v clang-format || true)
 [ -n "$tool" ] || { echo "format: clang-format 14 is missing: apt install clang-format-14" >&2; exit 2; }
 "$tool" --version | grep -q 'version 14\.' || { echo "format: expected clang-format 14, found $("$tool" --version); other versions format differently" >&2; exit 2; }

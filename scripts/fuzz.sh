@@ -7,9 +7,11 @@
 # Stops at the first finding; its input is left in build-fuzz/findings/ and can be given to
 # build-fuzz/bin/jade_fuzz_<reader> again. JADE_FUZZ_BUILD names another build folder.
 set -euo pipefail
-cd "$(dirname "$0")/.."
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+case "${1:-}" in -h | --help) sed -n '3,/^[^#]/s/^# \{0,1\}//p' scripts/fuzz.sh; exit ;; esac
 seconds="${1:-60}"
 shift || true
+[[ $seconds =~ ^[1-9][0-9]*$ ]] || { echo "fuzz.sh: expected a number of seconds, found '$seconds'" >&2; exit 2; }
 readers=("$@")
 [ ${#readers[@]} -gt 0 ] || readers=(colmap ecf evt hdf5 llff npy npz)
 build="${JADE_FUZZ_BUILD:-build-fuzz}"

@@ -8,6 +8,8 @@
 # whatever differs from the main branch.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
+case "${1:-}" in -h | --help) sed -n '3,/^[^#]/s/^# \{0,1\}//p' scripts/lint.sh; exit ;; esac
+[ $# -eq 0 ] || [ "$*" = --fast ] || { echo "lint: expected --fast or nothing, found '$*'" >&2; exit 2; }
 scripts/format.sh --check
 python3 scripts/check_layers.py
 python3 scripts/check_test_names.py

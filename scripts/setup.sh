@@ -5,31 +5,35 @@
 #
 #   scripts/setup.sh [--python-torch] [--figures] [--metrics] [--import] [--browser]
 #
-# --python-torch  also what `import torch` needs in Python (scripts/efnet)
+# --python-torch  also what `import torch` needs in Python, and what else scripts/efnet reads pictures and events with
 # --figures       also what scripts/figures.py needs (scripts/requirements-figures.txt)
 # --import        also COLMAP, and what reads AEDAT4 files and ROS bags (scripts/requirements-import.txt)
 # --metrics       also the networks of LPIPS, made by scripts/export_lpips.py (64 MB to fetch, once)
 # --browser       also node and Chromium, for the tests of the report's page
 #
 # Without root it uses sudo for apt; where neither works it prints the command to hand to an
-# administrator.
+# administrator. Exit code 2: another flag; 3: something that is needed cannot be had.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 say() { printf 'setup: %s\n' "$*" >&2; }
+fail() { say "$*"; exit 3; }
+usage() { sed -n '3,/^[^#]/s/^# \{0,1\}//p' scripts/setup.sh; }
 
 python_torch=no
+restorer=no
 figures=no
 metrics=no
 import=no
 browser=no
 for flag in "$@"; do
   case "$flag" in
-    --python-torch) python_torch=yes ;;
+    --python-torch) python_torch=yes restorer=yes ;;
     --figures) figures=yes ;;
     --import) import=yes ;;
     --metrics) python_torch=yes metrics=yes ;;
     --browser) browser=yes ;;
-    *) sed -n '3,15p' "$0" >&2; exit 2 ;;
+    -h | --help) usage; exit ;;
+    *) say "expected a flag of those below, found '$flag'"; usage >&2; exit 2 ;;
   esac
 done
 
@@ -49,10 +53,13 @@ fi
 
 installed() { dpkg-query -W -f='${db:Status-Abbrev}' "$1" 2>/dev/null | grep -q '^.i'; }
 
-missing=()
-for package in "${packages[@]}"; do installed "$package" || missing+=("$package"); done
+# Those that are not installed.
+missing_of() { for package; do installed "$package" || echo "$package"; done; }
+
+mapfile -t missing < <(missing_of "${packages[@]}")
 if [ ${#missing[@]} -gt 0 ]; then
-  for package in "${optional[@]}"; do installed "$package" || missing+=("$package"); done
+  command -v apt-get >/dev/null ||
+    fail "expected Debian 12 or Ubuntu 22.04/24.04, found no apt-get; install what these packages hold by hand: ${missing[*]}"
   as_root=()
   if [ "$(id -u)" -ne 0 ]; then
     if ! command -v sudo >/dev/null; then
@@ -62,22 +69,37 @@ if [ ${#missing[@]} -gt 0 ]; then
     fi
     as_root=(sudo)
   fi
+  apt_get() { "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -qq "$@" >/dev/null; }
   say "installing with apt: ${missing[*]}"
-  "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get update -qq
+  apt_get update || say "apt could not renew its lists; going on with those that are here"
+  unknown=()
+  for package in "${missing[@]}"; do apt-cache show "$package" >/dev/null 2>&1 || unknown+=("$package"); done
+  [ "${unknown[*]}" != chromium ] ||
+    fail "this release has no package chromium that the tests of the page can drive; install google-chrome, or leave out --browser"
+  [ ${#unknown[@]} -eq 0 ] ||
+    fail "apt does not know these packages, which are needed: ${unknown[*]}; is there a network (apt-get update), and is this" \
+      "Debian 12 or Ubuntu 22.04/24.04?"
+  apt_get install -y --no-install-recommends "${missing[@]}" ||
+    fail "apt could not install: $(missing_of "${missing[@]}" | xargs); its own words are above"
   # Ubuntu 22.04 lacks some of the optional ones.
-  wanted=()
-  for package in "${missing[@]}"; do
-    if apt-cache show "$package" >/dev/null 2>&1; then wanted+=("$package"); else say "not in this release, skipped: $package"; fi
+  for package in $(missing_of "${optional[@]}"); do
+    { apt-cache show "$package" && apt_get install -y --no-install-recommends "$package"; } >/dev/null 2>&1 ||
+      say "optional, cannot be had and is left out: $package"
   done
-  "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${wanted[@]}" >/dev/null
 fi
 
 # The wheel holds headers and libraries; its CUDA companions (2.5 GB) are needed for kernels only, and
-# then come from the CUDA toolkit.
-if [ ! -x .venv/bin/python ]; then
-  say "making .venv"
-  python3 -m venv .venv
+# then come from the CUDA toolkit. What was interrupted while it was made has a Python, but no pip.
+whole() { .venv/bin/python -m pip --version >/dev/null 2>&1; }
+if ! whole; then
+  if [ -e .venv/bin/python ]; then say "making .venv anew: its pip does not work"; else say "making .venv"; fi
+  python3 -m venv --clear .venv >&2 || true
+  whole || fail "python3 -m venv could not make .venv; remove that folder, and check the free space"
 fi
+pip_install() {
+  .venv/bin/python -m pip install -q --disable-pip-version-check "$@" ||
+    fail "pip could not install into .venv what is needed; its own words are above. Check the network and the free space"
+}
 have() { .venv/bin/python - "$@" <<'PY'
 import importlib.metadata as metadata, sys
 def found(requirement):
@@ -102,11 +124,13 @@ if [ $python_torch = yes ]; then
   wheels+=(typing_extensions==4.13.2 sympy==1.14.0 mpmath==1.3.0 networkx==3.4.2 jinja2==3.1.6 markupsafe==3.0.2
     fsspec==2025.3.0 filelock==3.18.0)
 fi
+# In the versions of requirements-import.txt.
+if [ $restorer = yes ]; then wheels+=(h5py==3.13.0 opencv-python-headless==4.11.0.86); fi
 absent=$(have "${wheels[@]}")
 if [ -n "$absent" ]; then
   say "installing into .venv: $absent"
   # shellcheck disable=SC2086
-  .venv/bin/python -m pip install -q --disable-pip-version-check --no-deps $absent
+  pip_install --no-deps $absent
 fi
 # What a list of pinned packages names, with all that it needs.
 install_list() {
@@ -116,7 +140,7 @@ install_list() {
   if [ -n "$absent" ]; then
     say "installing into .venv: $absent and what it needs"
     # Of torch only what is needed is here, of which pip warns at length.
-    .venv/bin/python -m pip install -q --disable-pip-version-check -r "$1" \
+    pip_install -r "$1" \
       2> >(grep -v -e '^ERROR: pip.s dependency resolver' -e '^torch [0-9.]* requires' >&2)
   fi
 }

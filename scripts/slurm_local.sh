@@ -7,7 +7,12 @@
 #   scripts/slurm_local.sh stop DIR
 set -euo pipefail
 say() { printf 'slurm_local: %s\n' "$*" >&2; }
-[ $# = 2 ] || { sed -n '3,8p' "$0" >&2; exit 2; }
+usage() { sed -n '3,/^[^#]/s/^# \{0,1\}//p' "${BASH_SOURCE[0]}"; }
+case "${1:-}" in
+  -h | --help) usage; exit ;;
+  start | stop) [ $# = 2 ] || { say "expected a folder after '$1'"; usage >&2; exit 2; } ;;
+  *) say "expected start or stop, found '${1:-}'"; usage >&2; exit 2 ;;
+esac
 mkdir -p "$2"
 folder=$(cd "$2" && pwd)
 export PATH="$PATH:/usr/sbin:/sbin"
@@ -83,8 +88,4 @@ CONF
   exit 1
 }
 
-case "$1" in
-  start) start ;;
-  stop) stop ;;
-  *) sed -n '3,8p' "$0" >&2; exit 2 ;;
-esac
+"$1"
