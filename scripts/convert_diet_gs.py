@@ -117,19 +117,23 @@ def write_events(path, rows, coords):
         rows = rows[np.argsort(rows[:, 1], kind="stable")]
     part = path.with_suffix(".part")
     kinds = {"x": np.float32, "y": np.float32, "t": np.int64, "p": np.int8}
-    with h5py.File(part, "w") as file:
-        out = {name: file.create_dataset(name, (len(rows),), kind, compression="gzip", shuffle=True,
-                                         chunks=(1 << 16,) if len(rows) > 1 << 16 else True)
-               if len(rows) else file.create_dataset(name, (0,), kind)
-               for name, kind in kinds.items()}
-        for begin in range(0, len(rows), CHUNK):
-            block = rows[begin:begin + CHUNK]
-            at = coords[block[:, 0].astype(np.int64)]
-            end = begin + len(block)
-            out["x"][begin:end] = at[:, 0]
-            out["y"][begin:end] = at[:, 1]
-            out["t"][begin:end] = np.rint(block[:, 1]).astype(np.int64)
-            out["p"][begin:end] = np.where(block[:, 2] > 0, 1, -1)
+    try:
+        with h5py.File(part, "w") as file:
+            out = {name: file.create_dataset(name, (len(rows),), kind, compression="gzip", shuffle=True,
+                                             chunks=(1 << 16,) if len(rows) > 1 << 16 else True)
+                   if len(rows) else file.create_dataset(name, (0,), kind)
+                   for name, kind in kinds.items()}
+            for begin in range(0, len(rows), CHUNK):
+                block = rows[begin:begin + CHUNK]
+                at = coords[block[:, 0].astype(np.int64)]
+                end = begin + len(block)
+                out["x"][begin:end] = at[:, 0]
+                out["y"][begin:end] = at[:, 1]
+                out["t"][begin:end] = np.rint(block[:, 1]).astype(np.int64)
+                out["p"][begin:end] = np.where(block[:, 2] > 0, 1, -1)
+    except BaseException:  # a full disk, Ctrl-C
+        part.unlink(missing_ok=True)
+        raise
     part.rename(path)
 
 
@@ -161,6 +165,9 @@ def main():
     for scene in parser.parse_args().scene:
         try:
             convert(scene)
+        except KeyboardInterrupt:
+            print("convert_diet_gs: interrupted", file=sys.stderr)
+            return 130
         except (DataError, OSError) as error:
             print(f"convert_diet_gs: {error}", file=sys.stderr)
             return 3

@@ -235,6 +235,9 @@ def main() -> int:
         p.error(f"--thresholds: expected two numbers above 0, found {' '.join(map(str, arguments.thresholds))}")
     try:
         table = evaluate_footage(arguments) if arguments.footage else evaluate_middle(arguments)
+    except KeyboardInterrupt:
+        print("evaluate_efnet: interrupted", file=sys.stderr)
+        return 130
     except (DataError, OSError) as error:
         print(f"evaluate_efnet: {error}", file=sys.stderr)
         return 3

@@ -12,6 +12,7 @@ import hashlib
 import json
 import math
 import sys
+import warnings
 from pathlib import Path
 
 try:
@@ -76,7 +77,9 @@ class SecondStage(nn.Module):
 def load_tensors(path: Path) -> object:
     """What torch.save wrote, on the CPU."""
     try:
-        return torch.load(path, map_location="cpu", weights_only=True)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of TorchScript, which is refused below
+            return torch.load(path, map_location="cpu", weights_only=True)
     except Exception as error:  # a damaged pickle fails in every way there is
         raise DataError(f"{path}: expected a checkpoint of plain tensors, could not read one ({type(error).__name__})")
 
@@ -163,7 +166,12 @@ def verify(reference: nn.Module, path: Path, kind: str, multiple: int) -> float:
     for seed, size in enumerate(VERIFIED_SIZES):
         height, width = (math.ceil(side / multiple) * multiple for side in size)
         inputs = example_inputs(kind, height, width, seed)
-        expected, found = reference(*inputs), saved(*inputs)
+        try:
+            expected, found = reference(*inputs), saved(*inputs)
+        except RuntimeError as error:
+            said = str(error).strip().splitlines()
+            raise DataError(f"the network cannot be run on {width}x{height} pixels as --kind and --padding-multiple have it: "
+                            f"{said[0] if kind != 'image' else said[-1]}") from error
         if not isinstance(found, Tensor) or found.shape != inputs[0].shape:
             raise DataError(f"{path}: expected one image of the input's size at {height}x{width}")
         worst = max(worst, float((expected - found).abs().max()))
@@ -253,7 +261,7 @@ def main() -> int:
         if arguments.output.is_dir():
             raise DataError(f"{arguments.output}: expected a file to write, such as efnet.pt, found a folder")
         print(json.dumps(export(arguments), indent=1))
-    except DataError as error:
+    except (DataError, OSError) as error:
         print(f"export_efnet: {error}", file=sys.stderr)
         return 3
     return 0

@@ -100,12 +100,15 @@ def main() -> int:
     for name, least in (("size", 1), ("most_tiles", 0), ("max_mib", 0)):
         if getattr(arguments, name) < least:
             parser.error(f"--{name.replace('_', '-')}: expected at least {least}, found {getattr(arguments, name)}")
-    missing = [f for f in arguments.folders if not f.is_dir()]
-    if missing:
-        print(f"prepare_photographs: expected a folder, found none at {missing[0]}", file=sys.stderr)
-        return 3
     try:
+        missing = [f for f in arguments.folders if not f.is_dir()]
+        if missing:
+            print(f"prepare_photographs: expected a folder, found none at {missing[0]}", file=sys.stderr)
+            return 3
         return cut(arguments)
+    except KeyboardInterrupt:
+        print("prepare_photographs: interrupted", file=sys.stderr)
+        return 130
     except OSError as error:
         print(f"prepare_photographs: {error.filename}: {error.strerror}; expected folders that can be read and written", file=sys.stderr)
         return 3

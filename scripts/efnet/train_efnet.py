@@ -87,12 +87,13 @@ def parse_arguments(arguments: list[str] | None = None) -> argparse.Namespace:
         p.error(f"--batch: expected an even number, got {result.batch}")
     if result.resume and result.weights:
         p.error("--weights: --resume brings its own")
-    if result.weights is not None and not result.weights.is_file():
-        p.error(f"--weights: no file at {result.weights}")
     for name, least in (("width", 1), ("batch", 1), ("max_steps", 1), ("texture_size", 16), ("validation_batches", 1), ("procedural", 0),
                         ("warmup", 0), ("max_minutes", 0), ("validate_minutes", 0), ("blur_max", 0), ("lr", 0)):
         if not getattr(result, name) >= least:  # nor NaN
             p.error(f"--{name.replace('_', '-')}: expected at least {least}, got {getattr(result, name)}")
+    for name in ("footage_share", "mean_decay"):
+        if not 0 <= getattr(result, name) <= 1:
+            p.error(f"--{name.replace('_', '-')}: expected from 0 to 1, got {getattr(result, name)}")
     try:
         there = torch.device(result.device).type == "cpu" or torch.cuda.is_available()
     except RuntimeError:
@@ -101,10 +102,15 @@ def parse_arguments(arguments: list[str] | None = None) -> argparse.Namespace:
         p.error(f"--device: expected cpu, or cuda where torch finds a GPU, got {result.device}")
     if (result.photographs or result.held_out) and importlib.util.find_spec("cv2") is None:
         p.error("--photographs, --held-out: need OpenCV: run scripts/setup.sh --python-torch")
-    for name in ("photographs", "held_out", "footage", "held_out_footage", "resume"):
-        folder = getattr(result, name)
-        if folder is not None and not folder.is_dir():
-            p.error(f"--{name.replace('_', '-')}: no folder at {folder}")
+    try:
+        for name in ("photographs", "held_out", "footage", "held_out_footage", "resume"):
+            folder = getattr(result, name)
+            if folder is not None and not folder.is_dir():
+                p.error(f"--{name.replace('_', '-')}: no folder at {folder}")
+        if result.weights is not None and not result.weights.is_file():
+            p.error(f"--weights: no file at {result.weights}")
+    except OSError as error:
+        p.error(f"{error.filename}: {error.strerror}")
     return result
 
 

@@ -378,6 +378,16 @@ class Export(unittest.TestCase):
             with self.assertRaises(export_efnet.DataError):
                 self.any_time(*option)
 
+    def test_a_network_that_takes_other_inputs_is_told(self):
+        self.any_time()
+        (self.path / "out.pt").rename(self.path / "in.pt")
+        for options, pattern in ((("--kind", "image"), "the network cannot be run on 96x64 pixels .*missing value for argument 'counts'"),
+                                 ((), "in.pt: expected a checkpoint of plain tensors")):
+            code, said = run_script(export_efnet, self.path / "in.pt", self.path / "out.pt", *options)
+            self.assertEqual(code, 3)
+            self.assertRegex(said.splitlines()[-1], f"^export_efnet: .*{pattern}")
+            self.assertEqual(list(self.path.glob("out.*")), [])
+
     def test_a_place_that_cannot_be_written_is_told(self):
         for output, pattern in ((self.path, "expected a file to write, such as efnet.pt, found a folder"),
                                 (self.path / "none" / "out.pt", "no such folder")):
@@ -521,6 +531,7 @@ class Training(unittest.TestCase):
         (self.path / "file").touch()
         for code, pattern, *options in ((2, "--width: expected at least 1, got 0", "--width", 0), (2, "--batch: .* got -2", "--batch", -2),
                                         (2, "--max-minutes: .*got nan", "--max-minutes", "nan"), (2, "--device: expected", "--device", "gpu"),
+                                        (2, "--footage-share: expected from 0 to 1, got 7", "--footage-share", 7),
                                         (2, "--footage: no folder at", "--footage", self.path / "file"),
                                         (3, "expected pictures of at least 64x64", "--held-out", self.path),
                                         (3, "File exists: .*file", "--output", self.path / "file")):
