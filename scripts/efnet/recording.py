@@ -66,7 +66,10 @@ def read_arrays(path: Path) -> np.ndarray | dict[str, np.ndarray]:
     """Of an .npy file its array, of an .npz file its arrays by name."""
     try:
         content = np.load(path)
-        return content if isinstance(content, np.ndarray) else dict(content)
+        if isinstance(content, np.ndarray):
+            return content
+        with content:
+            return dict(content)
     except FileNotFoundError:
         raise DataError(f"{path}: missing") from None
     except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile) as error:

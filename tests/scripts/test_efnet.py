@@ -6,6 +6,7 @@ import json
 import sys
 import tempfile
 import unittest
+import warnings
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import replace
 from pathlib import Path
@@ -411,7 +412,9 @@ class Export(unittest.TestCase):
 def run_script(script, *arguments) -> tuple[int, str]:
     """Exit code of a script's main(), and all that it said."""
     said = io.StringIO()
-    with mock.patch.object(sys, "argv", [script.__name__, *map(str, arguments)]), redirect_stdout(said), redirect_stderr(said):
+    with mock.patch.object(sys, "argv", [script.__name__, *map(str, arguments)]), redirect_stdout(said), redirect_stderr(said), \
+            warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # unittest shows those of torch that a user does not see
         try:
             code = script.main()
         except SystemExit as stop:
