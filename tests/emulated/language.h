@@ -4,6 +4,7 @@
 #pragma once
 
 #include <algorithm>
+#include <c10/util/Half.h>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
@@ -202,7 +203,11 @@ inline uint32_t __reduce_max_sync(uint32_t mask, uint32_t value) {
   return jade::emulated::reduce(mask, value, [](uint32_t a, uint32_t b) { return std::max(a, b); });
 }
 
-/// kernel/tensor_core.cuh
+/// kernel/tensor_core.cuh. Tensor cores cut sums off rather than round them.
+inline float toward_zero(double x) {
+  const float nearest = float(x);
+  return std::abs(double(nearest)) > std::abs(x) ? std::nextafter(nearest, 0.f) : nearest;
+}
 inline void emulated_multiply_add_tf32(float (&d)[4], const float (&a)[4], const float (&b)[2]) {
   const auto cut = [](float x) { return __uint_as_float(__float_as_uint(x) & 0xffffe000u); };
   const int g = int(jade::emulated::lane()) / 4, t = int(jade::emulated::lane()) % 4;
@@ -214,6 +219,49 @@ inline void emulated_multiply_add_tf32(float (&d)[4], const float (&a)[4], const
         d[n] += cut(low.of[4 * g + k]) * column;
         d[2 + n] += cut(high.of[4 * g + k]) * column;
       }
+    }
+  }
+}
+inline uint32_t emulated_to_halves(float first, float second) {
+  return c10::Half(first).x | uint32_t{c10::Half(second).x} << 16;
+}
+inline float2 emulated_from_halves(uint32_t both) {
+  return {float(c10::Half(uint16_t(both), c10::Half::from_bits())),
+          float(c10::Half(uint16_t(both >> 16), c10::Half::from_bits()))};
+}
+/// The first lane to go on computes for all: the others wait, so what they point to is there.
+inline void emulated_multiply_add_f16(float (&d)[4], const uint32_t (&a)[4],
+                                      const uint32_t (&b)[2]) {
+  struct Lane {
+    float* d;
+    const uint32_t *a, *b;
+    bool done;
+  } mine{d, a, b, false};
+  const auto all =
+      jade::emulated::meet_warp(jade::emulated::Meeting::kShuffle, ~0u, uint64_t(&mine));
+  if (mine.done) return;
+  float left[16][16], right[16][8];
+  for (unsigned lane = 0; lane < 32; ++lane) {
+    Lane& from = *reinterpret_cast<Lane*>(all.values[lane]);
+    const unsigned g = lane / 4, t = lane % 4;
+    for (unsigned k = 0; k < 4; ++k) {
+      const float2 both = emulated_from_halves(from.a[k]);
+      float* const to = left[g + 8 * (k % 2)] + 2 * t + 8 * (k / 2);
+      to[0] = both.x, to[1] = both.y;
+    }
+    for (unsigned k = 0; k < 2; ++k) {
+      const float2 both = emulated_from_halves(from.b[k]);
+      right[2 * t + 8 * k][g] = both.x, right[2 * t + 8 * k + 1][g] = both.y;
+    }
+    from.done = true;
+  }
+  for (unsigned lane = 0; lane < 32; ++lane) {
+    float* const to = reinterpret_cast<Lane*>(all.values[lane])->d;
+    for (unsigned i = 0; i < 4; ++i) {
+      double sum = to[i];
+      const unsigned m = lane / 4 + 8 * (i / 2), n = 2 * (lane % 4) + i % 2;
+      for (unsigned k = 0; k < 16; ++k) sum += double(left[m][k]) * right[k][n];
+      to[i] = toward_zero(sum);
     }
   }
 }

@@ -3,6 +3,9 @@
 #pragma once
 
 #include <cstdint>
+#if defined(__CUDACC__)
+#include <cuda_fp16.h>
+#endif
 
 namespace jade::kernel {
 
@@ -44,6 +47,42 @@ __device__ __forceinline__ void multiply_add_tf32(float (&d)[4], const float (&a
 /// most.
 __device__ __forceinline__ float tf32_part(float x) {
   return __uint_as_float(__float_as_uint(x) & 0xffffe000u);
+}
+
+/// The nearest half-precision numbers (11 bits), the first in the lower 16 bits.
+__device__ __forceinline__ uint32_t to_halves(float first, float second) {
+#if !defined(__CUDACC__)
+  return emulated_to_halves(first, second);
+#else
+  const __half2 both = __floats2half2_rn(first, second);
+  return *reinterpret_cast<const uint32_t*>(&both);
+#endif
+}
+
+__device__ __forceinline__ float2 from_halves(uint32_t both) {
+#if !defined(__CUDACC__)
+  return emulated_from_halves(both);
+#else
+  return __half22float2(*reinterpret_cast<const __half2*>(&both));
+#endif
+}
+
+/// D += A · B by the whole warp, A 16x16, B 16x8, D 16x8. A and B are in half precision, two
+/// neighbours in k per register; sums are float. With g = lane / 4 and t = lane % 4 a lane holds
+///     a = A[g][2t..], A[g+8][2t..], A[g][2t+8..], A[g+8][2t+8..]
+///     b = B[2t..][g], B[2t+8..][g]
+///     d = D[g][2t], D[g][2t+1], D[g+8][2t], D[g+8][2t+1]
+/// (PTX: mma.m16n8k16, .f16).
+__device__ __forceinline__ void multiply_add_f16(float (&d)[4], const uint32_t (&a)[4],
+                                                 const uint32_t (&b)[2]) {
+#if !defined(__CUDACC__)
+  emulated_multiply_add_f16(d, a, b);  // tests/emulated
+#else
+  asm("mma.sync.aligned.m16n8k16.row.col.f32.f16.f16.f32 {%0,%1,%2,%3}, {%4,%5,%6,%7}, {%8,%9}, "
+      "{%0,%1,%2,%3};"
+      : "+f"(d[0]), "+f"(d[1]), "+f"(d[2]), "+f"(d[3])
+      : "r"(a[0]), "r"(a[1]), "r"(a[2]), "r"(a[3]), "r"(b[0]), "r"(b[1]));
+#endif
 }
 
 }  // namespace jade::kernel
