@@ -1,294 +1,360 @@
 // SPDX-License-Identifier: Apache-2.0
-// cuDNN picks Fourier transforms for these layers, whose 2 to 24 channels suit none of its engines:
-// 2.8 ms a training step at 346x260 on an H200, of which these kernels leave 0.6.
+// Convolutions as matrix products: pixels x output channels, summed over (input channel, tap).
 #include "jade/kernel/launch.h"
 #include "jade/router/conv_layer.h"
+#include "jade/router/conv_shape.cuh"
 
 namespace jade::router::cuda {
 namespace {
 
-constexpr int kTileX = 32, kTileY = 8;
-constexpr int kPixels = 2;  ///< neighbours in x that a thread computes
-constexpr int kThreadsX = kTileX / kPixels;
-constexpr int kGradientThreads = 160;
+constexpr int kThreads = 128;
+constexpr int kRows = 2;  ///< of the tile that a warp computes, 32 pixels each: two products wide
 
-JADE_HD constexpr int round_up(int value, int step) { return (value + step - 1) / step * step; }
-
-/// Where a tile's input comes from: a layer's input with its edge repeated, or the gradient of a
-/// layer's output, zero outside the image and where ReLU held the value back.
-struct Source {
-  const float* values;
-  const float* passed;  ///< [N,C,H,W] outputs of ReLU; null: there was none
-  int height, width;
-  bool replicate;
-
-  __device__ float at(int plane, int y, int x) const {
-    if (replicate) {
-      y = min(max(y, 0), height - 1);
-      x = min(max(x, 0), width - 1);
-    } else if (y < 0 || y >= height || x < 0 || x >= width) {
-      return 0;
-    }
-    const int64_t i = (int64_t{plane} * height + y) * width + x;
-    const float value = values[i];
-    return passed != nullptr && passed[i] <= 0 ? 0.f : value;
+/// What a tile covers of [0, size): `border` repeated pixels at either end stay in one tile with
+/// the edge that they repeat.
+struct Span {
+  int begin, end;
+  bool at_begin, at_end;
+  __device__ Span(int tile, int step, int size, int border) {
+    const int last = (size - 1) / step;
+    const int last_begin = min(last * step, size - border - 1);
+    begin = tile == last ? last_begin : tile * step;
+    end = tile == last ? size : min(begin + step, tile + 1 == last ? last_begin : size);
+    at_begin = tile == 0;
+    at_end = tile == last;
   }
 };
 
-/// out(o, y, x) = bias[o] + Σ w(o, i, dy, dx) source(i, y + dy + origin, x + dx + origin) over an
-/// output of out_height x out_width. Transposed: w is read as that of the layer's input gradient.
-template <int IN, int OUT, int K, bool TRANSPOSED>
-__global__ void __launch_bounds__(kThreadsX* kTileY)
-    convolve_kernel(Source source, const float* weights, const float* bias, bool relu, int origin,
-                    float* out, int out_height, int out_width) {
-  constexpr int kWide = kTileX + K - 1 + (K - 1) % 2, kHigh = kTileY + K - 1;
-  constexpr int kOut = round_up(OUT, 4);
-  __shared__ __align__(16) float tile[IN * kHigh * kWide];
-  __shared__ __align__(16) float taps[IN * K * K * kOut];
-  const int thread = threadIdx.y * kThreadsX + threadIdx.x;
-  constexpr int kThreads = kThreadsX * kTileY;
-  for (int i = thread; i < IN * K * K * kOut; i += kThreads) {
-    const int o = i % kOut, tap = i / kOut % (K * K), c = i / (kOut * K * K);
-    // [OUT,IN,K,K], or for the input's gradient [IN,OUT,K,K] turned by 180 degrees.
-    const int from =
-        TRANSPOSED ? (c * OUT + o) * K * K + (K * K - 1 - tap) : (o * IN + c) * K * K + tap;
-    taps[i] = o < OUT ? weights[from] : 0.f;
-  }
-  const int x0 = blockIdx.x * kTileX, y0 = blockIdx.y * kTileY;
-  for (int i = thread; i < IN * kHigh * kWide; i += kThreads) {
-    const int x = i % kWide, y = i / kWide % kHigh, c = i / (kWide * kHigh);
-    tile[i] = source.at(blockIdx.z * IN + c, y0 + y + origin, x0 + x + origin);
-  }
-  __syncthreads();
+/// What becomes of the sums of a pixel, `stride` apart.
+struct Store {
+  float* to;  ///< [N,channels,H,W]
+  int channels;
+  const float* bias;  ///< null: none
+  bool relu, add;
 
-  float sum[kPixels][kOut] = {};
-  for (int c = 0; c < IN; ++c) {
+  template <int OUT>
+  __device__ void put(int image, int64_t plane, int offset, const float* sums, int stride) const {
+    float* at = to + image * channels * plane + offset;
 #pragma unroll
-    for (int dy = 0; dy < K; ++dy) {
-      float row[K + 1];
-      const float* const from =
-          tile + (c * kHigh + threadIdx.y + dy) * kWide + kPixels * threadIdx.x;
+    for (int o = 0; o < OUT; ++o) {
+      float value = sums[o * stride];
+      if (bias != nullptr) value += __ldg(bias + o);
+      if (relu) value = fmaxf(value, 0.f);
+      if (add) value += *at;
+      *at = value;
+      at += plane;
+    }
+  }
+};
+
+/// head2's ReLU and all of head3.
+struct StoreLogits {
+  float* head2;  ///< null: not kept
+  const float *weights, *bias;
+  float* logits;
+
+  template <int OUT>
+  __device__ void put(int image, int64_t plane, int offset, const float* sums, int stride) const {
+    float* kept = head2 + image * OUT * plane + offset;
+    float logit = 0;
 #pragma unroll
-      for (int x = 0; x < K + 1; x += 2) {
-        const float2 two = *reinterpret_cast<const float2*>(from + x);
-        row[x] = two.x;
-        row[x + 1] = two.y;
+    for (int o = 0; o < OUT; ++o) {
+      const float value = fmaxf(sums[o * stride], 0.f);
+      if (head2 != nullptr) *kept = value;
+      kept += plane;
+      logit += __ldg(weights + o) * value;
+    }
+    logits[image * plane + offset] = logit + __ldg(bias);
+  }
+};
+
+/// Sums of a warp's pixels, the small products apart: tensor cores cut the sum off at its last bit.
+template <int COLUMNS>
+struct Sums {
+  float large[kRows][2][COLUMNS][4] = {};
+  float small[kRows][2][COLUMNS][4] = {};
+};
+
+/// out(o, y, x) = Σ w(o, i, dy, dx) source(i, y + dy, x + dx). TURNED: the gradient of a layer's
+/// input, whose repeated border is added to the edge.
+template <class S, bool TURNED, class Source, class Finish>
+struct Convolution {
+  static constexpr int kBorder = TURNED ? S::kKernel / 2 : 0;
+  static constexpr int kOutPlane = kTileX * kTileY + 4;
+  static constexpr int kShared =
+      S::kOut * kOutPlane > 2 * S::kWords ? S::kOut* kOutPlane : 2 * S::kWords;
+  Source source;
+  Finish finish;
+  const uint4* fragments;
+  const uint32_t* inverse;
+
+  dim3 grid(int batch) const {
+    return dim3(kernel::grid_size(source.size.width + 2 * kBorder, kTileX),
+                kernel::grid_size(source.size.height + 2 * kBorder, kTileY), batch);
+  }
+
+  /// @param memory  kShared words
+  __device__ void run(uint32_t* memory, uint32_t* slots, int tile) const {
+    const Span x(tile, kTileX, source.size.width + 2 * kBorder, kBorder);
+    const Span y(blockIdx.y, kTileY, source.size.height + 2 * kBorder, kBorder);
+    const float inverse_scale = load(memory, slots, y.begin, x.begin);
+    __syncthreads();
+    Sums<S::kColumns> sums;
+    if (y.begin + static_cast<int>(threadIdx.x) / 32 * kRows < y.end) multiply(memory, sums);
+    __syncthreads();
+    float* const out = reinterpret_cast<float*>(memory);
+    spill(sums, inverse_scale, out);
+    __syncthreads();
+    if (TURNED) fold(out, y, x);
+    store(out, y, x);
+  }
+
+ private:
+  /// Returns 1 / what the tile was multiplied by.
+  __device__ float load(uint32_t* memory, uint32_t* slots, int y0, int x0) const {
+    constexpr int kRounds = round_up(S::kPixels, kThreads) / kThreads;
+    constexpr int kReach = TURNED ? S::kKernel - 1 : S::kKernel / 2;
+    float values[kRounds][S::kIn];
+    float largest = 0;
+#pragma unroll
+    for (int round = 0; round < kRounds; ++round) {
+      const int pixel = threadIdx.x + round * kThreads;
+      if (pixel >= S::kPixels) continue;
+      source.read(blockIdx.z, y0 - kReach + pixel / S::kWide, x0 - kReach + pixel % S::kWide,
+                  values[round]);
+      largest = fmaxf(largest, largest_of(values[round]));
+    }
+    const Scale scale(block_largest<kThreads>(largest, slots));
+#pragma unroll
+    for (int round = 0; round < kRounds; ++round) {
+      const int pixel = threadIdx.x + round * kThreads;
+      if (pixel >= S::kPixels) continue;
+      uint32_t* const to = memory + pixel * S::kStride;
+#pragma unroll
+      for (int pair = 0; pair < S::kPairs; ++pair) {
+        const float second = 2 * pair + 1 < S::kIn ? values[round][2 * pair + 1] : 0.f;
+        const Halves both(scale.factor * values[round][2 * pair], scale.factor * second);
+        to[pair] = both.high;
+        to[S::kWords + pair] = both.low;
+      }
+      // What is read with weights of zero must be a number.
+      for (int pair = S::kPairs; pair < S::kStride; ++pair) to[pair] = to[S::kWords + pair] = 0;
+    }
+    if constexpr (S::kBehind > 0) {
+      uint32_t* const behind = memory + S::kPixels * S::kStride + threadIdx.x;
+      if (threadIdx.x < S::kBehind) behind[0] = behind[S::kWords] = 0;
+    }
+    return scale.inverse;
+  }
+
+  /// Column of a product's row `lane / 4 + 8 · half`.
+  static __device__ constexpr int column(int product, int half, int row) {
+    return S::kSpread ? 4 * row + 2 * product + half : 16 * product + 8 * half + row;
+  }
+
+  /// A row of the tile is read once and multiplied with all rows of the kernel that meet it.
+  __device__ void multiply(const uint32_t* memory, Sums<S::kColumns>& sums) const {
+    constexpr int kKernel = S::kKernel, kColumns = S::kColumns;
+    const int warp = threadIdx.x / 32, lane = threadIdx.x % 32;
+    const uint32_t* from =
+        memory + (kRows * warp * S::kWide + column(0, 0, lane / 4)) * S::kStride + lane % 4;
+    const uint4* weights = fragments + lane;
+#pragma unroll 1
+    for (int step = 0; step < S::kSteps; ++step) {
+      uint4 w[kKernel][kColumns];
+#pragma unroll
+      for (int i = 0; i < kKernel * kColumns; ++i) {
+        w[i / kColumns][i % kColumns] = __ldg(weights + i * 32);
       }
 #pragma unroll
-      for (int dx = 0; dx < K; ++dx) {
-        const float4* const tap =
-            reinterpret_cast<const float4*>(taps + ((c * K + dy) * K + dx) * kOut);
+      for (int i = 0; i < 2 * (kRows + kKernel - 1); ++i) {
+        const int row = i / 2, product = i % 2;
+        uint32_t high[4], low[4];
 #pragma unroll
-        for (int o = 0; o < kOut / 4; ++o) {
-          const float4 w = tap[o];
+        for (int k = 0; k < 4; ++k) {
+          const int at = (row * S::kWide + column(product, k % 2, 0)) * S::kStride + 4 * (k / 2);
+          high[k] = from[at];
+          low[k] = from[S::kWords + at];
+        }
 #pragma unroll
-          for (int p = 0; p < kPixels; ++p) {
-            sum[p][4 * o] += w.x * row[dx + p];
-            sum[p][4 * o + 1] += w.y * row[dx + p];
-            sum[p][4 * o + 2] += w.z * row[dx + p];
-            sum[p][4 * o + 3] += w.w * row[dx + p];
+        for (int y = 0; y < kRows; ++y) {
+          const int dy = row - y;
+          if (dy < 0 || dy >= kKernel) continue;
+#pragma unroll
+          for (int n = 0; n < kColumns; ++n) {
+            const uint32_t high_w[2] = {w[dy][n].x, w[dy][n].y};
+            const uint32_t low_w[2] = {w[dy][n].z, w[dy][n].w};
+            kernel::multiply_add_f16(sums.small[y][product][n], high, low_w);
+            kernel::multiply_add_f16(sums.large[y][product][n], high, high_w);
+            kernel::multiply_add_f16(sums.small[y][product][n], low, high_w);
           }
         }
       }
+      from += S::kAdvance;
+      weights += kKernel * kColumns * 32;
     }
   }
 
-  const int y = y0 + threadIdx.y;
-  if (y >= out_height) return;
+  /// The sums as [output][row][column].
+  __device__ void spill(const Sums<S::kColumns>& sums, float inverse_scale, float* out) const {
+    const int warp = threadIdx.x / 32, lane = threadIdx.x % 32;
+    const float inverse_weights = __uint_as_float(__ldg(inverse));
 #pragma unroll
-  for (int o = 0; o < OUT; ++o) {
-    const float offset = bias == nullptr ? 0.f : bias[o];
+    for (int i = 0; i < kRows * S::kColumns * 2; ++i) {
+      const int y = i / (2 * S::kColumns), n = i / 2 % S::kColumns, odd = i % 2;
+      const int o = 8 * n + 2 * (lane % 4) + odd;
+      if (o >= S::kOut) continue;
+      float values[4];
 #pragma unroll
-    for (int p = 0; p < kPixels; ++p) {
-      const int x = x0 + kPixels * threadIdx.x + p;
-      if (x >= out_width) continue;
-      const float value = sum[p][o] + offset;
-      out[(int64_t{blockIdx.z} * OUT + o) * out_height * out_width + int64_t{y} * out_width + x] =
-          relu ? fmaxf(value, 0.f) : value;
-    }
-  }
-}
-
-/// Adds the gradients of the repeated border to the edge it repeats.
-__global__ void fold_kernel(const float* padded, float* out, int planes, int height, int width,
-                            int pad) {
-  const int64_t i = int64_t{blockIdx.x} * blockDim.x + threadIdx.x;
-  if (i >= int64_t{planes} * height * width) return;
-  const int x = i % width, y = i / width % height;
-  const int64_t plane = i / (int64_t{width} * height);
-  const int wide = width + 2 * pad, high = height + 2 * pad;
-  const int x_begin = x == 0 ? 0 : x + pad, x_end = x == width - 1 ? wide : x + pad + 1;
-  const int y_begin = y == 0 ? 0 : y + pad, y_end = y == height - 1 ? high : y + pad + 1;
-  float sum = 0;
-  for (int yy = y_begin; yy < y_end; ++yy) {
-    for (int xx = x_begin; xx < x_end; ++xx) sum += padded[(plane * high + yy) * wide + xx];
-  }
-  out[i] = sum;
-}
-
-/// Output channels whose gradients one thread sums: it holds group · K sums.
-JADE_HD constexpr int group_of(int out) {
-  return out % 4 == 0 ? 4 : out % 3 == 0 ? 3 : out % 5 == 0 ? 5 : 1;
-}
-/// A tile's sums are shared out over (input channel, row of the kernel, group of outputs), and what
-/// threads are left over take other rows of the tile.
-template <int IN, int OUT, int K>
-struct WeightTasks {
-  static constexpr int kGroup = group_of(OUT);
-  static constexpr int kTasks = IN * K * (OUT / kGroup);
-  static constexpr int kSplits = kGradientThreads >= kTasks ? kGradientThreads / kTasks : 1;
-  static constexpr int kThreads = round_up(kTasks * kSplits, 32);
-  static constexpr int kColumns = OUT * IN * K * K + OUT;
-};
-
-template <int IN, int OUT, int K>
-__global__ void weight_gradient_kernel(Source in, Source of_out, float* partial) {
-  using Tasks = WeightTasks<IN, OUT, K>;
-  constexpr int kGroup = Tasks::kGroup;
-  constexpr int kWide = kTileX + K - 1, kHigh = kTileY + K - 1;
-  constexpr int kPlane = kHigh * kWide + 1;  // apart by a bank
-  __shared__ float inputs[IN * kPlane];
-  __shared__ float gradients[OUT * kTileY * kTileX];
-  const int x0 = blockIdx.x * kTileX, y0 = blockIdx.y * kTileY;
-  for (int i = threadIdx.x; i < IN * kHigh * kWide; i += Tasks::kThreads) {
-    const int x = i % kWide, y = i / kWide % kHigh, c = i / (kWide * kHigh);
-    inputs[c * kPlane + y * kWide + x] = in.at(blockIdx.z * IN + c, y0 + y - K / 2, x0 + x - K / 2);
-  }
-  for (int i = threadIdx.x; i < OUT * kTileY * kTileX; i += Tasks::kThreads) {
-    const int x = i % kTileX, y = i / kTileX % kTileY, o = i / (kTileX * kTileY);
-    gradients[i] = of_out.at(blockIdx.z * OUT + o, y0 + y, x0 + x);
-  }
-  __syncthreads();
-  if (threadIdx.x >= Tasks::kTasks * Tasks::kSplits) return;
-
-  const int task = threadIdx.x % Tasks::kTasks, split = threadIdx.x / Tasks::kTasks;
-  const int dy = task % K, c = task / K % IN, first = task / (K * IN) * kGroup;
-  float sum[kGroup][K] = {};
-  float plain[kGroup] = {};
-  for (int y = split; y < kTileY; y += Tasks::kSplits) {
-    const float* const row = inputs + c * kPlane + (y + dy) * kWide;
-    const float* const g = gradients + (first * kTileY + y) * kTileX;
-    float window[K];
+      for (int k = 0; k < 4; ++k) {
+        const float sum =
+            sums.large[y][k / 2][n][k % 2 * 2 + odd] + sums.small[y][k / 2][n][k % 2 * 2 + odd];
+        values[k] = sum * inverse_scale * inverse_weights;
+      }
+      float* const to = out + o * kOutPlane + (kRows * warp + y) * kTileX + column(0, 0, lane / 4);
+      if (S::kSpread) {
+        *reinterpret_cast<float4*>(to) = make_float4(values[0], values[1], values[2], values[3]);
+      } else {
 #pragma unroll
-    for (int dx = 0; dx < K - 1; ++dx) window[dx + 1] = row[dx];
-#pragma unroll 8
-    for (int x = 0; x < kTileX; ++x) {
-#pragma unroll
-      for (int dx = 0; dx < K - 1; ++dx) window[dx] = window[dx + 1];
-      window[K - 1] = row[x + K - 1];
-#pragma unroll
-      for (int o = 0; o < kGroup; ++o) {
-        const float value = g[o * kTileY * kTileX + x];
-        plain[o] += value;
-#pragma unroll
-        for (int dx = 0; dx < K; ++dx) sum[o][dx] += value * window[dx];
+        for (int k = 0; k < 4; ++k) to[8 * k] = values[k];
       }
     }
   }
 
-  const int64_t block = (int64_t{blockIdx.z} * gridDim.y + blockIdx.y) * gridDim.x + blockIdx.x;
-  float* const to = partial + (block * Tasks::kSplits + split) * Tasks::kColumns;
-#pragma unroll
-  for (int o = 0; o < kGroup; ++o) {
-#pragma unroll
-    for (int dx = 0; dx < K; ++dx) to[(((first + o) * IN + c) * K + dy) * K + dx] = sum[o][dx];
-    if (c == 0 && dy == 0) to[OUT * IN * K * K + first + o] = plain[o];
-  }
-}
-
-constexpr int kSumColumns = 32, kSumRows = 16;
-
-/// Column sums of [rows, columns], each in the same order every time.
-__global__ void column_sum_kernel(const float* partial, int64_t rows, int columns, float* out) {
-  __shared__ float sums[kSumRows][kSumColumns];
-  const int column = blockIdx.x * kSumColumns + threadIdx.x;
-  float sum = 0;
-  if (column < columns) {
-    for (int64_t row = threadIdx.y; row < rows; row += kSumRows) {
-      sum += partial[row * columns + column];
+  /// Adds the gradients of the repeated border to the edge that it repeats, in x, then in y.
+  __device__ void fold(float* out, const Span& y, const Span& x) const {
+    if (x.at_begin || x.at_end) {
+      for (int i = threadIdx.x; i < S::kOut * kTileY; i += kThreads) {
+        fold_line(out + i / kTileY * kOutPlane + i % kTileY * kTileX, 1, x);
+      }
+      __syncthreads();
+    }
+    if (y.at_begin || y.at_end) {
+      for (int i = threadIdx.x; i < S::kOut * kTileX; i += kThreads) {
+        fold_line(out + i / kTileX * kOutPlane + i % kTileX, kTileX, y);
+      }
+      __syncthreads();
     }
   }
-  sums[threadIdx.y][threadIdx.x] = sum;
-  __syncthreads();
-  if (threadIdx.y != 0 || column >= columns) return;
-  for (int row = 1; row < kSumRows; ++row) sum += sums[row][threadIdx.x];
-  out[column] = sum;
-}
 
-template <int IN, int OUT, int K>
-struct Layer {
-  static void forward(const ConvLayer& layer, cudaStream_t stream) {
-    const dim3 grid(kernel::grid_size(layer.width, kTileX), kernel::grid_size(layer.height, kTileY),
-                    layer.batch);
-    const Source source{layer.in, nullptr, layer.height, layer.width, true};
-    convolve_kernel<IN, OUT, K, false><<<grid, dim3(kThreadsX, kTileY), 0, stream>>>(
-        source, layer.weights, layer.bias, layer.relu, -(K / 2), layer.out, layer.height,
-        layer.width);
+  static __device__ void fold_line(float* line, int step, const Span& span) {
+    const int last = span.end - span.begin - 1;
+#pragma unroll
+    for (int i = 0; i < kBorder; ++i) {
+      if (span.at_begin) line[kBorder * step] += line[i * step];
+    }
+#pragma unroll
+    for (int i = 0; i < kBorder; ++i) {
+      if (span.at_end) line[(last - kBorder) * step] += line[(last - i) * step];
+    }
   }
 
-  static void backward(const ConvGradient& args, cudaStream_t stream) {
-    const ConvLayer& layer = args.layer;
-    const Source in{layer.in, nullptr, layer.height, layer.width, true};
-    const Source of_out{args.of_out, layer.relu ? layer.out : nullptr, layer.height, layer.width,
-                        false};
-    using Tasks = WeightTasks<IN, OUT, K>;
-    const dim3 grid(kernel::grid_size(layer.width, kTileX), kernel::grid_size(layer.height, kTileY),
-                    layer.batch);
-    weight_gradient_kernel<IN, OUT, K>
-        <<<grid, Tasks::kThreads, 0, stream>>>(in, of_out, args.partial);
-    column_sum_kernel<<<kernel::grid_size(Tasks::kColumns, kSumColumns),
-                        dim3(kSumColumns, kSumRows), 0, stream>>>(args.partial, partial_rows(layer),
-                                                                  Tasks::kColumns, args.of_weights);
-    if (args.of_in == nullptr) return;
-    const int high = layer.height + K - 1, wide = layer.width + K - 1;
-    const dim3 padded(kernel::grid_size(wide, kTileX), kernel::grid_size(high, kTileY),
-                      layer.batch);
-    convolve_kernel<OUT, IN, K, true><<<padded, dim3(kThreadsX, kTileY), 0, stream>>>(
-        of_out, layer.weights, nullptr, false, -(K - 1), K == 1 ? args.of_in : args.padded, high,
-        wide);
-    if (K == 1) return;
-    const int64_t count = int64_t{layer.batch} * IN * layer.height * layer.width;
-    fold_kernel<<<kernel::grid_size(count, 256), 256, 0, stream>>>(
-        args.padded, args.of_in, layer.batch * IN, layer.height, layer.width, K / 2);
+  __device__ void store(const float* out, const Span& y, const Span& x) const {
+    const Size& size = source.size;
+    for (int pixel = threadIdx.x; pixel < kTileX * kTileY; pixel += kThreads) {
+      const int padded_y = y.begin + pixel / kTileX, padded_x = x.begin + pixel % kTileX;
+      if (padded_y >= y.end || padded_x >= x.end) continue;
+      const int out_y = padded_y - kBorder, out_x = padded_x - kBorder;
+      if (!size.has(out_y, out_x)) continue;
+      finish.template put<S::kOut>(blockIdx.z, size.plane(), out_y * size.width + out_x,
+                                   out + pixel, kOutPlane);
+    }
   }
 };
 
-/// Calls `use` with the compiled layer of a shape; false where there is none.
-template <class Use>
-bool dispatch(const ConvShape& shape, const Use& use) {
-  const auto is = [&](int in, int out, int kernel) {
-    return shape.in == in && shape.out == out && shape.kernel == kernel;
-  };
-  if (is(2, 16, 5)) return use(Layer<2, 16, 5>{}, WeightTasks<2, 16, 5>{}), true;
-  if (is(16, 6, 5)) return use(Layer<16, 6, 5>{}, WeightTasks<16, 6, 5>{}), true;
-  if (is(3, 10, 5)) return use(Layer<3, 10, 5>{}, WeightTasks<3, 10, 5>{}), true;
-  if (is(10, 8, 5)) return use(Layer<10, 8, 5>{}, WeightTasks<10, 8, 5>{}), true;
-  if (is(17, 9, 3)) return use(Layer<17, 9, 3>{}, WeightTasks<17, 9, 3>{}), true;
-  if (is(9, 24, 3)) return use(Layer<9, 24, 3>{}, WeightTasks<9, 24, 3>{}), true;
-  if (is(24, 1, 1)) return use(Layer<24, 1, 1>{}, WeightTasks<24, 1, 1>{}), true;
-  return false;
+/// Blocks per multiprocessor: three are what a small image has.
+constexpr int kResident = 3;
+
+template <class A>
+__global__ void __launch_bounds__(kThreads, kResident) convolve_kernel(A a) {
+  __shared__ __align__(16) uint32_t memory[A::kShared];
+  __shared__ uint32_t slots[kThreads / 32];
+  a.run(memory, slots, blockIdx.x);
 }
+
+/// Two convolutions of the same size.
+template <class A, class B>
+__global__ void __launch_bounds__(kThreads, kResident + 1)
+    convolve_both_kernel(A a, B b, int tiles) {
+  __shared__ __align__(16) uint32_t memory[A::kShared > B::kShared ? A::kShared : B::kShared];
+  __shared__ uint32_t slots[kThreads / 32];
+  if (static_cast<int>(blockIdx.x) < tiles) {
+    a.run(memory, slots, blockIdx.x);
+  } else {
+    b.run(memory, slots, blockIdx.x - tiles);
+  }
+}
+
+/// Names a product's weights, and starts kernels on a stream.
+struct Run {
+  const Network& network;
+  cudaStream_t stream;
+
+  template <class S, bool TURNED = false, class Source, class Finish>
+  Convolution<S, TURNED, Source, Finish> make(int product, const Source& source,
+                                              const Finish& finish) const {
+    return {source, finish,
+            reinterpret_cast<const uint4*>(network.prepared) + kPlans.of[product].begin,
+            network.prepared + product};
+  }
+  template <class A>
+  void operator()(const A& a) const {
+    convolve_kernel<A><<<a.grid(network.batch), kThreads, 0, stream>>>(a);
+  }
+  template <class A, class B>
+  void operator()(const A& a, const B& b) const {
+    dim3 grid = a.grid(network.batch);
+    const int tiles = static_cast<int>(grid.x);
+    grid.x *= 2;
+    convolve_both_kernel<A, B><<<grid, kThreads, 0, stream>>>(a, b, tiles);
+  }
+};
 
 }  // namespace
 
-bool is_compiled(const ConvShape& shape) {
-  return dispatch(shape, [](auto, auto) {});
+void forward(const Network& net, cudaStream_t stream) {
+  prepare_weights(net, stream);
+  const Run run{net, stream};
+  const Size size{net.height, net.width};
+  const int64_t plane = int64_t{net.height} * net.width;
+  using Image = ImageSource<0>;
+  run(run.make<Image1>(kImage1, Image{size, net.blurry, 3, nullptr},
+                       Store{net.image1, 10, net.bias[kImage1], true, false}),
+      run.make<Event1>(kEvent1, Image{size, net.psi, 2, nullptr},
+                       Store{net.event1, 16, nullptr, true, false}));
+  run(run.make<Event2>(kEvent2, Image{size, net.event1, 16, nullptr},
+                       Store{net.features, 14, nullptr, true, false}),
+      run.make<Image2>(kImage2, Image{size, net.image1, 10, nullptr},
+                       Store{net.features + 6 * plane, 14, net.bias[kImage2], true, false}));
+  run(run.make<Head1>(kHead1, ImageSource<3>{size, net.features, 14, net.blurry},
+                      Store{net.head1, 9, nullptr, true, false}));
+  run(run.make<Head2>(kHead2, Image{size, net.head1, 9, nullptr},
+                      StoreLogits{net.head2, net.weights[kHead3], net.bias[kHead3], net.logits}));
 }
 
-int64_t partial_rows(const ConvLayer& layer) {
-  const int64_t blocks = layer.batch * kernel::block_count(layer.width, kTileX) *
-                         kernel::block_count(layer.height, kTileY);
-  int64_t rows = 0;
-  dispatch(layer.shape, [&](auto, auto tasks) { rows = blocks * decltype(tasks)::kSplits; });
-  return rows;
-}
-
-void conv_forward(const ConvLayer& layer, cudaStream_t stream) {
-  dispatch(layer.shape, [&](auto compiled, auto) { compiled.forward(layer, stream); });
-}
-
-void conv_backward(const ConvGradient& gradient, cudaStream_t stream) {
-  dispatch(gradient.layer.shape, [&](auto compiled, auto) { compiled.backward(gradient, stream); });
+void backward(const Network& net, const NetworkGradient& of, cudaStream_t stream) {
+  const Run run{net, stream};
+  const Size size{net.height, net.width};
+  const int64_t plane = int64_t{net.height} * net.width;
+  const auto to = [](float* at, int channels, bool add = false) {
+    return Store{at, channels, nullptr, false, add};
+  };
+  const HeadGradientSource head2{size, of.of_logits, net.head2, net.weights[kHead3]};
+  const GradientSource<true> head1{size, of.of_head1, net.head1, 9};
+  const GradientSource<true> event2{size, of.of_features, net.features, 14};
+  const GradientSource<true> image2{size, of.of_features + 6 * plane, net.features + 6 * plane, 14};
+  const GradientSource<true> event1{size, of.of_event1, net.event1, 16};
+  const GradientSource<true> image1{size, of.of_image1, net.image1, 10};
+  run(run.make<OfHead1, true>(kOfHead1, head2, to(of.of_head1, 9)));
+  run(run.make<OfFeatures, true>(kOfFeatures, head1, to(of.of_features, 14)));
+  run(run.make<OfImage1, true>(kOfImage1, image2, to(of.of_image1, 10)),
+      run.make<OfEvent1, true>(kOfEvent1, event2, to(of.of_event1, 16)));
+  weight_gradients(net, of, stream);
+  if (of.of_blurry != nullptr) {
+    run(run.make<HeadOfBlurry, true>(kHeadOfBlurry, head1, to(of.of_blurry, 3)));
+    run(run.make<OfBlurry, true>(kOfBlurry, image1, to(of.of_blurry, 3, true)));
+  }
+  if (of.of_psi != nullptr) run(run.make<OfPsi, true>(kOfPsi, event1, to(of.of_psi, 2)));
 }
 
 }  // namespace jade::router::cuda

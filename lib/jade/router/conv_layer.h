@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Direct convolutions of few channels on CUDA: one layer of the router. No torch here. Not for use
-// outside this room.
+// The router's seven convolutions on CUDA. No torch here. Not for use outside this room.
 #pragma once
 
 #include <cstdint>
@@ -8,38 +7,53 @@
 
 namespace jade::router::cuda {
 
-/// The layers that are compiled: input channels, output channels, kernel.
-struct ConvShape {
-  int in = 0, out = 0, kernel = 1;
-};
+enum Layer { kEvent1, kEvent2, kImage1, kImage2, kHead1, kHead2, kHead3, kLayers };
 
-/// out = relu(bias + w * replicate_pad(in)); all contiguous float32 on the device.
-struct ConvLayer {
-  ConvShape shape;
+/// All contiguous float32 on the device. Layers write their outputs with ReLU applied, but for the
+/// logits.
+struct Network {
   int batch = 1, height = 0, width = 0;
-  bool relu = false;
-  const float* in = nullptr;       ///< [N,in,H,W]
-  const float* weights = nullptr;  ///< [out,in,K,K]
-  const float* bias = nullptr;     ///< [out]; null: none
-  float* out = nullptr;            ///< [N,out,H,W]
+  const float* blurry = nullptr;       ///< [N,3,H,W]
+  const float* psi = nullptr;          ///< [N,2,H,W]
+  const float* weights[kLayers] = {};  ///< [out,in,K,K]
+  const float* bias[kLayers] = {};     ///< [out]: of image1, image2 and head3
+  uint32_t* prepared = nullptr;        ///< [prepared_words()], the weights as the kernels read them
+  float* event1 = nullptr;             ///< [N,16,H,W]
+  float* image1 = nullptr;             ///< [N,10,H,W]
+  float* features = nullptr;           ///< [N,14,H,W], of event2, then of image2
+  float* head1 = nullptr;              ///< [N,9,H,W]
+  float* head2 = nullptr;              ///< [N,24,H,W]; null: not kept
+  float* logits = nullptr;             ///< [N,1,H,W]
 };
 
-/// Backward pass of a layer. Sums are taken in a fixed order, without atomics.
-struct ConvGradient {
-  ConvLayer layer;                ///< with `out` as the forward pass wrote it
-  const float* of_out = nullptr;  ///< [N,out,H,W]
-  float* padded = nullptr;        ///< [N,in,H+K-1,W+K-1], working memory; unused for K = 1
-  float* of_in = nullptr;         ///< [N,in,H,W]; null: not wanted
-  float* partial = nullptr;       ///< [partial_rows(), out·in·K·K + out], working memory
-  float* of_weights = nullptr;    ///< [out·in·K·K + out]: of the weights, then of the bias
+struct NetworkGradient {
+  const float* of_logits = nullptr;  ///< [N,1,H,W]
+  float* of_head1 = nullptr;         ///< [N,9,H,W], working memory as all that follow
+  float* of_features = nullptr;      ///< [N,14,H,W]
+  float* of_event1 = nullptr;        ///< [N,16,H,W]
+  float* of_image1 = nullptr;        ///< [N,10,H,W]
+  float* partial = nullptr;          ///< [partial_rows(), weight_count()]
+  float* of_weights = nullptr;       ///< [weight_count()]: each layer's weights, then its bias
+  float* of_blurry = nullptr;        ///< [N,3,H,W]; null: not wanted
+  float* of_psi = nullptr;           ///< [N,2,H,W]; null: not wanted
 };
 
-/// False for a shape that is not compiled.
-bool is_compiled(const ConvShape& shape);
-/// Rows of ConvGradient::partial.
-int64_t partial_rows(const ConvLayer& layer);
+/// Words of Network::prepared, at an address that 16 divides.
+int64_t prepared_words();
+/// Rows of NetworkGradient::partial.
+int64_t partial_rows(const Network& network);
+/// All weights and biases.
+int64_t weight_count();
+/// Where a layer's gradients begin in NetworkGradient::of_weights.
+int64_t weights_begin(Layer layer);
 
-void conv_forward(const ConvLayer& layer, cudaStream_t stream);
-void conv_backward(const ConvGradient& gradient, cudaStream_t stream);
+void forward(const Network& network, cudaStream_t stream);
+/// After forward(), whose outputs and prepared weights it reads.
+void backward(const Network& network, const NetworkGradient& gradient, cudaStream_t stream);
+
+/// The part of forward() that fills `prepared`.
+void prepare_weights(const Network& network, cudaStream_t stream);
+/// The part of backward() that fills of_weights.
+void weight_gradients(const Network& network, const NetworkGradient& gradient, cudaStream_t stream);
 
 }  // namespace jade::router::cuda

@@ -27,7 +27,7 @@ torch::Tensor router_logits(const torch::Tensor& blurry, const torch::Tensor& ps
 
 namespace cuda {
 
-/// The same, an operation per layer. float32 only; no TF32. The same bits every time.
+/// The same. float32 only, and as exact: tensor cores, but none of TF32 alone (README.md).
 /// @throws ContractError for other shapes or types, DeviceError when a kernel does not start.
 torch::Tensor router_logits(const torch::Tensor& blurry, const torch::Tensor& psi,
                             const RouterWeights& weights);

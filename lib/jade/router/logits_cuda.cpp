@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
 #include <c10/cuda/CUDAGuard.h>
 #include <c10/cuda/CUDAStream.h>
 #include <torch/csrc/autograd/custom_function.h>
@@ -14,98 +15,150 @@ namespace {
 using torch::autograd::AutogradContext;
 using torch::autograd::variable_list;
 
-ConvLayer layer_of(const torch::Tensor& in, const torch::Tensor& weights, const torch::Tensor& bias,
-                   const torch::Tensor& out, bool relu) {
-  ConvLayer layer;
-  layer.shape = {static_cast<int>(in.size(1)), static_cast<int>(weights.size(0)),
-                 static_cast<int>(weights.size(2))};
-  layer.batch = static_cast<int>(in.size(0));
-  layer.height = static_cast<int>(in.size(2));
-  layer.width = static_cast<int>(in.size(3));
-  layer.relu = relu;
-  layer.in = in.const_data_ptr<float>();
-  layer.weights = weights.const_data_ptr<float>();
-  layer.bias = bias.numel() > 0 ? bias.const_data_ptr<float>() : nullptr;
-  layer.out = const_cast<float*>(out.const_data_ptr<float>());
-  return layer;
+/// Inputs, then weights, then biases: the order of everything that autograd sees.
+enum Input { kBlurry, kPsi, kWeights, kBiases = kWeights + kLayers, kInputs = kBiases + 3 };
+constexpr Layer kBiased[] = {kImage1, kImage2, kHead3};
+
+/// Outputs of layers.
+struct Activations {
+  torch::Tensor event1, image1, features, head1, head2;
+};
+
+torch::Tensor planes(const torch::Tensor& like, int64_t channels) {
+  return torch::empty({like.size(0), channels, like.size(2), like.size(3)}, like.options());
 }
 
-class ConvFunction : public torch::autograd::Function<ConvFunction> {
+float* data(const torch::Tensor& tensor) {
+  return tensor.defined() ? tensor.mutable_data_ptr<float>() : nullptr;
+}
+
+Network network_of(const variable_list& inputs, const torch::Tensor& prepared,
+                   const Activations& activations) {
+  Network net;
+  const torch::Tensor& blurry = inputs[kBlurry];
+  net.batch = static_cast<int>(blurry.size(0));
+  net.height = static_cast<int>(blurry.size(2));
+  net.width = static_cast<int>(blurry.size(3));
+  net.blurry = blurry.const_data_ptr<float>();
+  net.psi = inputs[kPsi].const_data_ptr<float>();
+  for (int i = 0; i < kLayers; ++i) net.weights[i] = inputs[kWeights + i].const_data_ptr<float>();
+  for (int i = 0; i < 3; ++i) net.bias[kBiased[i]] = inputs[kBiases + i].const_data_ptr<float>();
+  net.prepared = reinterpret_cast<uint32_t*>(prepared.mutable_data_ptr<int32_t>());
+  net.event1 = data(activations.event1);
+  net.image1 = data(activations.image1);
+  net.features = data(activations.features);
+  net.head1 = data(activations.head1);
+  net.head2 = data(activations.head2);
+  return net;
+}
+
+struct Answer {
+  torch::Tensor logits, prepared;
+  Activations activations;
+};
+
+/// @param keep  what backward() needs: head2's output
+Answer run_forward(const variable_list& inputs, bool keep) {
+  const torch::Tensor& like = inputs[kBlurry];
+  const c10::cuda::CUDAGuard guard(like.device());
+  Answer answer{planes(like, 1),
+                torch::empty({prepared_words()}, like.options().dtype(torch::kInt32)),
+                {planes(like, 16), planes(like, 10), planes(like, 14), planes(like, 9),
+                 keep ? planes(like, 24) : torch::Tensor()}};
+  Network net = network_of(inputs, answer.prepared, answer.activations);
+  net.logits = data(answer.logits);
+  forward(net, c10::cuda::getCurrentCUDAStream());
+  kernel::check_launch("the router");
+  return answer;
+}
+
+class RouterFunction : public torch::autograd::Function<RouterFunction> {
  public:
-  static torch::Tensor forward(AutogradContext* context, const torch::Tensor& in,
-                               const torch::Tensor& weights, const torch::Tensor& bias, bool relu) {
-    const c10::cuda::CUDAGuard guard(in.device());
-    const torch::Tensor image = in.contiguous(), taps = weights.contiguous();
-    const torch::Tensor out =
-        torch::empty({in.size(0), weights.size(0), in.size(2), in.size(3)}, in.options());
-    conv_forward(layer_of(image, taps, bias, out, relu), c10::cuda::getCurrentCUDAStream());
-    kernel::check_launch("a layer of the router");
-    context->save_for_backward({image, taps, out});
-    context->saved_data["relu"] = relu;
-    context->saved_data["bias"] = bias.numel() > 0;
-    return out;
+  static torch::Tensor forward(AutogradContext* context, at::TensorList given,
+                               bool needs_backward) {
+    variable_list saved;
+    for (const torch::Tensor& tensor : given) saved.push_back(tensor.contiguous());
+    const Answer answer = run_forward(saved, needs_backward);
+    if (!needs_backward) return answer.logits;
+    const Activations& kept = answer.activations;
+    saved.insert(saved.end(), {answer.prepared, kept.event1, kept.image1, kept.features, kept.head1,
+                               kept.head2});
+    context->save_for_backward(saved);
+    return answer.logits;
   }
 
   static variable_list backward(AutogradContext* context, variable_list gradients) {
     const variable_list saved = context->get_saved_variables();
-    const torch::Tensor &in = saved[0], &weights = saved[1], &out = saved[2];
-    const c10::cuda::CUDAGuard guard(in.device());
-    const torch::Tensor of_out = gradients[0].contiguous();
-    const int64_t border = weights.size(2) - 1, outputs = weights.size(0);
-    ConvGradient args;
-    args.layer =
-        layer_of(in, weights, weights.new_empty({0}), out, context->saved_data["relu"].toBool());
-    args.of_out = of_out.const_data_ptr<float>();
-    const torch::Tensor sums = torch::empty({weights.numel() + outputs}, in.options());
+    const torch::Tensor& blurry = saved[kBlurry];
+    const c10::cuda::CUDAGuard guard(blurry.device());
+    const torch::Tensor* const kept = &saved[kInputs];
+    const Network net = network_of(saved, kept[0], {kept[1], kept[2], kept[3], kept[4], kept[5]});
+    const torch::Tensor of_logits = gradients[0].contiguous();
+    const Activations work{
+        planes(blurry, 16), planes(blurry, 10), planes(blurry, 14), planes(blurry, 9), {}};
     const torch::Tensor partial =
-        torch::empty({partial_rows(args.layer), sums.numel()}, in.options());
-    args.partial = partial.mutable_data_ptr<float>();
-    args.of_weights = sums.mutable_data_ptr<float>();
-    torch::Tensor of_in, padded;
-    if (context->needs_input_grad(0)) {
-      of_in = torch::empty_like(in);
-      padded = torch::empty({in.size(0), in.size(1), in.size(2) + border, in.size(3) + border},
-                            in.options());
-      args.of_in = of_in.mutable_data_ptr<float>();
-      args.padded = padded.mutable_data_ptr<float>();
+        torch::empty({partial_rows(net), weight_count()}, blurry.options());
+    const torch::Tensor of_weights = torch::empty({weight_count()}, blurry.options());
+    torch::Tensor of_blurry, of_psi;
+    if (context->needs_input_grad(kBlurry)) of_blurry = torch::empty_like(blurry);
+    if (context->needs_input_grad(kPsi)) of_psi = torch::empty_like(saved[kPsi]);
+    NetworkGradient of;
+    of.of_logits = of_logits.const_data_ptr<float>();
+    of.of_event1 = data(work.event1);
+    of.of_image1 = data(work.image1);
+    of.of_features = data(work.features);
+    of.of_head1 = data(work.head1);
+    of.partial = data(partial);
+    of.of_weights = data(of_weights);
+    of.of_blurry = data(of_blurry);
+    of.of_psi = data(of_psi);
+    cuda::backward(net, of, c10::cuda::getCurrentCUDAStream());
+    kernel::check_launch("the router, backward");
+
+    variable_list out{of_blurry, of_psi};
+    for (int i = 0; i < kLayers; ++i) {
+      const torch::Tensor& weights = saved[kWeights + i];
+      out.push_back(of_weights.narrow(0, weights_begin(static_cast<Layer>(i)), weights.numel())
+                        .view(weights.sizes()));
     }
-    conv_backward(args, c10::cuda::getCurrentCUDAStream());
-    kernel::check_launch("a layer of the router, backward");
-    const torch::Tensor of_weights = sums.narrow(0, 0, weights.numel()).view(weights.sizes());
-    torch::Tensor of_bias;
-    if (context->saved_data["bias"].toBool()) {
-      of_bias = sums.narrow(0, weights.numel(), outputs);
+    for (int i = 0; i < 3; ++i) {
+      const int64_t begin = weights_begin(kBiased[i]) + saved[kWeights + kBiased[i]].numel();
+      out.push_back(of_weights.narrow(0, begin, saved[kBiases + i].numel()));
     }
-    return {of_in, of_weights, of_bias, torch::Tensor()};
+    out.emplace_back();  // of needs_backward
+    return out;
   }
 };
 
-/// relu(bias + w * replicate_pad(in)) for the router's seven layer shapes.
-/// @param in       [N,C,H,W]
-/// @param weights  [O,C,K,K]
-/// @param bias     [O], or undefined.
-torch::Tensor conv_layer(const torch::Tensor& in, const torch::Tensor& weights,
-                         const torch::Tensor& bias = {}, bool relu = true) {
-  check_dtype(in, "router layer input", torch::kFloat32);
-  check_shape(weights, "router layer weights", {-1, in.size(1), -1, -1});
-  const ConvShape shape{static_cast<int>(in.size(1)), static_cast<int>(weights.size(0)),
-                        static_cast<int>(weights.size(2))};
-  JADE_CHECK(is_compiled(shape) && weights.size(2) == weights.size(3),
-             "no compiled layer for weights ", shape_string(weights));
-  // An autograd function takes no undefined tensor.
-  return ConvFunction::apply(in, weights, bias.defined() ? bias.contiguous() : in.new_empty({0}),
-                             relu);
+void check(const torch::Tensor& tensor, const char* what, const std::vector<int64_t>& shape) {
+  check_dtype(tensor, what, torch::kFloat32);
+  check_shape(tensor, what, shape);
 }
 
 }  // namespace
 
 torch::Tensor router_logits(const torch::Tensor& blurry, const torch::Tensor& psi,
                             const RouterWeights& w) {
-  const torch::Tensor events = conv_layer(conv_layer(psi, w.event1), w.event2);
-  const torch::Tensor image =
-      conv_layer(conv_layer(blurry, w.image1, w.image1_bias), w.image2, w.image2_bias);
-  const torch::Tensor hidden = conv_layer(torch::cat({blurry, events, image}, 1), w.head1);
-  return conv_layer(conv_layer(hidden, w.head2), w.head3, w.head3_bias, false);
+  check(blurry, "router input", {-1, 3, -1, -1});
+  check(psi, "router input", {blurry.size(0), 2, blurry.size(2), blurry.size(3)});
+  check(w.event1, "router weights", {16, 2, 5, 5});
+  check(w.event2, "router weights", {6, 16, 5, 5});
+  check(w.image1, "router weights", {10, 3, 5, 5});
+  check(w.image2, "router weights", {8, 10, 5, 5});
+  check(w.head1, "router weights", {9, 17, 3, 3});
+  check(w.head2, "router weights", {24, 9, 3, 3});
+  check(w.head3, "router weights", {1, 24, 1, 1});
+  check(w.image1_bias, "router bias", {10});
+  check(w.image2_bias, "router bias", {8});
+  check(w.head3_bias, "router bias", {1});
+  const variable_list inputs = {blurry,   psi,           w.event1,      w.event2,
+                                w.image1, w.image2,      w.head1,       w.head2,
+                                w.head3,  w.image1_bias, w.image2_bias, w.head3_bias};
+  const bool needs_backward =
+      torch::GradMode::is_enabled() &&
+      std::any_of(inputs.begin(), inputs.end(),
+                  [](const torch::Tensor& tensor) { return tensor.requires_grad(); });
+  return RouterFunction::apply(at::TensorList(inputs), needs_backward);
 }
 
 }  // namespace jade::router::cuda

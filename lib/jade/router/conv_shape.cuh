@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: Apache-2.0
+// The convolutions that the router needs, forward and backward, and how their weights lie in
+// memory.
+#pragma once
+
+#include "jade/router/conv_layer.h"
+#include "jade/router/conv_tile.cuh"
+
+namespace jade::router::cuda {
+
+/// How a convolution's sums are cut into products of depth 16. The tile lies in shared memory as
+/// [row][column][pair of channels], so that the pairs of a pixel and of its right neighbours, the
+/// taps of one row of the kernel, are one run of words: a step takes the next eight of it. With
+/// eight pairs a step is one tap.
+template <int IN, int OUT, int K>
+struct Shape {
+  static constexpr int kIn = IN, kOut = OUT, kKernel = K;
+  static constexpr int kPairs = (IN + 1) / 2;
+  /// Words from a pixel to the next. Where it is odd, a product's pixels are four apart; eight
+  /// pixels' four words then lie in 32 different banks. Consecutive pixels do for four.
+  static constexpr int kStride = kPairs % 2 == 0 && kPairs != 4 ? kPairs + 1 : kPairs;
+  static constexpr bool kSpread = kStride % 2 == 1;
+  static constexpr bool kStepPerTap = kPairs == 8;
+  static constexpr int kRun = K * kStride;
+  static constexpr int kSteps = kStepPerTap ? K : round_up(kRun, 8) / 8;
+  static constexpr int kAdvance = kStepPerTap ? kStride : 8;
+  static constexpr int kWide = kTileX + K - 1, kHigh = kTileY + K - 1, kPixels = kWide * kHigh;
+  static constexpr int kBehind = kStepPerTap ? 0 : kSteps * 8 - kRun;  ///< read by the last pixels
+  static constexpr int kWords = round_up(kPixels * kStride + kBehind, 4);
+  static constexpr int kColumns = round_up(OUT, 8) / 8;
+  static constexpr int kFragments = kSteps * K * kColumns * 32;
+};
+
+/// Weights of a convolution as the tensor cores take them: [step][row of the kernel][eight
+/// outputs][lane] of (high, high, low, low).
+struct Prepared {
+  int in, out, kernel, stride, steps, columns;
+  bool step_per_tap;
+  int layer;
+  bool turned;   ///< the layer's input gradient: its weights turned by 180 degrees
+  int first;     ///< of the layer's inputs, if turned
+  int layer_in;  ///< the layer's own size
+  int layer_out;
+  int begin;  ///< of the fragments, in fours of words
+};
+
+/// Convolutions: layers by their own numbers, but for head3, which is none; then gradients of a
+/// layer's input.
+enum Product {
+  kOfHead1 = kHead3,
+  kOfFeatures,
+  kOfEvent1,
+  kOfImage1,
+  kHeadOfBlurry,
+  kOfBlurry,
+  kOfPsi,
+  kProducts
+};
+
+constexpr int kInverses = round_up(kProducts, 4);  ///< words in front: 1 / the weights' scale
+
+using Event1 = Shape<2, 16, 5>;
+using Event2 = Shape<16, 6, 5>;
+using Image1 = Shape<3, 10, 5>;
+using Image2 = Shape<10, 8, 5>;
+using Head1 = Shape<17, 9, 3>;
+using Head2 = Shape<9, 24, 3>;
+using OfHead1 = Shape<24, 9, 3>;
+using OfFeatures = Shape<9, 14, 3>;
+using OfEvent1 = Shape<6, 16, 5>;
+using OfImage1 = Shape<8, 10, 5>;
+using HeadOfBlurry = Shape<9, 3, 3>;
+using OfBlurry = Shape<10, 3, 5>;
+using OfPsi = Shape<16, 2, 5>;
+
+struct Plans {
+  Prepared of[kProducts] = {};
+  int end = kInverses / 4;
+
+  /// Of the gradient of some of a layer's inputs: the first of them and the number of all.
+  template <class S>
+  constexpr void add(int product, int layer, bool turned = false, int first = 0,
+                     int layer_in = S::kOut) {
+    of[product] = {S::kIn,
+                   S::kOut,
+                   S::kKernel,
+                   S::kStride,
+                   S::kSteps,
+                   S::kColumns,
+                   S::kStepPerTap,
+                   layer,
+                   turned,
+                   first,
+                   turned ? layer_in : S::kIn,
+                   turned ? S::kIn : S::kOut,
+                   end};
+    end += S::kFragments;
+  }
+};
+
+constexpr Plans make_plans() {
+  Plans plans;
+  plans.add<Event1>(kEvent1, kEvent1);
+  plans.add<Event2>(kEvent2, kEvent2);
+  plans.add<Image1>(kImage1, kImage1);
+  plans.add<Image2>(kImage2, kImage2);
+  plans.add<Head1>(kHead1, kHead1);
+  plans.add<Head2>(kHead2, kHead2);
+  plans.add<OfHead1>(kOfHead1, kHead2, true);
+  plans.add<OfFeatures>(kOfFeatures, kHead1, true, 3, 17);
+  plans.add<OfEvent1>(kOfEvent1, kEvent2, true);
+  plans.add<OfImage1>(kOfImage1, kImage2, true);
+  plans.add<HeadOfBlurry>(kHeadOfBlurry, kHead1, true, 0, 17);
+  plans.add<OfBlurry>(kOfBlurry, kImage1, true);
+  plans.add<OfPsi>(kOfPsi, kEvent1, true);
+  return plans;
+}
+inline constexpr Plans kPlans = make_plans();
+
+}  // namespace jade::router::cuda

@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the router's kernels read: pixels of an image or of a gradient, and numbers as pairs of
+// halves for the tensor cores.
+//
+// x is read as high + low, both in half precision: 22 bits of x. A tile is first multiplied by a
+// power of two that brings its largest number to 2^14, so that only what is 2^28 times smaller
+// loses bits. Of a product high·high + high·low + low·high are taken.
+#pragma once
+
+#include "jade/kernel/host_device.h"
+#include "jade/kernel/tensor_core.cuh"
+
+namespace jade::router::cuda {
+
+constexpr int kTileX = 32, kTileY = 8;
+
+JADE_HD constexpr int round_up(int value, int step) { return (value + step - 1) / step * step; }
+
+/// A power of two and its inverse, both of them normal numbers.
+struct Scale {
+  float factor, inverse;
+  /// Brings this number, not negative, to [2^14, 2^15).
+  __device__ explicit Scale(float largest) {
+    const uint32_t exponent = min(268u - (__float_as_uint(largest) >> 23), 227u);
+    factor = __uint_as_float(exponent << 23);
+    inverse = __uint_as_float((254u - exponent) << 23);
+  }
+};
+
+/// Two numbers: the high halves of both in a word, the low ones in another.
+struct Halves {
+  uint32_t high, low;
+  __device__ Halves(float first, float second) : high(kernel::to_halves(first, second)) {
+    const float2 taken = kernel::from_halves(high);
+    low = kernel::to_halves(first - taken.x, second - taken.y);
+  }
+};
+
+/// The largest of the block's numbers, none of them negative. A barrier; `slots` (one per warp) may
+/// be used again after another.
+template <int THREADS>
+__device__ float block_largest(float mine, uint32_t* slots) {
+  const uint32_t of_warp = __reduce_max_sync(~0u, __float_as_uint(mine));  // they order as numbers
+  if (threadIdx.x % 32 == 0) slots[threadIdx.x / 32] = of_warp;
+  __syncthreads();
+  uint32_t largest = slots[0];
+#pragma unroll
+  for (int warp = 1; warp < THREADS / 32; ++warp) largest = max(largest, slots[warp]);
+  return __uint_as_float(largest);
+}
+
+/// Of what is a number, so that what is not spoils only what it is multiplied with.
+template <int COUNT>
+__device__ __forceinline__ float largest_of(const float (&values)[COUNT]) {
+  float largest = 0;
+#pragma unroll
+  for (int i = 0; i < COUNT; ++i) largest = fmaxf(largest, fabsf(values[i]));
+  return largest;
+}
+
+/// Sources are read a pixel at a time, all channels of it.
+struct Size {
+  int height, width;
+
+  JADE_HD int64_t plane() const { return int64_t{height} * width; }
+  __device__ int nearest(int y, int x) const {
+    return min(max(y, 0), height - 1) * width + min(max(x, 0), width - 1);
+  }
+  __device__ bool has(int y, int x) const { return y >= 0 && y < height && x >= 0 && x < width; }
+};
+
+/// A layer's input with its edge repeated: the first FIRST channels from one tensor, the rest from
+/// another.
+template <int FIRST>
+struct ImageSource {
+  Size size;
+  const float* rest;  ///< [N,channels,H,W]
+  int channels;
+  const float* first;  ///< [N,FIRST,H,W]
+
+  template <int COUNT>
+  __device__ __forceinline__ void read(int image, int y, int x, float (&values)[COUNT]) const {
+    const int64_t plane = size.plane();
+    const uint32_t offset = size.nearest(y, x);
+    const float* from = first + image * FIRST * plane;
+#pragma unroll
+    for (int c = 0; c < COUNT; ++c) {
+      if (c == FIRST) from = rest + image * channels * plane;
+      values[c] = __ldg(from + offset);
+      from += plane;
+    }
+  }
+};
+
+/// The gradient of a layer's output, zero outside the image and, with RELU, where the output is not
+/// positive.
+template <bool RELU>
+struct GradientSource {
+  Size size;
+  const float* of_out;  ///< [N,channels,H,W]
+  const float* out;     ///< likewise
+  int channels;  ///< of both tensors, of which the pointers may name a later one than the first
+
+  template <int COUNT>
+  __device__ __forceinline__ void read(int image, int y, int x, float (&values)[COUNT]) const {
+    const int64_t plane = size.plane(), begin = image * channels * plane;
+    const uint32_t offset = size.nearest(y, x);
+    const bool inside = size.has(y, x);
+    const float *from = of_out + begin, *passed = out + begin;
+#pragma unroll
+    for (int c = 0; c < COUNT; ++c) {
+      const float value = __ldg(from + offset);
+      const bool held = RELU && __ldg(passed + offset) <= 0;
+      values[c] = inside && !held ? value : 0.f;
+      from += plane;
+      passed += plane;
+    }
+  }
+};
+
+/// The same of head2's output, whose gradient is that of the logits times head3's weights.
+struct HeadGradientSource {
+  Size size;
+  const float* of_logits;  ///< [N,1,H,W]
+  const float* out;        ///< [N,COUNT,H,W]
+  const float* weights;    ///< [COUNT]
+
+  template <int COUNT>
+  __device__ __forceinline__ void read(int image, int y, int x, float (&values)[COUNT]) const {
+    const int64_t plane = size.plane();
+    const uint32_t offset = size.nearest(y, x);
+    const bool inside = size.has(y, x);
+    const float value = __ldg(of_logits + image * plane + offset);
+    const float* passed = out + image * COUNT * plane;
+#pragma unroll
+    for (int c = 0; c < COUNT; ++c) {
+      const bool held = __ldg(passed + offset) <= 0;
+      values[c] = inside && !held ? __ldg(weights + c) * value : 0.f;
+      passed += plane;
+    }
+  }
+};
+
+}  // namespace jade::router::cuda

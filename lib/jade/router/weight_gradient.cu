@@ -1,0 +1,335 @@
+// SPDX-License-Identifier: Apache-2.0
+// Gradients of the router's weights as matrix products: (input channel, tap) x output channels,
+// summed over pixels. All layers in one launch.
+#include <algorithm>
+
+#include "jade/kernel/launch.h"
+#include "jade/router/conv_layer.h"
+#include "jade/router/conv_tile.cuh"
+
+namespace jade::router::cuda {
+namespace {
+
+constexpr int kThreads = 256, kWarps = kThreads / 32;
+constexpr int kHalfY = kTileY / 2;  ///< the sums' neighbours are this many rows apart
+constexpr int64_t kMaxRows = 192;   ///< of the partial sums; tiles share them
+
+struct Tiles {
+  int x, y, images;
+};
+
+/// Products of a layer. Words hold pixels (y, x) and (y + kHalfY, x), so that any tap reads whole
+/// words; their banks are those of x + 8 · (row of the kernel), further rows of a product's eight
+/// taps being 8 apart each, be it in the next channel.
+template <int IN, int OUT, int K, bool BIAS>
+struct Sizes {
+  static constexpr int kIn = IN, kOut = OUT, kKernel = K;
+  static constexpr bool kBias = BIAS;
+  static constexpr int kWide = kTileX + 8, kHigh = kHalfY + K - 1;
+  static constexpr int kRead = kTileX + K - 1;  ///< of each row
+  static constexpr int kPlane = kHigh * kWide + (K * 8 - kHigh * kWide % 32 + 32) % 32;
+  static constexpr int kOutPlane = kHalfY * kTileX + 4;
+  static constexpr int kTaps = IN * K * K;
+  /// The gradient of the bias is that of a weight whose input is one everywhere: one more channel.
+  static constexpr int kRows = kTaps + BIAS, kPlanes = IN + BIAS;
+  static constexpr int kTiles = round_up(kRows, 16) / 16;  ///< of the product, 16 rows each
+  static constexpr int kPerWarp = round_up(kTiles, kWarps) / kWarps;
+  static constexpr int kColumns = round_up(OUT, 8) / 8;
+  static constexpr int kInWords = kPlanes * kPlane, kOutWords = OUT * kOutPlane;
+  static constexpr int kShared = 2 * (kInWords + kOutWords);
+  static constexpr int kWeights = kTaps * OUT + BIAS * OUT;
+};
+
+/// Planes of a tile in shared memory. Until their scale is known, the two numbers of a place are
+/// kept where its high and low halves will be.
+template <int CHANNELS, int WIDE, int HIGH>
+struct Planes {
+  uint32_t *high, *low;
+  int stride, plane;
+
+  /// Returns the thread's largest number.
+  template <class Source>
+  __device__ float load(const Source& source, int image, int y0, int x0) const {
+    float largest = 0;
+#pragma unroll 1
+    for (int i = threadIdx.x; i < WIDE * HIGH; i += kThreads) {
+      const int at = i / WIDE * stride + i % WIDE;
+#pragma unroll
+      for (int half = 0; half < 2; ++half) {
+        float values[CHANNELS];
+        source.read(image, y0 + i / WIDE + half * kHalfY, x0 + i % WIDE, values);
+        largest = fmaxf(largest, largest_of(values));
+        uint32_t* const to = (half == 0 ? high : low) + at;
+#pragma unroll
+        for (int c = 0; c < CHANNELS; ++c) to[c * plane] = __float_as_uint(values[c]);
+      }
+    }
+    return largest;
+  }
+
+  /// By the threads that loaded them.
+  __device__ void convert(float factor) const {
+#pragma unroll 1
+    for (int i = threadIdx.x; i < WIDE * HIGH; i += kThreads) {
+      const int at = i / WIDE * stride + i % WIDE;
+#pragma unroll
+      for (int c = 0; c < CHANNELS; ++c) {
+        const Halves both(factor * __uint_as_float(high[c * plane + at]),
+                          factor * __uint_as_float(low[c * plane + at]));
+        high[c * plane + at] = both.high;
+        low[c * plane + at] = both.low;
+      }
+    }
+  }
+};
+
+template <class S, class In, class Of>
+struct WeightGradient {
+  In in;
+  Of of_out;
+
+  /// Sums over tiles blockIdx.y, blockIdx.y + gridDim.y, ... of all images.
+  /// @param to  the layer's part of the block's row of partial sums
+  __device__ void run(uint32_t* memory, uint32_t (*slots)[kWarps], const Tiles& tiles,
+                      float* to) const {
+    const int warp = threadIdx.x / 32;
+    float total[S::kPerWarp][S::kColumns][4] = {};
+    const int count = tiles.x * tiles.y * tiles.images;
+    for (int tile = blockIdx.y; tile < count; tile += gridDim.y) {
+      const int x0 = tile % tiles.x * kTileX, y0 = tile / tiles.x % tiles.y * kTileY;
+      const int image = tile / (tiles.x * tiles.y);
+      float inverse_in, inverse_out;
+      __syncthreads();
+      load(memory, slots, image, y0, x0, &inverse_in, &inverse_out);
+      __syncthreads();
+      if (warp * S::kPerWarp < S::kTiles) {
+        const int high = min(in.size.height - y0, kHalfY);
+        add_tile(memory, high, inverse_in, inverse_out, total);
+      }
+    }
+    store(total, to);
+  }
+
+ private:
+  __device__ void load(uint32_t* memory, uint32_t (*slots)[kWarps], int image, int y0, int x0,
+                       float* inverse_in, float* inverse_out) const {
+    uint32_t* const gradients = memory + 2 * S::kInWords;
+    const Planes<S::kIn, S::kRead, S::kHigh> inputs{memory, memory + S::kInWords, S::kWide,
+                                                    S::kPlane};
+    const Planes<S::kOut, kTileX, kHalfY> outputs{gradients, gradients + S::kOutWords, kTileX,
+                                                  S::kOutPlane};
+    const float largest_in = inputs.load(in, image, y0 - S::kKernel / 2, x0 - S::kKernel / 2);
+    const float largest_out = outputs.load(of_out, image, y0, x0);
+    const Scale of_in(block_largest<kThreads>(largest_in, slots[0]));
+    const Scale of_gradient(block_largest<kThreads>(largest_out, slots[1]));
+    inputs.convert(of_in.factor);
+    outputs.convert(of_gradient.factor);
+    if (S::kBias) {
+      uint32_t* const ones = memory + S::kIn * S::kPlane;
+      for (int i = threadIdx.x; i < kHalfY * S::kWide; i += kThreads) {
+        const Halves both(1.f, 1.f);
+        ones[i] = both.high;
+        ones[S::kInWords + i] = both.low;
+      }
+    }
+    *inverse_in = of_in.inverse;
+    *inverse_out = of_gradient.inverse;
+  }
+
+  /// Where a row of the product lies in the input tile; those behind the last are never used.
+  static __device__ int offset(int row) {
+    constexpr int kArea = S::kKernel * S::kKernel;
+    if (row >= S::kRows) return 0;
+    const int tap = row % kArea;
+    return row / kArea * S::kPlane + tap / S::kKernel * S::kWide + tap % S::kKernel;
+  }
+
+  /// @param high  rows of words that have a pixel of the image
+  __device__ void add_tile(const uint32_t* memory, int high, float inverse_in, float inverse_out,
+                           float (&total)[S::kPerWarp][S::kColumns][4]) const {
+    const int warp = threadIdx.x / 32, lane = threadIdx.x % 32;
+    float large[S::kPerWarp][S::kColumns][4] = {}, small[S::kPerWarp][S::kColumns][4] = {};
+    int rows[S::kPerWarp][2], outputs[S::kColumns];
+#pragma unroll
+    for (int i = 0; i < 2 * S::kPerWarp; ++i) {
+      rows[i / 2][i % 2] =
+          offset((warp * S::kPerWarp + i / 2) * 16 + i % 2 * 8 + lane / 4) + lane % 4;
+    }
+#pragma unroll
+    for (int n = 0; n < S::kColumns; ++n) {
+      outputs[n] = 2 * S::kInWords + min(8 * n + lane / 4, S::kOut - 1) * S::kOutPlane + lane % 4;
+    }
+#pragma unroll 1
+    for (int y = 0; y < high; ++y) {
+#pragma unroll
+      for (int x = 0; x < kTileX; x += 8) {
+        multiply(memory + x, rows, outputs, large, small);
+      }
+#pragma unroll
+      for (int i = 0; i < 2 * S::kPerWarp; ++i) rows[i / 2][i % 2] += S::kWide;
+#pragma unroll
+      for (int n = 0; n < S::kColumns; ++n) outputs[n] += kTileX;
+    }
+#pragma unroll
+    for (int i = 0; i < S::kPerWarp * S::kColumns * 4; ++i) {
+      const int m = i / (4 * S::kColumns), n = i / 4 % S::kColumns, k = i % 4;
+      const int row = (warp * S::kPerWarp + m) * 16 + k / 2 * 8 + lane / 4;
+      const float sum = (large[m][n][k] + small[m][n][k]) * inverse_out;
+      total[m][n][k] += row < S::kTaps ? sum * inverse_in : sum;
+    }
+  }
+
+  /// 16 pixels.
+  static __device__ __forceinline__ void multiply(const uint32_t* memory,
+                                                  const int (&rows)[S::kPerWarp][2],
+                                                  const int (&outputs)[S::kColumns],
+                                                  float (&large)[S::kPerWarp][S::kColumns][4],
+                                                  float (&small)[S::kPerWarp][S::kColumns][4]) {
+    uint32_t high_g[S::kColumns][2], low_g[S::kColumns][2];
+#pragma unroll
+    for (int i = 0; i < 2 * S::kColumns; ++i) {
+      const uint32_t* const from = memory + outputs[i / 2] + i % 2 * 4;
+      high_g[i / 2][i % 2] = from[0];
+      low_g[i / 2][i % 2] = from[S::kOutWords];
+    }
+#pragma unroll
+    for (int m = 0; m < S::kPerWarp; ++m) {
+      uint32_t high[4], low[4];
+#pragma unroll
+      for (int k = 0; k < 4; ++k) {
+        const uint32_t* const from = memory + rows[m][k % 2] + k / 2 * 4;
+        high[k] = from[0];
+        low[k] = from[S::kInWords];
+      }
+#pragma unroll
+      for (int n = 0; n < S::kColumns; ++n) {
+        kernel::multiply_add_f16(small[m][n], high, low_g[n]);
+        kernel::multiply_add_f16(large[m][n], high, high_g[n]);
+        kernel::multiply_add_f16(small[m][n], low, high_g[n]);
+      }
+    }
+  }
+
+  __device__ void store(const float (&total)[S::kPerWarp][S::kColumns][4], float* to) const {
+    const int warp = threadIdx.x / 32, lane = threadIdx.x % 32;
+#pragma unroll
+    for (int i = 0; i < S::kPerWarp * S::kColumns * 4; ++i) {
+      const int m = i / (4 * S::kColumns), n = i / 4 % S::kColumns, k = i % 4;
+      const int row = (warp * S::kPerWarp + m) * 16 + k / 2 * 8 + lane / 4;
+      const int o = 8 * n + 2 * (lane % 4) + k % 2;
+      if (o >= S::kOut || row >= S::kRows) continue;
+      to[row < S::kTaps ? o * S::kTaps + row : S::kOut * S::kTaps + o] = total[m][n][k];
+    }
+  }
+};
+
+using Event1 = Sizes<2, 16, 5, false>;
+using Event2 = Sizes<16, 6, 5, false>;
+using Image1 = Sizes<3, 10, 5, true>;
+using Image2 = Sizes<10, 8, 5, true>;
+using Head1 = Sizes<17, 9, 3, false>;
+using Head2 = Sizes<9, 24, 3, false>;
+using Head3 = Sizes<24, 1, 1, true>;
+
+struct AllLayers {
+  WeightGradient<Event1, ImageSource<0>, GradientSource<true>> event1;
+  WeightGradient<Event2, ImageSource<0>, GradientSource<true>> event2;
+  WeightGradient<Image1, ImageSource<0>, GradientSource<true>> image1;
+  WeightGradient<Image2, ImageSource<0>, GradientSource<true>> image2;
+  WeightGradient<Head1, ImageSource<3>, GradientSource<true>> head1;
+  WeightGradient<Head2, ImageSource<0>, HeadGradientSource> head2;
+  WeightGradient<Head3, ImageSource<0>, GradientSource<false>> head3;
+};
+
+constexpr int kShared = std::max({Event1::kShared, Event2::kShared, Image1::kShared,
+                                  Image2::kShared, Head1::kShared, Head2::kShared, Head3::kShared});
+
+/// Where a layer's sums begin in a row of all; past the last: their number.
+JADE_HD constexpr int begin_of(int layer) {
+  const int weights[] = {Event1::kWeights, Event2::kWeights, Image1::kWeights, Image2::kWeights,
+                         Head1::kWeights,  Head2::kWeights,  Head3::kWeights};
+  int begin = 0;
+  for (int i = 0; i < layer; ++i) begin += weights[i];
+  return begin;
+}
+
+__global__ void __launch_bounds__(kThreads, 3)
+    weight_gradient_kernel(AllLayers all, Tiles tiles, float* partial) {
+  __shared__ __align__(16) uint32_t memory[kShared];
+  __shared__ uint32_t slots[2][kWarps];
+  float* const row = partial + int64_t{blockIdx.y} * begin_of(kLayers);
+  switch (blockIdx.x) {
+    case 0:
+      return all.event2.run(memory, slots, tiles, row + begin_of(kEvent2));
+    case 1:
+      return all.image2.run(memory, slots, tiles, row + begin_of(kImage2));
+    case 2:
+      return all.head1.run(memory, slots, tiles, row + begin_of(kHead1));
+    case 3:
+      return all.head2.run(memory, slots, tiles, row + begin_of(kHead2));
+    case 4:
+      return all.image1.run(memory, slots, tiles, row + begin_of(kImage1));
+    case 5:
+      return all.event1.run(memory, slots, tiles, row + begin_of(kEvent1));
+    default:
+      return all.head3.run(memory, slots, tiles, row + begin_of(kHead3));
+  }
+}
+
+constexpr int kSumColumns = 32, kSumRows = 16;
+
+/// Column sums of [rows, columns], each in the same order every time.
+__global__ void column_sum_kernel(const float* partial, int64_t rows, int columns, float* out) {
+  __shared__ float sums[kSumRows][kSumColumns];
+  const int column = blockIdx.x * kSumColumns + threadIdx.x;
+  float sum = 0;
+  if (column < columns) {
+    for (int64_t row = threadIdx.y; row < rows; row += kSumRows) {
+      sum += partial[row * columns + column];
+    }
+  }
+  sums[threadIdx.y][threadIdx.x] = sum;
+  __syncthreads();
+  if (threadIdx.y != 0 || column >= columns) return;
+  for (int row = 1; row < kSumRows; ++row) sum += sums[row][threadIdx.x];
+  out[column] = sum;
+}
+
+Tiles tiles_of(const Network& net) {
+  return {static_cast<int>(kernel::block_count(net.width, kTileX)),
+          static_cast<int>(kernel::block_count(net.height, kTileY)), net.batch};
+}
+
+}  // namespace
+
+int64_t weight_count() { return begin_of(kLayers); }
+
+int64_t weights_begin(Layer layer) { return begin_of(layer); }
+
+int64_t partial_rows(const Network& net) {
+  const Tiles tiles = tiles_of(net);
+  return std::min(int64_t{tiles.x} * tiles.y * tiles.images, kMaxRows);
+}
+
+void weight_gradients(const Network& net, const NetworkGradient& of, cudaStream_t stream) {
+  const Size size{net.height, net.width};
+  const int64_t second = 6 * size.plane();  // of the features: image2's
+  const auto image = [&](const float* at, int channels) {
+    return ImageSource<0>{size, at, channels, nullptr};
+  };
+  const AllLayers layers{
+      {image(net.psi, 2), {size, of.of_event1, net.event1, 16}},
+      {image(net.event1, 16), {size, of.of_features, net.features, 14}},
+      {image(net.blurry, 3), {size, of.of_image1, net.image1, 10}},
+      {image(net.image1, 10), {size, of.of_features + second, net.features + second, 14}},
+      {{size, net.features, 14, net.blurry}, {size, of.of_head1, net.head1, 9}},
+      {image(net.head1, 9), {size, of.of_logits, net.head2, net.weights[kHead3]}},
+      {image(net.head2, 24), {size, of.of_logits, nullptr, 1}}};
+  const auto rows = static_cast<unsigned>(partial_rows(net));
+  weight_gradient_kernel<<<dim3(kLayers, rows), kThreads, 0, stream>>>(layers, tiles_of(net),
+                                                                       of.partial);
+  column_sum_kernel<<<kernel::grid_size(weight_count(), kSumColumns), dim3(kSumColumns, kSumRows),
+                      0, stream>>>(of.partial, rows, begin_of(kLayers), of.of_weights);
+}
+
+}  // namespace jade::router::cuda
