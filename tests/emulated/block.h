@@ -31,7 +31,7 @@ class ForcedOrder {
 };
 
 /// Which barrier or operation threads meet at: all must be at the same.
-enum class Meeting { kBlock, kWarp, kBallot, kShuffle, kReduce };
+enum class Meeting { kBlock, kWarp, kBallot, kMatch, kShuffle, kReduce };
 
 /// Runs `kernel` once for every thread of every block.
 /// @param shared_bytes  what shared_memory() has, the same garbage at the start of every block

@@ -181,6 +181,16 @@ inline uint32_t __ballot_sync(uint32_t mask, bool value) {
 }
 inline bool __any_sync(uint32_t mask, bool value) { return __ballot_sync(mask, value) != 0; }
 template <class T>
+uint32_t __match_any_sync(uint32_t mask, T value) {
+  const uint64_t mine = jade::emulated::to_bits(value);
+  const auto all = jade::emulated::meet_warp(jade::emulated::Meeting::kMatch, mask, mine);
+  uint32_t peers = 0;
+  for (unsigned k = 0; k < all.count; ++k) {
+    peers |= uint32_t(all.were_there[k] && all.values[k] == mine) << k;
+  }
+  return peers;
+}
+template <class T>
 T __shfl_sync(uint32_t mask, T value, int from) {
   return jade::emulated::shuffle(mask, value, from & 31);
 }

@@ -64,7 +64,15 @@ Outcome run(const Backend& backend, const SplatScene& scene, const Settings& set
   f.depth = settings.depth;
   f.deterministic = settings.deterministic;
   f.needs_backward = true;
-  const splat::ForwardResult images = backend.forward(f);
+  splat::ForwardResult images = backend.forward(f);
+  if (backend.forward == kCuda.forward) {
+    // The first call of a size counts and lists instances one by one, later ones by chunks.
+    const splat::ForwardResult first = images;
+    images = backend.forward(f);
+    check_equal({images.color, images.alpha}, {first.color, first.alpha});
+    if (settings.depth) CHECK(images.depth_sum.equal(first.depth_sum));
+    CHECK(images.rejected.equal(first.rejected));
+  }
   args.state = images.state;
   args.color = images.color;
   args.alpha = images.alpha;

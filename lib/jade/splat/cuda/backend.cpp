@@ -132,9 +132,30 @@ Counters read_counters(const RenderCall& call, cudaStream_t stream) {
   return counters;
 }
 
+/// What the instances pass through on the way to the lists; nobody needs it afterwards.
+torch::Tensor bind_chunks(RenderCall* call, const torch::TensorOptions& options) {
+  const int64_t views = call->views, chunks = call->chunks;
+  Arena arena;
+  const int64_t keys = arena.add(int64_t{call->capacity} * sizeof(uint64_t));
+  const int64_t begin = arena.add(views * chunks * sizeof(uint32_t));
+  const int64_t runs = arena.add(views * call->tiles * chunks * sizeof(uint32_t));
+  arena.allocate(options);
+  call->chunk_keys = arena.take<uint64_t>(keys);
+  call->chunk_begin = arena.take<uint32_t>(begin);
+  call->runs = arena.take<uint32_t>(runs);
+  return arena.tensor();
+}
+
+/// Of one view, for chunks to pay.
+int most_chunk_tiles() {
+  const char* const off = std::getenv("JADE_NO_CHUNKS");
+  return off != nullptr && off[0] == '1' ? -1 : kMostChunkTiles;
+}
+
 /// Projects all views and cuts up an instance buffer. The first call of a size counts first and
 /// waits for the result; so does every deterministic call, whose gradients need every list, and
-/// which makes room for just these: it writes 144 B a list entry.
+/// which makes room for just these: it writes 144 B a list entry. Calls that know how much room to
+/// make go by chunks.
 Lists project_and_bin(RenderCall* call, const ForwardArgs& args, long long* rejected,
                       cudaStream_t stream) {
   const auto options = args.gaussians.means.options();
@@ -145,12 +166,15 @@ Lists project_and_bin(RenderCall* call, const ForwardArgs& args, long long* reje
   lists.tables = arena.tensor();
   lists.bind(call);
   check_cuda(cudaMemsetAsync(call->counters, 0, static_cast<size_t>(at[2]), stream), "clearing");
-  launch_project(*call, stream);
-
   InstanceBudget& budget =
       InstanceBudget::of(options.device().index(), call->views, call->width, call->height);
+  const bool counts = (args.deterministic || !budget.known()) && !is_capturing(stream);
+  if (!counts && call->tiles <= most_chunk_tiles()) {
+    call->chunks = (call->count + kChunkGaussians - 1) / kChunkGaussians;
+  }
+  launch_project(*call, stream);
   int64_t counted = kMostInstances;
-  if ((args.deterministic || !budget.known()) && !is_capturing(stream)) {
+  if (counts) {
     launch_plan(*call, nullptr, stream);
     const uint64_t instances = read_counters(*call, stream).instances;
     budget.learn(instances, call->count);
@@ -160,6 +184,11 @@ Lists project_and_bin(RenderCall* call, const ForwardArgs& args, long long* reje
   const int64_t capacity = forced >= 0 ? forced : std::min(counted, budget.capacity(call->count));
   lists.keys = torch::empty({capacity}, options.dtype(torch::kInt64));
   lists.bind(call);
+  torch::Tensor chunks;
+  if (call->chunks > 0) {
+    chunks = bind_chunks(call, options);
+    launch_chunks(*call, stream);
+  }
   launch_plan(*call, rejected, stream);
   check_cuda(cudaMemcpyAsync(budget.inbox(), call->counters, 2 * sizeof(uint64_t),
                              cudaMemcpyDeviceToHost, stream),

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// From splats to one depth-sorted list per tile: plan, emit, sort.
+// From splats or chunks to one depth-sorted list per tile: plan, emit, sort.
 #include "jade/splat/cuda/launch.h"
 #include "jade/splat/cuda/tile_walk.cuh"
+#include "jade/splat/cuda/warp.cuh"
 
 namespace jade::splat::cuda {
 
@@ -13,14 +14,6 @@ constexpr int kClasses = 128;
 /// Class of a list by its length, four classes per octave, longest first.
 __device__ __forceinline__ int length_class(uint32_t count) {
   return kClasses - 1 - min(int(4.0f * log2f(float(count) + 1.0f)), kClasses - 1);
-}
-
-__device__ __forceinline__ uint32_t inclusive_scan(uint32_t value, int lane) {
-  for (int step = 1; step < 32; step *= 2) {
-    const uint32_t other = __shfl_up_sync(~0u, value, step);
-    if (lane >= step) value += other;
-  }
-  return value;
 }
 
 constexpr int kPlanLoads = 4, kPlanBatch = kPlanLoads * kPlanThreads;
@@ -35,14 +28,25 @@ __device__ __forceinline__ void load_counts(const RenderCall& call, int base, in
   }
 }
 
+/// How many came before in `next`, counted on by all lanes that have `wanted`. Lanes of one class
+/// ask together, as most lists are of a few classes.
+__device__ __forceinline__ uint32_t next_place(uint32_t* next, int list_class, bool wanted,
+                                               int lane) {
+  const uint32_t peers = __match_any_sync(~0u, wanted ? list_class : -1);
+  const int leader = __ffs(peers) - 1;
+  uint32_t first = 0;
+  if (wanted && lane == leader) first = atomicAdd(next + list_class, uint32_t(__popc(peers)));
+  first = __shfl_sync(~0u, first, leader);
+  return first + __popc(peers & ((1u << lane) - 1));
+}
+
 /// One block: lists are laid out in no particular order, which is invisible in the results.
 __global__ void __launch_bounds__(kPlanThreads)
     plan_kernel(const __grid_constant__ RenderCall call, long long* rejected) {
-  __shared__ uint32_t next_of_class[kClasses];
-  __shared__ unsigned long long total;
-  const int tiles = call.views * call.tiles, lane = threadIdx.x & 31;
+  __shared__ uint32_t next_of_class[kClasses], warp_sums[kPlanThreads / 32];
+  const int tiles = call.views * call.tiles;
+  const int lane = threadIdx.x & 31, warp = threadIdx.x >> 5;
   if (threadIdx.x < kClasses) next_of_class[threadIdx.x] = 0;
-  if (threadIdx.x == 0) total = 0;
   __syncthreads();
   for (int base = 0; base < tiles; base += kPlanBatch) {
     uint32_t counts[kPlanLoads];
@@ -63,28 +67,38 @@ __global__ void __launch_bounds__(kPlanThreads)
       before += __shfl_sync(~0u, sum, 31);
     }
   }
-  __syncthreads();
+  unsigned long long total = 0;
   for (int base = 0; base < tiles; base += kPlanBatch) {
-    uint32_t counts[kPlanLoads];
+    uint32_t counts[kPlanLoads], sum = 0;
     load_counts(call, base, tiles, counts);
+    // Longer lists than 2^24 are never listed; cut short, a warp's sum fits 32 bits.
+    constexpr uint32_t kLongest = 1u << 24;
+#pragma unroll
+    for (int k = 0; k < kPlanLoads; ++k) sum += min(counts[k], kLongest);
+    const uint32_t scanned = inclusive_scan(sum, lane);
+    __syncthreads();
+    if (lane == 31) warp_sums[warp] = scanned;
+    __syncthreads();
+    unsigned long long begin = total + (scanned - sum);
+    for (int w = 0; w < kPlanThreads / 32; ++w) {
+      const uint32_t of_warp = warp_sums[w];
+      if (w < warp) begin += of_warp;
+      total += of_warp;
+    }
 #pragma unroll
     for (int k = 0; k < kPlanLoads; ++k) {
       const int t = base + k * kPlanThreads + threadIdx.x;
-      // Longer lists than 2^26 are never listed; cut short, a warp's sum fits 32 bits.
-      const uint32_t count = counts[k], short_count = min(count, 1u << 26);
-      const uint32_t sum = inclusive_scan(short_count, lane);
-      unsigned long long begin = 0;
-      if (lane == 31) begin = atomicAdd(&total, (unsigned long long)sum);
-      begin = __shfl_sync(~0u, begin, 31) + (sum - short_count);
+      const uint32_t count = counts[k];
+      const uint32_t place = next_place(next_of_class, length_class(count), t < tiles, lane);
       if (t < tiles) {
-        const bool fits = begin + count <= call.capacity && count == short_count;
-        const uint32_t start = fits ? uint32_t(begin) : call.capacity;
-        call.tile_list[t].begin = call.tile_list[t].next = start;
-        call.tile_order[atomicAdd(&next_of_class[length_class(count)], 1u)] = t;
+        TileList& list = call.tile_list[t];
+        const bool fits = begin + count <= call.capacity && count <= kLongest && list.lost == 0;
+        list.begin = list.next = fits ? uint32_t(begin) : call.capacity;
+        call.tile_order[place] = t;
       }
+      begin += min(count, kLongest);
     }
   }
-  __syncthreads();
   if (threadIdx.x == 0) {
     call.counters->instances = total;
     call.counters->gaussians = call.count;
@@ -212,12 +226,52 @@ struct SortShared {
   uint64_t keys[kChunk];
   uint32_t bucket[kBuckets];
   uint32_t warp_sum[kSortThreads / 32];
-  uint32_t lowest, highest, fullest;
+  uint32_t lowest, highest, fullest, gathered;
 };
 
+/// Fetches the tile's runs from all chunks of its view, in no particular order. A warp takes 32 runs
+/// at a time and deals their keys out to its lanes.
+__device__ __forceinline__ void gather_runs(const RenderCall& call, uint32_t global_tile,
+                                            uint64_t* keys, uint32_t* gathered) {
+  const uint32_t* const runs = call.runs + int64_t(global_tile) * call.chunks;
+  const uint32_t* const begins = call.chunk_begin + int64_t(global_tile / call.tiles) * call.chunks;
+  const int lane = threadIdx.x & 31, warp = threadIdx.x >> 5;
+  const int share = (call.chunks + kSortThreads / 32 - 1) / (kSortThreads / 32);
+  const int end = min((warp + 1) * share, call.chunks);
+  if (threadIdx.x == 0) *gathered = 0;
+  __syncthreads();
+  for (int base = warp * share; base < end; base += 32) {
+    uint32_t length = 0, from = 0;
+    if (base + lane < end) {
+      const uint32_t run = runs[base + lane];
+      length = run & ((1u << kRunBits) - 1);
+      from = begins[base + lane] + (run >> kRunBits);
+    }
+    const uint32_t scanned = inclusive_scan(length, lane);
+    const uint32_t before = scanned - length, total = __shfl_sync(~0u, scanned, 31);
+    uint32_t to = 0;
+    if (lane == 0) to = atomicAdd(gathered, total);
+    to = __shfl_sync(~0u, to, 0);
+    for (uint32_t first = 0; first < total; first += 32) {
+      // The last run that starts at this key or before it: later ones of that start are empty.
+      const uint32_t i = first + lane;
+      int run = 0;
+      for (int step = 16; step > 0; step /= 2) {
+        if (__shfl_sync(~0u, before, run + step) <= i) run += step;
+      }
+      const uint32_t in_run = i - __shfl_sync(~0u, before, run);
+      const uint32_t source = __shfl_sync(~0u, from, run) + in_run;
+      if (i < total) keys[to + i] = call.chunk_keys[source];
+    }
+  }
+  __syncthreads();
+}
+
 /// Up to kChunk keys: spreads them over buckets that are monotone in depth, then ranks each key
-/// within its bucket. Returns false, with the keys untouched, if a bucket is too full for that.
-__device__ __forceinline__ bool bucket_sort(uint64_t* keys, int count, SortShared& s) {
+/// within its bucket and writes its entry. Returns false, with the keys untouched, if a bucket is
+/// too full for that. The keys may be those of s.
+__device__ __forceinline__ bool bucket_sort(const uint64_t* keys, int count, SortShared& s,
+                                            uint32_t* entries) {
   uint64_t mine[kPerThread];
   uint32_t low = ~0u, high = 0;
 #pragma unroll
@@ -278,7 +332,6 @@ __device__ __forceinline__ bool bucket_sort(uint64_t* keys, int count, SortShare
     if (k * kSortThreads + threadIdx.x < count) s.keys[s.bucket[bucket[k]] + rank[k]] = mine[k];
   }
   __syncthreads();
-  uint32_t* const entries = reinterpret_cast<uint32_t*>(keys);
 #pragma unroll
   for (int k = 0; k < kPerThread; ++k) {
     if (k * kSortThreads + threadIdx.x < count) {
@@ -303,14 +356,24 @@ __device__ void keep_entries(uint64_t* keys, int count) {
   }
 }
 
+template <bool kRuns>
 __global__ void __launch_bounds__(kSortThreads)
     sort_kernel(const __grid_constant__ RenderCall call) {
   __shared__ SortShared shared;
-  const TileList list = call.tile_list[call.tile_order[blockIdx.x]];
+  const uint32_t tile = call.tile_order[blockIdx.x];
+  const TileList list = call.tile_list[tile];
   if (list.count == 0 || list.begin >= call.capacity) return;
   uint64_t* const keys = call.keys + list.begin;
+  auto* const entries = reinterpret_cast<uint32_t*>(keys);
   const int count = int(list.count);
-  if (count <= kChunk && bucket_sort(keys, count, shared)) return;
+  if (count <= kChunk) {
+    if (kRuns) gather_runs(call, tile, shared.keys, &shared.gathered);
+    if (bucket_sort(kRuns ? shared.keys : keys, count, shared, entries)) return;
+    __syncthreads();
+    for (int i = threadIdx.x; kRuns && i < count; i += kSortThreads) keys[i] = shared.keys[i];
+  } else if (kRuns) {
+    gather_runs(call, tile, keys, &shared.gathered);
+  }
   __syncthreads();
   bitonic_sort(keys, count, shared.keys);
   keep_entries(keys, count);
@@ -324,9 +387,13 @@ void launch_plan(const RenderCall& call, long long* rejected, cudaStream_t strea
 
 void launch_fill(const RenderCall& call, cudaStream_t stream) {
   if (call.count == 0) return;
+  if (call.chunks > 0) {
+    sort_kernel<true><<<call.views * call.tiles, kSortThreads, 0, stream>>>(call);
+    return;
+  }
   const int blocks = (call.count + kEmitThreads - 1) / kEmitThreads * call.views;
   emit_kernel<<<blocks, kEmitThreads, 0, stream>>>(call);
-  sort_kernel<<<call.views * call.tiles, kSortThreads, 0, stream>>>(call);
+  sort_kernel<false><<<call.views * call.tiles, kSortThreads, 0, stream>>>(call);
 }
 
 }  // namespace jade::splat::cuda

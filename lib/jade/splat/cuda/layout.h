@@ -14,6 +14,9 @@ constexpr int kTile = 16;               ///< px; one block blends one tile of on
 constexpr int kSubtile = 8;             ///< px; one warp blends one quarter of a tile
 constexpr int kMaskBits = 4;            ///< of an entry: which quarters of the tile a splat reaches
 constexpr int kMaxGaussians = 1 << 28;  ///< an entry is index << kMaskBits | mask in 32 bits
+constexpr int kChunkGaussians = 1024;
+constexpr int kMostChunkTiles = 2048;  ///< larger views have no chunks: their runs would be short
+constexpr int kRunBits = 11;           ///< for lengths up to kChunkGaussians
 
 /// A Gaussian on the screen of one view: three 16-byte loads. `depth` is 0 where it is not drawn.
 struct alignas(16) Splat {
@@ -27,7 +30,8 @@ struct alignas(16) Splat {
 struct alignas(32) TileList {
   uint32_t count;  ///< zeroed before the pass
   uint32_t begin;
-  uint32_t next;  ///< where the next instance goes
+  uint32_t next;  ///< where the next instance goes; without chunks
+  uint32_t lost;  ///< not 0: a chunk that reaches the tile did not fit; zeroed before the pass
 };
 
 /// Counters of one forward pass, zeroed before it.
@@ -35,6 +39,7 @@ struct Counters {
   unsigned long long instances;  ///< (view, tile, Gaussian) triples, whether they fitted or not
   unsigned long long gaussians;
   unsigned long long rejected;
+  unsigned long long chunk_keys;  ///< of the chunks so far, whether they fitted or not
 };
 
 /// One call of the op, as in "draw call": Gaussians, cameras, settings, and what the kernels hand
@@ -54,6 +59,12 @@ struct RenderCall {
   uint64_t* keys;  ///< depth bits << 32 | entry; after the sort 32-bit entries, each list in place
   TileList* tile_list;   ///< [views, tiles]
   uint32_t* tile_order;  ///< longest lists first
+
+  // On the way to the lists: chunks of a view's Gaussians, each with its instances tile by tile.
+  int chunks;             ///< per view; 0: instances go straight to the lists
+  uint64_t* chunk_keys;   ///< [capacity], chunk by chunk in no particular order
+  uint32_t* chunk_begin;  ///< [views, chunks], in chunk_keys
+  uint32_t* runs;         ///< [views, tiles, chunks]: start in the chunk << kRunBits | length
   Counters* counters;
 };
 

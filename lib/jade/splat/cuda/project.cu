@@ -46,11 +46,34 @@ __device__ __forceinline__ Splat make_splat(const RenderCall& call, const m::Sha
           color[0], color[1], color[2],  screen.depth, row.slope, row.shrink};
 }
 
-template <int kDegree>
-__global__ void __launch_bounds__(kProjectThreads)
+/// A warp's records of one view, on their way to memory in whole sectors.
+struct SplatStage {
+  float4 parts[3 * 32];
+};
+
+/// Writes the splats of Gaussians first … first + 31 of a view, a lane each.
+__device__ __forceinline__ void store_splats(const RenderCall& call, int view, int first,
+                                             const Splat& splat, SplatStage& stage) {
+  const int lane = threadIdx.x & 31, parts = 3 * min(32, call.count - first);
+  __syncwarp();
+  for (int k = 0; k < 3; ++k) {
+    stage.parts[3 * lane + k] = reinterpret_cast<const float4*>(&splat)[k];
+  }
+  __syncwarp();
+  float4* const out = reinterpret_cast<float4*>(call.splats + int64_t(view) * call.count + first);
+  for (int k = 0; k < 3; ++k) {
+    const int i = 32 * k + lane;
+    if (i < parts) out[i] = stage.parts[i];
+  }
+}
+
+/// kCount: counts the tiles' instances too.
+template <int kDegree, bool kCount>
+__global__ void __launch_bounds__(kProjectThreads, kCount ? 4 : 5)
     project_kernel(const __grid_constant__ RenderCall call) {
   __shared__ float sh_rows[kProjectGaussians * kShRow];
   __shared__ m::Camera<float> cameras[kCameraChunk];
+  __shared__ SplatStage stages[kProjectThreads / 32];
   const int first = blockIdx.x * kProjectGaussians, row = threadIdx.x % kProjectGaussians;
   const int index = first + row, group = threadIdx.x / kProjectGaussians;
   stage_sh(call, first, kProjectGaussians, 3 * m::sh_count(kDegree), sh_rows);
@@ -67,17 +90,16 @@ __global__ void __launch_bounds__(kProjectThreads)
     __syncthreads();
     for (int step = group; step < length; step += kViewGroups) {
       // Blocks start at different views, so that their atomics meet on fewer counters.
-      const int in_chunk = (step + int(blockIdx.x)) % length, view = chunk + in_chunk;
+      const int in_chunk = kCount ? (step + int(blockIdx.x)) % length : step;
+      const int view = chunk + in_chunk;
       Splat splat{};
       if (usable) splat = make_splat<kDegree>(call, shape, cameras[in_chunk], sh);
-      if (index < call.count) {
-        float4* const out =
-            reinterpret_cast<float4*>(call.splats + int64_t(view) * call.count + index);
-        for (int k = 0; k < 3; ++k) out[k] = reinterpret_cast<const float4*>(&splat)[k];
+      store_splats(call, view, first + (row & ~31), splat, stages[threadIdx.x / 32]);
+      if (kCount) {
+        TileList* const lists = call.tile_list + view * call.tiles;
+        walk_tiles(splat, splat.depth > 0, index, call,
+                   [&](float, int, int tile, uint32_t) { atomicAdd(&lists[tile].count, 1u); });
       }
-      TileList* const lists = call.tile_list + view * call.tiles;
-      walk_tiles(splat, splat.depth > 0, index, call,
-                 [&](float, int, int tile, uint32_t) { atomicAdd(&lists[tile].count, 1u); });
     }
   }
 }
@@ -264,7 +286,12 @@ void launch_project(const RenderCall& call, cudaStream_t stream) {
   const int blocks = (call.count + kProjectGaussians - 1) / kProjectGaussians;
   if (blocks == 0) return;
   with_degree(call.sh_degree, [&](auto degree) {
-    project_kernel<decltype(degree)::value><<<blocks, kProjectThreads, 0, stream>>>(call);
+    constexpr int kDegree = decltype(degree)::value;
+    if (call.chunks > 0) {
+      project_kernel<kDegree, false><<<blocks, kProjectThreads, 0, stream>>>(call);
+    } else {
+      project_kernel<kDegree, true><<<blocks, kProjectThreads, 0, stream>>>(call);
+    }
   });
 }
 

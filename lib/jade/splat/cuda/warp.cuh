@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sums across a warp.
+// Sums and scans across a warp.
 #pragma once
 
 #include <cstdint>
@@ -8,6 +8,14 @@ namespace jade::splat::cuda {
 
 __device__ __forceinline__ float warp_sum(float value) {
   for (int step = 16; step > 0; step >>= 1) value += __shfl_xor_sync(~0u, value, step);
+  return value;
+}
+
+__device__ __forceinline__ uint32_t inclusive_scan(uint32_t value, int lane) {
+  for (int step = 1; step < 32; step *= 2) {
+    const uint32_t other = __shfl_up_sync(~0u, value, step);
+    if (lane >= step) value += other;
+  }
   return value;
 }
 

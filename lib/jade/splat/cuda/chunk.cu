@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: Apache-2.0
+// From splats to runs: a block brings its chunk's instances into the order of tiles, in shared
+// memory, so that whole runs go to memory and a tile hears of a chunk once and not once a splat.
+#include "jade/splat/cuda/launch.h"
+#include "jade/splat/cuda/tile_walk.cuh"
+#include "jade/splat/cuda/warp.cuh"
+
+namespace jade::splat::cuda {
+
+namespace {
+
+constexpr int kChunkThreads = 512;
+constexpr int kPerThread = 12;
+/// Instances that fit in shared memory. A chunk of more walks its tiles again instead.
+constexpr int kRoom = kPerThread * kChunkThreads;
+constexpr int kTilesPerThread = kMostChunkTiles / kChunkThreads;
+static_assert(kTilesPerThread == 4, "a thread scans the four counters of a uint4");
+static_assert(kChunkGaussians < 1 << kRunBits, "a run's length fits its bits");
+static_assert(int64_t{kChunkGaussians} * kMostChunkTiles <= int64_t{1} << (32 - kRunBits),
+              "a run's start fits its bits");
+
+/// An instance in shared memory: tile << kTileShift | index in the chunk << kMaskBits | mask.
+constexpr int kTileShift = 16;
+static_assert(kChunkGaussians << kMaskBits <= 1 << kTileShift, "an index in the chunk fits");
+static_assert(kMostChunkTiles <= 1 << (32 - kTileShift), "a tile fits");
+
+struct ChunkShared {
+  uint32_t instances[kRoom];
+  float depth[kChunkGaussians];
+  uint32_t warp_sum[kChunkThreads / 32];
+  uint32_t count;
+  unsigned long long begin;
+};
+
+/// visit(depth, index, tile, mask) for all instances of the chunk.
+template <class Visit>
+__device__ __forceinline__ void walk_chunk(const RenderCall& call, int view, int first,
+                                           ChunkShared& s, const Visit& visit) {
+#pragma unroll 1
+  for (int local = threadIdx.x; local < kChunkGaussians; local += kChunkThreads) {
+    const int index = first + local;
+    Splat splat{};
+    if (index < call.count) splat = load_splat(call.splats + int64_t(view) * call.count + index);
+    s.depth[local] = splat.depth;
+    walk_tiles(splat, splat.depth > 0, index, call, visit);
+  }
+}
+
+__device__ __forceinline__ uint32_t round_up_to_four(uint32_t count) { return (count + 3) & ~3u; }
+
+__global__ void __launch_bounds__(kChunkThreads, 3)
+    chunk_kernel(const __grid_constant__ RenderCall call) {
+  extern __shared__ uint32_t cursor[];  // a tile's instances, then where its next one goes
+  __shared__ ChunkShared s;
+  // Neighbouring blocks work on different views, so that their atomics meet on fewer counters.
+  const int view = blockIdx.x % call.views, chunk = blockIdx.x / call.views;
+  const int first = chunk * kChunkGaussians;
+  const int lane = threadIdx.x & 31, warp = threadIdx.x >> 5;
+  for (int i = threadIdx.x; i < round_up_to_four(call.tiles); i += kChunkThreads) cursor[i] = 0;
+  if (threadIdx.x == 0) s.count = 0;
+  __syncthreads();
+  walk_chunk(call, view, first, s, [&](float, int index, int tile, uint32_t mask) {
+    atomicAdd(&cursor[tile], 1u);
+    const uint32_t at = atomicAdd(&s.count, 1u);
+    if (at < kRoom) s.instances[at] = tile << kTileShift | (index - first) << kMaskBits | mask;
+  });
+  __syncthreads();
+
+  const int count = int(s.count), first_tile = 4 * threadIdx.x;
+  uint32_t counts[4] = {0, 0, 0, 0}, sum = 0;
+  if (first_tile < call.tiles) {
+    for (int k = 0; k < 4; ++k) {
+      counts[k] = cursor[first_tile + k];
+      sum += counts[k];
+    }
+  }
+  const uint32_t scanned = inclusive_scan(sum, lane);
+  if (lane == 31) s.warp_sum[warp] = scanned;
+  if (threadIdx.x == 0) s.begin = atomicAdd(&call.counters->chunk_keys, (unsigned long long)count);
+  __syncthreads();
+  const unsigned long long begin = s.begin;
+  const bool fits = begin + count <= call.capacity;
+  uint32_t start = scanned - sum;
+  for (int w = 0; w < warp; ++w) start += s.warp_sum[w];
+  for (int k = 0; k < 4; ++k) {
+    const int tile = first_tile + k;
+    if (tile >= call.tiles) break;
+    const int64_t global_tile = int64_t(view) * call.tiles + tile;
+    call.runs[global_tile * call.chunks + chunk] = start << kRunBits | counts[k];
+    if (counts[k] > 0) {
+      atomicAdd(&call.tile_list[global_tile].count, counts[k]);
+      if (!fits) call.tile_list[global_tile].lost = 1;
+    }
+    cursor[tile] = start;
+    start += counts[k];
+  }
+  if (threadIdx.x == 0) call.chunk_begin[view * call.chunks + chunk] = uint32_t(begin);
+  if (!fits) return;
+  __syncthreads();
+
+  uint64_t* const keys = call.chunk_keys + begin;
+  if (count > kRoom) {
+    walk_chunk(call, view, first, s, [&](float depth, int index, int tile, uint32_t mask) {
+      keys[atomicAdd(&cursor[tile], 1u)] = make_key(depth, index, mask);
+    });
+    return;
+  }
+  uint32_t mine[kPerThread], place[kPerThread];
+#pragma unroll
+  for (int k = 0; k < kPerThread; ++k) {
+    const int i = k * kChunkThreads + threadIdx.x;
+    if (i < count) {
+      mine[k] = s.instances[i];
+      place[k] = atomicAdd(&cursor[mine[k] >> kTileShift], 1u);
+    }
+  }
+  __syncthreads();
+#pragma unroll
+  for (int k = 0; k < kPerThread; ++k) {
+    if (k * kChunkThreads + threadIdx.x < count) s.instances[place[k]] = mine[k];
+  }
+  __syncthreads();
+  for (int i = threadIdx.x; i < count; i += kChunkThreads) {
+    const uint32_t instance = s.instances[i], local = instance >> kMaskBits & (kChunkGaussians - 1);
+    keys[i] = make_key(s.depth[local], first + int(local), instance & ((1u << kMaskBits) - 1));
+  }
+}
+
+}  // namespace
+
+void launch_chunks(const RenderCall& call, cudaStream_t stream) {
+  if (call.count == 0) return;
+  const size_t cursors = (size_t(call.tiles) + 3) / 4 * 4 * sizeof(uint32_t);
+  chunk_kernel<<<call.chunks * call.views, kChunkThreads, cursors, stream>>>(call);
+}
+
+}  // namespace jade::splat::cuda
