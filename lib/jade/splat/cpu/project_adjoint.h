@@ -84,9 +84,15 @@ JADE_HD void add_view(const RenderCall<T>& call, const LaneBlock<P>& block,
   const m::Camera<P> camera = load_camera<P>(call, view);
   m::ShapeGradient<P> on_shape{};
   m::CameraGradient<P> on_camera{};
+  m::ShGradient<P> on_sh;
   const m::ScreenGradient<P> on_screen =
       m::view_adjoint({camera, call.sh_degree, call.antialiased}, shape, block.sh, drawn, &on_shape,
-                      sum->sh, &on_camera);
+                      &on_sh, &on_camera);
+  P basis[16];
+  m::sh_basis(call.sh_degree, on_sh.direction, basis);
+  const int count = m::sh_count(call.sh_degree);
+  for (int k = 0; k < count; ++k) basis[k] = keep(drawn.visible, basis[k]);
+  m::add_sh_gradient(0, count, basis, on_sh.color, sum->sh);
   for (int k = 0; k < 3; ++k) {
     sum->shape.mean[k] = sum->shape.mean[k] + keep(drawn.visible, on_shape.mean[k]);
   }

@@ -206,7 +206,7 @@ torch::Tensor bind_workspace(const BackwardArgs& args, const RenderCall& call, G
                              cudaStream_t stream) {
   const int64_t values = m::kPixelSums + (gradients->with_depth ? 1 : 0);
   const int64_t tiles = int64_t{call.views} * call.tiles;
-  const int64_t blocks = std::max(1, (call.count + kAdjointThreads - 1) / kAdjointThreads);
+  const int64_t blocks = std::max(1, (call.count + kAdjointGaussians - 1) / kAdjointGaussians);
   Arena arena;
   const int64_t done = arena.add(sizeof(unsigned int));
   const int64_t background = arena.add(3 * sizeof(float));

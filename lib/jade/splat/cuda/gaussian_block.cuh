@@ -8,11 +8,12 @@
 
 namespace jade::splat::cuda {
 
-constexpr int kShRow = 49;        ///< 16 coefficients of 3 channels, padded against bank conflicts
+/// 16 coefficients of 3 channels, padded so that 16-byte loads of neighbouring rows meet in no bank.
+constexpr int kShRow = 52;
 constexpr int kCameraChunk = 16;  ///< cameras in shared memory at a time
 
 /// Copies [count, 3 · stride] coefficients of the block's Gaussians to rows of kShRow, the first
-/// `used` of each. Threads must meet at a barrier before they read.
+/// `used` of each; rows are 16-byte aligned. Threads must meet at a barrier before they read.
 __device__ __forceinline__ void stage_sh(const RenderCall& call, int first, int gaussians, int used,
                                          float* rows) {
   const int width = 3 * call.sh_stride;
@@ -21,11 +22,7 @@ __device__ __forceinline__ void stage_sh(const RenderCall& call, int first, int 
   if (width == 48 && used == 48) {
     for (int i = threadIdx.x; i < count * 12; i += blockDim.x) {
       const float4 value = __ldg(reinterpret_cast<const float4*>(source) + i);
-      float* const out = rows + (i / 12) * kShRow + (i % 12) * 4;
-      out[0] = value.x;
-      out[1] = value.y;
-      out[2] = value.z;
-      out[3] = value.w;
+      *reinterpret_cast<float4*>(rows + (i / 12) * kShRow + (i % 12) * 4) = value;
     }
     return;
   }
@@ -45,16 +42,21 @@ __device__ __forceinline__ void stage_cameras(const RenderCall& call, int first,
   }
 }
 
+__device__ __forceinline__ void load_raw(const RenderCall& call, int index,
+                                         m::RawShape<float>* raw) {
+  for (int k = 0; k < 3; ++k) raw->mean[k] = __ldg(call.means + 3ll * index + k);
+  for (int k = 0; k < 3; ++k) raw->log_scale[k] = __ldg(call.log_scales + 3ll * index + k);
+  for (int k = 0; k < 4; ++k) raw->quaternion[k] = __ldg(call.rotations + 4ll * index + k);
+  raw->logit_opacity = __ldg(call.logit_opacities + index);
+}
+
 /// Loads one Gaussian; unusable ones become a harmless unit Gaussian. `sh` is this thread's row.
 template <int kDegree>
 __device__ __forceinline__ bool load_gaussian(const RenderCall& call, int index, const float* sh,
                                               m::RawShape<float>* raw) {
   bool usable = index < call.count;
   if (usable) {
-    for (int k = 0; k < 3; ++k) raw->mean[k] = __ldg(call.means + 3ll * index + k);
-    for (int k = 0; k < 3; ++k) raw->log_scale[k] = __ldg(call.log_scales + 3ll * index + k);
-    for (int k = 0; k < 4; ++k) raw->quaternion[k] = __ldg(call.rotations + 4ll * index + k);
-    raw->logit_opacity = __ldg(call.logit_opacities + index);
+    load_raw(call, index, raw);
     usable = m::is_usable(*raw) && m::all_finite(sh, 3 * m::sh_count(kDegree));
   }
   m::replace_unusable(usable, raw);

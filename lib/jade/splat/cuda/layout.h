@@ -97,6 +97,6 @@ struct Gradients {
   float* background_partial;  ///< [views, tiles, 3]
 };
 
-constexpr int kAdjointThreads = 64;  ///< Gaussians per block of the projection's adjoint
+constexpr int kAdjointGaussians = 64;  ///< per block of the projection's adjoint
 
 }  // namespace jade::splat::cuda

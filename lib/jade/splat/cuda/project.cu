@@ -71,7 +71,7 @@ __device__ __forceinline__ void store_splats(const RenderCall& call, int view, i
 template <int kDegree, bool kCount>
 __global__ void __launch_bounds__(kProjectThreads, kCount ? 4 : 5)
     project_kernel(const __grid_constant__ RenderCall call) {
-  __shared__ float sh_rows[kProjectGaussians * kShRow];
+  __shared__ __align__(16) float sh_rows[kProjectGaussians * kShRow];
   __shared__ m::Camera<float> cameras[kCameraChunk];
   __shared__ SplatStage stages[kProjectThreads / 32];
   const int first = blockIdx.x * kProjectGaussians, row = threadIdx.x % kProjectGaussians;
@@ -106,10 +106,6 @@ __global__ void __launch_bounds__(kProjectThreads, kCount ? 4 : 5)
 
 // ---- adjoint ----------------------------------------------------------------------------------
 
-struct Statistics {
-  float norm = 0, visible = 0, radius = 0;
-};
-
 /// A splat with the sums over its view's pixels.
 template <bool kDepth>
 __device__ __forceinline__ m::Drawn<float> load_drawn(const Splat& splat, const float* sums) {
@@ -123,35 +119,99 @@ __device__ __forceinline__ m::Drawn<float> load_drawn(const Splat& splat, const 
   return drawn;
 }
 
+/// Threads that share a Gaussian's views. Each then sums a third of the SH gradients over all views.
+constexpr int kAdjointGroups = 3;
+constexpr int kAdjointThreads = kAdjointGaussians * kAdjointGroups;
+constexpr int kAdjointViews = 12;    ///< in shared memory at a time
+constexpr int kAdjointBlocks = 4;    ///< per multiprocessor
+constexpr int kHalves = kAdjointGaussians / 32;  ///< warps of a group
+static_assert(kAdjointViews <= kCameraChunk, "their cameras fit");
+
+constexpr int kShapeValues = sizeof(m::ShapeGradient<float>) / sizeof(float);
+
+struct __align__(16) AdjointShared {
+  float sh_rows[kAdjointGaussians * kShRow];  // then their gradients
+  m::Camera<float> cameras[kCameraChunk];
+  union {
+    float on_sh[kAdjointViews][6][kAdjointGaussians];
+    float on_shape[kAdjointGroups - 1][kShapeValues][kAdjointGaussians];  // in the end
+  };
+  float camera_sums[kAdjointViews][kHalves][12];
+  float norm[kAdjointThreads], visible[kAdjointThreads], radius[kAdjointThreads];  // statistics
+  bool last_block;
+};
+
 __device__ __forceinline__ void add_statistics(const RenderCall& call, const m::Shape<float>& shape,
                                                const m::Camera<float>& camera,
                                                const m::ScreenGradient<float>& on_screen,
-                                               Statistics* statistics) {
-  statistics->norm += m::ndc_gradient_norm(on_screen, call.width, call.height);
-  statistics->visible += 1;
-  statistics->radius = fmaxf(statistics->radius, m::screen_radius(shape, camera));
+                                               AdjointShared& s) {
+  const int t = threadIdx.x;
+  s.norm[t] += m::ndc_gradient_norm(on_screen, call.width, call.height);
+  s.visible[t] += 1;
+  s.radius[t] = fmaxf(s.radius[t], m::screen_radius(shape, camera));
 }
 
-/// Sums the warps' camera gradients and adds them to the view's, or keeps them for finish().
-__device__ __forceinline__ void add_camera(const RenderCall& call, const Gradients& gradients,
-                                           int view, const m::CameraGradient<float>& on_camera,
-                                           float (*warp_sums)[2][12]) {
+/// Sums of 32 neighbouring splats, read in whole sectors.
+template <int kValues>
+__device__ __forceinline__ void stage_sums(const float* source, int splats, float* stage) {
+  const int lane = threadIdx.x & 31;
+  __syncwarp();
+  if (splats == 32) {
+    float values[kValues];
+    for (int k = 0; k < kValues; ++k) values[k] = __ldg(source + 32 * k + lane);
+    for (int k = 0; k < kValues; ++k) stage[32 * k + lane] = values[k];
+  } else {
+#pragma unroll 1
+    for (int i = lane; i < splats * kValues; i += 32) stage[i] = __ldg(source + i);
+  }
+  __syncwarp();
+}
+
+__device__ __forceinline__ void keep_camera(const m::CameraGradient<float>& on_camera,
+                                            float* target) {
   float values[16];
   for (int k = 0; k < 9; ++k) values[k] = on_camera.rotation[k];
   for (int k = 0; k < 3; ++k) values[9 + k] = on_camera.translation[k];
   for (int k = 12; k < 16; ++k) values[k] = 0;
-  const int lane = threadIdx.x & 31, warp = threadIdx.x >> 5, parity = view & 1;
+  const int lane = threadIdx.x & 31;
   const float sum = sum_sixteen(values, lane);
-  if ((lane & 1) == 0 && lane < 24) warp_sums[parity][warp][lane / 2] = sum;
-  __syncthreads();  // the other parity keeps the next view's writes apart from these reads
-  if (threadIdx.x < 12) {
-    const float total = warp_sums[parity][0][threadIdx.x] + warp_sums[parity][1][threadIdx.x];
-    const int64_t element = int64_t(view) * 12 + threadIdx.x;
+  if ((lane & 1) == 0 && lane < 24) target[lane / 2] = sum;
+}
+
+/// Adds the block's camera gradients to the views', or keeps them for finish().
+__device__ __forceinline__ void add_cameras(const RenderCall& call, const Gradients& gradients,
+                                            int first_view, int views, const AdjointShared& s) {
+  for (int i = threadIdx.x; i < views * 12; i += kAdjointThreads) {
+    float sum = 0;
+    for (int half = 0; half < kHalves; ++half) sum += s.camera_sums[i / 12][half][i % 12];
+    const int64_t element = int64_t(first_view) * 12 + i;
     if (gradients.camera_partial != nullptr) {
-      gradients.camera_partial[int64_t(blockIdx.x) * call.views * 12 + element] = total;
+      gradients.camera_partial[int64_t(blockIdx.x) * call.views * 12 + element] = sum;
     } else {
-      atomicAdd(gradients.camera_sums + element, total);
+      atomicAdd(gradients.camera_sums + element, sum);
     }
+  }
+}
+
+/// A thread's share of its Gaussian's SH gradients, over `views` views, in place of the coefficients.
+template <int kDegree, int kGroup>
+__device__ __forceinline__ void sum_sh(int views, int row, AdjointShared& s) {
+  constexpr int kCount = m::sh_count(kDegree);
+  constexpr int kBegin = (kCount * kGroup + kAdjointGroups - 1) / kAdjointGroups;
+  constexpr int kEnd = (kCount * (kGroup + 1) + kAdjointGroups - 1) / kAdjointGroups;
+  if constexpr (kBegin < kEnd) {
+    float sums[3 * (kEnd - kBegin)] = {};
+    for (int view = 0; view < views; ++view) {
+      float direction[3], color[3], basis[16];
+      for (int c = 0; c < 3; ++c) {
+        direction[c] = s.on_sh[view][c][row];
+        color[c] = s.on_sh[view][3 + c][row];
+      }
+      m::sh_basis(kDegree, direction, basis);
+      m::add_sh_gradient(kBegin, kEnd, basis, color, sums);
+    }
+    float* const out = s.sh_rows + row * kShRow + 3 * kBegin;
+    for (int k = 0; k < 3 * (kEnd - kBegin); ++k) out[k] = sums[k];
   }
 }
 
@@ -190,26 +250,85 @@ __device__ void finish(const RenderCall& call, const Gradients& gradients) {
   }
 }
 
-/// Blocks per multiprocessor, as many as their shared memory leaves room for on an H200: without
-/// the bound some of the kernels take 160 registers, and two blocks less run.
-constexpr int kAdjointBlocks = 8;
-
-/// Writes rows of kShRow to [N, sh_stride, 3]; coefficients above the active degree get 0.
-__device__ __forceinline__ void store_sh(const RenderCall& call, int first, int used,
+/// Writes rows of kShRow to [N, sh_stride, 3], or adds them to what is there; coefficients above the
+/// active degree get 0.
+__device__ __forceinline__ void store_sh(const RenderCall& call, int first, int used, bool add,
                                          const float* rows, float* target) {
   const int width = 3 * call.sh_stride;
-  const int count = min(int(blockDim.x), call.count - first);
+  const int count = min(kAdjointGaussians, call.count - first);
   float* const out = target + int64_t(first) * width;
-  if (width == 48 && used == 48) {
+  if (width == 48 && used == 48 && !add) {
     for (int i = threadIdx.x; i < count * 12; i += blockDim.x) {
-      const float* const in = rows + (i / 12) * kShRow + (i % 12) * 4;
-      reinterpret_cast<float4*>(out)[i] = make_float4(in[0], in[1], in[2], in[3]);
+      reinterpret_cast<float4*>(out)[i] =
+          *reinterpret_cast<const float4*>(rows + (i / 12) * kShRow + (i % 12) * 4);
     }
     return;
   }
   for (int i = threadIdx.x; i < count * width; i += blockDim.x) {
     const int column = i % width;
-    out[i] = column < used ? rows[(i / width) * kShRow + column] : 0.0f;
+    const float value = column < used ? rows[(i / width) * kShRow + column] : 0.0f;
+    out[i] = add ? out[i] + value : value;
+  }
+}
+
+/// What a view gives to a thread's Gaussian and, summed over the warp, to its camera.
+template <int kDegree, bool kDepth>
+__device__ __forceinline__ void gather_view(const RenderCall& call, const Gradients& gradients,
+                                            const m::Shape<float>& shape, int view, int in_chunk,
+                                            int row, int index, float* stage, AdjointShared& s,
+                                            m::ShapeGradient<float>* on_shape) {
+  constexpr int kValues = m::kPixelSums + kDepth;
+  const int first = index - (threadIdx.x & 31);
+  Splat splat{};
+  if (index < call.count) splat = load_splat(call.splats + int64_t(view) * call.count + index);
+  stage_sums<kValues>(gradients.sums + (int64_t(view) * call.count + first) * kValues,
+                      min(32, call.count - first), stage);
+  m::CameraGradient<float> on_camera{};
+  m::ShGradient<float> on_sh{};
+  if (splat.depth > 0) {
+    const m::Camera<float>& camera = s.cameras[in_chunk];
+    const m::ScreenGradient<float> on_screen = m::view_adjoint(
+        {camera, kDegree, call.antialiased}, shape, s.sh_rows + row * kShRow,
+        load_drawn<kDepth>(splat, stage + (threadIdx.x & 31) * kValues), on_shape, &on_sh,
+        &on_camera);
+    const bool counts = gradients.statistics_view < 0 || gradients.statistics_view == view;
+    if (gradients.gradient_norm != nullptr && counts) {
+      add_statistics(call, shape, camera, on_screen, s);
+    }
+  }
+  for (int c = 0; c < 3; ++c) {
+    s.on_sh[in_chunk][c][row] = on_sh.direction[c];
+    s.on_sh[in_chunk][3 + c][row] = on_sh.color[c];
+  }
+  if (gradients.camera_from_world != nullptr) {
+    keep_camera(on_camera, s.camera_sums[in_chunk][row / 32]);
+  }
+}
+
+/// Adds what the other threads of a Gaussian gathered, and writes its gradients but for SH.
+__device__ __forceinline__ void store_gaussian(const RenderCall& call, const Gradients& gradients,
+                                               bool usable, int row, int index,
+                                               const AdjointShared& s,
+                                               m::ShapeGradient<float> on_shape) {
+  float values[kShapeValues];
+  memcpy(values, &on_shape, sizeof(on_shape));
+  for (int group = 0; group < kAdjointGroups - 1; ++group) {
+    for (int k = 0; k < kShapeValues; ++k) values[k] += s.on_shape[group][k][row];
+  }
+  memcpy(&on_shape, values, sizeof(on_shape));
+  m::RawShape<float> raw;  // loaded again: registers are what limits the kernel
+  load_raw(call, index, &raw);
+  m::replace_unusable(usable, &raw);
+  const m::RawShape<float> grad = m::activate_adjoint(raw, m::activate(raw), on_shape);
+  for (int k = 0; k < 3; ++k) gradients.means[3ll * index + k] = grad.mean[k];
+  for (int k = 0; k < 4; ++k) gradients.rotations[4ll * index + k] = grad.quaternion[k];
+  for (int k = 0; k < 3; ++k) gradients.log_scales[3ll * index + k] = grad.log_scale[k];
+  gradients.logit_opacities[index] = grad.logit_opacity;
+  if (gradients.gradient_norm == nullptr) return;
+  for (int t = row; t < kAdjointThreads; t += kAdjointGaussians) {
+    gradients.gradient_norm[index] += s.norm[t];
+    gradients.visible_count[index] += s.visible[t];
+    gradients.max_radius_px[index] = fmaxf(gradients.max_radius_px[index], s.radius[t]);
   }
 }
 
@@ -218,66 +337,58 @@ __global__ void __launch_bounds__(kAdjointThreads, kAdjointBlocks)
     project_adjoint_kernel(const __grid_constant__ RenderCall call,
                            const __grid_constant__ Gradients gradients) {
   constexpr int kUsed = 3 * m::sh_count(kDegree);
-  __shared__ float sh_rows[kAdjointThreads * kShRow], grad_rows[kAdjointThreads * kShRow];
-  __shared__ m::Camera<float> cameras[kCameraChunk];
-  __shared__ float warp_sums[2][kAdjointThreads / 32][12];
-  __shared__ bool last_block;
-  const int first = blockIdx.x * kAdjointThreads, index = first + threadIdx.x;
-  stage_sh(call, first, kAdjointThreads, kUsed, sh_rows);
-  for (int i = threadIdx.x; i < kAdjointThreads * kShRow; i += kAdjointThreads) grad_rows[i] = 0;
-  __syncthreads();
-  const float* const sh = sh_rows + threadIdx.x * kShRow;
-  float* const grad_sh = grad_rows + threadIdx.x * kShRow;
-  m::RawShape<float> raw{};
-  load_gaussian<kDegree>(call, index, sh, &raw);
-  const m::Shape<float> shape = m::activate(raw);
+  __shared__ AdjointShared s;
+  __shared__ float stages[kAdjointThreads / 32][32 * (m::kPixelSums + kDepth)];
+  const int first = blockIdx.x * kAdjointGaussians, row = threadIdx.x % kAdjointGaussians;
+  const int index = first + row, group = threadIdx.x / kAdjointGaussians;
+  bool usable = false;
+  m::Shape<float> shape;
   m::ShapeGradient<float> on_shape{};
-  Statistics statistics;
-  for (int view = 0; view < call.views; ++view) {
-    if (view % kCameraChunk == 0) {
-      __syncthreads();
-      stage_cameras(call, view, cameras);
-      __syncthreads();
+  s.norm[threadIdx.x] = s.visible[threadIdx.x] = s.radius[threadIdx.x] = 0;
+  for (int chunk = 0; chunk == 0 || chunk < call.views; chunk += kAdjointViews) {
+    const int views = min(kAdjointViews, call.views - chunk);
+    stage_sh(call, first, kAdjointGaussians, kUsed, s.sh_rows);
+    stage_cameras(call, chunk, s.cameras);
+    __syncthreads();
+    if (chunk == 0) {
+      m::RawShape<float> raw{};
+      usable = load_gaussian<kDegree>(call, index, s.sh_rows + row * kShRow, &raw);
+      shape = m::activate(raw);
     }
-    m::CameraGradient<float> on_camera{};
-    const int64_t slot = int64_t(view) * call.count + index;
-    if (index < call.count) {
-      const Splat splat = load_splat(call.splats + slot);
-      if (splat.depth > 0) {
-        const m::Camera<float>& camera = cameras[view % kCameraChunk];
-        const m::ScreenGradient<float> on_screen = m::view_adjoint(
-            {camera, kDegree, call.antialiased}, shape, sh,
-            load_drawn<kDepth>(splat, gradients.sums + slot * (m::kPixelSums + kDepth)), &on_shape,
-            grad_sh, &on_camera);
-        const bool counts = gradients.statistics_view < 0 || gradients.statistics_view == view;
-        if (gradients.gradient_norm != nullptr && counts) {
-          add_statistics(call, shape, camera, on_screen, &statistics);
-        }
-      }
+    for (int view = group; view < views; view += kAdjointGroups) {
+      gather_view<kDegree, kDepth>(call, gradients, shape, chunk + view, view, row, index,
+                                   stages[threadIdx.x / 32], s, &on_shape);
     }
-    if (gradients.camera_from_world != nullptr) {
-      add_camera(call, gradients, view, on_camera, warp_sums);
+    __syncthreads();
+    if (gradients.camera_from_world != nullptr) add_cameras(call, gradients, chunk, views, s);
+    switch (group) {
+      case 0:
+        sum_sh<kDegree, 0>(views, row, s);
+        break;
+      case 1:
+        sum_sh<kDegree, 1>(views, row, s);
+        break;
+      default:
+        sum_sh<kDegree, 2>(views, row, s);
     }
+    __syncthreads();
+    store_sh(call, first, kUsed, chunk > 0, s.sh_rows, gradients.sh);
+    __syncthreads();
   }
-  if (index < call.count) {
-    const m::RawShape<float> grad = m::activate_adjoint(raw, shape, on_shape);
-    for (int k = 0; k < 3; ++k) gradients.means[3ll * index + k] = grad.mean[k];
-    for (int k = 0; k < 4; ++k) gradients.rotations[4ll * index + k] = grad.quaternion[k];
-    for (int k = 0; k < 3; ++k) gradients.log_scales[3ll * index + k] = grad.log_scale[k];
-    gradients.logit_opacities[index] = grad.logit_opacity;
-    if (gradients.gradient_norm != nullptr) {
-      gradients.gradient_norm[index] += statistics.norm;
-      gradients.visible_count[index] += statistics.visible;
-      gradients.max_radius_px[index] = fmaxf(gradients.max_radius_px[index], statistics.radius);
-    }
+  if (group > 0) {
+    float values[kShapeValues];
+    memcpy(values, &on_shape, sizeof(on_shape));
+    for (int k = 0; k < kShapeValues; ++k) s.on_shape[group - 1][k][row] = values[k];
   }
   __syncthreads();
-  store_sh(call, first, kUsed, grad_rows, gradients.sh);
+  if (group == 0 && index < call.count) {
+    store_gaussian(call, gradients, usable, row, index, s, on_shape);
+  }
   __threadfence();
   __syncthreads();
-  if (threadIdx.x == 0) last_block = atomicAdd(gradients.done_blocks, 1u) == gridDim.x - 1;
+  if (threadIdx.x == 0) s.last_block = atomicAdd(gradients.done_blocks, 1u) == gridDim.x - 1;
   __syncthreads();
-  if (last_block) finish(call, gradients);
+  if (s.last_block) finish(call, gradients);
 }
 
 }  // namespace
@@ -297,7 +408,7 @@ void launch_project(const RenderCall& call, cudaStream_t stream) {
 
 void launch_project_adjoint(const RenderCall& call, const Gradients& gradients,
                             cudaStream_t stream) {
-  const int blocks = max(1, (call.count + kAdjointThreads - 1) / kAdjointThreads);
+  const int blocks = max(1, (call.count + kAdjointGaussians - 1) / kAdjointGaussians);
   with_degree(call.sh_degree, [&](auto degree) {
     constexpr int kDegree = decltype(degree)::value;
     if (gradients.with_depth) {

@@ -134,22 +134,32 @@ JADE_HD void sh_color(int degree, const S* basis, const S* sh, S* color) {
   for (int c = 0; c < 3; ++c) color[c] = max(sum[c], S(0));
 }
 
-/// Adjoint of sh_color(): adds to grad_sh [K,3], writes grad_basis[K]. A channel clamped at 0
-/// (color == 0) passes nothing on.
+/// Adjoint of sh_color() before the clamp: g = dL/d(sum), writes grad_basis[K].
 template <class S>
-JADE_HD void sh_color_adjoint(int degree, const S* basis, const S* sh, const S* color,
-                              const S* grad_color, S* grad_sh, S* grad_basis) {
-  S g[3];
-  for (int c = 0; c < 3; ++c) g[c] = select(color[c] > S(0), grad_color[c], S(0));
+JADE_HD void sh_basis_gradient(int degree, const S* sh, const S* g, S* grad_basis) {
   const int count = sh_count(degree);
   for (int k = 0; k < count; ++k) {
     S sum(0);
-    for (int c = 0; c < 3; ++c) {
-      sum = sum + g[c] * sh[3 * k + c];
-      grad_sh[3 * k + c] = grad_sh[3 * k + c] + basis[k] * g[c];
-    }
+    for (int c = 0; c < 3; ++c) sum = sum + g[c] * sh[3 * k + c];
     grad_basis[k] = sum;
   }
+}
+
+/// The rest of it: adds to the gradients [end − begin, 3] of coefficients begin … end − 1.
+template <class S>
+JADE_HD void add_sh_gradient(int begin, int end, const S* basis, const S* g, S* grad_sh) {
+  for (int k = begin; k < end; ++k) {
+    for (int c = 0; c < 3; ++c) {
+      S& grad = grad_sh[3 * (k - begin) + c];
+      grad = grad + basis[k] * g[c];
+    }
+  }
+}
+
+/// Adjoint of the clamp: a channel clamped at 0 (color == 0) passes nothing on.
+template <class S>
+JADE_HD void clamp_adjoint(const S* color, const S* grad_color, S* g) {
+  for (int c = 0; c < 3; ++c) g[c] = select(color[c] > S(0), grad_color[c], S(0));
 }
 
 /// True unless one of the values is infinite or NaN.

@@ -37,13 +37,20 @@ struct View {
   bool antialiased;
 };
 
-/// Adjoint of project(), make_falloff() and view_color() together. `sh` and `grad_sh` are [K,3].
-/// Adds to *grad, grad_sh and *grad_camera, and returns the gradient on the screen. Where the
-/// Gaussian is not visible, grad_sh stays as it is and the other results are undefined.
+/// What a view gives to the coefficients: dL/dsh is the outer product of the basis at `direction`
+/// and `color`, dL/dcolour before the clamp.
+template <class S>
+struct ShGradient {
+  S direction[3], color[3];
+};
+
+/// Adjoint of project(), make_falloff() and view_color() together, but for the coefficients: they
+/// have `on_sh`. `sh` is [K,3]. Adds to *grad and *grad_camera, and returns the gradient on the
+/// screen. Where the Gaussian is not visible, the results are undefined.
 template <class S>
 JADE_HD ScreenGradient<S> view_adjoint(const View<S>& view, const Shape<S>& shape, const S* sh,
-                                       const Drawn<S>& drawn, ShapeGradient<S>* grad, S* grad_sh,
-                                       CameraGradient<S>* grad_camera) {
+                                       const Drawn<S>& drawn, ShapeGradient<S>* grad,
+                                       ShGradient<S>* on_sh, CameraGradient<S>* grad_camera) {
   const Camera<S>& camera = view.camera;
   ScreenGradient<S> on_screen;
   falloff_adjoint(drawn.falloff, drawn.moments, &on_screen.x, &on_screen.y, &on_screen.cov_xx,
@@ -51,11 +58,11 @@ JADE_HD ScreenGradient<S> view_adjoint(const View<S>& view, const Shape<S>& shap
   on_screen.log_opacity = drawn.moments.u;
   on_screen.depth = drawn.grad_depth;
   project_adjoint(shape, camera, view.antialiased, on_screen, grad, grad_camera);
-  S direction[3], basis[16], grad_basis[16], grad_direction[3] = {S(0), S(0), S(0)};
+  S* const direction = on_sh->direction;
+  S grad_basis[16], grad_direction[3] = {S(0), S(0), S(0)};
   const S inverse_norm = view_direction(shape.mean, camera, direction);
-  sh_basis(view.sh_degree, direction, basis);
-  for (int k = 0; k < sh_count(view.sh_degree); ++k) basis[k] = keep(drawn.visible, basis[k]);
-  sh_color_adjoint(view.sh_degree, basis, sh, drawn.color, drawn.grad_color, grad_sh, grad_basis);
+  clamp_adjoint(drawn.color, drawn.grad_color, on_sh->color);
+  sh_basis_gradient(view.sh_degree, sh, on_sh->color, grad_basis);
   sh_basis_adjoint(view.sh_degree, direction, grad_basis, grad_direction);
   view_direction_adjoint(direction, inverse_norm, grad_direction, camera, grad->mean, grad_camera);
   return on_screen;
