@@ -16,6 +16,7 @@ namespace jade::splat::emulated_cuda {
 ForwardResult forward(const ForwardArgs& args);
 BackwardResult backward(const BackwardArgs& args);
 void set_instance_capacity_for_test(int64_t capacity);
+void set_chunk_gaussians_for_test(int gaussians);
 }  // namespace jade::splat::emulated_cuda
 
 using namespace jade;
@@ -172,6 +173,44 @@ TEST_CASE("emulated cuda: the order of threads changes no image and no determini
       CHECK(cosine(sums.gradients[i], first.gradients[i]) > 0.999999);
     }
   }
+}
+
+TEST_CASE("emulated cuda: chunks of any size change no image", "[emulated]") {
+  struct Case {
+    SplatScene scene;
+    std::vector<int> sizes;
+  };
+  SplatScene crowd = select_views(scene_of(1100, 48, 48, 30), 0, 1);
+  crowd.gaussians.logit_opacities.fill_(-4.0);
+  const std::vector<Case> cases = {
+      {scene_of(300, 77, 60, 6), {32, 64, 320}},
+      {select_views(scene_of(30, 512, 1024), 0, 1), {1024}},  // the most tiles that chunks go with
+      {crowd, {1024}},  // more instances than fit in shared memory
+  };
+  for (const Case& c : cases) {
+    splat::emulated_cuda::set_chunk_gaussians_for_test(0);
+    const Outcome straight = run(kCuda, c.scene, {});
+    for (const int size : c.sizes) {
+      INFO(c.scene.cameras.width << "x" << c.scene.cameras.height << ", chunks of " << size);
+      const ForcedOrder forced(size == 64 ? Order::kShuffled : Order::kDescending);
+      splat::emulated_cuda::set_chunk_gaussians_for_test(size);
+      const Outcome chunked = run(kCuda, c.scene, {});
+      splat::emulated_cuda::set_chunk_gaussians_for_test(-1);
+      check_equal(chunked.images, straight.images);
+      for (size_t i = 0; i < straight.gradients.size(); ++i) {
+        CHECK(cosine(chunked.gradients[i], straight.gradients[i]) > 0.999999);
+      }
+    }
+  }
+  Settings settings;
+  settings.deterministic = true;
+  CHECK(run(kCuda, crowd, settings).room > 6144 * 1100 / 1024);
+}
+
+TEST_CASE("emulated cuda: a view of too many tiles for chunks agrees with the CPU backend",
+          "[emulated]") {
+  SplatScene scene = select_views(scene_of(40, 529, 1024), 0, 1);
+  check_outcomes(run(kCuda, scene, {}), run(kCpu, scene, {}));
 }
 
 TEST_CASE("emulated cuda: lists that do not fit change no image", "[emulated]") {

@@ -16,6 +16,7 @@
 #include <c10/cuda/CUDAGuard.h>
 
 #include "jade/splat/cuda/capacity.h"
+#include "jade/splat/cuda/chunk_size.h"
 #endif
 
 using namespace jade;
@@ -111,6 +112,11 @@ struct ForcedCapacity {
   ~ForcedCapacity() { splat::cuda::set_instance_capacity_for_test(-1); }
 };
 
+struct ForcedChunks {
+  explicit ForcedChunks(int gaussians) { splat::cuda::set_chunk_gaussians_for_test(gaussians); }
+  ~ForcedChunks() { splat::cuda::set_chunk_gaussians_for_test(-1); }
+};
+
 }  // namespace
 
 TEST_CASE("cuda: images and gradients agree with the CPU", "[splat][cuda]") {
@@ -127,6 +133,21 @@ TEST_CASE("cuda: images and gradients agree with the CPU", "[splat][cuda]") {
         check_outcomes(run(scene, options, kGpu), run(scene, options, torch::kCPU));
       }
     }
+  }
+}
+
+TEST_CASE("cuda: chunks of any size change no image", "[splat][cuda]") {
+  const SplatScene scene = scene_of(5000, 301, 203, 6);
+  const auto rendered = [&](int size) {
+    const ForcedChunks forced(size);
+    return run(scene, {}, kGpu);
+  };
+  const Rendered straight = rendered(0);
+  for (const int size : {32, 480, 1024}) {
+    INFO("chunks of " << size);
+    const Rendered chunked = rendered(size);
+    check_equal({chunked.output.color, chunked.output.alpha},
+                {straight.output.color, straight.output.alpha});
   }
 }
 

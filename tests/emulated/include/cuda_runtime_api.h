@@ -9,6 +9,7 @@ using cudaStream_t = void*;
 enum cudaError_t { cudaSuccess };
 enum cudaMemcpyKind { cudaMemcpyDeviceToHost, cudaMemcpyHostToDevice, cudaMemcpyDeviceToDevice };
 enum cudaStreamCaptureStatus { cudaStreamCaptureStatusNone };
+enum cudaDeviceAttr { cudaDevAttrMultiProcessorCount };
 constexpr unsigned cudaHostAllocDefault = 0;
 
 inline const char* cudaGetErrorString(cudaError_t) { return "no error"; }
@@ -25,6 +26,14 @@ inline cudaError_t cudaMemsetAsync(void* at, int value, size_t bytes, cudaStream
 inline cudaError_t cudaMemcpyAsync(void* to, const void* from, size_t bytes, cudaMemcpyKind,
                                    cudaStream_t) {
   std::memcpy(to, from, bytes);
+  return cudaSuccess;
+}
+inline cudaError_t cudaGetDevice(int* device) {
+  *device = 0;
+  return cudaSuccess;
+}
+inline cudaError_t cudaDeviceGetAttribute(int* value, cudaDeviceAttr, int) {
+  *value = 1;
   return cudaSuccess;
 }
 inline cudaError_t cudaHostAlloc(void** at, size_t bytes, unsigned) {

@@ -13,6 +13,7 @@
 #include "jade/core/check.h"
 #include "jade/kernel/launch.h"
 #include "jade/splat/cuda/capacity.h"
+#include "jade/splat/cuda/chunk_size.h"
 #include "jade/splat/cuda/launch.h"
 
 namespace jade::splat::cuda {
@@ -146,12 +147,6 @@ torch::Tensor bind_chunks(RenderCall* call, const torch::TensorOptions& options)
   return arena.tensor();
 }
 
-/// Of one view, for chunks to pay.
-int most_chunk_tiles() {
-  const char* const off = std::getenv("JADE_NO_CHUNKS");
-  return off != nullptr && off[0] == '1' ? -1 : kMostChunkTiles;
-}
-
 /// Projects all views and cuts up an instance buffer. The first call of a size counts first and
 /// waits for the result; so does every deterministic call, whose gradients need every list, and
 /// which makes room for just these: it writes 144 B a list entry. Calls that know how much room to
@@ -169,8 +164,9 @@ Lists project_and_bin(RenderCall* call, const ForwardArgs& args, long long* reje
   InstanceBudget& budget =
       InstanceBudget::of(options.device().index(), call->views, call->width, call->height);
   const bool counts = (args.deterministic || !budget.known()) && !is_capturing(stream);
-  if (!counts && call->tiles <= most_chunk_tiles()) {
-    call->chunks = (call->count + kChunkGaussians - 1) / kChunkGaussians;
+  call->chunk_gaussians = counts ? 0 : chunk_gaussians(*call);
+  if (call->chunk_gaussians > 0) {
+    call->chunks = (call->count + call->chunk_gaussians - 1) / call->chunk_gaussians;
   }
   launch_project(*call, stream);
   int64_t counted = kMostInstances;

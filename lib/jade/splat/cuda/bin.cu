@@ -11,10 +11,13 @@ namespace {
 constexpr int kPlanThreads = 1024;
 constexpr int kClasses = 128;
 
-/// Class of a list by its length, four classes per octave, longest first.
+/// Class of a list by its length, four classes per octave, longest first: a float's exponent and
+/// two more bits.
 __device__ __forceinline__ int length_class(uint32_t count) {
-  return kClasses - 1 - min(int(4.0f * log2f(float(count) + 1.0f)), kClasses - 1);
+  const uint32_t one = 127u << 2;
+  return kClasses - 1 - int((__float_as_uint(float(count) + 1.0f) >> 21) - one);
 }
+static_assert(kMaxGaussians < 1ll << (kClasses / 4 - 1), "the longest list has a class");
 
 constexpr int kPlanLoads = 4, kPlanBatch = kPlanLoads * kPlanThreads;
 
@@ -148,11 +151,17 @@ __global__ void __launch_bounds__(kEmitThreads)
   // together as one would.
   TileList* const lists = call.tile_list + view * call.tiles;
   PendingInstances pending;
-  walk_tiles(splat, splat.depth > 0, index, call,
-             [&](float depth, int gaussian, int tile, uint32_t mask) {
-               pending.push(make_key(depth, gaussian, mask), tile);
-               if (pending.count == PendingInstances::kMost) pending.write(call, lists);
-             });
+  uint64_t key = 0;
+  walk_tiles(
+      splat, splat.depth > 0, call,
+      [&](int owner, int) {
+        const float depth = __shfl_sync(~0u, splat.depth, owner);
+        key = make_key(depth, index - int(threadIdx.x & 31) + owner, 0);
+      },
+      [&](int tile, uint32_t mask) {
+        pending.push(key | mask, tile);
+        if (pending.count == PendingInstances::kMost) pending.write(call, lists);
+      });
   pending.write(call, lists);
 }
 
@@ -229,8 +238,8 @@ struct SortShared {
   uint32_t lowest, highest, fullest, gathered;
 };
 
-/// Fetches the tile's runs from all chunks of its view, in no particular order. A warp takes 32 runs
-/// at a time and deals their keys out to its lanes.
+/// Fetches the tile's runs from all chunks of its view, in no particular order. A warp takes 32
+/// runs at a time and deals their keys out to its lanes.
 __device__ __forceinline__ void gather_runs(const RenderCall& call, uint32_t global_tile,
                                             uint64_t* keys, uint32_t* gathered) {
   const uint32_t* const runs = call.runs + int64_t(global_tile) * call.chunks;
@@ -247,21 +256,14 @@ __device__ __forceinline__ void gather_runs(const RenderCall& call, uint32_t glo
       length = run & ((1u << kRunBits) - 1);
       from = begins[base + lane] + (run >> kRunBits);
     }
-    const uint32_t scanned = inclusive_scan(length, lane);
-    const uint32_t before = scanned - length, total = __shfl_sync(~0u, scanned, 31);
+    const Shares shares(length, lane);
     uint32_t to = 0;
-    if (lane == 0) to = atomicAdd(gathered, total);
+    if (lane == 0) to = atomicAdd(gathered, shares.total);
     to = __shfl_sync(~0u, to, 0);
-    for (uint32_t first = 0; first < total; first += 32) {
-      // The last run that starts at this key or before it: later ones of that start are empty.
+    for (uint32_t first = 0; first < shares.total; first += 32) {
       const uint32_t i = first + lane;
-      int run = 0;
-      for (int step = 16; step > 0; step /= 2) {
-        if (__shfl_sync(~0u, before, run + step) <= i) run += step;
-      }
-      const uint32_t in_run = i - __shfl_sync(~0u, before, run);
-      const uint32_t source = __shfl_sync(~0u, from, run) + in_run;
-      if (i < total) keys[to + i] = call.chunk_keys[source];
+      const uint32_t source = i + __shfl_sync(~0u, from - shares.begin, shares.owner(i));
+      if (i < shares.total) keys[to + i] = call.chunk_keys[source];
     }
   }
   __syncthreads();
@@ -301,12 +303,14 @@ __device__ __forceinline__ bool bucket_sort(const uint64_t* keys, int count, Sor
   // bucket = (depth − lowest) · scale / 2^32 < kBuckets
   const uint32_t scale =
       uint32_t(min((uint64_t(kBuckets) << 32) / (uint64_t(range) + 1), uint64_t(~0u)));
-  uint32_t bucket[kPerThread], rank[kPerThread];
+  uint32_t place[kPerThread];  // bucket << 16 | rank in it: registers limit how many blocks run
+  static_assert(kChunk <= 1 << 16 && kBuckets <= 1 << 16, "both fit");
 #pragma unroll
   for (int k = 0; k < kPerThread; ++k) {
     if (k * kSortThreads + threadIdx.x < count) {
-      bucket[k] = min(__umulhi(uint32_t(mine[k] >> 32) - lowest, scale), uint32_t(kBuckets - 1));
-      rank[k] = atomicAdd(&s.bucket[bucket[k]], 1u);
+      const uint32_t bucket =
+          min(__umulhi(uint32_t(mine[k] >> 32) - lowest, scale), uint32_t(kBuckets - 1));
+      place[k] = bucket << 16 | atomicAdd(&s.bucket[bucket], 1u);
     }
   }
   __syncthreads();
@@ -329,17 +333,19 @@ __device__ __forceinline__ bool bucket_sort(const uint64_t* keys, int count, Sor
   __syncthreads();
 #pragma unroll
   for (int k = 0; k < kPerThread; ++k) {
-    if (k * kSortThreads + threadIdx.x < count) s.keys[s.bucket[bucket[k]] + rank[k]] = mine[k];
+    if (k * kSortThreads + threadIdx.x < count) {
+      s.keys[s.bucket[place[k] >> 16] + (place[k] & 0xffff)] = mine[k];
+    }
   }
   __syncthreads();
 #pragma unroll
   for (int k = 0; k < kPerThread; ++k) {
     if (k * kSortThreads + threadIdx.x < count) {
-      const uint32_t begin = s.bucket[bucket[k]];
-      const uint32_t end = bucket[k] + 1 < kBuckets ? s.bucket[bucket[k] + 1] : uint32_t(count);
-      uint32_t place = begin;
-      for (uint32_t i = begin; i < end; ++i) place += s.keys[i] < mine[k];
-      entries[place] = uint32_t(mine[k]);
+      const uint32_t bucket = place[k] >> 16, begin = s.bucket[bucket];
+      const uint32_t end = bucket + 1 < kBuckets ? s.bucket[bucket + 1] : uint32_t(count);
+      uint32_t at = begin;
+      for (uint32_t i = begin; i < end; ++i) at += s.keys[i] < mine[k];
+      entries[at] = uint32_t(mine[k]);
     }
   }
   return true;
@@ -357,7 +363,7 @@ __device__ void keep_entries(uint64_t* keys, int count) {
 }
 
 template <bool kRuns>
-__global__ void __launch_bounds__(kSortThreads)
+__global__ void __launch_bounds__(kSortThreads, 6)
     sort_kernel(const __grid_constant__ RenderCall call) {
   __shared__ SortShared shared;
   const uint32_t tile = call.tile_order[blockIdx.x];

@@ -15,55 +15,68 @@ constexpr int kPerThread = 12;
 constexpr int kRoom = kPerThread * kChunkThreads;
 constexpr int kTilesPerThread = kMostChunkTiles / kChunkThreads;
 static_assert(kTilesPerThread == 4, "a thread scans the four counters of a uint4");
-static_assert(kChunkGaussians < 1 << kRunBits, "a run's length fits its bits");
-static_assert(int64_t{kChunkGaussians} * kMostChunkTiles <= int64_t{1} << (32 - kRunBits),
+static_assert(kMostChunkGaussians < 1 << kRunBits, "a run's length fits its bits");
+static_assert(int64_t{kMostChunkGaussians} * kMostChunkTiles <= int64_t{1} << (32 - kRunBits),
               "a run's start fits its bits");
 
 /// An instance in shared memory: tile << kTileShift | index in the chunk << kMaskBits | mask.
 constexpr int kTileShift = 16;
-static_assert(kChunkGaussians << kMaskBits <= 1 << kTileShift, "an index in the chunk fits");
+static_assert(kMostChunkGaussians << kMaskBits <= 1 << kTileShift, "an index in the chunk fits");
 static_assert(kMostChunkTiles <= 1 << (32 - kTileShift), "a tile fits");
 
 struct ChunkShared {
   uint32_t instances[kRoom];
-  float depth[kChunkGaussians];
+  float depth[kMostChunkGaussians];
   uint32_t warp_sum[kChunkThreads / 32];
   uint32_t count;
   unsigned long long begin;
 };
 
-/// visit(depth, index, tile, mask) for all instances of the chunk.
-template <class Visit>
+/// Walks the tiles of the chunk's splats: expect(index in the chunk, reached tiles of its next row)
+/// and visit(tile, mask) as in walk_tiles().
+template <class Expect, class Visit>
 __device__ __forceinline__ void walk_chunk(const RenderCall& call, int view, int first,
-                                           ChunkShared& s, const Visit& visit) {
+                                           ChunkShared& s, const Expect& expect,
+                                           const Visit& visit) {
 #pragma unroll 1
-  for (int local = threadIdx.x; local < kChunkGaussians; local += kChunkThreads) {
+  for (int local = threadIdx.x; local < call.chunk_gaussians; local += kChunkThreads) {
     const int index = first + local;
     Splat splat{};
     if (index < call.count) splat = load_splat(call.splats + int64_t(view) * call.count + index);
     s.depth[local] = splat.depth;
-    walk_tiles(splat, splat.depth > 0, index, call, visit);
+    walk_tiles(
+        splat, splat.depth > 0, call,
+        [&](int owner, int tiles) { expect((local & ~31) + owner, tiles); }, visit);
   }
 }
 
 __device__ __forceinline__ uint32_t round_up_to_four(uint32_t count) { return (count + 3) & ~3u; }
 
-__global__ void __launch_bounds__(kChunkThreads, 3)
+__global__ void __launch_bounds__(kChunkThreads, kChunkBlocks)
     chunk_kernel(const __grid_constant__ RenderCall call) {
   extern __shared__ uint32_t cursor[];  // a tile's instances, then where its next one goes
   __shared__ ChunkShared s;
   // Neighbouring blocks work on different views, so that their atomics meet on fewer counters.
   const int view = blockIdx.x % call.views, chunk = blockIdx.x / call.views;
-  const int first = chunk * kChunkGaussians;
+  const int first = chunk * call.chunk_gaussians;
   const int lane = threadIdx.x & 31, warp = threadIdx.x >> 5;
   for (int i = threadIdx.x; i < round_up_to_four(call.tiles); i += kChunkThreads) cursor[i] = 0;
   if (threadIdx.x == 0) s.count = 0;
   __syncthreads();
-  walk_chunk(call, view, first, s, [&](float, int index, int tile, uint32_t mask) {
-    atomicAdd(&cursor[tile], 1u);
-    const uint32_t at = atomicAdd(&s.count, 1u);
-    if (at < kRoom) s.instances[at] = tile << kTileShift | (index - first) << kMaskBits | mask;
-  });
+  uint32_t at = 0, instance = 0;
+  walk_chunk(
+      call, view, first, s,
+      [&](int local, int tiles) {
+        const Shares shares(tiles, lane);
+        if (lane == 0) at = atomicAdd(&s.count, shares.total);
+        at = __shfl_sync(~0u, at, 0) + shares.begin;
+        instance = uint32_t(local) << kMaskBits;
+      },
+      [&](int tile, uint32_t mask) {
+        atomicAdd(&cursor[tile], 1u);
+        if (at < kRoom) s.instances[at] = uint32_t(tile) << kTileShift | instance | mask;
+        ++at;
+      });
   __syncthreads();
 
   const int count = int(s.count), first_tile = 4 * threadIdx.x;
@@ -100,9 +113,11 @@ __global__ void __launch_bounds__(kChunkThreads, 3)
 
   uint64_t* const keys = call.chunk_keys + begin;
   if (count > kRoom) {
-    walk_chunk(call, view, first, s, [&](float depth, int index, int tile, uint32_t mask) {
-      keys[atomicAdd(&cursor[tile], 1u)] = make_key(depth, index, mask);
-    });
+    uint64_t key = 0;
+    walk_chunk(
+        call, view, first, s,
+        [&](int local, int) { key = make_key(s.depth[local], first + local, 0); },
+        [&](int tile, uint32_t mask) { keys[atomicAdd(&cursor[tile], 1u)] = key | mask; });
     return;
   }
   uint32_t mine[kPerThread], place[kPerThread];
@@ -121,8 +136,8 @@ __global__ void __launch_bounds__(kChunkThreads, 3)
   }
   __syncthreads();
   for (int i = threadIdx.x; i < count; i += kChunkThreads) {
-    const uint32_t instance = s.instances[i], local = instance >> kMaskBits & (kChunkGaussians - 1);
-    keys[i] = make_key(s.depth[local], first + int(local), instance & ((1u << kMaskBits) - 1));
+    const uint32_t entry = s.instances[i] & ((1u << kTileShift) - 1), local = entry >> kMaskBits;
+    keys[i] = make_key(s.depth[local], first + int(local), entry & ((1u << kMaskBits) - 1));
   }
 }
 

@@ -8,7 +8,8 @@
 
 namespace jade::splat::cuda {
 
-/// 16 coefficients of 3 channels, padded so that 16-byte loads of neighbouring rows meet in no bank.
+/// 16 coefficients of 3 channels, padded so that 16-byte loads of neighbouring rows meet in no
+/// bank.
 constexpr int kShRow = 52;
 constexpr int kCameraChunk = 16;  ///< cameras in shared memory at a time
 

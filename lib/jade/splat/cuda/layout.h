@@ -14,9 +14,10 @@ constexpr int kTile = 16;               ///< px; one block blends one tile of on
 constexpr int kSubtile = 8;             ///< px; one warp blends one quarter of a tile
 constexpr int kMaskBits = 4;            ///< of an entry: which quarters of the tile a splat reaches
 constexpr int kMaxGaussians = 1 << 28;  ///< an entry is index << kMaskBits | mask in 32 bits
-constexpr int kChunkGaussians = 1024;
-constexpr int kMostChunkTiles = 2048;  ///< larger views have no chunks: their runs would be short
-constexpr int kRunBits = 11;           ///< for lengths up to kChunkGaussians
+constexpr int kMostChunkGaussians = 1024;
+constexpr int kMostChunkTiles = 2048;
+constexpr int kChunkBlocks = 3;  ///< per multiprocessor
+constexpr int kRunBits = 11;     ///< for lengths up to kMostChunkGaussians
 
 /// A Gaussian on the screen of one view: three 16-byte loads. `depth` is 0 where it is not drawn.
 struct alignas(16) Splat {
@@ -62,6 +63,7 @@ struct RenderCall {
 
   // On the way to the lists: chunks of a view's Gaussians, each with its instances tile by tile.
   int chunks;             ///< per view; 0: instances go straight to the lists
+  int chunk_gaussians;    ///< a multiple of 32
   uint64_t* chunk_keys;   ///< [capacity], chunk by chunk in no particular order
   uint32_t* chunk_begin;  ///< [views, chunks], in chunk_keys
   uint32_t* runs;         ///< [views, tiles, chunks]: start in the chunk << kRunBits | length

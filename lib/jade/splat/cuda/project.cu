@@ -97,8 +97,9 @@ __global__ void __launch_bounds__(kProjectThreads, kCount ? 4 : 5)
       store_splats(call, view, first + (row & ~31), splat, stages[threadIdx.x / 32]);
       if (kCount) {
         TileList* const lists = call.tile_list + view * call.tiles;
-        walk_tiles(splat, splat.depth > 0, index, call,
-                   [&](float, int, int tile, uint32_t) { atomicAdd(&lists[tile].count, 1u); });
+        walk_tiles(
+            splat, splat.depth > 0, call, [](int, int) {},
+            [&](int tile, uint32_t) { atomicAdd(&lists[tile].count, 1u); });
       }
     }
   }
@@ -119,11 +120,12 @@ __device__ __forceinline__ m::Drawn<float> load_drawn(const Splat& splat, const 
   return drawn;
 }
 
-/// Threads that share a Gaussian's views. Each then sums a third of the SH gradients over all views.
+/// Threads that share a Gaussian's views. Each then sums a third of the SH gradients over all
+/// views.
 constexpr int kAdjointGroups = 3;
 constexpr int kAdjointThreads = kAdjointGaussians * kAdjointGroups;
-constexpr int kAdjointViews = 12;    ///< in shared memory at a time
-constexpr int kAdjointBlocks = 4;    ///< per multiprocessor
+constexpr int kAdjointViews = 12;                ///< in shared memory at a time
+constexpr int kAdjointBlocks = 4;                ///< per multiprocessor
 constexpr int kHalves = kAdjointGaussians / 32;  ///< warps of a group
 static_assert(kAdjointViews <= kCameraChunk, "their cameras fit");
 
@@ -193,7 +195,8 @@ __device__ __forceinline__ void add_cameras(const RenderCall& call, const Gradie
   }
 }
 
-/// A thread's share of its Gaussian's SH gradients, over `views` views, in place of the coefficients.
+/// A thread's share of its Gaussian's SH gradients, over `views` views, in place of the
+/// coefficients.
 template <int kDegree, int kGroup>
 __device__ __forceinline__ void sum_sh(int views, int row, AdjointShared& s) {
   constexpr int kCount = m::sh_count(kDegree);
@@ -250,8 +253,8 @@ __device__ void finish(const RenderCall& call, const Gradients& gradients) {
   }
 }
 
-/// Writes rows of kShRow to [N, sh_stride, 3], or adds them to what is there; coefficients above the
-/// active degree get 0.
+/// Writes rows of kShRow to [N, sh_stride, 3], or adds them to what is there; coefficients above
+/// the active degree get 0.
 __device__ __forceinline__ void store_sh(const RenderCall& call, int first, int used, bool add,
                                          const float* rows, float* target) {
   const int width = 3 * call.sh_stride;
@@ -287,10 +290,10 @@ __device__ __forceinline__ void gather_view(const RenderCall& call, const Gradie
   m::ShGradient<float> on_sh{};
   if (splat.depth > 0) {
     const m::Camera<float>& camera = s.cameras[in_chunk];
-    const m::ScreenGradient<float> on_screen = m::view_adjoint(
-        {camera, kDegree, call.antialiased}, shape, s.sh_rows + row * kShRow,
-        load_drawn<kDepth>(splat, stage + (threadIdx.x & 31) * kValues), on_shape, &on_sh,
-        &on_camera);
+    const m::ScreenGradient<float> on_screen =
+        m::view_adjoint({camera, kDegree, call.antialiased}, shape, s.sh_rows + row * kShRow,
+                        load_drawn<kDepth>(splat, stage + (threadIdx.x & 31) * kValues), on_shape,
+                        &on_sh, &on_camera);
     const bool counts = gradients.statistics_view < 0 || gradients.statistics_view == view;
     if (gradients.gradient_norm != nullptr && counts) {
       add_statistics(call, shape, camera, on_screen, s);

@@ -4,9 +4,20 @@
 #pragma once
 
 #include "jade/splat/cuda/layout.h"
+#include "jade/splat/cuda/warp.cuh"
 #include "jade/splat/math/tile.h"
 
 namespace jade::splat::cuda {
+
+/// To 1 ulp, which is far below kExtentSlackPx.
+__device__ __forceinline__ float fast_sqrt(float x) {
+#ifdef __CUDACC__
+  asm("sqrt.approx.ftz.f32 %0, %0;" : "+f"(x));
+  return x;
+#else
+  return sqrtf(x);  // tests/emulated
+#endif
+}
 
 /// The ellipse of a splat, as bands of rows see it.
 struct Ellipse {
@@ -19,10 +30,11 @@ struct Ellipse {
     const float reach = fmaxf(m::reach(s.log2_opacity), 0.0f);
     const float inverse_a = float(-0.5 * m::kLog2E) / s.a;  // det / cov_yy
     const float cov_yy = inverse_a / s.shrink;
-    const float cov_xx = s.c * cov_yy / s.a;
+    const float cov_xx = __fdividef(s.c * cov_yy, s.a);
     row = {s.slope, reach * inverse_a, s.shrink};
     half_y = m::half_extent(reach, cov_yy);
-    right_dy = row.slope * cov_yy * sqrtf(reach / cov_xx);
+    // Rounding hardly matters here: the width is stationary.
+    right_dy = row.slope * cov_yy * fast_sqrt(__fdividef(reach, cov_xx));
   }
 
   /// First and last quarter column reached in the band `band` of quarter rows; empty if lo > hi.
@@ -34,8 +46,8 @@ struct Ellipse {
     const float dy_right = fminf(fmaxf(right_dy, top), bottom);
     const float dy_left = fminf(fmaxf(-right_dy, top), bottom);
     const float slack = float(m::kExtentSlackPx);
-    const float right = x + row.slope * dy_right + slack + m::half_width(row, dy_right);
-    const float left = x + row.slope * dy_left - slack - m::half_width(row, dy_left);
+    const float right = x + row.slope * dy_right + slack + fast_sqrt(m::half_width2(row, dy_right));
+    const float left = x + row.slope * dy_left - slack - fast_sqrt(m::half_width2(row, dy_left));
     // Quarter column s holds pixel centres 8 s + 0.5 to 8 s + 7.5.
     *lo = int(fmaxf(ceilf((left - 7.5f) * 0.125f), 0.0f));
     *hi = int(fminf(floorf((right - 0.5f) * 0.125f), float(last_column)));
@@ -50,8 +62,9 @@ struct Ellipse {
 
 /// The reached quarters of one tile row.
 struct TileRow {
-  int lo0, hi0, lo1, hi1;
+  int lo0 = 1, hi0 = 0, lo1 = 1, hi1 = 0;  ///< in both bands; none
 
+  __device__ TileRow() = default;
   __device__ TileRow(const Ellipse& e, int row, const RenderCall& call) {
     const int last = 2 * call.tiles_x - 1;
     e.columns(2 * row, last, &lo0, &hi0);
@@ -64,6 +77,13 @@ struct TileRow {
     if (lo0 > hi0 && lo1 > hi1) return -1;
     return lo0 > hi0 ? hi1 >> 1 : lo1 > hi1 ? hi0 >> 1 : max(hi0, hi1) >> 1;
   }
+  /// How many tiles have a reached quarter.
+  __device__ int count() const {
+    const int upper = lo0 > hi0 ? 0 : (hi0 >> 1) - (lo0 >> 1) + 1;
+    const int lower = lo1 > hi1 ? 0 : (hi1 >> 1) - (lo1 >> 1) + 1;
+    if (upper == 0 || lower == 0) return upper + lower;
+    return upper + lower - max((min(hi0, hi1) >> 1) - (max(lo0, lo1) >> 1) + 1, 0);
+  }
   /// Bit 2 · row + column of the tile's quarters.
   __device__ uint32_t mask(int tile) const {
     const int left = 2 * tile, right = left + 1;
@@ -72,51 +92,58 @@ struct TileRow {
   }
 };
 
-/// Calls visit(tile index in the view, mask) for tile rows begin, begin + step, … up to end.
+/// Calls visit(tile index in the view, mask) for the tiles of tile row `row`.
 template <class Visit>
-__device__ __forceinline__ void walk_rows(const Ellipse& e, int begin, int end, int step,
-                                          const RenderCall& call, const Visit& visit) {
-  for (int row = begin; row <= end; row += step) {
-    const TileRow reached(e, row, call);
-    const int last = reached.last_tile();
-    for (int tile = reached.first_tile(); tile <= last; ++tile) {
-      const uint32_t mask = reached.mask(tile);
-      if (mask != 0) visit(row * call.tiles_x + tile, mask);
-    }
+__device__ __forceinline__ void walk_row(const TileRow& reached, int row, const RenderCall& call,
+                                         const Visit& visit) {
+  const int last = reached.last_tile();
+#pragma unroll 1  // mostly once or twice
+  for (int tile = reached.first_tile(); tile <= last; ++tile) {
+    const uint32_t mask = reached.mask(tile);
+    if (mask != 0) visit(row * call.tiles_x + tile, mask);
   }
 }
 
-constexpr int kSerialRows = 6;  ///< taller splats are walked by the whole warp, a row per lane
-
-/// Walks the tiles of every lane's splat. All 32 lanes must call it; `drawn` says which have one.
-/// visit(splat of the walk, its index, tile, mask).
+/// The same for tile rows begin, begin + step, … up to end.
 template <class Visit>
-__device__ __forceinline__ void walk_tiles(const Splat& splat, bool drawn, int index,
-                                           const RenderCall& call, const Visit& visit) {
-  int lo = 0, hi = -1;
-  const Ellipse ellipse(splat);
-  if (drawn) ellipse.rows(call.tiles_y - 1, &lo, &hi);
-  const bool tall = hi - lo >= kSerialRows;
-  if (!tall) {
-    walk_rows(ellipse, lo, hi, 1, call,
-              [&](int tile, uint32_t mask) { visit(splat.depth, index, tile, mask); });
-  }
+__device__ __forceinline__ void walk_rows(const Ellipse& e, int begin, int end, int step,
+                                          const RenderCall& call, const Visit& visit) {
+  for (int row = begin; row <= end; row += step) walk_row({e, row, call}, row, call, visit);
+}
+
+__device__ __forceinline__ Ellipse ellipse_of(const Ellipse& mine, int lane) {
+  Ellipse other = mine;
+  other.x = __shfl_sync(~0u, mine.x, lane);
+  other.y = __shfl_sync(~0u, mine.y, lane);
+  other.row.slope = __shfl_sync(~0u, mine.row.slope, lane);
+  other.row.width2 = __shfl_sync(~0u, mine.row.width2, lane);
+  other.row.shrink = __shfl_sync(~0u, mine.row.shrink, lane);
+  other.half_y = __shfl_sync(~0u, mine.half_y, lane);
+  other.right_dy = __shfl_sync(~0u, mine.right_dy, lane);
+  return other;
+}
+
+/// Walks the tiles of every lane's splat; `drawn` says which lanes have one. Splats differ much in
+/// how many rows they have, so rows are dealt out to the lanes. All 32 lanes must call it. Together
+/// they call expect(lane whose row this lane has now, tiles of it that are reached), then each
+/// visit(tile, mask) for these.
+template <class Expect, class Visit>
+__device__ __forceinline__ void walk_tiles(const Splat& splat, bool drawn, const RenderCall& call,
+                                           const Expect& expect, const Visit& visit) {
   const int lane = threadIdx.x & 31;
-  for (uint32_t todo = __ballot_sync(~0u, tall); todo != 0; todo &= todo - 1) {
-    const int from = __ffs(todo) - 1;
-    Ellipse shared = ellipse;
-    shared.x = __shfl_sync(~0u, ellipse.x, from);
-    shared.y = __shfl_sync(~0u, ellipse.y, from);
-    shared.row.slope = __shfl_sync(~0u, ellipse.row.slope, from);
-    shared.row.width2 = __shfl_sync(~0u, ellipse.row.width2, from);
-    shared.row.shrink = __shfl_sync(~0u, ellipse.row.shrink, from);
-    shared.half_y = __shfl_sync(~0u, ellipse.half_y, from);
-    shared.right_dy = __shfl_sync(~0u, ellipse.right_dy, from);
-    const float depth = __shfl_sync(~0u, splat.depth, from);
-    const int shared_index = __shfl_sync(~0u, index, from);
-    const int begin = __shfl_sync(~0u, lo, from), end = __shfl_sync(~0u, hi, from);
-    walk_rows(shared, begin + lane, end, 32, call,
-              [&](int tile, uint32_t mask) { visit(depth, shared_index, tile, mask); });
+  int lo = 0, hi = -1;
+  const Ellipse mine(splat);
+  if (drawn) mine.rows(call.tiles_y - 1, &lo, &hi);
+  const Shares rows(max(hi - lo + 1, 0), lane);
+  for (uint32_t first = 0; first < rows.total; first += 32) {
+    const uint32_t i = first + lane;
+    const int owner = rows.owner(i);
+    const int row = int(i) + __shfl_sync(~0u, lo - int(rows.begin), owner);
+    const Ellipse ellipse = ellipse_of(mine, owner);
+    TileRow reached;
+    if (i < rows.total) reached = TileRow(ellipse, row, call);
+    expect(owner, reached.count());
+    walk_row(reached, row, call, visit);
   }
 }
 

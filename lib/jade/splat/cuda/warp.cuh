@@ -19,6 +19,25 @@ __device__ __forceinline__ uint32_t inclusive_scan(uint32_t value, int lane) {
   return value;
 }
 
+/// The lanes' work in one row, to be dealt out evenly: lane k's begins at item `begin`.
+struct Shares {
+  uint32_t begin, total;
+
+  __device__ __forceinline__ Shares(uint32_t count, int lane) {
+    const uint32_t scanned = inclusive_scan(count, lane);
+    begin = scanned - count;
+    total = __shfl_sync(~0u, scanned, 31);
+  }
+  /// The lane that item i is of. Items beyond the last one are of any.
+  __device__ __forceinline__ int owner(uint32_t i) const {
+    int lane = 0;  // the last that begins at i or before it: earlier ones of that begin are empty
+    for (int step = 16; step > 0; step /= 2) {
+      if (__shfl_sync(~0u, begin, lane + step) <= i) lane += step;
+    }
+    return lane;
+  }
+};
+
 /// One halving step of a sum by lanes: lanes with `bit` set keep the upper half of the values.
 template <int kHalf>
 __device__ __forceinline__ void exchange_halves(float* values, int bit, bool upper) {

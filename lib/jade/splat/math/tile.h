@@ -38,10 +38,15 @@ JADE_HD RowExtent<S> make_row_extent(S reach_value, S cov_xy, S cov_yy, S det) {
   return {cov_xy * inverse, reach_value * det * inverse, det * inverse * inverse};
 }
 
-/// Half the length of that interval, without slack; 0 where the row is not reached.
+/// Half the length of that interval, squared and without slack; 0 where the row is not reached.
+template <class S>
+JADE_HD S half_width2(const RowExtent<S>& row, S dy) {
+  return max(row.width2 - row.shrink * dy * dy, S(0));
+}
+
 template <class S>
 JADE_HD S half_width(const RowExtent<S>& row, S dy) {
-  return sqrt(max(row.width2 - row.shrink * dy * dy, S(0)));
+  return sqrt(half_width2(row, dy));
 }
 
 }  // namespace JADE_ISA
