@@ -19,36 +19,48 @@ struct Picks {
   float* images[kMostPicks];  ///< picked images, or their gradients; null: none
 
   __device__ int64_t pose(int m) const {
-    if (first < 0) return indices[m];
-    return m == 0 ? first : indices[m - 1];
+    if (first < 0) return __ldg(indices + m);
+    return m == 0 ? first : __ldg(indices + m - 1);
   }
   /// Of render k in the mean.
   __device__ float weight(int64_t k) const {
-    return weights != nullptr ? weights[k] : 1.0f / static_cast<float>(renders);
+    return weights != nullptr ? __ldg(weights + k) : 1.0f / static_cast<float>(renders);
   }
 };
 
-/// A thread per value of one image.
+/// A thread per value of one image. The renders' loads are on their way together.
 __global__ void __launch_bounds__(kThreads)
-    views_kernel(Picks picks, const float* renders, float* mean, int64_t values) {
+    views_kernel(const __grid_constant__ Picks picks, const float* __restrict__ renders,
+                 float* __restrict__ mean, int64_t values) {
   const int64_t i = blockIdx.x * static_cast<int64_t>(kThreads) + threadIdx.x;
   if (i >= values) return;
   float sum = 0;
+#pragma unroll 8
   for (int64_t k = 0; k < picks.renders; ++k) sum += picks.weight(k) * renders[k * values + i];
   mean[i] = sum;
   for (int m = 0; m < picks.count; ++m) picks.images[m][i] = renders[picks.pose(m) * values + i];
 }
 
 __global__ void __launch_bounds__(kThreads)
-    gradient_kernel(Picks picks, const float* of_mean, float* of_renders, int64_t values) {
+    gradient_kernel(const __grid_constant__ Picks picks, const float* __restrict__ of_mean,
+                    float* __restrict__ of_renders, int64_t values) {
   const int64_t i = blockIdx.x * static_cast<int64_t>(kThreads) + threadIdx.x;
   if (i >= values) return;
   const float mean = of_mean != nullptr ? of_mean[i] : 0.f;
+  float of_pick[kMostPicks];
+  int64_t pose[kMostPicks];
+#pragma unroll
+  for (int m = 0; m < kMostPicks; ++m) {
+    const bool there = m < picks.count && picks.images[m] != nullptr;
+    of_pick[m] = there ? picks.images[m][i] : 0.f;
+    pose[m] = there ? picks.pose(m) : -1;
+  }
   for (int64_t k = 0; k < picks.renders; ++k) {
     float sum = picks.weight(k) * mean;
     // In order, so that repeated poses add up the same way every time.
-    for (int m = 0; m < picks.count; ++m) {
-      if (picks.images[m] != nullptr && picks.pose(m) == k) sum += picks.images[m][i];
+#pragma unroll
+    for (int m = 0; m < kMostPicks; ++m) {
+      if (pose[m] == k) sum += of_pick[m];
     }
     of_renders[k * values + i] = sum;
   }
