@@ -78,6 +78,7 @@ Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const st
       stream_(device_),
       directory_(run),
       data_(load_data(directory_, options, resume.empty())) {
+  times_.end("data");
   limit_threads_beside(device_);
   train::settle(options_);
   train::follow_dataset(data_.dataset, options_);
@@ -89,7 +90,9 @@ Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const st
   announce();
   write_file(directory_.path() / "config.yaml", yaml_of(options_));
   write_environment();
+  times_.end("start");
   feed_ = train::StepFeed(data_.dataset, options_, device_);
+  times_.end("restorations");
   metrics_ = std::make_unique<MetricsLog>(directory_.path() / "metrics.jsonl", state_.step);
 }
 
@@ -345,6 +348,8 @@ void Trainer::look(Watcher* watcher) {
   const bool evaluation_due = every(state_.step, options_.train.evaluate_every) && can_evaluate();
   const bool pictures_due = every(state_.step, options_.train.picture_every);
   if (!evaluation_due && !pictures_due) return;
+  monitor_.check();
+  times_.end("steps");
   const data::Dataset posed = posed_dataset();
   if (interrupt_requested()) return;  // half-fitted poses are not scored
   if (evaluation_due) {
@@ -352,6 +357,7 @@ void Trainer::look(Watcher* watcher) {
     if (watcher) watcher->on_evaluation(posed, evaluation);
   }
   if (pictures_due) write_pictures(posed);
+  times_.end("looks on the way");
 }
 
 void Trainer::stop() {
@@ -362,7 +368,10 @@ void Trainer::stop() {
 }
 
 void Trainer::finish() {
+  monitor_.check();
+  times_.end("steps");
   save();
+  times_.end("checkpoint");
   const data::Dataset posed = posed_dataset();
   if (state_.poses) {
     if (interrupt_requested()) stop();  // half-fitted poses are not to stay
@@ -370,11 +379,13 @@ void Trainer::finish() {
   }
   // After its cameras, as it tells others that the run has ended.
   gaussians::write_ply(directory_.path() / kSceneFile, {state_.gaussians.detached()});
+  times_.end("test poses, scene");
   write_pictures(posed);
   for (const data::SharpView& view : posed.test) {
     imaging::write_image(directory_.path() / "images" / ("truth_" + view.name + ".png"),
                          view.image);
   }
+  times_.end("pictures");
   if (can_evaluate()) {
     const eval::Evaluation evaluation = evaluate(posed);
     write_file(directory_.path() / kScoresFile, eval::to_json(evaluation));
@@ -388,7 +399,10 @@ void Trainer::finish() {
                     sensor.threshold_negative, ", log gain of deviation ", sensor.gain_std,
                     ", events' clock ahead by ", sensor.offset_ms, " ms"));
   }
+  times_.end("scores");
   write_report(directory_.path(), posed, views(), state_, options_);
+  times_.end("report");
+  log_info("time        " + times_.text());
   log_info(concat("report      ", (directory_.path() / kReportFile).string()));
   log_info(concat("scene       ", (directory_.path() / kSceneFile).string()));
 }

@@ -12,6 +12,7 @@
 #include "jade/eval/report.h"
 #include "jade/run/checkpoint.h"
 #include "jade/run/run_directory.h"
+#include "jade/run/stage_times.h"
 #include "jade/run/term_monitor.h"
 #include "jade/run/watcher.h"
 #include "jade/train/options.h"
@@ -83,6 +84,7 @@ class Trainer {
   [[noreturn]] void stop();
   void finish();
 
+  StageTimes times_;  // begins before anything else does
   train::RunOptions options_;
   torch::Device device_;
   train::StreamScope stream_;  // before every tensor
