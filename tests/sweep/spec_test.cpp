@@ -113,7 +113,7 @@ TEST_CASE("configs: every sweep that ships can be read, and overrides have at mo
       ++overrides;
     }
   }
-  CHECK(sweeps == 18);
+  CHECK(sweeps == 20);
   CHECK(overrides == 21);
 }
 
