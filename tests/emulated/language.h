@@ -79,7 +79,7 @@ inline float __uint_as_float(uint32_t bits) {
   std::memcpy(&x, &bits, sizeof x);
   return x;
 }
-inline long long __double2ll_rn(double x) { return std::llrint(x); }
+inline long long __float2ll_rn(float x) { return std::llrint(x); }
 template <class T>
 T __ldg(const T* at) {
   return *at;

@@ -62,21 +62,66 @@ TEST_CASE("emulated cuda: the mean of the renders, its picks and their gradient"
   }
 }
 
-TEST_CASE("emulated cuda: the camera response's lookup and its gradients", "[emulated]") {
+TEST_CASE("emulated cuda: the camera response's lookups of a call and their gradients",
+          "[emulated]") {
   torch::manual_seed(2);
-  const Tensor table = torch::rand({response::kKnots});
-  for (const bool sums : {false, true}) {
-    response::Lookup args{2.4 * torch::rand({4, 3, 11, 13}) - 0.2, table, {}};
-    if (sums) args.weights = torch::rand({4});
-    const Tensor out = response::cpu::lookup(args);
-    const Tensor cotangent = torch::rand_like(out) / 1e5;
-    const auto expected = response::cpu::lookup_backward(args, cotangent, true, true);
+  const auto image = [](at::IntArrayRef shape) { return 2.4 * torch::rand(shape) - 0.2; };
+  // By weights that travel with the launch, by weights in memory, and by none.
+  const response::Lookups args{{{image({4, 3, 11, 13}), torch::rand({4})},
+                                {image({3, 3, 40, 50}), {}},
+                                {image({17, 3, 11, 13}), torch::rand({17})},
+                                {image({2, 7}), torch::rand({2})},
+                                {image({5}), {}}},
+                               torch::rand({response::kKnots})};
+  const std::vector<Tensor> out = response::cpu::lookup(args);
+  std::vector<Tensor> cotangents;
+  for (const Tensor& each : out) cotangents.push_back((torch::rand_like(each) - 0.5) / 1e4);
+  cotangents[3] = Tensor();
+  for (const bool table : {true, false}) {
+    const response::LookupWanted wanted{{true, false, true, true, true}, table};
+    const auto expected = response::cpu::lookup_backward(args, cotangents, wanted);
     for (const Order order : kOrders) {
       const ForcedOrder forced(order);
-      CHECK(torch::allclose(response::emulated_cuda::lookup(args), out, 1e-5, 1e-6));
-      const auto found = response::emulated_cuda::lookup_backward(args, cotangent, true, true);
-      CHECK(torch::allclose(found.image, expected.image, 1e-3, 1e-8));
-      CHECK(torch::allclose(found.table, expected.table, 1e-3, 1e-8));
+      const std::vector<Tensor> values = response::emulated_cuda::lookup(args);
+      const auto found = response::emulated_cuda::lookup_backward(args, cotangents, wanted);
+      for (size_t i = 0; i < out.size(); ++i) {
+        INFO("image " << i);
+        CHECK(torch::allclose(values[i], out[i], 1e-5, 1e-6));
+        const bool there = wanted.images[i] && cotangents[i].defined();
+        REQUIRE(found.images[i].defined() == there);
+        REQUIRE(expected.images[i].defined() == there);
+        if (there) CHECK(torch::allclose(found.images[i], expected.images[i], 1e-3, 1e-8));
+      }
+      REQUIRE(found.table.defined() == table);
+      if (table) CHECK(torch::allclose(found.table, expected.table, 1e-4, 1e-9));
+    }
+  }
+}
+
+TEST_CASE("emulated cuda: sums over the response's table are exact beyond 32 bits", "[emulated]") {
+  // 2^50 of the fixed point are 1, so that each of these leaves the low half, some only together.
+  std::vector<float> values;
+  for (const float size : {1e-7f, 1.5e-6f, 1.9e-6f, 2e-6f, 3e-5f, 0.7f}) {
+    for (int k = 0; k < 9; ++k) {
+      values.push_back(size);
+      if (k % 3 == 0) values.push_back(-2.5f * size);
+      if (k == 8) values.insert(values.end(), 5, -size);
+    }
+  }
+  const auto count = static_cast<int64_t>(values.size());
+  const Tensor gradient = torch::tensor(values);
+  // All on one knot.
+  const response::Lookups args{{{torch::full({count}, 0.5), {}}}, torch::rand({response::kKnots})};
+  for (const int64_t length : {count, count / 2, count / 3}) {
+    const Tensor part = gradient.clone();
+    part.slice(0, length).zero_();
+    for (const Order order : kOrders) {
+      const ForcedOrder forced(order);
+      const auto found = response::emulated_cuda::lookup_backward(args, {part}, {{false}, true});
+      const auto expected =
+          part.to(torch::kFloat64).mul(1125899906842624.0).round().sum().div(1125899906842624.0);
+      CHECK(found.table[1024].item<float>() == expected.to(torch::kFloat32).item<float>());
+      CHECK(found.table.ne(0).sum().item<int64_t>() == 1);
     }
   }
 }

@@ -79,6 +79,53 @@ torch::Tensor inside_cells(std::vector<int64_t> shape) {
   return ((drawn(std::move(shape), -0.1, 2.1) / cell).floor() + 0.4) * cell;
 }
 
+TEST_CASE("camera response: one call of several images is as many calls, to the bit",
+          "[response]") {
+  CameraResponse response;
+  const auto run = [&](bool together) {
+    torch::Tensor table = response->table().detach().set_requires_grad(true);
+    torch::manual_seed(5);
+    std::vector<ResponseInput> inputs{{torch::rand({3, 9, 7}), {}},
+                                      {torch::rand({3, 1, 9, 7}), torch::rand({3})},
+                                      {torch::rand({9, 3, 9, 7}), torch::rand({9})}};
+    // Nobody asks for the gradient of the first.
+    for (size_t i = 1; i < 3; ++i) inputs[i].image.set_requires_grad(true);
+    std::vector<torch::Tensor> out;
+    if (together) out = CameraResponseImpl::apply_all(inputs, table);
+    for (size_t i = 0; i < 3 && !together; ++i) {
+      out.push_back(i == 0 ? CameraResponseImpl::apply(inputs[i].image, table)
+                           : CameraResponseImpl::mean(inputs[i].image, table, inputs[i].weights));
+    }
+    (out[0].square().sum() + out[1].square().sum() + out[2].square().sum()).backward();
+    out.insert(out.end(), {inputs[1].image.grad(), inputs[2].image.grad(), table.grad()});
+    return out;
+  };
+  const std::vector<torch::Tensor> together = run(true), apart = run(false);
+  for (size_t i = 0; i < apart.size(); ++i) {
+    INFO("tensor " << i);
+    CHECK(together[i].equal(apart[i]));
+  }
+}
+
+TEST_CASE("camera response: several images in one call, gradients equal central differences",
+          "[response]") {
+  torch::Tensor table = drawn({kKnots}, 0, 1).set_requires_grad(true);
+  torch::Tensor single = inside_cells({1, 3, 5}).set_requires_grad(true);
+  torch::Tensor several = inside_cells({3, 1, 3, 5}).set_requires_grad(true);
+  const torch::Tensor weights = drawn({3}, 0.2, 0.5);
+  const auto good = [&](const std::vector<torch::Tensor>& in) {
+    return torch::cat(CameraResponseImpl::apply_all({{in[0], {}}, {in[1], weights}}, in[2]));
+  };
+  const auto report =
+      test::gradcheck(good, {single, several, table}, {"single", "several", "table"});
+  INFO(report.message);
+  CHECK(report.passed);
+  // An image that is not in the result has no gradient, nor gives the table any.
+  CameraResponseImpl::apply_all({{single, {}}, {several, weights}}, table)[1].sum().backward();
+  CHECK_FALSE(single.grad().defined());
+  CHECK(table.grad().sum().item<double>() == Approx(15 * weights.sum().item<double>()));
+}
+
 TEST_CASE("camera response: gradients to image and table equal central differences", "[response]") {
   torch::Tensor table = drawn({kKnots}, 0, 1).set_requires_grad(true);
   for (const bool mean : {false, true}) {

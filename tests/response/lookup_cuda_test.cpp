@@ -13,9 +13,11 @@ namespace {
 
 TEST_CASE("camera response: a failure that CUDA reports is a DeviceError", "[response][cuda]") {
   const auto options = torch::TensorOptions(torch::kCUDA);
-  const Lookup args{torch::zeros({2, 5}, options), torch::zeros({kKnots}, options), {}};
+  const Lookups args{{{torch::zeros({2, 5}, options), {}}}, torch::zeros({kKnots}, options)};
   const auto forward = [&] { cuda::lookup(args); };
-  const auto backward = [&] { cuda::lookup_backward(args, args.image, true, false); };
+  const auto backward = [&] {
+    cuda::lookup_backward(args, {args.images[0].image}, {{true}, false});
+  };
   CHECK_NOTHROW(forward());
   CHECK_NOTHROW(backward());
   // Its launches fit any image, so the failure comes from a device that no machine has; the table's

@@ -27,6 +27,11 @@ torch::Tensor log_change(const EventPair& events, const torch::Tensor& filter) {
   return color ? (change * filter).sum(0) : change.squeeze(0);
 }
 
+/// g of an image that may have been through it.
+torch::Tensor in_gray(const torch::Tensor& image) {
+  return image.size(0) == 1 ? image : imaging::gray(image);
+}
+
 }  // namespace
 
 imaging::L1SsimPair blur_pair(const torch::Tensor& mean_render, const imaging::SsimTarget& blurry) {
@@ -36,8 +41,8 @@ imaging::L1SsimPair blur_pair(const torch::Tensor& mean_render, const imaging::S
 imaging::L1SsimPair edi_gray_pair(const torch::Tensor& toned_render,
                                   const torch::Tensor& toned_blurry,
                                   const torch::Tensor& edi_factor, const Follow& follow) {
-  const torch::Tensor render = imaging::gray(toned_render);
-  const torch::Tensor target = imaging::gray(toned_blurry) * edi_factor;
+  const torch::Tensor render = in_gray(toned_render);
+  const torch::Tensor target = in_gray(toned_blurry) * edi_factor;
   return {render, {follow ? follow(target, render) : target, {}, {}}};
 }
 
@@ -50,7 +55,7 @@ imaging::L1SsimPair edi_color_pair(const torch::Tensor& render, const torch::Ten
 imaging::L1SsimPair simulation_pair(const torch::Tensor& toned_render,
                                     const torch::Tensor& toned_mean,
                                     const torch::Tensor& edi_factor) {
-  return {imaging::gray(toned_render), {imaging::gray(toned_mean) * edi_factor, {}, {}}};
+  return {in_gray(toned_render), {in_gray(toned_mean) * edi_factor, {}, {}}};
 }
 
 imaging::L1SsimPair intensity_pair(const torch::Tensor& mean_toned,

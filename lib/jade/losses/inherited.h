@@ -24,7 +24,8 @@ using Follow =
 imaging::L1SsimPair blur_pair(const torch::Tensor& mean_render, const imaging::SsimTarget& blurry);
 
 /// L_edi in gray = D(g(ρ(Î_k)), EDI_k(g(ρ(B)))).
-/// @param toned_render, toned_blurry  [3,H,W], ρ(Î_k) and ρ(B); differentiable in both
+/// @param toned_render, toned_blurry  [3,H,W], ρ(Î_k) and ρ(B), or [1,H,W], g of them;
+///                                    differentiable in both
 /// @param edi_factor                  [1,H,W], R_k
 imaging::L1SsimPair edi_gray_pair(const torch::Tensor& toned_render,
                                   const torch::Tensor& toned_blurry,
@@ -37,6 +38,7 @@ imaging::L1SsimPair edi_color_pair(const torch::Tensor& render, const torch::Ten
 
 /// L_sim = D(g(ρ(Î_k)), EDI_k(g(ρ(mean_j Î_j)))): the EDI of the simulated blur. Gradients flow
 /// through both sides.
+/// @param toned_render, toned_mean  [3,H,W], or [1,H,W], g of them
 imaging::L1SsimPair simulation_pair(const torch::Tensor& toned_render,
                                     const torch::Tensor& toned_mean,
                                     const torch::Tensor& edi_factor);

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "jade/core/check.h"
+#include "jade/imaging/color.h"
 #include "jade/losses/poses.h"
 #include "jade/losses/target.h"
 
@@ -77,6 +78,70 @@ Views pick_views(const ObjectiveInputs& inputs, const ObjectivePlan& plan) {
                                      inputs.weights, inputs.samples / 2);
   const std::vector<torch::Tensor>& picks = views.picks;
   return {views.mean, picks[0], picks[1], picks[2], picks[3]};
+}
+
+/// What the terms read under ρ; undefined: nobody does. Those in gray are g(ρ(·)), [1,H,W].
+struct Toned {
+  torch::Tensor blurry, edi_gray, mean_gray, simulation_gray;
+  torch::Tensor mean;  ///< Σ_k w_k ρ(Î_k), of all renders
+};
+
+/// Weights of ToneInput that make g(ρ(·)) of an image [3,1,H,W].
+torch::Tensor gray_weights(const torch::Tensor& like) {
+  const double* const weights = imaging::kGrayWeights;
+  return torch::tensor({weights[0], weights[1], weights[2]}, torch::kFloat64)
+      .to(like.scalar_type());
+}
+
+/// Those of the mean render.
+torch::Tensor mean_weights(const ObjectiveInputs& inputs) {
+  if (inputs.weights.defined()) return inputs.weights;
+  const int64_t count = inputs.renders.size(0);
+  return torch::full({count}, 1 / static_cast<double>(count),
+                     inputs.renders.options().requires_grad(false));
+}
+
+Toned tone_together(const ObjectiveInputs& inputs, const Views& views, const ObjectivePlan& plan) {
+  Toned toned;
+  std::vector<ToneInput> asked;
+  std::vector<torch::Tensor*> answers;
+  const auto ask = [&](torch::Tensor& answer, const torch::Tensor& image,
+                       const torch::Tensor& weights) {
+    asked.push_back({image, weights});
+    answers.push_back(&answer);
+  };
+  const torch::Tensor gray = gray_weights(inputs.renders);
+  if (plan.edi || plan.intensity) ask(toned.blurry, inputs.blurry, {});
+  if (plan.edi) ask(toned.edi_gray, views.edi_gray.unsqueeze(1), gray);
+  if (plan.simulation) {
+    ask(toned.mean_gray, views.mean.unsqueeze(1), gray);
+    ask(toned.simulation_gray, views.simulation.unsqueeze(1), gray);
+  }
+  if (plan.intensity) ask(toned.mean, inputs.renders, mean_weights(inputs));
+  if (asked.empty()) return toned;
+  const std::vector<torch::Tensor> results = inputs.tone.all(asked);
+  for (size_t i = 0; i < results.size(); ++i) *answers[i] = results[i];
+  return toned;
+}
+
+/// The same image by image; without ρ the images themselves.
+Toned tone_apart(const ObjectiveInputs& inputs, const Views& views, const ObjectivePlan& plan) {
+  const bool curve = plan.response && inputs.tone.apply;
+  const auto tone = [&](const torch::Tensor& image) {
+    return curve ? inputs.tone.apply(image) : image;
+  };
+  Toned toned;
+  if (plan.edi || plan.intensity) toned.blurry = tone(inputs.blurry);
+  if (plan.edi) toned.edi_gray = imaging::gray(tone(views.edi_gray));
+  if (plan.simulation) {
+    toned.mean_gray = imaging::gray(tone(views.mean));
+    toned.simulation_gray = imaging::gray(tone(views.simulation));
+  }
+  if (!plan.intensity) return toned;
+  toned.mean = !curve             ? views.mean
+               : inputs.tone.mean ? inputs.tone.mean(inputs.renders, inputs.weights)
+                                  : weighted_mean(tone(inputs.renders), inputs.weights);
+  return toned;
 }
 
 /// What the render of the target's pose is compared with.
@@ -175,16 +240,9 @@ torch::Tensor poses_read(const ObjectivePlan& plan, const torch::Tensor& pose_dr
 Objective objective(const ObjectiveInputs& inputs, const ObjectivePlan& plan,
                     const ObjectiveOptions& options) {
   check_inputs(inputs, plan);
-  const bool toned = plan.response && inputs.tone.apply;
-  const auto tone = [&](const torch::Tensor& image) {
-    return toned ? inputs.tone.apply(image) : image;
-  };
   const Views views = pick_views(inputs, plan);
-  const auto mean_toned = [&] {
-    if (!toned) return views.mean;
-    return inputs.tone.mean ? inputs.tone.mean(inputs.renders, inputs.weights)
-                            : weighted_mean(tone(inputs.renders), inputs.weights);
-  };
+  const Toned toned = plan.response && inputs.tone.all ? tone_together(inputs, views, plan)
+                                                       : tone_apart(inputs, views, plan);
   const torch::Tensor& blurry = inputs.blurry;
   const auto edi_factor = [&](int64_t draw) { return inputs.edi_factors[draw]; };
   torch::Tensor target_weight, edi_weight;  // defined where they fall
@@ -192,8 +250,6 @@ Objective objective(const ObjectiveInputs& inputs, const ObjectivePlan& plan,
     target_weight = inputs.term_weights[0];
     edi_weight = inputs.term_weights[1];
   }
-  torch::Tensor toned_blurry;
-  if (plan.edi || plan.intensity) toned_blurry = tone(blurry);
 
   Objective loss;
   Terms terms;
@@ -220,17 +276,16 @@ Objective objective(const ObjectiveInputs& inputs, const ObjectivePlan& plan,
         return followed(edi, render, options.trust, inputs.contrast);
       };
     }
-    terms.add("edi_gray",
-              {edi_gray_pair(tone(views.edi_gray), toned_blurry, edi_factor(0), follow)},
+    terms.add("edi_gray", {edi_gray_pair(toned.edi_gray, toned.blurry, edi_factor(0), follow)},
               options.edi_weight, edi_weight);
     terms.add("edi_color", {edi_color_pair(views.edi_color, blurry, edi_factor(1), follow)},
               options.edi_weight, edi_weight);
   }
   if (plan.simulation) {
     terms.add("simulation",
-              {simulation_pair(tone(views.simulation), tone(views.mean), edi_factor(2))});
+              {simulation_pair(toned.simulation_gray, toned.mean_gray, edi_factor(2))});
   }
-  if (plan.intensity) terms.add("intensity", {intensity_pair(mean_toned(), toned_blurry)});
+  if (plan.intensity) terms.add("intensity", {intensity_pair(toned.mean, toned.blurry)});
   terms.sum_up(options.dssim, &loss);
   if (plan.event) add(loss, "event", event_loss(*inputs.events), options.event_loss_weight);
   return loss;

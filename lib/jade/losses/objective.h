@@ -143,11 +143,19 @@ struct ObjectivePlan {
 /// @param step  counted from 1
 ObjectivePlan plan_objective(const ObjectiveOptions& options, int64_t step);
 
+/// An image to be toned: ρ(image), or Σ_k w_k ρ(image[k]) where it has weights [K], constant and on
+/// the image's device or, up to 4 of them, on the CPU.
+struct ToneInput {
+  torch::Tensor image, weights;
+};
+
 /// The camera response as the objective uses it. Without `apply` it is the identity.
 struct ToneCurve {
   std::function<torch::Tensor(const torch::Tensor&)> apply;  ///< ρ, element-wise
   /// Σ_k w_k ρ(I_k), [K,...] → [...]; empty: through `apply`, which keeps all of them.
   std::function<torch::Tensor(const torch::Tensor& images, const torch::Tensor& weights)> mean;
+  /// All that a step asks for, at most 5, in one call; empty: one by one through the other two.
+  std::function<std::vector<torch::Tensor>(const std::vector<ToneInput>&)> all;
 };
 
 struct ObjectiveInputs {

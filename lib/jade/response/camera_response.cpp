@@ -2,7 +2,6 @@
 #include "jade/response/camera_response.h"
 
 #include <algorithm>
-#include <optional>
 #include <torch/csrc/autograd/custom_function.h>
 
 #include "jade/core/check.h"
@@ -17,28 +16,58 @@ namespace {
 using torch::autograd::AutogradContext;
 using torch::autograd::variable_list;
 
+/// Weights of the images of a call, in their order; undefined ones where there are none.
+struct LookupWeights {
+  std::vector<torch::Tensor> all;
+};
+
 class LookupFunction : public torch::autograd::Function<LookupFunction> {
  public:
-  static torch::Tensor forward(AutogradContext* context, const torch::Tensor& image,
-                               const torch::Tensor& table,
-                               const std::optional<torch::Tensor>& weights) {
-    const Lookup args{image.contiguous(), table.contiguous(), weights.value_or(torch::Tensor())};
-    context->save_for_backward({args.image, args.table, args.weights});
-    if (!image.is_cuda()) return cpu::lookup(args);
+  /// @param tensors  the images, then the table
+  static variable_list forward(AutogradContext* context, at::TensorList tensors,
+                               const LookupWeights& weights) {
+    context->set_materialize_grads(false);
+    variable_list saved;
+    for (const torch::Tensor& each : tensors) saved.push_back(each.contiguous());
+    saved.insert(saved.end(), weights.all.begin(), weights.all.end());
+    context->save_for_backward(saved);
+    const Lookups args = lookups_of(saved);
+    if (!args.table.is_cuda()) return cpu::lookup(args);
     return kernel::on_cuda("the camera response", [&] { return cuda::lookup(args); });
   }
 
   static variable_list backward(AutogradContext* context, variable_list gradients) {
-    const variable_list saved = context->get_saved_variables();
-    const Lookup args{saved[0], saved[1], saved[2]};
-    const torch::Tensor gradient = gradients[0].contiguous();
-    const bool image = context->needs_input_grad(0), table = context->needs_input_grad(1);
-    const LookupGradient result =
-        !gradient.is_cuda() ? cpu::lookup_backward(args, gradient, image, table)
-                            : kernel::on_cuda("the camera response", [&] {
-                                return cuda::lookup_backward(args, gradient, image, table);
-                              });
-    return {result.image, result.table, torch::Tensor()};
+    const Lookups args = lookups_of(context->get_saved_variables());
+    const size_t count = args.images.size();
+    variable_list result(count + 2);  // one for the weights
+    LookupWanted wanted;
+    for (size_t i = 0; i < count; ++i) wanted.images.push_back(context->needs_input_grad(i));
+    wanted.table = context->needs_input_grad(count);
+    bool any = false;
+    for (torch::Tensor& gradient : gradients) {
+      if (!gradient.defined()) continue;
+      gradient = gradient.contiguous();
+      any = true;
+    }
+    if (!any) return result;
+    LookupGradients found = !args.table.is_cuda()
+                                ? cpu::lookup_backward(args, gradients, wanted)
+                                : kernel::on_cuda("the camera response", [&] {
+                                    return cuda::lookup_backward(args, gradients, wanted);
+                                  });
+    std::move(found.images.begin(), found.images.end(), result.begin());
+    result[count] = found.table;
+    return result;
+  }
+
+ private:
+  /// @param saved  the images, the table, the images' weights
+  static Lookups lookups_of(const variable_list& saved) {
+    const size_t count = saved.size() / 2;
+    Lookups args;
+    args.table = saved[count];
+    for (size_t i = 0; i < count; ++i) args.images.push_back({saved[i], saved[count + 1 + i]});
+    return args;
   }
 };
 
@@ -72,14 +101,6 @@ class TableFunction : public torch::autograd::Function<TableFunction> {
     return result;
   }
 };
-
-torch::Tensor lookup(const torch::Tensor& image, const torch::Tensor& table,
-                     const torch::Tensor& weights) {
-  check_shape(table, "response table", {kKnots});
-  check_dtype(table, "response table", image.scalar_type());
-  check_same_device(image, "image", table, "response table");
-  return LookupFunction::apply(image, table, std::optional<torch::Tensor>(weights));
-}
 
 }  // namespace
 
@@ -119,20 +140,42 @@ torch::Tensor CameraResponseImpl::table() {
       torch::linspace(0, kResponseRange, kKnots, layer1->weight.options().requires_grad(false)));
 }
 
+std::vector<torch::Tensor> CameraResponseImpl::apply_all(const std::vector<ResponseInput>& inputs,
+                                                         const torch::Tensor& table) {
+  check_shape(table, "response table", {kKnots});
+  JADE_CHECK(!inputs.empty() && (!table.is_cuda() || inputs.size() <= kMostLookups),
+             "expected 1 to ", kMostLookups, " images for the response, found ", inputs.size());
+  variable_list tensors;
+  LookupWeights weights;
+  for (const ResponseInput& input : inputs) {
+    const torch::Tensor& image = input.image;
+    check_dtype(table, "response table", image.scalar_type());
+    check_same_device(image, "image", table, "response table");
+    tensors.push_back(image);
+    weights.all.emplace_back();
+    if (!input.weights.defined()) continue;
+    JADE_CHECK(image.dim() > 1, "expected images [K,...], found ", shape_string(image));
+    check_shape(input.weights, "weights of the images", {image.size(0)});
+    const bool few = input.weights.is_cpu() && input.weights.numel() <= kFewWeights;
+    weights.all.back() =
+        (few ? input.weights.to(image.scalar_type()) : input.weights.to(image.options()))
+            .contiguous();
+  }
+  tensors.push_back(table);
+  return LookupFunction::apply(at::TensorList(tensors), weights);
+}
+
 torch::Tensor CameraResponseImpl::apply(const torch::Tensor& image, const torch::Tensor& table) {
-  return lookup(image, table, {});
+  return apply_all({{image, {}}}, table)[0];
 }
 
 torch::Tensor CameraResponseImpl::mean(const torch::Tensor& images, const torch::Tensor& table,
                                        const torch::Tensor& weights) {
   JADE_CHECK(images.dim() > 1, "expected images [K,...], found ", shape_string(images));
-  if (!weights.defined()) {
-    const auto count = static_cast<double>(images.size(0));
-    return lookup(images, table,
-                  torch::full({images.size(0)}, 1 / count, table.options().requires_grad(false)));
-  }
-  check_shape(weights, "weights of the images", {images.size(0)});
-  return lookup(images, table, weights.to(images.options()).contiguous());
+  if (weights.defined()) return apply_all({{images, weights}}, table)[0];
+  const auto count = static_cast<double>(images.size(0));
+  const auto options = table.options().requires_grad(false);
+  return apply_all({{images, torch::full({images.size(0)}, 1 / count, options)}}, table)[0];
 }
 
 }  // namespace jade::response

@@ -4,33 +4,51 @@
 #pragma once
 
 #include <ATen/core/Tensor.h>
+#include <vector>
 
 #include "jade/response/lookup_math.h"
 
 namespace jade::response {
 
-/// All tensors contiguous, of one floating type and device.
+/// Of one call on a GPU, where they travel as the argument of a launch.
+constexpr int kMostLookups = 8;
+/// The most weights on the CPU that an image on a GPU may have: these travel likewise.
+constexpr int kFewWeights = 4;
+
+/// An image to be looked up. Tensors are contiguous and of one floating type.
 struct Lookup {
   at::Tensor image;    ///< [K, P...]
-  at::Tensor table;    ///< [kKnots]
   at::Tensor weights;  ///< [K] of the sum over the first dimension; undefined: element by element
 };
 
-struct LookupGradient {
-  at::Tensor image;  ///< undefined unless wanted
-  at::Tensor table;
+/// Images that are looked up in one table on their device.
+struct Lookups {
+  std::vector<Lookup> images;
+  at::Tensor table;  ///< [kKnots]
+};
+
+/// What lookup_backward() is asked for.
+struct LookupWanted {
+  std::vector<bool> images;
+  bool table = false;
+};
+
+struct LookupGradients {
+  std::vector<at::Tensor> images;  ///< undefined unless wanted and of a gradient
+  at::Tensor table;                ///< of all images together
 };
 
 namespace cpu {  // float or double
-at::Tensor lookup(const Lookup& args);
-LookupGradient lookup_backward(const Lookup& args, const at::Tensor& gradient, bool wants_image,
-                               bool wants_table);
+std::vector<at::Tensor> lookup(const Lookups& args);
+/// @param gradients  of the results, contiguous; undefined: none. At least one is there
+LookupGradients lookup_backward(const Lookups& args, const std::vector<at::Tensor>& gradients,
+                                const LookupWanted& wanted);
 }  // namespace cpu
 
-namespace cuda {  // float
-at::Tensor lookup(const Lookup& args);
-LookupGradient lookup_backward(const Lookup& args, const at::Tensor& gradient, bool wants_image,
-                               bool wants_table);
+namespace cuda {  // float; one launch for all images
+std::vector<at::Tensor> lookup(const Lookups& args);
+LookupGradients lookup_backward(const Lookups& args, const std::vector<at::Tensor>& gradients,
+                                const LookupWanted& wanted);
 }  // namespace cuda
 
 }  // namespace jade::response

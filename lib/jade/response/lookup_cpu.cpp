@@ -63,16 +63,14 @@ void backward(const T* image, const T* table, const T* gradient, const T* weight
   }
 }
 
-}  // namespace
-
-torch::Tensor lookup(const Lookup& args) {
+torch::Tensor lookup_one(const Lookup& args, const torch::Tensor& table) {
   const int64_t images = args.image.size(0);
   const bool sums = args.weights.defined();
   torch::Tensor out = sums ? torch::empty(args.image.sizes().slice(1), args.image.options())
                            : torch::empty_like(args.image);
   AT_DISPATCH_FLOATING_TYPES(args.image.scalar_type(), "lookup", [&] {
     at::parallel_for(0, out.numel(), 8192, [&](int64_t begin, int64_t end) {
-      lookup(args.image.const_data_ptr<scalar_t>(), args.table.const_data_ptr<scalar_t>(),
+      lookup(args.image.const_data_ptr<scalar_t>(), table.const_data_ptr<scalar_t>(),
              out.mutable_data_ptr<scalar_t>(), begin, end, out.numel(), images,
              sums ? args.weights.const_data_ptr<scalar_t>() : nullptr);
     });
@@ -80,10 +78,11 @@ torch::Tensor lookup(const Lookup& args) {
   return out;
 }
 
-LookupGradient lookup_backward(const Lookup& args, const torch::Tensor& gradient, bool wants_image,
+/// The gradient of the image is written to of_image unless that is undefined.
+/// @return the table's where it is wanted
+torch::Tensor gradients_of_one(const Lookup& args, const torch::Tensor& table,
+                               const torch::Tensor& gradient, const torch::Tensor& of_image,
                                bool wants_table) {
-  LookupGradient result;
-  if (wants_image) result.image = torch::empty_like(args.image);
   torch::Tensor parts;
   if (wants_table) parts = torch::empty({kChunks, kKnots, 2}, torch::kFloat64);
   const int64_t count = args.image.numel();
@@ -98,14 +97,38 @@ LookupGradient lookup_backward(const Lookup& args, const torch::Tensor& gradient
             wants_table ? parts.mutable_data_ptr<double>() + c * 2 * kKnots : nullptr;
         // Here, so that each thread clears what it then has in its cache.
         if (wants_table) std::fill_n(cells, 2 * kKnots, 0.0);
-        backward(args.image.const_data_ptr<scalar_t>(), args.table.const_data_ptr<scalar_t>(),
+        backward(args.image.const_data_ptr<scalar_t>(), table.const_data_ptr<scalar_t>(),
                  gradient.const_data_ptr<scalar_t>(), weights, pixels, c * chunk,
                  std::min(count, (c + 1) * chunk),
-                 wants_image ? result.image.mutable_data_ptr<scalar_t>() : nullptr, cells);
+                 of_image.defined() ? of_image.mutable_data_ptr<scalar_t>() : nullptr, cells);
       }
     });
   });
-  if (wants_table) result.table = knots_from_cells(parts.sum(0)).to(args.table.scalar_type());
+  if (!wants_table) return {};
+  return knots_from_cells(parts.sum(0)).to(table.scalar_type());
+}
+
+}  // namespace
+
+std::vector<torch::Tensor> lookup(const Lookups& args) {
+  std::vector<torch::Tensor> out;
+  for (const Lookup& each : args.images) out.push_back(lookup_one(each, args.table));
+  return out;
+}
+
+LookupGradients lookup_backward(const Lookups& args, const std::vector<torch::Tensor>& gradients,
+                                const LookupWanted& wanted) {
+  LookupGradients result;
+  result.images.resize(args.images.size());
+  // The last one first, the order in which autograd would add them up one by one.
+  for (size_t i = args.images.size(); i-- > 0;) {
+    if (!gradients[i].defined()) continue;
+    const Lookup& each = args.images[i];
+    if (wanted.images[i]) result.images[i] = torch::empty_like(each.image);
+    const torch::Tensor of_table =
+        gradients_of_one(each, args.table, gradients[i], result.images[i], wanted.table);
+    result.table = result.table.defined() ? result.table + of_table : of_table;
+  }
   return result;
 }
 

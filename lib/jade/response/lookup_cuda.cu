@@ -2,7 +2,6 @@
 #include <ATen/ops/empty.h>
 #include <ATen/ops/empty_like.h>
 #include <ATen/ops/zeros.h>
-#include <ATen/ops/zeros_like.h>
 #include <algorithm>
 #include <c10/cuda/CUDAStream.h>
 
@@ -14,78 +13,123 @@ namespace jade::response::cuda {
 namespace {
 
 constexpr int kThreads = 256;
-constexpr int kTableThreads = 512;  ///< of a block that adds up a table of its own
-constexpr int kTableBlocks = 264;   ///< and such blocks at most: two for each multiprocessor
+constexpr int kTableThreads = 1024;  ///< of a block that adds up a table of its own
+constexpr int kTableBlocks = 264;    ///< and such blocks at most: two for each multiprocessor
 /// Sums over the table are kept in fixed point: additions of integers do not depend on their order.
-constexpr double kFixedPoint = 1125899906842624.0;  // 2^50
+constexpr float kFixedPoint = 1125899906842624.0f;  // 2^50, by which a float is multiplied exactly
+
+/// An image's part of a launch.
+struct Job {
+  const float* image;      ///< [images, pixels]
+  const float* weights;    ///< [images]; null: `few`
+  float few[kFewWeights];  ///< the same, or 1 of an image that stands for itself
+  int64_t pixels, images;
+  float* out;             ///< [pixels]
+  int64_t end_block;      ///< of the launch forward: the first that is no longer of this image
+  const float* gradient;  ///< of out
+  float* of_image;        ///< null: not wanted
+  int64_t first_thread;   ///< of the launch backward: that of the first pixel
+
+  __device__ float weight(int64_t k) const {
+    return weights == nullptr ? few[k] : __ldg(weights + k);
+  }
+};
+
+struct Batch {
+  Job jobs[kMostLookups];
+  int count;
+  const float* table;
+};
 
 /// A block's sums over the table, 64-bit numbers in two halves: a multiprocessor adds 32 bits in
-/// shared memory by itself and 64 only in a loop that tries until nobody else came between.
+/// shared memory by itself and 64 only in a loop that tries until nobody else came between. The low
+/// half has a sign, so that small numbers of either sign seldom touch the high one.
 struct TableSums {
   uint32_t low[kKnots], high[kKnots];
 
   __device__ void add(int knot, float value) {
-    const auto fixed =
-        static_cast<uint64_t>(__double2ll_rn(static_cast<double>(value) * kFixedPoint));
+    const int64_t fixed = __float2ll_rn(value * kFixedPoint);
     const auto part = static_cast<uint32_t>(fixed);
-    const uint32_t carry = atomicAdd(low + knot, part) + part < part ? 1 : 0;
-    const uint32_t rest = static_cast<uint32_t>(fixed >> 32) + carry;
+    const uint32_t before = atomicAdd(low + knot, part), after = before + part;
+    const bool negative = static_cast<int32_t>(part) < 0;
+    uint32_t rest = static_cast<uint32_t>(fixed >> 32) + (negative ? 1 : 0);
+    // Both of one sign, and the sum of the other: it left the low half.
+    if (static_cast<int32_t>((before ^ after) & (part ^ after)) < 0) rest += negative ? ~0u : 1u;
     if (rest != 0) atomicAdd(high + knot, rest);
   }
   __device__ unsigned long long at(int knot) const {
-    return static_cast<unsigned long long>(high[knot]) << 32 | low[knot];
+    return (static_cast<unsigned long long>(high[knot]) << 32) +
+           static_cast<unsigned long long>(static_cast<long long>(static_cast<int32_t>(low[knot])));
   }
 };
 
-__global__ void forward_kernel(const float* __restrict__ image, const float* __restrict__ table,
-                               const float* __restrict__ weights, float* __restrict__ out,
-                               int64_t outputs, int64_t images) {
-  const int64_t p = blockIdx.x * static_cast<int64_t>(kThreads) + threadIdx.x;
-  if (p >= outputs) return;
+/// A thread per pixel of one of the results.
+__global__ void __launch_bounds__(kThreads) forward_kernel(const __grid_constant__ Batch batch) {
+  int index = 0;
+  while (blockIdx.x >= batch.jobs[index].end_block) ++index;
+  const Job& job = batch.jobs[index];
+  const int64_t first_block = index == 0 ? 0 : batch.jobs[index - 1].end_block;
+  const int64_t p = (blockIdx.x - first_block) * kThreads + threadIdx.x;
+  if (p >= job.pixels) return;
   float sum = 0;
 #pragma unroll 4
-  for (int64_t k = 0; k < images; ++k) {
-    const Cell<float> cell = cell_of(image[k * outputs + p]);
-    const float value = interpolate(cell, __ldg(table + cell.index), __ldg(table + cell.index + 1));
-    sum += weights == nullptr ? value : __ldg(weights + k) * value;
+  for (int64_t k = 0; k < job.images; ++k) {
+    const Cell<float> cell = cell_of(__ldg(job.image + k * job.pixels + p));
+    const float* const knots = batch.table + cell.index;
+    sum += job.weight(k) * interpolate(cell, __ldg(knots), __ldg(knots + 1));
   }
-  out[p] = sum;
+  job.out[p] = sum;
 }
 
-/// A thread per pixel, for all images. of_table needs blocks of kTableThreads and a TableSums of
-/// shared memory.
-__global__ void backward_kernel(const float* __restrict__ image, const float* __restrict__ table,
-                                const float* __restrict__ gradient,
-                                const float* __restrict__ weights, int64_t pixels, int64_t images,
-                                float* __restrict__ of_image,
-                                unsigned long long* __restrict__ of_table) {
-  extern __shared__ TableSums sums[];
-  if (of_table != nullptr) {
-    for (int i = threadIdx.x; i < kKnots; i += blockDim.x) sums->low[i] = sums->high[i] = 0;
-    __syncthreads();
-  }
-  const int64_t stride = static_cast<int64_t>(gridDim.x) * blockDim.x;
-  for (int64_t p = blockIdx.x * static_cast<int64_t>(blockDim.x) + threadIdx.x; p < pixels;
-       p += stride) {
-    const float of_out = gradient[p];
-#pragma unroll 4
-    for (int64_t k = 0; k < images; ++k) {
-      const int64_t i = k * pixels + p;
-      const Cell<float> cell = cell_of(image[i]);
-      const float g = weights == nullptr ? of_out : of_out * __ldg(weights + k);
-      if (of_image != nullptr) {
-        of_image[i] = gradient_of_x(g, __ldg(table + cell.index), __ldg(table + cell.index + 1));
-      }
-      if (of_table != nullptr) {
-        sums->add(cell.index, g * (1 - cell.fraction));
-        sums->add(cell.index + 1, gradient_of_upper(cell, g));
-      }
+/// One pixel of a result.
+template <bool kTable>
+__device__ void pixel_gradients(const Job& job, const float* __restrict__ table, int64_t p,
+                                TableSums* sums) {
+  const float of_out = __ldg(job.gradient + p);
+  float next = __ldg(job.image + p);
+  // Not unrolled: registers for all threads that fit a multiprocessor are few.
+#pragma unroll 1
+  for (int k = 0; k < job.images; ++k) {
+    const float value = next;
+    // On its way while this one's sums are added to.
+    if (k + 1 < job.images) next = __ldg(job.image + (k + 1) * job.pixels + p);
+    const Cell<float> cell = cell_of(value);
+    const float g = of_out * job.weight(k);
+    if (job.of_image != nullptr) {
+      const float* const knots = table + cell.index;
+      job.of_image[k * job.pixels + p] = gradient_of_x(g, __ldg(knots), __ldg(knots + 1));
+    }
+    if constexpr (kTable) {
+      sums->add(cell.index, g * (1 - cell.fraction));
+      sums->add(cell.index + 1, gradient_of_upper(cell, g));
     }
   }
-  if (of_table == nullptr) return;
-  __syncthreads();
-  for (int i = threadIdx.x; i < kKnots; i += blockDim.x) {
-    if (sums->at(i) != 0) atomicAdd(of_table + i, sums->at(i));
+}
+
+/// All threads share the pixels of every result. kTable needs a TableSums of shared memory.
+template <bool kTable>
+__global__ void __launch_bounds__(kTableThreads, 2)
+    backward_kernel(const __grid_constant__ Batch batch,
+                    unsigned long long* __restrict__ of_table) {
+  extern __shared__ TableSums sums[];
+  if constexpr (kTable) {
+    for (int i = threadIdx.x; i < kKnots; i += kTableThreads) sums->low[i] = sums->high[i] = 0;
+    __syncthreads();
+  }
+  const int64_t threads = static_cast<int64_t>(gridDim.x) * kTableThreads;
+  const int64_t me = blockIdx.x * static_cast<int64_t>(kTableThreads) + threadIdx.x;
+  for (int j = 0; j < batch.count; ++j) {
+    const Job& job = batch.jobs[j];
+    const int64_t first = me - job.first_thread;
+    for (int64_t p = first < 0 ? first + threads : first; p < job.pixels; p += threads) {
+      pixel_gradients<kTable>(job, batch.table, p, sums);
+    }
+  }
+  if constexpr (kTable) {
+    __syncthreads();
+    for (int i = threadIdx.x; i < kKnots; i += kTableThreads) {
+      if (sums->at(i) != 0) atomicAdd(of_table + i, sums->at(i));
+    }
   }
 }
 
@@ -96,47 +140,87 @@ __global__ void to_float_kernel(const unsigned long long* sums, float* out) {
   }
 }
 
-}  // namespace
-
-at::Tensor lookup(const Lookup& args) {
-  const bool sums = args.weights.defined();
-  at::Tensor out = sums ? at::empty(args.image.sizes().slice(1), args.image.options())
-                        : at::empty_like(args.image);
-  if (out.numel() == 0) return out;
-  forward_kernel<<<kernel::grid_size(out.numel(), kThreads), kThreads, 0,
-                   c10::cuda::getCurrentCUDAStream()>>>(
-      args.image.const_data_ptr<float>(), args.table.const_data_ptr<float>(),
-      sums ? args.weights.const_data_ptr<float>() : nullptr, out.mutable_data_ptr<float>(),
-      out.numel(), sums ? args.image.size(0) : 1);
-  kernel::check_launch("the camera response");
-  return out;
+Job job_of(const Lookup& args, int64_t pixels) {
+  Job job{};
+  job.image = args.image.const_data_ptr<float>();
+  job.pixels = pixels;
+  job.images = pixels == 0 ? 0 : args.image.numel() / pixels;
+  job.few[0] = 1;
+  if (!args.weights.defined()) return job;
+  const float* const weights = args.weights.const_data_ptr<float>();
+  if (args.weights.is_cpu() && job.images <= kFewWeights) {
+    std::copy_n(weights, job.images, job.few);
+  } else {
+    job.weights = weights;
+  }
+  return job;
 }
 
-LookupGradient lookup_backward(const Lookup& args, const at::Tensor& gradient, bool wants_image,
-                               bool wants_table) {
-  LookupGradient result;
-  if (wants_image) result.image = at::empty_like(args.image);
-  at::Tensor sums;
-  if (wants_table) sums = at::zeros({kKnots}, args.table.options().dtype(at::kLong));
-  const int64_t count = args.image.numel();
-  if (count == 0) {
-    if (wants_table) result.table = at::zeros_like(args.table);
+template <bool kTable>
+void run_backward(const Batch& batch, int64_t blocks, const at::Tensor& sums) {
+  backward_kernel<kTable><<<static_cast<unsigned>(blocks), kTableThreads,
+                            kTable ? sizeof(TableSums) : 0, c10::cuda::getCurrentCUDAStream()>>>(
+      batch,
+      kTable ? reinterpret_cast<unsigned long long*>(sums.mutable_data_ptr<int64_t>()) : nullptr);
+  kernel::check_launch("the camera response, backward");
+}
+
+}  // namespace
+
+std::vector<at::Tensor> lookup(const Lookups& args) {
+  Batch batch{};
+  batch.table = args.table.const_data_ptr<float>();
+  std::vector<at::Tensor> results;
+  int64_t blocks = 0;
+  for (const Lookup& each : args.images) {
+    results.push_back(each.weights.defined()
+                          ? at::empty(each.image.sizes().slice(1), each.image.options())
+                          : at::empty_like(each.image));
+    Job& job = batch.jobs[batch.count++];
+    job = job_of(each, results.back().numel());
+    job.out = results.back().mutable_data_ptr<float>();
+    blocks += kernel::block_count(job.pixels, kThreads);
+    job.end_block = blocks;
+  }
+  if (blocks == 0) return results;
+  forward_kernel<<<static_cast<unsigned>(blocks), kThreads, 0, c10::cuda::getCurrentCUDAStream()>>>(
+      batch);
+  kernel::check_launch("the camera response");
+  return results;
+}
+
+LookupGradients lookup_backward(const Lookups& args, const std::vector<at::Tensor>& gradients,
+                                const LookupWanted& wanted) {
+  LookupGradients result;
+  result.images.resize(args.images.size());
+  Batch batch{};
+  batch.table = args.table.const_data_ptr<float>();
+  int64_t pixels = 0;
+  for (size_t i = 0; i < args.images.size(); ++i) {
+    if (!gradients[i].defined()) continue;
+    const Lookup& each = args.images[i];
+    if (wanted.images[i]) result.images[i] = at::empty_like(each.image);
+    if (each.image.numel() == 0) continue;
+    Job& job = batch.jobs[batch.count++];
+    job = job_of(each, gradients[i].numel());
+    job.gradient = gradients[i].const_data_ptr<float>();
+    if (wanted.images[i]) job.of_image = result.images[i].mutable_data_ptr<float>();
+    pixels += job.pixels;
+  }
+  const int64_t blocks =
+      std::clamp<int64_t>(kernel::block_count(pixels, kTableThreads), 1, kTableBlocks);
+  // An image goes on at the thread where the one before ended, so that all have as much to do.
+  int64_t next = 0;
+  for (int j = 0; j < batch.count; ++j) {
+    batch.jobs[j].first_thread = next;
+    next = (next + batch.jobs[j].pixels) % (blocks * kTableThreads);
+  }
+  if (!wanted.table) {
+    run_backward<false>(batch, blocks, {});
     return result;
   }
-  const int64_t pixels = gradient.numel();
-  const int threads = wants_table ? kTableThreads : kThreads;
-  const int64_t blocks = kernel::block_count(pixels, threads);
-  backward_kernel<<<
-      static_cast<unsigned>(wants_table ? std::min<int64_t>(blocks, kTableBlocks) : blocks),
-      threads, wants_table ? sizeof(TableSums) : 0, c10::cuda::getCurrentCUDAStream()>>>(
-      args.image.const_data_ptr<float>(), args.table.const_data_ptr<float>(),
-      gradient.const_data_ptr<float>(),
-      args.weights.defined() ? args.weights.const_data_ptr<float>() : nullptr, pixels,
-      count / pixels, wants_image ? result.image.mutable_data_ptr<float>() : nullptr,
-      wants_table ? reinterpret_cast<unsigned long long*>(sums.mutable_data_ptr<int64_t>())
-                  : nullptr);
-  kernel::check_launch("the camera response, backward");
-  if (!wants_table) return result;
+  const at::Tensor sums = at::zeros({kKnots}, args.table.options().dtype(at::kLong));
+  run_backward<true>(batch, blocks, sums);
   result.table = at::empty_like(args.table);
   to_float_kernel<<<kernel::grid_size(kKnots, kThreads), kThreads, 0,
                     c10::cuda::getCurrentCUDAStream()>>>(

@@ -17,6 +17,13 @@ losses::ToneCurve tone_curve(TrainState& state, const StepPlan& plan) {
           },
           [table](const torch::Tensor& images, const torch::Tensor& weights) {
             return response::CameraResponseImpl::mean(images, table, weights);
+          },
+          [table](const std::vector<losses::ToneInput>& asked) {
+            std::vector<response::ResponseInput> inputs;
+            for (const losses::ToneInput& each : asked) {
+              inputs.push_back({each.image, each.weights});
+            }
+            return response::CameraResponseImpl::apply_all(inputs, table);
           }};
 }
 
