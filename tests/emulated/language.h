@@ -144,15 +144,6 @@ uint32_t reduce(uint32_t mask, uint32_t value, const Pick& pick) {
   return result;
 }
 
-/// The 32 lanes' numbers, in order.
-struct OfLanes {
-  float of[32];
-  explicit OfLanes(float mine) {
-    const Brought all = meet_warp(Meeting::kShuffle, ~0u, to_bits(mine));
-    for (unsigned k = 0; k < 32; ++k) of[k] = from_bits<float>(all.values[k]);
-  }
-};
-
 /// What `kernel<<<grid, block, bytes, stream>>>(arguments)` becomes (cuda_to_cpp.py).
 template <class Kernel>
 auto launch(const Kernel& kernel, const Index& grid, const Index& block, size_t shared_bytes = 0,
@@ -217,20 +208,6 @@ inline uint32_t __reduce_max_sync(uint32_t mask, uint32_t value) {
 inline float toward_zero(double x) {
   const float nearest = float(x);
   return std::abs(double(nearest)) > std::abs(x) ? std::nextafter(nearest, 0.f) : nearest;
-}
-inline void emulated_multiply_add_tf32(float (&d)[4], const float (&a)[4], const float (&b)[2]) {
-  const auto cut = [](float x) { return __uint_as_float(__float_as_uint(x) & 0xffffe000u); };
-  const int g = int(jade::emulated::lane()) / 4, t = int(jade::emulated::lane()) % 4;
-  for (int half = 0; half < 2; ++half) {  // of k
-    const jade::emulated::OfLanes low(a[2 * half]), high(a[2 * half + 1]), columns(b[half]);
-    for (int k = 0; k < 4; ++k) {
-      for (int n = 0; n < 2; ++n) {
-        const float column = cut(columns.of[4 * (2 * t + n) + k]);
-        d[n] += cut(low.of[4 * g + k]) * column;
-        d[2 + n] += cut(high.of[4 * g + k]) * column;
-      }
-    }
-  }
 }
 inline uint32_t emulated_to_halves(float first, float second) {
   return c10::Half(first).x | uint32_t{c10::Half(second).x} << 16;

@@ -9,46 +9,6 @@
 
 namespace jade::kernel {
 
-/// D += A · B by the whole warp, A 16x8, B 8x8, D 16x8. Of A's and B's numbers the tensor cores see
-/// the first 10 bits of the mantissa (TF32) and cut the rest off; sums are float. With g = lane / 4
-/// and t = lane % 4 a lane holds
-///     a = A[g][t], A[g+8][t], A[g][t+4], A[g+8][t+4]
-///     b = B[t][g], B[t+4][g]
-///     d = D[g][2t], D[g][2t+1], D[g+8][2t], D[g+8][2t+1]
-/// (PTX: mma.m16n8k8, .tf32).
-__device__ __forceinline__ void multiply_add_tf32(float (&d)[4], const float (&a)[4],
-                                                  const float (&b)[2]) {
-#if !defined(__CUDACC__)
-  emulated_multiply_add_tf32(d, a, b);  // tests/emulated
-#elif __CUDA_ARCH__ >= 800
-  asm("mma.sync.aligned.m16n8k8.row.col.f32.tf32.tf32.f32 {%0,%1,%2,%3}, {%4,%5,%6,%7}, {%8,%9}, "
-      "{%0,%1,%2,%3};"
-      : "+f"(d[0]), "+f"(d[1]), "+f"(d[2]), "+f"(d[3])
-      : "r"(__float_as_uint(a[0])), "r"(__float_as_uint(a[1])), "r"(__float_as_uint(a[2])),
-        "r"(__float_as_uint(a[3])), "r"(__float_as_uint(b[0])), "r"(__float_as_uint(b[1])));
-#else
-  // Turing has no such product: the warp's float arithmetic, which is at least as exact.
-  const int lane = threadIdx.x & 31, g = lane >> 2, t = lane & 3;
-  for (int k = 0; k < 8; ++k) {
-    const int from_row = 4 * g + (k & 3), from_column = 8 * t + (k & 3), high = k >> 2;
-    const float low_row = __shfl_sync(~0u, a[2 * high], from_row);
-    const float high_row = __shfl_sync(~0u, a[2 * high + 1], from_row);
-    const float left = __shfl_sync(~0u, b[high], from_column);
-    const float right = __shfl_sync(~0u, b[high], from_column + 4);
-    d[0] += low_row * left;
-    d[1] += low_row * right;
-    d[2] += high_row * left;
-    d[3] += high_row * right;
-  }
-#endif
-}
-
-/// What TF32 keeps of a number. x − tf32_part(x) is exact, and its own TF32 part lacks 2^-21 |x| at
-/// most.
-__device__ __forceinline__ float tf32_part(float x) {
-  return __uint_as_float(__float_as_uint(x) & 0xffffe000u);
-}
-
 /// The nearest half-precision numbers (11 bits), the first in the lower 16 bits.
 __device__ __forceinline__ uint32_t to_halves(float first, float second) {
 #if !defined(__CUDACC__)

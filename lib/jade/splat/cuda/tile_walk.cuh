@@ -64,7 +64,7 @@ struct Ellipse {
 struct TileRow {
   int lo0 = 1, hi0 = 0, lo1 = 1, hi1 = 0;  ///< in both bands; none
 
-  __device__ TileRow() = default;
+  TileRow() = default;
   __device__ TileRow(const Ellipse& e, int row, const RenderCall& call) {
     const int last = 2 * call.tiles_x - 1;
     e.columns(2 * row, last, &lo0, &hi0);
