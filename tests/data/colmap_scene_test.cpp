@@ -46,7 +46,7 @@ TEST_CASE("colmap scene: every eighth image by name is a test view, cameras fit 
           "[data]") {
   const test::TempDir folder;
   write_colmap_scene(folder / "room",
-                     {1, "PINHOLE", 2 * test::kWidth, 2 * test::kHeight, {50, 50, 22, 13}});
+                     {1, "PINHOLE", 2 * test::kWidth, 2 * test::kHeight, {50, 60, 22, 13}});
   std::vector<std::string> warnings;
   const Dataset data = load_dataset(dataset_at(folder / "room"), &warnings);
   CHECK(warnings.empty());
@@ -60,7 +60,9 @@ TEST_CASE("colmap scene: every eighth image by name is a test view, cameras fit 
   CHECK(first.duration_us() == 0);
   CHECK(first.events.empty());
   CHECK(first.camera.fx == Approx(25));
+  CHECK(first.camera.fy == Approx(30));
   CHECK(first.camera.cx == Approx(11));
+  CHECK(first.camera.cy == Approx(6.5));
   CHECK(test::pose_distance(first.poses[8], test::steady_pose(1e5)) < 1e-6);
   CHECK(test::same_image(first.blurry, test::noise_image(1)));
   CHECK(data.near > 0);

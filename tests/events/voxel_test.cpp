@@ -48,6 +48,15 @@ TEST_CASE("voxelize: an event on a knot belongs to the later bin alone", "[event
   CHECK(signed_bins(last, {50, 650}, 6, kSize).abs().sum().item<float>() == 0.0f);
 }
 
+TEST_CASE("voxelize: the largest magnitude becomes one, whatever its sign", "[events]") {
+  const auto events =
+      EventStream::from_lists({2, 2, 2, 5}, {3, 3, 3, 4}, {10, 20, 30, 40}, {-1, -1, -1, 1});
+  const auto voxel = voxelize(events, {0, 100}, 1, kSize);
+  CHECK(voxel.v_max == Approx(3));
+  CHECK(voxel.values.min().item<float>() == Approx(-1));
+  CHECK(voxel.values.max().item<float>() == Approx(1.0 / 3));
+}
+
 TEST_CASE("voxelize: a window without events gives zeros", "[events]") {
   const auto voxel = voxelize(EventStream(), {0, 1000}, 6, kSize);
   CHECK(voxel.v_max == 0);

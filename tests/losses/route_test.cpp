@@ -22,6 +22,14 @@ TEST_CASE("route_loss: is the sum of both mean absolute differences", "[losses]"
   CHECK(loss.total.item<double>() == Approx(0.35));
 }
 
+TEST_CASE("route_loss: the reblur term counts with its weight", "[losses]") {
+  RouteOptions options;
+  options.reblur_weight = 0.1;
+  const RouteLoss loss =
+      route_loss(even(0.5), Fixed(even(0.8)), even_kernel(1.5), even(0.7), options);
+  CHECK(loss.total.item<double>() == Approx(0.305));
+}
+
 TEST_CASE("route_loss: a term that is off is absent", "[losses]") {
   RouteOptions options;
   options.render_consistency = false;

@@ -3,6 +3,8 @@
 
 #include "support/catch.h"
 
+#include <cmath>
+
 #include "jade/core/error.h"
 #include "jade/core/random.h"
 
@@ -27,6 +29,20 @@ TEST_CASE("router: has the paper's 3,200 + 2,768 + 3,346 = 9,314 parameters", "[
   int64_t all = 0;
   for (const torch::Tensor& parameter : router->parameters()) all += parameter.numel();
   CHECK(all == 9314);
+}
+
+TEST_CASE("router: first weights are uniform within 1/sqrt(fan-in)", "[router]") {
+  const Router router = make_router();
+  for (const auto& layer : {router->event1, router->event2, router->image1, router->image2,
+                            router->head1, router->head2, router->head3}) {
+    const torch::Tensor& weights = layer->weight;
+    const double bound = 1 / std::sqrt(static_cast<double>(weights[0].numel()));
+    INFO(weights.sizes());
+    const double largest = weights.abs().max().item<double>();
+    CHECK(largest <= bound);
+    CHECK(largest > 0.85 * bound);
+    if (layer->bias.defined()) CHECK(layer->bias.abs().max().item<double>() <= bound);
+  }
 }
 
 TEST_CASE("router: one value per pixel, in [0,1], for any size and batch", "[router]") {
