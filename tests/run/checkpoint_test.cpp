@@ -48,3 +48,23 @@ TEST_CASE("checkpoint: maps of another number of views are refused", "[run]") {
   CHECK_THROWS_AS(load(4), CheckpointError);
   CHECK_THROWS_WITH(load(2), Catch::Contains("expected 2 parameters of 'allocation', found 3"));
 }
+
+TEST_CASE("checkpoint: the data's fingerprint knows frames, times, poses and how many events",
+          "[run]") {
+  const test::TinyScene scene;
+  const data::Dataset dataset = data::load_dataset(test::tiny_options(scene).dataset);
+  const std::string fingerprint = run::data_fingerprint(dataset);
+  CHECK(run::data_fingerprint(dataset) == fingerprint);
+  const auto changed = [&](const auto& change) {
+    data::Dataset other = dataset;
+    change(other.train.at(1));
+    return run::data_fingerprint(other) != fingerprint;
+  };
+  CHECK_FALSE(changed([](data::Exposure&) {}));
+  CHECK(changed([](data::Exposure& e) { e.blurry = e.blurry + 1e-3; }));
+  CHECK(changed([](data::Exposure& e) { e.t_end_us += 1; }));
+  CHECK(changed([](data::Exposure& e) { e.name += "_"; }));
+  CHECK(changed([](data::Exposure& e) { e.poses[7].translation[1] += 1e-6; }));
+  CHECK(changed([](data::Exposure& e) { e.poses[0].rotation[3] += 1e-6; }));
+  CHECK(changed([](data::Exposure& e) { e.events = events::EventStream(); }));
+}
