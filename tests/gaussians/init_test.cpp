@@ -91,6 +91,20 @@ TEST_CASE("init: random points lie in the frusta between near and far, with the 
   CHECK(torch::equal(random_frusta(sources, 500, again).points, cloud.points));
 }
 
+TEST_CASE("init: a point takes no colour from a view that it lies behind", "[gaussians]") {
+  InitSources sources = two_views();
+  sources.views[0].camera_from_world = {};
+  sources.views[1].camera_from_world = {geometry::rotation_from_vector({0, std::acos(-1.0), 0}),
+                                        {0, 0, 0}};
+  at::Generator generator = make_generator(2, "start");
+  const PointCloud cloud = random_frusta(sources, 100, generator);
+  const torch::Tensor ahead = cloud.points.select(1, 2) > 0;
+  CHECK(ahead.any().item<bool>());
+  CHECK_FALSE(ahead.all().item<bool>());
+  CHECK(cloud.colors.select(1, 0).equal(
+      torch::where(ahead, torch::full({100}, 0.25f), torch::full({100}, 0.75f))));
+}
+
 TEST_CASE("init: the extent is 1.1 times the farthest camera's distance to the centre",
           "[gaussians]") {
   std::vector<Pose> poses(3);
