@@ -84,6 +84,24 @@ TEST_CASE("evdeblur: a sharp view belongs to the exposure in whose middle it was
   CHECK(exposure_of(data, data.test[1]) == -1);
 }
 
+TEST_CASE("evdeblur: a view is of mid-exposure up to a sixteenth of the exposure from its middle",
+          "[data]") {
+  const test::TempDir folder;
+  write_evdeblur(folder / "scene", test::tiny_content());
+  const Dataset data = load(folder / "scene");
+  const int64_t middle = data.train[1].t_start_us + test::kExposureUs / 2;
+  const int64_t reach = test::kExposureUs / 16;
+  SharpView view = data.test[0];
+  for (const auto& [t_us, found] : {std::pair{middle - reach - 1, -1},
+                                    {middle - reach, 1},
+                                    {middle + reach, 1},
+                                    {middle + reach + 1, -1}}) {
+    INFO(t_us);
+    view.t_us = t_us;
+    CHECK(exposure_of(data, view) == found);
+  }
+}
+
 TEST_CASE("evdeblur: a sharp view is seen when its time lies in an exposure, ends included",
           "[data]") {
   const test::TempDir folder;
