@@ -68,6 +68,12 @@ TEST_CASE("efnet: views are divided by their largest magnitude, empty ones stay 
   CHECK(out[1].abs().max().item<float>() == 0);
 }
 
+TEST_CASE("efnet: each view of a batch is divided by its own largest magnitude", "[restore]") {
+  const torch::Tensor out = normalize_views(torch::cat({4 * bins(), bins()}));
+  CHECK(out[0].abs().max().item<float>() == 1);
+  CHECK(out[1].equal(out[0]));
+}
+
 TEST_CASE("efnet: the mask closes gaps of one pixel and keeps single events single", "[restore]") {
   torch::Tensor events = torch::zeros({1, 6, 9, 9});
   events[0][3][4][2] = 1;
