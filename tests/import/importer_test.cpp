@@ -15,6 +15,7 @@
 #include "jade/import/capture.h"
 #include "jade/simulate/simulator.h"
 #include "recording/evt_words.h"
+#include "support/stub_restorer.h"
 #include "support/temp_dir.h"
 
 using namespace jade;
@@ -204,4 +205,80 @@ TEST_CASE("importer: a span without frames is named", "[import]") {
   options.time.begin_s = 50;
   CHECK_THROWS_WITH(import::import_recording(options, dir / "out", {}),
                     Catch::Contains("no frame lies wholly between --begin-s 50"));
+}
+
+namespace {
+
+/// Four frames of one gray every 20 ms, exposed for 2 ms each.
+fs::path write_gray_frames(const test::TempDir& dir, const std::string& name, double gray) {
+  std::string times;
+  for (int i = 0; i < 4; ++i) {
+    imaging::write_image(dir / concat(name, "/f", i, ".png"),
+                         torch::full({3, kHeight, kWidth}, gray));
+    times += concat("f", i, ",", 20000 * i, ",", 20000 * i + 2000, "\n");
+  }
+  dir.write(name + "/exposures.csv", times);
+  return dir / name;
+}
+
+/// Events amid these exposures, by a clock that is so far ahead of theirs.
+fs::path write_late_events(const test::TempDir& dir, int64_t ahead_us) {
+  std::string events = test::evt_header("3.0", concat("% geometry ", kWidth, "x", kHeight, "\n"));
+  for (int i = 0; i < 4; ++i) {
+    events += test::evt3_time(20000 * i + 1000 + ahead_us) + test::evt3_word(0, 30) +
+              test::evt3_word(2, 40 + i);
+  }
+  return dir.write("a.raw", events);
+}
+
+}  // namespace
+
+TEST_CASE("importer: an offset takes the events back by what their clock is ahead", "[import]") {
+  const test::TempDir dir;
+  import::ImportOptions options = options_for(write_late_events(dir, 5000), dir / "colmap");
+  options.frames = write_gray_frames(dir, "frames", 0.5);
+  options.lens.calibration = dir.write("one.txt", "110 110 47.5 35.5 0 0 0 0 0\n");
+  options.time.offset_ms = 5;
+  import::import_recording(options, dir / "out", {"", "undistort"});
+  CHECK_THAT(read_file(dir / "out/import/time/stage.txt"),
+             Catch::Contains("events ahead by 5 ms (as given), 4 of 4 within exposures"));
+  const auto events = import::load_capture(dir / "out/import/undistort").events;
+  REQUIRE(events.size() == 4);
+  CHECK(events.first_us() == 1000);
+  CHECK(events.last_us() == 61000);
+}
+
+TEST_CASE("importer: other frames and another restorer are taken, and the stages behind them",
+          "[import]") {
+  const test::TempDir dir;
+  import::ImportOptions options = options_for(write_late_events(dir, 0), dir / "colmap");
+  options.time.find_offset = false;
+  options.latents.kind = import::LatentKind::kMean;
+  options.latents.upscale = 1;
+  const auto restorer = [&](const std::string& name, const std::string& factor) {
+    return test::save_restorer(dir / name, "  return " + factor + " * image\n");
+  };
+  /// The mean of the frames that were read, and of the images that were restored.
+  const auto means = [&] {
+    import::import_recording(options, dir / "out", {"", "restore"});
+    const fs::path stages = dir / "out/import";
+    double restored = 0, count = 0;
+    for (const auto& file : fs::directory_iterator(stages / "restore/images")) {
+      if (file.path().extension() != ".png") continue;
+      restored += imaging::read_image(file.path()).mean().item<double>(), ++count;
+    }
+    const auto frames = import::load_capture(stages / "read").shots;
+    return std::array{frames[0].image.mean().item<double>(), restored / count};
+  };
+  options.frames = write_gray_frames(dir, "bright", 0.8);
+  options.efnet.path = restorer("whole.pt", "1.0");
+  const auto first = means();
+  CHECK(first[0] == Approx(0.8).margin(0.01));
+  CHECK(first[1] == Approx(0.8).margin(0.01));
+  options.efnet.path = restorer("half.pt", "0.5");
+  CHECK(means()[1] == Approx(0.6).margin(0.01));  // the mean of EDI and the restorer
+  options.frames = write_gray_frames(dir, "dark", 0.4);
+  const auto last = means();
+  CHECK(last[0] == Approx(0.4).margin(0.01));
+  CHECK(last[1] == Approx(0.3).margin(0.01));
 }
