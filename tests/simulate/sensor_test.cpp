@@ -68,6 +68,18 @@ TEST_CASE("noise: photon and read noise have the variance asked for, by the seed
   CHECK((steps - steps.round()).abs().max().item<double>() < 1e-3);
 }
 
+TEST_CASE("noise: of a few photons is Poisson's, with as many pixels that see none", "[simulate]") {
+  ImageSensorOptions options;
+  options.full_well = 10;
+  Exposing exposing(options, 100, 100);
+  exposing.add(flat(0.2f, 100), flat(0.2f, 100), 1000);
+  const auto photons = (exposing.develop(3) * 10).round();
+  CHECK(photons.mean().item<double>() == Approx(2).margin(4 * std::sqrt(2.0 / 30000)));
+  CHECK(photons.var().item<double>() == Approx(2).epsilon(0.05));
+  CHECK((photons == 0).to(torch::kFloat64).mean().item<double>() ==
+        Approx(std::exp(-2.0)).epsilon(0.06));
+}
+
 TEST_CASE("event intensity: is the gray value of what the pixels see", "[simulate]") {
   world::SharpFrame frame = flat(0);
   const size_t plane = 64;

@@ -129,6 +129,20 @@ TEST_CASE("simulate: a recording has the same frames and events, its poses in tr
     CHECK_FALSE(std::filesystem::exists(folder / poses));
 }
 
+TEST_CASE("simulate: each exposure has image noise of its own", "[simulate]") {
+  SimulateRun run = tiny();
+  run.simulate.exposures = 2, run.simulate.test_views = 0, run.simulate.seen_test_views = 0;
+  run.simulate.image.full_well = 0, run.simulate.image.read_noise = 0;
+  const auto clean = simulate::simulate(run).content.train;
+  run.simulate.image.read_noise = 0.05;
+  const auto noisy = simulate::simulate(run).content.train;
+  const auto noise = [&](size_t i) { return (noisy[i].blurry - clean[i].blurry).flatten(); };
+  const torch::Tensor a = noise(0), b = noise(1);
+  CHECK(a.norm().item<double>() > 0);
+  // 3600 values: by chance a sixtieth.
+  CHECK(std::abs((a.dot(b) / (a.norm() * b.norm())).item<double>()) < 0.1);
+}
+
 TEST_CASE("simulate: the same seed gives the same recording for any number of threads",
           "[simulate]") {
   const int threads = at::get_num_threads();
