@@ -254,6 +254,40 @@ TEST_CASE("recording: of a Prophesee file only events near frames are kept", "[r
   CHECK_THAT(notes_of(none), !Catch::Contains("there are no events"));
 }
 
+TEST_CASE("recording: a span of a Prophesee file has its first microsecond and not its last",
+          "[recording]") {
+  const TempDir dir;
+  std::string text = evt_header("3.0", "% geometry 640x480\n");
+  for (const int t : {999, 1000, 1500, 2299, 2300}) text += evt3_time(t) + evt3_word(2, 1);
+  const auto raw = dir.write("a.raw", text);
+  write_frames(dir / "frames", 2);
+  dir.write("frames/exposures.csv", "f0,1000,1400\nf1,2000,2300\n");
+  ReadOptions options;
+  options.frames = dir / "frames";
+  const auto read = [&](int64_t begin_us, int64_t end_us) {
+    options.window = events::TimeWindow{begin_us, end_us};
+    return read_recording(raw, options);
+  };
+  const Recording both = read(1000, 2300);
+  CHECK(both.frames.size() == 2);
+  REQUIRE(both.events.size() == 3);
+  CHECK(both.events.first_us() == 1000);
+  CHECK(both.events.last_us() == 2299);
+  // A frame whose exposure reaches beyond either end is left out.
+  REQUIRE(read(1001, 2300).frames.size() == 1);
+  CHECK(read(1001, 2300).frames[0].name == "f1");
+  REQUIRE(read(1000, 2299).frames.size() == 1);
+  CHECK(read(1000, 2299).frames[0].name == "f0");
+  // The same since the first frame.
+  options.window.reset();
+  options.since_first_frame = events::TimeWindow{1000, 1300};
+  const Recording late = read_recording(raw, options);
+  REQUIRE(late.frames.size() == 1);
+  CHECK(late.frames[0].name == "f1");
+  REQUIRE(late.events.size() == 1);
+  CHECK(late.events.first_us() == 2299);
+}
+
 TEST_CASE("recording: a look at the first events tells of all", "[recording]") {
   const TempDir dir;
   const auto raw = write_triggered(dir);
