@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/data/cameras.h"
+
+#include "support/catch.h"
+
+#include <cmath>
+
+#include "data/tiny_recording.h"
+#include "jade/core/error.h"
+#include "support/temp_dir.h"
+
+namespace jade::data {
+namespace {
+
+TEST_CASE("cameras: position is the camera's centre, rotation has its axes in columns", "[data]") {
+  const test::TempDir dir;
+  // Right, down, forward are the world's y, z, x.
+  const auto path = dir.write(
+      "cameras.json",
+      R"([{"id":0,"img_name":"left","width":40,"height":30,"fx":50,"fy":60,"position":[1,2,3],
+           "rotation":[[0,0,1],[1,0,0],[0,1,0]]},
+          {"width":40,"height":30,"fx":50,"cx":19,"cy":14,"position":[0,0,0],
+           "rotation":[[1,0,0],[0,1,0],[0,0,1]]}])");
+  const std::vector<NamedCamera> cameras = read_cameras(path);
+  REQUIRE(cameras.size() == 2);
+  CHECK(cameras[0].name == "left");
+  CHECK(cameras[0].camera == geometry::Intrinsics{50, 60, 20, 15, 40, 30});
+  const geometry::Pose& pose = cameras[0].camera_from_world;
+  const geometry::Vector3 centre = geometry::centre(pose);
+  const geometry::Vector3 seen = geometry::transform(pose, {1 + 7, 2 + 5, 3 + 6});
+  for (size_t a = 0; a < 3; ++a) {
+    CHECK(centre[a] == Approx(1.0 + double(a)));
+    CHECK(seen[a] == Approx(5.0 + double(a)));
+  }
+  CHECK(cameras[1].name == "1");
+  CHECK(cameras[1].camera == geometry::Intrinsics{50, 50, 19, 14, 40, 30});
+}
+
+TEST_CASE("cameras: what is written is read back, and both ways to say a pose agree", "[data]") {
+  const test::TempDir dir;
+  const geometry::Pose pose = test::steady_pose(7e5);
+  const geometry::Intrinsics camera{50, 60, 19, 14, 40, 30};
+  write_cameras(dir / "own.json", {{"a", pose, camera}});
+  const auto own = read_cameras(dir / "own.json");
+  REQUIRE(own.size() == 1);
+  CHECK(own[0].name == "a");
+  CHECK(own[0].camera == camera);
+  CHECK(test::pose_distance(own[0].camera_from_world, pose) < 1e-12);
+  const geometry::Pose world = geometry::inverse(pose);
+  std::ostringstream text;
+  text.precision(17);
+  text << R"({"width":40,"height":30,"fx":50,"cameras":[{"position":[)" << world.translation[0]
+       << "," << world.translation[1] << "," << world.translation[2] << R"(],"rotation":[)";
+  for (size_t r = 0; r < 3; ++r) {
+    text << (r == 0 ? "[" : ",[") << world.rotation[3 * r] << "," << world.rotation[3 * r + 1]
+         << "," << world.rotation[3 * r + 2] << "]";
+  }
+  const auto theirs = read_cameras(dir.write("theirs.json", text.str() + "]}]}"));
+  REQUIRE(theirs.size() == 1);
+  CHECK(test::pose_distance(theirs[0].camera_from_world, pose) < 1e-9);
+  CHECK_THROWS_WITH(read_cameras(dir.write("bare.json", R"([{"width":4,"height":3,"fx":5}])")),
+                    Catch::Contains("bare.json") && Catch::Contains("camera_from_world"));
+}
+
+}  // namespace
+}  // namespace jade::data
