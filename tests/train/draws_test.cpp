@@ -71,3 +71,26 @@ TEST_CASE("term weights: those of the step, and none where nothing falls", "[tra
   CHECK(weights.at(3000).equal(torch::tensor({1.0f, 0.25f})));
   CHECK(weights.at(1).equal(torch::tensor({1.0f, static_cast<float>(1 - 1.0 / 4000)})));
 }
+
+TEST_CASE("draws: are new ones in every block of steps and every epoch", "[train]") {
+  constexpr int64_t kBlockSteps = 1024, kLook = 50;
+  train::PoseDraws poses(3, torch::kCPU, 9, true);
+  std::vector<torch::Tensor> early, late;
+  for (int64_t step = 1; step <= kLook; ++step) {
+    early.push_back(poses.at(step).clone());
+    late.push_back(poses.at(kBlockSteps + step).clone());
+  }
+  const torch::Tensor alike = torch::stack(early).eq(torch::stack(late)).sum(0);
+  for (int64_t kind = 0; kind < 4; ++kind) {
+    CHECK(alike[kind].item<int64_t>() < kLook / 3);  // by chance a ninth
+  }
+  const test::TinyScene scene;
+  const auto dataset = data::load_dataset(test::tiny_options(scene).dataset);
+  train::MomentDraws moments(train::exposure_spans(dataset), 9, 3, torch::kCPU);
+  const auto first = moments.at(1, 0).u.clone();
+  CHECK_FALSE(moments.at(kBlockSteps + 1, 0).u.equal(first));
+  train::ViewOrder order(3, 50);
+  int64_t same = 0;
+  for (int64_t step = 1; step <= 50; ++step) same += order.at(step) == order.at(50 + step);
+  CHECK(same < 10);
+}

@@ -68,6 +68,16 @@ struct PoseBench : test::Bench {
 
 }  // namespace
 
+TEST_CASE("pose_lr: falls log-linearly over its steps, and stays", "[train]") {
+  train::PoseOptions options;
+  options.lr = 1e-2, options.lr_final = 1e-4, options.lr_max_steps = 100;
+  for (const auto& [step, rate] : {std::pair{0, 1e-2}, {50, 1e-3}, {100, 1e-4}, {500, 1e-4}}) {
+    CHECK(train::pose_lr(options, step) == Approx(rate));
+  }
+  options.lr = 0;
+  CHECK(train::pose_lr(options, 1) == 0);
+}
+
 TEST_CASE("exposure poses: start on the line between the exposure's ends, both kinds", "[train]") {
   const test::TinyScene scene;
   const data::Dataset dataset = data::load_dataset(test::tiny_options(scene).dataset);

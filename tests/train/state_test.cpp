@@ -146,3 +146,20 @@ TEST_CASE("state: the modules follow the options", "[train]") {
   options.response.enabled = false;
   CHECK_FALSE(train::make_state(options, dataset, torch::kCPU).response);
 }
+
+TEST_CASE("state: the densification threshold is that of nine renders, a K-th of each with K",
+          "[train]") {
+  const test::TinyScene scene;
+  train::RunOptions options = test::tiny_options(scene);
+  const data::Dataset dataset = data::load_dataset(options.dataset);
+  const auto threshold = [&] {
+    return train::make_state(options, dataset, torch::kCPU).densifier.options().gradient_threshold;
+  };
+  const double given = options.densify.gradient_threshold;
+  CHECK(threshold() == given);
+  options.exposure.samples = 17;
+  CHECK(threshold() == Approx(given * 9 / 17));
+  // L_tgt alone renders one pose.
+  options.objective.blur = options.objective.simulation = options.objective.intensity = false;
+  CHECK(threshold() == given);
+}

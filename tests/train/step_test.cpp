@@ -40,3 +40,18 @@ TEST_CASE("steps: poses without gradient are not rendered and do not dilute the 
   CHECK(seen.visible_count.max().item<float>() == 1);
   CHECK(seen.gradient_norm.max().item<float>() > 0);
 }
+
+TEST_CASE("steps: poses move by the step size of their own step", "[train]") {
+  const test::TinyScene scene;
+  for (const auto& [step, rate] : {std::pair{1, 1e-4}, {2, 1e-6}, {3, 1e-6}}) {
+    Bench bench(scene);
+    train::PoseOptions& poses = bench.options.poses;
+    poses.optimize = train::PosePath::kLinear;
+    poses.start = train::PoseStart::kLine;
+    poses.lr = 1e-2, poses.lr_final = 1e-6, poses.lr_max_steps = 2;
+    bench.state = train::make_state(bench.options, bench.dataset, torch::kCPU);
+    bench.step(bench.inputs(1, step));
+    // Adam's first update moves by the step size, whatever the gradient.
+    CHECK(bench.state.poses->twists().abs().max().item<double>() == Approx(rate).epsilon(0.01));
+  }
+}
