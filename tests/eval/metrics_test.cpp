@@ -86,3 +86,12 @@ TEST_CASE("ssim: equals its definition on images smaller and larger than the win
     CHECK(eval::ssim(a, a) == Approx(1).margin(1e-5));
   }
 }
+
+TEST_CASE("ssim: of a render and of a truth, values outside [0,1] count as a screen shows them",
+          "[eval]") {
+  const auto wide = 3 * random_image(1) - 1, within = random_image(2);
+  const double expected = slow_ssim(wide.clamp(0, 1), within);
+  CHECK(std::abs(slow_ssim(wide, within) - expected) > 0.01);
+  CHECK(eval::ssim(wide, within) == Approx(expected).margin(1e-5));
+  CHECK(eval::ssim(within, wide) == Approx(expected).margin(1e-5));
+}

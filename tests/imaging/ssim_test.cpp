@@ -104,6 +104,19 @@ TEST_CASE("ssim: value and both gradients equal the slow reference at any size",
   }
 }
 
+TEST_CASE("ssim: values outside [0,1] count as they are, and have their gradient", "[imaging]") {
+  torch::manual_seed(8);
+  const auto wide = [] { return (3 * image({3, 14, 12}) - 1).requires_grad_(true); };
+  const auto a = wide(), b = wide();
+  const auto expected = reference(a, b);
+  const auto grads = torch::autograd::grad({expected}, {a, b});
+  const auto value = ssim(a, b);
+  CHECK(value.item<double>() == Approx(expected.item<double>()).margin(1e-12));
+  value.backward();
+  CHECK(torch::allclose(a.grad(), grads[0], 1e-7, 1e-12));
+  CHECK(torch::allclose(b.grad(), grads[1], 1e-7, 1e-12));
+}
+
 TEST_CASE("ssim: gradients agree with central differences, and a wrong one would not",
           "[imaging]") {
   torch::manual_seed(2);
