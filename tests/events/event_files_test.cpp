@@ -188,6 +188,40 @@ TEST_CASE("event files: damaged files are refused with their path", "[events]") 
              Catch::Contains("found 'a.bin'; give a list in text the ending .txt"));
 }
 
+TEST_CASE("event files: an HDF5 file's t_offset is added to every time once, read whole or in part",
+          "[events]") {
+  const TempDir dir;
+  constexpr int64_t kOffset = 5000000000;  // beyond the 32 bits of DSEC's times
+  const auto write = [&](const char* name, auto per_us, auto offset) {
+    std::vector<decltype(per_us)> stored;
+    for (const int64_t us : kT) stored.push_back(per_us * decltype(per_us)(us));
+    jade::io::Hdf5Writer file(dir / name);
+    file.append("events/x", kX.data(), 4), file.append("events/y", kY.data(), 4);
+    file.append("events/t", stored.data(), 4);
+    file.append("events/p", std::vector<int8_t>{1, 0, 1, 1}.data(), 4);
+    file.append("t_offset", &offset, 1);
+    file.close();
+  };
+  write("us.h5", uint32_t(1), kOffset);
+  write("s.h5", 1e-6, 1e-6 * double(kOffset));
+  for (const char* name : {"us.h5", "s.h5"}) {
+    INFO(name);
+    EventFileOptions options;
+    options.time_unit = std::string(name) == "s.h5" ? TimeUnit::kS : TimeUnit::kUs;
+    const auto whole = read_events(dir / name, options).events;
+    REQUIRE(whole.size() == 4);
+    for (int64_t i = 0; i < 4; ++i) {
+      CHECK(whole.t_us()[i].item<int64_t>() == kOffset + kT[size_t(i)]);
+    }
+    options.keep = std::vector<TimeWindow>{{kOffset + 200, kOffset + 300}};
+    const auto part = read_events(dir / name, options);
+    CHECK(part.stored_us.begin_us == kOffset + 100);
+    CHECK(part.stored_us.end_us == kOffset + 1000);
+    REQUIRE(part.events.size() == 2);
+    CHECK(part.events.first_us() == kOffset + 250);
+  }
+}
+
 TEST_CASE("event files: a file without events is read with a warning", "[events]") {
   const TempDir dir;
   std::ofstream(dir / "a.txt") << "# nothing\n";
