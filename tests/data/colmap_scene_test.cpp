@@ -72,6 +72,15 @@ TEST_CASE("colmap scene: every eighth image by name is a test view, cameras fit 
   CHECK(load_dataset(all).train.size() == 10);
 }
 
+TEST_CASE("colmap scene: of a camera with two focal lengths x has the first and y the second",
+          "[data]") {
+  const io::ColmapCamera two = {1, "PINHOLE", 20, 10, {30, 40, 9, 6}};
+  CHECK(camera_of(two, 20, 10, Warnings(nullptr)) == geometry::Intrinsics{30, 40, 9, 6, 20, 10});
+  CHECK(camera_of(two, 40, 5, Warnings(nullptr)) == geometry::Intrinsics{60, 20, 18, 3, 40, 5});
+  const io::ColmapCamera one = {1, "SIMPLE_PINHOLE", 20, 10, {30, 9, 6}};
+  CHECK(camera_of(one, 20, 10, Warnings(nullptr)) == geometry::Intrinsics{30, 30, 9, 6, 20, 10});
+}
+
 TEST_CASE("colmap scene: images without a file are named, strong distortion is refused", "[data]") {
   const test::TempDir folder;
   write_colmap_scene(folder / "room",

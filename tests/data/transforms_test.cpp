@@ -54,14 +54,16 @@ TEST_CASE("transforms: nerfstudio's single file gives cameras and poses", "[data
     imaging::write_image(folder / concat("room/images/f", i, ".png"), test::noise_image(i));
   }
   write_file(folder / "room/transforms.json",
-             "{\"fl_x\":50,\"w\":42,\"h\":26,\"cx\":20,\"cy\":14,\"frames\":[" +
+             "{\"fl_x\":50,\"fl_y\":60,\"w\":42,\"h\":26,\"cx\":20,\"cy\":14,\"frames\":[" +
                  frames_json("images/f", ".png", 3) + "]}");
   const Dataset data = load_dataset(at(folder / "room"));
   CHECK(data.kind == DatasetKind::kTransforms);
   REQUIRE(data.test.size() == 1);
   REQUIRE(data.train.size() == 2);
-  CHECK(data.train[1].camera.fy == Approx(25));
+  CHECK(data.train[1].camera.fx == Approx(25));
+  CHECK(data.train[1].camera.fy == Approx(30));
   CHECK(data.train[1].camera.cx == Approx(10));
+  CHECK(data.train[1].camera.cy == Approx(7));
   CHECK(test::pose_distance(data.train[1].poses[0], test::steady_pose(2e5)) < 1e-9);
 }
 

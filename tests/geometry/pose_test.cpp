@@ -97,6 +97,12 @@ TEST_CASE("pose: matrices rounded in files become rotations again, others are re
   CHECK_THROWS_AS(nearest_rotation({-1, 0, 0, 0, 1, 0, 0, 0, 1}), jade::ContractError);
 }
 
+TEST_CASE("camera: of an image made narrower and lower by other ratios each axis keeps its own",
+          "[geometry]") {
+  const Intrinsics uneven = scaled({100, 90, 18, 16, 40, 30}, 10, 15);
+  CHECK(uneven == Intrinsics{25, 45, 4.5, 8, 10, 15});
+}
+
 TEST_CASE("camera: projection and its inverse agree, pixel centres are at one half", "[geometry]") {
   const auto camera = Intrinsics::centred(100, 40, 30);
   CHECK(project(camera, {0, 0, 2})[0] == Approx(20));
