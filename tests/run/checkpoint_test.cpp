@@ -67,4 +67,7 @@ TEST_CASE("checkpoint: the data's fingerprint knows frames, times, poses and how
   CHECK(changed([](data::Exposure& e) { e.poses[7].translation[1] += 1e-6; }));
   CHECK(changed([](data::Exposure& e) { e.poses[0].rotation[3] += 1e-6; }));
   CHECK(changed([](data::Exposure& e) { e.events = events::EventStream(); }));
+  data::Dataset gray = dataset;
+  gray.monochrome = true;
+  CHECK(run::data_fingerprint(gray) != fingerprint);
 }
