@@ -67,27 +67,6 @@ TEST_CASE("event files: HDF5 with either polarity coding, types and groups", "[e
   check_events(seconds.events);
 }
 
-TEST_CASE("event files: times of DSEC count from the file's t_offset", "[events]") {
-  const TempDir dir;
-  const int64_t offset = 50'000'000;
-  {
-    jade::io::Hdf5Writer file(dir / "dsec.h5");
-    const std::vector<int64_t> later{kT[0] - 90, kT[1] - 90, kT[2] - 90, kT[3] - 90};
-    const std::vector<int8_t> polarity{1, 0, 1, 1};
-    file.append("events/x", kX.data(), 4);
-    file.append("events/y", kY.data(), 4);
-    file.append("events/t", later.data(), 4);
-    file.append("events/p", polarity.data(), 4);
-    file.append("t_offset", &offset, 1);
-    file.close();
-  }
-  const EventStream events = read_events(dir / "dsec.h5").events;
-  REQUIRE(events.size() == 4);
-  for (int64_t i = 0; i < 4; ++i) {
-    CHECK(events.t_us()[i].item<int64_t>() == kT[size_t(i)] - 90 + offset);
-  }
-}
-
 TEST_CASE("event files: npy, npz and text hold the same events", "[events]") {
   const TempDir dir;
   const auto x = torch::tensor({1.5, 2.0, 3.0, 0.0}), y = torch::tensor({0.0, 1.0, 2.25, 7.0});

@@ -113,11 +113,6 @@ TEST_CASE("camera: projection and its inverse agree, pixel centres are at one ha
   CHECK(half.fx == Approx(50));
   CHECK(half.cy == Approx(7.5));
   CHECK(half != camera);
-  const auto squeezed = scaled(Intrinsics{100, 120, 19, 16, 40, 30}, 20, 10);  // ½ and ⅓
-  CHECK(squeezed.fx == Approx(50));
-  CHECK(squeezed.fy == Approx(40));
-  CHECK(squeezed.cx == Approx(9.5));
-  CHECK(squeezed.cy == Approx(16.0 / 3));
   CHECK(to_tensor(camera)[0].item<double>() == 100);
   CHECK_THROWS_AS(check_camera({0, 1, 1, 1, 4, 4}, "camera"), jade::ContractError);
 }
