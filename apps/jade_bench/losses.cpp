@@ -76,11 +76,11 @@ struct Images {
     inputs.edi_factors = factors.index_select(0, inputs.pose_draws);
     inputs.target.emplace(restorations.edi);
     const torch::Tensor table = response::CameraResponse(response)->table();
-    inputs.tone = {
-        [table](const torch::Tensor& x) { return response::CameraResponseImpl::apply(x, table); },
-        [table](const torch::Tensor& x, const torch::Tensor& weights) {
-          return response::CameraResponseImpl::mean(x, table, weights);
-        }};
+    inputs.tone = [table](const std::vector<losses::ToneInput>& asked) {
+      std::vector<response::ResponseInput> images;
+      for (const losses::ToneInput& each : asked) images.push_back({each.image, each.weights});
+      return response::CameraResponseImpl::apply_all(images, table);
+    };
     const losses::ObjectiveOptions options = train::printed_options().objective;
     return losses::objective(inputs, losses::plan_objective(options, kStep), options);
   }

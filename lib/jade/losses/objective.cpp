@@ -101,8 +101,18 @@ torch::Tensor mean_weights(const ObjectiveInputs& inputs) {
                      inputs.renders.options().requires_grad(false));
 }
 
-Toned tone_together(const ObjectiveInputs& inputs, const Views& views, const ObjectivePlan& plan) {
+Toned tone(const ObjectiveInputs& inputs, const Views& views, const ObjectivePlan& plan) {
   Toned toned;
+  if (!plan.response || !inputs.tone) {
+    toned.blurry = inputs.blurry;
+    if (plan.edi) toned.edi_gray = imaging::gray(views.edi_gray);
+    if (plan.simulation) {
+      toned.mean_gray = imaging::gray(views.mean);
+      toned.simulation_gray = imaging::gray(views.simulation);
+    }
+    toned.mean = views.mean;
+    return toned;
+  }
   std::vector<ToneInput> asked;
   std::vector<torch::Tensor*> answers;
   const auto ask = [&](torch::Tensor& answer, const torch::Tensor& image,
@@ -119,28 +129,8 @@ Toned tone_together(const ObjectiveInputs& inputs, const Views& views, const Obj
   }
   if (plan.intensity) ask(toned.mean, inputs.renders, mean_weights(inputs));
   if (asked.empty()) return toned;
-  const std::vector<torch::Tensor> results = inputs.tone.all(asked);
+  const std::vector<torch::Tensor> results = inputs.tone(asked);
   for (size_t i = 0; i < results.size(); ++i) *answers[i] = results[i];
-  return toned;
-}
-
-/// The same image by image; without ρ the images themselves.
-Toned tone_apart(const ObjectiveInputs& inputs, const Views& views, const ObjectivePlan& plan) {
-  const bool curve = plan.response && inputs.tone.apply;
-  const auto tone = [&](const torch::Tensor& image) {
-    return curve ? inputs.tone.apply(image) : image;
-  };
-  Toned toned;
-  if (plan.edi || plan.intensity) toned.blurry = tone(inputs.blurry);
-  if (plan.edi) toned.edi_gray = imaging::gray(tone(views.edi_gray));
-  if (plan.simulation) {
-    toned.mean_gray = imaging::gray(tone(views.mean));
-    toned.simulation_gray = imaging::gray(tone(views.simulation));
-  }
-  if (!plan.intensity) return toned;
-  toned.mean = !curve             ? views.mean
-               : inputs.tone.mean ? inputs.tone.mean(inputs.renders, inputs.weights)
-                                  : weighted_mean(tone(inputs.renders), inputs.weights);
   return toned;
 }
 
@@ -241,8 +231,7 @@ Objective objective(const ObjectiveInputs& inputs, const ObjectivePlan& plan,
                     const ObjectiveOptions& options) {
   check_inputs(inputs, plan);
   const Views views = pick_views(inputs, plan);
-  const Toned toned = plan.response && inputs.tone.all ? tone_together(inputs, views, plan)
-                                                       : tone_apart(inputs, views, plan);
+  const Toned toned = tone(inputs, views, plan);
   const torch::Tensor& blurry = inputs.blurry;
   const auto edi_factor = [&](int64_t draw) { return inputs.edi_factors[draw]; };
   torch::Tensor target_weight, edi_weight;  // defined where they fall

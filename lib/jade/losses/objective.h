@@ -149,14 +149,9 @@ struct ToneInput {
   torch::Tensor image, weights;
 };
 
-/// The camera response as the objective uses it. Without `apply` it is the identity.
-struct ToneCurve {
-  std::function<torch::Tensor(const torch::Tensor&)> apply;  ///< ρ, element-wise
-  /// Σ_k w_k ρ(I_k), [K,...] → [...]; empty: through `apply`, which keeps all of them.
-  std::function<torch::Tensor(const torch::Tensor& images, const torch::Tensor& weights)> mean;
-  /// All that a step asks for, at most 5, in one call; empty: one by one through the other two.
-  std::function<std::vector<torch::Tensor>(const std::vector<ToneInput>&)> all;
-};
+/// The camera response ρ as the objective uses it: all that a step asks for, at most 5, in one
+/// call. Empty: the identity.
+using ToneCurve = std::function<std::vector<torch::Tensor>(const std::vector<ToneInput>&)>;
 
 struct ObjectiveInputs {
   /// [K,3,H,W], Î_k, or [M,3,H,W], those of poses_read() alone; differentiable

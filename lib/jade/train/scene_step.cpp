@@ -12,19 +12,11 @@ namespace {
 losses::ToneCurve tone_curve(TrainState& state, const StepPlan& plan) {
   if (!state.response || !plan.objective.response) return {};
   const auto table = state.response->table();
-  return {[table](const torch::Tensor& image) {
-            return response::CameraResponseImpl::apply(image, table);
-          },
-          [table](const torch::Tensor& images, const torch::Tensor& weights) {
-            return response::CameraResponseImpl::mean(images, table, weights);
-          },
-          [table](const std::vector<losses::ToneInput>& asked) {
-            std::vector<response::ResponseInput> inputs;
-            for (const losses::ToneInput& each : asked) {
-              inputs.push_back({each.image, each.weights});
-            }
-            return response::CameraResponseImpl::apply_all(inputs, table);
-          }};
+  return [table](const std::vector<losses::ToneInput>& asked) {
+    std::vector<response::ResponseInput> inputs;
+    for (const losses::ToneInput& each : asked) inputs.push_back({each.image, each.weights});
+    return response::CameraResponseImpl::apply_all(inputs, table);
+  };
 }
 
 /// `data` at the times u, or where the learned path has these cameras.
@@ -61,7 +53,7 @@ losses::EventPair event_pair(const TrainState& state, const StepInputs& inputs,
       learned_cameras(state, inputs.view_pick, window.u, window.cameras);
   const torch::Tensor images =
       splat::render(state.gaussians.parameters(), cameras, render_options(plan, options)).color;
-  const torch::Tensor toned = tone.apply ? tone.apply(images) : images;
+  const torch::Tensor toned = tone ? tone({{images, {}}})[0] : images;
   const events::Thresholds thresholds = options.events.thresholds();
   losses::EventPair pair;
   pair.before = toned[0];
