@@ -65,6 +65,7 @@ using Image1 = Shape<3, 10, 5>;
 using Image2 = Shape<10, 8, 5>;
 using Head1 = Shape<17, 9, 3>;
 using Head2 = Shape<9, 24, 3>;
+using Head3 = Shape<24, 1, 1>;
 using OfHead1 = Shape<24, 9, 3>;
 using OfFeatures = Shape<9, 14, 3>;
 using OfEvent1 = Shape<6, 16, 5>;

@@ -4,8 +4,7 @@
 #include <algorithm>
 
 #include "jade/kernel/launch.h"
-#include "jade/router/conv_layer.h"
-#include "jade/router/conv_tile.cuh"
+#include "jade/router/conv_shape.cuh"
 
 namespace jade::router::cuda {
 namespace {
@@ -21,23 +20,23 @@ struct Tiles {
 /// Products of a layer. Words hold pixels (y, x) and (y + kHalfY, x), so that any tap reads whole
 /// words; their banks are those of x + 8 · (row of the kernel), further rows of a product's eight
 /// taps being 8 apart each, be it in the next channel.
-template <int IN, int OUT, int K, bool BIAS>
+template <class Conv, bool BIAS>
 struct Sizes {
-  static constexpr int kIn = IN, kOut = OUT, kKernel = K;
+  static constexpr int kIn = Conv::kIn, kOut = Conv::kOut, kKernel = Conv::kKernel;
   static constexpr bool kBias = BIAS;
-  static constexpr int kWide = kTileX + 8, kHigh = kHalfY + K - 1;
-  static constexpr int kRead = kTileX + K - 1;  ///< of each row
-  static constexpr int kPlane = kHigh * kWide + (K * 8 - kHigh * kWide % 32 + 32) % 32;
+  static constexpr int kWide = kTileX + 8, kHigh = kHalfY + kKernel - 1;
+  static constexpr int kRead = kTileX + kKernel - 1;  ///< of each row
+  static constexpr int kPlane = kHigh * kWide + (kKernel * 8 - kHigh * kWide % 32 + 32) % 32;
   static constexpr int kOutPlane = kHalfY * kTileX + 4;
-  static constexpr int kTaps = IN * K * K;
+  static constexpr int kTaps = kIn * kKernel * kKernel;
   /// The gradient of the bias is that of a weight whose input is one everywhere: one more channel.
-  static constexpr int kRows = kTaps + BIAS, kPlanes = IN + BIAS;
+  static constexpr int kRows = kTaps + kBias, kPlanes = kIn + kBias;
   static constexpr int kTiles = round_up(kRows, 16) / 16;  ///< of the product, 16 rows each
   static constexpr int kPerWarp = round_up(kTiles, kWarps) / kWarps;
-  static constexpr int kColumns = round_up(OUT, 8) / 8;
-  static constexpr int kInWords = kPlanes * kPlane, kOutWords = OUT * kOutPlane;
+  static constexpr int kColumns = round_up(kOut, 8) / 8;
+  static constexpr int kInWords = kPlanes * kPlane, kOutWords = kOut * kOutPlane;
   static constexpr int kShared = 2 * (kInWords + kOutWords);
-  static constexpr int kWeights = kTaps * OUT + BIAS * OUT;
+  static constexpr int kWeights = kTaps * kOut + kBias * kOut;
 };
 
 /// Planes of a tile in shared memory. Until their scale is known, the two numbers of a place are
@@ -223,31 +222,33 @@ struct WeightGradient {
   }
 };
 
-using Event1 = Sizes<2, 16, 5, false>;
-using Event2 = Sizes<16, 6, 5, false>;
-using Image1 = Sizes<3, 10, 5, true>;
-using Image2 = Sizes<10, 8, 5, true>;
-using Head1 = Sizes<17, 9, 3, false>;
-using Head2 = Sizes<9, 24, 3, false>;
-using Head3 = Sizes<24, 1, 1, true>;
+using Event1Weights = Sizes<Event1, false>;
+using Event2Weights = Sizes<Event2, false>;
+using Image1Weights = Sizes<Image1, true>;
+using Image2Weights = Sizes<Image2, true>;
+using Head1Weights = Sizes<Head1, false>;
+using Head2Weights = Sizes<Head2, false>;
+using Head3Weights = Sizes<Head3, true>;
 
 struct AllLayers {
-  WeightGradient<Event1, ImageSource<0>, GradientSource<true>> event1;
-  WeightGradient<Event2, ImageSource<0>, GradientSource<true>> event2;
-  WeightGradient<Image1, ImageSource<0>, GradientSource<true>> image1;
-  WeightGradient<Image2, ImageSource<0>, GradientSource<true>> image2;
-  WeightGradient<Head1, ImageSource<3>, GradientSource<true>> head1;
-  WeightGradient<Head2, ImageSource<0>, HeadGradientSource> head2;
-  WeightGradient<Head3, ImageSource<0>, GradientSource<false>> head3;
+  WeightGradient<Event1Weights, ImageSource<0>, GradientSource<true>> event1;
+  WeightGradient<Event2Weights, ImageSource<0>, GradientSource<true>> event2;
+  WeightGradient<Image1Weights, ImageSource<0>, GradientSource<true>> image1;
+  WeightGradient<Image2Weights, ImageSource<0>, GradientSource<true>> image2;
+  WeightGradient<Head1Weights, ImageSource<3>, GradientSource<true>> head1;
+  WeightGradient<Head2Weights, ImageSource<0>, HeadGradientSource> head2;
+  WeightGradient<Head3Weights, ImageSource<0>, GradientSource<false>> head3;
 };
 
-constexpr int kShared = std::max({Event1::kShared, Event2::kShared, Image1::kShared,
-                                  Image2::kShared, Head1::kShared, Head2::kShared, Head3::kShared});
+constexpr int kShared = std::max(
+    {Event1Weights::kShared, Event2Weights::kShared, Image1Weights::kShared, Image2Weights::kShared,
+     Head1Weights::kShared, Head2Weights::kShared, Head3Weights::kShared});
 
 /// Where a layer's sums begin in a row of all; past the last: their number.
 JADE_HD constexpr int begin_of(int layer) {
-  const int weights[] = {Event1::kWeights, Event2::kWeights, Image1::kWeights, Image2::kWeights,
-                         Head1::kWeights,  Head2::kWeights,  Head3::kWeights};
+  const int weights[] = {Event1Weights::kWeights, Event2Weights::kWeights, Image1Weights::kWeights,
+                         Image2Weights::kWeights, Head1Weights::kWeights,  Head2Weights::kWeights,
+                         Head3Weights::kWeights};
   int begin = 0;
   for (int i = 0; i < layer; ++i) begin += weights[i];
   return begin;
