@@ -301,7 +301,7 @@ __global__ void __launch_bounds__(kGatherThreads)
   const Ellipse ellipse(splat);
   int lo, hi;
   ellipse.rows(call.tiles_y - 1, &lo, &hi);
-  walk_rows(ellipse, lo, hi, 1, call, [&](int tile, uint32_t mask) {
+  walk_rows(ellipse, lo, hi, call, [&](int tile, uint32_t mask) {
     const int64_t global_tile = int64_t(view) * call.tiles + tile;
     const TileList list = call.tile_list[global_tile];
     if (list.begin >= call.capacity) return;

@@ -104,11 +104,11 @@ __device__ __forceinline__ void walk_row(const TileRow& reached, int row, const 
   }
 }
 
-/// The same for tile rows begin, begin + step, … up to end.
+/// The same for tile rows begin to end.
 template <class Visit>
-__device__ __forceinline__ void walk_rows(const Ellipse& e, int begin, int end, int step,
+__device__ __forceinline__ void walk_rows(const Ellipse& e, int begin, int end,
                                           const RenderCall& call, const Visit& visit) {
-  for (int row = begin; row <= end; row += step) walk_row({e, row, call}, row, call, visit);
+  for (int row = begin; row <= end; ++row) walk_row({e, row, call}, row, call, visit);
 }
 
 __device__ __forceinline__ Ellipse ellipse_of(const Ellipse& mine, int lane) {
