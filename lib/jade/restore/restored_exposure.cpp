@@ -91,14 +91,14 @@ RestoredExposure restore_exposure(const data::Exposure& exposure,
   const events::ImageSize size{exposure.camera.height, exposure.camera.width};
   const Integral integral = integral_of(options);
   RestoredExposure restored;
-  restored.maps =
-      events::map_exposure(exposure.events, span, options.events.bins, size, integral.samples - 1);
-  if (reach_of(options.events) > 0) {
-    restored.maps.windows = integral_windows(exposure, recording, options, 0);
-  }
+  const bool ramped = reach_of(options.events) > 0;  // then the windows are counted otherwise
+  restored.maps = events::map_exposure(exposure.events, span, options.events.bins, size,
+                                       ramped ? 1 : integral.samples - 1);
+  if (ramped) restored.maps.windows = integral_windows(exposure, recording, options, 0);
   restored.blurry = exposure.blurry.to(device).contiguous();
-  const torch::Tensor windows =
-      events::edi_windows(restored.maps.windows, options.events.thresholds()).to(device);
+  const events::WindowCounts& counts = restored.maps.windows;
+  const torch::Tensor windows = events::edi_windows(
+      {counts.positive.to(device), counts.negative.to(device)}, options.events.thresholds());
   restored.kernel = imaging::edi_kernel(windows, integral.rule, options.events.edi_index);
   restored.gain = gain_at_samples(restored.kernel, options.exposure);
   restored.taught = restored.kernel;
