@@ -6,6 +6,7 @@
 #include <map>
 #include <new>
 #include <optional>
+#include <torch/csrc/jit/runtime/graph_executor.h>
 #include <torch/nn/functional/padding.h>
 #include <torch/script.h>
 
@@ -206,6 +207,8 @@ torch::Tensor Restorer::call(const Inputs& inputs) const {
       padded.emplace_back(pad_zero(inputs.maps[i].to(device_), right, bottom));
     }
     if (inputs.times.defined()) padded.emplace_back(inputs.times.to(device_));
+    // Profiling and fusing, for each shape anew, takes seconds; a run restores a dozen views.
+    const torch::jit::GraphOptimizerEnabledGuard as_written(false);
     output = module_->forward(std::move(padded)).toTensor();
   } catch (const std::bad_alloc&) {
     throw OutOfMemory(concat("not enough memory on ", device_.str(), " to restore ", size));
