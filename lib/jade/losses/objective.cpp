@@ -101,6 +101,7 @@ torch::Tensor mean_weights(const ObjectiveInputs& inputs) {
                      inputs.renders.options().requires_grad(false));
 }
 
+/// Through ρ in one call, or as they are where the plan or the inputs have none.
 Toned tone(const ObjectiveInputs& inputs, const Views& views, const ObjectivePlan& plan) {
   Toned toned;
   if (!plan.response || !inputs.tone) {
