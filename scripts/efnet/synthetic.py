@@ -284,6 +284,8 @@ def draw_thresholds(draw: Draw, options: SceneOptions, strength: Tensor, exponen
     """EDI works on the stored encoding, where the same events mean a threshold smaller by the exponent."""
     count = options.batch
     rise = draw.log_uniform(options.threshold_min, options.threshold_max, count, 1, 1)
+    high = draw.uniform((options.threshold_min + options.threshold_max) / 2, options.threshold_max, count, 1, 1)
+    rise = torch.where(draw.chance(0.25, count, 1, 1), high, rise)  # real sensors, by what their events add up to
     fall = rise * draw.uniform(0.72, 1.38, count, 1, 1)
     per_sample = strength.view(-1, 1, 1)
     spread = draw.uniform(0, 0.2, count, 1, 1) * per_sample
@@ -300,15 +302,20 @@ def draw_thresholds(draw: Draw, options: SceneOptions, strength: Tensor, exponen
 
 def events_of_step(
     level: Tensor, seen: Tensor, reference: Tensor, rise: Tensor, fall: Tensor, slow: Tensor, most: Tensor, lost: Tensor,
-    shot: Tensor, leak: Tensor, chances: Tensor,
+    reset: Tensor, shot: Tensor, leak: Tensor, chances: Tensor,
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """One time step of the threshold rule: what the pixel sees, its reference, and the signed count."""
+    """One time step of the threshold rule: what the pixel sees, its reference, and the signed count.
+
+    reset: what share of the change beyond the thresholds is forgotten at an event, as by a pixel that takes the level after its
+    dead time for its new reference.
+    """
     seen = seen + (level - seen) * (1 - slow)
     change = seen - reference
     rising = change > 0
     threshold = torch.where(rising, rise, fall)
     number = (change.abs() / threshold).floor()
     reference = reference + change.sign() * number * threshold
+    reference = reference + (seen - reference) * reset * (number > 0)
     kept = torch.minimum(number, most) * (chances[0] >= lost)
     signed = torch.where(rising, kept, -kept)
     noise = chances[1]
@@ -324,6 +331,14 @@ def compile_events() -> None:
     event_step = torch.compile(events_of_step, dynamic=True)
 
 
+def shift_in_time(level: Tensor, ahead: Tensor) -> Tensor:
+    """level [N,S,H,W] as it is `ahead` [N,1,1] time steps later (earlier where negative), at most one; beyond the ends along a line."""
+    earlier = torch.cat([2 * level[:, :1] - level[:, 1:2], level[:, :-1]], 1)
+    later = torch.cat([level[:, 1:], 2 * level[:, -1:] - level[:, -2:-1]], 1)
+    share = ahead.unsqueeze(1)
+    return torch.lerp(level, torch.where(share > 0, later, earlier), share.abs())
+
+
 def simulate_events(
     draw: Draw, intensity: Tensor, thresholds: PixelThresholds, strength: Tensor, windows: int, weigh: bool
 ) -> tuple[Tensor, Tensor | None]:
@@ -333,6 +348,9 @@ def simulate_events(
     floor = draw.log_uniform(1e-3, 3e-2, count, 1, 1, 1)
     level = (intensity + floor).log()
     per_sample = strength.view(-1, 1, 1)
+    # Frames are stamped at one end of their readout or the other: their clock differs from the events'.
+    ahead = draw.chance(0.5, count, 1, 1) * draw.uniform(-0.03, 0.03, count, 1, 1) * per_sample * steps
+    level = shift_in_time(level, ahead.clamp(-1, 1))
     # The stream runs on before the exposure: the reference is anywhere within a threshold of the first sample.
     offset = draw.uniform(-1, 1, count, height, width)
     reference = level[:, 0] - torch.where(offset > 0, offset * thresholds.rise, offset * thresholds.fall)
@@ -341,6 +359,7 @@ def simulate_events(
     limited = draw.chance(0.25, count, 1, 1) & (per_sample > 0.2)
     most = torch.where(limited, 1.0 + draw.index(3, count, 1, 1), torch.full_like(per_sample, 1e6))
     lost = draw.uniform(0, 0.12, count, 1, 1) * per_sample
+    reset = draw.chance(0.3, count, 1, 1) * draw.uniform(0, 0.8, count, 1, 1) * per_sample
     shot = draw.log_uniform(1e-3, 0.4, count, 1, 1) * per_sample / steps
     leak = draw.chance(0.3, count, 1, 1) * draw.log_uniform(1e-3, 0.1, count, 1, 1) * per_sample / steps
     counts = torch.zeros(count, windows, height, width, device=draw.device)
@@ -349,7 +368,7 @@ def simulate_events(
     for k in range(1, times):
         chances = draw.uniform(0, 1, 2, count, height, width)
         seen, reference, signed = event_step(
-            level[:, k], seen, reference, thresholds.rise, thresholds.fall, slow, most, lost, shot, leak, chances
+            level[:, k], seen, reference, thresholds.rise, thresholds.fall, slow, most, lost, reset, shot, leak, chances
         )
         window = (k - 1) * windows // steps
         counts[:, window] += signed
@@ -428,14 +447,14 @@ def make_colours(draw: Draw, layers: list[Layer], count: int) -> None:
 
 
 def draw_moments(draw: Draw, steps: int, options: SceneOptions) -> Tensor:
-    """[N,M] indices of pictures: the middle for a quarter of them, an end for another, else any."""
+    """[N,M] indices of pictures: the middle for a quarter of them, an end for a third, else any."""
     shape = (options.batch, options.moments)
     middle = torch.full(shape, steps // 2, device=draw.device)
     if options.middle:
         return middle
     kind = draw.uniform(0, 1, *shape)
     end = draw.index(2, *shape) * steps
-    return torch.where(kind < 0.25, middle, torch.where(kind < 0.5, end, draw.index(steps + 1, *shape)))
+    return torch.where(kind < 0.25, middle, torch.where(kind < 0.58, end, draw.index(steps + 1, *shape)))
 
 
 def finish(draw: Draw, pictures: Tensor, seen: Tensor, displacement: Tensor | None, options: SceneOptions,

@@ -28,7 +28,7 @@ from model import EFNet, parameter_count  # noqa: E402
 from draw import Draw  # noqa: E402
 from footage import Footage  # noqa: E402
 from synthetic import (  # noqa: E402
-    NoiseOptions, SceneOptions, event_step, generate, generate_from_footage, procedural_textures, splat,
+    NoiseOptions, SceneOptions, event_step, generate, generate_from_footage, procedural_textures, shift_in_time, splat,
 )
 
 torch.set_num_threads(1)
@@ -205,13 +205,27 @@ class Generator(unittest.TestCase):
         one, none = torch.ones(1, 1, 1), torch.zeros(1, 1, 1)
         chances = torch.full((2, 1, 1, 1), 0.5)
         seen, reference, signed = event_step(
-            one * 0.7, none, none, one * 0.3, one * 0.2, none, one * 1e6, none, none, none, chances)
+            one * 0.7, none, none, one * 0.3, one * 0.2, none, one * 1e6, none, none, none, none, chances)
         self.assertAlmostEqual(float(signed), 2)
         self.assertAlmostEqual(float(reference), 0.6, places=6)
         _, reference, signed = event_step(
-            none, seen, reference, one * 0.3, one * 0.2, none, one * 1e6, none, none, none, chances)
+            none, seen, reference, one * 0.3, one * 0.2, none, one * 1e6, none, none, none, none, chances)
         self.assertAlmostEqual(float(signed), -3)
         self.assertAlmostEqual(float(reference), 0.0, places=6)
+
+    def test_a_resetting_pixel_forgets_what_is_beyond_its_thresholds(self):
+        one, none = torch.ones(1, 1, 1), torch.zeros(1, 1, 1)
+        chances = torch.full((2, 1, 1, 1), 0.5)
+        for level, expected in ((0.7, 0.6 + 0.25 * 0.1), (-0.5, -0.4 - 0.25 * 0.1), (0.1, 0.0)):  # the last makes no event
+            _, reference, _ = event_step(
+                one * level, none, none, one * 0.3, one * 0.2, none, one * 1e6, none, one * 0.25, none, none, chances)
+            self.assertAlmostEqual(float(reference), expected, places=6)
+
+    def test_a_shift_in_time_takes_the_level_of_later_or_earlier(self):
+        level = torch.tensor([0.0, 1.0, 4.0, 5.0]).view(1, 4, 1, 1)
+        for ahead, expected in ((0.0, [0, 1, 4, 5]), (0.5, [0.5, 2.5, 4.5, 5.5]), (-0.25, [-0.25, 0.75, 3.25, 4.75])):
+            shifted = shift_in_time(level, torch.full((1, 1, 1), ahead)).flatten()
+            torch.testing.assert_close(shifted, torch.tensor(expected, dtype=torch.float32))
 
     def test_footage_gives_the_same_kind_of_sample(self):
         with tempfile.TemporaryDirectory() as folder:
