@@ -10,9 +10,10 @@
 # Needs build/bin/jade_simulate (scripts/build.sh jade_simulate) and a Python with torch (docs/efnet.md, section 3): $PYTHON, else
 # that of build/training or .venv, else python3. Exit codes are those of train_efnet.py.
 set -euo pipefail
-cd "$(dirname "${BASH_SOURCE[0]}")/../.."
-case "${1:-}" in -h | --help) sed -n '3,/^[^#]/s/^# \{0,1\}//p' scripts/efnet/train_here.sh; exit ;; esac
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
+case "${1:-}" in -h | --help) sed -n '3,/^[^#]/s/^# \{0,1\}//p' "${BASH_SOURCE[0]}"; exit ;; esac
 fail() { echo "train_here: $*" >&2; exit 2; }
+held_out=900001  # the first of eight seeds that no training sees
 output='' films=300 first=5001 jobs=$(nproc) size=320x288 rest=()
 while [ $# -gt 0 ]; do
   case $1 in
@@ -27,43 +28,43 @@ done
 for name in films first jobs; do
   [[ ${!name} =~ ^[1-9][0-9]*$ ]] || fail "--$name: expected a whole number above 0, found '${!name}'"
 done
+[ $((first + films)) -le "$held_out" ] || fail "--first: expected seeds below $held_out, which are held out, found up to $((first + films - 1))"
 [[ $size =~ ^[1-9][0-9]*x[1-9][0-9]*$ ]] || fail "--size: expected WxH such as 320x288, found '$size'"
-simulate=${JADE_BIN:-build/bin}/jade_simulate
+simulate=${JADE_BIN:-$root/build/bin}/jade_simulate
 [ -x "$simulate" ] || fail "$simulate: not there; run scripts/build.sh jade_simulate"
-for python in ${PYTHON:-build/training/bin/python .venv/bin/python python3}; do
+for python in ${PYTHON:+"$PYTHON"} "$root/build/training/bin/python" "$root/.venv/bin/python" python3; do
   ! command -v "$python" >/dev/null || break
 done
 # Mistakes in the training's own arguments are told now, not after the first films.
 gpus=$("$python" -c '
 import sys
-sys.path.insert(0, "scripts/efnet")
+sys.path.insert(0, sys.argv.pop(1))
 sys.argv[0] = "train_efnet.py"
 import train_efnet
 train_efnet.parse_arguments()
-print(train_efnet.torch.cuda.device_count())' --output "$output" "${rest[@]}") || exit $?
+print(train_efnet.torch.cuda.device_count())' "$root/scripts/efnet" --output "$output" "${rest[@]}") || exit $?
 
 # A film is not in its folder until it is whole.
 film() {
-  local world=gallery target=$1/$2 making=$rendering/$2
-  [ $(($2 % 2)) = 1 ] || world=clutter
+  local world=gallery folder=films
+  [ $(($1 % 2)) = 1 ] || world=clutter
+  [ "$1" -lt "$held_out" ] || folder=held_out
+  local target=$output/$folder/$1 making=$output/rendering/$1
   [ ! -e "$target/footage.npy" ] || return 0
   rm -rf "$making"
-  if OMP_NUM_THREADS=1 "$simulate" --config configs/simulate/restorer.yaml --seed "$2" --set "simulate.world=$world" \
+  if OMP_NUM_THREADS=1 "$simulate" --config "$root/configs/simulate/restorer.yaml" --seed "$1" --set "simulate.world=$world" \
     --set "simulate.width=${size%x*}" --set "simulate.height=${size#*x}" --footage 33 --output "$making" --quiet >"$making.log" 2>&1; then
     mv "$making" "$target" && rm -f "$making.log"
   else
-    echo "train_here: film $2 failed, see $making.log" >&2
+    echo "train_here: film $1 failed, see $making.log" >&2
   fi
 }
 export -f film
-export simulate size rendering=$output/rendering
-mkdir -p "$output/films" "$output/held_out" "$rendering"
+export root simulate size output held_out
+mkdir -p "$output/films" "$output/held_out" "$output/rendering"
 # A process group of its own, so that all of it ends with the training or with Ctrl-C.
 set -m
-{
-  seq 900001 900008 | sed "s|^|$output/held_out |"
-  seq "$first" $((first + films - 1)) | sed "s|^|$output/films |"
-} | xargs -P "$jobs" -L 1 bash -c 'film "$0" "$1"' &
+{ seq "$held_out" $((held_out + 7)); seq "$first" $((first + films - 1)); } | xargs -P "$jobs" -n 1 bash -c 'film "$0"' &
 renderers=$!
 set +m
 trap 'kill -- -$renderers 2>/dev/null || true' EXIT
@@ -77,7 +78,7 @@ run=("$python")
 [ "$gpus" -lt 2 ] || run+=(-m torch.distributed.run --nproc-per-node "$gpus")
 # Not in the foreground, where bash would hear of no signal before it ends.
 set -m
-"${run[@]}" scripts/efnet/train_efnet.py --output "$output" --footage "$output/films" --held-out-footage "$output/held_out" "${rest[@]}" &
+"${run[@]}" "$root/scripts/efnet/train_efnet.py" --output "$output" --footage "$output/films" --held-out-footage "$output/held_out" "${rest[@]}" &
 training=$!
 set +m
 trap 'kill -INT -- -$training 2>/dev/null || true' INT TERM

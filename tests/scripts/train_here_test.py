@@ -13,12 +13,12 @@ SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "efnet" / "train_here
 SIMULATE = """#!/bin/bash
 echo "$*" >> {here}/asked
 while [ $# -gt 0 ]; do case $1 in --output) out=$2;; --seed) seed=$2;; esac; shift; done
-[ "$seed" != {slow} ] || exec sleep 60
+[ "$seed" != {slow} ] || sleep 60
 [ "$seed" != {bad} ] || {{ echo "error: no room"; exit 3; }}
 mkdir -p "$out" && echo film > "$out/footage.npy"
 """
 PYTHON = """#!/bin/bash
-[ "$1" != -c ] || {{ printf '%s\\n' "${{@:3}}" > {here}/checked; echo {gpus}; exit {refused}; }}
+[ "$1" != -c ] || {{ printf '%s\\n' "${{@:4}}" > {here}/checked; echo {gpus}; exit {refused}; }}
 printf '%s\\n' "$@" > {here}/trained
 {then}
 """
@@ -29,7 +29,7 @@ class TrainHere(unittest.TestCase):
         folder = tempfile.TemporaryDirectory()
         self.addCleanup(folder.cleanup)
         self.here = Path(folder.name)
-        self.output = self.here / "run"
+        self.output = self.here / "my run"
 
     def program(self, name: str, text: str) -> Path:
         path = self.here / name
@@ -42,7 +42,7 @@ class TrainHere(unittest.TestCase):
         python = self.program("python", PYTHON.format(here=self.here, gpus=gpus, refused=refused, then=then))
         return subprocess.Popen(
             [SCRIPT, "--output", self.output, "--films", "3", "--first", "11", *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-            text=True, env={**os.environ, "JADE_BIN": str(self.here), "PYTHON": str(python)})
+            text=True, env={**os.environ, "JADE_BIN": str(self.here), "PYTHON": str(python)}, cwd=self.here)
 
     def run_script(self, *options: str, **how) -> tuple[int, str]:
         process = self.start(*options, **how)
@@ -65,7 +65,7 @@ class TrainHere(unittest.TestCase):
         self.assertEqual(self.films("held_out"), [str(900001 + i) for i in range(8)])
         self.assertGreaterEqual(len(self.films("films")), 2)
         self.assertEqual(self.trained(), [
-            "scripts/efnet/train_efnet.py", "--output", str(self.output), "--footage", str(self.output / "films"),
+            str(SCRIPT.parent / "train_efnet.py"), "--output", str(self.output), "--footage", str(self.output / "films"),
             "--held-out-footage", str(self.output / "held_out"), "--compile", "--max-minutes", "9"])
         odd = next(line for line in self.asked() if "--seed 11 " in line)
         self.assertRegex(odd, "world=gallery --set simulate.width=64 --set simulate.height=48 --footage 33 ")
@@ -73,7 +73,7 @@ class TrainHere(unittest.TestCase):
         self.assertIn("world=clutter", even)
 
     def test_a_second_start_renders_what_is_missing(self):
-        wait = f"while [ $(find {self.output}/films -name footage.npy | wc -l) -lt 3 ]; do sleep 0.1; done"
+        wait = f"while [ $(find '{self.output}/films' -name footage.npy | wc -l) -lt 3 ]; do sleep 0.1; done"
         self.assertEqual(self.run_script(then=wait)[0], 0)
         (self.here / "asked").unlink()
         (self.output / "films" / "12" / "footage.npy").unlink()
@@ -110,7 +110,7 @@ class TrainHere(unittest.TestCase):
     def test_a_film_that_fails_is_named_and_costs_no_training(self):
         code, said = self.run_script(bad=12)
         self.assertEqual(code, 0)
-        self.assertRegex(said, r"train_here: film 12 failed, see \S*rendering/12.log\n")
+        self.assertRegex(said, r"train_here: film 12 failed, see .*rendering/12.log\n")
         self.assertIn("no room", (self.output / "rendering" / "12.log").read_text())
 
     def test_what_the_training_refuses_renders_nothing(self):
@@ -122,6 +122,7 @@ class TrainHere(unittest.TestCase):
         for options, pattern in ((["--films", "many"], "--films: expected a whole number above 0, found 'many'"),
                                  (["--size", "64"], "--size: expected WxH such as 320x288, found '64'"),
                                  (["--footage", "x"], "--footage: this script renders its own"),
+                                 (["--first", "900000"], "--first: expected seeds below 900001, which are held out, found up to 900002"),
                                  (["--jobs"], "--jobs: expected a value"), (["--output", ""], "--output: expected a folder")):
             with self.subTest(options):
                 code, said = self.run_script(*options)
