@@ -10,39 +10,9 @@
 # Needs build/bin/jade_simulate (scripts/build.sh jade_simulate) and a Python with torch (docs/efnet.md, section 3): $PYTHON, else
 # that of build/training or .venv, else python3. Exit codes are those of train_efnet.py.
 set -euo pipefail
-root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
-case "${1:-}" in -h | --help) sed -n '3,/^[^#]/s/^# \{0,1\}//p' "${BASH_SOURCE[0]}"; exit ;; esac
-fail() { echo "train_here: $*" >&2; exit 2; }
 held_out=900001  # the first of eight seeds that no training sees
-output='' films=300 first=5001 jobs=$(nproc) size=320x288 rest=()
-while [ $# -gt 0 ]; do
-  case $1 in
-    --output | --films | --first | --jobs | --size)
-      [ $# -gt 1 ] || fail "$1: expected a value"
-      printf -v "${1#--}" %s "$2"; shift 2 ;;
-    --footage | --held-out-footage) fail "$1: this script renders its own; with films at hand call scripts/efnet/train_efnet.py" ;;
-    *) rest+=("$1"); shift ;;
-  esac
-done
-[ -n "$output" ] || fail "--output: expected a folder for the run"
-for name in films first jobs; do
-  [[ ${!name} =~ ^[1-9][0-9]*$ ]] || fail "--$name: expected a whole number above 0, found '${!name}'"
-done
-[ $((first + films)) -le "$held_out" ] || fail "--first: expected seeds below $held_out, which are held out, found up to $((first + films - 1))"
-[[ $size =~ ^[1-9][0-9]*x[1-9][0-9]*$ ]] || fail "--size: expected WxH such as 320x288, found '$size'"
-simulate=${JADE_BIN:-$root/build/bin}/jade_simulate
-[ -x "$simulate" ] || fail "$simulate: not there; run scripts/build.sh jade_simulate"
-for python in ${PYTHON:+"$PYTHON"} "$root/build/training/bin/python" "$root/.venv/bin/python" python3; do
-  ! command -v "$python" >/dev/null || break
-done
-# Mistakes in the training's own arguments are told now, not after the first films.
-gpus=$("$python" -c '
-import sys
-sys.path.insert(0, sys.argv.pop(1))
-sys.argv[0] = "train_efnet.py"
-import train_efnet
-train_efnet.parse_arguments()
-print(train_efnet.torch.cuda.device_count())' "$root/scripts/efnet" --output "$output" "${rest[@]}") || exit $?
+training='' renderers=''
+fail() { echo "train_here: $*" >&2; exit 2; }
 
 # A film is not in its folder until it is whole.
 film() {
@@ -54,38 +24,96 @@ film() {
   rm -rf "$making"
   if OMP_NUM_THREADS=1 "$simulate" --config "$root/configs/simulate/restorer.yaml" --seed "$1" --set "simulate.world=$world" \
     --set "simulate.width=${size%x*}" --set "simulate.height=${size#*x}" --footage 33 --output "$making" --quiet >"$making.log" 2>&1; then
-    mv "$making" "$target" && rm -f "$making.log"
+    rm -rf "$target" && mv -T "$making" "$target" && rm -f "$making.log"
   else
     echo "train_here: film $1 failed, see $making.log" >&2
   fi
 }
 export -f film
-export root simulate size output held_out
-mkdir -p "$output/films" "$output/held_out" "$output/rendering"
-# A process group of its own, so that all of it ends with the training or with Ctrl-C.
-set -m
-{ seq "$held_out" $((held_out + 7)); seq "$first" $((first + films - 1)); } | xargs -P "$jobs" -n 1 bash -c 'film "$0"' &
-renderers=$!
-set +m
-trap 'kill -- -$renderers 2>/dev/null || true' EXIT
-trap 'exit 130' INT TERM
+
 ready() { find "$output/$1" -name footage.npy | wc -l; }
-while [ "$(ready held_out)" -lt 8 ] || [ "$(ready films)" -lt "$((films < 2 ? films : 2))" ]; do
-  kill -0 "$renderers" 2>/dev/null || { [ "$(ready films)" -gt 0 ] && [ "$(ready held_out)" -gt 0 ] && break; fail "no film could be rendered"; }
-  sleep 0.5
-done
-run=("$python")
-[ "$gpus" -lt 2 ] || run+=(-m torch.distributed.run --nproc-per-node "$gpus")
-# Not in the foreground, where bash would hear of no signal before it ends.
-set -m
-"${run[@]}" "$root/scripts/efnet/train_efnet.py" --output "$output" --footage "$output/films" --held-out-footage "$output/held_out" "${rest[@]}" &
-training=$!
-set +m
-trap 'kill -INT -- -$training 2>/dev/null || true' INT TERM
-code=0
-wait "$training" || code=$?
-while kill -0 "$training" 2>/dev/null; do  # a signal ends the first wait, not the training
-  code=0
-  wait "$training" || code=$?
-done
-exit "$code"
+
+leave() {
+  [ -z "$training" ] || kill -TERM -- "-$training" 2>/dev/null || true
+  [ -z "$renderers" ] || kill -TERM -- "-$renderers" 2>/dev/null || true
+}
+
+# All of it is one function, so that bash has read it whole before it begins.
+main() {
+  root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
+  case "${1:-}" in -h | --help) sed -n '3,/^[^#]/s/^# \{0,1\}//p' "${BASH_SOURCE[0]}"; exit ;; esac
+  output='' films=300 first=5001 jobs=$(nproc) size=320x288
+  local rest=() name python
+  while [ $# -gt 0 ]; do
+    case $1 in
+      --output | --films | --first | --jobs | --size)
+        [ $# -gt 1 ] || fail "$1: expected a value"
+        printf -v "${1#--}" %s "$2"; shift 2 ;;
+      *) rest+=("$1"); shift ;;
+    esac
+  done
+  [ -n "$output" ] || fail "--output: expected a folder for the run"
+  for name in films first jobs; do
+    [[ ${!name} =~ ^[1-9][0-9]{0,5}$ ]] || fail "--$name: expected a whole number from 1 to 999999, found '${!name}'"
+  done
+  [ "$films" -gt 1 ] || fail "--films: expected at least 2, fewer are not trained on, found $films"
+  [ $((first + films)) -le "$held_out" ] || fail "--first: expected seeds below $held_out, which are held out, found up to $((first + films - 1))"
+  [[ $size =~ ^[1-9][0-9]{0,3}x[1-9][0-9]{0,3}$ ]] || fail "--size: expected WxH such as 320x288, found '$size'"
+  simulate=${JADE_BIN:-$root/build/bin}/jade_simulate
+  [ -x "$simulate" ] || fail "$simulate: not there; run scripts/build.sh jade_simulate"
+  for python in "${PYTHON:-$root/build/training/bin/python}" ${PYTHON:+"$PYTHON"} "$root/.venv/bin/python" python3; do
+    ! command -v "$python" >/dev/null || break
+    [ -z "${PYTHON:-}" ] || fail "PYTHON: no program at $PYTHON"
+  done
+  # Mistakes in the training's own arguments are told now, not after the first films. Prints the number of processes.
+  local processes
+  processes=$("$python" -c '
+import sys
+folder, size = sys.argv[1:3]
+sys.path.insert(0, folder)
+sys.argv[:3] = ["train_efnet.py"]
+import train_efnet
+o = train_efnet.parse_arguments()
+problem = None
+if o.footage or o.held_out_footage:
+    problem = "--footage, --held-out-footage: this script renders its own; with films at hand call scripts/efnet/train_efnet.py"
+least = max(o.crop, 256) if o.crop >= 128 else o.crop
+if min(map(int, size.split("x"))) < least:
+    problem = f"--size: expected at least {least}x{least} for --crop {o.crop}, found {size}"
+if problem:
+    sys.exit(print(f"train_here: {problem}", file=sys.stderr) or 2)
+print(train_efnet.torch.cuda.device_count() if o.device == "cuda" else 1)' "$root/scripts/efnet" "$size" --output "$output" "${rest[@]}") || exit $?
+
+  export root simulate size output held_out
+  mkdir -p "$output/films" "$output/held_out" "$output/rendering"
+  trap leave EXIT
+  trap 'exit 130' INT
+  trap 'exit 143' TERM
+  trap 'exit 129' HUP
+  # Process groups of their own, so that what they began ends with them.
+  set -m
+  { seq "$held_out" $((held_out + 7)); seq "$first" $((first + films - 1)); } | xargs -P "$jobs" -n 1 bash -c 'film "$0"' &
+  renderers=$!
+  while [ "$(ready held_out)" -lt 8 ] || [ "$(ready films)" -lt 2 ]; do
+    kill -0 "$renderers" 2>/dev/null || { [ "$(ready films)" -gt 1 ] && [ "$(ready held_out)" -gt 0 ] && break; fail "too few films could be rendered"; }
+    sleep 0.5
+  done
+  local run=("$python")
+  [ "$processes" -lt 2 ] || run+=(-m torch.distributed.run --nproc-per-node "$processes")
+  # Not in the foreground, where bash would hear of no signal before it ends.
+  "${run[@]}" "$root/scripts/efnet/train_efnet.py" --output "$output" --footage "$output/films" --held-out-footage "$output/held_out" \
+    "${rest[@]}" &
+  training=$!
+  local code heard
+  trap 'heard=yes; kill -INT -- "-$training" 2>/dev/null || true' INT
+  trap 'heard=yes; kill -TERM -- "-$training" 2>/dev/null || true' TERM HUP
+  while :; do  # a signal ends a wait, not the training
+    heard='' code=0
+    wait "$training" || code=$?
+    [ -n "$heard" ] || break
+  done
+  training=''
+  exit "$code"
+}
+
+main "$@"

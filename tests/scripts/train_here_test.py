@@ -18,7 +18,7 @@ while [ $# -gt 0 ]; do case $1 in --output) out=$2;; --seed) seed=$2;; esac; shi
 mkdir -p "$out" && echo film > "$out/footage.npy"
 """
 PYTHON = """#!/bin/bash
-[ "$1" != -c ] || {{ printf '%s\\n' "${{@:4}}" > {here}/checked; echo {gpus}; exit {refused}; }}
+[ "$1" != -c ] || {{ printf '%s\\n' "${{@:3}}" > {here}/checked; echo {gpus}; exit {refused}; }}
 printf '%s\\n' "$@" > {here}/trained
 {then}
 """
@@ -37,12 +37,15 @@ class TrainHere(unittest.TestCase):
         path.chmod(0o755)
         return path
 
-    def start(self, *options: str, gpus: int = 1, slow: int = 0, bad: int = 0, refused: int = 0, then: str = "exit 0") -> subprocess.Popen:
+    def start(self, *options: str, gpus: int = 1, slow: int = 0, bad: int = 0, refused: int = 0, then: str = "exit 0",
+              deaf: bool = False) -> subprocess.Popen:
+        """deaf: as started by nohup in the background, with SIGINT ignored."""
         self.program("jade_simulate", SIMULATE.format(here=self.here, slow=slow, bad=bad))
         python = self.program("python", PYTHON.format(here=self.here, gpus=gpus, refused=refused, then=then))
         return subprocess.Popen(
             [SCRIPT, "--output", self.output, "--films", "3", "--first", "11", *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-            text=True, env={**os.environ, "JADE_BIN": str(self.here), "PYTHON": str(python)}, cwd=self.here)
+            text=True, env={**os.environ, "JADE_BIN": str(self.here), "PYTHON": str(python)}, cwd=self.here,
+            preexec_fn=(lambda: signal.signal(signal.SIGINT, signal.SIG_IGN)) if deaf else None)
 
     def run_script(self, *options: str, **how) -> tuple[int, str]:
         process = self.start(*options, **how)
@@ -92,19 +95,29 @@ class TrainHere(unittest.TestCase):
         self.assertLess(time.monotonic() - begin, 40)
         self.assert_nothing_renders()
 
-    def test_an_interrupt_takes_its_renderers_along(self):
-        process = self.start("--jobs", "2", slow=13, then="exec sleep 60")
+    def interrupted(self, number: int, **how) -> int:
+        process = self.start("--jobs", "2", slow=13, then="exec sleep 60", **how)
         self.addCleanup(process.kill)
+        begin = time.monotonic()
         while not (self.here / "trained").exists():
+            self.assertLess(time.monotonic() - begin, 30)
             time.sleep(0.05)
-        process.send_signal(signal.SIGTERM)
+        time.sleep(0.3)
+        process.send_signal(number)
         process.communicate(timeout=20)
-        self.assertEqual(process.returncode, 130)
-        self.assert_nothing_renders()
+        return process.returncode
+
+    def test_a_signal_reaches_the_training_and_ends_the_renderers(self):
+        for number, code, deaf in ((signal.SIGINT, 130, False), (signal.SIGTERM, 143, False), (signal.SIGTERM, 143, True),
+                                   (signal.SIGHUP, 143, False)):
+            with self.subTest(number, deaf=deaf):
+                (self.here / "trained").unlink(missing_ok=True)
+                self.assertEqual(self.interrupted(number, deaf=deaf), code)
+                self.assert_nothing_renders()
 
     def assert_nothing_renders(self):
         time.sleep(0.3)
-        left = subprocess.run(["pgrep", "-f", str(self.output / "films")], capture_output=True, text=True).stdout
+        left = subprocess.run(["pgrep", "-f", f"{self.here}/my run/(rendering|films)"], capture_output=True, text=True).stdout
         self.assertEqual(left, "")
 
     def test_a_film_that_fails_is_named_and_costs_no_training(self):
@@ -115,13 +128,19 @@ class TrainHere(unittest.TestCase):
 
     def test_what_the_training_refuses_renders_nothing(self):
         self.assertEqual(self.run_script("--width", "0", refused=2)[0], 2)
-        self.assertEqual((self.here / "checked").read_text().splitlines(), ["--output", str(self.output), "--width", "0"])
+        self.assertEqual((self.here / "checked").read_text().splitlines(), [str(SCRIPT.parent), "320x288", "--output", str(self.output), "--width", "0"])
         self.assertEqual(self.asked(), [])
 
+    def test_a_python_that_is_not_there_is_named(self):
+        self.program("jade_simulate", "#!/bin/bash")
+        done = subprocess.run([SCRIPT, "--output", self.output], capture_output=True, text=True,
+                              env={**os.environ, "JADE_BIN": str(self.here), "PYTHON": "/nowhere/python"})
+        self.assertEqual((done.returncode, done.stderr), (2, "train_here: PYTHON: no program at /nowhere/python\n"))
+
     def test_bad_arguments_are_refused_in_one_line(self):
-        for options, pattern in ((["--films", "many"], "--films: expected a whole number above 0, found 'many'"),
+        for options, pattern in ((["--films", "many"], "--films: expected a whole number from 1 to 999999, found 'many'"),
                                  (["--size", "64"], "--size: expected WxH such as 320x288, found '64'"),
-                                 (["--footage", "x"], "--footage: this script renders its own"),
+                                 (["--films", "1"], "--films: expected at least 2"),
                                  (["--first", "900000"], "--first: expected seeds below 900001, which are held out, found up to 900002"),
                                  (["--jobs"], "--jobs: expected a value"), (["--output", ""], "--output: expected a folder")):
             with self.subTest(options):
