@@ -44,4 +44,22 @@ inline std::optional<train::RunOptions> load_settings(Program& program,
   return program.load_options(run.empty() ? train::RunOptions() : run::load_run_options(run));
 }
 
+/// A program that writes pictures by the names of frames must not write over these frames.
+/// @throws ConfigError where `output` is, or lies in, a folder of pictures of the data set.
+inline void check_apart(const std::filesystem::path& output, const data::DatasetOptions& dataset) {
+  if (output.empty() || dataset.path.empty()) return;
+  const auto whole = [](const std::filesystem::path& path) {
+    return std::filesystem::weakly_canonical(std::filesystem::absolute(path));
+  };
+  const std::filesystem::path inside = whole(output).lexically_relative(whole(dataset.path));
+  const std::string first = inside.empty() ? "" : inside.begin()->string();
+  const bool numbered = first.rfind("images_", 0) == 0 &&
+                        first.find_first_not_of("0123456789", 7) == std::string::npos;
+  if (first == "sharp" || first == "images" || numbered ||
+      (!dataset.image_folder.empty() && first == dataset.image_folder)) {
+    throw ConfigError(concat("--output: expected a folder of its own, found ", output.string(),
+                             ", where the data set keeps pictures of these names; choose another"));
+  }
+}
+
 }  // namespace jade::apps

@@ -20,6 +20,17 @@ struct DeblurFlags {
   std::string method = "edi";
 };
 
+/// As CLI::Range, which lets NaN pass.
+CLI::Validator within(double low, double high) {
+  const auto check = [=](const std::string& text) {
+    double value = 0;
+    if (CLI::detail::lexical_cast(text, value) && value >= low && value <= high)
+      return std::string();
+    return concat("expected a number from ", low, " to ", high, ", found ", text);
+  };
+  return CLI::Validator(check, concat("FLOAT in [", low, " - ", high, "]"));
+}
+
 void add_flags(apps::Program& program, DeblurFlags& flags) {
   std::string methods;
   for (const restore::Method& method : restore::methods()) {
@@ -31,7 +42,7 @@ void add_flags(apps::Program& program, DeblurFlags& flags) {
                  "run directory of jade_train: its router, its settings under those given here");
   cli.add_option("--log-offset", flags.options.log_offset,
                  "offset of a sensor that measures log(I + offset), I in [0,1] (0)")
-      ->check(CLI::NonNegativeNumber);
+      ->check(within(0, 1000));
   cli.add_flag("--poses", flags.pictures.poses,
                "also write NAME_<k>.png for each moment of exposure.samples, k from 0: "
                "restored there by a restorer of version 2, else carried there from the middle by "
@@ -40,7 +51,7 @@ void add_flags(apps::Program& program, DeblurFlags& flags) {
                  "also write NAME_t<u>.png at these moments, 0 the start and 1 the end of the "
                  "exposure, such as 0,0.5,1; methods that read EFNet need a restorer of version 2")
       ->delimiter(',')
-      ->check(CLI::Range(0.0, 1.0));
+      ->check(within(0, 1));
   cli.add_flag("--npy", flags.pictures.npy,
                "also write unclamped float32 [3,H,W] beside each picture");
   apps::add_dataset_flags(program, "--dataset", "folder of the data set (that of the run)");
@@ -92,6 +103,7 @@ ExitCode deblur(DeblurFlags flags, apps::Program& program) {
   const data::Dataset dataset = data::load_dataset(settings->dataset, &warnings);
   for (const std::string& warning : warnings) log_warn(warning);
   train::follow_dataset(dataset, flags.options.settings);
+  apps::check_apart(output, settings->dataset);
   make_writable_folder(output);
   const run::Deblurred deblurred =
       run::deblur(dataset, flags.options, method, output, flags.pictures, device);

@@ -267,6 +267,7 @@ int main(int argc, char** argv) {
     const auto options = apps::load_settings(program, flags.run);
     if (!options) return ExitCode::kOk;
     check_flags(flags, program);
+    apps::check_apart(program.output(), options->dataset);
     Subject subject{load_scene(flags), train::render_options(*options)};
     subject.options.antialiased = subject.file.antialiased;
     const torch::Device device = select_device(options->device);

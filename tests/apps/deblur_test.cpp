@@ -215,6 +215,14 @@ TEST_CASE("jade_deblur: other mistakes get one line and their exit code", "[apps
   check_error(scene.deblur("--threshold-positive -1"), 2,
               "--threshold-positive -1: events.threshold_positive: expected a number in");
   check_error(scene.deblur("--log-offset -1"), 2, "--log-offset");
+  check_error(scene.deblur("--log-offset nan"), 2, "expected a number from 0 to 1000, found nan");
+  check_error(scene.deblur("--times nan"), 2, "expected a number from 0 to 1, found nan");
+  const std::string frame = read_file(scene.dir / "scene/images_1/00.png");
+  for (const char* folder : {"scene/images_1", "scene/sharp", "scene/../scene/images_1/below"}) {
+    check_error(run(scene.dir, concat("jade_deblur --dataset scene --output ", folder)), 2,
+                "where the data set keeps pictures of these names; choose another");
+  }
+  CHECK(read_file(scene.dir / "scene/images_1/00.png") == frame);
   check_error(run(scene.dir, "jade_deblur --output out"), 2, "--dataset: expected a folder");
   check_error(run(scene.dir, "jade_deblur --dataset scene"), 2, "--output: expected a folder");
   check_error(run(scene.dir, "jade_deblur --dataset nowhere --output out"), 3, "nowhere");

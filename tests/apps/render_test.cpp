@@ -126,6 +126,8 @@ TEST_CASE("jade_render: a wrong exposure comes with those that are near", "[apps
   check_error(scene.render("--unblur elsewhere --output out"), 2, "they are 00, 01, 02");
   check_error(scene.render("--unblur 01 --cameras test --output out"), 2, "expected alone");
   check_error(scene.render("--unblur 01"), 2, "--output: expected a folder");
+  check_error(scene.render("--cameras train --output scene/images_1"), 2,
+              "where the data set keeps pictures of these names");
   check_error(scene.render("--exposure 01 --output out"), 2, "expected with --cameras exposure");
   check_error(scene.render("--fps 10 --output out"), 2, "--fps: is of films");
   check_error(scene.render("--output film.mp4"), 2, "add --format mp4 for a film");

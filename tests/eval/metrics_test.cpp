@@ -61,6 +61,12 @@ TEST_CASE("psnr: a uniform error of 0.1 is 20 dB both ways", "[eval]") {
   CHECK(eval::psnr_channel_mean(truth + 0.1, truth) == Approx(20).margin(1e-4));
 }
 
+TEST_CASE("psnr: an image of NaN has none", "[eval]") {
+  const torch::Tensor truth = torch::full({3, 8, 8}, 0.5);
+  CHECK(std::isnan(eval::psnr(truth * std::nan(""), truth)));
+  CHECK(std::isnan(eval::psnr_channel_mean(truth * std::nan(""), truth)));
+}
+
 TEST_CASE("psnr: the two definitions part where channels differ", "[eval]") {
   const auto truth = torch::full({3, 8, 9}, 0.5);
   auto image = truth.clone();

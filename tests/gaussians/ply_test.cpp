@@ -105,6 +105,20 @@ TEST_CASE("ply: what was written is read back bit by bit, at every SH degree", "
   }
 }
 
+TEST_CASE("ply: an infinite opacity is read as full or none, NaN stays", "[gaussians]") {
+  const test::TempDir folder;
+  splat::Gaussians g = random_gaussians(4, 1);
+  const float infinity = std::numeric_limits<float>::infinity();
+  const torch::Tensor written = torch::tensor({infinity, -infinity, std::nanf(""), 2.5F});
+  g.logit_opacities = written;
+  write_ply(folder / "a.ply", {g, false});
+  const torch::Tensor read = read_ply(folder / "a.ply").gaussians.logit_opacities;
+  CHECK(read.isfinite().equal(torch::tensor({true, true, false, true})));
+  CHECK(torch::sigmoid(read[0]).item<float>() == 1.0F);
+  CHECK(torch::sigmoid(read[1]).item<float>() < 1e-12F);
+  CHECK(read[3].item<float>() == 2.5F);
+}
+
 TEST_CASE("ply: zero Gaussians make a valid file", "[gaussians]") {
   const test::TempDir folder;
   write_ply(folder / "a.ply", {random_gaussians(0, 16), false});

@@ -15,6 +15,9 @@ namespace {
 
 const char* const kRenderMode = "SplatRenderMode: ";
 
+/// Its opacity is 1 in float32. Converters write infinity where a format of bytes has 255.
+constexpr double kFullLogit = 30;
+
 /// The attributes without f_rest, in the order of a standard file.
 const std::vector<std::string> kGeometry = {"opacity", "scale_0", "scale_1", "scale_2",
                                             "rot_0",   "rot_1",   "rot_2",   "rot_3"};
@@ -80,7 +83,9 @@ GaussianFile read_ply(const std::filesystem::path& path) {
   result.antialiased = says_mip(file);
   splat::Gaussians& g = result.gaussians;
   g.means = columns(0, 3).contiguous();
-  g.logit_opacities = columns(6, 1).squeeze(1).contiguous();
+  const torch::Tensor logits = columns(6, 1).squeeze(1);
+  g.logit_opacities =
+      torch::where(logits.isinf(), logits.clamp(-kFullLogit, kFullLogit), logits).contiguous();
   g.log_scales = columns(7, 3).contiguous();
   g.rotations = columns(10, 4).contiguous();
   const torch::Tensor dc = columns(3, 3).unsqueeze(1);

@@ -23,7 +23,8 @@ struct PointCloud {
 /// Reads a .ply with the 3DGS attributes: x y z, f_dc_0..2, f_rest_0.. (channel-major: all of red,
 /// then green, then blue), opacity (logit), scale_0..2 (log), rot_0..3 (wxyz). Binary little- or
 /// big-endian or ascii, properties of any scalar type in any order; other properties and elements
-/// are skipped. SH degree 0 to 3 from the number of f_rest properties.
+/// are skipped. SH degree 0 to 3 from the number of f_rest properties. An infinite opacity, as
+/// converters from formats of bytes write it, becomes the finite one that is 1 or 0 in float32.
 /// @throws DataError naming the path for files that are no such .ply, cut short, or claim more
 ///   vertices than they have bytes for.
 GaussianFile read_ply(const std::filesystem::path& path);
