@@ -45,7 +45,9 @@ inline std::optional<train::RunOptions> load_settings(Program& program,
 }
 
 /// A program that writes pictures by the names of frames must not write over these frames.
-/// @throws ConfigError where `output` is, or lies in, a folder of pictures of the data set.
+/// @throws ConfigError where `output` is, or lies in, a folder of pictures of the data set: those
+///   that data/frames.h looks for, there or not, and sharp/. Frames that a transforms.json names
+///   elsewhere are not known here.
 inline void check_apart(const std::filesystem::path& output, const data::DatasetOptions& dataset) {
   if (output.empty() || dataset.path.empty()) return;
   const auto whole = [](const std::filesystem::path& path) {

@@ -79,6 +79,7 @@ void check_flags(const DeblurFlags& flags, const restore::Method& method,
     throw ConfigError("--dataset: expected a folder, there or as dataset.path of --config");
   }
   if (output.empty()) throw ConfigError("--output: expected a folder for the pictures");
+  apps::check_apart(output, settings.dataset);
   if (method.needs_truth && !flags.pictures.times.empty()) {
     throw ConfigError(concat("--times: method ", method.name,
                              " knows the truth of mid-exposure only; use edi, efnet or mean"));
@@ -103,7 +104,6 @@ ExitCode deblur(DeblurFlags flags, apps::Program& program) {
   const data::Dataset dataset = data::load_dataset(settings->dataset, &warnings);
   for (const std::string& warning : warnings) log_warn(warning);
   train::follow_dataset(dataset, flags.options.settings);
-  apps::check_apart(output, settings->dataset);
   make_writable_folder(output);
   const run::Deblurred deblurred =
       run::deblur(dataset, flags.options, method, output, flags.pictures, device);

@@ -285,7 +285,7 @@ def draw_thresholds(draw: Draw, options: SceneOptions, strength: Tensor, exponen
     count = options.batch
     rise = draw.log_uniform(options.threshold_min, options.threshold_max, count, 1, 1)
     high = draw.uniform((options.threshold_min + options.threshold_max) / 2, options.threshold_max, count, 1, 1)
-    rise = torch.where(draw.chance(0.25, count, 1, 1), high, rise)  # real sensors, by what their events add up to
+    rise = torch.where(draw.chance(0.25, count, 1, 1), high, rise)  # more of the high ones, as slow or lossy sensors seem to have
     fall = rise * draw.uniform(0.72, 1.38, count, 1, 1)
     per_sample = strength.view(-1, 1, 1)
     spread = draw.uniform(0, 0.2, count, 1, 1) * per_sample

@@ -61,10 +61,14 @@ main() {
   [[ $size =~ ^[1-9][0-9]{0,3}x[1-9][0-9]{0,3}$ ]] || fail "--size: expected WxH such as 320x288, found '$size'"
   simulate=${JADE_BIN:-$root/build/bin}/jade_simulate
   [ -x "$simulate" ] || fail "$simulate: not there; run scripts/build.sh jade_simulate"
-  for python in "${PYTHON:-$root/build/training/bin/python}" ${PYTHON:+"$PYTHON"} "$root/.venv/bin/python" python3; do
-    ! command -v "$python" >/dev/null || break
-    [ -z "${PYTHON:-}" ] || fail "PYTHON: no program at $PYTHON"
-  done
+  if [ -n "${PYTHON:-}" ]; then
+    python=$PYTHON
+    command -v "$python" >/dev/null || fail "PYTHON: no program at $python"
+  else
+    for python in "$root/build/training/bin/python" "$root/.venv/bin/python" python3; do
+      ! command -v "$python" >/dev/null || break
+    done
+  fi
   # Mistakes in the training's own arguments are told now, not after the first films. Prints the number of processes.
   local processes
   processes=$("$python" -c '

@@ -128,7 +128,8 @@ class TrainHere(unittest.TestCase):
 
     def test_what_the_training_refuses_renders_nothing(self):
         self.assertEqual(self.run_script("--width", "0", refused=2)[0], 2)
-        self.assertEqual((self.here / "checked").read_text().splitlines(), [str(SCRIPT.parent), "320x288", "--output", str(self.output), "--width", "0"])
+        self.assertEqual((self.here / "checked").read_text().splitlines(),
+                         [str(SCRIPT.parent), "320x288", "--output", str(self.output), "--width", "0"])
         self.assertEqual(self.asked(), [])
 
     def test_a_python_that_is_not_there_is_named(self):
