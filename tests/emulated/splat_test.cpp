@@ -32,7 +32,7 @@ struct Settings {
   bool antialiased = false;
   bool depth = false;
   bool deterministic = false;
-  int64_t statistics_view = -1;
+  int64_t statistics_views = -1;
   bool cameras = true;  ///< their gradients too
 };
 
@@ -82,7 +82,7 @@ Outcome run(const Backend& backend, const SplatScene& scene, const Settings& set
   args.grad_alpha = random_cotangent(images.alpha, 2);
   if (settings.depth) args.grad_depth_sum = 0.1 * random_cotangent(images.depth_sum, 3);
   args.statistics = splat::ScreenStatistics::zeros(scene.gaussians.size(), torch::kCPU);
-  args.statistics_view = settings.statistics_view;
+  args.statistics_views = settings.statistics_views;
   args.needs_camera = settings.cameras;
   const splat::BackwardResult back = backend.backward(args);
   Outcome out;
@@ -142,7 +142,7 @@ TEST_CASE("emulated cuda: images and gradients agree with the CPU backend", "[em
     settings.sh_degree = degree;
     settings.antialiased = degree % 2 == 1;
     settings.depth = degree >= 2;
-    settings.statistics_view = degree == 1 ? 1 : -1;
+    settings.statistics_views = degree == 1 ? 1 : -1;
     INFO("degree " << degree);
     check_against_cpu(scene, settings);
   }
@@ -356,7 +356,7 @@ TEST_CASE("emulated cuda: random scenes, sizes and settings agree with the CPU b
     settings.antialiased = pick(0, 1) == 1;
     settings.depth = pick(0, 1) == 1;
     settings.deterministic = rarely();
-    settings.statistics_view = pick(-1, static_cast<int>(options.views) - 1);
+    settings.statistics_views = pick(-1, static_cast<int>(options.views));
     settings.cameras = !rarely();
     INFO("seed " << seed << ", " << options.gaussians << " Gaussians, " << options.views
                  << " views of " << options.width << "x" << options.height << ", sigma "

@@ -231,10 +231,10 @@ TEST_CASE("cuda: a scene that grows suddenly is right at once", "[splat][cuda]")
 }
 
 TEST_CASE("cuda: statistics equal the CPU's", "[splat][cuda]") {
-  for (const int64_t view : {-1, 1}) {
+  for (const int64_t views : {-1, 1}) {
     RenderOptions options;
     options.statistics = splat::ScreenStatistics::zeros(1, torch::kCPU);
-    options.statistics_view = view;
+    options.statistics_views = views;
     const SplatScene scene = scene_of(2000, 101, 67);
     const auto gpu = run(scene, options, kGpu).output.statistics;
     const auto cpu = run(scene, options, torch::kCPU).output.statistics;

@@ -161,20 +161,42 @@ TEST_CASE("render: statistics sum over views and steps what autograd gives", "[s
   image_and_gradients(scene, options);
   CHECK(torch::equal(options.statistics.gradient_norm, 2 * once.gradient_norm));
   CHECK(torch::equal(options.statistics.max_radius_px, once.max_radius_px));
+}
 
-  // The views one by one add up to all of them, by batch and by the choice of one view.
-  splat::RenderOptions single;
-  single.statistics = splat::ScreenStatistics::zeros(n, torch::kCPU);
-  for (single.statistics_view = 0; single.statistics_view < 3; ++single.statistics_view) {
-    image_and_gradients(scene, single);
+TEST_CASE("render: the views that do not count leave the statistics alone", "[splat]") {
+  const SplatScene scene = float_scene(3);
+  const int64_t n = scene.gaussians.size();
+  const auto statistics_of = [n](const SplatScene& seen, int64_t counted) {
+    splat::Gaussians g = seen.gaussians;
+    require_gradients(g);
+    splat::RenderOptions options;
+    options.statistics = splat::ScreenStatistics::zeros(n, torch::kCPU);
+    options.statistics_views = counted;
+    splat::render(g, seen.cameras, options).color.square().sum().backward();
+    return options.statistics;
+  };
+  Tensor fewer = torch::zeros({n});
+  for (int64_t views = 0; views <= 3; ++views) {
+    INFO(views << " views count");
+    const splat::ScreenStatistics found = statistics_of(scene, views);
+    CHECK(found.visible_count.max().item<float>() == static_cast<float>(views));
+    if (views == 0) continue;
+    SplatScene alone = scene;
+    alone.cameras.camera_from_world = scene.cameras.camera_from_world.narrow(0, 0, views);
+    alone.cameras.intrinsics = scene.cameras.intrinsics.narrow(0, 0, views);
+    const splat::ScreenStatistics expected = statistics_of(alone, -1);
+    CHECK(torch::equal(found.gradient_norm, expected.gradient_norm));
+    CHECK(torch::equal(found.visible_count, expected.visible_count));
+    CHECK(torch::equal(found.max_radius_px, expected.max_radius_px));
+    CHECK((found.gradient_norm >= fewer).all().item<bool>());
+    CHECK_FALSE(torch::equal(found.gradient_norm, fewer));
+    fewer = found.gradient_norm;
   }
-  CHECK(torch::allclose(single.statistics.gradient_norm, once.gradient_norm, 1e-5, 1e-5));
-  CHECK(torch::equal(single.statistics.visible_count, once.visible_count));
 }
 
 TEST_CASE("render: the statistics' norms in float32 are those of float64 but for rounding",
           "[splat]") {
-  for (const int64_t view : {-1, 1}) {
+  for (const int64_t views : {-1, 1}) {
     SplatSceneOptions scene_options;
     scene_options.gaussians = 2000;
     scene_options.width = 101;
@@ -185,7 +207,7 @@ TEST_CASE("render: the statistics' norms in float32 are those of float64 but for
     for (const auto dtype : {torch::kFloat32, torch::kFloat64}) {
       splat::RenderOptions options;
       options.statistics = splat::ScreenStatistics::zeros(single.gaussians.size(), torch::kCPU);
-      options.statistics_view = view;
+      options.statistics_views = views;
       image_and_gradients(move(single, torch::kCPU, dtype), options);
       norms.push_back(options.statistics.gradient_norm);
     }

@@ -6,8 +6,10 @@
 #include <cmath>
 #include <map>
 #include <string>
+#include <torch/csrc/autograd/autograd.h>
 
 #include "jade/core/error.h"
+#include "support/backend_agreement.h"
 #include "train/bench.h"
 
 using namespace jade;
@@ -198,5 +200,57 @@ TEST_CASE("scene step: a term that acts and lacks its input is an error", "[trai
   };
   CHECK_THROWS_AS(step({}), ContractError);
   bench.options.objective.event_loss_weight = 0.1;
-  CHECK_THROWS_WITH(step(bench.views[0].blurry), Catch::Contains("window of events"));
+  CHECK_THROWS_WITH(bench.render(inputs), Catch::Contains("window of events"));
+}
+
+TEST_CASE("scene step: the window of L_ev is rendered with the exposure and as if alone",
+          "[train]") {
+  const test::TinyScene scene;
+  for (const train::PosePath path : {train::PosePath::kNone, train::PosePath::kLinear}) {
+    INFO("learned poses: " << (path != train::PosePath::kNone));
+    Bench bench(scene);
+    bench.options.poses.optimize = path;
+    train::learn_poses(bench.state, bench.options.poses, bench.dataset, torch::kCPU);
+    const int64_t step = 40;  // densification counts here
+    train::StepInputs inputs = bench.inputs(1, step);
+    const auto counted = [&] {
+      const torch::Tensor sum = bench.state.densifier.accumulated().visible_count;
+      const torch::Tensor copy = sum.clone();
+      sum.zero_();
+      return copy;
+    };
+    const train::Renders without = bench.render(inputs);
+    without.color.sum().backward();
+    const torch::Tensor count_without = counted();
+    REQUIRE(count_without.max().item<float>() > 0);
+    CHECK_FALSE(without.window_ends.defined());
+
+    bench.options.objective.event_loss_weight = 0.1;
+    inputs.events =
+        train::EventWindows(bench.dataset, bench.options.objective, 7, torch::kCPU).at(step, 1);
+    const train::Renders with = bench.render(inputs);
+    CHECK(with.color.equal(without.color));
+    train::StepInputs ends = inputs;
+    ends.view.cameras = inputs.events.cameras;
+    ends.view.u = inputs.events.u;
+    splat::RenderOptions render = train::render_options(bench.options);
+    render.sh_degree = bench.plan(step).sh_degree;
+    const auto alone = [&](const train::StepInputs& in) {
+      const splat::CameraBatch cameras = train::exposure_cameras(bench.state, in);
+      return splat::render(bench.state.gaussians.parameters(), cameras, render).color;
+    };
+    CHECK(with.window_ends.equal(alone(ends)));
+    (with.color.sum() + with.window_ends.sum()).backward();
+    CHECK(counted().equal(count_without));
+
+    // The gradient of each part is its own.
+    const auto gradient = [&](const torch::Tensor& image) {
+      return torch::autograd::grad({image.square().sum()},
+                                   {bench.state.gaussians.parameters().means}, {},
+                                   /*retain_graph=*/true)[0];
+    };
+    const train::Renders again = bench.render(inputs);
+    CHECK(test::cosine(gradient(again.window_ends), gradient(alone(ends))) > 0.999999);
+    CHECK(test::cosine(gradient(again.color), gradient(alone(inputs))) > 0.999999);
+  }
 }

@@ -117,8 +117,10 @@ class Densifier {
   Densifier() = default;
   Densifier(const DensifyOptions& options, const GaussianModel& model, at::Generator generator);
 
-  /// For RenderOptions.statistics_view: 0 with kFirst, else -1.
-  int64_t statistics_view() const { return options_.statistics == CountedPoses::kFirst ? 0 : -1; }
+  /// How many of an exposure's `poses` count in the statistics, from the first.
+  int64_t counted_poses(int64_t poses) const {
+    return options_.statistics == CountedPoses::kFirst ? 1 : poses;
+  }
 
   /// True when update(step) will do more than return (always with mcmc, for its noise).
   bool due(int64_t step) const;

@@ -33,7 +33,7 @@ struct Settings : torch::CustomClassHolder {
   ForwardArgs scalars;  ///< its tensors are undefined
   std::vector<int64_t> state_numbers;
   ScreenStatistics statistics;
-  int64_t statistics_view = -1;
+  int64_t statistics_views = -1;
 };
 
 constexpr size_t kInputs = 8;
@@ -86,7 +86,7 @@ struct Splatting : torch::autograd::Function<Splatting> {
     args.grad_alpha = contiguous_or_undefined(grads[1]);
     if (grads.size() > 3) args.grad_depth_sum = contiguous_or_undefined(grads[3]);
     args.statistics = settings.statistics;
-    args.statistics_view = settings.statistics_view;
+    args.statistics_views = settings.statistics_views;
     args.needs_camera = ctx->needs_input_grad(5);
     const BackwardResult result = backend_backward(args);
     const Gaussians& g = result.gaussians;
@@ -105,7 +105,7 @@ struct Splatting : torch::autograd::Function<Splatting> {
 }  // namespace
 
 BlendedImages blend_images(const ForwardArgs& args, const ScreenStatistics& statistics,
-                           int64_t statistics_view) {
+                           int64_t statistics_views) {
   const Gaussians& g = args.gaussians;
   auto settings = c10::make_intrusive<Settings>();
   settings->scalars = args;
@@ -118,7 +118,7 @@ BlendedImages blend_images(const ForwardArgs& args, const ScreenStatistics& stat
     settings->scalars.needs_backward |= t.requires_grad() && torch::GradMode::is_enabled();
   }
   settings->statistics = statistics;
-  settings->statistics_view = statistics_view;
+  settings->statistics_views = statistics_views;
   const tensor_list out =
       Splatting::apply(g.means, g.rotations, g.log_scales, g.logit_opacities, g.sh,
                        args.camera_from_world, args.background, args.intrinsics, settings);

@@ -15,6 +15,6 @@ struct BlendedImages {
 /// Differentiable in the Gaussians, the background and `camera_from_world` of `args`, whose tensors
 /// may require gradients here. `needs_backward` is set by the function itself.
 BlendedImages blend_images(const ForwardArgs& args, const ScreenStatistics& statistics,
-                           int64_t statistics_view);
+                           int64_t statistics_views);
 
 }  // namespace jade::splat

@@ -50,9 +50,9 @@ struct BackwardArgs {
   SavedState state;
   torch::Tensor color, alpha, depth_sum;                 ///< what the forward call returned
   torch::Tensor grad_color, grad_alpha, grad_depth_sum;  ///< contiguous; undefined means zero
-  ScreenStatistics statistics;  ///< float32 accumulators to add to, or undefined
-  int64_t statistics_view = -1;
-  bool needs_camera = false;  ///< else `camera_from_world` may stay undefined
+  ScreenStatistics statistics;    ///< float32 accumulators to add to, or undefined
+  int64_t statistics_views = -1;  ///< how many views, from the first, add to them; -1: every one
+  bool needs_camera = false;      ///< else `camera_from_world` may stay undefined
 };
 
 /// Shaped as the inputs. Every element is written.

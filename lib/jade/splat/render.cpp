@@ -110,7 +110,7 @@ RenderOutput render(const Gaussians& gaussians, const CameraBatch& cameras,
   if (options.statistics.defined()) check(options.statistics, gaussians);
 
   const BlendedImages images = blend_images(make_args(gaussians, cameras, options),
-                                            options.statistics, options.statistics_view);
+                                            options.statistics, options.statistics_views);
   RenderOutput output;
   output.color = images.color;
   output.alpha = images.alpha;

@@ -36,8 +36,8 @@ struct RenderOptions {
   bool depth = false;          ///< also render the expected depth
   torch::Tensor background;    ///< [3], differentiable; undefined is black
 
-  ScreenStatistics statistics;   ///< accumulators for the backward pass; undefined: none are kept
-  int64_t statistics_view = -1;  ///< the one view that counts in them; -1: every view
+  ScreenStatistics statistics;    ///< accumulators for the backward pass; undefined: none are kept
+  int64_t statistics_views = -1;  ///< how many views, from the first, count in them; -1: every one
 
   /// For gradient tests only: fades α in between 1/255 and 2/255 and never stops a pixel early, so
   /// that the image is a differentiable function of every input.

@@ -43,16 +43,36 @@ splat::RenderOptions render_options(const StepPlan& plan, const RunOptions& opti
   return render;
 }
 
-/// Two more renders, at both ends of the window, toned as the sensor's response asks.
-losses::EventPair event_pair(const TrainState& state, const StepInputs& inputs,
+/// Cameras of the data and their times in the exposure; `u` is needed for learned poses only.
+struct TimedCameras {
+  splat::CameraBatch cameras;
+  torch::Tensor u;
+};
+
+/// Those of the inputs' view, or the ones of them that are `read`.
+TimedCameras exposure_times(const TrainState& state, const StepInputs& inputs,
+                            const torch::Tensor& read) {
+  TimedCameras timed{inputs.view.cameras, inputs.view.u};
+  if (!read.defined()) return timed;
+  timed.cameras.camera_from_world = timed.cameras.camera_from_world.index_select(0, read);
+  timed.cameras.intrinsics = timed.cameras.intrinsics.index_select(0, read);
+  if (state.poses) timed.u = timed.u.index_select(0, read);
+  return timed;
+}
+
+/// The ends of the window of L_ev as two more cameras, so that one call of the op renders all.
+void append_window(const TrainState& state, const EventWindow& window, TimedCameras& timed) {
+  JADE_CHECK(window.defined(), "L_ev acts: expected a window of events, found none");
+  splat::CameraBatch& all = timed.cameras;
+  all.camera_from_world = torch::cat({all.camera_from_world, window.cameras.camera_from_world});
+  all.intrinsics = torch::cat({all.intrinsics, window.cameras.intrinsics});
+  if (state.poses) timed.u = torch::cat({timed.u, window.u});
+}
+
+/// The renders at both ends of the window, toned as the sensor's response asks.
+losses::EventPair event_pair(const EventWindow& window, const torch::Tensor& images,
                              const losses::ToneCurve& tone, const StepPlan& plan,
                              const RunOptions& options) {
-  const EventWindow& window = inputs.events;
-  JADE_CHECK(window.defined(), "L_ev acts: expected a window of events, found none");
-  const splat::CameraBatch cameras =
-      learned_cameras(state, inputs.view_pick, window.u, window.cameras);
-  const torch::Tensor images =
-      splat::render(state.gaussians.parameters(), cameras, render_options(plan, options)).color;
   const torch::Tensor toned = tone ? tone({{images, {}}})[0] : images;
   const events::Thresholds thresholds = options.events.thresholds();
   losses::EventPair pair;
@@ -99,26 +119,29 @@ void add_term(losses::Objective& loss, const std::string& name, const torch::Ten
 
 splat::CameraBatch exposure_cameras(const TrainState& state, const StepInputs& inputs,
                                     const torch::Tensor& read) {
-  splat::CameraBatch cameras = inputs.view.cameras;
-  torch::Tensor u = inputs.view.u;
-  if (read.defined()) {
-    cameras.camera_from_world = cameras.camera_from_world.index_select(0, read);
-    cameras.intrinsics = cameras.intrinsics.index_select(0, read);
-    if (state.poses) u = u.index_select(0, read);
-  }
-  return learned_cameras(state, inputs.view_pick, u, cameras);
+  const TimedCameras timed = exposure_times(state, inputs, read);
+  return learned_cameras(state, inputs.view_pick, timed.u, timed.cameras);
 }
 
 Renders render_exposure(TrainState& state, const StepInputs& inputs, const StepPlan& plan,
                         const RunOptions& options) {
   splat::RenderOptions render = render_options(plan, options);
   if (plan.statistics) render.statistics = state.densifier.accumulated();
-  render.statistics_view = state.densifier.statistics_view();
   const torch::Tensor read =
       losses::poses_read(plan.objective, inputs.pose_draws, options.exposure.samples);
-  const splat::CameraBatch cameras = exposure_cameras(state, inputs, read);
+  TimedCameras timed = exposure_times(state, inputs, read);
+  const int64_t poses = timed.cameras.camera_from_world.size(0);
+  if (plan.objective.event) append_window(state, inputs.events, timed);
+  render.statistics_views = state.densifier.counted_poses(poses);
+  const splat::CameraBatch cameras =
+      learned_cameras(state, inputs.view_pick, timed.u, timed.cameras);
   Renders renders;
   renders.color = splat::render(state.gaussians.parameters(), cameras, render).color;
+  if (plan.objective.event) {
+    const std::vector<torch::Tensor> parts = renders.color.split_with_sizes({poses, 2});
+    renders.color = parts[0];
+    renders.window_ends = parts[1];
+  }
   renders.all_poses = !read.defined();
   if (plan.objective.drawn_target) {
     renders.target_pose =
@@ -149,7 +172,7 @@ std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& s
   inputs.target_closeness = view.target_closeness;
   inputs.tone = tone_curve(state, plan);
   if (plan.objective.event) {
-    inputs.events = event_pair(state, step_inputs, inputs.tone, plan, options);
+    inputs.events = event_pair(step_inputs.events, renders.window_ends, inputs.tone, plan, options);
   }
 
   losses::Objective loss = losses::objective(inputs, plan.objective, options.objective);

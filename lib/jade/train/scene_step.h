@@ -15,7 +15,7 @@ splat::CameraBatch exposure_cameras(const TrainState& state, const StepInputs& i
                                     const torch::Tensor& read = {});
 
 /// Renders the poses of a view that the terms of the plan read, with graph and, where the plan
-/// keeps them, with the statistics of densification.
+/// keeps them, with the statistics of densification, to which the window of L_ev adds nothing.
 Renders render_exposure(TrainState& state, const StepInputs& inputs, const StepPlan& plan,
                         const RunOptions& options);
 

@@ -73,6 +73,7 @@ struct Renders {
   torch::Tensor color;  ///< [M,3,H,W] with its graph: all K, or those of losses::poses_read()
   bool all_poses = true;
   torch::Tensor target_pose = {};  ///< [1] int64 where it is drawn, else undefined
+  torch::Tensor window_ends = {};  ///< [2,3,H,W] at both ends of the window of L_ev, with graph
   /// Where the target acts: mid-exposure, or the drawn pose.
   torch::Tensor of_target() const {
     if (!all_poses) return color[0];

@@ -259,7 +259,7 @@ Gradients<T> gradients_into(const Gaussians& grad, const BackwardArgs& args) {
     out.gradient_norm = args.statistics.gradient_norm.data_ptr<float>();
     out.visible_count = args.statistics.visible_count.data_ptr<float>();
     out.max_radius_px = args.statistics.max_radius_px.data_ptr<float>();
-    out.statistics_view = args.statistics_view;
+    out.statistics_views = args.statistics_views;
   }
   return out;
 }

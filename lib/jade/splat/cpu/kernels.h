@@ -91,7 +91,7 @@ struct Gradients {
   float* gradient_norm = nullptr;  ///< statistics; null: none
   float* visible_count = nullptr;
   float* max_radius_px = nullptr;
-  int64_t statistics_view = -1;
+  int64_t statistics_views = -1;
 };
 
 constexpr int kCameraValues = 12;  ///< rotation 9, translation 3

@@ -158,7 +158,7 @@ void project_adjoint(const RenderCall<T>& call, int64_t begin, int64_t end,
     for (int view = 0; view < call.views; ++view) {
       m::Drawn<P> drawn;
       if (!load_drawn(call, block, instances, view, &drawn)) continue;
-      const bool counts = gradients.statistics_view < 0 || gradients.statistics_view == view;
+      const bool counts = gradients.statistics_views < 0 || view < gradients.statistics_views;
       add_view(call, block, shape, drawn, view, statistics && counts, &sum,
                grad_cameras + int64_t{view} * kCameraValues * kMaxLanes);
     }

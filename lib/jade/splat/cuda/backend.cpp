@@ -280,7 +280,7 @@ BackwardResult backward(const BackwardArgs& args) {
   gradients.gradient_norm = pointer(args.statistics.gradient_norm);
   gradients.visible_count = pointer(args.statistics.visible_count);
   gradients.max_radius_px = pointer(args.statistics.max_radius_px);
-  gradients.statistics_view = static_cast<int>(args.statistics_view);
+  gradients.statistics_views = static_cast<int>(args.statistics_views);
   gradients.with_depth = args.forward.depth && args.grad_depth_sum.defined();
   const torch::Tensor workspace = bind_workspace(args, call, &gradients, stream);
   launch_blend_adjoint(

@@ -84,7 +84,7 @@ struct Gradients {
   float* camera_from_world;                              ///< [views,4,4] or null
   float* background;                                     ///< [3]
   float *gradient_norm, *visible_count, *max_radius_px;  ///< null: no statistics
-  int statistics_view;
+  int statistics_views;
 
   float* sums;                ///< [views, count, kPixelSums (+ 1 with depth)], zeroed
   float* camera_sums;         ///< [views, 12], zeroed

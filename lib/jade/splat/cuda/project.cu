@@ -294,7 +294,7 @@ __device__ __forceinline__ void gather_view(const RenderCall& call, const Gradie
         m::view_adjoint({camera, kDegree, call.antialiased}, shape, s.sh_rows + row * kShRow,
                         load_drawn<kDepth>(splat, stage + (threadIdx.x & 31) * kValues), on_shape,
                         &on_sh, &on_camera);
-    const bool counts = gradients.statistics_view < 0 || gradients.statistics_view == view;
+    const bool counts = gradients.statistics_views < 0 || view < gradients.statistics_views;
     if (gradients.gradient_norm != nullptr && counts) {
       add_statistics(call, shape, camera, on_screen, s);
     }
