@@ -134,8 +134,7 @@ std::vector<Term> terms() {
       {"event",
        [](const Images& in) {
          losses::EventPair pair;
-         pair.before = in.image;
-         pair.after = in.other;
+         pair.renders = torch::stack({in.image, in.other});
          pair.counts = in.counts;
          pair.pixels = in.pixels;
          return losses::event_loss(pair);

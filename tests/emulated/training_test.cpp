@@ -15,6 +15,7 @@
 #include "jade/gaussians/adam.h"
 #include "jade/gaussians/noise.h"
 #include "jade/geometry/exposure_path.h"
+#include "jade/losses/event_loss_kernels.h"
 #include "jade/losses/poses_kernels.h"
 #include "jade/response/lookup.h"
 #include "jade/response/table.h"
@@ -33,6 +34,40 @@ constexpr Order kOrders[] = {Order::kAscending, Order::kDescending};
 Tensor random_rotations(int64_t count) { return torch::randn({count, 4}); }
 
 }  // namespace
+
+TEST_CASE("emulated cuda: the loss of the events and its gradient", "[emulated]") {
+  torch::manual_seed(3);
+  losses::EventPair pair;
+  pair.renders = torch::rand({2, 3, 17, 43});
+  pair.counts = (torch::rand({17, 43}) * 8 - 4).round();
+  pair.threshold_negative = 0.3;
+  for (const int64_t count : {0, 1, 255, 700}) {
+    pair.pixels = torch::randperm(17 * 43, torch::kInt64).narrow(0, 0, count).contiguous();
+    for (const bool color : {false, true}) {
+      INFO(count << " pixels, in colour: " << color);
+      pair.color_filter = color ? torch::rand({17, 43, 3}) > 0.5 : Tensor();
+      pair.weighted_colors = color;
+      const auto outputs = [&](const auto& forward, const auto& backward) {
+        std::vector<Tensor> out{torch::empty({}), torch::empty({count}, torch::kFloat64),
+                                torch::empty({1}, torch::kFloat64), torch::zeros({2, 3, 17, 43})};
+        forward(pair, out[0], out[1], out[2]);
+        backward(pair, out[1], out[2], torch::full({}, 0.7f), out[3]);
+        return out;
+      };
+      const auto expected = outputs(losses::cpu::event_loss, losses::cpu::event_loss_gradient);
+      for (const Order order : kOrders) {
+        const ForcedOrder forced(order);
+        const auto found =
+            outputs(losses::emulated_cuda::event_loss, losses::emulated_cuda::event_loss_gradient);
+        CHECK(torch::allclose(found[0], expected[0]));
+        CHECK(found[1].equal(expected[1]));
+        CHECK(torch::allclose(found[2], expected[2]));
+        CHECK(torch::allclose(found[3], expected[3]));
+      }
+      if (count == 700) CHECK(expected[3].count_nonzero().item<int64_t>() > 700);
+    }
+  }
+}
 
 TEST_CASE("emulated cuda: the mean of the renders, its picks and their gradient", "[emulated]") {
   torch::manual_seed(1);

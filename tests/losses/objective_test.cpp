@@ -227,8 +227,7 @@ TEST_CASE("objective: the camera response is the identity during the warm-up", "
 TEST_CASE("objective: the event term carries its weight", "[losses]") {
   ObjectiveInputs in = inputs(renders());
   EventPair pair;
-  pair.before = image(1);
-  pair.after = image(2);
+  pair.renders = image(1, {2, 3, 7, 9});
   pair.counts = (image(5, {7, 9}) * 10 - 5).round();
   pair.pixels = torch::arange(63, torch::kInt64);
   in.events = pair;

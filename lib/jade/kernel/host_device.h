@@ -31,6 +31,7 @@ JADE_HD float exp(float x) { return ::expf(x); }
 JADE_HD double exp(double x) { return ::exp(x); }
 JADE_HD float exp2(float x) { return ::exp2f(x); }
 JADE_HD double exp2(double x) { return ::exp2(x); }
+JADE_HD double log(double x) { return ::log(x); }
 JADE_HD float log2(float x) { return ::log2f(x); }
 JADE_HD double log2(double x) { return ::log2(x); }
 JADE_HD float sin(float x) { return ::sinf(x); }
@@ -47,6 +48,7 @@ JADE_HD float exp(float x) { return __builtin_expf(x); }
 JADE_HD double exp(double x) { return __builtin_exp(x); }
 JADE_HD float exp2(float x) { return __builtin_exp2f(x); }
 JADE_HD double exp2(double x) { return __builtin_exp2(x); }
+JADE_HD double log(double x) { return __builtin_log(x); }
 JADE_HD float log2(float x) { return __builtin_log2f(x); }
 JADE_HD double log2(double x) { return __builtin_log2(x); }
 JADE_HD float sin(float x) { return __builtin_sinf(x); }

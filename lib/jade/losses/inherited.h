@@ -47,25 +47,4 @@ imaging::L1SsimPair simulation_pair(const torch::Tensor& toned_render,
 imaging::L1SsimPair intensity_pair(const torch::Tensor& mean_toned,
                                    const torch::Tensor& toned_blurry);
 
-/// Two renders and the events between them.
-struct EventPair {
-  torch::Tensor before, after;  ///< [3,H,W], ρ(render) at the start and the end of a short window
-  torch::Tensor counts;         ///< [H,W], signed event counts in it (no threshold applied)
-  torch::Tensor pixels;         ///< [P] int64, flat indices of the pixels that count
-  torch::Tensor color_filter;   ///< [H,W,3] bool, which channel each pixel sees; undefined: gray
-  double threshold_positive = 0.2;
-  double threshold_negative = 0.2;
-  bool weighted_colors = false;  ///< weigh R, G, B by 0.4, 0.2, 0.4 (after the warm-up)
-};
-
-/// L_ev: predicted event counts Δℓ/Θ against measured ones at pixels with events. With n the
-/// measured count and Θ of n's sign,
-///     L_ev = mean_p (Δℓ/Θ − n)² [n > 0] + mean_p (Δℓ/Θ − n)² [n < 0],
-/// Δℓ the change of lin_log(255 · luma), luma being g in gray, else the pixel's own channel; in
-/// colour the sums are divided by the sum of the channel weights instead of P.
-torch::Tensor event_loss(const EventPair& events);
-
-/// ℓ(x) of x in [0,255]: x ln(20)/20 up to 20, ln x above. Element-wise, differentiable.
-torch::Tensor lin_log(const torch::Tensor& x);
-
 }  // namespace jade::losses

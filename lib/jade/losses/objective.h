@@ -13,6 +13,7 @@
 #include "jade/core/fields.h"
 #include "jade/core/members.h"
 #include "jade/imaging/ssim.h"
+#include "jade/losses/event_loss.h"
 #include "jade/losses/fixed.h"
 #include "jade/losses/inherited.h"
 #include "jade/losses/trust.h"

@@ -73,11 +73,9 @@ void append_window(const TrainState& state, const EventWindow& window, TimedCame
 losses::EventPair event_pair(const EventWindow& window, const torch::Tensor& images,
                              const losses::ToneCurve& tone, const StepPlan& plan,
                              const RunOptions& options) {
-  const torch::Tensor toned = tone ? tone({{images, {}}})[0] : images;
   const events::Thresholds thresholds = options.events.thresholds();
   losses::EventPair pair;
-  pair.before = toned[0];
-  pair.after = toned[1];
+  pair.renders = tone ? tone({{images, {}}})[0] : images;
   pair.counts = window.counts;
   pair.pixels = window.pixels;
   pair.color_filter = window.color_filter;

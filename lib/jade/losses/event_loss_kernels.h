@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+// event_loss() apart from autograd. Not for use outside this room.
+#pragma once
+
+#include <ATen/core/Tensor.h>
+
+#include "jade/losses/event_loss.h"
+#include "jade/losses/event_loss_math.h"
+
+namespace jade::losses {
+
+/// L_ev is divided by the sum of the weights, or this if it is less.
+constexpr double kLeastWeight = 1e-12;
+
+/// Of the pairs, all tensors contiguous and of the renders' type, but for indices and filter.
+/// `residuals` is [P] double, dL_ev/dΔℓ before the division; `weight` [1] double, what L_ev was
+/// divided by; `loss` [] of the renders' type.
+namespace cpu {  // float or double
+void event_loss(const EventPair& events, at::Tensor& loss, at::Tensor& residuals,
+                at::Tensor& weight);
+/// @param of_loss     [] of the renders' type
+/// @param of_renders  [2,3,H,W], all zero
+void event_loss_gradient(const EventPair& events, const at::Tensor& residuals,
+                         const at::Tensor& weight, const at::Tensor& of_loss,
+                         at::Tensor& of_renders);
+}  // namespace cpu
+
+namespace cuda {  // float; on the current stream, no waiting
+void event_loss(const EventPair& events, at::Tensor& loss, at::Tensor& residuals,
+                at::Tensor& weight);
+void event_loss_gradient(const EventPair& events, const at::Tensor& residuals,
+                         const at::Tensor& weight, const at::Tensor& of_loss,
+                         at::Tensor& of_renders);
+}  // namespace cuda
+
+/// @tparam T  of the renders
+template <class T>
+EventPixels<T> pixels_of(const EventPair& events) {
+  EventPixels<T> in{};
+  in.plane = events.counts.numel();
+  in.before = events.renders.const_data_ptr<T>();
+  in.after = in.before + 3 * in.plane;
+  in.counts = events.counts.const_data_ptr<T>();
+  in.indices = events.pixels.const_data_ptr<int64_t>();
+  if (events.color_filter.defined()) in.filter = events.color_filter.const_data_ptr<bool>();
+  in.count = events.pixels.numel();
+  in.threshold_positive = events.threshold_positive;
+  in.threshold_negative = events.threshold_negative;
+  in.weighted_colors = events.weighted_colors;
+  return in;
+}
+
+}  // namespace jade::losses
