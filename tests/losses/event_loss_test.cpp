@@ -93,7 +93,8 @@ TEST_CASE("event_loss: a pixel that is drawn twice counts twice", "[losses]") {
   CHECK(loss.item<double>() == Approx(2 * off * off / 3));
   loss.backward();
   const torch::Tensor gradient = pair.renders.grad();
-  // dL/dgreen of the later render: 2 off/Θ over three pixels, twice, times 255 · 0.587 / (255 · 0.6).
+  // dL/dgreen of the later render: 2 off/Θ over three pixels, twice, times 255 · 0.587 / (255 ·
+  // 0.6).
   CHECK(gradient[1][1][0][0].item<double>() == Approx(4 * off / 0.2 / 3 * 0.587 / 0.6));
   CHECK(gradient[0][1][0][0].item<double>() == Approx(-4 * off / 0.2 / 3 * 0.587 / 0.3));
   CHECK(gradient.count_nonzero().item<int64_t>() == 6);

@@ -29,8 +29,8 @@ void event_loss_gradient(const EventPair& events, const at::Tensor& residuals,
                          at::Tensor& of_renders) {
   AT_DISPATCH_FLOATING_TYPES(events.renders.scalar_type(), "event_loss_gradient", [&] {
     const EventPixels<scalar_t> in = pixels_of<scalar_t>(events);
-    const double scale = static_cast<double>(*of_loss.const_data_ptr<scalar_t>()) /
-                         *weight.const_data_ptr<double>();
+    const double scale =
+        static_cast<double>(*of_loss.const_data_ptr<scalar_t>()) / *weight.const_data_ptr<double>();
     const double* const residual = residuals.const_data_ptr<double>();
     scalar_t* const out = of_renders.mutable_data_ptr<scalar_t>();
     for (int64_t p = 0; p < in.count; ++p) {

@@ -47,8 +47,8 @@ struct EventTerm {
 /// 255 · luma, or 255 · a channel. Differences of logs lose digits, so all that follows is double.
 template <class T>
 JADE_HD double gray_level(const EventPixels<T>& in, const T* image, int64_t pixel) {
-  return 255 * double(imaging::luma(image[pixel], image[in.plane + pixel],
-                                    image[2 * in.plane + pixel]));
+  return 255 *
+         double(imaging::luma(image[pixel], image[in.plane + pixel], image[2 * in.plane + pixel]));
 }
 template <class T>
 JADE_HD double channel_level(const EventPixels<T>& in, const T* image, int64_t c, int64_t pixel) {
