@@ -9,6 +9,8 @@
 #include <torch/cuda.h>
 #include <torch/types.h>
 #include <vector>
+
+#include "jade/core/interrupt.h"
 #ifdef JADE_WITH_CUDA
 #include <c10/cuda/CUDACachingAllocator.h>
 #endif
@@ -37,6 +39,7 @@ Times time(const std::function<void()>& work, const Repeats& repeats, torch::Dev
   synchronize(device);
   std::vector<double> ms;
   for (int i = 0; i < std::max(1, repeats.timed); ++i) {
+    throw_if_interrupted();
     const auto start = Clock::now();
     work();
     synchronize(device);

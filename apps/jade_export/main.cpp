@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Gaussians from a run, a checkpoint or a .ply to the formats of splat viewers.
 #include "common/cli.h"
+#include "jade/core/atomic_file.h"
 #include "jade/core/log.h"
 #include "jade/gaussians/ply.h"
 #include "jade/gaussians/splat_file.h"
@@ -33,7 +34,7 @@ gaussians::GaussianFile load(const Sources& sources) {
 
 void save(const fs::path& path, const gaussians::GaussianFile& file) {
   const std::string extension = path.extension().string();
-  if (path.has_parent_path()) fs::create_directories(path.parent_path());
+  if (path.has_parent_path()) make_writable_folder(path.parent_path());
   if (extension == ".ply") {
     gaussians::write_ply(path, file);
   } else if (extension == ".splat") {

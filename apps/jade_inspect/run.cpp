@@ -39,7 +39,8 @@ void inspect_run(const fs::path& folder, bool json) {
                                    {"scores", s.scores},
                                    {"gaussians", to_json(s.gaussians)},
                                    {"problems", s.problems}};
-    std::printf("%s\n", result.dump(2).c_str());
+    std::printf("%s\n",
+                result.dump(2, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
     return;
   }
   std::printf("run         %s, step %ld of %ld\n", folder.c_str(), long(s.step),

@@ -223,6 +223,8 @@ TEST_CASE("jade_deblur: other mistakes get one line and their exit code", "[apps
                 "where the data set keeps pictures of these names; choose another");
   }
   CHECK(read_file(scene.dir / "scene/images_1/00.png") == frame);
+  check_error(scene.deblur("--efnet net.pt --times 0.5,0.50000001"), 2,
+              "expected a name for each picture, found '00_t0.5' for two");
   check_error(run(scene.dir, "jade_deblur --output out"), 2, "--dataset: expected a folder");
   check_error(run(scene.dir, "jade_deblur --dataset scene"), 2, "--output: expected a folder");
   check_error(run(scene.dir, "jade_deblur --dataset nowhere --output out"), 3, "nowhere");
@@ -237,6 +239,8 @@ TEST_CASE("jade_eval: folders whose names or sizes differ get one line", "[apps]
   const Scene scene;
   const auto eval = [&](const std::string& flags) { return run(scene.dir, "jade_eval " + flags); };
   CHECK(scene.deblur("").code == 0);
+  scene.dir.write("file", "");
+  check_error(eval("--renders out --truth scene/sharp --output file/below"), 3, "file/below");
   const Outcome good = eval("--renders out --truth scene/sharp --json");
   CHECK(good.code == 3);  // the sharp test views have no restoration
   CHECK_THAT(good.err, Catch::Contains("expected an image named 03"));

@@ -164,6 +164,14 @@ TEST_CASE("config: a mistake is one line with place, key, expectation and findin
   CHECK(error_of(dir, "extends: nothere.yaml\n").find("no such file") != std::string::npos);
 }
 
+TEST_CASE("config: whole numbers are decimal, with leading zeros too", "[config]") {
+  const test::TempDir dir;
+  for (const auto& [text, value] : {std::pair("010", 10), {"08", 8}, {"1e2", 100}, {"+12", 12}}) {
+    INFO(text);
+    CHECK(load_text(dir, concat("iterations: ", text, "\n")).iterations == value);
+  }
+}
+
 TEST_CASE("config: all problems are told at once", "[config]") {
   const test::TempDir dir;
   const std::string message = error_of(dir, "kind: c\nsteps: 3\n", {"zzzzzzzzzz=1"});

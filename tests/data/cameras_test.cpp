@@ -62,5 +62,23 @@ TEST_CASE("cameras: what is written is read back, and both ways to say a pose ag
                     Catch::Contains("bare.json") && Catch::Contains("camera_from_world"));
 }
 
+TEST_CASE("cameras: two of one name are refused, as their images would be one file", "[data]") {
+  const test::TempDir dir;
+  std::vector<NamedCamera> cameras(2);
+  for (NamedCamera& camera : cameras) {
+    camera.camera.width = 4;
+    camera.camera.height = 3;
+    camera.camera.fx = camera.camera.fy = 5;
+  }
+  cameras[0].name = "a";
+  cameras[1].name = "b";
+  write_cameras(dir / "own.json", cameras);
+  CHECK(read_cameras(dir / "own.json").size() == 2);
+  cameras[1].name = "a";
+  write_cameras(dir / "own.json", cameras);
+  CHECK_THROWS_WITH(read_cameras(dir / "own.json"),
+                    Catch::Contains("entry 1: expected names that differ, found 'a' again"));
+}
+
 }  // namespace
 }  // namespace jade::data

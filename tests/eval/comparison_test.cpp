@@ -32,6 +32,9 @@ TEST_CASE("comparison: JSON has each view, and the means of each candidate", "[e
   CHECK(json["mean"]["candidates"]["mean"]["psnr"] == 28);
   CHECK(json["mean"]["candidates"]["edi"]["lpips_vgg"].is_null());
   CHECK(nlohmann::json::parse(to_json("edi", {}))["mean"].is_null());
+  std::vector<ComparedView> latin = kViews;
+  latin[0].exposure = "caf\xe9";  // not UTF-8
+  CHECK(nlohmann::json::parse(to_json("edi", latin))["views"][0]["name"] == "caf\xef\xbf\xbd");
 }
 
 TEST_CASE("comparison: the table has a column per candidate and the gain over the blurry frame",

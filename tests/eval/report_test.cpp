@@ -17,6 +17,9 @@ TEST_CASE("evaluation: JSON holds every view, the mean and null for metrics with
   CHECK(json["views"].size() == 2);
   CHECK(json["mean"]["psnr"] == Approx((evaluation.views[0].psnr + 100) / 2));
   CHECK(json["mean"]["lpips_alex01"].is_null());
+  const std::string latin =
+      eval::to_json(eval::evaluation_of({eval::score("caf\xe9", truth, truth)}));
+  CHECK(nlohmann::json::parse(latin)["views"][0]["name"] == "caf\xef\xbf\xbd");
 }
 
 TEST_CASE("evaluation: the table says how to get LPIPS wherever it shows '-'", "[eval]") {

@@ -221,6 +221,22 @@ TEST_CASE("trainer: a corrupt newest checkpoint falls back to the one before", "
   }
 }
 
+TEST_CASE("trainer: a scene whose checkpoints are gone is not started over", "[run]") {
+  const Scene scene;
+  const auto folder = scene.dir.path() / "run";
+  train::RunOptions options = tiny_options(scene);
+  options.train.iterations = 2;
+  run::Trainer(options, folder, "").run();
+  std::filesystem::remove_all(folder / "checkpoints");
+  const std::string before = read_file(folder / "point_cloud.ply");
+  CHECK_THROWS_WITH(run::Trainer(options, folder, "latest"),
+                    Catch::Contains("expected a checkpoint to go on from, found a scene"));
+  CHECK(read_file(folder / "point_cloud.ply") == before);
+  std::filesystem::remove(folder / "point_cloud.ply");
+  std::filesystem::remove(folder / "eval.json");
+  CHECK_NOTHROW(run::Trainer(options, folder, "latest"));
+}
+
 TEST_CASE("trainer: refuses to resume with other settings or data, and says which", "[run]") {
   const Scene scene;
   const auto run = scene.dir.path() / "run";

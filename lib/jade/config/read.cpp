@@ -165,6 +165,14 @@ class Reader {
     // A quoted scalar carries the tag "!": "3" in quotes is a text, not a number.
     return node.IsScalar() && node.Tag() != "!" && YAML::convert<T>::decode(node, target);
   }
+  /// Of a decimal number, such as 010 or -08.
+  static bool starts_with_zero(const YAML::Node& node) {
+    if (!node.IsScalar()) return false;
+    const std::string& text = node.Scalar();
+    const size_t first = text.find_first_not_of("+-");
+    return first != std::string::npos && text[first] == '0' &&
+           text.find_first_not_of("0123456789", first) == std::string::npos;
+  }
   static bool convert(const Layer&, const YAML::Node& node, bool& target) {
     return convert_scalar(node, target);
   }
@@ -173,7 +181,8 @@ class Reader {
   }
   static bool convert(const Layer&, const YAML::Node& node, int64_t& target) {
     double value = 0;
-    if (convert_scalar(node, target)) return true;
+    // yaml-cpp would read 010 as octal.
+    if (!starts_with_zero(node) && convert_scalar(node, target)) return true;
     // 1e4 is a whole number too.
     if (!convert_scalar(node, value) || value != std::floor(value) || std::abs(value) > 9e15)
       return false;

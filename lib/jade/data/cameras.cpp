@@ -2,6 +2,7 @@
 #include "jade/data/cameras.h"
 
 #include <nlohmann/json.hpp>
+#include <unordered_set>
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
@@ -78,6 +79,7 @@ NamedCamera camera_of(const json& entry, const json& defaults, size_t index) {
 
 std::vector<NamedCamera> read_cameras(const std::filesystem::path& path) {
   std::vector<NamedCamera> cameras;
+  std::unordered_set<std::string> names;
   size_t index = 0;
   try {
     const json document = json::parse(read_file(path));
@@ -85,6 +87,10 @@ std::vector<NamedCamera> read_cameras(const std::filesystem::path& path) {
     const json defaults = document.is_object() ? document : json::object();
     for (const json& entry : list) {
       cameras.push_back(camera_of(entry, defaults, index));
+      if (!names.insert(cameras.back().name).second) {
+        throw DataError(concat("expected names that differ, found '", cameras.back().name,
+                               "' again; images are named after their cameras"));
+      }
       ++index;
     }
   } catch (const json::exception& problem) {

@@ -105,7 +105,8 @@ std::string to_json(const std::string& method, const std::vector<ComparedView>& 
   }
   nlohmann::json result = {{"method", method}, {"views", rows}, {"mean", nullptr}};
   if (!views.empty()) result["mean"] = summary_of(means_of(views));
-  return result.dump(2) + "\n";
+  // Names of files need not be UTF-8.
+  return result.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }
 
 }  // namespace jade::eval

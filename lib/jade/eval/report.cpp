@@ -169,13 +169,14 @@ std::string to_json(const Evaluation& evaluation) {
   }
   Json meaning;
   for (const auto& [name, text] : definitions()) meaning[name] = text;
+  // Names of files need not be UTF-8.
   return Json{{"views", views},
               {"held_out", held_out_list(evaluation)},
               {"mean", mean_of_all(evaluation)},
               {"mean_seen", mean_object(evaluation.mean_seen)},
               {"mean_unseen", mean_object(evaluation.mean_unseen)},
               {"definitions", meaning}}
-             .dump(2) +
+             .dump(2, ' ', false, Json::error_handler_t::replace) +
          "\n";
 }
 

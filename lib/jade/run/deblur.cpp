@@ -2,6 +2,7 @@
 #include "jade/run/deblur.h"
 
 #include <torch/types.h>
+#include <unordered_set>
 
 #include "jade/core/error.h"
 #include "jade/core/interrupt.h"
@@ -55,6 +56,24 @@ std::vector<NamedMoment> moments_of(const DeblurPictures& pictures, bool poses,
   return moments;
 }
 
+/// @param poses  how many more pictures an exposure has, numbered
+/// @throws ConfigError if one picture would be written over another.
+void check_names(const data::Dataset& dataset, const std::vector<NamedMoment>& moments,
+                 int64_t poses) {
+  std::unordered_set<std::string> names;
+  const auto add = [&](const std::string& name) {
+    if (names.insert(name).second) return;
+    throw ConfigError(concat("expected a name for each picture, found '", name,
+                             "' for two; --times must differ by a millionth or more, and no frame ",
+                             "may be named as another one with a moment"));
+  };
+  for (const data::Exposure& exposure : dataset.train) {
+    add(exposure.name);
+    for (const NamedMoment& moment : moments) add(exposure.name + moment.ending);
+    for (int64_t k = 0; k < poses; ++k) add(concat(exposure.name, "_", k));
+  }
+}
+
 }  // namespace
 
 Deblurred deblur(const data::Dataset& dataset, const DeblurOptions& options,
@@ -65,6 +84,8 @@ Deblurred deblur(const data::Dataset& dataset, const DeblurOptions& options,
   const bool poses_restored =
       pictures.poses && deblurrer.has_any_time_network() && !method.needs_truth;
   const auto moments = moments_of(pictures, poses_restored, options.settings.exposure);
+  const bool poses_carried = pictures.poses && !poses_restored;
+  check_names(dataset, moments, poses_carried ? options.settings.exposure.samples : 0);
   std::vector<double> times;
   for (const NamedMoment& moment : moments) times.push_back(moment.u);
   const eval::Lpips lpips(device);
@@ -86,7 +107,7 @@ Deblurred deblur(const data::Dataset& dataset, const DeblurOptions& options,
       save(output / (exposure.name + moments[k].ending), method.restore(restored.at[k]),
            pictures.npy);
     }
-    if (pictures.poses && !poses_restored) {
+    if (poses_carried) {
       const torch::Tensor latents = deblurrer.at_all_poses(result, restored);
       for (int64_t k = 0; k < latents.size(0); ++k) {
         save(output / concat(exposure.name, "_", k), latents[k], pictures.npy);

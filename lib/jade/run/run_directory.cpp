@@ -27,6 +27,10 @@ bool RunDirectory::holds_a_run() const {
          fs::exists(path_ / kSceneFile);
 }
 
+bool RunDirectory::holds_results() const {
+  return fs::exists(path_ / kSceneFile) || fs::exists(path_ / kScoresFile);
+}
+
 void RunDirectory::remove_results() const {
   for (const char* left : {kSceneFile, kLearnedCamerasFile, kScoresFile, kReportFile}) {
     fs::remove(path_ / left);

@@ -30,6 +30,9 @@ class RunDirectory {
   /// True when a run has left something here that a new one would mix with.
   bool holds_a_run() const;
 
+  /// True when a run has ended here: its scene or its scores are there.
+  bool holds_results() const;
+
   /// Removes what an earlier end left, which is not of the scene as the run goes on.
   void remove_results() const;
 

@@ -102,6 +102,11 @@ bool Trainer::resume_from(const std::string& choice) {
   std::vector<fs::path> candidates =
       choice == "latest" ? list_checkpoints(directory_.path()) : std::vector<fs::path>{choice};
   if (candidates.empty()) {
+    if (directory_.holds_results()) {
+      throw ConfigError(concat(directory_.path().string(),
+                               ": expected a checkpoint to go on from, found a scene without one; ",
+                               "name another --output, or remove the scene to start anew"));
+    }
     // A run that was killed before its first checkpoint, or a first start by a script.
     log_info(concat(directory_.path().string(), ": no checkpoint yet; starting at step 0"));
     return false;
