@@ -49,7 +49,7 @@ TEST_CASE("checkpoint: maps of another number of views are refused", "[run]") {
   CHECK_THROWS_WITH(load(2), Catch::Contains("expected 2 parameters of 'allocation', found 3"));
 }
 
-TEST_CASE("checkpoint: the data's fingerprint knows frames, times, poses and how many events",
+TEST_CASE("checkpoint: the data's fingerprint knows frames, times, poses, cameras and events",
           "[run]") {
   const test::TinyScene scene;
   const data::Dataset dataset = data::load_dataset(test::tiny_options(scene).dataset);
@@ -67,6 +67,15 @@ TEST_CASE("checkpoint: the data's fingerprint knows frames, times, poses and how
   CHECK(changed([](data::Exposure& e) { e.poses[7].translation[1] += 1e-6; }));
   CHECK(changed([](data::Exposure& e) { e.poses[0].rotation[3] += 1e-6; }));
   CHECK(changed([](data::Exposure& e) { e.events = events::EventStream(); }));
+  CHECK(changed([](data::Exposure& e) { e.camera.cy += 1e-6; }));
+  CHECK(changed([](data::Exposure& e) {
+    const events::EventStream& old = e.events;
+    e.events = events::EventStream(old.x(), old.y(), old.t_us(), -old.polarity());
+  }));
+  CHECK(changed([](data::Exposure& e) {
+    const events::EventStream& old = e.events;
+    e.events = events::EventStream(old.x() + 1, old.y(), old.t_us(), old.polarity());
+  }));
   data::Dataset gray = dataset;
   gray.monochrome = true;
   CHECK(run::data_fingerprint(gray) != fingerprint);

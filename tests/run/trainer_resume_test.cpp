@@ -257,6 +257,20 @@ TEST_CASE("trainer: refuses to resume with other settings or data, and says whic
   CHECK_THROWS_WITH(run::Trainer(options, run, "latest"), Catch::Contains("other data"));
 }
 
+TEST_CASE("trainer: a checkpoint from before fingerprints knew events is gone on from", "[run]") {
+  const Scene scene;
+  const auto folder = scene.dir.path() / "run";
+  train::RunOptions options = tiny_options(scene);
+  {
+    run::Trainer old(options, folder, "");
+    old.step();
+    const std::string data =
+        run::data_fingerprint(data::load_dataset(options.dataset), run::FingerprintOf::kBefore);
+    run::save_checkpoint(folder, old.state(), {read_file(folder / "config.yaml"), data, ""}, 1);
+  }
+  CHECK(run::Trainer(options, folder, "latest").state().step == 1);
+}
+
 TEST_CASE("trainer: refuses to resume with another restorer, wherever its file lies", "[run]") {
   const Scene scene;
   const auto run = scene.dir / "run";

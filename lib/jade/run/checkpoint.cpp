@@ -2,6 +2,7 @@
 #include "jade/run/checkpoint.h"
 
 #include <algorithm>
+#include <array>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -324,7 +325,7 @@ void load_checkpoint_poses(const fs::path& path, train::ExposurePoses& poses) {
   restore_parameters(read_archive(path), "poses", poses, path);
 }
 
-std::string data_fingerprint(const data::Dataset& dataset) {
+std::string data_fingerprint(const data::Dataset& dataset, FingerprintOf what) {
   Sha256 digest;
   const auto add = [&](const auto& numbers) {
     digest.update(numbers.data(), numbers.size() * sizeof(numbers[0]));
@@ -339,6 +340,13 @@ std::string data_fingerprint(const data::Dataset& dataset) {
     for (const geometry::Pose& pose : exposure.poses) {
       add(pose.rotation);
       add(pose.translation);
+    }
+    if (what == FingerprintOf::kBefore) continue;
+    const geometry::Intrinsics& camera = exposure.camera;
+    add(std::array{camera.fx, camera.fy, camera.cx, camera.cy});
+    const events::EventStream& events = exposure.events;
+    for (const torch::Tensor& each : {events.x(), events.y(), events.t_us(), events.polarity()}) {
+      digest.update(each.data_ptr(), each.nbytes());
     }
   }
   return digest.hex();

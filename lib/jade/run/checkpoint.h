@@ -60,8 +60,12 @@ void load_checkpoint_allocation(const std::filesystem::path& path, router::Alloc
 /// @throws CheckpointError, also where the checkpoint has others or none.
 void load_checkpoint_poses(const std::filesystem::path& path, train::ExposurePoses& poses);
 
-/// SHA-256 over names, times, poses and pixels of the training exposures and the number of events.
-std::string data_fingerprint(const data::Dataset& dataset);
+/// What a fingerprint knows: versions before had no intrinsics, and of events how many there are.
+enum class FingerprintOf { kContents, kBefore };
+
+/// SHA-256 over the training exposures: names, times, poses, intrinsics, pixels and events.
+std::string data_fingerprint(const data::Dataset& dataset,
+                             FingerprintOf what = FingerprintOf::kContents);
 
 /// The options that a checkpoint's YAML holds, settled; keys that it lacks are as printed
 /// (train::printed_options).

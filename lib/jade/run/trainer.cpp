@@ -152,10 +152,11 @@ void Trainer::check_same_run(const fs::path& checkpoint, const CheckpointInfo& i
                              keys, ". Put them back or start a new --output"));
   }
   for (const std::string& line : difference.allowed) log_info("changed on resume: " + line);
-  if (info.fingerprint != data_.fingerprint) {
-    throw CheckpointError(concat(checkpoint.string(), ": made from other data than ",
-                                 data_.dataset.root.string(),
-                                 "; check dataset.path and dataset.color"));
+  if (info.fingerprint != data_.fingerprint &&
+      info.fingerprint != data_fingerprint(data_.dataset, FingerprintOf::kBefore)) {
+    throw CheckpointError(
+        concat(checkpoint.string(), ": made from other data than ", data_.dataset.root.string(),
+               "; check dataset.path, dataset.color and whether its events or its camera changed"));
   }
   if (data_.restorer_sha256.empty()) return;
   if (info.restorer_sha256.empty()) {
