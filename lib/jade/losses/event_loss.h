@@ -10,7 +10,7 @@ namespace jade::losses {
 struct EventPair {
   torch::Tensor renders;       ///< [2,3,H,W], ρ(render) at the start and the end of a short window
   torch::Tensor counts;        ///< [H,W], signed event counts in it (no threshold applied)
-  torch::Tensor pixels;        ///< [P] int64, flat indices of the pixels that count
+  torch::Tensor pixels;        ///< [P] int64, the pixels that count: flat, in [0, H·W), unchecked
   torch::Tensor color_filter;  ///< [H,W,3] bool, which channel each pixel sees; undefined: gray
   double threshold_positive = 0.2;
   double threshold_negative = 0.2;
