@@ -110,7 +110,10 @@ nlohmann::json measure_stages(Bench& bench, int64_t repeats, torch::Device devic
     torch::Tensor target;
     const std::function<void()> parts[] = {
         [&] { renders = train::render_exposure(bench.state, in, plan, bench.options); },
-        [&] { train::routing_step(bench.state, in, renders, plan, bench.options.route); },
+        [&] {
+          const torch::Tensor alpha = train::routing_alpha(bench.state, in, plan);
+          train::routing_step(bench.state, in, alpha, renders, plan, bench.options.route);
+        },
         [&] { target = train::scene_target(bench.state, in.view, in.view_index); },
         [&] { train::scene_step(bench.state, in, renders, target, plan, bench.options); }};
     for (size_t part = 0; part < 4; ++part) {

@@ -141,8 +141,8 @@ std::vector<Term> terms() {
        }},
       {"route",
        [](const Images& in) {
-         return losses::route_loss(restore::fuse(in.alpha, in.restorations), Fixed(in.image),
-                                   in.factors[0], in.blurry, {})
+         return losses::route_loss(in.alpha, in.restorations, Fixed(in.image), in.factors[0],
+                                   in.blurry, {})
              .total;
        }},
       {"router",

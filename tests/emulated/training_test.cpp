@@ -17,6 +17,7 @@
 #include "jade/geometry/exposure_path.h"
 #include "jade/losses/event_loss_kernels.h"
 #include "jade/losses/poses_kernels.h"
+#include "jade/losses/route_kernels.h"
 #include "jade/response/lookup.h"
 #include "jade/response/table.h"
 #include "jade/train/batch_copy.h"
@@ -65,6 +66,40 @@ TEST_CASE("emulated cuda: the loss of the events and its gradient", "[emulated]"
         CHECK(torch::allclose(found[3], expected[3]));
       }
       if (count == 700) CHECK(expected[3].count_nonzero().item<int64_t>() > 700);
+    }
+  }
+}
+
+TEST_CASE("emulated cuda: the loss of the routing step and its gradient", "[emulated]") {
+  torch::manual_seed(4);
+  // More pixels than the first kernel has threads, and fewer than a block has.
+  for (const auto& [height, width] : {std::pair{290, 241}, {3, 5}}) {
+    const auto image = [&, h = height, w = width](int64_t channels) {
+      return torch::rand({channels, h, w});
+    };
+    losses::RouteTensors all{image(1),        image(3), image(3), image(3),
+                             image(1) + 0.5f, image(3), 0.3};
+    all.edi[0] = all.efnet[0];     // where α does not matter
+    all.render[0] = all.efnet[0];  // and |x| has no derivative
+    losses::RouteTensors render = all, reblur = all;
+    render.kernel = render.blurry = Tensor();
+    reblur.render = Tensor();
+    for (const losses::RouteTensors& images : {all, render, reblur}) {
+      const auto outputs = [&](const auto& forward, const auto& backward) {
+        std::vector<Tensor> out{torch::empty({losses::kRouteValues}), torch::empty_like(all.alpha)};
+        forward(images, out[0]);
+        backward(images, torch::full({}, 0.7f), out[1]);
+        return out;
+      };
+      const auto expected = outputs(losses::cpu::route_loss, losses::cpu::route_gradient);
+      CHECK(expected[1].count_nonzero().item<int64_t>() > 0);
+      for (const Order order : kOrders) {
+        const ForcedOrder forced(order);
+        const auto found =
+            outputs(losses::emulated_cuda::route_loss, losses::emulated_cuda::route_gradient);
+        CHECK(torch::allclose(found[0], expected[0]));
+        CHECK(torch::allclose(found[1], expected[1], 1e-5, 0));
+      }
     }
   }
 }

@@ -215,6 +215,36 @@ TEST_CASE("objective: the total is the sum of its named terms and of the single 
   CHECK(loss.total.item<double>() == Approx(expected.item<double>()));
 }
 
+TEST_CASE("objective: L_tgt beside the other terms is the same loss with the same gradient",
+          "[losses]") {
+  PrintedOptions always, agreed;
+  agreed.target_until = 10;
+  agreed.trust.agreement = 100;
+  for (const ObjectiveOptions& options : {ObjectiveOptions(always), ObjectiveOptions(agreed)}) {
+    const auto with_gradient = [&](const Beside& beside) {
+      const torch::Tensor leaf = renders().set_requires_grad(true);
+      ObjectiveInputs in = inputs(leaf);
+      in.beside = beside;
+      const Objective loss = objective_at(in, kLate, options);
+      CHECK(names(loss).count("target") == 1);
+      torch::Tensor total = loss.total;
+      CHECK(loss.beside.defined() == static_cast<bool>(beside));
+      if (beside) total = total + loss.beside;
+      total.backward();
+      return std::pair(total.item<double>(), leaf.grad());
+    };
+    const auto [expected, gradient] = with_gradient({});
+    int calls = 0;
+    const auto [found, found_gradient] = with_gradient([&](const std::function<void()>& work) {
+      ++calls;
+      work();
+    });
+    CHECK(calls == 1);
+    CHECK(found == Approx(expected));
+    CHECK(torch::allclose(found_gradient, gradient));
+  }
+}
+
 TEST_CASE("objective: the camera response is the identity during the warm-up", "[losses]") {
   ObjectiveInputs in = inputs(renders());
   const double toned = objective_at(in, 1000).total.item<double>();

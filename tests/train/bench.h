@@ -52,7 +52,8 @@ struct Bench {
     return train::render_exposure(state, in, plan(in.step), options);
   }
   train::RouteReport route(const train::StepInputs& in, const train::Renders& renders) {
-    return train::routing_step(state, in, renders, plan(in.step), options.route);
+    return train::routing_step(state, in, train::routing_alpha(state, in, plan(in.step)), renders,
+                               plan(in.step), options.route);
   }
   /// Renders and takes the step on the scene.
   std::vector<losses::NamedTerm> scene_step(const train::StepInputs& in) {

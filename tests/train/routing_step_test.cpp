@@ -132,8 +132,9 @@ TEST_CASE("routing step: at a drawn pose the gradient is that of Eq. (6) there",
   train::StepPlan plan = train::plan_step(routing.options, routing.inputs.step);
   REQUIRE(plan.objective.drawn_target);
   routing.state.allocation_adam.zero_grad();
-  const auto report = train::routing_step(routing.state, routing.inputs, routing.renders, plan,
-                                          routing.options.route);
+  const auto report = train::routing_step(routing.state, routing.inputs,
+                                          train::routing_alpha(routing.state, routing.inputs, plan),
+                                          routing.renders, plan, routing.options.route);
   CHECK(report.render.item<double>() + report.reblur.item<double>() ==
         Approx(routing.loss_at(kPose)).epsilon(1e-6));
   const torch::NoGradGuard no_grad;
@@ -172,7 +173,10 @@ TEST_CASE("routing step: rests where the plan has none", "[train]") {
   train::StepPlan plan = bench.plan(1);
   REQUIRE(plan.route);
   plan.route = false;
-  const auto report = train::routing_step(bench.state, inputs, renders, plan, bench.options.route);
+  const torch::Tensor alpha = train::routing_alpha(bench.state, inputs, plan);
+  CHECK_FALSE(alpha.defined());
+  const auto report =
+      train::routing_step(bench.state, inputs, alpha, renders, plan, bench.options.route);
   CHECK_FALSE(report.render.defined());
   CHECK(equal(before, copies(bench.state.allocation->parameters())));
 }

@@ -232,7 +232,6 @@ Objective objective(const ObjectiveInputs& inputs, const ObjectivePlan& plan,
                     const ObjectiveOptions& options) {
   check_inputs(inputs, plan);
   const Views views = pick_views(inputs, plan);
-  const Toned toned = tone(inputs, views, plan);
   const torch::Tensor& blurry = inputs.blurry;
   const auto edi_factor = [&](int64_t draw) { return inputs.edi_factors[draw]; };
   torch::Tensor target_weight, edi_weight;  // defined where they fall
@@ -243,17 +242,28 @@ Objective objective(const ObjectiveInputs& inputs, const ObjectivePlan& plan,
 
   Objective loss;
   Terms terms;
-  if (plan.target) {
+  const auto add_target = [&](Terms& to) {
     const torch::Tensor drawn = drawn_target(inputs, views.target, plan, options);
     if (plan.agreed_target) {
       const AgreedTarget agreed = agreed_target(inputs, views.target, drawn, options);
       add(loss, "target", agreed.value, options.target_weight, target_weight);
       loss.terms.push_back({"target_distance", agreed.distance, false});
     } else {
-      terms.add("target", target_pairs(views.target, Fixed(drawn)), options.target_weight,
-                target_weight);
+      to.add("target", target_pairs(views.target, Fixed(drawn)), options.target_weight,
+             target_weight);
     }
+  };
+  if (plan.target && inputs.beside) {
+    inputs.beside([&] {
+      Terms alone;
+      add_target(alone);
+      alone.sum_up(options.dssim, &loss);
+      std::swap(loss.total, loss.beside);
+    });
+  } else if (plan.target) {
+    add_target(terms);
   }
+  const Toned toned = tone(inputs, views, plan);
   if (plan.blur) {
     const bool prepared = inputs.blurry_moments.mean.defined();
     const imaging::SsimTarget plain{blurry, {}, {}};

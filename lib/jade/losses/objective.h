@@ -154,6 +154,10 @@ struct ToneInput {
 /// call. Empty: the identity.
 using ToneCurve = std::function<std::vector<torch::Tensor>(const std::vector<ToneInput>&)>;
 
+/// Calls the work that it is given, on a GPU for a stream of its own: the target may be in the
+/// making there, and the other terms need not wait for it.
+using Beside = std::function<void(const std::function<void()>&)>;
+
 struct ObjectiveInputs {
   /// [K,3,H,W], Î_k, or [M,3,H,W], those of poses_read() alone; differentiable
   torch::Tensor renders;
@@ -171,6 +175,7 @@ struct ObjectiveInputs {
   torch::Tensor term_weights;
   double contrast = 0;              ///< log intensity of one event, for trust.tolerance
   std::optional<Fixed> target;      ///< [3,H,W], at the pose of L_tgt; needed for it only
+  Beside beside;                    ///< where L_tgt is computed; empty: with the other terms
   torch::Tensor target_closeness;   ///< [1,H,W] of trust.disagreement; undefined: 1
   std::optional<EventPair> events;  ///< needed for L_ev only
   ToneCurve tone;                   ///< ρ; ignored where the plan lets it rest
@@ -185,7 +190,8 @@ struct NamedTerm {
 
 /// Only terms that act are there: a disabled one is absent, not multiplied by zero.
 struct Objective {
-  torch::Tensor total;  ///< scalar; undefined when no term acts
+  torch::Tensor total;   ///< scalar; undefined when no term acts
+  torch::Tensor beside;  ///< L_tgt where it is computed beside the others: not in the total
   std::vector<NamedTerm> terms;
 };
 
@@ -202,6 +208,8 @@ torch::Tensor target_pose(const ObjectivePlan& plan, const torch::Tensor& pose_d
 
 /// L_scene = L_tgt + L_blur + L_edi + L_sim + L_int (+ L_ev), Eq. (10): the terms of the plan with
 /// their weights. Nothing here waits for the device.
+/// @return total and what is beside it are two roots of one graph: torch::autograd::backward() of
+/// both at once
 Objective objective(const ObjectiveInputs& inputs, const ObjectivePlan& plan,
                     const ObjectiveOptions& options);
 

@@ -6,6 +6,7 @@
 
 #include "jade/core/fields.h"
 #include "jade/losses/fixed.h"
+#include "jade/restore/restorations.h"
 
 namespace jade::losses {
 
@@ -34,20 +35,22 @@ void describe(V& v, RouteOptions& o) {
 
 /// Scalars; a term that is switched off is undefined.
 struct RouteLoss {
-  torch::Tensor total;  ///< undefined when both are off
-  torch::Tensor render;
-  torch::Tensor reblur;
+  torch::Tensor total;           ///< undefined when both are off
+  torch::Tensor render, reblur;  ///< its parts, weight applied, to be looked at: without a graph
 };
 
-/// L_route = ‖I_pseudo − sg(Î_mid)‖₁ + w ‖I_pseudo ⊙ K(V) − B‖₁, Eq. (6) with w = 1, with the
-/// reblur operator of Eq. (7) as its kernel K. Both are means over pixels and channels; pointwise
-/// on purpose.
-/// @param pseudo         [3,H,W], I_pseudo. Differentiable.
+/// L_route = ‖I_pseudo − sg(Î_mid)‖₁ + w ‖I_pseudo ⊙ K(V) − B‖₁, Eq. (6) with w = 1, of I_pseudo =
+/// α ⊙ I_edi + (1 − α) ⊙ F, Eq. (4), with the reblur operator of Eq. (7) as its kernel K. Both are
+/// means over pixels and channels; pointwise on purpose. One pass each way (route_math.h). float or
+/// double on the CPU, float32 on a GPU.
+/// @param alpha          [1,H,W]. Differentiable, once: Eq. (5).
+/// @param restorations   constant
 /// @param mid_render     [3,H,W], Î_mid
 /// @param reblur_kernel  [1,H,W], K(V) (imaging/reblur.h). Constant.
 /// @param blurry         [3,H,W], B. Constant.
-RouteLoss route_loss(const torch::Tensor& pseudo, const Fixed& mid_render,
-                     const torch::Tensor& reblur_kernel, const torch::Tensor& blurry,
-                     const RouteOptions& options);
+/// @throws ContractError for shapes, types and devices that do not fit.
+RouteLoss route_loss(const torch::Tensor& alpha, const restore::Restorations& restorations,
+                     const Fixed& mid_render, const torch::Tensor& reblur_kernel,
+                     const torch::Tensor& blurry, const RouteOptions& options);
 
 }  // namespace jade::losses

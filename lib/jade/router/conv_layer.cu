@@ -332,7 +332,8 @@ void forward(const Network& net, cudaStream_t stream) {
                       StoreLogits{net.head2, net.weights[kHead3], net.bias[kHead3], net.logits}));
 }
 
-void backward(const Network& net, const NetworkGradient& of, cudaStream_t stream) {
+void backward(const Network& net, const NetworkGradient& of, cudaStream_t stream,
+              const Beside& beside) {
   const Run run{net, stream};
   const Size size{net.height, net.width};
   const int64_t plane = int64_t{net.height} * net.width;
@@ -346,10 +347,12 @@ void backward(const Network& net, const NetworkGradient& of, cudaStream_t stream
   const GradientSource<true> event1{size, of.of_event1, net.event1, 16};
   const GradientSource<true> image1{size, of.of_image1, net.image1, 10};
   run(run.make<OfHead1, true>(kOfHead1, head2, to(of.of_head1, 9)));
+  beside([&](cudaStream_t other) { weight_gradients(net, of, WeightGroup::kHeads, other); });
   run(run.make<OfFeatures, true>(kOfFeatures, head1, to(of.of_features, 14)));
+  beside([&](cudaStream_t other) { weight_gradients(net, of, WeightGroup::kSecond, other); });
   run(run.make<OfImage1, true>(kOfImage1, image2, to(of.of_image1, 10)),
       run.make<OfEvent1, true>(kOfEvent1, event2, to(of.of_event1, 16)));
-  weight_gradients(net, of, stream);
+  weight_gradients(net, of, WeightGroup::kFirst, stream);
   if (of.of_blurry != nullptr) {
     run(run.make<HeadOfBlurry, true>(kHeadOfBlurry, head1, to(of.of_blurry, 3)));
     run(run.make<OfBlurry, true>(kOfBlurry, image1, to(of.of_blurry, 3, true)));

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <cuda_runtime_api.h>
+#include <functional>
 
 namespace jade::router::cuda {
 
@@ -47,13 +48,23 @@ int64_t weight_count();
 /// Where a layer's gradients begin in NetworkGradient::of_weights.
 int64_t weights_begin(Layer layer);
 
+/// Calls the work with a stream beside that of backward(), where it runs after what backward() has
+/// queued so far.
+using Beside = std::function<void(const std::function<void(cudaStream_t)>&)>;
+
 void forward(const Network& network, cudaStream_t stream);
-/// After forward(), whose outputs and prepared weights it reads.
-void backward(const Network& network, const NetworkGradient& gradient, cudaStream_t stream);
+/// After forward(), whose outputs and prepared weights it reads. All but of_weights.
+void backward(const Network& network, const NetworkGradient& gradient, cudaStream_t stream,
+              const Beside& beside);
+/// After all of backward(): `partial`, summed up in of_weights.
+void sum_weights(const Network& network, const NetworkGradient& gradient, cudaStream_t stream);
 
 /// The part of forward() that fills `prepared`.
 void prepare_weights(const Network& network, cudaStream_t stream);
-/// The part of backward() that fills of_weights.
-void weight_gradients(const Network& network, const NetworkGradient& gradient, cudaStream_t stream);
+/// Layers whose weight gradients are due together: after the gradients of their outputs.
+enum class WeightGroup { kHeads, kSecond, kFirst };
+/// The part of backward() that fills a group's columns of `partial`.
+void weight_gradients(const Network& network, const NetworkGradient& gradient, WeightGroup group,
+                      cudaStream_t stream);
 
 }  // namespace jade::router::cuda

@@ -6,6 +6,7 @@
 
 #include "jade/core/check.h"
 #include "jade/kernel/launch.h"
+#include "jade/kernel/side_stream.h"
 #include "jade/router/conv_layer.h"
 #include "jade/router/logits.h"
 
@@ -94,7 +95,7 @@ class RouterFunction : public torch::autograd::Function<RouterFunction> {
     const torch::Tensor* const kept = &saved[kInputs];
     const Network net = network_of(saved, kept[0], {kept[1], kept[2], kept[3], kept[4], kept[5]});
     const torch::Tensor of_logits = gradients[0].contiguous();
-    const Activations work{
+    const Activations of_outputs{
         planes(blurry, 16), planes(blurry, 10), planes(blurry, 14), planes(blurry, 9), {}};
     const torch::Tensor partial =
         torch::empty({partial_rows(net), weight_count()}, blurry.options());
@@ -104,15 +105,21 @@ class RouterFunction : public torch::autograd::Function<RouterFunction> {
     if (context->needs_input_grad(kPsi)) of_psi = torch::empty_like(saved[kPsi]);
     NetworkGradient of;
     of.of_logits = of_logits.const_data_ptr<float>();
-    of.of_event1 = data(work.event1);
-    of.of_image1 = data(work.image1);
-    of.of_features = data(work.features);
-    of.of_head1 = data(work.head1);
+    of.of_event1 = data(of_outputs.event1);
+    of.of_image1 = data(of_outputs.image1);
+    of.of_features = data(of_outputs.features);
+    of.of_head1 = data(of_outputs.head1);
     of.partial = data(partial);
     of.of_weights = data(of_weights);
     of.of_blurry = data(of_blurry);
     of.of_psi = data(of_psi);
-    cuda::backward(net, of, c10::cuda::getCurrentCUDAStream());
+    const cudaStream_t stream = c10::cuda::getCurrentCUDAStream();
+    kernel::SideStream side(blurry.is_cuda() ? blurry.get_device() : -1);
+    cuda::backward(net, of, stream, [&side](const std::function<void(cudaStream_t)>& work) {
+      side.run([&work] { work(c10::cuda::getCurrentCUDAStream()); });
+    });
+    side.join();
+    sum_weights(net, of, stream);
     kernel::check_launch("the router, backward");
 
     variable_list out{of_blurry, of_psi};

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Gradients of the router's weights as matrix products: (input channel, tap) x output channels,
-// summed over pixels. All layers in one launch.
+// summed over pixels. Several layers in one launch.
 #include <algorithm>
 
 #include "jade/kernel/launch.h"
@@ -254,24 +254,37 @@ JADE_HD constexpr int begin_of(int layer) {
   return begin;
 }
 
+/// Layers of a group, the longest first.
+constexpr int layers_in(WeightGroup group) { return group == WeightGroup::kHeads ? 3 : 2; }
+__device__ Layer layer_of(WeightGroup group, unsigned int index) {
+  switch (group) {
+    case WeightGroup::kHeads:
+      return index == 0 ? kHead2 : index == 1 ? kHead1 : kHead3;
+    case WeightGroup::kSecond:
+      return index == 0 ? kEvent2 : kImage2;
+    default:
+      return index == 0 ? kEvent1 : kImage1;
+  }
+}
+
 __global__ void __launch_bounds__(kThreads, 3)
-    weight_gradient_kernel(AllLayers all, Tiles tiles, float* partial) {
+    weight_gradient_kernel(AllLayers all, WeightGroup group, Tiles tiles, float* partial) {
   __shared__ __align__(16) uint32_t memory[kShared];
   __shared__ uint32_t slots[2][kWarps];
   float* const row = partial + int64_t{blockIdx.y} * begin_of(kLayers);
-  switch (blockIdx.x) {
-    case 0:
-      return all.event2.run(memory, slots, tiles, row + begin_of(kEvent2));
-    case 1:
-      return all.image2.run(memory, slots, tiles, row + begin_of(kImage2));
-    case 2:
-      return all.head1.run(memory, slots, tiles, row + begin_of(kHead1));
-    case 3:
-      return all.head2.run(memory, slots, tiles, row + begin_of(kHead2));
-    case 4:
-      return all.image1.run(memory, slots, tiles, row + begin_of(kImage1));
-    case 5:
+  switch (layer_of(group, blockIdx.x)) {
+    case kEvent1:
       return all.event1.run(memory, slots, tiles, row + begin_of(kEvent1));
+    case kEvent2:
+      return all.event2.run(memory, slots, tiles, row + begin_of(kEvent2));
+    case kImage1:
+      return all.image1.run(memory, slots, tiles, row + begin_of(kImage1));
+    case kImage2:
+      return all.image2.run(memory, slots, tiles, row + begin_of(kImage2));
+    case kHead1:
+      return all.head1.run(memory, slots, tiles, row + begin_of(kHead1));
+    case kHead2:
+      return all.head2.run(memory, slots, tiles, row + begin_of(kHead2));
     default:
       return all.head3.run(memory, slots, tiles, row + begin_of(kHead3));
   }
@@ -312,7 +325,8 @@ int64_t partial_rows(const Network& net) {
   return std::min(int64_t{tiles.x} * tiles.y * tiles.images, kMaxRows);
 }
 
-void weight_gradients(const Network& net, const NetworkGradient& of, cudaStream_t stream) {
+void weight_gradients(const Network& net, const NetworkGradient& of, WeightGroup group,
+                      cudaStream_t stream) {
   const Size size{net.height, net.width};
   const int64_t second = 6 * size.plane();  // of the features: image2's
   const auto image = [&](const float* at, int channels) {
@@ -326,11 +340,13 @@ void weight_gradients(const Network& net, const NetworkGradient& of, cudaStream_
       {{size, net.features, 14, net.blurry}, {size, of.of_head1, net.head1, 9}},
       {image(net.head1, 9), {size, of.of_logits, net.head2, net.weights[kHead3]}},
       {image(net.head2, 24), {size, of.of_logits, nullptr, 1}}};
-  const auto rows = static_cast<unsigned>(partial_rows(net));
-  weight_gradient_kernel<<<dim3(kLayers, rows), kThreads, 0, stream>>>(layers, tiles_of(net),
-                                                                       of.partial);
+  const dim3 grid(layers_in(group), static_cast<unsigned>(partial_rows(net)));
+  weight_gradient_kernel<<<grid, kThreads, 0, stream>>>(layers, group, tiles_of(net), of.partial);
+}
+
+void sum_weights(const Network& net, const NetworkGradient& of, cudaStream_t stream) {
   column_sum_kernel<<<kernel::grid_size(weight_count(), kSumColumns), dim3(kSumColumns, kSumRows),
-                      0, stream>>>(of.partial, rows, begin_of(kLayers), of.of_weights);
+                      0, stream>>>(of.partial, partial_rows(net), begin_of(kLayers), of.of_weights);
 }
 
 }  // namespace jade::router::cuda

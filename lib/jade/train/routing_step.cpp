@@ -5,21 +5,22 @@
 
 namespace jade::train {
 
-RouteReport routing_step(TrainState& state, const StepInputs& inputs, const Renders& renders,
-                         const StepPlan& plan, const losses::RouteOptions& options) {
+torch::Tensor routing_alpha(TrainState& state, const StepInputs& inputs, const StepPlan& plan) {
+  if (!plan.route) return {};
+  return state.allocation->forward({inputs.view.blurry, inputs.view.psi, inputs.view_index});
+}
+
+RouteReport routing_step(TrainState& state, const StepInputs& inputs, const torch::Tensor& alpha,
+                         const Renders& renders, const StepPlan& plan,
+                         const losses::RouteOptions& options) {
   if (!plan.route) return {};
   const View& view = inputs.view;
-  const auto alpha = state.allocation->forward({view.blurry, view.psi, inputs.view_index});
-  const auto pseudo = restore::fuse(alpha, view.restorations);
-  const auto loss = losses::route_loss(pseudo, losses::Fixed(renders.of_target()),
+  const auto loss = losses::route_loss(alpha, view.restorations, losses::Fixed(renders.of_target()),
                                        view.reblur_kernel, view.blurry, options);
   state.allocation_adam.zero_grad();
   loss.total.backward();
   state.allocation_adam.step();
-  const auto value = [](const torch::Tensor& term) {
-    return term.defined() ? term.detach() : term;
-  };
-  return {value(loss.render), value(loss.reblur)};
+  return {loss.render, loss.reblur};
 }
 
 torch::Tensor allocation_map(TrainState& state, const View& view, int64_t view_index) {

@@ -13,12 +13,18 @@ struct RouteReport {
   torch::Tensor render, reblur;
 };
 
+/// α [1,H,W] of the inputs' view with its graph, which the routing step begins with; it needs no
+/// renders. Undefined where the plan has no step on θ.
+torch::Tensor routing_alpha(TrainState& state, const StepInputs& inputs, const StepPlan& plan);
+
 /// One Adam step on θ, Eq. (2) to (7): α from the measurements, the fused target I_pseudo, its
 /// distance to a stop-gradient copy of the render where the target acts and to the blurry frame
 /// after reblurring. The inputs' view is of that pose (at_pose).
 /// Touches neither φ nor its optimiser. Does nothing where the plan has no step on θ.
-RouteReport routing_step(TrainState& state, const StepInputs& inputs, const Renders& renders,
-                         const StepPlan& plan, const losses::RouteOptions& options);
+/// @param alpha  routing_alpha() of the same state, inputs and plan
+RouteReport routing_step(TrainState& state, const StepInputs& inputs, const torch::Tensor& alpha,
+                         const Renders& renders, const StepPlan& plan,
+                         const losses::RouteOptions& options);
 
 /// α [1,H,W] of a view with the present θ, without gradient; undefined without an allocation.
 torch::Tensor allocation_map(TrainState& state, const View& view, int64_t view_index);

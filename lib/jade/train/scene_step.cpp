@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/train/scene_step.h"
 
+#include <torch/csrc/autograd/autograd.h>
 #include <torch/types.h>
 
 #include "jade/core/check.h"
@@ -11,8 +12,10 @@ namespace {
 
 losses::ToneCurve tone_curve(TrainState& state, const StepPlan& plan) {
   if (!state.response || !plan.objective.response) return {};
-  const auto table = state.response->table();
-  return [table](const std::vector<losses::ToneInput>& asked) {
+  // Made when first asked for: its gradient, made as late in the forward pass, then comes early in
+  // the backward pass, where it need not wait for L_tgt.
+  return [&state, table = torch::Tensor()](const std::vector<losses::ToneInput>& asked) mutable {
+    if (!table.defined()) table = state.response->table();
     std::vector<response::ResponseInput> inputs;
     for (const losses::ToneInput& each : asked) inputs.push_back({each.image, each.weights});
     return response::CameraResponseImpl::apply_all(inputs, table);
@@ -150,7 +153,8 @@ Renders render_exposure(TrainState& state, const StepInputs& inputs, const StepP
 
 std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& step_inputs,
                                           const Renders& renders, const torch::Tensor& target,
-                                          const StepPlan& plan, const RunOptions& options) {
+                                          const StepPlan& plan, const RunOptions& options,
+                                          const losses::Beside& beside) {
   const View& view = step_inputs.view;
   losses::ObjectiveInputs inputs;
   inputs.renders = renders.color;
@@ -167,6 +171,7 @@ std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& s
   const events::Thresholds thresholds = options.events.thresholds();
   inputs.contrast = 0.5 * (thresholds.positive + thresholds.negative);
   if (target.defined()) inputs.target.emplace(target);
+  inputs.beside = beside;
   inputs.target_closeness = view.target_closeness;
   inputs.tone = tone_curve(state, plan);
   if (plan.objective.event) {
@@ -181,9 +186,20 @@ std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& s
   state.response_adam.zero_grad();
   state.sensor_adam.zero_grad();
   if (state.poses) state.poses_adam.zero_grad();
-  loss.total.backward();
+  std::vector<torch::Tensor> roots;
+  for (const torch::Tensor& root : {loss.total, loss.beside}) {
+    if (root.defined()) roots.push_back(root);
+  }
+  torch::autograd::backward(roots, {});
+  if (!state.response_adam.empty() && plan.objective.response) {
+    const auto step_response = [&] { state.response_adam.step(); };
+    if (beside) {
+      beside(step_response);
+    } else {
+      step_response();
+    }
+  }
   state.gaussian_adam.step(state.gaussians);
-  if (!state.response_adam.empty() && plan.objective.response) state.response_adam.step();
   if (plan.sensor) state.sensor_adam.step();
   if (state.poses) state.poses_adam.accumulate(step_inputs.view_pick);
   for (losses::NamedTerm& term : loss.terms) term.value = term.value.detach();

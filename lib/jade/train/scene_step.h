@@ -23,9 +23,11 @@ Renders render_exposure(TrainState& state, const StepInputs& inputs, const StepP
 /// term "poses" where learned poses have a prior; their gradients are added up for update_poses().
 /// Touches neither θ nor its optimiser. Does not densify.
 /// @param target  [3,H,W], as re-evaluated after the routing step; needed for L_tgt only
+/// @param beside  as ObjectiveInputs has it
 /// @return the terms, as device scalars without graph
 std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& inputs,
                                           const Renders& renders, const torch::Tensor& target,
-                                          const StepPlan& plan, const RunOptions& options);
+                                          const StepPlan& plan, const RunOptions& options,
+                                          const losses::Beside& beside = {});
 
 }  // namespace jade::train

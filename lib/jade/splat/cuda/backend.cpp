@@ -171,7 +171,7 @@ Lists project_and_bin(RenderCall* call, const ForwardArgs& args, long long* reje
   launch_project(*call, stream);
   int64_t counted = kMostInstances;
   if (counts) {
-    launch_plan(*call, nullptr, stream);
+    launch_plan(*call, nullptr, nullptr, stream);
     const uint64_t instances = read_counters(*call, stream).instances;
     budget.learn(instances, call->count);
     if (args.deterministic) counted = static_cast<int64_t>(std::min<uint64_t>(instances, counted));
@@ -185,10 +185,7 @@ Lists project_and_bin(RenderCall* call, const ForwardArgs& args, long long* reje
     chunks = bind_chunks(call, options);
     launch_chunks(*call, stream);
   }
-  launch_plan(*call, rejected, stream);
-  check_cuda(cudaMemcpyAsync(budget.inbox(), call->counters, 2 * sizeof(uint64_t),
-                             cudaMemcpyDeviceToHost, stream),
-             "copying the instance count");
+  launch_plan(*call, rejected, budget.inbox(), stream);
   launch_fill(*call, stream);
   return lists;
 }

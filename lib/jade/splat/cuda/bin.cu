@@ -45,7 +45,8 @@ __device__ __forceinline__ uint32_t next_place(uint32_t* next, int list_class, b
 
 /// One block: lists are laid out in no particular order, which is invisible in the results.
 __global__ void __launch_bounds__(kPlanThreads)
-    plan_kernel(const __grid_constant__ RenderCall call, long long* rejected) {
+    plan_kernel(const __grid_constant__ RenderCall call, long long* rejected,
+                volatile uint64_t* inbox) {
   __shared__ uint32_t next_of_class[kClasses], warp_sums[kPlanThreads / 32];
   const int tiles = call.views * call.tiles;
   const int lane = threadIdx.x & 31, warp = threadIdx.x >> 5;
@@ -105,6 +106,10 @@ __global__ void __launch_bounds__(kPlanThreads)
   if (threadIdx.x == 0) {
     call.counters->instances = total;
     call.counters->gaussians = call.count;
+    if (inbox != nullptr) {
+      inbox[0] = total;
+      inbox[1] = call.count;
+    }
     if (rejected != nullptr) *rejected = (long long)call.counters->rejected;
   }
 }
@@ -387,8 +392,9 @@ __global__ void __launch_bounds__(kSortThreads, 6)
 
 }  // namespace
 
-void launch_plan(const RenderCall& call, long long* rejected, cudaStream_t stream) {
-  plan_kernel<<<1, kPlanThreads, 0, stream>>>(call, rejected);
+void launch_plan(const RenderCall& call, long long* rejected, volatile uint64_t* inbox,
+                 cudaStream_t stream) {
+  plan_kernel<<<1, kPlanThreads, 0, stream>>>(call, rejected, inbox);
 }
 
 void launch_fill(const RenderCall& call, cudaStream_t stream) {

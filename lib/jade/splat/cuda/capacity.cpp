@@ -22,7 +22,7 @@ int64_t forced_capacity = -1;
 
 InstanceBudget::InstanceBudget() {
   void* memory = nullptr;
-  if (cudaHostAlloc(&memory, 2 * sizeof(uint64_t), cudaHostAllocDefault) != cudaSuccess) {
+  if (cudaHostAlloc(&memory, 2 * sizeof(uint64_t), cudaHostAllocMapped) != cudaSuccess) {
     throw DeviceError("no page-locked memory left for the splatting op");
   }
   inbox_ = static_cast<volatile uint64_t*>(memory);

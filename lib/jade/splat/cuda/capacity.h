@@ -20,9 +20,9 @@ class InstanceBudget {
   /// Room for N Gaussians: a quarter more than the most that N ever needed.
   int64_t capacity(int64_t gaussians);
   void learn(uint64_t instances, uint64_t gaussians);
-  /// 16 bytes of page-locked memory to which the device may copy {instances, gaussians} at any
-  /// time; later calls read them.
-  void* inbox() { return const_cast<uint64_t*>(inbox_); }
+  /// Page-locked memory where kernels may put {instances, gaussians} at any time; later calls read
+  /// them.
+  volatile uint64_t* inbox() { return inbox_; }
 
  private:
   InstanceBudget();

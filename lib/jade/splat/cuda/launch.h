@@ -13,7 +13,10 @@ void launch_project(const RenderCall& call, cudaStream_t stream);
 /// The chunks' instances, tile by tile, and the number of instances of each tile.
 void launch_chunks(const RenderCall& call, cudaStream_t stream);
 /// Cuts `keys` into the tiles' lists and orders the tiles, longest list first.
-void launch_plan(const RenderCall& call, long long* rejected, cudaStream_t stream);
+/// @param inbox  [2] on the host, where the device can write: instances and Gaussians; null: nobody
+/// asks
+void launch_plan(const RenderCall& call, long long* rejected, volatile uint64_t* inbox,
+                 cudaStream_t stream);
 /// Brings the instances into the lists and sorts each by (depth, index).
 void launch_fill(const RenderCall& call, cudaStream_t stream);
 void launch_blend(const RenderCall& call, const Images& images, cudaStream_t stream);

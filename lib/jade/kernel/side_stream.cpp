@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/kernel/side_stream.h"
+
+#include <ATen/cuda/CUDAEvent.h>
+#include <c10/cuda/CUDAGuard.h>
+#include <c10/cuda/CUDAStream.h>
+#include <map>
+#include <mutex>
+
+namespace jade::kernel {
+namespace {
+
+using c10::cuda::CUDAStream;
+
+/// One for each stream, as torch's allocator keeps memory by stream. Of high priority: what is
+/// queued there is waited for.
+CUDAStream beside(const CUDAStream& stream) {
+  static std::mutex mutex;
+  static auto& known = *new std::map<std::pair<c10::DeviceIndex, cudaStream_t>, CUDAStream>;
+  const std::lock_guard<std::mutex> lock(mutex);
+  const auto key = std::pair(stream.device_index(), stream.stream());
+  const auto found = known.find(key);
+  if (found != known.end()) return found->second;
+  return known
+      .emplace(key, c10::cuda::getStreamFromPool(/*isHighPriority=*/true, stream.device_index()))
+      .first->second;
+}
+
+/// `later` waits for what `earlier` has been given so far.
+void order(const CUDAStream& earlier, const CUDAStream& later) {
+  at::cuda::CUDAEvent done;
+  done.record(earlier);
+  done.block(later);
+}
+
+}  // namespace
+
+struct SideStream::Streams {
+  CUDAStream main, side;
+  bool apart = false;
+};
+
+SideStream::SideStream(int device) {
+  if (device < 0) return;
+  const CUDAStream main = c10::cuda::getCurrentCUDAStream(static_cast<c10::DeviceIndex>(device));
+  streams_ = std::make_unique<Streams>(Streams{main, beside(main)});
+}
+
+SideStream::~SideStream() {
+  try {
+    join();
+  } catch (const std::exception&) {  // NOLINT(bugprone-empty-catch): the next call reports it
+  }
+}
+
+void SideStream::run(const std::function<void()>& work) {
+  if (!streams_) return work();
+  order(streams_->main, streams_->side);
+  streams_->apart = true;
+  const c10::cuda::CUDAStreamGuard guard(streams_->side);
+  work();
+}
+
+bool SideStream::apart() const { return streams_ && streams_->apart; }
+
+void SideStream::join() {
+  if (!apart()) return;
+  order(streams_->side, streams_->main);
+  streams_->apart = false;
+}
+
+}  // namespace jade::kernel
