@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/run/report.h"
 
+#include <ATen/Parallel.h>
 #include <fstream>
+#include <future>
 #include <nlohmann/json.hpp>
 #include <numeric>
 #include <torch/types.h>
@@ -35,28 +37,58 @@ constexpr size_t kShownViews = 4;
 /// leave, and SH of 7 and 6 bits, which for half as many bytes more is 6 dB nearer to the scene.
 constexpr gaussians::SpzOptions kEmbedded{false, 20, 7, 6};
 
-Json picture(const std::string& name, const torch::Tensor& image, const torch::Tensor& truth = {}) {
-  const std::vector<uint8_t> png = imaging::encode_png(image.detach().cpu());
-  const std::string_view bytes(reinterpret_cast<const char*>(png.data()), png.size());
-  Json entry{{"name", name}, {"src", "data:image/png;base64," + page::base64(bytes)}};
-  if (truth.defined()) {
-    char note[24];
-    std::snprintf(note, sizeof note, "%.2f dB", eval::psnr(image, truth.to(image.device())));
-    entry["note"] = note;
+/// The page's pictures, which all threads make into files once all are known.
+class Pictures {
+ public:
+  /// What the page has of it; "src" is its number until put_into().
+  Json add(const std::string& name, const torch::Tensor& image, const torch::Tensor& truth = {}) {
+    Json entry{{"name", name}, {"src", images_.size()}};
+    if (truth.defined()) {
+      char note[24];
+      std::snprintf(note, sizeof note, "%.2f dB", eval::psnr(image, truth.to(image.device())));
+      entry["note"] = note;
+    }
+    images_.push_back(image.detach().cpu());
+    return entry;
   }
-  return entry;
-}
+
+  /// @param views  with "pictures" that add() gave
+  void put_into(Json& views) {
+    encode();
+    for (Json& view : views) {
+      for (Json& entry : view["pictures"]) entry["src"] = sources_[entry["src"].get<size_t>()];
+    }
+  }
+
+ private:
+  void encode() {
+    const auto done = static_cast<int64_t>(sources_.size());
+    sources_.resize(images_.size());
+    at::parallel_for(
+        done, static_cast<int64_t>(images_.size()), 1, [&](int64_t begin, int64_t end) {
+          for (int64_t i = begin; i < end; ++i) {
+            const auto at = static_cast<size_t>(i);
+            const std::vector<uint8_t> png = imaging::encode_png(images_[at]);
+            const std::string_view bytes(reinterpret_cast<const char*>(png.data()), png.size());
+            sources_[at] = "data:image/png;base64," + page::base64(bytes);
+          }
+        });
+  }
+
+  std::vector<torch::Tensor> images_;
+  std::vector<std::string> sources_;
+};
 
 Json training_view(const data::Dataset& dataset, const train::View& view, int64_t index,
-                   train::TrainState& state, const splat::RenderOptions& draw) {
+                   train::TrainState& state, const splat::RenderOptions& draw, Pictures& pictures) {
   const torch::Tensor truth = truth_of(dataset, index);
-  Json pictures = Json::array();
+  Json shown = Json::array();
   for (const ViewPicture& each : training_pictures(dataset, view, index, state, draw)) {
-    pictures.push_back(picture(each.name, each.make(), each.judged ? truth : torch::Tensor()));
+    shown.push_back(pictures.add(each.name, each.make(), each.judged ? truth : torch::Tensor()));
   }
   return {{"name", "training view " + view.name},
           {"camera", concat("train.", index)},
-          {"pictures", pictures},
+          {"pictures", shown},
           {"events", page_film(dataset.train[static_cast<size_t>(index)])}};
 }
 
@@ -81,6 +113,14 @@ Json headline(const data::Dataset& dataset, const std::vector<train::View>& view
   if (count == 0) return nullptr;
   const auto n = static_cast<double>(count);
   return {{"views", count}, {"blurry", blurry / n}, {"edi", edi / n}, {"render", rendered / n}};
+}
+
+splat::Gaussians on_cpu(splat::Gaussians gaussians) {
+  for (torch::Tensor* const tensor : {&gaussians.means, &gaussians.rotations, &gaussians.log_scales,
+                                      &gaussians.logit_opacities, &gaussians.sh}) {
+    *tensor = tensor->cpu();
+  }
+  return gaussians;
 }
 
 /// The scene as the page embeds it, or nothing where .spz cannot hold it: then the pictures stand
@@ -182,12 +222,16 @@ void write_report(const fs::path& run, const data::Dataset& dataset,
       Json::array({dataset.name, concat(dataset.train.size(), " exposures"),
                    concat(state.step, " steps"), concat(state.gaussians.size(), " Gaussians"),
                    environment["device"], environment["program"]});
+  // The largest part of the work is packing, which looks at nothing else.
+  std::future<std::string> scene =
+      std::async(std::launch::async, packed_scene, on_cpu(state.gaussians.detached()));
+  Pictures pictures;
   data["views"] = Json::array();
   const size_t shown = std::min(kShownViews, views.size());
   for (size_t i = 0; i < shown; ++i) {
     const size_t index = shown > 1 ? i * (views.size() - 1) / (shown - 1) : 0;
     data["views"].push_back(
-        training_view(dataset, views[index], static_cast<int64_t>(index), state, draw));
+        training_view(dataset, views[index], static_cast<int64_t>(index), state, draw, pictures));
   }
   data["tests"] = Json::array();
   for (size_t i = 0; i < dataset.test.size(); ++i) {
@@ -197,8 +241,11 @@ void write_report(const fs::path& run, const data::Dataset& dataset,
         {{"name", "test view " + view.name},
          {"camera", concat("test.", i)},
          {"seen", view.seen ? Json(*view.seen) : Json(nullptr)},
-         {"pictures", {picture("render", render, view.image), picture("truth", view.image)}}});
+         {"pictures",
+          {pictures.add("render", render, view.image), pictures.add("truth", view.image)}}});
   }
+  pictures.put_into(data["views"]);
+  pictures.put_into(data["tests"]);
   data["headline"] = headline(dataset, views, state, draw);
   data["scene"] = page_scene(dataset, draw);
   data["evaluation"] =
@@ -209,9 +256,9 @@ void write_report(const fs::path& run, const data::Dataset& dataset,
   data["metrics"] = read_metrics(run / "metrics.jsonl");
   data["config"] = read_file(run / "config.yaml");
 
-  write_file(run / kReportFile,
-             page::report_page(data.dump(-1, ' ', false, Json::error_handler_t::replace),
-                               packed_scene(state.gaussians.detached())));
+  write_file(
+      run / kReportFile,
+      page::report_page(data.dump(-1, ' ', false, Json::error_handler_t::replace), scene.get()));
 }
 
 }  // namespace jade::run
