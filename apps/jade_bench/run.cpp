@@ -12,6 +12,7 @@
 #include "jade/core/interrupt.h"
 #include "jade/core/progress.h"
 #include "jade/run/trainer.h"
+#include "run_input.h"
 #include "timing.h"
 
 namespace jade::bench {
@@ -48,8 +49,9 @@ struct Curve {
   std::vector<Milestone> milestones;
 };
 
+/// @param input  where what the run starts from is written; empty: nowhere
 Curve train(const train::RunOptions& options, const std::filesystem::path& folder, int64_t every,
-            torch::Device device) {
+            const std::filesystem::path& input, torch::Device device) {
   Curve curve;
   Stopwatch watch(device);
   watch.start();
@@ -61,6 +63,7 @@ Curve train(const train::RunOptions& options, const std::filesystem::path& folde
                            ": expected sharp test views to score, found none; choose other data or "
                            "dataset.split"));
   }
+  if (!input.empty()) write_run_input(trainer, input);
   const int64_t steps = trainer.options().train.iterations;
   Progress progress("time to quality", steps);
   watch.start();
@@ -129,6 +132,9 @@ CLI::App* RunBench::add_to(apps::Program& program) {
   command->add_option("--every", every, "Steps from score to score")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
+  command->add_option("--write-input", input,
+                      "Write what the run starts from as .npy into this folder, for other programs "
+                      "(scripts/gsplat_training.py)");
   return command;
 }
 
@@ -139,7 +145,8 @@ ExitCode RunBench::run(const apps::Program& program) const {
     throw ConfigError(
         "--output: expected a folder for the run, found nothing; add --output runs/NAME");
   }
-  const Curve curve = train(*options, program.output(), every, select_device(options->device));
+  const Curve curve =
+      train(*options, program.output(), every, input, select_device(options->device));
   write_file(program.output() / "curve.csv", csv_of(curve));
   nlohmann::json result{{"prepare_seconds", curve.prepare_seconds},
                         {"goals", nlohmann::json::array()},

@@ -4,6 +4,7 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdint>
+#include <filesystem>
 #include <vector>
 
 #include "common/cli.h"
@@ -13,6 +14,7 @@ namespace jade::bench {
 struct RunBench {
   std::vector<double> goals;  ///< dB
   int64_t every = 250;
+  std::filesystem::path input;  ///< where what the run starts from is written; empty: nowhere
 
   /// Adds the subcommand and its flags.
   CLI::App* add_to(apps::Program& program);

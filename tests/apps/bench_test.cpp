@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "jade/core/atomic_file.h"
+#include "jade/io/npy.h"
 #include "support/programs.h"
 #include "support/temp_dir.h"
 #include "support/tiny_dataset.h"
@@ -50,6 +51,25 @@ TEST_CASE("jade_bench run: the first score at a goal or above, and what came bef
   // Steps and nothing else: no checkpoint, no report.
   CHECK_FALSE(std::filesystem::exists(dir / "run/checkpoints"));
   CHECK_FALSE(std::filesystem::exists(dir / "run/report.html"));
+}
+
+TEST_CASE("jade_bench run: what a run starts from, for other programs", "[apps]") {
+  const test::TempDir dir;
+  test::write_tiny_dataset(dir / "scene");
+  REQUIRE(run(dir, kRun + " --write-input input").code == 0);
+  const auto numbers = nlohmann::json::parse(read_file(dir / "input/training.json"));
+  CHECK(numbers["iterations"] == 5);
+  CHECK(io::read_npy(dir / "input/means.npy").size(0) == 100);
+  const torch::Tensor blurry = io::read_npy(dir / "input/blurry.npy");
+  const torch::Tensor factors = io::read_npy(dir / "input/edi_factors.npy");
+  CHECK(io::read_npy(dir / "input/targets.npy").sizes() == blurry.sizes());
+  CHECK(factors.size(0) == blurry.size(0));
+  CHECK(factors.size(1) == 5);
+  check_error(run(dir,
+                  "jade_bench --quiet --device cpu run --set dataset.path=scene --set "
+                  "init.points=100 --set objective.target=routed --set allocation.kind=router "
+                  "--set objective.restored_poses=middle --output routed --write-input other"),
+              2, "--write-input: expected a target that no router decides");
 }
 
 TEST_CASE("jade_bench run: what it needs, in one line", "[apps]") {

@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "run_input.h"
+
+#include <nlohmann/json.hpp>
+#include <vector>
+
+#include "jade/core/atomic_file.h"
+#include "jade/io/npy.h"
+
+namespace jade::bench {
+namespace {
+
+using Tensors = std::vector<torch::Tensor>;
+
+void write(const std::filesystem::path& folder, const char* name, const torch::Tensor& tensor) {
+  io::write_npy(folder / (std::string(name) + ".npy"), tensor.detach().cpu().contiguous());
+}
+
+/// Test views have the camera of the training views in every data set of ours.
+void write_test_views(const data::Dataset& dataset, const std::filesystem::path& folder) {
+  Tensors images, cameras;
+  for (const data::SharpView& view : dataset.test) {
+    images.push_back(view.image);
+    cameras.push_back(geometry::to_tensor(view.pose));
+  }
+  write(folder, "test_images", torch::stack(images));
+  write(folder, "test_camera_from_world", torch::stack(cameras).to(torch::kFloat32));
+}
+
+void write_training_views(const std::vector<train::View>& views,
+                          const std::filesystem::path& folder) {
+  Tensors blurry, factors, targets, cameras;
+  for (const train::View& view : views) {
+    if (!view.fixed_target.defined() || view.edi_log_gain.defined()) {
+      throw ConfigError(
+          "--write-input: expected a target that no router decides and moments that stay, found "
+          "others; add --set objective.target=efnet --set exposure.quadrature=equal");
+    }
+    blurry.push_back(view.blurry);
+    factors.push_back(view.taught_factors.defined() ? view.taught_factors : view.edi_factors);
+    targets.push_back(view.fixed_target);
+    cameras.push_back(view.cameras.camera_from_world);
+  }
+  write(folder, "blurry", torch::stack(blurry));
+  write(folder, "edi_factors", torch::stack(factors));
+  write(folder, "targets", torch::stack(targets));
+  write(folder, "camera_from_world", torch::stack(cameras));
+  write(folder, "intrinsics", views.front().cameras.intrinsics[0]);
+}
+
+nlohmann::json numbers_of(const run::Trainer& trainer) {
+  const train::RunOptions& options = trainer.options();
+  const auto steps = [](const Steps& count) { return static_cast<int64_t>(count); };
+  return {{"iterations", steps(options.train.iterations)},
+          {"sh_degree_every", steps(options.train.sh_degree_every)},
+          {"near_plane", train::render_options(options).near_plane},
+          {"extent", trainer.state().gaussians.extent()},
+          {"dssim", options.objective.dssim},
+          {"target_weight", options.objective.target_weight},
+          {"edi_weight", options.objective.edi_weight},
+          {"warmup", steps(options.objective.warmup)},
+          {"simulation_start", steps(options.objective.simulation_start)},
+          {"position_lr_start", options.optim.position_lr_start},
+          {"position_lr_end", options.optim.position_lr_end},
+          {"position_lr_max_steps", steps(options.optim.position_lr_max_steps)},
+          {"sh_dc_lr", options.optim.sh_dc_lr},
+          {"sh_rest_lr", options.optim.sh_rest_lr},
+          {"opacity_lr", options.optim.opacity_lr},
+          {"scale_lr", options.optim.scale_lr},
+          {"rotation_lr", options.optim.rotation_lr},
+          {"eps", options.optim.eps},
+          {"densify_from", steps(options.densify.from)},
+          {"densify_until", steps(options.densify.until)},
+          {"densify_every", steps(options.densify.every)},
+          {"gradient_threshold", options.densify.gradient_threshold},
+          {"split_scale", options.densify.split_scale},
+          {"prune_opacity", options.densify.prune_opacity},
+          {"prune_scale", options.densify.prune_scale},
+          {"max_gaussians", options.densify.max_gaussians},
+          {"opacity_reset_every", steps(options.densify.opacity_reset_every)}};
+}
+
+}  // namespace
+
+void write_run_input(const run::Trainer& trainer, const std::filesystem::path& folder) {
+  const torch::NoGradGuard no_grad;
+  std::filesystem::create_directories(folder);
+  write_training_views(trainer.views(), folder);
+  write_test_views(trainer.dataset(), folder);
+  const splat::Gaussians gaussians = trainer.state().gaussians.detached();
+  write(folder, "means", gaussians.means);
+  write(folder, "rotations", gaussians.rotations);
+  write(folder, "log_scales", gaussians.log_scales);
+  write(folder, "logit_opacities", gaussians.logit_opacities);
+  write(folder, "sh", gaussians.sh);
+  response::CameraResponse response = trainer.state().response;
+  if (response) write(folder, "response", response->table());
+  write_file(folder / "training.json", numbers_of(trainer).dump(2) + "\n");
+}
+
+}  // namespace jade::bench
