@@ -7,6 +7,8 @@
 #include <map>
 #include <mutex>
 
+#include "jade/core/check.h"
+
 namespace jade::kernel {
 namespace {
 
@@ -53,10 +55,15 @@ SideStream::~SideStream() {
   }
 }
 
-void SideStream::run(const std::function<void()>& work) {
-  if (!streams_) return work();
+void SideStream::follow() {
+  if (!streams_) return;
   order(streams_->main, streams_->side);
   streams_->apart = true;
+}
+
+void SideStream::run(const std::function<void()>& work) {
+  if (!streams_) return work();
+  JADE_CHECK(streams_->apart, "a side stream runs nothing before follow()");
   const c10::cuda::CUDAStreamGuard guard(streams_->side);
   work();
 }

@@ -20,11 +20,15 @@ class SideStream {
   SideStream(const SideStream&) = delete;
   SideStream& operator=(const SideStream&) = delete;
 
-  /// Calls `work`. What it queues runs on the side stream, after all that the current stream of
-  /// the constructor was given before.
+  /// What run() queues from now on runs after all that the current stream of the constructor was
+  /// given before. To be called before the first run().
+  void follow();
+
+  /// Calls `work`. What it queues runs on the side stream. Of a recorded step the stream that
+  /// queues first starts first.
   void run(const std::function<void()>& work);
 
-  /// Whether run() has queued what join() has not been called for; never for the CPU.
+  /// Whether follow() has been called, and join() has not since; never for the CPU.
   bool apart() const;
 
   /// What the constructor's stream is given from now on runs after all that run() has queued.

@@ -7,6 +7,7 @@ namespace jade::kernel {
 struct SideStream::Streams {};
 SideStream::SideStream(int) {}
 SideStream::~SideStream() = default;
+void SideStream::follow() {}
 void SideStream::run(const std::function<void()>& work) { work(); }
 bool SideStream::apart() const { return false; }
 void SideStream::join() {}

@@ -116,6 +116,7 @@ class RouterFunction : public torch::autograd::Function<RouterFunction> {
     const cudaStream_t stream = c10::cuda::getCurrentCUDAStream();
     kernel::SideStream side(blurry.is_cuda() ? blurry.get_device() : -1);
     cuda::backward(net, of, stream, [&side](const std::function<void(cudaStream_t)>& work) {
+      side.follow();
       side.run([&work] { work(c10::cuda::getCurrentCUDAStream()); });
     });
     side.join();

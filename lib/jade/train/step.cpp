@@ -19,13 +19,20 @@ StepOutputs alternate(TrainState& state, const StepInputs& inputs, const StepPla
     route = routing_step(state, inputs, alpha, out.renders, plan, options.route);
     if (plan.objective.target) target = scene_target(state, inputs.view, inputs.view_index);
   };
-  losses::Beside beside;
   const bool routed = state.allocation && (plan.route || plan.objective.target);
-  if (routed) side.run([&] { alpha = routing_alpha(state, inputs, plan); });
+  if (routed) side.follow();
   out.renders = render_exposure(state, inputs, plan, options);
+  losses::Beside beside;
   if (routed) {
+    side.run([&] { alpha = routing_alpha(state, inputs, plan); });
+    side.follow();
     side.run(make_target);
-    if (side.apart()) beside = [&](const std::function<void()>& work) { side.run(work); };
+    if (side.apart()) {
+      beside = [&](const std::function<void()>& work) {
+        side.follow();
+        side.run(work);
+      };
+    }
   } else {
     make_target();
   }
