@@ -44,6 +44,11 @@ int main(int argc, char** argv) {
       throw ConfigError(
           "--output: expected a folder for the run, found nothing; add --output runs/NAME");
     }
+    if (resumed && program.config_file().empty() && !std::filesystem::exists(program.output())) {
+      throw ConfigError(concat("--resume: expected the folder of a run, found nothing at ",
+                               program.output().string(),
+                               "; check --output, or leave --resume away to begin one"));
+    }
     if (options->dataset.path.empty()) {
       throw ConfigError(
           "dataset.path: expected the folder of a data set, found nothing; set it in the YAML or "

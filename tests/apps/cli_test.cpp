@@ -111,7 +111,7 @@ TEST_CASE("jade_train: trains, resumes and is scored from the command line", "[a
   CHECK(std::filesystem::exists(dir.path() / "run/checkpoints/step_0000009.pt"));
   CHECK_THAT(read_file(dir / "run/config.yaml"), Catch::Contains("target: edi"));
   check_error(run(dir, "jade_train --output nowhere --resume"), 2,
-              "dataset.path: expected the folder of a data set");
+              "--resume: expected the folder of a run, found nothing at nowhere");
   const Outcome scores = run(dir, "jade_eval --run run --device cpu --json");
   CHECK(scores.code == 0);
   CHECK_THAT(scores.out, Catch::Contains("psnr_channel_mean"));

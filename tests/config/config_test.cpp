@@ -131,6 +131,15 @@ TEST_CASE("config: later layers win: defaults, extends, file, --set", "[config]"
   CHECK(options.steps == std::vector<double>{1, 2});
 }
 
+TEST_CASE("config: a second document and extends on the command line are refused", "[config]") {
+  const test::TempDir dir;
+  CHECK_THAT(error_of(dir, "iterations: 10\n---\niterations: 20\n"),
+             Catch::Contains("expected one YAML document, found 2"));
+  CHECK_NOTHROW(load_text(dir, "---\niterations: 10\n"));
+  CHECK_THROWS_WITH(load_text(dir, "iterations: 10\n", {"extends=base.yaml"}),
+                    Catch::Contains("--set extends=base.yaml: only a file can extend others"));
+}
+
 TEST_CASE("config: paths start at the file that names them", "[config]") {
   const test::TempDir dir;
   dir.write("sub/base.yaml", "data: scenes/x\n");

@@ -10,6 +10,7 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "jade/gaussians/ply_header.h"
 #include "random_gaussians.h"
 #include "support/temp_dir.h"
 
@@ -117,6 +118,22 @@ TEST_CASE("ply: an infinite opacity is read as full or none, NaN stays", "[gauss
   CHECK(torch::sigmoid(read[0]).item<float>() == 1.0F);
   CHECK(torch::sigmoid(read[1]).item<float>() < 1e-12F);
   CHECK(read[3].item<float>() == 2.5F);
+}
+
+TEST_CASE("ply: numbers as text may have a plus, and may be too small or large for a float",
+          "[gaussians]") {
+  const test::TempDir folder;
+  const auto read = [&](const std::string& x) {
+    folder.write("a.ply",
+                 "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
+                 "property float z\nend_header\n" +
+                     x + " 2 3\n");
+    return PlyFile(folder / "a.ply").read_vertices({"x", "y", "z"});
+  };
+  CHECK(read("+1.5")[0][0].item<float>() == 1.5F);
+  CHECK(read("1e-50")[0][0].item<float>() == 0);
+  CHECK(read("-1e50")[0][0].item<float>() == -std::numeric_limits<float>::infinity());
+  CHECK_THROWS_WITH(read("+-1"), Catch::Contains("expected a number in vertex row 0"));
 }
 
 TEST_CASE("ply: zero Gaussians make a valid file", "[gaussians]") {

@@ -36,5 +36,13 @@ TEST_CASE("splat file: records are 32 bytes, the most important Gaussian first",
   CHECK(byte_at(content, 28) == Approx(128 + 128 * w).margin(0.51));
 }
 
+TEST_CASE("splat file: a position that is no number is refused", "[gaussians]") {
+  const test::TempDir folder;
+  splat::Gaussians g = random_gaussians(3, 1);
+  g.means[1][2] = std::nan("");
+  CHECK_THROWS_WITH(write_splat(folder / "a.splat", g), Catch::Contains("not finite"));
+  CHECK_FALSE(std::filesystem::exists(folder / "a.splat"));
+}
+
 }  // namespace
 }  // namespace jade::gaussians

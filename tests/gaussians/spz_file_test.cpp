@@ -9,6 +9,7 @@
 #include "file_bytes.h"
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "jade/core/log.h"
 #include "random_gaussians.h"
 #include "support/temp_dir.h"
 
@@ -93,6 +94,21 @@ TEST_CASE("spz file: large scenes get fewer fractional bits and NaN is refused",
   g.means[1][0].fill_(std::nan(""));
   CHECK_THROWS_AS(write_spz(folder / "b.spz", g), DataError);
   CHECK_FALSE(std::filesystem::exists(folder / "b.spz"));
+}
+
+TEST_CASE("spz file: one Gaussian far away, for which all others lose digits, is told of",
+          "[gaussians]") {
+  const test::TempDir folder;
+  splat::Gaussians g = random_gaussians(20, 1);
+  const auto said = [&] {
+    set_log_file(folder / "said.log");
+    encode_spz(g);
+    set_log_file({});
+    return read_file(folder / "said.log");
+  };
+  CHECK_THAT(said(), !Catch::Contains("positions are stored"));
+  g.means[3][0] = 1e6;
+  CHECK_THAT(said(), Catch::Contains("positions are stored to 0.125 units"));
 }
 
 TEST_CASE("spz file: more bits hold the SH finer, in the same bytes", "[gaussians]") {

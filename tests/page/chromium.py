@@ -59,7 +59,7 @@ class Chromium:
         os.close(self.write_end)
         self.profile.cleanup()
 
-    def call(self, method, timeout=60, **parameters):
+    def call(self, method, timeout=180, **parameters):
         """The result of one command."""
         self.count += 1
         message = {"id": self.count, "method": method, "params": parameters}
@@ -105,7 +105,7 @@ class Chromium:
         self.call("Page.navigate", url=address)
         return self.wait(ready)
 
-    def wait(self, expression, seconds=60):
+    def wait(self, expression, seconds=180):
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             try:

@@ -237,6 +237,22 @@ TEST_CASE("trainer: a scene whose checkpoints are gone is not started over", "[r
   CHECK_NOTHROW(run::Trainer(options, folder, "latest"));
 }
 
+TEST_CASE("trainer: fewer steps than a run has already are refused, and so is no checkpoint",
+          "[run]") {
+  const Scene scene;
+  const auto folder = scene.dir.path() / "run";
+  train::RunOptions options = tiny_options(scene);
+  options.train.iterations = 4;
+  run::Trainer(options, folder, "").run();
+  const std::string before = read_file(folder / "point_cloud.ply");
+  options.train.iterations = 2;
+  CHECK_THROWS_WITH(run::Trainer(options, folder, "latest"),
+                    Catch::Contains("train.iterations: expected at least 4"));
+  CHECK(read_file(folder / "point_cloud.ply") == before);
+  CHECK_THROWS_WITH(run::Trainer(options, folder, (folder / "checkpoints/none.pt").string()),
+                    Catch::Contains("none.pt: expected a checkpoint, found no such file"));
+}
+
 TEST_CASE("trainer: refuses to resume with other settings or data, and says which", "[run]") {
   const Scene scene;
   const auto run = scene.dir.path() / "run";

@@ -238,7 +238,12 @@ class Reader {
 
 YAML::Node parse(const std::string& text, const std::string& name) {
   try {
-    return YAML::Load(text);
+    const std::vector<YAML::Node> documents = YAML::LoadAll(text);
+    if (documents.size() > 1) {
+      throw ConfigError(concat(name, ": expected one YAML document, found ", documents.size(),
+                               " with --- between them; give each its own --config"));
+    }
+    return documents.empty() ? YAML::Node() : documents.front();
   } catch (const YAML::Exception& failure) {
     throw ConfigError(concat(name, ":", failure.mark.line + 1, ":", failure.mark.column + 1,
                              ": not valid YAML: ", failure.msg));
@@ -314,6 +319,9 @@ Layer override_layer(const std::string& assignment) {
   const std::string name = "--set " + assignment;
   if (equals == std::string::npos || equals == 0) {
     throw ConfigError(name + ": expected key=value, such as train.iterations=1000");
+  }
+  if (assignment.substr(0, equals) == "extends") {
+    throw ConfigError(name + ": only a file can extend others; name them with --config");
   }
   YAML::Node value = parse(assignment.substr(equals + 1), name);
   // An empty right side means the empty text.

@@ -287,9 +287,15 @@ void PlyFile::decode_ascii(std::string_view data, const std::vector<int64_t>& co
     for (const int64_t target : column) {
       while (at != end && (*at == ' ' || *at == '\n' || *at == '\t' || *at == '\r')) ++at;
       if (at == end) fail_short(path_, element);
+      if (*at == '+' && end - at > 1 && at[1] != '-') ++at;  // which from_chars() does not know
       float value = 0;
-      const auto [next, problem] = std::from_chars(at, end, value);
-      if (problem == std::errc::invalid_argument) {
+      auto [next, problem] = std::from_chars(at, end, value);
+      if (problem == std::errc::result_out_of_range) {  // 0 or infinite as a float
+        double wide = 0;
+        problem = std::from_chars(at, end, wide).ec;
+        value = static_cast<float>(wide);
+      }
+      if (problem != std::errc()) {
         fail(path_,
              concat("expected a number in vertex row ", row, ", found '",
                     std::string(at, std::min<size_t>(12, static_cast<size_t>(end - at))), "'"));

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
 #include "jade/gaussians/file_tensor.h"
 
 namespace jade::gaussians {
@@ -19,6 +20,9 @@ constexpr double kShDc = 0.28209479177387814;  ///< Y_0^0
 
 void write_splat(const std::filesystem::path& path, const splat::Gaussians& gaussians) {
   const torch::Tensor means = file_tensor(gaussians.means);
+  if (!means.isfinite().all().item<bool>()) {
+    throw DataError("not written: a Gaussian's position is not finite");
+  }
   const torch::Tensor scales = file_tensor(gaussians.log_scales).exp();
   const torch::Tensor opacities = file_tensor(gaussians.logit_opacities).sigmoid();
   const torch::Tensor rgb = file_tensor(gaussians.sh.select(1, 0)) * kShDc + 0.5;

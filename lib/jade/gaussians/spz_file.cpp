@@ -10,6 +10,7 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/check.h"
+#include "jade/core/log.h"
 #include "jade/gaussians/file_tensor.h"
 #include "jade/io/gzip.h"
 
@@ -69,6 +70,9 @@ void put_sh(std::string& out, const torch::Tensor& sh, const SpzOptions& options
   }
 }
 
+/// Steps of a position beyond this share of a typical coordinate are worth a warning.
+constexpr double kCoarse = 1e-3;
+
 /// The finest fixed point that still holds the farthest position in 24 bits.
 int fitting_bits(const torch::Tensor& means, int wanted) {
   const double far = means.numel() == 0 ? 0 : means.abs().max().item<double>();
@@ -80,6 +84,14 @@ int fitting_bits(const torch::Tensor& means, int wanted) {
   if (far * std::ldexp(1.0, bits) >= 8388607) {
     throw DataError(concat("not written: positions reach ", far,
                            ", beyond the 8388607 units that .spz can hold; write .ply"));
+  }
+  // A single Gaussian far away decides for all.
+  const double typical = means.numel() == 0 ? 0 : means.abs().median().item<double>();
+  if (bits < wanted && std::ldexp(1.0, -bits) > kCoarse * typical) {
+    log_warn(concat("positions are stored to ", std::ldexp(1.0, -bits),
+                    " units, where half of their coordinates are below ", typical,
+                    ": the farthest Gaussian, ", far,
+                    " away, leaves no more; remove such Gaussians, or write .ply"));
   }
   return bits;
 }

@@ -91,6 +91,9 @@ Entries entries_of(const train::TrainState& state) {
 }
 
 Entries read_archive(const fs::path& path) {
+  if (!fs::exists(path)) {
+    throw CheckpointError(path.string() + ": expected a checkpoint, found no such file");
+  }
   Entries all;
   try {
     torch::serialize::InputArchive archive;

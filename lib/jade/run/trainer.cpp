@@ -125,6 +125,12 @@ bool Trainer::resume_from(const std::string& choice) {
     check_same_run(candidates[i], info);
     state_ = train::make_state_to_load(options_, data_.dataset, device_);
     load_checkpoint(candidates[i], state_);
+    if (state_.step > options_.train.iterations) {
+      throw ConfigError(concat("train.iterations: expected at least ", state_.step,
+                               ", the steps that ", candidates[i].string(), " has already, found ",
+                               options_.train.iterations,
+                               "; go on from an earlier one with --resume FILE"));
+    }
     log_info(concat("resumed from ", candidates[i].filename().string(), ", step ", state_.step));
     return true;
   }
@@ -404,6 +410,11 @@ void Trainer::finish() {
     log_info(concat("sensor      thresholds ", sensor.threshold_positive, " and ",
                     sensor.threshold_negative, ", log gain of deviation ", sensor.gain_std,
                     ", events' clock ahead by ", sensor.offset_ms, " ms"));
+  }
+  if (state_.gaussians.size() == 0) {
+    log_warn(
+        "the scene is empty: every Gaussian became fainter than densify.prune_opacity; look at the "
+        "losses in metrics.jsonl, and at thresholds, poses and time stamps of the data");
   }
   times_.end("scores");
   write_report(directory_.path(), posed, views(), state_, options_);
