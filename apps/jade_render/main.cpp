@@ -17,6 +17,7 @@
 #include "jade/data/dataset.h"
 #include "jade/gaussians/gaussian_model.h"
 #include "jade/gaussians/ply.h"
+#include "jade/gaussians/summary.h"
 #include "jade/imaging/image_io.h"
 #include "jade/imaging/movie.h"
 #include "jade/run/evaluate.h"
@@ -74,7 +75,12 @@ gaussians::GaussianFile load_scene(const RenderFlags& flags) {
   if (flags.run.empty() == flags.ply.empty()) {
     throw ConfigError("expected either --run or --ply");
   }
-  if (!flags.ply.empty()) return gaussians::read_ply(flags.ply);
+  if (!flags.ply.empty()) {
+    gaussians::GaussianFile file = gaussians::read_ply(flags.ply);
+    const std::string warning = gaussians::undrawable_warning(file.gaussians, flags.ply.string());
+    if (!warning.empty()) log_warn(warning);
+    return file;
+  }
   return {run::newest_gaussians(flags.run), false};
 }
 

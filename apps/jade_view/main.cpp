@@ -11,6 +11,7 @@
 #include "jade/core/atomic_file.h"
 #include "jade/core/device.h"
 #include "jade/core/interrupt.h"
+#include "jade/core/log.h"
 #include "jade/gaussians/gaussian_model.h"
 #include "jade/gaussians/ply.h"
 #include "jade/gaussians/summary.h"
@@ -57,6 +58,8 @@ data::SharpView overview(const splat::Gaussians& gaussians) {
 
 void open_ply(const fs::path& path, torch::Device device, Subject& subject) {
   gaussians::GaussianFile file = gaussians::read_ply(path);
+  const std::string warning = gaussians::undrawable_warning(file.gaussians, path.string());
+  if (!warning.empty()) log_warn(warning);
   subject.dataset.name = path.filename().string();
   subject.dataset.test.push_back(overview(file.gaussians));
   subject.draw.antialiased = file.antialiased;

@@ -69,5 +69,16 @@ TEST_CASE("summarize: each thing that is wrong is one problem", "[gaussians]") {
   CHECK_THAT(only_problem(g), Catch::Contains("floaters"));
 }
 
+TEST_CASE("undrawable_warning: counts a Gaussian once, whatever is wrong with it", "[gaussians]") {
+  splat::Gaussians g = row_of(100);
+  CHECK(undrawable_warning(g, "a.ply").empty());
+  CHECK(undrawable_warning(row_of(0), "a.ply").empty());
+  g.sh[3][0][0] = NAN;
+  g.means[3][0] = NAN;
+  g.logit_opacities[7] = INFINITY;
+  CHECK_THAT(undrawable_warning(g, "a.ply"),
+             Catch::StartsWith("a.ply: 2 of 100 Gaussians have NaN or Inf"));
+}
+
 }  // namespace
 }  // namespace jade::gaussians

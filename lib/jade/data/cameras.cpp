@@ -63,9 +63,9 @@ NamedCamera camera_of(const json& entry, const json& defaults, size_t index) {
   camera.fy = optional("fy", camera.fx);
   camera.cx = optional("cx", static_cast<double>(camera.width) / 2);
   camera.cy = optional("cy", static_cast<double>(camera.height) / 2);
-  if (!(camera.width > 0 && camera.height > 0 && camera.width <= 32768 && camera.height <= 32768 &&
+  if (!(camera.width > 0 && camera.height > 0 && camera.width <= 32767 && camera.height <= 32767 &&
         camera.fx > 0 && camera.fy > 0)) {
-    throw DataError("expected positive width, height (up to 32768), fx and fy");
+    throw DataError("expected positive width, height (up to 32767), fx and fy");
   }
   result.camera_from_world = pose_of(entry);
   result.name = entry.value("name", entry.value("img_name", std::to_string(index)));

@@ -13,6 +13,11 @@ namespace {
 
 int64_t count_of(const torch::Tensor& mask) { return mask.sum().item<int64_t>(); }
 
+/// [N], whether a row is all numbers.
+torch::Tensor finite_rows(const torch::Tensor& tensor) {
+  return tensor.reshape({tensor.size(0), -1}).isfinite().all(1);
+}
+
 void find_problems(const splat::Gaussians& g, GaussianSummary& summary) {
   const auto add = [&](const auto&... parts) { summary.problems.push_back(concat(parts...)); };
   if (summary.count == 0) {
@@ -26,8 +31,7 @@ void find_problems(const splat::Gaussians& g, GaussianSummary& summary) {
                                                          {"opacity logits", g.logit_opacities},
                                                          {"colours", g.sh}};
   for (const auto& [name, tensor] : parts) {
-    const int64_t bad =
-        count_of(tensor.reshape({tensor.size(0), -1}).isfinite().all(1).logical_not());
+    const int64_t bad = count_of(finite_rows(tensor).logical_not());
     if (bad > 0) {
       add(bad, " of ", summary.count, " Gaussians have NaN or Inf in their ", name,
           ": they cannot be drawn; export from an older checkpoint, or delete them");
@@ -88,6 +92,21 @@ GaussianSummary summarize(const splat::Gaussians& g) {
   }
   find_problems(g, summary);
   return summary;
+}
+
+std::string undrawable_warning(const splat::Gaussians& gaussians, const std::string& file) {
+  if (gaussians.size() == 0) return {};
+  torch::Tensor drawn = finite_rows(gaussians.means);
+  for (const torch::Tensor* tensor :
+       {&gaussians.rotations, &gaussians.log_scales, &gaussians.logit_opacities, &gaussians.sh}) {
+    drawn = drawn.logical_and(finite_rows(*tensor));
+  }
+  const int64_t left = count_of(drawn.logical_not());
+  if (left == 0) return {};
+  return concat(
+      file, ": ", left, " of ", gaussians.size(),
+      " Gaussians have NaN or Inf in their numbers and are not drawn; jade_inspect says in "
+      "which");
 }
 
 }  // namespace jade::gaussians
