@@ -222,7 +222,7 @@ void write_report(const fs::path& run, const data::Dataset& dataset,
       Json::array({dataset.name, concat(dataset.train.size(), " exposures"),
                    concat(state.step, " steps"), concat(state.gaussians.size(), " Gaussians"),
                    environment["device"], environment["program"]});
-  // The largest part of the work is packing, which looks at nothing else.
+  // Packing looks at nothing else, so that it goes on beside the pictures.
   std::future<std::string> scene =
       std::async(std::launch::async, packed_scene, on_cpu(state.gaussians.detached()));
   Pictures pictures;
