@@ -44,6 +44,23 @@ TEST_CASE("view restorer: a second start with all views at hand loads no network
       DataError);
 }
 
+TEST_CASE("view restorer: a network that loads beside it is taken as one of its own", "[restore]") {
+  const test::TempDir dir;
+  const torch::Tensor blurry = torch::rand({3, 16, 20}), voxel = torch::randn({6, 16, 20});
+  // Its warm-up fails, as the small black frame is refused; that is nobody's error.
+  const EfnetOptions file{
+      test::save_restorer(dir / "n.pt", "  assert image.sum() > 0\n  return image * 0.5\n"), ""};
+  ViewRestorer restorer(in(dir / "cache"), file, torch::kCPU, false,
+                        load_beside(file, torch::kCPU));
+  CHECK_FALSE(restorer.network_is_loaded());
+  CHECK(torch::allclose(restorer.efnet(blurry, voxel), blurry * 0.5));
+  CHECK(restorer.network_is_loaded());
+  // What went wrong there is told here, each time.
+  ViewRestorer broken(in(dir / "cache"), file, torch::kCPU, false,
+                      load_beside({file.path, std::string(64, '0')}, torch::kCPU));
+  CHECK_THROWS_AS(broken.efnet(blurry + 0.01, voxel), DataError);
+}
+
 TEST_CASE("view restorer: restorations at several moments are one entry, found by data and moments",
           "[restore]") {
   const test::TempDir dir;

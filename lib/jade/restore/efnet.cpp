@@ -345,4 +345,27 @@ torch::Tensor Restorer::restore(const torch::Tensor& blurry, const torch::Tensor
       .contiguous();
 }
 
+void Restorer::warm_up() {
+  const torch::NoGradGuard no_grad;
+  const int64_t side = 64;
+  const auto zeros = [&](int64_t channels) {
+    return torch::zeros({1, channels, side, side}, torch::TensorOptions(device_));
+  };
+  try {
+    // Copied to the CPU, which waits for all that this thread gave the device.
+    call(inputs_of(zeros(3), zeros(metadata_.windows),
+                   torch::full({1}, 0.5, torch::TensorOptions(device_))))
+        .to(torch::kCPU);
+  } catch (const std::exception&) {
+  }
+}
+
+std::future<Restorer> load_beside(const EfnetOptions& options, torch::Device device) {
+  return std::async(std::launch::async, [options, device] {
+    Restorer restorer(options, device);
+    restorer.warm_up();
+    return restorer;
+  });
+}
+
 }  // namespace jade::restore

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <future>
 #include <memory>
 #include <string>
 #include <torch/types.h>
@@ -81,6 +82,10 @@ class Restorer {
 
   void to(torch::Device device);
 
+  /// Calls the network once, on a small black frame, so that the next call need not wait for the
+  /// libraries that it starts. What goes wrong here the next call will tell.
+  void warm_up();
+
  private:
   /// What the network takes, before padding.
   struct Inputs {
@@ -124,5 +129,9 @@ torch::Tensor normalize_views(const torch::Tensor& events);
 /// [N,1,H,W]: 1 where any channel is not zero, then a 3×3 closing (outside the frame counts as 0 in
 /// the dilation and as 1 in the erosion).
 torch::Tensor event_mask(const torch::Tensor& events);
+
+/// A restorer that loads and warms up on a thread of its own, while its caller reads data: a
+/// network's first call on a GPU takes a second. get() throws what the constructor threw.
+std::future<Restorer> load_beside(const EfnetOptions& options, torch::Device device);
 
 }  // namespace jade::restore

@@ -10,8 +10,12 @@
 namespace jade::restore {
 
 ViewRestorer::ViewRestorer(const RestorationCacheOptions& cache, std::optional<EfnetOptions> efnet,
-                           torch::Device device, bool monochrome)
-    : cache_(cache), options_(std::move(efnet)), device_(device), monochrome_(monochrome) {
+                           torch::Device device, bool monochrome, std::future<Restorer> early)
+    : cache_(cache),
+      options_(std::move(efnet)),
+      device_(device),
+      monochrome_(monochrome),
+      early_(std::move(early)) {
   if (!options_) return;
   file_sha256_ = checked_file_sha256(*options_);
   metadata_ = read_restorer_metadata(restorer_path(*options_));
@@ -80,7 +84,7 @@ void ViewRestorer::check_times(const std::vector<double>& times) const {
 
 Restorer& ViewRestorer::network() {
   JADE_CHECK(options_.has_value(), "expected a restorer, found none");
-  if (!network_) network_.emplace(*options_, device_);
+  if (!network_) network_.emplace(early_.valid() ? early_.get() : Restorer(*options_, device_));
   return *network_;
 }
 

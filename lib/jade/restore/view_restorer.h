@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <future>
 #include <optional>
 #include <string>
 #include <torch/types.h>
@@ -13,15 +14,16 @@
 namespace jade::restore {
 
 /// Both restorations of views through the cache on disk. The network is loaded when the first view
-/// is not in the cache, so never if all are.
+/// is not in the cache, so never if all are, or taken from whoever began to.
 class ViewRestorer {
  public:
   /// @param efnet  its file is read and checked against its SHA-256 now, its metadata too; without
   ///   value there is no F, and efnet() must not be called.
   /// @param monochrome  the frames are gray, and so is F, see without_tint().
+  /// @param early  the network of `efnet` on `device`, if somebody began to load it.
   /// @throws DataError.
   ViewRestorer(const RestorationCacheOptions& cache, std::optional<EfnetOptions> efnet,
-               torch::Device device, bool monochrome = false);
+               torch::Device device, bool monochrome = false, std::future<Restorer> early = {});
   /// Keeps the cache within its size.
   ~ViewRestorer();
 
@@ -69,6 +71,7 @@ class ViewRestorer {
   bool monochrome_;
   std::string file_sha256_;
   RestorerMetadata metadata_;
+  std::future<Restorer> early_;
   std::optional<Restorer> network_;
 };
 

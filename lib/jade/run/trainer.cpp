@@ -40,7 +40,8 @@ std::string yaml_of(train::RunOptions options) {
 
 /// @throws DataError for a folder that holds a run where a new one is to begin, and for a data set
 ///   that nothing can be trained on.
-RunData load_data(const RunDirectory& directory, const train::RunOptions& options, bool is_new) {
+RunData load_data(const RunDirectory& directory, const train::RunOptions& options,
+                  torch::Device device, bool is_new) {
   if (is_new && directory.holds_a_run()) {
     throw DataError(
         concat(directory.path().string(),
@@ -49,6 +50,9 @@ RunData load_data(const RunDirectory& directory, const train::RunOptions& option
   RunData data;
   // A wrong path is told before minutes of loading.
   data.restorer_sha256 = train::restorer_sha256(options);
+  if (train::needs_efnet(options) && device.is_cuda()) {
+    data.restorer = restore::load_beside(options.efnet, device);
+  }
   std::vector<std::string> warnings;
   data.dataset = data::load_dataset(options.dataset, &warnings);
   for (const std::string& warning : warnings) log_warn(warning);
@@ -77,7 +81,7 @@ Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const st
       device_(select_device(options.device)),
       stream_(device_),
       directory_(run),
-      data_(load_data(directory_, options, resume.empty())) {
+      data_(load_data(directory_, options, device_, resume.empty())) {
   times_.end("data");
   limit_threads_beside(device_);
   train::settle(options_);
@@ -91,7 +95,7 @@ Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const st
   write_file(directory_.path() / "config.yaml", yaml_of(options_));
   write_environment();
   times_.end("start");
-  feed_ = train::StepFeed(data_.dataset, options_, device_);
+  feed_ = train::StepFeed(data_.dataset, options_, device_, std::move(data_.restorer));
   times_.end("restorations");
   metrics_ = std::make_unique<MetricsLog>(directory_.path() / "metrics.jsonl", state_.step);
 }

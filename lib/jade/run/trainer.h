@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <functional>
+#include <future>
 #include <memory>
 #include <string>
 #include <torch/types.h>
@@ -10,6 +11,7 @@
 
 #include "jade/data/exposure.h"
 #include "jade/eval/report.h"
+#include "jade/restore/efnet.h"
 #include "jade/run/checkpoint.h"
 #include "jade/run/run_directory.h"
 #include "jade/run/stage_times.h"
@@ -25,8 +27,9 @@ namespace jade::run {
 /// What a run trains on.
 struct RunData {
   data::Dataset dataset;
-  std::string fingerprint;      ///< of the data set, see data_fingerprint()
-  std::string restorer_sha256;  ///< empty where no restorer is needed
+  std::string fingerprint;                  ///< of the data set, see data_fingerprint()
+  std::string restorer_sha256;              ///< empty where no restorer is needed
+  std::future<restore::Restorer> restorer;  ///< on its way, where it runs on a GPU
 };
 
 /// The loop and its calendar: what is due at which step. What a step does stands in routing_step.h

@@ -15,9 +15,10 @@ bool draws_target_pose(const RunOptions& options) {
 
 }  // namespace
 
-StepFeed::StepFeed(const data::Dataset& dataset, const RunOptions& options, torch::Device device)
+StepFeed::StepFeed(const data::Dataset& dataset, const RunOptions& options, torch::Device device,
+                   std::future<restore::Restorer> early)
     : options_(options),
-      views_(prepare_views(dataset, options, device)),
+      views_(prepare_views(dataset, options, device, std::move(early))),
       order_(static_cast<uint64_t>(options.seed), static_cast<int64_t>(views_.size())),
       pose_draws_(static_cast<uint64_t>(options.seed), device, options.exposure.samples,
                   draws_target_pose(options)),

@@ -2,11 +2,13 @@
 #pragma once
 
 #include <cstdint>
+#include <future>
 #include <memory>
 #include <torch/types.h>
 #include <vector>
 
 #include "jade/data/exposure.h"
+#include "jade/restore/efnet.h"
 #include "jade/train/draws.h"
 #include "jade/train/event_windows.h"
 #include "jade/train/options.h"
@@ -23,7 +25,8 @@ class StepFeed {
   StepFeed() = default;
   /// Restores all exposures: prepare_views, and throws as it does.
   /// @param options  settled
-  StepFeed(const data::Dataset& dataset, const RunOptions& options, torch::Device device);
+  StepFeed(const data::Dataset& dataset, const RunOptions& options, torch::Device device,
+           std::future<restore::Restorer> early = {});
 
   /// @param step  counted from 1
   StepInputs at(int64_t step);

@@ -21,25 +21,30 @@ namespace {
 constexpr int64_t kRenewal = 1000;
 
 /// What the allocator may keep beyond what tensors hold when a step is recorded: what earlier
-/// recordings and the restorer left behind goes back to the driver. Less saves nothing
-/// (docs/performance.md).
-constexpr int64_t kSpareBytes = int64_t{512} << 20;
+/// recordings and the restorer left behind goes back to the driver.
+constexpr int64_t kSpareBytes = int64_t{64} << 20;
 
 /// The most plans whose recordings are kept: steps alternate between few.
 constexpr size_t kMostPlans = 4;
 
-/// What all recordings take for granted: the renewal at hand, where each tensor of the state lies,
-/// and which shapes the inputs have. Their values are copied before a replay.
-std::vector<int64_t> assumptions(const TrainState& state, const StepInputs& inputs) {
-  std::vector<int64_t> now{inputs.step / kRenewal};
+/// Which shapes the inputs have. Their values are copied before a replay.
+std::vector<int64_t> shapes_of(const StepInputs& inputs) {
+  std::vector<int64_t> shapes;
+  inputs.visit([&](const std::string&, const torch::Tensor& tensor) {
+    shapes.push_back(tensor.defined() ? tensor.dim() : -1);
+    if (!tensor.defined()) return;
+    shapes.insert(shapes.end(), tensor.sizes().begin(), tensor.sizes().end());
+  });
+  return shapes;
+}
+
+/// What a recording takes for granted beside the inputs' shapes: the renewal at hand, and where
+/// each tensor of the state lies.
+std::vector<int64_t> assumptions(const TrainState& state, int64_t step) {
+  std::vector<int64_t> now{step / kRenewal};
   state.visit([&](const std::string&, const torch::Tensor& tensor) {
     now.push_back(tensor.defined() ? reinterpret_cast<int64_t>(tensor.const_data_ptr()) : 0);
     now.push_back(tensor.defined() ? tensor.numel() : 0);
-  });
-  inputs.visit([&](const std::string&, const torch::Tensor& tensor) {
-    now.push_back(tensor.defined() ? tensor.dim() : -1);
-    if (!tensor.defined()) return;
-    now.insert(now.end(), tensor.sizes().begin(), tensor.sizes().end());
   });
   return now;
 }
@@ -102,16 +107,28 @@ struct Recording {
 };
 
 struct StepGraph::Recordings {
-  std::vector<int64_t> holds_for;  ///< what all recordings and `seen` take for granted
-  std::vector<StepPlan> seen;      ///< of eager steps, which warmed everything up
+  std::vector<int64_t> shapes;     ///< of the inputs of all recordings and of `seen`
+  std::vector<int64_t> holds_for;  ///< what all recordings take for granted
+  /// Plans of eager steps, which warmed everything up: libraries, and the op's count of instances.
+  std::vector<StepPlan> seen;
   std::vector<std::unique_ptr<Recording>> recorded;  ///< oldest first
   std::optional<StepInputs> inputs;                  ///< what the recorded steps read
   bool refused = false;
 
   void forget() {
-    seen.clear();
     recorded.clear();
     inputs.reset();
+  }
+
+  /// Other inputs need another warm-up; another scene, as after a densification, does not.
+  void follow(const TrainState& state, const StepInputs& step_inputs) {
+    std::vector<int64_t> input_shapes = shapes_of(step_inputs);
+    std::vector<int64_t> now = assumptions(state, step_inputs.step);
+    if (input_shapes == shapes && now == holds_for) return;
+    forget();
+    if (input_shapes != shapes) seen.clear();
+    shapes = std::move(input_shapes);
+    holds_for = std::move(now);
   }
 
   Recording* find(const StepPlan& plan) {
@@ -172,14 +189,15 @@ StepOutputs StepGraph::run(TrainState& state, const StepInputs& inputs, const St
   if (recordings.refused || !plan.recordable || !inputs.view.blurry.is_cuda()) {
     return alternate(state, inputs, plan, options);
   }
-  std::vector<int64_t> now = assumptions(state, inputs);
-  if (now != recordings.holds_for) {
-    recordings.forget();
-    recordings.holds_for = std::move(now);
-  }
+  recordings.follow(state, inputs);
   Recording* recording = recordings.find(plan);
   if (recording == nullptr) {
-    if (!recordings.warmed_up(plan)) return alternate(state, inputs, plan, options);
+    if (!recordings.warmed_up(plan)) {
+      // An eager step has no use for what recordings hold, and both together are a run's peak.
+      recordings.forget();
+      trim_device_memory(inputs.view.blurry.device(), kSpareBytes);
+      return alternate(state, inputs, plan, options);
+    }
     try {
       recording = &recordings.record(state, inputs, plan, options);
     } catch (const std::exception& failure) {

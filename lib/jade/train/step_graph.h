@@ -25,8 +25,9 @@ class StreamScope {
 /// alternate(), recorded and replayed where the plan and the device allow it, else run eagerly. The
 /// results are those of alternate() but for the order of atomic sums. Each plan has a recording of
 /// its own, so that plans may alternate. All hold while the tensors of the state stay the same
-/// objects and those of the inputs of the same shapes; after densification the next step of a plan
-/// runs eagerly, the one after it is recorded anew. Outputs are overwritten by the next run.
+/// objects and those of the inputs of the same shapes. A plan's first step runs eagerly, which
+/// warms up what it calls; after a densification its next step is recorded anew at once. Outputs
+/// are overwritten by the next run.
 class StepGraph {
  public:
   StepGraph();

@@ -242,10 +242,11 @@ splat::CameraBatch camera_batch(const std::vector<geometry::Pose>& camera_from_w
 }
 
 std::vector<View> prepare_views(const data::Dataset& dataset, const RunOptions& options,
-                                torch::Device device) {
+                                torch::Device device, std::future<restore::Restorer> early) {
   const torch::NoGradGuard no_grad;
   const auto efnet = needs_efnet(options) ? std::optional(options.efnet) : std::nullopt;
-  restore::ViewRestorer restorer(options.cache, efnet, device, dataset.monochrome);
+  restore::ViewRestorer restorer(options.cache, efnet, device, dataset.monochrome,
+                                 std::move(early));
   if (efnet && restores_all_poses(options)) restorer.check_times(moments_of(options));
   Progress progress("restoring", static_cast<int64_t>(dataset.train.size()), 0, "views");
   std::vector<View> views;

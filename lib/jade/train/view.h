@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <future>
 #include <string>
 #include <torch/types.h>
 #include <vector>
@@ -8,6 +9,7 @@
 #include "jade/data/exposure.h"
 #include "jade/imaging/edi.h"
 #include "jade/imaging/ssim.h"
+#include "jade/restore/efnet.h"
 #include "jade/restore/restorations.h"
 #include "jade/splat/render.h"
 #include "jade/train/options.h"
@@ -108,11 +110,11 @@ View at_pose(const View& view, int64_t pose, const RunOptions& options);
 std::string restorer_sha256(const RunOptions& options);
 
 /// Voxels, EDI, EFNet and cameras of every training exposure. Shows progress; EFNet is loaded for
-/// the duration of the call only.
+/// the duration of the call only, or is `early`, which somebody began to load.
 /// @throws DataError, NumericError from the restorers; DataError before the first view where every
 /// pose is to be restored and the restorer can do the middle only.
 std::vector<View> prepare_views(const data::Dataset& dataset, const RunOptions& options,
-                                torch::Device device);
+                                torch::Device device, std::future<restore::Restorer> early = {});
 
 /// splat.near_plane for a run that starts with this data set: what it says, else 0.2 as in the
 /// published 3DGS, but at most half the near depth bound, so that small scenes are not cut.
