@@ -357,6 +357,7 @@ void Restorer::warm_up() {
                    torch::full({1}, 0.5, torch::TensorOptions(device_))))
         .to(torch::kCPU);
   } catch (const std::exception&) {
+    // The frame is nobody's: what is wrong with the network shows in the first that matters.
   }
 }
 

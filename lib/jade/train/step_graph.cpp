@@ -20,8 +20,8 @@ namespace {
 /// become.
 constexpr int64_t kRenewal = 1000;
 
-/// What the allocator may keep beyond what tensors hold when a step is recorded: what earlier
-/// recordings and the restorer left behind goes back to the driver.
+/// What the allocator may keep beyond what tensors hold when a step is recorded or runs eagerly:
+/// what earlier recordings and the restorer left behind goes back to the driver.
 constexpr int64_t kSpareBytes = int64_t{64} << 20;
 
 /// The most plans whose recordings are kept: steps alternate between few.
