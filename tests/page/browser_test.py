@@ -46,7 +46,7 @@ PROBE = """window.probe = {
     const image = new Image();
     await new Promise((done, fail) => {
       image.onload = done;
-      image.onerror = () => fail(new Error(`expected a picture, found ${source.slice(0, 60)}, ${source.length} characters`));
+      image.onerror = () => fail(new Error(`expected a picture, found ${String(source).slice(0, 60)}, ${source?.length} characters`));
       image.src = source;
     });
     const board = Object.assign(document.createElement('canvas'), {width: image.naturalWidth, height: image.naturalHeight});
@@ -158,6 +158,21 @@ def check_start(page, run):
     expect(page.evaluate("[...document.querySelectorAll('#tests h3')].map(h => h.textContent.split(':')[0])")
            == ["Seen in training", "Not seen in training"], "seen and unseen views apart")
     page.evaluate("document.getElementById('native').click()")
+
+
+def check_picture(page):
+    """Draws that come one upon another, as on a slow machine: a picture is of the view that was asked for, all the same."""
+    choose(page, "camera", "train.1")
+    page.wait("document.getElementById('camera').value === 'train.1' && !jade.state.pose")
+    found = page.evaluate("""(async () => {
+        const {viewer} = jade, camera = jade.camera(), pose = jade.pose();
+        const alone = await viewer.picture(camera, pose);
+        const other = [...pose.slice(0, 11), pose[11] + 0.5];
+        viewer.draw(camera, other);
+        const crowded = viewer.picture(camera, pose);
+        viewer.draw(camera, other);
+        return await crowded === alone; })()""")
+    expect(found, "a picture among other draws is the one of its own view")
 
 
 def check_fidelity(page, run):
@@ -391,6 +406,7 @@ def check_access(page):
 def check_page(run):
     with chromium.Chromium() as page:
         check_start(page, run)
+        check_picture(page)
         check_fidelity(page, run)
         check_exposure(page, run)
         check_layers(page, run)

@@ -22,7 +22,7 @@ const { formatLink, parseLink } = await load('link.js');
 const { ratioLimits } = await load('renderer.js');
 const { absoluteDifference } = await load('layers.js');
 const { EventFilm } = await load('events.js');
-const { Pace } = await load('viewer.js');
+const { Pace, Viewer } = await load('viewer.js');
 const { glanceFigures, short } = await load('report.js');
 const { addressOf, groupsOf, picturesOf } = await load('sweep.js');
 const { shortcut, takesSpace, takesText } = await load('elements.js');
@@ -128,6 +128,20 @@ test('sort: the newest request wins, and without a worker the answer is the same
   sorter.lose();
   for (const answer of await Promise.all(left)) assert.deepEqual([...answer.order], [1, 0]);
   assert.equal((await sorter.request(IDENTITY)).shades.length, 6);
+});
+
+test('viewer: a picture is of its own view, whatever draws come first', async () => {
+  const sorter = new Sorter({ positions: new Float32Array(3), degree: 0, colors: new Uint8Array(48) }, 0.2);
+  sorter.worker = { postMessage() {} };
+  const drawn = [];
+  const renderer = { setOrder() {}, show() {}, draw: (_, at) => drawn.push(at), picture: () => drawn.at(-1) };
+  const viewer = Object.assign(Object.create(Viewer.prototype), { renderer, sorter, native: true, onFrame() {} });
+  const other = [...IDENTITY.slice(0, 11), 1];
+  viewer.draw(null, other);
+  const picture = viewer.picture(null, IDENTITY);
+  viewer.draw(null, other);
+  while (sorter.busy) sorter.done({});
+  assert.equal(await picture, IDENTITY);
 });
 
 test('pose: quaternions, between and the way through an exposure', () => {

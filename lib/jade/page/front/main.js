@@ -33,7 +33,7 @@ class Page {
       left: element('left'), right: element('right'), bar: element('bar'), leftTag: element('left-tag'), rightTag: element('right-tag'),
       leftSelect: element('left-layer'), rightSelect: element('right-layer'),
     }, () => this.writeLink());
-    this.layers.live = (name) => (name === DEPTH ? this.depthPicture() : null);
+    this.layers.live = (name) => (name === DEPTH ? this.picture({ depthMode: true }) : null);
   }
 
   async start() {
@@ -226,8 +226,9 @@ class Page {
     this.writeLink();
   }
 
-  async depthPicture() {
-    const picture = await this.viewer.picture(this.camera(), this.pose(), { depthMode: true });
+  /** A PNG of this very view, or null where none is to be had; the canvas shows the view of now again, whichever that is. */
+  async picture(options) {
+    const picture = await this.viewer.picture(this.camera(), this.pose(), options);
     await this.viewer.draw(this.camera(), this.pose());
     return picture;
   }
@@ -421,8 +422,9 @@ class Page {
   }
 
   async savePicture() {
-    const picture = await this.viewer.picture(this.camera(), this.pose());
+    const picture = await this.picture();
     if (picture) save('view.png', pictureBlob(picture));
+    else this.say('No picture was saved: none of this view came; once more, please');
   }
 
   async pick(view, name) {

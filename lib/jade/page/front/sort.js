@@ -92,6 +92,11 @@ export function shadesOf({ positions, colors, degree }, order, centre) {
   return shades;
 }
 
+/** What order and colours depend on. */
+function seenFrom(pose) {
+  return { view: pose.slice(8), centre: centreOf(pose) };
+}
+
 /** Order and colours from a worker, the newest request first; where there are no workers, at once. */
 export class Sorter {
   constructor({ positions, colors, degree }, near) {
@@ -122,13 +127,18 @@ export class Sorter {
 
   /** A promise of {order, shades, nearest, farthest}, or of null where a newer request took its place. */
   request(pose) {
-    const from = { view: pose.slice(8), centre: centreOf(pose) };
+    const from = seenFrom(pose);
     if (!this.worker) return Promise.resolve(this.arrange(from));
     return new Promise((resolve) => {
       if (this.waiting) this.waiting.resolve(null);
       this.waiting = { from, resolve };
       if (!this.busy) this.next();
     });
+  }
+
+  /** The same on the page's own thread, which holds it up. */
+  now(pose) {
+    return this.arrange(seenFrom(pose));
   }
 
   next() {

@@ -84,22 +84,27 @@ export class Viewer {
   }
 
   /** Draws now, in the order of this very pose; `depthMode` shows depth. False where another request came first. */
-  async draw(camera, pose, { depthMode = false, part = 0 } = {}) {
+  async draw(camera, pose, options) {
     clearTimeout(this.rest);
     this.wanted = null;
     const sorted = await this.sorter.request(pose);
     if (!sorted || this.wanted) return false;
+    this.paint(sorted, camera, pose, options);
+    return true;
+  }
+
+  paint(sorted, camera, pose, { depthMode = false, part = 0 } = {}) {
     this.renderer.setOrder(sorted);
     this.renderer.draw(camera, pose, this.scale(camera, false), depthMode);
     if (part > 0) this.renderer.accumulate(part);
     this.renderer.show(part > 0, depthMode);
     this.onFrame();
-    return true;
   }
 
-  /** The same as a PNG's data URL. */
+  /** The same as a PNG's data URL; where another request came first, sorted without the worker: it is had in any case. */
   async picture(camera, pose, options) {
-    return (await this.draw(camera, pose, options)) ? this.renderer.picture() : null;
+    if (!(await this.draw(camera, pose, options))) this.paint(this.sorter.now(pose), camera, pose, options);
+    return this.renderer.picture();
   }
 
   depthAhead(camera, pose) {
