@@ -109,7 +109,7 @@ CameraResponseImpl::CameraResponseImpl() {
   layer2 = register_module("layer2", torch::nn::Linear(16, 16));
   layer3 = register_module("layer3", torch::nn::Linear(16, 16));
   layer4 = register_module("layer4", torch::nn::Linear(16, 1));
-  static const Weights fitted = fit_identity_response();
+  const Weights& fitted = identity_response();
   const torch::NoGradGuard no_grad;
   torch::nn::Linear* const layers[] = {&layer1, &layer2, &layer3, &layer4};
   for (size_t i = 0; i < 4; ++i) {
