@@ -34,6 +34,27 @@ TEST_CASE("views: Eq. (7) takes the paper's c, and with 0 the calibrated one", "
   CHECK_FALSE(kernel(0).equal(kernel(1)));
 }
 
+TEST_CASE("views: each has the events of its own exposure, though they are summed ahead",
+          "[train]") {
+  test::TinyDatasetOptions data;
+  data.exposures = 7;
+  const test::TinyScene scene(data);
+  const train::RunOptions options = test::tiny_options(scene);
+  const data::Dataset dataset = data::load_dataset(options.dataset);
+  const std::vector<train::View> views = train::prepare_views(dataset, options, torch::kCPU);
+  REQUIRE(views.size() == 7);
+  for (size_t i = 0; i < views.size(); ++i) {
+    const data::Exposure& exposure = dataset.train[i];
+    const events::ExposureMaps maps =
+        events::map_exposure(exposure.events, {exposure.t_start_us, exposure.t_end_us}, 6,
+                             {exposure.camera.height, exposure.camera.width});
+    CHECK(views[i].name == exposure.name);
+    CHECK(views[i].density.equal(maps.density));
+    CHECK(views[i].psi.equal(events::polarity_projection(maps.voxel.values)));
+    CHECK_FALSE(views[i].density.equal(views[(i + 1) % 7].density));
+  }
+}
+
 TEST_CASE("views: cameras, moments, weights and EDI are those of the quadrature", "[train]") {
   using geometry::QuadratureRule;
   const test::TinyScene scene;

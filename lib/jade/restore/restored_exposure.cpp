@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <torch/types.h>
+#include <utility>
 
 #include "jade/core/error.h"
 #include "jade/events/ramps.h"
@@ -64,10 +65,9 @@ torch::Tensor network_events(const data::Exposure& exposure, const events::Event
   return counts.positive - counts.negative;
 }
 
-void restore_learned(const data::Exposure& exposure, const RestoreOptions& options,
+void restore_learned(const torch::Tensor& events, const RestoreOptions& options,
                      ViewRestorer& restorer, RestoredExposure& restored) {
   const std::vector<double>& times = options.times;
-  const torch::Tensor events = network_events(exposure, restored.maps.voxel, restorer.metadata());
   if (!times.empty()) {
     restored.efnet_at = options.only_kept_times
                             ? restorer.kept_efnet(restored.blurry, events, times)
@@ -83,18 +83,37 @@ void restore_learned(const data::Exposure& exposure, const RestoreOptions& optio
 
 int64_t integral_samples(const RestoreOptions& options) { return integral_of(options).samples; }
 
+ExposureSums sum_events(const data::Exposure& exposure, const events::EventStream& recording,
+                        const RestoreOptions& options, const RestorerMetadata* network) {
+  const events::TimeWindow span{exposure.t_start_us, exposure.t_end_us};
+  const events::ImageSize size{exposure.camera.height, exposure.camera.width};
+  ExposureSums sums;
+  const bool ramped = reach_of(options.events) > 0;  // then the windows are counted otherwise
+  sums.maps = events::map_exposure(exposure.events, span, options.events.bins, size,
+                                   ramped ? 1 : integral_samples(options) - 1);
+  if (ramped) sums.maps.windows = integral_windows(exposure, recording, options, 0);
+  if (options.count_margin) {
+    sums.wide = integral_windows(exposure, recording, options, *options.count_margin);
+  }
+  if (network != nullptr) sums.network = network_events(exposure, sums.maps.voxel, *network);
+  return sums;
+}
+
 RestoredExposure restore_exposure(const data::Exposure& exposure,
                                   const events::EventStream& recording,
                                   const RestoreOptions& options, ViewRestorer& restorer) {
+  return restore_exposure(exposure,
+                          sum_events(exposure, recording, options,
+                                     restorer.has_network() ? &restorer.metadata() : nullptr),
+                          options, restorer);
+}
+
+RestoredExposure restore_exposure(const data::Exposure& exposure, ExposureSums sums,
+                                  const RestoreOptions& options, ViewRestorer& restorer) {
   const torch::Device device = restorer.device();
-  const events::TimeWindow span{exposure.t_start_us, exposure.t_end_us};
-  const events::ImageSize size{exposure.camera.height, exposure.camera.width};
   const Integral integral = integral_of(options);
   RestoredExposure restored;
-  const bool ramped = reach_of(options.events) > 0;  // then the windows are counted otherwise
-  restored.maps = events::map_exposure(exposure.events, span, options.events.bins, size,
-                                       ramped ? 1 : integral.samples - 1);
-  if (ramped) restored.maps.windows = integral_windows(exposure, recording, options, 0);
+  restored.maps = std::move(sums.maps);
   restored.blurry = exposure.blurry.to(device).contiguous();
   const events::WindowCounts& counts = restored.maps.windows;
   const torch::Tensor windows = events::edi_windows(
@@ -108,10 +127,10 @@ RestoredExposure restore_exposure(const data::Exposure& exposure,
                                           options.events.edi_index);
     restored.taught_gain = gain_at_samples(restored.taught, options.exposure);
   }
-  if (const auto margin = options.count_margin) {
-    const events::WindowCounts wide = integral_windows(exposure, recording, options, *margin);
-    restored.counts = imaging::edi_counts({wide.positive.to(device), wide.negative.to(device)},
-                                          *margin, integral.rule);
+  if (options.count_margin) {
+    restored.counts =
+        imaging::edi_counts({sums.wide.positive.to(device), sums.wide.negative.to(device)},
+                            *options.count_margin, integral.rule);
   }
 
   // Part of the cache's keys.
@@ -122,7 +141,7 @@ RestoredExposure restore_exposure(const data::Exposure& exposure,
     return imaging::edi_mid(restored.blurry + options.log_offset, restored.kernel) -
            options.log_offset;
   });
-  if (restorer.has_network()) restore_learned(exposure, options, restorer, restored);
+  if (restorer.has_network()) restore_learned(sums.network, options, restorer, restored);
   return restored;
 }
 

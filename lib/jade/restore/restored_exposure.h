@@ -53,10 +53,26 @@ struct RestoredExposure {
   torch::Tensor efnet_at;
 };
 
-/// Sums the events of an exposure and restores it both ways, through the restorer's cache. Where
-/// the middle is among the times, F is restored at the times alone.
+/// The events of an exposure, summed as its restoration needs them; on the CPU.
+struct ExposureSums {
+  events::ExposureMaps maps;  ///< as RestoredExposure's
+  events::WindowCounts wide;  ///< for RestoredExposure::counts; undefined where not asked for
+  torch::Tensor network;      ///< what the network takes; undefined without one
+};
+
+/// Safe on several threads at once, beside restore_exposure().
 /// @param recording  all events of the data set: events.ramp_ms reaches beyond the exposure.
+/// @param network    whose input to sum, or null
+ExposureSums sum_events(const data::Exposure& exposure, const events::EventStream& recording,
+                        const RestoreOptions& options, const RestorerMetadata* network);
+
+/// Restores an exposure both ways, through the restorer's cache. Where the middle is among the
+/// times, F is restored at the times alone.
+/// @param sums  sum_events() with these options and the restorer's network
 /// @throws NumericError, DeviceError, DataError from the network.
+RestoredExposure restore_exposure(const data::Exposure& exposure, ExposureSums sums,
+                                  const RestoreOptions& options, ViewRestorer& restorer);
+/// The same with sum_events().
 RestoredExposure restore_exposure(const data::Exposure& exposure,
                                   const events::EventStream& recording,
                                   const RestoreOptions& options, ViewRestorer& restorer);

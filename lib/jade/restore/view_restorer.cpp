@@ -26,6 +26,7 @@ ViewRestorer::~ViewRestorer() { cache_.prune(); }
 torch::Tensor ViewRestorer::edi(const torch::Tensor& blurry, const torch::Tensor& windows,
                                 const std::string& settings,
                                 const std::function<torch::Tensor()>& compute) {
+  if (cache_.folder().empty()) return compute().to(device_);
   const std::string recipe =
       concat("edi 1; ", settings, "; torch ", torch_version(), "; ", device_.type());
   return cache_.get(restoration_key(recipe, {blurry, windows}), blurry.sizes(), compute)
@@ -52,19 +53,27 @@ std::string ViewRestorer::efnet_key(const torch::Tensor& blurry, const torch::Te
 torch::Tensor ViewRestorer::kept_efnet(const torch::Tensor& blurry, const torch::Tensor& events,
                                        const std::vector<double>& times) {
   check_times(times);
+  if (cache_.folder().empty()) return {};
+  return kept_under(efnet_key(blurry, events, times), blurry, times);
+}
+
+torch::Tensor ViewRestorer::kept_under(const std::string& key, const torch::Tensor& blurry,
+                                       const std::vector<double>& times) {
   // An entry is one image, so the moments lie in its channels.
   const auto count = static_cast<int64_t>(times.size());
   const std::vector<int64_t> shape{count, 3, blurry.size(1), blurry.size(2)};
-  const auto kept = cache_.find(efnet_key(blurry, events, times), {3 * count, shape[2], shape[3]});
+  const auto kept = cache_.find(key, {3 * count, shape[2], shape[3]});
   return kept ? kept->view(shape).to(device_) : torch::Tensor();
 }
 
 torch::Tensor ViewRestorer::efnet(const torch::Tensor& blurry, const torch::Tensor& events,
                                   const std::vector<double>& times) {
-  if (torch::Tensor kept = kept_efnet(blurry, events, times); kept.defined()) return kept;
+  check_times(times);
+  const std::string key = cache_.folder().empty() ? "" : efnet_key(blurry, events, times);
+  if (torch::Tensor kept = kept_under(key, blurry, times); kept.defined()) return kept;
   torch::Tensor restored = network().restore(blurry.to(device_), events, times);
   if (monochrome_) restored = without_tint(restored);
-  if (as_asked()) cache_.keep(efnet_key(blurry, events, times), restored.flatten(0, 1));
+  if (as_asked()) cache_.keep(key, restored.flatten(0, 1));
   return restored;
 }
 

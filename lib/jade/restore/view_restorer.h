@@ -63,6 +63,8 @@ class ViewRestorer {
  private:
   std::string efnet_key(const torch::Tensor& blurry, const torch::Tensor& events,
                         const std::vector<double>& times) const;
+  torch::Tensor kept_under(const std::string& key, const torch::Tensor& blurry,
+                           const std::vector<double>& times);
   bool as_asked() const;
 
   RestorationCache cache_;

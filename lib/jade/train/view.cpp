@@ -2,8 +2,11 @@
 #include "jade/train/view.h"
 
 #include <algorithm>
+#include <deque>
+#include <future>
 #include <optional>
 #include <torch/types.h>
+#include <utility>
 
 #include "jade/core/check.h"
 #include "jade/core/interrupt.h"
@@ -145,12 +148,53 @@ torch::Tensor exposures_per_ms(const data::Exposure& exposure) {
   return torch::tensor(duration_us > 0 ? 1000 / duration_us : 0.0, torch::kFloat32);
 }
 
-View prepare_view(const data::Exposure& exposure, const ExposureSpan& span,
+/// The events of a data set's exposures, summed on threads of their own for those that come next:
+/// while the network is on its way, and while it restores.
+class SumsAhead {
+ public:
+  SumsAhead(const data::Dataset& dataset, const restore::RestoreOptions& options,
+            const restore::RestorerMetadata* network)
+      : dataset_(dataset), options_(options), network_(network) {
+    if (dataset.train.empty()) return;
+    // Some 256 bytes a pixel pass through one sum, whose memory is to stay within half a GiB.
+    const auto& camera = dataset.train.front().camera;
+    const int64_t bytes = 256 * int64_t(camera.width) * camera.height;
+    at_once_ = static_cast<size_t>(std::clamp<int64_t>((int64_t(1) << 29) / bytes, 1, 4));
+  }
+
+  /// Of the next exposure.
+  restore::ExposureSums next() {
+    while (begun_.size() < at_once_ && begun_upto_ < dataset_.train.size()) begin();
+    std::future<restore::ExposureSums> first = std::move(begun_.front());
+    begun_.pop_front();
+    restore::ExposureSums sums = first.get();
+    if (begun_upto_ < dataset_.train.size()) begin();
+    return sums;
+  }
+
+ private:
+  void begin() {
+    begun_.push_back(std::async(std::launch::async, [this, index = begun_upto_] {
+      const torch::NoGradGuard no_grad;
+      return restore::sum_events(dataset_.train[index], dataset_.events, options_, network_);
+    }));
+    ++begun_upto_;
+  }
+
+  const data::Dataset& dataset_;
+  const restore::RestoreOptions& options_;
+  const restore::RestorerMetadata* network_;
+  size_t at_once_ = 1, begun_upto_ = 0;
+  std::deque<std::future<restore::ExposureSums>> begun_;  // last: ends before what it reads
+};
+
+View prepare_view(const data::Exposure& exposure, restore::ExposureSums sums,
+                  const restore::RestoreOptions& how, const ExposureSpan& span,
                   const data::Dataset& dataset, const RunOptions& options,
                   restore::ViewRestorer& restorer) {
   const torch::Device device = restorer.device();
-  const restore::RestoredExposure restored = restore::restore_exposure(
-      exposure, dataset.events, restore_options(dataset, options), restorer);
+  const restore::RestoredExposure restored =
+      restore::restore_exposure(exposure, std::move(sums), how, restorer);
   const events::EventVoxel& voxel = restored.maps.voxel;
   View view;
   view.name = exposure.name;
@@ -251,9 +295,12 @@ std::vector<View> prepare_views(const data::Dataset& dataset, const RunOptions& 
   Progress progress("restoring", static_cast<int64_t>(dataset.train.size()), 0, "views");
   std::vector<View> views;
   const std::vector<ExposureSpan> spans = exposure_spans(dataset);
+  const restore::RestoreOptions how = restore_options(dataset, options);
+  SumsAhead sums(dataset, how, efnet ? &restorer.metadata() : nullptr);
   for (size_t i = 0; i < spans.size(); ++i) {
     throw_if_interrupted();
-    views.push_back(prepare_view(dataset.train[i], spans[i], dataset, options, restorer));
+    views.push_back(
+        prepare_view(dataset.train[i], sums.next(), how, spans[i], dataset, options, restorer));
     if (progress.step()) progress.show();
   }
   return views;
