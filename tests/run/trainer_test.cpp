@@ -173,6 +173,21 @@ TEST_CASE("trainer: an interrupt saves the finished step", "[run]") {
   CHECK(run::list_checkpoints(run) == std::vector{run::checkpoint_path(run, 1)});
 }
 
+TEST_CASE("trainer: pictures that cannot be written end the run, on the way and at its end",
+          "[run]") {
+  const Scene scene;
+  train::RunOptions options = tiny_options(scene);
+  options.train.evaluate_every = 0;
+  for (const int64_t every : {4, 0}) {
+    options.train.picture_every = every;
+    const auto run = scene.dir.path() / concat("run", every);
+    std::filesystem::create_directories(run);
+    std::ofstream(run / "images") << "in the way";
+    CHECK_THROWS_WITH(run::Trainer(options, run, "").run(), Catch::Contains("images"));
+    CHECK(std::filesystem::exists(run / "report.html") == (every == 0));
+  }
+}
+
 TEST_CASE("trainer: a run leaves the documented files", "[run]") {
   const Scene scene;
   const auto run = scene.dir.path() / "run";

@@ -79,6 +79,16 @@ class Pictures {
   std::vector<std::string> sources_;
 };
 
+/// Of so many, spread over the sequence.
+std::vector<size_t> shown_views(size_t count) {
+  std::vector<size_t> shown;
+  const size_t wanted = std::min(kShownViews, count);
+  for (size_t i = 0; i < wanted; ++i) {
+    shown.push_back(wanted > 1 ? i * (count - 1) / (wanted - 1) : 0);
+  }
+  return shown;
+}
+
 Json training_view(const data::Dataset& dataset, const train::View& view, int64_t index,
                    train::TrainState& state, const splat::RenderOptions& draw, Pictures& pictures) {
   const torch::Tensor truth = truth_of(dataset, index);
@@ -88,8 +98,7 @@ Json training_view(const data::Dataset& dataset, const train::View& view, int64_
   }
   return {{"name", "training view " + view.name},
           {"camera", concat("train.", index)},
-          {"pictures", shown},
-          {"events", page_film(dataset.train[static_cast<size_t>(index)])}};
+          {"pictures", shown}};
 }
 
 /// Mean PSNR at mid-exposure of what comes before the scene and of the scene, over the views where
@@ -222,14 +231,18 @@ void write_report(const fs::path& run, const data::Dataset& dataset,
       Json::array({dataset.name, concat(dataset.train.size(), " exposures"),
                    concat(state.step, " steps"), concat(state.gaussians.size(), " Gaussians"),
                    environment["device"], environment["program"]});
-  // Packing looks at nothing else, so that it goes on beside the pictures.
+  // Packing and films look at nothing else, so that they go on beside the pictures.
   std::future<std::string> scene =
       std::async(std::launch::async, packed_scene, on_cpu(state.gaussians.detached()));
+  const std::vector<size_t> shown = shown_views(views.size());
+  std::vector<std::future<Json>> films;
+  for (const size_t index : shown) {
+    films.push_back(std::async(std::launch::async,
+                               [&dataset, index] { return page_film(dataset.train[index]); }));
+  }
   Pictures pictures;
   data["views"] = Json::array();
-  const size_t shown = std::min(kShownViews, views.size());
-  for (size_t i = 0; i < shown; ++i) {
-    const size_t index = shown > 1 ? i * (views.size() - 1) / (shown - 1) : 0;
+  for (const size_t index : shown) {
     data["views"].push_back(
         training_view(dataset, views[index], static_cast<int64_t>(index), state, draw, pictures));
   }
@@ -244,6 +257,7 @@ void write_report(const fs::path& run, const data::Dataset& dataset,
          {"pictures",
           {pictures.add("render", render, view.image), pictures.add("truth", view.image)}}});
   }
+  for (size_t i = 0; i < shown.size(); ++i) data["views"][i]["events"] = films[i].get();
   pictures.put_into(data["views"]);
   pictures.put_into(data["tests"]);
   data["headline"] = headline(dataset, views, state, draw);

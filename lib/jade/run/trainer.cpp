@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <future>
 #include <nlohmann/json.hpp>
 #include <torch/types.h>
 
@@ -19,6 +20,7 @@
 #include "jade/gaussians/ply.h"
 #include "jade/imaging/image_io.h"
 #include "jade/losses/poses.h"
+#include "jade/response/identity_fit.h"
 #include "jade/run/checkpoint.h"
 #include "jade/run/evaluate.h"
 #include "jade/run/learned_cameras.h"
@@ -53,6 +55,9 @@ RunData load_data(const RunDirectory& directory, const train::RunOptions& option
   if (train::needs_efnet(options) && device.is_cuda()) {
     data.restorer = restore::load_beside(options.efnet, device);
   }
+  if (options.response.enabled) {
+    data.response = std::async(std::launch::async, [] { response::identity_response(); });
+  }
   std::vector<std::string> warnings;
   data.dataset = data::load_dataset(options.dataset, &warnings);
   for (const std::string& warning : warnings) log_warn(warning);
@@ -79,9 +84,9 @@ bool every(int64_t step, int64_t due) { return due > 0 && step % due == 0; }
 Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const std::string& resume)
     : options_(options),
       device_(select_device(options.device)),
-      stream_(device_),
       directory_(run),
-      data_(load_data(directory_, options, device_, resume.empty())) {
+      data_(load_data(directory_, options, device_, resume.empty())),
+      stream_(device_) {
   times_.end("data");
   limit_threads_beside(device_);
   train::settle(options_);
@@ -338,24 +343,27 @@ data::Dataset Trainer::posed_dataset() {
                             options_.poses.test_fit_steps, train::render_options(options_));
 }
 
-void Trainer::write_pictures(const data::Dataset& posed) {
+void Trainer::write_pictures(const data::Dataset& posed, bool truths) {
   const splat::Gaussians gaussians = state_.gaussians.detached();
   const splat::RenderOptions draw = train::render_options(options_);
+  const auto add = [this](const fs::path& name, const torch::Tensor& image) {
+    pictures_.add(directory_.path() / name, image);
+  };
   for (const data::SharpView& view : posed.test) {
-    imaging::write_image(directory_.path() / "images" / ("test_" + view.name + ".png"),
-                         render_view(gaussians, view.pose, view.camera, draw));
+    add("images/test_" + view.name + ".png", render_view(gaussians, view.pose, view.camera, draw));
+    if (truths) add("images/truth_" + view.name + ".png", view.image);
   }
   for (size_t i = 0; i < views().size(); ++i) {
     const data::Exposure& exposure = posed.train[i];
-    imaging::write_image(
-        directory_.path() / "images" / ("train_" + exposure.name + ".png"),
+    add("images/train_" + exposure.name + ".png",
         render_view(gaussians, exposure.poses[geometry::kMidPose], exposure.camera, draw));
     const auto alpha = train::allocation_map(state_, views()[i], static_cast<int64_t>(i));
     if (alpha.defined()) {
-      imaging::write_image(directory_.path() / "alpha" / (exposure.name + ".png"),
-                           alpha.expand({1, exposure.camera.height, exposure.camera.width}));
+      add("alpha/" + exposure.name + ".png",
+          alpha.expand({1, exposure.camera.height, exposure.camera.width}));
     }
   }
+  pictures_.begin();
 }
 
 void Trainer::look(Watcher* watcher) {
@@ -380,6 +388,7 @@ void Trainer::stop() {
   save();
   log_info(concat("saved at step ", state_.step, "; go on with jade_train --output ",
                   directory_.path().string(), " --resume"));
+  pictures_.wait();
   throw Interrupted();
 }
 
@@ -396,11 +405,7 @@ void Trainer::finish() {
   // After its cameras, as it tells others that the run has ended.
   gaussians::write_ply(directory_.path() / kSceneFile, {state_.gaussians.detached()});
   times_.end("test poses, scene");
-  write_pictures(posed);
-  for (const data::SharpView& view : posed.test) {
-    imaging::write_image(directory_.path() / "images" / ("truth_" + view.name + ".png"),
-                         view.image);
-  }
+  write_pictures(posed, /*truths=*/true);
   times_.end("pictures");
   if (can_evaluate()) {
     const eval::Evaluation evaluation = evaluate(posed);
@@ -422,6 +427,7 @@ void Trainer::finish() {
   }
   times_.end("scores");
   write_report(directory_.path(), posed, views(), state_, options_);
+  pictures_.wait();
   times_.end("report");
   log_info("time        " + times_.text());
   log_info(concat("report      ", (directory_.path() / kReportFile).string()));

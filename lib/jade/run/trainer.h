@@ -13,6 +13,7 @@
 #include "jade/eval/report.h"
 #include "jade/restore/efnet.h"
 #include "jade/run/checkpoint.h"
+#include "jade/run/picture_writer.h"
 #include "jade/run/run_directory.h"
 #include "jade/run/stage_times.h"
 #include "jade/run/term_monitor.h"
@@ -30,6 +31,7 @@ struct RunData {
   std::string fingerprint;                  ///< of the data set, see data_fingerprint()
   std::string restorer_sha256;              ///< empty where no restorer is needed
   std::future<restore::Restorer> restorer;  ///< on its way, where it runs on a GPU
+  std::future<void> response;               ///< its start being fitted
 };
 
 /// The loop and its calendar: what is due at which step. What a step does stands in routing_step.h
@@ -83,21 +85,23 @@ class Trainer {
   void save();
   /// The data set with the poses at which the scene is to be seen: learned ones where poses are.
   data::Dataset posed_dataset();
-  void write_pictures(const data::Dataset& posed);
+  /// @param truths  the test views' sharp images too
+  void write_pictures(const data::Dataset& posed, bool truths = false);
   [[noreturn]] void stop();
   void finish();
 
   StageTimes times_;  // begins before anything else does
   train::RunOptions options_;
   torch::Device device_;
-  train::StreamScope stream_;  // before every tensor
   RunDirectory directory_;
   RunData data_;
+  train::StreamScope stream_;  // before every tensor on a GPU, which starts while data are read
   train::TrainState state_;
   train::StepFeed feed_;
   train::StepGraph step_graph_;
   TermMonitor monitor_;
   std::unique_ptr<MetricsLog> metrics_;
+  PictureWriter pictures_;
   std::string status_;         // for the progress bar
   double logged_seconds_ = 0;  // clock and step of the last log line, for it/s
   int64_t logged_step_ = 0;
