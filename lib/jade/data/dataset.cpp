@@ -154,10 +154,13 @@ DatasetKind recognise_dataset(const fs::path& folder) {
                          "transforms.json in it"));
 }
 
-Dataset load_dataset(const DatasetOptions& options, std::vector<std::string>* warnings) {
+DatasetKind kind_of(const DatasetOptions& options) {
   check_folder(options.path);
-  const DatasetKind kind =
-      options.kind == DatasetKind::kAuto ? recognise_dataset(options.path) : options.kind;
+  return options.kind == DatasetKind::kAuto ? recognise_dataset(options.path) : options.kind;
+}
+
+Dataset load_dataset(const DatasetOptions& options, std::vector<std::string>* warnings) {
+  const DatasetKind kind = kind_of(options);
   const Warnings sink(warnings);
   Dataset data;
   if (kind == DatasetKind::kEvDeblur) data = load_evdeblur(options, sink);

@@ -84,6 +84,10 @@ Dataset load_dataset(const DatasetOptions& options, std::vector<std::string>* wa
 /// @throws DataError if the folder is missing or holds no layout that is known.
 DatasetKind recognise_dataset(const std::filesystem::path& folder);
 
+/// The kind that the options name, else the one that their folder holds: what is told of a wrong
+/// path before anything else begins. @throws as recognise_dataset; ConfigError without a path.
+DatasetKind kind_of(const DatasetOptions& options);
+
 /// Where a folder names its held-out exposures: one frame per line, without extension.
 constexpr char kHeldOutFile[] = "held_out.txt";
 

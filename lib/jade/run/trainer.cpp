@@ -51,6 +51,7 @@ RunData load_data(const RunDirectory& directory, const train::RunOptions& option
   }
   RunData data;
   // A wrong path is told before minutes of loading.
+  data::kind_of(options.dataset);
   data.restorer_sha256 = train::restorer_sha256(options);
   if (train::needs_efnet(options) && device.is_cuda()) {
     data.restorer = restore::load_beside(options.efnet, device);
