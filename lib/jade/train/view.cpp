@@ -2,7 +2,6 @@
 #include "jade/train/view.h"
 
 #include <algorithm>
-#include <deque>
 #include <future>
 #include <optional>
 #include <torch/types.h>
@@ -17,6 +16,7 @@
 #include "jade/restore/restored_exposure.h"
 #include "jade/train/exposure_span.h"
 #include "jade/train/plan.h"
+#include "jade/train/sums_ahead.h"
 
 namespace jade::train {
 namespace {
@@ -148,46 +148,6 @@ torch::Tensor exposures_per_ms(const data::Exposure& exposure) {
   return torch::tensor(duration_us > 0 ? 1000 / duration_us : 0.0, torch::kFloat32);
 }
 
-/// The events of a data set's exposures, summed on threads of their own for those that come next:
-/// while the network is on its way, and while it restores.
-class SumsAhead {
- public:
-  SumsAhead(const data::Dataset& dataset, const restore::RestoreOptions& options,
-            const restore::RestorerMetadata* network)
-      : dataset_(dataset), options_(options), network_(network) {
-    if (dataset.train.empty()) return;
-    // Some 256 bytes a pixel pass through one sum, whose memory is to stay within half a GiB.
-    const auto& camera = dataset.train.front().camera;
-    const int64_t bytes = 256 * int64_t(camera.width) * camera.height;
-    at_once_ = static_cast<size_t>(std::clamp<int64_t>((int64_t(1) << 29) / bytes, 1, 4));
-  }
-
-  /// Of the next exposure.
-  restore::ExposureSums next() {
-    while (begun_.size() < at_once_ && begun_upto_ < dataset_.train.size()) begin();
-    std::future<restore::ExposureSums> first = std::move(begun_.front());
-    begun_.pop_front();
-    restore::ExposureSums sums = first.get();
-    if (begun_upto_ < dataset_.train.size()) begin();
-    return sums;
-  }
-
- private:
-  void begin() {
-    begun_.push_back(std::async(std::launch::async, [this, index = begun_upto_] {
-      const torch::NoGradGuard no_grad;
-      return restore::sum_events(dataset_.train[index], dataset_.events, options_, network_);
-    }));
-    ++begun_upto_;
-  }
-
-  const data::Dataset& dataset_;
-  const restore::RestoreOptions& options_;
-  const restore::RestorerMetadata* network_;
-  size_t at_once_ = 1, begun_upto_ = 0;
-  std::deque<std::future<restore::ExposureSums>> begun_;  // last: ends before what it reads
-};
-
 View prepare_view(const data::Exposure& exposure, restore::ExposureSums sums,
                   const restore::RestoreOptions& how, const ExposureSpan& span,
                   const data::Dataset& dataset, const RunOptions& options,
@@ -296,7 +256,9 @@ std::vector<View> prepare_views(const data::Dataset& dataset, const RunOptions& 
   std::vector<View> views;
   const std::vector<ExposureSpan> spans = exposure_spans(dataset);
   const restore::RestoreOptions how = restore_options(dataset, options);
-  SumsAhead sums(dataset, how, efnet ? &restorer.metadata() : nullptr);
+  // A CPU that restores has no threads to spare.
+  SumsAhead sums(dataset, how, efnet ? &restorer.metadata() : nullptr,
+                 device.is_cuda() ? std::launch::async : std::launch::deferred);
   for (size_t i = 0; i < spans.size(); ++i) {
     throw_if_interrupted();
     views.push_back(
