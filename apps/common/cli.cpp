@@ -40,6 +40,16 @@ bool is_gpu_failure(const c10::Error& error) {
          error.msg().rfind("CUDA error", 0) == 0 || error.msg().rfind("cuDNN error", 0) == 0;
 }
 
+/// torch's allocator on the CPU throws no type of its own.
+bool is_out_of_memory(const c10::Error& error) {
+  return error.msg().find("DefaultCPUAllocator") != std::string::npos;
+}
+
+ExitCode report_out_of_memory() {
+  log_error("out of memory; use a smaller scene or image, or close other programs");
+  return ExitCode::kDevice;
+}
+
 /// Reports the exception in flight; returns its exit code.
 ExitCode report_exception() {
   try {
@@ -55,9 +65,9 @@ ExitCode report_exception() {
     log_debug(error.what());
     return ExitCode::kDevice;
   } catch (const std::bad_alloc&) {
-    log_error("out of memory; use a smaller scene or image, or close other programs");
-    return ExitCode::kDevice;
+    return report_out_of_memory();
   } catch (const c10::Error& error) {
+    if (is_out_of_memory(error)) return report_out_of_memory();
     if (is_gpu_failure(error)) {
       log_error(concat("the GPU failed: ", first_line(error.what_without_backtrace()),
                        "; try again, or use --device cpu"));

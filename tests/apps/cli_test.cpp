@@ -5,6 +5,8 @@
 #include "support/catch.h"
 
 #include <c10/util/Exception.h>
+#include <new>
+#include <torch/types.h>
 
 #include "jade/core/atomic_file.h"
 #include "support/programs.h"
@@ -136,22 +138,33 @@ TEST_CASE("jade_train: the restorer is the one that ships, and is looked for bef
               3, "efnet.path: expected the TorchScript file of the restorer, found no file");
 }
 
+namespace {
+
+/// The exit code of a program that does this.
+int code_of(const std::function<void()>& body) {
+  apps::Program program("probe", "throws");
+  char name[] = "probe", quiet[] = "--log-level=off";
+  char* arguments[] = {name, quiet};
+  return program.run(2, arguments, [&] {
+    body();
+    return ExitCode::kOk;
+  });
+}
+
+}  // namespace
+
 TEST_CASE("programs: a failure of the GPU is told by its exit code, whoever finds it", "[apps]") {
-  const auto code_of = [](const std::function<void()>& body) {
-    apps::Program program("probe", "throws");
-    char name[] = "probe", quiet[] = "--log-level=off";
-    char* arguments[] = {name, quiet};
-    return program.run(2, arguments, [&] {
-      body();
-      return ExitCode::kOk;
-    });
-  };
   const c10::SourceLocation here{__func__, __FILE__, __LINE__};
   CHECK(code_of([] {}) == 0);
   CHECK(code_of([&] { throw c10::AcceleratorError(here, 700, "CUDA error: illegal address"); }) ==
         4);
   CHECK(code_of([&] { throw c10::Error(here, "CUDA error: CUBLAS_STATUS_NOT_INITIALIZED"); }) == 4);
   CHECK(code_of([&] { throw c10::Error(here, "expected a tensor of CUDA error codes"); }) == 1);
+}
+
+TEST_CASE("programs: want of memory is told by its exit code, whoever asked for it", "[apps]") {
+  CHECK(code_of([] { throw std::bad_alloc(); }) == 4);
+  CHECK(code_of([] { torch::empty({int64_t(1) << 48}); }) == 4);  // more than can be addressed
 }
 
 TEST_CASE("programs: all answer --version and --help", "[apps]") {

@@ -185,7 +185,24 @@ TEST_CASE("trainer: pictures that cannot be written end the run, on the way and 
     std::ofstream(run / "images") << "in the way";
     CHECK_THROWS_WITH(run::Trainer(options, run, "").run(), Catch::Contains("images"));
     CHECK(std::filesystem::exists(run / "report.html") == (every == 0));
+    // Whoever catches it tells why.
+    log_error("the reason");
+    CHECK_THAT(read_file(run / "train.log"), Catch::Contains("the reason"));
+    set_log_file({});
   }
+}
+
+TEST_CASE("trainer: what the data set warns of stands in the log", "[run]") {
+  test::TinyDatasetOptions data;
+  data.exposures = 1;
+  const Scene scene(data);
+  train::RunOptions options = tiny_options(scene);
+  options.train.iterations = 1;
+  const auto run = scene.dir.path() / "run";
+  run::Trainer(options, run, "").run();
+  CHECK_THAT(read_file(run / "train.log"), Catch::Contains("a single training frame"));
+  log_warn("later");
+  CHECK_THAT(read_file(run / "train.log"), !Catch::Contains("later"));
 }
 
 TEST_CASE("trainer: a run leaves the documented files", "[run]") {

@@ -8,13 +8,17 @@
 
 namespace jade::kernel {
 
-void check_launch(const char* what) {
-  static const bool synchronous = [] {
+bool waits_for_launches() {
+  static const bool waits = [] {
     const char* const value = std::getenv("JADE_CUDA_SYNC");
     return value != nullptr && value[0] == '1';
   }();
+  return waits;
+}
+
+void check_launch(const char* what) {
   cudaError_t status = cudaGetLastError();
-  if (status == cudaSuccess && synchronous) status = cudaDeviceSynchronize();
+  if (status == cudaSuccess && waits_for_launches()) status = cudaDeviceSynchronize();
   if (status == cudaSuccess) return;
   throw DeviceError(concat(what, " failed on the GPU: ", cudaGetErrorString(status),
                            "; try again, or use --device cpu"));

@@ -18,8 +18,11 @@ inline unsigned grid_size(int64_t count, int64_t size) {
   return static_cast<unsigned>(block_count(count, size));
 }
 
-/// To be called after kernels were launched; does not wait for them, unless the environment has
-/// JADE_CUDA_SYNC=1: then it reports the faults of these kernels too.
+/// Whether the environment has JADE_CUDA_SYNC=1. Then nothing can be recorded as a CUDA graph.
+bool waits_for_launches();
+
+/// To be called after kernels were launched; does not wait for them, unless
+/// waits_for_launches(): then it reports the faults of these kernels too.
 /// @param what  the work, "the Adam step"
 /// @throws DeviceError when one did not start, or when the GPU reports the failure of an earlier
 ///   one.

@@ -352,13 +352,14 @@ void Restorer::warm_up() {
     return torch::zeros({1, channels, side, side}, torch::TensorOptions(device_));
   };
   try {
-    // Copied to the CPU, which waits for all that this thread gave the device.
     call(inputs_of(zeros(3), zeros(metadata_.windows),
-                   torch::full({1}, 0.5, torch::TensorOptions(device_))))
-        .to(torch::kCPU);
+                   torch::full({1}, 0.5, torch::TensorOptions(device_))));
   } catch (const std::exception&) {
     // The frame is nobody's: what is wrong with the network shows in the first that matters.
   }
+  // A copy to the CPU waits for all that this thread gave the device: others are to find the
+  // weights whole.
+  zeros(1).to(torch::kCPU);
 }
 
 std::future<Restorer> load_beside(const EfnetOptions& options, torch::Device device) {

@@ -99,6 +99,21 @@ ExposureSums sum_events(const data::Exposure& exposure, const events::EventStrea
   return sums;
 }
 
+int64_t sum_bytes_per_pixel(const RestoreOptions& options, const RestorerMetadata* network) {
+  // Of a window counted, int64 sums of both signs and what is made of them; of a ramped one, both
+  // signs in float, twice.
+  constexpr int64_t kCounted = 60, kRamped = 16;
+  const bool ramped = reach_of(options.events) > 0;
+  const int64_t windows = integral_samples(options) - 1;
+  int64_t bytes = kCounted * (options.events.bins + (ramped ? 1 : windows));
+  if (ramped) bytes = std::max(bytes, kRamped * windows);
+  if (options.count_margin) {
+    bytes = std::max(bytes, (ramped ? kRamped : kCounted) * (windows + 2 * *options.count_margin));
+  }
+  if (network != nullptr) bytes = std::max(bytes, kCounted * network->windows);
+  return bytes;
+}
+
 RestoredExposure restore_exposure(const data::Exposure& exposure,
                                   const events::EventStream& recording,
                                   const RestoreOptions& options, ViewRestorer& restorer) {

@@ -37,18 +37,20 @@ constexpr size_t kShownViews = 4;
 /// leave, and SH of 7 and 6 bits, which for half as many bytes more is 6 dB nearer to the scene.
 constexpr gaussians::SpzOptions kEmbedded{false, 20, 7, 6};
 
-/// The page's pictures, which all threads make into files once all are known.
+/// The page's pictures, which all threads make into files, so many at a time.
 class Pictures {
  public:
   /// What the page has of it; "src" is its number until put_into().
   Json add(const std::string& name, const torch::Tensor& image, const torch::Tensor& truth = {}) {
-    Json entry{{"name", name}, {"src", images_.size()}};
+    Json entry{{"name", name}, {"src", sources_.size() + images_.size()}};
     if (truth.defined()) {
       char note[24];
       std::snprintf(note, sizeof note, "%.2f dB", eval::psnr(image, truth.to(image.device())));
       entry["note"] = note;
     }
     images_.push_back(image.detach().cpu());
+    bytes_ += images_.back().nbytes();
+    if (bytes_ > kMostBytes) encode();
     return entry;
   }
 
@@ -62,20 +64,26 @@ class Pictures {
 
  private:
   void encode() {
-    const auto done = static_cast<int64_t>(sources_.size());
-    sources_.resize(images_.size());
-    at::parallel_for(
-        done, static_cast<int64_t>(images_.size()), 1, [&](int64_t begin, int64_t end) {
-          for (int64_t i = begin; i < end; ++i) {
-            const auto at = static_cast<size_t>(i);
-            const std::vector<uint8_t> png = imaging::encode_png(images_[at]);
-            const std::string_view bytes(reinterpret_cast<const char*>(png.data()), png.size());
-            sources_[at] = "data:image/png;base64," + page::base64(bytes);
-          }
-        });
+    const size_t done = sources_.size();
+    sources_.resize(done + images_.size());
+    const auto count = static_cast<int64_t>(images_.size());
+    at::parallel_for(0, count, 1, [&](int64_t begin, int64_t end) {
+      for (int64_t i = begin; i < end; ++i) {
+        const auto at = static_cast<size_t>(i);
+        const std::vector<uint8_t> png = imaging::encode_png(images_[at]);
+        const std::string_view bytes(reinterpret_cast<const char*>(png.data()), png.size());
+        sources_[done + at] = "data:image/png;base64," + page::base64(bytes);
+      }
+    });
+    images_.clear();
+    bytes_ = 0;
   }
 
+  /// Of images that wait to be encoded.
+  static constexpr size_t kMostBytes = size_t{256} << 20;
+
   std::vector<torch::Tensor> images_;
+  size_t bytes_ = 0;
   std::vector<std::string> sources_;
 };
 

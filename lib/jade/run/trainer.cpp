@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <exception>
 #include <future>
 #include <nlohmann/json.hpp>
 #include <torch/types.h>
@@ -50,9 +51,11 @@ RunData load_data(const RunDirectory& directory, const train::RunOptions& option
                ": holds a run already; go on with it (--resume) or choose another --output"));
   }
   RunData data;
-  // A wrong path is told before minutes of loading.
-  data::kind_of(options.dataset);
+  // Wrong paths are told before minutes of loading.
   data.restorer_sha256 = train::restorer_sha256(options);
+  data::kind_of(options.dataset);
+  // Before anything that may warn.
+  set_log_file(directory.path() / "train.log");
   if (train::needs_efnet(options) && device.is_cuda()) {
     data.restorer = restore::load_beside(options.efnet, device);
   }
@@ -96,7 +99,6 @@ Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const st
     options_.splat.near_plane = train::near_plane(options_.splat, data_.dataset);
     state_ = train::make_state(options_, data_.dataset, device_);
   }
-  set_log_file(directory_.path() / "train.log");
   announce();
   write_file(directory_.path() / "config.yaml", yaml_of(options_));
   write_environment();
@@ -106,7 +108,10 @@ Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const st
   metrics_ = std::make_unique<MetricsLog>(directory_.path() / "metrics.jsonl", state_.step);
 }
 
-Trainer::~Trainer() { set_log_file({}); }
+Trainer::~Trainer() {
+  // What ends a run is told by whoever catches it, and is to stand in the log.
+  if (std::uncaught_exceptions() == 0) set_log_file({});
+}
 
 bool Trainer::resume_from(const std::string& choice) {
   std::vector<fs::path> candidates =

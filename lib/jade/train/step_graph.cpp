@@ -11,6 +11,7 @@
 #include "jade/core/device.h"
 #include "jade/core/error.h"
 #include "jade/core/log.h"
+#include "jade/kernel/launch.h"
 #include "jade/train/batch_copy.h"
 
 namespace jade::train {
@@ -186,7 +187,8 @@ StepGraph::~StepGraph() = default;
 StepOutputs StepGraph::run(TrainState& state, const StepInputs& inputs, const StepPlan& plan,
                            const RunOptions& options) {
   Recordings& recordings = *recordings_;
-  if (recordings.refused || !plan.recordable || !inputs.view.blurry.is_cuda()) {
+  const bool recordable = plan.recordable && !kernel::waits_for_launches();
+  if (recordings.refused || !recordable || !inputs.view.blurry.is_cuda()) {
     return alternate(state, inputs, plan, options);
   }
   recordings.follow(state, inputs);

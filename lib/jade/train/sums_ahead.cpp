@@ -11,10 +11,11 @@ SumsAhead::SumsAhead(const data::Dataset& dataset, const restore::RestoreOptions
                      const restore::RestorerMetadata* network, std::launch policy)
     : dataset_(dataset), options_(options), network_(network), policy_(policy) {
   if (dataset.train.empty()) return;
-  // Up to 1 KiB a pixel is held while one sums, of which half a GiB is to be enough.
+  constexpr int64_t kMostBytes = int64_t(512) << 20;
   const auto& camera = dataset.train.front().camera;
-  const int64_t bytes = int64_t(camera.width) * camera.height << 10;
-  at_once_ = static_cast<size_t>(std::clamp<int64_t>((int64_t(1) << 29) / bytes, 1, 4));
+  const int64_t bytes =
+      restore::sum_bytes_per_pixel(options, network) * int64_t(camera.width) * camera.height;
+  at_once_ = static_cast<size_t>(std::clamp<int64_t>(kMostBytes / bytes, 1, 4));
 }
 
 restore::ExposureSums SumsAhead::next() {

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <c10/cuda/CUDAGuard.h>
 #include <c10/cuda/CUDAStream.h>
-#include <cstdlib>
 #include <cuda_runtime_api.h>
 #include <torch/types.h>
 
@@ -22,16 +21,6 @@ namespace {
 
 void check_cuda(cudaError_t error, const char* what) {
   if (error != cudaSuccess) throw DeviceError(concat(what, ": ", cudaGetErrorString(error)));
-}
-
-/// Also finds the faults of the kernels themselves when JADE_CUDA_SYNC=1.
-void check_launches(const char* what) {
-  static const bool synchronous = [] {
-    const char* const value = std::getenv("JADE_CUDA_SYNC");
-    return value != nullptr && value[0] == '1';
-  }();
-  kernel::check_launch(what);
-  if (synchronous) check_cuda(cudaDeviceSynchronize(), what);
 }
 
 bool is_capturing(cudaStream_t stream) {
@@ -246,7 +235,7 @@ ForwardResult forward(const ForwardArgs& args) {
   const Lists lists = project_and_bin(&call, args, rejected, stream);
   launch_blend(call, {pointer(result.color), pointer(result.alpha), pointer(result.depth_sum)},
                stream);
-  check_launches("splatting, forward");
+  kernel::check_launch("splatting, forward");
   if (args.needs_backward) result.state.tensors = {lists.tables, lists.keys};
   return result;
 }
@@ -287,7 +276,7 @@ BackwardResult backward(const BackwardArgs& args) {
       gradients, stream);
   if (args.forward.deterministic) launch_gather(call, gradients, stream);
   launch_project_adjoint(call, gradients, stream);
-  check_launches("splatting, backward");
+  kernel::check_launch("splatting, backward");
   return result;
 }
 
