@@ -154,6 +154,16 @@ std::vector<Term> terms() {
       {"objective", [](const Images& in) { return in.objective().total; }}};
 }
 
+/// @throws ConfigError for a name that no term has.
+void check_term(const std::string& name) {
+  std::string known;
+  for (const Term& term : terms()) {
+    if (name == term.name) return;
+    known += (known.empty() ? "" : ", ") + std::string(term.name);
+  }
+  throw ConfigError(concat("--term: expected one of ", known, "; found '", name, "'"));
+}
+
 nlohmann::json measure(const Term& term, int64_t height, int64_t width, const Repeats& repeats,
                        torch::Device device) {
   const Images images(height, width, device);
@@ -190,6 +200,7 @@ CLI::App* LossesBench::add_to(CLI::App& cli) {
 ExitCode LossesBench::run(const apps::Program& program) const {
   torch::Device device = program.device();
   if (device.is_cuda() && !device.has_index()) device.set_index(0);
+  for (const std::string& name : names) check_term(name);
   nlohmann::json rows = nlohmann::json::array();
   const int64_t sizes[][2] = {{260, 346}, {400, 600}};
   for (const auto& [height, width] : sizes) {
@@ -205,7 +216,6 @@ ExitCode LossesBench::run(const apps::Program& program) const {
       std::fflush(stdout);
     }
   }
-  if (rows.empty()) throw ConfigError("--term: expected names of terms, see --help");
   if (program.json()) std::cout << nlohmann::json{{"workloads", rows}}.dump(2) << '\n';
   return ExitCode::kOk;
 }

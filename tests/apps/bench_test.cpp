@@ -89,3 +89,9 @@ TEST_CASE("jade_bench run: what it needs, in one line", "[apps]") {
               "--output: expected a folder for the run");
   CHECK(run(dir, kRun + " --every 0").code == 2);
 }
+
+TEST_CASE("jade_bench losses: a term that is none is named beside those that are", "[apps]") {
+  const test::TempDir dir;
+  check_error(run(dir, "jade_bench losses --device cpu --term gray,scene --repeats 1 --warm-up 0"),
+              2, "--term: expected one of rec, target");
+}
