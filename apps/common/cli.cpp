@@ -85,6 +85,16 @@ ExitCode report_exception() {
   }
 }
 
+/// @throws DataError where standard output did not take all that was printed. That its reader has
+///   gone (`| head`) is told by the exit code alone.
+void flush_results() {
+  errno = 0;
+  std::cout.flush();
+  if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0 && std::cout) return;
+  if (errno == EPIPE) set_log_level("off");
+  throw DataError("standard output: results cannot be written; is the disk full?");
+}
+
 /// An address is optional after --serve, and CLI11 would take any word for one: those that cannot
 /// be one are left to others, the name of a run among them.
 std::vector<std::string> with_whole_addresses(std::vector<std::string> words) {
@@ -99,6 +109,19 @@ std::vector<std::string> with_whole_addresses(std::vector<std::string> words) {
 }
 
 }  // namespace
+
+CLI::Validator whole_number(int64_t least) {
+  const auto decimal = [least](std::string& text) -> std::string {
+    const size_t digit = text.find_first_not_of('0');
+    const bool is_number = !text.empty() && text.find_first_not_of("0123456789") == text.npos;
+    const bool enough = is_number && (least <= 0 || digit != text.npos);
+    if (!enough)
+      return concat("expected a whole number of ", least, " or more, found '", text, "'");
+    text = digit == text.npos ? "0" : text.substr(digit);
+    return "";
+  };
+  return CLI::Validator(decimal, "");
+}
 
 Program::Program(const std::string& name, const std::string& description)
     : name_(name), cli_(description, name) {
@@ -173,7 +196,9 @@ void Program::add_device_flag() {
   cli_.add_option("--device", device_, "auto (a GPU if there is one), cpu, cuda or cuda:N");
 }
 
-void Program::add_seed_flag() { cli_.add_option("--seed", seed_, "Seed of every random draw"); }
+void Program::add_seed_flag() {
+  cli_.add_option("--seed", seed_, "Seed of every random draw")->transform(whole_number(0));
+}
 
 void Program::add_json_flag() { cli_.add_flag("--json", json_, "Print results as JSON"); }
 
@@ -220,7 +245,9 @@ int Program::run(int argc, char** argv, const std::function<ExitCode()>& body) {
   try {
     set_log_level(quiet_ ? "warn" : log_level_);
     set_progress_enabled(!quiet_);
-    return static_cast<int>(body());
+    const ExitCode code = body();
+    flush_results();
+    return static_cast<int>(code);
   } catch (...) {
     return static_cast<int>(report_exception());
   }

@@ -17,6 +17,10 @@
 
 namespace jade::apps {
 
+/// A flag's whole number, decimal also with leading zeros, which CLI11 takes for octal.
+/// @param least  0 or 1
+CLI::Validator whole_number(int64_t least);
+
 /// A program's command line. Make one, add flags, then call run():
 ///
 ///   int main(int argc, char** argv) {

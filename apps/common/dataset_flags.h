@@ -3,7 +3,12 @@
 // stand for some of them.
 #pragma once
 
+#include <algorithm>
+#include <filesystem>
+#include <string>
+
 #include "common/cli.h"
+#include "jade/data/transforms.h"
 #include "jade/run/evaluate.h"
 #include "jade/train/options.h"
 
@@ -44,24 +49,39 @@ inline std::optional<train::RunOptions> load_settings(Program& program,
   return program.load_options(run.empty() ? train::RunOptions() : run::load_run_options(run));
 }
 
+inline std::filesystem::path whole_path(const std::filesystem::path& path) {
+  return std::filesystem::weakly_canonical(std::filesystem::absolute(path));
+}
+
 /// A program that writes pictures by the names of frames must not write over these frames.
 /// @throws ConfigError where `output` is, or lies in, a folder of pictures of the data set: those
-///   that data/frames.h looks for, there or not, and sharp/. Frames that a transforms.json names
-///   elsewhere are not known here.
+///   that data/frames.h looks for, there or not, and sharp/; or where it is a folder of frames that
+///   a transforms.json names.
 inline void check_apart(const std::filesystem::path& output, const data::DatasetOptions& dataset) {
   if (output.empty() || dataset.path.empty()) return;
-  const auto whole = [](const std::filesystem::path& path) {
-    return std::filesystem::weakly_canonical(std::filesystem::absolute(path));
-  };
-  const std::filesystem::path inside = whole(output).lexically_relative(whole(dataset.path));
+  const std::filesystem::path whole = whole_path(output);
+  const std::filesystem::path inside = whole.lexically_relative(whole_path(dataset.path));
   const std::string first = inside.empty() ? "" : inside.begin()->string();
   const bool numbered = first.rfind("images_", 0) == 0 &&
                         first.find_first_not_of("0123456789", 7) == std::string::npos;
+  const auto named = data::named_folders(dataset.path);
   if (first == "sharp" || first == "images" || numbered ||
-      (!dataset.image_folder.empty() && first == dataset.image_folder)) {
+      (!dataset.image_folder.empty() && first == dataset.image_folder) ||
+      std::find(named.begin(), named.end(), whole) != named.end()) {
     throw ConfigError(concat("--output: expected a folder of its own, found ", output.string(),
                              ", where the data set keeps pictures of these names; choose another"));
   }
+}
+
+/// A run has folders and files of the names that data sets have, images/ among them.
+/// @throws ConfigError where `run` is the data set's folder, or holds its frames; as check_apart().
+inline void check_run_apart(const std::filesystem::path& run, const data::DatasetOptions& dataset) {
+  if (whole_path(run) == whole_path(dataset.path)) {
+    throw ConfigError(concat("--output: expected a folder for the run, found ", run.string(),
+                             ", the data set; choose another"));
+  }
+  check_apart(run, dataset);
+  check_apart(run / "images", dataset);
 }
 
 }  // namespace jade::apps

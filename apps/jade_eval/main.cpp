@@ -46,6 +46,11 @@ int main(int argc, char** argv) {
     if (folders == !run.empty() || renders.empty() != truth.empty()) {
       throw ConfigError("expected --run DIR, or --renders DIR with --truth DIR");
     }
+    if (program.output().extension() == ".json") {
+      throw ConfigError(
+          concat("--output: expected a folder, into which eval.json is written, found ",
+                 program.output().string()));
+    }
     if (!program.output().empty()) make_writable_folder(program.output());
     const torch::Device device = select_device(options->device);
     const eval::Lpips lpips(device);

@@ -103,6 +103,7 @@ int main(int argc, char** argv) {
           "--footage", footage,
           "Write footage.npy and nothing else: so many sharp frames at equal steps of every "
           "exposure, [exposures,frames,3,H,W] uint8, to train restorers from")
+      ->transform(apps::whole_number(1))
       ->check(CLI::Range(2, 1025))
       ->excludes("--recording");
   return program.run(argc, argv, [&] {

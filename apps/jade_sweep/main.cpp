@@ -34,12 +34,15 @@ void add_flags(CLI::App& cli, Flags& flags) {
                  "YAML of the sweep: rows, scenes, seeds (configs/sweeps/)");
   cli.add_option("--rows", flags.rows, "Only these rows, separated by commas")->delimiter(',');
   cli.add_option("--scenes", flags.scenes, "Only these scenes")->delimiter(',');
-  cli.add_option("--seeds", flags.seeds, "These seeds instead of the sweep's")->delimiter(',');
+  cli.add_option("--seeds", flags.seeds, "These seeds instead of the sweep's")
+      ->delimiter(',')
+      ->transform(apps::whole_number(0));
   cli.add_option("--data", flags.data, "A scene's data set: SCENE=DIR (repeatable)")
       ->allow_extra_args(false);
   cli.add_option(
          "--jobs", flags.jobs,
          "Runs at once at most (default: the sweep's, else six per GPU, or one per two cores)")
+      ->transform(apps::whole_number(1))
       ->check(CLI::Range(1, 100000));
   cli.add_option("--devices,--device", flags.devices, "auto, cpu, or GPUs such as cuda:0,cuda:1")
       ->delimiter(',');

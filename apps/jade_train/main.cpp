@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/cli.h"
+#include "common/dataset_flags.h"
 #include "jade/run/evaluate.h"
 #include "jade/run/live_run.h"
 #include "jade/run/trainer.h"
@@ -54,6 +55,7 @@ int main(int argc, char** argv) {
           "dataset.path: expected the folder of a data set, found nothing; set it in the YAML or "
           "with --set dataset.path=DIR");
     }
+    if (!resumed) apps::check_run_apart(program.output(), options->dataset);
     if (resumed && resume.empty()) resume = "latest";
     std::optional<serve::Server> server;
     std::optional<run::LiveRun> live;

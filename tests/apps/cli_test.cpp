@@ -17,6 +17,7 @@ using namespace jade;
 using test::check_error;
 using test::Outcome;
 using test::run;
+namespace fs = std::filesystem;
 
 TEST_CASE("jade_train: the printed configuration prints itself", "[apps]") {
   const test::TempDir dir;
@@ -177,4 +178,60 @@ TEST_CASE("programs: all answer --version and --help", "[apps]") {
     CHECK_THAT(version.out, Catch::Contains("torch 2."));
     CHECK(run(dir, std::string(program) + " --help").code == 0);
   }
+}
+
+TEST_CASE("programs: whole numbers of flags are decimal, and what is none is told", "[apps]") {
+  const test::TempDir dir;
+  const Outcome zeros = run(dir, "jade_train --print-config --seed 010 --set train.iterations=010");
+  CHECK_THAT(zeros.out, Catch::Contains("\nseed: 10 "));
+  CHECK_THAT(zeros.out, Catch::Contains("  iterations: 10 "));
+  for (const std::string seed : {"-1", "1e3", "x"}) {
+    check_error(run(dir, "jade_train --print-config --seed=" + seed), 2,
+                "expected a whole number of 0 or more");
+  }
+  check_error(run(dir, "jade_bench losses --repeats 0"), 2, "expected a whole number of 1 or more");
+}
+
+TEST_CASE("programs: results that standard output does not take are not lost in silence",
+          "[apps]") {
+  const test::TempDir dir;
+  check_error(run(dir, "jade_train --print-config > /dev/full"), 3, "results cannot be written");
+  const Outcome closed = run(dir, "bash -c 'set -o pipefail; jade_train --print-config | head -1'");
+  CHECK(closed.err.empty());
+}
+
+TEST_CASE("jade_train: a value of --set may hold what YAML takes for a comment or a key",
+          "[apps]") {
+  const test::TempDir dir;
+  for (const std::string path : {"a # c", "#a", "a: b"}) {
+    check_error(run(dir, "jade_train --output run --set 'dataset.path=" + path + "'"), 3,
+                path + ": no such folder");
+  }
+}
+
+TEST_CASE("jade_train: the data set is no folder for a run, nor is one whose images/ are frames",
+          "[apps]") {
+  const test::TempDir dir;
+  test::write_tiny_dataset(dir / "scene");
+  const std::string train =
+      "jade_train --device cpu --set train.iterations=1 --set objective.target=none ";
+  check_error(run(dir, train + "--set dataset.path=scene --output ./scene/"), 2,
+              "expected a folder for the run, found ./scene/, the data set");
+  fs::create_directories(dir / "set");
+  fs::create_directories(dir / "other");
+  fs::rename(dir / "scene/images_1", dir / "other/images");
+  dir.write("set/transforms.json",
+            R"({"fl_x":50,"w":36,"h":28,"frames":[{"file_path":"../other/images/00.png",)"
+            R"("transform_matrix":[[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}]})");
+  check_error(run(dir, train + "--set dataset.path=set --output other"), 2,
+              "where the data set keeps pictures of these names");
+  check_error(run(dir, "jade_deblur --method edi --dataset set --output other/images"), 2,
+              "where the data set keeps pictures of these names");
+}
+
+TEST_CASE("jade_eval: --output is a folder", "[apps]") {
+  const test::TempDir dir;
+  check_error(run(dir, "jade_eval --renders a --truth b --output scores.json"), 2,
+              "--output: expected a folder, into which eval.json is written, found scores.json");
+  CHECK_FALSE(std::filesystem::exists(dir / "scores.json"));
 }

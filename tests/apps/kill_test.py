@@ -5,7 +5,7 @@ checkpoint is lost.
 
     kill_test.py BIN_FOLDER [KILLS]
 
-A tiny scene is simulated and trained twice: once in peace, and once with kill -9, SIGTERM and
+A tiny scene is simulated and trained twice: once in peace, and once with kill -9, SIGTERM, SIGHUP and
 Ctrl-C at random moments, resumed each time. Both must give the same Gaussians to the bit. Then the
 disk "fills up" (a limit on file size) while a checkpoint is saved. The target is routed, so the
 router and its Adam are among what must survive.
@@ -102,7 +102,7 @@ def last_logged_step(run):
 def interrupted_runs(scene, kills, whole_seconds):
     """Trains with `kills` interruptions of running steps; returns the finished run's folder."""
     draw = random.Random(1)
-    names = {signal.SIGKILL: "kill -9", signal.SIGTERM: "SIGTERM", signal.SIGINT: "Ctrl-C"}
+    names = {signal.SIGKILL: "kill -9", signal.SIGTERM: "SIGTERM", signal.SIGINT: "Ctrl-C", signal.SIGHUP: "SIGHUP"}
     done, early, attempt, lost = 0, 0, 0, []
     run = scene.folder / "killed"
     while done < kills:
@@ -120,7 +120,7 @@ def interrupted_runs(scene, kills, whole_seconds):
         if process.returncode == 0:  # finished before the signal came: once more from the start
             run = scene.folder / f"killed-{attempt}"
             continue
-        expected = {signal.SIGKILL: {-9}, signal.SIGTERM: {130, -15}, signal.SIGINT: {130, -2}}[how]
+        expected = {-9} if how == signal.SIGKILL else {130, -how}
         if process.returncode not in expected:
             fail(f"{names[how]}: exit code {process.returncode}, expected one of {expected}\n{error}")
         # Stopped while it still prepared the views, it has left the log of the run before alone.
@@ -137,6 +137,21 @@ def interrupted_runs(scene, kills, whole_seconds):
     scene.train(run, resume=True)
     print(f"{done} interruptions of running steps and {early} before the first one, "
           f"{max(lost)} steps lost at most")
+    return run
+
+
+def gone_reader(scene):
+    """Ctrl-C under `| tee` ends tee first: what the program says then goes nowhere, and it saves all the same."""
+    run = scene.folder / "tee"
+    process = subprocess.Popen(scene.train_command(run, resume=False), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+    while last_logged_step(run) < 3 and process.poll() is None:
+        time.sleep(0.01)
+    process.stderr.close()
+    process.send_signal(signal.SIGINT)
+    if process.wait(timeout=60) != 130 or not checkpoints(run):
+        fail(f"nobody reads stderr: exit code {process.returncode}, checkpoints {checkpoints(run)}")
+    print(f"nobody reads stderr: saved at step {checkpoints(run)[-1]}")
+    scene.train(run, resume=True)
     return run
 
 
@@ -168,7 +183,7 @@ def main():
         scene.train(whole)
         seconds = time.monotonic() - start
         expected = (whole / "point_cloud.ply").read_bytes()
-        for run in (interrupted_runs(scene, kills, seconds), full_disk(scene)):
+        for run in (interrupted_runs(scene, kills, seconds), gone_reader(scene), full_disk(scene)):
             if (run / "point_cloud.ply").read_bytes() != expected:
                 fail(f"{run.name}: the Gaussians differ from those of the run in peace")
         lock = subprocess.Popen(scene.train_command(scene.folder / "twice", False),

@@ -47,6 +47,31 @@ std::string frames_json(const std::string& prefix, const std::string& extension,
   return frames;
 }
 
+TEST_CASE("transforms: frames of one name in two folders have the folder's before it", "[data]") {
+  const test::TempDir folder;
+  for (int i = 0; i < 3; ++i) {
+    imaging::write_image(folder / concat("a/cam0/", i, ".png"), test::noise_image(i));
+    imaging::write_image(folder / concat("b/", i + 1, ".png"), test::noise_image(i));
+  }
+  fs::create_directories(folder / "room");
+  write_file(folder / "room/transforms.json",
+             "{\"fl_x\":50,\"w\":42,\"h\":26,\"frames\":[" + frames_json("../a/cam0/", ".png", 3) +
+                 ",{\"file_path\":\"../b/1.png\",\"transform_matrix\":" +
+                 gl_matrix(test::steady_pose(4e5)) +
+                 "},{\"file_path\":\"../b/3.png\",\"transform_matrix\":" +
+                 gl_matrix(test::steady_pose(5e5)) + "}]}");
+  DatasetOptions options = at(folder / "room");
+  options.split = SplitKind::kNone;
+  const Dataset data = load_dataset(options);
+  std::vector<std::string> names;
+  for (const Exposure& exposure : data.train) names.push_back(exposure.name);
+  CHECK(names == std::vector<std::string>{"0", "cam0_1", "2", "b_1", "3"});
+  const auto folders = named_folders(folder / "room");
+  CHECK(folders ==
+        std::vector<fs::path>{fs::canonical(folder / "a/cam0"), fs::canonical(folder / "b")});
+  CHECK(named_folders(folder / "a").empty());
+}
+
 TEST_CASE("transforms: nerfstudio's single file gives cameras and poses", "[data]") {
   const test::TempDir folder;
   fs::create_directories(folder / "room");

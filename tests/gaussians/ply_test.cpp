@@ -136,10 +136,18 @@ TEST_CASE("ply: numbers as text may have a plus, and may be too small or large f
   CHECK_THROWS_WITH(read("+-1"), Catch::Contains("expected a number in vertex row 0"));
 }
 
-TEST_CASE("ply: zero Gaussians make a valid file", "[gaussians]") {
+TEST_CASE("ply: zero Gaussians make a valid file, from which nothing can begin", "[gaussians]") {
   const test::TempDir folder;
   write_ply(folder / "a.ply", {random_gaussians(0, 16), false});
-  CHECK(read_ply(folder / "a.ply").gaussians.size() == 0);
+  const splat::Gaussians none = read_ply(folder / "a.ply").gaussians;
+  CHECK(none.size() == 0);
+  CHECK_THROWS_WITH(check_some(none, "a.ply"), "a.ply: expected Gaussians, found none");
+  splat::Gaussians lost = random_gaussians(3, 1);
+  lost.means.select(1, 2).fill_(std::nanf(""));
+  CHECK_THROWS_WITH(check_some(lost, "a.ply"),
+                    Catch::Contains("at finite positions, found none of 3"));
+  lost.means[1].fill_(0);
+  CHECK_NOTHROW(check_some(lost, "a.ply"));
 }
 
 TEST_CASE("ply: f_rest is channel-major, red first", "[gaussians]") {

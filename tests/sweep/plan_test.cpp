@@ -63,6 +63,7 @@ TEST_CASE("make_plan: the problems of all runs come at once, each told once", "[
   // The fixture's resolver stops at a run's first bad layer, so the override shows where nothing
   // else is wrong.
   CHECK_THAT(all, Catch::Contains("train.ratte: unknown key; did you mean train.rate?"));
+  CHECK_THAT(all, Catch::Contains("row y: --set train.rate=2: "));
   CHECK_THAT(all, Catch::Contains("train.rate: expected a number in [0, 1], found '2'"));
   CHECK(std::count(all.begin(), all.end(), '\n') == 1);
 }

@@ -314,6 +314,14 @@ YAML::Node tree_of(const std::string& key, YAML::Node value) {
   return value;
 }
 
+/// Whether a value is text that YAML would cut at a comment or take for a key: a path may have
+/// both.
+bool is_verbatim(const std::string& text) {
+  if (text.empty() || std::string("[{\"'").find(text[0]) != std::string::npos) return false;
+  return text[0] == '#' || text.find(" #") != std::string::npos ||
+         text.find(": ") != std::string::npos;
+}
+
 Layer override_layer(const std::string& assignment) {
   const size_t equals = assignment.find('=');
   const std::string name = "--set " + assignment;
@@ -323,7 +331,8 @@ Layer override_layer(const std::string& assignment) {
   if (assignment.substr(0, equals) == "extends") {
     throw ConfigError(name + ": only a file can extend others; name them with --config");
   }
-  YAML::Node value = parse(assignment.substr(equals + 1), name);
+  const std::string text = assignment.substr(equals + 1);
+  YAML::Node value = is_verbatim(text) ? YAML::Node(text) : parse(text, name);
   // An empty right side means the empty text.
   if (value.IsNull() && equals + 1 == assignment.size()) value = YAML::Node(std::string());
   return {tree_of(assignment.substr(0, equals), value), name, fs::current_path(), false};

@@ -31,11 +31,13 @@ extern "C" void on_signal(int) {
   }
   requested = 1;
   requested_ms = now;
-  constexpr char kNote[] =
-      "\ninterrupted: finishing and saving; press Ctrl-C again to stop at once\n";
+  constexpr char kNote[] = "\ninterrupted: ending in order; press Ctrl-C again to stop at once\n";
   // write() is one of the few calls that a signal handler may make; nothing to do if it fails.
   if (write(STDERR_FILENO, kNote, sizeof kNote - 1) < 0) return;
 }
+
+/// A handler and not SIG_IGN, which children would inherit.
+extern "C" void on_broken_pipe(int) {}
 
 }  // namespace
 
@@ -46,6 +48,12 @@ void install_interrupt_handlers() {
   action.sa_flags = SA_RESTART;
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
+  // A terminal that is closed; nohup has it ignored.
+  struct sigaction before {};
+  sigaction(SIGHUP, nullptr, &before);
+  if (before.sa_handler != SIG_IGN) sigaction(SIGHUP, &action, nullptr);
+  action.sa_handler = on_broken_pipe;
+  sigaction(SIGPIPE, &action, nullptr);
 }
 
 bool interrupt_requested() { return requested != 0; }

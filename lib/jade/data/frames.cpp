@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <exception>
+#include <map>
+#include <nlohmann/json.hpp>
 #include <torch/types.h>
 
 #include "jade/core/error.h"
@@ -46,11 +48,72 @@ double folder_scale(const fs::path& image_folder) {
   return scale >= 1 ? scale : 1;
 }
 
+namespace {
+
+bool is_utf8(const std::string& text) {
+  try {
+    return !nlohmann::json(text).dump().empty();
+  } catch (const nlohmann::json::exception&) {
+    return false;
+  }
+}
+
+/// "cam0_001" of ".../cam0/001".
+std::string in_folder(const fs::path& path) {
+  std::string name = concat(path.parent_path().filename().string(), "_", path.filename().string());
+  std::replace(name.begin(), name.end(), '.', '_');
+  return name;
+}
+
+/// Pictures, cameras and scores are told apart by name, and poses of an exposure are NAME_k.
+void check_names(const std::vector<std::string>& names, const std::vector<fs::path>& paths) {
+  std::map<std::string, size_t> known;
+  for (size_t i = 0; i < names.size(); ++i) {
+    const auto [at, added] = known.emplace(names[i], i);
+    if (added) continue;
+    throw DataError(concat(paths[i].string(), ": expected frames of names that differ, found '",
+                           names[i], "' for ", paths[at->second].string(),
+                           " too; rename one of them"));
+  }
+  for (size_t i = 0; i < names.size(); ++i) {
+    const size_t size = names[i].size();
+    const bool is_pose = size > 2 && names[i][size - 2] == '_' && names[i][size - 1] >= '0' &&
+                         names[i][size - 1] <= '8';
+    const auto exposure = is_pose ? known.find(names[i].substr(0, size - 2)) : known.end();
+    if (exposure == known.end()) continue;
+    throw DataError(concat(paths[i].string(), ": the poses of frame '", exposure->first,
+                           "' have such names; rename one of the two"));
+  }
+}
+
+}  // namespace
+
+std::vector<std::string> frame_names(const std::vector<fs::path>& paths) {
+  std::vector<std::string> names;
+  std::map<std::string, int> stems, wholes;
+  for (const fs::path& path : paths) {
+    if (const std::string name = path.filename().string(); !is_utf8(name)) {
+      throw DataError(concat(path.string(), ": expected a name in UTF-8; rename the file"));
+    }
+    ++stems[path.stem().string()];
+    ++wholes[in_folder(path.parent_path() / path.stem())];
+  }
+  for (const fs::path& path : paths) {
+    const std::string whole = in_folder(path.parent_path() / path.stem());
+    names.push_back(stems[path.stem().string()] == 1 ? path.stem().string()
+                    : wholes[whole] == 1             ? whole
+                                                     : in_folder(path));
+  }
+  check_names(names, paths);
+  return names;
+}
+
 std::vector<Frame> read_frames(const std::vector<fs::path>& paths) {
+  const std::vector<std::string> names = frame_names(paths);
   std::vector<Frame> frames(paths.size());
   at::parallel_for(0, int64_t(paths.size()), 1, [&](int64_t begin, int64_t end) {
     for (int64_t i = begin; i < end; ++i) {
-      frames[size_t(i)] = {paths[size_t(i)].stem().string(), imaging::read_image(paths[size_t(i)])};
+      frames[size_t(i)] = {names[size_t(i)], imaging::read_image(paths[size_t(i)])};
     }
   });
   for (size_t i = 1; i < frames.size(); ++i) {

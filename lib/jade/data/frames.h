@@ -12,7 +12,7 @@ namespace jade::data {
 
 /// One image of a folder.
 struct Frame {
-  std::string name;     ///< without extension
+  std::string name;     ///< as frame_names() says
   torch::Tensor image;  ///< [3,H,W]
 };
 
@@ -25,8 +25,14 @@ std::filesystem::path find_image_folder(const std::filesystem::path& root,
 /// The N of a folder named images_N, else 1: how much smaller its images are than the poses say.
 double folder_scale(const std::filesystem::path& image_folder);
 
+/// What frames are called: their files without extension; where these are alike, with the folder
+/// before ("cam0_001"), and where those are, with the extension behind.
+/// @throws DataError for names that are no UTF-8, that are alike all the same, or of which one is
+///   NAME_k of another, as an exposure's poses are called.
+std::vector<std::string> frame_names(const std::vector<std::filesystem::path>& paths);
+
 /// Reads the given images, on several threads, into the given order.
-/// @throws DataError if one cannot be read or they differ in size.
+/// @throws DataError if one cannot be read or they differ in size, and as frame_names().
 std::vector<Frame> read_frames(const std::vector<std::filesystem::path>& paths);
 
 /// Depth bounds around a point cloud as seen from the cameras: the 0.5 % and 99.5 % quantiles of

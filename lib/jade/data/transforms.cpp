@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <torch/types.h>
 
 #include "jade/core/atomic_file.h"
@@ -168,6 +169,18 @@ geometry::Intrinsics fit_camera(const ListedView& view, int64_t width, int64_t h
 
 bool is_transforms(const fs::path& folder) {
   return fs::exists(folder / "transforms.json") || fs::exists(folder / "transforms_train.json");
+}
+
+std::vector<fs::path> named_folders(const fs::path& folder) {
+  std::set<fs::path> folders;
+  const Warnings nobody(nullptr);
+  for (const char* name : {"transforms.json", "transforms_train.json", "transforms_test.json"}) {
+    if (!fs::exists(folder / name)) continue;
+    for (const ListedView& view : read_views(folder / name, nobody)) {
+      folders.insert(fs::weakly_canonical(fs::absolute(view.path.parent_path())));
+    }
+  }
+  return {folders.begin(), folders.end()};
 }
 
 Dataset load_transforms(const DatasetOptions& options, const Warnings& warnings) {

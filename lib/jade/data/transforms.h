@@ -12,6 +12,10 @@ namespace jade::data {
 
 bool is_transforms(const std::filesystem::path& folder);
 
+/// The folders in which the images lie that its transforms.json names; empty where it has none.
+/// @throws DataError for one that cannot be read.
+std::vector<std::filesystem::path> named_folders(const std::filesystem::path& folder);
+
 /// Matrices are world_from_camera in OpenGL axes (x right, y up, z backwards). Frames whose image
 /// is not there are left out with a warning, as other programs do, unless few remain of a file.
 /// @throws DataError naming the file and frame for malformed JSON, missing keys or most images.

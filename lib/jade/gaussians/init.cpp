@@ -186,6 +186,7 @@ splat::Gaussians initial_gaussians(const InitOptions& options, const InitSources
     }
     if (!has_gaussians(options.ply)) return start_at(finite_points(read_point_cloud(options.ply)));
     splat::Gaussians scene = read_ply(options.ply).gaussians;
+    check_some(scene, options.ply);
     if (scene.size() > at_most) {
       log_warn(concat(options.ply.string(), ": ", scene.size(),
                       " Gaussians, more than densify.max_gaussians ", at_most,

@@ -94,6 +94,16 @@ GaussianFile read_ply(const std::filesystem::path& path) {
   return result;
 }
 
+void check_some(const splat::Gaussians& gaussians, const std::filesystem::path& path) {
+  if (gaussians.size() == 0)
+    throw DataError(concat(path.string(), ": expected Gaussians, found none"));
+  if (!gaussians.means.isfinite().all(1).any().item<bool>()) {
+    throw DataError(concat(path.string(),
+                           ": expected Gaussians at finite positions, found none of ",
+                           gaussians.size()));
+  }
+}
+
 void write_ply(const std::filesystem::path& path, const GaussianFile& file) {
   const splat::Gaussians& g = file.gaussians;
   check_shape(g.sh, "sh", {g.size(), -1, 3});

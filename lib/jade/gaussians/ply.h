@@ -29,6 +29,11 @@ struct PointCloud {
 ///   vertices than they have bytes for.
 GaussianFile read_ply(const std::filesystem::path& path);
 
+/// @throws DataError naming the file where it held no Gaussian, or none at a place that is a
+/// number:
+///   nothing can begin from these.
+void check_some(const splat::Gaussians& gaussians, const std::filesystem::path& path);
+
 /// Writes binary little-endian float32 with the attributes above plus nx ny nz (zero), which other
 /// viewers expect. Reading it back gives the same bits. Any float dtype and device.
 void write_ply(const std::filesystem::path& path, const GaussianFile& file);

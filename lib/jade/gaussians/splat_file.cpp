@@ -21,7 +21,9 @@ constexpr double kShDc = 0.28209479177387814;  ///< Y_0^0
 void write_splat(const std::filesystem::path& path, const splat::Gaussians& gaussians) {
   const torch::Tensor means = file_tensor(gaussians.means);
   if (!means.isfinite().all().item<bool>()) {
-    throw DataError("not written: a Gaussian's position is not finite");
+    throw DataError(concat(path.string(),
+                           ": not written: a Gaussian's position is not finite; "
+                           "jade_inspect says how many are, .ply can hold them"));
   }
   const torch::Tensor scales = file_tensor(gaussians.log_scales).exp();
   const torch::Tensor opacities = file_tensor(gaussians.logit_opacities).sigmoid();

@@ -77,7 +77,7 @@ constexpr double kCoarse = 1e-3;
 int fitting_bits(const torch::Tensor& means, int wanted) {
   const double far = means.numel() == 0 ? 0 : means.abs().max().item<double>();
   if (!std::isfinite(far)) {
-    throw DataError("not written: a Gaussian's position is not finite");
+    throw DataError("not written: a Gaussian's position is not finite; .ply can hold it");
   }
   int bits = wanted;
   while (bits > 0 && far * std::ldexp(1.0, bits) >= 8388607) --bits;

@@ -8,8 +8,9 @@
 
 namespace jade::simulate {
 
-GaussianSource::GaussianSource(const std::filesystem::path& ply)
-    : file_(gaussians::read_ply(ply)) {}
+GaussianSource::GaussianSource(const std::filesystem::path& ply) : file_(gaussians::read_ply(ply)) {
+  gaussians::check_some(file_.gaussians, ply);
+}
 
 void GaussianSource::render(const geometry::Pose& camera_from_world,
                             const geometry::Intrinsics& camera, int /*samples*/,

@@ -61,13 +61,21 @@ std::vector<config::Sources> layers_of(const Spec& spec, const PlanOptions& opti
   return layers;
 }
 
+/// A mistake in what the row sets is the row's; any other is told once for all rows.
+std::string of_row(const Row& row, const std::string& problem) {
+  for (const std::string& set : row.set) {
+    if (problem.find(set) != std::string::npos) return concat("row ", row.name, ": ", problem);
+  }
+  return problem;
+}
+
 void add_run(const Row& row, const Scene& scene, int64_t seed, const PlanOptions& options,
              const Resolver& resolve, Plan& plan, config::Problems& problems) {
   Run run{row.name, scene.name, seed, {}};
   try {
     run.settings = resolve(layers_of(plan.spec, options, row, scene, seed));
   } catch (const ConfigError& error) {
-    problems.add(error.what());
+    problems.add(of_row(row, error.what()));
     return;
   }
   if (!run.settings.conflict.empty()) {
