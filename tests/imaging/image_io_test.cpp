@@ -139,6 +139,7 @@ TEST_CASE("image: listings are sorted and hold images only", "[imaging]") {
   const Folder folder;
   for (const char* name : {"b.png", "a.PNG", "c.jpg"}) std::ofstream(folder.path / name) << "x";
   std::ofstream(folder.path / "notes.txt") << "x";
+  std::ofstream(folder.path / "._b.png") << "x";
   const auto found = list_images(folder.path);
   REQUIRE(found.size() == 3);
   CHECK(found[0].filename() == "a.PNG");

@@ -106,19 +106,19 @@ class Chromium:
         return self.wait(ready)
 
     def wait(self, expression, seconds=180):
-        end = time.monotonic() + seconds
+        """Until it is true. What it names need not be there yet: a page may be on its way to another one."""
+        end, problem = time.monotonic() + seconds, None
         while time.monotonic() < end:
             try:
                 value = self.evaluate(expression)
-            except RuntimeError as problem:
-                # The page is on its way to another one.
-                if not re.search("navigated|context", str(problem), re.IGNORECASE):
+            except RuntimeError as error:
+                if not re.search("navigated|context|ReferenceError|TypeError", str(error), re.IGNORECASE):
                     raise
-                value = None
+                value, problem = None, error
             if value:
                 return value
             time.sleep(0.05)
-        raise TimeoutError(f"not within {seconds} s: {expression}; the page says {self.errors}")
+        raise TimeoutError(f"not within {seconds} s: {expression}; last: {problem}; the page says {self.errors}")
 
     def evaluate(self, expression):
         """The value of an expression, awaited where it is a promise."""

@@ -216,6 +216,8 @@ std::vector<std::filesystem::path> list_images(const std::filesystem::path& fold
   std::vector<fs::path> out;
   for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
        entry.increment(error)) {
+    // "._00.png" is what macOS keeps of 00.png's attributes on other file systems.
+    if (entry->path().filename().string()[0] == '.') continue;
     if (is_image_extension(extension(entry->path())) && entry->is_regular_file()) {
       out.push_back(entry->path());
     }

@@ -39,7 +39,8 @@ std::vector<uint8_t> encode_jpeg(const torch::Tensor& image, int quality);
 /// recordings and data sets of every layout go by it.
 bool comes_before(const std::string& name, const std::string& other);
 
-/// Image files directly in `folder` (extensions read_image knows, `.npy` left out), in that order.
+/// Image files directly in `folder` (extensions read_image knows, but not `.npy`), hidden ones left
+/// out, in that order.
 /// @throws DataError naming the folder when it is missing.
 std::vector<std::filesystem::path> list_images(const std::filesystem::path& folder);
 
