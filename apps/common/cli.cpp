@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <c10/util/Exception.h>
+#include <cerrno>
 #include <cstdio>
 #include <new>
 #include <utility>

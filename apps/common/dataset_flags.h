@@ -49,6 +49,7 @@ inline std::optional<train::RunOptions> load_settings(Program& program,
   return program.load_options(run.empty() ? train::RunOptions() : run::load_run_options(run));
 }
 
+/// Without links and dots, there or not: two of one folder are equal.
 inline std::filesystem::path whole_path(const std::filesystem::path& path) {
   return std::filesystem::weakly_canonical(std::filesystem::absolute(path));
 }
@@ -64,7 +65,10 @@ inline void check_apart(const std::filesystem::path& output, const data::Dataset
   const std::string first = inside.empty() ? "" : inside.begin()->string();
   const bool numbered = first.rfind("images_", 0) == 0 &&
                         first.find_first_not_of("0123456789", 7) == std::string::npos;
-  const auto named = data::named_folders(dataset.path);
+  const bool lists_frames = std::filesystem::is_directory(dataset.path) &&
+                            data::kind_of(dataset) == data::DatasetKind::kTransforms;
+  const auto named =
+      lists_frames ? data::named_folders(dataset.path) : std::vector<std::filesystem::path>();
   if (first == "sharp" || first == "images" || numbered ||
       (!dataset.image_folder.empty() && first == dataset.image_folder) ||
       std::find(named.begin(), named.end(), whole) != named.end()) {

@@ -212,12 +212,7 @@ CLI::App* IterationBench::add_to(apps::Program& program) {
   command->add_option("--workload", names, "Which of W1 … W5")
       ->delimiter(',')
       ->capture_default_str();
-  command->add_option("--repeats", repeats.timed, "Timed steps")
-      ->transform(apps::whole_number(1))
-      ->capture_default_str();
-  command->add_option("--warm-up", repeats.warm_up, "Steps before them")
-      ->transform(apps::whole_number(0))
-      ->capture_default_str();
+  repeats.add_to(*command);
   command->add_flag("--eager", eager, "Without CUDA graph");
   program.add_config_flags(*command);
   command->add_option("--trace", trace, "Write a Chrome trace of three steps to this file");

@@ -192,12 +192,7 @@ CLI::App* LossesBench::add_to(CLI::App& cli) {
       "Every loss term and the router, at 346x260 and 600x400; objective is all of Eq. (10)");
   command->fallthrough();
   command->add_option("--term", names, "Only these terms")->delimiter(',');
-  command->add_option("--repeats", repeats.timed, "Timed runs")
-      ->transform(apps::whole_number(1))
-      ->capture_default_str();
-  command->add_option("--warm-up", repeats.warm_up, "Runs before them")
-      ->transform(apps::whole_number(0))
-      ->capture_default_str();
+  repeats.add_to(*command);
   return command;
 }
 

@@ -99,12 +99,7 @@ CLI::App* RestorerBench::add_to(CLI::App& cli) {
       ->delimiter(',')
       ->check(CLI::Range(0.0, 1.0));
   command->add_option("--size", sizes, "Frame sizes (346x260,600x400)")->delimiter(',');
-  command->add_option("--repeats", repeats.timed, "Timed runs")
-      ->transform(apps::whole_number(1))
-      ->capture_default_str();
-  command->add_option("--warm-up", repeats.warm_up, "Runs before them")
-      ->transform(apps::whole_number(0))
-      ->capture_default_str();
+  repeats.add_to(*command);
   return command;
 }
 

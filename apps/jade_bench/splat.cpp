@@ -129,12 +129,7 @@ CLI::App* SplatBench::add_to(CLI::App& cli) {
   command->add_flag("--million", million, "Also W5, a million Gaussians at 1600x1060");
   command->add_option("--dump", dump, "Write images and gradients as .npy below this folder");
   command->add_option("--write-input", write, "Write the made workloads as folders below this one");
-  command->add_option("--repeats", repeats.timed, "Timed runs")
-      ->transform(apps::whole_number(1))
-      ->capture_default_str();
-  command->add_option("--warm-up", repeats.warm_up, "Runs before them")
-      ->transform(apps::whole_number(0))
-      ->capture_default_str();
+  repeats.add_to(*command);
   command->add_flag("--deterministic", deterministic, "Bit-equal gradients on a GPU");
   command->add_flag("--through-loss", through_loss,
                     "Backward through (image * cotangent).sum() instead of the cotangent itself");

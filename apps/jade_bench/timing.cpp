@@ -10,6 +10,7 @@
 #include <torch/types.h>
 #include <vector>
 
+#include "common/cli.h"
 #include "jade/core/interrupt.h"
 #ifdef JADE_WITH_CUDA
 #include <c10/cuda/CUDACachingAllocator.h>
@@ -31,6 +32,15 @@ c10::CachingAllocator::Stat allocator_bytes(torch::Device device) {
 
 void synchronize(torch::Device device) {
   if (device.is_cuda()) torch::cuda::synchronize(device.index());
+}
+
+void Repeats::add_to(CLI::App& command) {
+  command.add_option("--repeats", timed, "Timed runs")
+      ->transform(apps::whole_number(1))
+      ->capture_default_str();
+  command.add_option("--warm-up", warm_up, "Runs before them")
+      ->transform(apps::whole_number(0))
+      ->capture_default_str();
 }
 
 Times time(const std::function<void()>& work, const Repeats& repeats, torch::Device device) {

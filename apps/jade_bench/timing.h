@@ -2,6 +2,7 @@
 // Wall-clock times and peak memory of repeated work on either device.
 #pragma once
 
+#include <CLI/CLI.hpp>
 #include <functional>
 #include <nlohmann/json_fwd.hpp>
 #include <torch/types.h>
@@ -15,6 +16,9 @@ struct Times {
 struct Repeats {
   int warm_up = 20;
   int timed = 200;
+
+  /// --repeats and --warm-up.
+  void add_to(CLI::App& command);
 };
 
 /// Runs `work` and waits for the device after each run.

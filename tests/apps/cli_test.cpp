@@ -217,6 +217,9 @@ TEST_CASE("jade_train: the data set is no folder for a run, nor is one whose ima
       "jade_train --device cpu --set train.iterations=1 --set objective.target=none ";
   check_error(run(dir, train + "--set dataset.path=scene --output ./scene/"), 2,
               "expected a folder for the run, found ./scene/, the data set");
+  // A list of another layout that lies in the data set does not matter.
+  dir.write("scene/transforms.json", R"({"frames":[{"file_path":"gone.png"}]})");
+  CHECK(run(dir, train + "--set dataset.path=scene --output run").code == 0);
   fs::create_directories(dir / "set");
   fs::create_directories(dir / "other");
   fs::rename(dir / "scene/images_1", dir / "other/images");

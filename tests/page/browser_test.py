@@ -165,9 +165,8 @@ def check_picture(page):
     choose(page, "camera", "train.1")
     page.wait("document.getElementById('camera').value === 'train.1' && !jade.state.pose")
     found = page.evaluate("""(async () => {
-        const {viewer} = jade, camera = jade.camera(), pose = jade.pose();
+        const {viewer} = jade, camera = jade.camera(), pose = jade.pose(), other = [...pose.slice(0, 11), pose[11] + 0.5];
         const alone = await viewer.picture(camera, pose);
-        const other = [...pose.slice(0, 11), pose[11] + 0.5];
         viewer.draw(camera, other);
         const crowded = viewer.picture(camera, pose);
         viewer.draw(camera, other);

@@ -29,9 +29,8 @@ struct PointCloud {
 ///   vertices than they have bytes for.
 GaussianFile read_ply(const std::filesystem::path& path);
 
-/// @throws DataError naming the file where it held no Gaussian, or none at a place that is a
-/// number:
-///   nothing can begin from these.
+/// What is asked of a scene from which something begins: a Gaussian at a finite position.
+/// @throws DataError naming the file where it held none.
 void check_some(const splat::Gaussians& gaussians, const std::filesystem::path& path);
 
 /// Writes binary little-endian float32 with the attributes above plus nx ny nz (zero), which other
