@@ -97,6 +97,12 @@ T atomicAdd(T* at, V value) {
   return before;
 }
 template <class T, class V>
+T atomicAnd(T* at, V value) {
+  const T before = *at;
+  *at = T(before & value);
+  return before;
+}
+template <class T, class V>
 T atomicMin(T* at, V value) {
   const T before = *at;
   *at = std::min(before, T(value));
@@ -199,6 +205,9 @@ T __shfl_down_sync(uint32_t mask, T value, int by) {
 }
 inline uint32_t __reduce_min_sync(uint32_t mask, uint32_t value) {
   return jade::emulated::reduce(mask, value, [](uint32_t a, uint32_t b) { return std::min(a, b); });
+}
+inline uint32_t __reduce_or_sync(uint32_t mask, uint32_t value) {
+  return jade::emulated::reduce(mask, value, [](uint32_t a, uint32_t b) { return a | b; });
 }
 inline uint32_t __reduce_max_sync(uint32_t mask, uint32_t value) {
   return jade::emulated::reduce(mask, value, [](uint32_t a, uint32_t b) { return std::max(a, b); });

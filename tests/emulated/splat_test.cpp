@@ -51,20 +51,29 @@ struct Outcome {
   int64_t room = 0;  ///< for how many list entries; CUDA alone
 };
 
-Outcome run(const Backend& backend, const SplatScene& scene, const Settings& settings) {
+/// A call with gradients over no background.
+splat::BackwardArgs call_of(const SplatScene& scene) {
   splat::BackwardArgs args;
   splat::ForwardArgs& f = args.forward;
   f.gaussians = scene.gaussians;
   f.camera_from_world = scene.cameras.camera_from_world;
   f.intrinsics = scene.cameras.intrinsics;
-  f.background = torch::tensor({0.2f, 0.5f, 0.9f}).to(scene.gaussians.means.dtype());
+  f.background = torch::zeros({3}, scene.gaussians.means.options());
   f.width = scene.cameras.width;
   f.height = scene.cameras.height;
+  f.sh_degree = 3;
+  f.needs_backward = true;
+  return args;
+}
+
+Outcome run(const Backend& backend, const SplatScene& scene, const Settings& settings) {
+  splat::BackwardArgs args = call_of(scene);
+  splat::ForwardArgs& f = args.forward;
+  f.background = torch::tensor({0.2f, 0.5f, 0.9f}).to(scene.gaussians.means.dtype());
   f.sh_degree = settings.sh_degree;
   f.antialiased = settings.antialiased;
   f.depth = settings.depth;
   f.deterministic = settings.deterministic;
-  f.needs_backward = true;
   splat::ForwardResult images = backend.forward(f);
   if (backend.forward == kCuda.forward) {
     // The first call of a size counts and lists instances one by one, later ones by chunks.
@@ -146,6 +155,52 @@ TEST_CASE("emulated cuda: images and gradients agree with the CPU backend", "[em
     INFO("degree " << degree);
     check_against_cpu(scene, settings);
   }
+}
+
+TEST_CASE("emulated cuda: a splat that stops a pixel and colours none still counts in the adjoint",
+          "[emulated]") {
+  // A row of eight pixels. Two splats leave the first 1.2e-4 of its light, a third beside it would
+  // leave it less than 1e-4, which ends it, and reaches no other. One behind covers all: the first
+  // pixel would go on with it alone.
+  SplatScene scene = select_views(scene_of(4, 8, 1), 0, 1);
+  scene.cameras.camera_from_world = torch::eye(4).unsqueeze(0);
+  scene.cameras.intrinsics = torch::tensor({{5.f, 5.f, 0.5f, 0.5f}});
+  splat::Gaussians& g = scene.gaussians;
+  g.means = torch::tensor({{0.f, 0.f, 2.f}, {0.f, 0.f, 3.f}, {-0.56f, 0.f, 4.f}, {0.f, 0.f, 5.f}});
+  g.log_scales = torch::tensor({-9.f, -9.f, -9.f, 3.f}).unsqueeze(1).expand({4, 3}).contiguous();
+  g.logit_opacities = torch::logit(torch::tensor({0.989f, 0.989f, 0.41f, 0.1f}));
+  splat::BackwardArgs args = call_of(scene);
+  const splat::ForwardResult images = kCuda.forward(args.forward);
+  args.state = images.state;
+  args.color = images.color;
+  args.alpha = images.alpha;
+  args.grad_color = torch::zeros_like(images.color);
+  args.grad_color.select(3, 0).fill_(1);
+  const Tensor first_alone = kCuda.backward(args).gaussians.logit_opacities;
+  CHECK(first_alone[1].item<float>() != 0);
+  CHECK(first_alone[2].item<float>() == 0);
+  CHECK(first_alone[3].item<float>() == 0);
+  args.state.cleared = Tensor();
+  args.grad_color.fill_(1);
+  CHECK(kCuda.backward(args).gaussians.logit_opacities[3].item<float>() != 0);
+}
+
+TEST_CASE("emulated cuda: a second backward call clears its own memory", "[emulated]") {
+  splat::BackwardArgs args = call_of(scene_of(50, 20, 17));
+  splat::ForwardArgs& f = args.forward;
+  const splat::ForwardResult images = kCuda.forward(f);
+  CHECK(images.state.cleared.defined());
+  args.state = images.state;
+  args.color = images.color;
+  args.alpha = images.alpha;
+  args.grad_color = random_cotangent(images.color, 1);
+  const splat::BackwardResult first = kCuda.backward(args);
+  args.state.cleared = Tensor();
+  const splat::BackwardResult second = kCuda.backward(args);
+  CHECK(second.gaussians.sh.equal(first.gaussians.sh));
+  CHECK(second.gaussians.means.equal(first.gaussians.means));
+  f.needs_backward = false;
+  CHECK_FALSE(kCuda.forward(f).state.cleared.defined());
 }
 
 TEST_CASE("emulated cuda: the order of threads changes no image and no deterministic gradient",

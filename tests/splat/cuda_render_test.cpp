@@ -382,6 +382,20 @@ TEST_CASE("cuda: many views in one call", "[splat][cuda]") {
   check_outcomes(run(scene, {}, kGpu), run(scene, {}, torch::kCPU));
 }
 
+TEST_CASE("cuda: a graph that is kept gives its gradients twice", "[splat][cuda]") {
+  SplatScene scene = move(scene_of(2000, 101, 67), kGpu, torch::kFloat32);
+  require_gradients(scene.gaussians);
+  const Tensor color = splat::render(scene.gaussians, scene.cameras, {}).color;
+  const Tensor cotangent = torch::randn_like(color);
+  const Tensor& means = scene.gaussians.means;
+  color.backward(cotangent, /*retain_graph=*/true);
+  const Tensor once = means.grad().clone();
+  means.mutable_grad().reset();
+  color.backward(cotangent);
+  CHECK(cosine(means.grad().cpu(), once.cpu()) > 0.999999);
+  CHECK(torch::allclose(means.grad().norm(), once.norm(), 1e-4));
+}
+
 TEST_CASE("cuda: a captured graph of both passes replays with new parameters", "[splat][cuda]") {
   SplatScene scene = move(scene_of(2000, 101, 67), kGpu, torch::kFloat32);
   require_gradients(scene.gaussians);

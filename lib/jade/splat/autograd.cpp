@@ -2,6 +2,7 @@
 #include "jade/splat/autograd.h"
 
 #include <torch/csrc/autograd/custom_function.h>
+#include <utility>
 
 #include "jade/core/check.h"
 #include "jade/kernel/on_cuda.h"
@@ -32,6 +33,7 @@ torch::Tensor contiguous_or_undefined(const torch::Tensor& tensor) {
 struct Settings : torch::CustomClassHolder {
   ForwardArgs scalars;  ///< its tensors are undefined
   std::vector<int64_t> state_numbers;
+  torch::Tensor cleared;  ///< SavedState's, until the first backward call
   ScreenStatistics statistics;
   int64_t statistics_views = -1;
 };
@@ -57,6 +59,7 @@ struct Splatting : torch::autograd::Function<Splatting> {
                                 sh,    camera_from_world, background, intrinsics};
     ForwardResult result = backend_forward(with_inputs(settings->scalars, inputs));
     settings->state_numbers = result.state.numbers;
+    settings->cleared = result.state.cleared;
     if (settings->scalars.needs_backward) {
       tensor_list saved = inputs;
       saved.insert(saved.end(), {result.color, result.alpha, result.depth_sum});
@@ -73,7 +76,7 @@ struct Splatting : torch::autograd::Function<Splatting> {
 
   static tensor_list backward(AutogradContext* ctx, const tensor_list& grads) {
     const auto capsule = ctx->saved_data["settings"].toCapsule();
-    const auto& settings = static_cast<const Settings&>(*capsule);
+    auto& settings = static_cast<Settings&>(*capsule);
     const tensor_list saved = ctx->get_saved_variables();
     BackwardArgs args;
     args.forward = with_inputs(settings.scalars, saved);
@@ -82,6 +85,7 @@ struct Splatting : torch::autograd::Function<Splatting> {
     args.depth_sum = saved[kInputs + 2];
     args.state.tensors.assign(saved.begin() + kInputs + 3, saved.end());
     args.state.numbers = settings.state_numbers;
+    args.state.cleared = std::move(settings.cleared);
     args.grad_color = contiguous_or_undefined(grads[0]);
     args.grad_alpha = contiguous_or_undefined(grads[1]);
     if (grads.size() > 3) args.grad_depth_sum = contiguous_or_undefined(grads[3]);

@@ -35,6 +35,7 @@ struct ForwardArgs {
 struct SavedState {
   std::vector<torch::Tensor> tensors;
   std::vector<int64_t> numbers;
+  torch::Tensor cleared;  ///< zeros for the first backward call to spend; later ones have none
 };
 
 struct ForwardResult {

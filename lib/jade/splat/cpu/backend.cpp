@@ -82,7 +82,7 @@ struct Lists {
   int tile_shift = 0;
 
   Splat<T>* splat_data() const { return reinterpret_cast<Splat<T>*>(splats.data_ptr()); }
-  SavedState save() const { return {{splats, entries, offsets, view_offsets}, {tile_shift}}; }
+  SavedState save() const { return {{splats, entries, offsets, view_offsets}, {tile_shift}, {}}; }
   static Lists restore(const SavedState& state) {
     const auto& t = state.tensors;
     return {t[0], t[1], t[2], t[3], static_cast<int>(state.numbers[0])};

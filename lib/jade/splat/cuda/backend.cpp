@@ -8,6 +8,8 @@
 #include <c10/cuda/CUDAStream.h>
 #include <cuda_runtime_api.h>
 #include <torch/types.h>
+#include <utility>
+#include <vector>
 
 #include "jade/core/check.h"
 #include "jade/kernel/launch.h"
@@ -183,40 +185,69 @@ float* pointer(const torch::Tensor& tensor) {
   return tensor.defined() ? tensor.data_ptr<float>() : nullptr;
 }
 
-/// The backward pass's working memory; the sums start at zero.
-torch::Tensor bind_workspace(const BackwardArgs& args, const RenderCall& call, Gradients* gradients,
-                             cudaStream_t stream) {
-  const int64_t values = m::kPixelSums + (gradients->with_depth ? 1 : 0);
+/// What the backward pass adds to, from zero on.
+struct Sums {
+  torch::Tensor tensor;
+
+  static Arena lay_out(const RenderCall& call, int64_t values, int64_t* at) {
+    Arena arena;
+    at[0] = arena.add(sizeof(unsigned int));
+    at[1] = arena.add(3 * sizeof(float));
+    at[2] = arena.add(int64_t{call.views} * 12 * sizeof(float));
+    at[3] = arena.add(int64_t{call.views} * call.count * values * sizeof(float));
+    return arena;
+  }
+
+  Sums(const RenderCall& call, int64_t values, const torch::TensorOptions& options) {
+    int64_t at[4];
+    Arena arena = lay_out(call, values, at);
+    arena.allocate(options);
+    tensor = arena.tensor();
+  }
+  /// Memory for as many values or more.
+  explicit Sums(torch::Tensor cleared) : tensor(std::move(cleared)) {}
+
+  Clearing clearing() const { return {tensor.data_ptr(), tensor.numel()}; }
+  void bind(const RenderCall& call, int64_t values, Gradients* gradients) const {
+    int64_t at[4];
+    lay_out(call, values, at);
+    char* const base = static_cast<char*>(tensor.data_ptr());
+    gradients->done_blocks = reinterpret_cast<unsigned int*>(base + at[0]);
+    gradients->background_sums = reinterpret_cast<float*>(base + at[1]);
+    gradients->camera_sums = reinterpret_cast<float*>(base + at[2]);
+    gradients->sums = reinterpret_cast<float*>(base + at[3]);
+  }
+};
+
+int64_t values_of(bool depth) { return m::kPixelSums + (depth ? 1 : 0); }
+
+/// The backward pass's working memory. The forward pass has cleared what the first one adds to.
+std::vector<torch::Tensor> bind_workspace(const BackwardArgs& args, const RenderCall& call,
+                                          Gradients* gradients, cudaStream_t stream) {
+  const auto options = args.color.options();
+  const int64_t values = values_of(gradients->with_depth);
+  const bool first = args.state.cleared.defined();
+  const Sums sums = first ? Sums(args.state.cleared) : Sums(call, values, options);
+  sums.bind(call, values, gradients);
+  if (!first) {
+    check_cuda(cudaMemsetAsync(sums.tensor.data_ptr(), 0, static_cast<size_t>(sums.tensor.numel()),
+                               stream),
+               "clearing");
+  }
+  if (!args.forward.deterministic) return {sums.tensor};
   const int64_t tiles = int64_t{call.views} * call.tiles;
   const int64_t blocks = std::max(1, (call.count + kAdjointGaussians - 1) / kAdjointGaussians);
   Arena arena;
-  const int64_t done = arena.add(sizeof(unsigned int));
-  const int64_t background = arena.add(3 * sizeof(float));
-  const int64_t cameras = arena.add(int64_t{call.views} * 12 * sizeof(float));
-  const int64_t sums = arena.add(int64_t{call.views} * call.count * values * sizeof(float));
-  const int64_t cleared = arena.size();
-  const int64_t slots = cleared;
-  int64_t progress = 0, camera_partial = 0, background_partial = 0;
-  if (args.forward.deterministic) {
-    arena.add(int64_t{call.capacity} * 4 * values * sizeof(float));
-    progress = arena.add(tiles * 4 * sizeof(uint32_t));
-    camera_partial = arena.add(blocks * call.views * 12 * sizeof(float));
-    background_partial = arena.add(tiles * 3 * sizeof(float));
-  }
-  arena.allocate(args.color.options());
-  gradients->done_blocks = arena.take<unsigned int>(done);
-  gradients->background_sums = arena.take<float>(background);
-  gradients->camera_sums = arena.take<float>(cameras);
-  gradients->sums = arena.take<float>(sums);
-  if (args.forward.deterministic) {
-    gradients->slots = arena.take<float>(slots);
-    gradients->progress = arena.take<uint32_t>(progress);
-    gradients->camera_partial = arena.take<float>(camera_partial);
-    gradients->background_partial = arena.take<float>(background_partial);
-  }
-  check_cuda(cudaMemsetAsync(arena.tensor().data_ptr(), 0, static_cast<size_t>(cleared), stream),
-             "clearing");
-  return arena.tensor();
+  const int64_t slots = arena.add(int64_t{call.capacity} * 4 * values * sizeof(float));
+  const int64_t progress = arena.add(tiles * 4 * sizeof(uint32_t));
+  const int64_t camera_partial = arena.add(blocks * call.views * 12 * sizeof(float));
+  const int64_t background_partial = arena.add(tiles * 3 * sizeof(float));
+  arena.allocate(options);
+  gradients->slots = arena.take<float>(slots);
+  gradients->progress = arena.take<uint32_t>(progress);
+  gradients->camera_partial = arena.take<float>(camera_partial);
+  gradients->background_partial = arena.take<float>(background_partial);
+  return {sums.tensor, arena.tensor()};
 }
 
 }  // namespace
@@ -233,10 +264,15 @@ ForwardResult forward(const ForwardArgs& args) {
   result.rejected = torch::empty({1}, options.dtype(torch::kInt64));
   auto* const rejected = reinterpret_cast<long long*>(result.rejected.data_ptr());
   const Lists lists = project_and_bin(&call, args, rejected, stream);
+  Clearing clearing{};
+  if (args.needs_backward) {
+    const Sums sums(call, values_of(args.depth), options);
+    clearing = sums.clearing();
+    result.state = {{lists.tables, lists.keys}, {}, sums.tensor};
+  }
   launch_blend(call, {pointer(result.color), pointer(result.alpha), pointer(result.depth_sum)},
-               stream);
+               clearing, stream);
   kernel::check_launch("splatting, forward");
-  if (args.needs_backward) result.state.tensors = {lists.tables, lists.keys};
   return result;
 }
 
@@ -268,7 +304,7 @@ BackwardResult backward(const BackwardArgs& args) {
   gradients.max_radius_px = pointer(args.statistics.max_radius_px);
   gradients.statistics_views = static_cast<int>(args.statistics_views);
   gradients.with_depth = args.forward.depth && args.grad_depth_sum.defined();
-  const torch::Tensor workspace = bind_workspace(args, call, &gradients, stream);
+  const auto workspace = bind_workspace(args, call, &gradients, stream);
   launch_blend_adjoint(
       call,
       {pointer(args.color), pointer(args.alpha), pointer(args.depth_sum), pointer(args.grad_color),

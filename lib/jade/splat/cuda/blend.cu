@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Blending and its adjoint: a block per tile, a warp per quarter of it, a lane per two pixels.
+#include <type_traits>
+
 #include "jade/splat/cuda/blend.cuh"
 #include "jade/splat/cuda/launch.h"
 #include "jade/splat/cuda/warp.cuh"
@@ -15,37 +17,76 @@ __device__ __forceinline__ bool any_alive(const float* t) {
   return __any_sync(~0u, t[0] > 0.0f || t[1] > 0.0f);
 }
 
-template <bool kDepth>
+/// Whether a pixel of the warp has stopped, or lies outside the image.
+__device__ __forceinline__ bool any_stopped(const float* t) {
+  return __any_sync(~0u, t[0] < 0.0f || t[1] < 0.0f);
+}
+
+/// This thread's share of it. Blending leaves memory time enough, a pass of its own would not.
+__device__ __forceinline__ void clear(const Clearing& clearing) {
+  const int64_t threads = int64_t(gridDim.x) * kBlendThreads;
+  for (int64_t i = int64_t(blockIdx.x) * kBlendThreads + threadIdx.x; 16 * i < clearing.bytes;
+       i += threads) {
+    static_cast<float4*>(clearing.memory)[i] = make_float4(0, 0, 0, 0);
+  }
+}
+
+/// kKeep: a gradient will be asked for. Then entries forget the quarters in which their splat
+/// changed no pixel, as where all that it reaches have stopped: the adjoint has nothing to do
+/// there.
+template <bool kDepth, bool kKeep>
 __global__ void __launch_bounds__(kBlendThreads)
-    blend_kernel(const __grid_constant__ RenderCall call, const Images images) {
+    blend_kernel(const __grid_constant__ RenderCall call, const Images images,
+                 const Clearing clearing) {
   __shared__ WarpStage stages[kBlendThreads / 32];
   __shared__ RoundShared round;
   __shared__ uint64_t round_keys[kRoundKeys];
   const Pixels pixels(call);
   WarpStage& stage = stages[pixels.quarter];
+  if (kKeep) clear(clearing);
   const float px[2] = {float(pixels.x[0]) + 0.5f, float(pixels.x[1]) + 0.5f};
   const float py = float(pixels.y) + 0.5f;
   float t[2], red[2] = {0, 0}, green[2] = {0, 0}, blue[2] = {0, 0};
   float depth[2] = {0, 0};
   for (int k = 0; k < 2; ++k) t[k] = first_transmittance(pixels.inside[k]);
-  const auto alive = [&] { return any_alive(t); };
-  stream_tile(
-      call, pixels, stage, round, round_keys, alive,
-      [&](int j) {
-        const float4 p = stage.splat[j][0], q = stage.splat[j][1], r = stage.splat[j][2];
-        const m::Falloff<float> falloff{p.z, p.w, q.x};
-        const m::RowFalloff<float> row = m::at_row(falloff, q.y, py - p.y);
+  const auto blend = [&](int j) {
+    const float4 p = stage.splat[j][0], q = stage.splat[j][1], r = stage.splat[j][2];
+    const m::Falloff<float> falloff{p.z, p.w, q.x};
+    const m::RowFalloff<float> row = m::at_row(falloff, q.y, py - p.y);
 #pragma unroll
-        for (int k = 0; k < 2; ++k) {
-          const auto step =
-              m::blend_step<FastArithmetic, false>(m::exponent(row, px[k] - p.x), &t[k]);
-          red[k] = fmaf(step.weight, q.z, red[k]);
-          green[k] = fmaf(step.weight, q.w, green[k]);
-          blue[k] = fmaf(step.weight, r.x, blue[k]);
-          if (kDepth) depth[k] = fmaf(step.weight, r.y, depth[k]);
+    for (int k = 0; k < 2; ++k) {
+      const auto step = m::blend_step<FastArithmetic, false>(m::exponent(row, px[k] - p.x), &t[k]);
+      red[k] = fmaf(step.weight, q.z, red[k]);
+      green[k] = fmaf(step.weight, q.w, green[k]);
+      blue[k] = fmaf(step.weight, r.x, blue[k]);
+      if (kDepth) depth[k] = fmaf(step.weight, r.y, depth[k]);
+    }
+  };
+  uint32_t changing = 0;  // bit j: the splat at stage.splat[j] changed a pixel of this lane
+  stream_tile(
+      call, pixels, stage, round, round_keys, [&] { return any_alive(t); },
+      [&](int begin, int end) {
+        // Before a pixel has stopped, hardly a splat that reaches the quarter changes none.
+        if (kKeep && any_stopped(t)) {
+          for (int j = begin; j < end; ++j) {
+            const float before[2] = {t[0], t[1]};
+            blend(j);
+            if (t[0] != before[0] || t[1] != before[1]) changing |= 1u << j;
+          }
+        } else {
+          for (int j = begin; j < end; ++j) blend(j);
+          changing |= ((1u << kGroup) - 1) << begin;
         }
       },
-      [](int, int) {});
+      [&](uint32_t* entries, int count) {
+        if (!kKeep) return;
+        const int lane = threadIdx.x & 31;
+        const uint32_t all = __reduce_or_sync(~0u, changing);
+        if (lane < count && (all >> lane & 1) == 0) {
+          atomicAnd(entries + stage.position[lane], ~(1u << pixels.quarter));
+        }
+        changing = 0;
+      });
   const int64_t plane = int64_t(call.width) * call.height;
   float* const color = images.color + 3 * pixels.view * plane;
   for (int k = 0; k < 2; ++k) {
@@ -217,7 +258,6 @@ __global__ void __launch_bounds__(kBlendThreads, kDepth || kSlots ? 5 : 6)
   const float middle_x = px[0] - float(2 * (lane & 3)) + float(4 * (q & 1)) + 1.5f;
   const float middle_y = py - float(lane >> 2) + float(q >> 1) + 3.0f;
   uint32_t progress = 0;
-  const auto alive = [&] { return any_alive(t); };
   const auto blend = [&](int j) {
     const float4 p = stage.splat[j][0], q4 = stage.splat[j][1], r = stage.splat[j][2];
     const m::Falloff<float> falloff{p.z, p.w, q4.x};
@@ -264,8 +304,14 @@ __global__ void __launch_bounds__(kBlendThreads, kDepth || kSlots ? 5 : 6)
     }
     __syncwarp();
   };
-  stream_tile(call, pixels, stage, round, reinterpret_cast<uint64_t*>(all_sums), alive, blend,
-              flush);
+  stream_tile(
+      call, pixels, stage, round, reinterpret_cast<uint64_t*>(all_sums),
+      [&] { return any_alive(t); },
+      [&](int begin, int end) {
+        for (int j = begin; j < end; ++j) blend(j);
+        flush(begin, end - begin);
+      },
+      [](const uint32_t*, int) {});
   if (slots && lane == 0) gradients.progress[global_tile * 4 + pixels.quarter] = progress;
 }
 
@@ -301,14 +347,14 @@ __global__ void __launch_bounds__(kGatherThreads)
   const Ellipse ellipse(splat);
   int lo, hi;
   ellipse.rows(call.tiles_y - 1, &lo, &hi);
-  walk_rows(ellipse, lo, hi, call, [&](int tile, uint32_t mask) {
+  walk_rows(ellipse, lo, hi, call, [&](int tile, uint32_t) {
     const int64_t global_tile = int64_t(view) * call.tiles + tile;
     const TileList list = call.tile_list[global_tile];
     if (list.begin >= call.capacity) return;
     const auto* const entries = reinterpret_cast<const uint32_t*>(call.keys + list.begin);
     const uint32_t at = find_in_list(entries, list.count, splats, splat.depth, index);
     for (int quarter = 0; quarter < 4; ++quarter) {
-      if ((mask >> quarter & 1) == 0) continue;
+      if ((entries[at] >> quarter & 1) == 0) continue;  // the adjoint had nothing to do there
       if (at >= gradients.progress[global_tile * 4 + quarter]) continue;
       const float* const slot =
           gradients.slots + ((int64_t(list.begin) + at) * 4 + quarter) * kValues;
@@ -319,46 +365,47 @@ __global__ void __launch_bounds__(kGatherThreads)
   for (int k = 0; k < kValues; ++k) out[k] += sums[k];
 }
 
+/// Calls run(std::bool_constant flag).
+template <class Run>
+void with_flag(bool flag, const Run& run) {
+  if (flag) {
+    run(std::true_type());
+  } else {
+    run(std::false_type());
+  }
+}
+
 }  // namespace
 
-void launch_blend(const RenderCall& call, const Images& images, cudaStream_t stream) {
+void launch_blend(const RenderCall& call, const Images& images, const Clearing& clearing,
+                  cudaStream_t stream) {
   const int blocks = call.views * call.tiles;
-  if (images.depth_sum != nullptr) {
-    blend_kernel<true><<<blocks, kBlendThreads, 0, stream>>>(call, images);
-  } else {
-    blend_kernel<false><<<blocks, kBlendThreads, 0, stream>>>(call, images);
-  }
+  with_flag(images.depth_sum != nullptr, [&](auto depth) {
+    with_flag(clearing.memory != nullptr, [&](auto keep) {
+      constexpr bool kDepth = decltype(depth)::value, kKeep = decltype(keep)::value;
+      blend_kernel<kDepth, kKeep><<<blocks, kBlendThreads, 0, stream>>>(call, images, clearing);
+    });
+  });
 }
 
 void launch_blend_adjoint(const RenderCall& call, const ImageGradients& images,
                           const Gradients& gradients, cudaStream_t stream) {
   const int blocks = call.views * call.tiles;
-  const bool slots = gradients.slots != nullptr;
-  if (gradients.with_depth) {
-    if (slots) {
-      blend_adjoint_kernel<true, true>
+  with_flag(gradients.with_depth, [&](auto depth) {
+    with_flag(gradients.slots != nullptr, [&](auto slots) {
+      constexpr bool kDepth = decltype(depth)::value, kSlots = decltype(slots)::value;
+      blend_adjoint_kernel<kDepth, kSlots>
           <<<blocks, kBlendThreads, 0, stream>>>(call, images, gradients);
-    } else {
-      blend_adjoint_kernel<true, false>
-          <<<blocks, kBlendThreads, 0, stream>>>(call, images, gradients);
-    }
-  } else if (slots) {
-    blend_adjoint_kernel<false, true>
-        <<<blocks, kBlendThreads, 0, stream>>>(call, images, gradients);
-  } else {
-    blend_adjoint_kernel<false, false>
-        <<<blocks, kBlendThreads, 0, stream>>>(call, images, gradients);
-  }
+    });
+  });
 }
 
 void launch_gather(const RenderCall& call, const Gradients& gradients, cudaStream_t stream) {
   if (call.count == 0) return;
   const dim3 blocks((call.count + kGatherThreads - 1) / kGatherThreads, call.views);
-  if (gradients.with_depth) {
-    gather_kernel<true><<<blocks, kGatherThreads, 0, stream>>>(call, gradients);
-  } else {
-    gather_kernel<false><<<blocks, kGatherThreads, 0, stream>>>(call, gradients);
-  }
+  with_flag(gradients.with_depth, [&](auto depth) {
+    gather_kernel<decltype(depth)::value><<<blocks, kGatherThreads, 0, stream>>>(call, gradients);
+  });
 }
 
 }  // namespace jade::splat::cuda

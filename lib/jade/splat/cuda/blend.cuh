@@ -56,14 +56,15 @@ struct Pixels {
   }
 };
 
-/// Streams the splats of a list that reach the warp's quarter through `stage`, in order.
-/// blend(j) takes the splat at stage.splat[j]; after every eight or fewer flush(first, how many)
-/// ends the group, and alive() is asked before each group.
+/// Streams the splats of a list that reach the warp's quarter through `stage`, in order, in groups
+/// of at most eight: alive() is asked before each, group(first, end) takes the splats at
+/// stage.splat[first … end − 1]. After every 32 or fewer, and before the end, seen(how many) may
+/// look once more at those that went through a group since, at stage.position from 0 on.
 /// Returns whether a pixel was still alive at the end.
-template <class Alive, class Blend, class Flush>
+template <class Alive, class Group, class Seen>
 __device__ __forceinline__ bool stream(const uint32_t* list, int count, int quarter,
                                        const Splat* splats, WarpStage& stage, const Alive& alive,
-                                       const Blend& blend, const Flush& flush) {
+                                       const Group& group, const Seen& seen) {
   const int lane = threadIdx.x & 31;
   const uint32_t before = (1u << lane) - 1;
   int waiting = 0;
@@ -93,11 +94,13 @@ __device__ __forceinline__ bool stream(const uint32_t* list, int count, int quar
     }
     __syncwarp();
     for (int begin = 0; begin < ready; begin += kGroup) {
-      if (!alive()) return false;
-      const int end = min(begin + kGroup, ready);
-      for (int j = begin; j < end; ++j) blend(j);
-      flush(begin, end - begin);
+      if (!alive()) {
+        seen(begin);
+        return false;
+      }
+      group(begin, min(begin + kGroup, ready));
     }
+    seen(ready);
     __syncwarp();
     waiting -= ready;
     if (lane < waiting) {
@@ -109,18 +112,19 @@ __device__ __forceinline__ bool stream(const uint32_t* list, int count, int quar
   return alive();
 }
 
-/// Streams the whole tile, listed or not.
-template <class Alive, class Blend, class Flush>
+/// Streams the whole tile, listed or not; seen(list, how many) as in stream(), of listed ones only.
+template <class Alive, class Group, class Seen>
 __device__ __forceinline__ void stream_tile(const RenderCall& call, const Pixels& pixels,
                                             WarpStage& stage, RoundShared& round,
                                             uint64_t* round_keys, const Alive& alive,
-                                            const Blend& blend, const Flush& flush) {
+                                            const Group& group, const Seen& seen) {
   const TileList list = call.tile_list[pixels.view * call.tiles + pixels.tile];
   const Splat* const splats = call.splats + int64_t(pixels.view) * call.count;
   if (list.count == 0) return;
   if (list.begin < call.capacity) {
-    const auto* const entries = reinterpret_cast<const uint32_t*>(call.keys + list.begin);
-    stream(entries, int(list.count), pixels.quarter, splats, stage, alive, blend, flush);
+    auto* const entries = reinterpret_cast<uint32_t*>(call.keys + list.begin);
+    stream(entries, int(list.count), pixels.quarter, splats, stage, alive, group,
+           [&](int count) { seen(entries, count); });
     return;
   }
   uint64_t last = 0;
@@ -128,7 +132,7 @@ __device__ __forceinline__ void stream_tile(const RenderCall& call, const Pixels
     const int found =
         select_round(call, pixels.view, pixels.tile_x, pixels.tile_y, round, round_keys, &last);
     const bool on =
-        stream(round.entries, found, pixels.quarter, splats, stage, alive, blend, flush);
+        stream(round.entries, found, pixels.quarter, splats, stage, alive, group, [](int) {});
     if (__syncthreads_or(on && found == kRound) == 0) return;
   }
 }

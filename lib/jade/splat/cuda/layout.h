@@ -74,6 +74,12 @@ struct Images {
   float *color, *alpha, *depth_sum;  ///< depth_sum may be null
 };
 
+/// Memory that a forward pass clears on the way, for the sums of its adjoint.
+struct Clearing {
+  void* memory;   ///< 16-byte aligned; null: no gradient will be asked for
+  int64_t bytes;  ///< a multiple of 16
+};
+
 struct ImageGradients {
   const float *color, *alpha, *depth_sum;                 ///< the forward pass's images
   const float *grad_color, *grad_alpha, *grad_depth_sum;  ///< may be null
