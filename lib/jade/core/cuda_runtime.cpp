@@ -2,7 +2,10 @@
 #include "jade/core/cuda_runtime.h"
 
 #include <c10/cuda/CUDACachingAllocator.h>
+#include <c10/cuda/CUDAGuard.h>
 #include <cuda_runtime_api.h>
+#include <mutex>
+#include <set>
 
 #include "jade/core/error.h"
 
@@ -51,6 +54,17 @@ int64_t trim_memory(int index, int64_t keep_bytes) {
   if (reserved - before.allocated_bytes[0].current <= keep_bytes) return 0;
   allocator::emptyCache();
   return reserved - allocator::getDeviceStats(device).reserved_bytes[0].current;
+}
+
+void bound_stack_memory(int index) {
+  constexpr size_t kBytes = 256;  // of a thread; less saves little more
+  static std::mutex mutex;
+  static std::set<int> bounded;
+  const std::lock_guard<std::mutex> lock(mutex);
+  if (!bounded.insert(index).second) return;
+  const c10::cuda::CUDAGuard guard(static_cast<c10::DeviceIndex>(index));
+  // Where it is refused all runs as well; the error must not be taken for one of a kernel.
+  if (cudaDeviceSetLimit(cudaLimitStackSize, kBytes) != cudaSuccess) cudaGetLastError();
 }
 
 }  // namespace jade::cuda

@@ -13,5 +13,6 @@ std::string problem();
 std::string device_name(int index);
 int64_t peak_memory_bytes(int index);
 int64_t trim_memory(int index, int64_t keep_bytes);
+void bound_stack_memory(int index);
 
 }  // namespace jade::cuda

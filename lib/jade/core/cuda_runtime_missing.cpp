@@ -11,5 +11,6 @@ std::string problem() {
 std::string device_name(int) { return "GPU"; }
 int64_t peak_memory_bytes(int) { return 0; }
 int64_t trim_memory(int, int64_t) { return 0; }
+void bound_stack_memory(int) {}
 
 }  // namespace jade::cuda

@@ -40,6 +40,10 @@ int64_t trim_device_memory(torch::Device device, int64_t keep_bytes) {
   return cuda::trim_memory(device.index() < 0 ? 0 : device.index(), keep_bytes);
 }
 
+void bound_stack_memory(torch::Device device) {
+  if (device.is_cuda()) cuda::bound_stack_memory(device.index() < 0 ? 0 : device.index());
+}
+
 torch::Device select_device(const std::string& choice) {
   if (choice == "cpu") return torch::kCPU;
   if (choice == "auto") {

@@ -17,13 +17,17 @@ struct Network {
   const float* parameters[8];
 };
 
-/// The hidden layers' outputs at one knot.
+/// A hidden layer's units at a block's knots. In shared memory: three layers and their gradients
+/// would overflow the registers of a thread.
+using Layer = float[kHidden][kPitch];
+
 struct Activations {
-  float first[kHidden], second[kHidden], third[kHidden];
+  Layer first, second, third;
 };
 
 /// All parameters one after the other, brought in by the whole block.
-__device__ void load_parameters(const Network& network, float (&all)[kResponseParameters]) {
+__device__ __forceinline__ void load_parameters(const Network& network,
+                                                float (&all)[kResponseParameters]) {
   constexpr int kOffsets[9] = {0, 16, 32, 288, 304, 560, 576, 592, 593};
 #pragma unroll
   for (int p = 0; p < 8; ++p) {
@@ -34,26 +38,36 @@ __device__ void load_parameters(const Network& network, float (&all)[kResponsePa
   __syncthreads();
 }
 
-__device__ void hidden_layer(const float* weights, const float* bias, const float (&in)[kHidden],
-                             float (&out)[kHidden]) {
+__device__ __forceinline__ void load_units(const Layer& layer, int n, float (&units)[kHidden]) {
 #pragma unroll
+  for (int k = 0; k < kHidden; ++k) units[k] = layer[k][n];
+}
+
+/// Of the thread's knot, column n of both layers.
+__device__ __forceinline__ void hidden_layer(const float* weights, const float* bias,
+                                             const Layer& in, int n, Layer& out) {
+  float units[kHidden];
+  load_units(in, n, units);
+#pragma unroll 2
   for (int j = 0; j < kHidden; ++j) {
     float sum = bias[j];
 #pragma unroll
-    for (int k = 0; k < kHidden; ++k) sum += weights[j * kHidden + k] * in[k];
-    out[j] = fmaxf(sum, 0.f);
+    for (int k = 0; k < kHidden; ++k) sum += weights[j * kHidden + k] * units[k];
+    out[j][n] = fmaxf(sum, 0.f);
   }
 }
 
 /// The gradient of a layer's input, from that of its output before ReLU; 0 where ReLU held it back.
-__device__ void hidden_gradient(const float* weights, const float (&of_out)[kHidden],
-                                const float (&in)[kHidden], float (&of_in)[kHidden]) {
-#pragma unroll
+__device__ __forceinline__ void hidden_gradient(const float* weights, const Layer& of_out,
+                                                const Layer& in, int n, Layer& of_in) {
+  float gradients[kHidden];
+  load_units(of_out, n, gradients);
+#pragma unroll 2
   for (int k = 0; k < kHidden; ++k) {
     float sum = 0;
 #pragma unroll
-    for (int j = 0; j < kHidden; ++j) sum += weights[j * kHidden + k] * of_out[j];
-    of_in[k] = in[k] > 0 ? sum : 0.f;
+    for (int j = 0; j < kHidden; ++j) sum += weights[j * kHidden + k] * gradients[j];
+    of_in[k][n] = in[k][n] > 0 ? sum : 0.f;
   }
 }
 
@@ -61,24 +75,26 @@ __device__ float knot_at(int64_t i) {
   return static_cast<float>(static_cast<double>(i) * (kResponseRange / (kKnots - 1)));
 }
 
-__device__ void run_network(const float (&all)[kResponseParameters], float x, Activations& units) {
+__device__ __forceinline__ void run_network(const float (&all)[kResponseParameters], float x, int n,
+                                            Activations& units) {
 #pragma unroll
-  for (int j = 0; j < kHidden; ++j) units.first[j] = fmaxf(all[j] * x + all[16 + j], 0.f);
-  hidden_layer(all + 32, all + 288, units.first, units.second);
-  hidden_layer(all + 304, all + 560, units.second, units.third);
+  for (int j = 0; j < kHidden; ++j) units.first[j][n] = fmaxf(all[j] * x + all[16 + j], 0.f);
+  hidden_layer(all + 32, all + 288, units.first, n, units.second);
+  hidden_layer(all + 304, all + 560, units.second, n, units.third);
 }
 
 __global__ void __launch_bounds__(kTableThreads) table_kernel(Network network, float* table) {
   __shared__ float all[kResponseParameters];
+  __shared__ Activations units;
   load_parameters(network, all);
-  const int64_t i = blockIdx.x * static_cast<int64_t>(kTableThreads) + threadIdx.x;
+  const int n = threadIdx.x;
+  const int64_t i = blockIdx.x * static_cast<int64_t>(kTableThreads) + n;
   if (i >= kKnots) return;
   const float x = knot_at(i);
-  Activations units;
-  run_network(all, x, units);
+  run_network(all, x, n, units);
   float sum = all[592];
 #pragma unroll
-  for (int k = 0; k < kHidden; ++k) sum += all[576 + k] * units.third[k];
+  for (int k = 0; k < kHidden; ++k) sum += all[576 + k] * units.third[k][n];
   table[i] = 1.f / (1.f + expf(-(0.1f * sum + x)));
 }
 
@@ -86,11 +102,11 @@ __global__ void __launch_bounds__(kTableThreads) table_kernel(Network network, f
 /// the layers' outputs before ReLU.
 struct Products {
   float x[kPitch], of_out[kPitch];
-  float first[kHidden][kPitch], second[kHidden][kPitch], third[kHidden][kPitch];
-  float of_first[kHidden][kPitch], of_second[kHidden][kPitch], of_third[kHidden][kPitch];
+  Activations units;
+  Layer of_first, of_second, of_third;
 };
 
-__device__ float sum_of_products(const float* a, const float* b) {
+__device__ __forceinline__ float sum_of_products(const float* a, const float* b) {
   float sum = 0;
 #pragma unroll 8
   for (int n = 0; n < kTableThreads; ++n) sum += a[n] * (b == nullptr ? 1.f : b[n]);
@@ -98,14 +114,14 @@ __device__ float sum_of_products(const float* a, const float* b) {
 }
 
 /// The sum over the block's knots for one parameter.
-__device__ float parameter_gradient(const Products& in, int p) {
+__device__ __forceinline__ float parameter_gradient(const Products& in, int p) {
   if (p < 16) return sum_of_products(in.of_first[p], in.x);
   if (p < 32) return sum_of_products(in.of_first[p - 16], nullptr);
-  if (p < 288) return sum_of_products(in.of_second[(p - 32) / 16], in.first[(p - 32) % 16]);
+  if (p < 288) return sum_of_products(in.of_second[(p - 32) / 16], in.units.first[(p - 32) % 16]);
   if (p < 304) return sum_of_products(in.of_second[p - 288], nullptr);
-  if (p < 560) return sum_of_products(in.of_third[(p - 304) / 16], in.second[(p - 304) % 16]);
+  if (p < 560) return sum_of_products(in.of_third[(p - 304) / 16], in.units.second[(p - 304) % 16]);
   if (p < 576) return sum_of_products(in.of_third[p - 560], nullptr);
-  if (p < 592) return sum_of_products(in.of_out, in.third[p - 576]);
+  if (p < 592) return sum_of_products(in.of_out, in.units.third[p - 576]);
   return sum_of_products(in.of_out, nullptr);
 }
 
@@ -120,26 +136,18 @@ __global__ void __launch_bounds__(kTableThreads)
   const int64_t i = blockIdx.x * static_cast<int64_t>(kTableThreads) + n;
   const bool inside = i < kKnots;
   const float x = inside ? knot_at(i) : 0.f;
-  Activations units;
-  run_network(all, x, units);
+  Activations& units = products.units;
+  run_network(all, x, n, units);
   const float y = inside ? table[i] : 0.f;
   const float of_out = inside ? 0.1f * of_table[i] * y * (1 - y) : 0.f;
-  float of_third[kHidden], of_second[kHidden], of_first[kHidden];
-#pragma unroll
-  for (int k = 0; k < kHidden; ++k) of_third[k] = units.third[k] > 0 ? all[576 + k] * of_out : 0.f;
-  hidden_gradient(all + 304, of_third, units.second, of_second);
-  hidden_gradient(all + 32, of_second, units.first, of_first);
   products.x[n] = x;
   products.of_out[n] = of_out;
 #pragma unroll
   for (int k = 0; k < kHidden; ++k) {
-    products.first[k][n] = units.first[k];
-    products.second[k][n] = units.second[k];
-    products.third[k][n] = units.third[k];
-    products.of_first[k][n] = of_first[k];
-    products.of_second[k][n] = of_second[k];
-    products.of_third[k][n] = of_third[k];
+    products.of_third[k][n] = units.third[k][n] > 0 ? all[576 + k] * of_out : 0.f;
   }
+  hidden_gradient(all + 304, products.of_third, units.second, n, products.of_second);
+  hidden_gradient(all + 32, products.of_second, units.first, n, products.of_first);
   __syncthreads();
   for (int p = threadIdx.x; p < kResponseParameters; p += kTableThreads) {
     partial[blockIdx.x * kResponseParameters + p] = parameter_gradient(products, p);

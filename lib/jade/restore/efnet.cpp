@@ -12,6 +12,7 @@
 
 #include "jade/core/asset.h"
 #include "jade/core/check.h"
+#include "jade/core/device.h"
 #include "jade/core/digest.h"
 #include "jade/core/freed_memory.h"
 #include "jade/core/log.h"
@@ -364,6 +365,7 @@ void Restorer::warm_up() {
 
 std::future<Restorer> load_beside(const EfnetOptions& options, torch::Device device) {
   return std::async(std::launch::async, [options, device] {
+    bound_stack_memory(device);
     Restorer restorer(options, device);
     restorer.warm_up();
     return restorer;

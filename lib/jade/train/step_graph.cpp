@@ -95,6 +95,7 @@ struct StreamScope::Guard {
 
 StreamScope::StreamScope(torch::Device device) {
   if (!device.is_cuda()) return;
+  bound_stack_memory(device);
   guard_ = std::make_unique<Guard>(device);
 }
 
