@@ -21,6 +21,7 @@
 #include "jade/response/lookup.h"
 #include "jade/response/table.h"
 #include "jade/train/batch_copy.h"
+#include "jade/train/pose_update.h"
 #undef cuda
 
 using namespace jade;
@@ -331,6 +332,49 @@ TEST_CASE("emulated cuda: an Adam step of every kind of group", "[emulated]") {
     INFO("tensor " << i);
     CHECK_FALSE(expected[i].equal(start[i]));
     CHECK(torch::allclose(found[i], expected[i], 1e-5, 1e-7));
+  }
+}
+
+TEST_CASE("emulated cuda: the update of learned poses", "[emulated]") {
+  torch::manual_seed(8);
+  const int64_t rows = 5, row = 300;  // more than a block has threads
+  const auto random = [](at::IntArrayRef shape) { return torch::randn(shape, torch::kFloat64); };
+  std::vector<Tensor> start{random({rows, row}),
+                            random({rows, row}),
+                            random({rows, row}).square(),
+                            random({rows, row}),
+                            torch::tensor({3., 0., 7., 1., 0.}, torch::kFloat64),
+                            torch::tensor({1, 0, 2, 0, 1}, torch::kInt64)};
+  const auto updated = [&](const auto& run) {
+    std::vector<Tensor> all;
+    for (const Tensor& each : start) all.push_back(each.clone());
+    const auto numbers = [&](size_t i) { return all[i].mutable_data_ptr<double>(); };
+    run(train::RowStep{numbers(0), numbers(1), numbers(2), numbers(3), numbers(4),
+                       all[5].mutable_data_ptr<int64_t>(), rows, row, 1e-2, 1e-8});
+    return all;
+  };
+  const auto expected = updated([](const auto& step) { train::cpu::update_rows(step); });
+  CHECK(expected[4].equal(torch::tensor({4., 0., 8., 1., 1.}, torch::kFloat64)));
+  const int64_t ways = 7, size = rows * row;
+  const Tensor read = random({ways, size}), write = random({ways, size}), twists = random({size});
+  const auto held = [&](const auto& run) {
+    Tensor left = twists.clone(), along = torch::empty({ways}, torch::kFloat64);
+    run(train::GaugeStep{read.const_data_ptr<double>(), write.const_data_ptr<double>(),
+                         left.mutable_data_ptr<double>(), along.mutable_data_ptr<double>(), ways,
+                         size});
+    return left;
+  };
+  const Tensor still = held([](const auto& step) { train::cpu::remove_gauge(step); });
+  CHECK(torch::allclose(still, twists - read.matmul(twists).matmul(write), 1e-10, 1e-9));
+  for (const Order order : kOrders) {
+    const ForcedOrder forced(order);
+    const auto found = updated([](const auto& step) { train::emulated_cuda::update_rows(step); });
+    for (size_t i = 0; i < expected.size(); ++i) {
+      INFO("tensor " << i);
+      CHECK(torch::allclose(found[i], expected[i], 1e-12, 1e-14));
+    }
+    CHECK(torch::allclose(held([](const auto& step) { train::emulated_cuda::remove_gauge(step); }),
+                          still, 1e-10, 1e-9));
   }
 }
 

@@ -5,6 +5,8 @@
 #include <torch/types.h>
 
 #include "jade/core/check.h"
+#include "jade/kernel/on_cuda.h"
+#include "jade/train/pose_update.h"
 
 namespace jade::train {
 namespace {
@@ -54,13 +56,22 @@ PoseGauge pose_gauge(const torch::Tensor& control, double depth) {
     }
   }
   const torch::Tensor all = torch::stack(basis);
-  return {all * unit, all / unit};
+  return {(all * unit).contiguous(), (all / unit).contiguous()};
 }
 
 void remove_gauge(const PoseGauge& gauge, const torch::Tensor& twists) {
   const torch::NoGradGuard no_grad;
-  const torch::Tensor along = (gauge.read * twists).sum({1, 2, 3}, /*keepdim=*/true);
-  twists.sub_((gauge.write * along).sum(0));
+  check_shape(twists, "twists", gauge.read.sizes().slice(1).vec());
+  const torch::Tensor along = torch::empty({gauge.read.size(0)}, gauge.read.options());
+  GaugeStep step;
+  step.read = gauge.read.const_data_ptr<double>();
+  step.write = gauge.write.const_data_ptr<double>();
+  step.twists = twists.mutable_data_ptr<double>();
+  step.along = along.mutable_data_ptr<double>();
+  step.ways = gauge.read.size(0);
+  step.size = twists.numel();
+  if (!twists.is_cuda()) return cpu::remove_gauge(step);
+  kernel::on_cuda("holding the gauge of the poses", [&] { cuda::remove_gauge(step); });
 }
 
 }  // namespace jade::train

@@ -21,7 +21,8 @@ struct PoseGauge {
 /// @param depth    of the scene: a translation by it counts as a turn by one radian
 PoseGauge pose_gauge(const torch::Tensor& control, double depth);
 
-/// Takes the part of the twists [V,K,6] that lies along the gauge out of them, in place.
+/// Takes the part of the twists [V,K,6], float64 and contiguous, that lies along the gauge out of
+/// them, in place.
 void remove_gauge(const PoseGauge& gauge, const torch::Tensor& twists);
 
 }  // namespace jade::train

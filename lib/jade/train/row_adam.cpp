@@ -4,18 +4,11 @@
 #include <torch/types.h>
 
 #include "jade/core/check.h"
+#include "jade/kernel/on_cuda.h"
+#include "jade/train/pose_update.h"
 
 namespace jade::train {
 namespace {
-
-constexpr double kFirstDecay = 0.9, kSecondDecay = 0.999;
-
-/// [V] beside the rows of `like`.
-torch::Tensor per_row(const torch::Tensor& values, const torch::Tensor& like) {
-  std::vector<int64_t> shape(static_cast<size_t>(like.dim()), 1);
-  shape[0] = like.size(0);
-  return values.view(shape);
-}
 
 void copy_checked(torch::Tensor& to, const torch::Tensor& from, const char* name) {
   check_shape(from, name, to.sizes().vec());
@@ -26,6 +19,8 @@ void copy_checked(torch::Tensor& to, const torch::Tensor& from, const char* name
 
 RowAdam::RowAdam(torch::Tensor parameter, double eps)
     : parameter_(std::move(parameter)), eps_(eps) {
+  JADE_CHECK(parameter_.scalar_type() == torch::kFloat64 && parameter_.is_contiguous(),
+             "RowAdam: expected a parameter of float64, row after row");
   const auto options = parameter_.options().requires_grad(false);
   state_.first = torch::zeros(parameter_.sizes(), options);
   state_.second = torch::zeros(parameter_.sizes(), options);
@@ -44,20 +39,19 @@ void RowAdam::accumulate(const torch::Tensor& row) {
 
 void RowAdam::update(double lr) {
   const torch::NoGradGuard no_grad;
-  const torch::Tensor moves = state_.seen.gt(0).to(torch::kFloat64);  // 0 keeps a row's bits
-  const torch::Tensor share = per_row(moves, parameter_);
-  const torch::Tensor& gradient = state_.gradient;
-  state_.steps.add_(moves);
-  state_.first.lerp_(gradient, share * (1 - kFirstDecay));
-  state_.second.lerp_(gradient.square(), share * (1 - kSecondDecay));
-  // A row that never moved has moments of zero, which no count must divide by zero.
-  const torch::Tensor steps = per_row(state_.steps.clamp_min(1), parameter_);
-  const torch::Tensor first_share = 1 - torch::pow(kFirstDecay, steps);
-  const torch::Tensor second_share = 1 - torch::pow(kSecondDecay, steps);
-  const torch::Tensor size = (state_.second / second_share).sqrt_().add_(eps_);
-  parameter_.sub_(state_.first / size * (share * lr / first_share));
-  state_.gradient.zero_();
-  state_.seen.zero_();
+  RowStep step;
+  step.value = parameter_.mutable_data_ptr<double>();
+  step.first = state_.first.mutable_data_ptr<double>();
+  step.second = state_.second.mutable_data_ptr<double>();
+  step.gradient = state_.gradient.mutable_data_ptr<double>();
+  step.steps = state_.steps.mutable_data_ptr<double>();
+  step.seen = state_.seen.mutable_data_ptr<int64_t>();
+  step.rows = parameter_.size(0);
+  step.row = step.rows == 0 ? 0 : parameter_.numel() / step.rows;
+  step.lr = lr;
+  step.eps = eps_;
+  if (!parameter_.is_cuda()) return cpu::update_rows(step);
+  kernel::on_cuda("the Adam step of the poses", [&] { cuda::update_rows(step); });
 }
 
 void RowAdam::restore(const RowAdamState& saved) {

@@ -13,9 +13,10 @@ struct RowAdamState {
   torch::Tensor seen;           ///< [V] int64, gradients in it per row
 };
 
-/// Adam over the rows of one parameter [V,...] of which a step sees a few: each row has a step
-/// count of its own, and one without a gradient stays as it is, with its moments. Adding gradients
-/// up asks nothing of the host, so it can be recorded (step_graph.h); the update stands outside.
+/// Adam over the rows of one parameter [V,...], float64, of which a step sees a few: each row has a
+/// step count of its own, and one without a gradient stays as it is, with its moments. Adding
+/// gradients up asks nothing of the host, so it can be recorded (step_graph.h); the update stands
+/// outside.
 class RowAdam {
  public:
   RowAdam() = default;

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+// The update of learned poses over plain pointers: Adam by rows, and what is taken out after it.
+// A step's poses are some thousand numbers, so on a GPU launches are all that it costs.
+#pragma once
+
+#include <cstdint>
+
+namespace jade::train {
+
+/// One Adam step (RowAdam) of the rows whose gradient waits: seen > 0. The others keep their bits.
+struct RowStep {
+  double* value = nullptr;
+  double* first = nullptr;
+  double* second = nullptr;
+  double* gradient = nullptr;  ///< 0 afterwards, like `seen`
+  double* steps = nullptr;     ///< [rows]
+  int64_t* seen = nullptr;     ///< [rows]
+  int64_t rows = 0;
+  int64_t row = 0;  ///< numbers of a row
+  double lr = 0;
+  double eps = 0;
+};
+
+/// twists −= Σ_w write_w ⟨read_w, twists⟩ (PoseGauge).
+struct GaugeStep {
+  const double* read = nullptr;   ///< [ways, size]
+  const double* write = nullptr;  ///< [ways, size]
+  double* twists = nullptr;       ///< [size]
+  double* along = nullptr;        ///< [ways], overwritten
+  int64_t ways = 0;
+  int64_t size = 0;
+};
+
+namespace cpu {
+void update_rows(const RowStep& step);
+void remove_gauge(const GaugeStep& step);
+}  // namespace cpu
+
+namespace cuda {
+/// On the current stream of the current device; do not wait. @throws DeviceError.
+void update_rows(const RowStep& step);
+void remove_gauge(const GaugeStep& step);
+}  // namespace cuda
+
+}  // namespace jade::train

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <c10/cuda/CUDAStream.h>
+
+#include "jade/kernel/launch.h"
+#include "jade/train/pose_update_math.h"
+
+namespace jade::train::cuda {
+namespace {
+
+constexpr int kThreads = 256;
+
+/// A block per row.
+__global__ void __launch_bounds__(kThreads) rows_kernel(RowStep step) {
+  const int64_t row = blockIdx.x;
+  if (step.seen[row] <= 0) return;
+  const double steps = step.steps[row] + 1;
+  const RowConstants constants = row_constants(step, steps);
+  for (int64_t i = threadIdx.x; i < step.row; i += kThreads) {
+    update_number(step, constants, row * step.row + i);
+  }
+  __syncthreads();  // all have read
+  if (threadIdx.x == 0) {
+    step.steps[row] = steps;
+    step.seen[row] = 0;
+  }
+}
+
+/// A block per way; always summed in one order.
+__global__ void __launch_bounds__(kThreads) along_kernel(GaugeStep step) {
+  __shared__ double sums[kThreads];
+  const double* const read = step.read + blockIdx.x * step.size;
+  double sum = 0;
+  for (int64_t i = threadIdx.x; i < step.size; i += kThreads) sum += read[i] * step.twists[i];
+  sums[threadIdx.x] = sum;
+  for (int half = kThreads / 2; half > 0; half /= 2) {
+    __syncthreads();
+    if (threadIdx.x < half) sums[threadIdx.x] += sums[threadIdx.x + half];
+  }
+  if (threadIdx.x == 0) step.along[blockIdx.x] = sums[0];
+}
+
+__global__ void __launch_bounds__(kThreads) take_kernel(GaugeStep step) {
+  const int64_t i = blockIdx.x * static_cast<int64_t>(kThreads) + threadIdx.x;
+  if (i < step.size) take_along(step, i);
+}
+
+}  // namespace
+
+void update_rows(const RowStep& step) {
+  if (step.rows == 0) return;
+  rows_kernel<<<static_cast<unsigned>(step.rows), kThreads, 0, c10::cuda::getCurrentCUDAStream()>>>(
+      step);
+  kernel::check_launch("the Adam step of the poses");
+}
+
+void remove_gauge(const GaugeStep& step) {
+  if (step.ways == 0 || step.size == 0) return;
+  const auto stream = c10::cuda::getCurrentCUDAStream();
+  along_kernel<<<static_cast<unsigned>(step.ways), kThreads, 0, stream>>>(step);
+  take_kernel<<<kernel::grid_size(step.size, kThreads), kThreads, 0, stream>>>(step);
+  kernel::check_launch("holding the gauge of the poses");
+}
+
+}  // namespace jade::train::cuda
