@@ -161,14 +161,22 @@ TEST_CASE("emulated cuda: a splat that stops a pixel and colours none still coun
           "[emulated]") {
   // A row of eight pixels. Two splats leave the first 1.2e-4 of its light, a third beside it would
   // leave it less than 1e-4, which ends it, and reaches no other. One behind covers all: the first
-  // pixel would go on with it alone.
-  SplatScene scene = select_views(scene_of(4, 8, 1), 0, 1);
+  // pixel would go on with it alone. Before them, 32 faint ones at the last pixel: only then does
+  // the forward pass begin to look which splats change a pixel.
+  const int64_t before = 32;
+  SplatScene scene = select_views(scene_of(before + 4, 8, 1), 0, 1);
   scene.cameras.camera_from_world = torch::eye(4).unsqueeze(0);
   scene.cameras.intrinsics = torch::tensor({{5.f, 5.f, 0.5f, 0.5f}});
   splat::Gaussians& g = scene.gaussians;
-  g.means = torch::tensor({{0.f, 0.f, 2.f}, {0.f, 0.f, 3.f}, {-0.56f, 0.f, 4.f}, {0.f, 0.f, 5.f}});
-  g.log_scales = torch::tensor({-9.f, -9.f, -9.f, 3.f}).unsqueeze(1).expand({4, 3}).contiguous();
-  g.logit_opacities = torch::logit(torch::tensor({0.989f, 0.989f, 0.41f, 0.1f}));
+  const Tensor means =
+      torch::tensor({{0.f, 0.f, 2.f}, {0.f, 0.f, 3.f}, {-0.56f, 0.f, 4.f}, {0.f, 0.f, 5.f}});
+  g.means = torch::cat({torch::tensor({1.4f, 0.f, 1.f}).expand({before, 3}), means});
+  g.log_scales = torch::cat({torch::full({before}, -9.f), torch::tensor({-9.f, -9.f, -9.f, 3.f})})
+                     .unsqueeze(1)
+                     .expand({before + 4, 3})
+                     .contiguous();
+  g.logit_opacities = torch::logit(
+      torch::cat({torch::full({before}, 0.01f), torch::tensor({0.989f, 0.989f, 0.41f, 0.1f})}));
   splat::BackwardArgs args = call_of(scene);
   const splat::ForwardResult images = kCuda.forward(args.forward);
   args.state = images.state;
@@ -176,13 +184,13 @@ TEST_CASE("emulated cuda: a splat that stops a pixel and colours none still coun
   args.alpha = images.alpha;
   args.grad_color = torch::zeros_like(images.color);
   args.grad_color.select(3, 0).fill_(1);
-  const Tensor first_alone = kCuda.backward(args).gaussians.logit_opacities;
+  const Tensor first_alone = kCuda.backward(args).gaussians.logit_opacities.narrow(0, before, 4);
   CHECK(first_alone[1].item<float>() != 0);
   CHECK(first_alone[2].item<float>() == 0);
   CHECK(first_alone[3].item<float>() == 0);
   args.state.cleared = Tensor();
   args.grad_color.fill_(1);
-  CHECK(kCuda.backward(args).gaussians.logit_opacities[3].item<float>() != 0);
+  CHECK(kCuda.backward(args).gaussians.logit_opacities[before + 3].item<float>() != 0);
 }
 
 TEST_CASE("emulated cuda: a second backward call clears its own memory", "[emulated]") {

@@ -17,11 +17,6 @@ __device__ __forceinline__ bool any_alive(const float* t) {
   return __any_sync(~0u, t[0] > 0.0f || t[1] > 0.0f);
 }
 
-/// Whether a pixel of the warp has stopped, or lies outside the image.
-__device__ __forceinline__ bool any_stopped(const float* t) {
-  return __any_sync(~0u, t[0] < 0.0f || t[1] < 0.0f);
-}
-
 /// This thread's share of it. Blending leaves memory time enough, a pass of its own would not.
 __device__ __forceinline__ void clear(const Clearing& clearing) {
   const int64_t threads = int64_t(gridDim.x) * kBlendThreads;
@@ -31,74 +26,112 @@ __device__ __forceinline__ void clear(const Clearing& clearing) {
   }
 }
 
+constexpr int kBlendBlocks = 8;  ///< on a multiprocessor
+
+/// What a lane's pixels have gathered.
+struct PixelSums {
+  float t[2], red[2] = {0, 0}, green[2] = {0, 0}, blue[2] = {0, 0}, depth[2] = {0, 0};
+};
+
+template <bool kDepth>
+__device__ __forceinline__ void store_pixel(const RenderCall& call, const Images& images,
+                                            const Pixels& pixels, int place, int k,
+                                            const PixelSums& s) {
+  const int x = pixels.x_of(place), y = pixels.y_of(place);
+  if (x >= call.width || y >= call.height) return;
+  const int64_t plane = int64_t(call.width) * call.height;
+  const int64_t i = int64_t(y) * call.width + x;
+  float* const color = images.color + 3 * pixels.view * plane + i;
+  const float t = fabsf(s.t[k]);
+  color[0] = s.red[k] + t * call.background[0];
+  color[plane] = s.green[k] + t * call.background[1];
+  color[2 * plane] = s.blue[k] + t * call.background[2];
+  images.alpha[pixels.view * plane + i] = 1.0f - t;
+  if (kDepth) images.depth_sum[pixels.view * plane + i] = s.depth[k];
+}
+
 /// kKeep: a gradient will be asked for. Then entries forget the quarters in which their splat
 /// changed no pixel, as where all that it reaches have stopped: the adjoint has nothing to do
-/// there.
+/// there. While most pixels go on, hardly a splat changes none, and nobody looks.
 template <bool kDepth, bool kKeep>
-__global__ void __launch_bounds__(kBlendThreads)
+__global__ void __launch_bounds__(kBlendThreads, kBlendBlocks)
     blend_kernel(const __grid_constant__ RenderCall call, const Images images,
                  const Clearing clearing) {
   __shared__ WarpStage stages[kBlendThreads / 32];
   __shared__ RoundShared round;
   __shared__ uint64_t round_keys[kRoundKeys];
+  __shared__ uint8_t places[kBlendThreads / 32][32];
   const Pixels pixels(call);
   WarpStage& stage = stages[pixels.quarter];
   if (kKeep) clear(clearing);
-  const float px[2] = {float(pixels.x[0]) + 0.5f, float(pixels.x[1]) + 0.5f};
-  const float py = float(pixels.y) + 0.5f;
-  float t[2], red[2] = {0, 0}, green[2] = {0, 0}, blue[2] = {0, 0};
-  float depth[2] = {0, 0};
-  for (int k = 0; k < 2; ++k) t[k] = first_transmittance(pixels.inside[k]);
-  const auto blend = [&](int j) {
+  int place = 2 * (threadIdx.x & 31);  // of the lane's first pixel; −1 if it has none left
+  float px[2] = {float(pixels.x[0]) + 0.5f, float(pixels.x[1]) + 0.5f};
+  float py = float(pixels.y) + 0.5f;
+  PixelSums s;
+  for (int k = 0; k < 2; ++k) s.t[k] = first_transmittance(pixels.inside[k]);
+  const auto blend = [&](int j, auto count) {
     const float4 p = stage.splat[j][0], q = stage.splat[j][1], r = stage.splat[j][2];
     const m::Falloff<float> falloff{p.z, p.w, q.x};
     const m::RowFalloff<float> row = m::at_row(falloff, q.y, py - p.y);
 #pragma unroll
-    for (int k = 0; k < 2; ++k) {
-      const auto step = m::blend_step<FastArithmetic, false>(m::exponent(row, px[k] - p.x), &t[k]);
-      red[k] = fmaf(step.weight, q.z, red[k]);
-      green[k] = fmaf(step.weight, q.w, green[k]);
-      blue[k] = fmaf(step.weight, r.x, blue[k]);
-      if (kDepth) depth[k] = fmaf(step.weight, r.y, depth[k]);
+    for (int k = 0; k < decltype(count)::value; ++k) {
+      const auto step =
+          m::blend_step<FastArithmetic, false>(m::exponent(row, px[k] - p.x), &s.t[k]);
+      s.red[k] = fmaf(step.weight, q.z, s.red[k]);
+      s.green[k] = fmaf(step.weight, q.w, s.green[k]);
+      s.blue[k] = fmaf(step.weight, r.x, s.blue[k]);
+      if (kDepth) s.depth[k] = fmaf(step.weight, r.y, s.depth[k]);
     }
   };
-  uint32_t changing = 0;  // bit j: the splat at stage.splat[j] changed a pixel of this lane
+  bool narrow = false;    // a lane has one pixel
+  uint32_t changing = 0;  // bit j: the splat at stage.splat[j] changed this lane's pixel
+  const auto begin_narrow = [&](const Alive& alive) {
+    for (int k = 0; k < 2; ++k) {
+      if (s.t[k] <= 0) store_pixel<kDepth>(call, images, pixels, place + k, k, s);
+    }
+    const OnePixel one(alive, places[pixels.quarter]);
+    one.take_transmittance(s.t);
+    one.take(s.red);
+    one.take(s.green);
+    one.take(s.blue);
+    if (kDepth) one.take(s.depth);
+    px[0] = float(pixels.x_of(one.place())) + 0.5f;
+    py = float(pixels.y_of(one.place())) + 0.5f;
+    place = one.taken() ? one.place() : -1;
+    narrow = true;
+  };
   stream_tile(
-      call, pixels, stage, round, round_keys, [&] { return any_alive(t); },
+      call, pixels, stage, round, round_keys, [&] { return any_alive(s.t); },
       [&](int begin, int end) {
-        // Before a pixel has stopped, hardly a splat that reaches the quarter changes none.
-        if (kKeep && any_stopped(t)) {
-          for (int j = begin; j < end; ++j) {
-            const float before[2] = {t[0], t[1]};
-            blend(j);
-            if (t[0] != before[0] || t[1] != before[1]) changing |= 1u << j;
-          }
+        if (narrow) {
+          uint32_t changed = 0;
+          for_group<kGroup>(begin, end, [&](int j, int k) {
+            const float before = s.t[0];
+            blend(j, std::integral_constant<int, 1>());
+            if (kKeep && s.t[0] != before) changed |= 1u << k;
+          });
+          changing |= changed << begin;
         } else {
-          for (int j = begin; j < end; ++j) blend(j);
-          changing |= ((1u << kGroup) - 1) << begin;
+          for_group<kGroup>(begin, end,
+                            [&](int j, int) { blend(j, std::integral_constant<int, 2>()); });
         }
       },
       [&](uint32_t* entries, int count) {
+        if (!narrow) {
+          const Alive alive(s.t);
+          if (alive.any() && alive.count() <= 32) begin_narrow(alive);
+          return;
+        }
         if (!kKeep) return;
         const int lane = threadIdx.x & 31;
         const uint32_t all = __reduce_or_sync(~0u, changing);
-        if (lane < count && (all >> lane & 1) == 0) {
+        if (entries != nullptr && lane < count && (all >> lane & 1) == 0) {
           atomicAnd(entries + stage.position[lane], ~(1u << pixels.quarter));
         }
         changing = 0;
       });
-  const int64_t plane = int64_t(call.width) * call.height;
-  float* const color = images.color + 3 * pixels.view * plane;
-  for (int k = 0; k < 2; ++k) {
-    if (!pixels.inside[k]) continue;
-    const int64_t i = pixels.offset[k];
-    t[k] = fabsf(t[k]);
-    color[i] = red[k] + t[k] * call.background[0];
-    color[plane + i] = green[k] + t[k] * call.background[1];
-    color[2 * plane + i] = blue[k] + t[k] * call.background[2];
-    images.alpha[pixels.view * plane + i] = 1.0f - t[k];
-    if (kDepth) images.depth_sum[pixels.view * plane + i] = depth[k];
-  }
+  if (place >= 0) store_pixel<kDepth>(call, images, pixels, place, 0, s);
+  if (!narrow) store_pixel<kDepth>(call, images, pixels, place + 1, 1, s);
 }
 
 // ---- adjoint ----------------------------------------------------------------------------------
@@ -258,7 +291,7 @@ __global__ void __launch_bounds__(kBlendThreads, kDepth || kSlots ? 5 : 6)
   const float middle_x = px[0] - float(2 * (lane & 3)) + float(4 * (q & 1)) + 1.5f;
   const float middle_y = py - float(lane >> 2) + float(q >> 1) + 3.0f;
   uint32_t progress = 0;
-  const auto blend = [&](int j) {
+  const auto blend = [&](int j, int in_group) {
     const float4 p = stage.splat[j][0], q4 = stage.splat[j][1], r = stage.splat[j][2];
     const m::Falloff<float> falloff{p.z, p.w, q4.x};
     const m::RowFalloff<float> row = m::at_row(falloff, q4.y, py - p.y);
@@ -271,7 +304,7 @@ __global__ void __launch_bounds__(kBlendThreads, kDepth || kSlots ? 5 : 6)
       u[k] = m::blend_step_adjoint<FastArithmetic, false>(step, value, &g.behind[k]);
       weights[k] = step.weight;
     }
-    const int at = (j % kGroup) * kSplatStride + 2 * lane;
+    const int at = in_group * kSplatStride + 2 * lane;
     *reinterpret_cast<float2*>(sums.u + at) = make_float2(u[0], u[1]);
     *reinterpret_cast<float2*>(sums.weight + at) = make_float2(weights[0], weights[1]);
   };
@@ -308,7 +341,7 @@ __global__ void __launch_bounds__(kBlendThreads, kDepth || kSlots ? 5 : 6)
       call, pixels, stage, round, reinterpret_cast<uint64_t*>(all_sums),
       [&] { return any_alive(t); },
       [&](int begin, int end) {
-        for (int j = begin; j < end; ++j) blend(j);
+        for_group<4>(begin, end, blend);
         flush(begin, end - begin);
       },
       [](const uint32_t*, int) {});

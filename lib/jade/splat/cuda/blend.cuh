@@ -54,7 +54,75 @@ struct Pixels {
       offset[k] = int64_t(y) * call.width + x[k];
     }
   }
+
+  /// Of a place in the quarter, 8 · row + column. The lane's own are 2 · lane and the next.
+  __device__ __forceinline__ int x_of(int place) const {
+    return tile_x * kTile + (quarter & 1) * kSubtile + place % kSubtile;
+  }
+  __device__ __forceinline__ int y_of(int place) const {
+    return tile_y * kTile + (quarter >> 1) * kSubtile + place / kSubtile;
+  }
 };
+
+/// Which pixels of a quarter go on: those with a transmittance above 0.
+struct Alive {
+  uint32_t first, second;  ///< bit i: lane i's pixels 0 and 1
+
+  __device__ __forceinline__ explicit Alive(const float* t)
+      : first(__ballot_sync(~0u, t[0] > 0.0f)), second(__ballot_sync(~0u, t[1] > 0.0f)) {}
+  __device__ __forceinline__ bool any() const { return (first | second) != 0; }
+  __device__ __forceinline__ int count() const { return __popc(first) + __popc(second); }
+};
+
+/// One pixel per lane instead of two, for a quarter of which at most 32 go on: most splats that
+/// come late in a list reach few of these, and the steps of the others would be idle.
+class OnePixel {
+ public:
+  /// @param places  [32] of the warp's shared memory
+  __device__ __forceinline__ OnePixel(const Alive& alive, uint8_t* places) {
+    const int lane = threadIdx.x & 31, of_first = __popc(alive.first);
+    const uint32_t before = (1u << lane) - 1;
+    if (alive.first >> lane & 1) places[__popc(alive.first & before)] = uint8_t(2 * lane);
+    if (alive.second >> lane & 1) {
+      places[of_first + __popc(alive.second & before)] = uint8_t(2 * lane + 1);
+    }
+    __syncwarp();
+    taken_ = lane < alive.count();
+    place_ = taken_ ? places[lane] : 0;
+  }
+  __device__ __forceinline__ bool taken() const { return taken_; }  ///< else the lane has none
+  /// Where its pixel was: 2 · lane + 0 or 1.
+  __device__ __forceinline__ int place() const { return place_; }
+  /// Brings a value of the pixel to values[0]. All lanes must call it.
+  __device__ __forceinline__ void take(float* values) const {
+    const float even = __shfl_sync(~0u, values[0], place_ >> 1);
+    const float odd = __shfl_sync(~0u, values[1], place_ >> 1);
+    values[0] = place_ & 1 ? odd : even;
+  }
+  /// Its own transmittance, and pixel 1 ended.
+  __device__ __forceinline__ void take_transmittance(float* t) const {
+    take(t);
+    if (!taken_) t[0] = -1.0f;
+    t[1] = -1.0f;
+  }
+
+ private:
+  int place_;
+  bool taken_;
+};
+
+/// Calls blend(j, j − first) for the splats of a group. Nearly all groups are whole: then nothing
+/// but splats is counted, kUnroll of them at a time.
+template <int kUnroll, class Blend>
+__device__ __forceinline__ void for_group(int first, int end, const Blend& blend) {
+  if (end - first == kGroup) {
+#pragma unroll kUnroll
+    for (int k = 0; k < kGroup; ++k) blend(first + k, k);
+  } else {
+#pragma unroll 1
+    for (int j = first; j < end; ++j) blend(j, j - first);
+  }
+}
 
 /// Streams the splats of a list that reach the warp's quarter through `stage`, in order, in groups
 /// of at most eight: alive() is asked before each, group(first, end) takes the splats at
@@ -112,7 +180,8 @@ __device__ __forceinline__ bool stream(const uint32_t* list, int count, int quar
   return alive();
 }
 
-/// Streams the whole tile, listed or not; seen(list, how many) as in stream(), of listed ones only.
+/// Streams the whole tile, listed or not; seen(list, how many) as in stream(), null for unlisted
+/// ones.
 template <class Alive, class Group, class Seen>
 __device__ __forceinline__ void stream_tile(const RenderCall& call, const Pixels& pixels,
                                             WarpStage& stage, RoundShared& round,
@@ -131,8 +200,8 @@ __device__ __forceinline__ void stream_tile(const RenderCall& call, const Pixels
   for (;;) {
     const int found =
         select_round(call, pixels.view, pixels.tile_x, pixels.tile_y, round, round_keys, &last);
-    const bool on =
-        stream(round.entries, found, pixels.quarter, splats, stage, alive, group, [](int) {});
+    const bool on = stream(round.entries, found, pixels.quarter, splats, stage, alive, group,
+                           [&](int count) { seen(static_cast<uint32_t*>(nullptr), count); });
     if (__syncthreads_or(on && found == kRound) == 0) return;
   }
 }
