@@ -6,6 +6,7 @@
 
 #include "jade/core/check.h"
 #include "jade/gaussians/mcmc.h"
+#include "jade/gaussians/regularization.h"
 
 namespace jade::gaussians {
 namespace {
@@ -173,8 +174,9 @@ DensifyReport Densifier::update_mcmc(GaussianModel& model, GaussianAdam& adam) {
 torch::Tensor Densifier::regularization(const GaussianModel& model) const {
   if (options_.strategy != DensifyStrategy::kMcmc) return {};
   const splat::Gaussians& values = model.parameters();
-  return options_.mcmc.opacity_regularization * values.logit_opacities.sigmoid().mean() +
-         options_.mcmc.scale_regularization * values.log_scales.exp().mean();
+  return mean_opacity_and_scale(values.logit_opacities, values.log_scales,
+                                options_.mcmc.opacity_regularization,
+                                options_.mcmc.scale_regularization);
 }
 
 }  // namespace jade::gaussians
