@@ -9,9 +9,11 @@
 namespace jade::response::cuda {
 namespace {
 
-constexpr int kTableThreads = 64;  ///< knots of a block
+constexpr int kTableKnots = 64;  ///< of a block
+constexpr int kParts = 4;  ///< threads that share a knot: each has every fourth unit of a layer
+constexpr int kTableThreads = kTableKnots * kParts;
 constexpr int kSumThreads = 128;
-constexpr int kPitch = kTableThreads + 1;  ///< neighbouring units lie a bank apart
+constexpr int kPitch = kTableKnots + 1;  ///< neighbouring units lie a bank apart
 
 struct Network {
   const float* parameters[8];
@@ -43,58 +45,69 @@ __device__ __forceinline__ void load_units(const Layer& layer, int n, float (&un
   for (int k = 0; k < kHidden; ++k) units[k] = layer[k][n];
 }
 
-/// Of the thread's knot, column n of both layers.
+/// A thread's knot, column n of every layer, and its part of the units.
+struct Share {
+  int n = threadIdx.x % kTableKnots, part = threadIdx.x / kTableKnots;
+};
+
+/// The block's threads meet when `out` is whole.
 __device__ __forceinline__ void hidden_layer(const float* weights, const float* bias,
-                                             const Layer& in, int n, Layer& out) {
+                                             const Layer& in, const Share& mine, Layer& out) {
   float units[kHidden];
-  load_units(in, n, units);
-#pragma unroll 2
-  for (int j = 0; j < kHidden; ++j) {
+  load_units(in, mine.n, units);
+#pragma unroll
+  for (int i = 0; i < kHidden / kParts; ++i) {
+    const int j = kParts * i + mine.part;
     float sum = bias[j];
 #pragma unroll
     for (int k = 0; k < kHidden; ++k) sum += weights[j * kHidden + k] * units[k];
-    out[j][n] = fmaxf(sum, 0.f);
+    out[j][mine.n] = fmaxf(sum, 0.f);
   }
+  __syncthreads();
 }
 
 /// The gradient of a layer's input, from that of its output before ReLU; 0 where ReLU held it back.
 __device__ __forceinline__ void hidden_gradient(const float* weights, const Layer& of_out,
-                                                const Layer& in, int n, Layer& of_in) {
+                                                const Layer& in, const Share& mine, Layer& of_in) {
   float gradients[kHidden];
-  load_units(of_out, n, gradients);
-#pragma unroll 2
-  for (int k = 0; k < kHidden; ++k) {
+  load_units(of_out, mine.n, gradients);
+#pragma unroll
+  for (int i = 0; i < kHidden / kParts; ++i) {
+    const int k = kParts * i + mine.part;
     float sum = 0;
 #pragma unroll
     for (int j = 0; j < kHidden; ++j) sum += weights[j * kHidden + k] * gradients[j];
-    of_in[k][n] = in[k][n] > 0 ? sum : 0.f;
+    of_in[k][mine.n] = in[k][mine.n] > 0 ? sum : 0.f;
   }
+  __syncthreads();
 }
 
 __device__ float knot_at(int64_t i) {
   return static_cast<float>(static_cast<double>(i) * (kResponseRange / (kKnots - 1)));
 }
 
-__device__ __forceinline__ void run_network(const float (&all)[kResponseParameters], float x, int n,
-                                            Activations& units) {
-#pragma unroll
-  for (int j = 0; j < kHidden; ++j) units.first[j][n] = fmaxf(all[j] * x + all[16 + j], 0.f);
-  hidden_layer(all + 32, all + 288, units.first, n, units.second);
-  hidden_layer(all + 304, all + 560, units.second, n, units.third);
+__device__ __forceinline__ void run_network(const float (&all)[kResponseParameters], float x,
+                                            const Share& mine, Activations& units) {
+  for (int j = mine.part; j < kHidden; j += kParts) {
+    units.first[j][mine.n] = fmaxf(all[j] * x + all[16 + j], 0.f);
+  }
+  __syncthreads();
+  hidden_layer(all + 32, all + 288, units.first, mine, units.second);
+  hidden_layer(all + 304, all + 560, units.second, mine, units.third);
 }
 
 __global__ void __launch_bounds__(kTableThreads) table_kernel(Network network, float* table) {
   __shared__ float all[kResponseParameters];
   __shared__ Activations units;
   load_parameters(network, all);
-  const int n = threadIdx.x;
-  const int64_t i = blockIdx.x * static_cast<int64_t>(kTableThreads) + n;
-  if (i >= kKnots) return;
-  const float x = knot_at(i);
-  run_network(all, x, n, units);
+  const Share mine;
+  const int64_t i = blockIdx.x * static_cast<int64_t>(kTableKnots) + mine.n;
+  const float x = i < kKnots ? knot_at(i) : 0.f;
+  run_network(all, x, mine, units);
+  if (i >= kKnots || mine.part != 0) return;
   float sum = all[592];
 #pragma unroll
-  for (int k = 0; k < kHidden; ++k) sum += all[576 + k] * units.third[k][n];
+  for (int k = 0; k < kHidden; ++k) sum += all[576 + k] * units.third[k][mine.n];
   table[i] = 1.f / (1.f + expf(-(0.1f * sum + x)));
 }
 
@@ -109,7 +122,7 @@ struct Products {
 __device__ __forceinline__ float sum_of_products(const float* a, const float* b) {
   float sum = 0;
 #pragma unroll 8
-  for (int n = 0; n < kTableThreads; ++n) sum += a[n] * (b == nullptr ? 1.f : b[n]);
+  for (int n = 0; n < kTableKnots; ++n) sum += a[n] * (b == nullptr ? 1.f : b[n]);
   return sum;
 }
 
@@ -132,23 +145,25 @@ __global__ void __launch_bounds__(kTableThreads)
   __shared__ float all[kResponseParameters];
   __shared__ Products products;
   load_parameters(network, all);
-  const int n = threadIdx.x;
-  const int64_t i = blockIdx.x * static_cast<int64_t>(kTableThreads) + n;
+  const Share mine;
+  const int n = mine.n;
+  const int64_t i = blockIdx.x * static_cast<int64_t>(kTableKnots) + n;
   const bool inside = i < kKnots;
   const float x = inside ? knot_at(i) : 0.f;
   Activations& units = products.units;
-  run_network(all, x, n, units);
+  run_network(all, x, mine, units);
   const float y = inside ? table[i] : 0.f;
   const float of_out = inside ? 0.1f * of_table[i] * y * (1 - y) : 0.f;
-  products.x[n] = x;
-  products.of_out[n] = of_out;
-#pragma unroll
-  for (int k = 0; k < kHidden; ++k) {
+  if (mine.part == 0) {
+    products.x[n] = x;
+    products.of_out[n] = of_out;
+  }
+  for (int k = mine.part; k < kHidden; k += kParts) {
     products.of_third[k][n] = units.third[k][n] > 0 ? all[576 + k] * of_out : 0.f;
   }
-  hidden_gradient(all + 304, products.of_third, units.second, n, products.of_second);
-  hidden_gradient(all + 32, products.of_second, units.first, n, products.of_first);
   __syncthreads();
+  hidden_gradient(all + 304, products.of_third, units.second, mine, products.of_second);
+  hidden_gradient(all + 32, products.of_second, units.first, mine, products.of_first);
   for (int p = threadIdx.x; p < kResponseParameters; p += kTableThreads) {
     partial[blockIdx.x * kResponseParameters + p] = parameter_gradient(products, p);
   }
@@ -177,7 +192,7 @@ Network network_of(const NetworkWeights& weights) {
 at::Tensor response_table(const NetworkWeights& weights) {
   const c10::cuda::CUDAGuard guard(weights[0].device());
   at::Tensor table = at::empty({kKnots}, weights[0].options().requires_grad(false));
-  table_kernel<<<kernel::grid_size(kKnots, kTableThreads), kTableThreads, 0,
+  table_kernel<<<kernel::grid_size(kKnots, kTableKnots), kTableThreads, 0,
                  c10::cuda::getCurrentCUDAStream()>>>(network_of(weights),
                                                       table.mutable_data_ptr<float>());
   kernel::check_launch("the table of the camera response");
@@ -188,7 +203,7 @@ at::Tensor response_table_gradient(const NetworkWeights& weights, const at::Tens
                                    const at::Tensor& of_table) {
   const c10::cuda::CUDAGuard guard(table.device());
   const auto stream = c10::cuda::getCurrentCUDAStream();
-  const auto blocks = static_cast<int>(kernel::block_count(kKnots, kTableThreads));
+  const auto blocks = static_cast<int>(kernel::block_count(kKnots, kTableKnots));
   const at::Tensor partial = at::empty({blocks, kResponseParameters}, table.options());
   at::Tensor out = at::empty({kResponseParameters}, table.options());
   table_gradient_kernel<<<static_cast<unsigned>(blocks), kTableThreads, 0, stream>>>(
