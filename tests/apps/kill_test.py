@@ -160,7 +160,6 @@ def full_disk(scene):
     scene_command = scene.train_command(run, resume=False)
 
     def limit():
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))
 
     done = subprocess.run(scene_command, capture_output=True, text=True, preexec_fn=limit)

@@ -31,6 +31,7 @@ struct Settings {
   int sh_degree = 3;
   bool antialiased = false;
   bool depth = false;
+  bool depth_gradient = true;  ///< where there is depth
   bool deterministic = false;
   int64_t statistics_views = -1;
   bool cameras = true;  ///< their gradients too
@@ -89,7 +90,9 @@ Outcome run(const Backend& backend, const SplatScene& scene, const Settings& set
   args.depth_sum = images.depth_sum;
   args.grad_color = random_cotangent(images.color, 1);
   args.grad_alpha = random_cotangent(images.alpha, 2);
-  if (settings.depth) args.grad_depth_sum = 0.1 * random_cotangent(images.depth_sum, 3);
+  if (settings.depth && settings.depth_gradient) {
+    args.grad_depth_sum = 0.1 * random_cotangent(images.depth_sum, 3);
+  }
   args.statistics = splat::ScreenStatistics::zeros(scene.gaussians.size(), torch::kCPU);
   args.statistics_views = settings.statistics_views;
   args.needs_camera = settings.cameras;
@@ -161,54 +164,81 @@ TEST_CASE("emulated cuda: a splat that stops a pixel and colours none still coun
           "[emulated]") {
   // A row of eight pixels. Two splats leave the first 1.2e-4 of its light, a third beside it would
   // leave it less than 1e-4, which ends it, and reaches no other. One behind covers all: the first
-  // pixel would go on with it alone. Before them, 32 faint ones at the last pixel: only then does
-  // the forward pass begin to look which splats change a pixel.
-  const int64_t before = 32;
-  SplatScene scene = select_views(scene_of(before + 4, 8, 1), 0, 1);
+  // pixel would go on with it alone. The last reaches the first pixel only. Before them, 32 faint
+  // ones at the last pixel: only then does the forward pass begin to look which splats change a
+  // pixel.
+  const int64_t before = 32, count = before + 5;
+  SplatScene scene = select_views(scene_of(count, 8, 1), 0, 1);
   scene.cameras.camera_from_world = torch::eye(4).unsqueeze(0);
   scene.cameras.intrinsics = torch::tensor({{5.f, 5.f, 0.5f, 0.5f}});
   splat::Gaussians& g = scene.gaussians;
-  const Tensor means =
-      torch::tensor({{0.f, 0.f, 2.f}, {0.f, 0.f, 3.f}, {-0.56f, 0.f, 4.f}, {0.f, 0.f, 5.f}});
-  g.means = torch::cat({torch::tensor({1.4f, 0.f, 1.f}).expand({before, 3}), means});
-  g.log_scales = torch::cat({torch::full({before}, -9.f), torch::tensor({-9.f, -9.f, -9.f, 3.f})})
-                     .unsqueeze(1)
-                     .expand({before + 4, 3})
-                     .contiguous();
-  g.logit_opacities = torch::logit(
-      torch::cat({torch::full({before}, 0.01f), torch::tensor({0.989f, 0.989f, 0.41f, 0.1f})}));
+  g.means = torch::cat(
+      {torch::tensor({1.4f, 0.f, 1.f}).expand({before, 3}), torch::tensor({{0.f, 0.f, 2.f},
+                                                                           {0.f, 0.f, 3.f},
+                                                                           {-0.56f, 0.f, 4.f},
+                                                                           {0.f, 0.f, 5.f},
+                                                                           {-0.84f, 0.f, 6.f}})});
+  g.log_scales = torch::full({count, 3}, -9.f);
+  g.log_scales[before + 3].fill_(3);
+  g.logit_opacities = torch::logit(torch::cat(
+      {torch::full({before}, 0.01f), torch::tensor({0.989f, 0.989f, 0.41f, 0.1f, 0.41f})}));
   splat::BackwardArgs args = call_of(scene);
   const splat::ForwardResult images = kCuda.forward(args.forward);
+  const Tensor entries = images.state.tensors.at(1).view(torch::kInt32);
+  const auto first_quarter = [&](int64_t place) {
+    const auto entry = entries[place].item<int32_t>();
+    REQUIRE(entry >> 4 == place);  // by depth, as by index
+    return entry & 1;
+  };
+  CHECK(first_quarter(before + 1) == 1);
+  CHECK(first_quarter(before + 2) == 1);
+  CHECK(first_quarter(before + 3) == 1);
+  CHECK(first_quarter(before + 4) == 0);
   args.state = images.state;
   args.color = images.color;
   args.alpha = images.alpha;
   args.grad_color = torch::zeros_like(images.color);
   args.grad_color.select(3, 0).fill_(1);
-  const Tensor first_alone = kCuda.backward(args).gaussians.logit_opacities.narrow(0, before, 4);
+  const Tensor first_alone = kCuda.backward(args).gaussians.logit_opacities.narrow(0, before, 5);
   CHECK(first_alone[1].item<float>() != 0);
-  CHECK(first_alone[2].item<float>() == 0);
-  CHECK(first_alone[3].item<float>() == 0);
+  for (int64_t i = 2; i < 5; ++i) CHECK(first_alone[i].item<float>() == 0);
   args.state.cleared = Tensor();
   args.grad_color.fill_(1);
   CHECK(kCuda.backward(args).gaussians.logit_opacities[before + 3].item<float>() != 0);
 }
 
+TEST_CASE("emulated cuda: depth that nobody differentiates", "[emulated]") {
+  for (const bool deterministic : {false, true}) {
+    Settings settings;
+    settings.depth = true;
+    settings.depth_gradient = false;
+    settings.deterministic = deterministic;
+    check_against_cpu(scene_of(100, 33, 20), settings);
+  }
+}
+
 TEST_CASE("emulated cuda: a second backward call clears its own memory", "[emulated]") {
-  splat::BackwardArgs args = call_of(scene_of(50, 20, 17));
-  splat::ForwardArgs& f = args.forward;
-  const splat::ForwardResult images = kCuda.forward(f);
-  CHECK(images.state.cleared.defined());
-  args.state = images.state;
-  args.color = images.color;
-  args.alpha = images.alpha;
-  args.grad_color = random_cotangent(images.color, 1);
-  const splat::BackwardResult first = kCuda.backward(args);
-  args.state.cleared = Tensor();
-  const splat::BackwardResult second = kCuda.backward(args);
-  CHECK(second.gaussians.sh.equal(first.gaussians.sh));
-  CHECK(second.gaussians.means.equal(first.gaussians.means));
-  f.needs_backward = false;
-  CHECK_FALSE(kCuda.forward(f).state.cleared.defined());
+  for (const bool deterministic : {false, true}) {
+    splat::BackwardArgs args = call_of(scene_of(50, 20, 17));
+    splat::ForwardArgs& f = args.forward;
+    f.deterministic = deterministic;
+    const splat::ForwardResult images = kCuda.forward(f);
+    CHECK(images.state.cleared.defined());
+    args.state = images.state;
+    args.color = images.color;
+    args.alpha = images.alpha;
+    args.grad_color = random_cotangent(images.color, 1);
+    args.needs_camera = true;
+    const splat::BackwardResult first = kCuda.backward(args);
+    args.state.cleared = Tensor();
+    const splat::BackwardResult second = kCuda.backward(args);
+    check_equal(
+        {second.gaussians.sh, second.gaussians.means, second.background, second.camera_from_world},
+        {first.gaussians.sh, first.gaussians.means, first.background, first.camera_from_world});
+    CHECK(first.background.abs().min().item<float>() > 0);
+    f.needs_backward = false;
+    CHECK_FALSE(kCuda.forward(f).state.cleared.defined());
+  }
 }
 
 TEST_CASE("emulated cuda: the order of threads changes no image and no deterministic gradient",

@@ -385,15 +385,21 @@ TEST_CASE("cuda: many views in one call", "[splat][cuda]") {
 TEST_CASE("cuda: a graph that is kept gives its gradients twice", "[splat][cuda]") {
   SplatScene scene = move(scene_of(2000, 101, 67), kGpu, torch::kFloat32);
   require_gradients(scene.gaussians);
+  scene.cameras.camera_from_world.requires_grad_();
   const Tensor color = splat::render(scene.gaussians, scene.cameras, {}).color;
   const Tensor cotangent = torch::randn_like(color);
-  const Tensor& means = scene.gaussians.means;
+  const std::vector<Tensor> of{scene.gaussians.means, scene.cameras.camera_from_world};
+  std::vector<Tensor> once;
   color.backward(cotangent, /*retain_graph=*/true);
-  const Tensor once = means.grad().clone();
-  means.mutable_grad().reset();
+  for (const Tensor& each : of) {
+    once.push_back(each.grad().clone());
+    each.mutable_grad().reset();
+  }
   color.backward(cotangent);
-  CHECK(cosine(means.grad().cpu(), once.cpu()) > 0.999999);
-  CHECK(torch::allclose(means.grad().norm(), once.norm(), 1e-4));
+  for (size_t i = 0; i < of.size(); ++i) {
+    CHECK(cosine(of[i].grad().cpu(), once[i].cpu()) > 0.999999);
+    CHECK(torch::allclose(of[i].grad().norm(), once[i].norm(), 1e-4));
+  }
 }
 
 TEST_CASE("cuda: a captured graph of both passes replays with new parameters", "[splat][cuda]") {

@@ -29,9 +29,9 @@ void limit_threads_beside(torch::Device device);
 /// @return bytes given back
 int64_t trim_device_memory(torch::Device device, int64_t keep_bytes);
 
-/// Has the driver keep no more memory than it must for the stacks of a GPU's threads: unasked it
-/// takes 1 KiB for each of the 270,000 that an H100 can run. A kernel that is known to need more
-/// still gets it. Starts the device; the first call for it counts. Nothing on the CPU.
+/// Has the driver keep 256 bytes for the stack of each of a GPU's threads, until the program ends:
+/// unasked it takes 1 KiB for each of the 270,000 that an H100 can run. A kernel that is known to
+/// need more still gets it. Starts the device; only the first call for it acts. Nothing on the CPU.
 void bound_stack_memory(torch::Device device);
 
 /// Reads "auto", "cpu", "cuda" or "cuda:N"; auto takes the first GPU, else the CPU.

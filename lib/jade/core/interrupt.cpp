@@ -36,8 +36,8 @@ extern "C" void on_signal(int) {
   if (write(STDERR_FILENO, kNote, sizeof kNote - 1) < 0) return;
 }
 
-/// A handler and not SIG_IGN, which children would inherit.
-extern "C" void on_broken_pipe(int) {}
+/// The write itself fails and is told. A handler and not SIG_IGN, which children would inherit.
+extern "C" void on_failed_write(int) {}
 
 }  // namespace
 
@@ -52,8 +52,9 @@ void install_interrupt_handlers() {
   struct sigaction before {};
   sigaction(SIGHUP, nullptr, &before);
   if (before.sa_handler != SIG_IGN) sigaction(SIGHUP, &action, nullptr);
-  action.sa_handler = on_broken_pipe;
+  action.sa_handler = on_failed_write;
   sigaction(SIGPIPE, &action, nullptr);
+  sigaction(SIGXFSZ, &action, nullptr);
 }
 
 bool interrupt_requested() { return requested != 0; }

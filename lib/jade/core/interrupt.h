@@ -5,8 +5,8 @@ namespace jade {
 
 /// From now on Ctrl-C, SIGTERM and SIGHUP (unless ignored, as under nohup) set a flag that long
 /// work asks for; a second one, 0.3 s later or more, stops the program at once with exit code 130.
-/// Who reads our output may go (`| head`, or a `| tee` that Ctrl-C ended): no SIGPIPE ends the
-/// program.
+/// Who reads our output may go (`| head`, or a `| tee` that Ctrl-C ended), and files may be limited
+/// (`ulimit -f`): neither SIGPIPE nor SIGXFSZ ends the program, the write fails.
 void install_interrupt_handlers();
 
 /// True once Ctrl-C or SIGTERM has come.

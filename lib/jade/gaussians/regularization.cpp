@@ -44,7 +44,8 @@ struct OnCuda : torch::autograd::Function<OnCuda> {
 torch::Tensor mean_opacity_and_scale(const torch::Tensor& logit_opacities,
                                      const torch::Tensor& log_scales, double opacity_weight,
                                      double scale_weight) {
-  if (log_scales.is_cuda() && log_scales.numel() > 0) {
+  if (log_scales.is_cuda() && log_scales.scalar_type() == torch::kFloat32 &&
+      log_scales.numel() > 0) {
     return kernel::on_cuda("the regularization of MCMC", [&] {
       return OnCuda::apply(logit_opacities, log_scales, opacity_weight, scale_weight);
     });

@@ -7,6 +7,7 @@
 
 #include "jade/core/error.h"
 #include "jade/core/interrupt.h"
+#include "jade/core/progress.h"
 #include "jade/data/cameras.h"
 #include "jade/geometry/alignment.h"
 #include "jade/geometry/quadrature.h"
@@ -32,7 +33,8 @@ struct Sight {
 
 /// The path, moved as a whole, from which the scene looks most like the image, near the one given.
 std::vector<geometry::Pose> fitted(const Sight& sight, const splat::Gaussians& gaussians,
-                                   int64_t steps, const splat::RenderOptions& render) {
+                                   int64_t steps, const splat::RenderOptions& render,
+                                   Progress& progress) {
   const torch::Device device = gaussians.means.device();
   std::vector<torch::Tensor> start;
   for (const geometry::Pose& pose : sight.path) {
@@ -66,6 +68,7 @@ std::vector<geometry::Pose> fitted(const Sight& sight, const splat::Gaussians& g
     adam.zero_grad();
     loss.backward();
     adam.step(train::pose_lr(schedule, step));
+    if (progress.step()) progress.show();
   }
   return best;
 }
@@ -118,17 +121,19 @@ data::Dataset with_learned_poses(const data::Dataset& dataset, const train::Expo
     after.push_back(exposure.poses[geometry::kMidPose]);
   }
   const geometry::Similarity drift = geometry::align_cameras(before, after);
+  const auto views = static_cast<int64_t>(learned.test.size() + learned.held_out.size());
+  Progress progress("fitting poses", views * fit_steps);
   for (data::SharpView& view : learned.test) {
     view.pose = geometry::moved(view.pose, drift);
-    view.pose =
-        fitted({view.image, view.camera, {view.pose}, {1.0}}, gaussians, fit_steps, render)[0];
+    view.pose = fitted({view.image, view.camera, {view.pose}, {1.0}}, gaussians, fit_steps, render,
+                       progress)[0];
   }
   for (data::Exposure& exposure : learned.held_out) {
     for (geometry::Pose& pose : exposure.poses) pose = geometry::moved(pose, drift);
     const std::vector<geometry::Pose> path{exposure.poses.begin(), exposure.poses.end()};
     const auto moments = geometry::quadrature(geometry::QuadratureRule::kTrapezoid, path.size());
     const auto found = fitted({exposure.blurry, exposure.camera, path, moments.weights}, gaussians,
-                              fit_steps, render);
+                              fit_steps, render, progress);
     std::copy(found.begin(), found.end(), exposure.poses.begin());
   }
   return learned;

@@ -30,8 +30,9 @@ struct ForwardArgs {
   bool needs_backward = false;  ///< false: `state` may stay empty
 };
 
-/// What a backend's forward pass hands to its backward pass. The op stores it with the graph and
-/// does not look inside.
+/// What a backend's forward pass hands to its backward pass. The op stores it with the graph, looks
+/// into nothing but `cleared`, and hands that over once. So a recording as a CUDA graph holds both
+/// passes, or the forward pass is replayed before every backward pass.
 struct SavedState {
   std::vector<torch::Tensor> tensors;
   std::vector<int64_t> numbers;

@@ -62,6 +62,8 @@ PoseGauge pose_gauge(const torch::Tensor& control, double depth) {
 void remove_gauge(const PoseGauge& gauge, const torch::Tensor& twists) {
   const torch::NoGradGuard no_grad;
   check_shape(twists, "twists", gauge.read.sizes().slice(1).vec());
+  check_same_device(twists, "twists", gauge.read, "gauge");
+  JADE_CHECK(twists.is_contiguous(), "expected contiguous twists");
   const torch::Tensor along = torch::empty({gauge.read.size(0)}, gauge.read.options());
   GaugeStep step;
   step.read = gauge.read.const_data_ptr<double>();

@@ -22,7 +22,7 @@ struct PoseGauge {
 PoseGauge pose_gauge(const torch::Tensor& control, double depth);
 
 /// Takes the part of the twists [V,K,6], float64 and contiguous, that lies along the gauge out of
-/// them, in place.
+/// them, in place. On a GPU on the current stream; the current device must be theirs.
 void remove_gauge(const PoseGauge& gauge, const torch::Tensor& twists);
 
 }  // namespace jade::train

@@ -20,7 +20,8 @@ struct RowAdamState {
 class RowAdam {
  public:
   RowAdam() = default;
-  /// @param parameter  on the device where it stays
+  /// @param parameter  contiguous, on the device where it stays; a GPU is the current device at
+  ///   every call
   explicit RowAdam(torch::Tensor parameter, double eps = 1e-8);
 
   bool empty() const { return !parameter_.defined(); }

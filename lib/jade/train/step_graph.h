@@ -9,7 +9,8 @@
 namespace jade::train {
 
 /// While it lives, this thread's work on a GPU is queued on a stream of its own: the default stream
-/// cannot be recorded. Does nothing for the CPU.
+/// cannot be recorded. Bounds the device's stack memory too, for good (core/device.h). Does nothing
+/// for the CPU.
 class StreamScope {
  public:
   explicit StreamScope(torch::Device device);

@@ -39,7 +39,6 @@ class Arena {
     size_ += (bytes + 255) / 256 * 256;
     return at;
   }
-  int64_t size() const { return size_; }
   void allocate(const torch::TensorOptions& like) {
     tensor_ = torch::empty({size_}, like.dtype(torch::kUInt8));
   }

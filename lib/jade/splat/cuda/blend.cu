@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Blending and its adjoint: a block per tile, a warp per quarter of it, a lane per two pixels.
+// Blending and its adjoint: a block per tile, a warp per quarter of it, a lane per two pixels; late
+// in a list of the forward pass, per one.
 #include <type_traits>
 
 #include "jade/splat/cuda/blend.cuh"
@@ -17,7 +18,7 @@ __device__ __forceinline__ bool any_alive(const float* t) {
   return __any_sync(~0u, t[0] > 0.0f || t[1] > 0.0f);
 }
 
-/// This thread's share of it. Blending leaves memory time enough, a pass of its own would not.
+/// Zeros this thread's share. Blending waits for instructions, so that its stores are nearly free.
 __device__ __forceinline__ void clear(const Clearing& clearing) {
   const int64_t threads = int64_t(gridDim.x) * kBlendThreads;
   for (int64_t i = int64_t(blockIdx.x) * kBlendThreads + threadIdx.x; 16 * i < clearing.bytes;
@@ -50,10 +51,10 @@ __device__ __forceinline__ void store_pixel(const RenderCall& call, const Images
   if (kDepth) images.depth_sum[pixels.view * plane + i] = s.depth[k];
 }
 
-/// kKeep: a gradient will be asked for. Then entries forget the quarters in which their splat
+/// kGradient: a gradient will be asked for. Then entries forget the quarters in which their splat
 /// changed no pixel, as where all that it reaches have stopped: the adjoint has nothing to do
 /// there. While most pixels go on, hardly a splat changes none, and nobody looks.
-template <bool kDepth, bool kKeep>
+template <bool kDepth, bool kGradient>
 __global__ void __launch_bounds__(kBlendThreads, kBlendBlocks)
     blend_kernel(const __grid_constant__ RenderCall call, const Images images,
                  const Clearing clearing) {
@@ -63,7 +64,7 @@ __global__ void __launch_bounds__(kBlendThreads, kBlendBlocks)
   __shared__ uint8_t places[kBlendThreads / 32][32];
   const Pixels pixels(call);
   WarpStage& stage = stages[pixels.quarter];
-  if (kKeep) clear(clearing);
+  if (kGradient) clear(clearing);
   int place = 2 * (threadIdx.x & 31);  // of the lane's first pixel; −1 if it has none left
   float px[2] = {float(pixels.x[0]) + 0.5f, float(pixels.x[1]) + 0.5f};
   float py = float(pixels.y) + 0.5f;
@@ -85,7 +86,7 @@ __global__ void __launch_bounds__(kBlendThreads, kBlendBlocks)
   };
   bool narrow = false;    // a lane has one pixel
   uint32_t changing = 0;  // bit j: the splat at stage.splat[j] changed this lane's pixel
-  const auto begin_narrow = [&](const Alive& alive) {
+  const auto begin_narrow = [&](const AlivePixels& alive) {
     for (int k = 0; k < 2; ++k) {
       if (s.t[k] <= 0) store_pixel<kDepth>(call, images, pixels, place + k, k, s);
     }
@@ -108,7 +109,7 @@ __global__ void __launch_bounds__(kBlendThreads, kBlendBlocks)
           for_group<kGroup>(begin, end, [&](int j, int k) {
             const float before = s.t[0];
             blend(j, std::integral_constant<int, 1>());
-            if (kKeep && s.t[0] != before) changed |= 1u << k;
+            if (kGradient && s.t[0] != before) changed |= 1u << k;
           });
           changing |= changed << begin;
         } else {
@@ -118,11 +119,11 @@ __global__ void __launch_bounds__(kBlendThreads, kBlendBlocks)
       },
       [&](uint32_t* entries, int count) {
         if (!narrow) {
-          const Alive alive(s.t);
+          const AlivePixels alive(s.t);
           if (alive.any() && alive.count() <= 32) begin_narrow(alive);
           return;
         }
-        if (!kKeep) return;
+        if (!kGradient) return;
         const int lane = threadIdx.x & 31;
         const uint32_t all = __reduce_or_sync(~0u, changing);
         if (entries != nullptr && lane < count && (all >> lane & 1) == 0) {
@@ -415,8 +416,8 @@ void launch_blend(const RenderCall& call, const Images& images, const Clearing& 
   const int blocks = call.views * call.tiles;
   with_flag(images.depth_sum != nullptr, [&](auto depth) {
     with_flag(clearing.memory != nullptr, [&](auto keep) {
-      constexpr bool kDepth = decltype(depth)::value, kKeep = decltype(keep)::value;
-      blend_kernel<kDepth, kKeep><<<blocks, kBlendThreads, 0, stream>>>(call, images, clearing);
+      constexpr bool kDepth = decltype(depth)::value, kGradient = decltype(keep)::value;
+      blend_kernel<kDepth, kGradient><<<blocks, kBlendThreads, 0, stream>>>(call, images, clearing);
     });
   });
 }

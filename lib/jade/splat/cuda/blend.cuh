@@ -13,7 +13,7 @@ constexpr int kGroup = 8;  ///< splats between two looks at what is done
 struct WarpStage {
   float4 splat[32][3];
   uint32_t entry[64];     ///< waiting to be loaded
-  uint32_t position[64];  ///< in the tile's list; deterministic passes only
+  uint32_t position[64];  ///< in the tile's list
 };
 
 /// The arithmetic of math::blend_step() with the special function unit's own accuracy, 2 ulp.
@@ -65,10 +65,10 @@ struct Pixels {
 };
 
 /// Which pixels of a quarter go on: those with a transmittance above 0.
-struct Alive {
+struct AlivePixels {
   uint32_t first, second;  ///< bit i: lane i's pixels 0 and 1
 
-  __device__ __forceinline__ explicit Alive(const float* t)
+  __device__ __forceinline__ explicit AlivePixels(const float* t)
       : first(__ballot_sync(~0u, t[0] > 0.0f)), second(__ballot_sync(~0u, t[1] > 0.0f)) {}
   __device__ __forceinline__ bool any() const { return (first | second) != 0; }
   __device__ __forceinline__ int count() const { return __popc(first) + __popc(second); }
@@ -79,7 +79,7 @@ struct Alive {
 class OnePixel {
  public:
   /// @param places  [32] of the warp's shared memory
-  __device__ __forceinline__ OnePixel(const Alive& alive, uint8_t* places) {
+  __device__ __forceinline__ OnePixel(const AlivePixels& alive, uint8_t* places) {
     const int lane = threadIdx.x & 31, of_first = __popc(alive.first);
     const uint32_t before = (1u << lane) - 1;
     if (alive.first >> lane & 1) places[__popc(alive.first & before)] = uint8_t(2 * lane);
@@ -126,8 +126,8 @@ __device__ __forceinline__ void for_group(int first, int end, const Blend& blend
 
 /// Streams the splats of a list that reach the warp's quarter through `stage`, in order, in groups
 /// of at most eight: alive() is asked before each, group(first, end) takes the splats at
-/// stage.splat[first … end − 1]. After every 32 or fewer, and before the end, seen(how many) may
-/// look once more at those that went through a group since, at stage.position from 0 on.
+/// stage.splat[first … end − 1]. After every 32 or fewer, and where no pixel goes on, seen(how
+/// many) may look once more at those that went through a group since, at stage.position from 0 on.
 /// Returns whether a pixel was still alive at the end.
 template <class Alive, class Group, class Seen>
 __device__ __forceinline__ bool stream(const uint32_t* list, int count, int quarter,

@@ -10,9 +10,11 @@ namespace jade::splat::cuda {
 
 namespace m = jade::splat::math;
 
-constexpr int kTile = 16;               ///< px; one block blends one tile of one view
-constexpr int kSubtile = 8;             ///< px; one warp blends one quarter of a tile
-constexpr int kMaskBits = 4;            ///< of an entry: which quarters of the tile a splat reaches
+constexpr int kTile = 16;    ///< px; one block blends one tile of one view
+constexpr int kSubtile = 8;  ///< px; one warp blends one quarter of a tile
+/// Of an entry: which quarters of the tile a splat reaches, and after a forward pass with gradients
+/// those of them where the adjoint has something to do.
+constexpr int kMaskBits = 4;
 constexpr int kMaxGaussians = 1 << 28;  ///< an entry is index << kMaskBits | mask in 32 bits
 constexpr int kMostChunkGaussians = 1024;
 constexpr int kMostChunkTiles = 2048;
