@@ -98,6 +98,16 @@ TEST_CASE("damage: events outside the image and NaN coordinates are named", "[da
   CHECK(mentions(scene.warnings(), "events.h5"));
 }
 
+TEST_CASE("damage: events of one polarity are named", "[data]") {
+  Scene scene;
+  CHECK_FALSE(mentions(scene.warnings(), "darker"));
+  for (const double polarity : {0.0, 1.0}) {
+    scene.rewrite_events(
+        [&](test::RawEvents& raw) { std::fill(raw.p.begin(), raw.p.end(), polarity); });
+    CHECK(mentions(scene.warnings(), "darker; expected some of both"));
+  }
+}
+
 TEST_CASE("damage: exposures without events are named", "[data]") {
   Scene scene;
   scene.rewrite_events([](test::RawEvents& raw) {

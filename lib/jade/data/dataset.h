@@ -72,9 +72,9 @@ void describe(V& v, DatasetOptions& o) {
 }
 
 /// Reads a data set of any kind. What can be repaired or ignored becomes one line in `warnings`
-/// (which may be null): events that are unsorted, outside the image or the recording, or not
-/// finite; exposures without events; poses that had to be interpolated or extended; one exposure; a
-/// colour filter of the events of gray frames, which is left out.
+/// (which may be null): events that are unsorted, outside the image or the recording, of one
+/// polarity, or not finite; exposures without events; poses that had to be interpolated or
+/// extended; one exposure; a colour filter of the events of gray frames, which is left out.
 /// Exposures that held_out.txt in the folder names go to Dataset::held_out.
 /// @throws DataError with the path and the fix for what cannot: files that are missing, truncated
 ///         or unreadable, counts and sizes that differ, missing poses of an exposure, times that

@@ -38,6 +38,20 @@ void check_inside(const events::EventStream& events, const geometry::Intrinsics&
                "another resolution or to the raw sensor");
 }
 
+/// A scene that a camera moves by gets darker as often as brighter, near enough.
+void check_polarity(const events::EventStream& events, const fs::path& path,
+                    const Warnings& warnings) {
+  constexpr int64_t kFew = 100;      // events that say nothing yet
+  constexpr int64_t kRarest = 1000;  // one in so many
+  const int64_t all = events.size();
+  const int64_t up = events.polarity().gt(0).sum().item<int64_t>();
+  if (all < kFew || std::min(up, all - up) * kRarest >= all) return;
+  warnings.add(
+      path.string(), ": ", up, " of ", all, " events are of getting brighter, ", all - up,
+      " of getting darker; expected some of both: 1 and 0, or 1 and -1. Does the file hold "
+      "one polarity only?");
+}
+
 events::EventStream cut(const events::EventStream& events, const RecordingSpan& keep,
                         const fs::path& path, const Warnings& warnings) {
   if (keep.end_us == INT64_MAX || events.empty()) return events;
@@ -82,6 +96,7 @@ void attach_events(const DatasetOptions& options, const RecordingSpan& exposures
   events::EventFileResult result = events::read_events(path, file_options);
   for (const std::string& line : result.warnings) warnings.add(line);
   check_inside(result.events, camera, path, warnings);
+  check_polarity(result.events, path, warnings);
   data.events = cut(result.events, keep, path, warnings);
   std::vector<std::string> without;
   for (Exposure& exposure : data.train) {

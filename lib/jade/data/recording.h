@@ -23,7 +23,8 @@ std::filesystem::path find_recording(const DatasetOptions& options);
 
 /// Loads the recording into data.events, in the unit of time that `exposures` (first start to last
 /// end) call for, drops events outside `keep`, and gives each exposure in data.train its slice.
-/// Warns of events that lie outside the image or are not finite, and of exposures without events.
+/// Warns of events that lie outside the image, are not finite or hardly any of one polarity, and of
+/// exposures without events.
 /// @throws DataError as load_dataset.
 void attach_events(const DatasetOptions& options, const RecordingSpan& exposures,
                    const RecordingSpan& keep, const Warnings& warnings, Dataset& data);
