@@ -62,6 +62,24 @@ TEST_CASE("cameras: what is written is read back, and both ways to say a pose ag
                     Catch::Contains("bare.json") && Catch::Contains("camera_from_world"));
 }
 
+TEST_CASE("cameras: files that are no list of cameras are told in plain words", "[data]") {
+  const test::TempDir dir;
+  const auto told = [&](const std::string& text) -> std::string {
+    try {
+      read_cameras(dir.write("own.json", text));
+    } catch (const DataError& error) {
+      return error.what();
+    }
+    return "nothing";
+  };
+  CHECK_THAT(told(R"({"cameras": [1,)"), Catch::Contains("own.json: expected JSON, found its end"));
+  CHECK_THAT(told(R"({"cameras": [1}, 2)"), Catch::Contains("found what is none at byte 15 of 18"));
+  CHECK_THAT(told(R"({"frames": []})"), Catch::Contains("own.json: expected a list of cameras"));
+  CHECK_THAT(told("3"), Catch::Contains("own.json: expected a list of cameras"));
+  CHECK_THAT(told(R"([{"width": "wide"}])"),
+             Catch::Contains("entry 0: ") && !Catch::Contains("json.exception"));
+}
+
 TEST_CASE("cameras: two of one name are refused, as their images would be one file", "[data]") {
   const test::TempDir dir;
   std::vector<NamedCamera> cameras(2);

@@ -287,6 +287,15 @@ TEST_CASE("trainer: a checkpoint from before fingerprints knew events is gone on
   CHECK(run::Trainer(options, folder, "latest").state().step == 1);
 }
 
+TEST_CASE("trainer: a folder is no checkpoint to resume from", "[run]") {
+  const Scene scene;
+  const auto resume = [&] {
+    run::Trainer(tiny_options(scene), scene.dir / "run", scene.dir.path().string());
+  };
+  CHECK_THROWS_AS(resume(), ConfigError);
+  CHECK_THROWS_WITH(resume(), Catch::Contains("--resume: expected a checkpoint, found the folder"));
+}
+
 TEST_CASE("trainer: refuses to resume with another restorer, wherever its file lies", "[run]") {
   const Scene scene;
   const auto run = scene.dir / "run";

@@ -75,6 +75,35 @@ NamedCamera camera_of(const json& entry, const json& defaults, size_t index) {
   return result;
 }
 
+/// What the file holds: a list, or an object whose other keys all cameras share.
+json parsed(const std::filesystem::path& path) {
+  const std::string text = read_file(path);
+  json document;
+  try {
+    document = json::parse(text);
+  } catch (const json::parse_error& problem) {
+    const std::string found =
+        problem.byte > text.size()
+            ? "its end too early"
+            : concat("what is none at byte ", problem.byte, " of ", text.size());
+    throw DataError(
+        concat(path.string(), ": expected JSON, found ", found, "; is the file whole?"));
+  }
+  if (document.is_array() || (document.is_object() && document.contains("cameras"))) {
+    return document;
+  }
+  throw DataError(concat(path.string(),
+                         ": expected a list of cameras, or an object with that list as "
+                         "\"cameras\", found neither"));
+}
+
+/// The library's words without its number of the error.
+std::string words_of(const json::exception& problem) {
+  const std::string text = problem.what();
+  const size_t end = text.find("] ");
+  return end == std::string::npos ? text : text.substr(end + 2);
+}
+
 }  // namespace
 
 std::vector<NamedCamera> read_cameras(const std::filesystem::path& path) {
@@ -82,7 +111,7 @@ std::vector<NamedCamera> read_cameras(const std::filesystem::path& path) {
   std::unordered_set<std::string> names;
   size_t index = 0;
   try {
-    const json document = json::parse(read_file(path));
+    const json document = parsed(path);
     const json& list = document.is_array() ? document : document.at("cameras");
     const json defaults = document.is_object() ? document : json::object();
     for (const json& entry : list) {
@@ -94,7 +123,7 @@ std::vector<NamedCamera> read_cameras(const std::filesystem::path& path) {
       ++index;
     }
   } catch (const json::exception& problem) {
-    throw DataError(concat(path.string(), ": entry ", index, ": ", problem.what()));
+    throw DataError(concat(path.string(), ": entry ", index, ": ", words_of(problem)));
   } catch (const std::out_of_range&) {
     throw DataError(concat(path.string(), ": entry ", index, ": a row of its pose is too short"));
   } catch (const DataError& problem) {

@@ -114,6 +114,11 @@ Trainer::~Trainer() {
 }
 
 bool Trainer::resume_from(const std::string& choice) {
+  if (choice != "latest" && fs::is_directory(choice)) {
+    throw ConfigError(concat("--resume: expected a checkpoint, found the folder ", choice,
+                             "; name one of its files, or go on with the newest of a run by ",
+                             "--output FOLDER --resume alone"));
+  }
   std::vector<fs::path> candidates =
       choice == "latest" ? list_checkpoints(directory_.path()) : std::vector<fs::path>{choice};
   if (candidates.empty()) {
