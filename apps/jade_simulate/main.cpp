@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "common/cli.h"
+#include "jade/core/atomic_file.h"
 #include "jade/io/npy.h"
 #include "jade/simulate/simulator.h"
 
@@ -71,6 +72,19 @@ void report(const simulate::SimulateResult& result, const std::filesystem::path&
   }
 }
 
+/// A data set that a full disk cut short would be read as a smaller one.
+void write(const simulate::SimulateResult& result, const simulate::SimulateRun& run,
+           const std::filesystem::path& folder, bool recording) {
+  const auto write_into = recording ? simulate::write_recording : simulate::write;
+  if (std::filesystem::exists(folder) && !std::filesystem::is_empty(folder)) {  // --force
+    write_into(result, run, folder);
+    return;
+  }
+  AtomicFolder whole(folder);
+  write_into(result, run, whole.temporary_path());
+  whole.commit();
+}
+
 void write_footage(const simulate::SimulateRun& run, int64_t frames,
                    const std::filesystem::path& folder) {
   const torch::Tensor footage = simulate::exposure_footage(run, frames);
@@ -122,7 +136,7 @@ int main(int argc, char** argv) {
     // What others' poses are judged by has no error of its own.
     if (recording) run->simulate.poses = {};
     const auto result = simulate::simulate(*run);
-    (recording ? simulate::write_recording : simulate::write)(result, *run, program.output());
+    write(result, *run, program.output(), recording);
     report(result, program.output(), program.json());
     return ExitCode::kOk;
   });

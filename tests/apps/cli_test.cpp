@@ -168,6 +168,24 @@ TEST_CASE("programs: want of memory is told by its exit code, whoever asked for 
   CHECK(code_of([] { torch::empty({int64_t(1) << 48}); }) == 4);  // more than can be addressed
 }
 
+TEST_CASE("jade_simulate: a disk that is full leaves no half of a data set", "[apps]") {
+  const test::TempDir dir;
+  const std::string tiny =
+      "jade_simulate --quiet --set simulate.exposures=2 --set simulate.test_views=0 --set "
+      "simulate.seen_test_views=0 --set simulate.width=36 --set simulate.height=28 --set "
+      "simulate.focal_px=40 --set simulate.motion.blur_px=3 --output ";
+  fs::create_directory(dir / "scene");
+  // No file beyond some kilobytes: enough for the pictures, not for the events.
+  for (const std::string flag : {"scene", "scene --recording", "new"}) {
+    check_error(run(dir, "ulimit -f 12\n" + tiny + flag), 3,
+                "cannot be written; check the free space");
+    CHECK(fs::is_empty(dir / "scene"));
+    CHECK_FALSE(fs::exists(dir / "new"));
+  }
+  CHECK(run(dir, tiny + "scene").code == 0);
+  CHECK(fs::exists(dir / "scene" / "events.h5"));
+}
+
 TEST_CASE("programs: all answer --version and --help", "[apps]") {
   const test::TempDir dir;
   for (const char* program :

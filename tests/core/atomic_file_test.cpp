@@ -25,6 +25,36 @@ TEST_CASE("AtomicFile: without commit the old content stays and no trace is left
   CHECK(std::distance(std::filesystem::directory_iterator(dir.path()), {}) == 1);
 }
 
+TEST_CASE("AtomicFolder: what is written appears with commit, else nothing is left", "[core]") {
+  const test::TempDir dir;
+  const auto path = dir.path() / "a" / "b";
+  const auto write = [](const AtomicFolder& folder) {
+    std::filesystem::create_directory(folder.temporary_path() / "sub");
+    write_file(folder.temporary_path() / "sub" / "x", "x");
+    write_file(folder.temporary_path() / "y", "y");
+  };
+  {
+    const AtomicFolder folder(path);
+    write(folder);
+    CHECK_FALSE(std::filesystem::exists(path / "y"));
+  }
+  CHECK_FALSE(std::filesystem::exists(path));
+  std::filesystem::create_directory(path);
+  { const AtomicFolder folder(path); }
+  CHECK(std::filesystem::is_empty(path));
+  {
+    AtomicFolder folder(path);
+    write(folder);
+    folder.commit();
+  }
+  CHECK(read_file(path / "sub" / "x") == "x");
+  CHECK(read_file(path / "y") == "y");
+  CHECK(std::distance(std::filesystem::directory_iterator(path), {}) == 2);
+  AtomicFolder again(path);
+  write(again);
+  CHECK_THROWS_WITH(again.commit(), Catch::Contains("sub: cannot be put there"));
+}
+
 TEST_CASE("files: what cannot be written or read is a DataError that names the path", "[core]") {
   const test::TempDir dir;
   const auto file = dir.write("file.txt", "x");

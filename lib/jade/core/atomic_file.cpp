@@ -54,6 +54,31 @@ void AtomicFile::commit() {
   sync_path(folder_of(path_));
 }
 
+AtomicFolder::AtomicFolder(fs::path path)
+    : path_(std::move(path)),
+      temporary_(path_ / concat(".", getpid(), ".part")),
+      made_(!fs::exists(path_)) {
+  make_writable_folder(path_);
+  make_writable_folder(temporary_);
+}
+
+AtomicFolder::~AtomicFolder() {
+  std::error_code ignored;
+  fs::remove_all(temporary_, ignored);
+  if (made_) fs::remove(path_, ignored);  // stays where it holds something
+}
+
+void AtomicFolder::commit() {
+  std::error_code failure;
+  for (const fs::directory_entry& entry : fs::directory_iterator(temporary_)) {
+    const fs::path target = path_ / entry.path().filename();
+    fs::rename(entry.path(), target, failure);
+    if (failure) {
+      throw DataError(concat(target.string(), ": cannot be put there: ", failure.message()));
+    }
+  }
+}
+
 void write_file(const fs::path& path, const std::string& content) {
   AtomicFile file(path);
   std::ofstream out(file.temporary_path(), std::ios::binary);

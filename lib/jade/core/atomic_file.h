@@ -28,6 +28,30 @@ class AtomicFile {
   bool committed_ = false;
 };
 
+/// A folder whose content appears once all of it is written: write into temporary_path(), which
+/// lies in it, then commit(). Without commit() the destructor removes what was written, and the
+/// folder too if it was not there before. Works where the folder is a link or a place where a disk
+/// is mounted.
+class AtomicFolder {
+ public:
+  /// @param path  holds nothing that is also written; made with its parents.
+  /// @throws DataError if it cannot be made or is not writable.
+  explicit AtomicFolder(std::filesystem::path path);
+  ~AtomicFolder();
+  AtomicFolder(const AtomicFolder&) = delete;
+  AtomicFolder& operator=(const AtomicFolder&) = delete;
+
+  const std::filesystem::path& temporary_path() const { return temporary_; }
+
+  /// @throws DataError if a name is taken in the folder.
+  void commit();
+
+ private:
+  std::filesystem::path path_;
+  std::filesystem::path temporary_;
+  bool made_ = false;
+};
+
 /// Writes `content` through an AtomicFile.
 void write_file(const std::filesystem::path& path, const std::string& content);
 

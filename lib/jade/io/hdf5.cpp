@@ -52,8 +52,12 @@ template <> hid_t native_type<float>() { return H5T_NATIVE_FLOAT; }
 template <> hid_t native_type<double>() { return H5T_NATIVE_DOUBLE; }
 // clang-format on
 
-/// The library prints its error stack to stderr unless told not to, per thread.
-void silence_hdf5() {
+/// Before any other call. The library prints its error stack to stderr unless told not to, per
+/// thread; and at the program's end it closes again what a full disk kept it from closing, which
+/// crashes. Here the owner of a file closes it.
+void prepare_hdf5() {
+  static const herr_t without_end = H5dont_atexit();  // heard before the first H5open() only
+  static_cast<void>(without_end);
   H5open();
   H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
 }
@@ -177,7 +181,7 @@ struct Hdf5File::Handle {
 
 Hdf5File::Hdf5File(const std::filesystem::path& path)
     : path_(path), handle_(std::make_unique<Handle>()) {
-  silence_hdf5();
+  prepare_hdf5();
   register_ecf();
   std::error_code error;
   const auto size = std::filesystem::file_size(path, error);
@@ -345,7 +349,7 @@ struct Hdf5Writer::Handle {
 
 Hdf5Writer::Hdf5Writer(const std::filesystem::path& path, int gzip_level)
     : path_(path), handle_(std::make_unique<Handle>(path, gzip_level)) {
-  silence_hdf5();
+  prepare_hdf5();
   handle_->file = Id(
       H5Fcreate(handle_->target.temporary_path().c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT));
   if (!handle_->file.valid()) {
