@@ -6,6 +6,7 @@
 #include "jade/gaussians/ply.h"
 #include "jade/gaussians/splat_file.h"
 #include "jade/gaussians/spz_file.h"
+#include "jade/gaussians/summary.h"
 #include "jade/run/checkpoint.h"
 #include "jade/run/evaluate.h"
 
@@ -32,21 +33,31 @@ gaussians::GaussianFile load(const Sources& sources) {
   return {run::newest_gaussians(sources.run), false};
 }
 
-void save(const fs::path& path, const gaussians::GaussianFile& file) {
+/// Returns how many Gaussians it wrote.
+int64_t save(const fs::path& path, const gaussians::GaussianFile& file) {
   const std::string extension = path.extension().string();
   if (path.has_parent_path()) make_writable_folder(path.parent_path());
   if (extension == ".ply") {
     gaussians::write_ply(path, file);
-  } else if (extension == ".splat") {
-    gaussians::write_splat(path, file.gaussians);
+    return file.gaussians.size();
+  }
+  const gaussians::GaussianFile drawn{gaussians::drawable(file.gaussians), file.antialiased};
+  if (const int64_t left = file.gaussians.size() - drawn.gaussians.size(); left > 0) {
+    log_warn(concat(path.string(), ": ", left, " of ", file.gaussians.size(),
+                    " Gaussians have NaN or Inf in their numbers, so are in no picture, and are "
+                    "left out; a .ply holds them"));
+  }
+  if (extension == ".splat") {
+    gaussians::write_splat(path, drawn.gaussians);
   } else if (extension == ".spz") {
     gaussians::SpzOptions options;
-    options.antialiased = file.antialiased;
-    gaussians::write_spz(path, file.gaussians, options);
+    options.antialiased = drawn.antialiased;
+    gaussians::write_spz(path, drawn.gaussians, options);
   } else {
     throw ConfigError(concat("--output: expected a file that ends in .ply, .splat or .spz, found ",
                              path.string().empty() ? "nothing" : path.string()));
   }
+  return drawn.gaussians.size();
 }
 
 }  // namespace
@@ -61,13 +72,12 @@ int main(int argc, char** argv) {
   program.add_json_flag();
   return program.run(argc, argv, [&] {
     const gaussians::GaussianFile file = load(sources);
-    save(program.output(), file);
+    const int64_t written = save(program.output(), file);
     const auto bytes = fs::file_size(program.output());
     if (program.json()) {
-      std::cout << "{\"gaussians\": " << file.gaussians.size() << ", \"bytes\": " << bytes << "}\n";
+      std::cout << "{\"gaussians\": " << written << ", \"bytes\": " << bytes << "}\n";
     } else {
-      log_info(concat(program.output().string(), ": ", file.gaussians.size(), " Gaussians, ", bytes,
-                      " bytes"));
+      log_info(concat(program.output().string(), ": ", written, " Gaussians, ", bytes, " bytes"));
     }
     return ExitCode::kOk;
   });

@@ -8,6 +8,7 @@ attributes), and compares. Standard library only.
 """
 
 import gzip
+import json
 import math
 import random
 import struct
@@ -154,6 +155,20 @@ def must_fail(check, *arguments):
     raise SystemExit(f"{check.__name__} did not notice a wrong file")
 
 
+def check_left_out(program, folder):
+    """A Gaussian with a number that is not finite is in no picture, and not in files for viewers."""
+    rows = draw(1)
+    spoilt = rows + [dict(rows[0], opacity=math.nan)]
+    source = folder / "spoilt.ply"
+    write_ply(source, spoilt, 1)
+    for ending, check in (("splat", lambda path: check_splat(path, rows)), ("spz", lambda path: check_spz(path, rows, 1))):
+        path = folder / f"spoilt.{ending}"
+        done = subprocess.run([program, "--ply", source, "--output", path, "--json"], check=True, capture_output=True, text=True)
+        check(path)
+        assert json.loads(done.stdout)["gaussians"] == COUNT, done.stdout
+        assert f"1 of {COUNT + 1} Gaussians have NaN or Inf" in done.stderr, done.stderr
+
+
 def main():
     program = sys.argv[1]
     with tempfile.TemporaryDirectory() as name:
@@ -172,6 +187,7 @@ def main():
             must_fail(check_ply, outputs["ply"], other)
             must_fail(check_splat, outputs["splat"], other)
             must_fail(check_spz, outputs["spz"], other, degree)
+        check_left_out(program, folder)
     print("ply, splat, spz: SH degrees 0 to 3 read back")
 
 

@@ -7,8 +7,8 @@
 #include <string>
 
 #include "jade/core/atomic_file.h"
-#include "jade/core/error.h"
 #include "jade/gaussians/file_tensor.h"
+#include "jade/gaussians/summary.h"
 
 namespace jade::gaussians {
 namespace {
@@ -18,18 +18,13 @@ constexpr double kShDc = 0.28209479177387814;  ///< Y_0^0
 
 }  // namespace
 
-void write_splat(const std::filesystem::path& path, const splat::Gaussians& gaussians) {
+void write_splat(const std::filesystem::path& path, const splat::Gaussians& all) {
+  const splat::Gaussians gaussians = drawable(all);
   const torch::Tensor means = file_tensor(gaussians.means);
-  if (!means.isfinite().all().item<bool>()) {
-    throw DataError(concat(path.string(),
-                           ": not written: a Gaussian's position is not finite; "
-                           "jade_inspect says how many are, .ply can hold them"));
-  }
   const torch::Tensor scales = file_tensor(gaussians.log_scales).exp();
   const torch::Tensor opacities = file_tensor(gaussians.logit_opacities).sigmoid();
   const torch::Tensor rgb = file_tensor(gaussians.sh.select(1, 0)) * kShDc + 0.5;
   const torch::Tensor rgba = (torch::cat({rgb, opacities.unsqueeze(1)}, 1) * 255)
-                                 .nan_to_num(0)
                                  .round()
                                  .clamp(0, 255)
                                  .to(torch::kUInt8)
@@ -37,9 +32,9 @@ void write_splat(const std::filesystem::path& path, const splat::Gaussians& gaus
   const torch::Tensor rotations = file_tensor(gaussians.rotations);
   const torch::Tensor unit = rotations / rotations.norm(2, 1, true).clamp_min(1e-12);
   const torch::Tensor packed_rotations =
-      (unit * 128 + 128).nan_to_num(128).round().clamp(0, 255).to(torch::kUInt8).contiguous();
+      (unit * 128 + 128).round().clamp(0, 255).to(torch::kUInt8).contiguous();
   const torch::Tensor importance = scales.prod(1) * opacities;
-  const torch::Tensor order = importance.nan_to_num(0).argsort(/*stable=*/true, 0, true);
+  const torch::Tensor order = importance.argsort(/*stable=*/true, 0, true);
   const auto* from = order.data_ptr<int64_t>();
   std::string content(static_cast<size_t>(gaussians.size()) * kRecordBytes, '\0');
   for (int64_t i = 0; i < gaussians.size(); ++i) {

@@ -12,6 +12,7 @@
 #include "jade/core/check.h"
 #include "jade/core/log.h"
 #include "jade/gaussians/file_tensor.h"
+#include "jade/gaussians/summary.h"
 #include "jade/io/gzip.h"
 
 namespace jade::gaussians {
@@ -28,7 +29,7 @@ void put_u32(std::string& out, uint32_t value) {
 }
 
 void put_byte(std::string& out, double value) {
-  const double bounded = std::isnan(value) ? 0 : std::clamp(std::round(value), 0.0, 255.0);
+  const double bounded = std::clamp(std::round(value), 0.0, 255.0);
   out += static_cast<char>(static_cast<uint8_t>(bounded));
 }
 
@@ -76,9 +77,6 @@ constexpr double kCoarse = 1e-3;
 /// The finest fixed point that still holds the farthest position in 24 bits.
 int fitting_bits(const torch::Tensor& means, int wanted) {
   const double far = means.numel() == 0 ? 0 : means.abs().max().item<double>();
-  if (!std::isfinite(far)) {
-    throw DataError("not written: a Gaussian's position is not finite; .ply can hold it");
-  }
   int bits = wanted;
   while (bits > 0 && far * std::ldexp(1.0, bits) >= 8388607) --bits;
   if (far * std::ldexp(1.0, bits) >= 8388607) {
@@ -98,7 +96,8 @@ int fitting_bits(const torch::Tensor& means, int wanted) {
 
 }  // namespace
 
-std::string encode_spz(const splat::Gaussians& gaussians, const SpzOptions& options) {
+std::string encode_spz(const splat::Gaussians& all, const SpzOptions& options) {
+  const splat::Gaussians gaussians = drawable(all);
   const torch::Tensor means = file_tensor(gaussians.means, torch::kFloat64);
   const torch::Tensor sh = file_tensor(gaussians.sh, torch::kFloat64);
   const int64_t count = gaussians.size();

@@ -20,8 +20,8 @@ struct SpzOptions {
 /// The compressed .spz format, version 2 (gzip): 24-bit fixed-point positions, 8-bit scales,
 /// rotations, opacities and colours, SH up to degree 3 in as many bits as the options say.
 /// Positions are turned from our axes (x right, y down, z forward) to the format's (x right, y up,
-/// z back).
-/// @throws DataError where a position is not finite or too far for 24 bits.
+/// z back). Gaussians with a number that is not finite, which are in no picture, are left out.
+/// @throws DataError where a position is too far for 24 bits.
 std::string encode_spz(const splat::Gaussians& gaussians, const SpzOptions& options = {});
 
 /// Writes the same as a file.

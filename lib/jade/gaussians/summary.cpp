@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "jade/core/error.h"
+#include "jade/gaussians/gaussian_model.h"
 
 namespace jade::gaussians {
 namespace {
@@ -16,6 +17,16 @@ int64_t count_of(const torch::Tensor& mask) { return mask.sum().item<int64_t>();
 /// [N], whether a row is all numbers.
 torch::Tensor finite_rows(const torch::Tensor& tensor) {
   return tensor.reshape({tensor.size(0), -1}).isfinite().all(1);
+}
+
+/// [N], whether all numbers of a Gaussian are finite.
+torch::Tensor is_drawable(const splat::Gaussians& gaussians) {
+  torch::Tensor drawn = finite_rows(gaussians.means);
+  for (const torch::Tensor* tensor :
+       {&gaussians.rotations, &gaussians.log_scales, &gaussians.logit_opacities, &gaussians.sh}) {
+    drawn = drawn.logical_and(finite_rows(*tensor));
+  }
+  return drawn;
 }
 
 void find_problems(const splat::Gaussians& g, GaussianSummary& summary) {
@@ -94,14 +105,17 @@ GaussianSummary summarize(const splat::Gaussians& g) {
   return summary;
 }
 
+splat::Gaussians drawable(const splat::Gaussians& gaussians) {
+  if (gaussians.size() == 0) return gaussians;
+  const torch::Tensor drawn = is_drawable(gaussians);
+  if (drawn.all().item<bool>()) return gaussians;
+  return map_parameters(gaussians,
+                        [&](const torch::Tensor& value) { return value.index({drawn}); });
+}
+
 std::string undrawable_warning(const splat::Gaussians& gaussians, const std::string& file) {
   if (gaussians.size() == 0) return {};
-  torch::Tensor drawn = finite_rows(gaussians.means);
-  for (const torch::Tensor* tensor :
-       {&gaussians.rotations, &gaussians.log_scales, &gaussians.logit_opacities, &gaussians.sh}) {
-    drawn = drawn.logical_and(finite_rows(*tensor));
-  }
-  const int64_t left = count_of(drawn.logical_not());
+  const int64_t left = gaussians.size() - count_of(is_drawable(gaussians));
   if (left == 0) return {};
   return concat(
       file, ": ", left, " of ", gaussians.size(),

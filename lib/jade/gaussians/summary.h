@@ -35,6 +35,9 @@ struct GaussianSummary {
 
 GaussianSummary summarize(const splat::Gaussians& gaussians);
 
+/// Those whose numbers are all finite; splatting draws no other.
+splat::Gaussians drawable(const splat::Gaussians& gaussians);
+
 /// A warning in one line for who only draws them: how many Gaussians of `file` are left out of
 /// every picture, as some of their numbers are not finite. Empty where there is none.
 std::string undrawable_warning(const splat::Gaussians& gaussians, const std::string& file);
