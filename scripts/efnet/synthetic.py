@@ -20,6 +20,7 @@ from draw import Draw
 from footage import Footage
 from restoration import WINDOWS
 
+MARGIN = 2  # time steps simulated before the exposure and after it, for events of another clock
 LUMA = (0.299, 0.587, 0.114)
 
 
@@ -29,7 +30,12 @@ class NoiseOptions:
 
     strength_min: float = 0.0
     strength_max: float = 1.0
+    apart: float = 0.5  # share of exposures whose frames and events differ in time, and of those where they differ in place
     quantise: bool = True
+
+    def share(self, of: float) -> float:
+        """Of exposures with a fault that has no strength; a clean simulation has none."""
+        return of if self.strength_max > 0 else 0.0
 
 
 @dataclass(frozen=True)
@@ -144,7 +150,8 @@ def smooth_path(draw: Draw, count: int, channels: int, time: Tensor) -> Tensor:
     path = weights[:, :, 0] * time + bend * (
         weights[:, :, 1] * 1.2 * time**2 + weights[:, :, 2] * 2 * time**3 + weights[:, :, 3] * 0.12 * wave
     )
-    length = path.diff(dim=2).square().sum(1).sqrt().sum(1).clamp_min(1e-6)
+    inside = (time[1:] + time[:-1]).abs() < 1
+    length = (path.diff(dim=2).square().sum(1).sqrt() * inside).sum(1).clamp_min(1e-6)
     return path / length.view(-1, 1, 1)
 
 
@@ -331,26 +338,34 @@ def compile_events() -> None:
     event_step = torch.compile(events_of_step, dynamic=True)
 
 
-def shift_in_time(level: Tensor, ahead: Tensor) -> Tensor:
-    """level [N,S,H,W] as it is `ahead` [N,1,1] time steps later (earlier where negative), at most one; beyond the ends along a line."""
-    earlier = torch.cat([2 * level[:, :1] - level[:, 1:2], level[:, :-1]], 1)
-    later = torch.cat([level[:, 1:], 2 * level[:, -1:] - level[:, -2:-1]], 1)
-    share = ahead.unsqueeze(1)
-    return torch.lerp(level, torch.where(share > 0, later, earlier), share.abs())
+def shift_in_time(level: Tensor, ahead: Tensor, margin: int) -> Tensor:
+    """level [N,S+2*margin,H,W] to [N,S,H,W], as it is `ahead` [N,1,1] time steps later (earlier where negative): at most by the margin, or
+    by one where there is none; beyond the ends along a line.
+    """
+    count, times = level.shape[:2]
+    first, last = 2 * level[:, :1] - level[:, 1:2], 2 * level[:, -1:] - level[:, -2:-1]
+    level = torch.cat([first, level, last], 1)
+    whole = ahead.floor().clamp(max=margin)  # the last step is reached from below
+    steps = torch.arange(times - 2 * margin, device=level.device) + margin + 1
+    index = steps + whole.view(count, 1).long()
+    sample = torch.arange(count, device=level.device).view(count, 1)
+    return torch.lerp(level[sample, index], level[sample, index + 1], (ahead - whole).unsqueeze(1))
 
 
 def simulate_events(
-    draw: Draw, intensity: Tensor, thresholds: PixelThresholds, strength: Tensor, windows: int, weigh: bool
+    draw: Draw, intensity: Tensor, thresholds: PixelThresholds, strength: Tensor, options: SceneOptions, margin: int, weigh: bool
 ) -> tuple[Tensor, Tensor | None]:
-    """Signed counts in equal windows [N,W,H,W], and the same weighted by the nominal thresholds."""
+    """Signed counts in equal windows [N,W,H,W], and the same weighted by the nominal thresholds. intensity: also of `margin` steps before
+    the exposure and after it."""
     count, times, height, width = intensity.shape
-    steps = times - 1
+    steps, windows = times - 2 * margin - 1, options.windows
     floor = draw.log_uniform(1e-3, 3e-2, count, 1, 1, 1)
     level = (intensity + floor).log()
     per_sample = strength.view(-1, 1, 1)
     # Frames are stamped at one end of their readout or the other: their clock differs from the events'.
-    ahead = draw.chance(0.5, count, 1, 1) * draw.uniform(-0.03, 0.03, count, 1, 1) * per_sample * steps
-    level = shift_in_time(level, ahead.clamp(-1, 1))
+    ahead = draw.chance(options.noise.share(options.noise.apart), count, 1, 1) * draw.uniform(-0.045, 0.045, count, 1, 1) * steps
+    most_ahead = max(margin, 1)
+    level = shift_in_time(level, ahead.clamp(-most_ahead, most_ahead), margin)
     # The stream runs on before the exposure: the reference is anywhere within a threshold of the first sample.
     offset = draw.uniform(-1, 1, count, height, width)
     reference = level[:, 0] - torch.where(offset > 0, offset * thresholds.rise, offset * thresholds.fall)
@@ -365,7 +380,7 @@ def simulate_events(
     counts = torch.zeros(count, windows, height, width, device=draw.device)
     weighted = torch.zeros_like(counts) if weigh else None
     seen = level[:, 0].contiguous()
-    for k in range(1, times):
+    for k in range(1, steps + 1):
         chances = draw.uniform(0, 1, 2, count, height, width)
         seen, reference, signed = event_step(
             level[:, k], seen, reference, thresholds.rise, thresholds.fall, slow, most, lost, reset, shot, leak, chances
@@ -457,18 +472,45 @@ def draw_moments(draw: Draw, steps: int, options: SceneOptions) -> Tensor:
     return torch.where(kind < 0.25, middle, torch.where(kind < 0.58, end, draw.index(steps + 1, *shape)))
 
 
-def finish(draw: Draw, pictures: Tensor, seen: Tensor, displacement: Tensor | None, options: SceneOptions,
+def soften(pictures: Tensor, sigma: Tensor) -> Tensor:
+    """Pictures [N,S,3,H,W] behind a lens whose point is a Gaussian of sigma [N] pixels, at most 0.8."""
+    weights = (-0.5 * (torch.arange(-2, 3, device=pictures.device) / sigma.clamp_min(1e-3).view(-1, 1)).square()).exp()
+    weights = (weights / weights.sum(1, keepdim=True)).view(-1, 5, 1, 1, 1, 1)
+    count, times, channels, height, width = pictures.shape
+    for axis in (3, 4):
+        padding = (0, 0, 2, 2) if axis == 3 else (2, 2, 0, 0)
+        wide = F.pad(pictures.flatten(1, 2), padding, mode="replicate").unflatten(1, (times, channels))
+        length = pictures.shape[axis]
+        pictures = sum(wide.narrow(axis, i, length) * weights[:, i] for i in range(5))
+    return pictures
+
+
+def draw_misplacement(draw: Draw, options: SceneOptions) -> Tensor:
+    """[N,1,1,2] pixels by which an exposure's events lie beside the frame, as after an imperfect calibration; zero for most."""
+    shape = (options.batch, 1, 1)
+    return draw.chance(options.noise.share(options.noise.apart), *shape, 1) * draw.uniform(-0.6, 0.6, *shape, 2)
+
+
+def finish(draw: Draw, pictures: Tensor, seen: Tensor, displacement: Tensor | None, margin: int, options: SceneOptions,
            with_windows: bool) -> Sample:
-    """What both sensors make of pictures [N,S+1,3,H,W]; the event pixels see `seen`."""
-    count, steps = options.batch, pictures.shape[1] - 1
+    """What both sensors make of pictures [N,margin+S+1+margin,3,H,W]; the event pixels see `seen`."""
+    count, steps = options.batch, pictures.shape[1] - 1 - 2 * margin
     strength = draw.uniform(options.noise.strength_min, options.noise.strength_max, count)
+    sigma = draw.chance(options.noise.share(0.3), count) * draw.uniform(0, 0.8, count)
+    if options.noise.strength_max > 0:
+        other = seen is not pictures
+        pictures = soften(pictures, sigma)
+        seen = soften(seen, sigma) if other else pictures
     intensity, exponent = event_intensity(draw, seen)
+    pictures = pictures[:, margin : margin + steps + 1]
     thresholds = draw_thresholds(draw, options, strength, exponent)
-    counts, weighted = simulate_events(draw, intensity, thresholds, strength, options.windows, with_windows)
-    if displacement is not None:
-        counts = splat(counts, displacement)
-        weighted = None if weighted is None else splat(weighted, displacement)
-    counts = counts * ~draw.chance(0.005 if options.noise.strength_max > 0 else 0.0, count, 1, 1, 1)
+    counts, weighted = simulate_events(draw, intensity, thresholds, strength, options, margin, with_windows)
+    if displacement is not None or options.noise.share(options.noise.apart) > 0:
+        shape = (count, options.height, options.width, 2)
+        displacement = draw_misplacement(draw, options) + (0 if displacement is None else displacement)
+        counts = splat(counts, displacement.expand(shape))
+        weighted = None if weighted is None else splat(weighted, displacement.expand(shape))
+    counts = counts * ~draw.chance(options.noise.share(0.005), count, 1, 1, 1)
     blurry = expose(draw, pictures, options, strength)
     chosen = draw_moments(draw, steps, options)
     sharp = torch.stack([pictures[i].index_select(0, chosen[i]) for i in range(count)])
@@ -483,19 +525,19 @@ def generate(draw: Draw, bank: Tensor, options: SceneOptions, with_windows: bool
     longest = math.exp(draw.scalar(math.log(options.blur_min_px), math.log(options.blur_max_px)))
     steps = options.steps or time_steps(longest, options.windows)
     blur = draw.uniform(0.4, 1.0, count) * longest
-    time = torch.linspace(-0.5, 0.5, steps + 1, device=draw.device)
+    time = torch.arange(-MARGIN, steps + MARGIN + 1, device=draw.device) / steps - 0.5
     layers = draw_layers(draw, bank, options, blur, time)
     make_colours(draw, layers, count)
     positions = pixel_grid(options, draw.device).unsqueeze(0)
     pictures = render(layers, positions)
     if draw.scalar() >= options.rectified:
-        return finish(draw, pictures, pictures, None, options, with_windows)
+        return finish(draw, pictures, pictures, None, MARGIN, options, with_windows)
     # A rectified recording: sensor pixels lie beside the picture's pixels, by a smooth field.
     radius = max(options.height, options.width) / 2
     linear = draw.uniform(-0.6, 0.6, count, 2, 2) / radius
     displacement = (positions.unsqueeze(3) * linear.view(count, 1, 1, 2, 2)).sum(-1)
     displacement = displacement + draw.uniform(-0.5, 0.5, count, 1, 1, 2)
-    return finish(draw, pictures, render(layers, positions + displacement), displacement, options, with_windows)
+    return finish(draw, pictures, render(layers, positions + displacement), displacement, MARGIN, options, with_windows)
 
 
 @torch.no_grad()
@@ -504,14 +546,15 @@ def generate_from_footage(draw: Draw, footage: Footage, options: SceneOptions, w
     whole = footage.longest() // options.windows * options.windows
     shorter = max(whole // 2 // options.windows, 1) * options.windows
     steps = shorter if draw.scalar() < 0.3 and not options.steps else whole
-    pictures = footage.batch(draw, options.batch, steps, options.height, options.width)
+    margin = min(MARGIN, (footage.longest() - steps) // 2)
+    pictures = footage.batch(draw, options.batch, steps + 2 * margin, options.height, options.width)
     flat = pictures.transpose(1, 2).flatten(2, 3)  # [N,3,S*H,W]
     flat = recolour(draw, flat)
     luma = torch.tensor(LUMA, device=draw.device).view(1, 3, 1, 1)
     gray = (flat * luma).sum(1, keepdim=True).expand_as(flat)
     flat = torch.where(draw.chance(0.25, options.batch, 1, 1, 1), gray, flat)
-    pictures = flat.view(options.batch, 3, steps + 1, options.height, options.width).transpose(1, 2)
-    return finish(draw, pictures, pictures, None, options, with_windows)
+    pictures = flat.view(options.batch, 3, -1, options.height, options.width).transpose(1, 2)
+    return finish(draw, pictures, pictures, None, margin, options, with_windows)
 
 
 def validation_options(options: SceneOptions, strength: float) -> SceneOptions:

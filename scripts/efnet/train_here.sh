@@ -23,7 +23,7 @@ film() {
   [ ! -e "$target/footage.npy" ] || return 0
   rm -rf "$making"
   if OMP_NUM_THREADS=1 "$simulate" --config "$root/configs/simulate/restorer.yaml" --seed "$1" --set "simulate.world=$world" \
-    --set "simulate.width=${size%x*}" --set "simulate.height=${size#*x}" --footage 33 --output "$making" --quiet >"$making.log" 2>&1; then
+    --set "simulate.width=${size%x*}" --set "simulate.height=${size#*x}" --footage 37 --output "$making" --quiet >"$making.log" 2>&1; then
     rm -rf "$target" && mv -T "$making" "$target" && rm -f "$making.log"
   else
     echo "train_here: film $1 failed, see $making.log" >&2

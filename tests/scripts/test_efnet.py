@@ -28,7 +28,8 @@ from model import EFNet, parameter_count  # noqa: E402
 from draw import Draw  # noqa: E402
 from footage import Footage  # noqa: E402
 from synthetic import (  # noqa: E402
-    NoiseOptions, SceneOptions, event_step, generate, generate_from_footage, procedural_textures, shift_in_time, splat,
+    NoiseOptions, PixelThresholds, SceneOptions, draw_misplacement, event_step, generate, generate_from_footage, procedural_textures,
+    shift_in_time, simulate_events, soften, splat,
 )
 
 torch.set_num_threads(1)
@@ -224,8 +225,39 @@ class Generator(unittest.TestCase):
     def test_a_shift_in_time_takes_the_level_of_later_or_earlier(self):
         level = torch.tensor([0.0, 1.0, 4.0, 5.0]).view(1, 4, 1, 1)
         for ahead, expected in ((0.0, [0, 1, 4, 5]), (0.5, [0.5, 2.5, 4.5, 5.5]), (-0.25, [-0.25, 0.75, 3.25, 4.75])):
-            shifted = shift_in_time(level, torch.full((1, 1, 1), ahead)).flatten()
+            shifted = shift_in_time(level, torch.full((1, 1, 1), ahead), 0).flatten()
             torch.testing.assert_close(shifted, torch.tensor(expected, dtype=torch.float32))
+        longer = torch.tensor([0.0, 1.0, 4.0, 5.0, 7.0, 8.0]).view(1, 6, 1, 1).repeat(2, 1, 1, 1)
+        shifted = shift_in_time(longer, torch.tensor([-1.75, 2.0]).view(2, 1, 1), 2)
+        torch.testing.assert_close(shifted.flatten(1), torch.tensor([[0.25, 1.75], [7.0, 8.0]]))
+
+    def test_events_before_and_after_the_exposure_are_there_for_another_clock(self):
+        """A film that goes on: what a clock apart sees at the ends is what the film shows there."""
+        level = torch.linspace(0, 2, 21).view(1, 21, 1, 1)
+        options = replace(self.options, height=1, width=1, batch=1, noise=NoiseOptions(0, 0))
+        one = torch.full((1, 1, 1), 0.05)
+        thresholds = PixelThresholds(one, one, one, one)
+        counts, _ = simulate_events(Draw(1, "cpu"), level.exp(), thresholds, torch.zeros(1), options, 2, False)
+        self.assertEqual(tuple(counts.shape), (1, 16, 1, 1))
+        self.assertTrue(bool((counts.flatten() >= 1).all()))
+        self.assertLess(abs(float(counts.sum()) - 1.6 / 0.05), 2)
+
+    def test_half_of_the_exposures_have_their_events_beside_the_frame(self):
+        many = draw_misplacement(Draw(1, "cpu"), replace(self.options, batch=400))
+        beside = (many != 0).any(3).flatten()
+        self.assertLess(abs(float(beside.float().mean()) - 0.5), 0.1)
+        self.assertTrue(0.5 < float(many.abs().max()) <= 0.6)
+        self.assertEqual(float(draw_misplacement(Draw(1, "cpu"), replace(self.options, noise=NoiseOptions(0, 0))).abs().max()), 0)
+
+    def test_a_soft_lens_spreads_a_point_and_keeps_its_light(self):
+        point = torch.zeros(2, 1, 1, 9, 9)
+        point[:, :, :, 4, 4] = 1
+        soft = soften(point, torch.tensor([0.0, 0.7]))
+        torch.testing.assert_close(soft[0], point[0])
+        self.assertAlmostEqual(float(soft[1].sum()), 1, places=5)
+        x = torch.arange(9.0) - 4
+        self.assertAlmostEqual(float((soft[1, 0, 0].sum(0) * x * x).sum()), 0.49, delta=0.02)
+        self.assertAlmostEqual(float((soft[1, 0, 0].sum(1) * x * x).sum()), 0.49, delta=0.02)
 
     def test_footage_gives_the_same_kind_of_sample(self):
         with tempfile.TemporaryDirectory() as folder:

@@ -71,7 +71,7 @@ class TrainHere(unittest.TestCase):
             str(SCRIPT.parent / "train_efnet.py"), "--output", str(self.output), "--footage", str(self.output / "films"),
             "--held-out-footage", str(self.output / "held_out"), "--compile", "--max-minutes", "9"])
         odd = next(line for line in self.asked() if "--seed 11 " in line)
-        self.assertRegex(odd, "world=gallery --set simulate.width=64 --set simulate.height=48 --footage 33 ")
+        self.assertRegex(odd, "world=gallery --set simulate.width=64 --set simulate.height=48 --footage 37 ")
         even = next(line for line in self.asked() if "--seed 12 " in line)
         self.assertIn("world=clutter", even)
 
