@@ -99,9 +99,14 @@ TEST_CASE("report: says what came before, where the cameras stand, and holds the
   // The first bytes of a gzip file.
   CHECK(page.find("id=\"spz\">H4sI") != std::string::npos);
 
-  state.gaussians.detached().means[0][0].fill_(INFINITY);
-  run::write_report(folder, dataset, trainer.views(), state, trainer.options());
-  CHECK(read_file(folder / "report.html").find("id=\"spz\"></script>") != std::string::npos);
+  // A Gaussian that is in no picture costs the page nothing; one too far for .spz costs it the
+  // scene.
+  for (const auto& [position, scene] :
+       {std::pair{INFINITY, "id=\"spz\">H4sI"}, std::pair{1e9F, "id=\"spz\"></script>"}}) {
+    state.gaussians.detached().means[0][0].fill_(position);
+    run::write_report(folder, dataset, trainer.views(), state, trainer.options());
+    CHECK(read_file(folder / "report.html").find(scene) != std::string::npos);
+  }
 }
 
 TEST_CASE("report: without a truth or a second restoration the choice is not judged", "[run]") {
