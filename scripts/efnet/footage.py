@@ -12,6 +12,8 @@ from torch import Tensor
 from draw import Draw
 from export_efnet import DataError
 
+MARGIN = 2  # time steps simulated before an exposure and after it, for events of another clock
+
 
 def read_films(path: Path) -> np.ndarray:
     """[exposures,frames,3,H,W] uint8."""
@@ -64,7 +66,7 @@ class Footage:
         frames, height, width = films.shape[1], *films.shape[3:]
         if frames <= self.fewest:
             raise DataError(f"{path}: expected films of at least {self.fewest + 1} frames, found {frames}; "
-                            f"make it with jade_simulate --footage {2 * self.fewest + 1}")
+                            f"make it with jade_simulate --footage {2 * (self.fewest + MARGIN) + 1}")
         if height < self.smallest[0] or width < self.smallest[1]:
             raise DataError(f"{path}: expected frames of at least {self.smallest[1]}x{self.smallest[0]} pixels, "
                             f"found {width}x{height}; make larger ones or choose a smaller --crop")

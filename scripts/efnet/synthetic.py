@@ -17,10 +17,9 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from draw import Draw
-from footage import Footage
+from footage import MARGIN, Footage
 from restoration import WINDOWS
 
-MARGIN = 2  # time steps simulated before the exposure and after it, for events of another clock
 LUMA = (0.299, 0.587, 0.114)
 
 

@@ -553,7 +553,7 @@ class Training(unittest.TestCase):
         self.film("real", kind=np.float32)
         for name, pattern in (("cut", "footage.npy: cannot be read .* cut short"), ("nothing", "cannot be read"),
                               ("lengths", "b/footage.npy: expected films of 17 frames, .* found 33"),
-                              ("short", "expected films of at least 17 frames, found 9"),
+                              ("short", "expected films of at least 17 frames, found 9; make it with jade_simulate --footage 37"),
                               ("small", "expected frames of at least 16x16 pixels, found 12x12"), ("real", "expected uint8 .*float32")):
             for flag in ("--footage", "--held-out-footage"):
                 with self.subTest(name, flag=flag):
