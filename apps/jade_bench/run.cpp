@@ -52,6 +52,7 @@ struct Curve {
 /// @param input  where what the run starts from is written; empty: nowhere
 Curve train(const train::RunOptions& options, const std::filesystem::path& folder, int64_t every,
             const std::filesystem::path& input, torch::Device device) {
+  if (!input.empty()) check_run_input(options);  // before a run folder is made
   Curve curve;
   Stopwatch watch(device);
   watch.start();
@@ -130,7 +131,7 @@ CLI::App* RunBench::add_to(apps::Program& program) {
   program.add_output_flag(*command, "Run directory, made if it does not exist; curve.csv in it");
   command->add_option("--psnr", goals, "Goals in dB, such as 28,30")->delimiter(',');
   command->add_option("--every", every, "Steps from score to score")
-      ->check(CLI::PositiveNumber)
+      ->transform(apps::whole_number(1))
       ->capture_default_str();
   command->add_option("--write-input", input,
                       "Write what the run starts from as .npy into this folder, for other programs "

@@ -27,14 +27,18 @@ void write_test_views(const data::Dataset& dataset, const std::filesystem::path&
   write(folder, "test_camera_from_world", torch::stack(cameras).to(torch::kFloat32));
 }
 
+void throw_not_fixed() {
+  throw ConfigError(
+      "--write-input: expected a target that no router decides and moments that stay, found "
+      "others; add --set objective.target=efnet --set exposure.quadrature=equal");
+}
+
 void write_training_views(const std::vector<train::View>& views,
                           const std::filesystem::path& folder) {
   Tensors blurry, factors, targets, cameras;
   for (const train::View& view : views) {
     if (!view.fixed_target.defined() || view.edi_log_gain.defined()) {
-      throw ConfigError(
-          "--write-input: expected a target that no router decides and moments that stay, found "
-          "others; add --set objective.target=efnet --set exposure.quadrature=equal");
+      throw_not_fixed();
     }
     blurry.push_back(view.blurry);
     factors.push_back(view.taught_factors.defined() ? view.taught_factors : view.edi_factors);
@@ -81,6 +85,13 @@ nlohmann::json numbers_of(const run::Trainer& trainer) {
 }
 
 }  // namespace
+
+void check_run_input(const train::RunOptions& options) {
+  if (options.objective.target == losses::Target::kRouted ||
+      options.exposure.quadrature == geometry::QuadratureRule::kJittered) {
+    throw_not_fixed();
+  }
+}
 
 void write_run_input(const run::Trainer& trainer, const std::filesystem::path& folder) {
   const torch::NoGradGuard no_grad;

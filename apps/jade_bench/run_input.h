@@ -7,6 +7,10 @@
 
 namespace jade::bench {
 
+/// What the settings alone say of write_run_input()'s conditions.
+/// @throws ConfigError for a target that a router decides, and for moments that the steps draw.
+void check_run_input(const train::RunOptions& options);
+
 /// All that a run starts from, so that any other program can train the same losses on it: .npy
 /// files and training.json (scripts/gsplat_training.py reads them).
 /// @param trainer  before its first step, with a target that no router decides

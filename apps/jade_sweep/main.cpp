@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <nlohmann/json.hpp>
+#include <unistd.h>
 
 #include "common/cli.h"
 #include "jade/core/atomic_file.h"
@@ -43,7 +44,7 @@ void add_flags(CLI::App& cli, Flags& flags) {
          "--jobs", flags.jobs,
          "Runs at once at most (default: the sweep's, else six per GPU, or one per two cores)")
       ->transform(apps::whole_number(1))
-      ->check(CLI::Range(1, 100000));
+      ->check(CLI::Range(1, sweep::kMostJobs));
   cli.add_option("--devices,--device", flags.devices, "auto, cpu, or GPUs such as cuda:0,cuda:1")
       ->delimiter(',');
   cli.add_option("--memory-margin", flags.margin_gib, "GiB of memory that stay free")
@@ -178,8 +179,10 @@ ExitCode run(apps::Program& program, const Flags& flags) {
   const sweep::SweepOutput output(fs::absolute(program.output()).lexically_normal());
   const fs::path trainer =
       flags.program.empty() ? own_path().parent_path() / "jade_train" : fs::absolute(flags.program);
-  if (!fs::exists(trainer))
-    throw ConfigError(concat("--train-program: no such program: ", trainer.string()));
+  if (!fs::is_regular_file(trainer) || access(trainer.c_str(), X_OK) != 0)
+    throw ConfigError(concat("--train-program: expected a program, found ",
+                             fs::exists(trainer) ? "what cannot be run" : "nothing", " at ",
+                             trainer.string()));
   if (!flags.task.empty()) return run_task(output, flags, trainer);
   if (flags.sweep.empty())
     throw ConfigError(

@@ -260,6 +260,19 @@ TEST_CASE("mcmc: update grows by the given share up to max_gaussians and regular
   CHECK_FALSE(f.densifier(CloneAndSplit()).regularization(f.model).defined());
 }
 
+TEST_CASE("mcmc: growth beyond any integer stops at max_gaussians", "[gaussians]") {
+  Fixture f(100);
+  DensifyOptions options;
+  options.strategy = DensifyStrategy::kMcmc;
+  options.max_gaussians = 250;
+  options.mcmc.growth = 1;
+  options.from = 2;
+  options.until = 4;
+  options.every = 1;
+  REQUIRE(100 * mcmc_growth(options) > 1e19);
+  CHECK(f.densifier(options).update(3, f.model, f.adam).added == 150);
+}
+
 TEST_CASE("mcmc: a run of any length has time for as many new Gaussians", "[gaussians]") {
   const auto total = [](int64_t budget) {
     DensifyOptions options;

@@ -86,6 +86,15 @@ TEST_CASE("learned cameras: a test pose that is off by pixels is fitted to its i
   CHECK(error_px(aligned.test[0].pose, view.pose, view) < 1e-3);
   const data::Dataset fitted = run::with_learned_poses(dataset, unmoved, gaussians, 200, {});
   CHECK(psnr_from(fitted.test[0].pose) > psnr_from(view.pose) + 10);
+
+  // Asked to stop, the fit ends early, but not that of an evaluation which nothing would repeat.
+  set_interrupt_requested(true);
+  const data::Dataset ended = run::with_learned_poses(dataset, unmoved, gaussians, 200, {});
+  const data::Dataset finished =
+      run::with_learned_poses(dataset, unmoved, gaussians, 200, {}, run::OnInterrupt::kFinish);
+  set_interrupt_requested(false);
+  CHECK(error_px(ended.test[0].pose, view.pose, view) < 1e-3);
+  CHECK(error_px(finished.test[0].pose, fitted.test[0].pose, view) < 1e-3);
 }
 
 TEST_CASE("learned cameras: test views follow a motion that all exposures share", "[run]") {
@@ -171,6 +180,14 @@ TEST_CASE("learned cameras: before a run's end other programs have those of its 
   CHECK((read - learned).abs().max().item<double>() < 1e-6);
   CHECK(error_px(opened.dataset.train[1].poses[3], given.train[1].poses[3], given.test[0]) > 1e-3);
   CHECK(error_px(opened.dataset.test[0].pose, given.test[0].pose, given.test[0]) > 1e-3);
+  // Poses and scene are of one checkpoint, the newest that is whole.
+  const auto newest = run::list_checkpoints(scene.run).front();
+  const std::string bytes = read_file(newest);
+  write_file(newest, bytes.substr(0, bytes.size() / 2));
+  const run::FinishedRun before = run::open_run(scene.run, run::load_run_options(scene.run));
+  const auto whole = run::list_checkpoints(scene.run).at(1);
+  CHECK(torch::equal(before.gaussians.means, run::load_checkpoint_gaussians(whole).means));
+  CHECK(before.dataset.train[1].poses[3].translation != opened.dataset.train[1].poses[3].translation);
   std::filesystem::remove_all(scene.run / "checkpoints");
   const data::Dataset none = run::load_run_dataset(scene.run, scene.options);
   CHECK(none.test[0].pose.translation == given.test[0].pose.translation);

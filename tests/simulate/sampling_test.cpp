@@ -50,6 +50,21 @@ TEST_CASE("timeline: exposures follow each other, test views lie in them and bet
   CHECK(timeline.end_us > timeline.exposures.back().end_us);
 }
 
+TEST_CASE("timeline: more test views than gaps share them, each at a time of its own",
+          "[simulate]") {
+  SimulateOptions options;
+  options.exposures = 3, options.exposure_ms = 30, options.gap_ms = 6;
+  options.test_views = 6, options.seen_test_views = 1;
+  const Timeline timeline = make_timeline(options);
+  REQUIRE(timeline.tests_us.size() == 6);
+  for (size_t k = 2; k < 6; ++k) CHECK(timeline.tests_us[k] > timeline.tests_us[k - 1]);
+  for (size_t k = 1; k < 6; ++k) {
+    for (const auto& w : timeline.exposures) {
+      CHECK((timeline.tests_us[k] < w.begin_us || timeline.tests_us[k] > w.end_us));
+    }
+  }
+}
+
 TEST_CASE("camera path: moves smoothly and by the blur asked for", "[simulate]") {
   const world::RayCaster source = wall();
   CameraPath path(source.world().rig, 1, 9);

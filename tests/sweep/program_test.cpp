@@ -99,5 +99,7 @@ TEST_CASE("jade_sweep: mistakes are refused before anything starts, all at once"
   CHECK_FALSE(std::filesystem::exists(dir / "out"));
   CHECK(run(dir, "--sweep nowhere.yaml --output out").code == 2);
   CHECK(run(dir, "--sweep sweep.yaml").code == 2);
+  CHECK(run(dir, "--sweep sweep.yaml --output out --train-program sweep.yaml").code == 2);
+  CHECK_FALSE(std::filesystem::exists(dir / "out"));
   CHECK(run(dir, "--sweep sweep.yaml --output out --rows al").code == 2);
 }

@@ -143,6 +143,9 @@ TEST_CASE("tables: ours and the paper's side by side, gaps marked, in three form
   CHECK_THAT(latex, Catch::Contains("% missing: full/b/2: new\n"));
   sweep::write_table(table, dir / "out");
   CHECK(read_file(dir / "out/table.md") == markdown);
+  sweep::Table barred = table;
+  barred.rows[0].title = "p|q";
+  CHECK_THAT(sweep::to_markdown(barred), Catch::Contains("| p\\|q |"));
 }
 
 TEST_CASE("tables: seen and unseen test views have columns, empty for runs without them",

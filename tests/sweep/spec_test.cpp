@@ -20,6 +20,8 @@ rows:
   - {name: "x/y"}
   - {name: full, paper: {ssimm: 1}}
   - {name: full, run: maybe}
+  - {name: quoted, paper_scenes: none}
+jobs: 4294967297
 )");
   const std::string all = problems_of([&] { sweep::read_spec(file); });
   INFO(all);
@@ -27,7 +29,8 @@ rows:
        {"bad.yaml:1:9: colums: unknown key; did you mean columns?",
         "found 'sim'; did you mean ssim?", "seeds: expected whole numbers of 0 or more, found '-1'",
         "no such file: ", "found 'x/y'", "ssimm is none of the columns", "two are named full",
-        "run: expected true or false, found 'maybe'"}) {
+        "run: expected true or false, found 'maybe'", "paper_scenes: expected figures by scene",
+        "jobs: expected from 0 to 100000, found 4294967297"}) {
     CHECK_THAT(all, Catch::Contains(problem));
   }
   CHECK_THROWS_AS(sweep::read_spec(dir / "none.yaml"), ConfigError);

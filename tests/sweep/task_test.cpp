@@ -27,7 +27,7 @@ struct Prepared {
     output.write_settings(
         plan_of(dir,
                 "columns: [psnr]\nscenes: [{name: a, config: a.yaml}]\nrows: [{name: good}, {name: "
-                "bad, set: [train.mode=diverge]}]\n"),
+                "bad, set: [train.mode=diverge]}, {name: killed, set: [train.mode=die]}]\n"),
         resolve);
   }
 };
@@ -51,6 +51,16 @@ TEST_CASE("run_task: a diverged run keeps its exit code and is not started again
   sweep.options.retry_failed = true;
   CHECK(sweep::run_task(sweep.output, "bad/a/0", sweep.options) == ExitCode::kNumeric);
   CHECK(sweep.output.outcome("bad/a/0").attempts == 2);
+}
+
+TEST_CASE("run_task: the reason is of this attempt, not of one before it in the log", "[sweep]") {
+  const Prepared sweep;
+  sweep.output.write_outcome("killed/a/0", {});
+  write_file(sweep.output.log_file("killed/a/0"), "error: the folder is empty\n");
+  sweep::run_task(sweep.output, "killed/a/0", sweep.options);
+  const sweep::Outcome outcome = sweep.output.outcome("killed/a/0");
+  CHECK(outcome.signal == 9);
+  CHECK(outcome.reason.empty());
 }
 
 TEST_CASE("run_task: a run that is none, and one that another process trains", "[sweep]") {

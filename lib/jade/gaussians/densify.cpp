@@ -164,9 +164,10 @@ DensifyReport Densifier::update_adc(int64_t step, GaussianModel& model, Gaussian
 DensifyReport Densifier::update_mcmc(GaussianModel& model, GaussianAdam& adam) {
   DensifyReport report;
   report.relocated = relocate_dead(options_.prune_opacity, model, adam, generator_);
-  const auto wanted =
-      static_cast<int64_t>(static_cast<double>(model.size()) * mcmc_growth(options_));
-  report.added = add_on_living(std::min(options_.max_gaussians, wanted) - model.size(),
+  // Bounded as a number of floating point: the growth of few densifications exceeds any integer.
+  const double wanted = std::min(static_cast<double>(options_.max_gaussians),
+                                 static_cast<double>(model.size()) * mcmc_growth(options_));
+  report.added = add_on_living(static_cast<int64_t>(wanted) - model.size(),
                                options_.prune_opacity, model, adam, generator_);
   return report;
 }

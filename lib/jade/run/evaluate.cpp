@@ -95,17 +95,33 @@ data::Dataset with_poses_of(const fs::path& checkpoint, const data::Dataset& dat
   return with_learned_poses(dataset, *poses, none, /*fit_steps=*/0, train::render_options(options));
 }
 
-}  // namespace
+/// What `load` makes of the newest checkpoint that is not damaged.
+template <typename Load>
+auto from_newest(const std::vector<fs::path>& checkpoints, const Load& load) {
+  for (size_t i = 0; i + 1 < checkpoints.size(); ++i) {
+    try {
+      return load(checkpoints[i]);
+    } catch (const CheckpointError& damage) {
+      log_warn(concat(damage.what(), "; trying ", checkpoints[i + 1].filename().string()));
+    }
+  }
+  return load(checkpoints.back());
+}
 
-data::Dataset load_run_dataset(const fs::path& run, const train::RunOptions& options) {
+struct PosedData {
+  data::Dataset dataset;
+  fs::path checkpoint;  ///< its poses are of this one, whose Gaussians can be read; empty: of none
+};
+
+PosedData load_posed(const fs::path& run, const train::RunOptions& options) {
   std::vector<std::string> warnings;
   data::Dataset dataset = data::load_dataset(options.dataset, &warnings);
   for (const std::string& warning : warnings) log_warn(warning);
   if (fs::exists(run / kLearnedCamerasFile)) {
     read_learned_cameras(run / kLearnedCamerasFile, dataset);
-    return dataset;
+    return {dataset, {}};
   }
-  if (options.poses.optimize == train::PosePath::kNone) return dataset;
+  if (options.poses.optimize == train::PosePath::kNone) return {dataset, {}};
   if (fs::exists(run / kSceneFile)) {
     throw DataError(concat((run / kLearnedCamerasFile).string(),
                            ": expected the cameras that this run has learned, found no file; "
@@ -116,12 +132,22 @@ data::Dataset load_run_dataset(const fs::path& run, const train::RunOptions& opt
     log_warn(concat(run.string(),
                     ": its poses are learned, and there is no checkpoint yet; the "
                     "views stand where the data have them"));
-    return dataset;
+    return {dataset, {}};
   }
+  PosedData posed = from_newest(checkpoints, [&](const fs::path& checkpoint) -> PosedData {
+    load_checkpoint_gaussians(checkpoint);
+    return {with_poses_of(checkpoint, dataset, options), checkpoint};
+  });
   log_warn(concat(run.string(), ": its poses are learned and not final: exposures stand as in ",
-                  checkpoints.front().filename().string(),
+                  posed.checkpoint.filename().string(),
                   "; test views are fitted at the end of the run"));
-  return with_poses_of(checkpoints.front(), dataset, options);
+  return posed;
+}
+
+}  // namespace
+
+data::Dataset load_run_dataset(const fs::path& run, const train::RunOptions& options) {
+  return load_posed(run, options).dataset;
 }
 
 splat::Gaussians newest_gaussians(const fs::path& run) {
@@ -131,21 +157,15 @@ splat::Gaussians newest_gaussians(const fs::path& run) {
     throw DataError(concat(run.string(), ": expected ", kSceneFile,
                            " or a checkpoint, found neither; is this the --output of jade_train?"));
   }
-  for (size_t i = 0; i + 1 < checkpoints.size(); ++i) {
-    try {
-      return load_checkpoint_gaussians(checkpoints[i]);
-    } catch (const CheckpointError& damage) {
-      log_warn(concat(damage.what(), "; trying ", checkpoints[i + 1].filename().string()));
-    }
-  }
-  return load_checkpoint_gaussians(checkpoints.back());
+  return from_newest(checkpoints, load_checkpoint_gaussians);
 }
 
 FinishedRun open_run(const fs::path& run, const train::RunOptions& options) {
-  FinishedRun opened;
-  opened.dataset = load_run_dataset(run, options);
-  opened.gaussians = newest_gaussians(run);
-  return opened;
+  PosedData posed = load_posed(run, options);
+  // Poses and scene of one step.
+  return {std::move(posed.dataset), posed.checkpoint.empty()
+                                        ? newest_gaussians(run)
+                                        : load_checkpoint_gaussians(posed.checkpoint)};
 }
 
 }  // namespace jade::run

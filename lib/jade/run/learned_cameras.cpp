@@ -34,7 +34,7 @@ struct Sight {
 /// The path, moved as a whole, from which the scene looks most like the image, near the one given.
 std::vector<geometry::Pose> fitted(const Sight& sight, const splat::Gaussians& gaussians,
                                    int64_t steps, const splat::RenderOptions& render,
-                                   Progress& progress) {
+                                   Progress& progress, bool may_end) {
   const torch::Device device = gaussians.means.device();
   std::vector<torch::Tensor> start;
   for (const geometry::Pose& pose : sight.path) {
@@ -51,7 +51,7 @@ std::vector<geometry::Pose> fitted(const Sight& sight, const splat::Gaussians& g
   train::ModuleAdam adam({twist}, schedule.lr);
   std::vector<geometry::Pose> best = sight.path;
   double least = std::numeric_limits<double>::infinity();
-  for (int64_t step = 1; step <= steps && !interrupt_requested(); ++step) {
+  for (int64_t step = 1; step <= steps && !(may_end && interrupt_requested()); ++step) {
     std::vector<torch::Tensor> poses;
     for (const torch::Tensor& each : start) {
       poses.push_back(geometry::se3_inverse(each.matmul(geometry::se3_exp(twist))));
@@ -104,7 +104,8 @@ torch::Tensor learned_path(const train::ExposurePoses& poses, int64_t index,
 
 data::Dataset with_learned_poses(const data::Dataset& dataset, const train::ExposurePoses& poses,
                                  const splat::Gaussians& gaussians, int64_t fit_steps,
-                                 const splat::RenderOptions& render) {
+                                 const splat::RenderOptions& render, OnInterrupt on_interrupt) {
+  const bool may_end = on_interrupt == OnInterrupt::kEnd;
   data::Dataset learned = dataset;
   std::vector<geometry::Pose> before, after;
   for (size_t i = 0; i < learned.train.size(); ++i) {
@@ -126,14 +127,14 @@ data::Dataset with_learned_poses(const data::Dataset& dataset, const train::Expo
   for (data::SharpView& view : learned.test) {
     view.pose = geometry::moved(view.pose, drift);
     view.pose = fitted({view.image, view.camera, {view.pose}, {1.0}}, gaussians, fit_steps, render,
-                       progress)[0];
+                       progress, may_end)[0];
   }
   for (data::Exposure& exposure : learned.held_out) {
     for (geometry::Pose& pose : exposure.poses) pose = geometry::moved(pose, drift);
     const std::vector<geometry::Pose> path{exposure.poses.begin(), exposure.poses.end()};
     const auto moments = geometry::quadrature(geometry::QuadratureRule::kTrapezoid, path.size());
     const auto found = fitted({exposure.blurry, exposure.camera, path, moments.weights}, gaussians,
-                              fit_steps, render, progress);
+                              fit_steps, render, progress, may_end);
     std::copy(found.begin(), found.end(), exposure.poses.begin());
   }
   return learned;
@@ -155,7 +156,7 @@ void read_learned_cameras(const std::filesystem::path& path, data::Dataset& data
     throw DataError(concat(
         path.string(), ": expected camera ", expected[i].name, ", ", expected[i].camera.width, "x",
         expected[i].camera.height, ", as in the data set, found ",
-        i < found.size() ? found[i].name : "none", "; jade_train --resume writes the file anew"));
+        i < found.size() ? found[i].name : "none", "; are these the data of that run? If so, jade_train --resume writes the file anew"));
   }
   size_t next = 0;
   for (data::SharpView& view : dataset.test) view.pose = found[next++].camera_from_world;

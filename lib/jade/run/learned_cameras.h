@@ -17,19 +17,22 @@ namespace jade::run {
 torch::Tensor learned_path(const train::ExposurePoses& poses, int64_t index,
                            const data::Exposure& exposure);
 
+enum class OnInterrupt { kEnd, kFinish };
+
 /// The data set with the poses that the scene has for it. Exposures get their learned poses. Test
 /// views, which training does not see, are moved by the similarity between the data's middle poses
 /// and the learned ones, then fitted to their images with the scene held: `fit_steps` of Adam on a
 /// twist of the camera, step size 1e-3 falling to 1e-5, loss Eq. (8); the best pose on the way is
 /// taken. Methods that learn poses are scored this way (BAD-NeRF, BAD-Gaussians).
-/// Held-out exposures are moved and fitted alike, the nine poses of each as one body. A request to
-/// stop ends the fit early.
+/// Held-out exposures are moved and fitted alike, the nine poses of each as one body.
+/// @param on_interrupt  whether a request to stop ends the fit early
 /// @param gaussians  on the device to render on, without graph
 /// @param render     render_options() of the run
 /// @throws NumericError for learned poses that are not finite
 data::Dataset with_learned_poses(const data::Dataset& dataset, const train::ExposurePoses& poses,
                                  const splat::Gaussians& gaussians, int64_t fit_steps,
-                                 const splat::RenderOptions& render);
+                                 const splat::RenderOptions& render,
+                                 OnInterrupt on_interrupt = OnInterrupt::kEnd);
 
 /// Writes kLearnedCamerasFile of a run directory: the test views by name and the nine poses of each
 /// exposure, in the form that data::read_cameras() reads.

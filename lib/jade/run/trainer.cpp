@@ -24,7 +24,6 @@
 #include "jade/response/identity_fit.h"
 #include "jade/run/checkpoint.h"
 #include "jade/run/evaluate.h"
-#include "jade/run/learned_cameras.h"
 #include "jade/run/report.h"
 #include "jade/train/routing_step.h"
 
@@ -347,11 +346,12 @@ eval::Evaluation Trainer::log_evaluation(const data::Dataset& posed) {
   return evaluation;
 }
 
-data::Dataset Trainer::posed_dataset() {
+data::Dataset Trainer::posed_dataset(OnInterrupt on_interrupt) {
   if (!state_.poses) return data_.dataset;
   monitor_.check();
   return with_learned_poses(data_.dataset, *state_.poses, state_.gaussians.detached(),
-                            options_.poses.test_fit_steps, train::render_options(options_));
+                            options_.poses.test_fit_steps, train::render_options(options_),
+                            on_interrupt);
 }
 
 void Trainer::write_pictures(const data::Dataset& posed, bool truths) {
@@ -385,8 +385,8 @@ void Trainer::look(Watcher* watcher) {
   if (!evaluation_due && !pictures_due) return;
   monitor_.check();
   times_.end("steps");
-  const data::Dataset posed = posed_dataset();
-  if (interrupt_requested()) return;  // half-fitted poses are not scored
+  // To the end even if asked to stop: the checkpoint that follows stands behind this look.
+  const data::Dataset posed = posed_dataset(OnInterrupt::kFinish);
   if (evaluation_due) {
     const eval::Evaluation evaluation = log_evaluation(posed);
     if (watcher) watcher->on_evaluation(posed, evaluation);

@@ -13,6 +13,7 @@
 #include "jade/eval/report.h"
 #include "jade/restore/efnet.h"
 #include "jade/run/checkpoint.h"
+#include "jade/run/learned_cameras.h"
 #include "jade/run/picture_writer.h"
 #include "jade/run/run_directory.h"
 #include "jade/run/stage_times.h"
@@ -84,7 +85,7 @@ class Trainer {
   void look(Watcher* watcher);
   void save();
   /// The data set with the poses at which the scene is to be seen: learned ones where poses are.
-  data::Dataset posed_dataset();
+  data::Dataset posed_dataset(OnInterrupt on_interrupt = OnInterrupt::kEnd);
   /// @param truths  the test views' sharp images too
   void write_pictures(const data::Dataset& posed, bool truths = false);
   [[noreturn]] void stop();

@@ -27,9 +27,15 @@ Timeline make_timeline(const SimulateOptions& o) {
     timeline.tests_us.push_back(timeline.exposures[static_cast<size_t>(k)].mid_us());
   }
   const int64_t unseen = o.test_views - o.seen_test_views;
+  const int64_t gaps = std::max<int64_t>(o.exposures - 1, 1);
+  const auto gap_of = [&](int64_t i) { return (2 * i + 1) * gaps / (2 * unseen); };
   for (int64_t i = 0; i < unseen; ++i) {
-    const int64_t k = (2 * i + 1) * std::max<int64_t>(o.exposures - 1, 1) / (2 * unseen);
-    timeline.tests_us.push_back(timeline.exposures[static_cast<size_t>(k)].end_us + gap / 2);
+    // Those that share a gap divide it evenly.
+    int64_t before = 0, sharing = 1;
+    while (i - before > 0 && gap_of(i - before - 1) == gap_of(i)) ++before;
+    while (i - before + sharing < unseen && gap_of(i - before + sharing) == gap_of(i)) ++sharing;
+    const int64_t end_us = timeline.exposures[static_cast<size_t>(gap_of(i))].end_us;
+    timeline.tests_us.push_back(end_us + gap * (before + 1) / (sharing + 1));
   }
   return timeline;
 }

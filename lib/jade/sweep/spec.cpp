@@ -86,8 +86,13 @@ class SpecReader {
     if (root.find("columns")) spec.columns.clear();
     for (const std::string& key : texts(root, "columns")) add_column(root, key, spec);
     if (root.find("seeds")) spec.seeds = whole_numbers(root, "seeds");
-    if (const DocumentNode* jobs = root.find("jobs"))
-      spec.jobs = static_cast<int>(whole(*jobs, "jobs"));
+    if (const DocumentNode* jobs = root.find("jobs")) {
+      const int64_t count = whole(*jobs, "jobs");
+      if (count < 0 || count > kMostJobs) {
+        complain(*jobs, concat("jobs: expected from 0 to ", kMostJobs, ", found ", count));
+      }
+      spec.jobs = static_cast<int>(count);
+    }
     if (root.find("set")) spec.set = texts(root, "set");
     if (root.find("scenes")) spec.scenes.clear();
     for (const DocumentNode& node : maps(root, "scenes")) spec.scenes.push_back(scene(node));
@@ -242,6 +247,9 @@ class SpecReader {
     row.run = run == "true";
     if (const DocumentNode* node = map.find("paper")) row.paper = figures(*node);
     if (const DocumentNode* scenes = map.find("paper_scenes")) {
+      if (scenes->kind != Kind::kMap) {
+        complain(*scenes, "paper_scenes: expected figures by scene, such as {desk: {ssim: 0.92}}");
+      }
       for (const auto& [name, node] : scenes->entries) row.paper_scenes[name] = figures(node);
     }
     if (!row.run && row.paper.empty() && row.paper_scenes.empty()) {

@@ -10,6 +10,8 @@
 
 namespace jade::sweep {
 
+inline constexpr int kMostJobs = 100000;
+
 /// A column of the result table.
 struct Column {
   std::string key;      ///< "psnr_channel_mean", "ssim@20000", "minutes", …
@@ -46,7 +48,7 @@ struct Spec {
   std::string title, note, paper_source;
   std::vector<Column> columns;
   std::vector<int64_t> seeds{0};
-  int jobs = 0;  ///< 0: jobs_for() says
+  int jobs = 0;  ///< at most kMostJobs; 0: jobs_for() says
   std::vector<std::string> set;
   std::vector<Scene> scenes;
   std::vector<Row> rows;

@@ -21,6 +21,13 @@ std::string arrow(const Column& column) {
   return column.better > 0 ? " ↑" : column.better < 0 ? " ↓" : "";
 }
 
+/// In a cell a bar would begin the next one.
+std::string markdown_text(const std::string& text) {
+  std::string out;
+  for (const char c : text) out += c == '|' ? std::string("\\|") : std::string(1, c);
+  return out;
+}
+
 /// One Markdown table; `scene` empty: the averages.
 std::string markdown_rows(const Table& table, const std::string& scene) {
   std::string head = "| |", rule = "|---|";
@@ -33,9 +40,9 @@ std::string markdown_rows(const Table& table, const std::string& scene) {
   }
   std::string out = head + "\n" + rule + "\n", block;
   for (const TableRow& row : table.rows) {
-    if (row.block != block && !row.block.empty()) out += "| *" + row.block + "* |\n";
+    if (row.block != block && !row.block.empty()) out += "| *" + markdown_text(row.block) + "* |\n";
     block = row.block;
-    out += "| " + row.title + (row.run ? "" : " (quoted)") + " |";
+    out += "| " + markdown_text(row.title) + (row.run ? "" : " (quoted)") + " |";
     for (const Column& column : table.columns) {
       out += " " +
              cell_text(row, cell_at(row, scene, column.key), column, best_of(table, scene, column),

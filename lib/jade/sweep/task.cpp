@@ -19,18 +19,19 @@ namespace fs = std::filesystem;
 
 constexpr int kDiverged = static_cast<int>(ExitCode::kNumeric);
 
-/// The end of a file, at most `bytes` of it.
-std::string tail(const fs::path& path, int64_t bytes) {
+/// The end of a file, at most `bytes` of it and nothing before `begin`.
+std::string tail(const fs::path& path, int64_t begin, int64_t bytes) {
   std::ifstream in(path, std::ios::binary | std::ios::ate);
   if (!in) return "";
   const int64_t size = in.tellg();
-  in.seekg(std::max<int64_t>(0, size - bytes));
+  in.seekg(std::min(size, std::max(begin, size - bytes)));
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
-/// The last line that says something, errors first.
-std::string last_words(const fs::path& log) {
-  std::istringstream in(tail(log, 8192));
+/// The last line that says something, errors first. Attempts share a log; this one's begins at
+/// byte `begin`.
+std::string last_words(const fs::path& log, int64_t begin) {
+  std::istringstream in(tail(log, begin, 8192));
   std::string last, error;
   for (std::string line; std::getline(in, line);) {
     if (!line.empty()) last = line;
@@ -50,6 +51,12 @@ std::vector<std::string> command_of(const SweepOutput& output, const std::string
                                    options.device};
   if (resume) command.push_back("--resume");
   return command;
+}
+
+int64_t size_of(const fs::path& file) {
+  std::error_code none;
+  const auto size = fs::file_size(file, none);
+  return none ? 0 : static_cast<int64_t>(size);
 }
 
 Child start(const SweepOutput& output, const std::string& id, const TaskOptions& options) {
@@ -92,6 +99,7 @@ Task::Task(const SweepOutput& output, std::string id, const TaskOptions& options
     : output_(output),
       id_(std::move(id)),
       outcome_(begun(output, id_, options)),
+      log_begin_(size_of(output.log_file(id_))),
       start_(std::chrono::steady_clock::now()),
       child_(start(output, id_, options)) {
   // On disk before it ends: should we be killed, the attempt still counts.
@@ -108,7 +116,7 @@ std::optional<Outcome> Task::poll() {
   outcome_.peak_host_bytes = std::max(outcome_.peak_host_bytes, exit->peak_bytes);
   if (outcome_.exit_code == 127) outcome_.reason = "the training program could not be started";
   if (outcome_.exit_code != 0 && outcome_.reason.empty()) {
-    outcome_.reason = last_words(output_.log_file(id_));
+    outcome_.reason = last_words(output_.log_file(id_), log_begin_);
   }
   output_.write_outcome(id_, outcome_);
   return outcome_;
@@ -119,7 +127,7 @@ void Task::note_device_peak(int64_t bytes) {
 }
 
 int64_t Task::step() const {
-  std::istringstream in(tail(output_.run_folder(id_) / "metrics.jsonl", 4096));
+  std::istringstream in(tail(output_.run_folder(id_) / "metrics.jsonl", 0, 4096));
   int64_t step = 0;
   for (std::string line; std::getline(in, line);) {
     const auto json = nlohmann::json::parse(line, nullptr, /*allow_exceptions=*/false);

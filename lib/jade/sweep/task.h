@@ -46,6 +46,7 @@ class Task {
   std::string id_;
   Outcome outcome_;
   std::chrono::steady_clock::time_point start_;
+  int64_t log_begin_ = 0;
   Child child_;
 };
 
