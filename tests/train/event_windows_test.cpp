@@ -86,6 +86,15 @@ TEST_CASE("event windows: their times are those of their cameras, in units of th
   uneven.train[2].t_end_us -= uneven.train[2].duration_us() / 2;
   const train::EventWindow beyond = train::EventWindows(uneven, options, 7, torch::kCPU).at(1, 2);
   CHECK(beyond.u.equal(torch::tensor({0.0, 1.0}, torch::kFloat64)));
+  const data::Exposure& half = uneven.train[2];
+  const events::EventStream& stream = uneven.events;
+  const auto counted = [&](int64_t end_us) {
+    return events::signed_count(
+        stream.range(stream.count_before(half.t_start_us), stream.count_before(end_us)),
+        {half.camera.height, half.camera.width});
+  };
+  CHECK(beyond.counts.equal(counted(half.t_end_us)));
+  CHECK_FALSE(beyond.counts.equal(counted(dataset.train[2].t_end_us)));
   options.event_window = losses::EventSpan::kRecording;
   CHECK_FALSE(train::EventWindows(dataset, options, 7, torch::kCPU).at(1, 2).u.defined());
 }

@@ -347,8 +347,8 @@ eval::Evaluation Trainer::log_evaluation(const data::Dataset& posed) {
 }
 
 data::Dataset Trainer::posed_dataset(OnInterrupt on_interrupt) {
-  if (!state_.poses) return data_.dataset;
   monitor_.check();
+  if (!state_.poses) return data_.dataset;
   return with_learned_poses(data_.dataset, *state_.poses, state_.gaussians.detached(),
                             options_.poses.test_fit_steps, train::render_options(options_),
                             on_interrupt);

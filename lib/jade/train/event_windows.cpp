@@ -63,7 +63,8 @@ EventWindow EventWindows::at(int64_t step, int64_t view) const {
   auto generator = make_generator(seed_, concat("event window of step ", step));
   const int64_t last_start = std::max(span.begin_us, span.end_us - window_us_);
   const int64_t begin = span.begin_us + draw_index(generator, last_start - span.begin_us + 1);
-  const int64_t end = begin + window_us_;
+  // A window that is longer than its exposure ends with it, as the path does.
+  const int64_t end = std::min(begin + window_us_, std::max(span.end_us, begin + 1));
   const torch::Tensor pixels = draw_distinct(generator, pixels_, size_.height * size_.width);
   // All that the host draws in one copy: two poses, two times, the pixels, every one exact in
   // float64.
@@ -73,7 +74,6 @@ EventWindow EventWindows::at(int64_t step, int64_t view) const {
   drawn.narrow(0, 0, 32).copy_(geometry::to_tensor({span.path.at(static_cast<double>(begin)),
                                                     span.path.at(static_cast<double>(end))})
                                    .flatten());
-  // A window that is longer than its exposure ends with it, as the path does.
   const auto length = static_cast<double>(std::max<int64_t>(1, span.end_us - span.begin_us));
   const auto unit = [&](int64_t t_us) {
     return std::clamp(static_cast<double>(t_us - span.begin_us) / length, 0.0, 1.0);
