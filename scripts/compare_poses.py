@@ -181,6 +181,7 @@ def rows_with(rows: np.ndarray, poses: Poses) -> np.ndarray:
 def write_with_true_poses(data: Scene, truth: Scene, fit: Similarity, output: Path) -> None:
     if output.exists():
         raise DataError(f"{output}: expected no such folder yet")
+    text = settings_with_true_poses(data.folder / "scene.yaml")
     middles = np.clip((data.start + data.end) / 2, truth.times[0], truth.times[-1])
     shutil.copytree(data.folder, output, copy_function=link_or_copy, ignore=shutil.ignore_patterns("import", "*poses_bounds.npy"))
     np.save(output / "poses_bounds.npy", rows_with(data.rows, fit.from_truth(truth.at(middles))))
@@ -188,12 +189,16 @@ def write_with_true_poses(data: Scene, truth: Scene, fit: Similarity, output: Pa
         times = np.clip(data.path_times, truth.times[0], truth.times[-1])
         np.save(output / "all_poses_bounds.npy", rows_with(data.path_rows, fit.from_truth(truth.at(times))))
     scene = output / "scene.yaml"
-    if scene.is_file():
-        text = scene.read_text(encoding="utf-8")
-        scene.unlink()  # it may be a link to that of DATA
-        if re.search(r"^poses:", text, re.MULTILINE):
-            raise DataError(f"{scene}: expected no key 'poses' of its own")
-        scene.write_text(text + "poses: {optimize: none}\n", encoding="utf-8")
+    scene.unlink(missing_ok=True)  # it may be a link to that of DATA
+    scene.write_text(text, encoding="utf-8")
+
+
+def settings_with_true_poses(scene: Path) -> str:
+    """Those of DATA, where it has some, that keep the poses."""
+    text = scene.read_text(encoding="utf-8") if scene.is_file() else ""
+    if re.search(r"^poses:", text, re.MULTILINE):
+        raise DataError(f"{scene}: expected no key 'poses' of its own, which the copy sets; take it out")
+    return text + ("\n" if text and not text.endswith("\n") else "") + "poses: {optimize: none}\n"
 
 
 def link_or_copy(source: str, target: str) -> None:

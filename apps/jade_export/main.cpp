@@ -26,14 +26,35 @@ gaussians::GaussianFile load(const Sources& sources) {
     throw ConfigError(
         concat("expected exactly one of --run, --checkpoint and --ply, found ", given));
   }
-  if (!sources.ply.empty()) return gaussians::read_ply(sources.ply);
-  if (!sources.checkpoint.empty()) {
-    return {run::load_checkpoint_gaussians(sources.checkpoint), false};
+  const fs::path& path = !sources.ply.empty()          ? sources.ply
+                         : !sources.checkpoint.empty() ? sources.checkpoint
+                                                       : sources.run;
+  gaussians::GaussianFile file;
+  if (!sources.ply.empty()) {
+    file = gaussians::read_ply(path);
+  } else if (!sources.checkpoint.empty()) {
+    file.gaussians = run::load_checkpoint_gaussians(path);
+  } else {
+    file.gaussians = run::newest_gaussians(path);
   }
-  return {run::newest_gaussians(sources.run), false};
+  gaussians::check_some(file.gaussians, path);
+  return file;
 }
 
-/// Returns how many Gaussians it wrote.
+/// What can be known to go wrong before anything is read or made.
+void check_output(const fs::path& path) {
+  const std::string extension = path.extension().string();
+  if (extension != ".ply" && extension != ".splat" && extension != ".spz") {
+    throw ConfigError(concat("--output: expected a file that ends in .ply, .splat or .spz, found ",
+                             path.string().empty() ? "nothing" : path.string()));
+  }
+  if (fs::is_directory(path)) {
+    throw ConfigError(
+        concat("--output: expected a file, found the folder ", path.string(), "; choose another"));
+  }
+}
+
+/// In the format of check_output(). Returns how many Gaussians it wrote.
 int64_t save(const fs::path& path, const gaussians::GaussianFile& file) {
   const std::string extension = path.extension().string();
   if (path.has_parent_path()) make_writable_folder(path.parent_path());
@@ -49,13 +70,10 @@ int64_t save(const fs::path& path, const gaussians::GaussianFile& file) {
   }
   if (extension == ".splat") {
     gaussians::write_splat(path, drawn.gaussians);
-  } else if (extension == ".spz") {
+  } else {
     gaussians::SpzOptions options;
     options.antialiased = drawn.antialiased;
     gaussians::write_spz(path, drawn.gaussians, options);
-  } else {
-    throw ConfigError(concat("--output: expected a file that ends in .ply, .splat or .spz, found ",
-                             path.string().empty() ? "nothing" : path.string()));
   }
   return drawn.gaussians.size();
 }
@@ -71,6 +89,7 @@ int main(int argc, char** argv) {
   program.add_output_flag("file to write; its extension names the format: .ply, .splat or .spz");
   program.add_json_flag();
   return program.run(argc, argv, [&] {
+    check_output(program.output());
     const gaussians::GaussianFile file = load(sources);
     const int64_t written = save(program.output(), file);
     const auto bytes = fs::file_size(program.output());

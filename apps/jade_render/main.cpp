@@ -77,11 +77,14 @@ gaussians::GaussianFile load_scene(const RenderFlags& flags) {
   }
   if (!flags.ply.empty()) {
     gaussians::GaussianFile file = gaussians::read_ply(flags.ply);
+    gaussians::check_some(file.gaussians, flags.ply);
     const std::string warning = gaussians::undrawable_warning(file.gaussians, flags.ply.string());
     if (!warning.empty()) log_warn(warning);
     return file;
   }
-  return {run::newest_gaussians(flags.run), false};
+  gaussians::GaussianFile file{run::newest_gaussians(flags.run), false};
+  gaussians::check_some(file.gaussians, flags.run);
+  return file;
 }
 
 data::Dataset load_data(const RenderFlags& flags, const train::RunOptions& options,
@@ -181,14 +184,19 @@ void write_images(const Subject& subject, const std::vector<data::NamedCamera>& 
 }
 
 /// --output itself where it names a film, else a film in that folder.
-fs::path movie_path(const fs::path& output, const std::string& name) {
+fs::path movie_path(const RenderFlags& flags, const fs::path& output) {
   if (output.empty()) throw ConfigError("--output: expected a folder or an .mp4 for the film");
-  if (output.extension() == ".mp4") {
-    make_writable_folder(output.has_parent_path() ? output.parent_path() : fs::path("."));
-    return output;
-  }
-  make_writable_folder(output);
+  if (output.extension() == ".mp4") return output;
+  const std::string name =
+      flags.unblur.empty() ? fs::path(flags.cameras).stem().string() : flags.unblur;
   return output / (name + ".mp4");
+}
+
+/// The same, with the folder it is to lie in.
+fs::path make_movie_path(const RenderFlags& flags, const fs::path& output) {
+  fs::path path = movie_path(flags, output);
+  make_writable_folder(path.has_parent_path() ? path.parent_path() : fs::path("."));
+  return path;
 }
 
 /// The blurry frame for a second, then each moment for a sixth of one: long enough to be seen.
@@ -226,7 +234,7 @@ ExitCode unblur(const Subject& subject, const RenderFlags& flags, const train::R
       apps::exposure_named(dataset, flags.unblur, "--unblur"), options.exposure);
   const std::string what = concat("the blurry frame and ", film.moments.size(), " moments in ");
   if (flags.format == "mp4") {
-    const fs::path path = movie_path(output, film.name);
+    const fs::path path = make_movie_path(flags, output);
     write_movie(subject, film, path, flags.frames_per_second);
     log_info(what + path.string());
   } else {
@@ -257,7 +265,14 @@ void check_flags(const RenderFlags& flags, apps::Program& program) {
     throw ConfigError(concat("--output: expected a folder for ", flags.format, " images, found ",
                              program.output().string(), "; add --format mp4 for a film"));
   }
-  if (film && !flags.fps_benchmark) imaging::find_ffmpeg();
+  if (film && !flags.fps_benchmark) {
+    imaging::find_ffmpeg();
+    const fs::path path = movie_path(flags, program.output());
+    if (fs::is_directory(path)) {
+      throw ConfigError(concat("--output: expected ", path.string(),
+                               " to be free for the film, found a folder; choose another"));
+    }
+  }
 }
 
 }  // namespace
@@ -287,7 +302,7 @@ int main(int argc, char** argv) {
       return ExitCode::kOk;
     }
     if (flags.format == "mp4") {
-      const fs::path path = movie_path(program.output(), fs::path(flags.cameras).stem().string());
+      const fs::path path = make_movie_path(flags, program.output());
       write_movie(subject, views, path, flags.frames_per_second);
       log_info(concat(views.size(), " views in ", path.string()));
       return ExitCode::kOk;

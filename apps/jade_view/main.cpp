@@ -38,30 +38,42 @@ struct Subject {
   std::unique_ptr<run::RestoredPictures> restored = nullptr;  ///< of a run; reads `dataset`
 };
 
-/// A camera that sees the bulk of a scene of which nothing else is known. Scenes from structure
-/// from motion mostly have y down.
-data::SharpView overview(const splat::Gaussians& gaussians) {
+/// Where the bulk of a scene lies.
+struct Bulk {
+  geometry::Vector3 middle;
+  double radius;
+};
+
+Bulk bulk_of(const splat::Gaussians& gaussians) {
   const gaussians::GaussianSummary summary = gaussians::summarize(gaussians);
   const auto middle = [](const gaussians::Spread& s) { return 0.5 * (s.low + s.high); };
   const auto half = [](const gaussians::Spread& s) { return 0.5 * (s.high - s.low); };
-  const geometry::Vector3 target{middle(summary.x), middle(summary.y), middle(summary.z)};
-  const double radius =
-      std::max(1e-3, std::hypot(half(summary.x), half(summary.y), half(summary.z)));
-  geometry::Vector3 eye = target;
-  eye[2] -= 2 * radius;
+  return {{middle(summary.x), middle(summary.y), middle(summary.z)},
+          std::max(1e-3, std::hypot(half(summary.x), half(summary.y), half(summary.z)))};
+}
+
+/// A camera that sees the bulk of a scene of which nothing else is known. Scenes from structure
+/// from motion mostly have y down.
+data::SharpView overview(const Bulk& bulk) {
+  geometry::Vector3 eye = bulk.middle;
+  eye[2] -= 2 * bulk.radius;
   data::SharpView view;
   view.name = "overview";
-  view.pose = geometry::look_at(eye, target, {0, -1, 0});
+  view.pose = geometry::look_at(eye, bulk.middle, {0, -1, 0});
   view.camera = geometry::Intrinsics::centred(800, 800, 600);
   return view;
 }
 
 void open_ply(const fs::path& path, torch::Device device, Subject& subject) {
   gaussians::GaussianFile file = gaussians::read_ply(path);
+  gaussians::check_some(file.gaussians, path);
   const std::string warning = gaussians::undrawable_warning(file.gaussians, path.string());
   if (!warning.empty()) log_warn(warning);
+  const Bulk bulk = bulk_of(file.gaussians);
   subject.dataset.name = path.filename().string();
-  subject.dataset.test.push_back(overview(file.gaussians));
+  subject.dataset.test.push_back(overview(bulk));
+  // Of a small scene all would lie nearer to the overview than the usual one.
+  subject.draw.near_plane = std::min(subject.draw.near_plane, 0.01 * bulk.radius);
   subject.draw.antialiased = file.antialiased;
   subject.gaussians = gaussians::map_parameters(
       file.gaussians, [&](const torch::Tensor& tensor) { return tensor.to(device); });

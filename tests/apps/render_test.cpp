@@ -3,6 +3,7 @@
 #include "support/catch.h"
 
 #include "jade/core/error.h"
+#include "jade/gaussians/ply.h"
 #include "jade/imaging/image_io.h"
 #include "support/programs.h"
 #include "support/temp_dir.h"
@@ -33,9 +34,10 @@ struct TrainedScene {
   Outcome render(const std::string& flags) const {
     return run(dir, "jade_render --quiet --device cpu --run run " + flags);
   }
-  /// With `body` as the only ffmpeg there is; the file it is to write is $out.
+  /// With `body` as the only ffmpeg there is; the file it is to write (file:NAME) is $out.
   Outcome render_with(const std::string& body, const std::string& flags) const {
-    const auto path = dir.write("bin/ffmpeg", "#!/bin/sh\nfor out; do :; done\n" + body + "\n");
+    const auto path =
+        dir.write("bin/ffmpeg", "#!/bin/sh\nfor out; do :; done\nout=${out#file:}\n" + body + "\n");
     fs::permissions(path, fs::perms::owner_all);
     return without_path("bin", flags);
   }
@@ -101,6 +103,62 @@ TEST_CASE(
   check_error(scene.render_with("exit 1", "--unblur 01 --format mp4 --output failed.mp4"), 3,
               "ffmpeg");
   CHECK_FALSE(fs::exists(scene.dir / "failed.mp4"));
+  // Where a folder has the film's name nothing is read.
+  fs::create_directories(scene.dir / "taken/01.mp4");
+  fs::remove(scene.dir / "run/point_cloud.ply");
+  fs::remove_all(scene.dir / "run/checkpoints");
+  for (const char* output : {"taken", "taken/01.mp4"}) {
+    check_error(scene.render_with("/bin/cat > \"$out\"",
+                                  concat("--unblur 01 --format mp4 --output ", output)),
+                2, "--output: expected taken/01.mp4 to be free for the film, found a folder");
+  }
+}
+
+TEST_CASE("jade_render: the poses of an exposure that is held out", "[apps]") {
+  const TrainedScene scene;
+  scene.dir.write("scene/held_out.txt", "01\n");
+  const std::string render =
+      "jade_render --quiet --device cpu --ply run/point_cloud.ply --dataset scene "
+      "--cameras exposure ";
+  const Outcome named = run(scene.dir, render + "--exposure 01 --output named");
+  INFO(named.err);
+  CHECK(named.code == 0);
+  CHECK(fs::exists(scene.dir / "named/01_8.png"));
+  CHECK(run(scene.dir, render + "--output all").code == 0);
+  CHECK(fs::exists(scene.dir / "all/00_8.png"));
+  CHECK_FALSE(fs::exists(scene.dir / "all/01_8.png"));
+}
+
+TEST_CASE("programs: a scene without Gaussians is none to draw or to write", "[apps]") {
+  const test::TempDir dir;
+  splat::Gaussians none;
+  none.means = torch::zeros({0, 3});
+  none.log_scales = torch::zeros({0, 3});
+  none.rotations = torch::zeros({0, 4});
+  none.logit_opacities = torch::zeros({0});
+  none.sh = torch::zeros({0, 1, 3});
+  gaussians::write_ply(dir / "none.ply", {none, false});
+  const std::string told = "none.ply: expected Gaussians, found none";
+  dir.write("cameras.json",
+            R"([{"width":8,"height":6,"fx":9,"position":[0,0,0],
+                 "rotation":[[1,0,0],[0,1,0],[0,0,1]]}])");
+  check_error(run(dir,
+                  "jade_render --quiet --device cpu --ply none.ply --cameras cameras.json "
+                  "--output out"),
+              3, told);
+  check_error(run(dir, "jade_export --ply none.ply --output out/none.splat"), 3, told);
+  CHECK_FALSE(fs::exists(dir / "out"));
+}
+
+TEST_CASE("jade_export: a wrong --output is told before anything is read or made", "[apps]") {
+  const test::TempDir dir;
+  const std::string flags = "jade_export --ply missing.ply --output ";
+  check_error(run(dir, flags + "made/a.obj"), 2,
+              "--output: expected a file that ends in .ply, .splat or .spz, found made/a.obj");
+  CHECK_FALSE(fs::exists(dir / "made"));
+  fs::create_directory(dir / "taken.spz");
+  check_error(run(dir, flags + "taken.spz"), 2,
+              "--output: expected a file, found the folder taken.spz");
 }
 
 TEST_CASE("jade_render: without ffmpeg one line says how to get it, before anything is read",

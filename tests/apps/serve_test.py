@@ -7,9 +7,11 @@
 import hashlib
 import http.client
 import json
+import math
 import re
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import tempfile
@@ -264,6 +266,37 @@ def check_view(runs):
         expect(code == 130 and seconds < 5, f"jade_view ends with Ctrl-C: {code} after {seconds:.1f} s")
 
 
+def write_scene(path, scale, count=200):
+    """A .ply of so many Gaussians on a helix about the origin, `scale` wide and of many colours."""
+    names = ["x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"]
+    rows = []
+    for i in range(count):
+        place = [scale * math.cos(i), scale * math.sin(i), scale * (2 * i / count - 1)]
+        rows += [*place, math.cos(3 * i), math.cos(5 * i), math.cos(7 * i), 4, *3 * [math.log(0.2 * scale)], 1, 0, 0, 0]
+    head = f"ply\nformat binary_little_endian 1.0\nelement vertex {count}\n" + "".join(f"property float {n}\n" for n in names)
+    path.write_bytes((head + "end_header\n").encode() + struct.pack(f"<{len(rows)}f", *rows))
+
+
+def check_small_scene(runs):
+    """One that lies nearer to its overview than the usual near plane is drawn all the same; one without Gaussians is refused."""
+    write_scene(runs.folder / "small.ply", 1e-3)
+    view = Served(*runs.program("jade_view", runs.folder / "small.ply", "--device", "cpu", "--serve=0"))
+    wait_for(lambda: b'"live"' in ask(view.url)[1], "the page")
+
+    def frame(depth):
+        answers = [b""]
+        at = FRAME.format("a").replace("0,0,1,0&", f"0,0,1,{depth}&")
+        wait_for(lambda: answers.append(ask(view.url + at)[1]) or answers[-1].startswith(b"\xff\xd8"), "a frame")
+        return answers[-1]
+
+    expect(frame(0.004) != frame(-1), "a small scene before the camera is not black, as one behind it is")
+    view.interrupt()
+    write_scene(runs.folder / "none.ply", 1, 0)
+    done = subprocess.run(runs.program("jade_view", runs.folder / "none.ply", "--device", "cpu", "--serve=0"), capture_output=True,
+                          text=True)
+    expect(done.returncode == 3 and "none.ply: expected Gaussians, found none" in done.stderr, f"{done.returncode}: {done.stderr}")
+
+
 def main():
     programs = Path(sys.argv[1])
     with tempfile.TemporaryDirectory() as folder:
@@ -273,6 +306,7 @@ def main():
             print("SKIPPED: needs libcpp-httplib-dev: scripts/setup.sh; then configure and build again")
             return 77
         check_mistakes(runs)
+        check_small_scene(runs)
         check_same_bits(runs)
         check_interrupt(runs)
         check_view(runs)

@@ -80,6 +80,31 @@ TEST_CASE("cameras: files that are no list of cameras are told in plain words", 
              Catch::Contains("entry 0: ") && !Catch::Contains("json.exception"));
 }
 
+TEST_CASE("cameras: a name with a NUL, which ends a file's name early, is refused", "[data]") {
+  const test::TempDir dir;
+  const auto path = dir.write("own.json",
+                              R"([{"name":"a\u0000b","width":4,"height":3,"fx":5,
+                                   "position":[0,0,0],"rotation":[[1,0,0],[0,1,0],[0,0,1]]}])");
+  CHECK_THROWS_WITH(read_cameras(path),
+                    Catch::Contains("entry 0: expected a name that is a plain") &&
+                        Catch::Contains("with a NUL character"));
+}
+
+TEST_CASE("cameras: a held-out exposure is found by its name, and in no set", "[data]") {
+  Dataset dataset;
+  dataset.train.resize(1);
+  dataset.train[0].name = "a";
+  dataset.held_out.resize(1);
+  dataset.held_out[0].name = "b";
+  const auto named = dataset_cameras(dataset, CameraSet::kExposure, "b");
+  REQUIRE(named.size() == 9);
+  CHECK(named.front().name == "b_0");
+  const auto all = dataset_cameras(dataset, CameraSet::kExposure, "");
+  REQUIRE(all.size() == 9);
+  CHECK(all.front().name == "a_0");
+  CHECK(dataset_cameras(dataset, CameraSet::kTrain, "").size() == 1);
+}
+
 TEST_CASE("cameras: two of one name are refused, as their images would be one file", "[data]") {
   const test::TempDir dir;
   std::vector<NamedCamera> cameras(2);

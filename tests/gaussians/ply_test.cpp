@@ -191,6 +191,16 @@ TEST_CASE("ply: a header that claims too many vertices allocates nothing", "[gau
   CHECK(message_of(folder / "a.ply").find("cut short") != std::string::npos);
 }
 
+TEST_CASE("ply: rows without properties are passed over, however many", "[gaussians]") {
+  const test::TempDir folder;
+  const splat::Gaussians some = random_gaussians(3, 1);
+  write_ply(folder / "a.ply", {some, false});
+  std::string content = read_file(folder / "a.ply");
+  content.insert(content.find("element vertex"), "element nothing 9000000000000000000\n");
+  write_file(folder / "a.ply", content);
+  check_same_bits(read_ply(folder / "a.ply").gaussians, some);
+}
+
 TEST_CASE("ply: foreign files are refused with what was expected", "[gaussians]") {
   const test::TempDir folder;
   CHECK_THROWS_AS(read_ply(folder / "missing.ply"), DataError);

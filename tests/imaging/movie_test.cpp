@@ -30,9 +30,14 @@ class Path {
   std::string before_;
 };
 
-/// A program of that name that does `body` with its last word, the file, as $out.
+/// A program of that name that does `body` with its last word, the file, as $out. It takes no other
+/// words for a file than ffmpeg does where they may hold a colon or begin with a dash.
 void write_ffmpeg(const test::TempDir& dir, const std::string& body) {
-  const fs::path path = dir.write("bin/ffmpeg", "#!/bin/sh\nfor out; do :; done\n" + body + "\n");
+  const fs::path path = dir.write("bin/ffmpeg",
+                                  "#!/bin/sh\nfor out; do :; done\n"
+                                  "case $out in file:*) out=./${out#file:} ;; *) exit 1 ;; esac\n"
+                                  "case $out in .//*) out=${out#./} ;; esac\n" +
+                                      body + "\n");
   fs::permissions(path, fs::perms::owner_all);
 }
 
@@ -54,6 +59,22 @@ TEST_CASE("movie: ffmpeg gets the frames as bytes, and the file appears at the e
   CHECK(static_cast<unsigned char>(bytes[23]) == 255);
   CHECK(bytes.substr(0, 24) == bytes.substr(24));
   CHECK_THROWS_AS(movie.add(torch::zeros({3, 2, 5})), DataError);
+}
+
+TEST_CASE("movie: a name with a colon or a dash at its head is a file's", "[imaging]") {
+  const test::TempDir dir;
+  write_ffmpeg(dir, "/bin/cat > \"$out\"");
+  const Path path(dir / "bin");
+  const fs::path before = fs::current_path();
+  fs::current_path(dir.path());
+  for (const char* name : {"fi:lm.mp4", "-film.mp4"}) {
+    INFO(name);
+    Movie movie(name, 4, 2, 30);
+    movie.add(torch::zeros({3, 2, 4}));
+    CHECK_NOTHROW(movie.finish());
+    CHECK(fs::is_regular_file(dir / name));
+  }
+  fs::current_path(before);
 }
 
 TEST_CASE("movie: without an end nothing stays", "[imaging]") {

@@ -115,6 +115,26 @@ class ComparePoses(unittest.TestCase):
         self.assertEqual((data / "scene.yaml").read_text(), "extends: base.yaml\n")
         self.assertTrue((twin / "points.npz").is_file())
 
+    def test_settings_that_have_poses_are_refused_before_anything_is_copied(self):
+        data, twin = write(self.folder / "data", true_path), self.folder / "twin"
+        (data / "scene.yaml").write_text("poses: {optimize: path}\n")
+        with mock.patch("sys.argv", ["compare_poses", str(data), str(self.truth), "--with-true-poses", str(twin)]), \
+                redirect_stderr(io.StringIO()) as said:
+            self.assertEqual(compare_poses.main(), 3)
+        self.assertIn("expected no key 'poses' of its own", said.getvalue())
+        self.assertFalse(twin.exists())
+
+    def test_without_settings_the_copy_has_those_that_keep_the_poses(self):
+        for k, (text, copied) in enumerate(((None, ""), ("seed: 3", "seed: 3\n"))):
+            data, twin = write(self.folder / f"data{k}", true_path), self.folder / f"twin{k}"
+            (data / "scene.yaml").unlink()
+            if text is not None:
+                (data / "scene.yaml").write_text(text)
+            with mock.patch("sys.argv", ["compare_poses", str(data), str(self.truth), "--with-true-poses", str(twin)]), \
+                    redirect_stdout(io.StringIO()):
+                self.assertEqual(compare_poses.main(), 0)
+            self.assertEqual((twin / "scene.yaml").read_text(), copied + "poses: {optimize: none}\n")
+
     def test_two_clocks_and_foreign_folders_are_one_line(self):
         late = write(self.folder / "late", true_path, offset_us=5e6)
         for data, line in ((late, "both data sets need one clock"), (self.folder, "expected a data set with poses_bounds.npy")):

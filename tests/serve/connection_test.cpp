@@ -3,6 +3,7 @@
 
 #include "support/catch.h"
 
+#include <atomic>
 #include <chrono>
 #include <functional>
 #include <string>
@@ -35,6 +36,36 @@ double seconds_of(const std::function<void()>& action) {
   const auto start = std::chrono::steady_clock::now();
   action();
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+/// An answer of 1 MB to who takes 16 kB each 50 ms, from a socket that has room again only after a
+/// second of that.
+struct Sent {
+  bool all;
+  double seconds;
+};
+
+Sent send_to_slow_reader(const Connection::Limits& limits,
+                         const std::atomic<bool>* stopping = nullptr) {
+  const Pair pair;
+  const int room = 212992;  // what everybody may ask for; the system doubles it
+  REQUIRE(setsockopt(pair.ours, SOL_SOCKET, SO_SNDBUF, &room, sizeof room) == 0);
+  std::atomic<bool> slow{true};
+  std::thread reader([&] {
+    std::string part(size_t{16} << 10, '.');
+    while (recv(pair.theirs, part.data(), part.size(), MSG_WAITALL) > 0) {
+      if (slow) std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    }
+  });
+  Sent sent{};
+  {
+    Connection connection(pair.ours, limits, stopping);
+    const std::string much(size_t{1} << 20, 'x');
+    sent.seconds = seconds_of([&] { sent.all = connection.write(much.data(), much.size()) > 0; });
+    slow = false;
+  }
+  reader.join();
+  return sent;
 }
 
 }  // namespace
@@ -106,4 +137,25 @@ TEST_CASE("connection: who does not read is left after a while", "[serve]") {
   ssize_t sent = 0;
   CHECK(seconds_of([&] { sent = connection.write(much.data(), much.size()); }) < 1);
   CHECK(sent == -1);
+}
+
+TEST_CASE("connection: who reads slowly gets all, within the limit of an answer", "[serve]") {
+  Connection::Limits limits;
+  limits.writing = std::chrono::milliseconds(600);
+  const Sent whole = send_to_slow_reader(limits);
+  CHECK(whole.all);
+  CHECK(whole.seconds > 0.6);
+  limits.answer = std::chrono::milliseconds(700);
+  const Sent cut = send_to_slow_reader(limits);
+  CHECK_FALSE(cut.all);
+  CHECK(cut.seconds < 1.4);
+}
+
+TEST_CASE("connection: who reads slowly gets no more time once the server stops", "[serve]") {
+  Connection::Limits limits;
+  limits.writing = std::chrono::milliseconds(600);
+  const std::atomic<bool> stopping{true};
+  const Sent sent = send_to_slow_reader(limits, &stopping);
+  CHECK_FALSE(sent.all);
+  CHECK(sent.seconds < 1.4);
 }

@@ -214,6 +214,59 @@ TEST_CASE("server: a large request is refused, an endless one left", "[serve]") 
   CHECK(status(live, "/") == 200);
 }
 
+TEST_CASE("server: answers are whole and as they are, whatever ranges and packing are asked for",
+          "[serve]") {
+  Live live;
+  std::string ranges = "Range: bytes=0-";
+  for (int i = 1; i < 2600; ++i) ranges += ",0-";
+  const std::string page = "<p>the page</p>";
+  for (const std::string& asked :
+       {ranges, std::string("Range: bytes=3-5"), std::string("Range: bytes=99-"),
+        std::string("Accept-Encoding: br, gzip")}) {
+    INFO(asked.substr(0, 40));
+    const Socket socket(live);
+    REQUIRE(socket.say(request("GET /", asked + "\r\n")));
+    const std::string heard = socket.hear();
+    CHECK_THAT(heard, Catch::StartsWith("HTTP/1.1 200") &&
+                          Catch::Contains(concat("Content-Length: ", page.size(), "\r\n")) &&
+                          Catch::EndsWith("\r\n\r\n" + page) &&
+                          !Catch::Contains("Content-Encoding"));
+  }
+  const Socket state(live);
+  REQUIRE(state.say(request("GET /state?viewer=a", "Accept-Encoding: br, gzip\r\n")));
+  CHECK_THAT(state.hear(), Catch::EndsWith("}"));
+}
+
+TEST_CASE("server: who reads a large page slowly gets it, unless the server stops", "[serve]") {
+  auto live = std::make_unique<Live>();
+  const std::string page(size_t{16} << 20, 'x');
+  live->server.show(page);
+  const auto read_slowly = [&](const Socket& socket) {
+    const int room = 1 << 17;  // so that little is on its way
+    setsockopt(socket.fd, SOL_SOCKET, SO_RCVBUF, &room, sizeof room);
+    size_t got = 0;
+    std::string part(size_t{1} << 20, '.');
+    for (ssize_t more = 0; (more = recv(socket.fd, part.data(), part.size(), MSG_WAITALL)) > 0;) {
+      got += static_cast<size_t>(more);
+      std::this_thread::sleep_for(std::chrono::milliseconds(200));
+    }
+    return got;
+  };
+  {
+    const Socket socket(*live);
+    REQUIRE(socket.say(request("GET /")));
+    CHECK(read_slowly(socket) > page.size());
+  }
+  const Socket socket(*live);
+  REQUIRE(socket.say(request("GET /")));
+  size_t got = 0;
+  std::thread reader([&] { got = read_slowly(socket); });
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  CHECK(seconds_to([&] { live.reset(); }) < 2.5);
+  reader.join();
+  CHECK(got < page.size());
+}
+
 TEST_CASE("server: two viewers both see, one that stalls or leaves holds nobody up", "[serve]") {
   Live live("127.0.0.1", 1600);
   std::vector<std::unique_ptr<Socket>> stalled;

@@ -72,6 +72,9 @@ NamedCamera camera_of(const json& entry, const json& defaults, size_t index) {
   if (result.name.empty() || result.name.find('/') != std::string::npos) {
     throw DataError(concat("expected a name that is a plain file name, found '", result.name, "'"));
   }
+  if (result.name.find('\0') != std::string::npos) {
+    throw DataError("expected a name that is a plain file name, found one with a NUL character");
+  }
   return result;
 }
 
@@ -165,14 +168,20 @@ std::vector<NamedCamera> dataset_cameras(const Dataset& dataset, CameraSet which
       cameras.push_back({view.name, view.pose, view.camera});
     }
   }
+  const auto add_poses = [&](const Exposure& exposure) {
+    for (size_t k = 0; k < exposure.poses.size(); ++k) {
+      cameras.push_back({concat(exposure.name, "_", k), exposure.poses[k], exposure.camera});
+    }
+  };
   for (const Exposure& exposure : dataset.train) {
     if (which == CameraSet::kTrain) {
       cameras.push_back({exposure.name, exposure.poses[geometry::kMidPose], exposure.camera});
     } else if (which == CameraSet::kExposure && (name.empty() || name == exposure.name)) {
-      for (size_t k = 0; k < exposure.poses.size(); ++k) {
-        cameras.push_back({concat(exposure.name, "_", k), exposure.poses[k], exposure.camera});
-      }
+      add_poses(exposure);
     }
+  }
+  for (const Exposure& exposure : dataset.held_out) {
+    if (which == CameraSet::kExposure && name == exposure.name) add_poses(exposure);
   }
   if (cameras.empty()) {
     throw DataError(concat(dataset.root.string(), ": has no view for --cameras ", word_of(which),

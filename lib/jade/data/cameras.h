@@ -39,8 +39,9 @@ constexpr auto words_of(CameraSet) {
                     Word{"exposure", CameraSet::kExposure, "nine poses each"}};
 }
 
-/// The views of a data set; for kExposure NAME_0 to NAME_8 of the exposure `name`, or of all when
-/// it is empty. @throws DataError where there are none.
+/// The views of a data set; for kExposure NAME_0 to NAME_8 of the exposure `name`, held-out ones
+/// among them, or of all that are trained on when it is empty. @throws DataError where there are
+/// none.
 std::vector<NamedCamera> dataset_cameras(const Dataset& dataset, CameraSet which,
                                          const std::string& name);
 

@@ -169,6 +169,8 @@ bool has_list(const PlyElement& element) {
 /// Skips one element of a binary file that holds lists.
 std::string_view skip_lists(std::string_view data, const PlyElement& element, bool swap,
                             const fs::path& path) {
+  // However many rows it claims, they have no bytes to end with.
+  if (element.properties.empty()) return data;
   for (int64_t row = 0; row < element.count; ++row) {
     for (const PlyProperty& property : element.properties) {
       size_t size = size_of(property.type);

@@ -27,7 +27,9 @@ std::vector<std::string> arguments(const fs::path& program, const fs::path& outp
           concat(width, "x", height), "-r", concat(frames_per_second), "-i", "pipe:0",
           // Players want chroma for pairs of pixels; an odd last line or column is cut.
           "-vf", "crop=trunc(iw/2)*2:trunc(ih/2)*2", "-an", "-pix_fmt", "yuv420p", "-movflags",
-          "+faststart", "-f", "mp4", output.string()};
+          "+faststart", "-f", "mp4",
+          // A bare name with a colon is an address to ffmpeg, one with a dash at its head a flag.
+          "file:" + output.string()};
 }
 
 /// Starts the program with `read_end` as its standard input, in a process group of its own, so

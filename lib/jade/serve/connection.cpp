@@ -4,14 +4,25 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <linux/sockios.h>
 #include <poll.h>
+#include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
 namespace jade::serve {
+namespace {
 
-Connection::Connection(int socket, const Limits& limits)
-    : socket_(socket), limits_(limits), read_until_(Clock::now() + limits.reading) {}
+/// How often a full socket is asked whether its reader goes on.
+constexpr std::chrono::milliseconds kLook{100};
+
+}  // namespace
+
+Connection::Connection(int socket, const Limits& limits, const std::atomic<bool>* stopping)
+    : socket_(socket),
+      limits_(limits),
+      stopping_(stopping),
+      read_until_(Clock::now() + limits.reading) {}
 
 Connection::~Connection() {
   // What is unread would turn the close into a reset, and the answer be lost on its way. Whoever
@@ -58,11 +69,35 @@ ssize_t Connection::read(char* into, size_t size) {
 }
 
 Connection::Clock::time_point Connection::write_until() {
-  if (!write_until_) write_until_ = Clock::now() + limits_.writing;
+  if (!write_until_) {
+    answer_until_ = Clock::now() + limits_.answer;
+    write_until_ = std::min(Clock::now() + limits_.writing, answer_until_);
+  }
   return *write_until_;
 }
 
-bool Connection::can_write() { return wait(POLLOUT, write_until()); }
+void Connection::renew_writing() {
+  // Who stops waits for the limit at hand, and not for one after another.
+  if (stopping_ != nullptr && *stopping_) return;
+  write_until_ = std::min(Clock::now() + limits_.writing, answer_until_);
+}
+
+int Connection::queued() const {
+  int bytes = 0;
+  return ioctl(socket_, SIOCOUTQ, &bytes) == 0 ? bytes : 0;
+}
+
+bool Connection::can_write() {
+  // There is room again once megabytes have left, which a slow line needs many seconds for.
+  for (;;) {
+    const auto until = write_until();
+    if (wait(POLLOUT, std::min(until, Clock::now() + kLook))) return true;
+    if (Clock::now() >= until) return false;
+    const int left = queued();
+    if (left < queued_) renew_writing();
+    queued_ = left;
+  }
+}
 
 ssize_t Connection::write(const char* from, size_t size) {
   for (size_t sent = 0; sent < size;) {
@@ -70,7 +105,10 @@ ssize_t Connection::write(const char* from, size_t size) {
     // Who has gone must not end the program by SIGPIPE.
     const ssize_t went = send(socket_, from + sent, size - sent, MSG_NOSIGNAL | MSG_DONTWAIT);
     if (went < 0 && errno != EAGAIN && errno != EINTR) return -1;
-    sent += static_cast<size_t>(std::max<ssize_t>(0, went));
+    if (went <= 0) continue;
+    sent += static_cast<size_t>(went);
+    renew_writing();
+    queued_ = queued();
   }
   return static_cast<ssize_t>(size);
 }

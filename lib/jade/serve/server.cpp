@@ -2,6 +2,8 @@
 // The only file that sees cpp-httplib.
 #include "jade/serve/server.h"
 
+#include <algorithm>
+#include <atomic>
 #include <cerrno>
 #include <condition_variable>
 #include <cstring>
@@ -42,7 +44,12 @@ class BoundedPool : public httplib::TaskQueue {
     ++busy_;
     lock.unlock();
     pool_.enqueue([this, task = std::move(task)] {
-      task();
+      try {
+        task();
+      } catch (...) {
+        // For want of memory, say: that connection has been closed, and nobody else's is; out of
+        // the thread it would end the program.
+      }
       const std::lock_guard<std::mutex> done(mutex_);
       --busy_;
       free_.notify_one();
@@ -79,12 +86,27 @@ class LimitedStream : public httplib::Stream {
 /// One request per connection: what a refused one has left unread is never taken for the next, and
 /// no viewer that only keeps its connection has a thread.
 class LimitedServer : public httplib::Server {
+ public:
+  /// Readers that are slow get no more time; before stop().
+  void hurry() { stopping_ = true; }
+
+ private:
   bool process_and_close_socket(socket_t socket) override {
-    Connection connection(socket, {});
+    Connection connection(socket, {}, &stopping_);
     LimitedStream stream(connection);
     bool closed = false;
-    return process_request(stream, /*close_connection=*/true, closed, nullptr);
+    return process_request(stream, /*close_connection=*/true, closed, answer_whole);
   }
+
+  /// Answers are sent whole and as they are. Of ranges the library would put together all that are
+  /// named, of which a request has room for thousands; and its compression takes seconds for a page
+  /// of pictures, which are compressed as they are.
+  static void answer_whole(httplib::Request& request) {
+    request.ranges.clear();
+    request.headers.erase("Accept-Encoding");
+  }
+
+  std::atomic<bool> stopping_{false};
 };
 
 /// Not the library's own, whose SO_REUSEPORT would let two programs share one port.
@@ -108,6 +130,18 @@ Knock knock_of(const httplib::Request& request) {
 void say(httplib::Response& response, int status, const std::string& text) {
   response.status = status;
   response.set_content(text + "\n", "text/plain; charset=utf-8");
+}
+
+/// Piece by piece from where it lies: a reader that is slow costs no copy, and that the server
+/// stops is seen in between.
+void send(httplib::Response& response, std::shared_ptr<const std::string> page) {
+  const size_t size = page->size();
+  response.set_content_provider(
+      size, "text/html; charset=utf-8",
+      [page = std::move(page)](size_t offset, size_t left, httplib::DataSink& sink) {
+        sink.write(page->data() + offset, std::min(left, size_t{64} << 10));
+        return true;
+      });
 }
 
 int64_t number_of(const httplib::Request& request, const char* name) {
@@ -157,7 +191,7 @@ struct Server::Impl {
   Stage stage;
   Board board;
   std::mutex page_mutex;
-  std::string page = kOnItsWay;
+  std::shared_ptr<const std::string> page = std::make_shared<const std::string>(kOnItsWay);
   LimitedServer http;
   std::thread thread;
 
@@ -205,7 +239,7 @@ struct Server::Impl {
   void route() {
     http.Get("/", [this](const httplib::Request&, httplib::Response& response) {
       const std::lock_guard<std::mutex> lock(page_mutex);
-      response.set_content(page, "text/html; charset=utf-8");
+      send(response, page);
     });
     http.Get("/frame", for_viewer([this](const auto& request, auto& response) {
                const Parameter parameter = parameters(request);
@@ -273,6 +307,7 @@ Server::Server(const Address& address, const std::string& flag)
 
 Server::~Server() {
   impl_->stage.close();
+  impl_->http.hurry();
   impl_->http.stop();
   impl_->thread.join();
 }
@@ -287,8 +322,9 @@ std::string Server::url() const {
 }
 
 void Server::show(std::string html) {
+  auto page = std::make_shared<const std::string>(std::move(html));
   const std::lock_guard<std::mutex> lock(impl_->page_mutex);
-  impl_->page = std::move(html);
+  impl_->page = std::move(page);
 }
 
 Stage& Server::stage() { return impl_->stage; }
