@@ -7,6 +7,7 @@
 #include "common/dataset_flags.h"
 #include "common/shell.h"
 #include "jade/core/error.h"
+#include "jade/data/colmap_scene.h"
 #include "jade/data/dataset.h"
 #include "jade/recording/format.h"
 #include "jade/run/run_summary.h"
@@ -45,13 +46,14 @@ ExitCode inspect(const data::DatasetOptions& options, double log_offset, bool js
   return ExitCode::kOk;
 }
 
-/// A folder that is nothing is told what it could have been.
+/// A folder that is nothing is told what it could have been, one whose model is damaged that.
 void check_is_dataset(const data::DatasetOptions& options) {
   if (options.kind != data::DatasetKind::kAuto || !std::filesystem::is_directory(options.path))
     return;
   try {
     data::recognise_dataset(options.path);
   } catch (const DataError&) {
+    if (!data::find_colmap_model(options.path).empty()) throw;
     throw DataError(concat(options.path.string(),
                            ": expected a recording (events, or frames that have times), a data set "
                            "(poses_bounds.npy, sparse/0 or transforms.json) or a run directory, "

@@ -94,6 +94,10 @@ TEST_CASE("jade_inspect: what is none of the three gets one line", "[apps]") {
   check_error(run(dir, "jade_inspect empty"), 3,
               "expected a recording (events, or frames that have times), a data set");
   check_error(run(dir, "jade_inspect nowhere"), 3, "no such folder");
+  dir.write("model/sparse/0/cameras.txt", "1 PINHOLE 8 6 5 5 4 3\n");
+  dir.write("model/sparse/0/images.txt", "1 1 0 0 0 0 0 0 1 a.png\n\n");
+  dir.write("model/sparse/0/points3D.txt", "1 2 soon\n");
+  check_error(run(dir, "jade_inspect model"), 3, "points3D.txt: line 1: expected POINT3D_ID");
   check_error(run(dir, "jade_inspect"), 2, "--help lists the flags");
   test::write_tiny_dataset(dir / "scene");
   CHECK_THAT(run(dir, "jade_inspect scene").out, Catch::Contains("No problems found"));

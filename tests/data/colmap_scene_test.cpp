@@ -81,6 +81,31 @@ TEST_CASE("colmap scene: of a camera with two focal lengths x has the first and 
   CHECK(camera_of(one, 20, 10, Warnings(nullptr)) == geometry::Intrinsics{30, 30, 9, 6, 20, 10});
 }
 
+TEST_CASE("colmap scene: a fisheye is no pinhole, whatever its coefficients", "[data]") {
+  const auto read = [](const io::ColmapCamera& camera) {
+    return camera_of(camera, 96, 64, Warnings(nullptr));
+  };
+  CHECK_THROWS_WITH(
+      read({1, "OPENCV_FISHEYE", 96, 64, {60, 60, 48, 32, 0.001, 0, 0, 0}}),
+      Catch::Contains("bends the corners by 2") && Catch::Contains("undistort the images first"));
+  CHECK_THROWS_WITH(read({1, "SIMPLE_RADIAL_FISHEYE", 96, 64, {30, 48, 32, 0}}),
+                    Catch::Contains("sees farther than any pinhole"));
+  // Of a field so narrow that nobody can tell.
+  CHECK(read({1, "SIMPLE_RADIAL_FISHEYE", 96, 64, {400, 48, 32, 0}}).fx == 400);
+  CHECK(fisheye_shift_px(60, 96, 64) == Approx(60 * std::tan(57.6888 / 60) - 57.6888).margin(0.01));
+}
+
+TEST_CASE("colmap scene: a model without images is told as that", "[data]") {
+  const test::TempDir folder;
+  write_colmap_scene(folder / "room",
+                     {1, "PINHOLE", test::kWidth, test::kHeight, {25, 25, 10.5, 6.5}});
+  fs::remove_all(folder / "room/sparse");
+  test::save_model(folder / "room/sparse/0",
+                   {"1 PINHOLE 21 13 25 25 10.5 6.5\n", "# none\n", "", false, ""});
+  CHECK_THROWS_WITH(load_dataset(dataset_at(folder / "room")),
+                    Catch::Contains("expected images with poses, found none"));
+}
+
 TEST_CASE("colmap scene: images without a file are named, strong distortion is refused", "[data]") {
   const test::TempDir folder;
   write_colmap_scene(folder / "room",

@@ -160,6 +160,44 @@ TEST_CASE("transforms: each file of NeRF-synthetic's pair may lack a few images"
   CHECK(test::mentions(warnings, "./test/r_5, ./test/r_6"));
 }
 
+TEST_CASE("transforms: a frame's own lens counts, and a fisheye is no pinhole", "[data]") {
+  const test::TempDir folder;
+  const fs::path path = folder / "room/transforms.json";
+  fs::create_directories(folder / "room");
+  imaging::write_image(folder / "room/a.png", test::noise_image(0));
+  const auto load = [&](const std::string& root, const std::string& frame) {
+    write_file(path, "{" + root + "\"frames\":[{\"file_path\":\"a.png\"," + frame +
+                         "\"transform_matrix\":" + gl_matrix({}) + "}]}");
+    DatasetOptions options = at(folder / "room");
+    options.split = SplitKind::kNone;
+    std::vector<std::string> warnings;
+    load_dataset(options, &warnings);
+    return warnings;
+  };
+  CHECK_FALSE(test::mentions(load("\"fl_x\":50,", ""), "lens distortion"));
+  CHECK(test::mentions(load("\"fl_x\":50,", "\"k1\":-0.3,"), "lens distortion (k1) is ignored"));
+  const std::string fisheye = "\"camera_model\":\"OPENCV_FISHEYE\",";
+  CHECK_THROWS_WITH(load(fisheye + "\"fl_x\":15,", ""),
+                    Catch::Contains("undistort the images first"));
+  CHECK_THROWS_WITH(load("\"fl_x\":15,", fisheye), Catch::Contains("a fisheye, which bends"));
+  CHECK_NOTHROW(load(fisheye + "\"fl_x\":500,", ""));
+}
+
+TEST_CASE("transforms: focal lengths and sizes that cannot be are data errors", "[data]") {
+  const test::TempDir folder;
+  fs::create_directories(folder / "room");
+  imaging::write_image(folder / "room/a.png", test::noise_image(0));
+  const auto fails = [&](const std::string& camera, const std::string& part) {
+    write_file(folder / "room/transforms.json",
+               "{" + camera + "\"frames\":[{\"file_path\":\"a.png\",\"transform_matrix\":" +
+                   gl_matrix({}) + "}]}");
+    CHECK_THROWS_WITH(load_dataset(at(folder / "room")), Catch::Contains(part));
+  };
+  fails("\"fl_x\":50,\"fl_y\":-50,", "frame 0: expected a focal length 'fl_y' above 0, found -50");
+  fails("\"fl_x\":50,\"w\":1e30,\"h\":13,", "frame 0: expected 'w' from 0 to 65536 px");
+  fails("\"fl_x\":50,\"w\":21,\"h\":-13,", "frame 0: expected 'h' from 0 to 65536 px");
+}
+
 TEST_CASE("transforms: damaged JSON, missing images and matrices are data errors", "[data]") {
   const test::TempDir folder;
   fs::create_directories(folder / "room");

@@ -102,6 +102,66 @@ TEST_CASE("event files: of a table, time is the column that never decreases", "[
   CHECK(read_events(dir / "unsorted.npy").events.last_us() == 999);
 }
 
+TEST_CASE("event files: text has its columns as it names them, else as they look", "[events]") {
+  const TempDir dir;
+  const std::string xytp = "1.5,0,100,1\n2,1,250,0\n3,2.25,250,1\n0,7,999,1\n";
+  std::ofstream(dir / "named.csv") << "X,Y,T,P\n" << xytp;
+  check_events(read_events(dir / "named.csv").events);
+  std::ofstream(dir / "comment.csv") << "# x y t p\n" << xytp;
+  check_events(read_events(dir / "comment.csv").events);
+  std::ofstream(dir / "bare.csv") << xytp;
+  check_events(read_events(dir / "bare.csv").events);
+  std::ofstream(dir / "other.csv") << "polarity,t,y,x\n1,100,0,1.5\n0,250,1,2\n"
+                                      "1,250,2.25,3\n1,999,7,0\n";
+  check_events(read_events(dir / "other.csv").events);
+  // Names come before looks, and the time is the first column where both look like it.
+  std::ofstream(dir / "alike.csv") << "t,x,y,p\n300,5,1,1\n200,6,2,1\n";
+  CHECK(read_events(dir / "alike.csv").events.last_us() == 300);
+  std::ofstream(dir / "both.csv") << "100,5,1,1\n200,6,200,1\n";
+  CHECK(read_events(dir / "both.csv").events.first_us() == 100);
+  std::ofstream(dir / "mark.csv") << "\xEF\xBB\xBF"
+                                  << "100,1.5,0,1\n250,2,1,0\n"
+                                  << "250,3,2.25,1\n999,0,7,1\n";
+  check_events(read_events(dir / "mark.csv").events);
+  std::ofstream(dir / "half.csv") << "100,1.5,0,0.5\n";
+  CHECK_THAT(message_of([&] { read_events(dir / "half.csv"); }),
+             Catch::Contains("half.csv:1: expected polarity 0/1 or -1/+1, found 0.5"));
+}
+
+TEST_CASE("event files: an array called by its letter comes before others", "[events]") {
+  const TempDir dir;
+  {
+    jade::io::Hdf5Writer file(dir / "a.h5");
+    file.append("x", kX.data(), 4), file.append("y", kY.data(), 4);
+    file.append("t", kT.data(), 4), file.append("p", std::vector<int8_t>{1, 0, 1, 1}.data(), 4);
+    file.append("timestamps", std::vector<int64_t>{7, 8}.data(), 2);
+    file.close();
+  }
+  check_events(read_events(dir / "a.h5").events);
+  jade::io::write_npz(dir / "a.npz", {{"x", torch::tensor(kX)},
+                                      {"y", torch::tensor(kY)},
+                                      {"t", torch::tensor(kT)},
+                                      {"p", torch::tensor({1, 0, 1, 1}, torch::kInt8)},
+                                      {"timestamps", torch::tensor(kT) + 5000}});
+  check_events(read_events(dir / "a.npz").events);
+}
+
+TEST_CASE("event files: polarities with a fraction are refused, whole ones in floats are not",
+          "[events]") {
+  const TempDir dir;
+  const auto write = [&](float low) {
+    jade::io::Hdf5Writer file(dir / "a.h5");
+    file.append("x", kX.data(), 4), file.append("y", kY.data(), 4);
+    file.append("t", kT.data(), 4), file.append("p", std::vector<float>{1, low, 1, 1}.data(), 4);
+    file.close();
+  };
+  write(0);
+  check_events(read_events(dir / "a.h5").events);
+  write(0.5);
+  CHECK_THAT(message_of([&] { read_events(dir / "a.h5"); }),
+             Catch::Contains("expected polarities 0/1 or -1/+1, found other numbers"));
+}
+
 TEST_CASE("event files: the unit is the one in which events meet the exposures", "[events]") {
   const TempDir dir;
   write_h5<float, int64_t>(dir / "ns.h5", kX, kY, {100999, 250000, 250001, 999500}, {1, 0, 1, 1});

@@ -59,6 +59,22 @@ TEST_CASE("time unit: implausible exposures say what to do", "[events]") {
   CHECK(guess_exposure_unit(seconds, seconds + 0.02, "t", "") == TimeUnit::kS);
 }
 
+TEST_CASE("time unit: lone times without a fraction in floating point are microseconds",
+          "[events]") {
+  const auto unit_of = [](const torch::Tensor& times) {
+    return guess_exposure_unit(times, times, "t", "");
+  };
+  const auto whole = torch::tensor({1000000., 1050000., 1100001.}, torch::kFloat64);
+  CHECK(unit_of(whole) == TimeUnit::kUs);
+  CHECK(unit_of(whole * 1000 + 2e17) == TimeUnit::kNs);
+  CHECK(unit_of(whole + 0.5) == TimeUnit::kS);
+  // A frame a second, or every ten minutes.
+  const auto seconds = torch::tensor({1.7e9, 1.7e9 + 1, 1.7e9 + 2}, torch::kFloat64);
+  CHECK(unit_of(seconds) == TimeUnit::kS);
+  CHECK(unit_of((seconds - 1.7e9) * 600) == TimeUnit::kS);
+  CHECK(unit_of(torch::tensor({5e6}, torch::kFloat64)) == TimeUnit::kS);
+}
+
 TEST_CASE("time unit: whole microseconds, of nanoseconds since 1970 too", "[events]") {
   const torch::Tensor times = torch::tensor(std::vector<int64_t>{1700000000123456789});
   CHECK(times_us(times, TimeUnit::kNs, "t")[0] == 1700000000123457);

@@ -112,6 +112,29 @@ TEST_CASE("image: jpeg is close, and png bytes decode", "[imaging]") {
   CHECK(std::string(bytes.begin() + 1, bytes.begin() + 4) == "PNG");
 }
 
+TEST_CASE("image: a JPEG without its end is refused, one with more behind it is read",
+          "[imaging]") {
+  const Folder folder;
+  const auto image = pattern(40, 40, 255);
+  const auto encoded = encode_jpeg(image, 90);
+  const std::string whole(encoded.begin(), encoded.end());
+  const auto write = [&](const std::string& bytes) {
+    const fs::path path = folder.path / "a.jpg";
+    std::ofstream(path, std::ios::binary) << bytes;
+    return path;
+  };
+  const auto plain = read_image(write(whole));
+  CHECK(torch::equal(read_image(write(whole + std::string(20000, '\0'))), plain));
+  // A thumbnail in the header has an end of its own.
+  const std::string thumbnail = std::string("\xFF\xE1\x00\x08", 4) + "\xFF\xD8..\xFF\xD9";
+  CHECK(torch::equal(read_image(write(whole.substr(0, 2) + thumbnail + whole.substr(2))), plain));
+  const std::string cut = whole.substr(0, whole.size() * 2 / 3);
+  for (const std::string& bytes : {cut, cut.substr(0, 2) + thumbnail + cut.substr(2)}) {
+    const auto message = message_of([&] { read_image(write(bytes)); });
+    CHECK(message.find("a.jpg: expected an image") != std::string::npos);
+  }
+}
+
 TEST_CASE("image: files that cannot be read are refused with their path", "[imaging]") {
   const Folder folder;
   const auto path = [&](const char* name) { return folder.path / name; };

@@ -114,6 +114,11 @@ TEST_CASE("calibration: calib.txt of RPG fits any size its centre lies in", "[im
   const auto camera = import::camera_of(calibration, 0, 240, 180, "frames");
   CHECK((camera.pinhole().cx == Approx(132.7) && camera.pinhole().width == 240));
   CHECK_THROWS_AS(import::camera_of(calibration, 0, 120, 90, "frames"), DataError);
+  CHECK_THROWS_WITH(
+      import::camera_of(read("199 198 0 110 0 0 0 0 0"), 0, 240, 180, "frames"),
+      Catch::Matchers::Contains("calibration: expected a principal point inside 240x180"));
+  CHECK_THROWS_AS(import::camera_of(read("199 198 132 179 0 0 0 0 0"), 0, 240, 180, "frames"),
+                  DataError);
   CHECK(read("199 198 132 110 0 0 0 0 0").cameras.at(0).lens.model == LensModel::kPinhole);
 }
 

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <torch/types.h>
 
+#include "jade/config/config.h"
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/core/folder_lock.h"
@@ -246,6 +247,29 @@ TEST_CASE("importer: an offset takes the events back by what their clock is ahea
   REQUIRE(events.size() == 4);
   CHECK(events.first_us() == 1000);
   CHECK(events.last_us() == 61000);
+}
+
+TEST_CASE("importer: an offset may lie between a device's clock and one from 1970", "[import]") {
+  import::ImportOptions options;
+  config::read_text("time: {offset_ms: -1.7e12}", "a.yaml", fields_of(options));
+  CHECK(options.time.offset_ms == -1.7e12);
+}
+
+TEST_CASE("importer: frames that changed behind a link are read again", "[import]") {
+  const test::TempDir dir;
+  const fs::path frames = write_gray_frames(dir, "elsewhere", 0.8);
+  fs::create_directories(dir / "scene");
+  fs::rename(write_late_events(dir, 0), dir / "scene/events.raw");
+  fs::create_directory_symlink(frames, dir / "scene/images");
+  fs::create_directory_symlink(dir / "scene", frames / "back");  // leads round for ever
+  const import::ImportOptions options = options_for(dir / "scene", dir / "colmap");
+  const auto gray = [&] {
+    import::import_recording(options, dir / "out", {"", "read"});
+    return import::load_capture(dir / "out/import/read").shots[0].image.mean().item<double>();
+  };
+  CHECK(gray() == Approx(0.8).margin(0.01));
+  write_gray_frames(dir, "elsewhere", 0.4);
+  CHECK(gray() == Approx(0.4).margin(0.01));
 }
 
 TEST_CASE("importer: other frames and another restorer are taken, and the stages behind them",

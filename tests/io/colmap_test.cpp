@@ -80,6 +80,15 @@ TEST_CASE("colmap: counts larger than the file, NaN and contradictions are refus
   CHECK_THROWS_AS(parse_colmap(test::text_model(kCamera, images, kPoints)), DataError);
 }
 
+TEST_CASE("colmap: in text an image's observations are a line, be it an empty one", "[io]") {
+  ColmapFiles files = test::text_model(kCamera, two_images(), kPoints);
+  files.images = "1 1 0 0 0 0 0 0 1 a.png\n1.5 -2 -1 3 4e-1 7\n2 1 0 0 0 1 0 0 1 b.png";
+  CHECK(parse_colmap(files).images.size() == 2);
+  files.images = "1 1 0 0 0 0 0 0 1 a.png\n2 1 0 0 0 1 0 0 1 b.png\n";
+  CHECK_THROWS_WITH(parse_colmap(files), Catch::Contains("images.txt: line 2: expected the "
+                                                         "observations of the image before"));
+}
+
 TEST_CASE("colmap: a folder without a model says what was expected", "[io]") {
   const test::TempDir folder;
   CHECK_THROWS_WITH(read_colmap(folder.path()), Catch::Contains("sparse/0"));

@@ -21,6 +21,7 @@ TEST_CASE("format: recognised by content, whatever the name", "[recording]") {
   CHECK(recognise(dir.write("d", std::string("SQLite format 3\0....", 20))) == Format::kRosBag);
   CHECK(recognise(dir.write("e", "\x89MCAP0\r\n....")) == Format::kRosBag);
   CHECK(recognise(dir.write("f.dat", "0.5 1 2 1\n0.6 3 4 0\n")) == Format::kText);
+  CHECK(recognise(dir.write("f.csv", "\xEF\xBB\xBFt,x,y,p\n0.5,1,2,1\n")) == Format::kText);
   io::write_npy(dir / "g.h5", torch::zeros({1, 4}));
   CHECK(recognise(dir / "g.h5") == Format::kNpy);
   io::write_npz(dir / "h", {{"x", torch::zeros({1})}});

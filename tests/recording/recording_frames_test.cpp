@@ -237,6 +237,31 @@ TEST_CASE("recording: only events near frames are read, on the clock of the even
   CHECK(span.events.last_us() == 360000);
 }
 
+TEST_CASE("recording: the unit of events is told by exposures moved by the offset that is given",
+          "[recording]") {
+  const TempDir dir;
+  write_frames(dir / "a/images", 3);
+  constexpr int64_t kHourUs = 3600000000;
+  // An hour apart; unmoved, exposures would take whole numbers for ns.
+  const auto write = [&](int64_t events_us, int64_t frames_us) {
+    std::string exposures, events;
+    for (int i = 0; i < 3; ++i) {
+      const int64_t begin_us = frames_us + 1000000 + 5000000 * i;
+      exposures += concat("f", i, ",", begin_us, ",", begin_us + 20000, "\n");
+    }
+    for (int64_t t = 0; t < 15000000; t += 10000) events += concat(events_us + t, ",3,4,1\n");
+    dir.write("a/images/exposures.csv", exposures);
+    dir.write("a/events.csv", events);
+  };
+  ReadOptions options;
+  write(kHourUs, 0);
+  options.near_frames_ahead_us = kHourUs;
+  CHECK(read_recording(dir / "a", options).events.first_us() == kHourUs + 750000);
+  write(0, kHourUs);
+  options.near_frames_ahead_us = -kHourUs;
+  CHECK(read_recording(dir / "a", options).events.first_us() == 750000);
+}
+
 TEST_CASE("recording: of a Prophesee file only events near frames are kept", "[recording]") {
   const TempDir dir;
   const auto raw = write_triggered(dir);

@@ -122,6 +122,15 @@ TEST_CASE("recording: exposures from a list beside the images, or from their len
              Catch::Contains("expected a line for b.png, found none among 1"));
 }
 
+TEST_CASE("recording: the mark of UTF-8 before text is no part of it", "[recording]") {
+  const TempDir dir;
+  write_rpg_folder(dir, "rpg");
+  const std::string mark = "\xEF\xBB\xBF";
+  dir.write("rpg/events.txt", mark + kEvents);
+  dir.write("rpg/images.txt", mark + "0.0002 images/a.png\n0.000600 images/b.png\n");
+  check_rpg(read_recording(dir / "rpg"));
+}
+
 TEST_CASE("recording: a zip of the folder, at its root or within a folder", "[recording]") {
   const TempDir dir;
   write_rpg_folder(dir, "rpg");
@@ -201,6 +210,12 @@ TEST_CASE("recording: times out of order are sorted, events beside the sensor dr
   const Recording beside = read_recording(dir / "rpg");
   CHECK(beside.width == 0);
   CHECK(has_note(beside, "events lie within 9x6 px, frames are 8x6 px"));
+  // Rectified ones lie between pixels.
+  dir.write("rpg/events.txt", "0.1 7.4 5.3 1\n0.2 inf 0 0\n0.3 nan 0 0\n");
+  const Recording rectified = read_recording(dir / "rpg");
+  CHECK(rectified.width == 8);
+  CHECK(rectified.height == 6);
+  CHECK(rectified.events.size() == 1);
 }
 
 TEST_CASE("recording: what is missing is noted, what is damaged is an error", "[recording]") {

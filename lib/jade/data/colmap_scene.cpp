@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <torch/types.h>
 
 #include "jade/core/error.h"
@@ -14,7 +15,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// How far, in pixels, a camera's distortion moves a corner of its image; polynomial models only.
+/// How far, in pixels, a camera's distortion moves a corner of its image; polynomial models and
+/// fisheyes only.
 double corner_shift_px(const io::ColmapCamera& camera, double focal_px, size_t first) {
   const double r2 = 0.25 *
                     (double(camera.width) * double(camera.width) +
@@ -24,7 +26,10 @@ double corner_shift_px(const io::ColmapCamera& camera, double focal_px, size_t f
   for (size_t i = first; i < camera.parameters.size(); ++i) {
     shift += std::abs(camera.parameters[i]) * r2;
   }
-  return shift * std::sqrt(r2) * focal_px;
+  shift *= std::sqrt(r2) * focal_px;
+  // Without any coefficient a fisheye is no pinhole.
+  const bool fisheye = camera.model.find("FISHEYE") != std::string::npos;
+  return fisheye ? shift + fisheye_shift_px(focal_px, camera.width, camera.height) : shift;
 }
 
 fs::path image_path(const fs::path& folder, const std::string& name) {
@@ -39,6 +44,14 @@ fs::path find_colmap_model(const fs::path& folder) {
     if (io::is_colmap_model(folder / place)) return (folder / place).lexically_normal();
   }
   return {};
+}
+
+double fisheye_shift_px(double focal_px, int64_t width, int64_t height) {
+  constexpr double kRightAngle = 1.5707963267948966;
+  const double radius = 0.5 * std::hypot(double(width), double(height));
+  const double angle = radius / focal_px;
+  if (!(angle < kRightAngle)) return std::numeric_limits<double>::infinity();
+  return focal_px * std::tan(angle) - radius;
 }
 
 geometry::Pose pose_of(const io::ColmapImage& image) {
@@ -62,9 +75,10 @@ geometry::Intrinsics camera_of(const io::ColmapCamera& camera, int64_t width, in
     throw DataError(concat("COLMAP camera ", camera.id, ": focal length ", found.fy));
   const double shift = corner_shift_px(camera, found.fx, two_focals ? 4 : 3);
   if (shift > 1) {
-    throw DataError(concat("COLMAP camera ", camera.id, " (", camera.model,
-                           ") bends the corners by ", shift,
-                           " px; undistort the images first: colmap image_undistorter"));
+    throw DataError(concat("COLMAP camera ", camera.id, " (", camera.model, ") ",
+                           std::isfinite(shift) ? concat("bends the corners by ", shift, " px")
+                                                : std::string("sees farther than any pinhole"),
+                           "; undistort the images first: colmap image_undistorter"));
   }
   if (shift > 0) {
     warnings.add("COLMAP camera ", camera.id, " (", camera.model, "): its distortion of ", shift,
@@ -98,6 +112,11 @@ Dataset load_colmap(const DatasetOptions& options, const Warnings& warnings) {
                            ".txt), found none"));
   }
   io::ColmapModel model = io::read_colmap(folder);
+  if (model.images.empty()) {
+    throw DataError(concat(folder.string(),
+                           ": expected images with poses, found none; copy the model again or "
+                           "rerun COLMAP"));
+  }
   std::sort(model.images.begin(), model.images.end(),
             [](const io::ColmapImage& a, const io::ColmapImage& b) { return a.name < b.name; });
   const fs::path image_folder = find_image_folder(options.path, options.image_folder);

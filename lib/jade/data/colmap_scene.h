@@ -15,6 +15,10 @@ std::filesystem::path find_colmap_model(const std::filesystem::path& folder);
 
 geometry::Pose pose_of(const io::ColmapImage& image);
 
+/// How far, in pixels, the corners of a fisheye lie from where a pinhole of the same focal length
+/// has them; infinite where no pinhole sees them.
+double fisheye_shift_px(double focal_px, int64_t width, int64_t height);
+
 /// A pinhole for images of width x height. Radial terms are dropped with a warning when they bend
 /// the image by less than a pixel. @throws DataError naming the undistorter otherwise.
 geometry::Intrinsics camera_of(const io::ColmapCamera& camera, int64_t width, int64_t height,

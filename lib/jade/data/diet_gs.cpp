@@ -120,13 +120,14 @@ bool is_diet_gs(const fs::path& folder) {
   const fs::path model = find_colmap_model(folder);
   if (model.empty()) return false;
   if (fs::exists(folder / "events")) return true;
-  for (const io::ColmapImage& image : io::read_colmap(model).images) {
+  const std::vector<io::ColmapImage> images = io::read_colmap(model).images;
+  for (const io::ColmapImage& image : images) {
     const std::string name = fs::path(image.name).filename().string();
     if (name.rfind("GT", 0) != 0 && !std::regex_match(name, std::regex(R"(\d+_\d(\..*)?)"))) {
       return false;
     }
   }
-  return true;
+  return !images.empty();  // no name says nothing
 }
 
 Dataset load_diet_gs(const DatasetOptions& options, const Warnings& warnings) {

@@ -9,6 +9,7 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "jade/data/colmap_scene.h"
 #include "jade/data/frame_times.h"
 #include "jade/data/frames.h"
 #include "jade/imaging/image_io.h"
@@ -24,6 +25,7 @@ struct ListedView {
   geometry::Pose pose;
   geometry::Intrinsics camera;  ///< 0 where the file does not say
   double angle_x = 0;           ///< horizontal field of view in radians, in place of a focal length
+  bool fisheye = false;
 };
 
 /// With fewer images left of a file that named more, its scene is taken for damaged.
@@ -102,29 +104,60 @@ void tell_missing(const fs::path& path, const std::vector<std::string>& missing,
   warnings.add(what, "; they are left out");
 }
 
-geometry::Intrinsics camera_of_frame(const json& root, const json& frame) {
+geometry::Intrinsics camera_of_frame(const json& root, const json& frame,
+                                     const std::string& where) {
   const auto value = [&](const char* key, double otherwise) {
     return number(frame, key, number(root, key, otherwise));
   };
+  const auto side = [&](const char* key) {
+    constexpr double kLargestSide = 1 << 16;
+    const double found = value(key, 0);
+    if (found >= 0 && found <= kLargestSide) return static_cast<int64_t>(found);
+    throw DataError(concat(where, ": expected '", key, "' from 0 to ", kLargestSide, " px, found ",
+                           found, "; correct it"));
+  };
   geometry::Intrinsics camera;
-  camera.width = static_cast<int64_t>(value("w", 0));
-  camera.height = static_cast<int64_t>(value("h", 0));
+  camera.width = side("w");
+  camera.height = side("h");
   camera.fx = value("fl_x", 0);
   camera.fy = value("fl_y", camera.fx);
+  if (camera.fx > 0 && !(camera.fy > 0)) {
+    throw DataError(concat(where, ": expected a focal length 'fl_y' above 0, found ", camera.fy,
+                           "; correct it"));
+  }
   camera.cx = value("cx", 0);
   camera.cy = value("cy", 0);
   return camera;
 }
 
+/// Of the whole file, or of a frame.
+const char* distortion_of(const json& object) {
+  for (const char* key : {"k1", "k2", "k3", "k4", "p1", "p2"}) {
+    if (std::abs(number(object, key, 0)) >= 1e-6) return key;
+  }
+  return nullptr;
+}
+
+void tell_distortion(const fs::path& path, const json& root, const Warnings& warnings) {
+  const char* key = distortion_of(root);
+  for (const json& frame : root["frames"]) {
+    if (key == nullptr) key = distortion_of(frame);
+  }
+  if (key == nullptr) return;
+  warnings.add(path.string(), ": lens distortion (", key,
+               ") is ignored; undistort the images first if it is more than a pixel");
+}
+
+/// nerfstudio's OPENCV_FISHEYE, of the file or of a frame.
+bool is_fisheye(const json& root, const json& frame) {
+  const json& object = frame.contains("camera_model") ? frame : root;
+  return object.contains("camera_model") && object["camera_model"].is_string() &&
+         object["camera_model"].get<std::string>().find("FISHEYE") != std::string::npos;
+}
+
 std::vector<ListedView> read_views(const fs::path& path, const Warnings& warnings) {
   const json root = read_json(path);
-  for (const char* key : {"k1", "k2", "k3", "k4", "p1", "p2"}) {
-    if (std::abs(number(root, key, 0)) < 1e-6) continue;
-    warnings.add(path.string(), ": lens distortion (", key,
-                 ") is ignored; undistort the images "
-                 "first if it is more than a pixel");
-    break;
-  }
+  tell_distortion(path, root, warnings);
   std::vector<ListedView> views;
   std::vector<std::string> missing;
   for (const json& frame : root["frames"]) {
@@ -132,7 +165,8 @@ std::vector<ListedView> read_views(const fs::path& path, const Warnings& warning
     ListedView view;
     view.path = image_of(path.parent_path(), frame, where, missing);
     if (view.path.empty()) continue;
-    view.camera = camera_of_frame(root, frame);
+    view.camera = camera_of_frame(root, frame, where);
+    view.fisheye = is_fisheye(root, frame);
     if (!frame.contains("transform_matrix")) {
       throw DataError(concat(where, ": expected a 'transform_matrix'"));
     }
@@ -163,6 +197,17 @@ geometry::Intrinsics fit_camera(const ListedView& view, int64_t width, int64_t h
   if (camera.cx == 0) camera.cx = 0.5 * double(camera.width);
   if (camera.cy == 0) camera.cy = 0.5 * double(camera.height);
   return geometry::scaled(camera, width, height);
+}
+
+/// A fisheye of so narrow a field that it is a pinhole to a pixel may pass for one.
+void check_pinhole(const ListedView& view, const geometry::Intrinsics& camera) {
+  if (!view.fisheye) return;
+  const double shift = fisheye_shift_px(camera.fx, camera.width, camera.height);
+  if (shift <= 1) return;
+  throw DataError(concat(view.path.string(), ": its camera_model is a fisheye, which ",
+                         std::isfinite(shift) ? concat("bends the corners by ", shift, " px")
+                                              : std::string("sees farther than any pinhole"),
+                         "; undistort the images first"));
 }
 
 }  // namespace
@@ -214,6 +259,7 @@ Dataset load_transforms(const DatasetOptions& options, const Warnings& warnings)
   for (size_t i = 0; i < views.size(); ++i) {
     const geometry::Intrinsics camera =
         fit_camera(views[i], frames[i].image.size(2), frames[i].image.size(1));
+    check_pinhole(views[i], camera);
     poses.push_back(views[i].pose);
     if (is_test[i]) {
       data.test.push_back(

@@ -118,7 +118,9 @@ TimeUnit chosen_unit(const std::filesystem::path& path, const TimeRange& range,
   throw DataError(concat(path.string(), ": events run from ", range.first, " to ", range.last,
                          ", exposures from ", options.exposures->begin_us, " to ",
                          options.exposures->end_us,
-                         " us: they share no moment in us, ns or s; are they of one recording?"));
+                         " us: the two clocks do not overlap in us, ns or s; are both of one "
+                         "recording, and is the offset between them right (jade_import: "
+                         "--offset-ms)?"));
 }
 
 double in_unit(int64_t us, TimeUnit unit) {

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <charconv>
 #include <cmath>
 #include <fstream>
@@ -64,17 +65,25 @@ T read_number(const io::Hdf5File& file, const std::string& name) {
   return number;
 }
 
+/// Without its group.
+std::string leaf_of(const std::string& name) { return name.substr(name.rfind('/') + 1); }
+
+/// The array of a field. One called by its letter alone comes before those that are called
+/// otherwise, which may be of something else, such as the times of frames.
+void take(int field, const std::string& name, std::string& taken) {
+  if (leaf_of(taken) != kFieldNames[field]) taken = name;
+}
+
 /// Names of x, y, t, p in one group; the group nearest to the root wins.
 std::array<std::string, 4> find_fields(const io::Hdf5File& file) {
   std::map<std::pair<int64_t, std::string>, std::array<std::string, 4>> groups;
   for (const auto& dataset : file.datasets()) {
     const auto slash = dataset.name.rfind('/');
     const std::string group = slash == std::string::npos ? "" : dataset.name.substr(0, slash);
-    const int field =
-        event_field(slash == std::string::npos ? dataset.name : dataset.name.substr(slash + 1));
+    const int field = event_field(leaf_of(dataset.name));
     if (field < 0) continue;
     const int64_t depth = group.empty() ? 0 : 1 + std::count(group.begin(), group.end(), '/');
-    groups[{depth, group}][size_t(field)] = dataset.name;
+    take(field, dataset.name, groups[{depth, group}][size_t(field)]);
   }
   for (const auto& [group, names] : groups) {
     if (std::none_of(names.begin(), names.end(), [](const auto& name) { return name.empty(); }))
@@ -109,6 +118,15 @@ Hdf5Fields checked_fields(const io::Hdf5File& file) {
   return out;
 }
 
+/// As int8, which would cut fractions off.
+torch::Tensor whole_polarity(const std::filesystem::path& path, const torch::Tensor& polarity) {
+  if (!polarity.to(torch::kInt8).eq(polarity).all().item<bool>()) {
+    throw DataError(
+        concat(path.string(), ": expected polarities 0/1 or -1/+1, found other numbers"));
+  }
+  return polarity.to(torch::kInt8).contiguous();
+}
+
 RawEvents read_stretches(const io::Hdf5File& file, const Hdf5Fields& fields,
                          const std::optional<std::vector<Stretch>>& wanted) {
   const auto stretches = wanted.value_or(std::vector<Stretch>{{0, fields.length}});
@@ -116,7 +134,10 @@ RawEvents read_stretches(const io::Hdf5File& file, const Hdf5Fields& fields,
   RawEvents out;
   out.x = read_dataset<float>(file, names[0], stretches, torch::kFloat32);
   out.y = read_dataset<float>(file, names[1], stretches, torch::kFloat32);
-  out.polarity = read_dataset<int8_t>(file, names[3], stretches, torch::kInt8);
+  out.polarity = file.dataset(names[3]).floating
+                     ? whole_polarity(file.path(), read_dataset<float>(file, names[3], stretches,
+                                                                       torch::kFloat32))
+                     : read_dataset<int8_t>(file, names[3], stretches, torch::kInt8);
   if (file.dataset(names[2]).floating) {
     out.time = read_dataset<double>(file, names[2], stretches, torch::kFloat64);
     if (file.has("t_offset")) out.time += read_number<double>(file, "t_offset");
@@ -131,13 +152,8 @@ RawEvents read_stretches(const io::Hdf5File& file, const Hdf5Fields& fields,
 RawEvents from_columns(const std::filesystem::path& path, const torch::Tensor& x,
                        const torch::Tensor& y, const torch::Tensor& t, const torch::Tensor& p) {
   check_lengths(path, {x.numel(), y.numel(), t.numel(), p.numel()});
-  const auto polarity = p.flatten();
-  if (!polarity.to(torch::kInt8).eq(polarity).all().item<bool>()) {
-    throw DataError(
-        concat(path.string(), ": expected polarities 0/1 or -1/+1, found other numbers"));
-  }
   return {x.flatten().to(torch::kFloat32).contiguous(),
-          y.flatten().to(torch::kFloat32).contiguous(), polarity.to(torch::kInt8).contiguous(),
+          y.flatten().to(torch::kFloat32).contiguous(), whole_polarity(path, p.flatten()),
           t.flatten().to(t.is_floating_point() ? torch::kFloat64 : torch::kInt64).contiguous()};
 }
 
@@ -199,11 +215,10 @@ torch::Tensor tensor_of(std::vector<T> values, torch::ScalarType type) {
       kept->data(), {int64_t(kept->size())}, [kept](void*) { delete kept; }, type);
 }
 
+bool separates(char c) { return c == ' ' || c == '\t' || c == ',' || c == ';' || c == '\r'; }
+
 /// Numbers of one line; -1 when something else stands there.
 int parse_line(const char* begin, const char* end, double* numbers, int most) {
-  const auto separates = [](char c) {
-    return c == ' ' || c == '\t' || c == ',' || c == ';' || c == '\r';
-  };
   int count = 0;
   while (true) {
     while (begin < end && separates(*begin)) ++begin;
@@ -215,6 +230,89 @@ int parse_line(const char* begin, const char* end, double* numbers, int most) {
     begin = next;
     ++count;
   }
+}
+
+/// Where x, y, t and p stand in a line of four numbers.
+using Columns = std::array<size_t, 4>;
+constexpr Columns kTimeFirst{1, 2, 0, 3}, kPlaceFirst{0, 1, 2, 3};
+
+/// What a line of their names says, none where it is anything else.
+std::optional<Columns> named_columns(const char* begin, const char* end) {
+  Columns columns{};
+  std::array<bool, 4> found{};
+  for (size_t count = 0;; ++count) {
+    while (begin < end && separates(*begin)) ++begin;
+    if (begin == end) return count == 4 ? std::optional(columns) : std::nullopt;
+    std::string word;
+    for (; begin < end && !separates(*begin); ++begin) {
+      word += char(std::tolower(static_cast<unsigned char>(*begin)));
+    }
+    const int field = event_field(word);
+    if (field < 0 || count == 4 || found[size_t(field)]) return std::nullopt;
+    found[size_t(field)] = true;
+    columns[size_t(field)] = count;
+  }
+}
+
+/// The order of columns that nothing names: t x y p, unless by their first events only the third
+/// column can be the time. Unlike tables, lists in text begin with the time.
+Columns likely_columns(const std::vector<std::array<double, 4>>& first) {
+  const auto never_falls = [&](size_t column) {
+    return std::is_sorted(first.begin(), first.end(),
+                          [&](const auto& a, const auto& b) { return a[column] < b[column]; });
+  };
+  const bool third = !never_falls(0) && never_falls(2) && first.front()[2] < first.back()[2];
+  return third ? kPlaceFirst : kTimeFirst;
+}
+
+/// Lines of a list in text become events once it is known which column is what.
+class TextEvents {
+ public:
+  bool empty() const { return first_.empty() && time_.empty(); }
+  bool named() const { return columns_.has_value(); }
+  void name(const std::optional<Columns>& columns) { columns_ = columns; }
+  /// Where a line has its polarity. Without names it is last in either order.
+  size_t polarity_column() const { return columns_ ? (*columns_)[3] : kTimeFirst[3]; }
+
+  void add(const std::array<double, 4>& numbers) {
+    if (columns_) return keep(numbers);
+    first_.push_back(numbers);
+    if (first_.size() == kLook) settle();
+  }
+  RawEvents take() {
+    settle();
+    return {tensor_of(std::move(x_), torch::kFloat32), tensor_of(std::move(y_), torch::kFloat32),
+            tensor_of(std::move(polarity_), torch::kInt8),
+            tensor_of(std::move(time_), torch::kFloat64)};
+  }
+
+ private:
+  static constexpr size_t kLook = 4096;  // events that tell the columns
+
+  void keep(const std::array<double, 4>& numbers) {
+    x_.push_back(float(numbers[(*columns_)[0]]));
+    y_.push_back(float(numbers[(*columns_)[1]]));
+    time_.push_back(numbers[(*columns_)[2]]);
+    polarity_.push_back(int8_t(numbers[(*columns_)[3]]));
+  }
+  void settle() {
+    if (columns_) return;
+    columns_ = likely_columns(first_);
+    for (const auto& numbers : first_) keep(numbers);
+    first_.clear();
+  }
+
+  std::optional<Columns> columns_;
+  std::vector<std::array<double, 4>> first_;  ///< until the columns are known
+  std::vector<double> time_;
+  std::vector<float> x_, y_;
+  std::vector<int8_t> polarity_;
+};
+
+/// Behind the mark of UTF-8 that spreadsheets put before the first line.
+const char* behind_mark(const char* begin, const char* end) {
+  constexpr char kMark[] = "\xEF\xBB\xBF";
+  return end - begin >= 3 && std::equal(kMark, kMark + 3, begin) ? begin + 3 : begin;
 }
 
 }  // namespace
@@ -254,7 +352,7 @@ RawEvents read_npz_events(const std::filesystem::path& path) {
   const io::Npz archive(path);
   std::array<std::string, 4> names;
   for (const auto& name : archive.names()) {
-    if (const int field = event_field(name); field >= 0) names[size_t(field)] = name;
+    if (const int field = event_field(name); field >= 0) take(field, name, names[size_t(field)]);
   }
   if (std::all_of(names.begin(), names.end(), [](const auto& name) { return name.empty(); }) &&
       archive.names().size() == 1) {
@@ -273,34 +371,32 @@ RawEvents read_npy_events(const std::filesystem::path& path) {
 }
 
 RawEvents read_text_events(const std::filesystem::path& path) {
-  std::vector<double> time;
-  std::vector<float> x, y;
-  std::vector<int8_t> polarity;
+  TextEvents events;
   int64_t line = 0;
   bool header_seen = false;
   for_each_line(path, [&](const char* begin, const char* end) {
-    ++line;
-    double numbers[4];
-    const int count = begin < end && *begin == '#' ? 0 : parse_line(begin, end, numbers, 4);
+    if (++line == 1) begin = behind_mark(begin, end);
+    const bool comment = begin < end && *begin == '#';
+    std::array<double, 4> numbers{};
+    const int count = comment ? 0 : parse_line(begin, end, numbers.data(), 4);
     if (count == 4) {
-      if (std::abs(numbers[3]) > 1) {
-        throw DataError(concat(path.string(), ":", line, ": expected polarity 0/1 or -1/+1, found ",
-                               numbers[3]));
+      const double polarity = numbers[events.polarity_column()];
+      if (!(std::abs(polarity) <= 1 && polarity == std::floor(polarity))) {
+        throw DataError(
+            concat(path.string(), ":", line, ": expected polarity 0/1 or -1/+1, found ", polarity));
       }
-      time.push_back(numbers[0]);
-      x.push_back(float(numbers[1]));
-      y.push_back(float(numbers[2]));
-      polarity.push_back(int8_t(numbers[3]));
-    } else if (count != 0) {
+      events.add(numbers);
+      return;
+    }
+    if (comment || count != 0) {
       // One line of column names, or of width and height, may stand first.
-      if (!time.empty() || header_seen)
+      if (!comment && (!events.empty() || header_seen))
         throw DataError(concat(path.string(), ":", line, ": expected \"t x y p\""));
-      header_seen = true;
+      if (events.empty() && !events.named()) events.name(named_columns(begin + comment, end));
+      header_seen = header_seen || !comment;
     }
   });
-  return {tensor_of(std::move(x), torch::kFloat32), tensor_of(std::move(y), torch::kFloat32),
-          tensor_of(std::move(polarity), torch::kInt8),
-          tensor_of(std::move(time), torch::kFloat64)};
+  return events.take();
 }
 
 }  // namespace jade::events

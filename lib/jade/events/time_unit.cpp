@@ -33,6 +33,23 @@ bool is_only_ns(const torch::Tensor& times) {
          times.max().to(torch::kFloat64).item<double>() > kOnlyNs;
 }
 
+/// Whole numbers in floating point that lie too far apart for frames in seconds.
+bool is_whole_and_large(const torch::Tensor& times) {
+  constexpr double kLongestGapS = 1000;
+  if (times.numel() < 2) return false;
+  const torch::Tensor t = times.to(torch::kFloat64);
+  const auto [first, last] = t.aminmax();
+  const double gap = (last - first).item<double>() / double(t.numel() - 1);
+  return gap > kLongestGapS && t.eq(t.floor()).all().item<bool>();
+}
+
+/// Of times of exposures whose lengths say nothing.
+TimeUnit lone_unit(const torch::Tensor& times) {
+  if (!times.is_floating_point()) return TimeUnit::kUs;
+  if (!is_whole_and_large(times)) return TimeUnit::kS;
+  return times.max().to(torch::kFloat64).item<double>() > kOnlyNs ? TimeUnit::kNs : TimeUnit::kUs;
+}
+
 }  // namespace
 
 double us_per_unit(TimeUnit unit) {
@@ -60,7 +77,7 @@ TimeUnit guess_exposure_unit(const torch::Tensor& start, const torch::Tensor& en
   const bool floating = start.is_floating_point();
   torch::Tensor lengths = (end - start).to(torch::kFloat64);
   lengths = lengths.masked_select(lengths > 0);
-  if (lengths.numel() == 0) return floating ? TimeUnit::kS : TimeUnit::kUs;
+  if (lengths.numel() == 0) return lone_unit(start);
   const double median = lengths.median().item<double>();
   for (const TimeUnit unit : {TimeUnit::kUs, TimeUnit::kNs, TimeUnit::kS}) {
     if (unit == TimeUnit::kS && !floating) continue;

@@ -40,7 +40,8 @@ std::optional<TimeUnit> guess_time_unit(double first, double last, bool has_frac
 
 /// The unit of the times of exposures: that in which the median length of those that have one is
 /// between 10 µs and 5 s, tried in the order µs, ns, s; seconds are floating point, and where no
-/// exposure has a length floating point is seconds. Whole numbers above kOnlyNs are ns.
+/// exposure has a length floating point is seconds, unless no time has a fraction and they lie more
+/// than 1000 apart on average: these are µs. Whole numbers above kOnlyNs are ns.
 /// @param start,end  [N] of one integer or floating type
 /// @param mend  what to do about exposures of no plausible length, for the message
 /// @throws DataError beginning with `name` for those.

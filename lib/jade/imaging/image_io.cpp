@@ -2,6 +2,7 @@
 #include "jade/imaging/image_io.h"
 
 #include <algorithm>
+#include <fstream>
 #include <opencv2/imgcodecs.hpp>
 #include <set>
 #include <string>
@@ -118,12 +119,38 @@ std::vector<uint8_t> encode(const torch::Tensor& image, const std::string& forma
   throw DataError(concat(name, ": the image cannot be encoded as ", format));
 }
 
+/// Whether a JPEG reaches its end marker. The decoder fills with gray what was cut off. Thumbnails
+/// in the header have such a marker too, so that the search begins behind it, at the image's own
+/// data.
+bool is_whole_jpeg(const std::string& bytes) {
+  const auto at = [&](size_t i) { return i < bytes.size() ? uint8_t(bytes[i]) : uint8_t(0); };
+  constexpr uint8_t kFill = 0xFF, kStartOfScan = 0xDA;
+  size_t i = 2;
+  while (i + 4 <= bytes.size()) {
+    const uint8_t marker = at(i + 1);
+    if (at(i) != kFill || marker == kFill) {
+      ++i;
+      continue;
+    }
+    i += 2 + (size_t(at(i + 2)) << 8 | at(i + 3));
+    if (marker == kStartOfScan) return bytes.find("\xFF\xD9", i) != std::string::npos;
+  }
+  return false;
+}
+
+bool is_cut_jpeg(const fs::path& path) {
+  char head[2] = {};
+  std::ifstream(path, std::ios::binary).read(head, 2);
+  return head[0] == '\xFF' && head[1] == '\xD8' && !is_whole_jpeg(read_file(path));
+}
+
 cv::Mat decode(const fs::path& path) {
   require_file(path);
   cv::Mat mat;
   try {
-    mat = cv::imread(path.string(),
-                     cv::IMREAD_ANYDEPTH | cv::IMREAD_ANYCOLOR | cv::IMREAD_IGNORE_ORIENTATION);
+    if (!is_cut_jpeg(path))
+      mat = cv::imread(path.string(),
+                       cv::IMREAD_ANYDEPTH | cv::IMREAD_ANYCOLOR | cv::IMREAD_IGNORE_ORIENTATION);
   } catch (const cv::Exception&) {
     // reported below
   }

@@ -236,11 +236,17 @@ geometry::LensCamera camera_of(const Calibration& calibration, size_t index, int
                            what, " have ", width, "x", height,
                            "; calibrate at the recording's size"));
   }
-  if (!(camera.fx > 0 && camera.fy > 0 && camera.cx > 0 && camera.cx < double(width) &&
-        camera.cy > 0 && camera.cy < double(height))) {
+  // At the very border the lens's axis has a picture to one side only, which cannot be undistorted.
+  constexpr double kLeastMargin = 0.01;
+  const auto inside = [](double place, int64_t size) {
+    return place > kLeastMargin * double(size) && place < (1 - kLeastMargin) * double(size);
+  };
+  if (!(camera.fx > 0 && camera.fy > 0 && inside(camera.cx, width) && inside(camera.cy, height))) {
     throw DataError(concat(path, ": expected a principal point inside ", width, "x", height,
-                           " and focal lengths above 0, found fx ", camera.fx, ", fy ", camera.fy,
-                           ", cx ", camera.cx - 0.5, ", cy ", camera.cy - 0.5));
+                           ", a hundredth of it from its borders, and focal lengths above 0, "
+                           "found fx ",
+                           camera.fx, ", fy ", camera.fy, ", cx ", camera.cx - 0.5, ", cy ",
+                           camera.cy - 0.5, "; calibrate again"));
   }
   return {{camera.fx, camera.fy, camera.cx, camera.cy, width, height}, camera.lens};
 }

@@ -28,6 +28,24 @@ namespace fs = std::filesystem;
 /// Three views of a scene say little of it, and structure from motion cannot check itself.
 constexpr size_t kFewestFrames = 4;
 
+/// Calls `visit` with each file below a folder, also where links lead to folders elsewhere.
+/// @param above  the folders it lies in, and itself, to which no link is followed back
+template <class Visit>
+void for_files(const fs::path& folder, std::vector<fs::path> above, const Visit& visit) {
+  std::error_code unreadable;
+  above.push_back(fs::canonical(folder, unreadable));
+  for (fs::directory_iterator entry(folder, unreadable), end; !unreadable && entry != end;
+       entry.increment(unreadable)) {
+    std::error_code ignored;
+    if (entry->is_regular_file(ignored)) visit(entry->path());
+    if (!entry->is_directory(ignored)) continue;
+    const fs::path place = fs::canonical(entry->path(), ignored);
+    if (std::find(above.begin(), above.end(), place) == above.end()) {
+      for_files(entry->path(), above, visit);
+    }
+  }
+}
+
 /// Names, sizes and times of change: hashing a recording of 10 GB would take a minute.
 std::string fingerprint(const fs::path& path) {
   // What cannot be looked at is told by who reads it.
@@ -40,10 +58,7 @@ std::string fingerprint(const fs::path& path) {
   if (fs::is_regular_file(path, unreadable)) return line(path);
   if (!fs::is_directory(path, unreadable)) return {};
   std::vector<std::string> lines;
-  constexpr auto kSkip = fs::directory_options::skip_permission_denied;
-  for (const auto& entry : fs::recursive_directory_iterator(path, kSkip, unreadable)) {
-    if (entry.is_regular_file(unreadable)) lines.push_back(line(entry.path()));
-  }
+  for_files(path, {}, [&](const fs::path& file) { lines.push_back(line(file)); });
   std::sort(lines.begin(), lines.end());
   std::string all;
   for (const std::string& each : lines) all += each;

@@ -27,6 +27,10 @@ constexpr auto words_of(StampChoice) {
                     Word{"end", StampChoice::kEnd, "end of the exposure"}};
 }
 
+/// As far as the clock of a device, which begins at 0, is from one that counts from 1970, until
+/// 2096.
+constexpr Range kOffsetMs{-4e12, 4e12};
+
 /// When frames were exposed, where the recording does not say it.
 struct TimeOptions {
   std::filesystem::path frame_times;
@@ -50,7 +54,7 @@ void describe(V& v, TimeOptions& o) {
           Range{0, 1e6});
   v.field("end_s", o.end_s, "and what comes after; 0: nothing", Range{0, 1e6});
   v.field("offset_ms", o.offset_ms,
-          "how far the clock of the events is ahead of that of the frames", Range{-1e9, 1e9});
+          "how far the clock of the events is ahead of that of the frames", kOffsetMs);
   v.field("find_offset", o.find_offset,
           "where offset_ms is 0 it is found in frames and events, up to 50 ms");
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/io/colmap.h"
 
+#include <charconv>
 #include <cmath>
 #include <cstring>
 #include <set>
@@ -194,6 +195,25 @@ std::vector<ColmapCamera> text_cameras(const std::string& text, const std::strin
   return cameras;
 }
 
+/// x, y and a point's number of each observation; an image may have none.
+bool are_observations(const std::string& line) {
+  size_t count = 0;
+  for (const char *at = line.data(), *const end = at + line.size(); at != end;) {
+    if (*at == ' ' || *at == '\t') {
+      ++at;
+      continue;
+    }
+    double value = 0;
+    const auto [next, error] = std::from_chars(at, end, value);
+    if (error == std::errc::invalid_argument || (next != end && *next != ' ' && *next != '\t')) {
+      return false;
+    }
+    at = next;
+    ++count;
+  }
+  return count % 3 == 0;
+}
+
 std::vector<ColmapImage> text_images(const std::string& text, const std::string& file) {
   std::vector<ColmapImage> images;
   for (Lines lines(text, file); lines.next();) {
@@ -208,7 +228,10 @@ std::vector<ColmapImage> text_images(const std::string& text, const std::string&
       throw lines.error("IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME");
     }
     images.push_back(std::move(image));
-    lines.next();  // observations
+    // Without this line every second image would pass for one.
+    if (lines.next() && !are_observations(lines.line)) {
+      throw lines.error("the observations of the image before, or an empty line");
+    }
   }
   return images;
 }

@@ -81,6 +81,9 @@ void read_frames(std::vector<FrameFile> files, Recording& recording);
 void replace_frames(const std::filesystem::path& path, const ReadOptions& options,
                     Contents& contents);
 
+/// Without the mark of UTF-8 that spreadsheets put before the first line.
+std::string without_mark(const std::string& text);
+
 /// images.txt: a time in seconds and the path of an image, a line each.
 /// @throws DataError naming the line.
 std::vector<FrameFile> listed_images(const std::filesystem::path& list);

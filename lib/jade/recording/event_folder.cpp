@@ -45,7 +45,8 @@ fs::path beside_images(const fs::path& folder, const fs::path& images, const cha
   return {};
 }
 
-std::optional<events::TimeWindow> span_of(const std::vector<FrameFile>& files) {
+/// From the first exposure to the last, by the clock of the events: that is so far ahead.
+std::optional<events::TimeWindow> span_of(const std::vector<FrameFile>& files, int64_t ahead_us) {
   std::optional<events::TimeWindow> out;
   for (const FrameFile& file : files) {
     if (!file.time) continue;
@@ -53,6 +54,7 @@ std::optional<events::TimeWindow> span_of(const std::vector<FrameFile>& files) {
     out->begin_us = std::min(out->begin_us, file.time->begin_us);
     out->end_us = std::max(out->end_us, file.time->end_us);
   }
+  if (out) out = {out->begin_us + ahead_us, out->end_us + ahead_us};
   return out;
 }
 
@@ -192,7 +194,9 @@ Contents read_event_folder(const fs::path& folder, const ReadOptions& given) {
   }
   const fs::path events = events_in(folder);
   if (!events.empty()) {
-    out.read_events = events_of(events, options, span_of(out.files), recording);
+    // With frames from elsewhere the offset is that of their clock, not of this folder's.
+    const int64_t ahead_us = options.frames.empty() ? options.near_frames_ahead_us.value_or(0) : 0;
+    out.read_events = events_of(events, options, span_of(out.files, ahead_us), recording);
   }
   if (described) describe(folder, out);
   return out;

@@ -8,6 +8,7 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "jade/recording/contents.h"
 
 namespace jade::recording {
 namespace {
@@ -16,11 +17,6 @@ std::string trimmed(const std::string& text) {
   const auto first = text.find_first_not_of(" \t\r\"");
   if (first == std::string::npos) return "";
   return text.substr(first, text.find_last_not_of(" \t\r\"") - first + 1);
-}
-
-/// Spreadsheets put a mark of UTF-8 before the first line.
-std::string without_mark(const std::string& text) {
-  return text.rfind("\xEF\xBB\xBF", 0) == 0 ? text.substr(3) : text;
 }
 
 bool parse_whole(const std::string& text, int64_t* out) {
@@ -40,6 +36,10 @@ bool parse_exposure(const std::string& line, NamedExposure* out) {
 }
 
 }  // namespace
+
+std::string without_mark(const std::string& text) {
+  return text.rfind("\xEF\xBB\xBF", 0) == 0 ? text.substr(3) : text;
+}
 
 events::TimeWindow exposure_at(int64_t t_us, int64_t length_us, Stamp stamp) {
   const int64_t before = stamp == Stamp::kStart    ? 0

@@ -9,6 +9,7 @@
 #include "jade/core/error.h"
 #include "jade/io/colmap.h"
 #include "jade/io/zip.h"
+#include "jade/recording/contents.h"
 #include "jade/recording/event_folder.h"
 
 namespace jade::recording {
@@ -89,7 +90,7 @@ Format file_format(const fs::path& path) {
   std::string kind = path.extension().string();
   std::transform(kind.begin(), kind.end(), kind.begin(),
                  [](unsigned char c) { return std::tolower(c); });
-  if (is_text(head)) {
+  if (is_text(without_mark(head))) {
     for (const char* other : {".aedat4", ".bag", ".db3", ".mcap", ".h5", ".hdf5", ".npz", ".npy"}) {
       if (kind != other) continue;
       throw DataError(concat(path.string(), ": expected what a camera writes under such a name, ",

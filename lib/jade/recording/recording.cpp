@@ -2,6 +2,7 @@
 #include "jade/recording/recording.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <torch/types.h>
 
@@ -114,14 +115,20 @@ Kept kept_spans(const ReadOptions& options, const std::optional<events::TimeWind
   return inside;
 }
 
+/// As many pixels as these coordinates reach over; rectified ones may lie between them, and those
+/// without a place anywhere.
+double reach_of(const torch::Tensor& places) {
+  const torch::Tensor finite = places.masked_select(places.isfinite());
+  return finite.numel() == 0 ? 0 : std::floor(finite.max().item<double>() + 0.5) + 1;
+}
+
 /// Frames of the event sensor itself tell its size.
 void find_sensor_size(Recording& recording) {
   recording.size_is_said = recording.width > 0;
   if (recording.size_is_said || recording.frames.empty() || recording.events.empty()) return;
   const torch::Tensor& image = recording.frames.front().image;
   const double width = double(image.size(2)), height = double(image.size(1));
-  const double right = recording.events.x().max().item<double>() + 1;
-  const double bottom = recording.events.y().max().item<double>() + 1;
+  const double right = reach_of(recording.events.x()), bottom = reach_of(recording.events.y());
   const bool inside = right <= width && bottom <= height;
   if (inside && right >= kSameSensor * width && bottom >= kSameSensor * height) {
     recording.width = image.size(2), recording.height = image.size(1);

@@ -64,7 +64,7 @@ std::string prefix_of(const io::Zip& archive) {
 }  // namespace
 
 std::vector<FrameFile> listed_images(const fs::path& list) {
-  std::istringstream text(read_file(list));
+  std::istringstream text(without_mark(read_file(list)));
   std::vector<FrameFile> out;
   int64_t number = 0;
   for (std::string line; std::getline(text, line);) {
