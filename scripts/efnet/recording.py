@@ -121,14 +121,21 @@ def frame_times(path: Path, unit: str) -> tuple[np.ndarray, np.ndarray]:
     return starts, ends
 
 
+def take(name: str, values: object, fields: dict[str, object]) -> None:
+    """Puts an array among the fields; one called by its letter alone comes before those that are called otherwise."""
+    field = FIELDS.get(name)
+    if field is not None and (name == field or field not in fields):
+        fields[field] = values
+
+
 def hdf5_events(path: Path) -> dict[str, np.ndarray]:
     """The lists of the group nearest to the root that has all four, and the t_offset of DSEC."""
     groups: dict[tuple[int, str], dict[str, h5py.Dataset]] = {}
 
     def visit(name: str, item: object) -> None:
         group, _, field = name.rpartition("/")
-        if isinstance(item, h5py.Dataset) and field in FIELDS:
-            groups.setdefault((len(group.split("/")) if group else 0, group), {})[FIELDS[field]] = item
+        if isinstance(item, h5py.Dataset):
+            take(field, item, groups.setdefault((len(group.split("/")) if group else 0, group), {}))
 
     try:
         with h5py.File(path) as file:
@@ -156,10 +163,25 @@ def columns(path: Path, table: np.ndarray) -> dict[str, np.ndarray]:
     return dict(zip("txyp" if first else "xytp", table.T))
 
 
-def text_events(path: Path) -> np.ndarray:
-    """Lines "t x y p" with blanks, commas or semicolons; one line before them may say what they hold."""
-    rows, header_seen = [], False
-    for number, line in enumerate(path.read_text(errors="replace").splitlines()):
+def named_order(line: str) -> str | None:
+    """The order of x, y, t and p where a line is their four names."""
+    order = "".join(FIELDS.get(word, "?") for word in re.split(r"[ \t,;]+", line.lstrip("#").strip().lower()))
+    return order if sorted(order) == sorted("xytp") else None
+
+
+def likely_order(rows: np.ndarray) -> str:
+    """Of columns that nothing names: t x y p, unless by their first events only the third can be the time."""
+    t, y = rows[:4096, 0], rows[:4096, 2]
+    third = (np.diff(t) < 0).any() and (np.diff(y) >= 0).all() and y[0] < y[-1]
+    return "xytp" if third else "txyp"
+
+
+def text_events(path: Path) -> dict[str, np.ndarray]:
+    """Lines of four numbers with blanks, commas or semicolons; one line before them may say what they hold."""
+    rows, header_seen, order = [], False, None
+    for number, line in enumerate(path.read_text(encoding="utf-8-sig", errors="replace").splitlines()):
+        if not rows and order is None:
+            order = named_order(line)
         words = re.split(r"[ \t,;]+", line.strip()) if line.strip() and not line.startswith("#") else []
         try:
             values = [float(word) for word in words]
@@ -171,7 +193,8 @@ def text_events(path: Path) -> np.ndarray:
             raise DataError(f'{path}:{number + 1}: expected "t x y p"')
         elif words:
             header_seen = True
-    return np.array(rows).reshape(-1, 4)
+    table = np.array(rows).reshape(-1, 4)
+    return dict(zip(order or likely_order(table), table.T))
 
 
 def stored_events(path: Path) -> dict[str, np.ndarray]:
@@ -179,11 +202,13 @@ def stored_events(path: Path) -> dict[str, np.ndarray]:
     if path.suffix in (".h5", ".hdf5"):
         return hdf5_events(path)
     if path.suffix in (".txt", ".csv"):
-        return dict(zip("txyp", text_events(path).T))
+        return text_events(path)
     arrays = read_arrays(path)
     if isinstance(arrays, np.ndarray):
         return columns(path, arrays)
-    found = {FIELDS[name]: values for name, values in arrays.items() if name in FIELDS}
+    found: dict[str, np.ndarray] = {}
+    for name, values in arrays.items():
+        take(name, values, found)
     if not found and len(arrays) == 1:
         return columns(path, next(iter(arrays.values())))
     if len(found) < 4:

@@ -691,8 +691,9 @@ class Evaluation(unittest.TestCase):
         t = self.events["t"]
         table = [self.events[name] for name in "txyp"]
 
-        def text(first):
-            return lambda: (self.path / "events.txt").write_text(first + "".join("{} {},{}\t{}\n".format(*row) for row in zip(*table)))
+        def text(first, order=(0, 1, 2, 3)):
+            rows = "".join("{} {},{}\t{}\n".format(*(row[i] for i in order)) for row in zip(*table))
+            return lambda: (self.path / "events.txt").write_text(first + rows, encoding="utf-8")
 
         cases = {
             "names without zeros": (dict(name="frame_{}.png"), self.write_events),
@@ -710,6 +711,8 @@ class Evaluation(unittest.TestCase):
             "npy": ({}, lambda: np.save(self.path / "events.npy", np.stack(table, 1))),
             "npy, time third": ({}, lambda: np.save(self.path / "events.npy", np.stack([table[i] for i in (1, 2, 0, 3)], 1))),
             "text": ({}, text("")), "text with a header": ({}, text("# made by hand\nt x y p\n")),
+            "text that names other columns": ({}, text("\ufeffp,x,timestamp,y\n", (3, 1, 0, 2))), "text, time third": ({}, text("", (1, 2, 0, 3))),
+            "timestamps of something else": ({}, lambda: self.write_events(timestamps=t + self.BEGIN)),
         }
         for name, (frames, write_events) in cases.items():
             with self.subTest(name):
