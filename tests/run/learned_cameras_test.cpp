@@ -187,7 +187,8 @@ TEST_CASE("learned cameras: before a run's end other programs have those of its 
   const run::FinishedRun before = run::open_run(scene.run, run::load_run_options(scene.run));
   const auto whole = run::list_checkpoints(scene.run).at(1);
   CHECK(torch::equal(before.gaussians.means, run::load_checkpoint_gaussians(whole).means));
-  CHECK(before.dataset.train[1].poses[3].translation != opened.dataset.train[1].poses[3].translation);
+  CHECK(before.dataset.train[1].poses[3].translation !=
+        opened.dataset.train[1].poses[3].translation);
   std::filesystem::remove_all(scene.run / "checkpoints");
   const data::Dataset none = run::load_run_dataset(scene.run, scene.options);
   CHECK(none.test[0].pose.translation == given.test[0].pose.translation);

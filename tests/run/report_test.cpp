@@ -101,11 +101,11 @@ TEST_CASE("report: says what came before, where the cameras stand, and holds the
 
   // A Gaussian that is in no picture costs the page nothing; one too far for .spz costs it the
   // scene.
-  for (const auto& [position, scene] :
+  for (const auto& [position, element] :
        {std::pair{INFINITY, "id=\"spz\">H4sI"}, std::pair{1e9F, "id=\"spz\"></script>"}}) {
     state.gaussians.detached().means[0][0].fill_(position);
     run::write_report(folder, dataset, trainer.views(), state, trainer.options());
-    CHECK(read_file(folder / "report.html").find(scene) != std::string::npos);
+    CHECK(read_file(folder / "report.html").find(element) != std::string::npos);
   }
 }
 

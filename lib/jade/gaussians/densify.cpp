@@ -167,8 +167,8 @@ DensifyReport Densifier::update_mcmc(GaussianModel& model, GaussianAdam& adam) {
   // Bounded as a number of floating point: the growth of few densifications exceeds any integer.
   const double wanted = std::min(static_cast<double>(options_.max_gaussians),
                                  static_cast<double>(model.size()) * mcmc_growth(options_));
-  report.added = add_on_living(static_cast<int64_t>(wanted) - model.size(),
-                               options_.prune_opacity, model, adam, generator_);
+  report.added = add_on_living(static_cast<int64_t>(wanted) - model.size(), options_.prune_opacity,
+                               model, adam, generator_);
   return report;
 }
 

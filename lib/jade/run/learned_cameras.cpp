@@ -156,7 +156,8 @@ void read_learned_cameras(const std::filesystem::path& path, data::Dataset& data
     throw DataError(concat(
         path.string(), ": expected camera ", expected[i].name, ", ", expected[i].camera.width, "x",
         expected[i].camera.height, ", as in the data set, found ",
-        i < found.size() ? found[i].name : "none", "; are these the data of that run? If so, jade_train --resume writes the file anew"));
+        i < found.size() ? found[i].name : "none",
+        "; are these the data of that run? If so, jade_train --resume writes the file anew"));
   }
   size_t next = 0;
   for (data::SharpView& view : dataset.test) view.pose = found[next++].camera_from_world;

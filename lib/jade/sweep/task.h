@@ -45,8 +45,8 @@ class Task {
   const SweepOutput& output_;
   std::string id_;
   Outcome outcome_;
-  std::chrono::steady_clock::time_point start_;
   int64_t log_begin_ = 0;
+  std::chrono::steady_clock::time_point start_;
   Child child_;
 };
 
