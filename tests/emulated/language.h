@@ -103,6 +103,12 @@ T atomicAnd(T* at, V value) {
   return before;
 }
 template <class T, class V>
+T atomicOr(T* at, V value) {
+  const T before = *at;
+  *at = T(before | value);
+  return before;
+}
+template <class T, class V>
 T atomicMin(T* at, V value) {
   const T before = *at;
   *at = std::min(before, T(value));

@@ -59,7 +59,6 @@ splat::BackwardArgs call_of(const SplatScene& scene) {
   f.gaussians = scene.gaussians;
   f.camera_from_world = scene.cameras.camera_from_world;
   f.intrinsics = scene.cameras.intrinsics;
-  f.background = torch::zeros({3}, scene.gaussians.means.options());
   f.width = scene.cameras.width;
   f.height = scene.cameras.height;
   f.sh_degree = 3;
@@ -96,6 +95,7 @@ Outcome run(const Backend& backend, const SplatScene& scene, const Settings& set
   args.statistics = splat::ScreenStatistics::zeros(scene.gaussians.size(), torch::kCPU);
   args.statistics_views = settings.statistics_views;
   args.needs_camera = settings.cameras;
+  args.needs_background = true;
   const splat::BackwardResult back = backend.backward(args);
   Outcome out;
   out.images = {images.color, images.alpha};
@@ -222,13 +222,14 @@ TEST_CASE("emulated cuda: a second backward call clears its own memory", "[emula
     splat::BackwardArgs args = call_of(scene_of(50, 20, 17));
     splat::ForwardArgs& f = args.forward;
     f.deterministic = deterministic;
+    f.background = torch::rand({3});
     const splat::ForwardResult images = kCuda.forward(f);
     CHECK(images.state.cleared.defined());
     args.state = images.state;
     args.color = images.color;
     args.alpha = images.alpha;
     args.grad_color = random_cotangent(images.color, 1);
-    args.needs_camera = true;
+    args.needs_camera = args.needs_background = true;
     const splat::BackwardResult first = kCuda.backward(args);
     args.state.cleared = Tensor();
     const splat::BackwardResult second = kCuda.backward(args);
@@ -236,6 +237,12 @@ TEST_CASE("emulated cuda: a second backward call clears its own memory", "[emula
         {second.gaussians.sh, second.gaussians.means, second.background, second.camera_from_world},
         {first.gaussians.sh, first.gaussians.means, first.background, first.camera_from_world});
     CHECK(first.background.abs().min().item<float>() > 0);
+    args.needs_camera = args.needs_background = false;
+    const splat::BackwardResult less = kCuda.backward(args);
+    check_equal({less.gaussians.sh, less.gaussians.means},
+                {first.gaussians.sh, first.gaussians.means});
+    CHECK_FALSE(less.background.defined());
+    CHECK_FALSE(less.camera_from_world.defined());
     f.needs_backward = false;
     CHECK_FALSE(kCuda.forward(f).state.cleared.defined());
   }

@@ -32,6 +32,7 @@ torch::Tensor contiguous_or_undefined(const torch::Tensor& tensor) {
 /// The scalars of ForwardArgs and the statistics' sink, which have no gradients.
 struct Settings : torch::CustomClassHolder {
   ForwardArgs scalars;  ///< its tensors are undefined
+  bool black = false;   ///< no background; autograd wants every input defined, so another stands in
   std::vector<int64_t> state_numbers;
   torch::Tensor cleared;  ///< SavedState's, until the first backward call
   ScreenStatistics statistics;
@@ -40,11 +41,11 @@ struct Settings : torch::CustomClassHolder {
 
 constexpr size_t kInputs = 8;
 
-ForwardArgs with_inputs(const ForwardArgs& scalars, const std::vector<Variable>& in) {
-  ForwardArgs args = scalars;
+ForwardArgs with_inputs(const Settings& settings, const std::vector<Variable>& in) {
+  ForwardArgs args = settings.scalars;
   args.gaussians = {in[0], in[1], in[2], in[3], in[4]};
   args.camera_from_world = in[5];
-  args.background = in[6];
+  if (!settings.black) args.background = in[6];
   args.intrinsics = in[7];
   return args;
 }
@@ -57,7 +58,7 @@ struct Splatting : torch::autograd::Function<Splatting> {
                              const c10::intrusive_ptr<Settings>& settings) {
     const tensor_list inputs = {means, rotations,         log_scales, logit_opacities,
                                 sh,    camera_from_world, background, intrinsics};
-    ForwardResult result = backend_forward(with_inputs(settings->scalars, inputs));
+    ForwardResult result = backend_forward(with_inputs(*settings, inputs));
     settings->state_numbers = result.state.numbers;
     settings->cleared = result.state.cleared;
     if (settings->scalars.needs_backward) {
@@ -79,7 +80,7 @@ struct Splatting : torch::autograd::Function<Splatting> {
     auto& settings = static_cast<Settings&>(*capsule);
     const tensor_list saved = ctx->get_saved_variables();
     BackwardArgs args;
-    args.forward = with_inputs(settings.scalars, saved);
+    args.forward = with_inputs(settings, saved);
     args.color = saved[kInputs];
     args.alpha = saved[kInputs + 1];
     args.depth_sum = saved[kInputs + 2];
@@ -92,6 +93,7 @@ struct Splatting : torch::autograd::Function<Splatting> {
     args.statistics = settings.statistics;
     args.statistics_views = settings.statistics_views;
     args.needs_camera = ctx->needs_input_grad(5);
+    args.needs_background = ctx->needs_input_grad(6);
     const BackwardResult result = backend_backward(args);
     const Gaussians& g = result.gaussians;
     return {g.means,
@@ -99,7 +101,7 @@ struct Splatting : torch::autograd::Function<Splatting> {
             g.log_scales,
             g.logit_opacities,
             g.sh,
-            args.needs_camera ? result.camera_from_world : torch::Tensor(),
+            result.camera_from_world,
             result.background,
             torch::Tensor(),
             torch::Tensor()};
@@ -119,13 +121,15 @@ BlendedImages blend_images(const ForwardArgs& args, const ScreenStatistics& stat
   settings->scalars.needs_backward = false;
   for (const auto& t : {g.means, g.rotations, g.log_scales, g.logit_opacities, g.sh,
                         args.camera_from_world, args.background}) {
-    settings->scalars.needs_backward |= t.requires_grad() && torch::GradMode::is_enabled();
+    settings->scalars.needs_backward |=
+        t.defined() && t.requires_grad() && torch::GradMode::is_enabled();
   }
   settings->statistics = statistics;
   settings->statistics_views = statistics_views;
-  const tensor_list out =
-      Splatting::apply(g.means, g.rotations, g.log_scales, g.logit_opacities, g.sh,
-                       args.camera_from_world, args.background, args.intrinsics, settings);
+  settings->black = !args.background.defined();
+  const tensor_list out = Splatting::apply(
+      g.means, g.rotations, g.log_scales, g.logit_opacities, g.sh, args.camera_from_world,
+      settings->black ? args.intrinsics : args.background, args.intrinsics, settings);
   return {out[0], out[1], out.size() > 3 ? out[3] : torch::Tensor(), out[2]};
 }
 

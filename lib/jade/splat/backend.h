@@ -18,7 +18,7 @@ struct ForwardArgs {
   Gaussians gaussians;
   torch::Tensor camera_from_world;  ///< [C,4,4]
   torch::Tensor intrinsics;         ///< [C,4], same dtype and device as the Gaussians
-  torch::Tensor background;         ///< [3], always defined
+  torch::Tensor background;         ///< [3]; undefined: black
   int64_t width = 0;
   int64_t height = 0;
   int sh_degree = 0;  ///< active degree, at most what `sh` holds
@@ -54,10 +54,11 @@ struct BackwardArgs {
   torch::Tensor grad_color, grad_alpha, grad_depth_sum;  ///< contiguous; undefined means zero
   ScreenStatistics statistics;    ///< float32 accumulators to add to, or undefined
   int64_t statistics_views = -1;  ///< how many views, from the first, add to them; -1: every one
-  bool needs_camera = false;      ///< else `camera_from_world` may stay undefined
+  bool needs_camera = false;
+  bool needs_background = false;  ///< there is one
 };
 
-/// Shaped as the inputs. Every element is written.
+/// Shaped as the inputs. Every element is written; what is not needed stays undefined.
 struct BackwardResult {
   Gaussians gaussians;
   torch::Tensor camera_from_world;

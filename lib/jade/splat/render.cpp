@@ -54,8 +54,9 @@ ForwardArgs make_args(const Gaussians& gaussians, const CameraBatch& cameras,
                     gaussians.sh.contiguous()};
   args.camera_from_world = cameras.camera_from_world.to(like, true).contiguous();
   args.intrinsics = cameras.intrinsics.detach().to(like, true).contiguous();
-  args.background = options.background.defined() ? options.background.to(like, true).contiguous()
-                                                 : torch::zeros({3}, like);
+  if (options.background.defined()) {
+    args.background = options.background.to(like, true).contiguous();
+  }
   args.width = cameras.width;
   args.height = cameras.height;
   args.sh_degree = std::min(options.sh_degree, degree_of(gaussians.sh.size(1)));

@@ -61,7 +61,8 @@ RenderCall<T> make_call(const ForwardArgs& args, const torch::Tensor& cameras, i
   call.sh_degree = args.sh_degree;
   call.views = static_cast<int>(cameras.size(0));
   call.cameras = cameras.data_ptr<T>();
-  call.background = args.background.data_ptr<T>();
+  static constexpr T kBlack[3] = {};
+  call.background = args.background.defined() ? args.background.data_ptr<T>() : kBlack;
   call.width = static_cast<int>(args.width);
   call.height = static_cast<int>(args.height);
   call.near_plane = static_cast<T>(args.near_plane);
@@ -215,7 +216,8 @@ std::vector<double> sum_rows(const std::vector<T>& partial, int64_t columns) {
   return sums;
 }
 
-/// Instance sums of all tiles [instances, instance_values]; adds up the background's gradient.
+/// Instance sums of all tiles [instances, instance_values]; fills the background's gradient, unless
+/// it is undefined.
 template <class T>
 torch::Tensor blend_adjoint(const BackwardArgs& args, const RenderCall<T>& call,
                             const Lists<T>& lists, const torch::Tensor& grad_background) {
@@ -242,6 +244,7 @@ torch::Tensor blend_adjoint(const BackwardArgs& args, const RenderCall<T>& call,
                                    gradients, instances.data_ptr<T>() + view_offsets[view] * values,
                                    partial.data() + 3 * task);
   });
+  if (!grad_background.defined()) return instances;
   const std::vector<double> sums = sum_rows(partial, 3);
   for (int c = 0; c < 3; ++c) grad_background.data_ptr<T>()[c] = static_cast<T>(sums[c]);
   return instances;
@@ -274,7 +277,7 @@ BackwardResult backward_typed(const BackwardArgs& args) {
   result.gaussians = {torch::empty_like(g.means), torch::empty_like(g.rotations),
                       torch::empty_like(g.log_scales), torch::empty_like(g.logit_opacities),
                       torch::empty_like(g.sh)};
-  result.background = torch::empty_like(args.forward.background);
+  if (args.needs_background) result.background = torch::empty_like(args.forward.background);
   const torch::Tensor instance_sums = blend_adjoint(args, call, lists, result.background);
   const Instances<T> instances{lists.splat_data(), instance_sums.data_ptr<T>(),
                                lists.view_offsets.template data_ptr<int64_t>()};

@@ -53,6 +53,10 @@ class Arena {
   torch::Tensor tensor_;
 };
 
+float* pointer(const torch::Tensor& tensor) {
+  return tensor.defined() ? tensor.data_ptr<float>() : nullptr;
+}
+
 RenderCall make_call(const ForwardArgs& args) {
   const Gaussians& g = args.gaussians;
   JADE_CHECK(g.size() < kMaxGaussians, "at most ", kMaxGaussians, " Gaussians on a GPU, found ",
@@ -68,7 +72,7 @@ RenderCall make_call(const ForwardArgs& args) {
   call.sh = g.sh.data_ptr<float>();
   call.camera_from_world = args.camera_from_world.data_ptr<float>();
   call.intrinsics = args.intrinsics.data_ptr<float>();
-  call.background = args.background.data_ptr<float>();
+  call.background = pointer(args.background);
   call.count = static_cast<int>(g.size());
   call.views = static_cast<int>(args.camera_from_world.size(0));
   call.width = static_cast<int>(args.width);
@@ -86,26 +90,29 @@ RenderCall make_call(const ForwardArgs& args) {
 /// Screen records and tile tables in one allocation, the instances in another: the second one's
 /// size is known only after the first call of a size has counted.
 struct Lists {
+  static constexpr int kParts = 5;  ///< of the tables
   torch::Tensor tables, keys;
 
   static Arena lay_out(const RenderCall& call, int64_t* at) {
     const int64_t tiles = int64_t{call.views} * call.tiles;
     Arena arena;
-    at[0] = arena.add(sizeof(Counters));  // with the lists behind it, zeroed in one go
+    at[0] = arena.add(sizeof(Counters));  // with both that follow, zeroed in one go
     at[1] = arena.add(tiles * sizeof(TileList));
     at[2] = arena.add(tiles * sizeof(uint32_t));
-    at[3] = arena.add(int64_t{call.views} * call.count * sizeof(Splat));
+    at[3] = arena.add(tiles * sizeof(uint32_t));
+    at[4] = arena.add(int64_t{call.views} * call.count * sizeof(Splat));
     return arena;
   }
 
   void bind(RenderCall* call) const {
-    int64_t at[4];
+    int64_t at[kParts];
     lay_out(*call, at);
     char* const base = static_cast<char*>(tables.data_ptr());
     call->counters = reinterpret_cast<Counters*>(base + at[0]);
     call->tile_list = reinterpret_cast<TileList*>(base + at[1]);
-    call->tile_order = reinterpret_cast<uint32_t*>(base + at[2]);
-    call->splats = reinterpret_cast<Splat*>(base + at[3]);
+    call->chunk_counts = reinterpret_cast<uint32_t*>(base + at[2]);
+    call->tile_order = reinterpret_cast<uint32_t*>(base + at[3]);
+    call->splats = reinterpret_cast<Splat*>(base + at[4]);
     if (keys.defined()) {
       call->keys = reinterpret_cast<uint64_t*>(keys.data_ptr());
       call->capacity = static_cast<uint32_t>(keys.size(0));
@@ -144,13 +151,13 @@ torch::Tensor bind_chunks(RenderCall* call, const torch::TensorOptions& options)
 Lists project_and_bin(RenderCall* call, const ForwardArgs& args, long long* rejected,
                       cudaStream_t stream) {
   const auto options = args.gaussians.means.options();
-  int64_t at[4];
+  int64_t at[Lists::kParts];
   Arena arena = Lists::lay_out(*call, at);
   arena.allocate(options);
   Lists lists;
   lists.tables = arena.tensor();
   lists.bind(call);
-  check_cuda(cudaMemsetAsync(call->counters, 0, static_cast<size_t>(at[2]), stream), "clearing");
+  check_cuda(cudaMemsetAsync(call->counters, 0, static_cast<size_t>(at[3]), stream), "clearing");
   InstanceBudget& budget =
       InstanceBudget::of(options.device().index(), call->views, call->width, call->height);
   const bool counts = (args.deterministic || !budget.known()) && !is_capturing(stream);
@@ -178,10 +185,6 @@ Lists project_and_bin(RenderCall* call, const ForwardArgs& args, long long* reje
   launch_plan(*call, rejected, budget.inbox(), stream);
   launch_fill(*call, stream);
   return lists;
-}
-
-float* pointer(const torch::Tensor& tensor) {
-  return tensor.defined() ? tensor.data_ptr<float>() : nullptr;
 }
 
 /// What the backward pass adds to, from zero on.
@@ -257,12 +260,13 @@ ForwardResult forward(const ForwardArgs& args) {
   RenderCall call = make_call(args);
   const auto options = args.gaussians.means.options();
   ForwardResult result;
-  result.color = torch::empty({call.views, 3, args.height, args.width}, options);
-  result.alpha = torch::empty({call.views, 1, args.height, args.width}, options);
-  if (args.depth) result.depth_sum = torch::empty_like(result.alpha);
   result.rejected = torch::empty({1}, options.dtype(torch::kInt64));
   auto* const rejected = reinterpret_cast<long long*>(result.rejected.data_ptr());
   const Lists lists = project_and_bin(&call, args, rejected, stream);
+  // While the device is at work.
+  result.color = torch::empty({call.views, 3, args.height, args.width}, options);
+  result.alpha = torch::empty({call.views, 1, args.height, args.width}, options);
+  if (args.depth) result.depth_sum = torch::empty_like(result.alpha);
   Clearing clearing{};
   if (args.needs_backward) {
     const Sums sums(call, values_of(args.depth), options);
@@ -286,7 +290,7 @@ BackwardResult backward(const BackwardArgs& args) {
   result.gaussians = {torch::empty_like(g.means), torch::empty_like(g.rotations),
                       torch::empty_like(g.log_scales), torch::empty_like(g.logit_opacities),
                       torch::empty_like(g.sh)};
-  result.background = torch::empty_like(args.forward.background);
+  if (args.needs_background) result.background = torch::empty_like(args.forward.background);
   if (args.needs_camera) {
     result.camera_from_world = torch::empty_like(args.forward.camera_from_world);
   }

@@ -21,18 +21,20 @@ static_assert(kMaxGaussians < 1ll << (kClasses / 4 - 1), "the longest list has a
 
 constexpr int kPlanLoads = 4, kPlanBatch = kPlanLoads * kPlanThreads;
 
-/// A thread's counts of a batch of tiles, all loads in flight together; 0 beyond the last tile.
+/// A thread's counts of a batch of tiles, kLost with them, all loads in flight together; 0 beyond
+/// the last tile.
 __device__ __forceinline__ void load_counts(const RenderCall& call, int base, int tiles,
                                             uint32_t* counts) {
 #pragma unroll
   for (int k = 0; k < kPlanLoads; ++k) {
     const int t = base + k * kPlanThreads + threadIdx.x;
-    counts[k] = t < tiles ? call.tile_list[t].count : 0;
+    counts[k] = 0;
+    if (t < tiles) counts[k] = call.chunks > 0 ? call.chunk_counts[t] : call.tile_list[t].count;
   }
 }
 
 /// How many came before in `next`, counted on by all lanes that have `wanted`. Lanes of one class
-/// ask together, as most lists are of a few classes.
+/// ask together, as most lists are of a few classes and their requests would wait for each other.
 __device__ __forceinline__ uint32_t next_place(uint32_t* next, int list_class, bool wanted,
                                                int lane) {
   const uint32_t peers = __match_any_sync(~0u, wanted ? list_class : -1);
@@ -52,14 +54,13 @@ __global__ void __launch_bounds__(kPlanThreads)
   const int lane = threadIdx.x & 31, warp = threadIdx.x >> 5;
   if (threadIdx.x < kClasses) next_of_class[threadIdx.x] = 0;
   __syncthreads();
+  uint32_t counts[kPlanLoads];  // of the batch at hand: of few tiles, loaded once
   for (int base = 0; base < tiles; base += kPlanBatch) {
-    uint32_t counts[kPlanLoads];
     load_counts(call, base, tiles, counts);
 #pragma unroll
     for (int k = 0; k < kPlanLoads; ++k) {
-      if (base + k * kPlanThreads + threadIdx.x < tiles) {
-        atomicAdd(&next_of_class[length_class(counts[k])], 1u);
-      }
+      const bool wanted = base + k * kPlanThreads + threadIdx.x < tiles;
+      next_place(next_of_class, length_class(counts[k] & ~kLost), wanted, lane);
     }
   }
   __syncthreads();
@@ -73,12 +74,12 @@ __global__ void __launch_bounds__(kPlanThreads)
   }
   unsigned long long total = 0;
   for (int base = 0; base < tiles; base += kPlanBatch) {
-    uint32_t counts[kPlanLoads], sum = 0;
-    load_counts(call, base, tiles, counts);
+    uint32_t sum = 0;
+    if (tiles > kPlanBatch) load_counts(call, base, tiles, counts);
     // Longer lists than 2^24 are never listed; cut short, a warp's sum fits 32 bits.
     constexpr uint32_t kLongest = 1u << 24;
 #pragma unroll
-    for (int k = 0; k < kPlanLoads; ++k) sum += min(counts[k], kLongest);
+    for (int k = 0; k < kPlanLoads; ++k) sum += min(counts[k] & ~kLost, kLongest);
     const uint32_t scanned = inclusive_scan(sum, lane);
     __syncthreads();
     if (lane == 31) warp_sums[warp] = scanned;
@@ -92,12 +93,13 @@ __global__ void __launch_bounds__(kPlanThreads)
 #pragma unroll
     for (int k = 0; k < kPlanLoads; ++k) {
       const int t = base + k * kPlanThreads + threadIdx.x;
-      const uint32_t count = counts[k];
+      const uint32_t count = counts[k] & ~kLost;
       const uint32_t place = next_place(next_of_class, length_class(count), t < tiles, lane);
       if (t < tiles) {
-        TileList& list = call.tile_list[t];
-        const bool fits = begin + count <= call.capacity && count <= kLongest && list.lost == 0;
-        list.begin = list.next = fits ? uint32_t(begin) : call.capacity;
+        const bool lost = (counts[k] & kLost) != 0;
+        const bool fits = begin + count <= call.capacity && count <= kLongest && !lost;
+        const uint32_t at = fits ? uint32_t(begin) : call.capacity;
+        call.tile_list[t] = {count, at, at, 0};
         call.tile_order[place] = t;
       }
       begin += min(count, kLongest);
@@ -283,6 +285,7 @@ __device__ __forceinline__ bool bucket_sort(const uint64_t* keys, int count, Sor
   uint32_t low = ~0u, high = 0;
 #pragma unroll
   for (int k = 0; k < kPerThread; ++k) {
+    if (k * kSortThreads >= count) break;
     const int i = k * kSortThreads + threadIdx.x;
     if (i < count) {
       mine[k] = keys[i];
@@ -312,6 +315,7 @@ __device__ __forceinline__ bool bucket_sort(const uint64_t* keys, int count, Sor
   static_assert(kChunk <= 1 << 16 && kBuckets <= 1 << 16, "both fit");
 #pragma unroll
   for (int k = 0; k < kPerThread; ++k) {
+    if (k * kSortThreads >= count) break;
     if (k * kSortThreads + threadIdx.x < count) {
       const uint32_t bucket =
           min(__umulhi(uint32_t(mine[k] >> 32) - lowest, scale), uint32_t(kBuckets - 1));
@@ -338,6 +342,7 @@ __device__ __forceinline__ bool bucket_sort(const uint64_t* keys, int count, Sor
   __syncthreads();
 #pragma unroll
   for (int k = 0; k < kPerThread; ++k) {
+    if (k * kSortThreads >= count) break;
     if (k * kSortThreads + threadIdx.x < count) {
       s.keys[s.bucket[place[k] >> 16] + (place[k] & 0xffff)] = mine[k];
     }
@@ -345,6 +350,7 @@ __device__ __forceinline__ bool bucket_sort(const uint64_t* keys, int count, Sor
   __syncthreads();
 #pragma unroll
   for (int k = 0; k < kPerThread; ++k) {
+    if (k * kSortThreads >= count) break;
     if (k * kSortThreads + threadIdx.x < count) {
       const uint32_t bucket = place[k] >> 16, begin = s.bucket[bucket];
       const uint32_t end = bucket + 1 < kBuckets ? s.bucket[bucket + 1] : uint32_t(count);

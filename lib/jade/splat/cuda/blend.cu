@@ -44,9 +44,12 @@ __device__ __forceinline__ void store_pixel(const RenderCall& call, const Images
   const int64_t i = int64_t(y) * call.width + x;
   float* const color = images.color + 3 * pixels.view * plane + i;
   const float t = fabsf(s.t[k]);
-  color[0] = s.red[k] + t * call.background[0];
-  color[plane] = s.green[k] + t * call.background[1];
-  color[2 * plane] = s.blue[k] + t * call.background[2];
+  const auto behind = [&](int c) {
+    return call.background != nullptr ? t * call.background[c] : 0;
+  };
+  color[0] = s.red[k] + behind(0);
+  color[plane] = s.green[k] + behind(1);
+  color[2 * plane] = s.blue[k] + behind(2);
   images.alpha[pixels.view * plane + i] = 1.0f - t;
   if (kDepth) images.depth_sum[pixels.view * plane + i] = s.depth[k];
 }
@@ -271,7 +274,9 @@ __global__ void __launch_bounds__(kBlendThreads, kDepth || kSlots ? 5 : 6)
   const int lane = threadIdx.x & 31;
   float background[3];
   PixelGradients g = load_gradients<kDepth>(call, pixels, images, background);
-  add_background(call, pixels, gradients, background, warp_background);
+  if (gradients.background != nullptr) {
+    add_background(call, pixels, gradients, background, warp_background);
+  }
   for (int k = 0; k < 2; ++k) {
     grads[pixels.quarter][0][2 * lane + k] = g.red[k];
     grads[pixels.quarter][1][2 * lane + k] = g.green[k];

@@ -101,8 +101,8 @@ __global__ void __launch_bounds__(kChunkThreads, kChunkBlocks)
     const int64_t global_tile = int64_t(view) * call.tiles + tile;
     call.runs[global_tile * call.chunks + chunk] = start << kRunBits | counts[k];
     if (counts[k] > 0) {
-      atomicAdd(&call.tile_list[global_tile].count, counts[k]);
-      if (!fits) call.tile_list[global_tile].lost = 1;
+      atomicAdd(call.chunk_counts + global_tile, counts[k]);
+      if (!fits) atomicOr(call.chunk_counts + global_tile, kLost);
     }
     cursor[tile] = start;
     start += counts[k];

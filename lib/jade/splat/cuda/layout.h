@@ -20,6 +20,7 @@ constexpr int kMostChunkGaussians = 1024;
 constexpr int kMostChunkTiles = 2048;
 constexpr int kChunkBlocks = 3;  ///< per multiprocessor
 constexpr int kRunBits = 11;     ///< for lengths up to kMostChunkGaussians
+constexpr uint32_t kLost = 1u << 31;
 
 /// A Gaussian on the screen of one view: three 16-byte loads. `depth` is 0 where it is not drawn.
 struct alignas(16) Splat {
@@ -28,13 +29,14 @@ struct alignas(16) Splat {
   float blue, depth, slope, shrink;  ///< the last two: rows of the ellipse (math/tile.h)
 };
 
-/// A tile's list and the counters it is made with. One 32-byte sector each: atomics on neighbours
-/// in one sector would wait for each other. A tile whose list did not fit has begin >= capacity.
+/// A tile's list and, without chunks, the counters it is made with. One 32-byte sector each:
+/// atomics on neighbours in one sector would wait for each other. A tile whose list did not fit has
+/// begin >= capacity.
 struct alignas(32) TileList {
   uint32_t count;  ///< zeroed before the pass
   uint32_t begin;
   uint32_t next;  ///< where the next instance goes; without chunks
-  uint32_t lost;  ///< not 0: a chunk that reaches the tile did not fit; zeroed before the pass
+  uint32_t unused;
 };
 
 /// Counters of one forward pass, zeroed before it.
@@ -49,7 +51,8 @@ struct Counters {
 /// to each other. Passed by value.
 struct RenderCall {
   const float *means, *rotations, *log_scales, *logit_opacities, *sh;
-  const float *camera_from_world, *intrinsics, *background;
+  const float *camera_from_world, *intrinsics;
+  const float* background;  ///< [3]; null: black
   int count, views, width, height;
   int sh_stride;  ///< coefficients in memory
   int sh_degree;
@@ -69,6 +72,9 @@ struct RenderCall {
   uint64_t* chunk_keys;   ///< [capacity], chunk by chunk in no particular order
   uint32_t* chunk_begin;  ///< [views, chunks], in chunk_keys
   uint32_t* runs;         ///< [views, tiles, chunks]: start in the chunk << kRunBits | length
+  /// [views, tiles]: a tile's instances in all chunks, with kLost where one of these did not fit.
+  /// Side by side, for chunks add to neighbours at once. Zeroed before the pass.
+  uint32_t* chunk_counts;
   Counters* counters;
 };
 
@@ -90,7 +96,7 @@ struct ImageGradients {
 struct Gradients {
   float *means, *rotations, *log_scales, *logit_opacities, *sh;
   float* camera_from_world;                              ///< [views,4,4] or null
-  float* background;                                     ///< [3]
+  float* background;                                     ///< [3] or null
   float *gradient_norm, *visible_count, *max_radius_px;  ///< null: no statistics
   int statistics_views;
 

@@ -238,7 +238,7 @@ __device__ void finish(const RenderCall& call, const Gradients& gradients) {
     }
     gradients.camera_from_world[i] = value;
   }
-  if (threadIdx.x < 3) {
+  if (threadIdx.x < 3 && gradients.background != nullptr) {
     float value = 0;
     if (gradients.background_partial != nullptr) {
       double sum = 0;
