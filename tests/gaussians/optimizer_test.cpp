@@ -134,7 +134,11 @@ TEST_CASE("adam: the CUDA kernel steps the channels of a monochrome scene alike"
 }
 
 TEST_CASE("adam: a launch that CUDA refuses is a DeviceError", "[gaussians][cuda]") {
+  const torch::Tensor steps = torch::zeros({1}, torch::dtype(torch::kInt64).device(torch::kCUDA));
   AdamStep step;
+  step.step = steps.mutable_data_ptr<int64_t>();
+  const torch::Tensor rates = torch::zeros({3}, steps.options().dtype(torch::kFloat64));
+  step.rates = rates.mutable_data_ptr<double>();
   step.group_count = 1;
   step.groups[0].count = int64_t{1} << 42;  // blocks beyond any grid; none starts
   CHECK_THROWS_AS(kernel::on_cuda("the Adam step", [&] { cuda::adam_step(step); }), DeviceError);

@@ -38,8 +38,9 @@ struct AdamStep {
   int group_count = 0;
   double beta1 = 0.9, beta2 = 0.999, eps = 1e-15;
   AdamSchedule schedule;
-  /// Steps done, this one included; lives where the groups live.
-  const int64_t* step = nullptr;
+  /// Steps done, to which this one is added; lives where the groups live.
+  int64_t* step = nullptr;
+  double* rates = nullptr;  ///< [3] of working memory there; on a GPU only
 };
 
 namespace cpu {

@@ -56,6 +56,7 @@ void update_group(const AdamGroup& group, const AdamConstants& c, double factor)
 }  // namespace
 
 void adam_step(const AdamStep& step) {
+  ++*step.step;
   const AdamConstants constants = adam_constants(step, inverse_sqrt_correction2(step));
   for (int i = 0; i < step.group_count; ++i) {
     const AdamGroup& group = step.groups[i];

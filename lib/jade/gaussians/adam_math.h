@@ -13,8 +13,8 @@ JADE_HD double scheduled(const AdamSchedule& schedule, double step) {
   return kernel::exp(schedule.log_start + (schedule.log_end - schedule.log_start) * s);
 }
 
-/// What step sizes are multiplied by: the bias correction of the first moment, and the schedule for
-/// the groups that follow it.
+/// Once the step is counted: what step sizes are multiplied by, the bias correction of the first
+/// moment, and the schedule for the groups that follow it.
 JADE_HD double rate_factor(const AdamStep& step, bool follows_schedule) {
   const double steps = static_cast<double>(*step.step);
   const double correction1 = 1 - kernel::pow(step.beta1, steps);

@@ -61,14 +61,13 @@ void GaussianAdam::step(GaussianModel& model) {
   const torch::NoGradGuard no_grad;
   JADE_CHECK(model.size() == first_.size(), "GaussianAdam: ", first_.size(), " rows for ",
              model.size(), " Gaussians");
-  step_count_.add_(1);
   AdamStep step;
   step.beta1 = options_.beta1;
   step.beta2 = options_.beta2;
   step.eps = options_.eps;
   step.schedule = schedule_of(options_);
-  step.step = step_count_.const_data_ptr<int64_t>();
-  std::vector<torch::Tensor> kept;  // contiguous gradients must live until the kernel is queued
+  step.step = step_count_.mutable_data_ptr<int64_t>();
+  std::vector<torch::Tensor> kept;  // must live until the kernels are queued
   for (int i = 0; i < kParameterCount; ++i) {
     const torch::Tensor& value = parameter(model.parameters(), i);
     if (!value.grad().defined()) continue;
@@ -86,6 +85,8 @@ void GaussianAdam::step(GaussianModel& model) {
     set_rates(options_, extent_, i, &group);
   }
   if (model.device().is_cuda()) {
+    kept.push_back(torch::empty({3}, step_count_.options().dtype(torch::kFloat64)));
+    step.rates = kept.back().mutable_data_ptr<double>();
     kernel::on_cuda("the Adam step of the Gaussians", [&] { cuda::adam_step(step); });
   } else {
     cpu::adam_step(step);

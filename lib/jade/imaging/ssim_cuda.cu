@@ -12,10 +12,15 @@
 namespace jade::imaging::cuda {
 namespace {
 
-constexpr int kTileWidth = 32, kTileHeight = 16, kRowsPerPass = 8;
-constexpr int kThreads = kTileWidth * kRowsPerPass;
+constexpr int kTileWidth = 32, kTileHeight = 24;
+constexpr int kThreads = 256, kWarps = kThreads / 32;
 constexpr int kHaloWidth = kTileWidth + 2 * kSsimRadius,
               kHaloHeight = kTileHeight + 2 * kSsimRadius;
+constexpr int kPitch = (kHaloWidth + 3) / 4 * 4;  ///< rows of whole float4
+/// What a thread filters at once, so that a value from shared memory serves several results.
+constexpr int kColumns = 4, kRows = kTileHeight / kWarps;
+static_assert(kTileWidth == 32 && kTileHeight % kWarps == 0, "a lane per column, all rows taken");
+
 struct Taps {
   float w[kSsimTaps];
 };
@@ -73,97 +78,174 @@ __device__ Tile this_tile(const Job& in) {
           static_cast<int64_t>(plane - in.pairs[pair].first_plane) * in.width * in.height};
 }
 
-/// The tile with 5 pixels around it; zeros beside the image.
-__device__ void load_halo(const float* plane, const Tile& tile,
-                          float (&out)[kHaloHeight][kHaloWidth]) {
-  for (int i = threadIdx.x; i < kHaloHeight * kHaloWidth; i += kThreads) {
-    const int row = i / kHaloWidth, column = i % kHaloWidth;
-    const int y = tile.y0 + row - kSsimRadius, x = tile.x0 + column - kSsimRadius;
-    const bool inside = x >= 0 && x < tile.width && y >= 0 && y < tile.height;
-    out[row][column] = inside ? plane[static_cast<int64_t>(y) * tile.width + x] : 0.0f;
+/// A tile with 5 pixels around it, one plane of it or what is filtered of it.
+using Halo = float[kHaloHeight][kPitch];
+/// The same after the window along rows.
+using Filtered = float[kHaloHeight][kTileWidth];
+
+/// The same part of kPlanes planes; zeros beside the image. A plane has less than 2^31 pixels.
+template <int kPlanes>
+__device__ __forceinline__ void load_halos(const float* const (&planes)[kPlanes], const Tile& tile,
+                                           Halo* out) {
+  constexpr int kSteps = (kPitch + 31) / 32;
+  const int lane = threadIdx.x % 32, warp = threadIdx.x / 32, x = tile.x0 + lane - kSsimRadius;
+  bool inside[kSteps];
+#pragma unroll
+  for (int step = 0; step < kSteps; ++step) {
+    inside[step] = x + 32 * step >= 0 && x + 32 * step < tile.width;
+  }
+  int y = tile.y0 + warp - kSsimRadius, at = y * tile.width + x;
+#pragma unroll
+  for (int row = warp; row < kHaloHeight; row += kWarps, y += kWarps, at += kWarps * tile.width) {
+    const bool there = y >= 0 && y < tile.height;
+#pragma unroll
+    for (int step = 0; step < kSteps; ++step) {
+      if (32 * step + lane >= kPitch) continue;
+      for (int p = 0; p < kPlanes; ++p) {
+        out[p][row][32 * step + lane] =
+            there && inside[step] ? __ldg(planes[p] + at + 32 * step) : 0.0f;
+      }
+    }
   }
 }
 
-__device__ float filter_down(const float (&rows)[kHaloHeight][kTileWidth], int row, int column,
-                             const Taps& taps) {
-  float sum = 0;
+/// What kColumns neighbouring results along a row are made of.
+__device__ __forceinline__ void load_row(const Halo& halo, int row, int column,
+                                         float (&values)[kColumns + 12]) {
 #pragma unroll
-  for (int k = 0; k < kSsimTaps; ++k) sum += taps.w[k] * rows[row + k][column];
-  return sum;
+  for (int k = 0; k < kColumns + 12; k += 4) {
+    const float4 four = *reinterpret_cast<const float4*>(&halo[row][column + k]);
+    values[k] = four.x;
+    values[k + 1] = four.y;
+    values[k + 2] = four.z;
+    values[k + 3] = four.w;
+  }
 }
 
-/// Sums two values over the block; thread 0 holds the result.
-__device__ void sum_block(double& first, double& second) {
-  __shared__ double sums[2][kThreads / 32];
+/// Adds value k of the row to those of its kColumns results whose windows have it.
+__device__ __forceinline__ void add_tap(const Taps& taps, int k, float value,
+                                        float (&sums)[kColumns]) {
+#pragma unroll
+  for (int c = 0; c < kColumns; ++c) {
+    if (k - c >= 0 && k - c < kSsimTaps) sums[c] += taps.w[k - c] * value;
+  }
+}
+
+__device__ __forceinline__ void store_row(const float (&sums)[kColumns], int row, int column,
+                                          Filtered& out) {
+  *reinterpret_cast<float4*>(&out[row][column]) = make_float4(sums[0], sums[1], sums[2], sums[3]);
+}
+
+/// Calls filter(plane, row, column) for the results of this thread along the rows of so many
+/// planes.
+template <class Filter>
+__device__ __forceinline__ void for_rows(int planes, const Filter& filter) {
+  constexpr int kPerRow = kTileWidth / kColumns, kPerPlane = kHaloHeight * kPerRow;
+#pragma unroll 1
+  for (int i = threadIdx.x; i < planes * kPerPlane; i += kThreads) {
+    const int plane = i / kPerPlane, in_plane = i - plane * kPerPlane;
+    filter(plane, in_plane / kPerRow, in_plane % kPerRow * kColumns);
+  }
+}
+
+/// The window down the columns: of rows first … first + kRows − 1 of the tile.
+__device__ __forceinline__ void filter_down(const Filtered& rows, int first, int column,
+                                            const Taps& taps, float (&sums)[kRows]) {
+#pragma unroll
+  for (int r = 0; r < kRows; ++r) sums[r] = 0;
+#pragma unroll
+  for (int k = 0; k < kRows + kSsimTaps - 1; ++k) {
+    const float value = rows[first + k][column];
+#pragma unroll
+    for (int r = 0; r < kRows; ++r) {
+      if (k - r >= 0 && k - r < kSsimTaps) sums[r] += taps.w[k - r] * value;
+    }
+  }
+}
+
+/// Sums two values over the block, over a warp in float; thread 0 holds the result.
+__device__ __forceinline__ double2 sum_block(float first, float second) {
+  __shared__ float2 sums[kWarps];
   for (int offset = 16; offset > 0; offset /= 2) {
     first += __shfl_down_sync(0xffffffffu, first, offset);
     second += __shfl_down_sync(0xffffffffu, second, offset);
   }
-  if (threadIdx.x % 32 == 0) {
-    sums[0][threadIdx.x / 32] = first;
-    sums[1][threadIdx.x / 32] = second;
-  }
+  if (threadIdx.x % 32 == 0) sums[threadIdx.x / 32] = make_float2(first, second);
   __syncthreads();
+  double2 total = {0, 0};
   if (threadIdx.x == 0) {
-    first = second = 0;
-    for (int warp = 0; warp < kThreads / 32; ++warp) {
-      first += sums[0][warp];
-      second += sums[1][warp];
+    for (const float2& each : sums) {
+      total.x += each.x;
+      total.y += each.y;
     }
   }
+  return total;
+}
+
+/// The window along the rows of a, a², a b and, unless those of b are known, of b and b².
+template <bool kFixed>
+__device__ __forceinline__ void filter_pair(const Halo (&images)[2], const Taps& taps,
+                                            Filtered (&out)[5]) {
+  for_rows(1, [&](int, int row, int column) {
+    float a[kColumns + 12], b[kColumns + 12];
+    load_row(images[0], row, column, a);
+    load_row(images[1], row, column, b);
+    float sums[5][kColumns] = {};
+#pragma unroll
+    for (int k = 0; k < kColumns + kSsimTaps - 1; ++k) {
+      add_tap(taps, k, a[k], sums[0]);
+      add_tap(taps, k, a[k] * a[k], sums[1]);
+      add_tap(taps, k, a[k] * b[k], sums[2]);
+      if (kFixed) continue;
+      add_tap(taps, k, b[k], sums[3]);
+      add_tap(taps, k, b[k] * b[k], sums[4]);
+    }
+#pragma unroll
+    for (int q = 0; q < (kFixed ? 3 : 5); ++q) store_row(sums[q], row, column, out[q]);
+  });
 }
 
 /// SSIM at every pixel of a tile, its sum, and the derivative maps.
-__global__ void __launch_bounds__(kThreads) ssim_forward(Job in, Taps taps) {
-  __shared__ float a[kHaloHeight][kHaloWidth], b[kHaloHeight][kHaloWidth];
-  __shared__ float filtered[5][kHaloHeight][kTileWidth];
+__global__ void __launch_bounds__(kThreads, 4)
+    ssim_forward(const __grid_constant__ Job in, const __grid_constant__ Taps taps) {
+  __shared__ __align__(16) Halo images[2];
+  __shared__ __align__(16) Filtered filtered[5];
   const Tile tile = this_tile(in);
   const PairJob& pair = in.pairs[tile.pair];
   const bool fixed = pair.mean_b != nullptr;
-  load_halo(pair.a + tile.plane, tile, a);
-  load_halo(pair.b + tile.plane, tile, b);
+  load_halos<2>({pair.a + tile.plane, pair.b + tile.plane}, tile, images);
   __syncthreads();
-  for (int i = threadIdx.x; i < kHaloHeight * kTileWidth; i += kThreads) {
-    const int row = i / kTileWidth, column = i % kTileWidth;
-    float sums[5] = {};
-#pragma unroll
-    for (int k = 0; k < kSsimTaps; ++k) {
-      const float va = a[row][column + k], vb = b[row][column + k], w = taps.w[k];
-      sums[0] += w * va;
-      sums[1] += w * va * va;
-      sums[2] += w * va * vb;
-      if (fixed) continue;
-      sums[3] += w * vb;
-      sums[4] += w * vb * vb;
-    }
-#pragma unroll
-    for (int q = 0; q < 5; ++q) {
-      if (q < 3 || !fixed) filtered[q][row][column] = sums[q];
-    }
+  if (fixed) {
+    filter_pair<true>(images, taps, filtered);
+  } else {
+    filter_pair<false>(images, taps, filtered);
   }
   __syncthreads();
-  const int column = threadIdx.x % kTileWidth, x = tile.x0 + column;
+  const int column = threadIdx.x % 32, first = threadIdx.x / 32 * kRows, x = tile.x0 + column;
   const int64_t map_size = static_cast<int64_t>(pair.planes) * in.height * in.width;
-  double ssim_sum = 0, l1_sum = 0;
-  for (int row = threadIdx.x / kTileWidth; row < kTileHeight; row += kRowsPerPass) {
-    const int y = tile.y0 + row;
+  float sums[5][kRows];
+#pragma unroll
+  for (int q = 0; q < 3; ++q) filter_down(filtered[q], first, column, taps, sums[q]);
+  if (!fixed) {
+    filter_down(filtered[3], first, column, taps, sums[3]);
+    filter_down(filtered[4], first, column, taps, sums[4]);
+  }
+  float ssim_sum = 0, l1_sum = 0;
+#pragma unroll
+  for (int r = 0; r < kRows; ++r) {
+    const int row = first + r, y = tile.y0 + row;
     if (x >= tile.width || y >= tile.height) continue;
-    const int64_t pixel = tile.plane + static_cast<int64_t>(y) * tile.width + x;
+    const int64_t pixel = tile.plane + (y * tile.width + x);
     SsimMoments<float> moments;
-    moments.a = filter_down(filtered[0], row, column, taps);
-    moments.aa = filter_down(filtered[1], row, column, taps);
-    moments.ab = filter_down(filtered[2], row, column, taps);
-    if (fixed) {
-      moments.b = pair.mean_b[pixel];
-      moments.bb = pair.square_b[pixel];
-    } else {
-      moments.b = filter_down(filtered[3], row, column, taps);
-      moments.bb = filter_down(filtered[4], row, column, taps);
-    }
+    moments.a = sums[0][r];
+    moments.aa = sums[1][r];
+    moments.ab = sums[2][r];
+    moments.b = fixed ? __ldg(pair.mean_b + pixel) : sums[3][r];
+    moments.bb = fixed ? __ldg(pair.square_b + pixel) : sums[4][r];
     const SsimTerms<float> terms = ssim_terms(moments);
     ssim_sum += terms.value;
-    l1_sum += fabsf(a[row + kSsimRadius][column + kSsimRadius] -
-                    b[row + kSsimRadius][column + kSsimRadius]);
+    l1_sum += fabsf(images[0][row + kSsimRadius][column + kSsimRadius] -
+                    images[1][row + kSsimRadius][column + kSsimRadius]);
     if (pair.maps == nullptr) continue;
     const SsimDerivatives<float> d = ssim_derivatives(moments, terms);
     pair.maps[pixel] = d.a;
@@ -171,12 +253,12 @@ __global__ void __launch_bounds__(kThreads) ssim_forward(Job in, Taps taps) {
     pair.maps[2 * map_size + pixel] = d.ab;
     if (pair.maps_of_b) pair.maps[3 * map_size + pixel] = d.b;
   }
-  sum_block(ssim_sum, l1_sum);
+  const double2 sums_of_block = sum_block(ssim_sum, l1_sum);
   if (threadIdx.x == 0) {
     const int64_t block =
         (static_cast<int64_t>(blockIdx.z) * gridDim.y + blockIdx.y) * gridDim.x + blockIdx.x;
-    in.partial[2 * block] = ssim_sum;
-    in.partial[2 * block + 1] = l1_sum;
+    in.partial[2 * block] = sums_of_block.x;
+    in.partial[2 * block + 1] = sums_of_block.y;
   }
 }
 
@@ -189,46 +271,56 @@ __device__ float upstream_of(const Job& in, const PairJob& pair) {
   return factor * term.weight * (term.scale == nullptr ? 1.0f : *term.scale);
 }
 
+/// The window of so many derivative maps along the rows.
+__device__ __forceinline__ void filter_maps(const Halo* maps, int count, const Taps& taps,
+                                            Filtered* out) {
+  for_rows(count, [&](int map, int row, int column) {
+    float values[kColumns + 12], sums[kColumns] = {};
+    load_row(maps[map], row, column, values);
+#pragma unroll
+    for (int k = 0; k < kColumns + kSsimTaps - 1; ++k) add_tap(taps, k, values[k], sums);
+    store_row(sums, row, column, out[map]);
+  });
+}
+
 /// Filters the derivative maps and joins them to the gradients.
-__global__ void __launch_bounds__(kThreads) ssim_backward(Job in, Taps taps) {
-  __shared__ float halo[kHaloHeight][kHaloWidth];
-  __shared__ float filtered[4][kHaloHeight][kTileWidth];
+__global__ void __launch_bounds__(kThreads, 5)
+    ssim_backward(const __grid_constant__ Job in, const __grid_constant__ Taps taps) {
+  __shared__ __align__(16) Halo halos[4];
+  __shared__ __align__(16) Filtered filtered[4];
   const Tile tile = this_tile(in);
   const PairJob& pair = in.pairs[tile.pair];
-  if (pair.grad_a == nullptr && pair.grad_b == nullptr) return;
+  const bool of_a = pair.grad_a != nullptr, of_b = pair.grad_b != nullptr;
+  if (!of_a && !of_b) return;
   const int64_t map_size = static_cast<int64_t>(pair.planes) * in.height * in.width;
-  const int maps = pair.grad_b != nullptr ? 4 : 3;
-  for (int q = 0; q < maps; ++q) {
-    __syncthreads();  // the halo of the map before has been read
-    load_halo(pair.maps + q * map_size + tile.plane, tile, halo);
-    __syncthreads();
-    for (int i = threadIdx.x; i < kHaloHeight * kTileWidth; i += kThreads) {
-      const int row = i / kTileWidth, column = i % kTileWidth;
-      float sum = 0;
-#pragma unroll
-      for (int k = 0; k < kSsimTaps; ++k) sum += taps.w[k] * halo[row][column + k];
-      filtered[q][row][column] = sum;
-    }
-  }
+  const float* const maps = pair.maps + tile.plane;
+  load_halos<3>({maps, maps + map_size, maps + 2 * map_size}, tile, halos);
+  if (of_b) load_halos<1>({maps + 3 * map_size}, tile, halos + 3);
+  __syncthreads();
+  filter_maps(halos, of_b ? 4 : 3, taps, filtered);
   __syncthreads();
   const float upstream = upstream_of(in, pair);
   const float weight_ssim = upstream * pair.weight_ssim, weight_l1 = upstream * pair.weight_l1;
-  const int column = threadIdx.x % kTileWidth, x = tile.x0 + column;
-  for (int row = threadIdx.x / kTileWidth; row < kTileHeight; row += kRowsPerPass) {
-    const int y = tile.y0 + row;
+  const int column = threadIdx.x % 32, first = threadIdx.x / 32 * kRows, x = tile.x0 + column;
+  float on_a[kRows], on_square[kRows], on_product[kRows], on_b[kRows];
+  if (of_a) filter_down(filtered[0], first, column, taps, on_a);
+  filter_down(filtered[1], first, column, taps, on_square);
+  filter_down(filtered[2], first, column, taps, on_product);
+  if (of_b) filter_down(filtered[3], first, column, taps, on_b);
+#pragma unroll
+  for (int r = 0; r < kRows; ++r) {
+    const int y = tile.y0 + first + r;
     if (x >= tile.width || y >= tile.height) continue;
-    const int64_t pixel = tile.plane + static_cast<int64_t>(y) * tile.width + x;
-    const float a = pair.a[pixel], b = pair.b[pixel];
+    const int64_t pixel = tile.plane + (y * tile.width + x);
+    const float a = __ldg(pair.a + pixel), b = __ldg(pair.b + pixel);
     const float sign = weight_l1 * l1_gradient(a, b);
-    const float d_sq = filter_down(filtered[1], row, column, taps);
-    const float d_ab = filter_down(filtered[2], row, column, taps);
-    if (pair.grad_a != nullptr) {
-      const float d_ma = filter_down(filtered[0], row, column, taps);
-      pair.grad_a[pixel] = weight_ssim * ssim_gradient(d_ma, d_sq, d_ab, a, b) + sign;
+    if (of_a) {
+      pair.grad_a[pixel] =
+          weight_ssim * ssim_gradient(on_a[r], on_square[r], on_product[r], a, b) + sign;
     }
-    if (pair.grad_b != nullptr) {
-      const float d_mb = filter_down(filtered[3], row, column, taps);
-      pair.grad_b[pixel] = weight_ssim * ssim_gradient(d_mb, d_sq, d_ab, b, a) - sign;
+    if (of_b) {
+      pair.grad_b[pixel] =
+          weight_ssim * ssim_gradient(on_b[r], on_square[r], on_product[r], b, a) - sign;
     }
   }
 }
@@ -243,7 +335,7 @@ __global__ void ssim_finish(Job in, int64_t blocks_per_plane) {
   const int64_t begin = pair.first_plane * blocks_per_plane;
   const int64_t end = begin + pair.planes * blocks_per_plane;
   double ssim_sum = 0, l1_sum = 0;
-#pragma unroll 4
+#pragma unroll 8
   for (int64_t block = begin + lane; block < end; block += 32) {
     const double2 both = sums[block];
     ssim_sum += both.x;

@@ -13,26 +13,30 @@ namespace {
 constexpr int kThreads = 256;
 
 /// So that the second kernel, of one block, has little to add.
-constexpr int64_t kMostBlocks = 264;
+constexpr int64_t kMostBlocks = 1024;
 
-/// Leaves the sum of the block's values in [0] of both rows.
-__device__ void sum_block(double (&sums)[2][kThreads], double render, double reblur) {
-  const int thread = threadIdx.x;
-  sums[0][thread] = render;
-  sums[1][thread] = reblur;
-  for (int half = kThreads / 2; half > 0; half /= 2) {
-    __syncthreads();
-    if (thread < half) {
-      sums[0][thread] += sums[0][thread + half];
-      sums[1][thread] += sums[1][thread + half];
+/// The sums of the block's values, in thread 0.
+__device__ double2 sum_block(double render, double reblur) {
+  __shared__ double2 sums[kThreads / 32];
+  for (int offset = 16; offset > 0; offset /= 2) {
+    render += __shfl_down_sync(~0u, render, offset);
+    reblur += __shfl_down_sync(~0u, reblur, offset);
+  }
+  if (threadIdx.x % 32 == 0) sums[threadIdx.x / 32] = {render, reblur};
+  __syncthreads();
+  double2 total = {0, 0};
+  if (threadIdx.x == 0) {
+    for (const double2& each : sums) {
+      total.x += each.x;
+      total.y += each.y;
     }
   }
+  return total;
 }
 
 /// `parts` is [2, blocks].
 __global__ void __launch_bounds__(kThreads)
     route_parts_kernel(const __grid_constant__ RouteImages<float> in, double* parts) {
-  __shared__ double sums[2][kThreads];
   const int64_t stride = gridDim.x * static_cast<int64_t>(kThreads);
   double render = 0, reblur = 0;
   for (int64_t pixel = blockIdx.x * static_cast<int64_t>(kThreads) + threadIdx.x; pixel < in.plane;
@@ -41,10 +45,10 @@ __global__ void __launch_bounds__(kThreads)
     render += residuals.render;
     reblur += residuals.reblur;
   }
-  sum_block(sums, render, reblur);
+  const double2 total = sum_block(render, reblur);
   if (threadIdx.x == 0) {
-    parts[blockIdx.x] = sums[0][0];
-    parts[gridDim.x + blockIdx.x] = sums[1][0];
+    parts[blockIdx.x] = total.x;
+    parts[gridDim.x + blockIdx.x] = total.y;
   }
 }
 
@@ -52,16 +56,15 @@ __global__ void __launch_bounds__(kThreads)
 __global__ void __launch_bounds__(kThreads)
     route_sum_kernel(const double* parts, int blocks, double count, double reblur_weight,
                      float* values) {
-  __shared__ double sums[2][kThreads];
   double render = 0, reblur = 0;
   for (int block = threadIdx.x; block < blocks; block += kThreads) {
     render += parts[block];
     reblur += parts[blocks + block];
   }
-  sum_block(sums, render, reblur);
+  const double2 total = sum_block(render, reblur);
   if (threadIdx.x != 0) return;
-  render = sums[0][0] / count;
-  reblur = sums[1][0] / count * reblur_weight;
+  render = total.x / count;
+  reblur = total.y / count * reblur_weight;
   values[kRouteTotal] = static_cast<float>(render + reblur);
   values[kRouteRender] = static_cast<float>(render);
   values[kRouteReblur] = static_cast<float>(reblur);
