@@ -73,7 +73,7 @@ struct Images {
     inputs.blurry = blurry;
     inputs.blurry_moments = blurry_moments;
     inputs.pose_draws = draws;
-    inputs.edi_factors = factors.index_select(0, inputs.pose_draws);
+    inputs.edi_factors = losses::EdiFactors::of(factors.index_select(0, inputs.pose_draws));
     inputs.target.emplace(restorations.edi);
     const torch::Tensor table = response::CameraResponse(response)->table();
     inputs.tone = [table](const std::vector<losses::ToneInput>& asked) {

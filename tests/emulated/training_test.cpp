@@ -3,6 +3,7 @@
 // of their rooms.
 #include "support/catch.h"
 
+#include <array>
 #include <numeric>
 #include <torch/types.h>
 #include <vector>
@@ -10,6 +11,7 @@
 #include "emulated/block.h"
 #include "jade/gaussians/regularization.h"
 #include "jade/response/camera_response.h"
+#include "support/backend_agreement.h"
 
 #define cuda emulated_cuda
 #include "jade/events/count.h"
@@ -125,12 +127,13 @@ TEST_CASE("emulated cuda: the mean of the renders, its picks and their gradient"
     for (size_t m = 0; m < 4; ++m) {
       CHECK(picked[m].equal(renders[std::array{2, 1, 4, 1}[m]]));
     }
-    const Tensor of_mean = torch::rand_like(mean);
-    std::vector<Tensor> of_picks;
-    for (int m = 0; m < 4; ++m) of_picks.push_back(m == 2 ? Tensor() : torch::rand_like(mean));
+    losses::PoseGradients of;
+    of.mean = torch::rand_like(mean);
+    for (int m = 0; m < 4; ++m) of.picks.push_back(m == 2 ? Tensor() : torch::rand_like(mean));
+    if (weighted) of.all = torch::rand_like(renders);
     Tensor found = torch::empty_like(renders), expected = torch::empty_like(renders);
-    losses::emulated_cuda::pose_gradient(picks, of_mean, of_picks, found);
-    losses::cpu::pose_gradient(picks, of_mean, of_picks, expected);
+    losses::emulated_cuda::pose_gradient(picks, of, found);
+    losses::cpu::pose_gradient(picks, of, expected);
     CHECK(torch::allclose(found, expected));
   }
 }
@@ -142,7 +145,7 @@ TEST_CASE("emulated cuda: the camera response's lookups of a call and their grad
   // By weights that travel with the launch, by weights in memory, and by none.
   const response::Lookups args{{{image({4, 3, 11, 13}), torch::rand({4})},
                                 {image({3, 3, 40, 50}), {}},
-                                {image({17, 3, 11, 13}), torch::rand({17})},
+                                {image({43, 3, 5, 7}), torch::rand({43})},
                                 {image({2, 7}), torch::rand({2})},
                                 {image({5}), {}}},
                                torch::rand({response::kKnots})};
@@ -303,12 +306,14 @@ TEST_CASE("emulated cuda: an Adam step of every kind of group", "[emulated]") {
     for (int k = 0; k < 3; ++k) start.push_back(torch::rand({kind.rows, kind.row}));
     gradients.push_back(torch::randn({kind.rows, kind.row}));
   }
-  const int64_t steps = 7;
   const auto stepped = [&](const auto& run) {
+    int64_t steps = 6;
+    std::array<double, 3> rates{};
     std::vector<Tensor> state;
     for (const Tensor& each : start) state.push_back(each.clone());
     gaussians::AdamStep step;
     step.step = &steps;
+    step.rates = rates.data();
     step.schedule = {-4, -6, 100};
     for (const Kind& kind : kinds) {
       const auto i = static_cast<size_t>(step.group_count);
@@ -326,6 +331,7 @@ TEST_CASE("emulated cuda: an Adam step of every kind of group", "[emulated]") {
       group.tied = kind.tied;
     }
     run(step);
+    CHECK(steps == 7);
     return state;
   };
   const auto expected = stepped([](const auto& step) { gaussians::cpu::adam_step(step); });
@@ -357,6 +363,18 @@ TEST_CASE("emulated cuda: the update of learned poses", "[emulated]") {
   };
   const auto expected = updated([](const auto& step) { train::cpu::update_rows(step); });
   CHECK(expected[4].equal(torch::tensor({4., 0., 8., 1., 1.}, torch::kFloat64)));
+  const int64_t third = 2;
+  const Tensor of = random({rows, row});
+  const auto waiting = [&](const auto& run) {
+    std::vector<Tensor> all{start[3].clone(), start[5].clone()};
+    run(train::RowGradient{of.const_data_ptr<double>(), all[0].mutable_data_ptr<double>(),
+                           all[1].mutable_data_ptr<int64_t>(), &third, rows * row});
+    return all;
+  };
+  const auto summed = waiting([](const auto& step) { train::emulated_cuda::accumulate(step); });
+  test::check_equal(summed, waiting([](const auto& step) { train::cpu::accumulate(step); }));
+  CHECK(summed[0].equal(start[3] + of));
+  CHECK(summed[1].equal(torch::tensor({1, 0, 3, 0, 1}, torch::kInt64)));
   const int64_t ways = 7, size = rows * row;
   const Tensor read = random({ways, size}), write = random({ways, size}), twists = random({size});
   const auto held = [&](const auto& run) {

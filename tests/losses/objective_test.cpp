@@ -24,7 +24,7 @@ ObjectiveInputs inputs(const torch::Tensor& renders) {
   in.renders = renders;
   in.blurry = image(20);
   in.blurry_moments = imaging::ssim_target(in.blurry);
-  in.edi_factors = image(21, {3, 1, 7, 9}) + 0.5;
+  in.edi_factors = EdiFactors::of(image(21, {3, 1, 7, 9}) + 0.5);
   in.pose_draws = torch::tensor({2, 4, 8}, torch::kInt64);
   in.target = Fixed(image(22));
   in.tone = [](const std::vector<ToneInput>& asked) {
@@ -66,10 +66,12 @@ TEST_CASE("pose_views: mean and picks are those of single selections, gradients 
   const PoseViews views = pose_views(renders(), poses);
   CHECK(torch::allclose(views.mean, renders().mean(0)));
   CHECK(torch::equal(views.picks[1], renders()[2]));
+  CHECK(torch::equal(views.all, renders()));
   check_gradients(
       [&](const std::vector<torch::Tensor>& in) {
         const PoseViews v = pose_views(in[0], poses);
-        return torch::cat({v.mean.flatten(), torch::stack(v.picks).square().flatten()});
+        return torch::cat(
+            {v.mean.flatten(), torch::stack(v.picks).square().flatten(), v.all.pow(3).flatten()});
       },
       {renders()}, {"renders"});
 }
@@ -125,7 +127,7 @@ TEST_CASE("pose_views: a GPU agrees with the CPU, gradients too", "[losses][cuda
                                        weights.defined() ? weights.to(device) : weights, 4);
     // The second pick is read by nobody.
     (views.mean.square().sum() + views.picks[0].square().sum() + views.picks[1].sum() +
-     views.picks[3].pow(3).sum())
+     views.picks[3].pow(3).sum() + views.all.pow(4).sum())
         .backward();
     return std::vector<torch::Tensor>{views.mean.detach().cpu(), views.picks[2].detach().cpu(),
                                       images.grad().cpu()};
@@ -182,7 +184,7 @@ TEST_CASE("objective: a disabled term is absent and its inputs are not needed", 
   ObjectiveInputs in = inputs(renders());
   PrintedOptions options;
   options.edi_supervision = options.simulation = options.intensity = false;
-  in.edi_factors = torch::Tensor();
+  in.edi_factors = {};
   in.target.reset();
   CHECK_THROWS_AS(objective_at(in, kLate, options), ContractError);
   options.target = Target::kNone;
@@ -205,12 +207,13 @@ TEST_CASE("objective: the total is the sum of its named terms and of the single 
   for (const NamedTerm& term : loss.terms) sum += term.value.item<double>();
   CHECK(loss.total.item<double>() == Approx(sum));
   const torch::Tensor r = renders(), b = in.blurry, toned_b = b * b;
-  const auto gain = [&](int64_t k) { return in.edi_factors[k]; };
+  const EdiFactors& gain = in.edi_factors;
   const auto rec = [](const imaging::L1SsimPair& pair) { return rec_loss(pair, 0.3); };
   const torch::Tensor expected =
       2 * target_loss(r[4], *in.target, 0.3) + rec(blur_pair(r.mean(0), {b, {}, {}})) +
-      rec(edi_gray_pair(r[2].square(), toned_b, gain(0))) + rec(edi_color_pair(r[4], b, gain(1))) +
-      rec(simulation_pair(r[8].square(), r.mean(0).square(), gain(2))) +
+      rec(edi_gray_pair(r[2].square(), toned_b, gain.gray)) +
+      rec(edi_color_pair(r[4], b, gain.color)) +
+      rec(simulation_pair(r[8].square(), r.mean(0).square(), gain.simulation)) +
       rec(intensity_pair(r.square().mean(0), toned_b));
   CHECK(loss.total.item<double>() == Approx(expected.item<double>()));
 }

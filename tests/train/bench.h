@@ -35,6 +35,7 @@ struct Bench {
   }
 
   train::StepInputs inputs(int64_t view, int64_t step) const {
+    const std::array<int64_t, 3> poses{1, 2, 3};
     const torch::Tensor draws = torch::tensor({1, 2, 3}, torch::kInt64);
     const train::View& chosen = views[static_cast<size_t>(view)];
     const torch::Device device = chosen.blurry.device();
@@ -44,6 +45,7 @@ struct Bench {
     in.view_index = view;
     in.pose_draws = draws.to(device);
     in.view_pick = torch::tensor({view}, torch::kInt64).to(device);
+    if (!in.view.edi_log_gain.defined()) train::pick_factors(poses.data(), &in);
     return in;
   }
   train::StepPlan plan(int64_t step) const { return train::plan_step(options, step); }

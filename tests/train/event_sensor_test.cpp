@@ -108,7 +108,7 @@ train::EventSensor fitted(const TrueSensor& truth, const train::SensorOptions& o
     inputs.pose_draws = torch::randint(kRenders, {3}, generator, torch::kInt64);
     const auto log_gain =
         imaging::edi_log_gain(counts, sensor.at(per_ms), u.index_select(0, inputs.pose_draws));
-    inputs.edi_factors = log_gain.exp().unsqueeze(1);
+    inputs.edi_factors = losses::EdiFactors::of(log_gain.exp().unsqueeze(1));
     adam.zero_grad();
     (losses::objective(inputs, plan, {}).total + sensor.prior()).backward();
     adam.step();

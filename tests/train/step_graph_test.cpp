@@ -236,7 +236,7 @@ TEST_CASE("step graph: what changes in any tensor of the inputs changes a replay
   }
   CHECK(graph.replays() == 2 + 2 * static_cast<int64_t>(names.size()));
   // The change is one that a step sees, or the comparison would say nothing.
-  for (const char* name : {"view.blurry", "view.blurry_moments.mean", "view.edi_factors",
+  for (const char* name : {"view.blurry", "view.blurry_moments.mean", "edi_factors.gray",
                            "view.restorations.edi", "view.cameras.intrinsics", "pose_draws",
                            "events.counts", "events.pixels", "events.color_filter"}) {
     INFO(name);

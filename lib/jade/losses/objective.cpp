@@ -50,6 +50,7 @@ void add(Objective& loss, const std::string& name, const torch::Tensor& value, d
 
 /// The renders that the terms share, toned once.
 struct Views {
+  torch::Tensor all;  ///< [K,3,H,W]
   torch::Tensor mean, target, edi_gray, edi_color,
       simulation;  ///< [3,H,W]; undefined: not rendered
 };
@@ -59,6 +60,7 @@ Views unpack_views(const torch::Tensor& renders, const ObjectivePlan& plan) {
   const std::vector<torch::Tensor> rendered = renders.unbind(0);
   size_t next = 0;
   Views views;
+  views.all = renders;
   if (plan.target) views.target = rendered.at(next++);
   if (plan.edi) {
     views.edi_gray = rendered.at(next++);
@@ -72,12 +74,12 @@ Views pick_views(const ObjectiveInputs& inputs, const ObjectivePlan& plan) {
   if (plan.drawn_target) {
     const PoseViews views = pose_views(inputs.renders, inputs.pose_draws, inputs.weights);
     const std::vector<torch::Tensor>& picks = views.picks;
-    return {views.mean, picks[kTermDraws], picks[0], picks[1], picks[2]};
+    return {views.all, views.mean, picks[kTermDraws], picks[0], picks[1], picks[2]};
   }
   const PoseViews views = pose_views(inputs.renders, inputs.pose_draws.narrow(0, 0, kTermDraws),
                                      inputs.weights, inputs.samples / 2);
   const std::vector<torch::Tensor>& picks = views.picks;
-  return {views.mean, picks[0], picks[1], picks[2], picks[3]};
+  return {views.all, views.mean, picks[0], picks[1], picks[2], picks[3]};
 }
 
 /// What the terms read under ρ; undefined: nobody does. Those in gray are g(ρ(·)), [1,H,W].
@@ -97,8 +99,9 @@ torch::Tensor gray_weights(const torch::Tensor& like) {
 torch::Tensor mean_weights(const ObjectiveInputs& inputs) {
   if (inputs.weights.defined()) return inputs.weights;
   const int64_t count = inputs.renders.size(0);
-  return torch::full({count}, 1 / static_cast<double>(count),
-                     inputs.renders.options().requires_grad(false));
+  auto options = inputs.renders.options().requires_grad(false);
+  if (count <= ToneInput::kMostOnCpu) options = options.device(torch::kCPU);
+  return torch::full({count}, 1 / static_cast<double>(count), options);
 }
 
 /// Through ρ in one call, or as they are where the plan or the inputs have none.
@@ -128,7 +131,7 @@ Toned tone(const ObjectiveInputs& inputs, const Views& views, const ObjectivePla
     ask(toned.mean_gray, views.mean.unsqueeze(1), gray);
     ask(toned.simulation_gray, views.simulation.unsqueeze(1), gray);
   }
-  if (plan.intensity) ask(toned.mean, inputs.renders, mean_weights(inputs));
+  if (plan.intensity) ask(toned.mean, views.all, mean_weights(inputs));
   if (asked.empty()) return toned;
   const std::vector<torch::Tensor> results = inputs.tone(asked);
   for (size_t i = 0; i < results.size(); ++i) *answers[i] = results[i];
@@ -169,9 +172,12 @@ void check_inputs(const ObjectiveInputs& inputs, const ObjectivePlan& plan) {
              " poses, found ", count);
   const int64_t height = inputs.renders.size(2), width = inputs.renders.size(3);
   check_shape(inputs.blurry, "blurry frame", {3, height, width});
-  if (plan.edi || plan.simulation) {
-    check_shape(inputs.edi_factors, "EDI factors", {3, 1, height, width});
+  const EdiFactors& factors = inputs.edi_factors;
+  if (plan.edi) {
+    check_shape(factors.gray, "EDI factors of L_edi gray", {1, height, width});
+    check_shape(factors.color, "EDI factors of L_edi colour", {1, height, width});
   }
+  if (plan.simulation) check_shape(factors.simulation, "EDI factors of L_sim", {1, height, width});
   JADE_CHECK(inputs.target || !plan.target, "L_tgt acts: expected a target, found none");
   JADE_CHECK(inputs.events || !plan.event, "L_ev acts: expected a window of events, found none");
 }
@@ -233,7 +239,6 @@ Objective objective(const ObjectiveInputs& inputs, const ObjectivePlan& plan,
   check_inputs(inputs, plan);
   const Views views = pick_views(inputs, plan);
   const torch::Tensor& blurry = inputs.blurry;
-  const auto edi_factor = [&](int64_t draw) { return inputs.edi_factors[draw]; };
   torch::Tensor target_weight, edi_weight;  // defined where they fall
   if (inputs.term_weights.defined()) {
     target_weight = inputs.term_weights[0];
@@ -276,14 +281,16 @@ Objective objective(const ObjectiveInputs& inputs, const ObjectivePlan& plan,
         return followed(edi, render, options.trust, inputs.contrast);
       };
     }
-    terms.add("edi_gray", {edi_gray_pair(toned.edi_gray, toned.blurry, edi_factor(0), follow)},
+    terms.add("edi_gray",
+              {edi_gray_pair(toned.edi_gray, toned.blurry, inputs.edi_factors.gray, follow)},
               options.edi_weight, edi_weight);
-    terms.add("edi_color", {edi_color_pair(views.edi_color, blurry, edi_factor(1), follow)},
+    terms.add("edi_color",
+              {edi_color_pair(views.edi_color, blurry, inputs.edi_factors.color, follow)},
               options.edi_weight, edi_weight);
   }
   if (plan.simulation) {
-    terms.add("simulation",
-              {simulation_pair(toned.simulation_gray, toned.mean_gray, edi_factor(2))});
+    terms.add("simulation", {simulation_pair(toned.simulation_gray, toned.mean_gray,
+                                             inputs.edi_factors.simulation)});
   }
   if (plan.intensity) terms.add("intensity", {intensity_pair(toned.mean, toned.blurry)});
   terms.sum_up(options.dssim, &loss);

@@ -145,8 +145,9 @@ struct ObjectivePlan {
 ObjectivePlan plan_objective(const ObjectiveOptions& options, int64_t step);
 
 /// An image to be toned: ρ(image), or Σ_k w_k ρ(image[k]) where it has weights [K], constant and on
-/// the image's device or, up to 4 of them, on the CPU.
+/// the image's device or, up to kMostOnCpu of them, on the CPU.
 struct ToneInput {
+  static constexpr int64_t kMostOnCpu = 40;
   torch::Tensor image, weights;
 };
 
@@ -157,6 +158,14 @@ using ToneCurve = std::function<std::vector<torch::Tensor>(const std::vector<Ton
 /// Calls the work that it is given, on a GPU for a stream of its own: the target may be in the
 /// making there, and the other terms need not wait for it.
 using Beside = std::function<void(const std::function<void()>&)>;
+
+/// R at the poses of L_edi gray, L_edi colour and L_sim, [1,H,W] each.
+struct EdiFactors {
+  torch::Tensor gray, color, simulation;
+
+  /// @param three  [3,1,H,W]
+  static EdiFactors of(const torch::Tensor& three) { return {three[0], three[1], three[2]}; }
+};
 
 struct ObjectiveInputs {
   /// [K,3,H,W], Î_k, or [M,3,H,W], those of poses_read() alone; differentiable
@@ -169,7 +178,7 @@ struct ObjectiveInputs {
   /// [3] int64 on the renders' device: the poses of L_edi gray, L_edi colour and L_sim; [4] with
   /// that of L_tgt, which a plan with drawn_target needs.
   torch::Tensor pose_draws;
-  torch::Tensor edi_factors;  ///< [3,1,H,W], R at these poses; needed for L_edi and L_sim only
+  EdiFactors edi_factors;  ///< at these poses; needed for L_edi and L_sim only
   /// [2] weights of L_tgt and L_edi at this step, on the device; undefined: those of the options,
   /// which then must not fall.
   torch::Tensor term_weights;

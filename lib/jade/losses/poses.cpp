@@ -15,15 +15,15 @@ using torch::autograd::variable_list;
 
 class PoseViewsFunction : public torch::autograd::Function<PoseViewsFunction> {
  public:
-  /// @return the mean, then the picks
+  /// @return the renders, the mean, then the picks
   static variable_list forward(AutogradContext* context, const torch::Tensor& renders,
                                const PosePicks& picks) {
     context->set_materialize_grads(false);
     context->save_for_backward({picks.indices, picks.weights});
     context->saved_data["first"] = picks.first;
     context->saved_data["shape"] = renders.sizes().vec();
-    if (renders.is_cuda()) return on_gpu(renders.contiguous(), picks);
-    variable_list out{mean_on_cpu(renders, picks.weights)};
+    if (renders.is_cuda()) return on_gpu(renders, picks);
+    variable_list out{renders, mean_on_cpu(renders, picks.weights)};
     if (picks.first >= 0) out.push_back(renders[picks.first].clone());
     const auto* const indices = picks.indices.const_data_ptr<int64_t>();
     for (int64_t m = 0; m < picks.indices.numel(); ++m) out.push_back(renders[indices[m]].clone());
@@ -43,13 +43,11 @@ class PoseViewsFunction : public torch::autograd::Function<PoseViewsFunction> {
       result = torch::empty(context->saved_data["shape"].toIntVector(), gradient.options());
     }
     if (result.defined()) {
-      const torch::Tensor of_mean = gradients[0];
-      gradients.erase(gradients.begin());
+      const PoseGradients of{gradients[1], {gradients.begin() + 2, gradients.end()}, gradients[0]};
       if (result.is_cuda()) {
-        kernel::on_cuda("the mean of the renders",
-                        [&] { cuda::pose_gradient(picks, of_mean, gradients, result); });
+        kernel::on_cuda("the mean of the renders", [&] { cuda::pose_gradient(picks, of, result); });
       } else {
-        cpu::pose_gradient(picks, of_mean, gradients, result);
+        cpu::pose_gradient(picks, of, result);
       }
     }
     return {result, torch::Tensor()};
@@ -69,8 +67,8 @@ class PoseViewsFunction : public torch::autograd::Function<PoseViewsFunction> {
     variable_list picked;
     for (int64_t m = 0; m < picks.count(); ++m) picked.push_back(torch::empty_like(like));
     kernel::on_cuda("the mean of the renders",
-                    [&] { cuda::pose_views(picks, renders, mean, picked); });
-    picked.insert(picked.begin(), mean);
+                    [&] { cuda::pose_views(picks, renders.contiguous(), mean, picked); });
+    picked.insert(picked.begin(), {renders, mean});
     return picked;
   }
 };
@@ -102,8 +100,9 @@ PoseViews pose_views(const torch::Tensor& renders, const torch::Tensor& pose_ind
              " picks of the renders, found ", picks.count());
   variable_list outputs = PoseViewsFunction::apply(renders, picks);
   PoseViews views;
-  views.mean = outputs[0];
-  views.picks.assign(outputs.begin() + 1, outputs.end());
+  views.all = outputs[0];
+  views.mean = outputs[1];
+  views.picks.assign(outputs.begin() + 2, outputs.end());
   return views;
 }
 

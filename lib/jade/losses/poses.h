@@ -10,10 +10,12 @@ namespace jade::losses {
 struct PoseViews {
   torch::Tensor mean;                ///< [3,H,W], weighted mean over the poses
   std::vector<torch::Tensor> picks;  ///< [3,H,W] each, the renders at the asked poses
+  torch::Tensor all;                 ///< [K,3,H,W], the renders themselves
 };
 
 /// Mean and picks with one pass each way: the gradient of all nine renders is written once, where
-/// separate selections would each allocate and add a batch of all renders.
+/// separate selections would each allocate and add a batch of all renders. Who reads every render
+/// besides reads `all`, whose gradient joins in that pass.
 /// @param renders       [K,3,H,W], differentiable
 /// @param pose_indices  [M] int64 on the same device, repeats allowed
 /// @param weights       [K] of the mean, of sum 1; undefined: 1/K each

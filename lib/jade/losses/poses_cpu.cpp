@@ -34,17 +34,17 @@ void weighted_sum(const at::Tensor& renders, const at::Tensor& weights, at::Tens
   });
 }
 
-void pose_gradient(const PosePicks& picks, const at::Tensor& of_mean,
-                   const std::vector<at::Tensor>& of_picks, at::Tensor& of_renders) {
+void pose_gradient(const PosePicks& picks, const PoseGradients& of, at::Tensor& of_renders) {
   const int64_t count = of_renders.size(0), values = of_renders.numel() / count;
   std::vector<int64_t> poses;
   if (picks.first >= 0) poses.push_back(picks.first);
   const int64_t* const indices = picks.indices.const_data_ptr<int64_t>();
   poses.insert(poses.end(), indices, indices + picks.indices.numel());
   AT_DISPATCH_FLOATING_TYPES(of_renders.scalar_type(), "pose_gradient", [&] {
-    const scalar_t* const mean = of_mean.defined() ? of_mean.const_data_ptr<scalar_t>() : nullptr;
+    const scalar_t* const mean = of.mean.defined() ? of.mean.const_data_ptr<scalar_t>() : nullptr;
     const scalar_t* const weights =
         picks.weights.defined() ? picks.weights.const_data_ptr<scalar_t>() : nullptr;
+    const scalar_t* const all = of.all.defined() ? of.all.const_data_ptr<scalar_t>() : nullptr;
     at::parallel_for(0, values, kGrain, [&](int64_t begin, int64_t end) {
       for (int64_t k = 0; k < count; ++k) {
         scalar_t* const out = of_renders.mutable_data_ptr<scalar_t>() + k * values;
@@ -57,10 +57,12 @@ void pose_gradient(const PosePicks& picks, const at::Tensor& of_mean,
           for (int64_t i = begin; i < end; ++i) out[i] = mean[i] / poses_count;
         }
         for (size_t m = 0; m < poses.size(); ++m) {
-          if (poses[m] != k || !of_picks[m].defined()) continue;
-          const scalar_t* const from = of_picks[m].const_data_ptr<scalar_t>();
+          if (poses[m] != k || !of.picks[m].defined()) continue;
+          const scalar_t* const from = of.picks[m].const_data_ptr<scalar_t>();
           for (int64_t i = begin; i < end; ++i) out[i] += from[i];
         }
+        if (all == nullptr) continue;
+        for (int64_t i = begin; i < end; ++i) out[i] += all[k * values + i];
       }
     });
   });

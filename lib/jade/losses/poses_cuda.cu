@@ -43,26 +43,30 @@ __global__ void __launch_bounds__(kThreads)
 
 __global__ void __launch_bounds__(kThreads)
     gradient_kernel(const __grid_constant__ Picks picks, const float* __restrict__ of_mean,
-                    float* __restrict__ of_renders, int64_t values) {
+                    const float* __restrict__ of_all, float* __restrict__ of_renders,
+                    int64_t values) {
   const int64_t i = blockIdx.x * static_cast<int64_t>(kThreads) + threadIdx.x;
   if (i >= values) return;
   const float mean = of_mean != nullptr ? of_mean[i] : 0.f;
   float of_pick[kMostPicks];
-  int64_t pose[kMostPicks];
+  int pose[kMostPicks];
 #pragma unroll
   for (int m = 0; m < kMostPicks; ++m) {
     const bool there = m < picks.count && picks.images[m] != nullptr;
     of_pick[m] = there ? picks.images[m][i] : 0.f;
-    pose[m] = there ? picks.pose(m) : -1;
+    pose[m] = there ? static_cast<int>(picks.pose(m)) : -1;
   }
-  for (int64_t k = 0; k < picks.renders; ++k) {
+  const int renders = static_cast<int>(picks.renders);
+#pragma unroll 4
+  for (int k = 0; k < renders; ++k) {
+    const float all = of_all != nullptr ? of_all[k * values + i] : 0.f;
     float sum = picks.weight(k) * mean;
     // In order, so that repeated poses add up the same way every time.
 #pragma unroll
     for (int m = 0; m < kMostPicks; ++m) {
       if (pose[m] == k) sum += of_pick[m];
     }
-    of_renders[k * values + i] = sum;
+    of_renders[k * values + i] = sum + all;
   }
 }
 
@@ -93,20 +97,20 @@ void pose_views(const PosePicks& picks, const at::Tensor& renders, at::Tensor& m
   kernel::check_launch("the mean of the renders");
 }
 
-void pose_gradient(const PosePicks& picks, const at::Tensor& of_mean,
-                   const std::vector<at::Tensor>& of_picks, at::Tensor& of_renders) {
+void pose_gradient(const PosePicks& picks, const PoseGradients& of, at::Tensor& of_renders) {
   if (of_renders.numel() == 0) return;
   const c10::cuda::CUDAGuard guard(of_renders.device());
   const int64_t values = of_renders.numel() / of_renders.size(0);
   Picks job = picks_of(picks, of_renders.size(0));
-  for (size_t m = 0; m < of_picks.size(); ++m) {
-    if (!of_picks[m].defined()) continue;
-    job.images[m] = const_cast<float*>(of_picks[m].const_data_ptr<float>());
+  const auto values_of = [](const at::Tensor& gradient) {
+    return gradient.defined() ? gradient.const_data_ptr<float>() : nullptr;
+  };
+  for (size_t m = 0; m < of.picks.size(); ++m) {
+    job.images[m] = const_cast<float*>(values_of(of.picks[m]));
   }
   gradient_kernel<<<kernel::grid_size(values, kThreads), kThreads, 0,
                     c10::cuda::getCurrentCUDAStream()>>>(
-      job, of_mean.defined() ? of_mean.const_data_ptr<float>() : nullptr,
-      of_renders.mutable_data_ptr<float>(), values);
+      job, values_of(of.mean), values_of(of.all), of_renders.mutable_data_ptr<float>(), values);
   kernel::check_launch("the mean of the renders, backward");
 }
 

@@ -20,22 +20,26 @@ struct PosePicks {
   int64_t count() const { return indices.numel() + (first >= 0 ? 1 : 0); }
 };
 
+/// Gradients of what pose_views() returns.
+struct PoseGradients {
+  at::Tensor mean;                ///< [...]
+  std::vector<at::Tensor> picks;  ///< count() of them
+  at::Tensor all;                 ///< [K,...]
+};
+
 /// The gradient of all renders, [K,...] contiguous, written once.
-/// @param of_mean   contiguous; undefined: none
-/// @param of_picks  count() of them, contiguous; undefined: none
+/// @param of    contiguous gradients; undefined: none
 namespace cpu {  // float or double
 /// Σ weights[k] renders[k] in that order. @param renders  [K,...] contiguous
 void weighted_sum(const at::Tensor& renders, const at::Tensor& weights, at::Tensor& sum);
-void pose_gradient(const PosePicks& picks, const at::Tensor& of_mean,
-                   const std::vector<at::Tensor>& of_picks, at::Tensor& of_renders);
+void pose_gradient(const PosePicks& picks, const PoseGradients& of, at::Tensor& of_renders);
 }  // namespace cpu
 
 namespace cuda {  // float; on the current stream, no waiting
 /// @param renders  [K,...] contiguous
 void pose_views(const PosePicks& picks, const at::Tensor& renders, at::Tensor& mean,
                 std::vector<at::Tensor>& picked);
-void pose_gradient(const PosePicks& picks, const at::Tensor& of_mean,
-                   const std::vector<at::Tensor>& of_picks, at::Tensor& of_renders);
+void pose_gradient(const PosePicks& picks, const PoseGradients& of, at::Tensor& of_renders);
 }  // namespace cuda
 
 }  // namespace jade::losses

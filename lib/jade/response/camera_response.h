@@ -48,7 +48,7 @@ class CameraResponseImpl : public torch::nn::Module {
 
   /// All that is asked for in one call, differentiable in the images and in the table, whose
   /// gradient is added up once. On a GPU at most 8 images, whose weights may lie on the CPU: up to
-  /// 4 are not copied but travel with the launch.
+  /// 40 are not copied but travel with the launch.
   static std::vector<torch::Tensor> apply_all(const std::vector<ResponseInput>& inputs,
                                               const torch::Tensor& table);
 

@@ -13,7 +13,7 @@ namespace jade::response {
 /// Of one call on a GPU, where they travel as the argument of a launch.
 constexpr int kMostLookups = 8;
 /// The most weights on the CPU that an image on a GPU may have: these travel likewise.
-constexpr int kFewWeights = 4;
+constexpr int kFewWeights = 40;
 
 /// An image to be looked up. Tensors are contiguous and of one floating type.
 struct Lookup {

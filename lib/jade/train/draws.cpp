@@ -33,13 +33,13 @@ void PoseDraws::draw_block_of(int64_t step) {
   if (block == block_) return;
   block_ = block;
   auto generator = make_generator(seed_, concat("pose draws of block ", block));
-  torch::Tensor draws = torch::randint(samples_, {kBlock, 3}, generator, torch::kInt64);
+  on_host_ = torch::randint(samples_, {kBlock, 3}, generator, torch::kInt64);
   if (target_) {
     auto of_target = make_generator(seed_, concat("target poses of block ", block));
-    target_on_host_ = torch::randint(samples_, {kBlock, 1}, of_target, torch::kInt64);
-    draws = torch::cat({draws, target_on_host_}, 1);
+    const auto fourth = torch::randint(samples_, {kBlock, 1}, of_target, torch::kInt64);
+    on_host_ = torch::cat({on_host_, fourth}, 1);
   }
-  draws_ = draws.to(device_);
+  draws_ = on_host_.to(device_);
 }
 
 torch::Tensor PoseDraws::at(int64_t step) {
@@ -47,10 +47,9 @@ torch::Tensor PoseDraws::at(int64_t step) {
   return draws_[(step - 1) % kBlock];
 }
 
-int64_t PoseDraws::target_at(int64_t step) {
-  JADE_CHECK(target_, "expected draws of the target's pose, found none");
+const int64_t* PoseDraws::on_host(int64_t step) {
   draw_block_of(step);
-  return target_on_host_.const_data_ptr<int64_t>()[(step - 1) % kBlock];
+  return on_host_.const_data_ptr<int64_t>() + (step - 1) % kBlock * on_host_.size(1);
 }
 
 MomentDraws::MomentDraws(std::vector<ExposureSpan> spans, int64_t samples, uint64_t seed,

@@ -36,8 +36,8 @@ class PoseDraws {
       : seed_(seed), device_(device), samples_(samples), target_(target) {}
   /// [3] int64 on the device, [4] with that of L_tgt. @param step  counted from 1.
   torch::Tensor at(int64_t step);
-  /// The last of these four as the host knows it, without waiting for the device.
-  int64_t target_at(int64_t step);
+  /// The same as the host knows it, without waiting for the device; valid until the next call.
+  const int64_t* on_host(int64_t step);
 
  private:
   void draw_block_of(int64_t step);
@@ -47,8 +47,7 @@ class PoseDraws {
   int64_t samples_ = 9;
   bool target_ = false;
   int64_t block_ = -1;
-  torch::Tensor draws_;           // [kBlock,3] or [kBlock,4]
-  torch::Tensor target_on_host_;  // [kBlock,1]
+  torch::Tensor draws_, on_host_;  // [kBlock,3] or [kBlock,4]
 };
 
 /// The moments of exposure.quadrature jittered for each step, and the cameras there.

@@ -21,6 +21,15 @@ struct RowStep {
   double eps = 0;
 };
 
+/// A step's gradient, added to those that wait; `row` has been seen once more.
+struct RowGradient {
+  const double* of = nullptr;  ///< [size], the step's
+  double* gradient = nullptr;  ///< [size]
+  int64_t* seen = nullptr;     ///< [rows]
+  const int64_t* row = nullptr;
+  int64_t size = 0;
+};
+
 /// twists −= Σ_w write_w ⟨read_w, twists⟩ (PoseGauge).
 struct GaugeStep {
   const double* read = nullptr;   ///< [ways, size]
@@ -32,12 +41,14 @@ struct GaugeStep {
 };
 
 namespace cpu {
+void accumulate(const RowGradient& step);
 void update_rows(const RowStep& step);
 void remove_gauge(const GaugeStep& step);
 }  // namespace cpu
 
 namespace cuda {
 /// On the current stream of the current device; do not wait. @throws DeviceError.
+void accumulate(const RowGradient& step);
 void update_rows(const RowStep& step);
 void remove_gauge(const GaugeStep& step);
 }  // namespace cuda

@@ -3,6 +3,11 @@
 
 namespace jade::train::cpu {
 
+void accumulate(const RowGradient& step) {
+  for (int64_t i = 0; i < step.size; ++i) step.gradient[i] += step.of[i];
+  ++step.seen[*step.row];
+}
+
 void update_rows(const RowStep& step) {
   for (int64_t row = 0; row < step.rows; ++row) {
     if (step.seen[row] <= 0) continue;

@@ -9,6 +9,12 @@ namespace {
 
 constexpr int kThreads = 256;
 
+__global__ void __launch_bounds__(kThreads) accumulate_kernel(RowGradient step) {
+  const int64_t i = blockIdx.x * static_cast<int64_t>(kThreads) + threadIdx.x;
+  if (i < step.size) step.gradient[i] += step.of[i];
+  if (i == 0) ++step.seen[*step.row];
+}
+
 /// A block per row.
 __global__ void __launch_bounds__(kThreads) rows_kernel(RowStep step) {
   const int64_t row = blockIdx.x;
@@ -45,6 +51,13 @@ __global__ void __launch_bounds__(kThreads) take_kernel(GaugeStep step) {
 }
 
 }  // namespace
+
+void accumulate(const RowGradient& step) {
+  if (step.size == 0) return;
+  accumulate_kernel<<<kernel::grid_size(step.size, kThreads), kThreads, 0,
+                      c10::cuda::getCurrentCUDAStream()>>>(step);
+  kernel::check_launch("the gradient of the poses");
+}
 
 void update_rows(const RowStep& step) {
   if (step.rows == 0) return;

@@ -33,8 +33,17 @@ void RowAdam::accumulate(const torch::Tensor& row) {
   const torch::NoGradGuard no_grad;
   JADE_CHECK(parameter_.grad().defined(), "RowAdam: the parameter has no gradient");
   check_shape(row, "row", {1});
-  state_.gradient.add_(parameter_.grad());
-  state_.seen.index_add_(0, row, torch::ones_like(row));
+  check_dtype(row, "row", torch::kInt64);
+  check_same_device(row, "row", parameter_, "parameter");
+  const torch::Tensor of = parameter_.grad().contiguous();
+  RowGradient step;
+  step.of = of.const_data_ptr<double>();
+  step.gradient = state_.gradient.mutable_data_ptr<double>();
+  step.seen = state_.seen.mutable_data_ptr<int64_t>();
+  step.row = row.const_data_ptr<int64_t>();
+  step.size = of.numel();
+  if (!parameter_.is_cuda()) return cpu::accumulate(step);
+  kernel::on_cuda("the gradient of the poses", [&] { cuda::accumulate(step); });
 }
 
 void RowAdam::update(double lr) {

@@ -10,11 +10,10 @@
 namespace jade::train {
 namespace {
 
-losses::ToneCurve tone_curve(TrainState& state, const StepPlan& plan) {
+losses::ToneCurve tone_curve(TrainState& state, const StepPlan& plan,
+                             const torch::Tensor& response_table) {
   if (!state.response || !plan.objective.response) return {};
-  // Made when first asked for: its gradient, made as late in the forward pass, then comes early in
-  // the backward pass, where it need not wait for L_tgt.
-  return [&state, table = torch::Tensor()](const std::vector<losses::ToneInput>& asked) mutable {
+  return [&state, table = response_table](const std::vector<losses::ToneInput>& asked) mutable {
     if (!table.defined()) table = state.response->table();
     std::vector<response::ResponseInput> inputs;
     for (const losses::ToneInput& each : asked) inputs.push_back({each.image, each.weights});
@@ -90,23 +89,19 @@ losses::EventPair event_pair(const EventWindow& window, const torch::Tensor& ima
 
 /// R of L_edi and L_sim at the drawn poses, differentiable in the state's sensor where the plan
 /// moves it.
-torch::Tensor edi_factors(const TrainState& state, const View& view,
-                          const torch::Tensor& pose_draws, const StepPlan& plan,
-                          const losses::ObjectiveOptions& options) {
+losses::EdiFactors edi_factors(const TrainState& state, const StepInputs& inputs,
+                               const StepPlan& plan, const losses::ObjectiveOptions& options) {
+  const View& view = inputs.view;
+  if (!plan.sensor && !view.edi_log_gain.defined()) return inputs.edi_factors;
+  const torch::Tensor u = view.u.index_select(0, inputs.pose_draws.narrow(0, 0, 3));
   if (plan.sensor) {
     imaging::EdiSensor sensor = state.sensor->at(view.per_ms);
     sensor.threshold_positive = sensor.threshold_positive * options.edi_contrast;
     sensor.threshold_negative = sensor.threshold_negative * options.edi_contrast;
-    return imaging::edi_log_gain(view.edi_counts, sensor, view.u.index_select(0, pose_draws))
-        .exp()
-        .unsqueeze(1);
+    return losses::EdiFactors::of(
+        imaging::edi_log_gain(view.edi_counts, sensor, u).exp().unsqueeze(1));
   }
-  if (!view.edi_log_gain.defined()) {
-    const torch::Tensor& factors =
-        view.taught_factors.defined() ? view.taught_factors : view.edi_factors;
-    return factors.index_select(0, pose_draws);
-  }
-  return imaging::edi_gain(view.edi_log_gain, view.u.index_select(0, pose_draws)).unsqueeze(1);
+  return losses::EdiFactors::of(imaging::edi_gain(view.edi_log_gain, u).unsqueeze(1));
 }
 
 /// Nothing where the value is undefined.
@@ -154,7 +149,8 @@ Renders render_exposure(TrainState& state, const StepInputs& inputs, const StepP
 std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& step_inputs,
                                           const Renders& renders, const torch::Tensor& target,
                                           const StepPlan& plan, const RunOptions& options,
-                                          const losses::Beside& beside) {
+                                          const losses::Beside& beside,
+                                          const torch::Tensor& response_table) {
   const View& view = step_inputs.view;
   losses::ObjectiveInputs inputs;
   inputs.renders = renders.color;
@@ -164,8 +160,7 @@ std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& s
   inputs.weights = view.weights;
   inputs.pose_draws = step_inputs.pose_draws;
   if (plan.objective.edi || plan.objective.simulation) {
-    inputs.edi_factors =
-        edi_factors(state, view, step_inputs.pose_draws.narrow(0, 0, 3), plan, options.objective);
+    inputs.edi_factors = edi_factors(state, step_inputs, plan, options.objective);
   }
   inputs.term_weights = step_inputs.term_weights;
   const events::Thresholds thresholds = options.events.thresholds();
@@ -173,35 +168,33 @@ std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& s
   if (target.defined()) inputs.target.emplace(target);
   inputs.beside = beside;
   inputs.target_closeness = view.target_closeness;
-  inputs.tone = tone_curve(state, plan);
+  inputs.tone = tone_curve(state, plan, response_table);
   if (plan.objective.event) {
     inputs.events = event_pair(step_inputs.events, renders.window_ends, inputs.tone, plan, options);
   }
 
+  const auto apart = [&](const std::function<void()>& work) { beside ? beside(work) : work(); };
+  torch::Tensor regularization;  // a root of its own: neither it nor its gradient is waited for
+  apart([&] { regularization = state.densifier.regularization(state.gaussians); });
   losses::Objective loss = losses::objective(inputs, plan.objective, options.objective);
   if (plan.sensor) add_term(loss, "sensor", state.sensor->prior());
-  add_term(loss, "regularization", state.densifier.regularization(state.gaussians));
+  if (regularization.defined()) loss.terms.push_back({"regularization", regularization});
   add_term(loss, "poses", pose_prior(state, step_inputs, options.poses));
   state.gaussians.zero_grad();
   state.response_adam.zero_grad();
   state.sensor_adam.zero_grad();
   if (state.poses) state.poses_adam.zero_grad();
   std::vector<torch::Tensor> roots;
-  for (const torch::Tensor& root : {loss.total, loss.beside}) {
+  for (const torch::Tensor& root : {loss.total, loss.beside, regularization}) {
     if (root.defined()) roots.push_back(root);
   }
   torch::autograd::backward(roots, {});
-  if (!state.response_adam.empty() && plan.objective.response) {
-    const auto step_response = [&] { state.response_adam.step(); };
-    if (beside) {
-      beside(step_response);
-    } else {
-      step_response();
-    }
-  }
+  apart([&] {
+    if (!state.response_adam.empty() && plan.objective.response) state.response_adam.step();
+    if (plan.sensor) state.sensor_adam.step();
+    if (state.poses) state.poses_adam.accumulate(step_inputs.view_pick);
+  });
   state.gaussian_adam.step(state.gaussians);
-  if (plan.sensor) state.sensor_adam.step();
-  if (state.poses) state.poses_adam.accumulate(step_inputs.view_pick);
   for (losses::NamedTerm& term : loss.terms) term.value = term.value.detach();
   return std::move(loss.terms);
 }

@@ -24,10 +24,12 @@ Renders render_exposure(TrainState& state, const StepInputs& inputs, const StepP
 /// Touches neither θ nor its optimiser. Does not densify.
 /// @param target  [3,H,W], as re-evaluated after the routing step; needed for L_tgt only
 /// @param beside  as ObjectiveInputs has it
+/// @param response_table  of the state's response; undefined: made where it is first asked for
 /// @return the terms, as device scalars without graph
 std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& inputs,
                                           const Renders& renders, const torch::Tensor& target,
                                           const StepPlan& plan, const RunOptions& options,
-                                          const losses::Beside& beside = {});
+                                          const losses::Beside& beside = {},
+                                          const torch::Tensor& response_table = {});
 
 }  // namespace jade::train

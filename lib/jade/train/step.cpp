@@ -9,34 +9,33 @@ namespace jade::train {
 StepOutputs alternate(TrainState& state, const StepInputs& inputs, const StepPlan& plan,
                       const RunOptions& options) {
   StepOutputs out;
-  // On a GPU the router runs beside the renders, and L_tgt beside the other terms and their
-  // gradients.
+  // On a GPU, beside each other: the renders, the router and the table of the response; L_tgt and
+  // the other terms with their gradients, where that of the table's network comes in passing; the
+  // small updates and that of the Gaussians.
   const torch::Device device = inputs.view.blurry.device();
   kernel::SideStream side(device.is_cuda() ? device.index() : -1);
-  torch::Tensor alpha, target;
+  torch::Tensor alpha, target, table;
   RouteReport route;
-  const auto make_target = [&] {
+  side.follow();
+  out.renders = render_exposure(state, inputs, plan, options);
+  side.run([&] {
+    if (state.response && plan.objective.response) table = state.response->table();
+    alpha = routing_alpha(state, inputs, plan);
+  });
+  side.join();
+  side.follow();
+  side.run([&] {
     route = routing_step(state, inputs, alpha, out.renders, plan, options.route);
     if (plan.objective.target) target = scene_target(state, inputs.view, inputs.view_index);
-  };
-  const bool routed = state.allocation && (plan.route || plan.objective.target);
-  if (routed) side.follow();
-  out.renders = render_exposure(state, inputs, plan, options);
+  });
   losses::Beside beside;
-  if (routed) {
-    side.run([&] { alpha = routing_alpha(state, inputs, plan); });
-    side.follow();
-    side.run(make_target);
-    if (side.apart()) {
-      beside = [&](const std::function<void()>& work) {
-        side.follow();
-        side.run(work);
-      };
-    }
-  } else {
-    make_target();
+  if (side.apart()) {
+    beside = [&](const std::function<void()>& work) {
+      side.follow();
+      side.run(work);
+    };
   }
-  out.terms = scene_step(state, inputs, out.renders, target, plan, options, beside);
+  out.terms = scene_step(state, inputs, out.renders, target, plan, options, beside, table);
   side.join();
   if (route.render.defined()) out.terms.push_back({"route_render", route.render, false});
   if (route.reblur.defined()) out.terms.push_back({"route_reblur", route.reblur, false});

@@ -13,6 +13,14 @@ bool draws_target_pose(const RunOptions& options) {
          options.objective.target != losses::Target::kNone;
 }
 
+/// What no step reads need not be copied for one.
+void leave_out_unread(const RunOptions& options, View& view) {
+  view.density = torch::Tensor();
+  if (options.objective.target == losses::Target::kRouted) return;
+  view.psi = view.reblur_kernel = torch::Tensor();
+  view.restorations = {};
+}
+
 }  // namespace
 
 StepFeed::StepFeed(const data::Dataset& dataset, const RunOptions& options, torch::Device device,
@@ -48,9 +56,10 @@ StepInputs StepFeed::at(int64_t step) {
     inputs.view.u = moments.u;
     inputs.view.cameras.camera_from_world = moments.camera_from_world;
   }
-  if (draws_target_pose(options_)) {
-    inputs.view = at_pose(inputs.view, pose_draws_.target_at(step), options_);
-  }
+  const int64_t* const poses = pose_draws_.on_host(step);
+  if (draws_target_pose(options_)) inputs.view = at_pose(inputs.view, poses[3], options_);
+  leave_out_unread(options_, inputs.view);
+  if (!inputs.view.edi_log_gain.defined()) pick_factors(poses, &inputs);
   if (event_windows_) inputs.events = event_windows_->at(step, index);
   return inputs;
 }

@@ -19,6 +19,8 @@ struct StepInputs {
   /// [3] int64 on the device: the poses of L_edi gray, L_edi colour and L_sim; [4] with that of
   /// L_tgt where it is drawn.
   torch::Tensor pose_draws;
+  /// At the first three of these poses; undefined where a step computes its own.
+  losses::EdiFactors edi_factors;
   EventWindow events;  ///< needed for L_ev only
   /// [2] weights of L_tgt and L_edi; undefined where they do not change.
   torch::Tensor term_weights;
@@ -38,12 +40,22 @@ struct StepInputs {
  private:
   template <class Self, class Visitor>
   static void visit_each(Self& self, Visitor& visitor) {
-    visit_members<StepInputs>(visitor, Member{"step", self.step}, Member{"view", self.view},
-                              Member{"view_index", self.view_index},
-                              Member{"pose_draws", self.pose_draws}, Member{"events", self.events},
-                              Member{"term_weights", self.term_weights},
-                              Member{"view_pick", self.view_pick});
+    visit_members<StepInputs>(
+        visitor, Member{"step", self.step}, Member{"view", self.view},
+        Member{"view_index", self.view_index}, Member{"pose_draws", self.pose_draws},
+        Member{"edi_factors", self.edi_factors}, Member{"events", self.events},
+        Member{"term_weights", self.term_weights}, Member{"view_pick", self.view_pick});
   }
 };
+
+/// Moves EdiFactors of these poses from the view, which is left without the others: a recorded step
+/// has its inputs copied, and of nine or more poses it reads three.
+/// @param poses  [3] of L_edi gray, L_edi colour and L_sim
+inline void pick_factors(const int64_t* poses, StepInputs* inputs) {
+  View& view = inputs->view;
+  const torch::Tensor& all = view.taught_factors.defined() ? view.taught_factors : view.edi_factors;
+  inputs->edi_factors = {all[poses[0]], all[poses[1]], all[poses[2]]};
+  view.edi_factors = view.taught_factors = torch::Tensor();
+}
 
 }  // namespace jade::train

@@ -205,7 +205,8 @@ View at_pose(const View& view, int64_t pose, const RunOptions& options) {
   };
   View out = view;
   out.restored_poses = {};
-  out.restorations.edi = view.blurry * view.edi_factors[pose];
+  const bool efnet_alone = options.objective.target == losses::Target::kEfnet;
+  out.restorations.edi = efnet_alone ? torch::Tensor() : view.blurry * view.edi_factors[pose];
   replace(out.restorations.efnet, view.restored_poses.efnet);
   replace(out.psi, view.restored_poses.psi);
   replace(out.reblur_kernel, view.restored_poses.reblur_kernel);

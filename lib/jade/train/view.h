@@ -98,8 +98,9 @@ struct View {
 };
 
 /// The view with what its target, fusion and routing step read at pose k in place of mid-exposure:
-/// Ψ, K(V), both restorations, the fixed target and its closeness. What it has of all poses stays
-/// behind, so that a recorded step need not copy it. Does not wait for the device.
+/// Ψ, K(V), both restorations (EDI is left out where EFNet alone is the target), the fixed target
+/// and its closeness. What it has of all poses stays behind, so that a recorded step need not copy
+/// it. Does not wait for the device.
 /// @param view  prepared with objective.restored_poses all
 /// @param pose  k
 View at_pose(const View& view, int64_t pose, const RunOptions& options);

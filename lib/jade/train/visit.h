@@ -11,6 +11,7 @@
 #include "jade/core/members.h"
 #include "jade/imaging/edi.h"
 #include "jade/imaging/ssim.h"
+#include "jade/losses/objective.h"
 #include "jade/restore/restorations.h"
 #include "jade/splat/render.h"
 
@@ -52,6 +53,10 @@ void visit_tensors(Visitor& visitor, const Member<T>& member) {
     visit_members<Type>(visitor, Member{inner("positive"), value.positive},
                         Member{inner("negative"), value.negative},
                         Member{inner("weights"), value.weights});
+  } else if constexpr (std::is_same_v<Type, losses::EdiFactors>) {
+    visit_members<Type>(visitor, Member{inner("gray"), value.gray},
+                        Member{inner("color"), value.color},
+                        Member{inner("simulation"), value.simulation});
   } else if constexpr (std::is_same_v<Type, restore::Restorations>) {
     visit_members<Type>(visitor, Member{inner("edi"), value.edi},
                         Member{inner("efnet"), value.efnet});
