@@ -73,6 +73,34 @@ TEST_CASE("step feed: where every pose is restored a step is given its drawn pos
   CHECK(feed_of(scene, options).at(1).pose_draws.numel() == 3);
 }
 
+TEST_CASE("step feed: a step is given the EDI factors of its poses, and nothing that none reads",
+          "[train]") {
+  const test::TinyScene scene;
+  train::RunOptions taught = test::tiny_options(scene);
+  taught.objective.edi_contrast = 1.5;
+  for (const train::RunOptions& options : {taught, test::routed_options(scene)}) {
+    const bool routed = options.objective.target == losses::Target::kRouted;
+    INFO("routed: " << routed);
+    train::StepFeed feed = feed_of(scene, options);
+    for (int64_t step = 1; step <= 5; ++step) {
+      const train::StepInputs in = feed.at(step);
+      const train::View& view = feed.views()[static_cast<size_t>(in.view_index)];
+      const torch::Tensor& all = routed ? view.edi_factors : view.taught_factors;
+      const auto at = [&](int64_t term) { return all[in.pose_draws[term].item<int64_t>()]; };
+      CHECK(in.edi_factors.gray.equal(at(0)));
+      CHECK(in.edi_factors.color.equal(at(1)));
+      CHECK(in.edi_factors.simulation.equal(at(2)));
+      CHECK_FALSE(in.view.edi_factors.defined());
+      CHECK_FALSE(in.view.taught_factors.defined());
+      CHECK_FALSE(in.view.density.defined());
+      CHECK(in.view.psi.defined() == routed);
+      CHECK(in.view.reblur_kernel.defined() == routed);
+      CHECK(in.view.restorations.edi.defined() == routed);
+      CHECK(view.psi.defined());
+    }
+  }
+}
+
 TEST_CASE("step feed: what the options do not ask for is not there", "[train]") {
   const test::TinyScene scene;
   train::StepFeed feed = feed_of(scene, test::tiny_options(scene));

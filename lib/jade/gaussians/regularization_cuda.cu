@@ -5,6 +5,7 @@
 #include <c10/cuda/CUDAStream.h>
 
 #include "jade/gaussians/regularization_kernels.h"
+#include "jade/kernel/block_sum.cuh"
 #include "jade/kernel/launch.h"
 
 namespace jade::gaussians::cuda {
@@ -32,19 +33,8 @@ Numbers numbers_of(const Regularized& in) {
           in.scale_weight / static_cast<double>(scales)};
 }
 
-/// Leaves the sum of the block's values in [0].
-__device__ void sum_block(double (&sums)[kThreads], double mine) {
-  const int thread = threadIdx.x;
-  sums[thread] = mine;
-  for (int half = kThreads / 2; half > 0; half /= 2) {
-    __syncthreads();
-    if (thread < half) sums[thread] += sums[thread + half];
-  }
-}
-
 /// @param parts  [blocks]
 __global__ void __launch_bounds__(kThreads) parts_kernel(Numbers in, double* parts) {
-  __shared__ double sums[kThreads];
   const int64_t stride = gridDim.x * static_cast<int64_t>(kThreads);
   const int64_t first = blockIdx.x * static_cast<int64_t>(kThreads) + threadIdx.x;
   double opacity = 0, scale = 0;
@@ -52,18 +42,18 @@ __global__ void __launch_bounds__(kThreads) parts_kernel(Numbers in, double* par
   for (int64_t i = first; i < in.log_scale_count; i += stride) {
     scale += kernel::exp(in.log_scales[i]);
   }
-  sum_block(sums, in.of_opacity * opacity + in.of_scale * scale);
-  if (threadIdx.x == 0) parts[blockIdx.x] = sums[0];
+  double of_thread[1] = {in.of_opacity * opacity + in.of_scale * scale}, of_block[1];
+  kernel::block_sum<kThreads>(of_thread, of_block);
+  if (threadIdx.x == 0) parts[blockIdx.x] = of_block[0];
 }
 
 /// One block: the same order every time.
 __global__ void __launch_bounds__(kThreads)
     sum_kernel(const double* parts, int blocks, float* value) {
-  __shared__ double sums[kThreads];
-  double sum = 0;
-  for (int block = threadIdx.x; block < blocks; block += kThreads) sum += parts[block];
-  sum_block(sums, sum);
-  if (threadIdx.x == 0) *value = static_cast<float>(sums[0]);
+  double of_thread[1] = {0}, total[1];
+  for (int block = threadIdx.x; block < blocks; block += kThreads) of_thread[0] += parts[block];
+  kernel::block_sum<kThreads>(of_thread, total);
+  if (threadIdx.x == 0) *value = static_cast<float>(total[0]);
 }
 
 __global__ void __launch_bounds__(kThreads)

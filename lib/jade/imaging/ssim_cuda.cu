@@ -7,6 +7,7 @@
 #include "jade/core/error.h"
 #include "jade/imaging/ssim_kernels.h"
 #include "jade/imaging/ssim_math.h"
+#include "jade/kernel/block_sum.cuh"
 #include "jade/kernel/launch.h"
 
 namespace jade::imaging::cuda {
@@ -163,25 +164,6 @@ __device__ __forceinline__ void filter_down(const Filtered& rows, int first, int
   }
 }
 
-/// Sums two values over the block, over a warp in float; thread 0 holds the result.
-__device__ __forceinline__ double2 sum_block(float first, float second) {
-  __shared__ float2 sums[kWarps];
-  for (int offset = 16; offset > 0; offset /= 2) {
-    first += __shfl_down_sync(0xffffffffu, first, offset);
-    second += __shfl_down_sync(0xffffffffu, second, offset);
-  }
-  if (threadIdx.x % 32 == 0) sums[threadIdx.x / 32] = make_float2(first, second);
-  __syncthreads();
-  double2 total = {0, 0};
-  if (threadIdx.x == 0) {
-    for (const float2& each : sums) {
-      total.x += each.x;
-      total.y += each.y;
-    }
-  }
-  return total;
-}
-
 /// The window along the rows of a, a², a b and, unless those of b are known, of b and b².
 template <bool kFixed>
 __device__ __forceinline__ void filter_pair(const Halo (&images)[2], const Taps& taps,
@@ -230,7 +212,7 @@ __global__ void __launch_bounds__(kThreads, 4)
     filter_down(filtered[3], first, column, taps, sums[3]);
     filter_down(filtered[4], first, column, taps, sums[4]);
   }
-  float ssim_sum = 0, l1_sum = 0;
+  float of_thread[2] = {0, 0};  // SSIM, |a − b|
 #pragma unroll
   for (int r = 0; r < kRows; ++r) {
     const int row = first + r, y = tile.y0 + row;
@@ -243,9 +225,9 @@ __global__ void __launch_bounds__(kThreads, 4)
     moments.b = fixed ? __ldg(pair.mean_b + pixel) : sums[3][r];
     moments.bb = fixed ? __ldg(pair.square_b + pixel) : sums[4][r];
     const SsimTerms<float> terms = ssim_terms(moments);
-    ssim_sum += terms.value;
-    l1_sum += fabsf(images[0][row + kSsimRadius][column + kSsimRadius] -
-                    images[1][row + kSsimRadius][column + kSsimRadius]);
+    of_thread[0] += terms.value;
+    of_thread[1] += fabsf(images[0][row + kSsimRadius][column + kSsimRadius] -
+                          images[1][row + kSsimRadius][column + kSsimRadius]);
     if (pair.maps == nullptr) continue;
     const SsimDerivatives<float> d = ssim_derivatives(moments, terms);
     pair.maps[pixel] = d.a;
@@ -253,12 +235,13 @@ __global__ void __launch_bounds__(kThreads, 4)
     pair.maps[2 * map_size + pixel] = d.ab;
     if (pair.maps_of_b) pair.maps[3 * map_size + pixel] = d.b;
   }
-  const double2 sums_of_block = sum_block(ssim_sum, l1_sum);
+  double of_block[2];
+  kernel::block_sum<kThreads>(of_thread, of_block);
   if (threadIdx.x == 0) {
     const int64_t block =
         (static_cast<int64_t>(blockIdx.z) * gridDim.y + blockIdx.y) * gridDim.x + blockIdx.x;
-    in.partial[2 * block] = sums_of_block.x;
-    in.partial[2 * block + 1] = sums_of_block.y;
+    in.partial[2 * block] = of_block[0];
+    in.partial[2 * block + 1] = of_block[1];
   }
 }
 
@@ -334,20 +317,17 @@ __global__ void ssim_finish(Job in, int64_t blocks_per_plane) {
   const double2* const sums = reinterpret_cast<const double2*>(in.partial);
   const int64_t begin = pair.first_plane * blocks_per_plane;
   const int64_t end = begin + pair.planes * blocks_per_plane;
-  double ssim_sum = 0, l1_sum = 0;
+  double of_pair[2] = {0, 0};  // SSIM, |a − b|
 #pragma unroll 8
   for (int64_t block = begin + lane; block < end; block += 32) {
     const double2 both = sums[block];
-    ssim_sum += both.x;
-    l1_sum += both.y;
+    of_pair[0] += both.x;
+    of_pair[1] += both.y;
   }
-  for (int offset = 16; offset > 0; offset /= 2) {
-    ssim_sum += __shfl_down_sync(0xffffffffu, ssim_sum, offset);
-    l1_sum += __shfl_down_sync(0xffffffffu, l1_sum, offset);
-  }
+  kernel::warp_sum(of_pair);
   if (lane == 0) {
-    values[index] = static_cast<float>(in.offset + double(pair.weight_ssim) * ssim_sum +
-                                       double(pair.weight_l1) * l1_sum);
+    values[index] = static_cast<float>(in.offset + double(pair.weight_ssim) * of_pair[0] +
+                                       double(pair.weight_l1) * of_pair[1]);
   }
   __syncthreads();
   if (threadIdx.x != 0) return;

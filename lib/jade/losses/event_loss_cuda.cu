@@ -2,6 +2,7 @@
 #include <c10/cuda/CUDAGuard.h>
 #include <c10/cuda/CUDAStream.h>
 
+#include "jade/kernel/block_sum.cuh"
 #include "jade/kernel/launch.h"
 #include "jade/losses/event_loss_kernels.h"
 
@@ -26,25 +27,16 @@ __global__ void __launch_bounds__(kThreads)
 __global__ void __launch_bounds__(kThreads)
     event_sum_kernel(const double* values, const double* weights, int64_t count, float* loss,
                      double* weight) {
-  __shared__ double sums[2][kThreads];
-  const int thread = threadIdx.x;
-  double value = 0, sum = 0;
-  for (int64_t p = thread; p < count; p += kThreads) {
-    value += values[p];
-    sum += weights[p];
+  double of_thread[2] = {0, 0};  // value, weight
+  for (int64_t p = threadIdx.x; p < count; p += kThreads) {
+    of_thread[0] += values[p];
+    of_thread[1] += weights[p];
   }
-  sums[0][thread] = value;
-  sums[1][thread] = sum;
-  for (int half = kThreads / 2; half > 0; half /= 2) {
-    __syncthreads();
-    if (thread < half) {
-      sums[0][thread] += sums[0][thread + half];
-      sums[1][thread] += sums[1][thread + half];
-    }
-  }
-  if (thread == 0) {
-    *weight = kernel::max(sums[1][0], kLeastWeight);
-    *loss = static_cast<float>(sums[0][0] / *weight);
+  double total[2];
+  kernel::block_sum<kThreads>(of_thread, total);
+  if (threadIdx.x == 0) {
+    *weight = kernel::max(total[1], kLeastWeight);
+    *loss = static_cast<float>(total[0] / *weight);
   }
 }
 

@@ -4,6 +4,7 @@
 #include <c10/cuda/CUDAGuard.h>
 #include <c10/cuda/CUDAStream.h>
 
+#include "jade/kernel/block_sum.cuh"
 #include "jade/kernel/launch.h"
 #include "jade/losses/route_kernels.h"
 
@@ -15,40 +16,22 @@ constexpr int kThreads = 256;
 /// So that the second kernel, of one block, has little to add.
 constexpr int64_t kMostBlocks = 1024;
 
-/// The sums of the block's values, in thread 0.
-__device__ double2 sum_block(double render, double reblur) {
-  __shared__ double2 sums[kThreads / 32];
-  for (int offset = 16; offset > 0; offset /= 2) {
-    render += __shfl_down_sync(~0u, render, offset);
-    reblur += __shfl_down_sync(~0u, reblur, offset);
-  }
-  if (threadIdx.x % 32 == 0) sums[threadIdx.x / 32] = {render, reblur};
-  __syncthreads();
-  double2 total = {0, 0};
-  if (threadIdx.x == 0) {
-    for (const double2& each : sums) {
-      total.x += each.x;
-      total.y += each.y;
-    }
-  }
-  return total;
-}
-
 /// `parts` is [2, blocks].
 __global__ void __launch_bounds__(kThreads)
     route_parts_kernel(const __grid_constant__ RouteImages<float> in, double* parts) {
   const int64_t stride = gridDim.x * static_cast<int64_t>(kThreads);
-  double render = 0, reblur = 0;
+  double of_thread[2] = {0, 0};  // render, reblur
   for (int64_t pixel = blockIdx.x * static_cast<int64_t>(kThreads) + threadIdx.x; pixel < in.plane;
        pixel += stride) {
     const RouteParts<float> residuals = route_residuals(in, pixel);
-    render += residuals.render;
-    reblur += residuals.reblur;
+    of_thread[0] += residuals.render;
+    of_thread[1] += residuals.reblur;
   }
-  const double2 total = sum_block(render, reblur);
+  double of_block[2];
+  kernel::block_sum<kThreads>(of_thread, of_block);
   if (threadIdx.x == 0) {
-    parts[blockIdx.x] = total.x;
-    parts[gridDim.x + blockIdx.x] = total.y;
+    parts[blockIdx.x] = of_block[0];
+    parts[gridDim.x + blockIdx.x] = of_block[1];
   }
 }
 
@@ -56,15 +39,15 @@ __global__ void __launch_bounds__(kThreads)
 __global__ void __launch_bounds__(kThreads)
     route_sum_kernel(const double* parts, int blocks, double count, double reblur_weight,
                      float* values) {
-  double render = 0, reblur = 0;
+  double of_thread[2] = {0, 0};
   for (int block = threadIdx.x; block < blocks; block += kThreads) {
-    render += parts[block];
-    reblur += parts[blocks + block];
+    of_thread[0] += parts[block];
+    of_thread[1] += parts[blocks + block];
   }
-  const double2 total = sum_block(render, reblur);
+  double total[2];
+  kernel::block_sum<kThreads>(of_thread, total);
   if (threadIdx.x != 0) return;
-  render = total.x / count;
-  reblur = total.y / count * reblur_weight;
+  const double render = total[0] / count, reblur = total[1] / count * reblur_weight;
   values[kRouteTotal] = static_cast<float>(render + reblur);
   values[kRouteRender] = static_cast<float>(render);
   values[kRouteReblur] = static_cast<float>(reblur);

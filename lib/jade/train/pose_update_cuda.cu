@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <c10/cuda/CUDAStream.h>
 
+#include "jade/kernel/block_sum.cuh"
 #include "jade/kernel/launch.h"
 #include "jade/train/pose_update_math.h"
 
@@ -33,16 +34,13 @@ __global__ void __launch_bounds__(kThreads) rows_kernel(RowStep step) {
 
 /// A block per way; always summed in one order.
 __global__ void __launch_bounds__(kThreads) along_kernel(GaugeStep step) {
-  __shared__ double sums[kThreads];
   const double* const read = step.read + blockIdx.x * step.size;
-  double sum = 0;
-  for (int64_t i = threadIdx.x; i < step.size; i += kThreads) sum += read[i] * step.twists[i];
-  sums[threadIdx.x] = sum;
-  for (int half = kThreads / 2; half > 0; half /= 2) {
-    __syncthreads();
-    if (threadIdx.x < half) sums[threadIdx.x] += sums[threadIdx.x + half];
+  double of_thread[1] = {0}, total[1];
+  for (int64_t i = threadIdx.x; i < step.size; i += kThreads) {
+    of_thread[0] += read[i] * step.twists[i];
   }
-  if (threadIdx.x == 0) step.along[blockIdx.x] = sums[0];
+  kernel::block_sum<kThreads>(of_thread, total);
+  if (threadIdx.x == 0) step.along[blockIdx.x] = total[0];
 }
 
 __global__ void __launch_bounds__(kThreads) take_kernel(GaugeStep step) {

@@ -99,7 +99,7 @@ __global__ void __launch_bounds__(kPlanThreads)
         const bool lost = (counts[k] & kLost) != 0;
         const bool fits = begin + count <= call.capacity && count <= kLongest && !lost;
         const uint32_t at = fits ? uint32_t(begin) : call.capacity;
-        call.tile_list[t] = {count, at, at, 0};
+        call.tile_list[t] = {count, at, at};
         call.tile_order[place] = t;
       }
       begin += min(count, kLongest);

@@ -36,7 +36,6 @@ struct alignas(32) TileList {
   uint32_t count;  ///< zeroed before the pass
   uint32_t begin;
   uint32_t next;  ///< where the next instance goes; without chunks
-  uint32_t unused;
 };
 
 /// Counters of one forward pass, zeroed before it.
