@@ -37,6 +37,8 @@ struct Exposure {
   events::EventStream events;  ///< the window's events, a view of Dataset::events
   std::array<geometry::Pose, geometry::kExposurePoses> poses;  ///< camera_from_world
   geometry::Intrinsics camera;
+  torch::Tensor mask;  ///< [1,H,W] bool, true: the pixel counts; undefined: all pixels count
+  double gain = 1;     ///< of the frame: its brightness is that of the scene times this
 
   int64_t duration_us() const { return t_end_us - t_start_us; }
   int64_t t_mid_us() const { return t_start_us + duration_us() / 2; }
@@ -51,6 +53,8 @@ struct SharpView {
   int64_t t_us = kNoTime;  ///< when it was taken; kNoTime if the data set does not say
   /// Whether training sees the scene from there (is_seen); absent where nobody knows.
   std::optional<bool> seen = std::nullopt;
+  torch::Tensor mask;  ///< as Exposure::mask
+  double gain = 1;     ///< as Exposure::gain
 
   static constexpr int64_t kNoTime = INT64_MIN;
   bool has_time() const { return t_us != kNoTime; }
