@@ -130,7 +130,7 @@ std::vector<std::string> find_colmap(const fs::path& wanted) {
   }
   throw DataError(
       "COLMAP: expected the Python package pycolmap or the program colmap on the path, found "
-      "neither; install one with scripts/setup.sh --import");
+      "neither; install one with scripts/setup.sh --import, or pip install 'jade-gs[import]'");
 }
 
 void match_features(const ColmapJob& job, const ColmapSettings& settings, const fs::path& folder) {

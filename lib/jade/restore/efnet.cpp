@@ -126,7 +126,7 @@ std::string weights_sha256(const torch::jit::Module& module) {
 }
 
 std::filesystem::path restorer_path(const EfnetOptions& options) {
-  return options.path.empty() ? asset("efnet_anytime.pt") : options.path;
+  return options.path.empty() ? asset("assets/efnet_anytime.pt") : options.path;
 }
 
 std::string checked_file_sha256(const EfnetOptions& options) {
