@@ -132,7 +132,8 @@ TEST_CASE("simulate: a recording has the same frames and events, its poses in tr
 TEST_CASE("simulate: a recording may say nothing of the lengths of its exposures", "[simulate]") {
   SimulateRun run = tiny();
   run.simulate.recording.exposure_times = false;
-  const SimulateResult result = simulate::simulate(run);
+  test::DriftingPattern footage(24, 16, 300, 1000);
+  const SimulateResult result = simulate::simulate(run, footage);
   const test::TempDir folder;
   write_recording(result, run, folder.path());
   CHECK_FALSE(std::filesystem::exists(folder / "exposures.csv"));
@@ -147,7 +148,8 @@ TEST_CASE("simulate: a recording may say nothing of the lengths of its exposures
 
 TEST_CASE("simulate: what spoils a recording leaves the truth as it is", "[simulate]") {
   SimulateRun run = tiny();
-  const SimulateResult plain = simulate::simulate(run);
+  test::DriftingPattern footage(24, 16, 300, 1000);
+  const SimulateResult plain = simulate::simulate(run, footage);
   const auto same_truth = [&](const SimulateResult& result) {
     for (size_t i = 0; i < 3; ++i) {
       CHECK(result.content.sharp_mid[i].equal(plain.content.sharp_mid[i]));
@@ -161,24 +163,24 @@ TEST_CASE("simulate: what spoils a recording leaves the truth as it is", "[simul
   SimulateOptions& o = run.simulate;
   SECTION("fixed pattern and dead columns") {
     o.image.pattern_pixels = 0.03, o.image.dead_columns = 2;
-    same_truth(simulate::simulate(run));
+    same_truth(simulate::simulate(run, footage));
   }
   SECTION("optics and flicker") {
     o.optics.vignetting = 0.5, o.optics.dust = 5;
     o.light.flicker = 0.2;
-    const auto result = simulate::simulate(run);
+    const auto result = simulate::simulate(run, footage);
     same_truth(result);
     CHECK(result.content.events.size() > 2 * plain.content.events.size());
   }
   SECTION("a moving object") {
-    o.object.radius_px = 8, o.object.travel_px = 8, o.object.period_ms = 200;
-    const auto result = simulate::simulate(run);
+    o.object.radius_px = 8, o.object.travel_px = 80, o.object.period_ms = 100;
+    const auto result = simulate::simulate(run, footage);
     same_truth(result);
     CHECK(result.frames > plain.frames);
   }
   SECTION("auto-exposure") {
     o.image.auto_exposure = 0.2;
-    const auto result = simulate::simulate(run);
+    const auto result = simulate::simulate(run, footage);
     same_truth(result);
     const auto& exposure = result.content.train[1];
     CHECK(exposure.duration_us() < 30000);
