@@ -173,7 +173,7 @@ TEST_CASE("simulate: what spoils a recording leaves the truth as it is", "[simul
     CHECK(result.content.events.size() > 2 * plain.content.events.size());
   }
   SECTION("a moving object") {
-    o.object.radius_px = 8, o.object.travel_px = 80, o.object.period_ms = 100;
+    o.object.radius_px = 12, o.object.travel_px = 20, o.object.period_ms = 100;
     const auto result = simulate::simulate(run, footage);
     same_truth(result);
     CHECK(result.frames > plain.frames);
