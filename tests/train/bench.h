@@ -45,7 +45,7 @@ struct Bench {
     in.view_index = view;
     in.pose_draws = draws.to(device);
     in.view_pick = torch::tensor({view}, torch::kInt64).to(device);
-    if (!in.view.edi_log_gain.defined()) train::pick_factors(poses.data(), &in);
+    train::pick_factors(poses.data(), &in);
     return in;
   }
   train::StepPlan plan(int64_t step) const { return train::plan_step(options, step); }

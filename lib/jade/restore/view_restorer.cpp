@@ -28,7 +28,7 @@ torch::Tensor ViewRestorer::edi(const torch::Tensor& blurry, const torch::Tensor
                                 const std::function<torch::Tensor()>& compute) {
   if (cache_.folder().empty()) return compute().to(device_);
   const std::string recipe =
-      concat("edi 1; ", settings, "; torch ", torch_version(), "; ", device_.type());
+      concat("edi 2; ", settings, "; torch ", torch_version(), "; ", device_.type());
   return cache_.get(restoration_key(recipe, {blurry, windows}), blurry.sizes(), compute)
       .to(device_);
 }

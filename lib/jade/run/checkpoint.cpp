@@ -76,16 +76,12 @@ Entries entries_of(const train::TrainState& state) {
   };
   if (state.allocation) put_module("allocation", *state.allocation, state.allocation_adam);
   if (state.response) put_module("crf", *state.response, state.response_adam);
-  if (state.sensor) put_module("sensor", *state.sensor, state.sensor_adam);
   if (state.poses) {
     const train::RowAdamState& adam = state.poses_adam.state();
     put_parameters("poses", *state.poses);
     put("poses.adam.0", adam.first);
     put("poses.adam.1", adam.second);
     put("poses.adam.2", adam.steps);
-    // Gradients that wait for the rest of poses.accumulate steps.
-    put("poses.gradient.twists", adam.gradient);
-    put("poses.gradient.seen", adam.seen);
   }
   return all;
 }
@@ -156,7 +152,7 @@ int64_t parameter_count(const Entries& entries, const std::string& prefix) {
     const auto begins_with = [&](const std::string& start) {
       return entry.first.rfind(prefix + start, 0) == 0;
     };
-    return begins_with(".") && !begins_with(".adam.") && !begins_with(".gradient.");
+    return begins_with(".") && !begins_with(".adam.");
   });
 }
 
@@ -191,13 +187,11 @@ void restore_module(const Entries& entries, const std::string& prefix, torch::nn
 
 void restore_poses(const Entries& entries, train::TrainState& state, const fs::path& path) {
   restore_parameters(entries, "poses", *state.poses, path);
-  const auto waiting = [&](const std::string& name) {
-    const auto found = entries.find("poses.gradient." + name);
-    return found == entries.end() ? torch::Tensor() : found->second;
-  };
-  state.poses_adam.restore(
-      {take(entries, "poses.adam.0", path), take(entries, "poses.adam.1", path),
-       take(entries, "poses.adam.2", path), waiting("twists"), waiting("seen")});
+  state.poses_adam.restore({take(entries, "poses.adam.0", path),
+                            take(entries, "poses.adam.1", path),
+                            take(entries, "poses.adam.2", path),
+                            {},
+                            {}});
 }
 
 /// "1500" and "6%" of 25,000 are one calendar.
@@ -310,7 +304,6 @@ void load_checkpoint(const fs::path& path, train::TrainState& state) {
   if (state.allocation)
     restore_module(all, "allocation", *state.allocation, state.allocation_adam, path);
   if (state.response) restore_module(all, "crf", *state.response, state.response_adam, path);
-  if (state.sensor) restore_module(all, "sensor", *state.sensor, state.sensor_adam, path);
   if (state.poses) restore_poses(all, state, path);
   state.step = take(all, "step", path).item<int64_t>();
 }

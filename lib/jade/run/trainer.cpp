@@ -72,13 +72,6 @@ RunData load_data(const RunDirectory& directory, const train::RunOptions& option
   return data;
 }
 
-nlohmann::ordered_json json_of(const train::SensorEstimate& sensor) {
-  return {{"threshold_positive", sensor.threshold_positive},
-          {"threshold_negative", sensor.threshold_negative},
-          {"gain_std", sensor.gain_std},
-          {"offset_ms", sensor.offset_ms}};
-}
-
 /// True when `due` divides the step; 0 is never.
 bool every(int64_t step, int64_t due) { return due > 0 && step % due == 0; }
 
@@ -278,7 +271,6 @@ void Trainer::log_step(const train::StepInputs& inputs, const train::StepOutputs
     line["alpha_mean"] = alpha.mean().item<double>();
     line["alpha_std"] = alpha.numel() > 1 ? alpha.std().item<double>() : 0.0;
   }
-  if (state_.sensor) line.update(json_of(state_.sensor->estimate()));
   line["gaussians"] = state_.gaussians.size();
   const double seconds = now_seconds();
   if (logged_seconds_ > 0) {
@@ -301,11 +293,6 @@ void Trainer::save() {
   save_checkpoint(directory_.path(), state_,
                   {yaml_of(options_), data_.fingerprint, data_.restorer_sha256},
                   options_.checkpoint.keep);
-  if (state_.sensor) {
-    nlohmann::ordered_json sensor = json_of(state_.sensor->estimate());
-    sensor.erase("gain_std");
-    write_file(directory_.path() / "sensor.json", sensor.dump(2) + "\n");
-  }
 }
 
 bool Trainer::can_evaluate() const {
@@ -424,12 +411,6 @@ void Trainer::finish() {
     log_info((data_.dataset.test.empty() ? "on the held-out exposures:\n"
                                          : "on the sharp test views:\n") +
              eval::to_table(evaluation));
-  }
-  if (state_.sensor) {
-    const train::SensorEstimate sensor = state_.sensor->estimate();
-    log_info(concat("sensor      thresholds ", sensor.threshold_positive, " and ",
-                    sensor.threshold_negative, ", log gain of deviation ", sensor.gain_std,
-                    ", events' clock ahead by ", sensor.offset_ms, " ms"));
   }
   if (state_.gaussians.size() == 0) {
     log_warn(

@@ -5,7 +5,6 @@
 #include <torch/types.h>
 
 #include "jade/core/check.h"
-#include "jade/imaging/edi.h"
 
 namespace jade::train {
 namespace {
@@ -87,23 +86,6 @@ losses::EventPair event_pair(const EventWindow& window, const torch::Tensor& ima
   return pair;
 }
 
-/// R of L_edi and L_sim at the drawn poses, differentiable in the state's sensor where the plan
-/// moves it.
-losses::EdiFactors edi_factors(const TrainState& state, const StepInputs& inputs,
-                               const StepPlan& plan, const losses::ObjectiveOptions& options) {
-  const View& view = inputs.view;
-  if (!plan.sensor && !view.edi_log_gain.defined()) return inputs.edi_factors;
-  const torch::Tensor u = view.u.index_select(0, inputs.pose_draws.narrow(0, 0, 3));
-  if (plan.sensor) {
-    imaging::EdiSensor sensor = state.sensor->at(view.per_ms);
-    sensor.threshold_positive = sensor.threshold_positive * options.edi_contrast;
-    sensor.threshold_negative = sensor.threshold_negative * options.edi_contrast;
-    return losses::EdiFactors::of(
-        imaging::edi_log_gain(view.edi_counts, sensor, u).exp().unsqueeze(1));
-  }
-  return losses::EdiFactors::of(imaging::edi_gain(view.edi_log_gain, u).unsqueeze(1));
-}
-
 /// Nothing where the value is undefined.
 void add_term(losses::Objective& loss, const std::string& name, const torch::Tensor& value) {
   if (!value.defined()) return;
@@ -159,15 +141,10 @@ std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& s
   inputs.samples = options.exposure.samples;
   inputs.weights = view.weights;
   inputs.pose_draws = step_inputs.pose_draws;
-  if (plan.objective.edi || plan.objective.simulation) {
-    inputs.edi_factors = edi_factors(state, step_inputs, plan, options.objective);
-  }
+  inputs.edi_factors = step_inputs.edi_factors;
   inputs.term_weights = step_inputs.term_weights;
-  const events::Thresholds thresholds = options.events.thresholds();
-  inputs.contrast = 0.5 * (thresholds.positive + thresholds.negative);
   if (target.defined()) inputs.target.emplace(target);
   inputs.beside = beside;
-  inputs.target_closeness = view.target_closeness;
   inputs.tone = tone_curve(state, plan, response_table);
   if (plan.objective.event) {
     inputs.events = event_pair(step_inputs.events, renders.window_ends, inputs.tone, plan, options);
@@ -177,12 +154,10 @@ std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& s
   torch::Tensor regularization;  // a root of its own: neither it nor its gradient is waited for
   apart([&] { regularization = state.densifier.regularization(state.gaussians); });
   losses::Objective loss = losses::objective(inputs, plan.objective, options.objective);
-  if (plan.sensor) add_term(loss, "sensor", state.sensor->prior());
   if (regularization.defined()) loss.terms.push_back({"regularization", regularization});
   add_term(loss, "poses", pose_prior(state, step_inputs, options.poses));
   state.gaussians.zero_grad();
   state.response_adam.zero_grad();
-  state.sensor_adam.zero_grad();
   if (state.poses) state.poses_adam.zero_grad();
   std::vector<torch::Tensor> roots;
   for (const torch::Tensor& root : {loss.total, loss.beside, regularization}) {
@@ -191,7 +166,6 @@ std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& s
   torch::autograd::backward(roots, {});
   apart([&] {
     if (!state.response_adam.empty() && plan.objective.response) state.response_adam.step();
-    if (plan.sensor) state.sensor_adam.step();
     if (state.poses) state.poses_adam.accumulate(step_inputs.view_pick);
   });
   state.gaussian_adam.step(state.gaussians);

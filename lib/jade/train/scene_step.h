@@ -19,7 +19,7 @@ splat::CameraBatch exposure_cameras(const TrainState& state, const StepInputs& i
 Renders render_exposure(TrainState& state, const StepInputs& inputs, const StepPlan& plan,
                         const RunOptions& options);
 
-/// One Adam step on φ (with the camera response and the learned sensor), Eq. (8) to (10), with the
+/// One Adam step on φ (with the camera response), Eq. (8) to (10), with the
 /// term "poses" where learned poses have a prior; their gradients are added up for update_poses().
 /// Touches neither θ nor its optimiser. Does not densify.
 /// @param target  [3,H,W], as re-evaluated after the routing step; needed for L_tgt only

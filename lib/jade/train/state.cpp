@@ -76,7 +76,7 @@ gaussians::DensifyOptions densify_options(const RunOptions& options) {
 }  // namespace
 
 void TrainState::visit(const TensorVisitor& visitor) const {
-  static_assert(member_count<TrainState>() == 12, "visit what a new member holds");
+  static_assert(member_count<TrainState>() == 10, "visit what a new member holds");
   visit_tensors(visitor, Member{"gaussians", gaussians.parameters()});
   visit_tensors(visitor, Member{"gaussian_adam.first", gaussian_adam.first_moments()});
   visit_tensors(visitor, Member{"gaussian_adam.second", gaussian_adam.second_moments()});
@@ -88,8 +88,6 @@ void TrainState::visit(const TensorVisitor& visitor) const {
   visit_adam(visitor, "response_adam", response_adam);
   if (poses) visit_module(visitor, "poses", *poses);
   if (poses) visit_adam(visitor, "poses_adam", poses_adam);
-  if (sensor) visit_module(visitor, "sensor", *sensor);
-  visit_adam(visitor, "sensor_adam", sensor_adam);
 }
 
 TrainState make_state(const RunOptions& options, const Start& start, torch::Device device) {
@@ -115,12 +113,6 @@ TrainState make_state(const RunOptions& options, const Start& start, torch::Devi
     if (options.response.lr > 0) {
       state.response_adam = ModuleAdam(state.response->parameters(), options.response.lr, 1e-15);
     }
-  }
-  if (learns(options.sensor)) {
-    state.sensor = std::make_shared<EventSensor>(options.sensor, options.events.thresholds(),
-                                                 start.height, start.width);
-    state.sensor->to(device);
-    state.sensor_adam = state.sensor->optimizer();
   }
   return state;
 }

@@ -13,7 +13,6 @@
 #include "jade/gaussians/optimizer.h"
 #include "jade/response/camera_response.h"
 #include "jade/router/allocation.h"
-#include "jade/train/event_sensor.h"
 #include "jade/train/exposure_poses.h"
 #include "jade/train/module_adam.h"
 #include "jade/train/options.h"
@@ -34,8 +33,6 @@ struct TrainState {
   ModuleAdam response_adam;
   std::shared_ptr<ExposurePoses> poses;  ///< nullptr where the data's poses stay
   RowAdam poses_adam;                    ///< a row per exposure
-  std::shared_ptr<EventSensor> sensor;   ///< nullptr where the sensor is as configured
-  ModuleAdam sensor_adam;
 
   /// Calls `visitor(name, tensor)` for every tensor, once.
   void visit(const std::function<void(const std::string&, const torch::Tensor&)>& visitor) const;

@@ -43,7 +43,7 @@ StepOutputs alternate(TrainState& state, const StepInputs& inputs, const StepPla
 }
 
 void update_poses(TrainState& state, const RunOptions& options, int64_t step) {
-  if (!state.poses || step % options.poses.accumulate != 0) return;
+  if (!state.poses) return;
   state.poses_adam.update(pose_lr(options.poses, step));
   state.poses->hold_gauge();
 }

@@ -19,9 +19,9 @@ struct StepOutputs {
 StepOutputs alternate(TrainState& state, const StepInputs& inputs, const StepPlan& plan,
                       const RunOptions& options);
 
-/// What is due after alternate(), and outside of a recorded step: every poses.accumulate steps the
-/// gradients of learned poses end in an Adam step of the exposures that had any, and the gauge is
-/// held. Does nothing where poses are not learned.
+/// What is due after alternate(), and outside of a recorded step: the gradient of learned poses
+/// ends in an Adam step of its exposure, and the gauge is held. Does nothing where poses are not
+/// learned.
 /// @param step  that of the inputs
 void update_poses(TrainState& state, const RunOptions& options, int64_t step);
 

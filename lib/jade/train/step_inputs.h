@@ -12,14 +12,13 @@ namespace jade::train {
 
 /// What one step is given besides the state. Copies share their tensors.
 struct StepInputs {
-  int64_t step = 1;  ///< counted from 1
-  View view;  ///< of this step: cameras and u where exposure.quadrature draws them, at_pose() where
-              ///< objective.restored_poses draws one
+  int64_t step = 1;        ///< counted from 1
+  View view;               ///< of this step: at_pose() where objective.restored_poses draws one
   int64_t view_index = 0;  ///< among the training views
   /// [3] int64 on the device: the poses of L_edi gray, L_edi colour and L_sim; [4] with that of
   /// L_tgt where it is drawn.
   torch::Tensor pose_draws;
-  /// At the first three of these poses; undefined where a step computes its own.
+  /// At the first three of these poses.
   losses::EdiFactors edi_factors;
   EventWindow events;  ///< needed for L_ev only
   /// [2] weights of L_tgt and L_edi; undefined where they do not change.

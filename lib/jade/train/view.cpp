@@ -91,9 +91,9 @@ double reblur_contrast(const events::EventVoxel& voxel, const RunOptions& option
 /// The poses of an exposure at the moments of the run's quadrature.
 std::vector<geometry::Pose> sample_poses(const data::Exposure& exposure, const ExposureSpan& span,
                                          const geometry::ExposureOptions& options) {
-  const bool as_given = options.samples == geometry::kExposurePoses &&
-                        options.quadrature != geometry::QuadratureRule::kJittered;
-  if (as_given) return {exposure.poses.begin(), exposure.poses.end()};
+  if (options.samples == geometry::kExposurePoses) {
+    return {exposure.poses.begin(), exposure.poses.end()};
+  }
   std::vector<geometry::Pose> poses;
   for (const double u : geometry::quadrature(options.quadrature, options.samples).u) {
     poses.push_back(span.at(u));
@@ -101,51 +101,29 @@ std::vector<geometry::Pose> sample_poses(const data::Exposure& exposure, const E
   return poses;
 }
 
-restore::RestoreOptions restore_options(const data::Dataset& dataset, const RunOptions& options) {
+restore::RestoreOptions restore_options(const RunOptions& options) {
   restore::RestoreOptions out{options.events, options.exposure, 0};
-  if (learns(options.sensor)) {
-    out.count_margin =
-        count_margin(options.sensor, dataset.train, restore::integral_samples(out) - 1);
-  }
   out.taught_contrast = options.objective.edi_contrast;
   if (restores_all_poses(options)) out.times = moments_of(options);
   return out;
 }
 
 /// What objective.restored_poses all reads at every pose of the view.
-PoseRestorations restorations_of_poses(const View& view, const restore::RestoredExposure& restored,
+PoseRestorations restorations_of_poses(const restore::RestoredExposure& restored,
                                        const RunOptions& options) {
   const events::EventVoxel& voxel = restored.maps.voxel;
   PoseRestorations out;
   if (restored.efnet_at.defined()) out.efnet = restored.efnet_at.to(torch::kHalf);
-  const bool routes = plan_step(options, 1).route;
-  const double disagreement = options.objective.trust.disagreement;
-  const bool closeness = disagreement > 0 && out.efnet.defined();
-  std::vector<torch::Tensor> psi, kernels, close;
-  const std::vector<double> moments = moments_of(options);
-  for (size_t k = 0; k < moments.size(); ++k) {
-    if (routes) {
-      psi.push_back(events::polarity_projection(voxel.values, moments[k]));
-      kernels.push_back(imaging::reblur_kernel(voxel, reblur_contrast(voxel, options), moments[k]));
-    }
-    if (!closeness) continue;
-    const auto row = static_cast<int64_t>(k);
-    close.push_back(losses::closeness(out.efnet[row].to(torch::kFloat32),
-                                      view.blurry * view.edi_factors[row], disagreement));
+  if (!plan_step(options, 1).route) return out;
+  std::vector<torch::Tensor> psi, kernels;
+  for (const double moment : moments_of(options)) {
+    psi.push_back(events::polarity_projection(voxel.values, moment));
+    kernels.push_back(imaging::reblur_kernel(voxel, reblur_contrast(voxel, options), moment));
   }
-  const torch::Device device = view.blurry.device();
-  if (routes) {
-    out.psi = torch::stack(psi).to(device);
-    out.reblur_kernel = torch::stack(kernels).to(device);
-  }
-  if (closeness) out.closeness = torch::stack(close);
+  const torch::Device device = restored.blurry.device();
+  out.psi = torch::stack(psi).to(device);
+  out.reblur_kernel = torch::stack(kernels).to(device);
   return out;
-}
-
-/// One without duration has no events to shift.
-torch::Tensor exposures_per_ms(const data::Exposure& exposure) {
-  const auto duration_us = static_cast<double>(exposure.duration_us());
-  return torch::tensor(duration_us > 0 ? 1000 / duration_us : 0.0, torch::kFloat32);
 }
 
 View prepare_view(const data::Exposure& exposure, restore::ExposureSums sums,
@@ -167,13 +145,6 @@ View prepare_view(const data::Exposure& exposure, restore::ExposureSums sums,
   if (options.objective.edi_contrast != 1) {
     view.taught_factors = restored.taught_gain.unsqueeze(1);
   }
-  if (options.exposure.quadrature == geometry::QuadratureRule::kJittered) {
-    view.edi_log_gain = restored.taught.log_gain;
-  }
-  if (learns(options.sensor)) {
-    view.edi_counts = restored.counts;
-    view.per_ms = exposures_per_ms(exposure).to(device);
-  }
   view.restorations = restored.restorations;
   const geometry::Quadrature sum =
       geometry::quadrature(options.exposure.quadrature, options.exposure.samples);
@@ -184,13 +155,8 @@ View prepare_view(const data::Exposure& exposure, restore::ExposureSums sums,
     view.weights = torch::tensor(sum.weights, torch::kFloat64).to(device, torch::kFloat32);
   }
   view.fixed_target = fixed_target(view, options, dataset.monochrome, device);
-  const double disagreement = options.objective.trust.disagreement;
-  if (disagreement > 0 && view.restorations.efnet.defined()) {
-    view.target_closeness =
-        losses::closeness(view.restorations.efnet, view.restorations.edi, disagreement);
-  }
   if (restores_all_poses(options)) {
-    view.restored_poses = restorations_of_poses(view, restored, options);
+    view.restored_poses = restorations_of_poses(restored, options);
   }
   return view;
 }
@@ -210,7 +176,6 @@ View at_pose(const View& view, int64_t pose, const RunOptions& options) {
   replace(out.restorations.efnet, view.restored_poses.efnet);
   replace(out.psi, view.restored_poses.psi);
   replace(out.reblur_kernel, view.restored_poses.reblur_kernel);
-  replace(out.target_closeness, view.restored_poses.closeness);
   out.fixed_target = restored_target(out.restorations, options);
   return out;
 }
@@ -256,7 +221,7 @@ std::vector<View> prepare_views(const data::Dataset& dataset, const RunOptions& 
   Progress progress("restoring", static_cast<int64_t>(dataset.train.size()), 0, "views");
   std::vector<View> views;
   const std::vector<ExposureSpan> spans = exposure_spans(dataset);
-  const restore::RestoreOptions how = restore_options(dataset, options);
+  const restore::RestoreOptions how = restore_options(options);
   // A CPU that restores has no threads to spare.
   SumsAhead sums(dataset, how, efnet ? &restorer.metadata() : nullptr,
                  device.is_cuda() ? std::launch::async : std::launch::deferred);
