@@ -27,6 +27,10 @@ struct Bench {
     dataset = data::load_dataset(options.dataset);
     views = train::prepare_views(dataset, options, device);
     for (train::View& view : views) {
+      // Prepared for EDI as the target, which the steps of these benches are not.
+      view.visit([&](const std::string&, torch::Tensor& tensor) {
+        if (tensor.defined()) tensor = tensor.to(device);
+      });
       view.restorations.efnet = view.blurry;
       view.fixed_target = torch::Tensor();
     }

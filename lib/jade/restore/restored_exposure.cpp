@@ -48,18 +48,24 @@ torch::Tensor network_events(const data::Exposure& exposure, const events::Event
   return counts.positive - counts.negative;
 }
 
-void restore_learned(const torch::Tensor& events, const RestoreOptions& options,
+/// @param lasts  false: the exposure has no length, and so all its moments are the middle
+void restore_learned(const torch::Tensor& events, bool lasts, const RestoreOptions& options,
                      ViewRestorer& restorer, RestoredExposure& restored) {
   const std::vector<double>& times = options.times;
-  if (!times.empty()) {
-    restored.efnet_at = options.only_kept_times
-                            ? restorer.kept_efnet(restored.blurry, events, times)
-                            : restorer.efnet(restored.blurry, events, times);
+  torch::Tensor& middle = restored.restorations.efnet;
+  if (times.empty() || !lasts) {
+    middle = restorer.efnet(restored.blurry, events);
+    const auto count = static_cast<int64_t>(times.size());
+    if (count > 0) restored.efnet_at = middle.unsqueeze(0).expand({count, -1, -1, -1});
+    return;
   }
-  const auto middle = std::find(times.begin(), times.end(), 0.5);
-  const bool has_middle = restored.efnet_at.defined() && middle != times.end();
-  restored.restorations.efnet = has_middle ? restored.efnet_at[middle - times.begin()]
-                                           : restorer.efnet(restored.blurry, events);
+  restored.efnet_at = options.only_kept_times ? restorer.kept_efnet(restored.blurry, events, times)
+                                              : restorer.efnet(restored.blurry, events, times);
+  const auto found = std::find(times.begin(), times.end(), 0.5);
+  const bool has_middle = restored.efnet_at.defined() && found != times.end();
+  // A copy, which does not keep the others' memory.
+  middle = has_middle ? restored.efnet_at[found - times.begin()].clone()
+                      : restorer.efnet(restored.blurry, events);
 }
 
 }  // namespace
@@ -110,16 +116,20 @@ RestoredExposure restore_exposure(const data::Exposure& exposure, ExposureSums s
   RestoredExposure restored;
   restored.maps = std::move(sums.maps);
   restored.blurry = exposure.blurry.to(device).contiguous();
+  // Before EDI, whose 65 maps and the network's memory need not be there at once.
+  if (restorer.has_network()) {
+    restore_learned(sums.network, exposure.duration_us() > 0, options, restorer, restored);
+  }
   const events::WindowCounts& counts = restored.maps.windows;
   const torch::Tensor windows = events::edi_windows(
       {counts.positive.to(device), counts.negative.to(device)}, options.events.thresholds());
   restored.kernel = imaging::edi_kernel(windows, integral.rule);
   restored.gain = gain_at_samples(restored.kernel, options.exposure);
-  restored.taught = restored.kernel;
   restored.taught_gain = restored.gain;
   if (options.taught_contrast != 1) {
-    restored.taught = imaging::edi_kernel(windows * options.taught_contrast, integral.rule);
-    restored.taught_gain = gain_at_samples(restored.taught, options.exposure);
+    restored.taught_gain =
+        gain_at_samples(imaging::edi_kernel(windows * options.taught_contrast, integral.rule),
+                        options.exposure);
   }
 
   // Part of the cache's keys.
@@ -129,7 +139,6 @@ RestoredExposure restore_exposure(const data::Exposure& exposure, ExposureSums s
     return imaging::edi_mid(restored.blurry + options.log_offset, restored.kernel) -
            options.log_offset;
   });
-  if (restorer.has_network()) restore_learned(sums.network, options, restorer, restored);
   return restored;
 }
 

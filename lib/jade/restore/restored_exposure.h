@@ -22,8 +22,7 @@ struct RestoreOptions {
   /// ε of a sensor that follows log(I + ε). It sees B + ε as the mean of I_k + ε, so the offset is
   /// added before EDI and taken off after.
   double log_offset = 0;
-  /// Asks for RestoredExposure::taught and taught_gain, with thresholds so many times as large;
-  /// 1: they are kernel and gain.
+  /// Asks for RestoredExposure::taught_gain, with thresholds so many times as large; 1: it is gain.
   double taught_contrast = 1;
   /// Asks for RestoredExposure::efnet_at, at these moments: 0 the start and 1 the end.
   std::vector<double> times = {};
@@ -41,11 +40,10 @@ struct RestoredExposure {
   torch::Tensor blurry;       ///< [3,H,W]
   imaging::EdiKernel kernel;  ///< latent images over the blurry frame, at the integral's moments
   torch::Tensor gain;         ///< [K,H,W] the same at those of geometry::quadrature()
-  imaging::EdiKernel taught;  ///< `kernel` of another contrast, for what teaches a scene
-  torch::Tensor taught_gain;  ///< [K,H,W] `gain` likewise
+  torch::Tensor taught_gain;  ///< [K,H,W] `gain` of another contrast, for what teaches a scene
   Restorations restorations;  ///< I_edi; F where the restorer has a network, else undefined
-  /// [M,3,H,W] F(B, V, t) at RestoreOptions::times, in their order, computed in one call; undefined
-  /// without a network and without times.
+  /// [M,3,H,W] F(B, V, t) at RestoreOptions::times, in their order; undefined without a network and
+  /// without times. All moments of an exposure of no length are one image, repeated without memory.
   torch::Tensor efnet_at;
 };
 

@@ -4,6 +4,7 @@
 #include <torch/types.h>
 
 #include "jade/core/check.h"
+#include "jade/core/device.h"
 #include "jade/core/version.h"
 #include "jade/restore/restorations.h"
 
@@ -89,6 +90,12 @@ const RestorerMetadata& ViewRestorer::metadata() const {
 
 void ViewRestorer::check_times(const std::vector<double>& times) const {
   restore::check_times(restorer_path(*options_), metadata(), times);
+}
+
+void ViewRestorer::leave() {
+  network_.reset();
+  early_ = {};
+  trim_device_memory(device_, 0);
 }
 
 Restorer& ViewRestorer::network() {

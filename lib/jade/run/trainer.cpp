@@ -25,6 +25,7 @@
 #include "jade/run/checkpoint.h"
 #include "jade/run/evaluate.h"
 #include "jade/run/report.h"
+#include "jade/train/memory_plan.h"
 #include "jade/train/routing_step.h"
 
 namespace jade::run {
@@ -97,6 +98,9 @@ Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const st
   times_.end("start");
   feed_ = train::StepFeed(data_.dataset, options_, device_, std::move(data_.restorer));
   times_.end("restorations");
+  log_info(concat("memory      ", train::text_of(train::memory_plan(views(), state_, options_),
+                                                 views().size(),
+                                                 train::most_gaussians(state_, options_))));
   metrics_ = std::make_unique<MetricsLog>(directory_.path() / "metrics.jsonl", state_.step);
 }
 

@@ -53,7 +53,8 @@ struct StepInputs {
 inline void pick_factors(const int64_t* poses, StepInputs* inputs) {
   View& view = inputs->view;
   const torch::Tensor& all = view.taught_factors.defined() ? view.taught_factors : view.edi_factors;
-  inputs->edi_factors = {all[poses[0]], all[poses[1]], all[poses[2]]};
+  const auto at = [&](int64_t term) { return all[poses[term]].to(torch::kFloat32); };
+  inputs->edi_factors = {at(0), at(1), at(2)};
   view.edi_factors = view.taught_factors = torch::Tensor();
 }
 

@@ -41,16 +41,18 @@ struct PoseRestorations {
   }
 };
 
-/// What training asks of one exposure again and again: constants in θ and φ, computed once, on the
-/// training device.
+/// What training asks of one exposure again and again: constants in θ and φ, computed once. What
+/// steps read is on the training device, the rest of Ψ, K(V), density and restorations on the CPU.
 struct View {
   std::string name;
   torch::Tensor blurry;                ///< [3,H,W] B
   imaging::SsimTarget blurry_moments;  ///< of B, for L_blur
   torch::Tensor psi;                   ///< [2,H,W] Ψ(V)
-  torch::Tensor edi_factors;           ///< [K,1,H,W] R_k: EDI_k(X) = X ⊙ R_k, at the moments u
-  /// [K,1,H,W] the same with objective.edi_contrast, for L_edi and L_sim; where that is 1 it is
-  /// edi_factors, and undefined.
+  /// [K,1,H,W] R_k: EDI_k(X) = X ⊙ R_k, at the moments u; undefined where L_edi and L_sim read
+  /// taught_factors and no target reads EDI at a pose.
+  torch::Tensor edi_factors;
+  /// [K,1,H,W] float16, as there are many: the same with objective.edi_contrast, for L_edi and
+  /// L_sim; where that is 1 it is edi_factors, and undefined.
   torch::Tensor taught_factors;
   torch::Tensor reblur_kernel;         ///< [1,H,W] K(V), Eq. (7)
   torch::Tensor density;               ///< [H,W] events of either polarity

@@ -9,7 +9,6 @@
 #include <type_traits>
 
 #include "jade/core/members.h"
-#include "jade/imaging/edi.h"
 #include "jade/imaging/ssim.h"
 #include "jade/losses/objective.h"
 #include "jade/restore/restorations.h"
