@@ -130,6 +130,9 @@ TEST_CASE("trainer: whatever a checkpoint holds, a run that goes on from it does
          o.objective.event_loss_weight = 0.1;
        },
        {"poses.twists", "poses.adam.0", "poses.adam.1", "poses.adam.2"}},
+      {"gains",
+       [](train::RunOptions& o) { o.gains.optimize = train::LearnGains::kOn; },
+       {"gains.log_gains", "gains.adam.0", "gains.adam.1", "gains.adam.2"}},
       {"mcmc",
        [](train::RunOptions& o) { o.densify.strategy = gaussians::DensifyStrategy::kMcmc; },
        {"densify.generator"}},
@@ -150,6 +153,9 @@ TEST_CASE("trainer: whatever a checkpoint holds, a run that goes on from it does
     run::Trainer(options, resumed, middle.string()).run();
     CHECK(test::differing_entries(run::checkpoint_path(resumed, 20), end) ==
           std::set<std::string>());
+    const bool logs_gains =
+        read_file(whole / "metrics.jsonl").find("\"gain_max\":") != std::string::npos;
+    CHECK(logs_gains == (each.name == "gains"));
     const auto moved = test::differing_entries(middle, end);
     for (const std::string& prefix : each.moved) {
       INFO(prefix);

@@ -72,7 +72,7 @@ struct Bench {
   /// The same with what follows a step.
   train::StepOutputs step(const train::StepInputs& in) {
     train::StepOutputs out = alternate(in);
-    train::update_poses(state, options, in.step);
+    train::update_exposures(state, options, in.step);
     return out;
   }
 };

@@ -29,6 +29,7 @@ TEST_CASE("visit: the inputs of a step name each tensor once, at its own place",
   const test::Bench bench(scene);
   const train::StepInputs inputs = bench.inputs(0, 1);
   CHECK(names_in(inputs) == std::set<std::string>{"view.blurry",
+                                                  "view.mask",
                                                   "view.blurry_moments.image",
                                                   "view.blurry_moments.mean",
                                                   "view.blurry_moments.square",

@@ -255,8 +255,8 @@ TEST_CASE("step graph: learned poses take the gradients of replays as of eager s
     const torch::NoGradGuard no_grad;
     recorded.state.poses_adam.restore(b);
     const torch::Tensor before = eager.state.poses->twists().detach().clone();
-    train::update_poses(recorded.state, recorded.options, 3);
-    train::update_poses(eager.state, eager.options, 3);
+    train::update_exposures(recorded.state, recorded.options, 3);
+    train::update_exposures(eager.state, eager.options, 3);
     CHECK(recorded.state.poses->twists().equal(eager.state.poses->twists()));
     CHECK_FALSE(eager.state.poses->twists().equal(before));
   }

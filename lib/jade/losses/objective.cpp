@@ -134,7 +134,10 @@ Toned tone(const ObjectiveInputs& inputs, const Views& views, const ObjectivePla
   if (plan.intensity) ask(toned.mean, views.all, mean_weights(inputs));
   if (asked.empty()) return toned;
   const std::vector<torch::Tensor> results = inputs.tone(asked);
-  for (size_t i = 0; i < results.size(); ++i) *answers[i] = results[i];
+  const torch::Tensor& mask = inputs.mask;
+  for (size_t i = 0; i < results.size(); ++i) {
+    *answers[i] = mask.defined() ? results[i] * mask : results[i];
+  }
   return toned;
 }
 

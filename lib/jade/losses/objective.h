@@ -178,6 +178,9 @@ struct ObjectiveInputs {
   /// that of L_tgt, which a plan with drawn_target needs.
   torch::Tensor pose_draws;
   EdiFactors edi_factors;  ///< at these poses; needed for L_edi and L_sim only
+  /// [1,H,W], 0 where a pixel does not count: renders, blurry frame and target are black there, and
+  /// what ρ makes of black counts as little; undefined: all count.
+  torch::Tensor mask;
   /// [2] weights of L_tgt and L_edi at this step, on the device; undefined: those of the options,
   /// which then must not fall.
   torch::Tensor term_weights;

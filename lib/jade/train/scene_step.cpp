@@ -72,18 +72,25 @@ void append_window(const TrainState& state, const EventWindow& window, TimedCame
 
 /// The renders at both ends of the window, toned as the sensor's response asks.
 losses::EventPair event_pair(const EventWindow& window, const torch::Tensor& images,
-                             const losses::ToneCurve& tone, const StepPlan& plan,
-                             const RunOptions& options) {
+                             const torch::Tensor& mask, const losses::ToneCurve& tone,
+                             const StepPlan& plan, const RunOptions& options) {
   const events::Thresholds thresholds = options.events.thresholds();
   losses::EventPair pair;
   pair.renders = tone ? tone({{images, {}}})[0] : images;
-  pair.counts = window.counts;
+  pair.counts = mask.defined() ? window.counts * mask[0] : window.counts;
   pair.pixels = window.pixels;
   pair.color_filter = window.color_filter;
   pair.threshold_positive = thresholds.positive;
   pair.threshold_negative = thresholds.negative;
   pair.weighted_colors = plan.objective.response;
   return pair;
+}
+
+/// The pull of learned gains towards the data set's; undefined without one.
+torch::Tensor gain_prior(const TrainState& state, const StepInputs& inputs,
+                         const GainOptions& options) {
+  if (state.gains_adam.empty()) return {};
+  return state.gains->squared_change(inputs.view_pick) * options.prior_weight;
 }
 
 /// Nothing where the value is undefined.
@@ -99,6 +106,14 @@ splat::CameraBatch exposure_cameras(const TrainState& state, const StepInputs& i
                                     const torch::Tensor& read) {
   const TimedCameras timed = exposure_times(state, inputs, read);
   return learned_cameras(state, inputs.view_pick, timed.u, timed.cameras);
+}
+
+torch::Tensor as_in_frame(const TrainState& state, const StepInputs& inputs,
+                          const torch::Tensor& color) {
+  const torch::Tensor& mask = inputs.view.mask;
+  if (!state.gains) return mask.defined() ? color * mask : color;
+  const torch::Tensor gain = state.gains->forward(inputs.view_pick);
+  return color * (mask.defined() ? mask * gain : gain);
 }
 
 Renders render_exposure(TrainState& state, const StepInputs& inputs, const StepPlan& plan,
@@ -118,8 +133,11 @@ Renders render_exposure(TrainState& state, const StepInputs& inputs, const StepP
   if (plan.objective.event) {
     const std::vector<torch::Tensor> parts = renders.color.split_with_sizes({poses, 2});
     renders.color = parts[0];
-    renders.window_ends = parts[1];
+    // A gain makes no events: the logs of both ends have it.
+    const torch::Tensor& mask = inputs.view.mask;
+    renders.window_ends = mask.defined() ? parts[1] * mask : parts[1];
   }
+  renders.color = as_in_frame(state, inputs, renders.color);
   renders.all_poses = !read.defined();
   if (plan.objective.drawn_target) {
     renders.target_pose =
@@ -142,12 +160,14 @@ std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& s
   inputs.weights = view.weights;
   inputs.pose_draws = step_inputs.pose_draws;
   inputs.edi_factors = step_inputs.edi_factors;
+  inputs.mask = view.mask;
   inputs.term_weights = step_inputs.term_weights;
   if (target.defined()) inputs.target.emplace(target);
   inputs.beside = beside;
   inputs.tone = tone_curve(state, plan, response_table);
   if (plan.objective.event) {
-    inputs.events = event_pair(step_inputs.events, renders.window_ends, inputs.tone, plan, options);
+    inputs.events =
+        event_pair(step_inputs.events, renders.window_ends, view.mask, inputs.tone, plan, options);
   }
 
   const auto apart = [&](const std::function<void()>& work) { beside ? beside(work) : work(); };
@@ -156,9 +176,11 @@ std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& s
   losses::Objective loss = losses::objective(inputs, plan.objective, options.objective);
   if (regularization.defined()) loss.terms.push_back({"regularization", regularization});
   add_term(loss, "poses", pose_prior(state, step_inputs, options.poses));
+  add_term(loss, "gains", gain_prior(state, step_inputs, options.gains));
   state.gaussians.zero_grad();
   state.response_adam.zero_grad();
   if (state.poses) state.poses_adam.zero_grad();
+  if (!state.gains_adam.empty()) state.gains_adam.zero_grad();
   std::vector<torch::Tensor> roots;
   for (const torch::Tensor& root : {loss.total, loss.beside, regularization}) {
     if (root.defined()) roots.push_back(root);
@@ -167,6 +189,7 @@ std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& s
   apart([&] {
     if (!state.response_adam.empty() && plan.objective.response) state.response_adam.step();
     if (state.poses) state.poses_adam.accumulate(step_inputs.view_pick);
+    if (!state.gains_adam.empty()) state.gains_adam.accumulate(step_inputs.view_pick);
   });
   state.gaussian_adam.step(state.gaussians);
   for (losses::NamedTerm& term : loss.terms) term.value = term.value.detach();

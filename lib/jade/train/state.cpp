@@ -76,7 +76,7 @@ gaussians::DensifyOptions densify_options(const RunOptions& options) {
 }  // namespace
 
 void TrainState::visit(const TensorVisitor& visitor) const {
-  static_assert(member_count<TrainState>() == 10, "visit what a new member holds");
+  static_assert(member_count<TrainState>() == 12, "visit what a new member holds");
   visit_tensors(visitor, Member{"gaussians", gaussians.parameters()});
   visit_tensors(visitor, Member{"gaussian_adam.first", gaussian_adam.first_moments()});
   visit_tensors(visitor, Member{"gaussian_adam.second", gaussian_adam.second_moments()});
@@ -88,6 +88,8 @@ void TrainState::visit(const TensorVisitor& visitor) const {
   visit_adam(visitor, "response_adam", response_adam);
   if (poses) visit_module(visitor, "poses", *poses);
   if (poses) visit_adam(visitor, "poses_adam", poses_adam);
+  if (gains) visit_module(visitor, "gains", *gains);
+  if (!gains_adam.empty()) visit_adam(visitor, "gains_adam", gains_adam);
 }
 
 TrainState make_state(const RunOptions& options, const Start& start, torch::Device device) {
@@ -125,6 +127,15 @@ void learn_poses(TrainState& state, const PoseOptions& options, const data::Data
   state.poses_adam = RowAdam(state.poses->twists());
 }
 
+void take_gains(TrainState& state, const GainOptions& options, const data::Dataset& dataset,
+                torch::Device device) {
+  state.gains = make_exposure_gains(options, dataset);
+  if (!state.gains) return;
+  state.gains->to(device);
+  // The gradient of a gain is that of a mean over pixels, below Adam's usual 1e-8 at the end.
+  if (state.gains->learned()) state.gains_adam = RowAdam(state.gains->log_gains(), 1e-15);
+}
+
 namespace {
 
 /// A strategy that adds none has no bound.
@@ -145,6 +156,7 @@ TrainState make_state(const RunOptions& options, const data::Dataset& dataset,
   start.width = camera.width;
   TrainState state = make_state(options, start, device);
   learn_poses(state, options.poses, dataset, device);
+  take_gains(state, options.gains, dataset, device);
   return state;
 }
 

@@ -23,7 +23,7 @@ struct StepInputs {
   EventWindow events;  ///< needed for L_ev only
   /// [2] weights of L_tgt and L_edi; undefined where they do not change.
   torch::Tensor term_weights;
-  /// [1] int64 on the device: view_index, for learned poses only.
+  /// [1] int64 on the device: view_index, for learned poses and for gains only.
   torch::Tensor view_pick;
 
   /// Calls `visitor(name, tensor)` for every tensor, once.

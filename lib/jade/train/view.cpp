@@ -65,7 +65,7 @@ torch::Tensor fixed_target(const View& view, const RunOptions& options, bool mon
       return view.blurry;
     case losses::Target::kImageFolder: {
       const torch::Tensor image = target_image(view, options.train.target_images, device);
-      return monochrome ? restore::without_tint(image) : image;
+      return shown(monochrome ? restore::without_tint(image) : image, view.mask);
     }
     default:
       return restored_target(view.restorations, options);
@@ -108,12 +108,35 @@ restore::RestoreOptions restore_options(const RunOptions& options) {
   return out;
 }
 
+bool has_masks(const data::Dataset& dataset) {
+  return std::any_of(dataset.train.begin(), dataset.train.end(),
+                     [](const data::Exposure& exposure) { return exposure.mask.defined(); });
+}
+
+/// The exposure's mask as a view has it, all ones where it has none itself.
+torch::Tensor mask_of(const data::Exposure& exposure) {
+  if (exposure.mask.defined()) return exposure.mask.to(torch::kFloat32);
+  return torch::ones({1, exposure.blurry.size(1), exposure.blurry.size(2)});
+}
+
+/// What an image shows outside of the mask.
+torch::Tensor shown(const torch::Tensor& image, const torch::Tensor& mask) {
+  return image.defined() && mask.defined() ? image * mask.to(image.scalar_type()) : image;
+}
+
+/// The exposure with a frame that is black under its mask.
+data::Exposure masked(const data::Exposure& exposure) {
+  data::Exposure out = exposure;
+  if (out.mask.defined()) out.blurry = out.blurry.masked_fill(out.mask.logical_not(), 0);
+  return out;
+}
+
 /// Constants of many moments in half the memory: it rounds by at most 0.05 %. One image that stands
 /// for all of them stays one.
-torch::Tensor in_half(const torch::Tensor& moments) {
+torch::Tensor in_half(const torch::Tensor& moments, const torch::Tensor& mask = {}) {
   const bool repeated = moments.size(0) > 1 && moments.stride(0) == 0;
-  if (!repeated) return moments.to(torch::kHalf);
-  return moments.narrow(0, 0, 1).to(torch::kHalf).expand(moments.sizes());
+  const torch::Tensor kept = repeated ? moments.narrow(0, 0, 1) : moments;
+  return shown(kept.to(torch::kHalf), mask).expand(moments.sizes());
 }
 
 /// Whether L_edi and L_sim, or the target of a drawn pose, reads EDI as the thresholds have it.
@@ -130,18 +153,18 @@ void put_aside_unread(const RunOptions& options, View& view) {
   view.density = view.density.cpu();
   if (options.objective.target == losses::Target::kRouted) return;
   if (restores_all_poses(options)) view.fixed_target = torch::Tensor();
-  for (torch::Tensor* const each : {&view.psi, &view.reblur_kernel, &view.restorations.edi,
-                                    &view.restorations.efnet}) {
+  for (torch::Tensor* const each :
+       {&view.psi, &view.reblur_kernel, &view.restorations.edi, &view.restorations.efnet}) {
     if (each->defined()) *each = each->cpu();
   }
 }
 
 /// What objective.restored_poses all reads at every pose of the view.
 PoseRestorations restorations_of_poses(const restore::RestoredExposure& restored,
-                                       const RunOptions& options) {
+                                       const torch::Tensor& mask, const RunOptions& options) {
   const events::EventVoxel& voxel = restored.maps.voxel;
   PoseRestorations out;
-  if (restored.efnet_at.defined()) out.efnet = in_half(restored.efnet_at);
+  if (restored.efnet_at.defined()) out.efnet = in_half(restored.efnet_at, mask);
   if (!plan_step(options, 1).route) return out;
   std::vector<torch::Tensor> psi, kernels;
   for (const double moment : moments_of(options)) {
@@ -160,11 +183,12 @@ View prepare_view(const data::Exposure& exposure, restore::ExposureSums sums,
                   restore::ViewRestorer& restorer) {
   const torch::Device device = restorer.device();
   const restore::RestoredExposure restored =
-      restore::restore_exposure(exposure, std::move(sums), how, restorer);
+      restore::restore_exposure(masked(exposure), std::move(sums), how, restorer);
   const events::EventVoxel& voxel = restored.maps.voxel;
   View view;
   view.name = exposure.name;
   view.blurry = restored.blurry;
+  if (has_masks(dataset)) view.mask = mask_of(exposure).to(device);
   view.blurry_moments = imaging::ssim_target(view.blurry);
   view.psi = events::polarity_projection(voxel.values.to(device));
   view.density = restored.maps.density.to(device);
@@ -173,7 +197,8 @@ View prepare_view(const data::Exposure& exposure, restore::ExposureSums sums,
   if (options.objective.edi_contrast != 1) {
     view.taught_factors = in_half(restored.taught_gain.unsqueeze(1));
   }
-  view.restorations = restored.restorations;
+  view.restorations = {shown(restored.restorations.edi, view.mask),
+                       shown(restored.restorations.efnet, view.mask)};
   const geometry::Quadrature sum =
       geometry::quadrature(options.exposure.quadrature, options.exposure.samples);
   view.cameras =
@@ -184,7 +209,7 @@ View prepare_view(const data::Exposure& exposure, restore::ExposureSums sums,
   }
   view.fixed_target = fixed_target(view, options, dataset.monochrome, device);
   if (restores_all_poses(options)) {
-    view.restored_poses = restorations_of_poses(restored, options);
+    view.restored_poses = restorations_of_poses(restored, view.mask, options);
   }
   put_aside_unread(options, view);
   return view;

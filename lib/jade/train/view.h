@@ -45,7 +45,10 @@ struct PoseRestorations {
 /// steps read is on the training device, the rest of Ψ, K(V), density and restorations on the CPU.
 struct View {
   std::string name;
-  torch::Tensor blurry;                ///< [3,H,W] B
+  torch::Tensor blurry;  ///< [3,H,W] B, 0 under the mask
+  /// [1,H,W] float32, 1 where a pixel counts and else 0, where targets are 0 too; undefined: all
+  /// pixels of all views count.
+  torch::Tensor mask;
   imaging::SsimTarget blurry_moments;  ///< of B, for L_blur
   torch::Tensor psi;                   ///< [2,H,W] Ψ(V)
   /// [K,1,H,W] R_k: EDI_k(X) = X ⊙ R_k, at the moments u; undefined where L_edi and L_sim read
@@ -78,12 +81,12 @@ struct View {
   static void visit_each(Self& self, Visitor& visitor) {
     visit_members<View>(
         visitor, Member{"name", self.name}, Member{"blurry", self.blurry},
-        Member{"blurry_moments", self.blurry_moments}, Member{"psi", self.psi},
-        Member{"edi_factors", self.edi_factors}, Member{"taught_factors", self.taught_factors},
-        Member{"reblur_kernel", self.reblur_kernel}, Member{"density", self.density},
-        Member{"restorations", self.restorations}, Member{"fixed_target", self.fixed_target},
-        Member{"restored_poses", self.restored_poses}, Member{"cameras", self.cameras},
-        Member{"u", self.u}, Member{"weights", self.weights});
+        Member{"mask", self.mask}, Member{"blurry_moments", self.blurry_moments},
+        Member{"psi", self.psi}, Member{"edi_factors", self.edi_factors},
+        Member{"taught_factors", self.taught_factors}, Member{"reblur_kernel", self.reblur_kernel},
+        Member{"density", self.density}, Member{"restorations", self.restorations},
+        Member{"fixed_target", self.fixed_target}, Member{"restored_poses", self.restored_poses},
+        Member{"cameras", self.cameras}, Member{"u", self.u}, Member{"weights", self.weights});
   }
 };
 
