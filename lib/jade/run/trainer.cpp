@@ -8,7 +8,6 @@
 #include <future>
 #include <nlohmann/json.hpp>
 #include <torch/types.h>
-#include <tuple>
 
 #include "jade/config/config.h"
 #include "jade/core/atomic_file.h"
@@ -280,7 +279,11 @@ void Trainer::log_step(const train::StepInputs& inputs, const train::StepOutputs
     line["alpha_mean"] = alpha.mean().item<double>();
     line["alpha_std"] = alpha.numel() > 1 ? alpha.std().item<double>() : 0.0;
   }
-  if (state_.gains) std::tie(line["gain_min"], line["gain_max"]) = state_.gains->range();
+  if (state_.gains) {
+    const auto [least, most] = state_.gains->range();
+    line["gain_min"] = least;
+    line["gain_max"] = most;
+  }
   line["gaussians"] = state_.gaussians.size();
   const double seconds = now_seconds();
   if (logged_seconds_ > 0) {

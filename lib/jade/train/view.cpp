@@ -21,6 +21,29 @@
 namespace jade::train {
 namespace {
 
+bool has_masks(const data::Dataset& dataset) {
+  return std::any_of(dataset.train.begin(), dataset.train.end(),
+                     [](const data::Exposure& exposure) { return exposure.mask.defined(); });
+}
+
+/// The exposure's mask as a view has it, all ones where it has none itself.
+torch::Tensor mask_of(const data::Exposure& exposure) {
+  if (exposure.mask.defined()) return exposure.mask.to(torch::kFloat32);
+  return torch::ones({1, exposure.blurry.size(1), exposure.blurry.size(2)});
+}
+
+/// What an image shows outside of the mask.
+torch::Tensor shown(const torch::Tensor& image, const torch::Tensor& mask) {
+  return image.defined() && mask.defined() ? image * mask.to(image.scalar_type()) : image;
+}
+
+/// The exposure with a frame that is black under its mask.
+data::Exposure masked(const data::Exposure& exposure) {
+  data::Exposure out = exposure;
+  if (out.mask.defined()) out.blurry = out.blurry.masked_fill(out.mask.logical_not(), 0);
+  return out;
+}
+
 /// The image of train.target_images that has the view's name.
 torch::Tensor target_image(const View& view, const std::filesystem::path& folder,
                            torch::Device device) {
@@ -105,29 +128,6 @@ restore::RestoreOptions restore_options(const RunOptions& options) {
   restore::RestoreOptions out{options.events, options.exposure, 0};
   out.taught_contrast = options.objective.edi_contrast;
   if (restores_all_poses(options)) out.times = moments_of(options);
-  return out;
-}
-
-bool has_masks(const data::Dataset& dataset) {
-  return std::any_of(dataset.train.begin(), dataset.train.end(),
-                     [](const data::Exposure& exposure) { return exposure.mask.defined(); });
-}
-
-/// The exposure's mask as a view has it, all ones where it has none itself.
-torch::Tensor mask_of(const data::Exposure& exposure) {
-  if (exposure.mask.defined()) return exposure.mask.to(torch::kFloat32);
-  return torch::ones({1, exposure.blurry.size(1), exposure.blurry.size(2)});
-}
-
-/// What an image shows outside of the mask.
-torch::Tensor shown(const torch::Tensor& image, const torch::Tensor& mask) {
-  return image.defined() && mask.defined() ? image * mask.to(image.scalar_type()) : image;
-}
-
-/// The exposure with a frame that is black under its mask.
-data::Exposure masked(const data::Exposure& exposure) {
-  data::Exposure out = exposure;
-  if (out.mask.defined()) out.blurry = out.blurry.masked_fill(out.mask.logical_not(), 0);
   return out;
 }
 
