@@ -90,8 +90,8 @@ TEST_CASE("learned cameras: a test pose that is off by pixels is fitted to its i
   // Asked to stop, the fit ends early, but not that of an evaluation which nothing would repeat.
   set_interrupt_requested(true);
   const data::Dataset ended = run::with_learned_poses(dataset, unmoved, gaussians, 200, {});
-  const data::Dataset finished =
-      run::with_learned_poses(dataset, unmoved, gaussians, 200, {}, run::OnInterrupt::kFinish);
+  const data::Dataset finished = run::with_learned_poses(dataset, unmoved, gaussians, 200, {},
+                                                         false, run::OnInterrupt::kFinish);
   set_interrupt_requested(false);
   CHECK(error_px(ended.test[0].pose, view.pose, view) < 1e-3);
   CHECK(error_px(finished.test[0].pose, fitted.test[0].pose, view) < 1e-3);

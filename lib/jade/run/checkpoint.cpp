@@ -76,17 +76,17 @@ Entries entries_of(const train::TrainState& state) {
   };
   if (state.allocation) put_module("allocation", *state.allocation, state.allocation_adam);
   if (state.response) put_module("crf", *state.response, state.response_adam);
-  if (state.sensor) put_module("sensor", *state.sensor, state.sensor_adam);
-  if (state.poses) {
-    const train::RowAdamState& adam = state.poses_adam.state();
-    put_parameters("poses", *state.poses);
-    put("poses.adam.0", adam.first);
-    put("poses.adam.1", adam.second);
-    put("poses.adam.2", adam.steps);
-    // Gradients that wait for the rest of poses.accumulate steps.
-    put("poses.gradient.twists", adam.gradient);
-    put("poses.gradient.seen", adam.seen);
-  }
+  const auto put_rows = [&](const std::string& prefix, const torch::nn::Module& module,
+                            const train::RowAdam& rows) {
+    put_parameters(prefix, module);
+    if (rows.empty()) return;
+    const train::RowAdamState& adam = rows.state();
+    put(prefix + ".adam.0", adam.first);
+    put(prefix + ".adam.1", adam.second);
+    put(prefix + ".adam.2", adam.steps);
+  };
+  if (state.poses) put_rows("poses", *state.poses, state.poses_adam);
+  if (state.gains) put_rows("gains", *state.gains, state.gains_adam);
   return all;
 }
 
@@ -156,7 +156,7 @@ int64_t parameter_count(const Entries& entries, const std::string& prefix) {
     const auto begins_with = [&](const std::string& start) {
       return entry.first.rfind(prefix + start, 0) == 0;
     };
-    return begins_with(".") && !begins_with(".adam.") && !begins_with(".gradient.");
+    return begins_with(".") && !begins_with(".adam.");
   });
 }
 
@@ -189,15 +189,12 @@ void restore_module(const Entries& entries, const std::string& prefix, torch::nn
   adam.restore(moments);
 }
 
-void restore_poses(const Entries& entries, train::TrainState& state, const fs::path& path) {
-  restore_parameters(entries, "poses", *state.poses, path);
-  const auto waiting = [&](const std::string& name) {
-    const auto found = entries.find("poses.gradient." + name);
-    return found == entries.end() ? torch::Tensor() : found->second;
-  };
-  state.poses_adam.restore(
-      {take(entries, "poses.adam.0", path), take(entries, "poses.adam.1", path),
-       take(entries, "poses.adam.2", path), waiting("twists"), waiting("seen")});
+void restore_rows(const Entries& entries, const std::string& prefix, torch::nn::Module& module,
+                  train::RowAdam& adam, const fs::path& path) {
+  restore_parameters(entries, prefix, module, path);
+  if (adam.empty()) return;
+  const auto of_adam = [&](int i) { return take(entries, concat(prefix, ".adam.", i), path); };
+  adam.restore({of_adam(0), of_adam(1), of_adam(2), {}, {}});
 }
 
 /// "1500" and "6%" of 25,000 are one calendar.
@@ -310,8 +307,8 @@ void load_checkpoint(const fs::path& path, train::TrainState& state) {
   if (state.allocation)
     restore_module(all, "allocation", *state.allocation, state.allocation_adam, path);
   if (state.response) restore_module(all, "crf", *state.response, state.response_adam, path);
-  if (state.sensor) restore_module(all, "sensor", *state.sensor, state.sensor_adam, path);
-  if (state.poses) restore_poses(all, state, path);
+  if (state.poses) restore_rows(all, "poses", *state.poses, state.poses_adam, path);
+  if (state.gains) restore_rows(all, "gains", *state.gains, state.gains_adam, path);
   state.step = take(all, "step", path).item<int64_t>();
 }
 
@@ -347,6 +344,11 @@ std::string data_fingerprint(const data::Dataset& dataset, FingerprintOf what) {
     if (what == FingerprintOf::kBefore) continue;
     const geometry::Intrinsics& camera = exposure.camera;
     add(std::array{camera.fx, camera.fy, camera.cx, camera.cy});
+    if (exposure.gain != 1) digest.update(concat("gain ", exposure.gain, ';'));
+    if (exposure.mask.defined()) {
+      const torch::Tensor mask = exposure.mask.contiguous();
+      digest.update(mask.const_data_ptr(), mask.nbytes());
+    }
     const events::EventStream& events = exposure.events;
     for (const torch::Tensor& each : {events.x(), events.y(), events.t_us(), events.polarity()}) {
       digest.update(each.data_ptr(), each.nbytes());

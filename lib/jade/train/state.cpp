@@ -88,8 +88,8 @@ void TrainState::visit(const TensorVisitor& visitor) const {
   visit_adam(visitor, "response_adam", response_adam);
   if (poses) visit_module(visitor, "poses", *poses);
   if (poses) visit_adam(visitor, "poses_adam", poses_adam);
-  if (sensor) visit_module(visitor, "sensor", *sensor);
-  visit_adam(visitor, "sensor_adam", sensor_adam);
+  if (gains) visit_module(visitor, "gains", *gains);
+  if (!gains_adam.empty()) visit_adam(visitor, "gains_adam", gains_adam);
 }
 
 TrainState make_state(const RunOptions& options, const Start& start, torch::Device device) {
@@ -116,12 +116,6 @@ TrainState make_state(const RunOptions& options, const Start& start, torch::Devi
       state.response_adam = ModuleAdam(state.response->parameters(), options.response.lr, 1e-15);
     }
   }
-  if (learns(options.sensor)) {
-    state.sensor = std::make_shared<EventSensor>(options.sensor, options.events.thresholds(),
-                                                 start.height, start.width);
-    state.sensor->to(device);
-    state.sensor_adam = state.sensor->optimizer();
-  }
   return state;
 }
 
@@ -131,6 +125,15 @@ void learn_poses(TrainState& state, const PoseOptions& options, const data::Data
   if (!state.poses) return;
   state.poses->to(device);
   state.poses_adam = RowAdam(state.poses->twists());
+}
+
+void take_gains(TrainState& state, const GainOptions& options, const data::Dataset& dataset,
+                torch::Device device) {
+  state.gains = make_exposure_gains(options, dataset);
+  if (!state.gains) return;
+  state.gains->to(device);
+  // The gradient of a gain is that of a mean over pixels, below Adam's usual 1e-8 at the end.
+  if (state.gains->learned()) state.gains_adam = RowAdam(state.gains->log_gains(), 1e-15);
 }
 
 namespace {
@@ -153,6 +156,7 @@ TrainState make_state(const RunOptions& options, const data::Dataset& dataset,
   start.width = camera.width;
   TrainState state = make_state(options, start, device);
   learn_poses(state, options.poses, dataset, device);
+  take_gains(state, options.gains, dataset, device);
   return state;
 }
 
