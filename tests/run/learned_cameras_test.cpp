@@ -164,6 +164,23 @@ TEST_CASE("learned cameras: a run keeps them, and scores, pictures and other pro
   CHECK(still.test[0].pose.translation == opened.dataset.test[0].pose.translation);
 }
 
+TEST_CASE("learned cameras: the file is in the coordinates of the data set", "[run]") {
+  const LearnedRun scene;
+  data::Dataset dataset = data::load_dataset(scene.options.dataset);
+  dataset.origin = {471234, 5431987, 312};
+  const data::Dataset given = dataset;
+  const auto file = scene.dir / "cameras.json";
+  run::write_learned_cameras(file, dataset);
+  const auto centre = geometry::centre(data::read_cameras(file).at(0).camera_from_world);
+  const auto want = geometry::centre(dataset.test.at(0).pose);
+  CHECK(centre[1] == Approx(want[1] + 5431987).epsilon(1e-12));
+  run::read_learned_cameras(file, dataset);
+  for (size_t axis = 0; axis < 3; ++axis) {
+    CHECK(dataset.test[0].pose.translation[axis] ==
+          Approx(given.test[0].pose.translation[axis]).margin(1e-7));
+  }
+}
+
 TEST_CASE("learned cameras: before a run's end other programs have those of its checkpoint",
           "[run]") {
   const LearnedRun scene;

@@ -12,6 +12,7 @@
 #include "jade/data/frame_times.h"
 #include "jade/data/frames.h"
 #include "jade/data/llff.h"
+#include "jade/data/origin.h"
 #include "jade/data/recording.h"
 #include "jade/imaging/image_io.h"
 #include "jade/io/npy.h"
@@ -45,7 +46,7 @@ fs::path times_file(const fs::path& root, const fs::path& images) {
 }
 
 geometry::Trajectory read_dense(const fs::path& root, events::TimeUnit unit,
-                                const Warnings& warnings) {
+                                const geometry::Vector3& origin, const Warnings& warnings) {
   const fs::path pose_file = root / "all_poses_bounds.npy";
   const fs::path time_file = root / "all_timestamps.npy";
   if (!fs::exists(pose_file) && !fs::exists(time_file)) return {};
@@ -65,7 +66,9 @@ geometry::Trajectory read_dense(const fs::path& root, events::TimeUnit unit,
   }
   if (views.empty()) throw DataError(concat(pose_file.string(), ": holds no pose"));
   TimedPoses timed;
-  for (size_t i = 0; i < views.size(); ++i) timed[double(times[i])] = views[i].camera_from_world;
+  for (size_t i = 0; i < views.size(); ++i) {
+    timed[double(times[i])] = geometry::with_origin(views[i].camera_from_world, origin);
+  }
   if (!std::is_sorted(times.begin(), times.end())) {
     warnings.add(time_file.string(), ": times are not in order; poses were sorted by time");
   }
@@ -97,7 +100,8 @@ struct Sources {
   fs::path time_path;
   std::vector<FrameTime> times;
   events::TimeUnit time_unit;
-  std::vector<LlffView> views;
+  std::vector<LlffView> views;  ///< about `origin`
+  geometry::Vector3 origin{};   ///< of the files' coordinates
 };
 
 /// Tools that sort names as text wrote the rows of times and poses in another order.
@@ -107,6 +111,21 @@ void warn_of_order(const Sources& s, const Warnings& warnings) {
       s.images.string(),
       ": names are not padded with zeros; frames go by their numbers (2 before 10), and so "
       "must the rows of timestamps.npz and poses_bounds.npy");
+}
+
+/// Moves the frames' poses to an origin near them where they lie far from that of their files.
+void recentre(Sources& s) {
+  std::vector<geometry::Pose> poses;
+  double near = 0;
+  for (const LlffView& view : s.views) {
+    poses.push_back(view.camera_from_world);
+    near = std::max(near, view.near);
+  }
+  s.origin = origin_of(poses, {}, near);
+  if (geometry::is_zero(s.origin)) return;
+  for (LlffView& view : s.views) {
+    view.camera_from_world = geometry::with_origin(view.camera_from_world, s.origin);
+  }
 }
 
 Sources read_sources(const DatasetOptions& options, const Warnings& warnings) {
@@ -132,6 +151,7 @@ Sources read_sources(const DatasetOptions& options, const Warnings& warnings) {
                            " poses in poses_bounds.npy; there must be one of each per frame"));
   }
   warn_of_order(s, warnings);
+  recentre(s);
   return s;
 }
 
@@ -203,7 +223,7 @@ void check_agreement(const geometry::Trajectory& path, const Sources& s, const W
 
 geometry::Trajectory choose_path(const DatasetOptions& options, const Sources& s, Dataset& data,
                                  const Warnings& warnings) {
-  data.trajectory = read_dense(options.path, s.time_unit, warnings);
+  data.trajectory = read_dense(options.path, s.time_unit, s.origin, warnings);
   if (!data.trajectory.empty()) {
     check_agreement(data.trajectory, s, warnings);
     return data.trajectory;
@@ -267,7 +287,8 @@ void read_points(const fs::path& path, Dataset& data) {
     throw DataError(concat(path.string(), ": found points that are not finite; remove them"));
   }
   if (points.size(0) == 0) return;
-  data.points = points.to(torch::kFloat32);
+  data.points = (geometry::is_zero(data.origin) ? points : with_origin(points, data.origin))
+                    .to(torch::kFloat32);
   data.point_colors = colors.to(torch::kFloat32) / 255;
 }
 
@@ -287,6 +308,7 @@ Dataset load_evdeblur(const DatasetOptions& options, const Warnings& warnings) {
                                    s.time_path.string(), warnings);
   Dataset data;
   data.root = options.path;
+  data.origin = s.origin;
   data.split = split.rule;
   set_bounds(s, data);
   const geometry::Trajectory path = choose_path(options, s, data, warnings);

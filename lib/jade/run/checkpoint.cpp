@@ -16,6 +16,7 @@
 #include "jade/core/check.h"
 #include "jade/core/digest.h"
 #include "jade/core/log.h"
+#include "jade/geometry/origin.h"
 
 namespace jade::run {
 namespace {
@@ -250,6 +251,10 @@ void save_checkpoint(const fs::path& run, const train::TrainState& state,
   all["config"] = bytes_of(info.config);
   all["data_fingerprint"] = bytes_of(info.fingerprint);
   if (!info.restorer_sha256.empty()) all["restorer_sha256"] = bytes_of(info.restorer_sha256);
+  if (!geometry::is_zero(info.origin)) {
+    all["origin"] =
+        torch::tensor({info.origin[0], info.origin[1], info.origin[2]}, torch::kFloat64);
+  }
   all["sha256"] = bytes_of(digest_of(all));
 
   torch::serialize::OutputArchive archive;
@@ -273,6 +278,18 @@ void save_checkpoint(const fs::path& run, const train::TrainState& state,
   for (size_t i = static_cast<size_t>(keep); i < found.size(); ++i) fs::remove(found[i]);
 }
 
+namespace {
+
+/// Scenes that were never moved have none.
+geometry::Vector3 origin_in(const Entries& all) {
+  const auto found = all.find("origin");
+  if (found == all.end() || found->second.numel() != 3) return {0, 0, 0};
+  const auto at = [&](int64_t axis) { return found->second[axis].item<double>(); };
+  return {at(0), at(1), at(2)};
+}
+
+}  // namespace
+
 CheckpointInfo read_checkpoint_info(const fs::path& path) {
   const Entries all = read_archive(path);
   CheckpointInfo info{
@@ -280,6 +297,7 @@ CheckpointInfo read_checkpoint_info(const fs::path& path) {
   if (const auto found = all.find("restorer_sha256"); found != all.end()) {
     info.restorer_sha256 = text_of(found->second);
   }
+  info.origin = origin_in(all);
   return info;
 }
 
@@ -313,7 +331,15 @@ void load_checkpoint(const fs::path& path, train::TrainState& state) {
 }
 
 splat::Gaussians load_checkpoint_gaussians(const fs::path& path) {
-  return take_gaussians(read_archive(path), "gaussians.", path);
+  return load_checkpoint_scene(path).gaussians;
+}
+
+gaussians::GaussianFile load_checkpoint_scene(const fs::path& path) {
+  const Entries all = read_archive(path);
+  gaussians::GaussianFile file;
+  file.gaussians = take_gaussians(all, "gaussians.", path);
+  file.origin = origin_in(all);
+  return file;
 }
 
 void load_checkpoint_allocation(const fs::path& path, router::Allocation& allocation) {

@@ -7,8 +7,8 @@
 #include "jade/config/config.h"
 #include "jade/core/error.h"
 #include "jade/core/log.h"
+#include "jade/data/origin.h"
 #include "jade/eval/metrics.h"
-#include "jade/gaussians/ply.h"
 #include "jade/losses/poses.h"
 #include "jade/run/checkpoint.h"
 #include "jade/run/learned_cameras.h"
@@ -189,22 +189,26 @@ data::Dataset load_run_dataset(const fs::path& run, const train::RunOptions& opt
   return load_posed(run, options).dataset;
 }
 
-splat::Gaussians newest_gaussians(const fs::path& run) {
-  if (fs::exists(run / kSceneFile)) return gaussians::read_ply(run / kSceneFile).gaussians;
+splat::Gaussians newest_gaussians(const fs::path& run) { return newest_scene(run).gaussians; }
+
+gaussians::GaussianFile newest_scene(const fs::path& run) {
+  if (fs::exists(run / kSceneFile)) return gaussians::read_ply(run / kSceneFile);
   const auto checkpoints = list_checkpoints(run);
   if (checkpoints.empty()) {
     throw DataError(concat(run.string(), ": expected ", kSceneFile,
                            " or a checkpoint, found neither; is this the --output of jade_train?"));
   }
-  return from_newest(checkpoints, load_checkpoint_gaussians);
+  return from_newest(checkpoints, load_checkpoint_scene);
 }
 
 FinishedRun open_run(const fs::path& run, const train::RunOptions& options) {
   PosedData posed = load_posed(run, options);
   // Poses and scene of one step.
-  return {std::move(posed.dataset), posed.checkpoint.empty()
-                                        ? newest_gaussians(run)
-                                        : load_checkpoint_gaussians(posed.checkpoint)};
+  gaussians::GaussianFile scene =
+      posed.checkpoint.empty() ? newest_scene(run) : load_checkpoint_scene(posed.checkpoint);
+  // Another data set of the same place may have another origin.
+  data::move_origin(posed.dataset, scene.origin);
+  return {std::move(posed.dataset), std::move(scene.gaussians)};
 }
 
 }  // namespace jade::run

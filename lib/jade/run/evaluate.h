@@ -7,6 +7,7 @@
 
 #include "jade/data/exposure.h"
 #include "jade/eval/report.h"
+#include "jade/gaussians/ply.h"
 #include "jade/splat/render.h"
 #include "jade/train/options.h"
 
@@ -61,6 +62,9 @@ data::Dataset load_run_dataset(const std::filesystem::path& run, const train::Ru
 /// checkpoint.
 /// @throws DataError where there are none, CheckpointError naming the path.
 splat::Gaussians newest_gaussians(const std::filesystem::path& run);
+
+/// The same with their origin.
+gaussians::GaussianFile newest_scene(const std::filesystem::path& run);
 
 /// A run directory as other programs use it: its data and its newest Gaussians.
 struct FinishedRun {

@@ -11,6 +11,7 @@
 #include "jade/core/progress.h"
 #include "jade/data/cameras.h"
 #include "jade/geometry/alignment.h"
+#include "jade/geometry/origin.h"
 #include "jade/geometry/quadrature.h"
 #include "jade/geometry/se3.h"
 #include "jade/imaging/ssim.h"
@@ -164,12 +165,21 @@ data::Dataset with_learned_poses(const data::Dataset& dataset, const train::Expo
 }
 
 void write_learned_cameras(const std::filesystem::path& path, const data::Dataset& dataset) {
-  data::write_cameras(path, all_cameras(dataset));
+  std::vector<data::NamedCamera> cameras = all_cameras(dataset);
+  const geometry::Vector3& o = dataset.origin;
+  for (data::NamedCamera& camera : cameras) {
+    camera.camera_from_world =
+        geometry::with_origin(camera.camera_from_world, {-o[0], -o[1], -o[2]});
+  }
+  data::write_cameras(path, cameras);
 }
 
 void read_learned_cameras(const std::filesystem::path& path, data::Dataset& dataset) {
-  const std::vector<data::NamedCamera> expected = all_cameras(dataset),
-                                       found = data::read_cameras(path);
+  const std::vector<data::NamedCamera> expected = all_cameras(dataset);
+  std::vector<data::NamedCamera> found = data::read_cameras(path);
+  for (data::NamedCamera& camera : found) {
+    camera.camera_from_world = geometry::with_origin(camera.camera_from_world, dataset.origin);
+  }
   const auto same = [](const data::NamedCamera& a, const data::NamedCamera& b) {
     return a.name == b.name && a.camera.width == b.camera.width &&
            a.camera.height == b.camera.height;

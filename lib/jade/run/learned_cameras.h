@@ -38,7 +38,8 @@ data::Dataset with_learned_poses(const data::Dataset& dataset, const train::Expo
                                  OnInterrupt on_interrupt = OnInterrupt::kEnd);
 
 /// Writes kLearnedCamerasFile of a run directory: the test views by name and the nine poses of each
-/// exposure, in the form that data::read_cameras() reads.
+/// exposure, in the form that data::read_cameras() reads,
+/// in the coordinates of the data set.
 void write_learned_cameras(const std::filesystem::path& path, const data::Dataset& dataset);
 
 /// Puts the poses of such a file into the data set.

@@ -19,6 +19,7 @@
 #include "jade/core/version.h"
 #include "jade/eval/metrics.h"
 #include "jade/gaussians/ply.h"
+#include "jade/geometry/origin.h"
 #include "jade/imaging/image_io.h"
 #include "jade/losses/poses.h"
 #include "jade/response/identity_fit.h"
@@ -203,6 +204,7 @@ void Trainer::announce() const {
                   camera.height, data_.dataset.monochrome ? ", monochrome, " : " in colour, ",
                   event_count, " events; ", data_.dataset.test.size(), " sharp test views (",
                   data_.dataset.split, ")"));
+  for (const std::string& note : data_.dataset.notes) log_info("data        " + note);
   log_info(concat("scene       ", state_.gaussians.size(), " Gaussians, extent ",
                   state_.gaussians.extent(), ", near plane ",
                   train::render_options(options_).near_plane));
@@ -228,6 +230,7 @@ void Trainer::write_environment() const {
                                      {"seed", options_.seed},
                                      {"data_fingerprint", data_.fingerprint}};
   if (!data_.restorer_sha256.empty()) environment["restorer_sha256"] = data_.restorer_sha256;
+  if (!geometry::is_zero(data_.dataset.origin)) environment["origin"] = data_.dataset.origin;
   write_file(directory_.path() / "env.json", environment.dump(2) + "\n");
 }
 
@@ -303,9 +306,10 @@ void Trainer::log_step(const train::StepInputs& inputs, const train::StepOutputs
 
 void Trainer::save() {
   monitor_.check();
-  save_checkpoint(directory_.path(), state_,
-                  {yaml_of(options_), data_.fingerprint, data_.restorer_sha256},
-                  options_.checkpoint.keep);
+  save_checkpoint(
+      directory_.path(), state_,
+      {yaml_of(options_), data_.fingerprint, data_.restorer_sha256, data_.dataset.origin},
+      options_.checkpoint.keep);
 }
 
 bool Trainer::can_evaluate() const {
@@ -416,7 +420,8 @@ void Trainer::finish() {
     write_learned_cameras(directory_.path() / kLearnedCamerasFile, posed);
   }
   // After its cameras, as it tells others that the run has ended.
-  gaussians::write_ply(directory_.path() / kSceneFile, {state_.gaussians.detached()});
+  gaussians::write_ply(directory_.path() / kSceneFile,
+                       {state_.gaussians.detached(), false, data_.dataset.origin});
   times_.end("test poses, scene");
   write_pictures(posed, /*truths=*/true);
   times_.end("pictures");
@@ -444,6 +449,11 @@ void Trainer::finish() {
   log_info("time        " + times_.text());
   log_info(concat("report      ", (directory_.path() / kReportFile).string()));
   log_info(concat("scene       ", (directory_.path() / kSceneFile).string()));
+  if (!geometry::is_zero(data_.dataset.origin)) {
+    log_info(concat("coordinates of the scene are about (", geometry::text_of(data_.dataset.origin),
+                    ") of the data set; jade_export --run ", directory_.path().string(),
+                    " --output FILE.ply writes those of the data set"));
+  }
 }
 
 void Trainer::run(Watcher* watcher) {

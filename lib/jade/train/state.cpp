@@ -46,6 +46,7 @@ gaussians::InitSources init_sources(const data::Dataset& dataset) {
   for (const data::Exposure& exposure : dataset.train) {
     sources.views.push_back({exposure.poses[geometry::kMidPose], exposure.camera, exposure.blurry});
   }
+  sources.origin = dataset.origin;
   sources.near = dataset.near;
   sources.far = dataset.far;
   sources.points.points = dataset.points;
@@ -144,8 +145,31 @@ int64_t most_at_start(const gaussians::DensifyOptions& options) {
   return bounded ? options.max_gaussians : std::numeric_limits<int64_t>::max();
 }
 
+/// What has a value of its own for each pixel of the sensor has no use for frames of other sizes.
+/// @throws ConfigError naming the key.
+void check_sizes(const RunOptions& options, const data::Dataset& dataset) {
+  const auto& first = dataset.train.front().camera;
+  const auto other =
+      std::find_if(dataset.train.begin(), dataset.train.end(), [&](const data::Exposure& exposure) {
+        return exposure.camera.width != first.width || exposure.camera.height != first.height;
+      });
+  if (other == dataset.train.end()) return;
+  const char* key = nullptr;
+  if (options.objective.target == losses::Target::kRouted &&
+      options.allocation.kind == router::AllocationKind::kPerViewMap) {
+    key = "allocation.kind per_view_map";
+  }
+  if (options.sensor.learn_gain) key = "sensor.learn_gain";
+  if (options.objective.event_loss_weight > 0) key = "objective.event_loss_weight";
+  if (key == nullptr) return;
+  throw ConfigError(concat(key, ": expected frames of one size, found ", first.width, "x",
+                           first.height, " and ", other->camera.width, "x", other->camera.height,
+                           " (", other->name, "); leave the key at its default"));
+}
+
 TrainState make_state(const RunOptions& options, const data::Dataset& dataset,
                       splat::Gaussians gaussians, torch::Device device) {
+  check_sizes(options, dataset);
   const auto& camera = dataset.train.front().camera;
   Start start;
   start.gaussians = std::move(gaussians);
