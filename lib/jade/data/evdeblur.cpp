@@ -3,10 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <map>
 #include <numeric>
+#include <sstream>
 #include <torch/types.h>
 
+#include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/data/bayer.h"
 #include "jade/data/frame_times.h"
@@ -21,6 +24,8 @@ namespace jade::data {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr double kMostGain = 1000;
 
 /// Timed poses in any order, the last of equal times winning.
 using TimedPoses = std::map<double, geometry::Pose>;
@@ -292,6 +297,37 @@ void read_points(const fs::path& path, Dataset& data) {
   data.point_colors = colors.to(torch::kFloat32) / 255;
 }
 
+/// Lines "name,gain" after a header: how bright frames are of one scene.
+void read_gains(const fs::path& path, Dataset& data) {
+  if (!fs::exists(path)) return;
+  std::map<std::string, double> gains;
+  std::istringstream text(read_file(path));
+  int64_t number = 0;
+  for (std::string line; std::getline(text, line);) {
+    if (++number == 1 || line.empty()) continue;
+    const auto comma = line.rfind(',');
+    double gain = 0;
+    if (comma != std::string::npos) gain = std::strtod(line.c_str() + comma + 1, nullptr);
+    if (!(gain > 0 && gain < kMostGain)) {
+      throw DataError(concat(path.string(), ":", number,
+                             ": expected \"name,gain\" with a gain between 0 and ", kMostGain,
+                             ", found '", line, "'; correct the line or remove the file"));
+    }
+    gains[line.substr(0, comma)] = gain;
+  }
+  const auto set = [&](auto& frame) {
+    const auto found = gains.find(frame.name);
+    if (found == gains.end()) return;
+    frame.gain = found->second;
+    gains.erase(found);
+  };
+  for (Exposure& exposure : data.train) set(exposure);
+  for (SharpView& view : data.test) set(view);
+  if (gains.empty()) return;
+  throw DataError(concat(path.string(), ": expected names of frames, found '", gains.begin()->first,
+                         "'; correct the line or remove the file"));
+}
+
 }  // namespace
 
 bool is_evdeblur(const fs::path& folder) {
@@ -325,6 +361,7 @@ Dataset load_evdeblur(const DatasetOptions& options, const Warnings& warnings) {
   }
   attach_events(options, span, keep, warnings, data);
   read_points(options.path / "points.npz", data);
+  read_gains(options.path / kGainFile, data);
   const fs::path color_map = options.path / "ev_map.npz";
   if (options.color_events && fs::exists(color_map)) {
     const geometry::Intrinsics& camera = data.train.front().camera;
