@@ -86,8 +86,7 @@ nlohmann::json numbers_of(const run::Trainer& trainer) {
 }  // namespace
 
 void check_run_input(const train::RunOptions& options) {
-  if (options.objective.target == losses::Target::kRouted ||
-      options.objective.restored_poses == losses::RestoredPoses::kAll) {
+  if (options.objective.target == losses::Target::kRouted || train::restored_every(options) > 0) {
     throw_not_fixed();
   }
 }

@@ -41,6 +41,15 @@ TEST_CASE("pose draws: a fourth for the target leaves the three as they are, and
   }
   for (const int count : seen) CHECK(std::abs(count - 1100 / 9) < 50);
   CHECK(three.on_host(7)[2] == four.on_host(7)[2]);
+  train::PoseDraws some(3, torch::kCPU, 9, true, 4);
+  std::array<int, 3> ends{};
+  for (int64_t step = 1; step <= 300; ++step) {
+    REQUIRE(some.at(step).narrow(0, 0, 3).equal(three.at(step)));
+    const int64_t pose = some.on_host(step)[3];
+    REQUIRE(pose % 4 == 0);
+    ++ends[static_cast<size_t>(pose / 4)];
+  }
+  for (const int count : ends) CHECK(count > 70);
 }
 
 TEST_CASE("term weights: those of the step, and none where nothing falls", "[train]") {

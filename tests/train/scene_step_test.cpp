@@ -78,7 +78,7 @@ TEST_CASE(
   const train::RunOptions usual = bench.options;
   const auto terms_with = [&](double contrast, double thresholds) {
     bench.options.objective.edi_contrast = contrast;
-    bench.options.events.threshold_positive *= thresholds;
+    bench.options.events.threshold_positive = thresholds * bench.options.events.threshold_positive;
     bench.options.events.threshold_negative *= thresholds;
     bench.views = train::prepare_views(bench.dataset, bench.options, torch::kCPU);
     bench.state = train::make_state(bench.options, bench.dataset, torch::kCPU);

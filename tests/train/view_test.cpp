@@ -89,7 +89,7 @@ TEST_CASE("views: objective.edi_contrast leaves both restorations as they are", 
   CHECK(taught.restorations.edi.equal(plain.restorations.edi));
   CHECK(taught.edi_factors.equal(plain.edi_factors));
   options.objective.edi_contrast = 1;
-  options.events.threshold_positive *= 1.5;
+  options.events.threshold_positive = 1.5 * options.events.threshold_positive;
   options.events.threshold_negative *= 1.5;
   CHECK(torch::allclose(taught.taught_factors, view().edi_factors, 1e-5));
 }
@@ -131,6 +131,31 @@ TEST_CASE(
   CHECK(middle.psi.equal(view.psi));
   CHECK(middle.reblur_kernel.equal(view.reblur_kernel));
   CHECK_THROWS_AS(train::at_pose(view, 9, options), ContractError);
+}
+
+TEST_CASE("views: of three restored poses each is the one that all would give", "[train]") {
+  const test::TinyScene scene;
+  train::RunOptions options = test::all_poses_options(scene);
+  const data::Dataset dataset = data::load_dataset(options.dataset);
+  const train::View all = train::prepare_views(dataset, options, torch::kCPU)[1];
+  train::RunOptions three = options;
+  three.objective.restored_poses = losses::RestoredPoses::kThree;
+  const train::View some = train::prepare_views(dataset, three, torch::kCPU)[1];
+  CHECK(some.restored_poses.efnet.size(0) == 3);
+  CHECK(train::restored_times(three) == std::vector<double>{0, 0.5, 1});
+  for (const int64_t k : {0, 4, 8}) {
+    const train::View a = train::at_pose(all, k, options), b = train::at_pose(some, k, three);
+    CHECK(torch::allclose(a.restorations.efnet, b.restorations.efnet, 0, 1e-3));
+    CHECK(a.restorations.edi.equal(b.restorations.edi));
+    CHECK(a.psi.equal(b.psi));
+    CHECK(a.reblur_kernel.equal(b.reblur_kernel));
+  }
+  three.exposure.samples = 17;
+  CHECK(train::restored_every(three) == 8);
+  three.objective.restored_poses = losses::RestoredPoses::kNine;
+  CHECK(train::restored_times(three).size() == 9);
+  three.exposure.samples = 11;
+  CHECK_THROWS_WITH(train::validate(three), Catch::Contains("exposure.samples"));
 }
 
 TEST_CASE("views: a fixed target at a pose is made of the restorations there", "[train]") {

@@ -180,7 +180,7 @@ ObjectivePlan plan_objective(const ObjectiveOptions& options, int64_t step) {
   const bool over = options.target_until != 0 && step > options.target_until;
   plan.target = options.target != Target::kNone && (!over || options.trust.agreement > 0);
   plan.agreed_target = plan.target && over;
-  plan.drawn_target = plan.target && options.restored_poses == RestoredPoses::kAll;
+  plan.drawn_target = plan.target && options.restored_poses != RestoredPoses::kMiddle;
   plan.blur = options.blur;
   plan.edi = options.edi_supervision;
   plan.simulation = options.simulation && step > options.simulation_start;

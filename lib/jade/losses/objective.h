@@ -34,11 +34,14 @@ constexpr auto words_of(Target) {
 }
 
 /// Which poses of an exposure the target, and with it fusion and routing, act at.
-enum class RestoredPoses { kMiddle, kAll };
+enum class RestoredPoses { kMiddle, kThree, kNine, kAll };
 
 constexpr auto words_of(RestoredPoses) {
-  return std::array{Word{"middle", RestoredPoses::kMiddle, "mid-exposure, as printed"},
-                    Word{"all", RestoredPoses::kAll, "one of all poses, drawn for every step"}};
+  return std::array{
+      Word{"middle", RestoredPoses::kMiddle, "mid-exposure, as printed"},
+      Word{"three", RestoredPoses::kThree, "one of start, middle and end, drawn for every step"},
+      Word{"nine", RestoredPoses::kNine, "one of nine at equal steps, drawn for every step"},
+      Word{"all", RestoredPoses::kAll, "one of all poses, drawn for every step"}};
 }
 
 /// Where the time windows of L_ev lie.
@@ -85,8 +88,8 @@ void describe(V& v, ObjectiveOptions& o) {
           "after this step that term and the routing step rest, but see trust.agreement; 0: never",
           Range{0, 1e9});
   v.field("restored_poses", o.restored_poses,
-          "poses of that term, fusion and the routing step; all restores every pose, needs a "
-          "restorer of version 2 where the target reads EFNet");
+          "poses of that term, fusion and the routing step; all but middle need a restorer of "
+          "version 2 where the target reads EFNet");
   v.field("blur", o.blur, "L_blur: mean of the renders against the blurry frame");
   v.field("edi_supervision", o.edi_supervision, "L_edi in gray and in colour, at drawn poses");
   v.field("edi_weight", o.edi_weight, "weight of both", Range{0, 1e3});

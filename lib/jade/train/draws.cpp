@@ -35,7 +35,9 @@ void PoseDraws::draw_block_of(int64_t step) {
   on_host_ = torch::randint(samples_, {kBlock, 3}, generator, torch::kInt64);
   if (target_) {
     auto of_target = make_generator(seed_, concat("target poses of block ", block));
-    const auto fourth = torch::randint(samples_, {kBlock, 1}, of_target, torch::kInt64);
+    const int64_t choices = (samples_ - 1) / target_every_ + 1;
+    const auto fourth =
+        torch::randint(choices, {kBlock, 1}, of_target, torch::kInt64) * target_every_;
     on_host_ = torch::cat({on_host_, fourth}, 1);
   }
   draws_ = on_host_.to(device_);

@@ -26,13 +26,18 @@ class ViewOrder {
 };
 
 /// The poses of L_edi gray, L_edi colour and L_sim for each step, and of L_tgt where it is asked
-/// for, each uniform in 0..K−1. A block of steps is drawn and brought to the device at once. Asking
-/// for the fourth changes none of the three.
+/// for, each uniform in 0..K−1, the last among every `target_every`-th of them. A block of steps is
+/// drawn and brought to the device at once. Asking for the fourth changes none of the three.
 class PoseDraws {
  public:
   PoseDraws() = default;
-  PoseDraws(uint64_t seed, torch::Device device, int64_t samples = 9, bool target = false)
-      : seed_(seed), device_(device), samples_(samples), target_(target) {}
+  PoseDraws(uint64_t seed, torch::Device device, int64_t samples = 9, bool target = false,
+            int64_t target_every = 1)
+      : seed_(seed),
+        device_(device),
+        samples_(samples),
+        target_(target),
+        target_every_(target_every) {}
   /// [3] int64 on the device, [4] with that of L_tgt. @param step  counted from 1.
   torch::Tensor at(int64_t step);
   /// The same as the host knows it, without waiting for the device; valid until the next call.
@@ -45,6 +50,7 @@ class PoseDraws {
   torch::Device device_ = torch::kCPU;
   int64_t samples_ = 9;
   bool target_ = false;
+  int64_t target_every_ = 1;
   int64_t block_ = -1;
   torch::Tensor draws_, on_host_;  // [kBlock,3] or [kBlock,4]
 };

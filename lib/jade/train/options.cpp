@@ -19,15 +19,21 @@ bool has_nine_equal_moments(const RunOptions& options) {
          options.exposure.quadrature == geometry::QuadratureRule::kEqual;
 }
 
-/// objective.restored_poses all, against what knows the middle only.
+/// objective.restored_poses but for middle, against what knows the middle only.
 void validate_restored_poses(const RunOptions& options) {
-  if (options.objective.restored_poses != losses::RestoredPoses::kAll) return;
+  const losses::RestoredPoses poses = options.objective.restored_poses;
+  if (poses == losses::RestoredPoses::kMiddle) return;
+  if (poses == losses::RestoredPoses::kNine && (options.exposure.samples - 1) % 8 != 0) {
+    throw ConfigError(concat(
+        "exposure.samples: expected 9, 17, 25, ... with objective.restored_poses nine, found ",
+        options.exposure.samples));
+  }
   const losses::Target target = options.objective.target;
   if (target == losses::Target::kBlurry || target == losses::Target::kImageFolder) {
-    throw ConfigError(concat(
-        "objective.restored_poses all: expected a target that is restored (routed, edi, efnet or "
-        "mean), found ",
-        word_of(target), ", which is of mid-exposure only; set restored_poses middle"));
+    throw ConfigError(
+        concat("objective.restored_poses ", word_of(poses),
+               ": expected a target that is restored (routed, edi, efnet or mean), found ",
+               word_of(target), ", which is of mid-exposure only; set restored_poses middle"));
   }
 }
 
@@ -65,6 +71,30 @@ bool needs_efnet(const RunOptions& options) {
   const losses::Target target = options.objective.target;
   return target == losses::Target::kEfnet || target == losses::Target::kMean ||
          (is_routed(options) && !routed_to_edi(options));
+}
+
+int64_t restored_every(const RunOptions& options) {
+  const int64_t steps = options.exposure.samples - 1;
+  switch (options.objective.restored_poses) {
+    case losses::RestoredPoses::kMiddle:
+      return 0;
+    case losses::RestoredPoses::kThree:
+      return steps / 2;
+    case losses::RestoredPoses::kNine:
+      return steps / 8;
+    case losses::RestoredPoses::kAll:
+      break;
+  }
+  return 1;
+}
+
+std::vector<double> restored_times(const RunOptions& options) {
+  std::vector<double> times;
+  const auto every = static_cast<size_t>(restored_every(options));
+  if (every == 0) return times;
+  const auto u = geometry::quadrature(options.exposure.quadrature, options.exposure.samples).u;
+  for (size_t k = 0; k < u.size(); k += every) times.push_back(u[k]);
+  return times;
 }
 
 int64_t calendar_steps(const RunOptions& options) {

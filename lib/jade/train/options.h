@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "jade/core/fields.h"
 #include "jade/data/dataset.h"
@@ -142,6 +143,13 @@ bool routed_to_edi(const RunOptions& options);
 
 /// True when the options ask for F(B, V): a routed, EFNet or mean target.
 bool needs_efnet(const RunOptions& options);
+
+/// Every so many of an exposure's moments are restored, from the first on, for
+/// objective.restored_poses; 0: mid-exposure alone.
+int64_t restored_every(const RunOptions& options);
+
+/// The moments that are restored, 0 the start and 1 the end; empty: mid-exposure alone.
+std::vector<double> restored_times(const RunOptions& options);
 
 /// The steps that shares are of.
 int64_t calendar_steps(const RunOptions& options);

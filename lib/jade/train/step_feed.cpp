@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/train/step_feed.h"
 
+#include <algorithm>
 #include <torch/types.h>
 
 namespace jade::train {
 namespace {
 
 bool draws_target_pose(const RunOptions& options) {
-  return options.objective.restored_poses == losses::RestoredPoses::kAll &&
-         options.objective.target != losses::Target::kNone;
+  return restored_every(options) > 0 && options.objective.target != losses::Target::kNone;
 }
 
 /// What no step reads need not be copied for one.
@@ -27,7 +27,7 @@ StepFeed::StepFeed(const data::Dataset& dataset, const RunOptions& options, torc
       views_(prepare_views(dataset, options, device, std::move(early))),
       order_(static_cast<uint64_t>(options.seed), static_cast<int64_t>(views_.size())),
       pose_draws_(static_cast<uint64_t>(options.seed), device, options.exposure.samples,
-                  draws_target_pose(options)),
+                  draws_target_pose(options), std::max<int64_t>(restored_every(options), 1)),
       term_weights_(options.objective, calendar_steps(options), device),
       view_picks_(torch::arange(static_cast<int64_t>(views_.size()), torch::kInt64).to(device)) {
   const auto seed = static_cast<uint64_t>(options.seed);

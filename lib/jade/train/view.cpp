@@ -95,13 +95,7 @@ torch::Tensor fixed_target(const View& view, const RunOptions& options, bool mon
   }
 }
 
-bool restores_all_poses(const RunOptions& options) {
-  return options.objective.restored_poses == losses::RestoredPoses::kAll;
-}
-
-std::vector<double> moments_of(const RunOptions& options) {
-  return geometry::quadrature(options.exposure.quadrature, options.exposure.samples).u;
-}
+bool restores_poses(const RunOptions& options) { return restored_every(options) > 0; }
 
 /// c of Eq. (7). The paper's 1 makes the operator a scale-free surrogate; the calibrated c turns it
 /// into the exposure model that EDI inverts.
@@ -127,7 +121,7 @@ std::vector<geometry::Pose> sample_poses(const data::Exposure& exposure, const E
 restore::RestoreOptions restore_options(const RunOptions& options) {
   restore::RestoreOptions out{options.events, options.exposure, 0};
   out.taught_contrast = options.objective.edi_contrast;
-  if (restores_all_poses(options)) out.times = moments_of(options);
+  out.times = restored_times(options);
   return out;
 }
 
@@ -143,7 +137,7 @@ torch::Tensor in_half(const torch::Tensor& moments, const torch::Tensor& mask = 
 bool reads_edi_at_poses(const RunOptions& options) {
   const losses::Target target = options.objective.target;
   return options.objective.edi_contrast == 1 ||
-         (restores_all_poses(options) && target != losses::Target::kEfnet &&
+         (restores_poses(options) && target != losses::Target::kEfnet &&
           target != losses::Target::kNone);
 }
 
@@ -152,14 +146,14 @@ bool reads_edi_at_poses(const RunOptions& options) {
 void put_aside_unread(const RunOptions& options, View& view) {
   view.density = view.density.cpu();
   if (options.objective.target == losses::Target::kRouted) return;
-  if (restores_all_poses(options)) view.fixed_target = torch::Tensor();
+  if (restores_poses(options)) view.fixed_target = torch::Tensor();
   for (torch::Tensor* const each :
        {&view.psi, &view.reblur_kernel, &view.restorations.edi, &view.restorations.efnet}) {
     if (each->defined()) *each = each->cpu();
   }
 }
 
-/// What objective.restored_poses all reads at every pose of the view.
+/// What objective.restored_poses reads at every restored pose of the view.
 PoseRestorations restorations_of_poses(const restore::RestoredExposure& restored,
                                        const torch::Tensor& mask, const RunOptions& options) {
   const events::EventVoxel& voxel = restored.maps.voxel;
@@ -167,7 +161,7 @@ PoseRestorations restorations_of_poses(const restore::RestoredExposure& restored
   if (restored.efnet_at.defined()) out.efnet = in_half(restored.efnet_at, mask);
   if (!plan_step(options, 1).route) return out;
   std::vector<torch::Tensor> psi, kernels;
-  for (const double moment : moments_of(options)) {
+  for (const double moment : restored_times(options)) {
     psi.push_back(events::polarity_projection(voxel.values, moment));
     kernels.push_back(imaging::reblur_kernel(voxel, reblur_contrast(voxel, options), moment));
   }
@@ -208,7 +202,7 @@ View prepare_view(const data::Exposure& exposure, restore::ExposureSums sums,
     view.weights = torch::tensor(sum.weights, torch::kFloat64).to(device, torch::kFloat32);
   }
   view.fixed_target = fixed_target(view, options, dataset.monochrome, device);
-  if (restores_all_poses(options)) {
+  if (restores_poses(options)) {
     view.restored_poses = restorations_of_poses(restored, view.mask, options);
   }
   put_aside_unread(options, view);
@@ -220,8 +214,9 @@ View prepare_view(const data::Exposure& exposure, restore::ExposureSums sums,
 View at_pose(const View& view, int64_t pose, const RunOptions& options) {
   JADE_CHECK(pose >= 0 && pose < view.u.size(0), "expected a pose below ", view.u.size(0),
              ", found ", pose);
-  const auto replace = [pose](torch::Tensor& of_middle, const torch::Tensor& of_poses) {
-    if (of_poses.defined()) of_middle = of_poses[pose].to(torch::kFloat32);
+  const int64_t row = pose / std::max<int64_t>(restored_every(options), 1);
+  const auto replace = [row](torch::Tensor& of_middle, const torch::Tensor& of_poses) {
+    if (of_poses.defined()) of_middle = of_poses[row].to(torch::kFloat32);
   };
   View out = view;
   out.restored_poses = {};
@@ -271,7 +266,7 @@ std::vector<View> prepare_views(const data::Dataset& dataset, const RunOptions& 
   const auto efnet = needs_efnet(options) ? std::optional(options.efnet) : std::nullopt;
   restore::ViewRestorer restorer(options.cache, efnet, device, dataset.monochrome,
                                  std::move(early));
-  if (efnet && restores_all_poses(options)) restorer.check_times(moments_of(options));
+  if (efnet && restores_poses(options)) restorer.check_times(restored_times(options));
   Progress progress("restoring", static_cast<int64_t>(dataset.train.size()), 0, "views");
   std::vector<View> views;
   const std::vector<ExposureSpan> spans = exposure_spans(dataset);

@@ -16,12 +16,13 @@
 
 namespace jade::train {
 
-/// What the target, fusion and the routing step read at each pose, for objective.restored_poses
-/// all. Row k is of moment u_k. Undefined where nothing asks for it; EDI there is R_k ⊙ B.
+/// What the target, fusion and the routing step read at each restored pose, for
+/// objective.restored_poses but for middle. Row r is of moment u_k, k = r restored_every().
+/// Undefined where nothing asks for it; EDI there is R_k ⊙ B.
 struct PoseRestorations {
-  torch::Tensor efnet;          ///< [K,3,H,W] float16, as there are many, F(B, V, u_k)
-  torch::Tensor psi;            ///< [K,2,H,W] Ψ(V) about u_k
-  torch::Tensor reblur_kernel;  ///< [K,1,H,W] K(V) about u_k
+  torch::Tensor efnet;          ///< [R,3,H,W] float16, as there are many, F(B, V, u_k)
+  torch::Tensor psi;            ///< [R,2,H,W] Ψ(V) about u_k
+  torch::Tensor reblur_kernel;  ///< [R,1,H,W] K(V) about u_k
 
   /// Calls `visitor(name, tensor)` for every tensor, once.
   template <class Visitor>
@@ -61,7 +62,7 @@ struct View {
   torch::Tensor density;               ///< [H,W] events of either polarity
   restore::Restorations restorations;  ///< I_edi and F; F undefined where nothing asks for it
   torch::Tensor fixed_target;       ///< [3,H,W] target that no router decides; undefined if routed
-  PoseRestorations restored_poses;  ///< undefined but for objective.restored_poses all
+  PoseRestorations restored_poses;  ///< undefined for objective.restored_poses middle
   splat::CameraBatch cameras;       ///< the K poses
   torch::Tensor u;        ///< [K] float64, their moments: 0 is the exposure's start, 1 its end
   torch::Tensor weights;  ///< [K] of the mean of their renders; undefined: 1/K each
@@ -94,8 +95,8 @@ struct View {
 /// Ψ, K(V), both restorations (EDI is left out where EFNet alone is the target) and the fixed
 /// target. What it has of all poses stays behind, so that a recorded step need not copy
 /// it. Does not wait for the device.
-/// @param view  prepared with objective.restored_poses all
-/// @param pose  k
+/// @param view  prepared with these options, of objective.restored_poses other than middle
+/// @param pose  k, one that is restored
 View at_pose(const View& view, int64_t pose, const RunOptions& options);
 
 /// SHA-256 of the restorer's file; empty where the options need none.
