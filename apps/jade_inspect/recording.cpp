@@ -2,6 +2,7 @@
 #include "jade_inspect/recording.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -9,6 +10,7 @@
 #include <vector>
 
 #include "common/shell.h"
+#include "jade/core/readable.h"
 #include "jade/recording/recording.h"
 
 namespace jade::apps {
@@ -110,9 +112,9 @@ void print_recording(const Recording& r, const RecordingNumbers& n) {
   if (r.events.empty()) {
     std::printf("events      none\n");
   } else {
-    std::printf("events      %ld from %.6f to %.6f s (%.4g s), %.4g a second, %.1f %% positive\n",
-                long(n.events), n.first_s, n.last_s, n.last_s - n.first_s, n.rate_hz,
-                100 * n.positive);
+    std::printf("events      %s from %.6f to %.6f s (%.4g s), %s events/s, %.1f %% positive\n",
+                grouped(n.events).c_str(), n.first_s, n.last_s, n.last_s - n.first_s,
+                grouped(std::llround(n.rate_hz)).c_str(), 100 * n.positive);
   }
   print_frames(r, n);
   if (!r.triggers.rising_us.empty() || !r.triggers.falling_us.empty()) {

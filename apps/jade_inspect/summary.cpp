@@ -6,6 +6,8 @@
 #include <cstdio>
 #include <torch/types.h>
 
+#include "jade/core/readable.h"
+
 namespace jade::apps {
 namespace {
 
@@ -81,14 +83,17 @@ void print_events(const Inspection& inspection) {
     return;
   }
   const double seconds = 1e-6 * double(d.events.last_us() - d.events.first_us());
-  std::printf("events      %ld from %.4f to %.4f s, %.0f a second, %.0f %% positive, %s\n",
-              long(d.events.size()), 1e-6 * double(d.events.first_us()),
-              1e-6 * double(d.events.last_us()), double(d.events.size()) / std::max(seconds, 1e-6),
+  const double rate_hz = double(d.events.size()) / std::max(seconds, 1e-6);
+  std::printf("events      %s from %.4f to %.4f s, %s events/s, %.0f %% positive, %s\n",
+              grouped(d.events.size()).c_str(), 1e-6 * double(d.events.first_us()),
+              1e-6 * double(d.events.last_us()), grouped(std::llround(rate_hz)).c_str(),
               100 * positive_share(d.events),
               d.event_color.defined() ? "with a colour filter" : "without colours");
   const data::ThresholdEstimate& t = inspection.thresholds;
   if (!t.found) {
-    std::printf("thresholds  cannot be estimated from these frames and events\n");
+    std::printf(
+        "thresholds  cannot be estimated from these frames and events; jade_train takes 0.25 "
+        "where none are set\n");
     return;
   }
   std::printf(
@@ -99,6 +104,9 @@ void print_events(const Inspection& inspection) {
       "stays unexplained\n",
       t.thresholds.positive, t.thresholds.negative, inspection.log_offset, t.spread.positive,
       t.spread.negative, 100 * t.unexplained);
+  if (inspection.log_offset == 0) {
+    std::printf("            jade_train and jade_deblur take these where none are set\n");
+  }
 }
 
 void print_exposures(const Dataset& d) {

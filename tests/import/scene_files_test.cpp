@@ -119,9 +119,7 @@ TEST_CASE("scene files: the data set loads with poses, points and held-out expos
   const std::string list = read_file(dir / "frames.csv"), yaml = read_file(dir / "scene.yaml");
   CHECK_THAT(list, Catch::Contains("2,held out,shot2,60000,80000,5\n"));
   CHECK_THAT(list, Catch::Contains("4,test,shot3,"));
-  CHECK_THAT(yaml, Catch::Contains("extends: base.yaml"));
   CHECK_THAT(yaml, Catch::Contains("threshold_positive: 0.25"));
-  CHECK_THAT(read_file(dir / "base.yaml"), Catch::Contains("optimize: cubic"));
 }
 
 TEST_CASE("scene files: a second import leaves nothing of the first", "[import]") {

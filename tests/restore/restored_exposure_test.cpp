@@ -187,7 +187,7 @@ TEST_CASE("restore_exposure: what teaches has a contrast of its own", "[restore]
   CHECK(taught.gain.equal(plain.gain));
   CHECK(taught.restorations.edi.equal(plain.restorations.edi));
   options.taught_contrast = 1;
-  options.events.threshold_positive *= 1.4;
+  options.events.threshold_positive = 1.4 * options.events.threshold_positive;
   const RestoredExposure scaled = found();
   CHECK(torch::allclose(taught.taught_gain, scaled.gain, 1e-5));
   CHECK_FALSE(torch::allclose(taught.taught_gain, plain.gain, 1e-3));

@@ -40,12 +40,6 @@ auto read_json(const fs::path& file, const Read& read) {
   }
 }
 
-bool is_default(const events::EventOptions& options) {
-  const events::EventOptions fresh;
-  return options.threshold_positive == fresh.threshold_positive &&
-         options.threshold_negative == fresh.threshold_negative;
-}
-
 torch::Tensor mask_of(const std::vector<HotPixel>& pixels, const events::ImageSize& sensor) {
   torch::Tensor mask = torch::zeros({sensor.height, sensor.width}, torch::kBool);
   for (const HotPixel& pixel : pixels) mask[pixel.row][pixel.column] = true;
@@ -229,7 +223,7 @@ SensorFinding find_sensor(const SensorOptions& options, const events::EventOptio
   finding.gains = gains_of(cleaned);
   finding.said += said_of_gains(finding.gains);
   finding.thresholds = events.thresholds();
-  if (!is_default(events) || !options.find_thresholds) {
+  if (!events.threshold_positive.is_auto() || !options.find_thresholds) {
     finding.said += said_of(finding.thresholds, "given");
     return finding;
   }
@@ -238,6 +232,7 @@ SensorFinding find_sensor(const SensorOptions& options, const events::EventOptio
       data::estimate_thresholds(exposures_of(cleaned), cleaned.events, 0);
   if (estimate.found) {
     finding.thresholds = estimate.thresholds;
+    if (events.threshold_negative > 0) finding.thresholds.negative = events.threshold_negative;
   } else {
     log_warn(concat(capture.source,
                     ": frames and events do not tell the contrast thresholds; taken for ",

@@ -67,7 +67,7 @@ struct SensorFinding {
   std::string said;
 };
 
-/// Thresholds of the options where they differ from the default, else those that
+/// Thresholds of the options where they are numbers; where the positive one is auto, those that
 /// data::estimate_thresholds() finds, else the default, with a warning. Where the frames are in
 /// colour and the events follow one channel each, thresholds are found in these channels. Frames
 /// that are raw mosaics get a warning.

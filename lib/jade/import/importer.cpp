@@ -360,8 +360,9 @@ Stage time_stage(const ImportOptions& options, Progressed& so_far) {
 /// Leaves hot pixels out and settles the thresholds, which the stages behind it read.
 Stage sensor_stage(ImportOptions& options, Progressed& so_far) {
   return {"sensor",
-          concat(text_of(options.sensor), options.events.threshold_positive, " ",
-                 options.events.threshold_negative),
+          concat(text_of(options.sensor),
+                 options.events.threshold_positive.is_auto() ? "auto" : "given", " ",
+                 double(options.events.threshold_positive), " ", options.events.threshold_negative),
           [&](const fs::path& folder) {
             const SensorFinding sensor = find_sensor(options.sensor, options.events, so_far.capture,
                                                      align_of(options, so_far));

@@ -70,8 +70,7 @@ void describe(V& v, SensorOptions& o) {
   v.field("remove_hot_pixels", o.remove_hot_pixels,
           "leave out the events of pixels that fire by themselves");
   v.field("find_thresholds", o.find_thresholds,
-          "where events.threshold_positive and _negative are the defaults they are found in frames "
-          "and events");
+          "where events.threshold_positive is auto, measure it in frames and events");
 }
 
 /// The lens, and a second camera.

@@ -11,7 +11,6 @@
 #include "jade/data/frames.h"
 #include "jade/data/warnings.h"
 #include "jade/geometry/trajectory.h"
-#include "jade/import/base_settings.h"
 
 namespace jade::import {
 namespace {
@@ -116,7 +115,7 @@ std::string scene_yaml(const Capture& capture, const ImportOptions& options) {
   const events::Thresholds thresholds = options.events.thresholds();
   return concat("# Written by jade_import from ", fs::path(capture.source).filename().string(),
                 ":\n#   jade_train --config scene.yaml --output DIR\n"
-                "extends: base.yaml\n"
+                "# Steps and moments that are not set here are chosen when the run begins.\n"
                 "dataset: {path: .}\n"
                 "events: {threshold_positive: ",
                 thresholds.positive, ", threshold_negative: ", thresholds.negative,
@@ -209,7 +208,6 @@ std::string write_scene(const fs::path& folder, const Capture& capture, const Re
   how.image_bits = is_eight_bit(capture) ? 8 : 16;
   data::write_evdeblur(folder, content_of(capture, found, parts), how);
   write_file(folder / "frames.csv", frame_list(capture, parts));
-  write_file(folder / "base.yaml", kBaseSettings);
   write_file(folder / "scene.yaml", scene_yaml(capture, options));
   const auto count = [&](Part part) { return std::count(parts.begin(), parts.end(), part); };
   return concat(count(Part::kTrain), " exposures, ", count(Part::kHeldOut), " held out, ",

@@ -16,6 +16,7 @@
 #include "jade/core/interrupt.h"
 #include "jade/core/log.h"
 #include "jade/core/progress.h"
+#include "jade/core/readable.h"
 #include "jade/core/version.h"
 #include "jade/eval/metrics.h"
 #include "jade/gaussians/ply.h"
@@ -26,6 +27,7 @@
 #include "jade/run/checkpoint.h"
 #include "jade/run/evaluate.h"
 #include "jade/run/report.h"
+#include "jade/run/thresholds.h"
 #include "jade/train/memory_plan.h"
 #include "jade/train/routing_step.h"
 
@@ -63,6 +65,7 @@ RunData load_data(const RunDirectory& directory, const train::RunOptions& option
   if (options.response.enabled) {
     data.response = std::async(std::launch::async, [] { response::identity_response(); });
   }
+  log_info(concat("reading     ", options.dataset.path.string()));
   std::vector<std::string> warnings;
   data.dataset = data::load_dataset(options.dataset, &warnings);
   for (const std::string& warning : warnings) log_warn(warning);
@@ -79,8 +82,10 @@ bool every(int64_t step, int64_t due) { return due > 0 && step % due == 0; }
 
 }  // namespace
 
-Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const std::string& resume)
+Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const std::string& resume,
+                 const std::optional<Choices>& choices)
     : options_(options),
+      choices_(choices),
       device_(select_device(options.device)),
       directory_(run),
       data_(load_data(directory_, options, device_, resume.empty())),
@@ -90,7 +95,10 @@ Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const st
   train::settle(options_);
   train::follow_dataset(data_.dataset, options_);
   if (resume.empty() || !resume_from(resume)) {
+    settle_thresholds(data_.dataset, data_.fingerprint, /*log_offset=*/0, options_);
     options_.splat.near_plane = train::near_plane(options_.splat, data_.dataset);
+    if (choices_) choose_pace(data_.dataset, *choices_, device_, options_, data_.restorer);
+    if (!train::needs_efnet(options_)) data_.restorer_sha256.clear();
     state_ = train::make_state(options_, data_.dataset, device_);
   }
   announce();
@@ -160,6 +168,13 @@ void Trainer::keep_decisions(const train::RunOptions& saved) {
                     " steps, as the run began; a new --output follows that of ",
                     options_.train.iterations));
   }
+  if (choices_) keep_choices(saved, *choices_, options_);
+  if (options_.events.threshold_positive.is_auto()) {
+    options_.events.threshold_positive = saved.events.threshold_positive;
+    if (options_.events.threshold_negative == 0) {
+      options_.events.threshold_negative = saved.events.threshold_negative;
+    }
+  }
   // Perhaps the run began with a version that had no such key.
   if (options_.splat.near_plane == 0) options_.splat.near_plane = saved.splat.near_plane;
 }
@@ -202,10 +217,10 @@ void Trainer::announce() const {
   log_info(concat("data        ", data_.dataset.name, " (", word_of(data_.dataset.kind),
                   "): ", data_.dataset.train.size(), " exposures of ", camera.width, "x",
                   camera.height, data_.dataset.monochrome ? ", monochrome, " : " in colour, ",
-                  event_count, " events; ", data_.dataset.test.size(), " sharp test views (",
-                  data_.dataset.split, ")"));
+                  grouped(event_count), " events; ", data_.dataset.test.size(),
+                  " sharp test views (", data_.dataset.split, ")"));
   for (const std::string& note : data_.dataset.notes) log_info("data        " + note);
-  log_info(concat("scene       ", state_.gaussians.size(), " Gaussians, extent ",
+  log_info(concat("scene       ", grouped(state_.gaussians.size()), " Gaussians, extent ",
                   state_.gaussians.extent(), ", near plane ",
                   train::render_options(options_).near_plane));
   if (state_.allocation) {
@@ -217,8 +232,8 @@ void Trainer::announce() const {
   }
   if (train::needs_efnet(options_))
     log_info(concat("restorer    ", restore::restorer_path(options_.efnet).string()));
-  log_info(concat("budget      ", options_.train.iterations, " steps, at most ",
-                  options_.densify.max_gaussians, " Gaussians, seed ", options_.seed));
+  log_info(concat("budget      ", grouped(options_.train.iterations), " steps, at most ",
+                  grouped(options_.densify.max_gaussians), " Gaussians, seed ", options_.seed));
 }
 
 void Trainer::write_environment() const {
@@ -297,9 +312,9 @@ void Trainer::log_step(const train::StepInputs& inputs, const train::StepOutputs
   logged_seconds_ = seconds;
   logged_step_ = state_.step;
   metrics_->append(line.dump());
-  char text[96];
-  std::snprintf(text, sizeof text, "loss %.4f  PSNR %.2f dB  %lld Gaussians  %lld MiB", total, psnr,
-                static_cast<long long>(state_.gaussians.size()),
+  char text[128];
+  std::snprintf(text, sizeof text, "loss %.4f  re-blur PSNR %.2f dB  %lld Gaussians  %lld MiB",
+                total, psnr, static_cast<long long>(state_.gaussians.size()),
                 static_cast<long long>(peak_memory_bytes(device_) >> 20));
   status_ = text;
 }
