@@ -30,7 +30,7 @@ from convert_aedat4 import (CACHE_BYTES, COPY_AGAIN, EventWriter, aedat_packets,
 
 DATA_ERROR, PACKAGE_MISSING = 3, 4
 FULL = (errno.ENOSPC, errno.EDQUOT)
-INSTALL = "run scripts/setup.sh --import"
+INSTALL = "run scripts/setup.sh --import, or pip install 'jade-gs[import]'"
 
 
 class Problem(Exception):

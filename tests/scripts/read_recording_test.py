@@ -128,7 +128,7 @@ class Messages(unittest.TestCase):
     def test_missing_packages_are_one_line(self):
         done = subprocess.run([sys.executable, "-S", SCRIPTS / "read_recording.py", __file__, "out"], capture_output=True, text=True)
         self.assertEqual(done.returncode, read_recording.PACKAGE_MISSING)
-        self.assertRegex(done.stderr, r"^needs the Python package numpy: run scripts/setup.sh --import\n$")
+        self.assertRegex(done.stderr, r"^needs the Python package numpy: run scripts/setup.sh --import, or pip install 'jade-gs\[import\]'\n$")
 
 
 def rows(path):
