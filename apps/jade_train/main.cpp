@@ -25,6 +25,8 @@ int main(int argc, char** argv) {
   apps::Program program("jade_train",
                         "Trains a sharp 3D Gaussian scene from blurry frames and events");
   program.add_config_flags();
+  program.add_key_flag("--mask", "dataset.mask",
+                       "image whose black pixels count in no frame (lens borders, hot areas)");
   program.add_output_flag("Run directory, made if it does not exist");
   program.add_device_flag();
   program.add_seed_flag();
