@@ -16,6 +16,8 @@ CLI::Option* add_flags(apps::Program& program, import::StageRange& range) {
   program.add_key_flag("--calibration", "lens.calibration",
                        "calibration of Kalibr, OpenCV, ROS or RPG (none: a pinhole, its focal "
                        "length searched)");
+  program.add_key_flag("--mask", "lens.mask",
+                       "image whose black pixels count in no frame (lens borders, hot areas)");
   program.add_key_flag("--frame-times", "time.frame_times", "list of exposures");
   program.add_key_flag("--exposure-ms", "time.exposure_ms",
                        "length of exposures that no file says");

@@ -52,6 +52,8 @@ int main(int argc, char** argv) {
   program.cli().add_option(
       "path", path, "data set, or the YAML of a scene; as dataset.path or the first --config");
   program.add_config_flags();
+  program.add_key_flag("--mask", "dataset.mask",
+                       "image whose black pixels count in no frame (lens borders, hot areas)");
   program.add_output_flag("Run directory, made if it does not exist");
   program.add_device_flag();
   program.add_seed_flag();

@@ -136,7 +136,7 @@ geometry::Intrinsics Undistorter::undistort(const geometry::LensCamera& camera,
   image = imaging::remap(image, to.map);
   const bool filled = to.inside.all().item<bool>();
   if (mask.defined()) {
-    mask = remapped_flags(mask, to.map, to.inside);
+    mask = imaging::remap_mask(mask, to.map) & to.inside;
   } else if (!filled) {
     mask = to.inside;
   }

@@ -8,9 +8,9 @@
 #include <cmath>
 #include <limits>
 #include <torch/types.h>
-#include <unistd.h>
 
 #include "jade/core/check.h"
+#include "jade/core/machine_memory.h"
 #include "jade/events/raw_events.h"
 
 namespace jade::events {
@@ -211,13 +211,12 @@ EventStream only_in(const std::vector<TimeWindow>& windows, const EventStream& e
           joined(&EventStream::polarity)};
 }
 
-void check_memory(const std::string& what, double bytes) {
-  const double machine = double(sysconf(_SC_PHYS_PAGES)) * double(sysconf(_SC_PAGE_SIZE));
+void check_memory(const std::string& what, double bytes, const std::string& fix) {
+  const double machine = machine_memory();
   if (bytes < kMostMemory * machine) return;
-  throw DataError(concat(what, " need ", std::llround(1e-9 * bytes), " GB, more than ", kMostMemory,
-                         " of the ", std::llround(1e-9 * machine),
-                         " GB of this machine; choose a shorter span of time (jade_import: "
-                         "--begin-s, --end-s)"));
+  const auto gigabytes = [](double count) { return 0.1 * std::round(1e-8 * count); };
+  throw DataError(concat(what, " need ", gigabytes(bytes), " GB, more than ", kMostMemory,
+                         " of the ", gigabytes(machine), " GB of this machine; ", fix));
 }
 
 void check_event_memory(const std::filesystem::path& path, int64_t count, double bytes) {

@@ -12,6 +12,7 @@
 #include "jade/core/folder_lock.h"
 #include "jade/core/log.h"
 #include "jade/core/progress.h"
+#include "jade/imaging/image_io.h"
 #include "jade/import/capture.h"
 #include "jade/import/colmap.h"
 #include "jade/import/exposure_length.h"
@@ -249,6 +250,22 @@ Capture read_capture(const ImportOptions& options, const fs::path& folder) {
   return capture;
 }
 
+/// The mask of all frames; undefined without one.
+torch::Tensor read_mask(const fs::path& path, const Capture& capture) {
+  if (path.empty()) return {};
+  torch::Tensor mask = imaging::read_mask(path);
+  if (mask.size(1) != capture.height() || mask.size(2) != capture.width()) {
+    throw DataError(concat(path.string(), ": expected a mask of ", capture.width(), "x",
+                           capture.height(), " px, as the frames have, found ", mask.size(2), "x",
+                           mask.size(1), "; make it at the size of the frames"));
+  }
+  if (!mask.any().item<bool>()) {
+    throw DataError(
+        concat(path.string(), ": expected a mask with pixels that count (not black), found none"));
+  }
+  return mask;
+}
+
 /// What the stages have found so far.
 struct Progressed {
   Capture capture;
@@ -286,6 +303,7 @@ Stage read_stage(const ImportOptions& options, Progressed& so_far) {
             if (so_far.calibration) settle_sensor(*so_far.calibration, so_far.capture);
             if (!is_rig(so_far.calibration)) check_one_sensor(so_far.capture);
             check_test_names(so_far.capture, options.test);
+            so_far.capture.mask = read_mask(options.lens.mask, so_far.capture);
           }};
 }
 
@@ -380,7 +398,9 @@ Stage sensor_stage(ImportOptions& options, Progressed& so_far) {
 /// Frames and events on a centred pinhole; as they are where there is no calibration, and then
 /// nothing is kept twice.
 Stage undistort_stage(const ImportOptions& options, Progressed& so_far) {
-  return {"undistort", text_of(options.lens) + fingerprint(options.lens.calibration),
+  return {"undistort",
+          concat(text_of(options.lens), fingerprint(options.lens.calibration),
+                 options.lens.mask.empty() ? "" : fingerprint(options.lens.mask)),
           [&](const fs::path& folder) -> std::string {
             if (!so_far.calibration) return "no calibration given";
             Capture capture = so_far.capture;
@@ -475,6 +495,9 @@ void import_recording(const ImportOptions& given, const fs::path& output, const 
   }
   check_output(options, output);
   check_colmap(options, range);
+  if (!options.lens.mask.empty() && !fs::is_regular_file(options.lens.mask)) {
+    throw DataError(concat(options.lens.mask.string(), ": no such mask file"));
+  }
   if (!options.lens.calibration.empty()) calibration_of(options.lens, {});
   Progressed so_far;
   const std::vector<Stage> stages{

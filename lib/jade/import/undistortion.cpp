@@ -124,6 +124,7 @@ std::string undistort(const LensOptions& options, const Calibration& calibration
     throw_if_interrupted();
     shot.image = imaging::remap(shot.image, to.frame_map).clamp(0, 1);
   }
+  if (capture.mask.defined()) capture.mask = imaging::remap_mask(capture.mask, to.frame_map);
   const events::WarpedEvents moved =
       events::warp(capture.events, to.event_map, {to.camera.height, to.camera.width});
   check_loss(moved, capture.events.size(), options, cameras.events.has_value());
