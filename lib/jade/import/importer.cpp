@@ -111,6 +111,8 @@ std::optional<recording::Stamp> stamp_of(const TimeOptions& options) {
 recording::ReadOptions read_options(const ImportOptions& options) {
   recording::ReadOptions how;
   how.frames = options.frames;
+  how.events_group = options.events_group;
+  how.topic = options.topic;
   how.frame_times = options.time.frame_times;
   how.exposure_ms = options.time.exposure_ms;
   how.trigger_level = options.time.trigger_level;
@@ -291,7 +293,8 @@ std::string said_of(const SearchResult& result) {
 Stage read_stage(const ImportOptions& options, Progressed& so_far) {
   return {"read",
           concat(fingerprint(options.recording), fingerprint(options.frames),
-                 fingerprint(options.time.frame_times), text_of(options.time)),
+                 fingerprint(options.time.frame_times), text_of(options.time), options.events_group,
+                 "\n", options.topic),
           [&](const fs::path& folder) {
             const Capture capture = read_capture(options, folder);
             keep_capture(folder, capture);

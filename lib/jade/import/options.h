@@ -83,7 +83,7 @@ struct LensOptions {
 template <class V>
 void describe(V& v, LensOptions& o) {
   v.field("calibration", o.calibration,
-          "file of Kalibr, OpenCV, ROS or RPG; empty: a pinhole whose focal length is searched");
+          "file of Kalibr, OpenCV, ROS, DV or RPG; empty: a pinhole whose focal length is searched");
   v.field("mask", o.mask,
           "image of the size of the frames, whose black pixels count in none of them (lens borders, "
           "hot areas); it becomes mask.png of the data set");
@@ -163,6 +163,7 @@ struct ImportOptions {
   std::string device = "auto";
   std::filesystem::path recording;
   std::filesystem::path frames;
+  std::string events_group, topic;
   TimeOptions time;
   SensorOptions sensor;
   LensOptions lens;
@@ -179,6 +180,11 @@ void describe(V& v, ImportOptions& o) {
   v.field("device", o.device, "auto (a GPU if there is one), cpu, cuda or cuda:N");
   v.field("recording", o.recording, "the recording, a file or a folder");
   v.field("frames", o.frames, "folder of frames, or a video, where they are not in the recording");
+  v.field(
+      "events_group", o.events_group,
+      "which of several event streams of an HDF5 file: the group of x, y, t, p, or the data set; "
+      "empty: the first");
+  v.field("topic", o.topic, "which topic of events of a ROS bag; empty: the first by name");
   v.group("time", o.time, "when frames were exposed");
   v.group("sensor", o.sensor, "the sensor of the events");
   v.group("lens", o.lens, "the lens, and a second camera");
