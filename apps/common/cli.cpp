@@ -110,6 +110,19 @@ std::vector<std::string> with_whole_addresses(std::vector<std::string> words) {
   return words;
 }
 
+/// "--set a.b 200" is two words too many for CLI11, which tells of the last one only.
+/// @throws ConfigError with the form that works.
+void check_assignments(const std::vector<std::string>& words) {
+  for (size_t i = 0; i + 1 < words.size(); ++i) {
+    const std::string& key = words[i + 1];
+    if (words[i] != "--set" || key.empty() || key.front() == '-') continue;
+    if (key.find('=') != std::string::npos) continue;
+    const bool has_value = i + 2 < words.size() && words[i + 2].rfind("--", 0) != 0;
+    const std::string value = has_value ? words[i + 2] : "VALUE";
+    throw ConfigError(concat("--set ", key, ": expected key=value; use --set ", key, "=", value));
+  }
+}
+
 }  // namespace
 
 CLI::Validator whole_number(int64_t least) {
@@ -240,17 +253,44 @@ config::Sources Program::sources(const FieldList& fields) const {
   return all;
 }
 
+std::string Program::hint(const std::vector<std::string>& words) const {
+  std::vector<std::string> known;
+  const auto add = [&known](const CLI::App& app) {
+    for (const CLI::Option* option : app.get_options()) {
+      for (const std::string& name : option->get_lnames()) known.push_back("--" + name);
+    }
+  };
+  add(cli_);
+  for (const CLI::App* command : cli_.get_subcommands([](const CLI::App*) { return true; })) {
+    add(*command);
+  }
+  for (const std::string& word : words) {
+    const std::string flag = word.substr(0, word.find('='));
+    if (flag.rfind("--", 0) != 0 || flag.size() < 3) continue;
+    if (std::find(known.begin(), known.end(), flag) != known.end()) continue;
+    const std::string close = config::nearest(flag, known);
+    if (!close.empty()) return concat("; did you mean ", close, "?");
+  }
+  return "";
+}
+
 int Program::run(int argc, char** argv, const std::function<ExitCode()>& body) {
+  const std::vector<std::string> typed(argv + 1, argv + argc);
   try {
-    std::vector<std::string> words(argv + 1, argv + argc);
+    std::vector<std::string> words = typed;
+    if (cli_.get_option_no_throw("--set")) check_assignments(words);
     if (cli_.get_option_no_throw("--serve")) words = with_whole_addresses(std::move(words));
     std::reverse(words.begin(), words.end());  // as CLI11 takes them
     cli_.parse(std::move(words));
   } catch (const CLI::ParseError& error) {
     // CLI11 prints help and version itself and returns 0 for them; its other codes are its own.
     if (error.get_exit_code() == 0) return cli_.exit(error);
-    std::fprintf(stderr, "error: %s; %s --help lists the flags\n", error.what(), name_.c_str());
+    const std::string near = hint(typed);
+    std::fprintf(stderr, "error: %s%s; %s --help lists the flags\n", error.what(), near.c_str(),
+                 name_.c_str());
     return static_cast<int>(ExitCode::kUsage);
+  } catch (const ConfigError&) {
+    return static_cast<int>(report_exception());
   }
   install_interrupt_handlers();
   try {
@@ -260,6 +300,10 @@ int Program::run(int argc, char** argv, const std::function<ExitCode()>& body) {
     const ExitCode code = body();
     flush_results();
     return static_cast<int>(code);
+  } catch (const ConfigError&) {
+    // Whoever types the name alone asks what there is.
+    if (typed.empty()) std::cout << cli_.help() << std::flush;
+    return static_cast<int>(report_exception());
   } catch (...) {
     return static_cast<int>(report_exception());
   }

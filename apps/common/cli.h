@@ -8,6 +8,7 @@
 #include <functional>
 #include <iostream>
 #include <optional>
+#include <set>
 #include <string>
 #include <torch/types.h>
 #include <vector>
@@ -74,9 +75,11 @@ class Program {
   /// `validate(options)`, or nothing when --print-config or --print-schema asked for a print, which
   /// is then done. --device and --seed stand for the keys of those names where the options have
   /// them.
+  /// @param named  if not null, the keys that the command line and its files name are added to it
   template <class Options>
-  std::optional<Options> load_options(Options options = {}) const {
-    config::read(sources(fields_of(options)), fields_of(options));
+  std::optional<Options> load_options(Options options = {},
+                                      std::set<std::string>* named = nullptr) const {
+    config::read(sources(fields_of(options)), fields_of(options), named);
     using config::settle;
     settle(options);
     validate(options);
@@ -85,6 +88,15 @@ class Program {
     if (print_schema_) std::cout << config::to_json_schema(fields, title());
     if (print_config_ || print_schema_) return std::nullopt;
     return options;
+  }
+
+  /// Lays `file` below every --config.
+  void use_config(const std::filesystem::path& file) {
+    config_files_.insert(config_files_.begin(), file);
+  }
+  /// `path` as a value of the key, which wins over --set; as add_key_flag() does.
+  void use_key(const std::string& key, const std::string& value) {
+    key_flags_.push_back({value, key, value});
   }
 
   /// The first --config; those after it are layers().
@@ -101,6 +113,9 @@ class Program {
 
  private:
   config::Sources sources(const FieldList& fields) const;
+  /// What is wrong with the words of a command line that CLI11 refused, as help for whoever typed
+  /// them: "; did you mean --output?"; empty where nothing is near.
+  std::string hint(const std::vector<std::string>& words) const;
   std::string title() const;
 
   std::string name_;

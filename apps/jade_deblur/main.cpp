@@ -8,7 +8,9 @@
 #include "jade/core/device.h"
 #include "jade/core/log.h"
 #include "jade/data/dataset.h"
+#include "jade/run/checkpoint.h"
 #include "jade/run/deblur.h"
+#include "jade/run/thresholds.h"
 
 using namespace jade;
 
@@ -59,7 +61,7 @@ void add_flags(apps::Program& program, DeblurFlags& flags) {
                        "TorchScript file of the learned restorer (the one that ships)");
   program.add_key_flag("--efnet-sha256", "efnet.sha256", "SHA-256 that this file must have");
   program.add_key_flag("--threshold-positive", "events.threshold_positive",
-                       "log intensity of one positive event");
+                       "log intensity of one positive event, or auto");
   program.add_key_flag("--threshold-negative", "events.threshold_negative",
                        "of one negative event; 0: like the positive one");
   program.add_key_flag("--cache", "cache.folder",
@@ -104,6 +106,8 @@ ExitCode deblur(DeblurFlags flags, apps::Program& program) {
   const data::Dataset dataset = data::load_dataset(settings->dataset, &warnings);
   for (const std::string& warning : warnings) log_warn(warning);
   train::follow_dataset(dataset, flags.options.settings);
+  run::settle_thresholds(dataset, run::data_fingerprint(dataset), flags.options.log_offset,
+                         flags.options.settings);
   make_writable_folder(output);
   const run::Deblurred deblurred =
       run::deblur(dataset, flags.options, method, output, flags.pictures, device);

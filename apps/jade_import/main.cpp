@@ -8,20 +8,20 @@ using namespace jade;
 
 namespace {
 
-/// What is not searched once it is given, be it the default.
-struct Given {
-  CLI::Option* offset = nullptr;
-  CLI::Option* threshold = nullptr;
-};
-
-Given add_flags(apps::Program& program, import::StageRange& range) {
-  Given given;
+/// @return --offset-ms: an offset is not searched once it is given, be it the default
+CLI::Option* add_flags(apps::Program& program, import::StageRange& range) {
   program.add_config_flags();
   program.add_key_flag("recording", "recording", "the recording, a file or a folder");
   program.add_key_flag("--frames", "frames", "folder of frames, or a video");
+  program.add_key_flag("--events-group", "events_group",
+                       "of an HDF5 file with several event streams, the group or data set to read");
+  program.add_key_flag("--topic", "topic",
+                       "of a ROS bag with several, the topic of events to read");
   program.add_key_flag("--calibration", "lens.calibration",
-                       "calibration of Kalibr, OpenCV, ROS or RPG (none: a pinhole, its focal "
+                       "calibration of Kalibr, OpenCV, ROS, DV or RPG (none: a pinhole, its focal "
                        "length searched)");
+  program.add_key_flag("--mask", "lens.mask",
+                       "image whose black pixels count in no frame (lens borders, hot areas)");
   program.add_key_flag("--frame-times", "time.frame_times", "list of exposures");
   program.add_key_flag("--exposure-ms", "time.exposure_ms",
                        "length of exposures that no file says");
@@ -32,15 +32,15 @@ Given add_flags(apps::Program& program, import::StageRange& range) {
   program.add_key_flag("--begin-s", "time.begin_s",
                        "read from here on, seconds since the first frame");
   program.add_key_flag("--end-s", "time.end_s", "read until here, seconds since the first frame");
-  given.offset = program.add_key_flag(
+  CLI::Option* const offset = program.add_key_flag(
       "--offset-ms", "time.offset_ms",
       "how far the clock of the events is ahead of that of the frames; not searched then");
   program.add_key_flag("--plane-depth", "lens.plane_depth",
                        "of two cameras: where events fall on the frames exactly");
   program.add_key_list_flag("--test", "test.names",
                             "frames that judge the scene, a YAML list: [a, b]");
-  given.threshold = program.add_key_flag("--threshold-positive", "events.threshold_positive",
-                                         "log intensity of one positive event; not searched then");
+  program.add_key_flag("--threshold-positive", "events.threshold_positive",
+                       "log intensity of one positive event; auto: measured");
   program.add_key_flag("--threshold-negative", "events.threshold_negative",
                        "of one negative event; 0: like the positive one");
   program.add_key_flag("--efnet", "efnet.path",
@@ -49,7 +49,7 @@ Given add_flags(apps::Program& program, import::StageRange& range) {
                            "make this stage and those after it again: read, time, sensor, "
                            "undistort, restore, poses, write");
   program.cli().add_option("--until", range.until, "stop after this stage");
-  return given;
+  return offset;
 }
 
 }  // namespace
@@ -58,7 +58,7 @@ int main(int argc, char** argv) {
   apps::Program program("jade_import",
                         "Makes a data set with poses from a recording of an event camera");
   import::StageRange range;
-  const Given given = add_flags(program, range);
+  const CLI::Option* const offset = add_flags(program, range);
   program.add_output_flag("folder of the data set; stages are kept in import/");
   program.add_device_flag();
   return program.run(argc, argv, [&] {
@@ -67,8 +67,7 @@ int main(int argc, char** argv) {
     if (program.output().empty()) {
       throw ConfigError("--output: expected a folder for the data set, found nothing");
     }
-    if (given.offset->count() > 0) options->time.find_offset = false;
-    if (given.threshold->count() > 0) options->sensor.find_thresholds = false;
+    if (offset->count() > 0) options->time.find_offset = false;
     import::import_recording(*options, program.output(), range);
     if (range.until.empty()) {
       std::cout << "jade_train --config " << apps::shell_word(program.output() / "scene.yaml")

@@ -10,7 +10,9 @@
 #include "jade/data/colmap_scene.h"
 #include "jade/data/dataset.h"
 #include "jade/recording/format.h"
+#include "jade/run/checkpoint.h"
 #include "jade/run/run_summary.h"
+#include "jade/run/thresholds.h"
 #include "jade_inspect/ply.h"
 #include "jade_inspect/recording.h"
 #include "jade_inspect/run.h"
@@ -20,24 +22,22 @@ using namespace jade;
 
 namespace {
 
-/// A data set of jade_import brings its own settings.
+/// Thresholds need no flag: jade_train measures as this program does.
 std::string training_of(const data::DatasetOptions& options) {
   namespace fs = std::filesystem;
-  const fs::path folder = fs::weakly_canonical(options.path), scene = options.path / "scene.yaml";
-  const std::string source = fs::is_regular_file(scene)
-                                 ? "--config " + apps::shell_word(scene)
-                                 : "--set " + apps::shell_word("dataset.path=" + folder.string());
-  return "build/bin/jade_train " + source + " --output " +
+  const fs::path folder = fs::weakly_canonical(options.path);
+  return "build/bin/jade_train " + apps::shell_word(folder) + " --output " +
          apps::shell_word(fs::path("runs") / folder.filename());
 }
 
-ExitCode inspect(const data::DatasetOptions& options, double log_offset, bool json) {
+ExitCode inspect(const train::RunOptions& settings, double log_offset, bool json) {
+  const data::DatasetOptions& options = settings.dataset;
   apps::Inspection inspection;
   inspection.log_offset = log_offset;
   inspection.next = training_of(options);
   inspection.dataset = data::load_dataset(options, &inspection.problems);
-  inspection.thresholds =
-      data::estimate_thresholds(inspection.dataset.train, inspection.dataset.events, log_offset);
+  inspection.thresholds = run::measure_thresholds(
+      inspection.dataset, run::data_fingerprint(inspection.dataset), log_offset, settings.cache);
   if (json) {
     std::printf("%s\n", apps::to_json(inspection).dump(2).c_str());
   } else {
@@ -71,6 +71,11 @@ int main(int argc, char** argv) {
   double log_offset = 0;
   program.cli().add_option("--log-offset", log_offset,
                            "thresholds of a sensor that measures log(I + offset), I in [0,1] (0)");
+  recording::ReadOptions how;
+  program.cli().add_option(
+      "--events-group", how.events_group,
+      "of an HDF5 recording with several event streams, the group or data set");
+  program.cli().add_option("--topic", how.topic, "of a ROS bag with several, the topic of events");
   apps::add_dataset_flags(
       program, "what",
       "recording, folder of a data set, run directory of jade_train, or .ply (the data set of "
@@ -95,10 +100,11 @@ int main(int argc, char** argv) {
       return ExitCode::kOk;
     }
     if (std::filesystem::is_regular_file(path) || recording::is_recording(path)) {
-      apps::inspect_recording(path, settings->dataset.events_unit, program.json());
+      how.time_unit = settings->dataset.events_unit;
+      apps::inspect_recording(path, how, program.json());
       return ExitCode::kOk;
     }
     check_is_dataset(settings->dataset);
-    return inspect(settings->dataset, log_offset, program.json());
+    return inspect(*settings, log_offset, program.json());
   });
 }

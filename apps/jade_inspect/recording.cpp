@@ -2,6 +2,7 @@
 #include "jade_inspect/recording.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -9,6 +10,7 @@
 #include <vector>
 
 #include "common/shell.h"
+#include "jade/core/readable.h"
 #include "jade/recording/recording.h"
 
 namespace jade::apps {
@@ -29,6 +31,7 @@ struct RecordingNumbers {
   double shortest_ms = 0, median_ms = 0, longest_ms = 0;  ///< exposures of a known length
   size_t exposed = 0;                                     ///< frames that have one
   double frame_rate_hz = 0;
+  std::string choice;  ///< flags that choose among several event streams
 };
 
 RecordingNumbers numbers_of(const Recording& r) {
@@ -68,7 +71,7 @@ fs::path name_of(const fs::path& path) {
 /// What to run next; what it lacks is named in capitals.
 std::string next_command(const Recording& r, const RecordingNumbers& n) {
   if (r.events.empty()) return "";
-  std::string line = "build/bin/jade_import " + shell_word(r.source);
+  std::string line = "build/bin/jade_import " + shell_word(r.source) + n.choice;
   if (r.frames.empty() && r.untimed_frames > 0) {
     line += " --frame-times LIST.csv";
   } else if (r.frames.empty()) {
@@ -110,9 +113,9 @@ void print_recording(const Recording& r, const RecordingNumbers& n) {
   if (r.events.empty()) {
     std::printf("events      none\n");
   } else {
-    std::printf("events      %ld from %.6f to %.6f s (%.4g s), %.4g a second, %.1f %% positive\n",
-                long(n.events), n.first_s, n.last_s, n.last_s - n.first_s, n.rate_hz,
-                100 * n.positive);
+    std::printf("events      %s from %.6f to %.6f s (%.4g s), %s events/s, %.1f %% positive\n",
+                grouped(n.events).c_str(), n.first_s, n.last_s, n.last_s - n.first_s,
+                grouped(std::llround(n.rate_hz)).c_str(), 100 * n.positive);
   }
   print_frames(r, n);
   if (!r.triggers.rising_us.empty() || !r.triggers.falling_us.empty()) {
@@ -156,12 +159,13 @@ nlohmann::json to_json(const Recording& r, const RecordingNumbers& n) {
 
 }  // namespace
 
-void inspect_recording(const fs::path& path, events::TimeUnit unit, bool json) {
-  recording::ReadOptions options;
-  options.time_unit = unit;
+void inspect_recording(const fs::path& path, recording::ReadOptions options, bool json) {
   options.most_events = kMostEvents;
   const Recording r = recording::read_recording(path, options);
-  const RecordingNumbers numbers = numbers_of(r);
+  RecordingNumbers numbers = numbers_of(r);
+  if (!options.events_group.empty())
+    numbers.choice += " --events-group " + shell_word(options.events_group);
+  if (!options.topic.empty()) numbers.choice += " --topic " + shell_word(options.topic);
   if (json) {
     // Names of files are any bytes, those of JSON are UTF-8.
     constexpr auto kReplace = nlohmann::json::error_handler_t::replace;

@@ -6,6 +6,9 @@
 #include <cstdio>
 #include <torch/types.h>
 
+#include "jade/core/readable.h"
+#include "jade/data/masks.h"
+
 namespace jade::apps {
 namespace {
 
@@ -62,6 +65,11 @@ void print_frames(const Dataset& d) {
   std::printf("color       %s\n", d.monochrome ? "monochrome: R = G = B in every frame, so the "
                                                  "restorations and the scene are gray"
                                                : "frames in colour");
+  for (const std::string& note : d.notes) std::printf("note        %s\n", note.c_str());
+  if (const data::MaskSummary masks = data::summarize_masks(d); masks.frames > 0) {
+    std::printf("masks       %ld frames, %.1f %% of all pixels excluded, %.1f %% of one at most\n",
+                long(masks.frames), 100 * masks.excluded, 100 * masks.largest);
+  }
   std::printf("depth       %.4g to %.4g units\n", d.near, d.far);
   if (d.points.defined()) std::printf("points      %ld sparse points\n", long(d.points.size(0)));
   if (d.trajectory.empty()) {
@@ -80,14 +88,17 @@ void print_events(const Inspection& inspection) {
     return;
   }
   const double seconds = 1e-6 * double(d.events.last_us() - d.events.first_us());
-  std::printf("events      %ld from %.4f to %.4f s, %.0f a second, %.0f %% positive, %s\n",
-              long(d.events.size()), 1e-6 * double(d.events.first_us()),
-              1e-6 * double(d.events.last_us()), double(d.events.size()) / std::max(seconds, 1e-6),
+  const double rate_hz = double(d.events.size()) / std::max(seconds, 1e-6);
+  std::printf("events      %s from %.4f to %.4f s, %s events/s, %.0f %% positive, %s\n",
+              grouped(d.events.size()).c_str(), 1e-6 * double(d.events.first_us()),
+              1e-6 * double(d.events.last_us()), grouped(std::llround(rate_hz)).c_str(),
               100 * positive_share(d.events),
               d.event_color.defined() ? "with a colour filter" : "without colours");
   const data::ThresholdEstimate& t = inspection.thresholds;
   if (!t.found) {
-    std::printf("thresholds  cannot be estimated from these frames and events\n");
+    std::printf(
+        "thresholds  cannot be estimated from these frames and events; jade_train takes 0.25 "
+        "where none are set\n");
     return;
   }
   std::printf(
@@ -98,6 +109,9 @@ void print_events(const Inspection& inspection) {
       "stays unexplained\n",
       t.thresholds.positive, t.thresholds.negative, inspection.log_offset, t.spread.positive,
       t.spread.negative, 100 * t.unexplained);
+  if (inspection.log_offset == 0) {
+    std::printf("            jade_train and jade_deblur take these where none are set\n");
+  }
 }
 
 void print_exposures(const Dataset& d) {
@@ -167,8 +181,14 @@ nlohmann::json to_json(const Inspection& inspection) {
                              {"positive_share", positive_share(d.events)},
                              {"colour", d.event_color.defined()}}},
                            {"thresholds", nullptr},
+                           {"notes", d.notes},
                            {"problems", inspection.problems},
                            {"next", inspection.next}};
+  if (const data::MaskSummary masks = data::summarize_masks(d); masks.frames > 0) {
+    result["masks"] = {{"frames", masks.frames},
+                       {"excluded_share", masks.excluded},
+                       {"largest_excluded_share", masks.largest}};
+  }
   if (inspection.thresholds.found) {
     result["thresholds"] = {{"positive", inspection.thresholds.thresholds.positive},
                             {"negative", inspection.thresholds.thresholds.negative},

@@ -1,22 +1,46 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/cli.h"
 #include "common/dataset_flags.h"
+#include "common/shell.h"
+#include "jade/recording/format.h"
 #include "jade/run/evaluate.h"
 #include "jade/run/live_run.h"
+#include "jade/run/run_summary.h"
 #include "jade/run/trainer.h"
 #include "jade/serve/server.h"
 #include "jade/train/options.h"
 
 using namespace jade;
+namespace fs = std::filesystem;
 
 namespace {
 
-/// What the command line is laid over: a run that goes on knows its settings, so nobody need name
-/// them again.
-train::RunOptions settings_before(const std::filesystem::path& config,
-                                  const std::filesystem::path& run, bool resumed) {
-  const bool known = resumed && config.empty() && std::filesystem::exists(run / "config.yaml");
-  return known ? run::written_options(run) : train::RunOptions();
+/// A run that goes on knows its settings, so nobody need name them again.
+bool knows_settings(const std::filesystem::path& config, const std::filesystem::path& run,
+                    bool resumed) {
+  return resumed && config.empty() && std::filesystem::exists(run / "config.yaml");
+}
+
+/// What the positional argument names: a scene's YAML, a data set, which may have one, or what has
+/// to become one of them first.
+void use_path(const fs::path& path, apps::Program& program) {
+  const bool is_yaml = path.extension() == ".yaml" || path.extension() == ".yml";
+  if (path.empty()) return;
+  if (is_yaml) return program.use_config(path);
+  if (run::is_run(path)) {
+    throw ConfigError(concat(path.string(),
+                             ": expected a data set or a scene.yaml, found a run; go on with it by "
+                             "jade_train --output ",
+                             apps::shell_word(path), " --resume"));
+  }
+  if (fs::is_regular_file(path) || recording::is_recording(path)) {
+    throw ConfigError(concat(path.string(),
+                             ": expected a data set with poses or a scene.yaml, found a recording; "
+                             "make one of it by jade_import ",
+                             apps::shell_word(path), " --output DIR"));
+  }
+  if (fs::is_regular_file(path / "scene.yaml")) return program.use_config(path / "scene.yaml");
+  program.use_key("dataset.path", path.string());
 }
 
 }  // namespace
@@ -24,7 +48,12 @@ train::RunOptions settings_before(const std::filesystem::path& config,
 int main(int argc, char** argv) {
   apps::Program program("jade_train",
                         "Trains a sharp 3D Gaussian scene from blurry frames and events");
+  fs::path path;
+  program.cli().add_option(
+      "path", path, "data set, or the YAML of a scene; as dataset.path or the first --config");
   program.add_config_flags();
+  program.add_key_flag("--mask", "dataset.mask",
+                       "image whose black pixels count in no frame (lens borders, hot areas)");
   program.add_output_flag("Run directory, made if it does not exist");
   program.add_device_flag();
   program.add_seed_flag();
@@ -34,12 +63,20 @@ int main(int argc, char** argv) {
       "Go on with the newest whole checkpoint of --output, or with this one; without --config by "
       "the settings of the run");
   resume_flag->expected(0, 1);
+  run::Choices choices;
+  auto* minutes = program.cli().add_option(
+      "--minutes", choices.minutes,
+      "About how long the run is to take: steps and moments that are not set are chosen so, by the "
+      "measured speed of this machine");
+  minutes->check(CLI::Range(0.5, 1e5));
   std::string address;
   const auto* serve = program.add_serve_flag(address, "Show the scene in a browser as it trains");
   return program.run(argc, argv, [&] {
     const bool resumed = resume_flag->count() > 0;
-    const auto options =
-        program.load_options(settings_before(program.config_file(), program.output(), resumed));
+    use_path(path, program);
+    const bool known = knows_settings(program.config_file(), program.output(), resumed);
+    const auto options = program.load_options(
+        known ? run::written_options(program.output()) : train::RunOptions(), &choices.named);
     if (!options) return ExitCode::kOk;
     if (program.output().empty()) {
       throw ConfigError(
@@ -52,8 +89,13 @@ int main(int argc, char** argv) {
     }
     if (options->dataset.path.empty()) {
       throw ConfigError(
-          "dataset.path: expected the folder of a data set, found nothing; set it in the YAML or "
-          "with --set dataset.path=DIR");
+          "dataset.path: expected the folder of a data set, found nothing; name it behind "
+          "jade_train, "
+          "in the YAML or with --set dataset.path=DIR");
+    }
+    if (resumed && choices.minutes > 0) {
+      throw ConfigError(
+          "--minutes: chooses the steps of a new run, found --resume; leave one away");
     }
     if (!resumed) apps::check_run_apart(program.output(), options->dataset);
     if (resumed && resume.empty()) resume = "latest";
@@ -65,7 +107,8 @@ int main(int argc, char** argv) {
       live.emplace(*server);
       std::cout << server->url() << std::endl;
     }
-    run::Trainer trainer(*options, program.output(), resume);
+    run::Trainer trainer(*options, program.output(), resume,
+                         known ? std::nullopt : std::optional(choices));
     trainer.run(live ? &*live : nullptr);
     return ExitCode::kOk;
   });

@@ -106,6 +106,34 @@ TEST_CASE("jade_train: a mistake gets one line and its exit code", "[apps]") {
               "device cuda:77");
 }
 
+TEST_CASE("programs: flags and assignments with a slip get the right one", "[apps]") {
+  const test::TempDir dir;
+  check_error(run(dir, "jade_train --outputt x"), 2, "did you mean --output?");
+  check_error(run(dir, "jade_inspect --log-ofset=1 x"), 2, "did you mean --log-offset?");
+  check_error(run(dir, "jade_train --set train.iterations 200"), 2,
+              "use --set train.iterations=200");
+  check_error(run(dir, "jade_train --set train.iterations --output x"), 2, "train.iterations=");
+  const Outcome bare = run(dir, "jade_train");
+  check_error(bare, 2, "--output: expected a folder");
+  CHECK_THAT(bare.out, Catch::Contains("--config"));
+}
+
+TEST_CASE(
+    "jade_train: the path behind it is a data set or the YAML of a scene, a recording is told",
+    "[apps]") {
+  const test::TempDir dir;
+  test::write_tiny_dataset(dir / "scene");
+  const std::string print = " --print-config";
+  CHECK_THAT(run(dir, "jade_train scene" + print).out, Catch::Contains((dir / "scene").string()));
+  dir.write("scene/scene.yaml", "dataset: {path: .}\ntrain: {iterations: 77}\n");
+  CHECK_THAT(run(dir, "jade_train scene" + print).out, Catch::Contains("iterations: 77"));
+  CHECK_THAT(run(dir, "jade_train scene/scene.yaml --set train.iterations=5" + print).out,
+             Catch::Contains("iterations: 5 "));
+  dir.write("events.txt", "0.001 1 2 1\n0.002 1 3 0\n");
+  check_error(run(dir, "jade_train events.txt --output x"), 2, "jade_import events.txt");
+  check_error(run(dir, "jade_train nowhere --output x"), 3, "nowhere");
+}
+
 TEST_CASE("jade_train: trains, resumes and is scored from the command line", "[apps]") {
   const test::TempDir dir;
   test::write_tiny_dataset(dir.path() / "scene");

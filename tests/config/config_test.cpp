@@ -5,6 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "jade/config/text.h"
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/core/log.h"
@@ -39,6 +40,7 @@ struct TestOptions {
   std::vector<double> steps = {1, 0.5};
   Steps warmup = Steps::share(6);
   Steps resets = Steps::share(12, 1000);
+  AutoNumber level = AutoNumber::automatic(2);
   RouteOptions route;
 };
 template <class V>
@@ -50,6 +52,7 @@ void describe(V& v, TestOptions& o) {
   v.field("steps", o.steps, "list");
   v.field("warmup", o.warmup, "rest until", Range{0, 1e9});
   v.field("resets", o.resets, "steps between resets", Range{0, 1e9});
+  v.field("level", o.level, "how loud", Range{0, 11});
   v.renamed("router", "route");
   v.group("route", o.route, "the router");
 }
@@ -94,6 +97,23 @@ TEST_CASE("config: a renamed key is read under both names and printed under the 
   const std::string printed = config::to_yaml(fields_of(options), "title");
   CHECK(printed.find("router:") == std::string::npos);
   CHECK(printed.find("step_size") == std::string::npos);
+}
+
+TEST_CASE("config: a number may be auto, by default or by word, and then has its fallback",
+          "[config]") {
+  const test::TempDir dir;
+  TestOptions options;
+  CHECK((options.level.is_auto() && options.level == 2));
+  CHECK(config::value_text(&options.level) == "auto");
+  options = load_text(dir, "level: 3\n");
+  CHECK((!options.level.is_auto() && options.level == 3));
+  CHECK(config::value_text(&options.level) == "3");
+  options = load_text(dir, "level: 3\n", {"level=auto"});
+  CHECK(options.level.is_auto());
+  options = load_text(dir, config::to_yaml(fields_of(options), "title"));
+  CHECK(options.level.is_auto());
+  CHECK_THAT(error_of(dir, "level: 12\n"), Catch::Contains("level: ") && Catch::Contains("12"));
+  CHECK_THAT(error_of(dir, "level: loud\n"), Catch::Contains("level: ") && Catch::Contains("auto"));
 }
 
 TEST_CASE("config: an enum is its word in files, and an old word is read but never written",

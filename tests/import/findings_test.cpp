@@ -126,6 +126,24 @@ TEST_CASE("findings: shots between moving ones are sharp, those that noise hides
   }
 }
 
+TEST_CASE("findings: exposures are found and set where frames have one time each", "[import]") {
+  import::Capture capture = import::without_hot_pixels(capture_ahead(0));
+  CHECK_FALSE(import::lacks_exposures(capture));
+  const std::vector<import::Shot> truth = capture.shots;
+  for (import::Shot& shot : capture.shots) shot.t_end_us = shot.t_start_us;
+  REQUIRE(import::lacks_exposures(capture));
+  const import::ExposureFinding found = import::find_exposures(capture, std::nullopt);
+  CHECK((found.stamp == recording::Stamp::kStart));
+  import::set_exposures(found, capture);
+  CHECK(capture.shots[3].t_start_us == truth[3].t_start_us);
+  CHECK(double(capture.shots[3].duration_us()) ==
+        Approx(double(truth[3].duration_us())).epsilon(0.1));
+  import::Capture still = capture_ahead(0);
+  for (import::Shot& shot : still.shots) shot.t_end_us = shot.t_start_us;
+  still.events = {};
+  CHECK_THROWS_AS(import::find_exposures(still, std::nullopt), DataError);
+}
+
 TEST_CASE("findings: what is kept comes back, what is damaged is named", "[import]") {
   const test::TempDir dir;
   import::SensorFinding sensor;
@@ -135,7 +153,18 @@ TEST_CASE("findings: what is kept comes back, what is damaged is named", "[impor
   sensor.blur_px = {4.5, -1, 0};
   sensor.filter = import::ColorFilter::kGrbg;
   import::keep(dir.path(), sensor);
+  sensor.gains = {0.9, 1, 1.1};
+  import::keep(dir.path(), sensor);
   import::keep(dir.path(), import::ClockFinding{-4.5, "found", { 0.25, 0.5 }});
+  CHECK(import::load_exposures(dir.path()).length_us == 0);
+  import::ExposureFinding exposures;
+  exposures.length_us = 42000, exposures.stamp = recording::Stamp::kEnd;
+  exposures.lengths_us = {30000, 42000}, exposures.losses = {-1.5, -2};
+  import::keep(dir.path(), import::ClockFinding{-4.5, "found", { 0.25, 0.5 }}, exposures);
+  CHECK(import::load_exposures(dir.path()).length_us == 42000);
+  CHECK((import::load_exposures(dir.path()).stamp == recording::Stamp::kEnd));
+  CHECK(import::load_exposures(dir.path()).losses == exposures.losses);
+  CHECK(import::load_sensor(dir.path()).gains == sensor.gains);
   const import::SensorFinding back = import::load_sensor(dir.path());
   CHECK(back.hot_pixels.size() == 2);
   CHECK(back.hot_pixels[1].column == 9);

@@ -119,9 +119,24 @@ TEST_CASE("scene files: the data set loads with poses, points and held-out expos
   const std::string list = read_file(dir / "frames.csv"), yaml = read_file(dir / "scene.yaml");
   CHECK_THAT(list, Catch::Contains("2,held out,shot2,60000,80000,5\n"));
   CHECK_THAT(list, Catch::Contains("4,test,shot3,"));
-  CHECK_THAT(yaml, Catch::Contains("extends: base.yaml"));
   CHECK_THAT(yaml, Catch::Contains("threshold_positive: 0.25"));
-  CHECK_THAT(read_file(dir / "base.yaml"), Catch::Contains("optimize: cubic"));
+}
+
+TEST_CASE("scene files: the mask of a capture is that of the data set, until the next import",
+          "[import]") {
+  const test::TempDir dir;
+  import::Capture capture = capture_of({5, 5, 5, 0.5, 5});
+  capture.mask = torch::ones({1, capture.height(), capture.width()}, torch::kBool);
+  capture.mask.slice(2, 0, 3).fill_(false);
+  import::write_scene(dir.path(), capture, line_of(capture), {});
+  data::DatasetOptions options;
+  options.path = dir.path();
+  CHECK(data::load_dataset(options).train[0].mask.equal(capture.mask));
+  import::keep_capture(dir.path(), capture);
+  CHECK(import::load_capture(dir.path()).mask.equal(capture.mask));
+  capture.mask = torch::Tensor();
+  import::write_scene(dir.path(), capture, line_of(capture), {});
+  CHECK_FALSE(data::load_dataset(options).train[0].mask.defined());
 }
 
 TEST_CASE("scene files: a second import leaves nothing of the first", "[import]") {

@@ -6,6 +6,7 @@
 
 #include <filesystem>
 #include <istream>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -32,7 +33,8 @@ struct Sources {
 /// @throws ConfigError: one line a problem, each with file:line:column (or the override), the key,
 ///   what was expected and what was found; an unknown key comes with the nearest name.
 /// Callers pass fields of a fresh struct, so that a failed load changes nothing: see load().
-void read(const Sources& sources, const FieldList& fields);
+/// @param named  if not null, the keys that any source gives a value are added to it
+void read(const Sources& sources, const FieldList& fields, std::set<std::string>* named = nullptr);
 
 /// What follows from the fields once all are read. An options struct with derived values has an
 /// overload of its own beside it.

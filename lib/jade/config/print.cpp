@@ -58,6 +58,9 @@ struct SchemaType {
     return {{"type", {"integer", "string"}}, {"pattern", "^[0-9.]+ *%$"}};
   }
   nlohmann::ordered_json operator()(const double*) const { return {{"type", "number"}}; }
+  nlohmann::ordered_json operator()(const AutoNumber*) const {
+    return {{"type", {"number", "string"}}, {"pattern", "^auto$"}};
+  }
   nlohmann::ordered_json operator()(const std::string*) const { return {{"type", "string"}}; }
   nlohmann::ordered_json operator()(const std::filesystem::path*) const {
     return {{"type", "string"}};

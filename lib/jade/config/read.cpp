@@ -35,7 +35,8 @@ void warn_once(const std::string& message) {
 
 class Reader {
  public:
-  explicit Reader(const FieldList& fields) : fields_(fields) {}
+  explicit Reader(const FieldList& fields, std::set<std::string>* named = nullptr)
+      : fields_(fields), named_(named) {}
 
   void apply(const Layer& layer) {
     if (layer.root.IsNull()) return;
@@ -102,6 +103,7 @@ class Reader {
   }
 
   void apply_field(const Layer& layer, const YAML::Node& node, const Field& field) {
+    if (named_) named_->insert(field.key);
     const bool read = std::visit(
         [&](const auto& target) { return convert(layer, node, pointed(target)); }, field.value);
     if (!read || !within(field)) {
@@ -128,6 +130,7 @@ class Reader {
     if (const auto* v = std::get_if<Steps*>(&field.value))
       return in(static_cast<double>(int64_t{**v}));
     if (const auto* v = std::get_if<double*>(&field.value)) return in(**v);
+    if (const auto* v = std::get_if<AutoNumber*>(&field.value)) return in(**v);
     if (const auto* v = std::get_if<std::vector<double>*>(&field.value)) {
       return std::all_of((*v)->begin(), (*v)->end(), in);
     }
@@ -178,6 +181,16 @@ class Reader {
   }
   static bool convert(const Layer&, const YAML::Node& node, double& target) {
     return convert_scalar(node, target) && !std::isnan(target);
+  }
+  static bool convert(const Layer& layer, const YAML::Node& node, AutoNumber& target) {
+    if (node.IsScalar() && node.Scalar() == "auto") {
+      target.set_auto();
+      return true;
+    }
+    double value = 0;
+    if (!convert(layer, node, value)) return false;
+    target = value;
+    return true;
   }
   static bool convert(const Layer&, const YAML::Node& node, int64_t& target) {
     double value = 0;
@@ -233,6 +246,7 @@ class Reader {
   }
 
   const FieldList& fields_;
+  std::set<std::string>* named_;
   Problems problems_;
 };
 
@@ -353,7 +367,7 @@ Layer flag_layer(const KeyFlag& flag) {
 
 }  // namespace
 
-void read(const Sources& sources, const FieldList& fields) {
+void read(const Sources& sources, const FieldList& fields, std::set<std::string>* named) {
   std::vector<Layer> layers;
   std::vector<fs::path> chain;
   if (!sources.file.empty()) collect_layers(sources.file, chain, layers);
@@ -361,7 +375,7 @@ void read(const Sources& sources, const FieldList& fields) {
   for (const std::string& assignment : sources.overrides)
     layers.push_back(override_layer(assignment));
   for (const KeyFlag& flag : sources.flags) layers.push_back(flag_layer(flag));
-  Reader reader(fields);
+  Reader reader(fields, named);
   for (const Layer& layer : layers) reader.apply(layer);
   reader.throw_problems();
 }

@@ -52,6 +52,9 @@ struct ValueText {
     return v->is_share() ? number_text(v->percent()) + "%" : std::to_string(int64_t{*v});
   }
   std::string operator()(const double* v) const { return number_text(*v); }
+  std::string operator()(const AutoNumber* v) const {
+    return v->is_auto() ? "auto" : number_text(*v);
+  }
   std::string operator()(const std::string* v) const { return quoted(*v); }
   std::string operator()(const std::filesystem::path* v) const { return quoted(v->string()); }
   std::string operator()(const std::vector<int64_t>* v) const { return list_text(*v); }
@@ -68,6 +71,7 @@ struct TypeText {
     return "a whole number of steps or a share of the run such as 6%";
   }
   std::string operator()(const double*) const { return "a number"; }
+  std::string operator()(const AutoNumber*) const { return "auto or a number"; }
   std::string operator()(const std::string*) const { return "a text"; }
   std::string operator()(const std::filesystem::path*) const { return "a path"; }
   std::string operator()(const std::vector<int64_t>*) const { return "a list of whole numbers"; }

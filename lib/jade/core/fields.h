@@ -25,6 +25,7 @@
 #include <variant>
 #include <vector>
 
+#include "jade/core/auto_number.h"
 #include "jade/core/steps.h"
 #include "jade/core/words.h"
 
@@ -64,7 +65,7 @@ class EnumPointer {
 };
 
 /// What a field may hold. Paths are made absolute against the file that names them.
-using FieldPointer = std::variant<bool*, int*, int64_t*, Steps*, double*, std::string*,
+using FieldPointer = std::variant<bool*, int*, int64_t*, Steps*, double*, AutoNumber*, std::string*,
                                   std::filesystem::path*, std::vector<int64_t>*,
                                   std::vector<double>*, std::vector<std::string>*, EnumPointer>;
 

@@ -6,6 +6,8 @@
 #include <torch/types.h>
 #include <vector>
 
+#include "jade/data/masks.h"
+#include "jade/data/warnings.h"
 #include "jade/geometry/pose.h"
 
 namespace jade::data {
@@ -13,7 +15,8 @@ namespace jade::data {
 /// One image of a folder.
 struct Frame {
   std::string name;     ///< as frame_names() says
-  torch::Tensor image;  ///< [3,H,W]
+  torch::Tensor image;  ///< [3,H,W], 0 where the mask excludes a pixel
+  torch::Tensor mask;   ///< [1,H,W] bool, true: the pixel counts; undefined: all count
 };
 
 /// The folder of the frames: `wanted` if given, else the first of images_1, images and images_N
@@ -31,9 +34,15 @@ double folder_scale(const std::filesystem::path& image_folder);
 ///   NAME_k of another, as an exposure's poses are called.
 std::vector<std::string> frame_names(const std::vector<std::filesystem::path>& paths);
 
-/// Reads the given images, on several threads, into the given order.
-/// @throws DataError if one cannot be read or they differ in size, and as frame_names().
-std::vector<Frame> read_frames(const std::vector<std::filesystem::path>& paths);
+/// Whether the frames of a data set may differ in size.
+enum class FrameSizes { kOne, kAny };
+
+/// Reads the given images, on several threads, into the given order, and their masks.
+/// @throws DataError if one cannot be read or, for kOne, they differ in size; if they would not fit
+///   into memory, which is found from their first bytes; and as frame_names() and read_masks().
+std::vector<Frame> read_frames(const std::vector<std::filesystem::path>& paths,
+                               const MaskSources& masks, const Warnings& warnings,
+                               FrameSizes sizes = FrameSizes::kOne);
 
 /// Depth bounds around a point cloud as seen from the cameras: the 0.5 % and 99.5 % quantiles of
 /// depth with a tenth of room. (0.01, 100) times the spread of the cameras if there are no points

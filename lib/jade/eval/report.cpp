@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/eval/report.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
@@ -96,9 +97,13 @@ std::optional<Scores> mean_where(bool seen, const std::vector<Scores>& views) {
   return mean_over(seen ? "mean of seen" : "mean of unseen", marked);
 }
 
-/// The name with the mark of a view that has one.
+/// The name with the marks of a view that has any.
 std::string label(const Scores& scores) {
-  return scores.name + (!scores.seen ? "" : *scores.seen ? " (seen)" : " (unseen)");
+  std::string marked = scores.name + (!scores.seen ? "" : *scores.seen ? " (seen)" : " (unseen)");
+  if (!scores.gain) return marked;
+  char gain[32];
+  std::snprintf(gain, sizeof gain, " (gain %.3f)", *scores.gain);
+  return marked + gain;
 }
 
 std::string row(const Scores& scores, size_t name_width) {
@@ -132,16 +137,18 @@ std::string reblur_table(const Evaluation& evaluation) {
 }  // namespace
 
 Scores score(const std::string& name, const torch::Tensor& image, const torch::Tensor& truth,
-             const Lpips* lpips) {
+             const Lpips* lpips, const torch::Tensor& mask) {
   Scores scores;
   scores.name = name;
-  scores.psnr = psnr(image, truth);
-  scores.psnr_channel_mean = psnr_channel_mean(image, truth);
-  scores.ssim = ssim(image, truth);
+  scores.psnr = psnr(image, truth, mask);
+  scores.psnr_channel_mean = psnr_channel_mean(image, truth, mask);
+  scores.ssim = ssim(image, truth, mask);
   if (lpips != nullptr) {
-    scores.lpips_alex01 = lpips->alex01(image, truth);
-    scores.lpips_vgg = lpips->vgg(image, truth);
+    const torch::Tensor a = only_counted(image, mask), b = only_counted(truth, mask);
+    scores.lpips_alex01 = lpips->alex01(a, b);
+    scores.lpips_vgg = lpips->vgg(a, b);
   }
+  if (mask.defined()) scores.excluded = 1 - mask.sum().item<double>() / double(mask.numel());
   return scores;
 }
 
@@ -165,6 +172,8 @@ std::string to_json(const Evaluation& evaluation) {
   for (const Scores& scores : evaluation.views) {
     Json view{{"name", scores.name}, {"seen", or_null(scores.seen)}};
     view.update(metrics_of(scores));
+    if (scores.gain) view["gain"] = *scores.gain;
+    if (scores.excluded > 0) view["excluded"] = scores.excluded;
     views.push_back(std::move(view));
   }
   Json meaning;
@@ -194,6 +203,8 @@ std::string to_table(const Evaluation& evaluation) {
   for (const Scores& scores : rows) out += row(scores, width);
   for (const auto& [name, text] : definitions())
     if (std::string(name) != "psnr_reblur") out += std::string("  ") + name + ": " + text + "\n";
+  if (std::any_of(rows.begin(), rows.end(), [](const Scores& each) { return each.gain; }))
+    out += "  gain: by what the render is multiplied to be as bright as the image, then scored\n";
   if (!evaluation.held_out.empty()) out += reblur_table(evaluation);
   if (!evaluation.mean.lpips_alex01 || !evaluation.mean.lpips_vgg)
     out += std::string("  ") + kLpipsAbsent;

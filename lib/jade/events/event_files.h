@@ -45,8 +45,12 @@ EventStream only_in(const std::vector<TimeWindow>& windows, const EventStream& e
 /// The share of a machine's memory that a recording may take.
 constexpr double kMostMemory = 0.7;
 
-/// @throws DataError if `what` of a recording, which takes so many bytes, does not fit into memory.
-void check_memory(const std::string& what, double bytes);
+/// @param fix  what to do about it, for the message
+/// @throws DataError if `what`, which takes so many bytes, does not fit into kMostMemory of what
+///   machine_memory() says.
+void check_memory(
+    const std::string& what, double bytes,
+    const std::string& fix = "choose a shorter span of time (jade_import: --begin-s, --end-s)");
 
 /// The same for so many events at so many bytes each.
 void check_event_memory(const std::filesystem::path& path, int64_t count, double bytes);

@@ -218,29 +218,43 @@ PlyFile::PlyFile(const fs::path& path) : path_(path), content_(read_file(path)) 
   if (has_list(*vertex)) fail(path_, "its vertices hold lists, which no point cloud needs");
 }
 
-std::string_view PlyFile::vertex_data() const {
+const PlyElement* PlyFile::element(const std::string& name) const {
+  for (const PlyElement& element : header_.elements) {
+    if (element.name == name) return &element;
+  }
+  return nullptr;
+}
+
+std::string_view PlyFile::data_of(const PlyElement& element) const {
   std::string_view data = std::string_view(content_).substr(header_.size);
   const bool swap = header_.format == PlyFormat::kBigEndian;
-  for (size_t i = 0; i < vertex_; ++i) {
-    const PlyElement& element = header_.elements[i];
+  for (const PlyElement& before : header_.elements) {
+    if (&before == &element) break;
     if (header_.format == PlyFormat::kAscii) {
-      data = skip_lines(data, element, path_);
+      data = skip_lines(data, before, path_);
     } else {
-      data = skip_lists(data, element, swap, path_);
+      data = skip_lists(data, before, swap, path_);
     }
   }
   return data;
 }
 
-torch::Tensor PlyFile::read_vertices(const std::vector<std::string>& names) const {
-  const PlyElement& element = vertices();
+torch::Tensor PlyFile::read_vertices(const std::vector<std::string>& names,
+                                     torch::ScalarType type) const {
+  return read(vertices(), names, type);
+}
+
+torch::Tensor PlyFile::read(const PlyElement& element, const std::vector<std::string>& names,
+                            torch::ScalarType type) const {
   std::vector<int64_t> column(element.properties.size(), -1);
   for (size_t i = 0; i < names.size(); ++i) {
     const int64_t found = element.find(names[i]);
-    if (found < 0) fail(path_, concat("its vertices have no property '", names[i], "'"));
+    if (found < 0) {
+      fail(path_, concat("its element '", element.name, "' has no property '", names[i], "'"));
+    }
     column[static_cast<size_t>(found)] = static_cast<int64_t>(i);
   }
-  const std::string_view data = vertex_data();
+  const std::string_view data = data_of(element);
   // The claimed count is checked against the bytes there are before anything is allocated.
   const size_t least =
       header_.format == PlyFormat::kAscii ? 2 * element.properties.size() : row_size(element);
@@ -248,19 +262,28 @@ torch::Tensor PlyFile::read_vertices(const std::vector<std::string>& names) cons
       (least == 0 || static_cast<uint64_t>(element.count) > (data.size() + 1) / least)) {
     fail_short(path_, element);
   }
-  torch::Tensor out =
-      torch::empty({element.count, static_cast<int64_t>(names.size())}, torch::kFloat32);
-  if (header_.format == PlyFormat::kAscii) {
-    decode_ascii(data, column, out.data_ptr<float>());
+  torch::Tensor out = torch::empty({element.count, static_cast<int64_t>(names.size())}, type);
+  if (type == torch::kFloat64) {
+    decode(element, data, column, out.data_ptr<double>());
   } else {
-    decode_binary(data, column, out.data_ptr<float>());
+    decode(element, data, column, out.data_ptr<float>());
   }
   return out;
 }
 
-void PlyFile::decode_binary(std::string_view data, const std::vector<int64_t>& column,
-                            float* out) const {
-  const PlyElement& element = vertices();
+template <class T>
+void PlyFile::decode(const PlyElement& element, std::string_view data,
+                     const std::vector<int64_t>& column, T* out) const {
+  if (header_.format == PlyFormat::kAscii) {
+    decode_ascii(element, data, column, out);
+  } else {
+    decode_binary(element, data, column, out);
+  }
+}
+
+template <class T>
+void PlyFile::decode_binary(const PlyElement& element, std::string_view data,
+                            const std::vector<int64_t>& column, T* out) const {
   const size_t stride = row_size(element);
   if (static_cast<uint64_t>(element.count) * stride > data.size()) fail_short(path_, element);
   const bool swap = header_.format == PlyFormat::kBigEndian;
@@ -271,17 +294,17 @@ void PlyFile::decode_binary(std::string_view data, const std::vector<int64_t>& c
       const PlyType type = element.properties[i].type;
       if (column[i] >= 0) {
         out[row * width + column[i]] = type == PlyType::kFloat32
-                                           ? load<float>(bytes, swap)
-                                           : static_cast<float>(load_number(bytes, type, swap));
+                                           ? static_cast<T>(load<float>(bytes, swap))
+                                           : static_cast<T>(load_number(bytes, type, swap));
       }
       bytes += size_of(type);
     }
   }
 }
 
-void PlyFile::decode_ascii(std::string_view data, const std::vector<int64_t>& column,
-                           float* out) const {
-  const PlyElement& element = vertices();
+template <class T>
+void PlyFile::decode_ascii(const PlyElement& element, std::string_view data,
+                           const std::vector<int64_t>& column, T* out) const {
   const auto width = std::count_if(column.begin(), column.end(), [](int64_t c) { return c >= 0; });
   const char* at = data.data();
   const char* const end = at + data.size();
@@ -290,16 +313,16 @@ void PlyFile::decode_ascii(std::string_view data, const std::vector<int64_t>& co
       while (at != end && (*at == ' ' || *at == '\n' || *at == '\t' || *at == '\r')) ++at;
       if (at == end) fail_short(path_, element);
       if (*at == '+' && end - at > 1 && at[1] != '-') ++at;  // which from_chars() does not know
-      float value = 0;
+      T value = 0;
       auto [next, problem] = std::from_chars(at, end, value);
       if (problem == std::errc::result_out_of_range) {  // 0 or infinite as a float
         double wide = 0;
         problem = std::from_chars(at, end, wide).ec;
-        value = static_cast<float>(wide);
+        value = static_cast<T>(wide);
       }
       if (problem != std::errc()) {
         fail(path_,
-             concat("expected a number in vertex row ", row, ", found '",
+             concat("expected a number in ", element.name, " row ", row, ", found '",
                     std::string(at, std::min<size_t>(12, static_cast<size_t>(end - at))), "'"));
       }
       if (target >= 0) out[row * width + target] = value;

@@ -35,11 +35,19 @@ struct GaussianSummary {
 
 GaussianSummary summarize(const splat::Gaussians& gaussians);
 
-/// Those whose numbers are all finite; splatting draws no other.
+/// Those whose numbers are finite and within the limits of splat/math/projection.h; splatting draws
+/// no other.
 splat::Gaussians drawable(const splat::Gaussians& gaussians);
 
 /// A warning in one line for who only draws them: how many Gaussians of `file` are left out of
-/// every picture, as some of their numbers are not finite. Empty where there is none.
+/// every picture, as some of their numbers are not finite or too large, or that all are
+/// transparent. Empty where there is nothing to say.
 std::string undrawable_warning(const splat::Gaussians& gaussians, const std::string& file);
+
+/// How many Gaussians each reason keeps from being drawn, "3 have NaN or Inf in their means, …".
+std::string undrawable_reasons(const splat::Gaussians& gaussians);
+
+/// Those of an opacity of at least 1/255, below which splatting draws nothing.
+int64_t count_visible(const splat::Gaussians& gaussians);
 
 }  // namespace jade::gaussians

@@ -22,6 +22,7 @@ struct Shot {
   torch::Tensor image;  ///< [3,H,W] RGB float32 in [0,1]
   int64_t t_start_us = 0, t_end_us = 0;
   double blur_px = -1;  ///< how far the scene moved during it, px; below 0: not known
+  double gain = 1;      ///< its brightness is that of the scene times this
 
   int64_t duration_us() const { return t_end_us - t_start_us; }
   int64_t t_mid_us() const { return t_start_us + duration_us() / 2; }
@@ -36,6 +37,8 @@ struct Capture {
   ColorFilter filter = ColorFilter::kNone;  ///< before the pixels of that sensor
   /// [2,h,w] float32: column and row where the events of its pixels went; undefined where they are.
   torch::Tensor event_map;
+  /// [1,H,W] bool of all shots, true: the pixel counts; undefined: all count.
+  torch::Tensor mask;
   /// A pinhole, centred, without distortion; absent where no calibration was given.
   std::optional<geometry::Intrinsics> camera;
 
@@ -47,7 +50,7 @@ struct Capture {
 std::vector<data::Exposure> exposures_of(const Capture& capture);
 data::Exposure exposure_of(const Shot& shot, const Capture& capture);
 
-/// Writes frames/NNNN.png (16 bit), events.h5 and capture.json into the folder, which is there.
+/// Writes frames/NNNN.png (16 bit), events.h5, capture.json and, where there is one, mask.png into the folder, which is there.
 /// @throws DataError.
 void keep_capture(const std::filesystem::path& folder, const Capture& capture);
 

@@ -48,8 +48,7 @@ bool is_sharp(const Shot& shot, double sharp_px) {
 
 torch::Tensor latents_of(const Shot& shot, const Capture& capture, const ImportOptions& options,
                          restore::ViewRestorer& restorer) {
-  restore::RestoreOptions how{
-      options.events, {geometry::QuadratureRule::kTrapezoid, 9}, 0, std::nullopt};
+  restore::RestoreOptions how{options.events, {geometry::QuadratureRule::kTrapezoid, 9}};
   const bool mean_of_each = options.latents.kind == LatentKind::kMean && restorer.has_network() &&
                             restorer.metadata().any_time;
   if (mean_of_each) how.times.assign(std::begin(kLatentMoments), std::end(kLatentMoments));

@@ -46,8 +46,8 @@ template <class V>
 void describe(V& v, TimeOptions& o) {
   v.field("frame_times", o.frame_times,
           "list of exposures, name,start_us,end_us; empty: what the recording says");
-  v.field("exposure_ms", o.exposure_ms, "of frames whose own length is not known; 0: not known",
-          Range{0, 1e5});
+  v.field("exposure_ms", o.exposure_ms,
+          "of frames whose own length is not known; 0: found in frames and events", Range{0, 1e5});
   v.field("stamp", o.stamp, "what the only time of a frame is the time of");
   v.field("trigger_level", o.trigger_level, "of the trigger input while a frame is exposed");
   v.field("begin_s", o.begin_s, "leave out what comes before, in seconds since the first frame",
@@ -70,13 +70,12 @@ void describe(V& v, SensorOptions& o) {
   v.field("remove_hot_pixels", o.remove_hot_pixels,
           "leave out the events of pixels that fire by themselves");
   v.field("find_thresholds", o.find_thresholds,
-          "where events.threshold_positive and _negative are the defaults they are found in frames "
-          "and events");
+          "where events.threshold_positive is auto, measure it in frames and events");
 }
 
 /// The lens, and a second camera.
 struct LensOptions {
-  std::filesystem::path calibration;
+  std::filesystem::path calibration, mask;
   geometry::RectifiedField field = geometry::RectifiedField::kFilled;
   double plane_depth = 0, near = 0, far = 0;
 };
@@ -84,7 +83,10 @@ struct LensOptions {
 template <class V>
 void describe(V& v, LensOptions& o) {
   v.field("calibration", o.calibration,
-          "file of Kalibr, OpenCV, ROS or RPG; empty: a pinhole whose focal length is searched");
+          "file of Kalibr, OpenCV, ROS, DV or RPG; empty: a pinhole whose focal length is searched");
+  v.field("mask", o.mask,
+          "image of the size of the frames, whose black pixels count in none of them (lens borders, "
+          "hot areas); it becomes mask.png of the data set");
   v.field("field", o.field, "what the undistorted images show");
   v.field("plane_depth", o.plane_depth,
           "depth at which the events of a second camera fall on the frames exactly, in the unit of "
@@ -123,9 +125,10 @@ enum class PairChoice { kAuto, kExhaustive, kSequential };
 
 constexpr auto words_of(PairChoice) {
   return std::array{
-      Word{"auto", PairChoice::kAuto, "all up to 150 images, else sequential"},
+      Word{"auto", PairChoice::kAuto, "all up to 60 images, else sequential"},
       Word{"exhaustive", PairChoice::kExhaustive, "all"},
-      Word{"sequential", PairChoice::kSequential, "neighbours in time, and at growing distances"}};
+      Word{"sequential", PairChoice::kSequential,
+           "neighbours in time, and one image of every shot with one of every other"}};
 }
 
 struct PoseSearchOptions {
@@ -160,6 +163,7 @@ struct ImportOptions {
   std::string device = "auto";
   std::filesystem::path recording;
   std::filesystem::path frames;
+  std::string events_group, topic;
   TimeOptions time;
   SensorOptions sensor;
   LensOptions lens;
@@ -176,6 +180,11 @@ void describe(V& v, ImportOptions& o) {
   v.field("device", o.device, "auto (a GPU if there is one), cpu, cuda or cuda:N");
   v.field("recording", o.recording, "the recording, a file or a folder");
   v.field("frames", o.frames, "folder of frames, or a video, where they are not in the recording");
+  v.field(
+      "events_group", o.events_group,
+      "which of several event streams of an HDF5 file: the group of x, y, t, p, or the data set; "
+      "empty: the first");
+  v.field("topic", o.topic, "which topic of events of a ROS bag; empty: the first by name");
   v.group("time", o.time, "when frames were exposed");
   v.group("sensor", o.sensor, "the sensor of the events");
   v.group("lens", o.lens, "the lens, and a second camera");

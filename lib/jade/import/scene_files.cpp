@@ -9,9 +9,10 @@
 #include "jade/core/error.h"
 #include "jade/data/evdeblur_writer.h"
 #include "jade/data/frames.h"
+#include "jade/data/masks.h"
 #include "jade/data/warnings.h"
 #include "jade/geometry/trajectory.h"
-#include "jade/import/base_settings.h"
+#include "jade/imaging/image_io.h"
 
 namespace jade::import {
 namespace {
@@ -79,11 +80,13 @@ data::EvDeblurContent content_of(const Capture& capture, const Reconstruction& f
     middles.push_back(middle);
     if (parts[i] == Part::kTest) {
       content.test.push_back({shot.name, shot.image, middle, found.camera, shot.t_mid_us()});
+      content.test.back().gain = shot.gain;
       continue;
     }
     data::Exposure exposure;
     exposure.name = shot.name;
     exposure.blurry = shot.image;
+    exposure.gain = shot.gain;
     exposure.t_start_us = shot.t_start_us;
     exposure.t_end_us = shot.t_end_us;
     exposure.poses[geometry::kMidPose] = middle;
@@ -114,7 +117,7 @@ std::string scene_yaml(const Capture& capture, const ImportOptions& options) {
   const events::Thresholds thresholds = options.events.thresholds();
   return concat("# Written by jade_import from ", fs::path(capture.source).filename().string(),
                 ":\n#   jade_train --config scene.yaml --output DIR\n"
-                "extends: base.yaml\n"
+                "# Steps and moments that are not set here are chosen when the run begins.\n"
                 "dataset: {path: .}\n"
                 "events: {threshold_positive: ",
                 thresholds.positive, ", threshold_negative: ", thresholds.negative,
@@ -206,8 +209,11 @@ std::string write_scene(const fs::path& folder, const Capture& capture, const Re
   data::EvDeblurWriteOptions how;
   how.image_bits = is_eight_bit(capture) ? 8 : 16;
   data::write_evdeblur(folder, content_of(capture, found, parts), how);
+  fs::remove(folder / data::kMaskFile);  // of an earlier import
+  if (capture.mask.defined()) {
+    imaging::write_image(folder / data::kMaskFile, capture.mask.to(torch::kFloat32));
+  }
   write_file(folder / "frames.csv", frame_list(capture, parts));
-  write_file(folder / "base.yaml", kBaseSettings);
   write_file(folder / "scene.yaml", scene_yaml(capture, options));
   const auto count = [&](Part part) { return std::count(parts.begin(), parts.end(), part); };
   return concat(count(Part::kTrain), " exposures, ", count(Part::kHeldOut), " held out, ",

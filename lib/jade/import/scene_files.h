@@ -25,7 +25,7 @@ std::vector<Part> parts_of(const Capture& capture, const std::vector<TimedPose>&
 void check_test_names(const Capture& capture, const TestOptions& options);
 
 /// Writes the data set in the EvDeblur layout into `folder`, with frames.csv (which frame is which
-/// shot), base.yaml and scene.yaml. @return one line that says what it is
+/// shot), the mask of the capture and scene.yaml. @return one line that says what it is
 std::string write_scene(const std::filesystem::path& folder, const Capture& capture,
                         const Reconstruction& found, const ImportOptions& options);
 

@@ -55,14 +55,20 @@ Contents read_rpg(const std::filesystem::path& folder, const ReadOptions& option
 Contents read_rpg_zip(const std::filesystem::path& path, const ReadOptions& options);
 Contents read_event_folder(const std::filesystem::path& folder, const ReadOptions& options);
 Contents read_evt(const std::filesystem::path& path, const ReadOptions& options);
+Contents read_dat(const std::filesystem::path& path, const ReadOptions& options);
 Contents read_converted(const std::filesystem::path& path, const ReadOptions& options);
 /// What a program that failed said last; empty if nothing.
 std::string last_line(const std::filesystem::path& log);
-/// Records of Metavision in HDF5.
-bool is_metavision(const std::filesystem::path& path);
+/// Records of Metavision in HDF5, unless another group is asked for.
+bool is_metavision(const std::filesystem::path& path, const std::string& group);
 Contents read_metavision(const std::filesystem::path& path, const ReadOptions& options);
 /// HDF5, .npz, .npy and text: events alone.
 Contents read_event_file(const std::filesystem::path& path, const ReadOptions& options);
+
+/// Adds the pictures, with their times, that an HDF5 file has of the camera of its events, and
+/// notes those of others.
+void add_hdf5_frames(const std::filesystem::path& path, const ReadOptions& options,
+                     Contents& contents);
 
 /// Gives each image the exposure that `exposures` has for its name.
 /// @throws DataError if an image has none.

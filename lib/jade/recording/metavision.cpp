@@ -96,7 +96,9 @@ void read_triggers(const io::Hdf5File& file, Recording& recording) {
 
 }  // namespace
 
-bool is_metavision(const fs::path& path) { return io::Hdf5File(path).has(kRecords); }
+bool is_metavision(const fs::path& path, const std::string& group) {
+  return (group.empty() || group == kRecords) && io::Hdf5File(path).has(kRecords);
+}
 
 Contents read_metavision(const fs::path& path, const ReadOptions& options) {
   const io::Hdf5File file(path);

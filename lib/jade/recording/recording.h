@@ -23,7 +23,7 @@ struct Frame {
 
 /// A calibration that lies beside a recording, as it was found.
 struct CalibrationFile {
-  std::string name;  ///< "calib.txt", "calibration.yaml", "camchain.yaml"
+  std::string name;  ///< "calib.txt", "calibration.yaml", "camera_info.yaml"
   std::string text;
 };
 
@@ -58,6 +58,12 @@ struct ReadOptions {
   /// Keeps no more than the first so many events, for a look at a recording of any size;
   /// stored_events and stored_us tell of all. 0: all. Text and .npz are read whole all the same.
   int64_t most_events = 0;
+  /// Which of several streams of events: the group or data set of an HDF5 file; empty: the one
+  /// nearest to its root, the first by name.
+  std::string events_group;
+  /// The same for a ROS bag, by topic; empty: the first by name. Frames come from the same
+  /// namespace where it has any.
+  std::string topic;
   /// Bytes that a kept event will cost the caller at most; a recording whose events would not fit
   /// into 0.7 of this machine's memory is refused before they are read.
   double event_bytes = 17;

@@ -53,11 +53,12 @@ serve::Drawn drawn_of(const torch::Tensor& image, FrameMemory& memory) {
 }
 
 /// Told when somebody asks, and on their thread; nothing without a truth of the image's size.
-std::function<double()> judge(const torch::Tensor& image, const torch::Tensor& truth) {
+std::function<double()> judge(const torch::Tensor& image, const torch::Tensor& truth,
+                              const torch::Tensor& mask) {
   if (!truth.defined() || truth.sizes() != image.sizes()) return {};
-  return [image, truth] {
+  return [image, truth, mask] {
     const torch::NoGradGuard no_grad;
-    return eval::psnr(image, truth);
+    return eval::psnr(image, truth, mask);
   };
 }
 
@@ -95,6 +96,13 @@ torch::Tensor LiveScene::truth_at(const std::string& camera) const {
                          : dataset_.test[found->index].image;
 }
 
+torch::Tensor LiveScene::truth_mask_at(const std::string& camera) const {
+  const std::optional<CameraOfPage> found = camera_of_page(dataset_, camera);
+  if (!found) return {};
+  return found->exposure ? truth_mask_of(dataset_, static_cast<int64_t>(found->index))
+                         : dataset_.test[found->index].mask;
+}
+
 serve::Drawn LiveScene::picture(const serve::Wanted& wanted) const {
   const auto view = pictures_.find(wanted.view);
   if (view == pictures_.end()) throw ConfigError(concat("no camera ", wanted.view));
@@ -103,7 +111,9 @@ serve::Drawn LiveScene::picture(const serve::Wanted& wanted) const {
                    [&](const ViewPicture& each) { return each.name == wanted.picture; });
   if (picture == view->second.end()) throw ConfigError(concat("no picture ", wanted.picture));
   serve::Drawn drawn = drawn_of(picture->make(), *memory_);
-  if (picture->judged) drawn.psnr = judge(drawn.image, truth_at(wanted.view));
+  if (picture->judged) {
+    drawn.psnr = judge(drawn.image, truth_at(wanted.view), truth_mask_at(wanted.view));
+  }
   return drawn;
 }
 
@@ -115,7 +125,7 @@ serve::Drawn LiveScene::frame(const serve::Wanted& wanted,
   const splat::RenderOutput render = splat::render(gaussians, camera, options);
   if (options.depth) return drawn_of(depth_picture(render), *memory_);
   serve::Drawn drawn = drawn_of(render.color[0].clamp(0, 1), *memory_);
-  drawn.psnr = judge(drawn.image, truth_at(wanted.view));
+  drawn.psnr = judge(drawn.image, truth_at(wanted.view), truth_mask_at(wanted.view));
   return drawn;
 }
 

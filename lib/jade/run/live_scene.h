@@ -48,6 +48,7 @@ class LiveScene {
 
  private:
   torch::Tensor truth_at(const std::string& camera) const;
+  torch::Tensor truth_mask_at(const std::string& camera) const;
   serve::Drawn picture(const serve::Wanted& wanted) const;
   serve::Drawn frame(const serve::Wanted& wanted, const splat::Gaussians& gaussians) const;
   nlohmann::ordered_json cameras(const std::string& name) const;

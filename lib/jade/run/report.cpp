@@ -41,11 +41,13 @@ constexpr gaussians::SpzOptions kEmbedded{false, 20, 7, 6};
 class Pictures {
  public:
   /// What the page has of it; "src" is its number until put_into().
-  Json add(const std::string& name, const torch::Tensor& image, const torch::Tensor& truth = {}) {
+  Json add(const std::string& name, const torch::Tensor& image, const torch::Tensor& truth = {},
+           const torch::Tensor& mask = {}) {
     Json entry{{"name", name}, {"src", sources_.size() + images_.size()}};
     if (truth.defined()) {
       char note[24];
-      std::snprintf(note, sizeof note, "%.2f dB", eval::psnr(image, truth.to(image.device())));
+      std::snprintf(note, sizeof note, "%.2f dB",
+                    eval::psnr(image, truth.to(image.device()), mask));
       entry["note"] = note;
     }
     images_.push_back(image.detach().cpu());
@@ -99,10 +101,11 @@ std::vector<size_t> shown_views(size_t count) {
 
 Json training_view(const data::Dataset& dataset, const train::View& view, int64_t index,
                    train::TrainState& state, const splat::RenderOptions& draw, Pictures& pictures) {
-  const torch::Tensor truth = truth_of(dataset, index);
+  const torch::Tensor truth = truth_of(dataset, index), mask = truth_mask_of(dataset, index);
   Json shown = Json::array();
   for (const ViewPicture& each : training_pictures(dataset, view, index, state, draw)) {
-    shown.push_back(pictures.add(each.name, each.make(), each.judged ? truth : torch::Tensor()));
+    shown.push_back(
+        pictures.add(each.name, each.make(), each.judged ? truth : torch::Tensor(), mask));
   }
   return {{"name", "training view " + view.name},
           {"camera", concat("train.", index)},
@@ -120,12 +123,13 @@ Json headline(const data::Dataset& dataset, const std::vector<train::View>& view
     if (!truth.defined()) continue;
     truth = truth.to(views[i].blurry.device());
     const data::Exposure& exposure = dataset.train[i];
+    const torch::Tensor mask = truth_mask_of(dataset, static_cast<int64_t>(i));
     ++count;
-    blurry += eval::psnr(views[i].blurry, truth);
-    edi += eval::psnr(views[i].restorations.edi.clamp(0, 1), truth);
+    blurry += eval::psnr(views[i].blurry, truth, mask);
+    edi += eval::psnr(views[i].restorations.edi.clamp(0, 1).to(truth.device()), truth, mask);
     rendered += eval::psnr(render_view(state.gaussians.detached(),
                                        exposure.poses[geometry::kMidPose], exposure.camera, draw),
-                           truth);
+                           truth, mask);
   }
   if (count == 0) return nullptr;
   const auto n = static_cast<double>(count);
@@ -194,7 +198,7 @@ Json allocation_statistics(const data::Dataset& dataset, const std::vector<train
     if (!alpha.defined()) return {{"views", rows}};
     const auto map =
         alpha.expand({1, views[i].density.size(0), views[i].density.size(1)}).to(torch::kFloat64);
-    const double r = correlation(map[0], views[i].density);
+    const double r = correlation(map[0].cpu(), views[i].density);
     rows.push_back({{"name", views[i].name},
                     {"alpha_mean", map.mean().item<double>()},
                     {"alpha_std", map.std(/*unbiased=*/false).item<double>()},

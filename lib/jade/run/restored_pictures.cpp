@@ -30,12 +30,6 @@ void check_restorer(const fs::path& run, const train::RunOptions& options) {
       "efnet.path in its config.yaml to the file");
 }
 
-/// The moments at which training has restored, and so the cache has them.
-std::vector<double> trained_moments(const train::RunOptions& options) {
-  if (options.objective.restored_poses != losses::RestoredPoses::kAll) return {};
-  return geometry::quadrature(options.exposure.quadrature, options.exposure.samples).u;
-}
-
 torch::Tensor density_of(const Restored& restored) {
   const torch::Tensor events = restored.events.sum(0);
   return (events / events.max().clamp_min(1)).unsqueeze(0);
@@ -46,7 +40,8 @@ torch::Tensor density_of(const Restored& restored) {
 RestoredPictures::RestoredPictures(const fs::path& run, const train::RunOptions& options,
                                    const data::Dataset& dataset, torch::Device device)
     : dataset_(dataset) {
-  DeblurOptions how{options, 0, run, trained_moments(options)};
+  // The cache has what training has restored.
+  DeblurOptions how{options, 0, run, train::restored_times(options)};
   const bool routed =
       options.objective.target == losses::Target::kRouted && train::needs_efnet(options);
   // The most that there may be, then less of it.

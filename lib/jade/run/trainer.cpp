@@ -16,15 +16,19 @@
 #include "jade/core/interrupt.h"
 #include "jade/core/log.h"
 #include "jade/core/progress.h"
+#include "jade/core/readable.h"
 #include "jade/core/version.h"
 #include "jade/eval/metrics.h"
 #include "jade/gaussians/ply.h"
+#include "jade/geometry/origin.h"
 #include "jade/imaging/image_io.h"
 #include "jade/losses/poses.h"
 #include "jade/response/identity_fit.h"
 #include "jade/run/checkpoint.h"
 #include "jade/run/evaluate.h"
 #include "jade/run/report.h"
+#include "jade/run/thresholds.h"
+#include "jade/train/memory_plan.h"
 #include "jade/train/routing_step.h"
 
 namespace jade::run {
@@ -61,6 +65,7 @@ RunData load_data(const RunDirectory& directory, const train::RunOptions& option
   if (options.response.enabled) {
     data.response = std::async(std::launch::async, [] { response::identity_response(); });
   }
+  log_info(concat("reading     ", options.dataset.path.string()));
   std::vector<std::string> warnings;
   data.dataset = data::load_dataset(options.dataset, &warnings);
   for (const std::string& warning : warnings) log_warn(warning);
@@ -72,20 +77,15 @@ RunData load_data(const RunDirectory& directory, const train::RunOptions& option
   return data;
 }
 
-nlohmann::ordered_json json_of(const train::SensorEstimate& sensor) {
-  return {{"threshold_positive", sensor.threshold_positive},
-          {"threshold_negative", sensor.threshold_negative},
-          {"gain_std", sensor.gain_std},
-          {"offset_ms", sensor.offset_ms}};
-}
-
 /// True when `due` divides the step; 0 is never.
 bool every(int64_t step, int64_t due) { return due > 0 && step % due == 0; }
 
 }  // namespace
 
-Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const std::string& resume)
+Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const std::string& resume,
+                 const std::optional<Choices>& choices)
     : options_(options),
+      choices_(choices),
       device_(select_device(options.device)),
       directory_(run),
       data_(load_data(directory_, options, device_, resume.empty())),
@@ -95,7 +95,10 @@ Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const st
   train::settle(options_);
   train::follow_dataset(data_.dataset, options_);
   if (resume.empty() || !resume_from(resume)) {
+    settle_thresholds(data_.dataset, data_.fingerprint, /*log_offset=*/0, options_);
     options_.splat.near_plane = train::near_plane(options_.splat, data_.dataset);
+    if (choices_) choose_pace(data_.dataset, *choices_, device_, options_, data_.restorer);
+    if (!train::needs_efnet(options_)) data_.restorer_sha256.clear();
     state_ = train::make_state(options_, data_.dataset, device_);
   }
   announce();
@@ -104,6 +107,9 @@ Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const st
   times_.end("start");
   feed_ = train::StepFeed(data_.dataset, options_, device_, std::move(data_.restorer));
   times_.end("restorations");
+  log_info(concat("memory      ",
+                  train::text_of(train::memory_plan(views(), state_, options_), views().size(),
+                                 train::most_gaussians(state_, options_))));
   metrics_ = std::make_unique<MetricsLog>(directory_.path() / "metrics.jsonl", state_.step);
 }
 
@@ -162,6 +168,13 @@ void Trainer::keep_decisions(const train::RunOptions& saved) {
                     " steps, as the run began; a new --output follows that of ",
                     options_.train.iterations));
   }
+  if (choices_) keep_choices(saved, *choices_, options_);
+  if (options_.events.threshold_positive.is_auto()) {
+    options_.events.threshold_positive = saved.events.threshold_positive;
+    if (options_.events.threshold_negative == 0) {
+      options_.events.threshold_negative = saved.events.threshold_negative;
+    }
+  }
   // Perhaps the run began with a version that had no such key.
   if (options_.splat.near_plane == 0) options_.splat.near_plane = saved.splat.near_plane;
 }
@@ -204,9 +217,10 @@ void Trainer::announce() const {
   log_info(concat("data        ", data_.dataset.name, " (", word_of(data_.dataset.kind),
                   "): ", data_.dataset.train.size(), " exposures of ", camera.width, "x",
                   camera.height, data_.dataset.monochrome ? ", monochrome, " : " in colour, ",
-                  event_count, " events; ", data_.dataset.test.size(), " sharp test views (",
-                  data_.dataset.split, ")"));
-  log_info(concat("scene       ", state_.gaussians.size(), " Gaussians, extent ",
+                  grouped(event_count), " events; ", data_.dataset.test.size(),
+                  " sharp test views (", data_.dataset.split, ")"));
+  for (const std::string& note : data_.dataset.notes) log_info("data        " + note);
+  log_info(concat("scene       ", grouped(state_.gaussians.size()), " Gaussians, extent ",
                   state_.gaussians.extent(), ", near plane ",
                   train::render_options(options_).near_plane));
   if (state_.allocation) {
@@ -218,8 +232,8 @@ void Trainer::announce() const {
   }
   if (train::needs_efnet(options_))
     log_info(concat("restorer    ", restore::restorer_path(options_.efnet).string()));
-  log_info(concat("budget      ", options_.train.iterations, " steps, at most ",
-                  options_.densify.max_gaussians, " Gaussians, seed ", options_.seed));
+  log_info(concat("budget      ", grouped(options_.train.iterations), " steps, at most ",
+                  grouped(options_.densify.max_gaussians), " Gaussians, seed ", options_.seed));
 }
 
 void Trainer::write_environment() const {
@@ -231,6 +245,7 @@ void Trainer::write_environment() const {
                                      {"seed", options_.seed},
                                      {"data_fingerprint", data_.fingerprint}};
   if (!data_.restorer_sha256.empty()) environment["restorer_sha256"] = data_.restorer_sha256;
+  if (!geometry::is_zero(data_.dataset.origin)) environment["origin"] = data_.dataset.origin;
   write_file(directory_.path() / "env.json", environment.dump(2) + "\n");
 }
 
@@ -239,7 +254,7 @@ void Trainer::step(const std::function<void()>& look) {
   const train::StepInputs inputs = feed_.at(step);
   const train::StepOutputs out =
       step_graph_.run(state_, inputs, train::plan_step(options_, step), options_);
-  train::update_poses(state_, options_, step);
+  train::update_exposures(state_, options_, step);
   state_.step = step;
   monitor_.watch(out.terms, step);
   if (metrics_ && (every(step, options_.train.log_every) || step == options_.train.iterations)) {
@@ -268,17 +283,25 @@ void Trainer::log_step(const train::StepInputs& inputs, const train::StepOutputs
   const torch::Tensor all =
       out.renders.all_poses
           ? out.renders.color.detach()
-          : splat::render(state_.gaussians.detached(), train::exposure_cameras(state_, inputs),
-                          train::render_options(options_))
-                .color;
-  const double psnr = eval::psnr(losses::weighted_mean(all, view.weights), view.blurry);
+          : train::as_in_frame(
+                state_, inputs,
+                splat::render(state_.gaussians.detached(), train::exposure_cameras(state_, inputs),
+                              train::render_options(options_))
+                    .color);
+  double psnr = eval::psnr(losses::weighted_mean(all, view.weights), view.blurry);
+  // Under the mask both are black, and no pixel there counts.
+  if (view.mask.defined()) psnr += 10 * std::log10(view.mask.mean().item<double>());
   line["psnr_train"] = psnr;
   if (state_.allocation) {
     const auto alpha = train::allocation_map(state_, view, index);
     line["alpha_mean"] = alpha.mean().item<double>();
     line["alpha_std"] = alpha.numel() > 1 ? alpha.std().item<double>() : 0.0;
   }
-  if (state_.sensor) line.update(json_of(state_.sensor->estimate()));
+  if (state_.gains) {
+    const auto [least, most] = state_.gains->range();
+    line["gain_min"] = least;
+    line["gain_max"] = most;
+  }
   line["gaussians"] = state_.gaussians.size();
   const double seconds = now_seconds();
   if (logged_seconds_ > 0) {
@@ -289,23 +312,19 @@ void Trainer::log_step(const train::StepInputs& inputs, const train::StepOutputs
   logged_seconds_ = seconds;
   logged_step_ = state_.step;
   metrics_->append(line.dump());
-  char text[96];
-  std::snprintf(text, sizeof text, "loss %.4f  PSNR %.2f dB  %lld Gaussians  %lld MiB", total, psnr,
-                static_cast<long long>(state_.gaussians.size()),
+  char text[128];
+  std::snprintf(text, sizeof text, "loss %.4f  re-blur PSNR %.2f dB  %lld Gaussians  %lld MiB",
+                total, psnr, static_cast<long long>(state_.gaussians.size()),
                 static_cast<long long>(peak_memory_bytes(device_) >> 20));
   status_ = text;
 }
 
 void Trainer::save() {
   monitor_.check();
-  save_checkpoint(directory_.path(), state_,
-                  {yaml_of(options_), data_.fingerprint, data_.restorer_sha256},
-                  options_.checkpoint.keep);
-  if (state_.sensor) {
-    nlohmann::ordered_json sensor = json_of(state_.sensor->estimate());
-    sensor.erase("gain_std");
-    write_file(directory_.path() / "sensor.json", sensor.dump(2) + "\n");
-  }
+  save_checkpoint(
+      directory_.path(), state_,
+      {yaml_of(options_), data_.fingerprint, data_.restorer_sha256, data_.dataset.origin},
+      options_.checkpoint.keep);
 }
 
 bool Trainer::can_evaluate() const {
@@ -351,8 +370,10 @@ data::Dataset Trainer::posed_dataset(OnInterrupt on_interrupt) {
   if (!state_.poses) return data_.dataset;
   return with_learned_poses(data_.dataset, *state_.poses, state_.gaussians.detached(),
                             options_.poses.test_fit_steps, train::render_options(options_),
-                            on_interrupt);
+                            learns_gains(), on_interrupt);
 }
+
+bool Trainer::learns_gains() const { return train::learns_gains(options_.gains, data_.dataset); }
 
 void Trainer::write_pictures(const data::Dataset& posed, bool truths) {
   const splat::Gaussians gaussians = state_.gaussians.detached();
@@ -414,7 +435,8 @@ void Trainer::finish() {
     write_learned_cameras(directory_.path() / kLearnedCamerasFile, posed);
   }
   // After its cameras, as it tells others that the run has ended.
-  gaussians::write_ply(directory_.path() / kSceneFile, {state_.gaussians.detached()});
+  gaussians::write_ply(directory_.path() / kSceneFile,
+                       {state_.gaussians.detached(), false, data_.dataset.origin});
   times_.end("test poses, scene");
   write_pictures(posed, /*truths=*/true);
   times_.end("pictures");
@@ -425,11 +447,10 @@ void Trainer::finish() {
                                          : "on the sharp test views:\n") +
              eval::to_table(evaluation));
   }
-  if (state_.sensor) {
-    const train::SensorEstimate sensor = state_.sensor->estimate();
-    log_info(concat("sensor      thresholds ", sensor.threshold_positive, " and ",
-                    sensor.threshold_negative, ", log gain of deviation ", sensor.gain_std,
-                    ", events' clock ahead by ", sensor.offset_ms, " ms"));
+  if (state_.gains) {
+    const auto [least, most] = state_.gains->range();
+    log_info(concat("gains       of the frames ", least, " to ", most,
+                    learns_gains() ? ", learned" : ", as the data have them"));
   }
   if (state_.gaussians.size() == 0) {
     log_warn(
@@ -443,6 +464,11 @@ void Trainer::finish() {
   log_info("time        " + times_.text());
   log_info(concat("report      ", (directory_.path() / kReportFile).string()));
   log_info(concat("scene       ", (directory_.path() / kSceneFile).string()));
+  if (!geometry::is_zero(data_.dataset.origin)) {
+    log_info(concat("coordinates of the scene are about (", geometry::text_of(data_.dataset.origin),
+                    ") of the data set; jade_export --run ", directory_.path().string(),
+                    " --output FILE.ply writes those of the data set"));
+  }
 }
 
 void Trainer::run(Watcher* watcher) {

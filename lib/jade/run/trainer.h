@@ -5,6 +5,7 @@
 #include <functional>
 #include <future>
 #include <memory>
+#include <optional>
 #include <string>
 #include <torch/types.h>
 #include <vector>
@@ -14,6 +15,7 @@
 #include "jade/restore/efnet.h"
 #include "jade/run/checkpoint.h"
 #include "jade/run/learned_cameras.h"
+#include "jade/run/pace.h"
 #include "jade/run/picture_writer.h"
 #include "jade/run/run_directory.h"
 #include "jade/run/stage_times.h"
@@ -43,9 +45,11 @@ class Trainer {
   /// @param resume  empty: a new run, refused where one is already; "latest": the newest whole
   ///   checkpoint of the run directory, or the start where there is none; else the path of a
   ///   checkpoint.
+  /// @param choices  what a new run may choose by itself (choose_pace()), and a resumed one takes
+  ///   from the run; without value: nothing
   /// @throws the typed errors of core/error.h.
   Trainer(const train::RunOptions& options, const std::filesystem::path& run,
-          const std::string& resume);
+          const std::string& resume, const std::optional<Choices>& choices = std::nullopt);
   ~Trainer();
 
   /// Trains to options.train.iterations, then evaluates and exports.
@@ -72,9 +76,11 @@ class Trainer {
 
  private:
   eval::Evaluation evaluate(const data::Dataset& posed);
+  bool learns_gains() const;
   /// False where there is nothing to go on from.
   bool resume_from(const std::string& choice);
-  /// What a run decides when it starts stays with it: its calendar and its near plane.
+  /// What a run decides when it starts stays with it: its calendar, its measured thresholds and its
+  /// near plane.
   void keep_decisions(const train::RunOptions& saved);
   void check_same_run(const std::filesystem::path& checkpoint, const CheckpointInfo& info) const;
   void announce() const;
@@ -93,6 +99,7 @@ class Trainer {
 
   StageTimes times_;  // begins before anything else does
   train::RunOptions options_;
+  std::optional<Choices> choices_;
   torch::Device device_;
   RunDirectory directory_;
   RunData data_;

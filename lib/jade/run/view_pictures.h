@@ -26,6 +26,9 @@ struct ViewPicture {
 /// The sharp test view taken at an exposure's middle, or undefined.
 torch::Tensor truth_of(const data::Dataset& dataset, int64_t exposure);
 
+/// Which of its pixels count, of the view's mask and of the exposure's; undefined: all.
+torch::Tensor truth_mask_of(const data::Dataset& dataset, int64_t exposure);
+
 /// Of a training view: blurry, EDI, EFNet, α and fused where there are such, event density, render
 /// and, where a test view tells, truth. The arguments must outlive the pictures.
 std::vector<ViewPicture> training_pictures(const data::Dataset& dataset, const train::View& view,

@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "jade/losses/objective.h"
-#include "jade/train/exposure_span.h"
 
 namespace jade::train {
 
@@ -27,13 +26,18 @@ class ViewOrder {
 };
 
 /// The poses of L_edi gray, L_edi colour and L_sim for each step, and of L_tgt where it is asked
-/// for, each uniform in 0..K−1. A block of steps is drawn and brought to the device at once. Asking
-/// for the fourth changes none of the three.
+/// for, each uniform in 0..K−1, the last among every `target_every`-th of them. A block of steps is
+/// drawn and brought to the device at once. Asking for the fourth changes none of the three.
 class PoseDraws {
  public:
   PoseDraws() = default;
-  PoseDraws(uint64_t seed, torch::Device device, int64_t samples = 9, bool target = false)
-      : seed_(seed), device_(device), samples_(samples), target_(target) {}
+  PoseDraws(uint64_t seed, torch::Device device, int64_t samples = 9, bool target = false,
+            int64_t target_every = 1)
+      : seed_(seed),
+        device_(device),
+        samples_(samples),
+        target_(target),
+        target_every_(target_every) {}
   /// [3] int64 on the device, [4] with that of L_tgt. @param step  counted from 1.
   torch::Tensor at(int64_t step);
   /// The same as the host knows it, without waiting for the device; valid until the next call.
@@ -46,31 +50,9 @@ class PoseDraws {
   torch::Device device_ = torch::kCPU;
   int64_t samples_ = 9;
   bool target_ = false;
+  int64_t target_every_ = 1;
   int64_t block_ = -1;
   torch::Tensor draws_, on_host_;  // [kBlock,3] or [kBlock,4]
-};
-
-/// The moments of exposure.quadrature jittered for each step, and the cameras there.
-class MomentDraws {
- public:
-  /// @param spans  of the exposures, and the camera's way through each
-  MomentDraws(std::vector<ExposureSpan> spans, int64_t samples, uint64_t seed,
-              torch::Device device);
-
-  struct Moments {
-    torch::Tensor u;                  ///< [K] float64 on the device
-    torch::Tensor camera_from_world;  ///< [K,4,4] float32 on the device
-  };
-  /// @param step  counted from 1. @param view  of the step, as ViewOrder says.
-  Moments at(int64_t step, int64_t view);
-
- private:
-  std::vector<ExposureSpan> spans_;
-  int64_t samples_;
-  uint64_t seed_;
-  torch::Device device_;
-  int64_t block_ = -1;
-  torch::Tensor on_host_, u_;  // [kBlock,K]
 };
 
 /// The weights of L_tgt and L_edi for each step, where they fall in the course of the run.

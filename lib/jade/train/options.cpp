@@ -19,20 +19,21 @@ bool has_nine_equal_moments(const RunOptions& options) {
          options.exposure.quadrature == geometry::QuadratureRule::kEqual;
 }
 
-/// objective.restored_poses all, against what knows the middle only.
+/// objective.restored_poses but for middle, against what knows the middle only.
 void validate_restored_poses(const RunOptions& options) {
-  if (options.objective.restored_poses != losses::RestoredPoses::kAll) return;
-  if (options.exposure.quadrature == geometry::QuadratureRule::kJittered) {
-    throw ConfigError(
-        "objective.restored_poses all: expected moments that are the same at every step, found "
-        "exposure.quadrature jittered; set it to trapezoid or equal, or restored_poses middle");
+  const losses::RestoredPoses poses = options.objective.restored_poses;
+  if (poses == losses::RestoredPoses::kMiddle) return;
+  if (poses == losses::RestoredPoses::kNine && (options.exposure.samples - 1) % 8 != 0) {
+    throw ConfigError(concat(
+        "exposure.samples: expected 9, 17, 25, ... with objective.restored_poses nine, found ",
+        options.exposure.samples));
   }
   const losses::Target target = options.objective.target;
   if (target == losses::Target::kBlurry || target == losses::Target::kImageFolder) {
-    throw ConfigError(concat(
-        "objective.restored_poses all: expected a target that is restored (routed, edi, efnet or "
-        "mean), found ",
-        word_of(target), ", which is of mid-exposure only; set restored_poses middle"));
+    throw ConfigError(
+        concat("objective.restored_poses ", word_of(poses),
+               ": expected a target that is restored (routed, edi, efnet or mean), found ",
+               word_of(target), ", which is of mid-exposure only; set restored_poses middle"));
   }
 }
 
@@ -49,6 +50,7 @@ RunOptions printed_options() {
   options.objective.edi_weight_final = -1;
   options.objective.edi_contrast = 1;
   options.objective.trust.agreement = 0;
+  options.response.enabled = true;
   options.poses.optimize = PosePath::kNone;
   options.poses.start = PoseStart::kLine;
   options.poses.control_poses = 4;
@@ -68,8 +70,31 @@ bool routed_to_edi(const RunOptions& options) {
 bool needs_efnet(const RunOptions& options) {
   const losses::Target target = options.objective.target;
   return target == losses::Target::kEfnet || target == losses::Target::kMean ||
-         (target != losses::Target::kNone && options.objective.trust.disagreement > 0) ||
          (is_routed(options) && !routed_to_edi(options));
+}
+
+int64_t restored_every(const RunOptions& options) {
+  const int64_t steps = options.exposure.samples - 1;
+  switch (options.objective.restored_poses) {
+    case losses::RestoredPoses::kMiddle:
+      return 0;
+    case losses::RestoredPoses::kThree:
+      return steps / 2;
+    case losses::RestoredPoses::kNine:
+      return steps / 8;
+    case losses::RestoredPoses::kAll:
+      break;
+  }
+  return 1;
+}
+
+std::vector<double> restored_times(const RunOptions& options) {
+  std::vector<double> times;
+  const auto every = static_cast<size_t>(restored_every(options));
+  if (every == 0) return times;
+  const auto u = geometry::quadrature(options.exposure.quadrature, options.exposure.samples).u;
+  for (size_t k = 0; k < u.size(); k += every) times.push_back(u[k]);
+  return times;
 }
 
 int64_t calendar_steps(const RunOptions& options) {
@@ -112,11 +137,6 @@ void validate(const RunOptions& options) {
     throw ConfigError(concat("events.edi_samples: expected 0 or an odd number of 3 or more, found ",
                              options.events.edi_samples));
   }
-  if (options.events.edi_index == events::EdiIndex::kDiet && !has_nine_equal_moments(options)) {
-    throw ConfigError(
-        "events.edi_index diet: the DiET-GS release has nine posed images; set exposure.quadrature "
-        "equal, exposure.samples 9 and events.edi_samples 0");
-  }
   if (plan_step(options, 1).route && !options.route.render_consistency &&
       !options.route.reblur_consistency) {
     throw ConfigError(concat(
@@ -141,18 +161,6 @@ void validate(const RunOptions& options) {
     throw ConfigError(
         "objective.event_window: expected exposure where poses.optimize learns poses, which begin "
         "and end with their exposure, found recording; change one of the two");
-  }
-  if (learns(options.sensor)) {
-    if (options.events.edi_index == events::EdiIndex::kDiet) {
-      throw ConfigError(
-          "events.edi_index diet: expected exact where something of the sensor is learned; set it, "
-          "or sensor.learn_thresholds, sensor.learn_gain and sensor.learn_offset false");
-    }
-    if (!options.objective.edi_supervision && !options.objective.simulation) {
-      throw ConfigError(
-          "sensor: expected a term to learn it from, found none; turn on "
-          "objective.edi_supervision or objective.simulation");
-    }
   }
   const gaussians::DensifyOptions& densify = options.densify;
   // In a run of a few steps both shares may come to the same step; nothing is densified then.

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "jade/core/fields.h"
 #include "jade/data/dataset.h"
@@ -19,7 +20,7 @@
 #include "jade/restore/efnet.h"
 #include "jade/restore/restoration_cache.h"
 #include "jade/router/allocation.h"
-#include "jade/train/event_sensor.h"
+#include "jade/train/exposure_gains.h"
 #include "jade/train/exposure_poses.h"
 
 namespace jade::train {
@@ -97,7 +98,7 @@ struct RunOptions {
   SplatOptions splat;
   response::ResponseOptions response;
   PoseOptions poses;
-  SensorOptions sensor;
+  GainOptions gains;
   router::AllocationOptions allocation;
   losses::RouteOptions route;
   losses::ObjectiveOptions objective;
@@ -122,7 +123,7 @@ void describe(V& v, RunOptions& o) {
   v.group("splat", o.splat, "how the Gaussians are drawn");
   v.group("response", o.response, "the camera response ρ");
   v.group("poses", o.poses, "the cameras of the exposures");
-  v.group("sensor", o.sensor, "what is learned of the event sensor");
+  v.group("gains", o.gains, "brightness of the frames of a camera that adjusts itself");
   v.group("allocation", o.allocation, "the weight between the two restorations, Eq. (3)");
   v.group("route", o.route, "routing step, Eq. (6)");
   v.renamed("crf", "response");
@@ -142,6 +143,13 @@ bool routed_to_edi(const RunOptions& options);
 
 /// True when the options ask for F(B, V): a routed, EFNet or mean target.
 bool needs_efnet(const RunOptions& options);
+
+/// Every so many of an exposure's moments are restored, from the first on, for
+/// objective.restored_poses; 0: mid-exposure alone.
+int64_t restored_every(const RunOptions& options);
+
+/// The moments that are restored, 0 the start and 1 the end; empty: mid-exposure alone.
+std::vector<double> restored_times(const RunOptions& options);
 
 /// The steps that shares are of.
 int64_t calendar_steps(const RunOptions& options);

@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/run/thresholds.h"
+
+#include <cmath>
+#include <torch/types.h>
+#include <vector>
+
+#include "jade/core/error.h"
+#include "jade/core/log.h"
+#include "jade/core/version.h"
+
+namespace jade::run {
+namespace {
+
+/// A configured threshold that differs more, as a share of the measured one, is warned of.
+constexpr double kDisagreement = 0.3;
+
+double rounded_threshold(double value) { return std::round(value * 1e4) / 1e4; }
+
+/// The frames as the event pixels see them. Frames of another size than the first are left out.
+std::vector<data::Exposure> seen_by_events(const data::Dataset& dataset) {
+  std::vector<data::Exposure> seen;
+  for (const data::Exposure& exposure : dataset.train) {
+    if (exposure.blurry.sizes() != dataset.train.front().blurry.sizes()) continue;
+    seen.push_back(exposure);
+    if (!dataset.event_color.defined()) continue;
+    const torch::Tensor channel = dataset.event_color.to(torch::kFloat32);
+    const torch::Tensor one = (exposure.blurry * channel).sum(0, true);
+    const torch::Tensor image =
+        torch::where(dataset.event_color.any(0, true), one, exposure.blurry.mean(0, true));
+    seen.back().blurry = image.expand_as(exposure.blurry).contiguous();
+  }
+  return seen;
+}
+
+/// An estimate as an entry of the cache, and back.
+torch::Tensor entry_of(const data::ThresholdEstimate& e) {
+  return torch::tensor(
+             {e.thresholds.positive, e.thresholds.negative, e.spread.positive, e.spread.negative,
+              double(e.pixels), e.residual, e.unexplained, e.found ? 1.0 : 0.0},
+             torch::kFloat32)
+      .reshape({1, 1, -1});
+}
+
+data::ThresholdEstimate estimate_from(const torch::Tensor& entry) {
+  const auto v = entry.accessor<float, 3>()[0][0];
+  data::ThresholdEstimate e;
+  e.thresholds = {rounded_threshold(v[0]), rounded_threshold(v[1])};
+  e.spread = {v[2], v[3]};
+  e.pixels = std::llround(v[4]);
+  e.residual = v[5];
+  e.unexplained = v[6];
+  e.found = v[7] > 0;
+  return e;
+}
+
+bool disagrees(double configured, double measured) {
+  return std::abs(configured - measured) > kDisagreement * measured;
+}
+
+std::string percent_explained(const data::ThresholdEstimate& e) {
+  return concat(std::lround(100 * (1 - e.unexplained)), " %");
+}
+
+}  // namespace
+
+data::ThresholdEstimate measure_thresholds(const data::Dataset& dataset,
+                                           const std::string& fingerprint, double log_offset,
+                                           const restore::RestorationCacheOptions& cache_options) {
+  if (dataset.events.empty() || dataset.train.empty()) return {};
+  restore::RestorationCache cache(cache_options);
+  // Another version of the program may measure otherwise.
+  const std::string recipe = concat("thresholds 1; ", version(), " ", git_commit(), "; offset ",
+                                    log_offset, "; ", fingerprint);
+  const torch::Tensor entry = cache.get(restore::restoration_key(recipe, {}), {1, 1, 8}, [&] {
+    return entry_of(data::estimate_thresholds(seen_by_events(dataset), dataset.events, log_offset));
+  });
+  return estimate_from(entry);
+}
+
+void settle_thresholds(const data::Dataset& dataset, const std::string& fingerprint,
+                       double log_offset, train::RunOptions& options) {
+  events::EventOptions& events = options.events;
+  const bool automatic = events.threshold_positive.is_auto();
+  const events::Thresholds configured = events.thresholds();
+  const data::ThresholdEstimate found =
+      measure_thresholds(dataset, fingerprint, log_offset, options.cache);
+  const events::Thresholds& measured = found.thresholds;
+  if (!automatic) {
+    if (found.found && (disagrees(configured.positive, measured.positive) ||
+                        disagrees(configured.negative, measured.negative))) {
+      log_warn(concat("events.threshold_positive, events.threshold_negative: configured are ",
+                      configured.positive, " and ", configured.negative, ", measured are ",
+                      measured.positive, " and ", measured.negative, " (they explain ",
+                      percent_explained(found), " of the change between frames); the configured ",
+                      "ones are used, --set events.threshold_positive=auto --set ",
+                      "events.threshold_negative=0 takes the measured ones"));
+    }
+    return;
+  }
+  if (found.found) {
+    events.threshold_positive = measured.positive;
+    if (events.threshold_negative == 0) events.threshold_negative = measured.negative;
+    log_info(concat("thresholds  ", events.thresholds().positive, " and ",
+                    events.thresholds().negative, ", measured: they explain ",
+                    percent_explained(found), " of the change between frames, spread ",
+                    rounded_threshold(found.spread.positive), " and ",
+                    rounded_threshold(found.spread.negative), " from pixel to pixel"));
+    return;
+  }
+  events.threshold_positive = configured.positive;
+  if (dataset.events.empty()) {
+    log_info(concat("thresholds  ", configured.positive, ": without events none are measured"));
+  } else {
+    log_warn(concat("events.threshold_positive: frames and events do not tell the contrast ",
+                    "thresholds, ", configured.positive, " and ", configured.negative,
+                    " are used; set them if the sensor's are known"));
+  }
+}
+
+}  // namespace jade::run
