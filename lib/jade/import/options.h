@@ -82,11 +82,13 @@ struct LensOptions {
 
 template <class V>
 void describe(V& v, LensOptions& o) {
-  v.field("calibration", o.calibration,
-          "file of Kalibr, OpenCV, ROS, DV or RPG; empty: a pinhole whose focal length is searched");
-  v.field("mask", o.mask,
-          "image of the size of the frames, whose black pixels count in none of them (lens borders, "
-          "hot areas); it becomes mask.png of the data set");
+  v.field(
+      "calibration", o.calibration,
+      "file of Kalibr, OpenCV, ROS, DV or RPG; empty: a pinhole whose focal length is searched");
+  v.field(
+      "mask", o.mask,
+      "image of the size of the frames, whose black pixels count in none of them (lens borders, "
+      "hot areas); it becomes mask.png of the data set");
   v.field("field", o.field, "what the undistorted images show");
   v.field("plane_depth", o.plane_depth,
           "depth at which the events of a second camera fall on the frames exactly, in the unit of "
