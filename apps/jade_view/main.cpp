@@ -29,7 +29,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// What is shown, on its device.
+/// The scene on display, on its device.
 struct Subject {
   data::Dataset dataset;  ///< its cameras and pictures
   splat::Gaussians gaussians;
@@ -38,7 +38,7 @@ struct Subject {
   std::unique_ptr<run::RestoredPictures> restored = nullptr;  ///< of a run; reads `dataset`
 };
 
-/// Where the bulk of a scene lies.
+/// Centre and radius of the bulk of a scene.
 struct Bulk {
   geometry::Vector3 middle;
   double radius;
@@ -72,7 +72,7 @@ void open_ply(const fs::path& path, torch::Device device, Subject& subject) {
   const Bulk bulk = bulk_of(file.gaussians);
   subject.dataset.name = path.filename().string();
   subject.dataset.test.push_back(overview(bulk));
-  // Of a small scene all would lie nearer to the overview than the usual one.
+  // All of a small scene can lie nearer to the overview camera than the usual near plane.
   subject.draw.near_plane = std::min(subject.draw.near_plane, 0.01 * bulk.radius);
   subject.draw.antialiased = file.antialiased;
   subject.gaussians = gaussians::map_parameters(

@@ -18,7 +18,7 @@ struct Scores {
   std::optional<double> lpips_alex01, lpips_vgg;
   std::optional<bool> seen =
       std::nullopt;  ///< whether training sees the scene from there; absent: not known
-  /// Of the blurry frame of a held-out exposure against renders blurred along its path.
+  /// PSNR of the blurry frame of a held-out exposure against renders blurred along its path.
   std::optional<double> psnr_reblur = std::nullopt;
 };
 

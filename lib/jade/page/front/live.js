@@ -74,8 +74,8 @@ function psnrOf(answer) {
 const decibels = (value) => `${value.toFixed(2)} dB`;
 
 /**
- * What is known of how good the picture is: against the truth of its camera now or when that was last
- * evaluated, else how well the last step explained a blurry frame.
+ * Quality of the picture: PSNR against the truth of its camera, now or at the last evaluation, else
+ * how well the last step explained a blurry frame.
  */
 export function judgement(psnr, camera, state, lines) {
   if (typeof psnr === 'number') return `PSNR ${decibels(psnr)}`;
@@ -178,7 +178,7 @@ export class LiveViewer {
   /** Draws this view; false where another request came first or nothing came. */
   async draw(camera, pose, { depthMode = false, part = 0 } = {}) {
     const wanted = { camera, pose };
-    // What is held is not drawn over: a mean that builds up, depth.
+    // Held pictures (a growing mean, depth) are not replaced.
     this.wanted = null;
     this.held = wanted;
     for (let attempt = 0; attempt < ATTEMPTS; ++attempt) {

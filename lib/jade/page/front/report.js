@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the report says beside the scene: headline figures, views, tables, curves.
+// Parts of the report beside the scene: headline figures, views, tables, curves.
 
 import { make, tableIn } from './elements.js';
 

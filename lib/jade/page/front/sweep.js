@@ -22,8 +22,8 @@ function labelOf({ name, title }, rows) {
 }
 
 /**
- * What stands for each row in the pictures of a view: {title, src, psnr, best, run, reason}, every
- * title once. The run is that of the lowest seed with a picture; where none has one, the reason says why.
+ * Entry of each row in the pictures of a view: {title, src, psnr, best, run, reason}, every title
+ * once. The run is that of the lowest seed with a picture; without a picture, the reason says why.
  */
 export function picturesOf(data, scene, view) {
   const entries = data.rows.flatMap((row) => {
