@@ -55,7 +55,7 @@ bool is_colmap_model(const std::filesystem::path& folder);
 ///         numbers, zero rotations, two cameras or images with one id, an unknown camera model.
 ColmapModel read_colmap(const std::filesystem::path& folder);
 
-/// The same for content in memory.
+/// Parses a model from memory.
 ColmapModel parse_colmap(const ColmapFiles& files);
 
 }  // namespace jade::io
