@@ -35,6 +35,7 @@ struct Subject {
   splat::Gaussians gaussians;
   splat::RenderOptions draw;
   std::string config;                                         ///< text of the run's config.yaml
+  std::string scores;                                         ///< text of its eval.json
   std::unique_ptr<run::RestoredPictures> restored = nullptr;  ///< of a run; reads `dataset`
 };
 
@@ -85,6 +86,7 @@ void open_run(const fs::path& path, torch::Device device, Subject& subject) {
   subject.dataset = std::move(opened.dataset);
   subject.draw = train::render_options(options);
   subject.config = read_file(path / "config.yaml");
+  if (fs::exists(path / run::kScoresFile)) subject.scores = read_file(path / run::kScoresFile);
   subject.gaussians = gaussians::map_parameters(
       opened.gaussians, [&](const torch::Tensor& tensor) { return tensor.to(device); });
   if (subject.dataset.train.empty()) return;
@@ -127,7 +129,10 @@ run::LiveScene scene_of(const Subject& subject) {
                         device_name(subject.gaussians.means.device())},
                        subject.config,
                        server.board().id(),
-                       /*pausable=*/false})));
+                       /*pausable=*/false,
+                       /*moving=*/false,
+                       /*report=*/"",
+                       subject.scores})));
   for (;;) {
     throw_if_interrupted();
     if (!server.stage().wait(serve::Stage::Seconds(0.1))) continue;
