@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Takes the calls that jade_import makes of COLMAP, where not the program but the Python package pycolmap is there.
 
-    colmap.py feature_extractor|exhaustive_matcher|sequential_matcher|mapper --NAME VALUE ...
+    colmap.py feature_extractor|exhaustive_matcher|matches_importer|mapper --NAME VALUE ...
     colmap.py version
 
 Names are those of the program: --database_path, --image_path, --output_path, --SiftExtraction.first_octave and so on.
@@ -15,12 +15,14 @@ MOVED = {
     "SiftExtraction.use_gpu": "extraction.use_gpu",
     "SiftMatching.use_gpu": "matching.use_gpu",
     "SiftMatching.guided_matching": "matching.guided_matching",
+    "Mapper.ba_global_images_ratio": "pipeline.ba_global_frames_ratio",
     "Mapper.tri_min_angle": "pipeline.triangulation.min_angle",
     "Mapper.init_min_tri_angle": "pipeline.mapper.init_min_tri_angle",
     "Mapper.filter_min_tri_angle": "pipeline.mapper.filter_min_tri_angle",
 }
 GROUPS = {"ImageReader": "reader", "SiftExtraction": "extraction.sift", "SiftMatching": "matching.sift",
-          "SequentialMatching": "sequential", "Mapper": "pipeline"}
+          "Mapper": "pipeline"}
+PAIRS_PER_BLOCK = 100  # each of which the log tells of
 
 
 def fail(text):
@@ -72,8 +74,7 @@ def main():
         return
     paths, options = parse(words)
     objects = {"reader": pycolmap.ImageReaderOptions(), "extraction": pycolmap.FeatureExtractionOptions(),
-               "matching": pycolmap.FeatureMatchingOptions(), "sequential": pycolmap.SequentialPairingOptions(),
-               "pipeline": pycolmap.IncrementalPipelineOptions()}
+               "matching": pycolmap.FeatureMatchingOptions(), "pipeline": pycolmap.IncrementalPipelineOptions()}
     single = options.pop("ImageReader.single_camera", "0") == "1"
     for name, value in options.items():
         set_option(objects, name, value)
@@ -84,14 +85,19 @@ def main():
                                   extraction_options=objects["extraction"])
     elif command == "exhaustive_matcher":
         pycolmap.match_exhaustive(database, matching_options=objects["matching"])
-    elif command == "sequential_matcher":
-        pycolmap.match_sequential(database, matching_options=objects["matching"], pairing_options=objects["sequential"])
+    elif command == "matches_importer":
+        if paths.get("match_type", "pairs") != "pairs":
+            fail(f"--match_type: expected pairs, found {paths['match_type']}")
+        listed = pycolmap.ImportedPairingOptions()
+        listed.match_list_path = path_of(paths, "match_list_path")
+        listed.block_size = PAIRS_PER_BLOCK
+        pycolmap.match_image_pairs(database, matching_options=objects["matching"], pairing_options=listed)
     elif command == "mapper":
         models = path_of(paths, "output_path")
         Path(models).mkdir(parents=True, exist_ok=True)
         pycolmap.incremental_mapping(database, path_of(paths, "image_path"), models, options=objects["pipeline"])
     else:
-        fail(f"{command}: expected feature_extractor, exhaustive_matcher, sequential_matcher or mapper")
+        fail(f"{command}: expected feature_extractor, exhaustive_matcher, matches_importer or mapper")
 
 
 if __name__ == "__main__":

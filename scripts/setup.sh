@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Installs what JADE-GS needs on Debian 12 or Ubuntu 22.04/24.04, only what is missing:
+# Installs what JADE-GS needs on Debian 12 or 13, or Ubuntu 22.04 or 24.04, only what is missing:
 # compilers and libraries through apt, LibTorch as a Python wheel in .venv.
 #
 #   scripts/setup.sh [--python-torch] [--figures] [--metrics] [--import] [--browser]
@@ -59,7 +59,7 @@ missing_of() { for package; do installed "$package" || echo "$package"; done; }
 mapfile -t missing < <(missing_of "${packages[@]}")
 if [ ${#missing[@]} -gt 0 ]; then
   command -v apt-get >/dev/null ||
-    fail "expected Debian 12 or Ubuntu 22.04/24.04, found no apt-get; install what these packages hold by hand: ${missing[*]}"
+    fail "expected Debian 12 or 13, or Ubuntu 22.04 or 24.04, found no apt-get; install what these packages hold by hand: ${missing[*]}"
   as_root=()
   if [ "$(id -u)" -ne 0 ]; then
     if ! command -v sudo >/dev/null; then
@@ -78,7 +78,7 @@ if [ ${#missing[@]} -gt 0 ]; then
     fail "this release has no package chromium that the tests of the page can drive; install google-chrome, or leave out --browser"
   [ ${#unknown[@]} -eq 0 ] ||
     fail "apt does not know these packages, which are needed: ${unknown[*]}; is there a network (apt-get update), and is this" \
-      "Debian 12 or Ubuntu 22.04/24.04?"
+      "Debian 12 or 13, or Ubuntu 22.04 or 24.04?"
   apt_get install -y --no-install-recommends "${missing[@]}" ||
     fail "apt could not install: $(missing_of "${missing[@]}" | xargs); its own words are above"
   # Ubuntu 22.04 lacks some of the optional ones.

@@ -8,6 +8,7 @@
 #include <new>
 #include <utility>
 
+#include "jade/core/asset.h"
 #include "jade/core/device.h"
 #include "jade/core/interrupt.h"
 #include "jade/core/log.h"
@@ -122,6 +123,15 @@ CLI::Validator whole_number(int64_t least) {
     return "";
   };
   return CLI::Validator(decimal, "");
+}
+
+std::filesystem::path settings_file(const std::filesystem::path& file) {
+  if (file.empty() || file.is_absolute() || file == "-" || std::filesystem::exists(file))
+    return file;
+  const std::filesystem::path shipped = asset(file.string());
+  if (!std::filesystem::is_regular_file(shipped)) return file;
+  log_info(concat(file.string(), ": not here; using the one that ships: ", shipped.string()));
+  return shipped;
 }
 
 Program::Program(const std::string& name, const std::string& description)
@@ -246,6 +256,7 @@ int Program::run(int argc, char** argv, const std::function<ExitCode()>& body) {
   try {
     set_log_level(quiet_ ? "warn" : log_level_);
     set_progress_enabled(!quiet_);
+    for (std::filesystem::path& file : config_files_) file = settings_file(file);
     const ExitCode code = body();
     flush_results();
     return static_cast<int>(code);

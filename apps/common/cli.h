@@ -21,6 +21,10 @@ namespace jade::apps {
 /// @param least  0 or 1
 CLI::Validator whole_number(int64_t least);
 
+/// `file`, or, where that relative path leads nowhere, the settings of that name that ship with the
+/// programs, such as configs/paper.yaml; which is logged.
+std::filesystem::path settings_file(const std::filesystem::path& file);
+
 /// A program's command line. Make one, add flags, then call run():
 ///
 ///   int main(int argc, char** argv) {

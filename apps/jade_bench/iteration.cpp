@@ -153,7 +153,7 @@ nlohmann::json measure(const Workload& source, const IterationBench& flags,
   const auto run = [&] {
     train::TrainState& state = bench.state;
     graph.run(state, bench.next(), bench.plan(), bench.options);
-    train::update_poses(state, bench.options, bench.step);
+    train::update_exposures(state, bench.options, bench.step);
     if (state.densifier.due(bench.step)) {
       state.densifier.update(bench.step, state.gaussians, state.gaussian_adam);
     }

@@ -29,19 +29,18 @@ void write_test_views(const data::Dataset& dataset, const std::filesystem::path&
 
 void throw_not_fixed() {
   throw ConfigError(
-      "--write-input: expected a target that no router decides and moments that stay, found "
-      "others; add --set objective.target=efnet --set exposure.quadrature=equal");
+      "--write-input: expected a target at mid-exposure that no router decides, found another; add "
+      "--set objective.target=efnet --set objective.restored_poses=middle");
 }
 
 void write_training_views(const std::vector<train::View>& views,
                           const std::filesystem::path& folder) {
   Tensors blurry, factors, targets, cameras;
   for (const train::View& view : views) {
-    if (!view.fixed_target.defined() || view.edi_log_gain.defined()) {
-      throw_not_fixed();
-    }
+    if (!view.fixed_target.defined()) throw_not_fixed();
     blurry.push_back(view.blurry);
-    factors.push_back(view.taught_factors.defined() ? view.taught_factors : view.edi_factors);
+    const bool taught = view.taught_factors.defined();
+    factors.push_back((taught ? view.taught_factors : view.edi_factors).to(torch::kFloat32));
     targets.push_back(view.fixed_target);
     cameras.push_back(view.cameras.camera_from_world);
   }
@@ -88,7 +87,7 @@ nlohmann::json numbers_of(const run::Trainer& trainer) {
 
 void check_run_input(const train::RunOptions& options) {
   if (options.objective.target == losses::Target::kRouted ||
-      options.exposure.quadrature == geometry::QuadratureRule::kJittered) {
+      options.objective.restored_poses == losses::RestoredPoses::kAll) {
     throw_not_fixed();
   }
 }

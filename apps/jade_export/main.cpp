@@ -7,6 +7,7 @@
 #include "jade/gaussians/splat_file.h"
 #include "jade/gaussians/spz_file.h"
 #include "jade/gaussians/summary.h"
+#include "jade/geometry/origin.h"
 #include "jade/run/checkpoint.h"
 #include "jade/run/evaluate.h"
 
@@ -33,9 +34,9 @@ gaussians::GaussianFile load(const Sources& sources) {
   if (!sources.ply.empty()) {
     file = gaussians::read_ply(path);
   } else if (!sources.checkpoint.empty()) {
-    file.gaussians = run::load_checkpoint_gaussians(path);
+    file = run::load_checkpoint_scene(path);
   } else {
-    file.gaussians = run::newest_gaussians(path);
+    file = run::newest_scene(path);
   }
   gaussians::check_some(file.gaussians, path);
   return file;
@@ -54,15 +55,35 @@ void check_output(const fs::path& path) {
   }
 }
 
+/// Says what the coordinates in the file are, of a scene that has an origin of its own.
+void tell_coordinates(const fs::path& path, const geometry::Vector3& origin, bool of_dataset) {
+  if (geometry::is_zero(origin)) return;
+  if (of_dataset) {
+    log_warn(concat(path.string(), ": x y z are in the coordinates of the data set and of type ",
+                    "double, as float32 is too coarse there; viewers that compute in float32 show "
+                    "them well only with --coordinates scene"));
+    return;
+  }
+  log_warn(concat(path.string(), ": coordinates are about (", geometry::text_of(origin),
+                  ") of the data set; add it for those of the data set",
+                  path.extension() == ".ply"
+                      ? " (--coordinates dataset does)"
+                      : concat(", which ", path.extension().string(), " cannot hold; a .ply can")));
+}
+
 /// In the format of check_output(). Returns how many Gaussians it wrote.
-int64_t save(const fs::path& path, const gaussians::GaussianFile& file) {
+int64_t save(const fs::path& path, const gaussians::GaussianFile& file, bool of_dataset) {
   const std::string extension = path.extension().string();
+  tell_coordinates(path, file.origin, of_dataset && extension == ".ply");
   if (path.has_parent_path()) make_writable_folder(path.parent_path());
   if (extension == ".ply") {
-    gaussians::write_ply(path, file);
+    gaussians::write_ply(
+        path, file,
+        of_dataset ? gaussians::PlyCoordinates::kDataset : gaussians::PlyCoordinates::kOwn);
     return file.gaussians.size();
   }
-  const gaussians::GaussianFile drawn{gaussians::drawable(file.gaussians), file.antialiased};
+  const gaussians::GaussianFile drawn{gaussians::drawable(file.gaussians), file.antialiased,
+                                      file.origin};
   if (const int64_t left = file.gaussians.size() - drawn.gaussians.size(); left > 0) {
     log_warn(concat(path.string(), ": ", left, " of ", file.gaussians.size(),
                     " Gaussians have NaN or Inf in their numbers, so are in no picture, and are "
@@ -87,11 +108,17 @@ int main(int argc, char** argv) {
   program.cli().add_option("--checkpoint", sources.checkpoint, "one checkpoint");
   program.cli().add_option("--ply", sources.ply, "Gaussians in a .ply, for another format");
   program.add_output_flag("file to write; its extension names the format: .ply, .splat or .spz");
+  std::string coordinates = "dataset";
+  program.cli()
+      .add_option("--coordinates", coordinates,
+                  "of a scene far from the origin, which is trained about one of its own: dataset "
+                  "(.ply only) or scene, which viewers need")
+      ->check(CLI::IsMember({"dataset", "scene"}));
   program.add_json_flag();
   return program.run(argc, argv, [&] {
     check_output(program.output());
     const gaussians::GaussianFile file = load(sources);
-    const int64_t written = save(program.output(), file);
+    const int64_t written = save(program.output(), file, coordinates == "dataset");
     const auto bytes = fs::file_size(program.output());
     if (program.json()) {
       std::cout << "{\"gaussians\": " << written << ", \"bytes\": " << bytes << "}\n";

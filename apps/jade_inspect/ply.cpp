@@ -4,6 +4,7 @@
 #include <cstdio>
 
 #include "jade/gaussians/ply.h"
+#include "jade/geometry/origin.h"
 
 namespace jade::apps {
 namespace {
@@ -18,6 +19,12 @@ nlohmann::json to_json(const Spread& s) {
 void print_spread(const char* name, const Spread& s) {
   std::printf("%-11s %.4g to %.4g, median %.4g, 98 %% within %.4g to %.4g\n", name, s.min, s.max,
               s.median, s.low, s.high);
+}
+
+/// Of a scene far from the origin x, y and z are about one of its own.
+void print_origin(const geometry::Vector3& origin) {
+  if (geometry::is_zero(origin)) return;
+  std::printf("origin      x, y and z above are about %s\n", geometry::text_of(origin).c_str());
 }
 
 }  // namespace
@@ -61,16 +68,21 @@ void inspect_ply(const std::filesystem::path& path, bool json) {
       result[axes[i]] = to_json(spread);
       if (!json) print_spread(axes[i], spread);
     }
+    result["origin"] = cloud.origin;
+    if (!json) print_origin(cloud.origin);
     if (json) std::printf("%s\n", result.dump(2).c_str());
     return;
   }
   const gaussians::GaussianFile file = gaussians::read_ply(path);
   const GaussianSummary summary = gaussians::summarize(file.gaussians);
   if (json) {
-    std::printf("%s\n", to_json(summary, file.antialiased).dump(2).c_str());
+    nlohmann::json result = to_json(summary, file.antialiased);
+    result["origin"] = file.origin;
+    std::printf("%s\n", result.dump(2).c_str());
     return;
   }
   print_text(summary, file.antialiased);
+  print_origin(file.origin);
   if (summary.problems.empty()) std::printf("\nNo problems found.\n");
   for (const std::string& problem : summary.problems)
     std::printf("problem     %s\n", problem.c_str());

@@ -62,6 +62,7 @@ void print_frames(const Dataset& d) {
   std::printf("color       %s\n", d.monochrome ? "monochrome: R = G = B in every frame, so the "
                                                  "restorations and the scene are gray"
                                                : "frames in colour");
+  for (const std::string& note : d.notes) std::printf("note        %s\n", note.c_str());
   std::printf("depth       %.4g to %.4g units\n", d.near, d.far);
   if (d.points.defined()) std::printf("points      %ld sparse points\n", long(d.points.size(0)));
   if (d.trajectory.empty()) {
@@ -167,6 +168,7 @@ nlohmann::json to_json(const Inspection& inspection) {
                              {"positive_share", positive_share(d.events)},
                              {"colour", d.event_color.defined()}}},
                            {"thresholds", nullptr},
+                           {"notes", d.notes},
                            {"problems", inspection.problems},
                            {"next", inspection.next}};
   if (inspection.thresholds.found) {

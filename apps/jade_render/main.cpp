@@ -15,6 +15,7 @@
 #include "jade/core/progress.h"
 #include "jade/data/cameras.h"
 #include "jade/data/dataset.h"
+#include "jade/data/origin.h"
 #include "jade/gaussians/gaussian_model.h"
 #include "jade/gaussians/ply.h"
 #include "jade/gaussians/summary.h"
@@ -82,30 +83,44 @@ gaussians::GaussianFile load_scene(const RenderFlags& flags) {
     if (!warning.empty()) log_warn(warning);
     return file;
   }
-  gaussians::GaussianFile file{run::newest_gaussians(flags.run), false};
+  gaussians::GaussianFile file = run::newest_scene(flags.run);
+  file.antialiased = false;
   gaussians::check_some(file.gaussians, flags.run);
   return file;
 }
 
+/// The data set about the origin of the scene.
 data::Dataset load_data(const RenderFlags& flags, const train::RunOptions& options,
-                        const std::string& flag) {
+                        const std::string& flag, const geometry::Vector3& origin) {
   if (options.dataset.path.empty()) throw ConfigError(flag + " needs --run or --dataset");
-  if (!flags.run.empty()) return run::load_run_dataset(flags.run, options);
-  std::vector<std::string> warnings;
-  data::Dataset dataset = data::load_dataset(options.dataset, &warnings);
-  for (const std::string& warning : warnings) log_warn(warning);
+  data::Dataset dataset;
+  if (!flags.run.empty()) {
+    dataset = run::load_run_dataset(flags.run, options);
+  } else {
+    std::vector<std::string> warnings;
+    dataset = data::load_dataset(options.dataset, &warnings);
+    for (const std::string& warning : warnings) log_warn(warning);
+  }
+  data::move_origin(dataset, origin);
   return dataset;
 }
 
 std::vector<data::NamedCamera> load_cameras(const RenderFlags& flags,
-                                            const train::RunOptions& options) {
-  if (fs::path(flags.cameras).extension() == ".json") return data::read_cameras(flags.cameras);
+                                            const train::RunOptions& options,
+                                            const geometry::Vector3& origin) {
+  if (fs::path(flags.cameras).extension() == ".json") {
+    std::vector<data::NamedCamera> cameras = data::read_cameras(flags.cameras);
+    for (data::NamedCamera& camera : cameras) {
+      camera.camera_from_world = geometry::with_origin(camera.camera_from_world, origin);
+    }
+    return cameras;
+  }
   const auto set = value_of<data::CameraSet>(flags.cameras);
   if (!set) {
     throw ConfigError(concat("--cameras: expected test, train, exposure or a .json file, found '",
                              flags.cameras, "'"));
   }
-  const data::Dataset dataset = load_data(flags, options, "--cameras " + flags.cameras);
+  const data::Dataset dataset = load_data(flags, options, "--cameras " + flags.cameras, origin);
   if (*set == data::CameraSet::kExposure && !flags.exposure.empty()) {
     apps::exposure_named(dataset, flags.exposure, "--exposure");
   }
@@ -229,7 +244,7 @@ void write_movie(const Subject& subject, const std::vector<data::NamedCamera>& v
 
 ExitCode unblur(const Subject& subject, const RenderFlags& flags, const train::RunOptions& options,
                 const fs::path& output) {
-  const data::Dataset dataset = load_data(flags, options, "--unblur");
+  const data::Dataset dataset = load_data(flags, options, "--unblur", subject.file.origin);
   const apps::Unblurring film = apps::unblurring_of(
       apps::exposure_named(dataset, flags.unblur, "--unblur"), options.exposure);
   const std::string what = concat("the blurry frame and ", film.moments.size(), " moments in ");
@@ -296,7 +311,7 @@ int main(int argc, char** argv) {
     gaussians = gaussians::map_parameters(
         gaussians, [&](const torch::Tensor& value) { return value.to(device); });
     if (!flags.unblur.empty()) return unblur(subject, flags, *options, program.output());
-    const std::vector<data::NamedCamera> views = load_cameras(flags, *options);
+    const std::vector<data::NamedCamera> views = load_cameras(flags, *options, subject.file.origin);
     if (flags.fps_benchmark) {
       print(measure(subject, views), gaussians, program.json());
       return ExitCode::kOk;

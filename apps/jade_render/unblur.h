@@ -24,7 +24,7 @@ struct Unblurring {
 const data::Exposure& exposure_named(const data::Dataset& dataset, const std::string& name,
                                      const std::string& flag);
 
-/// The exposure at the moments that training renders; of `jittered` the middles of its parts.
+/// The exposure at the moments that training renders.
 /// @throws ConfigError for a sharp image, which has no duration.
 Unblurring unblurring_of(const data::Exposure& exposure, const geometry::ExposureOptions& options);
 

@@ -168,7 +168,7 @@ bool launch_slurm(const sweep::Plan& plan, const sweep::SweepOutput& output, con
   return !flags.wait && submission.submitted + submission.queued > 0;
 }
 
-ExitCode run(apps::Program& program, const Flags& flags) {
+ExitCode run(apps::Program& program, Flags& flags) {
   if (program.cli().count("--print-config") + program.cli().count("--print-schema") > 0) {
     program.load_options<train::RunOptions>();
     return ExitCode::kOk;
@@ -187,6 +187,7 @@ ExitCode run(apps::Program& program, const Flags& flags) {
   if (flags.sweep.empty())
     throw ConfigError(
         "--sweep: expected the YAML of a sweep, found nothing; configs/sweeps/ has the paper's");
+  flags.sweep = apps::settings_file(flags.sweep);
   const sweep::Plan plan = plan_of(program, flags);
   for (const std::string& skipped : plan.skipped) log_warn("left out: " + skipped);
   if (flags.dry_run) {

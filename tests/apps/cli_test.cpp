@@ -48,6 +48,18 @@ TEST_CASE("jade_train: configs/reference.yaml is what the program prints", "[app
         read_file(JADE_SOURCE "/configs/reference.yaml"));
 }
 
+TEST_CASE("--config: settings that ship are found by their name from any folder", "[apps]") {
+  const test::TempDir dir;
+  const Outcome shipped =
+      run(dir, "jade_train --print-config --config configs/paper.yaml --set dataset.path=x");
+  CHECK(shipped.code == 0);
+  CHECK_THAT(shipped.err, Catch::Contains("configs/paper.yaml: not here"));
+  dir.write("configs/paper.yaml", "train: {iterations: 17}");
+  const Outcome own = run(dir, "jade_train --print-config --config configs/paper.yaml");
+  CHECK_THAT(own.out, Catch::Contains("iterations: 17"));
+  CHECK(run(dir, "jade_train --print-config --config configs/none.yaml").code == 2);
+}
+
 TEST_CASE("jade_train: every configuration that ships can be read", "[apps]") {
   const test::TempDir dir;
   int count = 0;

@@ -75,24 +75,101 @@ TEST_CASE("colmap scene: every eighth image by name is a test view, cameras fit 
 TEST_CASE("colmap scene: of a camera with two focal lengths x has the first and y the second",
           "[data]") {
   const io::ColmapCamera two = {1, "PINHOLE", 20, 10, {30, 40, 9, 6}};
-  CHECK(camera_of(two, 20, 10, Warnings(nullptr)) == geometry::Intrinsics{30, 40, 9, 6, 20, 10});
-  CHECK(camera_of(two, 40, 5, Warnings(nullptr)) == geometry::Intrinsics{60, 20, 18, 3, 40, 5});
+  CHECK(lens_camera_of(two, 20, 10).pinhole() == geometry::Intrinsics{30, 40, 9, 6, 20, 10});
+  CHECK(lens_camera_of(two, 40, 20).pinhole() == geometry::Intrinsics{60, 80, 18, 12, 40, 20});
   const io::ColmapCamera one = {1, "SIMPLE_PINHOLE", 20, 10, {30, 9, 6}};
-  CHECK(camera_of(one, 20, 10, Warnings(nullptr)) == geometry::Intrinsics{30, 30, 9, 6, 20, 10});
+  CHECK(lens_camera_of(one, 20, 10).pinhole() == geometry::Intrinsics{30, 30, 9, 6, 20, 10});
 }
 
-TEST_CASE("colmap scene: a fisheye is no pinhole, whatever its coefficients", "[data]") {
-  const auto read = [](const io::ColmapCamera& camera) {
-    return camera_of(camera, 96, 64, Warnings(nullptr));
+TEST_CASE("colmap scene: a camera of another shape than its image is refused", "[data]") {
+  const io::ColmapCamera camera = {7, "PINHOLE", 48, 64, {60, 60, 24, 32}};
+  CHECK_THROWS_AS(lens_camera_of(camera, 64, 48), DataError);
+  CHECK_THROWS_WITH(lens_camera_of(camera, 64, 48), Catch::Contains("camera 7") &&
+                                                        Catch::Contains("48x64") &&
+                                                        Catch::Contains("64x48"));
+  CHECK_THROWS_AS(lens_camera_of(camera, 48, 48), DataError);
+  // Programs that halve a side round it either way.
+  CHECK(lens_camera_of({7, "PINHOLE", 97, 65, {60, 60, 24, 32}}, 48, 33).pinhole().width == 48);
+}
+
+TEST_CASE("colmap scene: every camera model of COLMAP 4 puts points where pycolmap does",
+          "[data]") {
+  const auto check = [](const std::string& model, const std::vector<double>& parameters, double u,
+                        double v) {
+    INFO(model);
+    const auto place =
+        lens_camera_of({1, model, 640, 480, parameters}, 640, 480).project({-0.7, 0.5, 1.1});
+    CHECK(place[0] == Approx(u).margin(1e-5));
+    CHECK(place[1] == Approx(v).margin(1e-5));
   };
-  CHECK_THROWS_WITH(
-      read({1, "OPENCV_FISHEYE", 96, 64, {60, 60, 48, 32, 0.001, 0, 0, 0}}),
-      Catch::Contains("bends the corners by 2") && Catch::Contains("undistort the images first"));
-  CHECK_THROWS_WITH(read({1, "SIMPLE_RADIAL_FISHEYE", 96, 64, {30, 48, 32, 0}}),
-                    Catch::Contains("sees farther than any pinhole"));
-  // Of a field so narrow that nobody can tell.
-  CHECK(read({1, "SIMPLE_RADIAL_FISHEYE", 96, 64, {400, 48, 32, 0}}).fx == 400);
-  CHECK(fisheye_shift_px(60, 96, 64) == Approx(60 * std::tan(57.6888 / 60) - 57.6888).margin(0.01));
+  check("SIMPLE_RADIAL", {500, 320, 240, -0.1}, 21.277235161532758, 453.3734030456048);
+  check("RADIAL", {500, 320, 240, -0.1, 0.02}, 18.897119545982378, 455.0734860384036);
+  check("OPENCV", {500, 510, 320, 240, -0.3, 0.1, 1e-3, -7e-4}, 47.50798691097856,
+        438.68584566379593);
+  check("FULL_OPENCV", {500, 510, 320, 240, 0.3, -0.1, 1e-3, 2e-3, 0.02, 0.65, -0.12, 0.05},
+        52.735038708946036, 435.47908809056605);
+  check("OPENCV_FISHEYE", {500, 510, 320, 240, 0.02, -0.008, 0.004, -0.001}, 47.92599062723576,
+        438.22534968587115);
+  check("FOV", {500, 510, 320, 240, 0.9}, 27.49499686, 453.110788);
+  check("SIMPLE_DIVISION", {500, 320, 240, -0.1}, 19.2083055, 454.85121036);
+  check("DIVISION", {500, 510, 320, 240, -0.1}, 19.2083055, 459.14823456);
+  check("SIMPLE_FISHEYE", {500, 320, 240}, 49.967873976925205, 432.88009001648203);
+  check("FISHEYE", {500, 510, 320, 240}, 49.967873976925205, 436.73769181681166);
+  check("RADIAL_FISHEYE", {500, 320, 240, 0.1, -0.01}, 38.597414620286486, 441.00184669979546);
+  check("EUCM", {500, 510, 320, 240, 0.6, 1.1}, 49.43809193, 437.12367588);
+  check("THIN_PRISM_FISHEYE",
+        {500, 510, 320, 240, 0.02, -0.01, 0.003, -0.002, 0.004, -0.001, 0.005, -0.006}, 47.48315129,
+        438.35543695);
+  check("RAD_TAN_THIN_PRISM_FISHEYE",
+        {500, 510, 320, 240, 0.02, -0.01, 0.004, -0.001, 0.002, -0.0005, 0.003, -0.002, 0.005,
+         0.001, -0.006, 0.002},
+        51.22039249, 435.58065025);
+  CHECK_THROWS_WITH(lens_camera_of({3, "EQUIRECTANGULAR", 640, 480, {640, 480}}, 640, 480),
+                    Catch::Contains("EQUIRECTANGULAR"));
+  CHECK_THROWS_AS(lens_camera_of({3, "PINHOLE", 640, 480, {500, -500, 320, 240}}, 640, 480),
+                  DataError);
+}
+
+TEST_CASE("colmap scene: images of two sizes with a camera each are read", "[data]") {
+  const test::TempDir folder;
+  const fs::path room = folder / "room";
+  imaging::write_image(room / "images/a.png", test::noise_image(0));
+  imaging::write_image(room / "images/b.png", test::noise_image(1).slice(2, 2));
+  imaging::write_image(room / "images/c.png", test::noise_image(2).transpose(1, 2).contiguous());
+  const io::ColmapFiles files = {
+      "1 PINHOLE 21 13 25 25 10.5 6.5\n2 PINHOLE 19 13 25 25 8.5 6.5\n3 PINHOLE 13 21 25 25 6.5 "
+      "10.5\n",
+      "1 1 0 0 0 0 0 0 1 a.png\n\n2 1 0 0 0 1 0 0 2 b.png\n\n3 1 0 0 0 2 0 0 3 c.png\n\n", "",
+      false, ""};
+  test::save_model(room / "sparse/0", files);
+  DatasetOptions options = dataset_at(room);
+  options.split = SplitKind::kNone;
+  const Dataset data = load_dataset(options);
+  REQUIRE(data.train.size() == 3);
+  CHECK(data.train[1].camera == geometry::Intrinsics{25, 25, 8.5, 6.5, 19, 13});
+  CHECK(data.train[2].camera.height == 21);
+  CHECK(data.train[2].blurry.size(1) == 21);
+}
+
+TEST_CASE("colmap scene: of several reconstructions the largest is used and the others are told",
+          "[data]") {
+  const test::TempDir folder;
+  const fs::path room = folder / "room";
+  write_colmap_scene(room, {1, "PINHOLE", test::kWidth, test::kHeight, {25, 25, 10.5, 6.5}});
+  fs::rename(room / "sparse/0", room / "sparse/2");
+  const io::ColmapFiles small = {"1 PINHOLE 21 13 25 25 10.5 6.5\n",
+                                 "1 1 0 0 0 0 0 0 1 img_00.png\n\n2 1 0 0 0 1 0 0 1 "
+                                 "img_01.png\n\n",
+                                 "", false, ""};
+  test::save_model(room / "sparse/0", small);
+  std::vector<std::string> warnings;
+  CHECK(load_dataset(dataset_at(room), &warnings).train.size() == 8);
+  REQUIRE(warnings.size() == 1);
+  CHECK(test::mentions(warnings, "2 with 10 images; left out: 0 with 2 images"));
+  fs::remove_all(room / "sparse/0");
+  warnings.clear();
+  CHECK(load_dataset(dataset_at(room), &warnings).train.size() == 8);
+  CHECK(warnings.empty());
 }
 
 TEST_CASE("colmap scene: a model without images is told as that", "[data]") {
@@ -106,7 +183,8 @@ TEST_CASE("colmap scene: a model without images is told as that", "[data]") {
                     Catch::Contains("expected images with poses, found none"));
 }
 
-TEST_CASE("colmap scene: images without a file are named, strong distortion is refused", "[data]") {
+TEST_CASE("colmap scene: images without a file are named, strong distortion is undistorted",
+          "[data]") {
   const test::TempDir folder;
   write_colmap_scene(folder / "room",
                      {1, "PINHOLE", test::kWidth, test::kHeight, {25, 25, 10.5, 6.5}});
@@ -120,8 +198,22 @@ TEST_CASE("colmap scene: images without a file are named, strong distortion is r
                                 "", false, ""};
   fs::remove_all(folder / "room/sparse");
   test::save_model(folder / "room/sparse/0", bent);
-  CHECK_THROWS_WITH(load_dataset(dataset_at(folder / "room")),
-                    Catch::Contains("image_undistorter"));
+  warnings.clear();
+  const Dataset data = load_dataset(dataset_at(folder / "room"), &warnings);
+  REQUIRE(data.notes.size() == 1);
+  CHECK(data.notes[0].find("SIMPLE_RADIAL") != std::string::npos);
+  const Exposure& straight = data.train.at(0);
+  CHECK(straight.camera == geometry::Intrinsics{25, 25, 10.5, 6.5, 21, 13});
+  REQUIRE(straight.mask.defined());
+  CHECK_FALSE(straight.mask[0][0][0].item<bool>());
+  CHECK(straight.mask[0][6][10].item<bool>());
+  // Around the axis nothing moves.
+  CHECK((straight.blurry - test::noise_image(1))
+            .abs()
+            .select(1, 6)
+            .select(1, 10)
+            .max()
+            .item<float>() < 0.05);
 }
 
 }  // namespace

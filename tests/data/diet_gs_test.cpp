@@ -113,6 +113,24 @@ TEST_CASE("diet_gs: a sharp view without a time is seen from the pose of an expo
   CHECK_FALSE(seen(0, 1.2e-3).has_value());
 }
 
+TEST_CASE("diet_gs: frames and events are undistorted together", "[data]") {
+  DietScene scene;
+  const Dataset before = scene.load(false);
+  scene.camera = {1, "SIMPLE_RADIAL", test::kWidth, test::kHeight, {25, 10.5, 6.5, 0.9}};
+  std::vector<std::string> warnings;
+  const Dataset data = scene.load(false, &warnings);
+  CHECK(warnings.empty());
+  CHECK(data.notes.size() == 2);
+  CHECK(data.train[0].mask.defined());
+  CHECK(data.test[0].mask.defined());
+  CHECK_FALSE(data.train[0].blurry.equal(before.train[0].blurry));
+  // Of a pincushion all events move inwards; none is lost.
+  REQUIRE(data.events.size() == before.events.size());
+  CHECK((data.events.x() - 10).abs().le((before.events.x() - 10).abs() + 1e-4).all().item<bool>());
+  CHECK((data.events.x() - before.events.x()).abs().max().item<float>() > 1);
+  CHECK(data.train[1].events.size() == before.train[1].events.size());
+}
+
 TEST_CASE("diet_gs: a frame that lacks poses, or is missing, is named", "[data]") {
   DietScene scene;
   scene.images.erase(scene.images.begin() + 11);

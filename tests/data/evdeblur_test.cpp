@@ -62,6 +62,25 @@ TEST_CASE("evdeblur: writing then loading gives back the same exposures", "[data
   CHECK(torch::equal(data.events.polarity(), content.events.polarity()));
 }
 
+TEST_CASE("evdeblur: gains of frames come back, and broken ones are named", "[data]") {
+  const test::TempDir folder;
+  EvDeblurContent content = test::tiny_content();
+  write_evdeblur(folder / "scene", content);
+  CHECK_FALSE(fs::exists(folder / "scene/gains.csv"));
+  CHECK(load(folder / "scene").train[1].gain == 1);
+  content.train[1].gain = 0.8;
+  content.test[0].gain = 1.25;
+  write_evdeblur(folder / "scene", content);
+  const Dataset data = load(folder / "scene");
+  CHECK(data.train[0].gain == 1);
+  CHECK(data.train[1].gain == 0.8);
+  CHECK(data.test[0].gain == 1.25);
+  for (const char* bad : {"01,0", "01,nan", "01", "17,1"}) {
+    folder.write("scene/gains.csv", std::string("name,gain\n") + bad + "\n");
+    CHECK_THROWS_WITH(load(folder / "scene"), Catch::Contains("gains.csv"));
+  }
+}
+
 TEST_CASE("evdeblur: frames go by their numbers, with a warning where text would not", "[data]") {
   const test::TempDir folder;
   const fs::path images = folder / "scene/images_1";

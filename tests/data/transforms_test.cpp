@@ -160,7 +160,7 @@ TEST_CASE("transforms: each file of NeRF-synthetic's pair may lack a few images"
   CHECK(test::mentions(warnings, "./test/r_5, ./test/r_6"));
 }
 
-TEST_CASE("transforms: a frame's own lens counts, and a fisheye is no pinhole", "[data]") {
+TEST_CASE("transforms: frames are undistorted by the file's lens or their own", "[data]") {
   const test::TempDir folder;
   const fs::path path = folder / "room/transforms.json";
   fs::create_directories(folder / "room");
@@ -170,17 +170,61 @@ TEST_CASE("transforms: a frame's own lens counts, and a fisheye is no pinhole", 
                          "\"transform_matrix\":" + gl_matrix({}) + "}]}");
     DatasetOptions options = at(folder / "room");
     options.split = SplitKind::kNone;
-    std::vector<std::string> warnings;
-    load_dataset(options, &warnings);
-    return warnings;
+    return load_dataset(options);
   };
-  CHECK_FALSE(test::mentions(load("\"fl_x\":50,", ""), "lens distortion"));
-  CHECK(test::mentions(load("\"fl_x\":50,", "\"k1\":-0.3,"), "lens distortion (k1) is ignored"));
+  const auto is_straight = [](const Dataset& data) { return !data.notes.empty(); };
+  CHECK_FALSE(is_straight(load("\"fl_x\":15,", "")));
+  CHECK(is_straight(load("\"fl_x\":15,", "\"k1\":-0.3,")));
+  CHECK(is_straight(load("\"fl_x\":15,\"k1\":-0.3,\"k2\":null,", "")));
+  CHECK_FALSE(is_straight(load("\"fl_x\":15,\"k1\":-0.3,", "\"k1\":0,")));
   const std::string fisheye = "\"camera_model\":\"OPENCV_FISHEYE\",";
-  CHECK_THROWS_WITH(load(fisheye + "\"fl_x\":15,", ""),
-                    Catch::Contains("undistort the images first"));
-  CHECK_THROWS_WITH(load("\"fl_x\":15,", fisheye), Catch::Contains("a fisheye, which bends"));
-  CHECK_NOTHROW(load(fisheye + "\"fl_x\":500,", ""));
+  CHECK(is_straight(load(fisheye + "\"fl_x\":15,", "")));
+  CHECK(is_straight(load("\"fl_x\":15,", fisheye)));
+  CHECK(is_straight(load("\"fl_x\":15,\"is_fisheye\":true,", "")));
+  CHECK_FALSE(is_straight(load(fisheye + "\"fl_x\":500,", "")));
+  CHECK(is_straight(load("\"camera_model\":\"FULL_OPENCV\",\"fl_x\":15,\"k4\":0.5,", "")));
+  const torch::Tensor mask = load("\"fl_x\":15,", "\"k1\":0.5,").train[0].mask;
+  REQUIRE(mask.defined());
+  CHECK(mask.sizes() == torch::IntArrayRef({1, test::kHeight, test::kWidth}));
+  CHECK_FALSE(mask.all().item<bool>());
+  for (const char* camera :
+       {"\"camera_model\":\"EQUIRECTANGULAR\",", "\"ftheta_p0\":1,", "\"k4\":0.1,"}) {
+    CHECK_THROWS_AS(load(camera, "\"fl_x\":15,"), DataError);
+  }
+}
+
+TEST_CASE("transforms: numbers that are none, and cameras of another shape, are named", "[data]") {
+  const test::TempDir folder;
+  const fs::path path = folder / "room/transforms.json";
+  imaging::write_image(folder / "room/a.png", test::noise_image(0));
+  const auto fails = [&](const std::string& camera, const std::string& part) {
+    write_file(path, "{" + camera + "\n\"frames\":[{\"file_path\":\"a.png\",\"transform_matrix\":" +
+                         gl_matrix({}) + "}]}");
+    CHECK_THROWS_AS(load_dataset(at(folder / "room")), DataError);
+    CHECK_THROWS_WITH(load_dataset(at(folder / "room")), Catch::Contains(part));
+  };
+  fails("\"fl_x\":50,\n\"cx\": NaN,", "NaN in line 2");
+  fails("\"fl_x\":50,\"k1\": -Infinity,", "Infinity in line 1");
+  fails("\"fl_x\":\"fifty\",", "'fl_x'");
+  fails("\"fl_x\":50,\"w\":13,\"h\":21,", "13x21");
+  fails("\"camera_angle_x\":0.8,\"w\":13,\"h\":21,", "13x21");
+}
+
+TEST_CASE("transforms: frames of two sizes keep their own cameras", "[data]") {
+  const test::TempDir folder;
+  imaging::write_image(folder / "room/a.png", test::noise_image(0));
+  imaging::write_image(folder / "room/b.png", test::noise_image(1).transpose(1, 2).contiguous());
+  write_file(
+      folder / "room/transforms.json",
+      "{\"fl_x\":25,\"w\":21,\"h\":13,\"frames\":[{\"file_path\":\"a.png\",\"transform_matrix\":" +
+          gl_matrix({}) + "},{\"file_path\":\"b.png\",\"w\":13,\"h\":21,\"transform_matrix\":" +
+          gl_matrix(test::steady_pose(1e5)) + "}]}");
+  DatasetOptions options = at(folder / "room");
+  options.split = SplitKind::kNone;
+  const Dataset data = load_dataset(options);
+  REQUIRE(data.train.size() == 2);
+  CHECK(data.train[0].camera == geometry::Intrinsics::centred(25, 21, 13));
+  CHECK(data.train[1].camera == geometry::Intrinsics::centred(25, 13, 21));
 }
 
 TEST_CASE("transforms: focal lengths and sizes that cannot be are data errors", "[data]") {

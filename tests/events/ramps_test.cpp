@@ -49,13 +49,6 @@ TEST_CASE("ramps: an event after the exposure counts with its part inside", "[ev
   CHECK(windows_of(maps.positive) == Windows{0, 0, 0, 0.25f, 0.25f, 0.25f, 0.25f, 0.5f});
 }
 
-TEST_CASE("ramps: a margin adds windows beyond both ends and leaves those inside", "[events]") {
-  const auto events = at_one_pixel({-150, 700, 900}, {1, 1, 1});
-  const auto maps = ramped_windows(events, {0, 800}, 8, 400, kSize, 2);
-  CHECK(windows_of(maps.positive) ==
-        Windows{0.125f, 0, 0, 0, 0, 0.25f, 0.25f, 0.25f, 0.25f, 0.5f, 0.5f, 0});
-}
-
 TEST_CASE("ramps: without reach they are the counts", "[events]") {
   const auto events = random_events(4000, 1, 10000, 4).stream();
   const TimeWindow exposure{1003, 8017};

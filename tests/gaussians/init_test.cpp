@@ -141,6 +141,15 @@ TEST_CASE("init: kinds pick their source and say what is missing", "[gaussians]"
   options.ply = folder / "g.ply";
   CHECK(initial_gaussians(options, sources, generator).size() == 7);
   CHECK(initial_gaussians(options, sources, generator, 5).size() == 7);  // a scene stays whole
+  // A file about another origin than the views.
+  const GaussianFile moved{test::random_gaussians(7, 4), false, {5000, 0, 0}};
+  write_ply(options.ply, moved);
+  sources.origin = {4998, 0, 1};
+  const torch::Tensor shift = torch::tensor({2.F, 0.F, -1.F});
+  CHECK((initial_gaussians(options, sources, generator).means - moved.gaussians.means - shift)
+            .abs()
+            .max()
+            .item<float>() < 1e-6);
   options.kind = InitKind::kSfm;
   sources.points = {};
   CHECK_THROWS_AS(initial_gaussians(options, sources, generator), ConfigError);

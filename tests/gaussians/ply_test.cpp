@@ -11,6 +11,7 @@
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/gaussians/ply_header.h"
+#include "jade/geometry/origin.h"
 #include "random_gaussians.h"
 #include "support/temp_dir.h"
 
@@ -247,6 +248,50 @@ TEST_CASE("ply: plain point clouds come with their colours", "[gaussians]") {
   CHECK_FALSE(has_gaussians(folder / "p.ply"));
   write_file(folder / "q.ply", head + "end_header\n1 2 3\n");
   CHECK(torch::equal(read_point_cloud(folder / "q.ply").colors, torch::full({1, 3}, 0.5f)));
+}
+
+TEST_CASE("ply: a scene of its own origin keeps it, in either coordinates", "[gaussians]") {
+  const test::TempDir folder;
+  GaussianFile file{random_gaussians(50, 16), false, {471234.5, 5431987, 312}};
+  write_ply(folder / "own.ply", file);
+  const GaussianFile own = read_ply(folder / "own.ply");
+  check_same_bits(own.gaussians, file.gaussians);
+  CHECK(own.origin == file.origin);
+  CHECK(read_file(folder / "own.ply").find("comment origin 471234.5 5431987 312\n") !=
+        std::string::npos);
+
+  write_ply(folder / "dataset.ply", file, PlyCoordinates::kDataset);
+  const torch::Tensor exact =
+      PlyFile(folder / "dataset.ply").read_vertices({"x", "y", "z"}, torch::kFloat64);
+  CHECK((exact[7][1] - 5431987 - file.gaussians.means[7][1].to(torch::kFloat64))
+            .abs()
+            .item<double>() < 1e-8);
+  // Whoever reads it finds an origin near the scene again.
+  const GaussianFile back = read_ply(folder / "dataset.ply");
+  CHECK_FALSE(geometry::is_zero(back.origin));
+  for (int64_t axis = 0; axis < 3; ++axis) {
+    const double want = file.gaussians.means[7][axis].item<double>() + file.origin[size_t(axis)];
+    CHECK(back.gaussians.means[7][axis].item<double>() + back.origin[size_t(axis)] ==
+          Approx(want).margin(1e-5));
+  }
+  CHECK(torch::equal(back.gaussians.sh, file.gaussians.sh));
+
+  file.origin = {0, 0, 0};
+  write_ply(folder / "plain.ply", file);
+  write_ply(folder / "same.ply", file, PlyCoordinates::kDataset);
+  CHECK(read_file(folder / "plain.ply") == read_file(folder / "same.ply"));
+  CHECK(geometry::is_zero(read_ply(folder / "plain.ply").origin));
+}
+
+TEST_CASE("ply: points in map coordinates are moved in double", "[gaussians]") {
+  const test::TempDir folder;
+  write_file(folder / "far.ply",
+             "ply\nformat ascii 1.0\nelement vertex 3\nproperty double x\nproperty double y\n"
+             "property double z\nend_header\n471234.5625 5431987.25 312\n471235.5 5431988 313\n"
+             "471236.5 5431989 311\n");
+  const PointCloud cloud = read_point_cloud(folder / "far.ply");
+  CHECK(cloud.points[0][0].item<double>() + cloud.origin[0] == 471234.5625);
+  CHECK(cloud.points[0][1].item<double>() + cloud.origin[1] == 5431987.25);
 }
 
 }  // namespace

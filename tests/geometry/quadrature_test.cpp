@@ -4,10 +4,8 @@
 #include "support/catch.h"
 
 #include <numeric>
-#include <torch/types.h>
 
 #include "jade/core/error.h"
-#include "jade/core/random.h"
 
 namespace jade::geometry {
 namespace {
@@ -19,8 +17,7 @@ double integral(const Quadrature& sum, double (*f)(double)) {
 }
 
 TEST_CASE("quadrature: every rule takes the mean of a constant and of a line", "[geometry]") {
-  for (const auto rule :
-       {QuadratureRule::kEqual, QuadratureRule::kTrapezoid, QuadratureRule::kJittered}) {
+  for (const auto rule : {QuadratureRule::kEqual, QuadratureRule::kTrapezoid}) {
     for (const int64_t samples : {3, 5, 9, 17}) {
       const Quadrature sum = quadrature(rule, samples);
       CHECK(static_cast<int64_t>(sum.u.size()) == samples);
@@ -43,18 +40,6 @@ TEST_CASE(
   CHECK(trapezoid == Approx(1 + 2.0 / 64).epsilon(1e-9));
   CHECK(quadrature(QuadratureRule::kTrapezoid, 9).weights.front() == 1.0 / 16);
   CHECK_THROWS_AS(quadrature(QuadratureRule::kEqual, 8), ContractError);
-}
-
-TEST_CASE("jittered times: one per part, the middle one fixed, all over their parts",
-          "[geometry]") {
-  auto generator = make_generator(3, "test");
-  const torch::Tensor u = jittered_times(generator, 400, 9);
-  const torch::Tensor part = (u * 9).floor();
-  CHECK(part.equal(torch::arange(9, torch::kFloat64).expand({400, 9})));
-  CHECK(u.select(1, 4).eq(0.5).all().item<bool>());
-  const torch::Tensor inside = u.select(1, 0) * 9;
-  CHECK(inside.mean().item<double>() == Approx(0.5).margin(0.06));
-  CHECK(inside.var().item<double>() == Approx(1.0 / 12).margin(0.01));
 }
 
 }  // namespace

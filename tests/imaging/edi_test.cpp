@@ -9,7 +9,6 @@
 #include "jade/core/error.h"
 #include "jade/geometry/trajectory.h"
 #include "support/exposure_model.h"
-#include "support/gradcheck.h"
 
 using namespace jade;
 using namespace jade::imaging;
@@ -19,18 +18,6 @@ namespace {
 
 double worst(const torch::Tensor& a, const torch::Tensor& b) {
   return a.sub(b).abs().max().item<double>();
-}
-
-/// Counts of eight windows in the exposure and two beyond each end.
-jade::events::WindowCounts wide_counts() {
-  return {torch::randint(0, 4, {12, 3, 4}, torch::kFloat64),
-          torch::randint(0, 4, {12, 3, 4}, torch::kFloat64)};
-}
-
-/// Thresholds of 0.3 and 0.2, one gain per pixel, and a shift in exposures.
-EdiSensor some_sensor(double shift) {
-  return {torch::tensor(0.3, torch::kFloat64), torch::tensor(0.2, torch::kFloat64),
-          0.1 * torch::randn({3, 4}, torch::kFloat64), torch::tensor(shift, torch::kFloat64)};
 }
 
 }  // namespace
@@ -70,16 +57,6 @@ TEST_CASE("edi: an even log slope meets the closed form", "[imaging]") {
   CHECK(torch::equal(edi_mid(blurry, kernel), edi_at(blurry, kernel, geometry::kMidPose)));
 }
 
-TEST_CASE("edi: the DiET index shows poses 5 to 7 one step late", "[imaging]") {
-  const auto windows = torch::randn({8, 3, 4});
-  const auto exact = edi_kernel(windows),
-             diet = edi_kernel(windows, geometry::QuadratureRule::kEqual, events::EdiIndex::kDiet);
-  const int64_t shown[] = {0, 1, 2, 3, 4, 6, 7, 8, 8};
-  for (int64_t k = 0; k < geometry::kExposurePoses; ++k)
-    CHECK(torch::equal(diet.gain[k], exact.gain[shown[k]]));
-  CHECK(torch::equal(diet.blur, exact.blur));
-}
-
 TEST_CASE("edi: latent images follow the log increments between neighbours", "[imaging]") {
   const auto windows = torch::randn({8, 3, 4}, torch::kFloat64);
   const auto latent =
@@ -116,52 +93,6 @@ TEST_CASE("edi: between its moments the gain is linear in log intensity", "[imag
   CHECK(worst(gain[3], kernel.gain[8]) < 1e-12);
 }
 
-TEST_CASE("edi: of a sensor it is the kernel of its own windows, at its own time", "[imaging]") {
-  using geometry::QuadratureRule;
-  const auto wide = wide_counts();
-  const auto u = torch::linspace(0, 1, 9, torch::kFloat64);
-  for (const QuadratureRule rule : {QuadratureRule::kEqual, QuadratureRule::kTrapezoid}) {
-    const EdiCounts counts = edi_counts(wide, 2, rule);
-    for (const int64_t late : {-2, 0, 1}) {  // windows
-      const EdiSensor sensor = some_sensor(double(late) / 8);
-      const auto windows = sensor.log_gain.exp() * (0.3 * wide.positive - 0.2 * wide.negative);
-      const auto kernel = edi_kernel(windows.narrow(0, 2 + late, 8), rule);
-      CHECK(worst(edi_log_gain(counts, sensor, u), kernel.log_gain) < 1e-12);
-    }
-  }
-}
-
-TEST_CASE("edi: beyond the counts a sensor saw nothing", "[imaging]") {
-  const EdiCounts counts = edi_counts(wide_counts(), 2, geometry::QuadratureRule::kEqual);
-  const auto u = torch::tensor({0.0, 0.4, 1.0}, torch::kFloat64);
-  CHECK(worst(edi_log_gain(counts, some_sensor(2), u), torch::zeros({3, 3, 4})) < 1e-12);
-}
-
-TEST_CASE(
-    "edi: of a sensor it passes the gradcheck in all that is learned, which sees a shift that "
-    "is not passed on",
-    "[imaging]") {
-  torch::manual_seed(2);
-  const EdiCounts counts = edi_counts(wide_counts(), 2, geometry::QuadratureRule::kTrapezoid);
-  const auto u = torch::tensor({0.0, 0.41, 0.5, 1.0}, torch::kFloat64);
-  const EdiSensor start = some_sensor(0.031);
-  std::vector<torch::Tensor> learned{start.threshold_positive, start.threshold_negative,
-                                     start.log_gain, start.shift};
-  for (torch::Tensor& each : learned) each.requires_grad_();
-  const std::vector<std::string> names{"positive", "negative", "gain", "shift"};
-  const auto check = [&](bool broken) {
-    const auto gain = [&](const std::vector<torch::Tensor>& in) {
-      return edi_log_gain(counts, {in[0], in[1], in[2], broken ? in[3].detach() : in[3]}, u);
-    };
-    return gradcheck(gain, learned, names);
-  };
-  const auto report = check(false);
-  INFO(report.message);
-  CHECK(report.passed);
-  CHECK(report.checked == 15);
-  CHECK_FALSE(check(true).passed);
-}
-
 TEST_CASE("edi: gradients reach the frame", "[imaging]") {
   auto blurry = torch::rand({3, 3, 4}, torch::kFloat64).requires_grad_(true);
   const auto kernel = edi_kernel(torch::randn({8, 3, 4}, torch::kFloat64));
@@ -172,8 +103,6 @@ TEST_CASE("edi: gradients reach the frame", "[imaging]") {
 
 TEST_CASE("edi: other numbers of windows and other sizes are refused", "[imaging]") {
   CHECK_THROWS_AS(edi_kernel(torch::zeros({7, 3, 4})), jade::ContractError);
-  CHECK_THROWS_AS(edi_counts(wide_counts(), 6, geometry::QuadratureRule::kEqual),
-                  jade::ContractError);
   CHECK_THROWS_AS(edi_mid(torch::zeros({3, 3, 5}), edi_kernel(torch::zeros({8, 3, 4}))),
                   jade::ContractError);
 }

@@ -72,7 +72,7 @@ void check_fails(const std::string& text, const std::string& part) {
     FAIL("no error for " << part);
   } catch (const DataError& error) {
     const std::string message = error.what();
-    CHECK_THAT(message, Catch::Matchers::Contains(part));
+    CHECK_THAT(message, Catch::Contains(part));
     CHECK(message.find('\n') == std::string::npos);
   }
 }
@@ -114,9 +114,8 @@ TEST_CASE("calibration: calib.txt of RPG fits any size its centre lies in", "[im
   const auto camera = import::camera_of(calibration, 0, 240, 180, "frames");
   CHECK((camera.pinhole().cx == Approx(132.7) && camera.pinhole().width == 240));
   CHECK_THROWS_AS(import::camera_of(calibration, 0, 120, 90, "frames"), DataError);
-  CHECK_THROWS_WITH(
-      import::camera_of(read("199 198 0 110 0 0 0 0 0"), 0, 240, 180, "frames"),
-      Catch::Matchers::Contains("calibration: expected a principal point inside 240x180"));
+  CHECK_THROWS_WITH(import::camera_of(read("199 198 0 110 0 0 0 0 0"), 0, 240, 180, "frames"),
+                    Catch::Contains("calibration: expected a principal point inside 240x180"));
   CHECK_THROWS_AS(import::camera_of(read("199 198 132 179 0 0 0 0 0"), 0, 240, 180, "frames"),
                   DataError);
   CHECK(read("199 198 132 110 0 0 0 0 0").cameras.at(0).lens.model == LensModel::kPinhole);
@@ -126,9 +125,9 @@ TEST_CASE("calibration: another size than the recording's is refused", "[import]
   const auto calibration = read(kOpenCv);
   CHECK(import::camera_of(calibration, 0, 346, 260, "frames").pinhole().fx == 250);
   CHECK_THROWS_WITH(import::camera_of(calibration, 0, 640, 480, "frames"),
-                    Catch::Matchers::Contains("calibrated at 346x260, the frames have 640x480"));
+                    Catch::Contains("calibrated at 346x260, the frames have 640x480"));
   CHECK_THROWS_WITH(import::camera_of(calibration, 1, 346, 260, "events"),
-                    Catch::Matchers::Contains("a camera 1 for the events"));
+                    Catch::Contains("a camera 1 for the events"));
 }
 
 TEST_CASE("calibration: what is missing or unknown is named in one line", "[import]") {

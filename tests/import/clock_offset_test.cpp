@@ -72,7 +72,7 @@ TEST_CASE("clock offset: a camera that stands still says nothing", "[import]") {
     exposure.blurry = (exposure.blurry + 0.01 * torch::randn({48, 64})).contiguous();
   }
   const auto found = import::estimate_clock_offset(recording.exposures, recording.events);
-  CHECK_THAT(found.doubt, Catch::Matchers::Contains("stand still"));
+  CHECK_THAT(found.doubt, Catch::Contains("stand still"));
 }
 
 TEST_CASE("clock offset: beyond the reach, and without events, there is doubt", "[import]") {
@@ -83,7 +83,7 @@ TEST_CASE("clock offset: beyond the reach, and without events, there is doubt", 
   CHECK(import::estimate_clock_offset(late.exposures, late.events).ambiguous());
   const auto far = shifted(recording, 60000000);
   CHECK_THAT(import::estimate_clock_offset(far.exposures, far.events).doubt,
-             Catch::Matchers::Contains("clocks overlap"));
+             Catch::Contains("clocks overlap"));
   CHECK_THROWS_AS(import::estimate_clock_offset(late.exposures, late.events, {50, 0}),
                   ContractError);
 }

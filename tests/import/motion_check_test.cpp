@@ -37,11 +37,49 @@ return e;
 
 }  // namespace
 
+namespace {
+
+/// Frames of a texture that moves by `step_px` from each to the next, with fresh noise, behind what
+/// is fixed to the sensor: noise of its pixels, rows and columns, vignetting and dust.
+std::vector<torch::Tensor> frames_of_a_bad_sensor(int64_t step_px) {
+  const torch::Tensor scene = 0.1 + 0.3 * texture();
+  torch::Tensor pattern = 0.08 * torch::randn({1, 90, 130}) + 0.04 * torch::randn({1, 90, 1}) +
+                          0.04 * torch::randn({1, 1, 130});
+  const torch::Tensor x = torch::linspace(-1, 1, 130), y = torch::linspace(-1, 1, 90).unsqueeze(1);
+  torch::Tensor light = 1 - 0.4 * (x.square() + y.square());
+  for (int64_t k = 0; k < 8; ++k) {
+    light.slice(0, 11 * k, 11 * k + 5).slice(1, 37 * k % 120, 37 * k % 120 + 5) *= 0.4;
+  }
+  std::vector<torch::Tensor> frames;
+  for (int64_t i = 0; i < 10; ++i) {
+    const torch::Tensor noise = 0.02 * torch::randn({1, 90, 130});
+    frames.push_back(torch::roll(scene, step_px * i, 2) * light + pattern + noise);
+  }
+  return frames;
+}
+
+}  // namespace
+
 TEST_CASE("motion: the longest shift between images, to either side", "[import]") {
   const auto image = texture();
-  CHECK(import::largest_shift_px({image, image}) == Approx(0).margin(0.1));
-  CHECK(import::largest_shift_px({image, torch::roll(image, {-3, 7}, {1, 2})}) ==
+  const import::FrameMotion still = import::frame_motion({image, image, image});
+  CHECK(still.shift_px == 0);
+  CHECK(still.measured == 0);
+  CHECK(still.compared == 3);
+  CHECK(import::frame_motion({image, torch::roll(image, {-3, 7}, {1, 2})}).shift_px ==
         Approx(std::hypot(3, 7)));
+}
+
+TEST_CASE("motion: what is fixed to the sensor neither hides motion nor makes it", "[import]") {
+  const import::FrameMotion moving = import::frame_motion(frames_of_a_bad_sensor(2));
+  CHECK(moving.shift_px == Approx(18));  // of the first and the last
+  CHECK(moving.measured > moving.compared / 2);
+  const import::FrameMotion still = import::frame_motion(frames_of_a_bad_sensor(0));
+  CHECK(still.shift_px == 0);
+  // A lamp that flickers moves nothing either.
+  auto flickering = frames_of_a_bad_sensor(0);
+  for (size_t i = 0; i < flickering.size(); ++i) flickering[i] *= 1 + 0.1 * double(i % 3);
+  CHECK(import::frame_motion(flickering).shift_px == 0);
 }
 
 TEST_CASE("blur check: right poses explain the blur, poses that stand still or turn back do not",

@@ -7,6 +7,7 @@
 #include <torch/types.h>
 
 #include "jade/core/error.h"
+#include "jade/events/warp.h"
 #include "jade/imaging/warp.h"
 
 using namespace jade;
@@ -50,7 +51,7 @@ TEST_CASE("rectify: frames and events of one sensor land on one another", "[impo
     CHECK(place[0] == Approx(want[0] - 0.5).margin(0.15));
     CHECK(place[1] == Approx(want[1] - 0.5).margin(0.15));
     const auto raw = kLens.project({x, y, 1});
-    const auto moved = import::rectify_events(
+    const auto moved = events::warp(
         events::EventStream::from_lists({float(raw[0] - 0.5)}, {float(raw[1] - 0.5)}, {7}, {-1}),
         plan.event_map, {80, 100});
     REQUIRE(moved.events.size() == 1);
@@ -61,18 +62,6 @@ TEST_CASE("rectify: frames and events of one sensor land on one another", "[impo
   }
 }
 
-TEST_CASE("rectify: events beside the image or the sensor are dropped and counted", "[import]") {
-  const auto plan = import::rectification({kLens}, {});
-  const float nan = std::nanf("");
-  const auto moved = import::rectify_events(
-      events::EventStream::from_lists({0, 50, 100.5, 30, nan}, {0, 40, 10, 20, 5}, {1, 2, 3, 4, 5},
-                                      {1, 1, 1, -1, 1}),
-      plan.event_map, {80, 100});
-  // The corner lies outside the filled view; of the others two are beside the sensor.
-  CHECK(moved.dropped == 3);
-  CHECK(moved.events.t_us().equal(torch::tensor({2, 4}, torch::kInt64)));
-}
-
 TEST_CASE("rectify: events of a second camera meet the frames on the plane", "[import]") {
   const geometry::LensCamera second({150, 150, 64, 48, 128, 96}, {});
   const geometry::Pose pose{geometry::rotation_from_vector({0.01, 0.02, -0.03}), {0.05, 0, 0.01}};
@@ -80,7 +69,7 @@ TEST_CASE("rectify: events of a second camera meet the frames on the plane", "[i
   const auto plan = import::rectification(cameras, {geometry::RectifiedField::kFilled, 1.5, 1, 2});
   const geometry::Vector3 point{0.2, -0.1, 1.5};
   const auto seen = second.project(geometry::transform(pose, point));
-  const auto moved = import::rectify_events(
+  const auto moved = events::warp(
       events::EventStream::from_lists({float(seen[0] - 0.5)}, {float(seen[1] - 0.5)}, {7}, {1}),
       plan.event_map, {80, 100});
   const auto want = geometry::project(plan.camera, point);

@@ -3,6 +3,7 @@
 
 #include "support/catch.h"
 
+#include <algorithm>
 #include <sys/stat.h>
 #include <torch/types.h>
 
@@ -131,6 +132,49 @@ TEST_CASE("poses: the better of two models of one attempt is taken", "[import]")
   CHECK(result.attempts[result.chosen].registered == 4);
 }
 
+TEST_CASE("poses: of many images only neighbours and one of each shot are compared", "[import]") {
+  std::vector<import::LatentImage> images;
+  for (int64_t shot = 0; shot < 60; ++shot) {
+    for (int64_t k = 0; k < 3; ++k)
+      images.push_back({concat(shot, "_", k, ".png"), shot, 100 * shot + 40 * k});
+  }
+  const auto pairs = import::sequential_pairs(images);
+  CHECK(pairs.size() < 2500);  // of 16,110
+  const auto holds = [&](size_t a, size_t b) {
+    return std::find(pairs.begin(), pairs.end(), std::pair{a, b}) != pairs.end();
+  };
+  CHECK((holds(0, 1) && holds(0, 9) && holds(170, 179)));
+  CHECK((holds(1, 1 + 3 * 30) && !holds(0, 3 * 30)));
+  // The list reaches COLMAP.
+  Search search("echo \"$@\" >> ${0%/*}/calls.txt\n" + mapper_of(4));
+  search.options.poses.pairs = import::PairChoice::kSequential;
+  search.find();
+  CHECK_THAT(read_file(search.dir / "calls.txt"),
+             Catch::Contains("matches_importer") && !Catch::Contains("exhaustive"));
+  CHECK_THAT(read_file(search.dir / "work/usual/pairs.txt"),
+             Catch::Contains("00000_0.png 00001_4.png\n"));
+}
+
+TEST_CASE("poses: one good model is enough, be an image missing", "[import]") {
+  // 20 sharp shots, 19 of which the mapper places.
+  std::string text = mapper_of(0);
+  Search search("");
+  std::vector<import::LatentImage> images;
+  search.capture.shots.clear();
+  for (int64_t i = 0; i < 20; ++i) {
+    images.push_back({concat(i, ".png"), i, 100 * i});
+    search.capture.shots.push_back({concat(i), torch::rand({3, 20, 30}), 100 * i, 100 * i, 0});
+    if (i < 19)
+      text += concat("echo '", i + 1, " 1 0 0 0 ", -0.1 * double(i), " 0 0 1 ", i,
+                     ".png' >> images.txt; echo >> images.txt\n");
+  }
+  program(search.dir / "colmap", text);
+  const import::SearchResult result = import::find_poses(
+      search.dir / "latents", images, search.capture, search.options, search.dir / "work");
+  CHECK(result.attempts.size() == 1);
+  CHECK(result.best.poses.size() == 19);
+}
+
 TEST_CASE("poses: too few images say what to record", "[import]") {
   Search search(mapper_of(2));
   CHECK_THROWS_WITH(search.find(), Catch::Contains("2 of 4 images") && Catch::Contains("record"));
@@ -197,10 +241,28 @@ TEST_CASE("poses: a model with all images in it is refused where it does not exp
   }
 }
 
-TEST_CASE("poses: a camera that stood still is told before COLMAP runs", "[import]") {
-  Search search("exit 1\n");
-  search.capture.shots[1].image = search.capture.shots[0].image;
-  CHECK_THROWS_WITH(search.find(), Catch::Contains("expected a moving camera"));
+TEST_CASE("poses: frames that seem still are refused only where COLMAP fails", "[import]") {
+  const auto stand_still = [](Search& search) {
+    search.capture.shots[1].image = search.capture.shots[0].image;
+  };
+  Search placed(mapper_of(4));
+  stand_still(placed);
+  CHECK(placed.find().best.poses.size() == 4);
+  // With COLMAP of one mind, no other attempt follows.
+  Search refused("echo $1 >> ${0%/*}/calls.txt\n");
+  stand_still(refused);
+  CHECK_THROWS_WITH(refused.find(), Catch::Contains("expected a moving camera") &&
+                                        Catch::Contains("1 pairs of frames compared") &&
+                                        Catch::Contains("usual: no pair of images"));
+  CHECK(read_file(refused.dir / "calls.txt").find("mapper\nfeature") == std::string::npos);
+}
+
+TEST_CASE("poses: a model without parallax is refused", "[import]") {
+  std::string flat = mapper_of(4);
+  for (size_t at = flat.find(" 0 0 4 1 2 3"); at != std::string::npos;
+       at = flat.find(" 0 0 4 1 2 3"))
+    flat.replace(at, 12, " 0 0 4000 1 2 3");
+  CHECK_THROWS_WITH(Search(flat).find(), Catch::Contains("parallax 0.0"));
 }
 
 TEST_CASE("poses: no model, and a COLMAP that fails, are told", "[import]") {

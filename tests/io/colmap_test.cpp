@@ -5,6 +5,7 @@
 
 #include <limits>
 #include <torch/types.h>
+#include <utility>
 
 #include "jade/core/error.h"
 #include "support/colmap_writer.h"
@@ -87,6 +88,49 @@ TEST_CASE("colmap: in text an image's observations are a line, be it an empty on
   files.images = "1 1 0 0 0 0 0 0 1 a.png\n2 1 0 0 0 1 0 0 1 b.png\n";
   CHECK_THROWS_WITH(parse_colmap(files), Catch::Contains("images.txt: line 2: expected the "
                                                          "observations of the image before"));
+}
+
+TEST_CASE("colmap: cameras of COLMAP 4 are read, later models named", "[io]") {
+  ColmapFiles files = test::text_model(kCamera, two_images(), kPoints);
+  files.cameras = "1 SIMPLE_DIVISION 64 48 60 32 24 -0.1\n";
+  CHECK(parse_colmap(files).cameras[0].parameters.size() == 4);
+  files.cameras = "1 EQUIRECTANGULAR 64 48 64 48\n";
+  CHECK(parse_colmap(files).cameras[0].model == "EQUIRECTANGULAR");
+  files.cameras = "1 TELESCOPE 64 48 60\n";
+  CHECK_THROWS_WITH(parse_colmap(files), Catch::Contains("TELESCOPE"));
+
+  const auto binary = [](int32_t model, size_t parameters) {
+    ColmapFiles made = test::binary_model(kCamera, two_images(), kPoints);
+    made.cameras.clear();
+    test::put<uint64_t>(made.cameras, 1);
+    test::put<int32_t>(made.cameras, 1);
+    test::put<int32_t>(made.cameras, model);
+    test::put<uint64_t>(made.cameras, 64);
+    test::put<uint64_t>(made.cameras, 48);
+    for (size_t i = 0; i < parameters; ++i) test::put(made.cameras, 10.0);
+    return made;
+  };
+  const std::pair<int32_t, size_t> models[] = {{11, 16}, {12, 4}, {13, 5}, {14, 3},
+                                               {15, 4},  {16, 6}, {17, 2}};
+  for (const auto& [model, parameters] : models) {
+    CHECK(parse_colmap(binary(model, parameters)).cameras[0].parameters.size() == parameters);
+    CHECK_THROWS_AS(parse_colmap(binary(model, parameters - 1)), DataError);
+  }
+  CHECK_THROWS_WITH(parse_colmap(binary(18, 4)),
+                    Catch::Contains("number 18") && !Catch::Contains("damaged"));
+}
+
+TEST_CASE("colmap: images are counted without reading them", "[io]") {
+  const test::TempDir folder;
+  CHECK(count_colmap_images(folder.path()) == 0);
+  test::save_model(folder / "text", test::text_model(kCamera, two_images(), kPoints));
+  CHECK(count_colmap_images(folder / "text") == 2);
+  ColmapFiles files = test::binary_model(kCamera, two_images(), kPoints);
+  test::save_model(folder / "binary", files);
+  CHECK(count_colmap_images(folder / "binary") == 2);
+  files.images.replace(0, 8, std::string(8, '\xff'));
+  test::save_model(folder / "damaged", files);
+  CHECK(count_colmap_images(folder / "damaged") < 10);
 }
 
 TEST_CASE("colmap: a folder without a model says what was expected", "[io]") {

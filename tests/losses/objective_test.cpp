@@ -453,55 +453,6 @@ TEST_CASE("objective: after target_until the target stays where the scene agrees
   CHECK(kept(0.99 * all) == std::pair(0.0, false));
 }
 
-TEST_CASE("objective: whether a view agrees is asked of its whole target, however little it draws",
-          "[losses]") {
-  PrintedOptions options;
-  options.target_until = 10;
-  options.trust.from = 0;
-  const ObjectiveInputs in = inputs(renders());
-  const double whole = objective_at(in, 5, options).terms.front().value.item<double>();
-  options.trust.scale = 0.05;
-  options.trust.agreement = 0.99 * whole;
-  const double drawn = objective_at(in, 5, options).terms.front().value.item<double>();
-  REQUIRE(drawn < options.trust.agreement);
-  CHECK(objective_at(in, 11, options).terms.front().value.item<double>() == 0);
-  options.trust.agreement = 1.01 * whole;
-  CHECK(objective_at(in, 11, options).terms.front().value.item<double>() == drawn);
-}
-
-TEST_CASE("objective: where the restorations differ the target draws less, and L_edi as before",
-          "[losses]") {
-  PrintedOptions options;
-  options.dssim = 0;
-  torch::Tensor images = renders().set_requires_grad(true);
-  ObjectiveInputs in = inputs(images);
-  const Objective full = objective_at(in, 5, options);
-  in.target_closeness = torch::full({1, 7, 9}, 0.25, torch::kFloat64);
-  const Objective quarter = objective_at(in, 5, options);
-  for (size_t i = 0; i < full.terms.size(); ++i) {
-    INFO(full.terms[i].name);
-    const double share = full.terms[i].name == "target" ? 0.25 : 1;
-    CHECK(quarter.terms[i].value.item<double>() ==
-          Approx(share * full.terms[i].value.item<double>()));
-  }
-}
-
-TEST_CASE("objective: trust begins at its step, and then target and EDI draw less", "[losses]") {
-  PrintedOptions options;
-  options.trust.scale = 0.05;
-  options.trust.from = 10;
-  CHECK_FALSE(plan_objective(options, 10).trust);
-  CHECK(plan_objective(options, 11).trust);
-  const ObjectiveInputs in = inputs(renders());
-  const Objective before = objective_at(in, 10, options), after = objective_at(in, 11, options);
-  for (size_t i = 0; i < before.terms.size(); ++i) {
-    INFO(before.terms[i].name);
-    const bool drawn = before.terms[i].name != "blur";
-    const double a = before.terms[i].value.item<double>(), b = after.terms[i].value.item<double>();
-    CHECK((drawn ? b < 0.9 * a : b == a));
-  }
-}
-
 TEST_CASE("objective: gradients to all nine renders equal central differences", "[losses]") {
   check_gradients(
       [&](const std::vector<torch::Tensor>& in) {

@@ -90,8 +90,8 @@ TEST_CASE("learned cameras: a test pose that is off by pixels is fitted to its i
   // Asked to stop, the fit ends early, but not that of an evaluation which nothing would repeat.
   set_interrupt_requested(true);
   const data::Dataset ended = run::with_learned_poses(dataset, unmoved, gaussians, 200, {});
-  const data::Dataset finished =
-      run::with_learned_poses(dataset, unmoved, gaussians, 200, {}, run::OnInterrupt::kFinish);
+  const data::Dataset finished = run::with_learned_poses(dataset, unmoved, gaussians, 200, {},
+                                                         false, run::OnInterrupt::kFinish);
   set_interrupt_requested(false);
   CHECK(error_px(ended.test[0].pose, view.pose, view) < 1e-3);
   CHECK(error_px(finished.test[0].pose, fitted.test[0].pose, view) < 1e-3);
@@ -162,6 +162,23 @@ TEST_CASE("learned cameras: a run keeps them, and scores, pictures and other pro
   given_options.poses.optimize = PosePath::kNone;
   const data::Dataset still = run::load_run_dataset(scene.run, given_options);
   CHECK(still.test[0].pose.translation == opened.dataset.test[0].pose.translation);
+}
+
+TEST_CASE("learned cameras: the file is in the coordinates of the data set", "[run]") {
+  const LearnedRun scene;
+  data::Dataset dataset = data::load_dataset(scene.options.dataset);
+  dataset.origin = {471234, 5431987, 312};
+  const data::Dataset given = dataset;
+  const auto file = scene.dir / "cameras.json";
+  run::write_learned_cameras(file, dataset);
+  const auto centre = geometry::centre(data::read_cameras(file).at(0).camera_from_world);
+  const auto want = geometry::centre(dataset.test.at(0).pose);
+  CHECK(centre[1] == Approx(want[1] + 5431987).epsilon(1e-12));
+  run::read_learned_cameras(file, dataset);
+  for (size_t axis = 0; axis < 3; ++axis) {
+    CHECK(dataset.test[0].pose.translation[axis] ==
+          Approx(given.test[0].pose.translation[axis]).margin(1e-7));
+  }
 }
 
 TEST_CASE("learned cameras: before a run's end other programs have those of its checkpoint",

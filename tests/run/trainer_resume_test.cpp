@@ -118,29 +118,21 @@ TEST_CASE("trainer: whatever a checkpoint holds, a run that goes on from it does
       {"poses",
        [](train::RunOptions& o) {
          o.poses.optimize = train::PosePath::kCubic;
-         o.poses.accumulate = 3;
          o.poses.test_fit_steps = 0;
        },
-       {"poses.twists", "poses.adam.0", "poses.adam.1", "poses.adam.2", "poses.gradient.twists",
-        "poses.gradient.seen"}},
+       {"poses.twists", "poses.adam.0", "poses.adam.1", "poses.adam.2"}},
       {"poses_from_data",
        [](train::RunOptions& o) {
          o.poses.optimize = train::PosePath::kCubic;
          o.poses.start = train::PoseStart::kData;
-         o.poses.accumulate = 3;
          o.poses.prior_px = 1;
          o.poses.test_fit_steps = 0;
          o.objective.event_loss_weight = 0.1;
        },
-       {"poses.twists", "poses.adam.0", "poses.adam.1", "poses.adam.2", "poses.gradient.twists",
-        "poses.gradient.seen"}},
-      {"sensor",
-       [](train::RunOptions& o) {
-         o.sensor.learn_thresholds = o.sensor.learn_gain = o.sensor.learn_offset = true;
-         o.sensor.from = 6;
-       },
-       {"sensor.log_positive", "sensor.log_negative", "sensor.log_gain", "sensor.offset_ms",
-        "sensor.adam."}},
+       {"poses.twists", "poses.adam.0", "poses.adam.1", "poses.adam.2"}},
+      {"gains",
+       [](train::RunOptions& o) { o.gains.optimize = train::LearnGains::kOn; },
+       {"gains.log_gains", "gains.adam.0", "gains.adam.1", "gains.adam.2"}},
       {"mcmc",
        [](train::RunOptions& o) { o.densify.strategy = gaussians::DensifyStrategy::kMcmc; },
        {"densify.generator"}},
@@ -161,6 +153,9 @@ TEST_CASE("trainer: whatever a checkpoint holds, a run that goes on from it does
     run::Trainer(options, resumed, middle.string()).run();
     CHECK(test::differing_entries(run::checkpoint_path(resumed, 20), end) ==
           std::set<std::string>());
+    const bool logs_gains =
+        read_file(whole / "metrics.jsonl").find("\"gain_max\":") != std::string::npos;
+    CHECK(logs_gains == (each.name == "gains"));
     const auto moved = test::differing_entries(middle, end);
     for (const std::string& prefix : each.moved) {
       INFO(prefix);
@@ -179,7 +174,6 @@ TEST_CASE("exposure poses: training moves them, and a resumed run goes on to the
     options.objective.target = losses::Target::kNone;
     options.objective.edi_supervision = options.objective.simulation = false;
     options.poses.optimize = path;
-    options.poses.accumulate = 3;
     const auto whole = scene.dir / concat(word_of(path), "-whole");
     const auto halves = scene.dir / concat(word_of(path), "-halves");
     run::Trainer trainer(options, whole, "");

@@ -102,51 +102,6 @@ TEST_CASE("trainer: L_ev is a term of the objective where its weight is positive
              !Catch::Contains("\"event\":"));
 }
 
-TEST_CASE("trainer: what is learned of the sensor is logged, kept and said, and absent when off",
-          "[run]") {
-  const Scene scene;
-  train::RunOptions options = tiny_options(scene);
-  const auto plain = scene.dir / "plain", learned = scene.dir / "learned";
-  run::Trainer(options, plain, "").run();
-  CHECK_FALSE(std::filesystem::exists(plain / "sensor.json"));
-  CHECK_THAT(read_file(plain / "metrics.jsonl"), !Catch::Contains("threshold"));
-  CHECK_FALSE(test::any_begins_with(
-      test::differing_entries(run::checkpoint_path(plain, 10), run::checkpoint_path(plain, 20)),
-      "sensor."));
-  for (const auto& [name, tensor] : test::checkpoint_entries(run::checkpoint_path(plain, 20))) {
-    CHECK(name.rfind("sensor.", 0) != 0);
-  }
-  options.sensor.learn_thresholds = options.sensor.learn_offset = true;
-  options.sensor.from = 10;
-  train::SensorEstimate found;
-  torch::Tensor target;
-  {
-    run::Trainer trainer(options, learned, "");
-    trainer.run();
-    found = trainer.state().sensor->estimate();
-    target = trainer.views().front().restorations.edi;
-  }
-  CHECK(found.threshold_positive != 0.2);
-  const auto kept = nlohmann::json::parse(read_file(learned / "sensor.json"));
-  CHECK(kept == nlohmann::json{{"threshold_positive", found.threshold_positive},
-                               {"threshold_negative", found.threshold_negative},
-                               {"offset_ms", found.offset_ms}});
-  CHECK_THAT(read_file(learned / "train.log"), Catch::Contains("sensor      thresholds"));
-  std::istringstream lines(read_file(learned / "metrics.jsonl"));
-  std::vector<nlohmann::json> logged;
-  for (std::string line; std::getline(lines, line);) logged.push_back(nlohmann::json::parse(line));
-  CHECK(logged.front().at("step") == 5);
-  CHECK(logged.front().at("threshold_positive") == 0.2);
-  CHECK(logged.front().count("sensor") == 0);
-  CHECK(logged.back().at("offset_ms") == found.offset_ms);
-  CHECK(logged.back().at("gain_std") == 0);
-  CHECK(logged.back().count("sensor") == 1);
-  const run::Trainer again(options, learned, "latest");
-  CHECK(again.state().sensor->estimate().offset_ms == found.offset_ms);
-  // I_edi stays that of the configured thresholds.
-  CHECK(again.views().front().restorations.edi.equal(target));
-}
-
 TEST_CASE("trainer: two runs in one folder are refused while the first is alive", "[run]") {
   const test::TempDir dir;
   auto first = std::make_unique<run::RunDirectory>(dir.path() / "run");

@@ -17,12 +17,12 @@ def options(**fields):
 ImageReaderOptions = options(camera_model="SIMPLE_RADIAL", camera_params="")
 FeatureExtractionOptions = options(use_gpu=True, sift=options(first_octave=-1, max_num_features=8192, peak_threshold=0.0067))
 FeatureMatchingOptions = options(use_gpu=True, guided_matching=False, sift=options(max_ratio=0.8))
-SequentialPairingOptions = options(overlap=10)
-IncrementalPipelineOptions = options(min_num_matches=15, ba_refine_focal_length=True,
+ImportedPairingOptions = options(match_list_path=".", block_size=1225)
+IncrementalPipelineOptions = options(min_num_matches=15, ba_refine_focal_length=True, ba_global_frames_ratio=1.1,
     mapper=options(init_min_tri_angle=16.0, filter_min_tri_angle=1.5), triangulation=options(min_angle=1.5))
 def extract_features(*paths, **options): print("extract", paths, options)
 def match_exhaustive(*paths, **options): print("exhaustive", paths, options)
-def match_sequential(*paths, **options): print("sequential", paths, options)
+def match_image_pairs(*paths, **options): print("listed", paths, options)
 def incremental_mapping(*paths, **options): print("map", paths, options)
 """
 
@@ -54,17 +54,18 @@ class Colmap(unittest.TestCase):
                          "--SiftMatching.guided_matching", "1")
         self.assertIn("exhaustive ('d.db',)", done.stdout)
         self.assertIn("use_gpu=False, guided_matching=True", done.stdout)
-        done = self.call("sequential_matcher", "--database_path", "d.db", "--SequentialMatching.overlap", "20")
-        self.assertIn("sequential ('d.db',)", done.stdout)
-        self.assertIn("overlap=20", done.stdout)
+        done = self.call("matches_importer", "--database_path", "d.db", "--match_list_path", "pairs.txt", "--match_type", "pairs")
+        self.assertIn("listed ('d.db',)", done.stdout)
+        self.assertIn("match_list_path='pairs.txt', block_size=100", done.stdout)
 
     def test_mapping(self):
         models = Path(self.folder.name) / "models"
         done = self.call("mapper", "--database_path", "d.db", "--image_path", "images", "--output_path", str(models),
                          "--Mapper.ba_refine_focal_length", "0", "--Mapper.init_min_tri_angle", "4",
-                         "--Mapper.filter_min_tri_angle", "0.5", "--Mapper.tri_min_angle", "0.5", "--Mapper.min_num_matches", "10")
+                         "--Mapper.filter_min_tri_angle", "0.5", "--Mapper.tri_min_angle", "0.5", "--Mapper.min_num_matches", "10",
+                         "--Mapper.ba_global_images_ratio", "1.2")
         self.assertEqual(done.returncode, 0, done.stderr)
-        for part in ("min_num_matches=10", "ba_refine_focal_length=False", "init_min_tri_angle=4.0", "filter_min_tri_angle=0.5",
+        for part in ("min_num_matches=10", "ba_global_frames_ratio=1.2", "ba_refine_focal_length=False", "init_min_tri_angle=4.0", "filter_min_tri_angle=0.5",
                      "triangulation=namespace(min_angle=0.5)"):
             self.assertIn(part, done.stdout)
         self.assertTrue(models.is_dir())
@@ -74,6 +75,7 @@ class Colmap(unittest.TestCase):
                             (("exhaustive_matcher", "--database_path", "d", "--SiftMatching.none", "1"), "no such option"),
                             (("exhaustive_matcher", "--database_path", "d", "--Other.none", "1"), "no such option"),
                             (("exhaustive_matcher", "--SiftMatching.use_gpu", "0"), "expected --database_path"),
+                            (("matches_importer", "--database_path", "d", "--match_type", "raw"), "expected pairs, found raw"),
                             (("image_undistorter", "--database_path", "d"), "expected feature_extractor")):
             done = self.call(*words)
             self.assertEqual(done.returncode != 0, bool(said), words)

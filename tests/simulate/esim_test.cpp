@@ -187,6 +187,77 @@ TEST_CASE("esim: the seed decides, the number of threads does not", "[simulate]"
   CHECK((t.slice(0, 1) >= t.slice(0, 0, -1)).all().item<bool>());
 }
 
+TEST_CASE("esim: events are late by what is asked for, the more so in the dark", "[simulate]") {
+  const double theta = 0.2;
+  const auto ramp = [](double from) { return [from](double t) { return from + 1.5 * t; }; };
+  EventSensorOptions options = clean(theta, theta);
+  const auto bright = watch(options, 1, 1, 400000, 1000, ramp(-0.9));
+  const auto dark = watch(options, 1, 1, 400000, 1000, ramp(-4));
+  options.latency_us = 700, options.dark_latency_us = 5000;
+  const auto late_bright = watch(options, 1, 1, 400000, 1000, ramp(-0.9));
+  const auto late_dark = watch(options, 1, 1, 400000, 1000, ramp(-4));
+  REQUIRE((bright.size() == 2 && late_bright.size() == 2 && late_dark.size() == 2));
+  for (int64_t i = 0; i < 2; ++i) {
+    const auto late = [&](const auto& a, const auto& b) {
+      return static_cast<double>((a.t_us()[i] - b.t_us()[i]).template item<int64_t>());
+    };
+    CHECK(late(late_dark, dark) == 5700);
+    const double level = std::exp(-0.9 + theta * static_cast<double>(i + 1));
+    CHECK(late(late_bright, bright) == Approx(700 + 5000 * 0.1 / level).margin(5));
+  }
+}
+
+TEST_CASE("esim: late events are in order of time all the same", "[simulate]") {
+  EventSensorOptions options = clean(0.1, 0.1);
+  options.dark_latency_us = 9000;
+  const auto events =
+      watch(options, 6, 5, 300000, 1000, [](double t) { return -1.5 + 1.4 * std::sin(40 * t); });
+  REQUIRE(events.size() > 1000);
+  CHECK((events.t_us().slice(0, 1) >= events.t_us().slice(0, 0, -1)).all().item<bool>());
+}
+
+TEST_CASE("esim: in a burst every pixel fires at one instant", "[simulate]") {
+  EventSensorOptions options = clean(0.3, 0.3);
+  options.burst_hz = 20;
+  const auto events = watch(options, 12, 10, 1000000, 10000, [](double) { return -1.0; });
+  REQUIRE(events.size() > 0);
+  CHECK(events.size() % 120 == 0);
+  const int64_t bursts = events.size() / 120;
+  CHECK((bursts > 8 && bursts < 35));
+  for (int64_t i = 0; i < bursts; ++i) {
+    const auto t = events.t_us().slice(0, 120 * i, 120 * (i + 1));
+    CHECK((t == t[0]).all().item<bool>());
+    const auto on = (events.polarity().slice(0, 120 * i, 120 * (i + 1)) > 0).sum();
+    CHECK((on.item<int64_t>() > 30 && on.item<int64_t>() < 90));
+  }
+}
+
+TEST_CASE("esim: after a burst a pixel starts afresh from what it sees", "[simulate]") {
+  EventSensorOptions options = clean(0.3, 0.3);
+  const auto ramp = [](double t) { return -2 + t; };
+  const auto alone = watch(options, 1, 1, 1000000, 10000, ramp);
+  options.burst_hz = 3;
+  const auto burst = watch(options, 1, 1, 1000000, 10000, ramp);
+  REQUIRE(alone.size() == 3);
+  CHECK_FALSE(burst.t_us().equal(alone.t_us()));
+  const auto t = burst.t_us().to(torch::kFloat64) * 1e-6;
+  // No two of its steps lie closer than a threshold, unless one of them is a burst.
+  const auto steps = (t.slice(0, 1) - t.slice(0, 0, -1) >= 0.2999).sum().item<int64_t>();
+  CHECK(steps <= 3);
+  CHECK(burst.size() > steps);
+}
+
+TEST_CASE("esim: dead columns send nothing, the others what they sent", "[simulate]") {
+  EventSensorOptions options = clean(0.2, 0.2);
+  const auto wave = [](double t) { return -1 + 0.7 * std::sin(30 * t); };
+  const auto whole = watch(options, 10, 4, 200000, 2000, wave);
+  options.dead_columns = 3;
+  const auto events = watch(options, 10, 4, 200000, 2000, wave);
+  const auto columns = std::get<0>(at::_unique(events.x()));
+  CHECK(columns.numel() == 7);
+  CHECK(10 * events.size() == 7 * whole.size());
+}
+
 TEST_CASE("esim: wrong pictures and times that stand still are refused", "[simulate]") {
   EventSensor sensor(clean(0.2, 0.2), 4, 4, 0);
   sensor.feed(std::vector<float>(16, 0.5f), 10);

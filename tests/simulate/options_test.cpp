@@ -42,6 +42,10 @@ TEST_CASE("simulation options: mistakes are refused", "[simulate]") {
   SECTION("no gap for test views") {
     refused([](auto& o) { o.gap_ms = 0; });
   }
+  SECTION("no column that lives") {
+    refused([](auto& o) { o.image.dead_columns = o.width; });
+    refused([](auto& o) { o.events.dead_columns = o.width; });
+  }
   SECTION("a vector of two") {
     refused([](auto& o) { o.camera.eye = {1, 2}; });
   }

@@ -82,6 +82,27 @@ TEST_CASE("camera path: moves smoothly and by the blur asked for", "[simulate]")
   }
 }
 
+TEST_CASE("camera path: rests for a part of each period and comes as far", "[simulate]") {
+  const world::RayCaster source = wall();
+  CameraPath steady(source.world().rig, 1, 9), resting = steady;
+  resting.set_rest(0.6, 200000);
+  const auto centre = [](const CameraPath& path, double t_us) {
+    return geometry::centre(path.at(t_us));
+  };
+  for (double period = 0; period < 1e6; period += 2e5) {
+    CHECK(centre(resting, period) == centre(steady, period));
+    CHECK(centre(resting, period + 1.19e5) == centre(resting, period));
+    CHECK(centre(resting, period + 1.6e5)[0] ==
+          Approx(centre(steady, period + 1e5)[0]).margin(1e-9));
+  }
+  // No corner where it starts and stops: the speed is near zero there.
+  const auto step = [&](double t) {
+    return std::abs(centre(resting, t + 500)[0] - centre(resting, t)[0]);
+  };
+  CHECK(step(1.2e5) < 0.01 * step(1.6e5));
+  CHECK(step(1.995e5) < 0.01 * step(1.6e5));
+}
+
 TEST_CASE("blur: a sideways move smears by focal length times way over depth", "[simulate]") {
   world::SharpFrame frame;
   frame.resize(8, 6);

@@ -80,6 +80,35 @@ TEST_CASE("noise: of a few photons is Poisson's, with as many pixels that see no
         Approx(std::exp(-2.0)).epsilon(0.06));
 }
 
+TEST_CASE("exposure: a shorter one has less light and more photon noise, gain multiplies both",
+          "[simulate]") {
+  ImageSensorOptions options;
+  Exposing clean(options, 8, 8);
+  clean.add(flat(0.4f), flat(0.4f), 1000);
+  CHECK(pixel(clean.develop(1, {0.25, 1})) == Approx(0.1).margin(0.002));
+  CHECK(pixel(clean.develop(1, {0.25, 2})) == Approx(0.2).margin(0.002));
+  CHECK(pixel(clean.develop(1, {1, 4})) == 1);
+  options.full_well = 2000, options.read_noise = 0.01;
+  Exposing noisy(options, 100, 100);
+  noisy.add(flat(0.4f, 100), flat(0.4f, 100), 1000);
+  const auto image = noisy.develop(3, {0.5, 2});
+  CHECK(image.mean().item<double>() == Approx(0.4).margin(0.002));
+  const double variance = 4 * (0.2 / 2000 + 0.01 * 0.01);
+  CHECK(image.var().item<double>() == Approx(variance).epsilon(0.06));
+}
+
+TEST_CASE("exposure: the sensor's fixed pattern comes last, and in linear light", "[simulate]") {
+  ImageSensorOptions options;
+  options.pattern_pixels = 0.02;
+  const FixedPattern pattern(options, 8, 8, 5);
+  Exposing exposing(options, 8, 8);
+  exposing.add(flat(0.4f), flat(0.4f), 1000);
+  const auto image = exposing.develop(1, {0.5, 2}, &pattern);
+  for (const int64_t c : {0, 1, 2}) {
+    CHECK(image[c][2][3].item<double>() == Approx(pattern.apply(0.4, 19)).margin(0.002));
+  }
+}
+
 TEST_CASE("event intensity: is the gray value of what the pixels see", "[simulate]") {
   world::SharpFrame frame = flat(0);
   const size_t plane = 64;

@@ -129,6 +129,69 @@ TEST_CASE("simulate: a recording has the same frames and events, its poses in tr
     CHECK_FALSE(std::filesystem::exists(folder / poses));
 }
 
+TEST_CASE("simulate: a recording may say nothing of the lengths of its exposures", "[simulate]") {
+  SimulateRun run = tiny();
+  run.simulate.recording.exposure_times = false;
+  test::DriftingPattern footage(24, 16, 300, 1000);
+  const SimulateResult result = simulate::simulate(run, footage);
+  const test::TempDir folder;
+  write_recording(result, run, folder.path());
+  CHECK_FALSE(std::filesystem::exists(folder / "exposures.csv"));
+  const recording::Recording read = recording::read_recording(folder.path());
+  REQUIRE(read.frames.size() == 3);
+  CHECK(std::filesystem::exists(folder / "truth" / "simulation.yaml"));
+  run.simulate.recording.exposure_times = true;
+  const test::TempDir other;
+  write_recording(result, run, other.path());
+  CHECK(std::filesystem::exists(other / "exposures.csv"));
+}
+
+TEST_CASE("simulate: what spoils a recording leaves the truth as it is", "[simulate]") {
+  SimulateRun run = tiny();
+  test::DriftingPattern footage(24, 16, 300, 1000);
+  const SimulateResult plain = simulate::simulate(run, footage);
+  const auto same_truth = [&](const SimulateResult& result) {
+    for (size_t i = 0; i < 3; ++i) {
+      CHECK(result.content.sharp_mid[i].equal(plain.content.sharp_mid[i]));
+      CHECK(result.content.train[i].t_mid_us() == plain.content.train[i].t_mid_us());
+    }
+    CHECK(result.content.test[1].image.equal(plain.content.test[1].image));
+    CHECK_FALSE(result.recorded_views[1].image.equal(plain.content.test[1].image));
+    CHECK_FALSE(result.content.train[1].blurry.equal(plain.content.train[1].blurry));
+  };
+  CHECK(plain.recorded_views[1].image.equal(plain.content.test[1].image));
+  SimulateOptions& o = run.simulate;
+  SECTION("fixed pattern and dead columns") {
+    o.image.pattern_pixels = 0.03, o.image.dead_columns = 2;
+    same_truth(simulate::simulate(run, footage));
+  }
+  SECTION("optics and flicker") {
+    o.optics.vignetting = 0.5, o.optics.dust = 5;
+    o.light.flicker = 0.2;
+    const auto result = simulate::simulate(run, footage);
+    same_truth(result);
+    CHECK(result.content.events.size() > 2 * plain.content.events.size());
+  }
+  SECTION("a moving object") {
+    o.object.radius_px = 12, o.object.travel_px = 20, o.object.period_ms = 100;
+    const auto result = simulate::simulate(run, footage);
+    same_truth(result);
+    CHECK(result.frames > plain.frames);
+  }
+  SECTION("auto-exposure") {
+    o.image.auto_exposure = 0.2;
+    const auto result = simulate::simulate(run, footage);
+    same_truth(result);
+    const auto& exposure = result.content.train[1];
+    CHECK(exposure.duration_us() < 30000);
+    CHECK(exposure.gain ==
+          Approx(static_cast<double>(exposure.duration_us()) / 30000).epsilon(0.01));
+    const test::TempDir folder;
+    write_recording(result, run, folder.path());
+    CHECK(std::filesystem::exists(folder / "truth" / "gains.csv"));
+  }
+}
+
 TEST_CASE("simulate: each exposure has image noise of its own", "[simulate]") {
   SimulateRun run = tiny();
   run.simulate.exposures = 2, run.simulate.test_views = 0, run.simulate.seen_test_views = 0;

@@ -27,6 +27,10 @@ struct Bench {
     dataset = data::load_dataset(options.dataset);
     views = train::prepare_views(dataset, options, device);
     for (train::View& view : views) {
+      // Prepared for EDI as the target, which the steps of these benches are not.
+      view.visit([&](const std::string&, torch::Tensor& tensor) {
+        if (tensor.defined()) tensor = tensor.to(device);
+      });
       view.restorations.efnet = view.blurry;
       view.fixed_target = torch::Tensor();
     }
@@ -45,7 +49,7 @@ struct Bench {
     in.view_index = view;
     in.pose_draws = draws.to(device);
     in.view_pick = torch::tensor({view}, torch::kInt64).to(device);
-    if (!in.view.edi_log_gain.defined()) train::pick_factors(poses.data(), &in);
+    train::pick_factors(poses.data(), &in);
     return in;
   }
   train::StepPlan plan(int64_t step) const { return train::plan_step(options, step); }
@@ -68,7 +72,7 @@ struct Bench {
   /// The same with what follows a step.
   train::StepOutputs step(const train::StepInputs& in) {
     train::StepOutputs out = alternate(in);
-    train::update_poses(state, options, in.step);
+    train::update_exposures(state, options, in.step);
     return out;
   }
 };

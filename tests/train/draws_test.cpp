@@ -43,26 +43,6 @@ TEST_CASE("pose draws: a fourth for the target leaves the three as they are, and
   CHECK(three.on_host(7)[2] == four.on_host(7)[2]);
 }
 
-TEST_CASE(
-    "moment draws: the cameras stand where the path is at the drawn moments, and an earlier "
-    "or later question changes none",
-    "[train]") {
-  const test::TinyScene scene;
-  const data::Dataset dataset = data::load_dataset(test::tiny_options(scene).dataset);
-  const auto spans = train::exposure_spans(dataset);
-  train::MomentDraws draws(spans, 9, 3, torch::kCPU), same(spans, 9, 3, torch::kCPU);
-  const auto at = draws.at(1030, 1);
-  same.at(5, 0);
-  CHECK(same.at(1030, 1).u.equal(at.u));
-  CHECK(same.at(1030, 1).camera_from_world.equal(at.camera_from_world));
-  CHECK_FALSE(same.at(1031, 1).u.equal(at.u));
-  for (int64_t k = 0; k < 9; ++k) {
-    const auto pose = geometry::to_tensor(spans[1].at(at.u[k].item<double>()));
-    CHECK(at.camera_from_world[k].equal(pose.to(torch::kFloat32)));
-  }
-  CHECK_FALSE(at.camera_from_world[0].equal(at.camera_from_world[1]));
-}
-
 TEST_CASE("term weights: those of the step, and none where nothing falls", "[train]") {
   losses::ObjectiveOptions options = train::printed_options().objective;
   CHECK_FALSE(train::TermWeights(options, 4000, torch::kCPU).at(1).defined());
@@ -84,11 +64,6 @@ TEST_CASE("draws: are new ones in every block of steps and every epoch", "[train
   for (int64_t kind = 0; kind < 4; ++kind) {
     CHECK(alike[kind].item<int64_t>() < kLook / 3);  // by chance a ninth
   }
-  const test::TinyScene scene;
-  const auto dataset = data::load_dataset(test::tiny_options(scene).dataset);
-  train::MomentDraws moments(train::exposure_spans(dataset), 9, 3, torch::kCPU);
-  const auto first = moments.at(1, 0).u.clone();
-  CHECK_FALSE(moments.at(kBlockSteps + 1, 0).u.equal(first));
   train::ViewOrder order(3, 50);
   int64_t same = 0;
   for (int64_t step = 1; step <= 50; ++step) same += order.at(step) == order.at(50 + step);

@@ -31,14 +31,10 @@ TEST_CASE("options: rules between fields name the keys", "[train]") {
   CHECK_THROWS_WITH(train::validate(options), Catch::Contains("step 1,"));
 }
 
-TEST_CASE("options: all poses are refused where only the middle is known, or moments change",
-          "[train]") {
+TEST_CASE("options: all poses are refused where only the middle is known", "[train]") {
   train::RunOptions options;
   options.objective.restored_poses = losses::RestoredPoses::kAll;
   CHECK_NOTHROW(train::validate(options));
-  options.exposure.quadrature = geometry::QuadratureRule::kJittered;
-  CHECK_THROWS_WITH(train::validate(options), Catch::Contains("exposure.quadrature jittered"));
-  options.exposure.quadrature = geometry::QuadratureRule::kTrapezoid;
   for (const auto target : {losses::Target::kBlurry, losses::Target::kImageFolder}) {
     options.objective.target = target;
     options.train.target_images = "somewhere";
@@ -60,8 +56,6 @@ TEST_CASE("options: the middle of an exposure is a sample, and DiET-GS's nine im
   CHECK_THROWS_WITH(train::validate(options), Catch::Contains("events.edi_samples"));
   options.events.edi_samples = 65;
   CHECK_NOTHROW(train::validate(options));
-  options.events.edi_index = events::EdiIndex::kDiet;
-  CHECK_THROWS_WITH(train::validate(options), Catch::Contains("events.edi_index"));
 }
 
 TEST_CASE("options: exposures of a DiET-GS release are nine equal moments whatever is asked for",
@@ -108,19 +102,6 @@ TEST_CASE("options: the calendar follows the number of steps", "[train]") {
     CHECK(scaled.objective.simulation_start == iterations * 7 / 25);
     CHECK(scaled.densify.last_opacity_reset == iterations * 9 / 10);
   }
-}
-
-TEST_CASE("options: a learned sensor asks for a term that moves it, and for exact EDI", "[train]") {
-  train::RunOptions options = train::printed_options();
-  options.sensor.learn_thresholds = true;
-  CHECK_NOTHROW(train::validate(options));
-  options.objective.edi_supervision = false;
-  CHECK_NOTHROW(train::validate(options));
-  options.objective.simulation = false;
-  CHECK_THROWS_WITH(train::validate(options), Catch::Contains("objective.edi_supervision"));
-  options.objective.simulation = true;
-  options.events.edi_index = events::EdiIndex::kDiet;
-  CHECK_THROWS_WITH(train::validate(options), Catch::Contains("sensor.learn_thresholds"));
 }
 
 TEST_CASE("validate: learned poses end with their exposure, and so must the windows of L_ev",
@@ -196,16 +177,9 @@ TEST_CASE("presets: paper.yaml over what we recommend is the method as printed",
       {"objective.edi_weight", "1"},
       {"objective.edi_weight_final", "-1"},
       {"objective.edi_contrast", "1"},
-      {"objective.trust.scale", "0"},
-      {"objective.trust.tolerance", "0"},
       {"objective.trust.agreement", "0"},
-      {"objective.trust.disagreement", "0"},
-      {"events.edi_index", "exact"},
       {"events.edi_samples", "0"},
       {"events.ramp_ms", "0"},
-      {"sensor.learn_thresholds", "false"},
-      {"sensor.learn_gain", "false"},
-      {"sensor.learn_offset", "false"},
       {"poses.optimize", "none"},
       {"response.enabled", "true"},
       {"response.lr", "1e-07"},

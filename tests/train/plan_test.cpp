@@ -84,22 +84,11 @@ TEST_CASE("plan: a step that depends on the host is not recorded", "[train]") {
       recordable([](train::RunOptions& o) { o.allocation.kind = AllocationKind::kPerViewMap; }));
 }
 
-TEST_CASE("plan: learned poses change no plan when their gradients have been added up", "[train]") {
+TEST_CASE("plan: learned poses are those of every step, of one plan", "[train]") {
   train::RunOptions options = settled();
   options.poses.optimize = train::PosePath::kCubic;
-  options.poses.accumulate = 3;
   CHECK(train::plan_step(options, 4).learned_poses);
   CHECK(train::plan_step(options, 3) == train::plan_step(options, 4));
-}
-
-TEST_CASE("plan: what is learned of the sensor moves after its step, as a recorded one",
-          "[train]") {
-  train::RunOptions options = settled();
-  CHECK_FALSE(train::plan_step(options, 25000).sensor);
-  options.sensor.learn_gain = true;
-  CHECK_FALSE(train::plan_step(options, 3000).sensor);
-  CHECK(train::plan_step(options, 3001).sensor);
-  CHECK(train::plan_step(options, 3001).recordable);
 }
 
 TEST_CASE("plan: screen gradients count for adc alone and end with it", "[train]") {

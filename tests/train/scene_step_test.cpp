@@ -105,89 +105,10 @@ TEST_CASE(
   };
   train::RunOptions options = usual;
   options.events.threshold_negative = 0.2;
-  for (const auto rule : {geometry::QuadratureRule::kEqual, geometry::QuadratureRule::kTrapezoid,
-                          geometry::QuadratureRule::kJittered}) {
+  for (const auto rule : {geometry::QuadratureRule::kEqual, geometry::QuadratureRule::kTrapezoid}) {
     options.exposure.quadrature = rule;
     check(options);
   }
-  options.exposure.quadrature = geometry::QuadratureRule::kTrapezoid;
-  options.sensor.learn_thresholds = true;
-  options.sensor.from = 4;
-  check(options);
-}
-
-TEST_CASE("scene step: the sensor moves after its step, with what is learned of it", "[train]") {
-  const test::TinyScene scene;
-  Bench bench(scene);
-  train::SensorOptions& sensor = bench.options.sensor;
-  sensor.from = 4;
-  const auto moved_at = [&](int64_t step) {
-    bench.views = train::prepare_views(bench.dataset, bench.options, torch::kCPU);
-    bench.options.objective.target = losses::Target::kNone;
-    bench.state = train::make_state(bench.options, bench.dataset, torch::kCPU);
-    const auto names = names_of(bench.scene_step(bench.inputs(1, step)));
-    CHECK((names.find("sensor") != std::string::npos) == (step > 4));
-    std::string moved;
-    for (const auto& item : bench.state.sensor->named_parameters()) {
-      if (item.value().ne(0).any().item<bool>()) moved += item.key() + " ";
-    }
-    return moved;
-  };
-  bench.options.objective.target = losses::Target::kEdi;
-  sensor.learn_thresholds = true;
-  CHECK(moved_at(4).empty());
-  CHECK(moved_at(5) == "log_positive log_negative ");
-  sensor.learn_gain = sensor.learn_offset = true;
-  CHECK(moved_at(5) == "log_positive log_negative log_gain offset_ms ");
-  // L_sim alone, and neither.
-  bench.options.objective.edi_supervision = false;
-  CHECK(moved_at(5).empty());
-  CHECK(moved_at(9) == "log_positive log_negative log_gain offset_ms ");
-}
-
-TEST_CASE(
-    "scene step: until the sensor moves, and with all off, a step is that of the configured one",
-    "[train]") {
-  const test::TinyScene scene;
-  const auto means_after = [&](bool learned, int64_t step) {
-    Bench bench(scene);
-    bench.options.sensor.learn_thresholds = bench.options.sensor.learn_offset = learned;
-    bench.options.sensor.from = 4;
-    bench.options.objective.target = losses::Target::kEdi;
-    bench.views = train::prepare_views(bench.dataset, bench.options, torch::kCPU);
-    bench.state = train::make_state(bench.options, bench.dataset, torch::kCPU);
-    bench.scene_step(bench.inputs(0, step));
-    return bench.state.gaussians.parameters().means.detach().clone();
-  };
-  CHECK(means_after(true, 4).equal(means_after(false, 4)));
-  CHECK(torch::allclose(means_after(true, 5), means_after(false, 5), 1e-3, 1e-4));
-}
-
-TEST_CASE("scene step: with trust the sensor has its share of the gradient", "[train]") {
-  const test::TinyScene scene;
-  const auto gradient = [&](double scale, double tolerance) {
-    Bench bench(scene);
-    bench.options.sensor.learn_thresholds = true;
-    bench.options.sensor.prior_weight = 0;
-    bench.options.sensor.from = 0;
-    bench.options.objective.target = losses::Target::kNone;
-    bench.options.objective.dssim = 0;
-    losses::TrustOptions& trust = bench.options.objective.trust;
-    trust.scale = scale;
-    trust.tolerance = tolerance;
-    trust.from = 0;
-    bench.views = train::prepare_views(bench.dataset, bench.options, torch::kCPU);
-    bench.state = train::make_state(bench.options, bench.dataset, torch::kCPU);
-    bench.scene_step(bench.inputs(1, 5));
-    return bench.state.sensor->named_parameters()["log_positive"].grad().item<double>();
-  };
-  const double full = gradient(0, 0), half = gradient(0.05, 0), banded = gradient(0, 0.5);
-  INFO(full << ", " << half << ", " << banded);
-  CHECK(full != 0);
-  CHECK(half / full > 0.02);
-  CHECK(half / full < 0.9);
-  CHECK(banded != 0);
-  CHECK(gradient(0, 10) == 0);  // every render is inside
 }
 
 TEST_CASE("scene step: a term that acts and lacks its input is an error", "[train]") {

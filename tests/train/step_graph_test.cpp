@@ -104,37 +104,6 @@ double distance(const std::map<std::string, double>& a, const std::map<std::stri
 
 }  // namespace
 
-TEST_CASE("step graph: replayed steps move the sensor as eager ones do", "[train][cuda]") {
-  const torch::Device device(torch::kCUDA, 0);
-  const train::StreamScope stream(device);
-  const test::TinyScene scene;
-  GraphBench recorded(scene, GraphCase{false}), eager(scene, GraphCase{false});
-  train::StepGraph graph;
-  for (GraphBench* bench : {&recorded, &eager}) {
-    train::SensorOptions& sensor = bench->options.sensor;
-    sensor.learn_thresholds = sensor.learn_gain = sensor.learn_offset = true;
-    sensor.from = 0;
-    bench->views = train::prepare_views(bench->dataset, bench->options, device);
-    bench->state = train::make_state(bench->options, bench->dataset, device);
-  }
-  for (int64_t step = 20; step < 30; ++step) {
-    // Two views, so that counts of the one must not stay where those of the other belong.
-    train::StepInputs in = recorded.inputs(step);
-    in.view = recorded.views[static_cast<size_t>(step % 2)];
-    in.view_index = step % 2;
-    graph.run(recorded.state, in, recorded.plan(step), recorded.options);
-    train::alternate(eager.state, in, eager.plan(step), eager.options);
-  }
-  CHECK(graph.replays() == 9);
-  for (const auto& item : eager.state.sensor->named_parameters()) {
-    INFO(item.key());
-    const auto found = recorded.state.sensor->named_parameters()[item.key()];
-    const double size = item.value().abs().max().item<double>();
-    CHECK(size > 0);
-    CHECK((found - item.value()).abs().mean().item<double>() < 0.02 * size);
-  }
-}
-
 TEST_CASE("step graph: plans that alternate are replayed, each from its own recording",
           "[train][cuda]") {
   const train::StreamScope stream(torch::Device(torch::kCUDA, 0));
@@ -261,7 +230,6 @@ TEST_CASE("step graph: learned poses take the gradients of replays as of eager s
   const test::TinyScene scene;
   const GraphCase graph_case{true, train::PosePath::kCubic, start};
   GraphBench recorded(scene, graph_case), eager(scene, graph_case);
-  for (GraphBench* bench : {&recorded, &eager}) bench->options.poses.accumulate = 3;
   train::StepGraph graph;
   const auto same = [&](const char* what, const torch::Tensor& a, const torch::Tensor& b) {
     INFO(what);
@@ -287,8 +255,8 @@ TEST_CASE("step graph: learned poses take the gradients of replays as of eager s
     const torch::NoGradGuard no_grad;
     recorded.state.poses_adam.restore(b);
     const torch::Tensor before = eager.state.poses->twists().detach().clone();
-    train::update_poses(recorded.state, recorded.options, 3);
-    train::update_poses(eager.state, eager.options, 3);
+    train::update_exposures(recorded.state, recorded.options, 3);
+    train::update_exposures(eager.state, eager.options, 3);
     CHECK(recorded.state.poses->twists().equal(eager.state.poses->twists()));
     CHECK_FALSE(eager.state.poses->twists().equal(before));
   }

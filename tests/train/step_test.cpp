@@ -3,6 +3,9 @@
 
 #include "support/catch.h"
 
+#include <algorithm>
+
+#include "jade/train/step_feed.h"
 #include "train/bench.h"
 
 using namespace jade;
@@ -54,4 +57,78 @@ TEST_CASE("steps: poses move by the step size of their own step", "[train]") {
     // Adam's first update moves by the step size, whatever the gradient.
     CHECK(bench.state.poses->twists().abs().max().item<double>() == Approx(rate).epsilon(0.01));
   }
+}
+
+namespace {
+
+/// The training exposures with `fill` in their left third, under a mask or not.
+data::Dataset filled(const data::Dataset& dataset, double fill, bool masks) {
+  data::Dataset out = dataset;
+  for (data::Exposure& exposure : out.train) {
+    exposure.blurry = exposure.blurry.clone();
+    exposure.blurry.narrow(2, 0, 12).fill_(fill);
+    if (!masks) continue;
+    exposure.mask =
+        torch::ones({1, exposure.blurry.size(1), exposure.blurry.size(2)}, torch::kBool);
+    exposure.mask.narrow(2, 0, 12).fill_(false);
+  }
+  return out;
+}
+
+}  // namespace
+
+TEST_CASE("steps: what lies under a mask changes no bit of scene, router and response", "[train]") {
+  const test::TinyScene scene;
+  train::RunOptions options = test::full_options(scene);
+  options.cache.enabled = false;
+  options.gains.optimize = train::LearnGains::kOn;
+  const data::Dataset dataset = data::load_dataset(options.dataset);
+  const auto trained = [&](double fill, bool masks) {
+    train::StepFeed feed(filled(dataset, fill, masks), options, torch::kCPU);
+    train::TrainState state = train::make_state(options, dataset, torch::kCPU);
+    for (int64_t step = 10; step <= 16; ++step) {
+      train::alternate(state, feed.at(step), train::plan_step(options, step), options);
+      train::update_exposures(state, options, step);
+    }
+    std::vector<torch::Tensor> all;
+    state.visit([&](const std::string&, const torch::Tensor& tensor) {
+      if (tensor.defined()) all.push_back(tensor.detach().clone());
+    });
+    return all;
+  };
+  CHECK(equal(trained(0.2, true), trained(0.9, true)));
+  CHECK_FALSE(equal(trained(0.2, false), trained(0.9, false)));
+}
+
+TEST_CASE("steps: under a mask of the whole frame there is neither loss nor gradient", "[train]") {
+  const test::TinyScene scene;
+  train::RunOptions options = test::full_options(scene);
+  options.cache.enabled = false;
+  data::Dataset dataset = data::load_dataset(options.dataset);
+  const auto largest = [&](bool masked) {
+    for (data::Exposure& exposure : dataset.train) {
+      exposure.mask = masked ? torch::zeros({1, 28, 36}, torch::kBool) : torch::Tensor();
+    }
+    train::StepFeed feed(dataset, options, torch::kCPU);
+    train::TrainState state = train::make_state(options, dataset, torch::kCPU);
+    const int64_t step = 20;  // every term acts
+    const train::StepOutputs out =
+        train::alternate(state, feed.at(step), train::plan_step(options, step), options);
+    double loss = 0, gradient = 0;
+    for (const auto& term : out.terms) loss = std::max(loss, term.value.abs().item<double>());
+    const auto look = [&](const torch::Tensor& parameter) {
+      if (!parameter.grad().defined()) return;
+      gradient = std::max(gradient, parameter.grad().abs().max().item<double>());
+    };
+    look(state.gaussians.parameters().means);
+    look(state.gaussians.parameters().sh);
+    for (const torch::Tensor& each : state.response->parameters()) look(each);
+    for (const torch::Tensor& each : state.allocation->parameters()) look(each);
+    return std::pair(loss, gradient);
+  };
+  const auto [loss, gradient] = largest(true);
+  CHECK(loss < 1e-6);
+  CHECK(gradient == 0);
+  CHECK(largest(false).first > 1e-3);
+  CHECK(largest(false).second > 0);
 }

@@ -5,7 +5,7 @@
 
 namespace jade {
 
-/// "0.1.0".
+/// "0.2.0".
 std::string version();
 
 /// The git commit of the build, with "+" if files differed from it; "unknown" outside git.

@@ -2,34 +2,71 @@
 #include "jade/data/colmap_scene.h"
 
 #include <algorithm>
-#include <cmath>
-#include <limits>
+#include <initializer_list>
 #include <torch/types.h>
 
 #include "jade/core/error.h"
 #include "jade/data/frame_times.h"
 #include "jade/data/frames.h"
+#include "jade/data/origin.h"
+#include "jade/data/undistorter.h"
 
 namespace jade::data {
 namespace {
 
 namespace fs = std::filesystem;
 
-/// How far, in pixels, a camera's distortion moves a corner of its image; polynomial models and
-/// fisheyes only.
-double corner_shift_px(const io::ColmapCamera& camera, double focal_px, size_t first) {
-  const double r2 = 0.25 *
-                    (double(camera.width) * double(camera.width) +
-                     double(camera.height) * double(camera.height)) /
-                    (focal_px * focal_px);
-  double shift = 0;
-  for (size_t i = first; i < camera.parameters.size(); ++i) {
-    shift += std::abs(camera.parameters[i]) * r2;
+/// sparse/0, sparse/1, … in order, those that hold a model.
+std::vector<fs::path> numbered_models(const fs::path& sparse) {
+  std::vector<fs::path> models;
+  if (!fs::is_directory(sparse)) return models;
+  for (const auto& entry : fs::directory_iterator(sparse)) {
+    const std::string name = entry.path().filename().string();
+    const bool numbered = name.size() < 9 && name.find_first_not_of("0123456789") == name.npos;
+    if (numbered && io::is_colmap_model(entry.path())) models.push_back(entry.path());
   }
-  shift *= std::sqrt(r2) * focal_px;
-  // Without any coefficient a fisheye is no pinhole.
-  const bool fisheye = camera.model.find("FISHEYE") != std::string::npos;
-  return fisheye ? shift + fisheye_shift_px(focal_px, camera.width, camera.height) : shift;
+  std::sort(models.begin(), models.end(), [](const fs::path& a, const fs::path& b) {
+    return std::stol(a.filename().string()) < std::stol(b.filename().string());
+  });
+  return models;
+}
+
+/// The coefficients of COLMAP's models, which follow the focal lengths and the principal point.
+geometry::Lens lens_of(const std::string& model, const std::vector<double>& parameters,
+                       size_t first) {
+  using geometry::LensModel;
+  geometry::Lens lens;
+  const auto fill = [&](LensModel kind, std::initializer_list<double*> coefficients) {
+    lens.model = kind;
+    for (double* const coefficient : coefficients) *coefficient = parameters.at(first++);
+  };
+  geometry::Lens& l = lens;
+  if (model == "SIMPLE_RADIAL") fill(LensModel::kRadialTangential, {&l.k1});
+  if (model == "RADIAL") fill(LensModel::kRadialTangential, {&l.k1, &l.k2});
+  if (model == "OPENCV") fill(LensModel::kRadialTangential, {&l.k1, &l.k2, &l.p1, &l.p2});
+  if (model == "FULL_OPENCV") {
+    fill(LensModel::kRational, {&l.k1, &l.k2, &l.p1, &l.p2, &l.k3, &l.k4, &l.k5, &l.k6});
+  }
+  if (model == "SIMPLE_FISHEYE" || model == "FISHEYE") fill(LensModel::kFisheye, {});
+  if (model == "SIMPLE_RADIAL_FISHEYE") fill(LensModel::kFisheye, {&l.k1});
+  if (model == "RADIAL_FISHEYE") fill(LensModel::kFisheye, {&l.k1, &l.k2});
+  if (model == "OPENCV_FISHEYE") fill(LensModel::kFisheye, {&l.k1, &l.k2, &l.k3, &l.k4});
+  if (model == "FOV") fill(LensModel::kFieldOfView, {&l.k1});
+  if (model == "SIMPLE_DIVISION" || model == "DIVISION") fill(LensModel::kDivision, {&l.k1});
+  if (model == "EUCM") fill(LensModel::kUnified, {&l.k1, &l.k2});
+  if (model == "THIN_PRISM_FISHEYE") {
+    fill(LensModel::kPrismFisheye, {&l.k1, &l.k2, &l.p1, &l.p2, &l.k3, &l.k4, &l.s1, &l.s3});
+  }
+  if (model == "RAD_TAN_THIN_PRISM_FISHEYE") {
+    fill(LensModel::kRadialPrismFisheye,
+         {&l.k1, &l.k2, &l.k3, &l.k4, &l.k5, &l.k6, &l.p2, &l.p1, &l.s1, &l.s2, &l.s3, &l.s4});
+  }
+  return lens;
+}
+
+/// Whether the model has one focal length.
+bool has_one_focal(const std::string& model) {
+  return model.rfind("SIMPLE_", 0) == 0 || model == "RADIAL" || model == "RADIAL_FISHEYE";
 }
 
 fs::path image_path(const fs::path& folder, const std::string& name) {
@@ -40,51 +77,76 @@ fs::path image_path(const fs::path& folder, const std::string& name) {
 }  // namespace
 
 fs::path find_colmap_model(const fs::path& folder) {
-  for (const char* place : {"sparse/0", "sparse", "colmap/sparse/0", "."}) {
+  for (const char* place : {"sparse", "colmap/sparse"}) {
+    fs::path best;
+    int64_t most = -1;
+    for (const fs::path& model : numbered_models(folder / place)) {
+      const int64_t images = io::count_colmap_images(model);
+      if (images > most) best = model, most = images;
+    }
+    if (!best.empty()) return best.lexically_normal();
     if (io::is_colmap_model(folder / place)) return (folder / place).lexically_normal();
   }
-  return {};
+  return io::is_colmap_model(folder) ? (folder / ".").lexically_normal() : fs::path();
 }
 
-double fisheye_shift_px(double focal_px, int64_t width, int64_t height) {
-  constexpr double kRightAngle = 1.5707963267948966;
-  const double radius = 0.5 * std::hypot(double(width), double(height));
-  const double angle = radius / focal_px;
-  if (!(angle < kRightAngle)) return std::numeric_limits<double>::infinity();
-  return focal_px * std::tan(angle) - radius;
+void tell_other_models(const fs::path& model, const Warnings& warnings) {
+  const std::vector<fs::path> models = numbered_models(model.parent_path());
+  if (std::find(models.begin(), models.end(), model) == models.end()) return;
+  std::vector<std::string> others;
+  for (const fs::path& each : models) {
+    if (each == model) continue;
+    others.push_back(concat(each.filename().string(), " with ", io::count_colmap_images(each)));
+  }
+  if (others.empty()) return;
+  warnings.add(model.parent_path().string(), ": holds ", others.size() + 1,
+               " reconstructions; the largest is used, ", model.filename().string(), " with ",
+               io::count_colmap_images(model), " images; left out: ", listing(others),
+               " images; they share no coordinates, so COLMAP has to join them first "
+               "(model_merger, or more images between them)");
 }
 
 geometry::Pose pose_of(const io::ColmapImage& image) {
   return {geometry::rotation_from_quaternion(image.rotation), image.translation};
 }
 
-geometry::Intrinsics camera_of(const io::ColmapCamera& camera, int64_t width, int64_t height,
-                               const Warnings& warnings) {
-  const bool two_focals = camera.model != "SIMPLE_PINHOLE" && camera.model != "SIMPLE_RADIAL" &&
-                          camera.model != "RADIAL" && camera.model != "SIMPLE_RADIAL_FISHEYE" &&
-                          camera.model != "RADIAL_FISHEYE";
+std::string name_of(const io::ColmapCamera& camera) {
+  return concat("COLMAP camera ", camera.id, " (", camera.model, ")");
+}
+
+geometry::LensCamera lens_camera_of(const io::ColmapCamera& camera, int64_t width, int64_t height) {
+  if (camera.model == "EQUIRECTANGULAR") {
+    throw DataError(concat(name_of(camera),
+                           ": expected a camera that a pinhole can replace, found one that sees "
+                           "all around; cut its pictures into views of up to 90 degrees first"));
+  }
   const std::vector<double>& p = camera.parameters;
+  const size_t focals = has_one_focal(camera.model) ? 1 : 2;
   geometry::Intrinsics found;
   found.fx = p[0];
-  found.fy = two_focals ? p[1] : p[0];
-  found.cx = p[two_focals ? 2 : 1];
-  found.cy = p[two_focals ? 3 : 2];
+  found.fy = p[focals - 1];
+  found.cx = p[focals];
+  found.cy = p[focals + 1];
   found.width = camera.width;
   found.height = camera.height;
-  if (!(found.fy > 0))
-    throw DataError(concat("COLMAP camera ", camera.id, ": focal length ", found.fy));
-  const double shift = corner_shift_px(camera, found.fx, two_focals ? 4 : 3);
-  if (shift > 1) {
-    throw DataError(concat("COLMAP camera ", camera.id, " (", camera.model, ") ",
-                           std::isfinite(shift) ? concat("bends the corners by ", shift, " px")
-                                                : std::string("sees farther than any pinhole"),
-                           "; undistort the images first: colmap image_undistorter"));
+  if (!(found.fx > 0 && found.fy > 0)) {
+    throw DataError(concat(name_of(camera), ": expected focal lengths above 0, found ", found.fx,
+                           " and ", found.fy, "; calibrate again"));
   }
-  if (shift > 0) {
-    warnings.add("COLMAP camera ", camera.id, " (", camera.model, "): its distortion of ", shift,
-                 " px at the corners is ignored");
+  return {fit_to_picture(found, width, height, name_of(camera)),
+          lens_of(camera.model, p, focals + 2)};
+}
+
+geometry::Vector3 recentre(io::ColmapModel& model) {
+  std::vector<geometry::Pose> poses;
+  for (const io::ColmapImage& image : model.images) poses.push_back(pose_of(image));
+  const geometry::Vector3 origin = origin_of(poses, model.points);
+  if (geometry::is_zero(origin)) return origin;
+  for (size_t i = 0; i < poses.size(); ++i) {
+    model.images[i].translation = geometry::with_origin(poses[i], origin).translation;
   }
-  return geometry::scaled(found, width, height);
+  model.points = with_origin(model.points, origin);
+  return origin;
 }
 
 void set_points(const io::ColmapModel& model, Dataset& data) {
@@ -111,12 +173,14 @@ Dataset load_colmap(const DatasetOptions& options, const Warnings& warnings) {
                            ": expected a COLMAP model (sparse/0 with cameras and images, .bin or "
                            ".txt), found none"));
   }
+  tell_other_models(folder, warnings);
   io::ColmapModel model = io::read_colmap(folder);
   if (model.images.empty()) {
     throw DataError(concat(folder.string(),
                            ": expected images with poses, found none; copy the model again or "
                            "rerun COLMAP"));
   }
+  const geometry::Vector3 origin = recentre(model);
   std::sort(model.images.begin(), model.images.end(),
             [](const io::ColmapImage& a, const io::ColmapImage& b) { return a.name < b.name; });
   const fs::path image_folder = find_image_folder(options.path, options.image_folder);
@@ -139,32 +203,37 @@ Dataset load_colmap(const DatasetOptions& options, const Warnings& warnings) {
   if (!missing.empty()) {
     warnings.add(image_folder.string(), ": images of the model without a file: ", listing(missing));
   }
-  const std::vector<Frame> frames = read_frames(paths);
+  const std::vector<Frame> frames = read_frames(paths, FrameSizes::kAny);
   const Split split = split_by_position(
       frames.size(), {options.split, options.test_last, options.test_every}, folder.string());
 
   Dataset data;
   data.root = options.path;
+  data.origin = origin;
   data.split = split.rule;
   std::vector<geometry::Pose> poses;
-  const int64_t height = frames.front().image.size(1);
-  const int64_t width = frames.front().image.size(2);
+  Undistorter undistorter;
   for (size_t i = 0; i < frames.size(); ++i) {
     const geometry::Pose pose = pose_of(*views[i]);
-    const geometry::Intrinsics camera = camera_of(model.camera(views[i]->camera_id), width, height,
-                                                  i == 0 ? warnings : Warnings(nullptr));
+    const io::ColmapCamera& listed = model.camera(views[i]->camera_id);
+    torch::Tensor image = frames[i].image, mask;
+    const geometry::Intrinsics camera = undistorter.undistort(
+        lens_camera_of(listed, image.size(2), image.size(1)), name_of(listed), image, mask);
     poses.push_back(pose);
     if (split.is_test[i]) {
-      data.test.push_back({frames[i].name, frames[i].image, pose, camera, SharpView::kNoTime});
+      data.test.push_back({frames[i].name, image, pose, camera, SharpView::kNoTime});
+      data.test.back().mask = mask;
     } else {
       Exposure exposure;
       exposure.name = frames[i].name;
-      exposure.blurry = frames[i].image;
+      exposure.blurry = image;
       exposure.poses.fill(pose);
       exposure.camera = camera;
+      exposure.mask = mask;
       data.train.push_back(std::move(exposure));
     }
   }
+  undistorter.tell(warnings, data.notes);
   set_points(model, data);
   const DepthBounds bounds = depth_bounds(data.points, poses);
   data.near = bounds.near;

@@ -6,23 +6,31 @@
 
 #include "jade/data/dataset.h"
 #include "jade/data/warnings.h"
+#include "jade/geometry/lens.h"
 #include "jade/io/colmap.h"
 
 namespace jade::data {
 
-/// The folder of the model: sparse/0, sparse, colmap/sparse/0, or the folder itself; empty if none.
+/// The folder of the model: of the numbered ones in sparse or colmap/sparse that with the most
+/// images; else sparse, or the folder itself; empty if there is none.
 std::filesystem::path find_colmap_model(const std::filesystem::path& folder);
+
+/// Warns of the reconstructions beside `model`, which are left out.
+void tell_other_models(const std::filesystem::path& model, const Warnings& warnings);
 
 geometry::Pose pose_of(const io::ColmapImage& image);
 
-/// How far, in pixels, the corners of a fisheye lie from where a pinhole of the same focal length
-/// has them; infinite where no pinhole sees them.
-double fisheye_shift_px(double focal_px, int64_t width, int64_t height);
+/// "COLMAP camera 1 (OPENCV)", for messages.
+std::string name_of(const io::ColmapCamera& camera);
 
-/// A pinhole for images of width x height. Radial terms are dropped with a warning when they bend
-/// the image by less than a pixel. @throws DataError naming the undistorter otherwise.
-geometry::Intrinsics camera_of(const io::ColmapCamera& camera, int64_t width, int64_t height,
-                               const Warnings& warnings);
+/// The camera with its lens, for images of width x height.
+/// @throws DataError for a camera of another shape, one that no pinhole can replace
+///   (EQUIRECTANGULAR), and focal lengths that are not positive.
+geometry::LensCamera lens_camera_of(const io::ColmapCamera& camera, int64_t width, int64_t height);
+
+/// Moves a model that lies far from the origin of its coordinates to one of its own, in double.
+/// @return that origin, of the model's coordinates; zero where nothing was moved
+geometry::Vector3 recentre(io::ColmapModel& model);
 
 /// Points as float32 and colours in [0,1] into `data`; points that coincide with a camera, which
 /// would have no direction, are left out.

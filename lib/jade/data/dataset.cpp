@@ -14,6 +14,7 @@
 #include "jade/data/diet_gs.h"
 #include "jade/data/evdeblur.h"
 #include "jade/data/frame_times.h"
+#include "jade/data/origin.h"
 #include "jade/data/transforms.h"
 #include "jade/data/warnings.h"
 #include "jade/imaging/color.h"
@@ -170,6 +171,8 @@ Dataset load_dataset(const DatasetOptions& options, std::vector<std::string>* wa
   data.kind = kind;
   data.name = folder_name(options.path);
   hold_out(data);
+  tell_origin(data);
+  tell_still_cameras(data, sink);
   settle_color(options.color, sink, data);
   for (SharpView& view : data.test) view.seen = is_seen(data, view);
   if (data.train.size() == 1) {

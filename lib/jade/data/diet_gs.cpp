@@ -11,6 +11,7 @@
 #include "jade/data/frame_times.h"
 #include "jade/data/frames.h"
 #include "jade/data/recording.h"
+#include "jade/data/undistorter.h"
 #include "jade/imaging/image_io.h"
 #include "jade/io/npy.h"
 
@@ -93,25 +94,29 @@ void add_exposures(const NamedViews& views, const io::ColmapModel& model,
                    const Warnings& warnings, Dataset& data) {
   const int64_t height = frames.front().image.size(1);
   const int64_t width = frames.front().image.size(2);
+  Undistorter undistorter;
   for (const auto& [frame, poses] : views.moving) {
     Exposure exposure;
     exposure.name = frames[size_t(frame)].name;
     exposure.blurry = frames[size_t(frame)].image;
     exposure.t_start_us = times[size_t(frame)].start_us;
     exposure.t_end_us = times[size_t(frame)].end_us;
-    exposure.camera = camera_of(model.camera(poses.at(0)->camera_id), width, height,
-                                frame == 0 ? warnings : Warnings(nullptr));
+    const io::ColmapCamera& listed = model.camera(poses.at(0)->camera_id);
+    exposure.camera = undistorter.undistort(lens_camera_of(listed, width, height), name_of(listed),
+                                            exposure.blurry, exposure.mask);
     for (const auto& [k, image] : poses) exposure.poses[size_t(k)] = pose_of(*image);
     data.train.push_back(std::move(exposure));
   }
   const size_t count = views.moving.size();
   for (const auto& [i, image] : views.sharp) {
     const Frame& frame = frames[count + size_t(i)];
-    data.test.push_back(
-        {frame.name, frame.image, pose_of(*image),
-         camera_of(model.camera(image->camera_id), width, height, Warnings(nullptr)),
-         SharpView::kNoTime});
+    const io::ColmapCamera& listed = model.camera(image->camera_id);
+    SharpView view{frame.name, frame.image, pose_of(*image), {}, SharpView::kNoTime};
+    view.camera = undistorter.undistort(lens_camera_of(listed, width, height), name_of(listed),
+                                        view.image, view.mask);
+    data.test.push_back(std::move(view));
   }
+  undistorter.tell(warnings, data.notes);
 }
 
 }  // namespace
@@ -137,7 +142,9 @@ Dataset load_diet_gs(const DatasetOptions& options, const Warnings& warnings) {
                            ": expected a COLMAP model (sparse/0 with cameras and images, .bin or "
                            ".txt), found none"));
   }
-  const io::ColmapModel model = io::read_colmap(folder);
+  tell_other_models(folder, warnings);
+  io::ColmapModel model = io::read_colmap(folder);
+  const geometry::Vector3 origin = recentre(model);
   NamedViews views = sort_by_name(model, folder.string());
   check_complete(views, folder.string());
   if (options.split == SplitKind::kNone) views.sharp.clear();
@@ -161,6 +168,7 @@ Dataset load_diet_gs(const DatasetOptions& options, const Warnings& warnings) {
 
   Dataset data;
   data.root = options.path;
+  data.origin = origin;
   data.split = concat(views.sharp.size(), " views named GT<i>");
   add_exposures(views, model, read_frames(files), times, warnings, data);
   set_points(model, data);
@@ -184,6 +192,10 @@ Dataset load_diet_gs(const DatasetOptions& options, const Warnings& warnings) {
     const geometry::Intrinsics& camera = data.train.front().camera;
     data.event_color = read_color_map(color_map, camera.height, camera.width);
   }
+  const geometry::Intrinsics& size = data.train.front().camera;
+  undistort_events(lens_camera_of(model.camera(views.moving.begin()->second.at(0)->camera_id),
+                                  size.width, size.height),
+                   data);
   return data;
 }
 

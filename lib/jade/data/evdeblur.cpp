@@ -3,15 +3,19 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <map>
 #include <numeric>
+#include <sstream>
 #include <torch/types.h>
 
+#include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/data/bayer.h"
 #include "jade/data/frame_times.h"
 #include "jade/data/frames.h"
 #include "jade/data/llff.h"
+#include "jade/data/origin.h"
 #include "jade/data/recording.h"
 #include "jade/imaging/image_io.h"
 #include "jade/io/npy.h"
@@ -20,6 +24,8 @@ namespace jade::data {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr double kMostGain = 1000;
 
 /// Timed poses in any order, the last of equal times winning.
 using TimedPoses = std::map<double, geometry::Pose>;
@@ -45,7 +51,7 @@ fs::path times_file(const fs::path& root, const fs::path& images) {
 }
 
 geometry::Trajectory read_dense(const fs::path& root, events::TimeUnit unit,
-                                const Warnings& warnings) {
+                                const geometry::Vector3& origin, const Warnings& warnings) {
   const fs::path pose_file = root / "all_poses_bounds.npy";
   const fs::path time_file = root / "all_timestamps.npy";
   if (!fs::exists(pose_file) && !fs::exists(time_file)) return {};
@@ -65,7 +71,9 @@ geometry::Trajectory read_dense(const fs::path& root, events::TimeUnit unit,
   }
   if (views.empty()) throw DataError(concat(pose_file.string(), ": holds no pose"));
   TimedPoses timed;
-  for (size_t i = 0; i < views.size(); ++i) timed[double(times[i])] = views[i].camera_from_world;
+  for (size_t i = 0; i < views.size(); ++i) {
+    timed[double(times[i])] = geometry::with_origin(views[i].camera_from_world, origin);
+  }
   if (!std::is_sorted(times.begin(), times.end())) {
     warnings.add(time_file.string(), ": times are not in order; poses were sorted by time");
   }
@@ -97,7 +105,8 @@ struct Sources {
   fs::path time_path;
   std::vector<FrameTime> times;
   events::TimeUnit time_unit;
-  std::vector<LlffView> views;
+  std::vector<LlffView> views;  ///< about `origin`
+  geometry::Vector3 origin{};   ///< of the files' coordinates
 };
 
 /// Tools that sort names as text wrote the rows of times and poses in another order.
@@ -107,6 +116,21 @@ void warn_of_order(const Sources& s, const Warnings& warnings) {
       s.images.string(),
       ": names are not padded with zeros; frames go by their numbers (2 before 10), and so "
       "must the rows of timestamps.npz and poses_bounds.npy");
+}
+
+/// Moves the frames' poses to an origin near them where they lie far from that of their files.
+void recentre(Sources& s) {
+  std::vector<geometry::Pose> poses;
+  double near = 0;
+  for (const LlffView& view : s.views) {
+    poses.push_back(view.camera_from_world);
+    near = std::max(near, view.near);
+  }
+  s.origin = origin_of(poses, {}, near);
+  if (geometry::is_zero(s.origin)) return;
+  for (LlffView& view : s.views) {
+    view.camera_from_world = geometry::with_origin(view.camera_from_world, s.origin);
+  }
 }
 
 Sources read_sources(const DatasetOptions& options, const Warnings& warnings) {
@@ -132,6 +156,7 @@ Sources read_sources(const DatasetOptions& options, const Warnings& warnings) {
                            " poses in poses_bounds.npy; there must be one of each per frame"));
   }
   warn_of_order(s, warnings);
+  recentre(s);
   return s;
 }
 
@@ -203,7 +228,7 @@ void check_agreement(const geometry::Trajectory& path, const Sources& s, const W
 
 geometry::Trajectory choose_path(const DatasetOptions& options, const Sources& s, Dataset& data,
                                  const Warnings& warnings) {
-  data.trajectory = read_dense(options.path, s.time_unit, warnings);
+  data.trajectory = read_dense(options.path, s.time_unit, s.origin, warnings);
   if (!data.trajectory.empty()) {
     check_agreement(data.trajectory, s, warnings);
     return data.trajectory;
@@ -267,8 +292,40 @@ void read_points(const fs::path& path, Dataset& data) {
     throw DataError(concat(path.string(), ": found points that are not finite; remove them"));
   }
   if (points.size(0) == 0) return;
-  data.points = points.to(torch::kFloat32);
+  data.points = (geometry::is_zero(data.origin) ? points : with_origin(points, data.origin))
+                    .to(torch::kFloat32);
   data.point_colors = colors.to(torch::kFloat32) / 255;
+}
+
+/// Lines "name,gain" after a header: how bright frames are of one scene.
+void read_gains(const fs::path& path, Dataset& data) {
+  if (!fs::exists(path)) return;
+  std::map<std::string, double> gains;
+  std::istringstream text(read_file(path));
+  int64_t number = 0;
+  for (std::string line; std::getline(text, line);) {
+    if (++number == 1 || line.empty()) continue;
+    const auto comma = line.rfind(',');
+    double gain = 0;
+    if (comma != std::string::npos) gain = std::strtod(line.c_str() + comma + 1, nullptr);
+    if (!(gain > 0 && gain < kMostGain)) {
+      throw DataError(concat(path.string(), ":", number,
+                             ": expected \"name,gain\" with a gain between 0 and ", kMostGain,
+                             ", found '", line, "'; correct the line or remove the file"));
+    }
+    gains[line.substr(0, comma)] = gain;
+  }
+  const auto set = [&](auto& frame) {
+    const auto found = gains.find(frame.name);
+    if (found == gains.end()) return;
+    frame.gain = found->second;
+    gains.erase(found);
+  };
+  for (Exposure& exposure : data.train) set(exposure);
+  for (SharpView& view : data.test) set(view);
+  if (gains.empty()) return;
+  throw DataError(concat(path.string(), ": expected names of frames, found '", gains.begin()->first,
+                         "'; correct the line or remove the file"));
 }
 
 }  // namespace
@@ -287,6 +344,7 @@ Dataset load_evdeblur(const DatasetOptions& options, const Warnings& warnings) {
                                    s.time_path.string(), warnings);
   Dataset data;
   data.root = options.path;
+  data.origin = s.origin;
   data.split = split.rule;
   set_bounds(s, data);
   const geometry::Trajectory path = choose_path(options, s, data, warnings);
@@ -303,6 +361,7 @@ Dataset load_evdeblur(const DatasetOptions& options, const Warnings& warnings) {
   }
   attach_events(options, span, keep, warnings, data);
   read_points(options.path / "points.npz", data);
+  read_gains(options.path / kGainFile, data);
   const fs::path color_map = options.path / "ev_map.npz";
   if (options.color_events && fs::exists(color_map)) {
     const geometry::Intrinsics& camera = data.train.front().camera;

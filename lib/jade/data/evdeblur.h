@@ -7,6 +7,8 @@
 //   events.h5                optional: x, y, t, p
 //   points.npz               optional: points [P,3] in world axes, colors [P,3] uint8
 //   ev_map.npz               optional: where raw pixels of a colour sensor land
+//   gains.csv                optional: lines name,gain; a frame's brightness is the scene's times
+//   it
 #pragma once
 
 #include <filesystem>
@@ -15,6 +17,8 @@
 #include "jade/data/warnings.h"
 
 namespace jade::data {
+
+constexpr char kGainFile[] = "gains.csv";
 
 /// True if `folder` looks like this layout: poses_bounds.npy, or time stamps beside its images.
 bool is_evdeblur(const std::filesystem::path& folder);

@@ -8,6 +8,7 @@
 #include "jade/core/check.h"
 #include "jade/data/bayer.h"
 #include "jade/data/dataset.h"
+#include "jade/data/evdeblur.h"
 #include "jade/data/llff.h"
 #include "jade/imaging/image_io.h"
 #include "jade/io/hdf5.h"
@@ -105,6 +106,19 @@ void write_held_out(const fs::path& path, const EvDeblurContent& content, size_t
   if (!names.empty()) write_file(path, names);
 }
 
+/// The gains of the frames, where they are not all 1.
+void write_gains(const fs::path& path, const EvDeblurContent& content) {
+  std::vector<double> gains;
+  for (const Exposure& exposure : content.train) gains.push_back(exposure.gain);
+  for (const SharpView& view : content.test) gains.push_back(view.gain);
+  if (std::all_of(gains.begin(), gains.end(), [](double gain) { return gain == 1; })) return;
+  std::string lines = "name,gain\n";
+  for (size_t i = 0; i < gains.size(); ++i) {
+    lines += concat(frame_name(i, gains.size()), ",", gains[i], "\n");
+  }
+  write_file(path, lines);
+}
+
 }  // namespace
 
 void write_event_file(const fs::path& path, const events::EventStream& events, int gzip_level) {
@@ -120,7 +134,8 @@ void write_event_file(const fs::path& path, const events::EventStream& events, i
 void write_evdeblur(const fs::path& folder, const EvDeblurContent& content,
                     const EvDeblurWriteOptions& options) {
   check_content(content);
-  for (const char* name : {"images_1", "sharp", kHeldOutFile, "points.npz", "ev_map.npz"}) {
+  for (const char* name :
+       {"images_1", "sharp", kHeldOutFile, kGainFile, "points.npz", "ev_map.npz"}) {
     fs::remove_all(folder / name);
   }
   make_writable_folder(folder / "images_1");
@@ -156,6 +171,7 @@ void write_evdeblur(const fs::path& folder, const EvDeblurContent& content,
                                           {"colors", content.point_colors}});
   }
   write_held_out(folder / kHeldOutFile, content, images.size());
+  write_gains(folder / kGainFile, content);
   if (content.color_events && content.event_map.defined()) {
     write_event_color_map(folder / "ev_map.npz", content.event_map);
   } else if (content.color_events) {

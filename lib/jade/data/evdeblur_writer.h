@@ -15,7 +15,7 @@ namespace jade::data {
 /// What a folder in the EvDeblur layout holds. Frames get numbers in the order given: all
 /// exposures first, then all sharp test views, as in the CDAVIS scenes.
 struct EvDeblurContent {
-  std::vector<Exposure> train;  ///< blurry, times, poses[4] and camera are used
+  std::vector<Exposure> train;  ///< blurry, times, poses[4], camera and gain are used
   std::vector<SharpView> test;  ///< t_us must be set
   events::EventStream events;   ///< the whole recording
   bool color_events = false;    ///< each pixel's are of the channel that data/bayer.h names
@@ -41,8 +41,8 @@ struct EvDeblurWriteOptions {
 
 /// Writes images_1/NN.png and timestamps.npz, poses_bounds.npy, all_poses_bounds.npy,
 /// all_timestamps.npy, events.h5 (x, y float32, t int64 µs, p int8 ±1) and, where there is
-/// something to say, points.npz, held_out.txt, ev_map.npz and sharp/NN.png. One focal length and a
-/// centred principal point are all that the layout can say.
+/// something to say, points.npz, held_out.txt, gains.csv, ev_map.npz and sharp/NN.png. One focal
+/// length and a centred principal point are all that the layout can say.
 /// @throws DataError if a file cannot be written. @throws ContractError for content that the
 ///         layout cannot hold: no exposure, cameras that differ or are not centred, fx ≠ fy, test
 ///         views without time, a trajectory that does not span the exposures.

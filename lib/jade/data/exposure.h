@@ -77,6 +77,10 @@ struct Dataset {
   torch::Tensor points;             ///< [P,3] float32 in world axes, or undefined
   torch::Tensor point_colors;       ///< [P,3] float32 RGB in [0,1], or undefined
   geometry::Trajectory trajectory;  ///< dense camera path; empty where only exposures have poses
+  /// The point of the data set's own coordinates that is the origin of all poses and points here;
+  /// zero unless these lie so far from their origin that float32 would blur the scene.
+  geometry::Vector3 origin{0, 0, 0};
+  std::vector<std::string> notes;  ///< what loading did to the data, a line each; no problems
   /// [3,H,W] bool, or undefined for gray events and gray frames: which colour the events at a pixel
   /// have. At most one channel of a pixel is set; a pixel without any has no raw pixel that lands
   /// on it.

@@ -108,7 +108,7 @@ std::vector<std::string> frame_names(const std::vector<fs::path>& paths) {
   return names;
 }
 
-std::vector<Frame> read_frames(const std::vector<fs::path>& paths) {
+std::vector<Frame> read_frames(const std::vector<fs::path>& paths, FrameSizes sizes) {
   const std::vector<std::string> names = frame_names(paths);
   std::vector<Frame> frames(paths.size());
   at::parallel_for(0, int64_t(paths.size()), 1, [&](int64_t begin, int64_t end) {
@@ -116,13 +116,13 @@ std::vector<Frame> read_frames(const std::vector<fs::path>& paths) {
       frames[size_t(i)] = {names[size_t(i)], imaging::read_image(paths[size_t(i)])};
     }
   });
-  for (size_t i = 1; i < frames.size(); ++i) {
+  for (size_t i = 1; sizes == FrameSizes::kOne && i < frames.size(); ++i) {
     const auto size = frames[i].image.sizes();
     const auto first = frames[0].image.sizes();
     if (size == first) continue;
     throw DataError(concat(paths[i].string(), ": is ", size[2], "x", size[1], " while ",
                            paths[0].filename().string(), " is ", first[2], "x", first[1],
-                           "; all frames must have one size"));
+                           "; frames with events come from one sensor and must have one size"));
   }
   return frames;
 }

@@ -31,9 +31,13 @@ double folder_scale(const std::filesystem::path& image_folder);
 ///   NAME_k of another, as an exposure's poses are called.
 std::vector<std::string> frame_names(const std::vector<std::filesystem::path>& paths);
 
+/// Whether the frames of a data set may differ in size.
+enum class FrameSizes { kOne, kAny };
+
 /// Reads the given images, on several threads, into the given order.
-/// @throws DataError if one cannot be read or they differ in size, and as frame_names().
-std::vector<Frame> read_frames(const std::vector<std::filesystem::path>& paths);
+/// @throws DataError if one cannot be read or, for kOne, they differ in size; and as frame_names().
+std::vector<Frame> read_frames(const std::vector<std::filesystem::path>& paths,
+                               FrameSizes sizes = FrameSizes::kOne);
 
 /// Depth bounds around a point cloud as seen from the cameras: the 0.5 % and 99.5 % quantiles of
 /// depth with a tenth of room. (0.01, 100) times the spread of the cameras if there are no points

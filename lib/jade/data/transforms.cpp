@@ -2,16 +2,20 @@
 #include "jade/data/transforms.h"
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <torch/types.h>
+#include <utility>
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
-#include "jade/data/colmap_scene.h"
 #include "jade/data/frame_times.h"
 #include "jade/data/frames.h"
+#include "jade/data/origin.h"
+#include "jade/data/undistorter.h"
+#include "jade/geometry/lens.h"
 #include "jade/imaging/image_io.h"
 
 namespace jade::data {
@@ -25,22 +29,49 @@ struct ListedView {
   geometry::Pose pose;
   geometry::Intrinsics camera;  ///< 0 where the file does not say
   double angle_x = 0;           ///< horizontal field of view in radians, in place of a focal length
-  bool fisheye = false;
+  geometry::Lens lens;
 };
 
 /// With fewer images left of a file that named more, its scene is taken for damaged.
 constexpr size_t kFewestFrames = 3;
 
+/// Python writes numbers that JSON has not; where the first of them is, as "NaN in line 7".
+std::string number_beyond_json(const std::string& text) {
+  for (const char* word : {"NaN", "Infinity"}) {
+    for (size_t at = text.find(word); at != std::string::npos; at = text.find(word, at + 1)) {
+      const size_t before = text.find_last_not_of(" \t\r\n-", at == 0 ? 0 : at - 1);
+      if (before == std::string::npos || std::string("[:,").find(text[before]) == std::string::npos)
+        continue;
+      return concat(word, " in line ", 1 + std::count(text.begin(), text.begin() + long(at), '\n'));
+    }
+  }
+  return "";
+}
+
 json read_json(const fs::path& path) {
-  const json root = json::parse(read_file(path), nullptr, /*allow_exceptions=*/false);
+  const std::string text = read_file(path);
+  const json root = json::parse(text, nullptr, /*allow_exceptions=*/false);
+  if (root.is_discarded()) {
+    if (const std::string found = number_beyond_json(text); !found.empty()) {
+      throw DataError(concat(path.string(), ": expected finite numbers, found ", found,
+                             "; the tool that wrote the file failed there, run it again"));
+    }
+  }
   if (root.is_object() && root.contains("frames") && root["frames"].is_array()) return root;
   throw DataError(concat(path.string(),
                          ": expected a JSON object with a list 'frames'; the file is "
                          "damaged or of another kind"));
 }
 
-double number(const json& object, const std::string& key, double otherwise) {
-  return object.contains(key) && object[key].is_number() ? object[key].get<double>() : otherwise;
+/// @throws DataError where the key has something else than a number or null.
+double number(const json& object, const std::string& key, double otherwise,
+              const std::string& where) {
+  if (!object.contains(key) || object[key].is_null()) return otherwise;
+  if (object[key].is_number() && std::isfinite(object[key].get<double>())) {
+    return object[key].get<double>();
+  }
+  throw DataError(concat(where, ": expected '", key, "' to be a number, found ",
+                         object[key].dump().substr(0, 40), "; correct it"));
 }
 
 geometry::Pose pose_of_matrix(const json& matrix, const std::string& where) {
@@ -107,7 +138,7 @@ void tell_missing(const fs::path& path, const std::vector<std::string>& missing,
 geometry::Intrinsics camera_of_frame(const json& root, const json& frame,
                                      const std::string& where) {
   const auto value = [&](const char* key, double otherwise) {
-    return number(frame, key, number(root, key, otherwise));
+    return number(frame, key, number(root, key, otherwise, where), where);
   };
   const auto side = [&](const char* key) {
     constexpr double kLargestSide = 1 << 16;
@@ -130,34 +161,71 @@ geometry::Intrinsics camera_of_frame(const json& root, const json& frame,
   return camera;
 }
 
-/// Of the whole file, or of a frame.
-const char* distortion_of(const json& object) {
-  for (const char* key : {"k1", "k2", "k3", "k4", "p1", "p2"}) {
-    if (std::abs(number(object, key, 0)) >= 1e-6) return key;
-  }
-  return nullptr;
+/// Keys of cameras that no pinhole can replace, with what they are.
+constexpr std::pair<const char*, const char*> kUnlikePinholes[] = {
+    {"ftheta_p0", "an f-theta lens"}, {"latlong", "a picture of all around"}};
+
+/// The value of a key, of the frame or else of the file; empty where neither has it.
+std::string text_value(const json& root, const json& frame, const char* key) {
+  const json& object = frame.contains(key) ? frame : root;
+  return object.contains(key) && object[key].is_string() ? object[key].get<std::string>() : "";
 }
 
-void tell_distortion(const fs::path& path, const json& root, const Warnings& warnings) {
-  const char* key = distortion_of(root);
-  for (const json& frame : root["frames"]) {
-    if (key == nullptr) key = distortion_of(frame);
-  }
-  if (key == nullptr) return;
-  warnings.add(path.string(), ": lens distortion (", key,
-               ") is ignored; undistort the images first if it is more than a pixel");
+bool flag(const json& root, const json& frame, const char* key) {
+  const json& object = frame.contains(key) ? frame : root;
+  return object.contains(key) && object[key].is_boolean() && object[key].get<bool>();
 }
 
-/// nerfstudio's OPENCV_FISHEYE, of the file or of a frame.
-bool is_fisheye(const json& root, const json& frame) {
-  const json& object = frame.contains("camera_model") ? frame : root;
-  return object.contains("camera_model") && object["camera_model"].is_string() &&
-         object["camera_model"].get<std::string>().find("FISHEYE") != std::string::npos;
+DataError unlike_pinhole(const std::string& where, const std::string& what) {
+  return DataError(concat(where, ": expected a camera that a pinhole can replace, found ", what,
+                          "; undistort the images first"));
+}
+
+/// nerfstudio's camera_model with k1 to k6, p1 and p2, or instant-ngp's is_fisheye.
+geometry::Lens lens_of_frame(const json& root, const json& frame, const std::string& where) {
+  using geometry::LensModel;
+  std::string model = text_value(root, frame, "camera_model");
+  std::transform(model.begin(), model.end(), model.begin(),
+                 [](unsigned char letter) { return char(std::toupper(letter)); });
+  static const std::set<std::string> perspectives = {
+      "",       "SIMPLE_PINHOLE", "PINHOLE",     "SIMPLE_RADIAL",
+      "RADIAL", "OPENCV",         "FULL_OPENCV", "PERSPECTIVE"};
+  static const std::set<std::string> fisheyes = {"OPENCV_FISHEYE", "SIMPLE_RADIAL_FISHEYE",
+                                                 "RADIAL_FISHEYE", "SIMPLE_FISHEYE", "FISHEYE"};
+  if (perspectives.count(model) + fisheyes.count(model) == 0) {
+    throw unlike_pinhole(where, concat("camera_model ", model));
+  }
+  for (const auto& [key, what] : kUnlikePinholes) {
+    if (root.contains(key) || frame.contains(key)) throw unlike_pinhole(where, what);
+  }
+  const auto value = [&](const char* key) {
+    return number(frame, key, number(root, key, 0, where), where);
+  };
+  geometry::Lens lens{LensModel::kPinhole, value("k1"), value("k2"),
+                      value("p1"),         value("p2"), value("k3"),
+                      value("k4"),         0,           0};
+  if (fisheyes.count(model) > 0 || flag(root, frame, "is_fisheye")) {
+    lens.model = LensModel::kFisheye;
+    lens.p1 = lens.p2 = 0;
+    return lens;
+  }
+  if (model == "PINHOLE" || model == "SIMPLE_PINHOLE") return {};
+  if (model == "FULL_OPENCV") {
+    lens.k5 = value("k5");
+    lens.k6 = value("k6");
+    lens.model = LensModel::kRational;
+    return lens;
+  }
+  if (std::abs(lens.k4) >= 1e-6) {
+    throw unlike_pinhole(where, concat("a fourth radial coefficient k4 of ", lens.k4));
+  }
+  lens.k4 = 0;
+  lens.model = LensModel::kRadialTangential;
+  return lens;
 }
 
 std::vector<ListedView> read_views(const fs::path& path, const Warnings& warnings) {
   const json root = read_json(path);
-  tell_distortion(path, root, warnings);
   std::vector<ListedView> views;
   std::vector<std::string> missing;
   for (const json& frame : root["frames"]) {
@@ -166,13 +234,14 @@ std::vector<ListedView> read_views(const fs::path& path, const Warnings& warning
     view.path = image_of(path.parent_path(), frame, where, missing);
     if (view.path.empty()) continue;
     view.camera = camera_of_frame(root, frame, where);
-    view.fisheye = is_fisheye(root, frame);
+    view.lens = lens_of_frame(root, frame, where);
     if (!frame.contains("transform_matrix")) {
       throw DataError(concat(where, ": expected a 'transform_matrix'"));
     }
     view.pose = pose_of_matrix(frame["transform_matrix"], where);
     if (!(view.camera.fx > 0)) {
-      view.angle_x = number(root, "camera_angle_x", 0);
+      view.angle_x =
+          number(frame, "camera_angle_x", number(root, "camera_angle_x", 0, where), where);
       if (!(view.angle_x > 0 && view.angle_x < 3.1)) {
         throw DataError(concat(where, ": expected 'fl_x' or 'camera_angle_x'"));
       }
@@ -184,30 +253,19 @@ std::vector<ListedView> read_views(const fs::path& path, const Warnings& warning
   return views;
 }
 
-geometry::Intrinsics fit_camera(const ListedView& view, int64_t width, int64_t height) {
-  if (view.angle_x > 0) {
-    const double focal_px = 0.5 * double(width) / std::tan(0.5 * view.angle_x);
-    return geometry::Intrinsics::centred(focal_px, width, height);
-  }
+geometry::LensCamera fit_camera(const ListedView& view, int64_t width, int64_t height) {
   geometry::Intrinsics camera = view.camera;
   if (camera.width <= 0 || camera.height <= 0) {
     camera.width = width;
     camera.height = height;
   }
+  if (view.angle_x > 0) {
+    camera = geometry::Intrinsics::centred(
+        0.5 * double(camera.width) / std::tan(0.5 * view.angle_x), camera.width, camera.height);
+  }
   if (camera.cx == 0) camera.cx = 0.5 * double(camera.width);
   if (camera.cy == 0) camera.cy = 0.5 * double(camera.height);
-  return geometry::scaled(camera, width, height);
-}
-
-/// A fisheye of so narrow a field that it is a pinhole to a pixel may pass for one.
-void check_pinhole(const ListedView& view, const geometry::Intrinsics& camera) {
-  if (!view.fisheye) return;
-  const double shift = fisheye_shift_px(camera.fx, camera.width, camera.height);
-  if (shift <= 1) return;
-  throw DataError(concat(view.path.string(), ": its camera_model is a fisheye, which ",
-                         std::isfinite(shift) ? concat("bends the corners by ", shift, " px")
-                                              : std::string("sees farther than any pinhole"),
-                         "; undistort the images first"));
+  return {fit_to_picture(camera, width, height, view.path.string()), view.lens};
 }
 
 }  // namespace
@@ -253,26 +311,33 @@ Dataset load_transforms(const DatasetOptions& options, const Warnings& warnings)
   }
   std::vector<fs::path> paths;
   for (const ListedView& view : views) paths.push_back(view.path);
-  const std::vector<Frame> frames = read_frames(paths);
+  const std::vector<Frame> frames = read_frames(paths, FrameSizes::kAny);
   data.root = options.path;
   std::vector<geometry::Pose> poses;
+  for (const ListedView& view : views) poses.push_back(view.pose);
+  data.origin = origin_of(poses, {});
   for (size_t i = 0; i < views.size(); ++i) {
-    const geometry::Intrinsics camera =
-        fit_camera(views[i], frames[i].image.size(2), frames[i].image.size(1));
-    check_pinhole(views[i], camera);
-    poses.push_back(views[i].pose);
+    views[i].pose = poses[i] = geometry::with_origin(poses[i], data.origin);
+  }
+  Undistorter undistorter;
+  for (size_t i = 0; i < views.size(); ++i) {
+    torch::Tensor image = frames[i].image, mask;
+    const geometry::Intrinsics camera = undistorter.undistort(
+        fit_camera(views[i], image.size(2), image.size(1)), options.path.string(), image, mask);
     if (is_test[i]) {
-      data.test.push_back(
-          {frames[i].name, frames[i].image, views[i].pose, camera, SharpView::kNoTime});
+      data.test.push_back({frames[i].name, image, views[i].pose, camera, SharpView::kNoTime});
+      data.test.back().mask = mask;
       continue;
     }
     Exposure exposure;
     exposure.name = frames[i].name;
-    exposure.blurry = frames[i].image;
+    exposure.blurry = image;
     exposure.poses.fill(views[i].pose);
     exposure.camera = camera;
+    exposure.mask = mask;
     data.train.push_back(std::move(exposure));
   }
+  undistorter.tell(warnings, data.notes);
   const DepthBounds bounds = depth_bounds({}, poses);
   data.near = bounds.near;
   data.far = bounds.far;

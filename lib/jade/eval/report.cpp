@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/eval/report.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
@@ -96,9 +97,13 @@ std::optional<Scores> mean_where(bool seen, const std::vector<Scores>& views) {
   return mean_over(seen ? "mean of seen" : "mean of unseen", marked);
 }
 
-/// The name with the mark of a view that has one.
+/// The name with the marks of a view that has any.
 std::string label(const Scores& scores) {
-  return scores.name + (!scores.seen ? "" : *scores.seen ? " (seen)" : " (unseen)");
+  std::string marked = scores.name + (!scores.seen ? "" : *scores.seen ? " (seen)" : " (unseen)");
+  if (!scores.gain) return marked;
+  char gain[32];
+  std::snprintf(gain, sizeof gain, " (gain %.3f)", *scores.gain);
+  return marked + gain;
 }
 
 std::string row(const Scores& scores, size_t name_width) {
@@ -165,6 +170,7 @@ std::string to_json(const Evaluation& evaluation) {
   for (const Scores& scores : evaluation.views) {
     Json view{{"name", scores.name}, {"seen", or_null(scores.seen)}};
     view.update(metrics_of(scores));
+    if (scores.gain) view["gain"] = *scores.gain;
     views.push_back(std::move(view));
   }
   Json meaning;
@@ -194,6 +200,8 @@ std::string to_table(const Evaluation& evaluation) {
   for (const Scores& scores : rows) out += row(scores, width);
   for (const auto& [name, text] : definitions())
     if (std::string(name) != "psnr_reblur") out += std::string("  ") + name + ": " + text + "\n";
+  if (std::any_of(rows.begin(), rows.end(), [](const Scores& each) { return each.gain; }))
+    out += "  gain: by what the render is multiplied to be as bright as the image, then scored\n";
   if (!evaluation.held_out.empty()) out += reblur_table(evaluation);
   if (!evaluation.mean.lpips_alex01 || !evaluation.mean.lpips_vgg)
     out += std::string("  ") + kLpipsAbsent;

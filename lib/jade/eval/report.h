@@ -18,6 +18,8 @@ struct Scores {
   std::optional<double> lpips_alex01, lpips_vgg;
   std::optional<bool> seen =
       std::nullopt;  ///< whether training sees the scene from there; absent: not known
+  /// Factor that the render was multiplied by to be as bright as the view; absent: 1.
+  std::optional<double> gain = std::nullopt;
   /// PSNR of the blurry frame of a held-out exposure against renders blurred along its path.
   std::optional<double> psnr_reblur = std::nullopt;
 };
@@ -45,9 +47,9 @@ Evaluation evaluation_of(std::vector<Scores> views, std::vector<ReblurScore> hel
 
 /// {"views": [{"name", "seen", "psnr", "psnr_channel_mean", "ssim", "lpips_alex01", "lpips_vgg",
 /// "psnr_reblur"}], "held_out": [{"name", "psnr_reblur"}], "mean": {"psnr", …}, "mean_seen": {…},
-/// "mean_unseen": {…}, "definitions": {…}}; "seen" is true, false or null, the two means are null
-/// where there is no such view, mean.psnr_reblur where no exposure is held out, and the other
-/// metrics of mean where there is no sharp view.
+/// "mean_unseen": {…}, "definitions": {…}}; a view that was scored with a gain has "gain"; "seen"
+/// is true, false or null, the two means are null where there is no such view, mean.psnr_reblur
+/// where no exposure is held out, and the other metrics of mean where there is no sharp view.
 std::string to_json(const Evaluation& evaluation);
 
 /// A table for people, with the definition of every column below it.

@@ -10,9 +10,9 @@
 namespace jade::events {
 namespace {
 
-std::vector<int64_t> equal_knots(const TimeWindow& window, int64_t parts, int64_t margin = 0) {
+std::vector<int64_t> equal_knots(const TimeWindow& window, int64_t parts) {
   std::vector<int64_t> out;
-  for (int64_t k = -margin; k <= parts + margin; ++k) out.push_back(knot_us(window, k, parts));
+  for (int64_t k = 0; k <= parts; ++k) out.push_back(knot_us(window, k, parts));
   return out;
 }
 
@@ -58,12 +58,10 @@ ExposureMaps map_exposure(const EventStream& events, const TimeWindow& exposure,
   return out;
 }
 
-WindowCounts count_windows(const EventStream& recording, const TimeWindow& exposure, int64_t parts,
-                           int64_t margin, const ImageSize& size) {
-  JADE_CHECK(parts > 0 && margin >= 0, "expected one window or more and a margin of 0 or more, ",
-             "found ", parts, " and ", margin);
-  const auto counts =
-      to_events(count_events(recording, equal_knots(exposure, parts, margin), size));
+WindowCounts count_windows(const EventStream& events, const TimeWindow& exposure, int64_t parts,
+                           const ImageSize& size) {
+  JADE_CHECK(parts > 0, "expected one window or more, found ", parts);
+  const auto counts = to_events(count_events(events, equal_knots(exposure, parts), size));
   return {counts.select(1, 0).contiguous(), counts.select(1, 1).contiguous()};
 }
 

@@ -35,10 +35,8 @@ struct ExposureMaps {
 ExposureMaps map_exposure(const EventStream& events, const TimeWindow& exposure, int64_t bins,
                           const ImageSize& size, int64_t parts = kEdiWindows);
 
-/// The windows of map_exposure, and `margin` more of the same length beyond each end.
-/// @param recording  with the events beyond the exposure.
-/// @return counts of margin + parts + margin windows
-WindowCounts count_windows(const EventStream& recording, const TimeWindow& exposure, int64_t parts,
-                           int64_t margin, const ImageSize& size);
+/// The windows of map_exposure alone.
+WindowCounts count_windows(const EventStream& events, const TimeWindow& exposure, int64_t parts,
+                           const ImageSize& size);
 
 }  // namespace jade::events

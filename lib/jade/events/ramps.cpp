@@ -103,13 +103,13 @@ void sum_band(const EventStream& events, const RampedEvents& ramps, size_t band,
 }  // namespace
 
 WindowCounts ramped_windows(const EventStream& events, const TimeWindow& exposure, int64_t parts,
-                            int64_t reach_us, const ImageSize& size, int64_t margin) {
-  JADE_CHECK(parts > 0 && reach_us >= 0 && margin >= 0,
-             "expected one window or more, a reach and a margin of 0 or more, found ", parts, ", ",
-             reach_us, " us and ", margin);
+                            int64_t reach_us, const ImageSize& size) {
+  JADE_CHECK(parts > 0 && reach_us >= 0,
+             "expected one window or more and a reach of 0 or more, found ", parts, " and ",
+             reach_us, " us");
   std::vector<int64_t> knots;
-  for (int64_t k = -margin; k <= parts + margin; ++k) knots.push_back(knot_us(exposure, k, parts));
-  const int64_t windows = parts + 2 * margin;
+  for (int64_t k = 0; k <= parts; ++k) knots.push_back(knot_us(exposure, k, parts));
+  const int64_t windows = parts;
   const EventStream near = events.slice(knots.front() - reach_us, knots.back() + reach_us);
   const int64_t row_bytes = 2 * size.width * windows * int64_t(sizeof(float));
   const int64_t band_rows = std::clamp<int64_t>(kBandBytes / row_bytes, 1, size.height);

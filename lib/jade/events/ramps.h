@@ -18,9 +18,8 @@ namespace jade::events {
 /// @param events    the whole recording, or all from `reach_us` before the exposure to `reach_us`
 ///   after it; on the CPU.
 /// @param reach_us  0 or more; 0 puts each step at its event, as count_events does.
-/// @param margin    windows of the same length beyond each end; the reach counts from there.
-/// @return counts of margin + parts + margin equal windows, fractions included.
+/// @return counts of `parts` equal windows, fractions included.
 WindowCounts ramped_windows(const EventStream& events, const TimeWindow& exposure, int64_t parts,
-                            int64_t reach_us, const ImageSize& size, int64_t margin = 0);
+                            int64_t reach_us, const ImageSize& size);
 
 }  // namespace jade::events

@@ -10,22 +10,11 @@ struct Thresholds {
   double positive = 0.25, negative = 0.25;
 };
 
-/// Which log increment pose k takes. kDiet repeats the released DiET-GS data, where poses 5, 6 and
-/// 7 are shown at times 6, 7 and 8; it belongs with the camera poses of that release only.
-enum class EdiIndex { kExact, kDiet };
-
-constexpr auto words_of(EdiIndex) {
-  return std::array{
-      Word{"exact", EdiIndex::kExact, "pose k is time k"},
-      Word{"diet", EdiIndex::kDiet, "poses 5 to 7 are one step late, as in the DiET-GS release"}};
-}
-
 /// How events are read and summed; the configuration group `events`.
 struct EventOptions {
   double threshold_positive = 0.25;
   double threshold_negative = 0;
   int64_t bins = 6;
-  EdiIndex edi_index = EdiIndex::kExact;
   int64_t edi_samples = 65;
   double ramp_ms = 5;
 
@@ -42,11 +31,10 @@ void describe(V& v, EventOptions& o) {
   v.field("threshold_negative", o.threshold_negative,
           "log intensity of one negative event; 0 repeats threshold_positive", Range{0, 10});
   v.field("bins", o.bins, "time bins of the voxel over an exposure, even", Range{2, 64});
-  v.field("edi_index", o.edi_index, "at which times EDI shows the nine poses");
   v.field(
       "edi_samples", o.edi_samples,
       "moments of the EDI integral, odd, by the trapezoid rule; 0: those of exposure.samples by "
-      "exposure.quadrature, as printed (jittered: 65)",
+      "exposure.quadrature, as printed",
       Range{0, 1025});
   v.field(
       "ramp_ms", o.ramp_ms,

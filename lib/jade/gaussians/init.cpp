@@ -82,6 +82,14 @@ PointCloud drawn_points(const PointCloud& cloud, int64_t at_most, at::Generator&
   return {cloud.points.index_select(0, rows), cloud.colors.index_select(0, rows)};
 }
 
+/// Points of a file, about the origin of the data set.
+torch::Tensor with_origin(const torch::Tensor& points, const Vector3& from, const Vector3& to) {
+  if (from == to) return points;
+  const torch::Tensor shift =
+      torch::tensor({from[0] - to[0], from[1] - to[1], from[2] - to[2]}, torch::kFloat64);
+  return (points.to(torch::kFloat64) + shift).to(torch::kFloat32);
+}
+
 }  // namespace
 
 double scene_extent(const std::vector<geometry::Pose>& cameras_from_world) {
@@ -184,8 +192,14 @@ splat::Gaussians initial_gaussians(const InitOptions& options, const InitSources
     if (options.ply.empty()) {
       throw ConfigError("init.kind is ply but init.ply names no file");
     }
-    if (!has_gaussians(options.ply)) return start_at(finite_points(read_point_cloud(options.ply)));
-    splat::Gaussians scene = read_ply(options.ply).gaussians;
+    if (!has_gaussians(options.ply)) {
+      PointCloud cloud = read_point_cloud(options.ply);
+      cloud.points = with_origin(cloud.points, cloud.origin, sources.origin);
+      return start_at(finite_points(cloud));
+    }
+    const GaussianFile file = read_ply(options.ply);
+    splat::Gaussians scene = file.gaussians;
+    scene.means = with_origin(scene.means, file.origin, sources.origin);
     check_some(scene, options.ply);
     if (scene.size() > at_most) {
       log_warn(concat(options.ply.string(), ": ", scene.size(),

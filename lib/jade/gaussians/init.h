@@ -55,6 +55,9 @@ struct InitSources {
   std::vector<InitView> views;
   double near = 0, far = 0;  ///< depth range of random_frusta, world units
   PointCloud points;         ///< SfM points; tensors may be undefined
+  /// Where the origin of views and points lies in the data set's own coordinates, in which init.ply
+  /// is.
+  geometry::Vector3 origin{0, 0, 0};
 };
 
 /// 1.1 × the largest distance of a camera centre to the mean of all; 1 for a single centre.

@@ -2,18 +2,22 @@
 #include "jade/gaussians/ply.h"
 
 #include <fstream>
+#include <sstream>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/check.h"
 #include "jade/gaussians/file_tensor.h"
 #include "jade/gaussians/ply_header.h"
+#include "jade/geometry/origin.h"
 
 namespace jade::gaussians {
 namespace {
 
 const char* const kRenderMode = "SplatRenderMode: ";
+const char* const kOrigin = "origin";
 
 /// Its opacity is 1 in float32. Converters write infinity where a format of bytes has 255.
 constexpr double kFullLogit = 30;
@@ -51,16 +55,76 @@ bool says_mip(const PlyFile& file) {
   return false;
 }
 
-std::string header_text(const splat::Gaussians& gaussians, bool antialiased) {
-  std::string text =
-      concat("ply\nformat binary_little_endian 1.0\ncomment ", kRenderMode,
-             antialiased ? "mip" : "default", "\nelement vertex ", gaussians.size(), "\n");
-  std::vector<std::string> names = {"x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"};
+/// The origin that the header names.
+geometry::Vector3 said_origin(const PlyFile& file) {
+  for (const std::string& comment : file.header().comments) {
+    std::istringstream words(comment);
+    std::string name;
+    geometry::Vector3 origin{};
+    if (words >> name && name == kOrigin && words >> origin[0] >> origin[1] >> origin[2]) {
+      return origin;
+    }
+  }
+  return {0, 0, 0};
+}
+
+/// An origin near the vertices where they lie far from their own.
+geometry::Vector3 found_origin(const torch::Tensor& places) {
+  const torch::Tensor finite = places.index({places.isfinite().all(1)}).to(torch::kFloat64);
+  if (finite.size(0) == 0) return {0, 0, 0};
+  const torch::Tensor middle = std::get<0>(finite.median(0));
+  const double size = (finite - middle).norm(2, 1).median().item<double>();
+  return geometry::scene_origin(
+      {middle[0].item<double>(), middle[1].item<double>(), middle[2].item<double>()}, size);
+}
+
+/// Vertices about an origin that float32 can tell apart there.
+struct Places {
+  torch::Tensor xyz;  ///< [P,3] float32
+  geometry::Vector3 origin;
+};
+
+/// @param xyz  [P,3] float32 as read
+Places places_of(const PlyFile& file, const torch::Tensor& xyz) {
+  const geometry::Vector3 origin = said_origin(file);
+  if (!geometry::is_zero(origin)) return {xyz, origin};
+  const geometry::Vector3 found = found_origin(xyz);
+  if (geometry::is_zero(found)) return {xyz, found};
+  const torch::Tensor exact = file.read_vertices({"x", "y", "z"}, torch::kFloat64);
+  const torch::Tensor moved =
+      exact - torch::tensor({found[0], found[1], found[2]}, torch::kFloat64);
+  return {moved.to(torch::kFloat32), found};
+}
+
+std::string header_text(const GaussianFile& file, PlyCoordinates coordinates) {
+  const splat::Gaussians& gaussians = file.gaussians;
+  const bool moved = !geometry::is_zero(file.origin);
+  std::string text = concat("ply\nformat binary_little_endian 1.0\ncomment ", kRenderMode,
+                            file.antialiased ? "mip" : "default", "\n");
+  if (moved && coordinates == PlyCoordinates::kOwn) {
+    text += concat("comment ", kOrigin, " ", geometry::text_of(file.origin), "\n");
+  }
+  text += concat("element vertex ", gaussians.size(), "\n");
+  const bool doubles = moved && coordinates == PlyCoordinates::kDataset;
+  for (const char* name : {"x", "y", "z"}) {
+    text += concat("property ", doubles ? "double " : "float ", name, "\n");
+  }
+  std::vector<std::string> names = {"nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"};
   const auto rest = rest_names(3 * (gaussians.sh.size(1) - 1));
   names.insert(names.end(), rest.begin(), rest.end());
   names.insert(names.end(), kGeometry.begin(), kGeometry.end());
   for (const std::string& name : names) text += "property float " + name + "\n";
   return text + "end_header\n";
+}
+
+/// Rows of float32 as bytes, the first three numbers as double with the origin added.
+torch::Tensor with_doubles(const torch::Tensor& rows, const geometry::Vector3& origin) {
+  const torch::Tensor places = rows.narrow(1, 0, 3).to(torch::kFloat64) +
+                               torch::tensor({origin[0], origin[1], origin[2]}, torch::kFloat64);
+  return torch::cat({places.contiguous().view(torch::kUInt8),
+                     rows.slice(1, 3).contiguous().view(torch::kUInt8)},
+                    1)
+      .contiguous();
 }
 
 }  // namespace
@@ -81,8 +145,10 @@ GaussianFile read_ply(const std::filesystem::path& path) {
   const auto columns = [&](int64_t begin, int64_t count) { return rows.narrow(1, begin, count); };
   GaussianFile result;
   result.antialiased = says_mip(file);
+  const Places places = places_of(file, columns(0, 3));
+  result.origin = places.origin;
   splat::Gaussians& g = result.gaussians;
-  g.means = columns(0, 3).contiguous();
+  g.means = places.xyz.contiguous();
   const torch::Tensor logits = columns(6, 1).squeeze(1);
   g.logit_opacities =
       torch::where(logits.isinf(), logits.clamp(-kFullLogit, kFullLogit), logits).contiguous();
@@ -104,7 +170,8 @@ void check_some(const splat::Gaussians& gaussians, const std::filesystem::path& 
   }
 }
 
-void write_ply(const std::filesystem::path& path, const GaussianFile& file) {
+void write_ply(const std::filesystem::path& path, const GaussianFile& file,
+               PlyCoordinates coordinates) {
   const splat::Gaussians& g = file.gaussians;
   check_shape(g.sh, "sh", {g.size(), -1, 3});
   const torch::Tensor means = file_tensor(g.means);
@@ -116,12 +183,14 @@ void write_ply(const std::filesystem::path& path, const GaussianFile& file) {
                                          file_tensor(g.log_scales), file_tensor(g.rotations)},
                                         1)
                                  .contiguous();
-  const std::string header = header_text(g, file.antialiased);
+  const std::string header = header_text(file, coordinates);
+  const bool doubles = coordinates == PlyCoordinates::kDataset && !geometry::is_zero(file.origin);
+  const torch::Tensor bytes = doubles ? with_doubles(rows, file.origin) : rows;
   AtomicFile target(path);
   std::ofstream out(target.temporary_path(), std::ios::binary);
   out.write(header.data(), static_cast<std::streamsize>(header.size()));
-  out.write(static_cast<const char*>(rows.data_ptr()),
-            static_cast<std::streamsize>(rows.numel() * rows.element_size()));
+  out.write(static_cast<const char*>(bytes.data_ptr()),
+            static_cast<std::streamsize>(bytes.numel() * bytes.element_size()));
   out.close();
   if (!out) throw DataError(concat(path.string(), ": cannot be written; is the disk full?"));
   target.commit();
@@ -130,7 +199,9 @@ void write_ply(const std::filesystem::path& path, const GaussianFile& file) {
 PointCloud read_point_cloud(const std::filesystem::path& path) {
   const PlyFile file(path);
   PointCloud cloud;
-  cloud.points = file.read_vertices({"x", "y", "z"});
+  const Places places = places_of(file, file.read_vertices({"x", "y", "z"}));
+  cloud.points = places.xyz;
+  cloud.origin = places.origin;
   const int64_t red = file.vertices().find("red");
   if (red < 0) {
     cloud.colors = torch::full_like(cloud.points, 0.5);

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <torch/types.h>
 
+#include "jade/geometry/pose.h"
 #include "jade/splat/gaussians.h"
 
 namespace jade::gaussians {
@@ -12,19 +13,27 @@ namespace jade::gaussians {
 struct GaussianFile {
   splat::Gaussians gaussians;  ///< float32 on the CPU; K as the file's SH degree says
   bool antialiased = false;    ///< header comment "SplatRenderMode: mip"; default is "default"
+  /// Where the origin of the means lies in the coordinates of the data set (geometry/origin.h); of
+  /// a file the header comment "origin X Y Z".
+  geometry::Vector3 origin{0, 0, 0};
 };
+
+/// In which coordinates a .ply has its Gaussians.
+enum class PlyCoordinates { kOwn, kDataset };
 
 /// Coloured points.
 struct PointCloud {
-  torch::Tensor points;  ///< [P,3] float32, world
-  torch::Tensor colors;  ///< [P,3] float32 in [0,1]
+  torch::Tensor points;               ///< [P,3] float32, world
+  torch::Tensor colors;               ///< [P,3] float32 in [0,1]
+  geometry::Vector3 origin{0, 0, 0};  ///< as GaussianFile::origin
 };
 
 /// Reads a .ply with the 3DGS attributes: x y z, f_dc_0..2, f_rest_0.. (channel-major: all of red,
 /// then green, then blue), opacity (logit), scale_0..2 (log), rot_0..3 (wxyz). Binary little- or
 /// big-endian or ascii, properties of any scalar type in any order; other properties and elements
-/// are skipped. SH degree 0 to 3 from the number of f_rest properties. An infinite opacity, as
-/// converters from formats of bytes write it, becomes the finite one that is 1 or 0 in float32.
+/// are skipped. Means far from the origin are moved to one of their own, in double. SH degree 0 to
+/// 3 from the number of f_rest properties. An infinite opacity, as converters from formats of bytes
+/// write it, becomes the finite one that is 1 or 0 in float32.
 /// @throws DataError naming the path for files that are no such .ply, cut short, or claim more
 ///   vertices than they have bytes for.
 GaussianFile read_ply(const std::filesystem::path& path);
@@ -35,7 +44,11 @@ void check_some(const splat::Gaussians& gaussians, const std::filesystem::path& 
 
 /// Writes binary little-endian float32 with the attributes above plus nx ny nz (zero), which other
 /// viewers expect. Reading it back gives the same bits. Any float dtype and device.
-void write_ply(const std::filesystem::path& path, const GaussianFile& file);
+/// @param coordinates  for a file with an origin: kOwn writes the means as they are, with the
+/// origin
+///   in a comment; kDataset adds the origin and writes x y z as double, which float32 cannot hold
+void write_ply(const std::filesystem::path& path, const GaussianFile& file,
+               PlyCoordinates coordinates = PlyCoordinates::kOwn);
 
 /// Reads x y z and red green blue (uchar, or float in [0,1]; gray 0.5 where there is no colour).
 /// @throws DataError as read_ply.

@@ -232,7 +232,8 @@ std::string_view PlyFile::vertex_data() const {
   return data;
 }
 
-torch::Tensor PlyFile::read_vertices(const std::vector<std::string>& names) const {
+torch::Tensor PlyFile::read_vertices(const std::vector<std::string>& names,
+                                     torch::ScalarType type) const {
   const PlyElement& element = vertices();
   std::vector<int64_t> column(element.properties.size(), -1);
   for (size_t i = 0; i < names.size(); ++i) {
@@ -248,18 +249,27 @@ torch::Tensor PlyFile::read_vertices(const std::vector<std::string>& names) cons
       (least == 0 || static_cast<uint64_t>(element.count) > (data.size() + 1) / least)) {
     fail_short(path_, element);
   }
-  torch::Tensor out =
-      torch::empty({element.count, static_cast<int64_t>(names.size())}, torch::kFloat32);
-  if (header_.format == PlyFormat::kAscii) {
-    decode_ascii(data, column, out.data_ptr<float>());
+  torch::Tensor out = torch::empty({element.count, static_cast<int64_t>(names.size())}, type);
+  if (type == torch::kFloat64) {
+    decode(data, column, out.data_ptr<double>());
   } else {
-    decode_binary(data, column, out.data_ptr<float>());
+    decode(data, column, out.data_ptr<float>());
   }
   return out;
 }
 
+template <class T>
+void PlyFile::decode(std::string_view data, const std::vector<int64_t>& column, T* out) const {
+  if (header_.format == PlyFormat::kAscii) {
+    decode_ascii(data, column, out);
+  } else {
+    decode_binary(data, column, out);
+  }
+}
+
+template <class T>
 void PlyFile::decode_binary(std::string_view data, const std::vector<int64_t>& column,
-                            float* out) const {
+                            T* out) const {
   const PlyElement& element = vertices();
   const size_t stride = row_size(element);
   if (static_cast<uint64_t>(element.count) * stride > data.size()) fail_short(path_, element);
@@ -271,16 +281,17 @@ void PlyFile::decode_binary(std::string_view data, const std::vector<int64_t>& c
       const PlyType type = element.properties[i].type;
       if (column[i] >= 0) {
         out[row * width + column[i]] = type == PlyType::kFloat32
-                                           ? load<float>(bytes, swap)
-                                           : static_cast<float>(load_number(bytes, type, swap));
+                                           ? static_cast<T>(load<float>(bytes, swap))
+                                           : static_cast<T>(load_number(bytes, type, swap));
       }
       bytes += size_of(type);
     }
   }
 }
 
+template <class T>
 void PlyFile::decode_ascii(std::string_view data, const std::vector<int64_t>& column,
-                           float* out) const {
+                           T* out) const {
   const PlyElement& element = vertices();
   const auto width = std::count_if(column.begin(), column.end(), [](int64_t c) { return c >= 0; });
   const char* at = data.data();
@@ -290,12 +301,12 @@ void PlyFile::decode_ascii(std::string_view data, const std::vector<int64_t>& co
       while (at != end && (*at == ' ' || *at == '\n' || *at == '\t' || *at == '\r')) ++at;
       if (at == end) fail_short(path_, element);
       if (*at == '+' && end - at > 1 && at[1] != '-') ++at;  // which from_chars() does not know
-      float value = 0;
+      T value = 0;
       auto [next, problem] = std::from_chars(at, end, value);
       if (problem == std::errc::result_out_of_range) {  // 0 or infinite as a float
         double wide = 0;
         problem = std::from_chars(at, end, wide).ec;
-        value = static_cast<float>(wide);
+        value = static_cast<T>(wide);
       }
       if (problem != std::errc()) {
         fail(path_,

@@ -46,14 +46,20 @@ class PlyFile {
   const PlyHeader& header() const { return header_; }
   const PlyElement& vertices() const { return header_.elements[vertex_]; }
 
-  /// The named vertex properties as [count, names] float32; all must exist and be scalars.
+  /// The named vertex properties as [count, names], float32 or float64; all must exist and be
+  /// scalars.
   /// @throws DataError where the file ends early.
-  torch::Tensor read_vertices(const std::vector<std::string>& names) const;
+  torch::Tensor read_vertices(const std::vector<std::string>& names,
+                              torch::ScalarType type = torch::kFloat32) const;
 
  private:
   std::string_view vertex_data() const;
-  void decode_binary(std::string_view data, const std::vector<int64_t>& column, float* out) const;
-  void decode_ascii(std::string_view data, const std::vector<int64_t>& column, float* out) const;
+  template <class T>
+  void decode_binary(std::string_view data, const std::vector<int64_t>& column, T* out) const;
+  template <class T>
+  void decode_ascii(std::string_view data, const std::vector<int64_t>& column, T* out) const;
+  template <class T>
+  void decode(std::string_view data, const std::vector<int64_t>& column, T* out) const;
 
   std::filesystem::path path_;
   std::string content_;

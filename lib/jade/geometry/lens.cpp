@@ -15,13 +15,51 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 /// A plane at z = 1 ends short of the right angle: here at tan = 20.
 constexpr double kPlaneAngle = 1.5208;
 
+bool has_prism(const Lens& lens) {
+  return lens.model == LensModel::kPrismFisheye || lens.model == LensModel::kRadialPrismFisheye;
+}
+
+/// Whether its formula is one of the angle to the axis rather than of (X, Y)/Z.
+bool is_of_angle(const Lens& lens) { return lens.model == LensModel::kFisheye || has_prism(lens); }
+
+/// Whether nothing but the distance from the axis changes.
+bool is_radial(const Lens& lens) {
+  switch (lens.model) {
+    case LensModel::kRadialTangential:
+    case LensModel::kRational:
+      return lens.p1 == 0 && lens.p2 == 0;
+    case LensModel::kPrismFisheye:
+    case LensModel::kRadialPrismFisheye:
+      return false;
+    default:
+      return true;
+  }
+}
+
+/// The angle at which no pixel of a picture lies any more.
+double end_angle(const Lens& lens) {
+  return is_of_angle(lens) || lens.model == LensModel::kUnified ? kPi : kPlaneAngle;
+}
+
 /// The radial part: distance from the axis in the image, of a unit focal length, at an angle.
 double radial(const Lens& lens, double angle) {
-  if (lens.model == LensModel::kFisheye) {
+  if (is_of_angle(lens)) {
     const double t = angle * angle;
-    return angle * (1 + t * (lens.k1 + t * (lens.k2 + t * (lens.k3 + t * lens.k4))));
+    return angle *
+           (1 + t * (lens.k1 +
+                     t * (lens.k2 + t * (lens.k3 + t * (lens.k4 + t * (lens.k5 + t * lens.k6))))));
+  }
+  if (lens.model == LensModel::kUnified) {
+    const double sine = std::sin(angle), cosine = std::cos(angle);
+    const double depth =
+        lens.k1 * std::sqrt(lens.k2 * sine * sine + cosine * cosine) + (1 - lens.k1) * cosine;
+    return depth > 0 ? sine / depth : kNan;
   }
   const double s = std::tan(angle), t = s * s;
+  if (lens.model == LensModel::kFieldOfView) {
+    return lens.k1 == 0 ? s : std::atan(2 * s * std::tan(0.5 * lens.k1)) / lens.k1;
+  }
+  if (lens.model == LensModel::kDivision) return 2 * s / (1 + std::sqrt(1 - 4 * lens.k1 * t));
   return s * (1 + t * (lens.k1 + t * (lens.k2 + t * lens.k3))) /
          (1 + t * (lens.k4 + t * (lens.k5 + t * lens.k6)));
 }
@@ -33,7 +71,7 @@ double radial_slope(const Lens& lens, double angle) {
 }
 
 double fold_angle(const Lens& lens) {
-  const double end = lens.model == LensModel::kFisheye ? kPi : kPlaneAngle;
+  const double end = end_angle(lens);
   if (lens.model == LensModel::kPinhole) return end;
   constexpr int kSteps = 2000;
   for (int i = 1; i <= kSteps; ++i) {
@@ -61,6 +99,23 @@ double angle_at(const Lens& lens, double distance, double largest) {
   return 0.5 * (low + high);
 }
 
+std::array<double, 2> through_prism(const Lens& lens, double a, double b) {
+  double rho = a * a + b * b;
+  const double r =
+      1 +
+      rho * (lens.k1 +
+             rho * (lens.k2 + rho * (lens.k3 + rho * (lens.k4 + rho * (lens.k5 + rho * lens.k6)))));
+  if (lens.model == LensModel::kPrismFisheye) {
+    return {a * r + 2 * lens.p1 * a * b + lens.p2 * (rho + 2 * a * a) + lens.s1 * rho,
+            b * r + 2 * lens.p2 * a * b + lens.p1 * (rho + 2 * b * b) + lens.s3 * rho};
+  }
+  a *= r, b *= r;
+  rho = a * a + b * b;
+  const double along = 2 * (lens.p2 * a + lens.p1 * b);
+  return {a + along * a + lens.p2 * rho + rho * (lens.s1 + lens.s2 * rho),
+          b + along * b + lens.p1 * rho + rho * (lens.s3 + lens.s4 * rho)};
+}
+
 Vector3 unit(double x, double y, double z) {
   const double length = std::sqrt(x * x + y * y + z * z);
   return {x / length, y / length, z / length};
@@ -78,7 +133,8 @@ Vector3 at_angle(double x, double y, double angle) {
 LensCamera::LensCamera(const Intrinsics& pinhole, const Lens& lens)
     : pinhole_(pinhole), lens_(lens) {
   check_camera(pinhole, "camera of a lens");
-  for (const double k : {lens.k1, lens.k2, lens.p1, lens.p2, lens.k3, lens.k4, lens.k5, lens.k6}) {
+  for (const double k : {lens.k1, lens.k2, lens.p1, lens.p2, lens.k3, lens.k4, lens.k5, lens.k6,
+                         lens.s1, lens.s2, lens.s3, lens.s4}) {
     JADE_CHECK(std::isfinite(k), "expected finite lens coefficients, found ", k);
   }
   largest_angle_ = fold_angle(lens);
@@ -86,6 +142,7 @@ LensCamera::LensCamera(const Intrinsics& pinhole, const Lens& lens)
 
 std::array<double, 2> LensCamera::distorted(double x, double y) const {
   if (lens_.model == LensModel::kPinhole) return {x, y};
+  if (has_prism(lens_)) return through_prism(lens_, x, y);
   const double rho = x * x + y * y;
   const double r = (1 + rho * (lens_.k1 + rho * (lens_.k2 + rho * lens_.k3))) /
                    (1 + rho * (lens_.k4 + rho * (lens_.k5 + rho * lens_.k6)));
@@ -98,7 +155,11 @@ std::array<double, 2> LensCamera::project(const Vector3& point) const {
   const double angle = std::atan2(across, point[2]);
   if (!(angle <= largest_angle_)) return {kNan, kNan};
   std::array<double, 2> place{};
-  if (lens_.model == LensModel::kFisheye) {
+  if (has_prism(lens_)) {
+    const double scale = across > 0 ? angle / across : 0;
+    place = distorted(point[0] * scale, point[1] * scale);
+  } else if (lens_.model != LensModel::kPinhole && lens_.model != LensModel::kRadialTangential &&
+             lens_.model != LensModel::kRational) {
     const double scale = across > 0 ? radial(lens_, angle) / across : 0;
     place = {point[0] * scale, point[1] * scale};
   } else {
@@ -111,12 +172,12 @@ Vector3 LensCamera::unproject(double u, double v) const {
   const double x = (u - pinhole_.cx) / pinhole_.fx, y = (v - pinhole_.cy) / pinhole_.fy;
   if (lens_.model == LensModel::kPinhole) return unit(x, y, 1);
   const double start = angle_at(lens_, std::hypot(x, y), largest_angle_);
-  if (lens_.model == LensModel::kFisheye || (lens_.p1 == 0 && lens_.p2 == 0)) {
-    return at_angle(x, y, start);
-  }
+  if (is_radial(lens_)) return at_angle(x, y, start);
+  const bool of_angle = is_of_angle(lens_);
   // The tangential part is small: from the radial solution (or from the fold, where there is none)
   // Newton's method needs a few steps. Jacobian by central differences, error far below the last.
-  const double slope = std::tan(std::isnan(start) ? 0.999 * largest_angle_ : start);
+  const double first = std::isnan(start) ? 0.999 * largest_angle_ : start;
+  const double slope = of_angle ? first : std::tan(first);
   const double distance = std::hypot(x, y);
   double a = distance > 0 ? x / distance * slope : 0, b = distance > 0 ? y / distance * slope : 0;
   constexpr double kStep = 1e-6;
@@ -134,9 +195,11 @@ Vector3 LensCamera::unproject(double u, double v) const {
     b += (xx * ry - yx * rx) / determinant;
   }
   const auto back = distorted(a, b);
-  const bool found = std::abs(x - back[0]) + std::abs(y - back[1]) < 1e-9 &&
-                     std::atan(std::hypot(a, b)) <= largest_angle_;
-  return found ? unit(a, b, 1) : Vector3{kNan, kNan, kNan};
+  const double angle = of_angle ? std::hypot(a, b) : std::atan(std::hypot(a, b));
+  const bool found =
+      std::abs(x - back[0]) + std::abs(y - back[1]) < 1e-9 && angle <= largest_angle_;
+  if (!found) return {kNan, kNan, kNan};
+  return of_angle ? at_angle(a, b, angle) : unit(a, b, 1);
 }
 
 }  // namespace jade::geometry

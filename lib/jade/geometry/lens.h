@@ -9,14 +9,30 @@
 
 namespace jade::geometry {
 
-/// How a lens bends directions, in the order and sign of OpenCV and Kalibr.
-enum class LensModel { kPinhole, kRadialTangential, kRational, kFisheye };
+/// How a lens bends directions, in the order and sign of OpenCV, Kalibr and COLMAP.
+enum class LensModel {
+  kPinhole,
+  kRadialTangential,
+  kRational,
+  kFisheye,
+  kFieldOfView,
+  kDivision,
+  kUnified,
+  kPrismFisheye,
+  kRadialPrismFisheye
+};
 
 constexpr auto words_of(LensModel) {
-  return std::array{Word{"pinhole", LensModel::kPinhole, "no distortion"},
-                    Word{"radtan", LensModel::kRadialTangential, "k1 k2 p1 p2 k3"},
-                    Word{"rational", LensModel::kRational, "k1 k2 p1 p2 k3 k4 k5 k6"},
-                    Word{"fisheye", LensModel::kFisheye, "k1 k2 k3 k4, equidistant"}};
+  return std::array{
+      Word{"pinhole", LensModel::kPinhole, "no distortion"},
+      Word{"radtan", LensModel::kRadialTangential, "k1 k2 p1 p2 k3"},
+      Word{"rational", LensModel::kRational, "k1 k2 p1 p2 k3 k4 k5 k6"},
+      Word{"fisheye", LensModel::kFisheye, "k1 k2 k3 k4, equidistant"},
+      Word{"fov", LensModel::kFieldOfView, "k1: the angle, radians"},
+      Word{"division", LensModel::kDivision, "k1"},
+      Word{"eucm", LensModel::kUnified, "k1 k2: alpha and beta"},
+      Word{"prism_fisheye", LensModel::kPrismFisheye, "k1 k2 p1 p2 k3 k4 s1 s3"},
+      Word{"radial_prism_fisheye", LensModel::kRadialPrismFisheye, "k1 to k6 p1 p2 s1 to s4"}};
 }
 
 /// With (x, y) = (X/Z, Y/Z) and ρ = x² + y², radial-tangential and rational lenses put a direction
@@ -25,9 +41,20 @@ constexpr auto words_of(LensModel) {
 ///     r = (1 + k1 ρ + k2 ρ² + k3 ρ³) / (1 + k4 ρ + k5 ρ² + k6 ρ³),
 /// fisheyes (Kannala and Brandt, PAMI 2006), with θ the angle to the axis, at
 ///     (X, Y)/√(X²+Y²) · θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸).
+/// Three more depend on the angle alone; with R = √(x²+y²) they put (x, y)/R at the distance
+///     fov (Devernay and Faugeras, 2001): atan(2 R tan(k1/2)) / k1,
+///     division (Fitzgibbon, CVPR 2001): the r with r / (1 + k1 r²) = R,
+///     eucm (Khomutenko et al., 2016): sin θ / (k1 √(k2 sin²θ + cos²θ) + (1 − k1) cos θ).
+/// Fisheyes with prisms have, in (a, b) = (X, Y)/√(X²+Y²) · θ and ρ = a² + b²,
+///     prism: a (1 + k1 ρ + … + k4 ρ⁴) + 2 p1 a b + p2 (ρ + 2a²) + s1 ρ, and for y
+///            b (1 + k1 ρ + … + k4 ρ⁴) + 2 p2 a b + p1 (ρ + 2b²) + s3 ρ,
+///     radial prism, first (a, b) ← (a, b)(1 + k1 ρ + … + k6 ρ⁶), then, with ρ anew,
+///            a + 2 (p2 a + p1 b) a + p2 ρ + s1 ρ + s2 ρ², and for y
+///            b + 2 (p2 a + p1 b) b + p1 ρ + s3 ρ + s4 ρ².
 struct Lens {
   LensModel model = LensModel::kPinhole;
   double k1 = 0, k2 = 0, p1 = 0, p2 = 0, k3 = 0, k4 = 0, k5 = 0, k6 = 0;
+  double s1 = 0, s2 = 0, s3 = 0, s4 = 0;  ///< of prisms
 };
 
 /// A pinhole behind a lens.
@@ -40,8 +67,8 @@ class LensCamera {
   const Intrinsics& pinhole() const { return pinhole_; }
   const Lens& lens() const { return lens_; }
 
-  /// Projection coordinates of a point in camera axes. NaN for points behind a lens that is no
-  /// fisheye, and beyond the angle at which the formula turns back and would put a second
+  /// Projection coordinates of a point in camera axes. NaN for points behind a lens that is neither
+  /// fisheye nor eucm, and beyond the angle at which the formula turns back and would put a second
   /// direction on the same pixel.
   std::array<double, 2> project(const Vector3& point) const;
 
@@ -53,6 +80,7 @@ class LensCamera {
   double largest_angle() const { return largest_angle_; }
 
  private:
+  /// Where the lens puts (x, y) = (X, Y)/Z or, of fisheyes, (X, Y)/√(X²+Y²) · θ.
   std::array<double, 2> distorted(double x, double y) const;
 
   Intrinsics pinhole_;

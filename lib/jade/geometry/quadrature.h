@@ -3,26 +3,22 @@
 // 0 is its start and 1 its end.
 #pragma once
 
-#include <ATen/core/Generator.h>
 #include <array>
 #include <cstdint>
-#include <torch/types.h>
 #include <vector>
 
 #include "jade/core/fields.h"
 
 namespace jade::geometry {
 
-enum class QuadratureRule { kEqual, kTrapezoid, kJittered };
+enum class QuadratureRule { kEqual, kTrapezoid };
 
 constexpr auto words_of(QuadratureRule) {
   return std::array{
       Word{"equal", QuadratureRule::kEqual,
            "the printed mean of equal steps, both ends in full: right for frames that are made so, "
            "for light an exposure K/(K-1) as long"},
-      Word{"trapezoid", QuadratureRule::kTrapezoid, "the same moments, both ends at half weight"},
-      Word{"jittered", QuadratureRule::kJittered,
-           "a moment in each of K equal parts, drawn for every step; the middle one stays"}};
+      Word{"trapezoid", QuadratureRule::kTrapezoid, "the same moments, both ends at half weight"}};
 }
 
 /// The configuration group `exposure`.
@@ -45,13 +41,8 @@ struct Quadrature {
   std::vector<double> weights;  ///< [K], of sum 1
 };
 
-/// The moments of a rule; of kJittered the middles of its parts, where draws scatter around.
+/// The moments of a rule, equal steps from 0 to 1.
 /// @throws ContractError for an even number of samples or fewer than 3.
 Quadrature quadrature(QuadratureRule rule, int64_t samples);
-
-/// Moments drawn by kJittered, one per part: u_k uniform in [k/K, (k+1)/K), but the middle one at
-/// ½, where the target acts.
-/// @return [steps,K] float64 on the CPU
-torch::Tensor jittered_times(at::Generator& generator, int64_t steps, int64_t samples);
 
 }  // namespace jade::geometry

@@ -3,9 +3,6 @@
 
 #include <torch/types.h>
 
-#include "jade/events/exposure_maps.h"
-#include "jade/events/thresholds.h"
-#include "jade/events/voxel.h"
 #include "jade/geometry/quadrature.h"
 
 namespace jade::imaging {
@@ -27,46 +24,14 @@ struct EdiKernel {
 
 /// @param windows  [S−1,H,W], log intensity (events::edi_windows): thresholds are inside; S odd.
 /// @param rule     the weights q, equal or by the trapezoid rule.
-/// @param index    kDiet asks for nine moments.
 EdiKernel edi_kernel(const torch::Tensor& windows,
-                     geometry::QuadratureRule rule = geometry::QuadratureRule::kEqual,
-                     events::EdiIndex index = events::EdiIndex::kExact);
+                     geometry::QuadratureRule rule = geometry::QuadratureRule::kEqual);
 
 /// I(u) / B at any moments, linear in log intensity between those of the kernel.
 /// @param log_gain  EdiKernel::log_gain
 /// @param u         [M] float64 on its device, 0 the start and 1 the end of the exposure. Constant.
 /// @return [M,H,W]
 torch::Tensor edi_gain(const torch::Tensor& log_gain, const torch::Tensor& u);
-
-/// What EDI makes of one exposure's events before anything is assumed of the sensor.
-struct EdiCounts {
-  /// [m+S+m,H,W], P and N: events of one polarity from mid-exposure to each of S equally spaced
-  /// moments of the exposure and m as far apart beyond each end; what lies before it counts < 0.
-  torch::Tensor positive, negative;
-  torch::Tensor weights;  ///< [S], q
-};
-
-/// @param windows  of m + (S−1) + m spans, S odd (events::count_windows)
-/// @param margin   m
-/// @param rule     the weights q, equal or by the trapezoid rule
-EdiCounts edi_counts(const events::WindowCounts& windows, int64_t margin,
-                     geometry::QuadratureRule rule);
-
-/// What a sensor's events stand for, and when. The tensors are of one floating type.
-struct EdiSensor {
-  torch::Tensor threshold_positive, threshold_negative;  ///< [], Θ⁺ and Θ⁻
-  torch::Tensor log_gain;  ///< [H,W], g: both thresholds of a pixel are e^g times as large
-  torch::Tensor shift;     ///< [], in exposures: moment u of the frame is u + shift of the events
-};
-
-/// ln(I(u) / B) of a sensor at any moments: with E = e^g (Θ⁺ P − Θ⁻ N), linear between the moments
-/// of the counts and constant beyond the outermost,
-///     E(u + shift) − ln Σ_s q_s exp E(u_s + shift).
-/// Differentiable in every member of `sensor`; in the shift through the interpolation.
-/// @param u  [M] float64, 0 the start and 1 the end of the exposure. Constant.
-/// @return [M,H,W]
-torch::Tensor edi_log_gain(const EdiCounts& counts, const EdiSensor& sensor,
-                           const torch::Tensor& u);
 
 /// Φ_edi at mid-exposure, the analytical restoration of Eq. (1). Not clamped, may exceed 1.
 /// @param blurry  [3,H,W] or [1,H,W]. Differentiable.

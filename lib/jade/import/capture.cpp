@@ -41,6 +41,7 @@ data::Exposure exposure_of(const Shot& shot, const Capture& capture) {
   exposure.blurry = shot.image;
   exposure.t_start_us = shot.t_start_us;
   exposure.t_end_us = shot.t_end_us;
+  exposure.gain = shot.gain;
   exposure.events = capture.events.slice(shot.t_start_us, shot.t_end_us);
   exposure.camera = capture.camera.value_or(
       geometry::Intrinsics::centred(double(capture.width()), capture.width(), capture.height()));
@@ -66,7 +67,8 @@ void keep_capture(const fs::path& folder, const Capture& capture) {
                       {"file", file_of(i)},
                       {"start_us", shot.t_start_us},
                       {"end_us", shot.t_end_us},
-                      {"blur_px", shot.blur_px}});
+                      {"blur_px", shot.blur_px},
+                      {"gain", shot.gain}});
   }
   data::write_event_file(folder / "events.h5", capture.events, 1);
   if (capture.event_map.defined()) io::write_npy(folder / "event_map.npy", capture.event_map);
@@ -98,7 +100,8 @@ Capture load_capture(const fs::path& folder) {
     for (const Json& frame : all.at("frames")) {
       capture.shots.push_back(
           {frame.at("name"), imaging::read_image(folder / "frames" / std::string(frame.at("file"))),
-           frame.at("start_us"), frame.at("end_us"), frame.at("blur_px")});
+           frame.at("start_us"), frame.at("end_us"), frame.at("blur_px"),
+           frame.value("gain", 1.0)});
     }
   } catch (const Json::exception& error) {
     throw DataError(concat(file.string(), ": expected what this program wrote, found ",

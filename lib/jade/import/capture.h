@@ -22,6 +22,7 @@ struct Shot {
   torch::Tensor image;  ///< [3,H,W] RGB float32 in [0,1]
   int64_t t_start_us = 0, t_end_us = 0;
   double blur_px = -1;  ///< how far the scene moved during it, px; below 0: not known
+  double gain = 1;      ///< its brightness is that of the scene times this
 
   int64_t duration_us() const { return t_end_us - t_start_us; }
   int64_t t_mid_us() const { return t_start_us + duration_us() / 2; }

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <fstream>
+#include <functional>
 #include <map>
 #include <sstream>
 #include <unistd.h>
@@ -25,24 +26,71 @@ bool is_program(const fs::path& path) {
   return fs::is_regular_file(path, unreadable) && access(path.c_str(), X_OK) == 0;
 }
 
+/// How far a call of COLMAP is.
+struct Seen {
+  int64_t done = 0;
+  std::string now;  ///< what it is at, in words; may be empty
+};
+
 /// One call of COLMAP, and what tells how far it is.
 struct Step {
   std::string title;
   std::vector<std::string> command;
-  std::string mark;      ///< of its log, once for each unit of work
-  int64_t expected = 0;  ///< marks
-  int64_t ahead = 0;     ///< marks that stand before the work they announce
+  int64_t expected = 0;  ///< units of work
+  std::string unit;
+  std::function<void(const std::string& line, Seen& seen)> read;  ///< a line of its log
 };
 
-int64_t count_marks(const fs::path& log, std::streamoff from, const std::string& mark) {
-  std::ifstream in(log);
-  in.seekg(from);
-  int64_t count = 0;
-  for (std::string line; std::getline(in, line);) {
-    if (line.find(mark) != std::string::npos) ++count;
-  }
-  return count;
+bool holds(const std::string& line, const char* part) {
+  return line.find(part) != std::string::npos;
 }
+
+/// Counts the lines that hold `mark`, `ahead` of which stand before the work they announce.
+std::function<void(const std::string&, Seen&)> counting(const std::string& mark, int64_t ahead) {
+  return [mark, ahead, marks = int64_t{0}](const std::string& line, Seen& seen) mutable {
+    if (holds(line, mark.c_str())) seen.done = std::max<int64_t>(0, ++marks - ahead);
+  };
+}
+
+/// Follows the mapper: images that the current model holds, and what it does with them. Adjusting
+/// all cameras together takes most of the time, some of it after the last image.
+std::function<void(const std::string&, Seen&)> following_mapper() {
+  return [adjusted = int64_t{0}](const std::string& line, Seen& seen) mutable {
+    if (holds(line, "initial image pair")) {
+      seen = {0, "looking for a first pair of images"};
+    } else if (holds(line, "Registering image #")) {
+      // "(num_reg_frames=7)" or "(7)" of older versions: images before this one.
+      const size_t open = line.rfind('('), digit = line.find_first_of("0123456789", open);
+      if (open != std::string::npos && digit != std::string::npos) {
+        seen.done = std::atoll(line.c_str() + digit) + 1;
+      }
+      seen.now = "placing images";
+    } else if (holds(line, "lobal bundle adjustment")) {
+      seen.now = concat("adjustment ", ++adjusted, " of all cameras");
+    }
+  };
+}
+
+/// Reads what a growing log got since the last time, line by line.
+class LogFollower {
+ public:
+  explicit LogFollower(const fs::path& log)
+      : log_(log), at_(fs::exists(log) ? static_cast<std::streamoff>(fs::file_size(log)) : 0) {}
+
+  template <class Visit>
+  void read(const Visit& visit) {
+    std::ifstream in(log_);
+    in.seekg(at_);
+    for (std::string line; std::getline(in, line) && !in.eof();) {
+      visit(line);
+      at_ = in.tellg();
+    }
+  }
+
+ private:
+  fs::path log_;
+  std::streamoff at_;
+};
 
 /// The last line that says something.
 std::string last_line(const fs::path& log) {
@@ -56,16 +104,18 @@ std::string last_line(const fs::path& log) {
 
 /// Runs COLMAP to its end. @return whether it ended well
 bool run_step(const Step& step, const fs::path& log) {
-  const auto begin = fs::exists(log) ? static_cast<std::streamoff>(fs::file_size(log)) : 0;
-  // The window system is not needed, and often not there.
-  Progress progress(step.title, std::max<int64_t>(1, step.expected));
+  LogFollower follower(log);
+  Progress progress(step.title, std::max<int64_t>(1, step.expected), 0, step.unit);
+  Seen seen;
   int64_t shown = 0;
   const auto show = [&] {
-    const int64_t now = std::min(
-        step.expected, std::max<int64_t>(0, count_marks(log, begin, step.mark) - step.ahead));
-    if (progress.step(now - shown)) progress.show();
+    follower.read([&](const std::string& line) { step.read(line, seen); });
+    const int64_t now = std::min(step.expected, seen.done);
+    if (progress.step(now - shown)) progress.show(seen.now);
     shown = now;
   };
+  progress.show();
+  // The window system is not needed, and often not there.
   return run_to_end(step.command, {{"QT_QPA_PLATFORM", "offscreen"}}, log, show) == 0;
 }
 
@@ -92,22 +142,46 @@ std::vector<std::string> call(const ColmapJob& job, const std::string& command) 
   return words;
 }
 
-/// Whether the program is of those since 3.13, which keep some flags under other names.
-bool has_new_names(const ColmapJob& job, const fs::path& out) {
-  std::vector<std::string> help = call(job, "feature_extractor");
+/// Whether a command of the program knows a flag by its new name. scripts/colmap.py takes old ones.
+bool knows(const ColmapJob& job, const std::string& command, const std::string& flag,
+           const fs::path& out) {
+  if (job.program.size() > 1) return false;
+  std::vector<std::string> help = call(job, command);
   help.push_back("-h");
   run_to_end(help, {{"QT_QPA_PLATFORM", "offscreen"}}, out);
-  return read_file(out).find("--FeatureExtraction.use_gpu") != std::string::npos;
+  return read_file(out).find(flag) != std::string::npos;
 }
 
 void rename_flags(std::vector<std::string>& command) {
   static const std::map<std::string, std::string> names{
       {"--SiftExtraction.use_gpu", "--FeatureExtraction.use_gpu"},
       {"--SiftMatching.use_gpu", "--FeatureMatching.use_gpu"},
-      {"--SiftMatching.guided_matching", "--FeatureMatching.guided_matching"}};
+      {"--SiftMatching.guided_matching", "--FeatureMatching.guided_matching"},
+      {"--Mapper.ba_global_images_ratio", "--Mapper.ba_global_frames_ratio"}};
   for (std::string& word : command) {
     if (const auto found = names.find(word); found != names.end()) word = found->second;
   }
+}
+
+Step match_all(const ColmapJob& job, const std::string& database) {
+  const int64_t blocks = (job.count + 49) / 50;
+  Step match{"COLMAP: matching", call(job, "exhaustive_matcher"), blocks * blocks, "blocks",
+             counting(" block [", 1)};
+  append(match.command, {"--database_path", database});
+  return match;
+}
+
+Step match_list(const ColmapJob& job, const std::string& database, const fs::path& folder) {
+  std::string list;
+  for (const auto& [a, b] : job.pairs) list += concat(a, ' ', b, '\n');
+  write_file(folder / "pairs.txt", list);
+  // As many pairs to a block as scripts/colmap.py and COLMAP's own default say.
+  const int64_t block = job.program.size() > 1 ? 100 : 1225;
+  Step match{"COLMAP: matching", call(job, "matches_importer"),
+             (int64_t(job.pairs.size()) + block - 1) / block, "blocks", counting(" block [", 1)};
+  append(match.command, {"--database_path", database, "--match_list_path",
+                         (folder / "pairs.txt").string(), "--match_type", "pairs"});
+  return match;
 }
 
 }  // namespace
@@ -130,14 +204,15 @@ std::vector<std::string> find_colmap(const fs::path& wanted) {
   }
   throw DataError(
       "COLMAP: expected the Python package pycolmap or the program colmap on the path, found "
-      "neither; install one with scripts/setup.sh --import");
+      "neither; install one with scripts/setup.sh --import, or pip install 'jade-gs[import]'");
 }
 
 void match_features(const ColmapJob& job, const ColmapSettings& settings, const fs::path& folder) {
   make_writable_folder(folder);
   const fs::path log = folder / "colmap.log";
   const std::string database = (folder / "database.db").string();
-  Step extract{"features", call(job, "feature_extractor"), "Processed file", job.count};
+  Step extract{"COLMAP: features", call(job, "feature_extractor"), job.count, "images",
+               counting("Processed file", 0)};
   append(extract.command, {"--database_path", database, "--image_path", job.images.string(),
                            "--ImageReader.single_camera", "1", "--SiftExtraction.use_gpu", "0"});
   if (job.camera) {
@@ -148,14 +223,11 @@ void match_features(const ColmapJob& job, const ColmapSettings& settings, const 
     append(extract.command, {"--ImageReader.camera_model", "SIMPLE_PINHOLE"});
   }
   append(extract.command, settings.extraction);
-  const int64_t blocks = (job.count + 49) / 50;
-  Step match{"matching", call(job, job.sequential ? "sequential_matcher" : "exhaustive_matcher"),
-             job.sequential ? " image [" : " block [", job.sequential ? job.count : blocks * blocks,
-             1};
-  append(match.command, {"--database_path", database, "--SiftMatching.use_gpu", "0"});
-  if (job.sequential) append(match.command, {"--SequentialMatching.overlap", "20"});
+  Step match = job.pairs.empty() ? match_all(job, database) : match_list(job, database, folder);
+  append(match.command, {"--SiftMatching.use_gpu", "0"});
   append(match.command, settings.matching);
-  if (has_new_names(job, folder / "help.txt")) {
+  // Since 3.13 some flags have other names.
+  if (knows(job, "feature_extractor", "--FeatureExtraction.use_gpu", folder / "help.txt")) {
     rename_flags(extract.command);
     rename_flags(match.command);
   }
@@ -167,12 +239,16 @@ std::vector<fs::path> reconstruct(const ColmapJob& job, const ColmapSettings& se
                                   const fs::path& folder) {
   const fs::path models = folder / settings.name;
   make_writable_folder(models);
-  Step map{"poses", call(job, "mapper"), "Registering image", job.count};
+  // One more than the images, so that the last adjustment has a place.
+  Step map{"COLMAP: poses", call(job, "mapper"), job.count + 1, "images", following_mapper()};
   append(map.command, {"--database_path", (folder / "database.db").string(), "--image_path",
                        job.images.string(), "--output_path", models.string(),
                        "--Mapper.ba_refine_principal_point", "0", "--Mapper.ba_refine_extra_params",
                        "0", "--Mapper.ba_refine_focal_length", job.camera ? "0" : "1"});
   append(map.command, settings.mapping);
+  if (knows(job, "mapper", "--Mapper.ba_global_frames_ratio", folder / "help.txt")) {
+    rename_flags(map.command);
+  }
   // Its exit code says little: a search without result ends well in some versions only.
   run_step(map, folder / "colmap.log");
   std::vector<fs::path> found;

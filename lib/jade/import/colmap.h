@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "jade/geometry/camera.h"
@@ -26,7 +27,8 @@ struct ColmapJob {
   /// Of all images, at their size, and held; absent: the focal length is searched, the principal
   /// point is the middle.
   std::optional<geometry::Intrinsics> camera;
-  bool sequential = false;  ///< compare neighbours in name instead of all pairs
+  /// Names of the images that are compared; empty: all with all.
+  std::vector<std::pair<std::string, std::string>> pairs;
 };
 
 /// Flags beside ours, as COLMAP spelled them up to 3.12.

@@ -10,9 +10,12 @@
 #include "jade/core/error.h"
 #include "jade/core/interrupt.h"
 #include "jade/core/log.h"
+#include "jade/core/progress.h"
 #include "jade/data/threshold_estimate.h"
 #include "jade/import/blur_length.h"
 #include "jade/import/clock_offset.h"
+#include "jade/import/exposure_length.h"
+#include "jade/import/frame_gains.h"
 
 namespace jade::import {
 namespace {
@@ -91,9 +94,22 @@ void warn_of_mosaics(const Capture& capture) {
                   "them and give these with --frames"));
 }
 
-std::string said_of(const events::Thresholds& thresholds, const char* source) {
+std::string said_of(const events::Thresholds& thresholds, const std::string& source) {
   return concat("thresholds ", rounded(thresholds.positive, 1e-3), " and ",
                 rounded(thresholds.negative, 1e-3), " (", source, ")");
+}
+
+std::vector<double> gains_of(const Capture& capture) {
+  std::vector<data::Exposure> exposures;
+  for (const Shot& shot : capture.shots) exposures.push_back(exposure_of(shot, capture));
+  return estimate_frame_gains(exposures, capture.events);
+}
+
+std::string said_of_gains(const std::vector<double>& gains) {
+  if (gains.empty()) return "";
+  const auto [lowest, highest] = std::minmax_element(gains.begin(), gains.end());
+  return concat("gain from ", rounded(*lowest, 0.01), " to ", rounded(*highest, 0.01),
+                " as the camera adjusts itself, ");
 }
 
 double median_of(std::vector<double> values) {
@@ -140,14 +156,49 @@ ClockFinding find_clock(const TimeOptions& options, const Capture& capture, bool
   return {rounded(offset_ms, 1e-3), measured, found.curve};
 }
 
+bool lacks_exposures(const Capture& capture) {
+  return std::all_of(capture.shots.begin(), capture.shots.end(),
+                     [](const Shot& shot) { return shot.duration_us() == 0; });
+}
+
+ExposureFinding find_exposures(const Capture& capture, std::optional<recording::Stamp> stamp) {
+  std::vector<StampedFrame> frames;
+  for (const Shot& shot : capture.shots) frames.push_back({shot.image, shot.t_start_us});
+  const ExposureLength found =
+      estimate_exposure_length(frames, without(hot_pixels_of(capture), capture), stamp);
+  if (found.ambiguous()) {
+    throw DataError(concat(capture.source,
+                           ": expected exposures with a length, found frames with one time each, "
+                           "and frames and events do not tell the length: ",
+                           found.doubt, "; give --exposure-ms or a list with --frame-times"));
+  }
+  ExposureFinding finding{found.length_us,  found.stamp, found.error_us, "",
+                          found.lengths_us, found.losses};
+  finding.said = concat("exposures of ", rounded(double(found.length_us) / 1000, 0.1), " +- ",
+                        rounded(found.error_us / 1000, 0.1), " ms found, stamped at their ",
+                        word_of(found.stamp));
+  return finding;
+}
+
+void set_exposures(const ExposureFinding& finding, Capture& capture) {
+  if (finding.length_us == 0) return;
+  for (Shot& shot : capture.shots) {
+    const events::TimeWindow window =
+        recording::exposure_at(shot.t_start_us, finding.length_us, finding.stamp);
+    shot.t_start_us = window.begin_us, shot.t_end_us = window.end_us;
+  }
+}
+
 std::vector<double> find_blur(const Capture& capture) {
   std::vector<double> blur;
   std::vector<int64_t> counts;
+  Progress progress("measuring blur", int64_t(capture.shots.size()), 0, "frames");
   for (const Shot& shot : capture.shots) {
     throw_if_interrupted();
     const events::TimeWindow exposure{shot.t_start_us, shot.t_end_us};
     counts.push_back(capture.events.slice(exposure).size());
     blur.push_back(blur_px(capture.events, exposure, capture.sensor));
+    if (progress.step()) progress.show(shot.name);
   }
   std::vector<int64_t> ordered = counts;
   std::sort(ordered.begin(), ordered.end());
@@ -175,6 +226,8 @@ SensorFinding find_sensor(const SensorOptions& options, const events::EventOptio
   if (finding.filter != ColorFilter::kNone) {
     finding.said += concat("events through a ", word_of(finding.filter), " filter, ");
   }
+  finding.gains = gains_of(cleaned);
+  finding.said += said_of_gains(finding.gains);
   finding.thresholds = events.thresholds();
   if (!is_default(events) || !options.find_thresholds) {
     finding.said += said_of(finding.thresholds, "given");
@@ -192,23 +245,38 @@ SensorFinding find_sensor(const SensorOptions& options, const events::EventOptio
                     ", give them with --threshold-positive and "
                     "--threshold-negative"));
   }
-  finding.said += said_of(finding.thresholds, estimate.found ? "found" : "default");
+  finding.said +=
+      said_of(finding.thresholds,
+              estimate.found ? concat("found, +- ", rounded(estimate.standard_error.positive, 1e-3),
+                                      " and ", rounded(estimate.standard_error.negative, 1e-3))
+                             : "default");
   return finding;
 }
 
 void clean(const SensorFinding& finding, Capture& capture) {
   capture.events = without(finding.hot_pixels, capture);
   capture.filter = finding.filter;
-  if (finding.blur_px.size() != capture.shots.size()) return;
-  for (size_t i = 0; i < capture.shots.size(); ++i) capture.shots[i].blur_px = finding.blur_px[i];
+  for (size_t i = 0; i < capture.shots.size(); ++i) {
+    if (finding.blur_px.size() == capture.shots.size())
+      capture.shots[i].blur_px = finding.blur_px[i];
+    if (finding.gains.size() == capture.shots.size()) capture.shots[i].gain = finding.gains[i];
+  }
 }
 
-void keep(const fs::path& folder, const ClockFinding& finding) {
+void keep(const fs::path& folder, const ClockFinding& finding, const ExposureFinding& exposures) {
   const double reach_ms = ClockOffsetOptions().reach_ms;
-  const Json all{
+  Json all{
       {"offset_ms", finding.offset_ms},
       {"said", finding.said},
       {"curve", {{"from_ms", -reach_ms}, {"to_ms", reach_ms}, {"correlation", finding.curve}}}};
+  if (exposures.length_us > 0) {
+    all["exposure"] = {
+        {"length_us", exposures.length_us},
+        {"stamp", word_of(exposures.stamp)},
+        {"standard_error_us", exposures.error_us},
+        {"said", exposures.said},
+        {"curve", {{"length_us", exposures.lengths_us}, {"loss", exposures.losses}}}};
+  }
   write_file(folder / kClockFile, all.dump(1) + "\n");
 }
 
@@ -225,6 +293,7 @@ void keep(const fs::path& folder, const SensorFinding& finding) {
                  {"filter", word_of(finding.filter)},
                  {"said", finding.said},
                  {"blur_px", finding.blur_px},
+                 {"gains", finding.gains},
                  {"hot_pixels", std::move(pixels)}};
   write_file(folder / kSensorFile, all.dump(1) + "\n");
 }
@@ -237,6 +306,22 @@ ClockFinding load_clock(const fs::path& folder) {
   });
 }
 
+ExposureFinding load_exposures(const fs::path& folder) {
+  return read_json(folder / kClockFile, [](const Json& json) {
+    ExposureFinding finding;
+    if (!json.contains("exposure")) return finding;
+    const Json& kept = json["exposure"];
+    finding.length_us = kept.at("length_us");
+    finding.stamp = value_of<recording::Stamp>(kept.at("stamp").get<std::string>())
+                        .value_or(recording::Stamp::kMiddle);
+    finding.error_us = kept.at("standard_error_us");
+    finding.said = kept.at("said");
+    kept.at("curve").at("length_us").get_to(finding.lengths_us);
+    kept.at("curve").at("loss").get_to(finding.losses);
+    return finding;
+  });
+}
+
 SensorFinding load_sensor(const fs::path& folder) {
   return read_json(folder / kSensorFile, [](const Json& json) {
     SensorFinding finding;
@@ -245,6 +330,7 @@ SensorFinding load_sensor(const fs::path& folder) {
         value_of<ColorFilter>(json.at("filter").get<std::string>()).value_or(ColorFilter::kNone);
     finding.said = json.at("said");
     json.at("blur_px").get_to(finding.blur_px);
+    if (json.contains("gains")) json["gains"].get_to(finding.gains);
     for (const Json& p : json.at("hot_pixels")) {
       finding.hot_pixels.push_back(
           {p.at("row"), p.at("column"), p.at("rate_hz"), p.at("neighbours_hz")});

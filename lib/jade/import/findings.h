@@ -4,6 +4,7 @@
 
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -12,6 +13,7 @@
 #include "jade/import/color.h"
 #include "jade/import/hot_pixels.h"
 #include "jade/import/options.h"
+#include "jade/recording/exposures.h"
 
 namespace jade::import {
 
@@ -22,6 +24,25 @@ struct ClockFinding {
   /// ClockOffset::curve from −reach to +reach of ClockOffsetOptions; empty where none was sought.
   std::vector<double> curve;
 };
+
+/// How long frames were exposed where the recording does not say it, and how that is known.
+struct ExposureFinding {
+  int64_t length_us = 0;  ///< 0: the recording says it
+  recording::Stamp stamp = recording::Stamp::kMiddle;
+  double error_us = 0;
+  std::string said;
+  std::vector<double> lengths_us, losses;  ///< as in ExposureLength
+};
+
+/// Whether no shot has a length.
+bool lacks_exposures(const Capture& capture);
+
+/// What estimate_exposure_length() finds. @throws DataError where a length must be given.
+/// @param stamp  absent: start, middle and end are tried
+ExposureFinding find_exposures(const Capture& capture, std::optional<recording::Stamp> stamp);
+
+/// Gives shots their exposures; nothing where the recording says them.
+void set_exposures(const ExposureFinding& finding, Capture& capture);
 
 /// The capture without the events of pixels that fire by themselves.
 Capture without_hot_pixels(const Capture& capture);
@@ -42,6 +63,7 @@ struct SensorFinding {
   events::Thresholds thresholds;
   ColorFilter filter = ColorFilter::kNone;  ///< before its pixels
   std::vector<double> blur_px;              ///< of each shot, as in Shot
+  std::vector<double> gains;                ///< the same; none where the camera kept one
   std::string said;
 };
 
@@ -57,14 +79,16 @@ SensorFinding find_sensor(const SensorOptions& options, const events::EventOptio
 /// quarter of the shots is not known: its motion drowns in noise.
 std::vector<double> find_blur(const Capture& capture);
 
-/// Takes the events of the hot pixels out, sets the filter and the blur.
+/// Takes the events of the hot pixels out, sets the filter, the blur and the gains.
 void clean(const SensorFinding& finding, Capture& capture);
 
-void keep(const std::filesystem::path& folder, const ClockFinding& finding);
+void keep(const std::filesystem::path& folder, const ClockFinding& finding,
+          const ExposureFinding& exposures = {});
 void keep(const std::filesystem::path& folder, const SensorFinding& finding);
 
 /// What keep() wrote. @throws DataError naming the file.
 ClockFinding load_clock(const std::filesystem::path& folder);
+ExposureFinding load_exposures(const std::filesystem::path& folder);
 SensorFinding load_sensor(const std::filesystem::path& folder);
 
 }  // namespace jade::import

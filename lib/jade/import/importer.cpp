@@ -11,8 +11,10 @@
 #include "jade/core/error.h"
 #include "jade/core/folder_lock.h"
 #include "jade/core/log.h"
+#include "jade/core/progress.h"
 #include "jade/import/capture.h"
 #include "jade/import/colmap.h"
+#include "jade/import/exposure_length.h"
 #include "jade/import/findings.h"
 #include "jade/import/latents.h"
 #include "jade/import/scene_files.h"
@@ -27,6 +29,8 @@ namespace fs = std::filesystem;
 
 /// Three views of a scene say little of it, and structure from motion cannot check itself.
 constexpr size_t kFewestFrames = 4;
+/// Of the frame period, as both are rounded.
+constexpr double kLongestExposure = 1.02;
 
 /// Calls `visit` with each file below a folder, also where links lead to folders elsewhere.
 /// @param above  the folders it lies in, and itself, to which no link is followed back
@@ -88,25 +92,28 @@ int64_t events_in_exposures(const Capture& capture) {
 /// more, as the frames see them.
 constexpr double kEventBytes = 45, kSecondCameraBytes = 17;
 
+/// The stamp that the options name.
+std::optional<recording::Stamp> stamp_of(const TimeOptions& options) {
+  switch (options.stamp) {
+    case StampChoice::kStart:
+      return recording::Stamp::kStart;
+    case StampChoice::kMiddle:
+      return recording::Stamp::kMiddle;
+    case StampChoice::kEnd:
+      return recording::Stamp::kEnd;
+    case StampChoice::kAuto:
+      break;
+  }
+  return std::nullopt;
+}
+
 recording::ReadOptions read_options(const ImportOptions& options) {
   recording::ReadOptions how;
   how.frames = options.frames;
   how.frame_times = options.time.frame_times;
   how.exposure_ms = options.time.exposure_ms;
   how.trigger_level = options.time.trigger_level;
-  switch (options.time.stamp) {
-    case StampChoice::kAuto:
-      break;
-    case StampChoice::kStart:
-      how.stamp = recording::Stamp::kStart;
-      break;
-    case StampChoice::kMiddle:
-      how.stamp = recording::Stamp::kMiddle;
-      break;
-    case StampChoice::kEnd:
-      how.stamp = recording::Stamp::kEnd;
-      break;
-  }
+  how.stamp = stamp_of(options.time);
   const double end_s = options.time.end_s > 0 ? options.time.end_s : 1e9;
   if (options.time.begin_s > 0 || options.time.end_s > 0) {
     how.since_first_frame =
@@ -158,13 +165,20 @@ void check_shots(const Capture& capture) {
                            " frames from different places, found ", capture.shots.size(),
                            "; record longer, or give more with --frames DIR"));
   }
-  const bool timed = std::any_of(capture.shots.begin(), capture.shots.end(),
-                                 [](const Shot& shot) { return shot.duration_us() > 0; });
-  if (!timed) {
-    throw DataError(concat(source,
-                           ": expected exposures with a length, found frames with one time each; "
-                           "give --exposure-ms or a list with --frame-times"));
-  }
+}
+
+/// A given length must fit between two frames.
+void check_given_exposure(const TimeOptions& options, const Capture& capture) {
+  const int64_t given_us = std::llround(1000 * options.exposure_ms);
+  const auto has_it = [&](const Shot& shot) { return shot.duration_us() == given_us; };
+  if (given_us == 0 || std::none_of(capture.shots.begin(), capture.shots.end(), has_it)) return;
+  std::vector<int64_t> starts;
+  for (const Shot& shot : capture.shots) starts.push_back(shot.t_start_us);
+  const double period_ms = double(frame_period_us(starts)) / 1000;
+  if (options.exposure_ms <= kLongestExposure * period_ms) return;
+  throw ConfigError(concat("--exposure-ms: expected at most the ", period_ms,
+                           " ms from one frame to the next, found ", options.exposure_ms,
+                           "; leave it out to have the length found"));
 }
 
 /// Where no calibration says how two cameras meet, a place of one is a place of the other.
@@ -231,6 +245,7 @@ Capture read_capture(const ImportOptions& options, const fs::path& folder) {
   capture.sensor_is_said = recording.size_is_said;
   if (capture.sensor.height == 0) capture.sensor = {capture.height(), capture.width()};
   check_shots(capture);
+  check_given_exposure(options.time, capture);
   return capture;
 }
 
@@ -289,29 +304,57 @@ Align align_of(const ImportOptions& options, const Progressed& so_far) {
   };
 }
 
-ClockFinding clock_of(const ImportOptions& options, const Progressed& so_far) {
+struct Times {
+  ClockFinding clock;
+  ExposureFinding exposures;
+};
+
+/// Exposures where nothing says them, and the offset between the clocks.
+Times find_times(const ImportOptions& options, const Progressed& so_far) {
   const bool apart = !options.frames.empty() || is_rig(so_far.calibration);
-  const Align align = align_of(options, so_far);
-  if (!align) return find_clock(options.time, so_far.capture, apart);
-  Capture seen = without_hot_pixels(so_far.capture);
-  align(seen);
-  return find_clock(options.time, seen, apart);
+  Capture seen = so_far.capture;
+  if (const Align align = align_of(options, so_far)) {
+    seen = without_hot_pixels(seen);
+    align(seen);
+  }
+  Times times;
+  const Capture stamped = seen;
+  const auto find_length = [&](double ahead_ms, std::optional<recording::Stamp> stamp) {
+    seen = stamped;
+    set_clock(ahead_ms, seen);
+    times.exposures = find_exposures(seen, stamp);
+    seen = stamped;
+    set_exposures(times.exposures, seen);
+  };
+  const bool is_unknown = lacks_exposures(seen);
+  if (is_unknown) find_length(options.time.offset_ms, stamp_of(options.time));
+  times.clock = find_clock(options.time, seen, apart);
+  // The length was found on another clock.
+  if (is_unknown && times.clock.offset_ms != options.time.offset_ms)
+    find_length(times.clock.offset_ms, times.exposures.stamp);
+  return times;
 }
 
-/// Puts events on the clock of the frames; what is kept is the offset alone.
+/// Puts events on the clock of the frames, and gives frames their exposures where the recording
+/// does not say them.
 Stage time_stage(const ImportOptions& options, Progressed& so_far) {
   return {"time", text_of(options.time) + rig_text(options),
           [&](const fs::path& folder) {
-            const ClockFinding clock = clock_of(options, so_far);
+            const Times times = find_times(options, so_far);
             Capture moved = so_far.capture;
-            set_clock(clock.offset_ms, moved);
+            set_exposures(times.exposures, moved);
+            set_clock(times.clock.offset_ms, moved);
             check_clocks(moved);
-            keep(folder, clock);
-            return concat("events ahead by ", clock.offset_ms, " ms (", clock.said, "), ",
-                          events_in_exposures(moved), " of ", moved.events.size(),
+            keep(folder, times.clock, times.exposures);
+            return concat(times.exposures.said.empty() ? "" : times.exposures.said + ", ",
+                          "events ahead by ", times.clock.offset_ms, " ms (", times.clock.said,
+                          "), ", events_in_exposures(moved), " of ", moved.events.size(),
                           " within exposures");
           },
-          [&](const fs::path& folder) { set_clock(load_clock(folder).offset_ms, so_far.capture); }};
+          [&](const fs::path& folder) {
+            set_exposures(load_exposures(folder), so_far.capture);
+            set_clock(load_clock(folder).offset_ms, so_far.capture);
+          }};
 }
 
 /// Leaves hot pixels out and settles the thresholds, which the stages behind it read.
@@ -417,6 +460,8 @@ void check_colmap(const ImportOptions& options, const StageRange& range) {
   };
   if (is_one_of(range.until, {"read", "time", "sensor", "undistort", "restore"})) return;
   if (range.from == "write") return;
+  Progress progress("import", 1, 0, "stages");
+  progress.show("looking for COLMAP");
   find_colmap(options.poses.colmap);
 }
 

@@ -12,10 +12,19 @@
 
 namespace jade::import {
 
-/// The longest way that the picture has moved from the first image to any other, px, by phase
-/// correlation: about 0 for a camera that stands still.
-/// @param images  [3,H,W] of one size, at least one
-double largest_shift_px(const std::vector<torch::Tensor>& images);
+/// What frames alone say of the motion of the camera.
+struct FrameMotion {
+  double shift_px = 0;   ///< the longest measured shift between two frames
+  int64_t compared = 0;  ///< pairs of frames
+  int64_t measured = 0;  ///< pairs with a correlation peak that noise does not make
+};
+
+/// Measures how far the picture moves from each frame to the next, and from the first to all.
+/// What is fixed to the sensor (pixel and row noise, dust, vignetting) is removed first: the mean
+/// of all frames, scaled to each, and what is smaller than a pixel or larger than a sixteenth of
+/// the width. What is left of a still camera is noise, without a common shift: measured is 0 then.
+/// @param images  [3,H,W] of one size, at least two, in order of time
+FrameMotion frame_motion(const std::vector<torch::Tensor>& images);
 
 /// One exposure with the poses that were found for it.
 struct PosedExposure {

@@ -46,8 +46,8 @@ template <class V>
 void describe(V& v, TimeOptions& o) {
   v.field("frame_times", o.frame_times,
           "list of exposures, name,start_us,end_us; empty: what the recording says");
-  v.field("exposure_ms", o.exposure_ms, "of frames whose own length is not known; 0: not known",
-          Range{0, 1e5});
+  v.field("exposure_ms", o.exposure_ms,
+          "of frames whose own length is not known; 0: found in frames and events", Range{0, 1e5});
   v.field("stamp", o.stamp, "what the only time of a frame is the time of");
   v.field("trigger_level", o.trigger_level, "of the trigger input while a frame is exposed");
   v.field("begin_s", o.begin_s, "leave out what comes before, in seconds since the first frame",
@@ -123,9 +123,10 @@ enum class PairChoice { kAuto, kExhaustive, kSequential };
 
 constexpr auto words_of(PairChoice) {
   return std::array{
-      Word{"auto", PairChoice::kAuto, "all up to 150 images, else sequential"},
+      Word{"auto", PairChoice::kAuto, "all up to 60 images, else sequential"},
       Word{"exhaustive", PairChoice::kExhaustive, "all"},
-      Word{"sequential", PairChoice::kSequential, "neighbours in time, and at growing distances"}};
+      Word{"sequential", PairChoice::kSequential,
+           "neighbours in time, and one image of every shot with one of every other"}};
 }
 
 struct PoseSearchOptions {

@@ -79,11 +79,13 @@ data::EvDeblurContent content_of(const Capture& capture, const Reconstruction& f
     middles.push_back(middle);
     if (parts[i] == Part::kTest) {
       content.test.push_back({shot.name, shot.image, middle, found.camera, shot.t_mid_us()});
+      content.test.back().gain = shot.gain;
       continue;
     }
     data::Exposure exposure;
     exposure.name = shot.name;
     exposure.blurry = shot.image;
+    exposure.gain = shot.gain;
     exposure.t_start_us = shot.t_start_us;
     exposure.t_end_us = shot.t_end_us;
     exposure.poses[geometry::kMidPose] = middle;

@@ -96,6 +96,8 @@ void run_stages(const fs::path& folder, const std::vector<Stage>& stages, const 
   for (size_t i = 0; i < end; ++i) {
     throw_if_interrupted();
     if (i >= first) {
+      Progress progress("import", int64_t(end), int64_t(i), "stages");
+      progress.show(stages[i].name);
       make(stages[i], keys[i], folder / stages[i].name);
       outdate(folder, stages, i + 1);
     }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <torch/types.h>
 
 #include "jade/core/atomic_file.h"
@@ -23,8 +24,12 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-/// Above this, comparing all pairs on a processor takes longer than an hour.
-constexpr int64_t kMostExhaustive = 150;
+/// Up to this, all pairs of images are compared: 1,770 pairs.
+constexpr size_t kMostExhaustive = 60;
+/// Above it, each image is compared with so many that follow it,
+constexpr size_t kNeighbours = 9;
+/// and of so many shots, spread over the recording, one image with that of all others.
+constexpr size_t kLoopShots = 40;
 constexpr double kLeastShare = 2.0 / 3;
 /// Wrong models explain nothing of the blur, right ones more than half.
 constexpr double kLeastExplained = 0.1;
@@ -32,13 +37,16 @@ constexpr double kLeastExplained = 0.1;
 /// best: on a desk of 4 exposures all three explained 76 %, and their poses were 1.1, 1.3 and 1.3
 /// px off.
 constexpr double kClearlyBetter = 0.01;
-/// With all images placed, an attempt that explains this much is not followed by another: of seven
-/// recordings no later attempt was better than such a one.
-constexpr double kWellExplained = 0.85;
+/// An attempt that places nearly all images and explains so much is not followed by another. On no
+/// recording was a later attempt better than such a one, and each takes as long again: after one of
+/// 82 % two worse ones followed.
+constexpr double kNearlyAll = 0.95, kWellExplained = 0.6;
 /// Frames that checks look at.
 constexpr size_t kChecked = 8;
-/// Less than this between all frames is noise, px.
+/// Less than this between all frames is no motion, px.
 constexpr double kStandingStill = 1;
+/// Points of a smaller angle between their outermost rays have no depth.
+constexpr double kLeastParallax_deg = 0.2;
 
 /// Deblurred images have fewer and weaker corners than photographs, and a handheld camera moves
 /// little: later attempts ask for less contrast, then for less parallax. The images are enlarged
@@ -50,13 +58,17 @@ std::vector<ColmapSettings> attempts() {
                                       "--SiftExtraction.max_num_features", "4000",
                                       "--SiftExtraction.peak_threshold",   "0.003"};
   const std::vector<std::string> guided{"--SiftMatching.guided_matching", "1"};
-  return {{"usual", usual, {}, {}},
-          {"weak_corners", weak, guided, {}},
-          {"little_parallax",
-           weak,
-           guided,
-           {"--Mapper.init_min_tri_angle", "4", "--Mapper.filter_min_tri_angle", "0.5",
-            "--Mapper.tri_min_angle", "0.5", "--Mapper.min_num_matches", "10"}}};
+  // Adjusting all cameras takes most of the time: after 20 % more images or points, not 10.
+  const std::vector<std::string> bounded{
+      "--Mapper.ba_global_images_ratio",       "1.2", "--Mapper.ba_global_points_ratio",    "1.2",
+      "--Mapper.ba_global_max_num_iterations", "25",  "--Mapper.ba_global_max_refinements", "2"};
+  std::vector<std::string> narrow{
+      "--Mapper.init_min_tri_angle", "4",   "--Mapper.filter_min_tri_angle", "0.5",
+      "--Mapper.tri_min_angle",      "0.5", "--Mapper.min_num_matches",      "10"};
+  narrow.insert(narrow.end(), bounded.begin(), bounded.end());
+  return {{"usual", usual, {}, bounded},
+          {"weak_corners", weak, guided, bounded},
+          {"little_parallax", weak, guided, narrow}};
 }
 
 double median(std::vector<double> values) {
@@ -173,14 +185,28 @@ std::vector<size_t> spread(size_t count) {
   return picked;
 }
 
-void check_motion(const Capture& capture) {
+/// Frames spread over the recording, each with the one after it.
+FrameMotion motion_of(const Capture& capture) {
   std::vector<torch::Tensor> frames;
-  for (const size_t i : spread(capture.shots.size())) frames.push_back(capture.shots[i].image);
-  const double shift = largest_shift_px(frames);
-  if (shift >= kStandingStill) return;
-  throw DataError(concat(
-      "poses: expected a moving camera, found frames that lie within ", shift,
-      " px of each other; without parallax there is no depth: move sideways around the scene"));
+  size_t next = 0;
+  for (const size_t i : spread(capture.shots.size())) {
+    for (size_t k = std::max(i, next); k < std::min(i + 2, capture.shots.size()); ++k) {
+      frames.push_back(capture.shots[k].image);
+      next = k + 1;
+    }
+  }
+  return frames.size() < 2 ? FrameMotion{} : frame_motion(frames);
+}
+
+bool stands_still(const FrameMotion& motion) { return motion.shift_px < kStandingStill; }
+
+std::string said_of(const FrameMotion& motion) {
+  const std::string pairs = concat(motion.compared,
+                                   " pairs of frames compared, without what is "
+                                   "fixed to the sensor: ");
+  if (motion.measured == 0) return pairs + "none shows a common shift";
+  return concat(pairs, motion.measured, " show a common shift, of ", motion.shift_px,
+                " px at most");
 }
 
 /// Blurry shots with a middle image, spread over the recording, as `found` places them.
@@ -216,7 +242,9 @@ double explained_blur_of(const fs::path& latents, const std::vector<LatentImage>
   return exposures.empty() ? 1 : explained_blur(exposures);
 }
 
-bool explains_blur(const Attempt& a) { return a.explained_blur >= kLeastExplained; }
+bool explains_blur(const Attempt& a) {
+  return a.explained_blur >= kLeastExplained && a.parallax_deg >= kLeastParallax_deg;
+}
 
 /// @param margin  of the explained blur that `a` must be ahead by
 bool is_better(const Attempt& a, const Attempt& b, double margin = 0) {
@@ -227,15 +255,27 @@ bool is_better(const Attempt& a, const Attempt& b, double margin = 0) {
   return a.explained_blur > b.explained_blur + margin;
 }
 
+bool is_good(const Attempt& a) {
+  return double(a.registered) >= kNearlyAll * double(a.images) && explains_blur(a) &&
+         a.explained_blur >= kWellExplained;
+}
+
 std::string sentence(const Attempt& a) {
   if (!a.problem.empty()) return concat(a.name, ": ", a.problem);
   return concat(a.name, ": ", a.registered, " of ", a.images, " images, ",
-                std::lround(100 * a.explained_blur), " % of the blur explained");
+                std::lround(100 * a.explained_blur), " % of the blur explained, parallax ",
+                a.parallax_deg, " degrees");
 }
 
-[[noreturn]] void fail(const std::vector<Attempt>& tried) {
+[[noreturn]] void fail(const std::vector<Attempt>& tried, const FrameMotion& motion) {
   std::string all;
   for (const Attempt& a : tried) all += (all.empty() ? "" : "; ") + sentence(a);
+  if (stands_still(motion)) {
+    throw DataError(concat("poses: expected a moving camera, found frames that do not move (",
+                           said_of(motion), ") and no poses by COLMAP (", all,
+                           "); without parallax there is no depth: move sideways around the "
+                           "scene"));
+  }
   throw DataError(concat(
       "poses: expected structure from motion to place at least two thirds of the images and to "
       "explain their blur, found ",
@@ -254,8 +294,12 @@ ColmapJob job_of(const fs::path& folder, const std::vector<LatentImage>& images,
     job.camera = geometry::scaled(*camera, camera->width * options.latents.upscale,
                                   camera->height * options.latents.upscale);
   }
-  job.sequential = options.poses.pairs == PairChoice::kSequential ||
-                   (options.poses.pairs == PairChoice::kAuto && job.count > kMostExhaustive);
+  const bool all = options.poses.pairs == PairChoice::kExhaustive ||
+                   (options.poses.pairs == PairChoice::kAuto && images.size() <= kMostExhaustive);
+  if (all) return job;
+  for (const auto& [a, b] : sequential_pairs(images)) {
+    job.pairs.emplace_back(images[a].file, images[b].file);
+  }
   return job;
 }
 
@@ -272,6 +316,25 @@ Json json_of(const Attempt& a) {
 }
 
 }  // namespace
+
+std::vector<std::pair<size_t, size_t>> sequential_pairs(const std::vector<LatentImage>& images) {
+  std::set<std::pair<size_t, size_t>> pairs;
+  std::map<int64_t, std::vector<size_t>> of_shot;
+  for (size_t i = 0; i < images.size(); ++i) {
+    of_shot[images[i].shot].push_back(i);
+    for (size_t k = i + 1; k <= i + kNeighbours && k < images.size(); ++k) pairs.insert({i, k});
+  }
+  std::vector<size_t> middles, some;
+  for (const auto& [shot, own] : of_shot) middles.push_back(own[own.size() / 2]);
+  const size_t count = std::min(middles.size(), kLoopShots);
+  for (size_t i = 0; i < count; ++i) some.push_back(middles[i * middles.size() / count]);
+  for (const size_t a : some) {
+    for (const size_t b : some) {
+      if (a < b) pairs.insert({a, b});
+    }
+  }
+  return {pairs.begin(), pairs.end()};
+}
 
 PosePath path_of(const std::vector<TimedPose>& poses, const Capture& capture) {
   std::vector<std::pair<double, geometry::Pose>> timed;
@@ -336,7 +399,11 @@ Reconstruction read_reconstruction(const fs::path& model, const std::vector<Late
 SearchResult find_poses(const fs::path& latents, const std::vector<LatentImage>& images,
                         const Capture& capture, const ImportOptions& options,
                         const fs::path& work) {
-  check_motion(capture);
+  const FrameMotion motion = motion_of(capture);
+  if (stands_still(motion)) {
+    log_warn(concat("poses: expected frames that move by a pixel or more, found ", said_of(motion),
+                    "; COLMAP is asked all the same"));
+  }
   const ColmapJob job = job_of(latents, images, capture.camera, options);
   SearchResult result;
   Attempt chosen;
@@ -367,13 +434,14 @@ SearchResult find_poses(const fs::path& latents, const std::vector<LatentImage>&
       }
     }
     log_info(concat("  ", sentence(best), ", ", best.points, " points, ", best.observations,
-                    " observations, error ", best.error_px, " px, parallax ", best.parallax_deg,
-                    " degrees"));
+                    " observations, error ", best.error_px, " px"));
     result.attempts.push_back(best);
-    if (best.registered == best.images && best.explained_blur >= kWellExplained) break;
+    if (is_good(best)) break;
+    // Two that agree: the frames do not move, and COLMAP finds nothing to begin with.
+    if (stands_still(motion) && best.registered == 0) break;
   }
   const bool enough = double(result.best.poses.size()) >= kLeastShare * double(images.size());
-  if (!enough || !explains_blur(chosen)) fail(result.attempts);
+  if (!enough || !explains_blur(chosen)) fail(result.attempts, motion);
   return result;
 }
 

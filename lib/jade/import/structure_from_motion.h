@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <string>
 #include <torch/types.h>
+#include <utility>
 #include <vector>
 
 #include "jade/geometry/camera.h"
@@ -56,13 +57,21 @@ struct SearchResult {
 /// the blur of the frames comes first, then the one with the most images, then the one that
 /// explains most of the blur. Everything that COLMAP wrote stays in `work`. Shows progress.
 /// @param capture  its camera is held; absent: the focal length is searched
-/// @throws DataError for a camera that stood still, and where no attempt registers two thirds of
-/// the
-///   images or explains the blur, with what each one found and what to record differently;
+/// Frames that seem to stand still are warned of, no more: what is fixed to a sensor can hide
+/// motion.
+/// @throws DataError where no attempt registers two thirds of the images, has parallax and explains
+///   the blur, with what each one found, whether the frames moved, and what to record differently;
 ///   Interrupted.
 SearchResult find_poses(const std::filesystem::path& latents,
                         const std::vector<LatentImage>& images, const Capture& capture,
                         const ImportOptions& options, const std::filesystem::path& work);
+
+/// Pairs of images to compare where comparing all would take long: each image with the nine after
+/// it, and the middle images of up to 40 shots, spread over the recording, with one another, which
+/// closes loops.
+/// @param images  by time
+/// @return indices, the earlier image first, without repetition
+std::vector<std::pair<size_t, size_t>> sequential_pairs(const std::vector<LatentImage>& images);
 
 /// A model of COLMAP as a reconstruction.
 /// @param scale  how much larger COLMAP saw the images than the shots are

@@ -8,6 +8,7 @@
 #include "jade/core/error.h"
 #include "jade/core/interrupt.h"
 #include "jade/core/log.h"
+#include "jade/events/warp.h"
 #include "jade/imaging/warp.h"
 #include "jade/import/rectify.h"
 
@@ -63,7 +64,8 @@ std::string parallax_said(const LensOptions& options, const Rectification& to) {
 }
 
 /// Calibrations that are not of these cameras, and planes in another unit, send events astray.
-void check_loss(const RectifiedEvents& moved, int64_t all, const LensOptions& options, bool rig) {
+void check_loss(const events::WarpedEvents& moved, int64_t all, const LensOptions& options,
+                bool rig) {
   const double lost = all > 0 ? double(moved.dropped) / double(all) : 0;
   if (lost < kManyLost) return;
   const std::string said =
@@ -122,8 +124,8 @@ std::string undistort(const LensOptions& options, const Calibration& calibration
     throw_if_interrupted();
     shot.image = imaging::remap(shot.image, to.frame_map).clamp(0, 1);
   }
-  const RectifiedEvents moved =
-      rectify_events(capture.events, to.event_map, {to.camera.height, to.camera.width});
+  const events::WarpedEvents moved =
+      events::warp(capture.events, to.event_map, {to.camera.height, to.camera.width});
   check_loss(moved, capture.events.size(), options, cameras.events.has_value());
   capture.events = moved.events;
   capture.event_map = to.event_map;

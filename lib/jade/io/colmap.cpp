@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/io/colmap.h"
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <cstring>
+#include <fstream>
 #include <set>
 #include <sstream>
 #include <torch/types.h>
@@ -29,7 +31,17 @@ constexpr CameraModel kModels[] = {{"SIMPLE_PINHOLE", 3},
                                    {"FOV", 5},
                                    {"SIMPLE_RADIAL_FISHEYE", 4},
                                    {"RADIAL_FISHEYE", 5},
-                                   {"THIN_PRISM_FISHEYE", 12}};
+                                   {"THIN_PRISM_FISHEYE", 12},
+                                   {"RAD_TAN_THIN_PRISM_FISHEYE", 16},
+                                   {"SIMPLE_DIVISION", 4},
+                                   {"DIVISION", 5},
+                                   {"SIMPLE_FISHEYE", 3},
+                                   {"FISHEYE", 4},
+                                   {"EUCM", 6},
+                                   {"EQUIRECTANGULAR", 2}};
+
+/// Bytes of an image without name and observations.
+constexpr uint64_t kSmallestImage = 4 + 7 * 8 + 4 + 1 + 8;
 
 struct Points {
   std::vector<double> xyz;
@@ -42,6 +54,13 @@ DataError damaged(const std::string& file, const std::string& what) {
   return DataError(concat(file, ": ", what,
                           "; the model is truncated or damaged, copy it again or "
                           "rerun COLMAP"));
+}
+
+DataError unknown_model(const std::string& file, int64_t camera, const std::string& model) {
+  return DataError(concat(file, ": camera ", camera, ": expected a camera model of COLMAP 4 or ",
+                          "earlier, found ", model,
+                          "; undistort the images with colmap image_undistorter, which writes "
+                          "PINHOLE cameras"));
 }
 
 /// Takes little-endian values off the front of a file's content.
@@ -94,11 +113,15 @@ class Cursor {
 
 std::vector<ColmapCamera> binary_cameras(const std::string& bytes, const std::string& file) {
   Cursor cursor(bytes, file);
-  std::vector<ColmapCamera> cameras(cursor.take_count(4 + 4 + 8 + 8 + 3 * 8));
+  std::vector<ColmapCamera> cameras(cursor.take_count(4 + 4 + 8 + 8 + 2 * 8));
   for (ColmapCamera& camera : cameras) {
     camera.id = cursor.take<int32_t>();
     const auto model = cursor.take<int32_t>();
     if (model < 0 || model >= int32_t(std::size(kModels))) {
+      constexpr int32_t kFarFromAny = 1000;
+      if (model >= 0 && model < kFarFromAny) {
+        throw unknown_model(file, camera.id, concat("number ", model));
+      }
       throw damaged(file, concat("camera ", camera.id, " has unknown model ", model));
     }
     camera.model = kModels[model].name;
@@ -113,7 +136,7 @@ std::vector<ColmapCamera> binary_cameras(const std::string& bytes, const std::st
 std::vector<ColmapImage> binary_images(const std::string& bytes, const std::string& file) {
   Cursor cursor(bytes, file);
   std::vector<ColmapImage> images;
-  const uint64_t count = cursor.take_count(4 + 7 * 8 + 4 + 1 + 8);
+  const uint64_t count = cursor.take_count(kSmallestImage);
   images.reserve(count);
   for (uint64_t i = 0; i < count; ++i) {
     ColmapImage image;
@@ -183,7 +206,8 @@ std::vector<ColmapCamera> text_cameras(const std::string& text, const std::strin
     for (const CameraModel& model : kModels) {
       if (camera.model == model.name) known = &model;
     }
-    if (!row || known == nullptr) throw lines.error("CAMERA_ID MODEL WIDTH HEIGHT PARAMS");
+    if (!row) throw lines.error("CAMERA_ID MODEL WIDTH HEIGHT PARAMS");
+    if (known == nullptr) throw unknown_model(file, camera.id, camera.model);
     camera.parameters.resize(known->parameters);
     for (double& parameter : camera.parameters) {
       if (!(row >> parameter) || !std::isfinite(parameter)) {
@@ -304,6 +328,24 @@ const ColmapCamera& ColmapModel::camera(int64_t id) const {
 
 bool is_colmap_model(const std::filesystem::path& folder) {
   return has_pair(folder, ".bin") || has_pair(folder, ".txt");
+}
+
+int64_t count_colmap_images(const std::filesystem::path& folder) {
+  if (has_pair(folder, ".bin")) {
+    std::ifstream file(folder / "images.bin", std::ios::binary);
+    char bytes[sizeof(uint64_t)] = {};
+    if (!file.read(bytes, sizeof bytes)) return 0;
+    uint64_t count = 0;
+    std::memcpy(&count, bytes, sizeof count);
+    // A damaged file may claim anything.
+    const uint64_t most = std::filesystem::file_size(folder / "images.bin") / kSmallestImage;
+    return int64_t(std::min(count, most));
+  }
+  if (!has_pair(folder, ".txt")) return 0;
+  const std::string text = read_file(folder / "images.txt");
+  int64_t count = 0;
+  for (Lines lines(text, folder.string()); lines.next();) ++count;
+  return (count + 1) / 2;
 }
 
 ColmapModel parse_colmap(const ColmapFiles& files) {

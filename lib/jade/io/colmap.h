@@ -13,7 +13,7 @@ namespace jade::io {
 
 struct ColmapCamera {
   int64_t id = 0;
-  std::string model;  ///< "PINHOLE", "SIMPLE_RADIAL", …
+  std::string model;  ///< "PINHOLE", "SIMPLE_RADIAL", …; any of COLMAP 4
   int64_t width = 0, height = 0;
   std::vector<double> parameters;  ///< px, in COLMAP's order for the model
 };
@@ -48,6 +48,10 @@ struct ColmapFiles {
 
 /// True if `folder` holds cameras and images, binary or text.
 bool is_colmap_model(const std::filesystem::path& folder);
+
+/// How many images the model in `folder` has, without reading them; 0 without a model. Of a text
+/// file that is damaged the number may be wrong.
+int64_t count_colmap_images(const std::filesystem::path& folder);
 
 /// Reads binary files where both cameras.bin and images.bin are there, else text. A missing
 /// points3D file gives no points.

@@ -106,7 +106,16 @@ bool describe_dataset(hid_t file, const std::string& name, Hdf5Dataset* out) {
   return true;
 }
 
-herr_t collect_name(hid_t, const char* name, const H5O_info_t* info, void* names) {
+// What H5Ovisit hands to its callback, and the function itself, changed with HDF5 1.12.
+#if H5_VERSION_GE(1, 12, 0)
+using ObjectInfo = H5O_info2_t;
+constexpr auto visit_objects = H5Ovisit3;
+#else
+using ObjectInfo = H5O_info_t;
+constexpr auto visit_objects = H5Ovisit2;
+#endif
+
+herr_t collect_name(hid_t, const char* name, const ObjectInfo* info, void* names) {
   if (info->type == H5O_TYPE_DATASET)
     static_cast<std::vector<std::string>*>(names)->push_back(name);
   return 0;
@@ -199,8 +208,8 @@ Hdf5File::Hdf5File(const std::filesystem::path& path)
                            " bytes), damaged, or still being written; copy it again"));
   }
   std::vector<std::string> names;
-  if (H5Ovisit2(handle_->file, H5_INDEX_NAME, H5_ITER_INC, collect_name, &names, H5O_INFO_BASIC) <
-      0) {
+  if (visit_objects(handle_->file, H5_INDEX_NAME, H5_ITER_INC, collect_name, &names,
+                    H5O_INFO_BASIC) < 0) {
     throw DataError(concat(path.string(), ": its list of data sets is damaged; copy it again"));
   }
   for (const std::string& name : names) {

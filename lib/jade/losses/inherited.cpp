@@ -19,16 +19,13 @@ imaging::L1SsimPair blur_pair(const torch::Tensor& mean_render, const imaging::S
 
 imaging::L1SsimPair edi_gray_pair(const torch::Tensor& toned_render,
                                   const torch::Tensor& toned_blurry,
-                                  const torch::Tensor& edi_factor, const Follow& follow) {
-  const torch::Tensor render = in_gray(toned_render);
-  const torch::Tensor target = in_gray(toned_blurry) * edi_factor;
-  return {render, {follow ? follow(target, render) : target, {}, {}}};
+                                  const torch::Tensor& edi_factor) {
+  return {in_gray(toned_render), {in_gray(toned_blurry) * edi_factor, {}, {}}};
 }
 
 imaging::L1SsimPair edi_color_pair(const torch::Tensor& render, const torch::Tensor& blurry,
-                                   const torch::Tensor& edi_factor, const Follow& follow) {
-  const torch::Tensor target = blurry * edi_factor;
-  return {render, {follow ? follow(target, render) : target, {}, {}}};
+                                   const torch::Tensor& edi_factor) {
+  return {render, {blurry * edi_factor, {}, {}}};
 }
 
 imaging::L1SsimPair simulation_pair(const torch::Tensor& toned_render,

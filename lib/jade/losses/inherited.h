@@ -7,16 +7,11 @@
 // imaging::l1_ssim_sum() of all of a step in one pass.
 #pragma once
 
-#include <functional>
 #include <torch/types.h>
 
 #include "jade/imaging/ssim.h"
 
 namespace jade::losses {
-
-/// What a render is compared with instead of its target (losses/trust.h); empty: the target.
-using Follow =
-    std::function<torch::Tensor(const torch::Tensor& target, const torch::Tensor& render)>;
 
 /// L_blur = D(mean_k Î_k, B).
 /// @param mean_render  [3,H,W], differentiable
@@ -29,12 +24,12 @@ imaging::L1SsimPair blur_pair(const torch::Tensor& mean_render, const imaging::S
 /// @param edi_factor                  [1,H,W], R_k
 imaging::L1SsimPair edi_gray_pair(const torch::Tensor& toned_render,
                                   const torch::Tensor& toned_blurry,
-                                  const torch::Tensor& edi_factor, const Follow& follow = {});
+                                  const torch::Tensor& edi_factor);
 
 /// L_edi in colour = D(Î_k, EDI_k(B)), without ρ.
 /// @param render, blurry  [3,H,W]; differentiable in `render`
 imaging::L1SsimPair edi_color_pair(const torch::Tensor& render, const torch::Tensor& blurry,
-                                   const torch::Tensor& edi_factor, const Follow& follow = {});
+                                   const torch::Tensor& edi_factor);
 
 /// L_sim = D(g(ρ(Î_k)), EDI_k(g(ρ(mean_j Î_j)))): the EDI of the simulated blur. Gradients flow
 /// through both sides.

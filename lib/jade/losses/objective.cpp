@@ -134,19 +134,11 @@ Toned tone(const ObjectiveInputs& inputs, const Views& views, const ObjectivePla
   if (plan.intensity) ask(toned.mean, views.all, mean_weights(inputs));
   if (asked.empty()) return toned;
   const std::vector<torch::Tensor> results = inputs.tone(asked);
-  for (size_t i = 0; i < results.size(); ++i) *answers[i] = results[i];
-  return toned;
-}
-
-/// What the render of the target's pose is compared with.
-torch::Tensor drawn_target(const ObjectiveInputs& inputs, const torch::Tensor& render,
-                           const ObjectivePlan& plan, const ObjectiveOptions& options) {
-  torch::Tensor drawn = **inputs.target;
-  if (inputs.target_closeness.defined()) {
-    drawn = drawn_by(drawn, Fixed(render), inputs.target_closeness);
+  const torch::Tensor& mask = inputs.mask;
+  for (size_t i = 0; i < results.size(); ++i) {
+    *answers[i] = mask.defined() ? results[i] * mask : results[i];
   }
-  if (plan.trust) drawn = followed(drawn, render, options.trust, 0);
-  return drawn;
+  return toned;
 }
 
 /// L_tgt where scene and target agree, and how far they are apart, before its weight.
@@ -155,11 +147,9 @@ struct AgreedTarget {
 };
 
 AgreedTarget agreed_target(const ObjectiveInputs& inputs, const torch::Tensor& render,
-                           const torch::Tensor& drawn, const ObjectiveOptions& options) {
-  const torch::Tensor value = target_loss(render, Fixed(drawn), options.dssim);
-  const torch::Tensor distance = drawn.is_same(**inputs.target)
-                                     ? value.detach()
-                                     : target_loss(render.detach(), *inputs.target, options.dssim);
+                           const ObjectiveOptions& options) {
+  const torch::Tensor value = target_loss(render, *inputs.target, options.dssim);
+  const torch::Tensor distance = value.detach();
   return {where_agreed(value, distance, options.trust.agreement), distance};
 }
 
@@ -196,8 +186,6 @@ ObjectivePlan plan_objective(const ObjectiveOptions& options, int64_t step) {
   plan.simulation = options.simulation && step > options.simulation_start;
   plan.intensity = options.intensity && warm;
   plan.event = options.event_loss_weight > 0;
-  const bool follows = options.trust.scale > 0 || options.trust.tolerance > 0;
-  plan.trust = follows && step > options.trust.from && (plan.target || plan.edi);
   plan.response = warm && (plan.edi || plan.simulation || plan.intensity || plan.event);
   return plan;
 }
@@ -248,13 +236,12 @@ Objective objective(const ObjectiveInputs& inputs, const ObjectivePlan& plan,
   Objective loss;
   Terms terms;
   const auto add_target = [&](Terms& to) {
-    const torch::Tensor drawn = drawn_target(inputs, views.target, plan, options);
     if (plan.agreed_target) {
-      const AgreedTarget agreed = agreed_target(inputs, views.target, drawn, options);
+      const AgreedTarget agreed = agreed_target(inputs, views.target, options);
       add(loss, "target", agreed.value, options.target_weight, target_weight);
       loss.terms.push_back({"target_distance", agreed.distance, false});
     } else {
-      to.add("target", target_pairs(views.target, Fixed(drawn)), options.target_weight,
+      to.add("target", target_pairs(views.target, *inputs.target), options.target_weight,
              target_weight);
     }
   };
@@ -275,17 +262,9 @@ Objective objective(const ObjectiveInputs& inputs, const ObjectivePlan& plan,
     terms.add("blur", {blur_pair(views.mean, prepared ? inputs.blurry_moments : plain)});
   }
   if (plan.edi) {
-    Follow follow;
-    if (plan.trust) {
-      follow = [&](const torch::Tensor& edi, const torch::Tensor& render) {
-        return followed(edi, render, options.trust, inputs.contrast);
-      };
-    }
-    terms.add("edi_gray",
-              {edi_gray_pair(toned.edi_gray, toned.blurry, inputs.edi_factors.gray, follow)},
+    terms.add("edi_gray", {edi_gray_pair(toned.edi_gray, toned.blurry, inputs.edi_factors.gray)},
               options.edi_weight, edi_weight);
-    terms.add("edi_color",
-              {edi_color_pair(views.edi_color, blurry, inputs.edi_factors.color, follow)},
+    terms.add("edi_color", {edi_color_pair(views.edi_color, blurry, inputs.edi_factors.color)},
               options.edi_weight, edi_weight);
   }
   if (plan.simulation) {

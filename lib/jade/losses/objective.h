@@ -102,7 +102,7 @@ void describe(V& v, ObjectiveOptions& o) {
   v.field("intensity", o.intensity, "L_int: blur under the camera response");
   v.field("warmup", o.warmup, "until this step the camera response is the identity and L_int rests",
           Range{0, 1e9});
-  v.group("trust", o.trust, "how far the scene follows what is restored against its own render");
+  v.group("trust", o.trust, "which restorations the scene follows to the end");
   v.field("event_loss_weight", o.event_loss_weight,
           "weight of L_ev, which costs two more renders; 0 turns it off", Range{0, 1e3});
   v.field("event_pixels", o.event_pixels, "pixels drawn for L_ev (sample_pnum)", Range{1, 1e8});
@@ -120,7 +120,6 @@ struct ObjectivePlan {
   bool intensity = false;   ///< L_int
   bool event = false;       ///< L_ev
   bool response = false;  ///< ρ is past its warm-up and some term reads it, else it is the identity
-  bool trust = false;     ///< L_tgt and L_edi follow their targets as far as TrustOptions say
   bool agreed_target = false;  ///< L_tgt acts where scene and target agree
   bool drawn_target = false;   ///< L_tgt acts at a drawn pose, else at mid-exposure
 
@@ -130,7 +129,7 @@ struct ObjectivePlan {
 
   /// For the comparison.
   auto members() const {
-    const auto all = std::tie(target, blur, edi, simulation, intensity, event, response, trust,
+    const auto all = std::tie(target, blur, edi, simulation, intensity, event, response,
                               agreed_target, drawn_target);
     static_assert(std::tuple_size_v<decltype(all)> == member_count<ObjectivePlan>());
     return all;
@@ -179,13 +178,14 @@ struct ObjectiveInputs {
   /// that of L_tgt, which a plan with drawn_target needs.
   torch::Tensor pose_draws;
   EdiFactors edi_factors;  ///< at these poses; needed for L_edi and L_sim only
+  /// [1,H,W], 0 where a pixel does not count: renders, blurry frame and target are black there, and
+  /// what ρ makes of black counts as little; undefined: all count.
+  torch::Tensor mask;
   /// [2] weights of L_tgt and L_edi at this step, on the device; undefined: those of the options,
   /// which then must not fall.
   torch::Tensor term_weights;
-  double contrast = 0;              ///< log intensity of one event, for trust.tolerance
   std::optional<Fixed> target;      ///< [3,H,W], at the pose of L_tgt; needed for it only
   Beside beside;                    ///< where L_tgt is computed; empty: with the other terms
-  torch::Tensor target_closeness;   ///< [1,H,W] of trust.disagreement; undefined: 1
   std::optional<EventPair> events;  ///< needed for L_ev only
   ToneCurve tone;                   ///< ρ; ignored where the plan lets it rest
 };

@@ -34,8 +34,10 @@ void convert(const fs::path& path, const ReadOptions& options, const fs::path& f
   if (code == kScriptDataError) throw DataError(said);
   if (code == kScriptPackageMissing) throw DataError(concat(path.string(), ": ", said));
   if (code == 127) {
-    throw DataError(concat(path.string(), ": is read by Python, and there is no ", python,
-                           "; run scripts/setup.sh --import, or set JADE_PYTHON"));
+    throw DataError(
+        concat(path.string(), ": is read by Python, and there is no ", python,
+               "; run scripts/setup.sh --import, or pip install 'jade-gs[import]', or set "
+               "JADE_PYTHON"));
   }
   throw DataError(concat(path.string(), ": scripts/read_recording.py failed (", code, "): ", said));
 }

@@ -3,23 +3,22 @@
 
 #include <cstdlib>
 
+#include "jade/core/asset.h"
+
 namespace jade::recording {
 
 namespace fs = std::filesystem;
 
-fs::path script(const std::string& name) {
-  std::error_code ignored;
-  const fs::path program = fs::read_symlink("/proc/self/exe", ignored);
-  const fs::path installed = program.parent_path().parent_path() / "share" / "jade" / name;
-  return fs::is_regular_file(installed, ignored) ? installed : fs::path(JADE_SCRIPTS) / name;
-}
+fs::path script(const std::string& name) { return asset("scripts/" + name); }
 
 std::string interpreter(const fs::path& given) {
   if (!given.empty()) return given.string();
   if (const char* const set = std::getenv("JADE_PYTHON"); set != nullptr && *set != '\0')
     return set;
-  const fs::path own = fs::path(JADE_SCRIPTS).parent_path() / ".venv/bin/python";
+  // A build folder links to the scripts of the source tree, where scripts/setup.sh makes .venv.
   std::error_code ignored;
+  const fs::path scripts = fs::weakly_canonical(script("read_recording.py"), ignored).parent_path();
+  const fs::path own = scripts.parent_path() / ".venv/bin/python";
   return fs::exists(own, ignored) ? own.string() : "python3";
 }
 

@@ -7,7 +7,7 @@
 
 namespace jade::recording {
 
-/// A script by its name: beside the installed program, else of the source folder.
+/// A script by its name, as it ships (core/asset.h).
 std::filesystem::path script(const std::string& name);
 
 /// The interpreter that has their packages: the one given, $JADE_PYTHON, the project's own,

@@ -54,7 +54,7 @@ int64_t stamp_of(const Frame& frame, Stamp stamp) {
                                                        : length);
 }
 
-void write_frames(const fs::path& folder, const Recording& recording) {
+void write_frames(const fs::path& folder, const Recording& recording, bool exposure_times) {
   std::string list;
   std::vector<NamedExposure> exposures;
   for (const Frame& frame : recording.frames) {
@@ -64,7 +64,7 @@ void write_frames(const fs::path& folder, const Recording& recording) {
     exposures.push_back({frame.name, frame.t_start_us, frame.t_end_us});
   }
   write_file(folder / "images.txt", list);
-  write_exposures(folder / "exposures.csv", exposures);
+  if (exposure_times) write_exposures(folder / "exposures.csv", exposures);
 }
 
 std::string opencv_matrix(const char* name, int rows, int columns, const std::string& data) {
@@ -121,10 +121,10 @@ void write_camchain(const fs::path& folder, const CameraPair& cameras) {
 }
 
 void write_rpg(const fs::path& folder, const Recording& recording,
-               const std::optional<geometry::Intrinsics>& camera) {
+               const std::optional<geometry::Intrinsics>& camera, bool exposure_times) {
   make_writable_folder(folder);
   write_events(folder / "events.txt", recording.events);
-  if (!recording.frames.empty()) write_frames(folder, recording);
+  if (!recording.frames.empty()) write_frames(folder, recording, exposure_times);
   if (camera) write_calibration(folder, *camera);
 }
 

@@ -14,9 +14,11 @@ namespace jade::recording {
 /// recording.stamp says; the middle of an exposure whose ends are known), images/NAME.png of 8
 /// bits and exposures.csv. With a camera also calib.txt and calibration.yaml, in OpenCV's format
 /// and its pixels, whose centres are whole numbers. read_recording gives the same back.
+/// @param exposure_times  false: without exposures.csv, so that only the stamps say when
 /// @throws DataError if a file cannot be written.
 void write_rpg(const std::filesystem::path& folder, const Recording& recording,
-               const std::optional<geometry::Intrinsics>& camera = std::nullopt);
+               const std::optional<geometry::Intrinsics>& camera = std::nullopt,
+               bool exposure_times = true);
 
 /// Cameras without distortion, one for frames and one for events.
 struct CameraPair {

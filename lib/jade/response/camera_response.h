@@ -12,7 +12,7 @@
 namespace jade::response {
 
 struct ResponseOptions {
-  bool enabled = true;
+  bool enabled = false;
   double lr = 1e-7;
 };
 

@@ -28,6 +28,11 @@ constexpr int64_t kLargestTile = 512, kSmallestTile = 64, kTileMargin = 32;
 // A CPU is slower with larger batches (docs/efnet.md), and a system may kill a program rather than
 // refuse memory.
 constexpr int64_t kPixelsPerCpuCall = int64_t{1} << 17;
+// On a GPU a call takes 3.8 KB for each pixel of each image (55 GiB for 17 images of 1280x720). What
+// it may take, and what one image may before it is cut into tiles.
+constexpr int64_t kGpuBytesPerPixel = 4096;
+constexpr int64_t kGpuCallBytes = int64_t{2} << 30, kGpuFrameBytes = int64_t{4} << 30;
+constexpr int64_t kGpuTile = 960;  ///< with its margins as much as such an image
 
 /// The device has too little memory for this call.
 struct OutOfMemory : DeviceError {
@@ -126,7 +131,7 @@ std::string weights_sha256(const torch::jit::Module& module) {
 }
 
 std::filesystem::path restorer_path(const EfnetOptions& options) {
-  return options.path.empty() ? asset("efnet_anytime.pt") : options.path;
+  return options.path.empty() ? asset("assets/efnet_anytime.pt") : options.path;
 }
 
 std::string checked_file_sha256(const EfnetOptions& options) {
@@ -227,22 +232,29 @@ torch::Tensor Restorer::call(const Inputs& inputs) const {
   return output.narrow(2, 0, height).narrow(3, 0, width);
 }
 
-int64_t Restorer::images_per_call(const torch::Tensor& image) const {
-  if (batch_ > 0) return batch_;
-  const int64_t pixels = image.size(2) * image.size(3);
-  return device_.is_cpu() ? std::max<int64_t>(1, kPixelsPerCpuCall / pixels) : image.size(0);
+RestorerCall restorer_call(torch::Device device, int64_t pixels) {
+  if (device.is_cpu()) return {std::max<int64_t>(1, kPixelsPerCpuCall / pixels), 0};
+  const int64_t bytes = kGpuBytesPerPixel * pixels;
+  return {std::max<int64_t>(1, kGpuCallBytes / bytes), bytes > kGpuFrameBytes ? kGpuTile : 0};
+}
+
+RestorerCall Restorer::call_for(const torch::Tensor& image) const {
+  RestorerCall call = restorer_call(device_, image.size(2) * image.size(3));
+  if (batch_ > 0) call.images = std::min(batch_, call.images);
+  if (tile_ > 0) call.tile = tile_;
+  return call;
 }
 
 torch::Tensor Restorer::call_in_parts(const Inputs& inputs) const {
   const int64_t images = inputs.maps.front().size(0);
-  const int64_t each = images_per_call(inputs.maps.front());
+  const auto [each, tile] = call_for(inputs.maps.front());
   std::vector<torch::Tensor> restored;
   for (int64_t first = 0; first < images; first += each) {
     const int64_t count = std::min(each, images - first);
     Inputs part;
     for (const torch::Tensor& map : inputs.maps) part.maps.push_back(map.narrow(0, first, count));
     if (inputs.times.defined()) part.times = inputs.times.narrow(0, first, count);
-    restored.push_back(tile_ == 0 ? call(part) : call_in_tiles(part, tile_));
+    restored.push_back(tile == 0 ? call(part) : call_in_tiles(part, tile));
   }
   return restored.size() == 1 ? restored.front() : torch::cat(restored);
 }
@@ -274,12 +286,19 @@ torch::Tensor Restorer::call_in_tiles(const Inputs& inputs, int64_t core) const 
 }
 
 torch::Tensor Restorer::restore_where_it_fits(const Inputs& inputs) {
+  const torch::Tensor& frame = inputs.maps.front();
+  if (const int64_t tile = call_for(frame).tile; tile > 0 && tile_ == 0 && !told_of_tiles_) {
+    log_warn(concat(metadata_.name, ": frames of ", frame.size(3), "x", frame.size(2),
+                    " px are restored in tiles of ", tile,
+                    " px, as a whole one takes more than 4 GiB; tiles differ slightly from it"));
+    told_of_tiles_ = true;
+  }
   while (true) {
     try {
       return call_in_parts(inputs);
     } catch (const OutOfMemory& problem) {
       const torch::Tensor& image = inputs.maps.front();
-      const int64_t together = std::min(image.size(0), images_per_call(image));
+      const int64_t together = std::min(image.size(0), call_for(image).images);
       if (together > 1) {
         batch_ = together / 2;
         log_warn(concat(problem.what(), " with ", metadata_.name, ", ", together,

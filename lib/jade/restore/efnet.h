@@ -31,6 +31,14 @@ void describe(V& v, EfnetOptions& o) {
   v.field("sha256", o.sha256, "SHA-256 that the file must have (sha256sum); empty: not checked");
 }
 
+/// How a network is called for frames of so many pixels, so that its memory stays within a budget
+/// whatever is asked of it at once.
+struct RestorerCall {
+  int64_t images = 1;  ///< at most, in one call
+  int64_t tile = 0;    ///< side of the tiles that a frame is restored in, px; 0: whole
+};
+RestorerCall restorer_call(torch::Device device, int64_t pixels);
+
 /// The file that the options mean: their path, else the one that ships. It need not be there.
 std::filesystem::path restorer_path(const EfnetOptions& options);
 
@@ -69,8 +77,9 @@ class Restorer {
   ///   even so, DataError when the module refuses its input or returns another shape.
   torch::Tensor restore(const torch::Tensor& blurry, const torch::Tensor& events);
 
-  /// The sharp frames of any moments of one exposure, in one call of the network; in several where
-  /// the device has too little memory for all of them, and then as above.
+  /// The sharp frames of any moments of one exposure, as many in one call of the network as
+  /// restorer_call() says; fewer where the device has too little memory for them, and then as
+  /// above.
   /// @param blurry  [3,H,W]
   /// @param events  [T,H,W]
   /// @param times   K of them, 0 the start and 1 the end of the exposure, in any order
@@ -98,8 +107,8 @@ class Restorer {
   torch::Tensor restore_batch(const torch::Tensor& image, const torch::Tensor& events,
                               const torch::Tensor& times);
   torch::Tensor restore_where_it_fits(const Inputs& inputs);
-  /// How many images go into one call of the network.
-  int64_t images_per_call(const torch::Tensor& image) const;
+  /// As restorer_call() says, less where memory ran short.
+  RestorerCall call_for(const torch::Tensor& image) const;
   torch::Tensor call_in_parts(const Inputs& inputs) const;
   /// One forward pass on the module's device, padded and cropped.
   /// @throws OutOfMemory (efnet.cpp).
@@ -110,8 +119,9 @@ class Restorer {
   RestorerMetadata metadata_;
   torch::Device device_;
   std::unique_ptr<torch::jit::Module> module_;
-  int64_t tile_ = 0;   ///< side of the core of a tile, px; 0: whole frames
-  int64_t batch_ = 0;  ///< images in one call; 0: no bound but that of images_per_call()
+  int64_t tile_ = 0;   ///< side of the core of a tile, px; 0: as restorer_call() says
+  bool told_of_tiles_ = false;
+  int64_t batch_ = 0;  ///< images in one call; 0: as restorer_call() says
 };
 
 /// SHA-256 over all parameters, docs/efnet.md §1.3. Stored as float16 or not, they count as

@@ -13,9 +13,6 @@ namespace {
 
 using geometry::QuadratureRule;
 
-/// Where nothing else is said: fine enough for any drawn moment.
-constexpr int64_t kFineSamples = 65;
-
 int64_t reach_of(const events::EventOptions& options) {
   return static_cast<int64_t>(options.ramp_ms * 1000);
 }
@@ -27,29 +24,15 @@ struct Integral {
 };
 
 Integral integral_of(const RestoreOptions& options) {
-  const bool drawn = options.exposure.quadrature == QuadratureRule::kJittered;
   if (options.events.edi_samples > 0) {
     return {options.events.edi_samples, QuadratureRule::kTrapezoid};
   }
-  if (drawn) return {kFineSamples, QuadratureRule::kTrapezoid};
   return {options.exposure.samples, options.exposure.quadrature};
-}
-
-events::WindowCounts integral_windows(const data::Exposure& exposure,
-                                      const events::EventStream& recording,
-                                      const RestoreOptions& options, int64_t margin) {
-  const events::TimeWindow span{exposure.t_start_us, exposure.t_end_us};
-  const events::ImageSize size{exposure.camera.height, exposure.camera.width};
-  const int64_t parts = integral_of(options).samples - 1, reach_us = reach_of(options.events);
-  return reach_us > 0 ? events::ramped_windows(recording, span, parts, reach_us, size, margin)
-                      : events::count_windows(recording, span, parts, margin, size);
 }
 
 torch::Tensor gain_at_samples(const imaging::EdiKernel& kernel,
                               const geometry::ExposureOptions& options) {
-  const bool same =
-      kernel.gain.size(0) == options.samples && options.quadrature != QuadratureRule::kJittered;
-  if (same) return kernel.gain;
+  if (kernel.gain.size(0) == options.samples) return kernel.gain;
   const auto u = geometry::quadrature(options.quadrature, options.samples).u;
   return imaging::edi_gain(kernel.log_gain,
                            torch::tensor(u, torch::kFloat64).to(kernel.log_gain.device()));
@@ -61,22 +44,28 @@ torch::Tensor network_events(const data::Exposure& exposure, const events::Event
   if (!network.any_time) return voxel.values;
   const events::WindowCounts counts =
       events::count_windows(exposure.events, {exposure.t_start_us, exposure.t_end_us},
-                            network.windows, 0, {exposure.camera.height, exposure.camera.width});
+                            network.windows, {exposure.camera.height, exposure.camera.width});
   return counts.positive - counts.negative;
 }
 
-void restore_learned(const torch::Tensor& events, const RestoreOptions& options,
+/// @param lasts  false: the exposure has no length, and so all its moments are the middle
+void restore_learned(const torch::Tensor& events, bool lasts, const RestoreOptions& options,
                      ViewRestorer& restorer, RestoredExposure& restored) {
   const std::vector<double>& times = options.times;
-  if (!times.empty()) {
-    restored.efnet_at = options.only_kept_times
-                            ? restorer.kept_efnet(restored.blurry, events, times)
-                            : restorer.efnet(restored.blurry, events, times);
+  torch::Tensor& middle = restored.restorations.efnet;
+  if (times.empty() || !lasts) {
+    middle = restorer.efnet(restored.blurry, events);
+    const auto count = static_cast<int64_t>(times.size());
+    if (count > 0) restored.efnet_at = middle.unsqueeze(0).expand({count, -1, -1, -1});
+    return;
   }
-  const auto middle = std::find(times.begin(), times.end(), 0.5);
-  const bool has_middle = restored.efnet_at.defined() && middle != times.end();
-  restored.restorations.efnet = has_middle ? restored.efnet_at[middle - times.begin()]
-                                           : restorer.efnet(restored.blurry, events);
+  restored.efnet_at = options.only_kept_times ? restorer.kept_efnet(restored.blurry, events, times)
+                                              : restorer.efnet(restored.blurry, events, times);
+  const auto found = std::find(times.begin(), times.end(), 0.5);
+  const bool has_middle = restored.efnet_at.defined() && found != times.end();
+  // A copy, which does not keep the others' memory.
+  middle = has_middle ? restored.efnet_at[found - times.begin()].clone()
+                      : restorer.efnet(restored.blurry, events);
 }
 
 }  // namespace
@@ -91,9 +80,9 @@ ExposureSums sum_events(const data::Exposure& exposure, const events::EventStrea
   const bool ramped = reach_of(options.events) > 0;  // then the windows are counted otherwise
   sums.maps = events::map_exposure(exposure.events, span, options.events.bins, size,
                                    ramped ? 1 : integral_samples(options) - 1);
-  if (ramped) sums.maps.windows = integral_windows(exposure, recording, options, 0);
-  if (options.count_margin) {
-    sums.wide = integral_windows(exposure, recording, options, *options.count_margin);
+  if (ramped) {
+    sums.maps.windows = events::ramped_windows(recording, span, integral_samples(options) - 1,
+                                               reach_of(options.events), size);
   }
   if (network != nullptr) sums.network = network_events(exposure, sums.maps.voxel, *network);
   return sums;
@@ -107,9 +96,6 @@ int64_t sum_bytes_per_pixel(const RestoreOptions& options, const RestorerMetadat
   const int64_t windows = integral_samples(options) - 1;
   int64_t bytes = kCounted * (options.events.bins + (ramped ? 1 : windows));
   if (ramped) bytes = std::max(bytes, kRamped * windows);
-  if (options.count_margin) {
-    bytes = std::max(bytes, (ramped ? kRamped : kCounted) * (windows + 2 * *options.count_margin));
-  }
   if (network != nullptr) bytes = std::max(bytes, kCounted * network->windows);
   return bytes;
 }
@@ -130,33 +116,29 @@ RestoredExposure restore_exposure(const data::Exposure& exposure, ExposureSums s
   RestoredExposure restored;
   restored.maps = std::move(sums.maps);
   restored.blurry = exposure.blurry.to(device).contiguous();
+  // Before EDI, whose 65 maps and the network's memory need not be there at once.
+  if (restorer.has_network()) {
+    restore_learned(sums.network, exposure.duration_us() > 0, options, restorer, restored);
+  }
   const events::WindowCounts& counts = restored.maps.windows;
   const torch::Tensor windows = events::edi_windows(
       {counts.positive.to(device), counts.negative.to(device)}, options.events.thresholds());
-  restored.kernel = imaging::edi_kernel(windows, integral.rule, options.events.edi_index);
+  restored.kernel = imaging::edi_kernel(windows, integral.rule);
   restored.gain = gain_at_samples(restored.kernel, options.exposure);
-  restored.taught = restored.kernel;
   restored.taught_gain = restored.gain;
   if (options.taught_contrast != 1) {
-    restored.taught = imaging::edi_kernel(windows * options.taught_contrast, integral.rule,
-                                          options.events.edi_index);
-    restored.taught_gain = gain_at_samples(restored.taught, options.exposure);
-  }
-  if (options.count_margin) {
-    restored.counts =
-        imaging::edi_counts({sums.wide.positive.to(device), sums.wide.negative.to(device)},
-                            *options.count_margin, integral.rule);
+    restored.taught_gain =
+        gain_at_samples(imaging::edi_kernel(windows * options.taught_contrast, integral.rule),
+                        options.exposure);
   }
 
   // Part of the cache's keys.
-  std::string settings = concat("index ", word_of(options.events.edi_index));
-  if (integral.rule != QuadratureRule::kEqual) settings += concat(" ", word_of(integral.rule));
+  std::string settings(word_of(integral.rule));
   if (options.log_offset != 0) settings += concat(" offset ", options.log_offset);
   restored.restorations.edi = restorer.edi(restored.blurry, windows, settings, [&] {
     return imaging::edi_mid(restored.blurry + options.log_offset, restored.kernel) -
            options.log_offset;
   });
-  if (restorer.has_network()) restore_learned(sums.network, options, restorer, restored);
   return restored;
 }
 

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
 #include <torch/types.h>
 #include <vector>
 
@@ -23,10 +22,7 @@ struct RestoreOptions {
   /// ε of a sensor that follows log(I + ε). It sees B + ε as the mean of I_k + ε, so the offset is
   /// added before EDI and taken off after.
   double log_offset = 0;
-  /// Asks for RestoredExposure::counts, with so many moments beyond each end of the exposure.
-  std::optional<int64_t> count_margin = std::nullopt;
-  /// Asks for RestoredExposure::taught and taught_gain, with thresholds so many times as large;
-  /// 1: they are kernel and gain.
+  /// Asks for RestoredExposure::taught_gain, with thresholds so many times as large; 1: it is gain.
   double taught_contrast = 1;
   /// Asks for RestoredExposure::efnet_at, at these moments: 0 the start and 1 the end.
   std::vector<double> times = {};
@@ -44,19 +40,16 @@ struct RestoredExposure {
   torch::Tensor blurry;       ///< [3,H,W]
   imaging::EdiKernel kernel;  ///< latent images over the blurry frame, at the integral's moments
   torch::Tensor gain;         ///< [K,H,W] the same at those of geometry::quadrature()
-  imaging::EdiKernel taught;  ///< `kernel` of another contrast, for what teaches a scene
-  torch::Tensor taught_gain;  ///< [K,H,W] `gain` likewise
-  imaging::EdiCounts counts;  ///< of the integral's moments; undefined where not asked for
+  torch::Tensor taught_gain;  ///< [K,H,W] `gain` of another contrast, for what teaches a scene
   Restorations restorations;  ///< I_edi; F where the restorer has a network, else undefined
-  /// [M,3,H,W] F(B, V, t) at RestoreOptions::times, in their order, computed in one call; undefined
-  /// without a network and without times.
+  /// [M,3,H,W] F(B, V, t) at RestoreOptions::times, in their order; undefined without a network and
+  /// without times. All moments of an exposure of no length are one image, repeated without memory.
   torch::Tensor efnet_at;
 };
 
 /// The events of an exposure, summed as its restoration needs them; on the CPU.
 struct ExposureSums {
   events::ExposureMaps maps;  ///< as RestoredExposure's
-  events::WindowCounts wide;  ///< for RestoredExposure::counts; undefined where not asked for
   torch::Tensor network;      ///< what the network takes; undefined without one
 };
 

@@ -4,6 +4,7 @@
 #include <torch/types.h>
 
 #include "jade/core/check.h"
+#include "jade/core/device.h"
 #include "jade/core/version.h"
 #include "jade/restore/restorations.h"
 
@@ -28,7 +29,7 @@ torch::Tensor ViewRestorer::edi(const torch::Tensor& blurry, const torch::Tensor
                                 const std::function<torch::Tensor()>& compute) {
   if (cache_.folder().empty()) return compute().to(device_);
   const std::string recipe =
-      concat("edi 1; ", settings, "; torch ", torch_version(), "; ", device_.type());
+      concat("edi 2; ", settings, "; torch ", torch_version(), "; ", device_.type());
   return cache_.get(restoration_key(recipe, {blurry, windows}), blurry.sizes(), compute)
       .to(device_);
 }
@@ -89,6 +90,12 @@ const RestorerMetadata& ViewRestorer::metadata() const {
 
 void ViewRestorer::check_times(const std::vector<double>& times) const {
   restore::check_times(restorer_path(*options_), metadata(), times);
+}
+
+void ViewRestorer::leave() {
+  network_.reset();
+  early_ = {};
+  trim_device_memory(device_, 0);
 }
 
 Restorer& ViewRestorer::network() {

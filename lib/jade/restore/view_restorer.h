@@ -58,6 +58,8 @@ class ViewRestorer {
   /// The network, loaded if it was not.
   Restorer& network();
   bool network_is_loaded() const { return network_.has_value(); }
+  /// Unloads the network and gives back to the device what it and its libraries worked with.
+  void leave();
   const RestorationCache& cache() const { return cache_; }
 
  private:

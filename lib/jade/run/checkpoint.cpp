@@ -16,6 +16,7 @@
 #include "jade/core/check.h"
 #include "jade/core/digest.h"
 #include "jade/core/log.h"
+#include "jade/geometry/origin.h"
 
 namespace jade::run {
 namespace {
@@ -76,17 +77,17 @@ Entries entries_of(const train::TrainState& state) {
   };
   if (state.allocation) put_module("allocation", *state.allocation, state.allocation_adam);
   if (state.response) put_module("crf", *state.response, state.response_adam);
-  if (state.sensor) put_module("sensor", *state.sensor, state.sensor_adam);
-  if (state.poses) {
-    const train::RowAdamState& adam = state.poses_adam.state();
-    put_parameters("poses", *state.poses);
-    put("poses.adam.0", adam.first);
-    put("poses.adam.1", adam.second);
-    put("poses.adam.2", adam.steps);
-    // Gradients that wait for the rest of poses.accumulate steps.
-    put("poses.gradient.twists", adam.gradient);
-    put("poses.gradient.seen", adam.seen);
-  }
+  const auto put_rows = [&](const std::string& prefix, const torch::nn::Module& module,
+                            const train::RowAdam& rows) {
+    put_parameters(prefix, module);
+    if (rows.empty()) return;
+    const train::RowAdamState& adam = rows.state();
+    put(prefix + ".adam.0", adam.first);
+    put(prefix + ".adam.1", adam.second);
+    put(prefix + ".adam.2", adam.steps);
+  };
+  if (state.poses) put_rows("poses", *state.poses, state.poses_adam);
+  if (state.gains) put_rows("gains", *state.gains, state.gains_adam);
   return all;
 }
 
@@ -156,7 +157,7 @@ int64_t parameter_count(const Entries& entries, const std::string& prefix) {
     const auto begins_with = [&](const std::string& start) {
       return entry.first.rfind(prefix + start, 0) == 0;
     };
-    return begins_with(".") && !begins_with(".adam.") && !begins_with(".gradient.");
+    return begins_with(".") && !begins_with(".adam.");
   });
 }
 
@@ -189,15 +190,12 @@ void restore_module(const Entries& entries, const std::string& prefix, torch::nn
   adam.restore(moments);
 }
 
-void restore_poses(const Entries& entries, train::TrainState& state, const fs::path& path) {
-  restore_parameters(entries, "poses", *state.poses, path);
-  const auto waiting = [&](const std::string& name) {
-    const auto found = entries.find("poses.gradient." + name);
-    return found == entries.end() ? torch::Tensor() : found->second;
-  };
-  state.poses_adam.restore(
-      {take(entries, "poses.adam.0", path), take(entries, "poses.adam.1", path),
-       take(entries, "poses.adam.2", path), waiting("twists"), waiting("seen")});
+void restore_rows(const Entries& entries, const std::string& prefix, torch::nn::Module& module,
+                  train::RowAdam& adam, const fs::path& path) {
+  restore_parameters(entries, prefix, module, path);
+  if (adam.empty()) return;
+  const auto of_adam = [&](int i) { return take(entries, concat(prefix, ".adam.", i), path); };
+  adam.restore({of_adam(0), of_adam(1), of_adam(2), {}, {}});
 }
 
 /// "1500" and "6%" of 25,000 are one calendar.
@@ -253,6 +251,10 @@ void save_checkpoint(const fs::path& run, const train::TrainState& state,
   all["config"] = bytes_of(info.config);
   all["data_fingerprint"] = bytes_of(info.fingerprint);
   if (!info.restorer_sha256.empty()) all["restorer_sha256"] = bytes_of(info.restorer_sha256);
+  if (!geometry::is_zero(info.origin)) {
+    all["origin"] =
+        torch::tensor({info.origin[0], info.origin[1], info.origin[2]}, torch::kFloat64);
+  }
   all["sha256"] = bytes_of(digest_of(all));
 
   torch::serialize::OutputArchive archive;
@@ -276,6 +278,18 @@ void save_checkpoint(const fs::path& run, const train::TrainState& state,
   for (size_t i = static_cast<size_t>(keep); i < found.size(); ++i) fs::remove(found[i]);
 }
 
+namespace {
+
+/// Scenes that were never moved have none.
+geometry::Vector3 origin_in(const Entries& all) {
+  const auto found = all.find("origin");
+  if (found == all.end() || found->second.numel() != 3) return {0, 0, 0};
+  const auto at = [&](int64_t axis) { return found->second[axis].item<double>(); };
+  return {at(0), at(1), at(2)};
+}
+
+}  // namespace
+
 CheckpointInfo read_checkpoint_info(const fs::path& path) {
   const Entries all = read_archive(path);
   CheckpointInfo info{
@@ -283,6 +297,7 @@ CheckpointInfo read_checkpoint_info(const fs::path& path) {
   if (const auto found = all.find("restorer_sha256"); found != all.end()) {
     info.restorer_sha256 = text_of(found->second);
   }
+  info.origin = origin_in(all);
   return info;
 }
 
@@ -310,13 +325,21 @@ void load_checkpoint(const fs::path& path, train::TrainState& state) {
   if (state.allocation)
     restore_module(all, "allocation", *state.allocation, state.allocation_adam, path);
   if (state.response) restore_module(all, "crf", *state.response, state.response_adam, path);
-  if (state.sensor) restore_module(all, "sensor", *state.sensor, state.sensor_adam, path);
-  if (state.poses) restore_poses(all, state, path);
+  if (state.poses) restore_rows(all, "poses", *state.poses, state.poses_adam, path);
+  if (state.gains) restore_rows(all, "gains", *state.gains, state.gains_adam, path);
   state.step = take(all, "step", path).item<int64_t>();
 }
 
 splat::Gaussians load_checkpoint_gaussians(const fs::path& path) {
-  return take_gaussians(read_archive(path), "gaussians.", path);
+  return load_checkpoint_scene(path).gaussians;
+}
+
+gaussians::GaussianFile load_checkpoint_scene(const fs::path& path) {
+  const Entries all = read_archive(path);
+  gaussians::GaussianFile file;
+  file.gaussians = take_gaussians(all, "gaussians.", path);
+  file.origin = origin_in(all);
+  return file;
 }
 
 void load_checkpoint_allocation(const fs::path& path, router::Allocation& allocation) {
@@ -347,6 +370,11 @@ std::string data_fingerprint(const data::Dataset& dataset, FingerprintOf what) {
     if (what == FingerprintOf::kBefore) continue;
     const geometry::Intrinsics& camera = exposure.camera;
     add(std::array{camera.fx, camera.fy, camera.cx, camera.cy});
+    if (exposure.gain != 1) digest.update(concat("gain ", exposure.gain, ';'));
+    if (exposure.mask.defined()) {
+      const torch::Tensor mask = exposure.mask.contiguous();
+      digest.update(mask.const_data_ptr(), mask.nbytes());
+    }
     const events::EventStream& events = exposure.events;
     for (const torch::Tensor& each : {events.x(), events.y(), events.t_us(), events.polarity()}) {
       digest.update(each.data_ptr(), each.nbytes());

@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "jade/gaussians/ply.h"
+#include "jade/geometry/pose.h"
 #include "jade/train/options.h"
 #include "jade/train/state.h"
 
@@ -32,6 +34,7 @@ struct CheckpointInfo {
   std::string fingerprint;      ///< of the data, see data_fingerprint()
   std::string restorer_sha256;  ///< of the restorer's file; empty where the options need none, and
                                 ///< in checkpoints that are older than this entry
+  geometry::Vector3 origin{0, 0, 0};  ///< data::Dataset::origin
 };
 
 /// Writes the state (whole or not at all) and removes all but the `keep` newest checkpoints.
@@ -51,6 +54,10 @@ void load_checkpoint(const std::filesystem::path& path, train::TrainState& state
 /// Only the Gaussians, on the CPU: for export and rendering.
 /// @throws CheckpointError.
 splat::Gaussians load_checkpoint_gaussians(const std::filesystem::path& path);
+
+/// The same with their origin.
+/// @throws CheckpointError.
+gaussians::GaussianFile load_checkpoint_scene(const std::filesystem::path& path);
 
 /// Only θ, into an allocation made from the options of the run: for restoring without a scene.
 /// @throws CheckpointError, also where the checkpoint has another allocation or none.

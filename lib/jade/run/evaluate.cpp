@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/run/evaluate.h"
 
+#include <optional>
 #include <torch/types.h>
 
 #include "jade/config/config.h"
 #include "jade/core/error.h"
 #include "jade/core/log.h"
+#include "jade/data/origin.h"
 #include "jade/eval/metrics.h"
-#include "jade/gaussians/ply.h"
 #include "jade/losses/poses.h"
 #include "jade/run/checkpoint.h"
 #include "jade/run/learned_cameras.h"
@@ -20,6 +21,27 @@ namespace jade::run {
 
 namespace fs = std::filesystem;
 
+namespace {
+
+/// The render as bright as the image that it is compared with.
+struct Brightened {
+  torch::Tensor render;
+  std::optional<double> gain;  ///< where it is not that of the scene
+};
+
+Brightened as_bright(const torch::Tensor& render, const torch::Tensor& truth,
+                     const torch::Tensor& mask, double gain, bool fit) {
+  if (fit) {
+    const torch::Tensor counts = mask.defined() ? mask.to(render.device(), render.scalar_type())
+                                                : torch::ones({1, 1, 1}, render.options());
+    gain = fitted_gain(render * counts, truth * counts);
+  }
+  if (gain == 1 && !fit) return {render.clamp(0, 1), std::nullopt};
+  return {(render * gain).clamp(0, 1), gain};
+}
+
+}  // namespace
+
 torch::Tensor render_view(const splat::Gaussians& gaussians, const geometry::Pose& pose,
                           const geometry::Intrinsics& camera, const splat::RenderOptions& options) {
   const torch::NoGradGuard no_grad;
@@ -29,13 +51,26 @@ torch::Tensor render_view(const splat::Gaussians& gaussians, const geometry::Pos
       .clamp(0, 1);
 }
 
+double fitted_gain(const torch::Tensor& image, const torch::Tensor& truth) {
+  const torch::NoGradGuard no_grad;
+  const double square = image.square().sum().item<double>();
+  return square > 0 ? (image * truth).sum().item<double>() / square : 1;
+}
+
 eval::Evaluation evaluate_views(const splat::Gaussians& gaussians,
                                 const std::vector<data::SharpView>& views, const eval::Lpips& lpips,
-                                const splat::RenderOptions& options) {
+                                const splat::RenderOptions& options, bool fit_gain) {
+  const torch::NoGradGuard no_grad;
+  const torch::Device device = gaussians.means.device();
   std::vector<eval::Scores> scores;
   for (const data::SharpView& view : views) {
-    const auto render = render_view(gaussians, view.pose, view.camera, options);
-    scores.push_back(eval::score(view.name, render, view.image.to(render.device()), &lpips));
+    const torch::Tensor truth = view.image.to(device);
+    const auto render =
+        splat::render(gaussians, train::camera_batch({view.pose}, view.camera, device), options)
+            .color[0];
+    const Brightened shown = as_bright(render, truth, view.mask, view.gain, fit_gain);
+    scores.push_back(eval::score(view.name, shown.render, truth, &lpips));
+    scores.back().gain = shown.gain;
     scores.back().seen = view.seen;
   }
   return eval::evaluation_of(std::move(scores));
@@ -44,7 +79,8 @@ eval::Evaluation evaluate_views(const splat::Gaussians& gaussians,
 std::vector<eval::ReblurScore> evaluate_held_out(const splat::Gaussians& gaussians,
                                                  const std::vector<data::Exposure>& held_out,
                                                  const geometry::ExposureOptions& exposure,
-                                                 const splat::RenderOptions& options) {
+                                                 const splat::RenderOptions& options,
+                                                 bool fit_gain) {
   const torch::NoGradGuard no_grad;
   const torch::Device device = gaussians.means.device();
   const auto moments = geometry::quadrature(exposure.quadrature, exposure.samples);
@@ -56,8 +92,10 @@ std::vector<eval::ReblurScore> evaluate_held_out(const splat::Gaussians& gaussia
     for (const double u : moments.u) poses.push_back(span.at(u));
     const auto renders =
         splat::render(gaussians, train::camera_batch(poses, each.camera, device), options).color;
-    scores.push_back({each.name, eval::psnr(losses::weighted_mean(renders, weights).clamp(0, 1),
-                                            each.blurry.to(device))});
+    const torch::Tensor truth = each.blurry.to(device);
+    const Brightened shown =
+        as_bright(losses::weighted_mean(renders, weights), truth, each.mask, each.gain, fit_gain);
+    scores.push_back({each.name, eval::psnr(shown.render, truth)});
   }
   return scores;
 }
@@ -65,9 +103,10 @@ std::vector<eval::ReblurScore> evaluate_held_out(const splat::Gaussians& gaussia
 eval::Evaluation evaluate_dataset(const splat::Gaussians& gaussians, const data::Dataset& dataset,
                                   const eval::Lpips& lpips, const train::RunOptions& options) {
   const splat::RenderOptions draw = train::render_options(options);
+  const bool fit_gain = train::learns_gains(options.gains, dataset);
   return eval::evaluation_of(
-      evaluate_views(gaussians, dataset.test, lpips, draw).views,
-      evaluate_held_out(gaussians, dataset.held_out, options.exposure, draw));
+      evaluate_views(gaussians, dataset.test, lpips, draw, fit_gain).views,
+      evaluate_held_out(gaussians, dataset.held_out, options.exposure, draw, fit_gain));
 }
 
 train::RunOptions written_options(const fs::path& run) {
@@ -150,22 +189,26 @@ data::Dataset load_run_dataset(const fs::path& run, const train::RunOptions& opt
   return load_posed(run, options).dataset;
 }
 
-splat::Gaussians newest_gaussians(const fs::path& run) {
-  if (fs::exists(run / kSceneFile)) return gaussians::read_ply(run / kSceneFile).gaussians;
+splat::Gaussians newest_gaussians(const fs::path& run) { return newest_scene(run).gaussians; }
+
+gaussians::GaussianFile newest_scene(const fs::path& run) {
+  if (fs::exists(run / kSceneFile)) return gaussians::read_ply(run / kSceneFile);
   const auto checkpoints = list_checkpoints(run);
   if (checkpoints.empty()) {
     throw DataError(concat(run.string(), ": expected ", kSceneFile,
                            " or a checkpoint, found neither; is this the --output of jade_train?"));
   }
-  return from_newest(checkpoints, load_checkpoint_gaussians);
+  return from_newest(checkpoints, load_checkpoint_scene);
 }
 
 FinishedRun open_run(const fs::path& run, const train::RunOptions& options) {
   PosedData posed = load_posed(run, options);
   // Poses and scene of one step.
-  return {std::move(posed.dataset), posed.checkpoint.empty()
-                                        ? newest_gaussians(run)
-                                        : load_checkpoint_gaussians(posed.checkpoint)};
+  gaussians::GaussianFile scene =
+      posed.checkpoint.empty() ? newest_scene(run) : load_checkpoint_scene(posed.checkpoint);
+  // Another data set of the same place may have another origin.
+  data::move_origin(posed.dataset, scene.origin);
+  return {std::move(posed.dataset), std::move(scene.gaussians)};
 }
 
 }  // namespace jade::run

@@ -7,6 +7,7 @@
 
 #include "jade/data/exposure.h"
 #include "jade/eval/report.h"
+#include "jade/gaussians/ply.h"
 #include "jade/splat/render.h"
 #include "jade/train/options.h"
 
@@ -17,17 +18,25 @@ namespace jade::run {
 torch::Tensor render_view(const splat::Gaussians& gaussians, const geometry::Pose& pose,
                           const geometry::Intrinsics& camera, const splat::RenderOptions& options);
 
-/// Scores renders of the sharp views, with LPIPS where `lpips` has its networks.
+/// How many times as bright the image is to be to look most like the truth, in squared error.
+double fitted_gain(const torch::Tensor& image, const torch::Tensor& truth);
+
+/// Scores renders of the sharp views, with LPIPS where `lpips` has its networks. They are made as
+/// bright as the view's gain says, or as its image is.
+/// @param fit_gain  for a scene that has learned the gains of its frames: those of test views are
+///   fitted, and stand in the scores
 eval::Evaluation evaluate_views(const splat::Gaussians& gaussians,
                                 const std::vector<data::SharpView>& views, const eval::Lpips& lpips,
-                                const splat::RenderOptions& options);
+                                const splat::RenderOptions& options, bool fit_gain = false);
 
 /// Scores renders that are blurred along the paths of exposures that training has not seen: their
-/// mean over the moments of `exposure` against the blurry frame.
+/// mean over the moments of `exposure` against the blurry frame, as bright as evaluate_views()
+/// says.
 std::vector<eval::ReblurScore> evaluate_held_out(const splat::Gaussians& gaussians,
                                                  const std::vector<data::Exposure>& held_out,
                                                  const geometry::ExposureOptions& exposure,
-                                                 const splat::RenderOptions& options);
+                                                 const splat::RenderOptions& options,
+                                                 bool fit_gain = false);
 
 /// Both, over all that a data set has to judge by.
 eval::Evaluation evaluate_dataset(const splat::Gaussians& gaussians, const data::Dataset& dataset,
@@ -53,6 +62,9 @@ data::Dataset load_run_dataset(const std::filesystem::path& run, const train::Ru
 /// checkpoint.
 /// @throws DataError where there are none, CheckpointError naming the path.
 splat::Gaussians newest_gaussians(const std::filesystem::path& run);
+
+/// The same with their origin.
+gaussians::GaussianFile newest_scene(const std::filesystem::path& run);
 
 /// A run directory as other programs use it: its data and its newest Gaussians.
 struct FinishedRun {

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <optional>
 #include <torch/types.h>
 
 #include "jade/core/error.h"
@@ -10,10 +11,12 @@
 #include "jade/core/progress.h"
 #include "jade/data/cameras.h"
 #include "jade/geometry/alignment.h"
+#include "jade/geometry/origin.h"
 #include "jade/geometry/quadrature.h"
 #include "jade/geometry/se3.h"
 #include "jade/imaging/ssim.h"
 #include "jade/losses/poses.h"
+#include "jade/run/evaluate.h"
 #include "jade/train/module_adam.h"
 #include "jade/train/view.h"
 
@@ -29,7 +32,17 @@ struct Sight {
   geometry::Intrinsics camera;
   std::vector<geometry::Pose> path;
   std::vector<double> weights;  ///< of each pose in the picture
+  torch::Tensor mask;           ///< as data::Exposure::mask
+  std::optional<double> gain;   ///< of the image; absent: what suits the render
 };
+
+/// The render as the image has it: as bright, and black under the mask.
+torch::Tensor as_in_image(const torch::Tensor& render, const torch::Tensor& image,
+                          const torch::Tensor& mask, const std::optional<double>& gain) {
+  const torch::Tensor shown = mask.defined() ? render * mask : render;
+  if (!gain) return shown * fitted_gain(shown.detach(), image);
+  return *gain == 1 ? shown : shown * *gain;
+}
 
 /// The path, moved as a whole, from which the scene looks most like the image, near the one given.
 std::vector<geometry::Pose> fitted(const Sight& sight, const splat::Gaussians& gaussians,
@@ -41,7 +54,12 @@ std::vector<geometry::Pose> fitted(const Sight& sight, const splat::Gaussians& g
     start.push_back(geometry::to_tensor(geometry::inverse(pose)));
   }
   const torch::Tensor weights = torch::tensor(sight.weights, torch::kFloat64).to(device);
-  const imaging::SsimTarget target = imaging::ssim_target(sight.image.to(device));
+  torch::Tensor mask, image = sight.image.to(device);
+  if (sight.mask.defined()) {
+    mask = sight.mask.to(device, torch::kFloat32);
+    image = image * mask;
+  }
+  const imaging::SsimTarget target = imaging::ssim_target(image);
   splat::CameraBatch camera = train::camera_batch(sight.path, sight.camera, device);
   torch::Tensor twist = torch::zeros({6}, torch::kFloat64).requires_grad_();
   train::PoseOptions schedule;
@@ -58,9 +76,10 @@ std::vector<geometry::Pose> fitted(const Sight& sight, const splat::Gaussians& g
     }
     camera.camera_from_world = torch::stack(poses).to(device, torch::kFloat32);
     const torch::Tensor renders = splat::render(gaussians, camera, render).color;
+    const torch::Tensor mean =
+        poses.size() == 1 ? renders[0] : losses::weighted_mean(renders, weights);
     const torch::Tensor loss =
-        imaging::l1_ssim(poses.size() == 1 ? renders[0] : losses::weighted_mean(renders, weights),
-                         target, kFitDssim);
+        imaging::l1_ssim(as_in_image(mean, image, mask, sight.gain), target, kFitDssim);
     if (const double value = loss.item<double>(); value < least) {
       least = value;
       for (size_t k = 0; k < poses.size(); ++k) best[k] = geometry::pose_from_tensor(poses[k]);
@@ -104,7 +123,8 @@ torch::Tensor learned_path(const train::ExposurePoses& poses, int64_t index,
 
 data::Dataset with_learned_poses(const data::Dataset& dataset, const train::ExposurePoses& poses,
                                  const splat::Gaussians& gaussians, int64_t fit_steps,
-                                 const splat::RenderOptions& render, OnInterrupt on_interrupt) {
+                                 const splat::RenderOptions& render, bool fit_gain,
+                                 OnInterrupt on_interrupt) {
   const bool may_end = on_interrupt == OnInterrupt::kEnd;
   data::Dataset learned = dataset;
   std::vector<geometry::Pose> before, after;
@@ -124,29 +144,42 @@ data::Dataset with_learned_poses(const data::Dataset& dataset, const train::Expo
   const geometry::Similarity drift = geometry::align_cameras(before, after);
   const auto views = static_cast<int64_t>(learned.test.size() + learned.held_out.size());
   Progress progress("fitting poses", views * fit_steps);
+  const auto gain_of = [&](double gain) {
+    return fit_gain ? std::nullopt : std::optional<double>(gain);
+  };
   for (data::SharpView& view : learned.test) {
     view.pose = geometry::moved(view.pose, drift);
-    view.pose = fitted({view.image, view.camera, {view.pose}, {1.0}}, gaussians, fit_steps, render,
-                       progress, may_end)[0];
+    view.pose = fitted({view.image, view.camera, {view.pose}, {1.0}, view.mask, gain_of(view.gain)},
+                       gaussians, fit_steps, render, progress, may_end)[0];
   }
   for (data::Exposure& exposure : learned.held_out) {
     for (geometry::Pose& pose : exposure.poses) pose = geometry::moved(pose, drift);
     const std::vector<geometry::Pose> path{exposure.poses.begin(), exposure.poses.end()};
     const auto moments = geometry::quadrature(geometry::QuadratureRule::kTrapezoid, path.size());
-    const auto found = fitted({exposure.blurry, exposure.camera, path, moments.weights}, gaussians,
-                              fit_steps, render, progress, may_end);
+    const auto found = fitted({exposure.blurry, exposure.camera, path, moments.weights,
+                               exposure.mask, gain_of(exposure.gain)},
+                              gaussians, fit_steps, render, progress, may_end);
     std::copy(found.begin(), found.end(), exposure.poses.begin());
   }
   return learned;
 }
 
 void write_learned_cameras(const std::filesystem::path& path, const data::Dataset& dataset) {
-  data::write_cameras(path, all_cameras(dataset));
+  std::vector<data::NamedCamera> cameras = all_cameras(dataset);
+  const geometry::Vector3& o = dataset.origin;
+  for (data::NamedCamera& camera : cameras) {
+    camera.camera_from_world =
+        geometry::with_origin(camera.camera_from_world, {-o[0], -o[1], -o[2]});
+  }
+  data::write_cameras(path, cameras);
 }
 
 void read_learned_cameras(const std::filesystem::path& path, data::Dataset& dataset) {
-  const std::vector<data::NamedCamera> expected = all_cameras(dataset),
-                                       found = data::read_cameras(path);
+  const std::vector<data::NamedCamera> expected = all_cameras(dataset);
+  std::vector<data::NamedCamera> found = data::read_cameras(path);
+  for (data::NamedCamera& camera : found) {
+    camera.camera_from_world = geometry::with_origin(camera.camera_from_world, dataset.origin);
+  }
   const auto same = [](const data::NamedCamera& a, const data::NamedCamera& b) {
     return a.name == b.name && a.camera.width == b.camera.width &&
            a.camera.height == b.camera.height;

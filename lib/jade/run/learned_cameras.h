@@ -24,18 +24,22 @@ enum class OnInterrupt { kEnd, kFinish };
 /// and the learned ones, then fitted to their images with the scene held: `fit_steps` of Adam on a
 /// twist of the camera, step size 1e-3 falling to 1e-5, loss Eq. (8); the best pose on the way is
 /// taken. Methods that learn poses are scored this way (BAD-NeRF, BAD-Gaussians).
-/// Held-out exposures are moved and fitted alike, the nine poses of each as one body.
+/// Held-out exposures are moved and fitted alike, the nine poses of each as one body. Pixels under
+/// a mask do not count.
 /// @param on_interrupt  whether a request to stop ends the fit early
 /// @param gaussians  on the device to render on, without graph
 /// @param render     render_options() of the run
+/// @param fit_gain   images are as bright as suits the render best at each step; else as the data
+///   say
 /// @throws NumericError for learned poses that are not finite
 data::Dataset with_learned_poses(const data::Dataset& dataset, const train::ExposurePoses& poses,
                                  const splat::Gaussians& gaussians, int64_t fit_steps,
-                                 const splat::RenderOptions& render,
+                                 const splat::RenderOptions& render, bool fit_gain = false,
                                  OnInterrupt on_interrupt = OnInterrupt::kEnd);
 
 /// Writes kLearnedCamerasFile of a run directory: the test views by name and the nine poses of each
-/// exposure, in the form that data::read_cameras() reads.
+/// exposure, in the form that data::read_cameras() reads,
+/// in the coordinates of the data set.
 void write_learned_cameras(const std::filesystem::path& path, const data::Dataset& dataset);
 
 /// Puts the poses of such a file into the data set.

@@ -124,9 +124,9 @@ Json headline(const data::Dataset& dataset, const std::vector<train::View>& view
     const data::Exposure& exposure = dataset.train[i];
     ++count;
     blurry += eval::psnr(views[i].blurry, truth);
-    edi += eval::psnr(views[i].restorations.edi.clamp(0, 1), truth);
+    edi += eval::psnr(views[i].restorations.edi.clamp(0, 1).to(truth.device()), truth);
     learned = learned && views[i].restorations.efnet.defined();
-    if (learned) efnet += eval::psnr(views[i].restorations.efnet, truth);
+    if (learned) efnet += eval::psnr(views[i].restorations.efnet.to(truth.device()), truth);
     rendered += eval::psnr(render_view(state.gaussians.detached(),
                                        exposure.poses[geometry::kMidPose], exposure.camera, draw),
                            truth);
@@ -202,7 +202,7 @@ Json allocation_statistics(const data::Dataset& dataset, const std::vector<train
     if (!alpha.defined()) return {{"views", rows}};
     const auto map =
         alpha.expand({1, views[i].density.size(0), views[i].density.size(1)}).to(torch::kFloat64);
-    const double r = correlation(map[0], views[i].density);
+    const double r = correlation(map[0].cpu(), views[i].density);
     rows.push_back({{"name", views[i].name},
                     {"alpha_mean", map.mean().item<double>()},
                     {"alpha_std", map.std(/*unbiased=*/false).item<double>()},

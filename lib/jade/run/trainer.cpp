@@ -19,12 +19,14 @@
 #include "jade/core/version.h"
 #include "jade/eval/metrics.h"
 #include "jade/gaussians/ply.h"
+#include "jade/geometry/origin.h"
 #include "jade/imaging/image_io.h"
 #include "jade/losses/poses.h"
 #include "jade/response/identity_fit.h"
 #include "jade/run/checkpoint.h"
 #include "jade/run/evaluate.h"
 #include "jade/run/report.h"
+#include "jade/train/memory_plan.h"
 #include "jade/train/routing_step.h"
 
 namespace jade::run {
@@ -72,13 +74,6 @@ RunData load_data(const RunDirectory& directory, const train::RunOptions& option
   return data;
 }
 
-nlohmann::ordered_json json_of(const train::SensorEstimate& sensor) {
-  return {{"threshold_positive", sensor.threshold_positive},
-          {"threshold_negative", sensor.threshold_negative},
-          {"gain_std", sensor.gain_std},
-          {"offset_ms", sensor.offset_ms}};
-}
-
 /// True when `due` divides the step; 0 is never.
 bool every(int64_t step, int64_t due) { return due > 0 && step % due == 0; }
 
@@ -104,6 +99,9 @@ Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const st
   times_.end("start");
   feed_ = train::StepFeed(data_.dataset, options_, device_, std::move(data_.restorer));
   times_.end("restorations");
+  log_info(concat("memory      ",
+                  train::text_of(train::memory_plan(views(), state_, options_), views().size(),
+                                 train::most_gaussians(state_, options_))));
   metrics_ = std::make_unique<MetricsLog>(directory_.path() / "metrics.jsonl", state_.step);
 }
 
@@ -206,6 +204,7 @@ void Trainer::announce() const {
                   camera.height, data_.dataset.monochrome ? ", monochrome, " : " in colour, ",
                   event_count, " events; ", data_.dataset.test.size(), " sharp test views (",
                   data_.dataset.split, ")"));
+  for (const std::string& note : data_.dataset.notes) log_info("data        " + note);
   log_info(concat("scene       ", state_.gaussians.size(), " Gaussians, extent ",
                   state_.gaussians.extent(), ", near plane ",
                   train::render_options(options_).near_plane));
@@ -231,6 +230,7 @@ void Trainer::write_environment() const {
                                      {"seed", options_.seed},
                                      {"data_fingerprint", data_.fingerprint}};
   if (!data_.restorer_sha256.empty()) environment["restorer_sha256"] = data_.restorer_sha256;
+  if (!geometry::is_zero(data_.dataset.origin)) environment["origin"] = data_.dataset.origin;
   write_file(directory_.path() / "env.json", environment.dump(2) + "\n");
 }
 
@@ -239,7 +239,7 @@ void Trainer::step(const std::function<void()>& look) {
   const train::StepInputs inputs = feed_.at(step);
   const train::StepOutputs out =
       step_graph_.run(state_, inputs, train::plan_step(options_, step), options_);
-  train::update_poses(state_, options_, step);
+  train::update_exposures(state_, options_, step);
   state_.step = step;
   monitor_.watch(out.terms, step);
   if (metrics_ && (every(step, options_.train.log_every) || step == options_.train.iterations)) {
@@ -268,17 +268,25 @@ void Trainer::log_step(const train::StepInputs& inputs, const train::StepOutputs
   const torch::Tensor all =
       out.renders.all_poses
           ? out.renders.color.detach()
-          : splat::render(state_.gaussians.detached(), train::exposure_cameras(state_, inputs),
-                          train::render_options(options_))
-                .color;
-  const double psnr = eval::psnr(losses::weighted_mean(all, view.weights), view.blurry);
+          : train::as_in_frame(
+                state_, inputs,
+                splat::render(state_.gaussians.detached(), train::exposure_cameras(state_, inputs),
+                              train::render_options(options_))
+                    .color);
+  double psnr = eval::psnr(losses::weighted_mean(all, view.weights), view.blurry);
+  // Under the mask both are black, and no pixel there counts.
+  if (view.mask.defined()) psnr += 10 * std::log10(view.mask.mean().item<double>());
   line["psnr_train"] = psnr;
   if (state_.allocation) {
     const auto alpha = train::allocation_map(state_, view, index);
     line["alpha_mean"] = alpha.mean().item<double>();
     line["alpha_std"] = alpha.numel() > 1 ? alpha.std().item<double>() : 0.0;
   }
-  if (state_.sensor) line.update(json_of(state_.sensor->estimate()));
+  if (state_.gains) {
+    const auto [least, most] = state_.gains->range();
+    line["gain_min"] = least;
+    line["gain_max"] = most;
+  }
   line["gaussians"] = state_.gaussians.size();
   const double seconds = now_seconds();
   if (logged_seconds_ > 0) {
@@ -298,14 +306,10 @@ void Trainer::log_step(const train::StepInputs& inputs, const train::StepOutputs
 
 void Trainer::save() {
   monitor_.check();
-  save_checkpoint(directory_.path(), state_,
-                  {yaml_of(options_), data_.fingerprint, data_.restorer_sha256},
-                  options_.checkpoint.keep);
-  if (state_.sensor) {
-    nlohmann::ordered_json sensor = json_of(state_.sensor->estimate());
-    sensor.erase("gain_std");
-    write_file(directory_.path() / "sensor.json", sensor.dump(2) + "\n");
-  }
+  save_checkpoint(
+      directory_.path(), state_,
+      {yaml_of(options_), data_.fingerprint, data_.restorer_sha256, data_.dataset.origin},
+      options_.checkpoint.keep);
 }
 
 bool Trainer::can_evaluate() const {
@@ -351,8 +355,10 @@ data::Dataset Trainer::posed_dataset(OnInterrupt on_interrupt) {
   if (!state_.poses) return data_.dataset;
   return with_learned_poses(data_.dataset, *state_.poses, state_.gaussians.detached(),
                             options_.poses.test_fit_steps, train::render_options(options_),
-                            on_interrupt);
+                            learns_gains(), on_interrupt);
 }
+
+bool Trainer::learns_gains() const { return train::learns_gains(options_.gains, data_.dataset); }
 
 void Trainer::write_pictures(const data::Dataset& posed, bool truths) {
   const splat::Gaussians gaussians = state_.gaussians.detached();
@@ -414,7 +420,8 @@ void Trainer::finish() {
     write_learned_cameras(directory_.path() / kLearnedCamerasFile, posed);
   }
   // After its cameras, as it tells others that the run has ended.
-  gaussians::write_ply(directory_.path() / kSceneFile, {state_.gaussians.detached()});
+  gaussians::write_ply(directory_.path() / kSceneFile,
+                       {state_.gaussians.detached(), false, data_.dataset.origin});
   times_.end("test poses, scene");
   write_pictures(posed, /*truths=*/true);
   times_.end("pictures");
@@ -425,11 +432,10 @@ void Trainer::finish() {
                                          : "on the sharp test views:\n") +
              eval::to_table(evaluation));
   }
-  if (state_.sensor) {
-    const train::SensorEstimate sensor = state_.sensor->estimate();
-    log_info(concat("sensor      thresholds ", sensor.threshold_positive, " and ",
-                    sensor.threshold_negative, ", log gain of deviation ", sensor.gain_std,
-                    ", events' clock ahead by ", sensor.offset_ms, " ms"));
+  if (state_.gains) {
+    const auto [least, most] = state_.gains->range();
+    log_info(concat("gains       of the frames ", least, " to ", most,
+                    learns_gains() ? ", learned" : ", as the data have them"));
   }
   if (state_.gaussians.size() == 0) {
     log_warn(
@@ -443,6 +449,11 @@ void Trainer::finish() {
   log_info("time        " + times_.text());
   log_info(concat("report      ", (directory_.path() / kReportFile).string()));
   log_info(concat("scene       ", (directory_.path() / kSceneFile).string()));
+  if (!geometry::is_zero(data_.dataset.origin)) {
+    log_info(concat("coordinates of the scene are about (", geometry::text_of(data_.dataset.origin),
+                    ") of the data set; jade_export --run ", directory_.path().string(),
+                    " --output FILE.ply writes those of the data set"));
+  }
 }
 
 void Trainer::run(Watcher* watcher) {

@@ -72,6 +72,7 @@ class Trainer {
 
  private:
   eval::Evaluation evaluate(const data::Dataset& posed);
+  bool learns_gains() const;
   /// False where there is nothing to go on from.
   bool resume_from(const std::string& choice);
   /// What a run decides when it starts stays with it: its calendar and its near plane.

@@ -94,8 +94,23 @@ class LimitedServer : public httplib::Server {
   bool process_and_close_socket(socket_t socket) override {
     Connection connection(socket, {}, &stopping_);
     LimitedStream stream(connection);
+    return process(&LimitedServer::process_request, stream);
+  }
+
+  // The library's process_request takes both ends' addresses from 0.16 on, which we do not use.
+  using Setup = const std::function<void(httplib::Request&)>&;
+  using Old = bool (httplib::Server::*)(httplib::Stream&, bool, bool&, Setup);
+  using New = bool (httplib::Server::*)(httplib::Stream&, const std::string&, int,
+                                        const std::string&, int, bool, bool&, Setup);
+
+  bool process(Old request, httplib::Stream& stream) {
     bool closed = false;
-    return process_request(stream, /*close_connection=*/true, closed, answer_whole);
+    return (this->*request)(stream, /*close_connection=*/true, closed, answer_whole);
+  }
+
+  bool process(New request, httplib::Stream& stream) {
+    bool closed = false;
+    return (this->*request)(stream, "", 0, "", 0, /*close_connection=*/true, closed, answer_whole);
   }
 
   /// Answers are sent whole and as they are. Of ranges the library would put together all that are

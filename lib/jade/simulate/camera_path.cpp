@@ -48,8 +48,16 @@ CameraPath::CameraPath(const world::CameraRig& rig, double reach, uint64_t seed)
   }
 }
 
+// Speeds up and slows down as a cosine, so that the path has no corner.
+double CameraPath::moved_until(double t_us) const {
+  if (rest_ <= 0) return t_us;
+  const double periods = t_us / rest_period_us_, whole = std::floor(periods);
+  const double u = std::max(0.0, (periods - whole - rest_) / (1 - rest_));
+  return rest_period_us_ * (whole + u - std::sin(kTurn * u) / kTurn);
+}
+
 geometry::Pose CameraPath::at(double t_us) const {
-  const double t = t_us * 1e-6 * speed_;
+  const double t = moved_until(t_us) * 1e-6 * speed_;
   geometry::Vector3 eye = eye_, target = target_;
   for (size_t axis = 0; axis < 3; ++axis) {
     eye[axis] += wander_[axis].at(t);

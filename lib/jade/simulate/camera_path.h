@@ -22,6 +22,9 @@ class CameraPath {
   void set_speed(double speed) { speed_ = speed; }
   double speed() const { return speed_; }
 
+  /// Lets the camera stand still for the first `part` of each period and catch up in what is left.
+  void set_rest(double part, double period_us) { rest_ = part, rest_period_us_ = period_us; }
+
   /// camera_from_world at any time.
   geometry::Pose at(double t_us) const;
 
@@ -32,7 +35,9 @@ class CameraPath {
   };
   std::array<double, 3> eye_, target_, up_;
   std::array<Wander, 7> wander_;  // eye xyz, target xyz, roll
+  double moved_until(double t_us) const;
   double speed_ = 1;
+  double rest_ = 0, rest_period_us_ = 1;
 };
 
 /// Mean over pixels of the length of their way over the image while the camera goes from `begin_us`

@@ -5,9 +5,12 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <numeric>
 #include <utility>
 
 #include "jade/core/check.h"
+#include "jade/core/random.h"
+#include "jade/simulate/fixed_pattern.h"
 
 namespace jade::simulate {
 namespace {
@@ -33,7 +36,7 @@ float spread(float mean, double deviation, world::Draw& draw) {
 
 EventSensor::EventSensor(const EventSensorOptions& options, int64_t width, int64_t height,
                          uint64_t seed)
-    : options_(options), width_(width), height_(height) {
+    : options_(options), width_(width), height_(height), burst_draw_(derive_seed(seed, "bursts")) {
   const auto pixels = static_cast<size_t>(width * height);
   input_.resize(pixels), level_.resize(pixels), reference_.resize(pixels);
   last_us_.assign(pixels, kNever);
@@ -46,6 +49,20 @@ EventSensor::EventSensor(const EventSensorOptions& options, int64_t width, int64
     hot_.push_back(draw_[i].uniform() < options.hot_fraction);
     hazard_.push_back(static_cast<float>(draw_[i].exponential()));
   }
+  if (options.dead_columns > 0) {
+    dead_ = drawn_columns(options.dead_columns, width, derive_seed(seed, "dead columns"));
+  }
+  if (options.latency_us > 0 || options.dark_latency_us > 0) latest_us_.resize(pixels, INT64_MIN);
+  if (options.burst_hz > 0) next_burst_us_ = 1e6 * burst_draw_.exponential() / options.burst_hz;
+}
+
+std::vector<double> EventSensor::bursts_until(double end_us) {
+  std::vector<double> bursts;
+  while (options_.burst_hz > 0 && next_burst_us_ < end_us) {
+    bursts.push_back(next_burst_us_);
+    next_burst_us_ += 1e6 * burst_draw_.exponential() / options_.burst_hz;
+  }
+  return bursts;
 }
 
 void EventSensor::feed(const std::vector<float>& intensity, int64_t t_us) {
@@ -62,6 +79,7 @@ void EventSensor::feed(const std::vector<float>& intensity, int64_t t_us) {
     return;
   }
   const Span span{static_cast<double>(now_us_), static_cast<double>(t_us)};
+  const std::vector<double> bursts = bursts_until(span.end_us);
   const int64_t bands = (height_ + kBandRows - 1) / kBandRows;
   std::vector<std::vector<Event>> sent(static_cast<size_t>(bands));
   at::parallel_for(0, bands, 1, [&](int64_t first, int64_t last) {
@@ -72,7 +90,7 @@ void EventSensor::feed(const std::vector<float>& intensity, int64_t t_us) {
       for (size_t i = begin; i < end; ++i) {
         const float input = std::log(std::max(intensity[i], 0.0f) + eps);
         const float target = low_pass(i, input, intensity[i], span.end_us - span.begin_us);
-        advance_pixel(i, target, intensity[i], span, out);
+        advance_through(bursts, i, target, intensity[i], span, out);
         input_[i] = input, level_[i] = target;
       }
     }
@@ -91,6 +109,21 @@ float EventSensor::low_pass(size_t i, float x1, float intensity, double duration
   return static_cast<float>(x1 - slope * tau_us + (level_[i] - input_[i] + slope * tau_us) * kept);
 }
 
+void EventSensor::advance_through(const std::vector<double>& bursts, size_t i, float target,
+                                  float intensity, Span span, std::vector<Event>& out) {
+  for (const double burst_us : bursts) {
+    if (burst_us <= span.begin_us) continue;  // before the first picture
+    const auto share =
+        static_cast<float>((burst_us - span.begin_us) / (span.end_us - span.begin_us));
+    const float reached = level_[i] + share * (target - level_[i]);
+    advance_pixel(i, reached, intensity, {span.begin_us, burst_us}, out);
+    level_[i] = reached, span.begin_us = burst_us;
+    send(i, burst_us, intensity, draw_[i].uniform() < 0.5 ? int8_t{1} : int8_t{-1}, out);
+    reference_[i] = reached + options_.leak_hz * 1e-6 * on_[i] * burst_us;
+  }
+  advance_pixel(i, target, intensity, span, out);
+}
+
 // The leak pulls ref down at a steady rate, which is the same as L rising: both ends of the line
 // are raised by the leak so far.
 void EventSensor::advance_pixel(size_t i, float target, float intensity, const Span& span,
@@ -106,7 +139,7 @@ void EventSensor::advance_pixel(size_t i, float target, float intensity, const S
       const double next = reference_[i] + polarity * step;
       if ((reached - next) * polarity < 0) break;
       const double t = std::max(span.begin_us, span.begin_us + (next - from) / slope);
-      send(i, std::min(t, t_us), polarity, out);
+      send(i, std::min(t, t_us), intensity, polarity, out);
       reference_[i] = next;
     }
     return reached;
@@ -124,16 +157,29 @@ void EventSensor::advance_pixel(size_t i, float target, float intensity, const S
     hazard_[i] = static_cast<float>(draw_[i].exponential());
     const double now = cross_until(t);
     const bool on = hot_[i] || draw_[i].uniform() < 0.5;
-    send(i, t, on ? int8_t{1} : int8_t{-1}, out);
+    send(i, t, intensity, on ? int8_t{1} : int8_t{-1}, out);
     reference_[i] = now;
   }
   cross_until(span.end_us);
 }
 
-void EventSensor::send(size_t i, double t_us, int8_t polarity, std::vector<Event>& out) {
+// The photoreceptor is the slower the less light it has.
+double EventSensor::latency_us(float intensity) const {
+  constexpr float kDark = 0.1f;
+  return options_.latency_us + options_.dark_latency_us * kDark / std::max(intensity, kDark);
+}
+
+void EventSensor::send(size_t i, double t_us, float intensity, int8_t polarity,
+                       std::vector<Event>& out) {
   if (t_us - last_us_[i] < static_cast<double>(options_.refractory_us)) return;
   last_us_[i] = t_us;
-  out.push_back({static_cast<int64_t>(std::llround(t_us)), static_cast<int32_t>(i), polarity});
+  if (!dead_.empty() && dead_[i % static_cast<size_t>(width_)]) return;
+  int64_t stamp_us = std::llround(t_us);
+  if (!latest_us_.empty()) {  // no event of a pixel overtakes another
+    stamp_us = std::max<int64_t>(std::llround(t_us + latency_us(intensity)), latest_us_[i]);
+    latest_us_[i] = stamp_us;
+  }
+  out.push_back({stamp_us, static_cast<int32_t>(i), polarity});
 }
 
 void EventSensor::append(std::vector<std::vector<Event>>& bands) {
@@ -149,7 +195,22 @@ void EventSensor::append(std::vector<std::vector<Event>>& bands) {
   }
 }
 
+// Late events have overtaken each other from one picture to the next.
+void EventSensor::sort_by_time() {
+  std::vector<size_t> order(t_us_.size());
+  std::iota(order.begin(), order.end(), size_t{0});
+  std::stable_sort(order.begin(), order.end(),
+                   [&](size_t a, size_t b) { return t_us_[a] < t_us_[b]; });
+  const auto reorder = [&](auto& values) {
+    auto sorted = values;
+    for (size_t i = 0; i < order.size(); ++i) sorted[i] = values[order[i]];
+    values.swap(sorted);
+  };
+  reorder(x_), reorder(y_), reorder(t_us_), reorder(polarity_);
+}
+
 events::EventStream EventSensor::take() {
+  if (!latest_us_.empty()) sort_by_time();
   events::EventStream stream(
       adopt(std::move(x_), torch::kFloat32), adopt(std::move(y_), torch::kFloat32),
       adopt(std::move(t_us_), torch::kInt64), adopt(std::move(polarity_), torch::kInt8));

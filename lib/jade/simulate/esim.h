@@ -14,8 +14,10 @@ namespace jade::simulate {
 /// intensity L of a pixel is a straight line in time; an event of polarity s is sent whenever L
 /// reaches ref + sΘ, and ref moves there, even when the refractory period keeps the event back.
 /// On top: thresholds that differ from pixel to pixel, a first-order low-pass, a leak that pulls
-/// ref down, random (shot) events after which a pixel starts afresh from its present L, and hot
-/// pixels. The events depend on the seed and the pictures alone, not on the number of threads.
+/// ref down, random (shot) events after which a pixel starts afresh from its present L, instants at
+/// which all pixels fire and start afresh, hot pixels, columns without events, and times that are
+/// late, the more so where it is dark. The events depend on the seed and the pictures alone, not on
+/// the number of threads.
 class EventSensor {
  public:
   EventSensor(const EventSensorOptions& options, int64_t width, int64_t height, uint64_t seed);
@@ -25,7 +27,8 @@ class EventSensor {
   void feed(const std::vector<float>& intensity, int64_t t_us);
 
   int64_t event_count() const { return static_cast<int64_t>(t_us_.size()); }
-  /// All events so far, sorted by time (then by row band, pixel); the sensor keeps none of them.
+  /// All events so far, sorted by time (those of one time in the order of what the pixels saw, by
+  /// row band and pixel); the sensor keeps none of them.
   events::EventStream take();
 
   double threshold_positive(int64_t pixel) const { return on_[static_cast<size_t>(pixel)]; }
@@ -40,10 +43,17 @@ class EventSensor {
   struct Span {
     double begin_us, end_us;
   };
+  /// Those after the last call's.
+  std::vector<double> bursts_until(double end_us);
   void advance_pixel(size_t pixel, float target, float intensity, const Span& span,
                      std::vector<Event>& out);
-  void send(size_t pixel, double t_us, int8_t polarity, std::vector<Event>& out);
+  /// The same, interrupted by bursts.
+  void advance_through(const std::vector<double>& bursts, size_t pixel, float target,
+                       float intensity, Span span, std::vector<Event>& out);
+  void send(size_t pixel, double t_us, float intensity, int8_t polarity, std::vector<Event>& out);
+  double latency_us(float intensity) const;
   float low_pass(size_t pixel, float input, float intensity, double duration_us);
+  void sort_by_time();
   void append(std::vector<std::vector<Event>>& bands);
 
   EventSensorOptions options_;
@@ -59,6 +69,10 @@ class EventSensor {
   std::vector<double> last_us_;
   std::vector<world::Draw> draw_;
   std::vector<uint8_t> hot_;
+  std::vector<uint8_t> dead_;       // per column; empty: none
+  std::vector<int64_t> latest_us_;  // time given to the last event; empty: events are not late
+  world::Draw burst_draw_;
+  double next_burst_us_ = 0;
   // Events so far.
   std::vector<float> x_, y_;
   std::vector<int64_t> t_us_;

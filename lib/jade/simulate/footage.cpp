@@ -53,6 +53,7 @@ RenderedFootage::RenderedFootage(const SimulateRun& run, std::unique_ptr<world::
       path_(rig, run.simulate.motion.reach,
             derive_seed(static_cast<uint64_t>(run.seed), "camera path")),
       clock_(sampling_of(run.simulate, event_camera_), path_, camera_) {
+  path_.set_rest(run.simulate.motion.rest, 1000 * run.simulate.motion.rest_period_ms);
   blur_px_ = set_speed_for_blur(path_, *source_, camera_, timeline, run.simulate.motion.blur_px);
 }
 

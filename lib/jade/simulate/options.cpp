@@ -54,6 +54,13 @@ void validate(const SimulateRun& run) {
     }
   }
   const EventCameraOptions& beside = o.event_camera;
+  const int64_t event_width = beside.width > 0 ? beside.width : o.width;
+  if (o.image.dead_columns >= o.width || o.events.dead_columns >= event_width) {
+    throw ConfigError(concat(
+        "simulate.image.dead_columns, simulate.events.dead_columns: expected fewer than the ",
+        o.width, " and ", event_width, " columns of the sensors, found ", o.image.dead_columns,
+        " and ", o.events.dead_columns));
+  }
   const bool described =
       !beside.turn_deg.empty() || beside.width != 0 || beside.height != 0 || beside.focal_px != 0;
   if (described && !beside.is_beside()) {

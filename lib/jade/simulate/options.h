@@ -13,12 +13,19 @@ namespace jade::simulate {
 struct MotionOptions {
   double blur_px = 16;  ///< mean length of the blur
   double reach = 1;
+  double rest = 0;
+  double rest_period_ms = 500;
 };
 template <class V>
 void describe(V& v, MotionOptions& o) {
   v.field("blur_px", o.blur_px, "mean length of the blur over an exposure, px; sets the speed",
           Range{0.1, 200});
   v.field("reach", o.reach, "size of the camera's excursions, 1 fits the scene", Range{0.01, 1.5});
+  v.field("rest", o.rest,
+          "part of each rest_period_ms in which the camera stands still; in what is left of it it "
+          "goes as far, and so is faster",
+          Range{0, 0.95});
+  v.field("rest_period_ms", o.rest_period_ms, "from one rest to the next, ms", Range{1, 1e5});
 }
 
 /// Empty vectors leave it to the source.
@@ -50,6 +57,50 @@ void describe(V& v, SamplingOptions& o) {
   v.field("sharp_samples", o.sharp_samples, "rays per pixel of sharp pictures", Range{1, 256});
 }
 
+/// The light that falls on the scene.
+struct LightOptions {
+  double brightness = 1;
+  double flicker = 0, flicker_hz = 100;
+};
+template <class V>
+void describe(V& v, LightOptions& o) {
+  v.field("brightness", o.brightness, "of the scene, as a multiple of its light", Range{1e-3, 100});
+  v.field("flicker", o.flicker,
+          "part by which lamps on the mains lower and raise the light, as a cosine",
+          Range{0, 0.99});
+  v.field("flicker_hz", o.flicker_hz, "twice the frequency of the mains, Hz", Range{1, 10000});
+}
+
+/// What lies before both sensors.
+struct OpticsOptions {
+  double vignetting = 0;
+  int64_t dust = 0;
+  double dust_radius_px = 4;
+};
+template <class V>
+void describe(V& v, OpticsOptions& o) {
+  v.field("vignetting", o.vignetting,
+          "part of the light that is lost in the corners; with the square of the distance to the "
+          "middle",
+          Range{0, 1});
+  v.field("dust", o.dust, "dark spots that stay where they are in the image", Range{0, 10000});
+  v.field("dust_radius_px", o.dust_radius_px, "mean radius of a spot, px", Range{0.5, 1000});
+}
+
+/// A striped ball that swings before the scene; the camera looks past it.
+struct ObjectOptions {
+  double radius_px = 0;
+  double travel_px = 60;
+  double period_ms = 1000;
+};
+template <class V>
+void describe(V& v, ObjectOptions& o) {
+  v.field("radius_px", o.radius_px, "apparent radius of a moving ball, px; 0: none",
+          Range{0, 10000});
+  v.field("travel_px", o.travel_px, "how far it swings to each side, px", Range{0, 10000});
+  v.field("period_ms", o.period_ms, "of its swing, ms", Range{10, 1e6});
+}
+
 /// How light becomes stored values.
 enum class Encoding { kLinear, kSrgb };
 
@@ -70,6 +121,9 @@ struct ImageSensorOptions {
   Space blur_space = Space::kStored;
   double full_well = 0;
   double read_noise = 0;
+  double pattern_rows = 0, pattern_columns = 0, pattern_pixels = 0;
+  int64_t dead_columns = 0;
+  double auto_exposure = 0;
 };
 template <class V>
 void describe(V& v, ImageSensorOptions& o) {
@@ -78,6 +132,17 @@ void describe(V& v, ImageSensorOptions& o) {
   v.field("full_well", o.full_well, "electrons of a white pixel, for photon noise; 0: none",
           Range{0, 1e9});
   v.field("read_noise", o.read_noise, "standard deviation, as a fraction of white", Range{0, 1});
+  v.field(
+      "pattern_rows", o.pattern_rows,
+      "fixed pattern: standard deviation of an offset that each row has, as a fraction of white",
+      Range{0, 1});
+  v.field("pattern_columns", o.pattern_columns, "the same of each column", Range{0, 1});
+  v.field("pattern_pixels", o.pattern_pixels, "the same of each pixel", Range{0, 1});
+  v.field("dead_columns", o.dead_columns, "columns that are black in every frame", Range{0, 8192});
+  v.field("auto_exposure", o.auto_exposure,
+          "mean that the middle of a frame is brought to, by a shorter exposure or by gain, from "
+          "what the frame before was like; 0: length and gain are fixed",
+          Range{0, 1});
 }
 
 /// The colour filter before the event pixels, in the words of data/bayer.h.
@@ -99,6 +164,9 @@ struct EventSensorOptions {
   double leak_hz = 0;
   double shot_hz = 0;
   double hot_fraction = 0, hot_hz = 0;
+  double latency_us = 0, dark_latency_us = 0;
+  double burst_hz = 0;
+  int64_t dead_columns = 0;
 };
 template <class V>
 void describe(V& v, EventSensorOptions& o) {
@@ -122,6 +190,14 @@ void describe(V& v, EventSensorOptions& o) {
   v.field("hot_fraction", o.hot_fraction, "part of the pixels that fire by themselves",
           Range{0, 1});
   v.field("hot_hz", o.hot_hz, "their rate, Hz", Range{0, 10000});
+  v.field("latency_us", o.latency_us, "from what a pixel sees to the time of its event, µs",
+          Range{0, 1e6});
+  v.field("dark_latency_us", o.dark_latency_us,
+          "added to it where the pixel sees a tenth of white or less, µs; falls with brightness",
+          Range{0, 1e6});
+  v.field("burst_hz", o.burst_hz, "instants at which all pixels fire, of random sign, per second",
+          Range{0, 1000});
+  v.field("dead_columns", o.dead_columns, "columns without events", Range{0, 8192});
 }
 
 /// An event camera beside the camera of the frames. One sensor gives both where `centre` is empty.
@@ -141,6 +217,17 @@ void describe(V& v, EventCameraOptions& o) {
   v.field("width", o.width, "px; 0: as the frames", Range{0, 8192});
   v.field("height", o.height, "px; 0: as the frames", Range{0, 8192});
   v.field("focal_px", o.focal_px, "px; 0: as the frames", Range{0, 1e5});
+}
+
+/// What a recording says of itself.
+struct RecordingOptions {
+  bool exposure_times = true;
+};
+template <class V>
+void describe(V& v, RecordingOptions& o) {
+  v.field("exposure_times", o.exposure_times,
+          "with --recording: write exposures.csv, and sharp views among the frames; false: frames "
+          "have a time stamp alone, of the middle");
 }
 
 /// Which poses are estimated; the others follow from them.
@@ -207,10 +294,14 @@ struct SimulateOptions {
   double frame_rate_hz = 1000;
   CameraOptions camera;
   MotionOptions motion;
+  LightOptions light;
+  ObjectOptions object;
+  OpticsOptions optics;
   SamplingOptions sampling;
   ImageSensorOptions image;
   EventSensorOptions events;
   EventCameraOptions event_camera;
+  RecordingOptions recording;
   PoseNoiseOptions poses;
 };
 template <class V>
@@ -236,10 +327,14 @@ void describe(V& v, SimulateOptions& o) {
           Range{1, 1e6});
   v.group("camera", o.camera, "where the camera is");
   v.group("motion", o.motion, "the camera's path");
+  v.group("light", o.light, "the light on the scene");
+  v.group("object", o.object, "what moves before the scene");
+  v.group("optics", o.optics, "what lies before both sensors");
   v.group("sampling", o.sampling, "frames that are rendered");
   v.group("image", o.image, "the frame sensor");
   v.group("events", o.events, "the event sensor");
   v.group("event_camera", o.event_camera, "where the event sensor is not that of the frames");
+  v.group("recording", o.recording, "what a recording says of itself");
   v.group("poses", o.poses, "error of the written poses, as structure from motion makes");
 }
 

@@ -8,7 +8,10 @@
 
 #include "jade/data/exposure.h"
 #include "jade/simulate/esim.h"
+#include "jade/simulate/fixed_pattern.h"
 #include "jade/simulate/footage.h"
+#include "jade/simulate/moving_object.h"
+#include "jade/simulate/optics.h"
 #include "jade/simulate/sensor.h"
 
 namespace jade::simulate {
@@ -16,7 +19,9 @@ namespace jade::simulate {
 /// Lets a frame sensor and an event sensor watch the same footage.
 class Recorder {
  public:
-  Recorder(const SimulateRun& run, Footage& footage, const Timeline& timeline);
+  /// @param settings  of each exposure
+  Recorder(const SimulateRun& run, Footage& footage, const Timeline& timeline,
+           std::vector<ExposureSetting> settings);
 
   struct Recording {
     std::vector<data::Exposure> exposures;  ///< pictures, times and camera; no poses, no names
@@ -26,21 +31,40 @@ class Recorder {
   /// Shows progress. @throws Interrupted.
   Recording record();
 
-  /// A sharp, noiseless picture.
+  /// A sharp picture of the scene: no noise, and nothing of what object, flicker, optics and sensor
+  /// do to it.
   torch::Tensor sharp(int64_t t_us) const;
+  /// With all of that but noise, by the setting of the exposure before.
+  torch::Tensor recorded(int64_t t_us) const;
+  const ExposureSetting& setting_at(int64_t t_us) const;
 
  private:
+  /// What the camera of the frames sees, and that of the events where it stands beside.
+  struct Views {
+    world::SharpFrame frames, events;
+  };
+  /// The latest time to look next, at most `until_us`.
+  int64_t latest(int64_t now_us, int64_t until_us) const;
+  void look(int64_t t_us, Views& views) const;
+  void light(const Views& views, int64_t t_us, Views& lit) const;
+  void watch(const Views& before, const Views& after, int64_t from_us, int64_t to_us,
+             std::vector<data::Exposure>& done);
   geometry::Intrinsics event_camera() const;
+  MovingObject moving_object() const;
   uint64_t seed(const std::string& purpose) const;
-  void feed(const world::SharpFrame& frame, int64_t t_us);
+  void feed(const Views& views, int64_t t_us);
   void expose(const world::SharpFrame& before, const world::SharpFrame& after, int64_t from_us,
               int64_t to_us, std::vector<data::Exposure>& done);
 
   const SimulateRun run_;
   Footage& footage_;
   const Timeline& timeline_;
+  const std::vector<ExposureSetting> settings_;
+  const MovingObject object_;
+  const Optics optics_, event_optics_;
+  const FixedPattern pattern_;
   EventSensor sensor_;
-  world::SharpFrame event_view_;  // of an event camera beside that of the frames
+  Views mixed_, lit_before_, lit_after_;
   std::vector<float> intensity_;
   std::unique_ptr<Exposing> exposing_;
 };

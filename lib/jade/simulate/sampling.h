@@ -10,7 +10,7 @@
 namespace jade::simulate {
 
 /// The times of a recording, µs. All exposures are equally long and follow each other at equal
-/// steps.
+/// steps, until shorten() of auto_exposure.h.
 struct Timeline {
   struct Window {
     int64_t begin_us, end_us;

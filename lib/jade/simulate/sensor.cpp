@@ -72,17 +72,24 @@ torch::Tensor Exposing::mean() const {
   return image;
 }
 
-torch::Tensor Exposing::develop(uint64_t seed) const {
+torch::Tensor Exposing::develop(uint64_t seed, const ExposureSetting& setting,
+                                const FixedPattern* pattern) const {
   auto image = mean();
   auto* out = image.data_ptr<float>();
-  const bool noisy = options_.full_well > 0 || options_.read_noise > 0;
-  at::parallel_for(0, noisy ? image.numel() : 0, 8192, [&](int64_t begin, int64_t end) {
+  const auto pixels = static_cast<size_t>(width_ * height_);
+  const bool patterned = pattern != nullptr && !pattern->is_empty();
+  const bool changed = options_.full_well > 0 || options_.read_noise > 0 || patterned ||
+                       setting.time != 1 || setting.gain != 1;
+  at::parallel_for(0, changed ? image.numel() : 0, 8192, [&](int64_t begin, int64_t end) {
     for (int64_t i = begin; i < end; ++i) {
       world::Draw draw(seed, static_cast<uint64_t>(i));
-      double light = decode(std::clamp(out[i], 0.0f, 1.0f), options_.encoding);
+      double light = decode(std::max(out[i], 0.0f), options_.encoding) * setting.time;
+      light = std::min(light, 1.0);
       if (options_.full_well > 0)
         light = draw.poisson(light * options_.full_well) / options_.full_well;
       light += options_.read_noise * draw.normal();
+      light *= setting.gain;
+      if (patterned) light = pattern->apply(light, static_cast<size_t>(i) % pixels);
       out[i] = encode(static_cast<float>(std::clamp(light, 0.0, 1.0)), options_.encoding);
     }
   });

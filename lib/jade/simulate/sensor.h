@@ -5,6 +5,7 @@
 #include <torch/types.h>
 #include <vector>
 
+#include "jade/simulate/fixed_pattern.h"
 #include "jade/simulate/options.h"
 #include "jade/world/frame_source.h"
 
@@ -19,14 +20,23 @@ float encode(float linear, Encoding encoding);
 void event_intensity(const world::SharpFrame& frame, const ImageSensorOptions& image,
                      const EventSensorOptions& events, std::vector<float>& intensity);
 
+/// How a frame is taken, against an exposure of exposure_ms without gain.
+struct ExposureSetting {
+  double time = 1;                                   ///< its length, as a part of exposure_ms
+  double gain = 1;                                   ///< of the sensor
+  double brightness() const { return time * gain; }  ///< of the frame, where that of the scene is 1
+};
+
 /// Integrates frames over one exposure; between two frames the values run on a straight line.
 class Exposing {
  public:
   Exposing(const ImageSensorOptions& options, int64_t width, int64_t height);
   /// The part of the exposure from `before` to `after`.
   void add(const world::SharpFrame& before, const world::SharpFrame& after, double duration_us);
-  /// The mean, with photon and read noise, rounded to 8 bit: [3,H,W] in [0,1].
-  torch::Tensor develop(uint64_t seed) const;
+  /// The mean, with photon and read noise, gain and fixed pattern, rounded to 8 bit: [3,H,W] in
+  /// [0,1].
+  torch::Tensor develop(uint64_t seed, const ExposureSetting& setting = {},
+                        const FixedPattern* pattern = nullptr) const;
   /// The mean without noise and rounding, in stored values.
   torch::Tensor mean() const;
 

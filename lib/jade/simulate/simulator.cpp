@@ -12,6 +12,7 @@
 #include "jade/core/error.h"
 #include "jade/core/interrupt.h"
 #include "jade/core/progress.h"
+#include "jade/simulate/auto_exposure.h"
 #include "jade/simulate/gaussian_source.h"
 #include "jade/simulate/recorder.h"
 #include "jade/simulate/sensor.h"
@@ -80,8 +81,10 @@ std::unique_ptr<Footage> open_footage(const SimulateRun& run, const Timeline& ti
 
 SimulateResult simulate(const SimulateRun& run, Footage& footage) {
   validate(run);
-  const Timeline timeline = make_timeline(run.simulate);
-  Recorder recorder(run, footage, timeline);
+  Timeline timeline = make_timeline(run.simulate);
+  auto settings = exposure_settings(run.simulate, footage, timeline);
+  shorten(settings, timeline);
+  Recorder recorder(run, footage, timeline, std::move(settings));
   auto recording = recorder.record();
   SimulateResult result;
   result.frames = recording.frames, result.event_camera = footage.event_camera();
@@ -98,7 +101,9 @@ SimulateResult simulate(const SimulateRun& run, Footage& footage) {
     throw_if_interrupted();
     data::SharpView view;
     view.image = recorder.sharp(t), view.t_us = t, view.camera = footage.camera();
-    content.test.push_back(std::move(view));
+    content.test.push_back(view);
+    view.image = recorder.recorded(t), view.gain = recorder.setting_at(t).brightness();
+    result.recorded_views.push_back(std::move(view));
   }
   add_poses(WrittenPoses(run, footage, timeline), timeline, content);
   result.pose_errors = pose_errors(content.train, footage);
@@ -115,8 +120,9 @@ SimulateResult simulate(const SimulateRun& run) {
 torch::Tensor exposure_footage(const SimulateRun& run, int64_t frames) {
   validate(run);
   JADE_CHECK(frames >= 2, "exposure_footage: expected at least 2 frames, found ", frames);
-  const Timeline timeline = make_timeline(run.simulate);
+  Timeline timeline = make_timeline(run.simulate);
   const auto footage = open_footage(run, timeline);
+  shorten(exposure_settings(run.simulate, *footage, timeline), timeline);
   const auto samples = static_cast<int>(run.simulate.sampling.samples);
   const auto exposures = static_cast<int64_t>(timeline.exposures.size());
   const geometry::Intrinsics& camera = footage->camera();

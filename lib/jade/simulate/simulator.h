@@ -14,6 +14,9 @@ namespace jade::simulate {
 /// A simulated recording and what is worth telling about it.
 struct SimulateResult {
   data::EvDeblurContent content;
+  /// The test views as the camera records them, by the names of content.test: those have nothing
+  /// of object, flicker, optics and sensor.
+  std::vector<data::SharpView> recorded_views;
   int64_t frames = 0;          ///< looked at by the sensors
   double blur_px = 0;          ///< mean blur of the exposures; 0: not known
   double largest_flow_px = 0;  ///< of a pixel between two of these frames; 0: not known
@@ -46,7 +49,9 @@ void write(const SimulateResult& result, const SimulateRun& run,
 /// Writes what a user's camera would have: a recording in the RPG text layout (recording/
 /// rpg_writer.h) with its calibration, of two cameras in Kalibr's format, and nothing about poses.
 /// Its frames are the exposures and those test views that were taken between them, with an exposure
-/// of 1 µs. truth/ gets the data set of write(), for checks only; frames have the same names there.
+/// of 1 µs; without recording.exposure_times the exposures alone, by their middles. truth/ gets the
+/// data set of write(), for checks only; frames have the same names there, and with auto-exposure
+/// gains.csv says how much brighter each frame of the recording is than its scene.
 /// @throws DataError.
 void write_recording(const SimulateResult& result, const SimulateRun& run,
                      const std::filesystem::path& folder);

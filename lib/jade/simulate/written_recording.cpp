@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <optional>
 #include <string>
 
+#include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
 #include "jade/recording/rpg_writer.h"
 #include "jade/simulate/simulator.h"
 
@@ -22,6 +25,18 @@ bool is_exposing(const recording::Recording& written, int64_t t_us) {
   });
 }
 
+std::string gain_list(const SimulateResult& result, size_t count) {
+  std::string list = "name,gain\n";
+  const auto& exposures = result.content.train;
+  for (size_t i = 0; i < exposures.size(); ++i) {
+    list += concat(name_of(i, count), ",", exposures[i].gain, "\n");
+  }
+  for (size_t i = 0; i < result.recorded_views.size(); ++i) {
+    list += concat(name_of(exposures.size() + i, count), ",", result.recorded_views[i].gain, "\n");
+  }
+  return list;
+}
+
 }  // namespace
 
 void write_recording(const SimulateResult& result, const SimulateRun& run,
@@ -35,8 +50,9 @@ void write_recording(const SimulateResult& result, const SimulateRun& run,
     written.frames.push_back(
         {name_of(i, count), exposure.blurry, exposure.t_start_us, exposure.t_end_us});
   }
-  for (size_t i = 0; i < content.test.size(); ++i) {
-    const data::SharpView& view = content.test[i];
+  const bool timed = run.simulate.recording.exposure_times;
+  for (size_t i = 0; timed && i < result.recorded_views.size(); ++i) {
+    const data::SharpView& view = result.recorded_views[i];
     if (is_exposing(written, view.t_us)) continue;
     written.frames.push_back(
         {name_of(content.train.size() + i, count), view.image, view.t_us, view.t_us + 1});
@@ -45,12 +61,15 @@ void write_recording(const SimulateResult& result, const SimulateRun& run,
             [](const auto& a, const auto& b) { return a.t_start_us < b.t_start_us; });
   const geometry::Intrinsics& camera = content.train.front().camera;
   if (const auto& events = result.event_camera) {
-    recording::write_rpg(folder, written);
+    recording::write_rpg(folder, written, std::nullopt, timed);
     recording::write_camchain(folder, {camera, events->camera, events->from_frames});
   } else {
-    recording::write_rpg(folder, written, camera);
+    recording::write_rpg(folder, written, camera, timed);
   }
   write(result, run, folder / "truth");
+  if (run.simulate.image.auto_exposure > 0) {
+    write_file(folder / "truth" / "gains.csv", gain_list(result, count));
+  }
 }
 
 }  // namespace jade::simulate

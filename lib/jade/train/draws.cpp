@@ -6,7 +6,6 @@
 
 #include "jade/core/check.h"
 #include "jade/core/random.h"
-#include "jade/geometry/quadrature.h"
 
 namespace jade::train {
 namespace {
@@ -50,25 +49,6 @@ torch::Tensor PoseDraws::at(int64_t step) {
 const int64_t* PoseDraws::on_host(int64_t step) {
   draw_block_of(step);
   return on_host_.const_data_ptr<int64_t>() + (step - 1) % kBlock * on_host_.size(1);
-}
-
-MomentDraws::MomentDraws(std::vector<ExposureSpan> spans, int64_t samples, uint64_t seed,
-                         torch::Device device)
-    : spans_(std::move(spans)), samples_(samples), seed_(seed), device_(device) {}
-
-MomentDraws::Moments MomentDraws::at(int64_t step, int64_t view) {
-  const int64_t block = (step - 1) / kBlock, row = (step - 1) % kBlock;
-  if (block != block_) {
-    block_ = block;
-    auto generator = make_generator(seed_, concat("moments of block ", block));
-    on_host_ = geometry::jittered_times(generator, kBlock, samples_);
-    u_ = on_host_.to(device_);
-  }
-  const ExposureSpan& span = spans_.at(static_cast<size_t>(view));
-  const double* const u = on_host_.const_data_ptr<double>() + row * samples_;
-  std::vector<geometry::Pose> poses;
-  for (int64_t k = 0; k < samples_; ++k) poses.push_back(span.at(u[k]));
-  return {u_[row], geometry::to_tensor(poses).to(device_, torch::kFloat32)};
 }
 
 torch::Tensor TermWeights::at(int64_t step) {

@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "jade/losses/objective.h"
-#include "jade/train/exposure_span.h"
 
 namespace jade::train {
 
@@ -48,29 +47,6 @@ class PoseDraws {
   bool target_ = false;
   int64_t block_ = -1;
   torch::Tensor draws_, on_host_;  // [kBlock,3] or [kBlock,4]
-};
-
-/// The moments of exposure.quadrature jittered for each step, and the cameras there.
-class MomentDraws {
- public:
-  /// @param spans  of the exposures, and the camera's way through each
-  MomentDraws(std::vector<ExposureSpan> spans, int64_t samples, uint64_t seed,
-              torch::Device device);
-
-  struct Moments {
-    torch::Tensor u;                  ///< [K] float64 on the device
-    torch::Tensor camera_from_world;  ///< [K,4,4] float32 on the device
-  };
-  /// @param step  counted from 1. @param view  of the step, as ViewOrder says.
-  Moments at(int64_t step, int64_t view);
-
- private:
-  std::vector<ExposureSpan> spans_;
-  int64_t samples_;
-  uint64_t seed_;
-  torch::Device device_;
-  int64_t block_ = -1;
-  torch::Tensor on_host_, u_;  // [kBlock,K]
 };
 
 /// The weights of L_tgt and L_edi for each step, where they fall in the course of the run.

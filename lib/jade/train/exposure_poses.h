@@ -39,7 +39,6 @@ struct PoseOptions {
   double lr = 3e-4;
   double lr_final = 3e-6;
   Steps lr_max_steps = Steps::share(120);
-  int64_t accumulate = 1;
   double prior_px = 0;
   double prior_weight = 2.5e-4;
   int64_t test_fit_steps = 200;
@@ -57,8 +56,6 @@ void describe(V& v, PoseOptions& o) {
   v.field("lr", o.lr, "Adam step size of the poses at step 0", Range{0, 1});
   v.field("lr_final", o.lr_final, "the same at lr_max_steps; log-linear between", Range{0, 1});
   v.field("lr_max_steps", o.lr_max_steps, "steps over which it falls", Range{1, 1e9});
-  v.field("accumulate", o.accumulate, "steps whose pose gradients are added up for one Adam step",
-          Range{1, 1e6});
   v.field("prior_px", o.prior_px,
           "pixels by which a learned pose may be off: a term pulls it towards its start; 0: none",
           Range{0, 1e6});

@@ -22,11 +22,6 @@ bool has_nine_equal_moments(const RunOptions& options) {
 /// objective.restored_poses all, against what knows the middle only.
 void validate_restored_poses(const RunOptions& options) {
   if (options.objective.restored_poses != losses::RestoredPoses::kAll) return;
-  if (options.exposure.quadrature == geometry::QuadratureRule::kJittered) {
-    throw ConfigError(
-        "objective.restored_poses all: expected moments that are the same at every step, found "
-        "exposure.quadrature jittered; set it to trapezoid or equal, or restored_poses middle");
-  }
   const losses::Target target = options.objective.target;
   if (target == losses::Target::kBlurry || target == losses::Target::kImageFolder) {
     throw ConfigError(concat(
@@ -49,6 +44,7 @@ RunOptions printed_options() {
   options.objective.edi_weight_final = -1;
   options.objective.edi_contrast = 1;
   options.objective.trust.agreement = 0;
+  options.response.enabled = true;
   options.poses.optimize = PosePath::kNone;
   options.poses.start = PoseStart::kLine;
   options.poses.control_poses = 4;
@@ -68,7 +64,6 @@ bool routed_to_edi(const RunOptions& options) {
 bool needs_efnet(const RunOptions& options) {
   const losses::Target target = options.objective.target;
   return target == losses::Target::kEfnet || target == losses::Target::kMean ||
-         (target != losses::Target::kNone && options.objective.trust.disagreement > 0) ||
          (is_routed(options) && !routed_to_edi(options));
 }
 
@@ -112,11 +107,6 @@ void validate(const RunOptions& options) {
     throw ConfigError(concat("events.edi_samples: expected 0 or an odd number of 3 or more, found ",
                              options.events.edi_samples));
   }
-  if (options.events.edi_index == events::EdiIndex::kDiet && !has_nine_equal_moments(options)) {
-    throw ConfigError(
-        "events.edi_index diet: the DiET-GS release has nine posed images; set exposure.quadrature "
-        "equal, exposure.samples 9 and events.edi_samples 0");
-  }
   if (plan_step(options, 1).route && !options.route.render_consistency &&
       !options.route.reblur_consistency) {
     throw ConfigError(concat(
@@ -141,18 +131,6 @@ void validate(const RunOptions& options) {
     throw ConfigError(
         "objective.event_window: expected exposure where poses.optimize learns poses, which begin "
         "and end with their exposure, found recording; change one of the two");
-  }
-  if (learns(options.sensor)) {
-    if (options.events.edi_index == events::EdiIndex::kDiet) {
-      throw ConfigError(
-          "events.edi_index diet: expected exact where something of the sensor is learned; set it, "
-          "or sensor.learn_thresholds, sensor.learn_gain and sensor.learn_offset false");
-    }
-    if (!options.objective.edi_supervision && !options.objective.simulation) {
-      throw ConfigError(
-          "sensor: expected a term to learn it from, found none; turn on "
-          "objective.edi_supervision or objective.simulation");
-    }
   }
   const gaussians::DensifyOptions& densify = options.densify;
   // In a run of a few steps both shares may come to the same step; nothing is densified then.

@@ -19,7 +19,7 @@
 #include "jade/restore/efnet.h"
 #include "jade/restore/restoration_cache.h"
 #include "jade/router/allocation.h"
-#include "jade/train/event_sensor.h"
+#include "jade/train/exposure_gains.h"
 #include "jade/train/exposure_poses.h"
 
 namespace jade::train {
@@ -97,7 +97,7 @@ struct RunOptions {
   SplatOptions splat;
   response::ResponseOptions response;
   PoseOptions poses;
-  SensorOptions sensor;
+  GainOptions gains;
   router::AllocationOptions allocation;
   losses::RouteOptions route;
   losses::ObjectiveOptions objective;
@@ -122,7 +122,7 @@ void describe(V& v, RunOptions& o) {
   v.group("splat", o.splat, "how the Gaussians are drawn");
   v.group("response", o.response, "the camera response ρ");
   v.group("poses", o.poses, "the cameras of the exposures");
-  v.group("sensor", o.sensor, "what is learned of the event sensor");
+  v.group("gains", o.gains, "brightness of the frames of a camera that adjusts itself");
   v.group("allocation", o.allocation, "the weight between the two restorations, Eq. (3)");
   v.group("route", o.route, "routing step, Eq. (6)");
   v.renamed("crf", "response");

@@ -17,7 +17,6 @@ StepPlan plan_step(const RunOptions& options, int64_t step) {
                (step - 1) % options.route.every == 0;
   plan.sh_degree = gaussians::active_sh_degree(step, options.train.sh_degree_every);
   plan.learned_poses = options.poses.optimize != PosePath::kNone;
-  plan.sensor = learns(options.sensor) && step > options.sensor.from;
   plan.statistics = gaussians::keeps_statistics(options.densify, step);
   plan.recordable = options.train.cuda_graph && !options.deterministic &&
                     allocation != AllocationKind::kPerViewMap;

@@ -18,14 +18,12 @@ struct StepPlan {
   bool route = false;               ///< θ takes a step
   int sh_degree = 3;                ///< of the renders
   bool learned_poses = false;       ///< the exposure's cameras come from the state
-  bool sensor = false;              ///< R is that of the state's sensor, which takes a step
   bool statistics = false;          ///< the renders feed the screen gradients of densification
   bool recordable = false;          ///< recording is wanted, and nothing depends on the host
 
   /// For the comparison.
   auto members() const {
-    const auto all =
-        std::tie(objective, route, sh_degree, learned_poses, sensor, statistics, recordable);
+    const auto all = std::tie(objective, route, sh_degree, learned_poses, statistics, recordable);
     static_assert(std::tuple_size_v<decltype(all)> == member_count<StepPlan>());
     return all;
   }

@@ -67,18 +67,14 @@ void RowAdam::restore(const RowAdamState& saved) {
   const torch::NoGradGuard no_grad;
   copy_checked(state_.first, saved.first, "first moments");
   copy_checked(state_.second, saved.second, "second moments");
-  copy_checked(state_.steps,
-               saved.steps.dim() == 0 ? saved.steps.expand_as(state_.steps) : saved.steps,
-               "step counts");
+  copy_checked(state_.steps, saved.steps, "step counts");
   if (!saved.gradient.defined()) {
     state_.gradient.zero_();
     state_.seen.zero_();
     return;
   }
   copy_checked(state_.gradient, saved.gradient, "gradients");
-  copy_checked(state_.seen,
-               saved.seen.defined() ? saved.seen : saved.gradient.flatten(1).ne(0).any(1),
-               "counts of gradients");
+  copy_checked(state_.seen, saved.seen, "counts of gradients");
 }
 
 }  // namespace jade::train

@@ -34,8 +34,7 @@ class RowAdam {
   void update(double lr);
 
   const RowAdamState& state() const { return state_; }
-  /// Takes the values of `saved`. As older versions left them, `steps` may be one number for all
-  /// rows, `seen` undefined (rows whose gradient is not zero) and `gradient` too (none waits).
+  /// Takes the values of `saved`; `gradient` and `seen` may be undefined: none waits.
   /// @throws ContractError for other shapes.
   void restore(const RowAdamState& saved);
 

@@ -5,7 +5,6 @@
 #include <torch/types.h>
 
 #include "jade/core/check.h"
-#include "jade/imaging/edi.h"
 
 namespace jade::train {
 namespace {
@@ -73,12 +72,12 @@ void append_window(const TrainState& state, const EventWindow& window, TimedCame
 
 /// The renders at both ends of the window, toned as the sensor's response asks.
 losses::EventPair event_pair(const EventWindow& window, const torch::Tensor& images,
-                             const losses::ToneCurve& tone, const StepPlan& plan,
-                             const RunOptions& options) {
+                             const torch::Tensor& mask, const losses::ToneCurve& tone,
+                             const StepPlan& plan, const RunOptions& options) {
   const events::Thresholds thresholds = options.events.thresholds();
   losses::EventPair pair;
   pair.renders = tone ? tone({{images, {}}})[0] : images;
-  pair.counts = window.counts;
+  pair.counts = mask.defined() ? window.counts * mask[0] : window.counts;
   pair.pixels = window.pixels;
   pair.color_filter = window.color_filter;
   pair.threshold_positive = thresholds.positive;
@@ -87,21 +86,11 @@ losses::EventPair event_pair(const EventWindow& window, const torch::Tensor& ima
   return pair;
 }
 
-/// R of L_edi and L_sim at the drawn poses, differentiable in the state's sensor where the plan
-/// moves it.
-losses::EdiFactors edi_factors(const TrainState& state, const StepInputs& inputs,
-                               const StepPlan& plan, const losses::ObjectiveOptions& options) {
-  const View& view = inputs.view;
-  if (!plan.sensor && !view.edi_log_gain.defined()) return inputs.edi_factors;
-  const torch::Tensor u = view.u.index_select(0, inputs.pose_draws.narrow(0, 0, 3));
-  if (plan.sensor) {
-    imaging::EdiSensor sensor = state.sensor->at(view.per_ms);
-    sensor.threshold_positive = sensor.threshold_positive * options.edi_contrast;
-    sensor.threshold_negative = sensor.threshold_negative * options.edi_contrast;
-    return losses::EdiFactors::of(
-        imaging::edi_log_gain(view.edi_counts, sensor, u).exp().unsqueeze(1));
-  }
-  return losses::EdiFactors::of(imaging::edi_gain(view.edi_log_gain, u).unsqueeze(1));
+/// The pull of learned gains towards the data set's; undefined without one.
+torch::Tensor gain_prior(const TrainState& state, const StepInputs& inputs,
+                         const GainOptions& options) {
+  if (state.gains_adam.empty()) return {};
+  return state.gains->squared_change(inputs.view_pick) * options.prior_weight;
 }
 
 /// Nothing where the value is undefined.
@@ -117,6 +106,14 @@ splat::CameraBatch exposure_cameras(const TrainState& state, const StepInputs& i
                                     const torch::Tensor& read) {
   const TimedCameras timed = exposure_times(state, inputs, read);
   return learned_cameras(state, inputs.view_pick, timed.u, timed.cameras);
+}
+
+torch::Tensor as_in_frame(const TrainState& state, const StepInputs& inputs,
+                          const torch::Tensor& color) {
+  const torch::Tensor& mask = inputs.view.mask;
+  if (!state.gains) return mask.defined() ? color * mask : color;
+  const torch::Tensor gain = state.gains->forward(inputs.view_pick);
+  return color * (mask.defined() ? mask * gain : gain);
 }
 
 Renders render_exposure(TrainState& state, const StepInputs& inputs, const StepPlan& plan,
@@ -136,8 +133,11 @@ Renders render_exposure(TrainState& state, const StepInputs& inputs, const StepP
   if (plan.objective.event) {
     const std::vector<torch::Tensor> parts = renders.color.split_with_sizes({poses, 2});
     renders.color = parts[0];
-    renders.window_ends = parts[1];
+    // A gain makes no events: the logs of both ends have it.
+    const torch::Tensor& mask = inputs.view.mask;
+    renders.window_ends = mask.defined() ? parts[1] * mask : parts[1];
   }
+  renders.color = as_in_frame(state, inputs, renders.color);
   renders.all_poses = !read.defined();
   if (plan.objective.drawn_target) {
     renders.target_pose =
@@ -159,31 +159,28 @@ std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& s
   inputs.samples = options.exposure.samples;
   inputs.weights = view.weights;
   inputs.pose_draws = step_inputs.pose_draws;
-  if (plan.objective.edi || plan.objective.simulation) {
-    inputs.edi_factors = edi_factors(state, step_inputs, plan, options.objective);
-  }
+  inputs.edi_factors = step_inputs.edi_factors;
+  inputs.mask = view.mask;
   inputs.term_weights = step_inputs.term_weights;
-  const events::Thresholds thresholds = options.events.thresholds();
-  inputs.contrast = 0.5 * (thresholds.positive + thresholds.negative);
   if (target.defined()) inputs.target.emplace(target);
   inputs.beside = beside;
-  inputs.target_closeness = view.target_closeness;
   inputs.tone = tone_curve(state, plan, response_table);
   if (plan.objective.event) {
-    inputs.events = event_pair(step_inputs.events, renders.window_ends, inputs.tone, plan, options);
+    inputs.events =
+        event_pair(step_inputs.events, renders.window_ends, view.mask, inputs.tone, plan, options);
   }
 
   const auto apart = [&](const std::function<void()>& work) { beside ? beside(work) : work(); };
   torch::Tensor regularization;  // a root of its own: neither it nor its gradient is waited for
   apart([&] { regularization = state.densifier.regularization(state.gaussians); });
   losses::Objective loss = losses::objective(inputs, plan.objective, options.objective);
-  if (plan.sensor) add_term(loss, "sensor", state.sensor->prior());
   if (regularization.defined()) loss.terms.push_back({"regularization", regularization});
   add_term(loss, "poses", pose_prior(state, step_inputs, options.poses));
+  add_term(loss, "gains", gain_prior(state, step_inputs, options.gains));
   state.gaussians.zero_grad();
   state.response_adam.zero_grad();
-  state.sensor_adam.zero_grad();
   if (state.poses) state.poses_adam.zero_grad();
+  if (!state.gains_adam.empty()) state.gains_adam.zero_grad();
   std::vector<torch::Tensor> roots;
   for (const torch::Tensor& root : {loss.total, loss.beside, regularization}) {
     if (root.defined()) roots.push_back(root);
@@ -191,8 +188,8 @@ std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& s
   torch::autograd::backward(roots, {});
   apart([&] {
     if (!state.response_adam.empty() && plan.objective.response) state.response_adam.step();
-    if (plan.sensor) state.sensor_adam.step();
     if (state.poses) state.poses_adam.accumulate(step_inputs.view_pick);
+    if (!state.gains_adam.empty()) state.gains_adam.accumulate(step_inputs.view_pick);
   });
   state.gaussian_adam.step(state.gaussians);
   for (losses::NamedTerm& term : loss.terms) term.value = term.value.detach();

@@ -46,6 +46,7 @@ gaussians::InitSources init_sources(const data::Dataset& dataset) {
   for (const data::Exposure& exposure : dataset.train) {
     sources.views.push_back({exposure.poses[geometry::kMidPose], exposure.camera, exposure.blurry});
   }
+  sources.origin = dataset.origin;
   sources.near = dataset.near;
   sources.far = dataset.far;
   sources.points.points = dataset.points;
@@ -88,8 +89,8 @@ void TrainState::visit(const TensorVisitor& visitor) const {
   visit_adam(visitor, "response_adam", response_adam);
   if (poses) visit_module(visitor, "poses", *poses);
   if (poses) visit_adam(visitor, "poses_adam", poses_adam);
-  if (sensor) visit_module(visitor, "sensor", *sensor);
-  visit_adam(visitor, "sensor_adam", sensor_adam);
+  if (gains) visit_module(visitor, "gains", *gains);
+  if (!gains_adam.empty()) visit_adam(visitor, "gains_adam", gains_adam);
 }
 
 TrainState make_state(const RunOptions& options, const Start& start, torch::Device device) {
@@ -116,12 +117,6 @@ TrainState make_state(const RunOptions& options, const Start& start, torch::Devi
       state.response_adam = ModuleAdam(state.response->parameters(), options.response.lr, 1e-15);
     }
   }
-  if (learns(options.sensor)) {
-    state.sensor = std::make_shared<EventSensor>(options.sensor, options.events.thresholds(),
-                                                 start.height, start.width);
-    state.sensor->to(device);
-    state.sensor_adam = state.sensor->optimizer();
-  }
   return state;
 }
 
@@ -133,6 +128,15 @@ void learn_poses(TrainState& state, const PoseOptions& options, const data::Data
   state.poses_adam = RowAdam(state.poses->twists());
 }
 
+void take_gains(TrainState& state, const GainOptions& options, const data::Dataset& dataset,
+                torch::Device device) {
+  state.gains = make_exposure_gains(options, dataset);
+  if (!state.gains) return;
+  state.gains->to(device);
+  // The gradient of a gain is that of a mean over pixels, below Adam's usual 1e-8 at the end.
+  if (state.gains->learned()) state.gains_adam = RowAdam(state.gains->log_gains(), 1e-15);
+}
+
 namespace {
 
 /// A strategy that adds none has no bound.
@@ -141,8 +145,31 @@ int64_t most_at_start(const gaussians::DensifyOptions& options) {
   return bounded ? options.max_gaussians : std::numeric_limits<int64_t>::max();
 }
 
+/// What has a value of its own for each pixel of the sensor has no use for frames of other sizes.
+/// @throws ConfigError naming the key.
+void check_sizes(const RunOptions& options, const data::Dataset& dataset) {
+  const auto& first = dataset.train.front().camera;
+  const auto other =
+      std::find_if(dataset.train.begin(), dataset.train.end(), [&](const data::Exposure& exposure) {
+        return exposure.camera.width != first.width || exposure.camera.height != first.height;
+      });
+  if (other == dataset.train.end()) return;
+  const char* key = nullptr;
+  if (options.objective.target == losses::Target::kRouted &&
+      options.allocation.kind == router::AllocationKind::kPerViewMap) {
+    key = "allocation.kind per_view_map";
+  }
+  if (options.sensor.learn_gain) key = "sensor.learn_gain";
+  if (options.objective.event_loss_weight > 0) key = "objective.event_loss_weight";
+  if (key == nullptr) return;
+  throw ConfigError(concat(key, ": expected frames of one size, found ", first.width, "x",
+                           first.height, " and ", other->camera.width, "x", other->camera.height,
+                           " (", other->name, "); leave the key at its default"));
+}
+
 TrainState make_state(const RunOptions& options, const data::Dataset& dataset,
                       splat::Gaussians gaussians, torch::Device device) {
+  check_sizes(options, dataset);
   const auto& camera = dataset.train.front().camera;
   Start start;
   start.gaussians = std::move(gaussians);
@@ -153,6 +180,7 @@ TrainState make_state(const RunOptions& options, const data::Dataset& dataset,
   start.width = camera.width;
   TrainState state = make_state(options, start, device);
   learn_poses(state, options.poses, dataset, device);
+  take_gains(state, options.gains, dataset, device);
   return state;
 }
 

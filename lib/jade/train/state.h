@@ -13,7 +13,7 @@
 #include "jade/gaussians/optimizer.h"
 #include "jade/response/camera_response.h"
 #include "jade/router/allocation.h"
-#include "jade/train/event_sensor.h"
+#include "jade/train/exposure_gains.h"
 #include "jade/train/exposure_poses.h"
 #include "jade/train/module_adam.h"
 #include "jade/train/options.h"
@@ -34,8 +34,8 @@ struct TrainState {
   ModuleAdam response_adam;
   std::shared_ptr<ExposurePoses> poses;  ///< nullptr where the data's poses stay
   RowAdam poses_adam;                    ///< a row per exposure
-  std::shared_ptr<EventSensor> sensor;   ///< nullptr where the sensor is as configured
-  ModuleAdam sensor_adam;
+  std::shared_ptr<ExposureGains> gains;  ///< nullptr where frames are as bright as the scene
+  RowAdam gains_adam;                    ///< likewise; empty where they are not learned
 
   /// Calls `visitor(name, tensor)` for every tensor, once.
   void visit(const std::function<void(const std::string&, const torch::Tensor&)>& visitor) const;
@@ -50,15 +50,19 @@ struct Start {
   int64_t height = 0, width = 0;
 };
 
-/// The state of a run before its first step, all of its modules on `device`; without learned poses,
-/// which start from exposures.
+/// The state of a run before its first step, all of its modules on `device`; without learned poses
+/// and gains, which start from exposures.
 TrainState make_state(const RunOptions& options, const Start& start, torch::Device device);
 
 /// Poses of the data set's exposures that the state learns, where the options ask for them.
 void learn_poses(TrainState& state, const PoseOptions& options, const data::Dataset& dataset,
                  torch::Device device);
 
-/// The same from a data set, with learned poses where the options ask for them.
+/// Gains of the data set's exposures, where it has any or the options ask that they be learned.
+void take_gains(TrainState& state, const GainOptions& options, const data::Dataset& dataset,
+                torch::Device device);
+
+/// The same from a data set, with learned poses and gains where the options ask for them.
 /// @throws ConfigError, DataError as gaussians::initial_gaussians.
 TrainState make_state(const RunOptions& options, const data::Dataset& dataset,
                       torch::Device device);
@@ -70,7 +74,8 @@ TrainState make_state_to_load(const RunOptions& options, const data::Dataset& da
 
 /// The renders of one exposure, made once per step and used by both steps.
 struct Renders {
-  torch::Tensor color;  ///< [M,3,H,W] with its graph: all K, or those of losses::poses_read()
+  /// [M,3,H,W] with its graph: all K, or those of losses::poses_read(), as_in_frame()
+  torch::Tensor color;
   bool all_poses = true;
   torch::Tensor target_pose = {};  ///< [1] int64 where it is drawn, else undefined
   torch::Tensor window_ends = {};  ///< [2,3,H,W] at both ends of the window of L_ev, with graph

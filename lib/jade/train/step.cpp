@@ -42,10 +42,14 @@ StepOutputs alternate(TrainState& state, const StepInputs& inputs, const StepPla
   return out;
 }
 
-void update_poses(TrainState& state, const RunOptions& options, int64_t step) {
-  if (!state.poses || step % options.poses.accumulate != 0) return;
-  state.poses_adam.update(pose_lr(options.poses, step));
-  state.poses->hold_gauge();
+void update_exposures(TrainState& state, const RunOptions& options, int64_t step) {
+  if (state.poses) {
+    state.poses_adam.update(pose_lr(options.poses, step));
+    state.poses->hold_gauge();
+  }
+  if (state.gains_adam.empty()) return;
+  state.gains_adam.update(options.gains.lr);
+  state.gains->hold_mean();
 }
 
 }  // namespace jade::train

@@ -14,15 +14,15 @@ struct StepOutputs {
 
 /// One alternation (paper, Algorithm): all renders once, the routing step on θ against them
 /// without gradient, α again without gradient, then the scene step on φ. Neither densifies nor
-/// counts the step; update_poses() follows.
+/// counts the step; update_exposures() follows.
 /// @param plan  plan_step() of the inputs' step
 StepOutputs alternate(TrainState& state, const StepInputs& inputs, const StepPlan& plan,
                       const RunOptions& options);
 
-/// What is due after alternate(), and outside of a recorded step: every poses.accumulate steps the
-/// gradients of learned poses end in an Adam step of the exposures that had any, and the gauge is
-/// held. Does nothing where poses are not learned.
+/// What is due after alternate(), and outside of a recorded step: the gradients of learned poses
+/// and gains end in an Adam step of their exposure, and what all exposures share is held. Does
+/// nothing where neither is learned.
 /// @param step  that of the inputs
-void update_poses(TrainState& state, const RunOptions& options, int64_t step);
+void update_exposures(TrainState& state, const RunOptions& options, int64_t step);
 
 }  // namespace jade::train

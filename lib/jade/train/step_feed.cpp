@@ -3,8 +3,6 @@
 
 #include <torch/types.h>
 
-#include "jade/train/exposure_span.h"
-
 namespace jade::train {
 namespace {
 
@@ -33,10 +31,6 @@ StepFeed::StepFeed(const data::Dataset& dataset, const RunOptions& options, torc
       term_weights_(options.objective, calendar_steps(options), device),
       view_picks_(torch::arange(static_cast<int64_t>(views_.size()), torch::kInt64).to(device)) {
   const auto seed = static_cast<uint64_t>(options.seed);
-  if (options.exposure.quadrature == geometry::QuadratureRule::kJittered) {
-    moment_draws_ = std::make_unique<MomentDraws>(exposure_spans(dataset), options.exposure.samples,
-                                                  seed, device);
-  }
   if (options.objective.event_loss_weight > 0) {
     event_windows_ = std::make_unique<EventWindows>(dataset, options.objective, seed, device);
   }
@@ -51,15 +45,10 @@ StepInputs StepFeed::at(int64_t step) {
   inputs.pose_draws = pose_draws_.at(step);
   inputs.term_weights = term_weights_.at(step);
   inputs.view_pick = view_picks_.narrow(0, index, 1);
-  if (moment_draws_) {
-    MomentDraws::Moments moments = moment_draws_->at(step, index);
-    inputs.view.u = moments.u;
-    inputs.view.cameras.camera_from_world = moments.camera_from_world;
-  }
   const int64_t* const poses = pose_draws_.on_host(step);
   if (draws_target_pose(options_)) inputs.view = at_pose(inputs.view, poses[3], options_);
   leave_out_unread(options_, inputs.view);
-  if (!inputs.view.edi_log_gain.defined()) pick_factors(poses, &inputs);
+  pick_factors(poses, &inputs);
   if (event_windows_) inputs.events = event_windows_->at(step, index);
   return inputs;
 }

@@ -18,7 +18,7 @@
 namespace jade::train {
 
 /// What the steps of a run are given, a function of seed and step: the view whose turn it is, the
-/// poses of its terms, and, where the options ask for them, moments, weights, windows of events and
+/// poses of its terms, and, where the options ask for them, weights, windows of events and
 /// restorations of a drawn pose.
 class StepFeed {
  public:
@@ -41,7 +41,6 @@ class StepFeed {
   PoseDraws pose_draws_;
   TermWeights term_weights_;
   torch::Tensor view_picks_;                     // 0, 1, … on the device
-  std::unique_ptr<MomentDraws> moment_draws_;    // of exposure.quadrature jittered
   std::unique_ptr<EventWindows> event_windows_;  // of L_ev
 };
 

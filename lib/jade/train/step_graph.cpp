@@ -161,7 +161,7 @@ struct StepGraph::Recordings {
     state.allocation_adam.zero_grad();
     state.response_adam.zero_grad();
     if (state.poses) state.poses_adam.zero_grad();
-    state.sensor_adam.zero_grad();
+    if (!state.gains_adam.empty()) state.gains_adam.zero_grad();
     auto made = std::make_unique<Recording>();
     made->plan = plan;
     // One pool for all: they never run at the same time, and what a step leaves behind is read

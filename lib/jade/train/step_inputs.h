@@ -12,19 +12,18 @@ namespace jade::train {
 
 /// What one step is given besides the state. Copies share their tensors.
 struct StepInputs {
-  int64_t step = 1;  ///< counted from 1
-  View view;  ///< of this step: cameras and u where exposure.quadrature draws them, at_pose() where
-              ///< objective.restored_poses draws one
+  int64_t step = 1;        ///< counted from 1
+  View view;               ///< of this step: at_pose() where objective.restored_poses draws one
   int64_t view_index = 0;  ///< among the training views
   /// [3] int64 on the device: the poses of L_edi gray, L_edi colour and L_sim; [4] with that of
   /// L_tgt where it is drawn.
   torch::Tensor pose_draws;
-  /// At the first three of these poses; undefined where a step computes its own.
+  /// At the first three of these poses.
   losses::EdiFactors edi_factors;
   EventWindow events;  ///< needed for L_ev only
   /// [2] weights of L_tgt and L_edi; undefined where they do not change.
   torch::Tensor term_weights;
-  /// [1] int64 on the device: view_index, for learned poses only.
+  /// [1] int64 on the device: view_index, for learned poses and for gains only.
   torch::Tensor view_pick;
 
   /// Calls `visitor(name, tensor)` for every tensor, once.
@@ -54,7 +53,8 @@ struct StepInputs {
 inline void pick_factors(const int64_t* poses, StepInputs* inputs) {
   View& view = inputs->view;
   const torch::Tensor& all = view.taught_factors.defined() ? view.taught_factors : view.edi_factors;
-  inputs->edi_factors = {all[poses[0]], all[poses[1]], all[poses[2]]};
+  const auto at = [&](int64_t term) { return all[poses[term]].to(torch::kFloat32); };
+  inputs->edi_factors = {at(0), at(1), at(2)};
   view.edi_factors = view.taught_factors = torch::Tensor();
 }
 

@@ -21,6 +21,29 @@
 namespace jade::train {
 namespace {
 
+bool has_masks(const data::Dataset& dataset) {
+  return std::any_of(dataset.train.begin(), dataset.train.end(),
+                     [](const data::Exposure& exposure) { return exposure.mask.defined(); });
+}
+
+/// The exposure's mask as a view has it, all ones where it has none itself.
+torch::Tensor mask_of(const data::Exposure& exposure) {
+  if (exposure.mask.defined()) return exposure.mask.to(torch::kFloat32);
+  return torch::ones({1, exposure.blurry.size(1), exposure.blurry.size(2)});
+}
+
+/// What an image shows outside of the mask.
+torch::Tensor shown(const torch::Tensor& image, const torch::Tensor& mask) {
+  return image.defined() && mask.defined() ? image * mask.to(image.scalar_type()) : image;
+}
+
+/// The exposure with a frame that is black under its mask.
+data::Exposure masked(const data::Exposure& exposure) {
+  data::Exposure out = exposure;
+  if (out.mask.defined()) out.blurry = out.blurry.masked_fill(out.mask.logical_not(), 0);
+  return out;
+}
+
 /// The image of train.target_images that has the view's name.
 torch::Tensor target_image(const View& view, const std::filesystem::path& folder,
                            torch::Device device) {
@@ -65,7 +88,7 @@ torch::Tensor fixed_target(const View& view, const RunOptions& options, bool mon
       return view.blurry;
     case losses::Target::kImageFolder: {
       const torch::Tensor image = target_image(view, options.train.target_images, device);
-      return monochrome ? restore::without_tint(image) : image;
+      return shown(monochrome ? restore::without_tint(image) : image, view.mask);
     }
     default:
       return restored_target(view.restorations, options);
@@ -91,9 +114,9 @@ double reblur_contrast(const events::EventVoxel& voxel, const RunOptions& option
 /// The poses of an exposure at the moments of the run's quadrature.
 std::vector<geometry::Pose> sample_poses(const data::Exposure& exposure, const ExposureSpan& span,
                                          const geometry::ExposureOptions& options) {
-  const bool as_given = options.samples == geometry::kExposurePoses &&
-                        options.quadrature != geometry::QuadratureRule::kJittered;
-  if (as_given) return {exposure.poses.begin(), exposure.poses.end()};
+  if (options.samples == geometry::kExposurePoses) {
+    return {exposure.poses.begin(), exposure.poses.end()};
+  }
   std::vector<geometry::Pose> poses;
   for (const double u : geometry::quadrature(options.quadrature, options.samples).u) {
     poses.push_back(span.at(u));
@@ -101,51 +124,57 @@ std::vector<geometry::Pose> sample_poses(const data::Exposure& exposure, const E
   return poses;
 }
 
-restore::RestoreOptions restore_options(const data::Dataset& dataset, const RunOptions& options) {
+restore::RestoreOptions restore_options(const RunOptions& options) {
   restore::RestoreOptions out{options.events, options.exposure, 0};
-  if (learns(options.sensor)) {
-    out.count_margin =
-        count_margin(options.sensor, dataset.train, restore::integral_samples(out) - 1);
-  }
   out.taught_contrast = options.objective.edi_contrast;
   if (restores_all_poses(options)) out.times = moments_of(options);
   return out;
 }
 
-/// What objective.restored_poses all reads at every pose of the view.
-PoseRestorations restorations_of_poses(const View& view, const restore::RestoredExposure& restored,
-                                       const RunOptions& options) {
-  const events::EventVoxel& voxel = restored.maps.voxel;
-  PoseRestorations out;
-  if (restored.efnet_at.defined()) out.efnet = restored.efnet_at.to(torch::kHalf);
-  const bool routes = plan_step(options, 1).route;
-  const double disagreement = options.objective.trust.disagreement;
-  const bool closeness = disagreement > 0 && out.efnet.defined();
-  std::vector<torch::Tensor> psi, kernels, close;
-  const std::vector<double> moments = moments_of(options);
-  for (size_t k = 0; k < moments.size(); ++k) {
-    if (routes) {
-      psi.push_back(events::polarity_projection(voxel.values, moments[k]));
-      kernels.push_back(imaging::reblur_kernel(voxel, reblur_contrast(voxel, options), moments[k]));
-    }
-    if (!closeness) continue;
-    const auto row = static_cast<int64_t>(k);
-    close.push_back(losses::closeness(out.efnet[row].to(torch::kFloat32),
-                                      view.blurry * view.edi_factors[row], disagreement));
-  }
-  const torch::Device device = view.blurry.device();
-  if (routes) {
-    out.psi = torch::stack(psi).to(device);
-    out.reblur_kernel = torch::stack(kernels).to(device);
-  }
-  if (closeness) out.closeness = torch::stack(close);
-  return out;
+/// Constants of many moments in half the memory: it rounds by at most 0.05 %. One image that stands
+/// for all of them stays one.
+torch::Tensor in_half(const torch::Tensor& moments, const torch::Tensor& mask = {}) {
+  const bool repeated = moments.size(0) > 1 && moments.stride(0) == 0;
+  const torch::Tensor kept = repeated ? moments.narrow(0, 0, 1) : moments;
+  return shown(kept.to(torch::kHalf), mask).expand(moments.sizes());
 }
 
-/// One without duration has no events to shift.
-torch::Tensor exposures_per_ms(const data::Exposure& exposure) {
-  const auto duration_us = static_cast<double>(exposure.duration_us());
-  return torch::tensor(duration_us > 0 ? 1000 / duration_us : 0.0, torch::kFloat32);
+/// Whether L_edi and L_sim, or the target of a drawn pose, reads EDI as the thresholds have it.
+bool reads_edi_at_poses(const RunOptions& options) {
+  const losses::Target target = options.objective.target;
+  return options.objective.edi_contrast == 1 ||
+         (restores_all_poses(options) && target != losses::Target::kEfnet &&
+          target != losses::Target::kNone);
+}
+
+/// What only pictures and the report show goes to the CPU: a step of a target that no router
+/// decides reads the fixed target, or what is restored at a drawn pose.
+void put_aside_unread(const RunOptions& options, View& view) {
+  view.density = view.density.cpu();
+  if (options.objective.target == losses::Target::kRouted) return;
+  if (restores_all_poses(options)) view.fixed_target = torch::Tensor();
+  for (torch::Tensor* const each :
+       {&view.psi, &view.reblur_kernel, &view.restorations.edi, &view.restorations.efnet}) {
+    if (each->defined()) *each = each->cpu();
+  }
+}
+
+/// What objective.restored_poses all reads at every pose of the view.
+PoseRestorations restorations_of_poses(const restore::RestoredExposure& restored,
+                                       const torch::Tensor& mask, const RunOptions& options) {
+  const events::EventVoxel& voxel = restored.maps.voxel;
+  PoseRestorations out;
+  if (restored.efnet_at.defined()) out.efnet = in_half(restored.efnet_at, mask);
+  if (!plan_step(options, 1).route) return out;
+  std::vector<torch::Tensor> psi, kernels;
+  for (const double moment : moments_of(options)) {
+    psi.push_back(events::polarity_projection(voxel.values, moment));
+    kernels.push_back(imaging::reblur_kernel(voxel, reblur_contrast(voxel, options), moment));
+  }
+  const torch::Device device = restored.blurry.device();
+  out.psi = torch::stack(psi).to(device);
+  out.reblur_kernel = torch::stack(kernels).to(device);
+  return out;
 }
 
 View prepare_view(const data::Exposure& exposure, restore::ExposureSums sums,
@@ -154,27 +183,22 @@ View prepare_view(const data::Exposure& exposure, restore::ExposureSums sums,
                   restore::ViewRestorer& restorer) {
   const torch::Device device = restorer.device();
   const restore::RestoredExposure restored =
-      restore::restore_exposure(exposure, std::move(sums), how, restorer);
+      restore::restore_exposure(masked(exposure), std::move(sums), how, restorer);
   const events::EventVoxel& voxel = restored.maps.voxel;
   View view;
   view.name = exposure.name;
   view.blurry = restored.blurry;
+  if (has_masks(dataset)) view.mask = mask_of(exposure).to(device);
   view.blurry_moments = imaging::ssim_target(view.blurry);
   view.psi = events::polarity_projection(voxel.values.to(device));
   view.density = restored.maps.density.to(device);
   view.reblur_kernel = imaging::reblur_kernel(voxel, reblur_contrast(voxel, options)).to(device);
-  view.edi_factors = restored.gain.unsqueeze(1);
+  if (reads_edi_at_poses(options)) view.edi_factors = restored.gain.unsqueeze(1);
   if (options.objective.edi_contrast != 1) {
-    view.taught_factors = restored.taught_gain.unsqueeze(1);
+    view.taught_factors = in_half(restored.taught_gain.unsqueeze(1));
   }
-  if (options.exposure.quadrature == geometry::QuadratureRule::kJittered) {
-    view.edi_log_gain = restored.taught.log_gain;
-  }
-  if (learns(options.sensor)) {
-    view.edi_counts = restored.counts;
-    view.per_ms = exposures_per_ms(exposure).to(device);
-  }
-  view.restorations = restored.restorations;
+  view.restorations = {shown(restored.restorations.edi, view.mask),
+                       shown(restored.restorations.efnet, view.mask)};
   const geometry::Quadrature sum =
       geometry::quadrature(options.exposure.quadrature, options.exposure.samples);
   view.cameras =
@@ -184,22 +208,18 @@ View prepare_view(const data::Exposure& exposure, restore::ExposureSums sums,
     view.weights = torch::tensor(sum.weights, torch::kFloat64).to(device, torch::kFloat32);
   }
   view.fixed_target = fixed_target(view, options, dataset.monochrome, device);
-  const double disagreement = options.objective.trust.disagreement;
-  if (disagreement > 0 && view.restorations.efnet.defined()) {
-    view.target_closeness =
-        losses::closeness(view.restorations.efnet, view.restorations.edi, disagreement);
-  }
   if (restores_all_poses(options)) {
-    view.restored_poses = restorations_of_poses(view, restored, options);
+    view.restored_poses = restorations_of_poses(restored, view.mask, options);
   }
+  put_aside_unread(options, view);
   return view;
 }
 
 }  // namespace
 
 View at_pose(const View& view, int64_t pose, const RunOptions& options) {
-  JADE_CHECK(pose >= 0 && pose < view.edi_factors.size(0), "expected a pose below ",
-             view.edi_factors.size(0), ", found ", pose);
+  JADE_CHECK(pose >= 0 && pose < view.u.size(0), "expected a pose below ", view.u.size(0),
+             ", found ", pose);
   const auto replace = [pose](torch::Tensor& of_middle, const torch::Tensor& of_poses) {
     if (of_poses.defined()) of_middle = of_poses[pose].to(torch::kFloat32);
   };
@@ -210,7 +230,6 @@ View at_pose(const View& view, int64_t pose, const RunOptions& options) {
   replace(out.restorations.efnet, view.restored_poses.efnet);
   replace(out.psi, view.restored_poses.psi);
   replace(out.reblur_kernel, view.restored_poses.reblur_kernel);
-  replace(out.target_closeness, view.restored_poses.closeness);
   out.fixed_target = restored_target(out.restorations, options);
   return out;
 }
@@ -256,7 +275,7 @@ std::vector<View> prepare_views(const data::Dataset& dataset, const RunOptions& 
   Progress progress("restoring", static_cast<int64_t>(dataset.train.size()), 0, "views");
   std::vector<View> views;
   const std::vector<ExposureSpan> spans = exposure_spans(dataset);
-  const restore::RestoreOptions how = restore_options(dataset, options);
+  const restore::RestoreOptions how = restore_options(options);
   // A CPU that restores has no threads to spare.
   SumsAhead sums(dataset, how, efnet ? &restorer.metadata() : nullptr,
                  device.is_cuda() ? std::launch::async : std::launch::deferred);
@@ -266,6 +285,7 @@ std::vector<View> prepare_views(const data::Dataset& dataset, const RunOptions& 
         prepare_view(dataset.train[i], sums.next(), how, spans[i], dataset, options, restorer));
     if (progress.step()) progress.show();
   }
+  restorer.leave();
   return views;
 }
 

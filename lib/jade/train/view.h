@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "jade/data/exposure.h"
-#include "jade/imaging/edi.h"
 #include "jade/imaging/ssim.h"
 #include "jade/restore/efnet.h"
 #include "jade/restore/restorations.h"
@@ -23,7 +22,6 @@ struct PoseRestorations {
   torch::Tensor efnet;          ///< [K,3,H,W] float16, as there are many, F(B, V, u_k)
   torch::Tensor psi;            ///< [K,2,H,W] Ψ(V) about u_k
   torch::Tensor reblur_kernel;  ///< [K,1,H,W] K(V) about u_k
-  torch::Tensor closeness;      ///< [K,1,H,W] of trust.disagreement
 
   /// Calls `visitor(name, tensor)` for every tensor, once.
   template <class Visitor>
@@ -39,32 +37,30 @@ struct PoseRestorations {
   template <class Self, class Visitor>
   static void visit_each(Self& self, Visitor& visitor) {
     visit_members<PoseRestorations>(visitor, Member{"efnet", self.efnet}, Member{"psi", self.psi},
-                                    Member{"reblur_kernel", self.reblur_kernel},
-                                    Member{"closeness", self.closeness});
+                                    Member{"reblur_kernel", self.reblur_kernel});
   }
 };
 
-/// What training asks of one exposure again and again: constants in θ and φ, computed once, on the
-/// training device.
+/// What training asks of one exposure again and again: constants in θ and φ, computed once. What
+/// steps read is on the training device, the rest of Ψ, K(V), density and restorations on the CPU.
 struct View {
   std::string name;
-  torch::Tensor blurry;                ///< [3,H,W] B
+  torch::Tensor blurry;  ///< [3,H,W] B, 0 under the mask
+  /// [1,H,W] float32, 1 where a pixel counts and else 0, where targets are 0 too; undefined: all
+  /// pixels of all views count.
+  torch::Tensor mask;
   imaging::SsimTarget blurry_moments;  ///< of B, for L_blur
   torch::Tensor psi;                   ///< [2,H,W] Ψ(V)
-  torch::Tensor edi_factors;           ///< [K,1,H,W] R_k: EDI_k(X) = X ⊙ R_k, at the moments u
-  /// [K,1,H,W] the same with objective.edi_contrast, for L_edi and L_sim; where that is 1 it is
-  /// edi_factors, and undefined.
+  /// [K,1,H,W] R_k: EDI_k(X) = X ⊙ R_k, at the moments u; undefined where L_edi and L_sim read
+  /// taught_factors and no target reads EDI at a pose.
+  torch::Tensor edi_factors;
+  /// [K,1,H,W] float16, as there are many: the same with objective.edi_contrast, for L_edi and
+  /// L_sim; where that is 1 it is edi_factors, and undefined.
   torch::Tensor taught_factors;
-  /// [S,H,W] ln R of L_edi and L_sim at equally spaced moments, where the steps draw their own;
-  /// else undefined.
-  torch::Tensor edi_log_gain;
-  imaging::EdiCounts edi_counts;       ///< where something of the sensor is learned, else undefined
-  torch::Tensor per_ms;                ///< [] float32, exposures in one millisecond
   torch::Tensor reblur_kernel;         ///< [1,H,W] K(V), Eq. (7)
   torch::Tensor density;               ///< [H,W] events of either polarity
   restore::Restorations restorations;  ///< I_edi and F; F undefined where nothing asks for it
   torch::Tensor fixed_target;       ///< [3,H,W] target that no router decides; undefined if routed
-  torch::Tensor target_closeness;   ///< [1,H,W] of trust.disagreement, else undefined
   PoseRestorations restored_poses;  ///< undefined but for objective.restored_poses all
   splat::CameraBatch cameras;       ///< the K poses
   torch::Tensor u;        ///< [K] float64, their moments: 0 is the exposure's start, 1 its end
@@ -85,21 +81,18 @@ struct View {
   static void visit_each(Self& self, Visitor& visitor) {
     visit_members<View>(
         visitor, Member{"name", self.name}, Member{"blurry", self.blurry},
-        Member{"blurry_moments", self.blurry_moments}, Member{"psi", self.psi},
-        Member{"edi_factors", self.edi_factors}, Member{"taught_factors", self.taught_factors},
-        Member{"edi_log_gain", self.edi_log_gain}, Member{"edi_counts", self.edi_counts},
-        Member{"per_ms", self.per_ms}, Member{"reblur_kernel", self.reblur_kernel},
+        Member{"mask", self.mask}, Member{"blurry_moments", self.blurry_moments},
+        Member{"psi", self.psi}, Member{"edi_factors", self.edi_factors},
+        Member{"taught_factors", self.taught_factors}, Member{"reblur_kernel", self.reblur_kernel},
         Member{"density", self.density}, Member{"restorations", self.restorations},
-        Member{"fixed_target", self.fixed_target},
-        Member{"target_closeness", self.target_closeness},
-        Member{"restored_poses", self.restored_poses}, Member{"cameras", self.cameras},
-        Member{"u", self.u}, Member{"weights", self.weights});
+        Member{"fixed_target", self.fixed_target}, Member{"restored_poses", self.restored_poses},
+        Member{"cameras", self.cameras}, Member{"u", self.u}, Member{"weights", self.weights});
   }
 };
 
 /// The view with what its target, fusion and routing step read at pose k in place of mid-exposure:
-/// Ψ, K(V), both restorations (EDI is left out where EFNet alone is the target), the fixed target
-/// and its closeness. What it has of all poses stays behind, so that a recorded step need not copy
+/// Ψ, K(V), both restorations (EDI is left out where EFNet alone is the target) and the fixed
+/// target. What it has of all poses stays behind, so that a recorded step need not copy
 /// it. Does not wait for the device.
 /// @param view  prepared with objective.restored_poses all
 /// @param pose  k

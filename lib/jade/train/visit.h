@@ -9,7 +9,6 @@
 #include <type_traits>
 
 #include "jade/core/members.h"
-#include "jade/imaging/edi.h"
 #include "jade/imaging/ssim.h"
 #include "jade/losses/objective.h"
 #include "jade/restore/restorations.h"
@@ -49,10 +48,6 @@ void visit_tensors(Visitor& visitor, const Member<T>& member) {
   } else if constexpr (std::is_same_v<Type, imaging::SsimTarget>) {
     visit_members<Type>(visitor, Member{inner("image"), value.image},
                         Member{inner("mean"), value.mean}, Member{inner("square"), value.square});
-  } else if constexpr (std::is_same_v<Type, imaging::EdiCounts>) {
-    visit_members<Type>(visitor, Member{inner("positive"), value.positive},
-                        Member{inner("negative"), value.negative},
-                        Member{inner("weights"), value.weights});
   } else if constexpr (std::is_same_v<Type, losses::EdiFactors>) {
     visit_members<Type>(visitor, Member{inner("gray"), value.gray},
                         Member{inner("color"), value.color},

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+// The brightness of each frame against that of the scene: a camera that adjusts itself changes the
+// length and the gain of its exposures from frame to frame.
+#pragma once
+
+#include <memory>
+#include <torch/nn/module.h>
+#include <torch/types.h>
+#include <utility>
+
+#include "jade/core/fields.h"
+#include "jade/data/exposure.h"
+
+namespace jade::train {
+
+/// Whether the frames' gains are learned.
+enum class LearnGains { kAuto, kOn, kOff };
+
+constexpr auto words_of(LearnGains) {
+  return std::array{Word{"auto", LearnGains::kAuto, "where the data set has gains that differ"},
+                    Word{"on", LearnGains::kOn, "from those of the data set, 1 where it has none"},
+                    Word{"off", LearnGains::kOff, "those of the data set stay"}};
+}
+
+/// The configuration group `gains`.
+struct GainOptions {
+  LearnGains optimize = LearnGains::kAuto;
+  double lr = 1e-3;
+  double prior_weight = 0.01;
+};
+
+template <class V>
+void describe(V& v, GainOptions& o) {
+  v.field("optimize", o.optimize, "learn how bright each frame is against the scene");
+  v.field("lr", o.lr, "Adam step size of the gains' logs", Range{0, 1});
+  v.field(
+      "prior_weight", o.prior_weight,
+      "weight of the squared distance of a log gain from the data set's: 0.01 makes ten percent "
+      "of a gain cost 1e-4",
+      Range{0, 1e3});
+}
+
+/// Whether a run on this data set learns gains.
+bool learns_gains(const GainOptions& options, const data::Dataset& dataset);
+
+/// A gain per training exposure, float64 logs. What all of them share is the brightness of the
+/// scene, so their mean log stays that of the data set.
+class ExposureGains : public torch::nn::Module {
+ public:
+  ExposureGains(const data::Dataset& dataset, bool learned);
+
+  bool learned() const { return log_gains_.requires_grad(); }
+
+  /// By what a render of the exposure is multiplied to be as bright as its frame, [1] float32;
+  /// differentiable where learned. @param exposure  [1] int64
+  torch::Tensor forward(const torch::Tensor& exposure) const;
+
+  /// Squared distance of the exposure's log gain from the data set's, scalar float32.
+  torch::Tensor squared_change(const torch::Tensor& exposure) const;
+
+  /// To be called after each update: takes out what all gains have gained.
+  void hold_mean();
+
+  const torch::Tensor& log_gains() const { return log_gains_; }  ///< [V,1], the parameter
+  /// The least and the largest gain; waits for the device.
+  std::pair<double, double> range() const;
+
+ private:
+  torch::Tensor start_;  ///< [V,1]
+  torch::Tensor log_gains_;
+};
+
+/// nullptr where every frame is as bright as the scene and none is learned.
+std::shared_ptr<ExposureGains> make_exposure_gains(const GainOptions& options,
+                                                   const data::Dataset& dataset);
+
+}  // namespace jade::train
