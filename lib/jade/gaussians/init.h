@@ -16,7 +16,7 @@
 
 namespace jade::gaussians {
 
-/// Where the Gaussians start.
+/// Source of the initial Gaussians.
 enum class InitKind { kAuto, kSfm, kRandomFrusta, kPly };
 
 constexpr auto words_of(InitKind) {
@@ -50,7 +50,7 @@ struct InitView {
   torch::Tensor image;  ///< [3,H,W]
 };
 
-/// What the start can draw on.
+/// Data that the initialisation can use.
 struct InitSources {
   std::vector<InitView> views;
   double near = 0, far = 0;  ///< depth range of random_frusta, world units

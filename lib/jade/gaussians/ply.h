@@ -38,7 +38,7 @@ struct PointCloud {
 ///   vertices than they have bytes for.
 GaussianFile read_ply(const std::filesystem::path& path);
 
-/// What is asked of a scene from which something begins: a Gaussian at a finite position.
+/// Checks that a scene has at least one Gaussian at a finite position.
 /// @throws DataError naming the file where it held none.
 void check_some(const splat::Gaussians& gaussians, const std::filesystem::path& path);
 

@@ -21,7 +21,7 @@ Spread spread_of(const torch::Tensor& values);
 /// Opacity below which a Gaussian is next to transparent; training prunes such.
 inline constexpr double kTransparent = 0.005;
 
-/// What Gaussians are like, and what is wrong with them.
+/// Statistics of Gaussians, and their problems.
 struct GaussianSummary {
   int64_t count = 0;
   int64_t sh_degree = 0;
@@ -35,8 +35,8 @@ struct GaussianSummary {
 
 GaussianSummary summarize(const splat::Gaussians& gaussians);
 
-/// Those whose numbers are finite and within the limits of splat/math/projection.h; splatting draws
-/// no other.
+/// Gaussians whose numbers are finite and within the limits of splat/math/projection.h; splatting
+/// renders no others.
 splat::Gaussians drawable(const splat::Gaussians& gaussians);
 
 /// A warning in one line for who only draws them: how many Gaussians of `file` are left out of

@@ -55,7 +55,7 @@ class Hdf5File {
   /// @throws DataError if the data cannot be decoded; a missing filter is named with its package.
   template <class T>
   void read(const std::string& name, int64_t begin, int64_t count, T* out) const;
-  /// The same of one field of the records of `name`.
+  /// Reads one field of the records of `name`.
   template <class T>
   void read_field(const std::string& name, const std::string& field, int64_t begin, int64_t count,
                   T* out) const;

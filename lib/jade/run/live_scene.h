@@ -42,7 +42,8 @@ class LiveScene {
     std::string server_id;  ///< serve::Board::id()
     bool pausable = false;
     bool moving = false;      ///< cameras move as poses are learned
-    std::string report = {};  ///< where the finished scene will be; empty where none will
+    std::string report = {};  ///< path of the report to come; empty if none will
+    std::string scores = {};  ///< text of a finished run's eval.json; may be empty
   };
   std::string page_data(const PageText& text) const;
 

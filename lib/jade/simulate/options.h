@@ -108,7 +108,7 @@ constexpr auto words_of(Encoding) {
   return std::array{Word{"linear", Encoding::kLinear}, Word{"srgb", Encoding::kSrgb}};
 }
 
-/// What a sensor sums.
+/// Quantity that a sensor integrates.
 enum class Space { kStored, kLinear };
 
 constexpr auto words_of(Space) {
@@ -272,7 +272,7 @@ constexpr auto words_of(Preset) {
       Word{"blender", Preset::kBlender, "600×400, 40 ms at 1000 frames per second, clean"}};
 }
 
-/// What the camera sees.
+/// Scene in front of the camera.
 enum class Source { kWorld, kPly, kFrames };
 
 constexpr auto words_of(Source) {
@@ -281,7 +281,7 @@ constexpr auto words_of(Source) {
                     Word{"frames", Source::kFrames, "sharp frames"}};
 }
 
-/// What to simulate. The initialisers are those of a clean sensor; presets change them.
+/// Options of the simulator. The initialisers are those of a clean sensor; presets change them.
 struct SimulateOptions {
   Preset preset = Preset::kCdavis;
   Source source = Source::kWorld;

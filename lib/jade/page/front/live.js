@@ -5,7 +5,7 @@
 import { depthAhead } from './viewer.js';
 import { DIFFERENCE } from './layers.js';
 import { shortcut } from './elements.js';
-import { writeCards, writeCurves } from './report.js';
+import { writeCards, writeCurves, writeScores } from './report.js';
 
 const ASK_MS = 1000; // between two questions for the state
 const AGAIN_MS = 150; // after a frame that did not come
@@ -74,15 +74,15 @@ function psnrOf(answer) {
 const decibels = (value) => `${value.toFixed(2)} dB`;
 
 /**
- * What is known of how good the picture is: against the truth of its camera now or when that was last
- * evaluated, else how well the last step explained a blurry frame.
+ * Quality of the picture: PSNR against the truth of its camera, now or at the last evaluation, else
+ * how well the last step explained a blurry frame.
  */
 export function judgement(psnr, camera, state, lines) {
   if (typeof psnr === 'number') return `PSNR ${decibels(psnr)}`;
   const scored = camera ? state?.scored?.psnr[camera] : undefined;
   if (typeof scored === 'number') return `PSNR ${decibels(scored)} at step ${state.scored.step.toLocaleString('en')}`;
   const line = lines.findLast((each) => typeof each.psnr_train === 'number');
-  return line ? `blur explained ${decibels(line.psnr_train)}` : '';
+  return line ? `re-blur PSNR ${decibels(line.psnr_train)}` : '';
 }
 
 /** What to tell somebody whose page has lost its program. */
@@ -134,7 +134,7 @@ export function liveFigures({ step, steps, gaussians, phase }, lines) {
   const figures = [];
   if (steps > 0) figures.push({ label: phase, value: `${Math.floor(100 * step / steps)} %`, note: `step ${step.toLocaleString('en')} of ${steps.toLocaleString('en')}` });
   figures.push({ label: 'Gaussians', value: gaussians.toLocaleString('en'), note: '' });
-  for (const [key, label, note] of [['psnr_train', 'blur explained', 're-blurred render against its frame'], ['test_psnr', 'test views', 'mean PSNR']]) {
+  for (const [key, label, note] of [['psnr_train', 're-blur PSNR', 're-blurred render against its frame'], ['test_psnr', 'test views', 'mean PSNR']]) {
     const line = last(key);
     if (line) figures.push({ label, value: `${line[key].toFixed(2)} dB`, note: `${note}, step ${line.step.toLocaleString('en')}` });
   }
@@ -178,7 +178,7 @@ export class LiveViewer {
   /** Draws this view; false where another request came first or nothing came. */
   async draw(camera, pose, { depthMode = false, part = 0 } = {}) {
     const wanted = { camera, pose };
-    // What is held is not drawn over: a mean that builds up, depth.
+    // Held pictures (a growing mean, depth) are not replaced.
     this.wanted = null;
     this.held = wanted;
     for (let attempt = 0; attempt < ATTEMPTS; ++attempt) {
@@ -271,17 +271,17 @@ export class LivePage {
     page.live = this;
     document.title = 'JADE-GS live';
     for (const view of [...data.views, ...data.tests]) view.pictures.forEach((picture) => this.givePicture(view, picture));
-    for (const id of ['views', 'tests', 'scores', 'allocation']) {
-      const part = document.getElementById(id);
-      part.hidden = true;
-      if (part.previousElementSibling?.tagName === 'H2') part.previousElementSibling.hidden = true;
+    for (const id of ['views', 'tests', 'allocation']) document.getElementById(id).closest('.part').hidden = true;
+    if (data.evaluation) {
+      document.getElementById('tests').hidden = true;
+      document.getElementById('tests').closest('.part').hidden = false;
+      writeScores(document.getElementById('scores'), data.evaluation);
     }
     document.getElementById('facts').textContent = data.facts.join(' · ');
     const config = document.getElementById('config');
     config.textContent = data.config;
-    config.parentElement.hidden = config.parentElement.previousElementSibling.hidden = data.config === '';
-    const charts = document.getElementById('charts');
-    charts.previousElementSibling.hidden = !data.live.pausable;
+    config.closest('.part').hidden = data.config === '';
+    document.getElementById('charts').closest('.part').hidden = !data.live.pausable;
     const pause = document.getElementById('pause');
     pause.hidden = document.getElementById('pause-key').hidden = !data.live.pausable;
     pause.addEventListener('click', () => this.togglePause());
@@ -415,8 +415,11 @@ export class LivePage {
     document.title = state.steps ? `${Math.floor(100 * state.step / state.steps)} % · JADE-GS live` : 'JADE-GS live';
     if (!fresh) return;
     const charts = document.getElementById('charts');
+    const others = document.getElementById('other-charts');
     charts.replaceChildren();
-    writeCurves(charts, tail.lines);
+    others.replaceChildren();
+    writeCurves(charts, others, tail.lines);
+    document.getElementById('more-charts').hidden = others.childElementCount === 0;
   }
 
   lose() {

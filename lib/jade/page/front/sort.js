@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a view asks of every Gaussian once per frame: its place in the order, and its colour. The
-// first two functions also run in a worker, so that they may use nothing from outside themselves.
+// Computes the depth order and the colour of every Gaussian once per frame. The first two functions
+// also run in a worker, so they may use nothing from outside themselves.
 
 import { centreOf } from './pose.js';
 
