@@ -55,8 +55,7 @@ struct InitSources {
   std::vector<InitView> views;
   double near = 0, far = 0;  ///< depth range of random_frusta, world units
   PointCloud points;         ///< SfM points; tensors may be undefined
-  /// Where the origin of views and points lies in the data set's own coordinates, in which init.ply
-  /// is.
+  /// Origin of views and points in the data set's own coordinates, which init.ply uses.
   geometry::Vector3 origin{0, 0, 0};
 };
 

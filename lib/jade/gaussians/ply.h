@@ -13,8 +13,8 @@ namespace jade::gaussians {
 struct GaussianFile {
   splat::Gaussians gaussians;  ///< float32 on the CPU; K as the file's SH degree says
   bool antialiased = false;    ///< header comment "SplatRenderMode: mip"; default is "default"
-  /// Where the origin of the means lies in the coordinates of the data set (geometry/origin.h); of
-  /// a file the header comment "origin X Y Z".
+  /// Origin of the means in the coordinates of the data set (geometry/origin.h); in a file the
+  /// header comment "origin X Y Z".
   geometry::Vector3 origin{0, 0, 0};
 };
 

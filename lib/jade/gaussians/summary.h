@@ -47,7 +47,7 @@ std::string undrawable_warning(const splat::Gaussians& gaussians, const std::str
 /// How many Gaussians each reason keeps from being drawn, "3 have NaN or Inf in their means, …".
 std::string undrawable_reasons(const splat::Gaussians& gaussians);
 
-/// Those of an opacity of at least 1/255, below which splatting draws nothing.
+/// Number of Gaussians with an opacity of at least 1/255, below which splatting renders nothing.
 int64_t count_visible(const splat::Gaussians& gaussians);
 
 }  // namespace jade::gaussians

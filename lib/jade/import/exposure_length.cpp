@@ -69,7 +69,7 @@ class LengthSearch {
 
   const std::map<double, Tried>& tried() const { return tried_; }
 
-  /// Of the fits that worked.
+  /// Best length of the fits that converged.
   double best_length() const {
     double length = 0, loss = INFINITY;
     for (const auto& [each, tried] : tried_) {

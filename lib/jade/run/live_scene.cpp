@@ -40,7 +40,7 @@ torch::Tensor depth_picture(const splat::RenderOutput& render) {
 serve::Drawn drawn_of(const torch::Tensor& image, FrameMemory& memory) {
   serve::Drawn drawn;
   if (!image.is_cuda()) {
-    // What training goes on writing to must not be what is shown.
+    // Copy: training continues to write to the original.
     drawn.image = image.to(torch::kFloat32).contiguous().clone();
     return drawn;
   }

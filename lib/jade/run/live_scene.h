@@ -31,11 +31,11 @@ class LiveScene {
   /// Makes `pictures` the layers of a camera: "train.3", "test.0".
   void add(const std::string& camera, std::vector<ViewPicture> pictures);
 
-  /// What a viewer wants. On a GPU the picture is on its way when this returns.
+  /// Renders a viewer's request. On a GPU the copy to the host may still run when this returns.
   /// @throws ConfigError for a picture or a camera that is not there, whatever rendering throws.
   serve::Drawn draw(const serve::Wanted& wanted, int64_t step) const;
 
-  /// What page::live_page() shows.
+  /// Texts of page::live_page().
   struct PageText {
     std::vector<std::string> facts;
     std::string config;     ///< text of config.yaml; may be empty

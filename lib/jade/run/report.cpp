@@ -41,7 +41,7 @@ constexpr gaussians::SpzOptions kEmbedded{false, 20, 7, 6};
 /// The page's pictures, which all threads make into files, so many at a time.
 class Pictures {
  public:
-  /// What the page has of it; "src" is its number until put_into().
+  /// Entry of a picture in the page's data; "src" is its number until put_into().
   Json add(const std::string& name, const torch::Tensor& image, const torch::Tensor& truth = {},
            const torch::Tensor& mask = {}) {
     Json entry{{"name", name}, {"src", sources_.size() + images_.size()}};
@@ -82,7 +82,7 @@ class Pictures {
     bytes_ = 0;
   }
 
-  /// Of images that wait to be encoded.
+  /// Most bytes of images that wait to be encoded.
   static constexpr size_t kMostBytes = size_t{256} << 20;
 
   std::vector<torch::Tensor> images_;
@@ -90,7 +90,7 @@ class Pictures {
   std::vector<std::string> sources_;
 };
 
-/// Of so many, spread over the sequence.
+/// Indices of the views to show, spread over the sequence.
 std::vector<size_t> shown_views(size_t count) {
   std::vector<size_t> shown;
   const size_t wanted = std::min(kShownViews, count);

@@ -71,7 +71,7 @@ void describe(V& v, LightOptions& o) {
   v.field("flicker_hz", o.flicker_hz, "twice the frequency of the mains, Hz", Range{1, 10000});
 }
 
-/// What lies before both sensors.
+/// Optics in front of both sensors.
 struct OpticsOptions {
   double vignetting = 0;
   int64_t dust = 0;
@@ -219,7 +219,7 @@ void describe(V& v, EventCameraOptions& o) {
   v.field("focal_px", o.focal_px, "px; 0: as the frames", Range{0, 1e5});
 }
 
-/// What a recording says of itself.
+/// Metadata that a recording has.
 struct RecordingOptions {
   bool exposure_times = true;
 };

@@ -10,7 +10,7 @@ export function formatLink(view) {
   return `#${parts}`;
 }
 
-/** What formatLink() wrote; parts that are missing or damaged are left out. */
+/** Parses a link of formatLink(); missing or damaged parts are left out. */
 export function parseLink(hash) {
   const parts = new URLSearchParams(hash.replace(/^#/, ''));
   const view = {};

@@ -14,7 +14,7 @@ const MAKING_MS = 500; // between two questions for a picture that is being made
 const RENEW_MS = 4000; // between two looks at a layer that changes while it trains
 const CHANGING = ['α', 'fused', 'render', 'depth', DIFFERENCE];
 
-/** What the server is asked: addresses with the viewer's name and the token, and their answers. */
+/** Requests to the server: addresses with the viewer's name and the token, and their answers. */
 export class LiveLink {
   /** @param search  the page's, with the token where one is needed */
   constructor(search, ask = (address, options) => fetch(address, options)) {
@@ -50,7 +50,7 @@ export class LiveLink {
     return answer.status === 204 ? null : { reason: (await answer.text()).trim() };
   }
 
-  /** Where a camera of the data set stands now, poses as 12 numbers, or null. */
+  /** Current poses of a camera of the data set, 12 numbers each, or null. */
   async poses(view) {
     const answer = await this.ask(this.address('camera', { view }));
     return answer.status === 200 ? (await answer.json()).poses : null;
@@ -66,7 +66,7 @@ export class LiveLink {
   }
 }
 
-/** What a sharp truth says of the picture of an answer, dB, or null. */
+/** PSNR of an answer's picture against a sharp truth, dB, or null. */
 function psnrOf(answer) {
   return answer.headers.has('X-Psnr') ? Number(answer.headers.get('X-Psnr')) : null;
 }
@@ -85,7 +85,7 @@ export function judgement(psnr, camera, state, lines) {
   return line ? `re-blur PSNR ${decibels(line.psnr_train)}` : '';
 }
 
-/** What to tell somebody whose page has lost its program. */
+/** Message for a page that has lost its program. */
 export function farewell(state, { report, pausable }) {
   const where = report ? ` The finished scene: ${report}.` : '';
   if (!pausable) return 'jade_view has ended or cannot be reached. The page goes on by itself once it answers.';
@@ -93,7 +93,7 @@ export function farewell(state, { report, pausable }) {
   return 'The program that trains has ended or cannot be reached: --resume goes on with a run that was stopped, and so does this page once there is an answer.';
 }
 
-/** The same view at `scale` times as many pixels, whole ones. */
+/** Camera of the same view at `scale` times as many pixels, rounded. */
 export function scaledCamera(camera, scale) {
   const width = Math.max(1, Math.round(camera.width * scale));
   const height = Math.max(1, Math.round(camera.height * scale));
@@ -143,7 +143,7 @@ export function liveFigures({ step, steps, gaussians, phase }, lines) {
   return figures;
 }
 
-/** What Viewer does, with frames from the server. */
+/** Viewer whose frames come from the server. */
 export class LiveViewer {
   /**
    * @param settings  {scale, sample}
@@ -194,7 +194,7 @@ export class LiveViewer {
     return false;
   }
 
-  /** The same as a PNG's data URL. */
+  /** A picture as a PNG's data URL. */
   async picture(camera, pose, options) {
     return (await this.draw(camera, pose, options)) ? this.canvas.toDataURL('image/png') : null;
   }
@@ -386,7 +386,7 @@ export class LivePage {
     if (state.phase === 'training' && document.visibilityState === 'visible') this.renew();
   }
 
-  /** Where somebody stands at a camera: its pose and its layers as training has them by now. */
+  /** Updates the pose and the layers of the current camera to the state of the training. */
   async renew() {
     const { page } = this;
     if (!this.viewer || !page.restored || page.playing || page.state.pose) return;

@@ -15,7 +15,7 @@ export function addressOf(path) {
   return path.split('/').map(encodeURIComponent).join('/');
 }
 
-/** What a row is called among the pictures: its title, with its name where the title is not its alone. */
+/** Label of a row among the pictures: its title, with its name if the title is not unique. */
 function labelOf({ name, title }, rows) {
   const alone = ![TRUTH, SCENE, DIFFERENCE].includes(title) && rows.filter((row) => row.title === title).length === 1;
   return alone ? title : `${title} (${name})`;
