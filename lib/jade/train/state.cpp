@@ -158,7 +158,6 @@ void check_sizes(const RunOptions& options, const data::Dataset& dataset) {
       options.allocation.kind == router::AllocationKind::kPerViewMap) {
     key = "allocation.kind per_view_map";
   }
-  if (options.sensor.learn_gain) key = "sensor.learn_gain";
   if (options.objective.event_loss_weight > 0) key = "objective.event_loss_weight";
   if (key == nullptr) return;
   throw ConfigError(concat(key, ": expected frames of one size, found ", first.width, "x",
