@@ -48,7 +48,7 @@ gaussians::GaussianFile load(const Sources& sources) {
   return file;
 }
 
-/// What can be known to go wrong before anything is read or made.
+/// Checks the output path before any file is read or written.
 void check_output(const fs::path& path) {
   const std::string extension = path.extension().string();
   if (extension != ".ply" && extension != ".splat" && extension != ".spz") {

@@ -21,7 +21,7 @@ void print_spread(const char* name, const Spread& s) {
               s.median, s.low, s.high);
 }
 
-/// Of a scene far from the origin x, y and z are about one of its own.
+/// Prints the origin of a scene whose coordinates are relative to one.
 void print_origin(const geometry::Vector3& origin) {
   if (geometry::is_zero(origin)) return;
   std::printf("origin      x, y and z above are about %s\n", geometry::text_of(origin).c_str());

@@ -62,13 +62,13 @@ RecordingNumbers numbers_of(const Recording& r) {
   return n;
 }
 
-/// Of a file or folder, which may be given as "scene/" or ".".
+/// Name of a file or folder, which may be given as "scene/" or ".".
 fs::path name_of(const fs::path& path) {
   const fs::path whole = fs::absolute(path).lexically_normal();
   return (whole.has_filename() ? whole : whole.parent_path()).stem();
 }
 
-/// What to run next; what it lacks is named in capitals.
+/// Command to run next; missing parts are placeholders in capitals.
 std::string next_command(const Recording& r, const RecordingNumbers& n) {
   if (r.events.empty()) return "";
   std::string line = "build/bin/jade_import " + shell_word(r.source) + n.choice;

@@ -268,7 +268,7 @@ TEST_CASE("event files: a file without events is read with a warning", "[events]
   const auto result = read_events(dir / "a.txt");
   CHECK(result.events.empty());
   CHECK(result.warnings.size() == 1);
-  // Those that nobody asked for are there all the same.
+  // Events outside the request are kept as well.
   std::ofstream(dir / "b.txt") << "100 1 2 1\n";
   EventFileOptions later;
   later.keep = std::vector<TimeWindow>{{5000, 6000}};

@@ -271,7 +271,7 @@ TEST_CASE("ply: a scene of its own origin keeps it, in either coordinates", "[ga
   CHECK((exact[7][1] - 5431987 - file.gaussians.means[7][1].to(torch::kFloat64))
             .abs()
             .item<double>() < 1e-8);
-  // Whoever reads it finds an origin near the scene again.
+  // A reader finds an origin near the scene again.
   const GaussianFile back = read_ply(folder / "dataset.ply");
   CHECK_FALSE(geometry::is_zero(back.origin));
   for (int64_t axis = 0; axis < 3; ++axis) {

@@ -93,7 +93,7 @@ DatasetKind recognise_dataset(const std::filesystem::path& folder);
 /// path before anything else begins. @throws as recognise_dataset; ConfigError without a path.
 DatasetKind kind_of(const DatasetOptions& options);
 
-/// Where a folder names its held-out exposures: one frame per line, without extension.
+/// File that names a folder's held-out exposures: one frame per line, without extension.
 constexpr char kHeldOutFile[] = "held_out.txt";
 
 }  // namespace jade::data

@@ -41,7 +41,7 @@ geometry::Trajectory trajectory_of(const TimedPoses& timed) {
   return geometry::Trajectory(std::move(times), poses);
 }
 
-/// Where timestamps.npz lies: with the frames, or beside their folder.
+/// Path of timestamps.npz: with the frames, or beside their folder.
 fs::path times_file(const fs::path& root, const fs::path& images) {
   for (const fs::path& path : {images / "timestamps.npz", root / "timestamps.npz"}) {
     if (fs::exists(path)) return path;
@@ -280,7 +280,7 @@ void set_bounds(const Sources& s, Dataset& data) {
                          " to ", data.far, "; expected 0 < near < far in the last two columns"));
 }
 
-/// What structure from motion left of the scene.
+/// Reads the points from structure from motion.
 void read_points(const fs::path& path, Dataset& data) {
   if (!fs::exists(path)) return;
   const io::Npz file(path);

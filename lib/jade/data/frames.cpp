@@ -88,7 +88,7 @@ void check_names(const std::vector<std::string>& names, const std::vector<fs::pa
   }
 }
 
-/// As many as the frames take once they are read: three floats and a mask per pixel.
+/// Checks the memory that the decoded frames take: three floats and a mask per pixel.
 void check_frame_memory(const std::vector<fs::path>& paths) {
   constexpr double kBytesPerPixel = 3 * sizeof(float) + 1;
   double pixels = 0, largest = 0;

@@ -28,8 +28,8 @@ std::filesystem::path find_image_folder(const std::filesystem::path& root,
 /// The N of a folder named images_N, else 1: how much smaller its images are than the poses say.
 double folder_scale(const std::filesystem::path& image_folder);
 
-/// What frames are called: their files without extension; where these are alike, with the folder
-/// before ("cam0_001"), and where those are, with the extension behind.
+/// Names of frames: file names without extension; duplicates get the folder in front ("cam0_001"),
+/// and remaining duplicates the extension behind.
 /// @throws DataError for names that are no UTF-8, that are alike all the same, or of which one is
 ///   NAME_k of another, as an exposure's poses are called.
 std::vector<std::string> frame_names(const std::vector<std::filesystem::path>& paths);

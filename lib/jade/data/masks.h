@@ -14,14 +14,14 @@ namespace jade::data {
 /// A mask of every frame, in the folder of a data set of any layout; jade_import writes it.
 constexpr char kMaskFile[] = "mask.png";
 
-/// Where masks of frames are kept, besides their alpha.
+/// Sources of frame masks besides alpha.
 struct MaskSources {
   std::filesystem::path root;                ///< of the data set, for its masks/ and kMaskFile
   std::filesystem::path of_all;              ///< dataset.mask, or empty
   std::vector<std::filesystem::path> named;  ///< one per frame that the data set names, or empty
 
   MaskSources() = default;
-  /// What the options say; `named` as above, or empty for no frame.
+  /// Takes the sources from the options; `named` as above, or empty if no frame names a mask.
   explicit MaskSources(const DatasetOptions& options,
                        std::vector<std::filesystem::path> named_masks = {});
 };
@@ -40,14 +40,14 @@ std::vector<torch::Tensor> read_masks(const std::vector<std::filesystem::path>& 
                                       const std::vector<torch::Tensor>& images,
                                       const MaskSources& sources, const Warnings& warnings);
 
-/// Where an image has alpha of at least half of full, [1,H,W] bool; undefined without alpha.
+/// Mask of pixels whose alpha is at least half of full, [1,H,W] bool; undefined without alpha.
 /// @throws DataError naming the file where that is nowhere.
 torch::Tensor opaque_part(const std::filesystem::path& path);
 
 /// The image with excluded pixels set to 0; the same tensor where all count.
 torch::Tensor masked(const torch::Tensor& image, const torch::Tensor& mask);
 
-/// Where both count; either may be undefined.
+/// Intersection of two masks; either may be undefined.
 torch::Tensor both_masks(const torch::Tensor& a, const torch::Tensor& b);
 
 /// Makes what lies under the masks count for nothing: sets excluded pixels of every frame to 0, and

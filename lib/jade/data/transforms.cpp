@@ -123,8 +123,8 @@ fs::path existing_file(const fs::path& path) {
   return {};
 }
 
-/// Where a file lies whose path was written on another machine, or from another folder: by as many
-/// of its last parts as lead to a file. Empty where none do.
+/// Finds a file whose path was written on another machine or from another folder, by as many of its
+/// last parts as lead to a file. Empty if none do.
 fs::path moved_file(const fs::path& folder, const fs::path& given) {
   const std::vector<fs::path> parts(given.begin(), given.end());
   for (size_t skip = 1; skip < parts.size(); ++skip) {

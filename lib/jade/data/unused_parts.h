@@ -13,8 +13,8 @@ namespace jade::data {
 
 /// A key, a file or a folder that changes what other programs make of a data set.
 struct FormatPart {
-  /// Of a key its name; of a file its path in a folder, with at most one '*' in the last part; of
-  /// a folder the same with '/' at the end.
+  /// Name of a key; path of a file in a folder, with at most one '*' in the last part; path of a
+  /// folder with '/' at the end.
   std::string name;
   std::string meaning;  ///< what it holds, in a few words
 };
@@ -36,8 +36,8 @@ class UnusedParts {
   std::vector<std::string> found_;
 };
 
-/// What no reader uses: depth maps, normals and their like in the folder of a data set, and frames
-/// of other formats beside those that are read.
+/// Parts that no reader uses: depth maps, normals and the like in the folder of a data set, and
+/// frames of other formats beside those that are read.
 UnusedParts unused_in_any_layout(const std::filesystem::path& root,
                                  const std::filesystem::path& frames);
 

@@ -18,9 +18,9 @@ struct Scores {
   std::optional<double> lpips_alex01, lpips_vgg;
   std::optional<bool> seen =
       std::nullopt;  ///< whether training sees the scene from there; absent: not known
-  /// By what the render was multiplied to be as bright as the view; absent: as it is.
+  /// Factor that the render was multiplied by to be as bright as the view; absent: 1.
   std::optional<double> gain = std::nullopt;
-  /// Of the blurry frame of a held-out exposure against renders blurred along its path.
+  /// PSNR of the blurry frame of a held-out exposure against renders blurred along its path.
   std::optional<double> psnr_reblur = std::nullopt;
   double excluded = 0;  ///< share of the pixels that a mask leaves out
 };

@@ -25,8 +25,8 @@ TimeUnit unit_in_name(const std::string& name);
 using Columns = std::array<size_t, 4>;
 constexpr Columns kTimeFirst{1, 2, 0, 3}, kPlaceFirst{0, 1, 2, 3};
 
-/// Where names have x, y, t and p; names of other things are passed over. None where one of the
-/// four is missing, or there twice.
+/// Columns of x, y, t and p by name; other names are ignored. None if one of the four is missing or
+/// appears twice.
 std::optional<Columns> named_columns(const std::vector<std::string>& names);
 
 /// Four numbers a row.
@@ -38,7 +38,7 @@ enum class Preference {
   kLarger,  ///< the one with the larger numbers
 };
 
-/// Where x, y, t and p stand in rows that nothing names: p is the column of 0 and 1, or -1 and 1,
+/// Columns of x, y, t and p in rows without names: p is the column of 0 and 1, or -1 and 1,
 /// (the last if that is one), t is the one that never decreases, or, in times out of order, the one
 /// that no coordinate reaches or that alone has fractions; x comes before y. Few rows tell nothing:
 /// they are t x y p or x y t p.

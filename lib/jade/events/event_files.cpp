@@ -150,7 +150,7 @@ double in_unit(int64_t us, TimeUnit unit) {
   return double(us) * (unit == TimeUnit::kS ? 1e-6 : unit == TimeUnit::kNs ? 1e3 : 1.0);
 }
 
-/// Where the events that options ask for lie; of a file out of order, everywhere.
+/// Stretches of the file that hold the requested events; the whole file if it is out of order.
 std::vector<Stretch> wanted_stretches(const std::filesystem::path& path, const Hdf5Events& file,
                                       const EventFileOptions& options, EventFileResult& result) {
   const TimeSurvey survey = file.survey();

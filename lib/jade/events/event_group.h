@@ -15,7 +15,7 @@ struct EventGroupResult {
   std::optional<ImageSize> sensor;  ///< its size, where the file says it
 };
 
-/// As read_events, of one of several streams.
+/// Reads events like read_events, from one of several streams.
 /// Read are
 ///   HDF5   in the file or in a group: 1-D data sets x, y, t, p of any integer or float type (a
 ///          t_offset beside them or in the file is added); records with fields of these names; a

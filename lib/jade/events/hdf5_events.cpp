@@ -20,7 +20,7 @@ namespace jade::events {
 
 enum class Hdf5Form { kArrays, kRecords, kTable };
 
-/// Where the events of one stream are.
+/// Location of one stream of events.
 struct Hdf5Stream {
   std::string name;  ///< of the group, the records or the table; empty: the file itself
   Hdf5Form form = Hdf5Form::kArrays;
@@ -215,7 +215,7 @@ struct Hdf5Events::Source {
     return rows;
   }
 
-  /// What changes where or when events are, and is not used.
+  /// Notes data sets that would change places or times of events and are not used.
   void note_unused(std::vector<std::string>& notes) const {
     for (const auto& dataset : file.datasets()) {
       if (leaf_of(dataset.name).find("rectify_map") == std::string::npos) continue;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the readers of each format give event_files.cpp. Not for use outside this folder.
+// Results of the format readers for event_files.cpp. Private to this folder.
 #pragma once
 
 #include <array>
@@ -36,7 +36,7 @@ class Hdf5Events {
   ~Hdf5Events();
 
   const std::string& name() const;
-  /// What a user should know: other streams, and things beside the events that are not used.
+  /// Notes for the user: other streams, and data beside the events that is not used.
   const std::vector<std::string>& notes() const { return notes_; }
   TimeUnit unit() const;
   int64_t length() const;
@@ -55,7 +55,8 @@ RawEvents read_npz_events(const std::filesystem::path& path);
 RawEvents read_npy_events(const std::filesystem::path& path);
 RawEvents read_text_events(const std::filesystem::path& path);
 
-/// As int8, which would cut fractions off. @throws DataError for other numbers.
+/// Converts polarities to int8. @throws DataError for fractions, which the conversion would
+/// truncate.
 torch::Tensor whole_polarity(const std::filesystem::path& path, const torch::Tensor& polarity);
 
 /// @throws DataError unless x, y, t and p are as many.

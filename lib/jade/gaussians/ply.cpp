@@ -144,7 +144,7 @@ int64_t make_finite(splat::Gaussians& g) {
   return count;
 }
 
-/// Of all kinds but the packed one, in one pass over the file.
+/// Reads all kinds but the packed one, in one pass over the file.
 splat::Gaussians read_attributes(const PlyFile& file) {
   const bool has_constant = file.vertices().find("f_dc_0") >= 0;
   const int64_t scales = file.vertices().find("scale_2") >= 0 ? 3 : 2;

@@ -54,7 +54,7 @@ class PlyFile {
   /// @throws DataError where the file ends early.
   torch::Tensor read_vertices(const std::vector<std::string>& names,
                               torch::ScalarType type = torch::kFloat32) const;
-  /// The same of any element without lists. float64 holds every 32-bit integer.
+  /// Reads properties of any element without lists. float64 holds every 32-bit integer.
   torch::Tensor read(const PlyElement& element, const std::vector<std::string>& names,
                      torch::ScalarType type) const;
 

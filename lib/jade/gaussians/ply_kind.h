@@ -11,8 +11,8 @@
 
 namespace jade::gaussians {
 
-/// What a .ply holds, by the names of its elements and properties. A file that has some attributes
-/// of Gaussians counts as such even where others are missing, which read_ply() then names.
+/// Kind of a .ply, by the names of its elements and properties. A file with some attributes of
+/// Gaussians counts as such even if others are missing, which read_ply() then names.
 enum class PlyKind {
   kGaussians,  ///< f_dc_0..2, opacity, scale_0..2, rot_0..3
   kColored,    ///< red, green, blue instead of f_dc (ns-export --ply-color-mode rgb)
@@ -34,8 +34,8 @@ constexpr auto words_of(PlyKind) {
 /// @throws DataError as read_ply.
 PlyKind kind_of(const std::filesystem::path& path);
 
-/// What read_ply() gives, and what it took it from. A log scale below what is drawn (-30, so also
-/// minus infinity) or missing becomes a thousandth of the Gaussian's thinnest other axis.
+/// Result of read_ply() and its source. A missing log scale, or one below the rendered range (-30,
+/// so also minus infinity), becomes a thousandth of the Gaussian's thinnest other axis.
 struct PlyScene {
   GaussianFile file;
   PlyKind kind = PlyKind::kGaussians;

@@ -27,7 +27,7 @@ struct Reason {
   const char* mend = "";
 };
 
-/// As is_usable() of splat/math/projection.h has it.
+/// Reasons for which is_usable() of splat/math/projection.h refuses a Gaussian.
 std::vector<Reason> reasons(const splat::Gaussians& g) {
   std::vector<Reason> out;
   const std::pair<const char*, torch::Tensor> parts[] = {{"means", g.means},

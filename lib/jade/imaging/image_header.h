@@ -7,14 +7,15 @@
 
 namespace jade::imaging {
 
-/// What the first bytes of an image file say.
+/// Header of an image file.
 struct ImageHeader {
   int64_t width = 0, height = 0;
   bool has_alpha = false;  ///< a channel or a colour of transparency
 };
 
-/// Of a PNG, JPEG, TIFF, BMP, WebP or PNM file, without decoding it; sizes as stored, without
-/// rotation. Absent for other, missing and damaged files, of which read_image() tells more.
+/// Reads the header of a PNG, JPEG, TIFF, BMP, WebP or PNM file without decoding it; sizes as
+/// stored, without rotation. Absent for other, missing and damaged files, which read_image()
+/// reports.
 std::optional<ImageHeader> read_image_header(const std::filesystem::path& path);
 
 }  // namespace jade::imaging

@@ -160,7 +160,7 @@ constexpr CameraKeys kStorageKeys{"image_width", "image_height", "camera_matrix"
                                   "distortion_coefficients"};
 constexpr CameraKeys kRos1Keys{"width", "height", "K", "D"}, kRos2Keys{"width", "height", "k", "d"};
 
-/// What a matrix or a message says besides, and this program does not follow.
+/// Refuses skew, binning and the like, which this program does not support.
 void check_plain_camera(const Section& section, const CameraKeys& keys,
                         const std::vector<double>& matrix) {
   if (matrix[0] == 0 && matrix[4] == 0) {

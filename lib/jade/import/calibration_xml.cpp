@@ -34,7 +34,7 @@ class XmlReader {
                            " of OpenCV's storage as XML, found '", here(),
                            "'; export the calibration again"));
   }
-  /// What stands here, in one line.
+  /// Text at the current place, in one line.
   std::string here() const {
     const std::string some = text_.substr(std::min(at_, text_.size()), 20);
     return some.substr(0, some.find('\n'));

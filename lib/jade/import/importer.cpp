@@ -30,7 +30,7 @@ namespace fs = std::filesystem;
 
 /// Three views of a scene say little of it, and structure from motion cannot check itself.
 constexpr size_t kFewestFrames = 4;
-/// Of the frame period, as both are rounded.
+/// Longest exposure as a multiple of the frame period; both are rounded.
 constexpr double kLongestExposure = 1.02;
 
 /// Calls `visit` with each file below a folder, also where links lead to folders elsewhere.
@@ -53,7 +53,7 @@ void for_files(const fs::path& folder, std::vector<fs::path> above, const Visit&
 
 /// Names, sizes and times of change: hashing a recording of 10 GB would take a minute.
 std::string fingerprint(const fs::path& path) {
-  // What cannot be looked at is told by who reads it.
+  // Ignore unreadable files here; the reader reports them.
   std::error_code unreadable;
   const auto line = [&](const fs::path& file) {
     const auto changed = fs::last_write_time(file, unreadable).time_since_epoch();
@@ -184,7 +184,7 @@ void check_given_exposure(const TimeOptions& options, const Capture& capture) {
                            "; leave it out to have the length found"));
 }
 
-/// Where no calibration says how two cameras meet, a place of one is a place of the other.
+/// Without a calibration of two cameras, events and frames must share one pixel grid.
 void check_one_sensor(const Capture& capture) {
   const events::ImageSize& sensor = capture.sensor;
   if (!capture.sensor_is_said) return;
@@ -268,7 +268,7 @@ torch::Tensor read_mask(const fs::path& path, const Capture& capture) {
   return mask;
 }
 
-/// What the stages have found so far.
+/// Results of the stages so far.
 struct Progressed {
   Capture capture;
   std::optional<Calibration> calibration;
@@ -310,7 +310,7 @@ Stage read_stage(const ImportOptions& options, Progressed& so_far) {
           }};
 }
 
-/// What time and sensor depend on besides their own settings: of two cameras, how they meet.
+/// Inputs of the stages time and sensor besides their own settings: how two cameras are related.
 std::string rig_text(const ImportOptions& options) {
   if (!(options.lens.plane_depth > 0)) return {};
   return text_of(options.lens) + fingerprint(options.lens.calibration);
@@ -461,7 +461,7 @@ bool lies_in(const fs::path& inner, const fs::path& outer) {
   return std::mismatch(out.begin(), out.end(), in.begin(), in.end()).first == out.end();
 }
 
-/// What is imported stays as it is, and so does a folder of somebody else's.
+/// Refuses an output folder that holds the recording or files of another program.
 void check_output(const ImportOptions& options, const fs::path& output) {
   for (const fs::path& given : {options.recording, options.frames}) {
     if (given.empty() || !fs::exists(given)) continue;

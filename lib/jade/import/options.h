@@ -17,7 +17,7 @@
 
 namespace jade::import {
 
-/// What the only time of a frame is the time of.
+/// Which instant of the exposure a single timestamp marks.
 enum class StampChoice { kAuto, kStart, kMiddle, kEnd };
 
 constexpr auto words_of(StampChoice) {
@@ -27,8 +27,8 @@ constexpr auto words_of(StampChoice) {
                     Word{"end", StampChoice::kEnd, "end of the exposure"}};
 }
 
-/// As far as the clock of a device, which begins at 0, is from one that counts from 1970, until
-/// 2096.
+/// Range of clock offsets: covers a device clock that starts at 0 against one that counts from
+/// 1970, until 2096.
 constexpr Range kOffsetMs{-4e12, 4e12};
 
 /// When frames were exposed, where the recording does not say it.
@@ -82,11 +82,13 @@ struct LensOptions {
 
 template <class V>
 void describe(V& v, LensOptions& o) {
-  v.field("calibration", o.calibration,
-          "file of Kalibr, OpenCV, ROS, DV or RPG; empty: a pinhole whose focal length is searched");
-  v.field("mask", o.mask,
-          "image of the size of the frames, whose black pixels count in none of them (lens borders, "
-          "hot areas); it becomes mask.png of the data set");
+  v.field(
+      "calibration", o.calibration,
+      "file of Kalibr, OpenCV, ROS, DV or RPG; empty: a pinhole whose focal length is searched");
+  v.field(
+      "mask", o.mask,
+      "image of the size of the frames, whose black pixels count in none of them (lens borders, "
+      "hot areas); it becomes mask.png of the data set");
   v.field("field", o.field, "what the undistorted images show");
   v.field("plane_depth", o.plane_depth,
           "depth at which the events of a second camera fall on the frames exactly, in the unit of "
@@ -96,7 +98,7 @@ void describe(V& v, LensOptions& o) {
   v.field("far", o.far, "farthest", Range{0, 1e6});
 }
 
-/// What structure from motion sees of an exposure at its start, middle and end.
+/// Images of an exposure's start, middle and end for structure from motion.
 enum class LatentKind { kEdi, kMixed, kMean };
 
 constexpr auto words_of(LatentKind) {

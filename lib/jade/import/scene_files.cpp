@@ -53,7 +53,7 @@ std::vector<int64_t> path_times(const std::vector<Shot>& shots, const std::vecto
   return {times.begin(), times.end()};
 }
 
-/// Where event pixels are, from the first red one on.
+/// Positions of event pixels, starting at the first red one.
 torch::Tensor map_from_red(const Capture& capture) {
   torch::Tensor map = capture.event_map;
   if (!map.defined()) {

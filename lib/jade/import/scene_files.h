@@ -12,7 +12,7 @@
 
 namespace jade::import {
 
-/// What becomes of a shot in the data set.
+/// Role of a shot in the data set.
 enum class Part { kTrain, kHeldOut, kTest, kLeftOut };
 
 /// Named frames, else sharp ones, else every so many exposures held out. Shots without a pose in

@@ -15,9 +15,10 @@
 namespace jade::import {
 namespace {
 
-/// Of the image's size: principal points lie this near its middle.
+/// Largest distance of a principal point from the middle, as a share of the image's size.
 constexpr double kFarFromMiddle = 0.15;
-/// Of the events, lost beside the image: a lens with a wide margin loses a fifth.
+/// Shares of the events allowed to fall outside the image, before a warning and before an error. A
+/// lens with a wide margin loses a fifth.
 constexpr double kManyLost = 0.4, kMostLost = 0.9;
 
 /// A file that does not say its size may be of another one.
@@ -45,7 +46,7 @@ RectifyCameras cameras_of(const Calibration& calibration, const Capture& capture
   return cameras;
 }
 
-/// As far as events lie, as a size.
+/// Smallest image size that holds all events.
 events::ImageSize reach_of(const events::EventStream& events) {
   if (events.empty()) return {};
   const auto reach = [](const torch::Tensor& places) {

@@ -108,7 +108,7 @@ bool describe_dataset(hid_t file, const std::string& name, Hdf5Dataset* out) {
   return true;
 }
 
-// What H5Ovisit hands to its callback, and the function itself, changed with HDF5 1.12.
+// H5Ovisit and the information that it passes to its callback changed with HDF5 1.12.
 #if H5_VERSION_GE(1, 12, 0)
 using ObjectInfo = H5O_info2_t;
 constexpr auto visit_objects = H5Ovisit3;

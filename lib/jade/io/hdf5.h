@@ -55,15 +55,14 @@ class Hdf5File {
   /// @throws DataError if the data cannot be decoded; a missing filter is named with its package.
   template <class T>
   void read(const std::string& name, int64_t begin, int64_t count, T* out) const;
-  /// The same of one field of the records of `name`.
+  /// Reads one field of the records of `name`.
   template <class T>
   void read_field(const std::string& name, const std::string& field, int64_t begin, int64_t count,
                   T* out) const;
-  /// Of a data set of numbers with several axes: all values at place `index` of the first, as
-  /// bytes.
+  /// Reads all values at place `index` of the first axis of a data set of numbers, as bytes.
   void read_item(const std::string& name, int64_t index, uint8_t* out) const;
-  /// Of a two-dimensional data set of numbers: values [begin, begin+count) along the other axis at
-  /// place `index` of `axis` (0 or 1).
+  /// Reads values [begin, begin+count) of a two-dimensional data set of numbers along the other
+  /// axis at place `index` of `axis` (0 or 1).
   template <class T>
   void read_column(const std::string& name, size_t axis, int64_t index, int64_t begin,
                    int64_t count, T* out) const;

@@ -194,7 +194,7 @@ void read_items(ByteSource source, const NpyType& type, torch::Tensor& out,
   }
 }
 
-/// What the header says before its type is understood.
+/// Header of an array before its type is parsed.
 struct NpyHeader {
   std::string type;  ///< from there on
   bool fortran = false;
@@ -291,7 +291,7 @@ class RecordParser {
     at_ = end + 1;
     return word;
   }
-  /// Of an array in a record.
+  /// Number of items of an array in a record.
   size_t items() {
     const size_t end = text_.find(')', at_);
     if (end == std::string::npos) fail();

@@ -18,7 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 using events::TimeUnit;
 
-/// What scripts/read_recording.py writes into the folders that it makes.
+/// Description file that scripts/read_recording.py writes into its folders.
 constexpr const char* kDescription = "recording.txt";
 
 fs::path events_in(const fs::path& folder) {
@@ -112,7 +112,7 @@ ReadEvents moved(const ReadEvents& read, int64_t offset_us) {
   };
 }
 
-/// What recording.txt and triggers.csv say of a folder that the script made.
+/// Reads recording.txt and triggers.csv of a folder that the script made.
 void describe(const fs::path& folder, const ReadOptions& options, Contents& contents) {
   Recording& recording = contents.recording;
   int64_t offset_us = 0;

@@ -7,7 +7,7 @@
 
 namespace jade::recording {
 
-/// Of a recording on disk.
+/// Format of a recording on disk.
 enum class Format {
   kEvt,
   kDat,

@@ -82,7 +82,7 @@ torch::Tensor read_picture(const io::Hdf5File& file, const io::Hdf5Dataset& data
   return bytes.permute({2, 0, 1}).to(torch::kFloat32).div(255).contiguous();
 }
 
-/// What the options keep of the times; the others are never decoded.
+/// Whether the options keep a frame; others are never decoded.
 bool is_wanted(const ReadOptions& options, int64_t first_us, int64_t t_us) {
   const auto inside = [](const events::TimeWindow& w, int64_t t) {
     return t >= w.begin_us && t <= w.end_us;

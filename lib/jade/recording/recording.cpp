@@ -17,7 +17,8 @@ namespace fs = std::filesystem;
 
 /// Events that reach this part of the frames in both directions are of the same sensor.
 constexpr double kSameSensor = 0.9;
-/// Of a frame; thresholds and clocks are found in frames that lie less than twice this apart.
+/// Events this near to a frame are kept; estimates of thresholds and clocks use frames less than
+/// twice this apart.
 constexpr int64_t kLeastReachUs = 250000;
 
 Contents read_contents(const fs::path& path, const ReadOptions& options) {
@@ -135,8 +136,8 @@ Kept kept_spans(const ReadOptions& options, const std::optional<events::TimeWind
   return inside;
 }
 
-/// As many pixels as these coordinates reach over; rectified ones may lie between them, and those
-/// without a place anywhere.
+/// Number of pixels that these coordinates span. Rectified coordinates are fractional; invalid ones
+/// can be anything.
 double reach_of(const torch::Tensor& places) {
   const torch::Tensor finite = places.masked_select(places.isfinite());
   return finite.numel() == 0 ? 0 : std::floor(finite.max().item<double>() + 0.5) + 1;

@@ -134,7 +134,7 @@ data::Dataset with_poses_of(const fs::path& checkpoint, const data::Dataset& dat
   return with_learned_poses(dataset, *poses, none, /*fit_steps=*/0, train::render_options(options));
 }
 
-/// What `load` makes of the newest checkpoint that is not damaged.
+/// Result of `load` for the newest undamaged checkpoint.
 template <typename Load>
 auto from_newest(const std::vector<fs::path>& checkpoints, const Load& load) {
   for (size_t i = 0; i + 1 < checkpoints.size(); ++i) {

@@ -40,7 +40,7 @@ torch::Tensor depth_picture(const splat::RenderOutput& render) {
 serve::Drawn drawn_of(const torch::Tensor& image, FrameMemory& memory) {
   serve::Drawn drawn;
   if (!image.is_cuda()) {
-    // What training goes on writing to must not be what is shown.
+    // Copy: training continues to write to the original.
     drawn.image = image.to(torch::kFloat32).contiguous().clone();
     return drawn;
   }
@@ -157,12 +157,22 @@ serve::Drawn LiveScene::draw(const serve::Wanted& wanted, int64_t step) const {
   return drawn;
 }
 
+namespace {
+
+Json scores_of(const LiveScene::PageText& text) {
+  if (text.scores.empty()) return nullptr;
+  Json scores = Json::parse(text.scores, nullptr, /*allow_exceptions=*/false);
+  return scores.is_discarded() ? Json(nullptr) : scores;
+}
+
+}  // namespace
+
 std::string LiveScene::page_data(const PageText& text) const {
   const splat::Gaussians gaussians = gaussians_();
-  Json data{{"facts", text.facts},      {"headline", nullptr},
-            {"evaluation", nullptr},    {"config", text.config},
-            {"metrics", Json::array()}, {"allocation", {{"views", Json::array()}}},
-            {"views", Json::array()},   {"tests", Json::array()}};
+  Json data{{"facts", text.facts},           {"headline", nullptr},
+            {"evaluation", scores_of(text)}, {"config", text.config},
+            {"metrics", Json::array()},      {"allocation", {{"views", Json::array()}}},
+            {"views", Json::array()},        {"tests", Json::array()}};
   for (const auto& [camera, pictures] : pictures_) {
     Json names = Json::array();
     for (const ViewPicture& each : pictures) names.push_back({{"name", each.name}});
