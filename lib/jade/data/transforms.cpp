@@ -11,6 +11,7 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "jade/data/colmap_scene.h"
 #include "jade/data/frame_times.h"
 #include "jade/data/frames.h"
 #include "jade/data/origin.h"
