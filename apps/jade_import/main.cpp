@@ -24,7 +24,7 @@ CLI::Option* add_flags(apps::Program& program, import::StageRange& range) {
                        "image whose black pixels count in no frame (lens borders, hot areas)");
   program.add_key_flag("--frame-times", "time.frame_times", "list of exposures");
   program.add_key_flag("--exposure-ms", "time.exposure_ms",
-                       "length of exposures that no file says");
+                       "length of exposures that no file says; auto: found");
   program.add_key_flag("--stamp", "time.stamp",
                        "what the only time of a frame is: start, middle or end of its exposure");
   program.add_key_flag("--trigger-level", "time.trigger_level",

@@ -19,8 +19,9 @@ constexpr double kDarkNoises = 2.5;  // a pixel must be so many deviations of th
 constexpr double kMostFrameNoise = 0.1;
 constexpr double kMostChange = 3;  // of a logarithm from frame to frame
 /// Range of the change that events leave open, in thresholds: two uniform remainders below one have
-/// a deviation of 0.41; means over exposures lower it, noise events raise it.
-constexpr double kLeastRemainder = 0.35, kMostRemainder = 0.45;
+/// a deviation of 0.41. Events that count gradually lower it, noise events raise it. Noise of dark
+/// frames hides it.
+constexpr double kLeastRemainder = 0.2, kMostRemainder = 0.45;
 constexpr double kMostDilution = 0.5;
 constexpr int64_t kMoments = 17;  // per exposure
 constexpr double kHuber = 2;      // in deviations of the residual

@@ -173,8 +173,9 @@ ExposureLength estimate_exposure_length(const std::vector<StampedFrame>& frames,
   std::vector<int64_t> stamps_us;
   for (const StampedFrame& frame : frames) stamps_us.push_back(frame.t_us);
   const int64_t period_us = frame_period_us(stamps_us);
-  if (frames.size() < kFewestFrames || period_us <= 0) {
-    result.doubt = concat("found ", frames.size(), " frames, ", period_us, " us apart");
+  if (frames.size() < kFewestFrames || period_us <= 0 || events.empty()) {
+    result.doubt = concat("found ", frames.size(), " frames, ", period_us, " us apart, and ",
+                          events.size(), " events");
     return result;
   }
   const std::vector<StampedFrame> some = middle_frames(frames);

@@ -114,7 +114,7 @@ recording::ReadOptions read_options(const ImportOptions& options) {
   how.events_group = options.events_group;
   how.topic = options.topic;
   how.frame_times = options.time.frame_times;
-  how.exposure_ms = options.time.exposure_ms;
+  how.exposure_ms = double(options.time.exposure_ms);
   how.trigger_level = options.time.trigger_level;
   how.stamp = stamp_of(options.time);
   const double end_s = options.time.end_s > 0 ? options.time.end_s : 1e9;
@@ -172,15 +172,15 @@ void check_shots(const Capture& capture) {
 
 /// A given length must fit between two frames.
 void check_given_exposure(const TimeOptions& options, const Capture& capture) {
-  const int64_t given_us = std::llround(1000 * options.exposure_ms);
+  const int64_t given_us = std::llround(1000 * double(options.exposure_ms));
   const auto has_it = [&](const Shot& shot) { return shot.duration_us() == given_us; };
   if (given_us == 0 || std::none_of(capture.shots.begin(), capture.shots.end(), has_it)) return;
   std::vector<int64_t> starts;
   for (const Shot& shot : capture.shots) starts.push_back(shot.t_start_us);
   const double period_ms = double(frame_period_us(starts)) / 1000;
-  if (options.exposure_ms <= kLongestExposure * period_ms) return;
+  if (double(options.exposure_ms) <= kLongestExposure * period_ms) return;
   throw ConfigError(concat("--exposure-ms: expected at most the ", period_ms,
-                           " ms from one frame to the next, found ", options.exposure_ms,
+                           " ms from one frame to the next, found ", double(options.exposure_ms),
                            "; leave it out to have the length found"));
 }
 

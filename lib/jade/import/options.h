@@ -34,7 +34,7 @@ constexpr Range kOffsetMs{-4e12, 4e12};
 /// When frames were exposed, where the recording does not say it.
 struct TimeOptions {
   std::filesystem::path frame_times;
-  double exposure_ms = 0;
+  AutoNumber exposure_ms = AutoNumber::automatic(0);
   StampChoice stamp = StampChoice::kAuto;
   recording::TriggerLevel trigger_level = recording::TriggerLevel::kHigh;
   double begin_s = 0, end_s = 0;
@@ -47,7 +47,8 @@ void describe(V& v, TimeOptions& o) {
   v.field("frame_times", o.frame_times,
           "list of exposures, name,start_us,end_us; empty: what the recording says");
   v.field("exposure_ms", o.exposure_ms,
-          "of frames whose own length is not known; 0: found in frames and events", Range{0, 1e5});
+          "of frames whose own length is not known; auto: found in frames and events",
+          Range{0, 1e5});
   v.field("stamp", o.stamp, "what the only time of a frame is the time of");
   v.field("trigger_level", o.trigger_level, "of the trigger input while a frame is exposed");
   v.field("begin_s", o.begin_s, "leave out what comes before, in seconds since the first frame",
