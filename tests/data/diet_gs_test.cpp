@@ -124,11 +124,12 @@ TEST_CASE("diet_gs: frames and events are undistorted together", "[data]") {
   CHECK(data.train[0].mask.defined());
   CHECK(data.test[0].mask.defined());
   CHECK_FALSE(data.train[0].blurry.equal(before.train[0].blurry));
-  // A pincushion lens moves all events inwards; none is lost.
-  REQUIRE(data.events.size() == before.events.size());
-  CHECK((data.events.x() - 10).abs().le((before.events.x() - 10).abs() + 1e-4).all().item<bool>());
-  CHECK((data.events.x() - before.events.x()).abs().max().item<float>() > 1);
-  CHECK(data.train[1].events.size() == before.train[1].events.size());
+  // A pincushion lens moves all events inwards. Those at pixels without a source are dropped.
+  CHECK(data.events.size() > 900);
+  CHECK(data.events.size() <= before.events.size());
+  CHECK(data.events.x().max().item<float>() < before.events.x().max().item<float>() - 0.5F);
+  CHECK(data.events.x().min().item<float>() > before.events.x().min().item<float>() + 0.5F);
+  CHECK(data.train[1].events.size() > 60);
 }
 
 TEST_CASE("diet_gs: a frame that lacks poses, or is missing, is named", "[data]") {

@@ -19,6 +19,9 @@ namespace {
 /// Nobody sees a smaller shift, and resampling costs sharpness.
 constexpr double kLeastShiftPx = 1;
 
+/// A lens without coefficients moves pixels by rounding.
+constexpr double kLeastToldPx = 0.01;
+
 /// Maps are large; a scene of more cameras that alternate makes them anew.
 constexpr size_t kMostKnown = 8;
 
@@ -129,7 +132,7 @@ geometry::Intrinsics Undistorter::undistort(const geometry::LensCamera& camera,
                                             torch::Tensor& mask) {
   const Straight& to = straight(camera, what);
   if (!to.map.defined()) {
-    if (to.shift_px > 0) add_once(ignored_, what);
+    if (to.shift_px > kLeastToldPx) add_once(ignored_, what);
     most_ignored_px_ = std::max(most_ignored_px_, to.shift_px);
     return camera.pinhole();
   }
