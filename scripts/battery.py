@@ -348,7 +348,7 @@ class Battery:
         row["pose_px"] = attempt(lambda: compare(Scene(data), Scene(truth))[0]["nine_px"])
         sensor = attempt(lambda: json.loads((data / "import/sensor/sensor.json").read_text()))
         if sensor:
-            row["on"], row["off"] = round(sensor["threshold_positive"], 3), round(sensor["threshold_negative"], 3)
+            row["on"], row["off"] = (f"{sensor[f'threshold_{sign}']:.3f}" for sign in ("positive", "negative"))
             row["threshold_error"] = attempt(lambda: max(
                 (100 * (sensor[f"threshold_{sign}"] / true_threshold(truth, sign) - 1) for sign in ("positive", "negative")), key=abs))
         if truth.is_dir() and not (recording.folder / "recording" / "exposures.csv").exists():
@@ -375,9 +375,9 @@ class Battery:
             with open(self.options.output / "battery.csv", "w", newline="") as file:
                 writer = csv.writer(file, lineterminator="\n")
                 writer.writerow(COLUMNS)
-                writer.writerows([text_of(row.get(key), "") for key in COLUMNS] for row in ordered)
+                writer.writerows([text_of(row.get(key)) for key in COLUMNS] for row in ordered)
             lines = ["| " + " | ".join(COLUMNS.values()) + " |", "|---|---|" + "---:|" * (len(COLUMNS) - 2)]
-            lines += ["| " + " | ".join(text_of(row.get(key), "").replace("|", "\\|") for key in COLUMNS) + " |" for row in ordered]
+            lines += ["| " + " | ".join(text_of(row.get(key)).replace("|", "\\|") for key in COLUMNS) + " |" for row in ordered]
             (self.options.output / "battery.md").write_text("\n".join(lines) + "\n")
 
 
@@ -388,9 +388,9 @@ def verdict_of(recording: Recording) -> str:
                  if stage in recording.seconds), "stopped")
 
 
-def text_of(value, gap: str) -> str:
+def text_of(value) -> str:
     if value is None:
-        return gap
+        return ""
     return f"{value:.2f}" if isinstance(value, float) else str(value)
 
 

@@ -10,7 +10,7 @@ Names are those of the program: --database_path, --image_path, --output_path, --
 import sys
 from pathlib import Path
 
-# Of the program's groups, what pycolmap keeps elsewhere.
+# Options that pycolmap keeps in another group than the program.
 MOVED = {
     "SiftExtraction.use_gpu": "extraction.use_gpu",
     "SiftMatching.use_gpu": "matching.use_gpu",

@@ -275,7 +275,7 @@ def main():
     except (RuntimeError, ValueError, OSError) as error:
         fail(f"{options.input}: {reason(error)}", 3)
     finally:
-        # Of what failed, or of a package that is not there, nothing stays.
+        # A failure, or a missing package, leaves no file.
         if os.path.exists(temporary):
             os.remove(temporary)
     print(f"{options.output}: {writer.count} events" + (f", {len(starts)} frames" if len(starts) else ""))

@@ -100,7 +100,7 @@ def cache_folder() -> Path:
 def fetch(cache: Path, package: str, pattern: str, *options: str) -> Path:
     found = sorted(cache.glob(pattern))
     if not found:
-        # What pip has to say goes to the terminal: its reason is rarely its last line.
+        # pip prints to the terminal: its reason is rarely its last line.
         subprocess.run([sys.executable, "-m", "pip", "download", "-q", "--no-deps", "-d", str(cache), *options, package])
         found = sorted(cache.glob(pattern))
         if not found:

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Everything that can be checked without running the program: format, module order, names of tests, clang-tidy.
+# Everything that can be checked without running the program: format, module order, names of tests, comments, clang-tidy.
 #
 #   scripts/lint.sh [--fast]      --fast leaves clang-tidy out
 #
@@ -13,6 +13,7 @@ case "${1:-}" in -h | --help) sed -n '3,/^[^#]/s/^# \{0,1\}//p' scripts/lint.sh;
 scripts/format.sh --check
 python3 scripts/check_layers.py
 python3 scripts/check_test_names.py
+python3 scripts/check_english.py
 if command -v node >/dev/null; then node scripts/lint_front.mjs; else echo "lint: the front end is not checked, node is missing: apt install nodejs" >&2; fi
 [ "${1:-}" != --fast ] || exit 0
 

@@ -9,12 +9,12 @@ scripts/setup.sh --import installs what it needs.
 
 FOLDER gets events.h5 (x, y, t in microseconds, p) or, for packets in Prophesee's encodings, events.raw as the sensor
 sent them; images/*.png with exposures.csv (name,start_us,end_us: equal where the recording does not say how long a frame
-was exposed); triggers.csv (t_us,rising) and recording.txt ("key value": format, width, height, stamp, offset_us of
-events and triggers, note).
+was exposed); triggers.csv (t_us,rising), camera_info.yaml (of a bag that has one for the camera) and recording.txt ("key value":
+format, width, height, stamp, offset_us of events and triggers, note).
 
 Read are AEDAT4 (packages aedat or dv-processing) and ROS 1 and ROS 2 bags (package rosbags) with dvs_msgs or
 prophesee_event_msgs EventArray, event_camera_msgs EventPacket (evt3, evt21, evt2, mono), sensor_msgs Image and
-CompressedImage, and the exposure topic of rpg_dvs_ros (std_msgs/Int32).
+CompressedImage, CameraInfo, and the exposure topic of rpg_dvs_ros (std_msgs/Int32).
 """
 import argparse
 import bisect
@@ -81,7 +81,7 @@ class Output:
         last, says that it was this script."""
         if not (self.folder / "recording.txt").is_file():
             return
-        names = ("recording.txt", "events.h5", "events.raw", "exposures.csv", "triggers.csv", "images/" + 6 * "[0-9]" + ".png")
+        names = ("recording.txt", "events.h5", "events.raw", "exposures.csv", "triggers.csv", "camera_info.yaml", "images/" + 6 * "[0-9]" + ".png")
         for path in [path for name in names for path in self.folder.glob(name)]:
             path.unlink()
 
@@ -310,6 +310,19 @@ def to_picture(message, np, cv2):
     return image
 
 
+def camera_info_text(message):
+    """A camera_info as the YAML of ROS's calibration files; None of a camera that is not calibrated. ROS 1 has K and D, ROS 2
+    k and d."""
+    def get(name):
+        return [float(v) for v in getattr(message, name, getattr(message, name.lower(), ()))]
+    matrix, lens = get("K"), get("D")
+    if len(matrix) != 9 or not matrix[0] or not matrix[4]:
+        return None
+    return (f"image_width: {message.width}\nimage_height: {message.height}\ncamera_matrix:\n  rows: 3\n  cols: 3\n"
+            f"  data: {matrix}\ndistortion_model: {message.distortion_model or 'plumb_bob'}\ndistortion_coefficients:\n"
+            f"  rows: 1\n  cols: {len(lens)}\n  data: {lens}\n")
+
+
 class BagReader:
     def __init__(self, folder):
         self.np = need("numpy", "numpy")
@@ -317,17 +330,27 @@ class BagReader:
         self.clock = SensorClock()
         self.lengths = {}  # of exposures, by namespace: when the bag has them from, us
         self.pictures = []  # the same for frames: when from, namespace
+        self.infos = {}  # the first camera_info, by namespace
+        self.rooms = set()  # namespaces of events and frames
+        self.alpha = set()  # encodings of images with alpha
         self.skipped = {}
 
     def take(self, kind, topic, at, raw, ros1, decode):
         room = topic.rpartition("/")[0]
         if kind in ("dvs_msgs/msg/EventArray", "prophesee_event_msgs/msg/EventArray"):
+            self.rooms.add(room)
             self.out.size, *events = event_array(raw, ros1, self.np)
             self.out.events(*events)
         elif kind == "event_camera_msgs/msg/EventPacket":
+            self.rooms.add(room)
             self.packet(decode())
+        elif kind == "sensor_msgs/msg/CameraInfo":
+            if room not in self.infos:
+                self.infos[room] = decode()
         elif kind == "sensor_msgs/msg/Image":
             message = decode()
+            if message.encoding in ("rgba8", "bgra8"):
+                self.alpha.add(message.encoding)
             self.picture(message.header, at, room, to_picture(message, self.np, need("cv2", "opencv-python-headless")))
         elif kind == "sensor_msgs/msg/CompressedImage":
             message, cv2 = decode(), need("cv2", "opencv-python-headless")
@@ -353,6 +376,7 @@ class BagReader:
             raise Problem(f"event packets of encoding {message.encoding} are not read; expected evt3, evt21, evt2 or mono")
 
     def picture(self, header, at, room, image):
+        self.rooms.add(room)
         t = stamp_us(header)
         self.pictures.append((at, room))
         self.out.frame(image, t, t)
@@ -371,8 +395,27 @@ class BagReader:
             start = t - length // 2 if self.out.stamp == "middle" else t
             self.out.exposures[k] = (name, start, start + length)
 
+    def give_calibration(self):
+        """camera_info of the camera that is read: of its namespace or, where only one is in the bag, that."""
+        own = [room for room in self.infos if room in self.rooms]
+        rooms = own or list(self.infos)
+        if not rooms:
+            return
+        if len(rooms) > 1:
+            self.out.notes.append("camera_info of several cameras (" + ", ".join(sorted(rooms)) + ") is left out; give "
+                                  "--calibration")
+            return
+        text = camera_info_text(self.infos[rooms[0]])
+        if text is None:
+            self.out.notes.append(f"camera_info of {rooms[0] or '/'} holds no calibration (its matrix is zero)")
+            return
+        (self.out.folder / "camera_info.yaml").write_text(text)
+
     def finish(self):
         self.give_lengths()
+        self.give_calibration()
+        if self.alpha:
+            self.out.notes.append("frames have an alpha channel (" + ", ".join(sorted(self.alpha)) + "), which is not used")
         out = self.out
         if out.raw is not None and out.exposures:
             out.offset_us = self.clock.offset_us()
@@ -385,17 +428,25 @@ class BagReader:
 
 
 def chosen_topics(connections, events, frames):
-    """One topic of events and one of frames; all others that hold the same are left."""
+    """One topic of events and one of frames; all others that hold the same are left. Frames come from the camera of the
+    events where it has any."""
     kinds = {"events": ("EventArray", "EventPacket"), "frames": ("Image", "CompressedImage")}
-    left = []
+    left, rooms = [], []
     for what, wanted in (("events", events), ("frames", frames)):
         topics = [c.topic for c in connections if c.msgtype.split("/")[-1] in kinds[what]]
         topics = sorted(set(topics))
         if wanted and wanted not in topics:
             raise Problem(f"expected a topic of {what}, found none called {wanted}; there are {', '.join(topics) or 'none'}")
-        keep = wanted or (topics[0] if topics else None)
+        near = [topic for topic in topics if in_one_room(topic, rooms)]
+        keep = wanted or ((near or topics)[0] if topics else None)
+        rooms += [keep] if keep else []
         left += [topic for topic in topics if topic != keep]
     return left
+
+
+def in_one_room(topic, others):
+    """Whether a topic is of the same camera: /davis/left/events and /davis/left/image_raw."""
+    return any(topic.rpartition("/")[0] == other.rpartition("/")[0] for other in others)
 
 
 def read_bag(path, folder, events_topic, frames_topic):
@@ -410,7 +461,8 @@ def read_bag(path, folder, events_topic, frames_topic):
         with AnyReader([Path(path)], default_typestore=store) as bag:
             left = chosen_topics(bag.connections, events_topic, frames_topic)
             if left:
-                reader.out.notes.append("only one topic of events and one of frames is read; left out: " + ", ".join(left))
+                reader.out.notes.append("only one topic of events and one of frames is read (--topic chooses the events); "
+                                        "left out: " + ", ".join(left))
             # The DAVIS driver stamps the middle of an exposure; of other drivers the start is known best.
             davis = any(c.msgtype == "dvs_msgs/msg/EventArray" for c in bag.connections)
             reader.out.stamp = "middle" if davis else "start"

@@ -53,7 +53,7 @@ fi
 
 installed() { dpkg-query -W -f='${db:Status-Abbrev}' "$1" 2>/dev/null | grep -q '^.i'; }
 
-# Those that are not installed.
+# Prints the packages that are not installed.
 missing_of() { for package; do installed "$package" || echo "$package"; done; }
 
 mapfile -t missing < <(missing_of "${packages[@]}")
@@ -132,14 +132,14 @@ if [ -n "$absent" ]; then
   # shellcheck disable=SC2086
   pip_install --no-deps $absent
 fi
-# What a list of pinned packages names, with all that it needs.
+# Installs a list of pinned packages with their dependencies.
 install_list() {
   local pinned absent
   mapfile -t pinned < <(grep -o '^[a-z][^=;]*==[0-9.]*' "$1")
   absent=$(have "${pinned[@]}")
   if [ -n "$absent" ]; then
     say "installing into .venv: $absent and what it needs"
-    # Of torch only what is needed is here, of which pip warns at length.
+    # Only parts of torch's dependencies are installed; hide pip's warnings about the rest.
     pip_install -r "$1" \
       2> >(grep -v -e '^ERROR: pip.s dependency resolver' -e '^torch [0-9.]* requires' >&2)
   fi

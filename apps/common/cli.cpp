@@ -36,7 +36,7 @@ std::string version_text(const std::string& name) {
 /// torch puts a stack trace behind the first line; users get the line.
 std::string first_line(const std::string& text) { return text.substr(0, text.find('\n')); }
 
-/// What CUDA and its libraries report through torch. cuBLAS and its like have no type of their own.
+/// Whether an error comes from CUDA or its libraries. torch has no error type for cuBLAS and cuDNN.
 bool is_gpu_failure(const c10::Error& error) {
   return dynamic_cast<const c10::AcceleratorError*>(&error) != nullptr ||
          error.msg().rfind("CUDA error", 0) == 0 || error.msg().rfind("cuDNN error", 0) == 0;
@@ -301,7 +301,7 @@ int Program::run(int argc, char** argv, const std::function<ExitCode()>& body) {
     flush_results();
     return static_cast<int>(code);
   } catch (const ConfigError&) {
-    // Whoever types the name alone asks what there is.
+    // A program called without arguments prints its help.
     if (typed.empty()) std::cout << cli_.help() << std::flush;
     return static_cast<int>(report_exception());
   } catch (...) {

@@ -113,8 +113,8 @@ class Program {
 
  private:
   config::Sources sources(const FieldList& fields) const;
-  /// What is wrong with the words of a command line that CLI11 refused, as help for whoever typed
-  /// them: "; did you mean --output?"; empty where nothing is near.
+  /// Hint for the words of a command line that CLI11 refused: "; did you mean --output?"; empty if
+  /// no known word is near.
   std::string hint(const std::vector<std::string>& words) const;
   std::string title() const;
 

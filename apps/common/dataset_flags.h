@@ -35,6 +35,8 @@ inline void add_dataset_flags(Program& program, const std::string& path = "--dat
   program.add_key_flag("--split", "dataset.split", "test views: " + words_text<data::SplitKind>());
   program.add_key_flag("--image-folder", "dataset.image_folder",
                        "folder of the frames in the data set");
+  program.add_key_flag("--mask", "dataset.mask",
+                       "image whose black pixels count in no frame (lens borders, hot areas)");
   program.add_key_flag("--events-file", "dataset.events_file", "recording of the events");
   program.add_key_flag("--events-unit", "dataset.events_unit",
                        "of the events' times: " + words_text<events::TimeUnit>());

@@ -24,7 +24,7 @@ namespace {
 constexpr int64_t kViews = 4;
 /// Every term acts by then and densification keeps its statistics: 32 % of the calendar.
 constexpr double kFirstShare = 0.32;
-/// Of an exposure, as many per pixel as a hand that shakes makes in 100 ms.
+/// Events per pixel and exposure, typical of 100 ms of a shaking hand.
 constexpr int64_t kEventsPerPixel = 4;
 constexpr int64_t kExposureUs = 100000;
 

@@ -47,7 +47,7 @@ nlohmann::json measure(restore::Restorer& restorer, const Frame& frame, const Re
   return row;
 }
 
-/// What the program found, for other programs to compare.
+/// Writes the restored images, for comparison with other programs.
 void dump_restored(restore::Restorer& restorer, const Frame& frame, torch::Device device,
                    const std::filesystem::path& folder, const std::vector<double>& times) {
   const torch::Tensor image = frame.image.to(device), bins = frame.bins.to(device);

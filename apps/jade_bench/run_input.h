@@ -7,7 +7,7 @@
 
 namespace jade::bench {
 
-/// What the settings alone say of write_run_input()'s conditions.
+/// Checks the conditions of write_run_input() that depend on the settings alone.
 /// @throws ConfigError for a target that a router decides, and for moments that the steps draw.
 void check_run_input(const train::RunOptions& options);
 

@@ -31,7 +31,7 @@ const std::vector<WorkloadSize>& standard_sizes();
 /// the frame, and a hand-shake path of 4 mm and 0.3 degrees a step. Depends on the seed alone.
 Workload make_workload(const WorkloadSize& size, uint64_t seed = 0);
 
-/// The same scenes as folders of .npy files and size.json, to exchange with other programs.
+/// Reads a workload from a folder of .npy files and size.json, which other programs read too.
 /// @throws DataError.
 Workload read_workload(const std::filesystem::path& folder);
 void write_workload(const Workload& workload, const std::filesystem::path& folder);

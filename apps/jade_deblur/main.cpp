@@ -22,7 +22,7 @@ struct DeblurFlags {
   std::string method = "edi";
 };
 
-/// As CLI::Range, which lets NaN pass.
+/// Range check that refuses NaN, unlike CLI::Range.
 CLI::Validator within(double low, double high) {
   const auto check = [=](const std::string& text) {
     double value = 0;

@@ -54,8 +54,9 @@ int main(int argc, char** argv) {
     if (!program.output().empty()) make_writable_folder(program.output());
     const torch::Device device = select_device(options->device);
     const eval::Lpips lpips(device);
-    const eval::Evaluation evaluation = run.empty() ? eval::compare_folders(renders, truth, lpips)
-                                                    : evaluate_run(run, *options, device, lpips);
+    const eval::Evaluation evaluation =
+        run.empty() ? eval::compare_folders(renders, truth, lpips, options->dataset.mask)
+                    : evaluate_run(run, *options, device, lpips);
     const fs::path folder = !program.output().empty() ? program.output()
                             : run.empty()             ? renders
                                                       : run;

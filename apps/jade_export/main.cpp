@@ -39,10 +39,16 @@ gaussians::GaussianFile load(const Sources& sources) {
     file = run::newest_scene(path);
   }
   gaussians::check_some(file.gaussians, path);
+  if (gaussians::count_visible(gaussians::drawable(file.gaussians)) == 0) {
+    throw DataError(concat(path.string(), ": expected Gaussians that show, found ",
+                           file.gaussians.size(),
+                           " with an opacity below 1/255 or numbers that cannot be drawn; use "
+                           "another checkpoint"));
+  }
   return file;
 }
 
-/// What can be known to go wrong before anything is read or made.
+/// Checks the output path before any file is read or written.
 void check_output(const fs::path& path) {
   const std::string extension = path.extension().string();
   if (extension != ".ply" && extension != ".splat" && extension != ".spz") {
@@ -77,6 +83,8 @@ int64_t save(const fs::path& path, const gaussians::GaussianFile& file, bool of_
   tell_coordinates(path, file.origin, of_dataset && extension == ".ply");
   if (path.has_parent_path()) make_writable_folder(path.parent_path());
   if (extension == ".ply") {
+    const std::string warning = gaussians::undrawable_warning(file.gaussians, path.string());
+    if (!warning.empty()) log_warn(warning);
     gaussians::write_ply(
         path, file,
         of_dataset ? gaussians::PlyCoordinates::kDataset : gaussians::PlyCoordinates::kOwn);
@@ -86,8 +94,8 @@ int64_t save(const fs::path& path, const gaussians::GaussianFile& file, bool of_
                                       file.origin};
   if (const int64_t left = file.gaussians.size() - drawn.gaussians.size(); left > 0) {
     log_warn(concat(path.string(), ": ", left, " of ", file.gaussians.size(),
-                    " Gaussians have NaN or Inf in their numbers, so are in no picture, and are "
-                    "left out; a .ply holds them"));
+                    " Gaussians have NaN or Inf in their numbers, or numbers beyond all bounds, so "
+                    "are in no picture, and are left out; a .ply holds them"));
   }
   if (extension == ".splat") {
     gaussians::write_splat(path, drawn.gaussians);

@@ -13,12 +13,18 @@ CLI::Option* add_flags(apps::Program& program, import::StageRange& range) {
   program.add_config_flags();
   program.add_key_flag("recording", "recording", "the recording, a file or a folder");
   program.add_key_flag("--frames", "frames", "folder of frames, or a video");
+  program.add_key_flag("--events-group", "events_group",
+                       "of an HDF5 file with several event streams, the group or data set to read");
+  program.add_key_flag("--topic", "topic",
+                       "of a ROS bag with several, the topic of events to read");
   program.add_key_flag("--calibration", "lens.calibration",
-                       "calibration of Kalibr, OpenCV, ROS or RPG (none: a pinhole, its focal "
+                       "calibration of Kalibr, OpenCV, ROS, DV or RPG (none: a pinhole, its focal "
                        "length searched)");
+  program.add_key_flag("--mask", "lens.mask",
+                       "image whose black pixels count in no frame (lens borders, hot areas)");
   program.add_key_flag("--frame-times", "time.frame_times", "list of exposures");
   program.add_key_flag("--exposure-ms", "time.exposure_ms",
-                       "length of exposures that no file says");
+                       "length of exposures that no file says; auto: found");
   program.add_key_flag("--stamp", "time.stamp",
                        "what the only time of a frame is: start, middle or end of its exposure");
   program.add_key_flag("--trigger-level", "time.trigger_level",

@@ -71,6 +71,11 @@ int main(int argc, char** argv) {
   double log_offset = 0;
   program.cli().add_option("--log-offset", log_offset,
                            "thresholds of a sensor that measures log(I + offset), I in [0,1] (0)");
+  recording::ReadOptions how;
+  program.cli().add_option(
+      "--events-group", how.events_group,
+      "of an HDF5 recording with several event streams, the group or data set");
+  program.cli().add_option("--topic", how.topic, "of a ROS bag with several, the topic of events");
   apps::add_dataset_flags(
       program, "what",
       "recording, folder of a data set, run directory of jade_train, or .ply (the data set of "
@@ -95,7 +100,8 @@ int main(int argc, char** argv) {
       return ExitCode::kOk;
     }
     if (std::filesystem::is_regular_file(path) || recording::is_recording(path)) {
-      apps::inspect_recording(path, settings->dataset.events_unit, program.json());
+      how.time_unit = settings->dataset.events_unit;
+      apps::inspect_recording(path, how, program.json());
       return ExitCode::kOk;
     }
     check_is_dataset(settings->dataset);

@@ -3,7 +3,7 @@
 
 #include <cstdio>
 
-#include "jade/gaussians/ply.h"
+#include "jade/gaussians/ply_kind.h"
 #include "jade/geometry/origin.h"
 
 namespace jade::apps {
@@ -21,7 +21,7 @@ void print_spread(const char* name, const Spread& s) {
               s.median, s.low, s.high);
 }
 
-/// Of a scene far from the origin x, y and z are about one of its own.
+/// Prints the origin of a scene whose coordinates are relative to one.
 void print_origin(const geometry::Vector3& origin) {
   if (geometry::is_zero(origin)) return;
   std::printf("origin      x, y and z above are about %s\n", geometry::text_of(origin).c_str());
@@ -57,32 +57,54 @@ nlohmann::json to_json(const GaussianSummary& s, bool antialiased) {
           {"problems", s.problems}};
 }
 
-void inspect_ply(const std::filesystem::path& path, bool json) {
-  if (!gaussians::has_gaussians(path)) {
-    const gaussians::PointCloud cloud = gaussians::read_point_cloud(path);
-    nlohmann::json result = {{"points", cloud.points.size(0)}};
-    const char* const axes[] = {"x", "y", "z"};
-    if (!json) std::printf("points      %ld with colours, no Gaussians\n", long(result["points"]));
-    for (int64_t i = 0; i < 3; ++i) {
-      const Spread spread = gaussians::spread_of(cloud.points.select(1, i));
-      result[axes[i]] = to_json(spread);
-      if (!json) print_spread(axes[i], spread);
-    }
-    result["origin"] = cloud.origin;
-    if (!json) print_origin(cloud.origin);
-    if (json) std::printf("%s\n", result.dump(2).c_str());
-    return;
+namespace {
+
+void inspect_points(const std::filesystem::path& path, bool json) {
+  const gaussians::PlyKind kind = gaussians::kind_of(path);
+  const gaussians::PointCloud cloud = gaussians::read_point_cloud(path);
+  const bool colored = gaussians::has_colors(path);
+  nlohmann::json result = {
+      {"kind", word_of(kind)}, {"points", cloud.points.size(0)}, {"colored", colored}};
+  const char* const axes[] = {"x", "y", "z"};
+  if (!json) {
+    std::printf("file        %s\n", word_of(kind));
+    std::printf("points      %ld %s colours, no Gaussians\n", long(result["points"]),
+                colored ? "with" : "without");
   }
-  const gaussians::GaussianFile file = gaussians::read_ply(path);
+  for (int64_t i = 0; i < 3; ++i) {
+    const Spread spread = gaussians::spread_of(cloud.points.select(1, i));
+    result[axes[i]] = to_json(spread);
+    if (!json) print_spread(axes[i], spread);
+  }
+  result["origin"] = cloud.origin;
+  if (!json) print_origin(cloud.origin);
+  if (json) std::printf("%s\n", result.dump(2).c_str());
+}
+
+}  // namespace
+
+void inspect_ply(const std::filesystem::path& path, bool json) {
+  if (!gaussians::has_gaussians(path)) return inspect_points(path, json);
+  const gaussians::PlyScene scene = gaussians::read_scene(path);
+  const gaussians::GaussianFile& file = scene.file;
   const GaussianSummary summary = gaussians::summarize(file.gaussians);
   if (json) {
     nlohmann::json result = to_json(summary, file.antialiased);
     result["origin"] = file.origin;
+    result["kind"] = word_of(scene.kind);
+    result["flat"] = scene.flat;
     std::printf("%s\n", result.dump(2).c_str());
     return;
   }
+  std::printf("file        %s\n", word_of(scene.kind));
   print_text(summary, file.antialiased);
   print_origin(file.origin);
+  if (scene.flat > 0) {
+    std::printf(
+        "note        %ld of %ld Gaussians are flat: they are read with a thousandth of "
+        "their thinnest other axis as thickness\n",
+        long(scene.flat), long(summary.count));
+  }
   if (summary.problems.empty()) std::printf("\nNo problems found.\n");
   for (const std::string& problem : summary.problems)
     std::printf("problem     %s\n", problem.c_str());

@@ -31,6 +31,7 @@ struct RecordingNumbers {
   double shortest_ms = 0, median_ms = 0, longest_ms = 0;  ///< exposures of a known length
   size_t exposed = 0;                                     ///< frames that have one
   double frame_rate_hz = 0;
+  std::string choice;  ///< flags that choose among several event streams
 };
 
 RecordingNumbers numbers_of(const Recording& r) {
@@ -61,16 +62,16 @@ RecordingNumbers numbers_of(const Recording& r) {
   return n;
 }
 
-/// Of a file or folder, which may be given as "scene/" or ".".
+/// Name of a file or folder, which may be given as "scene/" or ".".
 fs::path name_of(const fs::path& path) {
   const fs::path whole = fs::absolute(path).lexically_normal();
   return (whole.has_filename() ? whole : whole.parent_path()).stem();
 }
 
-/// What to run next; what it lacks is named in capitals.
+/// Command to run next; missing parts are placeholders in capitals.
 std::string next_command(const Recording& r, const RecordingNumbers& n) {
   if (r.events.empty()) return "";
-  std::string line = "build/bin/jade_import " + shell_word(r.source);
+  std::string line = "build/bin/jade_import " + shell_word(r.source) + n.choice;
   if (r.frames.empty() && r.untimed_frames > 0) {
     line += " --frame-times LIST.csv";
   } else if (r.frames.empty()) {
@@ -158,12 +159,13 @@ nlohmann::json to_json(const Recording& r, const RecordingNumbers& n) {
 
 }  // namespace
 
-void inspect_recording(const fs::path& path, events::TimeUnit unit, bool json) {
-  recording::ReadOptions options;
-  options.time_unit = unit;
+void inspect_recording(const fs::path& path, recording::ReadOptions options, bool json) {
   options.most_events = kMostEvents;
   const Recording r = recording::read_recording(path, options);
-  const RecordingNumbers numbers = numbers_of(r);
+  RecordingNumbers numbers = numbers_of(r);
+  if (!options.events_group.empty())
+    numbers.choice += " --events-group " + shell_word(options.events_group);
+  if (!options.topic.empty()) numbers.choice += " --topic " + shell_word(options.topic);
   if (json) {
     // Names of files are any bytes, those of JSON are UTF-8.
     constexpr auto kReplace = nlohmann::json::error_handler_t::replace;

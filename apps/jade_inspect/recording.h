@@ -3,12 +3,14 @@
 
 #include <filesystem>
 
-#include "jade/events/event_files.h"
+#include "jade/recording/recording.h"
 
 namespace jade::apps {
 
 /// Reads a recording and prints what is in it, what is wrong with it, and the next command.
+/// @param options  the unit of times, and which of several event streams is read
 /// @throws DataError as recording::read_recording.
-void inspect_recording(const std::filesystem::path& path, events::TimeUnit unit, bool json);
+void inspect_recording(const std::filesystem::path& path, recording::ReadOptions options,
+                       bool json);
 
 }  // namespace jade::apps

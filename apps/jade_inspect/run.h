@@ -5,8 +5,8 @@
 
 namespace jade::apps {
 
-/// What a run directory holds, how far it came, whether its files are whole, as text or JSON on
-/// stdout. Its data set is not needed.
+/// Prints the contents of a run directory, its progress and whether its files are whole, as text or
+/// JSON on stdout. Does not need the data set.
 void inspect_run(const std::filesystem::path& folder, bool json);
 
 }  // namespace jade::apps

@@ -7,6 +7,7 @@
 #include <torch/types.h>
 
 #include "jade/core/readable.h"
+#include "jade/data/masks.h"
 
 namespace jade::apps {
 namespace {
@@ -65,6 +66,10 @@ void print_frames(const Dataset& d) {
                                                  "restorations and the scene are gray"
                                                : "frames in colour");
   for (const std::string& note : d.notes) std::printf("note        %s\n", note.c_str());
+  if (const data::MaskSummary masks = data::summarize_masks(d); masks.frames > 0) {
+    std::printf("masks       %ld frames, %.1f %% of all pixels excluded, %.1f %% of one at most\n",
+                long(masks.frames), 100 * masks.excluded, 100 * masks.largest);
+  }
   std::printf("depth       %.4g to %.4g units\n", d.near, d.far);
   if (d.points.defined()) std::printf("points      %ld sparse points\n", long(d.points.size(0)));
   if (d.trajectory.empty()) {
@@ -179,6 +184,11 @@ nlohmann::json to_json(const Inspection& inspection) {
                            {"notes", d.notes},
                            {"problems", inspection.problems},
                            {"next", inspection.next}};
+  if (const data::MaskSummary masks = data::summarize_masks(d); masks.frames > 0) {
+    result["masks"] = {{"frames", masks.frames},
+                       {"excluded_share", masks.excluded},
+                       {"largest_excluded_share", masks.largest}};
+  }
   if (inspection.thresholds.found) {
     result["thresholds"] = {{"positive", inspection.thresholds.thresholds.positive},
                             {"negative", inspection.thresholds.thresholds.negative},

@@ -10,7 +10,7 @@
 
 namespace jade::apps {
 
-/// What jade_inspect says of a data set.
+/// Findings of jade_inspect about a data set.
 struct Inspection {
   data::Dataset dataset;
   std::vector<std::string> problems;  ///< one line each, with the fix

@@ -127,7 +127,7 @@ std::vector<data::NamedCamera> load_cameras(const RenderFlags& flags,
   return data::dataset_cameras(dataset, *set, flags.exposure);
 }
 
-/// What is drawn, and how.
+/// Scene to render, and its options.
 struct Subject {
   gaussians::GaussianFile file;
   splat::RenderOptions options;
@@ -207,7 +207,7 @@ fs::path movie_path(const RenderFlags& flags, const fs::path& output) {
   return output / (name + ".mp4");
 }
 
-/// The same, with the folder it is to lie in.
+/// Path of the film; creates its folder.
 fs::path make_movie_path(const RenderFlags& flags, const fs::path& output) {
   fs::path path = movie_path(flags, output);
   make_writable_folder(path.has_parent_path() ? path.parent_path() : fs::path("."));
@@ -259,7 +259,7 @@ ExitCode unblur(const Subject& subject, const RenderFlags& flags, const train::R
   return ExitCode::kOk;
 }
 
-/// What can be known to go wrong before anything is read.
+/// Checks the flags before any file is read.
 void check_flags(const RenderFlags& flags, apps::Program& program) {
   const bool other = program.cli().count("--cameras") + program.cli().count("--exposure") > 0;
   if (!flags.unblur.empty() && (other || flags.fps_benchmark)) {

@@ -12,7 +12,7 @@
 
 namespace jade::apps {
 
-/// What such a film shows, in order.
+/// Frames of the film, in order.
 struct Unblurring {
   std::string name;                        ///< of the exposure
   torch::Tensor blurry;                    ///< [3,H,W] in [0,1], CPU

@@ -133,7 +133,7 @@ int main(int argc, char** argv) {
           "simulate.event_camera: expected --recording, as data sets have frames and events of one "
           "camera; add it, then make a data set with jade_import");
     }
-    // What others' poses are judged by has no error of its own.
+    // The truth beside a recording has exact poses.
     if (recording) run->simulate.poses = {};
     const auto result = simulate::simulate(*run);
     write(result, *run, program.output(), recording);

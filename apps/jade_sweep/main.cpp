@@ -97,7 +97,7 @@ void list_runs(const sweep::Plan& plan, const sweep::SweepOutput& output) {
   std::cout << plan.runs.size() << " runs\n";
 }
 
-/// What a job array's task calls: its exit code is ours.
+/// Runs one task of a job array; its exit code becomes the program's.
 ExitCode run_task(const sweep::SweepOutput& output, const Flags& flags, const fs::path& program) {
   sweep::TaskOptions options;
   options.program = program;
@@ -207,7 +207,7 @@ ExitCode run(apps::Program& program, Flags& flags) {
   const bool goes_on =
       !flags.table && flags.launcher == "slurm" && launch_slurm(plan, output, flags);
   const ExitCode code = conclude(plan, output, program.json());
-  // What failed or was killed before is tried again now: no fault of a call that submits it.
+  // A call that resubmits failed or killed runs has itself succeeded.
   return goes_on ? ExitCode::kOk : code;
 }
 

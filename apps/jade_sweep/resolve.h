@@ -9,8 +9,8 @@ namespace jade::apps {
 /// @throws ConfigError with the problems of all layers that cannot be read.
 sweep::Resolved resolve_training(const std::vector<config::Sources>& layers);
 
-/// The same of a file that a sweep wrote, perhaps by an older version: a key that it lacks means
-/// what was printed, as in a run's own settings.
+/// Resolves a file that a sweep wrote, possibly with an older version: absent keys take the printed
+/// values, as in a run's own settings.
 sweep::Resolved resolve_written(const std::vector<config::Sources>& layers);
 
 }  // namespace jade::apps

@@ -21,8 +21,8 @@ bool knows_settings(const std::filesystem::path& config, const std::filesystem::
   return resumed && config.empty() && std::filesystem::exists(run / "config.yaml");
 }
 
-/// What the positional argument names: a scene's YAML, a data set, which may have one, or what has
-/// to become one of them first.
+/// Resolves the positional argument: a scene's YAML, a data set, which may have one, or a
+/// recording, which must be imported first.
 void use_path(const fs::path& path, apps::Program& program) {
   const bool is_yaml = path.extension() == ".yaml" || path.extension() == ".yml";
   if (path.empty()) return;
@@ -52,6 +52,8 @@ int main(int argc, char** argv) {
   program.cli().add_option(
       "path", path, "data set, or the YAML of a scene; as dataset.path or the first --config");
   program.add_config_flags();
+  program.add_key_flag("--mask", "dataset.mask",
+                       "image whose black pixels count in no frame (lens borders, hot areas)");
   program.add_output_flag("Run directory, made if it does not exist");
   program.add_device_flag();
   program.add_seed_flag();

@@ -29,16 +29,17 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// What is shown, on its device.
+/// The scene on display, on its device.
 struct Subject {
   data::Dataset dataset;  ///< its cameras and pictures
   splat::Gaussians gaussians;
   splat::RenderOptions draw;
   std::string config;                                         ///< text of the run's config.yaml
+  std::string scores;                                         ///< text of its eval.json
   std::unique_ptr<run::RestoredPictures> restored = nullptr;  ///< of a run; reads `dataset`
 };
 
-/// Where the bulk of a scene lies.
+/// Centre and radius of the bulk of a scene.
 struct Bulk {
   geometry::Vector3 middle;
   double radius;
@@ -72,7 +73,7 @@ void open_ply(const fs::path& path, torch::Device device, Subject& subject) {
   const Bulk bulk = bulk_of(file.gaussians);
   subject.dataset.name = path.filename().string();
   subject.dataset.test.push_back(overview(bulk));
-  // Of a small scene all would lie nearer to the overview than the usual one.
+  // All of a small scene can lie nearer to the overview camera than the usual near plane.
   subject.draw.near_plane = std::min(subject.draw.near_plane, 0.01 * bulk.radius);
   subject.draw.antialiased = file.antialiased;
   subject.gaussians = gaussians::map_parameters(
@@ -85,6 +86,7 @@ void open_run(const fs::path& path, torch::Device device, Subject& subject) {
   subject.dataset = std::move(opened.dataset);
   subject.draw = train::render_options(options);
   subject.config = read_file(path / "config.yaml");
+  if (fs::exists(path / run::kScoresFile)) subject.scores = read_file(path / run::kScoresFile);
   subject.gaussians = gaussians::map_parameters(
       opened.gaussians, [&](const torch::Tensor& tensor) { return tensor.to(device); });
   if (subject.dataset.train.empty()) return;
@@ -127,7 +129,10 @@ run::LiveScene scene_of(const Subject& subject) {
                         device_name(subject.gaussians.means.device())},
                        subject.config,
                        server.board().id(),
-                       /*pausable=*/false})));
+                       /*pausable=*/false,
+                       /*moving=*/false,
+                       /*report=*/"",
+                       subject.scores})));
   for (;;) {
     throw_if_interrupted();
     if (!server.stage().wait(serve::Stage::Seconds(0.1))) continue;

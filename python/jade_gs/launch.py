@@ -15,7 +15,7 @@ from jade_gs.build import TORCH
 PACKAGE = Path(__file__).resolve().parent
 PROGRAMS = PACKAGE / "bin"
 SHARE = PACKAGE / "share" / "jade"
-# Where the wheels of NVIDIA lie beside torch.
+# Folders of NVIDIA's wheels beside torch.
 COMPANIONS = ("nvidia/cu13/lib", "nvidia/cudnn/lib", "nvidia/cusparselt/lib", "nvidia/nccl/lib", "nvidia/nvshmem/lib")
 
 

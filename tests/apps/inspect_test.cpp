@@ -48,7 +48,7 @@ TEST_CASE("jade_inspect: Gaussians are counted, measured, and their problems nam
   const Outcome bad = run(dir, "jade_inspect bad.ply");
   CHECK(bad.code == 0);
   for (const char* text : {"1 of 50 Gaussians have NaN or Inf in their means",
-                           "1 rotations are the zero quaternion", "next to transparent"}) {
+                           "1 of 50 Gaussians have the zero quaternion", "next to transparent"}) {
     CHECK_THAT(bad.out, Catch::Contains(text));
   }
   CHECK_THAT(run(dir, "jade_inspect bad.ply --json").out, Catch::Contains("\"gaussians\": 50"));

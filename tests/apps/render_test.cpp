@@ -103,7 +103,7 @@ TEST_CASE(
   check_error(scene.render_with("exit 1", "--unblur 01 --format mp4 --output failed.mp4"), 3,
               "ffmpeg");
   CHECK_FALSE(fs::exists(scene.dir / "failed.mp4"));
-  // Where a folder has the film's name nothing is read.
+  // A folder with the film's name is refused before any input is read.
   fs::create_directories(scene.dir / "taken/01.mp4");
   fs::remove(scene.dir / "run/point_cloud.ply");
   fs::remove_all(scene.dir / "run/checkpoints");

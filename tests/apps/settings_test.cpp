@@ -45,7 +45,7 @@ TEST_CASE("settings: run, files, --set and flags are laid over each other in thi
     CHECK(printed(dir, start + " --config a.yaml", "test_last") == "2");
     CHECK(printed(dir, start + " --config a.yaml --config b.yaml", "test_last") == "3");
     CHECK(printed(dir, start + " --config a.yaml --config b.yaml", "split") == "every");
-    // Where they stand on the line does not matter.
+    // Their position on the command line does not matter.
     const std::string set = program + " --set dataset.test_last=4 --config a.yaml --run run";
     CHECK(printed(dir, set, "test_last") == "4");
     CHECK(printed(dir, program + " --split none --set dataset.split=auto --run run", "split") ==

@@ -57,7 +57,7 @@ void describe(V& v, TestOptions& o) {
   v.group("route", o.route, "the router");
 }
 
-/// What config::load calls once all fields are read.
+/// config::load calls this once all fields are read.
 void settle(TestOptions& o) {
   o.warmup.settle(o.iterations);
   o.resets.settle(o.iterations);

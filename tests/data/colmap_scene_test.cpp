@@ -216,5 +216,20 @@ TEST_CASE("colmap scene: images without a file are named, strong distortion is u
             .item<float>() < 0.05);
 }
 
+TEST_CASE("colmap scene: images without a pose and known parts that are not used are told",
+          "[data]") {
+  const test::TempDir folder;
+  write_colmap_scene(folder / "room",
+                     {1, "PINHOLE", test::kWidth, test::kHeight, {25, 25, 10.5, 6.5}});
+  imaging::write_image(folder / "room/images/img_10.png", test::noise_image(10));
+  folder.write("room/depths/img_00.png", "x");
+  folder.write("room/sparse/0/test.txt", "img_00.png\n");
+  std::vector<std::string> warnings;
+  CHECK(load_dataset(dataset_at(folder / "room"), &warnings).train.size() == 8);
+  REQUIRE(warnings.size() == 2);
+  CHECK_THAT(warnings[0], Catch::Contains("1 of 11 images") && Catch::Contains("img_10.png"));
+  CHECK_THAT(warnings[1], Catch::Contains("depths/") && Catch::Contains("test.txt"));
+}
+
 }  // namespace
 }  // namespace jade::data

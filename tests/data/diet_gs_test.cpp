@@ -124,7 +124,7 @@ TEST_CASE("diet_gs: frames and events are undistorted together", "[data]") {
   CHECK(data.train[0].mask.defined());
   CHECK(data.test[0].mask.defined());
   CHECK_FALSE(data.train[0].blurry.equal(before.train[0].blurry));
-  // Of a pincushion all events move inwards; none is lost.
+  // A pincushion lens moves all events inwards; none is lost.
   REQUIRE(data.events.size() == before.events.size());
   CHECK((data.events.x() - 10).abs().le((before.events.x() - 10).abs() + 1e-4).all().item<bool>());
   CHECK((data.events.x() - before.events.x()).abs().max().item<float>() > 1);

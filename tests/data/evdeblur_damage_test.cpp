@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What users really have: files that are missing, cut, swapped or in other units.
+// Damaged input: files that are missing, cut, swapped or in other units.
 #include "support/catch.h"
 
 #include <cmath>

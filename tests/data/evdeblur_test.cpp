@@ -148,7 +148,7 @@ TEST_CASE("evdeblur: sharp frames between blurry ones are the test views", "[dat
   const test::TempDir folder;
   EvDeblurContent content = test::tiny_content();
   write_evdeblur(folder / "scene", content);
-  // The same frames with the first and fifth sharp, as every fourth would be.
+  // The first and fifth frames are sharp, as with every fourth frame.
   const torch::Tensor start = torch::tensor({5000, 10000, 30000, 50000, 62000, 70000});
   const torch::Tensor length = torch::tensor({0, 8000, 8000, 8000, 0, 8000});
   io::write_npz(folder / "scene/images_1/timestamps.npz",

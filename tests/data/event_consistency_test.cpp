@@ -10,7 +10,7 @@
 namespace jade::data {
 namespace {
 
-constexpr int64_t kSide = 40;
+constexpr int64_t kSide = 32;
 constexpr double kThreshold = 0.25;
 
 struct Slides {
@@ -79,7 +79,7 @@ Slides sliding(double light, double read_noise, double fixed) {
 
 ConsistencyFit fit_of(const Slides& s, double share = 1) {
   ConsistencyOptions options;
-  options.rounds = 15;
+  options.rounds = 10;
   const EventConsistency consistency(s.frames, std::vector<bool>(s.frames.size() - 1, true),
                                      s.events, {0, 1300000}, options);
   std::vector<events::TimeWindow> windows;

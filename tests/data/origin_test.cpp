@@ -26,7 +26,7 @@ geometry::Pose far_pose(double t_us, const Vector3& offset = kUtm) {
   return geometry::with_origin(test::steady_pose(t_us), {-offset[0], -offset[1], -offset[2]});
 }
 
-/// The same poses, so far as both data sets' origins tell.
+/// Checks that poses are equal after both data sets' origins are added.
 void check_near(const Dataset& data, const Dataset& near_data, const Vector3& offset) {
   REQUIRE(data.train.size() == near_data.train.size());
   CHECK_FALSE(geometry::is_zero(data.origin));

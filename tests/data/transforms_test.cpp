@@ -261,5 +261,147 @@ TEST_CASE("transforms: damaged JSON, missing images and matrices are data errors
   CHECK_THROWS_WITH(load_dataset(at(folder / "room")), Catch::Contains("camera_angle_x"));
 }
 
+/// Ten images images/f0.png to f9.png and a transforms.json with more keys before its frames.
+struct Room {
+  test::TempDir folder;
+  DatasetOptions options;
+  std::vector<std::string> warnings;
+
+  explicit Room(const std::string& keys = "", const std::string& prefix = "images/f") {
+    for (int i = 0; i < 10; ++i) {
+      imaging::write_image(folder / concat("room/images/f", i, ".png"), test::noise_image(i));
+    }
+    options = at(folder / "room");
+    put("transforms.json", keys, frames_json(prefix, ".png", 10));
+  }
+  void put(const std::string& name, const std::string& keys, const std::string& frames) const {
+    write_file(folder / ("room/" + name), "{\"fl_x\":50," + keys + "\"frames\":[" + frames + "]}");
+  }
+  Dataset load() {
+    warnings.clear();
+    return load_dataset(options, &warnings);
+  }
+};
+
+std::vector<std::string> test_names(const Dataset& data) {
+  std::vector<std::string> names;
+  for (const SharpView& view : data.test) names.push_back(view.name);
+  return names;
+}
+
+TEST_CASE("transforms: lists of file names are the split", "[data]") {
+  Room room(
+      R"("train_filenames":["images/f0.png","./images/f1.png","images/f5.png"],)"
+      R"("val_filenames":["images/f9.png"],"test_filenames":["images\\f3.png","images/f4.png"],)");
+  const Dataset data = room.load();
+  CHECK(test_names(data) == std::vector<std::string>{"f3", "f4"});
+  CHECK(data.train.size() == 3);
+  CHECK_THAT(data.split, Catch::Contains("test_filenames"));
+  CHECK(test::mentions(room.warnings, "5 of 10 frames"));
+  room.options.split = SplitKind::kLast;
+  CHECK(test_names(room.load()).front() == "f5");
+  CHECK(test::mentions(room.warnings, "train_filenames"));
+}
+
+TEST_CASE("transforms: without test_filenames those of val_filenames test, the rest trains",
+          "[data]") {
+  Room room(R"("val_filenames":["images/f9.png"],)");
+  const Dataset data = room.load();
+  CHECK(test_names(data) == std::vector<std::string>{"f9"});
+  CHECK(data.train.size() == 9);
+  CHECK(room.warnings.empty());
+}
+
+TEST_CASE("transforms: a frame for training and for testing tests, names of no frame are refused",
+          "[data]") {
+  Room both(R"("train_filenames":["images/f0.png","images/f1.png"],)"
+            R"("test_filenames":["images/f1.png"],)");
+  CHECK(both.load().train.size() == 1);
+  CHECK(test::mentions(both.warnings, "test views only"));
+  Room unknown(R"("test_filenames":["images/f77.png"],)");
+  CHECK_THROWS_WITH(unknown.load(), Catch::Contains("f77.png"));
+  Room none(R"("train_filenames":["images/f1.png"],"test_filenames":["images/f1.png"],)");
+  CHECK_THROWS_AS(none.load(), DataError);
+}
+
+TEST_CASE("transforms: a file of test views beside transforms.json is the split", "[data]") {
+  Room room;
+  room.put("transforms_test.json", "", frames_json("images/f", ".png", 2));
+  CHECK(test_names(room.load()) == std::vector<std::string>{"f0", "f1"});
+  CHECK(room.load().train.size() == 8);
+  CHECK(test::mentions(room.warnings, "2 of its frames"));
+}
+
+TEST_CASE("transforms: transforms_val.json tests where there is no transforms_test.json",
+          "[data]") {
+  Room room;
+  fs::rename(room.folder / "room/transforms.json", room.folder / "room/transforms_train.json");
+  room.put("transforms_val.json", "", frames_json("images/f", ".png", 3));
+  CHECK(test_names(room.load()) == std::vector<std::string>{"f0", "f1", "f2"});
+}
+
+TEST_CASE("transforms: paths of Windows and of another machine are found", "[data]") {
+  const std::string prefix =
+      GENERATE(as<std::string>(), "images\\\\f", ".\\\\images\\\\f", "C:\\\\a\\\\images\\\\f",
+               "/home/me/room/images/f", "room/images/f");
+  CAPTURE(prefix);
+  Room room("", prefix);
+  CHECK(room.load().train.size() + room.load().test.size() == 10);
+  CHECK(room.load().train[0].name == "f1");
+}
+
+TEST_CASE("transforms: ply_file_path gives the points", "[data]") {
+  Room room(R"("ply_file_path":"sparse_pc.ply",)");
+  room.folder.write("room/sparse_pc.ply",
+                    "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\n"
+                    "property float z\nproperty uchar red\nproperty uchar green\n"
+                    "property uchar blue\nend_header\n1 2 30 255 0 51\n-1 0 40 0 255 0\n");
+  const Dataset data = room.load();
+  REQUIRE(data.points.defined());
+  CHECK(data.points.equal(torch::tensor({{1.0F, 2.0F, 30.0F}, {-1.0F, 0.0F, 40.0F}})));
+  CHECK(data.point_colors[0][2].item<float>() == Approx(0.2));
+  CHECK(room.warnings.empty());
+  fs::remove(room.folder / "room/sparse_pc.ply");
+  CHECK_FALSE(room.load().points.defined());
+  CHECK(test::mentions(room.warnings, "sparse_pc.ply"));
+}
+
+TEST_CASE("transforms: images that no frame names are told", "[data]") {
+  Room room;
+  room.put("transforms.json", "", frames_json("images/f", ".png", 4));
+  CHECK(room.load().train.size() == 3);
+  CHECK(test::mentions(room.warnings, "6 of 10 images"));
+  CHECK(test::mentions(room.warnings, "f4.png"));
+}
+
+TEST_CASE("transforms: keys that would change the result are named in one warning", "[data]") {
+  Room room(R"("scale":0.5,"offset":[0,0,0],"enable_rolling_shutter":true,"is_fisheye":false,)");
+  room.load();
+  REQUIRE(room.warnings.size() == 1);
+  CHECK_THAT(room.warnings[0], Catch::Contains("'scale'") &&
+                                   Catch::Contains("'enable_rolling_shutter'") &&
+                                   !Catch::Contains("offset") && !Catch::Contains("is_fisheye"));
+}
+
+TEST_CASE("transforms: mask_path of a frame is its mask, and must be there", "[data]") {
+  Room room;
+  const std::string frame = R"({"file_path":"images/f0.png","mask_path":"m\\0.png",)"
+                            R"("transform_matrix":)" +
+                            gl_matrix({}) + "}";
+  room.put("transforms.json", "",
+           frame + "," +
+               frames_json("images/f", ".png", 10)
+                   .substr(frames_json("images/f", ".png", 1).size() + 1));
+  CHECK_THROWS_WITH(room.load(), Catch::Contains("mask_path"));
+  torch::Tensor mask = torch::ones({1, test::kHeight, test::kWidth});
+  mask[0][0][3] = 0;
+  imaging::write_image(room.folder / "room/m/0.png", mask);
+  room.options.split = SplitKind::kNone;
+  const Dataset data = room.load();
+  REQUIRE(data.train[0].mask.defined());
+  CHECK(data.train[0].mask.equal(mask.to(torch::kBool)));
+  CHECK_FALSE(data.train[1].mask.defined());
+}
+
 }  // namespace
 }  // namespace jade::data

@@ -10,7 +10,8 @@
 #include <ucontext.h>
 #include <vector>
 
-// Where the linker puts the shared memory of all emulated kernels (language.h); null without any.
+// Bounds of the shared memory of all emulated kernels, set by the linker (language.h); null if
+// none.
 extern "C" char __start_emulated_shared[] __attribute__((weak));
 extern "C" char __stop_emulated_shared[] __attribute__((weak));
 
@@ -25,7 +26,7 @@ constexpr unsigned kWarp = 32;
 
 Order current_order = Order::kAscending;
 
-/// Those who wait for each other: a block or a warp.
+/// Threads that wait for each other: a block or a warp.
 struct Group {
   unsigned first = 0, size = 0;
   unsigned alive = 0, waiting = 0;

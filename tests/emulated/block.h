@@ -49,8 +49,8 @@ const Index& thread_index();  ///< from 0
 
 void* shared_memory();
 
-/// What threads brought to a meeting, by their place in the block or warp. Valid until the thread's
-/// next meeting.
+/// Values that threads exchange at a barrier, by their place in the block or warp. Valid until the
+/// thread's next barrier.
 struct Brought {
   const uint64_t* values;     ///< 0 of those that had returned
   const uint8_t* were_there;  ///< 1 or 0
@@ -60,7 +60,7 @@ struct Brought {
 /// Waits for all threads of the block that have not returned.
 Brought meet_block(uint64_t mine);
 
-/// Likewise for the 32 threads of the warp, whose mask must name them all.
+/// Meeting of the 32 threads of the warp; the mask must name them all.
 Brought meet_warp(Meeting meeting, uint32_t mask, uint64_t mine);
 /// @}
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the emulation says of kernels that are right, and of kernels that are wrong.
+// Results of the emulation for correct and for faulty kernels.
 #include "emulated/block.h"
 
 #include "support/catch.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// As much of CUDA's language as the kernels use, for a compiler of C++. Comes before every other
+// The part of CUDA's language that the kernels use, for a C++ compiler. Must precede every other
 // header of an emulated source.
 #pragma once
 
@@ -156,7 +156,7 @@ uint32_t reduce(uint32_t mask, uint32_t value, const Pick& pick) {
   return result;
 }
 
-/// What `kernel<<<grid, block, bytes, stream>>>(arguments)` becomes (cuda_to_cpp.py).
+/// Replacement for `kernel<<<grid, block, bytes, stream>>>(arguments)` (cuda_to_cpp.py).
 template <class Kernel>
 auto launch(const Kernel& kernel, const Index& grid, const Index& block, size_t shared_bytes = 0,
             const void* = nullptr) {

@@ -3,6 +3,8 @@
 
 #include "support/catch.h"
 
+#include <cmath>
+#include <opencv2/imgcodecs.hpp>
 #include <torch/types.h>
 
 #include "jade/core/error.h"
@@ -28,6 +30,55 @@ TEST_CASE("compare_folders: pairs by name, and each name in the truth must be th
                     Catch::Contains("expected 21x16"));
   imaging::write_image(dir / "truth/c.png", image);
   CHECK_THROWS_AS(compare_folders(dir / "renders", dir / "truth", lpips), DataError);
+}
+
+/// An RGBA picture whose left half is transparent.
+void write_half(const std::filesystem::path& path, uint8_t value, uint8_t hidden) {
+  cv::Mat image(8, 8, CV_8UC4, cv::Scalar(value, value, value, 255));
+  image.colRange(0, 4) = cv::Scalar(hidden, hidden, hidden, 0);
+  std::filesystem::create_directories(path.parent_path());
+  cv::imwrite(path.string(), image);
+}
+
+TEST_CASE("compare_folders: transparent truth does not count, transparent renders are black",
+          "[eval]") {
+  const test::TempDir dir;
+  const Lpips lpips(torch::kCPU);
+  const auto compare = [&] {
+    return compare_folders(dir / "renders", dir / "truth", lpips).views[0];
+  };
+  imaging::write_image(dir / "renders/a.png", torch::full({3, 8, 8}, 0.4));
+  write_half(dir / "truth/a.png", 153, 3);
+  const Scores first = compare();
+  CHECK(first.psnr == Approx(-20 * std::log10(0.2)));
+  CHECK(first.excluded == 0.5);
+  write_half(dir / "truth/a.png", 153, 250);
+  CHECK(compare().psnr == first.psnr);
+  CHECK(compare().ssim == first.ssim);
+
+  imaging::write_image(dir / "truth/a.png", torch::full({3, 8, 8}, 0.4));
+  write_half(dir / "renders/a.png", 102, 102);
+  CHECK(compare().psnr == Approx(-10 * std::log10(0.5 * 0.16)).margin(1e-4));
+}
+
+TEST_CASE("compare_folders: a mask of all truths, and broken ones", "[eval]") {
+  const test::TempDir dir;
+  const Lpips lpips(torch::kCPU);
+  const auto compare = [&] {
+    return compare_folders(dir / "renders", dir / "truth", lpips, dir / "m.png").views[0];
+  };
+  torch::Tensor image = torch::full({3, 8, 8}, 0.4);
+  imaging::write_image(dir / "truth/a.png", image);
+  image[0][0][0] = 1;
+  imaging::write_image(dir / "renders/a.png", image);
+  torch::Tensor mask = torch::ones({1, 8, 8});
+  mask[0][0][0] = 0;
+  imaging::write_image(dir / "m.png", mask);
+  CHECK(compare().psnr == 100);
+  imaging::write_image(dir / "m.png", torch::zeros({1, 8, 8}));
+  CHECK_THROWS_AS(compare(), DataError);
+  imaging::write_image(dir / "m.png", torch::ones({1, 8, 9}));
+  CHECK_THROWS_WITH(compare(), Catch::Contains("m.png") && Catch::Contains("9x8"));
 }
 
 }  // namespace

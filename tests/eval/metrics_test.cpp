@@ -101,3 +101,20 @@ TEST_CASE("ssim: of a render and of a truth, values outside [0,1] count as a scr
   CHECK(eval::ssim(wide, within) == Approx(expected).margin(1e-5));
   CHECK(eval::ssim(within, wide) == Approx(expected).margin(1e-5));
 }
+
+TEST_CASE("metrics: excluded pixels change no score", "[eval]") {
+  const torch::Tensor truth = random_image(1), image = (truth + 0.05 * random_image(2));
+  torch::Tensor mask = torch::ones({1, 24, 30}, torch::kBool);
+  mask.slice(2, 0, 9).fill_(false);
+  torch::Tensor other = image.clone(), other_truth = truth.clone();
+  other.slice(2, 0, 9).fill_(1);
+  other_truth.slice(2, 0, 9).fill_(0.25);
+  CHECK(eval::psnr(image, truth, mask) == eval::psnr(other, other_truth, mask));
+  CHECK(eval::psnr_channel_mean(image, truth, mask) ==
+        eval::psnr_channel_mean(other, other_truth, mask));
+  CHECK(eval::ssim(image, truth, mask) == eval::ssim(other, other_truth, mask));
+  CHECK(eval::psnr(image, truth, mask) ==
+        Approx(eval::psnr(image.slice(2, 9).contiguous(), truth.slice(2, 9).contiguous())));
+  CHECK(eval::psnr(image, truth, mask) != eval::psnr(image, truth));
+  CHECK(eval::psnr(image, truth, torch::ones_like(mask)) == Approx(eval::psnr(image, truth)));
+}

@@ -9,6 +9,7 @@
 #include <torch/types.h>
 
 #include "jade/core/error.h"
+#include "jade/events/event_group.h"
 #include "jade/io/hdf5.h"
 #include "jade/io/npy.h"
 #include "support/temp_dir.h"
@@ -267,7 +268,7 @@ TEST_CASE("event files: a file without events is read with a warning", "[events]
   const auto result = read_events(dir / "a.txt");
   CHECK(result.events.empty());
   CHECK(result.warnings.size() == 1);
-  // Those that nobody asked for are there all the same.
+  // Events outside the request are kept as well.
   std::ofstream(dir / "b.txt") << "100 1 2 1\n";
   EventFileOptions later;
   later.keep = std::vector<TimeWindow>{{5000, 6000}};
@@ -308,4 +309,43 @@ TEST_CASE("event files: of an HDF5 file only the events of some spans are kept",
   options.event_bytes = 1e12;
   CHECK_THAT(message_of([&] { read_events(dir / "us.h5", options); }),
              Catch::Contains("1 events need 1000 GB, more than 0.7 of the"));
+}
+
+TEST_CASE("event files: text in Prophesee's order, with the size and names that stand before it",
+          "[events]") {
+  const TempDir dir;
+  const auto lines = [](const char* between, bool index) {
+    std::string out;
+    for (int i = 0; i < 40; ++i) {
+      const std::string row[] = {std::to_string(i * 37 % 64), std::to_string(i * 23 % 48),
+                                 std::to_string(i % 2), std::to_string(1000000 + 10 * i)};
+      if (index) out += std::to_string(i) + between;
+      out += row[0] + between + row[1] + between + row[2] + between + row[3] + "\n";
+    }
+    return out;
+  };
+  std::ofstream(dir / "comma.csv") << lines(",", false);
+  std::ofstream(dir / "tab.tsv") << lines("\t", false);
+  std::ofstream(dir / "semicolon.txt") << lines("; ", false);
+  std::ofstream(dir / "geometry.csv") << "%geometry:64,48\n" << lines(",", false);
+  std::ofstream(dir / "size.txt") << "64 48\n" << lines(" ", false);
+  std::ofstream(dir / "index.csv") << ",x,y,polarity,timestamp\n" << lines(",", true);
+  for (const char* name :
+       {"comma.csv", "tab.tsv", "semicolon.txt", "geometry.csv", "size.txt", "index.csv"}) {
+    INFO(name);
+    const auto [read, size] = read_event_group(dir / name);
+    REQUIRE(read.events.size() == 40);
+    CHECK(read.events.first_us() == 1000000);
+    CHECK(read.events.x()[1].item<float>() == 37);
+    CHECK(read.events.y()[1].item<float>() == 23);
+    CHECK(int(read.events.polarity()[0].item<int8_t>()) == -1);
+    const bool says = std::string(name) == "geometry.csv" || std::string(name) == "size.txt";
+    REQUIRE(size.has_value() == says);
+    if (says) CHECK((size->width == 64 && size->height == 48));
+  }
+  std::ofstream(dir / "ns.csv") << "t_ns,x,y,p\n2000,1,2,1\n3000,1,2,0\n";
+  CHECK(read_events(dir / "ns.csv").events.last_us() == 3);
+  std::ofstream(dir / "three.csv") << "x,y,p,t\n1,2,1,3\n1,2,1\n";
+  CHECK_THAT(message_of([&] { read_events(dir / "three.csv"); }),
+             Catch::Contains("three.csv:3: expected 4 numbers"));
 }

@@ -26,7 +26,7 @@ TEST_CASE("time unit: events that go on long before and behind the exposures", "
   const TimeWindow exposures{50000, 1050000};
   CHECK(guess_time_unit(0, 1e8, false, exposures) == TimeUnit::kUs);
   CHECK(guess_time_unit(0, 1e11, false, exposures) == TimeUnit::kNs);
-  // Those that end early are no worse for it, though in a larger unit they would cover all.
+  // Events that end early are accepted, although a larger unit would cover all exposures.
   CHECK(guess_time_unit(0, 3e8, false, exposures) == TimeUnit::kNs);
   CHECK(guess_time_unit(0, 3e5, false, exposures) == TimeUnit::kUs);
   CHECK(guess_time_unit(0, 1.0e9, false, exposures) == TimeUnit::kNs);

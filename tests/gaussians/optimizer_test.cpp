@@ -30,7 +30,7 @@ void set_gradients(GaussianModel& model, int64_t step) {
   }
 }
 
-/// The same groups with torch's optimiser; dc and rest of SH apart.
+/// Reference groups with torch's optimiser; dc and rest of SH apart.
 struct TorchAdam {
   std::vector<torch::Tensor> values;
   std::unique_ptr<torch::optim::Adam> adam;

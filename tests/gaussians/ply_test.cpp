@@ -4,6 +4,7 @@
 #include "support/catch.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <fstream>
 #include <sstream>
@@ -11,6 +12,8 @@
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/gaussians/ply_header.h"
+#include "jade/gaussians/ply_kind.h"
+#include "jade/gaussians/summary.h"
 #include "jade/geometry/origin.h"
 #include "random_gaussians.h"
 #include "support/temp_dir.h"
@@ -149,6 +152,8 @@ TEST_CASE("ply: zero Gaussians make a valid file, from which nothing can begin",
                     Catch::Contains("at finite positions, found none of 3"));
   lost.means[1].fill_(0);
   CHECK_NOTHROW(check_some(lost, "a.ply"));
+  lost.rotations[1].zero_();
+  CHECK_THROWS_WITH(check_some(lost, "a.ply"), Catch::Contains("can be drawn, found none of 3"));
 }
 
 TEST_CASE("ply: f_rest is channel-major, red first", "[gaussians]") {
@@ -266,7 +271,7 @@ TEST_CASE("ply: a scene of its own origin keeps it, in either coordinates", "[ga
   CHECK((exact[7][1] - 5431987 - file.gaussians.means[7][1].to(torch::kFloat64))
             .abs()
             .item<double>() < 1e-8);
-  // Whoever reads it finds an origin near the scene again.
+  // A reader finds an origin near the scene again.
   const GaussianFile back = read_ply(folder / "dataset.ply");
   CHECK_FALSE(geometry::is_zero(back.origin));
   for (int64_t axis = 0; axis < 3; ++axis) {
@@ -292,6 +297,176 @@ TEST_CASE("ply: points in map coordinates are moved in double", "[gaussians]") {
   const PointCloud cloud = read_point_cloud(folder / "far.ply");
   CHECK(cloud.points[0][0].item<double>() + cloud.origin[0] == 471234.5625);
   CHECK(cloud.points[0][1].item<double>() + cloud.origin[1] == 5431987.25);
+}
+
+/// A binary file of one element of float32 properties.
+void write_rows(const std::filesystem::path& path, const std::vector<std::string>& names,
+                const torch::Tensor& rows, const std::string& last = "") {
+  std::string text =
+      concat("ply\nformat binary_little_endian 1.0\nelement vertex ", rows.size(0), "\n");
+  for (const std::string& name : names) text += "property float " + name + "\n";
+  text += last + "end_header\n";
+  const torch::Tensor bytes = rows.to(torch::kFloat32).contiguous();
+  text.append(static_cast<const char*>(bytes.data_ptr()), bytes.nbytes());
+  write_file(path, text);
+}
+
+TEST_CASE("ply: the two scales of 2DGS become flat Gaussians, and so does minus infinity",
+          "[gaussians]") {
+  const test::TempDir folder;
+  splat::Gaussians g = random_gaussians(6, 1);
+  write_rows(folder / "2d.ply",
+             {"x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "rot_0",
+              "rot_1", "rot_2", "rot_3"},
+             torch::cat({g.means, g.sh.select(1, 0), g.logit_opacities.unsqueeze(1),
+                         g.log_scales.narrow(1, 0, 2), g.rotations},
+                        1));
+  g.log_scales.select(1, 2).fill_(-std::numeric_limits<float>::infinity());
+  write_ply(folder / "3d.ply", {g, false});
+  CHECK(kind_of(folder / "2d.ply") == PlyKind::kFlat);
+  CHECK(kind_of(folder / "3d.ply") == PlyKind::kGaussians);
+  for (const char* name : {"2d.ply", "3d.ply"}) {
+    const PlyScene read = read_scene(folder / name);
+    CHECK(read.flat == 6);
+    CHECK(drawable(read.file.gaussians).size() == 6);
+    const torch::Tensor scales = read.file.gaussians.log_scales;
+    CHECK(torch::equal(scales.narrow(1, 0, 2), g.log_scales.narrow(1, 0, 2)));
+    CHECK(torch::allclose(scales.select(1, 2),
+                          std::get<0>(g.log_scales.narrow(1, 0, 2).min(1)) - 6.9));
+  }
+  // Flat along every axis, or by a finite number that nothing draws.
+  g.log_scales[1].fill_(-100);
+  write_ply(folder / "point.ply", {g, false});
+  CHECK(drawable(read_ply(folder / "point.ply").gaussians).size() == 6);
+}
+
+TEST_CASE("ply: Gaussians with red, green, blue have the colours of f_dc", "[gaussians]") {
+  const test::TempDir folder;
+  const splat::Gaussians g = random_gaussians(3, 1);
+  const torch::Tensor rgb = torch::tensor({{0.f, 0.5f, 1.f}, {0.2f, 0.4f, 0.6f}, {1.f, 1.f, 1.f}});
+  const torch::Tensor rows =
+      torch::cat({g.means, rgb, g.logit_opacities.unsqueeze(1), g.log_scales, g.rotations}, 1);
+  const std::vector<std::string> rest = {"opacity", "scale_0", "scale_1", "scale_2",
+                                         "rot_0",   "rot_1",   "rot_2",   "rot_3"};
+  for (const std::string prefix : {"", "diffuse_"}) {
+    std::vector<std::string> names = {"x", "y", "z"};
+    for (const char* color : {"red", "green", "blue"}) names.push_back(prefix + color);
+    names.insert(names.end(), rest.begin(), rest.end());
+    write_rows(folder / "rgb.ply", names, rows);
+    CHECK(kind_of(folder / "rgb.ply") == PlyKind::kColored);
+    const splat::Gaussians read = read_ply(folder / "rgb.ply").gaussians;
+    CHECK(torch::allclose(read.sh.select(1, 0) * 0.28209479 + 0.5, rgb, 1e-5, 1e-6));
+    CHECK(torch::equal(read.log_scales, g.log_scales));
+  }
+}
+
+/// `value` from 0 to 1 in so many bits.
+uint32_t bits_of(double value, int bits) {
+  return static_cast<uint32_t>(std::lround(value * ((1 << bits) - 1)));
+}
+
+TEST_CASE("ply: the compressed files of PlayCanvas and SuperSplat are unpacked", "[gaussians]") {
+  const test::TempDir folder;
+  constexpr int64_t kCount = 300;  // two chunks
+  const splat::Gaussians g = random_gaussians(kCount, 4);
+  const torch::Tensor turn = g.rotations / g.rotations.norm(2, 1, true);
+  const auto range = [&](const torch::Tensor& values, int64_t chunk) {
+    const torch::Tensor rows = values.slice(0, 256 * chunk, std::min(256 * (chunk + 1), kCount));
+    return std::pair(std::get<0>(rows.min(0)), std::get<0>(rows.max(0)));
+  };
+  std::string text = concat("ply\nformat binary_little_endian 1.0\nelement chunk 2\n");
+  for (const char* part : {"", "scale_"}) {
+    for (const char* end : {"min_", "max_"}) {
+      for (const char* axis : {"x", "y", "z"})
+        text += concat("property float ", end, part, axis, "\n");
+    }
+  }
+  text += concat("element vertex ", kCount, "\n");
+  for (const char* name : {"position", "rotation", "scale", "color"})
+    text += concat("property uint packed_", name, "\n");
+  text += concat("element sh ", kCount, "\n");
+  for (int i = 0; i < 9; ++i) text += concat("property uchar f_rest_", i, "\n");
+  std::string bytes;
+  for (int64_t chunk = 0; chunk < 2; ++chunk) {
+    for (const torch::Tensor& values : {g.means, g.log_scales}) {
+      const auto [low, high] = range(values, chunk);
+      for (const torch::Tensor& end : {low, high}) {
+        for (int64_t i = 0; i < 3; ++i) append<float>(bytes, end[i].item<float>(), false);
+      }
+    }
+  }
+  for (int64_t row = 0; row < kCount; ++row) {
+    const auto triple = [&](const torch::Tensor& values) {
+      const auto [low, high] = range(values, row / 256);
+      const torch::Tensor unit = (values[row] - low) / (high - low);
+      return bits_of(unit[0].item<double>(), 11) << 21 | bits_of(unit[1].item<double>(), 10) << 11 |
+             bits_of(unit[2].item<double>(), 11);
+    };
+    const auto largest = turn[row].abs().argmax().item<int64_t>();
+    const double sign = turn[row][largest].item<double>() < 0 ? -1 : 1;
+    auto rotation = static_cast<uint32_t>(largest);
+    for (int64_t i = 0; i < 4; ++i) {
+      if (i == largest) continue;
+      const double part = sign * turn[row][i].item<double>() / std::sqrt(2.0) + 0.5;
+      rotation = rotation << 10 | bits_of(part, 10);
+    }
+    uint32_t color = 0;
+    for (int64_t i = 0; i < 3; ++i) {
+      const double value = 0.28209479 * g.sh[row][0][i].item<double>() + 0.5;
+      color = color << 8 | bits_of(std::clamp(value, 0.0, 1.0), 8);
+    }
+    color = color << 8 | bits_of(g.logit_opacities[row].sigmoid().item<double>(), 8);
+    for (const uint32_t word : {triple(g.means), rotation, triple(g.log_scales), color})
+      append<uint32_t>(bytes, word, false);
+  }
+  for (int64_t row = 0; row < kCount; ++row) {
+    for (int64_t i = 0; i < 9; ++i) {
+      const double value = g.sh[row][1 + i % 3][i / 3].item<double>();
+      append<uint8_t>(bytes, uint8_t(std::clamp(std::floor((value / 8 + 0.5) * 256), 0.0, 255.0)),
+                      false);
+    }
+  }
+  write_file(folder / "a.compressed.ply", text + "end_header\n" + bytes);
+  CHECK(kind_of(folder / "a.compressed.ply") == PlyKind::kPacked);
+  const splat::Gaussians r = read_ply(folder / "a.compressed.ply").gaussians;
+  const auto far = [](const torch::Tensor& a, const torch::Tensor& b) {
+    return (a - b).abs().max().item<double>();
+  };
+  const auto step = [](const torch::Tensor& values) {
+    return (values.max() - values.min()).item<double>() / 1023;
+  };
+  CHECK(far(r.means, g.means) <= step(g.means));
+  CHECK(far(r.log_scales, g.log_scales) <= step(g.log_scales));
+  const torch::Tensor same = (r.rotations * turn).sum(1).abs();
+  CHECK(same.min().item<double>() > 0.999);
+  CHECK(far(r.logit_opacities.sigmoid(), g.logit_opacities.sigmoid()) < 0.003);
+  const auto shown = [](const torch::Tensor& sh) {
+    return (0.28209479 * sh.select(1, 0) + 0.5).clamp(0, 1);
+  };
+  CHECK(far(shown(r.sh), shown(g.sh)) < 0.003);
+  CHECK(far(r.sh.slice(1, 1), g.sh.slice(1, 1).clamp(-4, 4)) < 0.02);
+  write_file(folder / "cut.ply", text + "end_header\n" + bytes.substr(0, bytes.size() - 1));
+  CHECK_THAT(message_of(folder / "cut.ply"), Catch::Contains("cut short"));
+  std::string few = text;
+  few.replace(few.find("chunk 2"), 7, "chunk 1");
+  write_file(folder / "few.ply", few + "end_header\n" + bytes);
+  CHECK_THAT(message_of(folder / "few.ply"), Catch::Contains("expected a chunk for every 256"));
+}
+
+TEST_CASE("ply: what a file without Gaussians is, or lacks, is named", "[gaussians]") {
+  const test::TempDir folder;
+  const torch::Tensor rows = torch::zeros({2, 9});
+  write_rows(folder / "some.ply",
+             {"x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "rot_0", "rot_1", "rot_2"}, rows);
+  CHECK_THAT(message_of(folder / "some.ply"),
+             Catch::Contains("found none called opacity, scale_0, scale_1, scale_2, rot_3"));
+  write_rows(folder / "mesh.ply", {"x", "y", "z"}, rows.narrow(1, 0, 3),
+             "element face 1\nproperty list uchar int vertex_indices\n");
+  CHECK(kind_of(folder / "mesh.ply") == PlyKind::kMesh);
+  CHECK_THAT(message_of(folder / "mesh.ply"), Catch::Contains("found a mesh"));
+  write_rows(folder / "cloud.ply", {"x", "y", "z", "opacity"}, rows.narrow(1, 0, 4));
+  CHECK(kind_of(folder / "cloud.ply") == PlyKind::kPoints);
+  CHECK_THAT(message_of(folder / "cloud.ply"), Catch::Contains("found a point cloud"));
 }
 
 }  // namespace

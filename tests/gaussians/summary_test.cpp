@@ -57,7 +57,10 @@ TEST_CASE("summarize: each thing that is wrong is one problem", "[gaussians]") {
              Catch::Contains("1 of 100 Gaussians have NaN or Inf in their colours"));
   g = row_of(100);
   g.rotations[5].zero_();
-  CHECK_THAT(only_problem(g), Catch::Contains("1 rotations are the zero quaternion"));
+  CHECK_THAT(only_problem(g), Catch::Contains("1 of 100 Gaussians have the zero quaternion"));
+  g = row_of(100);
+  g.log_scales[5][1] = 31;
+  CHECK_THAT(only_problem(g), Catch::Contains("1 of 100 Gaussians have log scales beyond 30"));
   g = row_of(100);
   g.logit_opacities.fill_(-9);
   CHECK_THAT(only_problem(g), Catch::Contains("next to transparent"));
@@ -78,6 +81,22 @@ TEST_CASE("undrawable_warning: counts a Gaussian once, whatever is wrong with it
   g.logit_opacities[7] = INFINITY;
   CHECK_THAT(undrawable_warning(g, "a.ply"),
              Catch::StartsWith("a.ply: 2 of 100 Gaussians have NaN or Inf"));
+  g = row_of(4);
+  g.logit_opacities.fill_(-6);
+  CHECK(count_visible(g) == 0);
+  CHECK_THAT(undrawable_warning(g, "a.ply"), Catch::Contains("all of 4 Gaussians"));
+}
+
+TEST_CASE("drawable: what splatting rejects is left out, and why is counted", "[gaussians]") {
+  splat::Gaussians g = row_of(10);
+  g.log_scales[1][0] = 40;
+  g.log_scales[2][0] = 40;
+  g.rotations[3].zero_();
+  g.logit_opacities[4] = 2e4;
+  g.means[5][2] = -1e13;
+  CHECK(drawable(g).size() == 5);
+  CHECK_THAT(undrawable_reasons(g), Catch::Contains("2 have log scales beyond 30"));
+  CHECK(undrawable_reasons(row_of(3)).empty());
 }
 
 }  // namespace

@@ -44,7 +44,7 @@ torch::Tensor weights(const torch::Tensor& u, int64_t count) {
          6;
 }
 
-/// The same path from se3.h's operations, as BAD-Gaussians writes it.
+/// Reference path from se3.h's operations, as BAD-Gaussians writes it.
 torch::Tensor slow_spline(const torch::Tensor& twists, const torch::Tensor& u,
                           const torch::Tensor& control) {
   const torch::Tensor poses = control.matmul(geometry::se3_exp(twists));

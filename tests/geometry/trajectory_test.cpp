@@ -85,7 +85,7 @@ TEST_CASE("trajectory: continued by its mirror image, a steady camera goes on", 
   const Trajectory longer = path.spanning(2e4, 5e5);
   CHECK(longer.size() == 5);
   for (double t = 2e4; t <= 5e5; t += 16000) check_same(longer.at(t), steady(t), 1e-9);
-  // What reaches far enough stays as it is.
+  // A path that reaches far enough is unchanged.
   CHECK(path.spanning(1e5, 4e5).size() == 3);
   CHECK(path.spanning(3e5, 6e5).begin_us() == 1e5);
   // A camera of one pose stands still.

@@ -87,6 +87,47 @@ TEST_CASE("image: gray files become three equal channels and alpha is dropped", 
   CHECK(read[2][1][1].item<double>() == Approx(1.0));
 }
 
+TEST_CASE("image: alpha is read from files that are not opaque, in 8 and 16 bits", "[imaging]") {
+  const Folder folder;
+  cv::Mat image(2, 2, CV_8UC4, cv::Scalar(1, 2, 3, 255));
+  const auto path = folder.path / "alpha.png";
+  cv::imwrite(path.string(), image);
+  CHECK_FALSE(read_alpha(path).defined());
+  image.at<cv::Vec4b>(0, 1)[3] = 0;
+  image.at<cv::Vec4b>(1, 0)[3] = 127;
+  image.at<cv::Vec4b>(1, 1)[3] = 128;
+  const auto expected = torch::tensor({255, 0, 127, 128}).view({1, 2, 2}) / 255.0F;
+  for (const char* name : {"alpha.png", "alpha.tiff", "alpha.webp"}) {
+    CAPTURE(name);
+    cv::imwrite((folder.path / name).string(), image, {cv::IMWRITE_WEBP_QUALITY, 101});
+    CHECK(largest_difference(read_alpha(folder.path / name), expected) < 1e-6);
+  }
+  cv::Mat wide;
+  image.convertTo(wide, CV_16U, 257);
+  cv::imwrite(path.string(), wide);
+  CHECK(largest_difference(read_alpha(path), expected) < 1e-6);
+  cv::imwrite(path.string(), cv::Mat(2, 2, CV_8UC3, cv::Scalar(0, 0, 0)));
+  CHECK_FALSE(read_alpha(path).defined());
+}
+
+TEST_CASE("image: a mask counts where it is not black and not transparent", "[imaging]") {
+  const Folder folder;
+  const auto read = [&](const char* name, const cv::Mat& image) {
+    cv::imwrite((folder.path / name).string(), image);
+    return read_mask(folder.path / name).flatten();
+  };
+  const auto bits = [](std::vector<int64_t> list) { return torch::tensor(list).to(torch::kBool); };
+  const cv::Mat gray = (cv::Mat_<uint8_t>(1, 3) << 0, 1, 255);
+  CHECK(read("a.png", gray).equal(bits({0, 1, 1})));
+  cv::Mat colored(1, 3, CV_8UC4, cv::Scalar(0, 0, 0, 255));
+  colored.at<cv::Vec4b>(0, 1)[0] = 9;
+  colored.at<cv::Vec4b>(0, 2) = {255, 255, 255, 0};
+  CHECK(read("b.png", colored).equal(bits({0, 1, 0})));
+  // JPEG blurs edges and gives black a value.
+  CHECK(read("c.jpg", cv::Mat(16, 16, CV_8U, cv::Scalar(9))).any().item<bool>() == false);
+  CHECK(read("d.jpg", cv::Mat(16, 16, CV_8U, cv::Scalar(250))).all().item<bool>());
+}
+
 TEST_CASE("image: values are clamped and rounded, NaN becomes black", "[imaging]") {
   const Folder folder;
   const auto image =

@@ -145,3 +145,80 @@ TEST_CASE("calibration: what is missing or unknown is named in one line", "[impo
   check_fails("a: [1, 2\n", "not valid YAML");
   CHECK_THROWS_AS(import::read_calibration("no/such/file"), DataError);
 }
+
+TEST_CASE("calibration: camera_info messages of both versions of ROS", "[import]") {
+  const std::string ros1 = R"(header:
+  seq: 0
+height: 180
+width: 240
+distortion_model: "plumb_bob"
+D: [-0.36, 0.15, 0.001, -0.002, 0.01]
+K: [199.0, 0.0, 120.0, 0.0, 198.0, 90.0, 0.0, 0.0, 1.0]
+R: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]
+P: [199.0, 0.0, 120.0, 0.0, 0.0, 198.0, 90.0, 0.0, 0.0, 0.0, 1.0, 0.0]
+binning_x: 0
+binning_y: 0
+---
+)";
+  const auto one = read(ros1).cameras.at(0);
+  CHECK((one.fx == 199 && one.fy == 198 && one.cx == 120.5 && one.cy == 90.5));
+  CHECK((one.width == 240 && one.height == 180 && one.lens.k3 == 0.01));
+  const auto two =
+      read(
+          "height: 180\nwidth: 240\ndistortion_model: equidistant\nd:\n- 0.1\n- 0.2\n- "
+          "0.3\n- 0.4\nk:\n- 199.0\n- 0.0\n- 120.0\n- 0.0\n- 198.0\n- 90.0\n- "
+          "0.0\n- 0.0\n- 1.0\n")
+          .cameras.at(0);
+  CHECK((two.fx == 199 && two.lens.model == LensModel::kFisheye && two.lens.k4 == 0.4));
+  CHECK(read(without(ros1, "-0.36, 0.15, 0.001, -0.002, 0.01")).cameras.at(0).lens.model ==
+        LensModel::kPinhole);
+  check_fails(without(ros1, "199.0, 0.0, 120.0, 0.0, 198.0", "0.0, 0.0, 0.0, 0.0, 0.0"),
+              "K: expected a camera matrix, found zeros");
+  check_fails(without(ros1, "binning_x: 0", "binning_x: 2"), "binning_x: expected 0 or 1");
+  check_fails(without(ros1, "199.0, 0.0, 120.0", "199.0, 3.0, 120.0"), "without skew");
+}
+
+TEST_CASE("calibration: DV's XML, flat or with the camera's section, and its JSON", "[import]") {
+  const std::string camera = R"(<camera_matrix type_id="opencv-matrix">
+  <rows>3</rows><cols>3</cols><dt>d</dt>
+  <data>
+    6.98e+02 0. 2.78e+02 0. 6.97e+02
+    2.43e+02 0. 0. 1.</data></camera_matrix>
+<distortion_coefficients type_id="opencv-matrix">
+  <rows>1</rows><cols>5</cols><dt>d</dt>
+  <data> -3.39e-01 4.25e-04 2.79e-03 1.42e-03 2.83e-01</data></distortion_coefficients>
+<image_width>640</image_width>
+<image_height>480</image_height>
+)";
+  const std::string head = "<?xml version=\"1.0\"?>\n<opencv_storage>\n";
+  const std::string tail =
+      "<!-- flags -->\n<use_fisheye_model>0</use_fisheye_model>\n"
+      "<type>\"camera\"</type></opencv_storage>\n";
+  const std::string inside = "<DVXplorer_DXA00080>\n" + camera + "</DVXplorer_DXA00080>\n";
+  const std::string json = R"({"version": "2.0", "cameras": {"C0": {"name": "DVXplorer",
+    "position": "left", "master": "true", "resolution": ["640", "480"],
+    "principalPoint": ["278", "243"], "focalLength": ["698", "697"],
+    "distortionCoefficients": ["-3.39e-01", "4.25e-04", "2.79e-03", "1.42e-03", "2.83e-01"],
+    "distortionModel": "radialTangential"}}, "imus": {}})";
+  for (const std::string& text : {head + camera + tail, head + inside + tail, json}) {
+    const auto found = read(text).cameras.at(0);
+    CHECK((found.fx == 698 && found.fy == 697 && found.cx == 278.5 && found.cy == 243.5));
+    CHECK((found.width == 640 && found.height == 480));
+    CHECK((found.lens.model == LensModel::kRadialTangential && found.lens.k3 == 0.283));
+  }
+  check_fails(head + inside +
+                  without(without(inside, "DVXplorer_DXA00080", "Other"), "</DVXplorer_DXA00080",
+                          "</Other") +
+                  tail,
+              "found DVXplorer_DXA00080 and Other");
+  check_fails(head + camera, "expected");
+  check_fails(without(json, "radialTangential", "fov"), "cameras.C0.distortionModel");
+  check_fails("<html><body>no</body></html>", "none of these");
+}
+
+TEST_CASE("calibration: NaN is refused by name in every form", "[import]") {
+  check_fails(without(kKalibr, "461.6", ".nan"), "cam0.intrinsics");
+  check_fails(without(kOpenCv, "2.51e+02", "nan"), "camera_matrix");
+  check_fails("199 198 132 nan 0 0 0 0 0", "expected cy to be a number, found nan");
+  check_fails("199 198 132 110 0 inf 0 0 0", "expected k2");
+}

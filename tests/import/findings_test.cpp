@@ -112,7 +112,7 @@ TEST_CASE("findings: shots between moving ones are sharp, those that noise hides
     CHECK((blur[i] >= 0 && blur[i] < 1) == (i == 1));
   }
   CHECK(*std::max_element(blur.begin(), blur.end()) > 4);
-  // As many events where nothing moves.
+  // A still recording with the same number of events.
   const int64_t count = capture.events.size();
   torch::manual_seed(1);
   const torch::Tensor evenly =

@@ -56,7 +56,7 @@ TEST_CASE("pose path: two poses a microsecond apart do not throw the path beside
           "[import]") {
   std::vector<std::pair<double, geometry::Pose>> timed;
   for (double t = 0; t < 4.5e5; t += 5e4) timed.emplace_back(t, moving_at(t));
-  // The same moment again, with an error of a thousandth of the scene, out of order.
+  // A second pose at one moment, with an error of a thousandth of the scene, out of order.
   geometry::Pose other = moving_at(2e5);
   other.translation[0] += 1e-3;
   timed.emplace_back(2e5 + 1, other);

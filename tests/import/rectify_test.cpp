@@ -31,7 +31,7 @@ torch::Tensor raw_picture(const geometry::LensCamera& camera, double x, double y
   return image;
 }
 
-/// Where the blob is, in pixel indices.
+/// Centre of the blob, in pixel indices.
 std::array<double, 2> middle(const torch::Tensor& image) {
   const auto weight = image[0].to(torch::kFloat64);
   const double sum = weight.sum().item<double>();

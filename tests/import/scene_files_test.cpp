@@ -122,6 +122,23 @@ TEST_CASE("scene files: the data set loads with poses, points and held-out expos
   CHECK_THAT(yaml, Catch::Contains("threshold_positive: 0.25"));
 }
 
+TEST_CASE("scene files: the mask of a capture is that of the data set, until the next import",
+          "[import]") {
+  const test::TempDir dir;
+  import::Capture capture = capture_of({5, 5, 5, 0.5, 5});
+  capture.mask = torch::ones({1, capture.height(), capture.width()}, torch::kBool);
+  capture.mask.slice(2, 0, 3).fill_(false);
+  import::write_scene(dir.path(), capture, line_of(capture), {});
+  data::DatasetOptions options;
+  options.path = dir.path();
+  CHECK(data::load_dataset(options).train[0].mask.equal(capture.mask));
+  import::keep_capture(dir.path(), capture);
+  CHECK(import::load_capture(dir.path()).mask.equal(capture.mask));
+  capture.mask = torch::Tensor();
+  import::write_scene(dir.path(), capture, line_of(capture), {});
+  CHECK_FALSE(data::load_dataset(options).train[0].mask.defined());
+}
+
 TEST_CASE("scene files: a second import leaves nothing of the first", "[import]") {
   const test::TempDir dir;
   import::Capture first = capture_of(std::vector<double>(9, 5.0));

@@ -9,6 +9,7 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "jade/io/npy_fields.h"
 #include "support/temp_dir.h"
 
 namespace jade::io {
@@ -131,6 +132,60 @@ TEST_CASE("npz: empty, truncated and missing archives are data errors", "[io]") 
   flipped[flipped.size() / 2] ^= 0x55;
   write_file(folder / "flipped.npz", flipped);
   CHECK_THROWS_AS(Npz(folder / "flipped.npz").read("noise"), DataError);
+}
+
+/// A file of this type and shape as numpy.save writes it.
+std::string npy_bytes(const std::string& type, const std::string& shape, const std::string& data) {
+  std::string header =
+      "{'descr': " + type + ", 'fortran_order': False, 'shape': " + shape + ", }\n";
+  std::string out("\x93NUMPY\x01\x00", 8);
+  out += char(header.size() & 0xff);
+  out += char(header.size() >> 8);
+  return out + header + data;
+}
+
+TEST_CASE("npy: records come as one list a field, whatever lies between", "[io]") {
+  const test::TempDir folder;
+  const std::string type =
+      "[('x', '<u2'), ('', '|V2'), ('big', '>u4'), ('name', '<U1'), ('pair', '<i2', (2,)), ('t', "
+      "'<i8')]";
+  std::string data;
+  for (int i = 0; i < 3; ++i) {
+    data += std::string{char(i + 1), char(0x80)};                   // x
+    data += "??";                                                   // padding
+    data += std::string{0, 1, 0, char(i)};                          // big
+    data += std::string{'a', 0, 0, 0} + std::string{9, 9, 9, 9};    // name, pair
+    data += std::string{char(-1 - i), -1, -1, -1, -1, -1, -1, -1};  // t
+  }
+  write_file(folder / "a.npy", npy_bytes(type, "(3,)", data));
+  const NamedTensors fields = read_npy_fields(folder / "a.npy");
+  REQUIRE(fields.size() == 3);
+  CHECK((fields[0].first == "x" && fields[1].first == "big" && fields[2].first == "t"));
+  CHECK(torch::equal(fields[0].second, torch::tensor({32769, 32770, 32771}, torch::kInt32)));
+  CHECK(torch::equal(fields[1].second, torch::tensor({65536, 65537, 65538}, torch::kInt64)));
+  CHECK(torch::equal(fields[2].second, torch::tensor({-1, -2, -3}, torch::kInt64)));
+  CHECK_THROWS_AS(read_npy(folder / "a.npy"), DataError);
+  write_npy(folder / "plain.npy", torch::arange(4));
+  const NamedTensors plain = read_npy_fields(folder / "plain.npy");
+  CHECK((plain.size() == 1 && plain[0].first.empty() && plain[0].second.numel() == 4));
+}
+
+TEST_CASE("npy: damaged records are data errors with the path", "[io]") {
+  const test::TempDir folder;
+  const std::string data(12, '\0');
+  for (const auto& [type, shape] : std::vector<std::pair<std::string, std::string>>{
+           {"[('x', '<u2'), ('t', '<i8')]", "(2,)"},  // cut short
+           {"[('x', '<u2'), ('t', '<i8')", "(1,)"},   // without an end
+           {"[('x', '<u4'), ('t', [('a', '<i8')])]", "(1,)"},
+           {"[('x', '|O'), ('t', '<i4')]", "(1,)"},
+           {"[('x', '|S12')]", "(1,)"},  // no number
+           {"[('x', '<i4', (99999999, 99999999))]", "(1,)"},
+           {"[('x', '<i4'), ('t', '<i8')]", "(1, 1)"},
+           {"[]", "(1,)"}}) {
+    INFO(type);
+    write_file(folder / "d.npy", npy_bytes(type, shape, data));
+    CHECK_THROWS_WITH(read_npy_fields(folder / "d.npy"), Catch::Contains("d.npy"));
+  }
 }
 
 }  // namespace

@@ -40,7 +40,7 @@ ObjectiveInputs inputs(const torch::Tensor& renders) {
 
 torch::Tensor renders() { return image(10, {9, 3, 7, 9}); }
 
-/// As printed: every term acts in full from its step to the end.
+/// Printed options: every term acts in full from its step to the end.
 struct PrintedOptions : ObjectiveOptions {
   PrintedOptions() {
     target_until = 0;

@@ -16,7 +16,7 @@ using test::image;
 torch::Tensor even(double value) { return torch::full({3, 5, 5}, value, torch::kFloat64); }
 torch::Tensor even_kernel(double value) { return torch::full({1, 5, 5}, value, torch::kFloat64); }
 
-/// Whose mix is `value` with any α.
+/// Restorations whose mix is `value` for any α.
 restore::Restorations agreed(double value) { return {even(value), even(value)}; }
 
 TEST_CASE("route_loss: is the sum of both mean absolute differences", "[losses]") {

@@ -23,8 +23,9 @@ const { ratioLimits } = await load('renderer.js');
 const { absoluteDifference } = await load('layers.js');
 const { EventFilm } = await load('events.js');
 const { Pace, Viewer } = await load('viewer.js');
-const { glanceFigures, short } = await load('report.js');
-const { addressOf, groupsOf, picturesOf } = await load('sweep.js');
+const { glanceFigures, short, verdict, withFinalScores } = await load('report.js');
+const { frustumEdges, outsideness } = await load('frusta.js');
+const { addressOf, groupsOf, levelWith, picturesOf } = await load('sweep.js');
 const { shortcut, takesSpace, takesText } = await load('elements.js');
 const live = await load('live.js');
 
@@ -259,19 +260,58 @@ test('layers: a difference is absolute, amplified and opaque', () => {
 });
 
 test('report: the glance compares with blurry and EDI, and says something in every case', () => {
-  const headline = { views: 2, blurry: 20, edi: 19.5, render: 25.25 };
-  const figures = glanceFigures({ headline, evaluation: { mean: { psnr: 24, ssim: 0.8 }, mean_seen: null, mean_unseen: null }, metrics: [] });
+  const headline = { views: 2, blurry: 20, edi: 19.5, efnet: null, render: 25.25 };
+  const evaluation = { mean: { psnr: 24, ssim: 0.8 }, mean_seen: null, mean_unseen: null };
+  const figures = glanceFigures({ headline, evaluation, metrics: [] });
   assert.deepEqual(figures.map(({ label, value, note }) => [label, value, note]), [
-    ['blurry frame', '20.00 dB', 'mid-exposure, 2 with truth'], ['EDI', '19.50 dB', '−0.50 dB'],
+    ['blurry frame', '20.00 dB', 'mid-exposure, 2 with truth'], ['best 2D restoration (EDI)', '19.50 dB', '−0.50 dB'],
     ['this scene', '25.25 dB', '+5.25 dB'], ['test views', '24.00 dB', 'SSIM 0.800']]);
+  assert.deepEqual(figures.map(({ best, worse }) => [Boolean(best), Boolean(worse)]), [[false, false], [false, false], [true, false], [false, false]]);
+  // A restoration that beats the scene is the one in green, and a scene below its frames is marked.
+  const beaten = glanceFigures({ headline: { ...headline, efnet: 26, render: 19 }, evaluation, metrics: [] });
+  assert.equal(beaten[1].label, 'best 2D restoration (EFNet)');
+  assert.deepEqual(beaten.map(({ best, worse }) => [Boolean(best), Boolean(worse)]), [[false, false], [true, false], [false, true], [false, false]]);
+  assert.equal(verdict(headline), '5.3 dB sharper than the frames');
+  assert.match(verdict({ ...headline, render: 19 }), /^1.0 dB below/);
+  assert.equal(verdict(null), null);
   const split = glanceFigures({ headline: null, metrics: [],
     evaluation: { mean: { psnr: 1, ssim: 0 }, mean_seen: { psnr: 2, ssim: 0 }, mean_unseen: { psnr: 3, ssim: 0 } } });
   assert.deepEqual(split.map(({ label }) => label), ['seen test views', 'unseen test views']);
   const alone = glanceFigures({ headline: null, evaluation: null, metrics: [{ step: 1, psnr_train: 30 }, { step: 2, test_psnr: 1 }] });
   assert.equal(alone[0].value, '30.00 dB');
   const unseen = glanceFigures({ headline: null, metrics: [], evaluation: { mean: { psnr: null, ssim: null, psnr_reblur: 31.5 }, mean_seen: null, mean_unseen: null } });
-  assert.deepEqual(unseen.map(({ label, value }) => [label, value]), [['held-out blur explained', '31.50 dB']]);
+  assert.deepEqual(unseen.map(({ label, value }) => [label, value]), [['held-out re-blur PSNR', '31.50 dB']]);
   assert.deepEqual([short(1234567), short(12345), short(0.00012345)], ['1.23M', '12.3k', '0.000123']);
+});
+
+test('report: the final scores are the last point of their curves', () => {
+  const lines = [{ step: 1, loss: 2 }, { step: 5, loss: 1, test_psnr: 20 }, { step: 9, loss: 0.5 }];
+  assert.deepEqual(withFinalScores(lines, { mean: { psnr: 30, ssim: 0.9 } }).at(-1), { step: 9, test_psnr: 30, test_ssim: 0.9 });
+  assert.equal(withFinalScores(lines, null), lines);
+});
+
+test('frusta: a recorded pose is inside, one turned away or far away is outside', () => {
+  const turnedBy = (angle) => [Math.cos(angle), 0, -Math.sin(angle), 0, 0, 1, 0, 0, Math.sin(angle), 0, Math.cos(angle), 0];
+  assert.equal(outsideness(IDENTITY, [IDENTITY], 2), 0);
+  assert.ok(outsideness(turnedBy(0.2), [IDENTITY], 2) < 1);
+  assert.ok(outsideness(turnedBy(0.6), [IDENTITY], 2) > 1);
+  const shifted = [...IDENTITY];
+  shifted[3] = 1;
+  assert.ok(outsideness(shifted, [IDENTITY], 2) > 1);
+  assert.ok(outsideness(shifted, [IDENTITY], 20) < 1);
+  const edges = frustumEdges(IDENTITY, { width: 4, height: 2, fx: 2, fy: 2, cx: 2, cy: 1 }, 1);
+  assert.equal(edges.length, 8);
+  assert.deepEqual(edges[0], [[0, 0, 0].map((zero) => -zero), [-1, -0.5, 1]]);
+});
+
+test('sweep: a lead within the noise of seeds is called level', () => {
+  const row = (title, text) => ({ title, cells: [{ text }] });
+  const [a, b, c] = [row('a', '30.05'), row('b', '30.00'), row('c', '31.00')];
+  assert.equal(levelWith({ rows: [a, b] }, 0, a), 'b');
+  assert.equal(levelWith({ rows: [a, c] }, 0, c), '');
+  const [d, e, f] = [row('d', '30.05 ± 0.01'), row('e', '30.00 ± 0.01'), row('f', '30.00 ± 0.06')];
+  assert.equal(levelWith({ rows: [d, e] }, 0, d), '');
+  assert.equal(levelWith({ rows: [d, f] }, 0, d), 'f');
 });
 
 test('sweep: a picture per row, of the lowest seed that has one, and the reason where none has', () => {
@@ -378,7 +418,7 @@ test('live: the figures are the newest, and a still scene has no steps', () => {
   const lines = [{ step: 5, psnr_train: 20, iterations_per_second: 3 }, { step: 10, psnr_train: 25.5 }, { step: 10, test_psnr: 24 }];
   const figures = live.liveFigures({ step: 10, steps: 20, gaussians: 1234, phase: 'training' }, lines);
   assert.deepEqual(figures.map(({ label, value }) => [label, value]),
-    [['training', '50 %'], ['Gaussians', '1,234'], ['blur explained', '25.50 dB'], ['test views', '24.00 dB'], ['speed', '3.00 / s']]);
+    [['training', '50 %'], ['Gaussians', '1,234'], ['re-blur PSNR', '25.50 dB'], ['test views', '24.00 dB'], ['speed', '3.00 / s']]);
   assert.deepEqual(live.liveFigures({ step: 0, steps: 0, gaussians: 5, phase: 'still' }, []).map(({ label }) => label), ['Gaussians']);
 });
 
@@ -387,8 +427,8 @@ test('live: a picture is judged by its truth, else by the last evaluation, else 
   const lines = [{ psnr_train: 30 }, { psnr_train: 31.5 }, { test_psnr: 25 }];
   assert.equal(live.judgement(28.456, 'test.1', state, lines), 'PSNR 28.46 dB');
   assert.equal(live.judgement(null, 'test.1', state, lines), 'PSNR 26.13 dB at step 1,500');
-  assert.equal(live.judgement(null, 'test.0', state, lines), 'blur explained 31.50 dB');
-  assert.equal(live.judgement(null, '', state, lines), 'blur explained 31.50 dB');
+  assert.equal(live.judgement(null, 'test.0', state, lines), 're-blur PSNR 31.50 dB');
+  assert.equal(live.judgement(null, '', state, lines), 're-blur PSNR 31.50 dB');
   assert.equal(live.judgement(null, '', null, []), '');
 });
 

@@ -180,7 +180,7 @@ def main():
         served = Served(*runs.training("run", "--serve=0", *STEPS, *LEARNED))
         try:
             with chromium.Chromium(1180, 900) as page:
-                # As somebody comes back to it: before there are views, and with a view in the address.
+                # Reopen the page: before there are views, and with a view in the address.
                 page.open(f"{served.url}#camera=train.0", "document.readyState === 'complete'")
                 page.wait("!!document.getElementById('stage')")
                 check_frames(page, served)

@@ -21,6 +21,10 @@ TEST_CASE("format: recognised by content, whatever the name", "[recording]") {
   CHECK(recognise(dir.write("d", std::string("SQLite format 3\0....", 20))) == Format::kRosBag);
   CHECK(recognise(dir.write("e", "\x89MCAP0\r\n....")) == Format::kRosBag);
   CHECK(recognise(dir.write("f.dat", "0.5 1 2 1\n0.6 3 4 0\n")) == Format::kText);
+  CHECK(recognise(dir.write("p.dat", "% Data file containing CD events.\n")) == Format::kDat);
+  CHECK(recognise(dir.write("q.dat", std::string("% Version 2\n\x0c\x08") + "12345678")) ==
+        Format::kDat);
+  CHECK(recognise(dir.write("c.csv", "% t x y p\n1 2 3 1\n")) == Format::kText);
   CHECK(recognise(dir.write("f.csv", "\xEF\xBB\xBFt,x,y,p\n0.5,1,2,1\n")) == Format::kText);
   io::write_npy(dir / "g.h5", torch::zeros({1, 4}));
   CHECK(recognise(dir / "g.h5") == Format::kNpy);
@@ -54,8 +58,6 @@ TEST_CASE("format: what is not read says what it is and what to do", "[recording
   CHECK_THAT(message(dir / "missing"), Catch::Contains("no such file or folder"));
   CHECK_THAT(message(dir.write("empty.raw", "")), Catch::Contains("the file is empty"));
   CHECK_THAT(message(dir.write("old.aedat", "#!AER-DAT3.1\n")), Catch::Contains("AEDAT 1 to 3"));
-  CHECK_THAT(message(dir.write("old.dat", "% Data file containing CD events.\n")),
-             Catch::Contains("Prophesee DAT"));
   CHECK_THAT(message(dir.write("x.raw", "\x01\x02\x03")), Catch::Contains("Prophesee header"));
   CHECK_THAT(message(dir.write("x.mp4", std::string("\0\0\0 ftypisom", 12))),
              Catch::Contains("another kind of file"));

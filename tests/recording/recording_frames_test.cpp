@@ -130,7 +130,7 @@ TEST_CASE("recording: frames of a video come through ffmpeg with its times", "[r
   ReadOptions options;
   options.frames = dir.write("film.mp4", "...");
   options.exposure_ms = 0.5;
-  // As ffmpeg 5 does: pictures into the folder of its last argument, times on its second output.
+  // Mimics ffmpeg 5: pictures into the folder of its last argument, times on its second output.
   const FakeProgram ffmpeg(
       dir, "ffmpeg",
       "for last; do :; done; out=$(dirname \"$last\"); i=0\n"
@@ -153,7 +153,7 @@ TEST_CASE("recording: frames of a video come through ffmpeg with its times", "[r
       error_of([&] { read_recording(raw, options); }),
       Catch::Contains("film.mp4: expected a folder of images or a video, and ffmpeg cannot read "
                       "it as one (moov atom not found); convert it"));
-  // Of the two names of an option the one that this version lacks says nothing of the video.
+  // An option name that this version lacks says nothing of the video.
   const FakeProgram newer(dir, "ffmpeg",
                           "case \"$*\" in *-vsync*) echo Option not found >&2;; "
                           "*) echo Invalid data >&2;; esac; exit 1\n");
@@ -303,7 +303,7 @@ TEST_CASE("recording: a span of a Prophesee file has its first microsecond and n
   CHECK(read(1001, 2300).frames[0].name == "f1");
   REQUIRE(read(1000, 2299).frames.size() == 1);
   CHECK(read(1000, 2299).frames[0].name == "f0");
-  // The same since the first frame.
+  // Times since the first frame.
   options.window.reset();
   options.since_first_frame = events::TimeWindow{1000, 1300};
   const Recording late = read_recording(raw, options);

@@ -188,7 +188,7 @@ TEST_CASE(
   }
   CHECK(moved > kSteps * 0.9e-7);
   CHECK(moved < kSteps * 1.2e-7);
-  // As far as 25,000 such steps go, every weight against its gradient.
+  // Moves every weight against its gradient by as much as 25,000 such steps do.
   const torch::NoGradGuard no_grad;
   for (size_t i = 0; i < start.size(); ++i) {
     const torch::Tensor p = response->parameters()[i];

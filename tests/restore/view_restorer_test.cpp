@@ -55,7 +55,7 @@ TEST_CASE("view restorer: a network that loads beside it is taken as one of its 
   CHECK_FALSE(restorer.network_is_loaded());
   CHECK(torch::allclose(restorer.efnet(blurry, voxel), blurry * 0.5));
   CHECK(restorer.network_is_loaded());
-  // What went wrong there is told here, each time.
+  // Each call reports the failure of the loading thread.
   ViewRestorer broken(in(dir / "cache"), file, torch::kCPU, false,
                       load_beside({file.path, std::string(64, '0')}, torch::kCPU));
   CHECK_THROWS_AS(broken.efnet(blurry + 0.01, voxel), DataError);

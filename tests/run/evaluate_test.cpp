@@ -3,6 +3,7 @@
 
 #include "support/catch.h"
 
+#include <array>
 #include <torch/types.h>
 
 #include "jade/data/dataset.h"
@@ -68,4 +69,34 @@ TEST_CASE("evaluation: a view is scored as bright as its gain says, or as suits 
   };
   CHECK(reblurred(false) < 40);
   CHECK(reblurred(true) > 90);
+}
+
+TEST_CASE("evaluation: pixels that a mask excludes count in no score", "[run]") {
+  const test::TinyScene scene;
+  const train::RunOptions options = test::tiny_options(scene);
+  data::Dataset dataset = data::load_dataset(options.dataset);
+  const auto gaussians = train::make_state(options, dataset, torch::kCPU).gaussians.detached();
+  dataset.held_out = {dataset.train[1]};
+  REQUIRE_FALSE(dataset.test.empty());
+  dataset.test.resize(1);
+  data::SharpView& view = dataset.test[0];
+  data::Exposure& held_out = dataset.held_out[0];
+  const eval::Lpips lpips(torch::kCPU, scene.dir.path());
+  const auto scores = [&] {
+    const eval::Evaluation e = run::evaluate_dataset(gaussians, dataset, lpips, options);
+    return std::array{e.views[0].psnr, e.views[0].psnr_channel_mean, e.views[0].ssim,
+                      *e.mean.psnr_reblur};
+  };
+  view.mask = torch::ones({1, view.camera.height, view.camera.width}, torch::kBool);
+  view.mask.slice(2, 0, view.camera.width / 2).fill_(false);
+  held_out.mask = view.mask;
+  const auto before = scores();
+  view.image = view.image.clone();
+  held_out.blurry = held_out.blurry.clone();
+  view.image.slice(2, 0, view.camera.width / 2).fill_(1);
+  held_out.blurry.slice(2, 0, view.camera.width / 2).fill_(1);
+  CHECK(scores() == before);
+  view.mask = held_out.mask = torch::Tensor();
+  const auto without = scores();
+  for (size_t i = 0; i < before.size(); ++i) CHECK(without[i] != before[i]);
 }

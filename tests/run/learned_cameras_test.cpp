@@ -42,7 +42,7 @@ struct LearnedRun : test::TinyScene {
     options.poses.optimize = PosePath::kLinear;
     options.poses.test_fit_steps = 20;
   }
-  /// As a run without learned poses does not have them.
+  /// Options of learned poses, which a run with fixed poses lacks.
   train::PoseOptions learned() const {
     train::PoseOptions poses = train::printed_options().poses;
     poses.optimize = PosePath::kLinear;

@@ -79,7 +79,7 @@ TEST_CASE("live cameras: test views move with the exposures, from where they wer
   CHECK(apart(cameras.dataset().test[1].pose, moved) < 1e-6);
   CHECK(apart(moved, learned.data.test[1].pose) > 5e-3);
 
-  // Where the exposures are as they were when the views were fitted, so are the views.
+  // Views stay where they were fitted if the exposures have not moved since.
   data::Dataset fitted = learned.data;
   for (size_t i = 0; i < after.size(); ++i) fitted.train[i].poses[geometry::kMidPose] = after[i];
   fitted.test[1].pose.translation[0] += 0.25;

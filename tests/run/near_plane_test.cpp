@@ -44,7 +44,7 @@ std::string without_line(std::string text, const std::string& key) {
 
 TEST_CASE("near plane: training, scores and pictures cut where the run says", "[run]") {
   ShortRun scene;
-  // Nothing of this scene is farther: all that is drawn is cut.
+  // The whole scene is nearer than this near plane, so the render is empty.
   scene.options.splat.near_plane = 50;
   run::Trainer trainer(scene.options, scene.run, "");
   auto& state = const_cast<train::TrainState&>(trainer.state());

@@ -95,7 +95,7 @@ TEST_CASE("pace: minutes become steps and moments", "[run]") {
   CHECK(slow.exposure.samples == 9);
   CHECK(slow.train.iterations == 3000);  // a step of nine moments takes 0.18 s
   CHECK(int64_t{slow.densify.until} == 1800);
-  // What restoration takes is no time for steps, and is no more than a third.
+  // Restoration takes at most a third of the time, and steps get the rest.
   const train::RunOptions restored = fitted(0.1, 0.25);
   CHECK(restored.objective.restored_poses == RestoredPoses::kAll);
   CHECK(restored.train.iterations == 3700);

@@ -102,7 +102,7 @@ TEST_CASE("trainer: whatever a checkpoint holds, a run that goes on from it does
   struct Case {
     std::string name;
     std::function<void(train::RunOptions&)> change;
-    /// What this case is there for: entries that must move between the two checkpoints.
+    /// Entries that must differ between the two checkpoints.
     std::vector<std::string> moved;
   };
   const auto allocate = [](router::AllocationKind kind) {
@@ -306,7 +306,7 @@ TEST_CASE("trainer: refuses to resume with another restorer, wherever its file l
   CHECK_THROWS_AS(resume(), CheckpointError);
   CHECK_THROWS_WITH(resume(), Catch::Contains(expected) && Catch::Contains(file_sha256(other)) &&
                                   Catch::Contains("efnet.path"));
-  // What needs no restorer does not look at one.
+  // A run without a restored target does not read a restorer.
   train::RunOptions plain = tiny_options(scene);
   plain.train.iterations = 3;
   run::Trainer(plain, scene.dir / "plain", "").run();
@@ -324,7 +324,7 @@ TEST_CASE(
   train::RunOptions options = routed_options(scene);
   run::Trainer(options, run, "").run();
   const auto older = run::checkpoint_path(run, 10);
-  // As a program wrote it that did not keep the hash.
+  // A checkpoint of a program that did not store the hash.
   {
     const run::Trainer trainer(options, scene.dir / "same", older.string());
     const auto entries = test::checkpoint_entries(older);

@@ -140,7 +140,7 @@ TEST_CASE("trainer: pictures that cannot be written end the run, on the way and 
     std::ofstream(run / "images") << "in the way";
     CHECK_THROWS_WITH(run::Trainer(options, run, "").run(), Catch::Contains("images"));
     CHECK(std::filesystem::exists(run / "report.html") == (every == 0));
-    // Whoever catches it tells why.
+    // The handler logs the reason.
     log_error("the reason");
     CHECK_THAT(read_file(run / "train.log"), Catch::Contains("the reason"));
     set_log_file({});

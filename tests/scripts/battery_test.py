@@ -145,7 +145,7 @@ class Battery(unittest.TestCase):
         fault = rows["fault"]
         self.assertEqual((fault["placed"], fault["blur"], fault["poses_s"]), ("12 of 13", "91", "7.20"))
         self.assertLess(float(fault["pose_px"]), 0.01)
-        self.assertEqual((fault["on"], fault["off"], fault["threshold_error"]), ("0.26", "0.18", "-10.00"))
+        self.assertEqual((fault["on"], fault["off"], fault["threshold_error"]), ("0.260", "0.180", "-10.00"))
         for kind in ("middles", "views"):
             self.assertGreater(float(rows["plain"][f"{kind}_db"]), 90)
             self.assertGreater(float(fault[f"{kind}_loss"]), 20)

@@ -7,7 +7,7 @@ import unittest
 from pathlib import Path
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "check_skips.py"
-# What CMake would write for tests with SKIP_RETURN_CODE and DISABLED.
+# CMake writes this for tests with SKIP_RETURN_CODE and DISABLED.
 TESTS = """
 add_test(passes "true")
 add_test(fails "false")
@@ -25,7 +25,7 @@ class CheckSkips(unittest.TestCase):
         folder = tempfile.TemporaryDirectory()
         cls.addClassCleanup(folder.cleanup)
         (Path(folder.name) / "CTestTestfile.cmake").write_text(TESTS)
-        # As .ci/run has it: a relative name is one in the build folder.
+        # A relative name is one in the build folder, as in .ci/run.
         subprocess.run(["ctest", "--test-dir", folder.name, "--output-junit", "tests.xml"], capture_output=True)
         cls.results = Path(folder.name) / "tests.xml"
 

@@ -34,7 +34,7 @@ def batch(number, names):
     return np.array([(1000 * number + i, i, 1, i % 2) for i in range(3)], kinds)
 
 
-# What is decoded comes from the stubs; a file has to begin and end as one of its format all the same.
+# Stubs decode the packets; the file must still begin and end as its format demands.
 WHOLE = aedat4([("EVTS", 4, 2)], [(0, [("list", (1, struct.pack("<qhhB3x", 1000, 3, 1, 1)))])])
 HEADER_END = 18 + struct.unpack_from("<I", WHOLE, 14)[0]
 

@@ -10,7 +10,7 @@ import unittest
 from pathlib import Path
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "demo.sh"
-# What a desktop and a machine that checks set.
+# Variables that a desktop or a CI machine sets.
 SESSION = ("DISPLAY", "WAYLAND_DISPLAY", "CI")
 
 

@@ -113,6 +113,24 @@ class Messages(unittest.TestCase):
         with self.assertRaisesRegex(read_recording.Problem, "found none called /c; there are /image"):
             read_recording.chosen_topics(topics, "", "/c")
 
+    def test_frames_come_from_the_camera_of_the_events(self):
+        topics = [types.SimpleNamespace(topic=f"/{side}/{name}", msgtype=kind) for side in ("left", "right") for name, kind in (
+            ("events", "dvs_msgs/msg/EventArray"), ("image_raw", "sensor_msgs/msg/Image"))]
+        self.assertEqual(read_recording.chosen_topics(topics, "", ""), ["/right/events", "/right/image_raw"])
+        self.assertEqual(read_recording.chosen_topics(topics, "/right/events", ""), ["/left/events", "/left/image_raw"])
+
+    def test_camera_info_of_both_versions_of_ros(self):
+        matrix = np.array([199.0, 0, 120, 0, 198, 90, 0, 0, 1])
+        for names in ("KD", "kd"):
+            values = dict(zip(names, (matrix, np.array([-0.3, 0.1, 0, 0, 0]))))
+            message = types.SimpleNamespace(width=240, height=180, distortion_model="plumb_bob", **values)
+            text = read_recording.camera_info_text(message)
+            self.assertIn("image_width: 240\nimage_height: 180\ncamera_matrix:\n", text)
+            self.assertIn("  data: [199.0, 0.0, 120.0, 0.0, 198.0, 90.0, 0.0, 0.0, 1.0]\ndistortion_model: plumb_bob\n", text)
+            self.assertIn("  data: [-0.3, 0.1, 0.0, 0.0, 0.0]\n", text)
+            setattr(message, names[0], np.zeros(9))
+            self.assertIsNone(read_recording.camera_info_text(message))
+
     def test_the_first_stream_of_each_kind(self):
         streams = {number: {"type": kind} for number, kind in ((4, "events"), (0, "imus"), (1, "events"), (2, "frame"), (3, "imus"))}
         self.assertEqual(read_recording.other_streams(streams), [4])
@@ -163,9 +181,13 @@ class Bags(unittest.TestCase):
         made = [types_["dvs_msgs/msg/Event"](x, y, types_["builtin_interfaces/msg/Time"](s, ns), bool(p)) for x, y, s, ns, p in EVENTS]
         array = types_["dvs_msgs/msg/EventArray"](header=header, height=260, width=346, events=made)
         length = types_["std_msgs/msg/Int32"]
+        region = types_["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
+        camera = types_["sensor_msgs/msg/CameraInfo"](
+            header=header, height=260, width=346, distortion_model="plumb_bob", D=np.array([0.1, 0, 0, 0, 0]),
+            K=np.array([250.0, 0, 170, 0, 251, 130, 0, 0, 1]), R=np.zeros(9), P=np.zeros(12), binning_x=0, binning_y=0, roi=region)
         # Frames at 10, 50 and 90; the driver publishes each length after its frame, but it may overtake it. The other
         # camera's are none of these.
-        messages = ((1, "/dvs/events", array), (10, "/dvs/image_raw", image), (11, "/dvs/exposure", length(data=4000)),
+        messages = ((1, "/dvs/events", array), (2, "/dvs/camera_info", camera), (10, "/dvs/image_raw", image), (11, "/dvs/exposure", length(data=4000)),
                     (49, "/dvs/exposure", length(data=6000)), (50, "/dvs/image_raw", image), (50, "/right/exposure", length(data=2)),
                     (90, "/dvs/image_raw", image), (91, "/dvs/exposure", length(data=8000)))
         with Writer(self.folder / "a.bag") as bag:
@@ -182,6 +204,7 @@ class Bags(unittest.TestCase):
         self.assertEqual(rows(out / "exposures.csv"), [("000000", "7498000", "7502000"), ("000001", "7497000", "7503000"),
                                                        ("000002", "7496000", "7504000")])
         self.assertIn("width 346", (out / "recording.txt").read_text())
+        self.assertIn("  data: [250.0, 0.0, 170.0, 0.0, 251.0, 130.0, 0.0, 0.0, 1.0]\n", (out / "camera_info.yaml").read_text())
         # Another recording into the same folder: nothing of the first stays but what is somebody else's.
         (out / "images" / "mine.png").touch()
         (out / "triggers.csv").touch()

@@ -19,7 +19,7 @@ DPKG = """[ -n "$COMPLETE" ] && [ "$3" != hdf5-plugin-lzf ] || grep -qx "$3" "$I
 PYTHON = """echo "python3 $*" >>"$LOG"; [ -z "$NO_VENV" ] || exit 1
 for last; do :; done
 mkdir -p "$last/bin"; cp "$STUB" "$last/bin/python"; touch "$last/pip" """
-# Of .venv: no wheel is there.
+# Stub of .venv's Python without any wheel.
 VENV_PYTHON = """case "$*" in
   "-m pip --version") [ -e .venv/pip ] ;;
   "-m pip"*) echo "pip $*" >>"$LOG"; [ -z "$OFFLINE" ] ;;

@@ -85,7 +85,7 @@ def scenario(folder):
     call(*sweep)
     ids = (out / "slurm/list_1.txt").read_text().split()
     assert len(ids) == 12, ids
-    # What is in the queue already is not submitted twice.
+    # Runs that are in the queue are not submitted twice.
     again = call(*sweep)
     assert "submitted" not in again.stderr and "12 runs are in the queue already" in again.stderr
 

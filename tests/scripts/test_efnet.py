@@ -301,7 +301,7 @@ class Export(unittest.TestCase):
         self.path = Path(self.folder.name)
         torch.manual_seed(0)
         self.net = EFNet(8).eval()
-        # As official files are: one key, and the prefix of parallel training.
+        # Official files have one key, and the prefix of parallel training.
         state = {"module." + k: v for k, v in self.net.state_dict().items()}
         torch.save({"params": state}, self.path / "official.pth")
 

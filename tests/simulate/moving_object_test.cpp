@@ -19,7 +19,7 @@ ObjectOptions swinging_ball() {
   return options;
 }
 
-/// Where the ball is drawn on black.
+/// Pixels of the ball on black.
 struct Spot {
   int64_t pixels = 0;
   double x = 0;

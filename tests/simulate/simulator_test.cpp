@@ -241,7 +241,7 @@ TEST_CASE("simulate: colour events are loaded as such, each of the channel that 
   CHECK(gray.train[0].blurry.equal(colored.train[0].blurry));
   CHECK_FALSE(gray.event_color.defined());
   REQUIRE(colored.event_color.defined());
-  // What a gray pixel tells everywhere, red pixels alone tell now.
+  // Only red pixels report red; a gray sensor reports at every pixel.
   const auto red = colored.event_color[0];
   CHECK(red.sum().item<int64_t>() == red.numel() / 4);
   const auto at_red = [&](const events::EventStream& events) {
@@ -274,7 +274,7 @@ TEST_CASE("simulate: an event camera beside that of the frames sees from where i
   CHECK(other.content.events.x().max().item<float>() == 29);
   CHECK(other.content.events.y().max().item<float>() > 39);
   CHECK(other.largest_flow_px <= 50. / 70);
-  // What stands before it lies to the right of the frames' camera, whose right is its up.
+  // A point in front of the event camera lies to the right of the frames' camera.
   const auto seen = geometry::transform(other.event_camera->from_frames, {1.1, 0, 1});
   CHECK(seen[0] == Approx(0).margin(1e-12));
   CHECK(seen[1] == Approx(-1));

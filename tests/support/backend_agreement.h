@@ -10,7 +10,7 @@
 
 namespace jade::test {
 
-/// Of the angle between two tensors; 1 where one of them is zero.
+/// Cosine of the angle between two tensors; 1 if one of them is zero.
 inline double cosine(const torch::Tensor& a, const torch::Tensor& b) {
   const torch::Tensor x = a.to(torch::kFloat64).flatten(), y = b.to(torch::kFloat64).flatten();
   const double norms = (x.norm() * y.norm()).item<double>();
@@ -28,7 +28,7 @@ inline void check_images(const torch::Tensor& found, const torch::Tensor& expect
   if (signs.numel() >= 50) CHECK(std::abs(signs.mean().item<double>()) < 0.5);
 }
 
-/// The same direction and length, each.
+/// Checks that each pair has the same direction and length.
 inline void check_gradients(const std::vector<torch::Tensor>& found,
                             const std::vector<torch::Tensor>& expected) {
   REQUIRE(found.size() == expected.size());

@@ -57,7 +57,7 @@ inline io::ColmapFiles binary_model(const io::ColmapCamera& camera,
   return files;
 }
 
-/// The same model as text.
+/// A model as text files.
 inline io::ColmapFiles text_model(const io::ColmapCamera& camera,
                                   const std::vector<io::ColmapImage>& images,
                                   const std::vector<double>& points) {

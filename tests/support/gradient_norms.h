@@ -16,7 +16,7 @@ struct NormDifference {
 /// float64 for every Gaussian whose cut-offs fall alike. The bound is 1e-3 of the norm and 1e-3 of
 /// the mean, which leaves a factor of five to other orders of summation (atomics) and to faster
 /// exponentials and quotients.
-/// What remains is α = 1/255 decided the other way at a pixel: about one Gaussian in a thousand
+/// Remaining differences are α = 1/255 decided the other way at a pixel: one Gaussian in a thousand
 /// then gains or loses a term of a fraction of the mean norm.
 inline NormDifference compare_gradient_norms(const torch::Tensor& norms,
                                              const torch::Tensor& better) {

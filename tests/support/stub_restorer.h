@@ -18,7 +18,7 @@ std::filesystem::path save_restorer(const std::filesystem::path& path, const std
 /// jade_efnet.json of a restorer of version 2 without weights, for four windows.
 extern const char* const kAnyTimeMetadata;
 
-/// The same as save_restorer for a restorer of any moment, forward(image, counts, time).
+/// Saves a restorer of any moment, forward(image, counts, time); otherwise as save_restorer.
 std::filesystem::path save_any_time_restorer(const std::filesystem::path& path,
                                              const std::string& body,
                                              const std::string& metadata = kAnyTimeMetadata);

@@ -44,7 +44,7 @@ inline train::RunOptions tiny_options(const TinyScene& scene) {
   return options;
 }
 
-/// The same with the routed target and a stub for the restorer.
+/// tiny_options with the routed target and a stub for the restorer.
 inline train::RunOptions routed_options(const TinyScene& scene) {
   train::RunOptions options = tiny_options(scene);
   options.objective.target = losses::Target::kRouted;
@@ -54,7 +54,7 @@ inline train::RunOptions routed_options(const TinyScene& scene) {
   return options;
 }
 
-/// The same with a restorer of any moment, which every pose is restored by.
+/// routed_options with a restorer of any moment, which restores every pose.
 inline train::RunOptions all_poses_options(const TinyScene& scene) {
   train::RunOptions options = routed_options(scene);
   options.objective.restored_poses = losses::RestoredPoses::kAll;

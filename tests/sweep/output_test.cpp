@@ -59,7 +59,7 @@ TEST_CASE("SweepOutput: settings of a run that was started are not changed", "[s
   output.write_settings(plan_of(dir, kOneRun), resolve);
   sweep::PlanOptions changed;
   changed.overrides = {"train.rate=0.75", "train.iterations=11"};
-  // Nothing has started yet.
+  // No run has started yet.
   CHECK_NOTHROW(output.write_settings(plan_of(dir, kOneRun, changed), resolve));
   output.write_outcome("full/a/0", ended(130));
   CHECK_NOTHROW(output.write_settings(plan_of(dir, kOneRun, changed), resolve));

@@ -198,7 +198,7 @@ rows: [{name: told}, {name: unknown}]
 
 namespace {
 
-/// What the page embeds.
+/// Data that the page embeds.
 nlohmann::json page_data(const std::string& page) {
   const std::string mark = "id=\"data\">";
   const size_t from = page.find(mark) + mark.size();

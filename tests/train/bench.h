@@ -69,7 +69,7 @@ struct Bench {
   train::StepOutputs alternate(const train::StepInputs& in) {
     return train::alternate(state, in, plan(in.step), options);
   }
-  /// The same with what follows a step.
+  /// alternate() and the updates after a step.
   train::StepOutputs step(const train::StepInputs& in) {
     train::StepOutputs out = alternate(in);
     train::update_exposures(state, options, in.step);

@@ -173,7 +173,7 @@ TEST_CASE("presets: paper.yaml over what we recommend is the method as printed",
       {"objective.simulation", "true"},
       {"objective.intensity", "true"},
       {"objective.event_loss_weight", "0"},
-      // What it inherits: events as they are, poses as the data have them.
+      // Inherited: unscaled events, poses of the data.
       {"objective.edi_weight", "1"},
       {"objective.edi_weight_final", "-1"},
       {"objective.edi_contrast", "1"},

@@ -23,7 +23,7 @@ std::map<std::string, double> values_of(const train::StepOutputs& out) {
   return values;
 }
 
-/// What the target and the cameras of a recorded step are.
+/// Target and cameras of a recorded step.
 struct GraphCase {
   bool routed = true;
   train::PosePath path = train::PosePath::kNone;
@@ -35,7 +35,7 @@ struct GraphBench : test::Bench {
   GraphBench(const test::TinyScene& scene, const GraphCase& graph_case)
       : Bench(scene, torch::Device(torch::kCUDA, 0)), windows_options(options.objective) {
     options.objective.event_loss_weight = 0.1;
-    // What is compared is one step's terms: the states of two benches must not drift apart.
+    // The test compares one step's terms, so the states of two benches must not drift apart.
     options.densify.strategy = gaussians::DensifyStrategy::kNone;
     gaussians::OptimOptions& optim = options.optim;
     for (double* lr : {&optim.position_lr_start, &optim.position_lr_end, &optim.sh_dc_lr,

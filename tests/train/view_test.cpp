@@ -200,6 +200,6 @@ TEST_CASE("near plane: 0.2, or half of what a small scene's nearest is away, unl
   train::SplatOptions given;
   given.near_plane = 0.7;
   CHECK(train::near_plane(given, dataset) == 0.7);
-  // What versions without the key drew.
+  // Versions without the key rendered this.
   CHECK(train::render_options({}).near_plane == 0.01);
 }

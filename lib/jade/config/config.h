@@ -36,8 +36,8 @@ struct Sources {
 /// @param named  if not null, the keys that any source gives a value are added to it
 void read(const Sources& sources, const FieldList& fields, std::set<std::string>* named = nullptr);
 
-/// What follows from the fields once all are read. An options struct with derived values has an
-/// overload of its own beside it.
+/// Computes derived values once all fields are read. An options struct with derived values declares
+/// an overload beside it.
 template <class Options>
 void settle(Options&) {}
 
@@ -49,8 +49,8 @@ Options load(const Sources& sources, Options options = {}) {
   return options;
 }
 
-/// The same from YAML that is at hand as text, such as a checkpoint's; `name` stands for the file
-/// in messages, relative paths start in the current folder.
+/// Reads fields from YAML text, such as a checkpoint's; `name` stands for the file in messages,
+/// relative paths start in the current folder.
 void read_text(const std::string& yaml, const std::string& name, const FieldList& fields);
 
 /// The resolved configuration as YAML with help, units and ranges as comments. Reading it back and

@@ -21,7 +21,7 @@ std::string parent_of(const std::string& key) {
   return dot == std::string::npos ? "" : key.substr(0, dot);
 }
 
-/// What a share comes to in this run.
+/// Number of steps that a share amounts to in this run.
 std::string share_text(const Steps& steps) {
   std::string text = ", or a share such as 6%";
   if (steps.at_least() > 0) text += concat(", at least ", steps.at_least());
@@ -39,7 +39,7 @@ std::string comment(const Field& field) {
   return limits.empty() ? field.help : field.help + " (" + limits + ")";
 }
 
-/// What the words of an enum mean, "word: help" each; empty for other fields.
+/// Meanings of an enum's words, "word: help" each; empty for other fields.
 std::vector<std::string> meanings(const Field& field) {
   std::vector<std::string> lines;
   if (const auto* choice = std::get_if<EnumPointer>(&field.value)) {

@@ -6,8 +6,8 @@
 
 namespace jade::config {
 
-/// What is wrong with a user's settings, told all at once: lines in the order they were found, each
-/// once, so that a mistake which many runs share is one line.
+/// Collects all problems of a user's settings: lines in the order they were found, each once, so
+/// that a mistake shared by many runs is one line.
 class Problems {
  public:
   /// One problem, or several lines of them.

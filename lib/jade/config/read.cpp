@@ -168,7 +168,7 @@ class Reader {
     // A quoted scalar carries the tag "!": "3" in quotes is a text, not a number.
     return node.IsScalar() && node.Tag() != "!" && YAML::convert<T>::decode(node, target);
   }
-  /// Of a decimal number, such as 010 or -08.
+  /// Whether a decimal number has a leading zero, such as 010 or -08.
   static bool starts_with_zero(const YAML::Node& node) {
     if (!node.IsScalar()) return false;
     const std::string& text = node.Scalar();

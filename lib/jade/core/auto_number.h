@@ -15,7 +15,7 @@ class AutoNumber {
     return number;
   }
 
-  /// The same field as a configuration gives it: `fallback` stays with a field that is auto.
+  /// Sets the field as a configuration does: an auto field keeps its `fallback`.
   void set_auto() { is_auto_ = true; }
 
   bool is_auto() const { return is_auto_; }

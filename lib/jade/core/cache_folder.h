@@ -5,8 +5,8 @@
 
 namespace jade {
 
-/// Where this user's programs keep what can be made again: $JADE_CACHE, else $XDG_CACHE_HOME/jade,
-/// else ~/.cache/jade. Not made here.
+/// Folder for data that can be recomputed: $JADE_CACHE, else $XDG_CACHE_HOME/jade, else
+/// ~/.cache/jade. Does not create it.
 std::filesystem::path cache_folder();
 
 }  // namespace jade

@@ -63,7 +63,7 @@ void bound_stack_memory(int index) {
   const std::lock_guard<std::mutex> lock(mutex);
   if (!bounded.insert(index).second) return;
   const c10::cuda::CUDAGuard guard(static_cast<c10::DeviceIndex>(index));
-  // Where it is refused all runs as well; the error must not be taken for one of a kernel.
+  // A refusal is harmless; clear the error so that it is not attributed to a kernel.
   if (cudaDeviceSetLimit(cudaLimitStackSize, kBytes) != cudaSuccess) cudaGetLastError();
 }
 

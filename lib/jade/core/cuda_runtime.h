@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What core/device.cpp asks of the CUDA runtime; cuda_runtime_missing.cpp answers in CPU-only
-// builds.
+// Queries of core/device.cpp to the CUDA runtime; cuda_runtime_missing.cpp implements them in
+// CPU-only builds.
 #pragma once
 
 #include <cstdint>

@@ -20,8 +20,8 @@ std::string device_name(torch::Device device);
 /// resident size.
 int64_t peak_memory_bytes(torch::Device device);
 
-/// Where a GPU does the work, leaves at most eight threads to what remains on the CPU, unless
-/// OMP_NUM_THREADS says otherwise: more have little to do, and wait for each other busily.
+/// Limits the CPU to eight threads when a GPU does the work, unless OMP_NUM_THREADS is set: more
+/// threads have little to do and spin while they wait for each other.
 void limit_threads_beside(torch::Device device);
 
 /// Gives memory back to a GPU's other users where the allocator keeps more than `keep_bytes` beyond

@@ -27,7 +27,7 @@ class Sha256 {
   std::unique_ptr<State> state_;
 };
 
-/// Of a whole file. @throws DataError if it cannot be read.
+/// SHA-256 of a whole file. @throws DataError if it cannot be read.
 std::string file_sha256(const std::filesystem::path& path);
 
 }  // namespace jade

@@ -7,7 +7,7 @@
 
 namespace jade {
 
-/// What a program returns to the shell. Documented in README.md; scripts rely on the numbers.
+/// Exit codes of the programs. Documented in docs/troubleshooting.md; scripts rely on the numbers.
 enum class ExitCode : int {
   kOk = 0,
   kBug = 1,           ///< A contract inside the program was broken.

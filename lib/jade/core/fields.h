@@ -64,7 +64,7 @@ class EnumPointer {
   std::vector<Entry> entries_;
 };
 
-/// What a field may hold. Paths are made absolute against the file that names them.
+/// Types of a field. Paths are made absolute against the file that names them.
 using FieldPointer = std::variant<bool*, int*, int64_t*, Steps*, double*, AutoNumber*, std::string*,
                                   std::filesystem::path*, std::vector<int64_t>*,
                                   std::vector<double>*, std::vector<std::string>*, EnumPointer>;

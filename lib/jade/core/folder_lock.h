@@ -11,7 +11,8 @@ namespace jade {
 /// however that ends.
 class FolderLock {
  public:
-  /// Nothing if somebody holds the folder already. @throws DataError if the file cannot be made.
+  /// Returns no value if another process holds the lock. @throws DataError if the file cannot be
+  /// made.
   static std::optional<FolderLock> take(const std::filesystem::path& folder);
   /// Whether somebody holds the folder now; false where there is none.
   static bool is_held(const std::filesystem::path& folder);

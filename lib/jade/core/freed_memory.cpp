@@ -9,7 +9,7 @@ namespace jade {
 #ifdef __GLIBC__
 namespace {
 
-/// Where glibc's own thresholds end up in a program with large blocks (mallopt(3)).
+/// Values that glibc's dynamic thresholds reach in a program with large blocks (mallopt(3)).
 constexpr int kMmapBytes = 32 << 20, kTrimBytes = 2 * kMmapBytes;
 
 void trim_beyond(int bytes) {

@@ -23,8 +23,7 @@ class Steps {
     return steps;
   }
 
-  /// The same field with another value, as a configuration gives it: `at_least` stays with the
-  /// field and holds for shares only.
+  /// Sets the value as a configuration gives it: `at_least` is kept and holds for shares only.
   void set_count(int64_t count) {
     percent_ = 0;
     count_ = count;

@@ -20,7 +20,7 @@ constexpr int64_t filter_channel(int64_t row, int64_t column) { return row % 2 +
 torch::Tensor event_color_map(const torch::Tensor& map_x, const torch::Tensor& map_y,
                               int64_t height, int64_t width);
 
-/// The same from ev_map.npz with inv_mapx and inv_mapy. @throws DataError.
+/// Colour map from ev_map.npz with inv_mapx and inv_mapy. @throws DataError.
 torch::Tensor read_event_color_map(const std::filesystem::path& path, int64_t height,
                                    int64_t width);
 
@@ -28,7 +28,7 @@ torch::Tensor read_event_color_map(const std::filesystem::path& path, int64_t he
 /// @throws DataError.
 void write_event_color_map(const std::filesystem::path& path, const torch::Tensor& map);
 
-/// The same of a sensor without distortion: each raw pixel lands on itself.
+/// Writes the map of a sensor without distortion: each raw pixel lands on itself.
 void write_event_color_map(const std::filesystem::path& path, int64_t height, int64_t width);
 
 }  // namespace jade::data

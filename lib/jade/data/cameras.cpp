@@ -78,7 +78,7 @@ NamedCamera camera_of(const json& entry, const json& defaults, size_t index) {
   return result;
 }
 
-/// What the file holds: a list, or an object whose other keys all cameras share.
+/// Parses the file: a list, or an object whose other keys all cameras share.
 json parsed(const std::filesystem::path& path) {
   const std::string text = read_file(path);
   json document;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <initializer_list>
+#include <set>
 #include <torch/types.h>
 
 #include "jade/core/error.h"
@@ -10,6 +11,8 @@
 #include "jade/data/frames.h"
 #include "jade/data/origin.h"
 #include "jade/data/undistorter.h"
+#include "jade/data/unused_parts.h"
+#include "jade/imaging/image_io.h"
 
 namespace jade::data {
 namespace {
@@ -72,6 +75,37 @@ bool has_one_focal(const std::string& model) {
 fs::path image_path(const fs::path& folder, const std::string& name) {
   const fs::path direct = folder / name;
   return fs::exists(direct) ? direct : folder / fs::path(name).filename();
+}
+
+/// Images beside those of the model that COLMAP did not place.
+void tell_unplaced(const fs::path& folder, const std::vector<fs::path>& placed,
+                   const Warnings& warnings) {
+  const std::set<fs::path> known(placed.begin(), placed.end());
+  const std::vector<fs::path> images = imaging::list_images(folder);
+  std::vector<std::string> others;
+  for (const fs::path& image : images) {
+    if (known.count(image) == 0) others.push_back(image.filename().string());
+  }
+  if (others.empty()) return;
+  warnings.add(folder.string(), ": ", others.size(), " of ", images.size(),
+               " images have no pose in the model and are left out: ", listing(others, 3),
+               "; run COLMAP on all of them if they belong to the scene");
+}
+
+void tell_unused(const fs::path& root, const fs::path& model, const fs::path& frames,
+                 const Warnings& warnings) {
+  UnusedParts unused = unused_in_any_layout(root, frames);
+  unused.look_for_files(root, {{"events*.h5", "events; frames have no exposure times here"},
+                               {"events*.npz", "events; frames have no exposure times here"},
+                               {"timestamps.npz", "times of frames"},
+                               {"poses_bounds*.npy", "other poses"},
+                               {"train_test_lists*", "a split"},
+                               {"split*.json", "a split"},
+                               {"depth_params.json", "scales of depth maps"}});
+  unused.look_for_files(model, {{"depth_params.json", "scales of depth maps"},
+                                {"test.txt", "a split; dataset.split chooses the test views"},
+                                {"train.txt", "a split; dataset.split chooses the test views"}});
+  unused.warn(root, "colmap", warnings);
 }
 
 }  // namespace
@@ -203,7 +237,10 @@ Dataset load_colmap(const DatasetOptions& options, const Warnings& warnings) {
   if (!missing.empty()) {
     warnings.add(image_folder.string(), ": images of the model without a file: ", listing(missing));
   }
-  const std::vector<Frame> frames = read_frames(paths, FrameSizes::kAny);
+  const std::vector<Frame> frames =
+      read_frames(paths, MaskSources(options), warnings, FrameSizes::kAny);
+  tell_unplaced(image_folder, paths, warnings);
+  tell_unused(options.path, folder, image_folder, warnings);
   const Split split = split_by_position(
       frames.size(), {options.split, options.test_last, options.test_every}, folder.string());
 
@@ -216,7 +253,7 @@ Dataset load_colmap(const DatasetOptions& options, const Warnings& warnings) {
   for (size_t i = 0; i < frames.size(); ++i) {
     const geometry::Pose pose = pose_of(*views[i]);
     const io::ColmapCamera& listed = model.camera(views[i]->camera_id);
-    torch::Tensor image = frames[i].image, mask;
+    torch::Tensor image = frames[i].image, mask = frames[i].mask;
     const geometry::Intrinsics camera = undistorter.undistort(
         lens_camera_of(listed, image.size(2), image.size(1)), name_of(listed), image, mask);
     poses.push_back(pose);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the loaders over COLMAP models share, and the loader of sharp images with such a model.
+// Shared parts of the loaders of COLMAP models, and the loader of sharp images with such a model.
 #pragma once
 
 #include <filesystem>

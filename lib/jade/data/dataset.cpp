@@ -14,6 +14,7 @@
 #include "jade/data/diet_gs.h"
 #include "jade/data/evdeblur.h"
 #include "jade/data/frame_times.h"
+#include "jade/data/masks.h"
 #include "jade/data/origin.h"
 #include "jade/data/transforms.h"
 #include "jade/data/warnings.h"
@@ -173,6 +174,7 @@ Dataset load_dataset(const DatasetOptions& options, std::vector<std::string>* wa
   hold_out(data);
   tell_origin(data);
   tell_still_cameras(data, sink);
+  apply_masks(data);
   settle_color(options.color, sink, data);
   for (SharpView& view : data.test) view.seen = is_seen(data, view);
   if (data.train.size() == 1) {

@@ -43,6 +43,7 @@ struct DatasetOptions {
   events::TimeUnit time_unit = events::TimeUnit::kAuto;
   events::TimeUnit events_unit = events::TimeUnit::kAuto;
   std::filesystem::path events_file;
+  std::filesystem::path mask;
   bool color_events = true;
   FrameColor color = FrameColor::kAuto;
 };
@@ -65,6 +66,9 @@ void describe(V& v, DatasetOptions& o) {
   v.field("events_file", o.events_file,
           "recording of the events; empty looks for events.h5 and "
           "others in path");
+  v.field("mask", o.mask,
+          "image whose black pixels count in no frame (lens borders, hot areas); mask.png in path "
+          "is used without being named");
   v.field("color_events", o.color_events,
           "use the colour filter of the event pixels (ev_map.npz "
           "or color_map.npy) where the data set has one");
@@ -75,7 +79,8 @@ void describe(V& v, DatasetOptions& o) {
 /// (which may be null): events that are unsorted, outside the image or the recording, of one
 /// polarity, or not finite; exposures without events; poses that had to be interpolated or
 /// extended; one exposure; a colour filter of the events of gray frames, which is left out.
-/// Exposures that held_out.txt in the folder names go to Dataset::held_out.
+/// Exposures that held_out.txt in the folder names go to Dataset::held_out. What lies under the
+/// masks of frames (masks.h) has no effect: frames are 0 there, without events.
 /// @throws DataError with the path and the fix for what cannot: files that are missing, truncated
 ///         or unreadable, counts and sizes that differ, missing poses of an exposure, times that
 ///         do not overlap in any unit, held-out names that are no exposure, or are all of them.
@@ -88,7 +93,7 @@ DatasetKind recognise_dataset(const std::filesystem::path& folder);
 /// path before anything else begins. @throws as recognise_dataset; ConfigError without a path.
 DatasetKind kind_of(const DatasetOptions& options);
 
-/// Where a folder names its held-out exposures: one frame per line, without extension.
+/// File that names a folder's held-out exposures: one frame per line, without extension.
 constexpr char kHeldOutFile[] = "held_out.txt";
 
 }  // namespace jade::data

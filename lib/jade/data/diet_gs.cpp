@@ -12,6 +12,7 @@
 #include "jade/data/frames.h"
 #include "jade/data/recording.h"
 #include "jade/data/undistorter.h"
+#include "jade/data/unused_parts.h"
 #include "jade/imaging/image_io.h"
 #include "jade/io/npy.h"
 
@@ -99,6 +100,7 @@ void add_exposures(const NamedViews& views, const io::ColmapModel& model,
     Exposure exposure;
     exposure.name = frames[size_t(frame)].name;
     exposure.blurry = frames[size_t(frame)].image;
+    exposure.mask = frames[size_t(frame)].mask;
     exposure.t_start_us = times[size_t(frame)].start_us;
     exposure.t_end_us = times[size_t(frame)].end_us;
     const io::ColmapCamera& listed = model.camera(poses.at(0)->camera_id);
@@ -112,6 +114,7 @@ void add_exposures(const NamedViews& views, const io::ColmapModel& model,
     const Frame& frame = frames[count + size_t(i)];
     const io::ColmapCamera& listed = model.camera(image->camera_id);
     SharpView view{frame.name, frame.image, pose_of(*image), {}, SharpView::kNoTime};
+    view.mask = frame.mask;
     view.camera = undistorter.undistort(lens_camera_of(listed, width, height), name_of(listed),
                                         view.image, view.mask);
     data.test.push_back(std::move(view));
@@ -165,12 +168,18 @@ Dataset load_diet_gs(const DatasetOptions& options, const Warnings& warnings) {
                            " frames; run scripts/convert_diet_gs.py again"));
   }
   converted_file(options.path, "events.h5");
+  UnusedParts unused = unused_in_any_layout(options.path, image_folder);
+  unused.look_for_files(options.path, {{"poses_bounds*.npy", "other poses"},
+                                       {"hold=*", "a split; views named GT<i> are the test views"},
+                                       {"transforms*.json", "other poses"}});
+  unused.warn(options.path, "diet_gs", warnings);
 
   Dataset data;
   data.root = options.path;
   data.origin = origin;
   data.split = concat(views.sharp.size(), " views named GT<i>");
-  add_exposures(views, model, read_frames(files), times, warnings, data);
+  add_exposures(views, model, read_frames(files, MaskSources(options), warnings), times, warnings,
+                data);
   set_points(model, data);
   std::vector<geometry::Pose> poses;
   RecordingSpan span{data.train.front().t_start_us, data.train.front().t_end_us};

@@ -17,6 +17,7 @@
 #include "jade/data/llff.h"
 #include "jade/data/origin.h"
 #include "jade/data/recording.h"
+#include "jade/data/unused_parts.h"
 #include "jade/imaging/image_io.h"
 #include "jade/io/npy.h"
 
@@ -40,7 +41,7 @@ geometry::Trajectory trajectory_of(const TimedPoses& timed) {
   return geometry::Trajectory(std::move(times), poses);
 }
 
-/// Where timestamps.npz lies: with the frames, or beside their folder.
+/// Path of timestamps.npz: with the frames, or beside their folder.
 fs::path times_file(const fs::path& root, const fs::path& images) {
   for (const fs::path& path : {images / "timestamps.npz", root / "timestamps.npz"}) {
     if (fs::exists(path)) return path;
@@ -248,12 +249,14 @@ void add_frames(const Sources& s, std::vector<Frame> frames, const Split& split,
     if (split.is_test[i]) {
       data.test.push_back(
           {frames[i].name, frames[i].image, s.views[i].camera_from_world, camera, time.mid_us()});
+      data.test.back().mask = frames[i].mask;
       continue;
     }
     check_covered(path, time, frames[i].name, warnings);
     Exposure exposure;
     exposure.name = frames[i].name;
     exposure.blurry = frames[i].image;
+    exposure.mask = frames[i].mask;
     exposure.t_start_us = time.start_us;
     exposure.t_end_us = time.end_us;
     exposure.poses = path.exposure_poses(time.start_us, time.end_us);
@@ -277,7 +280,7 @@ void set_bounds(const Sources& s, Dataset& data) {
                          " to ", data.far, "; expected 0 < near < far in the last two columns"));
 }
 
-/// What structure from motion left of the scene.
+/// Reads the points from structure from motion.
 void read_points(const fs::path& path, Dataset& data) {
   if (!fs::exists(path)) return;
   const io::Npz file(path);
@@ -328,6 +331,19 @@ void read_gains(const fs::path& path, Dataset& data) {
                          "'; correct the line or remove the file"));
 }
 
+/// LLFF's own files, and what recordings of event cameras bring besides.
+void tell_unused(const fs::path& root, const fs::path& frames, const Warnings& warnings) {
+  UnusedParts unused = unused_in_any_layout(root, frames);
+  unused.look_for_files(root, {{"poses_bounds_*.npy", "other poses"},
+                               {"hold=*", "a split; dataset.split chooses the test views"},
+                               {"transforms*.json", "other poses"},
+                               {"intrinsics*", "a camera; that of poses_bounds.npy is used"},
+                               {"calib*", "a camera; that of poses_bounds.npy is used"},
+                               {"K1.txt", "a camera; that of poses_bounds.npy is used"},
+                               {"events_*.h5", "another stream of events"}});
+  unused.warn(root, "evdeblur", warnings);
+}
+
 }  // namespace
 
 bool is_evdeblur(const fs::path& folder) {
@@ -342,13 +358,15 @@ Dataset load_evdeblur(const DatasetOptions& options, const Warnings& warnings) {
   const Sources s = read_sources(options, warnings);
   const Split split = split_frames(s.times, {options.split, options.test_last, options.test_every},
                                    s.time_path.string(), warnings);
+  tell_unused(options.path, s.images, warnings);
   Dataset data;
   data.root = options.path;
   data.origin = s.origin;
   data.split = split.rule;
   set_bounds(s, data);
   const geometry::Trajectory path = choose_path(options, s, data, warnings);
-  add_frames(s, read_frames(s.image_files), split, path, warnings, data);
+  add_frames(s, read_frames(s.image_files, MaskSources(options), warnings), split, path, warnings,
+             data);
 
   RecordingSpan span{data.train.front().t_start_us, data.train.front().t_end_us};
   for (const Exposure& exposure : data.train) {

@@ -12,15 +12,15 @@
 
 namespace jade::data {
 
-/// What a folder in the EvDeblur layout holds. Frames get numbers in the order given: all
+/// Contents of a folder in the EvDeblur layout. Frames get numbers in the order given: all
 /// exposures first, then all sharp test views, as in the CDAVIS scenes.
 struct EvDeblurContent {
   std::vector<Exposure> train;  ///< blurry, times, poses[4], camera and gain are used
   std::vector<SharpView> test;  ///< t_us must be set
   events::EventStream events;   ///< the whole recording
   bool color_events = false;    ///< each pixel's are of the channel that data/bayer.h names
-  /// Of colour events: [2,h,w], column and row where those of raw pixel (i,j) are, i and j counted
-  /// from a red one; undefined: each where it is.
+  /// For colour events: [2,h,w], column and row of raw pixel (i,j), i and j counted from a red one;
+  /// undefined: the identity.
   torch::Tensor event_map;
   std::vector<int64_t> path_t_us;    ///< dense trajectory: strictly increasing times that span all
   std::vector<geometry::Pose> path;  ///< exposures, and camera_from_world at each

@@ -18,9 +18,10 @@ constexpr double kDark = 0.04, kBright = 0.96;
 constexpr double kDarkNoises = 2.5;  // a pixel must be so many deviations of the noise bright
 constexpr double kMostFrameNoise = 0.1;
 constexpr double kMostChange = 3;  // of a logarithm from frame to frame
-/// What events leave open of a change, in thresholds: two remainders below one, uniform, have a
-/// deviation of 0.41; means over exposures lower it, noise events raise it.
-constexpr double kLeastRemainder = 0.35, kMostRemainder = 0.45;
+/// Range of the change that events leave open, in thresholds: two uniform remainders below one have
+/// a deviation of 0.41. Events that count gradually lower it, noise events raise it. Noise of dark
+/// frames hides it.
+constexpr double kLeastRemainder = 0.2, kMostRemainder = 0.45;
 constexpr double kMostDilution = 0.5;
 constexpr int64_t kMoments = 17;  // per exposure
 constexpr double kHuber = 2;      // in deviations of the residual
@@ -54,7 +55,7 @@ double median_of(const torch::Tensor& values) {
   return values.numel() == 0 ? 0 : values.median().item<double>();
 }
 
-/// What thresholds predict, linear about each pixel's own: the change is X θ + (change − model).
+/// Prediction from thresholds, linear about each pixel's own: change = X θ + (change − model).
 struct Linear {
   torch::Tensor by_threshold;  ///< X, [P,V−1,2]
   torch::Tensor model;         ///< [P,V−1]
@@ -119,7 +120,7 @@ void set_steps(const torch::Tensor& residual, const torch::Tensor& usable, Consi
     if (some.numel() < kFewPixels) continue;
     const double median = median_of(some);
     fit.steps.back() = median;
-    // Of a median, with nine pixels for one, as neighbours share their errors.
+    // Standard error of a median; nine pixels count as one, because neighbours share their errors.
     fit.step_errors.back() =
         1.2533 * median_of((some - median).abs()) / 0.6745 / std::sqrt(double(some.numel()) / 9);
   }
@@ -291,7 +292,7 @@ ConsistencyFit EventConsistency::fit(const std::vector<events::TimeWindow>& expo
     const torch::Tensor gram = weighted.transpose(1, 2).matmul(x).index_select(0, index);
     const torch::Tensor seen =
         weighted.transpose(1, 2).matmul(target.unsqueeze(2)).index_select(0, index);  // [p,2,1]
-    // Of events of one polarity, the other threshold has no equation.
+    // With events of one polarity, the other threshold has no equation.
     if (gram.sum(0).diagonal().min().item<double>() <= 0) return fit;
     const torch::Tensor precision = torch::diag(1 / model.variance);
     const torch::Tensor covariance = torch::linalg_inv(gram + precision);
@@ -310,7 +311,7 @@ ConsistencyFit EventConsistency::fit(const std::vector<events::TimeWindow>& expo
     const torch::Tensor own =
         covariance.matmul(seen + precision.matmul(mean.unsqueeze(1))).squeeze(2);
     if (round + 1 == options_.rounds) {
-      // Of the marginal likelihood, all pixels' thresholds integrated out.
+      // Terms of the marginal likelihood, with all pixels' thresholds integrated out.
       const torch::Tensor rest = (target - (x * mean).sum(2)).index_select(0, index);
       const torch::Tensor w = weight.index_select(0, index);
       const torch::Tensor xs = x.index_select(0, index);

@@ -53,8 +53,8 @@ struct SharpView {
   int64_t t_us = kNoTime;  ///< when it was taken; kNoTime if the data set does not say
   /// Whether training sees the scene from there (is_seen); absent where nobody knows.
   std::optional<bool> seen = std::nullopt;
-  torch::Tensor mask;  ///< as Exposure::mask
-  double gain = 1;     ///< as Exposure::gain
+  torch::Tensor mask = {};  ///< as Exposure::mask
+  double gain = 1;          ///< as Exposure::gain
 
   static constexpr int64_t kNoTime = INT64_MIN;
   bool has_time() const { return t_us != kNoTime; }

@@ -48,7 +48,7 @@ struct SplitRule {
 Split split_frames(const std::vector<FrameTime>& times, const SplitRule& rule,
                    const std::string& path, const Warnings& warnings);
 
-/// The same by position alone, for images without times; kAuto means kEvery.
+/// Splits by position alone, for images without times; kAuto means kEvery.
 Split split_by_position(size_t count, const SplitRule& rule, const std::string& path);
 
 }  // namespace jade::data

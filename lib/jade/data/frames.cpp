@@ -10,6 +10,8 @@
 #include <torch/types.h>
 
 #include "jade/core/error.h"
+#include "jade/events/event_files.h"
+#include "jade/imaging/image_header.h"
 #include "jade/imaging/image_io.h"
 
 namespace jade::data {
@@ -86,6 +88,37 @@ void check_names(const std::vector<std::string>& names, const std::vector<fs::pa
   }
 }
 
+/// Checks the memory that the decoded frames take: three floats and a mask per pixel.
+void check_frame_memory(const std::vector<fs::path>& paths) {
+  constexpr double kBytesPerPixel = 3 * sizeof(float) + 1;
+  double pixels = 0, largest = 0;
+  for (const fs::path& path : paths) {
+    const auto header = imaging::read_image_header(path);
+    if (!header) continue;
+    const double size = double(header->width) * double(header->height);
+    pixels += size;
+    largest = std::max(largest, size);
+  }
+  if (pixels == 0) return;
+  events::check_memory(concat(paths.front().parent_path().string(), ": ", paths.size(),
+                              " frames of up to ", 0.1 * std::round(1e-5 * largest), " megapixels"),
+                       kBytesPerPixel * pixels,
+                       "use smaller images (a folder images_2 or images_4, named by "
+                       "dataset.image_folder), or fewer");
+}
+
+void add_masks(const std::vector<fs::path>& paths, const MaskSources& sources,
+               const Warnings& warnings, std::vector<Frame>& frames) {
+  if (frames.empty()) return;
+  std::vector<torch::Tensor> images;
+  for (const Frame& frame : frames) images.push_back(frame.image);
+  const std::vector<torch::Tensor> masks = read_masks(paths, images, sources, warnings);
+  for (size_t i = 0; i < frames.size(); ++i) {
+    frames[i].mask = masks[i];
+    frames[i].image = masked(frames[i].image, masks[i]);
+  }
+}
+
 }  // namespace
 
 std::vector<std::string> frame_names(const std::vector<fs::path>& paths) {
@@ -108,12 +141,14 @@ std::vector<std::string> frame_names(const std::vector<fs::path>& paths) {
   return names;
 }
 
-std::vector<Frame> read_frames(const std::vector<fs::path>& paths, FrameSizes sizes) {
+std::vector<Frame> read_frames(const std::vector<fs::path>& paths, const MaskSources& masks,
+                               const Warnings& warnings, FrameSizes sizes) {
   const std::vector<std::string> names = frame_names(paths);
+  check_frame_memory(paths);
   std::vector<Frame> frames(paths.size());
   at::parallel_for(0, int64_t(paths.size()), 1, [&](int64_t begin, int64_t end) {
     for (int64_t i = begin; i < end; ++i) {
-      frames[size_t(i)] = {names[size_t(i)], imaging::read_image(paths[size_t(i)])};
+      frames[size_t(i)] = {names[size_t(i)], imaging::read_image(paths[size_t(i)]), {}};
     }
   });
   for (size_t i = 1; sizes == FrameSizes::kOne && i < frames.size(); ++i) {
@@ -124,6 +159,7 @@ std::vector<Frame> read_frames(const std::vector<fs::path>& paths, FrameSizes si
                            paths[0].filename().string(), " is ", first[2], "x", first[1],
                            "; frames with events come from one sensor and must have one size"));
   }
+  add_masks(paths, masks, warnings, frames);
   return frames;
 }
 

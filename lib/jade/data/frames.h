@@ -6,6 +6,8 @@
 #include <torch/types.h>
 #include <vector>
 
+#include "jade/data/masks.h"
+#include "jade/data/warnings.h"
 #include "jade/geometry/pose.h"
 
 namespace jade::data {
@@ -13,7 +15,8 @@ namespace jade::data {
 /// One image of a folder.
 struct Frame {
   std::string name;     ///< as frame_names() says
-  torch::Tensor image;  ///< [3,H,W]
+  torch::Tensor image;  ///< [3,H,W], 0 where the mask excludes a pixel
+  torch::Tensor mask;   ///< [1,H,W] bool, true: the pixel counts; undefined: all count
 };
 
 /// The folder of the frames: `wanted` if given, else the first of images_1, images and images_N
@@ -25,8 +28,8 @@ std::filesystem::path find_image_folder(const std::filesystem::path& root,
 /// The N of a folder named images_N, else 1: how much smaller its images are than the poses say.
 double folder_scale(const std::filesystem::path& image_folder);
 
-/// What frames are called: their files without extension; where these are alike, with the folder
-/// before ("cam0_001"), and where those are, with the extension behind.
+/// Names of frames: file names without extension; duplicates get the folder in front ("cam0_001"),
+/// and remaining duplicates the extension behind.
 /// @throws DataError for names that are no UTF-8, that are alike all the same, or of which one is
 ///   NAME_k of another, as an exposure's poses are called.
 std::vector<std::string> frame_names(const std::vector<std::filesystem::path>& paths);
@@ -34,9 +37,11 @@ std::vector<std::string> frame_names(const std::vector<std::filesystem::path>& p
 /// Whether the frames of a data set may differ in size.
 enum class FrameSizes { kOne, kAny };
 
-/// Reads the given images, on several threads, into the given order.
-/// @throws DataError if one cannot be read or, for kOne, they differ in size; and as frame_names().
+/// Reads the given images, on several threads, into the given order, and their masks.
+/// @throws DataError if one cannot be read or, for kOne, they differ in size; if they would not fit
+///   into memory, which is found from their first bytes; and as frame_names() and read_masks().
 std::vector<Frame> read_frames(const std::vector<std::filesystem::path>& paths,
+                               const MaskSources& masks, const Warnings& warnings,
                                FrameSizes sizes = FrameSizes::kOne);
 
 /// Depth bounds around a point cloud as seen from the cameras: the 0.5 % and 99.5 % quantiles of

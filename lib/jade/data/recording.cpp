@@ -6,6 +6,7 @@
 
 #include "jade/core/error.h"
 #include "jade/events/event_files.h"
+#include "jade/io/hdf5.h"
 
 namespace jade::data {
 namespace {
@@ -65,6 +66,24 @@ events::EventStream cut(const events::EventStream& events, const RecordingSpan& 
   return kept;
 }
 
+/// Before an HDF5 file is read: its longest list beside the frames that are held by now.
+void check_room(const fs::path& path, const Dataset& data) {
+  constexpr double kBytesPerEvent = 17;
+  if (path.extension() != ".h5" && path.extension() != ".hdf5") return;
+  int64_t count = 0;
+  const io::Hdf5File file(path);
+  for (const io::Hdf5Dataset& list : file.datasets()) {
+    for (const int64_t length : list.shape) count = std::max(count, length);
+  }
+  double frames = 0;
+  for (const Exposure& exposure : data.train) frames += double(exposure.blurry.nbytes());
+  for (const SharpView& view : data.test) frames += double(view.image.nbytes());
+  events::check_memory(concat(path.string(), ": ", count, " events and ",
+                              data.train.size() + data.test.size(), " frames"),
+                       kBytesPerEvent * double(count) + frames,
+                       "use a shorter recording, or smaller frames");
+}
+
 }  // namespace
 
 fs::path find_recording(const DatasetOptions& options) {
@@ -89,6 +108,7 @@ void attach_events(const DatasetOptions& options, const RecordingSpan& exposures
                  "used, set dataset.events_file if there is one");
     return;
   }
+  check_room(path, data);
   const geometry::Intrinsics& camera = data.train.front().camera;
   events::EventFileOptions file_options;
   file_options.time_unit = options.events_unit;

@@ -12,7 +12,7 @@ namespace jade::data {
 struct ThresholdEstimate {
   events::Thresholds thresholds;    ///< means over the pixels
   events::Thresholds spread{0, 0};  ///< standard deviation from pixel to pixel
-  /// Of the means, from leaving out parts of the image (jackknife).
+  /// Standard error of the means, from leaving out parts of the image (jackknife).
   events::Thresholds standard_error{1e9, 1e9};
   int64_t pixels = 0;      ///< that spoke
   double residual = 0;     ///< what the model leaves at a pixel, log intensity (robust deviation)

@@ -11,10 +11,13 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "jade/data/colmap_scene.h"
 #include "jade/data/frame_times.h"
 #include "jade/data/frames.h"
 #include "jade/data/origin.h"
 #include "jade/data/undistorter.h"
+#include "jade/data/unused_parts.h"
+#include "jade/gaussians/ply.h"
 #include "jade/geometry/lens.h"
 #include "jade/imaging/image_io.h"
 
@@ -25,7 +28,8 @@ namespace fs = std::filesystem;
 using nlohmann::json;
 
 struct ListedView {
-  fs::path path;
+  std::string given;  ///< 'file_path' as the file has it, with slashes
+  fs::path path, mask;
   geometry::Pose pose;
   geometry::Intrinsics camera;  ///< 0 where the file does not say
   double angle_x = 0;           ///< horizontal field of view in radians, in place of a focal length
@@ -105,20 +109,83 @@ geometry::Pose pose_of_matrix(const json& matrix, const std::string& where) {
   return geometry::inverse(world_from_camera);
 }
 
-/// Paths are relative to the JSON and may lack an extension. Empty where there is no such image;
-/// its name is then added to `missing`.
-fs::path image_of(const fs::path& folder, const json& frame, const std::string& where,
-                  std::vector<std::string>& missing) {
-  if (!frame.is_object() || !frame.contains("file_path") || !frame["file_path"].is_string()) {
-    throw DataError(concat(where, ": expected a 'file_path'"));
+/// With the slashes of Windows turned.
+std::string slashed(std::string path) {
+  std::replace(path.begin(), path.end(), '\\', '/');
+  return path;
+}
+
+/// A file named in the JSON, which may lack an extension; empty where there is none.
+fs::path existing_file(const fs::path& path) {
+  for (const char* extension : {"", ".png", ".jpg", ".jpeg", ".JPG", ".PNG", ".JPEG"}) {
+    const fs::path whole = path.string() + extension;
+    if (fs::is_regular_file(whole)) return whole.lexically_normal();
   }
-  const fs::path given = (folder / frame["file_path"].get<std::string>()).lexically_normal();
-  for (const char* extension : {"", ".png", ".jpg", ".jpeg", ".JPG"}) {
-    const fs::path path = given.string() + extension;
-    if (fs::is_regular_file(path)) return path;
-  }
-  missing.push_back(frame["file_path"].get<std::string>());
   return {};
+}
+
+/// Finds a file whose path was written on another machine or from another folder, by as many of its
+/// last parts as lead to a file. Empty if none do.
+fs::path moved_file(const fs::path& folder, const fs::path& given) {
+  const std::vector<fs::path> parts(given.begin(), given.end());
+  for (size_t skip = 1; skip < parts.size(); ++skip) {
+    fs::path tail;
+    for (size_t i = skip; i < parts.size(); ++i) tail /= parts[i];
+    if (tail.is_absolute() || tail.empty()) continue;
+    if (fs::path found = existing_file(folder / tail); !found.empty()) return found;
+  }
+  return {};
+}
+
+/// Paths as a transforms.json has them, and what became of them.
+struct NamedFiles {
+  fs::path folder;  ///< of the JSON, which they are relative to
+  std::vector<std::string> missing, moved;
+
+  /// Empty where there is no such file; its name is then added to `missing`.
+  fs::path find(const std::string& name) {
+    // On Linux a backslash may be part of a name.
+    if (fs::path found = existing_file(folder / name); !found.empty()) return found;
+    const fs::path given = slashed(name);
+    if (fs::path found = existing_file(folder / given); !found.empty()) return found;
+    if (fs::path found = moved_file(folder, given); !found.empty()) {
+      moved.push_back(name);
+      return found;
+    }
+    missing.push_back(name);
+    return {};
+  }
+};
+
+/// A text of a frame. @throws DataError where it is there and no text.
+std::string text_of(const json& frame, const char* key, const std::string& where) {
+  if (!frame.is_object() || !frame.contains(key)) return {};
+  if (frame[key].is_string()) return frame[key].get<std::string>();
+  throw DataError(concat(where, ": expected '", key, "' to be a path in quotes"));
+}
+
+std::string file_path_of(const json& frame, const std::string& where) {
+  std::string path = text_of(frame, "file_path", where);
+  if (path.empty()) throw DataError(concat(where, ": expected a 'file_path'"));
+  return path;
+}
+
+/// The mask that a frame names, or an empty path.
+fs::path mask_of(const fs::path& folder, const json& frame, const std::string& where) {
+  const std::string name = text_of(frame, "mask_path", where);
+  if (name.empty()) return {};
+  NamedFiles files{folder, {}, {}};
+  if (fs::path found = files.find(name); !found.empty()) return found;
+  throw DataError(concat(where, ": expected a mask '", name,
+                         "' as 'mask_path' says, found no such file; correct or remove the key"));
+}
+
+void tell_moved(const fs::path& path, const std::vector<std::string>& moved,
+                const Warnings& warnings) {
+  if (moved.empty()) return;
+  warnings.add(path.string(), ": ", moved.size(), " paths, such as ", moved.front(),
+               ", lead nowhere; the files were found by their last parts in ",
+               path.parent_path().string());
 }
 
 /// Most scenes lack none; where a few images were dropped, the rest is a scene still.
@@ -224,15 +291,86 @@ geometry::Lens lens_of_frame(const json& root, const json& frame, const std::str
   return lens;
 }
 
-std::vector<ListedView> read_views(const fs::path& path, const Warnings& warnings) {
-  const json root = read_json(path);
-  std::vector<ListedView> views;
-  std::vector<std::string> missing;
+/// Whether a value differs from what is the case without its key.
+bool says_something(const std::string& key, const json& value) {
+  if (value.is_null() || value == false || value == "") return false;
+  if (value.is_number()) return value.get<double>() != (key == "scale" ? 1.0 : 0.0);
+  if (!value.is_array()) return true;
+  return std::any_of(value.begin(), value.end(),
+                     [](const json& each) { return says_something("", each); });
+}
+
+/// The keys of a file and of its frames that have such a value.
+void add_keys(const json& root, std::set<std::string>& keys) {
+  const auto add = [&](const json& object) {
+    for (const auto& [key, value] : object.items()) {
+      if (says_something(key, value)) keys.insert(key);
+    }
+  };
+  add(root);
   for (const json& frame : root["frames"]) {
-    const std::string where = concat(path.string(), " frame ", views.size() + missing.size());
+    if (frame.is_object()) add(frame);
+  }
+}
+
+/// Keys of nerfstudio, instant-ngp, D-NeRF and Spectacular AI.
+const std::vector<FormatPart>& unused_keys() {
+  static const std::vector<FormatPart> keys = {
+      {"depth_file_path", "depth maps"},
+      {"depth_path", "depth maps"},
+      {"normal_file_path", "maps of normals"},
+      {"normal_path", "maps of normals"},
+      {"semantics_path", "semantic labels"},
+      {"segmentation_path", "semantic labels"},
+      {"time", "moment of a scene that moves"},
+      {"timestamp", "time of a frame"},
+      {"rolling_shutter", "motion while rows are read"},
+      {"enable_rolling_shutter", "motion while rows are read"},
+      {"rolling_shutter_time", "motion while rows are read"},
+      {"shutter_time", "motion while a frame is exposed"},
+      {"exposure", "brightness of a frame"},
+      {"exposure_time", "length of an exposure"},
+      {"iso", "brightness of a frame"},
+      {"aperture", "brightness of a frame"},
+      {"white_balance", "colours of a frame"},
+      {"camera_linear_velocity", "motion while a frame is exposed"},
+      {"camera_angular_velocity", "motion while a frame is exposed"},
+      {"linear_velocity", "motion while a frame is exposed"},
+      {"angular_velocity", "motion while a frame is exposed"},
+      {"transform_matrix_start", "motion while a frame is exposed"},
+      {"transform_matrix_end", "motion while a frame is exposed"},
+      {"mask_color", "a colour that stands for a mask"},
+      {"white_transparent", "white that stands for a mask"},
+      {"black_transparent", "black that stands for a mask"},
+      {"scale", "scale of the world; poses are taken as they are"},
+      {"offset", "origin of the world; poses are taken as they are"},
+      {"aabb_scale", "bounds of the scene"},
+      {"render_aabb", "bounds of the scene"},
+      {"orientation_override", "axes of the world; poses are taken as they are"},
+      {"n_extra_learnable_dims", "a look of its own for each frame"},
+  };
+  return keys;
+}
+
+/// A file and the views whose images are there.
+struct TransformsFile {
+  fs::path path;
+  json root;
+  std::vector<ListedView> views;
+  std::set<std::string> missing;  ///< 'file_path' of frames without an image
+};
+
+TransformsFile read_transforms(const fs::path& path, const Warnings& warnings) {
+  json root = read_json(path);
+  std::vector<ListedView> views;
+  NamedFiles files{path.parent_path(), {}, {}};
+  for (const json& frame : root["frames"]) {
+    const std::string where = concat(path.string(), " frame ", views.size() + files.missing.size());
     ListedView view;
-    view.path = image_of(path.parent_path(), frame, where, missing);
+    view.given = file_path_of(frame, where);
+    view.path = files.find(view.given);
     if (view.path.empty()) continue;
+    view.mask = mask_of(path.parent_path(), frame, where);
     view.camera = camera_of_frame(root, frame, where);
     view.lens = lens_of_frame(root, frame, where);
     if (!frame.contains("transform_matrix")) {
@@ -248,9 +386,10 @@ std::vector<ListedView> read_views(const fs::path& path, const Warnings& warning
     }
     views.push_back(std::move(view));
   }
-  tell_missing(path, missing, root["frames"].size(), warnings);
+  tell_moved(path, files.moved, warnings);
+  tell_missing(path, files.missing, root["frames"].size(), warnings);
   if (views.empty()) throw DataError(concat(path.string(), ": has no frames"));
-  return views;
+  return {path, std::move(root), std::move(views), {files.missing.begin(), files.missing.end()}};
 }
 
 geometry::LensCamera fit_camera(const ListedView& view, int64_t width, int64_t height) {
@@ -268,6 +407,240 @@ geometry::LensCamera fit_camera(const ListedView& view, int64_t width, int64_t h
   return {fit_to_picture(camera, width, height, view.path.string()), view.lens};
 }
 
+/// A path of a list of names, so that equal ones compare equal.
+std::string plain_name(const std::string& name) {
+  return fs::path(slashed(name)).lexically_normal().string();
+}
+
+/// The frames that train_filenames and its like name; none where the file has no such list.
+/// @throws DataError for names that no frame has.
+std::set<std::string> named_frames(const TransformsFile& file, const char* key) {
+  std::set<std::string> names, known;
+  if (!file.root.contains(key)) return names;
+  const auto wrong = [&](const std::string& found) {
+    return DataError(concat(file.path.string(), ": expected '", key,
+                            "' to list values of 'file_path', found ", found,
+                            "; correct or remove it"));
+  };
+  if (!file.root[key].is_array()) throw wrong("no list");
+  for (const ListedView& view : file.views) known.insert(plain_name(view.given));
+  for (const std::string& name : file.missing) known.insert(plain_name(name));
+  for (const json& name : file.root[key]) {
+    if (!name.is_string()) throw wrong("something else");
+    names.insert(plain_name(name.get<std::string>()));
+    if (known.count(plain_name(name.get<std::string>())) == 0) {
+      throw wrong("'" + name.get<std::string>() + "', which no frame has");
+    }
+  }
+  return names;
+}
+
+/// The views to load and what they are for.
+struct Listing {
+  std::vector<ListedView> views;
+  std::vector<bool> is_test;
+  std::string rule;            ///< of the split, in words
+  TransformsFile main;         ///< without its views
+  std::set<std::string> keys;  ///< with a value that says something, of all files that are read
+};
+
+void check_both_left(const Listing& listing) {
+  if (std::count(listing.is_test.begin(), listing.is_test.end(), false) > 0) return;
+  throw DataError(concat(listing.main.path.string(),
+                         ": expected frames for training, found test views only; correct the "
+                         "lists of the split or set dataset.split"));
+}
+
+/// The split that train_filenames, val_filenames and test_filenames (nerfstudio) say. The views of
+/// test_filenames test, those of val_filenames where there are none.
+void split_by_names(TransformsFile file, const Warnings& warnings, Listing& listing) {
+  const auto train = named_frames(file, "train_filenames"),
+             val = named_frames(file, "val_filenames"),
+             named = named_frames(file, "test_filenames");
+  const char* const key = named.empty() ? "val_filenames" : "test_filenames";
+  const auto& test = named.empty() ? val : named;
+  int64_t unused = 0, both = 0;
+  for (ListedView& view : file.views) {
+    const std::string name = plain_name(view.given);
+    const bool tests = test.count(name) != 0;
+    const bool trains =
+        train.empty() ? val.count(name) == 0 && named.count(name) == 0 : train.count(name) != 0;
+    if (tests && trains) ++both;
+    if (!tests && !trains) {
+      ++unused;
+      continue;
+    }
+    listing.views.push_back(std::move(view));
+    listing.is_test.push_back(tests);
+  }
+  if (both > 0) {
+    warnings.add(file.path.string(), ": ", both, " frames are in train_filenames and in ", key,
+                 "; they are test views only");
+  }
+  if (unused > 0) {
+    warnings.add(file.path.string(), ": ", unused, " of ", file.views.size(),
+                 " frames are neither for training nor in ", key, " and are left out");
+  }
+  listing.rule =
+      concat(std::count(listing.is_test.begin(), listing.is_test.end(), true), " named by ", key);
+}
+
+bool names_split(const json& root) {
+  return root.contains("train_filenames") || root.contains("val_filenames") ||
+         root.contains("test_filenames");
+}
+
+/// Test views of a file of their own, for training those of `main` that are not among them.
+void split_by_files(TransformsFile file, const fs::path& test_path, bool wants_test,
+                    const Warnings& warnings, Listing& listing) {
+  std::set<fs::path> tests;
+  std::vector<ListedView> test_views;
+  if (!test_path.empty() && wants_test) {
+    TransformsFile test = read_transforms(test_path, warnings);
+    for (const ListedView& view : test.views) tests.insert(view.path);
+    add_keys(test.root, listing.keys);
+    test_views = std::move(test.views);
+  }
+  int64_t both = 0;
+  for (ListedView& view : file.views) {
+    if (tests.count(view.path) != 0) {
+      ++both;
+      continue;
+    }
+    listing.views.push_back(std::move(view));
+  }
+  if (both > 0) {
+    warnings.add(file.path.string(), ": ", both, " of its frames are in ",
+                 test_path.filename().string(), " too; they are test views only");
+  }
+  listing.is_test.assign(listing.views.size(), false);
+  for (ListedView& view : test_views) listing.views.push_back(std::move(view));
+  listing.is_test.resize(listing.views.size(), true);
+  listing.rule = test_path.empty() ? "no file of test views" : test_path.filename().string();
+}
+
+/// transforms.json, or transforms_train.json with the test views of transforms_test.json; where
+/// that is missing, of transforms_val.json.
+Listing listing_of(const DatasetOptions& options, const Warnings& warnings) {
+  const fs::path single = options.path / "transforms.json",
+                 train = options.path / "transforms_train.json";
+  fs::path test;
+  for (const char* name : {"transforms_val.json", "transforms_test.json"}) {
+    if (fs::exists(options.path / name)) test = options.path / name;
+  }
+  const bool pair = fs::exists(train);
+  const bool automatic = options.split == SplitKind::kAuto;
+  if (pair && fs::exists(single)) {
+    warnings.add(single.string(), ": is not read; ", train.filename().string(), " is");
+  }
+  TransformsFile file = read_transforms(pair ? train : single, warnings);
+  Listing listing;
+  listing.main = {file.path, file.root, {}, {}};
+  add_keys(file.root, listing.keys);
+  if (pair || (automatic && !test.empty())) {
+    if (options.split == SplitKind::kLast || options.split == SplitKind::kEvery) {
+      warnings.add(options.path.string(), ": dataset.split ", word_of(options.split),
+                   " has no effect; transforms_train.json and transforms_test.json are the split");
+    }
+    split_by_files(std::move(file), test, options.split != SplitKind::kNone, warnings, listing);
+    check_both_left(listing);
+    return listing;
+  }
+  std::sort(file.views.begin(), file.views.end(),
+            [](const ListedView& a, const ListedView& b) { return a.path < b.path; });
+  if (automatic && names_split(file.root)) {
+    split_by_names(std::move(file), warnings, listing);
+    check_both_left(listing);
+    return listing;
+  }
+  if (names_split(file.root)) {
+    warnings.add(single.string(), ": names the frames of its split (train_filenames and others); ",
+                 "dataset.split ", word_of(options.split), " is used instead");
+  }
+  Split split = split_by_position(
+      file.views.size(), {options.split, options.test_last, options.test_every}, single.string());
+  listing.views = std::move(file.views);
+  listing.is_test = std::move(split.is_test);
+  listing.rule = split.rule;
+  return listing;
+}
+
+/// The points that nerfstudio starts from, in the axes of the poses.
+void read_points(const TransformsFile& file, Dataset& data, const Warnings& warnings) {
+  const std::string name = text_of(file.root, "ply_file_path", file.path.string());
+  if (name.empty()) return;
+  NamedFiles files{file.path.parent_path(), {}, {}};
+  const fs::path path = files.find(name);
+  if (path.empty()) {
+    warnings.add(file.path.string(), ": 'ply_file_path' names ", name,
+                 ", which is not there; no points are used");
+    return;
+  }
+  const gaussians::PointCloud cloud = gaussians::read_point_cloud(path);
+  if (!cloud.points.isfinite().all().item<bool>()) {
+    throw DataError(concat(path.string(), ": found points that are not finite; remove them"));
+  }
+  io::ColmapModel model;
+  model.points = cloud.points.to(torch::kFloat64) -
+                 torch::tensor({data.origin[0], data.origin[1], data.origin[2]}, torch::kFloat64);
+  model.point_colors = (cloud.colors.clamp(0, 1) * 255).round().to(torch::kUInt8);
+  set_points(model, data);
+}
+
+/// The images that any of a folder's files names.
+std::set<fs::path> named_images(const fs::path& folder) {
+  std::set<fs::path> images;
+  for (const char* name : {"transforms.json", "transforms_train.json", "transforms_val.json",
+                           "transforms_test.json"}) {
+    if (!fs::exists(folder / name)) continue;
+    NamedFiles files{folder, {}, {}};
+    const json root = read_json(folder / name);
+    for (const json& frame : root["frames"]) {
+      const fs::path found = files.find(file_path_of(frame, (folder / name).string()));
+      if (!found.empty()) images.insert(fs::weakly_canonical(fs::absolute(found)));
+    }
+  }
+  return images;
+}
+
+/// Images beside those that are used, of which no file speaks.
+void tell_unnamed(const fs::path& root, const std::vector<fs::path>& used,
+                  const Warnings& warnings) {
+  const std::set<fs::path> named = named_images(root);
+  std::set<fs::path> folders;
+  for (const fs::path& path : used) folders.insert(path.parent_path());
+  for (const fs::path& folder : folders) {
+    std::vector<std::string> others;
+    size_t all = 0;
+    for (const fs::path& image : imaging::list_images(folder)) {
+      const std::string name = image.filename().string();
+      // Maps that the Blender scenes of NeRF keep beside their test views, and instant-ngp's masks.
+      const bool map = name.find("_depth_") != std::string::npos ||
+                       name.find("_normal_") != std::string::npos ||
+                       name.rfind("dynamic_mask_", 0) == 0;
+      if (map || name == kMaskFile) continue;
+      ++all;
+      if (named.count(fs::weakly_canonical(fs::absolute(image))) == 0) others.push_back(name);
+    }
+    if (others.empty()) continue;
+    warnings.add(folder.string(), ": ", others.size(), " of ", all,
+                 " images have no pose in transforms.json and are left out: ", listing(others, 3));
+  }
+}
+
+void tell_unused(const fs::path& root, const Listing& found, const Warnings& warnings) {
+  UnusedParts unused = unused_in_any_layout(root, found.views.front().path.parent_path());
+  unused.look_for_keys(found.keys, unused_keys());
+  unused.look_for_files(root, {{"events*.h5", "events; frames have no exposure times here"},
+                               {"events*.npz", "events; frames have no exposure times here"},
+                               {"timestamps.npz", "times of frames"},
+                               {"sparse/", "a COLMAP model"}});
+  if (!found.main.root.contains("ply_file_path")) {
+    unused.look_for_files(root, {{"*.ply", "points that no 'ply_file_path' names"}});
+  }
+  unused.warn(root, "transforms", warnings);
+}
+
 }  // namespace
 
 bool is_transforms(const fs::path& folder) {
@@ -276,42 +649,23 @@ bool is_transforms(const fs::path& folder) {
 
 std::vector<fs::path> named_folders(const fs::path& folder) {
   std::set<fs::path> folders;
-  const Warnings nobody(nullptr);
-  for (const char* name : {"transforms.json", "transforms_train.json", "transforms_test.json"}) {
-    if (!fs::exists(folder / name)) continue;
-    for (const ListedView& view : read_views(folder / name, nobody)) {
-      folders.insert(fs::weakly_canonical(fs::absolute(view.path.parent_path())));
-    }
-  }
+  for (const fs::path& image : named_images(folder)) folders.insert(image.parent_path());
   return {folders.begin(), folders.end()};
 }
 
 Dataset load_transforms(const DatasetOptions& options, const Warnings& warnings) {
-  const fs::path single = options.path / "transforms.json";
-  std::vector<ListedView> views;
-  std::vector<bool> is_test;
+  Listing listing = listing_of(options, warnings);
+  std::vector<ListedView>& views = listing.views;
+  const std::vector<bool>& is_test = listing.is_test;
   Dataset data;
-  if (fs::exists(single)) {
-    views = read_views(single, warnings);
-    std::sort(views.begin(), views.end(),
-              [](const ListedView& a, const ListedView& b) { return a.path < b.path; });
-    Split split = split_by_position(
-        views.size(), {options.split, options.test_last, options.test_every}, single.string());
-    is_test = std::move(split.is_test);
-    data.split = split.rule;
-  } else {
-    views = read_views(options.path / "transforms_train.json", warnings);
-    is_test.assign(views.size(), false);
-    const fs::path test = options.path / "transforms_test.json";
-    if (fs::exists(test) && options.split != SplitKind::kNone) {
-      for (ListedView& view : read_views(test, warnings)) views.push_back(std::move(view));
-    }
-    is_test.resize(views.size(), true);
-    data.split = "transforms_test.json";
+  data.split = listing.rule;
+  std::vector<fs::path> paths, masks;
+  for (const ListedView& view : views) {
+    paths.push_back(view.path);
+    masks.push_back(view.mask);
   }
-  std::vector<fs::path> paths;
-  for (const ListedView& view : views) paths.push_back(view.path);
-  const std::vector<Frame> frames = read_frames(paths, FrameSizes::kAny);
+  const std::vector<Frame> frames =
+      read_frames(paths, MaskSources(options, masks), warnings, FrameSizes::kAny);
   data.root = options.path;
   std::vector<geometry::Pose> poses;
   for (const ListedView& view : views) poses.push_back(view.pose);
@@ -321,7 +675,7 @@ Dataset load_transforms(const DatasetOptions& options, const Warnings& warnings)
   }
   Undistorter undistorter;
   for (size_t i = 0; i < views.size(); ++i) {
-    torch::Tensor image = frames[i].image, mask;
+    torch::Tensor image = frames[i].image, mask = frames[i].mask;
     const geometry::Intrinsics camera = undistorter.undistort(
         fit_camera(views[i], image.size(2), image.size(1)), options.path.string(), image, mask);
     if (is_test[i]) {
@@ -338,7 +692,10 @@ Dataset load_transforms(const DatasetOptions& options, const Warnings& warnings)
     data.train.push_back(std::move(exposure));
   }
   undistorter.tell(warnings, data.notes);
-  const DepthBounds bounds = depth_bounds({}, poses);
+  read_points(listing.main, data, warnings);
+  tell_unnamed(options.path, paths, warnings);
+  tell_unused(options.path, listing, warnings);
+  const DepthBounds bounds = depth_bounds(data.points, poses);
   data.near = bounds.near;
   data.far = bounds.far;
   return data;

@@ -13,7 +13,8 @@ namespace jade::data {
 /// A sharp image of the scene at the middle of an exposure, for scoring.
 struct Truth {
   std::string name;
-  torch::Tensor image;  ///< [3,H,W]
+  torch::Tensor image;      ///< [3,H,W]
+  torch::Tensor mask = {};  ///< as Exposure::mask, of the truth and of its exposure
 };
 
 /// The truths of exposure `index`: the data set's sharp/<name>.* where there is one (simulated

@@ -38,7 +38,7 @@ torch::Tensor has_content(const torch::Tensor& map, int64_t width, int64_t heigh
       .unsqueeze(0);
 }
 
-/// What a [C,H,W] bool picture has at the nearest source of each pixel; false without one.
+/// Remaps a [C,H,W] bool picture by the nearest source of each pixel; false without a source.
 torch::Tensor remapped_flags(const torch::Tensor& flags, const torch::Tensor& map,
                              const torch::Tensor& inside) {
   const auto nearest = [&](int64_t plane, int64_t size) {
@@ -136,7 +136,7 @@ geometry::Intrinsics Undistorter::undistort(const geometry::LensCamera& camera,
   image = imaging::remap(image, to.map);
   const bool filled = to.inside.all().item<bool>();
   if (mask.defined()) {
-    mask = remapped_flags(mask, to.map, to.inside);
+    mask = imaging::remap_mask(mask, to.map) & to.inside;
   } else if (!filled) {
     mask = to.inside;
   }

@@ -1,36 +1,88 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/eval/folders.h"
 
+#include <cmath>
 #include <map>
 #include <string>
 #include <torch/types.h>
 
 #include "jade/core/error.h"
+#include "jade/core/log.h"
 #include "jade/imaging/image_io.h"
 
 namespace jade::eval {
 
 namespace fs = std::filesystem;
 
-Evaluation compare_folders(const fs::path& renders, const fs::path& truth, const Lpips& lpips) {
+namespace {
+
+[[noreturn]] void refuse_size(const fs::path& path, const torch::Tensor& found,
+                              const torch::Tensor& expected, const fs::path& as) {
+  throw DataError(concat(path.string(), ": expected ", expected.size(2), "x", expected.size(1),
+                         " as ", as.string(), ", found ", found.size(2), "x", found.size(1)));
+}
+
+/// A truth and which of its pixels count.
+struct MaskedTruth {
+  torch::Tensor image, mask;
+};
+
+MaskedTruth read_truth(const fs::path& path, const torch::Tensor& of_all, const fs::path& mask) {
+  MaskedTruth truth{imaging::read_image(path), of_all};
+  if (of_all.defined() && of_all.sizes().slice(1) != truth.image.sizes().slice(1)) {
+    refuse_size(mask, of_all, truth.image, path);
+  }
+  if (const torch::Tensor alpha = imaging::read_alpha(path); alpha.defined()) {
+    const torch::Tensor opaque = alpha >= 0.5;
+    truth.mask = of_all.defined() ? of_all.logical_and(opaque) : opaque;
+  }
+  if (truth.mask.defined() && !truth.mask.any().item<bool>()) {
+    throw DataError(concat(path.string(),
+                           ": expected pixels that count, found all of them transparent or "
+                           "excluded by --mask"));
+  }
+  return truth;
+}
+
+}  // namespace
+
+Evaluation compare_folders(const fs::path& renders, const fs::path& truth, const Lpips& lpips,
+                           const fs::path& mask) {
   std::map<std::string, fs::path> by_name;
   for (const fs::path& path : imaging::list_images(renders)) by_name[path.stem().string()] = path;
+  const torch::Tensor of_all = mask.empty() ? torch::Tensor() : imaging::read_mask(mask);
   std::vector<Scores> scores;
+  int64_t masked = 0, composited = 0;
+  double excluded = 0;
   for (const fs::path& path : imaging::list_images(truth)) {
     const auto found = by_name.find(path.stem().string());
     if (found == by_name.end()) {
       throw DataError(concat(renders.string(), ": expected an image named ", path.stem().string(),
                              " as in ", truth.string(), ", found none"));
     }
-    const auto image = imaging::read_image(found->second), reference = imaging::read_image(path);
-    if (image.sizes() != reference.sizes()) {
-      throw DataError(concat(found->second.string(), ": expected ", reference.size(2), "x",
-                             reference.size(1), " as ", path.string(), ", found ", image.size(2),
-                             "x", image.size(1)));
+    torch::Tensor image = imaging::read_image(found->second);
+    const MaskedTruth reference = read_truth(path, of_all, mask);
+    if (image.sizes() != reference.image.sizes()) {
+      refuse_size(found->second, image, reference.image, path);
     }
-    scores.push_back(score(path.stem().string(), image, reference, &lpips));
+    if (const torch::Tensor alpha = imaging::read_alpha(found->second); alpha.defined()) {
+      image = image * alpha;
+      ++composited;
+    }
+    scores.push_back(score(path.stem().string(), image, reference.image, &lpips, reference.mask));
+    masked += int64_t(reference.mask.defined());
+    excluded += scores.back().excluded;
   }
   if (scores.empty()) throw DataError(concat(truth.string(), ": expected images, found none"));
+  if (masked > 0) {
+    log_info(concat(truth.string(), ": ", masked, " of ", scores.size(),
+                    " truths have pixels that do not count (alpha or mask), ",
+                    0.1 * std::round(1000 * excluded / double(scores.size())), " % of all pixels"));
+  }
+  if (composited > 0) {
+    log_info(concat(renders.string(), ": ", composited, " of ", scores.size(),
+                    " renders have alpha and are laid over black"));
+  }
   return evaluation_of(std::move(scores));
 }
 

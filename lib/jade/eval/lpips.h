@@ -13,7 +13,7 @@ struct Module;
 
 namespace jade::eval {
 
-/// What a table says where it has "-" for LPIPS.
+/// Note below a table that has "-" for LPIPS.
 inline constexpr const char* kLpipsAbsent =
     "LPIPS (-) is not available: scripts/setup.sh --metrics installs its networks\n";
 

@@ -24,33 +24,44 @@ double decibel(double mean_squared_error) {
                                 : kPerfect;
 }
 
-torch::Tensor squared_error(const torch::Tensor& image, const torch::Tensor& truth) {
-  return (image.detach().clamp(0, 1).to(torch::kFloat64) -
-          truth.detach().clamp(0, 1).to(torch::kFloat64))
-      .square();
+/// [3,H,W], or [3,1,N] of the pixels that count.
+torch::Tensor squared_error(const torch::Tensor& image, const torch::Tensor& truth,
+                            const torch::Tensor& mask) {
+  const torch::Tensor error = (image.detach().clamp(0, 1).to(torch::kFloat64) -
+                               truth.detach().clamp(0, 1).to(torch::kFloat64))
+                                  .square();
+  if (!mask.defined()) return error;
+  check_shape(mask, "mask", {1, image.size(1), image.size(2)});
+  const torch::Tensor index = mask.to(error.device()).flatten().nonzero().flatten();
+  return error.flatten(1).index_select(1, index).unsqueeze(1);
 }
 
 }  // namespace
 
-double psnr(const torch::Tensor& image, const torch::Tensor& truth) {
+double psnr(const torch::Tensor& image, const torch::Tensor& truth, const torch::Tensor& mask) {
   check_pair(image, truth);
-  return decibel(squared_error(image, truth).mean().item<double>());
+  return decibel(squared_error(image, truth, mask).mean().item<double>());
 }
 
-double psnr_channel_mean(const torch::Tensor& image, const torch::Tensor& truth) {
+double psnr_channel_mean(const torch::Tensor& image, const torch::Tensor& truth,
+                         const torch::Tensor& mask) {
   check_pair(image, truth);
-  const auto errors = squared_error(image, truth).mean({1, 2}).cpu();
+  const auto errors = squared_error(image, truth, mask).mean({1, 2}).cpu();
   double sum = 0;
   for (int64_t c = 0; c < 3; ++c) sum += decibel(errors[c].item<double>());
   return sum / 3;
 }
 
-double ssim(const torch::Tensor& image, const torch::Tensor& truth) {
+double ssim(const torch::Tensor& image, const torch::Tensor& truth, const torch::Tensor& mask) {
   check_pair(image, truth);
   const torch::NoGradGuard no_grad;
-  return imaging::ssim(image.detach().clamp(0, 1).contiguous(),
-                       truth.detach().clamp(0, 1).contiguous())
+  return imaging::ssim(only_counted(image.detach().clamp(0, 1), mask).contiguous(),
+                       only_counted(truth.detach().clamp(0, 1), mask).contiguous())
       .item<double>();
+}
+
+torch::Tensor only_counted(const torch::Tensor& image, const torch::Tensor& mask) {
+  return mask.defined() ? image.masked_fill(~mask.to(image.device()), 0) : image;
 }
 
 }  // namespace jade::eval

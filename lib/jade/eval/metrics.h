@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Image metrics, each by its true name. Images are [3,H,W] RGB in [0,1]; values outside are
-// clamped, as a screen would.
+// clamped, as a screen would. A mask, [1,H,W] bool on any device, true: the pixel counts, leaves
+// out the others; undefined: all pixels count.
 #pragma once
 
 #include <torch/types.h>
@@ -8,12 +9,17 @@
 namespace jade::eval {
 
 /// −10 log10 of the mean squared error over all pixels and channels, dB. 100 for equal images.
-double psnr(const torch::Tensor& image, const torch::Tensor& truth);
+double psnr(const torch::Tensor& image, const torch::Tensor& truth, const torch::Tensor& mask = {});
 
 /// Mean of the three channels' PSNRs, dB: what the published tables of this field hold.
-double psnr_channel_mean(const torch::Tensor& image, const torch::Tensor& truth);
+double psnr_channel_mean(const torch::Tensor& image, const torch::Tensor& truth,
+                         const torch::Tensor& mask = {});
 
 /// SSIM with an 11×11 Gaussian window (σ = 1.5) and zero padding, mean over pixels and channels.
-double ssim(const torch::Tensor& image, const torch::Tensor& truth);
+/// Excluded pixels are 0 in both images.
+double ssim(const torch::Tensor& image, const torch::Tensor& truth, const torch::Tensor& mask = {});
+
+/// The image with excluded pixels set to 0; the same tensor where all count.
+torch::Tensor only_counted(const torch::Tensor& image, const torch::Tensor& mask);
 
 }  // namespace jade::eval

@@ -137,16 +137,18 @@ std::string reblur_table(const Evaluation& evaluation) {
 }  // namespace
 
 Scores score(const std::string& name, const torch::Tensor& image, const torch::Tensor& truth,
-             const Lpips* lpips) {
+             const Lpips* lpips, const torch::Tensor& mask) {
   Scores scores;
   scores.name = name;
-  scores.psnr = psnr(image, truth);
-  scores.psnr_channel_mean = psnr_channel_mean(image, truth);
-  scores.ssim = ssim(image, truth);
+  scores.psnr = psnr(image, truth, mask);
+  scores.psnr_channel_mean = psnr_channel_mean(image, truth, mask);
+  scores.ssim = ssim(image, truth, mask);
   if (lpips != nullptr) {
-    scores.lpips_alex01 = lpips->alex01(image, truth);
-    scores.lpips_vgg = lpips->vgg(image, truth);
+    const torch::Tensor a = only_counted(image, mask), b = only_counted(truth, mask);
+    scores.lpips_alex01 = lpips->alex01(a, b);
+    scores.lpips_vgg = lpips->vgg(a, b);
   }
+  if (mask.defined()) scores.excluded = 1 - mask.sum().item<double>() / double(mask.numel());
   return scores;
 }
 
@@ -171,6 +173,7 @@ std::string to_json(const Evaluation& evaluation) {
     Json view{{"name", scores.name}, {"seen", or_null(scores.seen)}};
     view.update(metrics_of(scores));
     if (scores.gain) view["gain"] = *scores.gain;
+    if (scores.excluded > 0) view["excluded"] = scores.excluded;
     views.push_back(std::move(view));
   }
   Json meaning;

@@ -18,10 +18,11 @@ struct Scores {
   std::optional<double> lpips_alex01, lpips_vgg;
   std::optional<bool> seen =
       std::nullopt;  ///< whether training sees the scene from there; absent: not known
-  /// By what the render was multiplied to be as bright as the view; absent: as it is.
+  /// Factor that the render was multiplied by to be as bright as the view; absent: 1.
   std::optional<double> gain = std::nullopt;
-  /// Of the blurry frame of a held-out exposure against renders blurred along its path.
+  /// PSNR of the blurry frame of a held-out exposure against renders blurred along its path.
   std::optional<double> psnr_reblur = std::nullopt;
+  double excluded = 0;  ///< share of the pixels that a mask leaves out
 };
 
 /// One held-out exposure.
@@ -39,17 +40,19 @@ struct Evaluation {
 };
 
 /// PSNR both ways and SSIM of one view, and LPIPS where `lpips` has its networks (nullptr: none).
+/// @param mask  as in metrics.h; LPIPS sees excluded pixels as 0 in both images
 Scores score(const std::string& name, const torch::Tensor& image, const torch::Tensor& truth,
-             const Lpips* lpips = nullptr);
+             const Lpips* lpips = nullptr, const torch::Tensor& mask = {});
 
 /// Adds the means over the views and over the held-out exposures.
 Evaluation evaluation_of(std::vector<Scores> views, std::vector<ReblurScore> held_out = {});
 
 /// {"views": [{"name", "seen", "psnr", "psnr_channel_mean", "ssim", "lpips_alex01", "lpips_vgg",
 /// "psnr_reblur"}], "held_out": [{"name", "psnr_reblur"}], "mean": {"psnr", …}, "mean_seen": {…},
-/// "mean_unseen": {…}, "definitions": {…}}; a view that was scored with a gain has "gain"; "seen"
-/// is true, false or null, the two means are null where there is no such view, mean.psnr_reblur
-/// where no exposure is held out, and the other metrics of mean where there is no sharp view.
+/// "mean_unseen": {…}, "definitions": {…}}; a view that was scored with a gain has "gain", one with
+/// a mask "excluded", the share of pixels that do not count; "seen" is true, false or null, the two
+/// means are null where there is no such view, mean.psnr_reblur where no exposure is held out, and
+/// the other metrics of mean where there is no sharp view.
 std::string to_json(const Evaluation& evaluation);
 
 /// A table for people, with the definition of every column below it.

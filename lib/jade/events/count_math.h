@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where an event falls, and its bilinear weights. No torch here.
+// Pixel of an event and its bilinear weights. No torch here.
 #pragma once
 
 #include <cstdint>

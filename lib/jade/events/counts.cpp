@@ -85,8 +85,8 @@ torch::Tensor to_events(const torch::Tensor& counts) {
 torch::Tensor signed_count(const EventStream& events, const ImageSize& size) {
   const auto counts = count_spans(events, {0, events.size()}, size);
   if (!counts.is_cpu()) return to_events(counts[0][0] - counts[0][1]);
-  // The same in one pass. A training step asks for a small window, and waking all threads for each
-  // of five operations takes longer than they do, a hundred times so where the processor is busy.
+  // One pass: a training step asks for a small window, and waking all threads for each of five
+  // operations takes longer than the operations, a hundred times longer on a busy processor.
   const auto out = torch::empty({size.height, size.width}, torch::kFloat32);
   const int64_t pixels = out.numel();
   const int64_t* const positive = counts.const_data_ptr<int64_t>();

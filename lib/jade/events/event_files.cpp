@@ -6,11 +6,13 @@
 #include <atomic>
 #include <cctype>
 #include <cmath>
+#include <fstream>
 #include <limits>
 #include <torch/types.h>
-#include <unistd.h>
 
 #include "jade/core/check.h"
+#include "jade/core/machine_memory.h"
+#include "jade/events/event_group.h"
 #include "jade/events/raw_events.h"
 
 namespace jade::events {
@@ -19,20 +21,39 @@ namespace {
 // Sizes beyond every sensor, when only NaN is looked for.
 constexpr ImageSize kAnySize{int64_t(1) << 40, int64_t(1) << 40};
 
-RawEvents read_raw(const std::filesystem::path& path) {
-  std::string kind = path.extension().string();
-  std::transform(kind.begin(), kind.end(), kind.begin(),
+enum class EventFileKind { kHdf5, kNpz, kNpy, kText };
+
+/// By its first bytes, as data sets call the same format by several endings; text by its ending.
+EventFileKind file_kind(const std::filesystem::path& path) {
+  std::string ending = path.extension().string();
+  std::transform(ending.begin(), ending.end(), ending.begin(),
                  [](unsigned char c) { return std::tolower(c); });
-  if (kind == ".h5" || kind == ".hdf5") return read_hdf5_events(path);
-  if (kind == ".npz") return read_npz_events(path);
-  if (kind == ".npy") return read_npy_events(path);
-  if (kind == ".txt" || kind == ".csv") return read_text_events(path);
+  std::ifstream file(path, std::ios::binary);
+  char head[6] = {};
+  file.read(head, sizeof head);
+  const std::string begin(head, size_t(file.gcount()));
+  const auto starts = [&](const char* with) { return begin.rfind(with, 0) == 0; };
+  if (ending == ".h5" || ending == ".hdf5" || starts("\x89HDF")) return EventFileKind::kHdf5;
+  if (ending == ".npz" || starts("PK\x03\x04")) return EventFileKind::kNpz;
+  if (ending == ".npy" || starts("\x93NUMPY")) return EventFileKind::kNpy;
+  if (ending == ".txt" || ending == ".csv" || ending == ".tsv") return EventFileKind::kText;
   throw DataError(concat(path.string(),
                          ": expected a list of events named .h5, .hdf5, .npz, .npy, .txt or .csv, "
                          "found '",
                          path.filename().string(),
                          "'; give a list in text the ending .txt, and a "
                          "camera's own file to jade_import"));
+}
+
+RawEvents read_raw(const std::filesystem::path& path, EventFileKind kind) {
+  switch (kind) {
+    case EventFileKind::kNpz:
+      return read_npz_events(path);
+    case EventFileKind::kNpy:
+      return read_npy_events(path);
+    default:
+      return read_text_events(path);
+  }
 }
 
 /// 0/1 → −1/+1 in place.
@@ -108,9 +129,11 @@ bool is_sorted_in_time(const torch::Tensor& t_us) {
   return std::is_sorted(t, t + t_us.numel());
 }
 
-TimeUnit chosen_unit(const std::filesystem::path& path, const TimeRange& range,
+/// @param said  by the name of the times in the file
+TimeUnit chosen_unit(const std::filesystem::path& path, const TimeRange& range, TimeUnit said,
                      const EventFileOptions& options) {
   if (options.time_unit != TimeUnit::kAuto) return options.time_unit;
+  if (said != TimeUnit::kAuto) return said;
   if (range.first > range.last) return TimeUnit::kUs;
   const std::optional<TimeUnit> unit =
       guess_time_unit(range.first, range.last, range.has_fraction, options.exposures);
@@ -127,44 +150,59 @@ double in_unit(int64_t us, TimeUnit unit) {
   return double(us) * (unit == TimeUnit::kS ? 1e-6 : unit == TimeUnit::kNs ? 1e3 : 1.0);
 }
 
-bool is_hdf5(const std::filesystem::path& path) {
-  return path.extension() == ".h5" || path.extension() == ".hdf5";
+/// Stretches of the file that hold the requested events; the whole file if it is out of order.
+std::vector<Stretch> wanted_stretches(const std::filesystem::path& path, const Hdf5Events& file,
+                                      const EventFileOptions& options, EventFileResult& result) {
+  const TimeSurvey survey = file.survey();
+  result.stored = survey.count();
+  const bool ordered = survey.sorted() && survey.finite() && survey.count() > 0;
+  std::vector<Stretch> stretches{{0, survey.count()}};
+  if (ordered) {
+    const TimeUnit unit = chosen_unit(
+        path, {survey.smallest(), survey.largest(), survey.has_fraction()}, file.unit(), options);
+    result.stored_us = {std::llround(survey.smallest() / in_unit(1, unit)),
+                        std::llround(survey.largest() / in_unit(1, unit)) + 1};
+    // Other units are rounded when they become µs.
+    const int64_t more_us = unit == TimeUnit::kUs && !survey.has_fraction() ? 0 : 1;
+    if (options.keep) stretches.clear();
+    for (const TimeWindow& window : options.keep.value_or(std::vector<TimeWindow>())) {
+      Stretch found = survey.between(in_unit(window.begin_us - more_us, unit),
+                                     in_unit(window.end_us + more_us, unit));
+      if (!stretches.empty()) found.begin = std::max(found.begin, stretches.back().end);
+      if (found.size() > 0) stretches.push_back(found);
+    }
+  }
+  if (options.most > 0) shorten(stretches, options.most);
+  return stretches;
 }
 
 /// All events of a file, or those that options.keep asks for where the file lets them be found
 /// without reading it whole.
 RawEvents wanted_events(const std::filesystem::path& path, const EventFileOptions& options,
-                        EventFileResult& result) {
-  if ((options.keep || options.most > 0) && is_hdf5(path)) {
-    const TimeSurvey survey = survey_hdf5_times(path);
-    result.stored = survey.count();
-    const bool ordered = survey.sorted() && survey.finite() && survey.count() > 0;
-    std::vector<Stretch> stretches{{0, survey.count()}};
-    if (ordered) {
-      const TimeUnit unit =
-          chosen_unit(path, {survey.smallest(), survey.largest(), survey.has_fraction()}, options);
-      result.stored_us = {std::llround(survey.smallest() / in_unit(1, unit)),
-                          std::llround(survey.largest() / in_unit(1, unit)) + 1};
-      // Other units are rounded when they become µs.
-      const int64_t more_us = unit == TimeUnit::kUs && !survey.has_fraction() ? 0 : 1;
-      if (options.keep) stretches.clear();
-      for (const TimeWindow& window : options.keep.value_or(std::vector<TimeWindow>())) {
-        Stretch found = survey.between(in_unit(window.begin_us - more_us, unit),
-                                       in_unit(window.end_us + more_us, unit));
-        if (!stretches.empty()) found.begin = std::max(found.begin, stretches.back().end);
-        if (found.size() > 0) stretches.push_back(found);
-      }
+                        const std::string& group, EventFileResult& result) {
+  const EventFileKind kind = file_kind(path);
+  if (kind != EventFileKind::kHdf5) {
+    if (!group.empty()) {
+      throw DataError(concat(path.string(), ": expected an HDF5 file, of which a group is chosen (",
+                             group, "), found another format; leave the group out"));
     }
-    if (options.most > 0) shorten(stretches, options.most);
-    int64_t count = 0;
-    for (const Stretch& stretch : stretches) count += stretch.size();
-    check_event_memory(path, count, options.event_bytes);
-    return read_hdf5_events(path, stretches);
+    RawEvents raw = read_raw(path, kind);
+    result.stored = raw.time.numel();
+    check_event_memory(path, result.stored, options.event_bytes);
+    return raw;
   }
-  RawEvents raw = read_raw(path);
-  result.stored = raw.time.numel();
-  check_event_memory(path, result.stored, options.event_bytes);
-  return raw;
+  const Hdf5Events file(path, group);
+  result.warnings = file.notes();
+  if (!options.keep && options.most == 0) {
+    result.stored = file.length();
+    check_event_memory(path, result.stored, options.event_bytes);
+    return file.read();
+  }
+  const std::vector<Stretch> stretches = wanted_stretches(path, file, options, result);
+  int64_t count = 0;
+  for (const Stretch& stretch : stretches) count += stretch.size();
+  check_event_memory(path, count, options.event_bytes);
+  return file.read(stretches);
 }
 
 void report(const std::filesystem::path& path, EventFileResult& result,
@@ -211,13 +249,12 @@ EventStream only_in(const std::vector<TimeWindow>& windows, const EventStream& e
           joined(&EventStream::polarity)};
 }
 
-void check_memory(const std::string& what, double bytes) {
-  const double machine = double(sysconf(_SC_PHYS_PAGES)) * double(sysconf(_SC_PAGE_SIZE));
+void check_memory(const std::string& what, double bytes, const std::string& fix) {
+  const double machine = machine_memory();
   if (bytes < kMostMemory * machine) return;
-  throw DataError(concat(what, " need ", std::llround(1e-9 * bytes), " GB, more than ", kMostMemory,
-                         " of the ", std::llround(1e-9 * machine),
-                         " GB of this machine; choose a shorter span of time (jade_import: "
-                         "--begin-s, --end-s)"));
+  const auto gigabytes = [](double count) { return 0.1 * std::round(1e-8 * count); };
+  throw DataError(concat(what, " need ", gigabytes(bytes), " GB, more than ", kMostMemory,
+                         " of the ", gigabytes(machine), " GB of this machine; ", fix));
 }
 
 void check_event_memory(const std::filesystem::path& path, int64_t count, double bytes) {
@@ -225,11 +262,22 @@ void check_event_memory(const std::filesystem::path& path, int64_t count, double
 }
 
 EventFileResult read_events(const std::filesystem::path& path, const EventFileOptions& options) {
-  EventFileResult result;
-  RawEvents raw = wanted_events(path, options, result);
+  return read_event_group(path, options).file;
+}
+
+std::string event_group_name(const std::filesystem::path& path, const std::string& group) {
+  return Hdf5Events(path, group).name();
+}
+
+EventGroupResult read_event_group(const std::filesystem::path& path,
+                                  const EventFileOptions& options, const std::string& group) {
+  EventGroupResult all;
+  EventFileResult& result = all.file;
+  RawEvents raw = wanted_events(path, options, group, result);
   make_signs(path, raw.polarity);
   const auto range = range_of(path, raw.time);
-  result.time_unit = chosen_unit(path, range, options);
+  result.time_unit = chosen_unit(path, range, raw.unit, options);
+  all.sensor = raw.size;
   raw.time = to_us(raw.time, result.time_unit);
   result.was_unsorted = !is_sorted_in_time(raw.time);
   if (result.was_unsorted) {
@@ -244,7 +292,7 @@ EventFileResult read_events(const std::filesystem::path& path, const EventFileOp
   }
   if (options.keep) result.events = only_in(*options.keep, result.events);
   report(path, result, options.size);
-  return result;
+  return all;
 }
 
 }  // namespace jade::events

@@ -45,10 +45,14 @@ EventStream only_in(const std::vector<TimeWindow>& windows, const EventStream& e
 /// The share of a machine's memory that a recording may take.
 constexpr double kMostMemory = 0.7;
 
-/// @throws DataError if `what` of a recording, which takes so many bytes, does not fit into memory.
-void check_memory(const std::string& what, double bytes);
+/// @param fix  what to do about it, for the message
+/// @throws DataError if `what`, which takes so many bytes, does not fit into kMostMemory of what
+///   machine_memory() says.
+void check_memory(
+    const std::string& what, double bytes,
+    const std::string& fix = "choose a shorter span of time (jade_import: --begin-s, --end-s)");
 
-/// The same for so many events at so many bytes each.
+/// Checks memory for `count` events of `bytes` bytes each.
 void check_event_memory(const std::filesystem::path& path, int64_t count, double bytes);
 
 /// Reads a recording into memory, 17 bytes per event and no second copy of it (16 bytes more for
@@ -69,7 +73,7 @@ void check_event_memory(const std::filesystem::path& path, int64_t count, double
 EventFileResult read_events(const std::filesystem::path& path,
                             const EventFileOptions& options = {});
 
-/// The same events in order of time; the order of equal times is kept.
+/// Sorts events by time; the order of equal times is kept.
 /// @param x,y,t_us,polarity  as EventStream takes them, in any order.
 EventStream sort_events(const torch::Tensor& x, const torch::Tensor& y, const torch::Tensor& t_us,
                         const torch::Tensor& polarity);

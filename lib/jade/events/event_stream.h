@@ -67,14 +67,14 @@ class EventStream {
   /// How many events happened before `t_us`: the index of the first one at or after it.
   int64_t count_before(int64_t t_us) const;
 
-  /// The same events on another device; the same arrays when they are there already.
+  /// Copies the events to a device; shares the arrays if they are there already.
   EventStream to(torch::Device device) const;
 
  private:
   torch::Tensor x_, y_, t_us_, polarity_;
 };
 
-/// What is unusual about a stream. Voxels and windows ignore such events, this says how many.
+/// Counts of invalid events in a stream. Voxels and windows ignore such events.
 struct EventProblems {
   int64_t not_finite = 0;     ///< x or y is NaN or Inf
   int64_t outside = 0;        ///< no pixel of the image is within one pixel

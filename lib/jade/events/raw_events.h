@@ -1,34 +1,65 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the readers of each format give event_files.cpp. Not for use outside this folder.
+// Results of the format readers for event_files.cpp. Private to this folder.
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <filesystem>
+#include <memory>
+#include <optional>
 #include <string>
 #include <torch/types.h>
 #include <vector>
 
+#include "jade/events/event_stream.h"
 #include "jade/events/time_survey.h"
+#include "jade/events/time_unit.h"
 
 namespace jade::events {
 
 /// A recording as stored: coordinates and polarities in our types, times in the file's unit.
 struct RawEvents {
-  torch::Tensor x, y;      ///< float32 [N]
-  torch::Tensor polarity;  ///< int8 [N], as stored
-  torch::Tensor time;      ///< int64, or float64 where the file has floats, [N]
+  torch::Tensor x, y;               ///< float32 [N]
+  torch::Tensor polarity;           ///< int8 [N], as stored
+  torch::Tensor time;               ///< int64, or float64 where the file has floats, [N]
+  TimeUnit unit = TimeUnit::kAuto;  ///< of the times, where their name says it
+  std::optional<ImageSize> size;    ///< of the sensor, where the file says it
 };
 
-RawEvents read_hdf5_events(const std::filesystem::path& path);
-/// The times of such a file without the rest.
-TimeSurvey survey_hdf5_times(const std::filesystem::path& path);
-/// Events of these stretches alone, which lie in order and apart.
-RawEvents read_hdf5_events(const std::filesystem::path& path,
-                           const std::vector<Stretch>& stretches);
+/// One stream of events in an HDF5 file: arrays in a group, records, or a table of four columns.
+class Hdf5Events {
+ public:
+  /// @param group  of the arrays, or the name of the records or the table; empty: the stream
+  ///   nearest to the root, the first by name
+  /// @throws DataError for a file without events, or without this stream, naming what there is.
+  Hdf5Events(const std::filesystem::path& path, const std::string& group);
+  ~Hdf5Events();
+
+  const std::string& name() const;
+  /// Notes for the user: other streams, and data beside the events that is not used.
+  const std::vector<std::string>& notes() const { return notes_; }
+  TimeUnit unit() const;
+  int64_t length() const;
+  /// The times without the rest.
+  TimeSurvey survey() const;
+  /// All events, or those of these stretches alone, which lie in order and apart.
+  RawEvents read(const std::optional<std::vector<Stretch>>& stretches = std::nullopt) const;
+
+ private:
+  struct Source;
+  std::vector<std::string> notes_;
+  std::shared_ptr<const Source> source_;
+};
+
 RawEvents read_npz_events(const std::filesystem::path& path);
 RawEvents read_npy_events(const std::filesystem::path& path);
 RawEvents read_text_events(const std::filesystem::path& path);
 
-/// Which of x, y, t, p (0 to 3) an array of this name holds, or -1. Names without their group.
-int event_field(const std::string& name);
+/// Converts polarities to int8. @throws DataError for fractions, which the conversion would
+/// truncate.
+torch::Tensor whole_polarity(const std::filesystem::path& path, const torch::Tensor& polarity);
+
+/// @throws DataError unless x, y, t and p are as many.
+void check_lengths(const std::filesystem::path& path, const std::array<int64_t, 4>& lengths);
 
 }  // namespace jade::events

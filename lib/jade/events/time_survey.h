@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where spans of time lie in a list of times that is too long to hold.
+// Finds spans of time in a list of times that is too long to hold in memory.
 #pragma once
 
 #include <cstdint>
@@ -34,7 +34,7 @@ class TimeSurvey {
   bool has_fraction() const { return has_fraction_; }
   bool sorted() const { return sorted_; }
 
-  /// Where times begin ≤ t < end stand. Of sorted lists only.
+  /// Stretch of times with begin ≤ t < end. Sorted lists only.
   Stretch between(double begin, double end) const;
 
  private:

@@ -43,7 +43,7 @@ bool is_whole_and_large(const torch::Tensor& times) {
   return gap > kLongestGapS && t.eq(t.floor()).all().item<bool>();
 }
 
-/// Of times of exposures whose lengths say nothing.
+/// Unit of exposure times whose lengths do not tell it.
 TimeUnit lone_unit(const torch::Tensor& times) {
   if (!times.is_floating_point()) return TimeUnit::kUs;
   if (!is_whole_and_large(times)) return TimeUnit::kS;

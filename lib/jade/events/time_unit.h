@@ -14,7 +14,7 @@
 
 namespace jade::events {
 
-/// Of time stamps.
+/// Unit of time stamps.
 enum class TimeUnit { kAuto, kUs, kNs, kS };
 
 constexpr auto words_of(TimeUnit) {

@@ -32,7 +32,7 @@ JADE_HD bool in_head(const AdamGroup& group, int64_t i) {
   return group.head == group.row || i % group.row < group.head;
 }
 
-/// What each of three tied floats takes for its gradient.
+/// Gradient of each of three tied floats.
 JADE_HD float tied_gradient(const float* three) { return (three[0] + three[1] + three[2]) / 3; }
 
 struct AdamConstants {

@@ -14,7 +14,7 @@ namespace {
 constexpr double kResetOpacity = 0.01;
 constexpr int kOpacity = 3;
 constexpr int64_t kChildren = 2;
-/// Of the calendar that mcmc.growth is given for: until 15,000 from 500, every 100.
+/// Densifications in the schedule that mcmc.growth refers to: from 500 to 15,000, every 100.
 constexpr double kMcmcDensifications = 145;
 /// Children of a split are this much smaller (3DGS: 0.8 · number of children).
 const double kSplitShrink = std::log(1.6);
@@ -47,7 +47,7 @@ splat::Gaussians split_children(const splat::Gaussians& values, const torch::Ten
   return children;
 }
 
-/// What is too faint, too large or not finite goes.
+/// Mask of Gaussians to keep: not too faint, not too large, finite.
 torch::Tensor survivors(const splat::Gaussians& values, const DensifyOptions& options,
                         double extent, bool prune_large) {
   torch::Tensor keep = values.logit_opacities >= logit(std::max(options.prune_opacity, 1e-12));

@@ -95,7 +95,7 @@ void describe(V& v, DensifyOptions& o) {
   v.group("mcmc", o.mcmc, "strategy mcmc");
 }
 
-/// What one densification did.
+/// Counts of one densification.
 struct DensifyReport {
   int64_t cloned = 0, split = 0, pruned = 0, relocated = 0, added = 0;
   bool opacity_reset = false;
@@ -125,8 +125,8 @@ class Densifier {
   /// True when update(step) will do more than return (always with mcmc, for its noise).
   bool due(int64_t step) const;
 
-  /// What `step` asks for, after the backward pass and the optimiser's step. Synchronises with the
-  /// device only where rows change. Changed parameters have no gradient.
+  /// Densifies if `step` is due, after the backward pass and the optimiser's step. Synchronises
+  /// with the device only if rows change. Changed parameters have no gradient.
   DensifyReport update(int64_t step, GaussianModel& model, GaussianAdam& adam);
 
   /// Opacity and scale terms that strategy mcmc adds to the loss, a scalar; undefined otherwise.

@@ -16,7 +16,7 @@
 
 namespace jade::gaussians {
 
-/// Where the Gaussians start.
+/// Source of the initial Gaussians.
 enum class InitKind { kAuto, kSfm, kRandomFrusta, kPly };
 
 constexpr auto words_of(InitKind) {
@@ -50,13 +50,12 @@ struct InitView {
   torch::Tensor image;  ///< [3,H,W]
 };
 
-/// What the start can draw on.
+/// Data that the initialisation can use.
 struct InitSources {
   std::vector<InitView> views;
   double near = 0, far = 0;  ///< depth range of random_frusta, world units
   PointCloud points;         ///< SfM points; tensors may be undefined
-  /// Where the origin of views and points lies in the data set's own coordinates, in which init.ply
-  /// is.
+  /// Origin of views and points in the data set's own coordinates, which init.ply uses.
   geometry::Vector3 origin{0, 0, 0};
 };
 

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/gaussians/ply.h"
 
+#include <algorithm>
 #include <fstream>
+#include <limits>
 #include <sstream>
 #include <string>
 #include <tuple>
@@ -11,7 +13,11 @@
 #include "jade/core/check.h"
 #include "jade/gaussians/file_tensor.h"
 #include "jade/gaussians/ply_header.h"
+#include "jade/gaussians/ply_kind.h"
+#include "jade/gaussians/ply_packed.h"
+#include "jade/gaussians/summary.h"
 #include "jade/geometry/origin.h"
+#include "jade/splat/math/projection.h"
 
 namespace jade::gaussians {
 namespace {
@@ -22,9 +28,18 @@ const char* const kOrigin = "origin";
 /// Its opacity is 1 in float32. Converters write infinity where a format of bytes has 255.
 constexpr double kFullLogit = 30;
 
+/// Log thickness of a flat Gaussian relative to its thinnest other axis: a thousandth.
+constexpr double kLogFlatness = -6.9;
+/// Log scale of Gaussians that are flat along all axes: points of 1e-7.
+constexpr double kLogPoint = -16;
+constexpr double kShConstant0 = 0.28209479177387814;  ///< Y_0^0
+
 /// The attributes without f_rest, in the order of a standard file.
 const std::vector<std::string> kGeometry = {"opacity", "scale_0", "scale_1", "scale_2",
                                             "rot_0",   "rot_1",   "rot_2",   "rot_3"};
+const std::vector<std::string> kConstant = {"f_dc_0", "f_dc_1", "f_dc_2"};
+const std::vector<std::vector<std::string>> kColorNames = {
+    {"red", "green", "blue"}, {"diffuse_red", "diffuse_green", "diffuse_blue"}};
 
 std::vector<std::string> rest_names(int64_t count) {
   std::vector<std::string> names;
@@ -43,8 +58,121 @@ int64_t count_rest(const PlyFile& file, const std::filesystem::path& path) {
   return count;
 }
 
-bool holds_gaussians(const PlyFile& file) {
-  return file.vertices().find("f_dc_0") >= 0 && file.vertices().find("scale_0") >= 0;
+bool has_all(const PlyFile& file, const std::vector<std::string>& names) {
+  return std::all_of(names.begin(), names.end(),
+                     [&](const auto& name) { return file.vertices().find(name) >= 0; });
+}
+
+/// Names of the colours of points; empty if there are none.
+std::vector<std::string> color_names(const PlyFile& file) {
+  for (const auto& names : kColorNames) {
+    if (has_all(file, names)) return names;
+  }
+  return {};
+}
+
+/// [N,3] in [0,1].
+torch::Tensor read_colors(const PlyFile& file, const std::vector<std::string>& names) {
+  torch::Tensor colors = file.read_vertices(names);
+  const auto first = static_cast<size_t>(file.vertices().find(names[0]));
+  const PlyType type = file.vertices().properties[first].type;
+  if (type == PlyType::kUint16 || type == PlyType::kInt16) return colors.div_(65535);
+  if (type != PlyType::kFloat32 && type != PlyType::kFloat64) colors.div_(255);
+  return colors;
+}
+
+PlyKind kind_of(const PlyFile& file) {
+  const PlyElement& vertices = file.vertices();
+  if (is_packed(file)) return PlyKind::kPacked;
+  // Any of these alone: a file that lacks the others is damaged, not a point cloud.
+  for (const char* const name : {"f_dc_0", "scale_0", "rot_0"}) {
+    if (vertices.find(name) < 0) continue;
+    if (vertices.find("scale_1") >= 0 && vertices.find("scale_2") < 0) return PlyKind::kFlat;
+    const bool colored = vertices.find("f_dc_0") < 0 && !color_names(file).empty();
+    return colored ? PlyKind::kColored : PlyKind::kGaussians;
+  }
+  const PlyElement* const faces = file.element("face");
+  return faces != nullptr && faces->count > 0 ? PlyKind::kMesh : PlyKind::kPoints;
+}
+
+bool holds_gaussians(PlyKind kind) { return kind != PlyKind::kPoints && kind != PlyKind::kMesh; }
+
+/// @throws DataError for a point cloud or a mesh, and for missing attributes, which it names.
+void check_attributes(const PlyFile& file, PlyKind kind) {
+  const std::string path = file.path().string();
+  if (!holds_gaussians(kind)) {
+    throw DataError(concat(path, ": expected the 3DGS attributes f_dc_0, scale_0, …, found a ",
+                           word_of(kind), " without them",
+                           kind == PlyKind::kMesh
+                               ? "; only its vertices can be used, as init.ply of jade_train"
+                               : "; as init.ply jade_train can start from it"));
+  }
+  if (kind == PlyKind::kPacked) return;
+  std::string missing;
+  const auto ask = [&](const std::string& name) {
+    if (file.vertices().find(name) < 0) missing += (missing.empty() ? "" : ", ") + name;
+  };
+  for (const char* const axis : {"x", "y", "z"}) ask(axis);
+  if (color_names(file).empty() || file.vertices().find("f_dc_0") >= 0) {
+    for (const std::string& name : kConstant) ask(name);
+  }
+  for (const std::string& name : kGeometry) {
+    if (kind != PlyKind::kFlat || name != "scale_2") ask(name);
+  }
+  if (missing.empty()) return;
+  throw DataError(concat(path, ": expected the attributes of ", word_of(kind),
+                         ", found none called ", missing, "; export the scene again"));
+}
+
+/// Opacities and scales that no float can hold or no renderer draws become the nearest that mean
+/// the same. Returns how many Gaussians are flat.
+int64_t make_finite(splat::Gaussians& g) {
+  const torch::Tensor logits = g.logit_opacities;
+  g.logit_opacities = torch::where(logits.abs() > splat::math::kMaxAbsLogit,
+                                   logits.clamp(-kFullLogit, kFullLogit), logits)
+                          .contiguous();
+  const torch::Tensor thin = g.log_scales < -splat::math::kMaxAbsLogScale;
+  const torch::Tensor flat = thin.any(1);
+  const auto count = flat.sum().item<int64_t>();
+  if (count == 0) return 0;
+  constexpr double kNone = std::numeric_limits<double>::infinity();
+  const torch::Tensor thinnest = std::get<0>(g.log_scales.masked_fill(thin, kNone).min(1));
+  const torch::Tensor depth =
+      torch::where(thinnest.isinf(), torch::full_like(thinnest, kLogPoint),
+                   (thinnest + kLogFlatness).clamp_min(1 - splat::math::kMaxAbsLogScale));
+  g.log_scales = torch::where(thin, depth.unsqueeze(1), g.log_scales).contiguous();
+  return count;
+}
+
+/// Reads all kinds but the packed one, in one pass over the file.
+splat::Gaussians read_attributes(const PlyFile& file) {
+  const bool has_constant = file.vertices().find("f_dc_0") >= 0;
+  const int64_t scales = file.vertices().find("scale_2") >= 0 ? 3 : 2;
+  const std::vector<std::string> scale_names = {"scale_0", "scale_1", "scale_2"};
+  std::vector<std::string> names = {"x", "y", "z", "opacity", "rot_0", "rot_1", "rot_2", "rot_3"};
+  names.insert(names.end(), scale_names.begin(), scale_names.begin() + scales);
+  if (has_constant) names.insert(names.end(), kConstant.begin(), kConstant.end());
+  const int64_t rest = count_rest(file, file.path());
+  const auto more = rest_names(rest);
+  names.insert(names.end(), more.begin(), more.end());
+  const torch::Tensor rows = file.read_vertices(names);
+  int64_t at = 0;
+  const auto take = [&](int64_t count) {
+    at += count;
+    return rows.narrow(1, at - count, count);
+  };
+  splat::Gaussians g;
+  g.means = take(3).contiguous();
+  g.logit_opacities = take(1).squeeze(1).contiguous();
+  g.rotations = take(4).contiguous();
+  g.log_scales = torch::constant_pad_nd(take(scales), {0, 3 - scales},
+                                        -std::numeric_limits<double>::infinity())
+                     .contiguous();
+  const torch::Tensor dc =
+      has_constant ? take(3) : (read_colors(file, color_names(file)) - 0.5) / kShConstant0;
+  const torch::Tensor by_channel = take(rest).reshape({rows.size(0), 3, rest / 3});
+  g.sh = torch::cat({dc.unsqueeze(1), by_channel.transpose(1, 2)}, 1).contiguous();
+  return g;
 }
 
 bool says_mip(const PlyFile& file) {
@@ -90,7 +218,10 @@ Places places_of(const PlyFile& file, const torch::Tensor& xyz) {
   if (!geometry::is_zero(origin)) return {xyz, origin};
   const geometry::Vector3 found = found_origin(xyz);
   if (geometry::is_zero(found)) return {xyz, found};
-  const torch::Tensor exact = file.read_vertices({"x", "y", "z"}, torch::kFloat64);
+  // Packed places have no more digits than float32.
+  const torch::Tensor exact = is_packed(file)
+                                  ? xyz.to(torch::kFloat64)
+                                  : file.read_vertices({"x", "y", "z"}, torch::kFloat64);
   const torch::Tensor moved =
       exact - torch::tensor({found[0], found[1], found[2]}, torch::kFloat64);
   return {moved.to(torch::kFloat32), found};
@@ -129,36 +260,22 @@ torch::Tensor with_doubles(const torch::Tensor& rows, const geometry::Vector3& o
 
 }  // namespace
 
-GaussianFile read_ply(const std::filesystem::path& path) {
+PlyScene read_scene(const std::filesystem::path& path) {
   const PlyFile file(path);
-  if (!holds_gaussians(file)) {
-    throw DataError(concat(path.string(),
-                           ": expected the 3DGS attributes f_dc_0, scale_0, …, found ",
-                           "other vertex properties; is this a plain point cloud?"));
-  }
-  const int64_t rest = count_rest(file, path);
-  std::vector<std::string> names = {"x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2"};
-  names.insert(names.end(), kGeometry.begin(), kGeometry.end());
-  const auto more = rest_names(rest);
-  names.insert(names.end(), more.begin(), more.end());
-  const torch::Tensor rows = file.read_vertices(names);
-  const auto columns = [&](int64_t begin, int64_t count) { return rows.narrow(1, begin, count); };
-  GaussianFile result;
-  result.antialiased = says_mip(file);
-  const Places places = places_of(file, columns(0, 3));
-  result.origin = places.origin;
-  splat::Gaussians& g = result.gaussians;
-  g.means = places.xyz.contiguous();
-  const torch::Tensor logits = columns(6, 1).squeeze(1);
-  g.logit_opacities =
-      torch::where(logits.isinf(), logits.clamp(-kFullLogit, kFullLogit), logits).contiguous();
-  g.log_scales = columns(7, 3).contiguous();
-  g.rotations = columns(10, 4).contiguous();
-  const torch::Tensor dc = columns(3, 3).unsqueeze(1);
-  const torch::Tensor by_channel = columns(14, rest).reshape({rows.size(0), 3, rest / 3});
-  g.sh = torch::cat({dc, by_channel.transpose(1, 2)}, 1).contiguous();
+  PlyScene result;
+  result.kind = kind_of(file);
+  check_attributes(file, result.kind);
+  result.file.antialiased = says_mip(file);
+  splat::Gaussians& gaussians = result.file.gaussians;
+  gaussians = result.kind == PlyKind::kPacked ? unpack(file) : read_attributes(file);
+  const Places places = places_of(file, gaussians.means);
+  gaussians.means = places.xyz.contiguous();
+  result.file.origin = places.origin;
+  result.flat = make_finite(gaussians);
   return result;
 }
+
+GaussianFile read_ply(const std::filesystem::path& path) { return read_scene(path).file; }
 
 void check_some(const splat::Gaussians& gaussians, const std::filesystem::path& path) {
   if (gaussians.size() == 0)
@@ -167,6 +284,10 @@ void check_some(const splat::Gaussians& gaussians, const std::filesystem::path& 
     throw DataError(concat(path.string(),
                            ": expected Gaussians at finite positions, found none of ",
                            gaussians.size()));
+  }
+  if (drawable(gaussians).size() == 0) {
+    throw DataError(concat(path.string(), ": expected Gaussians that can be drawn, found none of ",
+                           gaussians.size(), ": ", undrawable_reasons(gaussians)));
   }
 }
 
@@ -202,17 +323,15 @@ PointCloud read_point_cloud(const std::filesystem::path& path) {
   const Places places = places_of(file, file.read_vertices({"x", "y", "z"}));
   cloud.points = places.xyz;
   cloud.origin = places.origin;
-  const int64_t red = file.vertices().find("red");
-  if (red < 0) {
-    cloud.colors = torch::full_like(cloud.points, 0.5);
-    return cloud;
-  }
-  cloud.colors = file.read_vertices({"red", "green", "blue"});
-  const PlyType type = file.vertices().properties[static_cast<size_t>(red)].type;
-  if (type != PlyType::kFloat32 && type != PlyType::kFloat64) cloud.colors.div_(255);
+  const std::vector<std::string> names = color_names(file);
+  cloud.colors = names.empty() ? torch::full_like(cloud.points, 0.5) : read_colors(file, names);
   return cloud;
 }
 
-bool has_gaussians(const std::filesystem::path& path) { return holds_gaussians(PlyFile(path)); }
+PlyKind kind_of(const std::filesystem::path& path) { return kind_of(PlyFile(path)); }
+
+bool has_colors(const std::filesystem::path& path) { return !color_names(PlyFile(path)).empty(); }
+
+bool has_gaussians(const std::filesystem::path& path) { return holds_gaussians(kind_of(path)); }
 
 }  // namespace jade::gaussians

@@ -13,8 +13,8 @@ namespace jade::gaussians {
 struct GaussianFile {
   splat::Gaussians gaussians;  ///< float32 on the CPU; K as the file's SH degree says
   bool antialiased = false;    ///< header comment "SplatRenderMode: mip"; default is "default"
-  /// Where the origin of the means lies in the coordinates of the data set (geometry/origin.h); of
-  /// a file the header comment "origin X Y Z".
+  /// Origin of the means in the coordinates of the data set (geometry/origin.h); in a file the
+  /// header comment "origin X Y Z".
   geometry::Vector3 origin{0, 0, 0};
 };
 
@@ -38,7 +38,7 @@ struct PointCloud {
 ///   vertices than they have bytes for.
 GaussianFile read_ply(const std::filesystem::path& path);
 
-/// What is asked of a scene from which something begins: a Gaussian at a finite position.
+/// Checks that a scene has at least one Gaussian at a finite position.
 /// @throws DataError naming the file where it held none.
 void check_some(const splat::Gaussians& gaussians, const std::filesystem::path& path);
 

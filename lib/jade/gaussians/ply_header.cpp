@@ -218,15 +218,22 @@ PlyFile::PlyFile(const fs::path& path) : path_(path), content_(read_file(path)) 
   if (has_list(*vertex)) fail(path_, "its vertices hold lists, which no point cloud needs");
 }
 
-std::string_view PlyFile::vertex_data() const {
+const PlyElement* PlyFile::element(const std::string& name) const {
+  for (const PlyElement& element : header_.elements) {
+    if (element.name == name) return &element;
+  }
+  return nullptr;
+}
+
+std::string_view PlyFile::data_of(const PlyElement& element) const {
   std::string_view data = std::string_view(content_).substr(header_.size);
   const bool swap = header_.format == PlyFormat::kBigEndian;
-  for (size_t i = 0; i < vertex_; ++i) {
-    const PlyElement& element = header_.elements[i];
+  for (const PlyElement& before : header_.elements) {
+    if (&before == &element) break;
     if (header_.format == PlyFormat::kAscii) {
-      data = skip_lines(data, element, path_);
+      data = skip_lines(data, before, path_);
     } else {
-      data = skip_lists(data, element, swap, path_);
+      data = skip_lists(data, before, swap, path_);
     }
   }
   return data;
@@ -234,14 +241,20 @@ std::string_view PlyFile::vertex_data() const {
 
 torch::Tensor PlyFile::read_vertices(const std::vector<std::string>& names,
                                      torch::ScalarType type) const {
-  const PlyElement& element = vertices();
+  return read(vertices(), names, type);
+}
+
+torch::Tensor PlyFile::read(const PlyElement& element, const std::vector<std::string>& names,
+                            torch::ScalarType type) const {
   std::vector<int64_t> column(element.properties.size(), -1);
   for (size_t i = 0; i < names.size(); ++i) {
     const int64_t found = element.find(names[i]);
-    if (found < 0) fail(path_, concat("its vertices have no property '", names[i], "'"));
+    if (found < 0) {
+      fail(path_, concat("its element '", element.name, "' has no property '", names[i], "'"));
+    }
     column[static_cast<size_t>(found)] = static_cast<int64_t>(i);
   }
-  const std::string_view data = vertex_data();
+  const std::string_view data = data_of(element);
   // The claimed count is checked against the bytes there are before anything is allocated.
   const size_t least =
       header_.format == PlyFormat::kAscii ? 2 * element.properties.size() : row_size(element);
@@ -251,26 +264,26 @@ torch::Tensor PlyFile::read_vertices(const std::vector<std::string>& names,
   }
   torch::Tensor out = torch::empty({element.count, static_cast<int64_t>(names.size())}, type);
   if (type == torch::kFloat64) {
-    decode(data, column, out.data_ptr<double>());
+    decode(element, data, column, out.data_ptr<double>());
   } else {
-    decode(data, column, out.data_ptr<float>());
+    decode(element, data, column, out.data_ptr<float>());
   }
   return out;
 }
 
 template <class T>
-void PlyFile::decode(std::string_view data, const std::vector<int64_t>& column, T* out) const {
+void PlyFile::decode(const PlyElement& element, std::string_view data,
+                     const std::vector<int64_t>& column, T* out) const {
   if (header_.format == PlyFormat::kAscii) {
-    decode_ascii(data, column, out);
+    decode_ascii(element, data, column, out);
   } else {
-    decode_binary(data, column, out);
+    decode_binary(element, data, column, out);
   }
 }
 
 template <class T>
-void PlyFile::decode_binary(std::string_view data, const std::vector<int64_t>& column,
-                            T* out) const {
-  const PlyElement& element = vertices();
+void PlyFile::decode_binary(const PlyElement& element, std::string_view data,
+                            const std::vector<int64_t>& column, T* out) const {
   const size_t stride = row_size(element);
   if (static_cast<uint64_t>(element.count) * stride > data.size()) fail_short(path_, element);
   const bool swap = header_.format == PlyFormat::kBigEndian;
@@ -290,9 +303,8 @@ void PlyFile::decode_binary(std::string_view data, const std::vector<int64_t>& c
 }
 
 template <class T>
-void PlyFile::decode_ascii(std::string_view data, const std::vector<int64_t>& column,
-                           T* out) const {
-  const PlyElement& element = vertices();
+void PlyFile::decode_ascii(const PlyElement& element, std::string_view data,
+                           const std::vector<int64_t>& column, T* out) const {
   const auto width = std::count_if(column.begin(), column.end(), [](int64_t c) { return c >= 0; });
   const char* at = data.data();
   const char* const end = at + data.size();
@@ -310,7 +322,7 @@ void PlyFile::decode_ascii(std::string_view data, const std::vector<int64_t>& co
       }
       if (problem != std::errc()) {
         fail(path_,
-             concat("expected a number in vertex row ", row, ", found '",
+             concat("expected a number in ", element.name, " row ", row, ", found '",
                     std::string(at, std::min<size_t>(12, static_cast<size_t>(end - at))), "'"));
       }
       if (target >= 0) out[row * width + target] = value;

@@ -43,23 +43,32 @@ class PlyFile {
   /// Reads the file and its header. @throws DataError naming the path.
   explicit PlyFile(const std::filesystem::path& path);
 
+  const std::filesystem::path& path() const { return path_; }
   const PlyHeader& header() const { return header_; }
   const PlyElement& vertices() const { return header_.elements[vertex_]; }
+  /// The first element of that name, or nullptr.
+  const PlyElement* element(const std::string& name) const;
 
   /// The named vertex properties as [count, names], float32 or float64; all must exist and be
   /// scalars.
   /// @throws DataError where the file ends early.
   torch::Tensor read_vertices(const std::vector<std::string>& names,
                               torch::ScalarType type = torch::kFloat32) const;
+  /// Reads properties of any element without lists. float64 holds every 32-bit integer.
+  torch::Tensor read(const PlyElement& element, const std::vector<std::string>& names,
+                     torch::ScalarType type) const;
 
  private:
-  std::string_view vertex_data() const;
+  std::string_view data_of(const PlyElement& element) const;
   template <class T>
-  void decode_binary(std::string_view data, const std::vector<int64_t>& column, T* out) const;
+  void decode(const PlyElement& element, std::string_view data, const std::vector<int64_t>& column,
+              T* out) const;
   template <class T>
-  void decode_ascii(std::string_view data, const std::vector<int64_t>& column, T* out) const;
+  void decode_binary(const PlyElement& element, std::string_view data,
+                     const std::vector<int64_t>& column, T* out) const;
   template <class T>
-  void decode(std::string_view data, const std::vector<int64_t>& column, T* out) const;
+  void decode_ascii(const PlyElement& element, std::string_view data,
+                    const std::vector<int64_t>& column, T* out) const;
 
   std::filesystem::path path_;
   std::string content_;

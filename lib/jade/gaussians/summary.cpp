@@ -8,6 +8,7 @@
 
 #include "jade/core/error.h"
 #include "jade/gaussians/gaussian_model.h"
+#include "jade/splat/math/projection.h"
 
 namespace jade::gaussians {
 namespace {
@@ -19,14 +20,51 @@ torch::Tensor finite_rows(const torch::Tensor& tensor) {
   return tensor.reshape({tensor.size(0), -1}).isfinite().all(1);
 }
 
-/// [N], whether all numbers of a Gaussian are finite.
-torch::Tensor is_drawable(const splat::Gaussians& gaussians) {
-  torch::Tensor drawn = finite_rows(gaussians.means);
-  for (const torch::Tensor* tensor :
-       {&gaussians.rotations, &gaussians.log_scales, &gaussians.logit_opacities, &gaussians.sh}) {
-    drawn = drawn.logical_and(finite_rows(*tensor));
+/// Why Gaussians are not drawn: words, and [N] for which ones.
+struct Reason {
+  std::string words;
+  torch::Tensor of;
+  const char* mend = "";
+};
+
+/// Reasons for which is_usable() of splat/math/projection.h refuses a Gaussian.
+std::vector<Reason> reasons(const splat::Gaussians& g) {
+  std::vector<Reason> out;
+  const std::pair<const char*, torch::Tensor> parts[] = {{"means", g.means},
+                                                         {"rotations", g.rotations},
+                                                         {"log scales", g.log_scales},
+                                                         {"opacity logits", g.logit_opacities},
+                                                         {"colours", g.sh}};
+  for (const auto& [name, tensor] : parts) {
+    out.push_back({concat("NaN or Inf in their ", name), finite_rows(tensor).logical_not(),
+                   "export from an older checkpoint, or delete them"});
   }
-  return drawn;
+  const auto beyond = [](const torch::Tensor& tensor, double most) {
+    const torch::Tensor size = tensor.reshape({tensor.size(0), -1}).abs();
+    return (size > most).logical_and(size.isfinite()).any(1);
+  };
+  out.push_back({concat("means beyond ", splat::math::kMaxAbsMean),
+                 beyond(g.means, splat::math::kMaxAbsMean), "delete them"});
+  out.push_back({concat("log scales beyond ", splat::math::kMaxAbsLogScale),
+                 beyond(g.log_scales, splat::math::kMaxAbsLogScale),
+                 "scales are stored as logarithms; write them so, or delete these Gaussians"});
+  out.push_back({concat("opacity logits beyond ", splat::math::kMaxAbsLogit),
+                 beyond(g.logit_opacities, splat::math::kMaxAbsLogit),
+                 "opacities are stored as logits; write them so"});
+  const torch::Tensor norm2 = g.rotations.to(torch::kFloat64).square().sum(1);
+  out.push_back({"the zero quaternion, or one without bounds, as rotation",
+                 (norm2 < splat::math::kMinQuaternion2)
+                     .logical_or(norm2 > 1 / splat::math::kMinQuaternion2)
+                     .logical_and(norm2.isfinite()),
+                 "set it to 1 0 0 0"});
+  return out;
+}
+
+/// [N], whether a Gaussian can be drawn.
+torch::Tensor is_drawable(const splat::Gaussians& gaussians) {
+  torch::Tensor lost = torch::zeros({gaussians.size()}, gaussians.means.options().dtype(at::kBool));
+  for (const Reason& reason : reasons(gaussians)) lost = lost.logical_or(reason.of);
+  return lost.logical_not();
 }
 
 void find_problems(const splat::Gaussians& g, GaussianSummary& summary) {
@@ -36,20 +74,12 @@ void find_problems(const splat::Gaussians& g, GaussianSummary& summary) {
         "densify.prune_opacity or check the poses");
     return;
   }
-  const std::pair<const char*, torch::Tensor> parts[] = {{"means", g.means},
-                                                         {"rotations", g.rotations},
-                                                         {"log scales", g.log_scales},
-                                                         {"opacity logits", g.logit_opacities},
-                                                         {"colours", g.sh}};
-  for (const auto& [name, tensor] : parts) {
-    const int64_t bad = count_of(finite_rows(tensor).logical_not());
-    if (bad > 0) {
-      add(bad, " of ", summary.count, " Gaussians have NaN or Inf in their ", name,
-          ": they cannot be drawn; export from an older checkpoint, or delete them");
-    }
+  for (const Reason& reason : reasons(g)) {
+    const int64_t bad = count_of(reason.of);
+    if (bad == 0) continue;
+    add(bad, " of ", summary.count, " Gaussians have ", reason.words, ": they cannot be drawn; ",
+        reason.mend);
   }
-  const int64_t unturned = count_of(g.rotations.square().sum(1) < 1e-12);
-  if (unturned > 0) add(unturned, " rotations are the zero quaternion: set them to 1 0 0 0");
   if (summary.transparent > 0.5) {
     add("more than half of the Gaussians are next to transparent (opacity below ", kTransparent,
         "): saved just after an opacity reset? train on, or use a later checkpoint");
@@ -116,11 +146,27 @@ splat::Gaussians drawable(const splat::Gaussians& gaussians) {
 std::string undrawable_warning(const splat::Gaussians& gaussians, const std::string& file) {
   if (gaussians.size() == 0) return {};
   const int64_t left = gaussians.size() - count_of(is_drawable(gaussians));
-  if (left == 0) return {};
-  return concat(
-      file, ": ", left, " of ", gaussians.size(),
-      " Gaussians have NaN or Inf in their numbers and are not drawn; jade_inspect says in "
-      "which");
+  if (left > 0) {
+    return concat(file, ": ", left, " of ", gaussians.size(),
+                  " Gaussians have NaN or Inf in their numbers, or numbers beyond all bounds, and "
+                  "are not drawn; jade_inspect says in which");
+  }
+  if (count_visible(gaussians) > 0) return {};
+  return concat(file, ": all of ", gaussians.size(),
+                " Gaussians have an opacity below 1/255, so that nothing of them shows");
+}
+
+std::string undrawable_reasons(const splat::Gaussians& gaussians) {
+  std::string out;
+  for (const Reason& reason : reasons(gaussians)) {
+    const int64_t bad = count_of(reason.of);
+    if (bad > 0) out += concat(out.empty() ? "" : ", ", bad, " have ", reason.words);
+  }
+  return out;
+}
+
+int64_t count_visible(const splat::Gaussians& gaussians) {
+  return count_of(gaussians.logit_opacities.sigmoid() >= 1.0 / 255);
 }
 
 }  // namespace jade::gaussians

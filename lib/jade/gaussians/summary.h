@@ -21,7 +21,7 @@ Spread spread_of(const torch::Tensor& values);
 /// Opacity below which a Gaussian is next to transparent; training prunes such.
 inline constexpr double kTransparent = 0.005;
 
-/// What Gaussians are like, and what is wrong with them.
+/// Statistics of Gaussians, and their problems.
 struct GaussianSummary {
   int64_t count = 0;
   int64_t sh_degree = 0;
@@ -35,11 +35,19 @@ struct GaussianSummary {
 
 GaussianSummary summarize(const splat::Gaussians& gaussians);
 
-/// Those whose numbers are all finite; splatting draws no other.
+/// Gaussians whose numbers are finite and within the limits of splat/math/projection.h; splatting
+/// renders no others.
 splat::Gaussians drawable(const splat::Gaussians& gaussians);
 
 /// A warning in one line for who only draws them: how many Gaussians of `file` are left out of
-/// every picture, as some of their numbers are not finite. Empty where there is none.
+/// every picture, as some of their numbers are not finite or too large, or that all are
+/// transparent. Empty where there is nothing to say.
 std::string undrawable_warning(const splat::Gaussians& gaussians, const std::string& file);
+
+/// How many Gaussians each reason keeps from being drawn, "3 have NaN or Inf in their means, …".
+std::string undrawable_reasons(const splat::Gaussians& gaussians);
+
+/// Number of Gaussians with an opacity of at least 1/255, below which splatting renders nothing.
+int64_t count_visible(const splat::Gaussians& gaussians);
 
 }  // namespace jade::gaussians

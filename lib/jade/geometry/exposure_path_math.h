@@ -111,7 +111,7 @@ JADE_HD Motion<S> path_pose(const PathPointers& path, int64_t m, int direction) 
                        : spline_pose(twists, at.control, at.u, path.base);
 }
 
-/// What pose `m` adds to the gradient of the twists along `direction`.
+/// Contribution of pose `m` to the gradient of the twists along `direction`.
 JADE_HD double gradient_along(const PathPointers& path, const double* gradient, int64_t m,
                               int direction) {
   const Motion<Dual> pose = path_pose<Dual>(path, m, direction);

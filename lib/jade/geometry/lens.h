@@ -80,7 +80,7 @@ class LensCamera {
   double largest_angle() const { return largest_angle_; }
 
  private:
-  /// Where the lens puts (x, y) = (X, Y)/Z or, of fisheyes, (X, Y)/√(X²+Y²) · θ.
+  /// Image of (x, y) = (X, Y)/Z or, for fisheyes, of (X, Y)/√(X²+Y²) · θ.
   std::array<double, 2> distorted(double x, double y) const;
 
   Intrinsics pinhole_;

@@ -20,7 +20,7 @@ Vector3 scene_origin(const Vector3& middle, double size) {
   if (!(distance > kFar * known) || !std::isfinite(distance)) return {0, 0, 0};
   const double step = std::pow(10, std::floor(std::log10(known)));
   Vector3 origin{};
-  // Of a step below 1 the multiple is a division, which gives the decimal that people read.
+  // For a step below 1 divide, which gives the decimal that people read.
   for (size_t axis = 0; axis < 3; ++axis) {
     origin[axis] = step < 1 ? std::round(middle[axis] / step) / std::round(1 / step)
                             : std::round(middle[axis] / step) * step;

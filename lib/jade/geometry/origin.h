@@ -16,7 +16,7 @@ namespace jade::geometry {
 ///   where nobody knows
 Vector3 scene_origin(const Vector3& middle, double size);
 
-/// The same camera in a world whose origin lies at `origin` of this one: t + R origin.
+/// Camera in a world whose origin lies at `origin` of this one: t + R origin.
 Pose with_origin(const Pose& camera_from_world, const Vector3& origin);
 
 bool is_zero(const Vector3& vector);

@@ -26,7 +26,7 @@ Pose compose(const Pose& a_from_b, const Pose& b_from_c);
 /// R x + t.
 Vector3 transform(const Pose& pose, const Vector3& point);
 
-/// Where the camera is, in world axes: −Rᵀ t.
+/// Camera centre in world axes: −Rᵀ t.
 Vector3 centre(const Pose& camera_from_world);
 
 /// The pose with rotation R of a camera standing at `centre`: t = −R c.
@@ -58,7 +58,7 @@ Matrix3 nearest_rotation(const Matrix3& matrix);
 
 /// [4,4] float64 with last row 0 0 0 1.
 torch::Tensor to_tensor(const Pose& pose);
-/// The same of several, [N,4,4] float64.
+/// Matrices of several poses, [N,4,4] float64.
 torch::Tensor to_tensor(const std::vector<Pose>& poses);
 
 /// Pose of a [4,4] or [3,4] tensor of any floating type and device.

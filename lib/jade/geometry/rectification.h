@@ -9,7 +9,7 @@
 
 namespace jade::geometry {
 
-/// What the pinhole shows of the lens camera's picture.
+/// Part of the lens camera's picture that the pinhole camera shows.
 enum class RectifiedField { kFilled, kWhole };
 
 constexpr auto words_of(RectifiedField) {

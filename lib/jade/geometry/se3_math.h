@@ -148,7 +148,7 @@ JADE_HD Motion<S> exp_of(const Twist<S>& twist) {
   return motion;
 }
 
-/// Of a rotation by less than 90°.
+/// Logarithm of a motion whose rotation is less than 90°.
 template <class S>
 JADE_HD Twist<S> log_of(const Motion<S>& motion) {
   const Vector<S>* r = motion.columns;

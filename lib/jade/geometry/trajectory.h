@@ -32,8 +32,8 @@ class Trajectory {
   /// camera_from_world at any time. Outside [begin_us, end_us] the nearest end is returned.
   Pose at(double t_us) const;
 
-  /// The same path, continued where it does not reach `begin_us` or `end_us`: by one pose there,
-  /// the path mirrored through its end, which is where a camera that moves steadily would be.
+  /// This path, extended by one pose if it does not reach `begin_us` or `end_us`: the path mirrored
+  /// through its end, which is exact for a camera that moves steadily.
   Trajectory spanning(double begin_us, double end_us) const;
 
   /// The nine poses of an exposure; index kMidPose is mid-exposure.

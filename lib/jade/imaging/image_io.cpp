@@ -11,6 +11,7 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/check.h"
+#include "jade/imaging/image_header.h"
 #include "jade/io/npy.h"
 
 namespace jade::imaging {
@@ -144,13 +145,14 @@ bool is_cut_jpeg(const fs::path& path) {
   return head[0] == '\xFF' && head[1] == '\xD8' && !is_whole_jpeg(read_file(path));
 }
 
-cv::Mat decode(const fs::path& path) {
+constexpr int kWithoutAlpha =
+    cv::IMREAD_ANYDEPTH | cv::IMREAD_ANYCOLOR | cv::IMREAD_IGNORE_ORIENTATION;
+
+cv::Mat decode(const fs::path& path, int how = kWithoutAlpha) {
   require_file(path);
   cv::Mat mat;
   try {
-    if (!is_cut_jpeg(path))
-      mat = cv::imread(path.string(),
-                       cv::IMREAD_ANYDEPTH | cv::IMREAD_ANYCOLOR | cv::IMREAD_IGNORE_ORIENTATION);
+    if (!is_cut_jpeg(path)) mat = cv::imread(path.string(), how);
   } catch (const cv::Exception&) {
     // reported below
   }
@@ -161,6 +163,36 @@ cv::Mat decode(const fs::path& path) {
   }
   return mat;
 }
+
+[[noreturn]] void refuse_depth(const fs::path& path) {
+  throw DataError(concat(path.string(), ": expected 8 or 16 bits per channel, found another kind"));
+}
+
+/// Calls `use(T(), full scale)` with the type of the pixels.
+template <class Use>
+torch::Tensor with_pixels(const fs::path& path, const cv::Mat& mat, const Use& use) {
+  if (mat.depth() == CV_8U) return use(uint8_t(), 255.0F);
+  if (mat.depth() == CV_16U) return use(uint16_t(), 65535.0F);
+  if (mat.depth() == CV_32F) return use(float(), 1.0F);
+  refuse_depth(path);
+}
+
+/// [1,H,W] of Out: `value(channels)` of each pixel.
+template <class T, class Out, class Value>
+torch::Tensor map_pixels(const cv::Mat& mat, torch::ScalarType type, const Value& value) {
+  torch::Tensor out = torch::empty({1, mat.rows, mat.cols}, type);
+  Out* target = out.mutable_data_ptr<Out>();
+  for (int row = 0; row < mat.rows; ++row) {
+    const T* source = mat.ptr<T>(row);
+    for (int column = 0; column < mat.cols; ++column) {
+      *target++ = value(source + int64_t(column) * mat.channels());
+    }
+  }
+  return out;
+}
+
+/// OpenCV gives gray with alpha as four channels or two.
+bool alpha_is_last(const cv::Mat& mat) { return mat.channels() == 4 || mat.channels() == 2; }
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
@@ -203,9 +235,38 @@ torch::Tensor read_image(const std::filesystem::path& path) {
     case CV_32F:
       return planes_from_rows<float>(mat, 1.0f);
     default:
-      throw DataError(
-          concat(path.string(), ": expected 8 or 16 bits per channel, found another kind"));
+      refuse_depth(path);
   }
+}
+
+torch::Tensor read_alpha(const std::filesystem::path& path) {
+  const std::optional<ImageHeader> header = read_image_header(path);
+  if (!header || !header->has_alpha) return {};
+  const cv::Mat mat = decode(path, cv::IMREAD_UNCHANGED);
+  if (!alpha_is_last(mat)) return {};
+  const int last = mat.channels() - 1;
+  const torch::Tensor alpha = with_pixels(path, mat, [&](auto pixel, float full) {
+    using T = decltype(pixel);
+    return map_pixels<T, float>(mat, torch::kFloat32,
+                                [&](const T* channels) { return float(channels[last]) / full; });
+  });
+  return alpha.min().item<float>() >= 1 ? torch::Tensor() : alpha;
+}
+
+torch::Tensor read_mask(const std::filesystem::path& path) {
+  const cv::Mat mat = decode(path, cv::IMREAD_UNCHANGED);
+  const std::string format = extension(path);
+  const bool lossy = format == ".jpg" || format == ".jpeg";
+  const bool alpha = alpha_is_last(mat);
+  const int colors = mat.channels() - (alpha ? 1 : 0);
+  return with_pixels(path, mat, [&](auto pixel, float full) {
+    using T = decltype(pixel);
+    return map_pixels<T, bool>(mat, torch::kBool, [&](const T* channels) {
+      const T brightest = *std::max_element(channels, channels + colors);
+      const bool lit = lossy ? float(brightest) >= 0.5F * full : brightest > 0;
+      return lit && (!alpha || float(channels[colors]) >= 0.5F * full);
+    });
+  });
 }
 
 void write_image(const std::filesystem::path& path, const torch::Tensor& image,

@@ -10,10 +10,20 @@ namespace jade::imaging {
 
 /// Reads an image file as [3,H,W] RGB float32 in [0,1] on the CPU. PNG, JPEG, TIFF, BMP, WebP, PNM
 /// and whatever else the installed OpenCV reads, 8 or 16 bits per channel; gray becomes three equal
-/// channels, alpha is dropped, rotation tags are ignored. `.npy` files hold [3,H,W], [1,H,W] or
-/// [H,W] of a floating type and are taken as they are.
+/// channels, alpha is left to read_alpha(), rotation tags are ignored. `.npy` files hold [3,H,W],
+/// [1,H,W] or [H,W] of a floating type and are taken as they are.
 /// @throws DataError naming the path when it is missing, empty or no image.
 torch::Tensor read_image(const std::filesystem::path& path);
+
+/// How opaque an image is: [1,H,W] float32 in [0,1], 1 where it hides what is behind. Undefined for
+/// files without alpha and where all of it is 1.
+/// @throws DataError as read_image().
+torch::Tensor read_alpha(const std::filesystem::path& path);
+
+/// A mask that is kept as an image: [1,H,W] bool, true where any colour channel is not 0 and alpha,
+/// if there is one, is at least half of full. Lossy formats (JPEG) count from half of full on.
+/// @throws DataError as read_image().
+torch::Tensor read_mask(const std::filesystem::path& path);
 
 struct ImageWriteOptions {
   int bits = 8;           ///< 8, or 16 where the format has it (PNG, TIFF)

@@ -16,7 +16,7 @@ JADE_HD T luma(T red, T green, T blue) {
   return red * T(kLumaRed) + green * T(kLumaGreen) + blue * T(kLumaBlue);
 }
 
-/// Of luma() in channel `c`, from the gradient of its value.
+/// Gradient of luma() in channel `c`, from the gradient of its value.
 template <class T>
 JADE_HD T luma_gradient(int64_t c, T gradient) {
   return gradient * (c == 0 ? T(kLumaRed) : c == 1 ? T(kLumaGreen) : T(kLumaBlue));

@@ -28,7 +28,7 @@ void check_pair(const torch::Tensor& a, const torch::Tensor& b) {
       b.scalar_type());
 }
 
-/// What backward() needs of the forward pass. The images in it carry no graph.
+/// State of the forward pass that backward() needs. Its images carry no graph.
 struct Held : torch::CustomClassHolder {
   SsimBatch batch;
   std::vector<torch::Tensor> kept;

@@ -18,7 +18,7 @@ constexpr int kThreads = 256, kWarps = kThreads / 32;
 constexpr int kHaloWidth = kTileWidth + 2 * kSsimRadius,
               kHaloHeight = kTileHeight + 2 * kSsimRadius;
 constexpr int kPitch = (kHaloWidth + 3) / 4 * 4;  ///< rows of whole float4
-/// What a thread filters at once, so that a value from shared memory serves several results.
+/// Results that a thread filters at once, so that a value from shared memory serves several.
 constexpr int kColumns = 4, kRows = kTileHeight / kWarps;
 static_assert(kTileWidth == 32 && kTileHeight % kWarps == 0, "a lane per column, all rows taken");
 
@@ -81,10 +81,10 @@ __device__ Tile this_tile(const Job& in) {
 
 /// A tile with 5 pixels around it, one plane of it or what is filtered of it.
 using Halo = float[kHaloHeight][kPitch];
-/// The same after the window along rows.
+/// Halo after filtering along rows.
 using Filtered = float[kHaloHeight][kTileWidth];
 
-/// The same part of kPlanes planes; zeros beside the image. A plane has less than 2^31 pixels.
+/// Loads one tile of kPlanes planes; zeros beside the image. A plane has less than 2^31 pixels.
 template <int kPlanes>
 __device__ __forceinline__ void load_halos(const float* const (&planes)[kPlanes], const Tile& tile,
                                            Halo* out) {
@@ -110,7 +110,7 @@ __device__ __forceinline__ void load_halos(const float* const (&planes)[kPlanes]
   }
 }
 
-/// What kColumns neighbouring results along a row are made of.
+/// Inputs of kColumns neighbouring results along a row.
 __device__ __forceinline__ void load_row(const Halo& halo, int row, int column,
                                          float (&values)[kColumns + 12]) {
 #pragma unroll
@@ -395,7 +395,7 @@ Job job_of(const SsimBatch& batch) {
   return job;
 }
 
-/// Where each pair's maps lie in one buffer, none where no gradient is wanted.
+/// Sets the offset of each pair's maps in one buffer; null where no gradient is wanted.
 void set_maps(const SsimBatch& batch, const at::Tensor& maps, Job* job) {
   float* next = write_or_null<float>(maps);
   for (size_t i = 0; i < batch.pairs.size(); ++i) {

@@ -8,7 +8,7 @@
 
 namespace jade::imaging {
 
-/// Of one batch on a GPU, where they travel as the argument of a launch.
+/// Most pairs in one batch on a GPU, where they travel as the argument of a launch.
 constexpr int64_t kMostPairs = 16;
 
 /// value = offset + ssim · mean SSIM + l1 · mean |a − b|.
@@ -47,8 +47,8 @@ struct SsimBatch {
 struct SsimValues {
   at::Tensor total;  ///< []
   at::Tensor terms;  ///< [T], weights applied
-  /// What the gradients need beside the batch. CPU: those of each pair's value, two per pair;
-  /// CUDA: one buffer of derivative maps. Undefined where nothing is wanted.
+  /// Values that the gradients need beside the batch. CPU: gradients of each pair's value, two per
+  /// pair; CUDA: one buffer of derivative maps. Undefined where no gradient is wanted.
   std::vector<at::Tensor> kept;
 };
 
@@ -80,7 +80,7 @@ const double* ssim_window();
 
 namespace cpu {  // float or double
 SsimValues similarity(const SsimBatch& batch);
-/// Of a and b of every pair in turn; undefined where not wanted.
+/// Gradients of a and b of every pair in turn; undefined where not wanted.
 std::vector<at::Tensor> similarity_gradients(const SsimBatch& batch,
                                              const std::vector<at::Tensor>& kept,
                                              const SsimUpstream& upstream);

@@ -40,4 +40,11 @@ torch::Tensor remap(const torch::Tensor& image, const torch::Tensor& map) {
   return out.clamp(0, 1) * inside;
 }
 
+torch::Tensor remap_mask(const torch::Tensor& mask, const torch::Tensor& map) {
+  // Bicubic samples reach two pixels from the nearest one.
+  const torch::Tensor excluded = mask.logical_not().to(torch::kFloat32).unsqueeze(0);
+  const torch::Tensor near = torch::max_pool2d(excluded, {5, 5}, {1, 1}, {2, 2})[0];
+  return remap(1 - near, map) > 0.5;
+}
+
 }  // namespace jade::imaging

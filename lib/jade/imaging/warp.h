@@ -13,4 +13,10 @@ namespace jade::imaging {
 /// @return [C,h,w]
 torch::Tensor remap(const torch::Tensor& image, const torch::Tensor& map);
 
+/// Which pixels of remap()'s result are made of counted pixels alone.
+/// @param mask  [1,H,W] bool on the CPU, true: the pixel counts
+/// @param map   as in remap(); pixels beside the image do not count
+/// @return [1,h,w] bool
+torch::Tensor remap_mask(const torch::Tensor& mask, const torch::Tensor& map);
+
 }  // namespace jade::imaging

@@ -2,11 +2,14 @@
 #include "jade/import/calibration.h"
 
 #include <cmath>
+#include <cstdlib>
+#include <optional>
 #include <sstream>
 
 #include "jade/config/document.h"
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "jade/import/calibration_xml.h"
 
 namespace jade::import {
 namespace {
@@ -149,25 +152,56 @@ Calibration kalibr(const std::filesystem::path& path, const DocumentNode& root) 
   return calibration;
 }
 
-Calibration open_cv(const std::filesystem::path& path, const DocumentNode& root) {
-  const Section section{path, "", root};
+/// Names of the keys of one camera: OpenCV's storage, or the messages of either ROS.
+struct CameraKeys {
+  const char *width, *height, *matrix, *lens;
+};
+constexpr CameraKeys kStorageKeys{"image_width", "image_height", "camera_matrix",
+                                  "distortion_coefficients"};
+constexpr CameraKeys kRos1Keys{"width", "height", "K", "D"}, kRos2Keys{"width", "height", "k", "d"};
+
+/// Refuses skew, binning and the like, which this program does not support.
+void check_plain_camera(const Section& section, const CameraKeys& keys,
+                        const std::vector<double>& matrix) {
+  if (matrix[0] == 0 && matrix[4] == 0) {
+    throw DataError(concat(section.where(keys.matrix),
+                           ": expected a camera matrix, found zeros: the camera was not calibrated "
+                           "when this was recorded; calibrate it"));
+  }
+  if (std::abs(matrix[1]) > 1e-3 * std::abs(matrix[0])) {
+    throw DataError(concat(section.where(keys.matrix), ": expected a matrix without skew, found ",
+                           matrix[1], " there; calibrate without"));
+  }
+  for (const char* const key : {"binning_x", "binning_y"}) {
+    const DocumentNode* const node = section.node.find(key);
+    if (node == nullptr || number(section, key, *node) <= 1) continue;
+    throw DataError(concat(section.where(key), ": expected 0 or 1, found ", node->text,
+                           "; the matrix is that of the whole sensor, calibrate at the recording's "
+                           "size"));
+  }
+}
+
+CalibratedCamera matrix_camera(const Section& section, const CameraKeys& keys, bool fisheye_flag) {
   CalibratedCamera camera;
-  const auto matrix = numbers(section, "camera_matrix", "a 3x3 camera matrix", 9);
+  camera.name = section.name;
+  const auto matrix = numbers(section, keys.matrix, "a 3x3 camera matrix", 9);
+  check_plain_camera(section, keys, matrix);
   camera.fx = matrix[0], camera.fy = matrix[4];
   camera.cx = matrix[2] + 0.5, camera.cy = matrix[5] + 0.5;
-  for (const char* key : {"image_width", "image_height"}) {
-    const double size = number(section, key, require(section, key, "the size calibrated for"));
-    (key[6] == 'w' ? camera.width : camera.height) = int64_t(size);
-  }
+  const auto side = [&](const char* key) {
+    return int64_t(number(section, key, require(section, key, "the size calibrated for")));
+  };
+  camera.width = side(keys.width), camera.height = side(keys.height);
   const std::string model = word(section, "distortion_model");
-  const std::string key = "distortion_coefficients";
+  const std::string key = keys.lens;
   const auto k = numbers(section, key, require(section, key, "the lens's coefficients"));
-  const bool is_fisheye = model == "equidistant" || model == "fisheye";
+  const bool is_fisheye = model == "equidistant" || model == "fisheye" || fisheye_flag;
   if (!is_fisheye && !model.empty() && model != "plumb_bob" && model != "rational_polynomial") {
     throw DataError(concat(section.where("distortion_model"),
                            ": expected plumb_bob, rational_polynomial or fisheye, found '", model,
                            "'"));
   }
+  if (k.empty()) return camera;
   const bool counts = is_fisheye ? k.size() == 4 : k.size() == 4 || k.size() == 5 || k.size() == 8;
   // OpenCV writes up to 14 coefficients; those after the eighth are of thin prisms and tilts.
   bool thin = !is_fisheye && (k.size() == 12 || k.size() == 14);
@@ -178,10 +212,73 @@ Calibration open_cv(const std::filesystem::path& path, const DocumentNode& root)
                            "; calibrate without thin-prism and tilt terms"));
   }
   camera.lens = checked(is_fisheye ? fisheye(k) : radial_tangential(k), k);
+  return camera;
+}
+
+bool is_set(const DocumentNode& root, const char* key) {
+  const DocumentNode* const node = root.find(key);
+  return node != nullptr && (node->text == "1" || node->text == "true");
+}
+
+[[noreturn]] void fail_several(const std::filesystem::path& path, const std::string& names) {
+  throw DataError(concat(path.string(), ": expected the calibration of one camera, found ", names,
+                         "; keep the one of the recording, or give the chain of Kalibr for two"));
+}
+
+/// One camera to a section of the file, as DV writes OpenCV's storage; none where no section is a
+/// camera's.
+std::optional<Calibration> dv_storage(const std::filesystem::path& path, const DocumentNode& root) {
+  Calibration out{path, {}, {}};
+  std::string names;
+  for (const auto& [name, node] : root.entries) {
+    if (node.find(kStorageKeys.matrix) == nullptr) continue;
+    names += (names.empty() ? "" : " and ") + name;
+    out.cameras.push_back(
+        matrix_camera({path, name, node}, kStorageKeys,
+                      is_set(root, "use_fisheye_model") || is_set(node, "use_fisheye_model")));
+  }
+  if (out.cameras.size() > 1) fail_several(path, names);
+  return out.cameras.empty() ? std::nullopt : std::optional(out);
+}
+
+/// The JSON of dv-processing: {"version": "2.0", "cameras": {"C0": {…}}}.
+Calibration dv_set(const std::filesystem::path& path, const DocumentNode& cameras) {
+  std::string names;
+  for (const auto& [name, node] : cameras.entries) names += (names.empty() ? "" : " and ") + name;
+  if (cameras.entries.size() != 1) fail_several(path, names.empty() ? "none" : names);
+  const Section section{path, "cameras." + names, cameras.entries.front().second};
+  CalibratedCamera camera;
+  const auto focal = numbers(section, "focalLength", "[fx, fy]", 2);
+  const auto centre = numbers(section, "principalPoint", "[cx, cy]", 2);
+  const auto size = numbers(section, "resolution", "[width, height]", 2);
+  camera.fx = focal[0], camera.fy = focal[1];
+  camera.cx = centre[0] + 0.5, camera.cy = centre[1] + 0.5;
+  camera.width = int64_t(size[0]), camera.height = int64_t(size[1]);
+  const std::string model = word(section, "distortionModel");
+  if (model.empty() || model == "none") return {path, {camera}, {}};
+  const bool is_fisheye = model == "equidistant";
+  if (!is_fisheye && model != "radialTangential") {
+    throw DataError(concat(section.where("distortionModel"),
+                           ": expected radialTangential, equidistant or none, found '", model,
+                           "'"));
+  }
+  const std::string key = "distortionCoefficients";
+  const auto k = numbers(section, key, require(section, key, "the lens's coefficients"));
+  if (k.size() != 4 && (is_fisheye || k.size() != 5)) {
+    throw DataError(concat(section.where(key), ": expected 4", is_fisheye ? "" : " or 5",
+                           " coefficients, found ", k.size()));
+  }
+  camera.lens = checked(is_fisheye ? fisheye(k) : radial_tangential(k), k);
   return {path, {camera}, {}};
 }
 
 Calibration rpg(const std::filesystem::path& path, const std::vector<double>& k) {
+  constexpr const char* kNames[] = {"fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3"};
+  for (size_t i = 0; i < k.size(); ++i) {
+    if (std::isfinite(k[i])) continue;
+    throw DataError(concat(path.string(), ": expected ", kNames[i], " to be a number, found ", k[i],
+                           "; calibrate again"));
+  }
   CalibratedCamera camera;
   camera.fx = k[0], camera.fy = k[1], camera.cx = k[2] + 0.5, camera.cy = k[3] + 0.5;
   const std::vector<double> lens(k.begin() + 4, k.end());
@@ -189,12 +286,16 @@ Calibration rpg(const std::filesystem::path& path, const std::vector<double>& k)
   return {path, {camera}, {}};
 }
 
-/// The numbers of a file that holds nothing else.
+/// The numbers of a file that holds nothing else, NaN among them.
 std::vector<double> plain_numbers(const std::string& text) {
   std::istringstream in(text);
   std::vector<double> out;
-  for (double value = 0; in >> value;) out.push_back(value);
-  return in.eof() ? out : std::vector<double>{};
+  for (std::string word; in >> word;) {
+    char* end = nullptr;
+    out.push_back(std::strtod(word.c_str(), &end));
+    if (end != word.c_str() + word.size()) return {};
+  }
+  return out;
 }
 
 DocumentNode document(const std::filesystem::path& path) {
@@ -212,14 +313,27 @@ Calibration read_calibration(const std::filesystem::path& path) {
   if (!std::filesystem::is_regular_file(path, error)) {
     throw DataError(concat(path.string(), ": expected a calibration file, found none"));
   }
-  const auto plain = plain_numbers(read_file(path));
+  const std::string text = read_file(path);
+  const auto plain = plain_numbers(text);
   if (plain.size() == 8 || plain.size() == 9) return rpg(path, plain);
-  const DocumentNode root = document(path);
+  const DocumentNode root = is_xml(text) ? read_xml(path, text) : document(path);
   if (root.find("cam0")) return kalibr(path, root);
-  if (root.find("camera_matrix")) return open_cv(path, root);
+  if (root.find(kStorageKeys.matrix)) {
+    const bool fisheye = is_set(root, "use_fisheye_model");
+    return {path, {matrix_camera({path, "", root}, kStorageKeys, fisheye)}, {}};
+  }
+  for (const CameraKeys& keys : {kRos1Keys, kRos2Keys}) {
+    if (root.find(keys.matrix) && root.find(keys.lens))
+      return {path, {matrix_camera({path, "", root}, keys, false)}, {}};
+  }
+  if (const DocumentNode* cameras = root.find("cameras");
+      cameras != nullptr && cameras->kind == DocumentNode::Kind::kMap) {
+    return dv_set(path, *cameras);
+  }
+  if (const auto storage = dv_storage(path, root)) return *storage;
   throw DataError(concat(path.string(),
-                         ": expected a calibration by Kalibr (cam0), OpenCV (camera_matrix) or RPG "
-                         "(fx fy cx cy k1 k2 p1 p2 k3), found ",
+                         ": expected a calibration by Kalibr (cam0), OpenCV or ROS (camera_matrix, "
+                         "or K and D), DV (cameras) or RPG (fx fy cx cy k1 k2 p1 p2 k3), found ",
                          plain.empty() ? "none of these" : concat(plain.size(), " numbers")));
 }
 

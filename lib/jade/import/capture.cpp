@@ -8,6 +8,7 @@
 #include "jade/core/error.h"
 #include "jade/core/interrupt.h"
 #include "jade/data/evdeblur_writer.h"
+#include "jade/data/masks.h"
 #include "jade/events/event_files.h"
 #include "jade/imaging/image_io.h"
 #include "jade/io/npy.h"
@@ -72,6 +73,9 @@ void keep_capture(const fs::path& folder, const Capture& capture) {
   }
   data::write_event_file(folder / "events.h5", capture.events, 1);
   if (capture.event_map.defined()) io::write_npy(folder / "event_map.npy", capture.event_map);
+  if (capture.mask.defined()) {
+    imaging::write_image(folder / data::kMaskFile, capture.mask.to(torch::kFloat32));
+  }
   const Json all{{"source", capture.source},
                  {"format", capture.format},
                  {"sensor_height", capture.sensor.height},
@@ -109,6 +113,9 @@ Capture load_capture(const fs::path& folder) {
   }
   if (fs::exists(folder / "event_map.npy")) {
     capture.event_map = io::read_npy(folder / "event_map.npy");
+  }
+  if (fs::exists(folder / data::kMaskFile)) {
+    capture.mask = imaging::read_mask(folder / data::kMaskFile);
   }
   events::EventFileOptions options;
   options.time_unit = events::TimeUnit::kUs;

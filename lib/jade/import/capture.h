@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the stages hand on: frames, events, and what is known of the camera and its sensor.
+// Data that the stages pass on: frames, events, and knowledge of the camera and its sensor.
 #pragma once
 
 #include <cstdint>
@@ -37,6 +37,8 @@ struct Capture {
   ColorFilter filter = ColorFilter::kNone;  ///< before the pixels of that sensor
   /// [2,h,w] float32: column and row where the events of its pixels went; undefined where they are.
   torch::Tensor event_map;
+  /// [1,H,W] bool of all shots, true: the pixel counts; undefined: all count.
+  torch::Tensor mask;
   /// A pinhole, centred, without distortion; absent where no calibration was given.
   std::optional<geometry::Intrinsics> camera;
 
@@ -48,11 +50,12 @@ struct Capture {
 std::vector<data::Exposure> exposures_of(const Capture& capture);
 data::Exposure exposure_of(const Shot& shot, const Capture& capture);
 
-/// Writes frames/NNNN.png (16 bit), events.h5 and capture.json into the folder, which is there.
+/// Writes frames/NNNN.png (16 bit), events.h5, capture.json and, where there is one, mask.png into
+/// the folder, which is there.
 /// @throws DataError.
 void keep_capture(const std::filesystem::path& folder, const Capture& capture);
 
-/// What keep_capture wrote. @throws DataError naming the file.
+/// Reads what keep_capture wrote. @throws DataError naming the file.
 Capture load_capture(const std::filesystem::path& folder);
 
 }  // namespace jade::import

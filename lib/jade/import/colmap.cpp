@@ -175,7 +175,7 @@ Step match_list(const ColmapJob& job, const std::string& database, const fs::pat
   std::string list;
   for (const auto& [a, b] : job.pairs) list += concat(a, ' ', b, '\n');
   write_file(folder / "pairs.txt", list);
-  // As many pairs to a block as scripts/colmap.py and COLMAP's own default say.
+  // Pairs per block, as in scripts/colmap.py and COLMAP's own default.
   const int64_t block = job.program.size() > 1 ? 100 : 1225;
   Step match{"COLMAP: matching", call(job, "matches_importer"),
              (int64_t(job.pairs.size()) + block - 1) / block, "blocks", counting(" block [", 1)};

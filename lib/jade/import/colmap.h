@@ -19,13 +19,13 @@ namespace jade::import {
 /// @throws DataError with the command that installs it.
 std::vector<std::string> find_colmap(const std::filesystem::path& wanted);
 
-/// What all attempts at one set of images share.
+/// Settings that all attempts at one set of images share.
 struct ColmapJob {
   std::vector<std::string> program;  ///< find_colmap()
   std::filesystem::path images;      ///< folder
   int64_t count = 0;                 ///< of the images in it
-  /// Of all images, at their size, and held; absent: the focal length is searched, the principal
-  /// point is the middle.
+  /// Camera of all images, at their size, held fixed; absent: the focal length is searched, and the
+  /// principal point is the middle.
   std::optional<geometry::Intrinsics> camera;
   /// Names of the images that are compared; empty: all with all.
   std::vector<std::pair<std::string, std::string>> pairs;

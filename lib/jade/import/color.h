@@ -23,7 +23,7 @@ constexpr auto words_of(ColorFilter) {
 /// none.
 int64_t channel_of(ColorFilter filter, int64_t row, int64_t column);
 
-/// Where the first red pixel of a filter is: its rows and columns from there on are those of RGGB.
+/// Row and column of a filter's first red pixel; from there on the filter is RGGB.
 /// @throws ContractError for none.
 std::array<int64_t, 2> first_red(ColorFilter filter);
 
@@ -32,7 +32,7 @@ std::array<int64_t, 2> first_red(ColorFilter filter);
 /// @param frame  [3,H,W]; false where it is in colour already
 bool is_mosaic(const torch::Tensor& frame);
 
-/// What the events say of the filter before their pixels.
+/// Colour filter of the event pixels, as the events show it.
 struct FilterFinding {
   ColorFilter filter = ColorFilter::kNone;
   /// Correlation of event sums with the change of the frames: of gray, and of the best filter.

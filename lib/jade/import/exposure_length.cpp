@@ -69,7 +69,7 @@ class LengthSearch {
 
   const std::map<double, Tried>& tried() const { return tried_; }
 
-  /// Of the fits that worked.
+  /// Best length of the fits that converged.
   double best_length() const {
     double length = 0, loss = INFINITY;
     for (const auto& [each, tried] : tried_) {
@@ -173,8 +173,9 @@ ExposureLength estimate_exposure_length(const std::vector<StampedFrame>& frames,
   std::vector<int64_t> stamps_us;
   for (const StampedFrame& frame : frames) stamps_us.push_back(frame.t_us);
   const int64_t period_us = frame_period_us(stamps_us);
-  if (frames.size() < kFewestFrames || period_us <= 0) {
-    result.doubt = concat("found ", frames.size(), " frames, ", period_us, " us apart");
+  if (frames.size() < kFewestFrames || period_us <= 0 || events.empty()) {
+    result.doubt = concat("found ", frames.size(), " frames, ", period_us, " us apart, and ",
+                          events.size(), " events");
     return result;
   }
   const std::vector<StampedFrame> some = middle_frames(frames);

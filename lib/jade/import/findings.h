@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the stages "time" and "sensor" decide, and keep as JSON.
+// Results of the stages "time" and "sensor", kept as JSON.
 #pragma once
 
 #include <filesystem>
@@ -37,7 +37,7 @@ struct ExposureFinding {
 /// Whether no shot has a length.
 bool lacks_exposures(const Capture& capture);
 
-/// What estimate_exposure_length() finds. @throws DataError where a length must be given.
+/// Result of estimate_exposure_length(). @throws DataError if a length must be given.
 /// @param stamp  absent: start, middle and end are tried
 ExposureFinding find_exposures(const Capture& capture, std::optional<recording::Stamp> stamp);
 
@@ -86,7 +86,7 @@ void keep(const std::filesystem::path& folder, const ClockFinding& finding,
           const ExposureFinding& exposures = {});
 void keep(const std::filesystem::path& folder, const SensorFinding& finding);
 
-/// What keep() wrote. @throws DataError naming the file.
+/// Reads the results that keep() wrote. @throws DataError naming the file.
 ClockFinding load_clock(const std::filesystem::path& folder);
 ExposureFinding load_exposures(const std::filesystem::path& folder);
 SensorFinding load_sensor(const std::filesystem::path& folder);

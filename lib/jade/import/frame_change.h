@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the events say of the change from one frame to the next.
+// Change from one frame to the next, as the events show it.
 #pragma once
 
 #include "jade/data/exposure.h"

@@ -12,6 +12,7 @@
 #include "jade/core/folder_lock.h"
 #include "jade/core/log.h"
 #include "jade/core/progress.h"
+#include "jade/imaging/image_io.h"
 #include "jade/import/capture.h"
 #include "jade/import/colmap.h"
 #include "jade/import/exposure_length.h"
@@ -29,7 +30,7 @@ namespace fs = std::filesystem;
 
 /// Three views of a scene say little of it, and structure from motion cannot check itself.
 constexpr size_t kFewestFrames = 4;
-/// Of the frame period, as both are rounded.
+/// Longest exposure as a multiple of the frame period; both are rounded.
 constexpr double kLongestExposure = 1.02;
 
 /// Calls `visit` with each file below a folder, also where links lead to folders elsewhere.
@@ -52,7 +53,7 @@ void for_files(const fs::path& folder, std::vector<fs::path> above, const Visit&
 
 /// Names, sizes and times of change: hashing a recording of 10 GB would take a minute.
 std::string fingerprint(const fs::path& path) {
-  // What cannot be looked at is told by who reads it.
+  // Ignore unreadable files here; the reader reports them.
   std::error_code unreadable;
   const auto line = [&](const fs::path& file) {
     const auto changed = fs::last_write_time(file, unreadable).time_since_epoch();
@@ -110,8 +111,10 @@ std::optional<recording::Stamp> stamp_of(const TimeOptions& options) {
 recording::ReadOptions read_options(const ImportOptions& options) {
   recording::ReadOptions how;
   how.frames = options.frames;
+  how.events_group = options.events_group;
+  how.topic = options.topic;
   how.frame_times = options.time.frame_times;
-  how.exposure_ms = options.time.exposure_ms;
+  how.exposure_ms = double(options.time.exposure_ms);
   how.trigger_level = options.time.trigger_level;
   how.stamp = stamp_of(options.time);
   const double end_s = options.time.end_s > 0 ? options.time.end_s : 1e9;
@@ -169,19 +172,19 @@ void check_shots(const Capture& capture) {
 
 /// A given length must fit between two frames.
 void check_given_exposure(const TimeOptions& options, const Capture& capture) {
-  const int64_t given_us = std::llround(1000 * options.exposure_ms);
+  const int64_t given_us = std::llround(1000 * double(options.exposure_ms));
   const auto has_it = [&](const Shot& shot) { return shot.duration_us() == given_us; };
   if (given_us == 0 || std::none_of(capture.shots.begin(), capture.shots.end(), has_it)) return;
   std::vector<int64_t> starts;
   for (const Shot& shot : capture.shots) starts.push_back(shot.t_start_us);
   const double period_ms = double(frame_period_us(starts)) / 1000;
-  if (options.exposure_ms <= kLongestExposure * period_ms) return;
+  if (double(options.exposure_ms) <= kLongestExposure * period_ms) return;
   throw ConfigError(concat("--exposure-ms: expected at most the ", period_ms,
-                           " ms from one frame to the next, found ", options.exposure_ms,
+                           " ms from one frame to the next, found ", double(options.exposure_ms),
                            "; leave it out to have the length found"));
 }
 
-/// Where no calibration says how two cameras meet, a place of one is a place of the other.
+/// Without a calibration of two cameras, events and frames must share one pixel grid.
 void check_one_sensor(const Capture& capture) {
   const events::ImageSize& sensor = capture.sensor;
   if (!capture.sensor_is_said) return;
@@ -249,7 +252,23 @@ Capture read_capture(const ImportOptions& options, const fs::path& folder) {
   return capture;
 }
 
-/// What the stages have found so far.
+/// The mask of all frames; undefined without one.
+torch::Tensor read_mask(const fs::path& path, const Capture& capture) {
+  if (path.empty()) return {};
+  torch::Tensor mask = imaging::read_mask(path);
+  if (mask.size(1) != capture.height() || mask.size(2) != capture.width()) {
+    throw DataError(concat(path.string(), ": expected a mask of ", capture.width(), "x",
+                           capture.height(), " px, as the frames have, found ", mask.size(2), "x",
+                           mask.size(1), "; make it at the size of the frames"));
+  }
+  if (!mask.any().item<bool>()) {
+    throw DataError(
+        concat(path.string(), ": expected a mask with pixels that count (not black), found none"));
+  }
+  return mask;
+}
+
+/// Results of the stages so far.
 struct Progressed {
   Capture capture;
   std::optional<Calibration> calibration;
@@ -274,7 +293,8 @@ std::string said_of(const SearchResult& result) {
 Stage read_stage(const ImportOptions& options, Progressed& so_far) {
   return {"read",
           concat(fingerprint(options.recording), fingerprint(options.frames),
-                 fingerprint(options.time.frame_times), text_of(options.time)),
+                 fingerprint(options.time.frame_times), text_of(options.time), options.events_group,
+                 "\n", options.topic),
           [&](const fs::path& folder) {
             const Capture capture = read_capture(options, folder);
             keep_capture(folder, capture);
@@ -286,10 +306,11 @@ Stage read_stage(const ImportOptions& options, Progressed& so_far) {
             if (so_far.calibration) settle_sensor(*so_far.calibration, so_far.capture);
             if (!is_rig(so_far.calibration)) check_one_sensor(so_far.capture);
             check_test_names(so_far.capture, options.test);
+            so_far.capture.mask = read_mask(options.lens.mask, so_far.capture);
           }};
 }
 
-/// What time and sensor depend on besides their own settings: of two cameras, how they meet.
+/// Inputs of the stages time and sensor besides their own settings: how two cameras are related.
 std::string rig_text(const ImportOptions& options) {
   if (!(options.lens.plane_depth > 0)) return {};
   return text_of(options.lens) + fingerprint(options.lens.calibration);
@@ -380,7 +401,9 @@ Stage sensor_stage(ImportOptions& options, Progressed& so_far) {
 /// Frames and events on a centred pinhole; as they are where there is no calibration, and then
 /// nothing is kept twice.
 Stage undistort_stage(const ImportOptions& options, Progressed& so_far) {
-  return {"undistort", text_of(options.lens) + fingerprint(options.lens.calibration),
+  return {"undistort",
+          concat(text_of(options.lens), fingerprint(options.lens.calibration),
+                 options.lens.mask.empty() ? "" : fingerprint(options.lens.mask)),
           [&](const fs::path& folder) -> std::string {
             if (!so_far.calibration) return "no calibration given";
             Capture capture = so_far.capture;
@@ -438,7 +461,7 @@ bool lies_in(const fs::path& inner, const fs::path& outer) {
   return std::mismatch(out.begin(), out.end(), in.begin(), in.end()).first == out.end();
 }
 
-/// What is imported stays as it is, and so does a folder of somebody else's.
+/// Refuses an output folder that holds the recording or files of another program.
 void check_output(const ImportOptions& options, const fs::path& output) {
   for (const fs::path& given : {options.recording, options.frames}) {
     if (given.empty() || !fs::exists(given)) continue;
@@ -475,6 +498,9 @@ void import_recording(const ImportOptions& given, const fs::path& output, const 
   }
   check_output(options, output);
   check_colmap(options, range);
+  if (!options.lens.mask.empty() && !fs::is_regular_file(options.lens.mask)) {
+    throw DataError(concat(options.lens.mask.string(), ": no such mask file"));
+  }
   if (!options.lens.calibration.empty()) calibration_of(options.lens, {});
   Progressed so_far;
   const std::vector<Stage> stages{

@@ -36,7 +36,7 @@ struct LatentImage {
 std::vector<LatentImage> write_latents(const std::filesystem::path& folder, const Capture& capture,
                                        const ImportOptions& options);
 
-/// What write_latents returned, by time. @throws DataError naming the file.
+/// Reads the list that write_latents returned, by time. @throws DataError naming the file.
 std::vector<LatentImage> load_latents(const std::filesystem::path& folder);
 
 /// Whether a shot needs no deblurring: it has no length, or the scene moves less than this in it.

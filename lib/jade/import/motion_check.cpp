@@ -50,7 +50,7 @@ double signed_place(int64_t place, int64_t size) {
   return static_cast<double>(place > size / 2 ? place - size : place);
 }
 
-/// Where the image shows the point, px.
+/// Projection of the point, px.
 std::array<double, 2> seen_at(const PosedExposure& e, size_t pose, const geometry::Vector3& point) {
   return geometry::project(e.camera, geometry::transform(e.poses[pose], point));
 }

@@ -12,7 +12,7 @@
 
 namespace jade::import {
 
-/// What frames alone say of the motion of the camera.
+/// Motion of the camera as frames alone show it.
 struct FrameMotion {
   double shift_px = 0;   ///< the longest measured shift between two frames
   int64_t compared = 0;  ///< pairs of frames

@@ -17,7 +17,7 @@
 
 namespace jade::import {
 
-/// What the only time of a frame is the time of.
+/// Which instant of the exposure a single timestamp marks.
 enum class StampChoice { kAuto, kStart, kMiddle, kEnd };
 
 constexpr auto words_of(StampChoice) {
@@ -27,14 +27,14 @@ constexpr auto words_of(StampChoice) {
                     Word{"end", StampChoice::kEnd, "end of the exposure"}};
 }
 
-/// As far as the clock of a device, which begins at 0, is from one that counts from 1970, until
-/// 2096.
+/// Range of clock offsets: covers a device clock that starts at 0 against one that counts from
+/// 1970, until 2096.
 constexpr Range kOffsetMs{-4e12, 4e12};
 
 /// When frames were exposed, where the recording does not say it.
 struct TimeOptions {
   std::filesystem::path frame_times;
-  double exposure_ms = 0;
+  AutoNumber exposure_ms = AutoNumber::automatic(0);
   StampChoice stamp = StampChoice::kAuto;
   recording::TriggerLevel trigger_level = recording::TriggerLevel::kHigh;
   double begin_s = 0, end_s = 0;
@@ -47,7 +47,8 @@ void describe(V& v, TimeOptions& o) {
   v.field("frame_times", o.frame_times,
           "list of exposures, name,start_us,end_us; empty: what the recording says");
   v.field("exposure_ms", o.exposure_ms,
-          "of frames whose own length is not known; 0: found in frames and events", Range{0, 1e5});
+          "of frames whose own length is not known; auto: found in frames and events",
+          Range{0, 1e5});
   v.field("stamp", o.stamp, "what the only time of a frame is the time of");
   v.field("trigger_level", o.trigger_level, "of the trigger input while a frame is exposed");
   v.field("begin_s", o.begin_s, "leave out what comes before, in seconds since the first frame",
@@ -75,15 +76,20 @@ void describe(V& v, SensorOptions& o) {
 
 /// The lens, and a second camera.
 struct LensOptions {
-  std::filesystem::path calibration;
+  std::filesystem::path calibration, mask;
   geometry::RectifiedField field = geometry::RectifiedField::kFilled;
   double plane_depth = 0, near = 0, far = 0;
 };
 
 template <class V>
 void describe(V& v, LensOptions& o) {
-  v.field("calibration", o.calibration,
-          "file of Kalibr, OpenCV, ROS or RPG; empty: a pinhole whose focal length is searched");
+  v.field(
+      "calibration", o.calibration,
+      "file of Kalibr, OpenCV, ROS, DV or RPG; empty: a pinhole whose focal length is searched");
+  v.field(
+      "mask", o.mask,
+      "image of the size of the frames, whose black pixels count in none of them (lens borders, "
+      "hot areas); it becomes mask.png of the data set");
   v.field("field", o.field, "what the undistorted images show");
   v.field("plane_depth", o.plane_depth,
           "depth at which the events of a second camera fall on the frames exactly, in the unit of "
@@ -93,7 +99,7 @@ void describe(V& v, LensOptions& o) {
   v.field("far", o.far, "farthest", Range{0, 1e6});
 }
 
-/// What structure from motion sees of an exposure at its start, middle and end.
+/// Images of an exposure's start, middle and end for structure from motion.
 enum class LatentKind { kEdi, kMixed, kMean };
 
 constexpr auto words_of(LatentKind) {
@@ -160,6 +166,7 @@ struct ImportOptions {
   std::string device = "auto";
   std::filesystem::path recording;
   std::filesystem::path frames;
+  std::string events_group, topic;
   TimeOptions time;
   SensorOptions sensor;
   LensOptions lens;
@@ -176,6 +183,11 @@ void describe(V& v, ImportOptions& o) {
   v.field("device", o.device, "auto (a GPU if there is one), cpu, cuda or cuda:N");
   v.field("recording", o.recording, "the recording, a file or a folder");
   v.field("frames", o.frames, "folder of frames, or a video, where they are not in the recording");
+  v.field(
+      "events_group", o.events_group,
+      "which of several event streams of an HDF5 file: the group of x, y, t, p, or the data set; "
+      "empty: the first");
+  v.field("topic", o.topic, "which topic of events of a ROS bag; empty: the first by name");
   v.group("time", o.time, "when frames were exposed");
   v.group("sensor", o.sensor, "the sensor of the events");
   v.group("lens", o.lens, "the lens, and a second camera");

@@ -13,7 +13,7 @@ namespace {
 /// Centre, then rotation vector.
 using Place = std::array<double, 6>;
 
-/// Of the shorter way round.
+/// Rotation vector of the shorter rotation.
 geometry::Vector3 rotation_vector(const geometry::Matrix3& rotation) {
   const geometry::Quaternion q = geometry::quaternion_from_rotation(rotation);
   const double sine = std::hypot(q[1], q[2], q[3]);

@@ -9,7 +9,7 @@
 namespace jade::import {
 namespace {
 
-/// Of the plane's depth: no shift of a camera is seen there any more.
+/// Multiple of the plane's depth at which a camera's shift is invisible.
 constexpr double kFarAway = 1e6;
 
 }  // namespace

@@ -9,7 +9,7 @@
 
 namespace jade::import {
 
-/// What is known of the cameras.
+/// Calibrated cameras of a recording.
 struct RectifyCameras {
   geometry::LensCamera frames;
   /// The event camera beside it; absent where one sensor gives both.
@@ -18,8 +18,8 @@ struct RectifyCameras {
 
 struct RectifyOptions {
   geometry::RectifiedField field = geometry::RectifiedField::kFilled;
-  /// Of a rig: where events are put right exactly, and the depths between which the scene lies, in
-  /// the unit of the rig's translation. Not known: near is half the plane's depth, far is far away.
+  /// For a rig: depth at which events are mapped exactly, and the depth range of the scene, in the
+  /// unit of the rig's translation. Defaults: near is half the plane's depth, far is far away.
   double plane_depth = 0, near = 0, far = 0;
 };
 

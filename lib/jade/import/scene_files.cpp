@@ -9,8 +9,10 @@
 #include "jade/core/error.h"
 #include "jade/data/evdeblur_writer.h"
 #include "jade/data/frames.h"
+#include "jade/data/masks.h"
 #include "jade/data/warnings.h"
 #include "jade/geometry/trajectory.h"
+#include "jade/imaging/image_io.h"
 
 namespace jade::import {
 namespace {
@@ -51,7 +53,7 @@ std::vector<int64_t> path_times(const std::vector<Shot>& shots, const std::vecto
   return {times.begin(), times.end()};
 }
 
-/// Where event pixels are, from the first red one on.
+/// Positions of event pixels, starting at the first red one.
 torch::Tensor map_from_red(const Capture& capture) {
   torch::Tensor map = capture.event_map;
   if (!map.defined()) {
@@ -207,6 +209,10 @@ std::string write_scene(const fs::path& folder, const Capture& capture, const Re
   data::EvDeblurWriteOptions how;
   how.image_bits = is_eight_bit(capture) ? 8 : 16;
   data::write_evdeblur(folder, content_of(capture, found, parts), how);
+  fs::remove(folder / data::kMaskFile);  // of an earlier import
+  if (capture.mask.defined()) {
+    imaging::write_image(folder / data::kMaskFile, capture.mask.to(torch::kFloat32));
+  }
   write_file(folder / "frames.csv", frame_list(capture, parts));
   write_file(folder / "scene.yaml", scene_yaml(capture, options));
   const auto count = [&](Part part) { return std::count(parts.begin(), parts.end(), part); };

@@ -12,7 +12,7 @@
 
 namespace jade::import {
 
-/// What becomes of a shot in the data set.
+/// Role of a shot in the data set.
 enum class Part { kTrain, kHeldOut, kTest, kLeftOut };
 
 /// Named frames, else sharp ones, else every so many exposures held out. Shots without a pose in
@@ -25,7 +25,7 @@ std::vector<Part> parts_of(const Capture& capture, const std::vector<TimedPose>&
 void check_test_names(const Capture& capture, const TestOptions& options);
 
 /// Writes the data set in the EvDeblur layout into `folder`, with frames.csv (which frame is which
-/// shot) and scene.yaml. @return one line that says what it is
+/// shot), the mask of the capture and scene.yaml. @return one line that says what it is
 std::string write_scene(const std::filesystem::path& folder, const Capture& capture,
                         const Reconstruction& found, const ImportOptions& options);
 

@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Of what the stages write; raised when results of an older program no longer serve.
+/// Format of the stages' results; raised when results of an older program become unusable.
 constexpr int kFormat = 2;
 constexpr char kKeyFile[] = "stage.txt";
 
@@ -64,7 +64,7 @@ void make(const Stage& stage, const std::string& key, const fs::path& place) {
                   said, " (", duration_text(seconds.count()), ")"));
 }
 
-/// What was made of an older result is to be made again, though its settings are the same.
+/// Marks later stages as outdated, because they used an older result with the same settings.
 void outdate(const fs::path& folder, const std::vector<Stage>& stages, size_t from) {
   for (size_t i = from; i < stages.size(); ++i) fs::remove(folder / stages[i].name / kKeyFile);
 }

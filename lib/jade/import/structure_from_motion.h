@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where the camera stood when each sharp image was taken, by COLMAP.
+// Camera pose of each sharp image, by COLMAP.
 #pragma once
 
 #include <cstdint>
@@ -85,7 +85,7 @@ PosePath path_of(const std::vector<TimedPose>& poses, const Capture& capture);
 /// Writes poses.json and points.npz. @throws DataError.
 void keep_reconstruction(const std::filesystem::path& folder, const SearchResult& result);
 
-/// What keep_reconstruction wrote. @throws DataError naming the file.
+/// Reads what keep_reconstruction wrote. @throws DataError naming the file.
 Reconstruction load_reconstruction(const std::filesystem::path& folder);
 
 }  // namespace jade::import

@@ -15,9 +15,10 @@
 namespace jade::import {
 namespace {
 
-/// Of the image's size: principal points lie this near its middle.
+/// Largest distance of a principal point from the middle, as a share of the image's size.
 constexpr double kFarFromMiddle = 0.15;
-/// Of the events, lost beside the image: a lens with a wide margin loses a fifth.
+/// Shares of the events allowed to fall outside the image, before a warning and before an error. A
+/// lens with a wide margin loses a fifth.
 constexpr double kManyLost = 0.4, kMostLost = 0.9;
 
 /// A file that does not say its size may be of another one.
@@ -45,7 +46,7 @@ RectifyCameras cameras_of(const Calibration& calibration, const Capture& capture
   return cameras;
 }
 
-/// As far as events lie, as a size.
+/// Smallest image size that holds all events.
 events::ImageSize reach_of(const events::EventStream& events) {
   if (events.empty()) return {};
   const auto reach = [](const torch::Tensor& places) {
@@ -124,6 +125,7 @@ std::string undistort(const LensOptions& options, const Calibration& calibration
     throw_if_interrupted();
     shot.image = imaging::remap(shot.image, to.frame_map).clamp(0, 1);
   }
+  if (capture.mask.defined()) capture.mask = imaging::remap_mask(capture.mask, to.frame_map);
   const events::WarpedEvents moved =
       events::warp(capture.events, to.event_map, {to.camera.height, to.camera.width});
   check_loss(moved, capture.events.size(), options, cameras.events.has_value());

@@ -59,7 +59,7 @@ int64_t count_colmap_images(const std::filesystem::path& folder);
 ///         numbers, zero rotations, two cameras or images with one id, an unknown camera model.
 ColmapModel read_colmap(const std::filesystem::path& folder);
 
-/// The same for content in memory.
+/// Parses a model from memory.
 ColmapModel parse_colmap(const ColmapFiles& files);
 
 }  // namespace jade::io

@@ -71,7 +71,7 @@ bool decode_columns(Bytes& in, std::vector<EcfEvent>& out) {
   for (size_t i = 0; i < out.size() && in.good();) {
     const uint64_t entry = in.next(2);
     out[i++].x = uint16_t(entry >> 5);
-    // What the mask says beyond the last event is left over from the encoder's buffer.
+    // Mask bits beyond the last event are left over from the encoder's buffer.
     for (uint64_t further = 1; further <= 5 && i < out.size(); ++further) {
       if ((entry >> (5 - further)) & 1) out[i++].x = uint16_t((entry >> 5) + further);
     }
@@ -104,7 +104,7 @@ bool decode_packed(Bytes& in, std::vector<EcfEvent>& out, int unit, Set set) {
   return in.good();
 }
 
-/// As HDF5 calls a filter. @return bytes, 0 where it fails
+/// HDF5 filter callback. @return bytes, 0 on failure
 size_t filter(unsigned flags, size_t, const unsigned*, size_t size, size_t* buffer_size,
               void** buffer) {
   if ((flags & H5Z_FLAG_REVERSE) == 0) return 0;

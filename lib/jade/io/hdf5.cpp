@@ -64,18 +64,19 @@ void prepare_hdf5() {
 
 bool is_numeric(const Hdf5Dataset& dataset) { return dataset.integer || dataset.floating; }
 
-/// Names of the members of a record that are numbers.
-std::vector<std::string> numeric_fields(hid_t type) {
-  std::vector<std::string> names;
+/// The members of a record that are numbers.
+void add_numeric_fields(hid_t type, Hdf5Dataset* out) {
   const int count = H5Tget_nmembers(type);
   for (int i = 0; i < count; ++i) {
     const H5T_class_t kind = H5Tget_member_class(type, static_cast<unsigned>(i));
     char* const name = H5Tget_member_name(type, static_cast<unsigned>(i));
     if (name == nullptr) continue;
-    if (kind == H5T_INTEGER || kind == H5T_ENUM || kind == H5T_FLOAT) names.emplace_back(name);
+    if (kind == H5T_INTEGER || kind == H5T_ENUM || kind == H5T_FLOAT) {
+      out->fields.emplace_back(name);
+      out->floating_fields.push_back(kind == H5T_FLOAT);
+    }
     H5free_memory(name);
   }
-  return names;
 }
 
 bool describe_dataset(hid_t file, const std::string& name, Hdf5Dataset* out) {
@@ -96,17 +97,18 @@ bool describe_dataset(hid_t file, const std::string& name, Hdf5Dataset* out) {
   const H5T_class_t kind = H5Tget_class(type);
   out->integer = kind == H5T_INTEGER || kind == H5T_ENUM;
   out->floating = kind == H5T_FLOAT;
-  if (kind == H5T_COMPOUND) out->fields = numeric_fields(type);
+  if (kind == H5T_COMPOUND) add_numeric_fields(type, out);
   out->item_size = static_cast<int64_t>(H5Tget_size(type));
   out->stored_bytes = static_cast<int64_t>(H5Dget_storage_size(dataset));
-  if (H5Pget_layout(properties) == H5D_CHUNKED && rank == 1) {
-    hsize_t chunk = 0;
-    if (H5Pget_chunk(properties, 1, &chunk) == 1) out->chunk_length = static_cast<int64_t>(chunk);
+  if (H5Pget_layout(properties) == H5D_CHUNKED && (rank == 1 || rank == 2)) {
+    hsize_t chunk[2] = {0, 0};
+    if (H5Pget_chunk(properties, rank, chunk) == rank)
+      out->chunk_length = static_cast<int64_t>(chunk[0]);
   }
   return true;
 }
 
-// What H5Ovisit hands to its callback, and the function itself, changed with HDF5 1.12.
+// H5Ovisit and the information that it passes to its callback changed with HDF5 1.12.
 #if H5_VERSION_GE(1, 12, 0)
 using ObjectInfo = H5O_info2_t;
 constexpr auto visit_objects = H5Ovisit3;
@@ -258,16 +260,20 @@ int64_t Hdf5File::length(const std::string& name) const {
         is_numeric(info) ? "numbers" : "another type", " in ", info.shape.size(), " dimensions"));
   }
   if (count == 0) return 0;
-  const Id id(H5Dopen2(handle_->file, name.c_str(), H5P_DEFAULT));
+  check_size(info, count);
+  return count;
+}
+
+/// That a claimed number of values can be in the file at all.
+void Hdf5File::check_size(const Hdf5Dataset& info, int64_t count) const {
+  const Id id(H5Dopen2(handle_->file, info.name.c_str(), H5P_DEFAULT));
   const double possible = static_cast<double>(info.stored_bytes) * largest_compression(id);
   const double claimed = static_cast<double>(count) * static_cast<double>(info.item_size);
-  if (count < 0 || claimed > possible) {
-    throw DataError(concat(path_.string(), ": '", name, "' claims ", count, " values but only ",
-                           info.stored_bytes,
-                           " bytes of them are in the file; it is truncated or "
-                           "was never finished, copy or record it again"));
-  }
-  return count;
+  if (count >= 0 && claimed <= possible) return;
+  throw DataError(concat(path_.string(), ": '", info.name, "' claims ", count, " values but only ",
+                         info.stored_bytes,
+                         " bytes of them are in the file; it is truncated or "
+                         "was never finished, copy or record it again"));
 }
 
 void Hdf5File::read_as(const std::string& name, int64_t begin, int64_t count, int64_t type,
@@ -288,19 +294,70 @@ void Hdf5File::read_as(const std::string& name, int64_t begin, int64_t count, in
                            info.chunk_length, "; the file is damaged, copy or record it again"));
   }
   const Id file_space(H5Dget_space(id));
+  const bool selected = select_range(file_space, info.shape, begin, count);
+  read_space(name, id, selected ? hid_t(file_space) : hid_t(-1), count, type, out);
+}
+
+void Hdf5File::read_space(const std::string& name, int64_t dataset, int64_t file_space,
+                          int64_t count, int64_t type, void* out) const {
   const auto memory_count = static_cast<hsize_t>(count);
   const Id memory_space(H5Screate_simple(1, &memory_count, nullptr));
-  const bool selected = select_range(file_space, info.shape, begin, count);
-  if (selected &&
-      H5Dread(id, static_cast<hid_t>(type), memory_space, file_space, H5P_DEFAULT, out) >= 0) {
+  if (file_space >= 0 &&
+      H5Dread(dataset, static_cast<hid_t>(type), memory_space, file_space, H5P_DEFAULT, out) >= 0) {
     return;
   }
-  const std::string filter = missing_filter(id);
+  const std::string filter = missing_filter(dataset);
   throw DataError(filter.empty()
                       ? concat(path_.string(), ": '", name,
                                "' cannot be read; the file is truncated or damaged, copy it again")
                       : concat(path_.string(), ": '", name, "' needs HDF5 ", filter,
                                ", which is not installed; install it or store the data with gzip"));
+}
+
+void Hdf5File::read_column_as(const std::string& name, size_t axis, int64_t index, int64_t begin,
+                              int64_t count, int64_t type, void* out) const {
+  const Hdf5Dataset& info = dataset(name);
+  if (!is_numeric(info) || info.shape.size() != 2 || axis > 1) {
+    throw DataError(concat(path_.string(), ": expected '", name,
+                           "' to be a table of numbers, found ", info.shape.size(), " dimensions"));
+  }
+  const int64_t rows = info.shape[1 - axis];
+  if (index < 0 || index >= info.shape[axis] || begin < 0 || count < 0 || begin > rows - count) {
+    throw ContractError(concat(path_.string(), ": values [", begin, ", ", begin + count, ") of '",
+                               name, "' at ", index, " asked, which has ", rows));
+  }
+  if (count == 0) return;
+  check_size(info, info.shape[0] > INT64_MAX / info.shape[1] ? -1 : info.shape[0] * info.shape[1]);
+  const Id id(H5Dopen2(handle_->file, name.c_str(), H5P_DEFAULT));
+  const Id file_space(H5Dget_space(id));
+  hsize_t start[2], extent[2];
+  start[axis] = static_cast<hsize_t>(index), extent[axis] = 1;
+  start[1 - axis] = static_cast<hsize_t>(begin), extent[1 - axis] = static_cast<hsize_t>(count);
+  const bool selected =
+      H5Sselect_hyperslab(file_space, H5S_SELECT_SET, start, nullptr, extent, nullptr) >= 0;
+  read_space(name, id, selected ? hid_t(file_space) : hid_t(-1), count, type, out);
+}
+
+void Hdf5File::read_item(const std::string& name, int64_t index, uint8_t* out) const {
+  const Hdf5Dataset& info = dataset(name);
+  if (!is_numeric(info) || info.shape.size() < 2 || index < 0 || index >= info.shape[0]) {
+    throw ContractError(concat(path_.string(), ": item ", index, " of '", name, "' asked"));
+  }
+  std::vector<hsize_t> start(info.shape.size(), 0), extent(info.shape.begin(), info.shape.end());
+  start[0] = static_cast<hsize_t>(index), extent[0] = 1;
+  int64_t count = 1;
+  for (size_t i = 1; i < info.shape.size(); ++i) count *= info.shape[i];
+  const Id id(H5Dopen2(handle_->file, name.c_str(), H5P_DEFAULT));
+  const Id file_space(H5Dget_space(id));
+  const bool selected = H5Sselect_hyperslab(file_space, H5S_SELECT_SET, start.data(), nullptr,
+                                            extent.data(), nullptr) >= 0;
+  read_space(name, id, selected ? hid_t(file_space) : hid_t(-1), count, H5T_NATIVE_UINT8, out);
+}
+
+template <class T>
+void Hdf5File::read_column(const std::string& name, size_t axis, int64_t index, int64_t begin,
+                           int64_t count, T* out) const {
+  read_column_as(name, axis, index, begin, count, native_type<T>(), out);
 }
 
 template <class T>
@@ -444,6 +501,8 @@ void Hdf5Writer::close() {
   template void Hdf5File::read<T>(const std::string&, int64_t, int64_t, T*) const;                \
   template void Hdf5File::read_field<T>(const std::string&, const std::string&, int64_t, int64_t, \
                                         T*) const;                                                \
+  template void Hdf5File::read_column<T>(const std::string&, size_t, int64_t, int64_t, int64_t,   \
+                                         T*) const;                                               \
   template void Hdf5Writer::append<T>(const std::string&, const T*, int64_t);
 JADE_HDF5_TYPE(int8_t)
 JADE_HDF5_TYPE(uint8_t)

@@ -16,10 +16,12 @@ struct Hdf5Dataset {
   std::vector<int64_t> shape;
   bool integer = false;   ///< Integers, booleans and enumerations of any size and sign.
   bool floating = false;  ///< Neither: text, references, which cannot be read, or records.
-  std::vector<std::string> fields;  ///< Names of a record's numbers; read_field reads them.
-  int64_t item_size = 0;            ///< Bytes of a stored value.
-  int64_t chunk_length = 0;         ///< Values in a chunk of a 1-D array; 0 if stored in one piece.
-  int64_t stored_bytes = 0;         ///< As kept in the file, after compression.
+  std::vector<std::string> fields;    ///< Names of a record's numbers; read_field reads them.
+  std::vector<bool> floating_fields;  ///< Which of these are floats.
+  int64_t item_size = 0;              ///< Bytes of a stored value.
+  /// Values in a chunk of a 1-D array, rows in one of a 2-D array; 0 if stored in one piece.
+  int64_t chunk_length = 0;
+  int64_t stored_bytes = 0;  ///< As kept in the file, after compression.
 };
 
 /// An HDF5 file open for reading. Use from one thread at a time. Messages of the HDF5 library are
@@ -53,14 +55,26 @@ class Hdf5File {
   /// @throws DataError if the data cannot be decoded; a missing filter is named with its package.
   template <class T>
   void read(const std::string& name, int64_t begin, int64_t count, T* out) const;
-  /// The same of one field of the records of `name`.
+  /// Reads one field of the records of `name`.
   template <class T>
   void read_field(const std::string& name, const std::string& field, int64_t begin, int64_t count,
                   T* out) const;
+  /// Reads all values at place `index` of the first axis of a data set of numbers, as bytes.
+  void read_item(const std::string& name, int64_t index, uint8_t* out) const;
+  /// Reads values [begin, begin+count) of a two-dimensional data set of numbers along the other
+  /// axis at place `index` of `axis` (0 or 1).
+  template <class T>
+  void read_column(const std::string& name, size_t axis, int64_t index, int64_t begin,
+                   int64_t count, T* out) const;
 
  private:
   void read_as(const std::string& name, int64_t begin, int64_t count, int64_t type,
                void* out) const;
+  void read_column_as(const std::string& name, size_t axis, int64_t index, int64_t begin,
+                      int64_t count, int64_t type, void* out) const;
+  void check_size(const Hdf5Dataset& info, int64_t count) const;
+  void read_space(const std::string& name, int64_t dataset, int64_t file_space, int64_t count,
+                  int64_t type, void* out) const;
   struct Handle;
   std::filesystem::path path_;
   std::unique_ptr<Handle> handle_;

@@ -11,6 +11,7 @@
 #include "jade/core/atomic_file.h"
 #include "jade/core/check.h"
 #include "jade/core/error.h"
+#include "jade/io/npy_fields.h"
 #include "jade/io/npy_format.h"
 
 namespace jade::io {
@@ -168,7 +169,7 @@ void widen(const char* from, int64_t count, To* to, const std::string& name) {
 
 /// Fills `out` (one dimension) from the stored items; unsigned types go through a small block so
 /// that no second copy of the array exists.
-void read_items(ByteSource& source, const NpyType& type, torch::Tensor& out,
+void read_items(ByteSource source, const NpyType& type, torch::Tensor& out,
                 const std::string& name) {
   constexpr int64_t kBlock = 1 << 16;
   const auto truncated = [&] { return DataError(concat(name, ": cannot be read to its end")); };
@@ -193,24 +194,194 @@ void read_items(ByteSource& source, const NpyType& type, torch::Tensor& out,
   }
 }
 
-torch::Tensor read_source(ByteSource source, const std::string& name) {
+/// Header of an array before its type is parsed.
+struct NpyHeader {
+  std::string type;  ///< from there on
+  bool fortran = false;
+  std::vector<int64_t> shape;
+};
+
+NpyHeader parse_header(ByteSource& source, const std::string& name) {
   const std::string header = read_header(source, name);
-  const NpyType type = parse_type(after_key(header, "descr", name), name);
-  const bool fortran = after_key(header, "fortran_order", name).compare(0, 4, "True") == 0;
-  std::vector<int64_t> shape = parse_shape(after_key(header, "shape", name), name);
+  return {after_key(header, "descr", name),
+          after_key(header, "fortran_order", name).compare(0, 4, "True") == 0,
+          parse_shape(after_key(header, "shape", name), name)};
+}
+
+[[noreturn]] void fail_length(const NpyHeader& header, size_t item_size, size_t remaining,
+                              const std::string& name) {
+  throw DataError(concat(name, ": the header promises shape ", c10::IntArrayRef(header.shape),
+                         " of ", item_size, "-byte values, but ", remaining,
+                         " bytes follow; the file is truncated or damaged, copy it again"));
+}
+
+torch::Tensor read_plain(ByteSource& source, const NpyHeader& header, const std::string& name) {
+  const NpyType type = parse_type(header.type, name);
+  std::vector<int64_t> shape = header.shape;
   const int64_t count = checked_count(shape, type.item_size, source.remaining());
-  if (count < 0) {
-    throw DataError(concat(name, ": the header promises shape ", c10::IntArrayRef(shape), " of ",
-                           type.item_size, "-byte values, but ", source.remaining(),
-                           " bytes follow; the file is truncated or damaged, copy it again"));
-  }
+  if (count < 0) fail_length(header, type.item_size, source.remaining(), name);
   torch::Tensor out = torch::empty({count}, type.dtype);
   read_items(source, type, out, name);
-  if (!fortran || shape.size() < 2) return out.reshape(shape);
+  if (!header.fortran || shape.size() < 2) return out.reshape(shape);
   std::vector<int64_t> order(shape.size());
   for (size_t i = 0; i < order.size(); ++i) order[i] = static_cast<int64_t>(order.size() - 1 - i);
   std::reverse(shape.begin(), shape.end());
   return out.reshape(shape).permute(order).contiguous();
+}
+
+/// A field of a record, and where it lies in it.
+struct NpyField {
+  std::string name;
+  NpyType type;
+  size_t offset = 0;
+};
+
+struct NpyRecord {
+  std::vector<NpyField> fields;  ///< those that are single numbers
+  size_t size = 0;
+};
+
+/// Goes through a record type as numpy.save writes it: [('x', '<u2'), ('', '|V4'), …].
+class RecordParser {
+ public:
+  RecordParser(const std::string& text, const std::string& name) : text_(text), name_(name) {}
+
+  NpyRecord parse() {
+    NpyRecord out;
+    expect('[');
+    while (peek() != ']') {
+      expect('(');
+      const std::string field = quoted();
+      expect(',');
+      const std::string type = quoted();
+      size_t count = 1;
+      bool single = true;
+      if (peek() == ',') {
+        expect(',');
+        if (peek() == '(') count = items(), single = false;
+      }
+      expect(')');
+      if (peek() == ',') expect(',');
+      add(field, type, single, count, out);
+    }
+    return out;
+  }
+
+ private:
+  [[noreturn]] void fail() const {
+    throw DataError(concat(name_,
+                           ": expected an array of numbers, or of records of numbers, found "
+                           "the type ",
+                           text_.substr(0, 60), "; save each field as an array of its own"));
+  }
+  char peek() {
+    at_ = text_.find_first_not_of(" \t", at_);
+    if (at_ == std::string::npos) fail();
+    return text_[at_];
+  }
+  void expect(char c) {
+    if (peek() != c) fail();
+    ++at_;
+  }
+  std::string quoted() {
+    const char quote = peek();
+    const size_t end = text_.find(quote, at_ + 1);
+    if ((quote != '\'' && quote != '"') || end == std::string::npos) fail();
+    const std::string word = text_.substr(at_ + 1, end - at_ - 1);
+    at_ = end + 1;
+    return word;
+  }
+  /// Number of items of an array in a record.
+  size_t items() {
+    const size_t end = text_.find(')', at_);
+    if (end == std::string::npos) fail();
+    uint64_t count = 1;
+    for (const int64_t extent : parse_shape(text_.substr(at_, end + 1 - at_), name_)) {
+      if (extent > kMaxRecord) fail();
+      count = std::min<uint64_t>(count * static_cast<uint64_t>(extent), kMaxRecord);
+    }
+    at_ = end + 1;
+    return count;
+  }
+  void add(const std::string& field, const std::string& type, bool single, size_t count,
+           NpyRecord& out) const {
+    if (type.size() < 3 || std::strchr("<>|=", type[0]) == nullptr) fail();
+    NpyType known;
+    const bool number = type.size() == 3 && npy_scalar(type[1], type[2], &known);
+    size_t size = known.item_size;
+    if (!number) {  // bytes, text or padding, which only take up room
+      if (std::strchr("VSUOMmc", type[1]) == nullptr) fail();
+      size = 0;
+      for (size_t i = 2; i < type.size() && type[i] >= '0' && type[i] <= '9'; ++i)
+        size = std::min<size_t>(size * 10 + static_cast<size_t>(type[i] - '0'), kMaxRecord);
+      if (type[1] == 'U') size *= 4;
+      if (type[1] == 'O') fail();
+    }
+    known.swapped = type[0] == '>';
+    if (number && single) out.fields.push_back({field, known, out.size});
+    out.size += size * count;
+    if (out.size > kMaxRecord) fail();
+  }
+
+  static constexpr int64_t kMaxRecord = 1 << 20;
+  const std::string& text_;
+  const std::string& name_;
+  size_t at_ = 0;
+};
+
+NamedTensors read_records(ByteSource& source, const NpyHeader& header, const std::string& name) {
+  const NpyRecord record = RecordParser(header.type, name).parse();
+  if (header.shape.size() > 1) {
+    throw DataError(concat(name, ": expected records in a list, found ", header.shape.size(),
+                           " dimensions; flatten the array"));
+  }
+  if (record.size == 0 || record.fields.empty()) {
+    throw DataError(concat(name, ": expected records with fields that are numbers, found none"));
+  }
+  const int64_t count = checked_count(header.shape, record.size, source.remaining());
+  if (count < 0) fail_length(header, record.size, source.remaining(), name);
+  NamedTensors out;
+  for (const NpyField& field : record.fields)
+    out.emplace_back(field.name, torch::empty({count}, field.type.dtype));
+  constexpr int64_t kRecords = 1 << 14;
+  std::vector<char> block(static_cast<size_t>(std::min(kRecords, count)) * record.size), column;
+  for (int64_t begin = 0; begin < count; begin += kRecords) {
+    const int64_t rows = std::min(kRecords, count - begin);
+    if (!source.read(block.data(), static_cast<size_t>(rows) * record.size))
+      throw DataError(concat(name, ": cannot be read to its end"));
+    for (size_t k = 0; k < record.fields.size(); ++k) {
+      const NpyField& field = record.fields[k];
+      const size_t size = field.type.item_size;
+      column.resize(static_cast<size_t>(rows) * size);
+      for (size_t i = 0; i < static_cast<size_t>(rows); ++i)
+        std::memcpy(&column[i * size], &block[i * record.size + field.offset], size);
+      torch::Tensor part = out[k].second.narrow(0, begin, rows);
+      read_items(ByteSource(column.data(), column.size()), field.type, part, name);
+    }
+  }
+  return out;
+}
+
+NamedTensors read_fields(ByteSource source, const std::string& name) {
+  const NpyHeader header = parse_header(source, name);
+  if (header.type[0] == '[') return read_records(source, header, name);
+  return {{"", read_plain(source, header, name)}};
+}
+
+torch::Tensor read_source(ByteSource source, const std::string& name) {
+  const NpyHeader header = parse_header(source, name);
+  return read_plain(source, header, name);
+}
+
+/// Calls `read` with the bytes of a file.
+template <class Read>
+auto with_file(const std::filesystem::path& path, const Read& read) {
+  std::error_code error;
+  const auto size = std::filesystem::file_size(path, error);
+  std::ifstream file(path, std::ios::binary);
+  if (error || !file)
+    throw DataError(concat(path.string(), ": no such file, or it cannot be read"));
+  return read(ByteSource(&file, size), path.string());
 }
 
 }  // namespace
@@ -267,13 +438,14 @@ torch::Tensor parse_npy(const void* bytes, size_t size, const std::string& name)
   return read_source(ByteSource(bytes, size), name);
 }
 
-torch::Tensor read_npy(const std::filesystem::path& path) {
-  std::error_code error;
-  const auto size = std::filesystem::file_size(path, error);
-  std::ifstream file(path, std::ios::binary);
-  if (error || !file)
-    throw DataError(concat(path.string(), ": no such file, or it cannot be read"));
-  return read_source(ByteSource(&file, size), path.string());
+torch::Tensor read_npy(const std::filesystem::path& path) { return with_file(path, read_source); }
+
+NamedTensors read_npy_fields(const std::filesystem::path& path) {
+  return with_file(path, read_fields);
+}
+
+NamedTensors parse_npy_fields(const void* bytes, size_t size, const std::string& name) {
+  return read_fields(ByteSource(bytes, size), name);
 }
 
 void write_npy(const std::filesystem::path& path, const torch::Tensor& tensor) {

@@ -18,7 +18,7 @@ namespace jade::io {
 ///         says, holds Python objects or records, or a uint64 above 2^63.
 torch::Tensor read_npy(const std::filesystem::path& path);
 
-/// The same for bytes in memory; `name` stands for the path in messages.
+/// Reads an array from bytes in memory; `name` stands for the path in messages.
 torch::Tensor parse_npy(const void* bytes, size_t size, const std::string& name);
 
 /// Writes a tensor of any strides and device as C-ordered .npy (format 1.0). Writes to a temporary

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What npy.cpp and npz.cpp share of the .npy format. Not for use outside this folder.
+// Parts of the .npy format that npy.cpp and npz.cpp share. Private to this folder.
 #pragma once
 
 #include <cstddef>

@@ -8,6 +8,7 @@
 #include "jade/core/check.h"
 #include "jade/core/error.h"
 #include "jade/io/npy.h"
+#include "jade/io/npy_fields.h"
 #include "jade/io/npy_format.h"
 #include "jade/io/zip.h"
 
@@ -20,6 +21,21 @@ struct ZipClose {
 using ZipArchive = std::unique_ptr<zip_t, ZipClose>;
 
 const ZipWords kNpzWords{"an .npz archive", "write it again with numpy.savez"};
+
+/// An array as .npy, and what to call it in messages.
+struct NpzEntry {
+  std::string bytes, label;
+};
+
+NpzEntry entry_of(const std::filesystem::path& path, const Npz& archive, const std::string& name) {
+  if (!archive.has(name)) {
+    std::string found;
+    for (const std::string& known : archive.names()) found += (found.empty() ? "" : ", ") + known;
+    throw DataError(concat(path.string(), ": expected an array '", name, "', found ",
+                           found.empty() ? "none" : found));
+  }
+  return {Zip(path, kNpzWords).read(name + ".npy"), concat(path.string(), "[", name, "]")};
+}
 
 }  // namespace
 
@@ -36,15 +52,13 @@ bool Npz::has(const std::string& name) const {
 }
 
 torch::Tensor Npz::read(const std::string& name) const {
-  if (!has(name)) {
-    std::string found;
-    for (const std::string& known : names_) found += (found.empty() ? "" : ", ") + known;
-    throw DataError(concat(path_.string(), ": expected an array '", name, "', found ",
-                           found.empty() ? "none" : found));
-  }
-  const std::string label = concat(path_.string(), "[", name, "]");
-  const std::string bytes = Zip(path_, kNpzWords).read(name + ".npy");
-  return parse_npy(bytes.data(), bytes.size(), label);
+  const NpzEntry entry = entry_of(path_, *this, name);
+  return parse_npy(entry.bytes.data(), entry.bytes.size(), entry.label);
+}
+
+NamedTensors read_npz_fields(const std::filesystem::path& path, const std::string& name) {
+  const NpzEntry entry = entry_of(path, Npz(path), name);
+  return parse_npy_fields(entry.bytes.data(), entry.bytes.size(), entry.label);
 }
 
 void write_npz(const std::filesystem::path& path, const NamedTensors& arrays) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the arithmetic of an op (op_math.h) needs to be written once for the CPU and for CUDA: a
-// mark for its functions, and functions of one number.
+// Lets the arithmetic of an op (op_math.h) be written once for the CPU and for CUDA: a macro for
+// its functions, and scalar math functions.
 #pragma once
 
 #if defined(__CUDACC__)

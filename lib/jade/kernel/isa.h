@@ -16,7 +16,7 @@ const char* name(Isa isa);
 /// Whether this build has the set and this machine runs it.
 bool can_run(Isa isa);
 
-/// What ops take now: the best that can_run(), unless a ForcedIsa lives.
+/// Instruction set that ops use: the best that can_run(), unless a ForcedIsa exists.
 Isa chosen_isa();
 
 /// For tests and benchmarks: as long as it lives, every op of the process takes the kernels of this

@@ -13,7 +13,7 @@ JADE_HD constexpr int64_t block_count(int64_t count, int64_t size) {
   return (count + size - 1) / size;
 }
 
-/// The same as a dimension of a grid. CUDA itself refuses what does not fit: see check_launch().
+/// block_count() as a grid dimension. CUDA refuses values that do not fit: see check_launch().
 inline unsigned grid_size(int64_t count, int64_t size) {
   return static_cast<unsigned>(block_count(count, size));
 }

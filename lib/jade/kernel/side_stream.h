@@ -20,8 +20,8 @@ class SideStream {
   SideStream(const SideStream&) = delete;
   SideStream& operator=(const SideStream&) = delete;
 
-  /// What run() queues from now on runs after all that the current stream of the constructor was
-  /// given before. To be called before the first run().
+  /// Makes later work of run() wait for all work queued so far on the constructor's stream. Call it
+  /// before the first run().
   void follow();
 
   /// Calls `work`. What it queues runs on the side stream. Of a recorded step the stream that
@@ -31,7 +31,7 @@ class SideStream {
   /// Whether follow() has been called, and join() has not since; never for the CPU.
   bool apart() const;
 
-  /// What the constructor's stream is given from now on runs after all that run() has queued.
+  /// Makes later work of the constructor's stream wait for all work queued by run().
   void join();
 
  private:

@@ -12,7 +12,7 @@ namespace jade::losses {
 /// L_ev is divided by the sum of the weights, or this if it is less.
 constexpr double kLeastWeight = 1e-12;
 
-/// Of the pairs, all tensors contiguous and of the renders' type, but for indices and filter.
+/// Tensors of the pairs: contiguous and of the renders' type, except indices and filter.
 /// `residuals` is [P] double, dL_ev/dΔℓ before the division; `weight` [1] double, what L_ev was
 /// divided by; `loss` [] of the renders' type.
 namespace cpu {  // float or double

@@ -20,7 +20,7 @@ JADE_HD double lin_log_slope(double x) {
   return x <= kLinLogKnee ? kLogOfKnee / kLinLogKnee : 1 / x;
 }
 
-/// Of R, G and B with EventPair::weighted_colors.
+/// Weight of R, G and B with EventPair::weighted_colors.
 JADE_HD double color_weight(int64_t c) { return c == 1 ? 0.2 : 0.4; }
 
 /// EventPair as plain pointers.

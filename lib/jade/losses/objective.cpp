@@ -82,7 +82,7 @@ Views pick_views(const ObjectiveInputs& inputs, const ObjectivePlan& plan) {
   return {views.all, views.mean, picks[0], picks[1], picks[2], picks[3]};
 }
 
-/// What the terms read under ρ; undefined: nobody does. Those in gray are g(ρ(·)), [1,H,W].
+/// Images under ρ that the terms read; undefined if unused. Gray ones are g(ρ(·)), [1,H,W].
 struct Toned {
   torch::Tensor blurry, edi_gray, mean_gray, simulation_gray;
   torch::Tensor mean;  ///< Σ_k w_k ρ(Î_k), of all renders
@@ -95,7 +95,7 @@ torch::Tensor gray_weights(const torch::Tensor& like) {
       .to(like.scalar_type());
 }
 
-/// Those of the mean render.
+/// Weights of the mean render.
 torch::Tensor mean_weights(const ObjectiveInputs& inputs) {
   if (inputs.weights.defined()) return inputs.weights;
   const int64_t count = inputs.renders.size(0);

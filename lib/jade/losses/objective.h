@@ -20,7 +20,7 @@
 
 namespace jade::losses {
 
-/// What the render of mid-exposure, or of RestoredPoses, is compared with, Eq. (9).
+/// Target of the render at mid-exposure, or at RestoredPoses, Eq. (9).
 enum class Target { kRouted, kEdi, kEfnet, kMean, kBlurry, kImageFolder, kNone };
 
 constexpr auto words_of(Target) {
@@ -44,7 +44,7 @@ constexpr auto words_of(RestoredPoses) {
       Word{"all", RestoredPoses::kAll, "one of all poses, drawn for every step"}};
 }
 
-/// Where the time windows of L_ev lie.
+/// Span of the time windows of L_ev.
 enum class EventSpan { kExposure, kRecording };
 
 constexpr auto words_of(EventSpan) {

@@ -6,7 +6,7 @@
 
 namespace jade::losses {
 
-/// What the objective looks at among an exposure's renders.
+/// Images that the objective reads from an exposure's renders.
 struct PoseViews {
   torch::Tensor mean;                ///< [3,H,W], weighted mean over the poses
   std::vector<torch::Tensor> picks;  ///< [3,H,W] each, the renders at the asked poses

@@ -22,7 +22,7 @@ struct Picks {
     if (first < 0) return __ldg(indices + m);
     return m == 0 ? first : __ldg(indices + m - 1);
   }
-  /// Of render k in the mean.
+  /// Weight of render k in the mean.
   __device__ float weight(int64_t k) const {
     return weights != nullptr ? __ldg(weights + k) : 1.0f / static_cast<float>(renders);
   }

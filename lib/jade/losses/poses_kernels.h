@@ -8,7 +8,7 @@
 
 namespace jade::losses {
 
-/// Of one call on a GPU, where they travel as the argument of a launch.
+/// Most picks in one call on a GPU, where they travel as the argument of a launch.
 constexpr int kMostPicks = 8;
 
 /// Which renders are picked, and how they are averaged.

@@ -21,8 +21,8 @@ struct RouteImages {
   int64_t plane;         ///< H · W
 };
 
-/// Of one pixel over the channels: sums of absolute residuals, or what the gradient of either
-/// term's mean is, its weight applied.
+/// Per pixel, over the channels: sums of absolute residuals, or the weighted gradient of either
+/// term's mean.
 template <class T>
 struct RouteParts {
   T render, reblur;

@@ -19,8 +19,8 @@ namespace jade::page {
 /// @param spz  the scene as gaussians::encode_spz() gives it; empty: pictures alone.
 std::string report_page(const std::string& json, const std::string& spz);
 
-/// The same page with the scene drawn elsewhere: it asks the server that it comes from
-/// (serve/server.h), and may ask nobody else.
+/// Live page: the scene is rendered by the server that the page comes from (serve/server.h), the
+/// only address that the page may contact.
 /// @param json  as above, its pictures without "src", and "live" {"id": of this server, "scale":
 ///   pixels per trained pixel at most, "pausable", "moving": whether its cameras do, "report":
 ///   where the finished one will be, or "", "sample": x, y, z of some Gaussians, flat}

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the readers of each format give recording.cpp. Not for use outside this folder.
+// Results of the format readers for recording.cpp. Private to this folder.
 #pragma once
 
 #include <cstdint>
@@ -32,7 +32,7 @@ class TemporaryFolder {
 /// An image that has not been read yet.
 struct FrameFile {
   std::filesystem::path path;
-  /// Of its exposure; start and end are equal where only one time is known. None: no time at all.
+  /// Time span of its exposure; start and end are equal if only one time is known. None: no time.
   std::optional<events::TimeWindow> time;
 };
 
@@ -55,14 +55,20 @@ Contents read_rpg(const std::filesystem::path& folder, const ReadOptions& option
 Contents read_rpg_zip(const std::filesystem::path& path, const ReadOptions& options);
 Contents read_event_folder(const std::filesystem::path& folder, const ReadOptions& options);
 Contents read_evt(const std::filesystem::path& path, const ReadOptions& options);
+Contents read_dat(const std::filesystem::path& path, const ReadOptions& options);
 Contents read_converted(const std::filesystem::path& path, const ReadOptions& options);
-/// What a program that failed said last; empty if nothing.
+/// Last line that a failed program printed; empty if none.
 std::string last_line(const std::filesystem::path& log);
-/// Records of Metavision in HDF5.
-bool is_metavision(const std::filesystem::path& path);
+/// Records of Metavision in HDF5, unless another group is asked for.
+bool is_metavision(const std::filesystem::path& path, const std::string& group);
 Contents read_metavision(const std::filesystem::path& path, const ReadOptions& options);
 /// HDF5, .npz, .npy and text: events alone.
 Contents read_event_file(const std::filesystem::path& path, const ReadOptions& options);
+
+/// Adds the pictures, with their times, that an HDF5 file has of the camera of its events, and
+/// notes those of others.
+void add_hdf5_frames(const std::filesystem::path& path, const ReadOptions& options,
+                     Contents& contents);
 
 /// Gives each image the exposure that `exposures` has for its name.
 /// @throws DataError if an image has none.
@@ -93,7 +99,7 @@ std::vector<FrameFile> listed_images(const std::filesystem::path& list);
 void add_npz_times(const std::filesystem::path& path, events::TimeUnit unit,
                    std::vector<FrameFile>& files, Recording& recording);
 
-/// What options and trigger edges say about exposures that the recording's own fields do not.
+/// Completes exposures from options and trigger edges where the recording's fields lack them.
 /// @throws DataError for frames from elsewhere that are left without a time.
 void complete_exposures(const ReadOptions& options, Contents& contents);
 

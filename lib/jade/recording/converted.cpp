@@ -3,6 +3,7 @@
 #include <fstream>
 #include <sstream>
 #include <string>
+#include <vector>
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/child.h"
@@ -21,9 +22,10 @@ constexpr int kScriptDataError = 3, kScriptPackageMissing = 4;
 void convert(const fs::path& path, const ReadOptions& options, const fs::path& folder) {
   const fs::path log = folder / "log.txt";
   const std::string python = interpreter(options.python);
-  const int code = run_to_end(
-      {python, script("read_recording.py").string(), path.string(), (folder / "out").string()}, {},
-      log);
+  std::vector<std::string> command = {python, script("read_recording.py").string(), path.string(),
+                                      (folder / "out").string()};
+  if (!options.topic.empty()) command.insert(command.end(), {"--events-topic", options.topic});
+  const int code = run_to_end(command, {}, log);
   if (code == 0) return;
   const std::string said = last_line(log);
   if (said.empty() && code != 127) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Files that hold events alone.
 #include "jade/core/error.h"
+#include "jade/events/event_group.h"
 #include "jade/recording/contents.h"
 #include "jade/recording/format.h"
 
@@ -34,8 +35,9 @@ ReadEvents events_of(const fs::path& path, const ReadOptions& options,
     how.keep = kept;
     how.most = options.most_events;
     how.event_bytes = options.event_bytes;
-    events::EventFileResult result = events::read_events(path, how);
+    auto [result, sensor] = events::read_event_group(path, how, options.events_group);
     out.events = std::move(result.events);
+    if (sensor && out.width == 0) out.width = sensor->width, out.height = sensor->height;
     for (std::string& warning : result.warnings) out.notes.push_back(std::move(warning));
     note_stored(result.stored, result.stored_us, options.most_events, out);
   };
@@ -45,6 +47,7 @@ Contents read_event_file(const fs::path& path, const ReadOptions& options) {
   Contents out;
   out.recording.format = concat("events in ", word_of(recognise(path)));
   out.read_events = events_of(path, options, std::nullopt, out.recording);
+  if (recognise(path) == Format::kHdf5) add_hdf5_frames(path, options, out);
   return out;
 }
 

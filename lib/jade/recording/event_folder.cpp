@@ -18,7 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 using events::TimeUnit;
 
-/// What scripts/read_recording.py writes into the folders that it makes.
+/// Description file that scripts/read_recording.py writes into its folders.
 constexpr const char* kDescription = "recording.txt";
 
 fs::path events_in(const fs::path& folder) {
@@ -112,12 +112,16 @@ ReadEvents moved(const ReadEvents& read, int64_t offset_us) {
   };
 }
 
-/// What recording.txt and triggers.csv say of a folder that the script made.
-void describe(const fs::path& folder, Contents& contents) {
+/// Reads recording.txt and triggers.csv of a folder that the script made.
+void describe(const fs::path& folder, const ReadOptions& options, Contents& contents) {
   Recording& recording = contents.recording;
   int64_t offset_us = 0;
   apply_description(folder / kDescription, recording, &offset_us);
   add_edges(folder / "triggers.csv", recording.triggers);
+  // Frames from elsewhere are of another camera.
+  const fs::path camera = folder / "camera_info.yaml";
+  if (options.frames.empty() && fs::is_regular_file(camera))
+    recording.calibration = CalibrationFile{"camera_info.yaml", read_file(camera)};
   if (offset_us == 0) return;
   move(offset_us, recording.triggers);
   if (contents.read_events) contents.read_events = moved(contents.read_events, offset_us);
@@ -198,7 +202,7 @@ Contents read_event_folder(const fs::path& folder, const ReadOptions& given) {
     const int64_t ahead_us = options.frames.empty() ? options.near_frames_ahead_us.value_or(0) : 0;
     out.read_events = events_of(events, options, span_of(out.files, ahead_us), recording);
   }
-  if (described) describe(folder, out);
+  if (described) describe(folder, options, out);
   return out;
 }
 

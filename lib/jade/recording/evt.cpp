@@ -26,7 +26,7 @@ enum class Evt2Type : uint32_t {
   kContinued = 0xF
 };
 
-/// The same of EVT 3.0.
+/// Word types of EVT 3.0.
 enum class Evt3Type : uint32_t {
   kRow = 0x0,
   kEvent = 0x2,
@@ -182,7 +182,7 @@ void EvtDecoder::choose_order() {
     }
     return false;
   };
-  // Of a vector's mask, any type may show in the other half; of times and of empty bits few.
+  // In the wrong half, a vector's mask shows any type; times and empty bits show few.
   int64_t upper_first = 0, upper_last = 0;
   for (size_t i = at_; i + 8 <= end_; i += 8) {
     const auto first = word_at<uint32_t>(&buffer_[i]), last = word_at<uint32_t>(&buffer_[i + 4]);

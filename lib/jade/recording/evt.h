@@ -39,7 +39,7 @@ struct EvtEvents {
   void clear();
 };
 
-/// What a decoder met on its way.
+/// Counts of what a decoder has read.
 struct EvtCounts {
   int64_t events = 0;
   int64_t outside = 0;      ///< events beside the sensor, dropped

@@ -56,7 +56,7 @@ std::vector<events::TimeWindow> exposures_of(const Triggers& triggers, TriggerLe
   for (size_t i = 0; i < starts.size(); ++i) {
     const auto end = std::upper_bound(ends.begin(), ends.end(), starts[i]);
     if (end == ends.end()) break;
-    // Where the next start comes first, this one's end was lost.
+    // If the next start comes first, the end of this exposure was lost.
     if (i + 1 < starts.size() && starts[i + 1] < *end) continue;
     out.push_back({starts[i], *end});
   }

@@ -12,7 +12,7 @@
 
 namespace jade::recording {
 
-/// What the only time stamp of a frame is the time of.
+/// Which instant of the exposure a single timestamp marks.
 enum class Stamp { kStart, kMiddle, kEnd };
 
 constexpr auto words_of(Stamp) {

@@ -18,7 +18,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kReadable =
-    "expected a recording (Prophesee .raw, RPG text folder or .zip, HDF5, .npz, .npy, text, "
+    "expected a recording (Prophesee .raw or .dat, RPG text folder or .zip, HDF5, .npz, .npy, "
+    "text, "
     ".aedat4, ROS bag)";
 
 bool begins(const std::string& head, const std::string& with) {
@@ -62,16 +63,30 @@ Format zip_format(const fs::path& path) {
                          "found neither; unpack it and give the recording inside"));
 }
 
+/// DAT says so in its first lines; files of other programs only by what follows them: the type and
+/// the size of an event.
+bool is_dat(const std::string& head) {
+  if (begins(head, "% Data file containing") || begins(head, "% DAT")) return true;
+  if (!begins(head, "%") || head.find("evt ") != std::string::npos ||
+      head.find("format EVT") != std::string::npos)
+    return false;
+  size_t at = 0;
+  while (at < head.size() && head[at] == '%') {
+    at = head.find('\n', at);
+    if (at == std::string::npos) return false;
+    ++at;
+  }
+  return at + 1 < head.size() && (head[at] == 0 || head[at] == 12) && head[at + 1] == 8 &&
+         head.find("Version") != std::string::npos;
+}
+
 /// Formats that are known, and not read.
 void refuse_foreign(const fs::path& path, const std::string& head) {
   const auto refuse = [&](const char* what, const char* remedy) {
     throw DataError(concat(path.string(), ": is ", what, ", which is not read; ", remedy));
   };
   if (begins(head, "#!AER-DAT")) {
-    refuse("AEDAT 1 to 3", "convert it to .aedat4 with dv-processing or DV");
-  }
-  if (begins(head, "% Data file containing") || begins(head, "% DAT")) {
-    refuse("Prophesee DAT", "convert it to HDF5 with metavision_file_to_hdf5");
+    refuse("AEDAT 1 to 3", "convert it to .aedat4: open it in DV (inivation.com) and record it");
   }
   if (begins(head, "#ROSBAG V1")) refuse("a ROS bag of version 1.x", "run rosbag fix on it");
 }
@@ -83,13 +98,15 @@ Format file_format(const fs::path& path) {
   if (begins(head, std::string("SQLite format 3\0", 16)) || begins(head, "\x89MCAP0"))
     return Format::kRosBag;
   refuse_foreign(path, head);
-  if (begins(head, "% ")) return Format::kEvt;
-  if (begins(head, "\x93NUMPY")) return Format::kNpy;
-  if (begins(head, "\x89HDF")) return Format::kHdf5;
-  if (begins(head, "PK")) return zip_format(path);
   std::string kind = path.extension().string();
   std::transform(kind.begin(), kind.end(), kind.begin(),
                  [](unsigned char c) { return std::tolower(c); });
+  const bool is_list = kind == ".txt" || kind == ".csv" || kind == ".tsv";
+  if (is_dat(head)) return Format::kDat;
+  if (begins(head, "% ") && !is_list) return Format::kEvt;
+  if (begins(head, "\x93NUMPY")) return Format::kNpy;
+  if (begins(head, "\x89HDF")) return Format::kHdf5;
+  if (begins(head, "PK")) return zip_format(path);
   if (is_text(without_mark(head))) {
     for (const char* other : {".aedat4", ".bag", ".db3", ".mcap", ".h5", ".hdf5", ".npz", ".npy"}) {
       if (kind != other) continue;

@@ -7,11 +7,24 @@
 
 namespace jade::recording {
 
-/// Of a recording on disk.
-enum class Format { kEvt, kRpg, kFrameFolder, kZip, kHdf5, kNpz, kNpy, kText, kAedat4, kRosBag };
+/// Format of a recording on disk.
+enum class Format {
+  kEvt,
+  kDat,
+  kRpg,
+  kFrameFolder,
+  kZip,
+  kHdf5,
+  kNpz,
+  kNpy,
+  kText,
+  kAedat4,
+  kRosBag
+};
 
 constexpr auto words_of(Format) {
   return std::array{Word{"Prophesee EVT", Format::kEvt},
+                    Word{"Prophesee DAT", Format::kDat},
                     Word{"RPG text folder", Format::kRpg},
                     Word{"folder of frames and events", Format::kFrameFolder},
                     Word{"zip of an RPG text folder", Format::kZip},

@@ -38,7 +38,7 @@ torch::Tensor read_column(const io::Hdf5File& file, const char* field,
   return out;
 }
 
-/// Where the events of the spans lie; of a file out of order, everywhere.
+/// Stretches of the file that hold the events of the spans; the whole file if it is out of order.
 std::vector<events::Stretch> stretches_of(const events::TimeSurvey& survey, const Kept& kept,
                                           int64_t most) {
   std::vector<events::Stretch> found{{0, survey.count()}};
@@ -96,7 +96,9 @@ void read_triggers(const io::Hdf5File& file, Recording& recording) {
 
 }  // namespace
 
-bool is_metavision(const fs::path& path) { return io::Hdf5File(path).has(kRecords); }
+bool is_metavision(const fs::path& path, const std::string& group) {
+  return (group.empty() || group == kRecords) && io::Hdf5File(path).has(kRecords);
+}
 
 Contents read_metavision(const fs::path& path, const ReadOptions& options) {
   const io::Hdf5File file(path);

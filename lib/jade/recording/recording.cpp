@@ -17,13 +17,16 @@ namespace fs = std::filesystem;
 
 /// Events that reach this part of the frames in both directions are of the same sensor.
 constexpr double kSameSensor = 0.9;
-/// Of a frame; thresholds and clocks are found in frames that lie less than twice this apart.
+/// Events this near to a frame are kept; estimates of thresholds and clocks use frames less than
+/// twice this apart.
 constexpr int64_t kLeastReachUs = 250000;
 
 Contents read_contents(const fs::path& path, const ReadOptions& options) {
   switch (recognise(path)) {
     case Format::kEvt:
       return read_evt(path, options);
+    case Format::kDat:
+      return read_dat(path, options);
     case Format::kRpg:
       return read_rpg(path, options);
     case Format::kZip:
@@ -34,13 +37,31 @@ Contents read_contents(const fs::path& path, const ReadOptions& options) {
     case Format::kRosBag:
       return read_converted(path, options);
     case Format::kHdf5:
-      return is_metavision(path) ? read_metavision(path, options) : read_event_file(path, options);
+      return is_metavision(path, options.events_group) ? read_metavision(path, options)
+                                                       : read_event_file(path, options);
     case Format::kNpz:
     case Format::kNpy:
     case Format::kText:
       return read_event_file(path, options);
   }
   throw ContractError("recognise: a format without a reader");
+}
+
+/// Only some formats have several streams of events.
+void check_choice(const fs::path& path, const ReadOptions& options) {
+  const Format format = recognise(path);
+  if (!options.topic.empty() && format != Format::kRosBag) {
+    throw DataError(concat(path.string(), ": expected a ROS bag, of which a topic is chosen (",
+                           options.topic, "), found ", word_of(format), "; leave --topic out"));
+  }
+  // A folder may hold HDF5; its reader knows.
+  const bool hdf5 = format == Format::kHdf5 || format == Format::kFrameFolder;
+  if (!options.events_group.empty() && !hdf5) {
+    throw DataError(concat(path.string(), ": expected HDF5, of which a group is chosen (",
+                           options.events_group, "), found ", word_of(format),
+                           format == Format::kRosBag ? "; choose a topic with --topic"
+                                                     : "; leave --events-group out"));
+  }
 }
 
 /// Frames and triggers of a span.
@@ -115,8 +136,8 @@ Kept kept_spans(const ReadOptions& options, const std::optional<events::TimeWind
   return inside;
 }
 
-/// As many pixels as these coordinates reach over; rectified ones may lie between them, and those
-/// without a place anywhere.
+/// Number of pixels that these coordinates span. Rectified coordinates are fractional; invalid ones
+/// can be anything.
 double reach_of(const torch::Tensor& places) {
   const torch::Tensor finite = places.masked_select(places.isfinite());
   return finite.numel() == 0 ? 0 : std::floor(finite.max().item<double>() + 0.5) + 1;
@@ -199,6 +220,7 @@ void note_clocks(const ReadOptions& options, Recording& recording) {
 }  // namespace
 
 Recording read_recording(const fs::path& path, const ReadOptions& options) {
+  check_choice(path, options);
   Contents contents = read_contents(path, options);
   Recording& recording = contents.recording;
   recording.source = path;

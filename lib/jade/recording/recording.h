@@ -23,11 +23,11 @@ struct Frame {
 
 /// A calibration that lies beside a recording, as it was found.
 struct CalibrationFile {
-  std::string name;  ///< "calib.txt", "calibration.yaml", "camchain.yaml"
+  std::string name;  ///< "calib.txt", "calibration.yaml", "camera_info.yaml"
   std::string text;
 };
 
-/// What a camera wrote, in its own clock and pixels: no poses, nothing undistorted.
+/// A camera's recording in its own clock and pixels: no poses, not undistorted.
 struct Recording {
   std::filesystem::path source;
   std::string format;             ///< in words, "Prophesee EVT3"
@@ -38,7 +38,7 @@ struct Recording {
   events::TimeWindow stored_us;   ///< from the first of these to the last
   std::vector<Frame> frames;      ///< in order of time, of one size
   int64_t untimed_frames = 0;     ///< that are not among them, as nothing says when they were taken
-  /// What the one time of a frame is, where the length of its exposure is not known.
+  /// Which instant of the exposure a frame's single time marks, if its length is unknown.
   Stamp stamp = Stamp::kMiddle;
   Triggers triggers;
   std::optional<CalibrationFile> calibration;
@@ -47,17 +47,23 @@ struct Recording {
 
 struct ReadOptions {
   events::TimeUnit time_unit = events::TimeUnit::kAuto;  ///< of files that do not say it
-  /// What to keep, in the recording's clock: events in it and frames exposed wholly in it.
+  /// Span to keep, in the recording's clock: events in it and frames exposed wholly in it.
   std::optional<events::TimeWindow> window;
-  /// The same in time since the first frame began.
+  /// Span to keep, in time since the first frame began.
   std::optional<events::TimeWindow> since_first_frame;
-  /// Where frames have times, only events within a quarter of a second, or two of the longest
-  /// exposures, of a frame are kept: all that tells of frames. The clock of the events is this far
-  /// ahead of that of the frames. None: all events.
+  /// If set and frames have times, only events within a quarter of a second, or two of the longest
+  /// exposures, of a frame are kept. The value is how far the events' clock is ahead of the
+  /// frames'. None: all events.
   std::optional<int64_t> near_frames_ahead_us;
   /// Keeps no more than the first so many events, for a look at a recording of any size;
   /// stored_events and stored_us tell of all. 0: all. Text and .npz are read whole all the same.
   int64_t most_events = 0;
+  /// Which of several streams of events: the group or data set of an HDF5 file; empty: the one
+  /// nearest to its root, the first by name.
+  std::string events_group;
+  /// Topic of the event stream in a ROS bag; empty: the first by name. Frames come from the same
+  /// namespace if it has any.
+  std::string topic;
   /// Bytes that a kept event will cost the caller at most; a recording whose events would not fit
   /// into 0.7 of this machine's memory is refused before they are read.
   double event_bytes = 17;

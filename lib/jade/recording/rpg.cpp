@@ -24,7 +24,7 @@ bool stays_inside(const fs::path& name) {
          std::none_of(name.begin(), name.end(), [](const fs::path& part) { return part == ".."; });
 }
 
-/// Of a folder without images.txt: files that only a list can give a time.
+/// Images of a folder without images.txt, whose times must come from a list.
 std::vector<FrameFile> unlisted_images(const fs::path& folder) {
   std::vector<FrameFile> out;
   const fs::path images = folder / "images";
@@ -47,7 +47,7 @@ void add_exposures(const fs::path& folder, std::vector<FrameFile>& files) {
   apply_exposures(list, read_exposures(list), files);
 }
 
-/// Where in an archive the recording lies: "" or "folder/".
+/// Prefix of the recording in an archive: "" or "folder/".
 std::string prefix_of(const io::Zip& archive) {
   std::string best;
   for (const std::string& name : archive.names()) {

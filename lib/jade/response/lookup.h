@@ -10,7 +10,7 @@
 
 namespace jade::response {
 
-/// Of one call on a GPU, where they travel as the argument of a launch.
+/// Most lookups in one call on a GPU, where they travel as the argument of a launch.
 constexpr int kMostLookups = 8;
 /// The most weights on the CPU that an image on a GPU may have: these travel likewise.
 constexpr int kFewWeights = 40;
@@ -27,7 +27,7 @@ struct Lookups {
   at::Tensor table;  ///< [kKnots]
 };
 
-/// What lookup_backward() is asked for.
+/// Gradients that lookup_backward() computes.
 struct LookupWanted {
   std::vector<bool> images;
   bool table = false;

@@ -15,7 +15,7 @@ namespace jade::response {
 
 constexpr int kHidden = 16;
 
-/// Where each parameter lies among all: weight and bias of layer 1, of layer 2, …
+/// Offset of each parameter among all: weight and bias of layer 1, of layer 2, …
 constexpr std::array<int, 9> kParameterOffsets = {0, 16, 32, 288, 304, 560, 576, 592, 593};
 constexpr int kResponseParameters = 593;
 
@@ -26,7 +26,7 @@ namespace cuda {
 
 /// ρ at the knots, [kKnots].
 at::Tensor response_table(const NetworkWeights& weights);
-/// Of all parameters in a row, [593]. Sums are taken in a fixed order.
+/// Gradient of all parameters, [593]. Sums are taken in a fixed order.
 /// @param table     what response_table() gave
 /// @param of_table  [kKnots]
 at::Tensor response_table_gradient(const NetworkWeights& weights, const at::Tensor& table,

@@ -111,8 +111,8 @@ __global__ void __launch_bounds__(kTableThreads) table_kernel(Network network, f
   table[i] = 1.f / (1.f + expf(-(0.1f * sum + x)));
 }
 
-/// What the sums over a block's knots are made of: outputs of the layers before, and gradients of
-/// the layers' outputs before ReLU.
+/// Factors of the sums over a block's knots: outputs of the previous layers, and gradients of the
+/// layers' outputs before ReLU.
 struct Products {
   float x[kPitch], of_out[kPitch];
   Activations units;

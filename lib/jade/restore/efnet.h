@@ -58,7 +58,7 @@ class Restorer {
   Restorer& operator=(Restorer&&) noexcept;
 
   const RestorerMetadata& metadata() const { return metadata_; }
-  /// Where it computes: the CPU after the device ran out of memory.
+  /// Device of the network: the CPU after a GPU ran out of memory.
   torch::Device device() const { return device_; }
   /// Side of the tiles that it restores, px, since memory ran short; 0: whole frames.
   int64_t tile() const { return tile_; }
@@ -96,7 +96,7 @@ class Restorer {
   void warm_up();
 
  private:
-  /// What the network takes, before padding.
+  /// Inputs of the network before padding.
   struct Inputs {
     std::vector<torch::Tensor> maps;  ///< the image and what goes with it, [N,C,H,W] each
     torch::Tensor times;              ///< [N] of any_time, else undefined
@@ -107,7 +107,7 @@ class Restorer {
   torch::Tensor restore_batch(const torch::Tensor& image, const torch::Tensor& events,
                               const torch::Tensor& times);
   torch::Tensor restore_where_it_fits(const Inputs& inputs);
-  /// As restorer_call() says, less where memory ran short.
+  /// restorer_call(), with smaller parts after memory ran short.
   RestorerCall call_for(const torch::Tensor& image) const;
   torch::Tensor call_in_parts(const Inputs& inputs) const;
   /// One forward pass on the module's device, padded and cropped.
@@ -119,7 +119,7 @@ class Restorer {
   RestorerMetadata metadata_;
   torch::Device device_;
   std::unique_ptr<torch::jit::Module> module_;
-  int64_t tile_ = 0;   ///< side of the core of a tile, px; 0: as restorer_call() says
+  int64_t tile_ = 0;  ///< side of the core of a tile, px; 0: as restorer_call() says
   bool told_of_tiles_ = false;
   int64_t batch_ = 0;  ///< images in one call; 0: as restorer_call() says
 };

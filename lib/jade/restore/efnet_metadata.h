@@ -11,7 +11,7 @@ namespace jade::restore {
 /// The name of the metadata inside a restorer's TorchScript file.
 inline constexpr const char* kRestorerMetadataFile = "jade_efnet.json";
 
-/// What jade_efnet.json in the file says; the keys of docs/efnet.md §1.1.
+/// Contents of jade_efnet.json in the file; the keys of docs/engineering/restorer.md §1.1.
 struct RestorerMetadata {
   int64_t version = 1;  ///< of the format
   std::string kind;     ///< "efnet" or "image"

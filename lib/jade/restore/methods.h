@@ -14,7 +14,7 @@ struct Candidates {
   torch::Tensor truth;  ///< the sharp frame
 };
 
-/// What one method makes of an exposure. A new one is one entry of methods().
+/// A restoration method. A new one is one entry of methods().
 struct Method {
   std::string name;
   std::string help;

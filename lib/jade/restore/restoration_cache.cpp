@@ -35,7 +35,7 @@ std::string header_of(const torch::Tensor& image) {
                 image.size(1), 'x', image.size(2), '\n');
 }
 
-/// What is wrong with a file, or empty; the image goes to `image`.
+/// Parses a file into `image`; returns the problem, or an empty string.
 std::string parse(const std::string& file, torch::IntArrayRef shape, torch::Tensor* image) {
   const size_t newline = file.find('\n');
   if (newline == std::string::npos || file.compare(0, std::strlen(kMagic), kMagic) != 0) {

@@ -43,7 +43,7 @@ class RestorationCache {
   /// Makes the folder where it is enabled.
   explicit RestorationCache(const RestorationCacheOptions& options);
 
-  /// What is kept under `key`, on the CPU.
+  /// Image kept under `key`, on the CPU.
   /// @param key    restoration_key()
   /// @param shape  that the image must have
   std::optional<torch::Tensor> find(const std::string& key, torch::IntArrayRef shape);

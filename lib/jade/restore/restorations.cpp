@@ -8,7 +8,7 @@ namespace jade::restore {
 torch::Tensor fuse(const torch::Tensor& alpha, const Restorations& restorations) {
   check_shape(restorations.edi, "I_edi", {3, -1, -1});
   check_shape(restorations.efnet, "F(B, V)", restorations.edi.sizes().vec());
-  // As fusion_math.h has it, in one launch.
+  // The formula of fusion_math.h in one launch.
   return torch::lerp(restorations.efnet, restorations.edi, alpha);
 }
 

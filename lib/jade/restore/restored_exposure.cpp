@@ -38,7 +38,7 @@ torch::Tensor gain_at_samples(const imaging::EdiKernel& kernel,
                            torch::tensor(u, torch::kFloat64).to(kernel.log_gain.device()));
 }
 
-/// What the network takes of the events: its windows' signed counts, or the voxel.
+/// Event input of the network: signed counts of its windows, or the voxel.
 torch::Tensor network_events(const data::Exposure& exposure, const events::EventVoxel& voxel,
                              const RestorerMetadata& network) {
   if (!network.any_time) return voxel.values;
@@ -89,8 +89,8 @@ ExposureSums sum_events(const data::Exposure& exposure, const events::EventStrea
 }
 
 int64_t sum_bytes_per_pixel(const RestoreOptions& options, const RestorerMetadata* network) {
-  // Of a window counted, int64 sums of both signs and what is made of them; of a ramped one, both
-  // signs in float, twice.
+  // Bytes per window: counted, int64 sums of both signs and derived tensors; ramped, both signs in
+  // float, twice.
   constexpr int64_t kCounted = 60, kRamped = 16;
   const bool ramped = reach_of(options.events) > 0;
   const int64_t windows = integral_samples(options) - 1;
@@ -127,9 +127,8 @@ RestoredExposure restore_exposure(const data::Exposure& exposure, ExposureSums s
   restored.gain = gain_at_samples(restored.kernel, options.exposure);
   restored.taught_gain = restored.gain;
   if (options.taught_contrast != 1) {
-    restored.taught_gain =
-        gain_at_samples(imaging::edi_kernel(windows * options.taught_contrast, integral.rule),
-                        options.exposure);
+    restored.taught_gain = gain_at_samples(
+        imaging::edi_kernel(windows * options.taught_contrast, integral.rule), options.exposure);
   }
 
   // Part of the cache's keys.

@@ -15,7 +15,7 @@
 
 namespace jade::restore {
 
-/// What an exposure's restoration depends on besides its frame and events.
+/// Options of an exposure's restoration.
 struct RestoreOptions {
   events::EventOptions events;         ///< how events are summed and what they stand for
   geometry::ExposureOptions exposure;  ///< which moments the sharp images are of
@@ -26,7 +26,7 @@ struct RestoreOptions {
   double taught_contrast = 1;
   /// Asks for RestoredExposure::efnet_at, at these moments: 0 the start and 1 the end.
   std::vector<double> times = {};
-  /// Those moments come from the cache, all of them, or there is only the middle.
+  /// Take all of these moments from the cache, or restore only the middle.
   bool only_kept_times = false;
 };
 
@@ -68,7 +68,7 @@ int64_t sum_bytes_per_pixel(const RestoreOptions& options, const RestorerMetadat
 /// @throws NumericError, DeviceError, DataError from the network.
 RestoredExposure restore_exposure(const data::Exposure& exposure, ExposureSums sums,
                                   const RestoreOptions& options, ViewRestorer& restorer);
-/// The same with sum_events().
+/// restore_exposure() that calls sum_events() itself.
 RestoredExposure restore_exposure(const data::Exposure& exposure,
                                   const events::EventStream& recording,
                                   const RestoreOptions& options, ViewRestorer& restorer);

@@ -43,11 +43,11 @@ class ViewRestorer {
   torch::Tensor efnet(const torch::Tensor& blurry, const torch::Tensor& events,
                       const std::vector<double>& times);
 
-  /// The same where the cache has it, else undefined.
+  /// F from the cache, or undefined.
   torch::Tensor kept_efnet(const torch::Tensor& blurry, const torch::Tensor& events,
                            const std::vector<double>& times);
 
-  /// What the network's file says, without loading it. @throws DataError.
+  /// Metadata of the network's file, without loading it. @throws DataError.
   const RestorerMetadata& metadata() const;
   /// @throws DataError naming the file where it cannot restore these moments.
   void check_times(const std::vector<double>& times) const;

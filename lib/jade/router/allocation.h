@@ -42,7 +42,7 @@ void describe(V& v, AllocationOptions& o) {
   v.field("constant", o.constant, "α of kind constant", Range{0, 1});
 }
 
-/// What an allocation may look at: measurements, never restorations.
+/// Inputs of an allocation: measurements, never restorations.
 struct AllocationInput {
   torch::Tensor blurry;  ///< [3,H,W]
   torch::Tensor psi;     ///< [2,H,W], Ψ(V)

@@ -10,7 +10,7 @@
 
 namespace jade::router {
 
-/// What a kernel computes at once may end this many columns less one beyond what was asked for.
+/// Kernels compute blocks of this many columns; a block may extend past the requested range.
 constexpr int64_t kColumnStep = 16;
 
 /// Planes with a border: rows −pad … height + pad − 1, columns −pad … at least width + pad + 15,

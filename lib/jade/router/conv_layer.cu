@@ -10,8 +10,8 @@ namespace {
 constexpr int kThreads = 128;
 constexpr int kRows = 2;  ///< of the tile that a warp computes, 32 pixels each: two products wide
 
-/// What a tile covers of [0, size): `border` repeated pixels at either end stay in one tile with
-/// the edge that they repeat.
+/// Part of [0, size) that a tile covers. `border` replicated pixels at either end stay in one tile
+/// with the edge that they repeat.
 struct Span {
   int begin, end;
   bool at_begin, at_end;
@@ -25,7 +25,7 @@ struct Span {
   }
 };
 
-/// What becomes of the sums of a pixel, `stride` apart.
+/// Stores the sums of a pixel, `stride` apart.
 struct Store {
   float* to;  ///< [N,channels,H,W]
   int channels;
@@ -137,7 +137,7 @@ struct Convolution {
         to[pair] = both.high;
         to[S::kWords + pair] = both.low;
       }
-      // What is read with weights of zero must be a number.
+      // Values that are multiplied by zero weights must be finite.
       for (int pair = S::kPairs; pair < S::kStride; ++pair) to[pair] = to[S::kWords + pair] = 0;
     }
     if constexpr (S::kBehind > 0) {

@@ -45,7 +45,7 @@ int64_t prepared_words();
 int64_t partial_rows(const Network& network);
 /// All weights and biases.
 int64_t weight_count();
-/// Where a layer's gradients begin in NetworkGradient::of_weights.
+/// Offset of a layer's gradients in NetworkGradient::of_weights.
 int64_t weights_begin(Layer layer);
 
 /// Calls the work with a stream beside that of backward(), where it runs after what backward() has

@@ -78,7 +78,7 @@ struct Plans {
   Prepared of[kProducts] = {};
   int end = kInverses / 4;
 
-  /// Of the gradient of some of a layer's inputs: the first of them and the number of all.
+  /// For the gradient of a subset of a layer's inputs: index of the first, and the total number.
   template <class S>
   constexpr void add(int product, int layer, bool turned = false, int first = 0,
                      int layer_in = S::kOut) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the router's kernels read: pixels of an image or of a gradient, and numbers as pairs of
-// halves for the tensor cores.
+// Inputs of the router's kernels: pixels of an image or of a gradient, and numbers split into pairs
+// of halves for the tensor cores.
 //
 // x is read as high + low, both in half precision: 22 bits of x. A tile is first multiplied by a
 // power of two that brings its largest number to 2^14, so that only what is 2^28 times smaller
@@ -49,7 +49,7 @@ __device__ float block_largest(float mine, uint32_t* slots) {
   return __uint_as_float(largest);
 }
 
-/// Of what is a number, so that what is not spoils only what it is multiplied with.
+/// Maximum over finite values, so that a NaN affects only its own products.
 template <int COUNT>
 __device__ __forceinline__ float largest_of(const float (&values)[COUNT]) {
   float largest = 0;
@@ -118,7 +118,7 @@ struct GradientSource {
   }
 };
 
-/// The same of head2's output, whose gradient is that of the logits times head3's weights.
+/// Source of head2's output gradient: the gradient of the logits times head3's weights.
 struct HeadGradientSource {
   Size size;
   const float* of_logits;  ///< [N,1,H,W]

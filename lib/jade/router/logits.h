@@ -27,7 +27,8 @@ torch::Tensor router_logits(const torch::Tensor& blurry, const torch::Tensor& ps
 
 namespace cuda {
 
-/// The same. float32 only, and as exact: tensor cores, but none of TF32 alone (README.md).
+/// CUDA version of router_logits(). float32 only, with float32 accuracy: numbers are split for the
+/// tensor cores instead of rounded to TF32 (README.md).
 /// @throws ContractError for other shapes or types, DeviceError when a kernel does not start.
 torch::Tensor router_logits(const torch::Tensor& blurry, const torch::Tensor& psi,
                             const RouterWeights& weights);

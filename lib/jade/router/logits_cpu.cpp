@@ -151,7 +151,7 @@ void fold_border(const Planes<T>& padded, const Planes<T>& passed, const Planes<
   zero_border(out, band);
 }
 
-/// What the backward pass reads again, in the order of Layers::make_shapes().
+/// Activations kept for the backward pass, in the order of Layers::make_shapes().
 enum Activation : size_t {
   kPsiIn,
   kBlurryIn,

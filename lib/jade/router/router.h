@@ -24,11 +24,11 @@ class RouterImpl : public torch::nn::Module {
   /// @return [N,1,H,W]
   torch::Tensor forward(const torch::Tensor& blurry, const torch::Tensor& psi);
 
-  /// What forward() puts through the sigmoid: any real number.
+  /// Input of forward()'s sigmoid: unbounded.
   torch::Tensor logits(const torch::Tensor& blurry, const torch::Tensor& psi);
 
-  /// The same by torch's own convolutions on any device; logits() runs kernels of
-  /// our own instead, which agree to rounding and are several times as fast.
+  /// Reference for logits() with torch's convolutions, on any device. The kernels of logits()
+  /// agree with it to rounding and are several times as fast.
   torch::Tensor logits_by_layers(const torch::Tensor& blurry, const torch::Tensor& psi);
 
   torch::nn::Conv2d event1{nullptr}, event2{nullptr};                ///< 5×5, 2→16→6, no bias

@@ -135,7 +135,7 @@ struct WeightGradient {
     *inverse_out = of_gradient.inverse;
   }
 
-  /// Where a row of the product lies in the input tile; those behind the last are never used.
+  /// Offset of a row of the product in the input tile; rows past the last are never used.
   static __device__ int offset(int row) {
     constexpr int kArea = S::kKernel * S::kKernel;
     if (row >= S::kRows) return 0;
@@ -244,7 +244,7 @@ constexpr int kShared = std::max(
     {Event1Weights::kShared, Event2Weights::kShared, Image1Weights::kShared, Image2Weights::kShared,
      Head1Weights::kShared, Head2Weights::kShared, Head3Weights::kShared});
 
-/// Where a layer's sums begin in a row of all; past the last: their number.
+/// Offset of a layer's sums in a row of all layers' sums; past the last layer: their number.
 JADE_HD constexpr int begin_of(int layer) {
   const int weights[] = {Event1Weights::kWeights, Event2Weights::kWeights, Image1Weights::kWeights,
                          Image2Weights::kWeights, Head1Weights::kWeights,  Head2Weights::kWeights,

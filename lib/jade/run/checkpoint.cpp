@@ -356,7 +356,7 @@ std::string data_fingerprint(const data::Dataset& dataset, FingerprintOf what) {
   const auto add = [&](const auto& numbers) {
     digest.update(numbers.data(), numbers.size() * sizeof(numbers[0]));
   };
-  // The same gray frames may train a scene in colour, with restorations of their own.
+  // Gray frames can also train a scene in colour, with other restorations.
   if (dataset.monochrome) digest.update("monochrome;");
   for (const data::Exposure& exposure : dataset.train) {
     digest.update(concat(exposure.name, ' ', exposure.t_start_us, ' ', exposure.t_end_us, ' ',
@@ -404,7 +404,7 @@ bool keep_calendar(const train::RunOptions& saved, train::RunOptions& now) {
 }
 
 ConfigDifference compare_configs(const std::string& saved_yaml, train::RunOptions now) {
-  // What changes when a run stops or what it shows, never what it computes at a given step.
+  // Keys that change when a run stops or what it shows, never its result at a given step.
   static const std::vector<std::string> free_keys = {"train.iterations",
                                                      "train.log_every",
                                                      "train.evaluate_every",

@@ -28,7 +28,7 @@ std::vector<std::filesystem::path> list_checkpoints(const std::filesystem::path&
 /// @return how many
 int64_t set_aside_checkpoints(const std::filesystem::path& run, int64_t step);
 
-/// What stands beside the state.
+/// Metadata of a checkpoint.
 struct CheckpointInfo {
   std::string config;           ///< the resolved YAML of the run
   std::string fingerprint;      ///< of the data, see data_fingerprint()
@@ -55,7 +55,7 @@ void load_checkpoint(const std::filesystem::path& path, train::TrainState& state
 /// @throws CheckpointError.
 splat::Gaussians load_checkpoint_gaussians(const std::filesystem::path& path);
 
-/// The same with their origin.
+/// Gaussians of a checkpoint with their origin.
 /// @throws CheckpointError.
 gaussians::GaussianFile load_checkpoint_scene(const std::filesystem::path& path);
 
@@ -67,7 +67,7 @@ void load_checkpoint_allocation(const std::filesystem::path& path, router::Alloc
 /// @throws CheckpointError, also where the checkpoint has others or none.
 void load_checkpoint_poses(const std::filesystem::path& path, train::ExposurePoses& poses);
 
-/// What a fingerprint knows: versions before had no intrinsics, and of events how many there are.
+/// Contents of a fingerprint: older versions had no intrinsics and only the number of events.
 enum class FingerprintOf { kContents, kBefore };
 
 /// SHA-256 over the training exposures: names, times, poses, intrinsics, pixels and events.

@@ -7,6 +7,7 @@
 #include "jade/core/error.h"
 #include "jade/core/interrupt.h"
 #include "jade/core/progress.h"
+#include "jade/data/masks.h"
 #include "jade/data/truths.h"
 #include "jade/imaging/image_io.h"
 #include "jade/run/deblur_pictures.h"
@@ -23,18 +24,21 @@ void save(const fs::path& stem, const torch::Tensor& image, bool npy) {
 
 /// The blurry frame first, the method's own result last.
 std::vector<eval::Scores> score_all(const restore::Method& method,
-                                    const restore::Candidates& candidates,
-                                    const torch::Tensor& truth, const eval::Lpips& lpips) {
+                                    const restore::Candidates& candidates, const data::Truth& truth,
+                                    const eval::Lpips& lpips) {
   restore::Candidates c = candidates;
-  c.truth = truth;
-  std::vector<eval::Scores> scores{eval::score("blurry", c.blurry, truth, &lpips)};
+  c.truth = truth.image;
+  const auto score = [&](const std::string& name, const torch::Tensor& image) {
+    return eval::score(name, image, truth.image, &lpips, truth.mask);
+  };
+  std::vector<eval::Scores> scores{score("blurry", c.blurry)};
   for (const restore::Method& other : restore::methods()) {
     const bool possible = c.efnet.defined() ? !other.needs_run : other.name == "edi";
     if (possible && other.name != method.name) {
-      scores.push_back(eval::score(other.name, other.restore(c), truth, &lpips));
+      scores.push_back(score(other.name, other.restore(c)));
     }
   }
-  scores.push_back(eval::score(method.name, method.restore(c), truth, &lpips));
+  scores.push_back(score(method.name, method.restore(c)));
   return scores;
 }
 
@@ -101,23 +105,27 @@ Deblurred deblur(const data::Dataset& dataset, const DeblurOptions& options,
     }
     Restored restored = deblurrer.restore(exposure, static_cast<int64_t>(i), times);
     if (!truths.empty()) restored.candidates.truth = truths.front().image;
-    const torch::Tensor result = method.restore(restored.candidates);
+    // Networks and offsets do not keep what a mask excludes at 0.
+    const auto counted = [&](const torch::Tensor& image) {
+      return data::masked(image, exposure.mask);
+    };
+    const torch::Tensor result = counted(method.restore(restored.candidates));
     save(output / exposure.name, result, pictures.npy);
     for (size_t k = 0; k < moments.size(); ++k) {
-      save(output / (exposure.name + moments[k].ending), method.restore(restored.at[k]),
+      save(output / (exposure.name + moments[k].ending), counted(method.restore(restored.at[k])),
            pictures.npy);
     }
     if (poses_carried) {
       const torch::Tensor latents = deblurrer.at_all_poses(result, restored);
       for (int64_t k = 0; k < latents.size(0); ++k) {
-        save(output / concat(exposure.name, "_", k), latents[k], pictures.npy);
+        save(output / concat(exposure.name, "_", k), counted(latents[k]), pictures.npy);
       }
     }
     write_side_pictures(output, exposure.name, restored);
     ++deblurred.written;
     for (const data::Truth& truth : truths) {
       deblurred.views.push_back(
-          {exposure.name, truth.name, score_all(method, restored.candidates, truth.image, lpips)});
+          {exposure.name, truth.name, score_all(method, restored.candidates, truth, lpips)});
     }
     if (progress.step()) progress.show();
   }

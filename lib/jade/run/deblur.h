@@ -12,7 +12,7 @@
 
 namespace jade::run {
 
-/// What is written beside NAME.png and the side pictures.
+/// Optional files beside NAME.png and the side pictures.
 struct DeblurPictures {
   bool poses = false;              ///< NAME_<k>.png for the nine poses
   bool npy = false;                ///< unclamped float32 [3,H,W] beside each picture

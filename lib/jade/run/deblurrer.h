@@ -22,7 +22,7 @@ struct DeblurOptions {
   /// ε of a sensor that measures log(I + ε), in units of intensity; 0 for log(I).
   double log_offset = 0;
   std::filesystem::path run;  ///< of the router; empty: none
-  /// Where the cache has F at these moments, the middle is taken from them.
+  /// If the cache has F at these moments, the middle is taken from them.
   std::vector<double> kept_times = {};
 };
 
@@ -31,7 +31,7 @@ struct Restored {
   restore::Candidates candidates;  ///< on the CPU
   torch::Tensor gain;              ///< [K,1,H,W], latent image of each moment over the frame
   torch::Tensor events;            ///< [2,H,W] positive and negative events during the exposure
-  /// The same at the moments asked for, in their order; the truth is that of the middle alone.
+  /// Candidates at the requested moments, in their order; only the middle has a truth.
   std::vector<restore::Candidates> at;
 };
 

@@ -69,7 +69,7 @@ eval::Evaluation evaluate_views(const splat::Gaussians& gaussians,
         splat::render(gaussians, train::camera_batch({view.pose}, view.camera, device), options)
             .color[0];
     const Brightened shown = as_bright(render, truth, view.mask, view.gain, fit_gain);
-    scores.push_back(eval::score(view.name, shown.render, truth, &lpips));
+    scores.push_back(eval::score(view.name, shown.render, truth, &lpips, view.mask));
     scores.back().gain = shown.gain;
     scores.back().seen = view.seen;
   }
@@ -95,7 +95,7 @@ std::vector<eval::ReblurScore> evaluate_held_out(const splat::Gaussians& gaussia
     const torch::Tensor truth = each.blurry.to(device);
     const Brightened shown =
         as_bright(losses::weighted_mean(renders, weights), truth, each.mask, each.gain, fit_gain);
-    scores.push_back({each.name, eval::psnr(shown.render, truth)});
+    scores.push_back({each.name, eval::psnr(shown.render, truth, each.mask)});
   }
   return scores;
 }
@@ -134,7 +134,7 @@ data::Dataset with_poses_of(const fs::path& checkpoint, const data::Dataset& dat
   return with_learned_poses(dataset, *poses, none, /*fit_steps=*/0, train::render_options(options));
 }
 
-/// What `load` makes of the newest checkpoint that is not damaged.
+/// Result of `load` for the newest undamaged checkpoint.
 template <typename Load>
 auto from_newest(const std::vector<fs::path>& checkpoints, const Load& load) {
   for (size_t i = 0; i + 1 < checkpoints.size(); ++i) {

@@ -42,12 +42,11 @@ std::vector<eval::ReblurScore> evaluate_held_out(const splat::Gaussians& gaussia
 eval::Evaluation evaluate_dataset(const splat::Gaussians& gaussians, const data::Dataset& dataset,
                                   const eval::Lpips& lpips, const train::RunOptions& options);
 
-/// What config.yaml of a run directory says; where the run is older than a key, that means what was
-/// printed.
+/// Options in config.yaml of a run directory; keys newer than the run take their printed values.
 /// @throws DataError where there is none, ConfigError naming the path.
 train::RunOptions written_options(const std::filesystem::path& run);
 
-/// The same, but for `device`, which is auto: the run may have been made on another machine.
+/// written_options() with `device` auto: the run may come from another machine.
 /// @throws as written_options.
 train::RunOptions load_run_options(const std::filesystem::path& run);
 
@@ -63,7 +62,7 @@ data::Dataset load_run_dataset(const std::filesystem::path& run, const train::Ru
 /// @throws DataError where there are none, CheckpointError naming the path.
 splat::Gaussians newest_gaussians(const std::filesystem::path& run);
 
-/// The same with their origin.
+/// Newest Gaussians of a run with their origin.
 gaussians::GaussianFile newest_scene(const std::filesystem::path& run);
 
 /// A run directory as other programs use it: its data and its newest Gaussians.

@@ -6,9 +6,9 @@
 
 namespace jade::run {
 
-/// Where a GPU puts the pictures that it drew. Memory that was lent is lent again once nobody holds
-/// the picture, and none is given back before the end: pinned memory that another thread frees
-/// while a step is being recorded would put a mark into the recording.
+/// Pool of page-locked host buffers for pictures from a GPU. A buffer is reused once its picture is
+/// released. Buffers are freed only at the end: freeing pinned memory on another thread while a
+/// step is captured would record an event.
 class FrameMemory {
  public:
   /// A float32 tensor of these sizes on the CPU that nobody else holds. On the thread that draws.

@@ -16,7 +16,7 @@
 namespace jade::run {
 namespace {
 
-/// Of the time while it trains: what is drawn costs this much, and encoding some more elsewhere.
+/// Share of the training time spent on rendering for viewers; encoding costs more on other threads.
 constexpr double kShare = 0.1;
 
 /// How soon a paused run sees Ctrl-C.

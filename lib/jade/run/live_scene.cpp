@@ -40,7 +40,7 @@ torch::Tensor depth_picture(const splat::RenderOutput& render) {
 serve::Drawn drawn_of(const torch::Tensor& image, FrameMemory& memory) {
   serve::Drawn drawn;
   if (!image.is_cuda()) {
-    // What training goes on writing to must not be what is shown.
+    // Copy: training continues to write to the original.
     drawn.image = image.to(torch::kFloat32).contiguous().clone();
     return drawn;
   }
@@ -53,11 +53,12 @@ serve::Drawn drawn_of(const torch::Tensor& image, FrameMemory& memory) {
 }
 
 /// Told when somebody asks, and on their thread; nothing without a truth of the image's size.
-std::function<double()> judge(const torch::Tensor& image, const torch::Tensor& truth) {
+std::function<double()> judge(const torch::Tensor& image, const torch::Tensor& truth,
+                              const torch::Tensor& mask) {
   if (!truth.defined() || truth.sizes() != image.sizes()) return {};
-  return [image, truth] {
+  return [image, truth, mask] {
     const torch::NoGradGuard no_grad;
-    return eval::psnr(image, truth);
+    return eval::psnr(image, truth, mask);
   };
 }
 
@@ -95,6 +96,13 @@ torch::Tensor LiveScene::truth_at(const std::string& camera) const {
                          : dataset_.test[found->index].image;
 }
 
+torch::Tensor LiveScene::truth_mask_at(const std::string& camera) const {
+  const std::optional<CameraOfPage> found = camera_of_page(dataset_, camera);
+  if (!found) return {};
+  return found->exposure ? truth_mask_of(dataset_, static_cast<int64_t>(found->index))
+                         : dataset_.test[found->index].mask;
+}
+
 serve::Drawn LiveScene::picture(const serve::Wanted& wanted) const {
   const auto view = pictures_.find(wanted.view);
   if (view == pictures_.end()) throw ConfigError(concat("no camera ", wanted.view));
@@ -103,7 +111,9 @@ serve::Drawn LiveScene::picture(const serve::Wanted& wanted) const {
                    [&](const ViewPicture& each) { return each.name == wanted.picture; });
   if (picture == view->second.end()) throw ConfigError(concat("no picture ", wanted.picture));
   serve::Drawn drawn = drawn_of(picture->make(), *memory_);
-  if (picture->judged) drawn.psnr = judge(drawn.image, truth_at(wanted.view));
+  if (picture->judged) {
+    drawn.psnr = judge(drawn.image, truth_at(wanted.view), truth_mask_at(wanted.view));
+  }
   return drawn;
 }
 
@@ -115,7 +125,7 @@ serve::Drawn LiveScene::frame(const serve::Wanted& wanted,
   const splat::RenderOutput render = splat::render(gaussians, camera, options);
   if (options.depth) return drawn_of(depth_picture(render), *memory_);
   serve::Drawn drawn = drawn_of(render.color[0].clamp(0, 1), *memory_);
-  drawn.psnr = judge(drawn.image, truth_at(wanted.view));
+  drawn.psnr = judge(drawn.image, truth_at(wanted.view), truth_mask_at(wanted.view));
   return drawn;
 }
 
@@ -147,12 +157,22 @@ serve::Drawn LiveScene::draw(const serve::Wanted& wanted, int64_t step) const {
   return drawn;
 }
 
+namespace {
+
+Json scores_of(const LiveScene::PageText& text) {
+  if (text.scores.empty()) return nullptr;
+  Json scores = Json::parse(text.scores, nullptr, /*allow_exceptions=*/false);
+  return scores.is_discarded() ? Json(nullptr) : scores;
+}
+
+}  // namespace
+
 std::string LiveScene::page_data(const PageText& text) const {
   const splat::Gaussians gaussians = gaussians_();
-  Json data{{"facts", text.facts},      {"headline", nullptr},
-            {"evaluation", nullptr},    {"config", text.config},
-            {"metrics", Json::array()}, {"allocation", {{"views", Json::array()}}},
-            {"views", Json::array()},   {"tests", Json::array()}};
+  Json data{{"facts", text.facts},           {"headline", nullptr},
+            {"evaluation", scores_of(text)}, {"config", text.config},
+            {"metrics", Json::array()},      {"allocation", {{"views", Json::array()}}},
+            {"views", Json::array()},        {"tests", Json::array()}};
   for (const auto& [camera, pictures] : pictures_) {
     Json names = Json::array();
     for (const ViewPicture& each : pictures) names.push_back({{"name", each.name}});

@@ -31,23 +31,25 @@ class LiveScene {
   /// Makes `pictures` the layers of a camera: "train.3", "test.0".
   void add(const std::string& camera, std::vector<ViewPicture> pictures);
 
-  /// What a viewer wants. On a GPU the picture is on its way when this returns.
+  /// Renders a viewer's request. On a GPU the copy to the host may still run when this returns.
   /// @throws ConfigError for a picture or a camera that is not there, whatever rendering throws.
   serve::Drawn draw(const serve::Wanted& wanted, int64_t step) const;
 
-  /// What page::live_page() shows.
+  /// Texts of page::live_page().
   struct PageText {
     std::vector<std::string> facts;
     std::string config;     ///< text of config.yaml; may be empty
     std::string server_id;  ///< serve::Board::id()
     bool pausable = false;
     bool moving = false;      ///< cameras move as poses are learned
-    std::string report = {};  ///< where the finished scene will be; empty where none will
+    std::string report = {};  ///< path of the report to come; empty if none will
+    std::string scores = {};  ///< text of a finished run's eval.json; may be empty
   };
   std::string page_data(const PageText& text) const;
 
  private:
   torch::Tensor truth_at(const std::string& camera) const;
+  torch::Tensor truth_mask_at(const std::string& camera) const;
   serve::Drawn picture(const serve::Wanted& wanted) const;
   serve::Drawn frame(const serve::Wanted& wanted, const splat::Gaussians& gaussians) const;
   nlohmann::ordered_json cameras(const std::string& name) const;

@@ -104,7 +104,7 @@ int64_t rounded_steps(double steps) {
   return std::clamp(tens, kFewestSteps, kMostSteps);
 }
 
-/// As many steps as the minutes have room for, after what restoration takes of them.
+/// Number of steps that fit into the minutes left by restoration.
 double steps_in(double minutes, double restoration_s, double step_s) {
   return (60 * minutes * kForSteps - restoration_s) / std::max(step_s, 1e-6);
 }

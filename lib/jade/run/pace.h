@@ -16,7 +16,7 @@
 
 namespace jade::run {
 
-/// What the user left to the program.
+/// Choices that the user left to the program.
 struct Choices {
   std::set<std::string> named;  ///< keys that the user gave; they stay
   double minutes = 0;           ///< that the run is to take; 0: not said

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/run/page_scene.h"
 
+#include <algorithm>
 #include <charconv>
+#include <cmath>
 #include <string>
 #include <string_view>
 #include <torch/types.h>
@@ -50,6 +52,21 @@ Json page_poses(const std::vector<geometry::Pose>& camera_from_world) {
   return rows;
 }
 
+namespace {
+
+/// Factor by which the page brightens what it displays: 1 for frames of usual brightness, up to 5
+/// for dark ones.
+double display_brightness(const data::Dataset& dataset) {
+  constexpr double kDark = 0.3, kWanted = 0.4, kMost = 5;
+  double sum = 0;
+  for (const data::Exposure& exposure : dataset.train) sum += exposure.blurry.mean().item<double>();
+  const double mean = dataset.train.empty() ? 1 : sum / static_cast<double>(dataset.train.size());
+  if (mean >= kDark) return 1;
+  return std::round(10 * std::min(kMost, kWanted / std::max(mean, 1e-3))) / 10;
+}
+
+}  // namespace
+
 Json page_scene(const data::Dataset& dataset, const splat::RenderOptions& draw) {
   Json train = Json::array(), test = Json::array();
   for (const data::Exposure& exposure : dataset.train) {
@@ -68,6 +85,7 @@ Json page_scene(const data::Dataset& dataset, const splat::RenderOptions& draw) 
   }
   return {{"near_plane", draw.near_plane},
           {"background", background},
+          {"brightness", display_brightness(dataset)},
           {"cameras", {{"train", train}, {"test", test}}}};
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a page says of a scene beside its Gaussians, as page/page.h lists it.
+// Data of a page about a scene beside its Gaussians, as page/page.h lists it.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -19,7 +19,7 @@ struct CameraOfPage {
   size_t index = 0;
 };
 
-/// Nothing for a name that no camera has.
+/// Returns no value for an unknown camera name.
 std::optional<CameraOfPage> camera_of_page(const data::Dataset& dataset, const std::string& name);
 
 /// {"near_plane", "background", "cameras": {"train", "test"}}: how a viewer draws, and where the

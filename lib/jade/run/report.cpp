@@ -2,6 +2,7 @@
 #include "jade/run/report.h"
 
 #include <ATen/Parallel.h>
+#include <ctime>
 #include <fstream>
 #include <future>
 #include <nlohmann/json.hpp>
@@ -40,12 +41,14 @@ constexpr gaussians::SpzOptions kEmbedded{false, 20, 7, 6};
 /// The page's pictures, which all threads make into files, so many at a time.
 class Pictures {
  public:
-  /// What the page has of it; "src" is its number until put_into().
-  Json add(const std::string& name, const torch::Tensor& image, const torch::Tensor& truth = {}) {
+  /// Entry of a picture in the page's data; "src" is its number until put_into().
+  Json add(const std::string& name, const torch::Tensor& image, const torch::Tensor& truth = {},
+           const torch::Tensor& mask = {}) {
     Json entry{{"name", name}, {"src", sources_.size() + images_.size()}};
     if (truth.defined()) {
       char note[24];
-      std::snprintf(note, sizeof note, "%.2f dB", eval::psnr(image, truth.to(image.device())));
+      std::snprintf(note, sizeof note, "%.2f dB",
+                    eval::psnr(image, truth.to(image.device()), mask));
       entry["note"] = note;
     }
     images_.push_back(image.detach().cpu());
@@ -79,7 +82,7 @@ class Pictures {
     bytes_ = 0;
   }
 
-  /// Of images that wait to be encoded.
+  /// Most bytes of images that wait to be encoded.
   static constexpr size_t kMostBytes = size_t{256} << 20;
 
   std::vector<torch::Tensor> images_;
@@ -87,7 +90,7 @@ class Pictures {
   std::vector<std::string> sources_;
 };
 
-/// Of so many, spread over the sequence.
+/// Indices of the views to show, spread over the sequence.
 std::vector<size_t> shown_views(size_t count) {
   std::vector<size_t> shown;
   const size_t wanted = std::min(kShownViews, count);
@@ -99,37 +102,48 @@ std::vector<size_t> shown_views(size_t count) {
 
 Json training_view(const data::Dataset& dataset, const train::View& view, int64_t index,
                    train::TrainState& state, const splat::RenderOptions& draw, Pictures& pictures) {
-  const torch::Tensor truth = truth_of(dataset, index);
+  const torch::Tensor truth = truth_of(dataset, index), mask = truth_mask_of(dataset, index);
   Json shown = Json::array();
   for (const ViewPicture& each : training_pictures(dataset, view, index, state, draw)) {
-    shown.push_back(pictures.add(each.name, each.make(), each.judged ? truth : torch::Tensor()));
+    shown.push_back(
+        pictures.add(each.name, each.make(), each.judged ? truth : torch::Tensor(), mask));
   }
   return {{"name", "training view " + view.name},
           {"camera", concat("train.", index)},
           {"pictures", shown}};
 }
 
-/// Mean PSNR at mid-exposure of what comes before the scene and of the scene, over the views where
-/// a sharp truth tells; null where there are none.
+/// Mean PSNR at mid-exposure of the blurry frame, both restorations and the scene, over the views
+/// with a sharp truth; null without any. EFNet is null unless every such view has it.
 Json headline(const data::Dataset& dataset, const std::vector<train::View>& views,
               const train::TrainState& state, const splat::RenderOptions& draw) {
   int64_t count = 0;
-  double blurry = 0, edi = 0, rendered = 0;
+  double blurry = 0, edi = 0, efnet = 0, rendered = 0;
+  bool learned = true;  // whether every view has a learned restoration
   for (size_t i = 0; i < views.size(); ++i) {
     torch::Tensor truth = truth_of(dataset, static_cast<int64_t>(i));
     if (!truth.defined()) continue;
     truth = truth.to(views[i].blurry.device());
     const data::Exposure& exposure = dataset.train[i];
+    const torch::Tensor mask = truth_mask_of(dataset, static_cast<int64_t>(i));
     ++count;
-    blurry += eval::psnr(views[i].blurry, truth);
-    edi += eval::psnr(views[i].restorations.edi.clamp(0, 1).to(truth.device()), truth);
+    blurry += eval::psnr(views[i].blurry, truth, mask);
+    edi += eval::psnr(views[i].restorations.edi.clamp(0, 1).to(truth.device()), truth, mask);
+    learned = learned && views[i].restorations.efnet.defined();
+    if (learned) {
+      efnet += eval::psnr(views[i].restorations.efnet.to(truth.device()), truth, mask);
+    }
     rendered += eval::psnr(render_view(state.gaussians.detached(),
                                        exposure.poses[geometry::kMidPose], exposure.camera, draw),
-                           truth);
+                           truth, mask);
   }
   if (count == 0) return nullptr;
   const auto n = static_cast<double>(count);
-  return {{"views", count}, {"blurry", blurry / n}, {"edi", edi / n}, {"render", rendered / n}};
+  return {{"views", count},
+          {"blurry", blurry / n},
+          {"edi", edi / n},
+          {"efnet", learned ? Json(efnet / n) : Json(nullptr)},
+          {"render", rendered / n}};
 }
 
 splat::Gaussians on_cpu(splat::Gaussians gaussians) {
@@ -216,6 +230,15 @@ Json allocation_statistics(const data::Dataset& dataset, const std::vector<train
   return {{"views", rows}, {"mean", mean}};
 }
 
+/// The date in local time, as 2026-11-26.
+std::string today() {
+  const std::time_t now = std::time(nullptr);
+  std::tm parts{};
+  char text[16];
+  std::strftime(text, sizeof text, "%Y-%m-%d", localtime_r(&now, &parts));
+  return text;
+}
+
 Json read_metrics(const fs::path& path) {
   Json lines = Json::array();
   std::ifstream in(path);
@@ -235,8 +258,9 @@ void write_report(const fs::path& run, const data::Dataset& dataset,
   const torch::NoGradGuard no_grad;
   Json data;
   const Json environment = Json::parse(read_file(run / "env.json"));
+  data["title"] = dataset.name;
   data["facts"] =
-      Json::array({dataset.name, concat(dataset.train.size(), " exposures"),
+      Json::array({today(), concat(dataset.train.size(), " exposures"),
                    concat(state.step, " steps"), concat(state.gaussians.size(), " Gaussians"),
                    environment["device"], environment["program"]});
   // Packing and films look at nothing else, so that they go on beside the pictures.

@@ -15,13 +15,12 @@
 
 namespace jade::run {
 
-/// What a run was trained with, for who looks at it later: EDI, EFNet, α and fused of its exposures
-/// as far as it has them. They come from the cache of restorations; what is not there is restored
-/// at mid-exposure when it is first asked for, on a thread of its own, one exposure at a time.
+/// Restorations of a run for viewers: EDI, EFNet, α and fused images of its exposures. They come
+/// from the cache; a missing one is restored at mid-exposure when it is first requested, on a
+/// separate thread, one exposure at a time.
 class RestoredPictures {
  public:
-  /// What the restorer or the allocation cannot give, and why, is one line in the log; the layers
-  /// without it are there.
+  /// Logs one line if the restorer or the allocation is unavailable; other layers still work.
   /// @param run      the run's folder
   /// @param options  load_run_options() of it
   /// @param dataset  its data; outlives this

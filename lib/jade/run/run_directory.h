@@ -11,8 +11,8 @@
 
 namespace jade::run {
 
-/// What the end of a run leaves in its folder: the scene, which tells that it has ended, its
-/// learned cameras, scores and report.
+/// Files that the end of a run leaves in its folder: the scene, which marks the end, its learned
+/// cameras, scores and report.
 constexpr char kSceneFile[] = "point_cloud.ply";
 constexpr char kLearnedCamerasFile[] = "cameras.json";
 constexpr char kScoresFile[] = "eval.json";

@@ -7,11 +7,11 @@
 
 namespace jade::run {
 
-/// Where the time of a run goes: the clock runs on, and what has passed belongs to a stage.
+/// Wall-clock time of each stage of a run.
 class StageTimes {
  public:
   StageTimes();
-  /// What has passed since the last call, or since the beginning, belongs to `stage`.
+  /// Adds the time since the last call, or since the beginning, to `stage`.
   void end(const std::string& stage);
   /// In seconds, in the order in which the stages first ended.
   const std::vector<std::pair<std::string, double>>& seconds() const { return seconds_; }

@@ -114,7 +114,7 @@ Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const st
 }
 
 Trainer::~Trainer() {
-  // What ends a run is told by whoever catches it, and is to stand in the log.
+  // Keep the log file open while an exception unwinds, so that its handler's message is logged.
   if (std::uncaught_exceptions() == 0) set_log_file({});
 }
 

@@ -28,7 +28,7 @@
 
 namespace jade::run {
 
-/// What a run trains on.
+/// Training data of a run.
 struct RunData {
   data::Dataset dataset;
   std::string fingerprint;                  ///< of the data set, see data_fingerprint()
@@ -62,7 +62,7 @@ class Trainer {
   ///   for some steps
   void step(const std::function<void()>& look = {});
 
-  /// As they act: settled, and with the calendar of a resumed run.
+  /// Effective options: settled, and with the calendar of a resumed run.
   const train::RunOptions& options() const { return options_; }
   const train::TrainState& state() const { return state_; }
   const data::Dataset& dataset() const { return data_.dataset; }
@@ -79,8 +79,8 @@ class Trainer {
   bool learns_gains() const;
   /// False where there is nothing to go on from.
   bool resume_from(const std::string& choice);
-  /// What a run decides when it starts stays with it: its calendar, its measured thresholds and its
-  /// near plane.
+  /// Keeps the decisions of the run's start: its calendar, its measured thresholds and its near
+  /// plane.
   void keep_decisions(const train::RunOptions& saved);
   void check_same_run(const std::filesystem::path& checkpoint, const CheckpointInfo& info) const;
   void announce() const;

@@ -4,6 +4,7 @@
 #include <iterator>
 #include <utility>
 
+#include "jade/data/masks.h"
 #include "jade/gaussians/gaussian_model.h"
 #include "jade/run/evaluate.h"
 #include "jade/train/routing_step.h"
@@ -32,6 +33,14 @@ torch::Tensor truth_of(const data::Dataset& dataset, int64_t exposure) {
     if (data::exposure_of(dataset, view) == exposure) return view.image;
   }
   return {};
+}
+
+torch::Tensor truth_mask_of(const data::Dataset& dataset, int64_t exposure) {
+  const torch::Tensor& mask = dataset.train[static_cast<size_t>(exposure)].mask;
+  for (const data::SharpView& view : dataset.test) {
+    if (data::exposure_of(dataset, view) == exposure) return data::both_masks(mask, view.mask);
+  }
+  return mask;
 }
 
 std::vector<ViewPicture> training_pictures(const data::Dataset& dataset, const train::View& view,

@@ -26,20 +26,23 @@ struct ViewPicture {
 /// The sharp test view taken at an exposure's middle, or undefined.
 torch::Tensor truth_of(const data::Dataset& dataset, int64_t exposure);
 
-/// Of a training view: blurry, EDI, EFNet, α and fused where there are such, event density, render
-/// and, where a test view tells, truth. The arguments must outlive the pictures.
+/// Which of its pixels count, of the view's mask and of the exposure's; undefined: all.
+torch::Tensor truth_mask_of(const data::Dataset& dataset, int64_t exposure);
+
+/// Pictures of a training view: blurry, EDI, EFNet, α and fused where available, event density,
+/// render and, where a test view provides it, truth. The arguments must outlive the pictures.
 std::vector<ViewPicture> training_pictures(const data::Dataset& dataset, const train::View& view,
                                            int64_t index, train::TrainState& state,
                                            const splat::RenderOptions& draw);
 
-/// Of an exposure without its training: blurry, what is `known` besides, render and, where a test
-/// view tells, truth.
+/// Pictures of an exposure without training data: blurry, the `known` ones, render and, where a
+/// test view provides it, truth.
 std::vector<ViewPicture> exposure_pictures(const data::Dataset& dataset, int64_t index,
                                            std::vector<ViewPicture> known,
                                            const GaussianSource& gaussians,
                                            const splat::RenderOptions& draw);
 
-/// Of a test view: render, and truth where it has a picture.
+/// Pictures of a test view: render, and truth where it has an image.
 std::vector<ViewPicture> test_pictures(const data::SharpView& view, const GaussianSource& gaussians,
                                        const splat::RenderOptions& draw);
 

@@ -5,7 +5,7 @@
 
 namespace jade::serve {
 
-/// Where a server listens.
+/// Address and port on which a server listens.
 struct Address {
   std::string host = "127.0.0.1";  ///< an IPv4 or IPv6 address, or localhost
   int port = 8080;                 ///< 0: any free one

@@ -15,21 +15,21 @@ struct Progress {
   std::string phase;  ///< "training", "paused", "finishing"; "still" for a scene that is as it is
 };
 
-/// What an evaluation has found, by cameras of the data set: "test.0".
+/// Scores of an evaluation, by camera of the data set: "test.0".
 struct Scored {
   int64_t step = 0;
   std::map<std::string, double> psnr;
 };
 
-/// What stands written for all viewers: progress and the lines of metrics.jsonl. They ask for it
-/// about once per second; nothing is kept per viewer. Any thread.
+/// Progress and lines of metrics.jsonl for all viewers, which poll about once per second. No state
+/// per viewer. Thread-safe.
 class Board {
  public:
   /// At so many lines every second one is dropped, the newest kept.
   static constexpr size_t kMostLines = 2000;
 
   Board();
-  /// Of this server, so that a page knows when another one has taken its port.
+  /// Identifies this server, so that a page notices when another server has taken its port.
   const std::string& id() const { return id_; }
 
   void set(const Progress& progress);

@@ -25,8 +25,8 @@ Connection::Connection(int socket, const Limits& limits, const std::atomic<bool>
       read_until_(Clock::now() + limits.reading) {}
 
 Connection::~Connection() {
-  // What is unread would turn the close into a reset, and the answer be lost on its way. Whoever
-  // goes on and on is reset all the same: 50 ms of a local flood are 50 MB and more.
+  // Unread input would turn the close into a reset, and the answer would be lost. A client that
+  // keeps sending is reset anyway: 50 ms of a local flood are 50 MB and more.
   shutdown(socket_, SHUT_WR);
   const auto until = Clock::now() + std::chrono::milliseconds(50);
   size_t left = limits_.unread_bytes;

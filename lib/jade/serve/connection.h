@@ -31,7 +31,7 @@ class Connection {
   Connection(const Connection&) = delete;
   Connection& operator=(const Connection&) = delete;
 
-  /// As recv(): bytes, 0 at the end, -1 beyond a limit.
+  /// Returns as recv() does: bytes read, 0 at the end, -1 beyond a limit.
   ssize_t read(char* into, size_t size);
   /// All of it, or -1.
   ssize_t write(const char* from, size_t size);

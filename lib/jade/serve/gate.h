@@ -8,7 +8,7 @@
 
 namespace jade::serve {
 
-/// What the gate looks at in a request; a header that is not there is empty.
+/// Parts of a request that the gate checks; an absent header is empty.
 struct Knock {
   std::string path;
   std::string host, origin;
@@ -33,7 +33,7 @@ class Gate {
   /// @param token  what every request has to know; empty: nothing
   Gate(const Address& address, std::string token);
 
-  /// Nothing where the request may pass.
+  /// Returns no value if the request may pass.
   std::optional<Refusal> refuse(const Knock& knock) const;
 
   /// The largest body.

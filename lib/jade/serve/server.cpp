@@ -34,7 +34,7 @@ constexpr char kOnItsWay[] =
 /// Connections beyond the threads wait in the kernel, where they cost us neither memory nor file
 /// descriptors, which the trainer needs for its own files.
 class BoundedPool : public httplib::TaskQueue {
-  // Of bool from 0.14 on, of void before.
+  // bool since httplib 0.14, void before.
   using Enqueued = decltype(std::declval<httplib::TaskQueue&>().enqueue({}));
 
  public:
@@ -65,8 +65,8 @@ class BoundedPool : public httplib::TaskQueue {
   size_t busy_ = 0;
 };
 
-/// What the library reads and writes, within the limits of a Connection. Newer versions ask for
-/// more than older ones, so nothing here says `override`.
+/// Stream of httplib that enforces the limits of a Connection. Newer versions have more virtual
+/// functions than older ones, so no function here is marked `override`.
 class LimitedStream : public httplib::Stream {
  public:
   explicit LimitedStream(Connection& connection) : connection_(connection) {}

@@ -34,7 +34,7 @@ class Server {
   Server(const Server&) = delete;
   Server& operator=(const Server&) = delete;
 
-  /// What to open, with the port found and the token.
+  /// URL to open, with the chosen port and the token.
   std::string url() const;
   void show(std::string html);
   Stage& stage();

@@ -18,7 +18,7 @@
 
 namespace jade::serve {
 
-/// What was drawn for a viewer.
+/// A picture rendered for a viewer.
 struct Drawn {
   torch::Tensor image;              ///< [3,H,W] or [1,H,W] float32 on the CPU, not written again
   std::function<void()> finish;     ///< waits until `image` is there; empty: it is
@@ -32,7 +32,7 @@ struct Drawn {
 /// Thrown while drawing: it is being made and comes by itself; whoever asked asks again.
 struct NotYet {};
 
-/// What came of asking.
+/// Outcome of a viewer's request.
 struct Answer {
   enum class Kind { kDrawn, kTooLate, kFull, kFailed };
   Kind kind = Kind::kTooLate;
@@ -40,9 +40,9 @@ struct Answer {
   std::string reason;  ///< of kFailed
 };
 
-/// Where those who want to see and the one thread that draws meet. Viewers ask and wait; the thread
-/// draws when it has time. What nobody asks for costs one reading of an atomic. Of the requests of
-/// one viewer for one thing the newest counts; a viewer that does not ask again gets nothing more,
+/// Queue between viewers and the one rendering thread. Viewers ask and wait; the thread renders
+/// when it has time. Without requests it costs one atomic load. The newest request of a viewer
+/// replaces its older ones for the same thing; a viewer that does not ask again gets nothing more,
 /// so that slow and vanished ones hold nothing up. Memory is bounded by kMostWaiting.
 class Stage {
  public:

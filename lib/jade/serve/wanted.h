@@ -9,7 +9,7 @@
 
 namespace jade::serve {
 
-/// What a viewer wants to see.
+/// A viewer's request.
 struct Wanted {
   enum class Kind { kColor, kDepth, kPicture, kCamera };
   Kind kind = Kind::kColor;

@@ -43,11 +43,11 @@ class EventSensor {
   struct Span {
     double begin_us, end_us;
   };
-  /// Those after the last call's.
+  /// Bursts after those of the last call.
   std::vector<double> bursts_until(double end_us);
   void advance_pixel(size_t pixel, float target, float intensity, const Span& span,
                      std::vector<Event>& out);
-  /// The same, interrupted by bursts.
+  /// Advances a pixel through bursts.
   void advance_through(const std::vector<double>& bursts, size_t pixel, float target,
                        float intensity, Span span, std::vector<Event>& out);
   void send(size_t pixel, double t_us, float intensity, int8_t polarity, std::vector<Event>& out);

@@ -11,13 +11,12 @@ namespace jade::simulate {
 /// One flag per column, `count` of them set (all, if there are no more), by the seed.
 std::vector<uint8_t> drawn_columns(int64_t count, int64_t width, uint64_t seed);
 
-/// What a frame sensor adds to every frame at the same places: offsets of rows, columns and pixels,
-/// and columns that are dead.
+/// Fixed pattern of a frame sensor: offsets of rows, columns and pixels, and dead columns.
 class FixedPattern {
  public:
   FixedPattern(const ImageSensorOptions& options, int64_t width, int64_t height, uint64_t seed);
   bool is_empty() const { return offset_.empty() && dead_.empty(); }
-  /// What is read where the light was worth `value`, a fraction of white.
+  /// Reading for light of `value`, a fraction of white.
   /// @param pixel  row by row
   double apply(double value, size_t pixel) const;
 

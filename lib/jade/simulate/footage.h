@@ -18,7 +18,7 @@ struct EventCamera {
   geometry::Pose from_frames;  ///< x_events = R x_frames + t
 };
 
-/// What the sensors look at, as a film that can be stopped at any time.
+/// The scene in front of the sensors, as a film that can be sampled at any time.
 class Footage {
  public:
   virtual ~Footage() = default;

@@ -9,8 +9,8 @@
 
 namespace jade::simulate {
 
-/// What happens to the light of a picture before it falls on a sensor: its brightness, lamps that
-/// flicker, a lens that loses light in its corners, and dust.
+/// Light path before a sensor: scene brightness, lamps that flicker, a lens that loses light in its
+/// corners, and dust.
 class Optics {
  public:
   Optics(const SimulateOptions& options, int64_t width, int64_t height, uint64_t seed);

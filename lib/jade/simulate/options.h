@@ -71,7 +71,7 @@ void describe(V& v, LightOptions& o) {
   v.field("flicker_hz", o.flicker_hz, "twice the frequency of the mains, Hz", Range{1, 10000});
 }
 
-/// What lies before both sensors.
+/// Optics in front of both sensors.
 struct OpticsOptions {
   double vignetting = 0;
   int64_t dust = 0;
@@ -108,7 +108,7 @@ constexpr auto words_of(Encoding) {
   return std::array{Word{"linear", Encoding::kLinear}, Word{"srgb", Encoding::kSrgb}};
 }
 
-/// What a sensor sums.
+/// Quantity that a sensor integrates.
 enum class Space { kStored, kLinear };
 
 constexpr auto words_of(Space) {
@@ -219,7 +219,7 @@ void describe(V& v, EventCameraOptions& o) {
   v.field("focal_px", o.focal_px, "px; 0: as the frames", Range{0, 1e5});
 }
 
-/// What a recording says of itself.
+/// Metadata that a recording has.
 struct RecordingOptions {
   bool exposure_times = true;
 };
@@ -272,7 +272,7 @@ constexpr auto words_of(Preset) {
       Word{"blender", Preset::kBlender, "600×400, 40 ms at 1000 frames per second, clean"}};
 }
 
-/// What the camera sees.
+/// Scene in front of the camera.
 enum class Source { kWorld, kPly, kFrames };
 
 constexpr auto words_of(Source) {
@@ -281,7 +281,7 @@ constexpr auto words_of(Source) {
                     Word{"frames", Source::kFrames, "sharp frames"}};
 }
 
-/// What to simulate. The initialisers are those of a clean sensor; presets change them.
+/// Options of the simulator. The initialisers are those of a clean sensor; presets change them.
 struct SimulateOptions {
   Preset preset = Preset::kCdavis;
   Source source = Source::kWorld;

@@ -39,7 +39,7 @@ class Recorder {
   const ExposureSetting& setting_at(int64_t t_us) const;
 
  private:
-  /// What the camera of the frames sees, and that of the events where it stands beside.
+  /// Views of the frame camera, and of the event camera if it is separate.
   struct Views {
     world::SharpFrame frames, events;
   };

@@ -30,7 +30,7 @@ Timeline make_timeline(const SimulateOptions& o) {
   const int64_t gaps = std::max<int64_t>(o.exposures - 1, 1);
   const auto gap_of = [&](int64_t i) { return (2 * i + 1) * gaps / (2 * unseen); };
   for (int64_t i = 0; i < unseen; ++i) {
-    // Those that share a gap divide it evenly.
+    // Views that share a gap divide it evenly.
     int64_t before = 0, sharing = 1;
     while (i - before > 0 && gap_of(i - before - 1) == gap_of(i)) ++before;
     while (i - before + sharing < unseen && gap_of(i - before + sharing) == gap_of(i)) ++sharing;

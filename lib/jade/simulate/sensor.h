@@ -15,8 +15,8 @@ namespace jade::simulate {
 float decode(float stored, Encoding encoding);
 float encode(float linear, Encoding encoding);
 
-/// What the event pixels see of a frame, in stored values or light: 0.299 R + 0.587 G + 0.114 B, or
-/// behind a colour filter each its own channel.
+/// Intensity at the event pixels, in stored values or light: 0.299 R + 0.587 G + 0.114 B, or with a
+/// colour filter each pixel's own channel.
 void event_intensity(const world::SharpFrame& frame, const ImageSensorOptions& image,
                      const EventSensorOptions& events, std::vector<float>& intensity);
 

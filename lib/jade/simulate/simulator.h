@@ -21,7 +21,7 @@ struct SimulateResult {
   double blur_px = 0;          ///< mean blur of the exposures; 0: not known
   double largest_flow_px = 0;  ///< of a pixel between two of these frames; 0: not known
   PoseErrors pose_errors;      ///< of the written poses of the exposures
-  /// Whose pixels content.events are of; absent where they are those of the frames.
+  /// Camera of content.events; absent if it is the camera of the frames.
   std::optional<EventCamera> event_camera;
 };
 
@@ -30,7 +30,7 @@ struct SimulateResult {
 /// @throws ConfigError, DataError for a source that cannot be read, Interrupted.
 SimulateResult simulate(const SimulateRun& run);
 
-/// The same with footage at hand.
+/// Simulates with given footage.
 SimulateResult simulate(const SimulateRun& run, Footage& footage);
 
 /// Sharp, noiseless frames at equal steps of every exposure, from its start to its end, for

@@ -17,7 +17,7 @@ class WrittenPoses {
   /// The camera's path, from which an exposure gets its nine poses. But for PoseTimes::kPath it
   /// runs through the estimated poses of the exposures and knows no others.
   geometry::Pose path(int64_t t_us) const;
-  /// Of a frame taken at that time: an estimate of its own, which the path need not meet.
+  /// Pose of a frame taken at that time: a separate estimate, which the path need not meet.
   geometry::Pose frame(int64_t t_us) const;
 
  private:
@@ -38,7 +38,7 @@ struct PoseErrors {
   PoseErrorPx nine;  ///< at all nine poses of the exposures
 };
 
-/// Of exposures with their written poses. Where the footage knows no depth, rotations alone count.
+/// Errors of the exposures' written poses. If the footage has no depth, rotations alone count.
 /// @throws Interrupted.
 PoseErrors pose_errors(const std::vector<data::Exposure>& exposures, const Footage& footage);
 

@@ -11,7 +11,7 @@
 namespace jade::simulate {
 namespace {
 
-/// As write() names the frames: exposures first, then test views.
+/// File name that write() gives a frame: exposures first, then test views.
 std::string name_of(size_t index, size_t count) {
   const std::string name = std::to_string(index);
   const size_t width = std::max<size_t>(2, std::to_string(count - 1).size());

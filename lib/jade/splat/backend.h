@@ -30,8 +30,8 @@ struct ForwardArgs {
   bool needs_backward = false;  ///< false: `state` may stay empty
 };
 
-/// What a backend's forward pass hands to its backward pass. The op stores it with the graph, looks
-/// into nothing but `cleared`, and hands that over once. So a recording as a CUDA graph holds both
+/// State that a backend's forward pass keeps for its backward pass. The op stores it with the
+/// graph, reads only `cleared`, and passes that on once. So a recording as a CUDA graph holds both
 /// passes, or the forward pass is replayed before every backward pass.
 struct SavedState {
   std::vector<torch::Tensor> tensors;

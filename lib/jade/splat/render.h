@@ -16,8 +16,8 @@ struct CameraBatch {
   int64_t height = 0;
 };
 
-/// What densification asks about each Gaussian. Backward passes add to these tensors in place, on
-/// their device and without synchronisation, so one set can serve many steps.
+/// Statistics of each Gaussian for densification. Backward passes add to these tensors in place,
+/// on their device and without synchronisation, so one set can serve many steps.
 struct ScreenStatistics {
   torch::Tensor gradient_norm;  ///< [N] sum of ‖dL/dmean2d‖, mean2d in NDC (px · 2 / image size)
   torch::Tensor visible_count;  ///< [N] in how many of those views it was visible

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the cells of a table say, the same in every format.
+// Text of a table's cells, the same in every format.
 #pragma once
 
 #include <optional>

@@ -157,8 +157,8 @@ class Launcher {
     }
   }
 
-  /// What each run holds of the device, by itself where the driver tells of all of them (in a
-  /// container it knows other numbers for processes), else on average.
+  /// Measures the device memory of each run: per process where the driver knows all of them (in a
+  /// container it sees other process numbers), else the average.
   void measure(const std::string& device, const Pool& pool, const std::vector<Running*>& here) {
     const std::map<pid_t, int64_t> processes = memory_.device_used(device);
     const auto told = [&](const Running* run) { return processes.count(run->task.pid()) > 0; };

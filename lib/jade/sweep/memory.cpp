@@ -59,7 +59,7 @@ std::string smi_name(const std::string& device) {
   return concat(index);
 }
 
-/// What nvidia-smi says of the device; empty where it cannot be asked.
+/// Answer of nvidia-smi to a query about the device; empty if it cannot be run.
 std::string ask_smi(const std::string& device, const std::string& query) {
   const std::string name = smi_name(device);
   // The name goes to a shell.

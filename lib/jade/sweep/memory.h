@@ -11,12 +11,12 @@
 
 namespace jade::sweep {
 
-/// Where memory figures come from; tests put their own in.
+/// Source of memory figures; tests inject their own.
 struct MemoryProbe {
   std::function<int64_t()> host_free;                      ///< bytes for new processes
   std::function<int64_t(pid_t)> host_used;                 ///< resident bytes of a process
   std::function<int64_t(const std::string&)> device_free;  ///< bytes of "cuda:N"; -1: not known
-  /// What processes hold of "cuda:N"; one that is not told of is missing.
+  /// Bytes that each process holds on "cuda:N"; unknown processes are absent.
   std::function<std::map<pid_t, int64_t>(const std::string&)> device_used;
 };
 

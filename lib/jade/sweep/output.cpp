@@ -21,7 +21,7 @@ std::vector<std::string> differences(const Resolved& saved, const Resolved& now)
   for (const auto& [key, value] : now.values) {
     const auto found = old.find(key);
     const std::string before = found == old.end() ? "(nothing)" : found->second;
-    // Where a run computes is no part of what it computes.
+    // The device does not change what a run computes.
     if (before != value && key != "device")
       lines.push_back(concat(key, ": ", before, " -> ", value));
   }

@@ -17,7 +17,7 @@ enum class RunState { kNew, kUnfinished, kRunning, kFinished, kFailed };
 /// "new", "unfinished", "running", "finished", "failed".
 std::string to_string(RunState state);
 
-/// What became of a run's attempts; tasks/….json.
+/// Outcome of a run's attempts; tasks/….json.
 struct Outcome {
   int attempts = 0;
   int exit_code = -1;  ///< of the last attempt; -1: it has not ended, or a signal ended it

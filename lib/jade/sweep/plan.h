@@ -48,7 +48,7 @@ struct Run {
   std::string value(const std::string& key) const;
 };
 
-/// What the command line adds to a sweep file.
+/// Settings that the command line adds to a sweep file.
 struct PlanOptions {
   std::vector<std::filesystem::path> base;  ///< laid below every scene; alone it is the scene
   std::vector<std::string> overrides;       ///< win over everything

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What runs have measured, gathered into the cells of a table.
+// Gathers the measurements of runs into the cells of a table.
 #pragma once
 
 #include <map>

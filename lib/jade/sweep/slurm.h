@@ -19,7 +19,7 @@ struct SlurmOptions {
   bool retry_failed = false;
 };
 
-/// What a submission did.
+/// Result of a submission.
 struct Submission {
   std::string job;    ///< empty: nothing was left to submit
   int submitted = 0;  ///< runs in it

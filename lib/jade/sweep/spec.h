@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a sweep's YAML says. docs/sweeps.md describes every key.
+// Contents of a sweep's YAML file. docs/sweeps.md describes every key.
 #pragma once
 
 #include <cstdint>

@@ -40,7 +40,7 @@ class PoseDraws {
         target_every_(target_every) {}
   /// [3] int64 on the device, [4] with that of L_tgt. @param step  counted from 1.
   torch::Tensor at(int64_t step);
-  /// The same as the host knows it, without waiting for the device; valid until the next call.
+  /// Host copy of the draws, without waiting for the device; valid until the next call.
   const int64_t* on_host(int64_t step);
 
  private:

@@ -13,8 +13,7 @@
 
 namespace jade::train {
 
-/// What L_ev compares: the camera at both ends of a short time window and what the sensor saw
-/// between them.
+/// Input of L_ev: the camera at both ends of a short time window and the events between them.
 struct EventWindow {
   splat::CameraBatch cameras;  ///< two: at the start and at the end of the window
   torch::Tensor u;             ///< [2] float64, their times in units of the step's exposure, in

@@ -35,7 +35,7 @@ torch::Tensor first_guesses(const data::Dataset& dataset, bool cubic) {
   return torch::stack(guesses);
 }
 
-/// Where the control twists of a spline of more than one segment act, near enough for the gauge.
+/// Poses at which the control twists of a multi-segment spline act, accurate enough for the gauge.
 torch::Tensor poses_at_controls(const data::Dataset& dataset, int64_t control_poses) {
   std::vector<torch::Tensor> all;
   for (const ExposureSpan& span : exposure_spans(dataset)) {

@@ -23,7 +23,7 @@ constexpr auto words_of(PosePath) {
                     Word{"cubic", PosePath::kCubic, "along a B-spline of four poses"}};
 }
 
-/// What the learned path is before the first step.
+/// Learned path before the first step.
 enum class PoseStart { kLine, kData };
 
 constexpr auto words_of(PoseStart) {

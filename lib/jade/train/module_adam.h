@@ -13,7 +13,7 @@ class ModuleAdam {
  public:
   ModuleAdam() = default;
   ModuleAdam(std::vector<torch::Tensor> parameters, double lr, double eps = 1e-8);
-  /// The same with a step size for each parameter.
+  /// Adam with a step size for each parameter.
   ModuleAdam(std::vector<torch::Tensor> parameters, std::vector<double> lrs, double eps = 1e-8);
 
   bool empty() const { return parameters_.empty(); }
@@ -21,7 +21,7 @@ class ModuleAdam {
   /// One step with the gradients that the parameters hold. A parameter without one stays as it is,
   /// with its moments and its step count; at least one must have one.
   void step() { step(lrs_); }
-  /// The same with another step size for all.
+  /// Steps with one step size for all parameters.
   void step(double lr) { step(std::vector<double>(parameters_.size(), lr)); }
   /// Sets all gradients to undefined.
   void zero_grad();

@@ -158,7 +158,7 @@ int64_t calendar_steps(const RunOptions& options);
 /// tenth of the run. Reading a configuration does it (config::load).
 void settle(RunOptions& options);
 
-/// What a data set decides whatever the options say, with one line in the log: a DiET-GS release
+/// Applies settings that a data set forces, with one line in the log: a DiET-GS release
 /// has nine posed images per exposure, the mean of which is its blurry frame, so its exposures are
 /// nine equal moments and EDI's integral is over them.
 void follow_dataset(const data::Dataset& dataset, RunOptions& options);

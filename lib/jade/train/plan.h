@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What acts at a step. plan_step() is the only place that decides it; the steps, the rules between
-// settings, the benchmark and the recorded step all read the plan.
+// Plan of a step: the terms and updates that act. plan_step() alone decides it; the steps, the
+// rules between settings, the benchmark and the recorded step all read the plan.
 #pragma once
 
 #include <cstdint>

@@ -11,7 +11,7 @@
 namespace jade::train {
 namespace {
 
-/// What is left of a way after the earlier ones must be more than rounding.
+/// Least norm of a direction after orthogonalisation; a smaller rest is rounding.
 constexpr double kNewWay = 1e-9;
 
 /// The seven ways as twists, [7,V,K,6].

@@ -5,8 +5,8 @@
 
 namespace jade::train {
 
-/// What frames cannot tell of learned poses: a motion and a change of scale that scene and all
-/// cameras share. To first order in the twists these are seven directions of all twists together,
+/// Gauge freedom of learned poses: a motion and a change of scale that the scene and all cameras
+/// share. To first order in the twists these are seven directions of all twists together,
 /// of a shift v, a turn w and a growth s of the world about the cameras' centroid:
 ///     ω = Rᵀw,  ρ = Rᵀ(v + w×c + s c),
 /// for a camera with rotation R (world from camera) that stands at c. In camera axes they differ

@@ -9,7 +9,7 @@ namespace jade::train {
 
 constexpr double kFirstDecay = 0.9, kSecondDecay = 0.999;
 
-/// What all numbers of a row share, at the row's `steps`-th step.
+/// Adam constants shared by all numbers of a row, at the row's `steps`-th step.
 struct RowConstants {
   double lr, second_share;
 };

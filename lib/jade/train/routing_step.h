@@ -8,7 +8,7 @@
 
 namespace jade::train {
 
-/// What the routing step saw, as device scalars without graph; terms that are off are undefined.
+/// Terms of the routing step, as device scalars without graph; terms that are off are undefined.
 struct RouteReport {
   torch::Tensor render, reblur;
 };

@@ -50,7 +50,7 @@ struct TimedCameras {
   torch::Tensor u;
 };
 
-/// Those of the inputs' view, or the ones of them that are `read`.
+/// Cameras of the inputs' view, or the subset `read`.
 TimedCameras exposure_times(const TrainState& state, const StepInputs& inputs,
                             const torch::Tensor& read) {
   TimedCameras timed{inputs.view.cameras, inputs.view.u};
@@ -93,7 +93,7 @@ torch::Tensor gain_prior(const TrainState& state, const StepInputs& inputs,
   return state.gains->squared_change(inputs.view_pick) * options.prior_weight;
 }
 
-/// Nothing where the value is undefined.
+/// Adds a term unless its value is undefined.
 void add_term(losses::Objective& loss, const std::string& name, const torch::Tensor& value) {
   if (!value.defined()) return;
   loss.total = loss.total.defined() ? loss.total + value : value;

@@ -54,8 +54,7 @@ gaussians::InitSources init_sources(const data::Dataset& dataset) {
   return sources;
 }
 
-/// The same Gaussians in gray: colours are linear in SH, so g(·) of the coefficients is that of the
-/// colours.
+/// Gaussians in gray: colours are linear in SH, so g(·) of the coefficients is g(·) of the colours.
 splat::Gaussians in_gray(splat::Gaussians start) {
   const torch::Tensor planes = start.sh.transpose(1, 2).unsqueeze(-1);  // [N,3,K,1]
   start.sh = imaging::as_gray(planes).squeeze(-1).transpose(1, 2).contiguous();
@@ -145,7 +144,7 @@ int64_t most_at_start(const gaussians::DensifyOptions& options) {
   return bounded ? options.max_gaussians : std::numeric_limits<int64_t>::max();
 }
 
-/// What has a value of its own for each pixel of the sensor has no use for frames of other sizes.
+/// Refuses parameters per sensor pixel for data sets with frames of several sizes.
 /// @throws ConfigError naming the key.
 void check_sizes(const RunOptions& options, const data::Dataset& dataset) {
   const auto& first = dataset.train.front().camera;
@@ -159,7 +158,6 @@ void check_sizes(const RunOptions& options, const data::Dataset& dataset) {
       options.allocation.kind == router::AllocationKind::kPerViewMap) {
     key = "allocation.kind per_view_map";
   }
-  if (options.sensor.learn_gain) key = "sensor.learn_gain";
   if (options.objective.event_loss_weight > 0) key = "objective.event_loss_weight";
   if (key == nullptr) return;
   throw ConfigError(concat(key, ": expected frames of one size, found ", first.width, "x",

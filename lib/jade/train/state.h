@@ -41,7 +41,7 @@ struct TrainState {
   void visit(const std::function<void(const std::string&, const torch::Tensor&)>& visitor) const;
 };
 
-/// What a new state starts from.
+/// Initial values of a new state.
 struct Start {
   splat::Gaussians gaussians;
   double extent = 1;        ///< of the scene, see gaussians::scene_extent
@@ -62,7 +62,7 @@ void learn_poses(TrainState& state, const PoseOptions& options, const data::Data
 void take_gains(TrainState& state, const GainOptions& options, const data::Dataset& dataset,
                 torch::Device device);
 
-/// The same from a data set, with learned poses and gains where the options ask for them.
+/// Makes a state from a data set, with learned poses and gains where the options ask for them.
 /// @throws ConfigError, DataError as gaussians::initial_gaussians.
 TrainState make_state(const RunOptions& options, const data::Dataset& dataset,
                       torch::Device device);
@@ -79,7 +79,7 @@ struct Renders {
   bool all_poses = true;
   torch::Tensor target_pose = {};  ///< [1] int64 where it is drawn, else undefined
   torch::Tensor window_ends = {};  ///< [2,3,H,W] at both ends of the window of L_ev, with graph
-  /// Where the target acts: mid-exposure, or the drawn pose.
+  /// Render at the target's pose: mid-exposure, or the sampled pose.
   torch::Tensor of_target() const {
     if (!all_poses) return color[0];
     return target_pose.defined() ? color.index_select(0, target_pose)[0] : color[color.size(0) / 2];

@@ -19,9 +19,9 @@ struct StepOutputs {
 StepOutputs alternate(TrainState& state, const StepInputs& inputs, const StepPlan& plan,
                       const RunOptions& options);
 
-/// What is due after alternate(), and outside of a recorded step: the gradients of learned poses
-/// and gains end in an Adam step of their exposure, and what all exposures share is held. Does
-/// nothing where neither is learned.
+/// Updates after alternate(), outside of a recorded step: an Adam step of the exposure's learned
+/// poses and gain; the freedom that all exposures share is removed. Does nothing if neither is
+/// learned.
 /// @param step  that of the inputs
 void update_exposures(TrainState& state, const RunOptions& options, int64_t step);
 

@@ -11,7 +11,7 @@ bool draws_target_pose(const RunOptions& options) {
   return restored_every(options) > 0 && options.objective.target != losses::Target::kNone;
 }
 
-/// What no step reads need not be copied for one.
+/// Drops tensors that no step reads, so that they are not copied for the recorded step.
 void leave_out_unread(const RunOptions& options, View& view) {
   view.density = torch::Tensor();
   if (options.objective.target == losses::Target::kRouted) return;

@@ -17,9 +17,8 @@
 
 namespace jade::train {
 
-/// What the steps of a run are given, a function of seed and step: the view whose turn it is, the
-/// poses of its terms, and, where the options ask for them, weights, windows of events and
-/// restorations of a drawn pose.
+/// Inputs of a run's steps, a function of seed and step: the view, the poses of its terms and,
+/// where the options need them, weights, event windows and restorations of a sampled pose.
 class StepFeed {
  public:
   StepFeed() = default;
@@ -31,7 +30,7 @@ class StepFeed {
   /// @param step  counted from 1
   StepInputs at(int64_t step);
 
-  /// As they are at mid-exposure.
+  /// All views, with their restorations at mid-exposure.
   const std::vector<View>& views() const { return views_; }
 
  private:

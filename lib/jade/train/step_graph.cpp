@@ -21,8 +21,8 @@ namespace {
 /// become.
 constexpr int64_t kRenewal = 1000;
 
-/// What the allocator may keep beyond what tensors hold when a step is recorded or runs eagerly:
-/// what earlier recordings and the restorer left behind goes back to the driver.
+/// Memory that the allocator may keep beyond live tensors when a step is recorded or runs eagerly.
+/// The rest, left by earlier recordings and the restorer, returns to the driver.
 constexpr int64_t kSpareBytes = int64_t{64} << 20;
 
 /// The most plans whose recordings are kept: steps alternate between few.
@@ -39,8 +39,8 @@ std::vector<int64_t> shapes_of(const StepInputs& inputs) {
   return shapes;
 }
 
-/// What a recording takes for granted beside the inputs' shapes: the renewal at hand, and where
-/// each tensor of the state lies.
+/// Assumptions of a recording beside the inputs' shapes: the current renewal and the address of
+/// each tensor of the state.
 std::vector<int64_t> assumptions(const TrainState& state, int64_t step) {
   std::vector<int64_t> now{step / kRenewal};
   state.visit([&](const std::string&, const torch::Tensor& tensor) {
@@ -50,7 +50,7 @@ std::vector<int64_t> assumptions(const TrainState& state, int64_t step) {
   return now;
 }
 
-/// The same inputs at addresses of their own, where a recorded step reads them.
+/// Copy of the inputs at fixed addresses, which a recorded step reads.
 StepInputs own_copy(const StepInputs& inputs) {
   StepInputs own = inputs;
   own.visit([](const std::string&, torch::Tensor& tensor) {
@@ -166,7 +166,7 @@ struct StepGraph::Recordings {
     made->plan = plan;
     // One pool for all: they never run at the same time, and what a step leaves behind is read
     // before the next one runs.
-    // Of this thread alone: whoever shows frames meanwhile asks for events on threads of their own.
+    // Capture is thread-local, because the viewer uses CUDA events on other threads.
     made->graph.capture_begin(
         recorded.empty() ? c10::MempoolId_t{0, 0} : recorded.front()->graph.pool(),
         cudaStreamCaptureModeThreadLocal);
@@ -204,7 +204,7 @@ StepOutputs StepGraph::run(TrainState& state, const StepInputs& inputs, const St
     try {
       recording = &recordings.record(state, inputs, plan, options);
     } catch (const std::exception& failure) {
-      // Nothing ran on the device, so the step can be done eagerly.
+      // The device ran no part of the step, so it can run eagerly.
       log_warn(concat("steps are not recorded as a CUDA graph, which makes them slower: ",
                       failure.what()));
       recordings.forget();

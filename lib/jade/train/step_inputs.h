@@ -10,7 +10,7 @@
 
 namespace jade::train {
 
-/// What one step is given besides the state. Copies share their tensors.
+/// Inputs of one step besides the state. Copies share their tensors.
 struct StepInputs {
   int64_t step = 1;        ///< counted from 1
   View view;               ///< of this step: at_pose() where objective.restored_poses draws one

@@ -19,7 +19,7 @@ class SumsAhead {
   SumsAhead(const data::Dataset& dataset, const restore::RestoreOptions& options,
             const restore::RestorerMetadata* network, std::launch policy);
 
-  /// Of the next exposure; at most as many calls as there are.
+  /// Sums of the next exposure. Call it at most once per exposure.
   restore::ExposureSums next();
 
  private:

@@ -32,7 +32,7 @@ torch::Tensor mask_of(const data::Exposure& exposure) {
   return torch::ones({1, exposure.blurry.size(1), exposure.blurry.size(2)});
 }
 
-/// What an image shows outside of the mask.
+/// Image with masked pixels set to 0.
 torch::Tensor shown(const torch::Tensor& image, const torch::Tensor& mask) {
   return image.defined() && mask.defined() ? image * mask.to(image.scalar_type()) : image;
 }
@@ -141,8 +141,8 @@ bool reads_edi_at_poses(const RunOptions& options) {
           target != losses::Target::kNone);
 }
 
-/// What only pictures and the report show goes to the CPU: a step of a target that no router
-/// decides reads the fixed target, or what is restored at a drawn pose.
+/// Moves tensors that only pictures and the report read to the CPU: without a router, a step reads
+/// the fixed target or the restoration at a sampled pose.
 void put_aside_unread(const RunOptions& options, View& view) {
   view.density = view.density.cpu();
   if (options.objective.target == losses::Target::kRouted) return;
@@ -153,7 +153,7 @@ void put_aside_unread(const RunOptions& options, View& view) {
   }
 }
 
-/// What objective.restored_poses reads at every restored pose of the view.
+/// Restorations at every restored pose of the view, for objective.restored_poses.
 PoseRestorations restorations_of_poses(const restore::RestoredExposure& restored,
                                        const torch::Tensor& mask, const RunOptions& options) {
   const events::EventVoxel& voxel = restored.maps.voxel;

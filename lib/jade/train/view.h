@@ -16,9 +16,9 @@
 
 namespace jade::train {
 
-/// What the target, fusion and the routing step read at each restored pose, for
-/// objective.restored_poses but for middle. Row r is of moment u_k, k = r restored_every().
-/// Undefined where nothing asks for it; EDI there is R_k ⊙ B.
+/// Restorations at each restored pose for the target, fusion and the routing step, unless
+/// objective.restored_poses is middle. Row r is of moment u_k, k = r restored_every(). Undefined if
+/// unused; EDI is R_k ⊙ B.
 struct PoseRestorations {
   torch::Tensor efnet;          ///< [R,3,H,W] float16, as there are many, F(B, V, u_k)
   torch::Tensor psi;            ///< [R,2,H,W] Ψ(V) about u_k
@@ -42,8 +42,8 @@ struct PoseRestorations {
   }
 };
 
-/// What training asks of one exposure again and again: constants in θ and φ, computed once. What
-/// steps read is on the training device, the rest of Ψ, K(V), density and restorations on the CPU.
+/// Constants of one exposure in θ and φ, computed once. Tensors that steps read are on the training
+/// device; other parts of Ψ, K(V), density and restorations are on the CPU.
 struct View {
   std::string name;
   torch::Tensor blurry;  ///< [3,H,W] B, 0 under the mask

@@ -37,7 +37,7 @@ void visit_members(Visitor& visitor, const Member<Ts>&... members) {
   (visit_tensors(visitor, members), ...);
 }
 
-/// The same for one member: the tensor itself, those of a struct that is known here, or none.
+/// Visits one member: the tensor itself, the tensors of a known struct, or none.
 template <class Visitor, class T>
 void visit_tensors(Visitor& visitor, const Member<T>& member) {
   using Type = std::remove_const_t<T>;

@@ -31,7 +31,7 @@ class Canvas {
   /// @param squeeze  letter width as a multiple of its natural width
   Canvas& text(const std::string& words, float x, float y, float size, Rgb color,
                float squeeze = 1.0f);
-  /// The same, running downwards (turned by 90 degrees, as on the spine of a book).
+  /// Draws text downwards (turned by 90 degrees, as on the spine of a book).
   Canvas& text_down(const std::string& words, float x, float y, float size, Rgb color);
   /// Multiplies the colour by 1 ± strength, from fractal noise with `cells` cells across.
   Canvas& mottle(float cells, float strength, uint32_t seed);

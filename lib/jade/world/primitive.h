@@ -13,7 +13,7 @@ struct Ray {
   Vec3 origin, direction;
 };
 
-/// Where a surface was met: the parameter of the ray and the surface coordinates in [0,1].
+/// Intersection with a surface: ray parameter and surface coordinates in [0,1].
 struct Hit {
   float t;
   int primitive = -1;

@@ -32,7 +32,7 @@ struct LightMap {
   Rgb sample(float u, float v) const;
 };
 
-/// Where the camera may wander in front of a scene; simulate/camera_path.h makes the path.
+/// Range of the camera in front of a scene; simulate/camera_path.h makes the path.
 struct CameraRig {
   Vec3 eye{0, 1.2f, 3}, target{0, 0.9f, 0};  ///< means
   Vec3 eye_reach{0.5f, 0.3f, 0.3f};          ///< largest excursions, world units

@@ -125,7 +125,7 @@ export class Layers {
   }
 }
 
-/** Of two pictures as RGBA bytes, `gain` times as bright; opaque. */
+/** Absolute difference of two pictures as RGBA bytes, `gain` times as bright; opaque. */
 export function absoluteDifference(a, b, gain) {
   const out = new Uint8ClampedArray(a.length);
   for (let k = 0; k < a.length; ++k) out[k] = k % 4 === 3 ? 255 : gain * Math.abs(a[k] - b[k]);

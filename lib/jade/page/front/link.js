@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a link remembers of the view: its camera and, where that was left, the pose; the moment of
-// the exposure, the two layers, the wipe between them, and whether events lie over them.
+// State that a link stores: the camera (or the pose, once the user has left it), the moment of the
+// exposure, the two layers, the wipe, and whether events are shown.
 
 /** @param view  {camera: 'train.3', pose: null or 12 numbers, moment, left, right, wipe, events} */
 export function formatLink(view) {
@@ -10,7 +10,7 @@ export function formatLink(view) {
   return `#${parts}`;
 }
 
-/** What formatLink() wrote; parts that are missing or damaged are left out. */
+/** Parses a link of formatLink(); missing or damaged parts are left out. */
 export function parseLink(hash) {
   const parts = new URLSearchParams(hash.replace(/^#/, ''));
   const view = {};

@@ -5,7 +5,7 @@
 import { depthAhead } from './viewer.js';
 import { DIFFERENCE } from './layers.js';
 import { shortcut } from './elements.js';
-import { writeCards, writeCurves } from './report.js';
+import { writeCards, writeCurves, writeScores } from './report.js';
 
 const ASK_MS = 1000; // between two questions for the state
 const AGAIN_MS = 150; // after a frame that did not come
@@ -14,7 +14,7 @@ const MAKING_MS = 500; // between two questions for a picture that is being made
 const RENEW_MS = 4000; // between two looks at a layer that changes while it trains
 const CHANGING = ['α', 'fused', 'render', 'depth', DIFFERENCE];
 
-/** What the server is asked: addresses with the viewer's name and the token, and their answers. */
+/** Requests to the server: addresses with the viewer's name and the token, and their answers. */
 export class LiveLink {
   /** @param search  the page's, with the token where one is needed */
   constructor(search, ask = (address, options) => fetch(address, options)) {
@@ -50,7 +50,7 @@ export class LiveLink {
     return answer.status === 204 ? null : { reason: (await answer.text()).trim() };
   }
 
-  /** Where a camera of the data set stands now, poses as 12 numbers, or null. */
+  /** Current poses of a camera of the data set, 12 numbers each, or null. */
   async poses(view) {
     const answer = await this.ask(this.address('camera', { view }));
     return answer.status === 200 ? (await answer.json()).poses : null;
@@ -66,7 +66,7 @@ export class LiveLink {
   }
 }
 
-/** What a sharp truth says of the picture of an answer, dB, or null. */
+/** PSNR of an answer's picture against a sharp truth, dB, or null. */
 function psnrOf(answer) {
   return answer.headers.has('X-Psnr') ? Number(answer.headers.get('X-Psnr')) : null;
 }
@@ -74,18 +74,18 @@ function psnrOf(answer) {
 const decibels = (value) => `${value.toFixed(2)} dB`;
 
 /**
- * What is known of how good the picture is: against the truth of its camera now or when that was last
- * evaluated, else how well the last step explained a blurry frame.
+ * Quality of the picture: PSNR against the truth of its camera, now or at the last evaluation, else
+ * how well the last step explained a blurry frame.
  */
 export function judgement(psnr, camera, state, lines) {
   if (typeof psnr === 'number') return `PSNR ${decibels(psnr)}`;
   const scored = camera ? state?.scored?.psnr[camera] : undefined;
   if (typeof scored === 'number') return `PSNR ${decibels(scored)} at step ${state.scored.step.toLocaleString('en')}`;
   const line = lines.findLast((each) => typeof each.psnr_train === 'number');
-  return line ? `blur explained ${decibels(line.psnr_train)}` : '';
+  return line ? `re-blur PSNR ${decibels(line.psnr_train)}` : '';
 }
 
-/** What to tell somebody whose page has lost its program. */
+/** Message for a page that has lost its program. */
 export function farewell(state, { report, pausable }) {
   const where = report ? ` The finished scene: ${report}.` : '';
   if (!pausable) return 'jade_view has ended or cannot be reached. The page goes on by itself once it answers.';
@@ -93,7 +93,7 @@ export function farewell(state, { report, pausable }) {
   return 'The program that trains has ended or cannot be reached: --resume goes on with a run that was stopped, and so does this page once there is an answer.';
 }
 
-/** The same view at `scale` times as many pixels, whole ones. */
+/** Camera of the same view at `scale` times as many pixels, rounded. */
 export function scaledCamera(camera, scale) {
   const width = Math.max(1, Math.round(camera.width * scale));
   const height = Math.max(1, Math.round(camera.height * scale));
@@ -134,7 +134,7 @@ export function liveFigures({ step, steps, gaussians, phase }, lines) {
   const figures = [];
   if (steps > 0) figures.push({ label: phase, value: `${Math.floor(100 * step / steps)} %`, note: `step ${step.toLocaleString('en')} of ${steps.toLocaleString('en')}` });
   figures.push({ label: 'Gaussians', value: gaussians.toLocaleString('en'), note: '' });
-  for (const [key, label, note] of [['psnr_train', 'blur explained', 're-blurred render against its frame'], ['test_psnr', 'test views', 'mean PSNR']]) {
+  for (const [key, label, note] of [['psnr_train', 're-blur PSNR', 're-blurred render against its frame'], ['test_psnr', 'test views', 'mean PSNR']]) {
     const line = last(key);
     if (line) figures.push({ label, value: `${line[key].toFixed(2)} dB`, note: `${note}, step ${line.step.toLocaleString('en')}` });
   }
@@ -143,7 +143,7 @@ export function liveFigures({ step, steps, gaussians, phase }, lines) {
   return figures;
 }
 
-/** What Viewer does, with frames from the server. */
+/** Viewer whose frames come from the server. */
 export class LiveViewer {
   /**
    * @param settings  {scale, sample}
@@ -178,7 +178,7 @@ export class LiveViewer {
   /** Draws this view; false where another request came first or nothing came. */
   async draw(camera, pose, { depthMode = false, part = 0 } = {}) {
     const wanted = { camera, pose };
-    // What is held is not drawn over: a mean that builds up, depth.
+    // Held pictures (a growing mean, depth) are not replaced.
     this.wanted = null;
     this.held = wanted;
     for (let attempt = 0; attempt < ATTEMPTS; ++attempt) {
@@ -194,7 +194,7 @@ export class LiveViewer {
     return false;
   }
 
-  /** The same as a PNG's data URL. */
+  /** A picture as a PNG's data URL. */
   async picture(camera, pose, options) {
     return (await this.draw(camera, pose, options)) ? this.canvas.toDataURL('image/png') : null;
   }
@@ -271,17 +271,17 @@ export class LivePage {
     page.live = this;
     document.title = 'JADE-GS live';
     for (const view of [...data.views, ...data.tests]) view.pictures.forEach((picture) => this.givePicture(view, picture));
-    for (const id of ['views', 'tests', 'scores', 'allocation']) {
-      const part = document.getElementById(id);
-      part.hidden = true;
-      if (part.previousElementSibling?.tagName === 'H2') part.previousElementSibling.hidden = true;
+    for (const id of ['views', 'tests', 'allocation']) document.getElementById(id).closest('.part').hidden = true;
+    if (data.evaluation) {
+      document.getElementById('tests').hidden = true;
+      document.getElementById('tests').closest('.part').hidden = false;
+      writeScores(document.getElementById('scores'), data.evaluation);
     }
     document.getElementById('facts').textContent = data.facts.join(' · ');
     const config = document.getElementById('config');
     config.textContent = data.config;
-    config.parentElement.hidden = config.parentElement.previousElementSibling.hidden = data.config === '';
-    const charts = document.getElementById('charts');
-    charts.previousElementSibling.hidden = !data.live.pausable;
+    config.closest('.part').hidden = data.config === '';
+    document.getElementById('charts').closest('.part').hidden = !data.live.pausable;
     const pause = document.getElementById('pause');
     pause.hidden = document.getElementById('pause-key').hidden = !data.live.pausable;
     pause.addEventListener('click', () => this.togglePause());
@@ -386,7 +386,7 @@ export class LivePage {
     if (state.phase === 'training' && document.visibilityState === 'visible') this.renew();
   }
 
-  /** Where somebody stands at a camera: its pose and its layers as training has them by now. */
+  /** Updates the pose and the layers of the current camera to the state of the training. */
   async renew() {
     const { page } = this;
     if (!this.viewer || !page.restored || page.playing || page.state.pose) return;
@@ -415,8 +415,11 @@ export class LivePage {
     document.title = state.steps ? `${Math.floor(100 * state.step / state.steps)} % · JADE-GS live` : 'JADE-GS live';
     if (!fresh) return;
     const charts = document.getElementById('charts');
+    const others = document.getElementById('other-charts');
     charts.replaceChildren();
-    writeCurves(charts, tail.lines);
+    others.replaceChildren();
+    writeCurves(charts, others, tail.lines);
+    document.getElementById('more-charts').hidden = others.childElementCount === 0;
   }
 
   lose() {

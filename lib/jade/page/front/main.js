@@ -11,6 +11,7 @@ import { formatLink, parseLink } from './link.js';
 import { add, axis, poseInExposure, unit } from './pose.js';
 import { gunzipBase64, parseSpz } from './spz.js';
 import { shortcut, takesSpace } from './elements.js';
+import { drawFrusta, outsideness } from './frusta.js';
 import { writeReport } from './report.js';
 import { LivePage } from './live.js';
 
@@ -39,6 +40,7 @@ class Page {
   async start() {
     this.listCameras();
     this.listen();
+    this.setBrightness(this.data.scene.brightness ?? 1);
     if (!this.live) await this.showStill();
     try {
       this.viewer = this.live ? this.live.openViewer(element('scene')) : await this.openViewer();
@@ -212,16 +214,36 @@ class Page {
   refresh() {
     this.writeMoment();
     if (this.viewer) this.viewer.request(this.camera(), this.pose());
-    element('stage').classList.toggle('away', this.state.pose !== null);
-    element('back').hidden = this.state.pose === null;
+    this.writePlace();
     this.writeLink();
+  }
+
+  /** Marks a view away from the cameras: frusta of the recorded ones, and a shade where the scene is not known. */
+  writePlace() {
+    const away = this.state.pose !== null;
+    element('stage').classList.toggle('away', away);
+    element('back').hidden = !away;
+    element('frusta').hidden = element('shade').hidden = !away;
+    if (!away) return;
+    element('hint').classList.add('gone');
+    const cameras = [...this.cameras].filter(([id]) => id.startsWith('train.')).map(([, camera]) => camera);
+    const recorded = [...this.cameras.values()].flatMap((camera) => camera.poses);
+    drawFrusta(element('frusta'), this.camera(), this.pose(), cameras, this.distance);
+    const outside = outsideness(this.pose(), recorded, this.distance);
+    element('shade').hidden = outside <= 1;
+    element('shade').style.opacity = Math.min(0.6, 0.3 * outside);
+  }
+
+  /** Brightness of the display: 1 shows the values as they are. */
+  setBrightness(value) {
+    element('brightness').value = value;
+    document.documentElement.style.setProperty('--brightness', value);
   }
 
   /** Draws this very view; a promise of its being shown. */
   async draw() {
     this.writeMoment();
-    element('stage').classList.toggle('away', this.state.pose !== null);
-    element('back').hidden = this.state.pose === null;
+    this.writePlace();
     if (this.viewer) await this.viewer.draw(this.camera(), this.pose());
     this.writeLink();
   }
@@ -386,6 +408,7 @@ class Page {
     on('moment', 'input', () => this.setMoment(Number(element('moment').value)));
     on('play', 'click', () => this.play());
     on('events', 'change', () => this.showEvents(element('events').checked));
+    on('brightness', 'input', () => this.setBrightness(Number(element('brightness').value)));
     on('swap', 'click', () => this.layers.swap());
     on('link', 'click', () => this.copyLink());
     on('picture', 'click', () => this.savePicture());

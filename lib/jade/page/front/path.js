@@ -18,7 +18,7 @@ export class CameraPath {
     this.keys = [];
   }
 
-  /** Where the camera stands at `place` from 0 to 1: on a smooth curve through the centres. */
+  /** Pose at `place` from 0 to 1, on a smooth curve through the centres. */
   at(place) {
     const last = this.keys.length - 1;
     if (last < 1) return this.keys[0];

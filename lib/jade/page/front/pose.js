@@ -80,7 +80,7 @@ export function poseOfQuaternion(quaternion, centre) {
     [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], centre);
 }
 
-/** Where a camera stands at `u`, 0 the start and 1 the end of the exposure that `poses` sample. */
+/** Pose at `u`, 0 the start and 1 the end of the exposure that `poses` sample. */
 export function poseInExposure(poses, u) {
   const place = Math.min(1, Math.max(0, u)) * (poses.length - 1);
   const left = Math.min(Math.floor(place), Math.max(0, poses.length - 2));

@@ -108,7 +108,7 @@ export class Renderer {
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 
-  /** What is shown, as a data URL; to be called in the task that has drawn it. */
+  /** The canvas as a data URL; call it in the task that has drawn it. */
   picture() {
     return this.canvas.toDataURL('image/png');
   }

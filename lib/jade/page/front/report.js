@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the report says beside the scene: headline figures, views, tables, curves.
+// Parts of the report beside the scene: headline figures, views, tables, curves.
 
 import { make, tableIn } from './elements.js';
 
@@ -8,7 +8,10 @@ const METRICS = ['psnr', 'psnr_channel_mean', 'ssim', 'lpips_alex01', 'lpips_vgg
 
 /** @param onPick  called with a view and the name of one of its pictures */
 export function writeReport(data, onPick) {
+  at('title').textContent = document.title = data.title;
   at('facts').textContent = data.facts.join(' · ');
+  at('verdict').textContent = verdict(data.headline) ?? '';
+  at('verdict').hidden = !at('verdict').textContent;
   at('config').textContent = data.config;
   writeGlance(at('glance'), data);
   for (const view of data.views) strip(at('views'), 'h3', view, onPick);
@@ -20,19 +23,33 @@ export function writeReport(data, onPick) {
     for (const view of views) strip(at('tests'), 'h4', view, onPick);
   }
   writeScores(at('scores'), data.evaluation);
-  writeAllocation(at('allocation'), data.allocation);
-  writeCurves(at('charts'), data.metrics);
+  at('allocation-part').hidden = !data.allocation.mean;
+  if (data.allocation.mean) writeAllocation(at('allocation'), data.allocation);
+  writeCurves(at('charts'), at('other-charts'), withFinalScores(data.metrics, data.evaluation));
+  at('more-charts').hidden = at('other-charts').childElementCount === 0;
+  // A phone shows the headings; a tap opens a part.
+  if (matchMedia('(max-width: 600px)').matches) for (const part of document.querySelectorAll('details.part')) part.open = false;
 }
 
-/** The figures that come first: {label, value, note}. */
+/** One sentence on the scene against the frames it was made of, or null without truths. */
+export function verdict(headline) {
+  if (!headline) return null;
+  const gain = headline.render - headline.blurry;
+  if (gain < 0) return `${(-gain).toFixed(1)} dB below the blurry frames: see docs/troubleshooting.md`;
+  return `${gain.toFixed(1)} dB sharper than the frames`;
+}
+
+/** The headline figures: {label, value, note, best, worse}; `worse` marks a scene below the blurry frames. */
 export function glanceFigures({ headline, evaluation, metrics }) {
   const decibels = (value) => `${value.toFixed(2)} dB`;
   const figures = [];
   if (headline) {
     const over = (value) => `${value >= headline.blurry ? '+' : '−'}${Math.abs(value - headline.blurry).toFixed(2)} dB`;
     figures.push({ label: 'blurry frame', value: decibels(headline.blurry), note: `mid-exposure, ${headline.views} with truth` });
-    figures.push({ label: 'EDI', value: decibels(headline.edi), note: over(headline.edi) });
-    figures.push({ label: 'this scene', value: decibels(headline.render), note: over(headline.render), best: true });
+    const learned = typeof headline.efnet === 'number' && headline.efnet > headline.edi;
+    const restored = learned ? headline.efnet : headline.edi;
+    figures.push({ label: `best 2D restoration (${learned ? 'EFNet' : 'EDI'})`, value: decibels(restored), note: over(restored), best: restored > headline.render });
+    figures.push({ label: 'this scene', value: decibels(headline.render), note: over(headline.render), best: headline.render >= restored, worse: headline.render < headline.blurry });
   }
   for (const [label, mean] of [['seen test views', evaluation?.mean_seen], ['unseen test views', evaluation?.mean_unseen],
     ['test views', evaluation?.mean_seen || evaluation?.mean_unseen ? null : evaluation?.mean]]) {
@@ -40,11 +57,11 @@ export function glanceFigures({ headline, evaluation, metrics }) {
   }
   const explained = evaluation?.mean?.psnr_reblur;
   if (!headline && typeof explained === 'number') {
-    figures.push({ label: 'held-out blur explained', value: decibels(explained), note: 're-blurred render against frames that training has not seen' });
+    figures.push({ label: 'held-out re-blur PSNR', value: decibels(explained), note: 're-blurred render against frames that training has not seen' });
   }
   if (figures.length === 0) {
     const last = metrics.filter((line) => typeof line.psnr_train === 'number').pop();
-    if (last) figures.push({ label: 'blur explained', value: decibels(last.psnr_train), note: 're-blurred render against its frame' });
+    if (last) figures.push({ label: 're-blur PSNR', value: decibels(last.psnr_train), note: 're-blurred render against its frame' });
   }
   return figures;
 }
@@ -54,8 +71,8 @@ function writeGlance(parent, data) {
 }
 
 export function writeCards(parent, figures) {
-  for (const { label, value, note, best } of figures) {
-    const card = make('div', parent, { className: best ? 'card best' : 'card' });
+  for (const { label, value, note, best, worse } of figures) {
+    const card = make('div', parent, { className: `card${best && !worse ? ' best' : ''}${worse ? ' worse' : ''}` });
     make('dt', card, { textContent: label });
     make('dd', card, { textContent: value });
     make('dd', card, { textContent: note, className: 'note' });
@@ -92,7 +109,7 @@ function shown(cell) {
   return typeof cell === 'number' ? cell.toFixed(Math.abs(cell) > 2 ? 2 : 4) : cell ?? '-';
 }
 
-function writeScores(parent, evaluation) {
+export function writeScores(parent, evaluation) {
   if (!evaluation) return;
   const mark = ({ seen }) => (typeof seen === 'boolean' ? (seen ? 'seen' : 'unseen') : '-');
   const means = [['mean of seen', evaluation.mean_seen], ['mean of unseen', evaluation.mean_unseen], ['mean', evaluation.mean]];
@@ -106,10 +123,6 @@ function writeScores(parent, evaluation) {
 }
 
 function writeAllocation(parent, { views, mean }) {
-  if (!mean) {
-    parent.textContent = 'This run has no allocation map.';
-    return;
-  }
   const keys = ['alpha_mean', 'alpha_std', 'alpha_min', 'alpha_max', 'alpha_correlation', 'choice_right', 'choice_gain_db'];
   table(parent, 'Allocation by view', ['view', 'α mean', 'α std', 'least', 'largest', 'correlation with event density', 'right choice', 'gain, dB'],
     [...views.map((view) => [view.name, ...keys.map((key) => view[key])]), ['all', ...keys.map((key) => mean[key])]]);
@@ -122,12 +135,26 @@ function writeAllocation(parent, { views, mean }) {
   }
 }
 
-export function writeCurves(parent, metrics) {
-  const keys = new Set(metrics.flatMap((line) => Object.keys(line)));
+/** The lines of metrics.jsonl, and the final test scores as those of the last step. */
+export function withFinalScores(metrics, evaluation) {
+  const step = metrics.reduce((most, line) => Math.max(most, line.step ?? 0), 0);
+  const mean = evaluation?.mean;
+  if (typeof mean?.psnr !== 'number' || metrics.some((line) => line.step === step && 'test_psnr' in line)) return metrics;
+  return [...metrics, { step, test_psnr: mean.psnr, test_ssim: mean.ssim }];
+}
+
+const FIRST_CURVES = { loss: 'loss', psnr_train: 're-blur PSNR, dB', test_psnr: 'test PSNR, dB', gaussians: 'Gaussians' };
+
+/**
+ * Draws the curves of FIRST_CURVES into `parent` and all others into `more`.
+ * @param metrics  objects with `step` and numbers
+ */
+export function writeCurves(parent, more, metrics) {
+  const keys = new Set([...Object.keys(FIRST_CURVES), ...metrics.flatMap((line) => Object.keys(line))]);
   keys.delete('step');
   for (const key of keys) {
     const points = metrics.filter((line) => typeof line[key] === 'number').map((line) => [line.step, line[key]]);
-    if (points.length > 1) chart(parent, key, points);
+    if (points.length > 1) chart(key in FIRST_CURVES ? parent : more, FIRST_CURVES[key] ?? key, points);
   }
 }
 
@@ -160,5 +187,6 @@ function chart(parent, name, points) {
   draw('text', { x: margin.left - 4, y: height - margin.bottom, 'text-anchor': 'end' }, short(y0));
   draw('text', { x: margin.left, y: height - 6 }, short(x0));
   draw('text', { x: width - margin.right, y: height - 6, 'text-anchor': 'end' }, `step ${short(x1)}`);
+  draw('text', { x: width - margin.right, y: 14, 'text-anchor': 'end', class: 'last' }, short(points[points.length - 1][1]));
   draw('polyline', { points: points.map(([x, y]) => `${across(x).toFixed(1)},${up(y).toFixed(1)}`).join(' '), class: 'curve' });
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a view asks of every Gaussian once per frame: its place in the order, and its colour. The
-// first two functions also run in a worker, so that they may use nothing from outside themselves.
+// Computes the depth order and the colour of every Gaussian once per frame. The first two functions
+// also run in a worker, so they may use nothing from outside themselves.
 
 import { centreOf } from './pose.js';
 
@@ -92,7 +92,7 @@ export function shadesOf({ positions, colors, degree }, order, centre) {
   return shades;
 }
 
-/** What order and colours depend on. */
+/** Parts of a pose that order and colours depend on. */
 function seenFrom(pose) {
   return { view: pose.slice(8), centre: centreOf(pose) };
 }
@@ -136,7 +136,7 @@ export class Sorter {
     });
   }
 
-  /** The same on the page's own thread, which holds it up. */
+  /** Sorts on the page's own thread, which blocks it. */
   now(pose) {
     return this.arrange(seenFrom(pose));
   }

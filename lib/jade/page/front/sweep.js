@@ -15,15 +15,15 @@ export function addressOf(path) {
   return path.split('/').map(encodeURIComponent).join('/');
 }
 
-/** What a row is called among the pictures: its title, with its name where the title is not its alone. */
+/** Label of a row among the pictures: its title, with its name if the title is not unique. */
 function labelOf({ name, title }, rows) {
   const alone = ![TRUTH, SCENE, DIFFERENCE].includes(title) && rows.filter((row) => row.title === title).length === 1;
   return alone ? title : `${title} (${name})`;
 }
 
 /**
- * What stands for each row in the pictures of a view: {title, src, psnr, best, run, reason}, every
- * title once. The run is that of the lowest seed with a picture; where none has one, the reason says why.
+ * Entry of each row in the pictures of a view: {title, src, psnr, best, run, reason}, every title
+ * once. The run is that of the lowest seed with a picture; without a picture, the reason says why.
  */
 export function picturesOf(data, scene, view) {
   const entries = data.rows.flatMap((row) => {
@@ -40,6 +40,22 @@ export function picturesOf(data, scene, view) {
   });
   const most = Math.max(...entries.map(({ psnr }) => psnr ?? -Infinity));
   return entries.map((entry) => ({ ...entry, best: Number.isFinite(most) && entry.psnr === most }));
+}
+
+const SEED_NOISE = 0.3; // dB between two runs that differ in their seed alone
+
+/** Title of the row that `row` leads in column k by no more than the seeds' noise, or '' where its lead counts. */
+export function levelWith({ rows }, k, row) {
+  const figures = (each) => (each.cells[k]?.text ?? '').split(' ± ').map(Number.parseFloat);
+  const [value, deviation] = figures(row);
+  const rivals = rows.filter((each) => each !== row && !each.cells[k]?.gap && Number.isFinite(figures(each)[0]))
+    .map((each) => ({ title: each.title, lead: Math.abs(value - figures(each)[0]), noise: figures(each)[1] }))
+    .sort((a, b) => a.lead - b.lead);
+  if (rivals.length === 0) return '';
+  const [{ title, lead, noise }] = rivals;
+  // One seed tells nothing of its noise; only decibels have a usual one.
+  const usual = value > 10 ? SEED_NOISE : 0;
+  return lead <= (deviation === undefined ? usual : deviation + (noise ?? 0)) ? title : '';
 }
 
 /** {heading, views}: those seen in training, those not seen, and those of which nobody knows. */
@@ -99,7 +115,9 @@ export class SweepPage {
     if (failed > 0) card('failed', String(failed), 'below with their reasons', 'bad');
     columns.slice(0, 3).forEach((column, k) => {
       const row = tables[0]?.rows.find((each) => each.cells[k].best);
-      if (row) card(column.heading, row.cells[k].text.split(' ')[0], row.title, k === 0 ? 'best' : '');
+      if (!row) return;
+      const level = levelWith(tables[0], k, row);
+      card(column.heading, row.cells[k].text.split(' ')[0], level ? `${row.title}, level with ${level}` : row.title, k === 0 && !level ? 'best' : '');
     });
   }
 

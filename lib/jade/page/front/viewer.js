@@ -101,7 +101,7 @@ export class Viewer {
     this.onFrame();
   }
 
-  /** The same as a PNG's data URL; where another request came first, sorted without the worker: it is had in any case. */
+  /** A picture as a PNG's data URL; sorted without the worker if another request came first. */
   async picture(camera, pose, options) {
     if (!(await this.draw(camera, pose, options))) this.paint(this.sorter.now(pose), camera, pose, options);
     return this.renderer.picture();

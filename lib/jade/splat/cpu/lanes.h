@@ -84,7 +84,7 @@ JADE_HD void with_coefficients(int degree, const Body& body) {
   }
 }
 
-/// As many Gaussians as a pack has lanes, beginning with `first`.
+/// One Gaussian per lane of a pack, beginning with `first`.
 template <class P>
 struct LaneBlock {
   int64_t first;

@@ -153,7 +153,7 @@ JADE_HD Pack<T, N> select(PackMask<T, N> mask, Pack<T, N> a, Pack<T, N> b) {
   }
 }
 
-/// As math::min and max: b where either is NaN.
+/// Semantics of math::min and max: b where either is NaN.
 template <class T, int N>
 JADE_HD Pack<T, N> min(Pack<T, N> a, Pack<T, N> b) {
   using V [[maybe_unused]] = typename Pack<T, N>::Vector;

@@ -14,7 +14,7 @@
 namespace jade::splat::cpu {
 namespace JADE_ISA {
 
-/// What the views seen so far give to a block's Gaussians.
+/// Gradient of a block's Gaussians, summed over the views so far.
 template <class P>
 struct BlockGradient {
   m::ShapeGradient<P> shape;

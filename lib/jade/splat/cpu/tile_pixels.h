@@ -30,7 +30,7 @@ struct Blocks {
   static constexpr int kWords = kMaxTile / kWordRows;  ///< of a tile
   static constexpr int kBlocks = 32 * kWords;
 
-  /// Where the four pixels of row y in column c of blocks begin.
+  /// Offset of the four pixels of row y in column c of blocks.
   JADE_HD static int segment(int c, int y) {
     const int block = y / kWordRows * 32 + 4 * c + y % kWordRows / kRows;
     return block * P::kLanes + y % kRows * kWidth;
@@ -52,7 +52,7 @@ JADE_HD void for_each_run(const Tile<T>& tile, int64_t image_width, const Body& 
   }
 }
 
-/// What both blending passes keep about a tile. Pixels beyond the tile count as stopped.
+/// State of a tile in both blending passes. Pixels beyond the tile count as stopped.
 template <class P>
 struct TileState {
   using T = typename P::Scalar;
@@ -201,7 +201,7 @@ struct SplatBatch {
   }
 };
 
-/// Where a block's pixels are in the planes, and where their centres.
+/// Offsets of a block's pixels in the planes, and their centres.
 template <class P>
 struct BlockPlace {
   int pixel, column, band;
@@ -209,7 +209,7 @@ struct BlockPlace {
       : pixel(block * P::kLanes), column(block >> 2 & 7), band(block >> 5 << 2 | (block & 3)) {}
 };
 
-/// What does not change from pixel to pixel of a splat.
+/// Constants of a splat over all of its pixels.
 template <class P>
 struct SplatFalloff {
   P x, y, log2_opacity;

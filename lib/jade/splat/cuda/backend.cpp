@@ -130,7 +130,7 @@ Counters read_counters(const RenderCall& call, cudaStream_t stream) {
   return counters;
 }
 
-/// What the instances pass through on the way to the lists; nobody needs it afterwards.
+/// Temporary buffers of the sort from instances to lists.
 torch::Tensor bind_chunks(RenderCall* call, const torch::TensorOptions& options) {
   const int64_t views = call->views, chunks = call->chunks;
   Arena arena;
@@ -187,7 +187,7 @@ Lists project_and_bin(RenderCall* call, const ForwardArgs& args, long long* reje
   return lists;
 }
 
-/// What the backward pass adds to, from zero on.
+/// Accumulators of the backward pass, zero at its start.
 struct Sums {
   torch::Tensor tensor;
 

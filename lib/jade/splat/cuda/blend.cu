@@ -29,7 +29,7 @@ __device__ __forceinline__ void clear(const Clearing& clearing) {
 
 constexpr int kBlendBlocks = 8;  ///< on a multiprocessor
 
-/// What a lane's pixels have gathered.
+/// Running sums of a lane's pixels.
 struct PixelSums {
   float t[2], red[2] = {0, 0}, green[2] = {0, 0}, blue[2] = {0, 0}, depth[2] = {0, 0};
 };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What both blending passes share: a warp's pixels and its walk through a tile's list.
+// Shared by both blending passes: a warp's pixels and its walk through a tile's list.
 #pragma once
 
 #include "jade/splat/cuda/unlisted.cuh"
@@ -55,7 +55,7 @@ struct Pixels {
     }
   }
 
-  /// Of a place in the quarter, 8 · row + column. The lane's own are 2 · lane and the next.
+  /// Column of a place in the quarter, place = 8 · row + column. A lane owns 2 · lane and the next.
   __device__ __forceinline__ int x_of(int place) const {
     return tile_x * kTile + (quarter & 1) * kSubtile + place % kSubtile;
   }
@@ -91,7 +91,7 @@ class OnePixel {
     place_ = taken_ ? places[lane] : 0;
   }
   __device__ __forceinline__ bool taken() const { return taken_; }  ///< else the lane has none
-  /// Where its pixel was: 2 · lane + 0 or 1.
+  /// Place of its pixel before compaction: 2 · lane + 0 or 1.
   __device__ __forceinline__ int place() const { return place_; }
   /// Brings a value of the pixel to values[0]. All lanes must call it.
   __device__ __forceinline__ void take(float* values) const {

@@ -9,7 +9,7 @@ namespace jade::splat::cuda {
 /// Capacities never exceed it.
 constexpr int64_t kMostInstances = int64_t{1} << 31;
 
-/// What one image size of one device needed so far. Calls of one size share an object.
+/// Largest need so far of one image size on one device. Calls of one size share an object.
 class InstanceBudget {
  public:
   /// The budget of a device and batch shape. Lives for ever.

@@ -19,7 +19,7 @@ void launch_plan(const RenderCall& call, long long* rejected, volatile uint64_t*
                  cudaStream_t stream);
 /// Brings the instances into the lists and sorts each by (depth, index).
 void launch_fill(const RenderCall& call, cudaStream_t stream);
-/// Where a gradient will be asked for, entries lose the quarters that the adjoint can skip, and
+/// If a gradient will be needed, entries drop the quarters that the adjoint can skip, and
 /// `clearing` is done.
 void launch_blend(const RenderCall& call, const Images& images, const Clearing& clearing,
                   cudaStream_t stream);

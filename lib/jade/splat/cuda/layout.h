@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the kernels of the CUDA backend hand to each other. Plain memory: no torch here.
+// Buffers that the kernels of the CUDA backend exchange. Plain memory: no torch here.
 #pragma once
 
 #include <cstdint>
@@ -12,8 +12,8 @@ namespace m = jade::splat::math;
 
 constexpr int kTile = 16;    ///< px; one block blends one tile of one view
 constexpr int kSubtile = 8;  ///< px; one warp blends one quarter of a tile
-/// Of an entry: which quarters of the tile a splat reaches, and after a forward pass with gradients
-/// those of them where the adjoint has something to do.
+/// Bits of an entry: the quarters of the tile that a splat reaches; after a forward pass with
+/// gradients only those where the adjoint has work.
 constexpr int kMaskBits = 4;
 constexpr int kMaxGaussians = 1 << 28;  ///< an entry is index << kMaskBits | mask in 32 bits
 constexpr int kMostChunkGaussians = 1024;

@@ -274,7 +274,7 @@ __device__ __forceinline__ void store_sh(const RenderCall& call, int first, int 
   }
 }
 
-/// What a view gives to a thread's Gaussian and, summed over the warp, to its camera.
+/// Adds a view's gradient to a thread's Gaussian and, summed over the warp, to the camera.
 template <int kDegree, bool kDepth>
 __device__ __forceinline__ void gather_view(const RenderCall& call, const Gradients& gradients,
                                             const m::Shape<float>& shape, int view, int in_chunk,

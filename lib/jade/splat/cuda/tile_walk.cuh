@@ -104,7 +104,7 @@ __device__ __forceinline__ void walk_row(const TileRow& reached, int row, const 
   }
 }
 
-/// The same for tile rows begin to end.
+/// Walks tile rows begin to end only.
 template <class Visit>
 __device__ __forceinline__ void walk_rows(const Ellipse& e, int begin, int end,
                                           const RenderCall& call, const Visit& visit) {

@@ -31,8 +31,8 @@ struct Moments {
   S u, x, y, xx, xy, yy;
 };
 
-/// What the adjoint of blending leaves of a splat: sums over pixels, which both backends store in
-/// this order: Moments, dL/dcolour, and dL/ddepth behind them where depth is rendered.
+/// Result of the adjoint of blending per splat: sums over pixels, which both backends store in
+/// this order: Moments, dL/dcolour, then dL/ddepth where depth is rendered.
 constexpr int kPixelSums = 9;
 
 /// Adjoint of the falloff and of the mean, in one: with conic [A B; B C] = Σ2d⁻¹ and q = dᵀ Σ2d⁻¹
@@ -108,8 +108,8 @@ struct PlainArithmetic {
   }
 };
 
-/// What one splat does to one pixel. All is 0 where it is not visible or the pixel has stopped,
-/// but for `alpha` and `raw_alpha` of stopped pixels.
+/// Contribution of one splat to one pixel. All members are 0 where the splat is not visible or the
+/// pixel has stopped, except `alpha` and `raw_alpha` of stopped pixels.
 template <class S>
 struct BlendStep {
   S raw_alpha;  ///< before the fade and the cap

@@ -196,7 +196,7 @@ struct Screen {
   S opacity;                 ///< after the antialiasing factor
 };
 
-/// What project() computes on the way and its adjoint wants again.
+/// Intermediate values of project() that its adjoint reads.
 template <class S>
 struct ProjectionSteps {
   S point[3];            ///< in the camera

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the shared maths needs from its scalar type S. S is float or double on either device, or a
-// SIMD pack on the CPU (cpu/pack.h), so every branch on data is a select().
+// Requirements of the shared maths on its scalar type S. S is float or double on either device, or
+// a SIMD pack on the CPU (cpu/pack.h), so every branch on data is a select().
 #pragma once
 
 #include "jade/kernel/host_device.h"

@@ -37,8 +37,8 @@ struct View {
   bool antialiased;
 };
 
-/// What a view gives to the coefficients: dL/dsh is the outer product of the basis at `direction`
-/// and `color`, dL/dcolour before the clamp.
+/// Contribution of a view to the coefficients: dL/dsh is the outer product of the basis at
+/// `direction` and `color`, which is dL/dcolour before the clamp.
 template <class S>
 struct ShGradient {
   S direction[3], color[3];

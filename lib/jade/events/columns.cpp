@@ -1,0 +1,225 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/events/columns.h"
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <limits>
+#include <map>
+
+#include "jade/core/error.h"
+
+namespace jade::events {
+namespace {
+
+/// So many rows at least tell columns by their values.
+constexpr size_t kTelling = 8;
+/// No coordinate reaches this.
+constexpr double kLargestPlace = 65535;
+
+/// Without blanks and quotes at its ends, in small letters.
+std::string plain_word(const std::string& name) {
+  constexpr const char* kAround = " \t\r\"'#%";
+  const size_t begin = name.find_first_not_of(kAround);
+  if (begin == std::string::npos) return "";
+  std::string out = name.substr(begin, name.find_last_not_of(kAround) + 1 - begin);
+  std::transform(out.begin(), out.end(), out.begin(),
+                 [](unsigned char c) { return char(std::tolower(c)); });
+  return out;
+}
+
+struct ColumnRange {
+  double low = std::numeric_limits<double>::infinity(), high = -low;
+  bool falls = false, has_fraction = false;
+  size_t signs = 0;  ///< values that are -1, 0 or 1
+  bool rises(const std::vector<Row>& rows, size_t c) const {
+    return !falls && rows.front()[c] < rows.back()[c];
+  }
+};
+
+std::array<ColumnRange, 4> ranges_of(const std::vector<Row>& rows) {
+  std::array<ColumnRange, 4> out;
+  for (size_t c = 0; c < 4; ++c) {
+    double before = -std::numeric_limits<double>::infinity();
+    for (const Row& row : rows) {
+      const double v = row[c];
+      out[c].low = std::min(out[c].low, v), out[c].high = std::max(out[c].high, v);
+      out[c].falls |= v < before;
+      out[c].has_fraction |= v != std::floor(v);
+      out[c].signs += v == 0 || v == 1 || v == -1;
+      before = v;
+    }
+  }
+  return out;
+}
+
+/// Polarity is last: only the time has to be told from the rest.
+Columns with_time(size_t time, size_t polarity) {
+  Columns out{};
+  size_t place = 0;
+  for (size_t c = 0; c < 4; ++c) {
+    if (c != time && c != polarity) out[place++] = c;
+  }
+  out[2] = time, out[3] = polarity;
+  return out;
+}
+
+class ColumnSearch {
+ public:
+  ColumnSearch(const std::vector<Row>& rows, Preference preference, const std::string& where,
+               const std::string& mend)
+      : rows_(rows),
+        ranges_(ranges_of(rows)),
+        preference_(preference),
+        where_(where),
+        mend_(mend) {}
+
+  Columns find() const {
+    if (rows_.size() < kTelling) return few();
+    const size_t p = polarity();
+    const Columns out = with_time(time(p), p);
+    for (const size_t axis : {out[0], out[1]}) {
+      if (ranges_[axis].high > kLargestPlace || ranges_[axis].low < -kLargestPlace)
+        refuse("two columns of pixels");
+    }
+    return out;
+  }
+
+ private:
+  Columns few() const {
+    if (rows_.empty()) return kTimeFirst;
+    const bool first = ranges_[0].rises(rows_, 0), third = ranges_[2].rises(rows_, 2);
+    if (preference_ == Preference::kFirst)
+      return third && ranges_[0].falls ? kPlaceFirst : kTimeFirst;
+    if (ranges_[0].falls != ranges_[2].falls && (first || third))
+      return ranges_[2].falls ? kTimeFirst : kPlaceFirst;
+    return ranges_[0].high >= ranges_[2].high ? kTimeFirst : kPlaceFirst;
+  }
+
+  /// All values but a few damaged ones are signs.
+  bool is_sign(size_t column) const { return 100 * ranges_[column].signs >= 99 * rows_.size(); }
+
+  size_t polarity() const {
+    if (is_sign(3)) return 3;
+    std::vector<size_t> found;
+    for (size_t c = 0; c < 3; ++c) {
+      if (is_sign(c)) found.push_back(c);
+    }
+    if (found.size() == 1) return found[0];
+    // Lines of the usual order, some damaged: their reader names the first.
+    if (found.empty() && 2 * ranges_[3].signs >= rows_.size()) return 3;
+    refuse("one column of polarities, 0/1 or -1/+1");
+  }
+
+  size_t time(size_t polarity) const {
+    std::vector<size_t> rest, rising, fractions;
+    for (size_t c = 0; c < 4; ++c) {
+      if (c == polarity) continue;
+      rest.push_back(c);
+      if (ranges_[c].rises(rows_, c)) rising.push_back(c);
+      if (ranges_[c].has_fraction) fractions.push_back(c);
+    }
+    const auto larger = [&](const std::vector<size_t>& of) {
+      return *std::max_element(of.begin(), of.end(), [&](size_t a, size_t b) {
+        return ranges_[a].high < ranges_[b].high;
+      });
+    };
+    if (rising.size() == 1) return rising[0];
+    if (rising.size() > 1) {
+      if (preference_ == Preference::kFirst && rising[0] == 0) return 0;
+      return larger(rising);
+    }
+    if (ranges_[larger(rest)].high > kLargestPlace) return larger(rest);
+    if (fractions.size() == 1) return fractions[0];
+    if (polarity != 3) refuse("one column of times that never decrease");
+    if (preference_ == Preference::kFirst) return 0;
+    return ranges_[0].high >= ranges_[2].high ? 0 : 2;
+  }
+
+  [[noreturn]] void refuse(const char* expected) const {
+    std::string found;
+    for (size_t c = 0; c < 4; ++c) {
+      found += concat(c == 0 ? "" : ", ", "column ", c + 1, " from ", ranges_[c].low, " to ",
+                      ranges_[c].high, ranges_[c].rises(rows_, c) ? " rising" : "");
+    }
+    throw DataError(concat(where_, ": expected ", expected, " among the four of an event, found ",
+                           found, "; ", mend_));
+  }
+
+  const std::vector<Row>& rows_;
+  std::array<ColumnRange, 4> ranges_;
+  Preference preference_;
+  const std::string &where_, &mend_;
+};
+
+}  // namespace
+
+int event_field(const std::string& name) {
+  static const std::map<std::string, int> known{{"x", 0},
+                                                {"xs", 0},
+                                                {"y", 1},
+                                                {"ys", 1},
+                                                {"t", 2},
+                                                {"ts", 2},
+                                                {"time", 2},
+                                                {"timestamp", 2},
+                                                {"times", 2},
+                                                {"timestamps", 2},
+                                                {"t_us", 2},
+                                                {"t_ns", 2},
+                                                {"t_s", 2},
+                                                {"ts_us", 2},
+                                                {"ts_ns", 2},
+                                                {"ts_s", 2},
+                                                {"time_us", 2},
+                                                {"time_ns", 2},
+                                                {"time_s", 2},
+                                                {"timestamp_us", 2},
+                                                {"timestamp_ns", 2},
+                                                {"timestamp_s", 2},
+                                                {"p", 3},
+                                                {"ps", 3},
+                                                {"pol", 3},
+                                                {"polarity", 3},
+                                                {"polarities", 3},
+                                                {"on", 3}};
+  const std::string word = plain_word(name.substr(0, name.find_first_of("[(")));
+  const auto found = known.find(word);
+  return found == known.end() ? -1 : found->second;
+}
+
+TimeUnit unit_in_name(const std::string& name) {
+  std::string word = plain_word(name);
+  while (!word.empty() && (word.back() == ']' || word.back() == ')')) word.pop_back();
+  const auto ends = [&](const std::string& tail) {
+    if (word.size() <= tail.size()) return false;
+    const char before = word[word.size() - tail.size() - 1];
+    return word.compare(word.size() - tail.size(), tail.size(), tail) == 0 &&
+           (before == '_' || before == '[' || before == '(');
+  };
+  if (ends("us")) return TimeUnit::kUs;
+  if (ends("ns")) return TimeUnit::kNs;
+  if (ends("s")) return TimeUnit::kS;
+  return TimeUnit::kAuto;
+}
+
+std::optional<Columns> named_columns(const std::vector<std::string>& names) {
+  Columns columns{};
+  std::array<bool, 4> found{};
+  for (size_t i = 0; i < names.size(); ++i) {
+    const int field = event_field(names[i]);
+    if (field < 0) continue;
+    if (found[size_t(field)]) return std::nullopt;
+    found[size_t(field)] = true;
+    columns[size_t(field)] = i;
+  }
+  const bool all = std::all_of(found.begin(), found.end(), [](bool f) { return f; });
+  return all ? std::optional(columns) : std::nullopt;
+}
+
+Columns likely_columns(const std::vector<Row>& rows, Preference preference,
+                       const std::string& where, const std::string& mend) {
+  return ColumnSearch(rows, preference, where, mend).find();
+}
+
+}  // namespace jade::events

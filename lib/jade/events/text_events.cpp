@@ -1,0 +1,230 @@
+// SPDX-License-Identifier: Apache-2.0
+// Lists of events in text: a line an event, four numbers in any order.
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <fstream>
+#include <optional>
+#include <torch/types.h>
+#include <vector>
+
+#include "jade/core/error.h"
+#include "jade/core/interrupt.h"
+#include "jade/events/columns.h"
+#include "jade/events/raw_events.h"
+
+namespace jade::events {
+namespace {
+
+constexpr size_t kTextAtOnce = size_t(1) << 22;
+constexpr const char* kNameColumns = "name the columns in a first line such as \"t x y p\"";
+constexpr int kMostColumns = 16;
+using Numbers = std::array<double, kMostColumns>;
+
+/// Calls `line` with each line of a file, of which it holds a piece at a time.
+template <class Line>
+void for_each_line(const std::filesystem::path& path, const Line& line) {
+  std::ifstream file(path, std::ios::binary);
+  if (!file) throw DataError(concat(path.string(), ": no such event file"));
+  std::string text;
+  size_t rest = 0;  // of a line that the piece before began
+  while (file) {
+    throw_if_interrupted();
+    text.resize(rest + kTextAtOnce);
+    file.read(text.data() + rest, std::streamsize(kTextAtOnce));
+    text.resize(rest + size_t(file.gcount()));
+    const char* begin = text.data();
+    const char* const stop = begin + text.size();
+    for (const char* end = begin; (end = std::find(begin, stop, '\n')) != stop; begin = end + 1) {
+      line(begin, end);
+    }
+    rest = size_t(stop - begin);
+    text.erase(0, text.size() - rest);
+  }
+  if (!file.eof()) throw DataError(concat(path.string(), ": the file cannot be read to its end"));
+  if (rest > 0) line(text.data(), text.data() + rest);
+}
+
+/// The values of a list, which move into the tensor.
+template <class T>
+torch::Tensor tensor_of(std::vector<T> values, torch::ScalarType type) {
+  auto* const kept = new std::vector<T>(std::move(values));
+  return torch::from_blob(
+      kept->data(), {int64_t(kept->size())}, [kept](void*) { delete kept; }, type);
+}
+
+bool separates(char c) { return c == ' ' || c == '\t' || c == ',' || c == ';' || c == '\r'; }
+
+/// Numbers of one line; -1 when something else stands there, or too many.
+int parse_line(const char* begin, const char* end, Numbers& numbers) {
+  int count = 0;
+  while (true) {
+    while (begin < end && separates(*begin)) ++begin;
+    if (begin == end) return count;
+    if (count == kMostColumns) return -1;
+    if (*begin == '+') ++begin;
+    const auto [next, error] = std::from_chars(begin, end, numbers[size_t(count)]);
+    if (error != std::errc() || (next < end && !separates(*next))) return -1;
+    begin = next;
+    ++count;
+  }
+}
+
+/// Names between commas, semicolons or tabs, where there are any, else between blanks; a unit in
+/// brackets belongs to the name before it. A table's index has no name, but a place.
+std::vector<std::string> words_of_line(const std::string& line) {
+  char between = ' ';
+  for (const char c : {';', ',', '\t'}) {
+    if (line.find(c) != std::string::npos) between = c;
+  }
+  std::vector<std::string> out;
+  std::string word;
+  const auto take = [&] {
+    if (between == ' ' && !out.empty() && (word[0] == '[' || word[0] == '(')) {
+      out.back() += word;
+    } else {
+      out.push_back(word);
+    }
+    word.clear();
+  };
+  for (const char c : line) {
+    if (c == '\r') continue;
+    if (c != between) {
+      word += c;
+    } else if (between != ' ' || !word.empty()) {
+      take();
+    }
+  }
+  if (!word.empty()) take();
+  return out;
+}
+
+/// Width and height in a line "346 260" or "%geometry:346,260"; none in others.
+std::optional<ImageSize> size_in(std::string line) {
+  constexpr const char* kGeometry = "geometry";
+  const size_t at = line.find(kGeometry);
+  if (at != std::string::npos) line.erase(0, at + std::char_traits<char>::length(kGeometry));
+  line.erase(0, line.find_first_not_of(" :="));
+  std::replace(line.begin(), line.end(), 'x', ' ');
+  Numbers numbers{};
+  if (parse_line(line.data(), line.data() + line.size(), numbers) != 2) return std::nullopt;
+  const auto is_side = [](double v) { return v == std::floor(v) && v > 1 && v < 65536; };
+  if (!is_side(numbers[0]) || !is_side(numbers[1])) return std::nullopt;
+  return ImageSize{int64_t(numbers[1]), int64_t(numbers[0])};
+}
+
+/// Lines of a list in text become events once it is known which column is what.
+class TextEvents {
+ public:
+  explicit TextEvents(const std::filesystem::path& path) : path_(path) {}
+
+  bool empty() const { return first_.empty() && time_.empty(); }
+  /// A line that is no event: of names, of the sensor's size, or a comment.
+  void head(const std::string& line) {
+    if (!size_) size_ = size_in(line);
+    if (columns_) return;
+    const size_t begin = line.find_first_not_of("#% ");
+    if (begin == std::string::npos) return;
+    const std::vector<std::string> words = words_of_line(line.substr(begin));
+    columns_ = named_columns(words);
+    if (!columns_) return;
+    count_ = int(words.size());
+    unit_ = unit_in_name(words[(*columns_)[2]]);
+  }
+  /// The numbers of an event.
+  void add(int64_t line, int count, const Numbers& numbers) {
+    if (count != count_) {
+      throw DataError(concat(path_.string(), ":", line, ": expected ", count_,
+                             " numbers (\"t x y p\" or in any order), found ", count, "; ",
+                             count_ == 4 ? kNameColumns : "complete the line"));
+    }
+    if (columns_) return keep(line, numbers);
+    first_.push_back({numbers[0], numbers[1], numbers[2], numbers[3]});
+    lines_.push_back(line);
+    if (first_.size() == kLook) settle();
+  }
+  RawEvents take() {
+    settle();
+    RawEvents out;
+    out.x = tensor_of(std::move(x_), torch::kFloat32);
+    out.y = tensor_of(std::move(y_), torch::kFloat32);
+    out.polarity = tensor_of(std::move(polarity_), torch::kInt8);
+    out.time = tensor_of(std::move(time_), torch::kFloat64);
+    out.unit = unit_, out.size = size_;
+    return out;
+  }
+
+ private:
+  static constexpr size_t kLook = 4096;  // events that tell the columns
+
+  void keep(int64_t line, const Numbers& numbers) {
+    const double polarity = numbers[(*columns_)[3]];
+    if (!(std::abs(polarity) <= 1 && polarity == std::floor(polarity))) {
+      throw DataError(
+          concat(path_.string(), ":", line, ": expected polarity 0/1 or -1/+1, found ", polarity));
+    }
+    x_.push_back(float(numbers[(*columns_)[0]]));
+    y_.push_back(float(numbers[(*columns_)[1]]));
+    time_.push_back(numbers[(*columns_)[2]]);
+    polarity_.push_back(int8_t(polarity));
+  }
+  void settle() {
+    if (columns_) return;
+    columns_ = likely_columns(first_, Preference::kFirst, path_.string(), kNameColumns);
+    for (size_t i = 0; i < first_.size(); ++i) {
+      Numbers numbers{};
+      std::copy(first_[i].begin(), first_[i].end(), numbers.begin());
+      keep(lines_[i], numbers);
+    }
+    first_.clear(), lines_.clear();
+  }
+
+  std::filesystem::path path_;
+  std::optional<Columns> columns_;
+  int count_ = 4;  ///< numbers in a line
+  TimeUnit unit_ = TimeUnit::kAuto;
+  std::optional<ImageSize> size_;
+  std::vector<Row> first_;      ///< until the columns are known
+  std::vector<int64_t> lines_;  ///< where they stand
+  std::vector<double> time_;
+  std::vector<float> x_, y_;
+  std::vector<int8_t> polarity_;
+};
+
+/// Behind the mark of UTF-8 that spreadsheets put before the first line.
+const char* behind_mark(const char* begin, const char* end) {
+  constexpr char kMark[] = "\xEF\xBB\xBF";
+  return end - begin >= 3 && std::equal(kMark, kMark + 3, begin) ? begin + 3 : begin;
+}
+
+}  // namespace
+
+RawEvents read_text_events(const std::filesystem::path& path) {
+  TextEvents events(path);
+  int64_t line = 0;
+  bool header_seen = false;
+  for_each_line(path, [&](const char* begin, const char* end) {
+    if (++line == 1) begin = behind_mark(begin, end);
+    const bool comment = begin < end && (*begin == '#' || *begin == '%');
+    Numbers numbers{};
+    const int count = comment ? 0 : parse_line(begin, end, numbers);
+    if (count == 0 && !comment) return;
+    const std::string text(begin, end);
+    // One line of column names, or of width and height, may stand first.
+    const bool is_head = comment || (events.empty() && !header_seen && (count < 0 || count == 2));
+    if (is_head) {
+      if (events.empty()) events.head(text);
+      header_seen = header_seen || !comment;
+      return;
+    }
+    if (count < 0) {
+      throw DataError(concat(path.string(), ":", line, ": expected numbers (\"t x y p\"), found '",
+                             text.substr(0, 40), "'; remove the line"));
+    }
+    events.add(line, count, numbers);
+  });
+  return events.take();
+}
+
+}  // namespace jade::events

@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+// The compressed .ply of PlayCanvas and SuperSplat, which gsplat writes as well. Not for use
+// outside this folder.
+#pragma once
+
+#include "jade/gaussians/ply_header.h"
+#include "jade/splat/gaussians.h"
+
+namespace jade::gaussians {
+
+/// True where the vertices hold packed_position, packed_rotation, packed_scale and packed_color.
+bool is_packed(const PlyFile& file);
+
+/// Decodes them: 256 vertices share a row of the element 'chunk' with the ranges of positions, log
+/// scales and, of newer files, colours; SH coefficients above the constant are bytes of the element
+/// 'sh'. Opacities of 0 and 1 become infinite logits.
+/// Format: developer.playcanvas.com, "Compressed PLY".
+/// @throws DataError naming the path for files that lack a part of it.
+splat::Gaussians unpack(const PlyFile& file);
+
+}  // namespace jade::gaussians

@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+
+namespace jade::imaging {
+
+/// Header of an image file.
+struct ImageHeader {
+  int64_t width = 0, height = 0;
+  bool has_alpha = false;  ///< a channel or a colour of transparency
+};
+
+/// Reads the header of a PNG, JPEG, TIFF, BMP, WebP or PNM file without decoding it; sizes as
+/// stored, without rotation. Absent for other, missing and damaged files, which read_image()
+/// reports.
+std::optional<ImageHeader> read_image_header(const std::filesystem::path& path);
+
+}  // namespace jade::imaging

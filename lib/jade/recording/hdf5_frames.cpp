@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+// Frames that lie beside the events in HDF5, such as davis/left/image_raw and image_raw_ts of
+// MVSEC.
+#include <algorithm>
+#include <cstdio>
+#include <torch/types.h>
+
+#include "jade/core/error.h"
+#include "jade/core/interrupt.h"
+#include "jade/events/event_group.h"
+#include "jade/imaging/image_io.h"
+#include "jade/io/hdf5.h"
+#include "jade/recording/contents.h"
+
+namespace jade::recording {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Pictures of 8 bits and the list of their times.
+struct StoredFrames {
+  std::string name, times;
+};
+
+std::string folder_of(const std::string& name) {
+  const auto slash = name.rfind('/');
+  return slash == std::string::npos ? "" : name.substr(0, slash);
+}
+
+/// [N,H,W], or [N,H,W,C] of one channel or three, of at least 16x16 px.
+bool is_pictures(const io::Hdf5Dataset& dataset) {
+  constexpr int64_t kLeastSide = 16;
+  const auto& shape = dataset.shape;
+  if (!dataset.integer || dataset.item_size != 1 || shape.size() < 3 || shape.size() > 4)
+    return false;
+  const bool channels = shape.size() == 3 || shape[3] == 1 || shape[3] == 3;
+  return channels && shape[0] > 0 && shape[1] >= kLeastSide && shape[2] >= kLeastSide;
+}
+
+/// All pictures of a file that have a time each.
+std::vector<StoredFrames> find_frames(const io::Hdf5File& file) {
+  std::vector<StoredFrames> out;
+  for (const auto& dataset : file.datasets()) {
+    if (!is_pictures(dataset)) continue;
+    const std::string folder = folder_of(dataset.name), above = folder_of(folder);
+    for (const std::string& times : {dataset.name + "_ts", folder + "/ts", above + "/ts"}) {
+      if (!file.has(times) || file.dataset(times).shape.size() != 1 ||
+          file.length(times) != dataset.shape[0])
+        continue;
+      out.push_back({dataset.name, times});
+      break;
+    }
+  }
+  return out;
+}
+
+std::vector<int64_t> read_times_us(const io::Hdf5File& file, const std::string& name,
+                                   events::TimeUnit unit) {
+  const int64_t count = file.length(name);
+  const bool floating = file.dataset(name).floating;
+  torch::Tensor times = torch::empty({count}, floating ? torch::kFloat64 : torch::kInt64);
+  if (floating) {
+    file.read<double>(name, 0, count, times.data_ptr<double>());
+  } else {
+    file.read<int64_t>(name, 0, count, times.data_ptr<int64_t>());
+  }
+  if (unit == events::TimeUnit::kAuto) {
+    const double last = count > 0 ? times.max().to(torch::kFloat64).item<double>() : 0;
+    unit = floating                 ? events::TimeUnit::kS
+           : last > events::kOnlyNs ? events::TimeUnit::kNs
+                                    : events::TimeUnit::kUs;
+  }
+  return events::times_us(times, unit, concat(file.path().string(), ": ", name));
+}
+
+/// [1,H,W] or [3,H,W] in [0,1].
+torch::Tensor read_picture(const io::Hdf5File& file, const io::Hdf5Dataset& dataset,
+                           int64_t index) {
+  const int64_t channels = dataset.shape.size() == 4 ? dataset.shape[3] : 1;
+  torch::Tensor bytes = torch::empty({dataset.shape[1], dataset.shape[2], channels}, torch::kUInt8);
+  file.read_item(dataset.name, index, bytes.data_ptr<uint8_t>());
+  return bytes.permute({2, 0, 1}).to(torch::kFloat32).div(255).contiguous();
+}
+
+/// Whether the options keep a frame; others are never decoded.
+bool is_wanted(const ReadOptions& options, int64_t first_us, int64_t t_us) {
+  const auto inside = [](const events::TimeWindow& w, int64_t t) {
+    return t >= w.begin_us && t <= w.end_us;
+  };
+  if (options.since_first_frame) return inside(*options.since_first_frame, t_us - first_us);
+  return !options.window || inside(*options.window, t_us);
+}
+
+}  // namespace
+
+void add_hdf5_frames(const fs::path& path, const ReadOptions& options, Contents& contents) {
+  if (!options.frames.empty()) return;
+  const io::Hdf5File file(path);
+  const std::vector<StoredFrames> all = find_frames(file);
+  if (all.empty()) return;
+  const std::string stream = events::event_group_name(path, options.events_group);
+  const auto near = [&](const StoredFrames& frames) {
+    const std::string folder = folder_of(frames.name);
+    return folder == stream || folder == folder_of(stream);
+  };
+  const auto own = std::find_if(all.begin(), all.end(), near);
+  std::string left;
+  for (const StoredFrames& frames : all) {
+    if (own == all.end() || frames.name != own->name)
+      left += (left.empty() ? "" : ", ") + frames.name;
+  }
+  if (!left.empty()) {
+    contents.recording.notes.push_back(
+        concat(path.string(), ": pictures of other cameras than that of the events are not read (",
+               left, "); give frames with --frames"));
+  }
+  if (own == all.end()) return;
+  contents.keep = std::make_shared<TemporaryFolder>();
+  const std::vector<int64_t> times = read_times_us(file, own->times, options.time_unit);
+  const int64_t first_us = *std::min_element(times.begin(), times.end());
+  const io::Hdf5Dataset& dataset = file.dataset(own->name);
+  for (size_t i = 0; i < times.size(); ++i) {
+    throw_if_interrupted();
+    if (!is_wanted(options, first_us, times[i])) continue;
+    char name[16];
+    std::snprintf(name, sizeof name, "%06zu.png", i);
+    const fs::path picture = contents.keep->path() / name;
+    imaging::write_image(picture, read_picture(file, dataset, int64_t(i)));
+    contents.files.push_back({picture, events::TimeWindow{times[i], times[i]}});
+  }
+}
+
+}  // namespace jade::recording

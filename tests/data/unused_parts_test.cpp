@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/data/unused_parts.h"
+
+#include "support/catch.h"
+
+#include "support/temp_dir.h"
+
+namespace jade::data {
+namespace {
+
+std::vector<std::string> told(const UnusedParts& parts) {
+  std::vector<std::string> lines;
+  parts.warn("scene", "colmap", Warnings(&lines));
+  return lines;
+}
+
+TEST_CASE("unused parts: files, folders and keys that are there share one warning", "[data]") {
+  const test::TempDir folder;
+  folder.write("depths/0.png", "x");
+  folder.write("sparse/0/depth_params.json", "{}");
+  folder.write("poses_bounds_exact.npy", "x");
+  std::filesystem::create_directories(folder / "normals");
+  UnusedParts parts;
+  parts.look_for_files(folder.path(), {{"depths/", "depth maps"},
+                                       {"normals/", "maps of normals"},
+                                       {"sparse/0/depth_params.json", "scales"},
+                                       {"poses_bounds_*.npy", "other poses"},
+                                       {"hold=*", "a split"}});
+  parts.look_for_keys({"time", "w"}, {{"time", "moment of a frame"}, {"iso", "gain"}});
+  const auto lines = told(parts);
+  REQUIRE(lines.size() == 1);
+  for (const char* name : {"depths/ (depth maps)", "sparse/0/depth_params.json (scales)",
+                           "poses_bounds_exact.npy (other poses)", "'time' (moment of a frame)"}) {
+    CHECK_THAT(lines[0], Catch::Contains(name));
+  }
+  for (const char* name : {"normals", "hold", "iso"}) CHECK_THAT(lines[0], !Catch::Contains(name));
+}
+
+TEST_CASE("unused parts: nothing found, nothing said", "[data]") {
+  const test::TempDir folder;
+  UnusedParts parts;
+  parts.look_for_files(folder / "missing", {{"depths/", "depth maps"}});
+  parts.look_for_keys({}, {{"time", "moment of a frame"}});
+  CHECK(told(parts).empty());
+}
+
+}  // namespace
+}  // namespace jade::data

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/imaging/image_header.h"
+
+#include "support/catch.h"
+
+#include <opencv2/imgcodecs.hpp>
+
+#include "support/temp_dir.h"
+
+namespace jade::imaging {
+namespace {
+
+cv::Mat sheet(int channels) { return {7, 11, CV_8UC(channels), cv::Scalar(10, 20, 30, 40)}; }
+
+TEST_CASE("image header: every format says its size and whether it has alpha", "[imaging]") {
+  const test::TempDir folder;
+  const std::string name = GENERATE("a.png", "a.jpg", "a.tiff", "a.bmp", "a.webp", "a.ppm");
+  CAPTURE(name);
+  REQUIRE(cv::imwrite((folder / name).string(), sheet(3)));
+  const auto header = read_image_header(folder / name);
+  REQUIRE(header.has_value());
+  CHECK(header->width == 11);
+  CHECK(header->height == 7);
+  CHECK_FALSE(header->has_alpha);
+  if (name == "a.jpg" || name == "a.bmp" || name == "a.ppm") return;
+  REQUIRE(cv::imwrite((folder / name).string(), sheet(4), {cv::IMWRITE_WEBP_QUALITY, 101}));
+  const auto with_alpha = read_image_header(folder / name);
+  REQUIRE(with_alpha.has_value());
+  CHECK(with_alpha->has_alpha);
+  CHECK(with_alpha->width == 11);
+  CHECK(with_alpha->height == 7);
+}
+
+TEST_CASE("image header: a PGM with comments", "[imaging]") {
+  const test::TempDir folder;
+  const auto header = read_image_header(folder.write("a.pgm", "P5\n# 3 4\n5 6\n255\n"));
+  REQUIRE(header.has_value());
+  CHECK(header->width == 5);
+  CHECK(header->height == 6);
+}
+
+TEST_CASE("image header: what is no image, cut short or missing has none", "[imaging]") {
+  const test::TempDir folder;
+  CHECK_FALSE(read_image_header(folder / "missing.png"));
+  CHECK_FALSE(read_image_header(folder.write("text.png", "not an image")));
+  CHECK_FALSE(read_image_header(folder.write("cut.png", "\x89PNG\r\n\x1a\n")));
+  CHECK_FALSE(read_image_header(folder.write("cut.jpg", "\xFF\xD8\xFF\xE0")));
+  CHECK_FALSE(read_image_header(folder.write("cut.tiff", std::string("II*\0\x08\0\0\0", 8))));
+}
+
+}  // namespace
+}  // namespace jade::imaging
