@@ -103,9 +103,24 @@ TEST_CASE("origin: transforms.json and the EvDeblur layout are moved alike", "[d
       }
       frames += text.str() + "[0,0,0,1]]}";
     }
-    write_file(room / "transforms.json", "{\"fl_x\":25,\"frames\":[" + frames + "]}");
+    write_file(room / "transforms.json",
+               "{\"fl_x\":25,\"ply_file_path\":\"p.ply\",\"frames\":[" + frames + "]}");
+    // The same points about the offset.
+    write_file(room / "p.ply",
+               concat("ply\nformat ascii 1.0\nelement vertex 3\nproperty double x\nproperty double "
+                      "y\nproperty double z\nproperty uchar red\nproperty uchar green\nproperty "
+                      "uchar blue\nend_header\n",
+                      far ? "471234 5431987 316 1 2 3\n471235 5431988 318 4 5 6\n471234.5 "
+                            "5431987.25 317 7 8 9\n"
+                          : "-0.5 -0.25 4 1 2 3\n0.5 0.75 6 4 5 6\n0 0 5 7 8 9\n"));
   }
-  check_near(load(folder / "far"), load(folder / "near"), kUtm);
+  const Dataset far_json = load(folder / "far"), near_json = load(folder / "near");
+  check_near(far_json, near_json, kUtm);
+  const Vector3& o = far_json.origin;
+  REQUIRE(far_json.points.size(0) == 3);
+  const torch::Tensor shift =
+      torch::tensor({o[0] - kUtm[0], o[1] - kUtm[1], o[2] - kUtm[2]}, torch::kFloat64);
+  CHECK((far_json.points + shift - near_json.points).abs().max().item<double>() < 1e-5);
 
   EvDeblurContent content = test::tiny_content();
   write_evdeblur(folder / "near_ev", content);

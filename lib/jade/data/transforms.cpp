@@ -581,8 +581,8 @@ void read_points(const TransformsFile& file, Dataset& data, const Warnings& warn
     throw DataError(concat(path.string(), ": found points that are not finite; remove them"));
   }
   io::ColmapModel model;
-  model.points = cloud.points.to(torch::kFloat64) -
-                 torch::tensor({data.origin[0], data.origin[1], data.origin[2]}, torch::kFloat64);
+  const geometry::Vector3 &from = cloud.origin, &to = data.origin;
+  model.points = with_origin(cloud.points, {to[0] - from[0], to[1] - from[1], to[2] - from[2]});
   model.point_colors = (cloud.colors.clamp(0, 1) * 255).round().to(torch::kUInt8);
   set_points(model, data);
 }
