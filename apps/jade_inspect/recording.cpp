@@ -113,8 +113,9 @@ void print_recording(const Recording& r, const RecordingNumbers& n) {
   if (r.events.empty()) {
     std::printf("events      none\n");
   } else {
-    std::printf("events      %s from %.6f to %.6f s (%.4g s), %s events/s, %.1f %% positive\n",
-                grouped(n.events).c_str(), n.first_s, n.last_s, n.last_s - n.first_s,
+    // The count stays without separators, which scripts would have to remove.
+    std::printf("events      %ld from %.6f to %.6f s (%.4g s), %s events/s, %.1f %% positive\n",
+                long(n.events), n.first_s, n.last_s, n.last_s - n.first_s,
                 grouped(std::llround(n.rate_hz)).c_str(), 100 * n.positive);
   }
   print_frames(r, n);

@@ -19,6 +19,7 @@
 #include "jade/run/evaluate.h"
 #include "jade/run/live_scene.h"
 #include "jade/run/restored_pictures.h"
+#include "jade/run/run_directory.h"
 #include "jade/run/run_summary.h"
 #include "jade/serve/server.h"
 #include "jade/train/view.h"

@@ -25,7 +25,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int64_t kWidth = 96, kHeight = 72;
+constexpr int64_t kFrameWidth = 96, kFrameHeight = 72;
 constexpr double kFocal = 110, kEventFocal = 140;
 
 simulate::SimulateRun small_run() {
@@ -35,7 +35,7 @@ simulate::SimulateRun small_run() {
   simulate::SimulateOptions& o = run.simulate;
   o = simulate::preset_options(simulate::Preset::kCdavis);
   o.world = "clutter";
-  o.width = kWidth, o.height = kHeight, o.focal_px = kFocal;
+  o.width = kFrameWidth, o.height = kFrameHeight, o.focal_px = kFocal;
   o.exposures = 5, o.exposure_ms = 40, o.gap_ms = 20, o.motion.blur_px = 5;
   o.test_views = 0, o.seen_test_views = 0;
   o.sampling.samples = 1, o.sampling.sharp_samples = 1;
@@ -53,11 +53,11 @@ simulate::SimulateRun rig_run() {
 
 /// Events per pixel of the frames, smoothed over three.
 torch::Tensor count_map(const events::EventStream& events) {
-  const torch::Tensor column = events.x().round().clamp(0, kWidth - 1).to(torch::kInt64);
-  const torch::Tensor row = events.y().round().clamp(0, kHeight - 1).to(torch::kInt64);
-  const torch::Tensor count = torch::zeros({kHeight * kWidth}, torch::kFloat32);
-  count.index_add_(0, row * kWidth + column, torch::ones({events.size()}, torch::kFloat32));
-  const torch::Tensor map = count.reshape({1, 1, kHeight, kWidth});
+  const torch::Tensor column = events.x().round().clamp(0, kFrameWidth - 1).to(torch::kInt64);
+  const torch::Tensor row = events.y().round().clamp(0, kFrameHeight - 1).to(torch::kInt64);
+  const torch::Tensor count = torch::zeros({kFrameHeight * kFrameWidth}, torch::kFloat32);
+  count.index_add_(0, row * kFrameWidth + column, torch::ones({events.size()}, torch::kFloat32));
+  const torch::Tensor map = count.reshape({1, 1, kFrameHeight, kFrameWidth});
   return at::avg_pool2d(map, {3, 3}, {1, 1})[0][0];
 }
 
@@ -215,7 +215,7 @@ fs::path write_gray_frames(const test::TempDir& dir, const std::string& name, do
   std::string times;
   for (int i = 0; i < 4; ++i) {
     imaging::write_image(dir / concat(name, "/f", i, ".png"),
-                         torch::full({3, kHeight, kWidth}, gray));
+                         torch::full({3, kFrameHeight, kFrameWidth}, gray));
     times += concat("f", i, ",", 20000 * i, ",", 20000 * i + 2000, "\n");
   }
   dir.write(name + "/exposures.csv", times);
@@ -224,7 +224,8 @@ fs::path write_gray_frames(const test::TempDir& dir, const std::string& name, do
 
 /// Events amid these exposures, by a clock that is so far ahead of theirs.
 fs::path write_late_events(const test::TempDir& dir, int64_t ahead_us) {
-  std::string events = test::evt_header("3.0", concat("% geometry ", kWidth, "x", kHeight, "\n"));
+  std::string events =
+      test::evt_header("3.0", concat("% geometry ", kFrameWidth, "x", kFrameHeight, "\n"));
   for (int i = 0; i < 4; ++i) {
     events += test::evt3_time(20000 * i + 1000 + ahead_us) + test::evt3_word(0, 30) +
               test::evt3_word(2, 40 + i);

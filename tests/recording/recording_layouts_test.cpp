@@ -18,14 +18,14 @@ using jade::test::TempDir;
 
 namespace {
 
-constexpr int64_t kEvents = 600;
+constexpr int64_t kEventCount = 600;
 constexpr int64_t kFirstUs = 1000000;
 
 /// Values of each event.
 template <class T, class F>
 std::vector<T> list(F value) {
   std::vector<T> out;
-  for (int64_t i = 0; i < kEvents; ++i) out.push_back(T(value(i)));
+  for (int64_t i = 0; i < kEventCount; ++i) out.push_back(T(value(i)));
   return out;
 }
 int64_t x_of(int64_t i) { return i * 37 % 64; }
@@ -39,14 +39,14 @@ void append_events(io::Hdf5Writer& file, const std::string& group, int64_t shift
   const auto x = list<Place>(x_of), y = list<Place>(y_of);
   const auto t = list<Time>([&](int64_t i) { return t_of(i) - shift_us; });
   const auto p = list<uint8_t>(p_of);
-  file.append(group + "x", x.data(), kEvents), file.append(group + "y", y.data(), kEvents);
-  file.append(group + "t", t.data(), kEvents), file.append(group + "p", p.data(), kEvents);
+  file.append(group + "x", x.data(), kEventCount), file.append(group + "y", y.data(), kEventCount);
+  file.append(group + "t", t.data(), kEventCount), file.append(group + "p", p.data(), kEventCount);
 }
 
 void check_read(const Recording& recording, double most = 1e-3) {
   const events::EventStream& e = recording.events;
-  REQUIRE(e.size() == kEvents);
-  for (const int64_t i : {int64_t(0), int64_t(1), int64_t(100), kEvents - 1}) {
+  REQUIRE(e.size() == kEventCount);
+  for (const int64_t i : {int64_t(0), int64_t(1), int64_t(100), kEventCount - 1}) {
     CHECK(e.x()[i].item<double>() == double(x_of(i)));
     CHECK(e.y()[i].item<double>() == double(y_of(i)));
     CHECK(std::abs(double(e.t_us()[i].item<int64_t>() - t_of(i))) <= most);
@@ -71,14 +71,14 @@ std::string failure_of(const std::function<void()>& action) {
 
 /// A table [N,4] of doubles, or [4,N].
 void write_table(hid_t file, const char* name, bool lying, const std::array<int, 4>& order) {
-  std::vector<double> values(4 * kEvents);
-  for (int64_t i = 0; i < kEvents; ++i) {
+  std::vector<double> values(4 * kEventCount);
+  for (int64_t i = 0; i < kEventCount; ++i) {
     const double event[] = {double(x_of(i)), double(y_of(i)), 1e-6 * double(t_of(i)),
                             double(2 * p_of(i) - 1)};
     for (int64_t c = 0; c < 4; ++c)
-      values[size_t(lying ? c * kEvents + i : 4 * i + c)] = event[order[size_t(c)]];
+      values[size_t(lying ? c * kEventCount + i : 4 * i + c)] = event[order[size_t(c)]];
   }
-  const hsize_t shape[2] = {hsize_t(lying ? 4 : kEvents), hsize_t(lying ? kEvents : 4)};
+  const hsize_t shape[2] = {hsize_t(lying ? 4 : kEventCount), hsize_t(lying ? kEventCount : 4)};
   const hid_t space = H5Screate_simple(2, shape, nullptr);
   const hid_t links = H5Pcreate(H5P_LINK_CREATE);
   H5Pset_create_intermediate_group(links, 1);
@@ -101,9 +101,9 @@ void write_rows(hid_t file, const char* name) {
   H5Tinsert(type, "y", offsetof(EventRow, y), H5T_NATIVE_UINT16);
   H5Tinsert(type, "polarity", offsetof(EventRow, polarity), H5T_NATIVE_INT16);
   std::vector<EventRow> rows;
-  for (int64_t i = 0; i < kEvents; ++i)
+  for (int64_t i = 0; i < kEventCount; ++i)
     rows.push_back({t_of(i), uint16_t(x_of(i)), uint16_t(y_of(i)), int16_t(p_of(i))});
-  const hsize_t count = kEvents;
+  const hsize_t count = kEventCount;
   const hid_t space = H5Screate_simple(1, &count, nullptr);
   const hid_t data = H5Dcreate2(file, name, type, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
   H5Dwrite(data, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, rows.data());
@@ -234,7 +234,7 @@ TEST_CASE("layouts: tables of MVSEC and v2e, in any order, lying or standing", "
   // Only a part is read of long files: the same events.
   options.window = events::TimeWindow{kFirstUs + 5000, kFirstUs + 6000};
   const Recording part = read_recording(dir / "mvsec.hdf5", options);
-  CHECK((part.events.size() == 20 && part.stored_events == kEvents));
+  CHECK((part.events.size() == 20 && part.stored_events == kEventCount));
 }
 
 TEST_CASE("layouts: records in HDF5 with names of their own", "[recording]") {
@@ -277,7 +277,7 @@ TEST_CASE("layouts: Prophesee's DAT of both versions, its size, and its clock th
   ReadOptions options;
   options.window = events::TimeWindow{kFirstUs + 5000, kFirstUs + 6000};
   const Recording part = read_recording(path, options);
-  CHECK((part.events.size() == 20 && part.stored_events == kEvents));
+  CHECK((part.events.size() == 20 && part.stored_events == kEventCount));
   const std::string whole = dat_file(head, false, times);
   CHECK_THAT(layout_notes(read_recording(dir.write("cut.dat", whole.substr(0, whole.size() - 3)))),
              Catch::Contains("5 bytes at the end are no whole event"));

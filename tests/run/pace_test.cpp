@@ -98,7 +98,8 @@ TEST_CASE("pace: minutes become steps and moments", "[run]") {
   // Restoration takes at most a third of the time, and steps get the rest.
   const train::RunOptions restored = fitted(0.1, 0.25);
   CHECK(restored.objective.restored_poses == RestoredPoses::kAll);
-  CHECK(restored.train.iterations == 3700);
+  CHECK(restored.exposure.samples == 9);  // of 17 there would be 3,700 steps
+  CHECK(restored.train.iterations == 8500);
   CHECK(fitted(0.1, 2).objective.restored_poses == RestoredPoses::kMiddle);
   const train::RunOptions named = fitted(0.34, 0, {{"train.iterations", "exposure.samples"}});
   CHECK((named.train.iterations == 8000 && named.exposure.samples == 17));

@@ -5,6 +5,7 @@
 
 #include <torch/types.h>
 
+#include "jade/core/error.h"
 #include "support/tiny_run.h"
 
 namespace jade::train {
@@ -29,7 +30,7 @@ TEST_CASE("memory plan: what views share counts once, and Gaussians as many as t
   CHECK(plan.renders == 2 * 9 * 3 * pixels * 4);
   CHECK(memory_plan({views[0], views[0]}, state, options).frames == plan.frames / count);
   CHECK_THAT(text_of(plan, views.size(), most_gaussians(state, options)),
-             Catch::Contains(concat(count, " frames")) && Catch::Contains("1000 Gaussians"));
+             Catch::Contains(jade::concat(count, " frames")) && Catch::Contains("1000 Gaussians"));
   options.densify.strategy = gaussians::DensifyStrategy::kNone;
   CHECK(memory_plan(views, state, options).gaussians == state.gaussians.size() * 59 * 4 * 4);
 }

@@ -18,11 +18,8 @@ constexpr double kDark = 0.04, kBright = 0.96;
 constexpr double kDarkNoises = 2.5;  // a pixel must be so many deviations of the noise bright
 constexpr double kMostFrameNoise = 0.1;
 constexpr double kMostChange = 3;  // of a logarithm from frame to frame
-/// Range of the change that events leave open, in thresholds: two uniform remainders below one have
-/// a deviation of 0.41. Events that count gradually lower it, noise events raise it. Noise of dark
-/// frames hides it.
-constexpr double kLeastRemainder = 0.2, kMostRemainder = 0.45;
-constexpr double kMostDilution = 0.5;
+/// Least deviation of a change that events leave open, in thresholds.
+constexpr double kLeastRemainder = 0.2;
 constexpr int64_t kMoments = 17;  // per exposure
 constexpr double kHuber = 2;      // in deviations of the residual
 constexpr double kSmallest = 0.01, kLargest = 3;
@@ -299,15 +296,8 @@ ConsistencyFit EventConsistency::fit(const std::vector<events::TimeWindow>& expo
     // Xᵀ V⁻¹ X and Xᵀ V⁻¹ y of V = noise² + X spread² Xᵀ, without forming V.
     const torch::Tensor left = precision - precision.matmul(covariance).matmul(precision);
     const torch::Tensor right = precision.matmul(covariance).matmul(seen);
-    const double remainder = std::clamp(model.noise, kLeastRemainder * model.threshold(),
-                                        kMostRemainder * model.threshold());
-    const double heard = (weight * said.square()).index_select(0, index).sum().item<double>();
-    const double dilution = std::min(
-        kMostDilution, remainder * remainder * weight.index_select(0, index).sum().item<double>() /
-                           std::max(heard, 1e-12));
-    const torch::Tensor mean = torch::linalg_solve((1 - dilution) * left.sum(0), right.sum(0))
-                                   .flatten()
-                                   .clamp(kSmallest, kLargest);
+    const torch::Tensor mean =
+        torch::linalg_solve(left.sum(0), right.sum(0)).flatten().clamp(kSmallest, kLargest);
     const torch::Tensor own =
         covariance.matmul(seen + precision.matmul(mean.unsqueeze(1))).squeeze(2);
     if (round + 1 == options_.rounds) {

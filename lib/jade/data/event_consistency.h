@@ -74,9 +74,7 @@ struct ConsistencyOptions {
 /// the mean that is sought (a non-linear mixed model: M. Lindstrom, D. Bates, Biometrics 1990),
 /// whose spread and noise are estimated with it (EM); changes that do not fit count less (Huber).
 /// A change of all pixels alike is the camera's (exposure, gain) or the light's, and no fault of
-/// the thresholds: the median of each pair of frames is taken out. Events are no exact measure of a
-/// change either: what is left below a threshold, and noise events, are errors of the regressor,
-/// which draw thresholds down; their share is taken out again (errors in variables).
+/// the thresholds: the median of each pair of frames is taken out.
 class EventConsistency {
  public:
   /// @param frames       [3,H,W] or [1,H,W], at least two of one size

@@ -1,0 +1,98 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""cmake --install into a folder that is then moved: what was installed opens no path of the build, the programs find
+their files, and a project of somebody else differentiates through the op.
+
+  install_test.py BUILD_FOLDER SOURCE_FOLDER
+"""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+BUILD, SOURCE = (Path(argument).resolve() for argument in sys.argv[1:3])
+TINY = ["simulate.width=64", "simulate.height=48", "simulate.focal_px=70", "simulate.exposures=4"]
+
+
+class Install(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory(prefix="jade-install-")
+        root = Path(cls.folder.name)
+        done = subprocess.run(["cmake", "--install", BUILD, "--prefix", root / "first"], capture_output=True, text=True)
+        if done.returncode != 0:
+            raise AssertionError(done.stdout + done.stderr)
+        cls.prefix = root / "moved" / "jade"
+        cls.prefix.parent.mkdir()
+        (root / "first").rename(cls.prefix)
+        cls.work = root / "work"
+        cls.work.mkdir()
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.folder.cleanup()
+
+    def call(self, program, *arguments):
+        """Runs it in another folder, without what could help it to find the build."""
+        environment = {name: os.environ[name] for name in ("HOME", "TMPDIR", "LANG") if name in os.environ}
+        environment |= {"PATH": "/usr/bin:/bin", "JADE_CACHE": str(self.work / "cache")}
+        done = subprocess.run([self.prefix / "bin" / program, *map(str, arguments)], cwd=self.work, env=environment,
+                              capture_output=True, text=True)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        return done.stdout
+
+    def test_no_path_of_the_build_is_left(self):
+        searched = 0
+        for path in sorted(self.prefix.rglob("*")):
+            if path.is_symlink() or not path.is_file():
+                continue
+            content = path.read_bytes()
+            searched += 1
+            for folder in {str(BUILD), str(SOURCE)}:
+                for found in re.findall(re.escape(folder.encode()) + rb"/[\w.-]{3,}[\w./+-]*", content):
+                    # Assertions name their source file, which nobody opens.
+                    self.assertRegex(found.decode(), r"\.(cpp|cu|cuh|h)$", path)
+        self.assertGreater(searched, 50)
+        for program in sorted((self.prefix / "bin").iterdir()):
+            said = subprocess.run(["readelf", "-d", program], capture_output=True, text=True).stdout
+            for entry in re.search(r"R(?:UN)?PATH.*\[(.*)\]", said).group(1).split(":"):
+                self.assertTrue(entry.startswith("$ORIGIN/"), f"{program}: {entry}")
+
+    def test_programs_find_their_files(self):
+        self.call("jade_simulate", "--config", "configs/simulate/demo.yaml", *[w for s in TINY for w in ("--set", s)],
+                  "--output", "data")
+        self.assertIn("64", self.call("jade_inspect", "data"))
+        self.assertIn("iterations: ", self.call("jade_train", "--config", "configs/paper.yaml", "--set", "dataset.path=data",
+                                                  "--print-config"))
+
+    def test_another_project_uses_the_op(self):
+        project, built = self.work / "consumer", self.work / "consumer-build"
+        shutil.copytree(SOURCE / "tests" / "install" / "consumer", project)
+        for command in (["cmake", "-S", project, "-B", built, f"-DCMAKE_PREFIX_PATH={self.prefix}"],
+                        ["cmake", "--build", built]):
+            done = subprocess.run(command, capture_output=True, text=True)
+            self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+        said = subprocess.run([built / "consumer"], capture_output=True, text=True)
+        self.assertEqual(said.returncode, 0, said.stderr)
+        image, gradient = map(float, re.fullmatch(r"image ([\d.]+) gradient ([\d.]+)\n", said.stdout).groups())
+        self.assertGreater(image, 1)
+        self.assertGreater(gradient, 1e-3)
+
+    def test_another_torch_is_refused(self):
+        other = self.work / "torch"
+        other.mkdir()
+        (other / "version.py").write_text("__version__ = '1.0.0'\n")
+        done = subprocess.run(["cmake", "-S", SOURCE / "tests" / "install" / "consumer", "-B", self.work / "refused",
+                               f"-DCMAKE_PREFIX_PATH={self.prefix}", f"-DJADE_TORCH_ROOT={other}"],
+                              capture_output=True, text=True)
+        self.assertNotEqual(done.returncode, 0)
+        self.assertRegex(" ".join(done.stderr.split()), r"expected LibTorch [\d.+a-z]+, which jade was built with, found 1\.0\.0")
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1])
