@@ -212,7 +212,7 @@ RawEvents read_text_events(const std::filesystem::path& path) {
     if (count == 0 && !comment) return;
     const std::string text(begin, end);
     // One line of column names, or of width and height, may stand first.
-    const bool is_head = comment || (events.empty() && !header_seen && (count < 0 || count == 2));
+    const bool is_head = comment || (events.empty() && !header_seen && count < 4);
     if (is_head) {
       if (events.empty()) events.head(text);
       header_seen = header_seen || !comment;
