@@ -105,7 +105,7 @@ TEST_CASE("origin: transforms.json and the EvDeblur layout are moved alike", "[d
     }
     write_file(room / "transforms.json",
                "{\"fl_x\":25,\"ply_file_path\":\"p.ply\",\"frames\":[" + frames + "]}");
-    // The same points about the offset.
+    // Points relative to the offset.
     write_file(room / "p.ply",
                concat("ply\nformat ascii 1.0\nelement vertex 3\nproperty double x\nproperty double "
                       "y\nproperty double z\nproperty uchar red\nproperty uchar green\nproperty "
