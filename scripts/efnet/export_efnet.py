@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Turns an EFNet checkpoint (official or ours), or any image restorer in TorchScript, into a file JADE-GS can load.
 
-The result is TorchScript with its metadata inside (docs/efnet.md, section 1); it is checked at three sizes against the
+The result is TorchScript with its metadata inside (docs/engineering/restorer.md, section 1); it is checked at three sizes against the
 network it came from before it is kept.
 """
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cuts square training pictures from unpacked photograph packages (docs/efnet.md names them).
+"""Cuts square training pictures from unpacked photograph packages (docs/engineering/restorer.md names them).
 
 The pictures serve training only; they are not committed and not distributed.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Trains EFNet on exposures simulated on the fly (docs/efnet.md describes the data and the recipe).
+"""Trains EFNet on exposures simulated on the fly (docs/engineering/restorer.md describes the data and the recipe).
 
 Writes into the output folder: weights.pth (official checkpoint format: {"params": ...}, the running mean of the weights),
 state.pth (weights, optimiser moments and counters, for --resume), log.txt, validation.json and validation pictures.

@@ -7,7 +7,7 @@
 # RUN/films gets N scenes (default 300) of six exposures of 320x288 pixels, from seed SEED (default 5001) on; RUN/held_out eight
 # more, for validation. What is there already is kept, so a second start renders the rest only; the training begins once there is
 # enough of both and ends by its own arguments, such as --max-minutes 9. Films that are not ready by then are given up.
-# Needs build/bin/jade_simulate (scripts/build.sh jade_simulate) and a Python with torch (docs/efnet.md, section 3): $PYTHON, else
+# Needs build/bin/jade_simulate (scripts/build.sh jade_simulate) and a Python with torch (docs/engineering/restorer.md, section 3): $PYTHON, else
 # that of build/training or .venv, else python3. Exit codes are those of train_efnet.py.
 set -euo pipefail
 held_out=900001  # the first of eight seeds that no training sees

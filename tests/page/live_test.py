@@ -31,7 +31,7 @@ def check_frames(page, served):
     expect(page.evaluate(colours) > 100, "the canvas shows a picture")
     hud = page.evaluate("document.getElementById('hud').textContent")
     expect("step" in hud and "Gaussians" in hud and "48×36" in hud, f"what is shown: {hud}")
-    page.wait("document.querySelectorAll('#charts svg').length > 3")
+    page.wait("document.querySelectorAll('.charts svg').length > 3")
     expect(page.evaluate("document.querySelectorAll('#glance .card').length") >= 3, "figures")
     expect(page.evaluate("document.getElementById('views').hidden && document.getElementById('allocation').hidden"), "no empty sections")
 

@@ -116,7 +116,7 @@ TEST_CASE("configs: every sweep that ships can be read, and overrides have at mo
       ++overrides;
     }
   }
-  CHECK(sweeps == 20);
+  CHECK(sweeps == 19);
   CHECK(overrides == 21);
 }
 

@@ -121,8 +121,7 @@ bool run_step(const Step& step, const fs::path& log) {
 
 void run_or_throw(const Step& step, const fs::path& log) {
   if (run_step(step, log)) return;
-  throw DataError(
-      concat("COLMAP (", step.title, ") failed: ", last_line(log), "; see ", log.string()));
+  throw DataError(concat(step.title, " failed: ", last_line(log), "; see ", log.string()));
 }
 
 std::string numbers(const std::vector<double>& values) {

@@ -17,6 +17,9 @@ constexpr int64_t kMostPoints = 500;
 /// Peaks of noise reach 7.5 deviations of the correlation on images of up to 346x260 px.
 constexpr double kLeastPeak = 9;
 
+/// Least share of an image's energy that differs from the mean of all images.
+constexpr double kLeastRest = 1e-8;
+
 /// The band of spatial frequencies that motion is read from, [H,W].
 torch::Tensor pass_band(int64_t height, int64_t width) {
   const torch::Tensor square =
@@ -40,7 +43,11 @@ std::vector<torch::Tensor> moving_spectra(const std::vector<torch::Tensor>& imag
       torch::hann_window(mean.size(0)).unsqueeze(1) * torch::hann_window(mean.size(1)).unsqueeze(0);
   const torch::Tensor band = pass_band(mean.size(0), mean.size(1));
   for (torch::Tensor& gray : grays) {
-    const torch::Tensor rest = gray - (gray * mean).sum() / energy * mean;
+    torch::Tensor rest = gray - (gray * mean).sum() / energy * mean;
+    // Rounding of equal images would correlate as well as any texture.
+    if ((rest.square().sum() < kLeastRest * gray.square().sum()).item<bool>()) {
+      rest = torch::zeros_like(rest);
+    }
     gray = at::fft_fft2((rest - rest.mean()) * window) * band;
   }
   return grays;

@@ -272,7 +272,10 @@ std::string sentence(const Attempt& a) {
 [[noreturn]] void fail(const std::vector<Attempt>& tried, const FrameMotion& motion) {
   std::string all;
   for (const Attempt& a : tried) all += (all.empty() ? "" : "; ") + sentence(a);
-  if (stands_still(motion)) {
+  const bool parallax = std::any_of(tried.begin(), tried.end(), [](const Attempt& a) {
+    return a.registered > 1 && a.parallax_deg >= kLeastParallax_deg;
+  });
+  if (stands_still(motion) && !parallax) {
     throw DataError(concat("poses: expected a moving camera, found frames that do not move (",
                            said_of(motion), ") and no poses by COLMAP (", all,
                            "); without parallax there is no depth: move sideways around the "
@@ -283,7 +286,7 @@ std::string sentence(const Attempt& a) {
       "explain their blur, found ",
       all,
       "; record with sideways motion around the scene, more texture and light and slower turns "
-      "(docs/own-recording.md, \"When it fails\")"));
+      "(docs/troubleshooting.md)"));
 }
 
 ColmapJob job_of(const fs::path& folder, const std::vector<LatentImage>& images,

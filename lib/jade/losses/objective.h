@@ -97,7 +97,7 @@ void describe(V& v, ObjectiveOptions& o) {
           "the same at the end of the run; linear between; below 0: it stays", Range{-1, 1e3});
   v.field("edi_contrast", o.edi_contrast,
           "factor of both thresholds in R of L_edi and L_sim: above 1 the scene is taught steeper "
-          "edges than the events say, worth 0.6 dB (docs/preset.md); 1 as printed",
+          "edges than the events say, worth 0.6 dB (docs/engineering/preset.md); 1 as printed",
           Range{0.1, 10});
   v.field("simulation", o.simulation, "L_sim: EDI of the simulated blur");
   v.field("simulation_start", o.simulation_start, "L_sim acts after this step (simul_start)",

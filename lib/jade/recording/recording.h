@@ -77,7 +77,7 @@ struct ReadOptions {
   std::filesystem::path python;
 };
 
-/// Reads a recording of any format that docs/own-recording.md lists, recognised by its content.
+/// Reads a recording of any format that docs/import.md lists, recognised by its content.
 /// Exposures come from options.frame_times, else from the recording's own fields, else from trigger
 /// edges where there are as many as frames, else from options.exposure_ms; each other case is a
 /// note. Takes 17 bytes per event that is kept and 12 per pixel of every frame; of Prophesee's and

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Frozen image restorers in TorchScript. docs/efnet.md is the contract of the file.
+// Frozen image restorers in TorchScript. docs/engineering/restorer.md is the contract of the file.
 #pragma once
 
 #include <filesystem>
@@ -124,8 +124,8 @@ class Restorer {
   int64_t batch_ = 0;  ///< images in one call; 0: as restorer_call() says
 };
 
-/// SHA-256 over all parameters, docs/efnet.md §1.3. Stored as float16 or not, they count as
-/// float32.
+/// SHA-256 over all parameters, docs/engineering/restorer.md §1.3. Stored as float16 or not, they
+/// count as float32.
 std::string weights_sha256(const torch::jit::Module& module);
 
 /// The six bins as cumulative sums from mid-exposure outwards (SCER):

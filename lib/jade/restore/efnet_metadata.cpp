@@ -133,10 +133,11 @@ void check_times(const std::filesystem::path& path, const RestorerMetadata& meta
     JADE_CHECK(time >= 0 && time <= 1, "expected moments from 0 to 1, found ", time);
     if (time == 0.5 || metadata.any_time) continue;
     fail_restorer(
-        path, concat("is of ",
-                     metadata.kind == "image" ? "kind image" : concat("version ", metadata.version),
-                     " and restores the middle of an exposure only, asked for moment ", time,
-                     "; name a restorer of version 2 as efnet.path (docs/efnet.md)"));
+        path,
+        concat("is of ",
+               metadata.kind == "image" ? "kind image" : concat("version ", metadata.version),
+               " and restores the middle of an exposure only, asked for moment ", time,
+               "; name a restorer of version 2 as efnet.path (docs/engineering/restorer.md)"));
   }
 }
 
