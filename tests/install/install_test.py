@@ -67,8 +67,11 @@ class Install(unittest.TestCase):
         self.call("jade_simulate", "--config", "configs/simulate/demo.yaml", *[w for s in TINY for w in ("--set", s)],
                   "--output", "data")
         self.assertIn("64", self.call("jade_inspect", "data"))
-        self.assertIn("iterations: ", self.call("jade_train", "--config", "configs/paper.yaml", "--set", "dataset.path=data",
-                                                  "--print-config"))
+        self.call("jade_train", "--config", "configs/demo.yaml", "--set", "dataset.path=data", "--set", "train.iterations=20",
+                  "--set", "init.points=500", "--device", "cpu", "--output", "run")
+        self.assertTrue((self.work / "run" / "report.html").exists())
+        self.call("jade_export", "--run", "run", "--output", "scene.spz")
+        self.assertGreater((self.work / "scene.spz").stat().st_size, 1000)
 
     def test_another_project_uses_the_op(self):
         project, built = self.work / "consumer", self.work / "consumer-build"
