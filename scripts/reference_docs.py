@@ -16,11 +16,12 @@ PROGRAMS = ("jade_train", "jade_import", "jade_inspect", "jade_eval", "jade_rend
             "jade_simulate", "jade_sweep", "jade_bench")
 CONFIGURED = {"jade_train": "Training, and every program that reads a data set", "jade_import": "Importing a recording",
               "jade_simulate": "Simulation"}
+NEEDED = {"jade_import": ("/path/to/recording",)}  # arguments without which a program prints nothing
 NOTE = "<!-- Written by scripts/reference_docs.py; do not edit. -->\n"
 
 
-def printed(program: Path, flag: str) -> str:
-    done = subprocess.run([program, flag], capture_output=True, text=True, check=True)
+def printed(program: Path, *arguments: str) -> str:
+    done = subprocess.run([program, *arguments], capture_output=True, text=True, check=True)
     return "\n".join(line.rstrip() for line in done.stdout.splitlines()).strip()
 
 
@@ -35,7 +36,7 @@ def command_line(programs: Path) -> str:
 def configuration(programs: Path) -> str:
     parts = [NOTE, "# Configuration\n\nEvery key with its default, range and meaning, as `--print-config` prints them. `--set a.b=value` overrides a key.\n"]
     for name, title in CONFIGURED.items():
-        parts.append(f"## {title}\n\n```yaml\n{printed(programs / name, '--print-config')}\n```\n")
+        parts.append(f"## {title}\n\n```yaml\n{printed(programs / name, *NEEDED.get(name, ()), '--print-config')}\n```\n")
     return "\n".join(parts)
 
 
