@@ -42,7 +42,7 @@ constexpr double kClearlyBetter = 0.01;
 /// 82 % two worse ones followed.
 constexpr double kNearlyAll = 0.95, kWellExplained = 0.6;
 /// A good attempt of a larger error, px, is mapped again from the same matches. COLMAP ends in one
-/// of two places, by chance: of 17 imports of the garden of configs/battery 5 had an error of 0.66
+/// of two places, by chance: of 16 imports of the garden of configs/battery 4 had an error of 0.66
 /// to 0.69 px, 36,000 to 39,000 observations and poses 28 to 32 px off, the others 0.45 px, 44,000
 /// and 0.4 px. Both explain the blur: 81 to 85 and 87 to 90 %.
 constexpr double kFineError_px = 0.55;
@@ -276,7 +276,7 @@ bool is_better(const Attempt& a, const Attempt& b, double margin = 0) {
   return a.explained_blur > b.explained_blur + margin;
 }
 
-/// Of two reconstructions from the same matches, the better has more of them right.
+/// Whether `a`, from the same matches as `b`, has more of them right.
 bool agrees_more(const Attempt& a, const Attempt& b) {
   if (explains_blur(a) != explains_blur(b)) return explains_blur(a);
   return a.observations > b.observations;
