@@ -20,9 +20,9 @@ struct FrameMotion {
 };
 
 /// Measures how far the picture moves from each frame to the next, and from the first to all.
-/// What is fixed to the sensor (pixel and row noise, dust, vignetting) is removed first: the mean
-/// of all frames, scaled to each, and what is smaller than a pixel or larger than a sixteenth of
-/// the width. What is left of a still camera is noise, without a common shift: measured is 0 then.
+/// Patterns fixed to the sensor (pixel and row noise, dust, vignetting) are removed first: the mean
+/// of all frames, scaled to each, and details smaller than a pixel or larger than a sixteenth of
+/// the width. Frames of a still camera are then noise without a common shift: measured is 0.
 /// @param images  [3,H,W] of one size, at least two, in order of time
 FrameMotion frame_motion(const std::vector<torch::Tensor>& images);
 

@@ -21,7 +21,7 @@ struct Hdf5Dataset {
   int64_t item_size = 0;              ///< Bytes of a stored value.
   /// Values in a chunk of a 1-D array, rows in one of a 2-D array; 0 if stored in one piece.
   int64_t chunk_length = 0;
-  int64_t stored_bytes = 0;  ///< As kept in the file, after compression.
+  int64_t stored_bytes = 0;  ///< Size in the file, after compression.
 };
 
 /// An HDF5 file open for reading. Use from one thread at a time. Messages of the HDF5 library are

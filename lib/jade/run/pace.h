@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a run chooses when it begins so that it ends in time. The numbers chosen stand in its
-// config.yaml; a run that goes on keeps them.
+// Steps and moments of a run, chosen at its start so that it ends in time. config.yaml of the run
+// holds them; a run that is resumed keeps them.
 #pragma once
 
 #include <cstdint>
