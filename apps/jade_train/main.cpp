@@ -97,10 +97,7 @@ int main(int argc, char** argv) {
       throw ConfigError(
           "--minutes: chooses the steps of a new run, found --resume; leave one away");
     }
-    if (!resumed) {
-      data::check_folder(options->dataset.path);
-      apps::check_run_apart(program.output(), options->dataset);
-    }
+    if (!resumed) apps::check_run_apart(program.output(), options->dataset);
     if (resumed && resume.empty()) resume = "latest";
     std::optional<serve::Server> server;
     std::optional<run::LiveRun> live;

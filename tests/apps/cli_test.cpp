@@ -60,15 +60,16 @@ TEST_CASE("--config: settings that ship are found by their name from any folder"
   CHECK(run(dir, "jade_train --print-config --config configs/none.yaml").code == 2);
 }
 
-TEST_CASE("jade_train: every configuration that ships can be read", "[apps]") {
+TEST_CASE("programs: every configuration that ships can be read", "[apps]") {
   const test::TempDir dir;
   int count = 0;
   for (const auto& entry : std::filesystem::recursive_directory_iterator(JADE_SOURCE "/configs")) {
     const std::string path = entry.path().string();
-    if (entry.path().extension() != ".yaml" || path.find("/simulate/") != std::string::npos ||
-        path.find("/sweeps/") != std::string::npos)
-      continue;
-    const Outcome outcome = run(dir, "jade_train --print-config --config " + path);
+    if (entry.path().extension() != ".yaml" || path.find("/sweeps/") != std::string::npos) continue;
+    const bool simulated =
+        path.find("/simulate/") != std::string::npos || path.find("/battery/") != std::string::npos;
+    const std::string program = simulated ? "jade_simulate" : "jade_train";
+    const Outcome outcome = run(dir, program + " --print-config --config " + path);
     INFO(path << ": " << outcome.err);
     CHECK(outcome.code == 0);
     ++count;

@@ -25,6 +25,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
+void check_folder(const fs::path& folder) {
+  if (folder.empty()) throw ConfigError("dataset.path is not set; give the folder of the data set");
+  if (fs::is_directory(folder)) return;
+  throw DataError(concat(folder.string(),
+                         fs::exists(folder) ? ": is a file; " : ": no such folder; ",
+                         "dataset.path must be the folder of a data set"));
+}
+
 std::vector<torch::Tensor*> frames_of(Dataset& data) {
   std::vector<torch::Tensor*> frames;
   for (Exposure& exposure : data.train) frames.push_back(&exposure.blurry);
@@ -96,14 +104,6 @@ bool same_place(const geometry::Pose& a, const geometry::Pose& b, double near) {
 }
 
 }  // namespace
-
-void check_folder(const fs::path& folder) {
-  if (folder.empty()) throw ConfigError("dataset.path is not set; give the folder of the data set");
-  if (fs::is_directory(folder)) return;
-  throw DataError(concat(folder.string(),
-                         fs::exists(folder) ? ": is a file; " : ": no such folder; ",
-                         "dataset.path must be the folder of a data set"));
-}
 
 std::string listing(const std::vector<std::string>& names, size_t most) {
   std::string text;

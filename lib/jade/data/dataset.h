@@ -75,9 +75,6 @@ void describe(V& v, DatasetOptions& o) {
   v.field("color", o.color, "when a data set is gray, and with it its restorations and its scene");
 }
 
-/// @throws ConfigError where `folder` is empty, DataError where it is no folder.
-void check_folder(const std::filesystem::path& folder);
-
 /// Reads a data set of any kind. What can be repaired or ignored becomes one line in `warnings`
 /// (which may be null): events that are unsorted, outside the image or the recording, of one
 /// polarity, or not finite; exposures without events; poses that had to be interpolated or
