@@ -72,7 +72,7 @@ TEST_CASE("jade_bench run: what a run starts from, for other programs", "[apps]"
                   "jade_bench --quiet --device cpu run --set dataset.path=scene --set "
                   "init.points=100 --set objective.target=routed --set allocation.kind=router "
                   "--set objective.restored_poses=middle --output routed --write-input other"),
-              2, "--write-input: expected a target that no router decides");
+              2, "--write-input: expected a target at mid-exposure that no router decides");
 }
 
 TEST_CASE("jade_bench run: what it needs, in one line", "[apps]") {
