@@ -3,7 +3,13 @@
 """Takes the calls that jade_import makes of COLMAP, where not the program but the Python package pycolmap is there.
 
     colmap.py feature_extractor|exhaustive_matcher|matches_importer|mapper --NAME VALUE ...
+    colmap.py reverse_depths --database_path FILE --image_path DIR --input_path MODEL --output_path MODEL
+                             --refine_focal_length 0|1
     colmap.py version
+
+reverse_depths is not a command of the program. A camera with a narrow view that moves little sees almost the same where near and
+far are exchanged and the camera moves the other way (Necker reversal), and incremental mapping ends in either by chance. The
+command mirrors the model, adjusts it, and writes it only if its error is clearly smaller. It prints both errors.
 
 Names are those of the program: --database_path, --image_path, --output_path, --SiftExtraction.first_octave and so on.
 """
@@ -23,6 +29,9 @@ MOVED = {
 GROUPS = {"ImageReader": "reader", "SiftExtraction": "extraction.sift", "SiftMatching": "matching.sift",
           "Mapper": "pipeline"}
 PAIRS_PER_BLOCK = 100  # each of which the log tells of
+TRACKS = 600  # the longest, which decide between a model and its reverse
+ADJUSTMENTS = 40  # iterations
+CLEARLY_FINER = 0.9  # of the error
 
 
 def fail(text):
@@ -61,6 +70,81 @@ def set_option(objects, name, value):
     setattr(holder, field, value == "1" if kind is bool else kind(value))
 
 
+def adjustment(refine_focal_length, robust):
+    import pycolmap
+
+    options = pycolmap.BundleAdjustmentOptions()
+    options.refine_focal_length = refine_focal_length
+    options.refine_principal_point = options.refine_extra_params = False
+    options.print_summary = False
+    options.ceres.solver_options.max_num_iterations = ADJUSTMENTS
+    if robust:
+        options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
+    return options
+
+
+def median_error(model):
+    """Reprojection error of the points, px."""
+    import numpy as np
+
+    model.update_point_3d_errors()
+    return float(np.median([point.error for point in model.points3D.values()]))
+
+
+def reverse(model):
+    """Mirrors the depths of points about their median in the mean camera, and each camera's turn against that camera. The point
+    in the middle stays where each camera sees it, and the picture of the mean camera stays the same."""
+    import numpy as np
+    import pycolmap
+
+    images = [image for image in model.images.values() if image.has_pose]
+    turns = np.stack([image.cam_from_world().rotation.matrix() for image in images])
+    moves = np.stack([image.cam_from_world().translation for image in images])
+    centre = -np.einsum("nji,nj->ni", turns, moves).mean(0)
+    u, _, v = np.linalg.svd(turns.mean(0))
+    mean = u @ np.diag([1, 1, np.linalg.det(u @ v)]) @ v
+    seen = np.stack([point.xyz for point in model.points3D.values()]) - centre
+    seen = seen @ mean.T
+    ahead = seen[:, 2] > 0
+    depth = np.median(seen[ahead, 2])
+    mirrored = 1 / np.maximum(2 / depth - 1 / seen[ahead, 2], 0.05 / depth)
+    seen[ahead] *= (mirrored / seen[ahead, 2])[:, None]
+    for point, place in zip(model.points3D.values(), seen @ mean + centre):
+        point.xyz = place
+    middle = mean.T @ np.array([0, 0, depth]) + centre
+    flip = np.diag([1.0, 1.0, -1.0])
+    for image, turn, move in zip(images, turns, moves):
+        other = flip @ turn @ mean.T @ flip @ mean
+        pose = pycolmap.Rigid3d(pycolmap.Rotation3d(other), turn @ middle + move - other @ middle)
+        model.frame(image.frame_id).set_cam_from_world(image.camera_id, pose)
+
+
+def reverse_depths(paths):
+    import pycolmap
+
+    focal = path_of(paths, "refine_focal_length") == "1"
+    output = path_of(paths, "output_path")
+    model = pycolmap.Reconstruction(path_of(paths, "input_path"))
+    longest = sorted(model.points3D, key=lambda key: -model.points3D[key].track.length())
+    for key in longest[TRACKS:]:
+        model.delete_point3D(key)
+    if not longest:
+        return
+    before = median_error(model)
+    reverse(model)
+    pycolmap.bundle_adjustment(model, adjustment(focal, robust=True))
+    after = median_error(model)
+    print(f"reverse_depths: median error {before:.3f} px, reversed {after:.3f} px", flush=True)
+    if after > CLEARLY_FINER * before:
+        return
+    Path(output).mkdir(parents=True, exist_ok=True)
+    # All points anew, from the matches.
+    model = pycolmap.triangulate_points(model, path_of(paths, "database_path"), path_of(paths, "image_path"), output)
+    pycolmap.bundle_adjustment(model, adjustment(focal, robust=False))
+    model.update_point_3d_errors()
+    model.write(output)
+
+
 def main():
     if len(sys.argv) < 2:
         fail("expected a command, found none; see the head of this file")
@@ -73,6 +157,9 @@ def main():
         print(f"pycolmap {pycolmap.__version__}")
         return
     paths, options = parse(words)
+    if command == "reverse_depths":
+        reverse_depths(paths)
+        return
     objects = {"reader": pycolmap.ImageReaderOptions(), "extraction": pycolmap.FeatureExtractionOptions(),
                "matching": pycolmap.FeatureMatchingOptions(), "pipeline": pycolmap.IncrementalPipelineOptions()}
     single = options.pop("ImageReader.single_camera", "0") == "1"
@@ -97,7 +184,7 @@ def main():
         Path(models).mkdir(parents=True, exist_ok=True)
         pycolmap.incremental_mapping(database, path_of(paths, "image_path"), models, options=objects["pipeline"])
     else:
-        fail(f"{command}: expected feature_extractor, exhaustive_matcher, matches_importer or mapper")
+        fail(f"{command}: expected feature_extractor, exhaustive_matcher, matches_importer, mapper or reverse_depths")
 
 
 if __name__ == "__main__":

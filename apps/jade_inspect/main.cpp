@@ -39,7 +39,9 @@ ExitCode inspect(const train::RunOptions& settings, double log_offset, bool json
   inspection.thresholds = run::measure_thresholds(
       inspection.dataset, run::data_fingerprint(inspection.dataset), log_offset, settings.cache);
   if (json) {
-    std::printf("%s\n", apps::to_json(inspection).dump(2).c_str());
+    std::printf("%s\n", apps::to_json(inspection)
+                            .dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace)
+                            .c_str());
   } else {
     apps::print_text(inspection);
   }

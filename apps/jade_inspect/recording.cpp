@@ -77,7 +77,8 @@ std::string next_command(const Recording& r, const RecordingNumbers& n) {
   } else if (r.frames.empty()) {
     line += " --frames FOLDER_OR_VIDEO";
     if (r.triggers.rising_us.empty()) line += " --frame-times LIST.csv";
-  } else if (n.exposed < r.frames.size()) {
+  } else if (n.exposed > 0 && n.exposed < r.frames.size()) {
+    // Where no frame has a length, jade_import measures it.
     line += " --exposure-ms MILLISECONDS";
   }
   if (!r.calibration) line += " --calibration CAMERA.yaml";

@@ -110,6 +110,10 @@ TEST_CASE("event files: text has its columns as it names them, else as they look
   check_events(read_events(dir / "named.csv").events);
   std::ofstream(dir / "comment.csv") << "# x y t p\n" << xytp;
   check_events(read_events(dir / "comment.csv").events);
+  std::ofstream(dir / "format.csv") << "# format: x y t p\n" << xytp;
+  check_events(read_events(dir / "format.csv").events);
+  std::ofstream(dir / "prose.csv") << "# the columns are t x y p\n" << xytp;
+  check_events(read_events(dir / "prose.csv").events);
   std::ofstream(dir / "bare.csv") << xytp;
   check_events(read_events(dir / "bare.csv").events);
   std::ofstream(dir / "other.csv") << "polarity,t,y,x\n1,100,0,1.5\n0,250,1,2\n"

@@ -10,11 +10,11 @@ namespace {
 
 TEST_CASE("trust: below the bound the value with its gradient, from it on 0 without", "[losses]") {
   for (const double distance : {0.049, 0.05}) {
-    torch::Tensor value = torch::tensor(0.3, torch::kFloat64).set_requires_grad(true);
-    const torch::Tensor kept = where_agreed(value, torch::tensor(distance, torch::kFloat64), 0.05);
+    torch::Tensor value = torch::tensor(distance, torch::kFloat64).set_requires_grad(true);
+    const torch::Tensor kept = where_agreed(value, 0.05);
     kept.backward();
     const bool agrees = distance < 0.05;
-    CHECK(kept.item<double>() == (agrees ? 0.3 : 0));
+    CHECK(kept.item<double>() == (agrees ? distance : 0));
     CHECK(value.grad().item<double>() == (agrees ? 1 : 0));
   }
 }

@@ -366,7 +366,7 @@ TEST_CASE("trainer: a run that goes on from an older checkpoint leaves the later
   CHECK(run::list_checkpoints(run) ==
         std::vector<std::filesystem::path>{run::checkpoint_path(run, 5)});
   CHECK(std::filesystem::exists(run / "checkpoints/left_step_0000012.pt"));
-  CHECK(run::newest_gaussians(run).size() > 0);  // of the checkpoint, as the old end is gone
+  CHECK(run::newest_scene(run).gaussians.size() > 0);  // of the checkpoint, as the old end is gone
   CHECK_FALSE(std::filesystem::exists(run / "point_cloud.ply"));
   run::Trainer(options, run, "latest").run();
   CHECK(read_file(run / "point_cloud.ply") == end);

@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """colmap.py: what it asks of pycolmap, which a module of the test's own stands in for."""
+import importlib.util
 import subprocess
 import sys
 import tempfile
+import types
 import unittest
+import unittest.mock
 from pathlib import Path
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts/colmap.py"
@@ -25,6 +28,64 @@ def match_exhaustive(*paths, **options): print("exhaustive", paths, options)
 def match_image_pairs(*paths, **options): print("listed", paths, options)
 def incremental_mapping(*paths, **options): print("map", paths, options)
 """
+
+
+class Scene:
+    """What reverse() reads and changes of a pycolmap.Reconstruction: five cameras on an arc of 10 degrees about a scene 4 away."""
+
+    def __init__(self):
+        import numpy as np
+
+        self.poses, self.points3D = {}, {}
+        for i in range(5):
+            angle = np.radians(5 * (i - 2) / 2)
+            turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
+            middle = np.array([0, 0, 4.0])
+            self.poses[i] = types.SimpleNamespace(rotation=types.SimpleNamespace(matrix=lambda turn=turn: turn),
+                                                  translation=middle - turn @ middle)
+        for k in range(25):
+            depth = 4 + 0.05 * (k * 7 % 5)
+            place = np.array([0.1 * (k % 5 - 2), 0.1 * (k // 5 - 2), 1]) * [depth / 4, depth / 4, depth]
+            self.points3D[k] = types.SimpleNamespace(xyz=place)
+
+    @property
+    def images(self):
+        return {i: types.SimpleNamespace(has_pose=True, frame_id=i, camera_id=1, cam_from_world=lambda i=i: self.poses[i])
+                for i in self.poses}
+
+    def frame(self, number):
+        return types.SimpleNamespace(set_cam_from_world=lambda camera, pose: self.poses.update({number: pose}))
+
+    def pictures(self):
+        import numpy as np
+
+        places = np.stack([point.xyz for point in self.points3D.values()])
+        seen = [places @ pose.rotation.matrix().T + pose.translation for pose in self.poses.values()]
+        return np.stack([300 * each[:, :2] / each[:, 2:] for each in seen]), seen[2][:, 2]
+
+
+class ReversedDepths(unittest.TestCase):
+    def test_other_depths_and_turns_give_nearly_the_same_pictures(self):
+        import numpy as np
+
+        stand_in = types.ModuleType("pycolmap")
+        stand_in.Rotation3d = lambda matrix: types.SimpleNamespace(matrix=lambda: matrix)
+        stand_in.Rigid3d = lambda rotation, translation: types.SimpleNamespace(rotation=rotation, translation=translation)
+        with unittest.mock.patch.dict(sys.modules, {"pycolmap": stand_in}):
+            script = importlib.util.spec_from_file_location("colmap_script", SCRIPT)
+            module = importlib.util.module_from_spec(script)
+            script.loader.exec_module(module)
+            scene = Scene()
+            before, depths = scene.pictures()
+            turn = scene.poses[0].rotation.matrix()
+            module.reverse(scene)
+            after, other = scene.pictures()
+        self.assertLess(np.abs(before[2] - after[2]).max(), 0.01)
+        self.assertGreater(np.abs(before - before[2]).max(), 1)
+        self.assertLess(np.abs(before - after).max(), 0.3)
+        np.testing.assert_allclose(1 / depths + 1 / other, 2 / np.median(depths), atol=1e-3)
+        self.assertGreater(np.abs(depths - other).max(), 0.15)
+        np.testing.assert_allclose(scene.poses[0].rotation.matrix(), turn.T, atol=1e-9)
 
 
 class Colmap(unittest.TestCase):

@@ -120,24 +120,32 @@ class TextEvents {
   explicit TextEvents(const std::filesystem::path& path) : path_(path) {}
 
   bool empty() const { return first_.empty() && time_.empty(); }
-  /// A line that is no event: of names, of the sensor's size, or a comment.
-  void head(const std::string& line) {
+  /// A line that is no event: of names, of the sensor's size, or a comment, which may name the
+  /// columns after a colon.
+  void head(const std::string& line, bool comment) {
     if (!size_) size_ = size_in(line);
     if (columns_) return;
-    const size_t begin = line.find_first_not_of("#% ");
+    const size_t colon = comment ? line.rfind(':') : std::string::npos;
+    const size_t begin = line.find_first_not_of("#% ", colon == std::string::npos ? 0 : colon + 1);
     if (begin == std::string::npos) return;
     const std::vector<std::string> words = words_of_line(line.substr(begin));
     columns_ = named_columns(words);
     if (!columns_) return;
+    named_by_comment_ = comment;
     count_ = int(words.size());
     unit_ = unit_in_name(words[(*columns_)[2]]);
   }
   /// The numbers of an event.
   void add(int64_t line, int count, const Numbers& numbers) {
+    if (named_by_comment_ && time_.empty() && count != count_) {
+      // The comment was prose that holds the names by chance.
+      columns_.reset();
+      count_ = kColumns, unit_ = TimeUnit::kAuto, named_by_comment_ = false;
+    }
     if (count != count_) {
       throw DataError(concat(path_.string(), ":", line, ": expected ", count_,
                              " numbers (\"t x y p\" or in any order), found ", count, "; ",
-                             count_ == 4 ? kNameColumns : "complete the line"));
+                             count_ == kColumns ? kNameColumns : "complete the line"));
     }
     if (columns_) return keep(line, numbers);
     first_.push_back({numbers[0], numbers[1], numbers[2], numbers[3]});
@@ -157,6 +165,7 @@ class TextEvents {
 
  private:
   static constexpr size_t kLook = 4096;  // events that tell the columns
+  static constexpr int kColumns = 4;     // of a list that names none
 
   void keep(int64_t line, const Numbers& numbers) {
     const double polarity = numbers[(*columns_)[3]];
@@ -182,7 +191,8 @@ class TextEvents {
 
   std::filesystem::path path_;
   std::optional<Columns> columns_;
-  int count_ = 4;  ///< numbers in a line
+  int count_ = kColumns;  ///< numbers in a line
+  bool named_by_comment_ = false;
   TimeUnit unit_ = TimeUnit::kAuto;
   std::optional<ImageSize> size_;
   std::vector<Row> first_;      ///< until the columns are known
@@ -214,7 +224,7 @@ RawEvents read_text_events(const std::filesystem::path& path) {
     // One line of column names, or of width and height, may stand first.
     const bool is_head = comment || (events.empty() && !header_seen && count < 4);
     if (is_head) {
-      if (events.empty()) events.head(text);
+      if (events.empty()) events.head(text, comment);
       header_seen = header_seen || !comment;
       return;
     }

@@ -221,6 +221,9 @@ void match_features(const ColmapJob& job, const ColmapSettings& settings, const 
   } else {
     append(extract.command, {"--ImageReader.camera_model", "SIMPLE_PINHOLE"});
   }
+  if (!job.mask.empty()) {
+    append(extract.command, {"--ImageReader.camera_mask_path", job.mask.string()});
+  }
   append(extract.command, settings.extraction);
   Step match = job.pairs.empty() ? match_all(job, database) : match_list(job, database, folder);
   append(match.command, {"--SiftMatching.use_gpu", "0"});
@@ -256,6 +259,19 @@ std::vector<fs::path> reconstruct(const ColmapJob& job, const ColmapSettings& se
   }
   std::sort(found.begin(), found.end());
   return found;
+}
+
+fs::path reverse_depths(const ColmapJob& job, const fs::path& model, const fs::path& folder) {
+  if (job.program.size() == 1) return {};
+  const fs::path reversed = folder / (model.parent_path().filename().string() + "_reversed");
+  fs::remove_all(reversed);
+  Step step{"COLMAP: other depths", call(job, "reverse_depths"), 1, "models",
+            [](const std::string&, Seen&) {}};
+  append(step.command, {"--database_path", (folder / "database.db").string(), "--image_path",
+                        job.images.string(), "--input_path", model.string(), "--output_path",
+                        reversed.string(), "--refine_focal_length", job.camera ? "0" : "1"});
+  if (!run_step(step, folder / "colmap.log") || !io::is_colmap_model(reversed)) return {};
+  return reversed;
 }
 
 }  // namespace jade::import

@@ -27,6 +27,8 @@ struct ColmapJob {
   /// Camera of all images, at their size, held fixed; absent: the focal length is searched, and the
   /// principal point is the middle.
   std::optional<geometry::Intrinsics> camera;
+  /// Image of the same size, black where no features are to be found; empty: none.
+  std::filesystem::path mask;
   /// Names of the images that are compared; empty: all with all.
   std::vector<std::pair<std::string, std::string>> pairs;
 };
@@ -46,5 +48,12 @@ void match_features(const ColmapJob& job, const ColmapSettings& settings,
 /// @return the folders of the models that came out, none where no pair of images began one
 std::vector<std::filesystem::path> reconstruct(const ColmapJob& job, const ColmapSettings& settings,
                                                const std::filesystem::path& folder);
+
+/// Tries the model with its depths reversed (scripts/colmap.py): of a camera with a narrow view
+/// that moves little, incremental mapping ends in the wrong one of the two by chance.
+/// @return the folder of the reversed model where it fits clearly better; empty: it does not, or
+///   COLMAP is the program, which cannot try
+std::filesystem::path reverse_depths(const ColmapJob& job, const std::filesystem::path& model,
+                                     const std::filesystem::path& folder);
 
 }  // namespace jade::import

@@ -36,7 +36,6 @@ class LengthSearch {
   LengthSearch(const std::vector<StampedFrame>& frames, int64_t period_us,
                const events::EventStream& events, const std::vector<Stamp>& stamps)
       : frames_(frames),
-        stamps_(stamps),
         consistency_(images(frames), neighbours(frames, period_us), events,
                      {frames.front().t_us - period_us, frames.back().t_us + period_us}, options()),
         progress_("finding exposure length", int64_t(std::size(kLengths) * stamps.size() + 5), 0,
@@ -99,7 +98,6 @@ class LengthSearch {
   }
 
   const std::vector<StampedFrame>& frames_;
-  std::vector<Stamp> stamps_;
   data::EventConsistency consistency_;
   Progress progress_;
   std::map<double, Tried> tried_;
@@ -179,7 +177,6 @@ ExposureLength estimate_exposure_length(const std::vector<StampedFrame>& frames,
     return result;
   }
   const std::vector<StampedFrame> some = middle_frames(frames);
-  result.frames = int64_t(some.size());
   const std::vector<Stamp> stamps =
       stamp ? std::vector<Stamp>{*stamp}
             : std::vector<Stamp>{Stamp::kStart, Stamp::kMiddle, Stamp::kEnd};

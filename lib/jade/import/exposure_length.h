@@ -22,8 +22,8 @@ struct StampedFrame {
 struct ExposureLength {
   int64_t length_us = 0;
   recording::Stamp stamp = recording::Stamp::kMiddle;
-  double error_us = 0;  ///< standard error of the length, from leaving out parts of the image
-  int64_t frames = 0;   ///< that were looked at
+  /// Standard error of the length, from leaving out parts of the image; 0: unknown.
+  double error_us = 0;
   /// How badly frames and events agree, a difference of 1 being e^½ in the likelihood of a change:
   /// at each length that was tried, with the stamp that is best there.
   std::vector<double> lengths_us, losses;

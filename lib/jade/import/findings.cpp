@@ -168,9 +168,10 @@ ExposureFinding find_exposures(const Capture& capture, std::optional<recording::
   }
   ExposureFinding finding{found.length_us,  found.stamp, found.error_us, "",
                           found.lengths_us, found.losses};
-  finding.said = concat("exposures of ", rounded(double(found.length_us) / 1000, 0.1), " +- ",
-                        rounded(found.error_us / 1000, 0.1), " ms found, stamped at their ",
-                        word_of(found.stamp));
+  const std::string error =
+      found.error_us > 0 ? concat(" +- ", rounded(found.error_us / 1000, 0.1)) : std::string();
+  finding.said = concat("exposures of ", rounded(double(found.length_us) / 1000, 0.1), error,
+                        " ms found, stamped at their ", word_of(found.stamp));
   return finding;
 }
 

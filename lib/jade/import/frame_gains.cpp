@@ -11,6 +11,9 @@ namespace jade::import {
 namespace {
 
 constexpr size_t kFewestShots = 4;
+constexpr int64_t kLongestGap_us = 500000;  // longer, events do not tell how the frames differ
+/// Curves of pixels between all frames that are compared at most, and pixels per frame.
+constexpr int64_t kMostCurves = 1500000, kFewestPixels = 500, kMostPixels = 3000;
 constexpr double kLeastRange = 0.05;  // of the logarithm
 constexpr double kClearErrors = 6;    // the range must be so many standard errors of a step
 
@@ -39,11 +42,14 @@ std::vector<double> estimate_frame_gains(const std::vector<data::Exposure>& expo
     windows.push_back({exposure.t_start_us, exposure.t_end_us});
   }
   data::ConsistencyOptions options;
-  options.pixels = 3000;
+  options.pixels = std::clamp(kMostCurves / int64_t(frames.size()), kFewestPixels, kMostPixels);
   options.rounds = 4;
+  std::vector<bool> neighbours;
+  for (size_t i = 1; i < windows.size(); ++i) {
+    neighbours.push_back(windows[i].begin_us - windows[i - 1].end_us < kLongestGap_us);
+  }
   const data::EventConsistency consistency(
-      frames, std::vector<bool>(frames.size() - 1, true), events,
-      {windows.front().begin_us, windows.back().end_us + 1}, options);
+      frames, neighbours, events, {windows.front().begin_us, windows.back().end_us + 1}, options);
   const data::ConsistencyFit fit = consistency.fit(windows);
   if (!fit.solved) return {};
   std::vector<double> at, logs{0}, errors;

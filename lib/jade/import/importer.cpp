@@ -17,6 +17,7 @@
 #include "jade/import/colmap.h"
 #include "jade/import/exposure_length.h"
 #include "jade/import/findings.h"
+#include "jade/import/hot_pixels.h"
 #include "jade/import/latents.h"
 #include "jade/import/scene_files.h"
 #include "jade/import/structure_from_motion.h"
@@ -268,6 +269,15 @@ torch::Tensor read_mask(const fs::path& path, const Capture& capture) {
   return mask;
 }
 
+/// Drops the events of pixels that do not count, where frames and events share their pixels:
+/// exposures, clock, thresholds and images for COLMAP are then found without them.
+void drop_masked_events(Capture& capture) {
+  const bool shared =
+      capture.sensor.height == capture.height() && capture.sensor.width == capture.width();
+  if (!capture.mask.defined() || !shared) return;
+  capture.events = remove_events(capture.events, capture.mask[0].logical_not()).events;
+}
+
 /// Results of the stages so far.
 struct Progressed {
   Capture capture;
@@ -307,13 +317,19 @@ Stage read_stage(const ImportOptions& options, Progressed& so_far) {
             if (!is_rig(so_far.calibration)) check_one_sensor(so_far.capture);
             check_test_names(so_far.capture, options.test);
             so_far.capture.mask = read_mask(options.lens.mask, so_far.capture);
+            drop_masked_events(so_far.capture);
           }};
 }
 
-/// Inputs of the stages time and sensor besides their own settings: how two cameras are related.
+std::string mask_text(const ImportOptions& options) {
+  return options.lens.mask.empty() ? "" : fingerprint(options.lens.mask);
+}
+
+/// Inputs of the stages time and sensor besides their own settings: how two cameras are related,
+/// and which pixels count.
 std::string rig_text(const ImportOptions& options) {
-  if (!(options.lens.plane_depth > 0)) return {};
-  return text_of(options.lens) + fingerprint(options.lens.calibration);
+  if (!(options.lens.plane_depth > 0)) return mask_text(options);
+  return text_of(options.lens) + fingerprint(options.lens.calibration) + mask_text(options);
 }
 
 /// Frames and events of two cameras where they see the same; of one they do so already.
@@ -402,8 +418,7 @@ Stage sensor_stage(ImportOptions& options, Progressed& so_far) {
 /// nothing is kept twice.
 Stage undistort_stage(const ImportOptions& options, Progressed& so_far) {
   return {"undistort",
-          concat(text_of(options.lens), fingerprint(options.lens.calibration),
-                 options.lens.mask.empty() ? "" : fingerprint(options.lens.mask)),
+          concat(text_of(options.lens), fingerprint(options.lens.calibration), mask_text(options)),
           [&](const fs::path& folder) -> std::string {
             if (!so_far.calibration) return "no calibration given";
             Capture capture = so_far.capture;

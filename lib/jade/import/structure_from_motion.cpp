@@ -41,12 +41,6 @@ constexpr double kClearlyBetter = 0.01;
 /// recording was a later attempt better than such a one, and each takes as long again: after one of
 /// 82 % two worse ones followed.
 constexpr double kNearlyAll = 0.95, kWellExplained = 0.6;
-/// A good attempt of a larger error, px, is mapped again from the same matches. COLMAP ends in one
-/// of two places, by chance: of 16 imports of the garden of configs/battery 4 had an error of 0.66
-/// to 0.69 px, 36,000 to 39,000 observations and poses 28 to 32 px off, the others 0.45 px, 44,000
-/// and 0.4 px. Both explain the blur: 81 to 85 and 87 to 90 %.
-constexpr double kFineError_px = 0.55;
-constexpr int kMostMaps = 3;
 /// Frames that checks look at.
 constexpr size_t kChecked = 8;
 /// Less than this between all frames is no motion, px.
@@ -208,19 +202,6 @@ FrameMotion motion_of(const Capture& capture) {
 
 bool stands_still(const FrameMotion& motion) { return motion.shift_px < kStandingStill; }
 
-/// The settings of the `map`-th reconstruction from the same matches, from 1: the second begins
-/// with pairs of less parallax, so that a COLMAP that repeats itself finds another.
-ColmapSettings mapped_again(ColmapSettings settings, int map) {
-  if (map == 1) return settings;
-  settings.name += concat("_", map);
-  const std::string angle = "--Mapper.init_min_tri_angle";
-  auto& flags = settings.mapping;
-  if (map == 2 && std::find(flags.begin(), flags.end(), angle) == flags.end()) {
-    flags.insert(flags.end(), {angle, "4"});
-  }
-  return settings;
-}
-
 std::string said_of(const FrameMotion& motion) {
   const std::string pairs = concat(motion.compared,
                                    " pairs of frames compared, without what is "
@@ -276,12 +257,6 @@ bool is_better(const Attempt& a, const Attempt& b, double margin = 0) {
   return a.explained_blur > b.explained_blur + margin;
 }
 
-/// Whether `a`, from the same matches as `b`, has more of them right.
-bool agrees_more(const Attempt& a, const Attempt& b) {
-  if (explains_blur(a) != explains_blur(b)) return explains_blur(a);
-  return a.observations > b.observations;
-}
-
 bool is_good(const Attempt& a) {
   return double(a.registered) >= kNearlyAll * double(a.images) && explains_blur(a) &&
          a.explained_blur >= kWellExplained;
@@ -315,7 +290,8 @@ std::string sentence(const Attempt& a) {
 }
 
 ColmapJob job_of(const fs::path& folder, const std::vector<LatentImage>& images,
-                 const std::optional<geometry::Intrinsics>& camera, const ImportOptions& options) {
+                 const Capture& capture, const ImportOptions& options, const fs::path& work) {
+  const std::optional<geometry::Intrinsics>& camera = capture.camera;
   ColmapJob job;
   job.program = find_colmap(options.poses.colmap);
   job.images = folder / "images";
@@ -323,6 +299,14 @@ ColmapJob job_of(const fs::path& folder, const std::vector<LatentImage>& images,
   if (camera) {
     job.camera = geometry::scaled(*camera, camera->width * options.latents.upscale,
                                   camera->height * options.latents.upscale);
+  }
+  if (capture.mask.defined()) {
+    job.mask = work / "mask.png";
+    make_writable_folder(work);
+    const int64_t scale = options.latents.upscale;
+    imaging::write_image(
+        job.mask,
+        capture.mask.to(torch::kFloat32).repeat_interleave(scale, 1).repeat_interleave(scale, 2));
   }
   const bool all = options.poses.pairs == PairChoice::kExhaustive ||
                    (options.poses.pairs == PairChoice::kAuto && images.size() <= kMostExhaustive);
@@ -434,7 +418,7 @@ SearchResult find_poses(const fs::path& latents, const std::vector<LatentImage>&
     log_warn(concat("poses: expected frames that move by a pixel or more, found ", said_of(motion),
                     "; COLMAP is asked all the same"));
   }
-  const ColmapJob job = job_of(latents, images, capture.camera, options);
+  const ColmapJob job = job_of(latents, images, capture, options, work);
   SearchResult result;
   Attempt chosen;
   std::string matched;  // flags of the features at hand
@@ -452,16 +436,27 @@ SearchResult find_poses(const fs::path& latents, const std::vector<LatentImage>&
     }
     Attempt best{settings.name, job.count, 0, 0, 0, 0, 0, 0, "no pair of images to begin with"};
     Reconstruction found;
-    for (int map = 1; map <= kMostMaps; ++map) {
-      for (const fs::path& model : reconstruct(job, mapped_again(settings, map), folder)) {
-        Reconstruction r = read_reconstruction(model, images, double(options.latents.upscale));
-        Attempt attempt = attempt_of(settings.name, images.size(), r);
-        attempt.explained_blur = explained_blur_of(latents, images, capture, r);
-        if (!(is_good(best) ? agrees_more(attempt, best) : is_better(attempt, best))) continue;
+    fs::path best_model;
+    for (const fs::path& model : reconstruct(job, settings, folder)) {
+      Reconstruction r = read_reconstruction(model, images, double(options.latents.upscale));
+      Attempt attempt = attempt_of(settings.name, images.size(), r);
+      attempt.explained_blur = explained_blur_of(latents, images, capture, r);
+      if (!is_better(attempt, best)) continue;
+      best = attempt, best_model = model;
+      found = std::move(r);
+    }
+    const fs::path reversed =
+        explains_blur(best) ? reverse_depths(job, best_model, folder) : fs::path();
+    if (!reversed.empty()) {
+      Reconstruction r = read_reconstruction(reversed, images, double(options.latents.upscale));
+      Attempt attempt = attempt_of(settings.name, images.size(), r);
+      attempt.explained_blur = explained_blur_of(latents, images, capture, r);
+      log_info(concat("  with near and far exchanged: error ", attempt.error_px, " px, before ",
+                      best.error_px, " px"));
+      if (explains_blur(attempt) && attempt.registered == best.registered) {
         best = attempt;
         found = std::move(r);
       }
-      if (!is_good(best) || best.error_px <= kFineError_px) break;
     }
     if (best.registered > 0 &&
         (result.best.poses.empty() || is_better(best, chosen, kClearlyBetter))) {

@@ -141,18 +141,6 @@ Toned tone(const ObjectiveInputs& inputs, const Views& views, const ObjectivePla
   return toned;
 }
 
-/// L_tgt where scene and target agree, and how far they are apart, before its weight.
-struct AgreedTarget {
-  torch::Tensor value, distance;
-};
-
-AgreedTarget agreed_target(const ObjectiveInputs& inputs, const torch::Tensor& render,
-                           const ObjectiveOptions& options) {
-  const torch::Tensor value = target_loss(render, *inputs.target, options.dssim);
-  const torch::Tensor distance = value.detach();
-  return {where_agreed(value, distance, options.trust.agreement), distance};
-}
-
 void check_inputs(const ObjectiveInputs& inputs, const ObjectivePlan& plan) {
   check_shape(inputs.renders, "renders", {-1, 3, -1, -1});
   const torch::Tensor read = poses_read(plan, inputs.pose_draws, inputs.samples);
@@ -237,9 +225,10 @@ Objective objective(const ObjectiveInputs& inputs, const ObjectivePlan& plan,
   Terms terms;
   const auto add_target = [&](Terms& to) {
     if (plan.agreed_target) {
-      const AgreedTarget agreed = agreed_target(inputs, views.target, options);
-      add(loss, "target", agreed.value, options.target_weight, target_weight);
-      loss.terms.push_back({"target_distance", agreed.distance, false});
+      const torch::Tensor value = target_loss(views.target, *inputs.target, options.dssim);
+      add(loss, "target", where_agreed(value, options.trust.agreement), options.target_weight,
+          target_weight);
+      loss.terms.push_back({"target_distance", value.detach(), false});
     } else {
       to.add("target", target_pairs(views.target, *inputs.target), options.target_weight,
              target_weight);

@@ -5,9 +5,8 @@
 
 namespace jade::losses {
 
-torch::Tensor where_agreed(const torch::Tensor& value, const torch::Tensor& distance,
-                           double bound) {
-  return value * distance.detach().lt(bound);
+torch::Tensor where_agreed(const torch::Tensor& value, double bound) {
+  return value * value.detach().lt(bound);
 }
 
 }  // namespace jade::losses

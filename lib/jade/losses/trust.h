@@ -22,11 +22,10 @@ void describe(V& v, TrustOptions& o) {
           Range{0, 10});
 }
 
-/// The value where `distance` is below `bound`, else 0 without a gradient: a restoration that all
+/// The value where it is below `bound`, else 0 without a gradient: a restoration that all
 /// other views and terms contradict keeps away from the scene, one that they have come to agree
 /// with stays. Once away a view seldom comes back, as nothing draws its render to the restoration.
-/// @param value     scalar, L_tgt of a view
-/// @param distance  scalar, L_tgt of that view before its weight
-torch::Tensor where_agreed(const torch::Tensor& value, const torch::Tensor& distance, double bound);
+/// @param value  scalar, L_tgt of a view before its weight
+torch::Tensor where_agreed(const torch::Tensor& value, double bound);
 
 }  // namespace jade::losses

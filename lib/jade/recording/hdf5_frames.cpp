@@ -82,12 +82,15 @@ torch::Tensor read_picture(const io::Hdf5File& file, const io::Hdf5Dataset& data
   return bytes.permute({2, 0, 1}).to(torch::kFloat32).div(255).contiguous();
 }
 
-/// Whether the options keep a frame; others are never decoded.
+/// Whether the options keep a frame; others are never decoded. The first frame stays: the span
+/// since its start is cut once more from all that the recording holds.
 bool is_wanted(const ReadOptions& options, int64_t first_us, int64_t t_us) {
   const auto inside = [](const events::TimeWindow& w, int64_t t) {
     return t >= w.begin_us && t <= w.end_us;
   };
-  if (options.since_first_frame) return inside(*options.since_first_frame, t_us - first_us);
+  if (options.since_first_frame) {
+    return t_us == first_us || inside(*options.since_first_frame, t_us - first_us);
+  }
   return !options.window || inside(*options.window, t_us);
 }
 

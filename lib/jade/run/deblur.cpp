@@ -11,6 +11,8 @@
 #include "jade/data/truths.h"
 #include "jade/imaging/image_io.h"
 #include "jade/run/deblur_pictures.h"
+#include "jade/run/evaluate.h"
+#include "jade/train/exposure_gains.h"
 
 namespace jade::run {
 namespace {
@@ -23,13 +25,15 @@ void save(const fs::path& stem, const torch::Tensor& image, bool npy) {
 }
 
 /// The blurry frame first, the method's own result last.
+/// @param fit_gain  whether each is made as bright as the truth
 std::vector<eval::Scores> score_all(const restore::Method& method,
                                     const restore::Candidates& candidates, const data::Truth& truth,
-                                    const eval::Lpips& lpips) {
+                                    const eval::Lpips& lpips, bool fit_gain) {
   restore::Candidates c = candidates;
   c.truth = truth.image;
   const auto score = [&](const std::string& name, const torch::Tensor& image) {
-    return eval::score(name, image, truth.image, &lpips, truth.mask);
+    return eval::score(name, fit_gain ? as_bright_as(truth.image, image, truth.mask) : image,
+                       truth.image, &lpips, truth.mask);
   };
   std::vector<eval::Scores> scores{score("blurry", c.blurry)};
   for (const restore::Method& other : restore::methods()) {
@@ -93,6 +97,8 @@ Deblurred deblur(const data::Dataset& dataset, const DeblurOptions& options,
   std::vector<double> times;
   for (const NamedMoment& moment : moments) times.push_back(moment.u);
   const eval::Lpips lpips(device);
+  // The frames of a camera that adjusts itself are not as bright as the truth.
+  const bool fit_gain = train::learns_gains({}, dataset);
   Deblurred deblurred;
   Progress progress("restoring", static_cast<int64_t>(dataset.train.size()), 0, "frames");
   for (size_t i = 0; i < dataset.train.size(); ++i) {
@@ -124,8 +130,8 @@ Deblurred deblur(const data::Dataset& dataset, const DeblurOptions& options,
     write_side_pictures(output, exposure.name, restored);
     ++deblurred.written;
     for (const data::Truth& truth : truths) {
-      deblurred.views.push_back(
-          {exposure.name, truth.name, score_all(method, restored.candidates, truth, lpips)});
+      deblurred.views.push_back({exposure.name, truth.name,
+                                 score_all(method, restored.candidates, truth, lpips, fit_gain)});
     }
     if (progress.step()) progress.show();
   }

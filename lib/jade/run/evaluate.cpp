@@ -23,6 +23,14 @@ namespace fs = std::filesystem;
 
 namespace {
 
+/// fitted_gain() over the pixels that count.
+double counted_gain(const torch::Tensor& image, const torch::Tensor& truth,
+                    const torch::Tensor& mask) {
+  if (!mask.defined()) return fitted_gain(image, truth);
+  const torch::Tensor counts = mask.to(image.device(), image.scalar_type());
+  return fitted_gain(image * counts, truth * counts);
+}
+
 /// The render as bright as the image that it is compared with.
 struct Brightened {
   torch::Tensor render;
@@ -31,11 +39,7 @@ struct Brightened {
 
 Brightened as_bright(const torch::Tensor& render, const torch::Tensor& truth,
                      const torch::Tensor& mask, double gain, bool fit) {
-  if (fit) {
-    const torch::Tensor counts = mask.defined() ? mask.to(render.device(), render.scalar_type())
-                                                : torch::ones({1, 1, 1}, render.options());
-    gain = fitted_gain(render * counts, truth * counts);
-  }
+  if (fit) gain = counted_gain(render, truth, mask);
   if (gain == 1 && !fit) return {render.clamp(0, 1), std::nullopt};
   return {(render * gain).clamp(0, 1), gain};
 }
@@ -55,6 +59,11 @@ double fitted_gain(const torch::Tensor& image, const torch::Tensor& truth) {
   const torch::NoGradGuard no_grad;
   const double square = image.square().sum().item<double>();
   return square > 0 ? (image * truth).sum().item<double>() / square : 1;
+}
+
+torch::Tensor as_bright_as(const torch::Tensor& truth, const torch::Tensor& image,
+                           const torch::Tensor& mask) {
+  return (image * counted_gain(image, truth, mask)).clamp(0, 1);
 }
 
 eval::Evaluation evaluate_views(const splat::Gaussians& gaussians,
@@ -188,8 +197,6 @@ PosedData load_posed(const fs::path& run, const train::RunOptions& options) {
 data::Dataset load_run_dataset(const fs::path& run, const train::RunOptions& options) {
   return load_posed(run, options).dataset;
 }
-
-splat::Gaussians newest_gaussians(const fs::path& run) { return newest_scene(run).gaussians; }
 
 gaussians::GaussianFile newest_scene(const fs::path& run) {
   if (fs::exists(run / kSceneFile)) return gaussians::read_ply(run / kSceneFile);

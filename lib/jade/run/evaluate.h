@@ -21,6 +21,11 @@ torch::Tensor render_view(const splat::Gaussians& gaussians, const geometry::Pos
 /// How many times as bright the image is to be to look most like the truth, in squared error.
 double fitted_gain(const torch::Tensor& image, const torch::Tensor& truth);
 
+/// `image` times its fitted_gain() over the pixels that count, clamped to [0,1].
+/// @param mask  as data::SharpView::mask
+torch::Tensor as_bright_as(const torch::Tensor& truth, const torch::Tensor& image,
+                           const torch::Tensor& mask);
+
 /// Scores renders of the sharp views, with LPIPS where `lpips` has its networks. They are made as
 /// bright as the view's gain says, or as its image is.
 /// @param fit_gain  for a scene that has learned the gains of its frames: those of test views are
@@ -57,12 +62,9 @@ train::RunOptions load_run_options(const std::filesystem::path& run);
 /// @throws DataError naming the path.
 data::Dataset load_run_dataset(const std::filesystem::path& run, const train::RunOptions& options);
 
-/// The Gaussians of a run, on the CPU: those of its end, before it those of the newest whole
-/// checkpoint.
+/// The Gaussians of a run with their origin, on the CPU: those of its end, before it those of the
+/// newest whole checkpoint.
 /// @throws DataError where there are none, CheckpointError naming the path.
-splat::Gaussians newest_gaussians(const std::filesystem::path& run);
-
-/// Newest Gaussians of a run with their origin.
 gaussians::GaussianFile newest_scene(const std::filesystem::path& run);
 
 /// A run directory as other programs use it: its data and its newest Gaussians.
@@ -71,7 +73,7 @@ struct FinishedRun {
   splat::Gaussians gaussians;  ///< on the CPU
 };
 
-/// Its load_run_dataset() and its newest_gaussians().
+/// Its load_run_dataset() and its newest_scene().
 /// @param options  those of the run, or with changes
 /// @throws DataError, ConfigError or CheckpointError naming the path.
 FinishedRun open_run(const std::filesystem::path& run, const train::RunOptions& options);

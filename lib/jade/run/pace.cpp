@@ -59,6 +59,9 @@ void choose_short_density(const Choices& choices, train::RunOptions& options) {
   options.densify.max_gaussians = kCpuGaussians;
 }
 
+/// Whether the learned restorer restores every moment of an exposure, not one.
+bool is_blurred(const data::Exposure& exposure) { return exposure.duration_us() > 0; }
+
 /// Whether fewer moments may be restored than the options say.
 bool may_restore_less(const Choices& choices, const train::RunOptions& options) {
   return train::needs_efnet(options) && choices.leave("objective.target") &&
@@ -145,13 +148,16 @@ double measure_restorer(const data::Dataset& dataset, const train::RunOptions& o
   const auto events_of = [&](const data::Exposure& exposure) {
     return restore::sum_events(exposure, dataset.events, how, &kept.metadata()).network;
   };
-  const auto moving = [](const data::Exposure& exposure) { return !exposure.events.empty(); };
-  const auto first = std::find_if(dataset.train.begin(), dataset.train.end(), moving);
+  const auto first = std::find_if(dataset.train.begin(), dataset.train.end(), is_blurred);
   const data::Exposure& one = first == dataset.train.end() ? dataset.train.front() : *first;
   const torch::Tensor events = events_of(one), image = one.blurry.to(device);
+  // A frame without duration is restored at one moment.
+  const auto times_of = [&](const data::Exposure& exposure) {
+    return is_blurred(exposure) ? times : std::vector<double>{0.5};
+  };
   const data::Exposure& last = dataset.train.back();
-  if (kept.kept_efnet(image, events, times).defined() &&
-      kept.kept_efnet(last.blurry.to(device), events_of(last), times).defined()) {
+  if (kept.kept_efnet(image, events, times_of(one)).defined() &&
+      kept.kept_efnet(last.blurry.to(device), events_of(last), times_of(last)).defined()) {
     return 0;
   }
   restore::Restorer network =
@@ -245,7 +251,7 @@ std::string choose_for_cpu(const Choices& choices, train::RunOptions& options) {
 RestoredFrames restored_frames(const data::Dataset& dataset) {
   RestoredFrames frames;
   for (const data::Exposure& exposure : dataset.train) {
-    ++(exposure.events.empty() ? frames.still : frames.moving);
+    ++(is_blurred(exposure) ? frames.moving : frames.still);
   }
   return frames;
 }

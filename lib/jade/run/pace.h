@@ -44,7 +44,7 @@ struct Speed {
 /// How many frames the learned restorer restores at every moment, and how many at one.
 struct RestoredFrames {
   int64_t moving = 0;
-  int64_t still = 0;  ///< without events
+  int64_t still = 0;  ///< of no duration
 };
 RestoredFrames restored_frames(const data::Dataset& dataset);
 

@@ -59,7 +59,12 @@ namespace {
 double display_brightness(const data::Dataset& dataset) {
   constexpr double kDark = 0.3, kWanted = 0.4, kMost = 5;
   double sum = 0;
-  for (const data::Exposure& exposure : dataset.train) sum += exposure.blurry.mean().item<double>();
+  for (const data::Exposure& exposure : dataset.train) {
+    // A mask has set to 0 what does not count.
+    const double counted =
+        exposure.mask.defined() ? exposure.mask.to(torch::kFloat32).mean().item<double>() : 1;
+    sum += exposure.blurry.mean().item<double>() / std::max(counted, 1e-3);
+  }
   const double mean = dataset.train.empty() ? 1 : sum / static_cast<double>(dataset.train.size());
   if (mean >= kDark) return 1;
   return std::round(10 * std::min(kMost, kWanted / std::max(mean, 1e-3))) / 10;

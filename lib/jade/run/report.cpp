@@ -23,6 +23,7 @@
 #include "jade/run/page_scene.h"
 #include "jade/run/run_directory.h"
 #include "jade/run/view_pictures.h"
+#include "jade/train/exposure_gains.h"
 #include "jade/train/routing_step.h"
 
 namespace jade::run {
@@ -115,8 +116,9 @@ Json training_view(const data::Dataset& dataset, const train::View& view, int64_
 
 /// Mean PSNR at mid-exposure of the blurry frame, both restorations and the scene, over the views
 /// with a sharp truth; null without any. EFNet is null unless every such view has it.
+/// @param fit_gain  whether all four are made as bright as the truth, as evaluate_views() says
 Json headline(const data::Dataset& dataset, const std::vector<train::View>& views,
-              const train::TrainState& state, const splat::RenderOptions& draw) {
+              const train::TrainState& state, const splat::RenderOptions& draw, bool fit_gain) {
   int64_t count = 0;
   double blurry = 0, edi = 0, efnet = 0, rendered = 0;
   bool learned = true;  // whether every view has a learned restoration
@@ -126,16 +128,18 @@ Json headline(const data::Dataset& dataset, const std::vector<train::View>& view
     truth = truth.to(views[i].blurry.device());
     const data::Exposure& exposure = dataset.train[i];
     const torch::Tensor mask = truth_mask_of(dataset, static_cast<int64_t>(i));
+    const auto psnr = [&](const torch::Tensor& image) {
+      const torch::Tensor there = image.to(truth.device());
+      return eval::psnr(fit_gain ? as_bright_as(truth, there, mask) : there.clamp(0, 1), truth,
+                        mask);
+    };
     ++count;
-    blurry += eval::psnr(views[i].blurry, truth, mask);
-    edi += eval::psnr(views[i].restorations.edi.clamp(0, 1).to(truth.device()), truth, mask);
+    blurry += psnr(views[i].blurry);
+    edi += psnr(views[i].restorations.edi);
     learned = learned && views[i].restorations.efnet.defined();
-    if (learned) {
-      efnet += eval::psnr(views[i].restorations.efnet.to(truth.device()), truth, mask);
-    }
-    rendered += eval::psnr(render_view(state.gaussians.detached(),
-                                       exposure.poses[geometry::kMidPose], exposure.camera, draw),
-                           truth, mask);
+    if (learned) efnet += psnr(views[i].restorations.efnet);
+    rendered += psnr(render_view(state.gaussians.detached(), exposure.poses[geometry::kMidPose],
+                                 exposure.camera, draw));
   }
   if (count == 0) return nullptr;
   const auto n = static_cast<double>(count);
@@ -292,7 +296,8 @@ void write_report(const fs::path& run, const data::Dataset& dataset,
   for (size_t i = 0; i < shown.size(); ++i) data["views"][i]["events"] = films[i].get();
   pictures.put_into(data["views"]);
   pictures.put_into(data["tests"]);
-  data["headline"] = headline(dataset, views, state, draw);
+  data["headline"] =
+      headline(dataset, views, state, draw, train::learns_gains(options.gains, dataset));
   data["scene"] = page_scene(dataset, draw);
   data["evaluation"] =
       fs::exists(run / kScoresFile) ? Json::parse(read_file(run / kScoresFile)) : Json(nullptr);

@@ -126,6 +126,7 @@ torch::Tensor exposure_footage(const SimulateRun& run, int64_t frames) {
   const auto samples = static_cast<int>(run.simulate.sampling.samples);
   const auto exposures = static_cast<int64_t>(timeline.exposures.size());
   const geometry::Intrinsics& camera = footage->camera();
+  const Optics optics(run.simulate, camera.width, camera.height, 0);
   torch::Tensor all = torch::empty({exposures, frames, 3, camera.height, camera.width}, torch::kU8);
   Progress progress("footage", exposures * frames, 0, "frames");
   world::SharpFrame frame;
@@ -135,6 +136,7 @@ torch::Tensor exposure_footage(const SimulateRun& run, int64_t frames) {
     for (int64_t i = 0; i < frames; ++i) {
       throw_if_interrupted();
       footage->frame(window.begin_us + length_us * i / (frames - 1), samples, frame);
+      optics.brighten(frame);
       all[e][i].copy_((to_image(frame) * 255).round());
       if (progress.step()) progress.show();
     }
