@@ -63,7 +63,7 @@ struct Common {
   torch::Tensor parts;  ///< [N,C,H,W]: the mean's error is the mean of these
   /// [1,1,H,W] part of the frames whose detail has the sign of the mean.
   torch::Tensor on_one_side;
-  double left = 0;   ///< median absolute residual
+  double left = 0;   ///< mean absolute residual
   double light = 1;  ///< mean light that the pattern multiplies
 };
 
@@ -94,7 +94,7 @@ Common common_of(const torch::Tensor& frames, const torch::Tensor& plain, Model 
   };
   common.on_one_side =
       side(detail).eq(side(common.mean.unsqueeze(0))).to(torch::kFloat32).mean(0, true);
-  common.left = residual.abs().median().item<double>();
+  common.left = residual.abs().mean().item<double>();
   common.light = light.mean().item<double>();
   return common;
 }
