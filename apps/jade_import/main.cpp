@@ -46,8 +46,8 @@ CLI::Option* add_flags(apps::Program& program, import::StageRange& range) {
   program.add_key_flag("--efnet", "efnet.path",
                        "TorchScript file of the learned restorer (the one that ships)");
   program.cli().add_option("--from", range.from,
-                           "make this stage and those after it again: read, time, sensor, "
-                           "undistort, restore, poses, write");
+                           "make this stage and those after it again: read, pattern, time, sensor, "
+                           "undistort, restore, poses, vignetting, write");
   program.cli().add_option("--until", range.until, "stop after this stage");
   return offset;
 }

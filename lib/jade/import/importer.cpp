@@ -20,8 +20,10 @@
 #include "jade/import/hot_pixels.h"
 #include "jade/import/latents.h"
 #include "jade/import/scene_files.h"
+#include "jade/import/sensor_pattern.h"
 #include "jade/import/structure_from_motion.h"
 #include "jade/import/undistortion.h"
+#include "jade/import/vignetting.h"
 #include "jade/recording/recording.h"
 
 namespace jade::import {
@@ -321,6 +323,25 @@ Stage read_stage(const ImportOptions& options, Progressed& so_far) {
           }};
 }
 
+/// Takes a pattern fixed to the frame sensor out of the frames.
+Stage pattern_stage(const ImportOptions& options, Progressed& so_far) {
+  return {"pattern", word_of(options.correct.fixed_pattern),
+          [&](const fs::path& folder) {
+            SensorPattern found;
+            found.said = "not sought";
+            if (options.correct.fixed_pattern == Correction::kAuto) {
+              std::vector<torch::Tensor> frames;
+              for (const Shot& shot : so_far.capture.shots) frames.push_back(shot.image);
+              found = find_sensor_pattern(frames);
+            }
+            keep_sensor_pattern(folder, found);
+            return found.said;
+          },
+          [&](const fs::path& folder) {
+            remove_sensor_pattern(load_sensor_pattern(folder), so_far.capture);
+          }};
+}
+
 std::string mask_text(const ImportOptions& options) {
   return options.lens.mask.empty() ? "" : fingerprint(options.lens.mask);
 }
@@ -460,6 +481,22 @@ Stage poses_stage(const ImportOptions& options, Progressed& so_far) {
           [&](const fs::path& folder) { so_far.found = load_reconstruction(folder); }};
 }
 
+/// Takes the loss of light towards the corners out of the frames.
+Stage vignetting_stage(const ImportOptions& options, Progressed& so_far) {
+  return {
+      "vignetting", word_of(options.correct.vignetting),
+      [&](const fs::path& folder) {
+        Vignetting found{{}, 0, 0, 0, "not sought"};
+        if (options.correct.vignetting == Correction::kAuto) {
+          found = fit_vignetting(sample_brightness(so_far.capture, so_far.found, so_far.latents,
+                                                   so_far.latent_folder));
+        }
+        keep_vignetting(folder, found);
+        return found.said;
+      },
+      [&](const fs::path& folder) { remove_vignetting(load_vignetting(folder), so_far.capture); }};
+}
+
 Stage write_stage(const ImportOptions& options, const fs::path& output, Progressed& so_far) {
   return {"write", text_of(options.test),
           [&, output](const fs::path&) {
@@ -497,8 +534,8 @@ void check_colmap(const ImportOptions& options, const StageRange& range) {
   const auto is_one_of = [](const std::string& name, std::initializer_list<const char*> names) {
     return std::find(names.begin(), names.end(), name) != names.end();
   };
-  if (is_one_of(range.until, {"read", "time", "sensor", "undistort", "restore"})) return;
-  if (range.from == "write") return;
+  if (is_one_of(range.until, {"read", "pattern", "time", "sensor", "undistort", "restore"})) return;
+  if (is_one_of(range.from, {"vignetting", "write"})) return;
   Progress progress("import", 1, 0, "stages");
   progress.show("looking for COLMAP");
   find_colmap(options.poses.colmap);
@@ -519,9 +556,10 @@ void import_recording(const ImportOptions& given, const fs::path& output, const 
   if (!options.lens.calibration.empty()) calibration_of(options.lens, {});
   Progressed so_far;
   const std::vector<Stage> stages{
-      read_stage(options, so_far),         time_stage(options, so_far),
-      sensor_stage(options, so_far),       undistort_stage(options, so_far),
-      restore_stage(options, so_far),      poses_stage(options, so_far),
+      read_stage(options, so_far),         pattern_stage(options, so_far),
+      time_stage(options, so_far),         sensor_stage(options, so_far),
+      undistort_stage(options, so_far),    restore_stage(options, so_far),
+      poses_stage(options, so_far),        vignetting_stage(options, so_far),
       write_stage(options, output, so_far)};
   make_writable_folder(output / "import");
   const auto lock = FolderLock::take(output / "import");

@@ -145,6 +145,28 @@ void describe(V& v, PoseSearchOptions& o) {
   v.field("pairs", o.pairs, "which pairs of images are compared");
 }
 
+/// Whether a fault of the frame sensor is sought and taken out.
+enum class Correction { kAuto, kOff };
+
+constexpr auto words_of(Correction) {
+  return std::array{Word{"auto", Correction::kAuto, "where frames show it clearly"},
+                    Word{"off", Correction::kOff, "frames stay as they are"}};
+}
+
+/// Faults that are fixed to the frame sensor and its lens.
+struct CorrectionOptions {
+  Correction fixed_pattern = Correction::kAuto, vignetting = Correction::kAuto;
+};
+
+template <class V>
+void describe(V& v, CorrectionOptions& o) {
+  v.field("fixed_pattern", o.fixed_pattern,
+          "take offsets and gains of pixels, rows, columns and dust out of the frames");
+  v.field("vignetting", o.vignetting,
+          "divide frames by the part of the light that the lens passes, found from tracks of "
+          "points");
+}
+
 /// Which frames judge the scene.
 struct TestOptions {
   std::vector<std::string> names;
@@ -175,6 +197,7 @@ struct ImportOptions {
   restore::RestorationCacheOptions cache;
   LatentOptions latents;
   PoseSearchOptions poses;
+  CorrectionOptions correct;
   TestOptions test;
 };
 
@@ -196,6 +219,7 @@ void describe(V& v, ImportOptions& o) {
   v.group("cache", o.cache, "restorations on disk");
   v.group("latents", o.latents, "sharp images for structure from motion");
   v.group("poses", o.poses, "structure from motion");
+  v.group("correct", o.correct, "faults fixed to the frame sensor and its lens");
   v.group("test", o.test, "frames that judge the scene");
 }
 
