@@ -252,8 +252,8 @@ void Trainer::write_environment() const {
 void Trainer::step(const std::function<void()>& look) {
   const int64_t step = state_.step + 1;
   const train::StepInputs inputs = feed_.at(step);
-  const train::StepOutputs out =
-      step_graph_.run(state_, inputs, train::plan_step(options_, step), options_);
+  const train::StepPlan plan = train::plan_step(options_, step);
+  const train::StepOutputs out = step_graph_.run(state_, inputs, plan, options_);
   train::update_exposures(state_, options_, step);
   state_.step = step;
   monitor_.watch(out.terms, step);
@@ -262,7 +262,8 @@ void Trainer::step(const std::function<void()>& look) {
   }
   if (look) look();
   if (state_.densifier.due(step)) {
-    state_.densifier.update(step, state_.gaussians, state_.gaussian_adam);
+    state_.densifier.update(step, state_.gaussians, state_.gaussian_adam,
+                            train::gradient_factor(options_, plan.moment_stride));
   }
 }
 
