@@ -37,7 +37,7 @@ except ImportError as error:
 METRICS = {"psnr_channel_mean": "PSNR (mean of channels), dB", "ssim": "SSIM", "lpips_alex01": "LPIPS"}
 # Logged beside the loss terms.
 NEARER = "EDI nearer"
-NOT_LOSSES = {"step", "loss", "psnr_train", "alpha_mean", "alpha_std", "gaussians", "iterations_per_second", "memory_bytes"}
+NOT_LOSSES = {"step", "loss", "psnr_train", "alpha_mean", "alpha_std", "gaussians", "iterations_per_second", "seconds", "memory_bytes"}
 
 
 class DataError(Exception):

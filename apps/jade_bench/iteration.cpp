@@ -155,7 +155,8 @@ nlohmann::json measure(const Workload& source, const IterationBench& flags,
     graph.run(state, bench.next(), bench.plan(), bench.options);
     train::update_exposures(state, bench.options, bench.step);
     if (state.densifier.due(bench.step)) {
-      state.densifier.update(bench.step, state.gaussians, state.gaussian_adam);
+      state.densifier.update(bench.step, state.gaussians, state.gaussian_adam,
+                             train::gradient_factor(bench.options, /*moment_stride=*/1));
     }
     ++bench.step;
   };

@@ -3,6 +3,7 @@
 #include "common/cli.h"
 #include "iteration.h"
 #include "losses.h"
+#include "quality.h"
 #include "restorer.h"
 #include "run.h"
 #include "splat.h"
@@ -23,12 +24,15 @@ int main(int argc, char** argv) {
   CLI::App* const losses_command = losses.add_to(program.cli());
   bench::RunBench run;
   CLI::App* const run_command = run.add_to(program);
+  bench::QualityBench quality;
+  CLI::App* const quality_command = quality.add_to(program);
   return program.run(argc, argv, [&] {
     if (splat_command->parsed()) return splat.run(program);
     if (iteration_command->parsed()) return iteration.run(program);
     if (restorer_command->parsed()) return restorer.run(program);
     if (losses_command->parsed()) return losses.run(program);
     if (run_command->parsed()) return run.run(program);
+    if (quality_command->parsed()) return quality.run(program);
     return ExitCode::kUsage;
   });
 }

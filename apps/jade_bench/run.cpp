@@ -6,6 +6,7 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "curve.h"
 #include "jade/core/atomic_file.h"
 #include "jade/core/check.h"
 #include "jade/core/device.h"
@@ -17,13 +18,6 @@
 
 namespace jade::bench {
 namespace {
-
-/// The scene's scores after so many steps.
-struct Milestone {
-  int64_t step = 0;
-  double seconds = 0;  ///< from the start, without the scoring
-  double psnr = 0;     ///< dB, mean of the sharp test views
-};
 
 /// Runs while the program prepares and trains, and stands while it scores.
 class Stopwatch {
@@ -96,14 +90,6 @@ nlohmann::json json_of(const Milestone& at) {
   return {{"step", at.step}, {"seconds", at.seconds}, {"psnr", at.psnr}};
 }
 
-/// The first milestone at `goal` dB or above; null where there is none.
-nlohmann::json reached(const Curve& curve, double goal) {
-  for (const Milestone& at : curve.milestones) {
-    if (at.psnr >= goal) return json_of(at);
-  }
-  return nullptr;
-}
-
 void print(const nlohmann::json& result) {
   std::printf("prepared in %.1f s; %ld steps in %.1f s, %.2f dB\n",
               result["prepare_seconds"].get<double>(), result["last"]["step"].get<long>(),
@@ -154,7 +140,8 @@ ExitCode RunBench::run(const apps::Program& program) const {
                         {"last", json_of(curve.milestones.back())},
                         {"curve", nlohmann::json::array()}};
   for (const double goal : goals) {
-    result["goals"].push_back({{"psnr", goal}, {"reached", reached(curve, goal)}});
+    const Milestone* const at = reached(curve.milestones, goal);
+    result["goals"].push_back({{"psnr", goal}, {"reached", at ? json_of(*at) : nlohmann::json()}});
   }
   for (const Milestone& at : curve.milestones) result["curve"].push_back(json_of(at));
   if (program.json()) {

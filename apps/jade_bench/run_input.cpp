@@ -6,6 +6,7 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/io/npy.h"
+#include "jade/train/plan.h"
 
 namespace jade::bench {
 namespace {
@@ -88,6 +89,11 @@ nlohmann::json numbers_of(const run::Trainer& trainer) {
 void check_run_input(const train::RunOptions& options) {
   if (options.objective.target == losses::Target::kRouted || train::restored_every(options) > 0) {
     throw_not_fixed();
+  }
+  if (train::mean_share_of_moments(options) < 1) {
+    throw ConfigError(
+        "--write-input: expected steps with all moments, as other programs take them, found fewer "
+        "early; set train.quarter_moments_until and train.half_moments_until to 0");
   }
 }
 

@@ -22,6 +22,9 @@ const std::string kRun =
     "--set objective.target=edi --set exposure.samples=5 --set train.iterations=5 "
     "--set train.log_every=1 --output run --every 2";
 
+const std::string kAllMoments =
+    " --set train.quarter_moments_until=0 --set train.half_moments_until=0";
+
 }  // namespace
 
 TEST_CASE("jade_bench run: the first score at a goal or above, and what came before", "[apps]") {
@@ -57,7 +60,7 @@ TEST_CASE("jade_bench run: what a run starts from, for other programs", "[apps]"
   const test::TempDir dir;
   test::write_tiny_dataset(dir / "scene");
   const Outcome written =
-      run(dir, kRun + " --set objective.restored_poses=middle --write-input input");
+      run(dir, kRun + " --set objective.restored_poses=middle --write-input input" + kAllMoments);
   INFO(written.err);
   REQUIRE(written.code == 0);
   const auto numbers = nlohmann::json::parse(read_file(dir / "input/training.json"));
@@ -73,6 +76,8 @@ TEST_CASE("jade_bench run: what a run starts from, for other programs", "[apps]"
                   "init.points=100 --set objective.target=routed --set allocation.kind=router "
                   "--set objective.restored_poses=middle --output routed --write-input other"),
               2, "--write-input: expected a target at mid-exposure that no router decides");
+  check_error(run(dir, kRun + " --set objective.restored_poses=middle --write-input other"), 2,
+              "--write-input: expected steps with all moments");
 }
 
 TEST_CASE("jade_bench run: what it needs, in one line", "[apps]") {
@@ -91,6 +96,42 @@ TEST_CASE("jade_bench run: what it needs, in one line", "[apps]") {
   check_error(run(dir, "jade_bench --quiet run --set dataset.path=scene"), 2,
               "--output: expected a folder for the run");
   CHECK(run(dir, kRun + " --every 0").code == 2);
+}
+
+TEST_CASE("jade_bench quality: when each run first reached a goal, seeds as one", "[apps]") {
+  const test::TempDir dir;
+  const auto write_run = [&](const std::string& run, const std::string& lines, double end) {
+    std::filesystem::create_directories(dir / run);
+    write_file(dir / (run + "/metrics.jsonl"), lines);
+    write_file(dir / (run + "/eval.json"), concat("{\"mean\": {\"psnr\": ", end, "}}"));
+  };
+  write_run("new/desk/0",
+            "{\"step\": 10, \"seconds\": 2.0, \"test_psnr\": 27}\n"
+            "{\"step\": 20, \"seconds\": 3.0, \"test_psnr\": 29}\n"
+            "{\"step\": 40, \"seconds\": 5.0, \"loss\": 1}\nhalf a li",
+            31);
+  write_run("new/desk/1", "{\"step\": 20, \"seconds\": 4.0, \"test_psnr\": 28}\n", 29.5);
+  write_run("old", "{\"step\": 9, \"seconds\": 7.0, \"loss\": 1}\n", 20);
+  const Outcome outcome =
+      run(dir, "jade_bench --json quality new old --psnr 28,30 --csv table.csv");
+  INFO(outcome.err);
+  REQUIRE(outcome.code == 0);
+  const auto groups = nlohmann::json::parse(outcome.out);
+  REQUIRE(groups.size() == 2);
+  CHECK(groups[0]["run"] == "new/desk");
+  CHECK(groups[0]["goals"][0]["seconds"] == 3.5);
+  CHECK(groups[0]["goals"][0]["step"] == 20);
+  CHECK(groups[0]["goals"][1]["reached"] == 1);
+  CHECK(groups[0]["goals"][1]["seconds"] == 5);
+  CHECK(groups[0]["end"]["psnr"] == 30.25);
+  CHECK(groups[1]["goals"][0]["reached"] == 0);
+  CHECK_THAT(read_file(dir / "table.csv"),
+             Catch::StartsWith("run,goal,seconds,step,psnr\nnew/desk/0,28,3.000,20,29.000\n") &&
+                 Catch::Contains("new/desk/1,30,,,\n") && Catch::Contains("old,,7.000,9,20.000"));
+  check_error(run(dir, "jade_bench quality nowhere"), 3, "nowhere: expected a run of jade_train");
+  std::filesystem::create_directories(dir / "older");
+  write_file(dir / "older/metrics.jsonl", "{\"step\": 1, \"loss\": 1}\n");
+  check_error(run(dir, "jade_bench quality older"), 3, "expected lines with \"seconds\"");
 }
 
 TEST_CASE("jade_bench losses: a term that is none is named beside those that are", "[apps]") {

@@ -187,7 +187,7 @@ TEST_CASE("mcmc: dead Gaussians move onto living ones, which share their opacity
   Fixture f;
   f.model.parameters().logit_opacities.detach().copy_(torch::tensor({-9.f, 2.f, -9.f, -9.f, -9.f}));
   at::Generator generator = make_generator(1, "mcmc");
-  CHECK(relocate_dead(0.005, f.model, f.adam, generator) == 4);
+  CHECK(relocate_dead({0.005}, f.model, f.adam, generator) == 4);
   REQUIRE(f.model.size() == 5);
   const splat::Gaussians g = f.model.detached();
   const double o = 1 / (1 + std::exp(-2.0));
@@ -217,7 +217,7 @@ TEST_CASE("mcmc: two that share a place look like the one before at its centre",
   at::Generator generator = make_generator(1, "mcmc");
   const double o = f.model.detached().logit_opacities.sigmoid()[0].item<double>();
   const double scale = f.model.detached().log_scales.exp()[0][0].item<double>();
-  CHECK(add_on_living(1, 0.005, f.model, f.adam, generator) == 1);
+  CHECK(add_on_living(1, {0.005}, f.model, f.adam, generator) == 1);
   REQUIRE(f.model.size() == 2);
   const double shared = f.model.detached().logit_opacities.sigmoid()[1].item<double>();
   CHECK(1 - (1 - shared) * (1 - shared) == Approx(o).epsilon(1e-4));
@@ -226,6 +226,33 @@ TEST_CASE("mcmc: two that share a place look like the one before at its centre",
   CHECK(f.model.detached().log_scales.exp()[1][0].item<double>() ==
         Approx(scale * factor).epsilon(1e-4));
   CHECK(f.adam.first_moments().means.size(0) == 2);
+}
+
+TEST_CASE("mcmc: spread copies are drawn from their Gaussian and smaller, by the weights given",
+          "[gaussians]") {
+  Fixture f(4);
+  f.model.parameters().logit_opacities.detach().copy_(torch::tensor({2.f, 2.f, -9.f, -9.f}));
+  at::Generator generator = make_generator(1, "mcmc");
+  const splat::Gaussians before =
+      map_parameters(f.model.detached(), [](const torch::Tensor& value) { return value.clone(); });
+  // The weight of a dead one does not count.
+  CopyRule rule{0.005, true, torch::tensor({0.f, 1.f, 5.f, 0.f})};
+  CHECK(relocate_dead(rule, f.model, f.adam, generator) == 2);
+  const splat::Gaussians after = f.model.detached();
+  CHECK(after.means[0].equal(before.means[0]));
+  CHECK(after.means[1].equal(before.means[1]));
+  for (const int64_t row : {2, 3}) {
+    const auto moved = (after.means[row] - before.means[1]).norm().item<double>();
+    CHECK(moved > 0);
+    CHECK(moved < 5 * 0.005);
+    CHECK(after.log_scales[row].allclose(after.log_scales[1] - std::log(1.6f)));
+    CHECK(after.logit_opacities[row].equal(after.logit_opacities[1]));
+  }
+  CHECK_FALSE(after.means[2].equal(after.means[3]));
+  // Without a weight above 0 opacity decides, as where there are none.
+  rule.weights = torch::zeros({4});
+  CHECK(add_on_living(3, rule, f.model, f.adam, generator) == 3);
+  CHECK(f.model.size() == 7);
 }
 
 TEST_CASE("mcmc: noise moves faint Gaussians along their axes and leaves opaque ones",
@@ -247,6 +274,7 @@ TEST_CASE("mcmc: update grows by the given share up to max_gaussians and regular
   DensifyOptions options;
   options.strategy = DensifyStrategy::kMcmc;
   options.max_gaussians = 107;
+  options.mcmc.copies = McmcCopies::kStacked;
   Densifier densifier = f.densifier(options);
   CHECK(densifier.due(17));
   CHECK_FALSE(densifier.accumulated().defined());
@@ -258,6 +286,25 @@ TEST_CASE("mcmc: update grows by the given share up to max_gaussians and regular
   loss.backward();
   CHECK(f.model.parameters().log_scales.grad().min().item<double>() > 0);
   CHECK_FALSE(f.densifier(CloneAndSplit()).regularization(f.model).defined());
+}
+
+TEST_CASE("mcmc: relocated Gaussians spread over the largest screen gradient", "[gaussians]") {
+  Fixture f;
+  f.model.parameters().logit_opacities.detach().copy_(torch::tensor({-9.f, 2.f, 2.f, 2.f, -9.f}));
+  const torch::Tensor there = f.model.detached().means[3].clone();
+  DensifyOptions options;
+  options.strategy = DensifyStrategy::kMcmc;
+  options.max_gaussians = 5;
+  options.mcmc.noise_lr = 0;
+  Densifier densifier = f.densifier(options);
+  CHECK(keeps_statistics(options, 14999));
+  CHECK_FALSE(keeps_statistics(options, 15000));
+  set_statistics(densifier, {1, 0, 0, 1e-3f, 1});
+  CHECK(densifier.update(600, f.model, f.adam).relocated == 2);
+  for (const int64_t row : {0, 4}) {
+    CHECK((f.model.detached().means[row] - there).norm().item<double>() < 5 * 0.005);
+  }
+  CHECK(densifier.accumulated().gradient_norm.sum().item<float>() == 0);
 }
 
 TEST_CASE("mcmc: growth beyond any integer stops at max_gaussians", "[gaussians]") {

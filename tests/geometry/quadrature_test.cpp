@@ -3,6 +3,8 @@
 
 #include "support/catch.h"
 
+#include <algorithm>
+#include <cmath>
 #include <numeric>
 
 #include "jade/core/error.h"
@@ -40,6 +42,20 @@ TEST_CASE(
   CHECK(trapezoid == Approx(1 + 2.0 / 64).epsilon(1e-9));
   CHECK(quadrature(QuadratureRule::kTrapezoid, 9).weights.front() == 1.0 / 16);
   CHECK_THROWS_AS(quadrature(QuadratureRule::kEqual, 8), ContractError);
+}
+
+TEST_CASE("quadrature: some of a rule's moments take its mean of what is linear between them",
+          "[geometry]") {
+  for (const auto rule : {QuadratureRule::kEqual, QuadratureRule::kTrapezoid}) {
+    const Quadrature all = quadrature(rule, 17), some = thinned(all, 4);
+    REQUIRE(some.u == std::vector<double>{0, 0.25, 0.5, 0.75, 1});
+    const auto roof = [](double u) { return std::abs(u - 0.25) + 3 * std::max(0.0, u - 0.75); };
+    CHECK(integral(some, roof) == Approx(integral(all, roof)).epsilon(1e-12));
+  }
+  const Quadrature five = quadrature(QuadratureRule::kTrapezoid, 5);
+  CHECK(thinned(quadrature(QuadratureRule::kTrapezoid, 9), 2).weights == five.weights);
+  CHECK(thinned(five, 1).weights == five.weights);
+  CHECK_THROWS_AS(thinned(five, 3), ContractError);
 }
 
 }  // namespace

@@ -82,19 +82,25 @@ TEST_CASE("learned cameras: a test pose that is off by pixels is fitted to its i
     return eval::psnr(run::render_view(gaussians, pose, view.camera, {}), view.image);
   };
 
-  const data::Dataset aligned = run::with_learned_poses(dataset, unmoved, gaussians, 0, {});
+  const data::Dataset aligned = run::with_learned_poses(dataset, unmoved, gaussians, {}, {});
   CHECK(error_px(aligned.test[0].pose, view.pose, view) < 1e-3);
-  const data::Dataset fitted = run::with_learned_poses(dataset, unmoved, gaussians, 200, {});
+  const data::Dataset fitted = run::with_learned_poses(dataset, unmoved, gaussians, {200}, {});
   CHECK(psnr_from(fitted.test[0].pose) > psnr_from(view.pose) + 10);
 
   // Asked to stop, the fit ends early, but not that of an evaluation which nothing would repeat.
   set_interrupt_requested(true);
-  const data::Dataset ended = run::with_learned_poses(dataset, unmoved, gaussians, 200, {});
-  const data::Dataset finished = run::with_learned_poses(dataset, unmoved, gaussians, 200, {},
-                                                         false, run::OnInterrupt::kFinish);
+  const data::Dataset ended = run::with_learned_poses(dataset, unmoved, gaussians, {200}, {});
+  const data::Dataset finished = run::with_learned_poses(
+      dataset, unmoved, gaussians, {200, false, run::OnInterrupt::kFinish}, {});
   set_interrupt_requested(false);
   CHECK(error_px(ended.test[0].pose, view.pose, view) < 1e-3);
   CHECK(error_px(finished.test[0].pose, fitted.test[0].pose, view) < 1e-3);
+
+  // The fit of a later scene goes on from there: no step is needed where nothing changed.
+  run::PoseFit warm;
+  warm.from = &fitted;
+  const data::Dataset again = run::with_learned_poses(dataset, unmoved, gaussians, warm, {});
+  CHECK(error_px(again.test[0].pose, fitted.test[0].pose, view) < 1e-3);
 }
 
 TEST_CASE("learned cameras: test views follow a motion that all exposures share", "[run]") {
@@ -125,7 +131,7 @@ TEST_CASE("learned cameras: test views follow a motion that all exposures share"
   sources.near = dataset.near;
   sources.far = dataset.far;
   const splat::Gaussians gaussians = gaussians::initial_gaussians({}, sources, generator);
-  const data::Dataset learned = run::with_learned_poses(dataset, poses, gaussians, 0, {});
+  const data::Dataset learned = run::with_learned_poses(dataset, poses, gaussians, {}, {});
   for (size_t i = 0; i < dataset.test.size(); ++i) {
     const geometry::Pose expected = geometry::moved(dataset.test[i].pose, motion);
     CHECK(geometry::rotation_angle(learned.test[i].pose, expected) < 1e-4);

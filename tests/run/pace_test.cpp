@@ -51,7 +51,7 @@ TEST_CASE("pace: a run that names its steps keeps all else", "[run]") {
 }
 
 TEST_CASE("pace: restoration takes at most a third of the run", "[run]") {
-  // 2,000 steps of 0.1 s.
+  // 2,000 steps of 0.1 s with all moments.
   const auto fitted = [](double restore_s, const run::Choices& choices = {}) {
     train::RunOptions options = cpu_options();
     const auto said = run::fit_to_speed({restore_s, 0.1}, kFrames, choices, options);
@@ -59,7 +59,7 @@ TEST_CASE("pace: restoration takes at most a third of the run", "[run]") {
                            options.objective.restored_poses == RestoredPoses::kAll));
     return options.objective;
   };
-  CHECK(fitted(0.25).restored_poses == RestoredPoses::kAll);  // 90 s of 290
+  CHECK(fitted(0.24).restored_poses == RestoredPoses::kAll);  // 86 s of 263
   CHECK(fitted(0.5).restored_poses == RestoredPoses::kThree);
   CHECK(fitted(1).restored_poses == RestoredPoses::kMiddle);
   CHECK(fitted(1).target == Target::kEfnet);
@@ -84,6 +84,7 @@ TEST_CASE("pace: frames without events are restored at one moment", "[run]") {
 TEST_CASE("pace: minutes become steps and moments", "[run]") {
   const auto fitted = [](double step_s, double restore_s, run::Choices choices = {}) {
     train::RunOptions options;
+    options.train.quarter_moments_until = options.train.half_moments_until = 0;
     choices.minutes = 10;
     run::fit_to_speed({restore_s, step_s}, kFrames, choices, options);
     return options;
@@ -103,6 +104,15 @@ TEST_CASE("pace: minutes become steps and moments", "[run]") {
   CHECK(fitted(0.1, 2).objective.restored_poses == RestoredPoses::kMiddle);
   const train::RunOptions named = fitted(0.34, 0, {{"train.iterations", "exposure.samples"}});
   CHECK((named.train.iterations == 8000 && named.exposure.samples == 17));
+}
+
+TEST_CASE("pace: steps with fewer moments early make room for more", "[run]") {
+  train::RunOptions options;
+  run::Choices choices;
+  choices.minutes = 10;
+  run::fit_to_speed({0, 0.1}, kFrames, choices, options);
+  // 540 s of steps that take 0.1 s with 17 moments: an eighth has 5, then 7.5 % have 9.
+  CHECK(options.train.iterations == 6160);
 }
 
 TEST_CASE("pace: what a run chose stands in its config.yaml, and a resumed one goes on with it",

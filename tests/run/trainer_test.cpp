@@ -174,7 +174,8 @@ TEST_CASE("trainer: a run leaves the documented files", "[run]") {
   int lines = 0;
   for (std::string line; std::getline(metrics, line); ++lines) {
     const auto object = nlohmann::json::parse(line);
-    for (const char* key : {"step", "loss", "blur", "psnr_train", "gaussians", "memory_bytes"}) {
+    for (const char* key :
+         {"step", "loss", "blur", "psnr_train", "gaussians", "seconds", "memory_bytes"}) {
       INFO(key);
       CHECK(object.contains(key));
     }

@@ -49,7 +49,7 @@ struct Bench {
     in.view_index = view;
     in.pose_draws = draws.to(device);
     in.view_pick = torch::tensor({view}, torch::kInt64).to(device);
-    train::pick_factors(poses.data(), &in);
+    train::pick_factors(poses.data(), /*stride=*/1, &in);
     return in;
   }
   train::StepPlan plan(int64_t step) const { return train::plan_step(options, step); }

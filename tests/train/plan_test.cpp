@@ -98,3 +98,28 @@ TEST_CASE("plan: screen gradients count for adc alone and end with it", "[train]
   options.densify.strategy = gaussians::DensifyStrategy::kMcmc;
   CHECK_FALSE(train::plan_step(options, 1).statistics);
 }
+
+TEST_CASE("plan: an exposure has few moments early, as many as its number allows", "[train]") {
+  train::RunOptions options;
+  options.train.iterations = 1000;
+  train::settle(options);
+  const auto stride = [&](int64_t samples, int64_t step) {
+    options.exposure.samples = samples;
+    return train::plan_step(options, step).moment_stride;
+  };
+  CHECK(stride(17, 1) == 4);
+  CHECK(stride(17, 125) == 4);
+  CHECK(stride(17, 126) == 2);
+  CHECK(stride(17, 200) == 2);
+  CHECK(stride(17, 201) == 1);
+  // Mid-exposure stays among them: of 13, seven, and of 11 all.
+  CHECK(stride(13, 1) == 2);
+  CHECK(stride(11, 1) == 1);
+  options.exposure.samples = 17;
+  const double mean = train::mean_share_of_moments(options);
+  CHECK(mean == Approx((0.125 * 5 + 0.075 * 9 + 0.8 * 17) / 17).epsilon(1e-9));
+  options.train.quarter_moments_until = 0;
+  CHECK(train::plan_step(options, 1).moment_stride == 2);
+  options.train.half_moments_until = 0;
+  CHECK(train::mean_share_of_moments(options) == 1);
+}

@@ -135,17 +135,12 @@ TEST_CASE("state: the modules follow the options", "[train]") {
 
 TEST_CASE("state: the densification threshold is that of nine renders, a K-th of each with K",
           "[train]") {
-  const test::TinyScene scene;
-  train::RunOptions options = test::tiny_options(scene);
-  const data::Dataset dataset = data::load_dataset(options.dataset);
-  const auto threshold = [&] {
-    return train::make_state(options, dataset, torch::kCPU).densifier.options().gradient_threshold;
-  };
-  const double given = options.densify.gradient_threshold;
-  CHECK(threshold() == given);
+  train::RunOptions options = train::printed_options();
+  CHECK(train::gradient_factor(options, 1) == 1);
   options.exposure.samples = 17;
-  CHECK(threshold() == Approx(given * 9 / 17));
+  CHECK(train::gradient_factor(options, 1) == Approx(9.0 / 17));
+  CHECK(train::gradient_factor(options, 4) == Approx(9.0 / 5));
   // L_tgt alone renders one pose.
   options.objective.blur = options.objective.simulation = options.objective.intensity = false;
-  CHECK(threshold() == given);
+  CHECK(train::gradient_factor(options, 4) == 1);
 }

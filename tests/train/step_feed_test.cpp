@@ -105,3 +105,33 @@ TEST_CASE("step feed: what the options do not ask for is not there", "[train]") 
   CHECK_FALSE(in.term_weights.defined());
   CHECK(in.view.u.equal(feed.views()[static_cast<size_t>(in.view_index)].u));
 }
+
+TEST_CASE("step feed: early steps are given every fourth moment, then every second", "[train]") {
+  const test::TinyScene scene;
+  train::RunOptions options = test::all_poses_options(scene);
+  options.exposure = {geometry::QuadratureRule::kTrapezoid, 9};
+  options.objective.target = losses::Target::kEfnet;
+  options.objective.edi_contrast = 1.5;
+  options.train.quarter_moments_until = 4;
+  options.train.half_moments_until = 12;
+  train::StepFeed feed = feed_of(scene, options);
+  for (const auto& [step, stride] : {std::pair<int64_t, int64_t>{3, 4}, {11, 2}, {13, 1}, {2, 4}}) {
+    INFO("step " << step);
+    const train::StepInputs in = feed.at(step);
+    const train::View& view = feed.views()[static_cast<size_t>(in.view_index)];
+    const int64_t moments = 8 / stride + 1;
+    CHECK(in.view.u.equal(torch::linspace(0, 1, moments, torch::kFloat64)));
+    CHECK(in.view.cameras.intrinsics.size(0) == moments);
+    for (int64_t k = 0; k < moments; ++k) {
+      CHECK(in.view.cameras.camera_from_world[k].equal(view.cameras.camera_from_world[k * stride]));
+    }
+    CHECK(in.view.weights.sum().item<double>() == Approx(1));
+    CHECK(in.view.weights[0].item<double>() == Approx(0.5 / double(moments - 1)));
+    CHECK(in.pose_draws.max().item<int64_t>() < moments);
+    // Factors and target are those of the moments drawn.
+    const auto drawn = [&](int64_t term) { return stride * in.pose_draws[term].item<int64_t>(); };
+    CHECK(in.edi_factors.simulation.equal(view.taught_factors[drawn(2)].to(torch::kFloat32)));
+    CHECK(in.view.fixed_target.equal(view.restored_poses.efnet[drawn(3)].to(torch::kFloat32)));
+  }
+  CHECK(feed.views()[0].u.size(0) == 9);
+}

@@ -16,8 +16,6 @@ constexpr int kOpacity = 3;
 constexpr int64_t kChildren = 2;
 /// Densifications in the schedule that mcmc.growth refers to: from 500 to 15,000, every 100.
 constexpr double kMcmcDensifications = 145;
-/// Children of a split are this much smaller (3DGS: 0.8 · number of children).
-const double kSplitShrink = std::log(1.6);
 
 double logit(double p) { return std::log(p / (1 - p)); }
 
@@ -65,8 +63,17 @@ double mcmc_growth(const DensifyOptions& options) {
   return std::pow(1 + options.mcmc.growth, more);
 }
 
+namespace {
+
+bool reads_statistics(const DensifyOptions& options) {
+  return options.strategy == DensifyStrategy::kAdc ||
+         (options.strategy == DensifyStrategy::kMcmc && options.mcmc.copies == McmcCopies::kSpread);
+}
+
+}  // namespace
+
 bool keeps_statistics(const DensifyOptions& options, int64_t step) {
-  return options.strategy == DensifyStrategy::kAdc && step < options.until;
+  return reads_statistics(options) && step < options.until;
 }
 
 void reset_opacities(GaussianModel& model, GaussianAdam& adam) {
@@ -83,7 +90,7 @@ Densifier::Densifier(const DensifyOptions& options, const GaussianModel& model,
 
 void Densifier::reset_statistics(const GaussianModel& model) {
   statistics_ = {};
-  if (options_.strategy != DensifyStrategy::kAdc) return;
+  if (!reads_statistics(options_)) return;
   statistics_ = splat::ScreenStatistics::zeros(model.size(), model.device());
 }
 
@@ -103,11 +110,13 @@ bool Densifier::due(int64_t step) const {
          opacity_reset_due(step);
 }
 
-DensifyReport Densifier::update(int64_t step, GaussianModel& model, GaussianAdam& adam) {
+DensifyReport Densifier::update(int64_t step, GaussianModel& model, GaussianAdam& adam,
+                                double gradient_factor) {
   DensifyReport report;
   if (densify_due(step)) {
+    const double threshold = options_.gradient_threshold * gradient_factor;
     report = options_.strategy == DensifyStrategy::kMcmc ? update_mcmc(model, adam)
-                                                         : update_adc(step, model, adam);
+                                                         : update_adc(step, threshold, model, adam);
   }
   if (opacity_reset_due(step)) {
     reset_opacities(model, adam);
@@ -120,14 +129,18 @@ DensifyReport Densifier::update(int64_t step, GaussianModel& model, GaussianAdam
   return report;
 }
 
-DensifyReport Densifier::update_adc(int64_t step, GaussianModel& model, GaussianAdam& adam) {
+torch::Tensor Densifier::mean_gradient() const {
+  return (statistics_.gradient_norm / statistics_.visible_count.clamp_min(1)).nan_to_num(0, 0, 0);
+}
+
+DensifyReport Densifier::update_adc(int64_t step, double gradient_threshold, GaussianModel& model,
+                                    GaussianAdam& adam) {
   const torch::NoGradGuard no_grad;
   const splat::Gaussians values = model.detached();
-  const torch::Tensor gradient =
-      (statistics_.gradient_norm / statistics_.visible_count.clamp_min(1)).nan_to_num(0, 0, 0);
+  const torch::Tensor gradient = mean_gradient();
   check_shape(gradient, "densification statistics", {model.size()});
   const int64_t room = options_.max_gaussians - model.size();
-  const torch::Tensor grow = growing_rows(gradient, options_.gradient_threshold, room);
+  const torch::Tensor grow = growing_rows(gradient, gradient_threshold, room);
   const torch::Tensor large =
       largest_scale(values).index_select(0, grow) > options_.split_scale * model.extent();
   const torch::Tensor cloned = grow.masked_select(~large);
@@ -162,13 +175,17 @@ DensifyReport Densifier::update_adc(int64_t step, GaussianModel& model, Gaussian
 }
 
 DensifyReport Densifier::update_mcmc(GaussianModel& model, GaussianAdam& adam) {
+  const bool spread = options_.mcmc.copies == McmcCopies::kSpread;
   DensifyReport report;
-  report.relocated = relocate_dead(options_.prune_opacity, model, adam, generator_);
+  report.relocated =
+      relocate_dead({options_.prune_opacity, spread, spread ? mean_gradient() : torch::Tensor()},
+                    model, adam, generator_);
   // Bounded as a number of floating point: the growth of few densifications exceeds any integer.
   const double wanted = std::min(static_cast<double>(options_.max_gaussians),
                                  static_cast<double>(model.size()) * mcmc_growth(options_));
-  report.added = add_on_living(static_cast<int64_t>(wanted) - model.size(), options_.prune_opacity,
-                               model, adam, generator_);
+  report.added = add_on_living(static_cast<int64_t>(wanted) - model.size(),
+                               {options_.prune_opacity, spread, {}}, model, adam, generator_);
+  reset_statistics(model);
   return report;
 }
 

@@ -13,8 +13,22 @@
 
 namespace jade::gaussians {
 
+/// Place of the Gaussians that strategy mcmc adds or relocates.
+enum class McmcCopies { kStacked, kSpread };
+
+constexpr auto words_of(McmcCopies) {
+  return std::array{
+      Word{"stacked", McmcCopies::kStacked,
+           "at the centre of the Gaussian that they copy, as published; both then have the same "
+           "gradient, and it takes thousands of steps until they part"},
+      Word{"spread", McmcCopies::kSpread,
+           "drawn from that Gaussian and 1.6 times smaller, as children of a split; relocated ones "
+           "copy Gaussians of large screen gradients"}};
+}
+
 /// 3DGS as Markov chain Monte Carlo (Kheradmand et al., NeurIPS 2024).
 struct McmcOptions {
+  McmcCopies copies = McmcCopies::kSpread;
   double noise_lr = 5e5;
   double growth = 0.05;
   double opacity_regularization = 0.01;
@@ -23,6 +37,7 @@ struct McmcOptions {
 
 template <class V>
 void describe(V& v, McmcOptions& o) {
+  v.field("copies", o.copies, "where new and relocated Gaussians are put");
   v.field("noise_lr", o.noise_lr, "exploration noise, times the means' step size", Range{0, 1e9});
   v.field("growth", o.growth,
           "share of new Gaussians at each densification of a run of 25,000 steps, which has 145; a "
@@ -127,7 +142,9 @@ class Densifier {
 
   /// Densifies if `step` is due, after the backward pass and the optimiser's step. Synchronises
   /// with the device only if rows change. Changed parameters have no gradient.
-  DensifyReport update(int64_t step, GaussianModel& model, GaussianAdam& adam);
+  /// @param gradient_factor  of gradient_threshold
+  DensifyReport update(int64_t step, GaussianModel& model, GaussianAdam& adam,
+                       double gradient_factor = 1);
 
   /// Opacity and scale terms that strategy mcmc adds to the loss, a scalar; undefined otherwise.
   torch::Tensor regularization(const GaussianModel& model) const;
@@ -135,7 +152,7 @@ class Densifier {
   const DensifyOptions& options() const { return options_; }
   at::Generator& generator() { return generator_; }
   /// The accumulators, for RenderOptions.statistics of steps at which keeps_statistics(), and for
-  /// checkpoints; undefined where the strategy reads none.
+  /// checkpoints; undefined where nothing reads any.
   const splat::ScreenStatistics& accumulated() const { return statistics_; }
   void restore(const splat::ScreenStatistics& statistics) { statistics_ = statistics; }
 
@@ -143,8 +160,11 @@ class Densifier {
   bool densify_due(int64_t step) const;
   bool opacity_reset_due(int64_t step) const;
   void reset_statistics(const GaussianModel& model);
-  DensifyReport update_adc(int64_t step, GaussianModel& model, GaussianAdam& adam);
+  DensifyReport update_adc(int64_t step, double gradient_threshold, GaussianModel& model,
+                           GaussianAdam& adam);
   DensifyReport update_mcmc(GaussianModel& model, GaussianAdam& adam);
+  /// [N] mean screen gradient of each Gaussian since the last densification.
+  torch::Tensor mean_gradient() const;
 
   DensifyOptions options_;
   at::Generator generator_;

@@ -42,8 +42,28 @@ void share(double opacity, int64_t copies, double* new_opacity, double* scale_fa
   *scale_factor = sum > 0 ? o / sum : 1;
 }
 
-torch::Tensor living_weights(const torch::Tensor& opacities, double min_opacity) {
-  return torch::where(opacities > min_opacity, opacities, torch::zeros_like(opacities));
+/// How likely each Gaussian is copied, [N] on the CPU; a dead one never.
+torch::Tensor copy_weights(const CopyRule& rule, const torch::Tensor& opacities) {
+  const auto of_living = [&](const torch::Tensor& weights) {
+    return torch::where(opacities > rule.min_opacity, weights, torch::zeros_like(weights));
+  };
+  if (rule.weights.defined()) {
+    const torch::Tensor weights = of_living(rule.weights.to(torch::kCPU));
+    if ((weights > 0).any().item<bool>()) return weights;
+  }
+  return of_living(opacities);
+}
+
+/// Spreads the rows, copies of other Gaussians, over these: draws their means and makes them
+/// smaller.
+void spread_copies(const torch::Tensor& rows, splat::Gaussians* values, at::Generator& generator) {
+  const torch::Tensor normal =
+      at::randn({rows.size(0), 3}, generator, torch::kFloat32).to(values->means.device());
+  const auto of = [&](const torch::Tensor& value) { return value.index_select(0, rows); };
+  values->means.index_add_(0, rows,
+                           world_offsets(of(values->rotations), of(values->log_scales), normal));
+  values->log_scales.index_add_(
+      0, rows, torch::full({rows.size(0), 3}, -kSplitShrink, values->log_scales.options()));
 }
 
 /// Shares opacity and scale of the rows `chosen` (CPU int64, with repeats) among themselves and the
@@ -96,43 +116,48 @@ torch::Tensor world_offsets(const torch::Tensor& rotations, const torch::Tensor&
   return rotate(rotations, log_scales.exp() * x);
 }
 
-int64_t relocate_dead(double min_opacity, GaussianModel& model, GaussianAdam& adam,
+int64_t relocate_dead(const CopyRule& rule, GaussianModel& model, GaussianAdam& adam,
                       at::Generator& generator) {
   const torch::NoGradGuard no_grad;
   const torch::Tensor opacities = cpu_opacities(model);
-  const torch::Tensor dead = (opacities <= min_opacity).nonzero().squeeze(1);
-  const torch::Tensor weights = living_weights(opacities, min_opacity);
+  const torch::Tensor dead = (opacities <= rule.min_opacity).nonzero().squeeze(1);
   if (dead.size(0) == 0 || dead.size(0) == opacities.size(0)) return 0;
-  const torch::Tensor chosen = drawn_rows(weights, dead.size(0), generator);
+  const torch::Tensor chosen = drawn_rows(copy_weights(rule, opacities), dead.size(0), generator);
   splat::Gaussians values = copies_of(model);
-  share_places(chosen, opacities, min_opacity, &values);
+  share_places(chosen, opacities, rule.min_opacity, &values);
   const torch::Tensor from = chosen.to(model.device());
   const torch::Tensor into = dead.to(model.device());
   for (int i = 0; i < kParameterCount; ++i) {
     torch::Tensor& value = parameter(values, i);
     value.index_copy_(0, into, value.index_select(0, from));
   }
+  if (rule.spread) spread_copies(into, &values, generator);
   model.replace(values);
   adam.reset_rows(torch::cat({from, into}));
   return dead.size(0);
 }
 
-int64_t add_on_living(int64_t count, double min_opacity, GaussianModel& model, GaussianAdam& adam,
+int64_t add_on_living(int64_t count, const CopyRule& rule, GaussianModel& model, GaussianAdam& adam,
                       at::Generator& generator) {
   const torch::NoGradGuard no_grad;
   const torch::Tensor opacities = cpu_opacities(model);
-  const torch::Tensor weights = living_weights(opacities, min_opacity);
+  const torch::Tensor weights = copy_weights(rule, opacities);
   if (count <= 0 || !(weights > 0).any().item<bool>()) return 0;
   const torch::Tensor chosen = drawn_rows(weights, count, generator);
   splat::Gaussians values = copies_of(model);
-  share_places(chosen, opacities, min_opacity, &values);
+  share_places(chosen, opacities, rule.min_opacity, &values);
   const torch::Tensor from = chosen.to(model.device());
   adam.reset_rows(from);
   const torch::Tensor kept = torch::arange(model.size(), from.options());
   adam.gather_rows(torch::cat({kept, torch::full_like(from, -1)}));
-  model.replace(map_parameters(values, [&](const torch::Tensor& value) {
+  splat::Gaussians all = map_parameters(values, [&](const torch::Tensor& value) {
     return torch::cat({value, value.index_select(0, from)});
-  }));
+  });
+  if (rule.spread) {
+    spread_copies(torch::arange(model.size(), model.size() + count, from.options()), &all,
+                  generator);
+  }
+  model.replace(all);
   return count;
 }
 

@@ -11,14 +11,27 @@
 
 namespace jade::gaussians {
 
-/// Moves every Gaussian fainter than `min_opacity` onto a living one, drawn in proportion to
-/// opacity; all that share a place get the opacity and scale that keep the image (Eq. 9 of the
-/// paper). Their Adam moments start anew. Returns how many moved.
-int64_t relocate_dead(double min_opacity, GaussianModel& model, GaussianAdam& adam,
+/// Children of a split, and spread copies, are this much smaller in log scale (3DGS: 0.8 · number
+/// of children).
+constexpr double kSplitShrink = 0.47000362924573563;  // log 1.6
+
+/// How Gaussians are copied.
+struct CopyRule {
+  double min_opacity = 0;  ///< fainter ones are dead
+  /// The copies are drawn from the Gaussian and made smaller by kSplitShrink; else they share its
+  /// centre.
+  bool spread = false;
+  /// [N] how likely each living one is copied; undefined, or 0 for all of them: its opacity
+  torch::Tensor weights = {};
+};
+
+/// Moves every dead Gaussian onto a living one; all that share a place get the opacity and scale
+/// that keep the image (Eq. 9 of the paper). Their Adam moments start anew. Returns how many moved.
+int64_t relocate_dead(const CopyRule& rule, GaussianModel& model, GaussianAdam& adam,
                       at::Generator& generator);
 
 /// Adds `count` Gaussians on living ones in the same way. Returns `count`, or 0 where none lives.
-int64_t add_on_living(int64_t count, double min_opacity, GaussianModel& model, GaussianAdam& adam,
+int64_t add_on_living(int64_t count, const CopyRule& rule, GaussianModel& model, GaussianAdam& adam,
                       at::Generator& generator);
 
 /// Moves the means by Σ ε · `scale`, ε normal, damped for opaque Gaussians (Eq. 8 of the paper).

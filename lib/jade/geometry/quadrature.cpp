@@ -21,4 +21,24 @@ Quadrature quadrature(QuadratureRule rule, int64_t samples) {
   return out;
 }
 
+Quadrature thinned(const Quadrature& all, int64_t stride) {
+  const auto count = static_cast<int64_t>(all.u.size());
+  JADE_CHECK(stride >= 1 && (count - 1) % stride == 0, "expected a divisor of ", count - 1,
+             " as stride, found ", stride);
+  Quadrature out;
+  out.weights.assign(static_cast<size_t>((count - 1) / stride + 1), 0);
+  for (int64_t k = 0; k < count; ++k) {
+    const auto left = static_cast<size_t>(k / stride);
+    const double share = static_cast<double>(k % stride) / static_cast<double>(stride);
+    const double weight = all.weights[static_cast<size_t>(k)];
+    out.weights[left] += (1 - share) * weight;
+    if (share > 0) {
+      out.weights[left + 1] += share * weight;
+    } else {
+      out.u.push_back(all.u[static_cast<size_t>(k)]);
+    }
+  }
+  return out;
+}
+
 }  // namespace jade::geometry

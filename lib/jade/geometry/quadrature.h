@@ -45,4 +45,9 @@ struct Quadrature {
 /// @throws ContractError for an even number of samples or fewer than 3.
 Quadrature quadrature(QuadratureRule rule, int64_t samples);
 
+/// Every `stride`-th moment of a rule, from the first to the last: the mean over all moments of
+/// what is linear between those that stay.
+/// @throws ContractError where `stride` does not lead from the first moment to the last.
+Quadrature thinned(const Quadrature& all, int64_t stride);
+
 }  // namespace jade::geometry

@@ -140,7 +140,7 @@ data::Dataset with_poses_of(const fs::path& checkpoint, const data::Dataset& dat
   load_checkpoint_poses(checkpoint, *poses);
   splat::Gaussians none;
   none.means = torch::zeros({0, 3});
-  return with_learned_poses(dataset, *poses, none, /*fit_steps=*/0, train::render_options(options));
+  return with_learned_poses(dataset, *poses, none, {}, train::render_options(options));
 }
 
 /// Result of `load` for the newest undamaged checkpoint.

@@ -122,10 +122,10 @@ torch::Tensor learned_path(const train::ExposurePoses& poses, int64_t index,
 }
 
 data::Dataset with_learned_poses(const data::Dataset& dataset, const train::ExposurePoses& poses,
-                                 const splat::Gaussians& gaussians, int64_t fit_steps,
-                                 const splat::RenderOptions& render, bool fit_gain,
-                                 OnInterrupt on_interrupt) {
-  const bool may_end = on_interrupt == OnInterrupt::kEnd;
+                                 const splat::Gaussians& gaussians, const PoseFit& fit,
+                                 const splat::RenderOptions& render) {
+  const bool may_end = fit.on_interrupt == OnInterrupt::kEnd;
+  const data::Dataset& from = fit.from != nullptr ? *fit.from : dataset;
   data::Dataset learned = dataset;
   std::vector<geometry::Pose> before, after;
   for (size_t i = 0; i < learned.train.size(); ++i) {
@@ -135,7 +135,7 @@ data::Dataset with_learned_poses(const data::Dataset& dataset, const train::Expo
                                 " are not finite; lower poses.lr"));
     }
     data::Exposure& exposure = learned.train[i];
-    before.push_back(exposure.poses[geometry::kMidPose]);
+    before.push_back(from.train[i].poses[geometry::kMidPose]);
     for (size_t k = 0; k < exposure.poses.size(); ++k) {
       exposure.poses[k] = geometry::pose_from_tensor(path[static_cast<int64_t>(k)]);
     }
@@ -143,22 +143,26 @@ data::Dataset with_learned_poses(const data::Dataset& dataset, const train::Expo
   }
   const geometry::Similarity drift = geometry::align_cameras(before, after);
   const auto views = static_cast<int64_t>(learned.test.size() + learned.held_out.size());
-  Progress progress("fitting poses", views * fit_steps);
+  Progress progress("fitting poses", views * fit.steps);
   const auto gain_of = [&](double gain) {
-    return fit_gain ? std::nullopt : std::optional<double>(gain);
+    return fit.gain ? std::nullopt : std::optional<double>(gain);
   };
-  for (data::SharpView& view : learned.test) {
-    view.pose = geometry::moved(view.pose, drift);
+  for (size_t i = 0; i < learned.test.size(); ++i) {
+    data::SharpView& view = learned.test[i];
+    view.pose = geometry::moved(from.test[i].pose, drift);
     view.pose = fitted({view.image, view.camera, {view.pose}, {1.0}, view.mask, gain_of(view.gain)},
-                       gaussians, fit_steps, render, progress, may_end)[0];
+                       gaussians, fit.steps, render, progress, may_end)[0];
   }
-  for (data::Exposure& exposure : learned.held_out) {
-    for (geometry::Pose& pose : exposure.poses) pose = geometry::moved(pose, drift);
-    const std::vector<geometry::Pose> path{exposure.poses.begin(), exposure.poses.end()};
+  for (size_t i = 0; i < learned.held_out.size(); ++i) {
+    data::Exposure& exposure = learned.held_out[i];
+    std::vector<geometry::Pose> path;
+    for (const geometry::Pose& pose : from.held_out[i].poses) {
+      path.push_back(geometry::moved(pose, drift));
+    }
     const auto moments = geometry::quadrature(geometry::QuadratureRule::kTrapezoid, path.size());
     const auto found = fitted({exposure.blurry, exposure.camera, path, moments.weights,
                                exposure.mask, gain_of(exposure.gain)},
-                              gaussians, fit_steps, render, progress, may_end);
+                              gaussians, fit.steps, render, progress, may_end);
     std::copy(found.begin(), found.end(), exposure.poses.begin());
   }
   return learned;

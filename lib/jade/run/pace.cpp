@@ -107,6 +107,10 @@ int64_t rounded_steps(double steps) {
   return std::clamp(tens, kFewestSteps, kMostSteps);
 }
 
+double all_steps_s(const Speed& speed, const train::RunOptions& options) {
+  return speed.step_s * double(options.train.iterations) * train::mean_share_of_moments(options);
+}
+
 /// Number of steps that fit into the minutes left by restoration.
 double steps_in(double minutes, double restoration_s, double step_s) {
   return (60 * minutes * kForSteps - restoration_s) / std::max(step_s, 1e-6);
@@ -123,7 +127,9 @@ void fit_minutes(const Speed& speed, const RestoredFrames& frames, const Choices
     if (may_restore_less(choices, fit)) bound_restoration(speed, frames, most_s, fit);
     const double restoration_s =
         train::needs_efnet(fit) ? speed.restore_s * double(restored_moments(frames, fit)) : 0;
-    const double step_s = speed.step_s * double(samples) / measured_moments;
+    train::settle(fit);
+    const double step_s =
+        speed.step_s * double(samples) / measured_moments * train::mean_share_of_moments(fit);
     const double steps = steps_in(choices.minutes, restoration_s, step_s);
     if (choices.leave("train.iterations")) fit.train.iterations = rounded_steps(steps);
     return fit;
@@ -267,7 +273,8 @@ std::vector<std::string> fit_to_speed(const Speed& speed, const RestoredFrames& 
   if (choices.minutes > 0) {
     fit_minutes(speed, frames, choices, options);
   } else if (may_restore_less(choices, options)) {
-    const double steps_s = speed.step_s * double(options.train.iterations);
+    train::settle(options);
+    const double steps_s = all_steps_s(speed, options);
     const double most_s = steps_s * kMostRestoration / (1 - kMostRestoration);
     bound_restoration(speed, frames, std::max(most_s, kShortRestoration_s), options);
   }
@@ -320,7 +327,7 @@ void choose_pace(const data::Dataset& dataset, const Choices& choices, torch::De
   }
   if (speed.step_s > 0) {
     log_info(concat("then ", grouped(options.train.iterations), " steps, ",
-                    about_time(speed.step_s * double(options.train.iterations))));
+                    about_time(all_steps_s(speed, options))));
   }
 }
 

@@ -47,11 +47,14 @@ class MetricsLog {
   /// Goes on with the file, dropping lines of steps after `step` (a killed run wrote them).
   MetricsLog(std::filesystem::path path, int64_t step);
   void append(const std::string& json_object);
+  /// "seconds" of the last line that was kept; 0 without one.
+  double seconds_before() const { return seconds_before_; }
   /// Also calls `listener` with each line from now on.
   void tell(std::function<void(const std::string&)> listener) { listener_ = std::move(listener); }
 
  private:
   std::filesystem::path path_;
+  double seconds_before_ = 0;
   std::function<void(const std::string&)> listener_;
 };
 

@@ -34,6 +34,12 @@ void StageTimes::end(const std::string& stage) {
   }
 }
 
+double StageTimes::without(const std::string& stage) const {
+  double sum = now() - since_;
+  for (const auto& [name, seconds] : seconds_) sum += name == stage ? 0 : seconds;
+  return sum;
+}
+
 std::string StageTimes::text() const {
   std::string text;
   double all = 0;

@@ -15,6 +15,8 @@ class StageTimes {
   void end(const std::string& stage);
   /// In seconds, in the order in which the stages first ended.
   const std::vector<std::pair<std::string, double>>& seconds() const { return seconds_; }
+  /// Seconds from the beginning until now, without those of `stage`.
+  double without(const std::string& stage) const;
   /// "data 1.2 s, steps 20.0 s; 21.2 s in all"; what took less than 0.05 s is left out.
   std::string text() const;
 

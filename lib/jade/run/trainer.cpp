@@ -77,6 +77,11 @@ RunData load_data(const RunDirectory& directory, const train::RunOptions& option
   return data;
 }
 
+constexpr char kLooks[] = "looks on the way";
+
+/// Share of poses.test_fit_steps that a look takes after the first, whose fit it goes on from.
+constexpr int64_t kWarmFitShare = 8;
+
 /// True when `due` divides the step; 0 is never.
 bool every(int64_t step, int64_t due) { return due > 0 && step % due == 0; }
 
@@ -252,8 +257,8 @@ void Trainer::write_environment() const {
 void Trainer::step(const std::function<void()>& look) {
   const int64_t step = state_.step + 1;
   const train::StepInputs inputs = feed_.at(step);
-  const train::StepOutputs out =
-      step_graph_.run(state_, inputs, train::plan_step(options_, step), options_);
+  const train::StepPlan plan = train::plan_step(options_, step);
+  const train::StepOutputs out = step_graph_.run(state_, inputs, plan, options_);
   train::update_exposures(state_, options_, step);
   state_.step = step;
   monitor_.watch(out.terms, step);
@@ -262,7 +267,8 @@ void Trainer::step(const std::function<void()>& look) {
   }
   if (look) look();
   if (state_.densifier.due(step)) {
-    state_.densifier.update(step, state_.gaussians, state_.gaussian_adam);
+    state_.densifier.update(step, state_.gaussians, state_.gaussian_adam,
+                            train::gradient_factor(options_, plan.moment_stride));
   }
 }
 
@@ -308,6 +314,7 @@ void Trainer::log_step(const train::StepInputs& inputs, const train::StepOutputs
     line["iterations_per_second"] =
         static_cast<double>(state_.step - logged_step_) / (seconds - logged_seconds_);
   }
+  line["seconds"] = run_seconds();
   line["memory_bytes"] = peak_memory_bytes(device_);
   logged_seconds_ = seconds;
   logged_step_ = state_.step;
@@ -338,10 +345,10 @@ eval::Evaluation Trainer::evaluate(const data::Dataset& posed) {
   return evaluate_dataset(state_.gaussians.detached(), posed, lpips, options_);
 }
 
-eval::Evaluation Trainer::log_evaluation(const data::Dataset& posed) {
+eval::Evaluation Trainer::log_evaluation(const data::Dataset& posed, double seconds) {
   const eval::Evaluation evaluation = evaluate(posed);
   const eval::Scores& mean = evaluation.mean;
-  nlohmann::ordered_json line{{"step", state_.step}};
+  nlohmann::ordered_json line{{"step", state_.step}, {"seconds", seconds}};
   if (!evaluation.views.empty()) {
     log_info(concat("step ", state_.step, ": test PSNR ", mean.psnr, " dB, SSIM ", mean.ssim));
     line["test_psnr"] = mean.psnr;
@@ -365,13 +372,33 @@ eval::Evaluation Trainer::log_evaluation(const data::Dataset& posed) {
   return evaluation;
 }
 
-data::Dataset Trainer::posed_dataset(OnInterrupt on_interrupt) {
+data::Dataset Trainer::posed_dataset() {
   monitor_.check();
   if (!state_.poses) return data_.dataset;
-  return with_learned_poses(data_.dataset, *state_.poses, state_.gaussians.detached(),
-                            options_.poses.test_fit_steps, train::render_options(options_),
-                            learns_gains(), on_interrupt);
+  PoseFit fit;
+  fit.steps = options_.poses.test_fit_steps;
+  fit.gain = learns_gains();
+  return with_learned_poses(data_.dataset, *state_.poses, state_.gaussians.detached(), fit,
+                            train::render_options(options_));
 }
+
+const data::Dataset& Trainer::look_at_dataset() {
+  if (!state_.poses) return data_.dataset;
+  PoseFit fit;
+  fit.steps = options_.poses.test_fit_steps;
+  fit.gain = learns_gains();
+  // To the end even if asked to stop: the checkpoint that follows stands behind this look.
+  fit.on_interrupt = OnInterrupt::kFinish;
+  if (looked_at_) {
+    fit.from = &*looked_at_;
+    fit.steps = (fit.steps + kWarmFitShare - 1) / kWarmFitShare;
+  }
+  looked_at_ = with_learned_poses(data_.dataset, *state_.poses, state_.gaussians.detached(), fit,
+                                  train::render_options(options_));
+  return *looked_at_;
+}
+
+double Trainer::run_seconds() const { return metrics_->seconds_before() + times_.without(kLooks); }
 
 bool Trainer::learns_gains() const { return train::learns_gains(options_.gains, data_.dataset); }
 
@@ -406,14 +433,14 @@ void Trainer::look(Watcher* watcher) {
   if (!evaluation_due && !pictures_due) return;
   monitor_.check();
   times_.end("steps");
-  // To the end even if asked to stop: the checkpoint that follows stands behind this look.
-  const data::Dataset posed = posed_dataset(OnInterrupt::kFinish);
+  const double seconds = run_seconds();
+  const data::Dataset& posed = look_at_dataset();
   if (evaluation_due) {
-    const eval::Evaluation evaluation = log_evaluation(posed);
+    const eval::Evaluation evaluation = log_evaluation(posed, seconds);
     if (watcher) watcher->on_evaluation(posed, evaluation);
   }
   if (pictures_due) write_pictures(posed);
-  times_.end("looks on the way");
+  times_.end(kLooks);
 }
 
 void Trainer::stop() {

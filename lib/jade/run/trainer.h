@@ -86,12 +86,17 @@ class Trainer {
   void announce() const;
   void write_environment() const;
   void log_step(const train::StepInputs& inputs, const train::StepOutputs& out);
-  eval::Evaluation log_evaluation(const data::Dataset& posed);
+  /// @param seconds  run_seconds() before the look began
+  eval::Evaluation log_evaluation(const data::Dataset& posed, double seconds);
+  /// "seconds" of a line of metrics.jsonl: that the run has taken, without its looks on the way.
+  double run_seconds() const;
   /// Evaluation and pictures that are due.
   void look(Watcher* watcher);
   void save();
   /// The data set with the poses at which the scene is to be seen: learned ones where poses are.
-  data::Dataset posed_dataset(OnInterrupt on_interrupt = OnInterrupt::kEnd);
+  data::Dataset posed_dataset();
+  /// posed_dataset() for a look on the way: the fit of test poses goes on from the last look's.
+  const data::Dataset& look_at_dataset();
   /// @param truths  the test views' sharp images too
   void write_pictures(const data::Dataset& posed, bool truths = false);
   [[noreturn]] void stop();
@@ -110,8 +115,9 @@ class Trainer {
   TermMonitor monitor_;
   std::unique_ptr<MetricsLog> metrics_;
   PictureWriter pictures_;
-  std::string status_;         // for the progress bar
-  double logged_seconds_ = 0;  // clock and step of the last log line, for it/s
+  std::optional<data::Dataset> looked_at_;  // of the last look on the way, where poses are learned
+  std::string status_;                      // for the progress bar
+  double logged_seconds_ = 0;               // clock and step of the last log line, for it/s
   int64_t logged_step_ = 0;
 };
 

@@ -58,7 +58,10 @@ RunOptions printed_options() {
   options.poses.lr_final = 1e-5;
   options.densify.strategy = gaussians::DensifyStrategy::kAdc;
   options.densify.max_gaussians = 1000000;
+  options.densify.mcmc.copies = gaussians::McmcCopies::kStacked;
   options.train.iterations = 25000;
+  options.train.quarter_moments_until = 0;
+  options.train.half_moments_until = 0;
   return options;
 }
 

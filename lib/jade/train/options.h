@@ -28,6 +28,8 @@ namespace jade::train {
 struct TrainOptions {
   int64_t iterations = 8000;
   int64_t calendar = 0;
+  Steps quarter_moments_until = Steps::share(12.5);
+  Steps half_moments_until = Steps::share(20);
   Steps sh_degree_every = Steps::share(4);
   int64_t log_every = 100;
   int64_t evaluate_every = 5000;
@@ -43,6 +45,13 @@ void describe(V& v, TrainOptions& o) {
           "steps that shares of the run (such as 6%) are of; 0: train.iterations. A resumed run "
           "keeps those it began with",
           Range{0, 1e8});
+  v.field(
+      "quarter_moments_until", o.quarter_moments_until,
+      "until this step an exposure has every fourth of its moments (exposure.samples): 5 of 17; "
+      "0: never",
+      Range{0, 1e9});
+  v.field("half_moments_until", o.half_moments_until,
+          "then until this step every second: 9 of 17; 0: never", Range{0, 1e9});
   v.field("sh_degree_every", o.sh_degree_every,
           "steps until the colours get one more SH degree, up to 3", Range{1, 1e8});
   v.field("log_every", o.log_every, "steps between lines of metrics.jsonl", Range{1, 1e8});

@@ -17,13 +17,15 @@ struct StepPlan {
   losses::ObjectivePlan objective;  ///< its target also rests where no allocation makes one
   bool route = false;               ///< θ takes a step
   int sh_degree = 3;                ///< of the renders
+  int64_t moment_stride = 1;        ///< the exposure has every so many of its moments
   bool learned_poses = false;       ///< the exposure's cameras come from the state
   bool statistics = false;          ///< the renders feed the screen gradients of densification
   bool recordable = false;          ///< recording is wanted, and nothing depends on the host
 
   /// For the comparison.
   auto members() const {
-    const auto all = std::tie(objective, route, sh_degree, learned_poses, statistics, recordable);
+    const auto all =
+        std::tie(objective, route, sh_degree, moment_stride, learned_poses, statistics, recordable);
     static_assert(std::tuple_size_v<decltype(all)> == member_count<StepPlan>());
     return all;
   }
@@ -35,5 +37,8 @@ struct StepPlan {
 
 /// @param step  counted from 1
 StepPlan plan_step(const RunOptions& options, int64_t step);
+
+/// Moments that a step renders, on average over the run, as a share of all.
+double mean_share_of_moments(const RunOptions& options);
 
 }  // namespace jade::train

@@ -120,8 +120,8 @@ Renders render_exposure(TrainState& state, const StepInputs& inputs, const StepP
                         const RunOptions& options) {
   splat::RenderOptions render = render_options(plan, options);
   if (plan.statistics) render.statistics = state.densifier.accumulated();
-  const torch::Tensor read =
-      losses::poses_read(plan.objective, inputs.pose_draws, options.exposure.samples);
+  const int64_t samples = inputs.view.cameras.camera_from_world.size(0);
+  const torch::Tensor read = losses::poses_read(plan.objective, inputs.pose_draws, samples);
   TimedCameras timed = exposure_times(state, inputs, read);
   const int64_t poses = timed.cameras.camera_from_world.size(0);
   if (plan.objective.event) append_window(state, inputs.events, timed);
@@ -140,8 +140,7 @@ Renders render_exposure(TrainState& state, const StepInputs& inputs, const StepP
   renders.color = as_in_frame(state, inputs, renders.color);
   renders.all_poses = !read.defined();
   if (plan.objective.drawn_target) {
-    renders.target_pose =
-        losses::target_pose(plan.objective, inputs.pose_draws, options.exposure.samples);
+    renders.target_pose = losses::target_pose(plan.objective, inputs.pose_draws, samples);
   }
   return renders;
 }
@@ -156,7 +155,7 @@ std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& s
   inputs.renders = renders.color;
   inputs.blurry = view.blurry;
   inputs.blurry_moments = view.blurry_moments;
-  inputs.samples = options.exposure.samples;
+  inputs.samples = view.cameras.camera_from_world.size(0);
   inputs.weights = view.weights;
   inputs.pose_draws = step_inputs.pose_draws;
   inputs.edi_factors = step_inputs.edi_factors;

@@ -61,19 +61,14 @@ splat::Gaussians in_gray(splat::Gaussians start) {
   return start;
 }
 
-/// The threshold is that of nine renders: each of K has a K-th of L_blur, L_sim and L_int, so their
-/// mean screen gradient falls with K.
-gaussians::DensifyOptions densify_options(const RunOptions& options) {
-  gaussians::DensifyOptions densify = options.densify;
-  const losses::ObjectiveOptions& terms = options.objective;
-  if (terms.blur || terms.simulation || terms.intensity) {
-    densify.gradient_threshold *= static_cast<double>(geometry::kExposurePoses) /
-                                  static_cast<double>(options.exposure.samples);
-  }
-  return densify;
-}
-
 }  // namespace
+
+double gradient_factor(const RunOptions& options, int64_t moment_stride) {
+  const losses::ObjectiveOptions& terms = options.objective;
+  if (!terms.blur && !terms.simulation && !terms.intensity) return 1;
+  const int64_t moments = (options.exposure.samples - 1) / moment_stride + 1;
+  return static_cast<double>(geometry::kExposurePoses) / static_cast<double>(moments);
+}
 
 void TrainState::visit(const TensorVisitor& visitor) const {
   static_assert(member_count<TrainState>() == 12, "visit what a new member holds");
@@ -97,8 +92,8 @@ TrainState make_state(const RunOptions& options, const Start& start, torch::Devi
   TrainState state;
   state.gaussians = gaussians::GaussianModel(start.gaussians, start.extent, device);
   state.gaussian_adam = gaussians::GaussianAdam(state.gaussians, options.optim, start.monochrome);
-  state.densifier = gaussians::Densifier(densify_options(options), state.gaussians,
-                                         make_generator(seed, "densification"));
+  state.densifier =
+      gaussians::Densifier(options.densify, state.gaussians, make_generator(seed, "densification"));
   if (options.objective.target == losses::Target::kRouted) {
     state.allocation = router::make_allocation(options.allocation, start.views, start.height,
                                                start.width, make_generator(seed, "router start"));

@@ -41,6 +41,10 @@ struct TrainState {
   void visit(const std::function<void(const std::string&, const torch::Tensor&)>& visitor) const;
 };
 
+/// Factor of densify.gradient_threshold, which is that of nine renders: each of K has a K-th of
+/// L_blur, L_sim and L_int, so their mean screen gradient falls with K.
+double gradient_factor(const RunOptions& options, int64_t moment_stride);
+
 /// Initial values of a new state.
 struct Start {
   splat::Gaussians gaussians;

@@ -2,7 +2,10 @@
 #include "jade/train/step_feed.h"
 
 #include <algorithm>
+#include <numeric>
 #include <torch/types.h>
+
+#include "jade/train/plan.h"
 
 namespace jade::train {
 namespace {
@@ -26,8 +29,7 @@ StepFeed::StepFeed(const data::Dataset& dataset, const RunOptions& options, torc
     : options_(options),
       views_(prepare_views(dataset, options, device, std::move(early))),
       order_(static_cast<uint64_t>(options.seed), static_cast<int64_t>(views_.size())),
-      pose_draws_(static_cast<uint64_t>(options.seed), device, options.exposure.samples,
-                  draws_target_pose(options), std::max<int64_t>(restored_every(options), 1)),
+      device_(device),
       term_weights_(options.objective, calendar_steps(options), device),
       view_picks_(torch::arange(static_cast<int64_t>(views_.size()), torch::kInt64).to(device)) {
   const auto seed = static_cast<uint64_t>(options.seed);
@@ -36,7 +38,32 @@ StepFeed::StepFeed(const data::Dataset& dataset, const RunOptions& options, torc
   }
 }
 
+void StepFeed::set_stride(int64_t stride) {
+  if (stride == stride_) return;
+  stride_ = stride;
+  const auto& exposure = options_.exposure;
+  const int64_t restored = std::max<int64_t>(restored_every(options_), 1);
+  pose_draws_ =
+      PoseDraws(static_cast<uint64_t>(options_.seed), device_, (exposure.samples - 1) / stride + 1,
+                draws_target_pose(options_), std::lcm(stride, restored) / stride);
+  weights_ = torch::Tensor();
+  if (stride == 1) return;
+  const geometry::Quadrature some =
+      geometry::thinned(geometry::quadrature(exposure.quadrature, exposure.samples), stride);
+  weights_ = torch::tensor(some.weights, torch::kFloat64).to(device_, torch::kFloat32);
+}
+
+void StepFeed::thin(View& view) const {
+  if (stride_ == 1) return;
+  for (torch::Tensor* const each :
+       {&view.cameras.camera_from_world, &view.cameras.intrinsics, &view.u}) {
+    *each = each->slice(0, 0, each->size(0), stride_).contiguous();
+  }
+  view.weights = weights_;
+}
+
 StepInputs StepFeed::at(int64_t step) {
+  set_stride(plan_step(options_, step).moment_stride);
   const int64_t index = order_.at(step);
   StepInputs inputs;
   inputs.step = step;
@@ -46,9 +73,10 @@ StepInputs StepFeed::at(int64_t step) {
   inputs.term_weights = term_weights_.at(step);
   inputs.view_pick = view_picks_.narrow(0, index, 1);
   const int64_t* const poses = pose_draws_.on_host(step);
-  if (draws_target_pose(options_)) inputs.view = at_pose(inputs.view, poses[3], options_);
+  if (draws_target_pose(options_)) inputs.view = at_pose(inputs.view, stride_ * poses[3], options_);
   leave_out_unread(options_, inputs.view);
-  pick_factors(poses, &inputs);
+  pick_factors(poses, stride_, &inputs);
+  thin(inputs.view);
   if (event_windows_) inputs.events = event_windows_->at(step, index);
   return inputs;
 }

@@ -34,10 +34,18 @@ class StepFeed {
   const std::vector<View>& views() const { return views_; }
 
  private:
+  /// Draws and weights for steps with every `stride`-th moment.
+  void set_stride(int64_t stride);
+  /// Leaves the view the moments of the stride.
+  void thin(View& view) const;
+
   RunOptions options_;
   std::vector<View> views_;
   ViewOrder order_{0, 1};
-  PoseDraws pose_draws_;
+  torch::Device device_ = torch::kCPU;
+  int64_t stride_ = 0;     // that pose_draws_ and weights_ are of
+  PoseDraws pose_draws_;   // among the moments of the stride
+  torch::Tensor weights_;  // of these moments; undefined for a stride of 1
   TermWeights term_weights_;
   torch::Tensor view_picks_;                     // 0, 1, … on the device
   std::unique_ptr<EventWindows> event_windows_;  // of L_ev

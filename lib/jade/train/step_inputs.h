@@ -49,11 +49,11 @@ struct StepInputs {
 
 /// Moves EdiFactors of these poses from the view, which is left without the others: a recorded step
 /// has its inputs copied, and of nine or more poses it reads three.
-/// @param poses  [3] of L_edi gray, L_edi colour and L_sim
-inline void pick_factors(const int64_t* poses, StepInputs* inputs) {
+/// @param poses   [3] of L_edi gray, L_edi colour and L_sim, among every `stride`-th of the view's
+inline void pick_factors(const int64_t* poses, int64_t stride, StepInputs* inputs) {
   View& view = inputs->view;
   const torch::Tensor& all = view.taught_factors.defined() ? view.taught_factors : view.edi_factors;
-  const auto at = [&](int64_t term) { return all[poses[term]].to(torch::kFloat32); };
+  const auto at = [&](int64_t term) { return all[stride * poses[term]].to(torch::kFloat32); };
   inputs->edi_factors = {at(0), at(1), at(2)};
   view.edi_factors = view.taught_factors = torch::Tensor();
 }
