@@ -11,7 +11,7 @@
 
 namespace jade::gaussians {
 
-/// Moves every Gaussian fainter than `min_opacity` onto a living one, drawn in proportion to
+/// Moves every Gaussian fainter than `min_opacity` onto a living one, sampled in proportion to
 /// opacity; all that share a place get the opacity and scale that keep the image (Eq. 9 of the
 /// paper). Their Adam moments start anew. Returns how many moved.
 int64_t relocate_dead(double min_opacity, GaussianModel& model, GaussianAdam& adam,
@@ -25,7 +25,7 @@ int64_t add_on_living(int64_t count, double min_opacity, GaussianModel& model, G
 /// One draw from the generator; never waits for the device.
 void add_noise(double scale, GaussianModel& model, at::Generator& generator);
 
-/// [count] rows drawn with replacement, each as likely as its weight. Sums are in double, as
+/// [count] rows sampled with replacement, each as likely as its weight. Sums are in double, as
 /// float32 loses the late ones of millions of rows; torch's multinomial takes 2^24 rows at most.
 /// @param weights  [N] on the CPU, none below 0, some above
 torch::Tensor drawn_rows(const torch::Tensor& weights, int64_t count, at::Generator& generator);
