@@ -23,10 +23,10 @@ if [ ! -f runs/demo/report.html ]; then
   resume=()
   [ -z "$(ls runs/demo/checkpoints 2>/dev/null)" ] || resume=(--resume)
   step build/bin/jade_train --config configs/demo.yaml --output runs/demo "${resume[@]}" "$@"
-elif [ $# -gt 0 ]; then
-  echo "demo: runs/demo is trained already, without '$*'; remove that folder to train again" >&2
+else
+  [ $# -eq 0 ] || echo "demo: runs/demo is trained already, without '$*'; remove that folder to train again" >&2
+  step build/bin/jade_eval --run runs/demo
 fi
-step build/bin/jade_eval --run runs/demo
 report="$PWD/runs/demo/report.html"
 printf '\nreport: %s\nscene:  %s (drop it into any 3D Gaussian viewer)\n' "$report" "$PWD/runs/demo/point_cloud.ply"
 # For whoever sits before it: a terminal on a desktop, and no machine that only checks.

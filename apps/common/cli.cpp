@@ -149,31 +149,51 @@ std::filesystem::path settings_file(const std::filesystem::path& file) {
 
 Program::Program(const std::string& name, const std::string& description)
     : name_(name), cli_(description, name) {
+  cli_.formatter(help_);
+  begin_group("Common");
+  cli_.set_help_flag("-h,--help", "Print this help and exit")->group("Common");
   cli_.set_version_flag(
-      "--version", [name] { return version_text(name); }, "Version, commit, torch, CUDA, devices");
+      "--version", [name] { return version_text(name); },
+      "Print the versions of the program, torch and CUDA, and the devices");
   cli_.add_option("--log-level", log_level_, "debug, info, warn, error or off")
+      ->type_name("LEVEL")
       ->capture_default_str();
-  cli_.add_flag("--quiet", quiet_, "No progress and no messages but warnings and errors");
+  cli_.add_flag("--quiet", quiet_, "Print only warnings and errors");
+  begin_group("Options");
 }
 
 void Program::add_config_flags(CLI::App& cli) {
   cli.add_option("--config", config_files_,
-                 "YAML configuration; - reads standard input. Repeated: each is laid over those "
-                 "before it")
+                 "YAML file of settings; - reads standard input. Repeatable: each file is laid "
+                 "over those before it")
+      ->type_name("FILE")
+      ->group("Settings")
       ->allow_extra_args(false);
-  cli.add_option("--set", overrides_, "Override a key: --set a.b=value (repeatable, last wins)")
+  cli.add_option("--set", overrides_, "Set one key, such as train.iterations=2000. Repeatable")
+      ->type_name("KEY=VALUE")
+      ->group("Settings")
       ->allow_extra_args(false);
-  cli.add_flag("--print-config", print_config_,
-               "Print the resolved configuration with help, and exit");
-  cli.add_flag("--print-schema", print_schema_,
-               "Print a JSON Schema of the configuration, and exit");
-  cli.footer(
-      "Settings, later wins: defaults, config.yaml of the run where there is --run (or --resume "
-      "without\n--config), --config files in their order, --set, flags that stand for a key.");
+  cli.add_flag("--print-config", print_config_, "Print all settings with their meaning and exit")
+      ->group("Settings");
+  cli.add_flag("--print-schema", print_schema_, "Print a JSON Schema of the settings and exit")
+      ->group("Settings");
+  cli.footer([this] { return settings_order(); });
+}
+
+std::string Program::settings_order() const {
+  std::string text = "Settings, later wins: " + settings_order_;
+  if (!settings_order_.empty()) return text + ".";
+  text += "defaults";
+  if (cli_.get_option_no_throw("--run")) text += ", config.yaml of --run";
+  if (cli_.get_option_no_throw("--resume"))
+    text += ", config.yaml of a run that --resume continues";
+  text += ", --config, --set";
+  return text + (has_key_flags_ ? ", flags with a [key]." : ".");
 }
 
 CLI::Option* Program::add_key_flag(const std::string& flag, const std::string& key,
                                    const std::string& help) {
+  has_key_flags_ = true;
   return cli_.add_option_function<std::string>(
       flag,
       [this, flag, key](const std::string& value) {
@@ -185,6 +205,7 @@ CLI::Option* Program::add_key_flag(const std::string& flag, const std::string& k
 
 CLI::Option* Program::add_key_list_flag(const std::string& flag, const std::string& key,
                                         const std::string& help) {
+  has_key_flags_ = true;
   return cli_.add_option_function<std::string>(
       flag,
       [this, flag, key](const std::string& value) {
@@ -195,6 +216,7 @@ CLI::Option* Program::add_key_list_flag(const std::string& flag, const std::stri
 
 CLI::Option* Program::add_key_switch(const std::string& flag, const std::string& key,
                                      const std::string& value, const std::string& help) {
+  has_key_flags_ = true;
   return cli_.add_flag_callback(
       flag,
       [this, flag, key, value] {
@@ -203,28 +225,42 @@ CLI::Option* Program::add_key_switch(const std::string& flag, const std::string&
       concat(help, " [", key, "]"));
 }
 
+void Program::add_mask_flag(const std::string& key) {
+  add_key_flag("--mask", key,
+               "Image that excludes its black pixels in all frames (lens borders, hot areas)")
+      ->type_name("FILE");
+}
+
 CLI::Option* Program::add_serve_flag(std::string& address, const std::string& help) {
   return cli_
       .add_option("--serve", address,
-                  help + ": " + kDefaultAddress +
-                      ", or another ADDRESS:PORT, ADDRESS or PORT (0: any free "
-                      "one). Others than this machine need the token of the address printed")
+                  concat(help, " at ", kDefaultAddress,
+                         " or another ADDRESS:PORT, ADDRESS or PORT (0: any free port). Other "
+                         "machines need the whole printed address"))
+      ->type_name("ADDRESS")
       ->expected(0, 1);
 }
 
-void Program::add_output_flag(CLI::App& cli, const std::string& help) {
-  cli.add_option("--output", output_, help);
+CLI::Option* Program::add_output_flag(CLI::App& cli, const std::string& help) {
+  return cli.add_option("--output", output_, help)->type_name("DIR")->group("Output");
 }
 
 void Program::add_device_flag() {
-  cli_.add_option("--device", device_, "auto (a GPU if there is one), cpu, cuda or cuda:N");
+  cli_.add_option("--device", device_, "auto (a GPU if there is one), cpu, cuda or cuda:N")
+      ->type_name("DEVICE")
+      ->group("Common");
 }
 
 void Program::add_seed_flag() {
-  cli_.add_option("--seed", seed_, "Seed of every random draw")->transform(whole_number(0));
+  cli_.add_option("--seed", seed_, "Seed of all random numbers")
+      ->type_name("N")
+      ->group("Common")
+      ->transform(whole_number(0));
 }
 
-void Program::add_json_flag() { cli_.add_flag("--json", json_, "Print results as JSON"); }
+void Program::add_json_flag() {
+  cli_.add_flag("--json", json_, "Print results as JSON")->group("Output");
+}
 
 std::filesystem::path Program::config_file() const {
   return config_files_.empty() ? std::filesystem::path() : config_files_.front();
@@ -274,7 +310,15 @@ std::string Program::hint(const std::vector<std::string>& words) const {
   return "";
 }
 
+void Program::print_usage() const {
+  std::cout << help_->usage(&cli_, name_) << "\n"
+            << name_ << " --help lists all flags.\n"
+            << std::flush;
+}
+
 int Program::run(int argc, char** argv, const std::function<ExitCode()>& body) {
+  const std::string called = argv[0];
+  folder_ = called.substr(0, called.rfind('/') + 1);
   const std::vector<std::string> typed(argv + 1, argv + argc);
   try {
     std::vector<std::string> words = typed;
@@ -285,6 +329,7 @@ int Program::run(int argc, char** argv, const std::function<ExitCode()>& body) {
   } catch (const CLI::ParseError& error) {
     // CLI11 prints help and version itself and returns 0 for them; its other codes are its own.
     if (error.get_exit_code() == 0) return cli_.exit(error);
+    if (typed.empty()) print_usage();
     const std::string near = hint(typed);
     std::fprintf(stderr, "error: %s%s; %s --help lists the flags\n", error.what(), near.c_str(),
                  name_.c_str());
@@ -301,8 +346,7 @@ int Program::run(int argc, char** argv, const std::function<ExitCode()>& body) {
     flush_results();
     return static_cast<int>(code);
   } catch (const ConfigError&) {
-    // A program called without arguments prints its help.
-    if (typed.empty()) std::cout << cli_.help() << std::flush;
+    if (typed.empty()) print_usage();
     return static_cast<int>(report_exception());
   } catch (...) {
     return static_cast<int>(report_exception());

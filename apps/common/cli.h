@@ -7,12 +7,14 @@
 #include <filesystem>
 #include <functional>
 #include <iostream>
+#include <memory>
 #include <optional>
 #include <set>
 #include <string>
 #include <torch/types.h>
 #include <vector>
 
+#include "common/help.h"
 #include "jade/config/config.h"
 #include "jade/core/error.h"
 
@@ -30,8 +32,10 @@ std::filesystem::path settings_file(const std::filesystem::path& file);
 ///
 ///   int main(int argc, char** argv) {
 ///     Program program("jade_inspect", "Says what is in a data set, a run or a .ply");
-///     std::string what;
-///     program.cli().add_option("what", what, "…")->required();
+///     program.add_example("jade_inspect data/desk");
+///     program.begin_group("Input");
+///     std::string path;
+///     program.cli().add_option("path", path, "…")->required();
 ///     program.add_json_flag();
 ///     return program.run(argc, argv, [&] { …; return ExitCode::kOk; });
 ///   }
@@ -42,9 +46,19 @@ class Program {
 
   CLI::App& cli() { return cli_; }
 
+  /// The group in --help of the flags that are added next: Input, Output or another.
+  void begin_group(const std::string& name) { cli_.option_defaults()->group(name); }
+  /// A command line for --help, of the program or of one of its subcommands.
+  void add_example(const std::string& command) { add_example(cli_, command); }
+  void add_example(const CLI::App& cli, const std::string& command) {
+    help_->add_example(&cli, command);
+  }
+
   /// --config, --set, --print-config, --print-schema, of the program or of one of its subcommands.
   void add_config_flags() { add_config_flags(cli_); }
   void add_config_flags(CLI::App& cli);
+  /// Replaces the sentence about the order of settings in --help.
+  void set_settings_order(const std::string& order) { settings_order_ = order; }
   /// A flag (or, without dashes, a positional argument) that stands for a key and wins over --set.
   /// `help` may leave the range and the default to --print-config.
   CLI::Option* add_key_flag(const std::string& flag, const std::string& key,
@@ -55,11 +69,13 @@ class Program {
   /// A flag without a value that sets a key to `value`.
   CLI::Option* add_key_switch(const std::string& flag, const std::string& key,
                               const std::string& value, const std::string& help);
+  /// --mask IMAGE, which stands for `key`.
+  void add_mask_flag(const std::string& key);
   /// --serve[=ADDRESS:PORT], which fills `address` with what is given, empty for the default.
   CLI::Option* add_serve_flag(std::string& address, const std::string& help);
   /// --output DIR, of the program or of one of its subcommands.
-  void add_output_flag(const std::string& help) { add_output_flag(cli_, help); }
-  void add_output_flag(CLI::App& cli, const std::string& help);
+  CLI::Option* add_output_flag(const std::string& help) { return add_output_flag(cli_, help); }
+  CLI::Option* add_output_flag(CLI::App& cli, const std::string& help);
   /// --device auto|cpu|cuda|cuda:N.
   void add_device_flag();
   /// --seed N.
@@ -99,6 +115,10 @@ class Program {
     key_flags_.push_back({value, key, value});
   }
 
+  /// The command of another of our programs, "build/bin/jade_train" where this one was called by a
+  /// path, for messages.
+  std::string command(const std::string& program) const { return folder_ + program; }
+
   /// The first --config; those after it are layers().
   std::filesystem::path config_file() const;
   std::vector<std::filesystem::path> layers() const;
@@ -117,9 +137,17 @@ class Program {
   /// no known word is near.
   std::string hint(const std::vector<std::string>& words) const;
   std::string title() const;
+  /// Prints usage and examples, for a call without arguments.
+  void print_usage() const;
+  /// Which settings win, by the flags that the program has.
+  std::string settings_order() const;
 
   std::string name_;
+  std::string folder_;  ///< as it was called: "build/bin/", or empty
   CLI::App cli_;
+  std::shared_ptr<HelpFormatter> help_ = std::make_shared<HelpFormatter>();
+  std::string settings_order_;
+  bool has_key_flags_ = false;
   std::vector<std::filesystem::path> config_files_;
   std::vector<std::string> overrides_;
   std::vector<config::KeyFlag> key_flags_;

@@ -28,20 +28,33 @@ std::string words_text() {
 /// --config, --set and their like, and flags for keys of the data set.
 /// @param path  the flag, or positional argument, that names its folder
 inline void add_dataset_flags(Program& program, const std::string& path = "--dataset",
-                              const std::string& path_help = "folder of the data set") {
+                              const std::string& path_help = "Folder of the data set") {
   program.add_config_flags();
-  program.add_key_flag(path, "dataset.path", path_help);
-  program.add_key_flag("--kind", "dataset.kind", words_text<data::DatasetKind>());
-  program.add_key_flag("--split", "dataset.split", "test views: " + words_text<data::SplitKind>());
-  program.add_key_flag("--image-folder", "dataset.image_folder",
-                       "folder of the frames in the data set");
-  program.add_key_flag("--mask", "dataset.mask",
-                       "image whose black pixels count in no frame (lens borders, hot areas)");
-  program.add_key_flag("--events-file", "dataset.events_file", "recording of the events");
-  program.add_key_flag("--events-unit", "dataset.events_unit",
-                       "of the events' times: " + words_text<events::TimeUnit>());
-  program.add_key_flag("--time-unit", "dataset.time_unit",
-                       "of the frames' times: " + words_text<events::TimeUnit>());
+  program.begin_group("Input");
+  program.add_key_flag(path, "dataset.path", path_help)->type_name("DIR");
+  program
+      .add_key_flag("--kind", "dataset.kind",
+                    "Format of the data set: " + words_text<data::DatasetKind>())
+      ->type_name("WORD");
+  program
+      .add_key_flag("--split", "dataset.split",
+                    "Choice of the test views: " + words_text<data::SplitKind>())
+      ->type_name("WORD");
+  program
+      .add_key_flag("--image-folder", "dataset.image_folder",
+                    "Folder of the frames inside the data set")
+      ->type_name("NAME");
+  program.add_mask_flag("dataset.mask");
+  program.add_key_flag("--events-file", "dataset.events_file", "File of the events")
+      ->type_name("FILE");
+  program
+      .add_key_flag("--events-unit", "dataset.events_unit",
+                    "Unit of the events' times: " + words_text<events::TimeUnit>())
+      ->type_name("WORD");
+  program
+      .add_key_flag("--time-unit", "dataset.time_unit",
+                    "Unit of the frames' times: " + words_text<events::TimeUnit>())
+      ->type_name("WORD");
 }
 
 /// The settings of a program that reads a data set: those of `run`, where one is given, under what

@@ -208,15 +208,18 @@ void print_row(const nlohmann::json& row) {
 
 CLI::App* IterationBench::add_to(apps::Program& program) {
   CLI::App* const command = program.cli().add_subcommand(
-      "iteration", "A training step of a configuration (as printed), between densifications");
+      "iteration", "A training step of a configuration, between densifications");
   command->fallthrough();
-  command->add_option("--workload", names, "Which of W1 … W5")
+  command->add_option("--workload", names, "Workloads among W1 … W5")
+      ->type_name("LIST")
       ->delimiter(',')
       ->capture_default_str();
   repeats.add_to(*command);
   command->add_flag("--eager", eager, "Without CUDA graph");
   program.add_config_flags(*command);
-  command->add_option("--trace", trace, "Write a Chrome trace of three steps to this file");
+  command->add_option("--trace", trace, "Write a Chrome trace of three steps to this file")
+      ->type_name("FILE")
+      ->group("Output");
   return command;
 }
 

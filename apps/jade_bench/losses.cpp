@@ -191,7 +191,7 @@ CLI::App* LossesBench::add_to(CLI::App& cli) {
       "losses",
       "Every loss term and the router, at 346x260 and 600x400; objective is all of Eq. (10)");
   command->fallthrough();
-  command->add_option("--term", names, "Only these terms")->delimiter(',');
+  command->add_option("--term", names, "Only these terms")->type_name("LIST")->delimiter(',');
   repeats.add_to(*command);
   return command;
 }

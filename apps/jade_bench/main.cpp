@@ -11,6 +11,8 @@
 int main(int argc, char** argv) {
   using namespace jade;
   apps::Program program("jade_bench", "Times the parts of the program");
+  program.add_example("jade_bench splat --workload W1");
+  program.add_example("jade_bench run --config configs/demo.yaml --psnr 28 --output runs/timed");
   program.add_device_flag();
   program.add_json_flag();
   program.cli().require_subcommand(1);

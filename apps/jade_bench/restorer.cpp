@@ -86,19 +86,30 @@ CLI::App* RestorerBench::add_to(CLI::App& cli) {
   CLI::App* const command =
       cli.add_subcommand("restorer", "The learned restorer: one frame, and nine moments of it");
   command->fallthrough();
-  command->add_option("--efnet", efnet.path, "TorchScript file (the one that ships)");
-  command->add_option("--input", inputs,
-                      "Folders with image.npy [3,H,W] and bins.npy [T,H,W], the signed events of "
-                      "the restorer's windows, instead of --size");
-  command->add_option("--dump", dump,
-                      "Write NAME.npy of each restored frame into this folder, [3,H,W]");
+  command
+      ->add_option("--efnet", efnet.path,
+                   "TorchScript file of the restorer instead of the one that ships")
+      ->type_name("FILE");
+  command
+      ->add_option("--input", inputs,
+                   "Folders with image.npy [3,H,W] and bins.npy [T,H,W], the signed events of "
+                   "the restorer's windows, instead of --size")
+      ->type_name("DIR");
+  command
+      ->add_option("--dump", dump,
+                   "Write NAME.npy of each restored frame into this folder, [3,H,W]")
+      ->type_name("DIR")
+      ->group("Output");
   command
       ->add_option("--times", times,
                    "Moments for --dump, such as 0,0.5,1, which makes it [K,3,H,W]; other than 0.5 "
                    "they need a restorer of version 2")
+      ->type_name("LIST")
       ->delimiter(',')
       ->check(CLI::Range(0.0, 1.0));
-  command->add_option("--size", sizes, "Frame sizes (346x260,600x400)")->delimiter(',');
+  command->add_option("--size", sizes, "Frame sizes (default: 346x260,600x400)")
+      ->type_name("LIST")
+      ->delimiter(',');
   repeats.add_to(*command);
   return command;
 }

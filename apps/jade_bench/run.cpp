@@ -110,18 +110,23 @@ void print(const nlohmann::json& result) {
 CLI::App* RunBench::add_to(apps::Program& program) {
   CLI::App* const command = program.cli().add_subcommand(
       "run",
-      "Time to quality: trains a configuration into --output and says after how many seconds its "
-      "test PSNR first reached --psnr. Preparation counts, scoring and checkpoints do not");
+      "Time to quality: trains a configuration and prints after how many seconds its test PSNR "
+      "first reached --psnr. Preparation counts; scoring and checkpoints do not");
   command->fallthrough();
   program.add_config_flags(*command);
-  program.add_output_flag(*command, "Run directory, made if it does not exist; curve.csv in it");
-  command->add_option("--psnr", goals, "Goals in dB, such as 28,30")->delimiter(',');
-  command->add_option("--every", every, "Steps from score to score")
+  program.add_output_flag(*command, "Run directory, with curve.csv; made if it does not exist");
+  command->add_option("--psnr", goals, "Goals in dB, such as 28,30")
+      ->type_name("LIST")
+      ->delimiter(',');
+  command->add_option("--every", every, "Steps between two scores")
       ->transform(apps::whole_number(1))
       ->capture_default_str();
-  command->add_option("--write-input", input,
-                      "Write what the run starts from as .npy into this folder, for other programs "
-                      "(scripts/gsplat_training.py)");
+  command
+      ->add_option("--write-input", input,
+                   "Write the initial state of the run as .npy into this folder, for "
+                   "scripts/gsplat_training.py")
+      ->type_name("DIR")
+      ->group("Output");
   return command;
 }
 

@@ -124,11 +124,21 @@ void print_row(const nlohmann::json& row) {
 CLI::App* SplatBench::add_to(CLI::App& cli) {
   CLI::App* const command = cli.add_subcommand("splat", "The splatting op: nine views in one call");
   command->fallthrough();
-  command->add_option("--input", inputs, "Workload folders (default: make W1 to W4)");
-  command->add_option("--workload", names, "Only these of W1 … W5")->delimiter(',');
+  command->add_option("--input", inputs, "Workload folders (default: W1 to W4 are generated)")
+      ->type_name("DIR")
+      ->group("Input");
+  command->add_option("--workload", names, "Only these workloads of W1 … W5")
+      ->type_name("LIST")
+      ->delimiter(',');
   command->add_flag("--million", million, "Also W5, a million Gaussians at 1600x1060");
-  command->add_option("--dump", dump, "Write images and gradients as .npy below this folder");
-  command->add_option("--write-input", write, "Write the made workloads as folders below this one");
+  command->add_option("--dump", dump, "Write images and gradients as .npy below this folder")
+      ->type_name("DIR")
+      ->group("Output");
+  command
+      ->add_option("--write-input", write,
+                   "Write the generated workloads as folders below this one")
+      ->type_name("DIR")
+      ->group("Output");
   repeats.add_to(*command);
   command->add_flag("--deterministic", deterministic, "Bit-equal gradients on a GPU");
   command->add_flag("--through-loss", through_loss,

@@ -35,10 +35,10 @@ void synchronize(torch::Device device) {
 }
 
 void Repeats::add_to(CLI::App& command) {
-  command.add_option("--repeats", timed, "Timed runs")
+  command.add_option("--repeats", timed, "Number of timed runs")
       ->transform(apps::whole_number(1))
       ->capture_default_str();
-  command.add_option("--warm-up", warm_up, "Runs before them")
+  command.add_option("--warm-up", warm_up, "Number of runs before the timed ones")
       ->transform(apps::whole_number(0))
       ->capture_default_str();
 }

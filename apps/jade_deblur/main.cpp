@@ -39,35 +39,51 @@ void add_flags(apps::Program& program, DeblurFlags& flags) {
     methods += concat(methods.empty() ? "" : "; ", method.name, ": ", method.help);
   }
   CLI::App& cli = program.cli();
-  cli.add_option("--method", flags.method, methods);
+  program.add_example("jade_deblur --dataset data/table --method efnet --output sharp");
+  program.add_example("jade_deblur --run runs/table --method router --output sharp");
+  program.begin_group("Input");
   cli.add_option("--run", flags.options.run,
-                 "run directory of jade_train: its router, its settings under those given here");
+                 "Run directory of jade_train: its router, settings and data set")
+      ->type_name("DIR");
+  apps::add_dataset_flags(program, "--dataset", "Folder of the data set (default: the run's)");
+  program.begin_group("Restoration");
+  cli.add_option("--method", flags.method, methods)->type_name("WORD")->capture_default_str();
   cli.add_option("--log-offset", flags.options.log_offset,
-                 "offset of a sensor that measures log(I + offset), I in [0,1] (0)")
+                 "Offset of a sensor that measures log(I + offset), I in [0,1] (default: 0)")
       ->check(within(0, 1000));
+  program
+      .add_key_flag("--threshold-positive", "events.threshold_positive",
+                    "Change of log intensity that makes a positive event, or auto: measured")
+      ->type_name("X");
+  program
+      .add_key_flag("--threshold-negative", "events.threshold_negative",
+                    "The same of a negative event; 0: equal to the positive threshold")
+      ->type_name("X");
+  program
+      .add_key_flag("--efnet", "efnet.path",
+                    "TorchScript file of the learned restorer instead of the one that ships")
+      ->type_name("FILE");
+  program.add_key_flag("--efnet-sha256", "efnet.sha256", "SHA-256 that this file must have")
+      ->type_name("HASH");
+  program
+      .add_key_flag("--cache", "cache.folder",
+                    "Folder that keeps restorations (default: in the user's cache folder)")
+      ->type_name("DIR");
+  program.add_key_switch("--no-cache", "cache.enabled", "false",
+                         "Neither read nor keep restorations");
+  program.begin_group("Output");
   cli.add_flag("--poses", flags.pictures.poses,
-               "also write NAME_<k>.png for each moment of exposure.samples, k from 0: "
-               "restored there by a restorer of version 2, else carried there from the middle by "
-               "the events");
+               "Also write NAME_<k>.png for each moment of exposure.samples, k from 0: restored at "
+               "that moment by a restorer of version 2, else moved there from the middle by the "
+               "events");
   cli.add_option("--times", flags.pictures.times,
-                 "also write NAME_t<u>.png at these moments, 0 the start and 1 the end of the "
-                 "exposure, such as 0,0.5,1; methods that read EFNet need a restorer of version 2")
+                 "Also write NAME_t<u>.png at these moments, 0 the start and 1 the end of the "
+                 "exposure, such as 0,0.5,1; methods that use EFNet need a restorer of version 2")
+      ->type_name("LIST")
       ->delimiter(',')
       ->check(within(0, 1));
   cli.add_flag("--npy", flags.pictures.npy,
-               "also write unclamped float32 [3,H,W] beside each picture");
-  apps::add_dataset_flags(program, "--dataset", "folder of the data set (that of the run)");
-  program.add_key_flag("--efnet", "efnet.path",
-                       "TorchScript file of the learned restorer (the one that ships)");
-  program.add_key_flag("--efnet-sha256", "efnet.sha256", "SHA-256 that this file must have");
-  program.add_key_flag("--threshold-positive", "events.threshold_positive",
-                       "log intensity of one positive event, or auto");
-  program.add_key_flag("--threshold-negative", "events.threshold_negative",
-                       "of one negative event; 0: like the positive one");
-  program.add_key_flag("--cache", "cache.folder",
-                       "folder that keeps restorations (restorations in the user's cache folder)");
-  program.add_key_switch("--no-cache", "cache.enabled", "false",
-                         "neither read nor keep restorations");
+               "Also write unclamped float32 [3,H,W] beside each picture");
 }
 
 /// Before anything is loaded.
@@ -105,7 +121,7 @@ ExitCode deblur(DeblurFlags flags, apps::Program& program) {
   std::vector<std::string> warnings;
   const data::Dataset dataset = data::load_dataset(settings->dataset, &warnings);
   for (const std::string& warning : warnings) log_warn(warning);
-  train::follow_dataset(dataset, flags.options.settings);
+  train::apply_dataset(dataset, flags.options.settings);
   run::settle_thresholds(dataset, run::data_fingerprint(dataset), flags.options.log_offset,
                          flags.options.settings);
   make_writable_folder(output);
@@ -133,7 +149,7 @@ int main(int argc, char** argv) {
   DeblurFlags flags;
   add_flags(program, flags);
   program.add_output_flag(
-      "folder for NAME.png of each exposure, and pictures of its events and restorations in "
+      "Folder for NAME.png of each exposure, and pictures of its events and restorations in "
       "events/, edi/, efnet/, difference/, alpha/, oracle/, better/");
   program.add_device_flag();
   program.add_json_flag();

@@ -30,12 +30,17 @@ eval::Evaluation evaluate_run(const fs::path& path, const train::RunOptions& opt
 int main(int argc, char** argv) {
   apps::Program program("jade_eval", "Scores a run, or any two folders of images");
   fs::path run, renders, truth;
-  program.cli().add_option("--run", run,
-                           "Run directory: its scores on the sharp test views, its settings under "
-                           "those given here");
-  program.cli().add_option("--renders", renders, "Folder of images to score");
-  program.cli().add_option("--truth", truth, "Folder of true images, by the same names");
-  apps::add_dataset_flags(program, "--dataset", "Folder of the data set (that of the run)");
+  program.add_example("jade_eval --run runs/table");
+  program.add_example("jade_eval --renders pictures --truth sharp --json");
+  program.begin_group("Input");
+  program.cli()
+      .add_option("--run", run, "Run directory of jade_train, scored on its sharp test views")
+      ->type_name("DIR");
+  program.cli().add_option("--renders", renders, "Folder of images to score")->type_name("DIR");
+  program.cli()
+      .add_option("--truth", truth, "Folder of true images with the same names")
+      ->type_name("DIR");
+  apps::add_dataset_flags(program, "--dataset", "Folder of the data set (default: the run's)");
   program.add_output_flag("Folder for eval.json (default: that of --run or --renders)");
   program.add_device_flag();
   program.add_json_flag();

@@ -3,6 +3,7 @@
 #include "common/cli.h"
 #include "jade/core/atomic_file.h"
 #include "jade/core/log.h"
+#include "jade/core/readable.h"
 #include "jade/gaussians/ply.h"
 #include "jade/gaussians/splat_file.h"
 #include "jade/gaussians/spz_file.h"
@@ -41,8 +42,8 @@ gaussians::GaussianFile load(const Sources& sources) {
   gaussians::check_some(file.gaussians, path);
   if (gaussians::count_visible(gaussians::drawable(file.gaussians)) == 0) {
     throw DataError(concat(path.string(), ": expected Gaussians that show, found ",
-                           file.gaussians.size(),
-                           " with an opacity below 1/255 or numbers that cannot be drawn; use "
+                           grouped(file.gaussians.size()),
+                           " with an opacity below 1/255 or numbers that cannot be rendered; use "
                            "another checkpoint"));
   }
   return file;
@@ -90,21 +91,21 @@ int64_t save(const fs::path& path, const gaussians::GaussianFile& file, bool of_
         of_dataset ? gaussians::PlyCoordinates::kDataset : gaussians::PlyCoordinates::kOwn);
     return file.gaussians.size();
   }
-  const gaussians::GaussianFile drawn{gaussians::drawable(file.gaussians), file.antialiased,
-                                      file.origin};
-  if (const int64_t left = file.gaussians.size() - drawn.gaussians.size(); left > 0) {
+  const gaussians::GaussianFile finite{gaussians::drawable(file.gaussians), file.antialiased,
+                                       file.origin};
+  if (const int64_t left = file.gaussians.size() - finite.gaussians.size(); left > 0) {
     log_warn(concat(path.string(), ": ", left, " of ", file.gaussians.size(),
                     " Gaussians have NaN or Inf in their numbers, or numbers beyond all bounds, so "
                     "are in no picture, and are left out; a .ply holds them"));
   }
   if (extension == ".splat") {
-    gaussians::write_splat(path, drawn.gaussians);
+    gaussians::write_splat(path, finite.gaussians);
   } else {
     gaussians::SpzOptions options;
-    options.antialiased = drawn.antialiased;
-    gaussians::write_spz(path, drawn.gaussians, options);
+    options.antialiased = finite.antialiased;
+    gaussians::write_spz(path, finite.gaussians, options);
   }
-  return drawn.gaussians.size();
+  return finite.gaussians.size();
 }
 
 }  // namespace
@@ -112,15 +113,27 @@ int64_t save(const fs::path& path, const gaussians::GaussianFile& file, bool of_
 int main(int argc, char** argv) {
   apps::Program program("jade_export", "Writes Gaussians as .ply, .splat or .spz");
   Sources sources;
-  program.cli().add_option("--run", sources.run, "run directory; its newest scene is taken");
-  program.cli().add_option("--checkpoint", sources.checkpoint, "one checkpoint");
-  program.cli().add_option("--ply", sources.ply, "Gaussians in a .ply, for another format");
-  program.add_output_flag("file to write; its extension names the format: .ply, .splat or .spz");
+  program.add_example("jade_export --run runs/table --output table.spz");
+  program.add_example("jade_export --ply table.ply --output table.splat");
+  program.begin_group("Input");
+  program.cli()
+      .add_option("--run", sources.run, "Run directory of jade_train: its newest scene")
+      ->type_name("DIR");
+  program.cli()
+      .add_option("--checkpoint", sources.checkpoint, "One checkpoint of a run")
+      ->type_name("FILE");
+  program.cli()
+      .add_option("--ply", sources.ply, "Gaussians in a .ply, to convert")
+      ->type_name("FILE");
+  program.add_output_flag("File to write; its extension is the format: .ply, .splat or .spz")
+      ->type_name("FILE");
+  program.begin_group("Output");
   std::string coordinates = "dataset";
   program.cli()
       .add_option("--coordinates", coordinates,
-                  "of a scene far from the origin, which is trained about one of its own: dataset "
-                  "(.ply only) or scene, which viewers need")
+                  "Origin of the coordinates of a scene that lies far from that of its data set: "
+                  "dataset (.ply only), or scene, which viewers need (default: dataset)")
+      ->type_name("WORD")
       ->check(CLI::IsMember({"dataset", "scene"}));
   program.add_json_flag();
   return program.run(argc, argv, [&] {
@@ -131,7 +144,8 @@ int main(int argc, char** argv) {
     if (program.json()) {
       std::cout << "{\"gaussians\": " << written << ", \"bytes\": " << bytes << "}\n";
     } else {
-      log_info(concat(program.output().string(), ": ", written, " Gaussians, ", bytes, " bytes"));
+      log_info(concat(program.output().string(), ": ", grouped(written), " Gaussians, ",
+                      grouped(static_cast<int64_t>(bytes)), " bytes"));
     }
     return ExitCode::kOk;
   });

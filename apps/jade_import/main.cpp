@@ -11,44 +11,82 @@ namespace {
 /// @return --offset-ms: an offset is not searched once it is given, be it the default
 CLI::Option* add_flags(apps::Program& program, import::StageRange& range) {
   program.add_config_flags();
-  program.add_key_flag("recording", "recording", "the recording, a file or a folder");
-  program.add_key_flag("--frames", "frames", "folder of frames, or a video");
-  program.add_key_flag("--events-group", "events_group",
-                       "of an HDF5 file with several event streams, the group or data set to read");
-  program.add_key_flag("--topic", "topic",
-                       "of a ROS bag with several, the topic of events to read");
-  program.add_key_flag("--calibration", "lens.calibration",
-                       "calibration of Kalibr, OpenCV, ROS, DV or RPG (none: a pinhole, its focal "
-                       "length searched)");
-  program.add_key_flag("--mask", "lens.mask",
-                       "image whose black pixels count in no frame (lens borders, hot areas)");
-  program.add_key_flag("--frame-times", "time.frame_times", "list of exposures");
-  program.add_key_flag("--exposure-ms", "time.exposure_ms",
-                       "length of exposures that no file says; auto: found");
-  program.add_key_flag("--stamp", "time.stamp",
-                       "what the only time of a frame is: start, middle or end of its exposure");
-  program.add_key_flag("--trigger-level", "time.trigger_level",
-                       "of the trigger input during an exposure, high or low");
-  program.add_key_flag("--begin-s", "time.begin_s",
-                       "read from here on, seconds since the first frame");
-  program.add_key_flag("--end-s", "time.end_s", "read until here, seconds since the first frame");
+  program.begin_group("Input");
+  program.add_key_flag("recording", "recording", "The recording, a file or a folder")
+      ->type_name("PATH");
+  program.add_key_flag("--frames", "frames", "Folder of frames, or a video")->type_name("PATH");
+  program
+      .add_key_flag("--events-group", "events_group",
+                    "Group or data set to read from an HDF5 file with several event streams")
+      ->type_name("NAME");
+  program
+      .add_key_flag("--topic", "topic",
+                    "Topic of the events to read from a ROS bag with several cameras")
+      ->type_name("NAME");
+  program
+      .add_key_flag("--calibration", "lens.calibration",
+                    "Calibration by Kalibr, OpenCV, ROS, DV or RPG; without one, the focal length "
+                    "is estimated and the lens taken for a pinhole")
+      ->type_name("FILE");
+  program.add_mask_flag("lens.mask");
+  program
+      .add_key_flag("--plane-depth", "lens.plane_depth",
+                    "With two cameras: depth at which events and frames are aligned exactly")
+      ->type_name("X");
+  program.begin_group("Time");
+  program
+      .add_key_flag("--frame-times", "time.frame_times",
+                    "File with the start and end of every exposure")
+      ->type_name("FILE");
+  program
+      .add_key_flag("--exposure-ms", "time.exposure_ms",
+                    "Length of the exposures where no file gives it, or auto: estimated")
+      ->type_name("MS");
+  program
+      .add_key_flag("--stamp", "time.stamp",
+                    "Instant of the exposure that a single time per frame marks: start, middle or "
+                    "end")
+      ->type_name("WORD");
+  program
+      .add_key_flag("--trigger-level", "time.trigger_level",
+                    "Level of the trigger input during an exposure: high or low")
+      ->type_name("WORD");
+  program
+      .add_key_flag("--begin-s", "time.begin_s",
+                    "Skip everything before this time, in seconds since the first frame")
+      ->type_name("S");
+  program
+      .add_key_flag("--end-s", "time.end_s",
+                    "Skip everything after this time, in seconds since the first frame")
+      ->type_name("S");
   CLI::Option* const offset = program.add_key_flag(
       "--offset-ms", "time.offset_ms",
-      "how far the clock of the events is ahead of that of the frames; not searched then");
-  program.add_key_flag("--plane-depth", "lens.plane_depth",
-                       "of two cameras: where events fall on the frames exactly");
-  program.add_key_list_flag("--test", "test.names",
-                            "frames that judge the scene, a YAML list: [a, b]");
-  program.add_key_flag("--threshold-positive", "events.threshold_positive",
-                       "log intensity of one positive event; auto: measured");
-  program.add_key_flag("--threshold-negative", "events.threshold_negative",
-                       "of one negative event; 0: like the positive one");
-  program.add_key_flag("--efnet", "efnet.path",
-                       "TorchScript file of the learned restorer (the one that ships)");
-  program.cli().add_option("--from", range.from,
-                           "make this stage and those after it again: read, pattern, time, sensor, "
-                           "undistort, restore, poses, vignetting, write");
-  program.cli().add_option("--until", range.until, "stop after this stage");
+      "Clock of the events minus clock of the frames; estimated unless it is given");
+  offset->type_name("MS");
+  program.begin_group("Scene");
+  program
+      .add_key_list_flag("--test", "test.names",
+                         "Names of the frames that test the scene, as a YAML list: [a, b]")
+      ->type_name("NAMES");
+  program
+      .add_key_flag("--threshold-positive", "events.threshold_positive",
+                    "Change of log intensity that makes a positive event, or auto: measured")
+      ->type_name("X");
+  program
+      .add_key_flag("--threshold-negative", "events.threshold_negative",
+                    "The same of a negative event; 0: equal to the positive threshold")
+      ->type_name("X");
+  program
+      .add_key_flag("--efnet", "efnet.path",
+                    "TorchScript file of the learned restorer instead of the one that ships")
+      ->type_name("FILE");
+  program.begin_group("Stages");
+  program.cli()
+      .add_option("--from", range.from,
+                  "Repeat this stage and those after it: read, pattern, time, sensor, "
+                  "undistort, restore, poses, vignetting or write")
+      ->type_name("STAGE");
+  program.cli().add_option("--until", range.until, "Stop after this stage")->type_name("STAGE");
   return offset;
 }
 
@@ -57,21 +95,24 @@ CLI::Option* add_flags(apps::Program& program, import::StageRange& range) {
 int main(int argc, char** argv) {
   apps::Program program("jade_import",
                         "Makes a data set with poses from a recording of an event camera");
+  program.add_example("jade_import table.aedat4 --calibration camera.yaml --output data/table");
+  program.add_example("jade_import table.bag --topic /dvs/events --output data/table");
   import::StageRange range;
   const CLI::Option* const offset = add_flags(program, range);
-  program.add_output_flag("folder of the data set; stages are kept in import/");
+  program.add_output_flag("Folder of the data set; the results of the stages are kept in import/");
   program.add_device_flag();
   return program.run(argc, argv, [&] {
     auto options = program.load_options<import::ImportOptions>();
     if (!options) return ExitCode::kOk;
     if (program.output().empty()) {
-      throw ConfigError("--output: expected a folder for the data set, found nothing");
+      throw ConfigError(
+          "--output: expected a folder for the data set, found nothing; add --output data/NAME");
     }
     if (offset->count() > 0) options->time.find_offset = false;
     import::import_recording(*options, program.output(), range);
     if (range.until.empty()) {
-      std::cout << "jade_train --config " << apps::shell_word(program.output() / "scene.yaml")
-                << " --output DIR\n";
+      std::cout << program.command("jade_train") << " --config "
+                << apps::shell_word(program.output() / "scene.yaml") << " --output DIR\n";
     }
     return ExitCode::kOk;
   });

@@ -22,23 +22,24 @@ using namespace jade;
 
 namespace {
 
-/// Thresholds need no flag: jade_train measures as this program does.
-std::string training_of(const data::DatasetOptions& options) {
+/// Arguments of jade_train. Thresholds need no flag: it measures as this program does.
+std::string training_arguments(const data::DatasetOptions& options) {
   namespace fs = std::filesystem;
   const fs::path folder = fs::weakly_canonical(options.path);
-  return "build/bin/jade_train " + apps::shell_word(folder) + " --output " +
+  return apps::shell_word(folder) + " --output " +
          apps::shell_word(fs::path("runs") / folder.filename());
 }
 
-ExitCode inspect(const train::RunOptions& settings, double log_offset, bool json) {
+ExitCode inspect(const train::RunOptions& settings, double log_offset,
+                 const apps::Program& program) {
   const data::DatasetOptions& options = settings.dataset;
   apps::Inspection inspection;
   inspection.log_offset = log_offset;
-  inspection.next = training_of(options);
+  inspection.next = program.command("jade_train") + " " + training_arguments(options);
   inspection.dataset = data::load_dataset(options, &inspection.problems);
   inspection.thresholds = run::measure_thresholds(
       inspection.dataset, run::data_fingerprint(inspection.dataset), log_offset, settings.cache);
-  if (json) {
+  if (program.json()) {
     std::printf("%s\n", apps::to_json(inspection)
                             .dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace)
                             .c_str());
@@ -70,18 +71,25 @@ int main(int argc, char** argv) {
       "jade_inspect",
       "Says what is in a recording, a data set, a run or a .ply, and every problem "
       "found");
+  program.add_example("jade_inspect table.aedat4");
+  program.add_example("jade_inspect runs/table --json");
+  apps::add_dataset_flags(program, "path",
+                          "A recording, the folder of a data set, the run directory of jade_train, "
+                          "or a .ply; without it, the data set of --config");
   double log_offset = 0;
   program.cli().add_option("--log-offset", log_offset,
-                           "thresholds of a sensor that measures log(I + offset), I in [0,1] (0)");
+                           "Offset of a sensor that measures log(I + offset), I in [0,1]; the "
+                           "measured thresholds depend "
+                           "on it (default: 0)");
   recording::ReadOptions how;
-  program.cli().add_option(
-      "--events-group", how.events_group,
-      "of an HDF5 recording with several event streams, the group or data set");
-  program.cli().add_option("--topic", how.topic, "of a ROS bag with several, the topic of events");
-  apps::add_dataset_flags(
-      program, "what",
-      "recording, folder of a data set, run directory of jade_train, or .ply (the data set of "
-      "--config)");
+  program.cli()
+      .add_option("--events-group", how.events_group,
+                  "Group or data set to read from an HDF5 file with several event streams")
+      ->type_name("NAME");
+  program.cli()
+      .add_option("--topic", how.topic,
+                  "Topic of the events to read from a ROS bag with several cameras")
+      ->type_name("NAME");
   program.add_json_flag();
   return program.run(argc, argv, [&] {
     const torch::NoGradGuard no_grad;
@@ -107,6 +115,6 @@ int main(int argc, char** argv) {
       return ExitCode::kOk;
     }
     check_is_dataset(settings->dataset);
-    return inspect(*settings, log_offset, program.json());
+    return inspect(*settings, log_offset, program);
   });
 }

@@ -12,7 +12,7 @@ namespace jade::apps {
 /// @throws DataError naming the path.
 void inspect_ply(const std::filesystem::path& path, bool json);
 
-/// @param antialiased  they are to be drawn as Mip-Splatting does.
+/// @param antialiased  they are to be rendered as Mip-Splatting does.
 void print_text(const gaussians::GaussianSummary& summary, bool antialiased = false);
 nlohmann::json to_json(const gaussians::GaussianSummary& summary, bool antialiased = false);
 

@@ -22,6 +22,7 @@
 #include "jade/imaging/image_io.h"
 #include "jade/imaging/movie.h"
 #include "jade/run/evaluate.h"
+#include "jade/run/page_scene.h"
 #include "jade/train/view.h"
 #include "jade_render/unblur.h"
 
@@ -37,39 +38,52 @@ struct RenderFlags {
   std::string exposure, unblur;
   std::string format = "png";
   double frames_per_second = 30;
+  std::optional<double> brightness;  ///< of films; chosen by the data set where it is not given
   bool fps_benchmark = false;
 };
 
 void add_flags(apps::Program& program, RenderFlags& flags) {
   CLI::App& cli = program.cli();
-  cli.add_option("--run", flags.run,
-                 "run directory of jade_train: its scene, its settings under those given here");
-  cli.add_option("--ply", flags.ply, "Gaussians in a .ply");
+  program.add_example("jade_render --run runs/table --output pictures");
+  program.add_example("jade_render --run runs/table --unblur 0003 --format mp4 --output film.mp4");
+  program.begin_group("Input");
+  cli.add_option("--run", flags.run, "Run directory of jade_train: its newest scene and settings")
+      ->type_name("DIR");
+  cli.add_option("--ply", flags.ply, "Gaussians in a .ply, instead of a run")->type_name("FILE");
+  apps::add_dataset_flags(program, "--dataset", "Data set of the views (default: the run's)");
+  program.begin_group("Views");
   cli.add_option("--cameras", flags.cameras,
-                 "test or train views of the data set, exposure (nine poses each), or a .json with "
-                 "cameras (see below)");
+                 "test or train: views of the data set; exposure: nine poses of each exposure; or "
+                 "a .json with cameras (see below)")
+      ->type_name("WORD");
   cli.add_option("--exposure", flags.exposure,
-                 "with --cameras exposure: only the one of this name");
-  cli.add_option(
-      "--unblur", flags.unblur,
-      "instead of --cameras: the film of the exposure of this name, its blurry frame and "
-      "then its sharp moments (exposure.samples); NAME_blurry, NAME_0, …");
+                 "With --cameras exposure: only the exposure of this name")
+      ->type_name("NAME");
+  cli.add_option("--unblur", flags.unblur,
+                 "Instead of --cameras: the blurry frame of this exposure, then its sharp moments "
+                 "(exposure.samples), as NAME_blurry, NAME_0, …")
+      ->type_name("NAME");
+  cli.add_flag("--fps-benchmark", flags.fps_benchmark,
+               "Measure frames per second, one view at a time, without writing images");
+  program.begin_group("Output");
   cli.add_option("--format", flags.format,
                  "png (8 bits), npy (float32 [3,H,W], not clamped), or mp4: all views in one film, "
-                 "OUTPUT or OUTPUT/<cameras or exposure>.mp4 (needs ffmpeg)")
+                 "in --output or as a file in that folder (needs ffmpeg)")
+      ->type_name("FORMAT")
       ->check(CLI::IsMember({"png", "npy", "mp4"}));
-  cli.add_option("--fps", flags.frames_per_second, "with --format mp4: frames per second")
+  cli.add_option("--fps", flags.frames_per_second, "With --format mp4: frames per second")
       ->check(CLI::Range(0.01, 1000.0));
-  cli.add_flag("--fps-benchmark", flags.fps_benchmark,
-               "measure frames per second, one view at a time, without writing images");
-  apps::add_dataset_flags(program, "--dataset", "data set of the views (that of the run)");
+  cli.add_option(
+         "--brightness", flags.brightness,
+         "With --format mp4: factor on what the film shows (default: above 1 only where the "
+         "frames of the data set are dark); images keep their values")
+      ->check(CLI::Range(0.1, 20.0));
   cli.footer(
-      cli.get_footer() +
-      "\nA .json with cameras is a list of objects, or {\"cameras\": [...]} with defaults beside "
+      "A .json with cameras is a list of objects, or {\"cameras\": [...]} with defaults beside "
       "it:\n"
-      "  width, height, fx (px); fy, cx, cy, name if they differ from the usual;\n"
-      "  camera_from_world: 4x4 rows (x right, y down, z forward), or, as 3DGS trainers write it,\n"
-      "  position (camera centre) and rotation (3x3, world from camera).");
+      "  width, height, fx (px); fy, cx, cy, name where they differ from the default;\n"
+      "  camera_from_world: 4x4 rows (x right, y down, z forward), or\n"
+      "  position (camera centre) and rotation (3x3, world from camera), as of 3DGS.");
 }
 
 gaussians::GaussianFile load_scene(const RenderFlags& flags) {
@@ -105,8 +119,8 @@ data::Dataset load_data(const RenderFlags& flags, const train::RunOptions& optio
   return dataset;
 }
 
-std::vector<data::NamedCamera> load_cameras(const RenderFlags& flags,
-                                            const train::RunOptions& options,
+/// Sets flags.brightness for a film of a dark recording.
+std::vector<data::NamedCamera> load_cameras(RenderFlags& flags, const train::RunOptions& options,
                                             const geometry::Vector3& origin) {
   if (fs::path(flags.cameras).extension() == ".json") {
     std::vector<data::NamedCamera> cameras = data::read_cameras(flags.cameras);
@@ -124,6 +138,7 @@ std::vector<data::NamedCamera> load_cameras(const RenderFlags& flags,
   if (*set == data::CameraSet::kExposure && !flags.exposure.empty()) {
     apps::exposure_named(dataset, flags.exposure, "--exposure");
   }
+  if (!flags.brightness) flags.brightness = run::display_brightness(dataset);
   return data::dataset_cameras(dataset, *set, flags.exposure);
 }
 
@@ -216,12 +231,14 @@ fs::path make_movie_path(const RenderFlags& flags, const fs::path& output) {
 
 /// The blurry frame for a second, then each moment for a sixth of one: long enough to be seen.
 void write_movie(const Subject& subject, const apps::Unblurring& film, const fs::path& path,
-                 double frames_per_second) {
+                 const RenderFlags& flags) {
+  const double frames_per_second = flags.frames_per_second,
+               brightness = flags.brightness.value_or(1);
   imaging::Movie movie(path, film.blurry.size(2), film.blurry.size(1), frames_per_second);
   const auto show = [&](const torch::Tensor& image, double seconds) {
     for (auto left = std::max(1L, std::lround(seconds * frames_per_second)); left > 0; --left) {
       throw_if_interrupted();
-      movie.add(image);
+      movie.add(brightness * image);
     }
   };
   show(film.blurry, 1);
@@ -230,19 +247,19 @@ void write_movie(const Subject& subject, const apps::Unblurring& film, const fs:
 }
 
 void write_movie(const Subject& subject, const std::vector<data::NamedCamera>& views,
-                 const fs::path& path, double frames_per_second) {
+                 const fs::path& path, const RenderFlags& flags) {
   imaging::Movie movie(path, views.front().camera.width, views.front().camera.height,
-                       frames_per_second);
+                       flags.frames_per_second);
   Progress progress("render", static_cast<int64_t>(views.size()), 0, "view");
   for (const data::NamedCamera& view : views) {
     throw_if_interrupted();
-    movie.add(render(subject, view));
+    movie.add(flags.brightness.value_or(1) * render(subject, view));
     if (progress.step()) progress.show(view.name);
   }
   movie.finish();
 }
 
-ExitCode unblur(const Subject& subject, const RenderFlags& flags, const train::RunOptions& options,
+ExitCode unblur(const Subject& subject, RenderFlags flags, const train::RunOptions& options,
                 const fs::path& output) {
   const data::Dataset dataset = load_data(flags, options, "--unblur", subject.file.origin);
   const apps::Unblurring film = apps::unblurring_of(
@@ -250,7 +267,8 @@ ExitCode unblur(const Subject& subject, const RenderFlags& flags, const train::R
   const std::string what = concat("the blurry frame and ", film.moments.size(), " moments in ");
   if (flags.format == "mp4") {
     const fs::path path = make_movie_path(flags, output);
-    write_movie(subject, film, path, flags.frames_per_second);
+    if (!flags.brightness) flags.brightness = run::display_brightness(dataset);
+    write_movie(subject, film, path, flags);
     log_info(what + path.string());
   } else {
     write_images(subject, film.moments, output, flags.format, &film);
@@ -276,6 +294,10 @@ void check_flags(const RenderFlags& flags, apps::Program& program) {
   if (!film && program.cli().count("--fps") > 0) {
     throw ConfigError("--fps: is of films, found --format " + flags.format + "; add --format mp4");
   }
+  if (!film && flags.brightness) {
+    throw ConfigError(
+        concat("--brightness: is of films, found --format ", flags.format, "; add --format mp4"));
+  }
   if (!film && !flags.fps_benchmark && program.output().extension() == ".mp4") {
     throw ConfigError(concat("--output: expected a folder for ", flags.format, " images, found ",
                              program.output().string(), "; add --format mp4 for a film"));
@@ -296,7 +318,7 @@ int main(int argc, char** argv) {
   apps::Program program("jade_render", "Renders views of a trained scene or of a .ply");
   RenderFlags flags;
   add_flags(program, flags);
-  program.add_output_flag("folder for the images");
+  program.add_output_flag("Folder for the images, or the .mp4 of a film");
   program.add_device_flag();
   program.add_json_flag();
   return program.run(argc, argv, [&] {
@@ -318,7 +340,7 @@ int main(int argc, char** argv) {
     }
     if (flags.format == "mp4") {
       const fs::path path = make_movie_path(flags, program.output());
-      write_movie(subject, views, path, flags.frames_per_second);
+      write_movie(subject, views, path, flags);
       log_info(concat(views.size(), " views in ", path.string()));
       return ExitCode::kOk;
     }

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <iomanip>
 #include <iostream>
 #include <nlohmann/json.hpp>
 
 #include "common/cli.h"
 #include "jade/core/atomic_file.h"
+#include "jade/core/readable.h"
 #include "jade/io/npy.h"
 #include "jade/simulate/simulator.h"
 
@@ -61,9 +63,10 @@ void report(const simulate::SimulateResult& result, const std::filesystem::path&
               << "\n";
     return;
   }
-  std::cout << folder.string() << ": " << c.train.size() << " blurry frames (mean blur "
-            << result.blur_px << " px), " << c.test.size() << " sharp test views, "
-            << c.events.size() << " events from " << result.frames << " rendered frames\n";
+  std::cout << std::fixed << std::setprecision(2) << folder.string() << ": " << c.train.size()
+            << " blurry frames (mean blur " << result.blur_px << " px), " << c.test.size()
+            << " sharp test views, " << grouped(c.events.size()) << " events from "
+            << grouped(result.frames) << " rendered frames\n";
   const auto& errors = result.pose_errors;
   if (errors.nine.max > 0.01) {
     std::cout << "Written poses are " << errors.mid.rms << " px off at mid-exposure (at most "
@@ -101,22 +104,26 @@ int main(int argc, char** argv) {
       "jade_simulate",
       "Makes a data set of blurry frames and events from a scene, a Gaussian .ply "
       "or sharp frames with poses");
+  program.add_example("jade_simulate --config configs/simulate/desk.yaml --output data/desk");
+  program.add_example("jade_simulate --set simulate.exposures=8 --recording --output data/raw");
   program.add_config_flags();
-  program.add_output_flag("Folder of the data set, made if it does not exist");
+  program.add_output_flag("Folder of the data set; made if it does not exist");
   program.add_seed_flag();
   program.add_json_flag();
   bool force = false;
-  program.cli().add_flag("--force", force, "Write into a folder that holds files already");
+  program.begin_group("Output");
+  program.cli().add_flag("--force", force, "Write into a folder that already holds files");
   bool recording = false;
   program.cli().add_flag("--recording", recording,
-                         "Write a recording without poses, as a camera does, with the true data "
-                         "set in truth/, to try jade_import");
+                         "Write a recording without poses, as a camera does, for jade_import; the "
+                         "true data set goes to truth/");
   int64_t footage = 0;
   program.cli()
       .add_option(
           "--footage", footage,
-          "Write footage.npy and nothing else: so many sharp frames at equal steps of every "
-          "exposure, [exposures,frames,3,H,W] uint8, to train restorers from")
+          "Write only footage.npy, to train restorers: N sharp frames at equal steps of every "
+          "exposure, uint8 [exposures,N,3,H,W]; not with --recording")
+      ->type_name("N")
       ->transform(apps::whole_number(1))
       ->check(CLI::Range(2, 1025))
       ->excludes("--recording");

@@ -30,43 +30,58 @@ struct Flags {
   bool dry_run = false, skip_missing = false, retry_failed = false, table = false, wait = false;
 };
 
-void add_flags(CLI::App& cli, Flags& flags) {
-  cli.add_option("--sweep", flags.sweep,
-                 "YAML of the sweep: rows, scenes, seeds (configs/sweeps/)");
-  cli.add_option("--rows", flags.rows, "Only these rows, separated by commas")->delimiter(',');
-  cli.add_option("--scenes", flags.scenes, "Only these scenes")->delimiter(',');
-  cli.add_option("--seeds", flags.seeds, "These seeds instead of the sweep's")
+void add_flags(apps::Program& program, Flags& flags) {
+  CLI::App& cli = program.cli();
+  program.begin_group("Input");
+  cli.add_option("--sweep", flags.sweep, "YAML of the sweep: rows, scenes, seeds (configs/sweeps/)")
+      ->type_name("FILE");
+  cli.add_option("--data", flags.data, "Data set of one scene. Repeatable")
+      ->type_name("SCENE=DIR")
+      ->allow_extra_args(false);
+  program.begin_group("Selection");
+  cli.add_option("--rows", flags.rows, "Only these rows, separated by commas")
+      ->type_name("LIST")
+      ->delimiter(',');
+  cli.add_option("--scenes", flags.scenes, "Only these scenes, separated by commas")
+      ->type_name("LIST")
+      ->delimiter(',');
+  cli.add_option("--seeds", flags.seeds, "These seeds instead of those of the sweep")
+      ->type_name("LIST")
       ->delimiter(',')
       ->transform(apps::whole_number(0));
-  cli.add_option("--data", flags.data, "A scene's data set: SCENE=DIR (repeatable)")
-      ->allow_extra_args(false);
-  cli.add_option(
-         "--jobs", flags.jobs,
-         "Runs at once at most (default: the sweep's, else six per GPU, or one per two cores)")
+  cli.add_flag("--skip-missing", flags.skip_missing,
+               "Skip runs whose data sets or files do not exist");
+  cli.add_flag("--retry-failed", flags.retry_failed, "Also start diverged runs again");
+  cli.add_flag("--dry-run", flags.dry_run, "Check everything and list the runs; start nothing");
+  cli.add_flag("--table", flags.table, "Only write the table of the finished runs");
+  program.begin_group("Machines");
+  cli.add_option("--jobs", flags.jobs,
+                 "Most runs at once; by default that of the sweep, else six per GPU or one per two "
+                 "cores")
       ->transform(apps::whole_number(1))
       ->check(CLI::Range(1, sweep::kMostJobs));
   cli.add_option("--devices,--device", flags.devices, "auto, cpu, or GPUs such as cuda:0,cuda:1")
+      ->type_name("LIST")
       ->delimiter(',');
-  cli.add_option("--memory-margin", flags.margin_gib, "GiB of memory that stay free")
+  cli.add_option("--memory-margin", flags.margin_gib, "GiB of memory to leave free")
       ->capture_default_str()
-      ->check(CLI::Range(0.0, 1e6));
+      ->check(CLI::Range(0.0, 1e5));
   cli.add_option("--launcher", flags.launcher,
                  "local: child processes; slurm: a job array through sbatch")
+      ->type_name("WORD")
       ->capture_default_str()
       ->check(CLI::IsMember({"local", "slurm"}));
   cli.add_option("--slurm", flags.slurm,
-                 "More for sbatch, such as --slurm=--partition=gpu (repeatable)")
+                 "An argument for sbatch, such as --slurm=-pgpu. Repeatable")
+      ->type_name("ARGUMENT")
       ->allow_extra_args(false);
   cli.add_flag("--wait", flags.wait, "With slurm: wait for the array, then write the table");
-  cli.add_flag("--dry-run", flags.dry_run, "Check everything and list the runs; start nothing");
-  cli.add_flag("--table", flags.table, "Only write the table anew from what is there");
-  cli.add_flag("--skip-missing", flags.skip_missing,
-               "Leave out runs whose data or files are not there");
-  cli.add_flag("--retry-failed", flags.retry_failed, "Start diverged runs again too");
   cli.add_option("--train-program", flags.program,
-                 "The program that trains (default: jade_train beside this one)");
+                 "Program that trains (default: jade_train beside this one)")
+      ->type_name("FILE");
   cli.add_option("--run-task", flags.task,
-                 "One run of --output, ROW/SCENE/SEED; what a job array's tasks call");
+                 "Run one task of a job array in --output; the array's script calls this")
+      ->type_name("ROW/SCENE/SEED");
 }
 
 fs::path own_path() { return fs::read_symlink("/proc/self/exe"); }
@@ -216,12 +231,16 @@ ExitCode run(apps::Program& program, Flags& flags) {
 int main(int argc, char** argv) {
   apps::Program program(
       "jade_sweep",
-      "Trains rows x scenes x seeds of one YAML and writes one table; called again it goes on");
+      "Trains every row, scene and seed of one YAML and writes one table; repeat the command to "
+      "continue it");
+  program.add_example("jade_sweep --sweep configs/sweeps/ablation.yaml --output runs/ablation");
+  program.add_example("jade_sweep --sweep my.yaml --seeds 0,1 --dry-run --output runs/mine");
   program.add_config_flags();
+  program.set_settings_order("defaults, --config, the scene, the row, --set");
   program.add_output_flag(
       "Folder of the sweep: runs/, tasks/, index.html, table.md, table.csv, table.tex");
   program.add_json_flag();
   Flags flags;
-  add_flags(program.cli(), flags);
+  add_flags(program, flags);
   return program.run(argc, argv, [&] { return run(program, flags); });
 }

@@ -28,16 +28,16 @@ void use_path(const fs::path& path, apps::Program& program) {
   if (path.empty()) return;
   if (is_yaml) return program.use_config(path);
   if (run::is_run(path)) {
-    throw ConfigError(concat(path.string(),
-                             ": expected a data set or a scene.yaml, found a run; go on with it by "
-                             "jade_train --output ",
-                             apps::shell_word(path), " --resume"));
+    throw ConfigError(concat(
+        path.string(), ": expected a data set or a scene.yaml, found a run; continue it with ",
+        program.command("jade_train"), " --output ", apps::shell_word(path), " --resume"));
   }
   if (fs::is_regular_file(path) || recording::is_recording(path)) {
     throw ConfigError(concat(path.string(),
                              ": expected a data set with poses or a scene.yaml, found a recording; "
-                             "make one of it by jade_import ",
-                             apps::shell_word(path), " --output DIR"));
+                             "import it with ",
+                             program.command("jade_import"), " ", apps::shell_word(path),
+                             " --output DIR"));
   }
   if (fs::is_regular_file(path / "scene.yaml")) return program.use_config(path / "scene.yaml");
   program.use_key("dataset.path", path.string());
@@ -48,29 +48,35 @@ void use_path(const fs::path& path, apps::Program& program) {
 int main(int argc, char** argv) {
   apps::Program program("jade_train",
                         "Trains a sharp 3D Gaussian scene from blurry frames and events");
+  program.add_example("jade_train data/table --output runs/table");
+  program.add_example("jade_train data/table/scene.yaml --minutes 10 --output runs/short");
   fs::path path;
-  program.cli().add_option(
-      "path", path, "data set, or the YAML of a scene; as dataset.path or the first --config");
+  program.begin_group("Input");
+  program.cli()
+      .add_option("path", path,
+                  "Folder of a data set, or its scene.yaml: the first --config or dataset.path")
+      ->type_name("PATH");
   program.add_config_flags();
-  program.add_key_flag("--mask", "dataset.mask",
-                       "image whose black pixels count in no frame (lens borders, hot areas)");
-  program.add_output_flag("Run directory, made if it does not exist");
+  program.add_mask_flag("dataset.mask");
+  program.add_output_flag("Run directory; made if it does not exist");
   program.add_device_flag();
   program.add_seed_flag();
   std::string resume;
+  program.begin_group("Training");
   auto* resume_flag = program.cli().add_option(
       "--resume", resume,
-      "Go on with the newest whole checkpoint of --output, or with this one; without --config by "
-      "the settings of the run");
-  resume_flag->expected(0, 1);
+      "Continue the run in --output from its newest complete checkpoint, or from this one; without "
+      "--config with the settings of the run");
+  resume_flag->type_name("FILE")->expected(0, 1);
   run::Choices choices;
   auto* minutes = program.cli().add_option(
       "--minutes", choices.minutes,
-      "About how long the run is to take: steps and moments that are not set are chosen so, by the "
+      "Approximate length of the run: chooses the steps and moments that are not set, by the "
       "measured speed of this machine");
   minutes->check(CLI::Range(0.5, 1e5));
   std::string address;
-  const auto* serve = program.add_serve_flag(address, "Show the scene in a browser as it trains");
+  program.begin_group("Output");
+  const auto* serve = program.add_serve_flag(address, "Show the scene in a browser as it trains,");
   return program.run(argc, argv, [&] {
     const bool resumed = resume_flag->count() > 0;
     use_path(path, program);
@@ -89,9 +95,8 @@ int main(int argc, char** argv) {
     }
     if (options->dataset.path.empty()) {
       throw ConfigError(
-          "dataset.path: expected the folder of a data set, found nothing; name it behind "
-          "jade_train, "
-          "in the YAML or with --set dataset.path=DIR");
+          "expected a data set, found nothing; add its folder or its scene.yaml: jade_train PATH "
+          "--output DIR");
     }
     if (resumed && choices.minutes > 0) {
       throw ConfigError(

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Shows a scene in a browser, drawn by our op.
+// Shows a scene in a browser, rendered by our op.
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -126,8 +126,7 @@ run::LiveScene scene_of(const Subject& subject) {
   const run::LiveScene scene = scene_of(subject);
   server.board().set({0, 0, subject.gaussians.size(), "still"});
   server.show(page::live_page(
-      scene.page_data({{subject.dataset.name, concat(subject.gaussians.size(), " Gaussians"),
-                        device_name(subject.gaussians.means.device())},
+      scene.page_data({{subject.dataset.name, device_name(subject.gaussians.means.device())},
                        subject.config,
                        server.board().id(),
                        /*pausable=*/false,
@@ -136,8 +135,8 @@ run::LiveScene scene_of(const Subject& subject) {
                        subject.scores})));
   for (;;) {
     throw_if_interrupted();
-    if (!server.stage().wait(serve::Stage::Seconds(0.1))) continue;
-    server.stage().draw_one([&](const serve::Wanted& wanted) { return scene.draw(wanted, 0); });
+    if (!server.queue().wait(serve::RenderQueue::Seconds(0.1))) continue;
+    server.queue().render_one([&](const serve::Wanted& wanted) { return scene.draw(wanted, 0); });
   }
 }
 
@@ -145,14 +144,19 @@ run::LiveScene scene_of(const Subject& subject) {
 
 int main(int argc, char** argv) {
   apps::Program program("jade_view", "Shows a scene in a browser until Ctrl-C");
+  program.add_example("jade_view runs/table");
+  program.add_example("jade_view table.ply --serve 9000");
   fs::path path;
+  program.begin_group("Input");
   program.cli()
       .add_option("scene", path,
-                  "run directory of jade_train (its newest scene, with its cameras and pictures) "
-                  "or a .ply")
+                  "Run directory of jade_train (its newest scene, cameras, pictures and scores) or "
+                  "a .ply")
+      ->type_name("PATH")
       ->required();
   std::string address;
-  program.add_serve_flag(address, "Where");
+  program.begin_group("Output");
+  program.add_serve_flag(address, "Serve the page");
   program.add_device_flag();
   return program.run(argc, argv, [&] {
     const torch::Device device = program.device();

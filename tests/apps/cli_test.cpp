@@ -9,6 +9,7 @@
 #include <torch/types.h>
 
 #include "jade/core/atomic_file.h"
+#include "support/naming.h"
 #include "support/programs.h"
 #include "support/temp_dir.h"
 #include "support/tiny_dataset.h"
@@ -53,7 +54,7 @@ TEST_CASE("--config: settings that ship are found by their name from any folder"
   const Outcome shipped =
       run(dir, "jade_train --print-config --config configs/paper.yaml --set dataset.path=x");
   CHECK(shipped.code == 0);
-  CHECK_THAT(shipped.err, Catch::Contains("configs/paper.yaml: not here"));
+  CHECK_THAT(shipped.err, test::naming("configs/paper.yaml", "ships"));
   dir.write("configs/paper.yaml", "train: {iterations: 17}");
   const Outcome own = run(dir, "jade_train --print-config --config configs/paper.yaml");
   CHECK_THAT(own.out, Catch::Contains("iterations: 17"));
@@ -80,43 +81,38 @@ TEST_CASE("programs: every configuration that ships can be read", "[apps]") {
 TEST_CASE("jade_train: a mistake gets one line and its exit code", "[apps]") {
   const test::TempDir dir;
   dir.write("key.yaml", "train:\n  iteratons: 5\n");
-  check_error(run(dir, "jade_train --config key.yaml"), 2,
-              "key.yaml:2:3: train.iteratons: unknown key; did you mean train.iterations?");
-  check_error(run(dir, "jade_train --set train.iterations=many"), 2,
-              "expected a whole number in [1, 1e+08], found 'many'");
-  check_error(run(dir, "jade_train --set objective.dssim=2"), 2,
-              "objective.dssim: expected a number in [0, 1], found '2'");
-  check_error(run(dir, "jade_train --config nowhere.yaml"), 2,
-              "nowhere.yaml: expected a YAML file, found no file");
+  check_error(run(dir, "jade_train --config key.yaml"), 2, "key.yaml:2:3", "train.iteratons",
+              "train.iterations?");
+  check_error(run(dir, "jade_train --set train.iterations=many"), 2, "train.iterations", "'many'");
+  check_error(run(dir, "jade_train --set objective.dssim=2"), 2, "objective.dssim", "[0, 1]",
+              "'2'");
+  check_error(run(dir, "jade_train --config nowhere.yaml"), 2, "nowhere.yaml");
   dir.write("a.yaml", "extends: b.yaml\n");
   dir.write("b.yaml", "extends: a.yaml\n");
-  check_error(run(dir, "jade_train --config a.yaml"), 2, "goes in a circle");
+  check_error(run(dir, "jade_train --config a.yaml"), 2, "a.yaml", "b.yaml");
   dir.write("syntax.yaml", "train: {iterations: 5\n");
-  check_error(run(dir, "jade_train --config syntax.yaml"), 2, "syntax.yaml:2:1: not valid YAML");
-  check_error(run(dir, "jade_train --nonsense"), 2, "--help lists the flags");
-  check_error(run(dir, "jade_train --log-level loud"), 2,
-              "expected debug, info, warn, error or off");
-  check_error(run(dir, "jade_train --output run"), 2,
-              "dataset.path: expected the folder of a data set");
-  check_error(run(dir, "jade_train --set dataset.path=nothing"), 2, "--output: expected a folder");
+  check_error(run(dir, "jade_train --config syntax.yaml"), 2, "syntax.yaml:2:1");
+  check_error(run(dir, "jade_train --nonsense"), 2, "--nonsense", "--help");
+  check_error(run(dir, "jade_train --log-level loud"), 2, "debug, info, warn, error or off");
+  check_error(run(dir, "jade_train --output run"), 2, "data set", "jade_train PATH");
+  check_error(run(dir, "jade_train --set dataset.path=nothing"), 2, "--output");
   check_error(run(dir, "jade_train --set dataset.path=nothing --output run"), 3, "nothing");
   check_error(run(dir, "jade_train --set dataset.path=x --output /proc/run"), 3, "/proc/run");
-  check_error(run(dir, "jade_train --set dataset.path=x --output run --device gpu"), 2,
-              "expected auto, cpu, cuda or cuda:N");
+  check_error(run(dir, "jade_train --set dataset.path=x --output run --device gpu"), 2, "device",
+              "cuda:N");
   check_error(run(dir, "jade_train --set dataset.path=x --output run --device cuda:77"), 4,
               "device cuda:77");
 }
 
 TEST_CASE("programs: flags and assignments with a slip get the right one", "[apps]") {
   const test::TempDir dir;
-  check_error(run(dir, "jade_train --outputt x"), 2, "did you mean --output?");
-  check_error(run(dir, "jade_inspect --log-ofset=1 x"), 2, "did you mean --log-offset?");
-  check_error(run(dir, "jade_train --set train.iterations 200"), 2,
-              "use --set train.iterations=200");
+  check_error(run(dir, "jade_train --outputt x"), 2, "--outputt", "--output?");
+  check_error(run(dir, "jade_inspect --log-ofset=1 x"), 2, "--log-offset?");
+  check_error(run(dir, "jade_train --set train.iterations 200"), 2, "--set train.iterations=200");
   check_error(run(dir, "jade_train --set train.iterations --output x"), 2, "train.iterations=");
   const Outcome bare = run(dir, "jade_train");
-  check_error(bare, 2, "--output: expected a folder");
-  CHECK_THAT(bare.out, Catch::Contains("--config"));
+  check_error(bare, 2, "--output");
+  CHECK_THAT(bare.out, Catch::Contains("Usage: jade_train"));
 }
 
 TEST_CASE(
@@ -142,7 +138,7 @@ TEST_CASE("jade_train: trains, resumes and is scored from the command line", "[a
       "jade_train --quiet --device cpu --set dataset.path=scene --set objective.target=edi --set "
       "init.points=200 --output run ";
   CHECK(run(dir, train + "--set train.iterations=5").code == 0);
-  check_error(run(dir, train + "--set train.iterations=8"), 3, "holds a run already");
+  check_error(run(dir, train + "--set train.iterations=8"), 3, "run", "--resume");
   const Outcome resumed = run(dir, train + "--set train.iterations=8 --resume");
   INFO(resumed.err);
   CHECK(resumed.code == 0);
@@ -154,13 +150,12 @@ TEST_CASE("jade_train: trains, resumes and is scored from the command line", "[a
   CHECK(further.code == 0);
   CHECK(std::filesystem::exists(dir.path() / "run/checkpoints/step_0000009.pt"));
   CHECK_THAT(read_file(dir / "run/config.yaml"), Catch::Contains("target: edi"));
-  check_error(run(dir, "jade_train --output nowhere --resume"), 2,
-              "--resume: expected the folder of a run, found nothing at nowhere");
+  check_error(run(dir, "jade_train --output nowhere --resume"), 2, "--resume", "nowhere");
   const Outcome scores = run(dir, "jade_eval --run run --device cpu --json");
   CHECK(scores.code == 0);
   CHECK_THAT(scores.out, Catch::Contains("psnr_channel_mean"));
-  check_error(run(dir, "jade_eval --run nowhere"), 3, "expected a run directory");
-  check_error(run(dir, "jade_eval"), 2, "expected --run DIR");
+  check_error(run(dir, "jade_eval --run nowhere"), 3, "nowhere", "run directory");
+  check_error(run(dir, "jade_eval"), 2, "--run");
 }
 
 TEST_CASE("jade_train: the restorer is the one that ships, and is looked for before the data",
@@ -177,7 +172,7 @@ TEST_CASE("jade_train: the restorer is the one that ships, and is looked for bef
   check_error(run(dir,
                   "jade_train --device cpu --set dataset.path=nothing --set efnet.path=nowhere.pt "
                   "--output other"),
-              3, "efnet.path: expected the TorchScript file of the restorer, found no file");
+              3, "efnet.path", "nowhere.pt");
 }
 
 namespace {
@@ -218,8 +213,7 @@ TEST_CASE("jade_simulate: a disk that is full leaves no half of a data set", "[a
   fs::create_directory(dir / "scene");
   // No file beyond some kilobytes: enough for the pictures, not for the events.
   for (const std::string flag : {"scene", "scene --recording", "new"}) {
-    check_error(run(dir, "ulimit -f 12\n" + tiny + flag), 3,
-                "cannot be written; check the free space");
+    check_error(run(dir, "ulimit -f 12\n" + tiny + flag), 3, "space");
     CHECK(fs::is_empty(dir / "scene"));
     CHECK_FALSE(fs::exists(dir / "new"));
   }
@@ -245,16 +239,15 @@ TEST_CASE("programs: whole numbers of flags are decimal, and what is none is tol
   CHECK_THAT(zeros.out, Catch::Contains("\nseed: 10 "));
   CHECK_THAT(zeros.out, Catch::Contains("  iterations: 10 "));
   for (const std::string seed : {"-1", "1e3", "x"}) {
-    check_error(run(dir, "jade_train --print-config --seed=" + seed), 2,
-                "expected a whole number of 0 or more");
+    check_error(run(dir, "jade_train --print-config --seed=" + seed), 2, "--seed", "0 or more");
   }
-  check_error(run(dir, "jade_bench losses --repeats 0"), 2, "expected a whole number of 1 or more");
+  check_error(run(dir, "jade_bench losses --repeats 0"), 2, "--repeats", "1 or more");
 }
 
 TEST_CASE("programs: results that standard output does not take are not lost in silence",
           "[apps]") {
   const test::TempDir dir;
-  check_error(run(dir, "jade_train --print-config > /dev/full"), 3, "results cannot be written");
+  check_error(run(dir, "jade_train --print-config > /dev/full"), 3, "standard output");
   const Outcome closed = run(dir, "bash -c 'set -o pipefail; jade_train --print-config | head -1'");
   CHECK(closed.err.empty());
 }
@@ -274,8 +267,8 @@ TEST_CASE("jade_train: the data set is no folder for a run, nor is one whose ima
   test::write_tiny_dataset(dir / "scene");
   const std::string train =
       "jade_train --device cpu --set train.iterations=1 --set objective.target=none ";
-  check_error(run(dir, train + "--set dataset.path=scene --output ./scene/"), 2,
-              "expected a folder for the run, found ./scene/, the data set");
+  check_error(run(dir, train + "--set dataset.path=scene --output ./scene/"), 2, "--output",
+              "./scene/");
   // A list of another layout that lies in the data set does not matter.
   dir.write("scene/transforms.json", R"({"frames":[{"file_path":"gone.png"}]})");
   CHECK(run(dir, train + "--set dataset.path=scene --output run").code == 0);
@@ -285,15 +278,14 @@ TEST_CASE("jade_train: the data set is no folder for a run, nor is one whose ima
   dir.write("set/transforms.json",
             R"({"fl_x":50,"w":36,"h":28,"frames":[{"file_path":"../other/images/00.png",)"
             R"("transform_matrix":[[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}]})");
-  check_error(run(dir, train + "--set dataset.path=set --output other"), 2,
-              "where the data set keeps pictures of these names");
+  check_error(run(dir, train + "--set dataset.path=set --output other"), 2, "--output");
   check_error(run(dir, "jade_deblur --method edi --dataset set --output other/images"), 2,
-              "where the data set keeps pictures of these names");
+              "--output");
 }
 
 TEST_CASE("jade_eval: --output is a folder", "[apps]") {
   const test::TempDir dir;
-  check_error(run(dir, "jade_eval --renders a --truth b --output scores.json"), 2,
-              "--output: expected a folder, into which eval.json is written, found scores.json");
+  check_error(run(dir, "jade_eval --renders a --truth b --output scores.json"), 2, "--output",
+              "eval.json", "scores.json");
   CHECK_FALSE(std::filesystem::exists(dir / "scores.json"));
 }

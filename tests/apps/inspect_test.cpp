@@ -10,6 +10,7 @@
 #include "jade/gaussians/ply.h"
 #include "jade/imaging/image_io.h"
 #include "jade/io/npy.h"
+#include "support/naming.h"
 #include "support/programs.h"
 #include "support/temp_dir.h"
 #include "support/tiny_dataset.h"
@@ -74,7 +75,7 @@ TEST_CASE("jade_inspect: a run says how far it came and what is wrong with it", 
   std::filesystem::rename(dir / "scene", dir / "moved");
   const Outcome damaged = run(dir, "jade_inspect run");
   CHECK(damaged.code == 0);
-  CHECK_THAT(damaged.out, Catch::Contains("step_0000009.pt: expected a checkpoint"));
+  CHECK_THAT(damaged.out, test::naming("step_0000009.pt"));
   CHECK_THAT(damaged.out, Catch::Contains("is gone"));
 }
 
@@ -83,7 +84,7 @@ TEST_CASE("jade_inspect: says whether the frames are monochrome", "[apps]") {
   test::write_tiny_dataset(dir / "coloured");
   test::write_tiny_dataset(dir / "gray", {36, 28, 3, false, true});
   CHECK_THAT(run(dir, "jade_inspect gray").out, Catch::Contains("monochrome"));
-  CHECK_THAT(run(dir, "jade_inspect coloured").out, Catch::Contains("frames in colour"));
+  CHECK_THAT(run(dir, "jade_inspect coloured").out, test::naming("colour"));
   CHECK_THAT(run(dir, "jade_inspect gray --json").out, Catch::Contains("\"color\": \"gray\""));
   CHECK_THAT(run(dir, "jade_inspect coloured --json").out, Catch::Contains("\"color\": \"color\""));
 }
@@ -91,14 +92,13 @@ TEST_CASE("jade_inspect: says whether the frames are monochrome", "[apps]") {
 TEST_CASE("jade_inspect: what is none of the three gets one line", "[apps]") {
   const test::TempDir dir;
   std::filesystem::create_directories(dir / "empty");
-  check_error(run(dir, "jade_inspect empty"), 3,
-              "expected a recording (events, or frames that have times), a data set");
-  check_error(run(dir, "jade_inspect nowhere"), 3, "no such folder");
+  check_error(run(dir, "jade_inspect empty"), 3, "poses_bounds.npy", "transforms.json");
+  check_error(run(dir, "jade_inspect nowhere"), 3, "nowhere");
   dir.write("model/sparse/0/cameras.txt", "1 PINHOLE 8 6 5 5 4 3\n");
   dir.write("model/sparse/0/images.txt", "1 1 0 0 0 0 0 0 1 a.png\n\n");
   dir.write("model/sparse/0/points3D.txt", "1 2 soon\n");
-  check_error(run(dir, "jade_inspect model"), 3, "points3D.txt: line 1: expected POINT3D_ID");
-  check_error(run(dir, "jade_inspect"), 2, "--help lists the flags");
+  check_error(run(dir, "jade_inspect model"), 3, "points3D.txt: line 1", "POINT3D_ID");
+  check_error(run(dir, "jade_inspect"), 2, "--help");
   test::write_tiny_dataset(dir / "scene");
   CHECK_THAT(run(dir, "jade_inspect scene").out, Catch::Contains("No problems found"));
 }
@@ -145,7 +145,7 @@ TEST_CASE("jade_inspect: a recording, what is missing, and the next command", "[
   dir.write("scene/exposures.csv", "a,190000,210000\nb,390000,420000\n");
   dir.write("scene/calib.txt", "6 6 4 3 0 0 0 0 0\n");
   const Outcome whole = run(dir, "jade_inspect scene");
-  CHECK_THAT(whole.out, Catch::Contains("exposures   2, 20 to 30 ms, median 30"));
+  CHECK_THAT(whole.out, test::naming("exposures", "20 to 30 ms", "median 30"));
   CHECK_THAT(whole.out, Catch::Contains("/scene --output data/scene"));
   const auto json = nlohmann::json::parse(run(dir, "jade_inspect scene --json").out);
   CHECK(json["events"] == 3);
@@ -161,11 +161,11 @@ TEST_CASE("jade_inspect: a recording, what is missing, and the next command", "[
   CHECK_THAT(alone.out, Catch::Contains("--frames FOLDER_OR_VIDEO --frame-times LIST.csv"));
   run(dir, "rm scene/exposures.csv scene/images.txt");
   const Outcome untimed = run(dir, "jade_inspect scene");
-  CHECK_THAT(untimed.out, Catch::Contains("2 of 2 frames have no time and are left out; give"));
+  CHECK_THAT(untimed.out, test::naming("2 of 2 frames", "time"));
   CHECK_THAT(untimed.out, Catch::Contains("/scene --frame-times LIST.csv --output data/scene"));
-  check_error(run(dir, "jade_import --quiet scene --output out --until read"), 3,
-              "holds 2 frames and no time of any; give --frame-times LIST.csv");
-  check_error(run(dir, "jade_inspect scene/images/a.png"), 3, "expected a recording");
+  check_error(run(dir, "jade_import --quiet scene --output out --until read"), 3, "2 frames",
+              "--frame-times");
+  check_error(run(dir, "jade_inspect scene/images/a.png"), 3, "scene/images/a.png");
   dir.write("empty.raw", "");
-  check_error(run(dir, "jade_inspect empty.raw"), 3, "the file is empty");
+  check_error(run(dir, "jade_inspect empty.raw"), 3, "empty.raw", "is empty");
 }

@@ -3,6 +3,7 @@
 #include "support/catch.h"
 
 #include "jade/core/atomic_file.h"
+#include "support/naming.h"
 #include "support/programs.h"
 #include "support/temp_dir.h"
 #include "support/tiny_dataset.h"
@@ -64,13 +65,12 @@ TEST_CASE("settings: a mistake reads the same in each program", "[apps]") {
   dir.write("bad.yaml", "events:\n  bons: 6\n");
   for (const std::string program : kPrograms) {
     INFO(program);
-    check_error(run(dir, program + " --config bad.yaml"), 2,
-                "bad.yaml:2:3: events.bons: unknown key; did you mean events.bins?");
-    check_error(run(dir, program + " --set events.bins=many"), 2,
-                "--set events.bins=many: events.bins: expected a whole number in [2, 64]");
-    check_error(run(dir, program + " --set events.bins=5"), 2, "expected an even number");
-    check_error(run(dir, program + " --kind foo"), 2,
-                "--kind foo: dataset.kind: expected one of auto, evdeblur");
+    check_error(run(dir, program + " --config bad.yaml"), 2, "bad.yaml:2:3", "events.bons",
+                "events.bins?");
+    check_error(run(dir, program + " --set events.bins=many"), 2, "--set events.bins=many",
+                "[2, 64]");
+    check_error(run(dir, program + " --set events.bins=5"), 2, "events.bins", "even");
+    check_error(run(dir, program + " --kind foo"), 2, "--kind foo: dataset.kind", "auto, evdeblur");
     CHECK_THAT(run(dir, program + " --help").out, Catch::Contains("Settings, later wins:"));
   }
 }
@@ -81,8 +81,8 @@ TEST_CASE("settings: an old key works and is named once", "[apps]") {
   const Outcome old = run(dir, "jade_train --config old.yaml --print-config");
   CHECK(old.code == 0);
   CHECK(std::count(old.err.begin(), old.err.end(), '\n') == 2);
-  CHECK_THAT(old.err, Catch::Contains("old.yaml:1:1: scene is now called objective"));
-  CHECK_THAT(old.err, Catch::Contains("old.yaml:2:1: crf is now called response"));
+  CHECK_THAT(old.err, test::naming("old.yaml:1:1", "scene", "objective"));
+  CHECK_THAT(old.err, test::naming("old.yaml:2:1", "crf", "response"));
   dir.write("new.yaml", "objective: {target: edi}\nresponse: {enabled: false}\n");
   const Outcome now = run(dir, "jade_train --config new.yaml --print-config");
   CHECK(now.err.empty());
@@ -102,7 +102,7 @@ TEST_CASE("settings: a scene's file serves every program; paths start where they
   INFO(inspected.err);
   CHECK(inspected.code == 0);
   CHECK_THAT(inspected.out, Catch::Contains("\"kind\": \"evdeblur\""));
-  check_error(run(dir, "jade_inspect --split none" + scene), 3, "by dataset.split none");
+  check_error(run(dir, "jade_inspect --split none" + scene), 3, "dataset.split none");
   const Outcome deblurred = run(dir, "jade_deblur --quiet --output out" + scene);
   INFO(deblurred.err);
   CHECK(deblurred.code == 0);
@@ -123,7 +123,7 @@ TEST_CASE("settings: a scene's file serves every program; paths start where they
   CHECK(run(dir, "jade_inspect 'a: [b'").code == 0);
   check_error(run(dir, "jade_inspect" + scene), 3, "data/scene");
   check_error(run(dir, "jade_render --output d --ply run/point_cloud.ply"), 2,
-              "needs --run or --dataset");
+              "--run or --dataset");
 }
 
 TEST_CASE("settings: the thresholds of jade_deblur mean the same in each form", "[apps]") {
@@ -177,6 +177,6 @@ TEST_CASE("settings: what is odd about a data set is said by each program that r
     const Outcome outcome = run(dir, command);
     INFO(command << ": " << outcome.err);
     CHECK(outcome.code == 0);
-    CHECK_THAT(outcome.err, Catch::Contains("warning: ") && Catch::Contains("have no events"));
+    CHECK_THAT(outcome.err, Catch::Contains("warning: ") && test::naming("events"));
   }
 }

@@ -9,6 +9,7 @@
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/core/log.h"
+#include "support/naming.h"
 #include "support/temp_dir.h"
 
 using namespace jade;
@@ -124,7 +125,7 @@ TEST_CASE("config: an enum is its word in files, and an old word is read but nev
   TestOptions options = load_text(dir, "kind: amber\n", {"kind=crimson"});
   set_log_file({});
   CHECK(options.kind == Colour::kRed);
-  CHECK_THAT(read_file(said), Catch::Contains("--set kind=crimson: crimson is now called red"));
+  CHECK_THAT(read_file(said), test::naming("--set kind=crimson", "crimson", "red"));
   const std::string printed = config::to_yaml(fields_of(options), "title");
   CHECK_THAT(printed, Catch::Contains("kind: red  # which (red|amber)\n  # red: stop\n") &&
                           !Catch::Contains("crimson") && !Catch::Contains("# amber"));
@@ -133,7 +134,7 @@ TEST_CASE("config: an enum is its word in files, and an old word is read but nev
   const auto values = config::values(fields_of(options));
   CHECK(std::count(values.begin(), values.end(),
                    std::pair<std::string, std::string>("kind", "red")) == 1);
-  CHECK_THAT(error_of(dir, "kind: [red]\n"), Catch::Contains("expected one of red, amber"));
+  CHECK_THAT(error_of(dir, "kind: [red]\n"), test::naming("kind", "red, amber"));
   CHECK(word_of(Colour::kAmber) == std::string("amber"));
   CHECK(value_of<Colour>("amber") == Colour::kAmber);
   CHECK(value_of<Colour>("crimson") == std::nullopt);
@@ -153,11 +154,10 @@ TEST_CASE("config: later layers win: defaults, extends, file, --set", "[config]"
 
 TEST_CASE("config: a second document and extends on the command line are refused", "[config]") {
   const test::TempDir dir;
-  CHECK_THAT(error_of(dir, "iterations: 10\n---\niterations: 20\n"),
-             Catch::Contains("expected one YAML document, found 2"));
+  CHECK_THAT(error_of(dir, "iterations: 10\n---\niterations: 20\n"), test::naming("found 2"));
   CHECK_NOTHROW(load_text(dir, "---\niterations: 10\n"));
-  CHECK_THROWS_WITH(load_text(dir, "iterations: 10\n", {"extends=base.yaml"}),
-                    Catch::Contains("--set extends=base.yaml: only a file can extend others"));
+  CHECK_THROWS_NAMING(ConfigError, load_text(dir, "iterations: 10\n", {"extends=base.yaml"}),
+                      "--set extends=base.yaml");
 }
 
 TEST_CASE("config: paths start at the file that names them", "[config]") {

@@ -12,6 +12,7 @@
 #include "jade/core/error.h"
 #include "jade/imaging/image_io.h"
 #include "support/colmap_writer.h"
+#include "support/naming.h"
 #include "support/temp_dir.h"
 
 namespace jade::data {
@@ -179,8 +180,7 @@ TEST_CASE("colmap scene: a model without images is told as that", "[data]") {
   fs::remove_all(folder / "room/sparse");
   test::save_model(folder / "room/sparse/0",
                    {"1 PINHOLE 21 13 25 25 10.5 6.5\n", "# none\n", "", false, ""});
-  CHECK_THROWS_WITH(load_dataset(dataset_at(folder / "room")),
-                    Catch::Contains("expected images with poses, found none"));
+  CHECK_THROWS_NAMING(DataError, load_dataset(dataset_at(folder / "room")), "images", "none");
 }
 
 TEST_CASE("colmap scene: images without a file are named, strong distortion is undistorted",

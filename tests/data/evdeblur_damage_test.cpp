@@ -14,6 +14,7 @@
 #include "jade/imaging/image_io.h"
 #include "jade/io/hdf5.h"
 #include "jade/io/npy.h"
+#include "support/naming.h"
 #include "support/temp_dir.h"
 
 namespace jade::data {
@@ -159,7 +160,7 @@ TEST_CASE("damage: poses that are NaN, no rotation, cut or of other counts are r
   Scene second;
   second.rewrite_poses("all_poses_bounds.npy",
                        [](const torch::Tensor& rows) { return rows.slice(0, 0, 50); });
-  CHECK_THROWS_WITH(second.warnings(), Catch::Contains("101 times for 50 poses"));
+  CHECK_THROWS_NAMING(DataError, second.warnings(), "101 times", "50 poses");
   Scene third;
   third.cut("poses_bounds.npy", 0.7);
   CHECK_THROWS_WITH(third.warnings(), Catch::Contains("poses_bounds.npy"));
@@ -235,16 +236,16 @@ TEST_CASE("damage: swapped starts and ends, and impossible splits, are refused",
   const torch::Tensor end = times.read("timestamps_end");
   scene.options.split = SplitKind::kLast;
   scene.options.test_last = 6;
-  CHECK_THROWS_WITH(scene.warnings(), Catch::Contains("none is left"));
+  CHECK_THROWS_NAMING(DataError, scene.warnings(), "none is left");
   scene.options.split = SplitKind::kEvery;
-  CHECK_THROWS_WITH(scene.warnings(), Catch::Contains("no exposure time"));
+  CHECK_THROWS_NAMING(DataError, scene.warnings(), "dataset.split");
   scene.options.split = SplitKind::kAuto;
   io::write_npz(scene.root / "images_1/timestamps.npz",
                 {{"timestamps_start", end}, {"timestamps_end", start}});
-  CHECK_THROWS_WITH(scene.warnings(), Catch::Contains("before its start"));
+  CHECK_THROWS_NAMING(DataError, scene.warnings(), "timestamps.npz", "before its start");
   io::write_npz(scene.root / "images_1/timestamps.npz",
                 {{"timestamps_start", start}, {"timestamps_end", end.slice(0, 1)}});
-  CHECK_THROWS_WITH(scene.warnings(), Catch::Contains("one length"));
+  CHECK_THROWS_NAMING(DataError, scene.warnings(), "timestamps.npz", "length");
 }
 
 }  // namespace

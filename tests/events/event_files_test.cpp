@@ -12,6 +12,7 @@
 #include "jade/events/event_group.h"
 #include "jade/io/hdf5.h"
 #include "jade/io/npy.h"
+#include "support/naming.h"
 #include "support/temp_dir.h"
 
 using namespace jade::events;
@@ -130,7 +131,7 @@ TEST_CASE("event files: text has its columns as it names them, else as they look
   check_events(read_events(dir / "mark.csv").events);
   std::ofstream(dir / "half.csv") << "100,1.5,0,0.5\n";
   CHECK_THAT(message_of([&] { read_events(dir / "half.csv"); }),
-             Catch::Contains("half.csv:1: expected polarity 0/1 or -1/+1, found 0.5"));
+             jade::test::naming("half.csv:1", "0/1 or -1/+1", "0.5"));
 }
 
 TEST_CASE("event files: an array called by its letter comes before others", "[events]") {
@@ -163,8 +164,7 @@ TEST_CASE("event files: polarities with a fraction are refused, whole ones in fl
   write(0);
   check_events(read_events(dir / "a.h5").events);
   write(0.5);
-  CHECK_THAT(message_of([&] { read_events(dir / "a.h5"); }),
-             Catch::Contains("expected polarities 0/1 or -1/+1, found other numbers"));
+  CHECK_THAT(message_of([&] { read_events(dir / "a.h5"); }), jade::test::naming("0/1 or -1/+1"));
 }
 
 TEST_CASE("event files: the unit is the one in which events meet the exposures", "[events]") {
@@ -229,7 +229,7 @@ TEST_CASE("event files: damaged files are refused with their path", "[events]") 
           std::string::npos);
   }
   CHECK_THAT(message_of([&] { read_events(dir / "a.bin"); }),
-             Catch::Contains("found 'a.bin'; give a list in text the ending .txt"));
+             jade::test::naming("'a.bin'", ".txt"));
 }
 
 TEST_CASE("event files: an HDF5 file's t_offset is added to every time once, read whole or in part",
@@ -312,7 +312,7 @@ TEST_CASE("event files: of an HDF5 file only the events of some spans are kept",
   options.keep = std::vector<TimeWindow>{{10, 20}};
   options.event_bytes = 1e12;
   CHECK_THAT(message_of([&] { read_events(dir / "us.h5", options); }),
-             Catch::Contains("1 events need 1000 GB, more than 0.7 of the"));
+             jade::test::naming("1 events", "1000 GB", "0.7"));
 }
 
 TEST_CASE("event files: text in Prophesee's order, with the size and names that stand before it",
@@ -351,5 +351,5 @@ TEST_CASE("event files: text in Prophesee's order, with the size and names that 
   CHECK(read_events(dir / "ns.csv").events.last_us() == 3);
   std::ofstream(dir / "three.csv") << "x,y,p,t\n1,2,1,3\n1,2,1\n";
   CHECK_THAT(message_of([&] { read_events(dir / "three.csv"); }),
-             Catch::Contains("three.csv:3: expected 4 numbers"));
+             jade::test::naming("three.csv:3", "4 numbers"));
 }

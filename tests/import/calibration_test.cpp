@@ -5,6 +5,7 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "support/naming.h"
 #include "support/temp_dir.h"
 
 using namespace jade;
@@ -114,8 +115,9 @@ TEST_CASE("calibration: calib.txt of RPG fits any size its centre lies in", "[im
   const auto camera = import::camera_of(calibration, 0, 240, 180, "frames");
   CHECK((camera.pinhole().cx == Approx(132.7) && camera.pinhole().width == 240));
   CHECK_THROWS_AS(import::camera_of(calibration, 0, 120, 90, "frames"), DataError);
-  CHECK_THROWS_WITH(import::camera_of(read("199 198 0 110 0 0 0 0 0"), 0, 240, 180, "frames"),
-                    Catch::Contains("calibration: expected a principal point inside 240x180"));
+  CHECK_THROWS_NAMING(DataError,
+                      import::camera_of(read("199 198 0 110 0 0 0 0 0"), 0, 240, 180, "frames"),
+                      "calibration", "principal point", "240x180");
   CHECK_THROWS_AS(import::camera_of(read("199 198 132 179 0 0 0 0 0"), 0, 240, 180, "frames"),
                   DataError);
   CHECK(read("199 198 132 110 0 0 0 0 0").cameras.at(0).lens.model == LensModel::kPinhole);
@@ -124,10 +126,10 @@ TEST_CASE("calibration: calib.txt of RPG fits any size its centre lies in", "[im
 TEST_CASE("calibration: another size than the recording's is refused", "[import]") {
   const auto calibration = read(kOpenCv);
   CHECK(import::camera_of(calibration, 0, 346, 260, "frames").pinhole().fx == 250);
-  CHECK_THROWS_WITH(import::camera_of(calibration, 0, 640, 480, "frames"),
-                    Catch::Contains("calibrated at 346x260, the frames have 640x480"));
-  CHECK_THROWS_WITH(import::camera_of(calibration, 1, 346, 260, "events"),
-                    Catch::Contains("a camera 1 for the events"));
+  CHECK_THROWS_NAMING(DataError, import::camera_of(calibration, 0, 640, 480, "frames"), "346x260",
+                      "frames", "640x480");
+  CHECK_THROWS_NAMING(DataError, import::camera_of(calibration, 1, 346, 260, "events"), "camera 1",
+                      "events");
 }
 
 TEST_CASE("calibration: what is missing or unknown is named in one line", "[import]") {

@@ -7,6 +7,7 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "support/naming.h"
 #include "support/temp_dir.h"
 
 using namespace jade;
@@ -69,5 +70,5 @@ TEST_CASE("capture: a damaged list is named", "[import]") {
   const test::TempDir dir;
   import::keep_capture(dir.path(), small_capture());
   write_file(dir / "capture.json", "{\"source\": 3}");
-  CHECK_THROWS_WITH(import::load_capture(dir.path()), Catch::Contains("capture.json: expected"));
+  CHECK_THROWS_NAMING(DataError, import::load_capture(dir.path()), "capture.json");
 }

@@ -9,6 +9,7 @@
 #include "jade/core/error.h"
 #include "jade/imaging/color.h"
 #include "jade/import/findings.h"
+#include "support/naming.h"
 
 using namespace jade;
 using import::ColorFilter;
@@ -127,7 +128,7 @@ TEST_CASE("color: thresholds behind a filter are found in the channel of each pi
   const import::SensorFinding found = import::find_sensor({}, {}, capture);
   CAPTURE(found.said, found.thresholds.positive, found.thresholds.negative);
   CHECK(found.filter == ColorFilter::kGrbg);
-  CHECK_THAT(found.said, Catch::Contains("events through a grbg filter"));
+  CHECK_THAT(found.said, test::naming("grbg"));
   const simulate::EventSensorOptions truth;
   CHECK(found.thresholds.positive == Approx(truth.threshold_positive).epsilon(0.08));
   CHECK(found.thresholds.negative == Approx(truth.threshold_negative).epsilon(0.08));

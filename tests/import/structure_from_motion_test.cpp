@@ -12,6 +12,7 @@
 #include "jade/core/log.h"
 #include "jade/core/progress.h"
 #include "jade/imaging/image_io.h"
+#include "support/naming.h"
 #include "support/temp_dir.h"
 
 using namespace jade;
@@ -235,8 +236,8 @@ TEST_CASE("poses: a model with all images in it is refused where it does not exp
       CHECK(result.best.poses.size() == 6);
       CHECK(result.attempts[result.chosen].explained_blur > 0.8);
     } else {
-      CHECK_THROWS_WITH(find(), Catch::Contains("usual: 6 of 6 images, -") &&
-                                    Catch::Contains("% of the blur explained"));
+      CHECK_THROWS_WITH(find(),
+                        test::naming("usual: 6 of 6 images") && test::naming("% of the blur"));
     }
   }
 }
@@ -251,9 +252,9 @@ TEST_CASE("poses: frames that seem still are refused only where COLMAP fails", "
   // With COLMAP of one mind, no other attempt follows.
   Search refused("echo $1 >> ${0%/*}/calls.txt\n");
   stand_still(refused);
-  CHECK_THROWS_WITH(refused.find(), Catch::Contains("expected a moving camera") &&
-                                        Catch::Contains("1 pairs of frames compared") &&
-                                        Catch::Contains("usual: no pair of images"));
+  CHECK_THROWS_WITH(refused.find(), test::naming("moving camera") &&
+                                        test::naming("1 pairs of frames") &&
+                                        test::naming("usual: no pair"));
   CHECK(read_file(refused.dir / "calls.txt").find("mapper\nfeature") == std::string::npos);
 }
 
@@ -268,13 +269,13 @@ TEST_CASE("poses: a model without parallax is refused", "[import]") {
 
 TEST_CASE("poses: no model, and a COLMAP that fails, are told", "[import]") {
   Search none("exit 0\n");
-  CHECK_THROWS_WITH(none.find(), Catch::Contains("no pair of images to begin with"));
+  CHECK_THROWS_NAMING(DataError, none.find(), "no pair");
   Search failing("echo 'Check failed: no space'; exit 1\n");
   CHECK_THROWS_WITH(failing.find(),
-                    Catch::Contains("COLMAP: features failed") && Catch::Contains("no space"));
+                    test::naming("COLMAP: features") && Catch::Contains("no space"));
   Search gone("exit 0\n");
   gone.options.poses.colmap = gone.dir / "nowhere";
-  CHECK_THROWS_WITH(gone.find(), Catch::Contains("nowhere: expected the program colmap"));
+  CHECK_THROWS_NAMING(DataError, gone.find(), "nowhere", "colmap");
 }
 
 TEST_CASE("poses: a COLMAP since 3.13 gets its flags by its names", "[import]") {

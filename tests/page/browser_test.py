@@ -400,6 +400,94 @@ def check_access(page):
     cut = page.evaluate("""[...document.querySelectorAll('.controls *')].filter(c => c.getBoundingClientRect().right > innerWidth)
         .map(c => c.outerHTML.slice(0, 60))""")
     expect(cut == [], f"controls beyond the edge of a phone: {cut}")
+    page.evaluate("document.querySelectorAll('details.part').forEach(part => { part.open = true; })")
+    lines = page.evaluate("""[...document.querySelectorAll('#scores thead th')].filter(th => !th.textContent.includes(' ')).map(th => {
+        const range = document.createRange(); range.selectNodeContents(th); return [th.textContent, range.getClientRects().length]; })""")
+    expect(lines and all(count <= 1 for _, count in lines), f"words of a table's head stay whole on a phone, found {lines}")
+    page.evaluate("document.querySelectorAll('details.part').forEach(part => { part.open = false; })")
+    marks = page.evaluate("""[...document.querySelectorAll('.part > summary')].filter(summary => !summary.parentElement.hidden)
+        .map(summary => summary.getBoundingClientRect().height / parseFloat(getComputedStyle(summary.firstElementChild).fontSize))""")
+    expect(all(height < 3.4 for height in marks), f"a heading on the line of its mark, found {marks}")
+
+
+def check_layout(page, report):
+    """What is where, in a window and on a phone, light and dark."""
+    for dark in (False, True):
+        page.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}])
+        for width, height, mobile in ((1280, 900, False), (390, 844, True)):
+            page.resize(width, height, mobile=mobile)
+            page.open("about:blank", "true")
+            page.open(report)
+            check_rows(page, width, mobile)
+            expect_contrast(page, f"{width} px, {'dark' if dark else 'light'}")
+    page.call("Emulation.setEmulatedMedia", features=[])
+    page.resize(1280, 900)
+    page.open("about:blank", "true")
+    page.open(report)
+    check_place(page)
+    check_brightness(page)
+
+
+def check_rows(page, width, mobile):
+    slider = box(page, "moment")[2]
+    expect(slider > (0.6 if mobile else 0.4) * width, f"the exposure's slider has a row of its own, found {slider} of {width} px")
+    expect(page.evaluate("document.querySelector('label.grow').getClientRects().length === 1 && document.querySelector('label.grow').offsetHeight < 40"), "its label stays whole")
+    handle = page.evaluate("(style => [style.width, style.content])(getComputedStyle(document.getElementById('bar'), '::before'))")
+    expect(handle[0] == "32px", f"the wipe has a handle, found {handle}")
+    expect(page.evaluate("getComputedStyle(document.getElementById('hint')).opacity") == "1", "a hint to drag")
+    parts = page.evaluate("[...document.querySelectorAll('details.part')].filter(part => !part.hidden).map(part => part.open)")
+    expect(parts.count(True) == (0 if mobile else len(parts) - 1), f"a phone folds all parts, a window all but the settings, found {parts}")
+    page.evaluate("document.querySelectorAll('details.part').forEach(part => { part.open = true; })")
+    expect(page.evaluate("document.getElementById('charts').childElementCount") <= 4, "four curves at most come first")
+    expect(page.evaluate("!document.getElementById('more-charts').open"), "the other curves are folded")
+    columns = page.evaluate("getComputedStyle(document.getElementById('tests')).gridTemplateColumns.split(' ').length")
+    expect(columns == (1 if mobile else 3), f"test views in a grid, found {columns} columns")
+    best = page.evaluate("[...document.querySelectorAll('#glance .best')].length")
+    expect(best <= 1, f"one figure in green at most, found {best}")
+    values = page.evaluate("[...document.querySelectorAll('#glance dd:not(.note)')].map(each => each.textContent)")
+    expect(len(set(values)) == len(values), f"no figure twice, found {values}")
+
+
+def expect_contrast(page, where):
+    ratio = page.evaluate("""(() => {
+        const light = (text) => { const [r, g, b] = text.match(/[\\d.]+/g).map((v) => { const x = v / 255; return x <= 0.03928 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4; });
+            return 0.2126 * r + 0.7152 * g + 0.0722 * b; };
+        const paper = matchMedia('(prefers-color-scheme: dark)').matches ? 'rgb(18, 18, 18)' : 'rgb(255, 255, 255)';
+        return Math.min(...[...document.querySelectorAll('h1, .note, .facts, td, th')].map((each) => {
+            const [a, b] = [light(getComputedStyle(each).color), light(paper)].sort((x, y) => y - x); return (a + 0.05) / (b + 0.05); })); })()""")
+    expect(ratio >= 4.5, f"text that can be read at {where}, found a contrast of {ratio:.1f}")
+
+
+def check_place(page):
+    """Away from the cameras: their frusta, then a shade where none has seen the scene, and a way back."""
+    away = "['frusta', 'shade', 'back'].map(id => !document.getElementById(id).hidden)"
+    choose(page, "camera", "train.0")
+    page.wait("jade.state.camera === 'train.0' && !jade.state.pose")
+    expect(page.evaluate(away) == [False, False, False], "nothing over the scene at a camera")
+    left, top, width, height = box(page, "stage")
+    page.drag((left + 0.7 * width, top + 0.5 * height), (left + 0.68 * width, top + 0.5 * height))
+    page.wait("jade.state.pose !== null")
+    lines = """(canvas => canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data.some(value => value > 0))(document.getElementById('frusta'))"""
+    expect(page.evaluate(lines), "lines of the recorded cameras")
+    expect(page.evaluate(away) == [True, False, True], f"frusta near the cameras, found {page.evaluate(away)}")
+    page.evaluate("document.getElementById('stage').focus()")
+    page.drag((left + 0.8 * width, top + 0.5 * height), (left + 0.2 * width, top + 0.5 * height))
+    page.wait("!document.getElementById('shade').hidden")
+    expect(page.evaluate("document.getElementById('hint').classList.contains('gone')"), "the hint has faded")
+    page.evaluate("document.getElementById('back').click()")
+    page.wait("!jade.state.pose")
+    expect(page.evaluate(away) == [False, False, False], "back at the camera")
+
+
+def check_brightness(page):
+    """Of the display alone: the pictures keep their bytes."""
+    source = page.evaluate("document.getElementById('left').src")
+    choose(page, "brightness", 2)
+    for what in ("#scene", "#stage img.layer", ".thumb img"):
+        found = page.evaluate(f"getComputedStyle(document.querySelector({json.dumps(what)})).filter")
+        expect(found == "brightness(2)", f"{what} is shown twice as bright, found {found}")
+    expect(page.evaluate("document.getElementById('left').src") == source, "the picture itself is the same")
+    choose(page, "brightness", 1)
 
 
 def check_page(run):
@@ -416,6 +504,7 @@ def check_page(run):
         check_path(page, run)
         check_link(page, run)
         check_access(page)
+        check_layout(page, run.report)
         expect(page.errors == [], f"the page complains: {page.errors}")
         foreign = [url[:80] for url in page.requests if not url.startswith((run.report, "data:", "blob:", "about:"))]
         expect(foreign == [], f"the page asks elsewhere: {foreign}")
@@ -480,7 +569,20 @@ def check_sweep(run):
         expect_named(page)
         page.resize(360, 740, mobile=True)
         page.wait("document.documentElement.scrollWidth <= 360", 5)
+        expect_leads(page)
         expect(page.errors == [], f"the page complains: {page.errors}")
+
+
+def expect_leads(page):
+    """Decibels of one seed are the best only where they lead by more than 0.3 dB, in the table and among the cards."""
+    for column in (2, 3, 4):
+        cells = page.evaluate(f"[...document.querySelectorAll('#first-table tbody td:nth-child({column})')].map(c => [c.textContent, c.className])")
+        values = sorted((float(text), name) for text, name in cells if name != "gap" and text[:1].isdigit())
+        expect(len(values) == 2, f"two rows with scores, found {cells}")
+        leads = values[1][0] - values[0][0] > 0.3
+        expect((values[1][1] == "best") == leads and values[0][1] != "best", f"best only with a lead, found {values}")
+        card = page.evaluate(f"document.querySelectorAll('#glance .card')[{column - 1}].textContent")
+        expect(("level with" in card) != leads, f"a card that says so, found {card}")
 
 
 def main():

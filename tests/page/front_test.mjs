@@ -23,7 +23,7 @@ const { ratioLimits } = await load('renderer.js');
 const { absoluteDifference } = await load('layers.js');
 const { EventFilm } = await load('events.js');
 const { Pace, Viewer } = await load('viewer.js');
-const { glanceFigures, short, verdict, withFinalScores } = await load('report.js');
+const { duration, glanceFigures, short, trainingSeconds, verdict, withFinalScores } = await load('report.js');
 const { frustumEdges, outsideness } = await load('frusta.js');
 const { addressOf, groupsOf, levelWith, picturesOf } = await load('sweep.js');
 const { shortcut, takesSpace, takesText } = await load('elements.js');
@@ -284,6 +284,17 @@ test('report: the glance compares with blurry and EDI, and says something in eve
   assert.deepEqual([short(1234567), short(12345), short(0.00012345)], ['1.23M', '12.3k', '0.000123']);
 });
 
+test('report: no figure twice, and how long the steps took', () => {
+  const headline = { views: 2, blurry: 20, edi: 19, render: 25 };
+  const evaluation = { mean: { psnr: 24, ssim: 0.8 }, mean_seen: { psnr: 25, ssim: 0.85 }, mean_unseen: { psnr: 23, ssim: 0.75 } };
+  const figures = glanceFigures({ headline, evaluation, metrics: [] });
+  assert.deepEqual(figures.map(({ label }) => label), ['blurry frame', 'best 2D restoration (EDI)', 'this scene', 'unseen test views']);
+  assert.match(figures[2].note, /SSIM 0.850/);
+  assert.equal(trainingSeconds([{ step: 100, iterations_per_second: 10 }, { step: 150, test_psnr: 1 }, { step: 200, iterations_per_second: 50 }]), 12);
+  assert.equal(trainingSeconds([]), 0);
+  assert.deepEqual([45.4, 453, 7500].map(duration), ['45 s', '7 min 33 s', '2 h 5 min']);
+});
+
 test('report: the final scores are the last point of their curves', () => {
   const lines = [{ step: 1, loss: 2 }, { step: 5, loss: 1, test_psnr: 20 }, { step: 9, loss: 0.5 }];
   assert.deepEqual(withFinalScores(lines, { mean: { psnr: 30, ssim: 0.9 } }).at(-1), { step: 9, test_psnr: 30, test_ssim: 0.9 });
@@ -324,6 +335,8 @@ test('sweep: a picture per row, of the lowest seed that has one, and the reason 
   };
   assert.deepEqual(picturesOf(data, 'a', 'v').map(({ title, src, best, reason }) => [title, src, best, reason]), [
     ['R', 'r2', false, undefined], ['S', null, false, 'failed: NaN at 7'], ['T', null, false, 'no picture of this view'], ['U', 'u0', true, undefined]]);
+  const close = { rows: data.rows, runs: [run('r', 0, 'finished', { v: { src: 'r', psnr: 30.05 } }), run('u', 0, 'finished', { v: { src: 'u', psnr: 30 } })] };
+  assert.deepEqual(picturesOf(close, 'a', 'v').map(({ best }) => best), [false, false]);
   assert.deepEqual(picturesOf(data, 'a', 'elsewhere').map(({ best }) => best), [false, false, false, false]);
 });
 

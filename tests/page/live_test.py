@@ -4,6 +4,7 @@
 
     live_test.py BIN_FOLDER [SCREENSHOT.jpg]      exits with 77 where there is no Chromium or no web server
 """
+import json
 import re
 import subprocess
 import sys
@@ -148,6 +149,17 @@ def check_next(page, served, runs):
         following.process.wait()
 
 
+def check_scores(page, run):
+    """jade_view shows the scores of the run, first among the figures and as a table."""
+    scores = json.loads((run / "eval.json").read_text())
+    parts = [scores[key] for key in ("mean_seen", "mean_unseen") if scores.get(key)] or [scores["mean"]]
+    page.wait("document.querySelectorAll('#glance .card').length > 1")
+    cards = page.evaluate("[...document.querySelectorAll('#glance .card')].map(card => card.textContent)")
+    expect(all(any(f"{mean['psnr']:.2f} dB" in card for card in cards) for mean in parts), f"a card for each score, found {cards}")
+    rows = page.evaluate("[...document.querySelectorAll('#scores tbody tr')].map(row => row.textContent)")
+    expect(any(f"{scores['mean']['psnr']:.2f}" in row and row.startswith("mean") for row in rows), f"a row of means, found {rows}")
+
+
 def check_view(page, runs):
     """jade_view of a run that has ended has the layers that it was trained with."""
     view = Served(*runs.program("jade_view", runs.folder / "next", "--device", "cpu", "--serve=0"))
@@ -159,6 +171,7 @@ def check_view(page, runs):
         choose(page, "left-layer", "EDI")
         page.wait("document.getElementById('left').alt === 'EDI' && document.getElementById('left').naturalWidth === 48")
         expect(page.evaluate("document.getElementById('pause-key').hidden"), "nothing to pause")
+        check_scores(page, runs.folder / "next")
         view.interrupt()
         page.wait("/^jade_view has ended/.test(document.getElementById('notice').textContent)")
     finally:

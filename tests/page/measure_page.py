@@ -102,18 +102,10 @@ def screenshots(page, report, folder):
     page.resize(1180, 1010)
     page.open(f"{report}")
     shoot("report")
-    page.resize(1180, 800)
-    page.open("about:blank", "true")
-    page.open(f"{report}#camera=test.0&left=%7Cdifference%7C&right=scene&wipe=0.4", "window.jade?.restored && document.getElementById('left').naturalWidth")
-    page.evaluate("document.getElementById('see').scrollIntoView()")
-    shoot("viewer")
     page.resize(1180, 1010)
     page.open("about:blank", "true")
     page.open(f"{report}#camera=train.0&left=blurry&right=scene&events=1", "document.documentElement?.dataset.ready && !document.getElementById('event-layer').hidden")
     shoot("events")
-    page.resize(390, 844, mobile=True)
-    page.open(f"{report}")
-    shoot("viewer_phone")
 
 
 def main():

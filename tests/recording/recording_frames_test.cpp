@@ -11,6 +11,7 @@
 #include "jade/io/hdf5.h"
 #include "jade/recording/recording.h"
 #include "recording/evt_words.h"
+#include "support/naming.h"
 #include "support/temp_dir.h"
 
 using namespace jade;
@@ -81,7 +82,7 @@ TEST_CASE("recording: frames of a folder, exposed while the trigger input was hi
   CHECK(high.frames[0].t_end_us == 1400);
   CHECK(high.frames[1].t_start_us == 2000);
   CHECK(high.width == 640);  // of the events, not of the other camera
-  CHECK_THAT(notes_of(high), Catch::Contains("exposures are those of 2 pulses"));
+  CHECK_THAT(notes_of(high), test::naming("2 pulses"));
   // A window leaves the pairing as it is.
   options.window = events::TimeWindow{1900, 4000};
   const Recording part = read_recording(raw, options);
@@ -92,7 +93,7 @@ TEST_CASE("recording: frames of a folder, exposed while the trigger input was hi
   options.window.reset();
   options.trigger_level = TriggerLevel::kLow;
   CHECK_THAT(error_of([&] { read_recording(raw, options); }),
-             Catch::Contains("2 frames without times and 1 trigger pulses; give a list"));
+             test::naming("2 frames", "1 trigger pulses"));
   std::filesystem::remove(dir / "frames/f1.png");
   const Recording low = read_recording(raw, options);
   REQUIRE(low.frames.size() == 1);
@@ -115,12 +116,10 @@ TEST_CASE("recording: frames of a folder have the times of a list before those o
   dir.write("frames/exposures.csv", "f0,10,20\nf1,30,40\n");
   CHECK(read_recording(raw, options).frames[1].t_start_us == 30);
   options.frames = dir / "nowhere";
-  CHECK_THAT(error_of([&] { read_recording(raw, options); }),
-             Catch::Contains("no such folder of images or video"));
+  CHECK_THAT(error_of([&] { read_recording(raw, options); }), test::naming("images", "video"));
   options.frames = dir / "programs";
   std::filesystem::create_directories(options.frames);
-  CHECK_THAT(error_of([&] { read_recording(raw, options); }),
-             Catch::Contains("expected images, found none"));
+  CHECK_THAT(error_of([&] { read_recording(raw, options); }), test::naming("images", "none"));
 }
 
 TEST_CASE("recording: frames of a video come through ffmpeg with its times", "[recording]") {
@@ -146,8 +145,8 @@ TEST_CASE("recording: frames of a video come through ffmpeg with its times", "[r
   CHECK(recording.frames[0].t_start_us == 31000);
   CHECK(recording.frames[2].t_end_us == 33500);
   CHECK(recording.frames[2].image[0][0][0].item<float>() == Approx(0.2).margin(2e-3));
-  CHECK_THAT(notes_of(recording), Catch::Contains("its frames have the clock of the video"));
-  CHECK_THAT(notes_of(recording), Catch::Contains("2 pulses and there are 3 frames"));
+  CHECK_THAT(notes_of(recording), test::naming("clock", "video"));
+  CHECK_THAT(notes_of(recording), test::naming("2 pulses", "3 frames"));
   const FakeProgram broken(dir, "ffmpeg", "echo moov atom not found >&2; exit 1\n");
   CHECK_THAT(
       error_of([&] { read_recording(raw, options); }),
@@ -226,7 +225,7 @@ TEST_CASE("recording: only events near frames are read, on the clock of the even
   CHECK(near.events.size() == 37 + 52);
   CHECK(near.stored_events == 400);
   CHECK(near.stored_us.end_us == 3990001);
-  CHECK_THAT(notes_of(near), Catch::Contains("311 of 400 events lie outside the time"));
+  CHECK_THAT(notes_of(near), test::naming("311 of 400 events"));
   options.near_frames_ahead_us = 1000000;
   CHECK(read_recording(dir / "a", options).events.first_us() == 750000);
   options.near_frames_ahead_us = 0;
@@ -276,7 +275,7 @@ TEST_CASE("recording: of a Prophesee file only events near frames are kept", "[r
   CHECK(none.events.empty());
   CHECK(none.stored_events == all.events.size());
   CHECK(none.frames.size() == 2);
-  CHECK_THAT(notes_of(none), !Catch::Contains("there are no events"));
+  CHECK_THAT(notes_of(none), !test::naming("no events"));
 }
 
 TEST_CASE("recording: a span of a Prophesee file has its first microsecond and not its last",
@@ -324,7 +323,7 @@ TEST_CASE("recording: a look at the first events tells of all", "[recording]") {
   CHECK(first.events.t_us().equal(all.events.t_us().narrow(0, 0, 1)));
   CHECK(first.stored_events == all.events.size());
   CHECK(first.stored_us.end_us > all.events.last_us());
-  CHECK_THAT(notes_of(first), Catch::Contains("of 2 events only the first 1 were looked at"));
+  CHECK_THAT(notes_of(first), test::naming("2 events", "first 1"));
 
   options.most_events = 2;
   io::Hdf5Writer writer(dir / "list.h5");

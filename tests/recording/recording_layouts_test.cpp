@@ -10,6 +10,7 @@
 #include "jade/io/hdf5.h"
 #include "jade/recording/format.h"
 #include "jade/recording/recording.h"
+#include "support/naming.h"
 #include "support/temp_dir.h"
 
 using namespace jade;
@@ -153,8 +154,7 @@ TEST_CASE("layouts: DSEC with its offset, its index and a rectification that is 
     file.append("rectify_map", &map, 1);
     file.close();
   }
-  CHECK_THAT(layout_notes(read_recording(dir / "both.h5")),
-             Catch::Contains("rectify_map is not used"));
+  CHECK_THAT(layout_notes(read_recording(dir / "both.h5")), test::naming("rectify_map"));
 }
 
 TEST_CASE("layouts: M3ED has two cameras and their sizes, one of which is chosen", "[recording]") {
@@ -177,8 +177,7 @@ TEST_CASE("layouts: M3ED has two cameras and their sizes, one of which is chosen
   const Recording left = read_recording(path);
   check_read(left);
   CHECK((left.width == 1280 && left.height == 720));
-  CHECK_THAT(layout_notes(left),
-             Catch::Contains("holds 2 streams of events (prophesee/left, prophesee/right)"));
+  CHECK_THAT(layout_notes(left), test::naming("2 streams", "(prophesee/left, prophesee/right)"));
   ReadOptions options;
   for (const char* name : {"prophesee/right", "/prophesee/right/"}) {
     options.events_group = name;
@@ -188,11 +187,10 @@ TEST_CASE("layouts: M3ED has two cameras and their sizes, one of which is chosen
   }
   options.events_group = "prophesee";
   CHECK_THAT(failure_of([&] { read_recording(path, options); }),
-             Catch::Contains("called prophesee, found prophesee/left, prophesee/right"));
+             test::naming("prophesee,", "prophesee/left, prophesee/right"));
   options.events_group.clear();
   options.topic = "/left/events";
-  CHECK_THAT(failure_of([&] { read_recording(path, options); }),
-             Catch::Contains("expected a ROS bag"));
+  CHECK_THAT(failure_of([&] { read_recording(path, options); }), test::naming("ROS bag"));
 }
 
 TEST_CASE("layouts: EDS and TUM-VIE, arrays of other types with an index", "[recording]") {
@@ -251,9 +249,8 @@ TEST_CASE("layouts: a file without events names what there is", "[recording]") {
   write_table(file, "pose/quaternions", false, {0, 1, 2, 3});
   write_table(file, "pose/others", false, {0, 1, 2, 3});
   H5Fclose(file);
-  CHECK_THAT(
-      failure_of([&] { read_recording(dir / "poses.h5"); }),
-      Catch::Contains("poses.h5: expected event arrays") && Catch::Contains("pose/quaternions"));
+  CHECK_THAT(failure_of([&] { read_recording(dir / "poses.h5"); }),
+             test::naming("poses.h5", "event") && Catch::Contains("pose/quaternions"));
 }
 
 TEST_CASE("layouts: Prophesee's DAT of both versions, its size, and its clock that wraps",
@@ -280,11 +277,11 @@ TEST_CASE("layouts: Prophesee's DAT of both versions, its size, and its clock th
   CHECK((part.events.size() == 20 && part.stored_events == kEventCount));
   const std::string whole = dat_file(head, false, times);
   CHECK_THAT(layout_notes(read_recording(dir.write("cut.dat", whole.substr(0, whole.size() - 3)))),
-             Catch::Contains("5 bytes at the end are no whole event"));
+             test::naming("5 bytes"));
   CHECK_THAT(failure_of([&] { read_recording(dir.write("bare.dat", head)); }),
-             Catch::Contains("found its end"));
+             test::naming("bare.dat", "its end"));
   CHECK_THAT(failure_of([&] { read_recording(dir.write("boxes.dat", head + "\x28\x28xx")); }),
-             Catch::Contains("found type 40"));
+             test::naming("type 40"));
 }
 
 TEST_CASE("layouts: frames of MVSEC come with the events of their camera", "[recording]") {

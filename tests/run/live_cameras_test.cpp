@@ -45,10 +45,10 @@ TEST_CASE("live cameras: exposures stand where training has them when they are a
   const LivePoses learned;
   run::LiveCameras cameras(learned.data, learned.poses);
   CHECK(cameras.are_learned());
-  cameras.follow("train.1");
+  cameras.update("train.1");
   CHECK(apart(cameras.dataset().train[1].poses[2], learned.data.train[1].poses[2]) < 1e-6);
   learned.turn_all(0.02);
-  cameras.follow("train.1");
+  cameras.update("train.1");
   const torch::Tensor path = run::learned_path(*learned.poses, 1, learned.data.train[1]);
   for (int64_t k = 0; k < 9; ++k) {
     const auto now = cameras.dataset().train[1].poses[static_cast<size_t>(k)];
@@ -57,7 +57,7 @@ TEST_CASE("live cameras: exposures stand where training has them when they are a
   }
   CHECK(apart(cameras.dataset().train[0].poses[4], learned.data.train[0].poses[4]) == 0);
   for (const char* none : {"train.9", "test.9", "train.", "train.-1", "train.1x", "", "other.0"}) {
-    CHECK_NOTHROW(cameras.follow(none));
+    CHECK_NOTHROW(cameras.update(none));
   }
 }
 
@@ -66,7 +66,7 @@ TEST_CASE("live cameras: test views move with the exposures, from where they wer
   const LivePoses learned;
   run::LiveCameras cameras(learned.data, learned.poses);
   learned.turn_all(0.02);
-  cameras.follow("test.1");
+  cameras.update("test.1");
   std::vector<geometry::Pose> before, after;
   for (size_t i = 0; i < learned.data.train.size(); ++i) {
     const auto path =
@@ -84,7 +84,7 @@ TEST_CASE("live cameras: test views move with the exposures, from where they wer
   for (size_t i = 0; i < after.size(); ++i) fitted.train[i].poses[geometry::kMidPose] = after[i];
   fitted.test[1].pose.translation[0] += 0.25;
   cameras.refit(fitted);
-  cameras.follow("test.1");
+  cameras.update("test.1");
   CHECK(apart(cameras.dataset().test[1].pose, fitted.test[1].pose) < 1e-6);
 }
 
@@ -92,7 +92,7 @@ TEST_CASE("live cameras: without learned poses they stand where the data have th
   const LivePoses given;
   run::LiveCameras cameras(given.data, nullptr);
   CHECK_FALSE(cameras.are_learned());
-  cameras.follow_all();
+  cameras.update_all();
   CHECK(apart(cameras.dataset().train[2].poses[0], given.data.train[2].poses[0]) == 0);
   CHECK(apart(cameras.dataset().test[0].pose, given.data.test[0].pose) == 0);
 }

@@ -27,13 +27,14 @@ using serve::Wanted;
 
 namespace {
 
-using Seconds = serve::Stage::Seconds;
+using Seconds = serve::RenderQueue::Seconds;
 
-/// Looks at everything there is, as fast as it is drawn, from two viewers.
+/// Looks at everything there is, as fast as it is rendered, from two viewers.
 class Audience {
  public:
-  Audience(serve::Stage& stage, const geometry::Pose& pose, const geometry::Intrinsics& camera)
-      : stage_(stage) {
+  Audience(serve::RenderQueue& queue, const geometry::Pose& pose,
+           const geometry::Intrinsics& camera)
+      : queue_(queue) {
     for (const std::string name : {"a", "b"}) {
       threads_.emplace_back([this, name, pose, camera] {
         for (int i = 0; going_; ++i) {
@@ -45,9 +46,9 @@ class Audience {
           wanted.view = i % 8 < 4 ? "test.0" : "train.0";
           if (wanted.kind == Wanted::Kind::kPicture) wanted.view = "train.0";
           wanted.picture = kPictures[i % 5];
-          const Answer answer = stage_.ask(name, wanted, Seconds(1));
-          if (answer.drawn.psnr) judged_ += answer.drawn.psnr() > 5 ? 1 : 0;
-          seen_ += answer.kind == Answer::Kind::kDrawn ? 1 : 0;
+          const Answer answer = queue_.ask(name, wanted, Seconds(1));
+          if (answer.rendered.psnr) judged_ += answer.rendered.psnr() > 5 ? 1 : 0;
+          seen_ += answer.kind == Answer::Kind::kRendered ? 1 : 0;
           failed_ += answer.kind == Answer::Kind::kFailed ? 1 : 0;
         }
       });
@@ -65,7 +66,7 @@ class Audience {
 
  private:
   static constexpr const char* kPictures[] = {"blurry", "EDI", "α", "fused", "render"};
-  serve::Stage& stage_;
+  serve::RenderQueue& queue_;
   std::atomic<bool> going_{true};
   std::atomic<int> seen_{0}, failed_{0}, judged_{0};
   std::vector<std::thread> threads_;
@@ -106,15 +107,15 @@ TEST_CASE("live_run: a run gives the same bits with viewers and without", "[run]
   const train::View& view = trainer.views().front();
   const auto matrix = view.cameras.camera_from_world[0];
   const auto dataset = data::load_dataset(options.dataset);
-  Audience audience(server.stage(), geometry::pose_from_tensor(matrix),
+  Audience audience(server.queue(), geometry::pose_from_tensor(matrix),
                     dataset.train.front().camera);
   // However slow the machine is, they have looked before the run goes on.
-  server.stage().set_paused(true);
+  server.queue().set_paused(true);
   auto going_on = std::async(std::launch::async, [&] {
     for (int i = 0; i < 6000 && (audience.seen() < 3 || audience.judged() < 1); ++i) {
       std::this_thread::sleep_for(std::chrono::milliseconds(10));
     }
-    server.stage().set_paused(false);
+    server.queue().set_paused(false);
   });
   trainer.run(&live);
   going_on.get();
@@ -135,7 +136,7 @@ TEST_CASE("live_run: frames come from a GPU that trains, and are whole", "[run][
   run::LiveRun live(server);
   run::Trainer trainer(options, scene.dir / "run", "");
   const data::Exposure exposure = data::load_dataset(options.dataset).train.front();
-  Audience audience(server.stage(), exposure.poses.front(), exposure.camera);
+  Audience audience(server.queue(), exposure.poses.front(), exposure.camera);
   trainer.run(&live);
   audience.leave();
   CHECK(audience.seen() >= 10);
@@ -148,11 +149,11 @@ TEST_CASE("live_run: frames come from a GPU that trains, and are whole", "[run][
   Wanted wanted;
   wanted.pose = exposure.poses.front();
   wanted.camera = exposure.camera;
-  const serve::Drawn drawn = shown.draw(wanted, 0);
-  REQUIRE(drawn.finish);
-  drawn.finish();
+  const serve::Rendered rendered = shown.draw(wanted, 0);
+  REQUIRE(rendered.finish);
+  rendered.finish();
   const auto expected = run::render_view(gaussians(), wanted.pose, wanted.camera, draw);
-  CHECK(drawn.image.sub(expected.cpu()).abs().max().item<double>() < 1e-5);
+  CHECK(rendered.image.sub(expected.cpu()).abs().max().item<double>() < 1e-5);
 }
 
 TEST_CASE("live_run: progress and metrics come as they are logged", "[run]") {
@@ -177,7 +178,7 @@ TEST_CASE("live_run: a viewer can hear of the end; nobody is not waited for", "[
     std::optional<run::LiveRun> live(std::in_place, server);
     run::Trainer trainer(test::routed_options(scene), scene.dir / name, "");
     trainer.run(&*live);
-    if (watched) server.stage().note("viewer");
+    if (watched) server.queue().note("viewer");
     live->ended();
     const auto start = std::chrono::steady_clock::now();
     live.reset();
@@ -203,10 +204,10 @@ TEST_CASE("live_run: the page learns what an evaluation has found, and where cam
   // Pauses after the evaluation at step 10, to be asked at the same step.
   struct Pausing : run::Watcher {
     run::LiveRun& live;
-    serve::Stage& stage;
+    serve::RenderQueue& queue;
     data::Dataset posed;
     std::optional<double> psnr;
-    Pausing(run::LiveRun& to, serve::Stage& at) : live(to), stage(at) {}
+    Pausing(run::LiveRun& to, serve::RenderQueue& at) : live(to), queue(at) {}
     void begin(const run::WatchedRun& run) override { live.begin(run); }
     double after_step() override { return live.after_step(); }
     void on_metrics(const std::string& line) override { live.on_metrics(line); }
@@ -215,9 +216,9 @@ TEST_CASE("live_run: the page learns what an evaluation has found, and where cam
       posed = at;
       psnr = found.views[1].psnr;
       live.on_evaluation(at, found);
-      stage.set_paused(true);
+      queue.set_paused(true);
     }
-  } watcher(live, server.stage());
+  } watcher(live, server.queue());
   auto done = std::async(std::launch::async, [&] { trainer.run(&watcher); });
   const auto state = [&] { return nlohmann::json::parse(server.board().json(-1, 0, 0)); };
   wait_for([&] { return state()["phase"] == "paused"; });
@@ -227,10 +228,10 @@ TEST_CASE("live_run: the page learns what an evaluation has found, and where cam
     Wanted wanted;
     wanted.kind = Wanted::Kind::kCamera;
     wanted.view = camera;
-    server.stage().note("a");
-    const Answer answer = server.stage().ask("a", wanted, Seconds(10));
-    REQUIRE(answer.kind == Answer::Kind::kDrawn);
-    return nlohmann::json::parse(answer.drawn.json)["poses"];
+    server.queue().note("a");
+    const Answer answer = server.queue().ask("a", wanted, Seconds(10));
+    REQUIRE(answer.kind == Answer::Kind::kRendered);
+    return nlohmann::json::parse(answer.rendered.json)["poses"];
   };
   const auto exposure = stands("train.1"), view = stands("test.1");
   REQUIRE(exposure.size() == 9);
@@ -246,7 +247,7 @@ TEST_CASE("live_run: the page learns what an evaluation has found, and where cam
   CHECK(off(exposure[4], watcher.posed.train[1].poses[4]) < 0.02);
   CHECK(off(exposure[4], data.train[1].poses[4]) > 1e-4);
   CHECK(off(view[0], watcher.posed.test[1].pose) < 0.02);
-  server.stage().set_paused(false);
+  server.queue().set_paused(false);
   done.get();
 }
 
@@ -268,8 +269,8 @@ TEST_CASE("live_run: a resumed run shows the metrics before it too", "[run]") {
 TEST_CASE("live_run: pauses and goes on; while paused it draws what is asked", "[run]") {
   if (!serve::can_serve()) return;
   LiveTraining training;
-  serve::Stage& stage = training.server.stage();
-  stage.set_paused(true);
+  serve::RenderQueue& queue = training.server.queue();
+  queue.set_paused(true);
   auto done = std::async(std::launch::async, [&] { training.trainer.run(&training.live); });
   wait_for([&] { return training.state()["phase"] == "paused"; });
   CHECK(training.state()["step"] == 1);
@@ -277,15 +278,15 @@ TEST_CASE("live_run: pauses and goes on; while paused it draws what is asked", "
   picture.kind = Wanted::Kind::kPicture;
   picture.view = "train.1";
   picture.picture = "blurry";
-  stage.note("a");
-  const Answer answer = stage.ask("a", picture, Seconds(10));
-  REQUIRE(answer.kind == Answer::Kind::kDrawn);
-  CHECK(answer.drawn.step == 1);
-  CHECK(answer.drawn.image.equal(training.trainer.views()[1].blurry));
+  queue.note("a");
+  const Answer answer = queue.ask("a", picture, Seconds(10));
+  REQUIRE(answer.kind == Answer::Kind::kRendered);
+  CHECK(answer.rendered.step == 1);
+  CHECK(answer.rendered.image.equal(training.trainer.views()[1].blurry));
   picture.picture = "secret";
-  CHECK(stage.ask("a", picture, Seconds(10)).kind == Answer::Kind::kFailed);
+  CHECK(queue.ask("a", picture, Seconds(10)).kind == Answer::Kind::kFailed);
   CHECK(training.state()["step"] == 1);
-  stage.set_paused(false);
+  queue.set_paused(false);
   done.get();
   CHECK(training.state()["step"] == 20);
 }
@@ -295,16 +296,16 @@ TEST_CASE("live_run: a viewer that pauses and vanishes holds the run up for a wh
   if (!serve::can_serve()) return;
   LiveTraining training;
   run::LiveRun hasty(training.server, std::chrono::milliseconds(200));
-  training.server.stage().set_paused(true);
+  training.server.queue().set_paused(true);
   training.trainer.run(&hasty);
   CHECK(training.state()["step"] == 20);
-  CHECK_FALSE(training.server.stage().paused());
+  CHECK_FALSE(training.server.queue().paused());
 }
 
 TEST_CASE("live_run: Ctrl-C ends a paused run as any other", "[run]") {
   if (!serve::can_serve()) return;
   LiveTraining training;
-  training.server.stage().set_paused(true);
+  training.server.queue().set_paused(true);
   auto done = std::async(std::launch::async, [&] { training.trainer.run(&training.live); });
   wait_for([&] { return training.state()["phase"] == "paused"; });
   set_interrupt_requested(true);

@@ -12,7 +12,7 @@
 #include "jade/restore/restorations.h"
 #include "jade/run/evaluate.h"
 #include "jade/run/trainer.h"
-#include "jade/serve/stage.h"
+#include "jade/serve/render_queue.h"
 #include "support/tiny_run.h"
 
 using namespace jade;

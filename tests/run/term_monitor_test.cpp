@@ -6,6 +6,8 @@
 #include <limits>
 #include <torch/types.h>
 
+#include "support/naming.h"
+
 using namespace jade;
 
 TEST_CASE("term monitor: names the step and the term that first stopped being finite", "[run]") {
@@ -37,5 +39,5 @@ TEST_CASE("term monitor: steps whose terms alternate are told apart", "[run]") {
   watch(17, 1);
   watch(18, std::numeric_limits<double>::quiet_NaN());
   watch(19, std::numeric_limits<double>::quiet_NaN());
-  CHECK_THROWS_WITH(monitor.check(), Catch::Contains("step 18: NaN or Inf in loss term blur;"));
+  CHECK_THROWS_NAMING(NumericError, monitor.check(), "step 18", "NaN or Inf", "blur");
 }

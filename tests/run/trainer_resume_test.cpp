@@ -19,6 +19,7 @@
 #include "jade/run/learned_cameras.h"
 #include "jade/run/trainer.h"
 #include "run/checkpoint_entries.h"
+#include "support/naming.h"
 #include "support/tensors.h"
 #include "support/tiny_run.h"
 
@@ -223,8 +224,7 @@ TEST_CASE("trainer: a scene whose checkpoints are gone is not started over", "[r
   run::Trainer(options, folder, "").run();
   std::filesystem::remove_all(folder / "checkpoints");
   const std::string before = read_file(folder / "point_cloud.ply");
-  CHECK_THROWS_WITH(run::Trainer(options, folder, "latest"),
-                    Catch::Contains("expected a checkpoint to go on from, found a scene"));
+  CHECK_THROWS_NAMING(ConfigError, run::Trainer(options, folder, "latest"), "checkpoint", "scene");
   CHECK(read_file(folder / "point_cloud.ply") == before);
   std::filesystem::remove(folder / "point_cloud.ply");
   std::filesystem::remove(folder / "eval.json");
@@ -240,11 +240,12 @@ TEST_CASE("trainer: fewer steps than a run has already are refused, and so is no
   run::Trainer(options, folder, "").run();
   const std::string before = read_file(folder / "point_cloud.ply");
   options.train.iterations = 2;
-  CHECK_THROWS_WITH(run::Trainer(options, folder, "latest"),
-                    Catch::Contains("train.iterations: expected at least 4"));
+  CHECK_THROWS_NAMING(ConfigError, run::Trainer(options, folder, "latest"), "train.iterations",
+                      "4");
   CHECK(read_file(folder / "point_cloud.ply") == before);
-  CHECK_THROWS_WITH(run::Trainer(options, folder, (folder / "checkpoints/none.pt").string()),
-                    Catch::Contains("none.pt: expected a checkpoint, found no such file"));
+  CHECK_THROWS_NAMING(CheckpointError,
+                      run::Trainer(options, folder, (folder / "checkpoints/none.pt").string()),
+                      "none.pt");
 }
 
 TEST_CASE("trainer: refuses to resume with other settings or data, and says which", "[run]") {
@@ -253,7 +254,7 @@ TEST_CASE("trainer: refuses to resume with other settings or data, and says whic
   train::RunOptions options = tiny_options(scene);
   options.train.iterations = 3;
   run::Trainer(options, run, "").run();
-  CHECK_THROWS_WITH(run::Trainer(options, run, ""), Catch::Contains("holds a run already"));
+  CHECK_THROWS_NAMING(DataError, run::Trainer(options, run, ""), "--resume");
   options.train.iterations = 5;
   CHECK_NOTHROW(run::Trainer(options, run, "latest"));
   options.objective.dssim = 0.2;
@@ -264,7 +265,7 @@ TEST_CASE("trainer: refuses to resume with other settings or data, and says whic
   other.last_exposure_without_events = true;
   std::filesystem::remove_all(scene.data);
   test::write_tiny_dataset(scene.data, other);
-  CHECK_THROWS_WITH(run::Trainer(options, run, "latest"), Catch::Contains("other data"));
+  CHECK_THROWS_NAMING(CheckpointError, run::Trainer(options, run, "latest"), "dataset.path");
 }
 
 TEST_CASE("trainer: a checkpoint from before fingerprints knew events is gone on from", "[run]") {
@@ -287,7 +288,7 @@ TEST_CASE("trainer: a folder is no checkpoint to resume from", "[run]") {
     run::Trainer(tiny_options(scene), scene.dir / "run", scene.dir.path().string());
   };
   CHECK_THROWS_AS(resume(), ConfigError);
-  CHECK_THROWS_WITH(resume(), Catch::Contains("--resume: expected a checkpoint, found the folder"));
+  CHECK_THROWS_NAMING(ConfigError, resume(), "--resume", "folder");
 }
 
 TEST_CASE("trainer: refuses to resume with another restorer, wherever its file lies", "[run]") {
@@ -340,7 +341,7 @@ TEST_CASE(
     return run::Trainer(options, run, resume).state().step;
   };
   CHECK(step_of(older.string()) == 10);
-  CHECK_THAT(read_file(run / "train.log"), Catch::Contains("no hash of the restorer"));
+  CHECK_THAT(read_file(run / "train.log"), test::naming("hash", "restorer"));
   test::save_restorer(options.efnet.path, "  return 0.8 * image\n");
   CHECK_THROWS_AS(step_of("latest"), CheckpointError);
   set_log_file({});

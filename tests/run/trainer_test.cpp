@@ -17,6 +17,7 @@
 #include "jade/core/random.h"
 #include "jade/run/checkpoint.h"
 #include "run/checkpoint_entries.h"
+#include "support/naming.h"
 #include "support/tensors.h"
 #include "support/tiny_run.h"
 
@@ -105,7 +106,7 @@ TEST_CASE("trainer: L_ev is a term of the objective where its weight is positive
 TEST_CASE("trainer: two runs in one folder are refused while the first is alive", "[run]") {
   const test::TempDir dir;
   auto first = std::make_unique<run::RunDirectory>(dir.path() / "run");
-  CHECK_THROWS_WITH(run::RunDirectory(dir.path() / "run"), Catch::Contains("another process"));
+  CHECK_THROWS_NAMING(DataError, run::RunDirectory(dir.path() / "run"), "run", "process");
   first.reset();
   CHECK_NOTHROW(run::RunDirectory(dir.path() / "run"));
 }

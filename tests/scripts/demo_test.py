@@ -73,6 +73,16 @@ class Demo(unittest.TestCase):
         self.assertEqual(self.demo(False, "--set", "train.iterations=500"), 0)
         self.assertIn("demo: runs/demo is trained already, without '--set train.iterations=500'", self.said)
 
+    def test_the_table_of_scores_is_printed_once(self):
+        self.demo(False)
+        self.assertIn("jade_train --config", self.said)  # which prints it
+        self.assertNotIn("jade_eval --run", self.said)
+        (self.root / "runs/demo").mkdir(parents=True)
+        (self.root / "runs/demo/report.html").touch()
+        self.demo(False)
+        self.assertNotIn("jade_train --config", self.said)
+        self.assertIn("jade_eval --run", self.said)
+
     def test_what_opens_it_may_fail_or_take_long(self):
         self.program("desktop/xdg-open", "exit 3")
         self.assertEqual(self.demo(DISPLAY=":0"), 0)

@@ -26,26 +26,26 @@ namespace {
 const std::string kAskFrame =
     "/frame?layer=color&pose=1,0,0,0,0,1,0,0,0,0,1,0&camera=50,50,20,15,40,30&viewer=";
 
-/// A server with a thread that draws whatever is asked for.
+/// A server with a thread that renders whatever is asked for.
 struct Live {
   serve::Server server;
   std::atomic<bool> going{true};
-  std::atomic<int64_t> drawn{0};
+  std::atomic<int64_t> rendered{0};
   std::thread artist;
 
   explicit Live(const std::string& host = "127.0.0.1", int64_t width = 40)
       : server({host, 0}, "--serve"), artist([this, width] {
           while (going) {
-            if (!server.stage().wait(serve::Stage::Seconds(0.01))) continue;
-            server.stage().draw_one([&](const serve::Wanted& wanted) {
-              serve::Drawn picture;
+            if (!server.queue().wait(serve::RenderQueue::Seconds(0.01))) continue;
+            server.queue().render_one([&](const serve::Wanted& wanted) {
+              serve::Rendered picture;
               if (wanted.kind == serve::Wanted::Kind::kCamera) {
                 picture.json = R"({"poses":[]})";
                 return picture;
               }
               if (wanted.view == "test.0") picture.psnr = [] { return 27.25; };
               picture.image = torch::rand({3, 3 * width / 4, width});
-              picture.step = ++drawn;
+              picture.step = ++rendered;
               picture.gaussians = 7;
               return picture;
             });
@@ -149,9 +149,9 @@ TEST_CASE("server: page, frame, picture, state and pause", "[serve]") {
 
   httplib::Client client("127.0.0.1", live.port());
   CHECK(client.Post("/pause?on=1&viewer=a")->status == 204);
-  CHECK(live.server.stage().paused());
+  CHECK(live.server.queue().paused());
   CHECK(client.Post("/pause?on=0&viewer=a")->status == 204);
-  CHECK_FALSE(live.server.stage().paused());
+  CHECK_FALSE(live.server.queue().paused());
   CHECK(client.Post("/pause?on=maybe&viewer=a")->status == 400);
   // A link or a picture elsewhere can only ask by GET.
   CHECK(status(live, "/pause?on=1&viewer=a") == 404);
@@ -170,7 +170,7 @@ TEST_CASE("server: what nobody serves, and what is asked wrongly", "[serve]") {
   CHECK(status(live, "/frame?viewer=a") == 400);
   CHECK(status(live, "/picture?viewer=a") == 400);
   CHECK(status(live, "/camera?viewer=a") == 400);
-  CHECK(live.drawn == 0);
+  CHECK(live.rendered == 0);
 }
 
 TEST_CASE("server: foreign Host, foreign Origin and a missing token are refused", "[serve]") {
@@ -183,7 +183,7 @@ TEST_CASE("server: foreign Host, foreign Origin and a missing token are refused"
   REQUIRE(open.token().size() == 32);
   CHECK(status(open, "/") == 401);
   CHECK(status(open, kAskFrame + "a&token=" + std::string(32, '0')) == 401);
-  CHECK(open.drawn == 0);
+  CHECK(open.rendered == 0);
   CHECK(status(open, "/?token=" + open.token()) == 200);
   CHECK(status(open, kAskFrame + "a&token=" + open.token()) == 200);
 }
@@ -201,7 +201,7 @@ TEST_CASE("server: a large request is refused, an endless one left", "[serve]") 
   chunked.say(request("POST /pause?on=1&viewer=a", "Transfer-Encoding: chunked\r\n") +
               "5\r\nhello");
   CHECK_THAT(chunked.hear(), Catch::StartsWith("HTTP/1.1 413"));
-  CHECK_FALSE(live.server.stage().paused());
+  CHECK_FALSE(live.server.queue().paused());
   // Neither its line nor its headers come to an end.
   for (const std::string& part :
        {std::string(1000, 'A'), "X: " + std::string(1000, 'A') + "\r\n"}) {
@@ -285,7 +285,7 @@ TEST_CASE("server: two viewers both see, one that stalls or leaves holds nobody 
   }
   for (std::thread& viewer : viewers) viewer.join();
   CHECK(seen == 10);
-  CHECK(live.drawn <= 10 + 8);
+  CHECK(live.rendered <= 10 + 8);
 }
 
 TEST_CASE("server: ten thousand requests", "[serve]") {
@@ -316,7 +316,7 @@ TEST_CASE("server: stops at once with viewers that wait, and one that says nothi
       client.Get((kAskFrame + std::to_string(i)).c_str());
     });
   }
-  while (!server->stage().asked()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  while (!server->queue().asked()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
   CHECK(seconds_to([&] { server.reset(); }) < 1);
   for (std::thread& viewer : viewers) viewer.join();
 }

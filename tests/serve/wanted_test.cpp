@@ -46,7 +46,7 @@ TEST_CASE("wanted: a frame's pose, camera and layer", "[serve]") {
   CHECK_THROWS_AS(serve::wanted_frame(from(with("view", std::string(201, 'x')))), ConfigError);
 }
 
-TEST_CASE("wanted: what cannot be drawn is refused before it reaches who draws", "[serve]") {
+TEST_CASE("wanted: what cannot be rendered is refused before it reaches who draws", "[serve]") {
   const std::string identity = "1,0,0,0,0,1,0,0,0,0,1,";
   for (const Parts& bad :
        {Parts{}, with("layer", "secret"), with("pose", ""), with("pose", identity),

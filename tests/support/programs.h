@@ -10,6 +10,7 @@
 #include <sys/wait.h>
 
 #include "jade/core/atomic_file.h"
+#include "support/naming.h"
 #include "support/temp_dir.h"
 
 namespace jade::test {
@@ -30,11 +31,12 @@ inline Outcome run(const TempDir& dir, const std::string& command) {
           read_file(err)};
 }
 
-/// The outcome is the exit code and one line that holds `text`.
-inline void check_error(const Outcome& outcome, int code, const std::string& text) {
+/// The outcome is the exit code and one line that has all of `words`: what it must name.
+template <class... Words>
+void check_error(const Outcome& outcome, int code, const Words&... words) {
   INFO(outcome.err);
   CHECK(outcome.code == code);
-  CHECK_THAT(outcome.err, Catch::Contains(text));
+  CHECK_THAT(outcome.err, naming(words...));
   CHECK(std::count(outcome.err.begin(), outcome.err.end(), '\n') == 1);
 }
 

@@ -5,6 +5,7 @@
 
 #include "fixture.h"
 #include "jade/core/error.h"
+#include "support/naming.h"
 
 using namespace jade;
 using namespace jade::test;
@@ -62,9 +63,9 @@ TEST_CASE("make_plan: the problems of all runs come at once, each told once", "[
   INFO(all);
   // The fixture's resolver stops at a run's first bad layer, so the override shows where nothing
   // else is wrong.
-  CHECK_THAT(all, Catch::Contains("train.ratte: unknown key; did you mean train.rate?"));
+  CHECK_THAT(all, test::naming("train.ratte", "train.rate?"));
   CHECK_THAT(all, Catch::Contains("row y: --set train.rate=2: "));
-  CHECK_THAT(all, Catch::Contains("train.rate: expected a number in [0, 1], found '2'"));
+  CHECK_THAT(all, test::naming("train.rate", "[0, 1]", "'2'"));
   CHECK(std::count(all.begin(), all.end(), '\n') == 1);
 }
 
@@ -80,7 +81,7 @@ TEST_CASE(
                      "[train.mode=rest]}]\n");
   });
   INFO(all);
-  CHECK_THAT(all, Catch::Contains("row y: train.mode: no rest of more than 10 steps"));
+  CHECK_THAT(all, test::naming("row y: train.mode", "10 steps"));
   CHECK_THAT(all, Catch::Contains("typo:1:9: train.ratte") && !Catch::Contains("row x"));
 }
 
@@ -92,8 +93,8 @@ TEST_CASE("make_plan: names on the command line that the sweep lacks are refused
   options.data = {{"c", "/tmp"}};
   const std::string yaml = kScenes + "columns: [psnr]\nrows: [{name: full}, {name: half}]\n";
   const std::string all = problems_of([&] { plan_of(dir, yaml, options); });
-  CHECK_THAT(all, Catch::Contains("--rows: the sweep has none named ful; did you mean full?"));
-  CHECK_THAT(all, Catch::Contains("--data c: the sweep has no such scene"));
+  CHECK_THAT(all, test::naming("--rows", "ful;", "full?"));
+  CHECK_THAT(all, test::naming("--data c"));
   options.rows = {"half"};
   options.data.clear();
   options.seeds = {5};
@@ -128,7 +129,7 @@ TEST_CASE("make_plan: missing data is refused with the way to get it, or left ou
 TEST_CASE("make_plan: without scenes the base configuration is the scene", "[sweep]") {
   const TempDir dir;
   const std::string yaml = "columns: [psnr]\nrows: [{name: full}]\n";
-  CHECK_THAT(problems_of([&] { plan_of(dir, yaml); }), Catch::Contains("add --config scene.yaml"));
+  CHECK_THAT(problems_of([&] { plan_of(dir, yaml); }), test::naming("--config scene.yaml"));
   sweep::PlanOptions options;
   options.base = {dir / "b.yaml"};
   const sweep::Plan plan = plan_of(dir, yaml, options);

@@ -7,6 +7,7 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "support/naming.h"
 #include "support/temp_dir.h"
 #include "support/tiny_dataset.h"
 
@@ -58,7 +59,7 @@ TEST_CASE("jade_sweep: trains two rows with two seeds, goes on, and writes the t
   const Outcome first = run(dir, call);
   INFO(first.err);
   CHECK(first.code == 0);
-  CHECK_THAT(first.out, Catch::Contains("4 of 4 runs finished, 0 failed, 0 unfinished"));
+  CHECK_THAT(first.out, test::naming("4 of 4", "0 failed", "0 unfinished"));
   const std::string table = read_file(dir / "out/table.md");
   const std::string page = read_file(dir / "out/index.html");
   for (const char* file : {"images/test_03.png", "images/truth_03.png", "report.html"}) {

@@ -6,6 +6,7 @@
 #include <fstream>
 
 #include "fixture.h"
+#include "support/naming.h"
 
 using namespace jade;
 using namespace jade::test;
@@ -72,8 +73,8 @@ TEST_CASE("read_spec: problems of an extended file stand in that file", "[sweep]
     sweep::read_spec(dir.write("own.yaml", "extends: [base.yaml, scenes.yaml]\ncolumns: [psnr]\n"));
   });
   INFO(all);
-  CHECK_THAT(all, Catch::Contains("scenes.yaml:2:22: confg: unknown key; did you mean config?"));
-  CHECK_THAT(all, Catch::Contains("base.yaml:2:7: rows: full: paper: ssim is none of the columns"));
+  CHECK_THAT(all, test::naming("scenes.yaml:2:22", "confg", "config?"));
+  CHECK_THAT(all, test::naming("base.yaml:2:7", "rows: full: paper", "ssim"));
 }
 
 TEST_CASE("read_spec: extends in a circle, of nothing and of what is no path", "[sweep]") {
@@ -87,12 +88,10 @@ TEST_CASE("read_spec: extends in a circle, of nothing and of what is no path", "
       problem("extends: other.yaml\n"),
       Catch::Contains("other.yaml:1:10: extends: goes in a circle: own.yaml -> other.yaml -> "
                       "own.yaml"));
-  CHECK_THAT(problem("extends: own.yaml\n"), Catch::Contains("circle: own.yaml -> own.yaml"));
-  CHECK_THAT(
-      problem("extends: [none.yaml]\n"),
-      Catch::Contains("own.yaml:2:11: extends: no such file: ") && Catch::Contains("none.yaml"));
-  CHECK_THAT(problem("extends: {a: b}\n"),
-             Catch::Contains("own.yaml:2:10: extends: expected a path"));
+  CHECK_THAT(problem("extends: own.yaml\n"), test::naming("own.yaml -> own.yaml"));
+  CHECK_THAT(problem("extends: [none.yaml]\n"),
+             test::naming("own.yaml:2:11: extends") && Catch::Contains("none.yaml"));
+  CHECK_THAT(problem("extends: {a: b}\n"), test::naming("own.yaml:2:10: extends", "path"));
 }
 
 TEST_CASE("configs: every sweep that ships can be read, and overrides have at most six lines",

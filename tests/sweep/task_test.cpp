@@ -8,6 +8,7 @@
 #include "jade/core/error.h"
 #include "jade/core/folder_lock.h"
 #include "jade/core/log.h"
+#include "support/naming.h"
 
 using namespace jade;
 using namespace jade::test;
@@ -65,8 +66,8 @@ TEST_CASE("run_task: the reason is of this attempt, not of one before it in the 
 
 TEST_CASE("run_task: a run that is none, and one that another process trains", "[sweep]") {
   const Prepared sweep;
-  CHECK_THROWS_WITH(sweep::run_task(sweep.output, "none/a/0", sweep.options),
-                    Catch::Contains("--run-task none/a/0: expected a run of"));
+  CHECK_THROWS_NAMING(ConfigError, sweep::run_task(sweep.output, "none/a/0", sweep.options),
+                      "--run-task none/a/0");
   std::filesystem::create_directories(sweep.output.run_folder("good/a/0"));
   const auto lock = FolderLock::take(sweep.output.run_folder("good/a/0"));
   CHECK_THROWS_AS(sweep::run_task(sweep.output, "good/a/0", sweep.options), DataError);

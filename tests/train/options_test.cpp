@@ -66,10 +66,10 @@ TEST_CASE("options: exposures of a DiET-GS release are nine equal moments whatev
   options.events.edi_samples = 65;
   data::Dataset dataset;
   dataset.kind = data::DatasetKind::kEvDeblur;
-  train::follow_dataset(dataset, options);
+  train::apply_dataset(dataset, options);
   CHECK(options.exposure.samples == 17);
   dataset.kind = data::DatasetKind::kDietGs;
-  train::follow_dataset(dataset, options);
+  train::apply_dataset(dataset, options);
   CHECK(options.exposure.quadrature == geometry::QuadratureRule::kEqual);
   CHECK(options.exposure.samples == 9);
   CHECK(options.events.edi_samples == 0);

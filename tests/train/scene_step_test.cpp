@@ -10,6 +10,7 @@
 
 #include "jade/core/error.h"
 #include "support/backend_agreement.h"
+#include "support/naming.h"
 #include "train/bench.h"
 
 using namespace jade;
@@ -122,7 +123,7 @@ TEST_CASE("scene step: a term that acts and lacks its input is an error", "[trai
   };
   CHECK_THROWS_AS(step({}), ContractError);
   bench.options.objective.event_loss_weight = 0.1;
-  CHECK_THROWS_WITH(bench.render(inputs), Catch::Contains("window of events"));
+  CHECK_THROWS_NAMING(ContractError, bench.render(inputs), "window");
 }
 
 TEST_CASE("scene step: the window of L_ev is rendered with the exposure and as if alone",

@@ -8,9 +8,9 @@
 
 #include "jade/core/error.h"
 #include "jade/data/colmap_scene.h"
+#include "jade/data/event_file.h"
 #include "jade/data/frame_times.h"
 #include "jade/data/frames.h"
-#include "jade/data/recording.h"
 #include "jade/data/undistorter.h"
 #include "jade/data/unused_parts.h"
 #include "jade/imaging/image_io.h"
@@ -182,7 +182,7 @@ Dataset load_diet_gs(const DatasetOptions& options, const Warnings& warnings) {
                 data);
   set_points(model, data);
   std::vector<geometry::Pose> poses;
-  RecordingSpan span{data.train.front().t_start_us, data.train.front().t_end_us};
+  EventSpan span{data.train.front().t_start_us, data.train.front().t_end_us};
   for (const Exposure& exposure : data.train) {
     poses.insert(poses.end(), exposure.poses.begin(), exposure.poses.end());
     span.begin_us = std::min(span.begin_us, exposure.t_start_us);

@@ -12,11 +12,11 @@
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/data/bayer.h"
+#include "jade/data/event_file.h"
 #include "jade/data/frame_times.h"
 #include "jade/data/frames.h"
 #include "jade/data/llff.h"
 #include "jade/data/origin.h"
-#include "jade/data/recording.h"
 #include "jade/data/unused_parts.h"
 #include "jade/imaging/image_io.h"
 #include "jade/io/npy.h"
@@ -368,11 +368,11 @@ Dataset load_evdeblur(const DatasetOptions& options, const Warnings& warnings) {
   add_frames(s, read_frames(s.image_files, MaskSources(options), warnings), split, path, warnings,
              data);
 
-  RecordingSpan span{data.train.front().t_start_us, data.train.front().t_end_us};
+  EventSpan span{data.train.front().t_start_us, data.train.front().t_end_us};
   for (const Exposure& exposure : data.train) {
     span.end_us = std::max(span.end_us, exposure.t_end_us);
   }
-  RecordingSpan keep;
+  EventSpan keep;
   if (!data.trajectory.empty()) {
     keep = {static_cast<int64_t>(data.trajectory.begin_us()),
             static_cast<int64_t>(data.trajectory.end_us())};

@@ -32,7 +32,7 @@ torch::Tensor growing_rows(const torch::Tensor& gradient, double threshold, int6
   return std::get<0>(rows.index_select(0, order.slice(0, 0, std::max<int64_t>(0, room))).sort());
 }
 
-/// Two children for each row, drawn from the Gaussian itself and smaller.
+/// Two children for each row, sampled from the Gaussian itself and smaller.
 splat::Gaussians split_children(const splat::Gaussians& values, const torch::Tensor& rows,
                                 at::Generator& generator) {
   const torch::Tensor repeated = rows.repeat({kChildren});

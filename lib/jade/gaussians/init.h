@@ -22,7 +22,7 @@ enum class InitKind { kAuto, kSfm, kRandomFrusta, kPly };
 constexpr auto words_of(InitKind) {
   return std::array{Word{"auto", InitKind::kAuto, "sfm where there are points, else random_frusta"},
                     Word{"sfm", InitKind::kSfm, "points of the data set"},
-                    Word{"random_frusta", InitKind::kRandomFrusta, "drawn in the viewing frusta"},
+                    Word{"random_frusta", InitKind::kRandomFrusta, "sampled in the viewing frusta"},
                     Word{"ply", InitKind::kPly, "init.ply"}};
 }
 
@@ -38,7 +38,7 @@ template <class V>
 void describe(V& v, InitOptions& o) {
   v.field("kind", o.kind, "where the Gaussians start");
   v.field("ply", o.ply, "Gaussians or coloured points to start from (kind ply)");
-  v.field("points", o.points, "how many points random_frusta draws", Range{1, 1e8});
+  v.field("points", o.points, "how many points random_frusta samples", Range{1, 1e8});
   v.field("opacity", o.opacity, "opacity at the start", Range{1e-4, 0.9999});
   v.field("scale", o.scale, "factor on the start's scales", Range{1e-3, 1e3});
 }
@@ -70,7 +70,7 @@ torch::Tensor mean_squared_neighbour_distance(const torch::Tensor& points);
 /// nearest, at least 1e-7), no rotation, the given opacity, SH degree 3 with zero rest.
 splat::Gaussians gaussians_from_points(const PointCloud& cloud, const InitOptions& options);
 
-/// Points drawn uniformly over the views and their pixels and uniformly in inverse depth between
+/// Points sampled uniformly over the views and their pixels and uniformly in inverse depth between
 /// near and far, coloured by the mean over the views that see them.
 PointCloud random_frusta(const InitSources& sources, int64_t count, at::Generator& generator);
 
@@ -80,7 +80,8 @@ PointCloud without_points_near_cameras(const PointCloud& cloud,
                                        double distance);
 
 /// The start that `options` asks for.
-/// @param at_most  of more points a part is drawn; Gaussians of a .ply, a scene already, all stay,
+/// @param at_most  of more points a part is sampled; Gaussians of a .ply, a scene already, all
+/// stay,
 ///   with a warning
 /// @throws ConfigError where the sources lack what the kind needs, DataError for a bad .ply.
 splat::Gaussians initial_gaussians(const InitOptions& options, const InitSources& sources,

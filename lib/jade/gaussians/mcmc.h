@@ -38,7 +38,7 @@ int64_t add_on_living(int64_t count, const CopyRule& rule, GaussianModel& model,
 /// One draw from the generator; never waits for the device.
 void add_noise(double scale, GaussianModel& model, at::Generator& generator);
 
-/// [count] rows drawn with replacement, each as likely as its weight. Sums are in double, as
+/// [count] rows sampled with replacement, each as likely as its weight. Sums are in double, as
 /// float32 loses the late ones of millions of rows; torch's multinomial takes 2^24 rows at most.
 /// @param weights  [N] on the CPU, none below 0, some above
 torch::Tensor drawn_rows(const torch::Tensor& weights, int64_t count, at::Generator& generator);

@@ -286,7 +286,8 @@ void check_some(const splat::Gaussians& gaussians, const std::filesystem::path& 
                            gaussians.size()));
   }
   if (drawable(gaussians).size() == 0) {
-    throw DataError(concat(path.string(), ": expected Gaussians that can be drawn, found none of ",
+    throw DataError(concat(path.string(),
+                           ": expected Gaussians that can be rendered, found none of ",
                            gaussians.size(), ": ", undrawable_reasons(gaussians)));
   }
 }

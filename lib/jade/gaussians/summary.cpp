@@ -20,7 +20,7 @@ torch::Tensor finite_rows(const torch::Tensor& tensor) {
   return tensor.reshape({tensor.size(0), -1}).isfinite().all(1);
 }
 
-/// Why Gaussians are not drawn: words, and [N] for which ones.
+/// Why Gaussians are not rendered: words, and [N] for which ones.
 struct Reason {
   std::string words;
   torch::Tensor of;
@@ -60,7 +60,7 @@ std::vector<Reason> reasons(const splat::Gaussians& g) {
   return out;
 }
 
-/// [N], whether a Gaussian can be drawn.
+/// [N], whether a Gaussian can be rendered.
 torch::Tensor is_drawable(const splat::Gaussians& gaussians) {
   torch::Tensor lost = torch::zeros({gaussians.size()}, gaussians.means.options().dtype(at::kBool));
   for (const Reason& reason : reasons(gaussians)) lost = lost.logical_or(reason.of);
@@ -77,7 +77,7 @@ void find_problems(const splat::Gaussians& g, GaussianSummary& summary) {
   for (const Reason& reason : reasons(g)) {
     const int64_t bad = count_of(reason.of);
     if (bad == 0) continue;
-    add(bad, " of ", summary.count, " Gaussians have ", reason.words, ": they cannot be drawn; ",
+    add(bad, " of ", summary.count, " Gaussians have ", reason.words, ": they cannot be rendered; ",
         reason.mend);
   }
   if (summary.transparent > 0.5) {
@@ -137,10 +137,10 @@ GaussianSummary summarize(const splat::Gaussians& g) {
 
 splat::Gaussians drawable(const splat::Gaussians& gaussians) {
   if (gaussians.size() == 0) return gaussians;
-  const torch::Tensor drawn = is_drawable(gaussians);
-  if (drawn.all().item<bool>()) return gaussians;
+  const torch::Tensor visible = is_drawable(gaussians);
+  if (visible.all().item<bool>()) return gaussians;
   return map_parameters(gaussians,
-                        [&](const torch::Tensor& value) { return value.index({drawn}); });
+                        [&](const torch::Tensor& value) { return value.index({visible}); });
 }
 
 std::string undrawable_warning(const splat::Gaussians& gaussians, const std::string& file) {
@@ -149,7 +149,7 @@ std::string undrawable_warning(const splat::Gaussians& gaussians, const std::str
   if (left > 0) {
     return concat(file, ": ", left, " of ", gaussians.size(),
                   " Gaussians have NaN or Inf in their numbers, or numbers beyond all bounds, and "
-                  "are not drawn; jade_inspect says in which");
+                  "are not rendered; jade_inspect says in which");
   }
   if (count_visible(gaussians) > 0) return {};
   return concat(file, ": all of ", gaussians.size(),

@@ -39,12 +39,12 @@ GaussianSummary summarize(const splat::Gaussians& gaussians);
 /// renders no others.
 splat::Gaussians drawable(const splat::Gaussians& gaussians);
 
-/// A warning in one line for who only draws them: how many Gaussians of `file` are left out of
+/// A warning in one line for who only renders them: how many Gaussians of `file` are left out of
 /// every picture, as some of their numbers are not finite or too large, or that all are
 /// transparent. Empty where there is nothing to say.
 std::string undrawable_warning(const splat::Gaussians& gaussians, const std::string& file);
 
-/// How many Gaussians each reason keeps from being drawn, "3 have NaN or Inf in their means, …".
+/// How many Gaussians each reason keeps from being rendered, "3 have NaN or Inf in their means, …".
 std::string undrawable_reasons(const splat::Gaussians& gaussians);
 
 /// Number of Gaussians with an opacity of at least 1/255, below which splatting renders nothing.

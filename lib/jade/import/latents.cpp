@@ -2,6 +2,7 @@
 #include "jade/import/latents.h"
 
 #include <algorithm>
+#include <chrono>
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <torch/types.h>
@@ -10,7 +11,9 @@
 #include "jade/core/device.h"
 #include "jade/core/error.h"
 #include "jade/core/interrupt.h"
+#include "jade/core/log.h"
 #include "jade/core/progress.h"
+#include "jade/core/readable.h"
 #include "jade/imaging/color.h"
 #include "jade/imaging/image_io.h"
 #include "jade/restore/restored_exposure.h"
@@ -38,6 +41,13 @@ std::string image_file(size_t shot, size_t moment) {
 bool is_monochrome(const Capture& capture) {
   return std::all_of(capture.shots.begin(), capture.shots.end(),
                      [](const Shot& shot) { return imaging::is_gray(shot.image); });
+}
+
+/// Announces the work once its first frame has been timed.
+void announce(int64_t frames, std::chrono::duration<double> each, torch::Device device) {
+  log_info(concat("restoring ", grouped(frames), " frames x ", std::size(kLatentMoments),
+                  " moments, ", about_time(each.count() * double(frames)),
+                  device.is_cpu() ? " on this CPU" : " on this GPU"));
 }
 
 }  // namespace
@@ -71,9 +81,10 @@ std::vector<LatentImage> write_latents(const fs::path& folder, const Capture& ca
                                        const ImportOptions& options) {
   make_writable_folder(folder / "images");
   const bool needs_network = options.latents.kind != LatentKind::kEdi;
+  const torch::Device device = select_device(options.device);
   restore::ViewRestorer restorer(options.cache,
                                  needs_network ? std::optional(options.efnet) : std::nullopt,
-                                 select_device(options.device), is_monochrome(capture));
+                                 device, is_monochrome(capture));
   std::vector<LatentImage> images;
   Progress progress("restoring", static_cast<int64_t>(capture.shots.size()), 0, "frames");
   const auto write = [&](size_t shot, size_t moment, const torch::Tensor& image, int64_t t_us) {
@@ -81,13 +92,20 @@ std::vector<LatentImage> write_latents(const fs::path& folder, const Capture& ca
     imaging::write_image(folder / "images" / images.back().file,
                          enlarged(image, options.latents.upscale));
   };
+  const int64_t blurry =
+      std::count_if(capture.shots.begin(), capture.shots.end(),
+                    [&](const Shot& shot) { return !is_sharp(shot, options.test.sharp_px); });
+  bool announced = false;
   for (size_t i = 0; i < capture.shots.size(); ++i) {
     throw_if_interrupted();
     const Shot& shot = capture.shots[i];
     if (is_sharp(shot, options.test.sharp_px)) {
       write(i, 1, shot.image, shot.t_mid_us());
     } else {
+      const auto start = std::chrono::steady_clock::now();
       const torch::Tensor latents = latents_of(shot, capture, options, restorer);
+      if (!announced) announce(blurry, std::chrono::steady_clock::now() - start, device);
+      announced = true;
       for (size_t k = 0; k < std::size(kLatentMoments); ++k) {
         write(
             i, k, latents[static_cast<int64_t>(k)],

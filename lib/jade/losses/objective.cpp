@@ -202,7 +202,7 @@ torch::Tensor poses_read(const ObjectivePlan& plan, const torch::Tensor& pose_dr
                          int64_t samples) {
   const int64_t draws = pose_draws.numel();
   JADE_CHECK(draws == kTermDraws + 1 || (draws == kTermDraws && !plan.drawn_target),
-             "expected 3 drawn poses, 4 where that of L_tgt is drawn, found ", draws);
+             "expected 3 sampled poses, 4 where that of L_tgt is sampled, found ", draws);
   if (plan.all_poses()) return {};
   std::vector<torch::Tensor> read;
   if (plan.target) read.push_back(target_pose(plan, pose_draws, samples));

@@ -39,9 +39,9 @@ enum class RestoredPoses { kMiddle, kThree, kNine, kAll };
 constexpr auto words_of(RestoredPoses) {
   return std::array{
       Word{"middle", RestoredPoses::kMiddle, "mid-exposure, as printed"},
-      Word{"three", RestoredPoses::kThree, "one of start, middle and end, drawn for every step"},
-      Word{"nine", RestoredPoses::kNine, "one of nine at equal steps, drawn for every step"},
-      Word{"all", RestoredPoses::kAll, "one of all poses, drawn for every step"}};
+      Word{"three", RestoredPoses::kThree, "one of start, middle and end, sampled at every step"},
+      Word{"nine", RestoredPoses::kNine, "one of nine at equal steps, sampled at every step"},
+      Word{"all", RestoredPoses::kAll, "one of all poses, sampled at every step"}};
 }
 
 /// Span of the time windows of L_ev.
@@ -91,7 +91,7 @@ void describe(V& v, ObjectiveOptions& o) {
           "poses of that term, fusion and the routing step; all but middle need a restorer of "
           "version 2 where the target reads EFNet");
   v.field("blur", o.blur, "L_blur: mean of the renders against the blurry frame");
-  v.field("edi_supervision", o.edi_supervision, "L_edi in gray and in colour, at drawn poses");
+  v.field("edi_supervision", o.edi_supervision, "L_edi in gray and in colour, at sampled poses");
   v.field("edi_weight", o.edi_weight, "weight of both", Range{0, 1e3});
   v.field("edi_weight_final", o.edi_weight_final,
           "the same at the end of the run; linear between; below 0: it stays", Range{-1, 1e3});
@@ -105,11 +105,11 @@ void describe(V& v, ObjectiveOptions& o) {
   v.field("intensity", o.intensity, "L_int: blur under the camera response");
   v.field("warmup", o.warmup, "until this step the camera response is the identity and L_int rests",
           Range{0, 1e9});
-  v.group("trust", o.trust, "which restorations the scene follows to the end");
+  v.group("trust", o.trust, "which restorations guide the scene to the end");
   v.field("event_loss_weight", o.event_loss_weight,
           "weight of L_ev, which costs two more renders; 0 turns it off", Range{0, 1e3});
-  v.field("event_pixels", o.event_pixels, "pixels drawn for L_ev (sample_pnum)", Range{1, 1e8});
-  v.field("event_window", o.event_window, "where the time windows of L_ev are drawn");
+  v.field("event_pixels", o.event_pixels, "pixels sampled for L_ev (sample_pnum)", Range{1, 1e8});
+  v.field("event_window", o.event_window, "where the time windows of L_ev are sampled");
   v.field("event_window_share", o.event_window_share,
           "length of such a window as a share of the exposure", Range{1e-6, 1});
 }
@@ -124,7 +124,7 @@ struct ObjectivePlan {
   bool event = false;       ///< L_ev
   bool response = false;  ///< ρ is past its warm-up and some term reads it, else it is the identity
   bool agreed_target = false;  ///< L_tgt acts where scene and target agree
-  bool drawn_target = false;   ///< L_tgt acts at a drawn pose, else at mid-exposure
+  bool drawn_target = false;   ///< L_tgt acts at a sampled pose, else at mid-exposure
 
   bool any_term() const { return target || blur || edi || simulation || intensity || event; }
   /// A term reads the mean render, and so all renders; also where no term reads any.
@@ -213,7 +213,7 @@ bool weights_fall(const ObjectiveOptions& options);
 /// The weights of L_tgt and L_edi at `step` (counted from 1) of a calendar of `steps`.
 std::array<double, 2> term_weights(const ObjectiveOptions& options, int64_t step, int64_t steps);
 
-/// The pose where L_tgt acts, [1] int64 on the device of `pose_draws`: the drawn one or
+/// The pose where L_tgt acts, [1] int64 on the device of `pose_draws`: the sampled one or
 /// mid-exposure.
 torch::Tensor target_pose(const ObjectivePlan& plan, const torch::Tensor& pose_draws,
                           int64_t samples);

@@ -15,7 +15,7 @@ namespace jade::router {
 /// replication, so that α has no frame.
 class RouterImpl : public torch::nn::Module {
  public:
-  /// Weights are drawn from `generator`, uniform within ±1/sqrt(fan-in).
+  /// Weights are sampled from `generator`, uniform within ±1/sqrt(fan-in).
   explicit RouterImpl(at::Generator generator);
 
   /// α in [0,1].

@@ -34,7 +34,7 @@ std::vector<geometry::Pose> LiveCameras::middles() const {
   return poses;
 }
 
-void LiveCameras::follow(const std::string& camera) {
+void LiveCameras::update(const std::string& camera) {
   const std::optional<CameraOfPage> found = camera_of_page(data_, camera);
   if (!poses_ || !found) return;
   if (found->exposure) {
@@ -46,9 +46,9 @@ void LiveCameras::follow(const std::string& camera) {
   }
 }
 
-void LiveCameras::follow_all() {
-  for (size_t i = 0; i < data_.train.size(); ++i) follow(concat("train.", i));
-  for (size_t i = 0; i < data_.test.size(); ++i) follow(concat("test.", i));
+void LiveCameras::update_all() {
+  for (size_t i = 0; i < data_.train.size(); ++i) update(concat("train.", i));
+  for (size_t i = 0; i < data_.test.size(); ++i) update(concat("test.", i));
 }
 
 void LiveCameras::refit(const data::Dataset& posed) {

@@ -19,13 +19,13 @@ class LiveCameras {
   LiveCameras(const data::Dataset& data, std::shared_ptr<const train::ExposurePoses> poses);
 
   bool are_learned() const { return poses_ != nullptr; }
-  /// The data set with its cameras as follow() and refit() have left them; stays at its place.
+  /// The data set with its cameras as update() and refit() have left them; stays at its place.
   const data::Dataset& dataset() const { return posed_; }
 
   /// Puts a camera, "train.3" or "test.0", where it stands now; any other name is none of ours. On
   /// the thread that trains, between two steps; waits for a GPU.
-  void follow(const std::string& camera);
-  void follow_all();
+  void update(const std::string& camera);
+  void update_all();
   /// Test views from now on move from where `posed` has them, fitted to their images, with the
   /// exposures from where it has those.
   void refit(const data::Dataset& posed);

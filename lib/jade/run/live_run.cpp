@@ -20,10 +20,10 @@ namespace {
 constexpr double kShare = 0.1;
 
 /// How soon a paused run sees Ctrl-C.
-constexpr serve::Stage::Seconds kGlance{0.05};
+constexpr serve::RenderQueue::Seconds kGlance{0.05};
 
 /// Pages ask for the state once per second; who has not asked for longer has gone.
-constexpr serve::Stage::Seconds kHeard{3}, kGone{3};
+constexpr serve::RenderQueue::Seconds kHeard{3}, kGone{3};
 
 }  // namespace
 
@@ -31,9 +31,9 @@ LiveRun::LiveRun(serve::Server& server, std::chrono::duration<double> patience)
     : server_(server), patience_(patience) {}
 
 LiveRun::~LiveRun() {
-  const serve::Stage& stage = server_.stage();
-  while (ended_at_ && Clock::now() - *ended_at_ < kHeard && stage.viewers() > 0 &&
-         stage.silence() < kGone && !interrupt_requested()) {
+  const serve::RenderQueue& queue = server_.queue();
+  while (ended_at_ && Clock::now() - *ended_at_ < kHeard && queue.viewers() > 0 &&
+         queue.silence() < kGone && !interrupt_requested()) {
     std::this_thread::sleep_for(kGlance);
   }
 }
@@ -47,7 +47,7 @@ void LiveRun::begin(const WatchedRun& run) {
                                      [](const torch::Tensor& tensor) { return tensor.detach(); });
   };
   cameras_.emplace(run.dataset, run.state.poses);
-  cameras_->follow_all();
+  cameras_->update_all();
   const data::Dataset& posed = cameras_->dataset();
   scene_.emplace(posed, draw, gaussians);
   for (size_t i = 0; i < run.views.size(); ++i) {
@@ -81,17 +81,17 @@ bool LiveRun::may_draw() {
     if (!seconds) return false;
     drawing_ = false;
     const std::chrono::duration<double> apart(*seconds / kShare);
-    next_draw_ = drawn_at_ + std::chrono::duration_cast<Clock::duration>(apart);
+    next_draw_ = rendered_at_ + std::chrono::duration_cast<Clock::duration>(apart);
   }
   return Clock::now() >= next_draw_;
 }
 
-void LiveRun::draw_one() {
-  drawn_at_ = Clock::now();
+void LiveRun::render_one() {
+  rendered_at_ = Clock::now();
   clock_->start();
-  server_.stage().draw_one([this](const serve::Wanted& wanted) {
+  server_.queue().render_one([this](const serve::Wanted& wanted) {
     // A frame says itself where it is seen from.
-    if (wanted.kind != serve::Wanted::Kind::kColor) cameras_->follow(wanted.view);
+    if (wanted.kind != serve::Wanted::Kind::kColor) cameras_->update(wanted.view);
     return scene_->draw(wanted, state_->step);
   });
   clock_->stop();
@@ -100,21 +100,21 @@ void LiveRun::draw_one() {
 
 double LiveRun::after_step() {
   tell("training");
-  if (server_.stage().asked() && may_draw()) draw_one();
-  return server_.stage().paused() ? hold() : 0.0;
+  if (server_.queue().asked() && may_draw()) render_one();
+  return server_.queue().paused() ? hold() : 0.0;
 }
 
 double LiveRun::hold() {
   const Clock::time_point start = Clock::now();
   log_info(concat("a viewer has paused the run at step ", state_->step));
   tell("paused");
-  serve::Stage& stage = server_.stage();
-  while (stage.paused() && !interrupt_requested()) {
-    if (stage.silence() > patience_) {
+  serve::RenderQueue& queue = server_.queue();
+  while (queue.paused() && !interrupt_requested()) {
+    if (queue.silence() > patience_) {
       log_info("the viewers have gone");
-      stage.set_paused(false);
-    } else if (stage.wait(kGlance)) {
-      draw_one();
+      queue.set_paused(false);
+    } else if (queue.wait(kGlance)) {
+      render_one();
     }
   }
   if (!interrupt_requested()) log_info("the run goes on");

@@ -37,7 +37,7 @@ class LiveRun : public Watcher {
 
   void tell(const std::string& phase);
   bool may_draw();
-  void draw_one();
+  void render_one();
   double hold();
 
   serve::Server& server_;
@@ -48,7 +48,7 @@ class LiveRun : public Watcher {
   std::optional<LiveScene> scene_;
   std::optional<DrawClock> clock_;
   bool drawing_ = false;
-  Clock::time_point drawn_at_, next_draw_;
+  Clock::time_point rendered_at_, next_draw_;
   std::optional<Clock::time_point> ended_at_;
 };
 

@@ -37,19 +37,19 @@ torch::Tensor depth_picture(const splat::RenderOutput& render) {
 }
 
 /// On the CPU, or on its way there.
-serve::Drawn drawn_of(const torch::Tensor& image, FrameMemory& memory) {
-  serve::Drawn drawn;
+serve::Rendered rendered_of(const torch::Tensor& image, FrameMemory& memory) {
+  serve::Rendered rendered;
   if (!image.is_cuda()) {
     // Copy: training continues to write to the original.
-    drawn.image = image.to(torch::kFloat32).contiguous().clone();
-    return drawn;
+    rendered.image = image.to(torch::kFloat32).contiguous().clone();
+    return rendered;
   }
-  drawn.image = memory.lend(image.sizes(), /*pinned=*/true);
-  drawn.image.copy_(image.to(torch::kFloat32), /*non_blocking=*/true);
+  rendered.image = memory.lend(image.sizes(), /*pinned=*/true);
+  rendered.image.copy_(image.to(torch::kFloat32), /*non_blocking=*/true);
   const auto ready = std::make_shared<c10::Event>(image.device().type());
   ready->record(c10::impl::VirtualGuardImpl(image.device().type()).getStream(image.device()));
-  drawn.finish = [ready] { ready->synchronize(); };
-  return drawn;
+  rendered.finish = [ready] { ready->synchronize(); };
+  return rendered;
 }
 
 /// Told when somebody asks, and on their thread; nothing without a truth of the image's size.
@@ -103,30 +103,30 @@ torch::Tensor LiveScene::truth_mask_at(const std::string& camera) const {
                          : dataset_.test[found->index].mask;
 }
 
-serve::Drawn LiveScene::picture(const serve::Wanted& wanted) const {
+serve::Rendered LiveScene::picture(const serve::Wanted& wanted) const {
   const auto view = pictures_.find(wanted.view);
   if (view == pictures_.end()) throw ConfigError(concat("no camera ", wanted.view));
   const auto picture =
       std::find_if(view->second.begin(), view->second.end(),
                    [&](const ViewPicture& each) { return each.name == wanted.picture; });
   if (picture == view->second.end()) throw ConfigError(concat("no picture ", wanted.picture));
-  serve::Drawn drawn = drawn_of(picture->make(), *memory_);
+  serve::Rendered rendered = rendered_of(picture->make(), *memory_);
   if (picture->judged) {
-    drawn.psnr = judge(drawn.image, truth_at(wanted.view), truth_mask_at(wanted.view));
+    rendered.psnr = judge(rendered.image, truth_at(wanted.view), truth_mask_at(wanted.view));
   }
-  return drawn;
+  return rendered;
 }
 
-serve::Drawn LiveScene::frame(const serve::Wanted& wanted,
-                              const splat::Gaussians& gaussians) const {
+serve::Rendered LiveScene::frame(const serve::Wanted& wanted,
+                                 const splat::Gaussians& gaussians) const {
   splat::RenderOptions options = draw_;
   options.depth = wanted.kind == serve::Wanted::Kind::kDepth;
   const auto camera = train::camera_batch({wanted.pose}, wanted.camera, gaussians.means.device());
   const splat::RenderOutput render = splat::render(gaussians, camera, options);
-  if (options.depth) return drawn_of(depth_picture(render), *memory_);
-  serve::Drawn drawn = drawn_of(render.color[0].clamp(0, 1), *memory_);
-  drawn.psnr = judge(drawn.image, truth_at(wanted.view), truth_mask_at(wanted.view));
-  return drawn;
+  if (options.depth) return rendered_of(depth_picture(render), *memory_);
+  serve::Rendered rendered = rendered_of(render.color[0].clamp(0, 1), *memory_);
+  rendered.psnr = judge(rendered.image, truth_at(wanted.view), truth_mask_at(wanted.view));
+  return rendered;
 }
 
 Json LiveScene::cameras(const std::string& name) const {
@@ -137,24 +137,24 @@ Json LiveScene::cameras(const std::string& name) const {
   return page_poses({poses.begin(), poses.end()});
 }
 
-serve::Drawn LiveScene::draw(const serve::Wanted& wanted, int64_t step) const {
+serve::Rendered LiveScene::draw(const serve::Wanted& wanted, int64_t step) const {
   const torch::NoGradGuard no_grad;
   const splat::Gaussians gaussians = gaussians_();
-  serve::Drawn drawn;
+  serve::Rendered rendered;
   switch (wanted.kind) {
     case serve::Wanted::Kind::kPicture:
-      drawn = picture(wanted);
+      rendered = picture(wanted);
       break;
     case serve::Wanted::Kind::kCamera:
-      drawn.json = Json{{"poses", cameras(wanted.view)}}.dump();
+      rendered.json = Json{{"poses", cameras(wanted.view)}}.dump();
       break;
     case serve::Wanted::Kind::kColor:
     case serve::Wanted::Kind::kDepth:
-      drawn = frame(wanted, gaussians);
+      rendered = frame(wanted, gaussians);
   }
-  drawn.step = step;
-  drawn.gaussians = gaussians.size();
-  return drawn;
+  rendered.step = step;
+  rendered.gaussians = gaussians.size();
+  return rendered;
 }
 
 namespace {

@@ -13,17 +13,18 @@
 #include "jade/data/exposure.h"
 #include "jade/run/frame_memory.h"
 #include "jade/run/view_pictures.h"
-#include "jade/serve/stage.h"
+#include "jade/serve/render_queue.h"
 #include "jade/splat/render.h"
 
 namespace jade::run {
 
-/// A scene as the live page shows it: drawn by our op, from anywhere, beside the pictures of the
+/// A scene as the live page shows it: rendered by our op, from anywhere, beside the pictures of the
 /// data set's cameras. All on one thread.
 class LiveScene {
  public:
   /// @param dataset    outlives this; cameras may move from one call to the next
-  /// @param gaussians  those of now, without gradient; drawn at once, so that they need be no copy
+  /// @param gaussians  those of now, without gradient; rendered at once, so that they need be no
+  /// copy
   /// @param draw       render_options() of the run
   LiveScene(const data::Dataset& dataset, const splat::RenderOptions& draw,
             GaussianSource gaussians);
@@ -33,7 +34,7 @@ class LiveScene {
 
   /// Renders a viewer's request. On a GPU the copy to the host may still run when this returns.
   /// @throws ConfigError for a picture or a camera that is not there, whatever rendering throws.
-  serve::Drawn draw(const serve::Wanted& wanted, int64_t step) const;
+  serve::Rendered draw(const serve::Wanted& wanted, int64_t step) const;
 
   /// Texts of page::live_page().
   struct PageText {
@@ -50,8 +51,8 @@ class LiveScene {
  private:
   torch::Tensor truth_at(const std::string& camera) const;
   torch::Tensor truth_mask_at(const std::string& camera) const;
-  serve::Drawn picture(const serve::Wanted& wanted) const;
-  serve::Drawn frame(const serve::Wanted& wanted, const splat::Gaussians& gaussians) const;
+  serve::Rendered picture(const serve::Wanted& wanted) const;
+  serve::Rendered frame(const serve::Wanted& wanted, const splat::Gaussians& gaussians) const;
   nlohmann::ordered_json cameras(const std::string& name) const;
 
   const data::Dataset& dataset_;

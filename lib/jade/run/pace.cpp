@@ -303,7 +303,7 @@ void choose_pace(const data::Dataset& dataset, const Choices& choices, torch::De
                  train::RunOptions& options, std::future<restore::Restorer>& restorer) {
   if (device.is_cpu()) {
     const std::string said = choose_for_cpu(choices, options);
-    train::follow_dataset(dataset, options);
+    train::apply_dataset(dataset, options);
     if (!said.empty()) log_info(said);
   }
   if (!device.is_cpu() && choices.minutes == 0) return;

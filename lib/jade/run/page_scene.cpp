@@ -52,10 +52,6 @@ Json page_poses(const std::vector<geometry::Pose>& camera_from_world) {
   return rows;
 }
 
-namespace {
-
-/// Factor by which the page brightens what it displays: 1 for frames of usual brightness, up to 5
-/// for dark ones.
 double display_brightness(const data::Dataset& dataset) {
   constexpr double kDark = 0.3, kWanted = 0.4, kMost = 5;
   double sum = 0;
@@ -69,8 +65,6 @@ double display_brightness(const data::Dataset& dataset) {
   if (mean >= kDark) return 1;
   return std::round(10 * std::min(kMost, kWanted / std::max(mean, 1e-3))) / 10;
 }
-
-}  // namespace
 
 Json page_scene(const data::Dataset& dataset, const splat::RenderOptions& draw) {
   Json train = Json::array(), test = Json::array();

@@ -22,8 +22,12 @@ struct CameraOfPage {
 /// Returns no value for an unknown camera name.
 std::optional<CameraOfPage> camera_of_page(const data::Dataset& dataset, const std::string& name);
 
-/// {"near_plane", "background", "cameras": {"train", "test"}}: how a viewer draws, and where the
-/// data set's cameras stand.
+/// Factor by which pages and films brighten what they show: 1 for frames of usual brightness, up to
+/// 5 for dark ones. Files keep their values.
+double display_brightness(const data::Dataset& dataset);
+
+/// {"near_plane", "background", "brightness", "cameras": {"train", "test"}}: how a viewer draws,
+/// and where the data set's cameras stand.
 nlohmann::ordered_json page_scene(const data::Dataset& dataset, const splat::RenderOptions& draw);
 
 /// Cameras as the page has them: 12 numbers each, the rows of camera_from_world.

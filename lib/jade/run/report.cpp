@@ -12,6 +12,7 @@
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/core/log.h"
+#include "jade/core/readable.h"
 #include "jade/eval/metrics.h"
 #include "jade/gaussians/spz_file.h"
 #include "jade/imaging/image_io.h"
@@ -263,10 +264,10 @@ void write_report(const fs::path& run, const data::Dataset& dataset,
   Json data;
   const Json environment = Json::parse(read_file(run / "env.json"));
   data["title"] = dataset.name;
-  data["facts"] =
-      Json::array({today(), concat(dataset.train.size(), " exposures"),
-                   concat(state.step, " steps"), concat(state.gaussians.size(), " Gaussians"),
-                   environment["device"], environment["program"]});
+  data["facts"] = Json::array({today(), concat(dataset.train.size(), " exposures"),
+                               concat(grouped(state.step), " steps"),
+                               concat(grouped(state.gaussians.size()), " Gaussians"),
+                               environment["device"], environment["program"]});
   // Packing and films look at nothing else, so that they go on beside the pictures.
   std::future<std::string> scene =
       std::async(std::launch::async, packed_scene, on_cpu(state.gaussians.detached()));

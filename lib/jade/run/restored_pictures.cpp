@@ -10,7 +10,7 @@
 #include "jade/core/log.h"
 #include "jade/geometry/quadrature.h"
 #include "jade/restore/restorations.h"
-#include "jade/serve/stage.h"
+#include "jade/serve/render_queue.h"
 
 namespace jade::run {
 namespace {

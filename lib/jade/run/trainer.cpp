@@ -98,7 +98,7 @@ Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const st
   times_.end("data");
   limit_threads_beside(device_);
   train::settle(options_);
-  train::follow_dataset(data_.dataset, options_);
+  train::apply_dataset(data_.dataset, options_);
   if (resume.empty() || !resume_from(resume)) {
     settle_thresholds(data_.dataset, data_.fingerprint, /*log_offset=*/0, options_);
     options_.splat.near_plane = train::near_plane(options_.splat, data_.dataset);

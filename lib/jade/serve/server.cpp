@@ -23,8 +23,8 @@ namespace {
 
 constexpr size_t kThreads = 16;
 constexpr int kJpegQuality = 85;
-constexpr Stage::Seconds kFrameWait{2.0};     // then the viewer asks again
-constexpr Stage::Seconds kPictureWait{10.0};  // a picture is asked for once
+constexpr RenderQueue::Seconds kFrameWait{2.0};     // then the viewer asks again
+constexpr RenderQueue::Seconds kPictureWait{10.0};  // a picture is asked for once
 // By a script: a refresh by <meta> goes nowhere where the address ends in #camera=...
 constexpr char kOnItsWay[] =
     "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><link rel=\"icon\" "
@@ -164,8 +164,8 @@ int64_t number_of(const httplib::Request& request, const char* name) {
   return text.empty() || text.size() > 18 ? -1 : std::strtoll(text.c_str(), nullptr, 10);
 }
 
-/// Says so where nothing was drawn.
-bool was_drawn(const Answer& answer, httplib::Response& response) {
+/// Says so where nothing was rendered.
+bool was_rendered(const Answer& answer, httplib::Response& response) {
   switch (answer.kind) {
     case Answer::Kind::kTooLate:
       response.status = 204;
@@ -176,21 +176,21 @@ bool was_drawn(const Answer& answer, httplib::Response& response) {
     case Answer::Kind::kFailed:
       say(response, 503, answer.reason);
       return false;
-    case Answer::Kind::kDrawn:
+    case Answer::Kind::kRendered:
       break;
   }
   return true;
 }
 
 void send(httplib::Response& response, const Answer& answer, bool lossless) {
-  if (!was_drawn(answer, response)) return;
-  const Drawn& drawn = answer.drawn;
-  if (drawn.finish) drawn.finish();
-  const std::vector<uint8_t> bytes =
-      lossless ? imaging::encode_png(drawn.image) : imaging::encode_jpeg(drawn.image, kJpegQuality);
-  response.set_header("X-Step", std::to_string(drawn.step));
-  response.set_header("X-Gaussians", std::to_string(drawn.gaussians));
-  if (drawn.psnr) response.set_header("X-Psnr", std::to_string(drawn.psnr()));
+  if (!was_rendered(answer, response)) return;
+  const Rendered& rendered = answer.rendered;
+  if (rendered.finish) rendered.finish();
+  const std::vector<uint8_t> bytes = lossless ? imaging::encode_png(rendered.image)
+                                              : imaging::encode_jpeg(rendered.image, kJpegQuality);
+  response.set_header("X-Step", std::to_string(rendered.step));
+  response.set_header("X-Gaussians", std::to_string(rendered.gaussians));
+  if (rendered.psnr) response.set_header("X-Psnr", std::to_string(rendered.psnr()));
   response.set_content(reinterpret_cast<const char*>(bytes.data()), bytes.size(),
                        lossless ? "image/png" : "image/jpeg");
 }
@@ -203,7 +203,7 @@ struct Server::Impl {
   Address address;
   std::string token;
   Gate gate;
-  Stage stage;
+  RenderQueue queue;
   Board board;
   std::mutex page_mutex;
   std::shared_ptr<const std::string> page = std::make_shared<const std::string>(kOnItsWay);
@@ -219,7 +219,7 @@ struct Server::Impl {
   Handler for_viewer(Handler handler) {
     return [this, handler](const httplib::Request& request, httplib::Response& response) {
       try {
-        stage.note(viewer_of(parameters(request)));
+        queue.note(viewer_of(parameters(request)));
         handler(request, response);
       } catch (const ConfigError& problem) {
         say(response, 400, problem.what());
@@ -259,7 +259,7 @@ struct Server::Impl {
     http.Get("/frame", for_viewer([this](const auto& request, auto& response) {
                const Parameter parameter = parameters(request);
                const Wanted wanted = wanted_frame(parameter);
-               send(response, stage.ask(viewer_of(parameter) + "/frame", wanted, kFrameWait),
+               send(response, queue.ask(viewer_of(parameter) + "/frame", wanted, kFrameWait),
                     /*lossless=*/false);
              }));
     http.Get("/picture", for_viewer([this](const auto& request, auto& response) {
@@ -267,26 +267,26 @@ struct Server::Impl {
                const Wanted wanted = wanted_picture(parameter);
                const std::string key =
                    viewer_of(parameter) + "/" + wanted.view + "/" + wanted.picture;
-               send(response, stage.ask(key, wanted, kPictureWait), /*lossless=*/true);
+               send(response, queue.ask(key, wanted, kPictureWait), /*lossless=*/true);
              }));
     http.Get("/camera", for_viewer([this](const auto& request, auto& response) {
                const Parameter parameter = parameters(request);
                const Wanted wanted = wanted_camera(parameter);
                const Answer answer =
-                   stage.ask(viewer_of(parameter) + "/camera", wanted, kFrameWait);
-               if (was_drawn(answer, response)) {
-                 response.set_content(answer.drawn.json, "application/json");
+                   queue.ask(viewer_of(parameter) + "/camera", wanted, kFrameWait);
+               if (was_rendered(answer, response)) {
+                 response.set_content(answer.rendered.json, "application/json");
                }
              }));
     http.Get("/state", for_viewer([this](const auto& request, auto& response) {
                response.set_content(board.json(number_of(request, "generation"),
-                                               number_of(request, "from"), stage.viewers()),
+                                               number_of(request, "from"), queue.viewers()),
                                     "application/json");
              }));
     const Handler pause = for_viewer([this](const auto& request, auto& response) {
       const std::string on = request.get_param_value("on");
       if (on != "0" && on != "1") throw ConfigError("on: expected 1 or 0");
-      stage.set_paused(on == "1");
+      queue.set_paused(on == "1");
       response.status = 204;
     });
     // With a reader that is not used: a body is not waited for.
@@ -321,7 +321,7 @@ Server::Server(const Address& address, const std::string& flag)
 }
 
 Server::~Server() {
-  impl_->stage.close();
+  impl_->queue.close();
   impl_->http.hurry();
   impl_->http.stop();
   impl_->thread.join();
@@ -342,7 +342,7 @@ void Server::show(std::string html) {
   impl_->page = std::move(page);
 }
 
-Stage& Server::stage() { return impl_->stage; }
+RenderQueue& Server::queue() { return impl_->queue; }
 Board& Server::board() { return impl_->board; }
 
 }  // namespace jade::serve

@@ -6,7 +6,7 @@
 
 #include "jade/serve/address.h"
 #include "jade/serve/board.h"
-#include "jade/serve/stage.h"
+#include "jade/serve/render_queue.h"
 
 namespace jade::serve {
 
@@ -16,13 +16,13 @@ namespace jade::serve {
 ///   GET /frame       JPEG of what wanted_frame() reads; headers X-Step, X-Gaussians and, where a
 ///                    sharp truth tells, X-Psnr in dB
 ///   GET /picture     PNG of what wanted_picture() reads, with the same headers
-///   GET /camera      Drawn::json of what wanted_camera() reads
+///   GET /camera      Rendered::json of what wanted_camera() reads
 ///   GET /state       Board::json(); parameters generation and from
 ///   POST /pause      parameter on: 1 or 0
 ///
-/// and nothing else: no file is read. All but / name their viewer (viewer_of()). 204: not drawn in
-/// time, ask again; 400, 401, 403, 404, 413, 421, 503: one line of text with the reason (gate.h).
-/// One request per connection, a bounded number at a time.
+/// and nothing else: no file is read. All but / name their viewer (viewer_of()). 204: not rendered
+/// in time, ask again; 400, 401, 403, 404, 413, 421, 503: one line of text with the reason
+/// (gate.h). One request per connection, a bounded number at a time.
 class Server {
  public:
   /// Listens at once. Where others than this machine can reach the address, requests need a token.
@@ -37,7 +37,7 @@ class Server {
   /// URL to open, with the chosen port and the token.
   std::string url() const;
   void show(std::string html);
-  Stage& stage();
+  RenderQueue& queue();
   Board& board();
 
  private:

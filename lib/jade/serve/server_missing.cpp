@@ -5,7 +5,7 @@
 namespace jade::serve {
 
 struct Server::Impl {
-  Stage stage;
+  RenderQueue queue;
   Board board;
 };
 
@@ -20,7 +20,7 @@ Server::Server(const Address& address, const std::string& flag) {
 Server::~Server() = default;
 std::string Server::url() const { return {}; }
 void Server::show(std::string) {}
-Stage& Server::stage() { return impl_->stage; }
+RenderQueue& Server::queue() { return impl_->queue; }
 Board& Server::board() { return impl_->board; }
 
 }  // namespace jade::serve

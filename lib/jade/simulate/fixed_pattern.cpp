@@ -13,14 +13,14 @@ namespace jade::simulate {
 std::vector<uint8_t> drawn_columns(int64_t count, int64_t width, uint64_t seed) {
   std::vector<size_t> columns(static_cast<size_t>(width));
   std::iota(columns.begin(), columns.end(), size_t{0});
-  std::vector<uint8_t> drawn(columns.size());
+  std::vector<uint8_t> sampled(columns.size());
   world::Draw draw(seed);
   for (size_t i = 0; i < std::min(static_cast<size_t>(count), columns.size()); ++i) {
     std::swap(columns[i],
               columns[i + static_cast<size_t>(draw.pick(static_cast<int>(columns.size() - i)))]);
-    drawn[columns[i]] = 1;
+    sampled[columns[i]] = 1;
   }
-  return drawn;
+  return sampled;
 }
 
 FixedPattern::FixedPattern(const ImageSensorOptions& o, int64_t width, int64_t height,

@@ -27,7 +27,7 @@ class ViewOrder {
 
 /// The poses of L_edi gray, L_edi colour and L_sim for each step, and of L_tgt where it is asked
 /// for, each uniform in 0..K−1, the last among every `target_every`-th of them. A block of steps is
-/// drawn and brought to the device at once. Asking for the fourth changes none of the three.
+/// sampled and brought to the device at once. Asking for the fourth changes none of the three.
 class PoseDraws {
  public:
   PoseDraws() = default;

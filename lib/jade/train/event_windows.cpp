@@ -21,12 +21,12 @@ geometry::Trajectory path_of(const data::Dataset& dataset) {
 /// `count` distinct numbers below `bound`, as they come; all of them when there are no more.
 torch::Tensor draw_distinct(at::Generator& generator, int64_t count, int64_t bound) {
   if (count >= bound) return torch::arange(bound, torch::kInt64);
-  std::unordered_set<int64_t> drawn;
+  std::unordered_set<int64_t> sampled;
   const torch::Tensor pixels = torch::empty({count}, torch::kInt64);
   int64_t* const out = pixels.mutable_data_ptr<int64_t>();
   for (int64_t i = 0; i < count;) {
     const int64_t pixel = draw_index(generator, bound);
-    if (drawn.insert(pixel).second) out[i++] = pixel;
+    if (sampled.insert(pixel).second) out[i++] = pixel;
   }
   return pixels;
 }
@@ -68,20 +68,20 @@ EventWindow EventWindows::at(int64_t step, int64_t view) const {
   const torch::Tensor pixels = draw_distinct(generator, pixels_, size_.height * size_.width);
   // All that the host draws in one copy: two poses, two times, the pixels, every one exact in
   // float64.
-  const torch::Tensor drawn =
+  const torch::Tensor sampled =
       torch::empty({2 * 16 + 2 + pixels.numel()},
                    torch::dtype(torch::kFloat64).pinned_memory(device_.is_cuda()));
-  drawn.narrow(0, 0, 32).copy_(geometry::to_tensor({span.path.at(static_cast<double>(begin)),
-                                                    span.path.at(static_cast<double>(end))})
-                                   .flatten());
+  sampled.narrow(0, 0, 32).copy_(geometry::to_tensor({span.path.at(static_cast<double>(begin)),
+                                                      span.path.at(static_cast<double>(end))})
+                                     .flatten());
   const auto length = static_cast<double>(std::max<int64_t>(1, span.end_us - span.begin_us));
   const auto unit = [&](int64_t t_us) {
     return std::clamp(static_cast<double>(t_us - span.begin_us) / length, 0.0, 1.0);
   };
-  drawn[32] = unit(begin);
-  drawn[33] = unit(end);
-  drawn.narrow(0, 34, pixels.numel()).copy_(pixels);
-  const torch::Tensor there = drawn.to(device_, /*non_blocking=*/true);
+  sampled[32] = unit(begin);
+  sampled[33] = unit(end);
+  sampled.narrow(0, 34, pixels.numel()).copy_(pixels);
+  const torch::Tensor there = sampled.to(device_, /*non_blocking=*/true);
 
   EventWindow window;
   window.cameras = cameras_;

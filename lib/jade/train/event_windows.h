@@ -47,7 +47,7 @@ struct EventWindow {
 /// the recording's events on the device: 17 bytes each.
 class EventWindows {
  public:
-  /// Windows of `objective.event_window_share` of the first exposure's duration, drawn as
+  /// Windows of `objective.event_window_share` of the first exposure's duration, sampled as
   /// `objective.event_window` says. Cameras move along the nine poses of the exposure, or along the
   /// data set's path (where it has none: through all exposures' poses) for "recording".
   EventWindows(const data::Dataset& dataset, const losses::ObjectiveOptions& options, uint64_t seed,

@@ -113,7 +113,7 @@ void settle(RunOptions& options) {
   options.densify.last_opacity_reset = options.train.iterations * 9 / 10;
 }
 
-void follow_dataset(const data::Dataset& dataset, RunOptions& options) {
+void apply_dataset(const data::Dataset& dataset, RunOptions& options) {
   if (dataset.kind != data::DatasetKind::kDietGs || has_nine_equal_moments(options)) return;
   log_info(concat(dataset.name,
                   ": nine posed images per exposure, so exposure.quadrature is equal, "

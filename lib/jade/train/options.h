@@ -72,11 +72,12 @@ struct SplatOptions {
 
 template <class V>
 void describe(V& v, SplatOptions& o) {
-  v.field("near_plane", o.near_plane,
-          "Gaussians nearer to a camera than this, in units of the scene, are not drawn; 0: as the "
-          "run starts, 0.2 as in the published 3DGS, but at most half the near depth bound of the "
-          "data set",
-          Range{0, 1e6});
+  v.field(
+      "near_plane", o.near_plane,
+      "Gaussians nearer to a camera than this, in units of the scene, are not rendered; 0: as the "
+      "run starts, 0.2 as in the published 3DGS, but at most half the near depth bound of the "
+      "data set",
+      Range{0, 1e6});
 }
 
 struct CheckpointOptions {
@@ -129,7 +130,7 @@ void describe(V& v, RunOptions& o) {
   v.group("init", o.init, "where the Gaussians start");
   v.group("optim", o.optim, "step sizes of the Gaussians");
   v.group("densify", o.densify, "adding and removing Gaussians");
-  v.group("splat", o.splat, "how the Gaussians are drawn");
+  v.group("splat", o.splat, "how the Gaussians are rendered");
   v.group("response", o.response, "the camera response ρ");
   v.group("poses", o.poses, "the cameras of the exposures");
   v.group("gains", o.gains, "brightness of the frames of a camera that adjusts itself");
@@ -170,7 +171,7 @@ void settle(RunOptions& options);
 /// Applies settings that a data set forces, with one line in the log: a DiET-GS release
 /// has nine posed images per exposure, the mean of which is its blurry frame, so its exposures are
 /// nine equal moments and EDI's integral is over them.
-void follow_dataset(const data::Dataset& dataset, RunOptions& options);
+void apply_dataset(const data::Dataset& dataset, RunOptions& options);
 
 /// Rules between fields.
 /// @throws ConfigError naming the keys.

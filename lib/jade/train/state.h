@@ -81,7 +81,7 @@ struct Renders {
   /// [M,3,H,W] with its graph: all K, or those of losses::poses_read(), as_in_frame()
   torch::Tensor color;
   bool all_poses = true;
-  torch::Tensor target_pose = {};  ///< [1] int64 where it is drawn, else undefined
+  torch::Tensor target_pose = {};  ///< [1] int64 where it is sampled, else undefined
   torch::Tensor window_ends = {};  ///< [2,3,H,W] at both ends of the window of L_ev, with graph
   /// Render at the target's pose: mid-exposure, or the sampled pose.
   torch::Tensor of_target() const {

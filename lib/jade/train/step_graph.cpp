@@ -123,7 +123,7 @@ struct StepGraph::Recordings {
   }
 
   /// Other inputs need another warm-up; another scene, as after a densification, does not.
-  void follow(const TrainState& state, const StepInputs& step_inputs) {
+  void check(const TrainState& state, const StepInputs& step_inputs) {
     std::vector<int64_t> input_shapes = shapes_of(step_inputs);
     std::vector<int64_t> now = assumptions(state, step_inputs.step);
     if (input_shapes == shapes && now == holds_for) return;
@@ -192,7 +192,7 @@ StepOutputs StepGraph::run(TrainState& state, const StepInputs& inputs, const St
   if (recordings.refused || !recordable || !inputs.view.blurry.is_cuda()) {
     return alternate(state, inputs, plan, options);
   }
-  recordings.follow(state, inputs);
+  recordings.check(state, inputs);
   Recording* recording = recordings.find(plan);
   if (recording == nullptr) {
     if (!recordings.warmed_up(plan)) {

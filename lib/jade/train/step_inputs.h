@@ -16,7 +16,7 @@ struct StepInputs {
   View view;               ///< of this step: at_pose() where objective.restored_poses draws one
   int64_t view_index = 0;  ///< among the training views
   /// [3] int64 on the device: the poses of L_edi gray, L_edi colour and L_sim; [4] with that of
-  /// L_tgt where it is drawn.
+  /// L_tgt where it is sampled.
   torch::Tensor pose_draws;
   /// At the first three of these poses.
   losses::EdiFactors edi_factors;

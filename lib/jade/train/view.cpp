@@ -133,7 +133,7 @@ torch::Tensor in_half(const torch::Tensor& moments, const torch::Tensor& mask = 
   return shown(kept.to(torch::kHalf), mask).expand(moments.sizes());
 }
 
-/// Whether L_edi and L_sim, or the target of a drawn pose, reads EDI as the thresholds have it.
+/// Whether L_edi and L_sim, or the target of a sampled pose, reads EDI as the thresholds have it.
 bool reads_edi_at_poses(const RunOptions& options) {
   const losses::Target target = options.objective.target;
   return options.objective.edi_contrast == 1 ||

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The surfaces that scenes are made of. All are drawn from their seed; textures that are meant to
+// The surfaces that scenes are made of. All are sampled from their seed; textures that are meant to
 // be repeated join at their edges.
 #pragma once
 

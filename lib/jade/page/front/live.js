@@ -5,7 +5,7 @@
 import { depthAhead } from './viewer.js';
 import { DIFFERENCE } from './layers.js';
 import { shortcut } from './elements.js';
-import { writeCards, writeCurves, writeScores } from './report.js';
+import { foldOnPhones, glanceFigures, writeCards, writeCurves, writeScores } from './report.js';
 
 const ASK_MS = 1000; // between two questions for the state
 const AGAIN_MS = 150; // after a frame that did not come
@@ -30,7 +30,7 @@ export class LiveLink {
   }
 
   /**
-   * {blob, step, gaussians, psnr}; {reason} where it cannot be drawn; null where another request came first.
+   * {blob, step, gaussians, psnr}; {reason} where it cannot be rendered; null where another request came first.
    * @param view  the camera of the data set that it is seen from, which may have a truth to judge by
    */
   async frame(camera, pose, scale, layer, view = '') {
@@ -157,7 +157,7 @@ export class LiveViewer {
     const count = settings.sample.length / 3;
     this.sample = { positions: settings.sample, opacities: new Array(count).fill(1), count };
     this.wake = () => {};
-    this.follow();
+    this.keepDrawing();
   }
 
   depthAhead(camera, pose) {
@@ -200,7 +200,7 @@ export class LiveViewer {
   }
 
   /** Asks for what is wanted for as long as the page lives. */
-  async follow() {
+  async keepDrawing() {
     for (;;) {
       const { wanted } = this;
       const due = wanted && (wanted !== this.shown || (this.changing() && document.visibilityState === 'visible'));
@@ -286,6 +286,7 @@ export class LivePage {
     pause.hidden = document.getElementById('pause-key').hidden = !data.live.pausable;
     pause.addEventListener('click', () => this.togglePause());
     document.addEventListener('keydown', (event) => this.key(event));
+    foldOnPhones();
     this.poll();
   }
 
@@ -330,7 +331,7 @@ export class LivePage {
   }
 
   /** Poses that are learned move: puts a camera of the data set where it stands now. True where it did. */
-  async follow(id) {
+  async moveCamera(id) {
     if (!this.data.live.moving) return false;
     const poses = await this.link.poses(id).catch(() => null);
     if (!poses) return false;
@@ -391,7 +392,7 @@ export class LivePage {
     const { page } = this;
     if (!this.viewer || !page.restored || page.playing || page.state.pose) return;
     const { camera } = page.state;
-    const moved = await this.follow(camera) && page.state.camera === camera && !page.playing && !page.state.pose;
+    const moved = await this.moveCamera(camera) && page.state.camera === camera && !page.playing && !page.state.pose;
     // A mean that has been built up stays.
     if (moved && this.viewer.wanted) page.refresh();
     if (performance.now() - this.renewedAt < RENEW_MS) return;
@@ -403,7 +404,8 @@ export class LivePage {
     const { state, tail } = this;
     const glance = document.getElementById('glance');
     glance.replaceChildren();
-    writeCards(glance, liveFigures(state, tail.lines));
+    const scores = this.data.evaluation ? glanceFigures({ evaluation: this.data.evaluation, metrics: [] }) : [];
+    writeCards(glance, [...scores, ...liveFigures(state, tail.lines)]);
     const paused = state.phase === 'paused';
     const pause = document.getElementById('pause');
     pause.textContent = paused ? 'go on' : 'pause training';

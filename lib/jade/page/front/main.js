@@ -146,7 +146,7 @@ class Page {
     element('play').disabled = !exposure || !this.viewer;
     element('events').disabled = !this.view()?.events;
     element('moment').disabled = !exposure || (!this.viewer && element('events').disabled);
-    await Promise.all([this.loadFilm(), this.live?.follow(id)]);
+    await Promise.all([this.loadFilm(), this.live?.moveCamera(id)]);
     if (this.state.camera !== id) return;
     if (this.viewer) this.distance = this.viewer.depthAhead(camera, this.pose());
     await this.draw();

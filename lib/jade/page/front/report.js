@@ -9,7 +9,8 @@ const METRICS = ['psnr', 'psnr_channel_mean', 'ssim', 'lpips_alex01', 'lpips_vgg
 /** @param onPick  called with a view and the name of one of its pictures */
 export function writeReport(data, onPick) {
   at('title').textContent = document.title = data.title;
-  at('facts').textContent = data.facts.join(' · ');
+  const seconds = trainingSeconds(data.metrics);
+  at('facts').textContent = [...data.facts, ...(seconds > 0 ? [`trained for ${duration(seconds)}`] : [])].join(' · ');
   at('verdict').textContent = verdict(data.headline) ?? '';
   at('verdict').hidden = !at('verdict').textContent;
   at('config').textContent = data.config;
@@ -27,8 +28,31 @@ export function writeReport(data, onPick) {
   if (data.allocation.mean) writeAllocation(at('allocation'), data.allocation);
   writeCurves(at('charts'), at('other-charts'), withFinalScores(data.metrics, data.evaluation));
   at('more-charts').hidden = at('other-charts').childElementCount === 0;
-  // A phone shows the headings; a tap opens a part.
+  foldOnPhones();
+}
+
+/** A phone shows the headings; a tap opens a part. */
+export function foldOnPhones() {
   if (matchMedia('(max-width: 600px)').matches) for (const part of document.querySelectorAll('details.part')) part.open = false;
+}
+
+/** Seconds that the logged steps took. */
+export function trainingSeconds(metrics) {
+  let [seconds, before] = [0, 0];
+  for (const { step, iterations_per_second: rate } of metrics) {
+    if (!(rate > 0)) continue;
+    seconds += (step - before) / rate;
+    before = step;
+  }
+  return seconds;
+}
+
+/** "45 s", "7 min 33 s" or "2 h 5 min". */
+export function duration(seconds) {
+  const whole = Math.round(seconds);
+  if (whole < 60) return `${whole} s`;
+  if (whole < 3600) return `${Math.floor(whole / 60)} min ${whole % 60} s`;
+  return `${Math.floor(whole / 3600)} h ${Math.floor(whole / 60) % 60} min`;
 }
 
 /** One sentence on the scene against the frames it was made of, or null without truths. */
@@ -53,7 +77,12 @@ export function glanceFigures({ headline, evaluation, metrics }) {
   }
   for (const [label, mean] of [['seen test views', evaluation?.mean_seen], ['unseen test views', evaluation?.mean_unseen],
     ['test views', evaluation?.mean_seen || evaluation?.mean_unseen ? null : evaluation?.mean]]) {
-    if (typeof mean?.psnr === 'number') figures.push({ label, value: decibels(mean.psnr), note: `SSIM ${mean.ssim.toFixed(3)}` });
+    if (typeof mean?.psnr !== 'number') continue;
+    // The seen test views may be those that the headline compares.
+    const value = decibels(mean.psnr);
+    const shown = figures.find((figure) => figure.label === 'this scene' && figure.value === value);
+    if (shown) shown.note += `, SSIM ${mean.ssim.toFixed(3)}`;
+    else figures.push({ label, value, note: `SSIM ${mean.ssim.toFixed(3)}` });
   }
   const explained = evaluation?.mean?.psnr_reblur;
   if (!headline && typeof explained === 'number') {

@@ -8,6 +8,7 @@ import { make, shortcut, tableIn } from './elements.js';
 const TRUTH = 'truth';
 const MARKS = { finished: '✓', failed: '✗', running: '▸', unfinished: '…', new: '·' };
 const part = (id) => document.getElementById(id);
+const SEED_NOISE = 0.3; // dB between two runs that differ in their seed alone
 const byNumber = (a, b) => a.seed - b.seed;
 
 /** The address of a file beside the page: any byte of a name may stand in it. */
@@ -23,7 +24,7 @@ function labelOf({ name, title }, rows) {
 
 /**
  * Entry of each row in the pictures of a view: {title, src, psnr, best, run, reason}, every title
- * once. The run is that of the lowest seed with a picture; without a picture, the reason says why.
+ * once. `best` leads all others by more than the seeds' noise. The run is that of the lowest seed with a picture; without a picture, the reason says why.
  */
 export function picturesOf(data, scene, view) {
   const entries = data.rows.flatMap((row) => {
@@ -38,11 +39,9 @@ export function picturesOf(data, scene, view) {
     const reason = first.state === 'finished' ? 'no picture of this view' : `${first.state}${first.reason ? `: ${first.reason}` : ''}`;
     return [{ title, run: first, src: null, reason }];
   });
-  const most = Math.max(...entries.map(({ psnr }) => psnr ?? -Infinity));
-  return entries.map((entry) => ({ ...entry, best: Number.isFinite(most) && entry.psnr === most }));
+  const [most, second] = [...entries.map(({ psnr }) => psnr ?? -Infinity), -Infinity, -Infinity].sort((a, b) => b - a);
+  return entries.map((entry) => ({ ...entry, best: entry.psnr === most && most - second > SEED_NOISE }));
 }
-
-const SEED_NOISE = 0.3; // dB between two runs that differ in their seed alone
 
 /** Title of the row that `row` leads in column k by no more than the seeds' noise, or '' where its lead counts. */
 export function levelWith({ rows }, k, row) {
@@ -92,7 +91,8 @@ export class SweepPage {
     part('more-tables').hidden = data.tables.length < 2;
     for (const scene of data.scenes) this.writeScene(scene);
     const any = data.runs.some((run) => Object.keys(run.views).length > 0);
-    part('pictures-note').textContent = any ? 'Test views of every row in the table’s order, with PSNR; the highest is framed. Choose one to wipe it against the truth or another row.'
+    part('pictures-note').textContent = any ? 'Test views of every row in the table’s order, with PSNR; one that leads by more than 0.3 dB is framed. '
+      + 'Choose one to wipe it against the truth or another row.'
       : 'No run has finished yet, or none has test views.';
     for (const { heading, meaning } of data.columns) {
       make('dt', part('columns'), { textContent: heading });
@@ -135,7 +135,8 @@ export class SweepPage {
     }
   }
 
-  writeTable(parent, { title, paper, rows }) {
+  writeTable(parent, table) {
+    const { title, paper, rows } = table;
     make('h3', parent, { textContent: title });
     const head = this.data.columns.flatMap(({ heading }, k) => (paper[k] ? [heading, 'paper'] : [heading]));
     const body = tableIn(parent, title, ['', ...head]);
@@ -148,7 +149,9 @@ export class SweepPage {
       const line = make('tr', body);
       make('th', line, { textContent: row.title, scope: 'row' });
       row.cells.forEach((cell, k) => {
-        make('td', line, { textContent: cell.text, className: cell.best ? 'best' : cell.gap ? 'gap' : '' });
+        const level = cell.best ? levelWith(table, k, row) : '';
+        const kind = cell.best && !level ? 'best' : cell.gap ? 'gap' : '';
+        make('td', line, { textContent: cell.text, className: kind, title: level ? `level with ${level}` : '' });
         if (paper[k]) make('td', line, { textContent: cell.paper ?? '', className: 'paper' });
       });
     }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Solids of every kind heaped in front of a wall, drawn anew by each seed: material for restorers.
+// Solids of every kind heaped in front of a wall, sampled anew by each seed: material for
+// restorers.
 #include <cmath>
 
 #include "jade/world/worlds.h"

@@ -19,12 +19,12 @@
 namespace jade::serve {
 
 /// A picture rendered for a viewer.
-struct Drawn {
+struct Rendered {
   torch::Tensor image;              ///< [3,H,W] or [1,H,W] float32 on the CPU, not written again
   std::function<void()> finish;     ///< waits until `image` is there; empty: it is
   int64_t step = 0, gaussians = 0;  ///< of the scene that it shows
   /// PSNR of `image` to a sharp truth, dB, once it is there; empty where none tells. Asked by the
-  /// thread that answers, so that it costs the one that draws nothing.
+  /// thread that answers, so that it costs the one that renders nothing.
   std::function<double()> psnr;
   std::string json;  ///< of kCamera, in place of an image: {"poses": [[12 numbers]]}
 };
@@ -34,9 +34,9 @@ struct NotYet {};
 
 /// Outcome of a viewer's request.
 struct Answer {
-  enum class Kind { kDrawn, kTooLate, kFull, kFailed };
+  enum class Kind { kRendered, kTooLate, kFull, kFailed };
   Kind kind = Kind::kTooLate;
-  Drawn drawn;         ///< of kDrawn
+  Rendered rendered;   ///< of kRendered
   std::string reason;  ///< of kFailed
 };
 
@@ -44,20 +44,20 @@ struct Answer {
 /// when it has time. Without requests it costs one atomic load. The newest request of a viewer
 /// replaces its older ones for the same thing; a viewer that does not ask again gets nothing more,
 /// so that slow and vanished ones hold nothing up. Memory is bounded by kMostWaiting.
-class Stage {
+class RenderQueue {
  public:
   static constexpr size_t kMostWaiting = 32;
-  using Draw = std::function<Drawn(const Wanted&)>;
+  using Render = std::function<Rendered(const Wanted&)>;
   using Seconds = std::chrono::duration<double>;
 
-  // --- the thread that draws
+  // --- the thread that renders
 
   bool asked() const { return waiting_.load(std::memory_order_relaxed) > 0; }
   /// Waits for somebody to ask or for a change of paused(). True once somebody does.
   bool wait(Seconds at_most);
-  /// Draws what has been asked for the longest, where something is. What `draw` throws is the
-  /// answer: a picture that cannot be drawn must not end a run. NotYet is kTooLate.
-  void draw_one(const Draw& draw);
+  /// Renders the request that has waited longest, if there is one. What `render` throws is the
+  /// answer: a picture that cannot be rendered must not end a run. NotYet is kTooLate.
+  void render_one(const Render& render);
 
   // --- the threads of those who ask
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "jade/data/recording.h"
+#include "jade/data/event_file.h"
 
 #include <algorithm>
 #include <torch/types.h>
@@ -53,7 +53,7 @@ void check_polarity(const events::EventStream& events, const fs::path& path,
       "one polarity only?");
 }
 
-events::EventStream cut(const events::EventStream& events, const RecordingSpan& keep,
+events::EventStream cut(const events::EventStream& events, const EventSpan& keep,
                         const fs::path& path, const Warnings& warnings) {
   if (keep.end_us == INT64_MAX || events.empty()) return events;
   events::EventStream kept = events.slice(keep.begin_us, keep.end_us + 1);
@@ -86,7 +86,7 @@ void check_room(const fs::path& path, const Dataset& data) {
 
 }  // namespace
 
-fs::path find_recording(const DatasetOptions& options) {
+fs::path find_event_file(const DatasetOptions& options) {
   if (!options.events_file.empty()) {
     if (fs::is_regular_file(options.events_file)) return options.events_file;
     throw DataError(concat(options.events_file.string(),
@@ -99,9 +99,9 @@ fs::path find_recording(const DatasetOptions& options) {
   return {};
 }
 
-void attach_events(const DatasetOptions& options, const RecordingSpan& exposures,
-                   const RecordingSpan& keep, const Warnings& warnings, Dataset& data) {
-  const fs::path path = find_recording(options);
+void attach_events(const DatasetOptions& options, const EventSpan& exposures, const EventSpan& keep,
+                   const Warnings& warnings, Dataset& data) {
+  const fs::path path = find_event_file(options);
   if (path.empty()) {
     warnings.add(options.path.string(),
                  ": no recording of events (events.h5); only the frames are "

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "jade/serve/stage.h"
+#include "jade/serve/render_queue.h"
 
 #include <algorithm>
 #include <exception>
@@ -13,20 +13,20 @@ constexpr size_t kMostViewers = 64;
 
 }  // namespace
 
-void Stage::finish(Waiting::iterator at) {
+void RenderQueue::finish(Waiting::iterator at) {
   (*at)->done = true;
   requests_.erase(at);
   waiting_ = requests_.size();
 }
 
-bool Stage::wait(Seconds at_most) {
+bool RenderQueue::wait(Seconds at_most) {
   std::unique_lock<std::mutex> lock(mutex_);
   const bool was_paused = paused_;
   asked_.wait_for(lock, at_most, [&] { return !requests_.empty() || paused_ != was_paused; });
   return !requests_.empty();
 }
 
-void Stage::draw_one(const Draw& draw) {
+void RenderQueue::render_one(const Render& render) {
   std::shared_ptr<Request> request;
   {
     const std::lock_guard<std::mutex> lock(mutex_);
@@ -35,8 +35,8 @@ void Stage::draw_one(const Draw& draw) {
   }
   Answer answer;
   try {
-    answer.drawn = draw(request->wanted);
-    answer.kind = Answer::Kind::kDrawn;
+    answer.rendered = render(request->wanted);
+    answer.kind = Answer::Kind::kRendered;
   } catch (const NotYet&) {
     answer.kind = Answer::Kind::kTooLate;
   } catch (const std::exception& problem) {
@@ -51,7 +51,7 @@ void Stage::draw_one(const Draw& draw) {
   answered_.notify_all();
 }
 
-Answer Stage::ask(const std::string& key, const Wanted& wanted, Seconds at_most) {
+Answer RenderQueue::ask(const std::string& key, const Wanted& wanted, Seconds at_most) {
   auto request = std::make_shared<Request>();
   request->key = key;
   request->wanted = wanted;
@@ -72,13 +72,13 @@ Answer Stage::ask(const std::string& key, const Wanted& wanted, Seconds at_most)
   return std::move(request->answer);
 }
 
-void Stage::set_paused(bool paused) {
+void RenderQueue::set_paused(bool paused) {
   const std::lock_guard<std::mutex> lock(mutex_);
   paused_ = paused;
   asked_.notify_all();
 }
 
-void Stage::note(const std::string& viewer) {
+void RenderQueue::note(const std::string& viewer) {
   const std::lock_guard<std::mutex> lock(mutex_);
   const Clock::time_point now = Clock::now();
   last_seen_ = now;
@@ -88,19 +88,19 @@ void Stage::note(const std::string& viewer) {
   if (seen_.size() < kMostViewers || seen_.count(viewer) > 0) seen_[viewer] = now;
 }
 
-int64_t Stage::viewers() const {
+int64_t RenderQueue::viewers() const {
   const std::lock_guard<std::mutex> lock(mutex_);
   const Clock::time_point now = Clock::now();
   return std::count_if(seen_.begin(), seen_.end(),
                        [&](const auto& one) { return now - one.second <= kPresence; });
 }
 
-Stage::Seconds Stage::silence() const {
+RenderQueue::Seconds RenderQueue::silence() const {
   const std::lock_guard<std::mutex> lock(mutex_);
   return Clock::now() - last_seen_;
 }
 
-void Stage::close() {
+void RenderQueue::close() {
   const std::lock_guard<std::mutex> lock(mutex_);
   closed_ = true;
   while (!requests_.empty()) finish(requests_.begin());
