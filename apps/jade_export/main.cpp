@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Gaussians from a run, a checkpoint or a .ply to the formats of splat viewers.
+// Gaussians from a run, a checkpoint or a file to the formats of splat viewers.
 #include "common/cli.h"
 #include "jade/core/atomic_file.h"
 #include "jade/core/log.h"
-#include "jade/gaussians/ply.h"
-#include "jade/gaussians/splat_file.h"
-#include "jade/gaussians/spz_file.h"
+#include "jade/gaussians/scene_file.h"
 #include "jade/gaussians/summary.h"
 #include "jade/geometry/origin.h"
 #include "jade/run/checkpoint.h"
@@ -32,7 +30,7 @@ gaussians::GaussianFile load(const Sources& sources) {
                                                        : sources.run;
   gaussians::GaussianFile file;
   if (!sources.ply.empty()) {
-    file = gaussians::read_ply(path);
+    file = gaussians::read_gaussians(path);
   } else if (!sources.checkpoint.empty()) {
     file = run::load_checkpoint_scene(path);
   } else {
@@ -50,10 +48,9 @@ gaussians::GaussianFile load(const Sources& sources) {
 
 /// Checks the output path before any file is read or written.
 void check_output(const fs::path& path) {
-  const std::string extension = path.extension().string();
-  if (extension != ".ply" && extension != ".splat" && extension != ".spz") {
-    throw ConfigError(concat("--output: expected a file that ends in .ply, .splat or .spz, found ",
-                             path.string().empty() ? "nothing" : path.string()));
+  if (!gaussians::can_write(path)) {
+    throw ConfigError(concat("--output: expected a file that ends in ", gaussians::kWrittenEndings,
+                             ", found ", path.string().empty() ? "nothing" : path.string()));
   }
   if (fs::is_directory(path)) {
     throw ConfigError(
@@ -72,22 +69,23 @@ void tell_coordinates(const fs::path& path, const geometry::Vector3& origin, boo
   }
   log_warn(concat(path.string(), ": coordinates are about (", geometry::text_of(origin),
                   ") of the data set; add it for those of the data set",
-                  path.extension() == ".ply"
-                      ? " (--coordinates dataset does)"
-                      : concat(", which ", path.extension().string(), " cannot hold; a .ply can")));
+                  gaussians::is_exact(path) ? " (--coordinates dataset does)"
+                                            : ", which only a .ply can hold"));
 }
 
 /// In the format of check_output(). Returns how many Gaussians it wrote.
-int64_t save(const fs::path& path, const gaussians::GaussianFile& file, bool of_dataset) {
-  const std::string extension = path.extension().string();
-  tell_coordinates(path, file.origin, of_dataset && extension == ".ply");
+int64_t save(const fs::path& path, const gaussians::GaussianFile& file, bool of_dataset,
+             int spz_version) {
+  const bool exact = gaussians::is_exact(path);
+  tell_coordinates(path, file.origin, of_dataset && exact);
   if (path.has_parent_path()) make_writable_folder(path.parent_path());
-  if (extension == ".ply") {
+  gaussians::SceneWriting writing;
+  writing.spz_version = spz_version;
+  if (exact) {
     const std::string warning = gaussians::undrawable_warning(file.gaussians, path.string());
     if (!warning.empty()) log_warn(warning);
-    gaussians::write_ply(
-        path, file,
-        of_dataset ? gaussians::PlyCoordinates::kDataset : gaussians::PlyCoordinates::kOwn);
+    if (of_dataset) writing.coordinates = gaussians::PlyCoordinates::kDataset;
+    gaussians::write_scene_file(path, file, writing);
     return file.gaussians.size();
   }
   const gaussians::GaussianFile drawn{gaussians::drawable(file.gaussians), file.antialiased,
@@ -97,36 +95,39 @@ int64_t save(const fs::path& path, const gaussians::GaussianFile& file, bool of_
                     " Gaussians have NaN or Inf in their numbers, or numbers beyond all bounds, so "
                     "are in no picture, and are left out; a .ply holds them"));
   }
-  if (extension == ".splat") {
-    gaussians::write_splat(path, drawn.gaussians);
-  } else {
-    gaussians::SpzOptions options;
-    options.antialiased = drawn.antialiased;
-    gaussians::write_spz(path, drawn.gaussians, options);
-  }
+  gaussians::write_scene_file(path, drawn, writing);
   return drawn.gaussians.size();
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  apps::Program program("jade_export", "Writes Gaussians as .ply, .splat or .spz");
+  apps::Program program("jade_export", concat("Writes Gaussians as ", gaussians::kWrittenEndings));
   Sources sources;
   program.cli().add_option("--run", sources.run, "run directory; its newest scene is taken");
   program.cli().add_option("--checkpoint", sources.checkpoint, "one checkpoint");
-  program.cli().add_option("--ply", sources.ply, "Gaussians in a .ply, for another format");
-  program.add_output_flag("file to write; its extension names the format: .ply, .splat or .spz");
+  program.cli().add_option(
+      "--ply", sources.ply,
+      concat("Gaussians in a file (", gaussians::kReadEndings, "), for another format"));
+  program.add_output_flag(
+      concat("file to write; its ending names the format: ", gaussians::kWrittenEndings));
   std::string coordinates = "dataset";
   program.cli()
       .add_option("--coordinates", coordinates,
                   "of a scene far from the origin, which is trained about one of its own: dataset "
                   "(.ply only) or scene, which viewers need")
       ->check(CLI::IsMember({"dataset", "scene"}));
+  int spz_version = 2;
+  program.cli()
+      .add_option("--spz-version", spz_version,
+                  "of .spz: 2 (most viewers), or 3 or 4, which hold rotations finer")
+      ->check(CLI::Range(2, 4))
+      ->capture_default_str();
   program.add_json_flag();
   return program.run(argc, argv, [&] {
     check_output(program.output());
     const gaussians::GaussianFile file = load(sources);
-    const int64_t written = save(program.output(), file, coordinates == "dataset");
+    const int64_t written = save(program.output(), file, coordinates == "dataset", spz_version);
     const auto bytes = fs::file_size(program.output());
     if (program.json()) {
       std::cout << "{\"gaussians\": " << written << ", \"bytes\": " << bytes << "}\n";

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Says what is in a recording, a data set, a run or a .ply, and what is wrong with it.
+// Says what is in a recording, a data set, a run or a file of Gaussians, and what is wrong with it.
 #include <cstdio>
 #include <torch/types.h>
 
@@ -9,13 +9,14 @@
 #include "jade/core/error.h"
 #include "jade/data/colmap_scene.h"
 #include "jade/data/dataset.h"
+#include "jade/gaussians/scene_file.h"
 #include "jade/recording/format.h"
 #include "jade/run/checkpoint.h"
 #include "jade/run/run_summary.h"
 #include "jade/run/thresholds.h"
-#include "jade_inspect/ply.h"
 #include "jade_inspect/recording.h"
 #include "jade_inspect/run.h"
+#include "jade_inspect/scene.h"
 #include "jade_inspect/summary.h"
 
 using namespace jade;
@@ -66,7 +67,7 @@ void check_is_dataset(const data::DatasetOptions& options) {
 int main(int argc, char** argv) {
   apps::Program program(
       "jade_inspect",
-      "Says what is in a recording, a data set, a run or a .ply, and every problem "
+      "Says what is in a recording, a data set, a run or a file of Gaussians, and every problem "
       "found");
   double log_offset = 0;
   program.cli().add_option("--log-offset", log_offset,
@@ -78,8 +79,8 @@ int main(int argc, char** argv) {
   program.cli().add_option("--topic", how.topic, "of a ROS bag with several, the topic of events");
   apps::add_dataset_flags(
       program, "what",
-      "recording, folder of a data set, run directory of jade_train, or .ply (the data set of "
-      "--config)");
+      concat("recording, folder of a data set, run directory of jade_train, or Gaussians in ",
+             gaussians::kReadEndings, " (the data set of --config)"));
   program.add_json_flag();
   return program.run(argc, argv, [&] {
     const torch::NoGradGuard no_grad;
@@ -88,11 +89,11 @@ int main(int argc, char** argv) {
     const std::filesystem::path& path = settings->dataset.path;
     if (path.empty()) {
       throw ConfigError(
-          "expected a recording, the folder of a data set, a run directory or a .ply, found "
+          "expected a recording, the folder of a data set, a run directory or Gaussians, found "
           "nothing; --help lists the flags");
     }
-    if (path.extension() == ".ply") {
-      apps::inspect_ply(path, program.json());
+    if (gaussians::scene_kind(path)) {
+      apps::inspect_scene(path, program.json());
       return ExitCode::kOk;
     }
     if (run::is_run(path)) {

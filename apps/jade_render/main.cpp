@@ -17,12 +17,13 @@
 #include "jade/data/dataset.h"
 #include "jade/data/origin.h"
 #include "jade/gaussians/gaussian_model.h"
-#include "jade/gaussians/ply.h"
+#include "jade/gaussians/scene_file.h"
 #include "jade/gaussians/summary.h"
 #include "jade/imaging/image_io.h"
 #include "jade/imaging/movie.h"
 #include "jade/run/evaluate.h"
 #include "jade/train/view.h"
+#include "jade_render/depth.h"
 #include "jade_render/unblur.h"
 
 using namespace jade;
@@ -38,13 +39,15 @@ struct RenderFlags {
   std::string format = "png";
   double frames_per_second = 30;
   bool fps_benchmark = false;
+  bool depth = false;
+  double depth_step = 0.001;
 };
 
 void add_flags(apps::Program& program, RenderFlags& flags) {
   CLI::App& cli = program.cli();
   cli.add_option("--run", flags.run,
                  "run directory of jade_train: its scene, its settings under those given here");
-  cli.add_option("--ply", flags.ply, "Gaussians in a .ply");
+  cli.add_option("--ply", flags.ply, concat("Gaussians in a file: ", gaussians::kReadEndings));
   cli.add_option("--cameras", flags.cameras,
                  "test or train views of the data set, exposure (nine poses each), or a .json with "
                  "cameras (see below)");
@@ -60,6 +63,14 @@ void add_flags(apps::Program& program, RenderFlags& flags) {
       ->check(CLI::IsMember({"png", "npy", "mp4"}));
   cli.add_option("--fps", flags.frames_per_second, "with --format mp4: frames per second")
       ->check(CLI::Range(0.01, 1000.0));
+  cli.add_flag(
+      "--depth", flags.depth,
+      "also NAME_depth.npy and 16-bit NAME_depth.png: the depth along the camera's axis in "
+      "units of the scene, 0 where there is none");
+  cli.add_option("--depth-step", flags.depth_step,
+                 "with --depth: units of the scene per step of the .png")
+      ->check(CLI::Range(1e-9, 1e9))
+      ->capture_default_str();
   cli.add_flag("--fps-benchmark", flags.fps_benchmark,
                "measure frames per second, one view at a time, without writing images");
   apps::add_dataset_flags(program, "--dataset", "data set of the views (that of the run)");
@@ -77,7 +88,7 @@ gaussians::GaussianFile load_scene(const RenderFlags& flags) {
     throw ConfigError("expected either --run or --ply");
   }
   if (!flags.ply.empty()) {
-    gaussians::GaussianFile file = gaussians::read_ply(flags.ply);
+    gaussians::GaussianFile file = gaussians::read_gaussians(flags.ply);
     gaussians::check_some(file.gaussians, flags.ply);
     const std::string warning = gaussians::undrawable_warning(file.gaussians, flags.ply.string());
     if (!warning.empty()) log_warn(warning);
@@ -133,12 +144,16 @@ struct Subject {
   splat::RenderOptions options;
 };
 
-torch::Tensor render(const Subject& subject, const data::NamedCamera& view) {
+splat::RenderOutput render_all(const Subject& subject, const data::NamedCamera& view) {
   const torch::NoGradGuard no_grad;
   const splat::Gaussians& gaussians = subject.file.gaussians;
   const auto cameras =
       train::camera_batch({view.camera_from_world}, view.camera, gaussians.means.device());
-  return splat::render(gaussians, cameras, subject.options).color[0];
+  return splat::render(gaussians, cameras, subject.options);
+}
+
+torch::Tensor render(const Subject& subject, const data::NamedCamera& view) {
+  return render_all(subject, view).color[0];
 }
 
 /// A 16-byte read, which waits until the frame is done on any device.
@@ -185,17 +200,22 @@ void print(const Timing& timing, const splat::Gaussians& gaussians, bool as_json
 
 /// @param film  whose blurry frame comes first, or nothing
 void write_images(const Subject& subject, const std::vector<data::NamedCamera>& views,
-                  const fs::path& output, const std::string& format,
+                  const fs::path& output, const RenderFlags& flags,
                   const apps::Unblurring* film = nullptr) {
+  const std::string& format = flags.format;
   if (output.empty()) throw ConfigError("--output: expected a folder for the images");
   make_writable_folder(output);
   if (film) imaging::write_image(output / (film->name + "_blurry." + format), film->blurry);
+  apps::DepthFiles depth(output, flags.depth_step);
   Progress progress("render", static_cast<int64_t>(views.size()), 0, "view");
   for (const data::NamedCamera& view : views) {
     throw_if_interrupted();
-    imaging::write_image(output / (view.name + "." + format), render(subject, view));
+    const splat::RenderOutput out = render_all(subject, view);
+    imaging::write_image(output / (view.name + "." + format), out.color[0]);
+    if (flags.depth) depth.write(view.name, out);
     if (progress.step()) progress.show(view.name);
   }
+  depth.finish();
 }
 
 /// --output itself where it names a film, else a film in that folder.
@@ -253,7 +273,7 @@ ExitCode unblur(const Subject& subject, const RenderFlags& flags, const train::R
     write_movie(subject, film, path, flags.frames_per_second);
     log_info(what + path.string());
   } else {
-    write_images(subject, film.moments, output, flags.format, &film);
+    write_images(subject, film.moments, output, flags, &film);
     log_info(what + output.string());
   }
   return ExitCode::kOk;
@@ -273,6 +293,10 @@ void check_flags(const RenderFlags& flags, apps::Program& program) {
                              " for the film of the exposure"));
   }
   const bool film = flags.format == "mp4";
+  if (flags.depth && (film || flags.fps_benchmark)) {
+    throw ConfigError(concat("--depth: expected with images, found ",
+                             film ? "--format mp4" : "--fps-benchmark", "; take one of them out"));
+  }
   if (!film && program.cli().count("--fps") > 0) {
     throw ConfigError("--fps: is of films, found --format " + flags.format + "; add --format mp4");
   }
@@ -293,7 +317,8 @@ void check_flags(const RenderFlags& flags, apps::Program& program) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  apps::Program program("jade_render", "Renders views of a trained scene or of a .ply");
+  apps::Program program("jade_render",
+                        "Renders views of a trained scene or of a file of Gaussians");
   RenderFlags flags;
   add_flags(program, flags);
   program.add_output_flag("folder for the images");
@@ -306,6 +331,7 @@ int main(int argc, char** argv) {
     apps::check_apart(program.output(), options->dataset);
     Subject subject{load_scene(flags), train::render_options(*options)};
     subject.options.antialiased = subject.file.antialiased;
+    subject.options.depth = flags.depth;
     const torch::Device device = select_device(options->device);
     splat::Gaussians& gaussians = subject.file.gaussians;
     gaussians = gaussians::map_parameters(
@@ -322,7 +348,7 @@ int main(int argc, char** argv) {
       log_info(concat(views.size(), " views in ", path.string()));
       return ExitCode::kOk;
     }
-    write_images(subject, views, program.output(), flags.format);
+    write_images(subject, views, program.output(), flags);
     log_info(concat(views.size(), " views in ", program.output().string()));
     return ExitCode::kOk;
   });

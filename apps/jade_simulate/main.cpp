@@ -99,7 +99,7 @@ void write_footage(const simulate::SimulateRun& run, int64_t frames,
 int main(int argc, char** argv) {
   apps::Program program(
       "jade_simulate",
-      "Makes a data set of blurry frames and events from a scene, a Gaussian .ply "
+      "Makes a data set of blurry frames and events from a scene, a file of Gaussians "
       "or sharp frames with poses");
   program.add_config_flags();
   program.add_output_flag("Folder of the data set, made if it does not exist");
