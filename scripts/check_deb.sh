@@ -47,7 +47,9 @@ root=$root site=$site unshare --mount bash -euo pipefail -c '
       ${http_proxy:+http_proxy="$http_proxy"} "$@"
   }
   say() { printf "check_deb: %s\n" "$*" >&2; }
-  find "$root/usr" "$root/etc" -path "*jade*" | grep -q . && { say "expected no trace of jade before, found one"; exit 1; }
+  traces() { (cd "$root" && find usr etc var/lib/dpkg/info -path "*jade*"); }
+  left=$(traces)
+  [ -z "$left" ] || { say "expected no trace of jade before, found $left"; exit 1; }
   inside apt-get update -qq
   inside apt-get install -y -qq --no-install-recommends /root/jade.deb >>"$root.log" 2>&1 || { tail "$root.log" >&2; exit 1; }
   say "installed: $(inside dpkg-query -W -f "\${Status}, \${Installed-Size} kB" jade-gs)"
@@ -63,7 +65,7 @@ root=$root site=$site unshare --mount bash -euo pipefail -c '
     test -s /usr/share/man/man1/jade_train.1 || test -s /usr/share/man/man1/jade_train.1.gz
     test -s /usr/share/bash-completion/completions/jade_train"
   inside apt-get purge -y -qq jade-gs >>"$root.log" 2>&1
-  left=$(find "$root/usr" "$root/etc" "$root/var/lib/dpkg/info" -path "*jade*" -not -path "$root/opt/*")
+  left=$(traces)
   [ -z "$left" ] || { say "expected nothing to be left, found $left"; exit 1; }
   say "removed: nothing is left"'
 rm -rf --one-file-system "$root"
