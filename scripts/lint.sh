@@ -15,6 +15,7 @@ python3 scripts/check_layers.py
 python3 scripts/check_test_names.py
 python3 scripts/check_english.py
 if command -v node >/dev/null; then node scripts/lint_front.mjs; else echo "lint: the front end is not checked, node is missing: apt install nodejs" >&2; fi
+if command -v hadolint >/dev/null; then hadolint Dockerfile; fi
 [ "${1:-}" != --fast ] || exit 0
 
 tool=$(command -v clang-tidy-14 || command -v clang-tidy || true)

@@ -39,8 +39,8 @@ done
 
 packages=(g++ cmake ninja-build ccache git pkg-config ca-certificates python3 python3-venv
   libopencv-core-dev libopencv-imgproc-dev libopencv-imgcodecs-dev
-  libyaml-cpp-dev libcli11-dev libspdlog-dev catch2 libhdf5-dev nlohmann-json3-dev libzip-dev zlib1g-dev libssl-dev
-  libcpp-httplib-dev)
+  libyaml-cpp-dev libcli11-dev libspdlog-dev catch2 libhdf5-dev nlohmann-json3-dev libzip-dev zlib1g-dev libzstd-dev
+  libwebp-dev libssl-dev libcpp-httplib-dev)
 # A small comfort: an HDF5 filter that some recordings use.
 optional=(hdf5-plugin-lzf)
 # Elsewhere COLMAP comes as a wheel, which is also the faster one.

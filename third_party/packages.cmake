@@ -117,6 +117,15 @@ add_library(jade_zip INTERFACE)
 add_library(jade::zip ALIAS jade_zip)
 target_link_libraries(jade_zip INTERFACE PkgConfig::LIBZIP ZLIB::ZLIB)
 
+# What files of Gaussians are packed with: .spz version 4, and .sog.
+foreach(part zstd webp)
+  pkg_check_modules(${part} QUIET IMPORTED_TARGET GLOBAL lib${part})
+  if(NOT TARGET PkgConfig::${part})
+    jade_missing("lib${part}" "apt install lib${part}-dev pkg-config")
+  endif()
+  add_library(jade::${part} ALIAS PkgConfig::${part})
+endforeach()
+
 find_package(OpenSSL QUIET COMPONENTS Crypto)
 if(NOT OPENSSL_FOUND)
   jade_missing("OpenSSL (libcrypto)" "apt install libssl-dev")

@@ -8,6 +8,7 @@
 #include <new>
 #include <utility>
 
+#include "common/interface.h"
 #include "jade/core/asset.h"
 #include "jade/core/device.h"
 #include "jade/core/interrupt.h"
@@ -320,6 +321,10 @@ int Program::run(int argc, char** argv, const std::function<ExitCode()>& body) {
   const std::string called = argv[0];
   folder_ = called.substr(0, called.rfind('/') + 1);
   const std::vector<std::string> typed(argv + 1, argv + argc);
+  if (typed == std::vector<std::string>{kPrintInterface}) {
+    std::cout << interface_json(cli_) << std::endl;
+    return static_cast<int>(ExitCode::kOk);
+  }
   try {
     std::vector<std::string> words = typed;
     if (cli_.get_option_no_throw("--set")) check_assignments(words);

@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Gaussians from a run, a checkpoint or a .ply to the formats of splat viewers.
+// Gaussians from a run, a checkpoint or a file to the formats of splat viewers.
 #include "common/cli.h"
 #include "jade/core/atomic_file.h"
 #include "jade/core/log.h"
 #include "jade/core/readable.h"
-#include "jade/gaussians/ply.h"
-#include "jade/gaussians/splat_file.h"
-#include "jade/gaussians/spz_file.h"
+#include "jade/gaussians/scene_file.h"
 #include "jade/gaussians/summary.h"
 #include "jade/geometry/origin.h"
 #include "jade/run/checkpoint.h"
@@ -33,7 +31,7 @@ gaussians::GaussianFile load(const Sources& sources) {
                                                        : sources.run;
   gaussians::GaussianFile file;
   if (!sources.ply.empty()) {
-    file = gaussians::read_ply(path);
+    file = gaussians::read_gaussians(path);
   } else if (!sources.checkpoint.empty()) {
     file = run::load_checkpoint_scene(path);
   } else {
@@ -51,10 +49,9 @@ gaussians::GaussianFile load(const Sources& sources) {
 
 /// Checks the output path before any file is read or written.
 void check_output(const fs::path& path) {
-  const std::string extension = path.extension().string();
-  if (extension != ".ply" && extension != ".splat" && extension != ".spz") {
-    throw ConfigError(concat("--output: expected a file that ends in .ply, .splat or .spz, found ",
-                             path.string().empty() ? "nothing" : path.string()));
+  if (!gaussians::can_write(path)) {
+    throw ConfigError(concat("--output: expected a file that ends in ", gaussians::kWrittenEndings,
+                             ", found ", path.string().empty() ? "nothing" : path.string()));
   }
   if (fs::is_directory(path)) {
     throw ConfigError(
@@ -73,22 +70,23 @@ void tell_coordinates(const fs::path& path, const geometry::Vector3& origin, boo
   }
   log_warn(concat(path.string(), ": coordinates are about (", geometry::text_of(origin),
                   ") of the data set; add it for those of the data set",
-                  path.extension() == ".ply"
-                      ? " (--coordinates dataset does)"
-                      : concat(", which ", path.extension().string(), " cannot hold; a .ply can")));
+                  gaussians::is_exact(path) ? " (--coordinates dataset does)"
+                                            : ", which only a .ply can hold"));
 }
 
 /// In the format of check_output(). Returns how many Gaussians it wrote.
-int64_t save(const fs::path& path, const gaussians::GaussianFile& file, bool of_dataset) {
-  const std::string extension = path.extension().string();
-  tell_coordinates(path, file.origin, of_dataset && extension == ".ply");
+int64_t save(const fs::path& path, const gaussians::GaussianFile& file, bool of_dataset,
+             int spz_version) {
+  const bool exact = gaussians::is_exact(path);
+  tell_coordinates(path, file.origin, of_dataset && exact);
   if (path.has_parent_path()) make_writable_folder(path.parent_path());
-  if (extension == ".ply") {
+  gaussians::SceneWriting writing;
+  writing.spz_version = spz_version;
+  if (exact) {
     const std::string warning = gaussians::undrawable_warning(file.gaussians, path.string());
     if (!warning.empty()) log_warn(warning);
-    gaussians::write_ply(
-        path, file,
-        of_dataset ? gaussians::PlyCoordinates::kDataset : gaussians::PlyCoordinates::kOwn);
+    if (of_dataset) writing.coordinates = gaussians::PlyCoordinates::kDataset;
+    gaussians::write_scene_file(path, file, writing);
     return file.gaussians.size();
   }
   const gaussians::GaussianFile finite{gaussians::drawable(file.gaussians), file.antialiased,
@@ -98,20 +96,14 @@ int64_t save(const fs::path& path, const gaussians::GaussianFile& file, bool of_
                     " Gaussians have NaN or Inf in their numbers, or numbers beyond all bounds, so "
                     "are in no picture, and are left out; a .ply holds them"));
   }
-  if (extension == ".splat") {
-    gaussians::write_splat(path, finite.gaussians);
-  } else {
-    gaussians::SpzOptions options;
-    options.antialiased = finite.antialiased;
-    gaussians::write_spz(path, finite.gaussians, options);
-  }
+  gaussians::write_scene_file(path, finite, writing);
   return finite.gaussians.size();
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  apps::Program program("jade_export", "Writes Gaussians as .ply, .splat or .spz");
+  apps::Program program("jade_export", concat("Writes Gaussians as ", gaussians::kWrittenEndings));
   Sources sources;
   program.add_example("jade_export --run runs/table --output table.spz");
   program.add_example("jade_export --ply table.ply --output table.splat");
@@ -123,9 +115,12 @@ int main(int argc, char** argv) {
       .add_option("--checkpoint", sources.checkpoint, "One checkpoint of a run")
       ->type_name("FILE");
   program.cli()
-      .add_option("--ply", sources.ply, "Gaussians in a .ply, to convert")
+      .add_option("--ply", sources.ply,
+                  concat("Gaussians in a file to convert: ", gaussians::kReadEndings))
       ->type_name("FILE");
-  program.add_output_flag("File to write; its extension is the format: .ply, .splat or .spz")
+  program
+      .add_output_flag(
+          concat("File to write; its extension is the format: ", gaussians::kWrittenEndings))
       ->type_name("FILE");
   program.begin_group("Output");
   std::string coordinates = "dataset";
@@ -135,11 +130,18 @@ int main(int argc, char** argv) {
                   "dataset (.ply only), or scene, which viewers need (default: dataset)")
       ->type_name("WORD")
       ->check(CLI::IsMember({"dataset", "scene"}));
+  int spz_version = 2;
+  program.cli()
+      .add_option("--spz-version", spz_version,
+                  "Version of .spz: 2 (most viewers read it), or 3 or 4, whose rotations are finer")
+      ->type_name("N")
+      ->check(CLI::Range(2, 4))
+      ->capture_default_str();
   program.add_json_flag();
   return program.run(argc, argv, [&] {
     check_output(program.output());
     const gaussians::GaussianFile file = load(sources);
-    const int64_t written = save(program.output(), file, coordinates == "dataset");
+    const int64_t written = save(program.output(), file, coordinates == "dataset", spz_version);
     const auto bytes = fs::file_size(program.output());
     if (program.json()) {
       std::cout << "{\"gaussians\": " << written << ", \"bytes\": " << bytes << "}\n";

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Says what is in a recording, a data set, a run or a .ply, and what is wrong with it.
+// Says what is in a recording, a data set, a run or a file of Gaussians, and what is wrong with it.
 #include <cstdio>
 #include <torch/types.h>
 
@@ -9,13 +9,14 @@
 #include "jade/core/error.h"
 #include "jade/data/colmap_scene.h"
 #include "jade/data/dataset.h"
+#include "jade/gaussians/scene_file.h"
 #include "jade/recording/format.h"
 #include "jade/run/checkpoint.h"
 #include "jade/run/run_summary.h"
 #include "jade/run/thresholds.h"
-#include "jade_inspect/ply.h"
 #include "jade_inspect/recording.h"
 #include "jade_inspect/run.h"
+#include "jade_inspect/scene.h"
 #include "jade_inspect/summary.h"
 
 using namespace jade;
@@ -69,13 +70,15 @@ void check_is_dataset(const data::DatasetOptions& options) {
 int main(int argc, char** argv) {
   apps::Program program(
       "jade_inspect",
-      "Says what is in a recording, a data set, a run or a .ply, and every problem "
+      "Says what is in a recording, a data set, a run or a file of Gaussians, and every problem "
       "found");
   program.add_example("jade_inspect table.aedat4");
   program.add_example("jade_inspect runs/table --json");
-  apps::add_dataset_flags(program, "path",
-                          "A recording, the folder of a data set, the run directory of jade_train, "
-                          "or a .ply; without it, the data set of --config");
+  apps::add_dataset_flags(
+      program, "path",
+      concat("A recording, the folder of a data set, the run directory of "
+             "jade_train, or Gaussians in ",
+             gaussians::kReadEndings, "; without it, the data set of --config"));
   double log_offset = 0;
   program.cli().add_option("--log-offset", log_offset,
                            "Offset of a sensor that measures log(I + offset), I in [0,1]; the "
@@ -98,11 +101,11 @@ int main(int argc, char** argv) {
     const std::filesystem::path& path = settings->dataset.path;
     if (path.empty()) {
       throw ConfigError(
-          "expected a recording, the folder of a data set, a run directory or a .ply, found "
+          "expected a recording, the folder of a data set, a run directory or Gaussians, found "
           "nothing; --help lists the flags");
     }
-    if (path.extension() == ".ply") {
-      apps::inspect_ply(path, program.json());
+    if (gaussians::scene_kind(path)) {
+      apps::inspect_scene(path, program.json());
       return ExitCode::kOk;
     }
     if (run::is_run(path)) {

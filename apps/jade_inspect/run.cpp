@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "jade/run/run_summary.h"
-#include "jade_inspect/ply.h"
+#include "jade_inspect/scene.h"
 
 namespace jade::apps {
 namespace {

@@ -17,13 +17,14 @@
 #include "jade/data/dataset.h"
 #include "jade/data/origin.h"
 #include "jade/gaussians/gaussian_model.h"
-#include "jade/gaussians/ply.h"
+#include "jade/gaussians/scene_file.h"
 #include "jade/gaussians/summary.h"
 #include "jade/imaging/image_io.h"
 #include "jade/imaging/movie.h"
 #include "jade/run/evaluate.h"
 #include "jade/run/page_scene.h"
 #include "jade/train/view.h"
+#include "jade_render/depth.h"
 #include "jade_render/unblur.h"
 
 using namespace jade;
@@ -40,6 +41,8 @@ struct RenderFlags {
   double frames_per_second = 30;
   std::optional<double> brightness;  ///< of films; chosen by the data set where it is not given
   bool fps_benchmark = false;
+  bool depth = false;
+  double depth_step = 0.001;
 };
 
 void add_flags(apps::Program& program, RenderFlags& flags) {
@@ -49,7 +52,9 @@ void add_flags(apps::Program& program, RenderFlags& flags) {
   program.begin_group("Input");
   cli.add_option("--run", flags.run, "Run directory of jade_train: its newest scene and settings")
       ->type_name("DIR");
-  cli.add_option("--ply", flags.ply, "Gaussians in a .ply, instead of a run")->type_name("FILE");
+  cli.add_option("--ply", flags.ply,
+                 concat("Gaussians in a file, instead of a run: ", gaussians::kReadEndings))
+      ->type_name("FILE");
   apps::add_dataset_flags(program, "--dataset", "Data set of the views (default: the run's)");
   program.begin_group("Views");
   cli.add_option("--cameras", flags.cameras,
@@ -78,6 +83,13 @@ void add_flags(apps::Program& program, RenderFlags& flags) {
          "With --format mp4: factor on what the film shows (default: above 1 only where the "
          "frames of the data set are dark); images keep their values")
       ->check(CLI::Range(0.1, 20.0));
+  cli.add_flag("--depth", flags.depth,
+               "Also write NAME_depth.npy and 16-bit NAME_depth.png: the depth along the camera's "
+               "axis in units of the scene, 0 where there is none");
+  cli.add_option("--depth-step", flags.depth_step,
+                 "With --depth: units of the scene per step of the .png")
+      ->check(CLI::Range(1e-9, 1e9))
+      ->capture_default_str();
   cli.footer(
       "A .json with cameras is a list of objects, or {\"cameras\": [...]} with defaults beside "
       "it:\n"
@@ -91,7 +103,7 @@ gaussians::GaussianFile load_scene(const RenderFlags& flags) {
     throw ConfigError("expected either --run or --ply");
   }
   if (!flags.ply.empty()) {
-    gaussians::GaussianFile file = gaussians::read_ply(flags.ply);
+    gaussians::GaussianFile file = gaussians::read_gaussians(flags.ply);
     gaussians::check_some(file.gaussians, flags.ply);
     const std::string warning = gaussians::undrawable_warning(file.gaussians, flags.ply.string());
     if (!warning.empty()) log_warn(warning);
@@ -148,12 +160,16 @@ struct Subject {
   splat::RenderOptions options;
 };
 
-torch::Tensor render(const Subject& subject, const data::NamedCamera& view) {
+splat::RenderOutput render_all(const Subject& subject, const data::NamedCamera& view) {
   const torch::NoGradGuard no_grad;
   const splat::Gaussians& gaussians = subject.file.gaussians;
   const auto cameras =
       train::camera_batch({view.camera_from_world}, view.camera, gaussians.means.device());
-  return splat::render(gaussians, cameras, subject.options).color[0];
+  return splat::render(gaussians, cameras, subject.options);
+}
+
+torch::Tensor render(const Subject& subject, const data::NamedCamera& view) {
+  return render_all(subject, view).color[0];
 }
 
 /// A 16-byte read, which waits until the frame is done on any device.
@@ -200,17 +216,22 @@ void print(const Timing& timing, const splat::Gaussians& gaussians, bool as_json
 
 /// @param film  whose blurry frame comes first, or nothing
 void write_images(const Subject& subject, const std::vector<data::NamedCamera>& views,
-                  const fs::path& output, const std::string& format,
+                  const fs::path& output, const RenderFlags& flags,
                   const apps::Unblurring* film = nullptr) {
+  const std::string& format = flags.format;
   if (output.empty()) throw ConfigError("--output: expected a folder for the images");
   make_writable_folder(output);
   if (film) imaging::write_image(output / (film->name + "_blurry." + format), film->blurry);
+  apps::DepthFiles depth(output, flags.depth_step);
   Progress progress("render", static_cast<int64_t>(views.size()), 0, "view");
   for (const data::NamedCamera& view : views) {
     throw_if_interrupted();
-    imaging::write_image(output / (view.name + "." + format), render(subject, view));
+    const splat::RenderOutput out = render_all(subject, view);
+    imaging::write_image(output / (view.name + "." + format), out.color[0]);
+    if (flags.depth) depth.write(view.name, out);
     if (progress.step()) progress.show(view.name);
   }
+  depth.finish();
 }
 
 /// --output itself where it names a film, else a film in that folder.
@@ -271,7 +292,7 @@ ExitCode unblur(const Subject& subject, RenderFlags flags, const train::RunOptio
     write_movie(subject, film, path, flags);
     log_info(what + path.string());
   } else {
-    write_images(subject, film.moments, output, flags.format, &film);
+    write_images(subject, film.moments, output, flags, &film);
     log_info(what + output.string());
   }
   return ExitCode::kOk;
@@ -291,6 +312,10 @@ void check_flags(const RenderFlags& flags, apps::Program& program) {
                              " for the film of the exposure"));
   }
   const bool film = flags.format == "mp4";
+  if (flags.depth && (film || flags.fps_benchmark)) {
+    throw ConfigError(concat("--depth: expected with images, found ",
+                             film ? "--format mp4" : "--fps-benchmark", "; take one of them out"));
+  }
   if (!film && program.cli().count("--fps") > 0) {
     throw ConfigError("--fps: is of films, found --format " + flags.format + "; add --format mp4");
   }
@@ -315,7 +340,8 @@ void check_flags(const RenderFlags& flags, apps::Program& program) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  apps::Program program("jade_render", "Renders views of a trained scene or of a .ply");
+  apps::Program program("jade_render",
+                        "Renders views of a trained scene or of a file of Gaussians");
   RenderFlags flags;
   add_flags(program, flags);
   program.add_output_flag("Folder for the images, or the .mp4 of a film");
@@ -328,6 +354,7 @@ int main(int argc, char** argv) {
     apps::check_apart(program.output(), options->dataset);
     Subject subject{load_scene(flags), train::render_options(*options)};
     subject.options.antialiased = subject.file.antialiased;
+    subject.options.depth = flags.depth;
     const torch::Device device = select_device(options->device);
     splat::Gaussians& gaussians = subject.file.gaussians;
     gaussians = gaussians::map_parameters(
@@ -344,7 +371,7 @@ int main(int argc, char** argv) {
       log_info(concat(views.size(), " views in ", path.string()));
       return ExitCode::kOk;
     }
-    write_images(subject, views, program.output(), flags.format);
+    write_images(subject, views, program.output(), flags);
     log_info(concat(views.size(), " views in ", program.output().string()));
     return ExitCode::kOk;
   });

@@ -102,7 +102,7 @@ void write_footage(const simulate::SimulateRun& run, int64_t frames,
 int main(int argc, char** argv) {
   apps::Program program(
       "jade_simulate",
-      "Makes a data set of blurry frames and events from a scene, a Gaussian .ply "
+      "Makes a data set of blurry frames and events from a scene, a file of Gaussians "
       "or sharp frames with poses");
   program.add_example("jade_simulate --config configs/simulate/desk.yaml --output data/desk");
   program.add_example("jade_simulate --set simulate.exposures=8 --recording --output data/raw");

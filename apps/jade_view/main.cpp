@@ -13,7 +13,7 @@
 #include "jade/core/interrupt.h"
 #include "jade/core/log.h"
 #include "jade/gaussians/gaussian_model.h"
-#include "jade/gaussians/ply.h"
+#include "jade/gaussians/scene_file.h"
 #include "jade/gaussians/summary.h"
 #include "jade/page/page.h"
 #include "jade/run/evaluate.h"
@@ -66,8 +66,8 @@ data::SharpView overview(const Bulk& bulk) {
   return view;
 }
 
-void open_ply(const fs::path& path, torch::Device device, Subject& subject) {
-  gaussians::GaussianFile file = gaussians::read_ply(path);
+void open_file(const fs::path& path, torch::Device device, Subject& subject) {
+  gaussians::GaussianFile file = gaussians::read_gaussians(path);
   gaussians::check_some(file.gaussians, path);
   const std::string warning = gaussians::undrawable_warning(file.gaussians, path.string());
   if (!warning.empty()) log_warn(warning);
@@ -98,11 +98,11 @@ void open_run(const fs::path& path, torch::Device device, Subject& subject) {
 void open_subject(const fs::path& path, torch::Device device, Subject& subject) {
   if (run::is_run(path)) return open_run(path, device, subject);
   if (fs::is_directory(path) || !fs::exists(path)) {
-    throw DataError(concat(path.string(),
-                           ": expected a run directory of jade_train or a .ply, found ",
-                           fs::exists(path) ? "another folder" : "nothing"));
+    throw DataError(concat(
+        path.string(), ": expected a run directory of jade_train or a file of Gaussians, found ",
+        fs::exists(path) ? "another folder" : "nothing"));
   }
-  open_ply(path, device, subject);
+  open_file(path, device, subject);
 }
 
 run::LiveScene scene_of(const Subject& subject) {
@@ -150,8 +150,9 @@ int main(int argc, char** argv) {
   program.begin_group("Input");
   program.cli()
       .add_option("scene", path,
-                  "Run directory of jade_train (its newest scene, cameras, pictures and scores) or "
-                  "a .ply")
+                  concat("Run directory of jade_train (its newest scene, cameras, pictures and "
+                         "scores) or a file of Gaussians: ",
+                         gaussians::kReadEndings))
       ->type_name("PATH")
       ->required();
   std::string address;

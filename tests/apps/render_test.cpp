@@ -157,6 +157,38 @@ TEST_CASE("jade_render: the poses of an exposure that is held out", "[apps]") {
   CHECK_FALSE(fs::exists(scene.dir / "all/01_8.png"));
 }
 
+TEST_CASE("jade_render --depth: the depth of an opaque Gaussian as .npy and .png", "[apps]") {
+  const test::TempDir dir;
+  splat::Gaussians one;
+  one.means = torch::tensor({{0.f, 0.f, 2.f}});
+  one.log_scales = torch::full({1, 3}, std::log(0.4f));
+  one.rotations = torch::tensor({{1.f, 0.f, 0.f, 0.f}});
+  one.logit_opacities = torch::tensor({8.f});
+  one.sh = torch::ones({1, 1, 3});
+  gaussians::write_ply(dir / "one.ply", {one, false});
+  dir.write("cameras.json",
+            R"([{"name":"a","width":24,"height":16,"fx":20,"position":[0,0,-1],
+                 "rotation":[[1,0,0],[0,1,0],[0,0,1]]}])");
+  const std::string render =
+      "jade_render --quiet --device cpu --ply one.ply --cameras cameras.json --depth ";
+  const Outcome fine = run(dir, render + "--output fine");
+  INFO(fine.err);
+  REQUIRE(fine.code == 0);
+  const torch::Tensor depth = io::read_npy(dir / "fine/a_depth.npy");
+  REQUIRE(depth.sizes() == torch::IntArrayRef({1, 16, 24}));
+  CHECK(depth[0][8][12].item<double>() == Approx(3));
+  CHECK(depth[0][0][0].item<double>() == 0);
+  const double full = 65535 * 0.001;
+  const torch::Tensor png = imaging::read_image(dir / "fine/a_depth.png");
+  CHECK(torch::allclose(png[0] * full, depth[0], 0, 0.00051));
+  // Steps of which 65535 do not reach: the .png says the most, and a warning tells.
+  const Outcome coarse = run(dir, render + "--depth-step 0.00001 --output coarse");
+  CHECK(coarse.code == 0);
+  CHECK_THAT(coarse.err, Catch::Contains("--depth-step"));
+  CHECK(imaging::read_image(dir / "coarse/a_depth.png").max().item<double>() == 1);
+  check_error(run(dir, render + "--format mp4 --output film"), 2, "--depth: expected with images");
+}
+
 TEST_CASE("programs: a scene without Gaussians is none to draw or to write", "[apps]") {
   const test::TempDir dir;
   splat::Gaussians none;
@@ -181,7 +213,8 @@ TEST_CASE("programs: a scene without Gaussians is none to draw or to write", "[a
 TEST_CASE("jade_export: a wrong --output is told before anything is read or made", "[apps]") {
   const test::TempDir dir;
   const std::string flags = "jade_export --ply missing.ply --output ";
-  check_error(run(dir, flags + "made/a.obj"), 2, "--output", ".ply, .splat or .spz", "made/a.obj");
+  check_error(run(dir, flags + "made/a.obj"), 2, "--output", ".ply", ".sog", ".splat",
+              "made/a.obj");
   CHECK_FALSE(fs::exists(dir / "made"));
   fs::create_directory(dir / "taken.spz");
   check_error(run(dir, flags + "taken.spz"), 2, "--output", "taken.spz");

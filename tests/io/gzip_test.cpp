@@ -5,6 +5,8 @@
 
 #include <zlib.h>
 
+#include "jade/core/error.h"
+
 using namespace jade;
 
 namespace {
@@ -33,6 +35,14 @@ TEST_CASE("gzip: what goes in comes out, whatever its length", "[io]") {
     const std::string packed = io::gzip(bytes);
     CHECK(packed.substr(0, 2) == "\x1f\x8b");
     CHECK(unpacked(packed, size) == bytes);
+    CHECK(io::is_gzip(packed));
+    CHECK(io::gunzip(packed, "a") == bytes);
+    CHECK(io::gunzip(packed, "a", 10) == bytes.substr(0, 10));
   }
+  const std::string long_one = io::gzip(std::string(5'000'000, 'b'));
+  CHECK(io::gunzip(long_one, "a").size() == 5'000'000);
+  CHECK_THROWS_AS(io::gunzip(long_one.substr(0, long_one.size() - 1), "a"), DataError);
+  CHECK_THROWS_AS(io::gunzip("no gzip at all", "a"), DataError);
+  CHECK_FALSE(io::is_gzip(""));
   CHECK(io::gzip(std::string(100000, 'a')).size() < 1000);
 }

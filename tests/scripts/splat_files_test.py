@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads what jade_export writes with readers of its own, made from the formats' public descriptions
 (.spz: github.com/nianticlabs/spz, README, "File Format"; .splat: 32 bytes per Gaussian; .ply: the 3DGS
-attributes), and compares. Standard library only.
+attributes; .glb: glTF 2.0 with KHR_gaussian_splatting), and compares. Then every format goes back to .ply through
+jade_export, and jade_inspect names it. Standard library only.
 
     splat_files_test.py path/to/jade_export
 """
@@ -111,17 +112,94 @@ def check_splat(path, rows):
             near((record[10 + k] - 128) / 128, value, 0.009, f"rotation {k}")
 
 
-def check_spz(path, rows, degree):
+def check_smallest_three(packed, xyzw):
+    """Two bits for the largest component, then a sign and nine bits from 0 to 1/√2 for each other one."""
+    largest = packed >> 30
+    assert abs(abs(xyzw[largest]) - max(abs(v) for v in xyzw)) < 1e-6, "the largest component"
+    sign = 1 if xyzw[largest] > 0 else -1
+    for place, k in enumerate(k for k in range(4) if k != largest):
+        field = packed >> (20 - 10 * place) & 1023
+        value = (field & 511) / 511 * math.sqrt(0.5) * (-1 if field & 512 else 1)
+        near(value, sign * xyzw[k], 0.0008, f"rotation {k}")
+
+
+def check_glb(path, rows, degree):
+    content = path.read_bytes()
+    mark, version, length, size, kind = struct.unpack_from("<4sIII4s", content)
+    assert (mark, version, length, kind) == (b"glTF", 2, len(content), b"JSON")
+    document = json.loads(content[20 : 20 + size])
+    binary = content[20 + size + 8 :]
+    attributes = document["meshes"][0]["primitives"][0]["attributes"]
+    columns = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
+
+    def attribute(name):
+        accessor = document["accessors"][attributes[name]]
+        view = document["bufferViews"][accessor["bufferView"]]
+        assert accessor["componentType"] == 5126 and accessor["count"] == COUNT
+        width = columns[accessor["type"]]
+        assert view["byteLength"] == 4 * width * COUNT
+        return list(struct.iter_unpack(f"<{width}f", binary[view["byteOffset"] : view["byteOffset"] + view["byteLength"]]))
+
+    own = "KHR_gaussian_splatting:"
+    places, turns = attribute("POSITION"), attribute(own + "ROTATION")
+    scales, opacities = attribute(own + "SCALE"), attribute(own + "OPACITY")
+    flips = [1] + FLIP
+    sh = [attribute(f"{own}SH_DEGREE_{d}_COEF_{i}") for d in range(degree + 1) for i in range(2 * d + 1)]
+    per_channel = REST[degree] // 3
+    for i, row in enumerate(rows):
+        # Right, up, back.
+        for axis, (key, sign) in enumerate((("x", 1), ("y", -1), ("z", -1))):
+            near(places[i][axis], sign * row[key], 0, f"position {key}")
+            near(scales[i][axis], math.exp(row[f"scale_{axis}"]), 1e-6, f"scale {axis}")
+        near(opacities[i][0], sigmoid(row["opacity"]), 1e-6, "opacity")
+        w, x, y, z = unit_quaternion(row)
+        for k, value in enumerate((x, -y, -z, w)):
+            near(turns[i][k], value, 1e-6, f"rotation {k}")
+        for k in range(1 + per_channel):
+            for c in range(3):
+                name = f"f_dc_{c}" if k == 0 else f"f_rest_{c * per_channel + k - 1}"
+                near(sh[k][i][c], flips[k] * row[name], 0, f"SH {k} {c}")
+
+
+def check_round_trips(program, folder):
+    """Every format is read again, and named by its content."""
+    source = folder / "in3.ply"
+    rows = read_ply(source)
+    kinds = {"a.spz": ".spz", "a4.spz": ".spz", "a.sog": ".sog", "a.glb": "glTF", "a.splat": ".splat", "a.compressed.ply": "compressed"}
+    for name, kind in kinds.items():
+        path, back = folder / name, folder / (name + ".back.ply")
+        version = ["--spz-version", "4"] if name == "a4.spz" else []
+        subprocess.run([program, "--ply", source, "--output", path, "--quiet", *version], check=True)
+        subprocess.run([program, "--ply", path, "--output", back, "--quiet"], check=True)
+        found = read_ply(back)
+        assert len(found) == COUNT, name
+
+        def middle(some, key):
+            return sum(row[key] for row in some) / COUNT
+
+        for key in ("x", "y", "z", "scale_0", "f_dc_0"):
+            near(middle(found, key), middle(rows, key), 0.2 if key == "f_dc_0" else 0.02, f"{name}: {key}")
+        inspect = [str(Path(program).with_name("jade_inspect")), path, "--json", "--quiet"]
+        told = json.loads(subprocess.run(inspect, check=True, capture_output=True, text=True).stdout)
+        assert told["gaussians"] == COUNT and kind in told["kind"], told
+        # Cut in the middle, it is refused in one line that names it.
+        path.write_bytes(path.read_bytes()[:-7])
+        done = subprocess.run([program, "--ply", path, "--output", back, "--quiet"], capture_output=True, text=True)
+        assert done.returncode == 3 and name in done.stderr and done.stderr.count("\n") == 1, done.stderr
+
+
+def check_spz(path, rows, degree, expected_version=2):
     content = gzip.decompress(path.read_bytes())
     magic, version, count, sh_degree, bits, flags, reserved = struct.unpack_from("<IIIBBBB", content)
-    assert (magic, version, count, sh_degree) == (0x5053474E, 2, COUNT, degree)
+    assert (magic, version, count, sh_degree) == (0x5053474E, expected_version, COUNT, degree)
     assert flags in (0, 1) and reserved == 0
     rest = REST[degree]
-    assert len(content) == 16 + COUNT * (9 + 1 + 3 + 3 + 3 + rest), "the file's size"
+    rotation = 3 if version == 2 else 4
+    assert len(content) == 16 + COUNT * (9 + 1 + 3 + 3 + rotation + rest), "the file's size"
     # Attribute after attribute: positions, alphas, colours, scales, rotations, spherical harmonics.
     at = 16
     blocks = {}
-    for name, size in (("position", 9), ("alpha", 1), ("color", 3), ("scale", 3), ("rotation", 3), ("sh", rest)):
+    for name, size in (("position", 9), ("alpha", 1), ("color", 3), ("scale", 3), ("rotation", rotation), ("sh", rest)):
         blocks[name] = [content[at + size * i : at + size * (i + 1)] for i in range(COUNT)]
         at += size * COUNT
     for i, row in enumerate(rows):
@@ -134,10 +212,13 @@ def check_spz(path, rows, degree):
             near(blocks["color"][i][axis] / 255, color, 0.51 / 255, f"colour {axis}")
         near(blocks["alpha"][i][0] / 255, sigmoid(row["opacity"]), 0.51 / 255, "opacity")
         w, x, y, z = unit_quaternion(row)
-        if w < 0:
-            w, x, y, z = -w, -x, -y, -z
-        for k, value in enumerate((x, -y, -z)):
-            near(blocks["rotation"][i][k] / 127.5 - 1, value, 0.0041, f"rotation {k}")
+        if version == 2:
+            if w < 0:
+                w, x, y, z = -w, -x, -y, -z
+            for k, value in enumerate((x, -y, -z)):
+                near(blocks["rotation"][i][k] / 127.5 - 1, value, 0.0041, f"rotation {k}")
+        else:
+            check_smallest_three(int.from_bytes(blocks["rotation"][i], "little"), (x, -y, -z, w))
         per_channel = rest // 3
         for k in range(per_channel):
             for c in range(3):
@@ -177,9 +258,15 @@ def main():
             rows = draw(degree)
             source = folder / f"in{degree}.ply"
             write_ply(source, rows, degree)
-            outputs = {ending: folder / f"out{degree}.{ending}" for ending in ("ply", "splat", "spz")}
+            outputs = {ending: folder / f"out{degree}.{ending}" for ending in ("ply", "splat", "spz", "glb")}
             for path in outputs.values():
                 subprocess.run([program, "--ply", source, "--output", path, "--quiet"], check=True)
+            third = folder / f"third{degree}.spz"
+            subprocess.run([program, "--ply", source, "--output", third, "--quiet", "--spz-version", "3"], check=True)
+            check_spz(third, rows, degree, 3)
+            must_fail(check_spz, third, [dict(row, rot_1=row["rot_1"] + 0.1) for row in rows], degree, 3)
+            check_glb(outputs["glb"], rows, degree)
+            must_fail(check_glb, outputs["glb"], [dict(row, x=row["x"] + 0.01) for row in rows], degree)
             check_ply(outputs["ply"], rows)
             check_splat(outputs["splat"], rows)
             check_spz(outputs["spz"], rows, degree)
@@ -188,7 +275,8 @@ def main():
             must_fail(check_splat, outputs["splat"], other)
             must_fail(check_spz, outputs["spz"], other, degree)
         check_left_out(program, folder)
-    print("ply, splat, spz: SH degrees 0 to 3 read back")
+        check_round_trips(program, folder)
+    print("ply, splat, spz, glb: SH degrees 0 to 3 read back; every format read again")
 
 
 if __name__ == "__main__":

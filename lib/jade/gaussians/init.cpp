@@ -10,13 +10,14 @@
 #include "jade/core/log.h"
 #include "jade/core/random.h"
 #include "jade/gaussians/neighbours.h"
+#include "jade/gaussians/scene_file.h"
+#include "jade/splat/math/sh.h"
 
 namespace jade::gaussians {
 namespace {
 
 using geometry::Vector3;
 
-constexpr double kShDc = 0.28209479177387814;  ///< Y_0^0
 constexpr int kNeighbours = 3;
 constexpr int64_t kFewestSfmPoints = 100;
 /// SfM points nearer to a camera than this share of the extent would fill its image.
@@ -136,7 +137,7 @@ splat::Gaussians gaussians_from_points(const PointCloud& cloud, const InitOption
   g.rotations.select(1, 0).fill_(1);
   g.logit_opacities = torch::full({count}, std::log(options.opacity / (1 - options.opacity)));
   g.sh = torch::zeros({count, 16, 3});
-  g.sh.select(1, 0).copy_((cloud.colors - 0.5) / kShDc);
+  g.sh.select(1, 0).copy_((cloud.colors - 0.5) / splat::math::kSh0);
   return g;
 }
 
@@ -192,12 +193,13 @@ splat::Gaussians initial_gaussians(const InitOptions& options, const InitSources
     if (options.ply.empty()) {
       throw ConfigError("init.kind is ply but init.ply names no file");
     }
-    if (!has_gaussians(options.ply)) {
+    if (scene_kind(options.ply).value_or(SceneKind::kPly) == SceneKind::kPly &&
+        !has_gaussians(options.ply)) {
       PointCloud cloud = read_point_cloud(options.ply);
       cloud.points = with_origin(cloud.points, cloud.origin, sources.origin);
       return start_at(finite_points(cloud));
     }
-    const GaussianFile file = read_ply(options.ply);
+    const GaussianFile file = read_gaussians(options.ply);
     splat::Gaussians scene = file.gaussians;
     scene.means = with_origin(scene.means, file.origin, sources.origin);
     check_some(scene, options.ply);

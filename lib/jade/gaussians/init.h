@@ -37,7 +37,9 @@ struct InitOptions {
 template <class V>
 void describe(V& v, InitOptions& o) {
   v.field("kind", o.kind, "where the Gaussians start");
-  v.field("ply", o.ply, "Gaussians or coloured points to start from (kind ply)");
+  v.field("ply", o.ply,
+          "Gaussians (.ply, .spz, .sog, .glb, .gltf or .splat) or coloured points (.ply) to start "
+          "from (kind ply)");
   v.field("points", o.points, "how many points random_frusta samples", Range{1, 1e8});
   v.field("opacity", o.opacity, "opacity at the start", Range{1e-4, 0.9999});
   v.field("scale", o.scale, "factor on the start's scales", Range{1e-3, 1e3});

@@ -6,33 +6,24 @@
 #include <limits>
 #include <sstream>
 #include <string>
-#include <tuple>
 #include <vector>
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/check.h"
 #include "jade/gaussians/file_tensor.h"
+#include "jade/gaussians/file_values.h"
 #include "jade/gaussians/ply_header.h"
 #include "jade/gaussians/ply_kind.h"
 #include "jade/gaussians/ply_packed.h"
 #include "jade/gaussians/summary.h"
 #include "jade/geometry/origin.h"
-#include "jade/splat/math/projection.h"
+#include "jade/splat/math/sh.h"
 
 namespace jade::gaussians {
 namespace {
 
 const char* const kRenderMode = "SplatRenderMode: ";
 const char* const kOrigin = "origin";
-
-/// Its opacity is 1 in float32. Converters write infinity where a format of bytes has 255.
-constexpr double kFullLogit = 30;
-
-/// Log thickness of a flat Gaussian relative to its thinnest other axis: a thousandth.
-constexpr double kLogFlatness = -6.9;
-/// Log scale of Gaussians that are flat along all axes: points of 1e-7.
-constexpr double kLogPoint = -16;
-constexpr double kShConstant0 = 0.28209479177387814;  ///< Y_0^0
 
 /// The attributes without f_rest, in the order of a standard file.
 const std::vector<std::string> kGeometry = {"opacity", "scale_0", "scale_1", "scale_2",
@@ -124,26 +115,6 @@ void check_attributes(const PlyFile& file, PlyKind kind) {
                          ", found none called ", missing, "; export the scene again"));
 }
 
-/// Opacities and scales that no float can hold or no renderer draws become the nearest that mean
-/// the same. Returns how many Gaussians are flat.
-int64_t make_finite(splat::Gaussians& g) {
-  const torch::Tensor logits = g.logit_opacities;
-  g.logit_opacities = torch::where(logits.abs() > splat::math::kMaxAbsLogit,
-                                   logits.clamp(-kFullLogit, kFullLogit), logits)
-                          .contiguous();
-  const torch::Tensor thin = g.log_scales < -splat::math::kMaxAbsLogScale;
-  const torch::Tensor flat = thin.any(1);
-  const auto count = flat.sum().item<int64_t>();
-  if (count == 0) return 0;
-  constexpr double kNone = std::numeric_limits<double>::infinity();
-  const torch::Tensor thinnest = std::get<0>(g.log_scales.masked_fill(thin, kNone).min(1));
-  const torch::Tensor depth =
-      torch::where(thinnest.isinf(), torch::full_like(thinnest, kLogPoint),
-                   (thinnest + kLogFlatness).clamp_min(1 - splat::math::kMaxAbsLogScale));
-  g.log_scales = torch::where(thin, depth.unsqueeze(1), g.log_scales).contiguous();
-  return count;
-}
-
 /// Reads all kinds but the packed one, in one pass over the file.
 splat::Gaussians read_attributes(const PlyFile& file) {
   const bool has_constant = file.vertices().find("f_dc_0") >= 0;
@@ -169,7 +140,7 @@ splat::Gaussians read_attributes(const PlyFile& file) {
                                         -std::numeric_limits<double>::infinity())
                      .contiguous();
   const torch::Tensor dc =
-      has_constant ? take(3) : (read_colors(file, color_names(file)) - 0.5) / kShConstant0;
+      has_constant ? take(3) : (read_colors(file, color_names(file)) - 0.5) / splat::math::kSh0;
   const torch::Tensor by_channel = take(rest).reshape({rows.size(0), 3, rest / 3});
   g.sh = torch::cat({dc.unsqueeze(1), by_channel.transpose(1, 2)}, 1).contiguous();
   return g;
@@ -194,16 +165,6 @@ geometry::Vector3 said_origin(const PlyFile& file) {
     }
   }
   return {0, 0, 0};
-}
-
-/// An origin near the vertices where they lie far from their own.
-geometry::Vector3 found_origin(const torch::Tensor& places) {
-  const torch::Tensor finite = places.index({places.isfinite().all(1)}).to(torch::kFloat64);
-  if (finite.size(0) == 0) return {0, 0, 0};
-  const torch::Tensor middle = std::get<0>(finite.median(0));
-  const double size = (finite - middle).norm(2, 1).median().item<double>();
-  return geometry::scene_origin(
-      {middle[0].item<double>(), middle[1].item<double>(), middle[2].item<double>()}, size);
 }
 
 /// Vertices about an origin that float32 can tell apart there.

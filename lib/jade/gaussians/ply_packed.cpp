@@ -3,16 +3,27 @@
 
 #include <cmath>
 #include <string>
+#include <tuple>
 
 #include "jade/core/error.h"
+#include "jade/gaussians/file_tensor.h"
+#include "jade/gaussians/file_values.h"
+#include "jade/gaussians/gaussian_model.h"
+#include "jade/gaussians/smallest_three.h"
+#include "jade/gaussians/spatial_order.h"
+#include "jade/splat/math/sh.h"
 
 namespace jade::gaussians {
 namespace {
 
 constexpr int64_t kChunkSize = 256;
-constexpr double kShConstant = 0.28209479177387814;  ///< Y_0^0
 const std::vector<std::string> kPacked = {"packed_position", "packed_rotation", "packed_scale",
                                           "packed_color"};
+
+const std::vector<std::string> kRanges = {
+    "min_x",       "min_y",       "min_z",       "max_x",       "max_y",       "max_z",
+    "min_scale_x", "min_scale_y", "min_scale_z", "max_scale_x", "max_scale_y", "max_scale_z",
+    "min_r",       "min_g",       "min_b",       "max_r",       "max_g",       "max_b"};
 
 /// The bits of `packed` from `shift` on, as a number from 0 to 1.
 torch::Tensor unit_of(const torch::Tensor& packed, int64_t shift, int64_t bits) {
@@ -28,20 +39,8 @@ torch::Tensor unpack_triple(const torch::Tensor& packed) {
 
 /// [N,4] wxyz: two bits tell the largest component, ten bits each the other three.
 torch::Tensor unpack_rotations(const torch::Tensor& packed) {
-  const double reach = std::sqrt(2.0);  // the other three lie within ±1/√2
-  torch::Tensor rest[3];
-  for (int64_t i = 0; i < 3; ++i) rest[i] = (unit_of(packed, 20 - 10 * i, 10) - 0.5) * reach;
-  const torch::Tensor largest =
-      (1 - rest[0].square() - rest[1].square() - rest[2].square()).clamp_min(0).sqrt();
-  const torch::Tensor which = packed.bitwise_right_shift(30);
-  std::vector<torch::Tensor> components;
-  for (int64_t i = 0; i < 4; ++i) {
-    const torch::Tensor& after = rest[i > 0 ? i - 1 : 0];
-    const torch::Tensor& before = rest[i < 3 ? i : 2];
-    components.push_back(
-        torch::where(which.eq(i), largest, torch::where(which.lt(i), after, before)));
-  }
-  return torch::stack(components, 1);
+  const torch::Tensor unit = fields_of(packed).to(torch::kFloat32) / 1023;
+  return joined({packed.bitwise_right_shift(30), (unit - 0.5) * std::sqrt(2.0)});
 }
 
 /// Values from 0 to 1 in the range that each vertex's chunk has for them.
@@ -93,7 +92,78 @@ torch::Tensor unpack_rest(const PlyFile& file) {
   return ((unit - 0.5) * 8).reshape({count, 3, properties / 3}).transpose(1, 2);
 }
 
+/// Values of a chunk's vertices as shares of their range.
+struct Ranged {
+  torch::Tensor unit;       ///< [N,3], 0 to 1
+  torch::Tensor low, high;  ///< [chunks,3]
+};
+
+/// @param values  [N,3], whose rows share chunks of 256
+Ranged ranged(const torch::Tensor& values) {
+  const int64_t count = values.size(0), chunks = (count + kChunkSize - 1) / kChunkSize;
+  // The last row again, so that the last chunk is whole.
+  const torch::Tensor last = values.slice(0, count - 1).expand({chunks * kChunkSize - count, 3});
+  const torch::Tensor whole = torch::cat({values, last}).reshape({chunks, kChunkSize, 3});
+  Ranged out;
+  out.low = std::get<0>(whole.min(1));
+  out.high = std::get<0>(whole.max(1));
+  const torch::Tensor reach = (out.high - out.low).unsqueeze(1);
+  const torch::Tensor unit = (whole - out.low.unsqueeze(1)) / reach;
+  out.unit =
+      torch::where(reach > 0, unit, torch::zeros_like(unit)).reshape({-1, 3}).slice(0, 0, count);
+  return out;
+}
+
+/// [N] int64 of columns with values from 0 to 1, the first in the highest bits.
+torch::Tensor pack(const torch::Tensor& unit, const std::vector<int64_t>& bits) {
+  torch::Tensor packed = torch::zeros({unit.size(0)}, torch::kInt64);
+  for (size_t i = 0; i < bits.size(); ++i) {
+    const int64_t steps = int64_t(1) << bits[i];
+    const torch::Tensor column = unit.select(1, static_cast<int64_t>(i));
+    packed = packed * steps + (column * double(steps - 1)).round().to(torch::kInt64);
+  }
+  return packed;
+}
+
+std::string header_text(int64_t count, int64_t rest) {
+  std::string text = concat("ply\nformat binary_little_endian 1.0\nelement chunk ",
+                            (count + kChunkSize - 1) / kChunkSize, "\n");
+  for (const std::string& name : kRanges) text += concat("property float ", name, "\n");
+  text += concat("element vertex ", count, "\n");
+  for (const std::string& name : kPacked) text += concat("property uint ", name, "\n");
+  if (rest > 0) text += concat("element sh ", count, "\n");
+  for (int64_t i = 0; i < rest; ++i) text += concat("property uchar f_rest_", i, "\n");
+  return text + "end_header\n";
+}
+
 }  // namespace
+
+std::string encode_packed_ply(const splat::Gaussians& all) {
+  const torch::Tensor order = spatial_order(all.means);
+  const splat::Gaussians gaussians = map_parameters(
+      all, [&](const auto& value) { return file_tensor(value).index_select(0, order); });
+  const int64_t count = gaussians.size(), rest = 3 * (gaussians.sh.size(1) - 1);
+  std::string out = header_text(count, rest);
+  if (count == 0) return out;
+  const Ranged places = ranged(gaussians.means), scales = ranged(gaussians.log_scales);
+  const Ranged colors = ranged(gaussians.sh.select(1, 0) * splat::math::kSh0 + 0.5);
+  out += content_of(
+      torch::cat({places.low, places.high, scales.low, scales.high, colors.low, colors.high}, 1));
+  const SmallestThree parts = smallest_three(gaussians.rotations);
+  const torch::Tensor fields =
+      ((parts.others / std::sqrt(2.0) + 0.5) * 1023).round().clamp(0, 1023);
+  const torch::Tensor opacity = gaussians.logit_opacities.sigmoid().unsqueeze(1);
+  const torch::Tensor packed = torch::stack(
+      {pack(places.unit, {11, 10, 11}), packed_32(parts.largest, fields.to(torch::kInt64)),
+       pack(scales.unit, {11, 10, 11}), pack(torch::cat({colors.unit, opacity}, 1), {8, 8, 8, 8})},
+      1);
+  // The lower half of each int64 holds the bits; the machine is little-endian.
+  out += content_of(packed.view(torch::kInt32).reshape({count, 4, 2}).select(2, 0));
+  const torch::Tensor unit =
+      gaussians.sh.slice(1, 1).transpose(1, 2).reshape({count, rest}) / 8 + 0.5;
+  out += content_of((unit * 256).trunc().clamp(0, 255).to(torch::kUInt8));
+  return out;
+}
 
 bool is_packed(const PlyFile& file) {
   for (const std::string& name : kPacked) {
@@ -120,7 +190,7 @@ splat::Gaussians unpack(const PlyFile& file) {
     rgb = chunks.place(rgb, {"min_r", "min_g", "min_b"}, {"max_r", "max_g", "max_b"});
   }
   out.logit_opacities = torch::logit(unit_of(color, 0, 8));
-  out.sh = torch::cat({((rgb - 0.5) / kShConstant).unsqueeze(1), unpack_rest(file)}, 1);
+  out.sh = torch::cat({((rgb - 0.5) / splat::math::kSh0).unsqueeze(1), unpack_rest(file)}, 1);
   return out;
 }
 

@@ -3,6 +3,8 @@
 // outside this folder.
 #pragma once
 
+#include <string>
+
 #include "jade/gaussians/ply_header.h"
 #include "jade/splat/gaussians.h"
 
@@ -17,5 +19,10 @@ bool is_packed(const PlyFile& file);
 /// Format: developer.playcanvas.com, "Compressed PLY".
 /// @throws DataError naming the path for files that lack a part of it.
 splat::Gaussians unpack(const PlyFile& file);
+
+/// Encodes Gaussians as such a file's bytes, along a curve in space so that those of a chunk are
+/// near each other: positions and log scales in 11, 10 and 11 bits of their chunk's range, colours
+/// and opacities in 8, rotations in 10 per component, SH in 8 bits from -4 to 4.
+std::string encode_packed_ply(const splat::Gaussians& gaussians);
 
 }  // namespace jade::gaussians

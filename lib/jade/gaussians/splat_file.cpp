@@ -7,14 +7,16 @@
 #include <string>
 
 #include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
 #include "jade/gaussians/file_tensor.h"
+#include "jade/gaussians/file_values.h"
 #include "jade/gaussians/summary.h"
+#include "jade/splat/math/sh.h"
 
 namespace jade::gaussians {
 namespace {
 
 constexpr size_t kRecordBytes = 32;
-constexpr double kShDc = 0.28209479177387814;  ///< Y_0^0
 
 }  // namespace
 
@@ -23,7 +25,7 @@ void write_splat(const std::filesystem::path& path, const splat::Gaussians& all)
   const torch::Tensor means = file_tensor(gaussians.means);
   const torch::Tensor scales = file_tensor(gaussians.log_scales).exp();
   const torch::Tensor opacities = file_tensor(gaussians.logit_opacities).sigmoid();
-  const torch::Tensor rgb = file_tensor(gaussians.sh.select(1, 0)) * kShDc + 0.5;
+  const torch::Tensor rgb = file_tensor(gaussians.sh.select(1, 0)) * splat::math::kSh0 + 0.5;
   const torch::Tensor rgba = (torch::cat({rgb, opacities.unsqueeze(1)}, 1) * 255)
                                  .round()
                                  .clamp(0, 255)
@@ -45,6 +47,27 @@ void write_splat(const std::filesystem::path& path, const splat::Gaussians& all)
     std::memcpy(record + 28, packed_rotations.data_ptr<uint8_t>() + 4 * from[i], 4);
   }
   write_file(path, content);
+}
+
+GaussianFile read_splat(const std::filesystem::path& path) {
+  const std::string content = read_file(path);
+  if (content.empty() || content.size() % kRecordBytes != 0) {
+    throw DataError(concat(path.string(), ": expected a .splat, records of ", kRecordBytes,
+                           " bytes, found ", content.size(), " bytes; copy the file again"));
+  }
+  const auto count = static_cast<int64_t>(content.size() / kRecordBytes);
+  auto* const data = const_cast<char*>(content.data());
+  const torch::Tensor floats = torch::from_blob(data, {count, 8}, torch::kFloat32).clone();
+  const torch::Tensor bytes = numbers_of(content, {count, 32});
+  GaussianFile file;
+  file.gaussians.means = floats.slice(1, 0, 3).contiguous();
+  file.gaussians.log_scales = floats.slice(1, 3, 6).log();
+  file.gaussians.logit_opacities = torch::logit(bytes.select(1, 27) / 255);
+  file.gaussians.rotations = (bytes.slice(1, 28) - 128) / 128;
+  file.gaussians.sh =
+      ((bytes.slice(1, 24, 27) / 255 - 0.5) / splat::math::kSh0).unsqueeze(1).contiguous();
+  make_finite(file.gaussians);
+  return file;
 }
 
 }  // namespace jade::gaussians

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 
+#include "jade/gaussians/ply.h"
 #include "jade/splat/gaussians.h"
 
 namespace jade::gaussians {
@@ -14,5 +15,9 @@ namespace jade::gaussians {
 /// Gaussians with a number that is not finite, which are in no picture.
 /// @throws DataError if the file cannot be written.
 void write_splat(const std::filesystem::path& path, const splat::Gaussians& gaussians);
+
+/// Reads the same; the format has no mark by which to know it, only records of 32 bytes.
+/// @throws DataError naming the path for a file of another size.
+GaussianFile read_splat(const std::filesystem::path& path);
 
 }  // namespace jade::gaussians

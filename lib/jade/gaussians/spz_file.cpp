@@ -1,74 +1,203 @@
 // SPDX-License-Identifier: Apache-2.0
-// Byte layout after the format's public description (github.com/nianticlabs/spz, README): a 16-byte
-// header, then positions, alphas, colours, scales, rotations and SH, each as one array.
+// Byte layout after the format's public description and its reference reader
+// (github.com/nianticlabs/spz): a header, then positions, alphas, colours, scales, rotations and
+// SH, each as one array. Versions 2 and 3 are one gzip stream with a header of 16 bytes. Version 4
+// has a plain header of 32 bytes, a table of sizes and one Zstandard stream per array.
 #include "jade/gaussians/spz_file.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/check.h"
 #include "jade/core/log.h"
+#include "jade/gaussians/axes.h"
 #include "jade/gaussians/file_tensor.h"
+#include "jade/gaussians/file_values.h"
+#include "jade/gaussians/gaussian_model.h"
+#include "jade/gaussians/smallest_three.h"
 #include "jade/gaussians/summary.h"
 #include "jade/io/gzip.h"
+#include "jade/io/zstd.h"
 
 namespace jade::gaussians {
 namespace {
 
 constexpr uint32_t kMagic = 0x5053474e;  ///< "NGSP"
-constexpr uint32_t kVersion = 2;
+constexpr size_t kHeader = 16, kHeader4 = 32, kTableRow = 16;
+constexpr unsigned kAntialiased = 1;  ///< bit of the header's flags
+constexpr int kMostDegree = 4;
 constexpr double kColorScale = 0.15;
-/// Signs of the 15 SH coefficients beyond the first when y and z change sign.
-constexpr double kFlip[15] = {-1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1, -1, 1, -1, 1};
+constexpr double kRotationSteps = 511;  ///< of a component from 0 to 1/√2, in versions 3 and 4
 
-void put_u32(std::string& out, uint32_t value) {
-  for (int shift = 0; shift < 32; shift += 8) out += static_cast<char>(value >> shift & 255u);
+enum Stream : size_t { kPositions, kAlphas, kColors, kScales, kRotations, kSh, kStreams };
+using Streams = std::array<std::string, kStreams>;
+
+struct Header {
+  int version = 2;
+  uint64_t count = 0;
+  int degree = 0;  ///< of SH
+  int bits = 12;   ///< after the binary point of positions
+  bool antialiased = false;
+};
+
+/// Bytes of each array.
+std::array<uint64_t, kStreams> sizes_of(const Header& header) {
+  const auto rest = static_cast<uint64_t>((header.degree + 1) * (header.degree + 1) - 1);
+  const uint64_t rotation = header.version == 2 ? 3 : 4;
+  std::array<uint64_t, kStreams> sizes = {9, 1, 3, 3, rotation, 3 * rest};
+  for (uint64_t& size : sizes) size *= header.count;
+  return sizes;
 }
 
-void put_byte(std::string& out, double value) {
-  const double bounded = std::clamp(std::round(value), 0.0, 255.0);
-  out += static_cast<char>(static_cast<uint8_t>(bounded));
-}
-
-void put_positions(std::string& out, const torch::Tensor& means, int bits) {
-  const double unit = std::ldexp(1.0, bits);
-  const double* value = means.data_ptr<double>();
-  for (int64_t i = 0; i < means.numel(); ++i) {
-    const double sign = i % 3 == 0 ? 1 : -1;
-    const auto fixed =
-        static_cast<uint32_t>(static_cast<int32_t>(std::lround(sign * value[i] * unit)));
-    for (int shift = 0; shift < 24; shift += 8) out += static_cast<char>(fixed >> shift & 255u);
+/// Little-endian integers of `size` bytes each.
+std::string packed_integers(const torch::Tensor& values, int64_t size) {
+  std::vector<torch::Tensor> bytes;
+  for (int64_t i = 0; i < size; ++i) {
+    bytes.push_back(values.bitwise_right_shift(8 * i).bitwise_and(255).to(torch::kUInt8));
   }
+  return content_of(torch::stack(bytes, -1));
 }
 
-void put_rotations(std::string& out, const torch::Tensor& rotations) {
-  const double* q = rotations.data_ptr<double>();
-  for (int64_t i = 0; i < rotations.size(0); ++i, q += 4) {
-    const double norm = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-    // w is not stored and taken as positive; the turn of the axes negates y and z.
-    const double scale = (q[0] < 0 ? -127.5 : 127.5) / std::max(norm, 1e-30);
-    put_byte(out, q[1] * scale + 127.5);
-    put_byte(out, -q[2] * scale + 127.5);
-    put_byte(out, -q[3] * scale + 127.5);
+std::string positions_of(const torch::Tensor& means, int bits) {
+  return packed_integers((means * std::ldexp(1.0, bits)).round().to(torch::kInt64), 3);
+}
+
+/// The imaginary part where the real one, not stored, is positive.
+std::string rotations_2(const torch::Tensor& rotations) {
+  const torch::Tensor norm = rotations.norm(2, 1, true).clamp_min(1e-30);
+  const torch::Tensor sign = torch::where(rotations.slice(1, 0, 1) < 0, -1.0, 1.0);
+  return content_of(to_bytes(rotations.slice(1, 1) / norm * sign * 127.5 + 127.5));
+}
+
+/// The three smallest components of xyzw as a sign and nine bits each.
+std::string rotations_3(const torch::Tensor& rotations) {
+  const SmallestThree parts = smallest_three(rotations.roll(-1, 1));
+  const torch::Tensor steps =
+      (parts.others.abs() * (std::sqrt(2.0) * kRotationSteps)).round().clamp_max(kRotationSteps);
+  const torch::Tensor fields = steps.to(torch::kInt64) + 512 * parts.others.lt(0).to(torch::kInt64);
+  return packed_integers(packed_32(parts.largest, fields), 4);
+}
+
+std::string sh_of(const torch::Tensor& sh, const SpzOptions& options) {
+  const torch::Tensor fine = (sh.slice(1, 1) * 128).round() + 128;
+  torch::Tensor steps = torch::full(
+      {fine.size(1), 1}, std::ldexp(1.0, 8 - options.higher_degree_bits), torch::kFloat64);
+  steps.slice(0, 0, 3).fill_(std::ldexp(1.0, 8 - options.first_degree_bits));
+  return content_of(to_bytes(((fine + steps / 2) / steps).floor() * steps));
+}
+
+torch::Tensor rotations_from(const std::string& bytes, const Header& header) {
+  const auto count = static_cast<int64_t>(header.count);
+  if (header.version == 2) {
+    const torch::Tensor xyz = numbers_of(bytes, {count, 3}) / 127.5 - 1;
+    const torch::Tensor w = (1 - xyz.square().sum(1, true)).clamp_min(0).sqrt();
+    return torch::cat({w, xyz}, 1);
   }
+  const torch::Tensor weights = torch::tensor({1, 256, 65536, 16777216}, torch::kInt64);
+  const torch::Tensor packed = (numbers_of(bytes, {count, 4}).to(torch::kInt64) * weights).sum(1);
+  const torch::Tensor fields = fields_of(packed);
+  const torch::Tensor size =
+      fields.bitwise_and(511).to(torch::kFloat32) / (std::sqrt(2.0) * kRotationSteps);
+  const torch::Tensor others = torch::where(fields.ge(512), -size, size);
+  return joined({packed.bitwise_right_shift(30), others}).roll(1, 1);
 }
 
-void put_sh(std::string& out, const torch::Tensor& sh, const SpzOptions& options) {
-  const int64_t rest = sh.size(1) - 1;
-  const double* row = sh.data_ptr<double>();
-  for (int64_t i = 0; i < sh.size(0); ++i, row += sh.size(1) * 3) {
-    for (int64_t k = 0; k < rest; ++k) {
-      const int bits = k < 3 ? options.first_degree_bits : options.higher_degree_bits;
-      const double step = std::ldexp(1.0, 8 - bits);
-      for (int c = 0; c < 3; ++c) {
-        const double fine = std::round(kFlip[k] * row[3 * (k + 1) + c] * 128) + 128;
-        put_byte(out, std::floor((fine + step / 2) / step) * step);
-      }
+splat::Gaussians decoded(const Streams& streams, const Header& header) {
+  const auto count = static_cast<int64_t>(header.count);
+  splat::Gaussians out;
+  const torch::Tensor bytes = numbers_of(streams[kPositions], {count, 3, 3}).to(torch::kFloat64);
+  torch::Tensor fixed = bytes.select(2, 0) + 256 * bytes.select(2, 1) + 65536 * bytes.select(2, 2);
+  fixed = torch::where(fixed >= 8388608, fixed - 16777216, fixed);
+  out.means = (fixed * std::ldexp(1.0, -header.bits)).to(torch::kFloat32);
+  out.logit_opacities = torch::logit(numbers_of(streams[kAlphas], {count}) / 255);
+  out.log_scales = numbers_of(streams[kScales], {count, 3}) / 16 - 10;
+  out.rotations = rotations_from(streams[kRotations], header);
+  const torch::Tensor dc = (numbers_of(streams[kColors], {count, 1, 3}) / 255 - 0.5) / kColorScale;
+  const int64_t all = (header.degree + 1) * (header.degree + 1) - 1;
+  const torch::Tensor rest = (numbers_of(streams[kSh], {count, all, 3}) - 128) / 128;
+  out.sh = torch::cat({dc, rest.slice(1, 0, 15)}, 1);
+  return half_turn(out);
+}
+
+/// @param bytes  from the magic number on
+Header header_of(std::string_view bytes, const std::string& name) {
+  if (bytes.size() < kHeader || unsigned_at(bytes, 0, 4) != kMagic) {
+    throw DataError(
+        concat(name, ": expected the mark NGSP of an .spz, found none; copy the file ", "again"));
+  }
+  Header header;
+  const uint64_t version = unsigned_at(bytes, 4, 4);
+  if (version < 2 || version > 4) {
+    throw DataError(concat(name, ": expected .spz of version 2, 3 or 4, found version ", version,
+                           "; write the scene again with another program"));
+  }
+  header.version = static_cast<int>(version);
+  header.count = unsigned_at(bytes, 8, 4);
+  header.degree = static_cast<int>(unsigned_at(bytes, 12, 1));
+  header.bits = static_cast<int>(unsigned_at(bytes, 13, 1));
+  header.antialiased = (unsigned_at(bytes, 14, 1) & kAntialiased) != 0;
+  if (header.degree > kMostDegree || header.bits > 24) {
+    throw DataError(concat(name, ": expected SH degree 0 to 4 and positions with up to 24 bits ",
+                           "after the binary point, found ", header.degree, " and ", header.bits,
+                           "; copy the file again"));
+  }
+  return header;
+}
+
+DataError cut_short(const std::string& name, uint64_t expected, uint64_t found) {
+  return DataError(concat(name, ": expected at least ", expected, " bytes, as its header says, ",
+                          "found ", found, "; copy the file again"));
+}
+
+/// Cuts the arrays from the content of versions 2 and 3.
+Streams cut(std::string_view content, const Header& header, const std::string& name) {
+  Streams streams;
+  size_t at = kHeader;
+  const auto sizes = sizes_of(header);
+  uint64_t all = kHeader;
+  for (const uint64_t size : sizes) all += size;
+  if (content.size() < all) throw cut_short(name, all, content.size());
+  for (size_t i = 0; i < kStreams; ++i) {
+    streams[i] = content.substr(at, sizes[i]);
+    at += sizes[i];
+  }
+  return streams;
+}
+
+/// Unpacks the arrays of version 4; one without bytes has no stream.
+Streams unpack_streams(std::string_view bytes, const Header& header, const std::string& name) {
+  if (bytes.size() < kHeader4) throw cut_short(name, kHeader4, bytes.size());
+  const uint64_t count = unsigned_at(bytes, 15, 1), table = unsigned_at(bytes, 16, 4);
+  const auto sizes = sizes_of(header);
+  const auto expected = static_cast<uint64_t>(
+      std::count_if(sizes.begin(), sizes.end(), [](auto s) { return s > 0; }));
+  if (count != expected || table < kHeader4) {
+    throw DataError(concat(name, ": expected ", expected, " streams behind a header of 32 bytes, ",
+                           "found ", count, " and a table at ", table, "; copy the file again"));
+  }
+  uint64_t at = table + count * kTableRow;
+  if (bytes.size() < at) throw cut_short(name, at, bytes.size());
+  Streams streams;
+  uint64_t row = table;
+  for (size_t i = 0; i < kStreams; ++i) {
+    if (sizes[i] == 0) continue;
+    const uint64_t packed = unsigned_at(bytes, row, 8), whole = unsigned_at(bytes, row + 8, 8);
+    row += kTableRow;
+    if (whole != sizes[i]) {
+      throw DataError(concat(name, ": expected ", sizes[i], " bytes in stream ", i, ", found ",
+                             whole, "; copy the file again"));
     }
+    if (packed > bytes.size() - at) throw cut_short(name, at + packed, bytes.size());
+    streams[i] = io::unzstd(bytes.substr(at, packed), whole, name);
+    at += packed;
   }
+  return streams;
 }
 
 /// Steps of a position beyond this share of a typical coordinate are worth a warning.
@@ -97,40 +226,51 @@ int fitting_bits(const torch::Tensor& means, int wanted) {
 }  // namespace
 
 std::string encode_spz(const splat::Gaussians& all, const SpzOptions& options) {
-  const splat::Gaussians gaussians = drawable(all);
-  const torch::Tensor means = file_tensor(gaussians.means, torch::kFloat64);
-  const torch::Tensor sh = file_tensor(gaussians.sh, torch::kFloat64);
-  const int64_t count = gaussians.size();
+  const splat::Gaussians gaussians = half_turn(map_parameters(
+      drawable(all), [](const auto& value) { return file_tensor(value, torch::kFloat64); }));
   for (const int bits : {options.first_degree_bits, options.higher_degree_bits}) {
     JADE_CHECK(bits >= 1 && bits <= 8, "encode_spz: expected 1 to 8 bits per coefficient, found ",
                bits);
   }
-  JADE_CHECK(count < 60'000'000, "encode_spz: too many Gaussians for one stream: ", count);
-  const int bits = fitting_bits(means, options.fractional_bits);
-  const int degree = sh.size(1) == 1 ? 0 : sh.size(1) == 4 ? 1 : sh.size(1) == 9 ? 2 : 3;
-  std::string content;
-  content.reserve(16 + static_cast<size_t>(count) * static_cast<size_t>(19 + 3 * sh.size(1)));
-  put_u32(content, kMagic);
-  put_u32(content, kVersion);
-  put_u32(content, static_cast<uint32_t>(count));
-  content += static_cast<char>(degree);
-  content += static_cast<char>(bits);
-  content += static_cast<char>(options.antialiased ? 1 : 0);
-  content += '\0';
-  put_positions(content, means, bits);
-  const torch::Tensor alphas = file_tensor(gaussians.logit_opacities, torch::kFloat64).sigmoid();
-  for (int64_t i = 0; i < count; ++i) put_byte(content, alphas.data_ptr<double>()[i] * 255);
-  const torch::Tensor dc = sh.select(1, 0).contiguous();
-  for (int64_t i = 0; i < dc.numel(); ++i) {
-    put_byte(content, dc.data_ptr<double>()[i] * kColorScale * 255 + 127.5);
+  JADE_CHECK(options.version >= 2 && options.version <= 4,
+             "encode_spz: expected version 2, 3 or 4, found ", options.version);
+  JADE_CHECK(gaussians.size() < 60'000'000,
+             "encode_spz: too many Gaussians for one stream: ", gaussians.size());
+  const int bits = fitting_bits(gaussians.means, options.fractional_bits);
+  const torch::Tensor dc = gaussians.sh.select(1, 0);
+  const Streams streams = {
+      positions_of(gaussians.means, bits),
+      content_of(to_bytes(gaussians.logit_opacities.sigmoid() * 255)),
+      content_of(to_bytes(dc * (kColorScale * 255) + 127.5)),
+      content_of(to_bytes((gaussians.log_scales + 10) * 16)),
+      options.version == 2 ? rotations_2(gaussians.rotations) : rotations_3(gaussians.rotations),
+      sh_of(gaussians.sh, options)};
+  std::string header;
+  put_unsigned(header, kMagic, 4);
+  put_unsigned(header, static_cast<uint64_t>(options.version), 4);
+  put_unsigned(header, static_cast<uint64_t>(gaussians.size()), 4);
+  put_unsigned(header, static_cast<uint64_t>(sh_degree_of(gaussians.sh.size(1))), 1);
+  put_unsigned(header, static_cast<uint64_t>(bits), 1);
+  put_unsigned(header, options.antialiased ? kAntialiased : 0, 1);
+  if (options.version < 4) {
+    put_unsigned(header, 0, 1);
+    for (const std::string& stream : streams) header += stream;
+    return io::gzip(header);
   }
-  const torch::Tensor scales = file_tensor(gaussians.log_scales, torch::kFloat64);
-  for (int64_t i = 0; i < scales.numel(); ++i) {
-    put_byte(content, (scales.data_ptr<double>()[i] + 10) * 16);
+  std::string table, content;
+  uint64_t count = 0;
+  for (const std::string& stream : streams) {
+    if (stream.empty()) continue;
+    const std::string packed = io::zstd(stream);
+    put_unsigned(table, packed.size(), 8);
+    put_unsigned(table, stream.size(), 8);
+    content += packed;
+    ++count;
   }
-  put_rotations(content, file_tensor(gaussians.rotations, torch::kFloat64));
-  put_sh(content, sh, options);
-  return io::gzip(content);
+  put_unsigned(header, count, 1);
+  put_unsigned(header, kHeader4, 4);
+  header.resize(kHeader4, '\0');
+  return header + table + content;
 }
 
 void write_spz(const std::filesystem::path& path, const splat::Gaussians& gaussians,
@@ -142,6 +282,28 @@ void write_spz(const std::filesystem::path& path, const splat::Gaussians& gaussi
     throw DataError(concat(path.string(), ": ", problem.what()));
   }
   write_file(path, bytes);
+}
+
+bool is_spz(const std::string& bytes) {
+  try {
+    const std::string start = io::is_gzip(bytes) ? io::gunzip(bytes, "", 4) : bytes.substr(0, 4);
+    return start.size() == 4 && unsigned_at(start, 0, 4) == kMagic;
+  } catch (const DataError&) {
+    return false;
+  }
+}
+
+GaussianFile parse_spz(const std::string& bytes, const std::string& name) {
+  const bool packed = io::is_gzip(bytes);
+  const std::string content = packed ? io::gunzip(bytes, name) : bytes;
+  const Header header = header_of(content, name);
+  const Streams streams =
+      header.version == 4 ? unpack_streams(content, header, name) : cut(content, header, name);
+  GaussianFile file;
+  file.gaussians = decoded(streams, header);
+  file.antialiased = header.antialiased;
+  make_finite(file.gaussians);
+  return file;
 }
 
 }  // namespace jade::gaussians

@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
-#include <memory>
 #include <torch/types.h>
-#include <zip.h>
 
-#include "jade/core/atomic_file.h"
 #include "jade/core/check.h"
 #include "jade/core/error.h"
 #include "jade/io/npy.h"
@@ -14,11 +11,6 @@
 
 namespace jade::io {
 namespace {
-
-struct ZipClose {
-  void operator()(zip_t* archive) const { zip_discard(archive); }
-};
-using ZipArchive = std::unique_ptr<zip_t, ZipClose>;
 
 const ZipWords kNpzWords{"an .npz archive", "write it again with numpy.savez"};
 
@@ -62,35 +54,14 @@ NamedTensors read_npz_fields(const std::filesystem::path& path, const std::strin
 }
 
 void write_npz(const std::filesystem::path& path, const NamedTensors& arrays) {
-  const auto failed = [&] {
-    return DataError(
-        concat(path.string(), ": cannot be written; check the folder and the free space"));
-  };
-  AtomicFile target(path);
-  int code = 0;
-  ZipArchive archive(zip_open(target.temporary_path().c_str(), ZIP_CREATE | ZIP_TRUNCATE, &code));
-  if (!archive) throw failed();
-  std::vector<std::string> contents;  // libzip reads them at zip_close
-  contents.reserve(arrays.size());
+  ZipEntries entries;
   for (const auto& [name, tensor] : arrays) {
     JADE_CHECK(tensor.defined(), "write_npz: array '", name, "' is undefined");
     const torch::Tensor data = tensor.detach().cpu().contiguous();
-    contents.push_back(npy_header(data, name));
-    contents.back().append(static_cast<const char*>(data.data_ptr()), data.nbytes());
-    zip_source_t* source = zip_source_buffer(archive.get(), contents.back().data(),
-                                             contents.back().size(), /*freep=*/0);
-    const zip_int64_t index =
-        source == nullptr
-            ? -1
-            : zip_file_add(archive.get(), (name + ".npy").c_str(), source, ZIP_FL_ENC_UTF_8);
-    if (index < 0) {
-      zip_source_free(source);
-      throw failed();
-    }
+    entries.emplace_back(name + ".npy", npy_header(data, name));
+    entries.back().second.append(static_cast<const char*>(data.data_ptr()), data.nbytes());
   }
-  if (zip_close(archive.get()) != 0) throw failed();
-  static_cast<void>(archive.release());  // zip_close has freed it
-  target.commit();
+  write_zip(path, entries);
 }
 
 }  // namespace jade::io

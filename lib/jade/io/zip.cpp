@@ -7,6 +7,7 @@
 #include <memory>
 #include <zip.h>
 
+#include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 
 namespace jade::io {
@@ -75,6 +76,34 @@ void Zip::extract(const std::string& name, const std::filesystem::path& target) 
                 });
   file.close();
   if (!file) throw DataError(concat(target.string(), ": cannot be written; check the free space"));
+}
+
+void write_zip(const std::filesystem::path& path, const ZipEntries& entries, ZipPacking packing) {
+  const auto failed = [&] {
+    return DataError(
+        concat(path.string(), ": cannot be written; check the folder and the free space"));
+  };
+  AtomicFile target(path);
+  int code = 0;
+  OpenZip archive(zip_open(target.temporary_path().c_str(), ZIP_CREATE | ZIP_TRUNCATE, &code));
+  if (!archive) throw failed();
+  const zip_int32_t method = packing == ZipPacking::kStore ? ZIP_CM_STORE : ZIP_CM_DEFAULT;
+  for (const auto& [name, content] : entries) {
+    // libzip reads the content at zip_close.
+    zip_source_t* source =
+        zip_source_buffer(archive.get(), content.data(), content.size(), /*freep=*/0);
+    const zip_int64_t index =
+        source == nullptr ? -1
+                          : zip_file_add(archive.get(), name.c_str(), source, ZIP_FL_ENC_UTF_8);
+    if (index < 0) {
+      zip_source_free(source);
+      throw failed();
+    }
+    zip_set_file_compression(archive.get(), static_cast<zip_uint64_t>(index), method, 0);
+  }
+  if (zip_close(archive.get()) != 0) throw failed();
+  static_cast<void>(archive.release());  // zip_close has freed it
+  target.commit();
 }
 
 }  // namespace jade::io

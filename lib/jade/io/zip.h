@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace jade::io {
@@ -34,5 +35,16 @@ class Zip {
   ZipWords words_;
   std::vector<std::string> names_;
 };
+
+/// Name and content of an entry.
+using ZipEntries = std::vector<std::pair<std::string, std::string>>;
+
+enum class ZipPacking { kDeflate, kStore };
+
+/// Writes an archive through an AtomicFile, in the given order.
+/// @param packing  kStore for content that is compressed already
+/// @throws DataError naming the path.
+void write_zip(const std::filesystem::path& path, const ZipEntries& entries,
+               ZipPacking packing = ZipPacking::kDeflate);
 
 }  // namespace jade::io

@@ -4,12 +4,14 @@
 #include <algorithm>
 #include <cstring>
 
+#include "jade/gaussians/scene_file.h"
 #include "jade/splat/render.h"
 
 namespace jade::simulate {
 
-GaussianSource::GaussianSource(const std::filesystem::path& ply) : file_(gaussians::read_ply(ply)) {
-  gaussians::check_some(file_.gaussians, ply);
+GaussianSource::GaussianSource(const std::filesystem::path& path)
+    : file_(gaussians::read_gaussians(path)) {
+  gaussians::check_some(file_.gaussians, path);
 }
 
 void GaussianSource::render(const geometry::Pose& camera_from_world,

@@ -9,11 +9,11 @@
 
 namespace jade::simulate {
 
-/// Splats the Gaussians of a .ply.
+/// Splats the Gaussians of a file (gaussians/scene_file.h).
 class GaussianSource : public world::FrameSource {
  public:
   /// @throws DataError naming the path for a file that holds no Gaussians.
-  explicit GaussianSource(const std::filesystem::path& ply);
+  explicit GaussianSource(const std::filesystem::path& path);
   /// `samples` has no meaning here. Depth is the expected depth, world::kNoDepth where nothing is.
   void render(const geometry::Pose& camera_from_world, const geometry::Intrinsics& camera,
               int samples, world::SharpFrame& frame) const override;

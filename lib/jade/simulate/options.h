@@ -277,7 +277,7 @@ enum class Source { kWorld, kPly, kFrames };
 
 constexpr auto words_of(Source) {
   return std::array{Word{"world", Source::kWorld, "a built-in world", "scene"},
-                    Word{"ply", Source::kPly, "a Gaussian .ply"},
+                    Word{"ply", Source::kPly, "a file of Gaussians"},
                     Word{"frames", Source::kFrames, "sharp frames"}};
 }
 
@@ -311,7 +311,9 @@ void describe(V& v, SimulateOptions& o) {
   v.renamed("scene", "world");
   v.field("world", o.world,
           "desk, workshop, bookshelf, corridor, garden, market, gallery, clutter");
-  v.field("path", o.path, "source ply: the file; source frames: a folder with transforms.json");
+  v.field("path", o.path,
+          "source ply: the file of Gaussians (.ply, .spz, .sog, .glb, .gltf or .splat); source "
+          "frames: a folder with transforms.json");
   v.field("width", o.width, "px", Range{8, 8192});
   v.field("height", o.height, "px", Range{8, 8192});
   v.field("focal_px", o.focal_px, "px", Range{1, 1e5});

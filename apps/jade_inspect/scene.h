@@ -8,9 +8,9 @@
 
 namespace jade::apps {
 
-/// A .ply of Gaussians, or of plain points, as text or JSON on stdout.
+/// A file of Gaussians, or a .ply of plain points, as text or JSON on stdout.
 /// @throws DataError naming the path.
-void inspect_ply(const std::filesystem::path& path, bool json);
+void inspect_scene(const std::filesystem::path& path, bool json);
 
 /// @param antialiased  they are to be rendered as Mip-Splatting does.
 void print_text(const gaussians::GaussianSummary& summary, bool antialiased = false);

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "jade_inspect/ply.h"
+#include "jade_inspect/scene.h"
 
 #include <cstdio>
 
 #include "jade/gaussians/ply_kind.h"
+#include "jade/gaussians/scene_file.h"
 #include "jade/geometry/origin.h"
 
 namespace jade::apps {
@@ -83,20 +84,23 @@ void inspect_points(const std::filesystem::path& path, bool json) {
 
 }  // namespace
 
-void inspect_ply(const std::filesystem::path& path, bool json) {
-  if (!gaussians::has_gaussians(path)) return inspect_points(path, json);
-  const gaussians::PlyScene scene = gaussians::read_scene(path);
+void inspect_scene(const std::filesystem::path& path, bool json) {
+  if (gaussians::scene_kind(path) == gaussians::SceneKind::kPly &&
+      !gaussians::has_gaussians(path)) {
+    return inspect_points(path, json);
+  }
+  const gaussians::SceneFile scene = gaussians::read_scene_file(path);
   const gaussians::GaussianFile& file = scene.file;
   const GaussianSummary summary = gaussians::summarize(file.gaussians);
   if (json) {
     nlohmann::json result = to_json(summary, file.antialiased);
     result["origin"] = file.origin;
-    result["kind"] = word_of(scene.kind);
+    result["kind"] = scene.kind;
     result["flat"] = scene.flat;
     std::printf("%s\n", result.dump(2).c_str());
     return;
   }
-  std::printf("file        %s\n", word_of(scene.kind));
+  std::printf("file        %s\n", scene.kind.c_str());
   print_text(summary, file.antialiased);
   print_origin(file.origin);
   if (scene.flat > 0) {

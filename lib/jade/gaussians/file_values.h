@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the readers and writers of files of Gaussians do with numbers alike. Not for use outside
+// this folder.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <torch/types.h>
+#include <vector>
+
+#include "jade/geometry/pose.h"
+#include "jade/splat/gaussians.h"
+
+namespace jade::gaussians {
+
+/// Opacities and scales that no float can hold or no renderer draws become the nearest that mean
+/// the same. Returns how many Gaussians are flat.
+int64_t make_finite(splat::Gaussians& gaussians);
+
+/// An origin near the points where they lie far from their own; else zero.
+/// @param places  [P,3]
+geometry::Vector3 found_origin(const torch::Tensor& places);
+
+/// The degree of SH with that many coefficients: 1, 4, 9 or 16.
+int sh_degree_of(int64_t coefficients);
+
+/// Values rounded to bytes, clamped to 0 to 255.
+torch::Tensor to_bytes(const torch::Tensor& values);
+
+/// The memory of a tensor.
+std::string content_of(const torch::Tensor& tensor);
+
+/// Bytes as a tensor of that shape, float32. @pre there are as many.
+torch::Tensor numbers_of(std::string_view bytes, const std::vector<int64_t>& shape);
+
+/// The little-endian unsigned number at `at`. @pre the bytes reach so far.
+uint64_t unsigned_at(std::string_view bytes, size_t at, size_t size);
+
+/// Appends a number little-endian.
+void put_unsigned(std::string& out, uint64_t value, size_t size);
+
+}  // namespace jade::gaussians

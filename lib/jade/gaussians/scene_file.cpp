@@ -1,0 +1,165 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/gaussians/scene_file.h"
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "jade/core/atomic_file.h"
+#include "jade/core/check.h"
+#include "jade/gaussians/file_values.h"
+#include "jade/gaussians/gltf_file.h"
+#include "jade/gaussians/ply_kind.h"
+#include "jade/gaussians/ply_packed.h"
+#include "jade/gaussians/sog_file.h"
+#include "jade/gaussians/splat_file.h"
+#include "jade/gaussians/spz_file.h"
+#include "jade/gaussians/summary.h"
+#include "jade/geometry/origin.h"
+#include "jade/io/zip.h"
+
+namespace jade::gaussians {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Enough of a gzip file to unpack the mark of an .spz.
+constexpr size_t kStart = 4096;
+const char* const kPackedPly = ".compressed.ply";
+
+std::string start_of(const fs::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  std::string start(kStart, '\0');
+  in.read(start.data(), static_cast<std::streamsize>(start.size()));
+  start.resize(static_cast<size_t>(in.gcount()));
+  return start;
+}
+
+bool begins(const std::string& text, const std::string& with) {
+  return text.compare(0, with.size(), with) == 0;
+}
+
+bool ends(const fs::path& path, const std::string& with) {
+  const std::string name = path.filename().string();
+  return name.size() > with.size() &&
+         name.compare(name.size() - with.size(), with.size(), with) == 0;
+}
+
+bool is_sog_archive(const fs::path& path) {
+  try {
+    return io::Zip(path).has("meta.json");
+  } catch (const DataError&) {
+    return false;
+  }
+}
+
+std::optional<SceneKind> kind_of_json(const fs::path& path) {
+  const nlohmann::json document = nlohmann::json::parse(read_file(path), nullptr, false);
+  if (!document.is_object()) return std::nullopt;
+  if (document.contains("asset") && document.contains("meshes")) return SceneKind::kGltf;
+  if (document.contains("means") && document.contains("quats")) return SceneKind::kSog;
+  return std::nullopt;
+}
+
+std::optional<SceneKind> kind_of_content(const fs::path& path) {
+  const std::string start = start_of(path);
+  if (begins(start, "ply")) return SceneKind::kPly;
+  if (begins(start, "glTF")) return SceneKind::kGltf;
+  if (is_spz(start)) return SceneKind::kSpz;
+  if (begins(start, "PK") && is_sog_archive(path)) return SceneKind::kSog;
+  const size_t first = start.find_first_not_of(" \t\r\n");
+  if (first != std::string::npos && start[first] == '{') return kind_of_json(path);
+  return std::nullopt;
+}
+
+std::optional<SceneKind> kind_of_ending(const fs::path& path) {
+  const std::string ending = path.extension().string();
+  for (const auto& [known, kind] :
+       {std::pair{".ply", SceneKind::kPly}, std::pair{".spz", SceneKind::kSpz},
+        std::pair{".sog", SceneKind::kSog}, std::pair{".glb", SceneKind::kGltf},
+        std::pair{".gltf", SceneKind::kGltf}, std::pair{".splat", SceneKind::kSplat}}) {
+    if (ending == known) return kind;
+  }
+  return std::nullopt;
+}
+
+SceneFile read_as(SceneKind kind, const fs::path& path) {
+  switch (kind) {
+    case SceneKind::kPly: {
+      PlyScene scene = read_scene(path);
+      return {std::move(scene.file), word_of(scene.kind), scene.flat};
+    }
+    case SceneKind::kSpz:
+      return {parse_spz(read_file(path), path.string()), ".spz (Niantic)"};
+    case SceneKind::kSog:
+      return {read_sog(path), ".sog (PlayCanvas, SuperSplat)"};
+    case SceneKind::kGltf:
+      return {read_gltf(path), "glTF with KHR_gaussian_splatting"};
+    case SceneKind::kSplat:
+      return {read_splat(path), ".splat"};
+  }
+  throw ContractError("read_as: unknown kind");
+}
+
+/// Moves means far from the origin to one of their own, where the file names none.
+void move_far(GaussianFile& file) {
+  if (!geometry::is_zero(file.origin)) return;
+  const geometry::Vector3 found = found_origin(file.gaussians.means);
+  if (geometry::is_zero(found)) return;
+  const torch::Tensor shift = torch::tensor({found[0], found[1], found[2]}, torch::kFloat64);
+  file.gaussians.means = (file.gaussians.means.to(torch::kFloat64) - shift).to(torch::kFloat32);
+  file.origin = found;
+}
+
+}  // namespace
+
+std::optional<SceneKind> scene_kind(const fs::path& path) {
+  if (!fs::is_regular_file(path)) return std::nullopt;
+  const std::optional<SceneKind> found = kind_of_content(path);
+  return found ? found : kind_of_ending(path);
+}
+
+SceneFile read_scene_file(const fs::path& path) {
+  const std::optional<SceneKind> kind = scene_kind(path);
+  if (!kind) {
+    throw DataError(concat(path.string(), ": expected Gaussians in ", kReadEndings, ", found ",
+                           fs::is_directory(path)      ? "a folder"
+                           : fs::is_regular_file(path) ? "another kind of file"
+                                                       : "nothing",
+                           "; give the file of the scene"));
+  }
+  SceneFile scene = read_as(*kind, path);
+  move_far(scene.file);
+  return scene;
+}
+
+GaussianFile read_gaussians(const fs::path& path) { return read_scene_file(path).file; }
+
+bool is_exact(const fs::path& path) { return ends(path, ".ply") && !ends(path, kPackedPly); }
+
+bool can_write(const fs::path& path) {
+  return kind_of_ending(path).has_value() && !ends(path, ".gltf");
+}
+
+void write_scene_file(const fs::path& path, const GaussianFile& file, const SceneWriting& writing) {
+  JADE_CHECK(can_write(path), "write_scene_file: unknown ending of ", path.string());
+  if (is_exact(path)) return write_ply(path, file, writing.coordinates);
+  switch (*kind_of_ending(path)) {
+    case SceneKind::kPly:
+      return write_file(path, encode_packed_ply(drawable(file.gaussians)));
+    case SceneKind::kSpz: {
+      SpzOptions options;
+      options.antialiased = file.antialiased;
+      options.version = writing.spz_version;
+      return write_spz(path, file.gaussians, options);
+    }
+    case SceneKind::kSog:
+      return write_sog(path, file);
+    case SceneKind::kGltf:
+      return write_glb(path, file);
+    case SceneKind::kSplat:
+      return write_splat(path, file.gaussians);
+  }
+}
+
+}  // namespace jade::gaussians

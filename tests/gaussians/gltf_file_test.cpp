@@ -1,0 +1,161 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/gaussians/gltf_file.h"
+
+#include "support/catch.h"
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "file_bytes.h"
+#include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
+#include "jade/gaussians/axes.h"
+#include "random_gaussians.h"
+#include "support/temp_dir.h"
+
+namespace jade::gaussians {
+namespace {
+
+using nlohmann::json;
+
+size_t u32_at(const std::string& content, size_t at) {
+  size_t value = 0;
+  for (size_t i = 0; i < 4; ++i)
+    value |= static_cast<size_t>(test::byte_at(content, at + i)) << 8 * i;
+  return value;
+}
+
+/// A .glb as a .gltf and its buffer in a.bin, for tests to change.
+json opened(const std::filesystem::path& glb, const std::filesystem::path& folder) {
+  const std::string content = read_file(glb);
+  REQUIRE(content.substr(0, 4) == "glTF");
+  REQUIRE(u32_at(content, 4) == 2);
+  REQUIRE(u32_at(content, 8) == content.size());
+  const size_t size = u32_at(content, 12);
+  REQUIRE(content.substr(16, 4) == "JSON");
+  const size_t binary = 20 + size;
+  REQUIRE(content.substr(binary + 4, 4) == std::string("BIN\0", 4));
+  REQUIRE(u32_at(content, binary) == content.size() - binary - 8);
+  write_file(folder / "a.bin", content.substr(binary + 8));
+  json document = json::parse(content.substr(20, size));
+  document["buffers"][0]["uri"] = "a.bin";
+  return document;
+}
+
+struct GltfFixture {
+  test::TempDir dir;
+  splat::Gaussians gaussians = test::random_gaussians(30, 9);
+  json document;
+  GltfFixture() {
+    write_glb(dir / "a.glb", {gaussians, false});
+    document = opened(dir / "a.glb", dir.path());
+  }
+  splat::Gaussians read() const {
+    write_file(dir / "a.gltf", document.dump());
+    return read_gltf(dir / "a.gltf").gaussians;
+  }
+};
+
+TEST_CASE("gltf: attributes are those of the extension", "[gaussians]") {
+  const GltfFixture fixture;
+  CHECK(fixture.document["asset"]["version"] == "2.0");
+  CHECK(fixture.document["extensionsUsed"] == json{"KHR_gaussian_splatting"});
+  const json& primitive = fixture.document["meshes"][0]["primitives"][0];
+  CHECK(primitive["mode"] == 0);
+  CHECK(primitive["extensions"]["KHR_gaussian_splatting"]["kernel"] == "ellipse");
+  const json& attributes = primitive["attributes"];
+  CHECK(attributes.size() == 4 + 9);
+  const auto first = [&](const std::string& name) {
+    const json& accessor = fixture.document["accessors"][attributes.at(name).get<size_t>()];
+    CHECK(accessor["componentType"] == 5126);
+    CHECK(accessor["count"] == 30);
+    const auto view = accessor["bufferView"].get<size_t>();
+    float value = 0;
+    const std::string buffer = read_file(fixture.dir / "a.bin");
+    std::memcpy(&value,
+                buffer.data() + fixture.document["bufferViews"][view]["byteOffset"].get<size_t>(),
+                4);
+    return value;
+  };
+  const splat::Gaussians& g = fixture.gaussians;
+  const std::string extension = "KHR_gaussian_splatting:";
+  CHECK(first("POSITION") == g.means[0][0].item<float>());
+  CHECK(first(extension + "SCALE") == Approx(std::exp(g.log_scales[0][0].item<float>())));
+  CHECK(first(extension + "OPACITY") == Approx(g.logit_opacities[0].sigmoid().item<float>()));
+  CHECK(first(extension + "ROTATION") ==
+        Approx((g.rotations[0][1] / g.rotations[0].norm()).item<float>()));
+  CHECK(first(extension + "SH_DEGREE_0_COEF_0") == g.sh[0][0][0].item<float>());
+  // −C1 y changes its sign with y; C1 z too; of degree 2 the product yz keeps it.
+  CHECK(first(extension + "SH_DEGREE_1_COEF_0") == -g.sh[0][1][0].item<float>());
+  CHECK(first(extension + "SH_DEGREE_2_COEF_1") == g.sh[0][5][0].item<float>());
+}
+
+TEST_CASE("gltf: nodes move their Gaussians", "[gaussians]") {
+  GltfFixture fixture;
+  // A quarter turn about y, twice as large, and a parent's shift.
+  const double half = std::sqrt(0.5);
+  fixture.document["nodes"] = {
+      {{"children", {1}}, {"translation", {1, 2, 3}}},
+      {{"mesh", 0}, {"rotation", {0, half, 0, half}}, {"scale", {2, 2, 2}}}};
+  const splat::Gaussians found = fixture.read();
+  // In glTF's axes x → 2 z + 1, y → 2 y + 2, z → −2 x + 3.
+  const torch::Tensor file = half_turn(fixture.gaussians).means;
+  const torch::Tensor expected = torch::stack(
+      {2 * file.select(1, 2) + 1, 2 * file.select(1, 1) + 2, -2 * file.select(1, 0) + 3}, 1);
+  CHECK(torch::allclose(half_turn(found).means, expected, 1e-5, 1e-5));
+  CHECK(
+      torch::allclose(found.log_scales, fixture.gaussians.log_scales + std::log(2.0), 1e-5, 1e-5));
+  // A matrix is written column by column.
+  fixture.document["nodes"][1] = {{"mesh", 0},
+                                  {"matrix", {0, 0, -2, 0, 0, 2, 0, 0, 2, 0, 0, 0, 0, 0, 0, 1}}};
+  CHECK(torch::allclose(fixture.read().means, found.means, 1e-5, 1e-5));
+  fixture.document["nodes"][1]["matrix"][0] = 1;
+  CHECK_THROWS_WITH(fixture.read(), Catch::Contains("stretches"));
+  fixture.document["nodes"][0]["children"] = {0};
+  CHECK_THROWS_WITH(fixture.read(), Catch::Contains("nested without end"));
+}
+
+TEST_CASE("gltf: two nodes with one mesh are twice as many Gaussians", "[gaussians]") {
+  GltfFixture fixture;
+  fixture.document["nodes"].push_back({{"mesh", 0}});
+  fixture.document["scenes"][0]["nodes"] = {0, 1};
+  CHECK(fixture.read().size() == 60);
+}
+
+TEST_CASE("gltf: what is not read is named", "[gaussians]") {
+  const auto told = [](const std::function<void(json&)>& change) {
+    GltfFixture fixture;
+    change(fixture.document);
+    try {
+      fixture.read();
+    } catch (const DataError& error) {
+      CHECK(std::string(error.what()).find('\n') == std::string::npos);
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  const auto primitive = [](json& d) -> json& { return d["meshes"][0]["primitives"][0]; };
+  CHECK_THAT(told([&](json& d) { primitive(d).erase("extensions"); }),
+             Catch::Contains("no Gaussians"));
+  CHECK_THAT(told([&](json& d) {
+               primitive(d)["extensions"]["KHR_gaussian_splatting"]["extensions"] = {
+                   {"KHR_gaussian_splatting_compression_spz_2", {{"bufferView", 0}}}};
+             }),
+             Catch::Contains("KHR_gaussian_splatting_compression_spz_2"));
+  CHECK_THAT(told([&](json& d) {
+               primitive(d)["extensions"]["KHR_gaussian_splatting"]["kernel"] = "box";
+             }),
+             Catch::Contains("kernel box"));
+  CHECK_THAT(
+      told([&](json& d) { primitive(d)["attributes"].erase("KHR_gaussian_splatting:SCALE"); }),
+      Catch::Contains("no attribute KHR_gaussian_splatting:SCALE"));
+  CHECK_THAT(told([](json& d) { d["accessors"][0]["count"] = 1000000000; }),
+             Catch::Contains("beyond the end"));
+  CHECK_THAT(told([](json& d) { d["bufferViews"][0]["byteOffset"] = 1u << 31; }),
+             Catch::Contains("beyond the end"));
+  CHECK_THAT(told([](json& d) { d["buffers"][0]["uri"] = "data:text"; }), Catch::Contains(".glb"));
+  CHECK_THAT(told([](json& d) { d["accessors"] = "none"; }), Catch::Contains("missing"));
+}
+
+}  // namespace
+}  // namespace jade::gaussians
