@@ -27,7 +27,7 @@ __device__ __forceinline__ Splat make_splat(const RenderCall& call, const m::Sha
                                             const m::Camera<float>& camera, const float* sh) {
   Splat splat{};
   const m::Screen<float> screen = m::project(shape, camera, call.antialiased);
-  if (!m::is_drawable(screen, call.near_plane)) return splat;
+  if (!m::is_drawable(screen, call.near_plane, call.far_plane)) return splat;
   const float log2_opacity = m::log2(screen.opacity);
   const float reach = m::reach(log2_opacity);
   if (!(reach > 0.0f)) return splat;
@@ -82,7 +82,7 @@ __global__ void __launch_bounds__(kProjectThreads, kCount ? 4 : 5)
   m::RawShape<float> raw{};
   const bool usable = load_gaussian<kDegree>(call, index, sh, &raw);
   if (!usable && index < call.count && group == 0) atomicAdd(&call.counters->rejected, 1ull);
-  const m::Shape<float> shape = m::activate(raw);
+  const m::Shape<float> shape = m::activate(raw, call.activated);
   for (int chunk = 0; chunk < call.views; chunk += kCameraChunk) {
     const int length = min(kCameraChunk, call.views - chunk);
     __syncthreads();
@@ -274,6 +274,11 @@ __device__ __forceinline__ void store_sh(const RenderCall& call, int first, int 
   }
 }
 
+__device__ __forceinline__ void store_mean2d(const RenderCall& call, int view, int index, float x,
+                                             float y, float* target) {
+  reinterpret_cast<float2*>(target)[int64_t(view) * call.count + index] = make_float2(x, y);
+}
+
 /// Adds a view's gradient to a thread's Gaussian and, summed over the warp, to the camera.
 template <int kDegree, bool kDepth>
 __device__ __forceinline__ void gather_view(const RenderCall& call, const Gradients& gradients,
@@ -298,6 +303,11 @@ __device__ __forceinline__ void gather_view(const RenderCall& call, const Gradie
     if (gradients.gradient_norm != nullptr && counts) {
       add_statistics(call, shape, camera, on_screen, s);
     }
+    if (gradients.means2d != nullptr) {
+      store_mean2d(call, view, index, on_screen.x, on_screen.y, gradients.means2d);
+    }
+  } else if (gradients.means2d != nullptr && index < call.count) {
+    store_mean2d(call, view, index, 0, 0, gradients.means2d);
   }
   for (int c = 0; c < 3; ++c) {
     s.on_sh[in_chunk][c][row] = on_sh.direction[c];
@@ -322,7 +332,8 @@ __device__ __forceinline__ void store_gaussian(const RenderCall& call, const Gra
   m::RawShape<float> raw;  // loaded again: registers are what limits the kernel
   load_raw(call, index, &raw);
   m::replace_unusable(usable, &raw);
-  const m::RawShape<float> grad = m::activate_adjoint(raw, m::activate(raw), on_shape);
+  const m::RawShape<float> grad =
+      m::activate_adjoint(raw, m::activate(raw, call.activated), on_shape, call.activated);
   for (int k = 0; k < 3; ++k) gradients.means[3ll * index + k] = grad.mean[k];
   for (int k = 0; k < 4; ++k) gradients.rotations[4ll * index + k] = grad.quaternion[k];
   for (int k = 0; k < 3; ++k) gradients.log_scales[3ll * index + k] = grad.log_scale[k];
@@ -356,7 +367,7 @@ __global__ void __launch_bounds__(kAdjointThreads, kAdjointBlocks)
     if (chunk == 0) {
       m::RawShape<float> raw{};
       usable = load_gaussian<kDegree>(call, index, s.sh_rows + row * kShRow, &raw);
-      shape = m::activate(raw);
+      shape = m::activate(raw, call.activated);
     }
     for (int view = group; view < views; view += kAdjointGroups) {
       gather_view<kDegree, kDepth>(call, gradients, shape, chunk + view, view, row, index,
