@@ -46,6 +46,7 @@ def splat(
         sh: [N, K, 3], K = 1, 4, 9 or 16 coefficients; the colour is max(0, SH + 0.5).
         viewmats: [C, 4, 4], from the world to the camera (x right, y down, z forward).
         intrinsics: [C, 4], fx, fy, cx, cy in px; constant.
+        sh_degree: active degree; at most what `sh` holds is used.
         deterministic: bit-equal gradients on a GPU; on the CPU they always are.
         smooth_cutoff: for gradient tests on the CPU: the image becomes a differentiable function of every input.
 
@@ -55,10 +56,13 @@ def splat(
     tensors = {"means": means, "quats": quats, "log_scales": log_scales, "logit_opacities": logit_opacities, "sh": sh,
                "viewmats": viewmats, "intrinsics": intrinsics}
     _check_tensors(tensors)
-    color, alpha, depth_sum = _call(
-        tuple(tensor.contiguous() for tensor in tensors.values()), None, width, height, sh_degree, near_plane,
-        _FARTHEST, False, antialiased, depth, smooth_cutoff, deterministic,
-    )
+    degrees = {1: 0, 4: 1, 9: 2, 16: 3}
+    if sh.dim() != 3 or sh.shape[1] not in degrees or not 0 <= sh_degree <= 3:
+        raise ValueError(f"sh, sh_degree: expected [N, 1, 4, 9 or 16, 3] and 0 to 3, found {tuple(sh.shape)}, {sh_degree}")
+    sh_degree = min(sh_degree, degrees[sh.shape[1]])
+    scalars = (width, height, sh_degree, near_plane, _FARTHEST, False, antialiased, depth, smooth_cutoff, deterministic)
+    inputs = tuple(tensor.contiguous() for tensor in tensors.values())
+    color, alpha, depth_sum = _ops.render(inputs, None, scalars, True)
     return color, alpha, depth_sum if depth else None
 
 
@@ -130,7 +134,6 @@ def rasterization(
         tangential_coeffs=tangential_coeffs is not None, thin_prism_coeffs=thin_prism_coeffs is not None,
         ftheta_coeffs=ftheta_coeffs is not None, viewmats_rs=viewmats_rs is not None,
         rolling_shutter=rolling_shutter is not None and getattr(rolling_shutter, "name", "") != "GLOBAL",
-        Ks=Ks.requires_grad,
     )
     if render_mode not in _MODES:
         raise ValueError(f"render_mode: expected one of {', '.join(_MODES)}, found {render_mode!r}")
@@ -138,7 +141,8 @@ def rasterization(
         raise ValueError(f"rasterize_mode: expected classic or antialiased, found {rasterize_mode!r}")
     gaussians = (means, quats, scales, opacities)
     _check_tensors({"means": means, "quats": quats, "scales": scales, "opacities": opacities, "colors": colors,
-                    "viewmats": viewmats, "Ks": Ks, "backgrounds": backgrounds})
+                    "viewmats": viewmats, "Ks": Ks, "backgrounds": backgrounds}, optional=("backgrounds",))
+    _refuse(Ks=Ks.requires_grad)
     batch, views = _check_shapes(*gaussians, colors, viewmats, Ks, width, height, sh_degree)
     channels = 3 if sh_degree is not None else colors.shape[-1]
     if backgrounds is not None:
@@ -153,86 +157,93 @@ def rasterization(
     means2d = None
     if wants and not compiling:
         means2d = means.new_empty((*batch, views, count, 2)).requires_grad_()
-    intrinsics = torch.stack([Ks[..., 0, 0], Ks[..., 1, 1], Ks[..., 0, 2], Ks[..., 1, 2]], -1)
     scalars = (width, height, near_plane, min(far_plane, _FARTHEST), antialiased)
-    tensors = (*gaussians, colors, viewmats, intrinsics, means2d)
+    tensors = (*gaussians, colors, viewmats, _intrinsics(Ks), means2d)
     if not batch:
-        planes, alpha, depth_sum = _render_scene(tensors, sh_degree, render_mode, *scalars)
+        pixels, alpha, depth_sum = _render_scene(tensors, sh_degree, render_mode, *scalars)
     else:
         flat = [None if t is None else t.reshape(-1, *t.shape[len(batch):]) for t in tensors]
         scenes = [
             _render_scene(tuple(None if t is None else t[b] for t in flat), sh_degree, render_mode, *scalars)
             for b in range(math.prod(batch))
         ]
-        planes, alpha, depth_sum = (
+        pixels, alpha, depth_sum = (
             None if parts[0] is None else torch.stack(parts).unflatten(0, batch) for parts in zip(*scenes)
         )
 
-    images = []
-    if planes is not None:
-        if backgrounds is not None:
-            planes = planes + (1 - alpha) * backgrounds[..., None, None]
-        images.append(planes)
-    if depth_sum is not None:
-        images.append(depth_sum / alpha.clamp(min=1e-10) if "ED" in render_mode else depth_sum)
-    image = images[0] if len(images) == 1 else torch.cat(images, -3)
+    if pixels is not None and backgrounds is not None:
+        pixels = pixels + (1 - alpha) * backgrounds[..., None, None, :]
+    if depth_sum is not None and "ED" in render_mode:
+        depth_sum = depth_sum / alpha.clamp(min=1e-10)
+    if pixels is None:
+        image = depth_sum
+    else:
+        image = pixels if depth_sum is None else torch.cat([pixels, depth_sum], -1)
     numbers = screen_numbers(width, height, tile_size, math.prod(batch), views)
     meta: Any = numbers
     if not compiling:
         cameras = Cameras(viewmats.detach(), Ks, width, height, near_plane, far_plane, antialiased)
         meta = Meta(numbers, tuple(t.detach() for t in gaussians), cameras, means2d, packed)
-    return image.movedim(-3, -1).contiguous(), alpha.movedim(-3, -1), meta
+    return image, alpha, meta
+
+
+_intrinsics_order: dict[torch.device, Tensor] = {}
+
+
+def _intrinsics(Ks: Tensor) -> Tensor:
+    """fx, fy, cx, cy [..., 4]."""
+    if torch.compiler.is_compiling():
+        return torch.stack([Ks[..., 0, 0], Ks[..., 1, 1], Ks[..., 0, 2], Ks[..., 1, 2]], -1)
+    order = _intrinsics_order.get(Ks.device)
+    if order is None:
+        order = _intrinsics_order[Ks.device] = torch.tensor([0, 4, 2, 5], device=Ks.device)
+    return Ks.detach().flatten(-2).index_select(-1, order)
 
 
 def _render_scene(
     tensors: tuple, sh_degree: int | None, mode: str, width: int, height: int, near: float, far: float,
     antialiased: bool,
 ) -> tuple[Tensor | None, Tensor, Tensor | None]:
-    """One scene: planes [C, D, H, W] or None, alpha [C, 1, H, W], Σ w z or None."""
+    """One scene: pixels [C, H, W, D] or None, alpha [C, H, W, 1], Σ w z or None."""
     *gaussians, colors, viewmats, intrinsics, means2d = tensors
     gaussians = [t.contiguous() for t in gaussians]
     per_view = colors.dim() == (3 if sh_degree is None else 4)
     if mode in ("D", "ED"):
         groups, per_view, degree = [colors.new_zeros((gaussians[0].shape[0], 1, 3))], False, _PLAIN
     elif sh_degree is not None:
-        groups, degree = [colors if colors.shape[-2] in (1, 4, 9, 16) else colors[..., : (sh_degree + 1) ** 2, :]], sh_degree
+        whole = colors.shape[-2] in (1, 4, 9, 16)
+        groups, degree = [colors if whole else colors[..., : (sh_degree + 1) ** 2, :]], sh_degree
     else:
         # Three channels per pass.
         padding = -colors.shape[-1] % 3
         padded = torch.nn.functional.pad(colors, (0, padding)) if padding else colors
         groups, degree = [part.unsqueeze(-2) for part in padded.split(3, -1)], _PLAIN
 
-    def call(color: Tensor, view: slice, depth: bool):
-        inputs = (*gaussians, color.contiguous(), viewmats[view].contiguous(), intrinsics[view].contiguous())
-        return _call(inputs, None if means2d is None else means2d[view], width, height, degree, near, far, True,
-                     antialiased, depth, False, torch.are_deterministic_algorithms_enabled())
+    deterministic = torch.are_deterministic_algorithms_enabled()
 
+    def call(color: Tensor, cameras: tuple, depth: bool) -> tuple[Tensor, ...]:
+        poses, values, screen = cameras
+        inputs = (*gaussians, color.contiguous(), poses.contiguous(), values.contiguous())
+        scalars = (width, height, degree, near, far, True, antialiased, depth, False, deterministic)
+        return _ops.render(inputs, screen, scalars, False)
+
+    cameras = (viewmats, intrinsics, means2d)
     passes = []
     for index, group in enumerate(groups):
         depth = index == 0 and mode != "RGB"
         if per_view:
-            parts = [call(group[v], slice(v, v + 1), depth) for v in range(viewmats.shape[0])]
+            views = [tuple(None if t is None else t[v : v + 1] for t in cameras) for v in range(viewmats.shape[0])]
+            parts = [call(group[v], view, depth) for v, view in enumerate(views)]
             passes.append(tuple(torch.cat(images) for images in zip(*parts)))
         else:
-            passes.append(call(group, slice(None), depth))
-    _, alpha, depth_sum = passes[0]
-    planes = passes[0][0] if len(passes) == 1 else torch.cat([images[0] for images in passes], 1)
+            passes.append(call(group, cameras, depth))
+    pixels, alpha, depth_sum = passes[0]
+    if len(passes) > 1:
+        pixels = torch.cat([images[0] for images in passes], -1)
     channels = 3 if sh_degree is not None else colors.shape[-1]
-    if planes.shape[1] != channels:
-        planes = planes[:, :channels]
-    return (None if mode in ("D", "ED") else planes), alpha, (None if mode == "RGB" else depth_sum)
-
-
-def _call(
-    inputs: tuple[Tensor, ...], means2d: Tensor | None, width: int, height: int, sh_degree: int, near: float,
-    far: float, activated: bool, antialiased: bool, depth: bool, smooth_cutoff: bool, deterministic: bool,
-) -> tuple[Tensor, Tensor, Tensor]:
-    needs_backward = torch.is_grad_enabled() and any(t.requires_grad for t in inputs)
-    color, alpha, depth_sum, *_ = _ops.forward(
-        *inputs, means2d, width, height, sh_degree, near, far, activated, antialiased, depth, smooth_cutoff,
-        deterministic, needs_backward,
-    )
-    return color, alpha, depth_sum
+    if pixels.shape[-1] != channels:
+        pixels = pixels[..., :channels]
+    return (None if mode in ("D", "ED") else pixels), alpha, (None if mode == "RGB" else depth_sum)
 
 
 def _refuse(**used: bool) -> None:
@@ -241,13 +252,14 @@ def _refuse(**used: bool) -> None:
             raise NotImplementedError(f"{name}: not supported by jade_splat.rasterization; leave its default")
 
 
-def _check_tensors(tensors: dict[str, Tensor | None]) -> None:
+def _check_tensors(tensors: dict[str, Tensor | None], optional: tuple[str, ...] = ()) -> None:
+    for name, tensor in tensors.items():
+        if not isinstance(tensor, Tensor) and not (tensor is None and name in optional):
+            raise TypeError(f"{name}: expected a tensor, found {type(tensor).__name__}")
     means = tensors["means"]
     for name, tensor in tensors.items():
         if tensor is None:
             continue
-        if not isinstance(tensor, Tensor):
-            raise TypeError(f"{name}: expected a tensor, found {type(tensor).__name__}")
         if tensor.device != means.device:
             raise ValueError(f"{name}: expected a tensor on {means.device}, as means, found one on {tensor.device}")
         if tensor.dtype not in (torch.float32, torch.float64):
