@@ -26,7 +26,9 @@ if torch.cuda.is_available():
     DEVICES.append(("cuda", torch.float32))
 
 
-def make_scene(count=40, channels=3, coefficients=None, per_view=False, device="cpu", dtype=torch.float64, seed=0):
+def make_scene(
+    count=30, channels=3, coefficients=None, per_view=False, device="cpu", dtype=torch.float64, seed=0
+):
     generator = torch.Generator().manual_seed(seed)
 
     def normal(*shape):
@@ -89,9 +91,14 @@ def run(render, scene, **options):
 
 
 class AgainstReference(unittest.TestCase):
+    known = {}  # what the reference gives, which is slow, in float64
+
     def compare(self, device, dtype, options, **scene_options):
         scene = make_scene(**scene_options)
-        expected = run(reference.rasterization, scene, **options)
+        key = (*options.items(), *scene_options.items())
+        if key not in self.known:
+            self.known[key] = run(reference.rasterization, scene, **options)
+        expected = self.known[key]
         scene = {name: t.to(device, dtype) for name, t in scene.items()}
         found = run(rasterization, scene, packed=False, **options)
         tolerance = 1e-9 if dtype == torch.float64 else 2e-3
@@ -122,7 +129,7 @@ class AgainstReference(unittest.TestCase):
 
     def test_harmonics(self):
         for (device, dtype), per_view, (degree, coefficients) in itertools.product(
-            DEVICES, (False, True), ((0, 1), (1, 16), (2, 9), (3, 16), (1, 6))
+            DEVICES, (False, True), ((0, 1), (2, 16), (3, 16), (1, 6))
         ):
             with self.subTest(device=device, dtype=dtype, per_view=per_view, degree=degree):
                 self.compare(device, dtype, {"sh_degree": degree}, coefficients=coefficients, per_view=per_view)
@@ -134,7 +141,7 @@ class AgainstReference(unittest.TestCase):
             image, alpha, meta = rasterization(**batch, width=WIDTH, height=HEIGHT, packed=False)
             self.assertEqual(image.shape, (2, 1, VIEWS, HEIGHT, WIDTH, 3))
             self.assertEqual(alpha.shape, (2, 1, VIEWS, HEIGHT, WIDTH, 1))
-            self.assertEqual(meta["radii"].shape, (2, 1, VIEWS, 40, 2))
+            self.assertEqual(meta["radii"].shape, (2, 1, VIEWS, 30, 2))
             for b, scene in enumerate(scenes):
                 alone, _, _ = rasterization(**scene, width=WIDTH, height=HEIGHT)
                 self.assertTrue(torch.equal(image[b, 0], alone))
@@ -285,7 +292,7 @@ class Meta(unittest.TestCase):
         if not packed:
             shown = (radii > 0).all(-1)
             ids, grads, radii = torch.where(shown)[1], grads[shown], radii[shown]
-        norms, counts = torch.zeros(40, dtype=grads.dtype), torch.zeros(40)
+        norms, counts = torch.zeros(30, dtype=grads.dtype), torch.zeros(30)
         norms.index_add_(0, ids, grads.norm(dim=-1))
         counts.index_add_(0, ids, torch.ones(len(ids)))
         return norms, counts, radii
