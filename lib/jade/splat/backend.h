@@ -12,7 +12,7 @@
 
 namespace jade::splat {
 
-/// As sh_degree: `sh` [N,1,3] holds colours of any sign, which are blended as they are.
+/// A value of sh_degree: `sh` [N,1,3] holds colours of any sign, which are blended as they are.
 constexpr int kPlainColor = -1;
 constexpr double kFarthest = 1e12;
 

@@ -9,7 +9,7 @@
 namespace jade::splat::math {
 inline namespace JADE_ISA {
 
-/// As a degree: the one coefficient is the colour itself, of any sign.
+/// A value of `degree`: the one coefficient is the colour itself, of any sign.
 constexpr int kPlainColor = -1;
 
 JADE_HD constexpr int sh_count(int degree) {
