@@ -35,6 +35,9 @@ struct Settings {
   bool deterministic = false;
   int64_t statistics_views = -1;
   bool cameras = true;  ///< their gradients too
+  bool activated = false;
+  double far_plane = splat::kFarthest;
+  bool means2d = false;  ///< gradients on the screen too
 };
 
 struct Backend {
@@ -73,6 +76,12 @@ Outcome run(const Backend& backend, const SplatScene& scene, const Settings& set
   f.sh_degree = settings.sh_degree;
   f.antialiased = settings.antialiased;
   f.depth = settings.depth;
+  f.far_plane = settings.far_plane;
+  f.activated = settings.activated;
+  if (settings.activated) {
+    f.gaussians.log_scales = scene.gaussians.log_scales.exp();
+    f.gaussians.logit_opacities = scene.gaussians.logit_opacities.sigmoid();
+  }
   f.deterministic = settings.deterministic;
   splat::ForwardResult images = backend.forward(f);
   if (backend.forward == kCuda.forward) {
@@ -96,6 +105,7 @@ Outcome run(const Backend& backend, const SplatScene& scene, const Settings& set
   args.statistics_views = settings.statistics_views;
   args.needs_camera = settings.cameras;
   args.needs_background = true;
+  args.needs_means2d = settings.means2d;
   const splat::BackwardResult back = backend.backward(args);
   Outcome out;
   out.images = {images.color, images.alpha};
@@ -103,6 +113,7 @@ Outcome run(const Backend& backend, const SplatScene& scene, const Settings& set
   const splat::Gaussians& g = back.gaussians;
   out.gradients = {g.means, g.rotations, g.log_scales, g.logit_opacities, g.sh, back.background};
   if (settings.cameras) out.gradients.push_back(back.camera_from_world);
+  if (settings.means2d) out.gradients.push_back(back.means2d);
   out.statistics = args.statistics;
   out.rejected = images.rejected.item<int64_t>();
   if (backend.forward == kCuda.forward) out.room = images.state.tensors.at(1).size(0);
@@ -158,6 +169,27 @@ TEST_CASE("emulated cuda: images and gradients agree with the CPU backend", "[em
     INFO("degree " << degree);
     check_against_cpu(scene, settings);
   }
+}
+
+TEST_CASE(
+    "emulated cuda: activated parameters, plain colours, a far plane, gradients on the screen",
+    "[emulated]") {
+  SplatScene scene = scene_of(200, 45, 37);
+  Settings settings;
+  settings.activated = true;
+  settings.far_plane = 5;
+  settings.means2d = true;
+  check_against_cpu(scene, settings);
+  settings.sh_degree = splat::kPlainColor;
+  scene.gaussians.sh = scene.gaussians.sh.narrow(1, 0, 1).contiguous();
+  check_against_cpu(scene, settings);
+  // A screen gradient per view and Gaussian, none of it where a Gaussian is not visible.
+  const Outcome cuda = run(kCuda, scene, settings);
+  const Tensor on_screen = cuda.gradients.back();
+  REQUIRE(on_screen.sizes() == torch::IntArrayRef({3, 200, 2}));
+  const Tensor used = (on_screen != 0).any(-1).sum(0);
+  CHECK((used <= cuda.statistics.visible_count).all().item<bool>());
+  CHECK(used.sum().item<int64_t>() > 100);
 }
 
 TEST_CASE("emulated cuda: a splat that stops a pixel and colours none still counts in the adjoint",

@@ -4,25 +4,31 @@
 #pragma once
 
 #include <cstdint>
-#include <torch/types.h>
 #include <vector>
 
 #include "jade/splat/gaussians.h"
 #include "jade/splat/render.h"
+#include "jade/splat/tensor.h"
 
 namespace jade::splat {
+
+/// A value of sh_degree: `sh` [N,1,3] holds colours of any sign, which are blended as they are.
+constexpr int kPlainColor = -1;
+constexpr double kFarthest = 1e12;
 
 /// Checked by the caller: contiguous, detached, one dtype and device, N may be 0, C and the image
 /// are at least 1.
 struct ForwardArgs {
   Gaussians gaussians;
-  torch::Tensor camera_from_world;  ///< [C,4,4]
-  torch::Tensor intrinsics;         ///< [C,4], same dtype and device as the Gaussians
-  torch::Tensor background;         ///< [3]; undefined: black
+  Tensor camera_from_world;  ///< [C,4,4]
+  Tensor intrinsics;         ///< [C,4], same dtype and device as the Gaussians
+  Tensor background;         ///< [3]; undefined: black
   int64_t width = 0;
   int64_t height = 0;
-  int sh_degree = 0;  ///< active degree, at most what `sh` holds
+  int sh_degree = 0;  ///< active degree, at most what `sh` holds; kPlainColor
   double near_plane = 0.01;
+  double far_plane = kFarthest;  ///< Gaussians whose mean is farther away are culled
+  bool activated = false;        ///< scales and opacities instead of logarithms and logits
   bool antialiased = false;
   bool depth = false;
   bool smooth_cutoff = false;
@@ -34,35 +40,37 @@ struct ForwardArgs {
 /// graph, reads only `cleared`, and passes that on once. So a recording as a CUDA graph holds both
 /// passes, or the forward pass is replayed before every backward pass.
 struct SavedState {
-  std::vector<torch::Tensor> tensors;
+  std::vector<Tensor> tensors;
   std::vector<int64_t> numbers;
-  torch::Tensor cleared;  ///< zeros for the first backward call to spend; later ones have none
+  Tensor cleared;  ///< zeros for the first backward call to spend; later ones have none
 };
 
 struct ForwardResult {
-  torch::Tensor color;      ///< [C,3,H,W], background included
-  torch::Tensor alpha;      ///< [C,1,H,W]
-  torch::Tensor depth_sum;  ///< [C,1,H,W], Σ w z, not divided by alpha; undefined unless asked for
-  torch::Tensor rejected;   ///< [1] int64 on the device
+  Tensor color;      ///< [C,3,H,W], background included
+  Tensor alpha;      ///< [C,1,H,W]
+  Tensor depth_sum;  ///< [C,1,H,W], Σ w z, not divided by alpha; undefined unless asked for
+  Tensor rejected;   ///< [1] int64 on the device
   SavedState state;
 };
 
 struct BackwardArgs {
   ForwardArgs forward;  ///< the same as in the forward call
   SavedState state;
-  torch::Tensor color, alpha, depth_sum;                 ///< what the forward call returned
-  torch::Tensor grad_color, grad_alpha, grad_depth_sum;  ///< contiguous; undefined means zero
-  ScreenStatistics statistics;    ///< float32 accumulators to add to, or undefined
+  Tensor color, alpha, depth_sum;                 ///< what the forward call returned
+  Tensor grad_color, grad_alpha, grad_depth_sum;  ///< contiguous; undefined means zero
+  ScreenStatistics statistics;                    ///< float32 accumulators to add to, or undefined
   int64_t statistics_views = -1;  ///< how many views, from the first, add to them; -1: every one
   bool needs_camera = false;
   bool needs_background = false;  ///< there is one
+  bool needs_means2d = false;
 };
 
 /// Shaped as the inputs. Every element is written; what is not needed stays undefined.
 struct BackwardResult {
   Gaussians gaussians;
-  torch::Tensor camera_from_world;
-  torch::Tensor background;
+  Tensor camera_from_world;
+  Tensor background;
+  Tensor means2d;  ///< [C,N,2] in px, 0 where a Gaussian is not visible
 };
 
 namespace cpu {

@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <torch/types.h>
+#include "jade/splat/tensor.h"
 
 namespace jade::splat {
 
 /// N Gaussians by their raw (pre-activation) parameters, all of one dtype and on one device.
 struct Gaussians {
-  torch::Tensor means;            ///< [N,3] world
-  torch::Tensor rotations;        ///< [N,4] wxyz, not normalised
-  torch::Tensor log_scales;       ///< [N,3]
-  torch::Tensor logit_opacities;  ///< [N]
-  torch::Tensor sh;               ///< [N,K,3], K = 1, 4, 9 or 16; [:,0] is the DC coefficient
+  Tensor means;            ///< [N,3] world
+  Tensor rotations;        ///< [N,4] wxyz, not normalised
+  Tensor log_scales;       ///< [N,3]
+  Tensor logit_opacities;  ///< [N]
+  Tensor sh;               ///< [N,K,3], K = 1, 4, 9 or 16; [:,0] is the DC coefficient
 
   int64_t size() const { return means.size(0); }
 };

@@ -2,16 +2,15 @@
 // The splatting op: N Gaussians seen by C cameras in one differentiable call.
 #pragma once
 
-#include <torch/types.h>
-
 #include "jade/splat/gaussians.h"
+#include "jade/splat/tensor.h"
 
 namespace jade::splat {
 
 /// C pinhole cameras of one image size. OpenCV axes (x right, y down, z forward).
 struct CameraBatch {
-  torch::Tensor camera_from_world;  ///< [C,4,4], rigid; differentiable
-  torch::Tensor intrinsics;         ///< [C,4]: fx, fy, cx, cy in px; constant
+  Tensor camera_from_world;  ///< [C,4,4], rigid; differentiable
+  Tensor intrinsics;         ///< [C,4]: fx, fy, cx, cy in px; constant
   int64_t width = 0;
   int64_t height = 0;
 };
@@ -19,12 +18,12 @@ struct CameraBatch {
 /// Statistics of each Gaussian for densification. Backward passes add to these tensors in place,
 /// on their device and without synchronisation, so one set can serve many steps.
 struct ScreenStatistics {
-  torch::Tensor gradient_norm;  ///< [N] sum of ‖dL/dmean2d‖, mean2d in NDC (px · 2 / image size)
-  torch::Tensor visible_count;  ///< [N] in how many of those views it was visible
-  torch::Tensor max_radius_px;  ///< [N] largest screen radius: 3 σ of the longer axis
+  Tensor gradient_norm;  ///< [N] sum of ‖dL/dmean2d‖, mean2d in NDC (px · 2 / image size)
+  Tensor visible_count;  ///< [N] in how many of those views it was visible
+  Tensor max_radius_px;  ///< [N] largest screen radius: 3 σ of the longer axis
 
   /// All zero; float32.
-  static ScreenStatistics zeros(int64_t size, torch::Device device);
+  static ScreenStatistics zeros(int64_t size, Device device);
   bool defined() const { return gradient_norm.defined(); }
 };
 
@@ -34,7 +33,7 @@ struct RenderOptions {
   bool antialiased = false;    ///< scales opacity by sqrt(det Σ2d / det dilated Σ2d)
   bool deterministic = false;  ///< CUDA only: no atomics on gradients. The CPU always is.
   bool depth = false;          ///< also render the expected depth
-  torch::Tensor background;    ///< [3], differentiable; undefined is black
+  Tensor background;           ///< [3], differentiable; undefined is black
 
   ScreenStatistics statistics;    ///< accumulators for the backward pass; undefined: none are kept
   int64_t statistics_views = -1;  ///< how many views, from the first, count in them; -1: every one
@@ -45,11 +44,11 @@ struct RenderOptions {
 };
 
 struct RenderOutput {
-  torch::Tensor color;  ///< [C,3,H,W], background included; not clamped above
-  torch::Tensor alpha;  ///< [C,1,H,W], 1 − final transmittance
-  torch::Tensor depth;  ///< [C,1,H,W], Σ w z / Σ w (0 where nothing is); undefined unless asked for
+  Tensor color;  ///< [C,3,H,W], background included; not clamped above
+  Tensor alpha;  ///< [C,1,H,W], 1 − final transmittance
+  Tensor depth;  ///< [C,1,H,W], Σ w z / Σ w (0 where nothing is); undefined unless asked for
   ScreenStatistics statistics;  ///< the accumulators of the options, filled by the backward pass
-  torch::Tensor rejected;       ///< [1] int64 on the device: Gaussians with unusable parameters
+  Tensor rejected;              ///< [1] int64 on the device: Gaussians with unusable parameters
 };
 
 /// Renders every camera of the batch.

@@ -3,7 +3,7 @@
 
 #include <atomic>
 
-#include "jade/core/check.h"
+#include "jade/core/error.h"
 
 namespace jade::splat::cpu {
 
@@ -26,8 +26,9 @@ const KernelSet& kernels() { return kTable.chosen(); }
 int tile_shift() { return current_tile_shift; }
 
 ForcedTileShift::ForcedTileShift(int shift) : before_(current_tile_shift) {
-  JADE_CHECK(shift >= 0 && shift <= kMaxTileShift, "tile shift ", shift, " is not in [0, ",
-             kMaxTileShift, "]");
+  if (shift < 0 || shift > kMaxTileShift) {
+    throw ContractError(concat("tile shift ", shift, " is not in [0, ", kMaxTileShift, "]"));
+  }
   current_tile_shift = shift;
 }
 

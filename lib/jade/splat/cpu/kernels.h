@@ -38,7 +38,8 @@ struct RenderCall {
   const T* cameras = nullptr;     ///< [views], each a math::Camera<T>
   const T* background = nullptr;  ///< [3]
   int width = 0, height = 0;
-  T near_plane = 0;
+  T near_plane = 0, far_plane = 0;
+  bool activated = false;
   bool antialiased = false;
   bool smooth_cutoff = false;
   bool depth = false;
@@ -88,6 +89,7 @@ struct Gradients {
   T* log_scales = nullptr;
   T* logit_opacities = nullptr;
   T* sh = nullptr;
+  T* means2d = nullptr;            ///< [views, count, 2], zeroed; null: nobody asks
   float* gradient_norm = nullptr;  ///< statistics; null: none
   float* visible_count = nullptr;
   float* max_radius_px = nullptr;

@@ -73,6 +73,7 @@ JADE_HD void store_lanes(T* target, int64_t stride, int64_t first, int lanes, co
 template <class Body>
 JADE_HD void with_coefficients(int degree, const Body& body) {
   switch (degree) {
+    case m::kPlainColor:
     case 0:
       return body(std::integral_constant<int, 3>());
     case 1:
@@ -111,7 +112,7 @@ JADE_HD void load_block(const RenderCall<T>& call, int64_t first, int64_t end,
   with_coefficients(call.sh_degree, [&](auto count) {
     load_lanes<decltype(count)::value>(call.sh, 3 * call.sh_stride, first, last, block->sh);
   });
-  block->usable = m::is_usable(raw) & m::all_finite(block->sh, coefficients);
+  block->usable = m::is_usable(raw, call.activated) & m::all_finite(block->sh, coefficients);
   m::replace_unusable(block->usable, &raw);
   for (int k = 0; k < coefficients; ++k) block->sh[k] = keep(block->usable, block->sh[k]);
 }

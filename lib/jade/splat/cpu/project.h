@@ -53,7 +53,7 @@ JADE_HD void project_view(const RenderCall<T>& call, const LaneBlock<P>& block,
                           const m::Shape<P>& shape, P shape_log2_opacity, int view, Splat<T>* out) {
   const m::Camera<P> camera = load_camera<P>(call, view);
   const m::Screen<P> screen = m::project(shape, camera, call.antialiased);
-  auto visible = block.usable & m::is_drawable(screen, P(call.near_plane));
+  auto visible = block.usable & m::is_drawable(screen, P(call.near_plane), P(call.far_plane));
   if (bits(visible) == 0) {
     for (int l = 0; l < block.lanes; ++l) out[l] = Splat<T>{};
     return;
@@ -86,7 +86,7 @@ int64_t project(const RenderCall<T>& call, int64_t begin, int64_t end, Splat<T>*
     load_block(call, first, end, &block);
     const uint32_t all = (1u << block.lanes) - 1;
     unusable += __builtin_popcount(all & ~bits(block.usable));
-    const m::Shape<P> shape = m::activate(block.raw);
+    const m::Shape<P> shape = m::activate(block.raw, call.activated);
     const P log2_opacity = log2(shape.opacity);
     for (int view = 0; view < call.views; ++view) {
       project_view(call, block, shape, log2_opacity, view, splats + view * call.count + first);

@@ -76,11 +76,27 @@ JADE_HD void add_camera(typename P::Mask visible, const m::CameraGradient<P>& on
   }
 }
 
-/// Adds one view's part to the block's gradient and to the view's `camera_sums`.
+/// Writes dL/dmean2d of the visible lanes to their rows of `out`.
+template <class P, class T = typename P::Scalar>
+JADE_HD void store_means2d(const LaneBlock<P>& block, const m::Drawn<P>& drawn,
+                           const m::ScreenGradient<P>& on_screen, T* out) {
+  alignas(64) T x[P::kLanes], y[P::kLanes];
+  on_screen.x.store(x);
+  on_screen.y.store(y);
+  const uint32_t visible = bits(drawn.visible);
+  for (int l = 0; l < block.lanes; ++l) {
+    if ((visible >> l & 1) == 0) continue;
+    out[2 * (block.first + l)] = x[l];
+    out[2 * (block.first + l) + 1] = y[l];
+  }
+}
+
+/// Adds one view's part to the block's gradient and to the view's `camera_sums`. `means2d` [count,
+/// 2] is the view's, or null.
 template <class P, class T = typename P::Scalar>
 JADE_HD void add_view(const RenderCall<T>& call, const LaneBlock<P>& block,
                       const m::Shape<P>& shape, const m::Drawn<P>& drawn, int view,
-                      bool with_statistics, BlockGradient<P>* sum, T* camera_sums) {
+                      bool with_statistics, T* means2d, BlockGradient<P>* sum, T* camera_sums) {
   const m::Camera<P> camera = load_camera<P>(call, view);
   m::ShapeGradient<P> on_shape{};
   m::CameraGradient<P> on_camera{};
@@ -101,6 +117,7 @@ JADE_HD void add_view(const RenderCall<T>& call, const LaneBlock<P>& block,
   }
   sum->shape.log_opacity = sum->shape.log_opacity + keep(drawn.visible, on_shape.log_opacity);
   add_camera(drawn.visible, on_camera, camera_sums);
+  if (means2d != nullptr) store_means2d(block, drawn, on_screen, means2d);
   if (!with_statistics) return;
   const P norm = m::ndc_gradient_norm(on_screen, call.width, call.height);
   const P radius = m::screen_radius(shape, camera);
@@ -153,16 +170,18 @@ void project_adjoint(const RenderCall<T>& call, int64_t begin, int64_t end,
   LaneBlock<P> block;
   for (int64_t first = begin; first < end; first += P::kLanes) {
     load_block(call, first, end, &block);
-    const m::Shape<P> shape = m::activate(block.raw);
+    const m::Shape<P> shape = m::activate(block.raw, call.activated);
     BlockGradient<P> sum;
     for (int view = 0; view < call.views; ++view) {
       m::Drawn<P> drawn;
       if (!load_drawn(call, block, instances, view, &drawn)) continue;
       const bool counts = gradients.statistics_views < 0 || view < gradients.statistics_views;
-      add_view(call, block, shape, drawn, view, statistics && counts, &sum,
+      T* const means2d =
+          gradients.means2d != nullptr ? gradients.means2d + 2 * view * call.count : nullptr;
+      add_view(call, block, shape, drawn, view, statistics && counts, means2d, &sum,
                grad_cameras + int64_t{view} * kCameraValues * kMaxLanes);
     }
-    const m::RawShape<P> grad = m::activate_adjoint(block.raw, shape, sum.shape);
+    const m::RawShape<P> grad = m::activate_adjoint(block.raw, shape, sum.shape, call.activated);
     store_gradients(call, block, grad, sum.sh, gradients);
     if (statistics) add_statistics(block, sum, gradients);
   }

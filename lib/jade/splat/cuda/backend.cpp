@@ -4,17 +4,16 @@
 #include "jade/splat/backend.h"
 
 #include <algorithm>
-#include <c10/cuda/CUDAGuard.h>
-#include <c10/cuda/CUDAStream.h>
 #include <cuda_runtime_api.h>
-#include <torch/types.h>
+#include <string>
 #include <utility>
 #include <vector>
 
-#include "jade/core/check.h"
+#include "jade/core/error.h"
 #include "jade/kernel/launch.h"
 #include "jade/splat/cuda/capacity.h"
 #include "jade/splat/cuda/chunk_size.h"
+#include "jade/splat/cuda/device_stream.h"
 #include "jade/splat/cuda/launch.h"
 
 namespace jade::splat::cuda {
@@ -39,39 +38,38 @@ class Arena {
     size_ += (bytes + 255) / 256 * 256;
     return at;
   }
-  void allocate(const torch::TensorOptions& like) {
-    tensor_ = torch::empty({size_}, like.dtype(torch::kUInt8));
-  }
+  void allocate(const Tensor& like) { tensor_ = new_tensor({size_}, ScalarType::Byte, like); }
   template <class T>
   T* take(int64_t at) const {
     return reinterpret_cast<T*>(static_cast<char*>(tensor_.data_ptr()) + at);
   }
-  const torch::Tensor& tensor() const { return tensor_; }
+  const Tensor& tensor() const { return tensor_; }
 
  private:
   int64_t size_ = 0;
-  torch::Tensor tensor_;
+  Tensor tensor_;
 };
 
-float* pointer(const torch::Tensor& tensor) {
-  return tensor.defined() ? tensor.data_ptr<float>() : nullptr;
-}
+float* pointer(const Tensor& tensor) { return pointer_to<float>(tensor); }
 
 RenderCall make_call(const ForwardArgs& args) {
   const Gaussians& g = args.gaussians;
-  JADE_CHECK(g.size() < kMaxGaussians, "at most ", kMaxGaussians, " Gaussians on a GPU, found ",
-             g.size());
-  JADE_CHECK(!args.smooth_cutoff, "smooth_cutoff is for gradient tests on the CPU");
-  JADE_CHECK(args.camera_from_world.size(0) < 65536, "at most 65535 views in one call, found ",
-             args.camera_from_world.size(0));
+  const auto check = [](bool holds, const std::string& message) {
+    if (!holds) throw ContractError(message);
+  };
+  check(g.size() < kMaxGaussians,
+        concat("at most ", kMaxGaussians, " Gaussians on a GPU, found ", g.size()));
+  check(!args.smooth_cutoff, "smooth_cutoff is for gradient tests on the CPU");
+  check(args.camera_from_world.size(0) < 65536,
+        concat("at most 65535 views in one call, found ", args.camera_from_world.size(0)));
   RenderCall call{};
-  call.means = g.means.data_ptr<float>();
-  call.rotations = g.rotations.data_ptr<float>();
-  call.log_scales = g.log_scales.data_ptr<float>();
-  call.logit_opacities = g.logit_opacities.data_ptr<float>();
-  call.sh = g.sh.data_ptr<float>();
-  call.camera_from_world = args.camera_from_world.data_ptr<float>();
-  call.intrinsics = args.intrinsics.data_ptr<float>();
+  call.means = pointer_to<float>(g.means);
+  call.rotations = pointer_to<float>(g.rotations);
+  call.log_scales = pointer_to<float>(g.log_scales);
+  call.logit_opacities = pointer_to<float>(g.logit_opacities);
+  call.sh = pointer_to<float>(g.sh);
+  call.camera_from_world = pointer_to<float>(args.camera_from_world);
+  call.intrinsics = pointer_to<float>(args.intrinsics);
   call.background = pointer(args.background);
   call.count = static_cast<int>(g.size());
   call.views = static_cast<int>(args.camera_from_world.size(0));
@@ -80,6 +78,8 @@ RenderCall make_call(const ForwardArgs& args) {
   call.sh_stride = static_cast<int>(g.sh.size(1));
   call.sh_degree = args.sh_degree;
   call.near_plane = static_cast<float>(args.near_plane);
+  call.far_plane = static_cast<float>(args.far_plane);
+  call.activated = args.activated;
   call.antialiased = args.antialiased;
   call.tiles_x = (call.width + kTile - 1) / kTile;
   call.tiles_y = (call.height + kTile - 1) / kTile;
@@ -91,7 +91,7 @@ RenderCall make_call(const ForwardArgs& args) {
 /// size is known only after the first call of a size has counted.
 struct Lists {
   static constexpr int kParts = 5;  ///< of the tables
-  torch::Tensor tables, keys;
+  Tensor tables, keys;
 
   static Arena lay_out(const RenderCall& call, int64_t* at) {
     const int64_t tiles = int64_t{call.views} * call.tiles;
@@ -131,13 +131,13 @@ Counters read_counters(const RenderCall& call, cudaStream_t stream) {
 }
 
 /// Temporary buffers of the sort from instances to lists.
-torch::Tensor bind_chunks(RenderCall* call, const torch::TensorOptions& options) {
+Tensor bind_chunks(RenderCall* call, const Tensor& like) {
   const int64_t views = call->views, chunks = call->chunks;
   Arena arena;
   const int64_t keys = arena.add(int64_t{call->capacity} * sizeof(uint64_t));
   const int64_t begin = arena.add(views * chunks * sizeof(uint32_t));
   const int64_t runs = arena.add(views * call->tiles * chunks * sizeof(uint32_t));
-  arena.allocate(options);
+  arena.allocate(like);
   call->chunk_keys = arena.take<uint64_t>(keys);
   call->chunk_begin = arena.take<uint32_t>(begin);
   call->runs = arena.take<uint32_t>(runs);
@@ -150,16 +150,16 @@ torch::Tensor bind_chunks(RenderCall* call, const torch::TensorOptions& options)
 /// make go by chunks.
 Lists project_and_bin(RenderCall* call, const ForwardArgs& args, long long* rejected,
                       cudaStream_t stream) {
-  const auto options = args.gaussians.means.options();
+  const Tensor& like = args.gaussians.means;
   int64_t at[Lists::kParts];
   Arena arena = Lists::lay_out(*call, at);
-  arena.allocate(options);
+  arena.allocate(like);
   Lists lists;
   lists.tables = arena.tensor();
   lists.bind(call);
   check_cuda(cudaMemsetAsync(call->counters, 0, static_cast<size_t>(at[3]), stream), "clearing");
-  InstanceBudget& budget =
-      InstanceBudget::of(options.device().index(), call->views, call->width, call->height);
+  InstanceBudget& budget = InstanceBudget::of(static_cast<int>(like.get_device()), call->views,
+                                              call->width, call->height);
   const bool counts = (args.deterministic || !budget.known()) && !is_capturing(stream);
   call->chunk_gaussians = counts ? 0 : chunk_gaussians(*call);
   if (call->chunk_gaussians > 0) {
@@ -175,11 +175,11 @@ Lists project_and_bin(RenderCall* call, const ForwardArgs& args, long long* reje
   }
   const int64_t forced = instance_capacity_for_test();
   const int64_t capacity = forced >= 0 ? forced : std::min(counted, budget.capacity(call->count));
-  lists.keys = torch::empty({capacity}, options.dtype(torch::kInt64));
+  lists.keys = new_tensor({capacity}, ScalarType::Long, like);
   lists.bind(call);
-  torch::Tensor chunks;
+  Tensor chunks;
   if (call->chunks > 0) {
-    chunks = bind_chunks(call, options);
+    chunks = bind_chunks(call, like);
     launch_chunks(*call, stream);
   }
   launch_plan(*call, rejected, budget.inbox(), stream);
@@ -189,7 +189,7 @@ Lists project_and_bin(RenderCall* call, const ForwardArgs& args, long long* reje
 
 /// Accumulators of the backward pass, zero at its start.
 struct Sums {
-  torch::Tensor tensor;
+  Tensor tensor;
 
   static Arena lay_out(const RenderCall& call, int64_t values, int64_t* at) {
     Arena arena;
@@ -200,14 +200,14 @@ struct Sums {
     return arena;
   }
 
-  Sums(const RenderCall& call, int64_t values, const torch::TensorOptions& options) {
+  Sums(const RenderCall& call, int64_t values, const Tensor& like) {
     int64_t at[4];
     Arena arena = lay_out(call, values, at);
-    arena.allocate(options);
+    arena.allocate(like);
     tensor = arena.tensor();
   }
   /// Memory for as many values or more.
-  explicit Sums(torch::Tensor cleared) : tensor(std::move(cleared)) {}
+  explicit Sums(Tensor cleared) : tensor(std::move(cleared)) {}
 
   Clearing clearing() const { return {tensor.data_ptr(), tensor.numel()}; }
   void bind(const RenderCall& call, int64_t values, Gradients* gradients) const {
@@ -224,12 +224,11 @@ struct Sums {
 int64_t values_of(bool depth) { return m::kPixelSums + (depth ? 1 : 0); }
 
 /// The backward pass's working memory. The forward pass has cleared what the first one adds to.
-std::vector<torch::Tensor> bind_workspace(const BackwardArgs& args, const RenderCall& call,
-                                          Gradients* gradients, cudaStream_t stream) {
-  const auto options = args.color.options();
+std::vector<Tensor> bind_workspace(const BackwardArgs& args, const RenderCall& call,
+                                   Gradients* gradients, cudaStream_t stream) {
   const int64_t values = values_of(gradients->with_depth);
   const bool first = args.state.cleared.defined();
-  const Sums sums = first ? Sums(args.state.cleared) : Sums(call, values, options);
+  const Sums sums = first ? Sums(args.state.cleared) : Sums(call, values, args.color);
   sums.bind(call, values, gradients);
   if (!first) {
     check_cuda(cudaMemsetAsync(sums.tensor.data_ptr(), 0, static_cast<size_t>(sums.tensor.numel()),
@@ -244,7 +243,7 @@ std::vector<torch::Tensor> bind_workspace(const BackwardArgs& args, const Render
   const int64_t progress = arena.add(tiles * 4 * sizeof(uint32_t));
   const int64_t camera_partial = arena.add(blocks * call.views * 12 * sizeof(float));
   const int64_t background_partial = arena.add(tiles * 3 * sizeof(float));
-  arena.allocate(options);
+  arena.allocate(args.color);
   gradients->slots = arena.take<float>(slots);
   gradients->progress = arena.take<uint32_t>(progress);
   gradients->camera_partial = arena.take<float>(camera_partial);
@@ -255,21 +254,21 @@ std::vector<torch::Tensor> bind_workspace(const BackwardArgs& args, const Render
 }  // namespace
 
 ForwardResult forward(const ForwardArgs& args) {
-  const c10::cuda::CUDAGuard guard(args.gaussians.means.device());
-  const cudaStream_t stream = c10::cuda::getCurrentCUDAStream();
+  const Tensor& like = args.gaussians.means;
+  const DeviceStream device(like);
+  const cudaStream_t stream = device.stream();
   RenderCall call = make_call(args);
-  const auto options = args.gaussians.means.options();
   ForwardResult result;
-  result.rejected = torch::empty({1}, options.dtype(torch::kInt64));
+  result.rejected = new_tensor({1}, ScalarType::Long, like);
   auto* const rejected = reinterpret_cast<long long*>(result.rejected.data_ptr());
   const Lists lists = project_and_bin(&call, args, rejected, stream);
   // While the device is at work.
-  result.color = torch::empty({call.views, 3, args.height, args.width}, options);
-  result.alpha = torch::empty({call.views, 1, args.height, args.width}, options);
-  if (args.depth) result.depth_sum = torch::empty_like(result.alpha);
+  result.color = new_tensor({call.views, 3, args.height, args.width}, ScalarType::Float, like);
+  result.alpha = new_tensor({call.views, 1, args.height, args.width}, ScalarType::Float, like);
+  if (args.depth) result.depth_sum = new_like(result.alpha);
   Clearing clearing{};
   if (args.needs_backward) {
-    const Sums sums(call, values_of(args.depth), options);
+    const Sums sums(call, values_of(args.depth), like);
     clearing = sums.clearing();
     result.state = {{lists.tables, lists.keys}, {}, sums.tensor};
   }
@@ -280,19 +279,21 @@ ForwardResult forward(const ForwardArgs& args) {
 }
 
 BackwardResult backward(const BackwardArgs& args) {
-  const c10::cuda::CUDAGuard guard(args.color.device());
-  const cudaStream_t stream = c10::cuda::getCurrentCUDAStream();
+  const DeviceStream device(args.color);
+  const cudaStream_t stream = device.stream();
   RenderCall call = make_call(args.forward);
   const Lists lists{args.state.tensors.at(0), args.state.tensors.at(1)};
   lists.bind(&call);
   const Gaussians& g = args.forward.gaussians;
   BackwardResult result;
-  result.gaussians = {torch::empty_like(g.means), torch::empty_like(g.rotations),
-                      torch::empty_like(g.log_scales), torch::empty_like(g.logit_opacities),
-                      torch::empty_like(g.sh)};
-  if (args.needs_background) result.background = torch::empty_like(args.forward.background);
+  result.gaussians = {new_like(g.means), new_like(g.rotations), new_like(g.log_scales),
+                      new_like(g.logit_opacities), new_like(g.sh)};
+  if (args.needs_background) result.background = new_like(args.forward.background);
   if (args.needs_camera) {
-    result.camera_from_world = torch::empty_like(args.forward.camera_from_world);
+    result.camera_from_world = new_like(args.forward.camera_from_world);
+  }
+  if (args.needs_means2d) {
+    result.means2d = new_tensor({call.views, call.count, 2}, ScalarType::Float, g.means);
   }
   Gradients gradients{};
   gradients.means = pointer(result.gaussians.means);
@@ -302,6 +303,7 @@ BackwardResult backward(const BackwardArgs& args) {
   gradients.sh = pointer(result.gaussians.sh);
   gradients.camera_from_world = pointer(result.camera_from_world);
   gradients.background = pointer(result.background);
+  gradients.means2d = pointer(result.means2d);
   gradients.gradient_norm = pointer(args.statistics.gradient_norm);
   gradients.visible_count = pointer(args.statistics.visible_count);
   gradients.max_radius_px = pointer(args.statistics.max_radius_px);

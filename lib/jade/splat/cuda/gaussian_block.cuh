@@ -53,12 +53,12 @@ __device__ __forceinline__ void load_raw(const RenderCall& call, int index,
 
 /// Loads one Gaussian; unusable ones become a harmless unit Gaussian. `sh` is this thread's row.
 template <int kDegree>
-__device__ __forceinline__ bool load_gaussian(const RenderCall& call, int index, const float* sh,
-                                              m::RawShape<float>* raw) {
+__device__ __forceinline__ bool load_gaussian(const RenderCall& call, bool activated, int index,
+                                              const float* sh, m::RawShape<float>* raw) {
   bool usable = index < call.count;
   if (usable) {
     load_raw(call, index, raw);
-    usable = m::is_usable(*raw) && m::all_finite(sh, 3 * m::sh_count(kDegree));
+    usable = m::is_usable(*raw, activated) && m::all_finite(sh, 3 * m::sh_count(kDegree));
   }
   m::replace_unusable(usable, raw);
   return usable;
@@ -68,6 +68,8 @@ __device__ __forceinline__ bool load_gaussian(const RenderCall& call, int index,
 template <class Run>
 void with_degree(int degree, const Run& run) {
   switch (degree) {
+    case m::kPlainColor:
+      return run(std::integral_constant<int, m::kPlainColor>());
     case 0:
       return run(std::integral_constant<int, 0>());
     case 1:

@@ -55,7 +55,8 @@ struct RenderCall {
   int count, views, width, height;
   int sh_stride;  ///< coefficients in memory
   int sh_degree;
-  float near_plane;
+  float near_plane, far_plane;
+  bool activated;
   bool antialiased;
 
   int tiles_x, tiles_y, tiles;  ///< of one view
@@ -98,6 +99,7 @@ struct Gradients {
   float* background;                                     ///< [3] or null
   float *gradient_norm, *visible_count, *max_radius_px;  ///< null: no statistics
   int statistics_views;
+  float* means2d;  ///< [views, count, 2] or null
 
   float* sums;                ///< [views, count, kPixelSums (+ 1 with depth)], zeroed
   float* camera_sums;         ///< [views, 12], zeroed

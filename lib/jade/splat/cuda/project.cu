@@ -27,7 +27,7 @@ __device__ __forceinline__ Splat make_splat(const RenderCall& call, const m::Sha
                                             const m::Camera<float>& camera, const float* sh) {
   Splat splat{};
   const m::Screen<float> screen = m::project(shape, camera, call.antialiased);
-  if (!m::is_drawable(screen, call.near_plane)) return splat;
+  if (!m::is_drawable(screen, call.near_plane, call.far_plane)) return splat;
   const float log2_opacity = m::log2(screen.opacity);
   const float reach = m::reach(log2_opacity);
   if (!(reach > 0.0f)) return splat;
@@ -80,9 +80,9 @@ __global__ void __launch_bounds__(kProjectThreads, kCount ? 4 : 5)
   __syncthreads();
   const float* const sh = sh_rows + row * kShRow;
   m::RawShape<float> raw{};
-  const bool usable = load_gaussian<kDegree>(call, index, sh, &raw);
+  const bool usable = load_gaussian<kDegree>(call, call.activated, index, sh, &raw);
   if (!usable && index < call.count && group == 0) atomicAdd(&call.counters->rejected, 1ull);
-  const m::Shape<float> shape = m::activate(raw);
+  const m::Shape<float> shape = m::activate(raw, call.activated);
   for (int chunk = 0; chunk < call.views; chunk += kCameraChunk) {
     const int length = min(kCameraChunk, call.views - chunk);
     __syncthreads();
@@ -274,8 +274,13 @@ __device__ __forceinline__ void store_sh(const RenderCall& call, int first, int 
   }
 }
 
+__device__ __forceinline__ void store_mean2d(const RenderCall& call, int view, int index, float x,
+                                             float y, float* target) {
+  reinterpret_cast<float2*>(target)[int64_t(view) * call.count + index] = make_float2(x, y);
+}
+
 /// Adds a view's gradient to a thread's Gaussian and, summed over the warp, to the camera.
-template <int kDegree, bool kDepth>
+template <int kDegree, bool kDepth, bool kGeneral>
 __device__ __forceinline__ void gather_view(const RenderCall& call, const Gradients& gradients,
                                             const m::Shape<float>& shape, int view, int in_chunk,
                                             int row, int index, float* stage, AdjointShared& s,
@@ -298,6 +303,11 @@ __device__ __forceinline__ void gather_view(const RenderCall& call, const Gradie
     if (gradients.gradient_norm != nullptr && counts) {
       add_statistics(call, shape, camera, on_screen, s);
     }
+    if (kGeneral && gradients.means2d != nullptr) {
+      store_mean2d(call, view, index, on_screen.x, on_screen.y, gradients.means2d);
+    }
+  } else if (kGeneral && gradients.means2d != nullptr && index < call.count) {
+    store_mean2d(call, view, index, 0, 0, gradients.means2d);
   }
   for (int c = 0; c < 3; ++c) {
     s.on_sh[in_chunk][c][row] = on_sh.direction[c];
@@ -310,7 +320,7 @@ __device__ __forceinline__ void gather_view(const RenderCall& call, const Gradie
 
 /// Adds what the other threads of a Gaussian gathered, and writes its gradients but for SH.
 __device__ __forceinline__ void store_gaussian(const RenderCall& call, const Gradients& gradients,
-                                               bool usable, int row, int index,
+                                               bool usable, bool activated, int row, int index,
                                                const AdjointShared& s,
                                                m::ShapeGradient<float> on_shape) {
   float values[kShapeValues];
@@ -322,7 +332,8 @@ __device__ __forceinline__ void store_gaussian(const RenderCall& call, const Gra
   m::RawShape<float> raw;  // loaded again: registers are what limits the kernel
   load_raw(call, index, &raw);
   m::replace_unusable(usable, &raw);
-  const m::RawShape<float> grad = m::activate_adjoint(raw, m::activate(raw), on_shape);
+  const m::RawShape<float> grad =
+      m::activate_adjoint(raw, m::activate(raw, activated), on_shape, activated);
   for (int k = 0; k < 3; ++k) gradients.means[3ll * index + k] = grad.mean[k];
   for (int k = 0; k < 4; ++k) gradients.rotations[4ll * index + k] = grad.quaternion[k];
   for (int k = 0; k < 3; ++k) gradients.log_scales[3ll * index + k] = grad.log_scale[k];
@@ -335,7 +346,8 @@ __device__ __forceinline__ void store_gaussian(const RenderCall& call, const Gra
   }
 }
 
-template <int kDegree, bool kDepth>
+/// kGeneral: for activated parameters and gradients on the screen too, which cost registers.
+template <int kDegree, bool kDepth, bool kGeneral>
 __global__ void __launch_bounds__(kAdjointThreads, kAdjointBlocks)
     project_adjoint_kernel(const __grid_constant__ RenderCall call,
                            const __grid_constant__ Gradients gradients) {
@@ -344,6 +356,7 @@ __global__ void __launch_bounds__(kAdjointThreads, kAdjointBlocks)
   __shared__ float stages[kAdjointThreads / 32][32 * (m::kPixelSums + kDepth)];
   const int first = blockIdx.x * kAdjointGaussians, row = threadIdx.x % kAdjointGaussians;
   const int index = first + row, group = threadIdx.x / kAdjointGaussians;
+  const bool activated = kGeneral && call.activated;
   bool usable = false;
   m::Shape<float> shape;
   m::ShapeGradient<float> on_shape{};
@@ -355,12 +368,12 @@ __global__ void __launch_bounds__(kAdjointThreads, kAdjointBlocks)
     __syncthreads();
     if (chunk == 0) {
       m::RawShape<float> raw{};
-      usable = load_gaussian<kDegree>(call, index, s.sh_rows + row * kShRow, &raw);
-      shape = m::activate(raw);
+      usable = load_gaussian<kDegree>(call, activated, index, s.sh_rows + row * kShRow, &raw);
+      shape = m::activate(raw, activated);
     }
     for (int view = group; view < views; view += kAdjointGroups) {
-      gather_view<kDegree, kDepth>(call, gradients, shape, chunk + view, view, row, index,
-                                   stages[threadIdx.x / 32], s, &on_shape);
+      gather_view<kDegree, kDepth, kGeneral>(call, gradients, shape, chunk + view, view, row, index,
+                                             stages[threadIdx.x / 32], s, &on_shape);
     }
     __syncthreads();
     if (gradients.camera_from_world != nullptr) add_cameras(call, gradients, chunk, views, s);
@@ -385,7 +398,7 @@ __global__ void __launch_bounds__(kAdjointThreads, kAdjointBlocks)
   }
   __syncthreads();
   if (group == 0 && index < call.count) {
-    store_gaussian(call, gradients, usable, row, index, s, on_shape);
+    store_gaussian(call, gradients, usable, activated, row, index, s, on_shape);
   }
   __threadfence();
   __syncthreads();
@@ -412,13 +425,22 @@ void launch_project(const RenderCall& call, cudaStream_t stream) {
 void launch_project_adjoint(const RenderCall& call, const Gradients& gradients,
                             cudaStream_t stream) {
   const int blocks = max(1, (call.count + kAdjointGaussians - 1) / kAdjointGaussians);
+  const bool general = call.activated || gradients.means2d != nullptr;
   with_degree(call.sh_degree, [&](auto degree) {
     constexpr int kDegree = decltype(degree)::value;
-    if (gradients.with_depth) {
-      project_adjoint_kernel<kDegree, true>
+    // Plain colours come from Python alone, so they need no kernel of their own for the rest.
+    constexpr bool kPlain = kDegree == m::kPlainColor;
+    if (gradients.with_depth && (general || kPlain)) {
+      project_adjoint_kernel<kDegree, true, true>
+          <<<blocks, kAdjointThreads, 0, stream>>>(call, gradients);
+    } else if (general || kPlain) {
+      project_adjoint_kernel<kDegree, false, true>
+          <<<blocks, kAdjointThreads, 0, stream>>>(call, gradients);
+    } else if (gradients.with_depth) {
+      project_adjoint_kernel<kDegree, true, kPlain>
           <<<blocks, kAdjointThreads, 0, stream>>>(call, gradients);
     } else {
-      project_adjoint_kernel<kDegree, false>
+      project_adjoint_kernel<kDegree, false, kPlain>
           <<<blocks, kAdjointThreads, 0, stream>>>(call, gradients);
     }
   });

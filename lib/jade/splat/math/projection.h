@@ -10,6 +10,7 @@ inline namespace JADE_ISA {
 constexpr double kDilationPx2 = 0.3;       ///< added to both variances on the screen
 constexpr double kFrustumMargin = 0.3;     ///< share of the half field of view beyond each edge
 constexpr double kMaxAbsLogScale = 30;     ///< beyond this a Gaussian is rejected
+constexpr double kMaxAbsScale = 1e13;      ///< the same
 constexpr double kMaxAbsMean = 1e12;       ///< the same
 constexpr double kMaxAbsLogit = 1e4;       ///< the same
 constexpr double kMinQuaternion2 = 1e-24;  ///< smallest squared norm of a rotation
@@ -68,7 +69,8 @@ struct ShapeGradient {
   S mean[3], axes[9], log_opacity;
 };
 
-/// Raw parameters as they are stored.
+/// Parameters as they are stored. Where `activated` is true below, the last two are the scales and
+/// the opacity themselves.
 template <class S>
 struct RawShape {
   S mean[3];
@@ -79,14 +81,14 @@ struct RawShape {
 
 /// True for parameters that can be rendered; NaN fails every comparison.
 template <class S>
-JADE_HD auto is_usable(const RawShape<S>& raw) {
+JADE_HD auto is_usable(const RawShape<S>& raw, bool activated = false) {
+  const S scale_bound(activated ? kMaxAbsScale : kMaxAbsLogScale);
   const S* const q = raw.quaternion;
   const S norm2 = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
-  auto usable = within(raw.logit_opacity, S(kMaxAbsLogit)) & (norm2 >= S(kMinQuaternion2)) &
-                (norm2 <= S(1 / kMinQuaternion2));
+  auto usable = within(raw.logit_opacity, S(activated ? 1 : kMaxAbsLogit)) &
+                (norm2 >= S(kMinQuaternion2)) & (norm2 <= S(1 / kMinQuaternion2));
   for (int i = 0; i < 3; ++i) {
-    usable =
-        usable & within(raw.mean[i], S(kMaxAbsMean)) & within(raw.log_scale[i], S(kMaxAbsLogScale));
+    usable = usable & within(raw.mean[i], S(kMaxAbsMean)) & within(raw.log_scale[i], scale_bound);
   }
   return usable;
 }
@@ -139,7 +141,7 @@ JADE_HD S sigmoid(S x) {
 
 /// Activations. Call only for usable parameters (or ignore the result).
 template <class S>
-JADE_HD Shape<S> activate(const RawShape<S>& raw) {
+JADE_HD Shape<S> activate(const RawShape<S>& raw, bool activated = false) {
   Shape<S> shape;
   const S* const q = raw.quaternion;
   const S inverse_norm = S(1) / sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
@@ -148,26 +150,26 @@ JADE_HD Shape<S> activate(const RawShape<S>& raw) {
   rotation_from_quaternion(unit, shape.rotation);
   for (int j = 0; j < 3; ++j) {
     shape.mean[j] = raw.mean[j];
-    shape.scale[j] = exp(raw.log_scale[j]);
+    shape.scale[j] = activated ? raw.log_scale[j] : exp(raw.log_scale[j]);
     for (int i = 0; i < 3; ++i) shape.axes[3 * i + j] = shape.rotation[3 * i + j] * shape.scale[j];
   }
-  shape.opacity = sigmoid(raw.logit_opacity);
+  shape.opacity = activated ? raw.logit_opacity : sigmoid(raw.logit_opacity);
   return shape;
 }
 
 /// Adjoint of activate(): M = R(q/|q|) diag(e^l), so dL/dl_j = Σ_i dM_ij M_ij and
 /// dL/dR_ij = dM_ij s_j; through the norm only the part of dL/d(unit q) across q survives.
-/// d ln(o) / d logit = 1 − o.
+/// d ln(o) / d logit = 1 − o. With respect to scales, dL/ds_j = Σ_i dM_ij R_ij.
 template <class S>
 JADE_HD RawShape<S> activate_adjoint(const RawShape<S>& raw, const Shape<S>& shape,
-                                     const ShapeGradient<S>& on_shape) {
+                                     const ShapeGradient<S>& on_shape, bool activated = false) {
   RawShape<S> grad;
   S grad_rotation[9];
   for (int j = 0; j < 3; ++j) {
     S sum(0);
     for (int i = 0; i < 3; ++i) {
       const int k = 3 * i + j;
-      sum = sum + on_shape.axes[k] * shape.axes[k];
+      sum = sum + on_shape.axes[k] * (activated ? shape.rotation[k] : shape.axes[k]);
       grad_rotation[k] = on_shape.axes[k] * shape.scale[j];
     }
     grad.log_scale[j] = sum;
@@ -184,6 +186,9 @@ JADE_HD RawShape<S> activate_adjoint(const RawShape<S>& raw, const Shape<S>& sha
     grad.quaternion[i] = (grad_unit[i] - unit[i] * along) * inverse_norm;
   }
   grad.logit_opacity = on_shape.log_opacity * (S(1) - shape.opacity);
+  if (activated) {
+    grad.logit_opacity = select(shape.opacity > S(0), on_shape.log_opacity / shape.opacity, S(0));
+  }
   return grad;
 }
 
@@ -263,11 +268,11 @@ JADE_HD Screen<S> project(const Shape<S>& shape, const Camera<S>& camera, bool a
   return screen;
 }
 
-/// True where the projection may be drawn: in front of the near plane and of finite, sane size.
+/// True where the projection may be drawn: between the planes and of finite, sane size.
 template <class S>
-JADE_HD auto is_drawable(const Screen<S>& screen, S near_plane) {
+JADE_HD auto is_drawable(const Screen<S>& screen, S near_plane, S far_plane) {
   const S bound(kMaxCovariance);
-  return (screen.depth >= near_plane) & within(screen.depth, bound) & within(screen.x, bound) &
+  return (screen.depth >= near_plane) & (screen.depth <= far_plane) & within(screen.x, bound) &
          within(screen.y, bound) & within(screen.cov_xx, bound) & within(screen.cov_yy, bound) &
          within(screen.opacity, S(1)) & (screen.det > S(0));
 }

@@ -9,7 +9,12 @@
 namespace jade::splat::math {
 inline namespace JADE_ISA {
 
-JADE_HD constexpr int sh_count(int degree) { return (degree + 1) * (degree + 1); }
+/// A value of `degree`: the one coefficient is the colour itself, of any sign.
+constexpr int kPlainColor = -1;
+
+JADE_HD constexpr int sh_count(int degree) {
+  return degree == kPlainColor ? 1 : (degree + 1) * (degree + 1);
+}
 
 // Normalisation constants: sqrt of rational multiples of 1/π.
 constexpr double kSh0 = 0.28209479177387814;   // ½ √(1/π)
@@ -28,7 +33,7 @@ constexpr double kMaxColor = 1e30;  ///< a brighter splat is culled
 /// The (degree+1)² basis functions at the unit direction d.
 template <class S>
 JADE_HD void sh_basis(int degree, const S* d, S* basis) {
-  basis[0] = S(kSh0);
+  basis[0] = S(degree == kPlainColor ? 1 : kSh0);
   if (degree < 1) return;
   const S x = d[0], y = d[1], z = d[2];
   basis[1] = S(-kSh1) * y;
@@ -126,6 +131,10 @@ JADE_HD void view_direction_adjoint(const S* direction, S inverse_norm, const S*
 /// colour = max(0, Σ basis_k sh_k + ½), with sh as [K,3] in memory; works on K = sh_count(degree).
 template <class S>
 JADE_HD void sh_color(int degree, const S* basis, const S* sh, S* color) {
+  if (degree == kPlainColor) {
+    for (int c = 0; c < 3; ++c) color[c] = sh[c];
+    return;
+  }
   S sum[3] = {S(0.5), S(0.5), S(0.5)};
   const int count = sh_count(degree);
   for (int k = 0; k < count; ++k) {
@@ -158,8 +167,10 @@ JADE_HD void add_sh_gradient(int begin, int end, const S* basis, const S* g, S* 
 
 /// Adjoint of the clamp: a channel clamped at 0 (color == 0) passes nothing on.
 template <class S>
-JADE_HD void clamp_adjoint(const S* color, const S* grad_color, S* g) {
-  for (int c = 0; c < 3; ++c) g[c] = select(color[c] > S(0), grad_color[c], S(0));
+JADE_HD void clamp_adjoint(int degree, const S* color, const S* grad_color, S* g) {
+  for (int c = 0; c < 3; ++c) {
+    g[c] = degree == kPlainColor ? grad_color[c] : select(color[c] > S(0), grad_color[c], S(0));
+  }
 }
 
 /// True unless one of the values is infinite or NaN.

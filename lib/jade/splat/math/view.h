@@ -61,7 +61,7 @@ JADE_HD ScreenGradient<S> view_adjoint(const View<S>& view, const Shape<S>& shap
   S* const direction = on_sh->direction;
   S grad_basis[16], grad_direction[3] = {S(0), S(0), S(0)};
   const S inverse_norm = view_direction(shape.mean, camera, direction);
-  clamp_adjoint(drawn.color, drawn.grad_color, on_sh->color);
+  clamp_adjoint(view.sh_degree, drawn.color, drawn.grad_color, on_sh->color);
   sh_basis_gradient(view.sh_degree, sh, on_sh->color, grad_basis);
   sh_basis_adjoint(view.sh_degree, direction, grad_basis, grad_direction);
   view_direction_adjoint(direction, inverse_norm, grad_direction, camera, grad->mean, grad_camera);

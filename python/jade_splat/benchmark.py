@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Times the op from Python on the workloads of jade_bench, beside gsplat where that is installed.
+
+  python python/jade_splat/benchmark.py [--device cuda] [--workload W1,W2,W3,W4,W5] [--repeats 50] [--json FILE]
+
+W1 to W5 are those of `jade_bench splat`, to the bit: nine views in one call. "splat" is the op by the parameters that
+jade_bench hands over, "rasterization" the function with gsplat's interface, both with gradients of all Gaussians and cameras.
+jade_bench's own figure is the backward pass from a given cotangent, which "splat" repeats; gsplat is timed through
+(image * cotangent).sum(), and "rasterization" as well.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import time
+from collections.abc import Callable
+
+import torch
+from jade_splat import rasterization, splat
+from torch import Tensor
+
+SIZES = {
+    "W1": (30_000, 346, 260),
+    "W2": (100_000, 346, 260),
+    "W3": (100_000, 600, 400),
+    "W4": (300_000, 600, 400),
+    "W5": (1_000_000, 1600, 1060),
+}
+VIEWS = 9
+
+
+def hand_shake_path() -> Tensor:
+    poses = torch.zeros((VIEWS, 4, 4))
+    for k in range(VIEWS):
+        t = (k - 4) / 4
+        angle = 1.2 * t * math.pi / 180
+        poses[k, 0, 0] = poses[k, 2, 2] = math.cos(angle)
+        poses[k, 0, 2], poses[k, 2, 0] = math.sin(angle), -math.sin(angle)
+        poses[k, 0, 3], poses[k, 1, 3], poses[k, 2, 3] = 0.016 * t, 0.008 * t * t, 0.004 * t
+        poses[k, 1, 1] = poses[k, 3, 3] = 1
+    return poses
+
+
+def make_workload(name: str, seed: int = 0) -> dict[str, Tensor]:
+    """As make_workload() of apps/jade_bench/workload.cpp: the order of the samples is part of it."""
+    n, width, height = SIZES[name]
+    generator = torch.Generator().manual_seed(seed)
+
+    def uniform(*shape: int) -> Tensor:
+        return torch.rand(shape, generator=generator)
+
+    def normal(*shape: int) -> Tensor:
+        return torch.randn(shape, generator=generator)
+
+    focal = 0.9 * width
+    z = 3.0 + 4.0 * uniform(n)
+    x = (uniform(n) - 0.5) * 1.1 * width / focal * z
+    y = (uniform(n) - 0.5) * 1.1 * height / focal * z
+    spread = torch.exp(0.5 * normal(n, 3))
+    scales = (2.0 * z / focal)[:, None] * spread
+    quats = normal(n, 4)
+    logit_opacities = 1.5 * normal(n)
+    dc = 0.8 * normal(n, 1, 3)
+    sh = torch.cat([dc, 0.1 * normal(n, 15, 3)], 1)
+    K = torch.tensor([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1]])
+    cotangent = torch.randn((VIEWS, 3, height, width), generator=torch.Generator().manual_seed(seed + 1))
+    return {
+        "means": torch.stack([x, y, z], -1),
+        "quats": quats,
+        "log_scales": scales.log(),
+        "logit_opacities": logit_opacities,
+        "sh": sh,
+        "viewmats": hand_shake_path(),
+        "Ks": K.repeat(VIEWS, 1, 1),
+        "intrinsics": torch.tensor([focal, focal, width / 2, height / 2]).repeat(VIEWS, 1),
+        "cotangent": cotangent,
+    }
+
+
+def median_ms(work: Callable[[], None], repeats: int, device: torch.device) -> float:
+    def wait() -> None:
+        if device.type == "cuda":
+            torch.cuda.synchronize(device)
+
+    for _ in range(max(3, repeats // 5)):
+        work()
+    wait()
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        work()
+        wait()
+        times.append(1e3 * (time.perf_counter() - start))
+    return sorted(times)[len(times) // 2]
+
+
+def measure(work: dict[str, Tensor], size: tuple[int, int, int], render: Callable, inputs: list[Tensor],
+            backward: Callable[[Tensor], None], repeats: int) -> dict[str, float]:
+    device = work["means"].device
+    leaves = [t.detach().requires_grad_() for t in inputs]
+
+    def forward() -> None:
+        with torch.no_grad():
+            render(*leaves)
+
+    def both() -> None:
+        for leaf in leaves:
+            leaf.grad = None
+        backward(render(*leaves))
+
+    return {
+        "forward_ms": round(median_ms(forward, repeats, device), 3),
+        "forward_backward_ms": round(median_ms(both, repeats, device), 3),
+    }
+
+
+def ways_of(work: dict[str, Tensor], size: tuple[int, int, int]) -> dict[str, tuple]:
+    """By name: a function from inputs to the image, the inputs, and the backward pass from an image."""
+    _, width, height = size
+    cotangent = work["cotangent"]
+    in_pixels = cotangent.permute(0, 2, 3, 1).contiguous()
+
+    def through_loss(image: Tensor) -> None:
+        (image * in_pixels).sum().backward()
+
+    raw = [work[name] for name in ("means", "quats", "log_scales", "logit_opacities", "sh", "viewmats")]
+    activated = [raw[0], raw[1], raw[2].exp(), raw[3].sigmoid(), raw[4], raw[5]]
+
+    def ours(*inputs: Tensor) -> Tensor:
+        return rasterization(*inputs, work["Ks"], width, height, sh_degree=3, packed=False)[0]
+
+    ways = {
+        "splat": (
+            lambda *inputs: splat(*inputs, work["intrinsics"], width, height)[0],
+            raw,
+            lambda image: image.backward(cotangent),
+        ),
+        "rasterization": (ours, activated, through_loss),
+    }
+    try:
+        import gsplat
+    except ImportError:
+        return ways
+
+    def theirs(*inputs: Tensor) -> Tensor:
+        return gsplat.rasterization(*inputs, work["Ks"], width, height, sh_degree=3, packed=False)[0]
+
+    ways[f"gsplat {gsplat.__version__}"] = (theirs, activated, through_loss)
+    return ways
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
+    parser.add_argument("--workload", default="W1,W2,W3,W4")
+    parser.add_argument("--repeats", type=int, default=50)
+    parser.add_argument("--json")
+    options = parser.parse_args()
+    device = torch.device(options.device)
+    rows = []
+    for name in options.workload.split(","):
+        if name not in SIZES:
+            parser.error(f"--workload: expected names among {', '.join(SIZES)}, found {name}")
+        work = {key: tensor.to(device) for key, tensor in make_workload(name).items()}
+        for way, (render, inputs, backward) in ways_of(work, SIZES[name]).items():
+            row = {"workload": name, "way": way, "device": str(device)}
+            row |= measure(work, SIZES[name], render, inputs, backward, options.repeats)
+            rows.append(row)
+            print(f"{name} {way:16} {row['forward_ms']:9.3f} ms forward {row['forward_backward_ms']:9.3f} ms both", flush=True)
+    if options.json:
+        with open(options.json, "w") as file:
+            json.dump(rows, file, indent=1)
+
+
+if __name__ == "__main__":
+    main()

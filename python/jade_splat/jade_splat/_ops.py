@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The two compiled ops, joined for autograd, and their shapes for torch.compile."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from . import _library  # noqa: F401 (registers the ops)
+
+forward = torch.ops.jade_splat.forward.default
+backward = torch.ops.jade_splat.backward.default
+
+_INPUTS = 7  # of the forward op before means2d
+_GAUSSIANS = 5  # of these, before the cameras
+_TILE = 32  # px, of the lists on the CPU
+_SPLAT_BYTES = {torch.float32: 64, torch.float64: 120}  # of a record on the CPU
+
+
+_DEPTH = 7  # among the scalars
+
+
+def _contiguous(grad: Tensor | None) -> Tensor | None:
+    return None if grad is None else grad.contiguous()
+
+
+def _gradients(saved, cleared, grads, scalars, needs):
+    """Of the seven inputs and means2d; None where not needed."""
+    *found, on_cameras, on_means2d = backward(
+        *saved, cleared, *grads, *scalars, needs[_GAUSSIANS], needs[_INPUTS]
+    )
+    found = [grad if needed else None for grad, needed in zip(found, needs)]
+    return (
+        *found,
+        on_cameras if needs[_GAUSSIANS] else None,
+        None,  # intrinsics
+        on_means2d if needs[_INPUTS] else None,
+    )
+
+
+class _Render(torch.autograd.Function):
+    """The two ops for eager mode. What torch.library makes of register_autograd() takes 150 µs more on the host."""
+
+    @staticmethod
+    def forward(ctx, *arguments):
+        *inputs, means2d, scalars, planar = arguments
+        with torch._C._AutoDispatchBelowAutograd():
+            color, alpha, depth_sum, _, *state = forward(*inputs, means2d, *scalars, True)
+        ctx.set_materialize_grads(False)
+        ctx.save_for_backward(*inputs, color, alpha, depth_sum, *state)
+        # In the third place a GPU has memory that its forward pass has cleared for one backward pass.
+        ctx.cleared = state[2] if color.is_cuda else None
+        ctx.scalars, ctx.planar = scalars, planar
+        return (color, alpha, depth_sum) if planar else _in_pixels(color, alpha, depth_sum)
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable
+    def backward(ctx, *grads):
+        if not ctx.planar:
+            grads = [None if grad is None else grad.movedim(-1, 1) for grad in grads]
+        cleared, ctx.cleared = ctx.cleared, None
+        grads = [_contiguous(grad) for grad in grads]
+        if not ctx.scalars[_DEPTH]:
+            grads[2] = None
+        with torch._C._AutoDispatchBelowAutograd():
+            found = _gradients(ctx.saved_tensors, cleared, grads, ctx.scalars, ctx.needs_input_grad)
+        return (*found, None, None)
+
+
+def _in_pixels(color: Tensor, alpha: Tensor, depth_sum: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """[C, K, H, W] to [C, H, W, K]."""
+    pixels = color.permute(0, 2, 3, 1).contiguous()
+    one = (*pixels.shape[:-1], 1)
+    return pixels, alpha.view(one), depth_sum.view(one) if depth_sum.numel() else depth_sum
+
+
+def render(
+    inputs: tuple[Tensor, ...], means2d: Tensor | None, scalars: tuple, planar: bool
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Colour, alpha and, if asked for, Σ w z of contiguous inputs, as planes [C, K, H, W] or pixels [C, H, W, K].
+
+    `scalars` are those of the ops up to `deterministic`. The gradient of means2d [C, N, 2] is dL/dmeans2d, in px.
+    """
+    needs_backward = torch.is_grad_enabled() and any(tensor.requires_grad for tensor in inputs)
+    if needs_backward and not torch.compiler.is_compiling():
+        return _Render.apply(*inputs, means2d, scalars, planar)
+    color, alpha, depth_sum, *_ = forward(*inputs, means2d, *scalars, needs_backward)
+    return (color, alpha, depth_sum) if planar else _in_pixels(color, alpha, depth_sum)
+
+
+def _setup_context(ctx, inputs, output) -> None:
+    color, alpha, depth_sum, _, *state = output
+    ctx.set_materialize_grads(False)
+    ctx.save_for_backward(*inputs[:_INPUTS], color, alpha, depth_sum, *state)
+    ctx.scalars = inputs[_INPUTS + 1 : -1]
+
+
+def _backward(ctx, grad_color, grad_alpha, grad_depth_sum, *_):
+    grads = [_contiguous(grad_color), _contiguous(grad_alpha), _contiguous(grad_depth_sum)]
+    if not ctx.scalars[_DEPTH]:
+        grads[2] = None
+    # A compiled graph may run its parts more than once, so it takes no memory that was cleared once.
+    found = _gradients(ctx.saved_tensors, None, grads, ctx.scalars, ctx.needs_input_grad)
+    return (*found, *[None] * (len(ctx.scalars) + 1))
+
+
+torch.library.register_autograd("jade_splat::forward", _backward, setup_context=_setup_context)
+
+
+@torch.library.register_fake("jade_splat::forward")
+def _(
+    means,
+    quats,
+    scales,
+    opacities,
+    colors,
+    viewmats,
+    intrinsics,
+    means2d,
+    width,
+    height,
+    sh_degree,
+    near_plane,
+    far_plane,
+    activated,
+    antialiased,
+    depth,
+    smooth_cutoff,
+    deterministic,
+    needs_backward,
+):
+    views, count = viewmats.shape[0], means.shape[0]
+    color = means.new_empty((views, 3, height, width))
+    alpha = means.new_empty((views, 1, height, width))
+    depth_sum = means.new_empty((views, 1, height, width)) if depth else means.new_empty((0,))
+    rejected = means.new_empty((1,), dtype=torch.int64)
+
+    def unknown(dtype):
+        return means.new_empty((torch.library.get_ctx().new_dynamic_size(),), dtype=dtype)
+
+    nothing = [means.new_empty((0,)) for _ in range(4)]
+    if not needs_backward:
+        state = nothing
+    elif means.is_cuda:
+        state = [unknown(torch.uint8), unknown(torch.int64), unknown(torch.uint8), nothing[3]]
+    else:
+        tiles = ((width - 1) // _TILE + 1) * ((height - 1) // _TILE + 1)
+        state = [
+            means.new_empty((views * count * _SPLAT_BYTES[means.dtype],), dtype=torch.uint8),
+            unknown(torch.int32),
+            means.new_empty((views, tiles + 1), dtype=torch.int64),
+            means.new_empty((views + 1,), dtype=torch.int64),
+        ]
+    return (color, alpha, depth_sum, rejected, *state)
+
+
+@torch.library.register_fake("jade_splat::backward")
+def _(means, quats, scales, opacities, colors, viewmats, *others):
+    needs_camera, needs_means2d = others[-2:]
+    views, count = viewmats.shape[0], means.shape[0]
+    return (
+        *[torch.empty_like(tensor) for tensor in (means, quats, scales, opacities, colors)],
+        torch.empty_like(viewmats) if needs_camera else means.new_empty((0,)),
+        means.new_empty((views, count, 2)) if needs_means2d else means.new_empty((0,)),
+    )

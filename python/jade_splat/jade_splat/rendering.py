@@ -1,0 +1,314 @@
+# SPDX-License-Identifier: Apache-2.0
+"""rasterization(), with the interface of gsplat 1.5, and splat(), the op itself."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from . import _ops
+from ._library import BUILD
+from .meta import Cameras, Meta, screen_numbers
+
+_PLAIN = -1  # as a degree: colours instead of coefficients
+_FARTHEST = 1e12
+_MODES = ("RGB", "D", "ED", "RGB+D", "RGB+ED")
+
+
+def splat(
+    means: Tensor,
+    quats: Tensor,
+    log_scales: Tensor,
+    logit_opacities: Tensor,
+    sh: Tensor,
+    viewmats: Tensor,
+    intrinsics: Tensor,
+    width: int,
+    height: int,
+    *,
+    sh_degree: int = 3,
+    near_plane: float = 0.01,
+    antialiased: bool = False,
+    depth: bool = False,
+    deterministic: bool = False,
+    smooth_cutoff: bool = False,
+) -> tuple[Tensor, Tensor, Tensor | None]:
+    """The op as the programs call it: N Gaussians by their parameters before the activations, seen by C cameras.
+
+    Args:
+        means: [N, 3], world.
+        quats: [N, 4], wxyz, of any length.
+        log_scales: [N, 3].
+        logit_opacities: [N].
+        sh: [N, K, 3], K = 1, 4, 9 or 16 coefficients; the colour is max(0, SH + 0.5).
+        viewmats: [C, 4, 4], from the world to the camera (x right, y down, z forward).
+        intrinsics: [C, 4], fx, fy, cx, cy in px; constant.
+        sh_degree: active degree; at most what `sh` holds is used.
+        deterministic: bit-equal gradients on a GPU; on the CPU they always are.
+        smooth_cutoff: for gradient tests on the CPU: the image becomes a differentiable function of every input.
+
+    Returns:
+        color [C, 3, H, W], alpha [C, 1, H, W] and, if asked for, Σ w z [C, 1, H, W].
+    """
+    tensors = {"means": means, "quats": quats, "log_scales": log_scales, "logit_opacities": logit_opacities, "sh": sh,
+               "viewmats": viewmats, "intrinsics": intrinsics}
+    _check_tensors(tensors)
+    degrees = {1: 0, 4: 1, 9: 2, 16: 3}
+    if sh.dim() != 3 or sh.shape[1] not in degrees or not 0 <= sh_degree <= 3:
+        raise ValueError(f"sh, sh_degree: expected [N, 1, 4, 9 or 16, 3] and 0 to 3, found {tuple(sh.shape)}, {sh_degree}")
+    sh_degree = min(sh_degree, degrees[sh.shape[1]])
+    scalars = (width, height, sh_degree, near_plane, _FARTHEST, False, antialiased, depth, smooth_cutoff, deterministic)
+    inputs = tuple(tensor.contiguous() for tensor in tensors.values())
+    color, alpha, depth_sum = _ops.render(inputs, None, scalars, True)
+    return color, alpha, depth_sum if depth else None
+
+
+def rasterization(
+    means: Tensor,
+    quats: Tensor,
+    scales: Tensor,
+    opacities: Tensor,
+    colors: Tensor,
+    viewmats: Tensor,
+    Ks: Tensor,
+    width: int,
+    height: int,
+    near_plane: float = 0.01,
+    far_plane: float = 1e10,
+    radius_clip: float = 0.0,
+    eps2d: float = 0.3,
+    sh_degree: int | None = None,
+    packed: bool = True,
+    tile_size: int = 16,
+    backgrounds: Tensor | None = None,
+    render_mode: str = "RGB",
+    sparse_grad: bool = False,
+    absgrad: bool = False,
+    rasterize_mode: str = "classic",
+    channel_chunk: int = 32,
+    distributed: bool = False,
+    camera_model: str = "pinhole",
+    segmented: bool = False,
+    covars: Tensor | None = None,
+    with_ut: bool = False,
+    with_eval3d: bool = False,
+    radial_coeffs: Tensor | None = None,
+    tangential_coeffs: Tensor | None = None,
+    thin_prism_coeffs: Tensor | None = None,
+    ftheta_coeffs: Any = None,
+    rolling_shutter: Any = None,
+    viewmats_rs: Tensor | None = None,
+) -> tuple[Tensor, Tensor, Any]:
+    """Renders N Gaussians in C cameras, with the arguments of gsplat.rasterization().
+
+    Args:
+        means: [..., N, 3], world.
+        quats: [..., N, 4], wxyz, of any length.
+        scales: [..., N, 3].
+        opacities: [..., N], of 0 to 1.
+        colors: [..., N, D] or [..., C, N, D] of any D and sign; with `sh_degree` coefficients [..., N, K, 3] or
+            [..., C, N, K, 3].
+        viewmats: [..., C, 4, 4], from the world to the camera.
+        Ks: [..., C, 3, 3]; constant.
+        packed: decides the layout of `meta` alone.
+        backgrounds: [..., C, D].
+        render_mode: "RGB", "D" (Σ w z), "ED" (Σ w z / Σ w), "RGB+D" or "RGB+ED".
+        rasterize_mode: "classic" or "antialiased".
+        tile_size, channel_chunk, segmented: accepted; the result does not depend on them.
+
+    Returns:
+        Colours [..., C, H, W, X], alphas [..., C, H, W, 1] and `meta`, in which `means2d` has a gradient after the
+        backward pass. Inside torch.compile, `meta` has numbers alone.
+
+    Raises:
+        NotImplementedError: an argument that is not supported, by name.
+        ValueError, TypeError: a shape, type or device that does not fit, by name.
+    """
+    _refuse(
+        radius_clip=radius_clip > 0, eps2d=eps2d != 0.3, sparse_grad=sparse_grad, absgrad=absgrad,
+        distributed=distributed, camera_model=camera_model != "pinhole", covars=covars is not None, with_ut=with_ut,
+        with_eval3d=with_eval3d, radial_coeffs=radial_coeffs is not None,
+        tangential_coeffs=tangential_coeffs is not None, thin_prism_coeffs=thin_prism_coeffs is not None,
+        ftheta_coeffs=ftheta_coeffs is not None, viewmats_rs=viewmats_rs is not None,
+        rolling_shutter=rolling_shutter is not None and getattr(rolling_shutter, "name", "") != "GLOBAL",
+    )
+    if render_mode not in _MODES:
+        raise ValueError(f"render_mode: expected one of {', '.join(_MODES)}, found {render_mode!r}")
+    if rasterize_mode not in ("classic", "antialiased"):
+        raise ValueError(f"rasterize_mode: expected classic or antialiased, found {rasterize_mode!r}")
+    gaussians = (means, quats, scales, opacities)
+    _check_tensors({"means": means, "quats": quats, "scales": scales, "opacities": opacities, "colors": colors,
+                    "viewmats": viewmats, "Ks": Ks, "backgrounds": backgrounds}, optional=("backgrounds",))
+    _refuse(Ks=Ks.requires_grad)
+    batch, views = _check_shapes(*gaussians, colors, viewmats, Ks, width, height, sh_degree)
+    channels = 3 if sh_degree is not None else colors.shape[-1]
+    if backgrounds is not None:
+        _expect("backgrounds", backgrounds, (*batch, views, channels))
+    if not 0 < near_plane < far_plane:
+        raise ValueError(f"near_plane, far_plane: expected 0 < near_plane < far_plane, found {near_plane}, {far_plane}")
+
+    count = means.shape[-2]
+    antialiased = rasterize_mode == "antialiased"
+    compiling = torch.compiler.is_compiling()
+    wants = torch.is_grad_enabled() and any(t.requires_grad for t in (*gaussians, colors, viewmats))
+    means2d = None
+    if wants and not compiling:
+        means2d = means.new_empty((*batch, views, count, 2)).requires_grad_()
+    scalars = (width, height, near_plane, min(far_plane, _FARTHEST), antialiased)
+    tensors = (*gaussians, colors, viewmats, _intrinsics(Ks), means2d)
+    if not batch:
+        pixels, alpha, depth_sum = _render_scene(tensors, sh_degree, render_mode, *scalars)
+    else:
+        flat = [None if t is None else t.reshape(-1, *t.shape[len(batch):]) for t in tensors]
+        scenes = [
+            _render_scene(tuple(None if t is None else t[b] for t in flat), sh_degree, render_mode, *scalars)
+            for b in range(math.prod(batch))
+        ]
+        pixels, alpha, depth_sum = (
+            None if parts[0] is None else torch.stack(parts).unflatten(0, batch) for parts in zip(*scenes)
+        )
+
+    if pixels is not None and backgrounds is not None:
+        pixels = pixels + (1 - alpha) * backgrounds[..., None, None, :]
+    if depth_sum is not None and "ED" in render_mode:
+        depth_sum = depth_sum / alpha.clamp(min=1e-10)
+    if pixels is None:
+        image = depth_sum
+    else:
+        image = pixels if depth_sum is None else torch.cat([pixels, depth_sum], -1)
+    numbers = screen_numbers(width, height, tile_size, math.prod(batch), views)
+    meta: Any = numbers
+    if not compiling:
+        cameras = Cameras(viewmats.detach(), Ks, width, height, near_plane, far_plane, antialiased)
+        meta = Meta(numbers, tuple(t.detach() for t in gaussians), cameras, means2d, packed)
+    return image, alpha, meta
+
+
+_intrinsics_order: dict[torch.device, Tensor] = {}
+
+
+def _intrinsics(Ks: Tensor) -> Tensor:
+    """fx, fy, cx, cy [..., 4]."""
+    if torch.compiler.is_compiling():
+        return torch.stack([Ks[..., 0, 0], Ks[..., 1, 1], Ks[..., 0, 2], Ks[..., 1, 2]], -1)
+    order = _intrinsics_order.get(Ks.device)
+    if order is None:
+        order = _intrinsics_order[Ks.device] = torch.tensor([0, 4, 2, 5], device=Ks.device)
+    return Ks.detach().flatten(-2).index_select(-1, order)
+
+
+def _render_scene(
+    tensors: tuple, sh_degree: int | None, mode: str, width: int, height: int, near: float, far: float,
+    antialiased: bool,
+) -> tuple[Tensor | None, Tensor, Tensor | None]:
+    """One scene: pixels [C, H, W, D] or None, alpha [C, H, W, 1], Σ w z or None."""
+    *gaussians, colors, viewmats, intrinsics, means2d = tensors
+    gaussians = [t.contiguous() for t in gaussians]
+    per_view = colors.dim() == (3 if sh_degree is None else 4)
+    if mode in ("D", "ED"):
+        groups, per_view, degree = [colors.new_zeros((gaussians[0].shape[0], 1, 3))], False, _PLAIN
+    elif sh_degree is not None:
+        whole = colors.shape[-2] in (1, 4, 9, 16)
+        groups, degree = [colors if whole else colors[..., : (sh_degree + 1) ** 2, :]], sh_degree
+    else:
+        # Three channels per pass.
+        padding = -colors.shape[-1] % 3
+        padded = torch.nn.functional.pad(colors, (0, padding)) if padding else colors
+        groups, degree = [part.unsqueeze(-2) for part in padded.split(3, -1)], _PLAIN
+
+    deterministic = torch.are_deterministic_algorithms_enabled()
+
+    def call(color: Tensor, cameras: tuple, depth: bool) -> tuple[Tensor, ...]:
+        poses, values, screen = cameras
+        inputs = (*gaussians, color.contiguous(), poses.contiguous(), values.contiguous())
+        scalars = (width, height, degree, near, far, True, antialiased, depth, False, deterministic)
+        return _ops.render(inputs, screen, scalars, False)
+
+    cameras = (viewmats, intrinsics, means2d)
+    passes = []
+    for index, group in enumerate(groups):
+        depth = index == 0 and mode != "RGB"
+        if per_view:
+            views = [tuple(None if t is None else t[v : v + 1] for t in cameras) for v in range(viewmats.shape[0])]
+            parts = [call(group[v], view, depth) for v, view in enumerate(views)]
+            passes.append(tuple(torch.cat(images) for images in zip(*parts)))
+        else:
+            passes.append(call(group, cameras, depth))
+    pixels, alpha, depth_sum = passes[0]
+    if len(passes) > 1:
+        pixels = torch.cat([images[0] for images in passes], -1)
+    channels = 3 if sh_degree is not None else colors.shape[-1]
+    if pixels.shape[-1] != channels:
+        pixels = pixels[..., :channels]
+    return (None if mode in ("D", "ED") else pixels), alpha, (None if mode == "RGB" else depth_sum)
+
+
+def _refuse(**used: bool) -> None:
+    for name, is_used in used.items():
+        if is_used:
+            raise NotImplementedError(f"{name}: not supported by jade_splat.rasterization; leave its default")
+
+
+def _check_tensors(tensors: dict[str, Tensor | None], optional: tuple[str, ...] = ()) -> None:
+    for name, tensor in tensors.items():
+        if not isinstance(tensor, Tensor) and not (tensor is None and name in optional):
+            raise TypeError(f"{name}: expected a tensor, found {type(tensor).__name__}")
+    means = tensors["means"]
+    for name, tensor in tensors.items():
+        if tensor is None:
+            continue
+        if tensor.device != means.device:
+            raise ValueError(f"{name}: expected a tensor on {means.device}, as means, found one on {tensor.device}")
+        if tensor.dtype not in (torch.float32, torch.float64):
+            raise TypeError(f"{name}: expected float32, found {str(tensor.dtype)[6:]}; call .float()")
+        if tensor.dtype != means.dtype:
+            raise TypeError(f"{name}: expected {str(means.dtype)[6:]}, as means, found {str(tensor.dtype)[6:]}")
+    if means.device.type not in ("cpu", "cuda"):
+        raise ValueError(f"means: expected a tensor on the CPU or a CUDA device, found one on {means.device}")
+    if means.is_cuda and BUILD["cuda"] is None:
+        raise RuntimeError("means: this jade_splat has no CUDA kernels; install the wheel for your CUDA or use the CPU")
+    if means.is_cuda and means.dtype == torch.float64:
+        raise TypeError("means: expected float32 on a GPU, found float64; render doubles on the CPU")
+
+
+def _expect(name: str, tensor: Tensor, shape: tuple[int, ...]) -> None:
+    if tuple(tensor.shape) != tuple(shape):
+        raise ValueError(f"{name}: expected shape {tuple(shape)}, found {tuple(tensor.shape)}")
+
+
+def _check_shapes(
+    means: Tensor, quats: Tensor, scales: Tensor, opacities: Tensor, colors: Tensor, viewmats: Tensor, Ks: Tensor,
+    width: int, height: int, sh_degree: int | None,
+) -> tuple[tuple[int, ...], int]:
+    """Returns the batch's shape and the number of views."""
+    if means.dim() < 2 or means.shape[-1] != 3:
+        raise ValueError(f"means: expected shape (..., N, 3), found {tuple(means.shape)}")
+    *batch, count, _ = means.shape
+    if viewmats.dim() < 3 or viewmats.shape[-3] < 1:
+        raise ValueError(f"viewmats: expected shape (..., C, 4, 4) with C of at least 1, found {tuple(viewmats.shape)}")
+    views = viewmats.shape[-3]
+    _expect("quats", quats, (*batch, count, 4))
+    _expect("scales", scales, (*batch, count, 3))
+    _expect("opacities", opacities, (*batch, count))
+    _expect("viewmats", viewmats, (*batch, views, 4, 4))
+    _expect("Ks", Ks, (*batch, views, 3, 3))
+    tail = 1
+    if sh_degree is not None:
+        tail = 2
+        if not 0 <= sh_degree <= 3:
+            raise ValueError(f"sh_degree: expected 0 to 3, found {sh_degree}")
+        if colors.dim() < 2 or colors.shape[-1] != 3 or colors.shape[-2] < (sh_degree + 1) ** 2:
+            raise ValueError(
+                f"colors: expected (..., K, 3) with K of at least {(sh_degree + 1) ** 2}, found {tuple(colors.shape)}"
+            )
+    if tuple(colors.shape[:-tail]) not in ((*batch, count), (*batch, views, count)) or colors.shape[-1] < 1:
+        raise ValueError(
+            f"colors: expected {(*batch, count)} or {(*batch, views, count)} and {tail} more axes, "
+            f"found {tuple(colors.shape)}"
+        )
+    if not (0 < width < 32768 and 0 < height < 32768):
+        raise ValueError(f"width, height: expected 1 to 32767 px, found {width} and {height}")
+    return tuple(batch), views

@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The package jade: what it reads and draws, against jade_render where JADE_BIN names its folder."""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+import numpy as np
+import torch
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "python/jade_splat"))
+import jade  # noqa: E402
+
+COUNT, WIDTH, HEIGHT = 60, 40, 30
+ORIGIN = (1000.0, -2000.0, 500.0)
+
+
+def write_ply(path, degree=1, comments=(), count=COUNT, tail=b""):
+    """Gaussians in front of the camera; returns their parameters."""
+    random = np.random.default_rng(0)
+    rest = 3 * ((degree + 1) ** 2 - 1)
+    z = random.uniform(2, 5, COUNT)
+    means = np.stack([random.uniform(-0.5, 0.5, COUNT) * z, random.uniform(-0.4, 0.4, COUNT) * z, z], -1)
+    dc, other = random.normal(0, 0.8, (COUNT, 3)), random.normal(0, 0.2, (COUNT, rest))
+    opacity, scales = random.normal(0, 1.5, (COUNT, 1)), random.uniform(-3, -1.5, (COUNT, 3))
+    quats = random.normal(size=(COUNT, 4))
+    names = ["x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"]
+    names += [f"f_rest_{i}" for i in range(rest)] + ["opacity", "scale_0", "scale_1", "scale_2"] + [f"rot_{i}" for i in range(4)]
+    header = ["ply", "format binary_little_endian 1.0", *[f"comment {c}" for c in comments], f"element vertex {count}"]
+    header += [f"property float {name}" for name in names] + ["end_header", ""]
+    table = np.concatenate([means, np.zeros((COUNT, 3)), dc, other, opacity, scales, quats], 1).astype("<f4")
+    path.write_bytes("\n".join(header).encode() + table.tobytes() + tail)
+    return {"means": means, "dc": dc, "rest": other, "quats": quats}
+
+
+CAMERA = {
+    "name": "one", "width": WIDTH, "height": HEIGHT, "fx": 36.0, "fy": 37.0, "cx": 19.0, "cy": 16.0,
+    "camera_from_world": [[0.995004165, 0, 0.099833417, 0.1], [0, 1, 0, -0.05], [-0.099833417, 0, 0.995004165, 0.2]],
+}
+
+
+class Runs(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+
+    def write_run(self, **options):
+        written = write_ply(self.folder / "point_cloud.ply", **options)
+        (self.folder / "cameras.json").write_text(json.dumps([CAMERA]))
+        (self.folder / "eval.json").write_text('{"psnr": 31.5}')
+        (self.folder / "metrics.jsonl").write_text('{"step": 10, "loss": 0.5}\n{"step": 20, "loss": 0.25, "psnr": 30}\n')
+        return written
+
+    def test_load_run(self):
+        written = self.write_run(degree=1, comments=["SplatRenderMode: mip", "origin 1 2 3.5"])
+        run = jade.load_run(self.folder)
+        self.assertTrue(run.gaussians.antialiased)
+        self.assertEqual(run.gaussians.origin, (1.0, 2.0, 3.5))
+        np.testing.assert_allclose(run.gaussians.means, written["means"], rtol=1e-6)
+        np.testing.assert_allclose(run.gaussians.quats, written["quats"], rtol=1e-6)
+        # Coefficient 2 of green is the second of green's three.
+        np.testing.assert_allclose(run.gaussians.sh[:, 2, 1], written["rest"][:, 3 + 1], rtol=1e-6)
+        np.testing.assert_allclose(run.gaussians.sh[:, 0], written["dc"], rtol=1e-6)
+        self.assertEqual(run.cameras[0].camera_from_world.shape, (4, 4))
+        self.assertEqual(run.scores, {"psnr": 31.5})
+        np.testing.assert_array_equal(run.metrics["loss"], [0.5, 0.25])
+        np.testing.assert_array_equal(run.metrics["psnr"], [np.nan, 30])
+
+    def test_only_the_scene_is_needed(self):
+        write_ply(self.folder / "point_cloud.ply", degree=3)
+        run = jade.load_run(self.folder)
+        self.assertEqual((run.cameras, run.scores, run.metrics), ([], {}, {}))
+        self.assertEqual(run.gaussians.sh.shape, (COUNT, 16, 3))
+
+    def test_origin_moves_with_the_cameras(self):
+        self.write_run()
+        here = jade.render(self.folder, jade.load_run(self.folder).cameras[0])
+        self.write_run(comments=["origin {} {} {}".format(*ORIGIN)])
+        camera = jade.load_run(self.folder).cameras[0]
+        camera.camera_from_world[:3, 3] -= camera.camera_from_world[:3, :3] @ np.array(ORIGIN)
+        torch.testing.assert_close(jade.render(self.folder / "point_cloud.ply", camera), here, atol=1e-5, rtol=0)
+
+    def test_render_has_gradients_and_a_background(self):
+        self.write_run()
+        run = jade.load_run(self.folder)
+        run.gaussians.means.requires_grad_()
+        image = jade.render(run, run.cameras[0], background=(0.0, 0.5, 1.0))
+        self.assertEqual(image.shape, (HEIGHT, WIDTH, 3))
+        image.sum().backward()
+        self.assertGreater(run.gaussians.means.grad.abs().sum(), 0)
+        with torch.no_grad():
+            black = jade.render(run, run.cameras[0])
+        self.assertGreater((image - black)[..., 2].max(), 0.1)
+        torch.testing.assert_close((image - black)[..., 0], torch.zeros(HEIGHT, WIDTH))
+
+    @unittest.skipUnless("JADE_BIN" in os.environ, "needs the programs")
+    def test_draws_what_jade_render_draws(self):
+        for degree, comments in ((0, []), (3, ["SplatRenderMode: mip"])):
+            self.write_run(degree=degree, comments=comments)
+            program = Path(os.environ["JADE_BIN"]) / "jade_render"
+            subprocess.run(
+                [program, "--ply", self.folder / "point_cloud.ply", "--cameras", self.folder / "cameras.json", "--format",
+                 "npy", "--device", "cpu", "--quiet", "--output", self.folder / "views"],
+                check=True,
+            )
+            expected = np.load(next((self.folder / "views").rglob("*.npy")))
+            run = jade.load_run(self.folder)
+            found = jade.render(run, run.cameras[0]).permute(2, 0, 1).numpy()
+            np.testing.assert_array_equal(found, expected)
+
+    def expect(self, error, names, call):
+        with self.assertRaises(error) as caught:
+            call()
+        self.assertIn(names, str(caught.exception))
+        self.assertNotIn("\n", str(caught.exception))
+
+    def test_bad_files(self):
+        ply = self.folder / "point_cloud.ply"
+        self.expect(FileNotFoundError, "point_cloud.ply", lambda: jade.load_run(self.folder))
+        for content in (b"", b"PK\3\4", b"ply\nformat ascii 1.0\nelement vertex 0\nend_header\n", b"ply\nformat"):
+            ply.write_bytes(content)
+            self.expect(ValueError, "point_cloud.ply", lambda: jade.load_run(self.folder))
+        write_ply(ply, count=COUNT + 1)
+        self.expect(ValueError, "61", lambda: jade.load_run(self.folder))
+        ply.write_bytes(b"ply\nformat binary_little_endian 1.0\nelement vertex 0\nproperty float x\nend_header\n")
+        self.expect(ValueError, "f_dc_0", lambda: jade.load_run(self.folder))
+        self.write_run()
+        (self.folder / "metrics.jsonl").write_text('{"step": 1}\n{"st')
+        self.expect(ValueError, "metrics.jsonl:2", lambda: jade.load_run(self.folder))
+        self.write_run()
+        (self.folder / "eval.json").write_text("{")
+        self.expect(ValueError, "eval.json", lambda: jade.load_run(self.folder))
+
+
+if __name__ == "__main__":
+    unittest.main()
