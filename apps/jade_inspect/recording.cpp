@@ -78,7 +78,7 @@ std::string next_command(const Recording& r, const RecordingNumbers& n) {
     line += " --frames FOLDER_OR_VIDEO";
     if (r.triggers.rising_us.empty()) line += " --frame-times LIST.csv";
   } else if (n.exposed > 0 && n.exposed < r.frames.size()) {
-    // Where no frame has a length, jade_import measures it.
+    // jade_import measures the length where no frame has one.
     line += " --exposure-ms MILLISECONDS";
   }
   if (!r.calibration) line += " --calibration CAMERA.yaml";

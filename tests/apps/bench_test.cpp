@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
 #include "jade/io/npy.h"
 #include "support/naming.h"
 #include "support/programs.h"
@@ -102,7 +103,7 @@ TEST_CASE("jade_bench quality: when each run first reached a goal, seeds as one"
   const auto write_run = [&](const std::string& run, const std::string& lines, double end) {
     std::filesystem::create_directories(dir / run);
     write_file(dir / (run + "/metrics.jsonl"), lines);
-    write_file(dir / (run + "/eval.json"), concat("{\"mean\": {\"psnr\": ", end, "}}"));
+    write_file(dir / (run + "/eval.json"), jade::concat("{\"mean\": {\"psnr\": ", end, "}}"));
   };
   write_run("new/desk/0",
             "{\"step\": 10, \"seconds\": 2.0, \"test_psnr\": 27}\n"

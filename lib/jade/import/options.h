@@ -155,13 +155,16 @@ constexpr auto words_of(Correction) {
 
 /// Faults that are fixed to the frame sensor and its lens.
 struct CorrectionOptions {
-  Correction fixed_pattern = Correction::kAuto, vignetting = Correction::kAuto;
+  Correction fixed_pattern = Correction::kOff;  ///< a scene that moves little is taken for one
+  Correction vignetting = Correction::kAuto;
 };
 
 template <class V>
 void describe(V& v, CorrectionOptions& o) {
-  v.field("fixed_pattern", o.fixed_pattern,
-          "take offsets and gains of pixels, rows, columns and dust out of the frames");
+  v.field(
+      "fixed_pattern", o.fixed_pattern,
+      "take offsets and gains of pixels, rows, columns and dust out of the frames; texture that "
+      "moves little is taken for such a pattern, so look at the frames that come out");
   v.field("vignetting", o.vignetting,
           "divide frames by the part of the light that the lens passes, found from tracks of "
           "points");
