@@ -249,8 +249,8 @@ def check_mistakes(runs):
     fails("example.org: no such folder", 3, *runs.training("none", "--serve", "example.org"))
     done = subprocess.run(runs.program("jade_view", "--serve", runs.folder / "nothing"), capture_output=True, text=True)
     expect(done.returncode != 0 and ("found nothing" in done.stderr or "already in use" in done.stderr), f"the word after --serve is the scene: {done.stderr}")
-    fails("expected a run directory of jade_train or a .ply, found nothing", 3, *runs.program("jade_view", runs.folder / "nothing", "--serve=0"))
-    fails("expected a run directory of jade_train or a .ply, found another folder", 3, *runs.program("jade_view", runs.folder / "data", "--serve=0"))
+    fails("expected a run directory of jade_train or a file of Gaussians, found nothing", 3, *runs.program("jade_view", runs.folder / "nothing", "--serve=0"))
+    fails("expected a run directory of jade_train or a file of Gaussians, found another folder", 3, *runs.program("jade_view", runs.folder / "data", "--serve=0"))
 
 
 def check_view(runs):
