@@ -83,7 +83,7 @@ CLI::Option* add_flags(apps::Program& program, import::StageRange& range) {
   program.begin_group("Stages");
   program.cli()
       .add_option("--from", range.from,
-                  "Repeat this stage and those after it: read, pattern, time, sensor, "
+                  "Repeat this stage and those after it: read, time, sensor, "
                   "undistort, restore, poses, vignetting or write")
       ->type_name("STAGE");
   program.cli().add_option("--until", range.until, "Stop after this stage")->type_name("STAGE");

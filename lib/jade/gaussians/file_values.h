@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the readers and writers of files of Gaussians do with numbers alike. Not for use outside
-// this folder.
+// Conversions of numbers that several file formats of Gaussians share. Private to this folder.
 #pragma once
 
 #include <cstdint>

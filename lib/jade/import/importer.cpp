@@ -20,7 +20,6 @@
 #include "jade/import/hot_pixels.h"
 #include "jade/import/latents.h"
 #include "jade/import/scene_files.h"
-#include "jade/import/sensor_pattern.h"
 #include "jade/import/structure_from_motion.h"
 #include "jade/import/undistortion.h"
 #include "jade/import/vignetting.h"
@@ -323,25 +322,6 @@ Stage read_stage(const ImportOptions& options, Progressed& so_far) {
           }};
 }
 
-/// Takes a pattern fixed to the frame sensor out of the frames.
-Stage pattern_stage(const ImportOptions& options, Progressed& so_far) {
-  return {"pattern", word_of(options.correct.fixed_pattern),
-          [&](const fs::path& folder) {
-            SensorPattern found;
-            found.said = "not sought";
-            if (options.correct.fixed_pattern == Correction::kAuto) {
-              std::vector<torch::Tensor> frames;
-              for (const Shot& shot : so_far.capture.shots) frames.push_back(shot.image);
-              found = find_sensor_pattern(frames);
-            }
-            keep_sensor_pattern(folder, found);
-            return found.said;
-          },
-          [&](const fs::path& folder) {
-            remove_sensor_pattern(load_sensor_pattern(folder), so_far.capture);
-          }};
-}
-
 std::string mask_text(const ImportOptions& options) {
   return options.lens.mask.empty() ? "" : fingerprint(options.lens.mask);
 }
@@ -534,7 +514,7 @@ void check_colmap(const ImportOptions& options, const StageRange& range) {
   const auto is_one_of = [](const std::string& name, std::initializer_list<const char*> names) {
     return std::find(names.begin(), names.end(), name) != names.end();
   };
-  if (is_one_of(range.until, {"read", "pattern", "time", "sensor", "undistort", "restore"})) return;
+  if (is_one_of(range.until, {"read", "time", "sensor", "undistort", "restore"})) return;
   if (is_one_of(range.from, {"vignetting", "write"})) return;
   Progress progress("import", 1, 0, "stages");
   progress.show("looking for COLMAP");
@@ -556,11 +536,10 @@ void import_recording(const ImportOptions& given, const fs::path& output, const 
   if (!options.lens.calibration.empty()) calibration_of(options.lens, {});
   Progressed so_far;
   const std::vector<Stage> stages{
-      read_stage(options, so_far),         pattern_stage(options, so_far),
-      time_stage(options, so_far),         sensor_stage(options, so_far),
-      undistort_stage(options, so_far),    restore_stage(options, so_far),
-      poses_stage(options, so_far),        vignetting_stage(options, so_far),
-      write_stage(options, output, so_far)};
+      read_stage(options, so_far),       time_stage(options, so_far),
+      sensor_stage(options, so_far),     undistort_stage(options, so_far),
+      restore_stage(options, so_far),    poses_stage(options, so_far),
+      vignetting_stage(options, so_far), write_stage(options, output, so_far)};
   make_writable_folder(output / "import");
   const auto lock = FolderLock::take(output / "import");
   if (!lock) {

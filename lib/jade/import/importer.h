@@ -10,8 +10,8 @@
 
 namespace jade::import {
 
-/// Runs the stages read, pattern, time, sensor, undistort, restore, poses, vignetting and write,
-/// each in its folder of OUTPUT/import, and puts the data set into OUTPUT. Shows progress.
+/// Runs the stages read, time, sensor, undistort, restore, poses, vignetting and write, each in its
+/// folder of OUTPUT/import, and puts the data set into OUTPUT. Shows progress.
 /// @throws DataError for what cannot be read, ordered or posed; ConfigError; Interrupted.
 void import_recording(const ImportOptions& options, const std::filesystem::path& output,
                       const StageRange& range);

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
 #include <torch/types.h>
 
 #include "jade/core/check.h"
@@ -56,19 +55,6 @@ std::vector<torch::Tensor> moving_spectra(const std::vector<torch::Tensor>& imag
 
 double signed_place(int64_t place, int64_t size) {
   return static_cast<double>(place > size / 2 ? place - size : place);
-}
-
-/// Shift of the picture from one spectrum to another, right and down, px; none where noise makes as
-/// high a peak of their correlation.
-std::optional<std::array<double, 2>> shift_between(const torch::Tensor& a, const torch::Tensor& b) {
-  const torch::Tensor cross = b * a.conj();
-  // Half whitened: a whole whitening follows noise, none follows the coarsest structure.
-  const torch::Tensor peak = torch::real(at::fft_ifft2(cross / cross.abs().sqrt().clamp_min(1e-9)));
-  const double deviation = peak.std().item<double>();
-  if (!(peak.max().item<double>() > kLeastPeak * deviation)) return std::nullopt;
-  const int64_t place = peak.argmax().item<int64_t>(), width = peak.size(1);
-  return std::array<double, 2>{signed_place(place % width, width),
-                               signed_place(place / width, peak.size(0))};
 }
 
 /// Projection of the point, px.
@@ -133,30 +119,24 @@ FrameMotion frame_motion(const std::vector<torch::Tensor>& images) {
   const std::vector<torch::Tensor> spectra = moving_spectra(images);
   FrameMotion motion;
   const auto compare = [&](size_t a, size_t b) {
+    const torch::Tensor cross = spectra[b] * spectra[a].conj();
+    // Half whitened: a whole whitening follows noise, none follows the coarsest structure.
+    const torch::Tensor peak =
+        torch::real(at::fft_ifft2(cross / cross.abs().sqrt().clamp_min(1e-9)));
     ++motion.compared;
-    const auto shift = shift_between(spectra[a], spectra[b]);
-    if (!shift) return;
+    const double deviation = peak.std().item<double>();
+    if (!(peak.max().item<double>() > kLeastPeak * deviation)) return;
     ++motion.measured;
-    motion.shift_px = std::max(motion.shift_px, std::hypot((*shift)[0], (*shift)[1]));
+    const int64_t place = peak.argmax().item<int64_t>(), width = peak.size(1);
+    motion.shift_px = std::max(
+        motion.shift_px,
+        std::hypot(signed_place(place / width, peak.size(0)), signed_place(place % width, width)));
   };
   for (size_t i = 1; i < spectra.size(); ++i) {
     compare(i - 1, i);
     if (i > 1) compare(0, i);
   }
   return motion;
-}
-
-std::vector<std::array<double, 2>> frame_places(const std::vector<torch::Tensor>& images) {
-  JADE_CHECK(images.size() >= 2, "expected at least two images, found ", images.size());
-  const std::vector<torch::Tensor> spectra = moving_spectra(images);
-  std::vector<std::array<double, 2>> places{{0, 0}};
-  for (size_t i = 1; i < spectra.size(); ++i) {
-    const auto shift = shift_between(spectra[i - 1], spectra[i]);
-    std::array<double, 2> place = places.back();
-    if (shift) place[0] += (*shift)[0], place[1] += (*shift)[1];
-    places.push_back(place);
-  }
-  return places;
 }
 
 double explained_blur(const std::vector<PosedExposure>& exposures) {

@@ -26,12 +26,6 @@ struct FrameMotion {
 /// @param images  [3,H,W] of one size, at least two, in order of time
 FrameMotion frame_motion(const std::vector<torch::Tensor>& images);
 
-/// Place of the picture of each frame against that of the first, right and down, px: the sum of the
-/// measured shifts from frame to frame, without what is fixed to the sensor as in frame_motion(). A
-/// shift that is not measured counts as none.
-/// @param images  [3,H,W] of one size, at least two, in order of time
-std::vector<std::array<double, 2>> frame_places(const std::vector<torch::Tensor>& images);
-
 /// One exposure with the poses that were found for it.
 struct PosedExposure {
   torch::Tensor blurry, sharp;            ///< [3,H,W]: the frame, and its restoration at the middle

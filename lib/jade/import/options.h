@@ -145,7 +145,7 @@ void describe(V& v, PoseSearchOptions& o) {
   v.field("pairs", o.pairs, "which pairs of images are compared");
 }
 
-/// Whether a fault of the frame sensor is sought and taken out.
+/// Whether a fault of the frames is sought and taken out.
 enum class Correction { kAuto, kOff };
 
 constexpr auto words_of(Correction) {
@@ -153,18 +153,13 @@ constexpr auto words_of(Correction) {
                     Word{"off", Correction::kOff, "frames stay as they are"}};
 }
 
-/// Faults that are fixed to the frame sensor and its lens.
+/// Faults of the frames that their lens causes.
 struct CorrectionOptions {
-  Correction fixed_pattern = Correction::kOff;  ///< a scene that moves little is taken for one
   Correction vignetting = Correction::kAuto;
 };
 
 template <class V>
 void describe(V& v, CorrectionOptions& o) {
-  v.field(
-      "fixed_pattern", o.fixed_pattern,
-      "take offsets and gains of pixels, rows, columns and dust out of the frames; texture that "
-      "moves little is taken for such a pattern, so look at the frames that come out");
   v.field("vignetting", o.vignetting,
           "divide frames by the part of the light that the lens passes, found from tracks of "
           "points");
@@ -222,7 +217,7 @@ void describe(V& v, ImportOptions& o) {
   v.group("cache", o.cache, "restorations on disk");
   v.group("latents", o.latents, "sharp images for structure from motion");
   v.group("poses", o.poses, "structure from motion");
-  v.group("correct", o.correct, "faults fixed to the frame sensor and its lens");
+  v.group("correct", o.correct, "faults of the lens that are taken out of the frames");
   v.group("test", o.test, "frames that judge the scene");
 }
 
