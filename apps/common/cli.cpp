@@ -232,6 +232,18 @@ void Program::add_mask_flag(const std::string& key) {
       ->type_name("FILE");
 }
 
+void Program::add_restoration_flags() {
+  add_key_flag("--threshold-positive", "events.threshold_positive",
+               "Change of log intensity that makes a positive event, or auto: measured")
+      ->type_name("X");
+  add_key_flag("--threshold-negative", "events.threshold_negative",
+               "The same of a negative event; 0: equal to the positive threshold")
+      ->type_name("X");
+  add_key_flag("--efnet", "efnet.path",
+               "TorchScript file of the learned restorer instead of the one that ships")
+      ->type_name("FILE");
+}
+
 CLI::Option* Program::add_serve_flag(std::string& address, const std::string& help) {
   return cli_
       .add_option("--serve", address,

@@ -71,6 +71,8 @@ class Program {
                               const std::string& value, const std::string& help);
   /// --mask IMAGE, which stands for `key`.
   void add_mask_flag(const std::string& key);
+  /// --threshold-positive, --threshold-negative and --efnet: inputs of a restoration.
+  void add_restoration_flags();
   /// --serve[=ADDRESS:PORT], which fills `address` with what is given, empty for the default.
   CLI::Option* add_serve_flag(std::string& address, const std::string& help);
   /// --output DIR, of the program or of one of its subcommands.

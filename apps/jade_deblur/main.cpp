@@ -51,18 +51,7 @@ void add_flags(apps::Program& program, DeblurFlags& flags) {
   cli.add_option("--log-offset", flags.options.log_offset,
                  "Offset of a sensor that measures log(I + offset), I in [0,1] (default: 0)")
       ->check(within(0, 1000));
-  program
-      .add_key_flag("--threshold-positive", "events.threshold_positive",
-                    "Change of log intensity that makes a positive event, or auto: measured")
-      ->type_name("X");
-  program
-      .add_key_flag("--threshold-negative", "events.threshold_negative",
-                    "The same of a negative event; 0: equal to the positive threshold")
-      ->type_name("X");
-  program
-      .add_key_flag("--efnet", "efnet.path",
-                    "TorchScript file of the learned restorer instead of the one that ships")
-      ->type_name("FILE");
+  program.add_restoration_flags();
   program.add_key_flag("--efnet-sha256", "efnet.sha256", "SHA-256 that this file must have")
       ->type_name("HASH");
   program

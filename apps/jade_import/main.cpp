@@ -68,18 +68,7 @@ CLI::Option* add_flags(apps::Program& program, import::StageRange& range) {
       .add_key_list_flag("--test", "test.names",
                          "Names of the frames that test the scene, as a YAML list: [a, b]")
       ->type_name("NAMES");
-  program
-      .add_key_flag("--threshold-positive", "events.threshold_positive",
-                    "Change of log intensity that makes a positive event, or auto: measured")
-      ->type_name("X");
-  program
-      .add_key_flag("--threshold-negative", "events.threshold_negative",
-                    "The same of a negative event; 0: equal to the positive threshold")
-      ->type_name("X");
-  program
-      .add_key_flag("--efnet", "efnet.path",
-                    "TorchScript file of the learned restorer instead of the one that ships")
-      ->type_name("FILE");
+  program.add_restoration_flags();
   program.begin_group("Stages");
   program.cli()
       .add_option("--from", range.from,
