@@ -55,7 +55,7 @@ class Install(unittest.TestCase):
             content = path.read_bytes()
             searched += 1
             for place in {str(BUILD), str(SOURCE)}:
-                found += [f"{path}: {text.decode()}" for text in re.findall(re.escape(place.encode()) + rb"/[\w./+-]*", content)]
+                found += [f"{path}: {text.decode()}" for text in re.findall(re.escape(place.encode()) + rb"/[\w./+-]{3,}", content)]
         return found, searched
 
     def test_no_path_of_the_build_is_left(self):
