@@ -453,7 +453,7 @@ SearchResult find_poses(const fs::path& latents, const std::vector<LatentImage>&
       attempt.explained_blur = explained_blur_of(latents, images, capture, r);
       log_info(concat("  with near and far exchanged: error ", attempt.error_px, " px, before ",
                       best.error_px, " px"));
-      if (explains_blur(attempt) && attempt.registered == best.registered) {
+      if (explains_blur(attempt) && attempt.registered >= best.registered) {
         best = attempt;
         found = std::move(r);
       }
