@@ -2,15 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recordings with the faults of real cameras, simulated, imported and trained without any flag, and judged by the truth.
 
-    scripts/battery.py --bin build/bin --output runs/battery [--only NAME ...] [--jobs N] [--set KEY=VALUE ...]
+    scripts/battery.py --bin build/bin --output runs/battery [--only NAME ...] [--jobs N] [--set KEY=VALUE ...] [--true-poses]
 
-Each file in configs/battery is a recording; the one that it extends is the same scene without the fault, which is made too. For each:
+Each file in configs/battery is a recording; one of that folder that it extends is the same scene without the fault, which is made too.
+--configs configs/battery/causes takes the faults apart. For each recording:
 jade_simulate --recording, jade_import RECORDING, jade_train --config scene.yaml, jade_eval, jade_render and compare_poses.py. Stages
 that have ended are kept: called again with the same --output, what failed or is missing is made. After each recording OUTPUT/battery.md
 and OUTPUT/battery.csv are written anew.
 
 PSNR is against the true sharp frames of the plain scene: those of the middles of training exposures ("middles"), and of the test views
 between them ("views"), each after one factor for the brightness of the picture. "loss" is how far that is below the plain scene.
+--true-poses also trains each import with the true poses in place of its own: what is lost then is not lost by the poses.
 
 Needs numpy, and what jade_import needs for COLMAP. Each job has its own share of the cores, and one of the GPUs.
 """
@@ -43,6 +45,7 @@ COLUMNS = {
     "recording": "recording", "verdict": "verdict", "placed": "images placed", "blur": "blur explained, %", "pose_px": "pose error, px",
     "on": "Θ⁺ found", "off": "Θ⁻ found", "threshold_error": "error, %", "exposure_ms": "exposure found, ms", "exposure_error": "error, %",
     "middles_db": "middles, dB", "middles_loss": "loss, dB", "views_db": "views, dB", "views_loss": "loss, dB",
+    "true_db": "middles with true poses, dB", "true_loss": "loss with true poses, dB",
     "simulate_s": "simulate, s", "import_s": "import, s", "poses_s": "of it poses, s", "train_s": "train, s",
 }
 
@@ -194,7 +197,7 @@ def recordings_in(configs: Path, output: Path, only: list[str]) -> list[Recordin
     """Plain ones first, as the others are measured by them."""
     found = {}
     for config in sorted(configs.glob("*.yaml")):
-        extends = re.search(r"^extends:\s*(\S+)\.yaml\s*$", config.read_text(), re.MULTILINE)
+        extends = re.search(r"^extends:\s*([^\s/]+)\.yaml\s*$", config.read_text(), re.MULTILINE)
         found[config.stem] = Recording(config.stem, config.resolve(), output / config.stem, extends[1] if extends else None)
     unknown = [name for name in only if name not in found] + [r.plain for r in found.values() if r.plain and r.plain not in found]
     if not found or unknown:
@@ -261,7 +264,7 @@ class Battery:
         return code == 0
 
     place = threading.local()
-    STAGES = ("simulate", "import", "train", "eval", "middles", "views")
+    STAGES = ("simulate", "import", "train", "eval", "middles", "views", "true_data", "true_train", "true_middles")
 
     def later_than(self, stage: str) -> tuple[str, ...]:
         return self.STAGES[self.STAGES.index(stage):] if stage in self.STAGES else ()
@@ -300,6 +303,16 @@ class Battery:
             ("views", [program("jade_render"), "--run", run, "--cameras", "test", "--format", "npy", "--output", folder / "views",
                        *device], folder / "views"),
         )
+        if o.true_poses:
+            true = folder / "true"
+            steps += (
+                ("true_data", [sys.executable, ROOT / "scripts/compare_poses.py", data, recording.truth, "--with-true-poses",
+                               true / "data"], true / "data"),
+                ("true_train", [program("jade_train"), "--config", true / "data/scene.yaml", "--output", true / "run", *device,
+                                *settings], true / "run"),
+                ("true_middles", [program("jade_render"), "--run", true / "run", "--cameras", "train", "--format", "npy", "--output",
+                                  true / "middles", *device], true / "middles"),
+            )
         for stage, command, made in steps:
             if stage == o.until:
                 return
@@ -360,6 +373,8 @@ class Battery:
                                                       lambda name: judged_by / "sharp" / f"{name}.png"))
         row["views_db"] = attempt(lambda: mean_psnr(recording.folder / "views", data, "test",
                                                     lambda name: judged_by / "images_1" / f"{name}.png"))
+        row["true_db"] = attempt(lambda: mean_psnr(recording.folder / "true/middles", data, "train",
+                                                   lambda name: judged_by / "sharp" / f"{name}.png"))
         return row
 
     def write_table(self) -> None:
@@ -368,7 +383,7 @@ class Battery:
                     for recording in self.recordings}
             for recording in self.recordings:
                 row, plain = rows[recording.name], rows.get(recording.plain or "", {})
-                for kind in ("middles", "views"):
+                for kind in ("middles", "views", "true"):
                     if row.get(f"{kind}_db") is not None and plain.get(f"{kind}_db") is not None:
                         row[f"{kind}_loss"] = plain[f"{kind}_db"] - row[f"{kind}_db"]
             ordered = list(rows.values())
@@ -423,6 +438,7 @@ def main(words: list[str] | None = None) -> int:
                         "of the cores)")
     parser.add_argument("--device", default="", help="of import, training and scores (auto)")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="a setting of jade_train, for a short check")
+    parser.add_argument("--true-poses", action="store_true", help="train with the true poses too")
     parser.add_argument("--until", choices=Battery.STAGES[1:], default="", help="stop before this stage")
     options = parser.parse_args(words)
     signal.signal(signal.SIGTERM, signal.default_int_handler)

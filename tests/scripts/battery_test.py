@@ -182,6 +182,24 @@ class Battery(unittest.TestCase):
         self.assertEqual(sum(line.startswith("jade_import refused") for line in self.asked()), 2)
         self.assertEqual(sum(line.startswith("jade_simulate refused") for line in self.asked()), 1)
 
+    def test_true_poses_are_trained_on_beside_the_found_ones(self):
+        self.config("fault")
+        self.assertEqual(self.call("--true-poses"), (0, ""))
+        trained = [line for line in self.asked() if line.startswith("jade_train")]
+        true = self.output.resolve() / "fault" / "true"
+        self.assertTrue(any(f"--config {true}/data/scene.yaml --output {true}/run" in line for line in trained), trained)
+        self.assertIn("optimize: none", (true / "data/scene.yaml").read_text())
+        self.assertGreater(float(self.rows()["plain"]["true_db"]), 90)
+        self.assertLess(abs(float(self.rows()["fault"]["true_loss"])), 0.01)
+        self.assertEqual(self.call("--only", "plain")[0], 0)
+        self.assertEqual(len([line for line in self.asked() if line.startswith("jade_train")]), len(trained))
+
+    def test_a_plain_scene_may_extend_one_elsewhere(self):
+        self.configs.joinpath("plain.yaml").write_text("extends: ../base.yaml\nseed: 1\n")
+        self.config("fault")
+        self.assertEqual(self.call(), (0, ""))
+        self.assertEqual(self.rows().keys(), {"plain", "fault"})
+
     def test_it_stops_where_it_is_told_to(self):
         self.assertEqual(self.call("--until", "train"), (0, ""))
         self.assertEqual({line.split()[0] for line in self.asked()}, {"jade_simulate", "jade_import"})
