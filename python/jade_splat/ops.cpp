@@ -41,7 +41,7 @@ void check(const Tensor& tensor, const char* name, std::initializer_list<int64_t
 struct Scalars {
   int64_t width, height, sh_degree;
   double near_plane, far_plane;
-  bool activated, antialiased, depth, smooth_cutoff, deterministic;
+  bool activated, antialiased, depth, smooth_cutoff, deterministic, interleaved;
 };
 
 ForwardArgs make_args(const Gaussians& g, const Tensor& viewmats, const Tensor& intrinsics,
@@ -56,7 +56,11 @@ ForwardArgs make_args(const Gaussians& g, const Tensor& viewmats, const Tensor& 
   check(g.logit_opacities, "opacities", {g.size()}, g.means);
   check(g.sh, "colors", {g.size(), kAny, 3}, g.means);
   check(viewmats, "viewmats", {kAny, 4, 4}, g.means);
-  check(intrinsics, "intrinsics", {viewmats.size(0), 4}, g.means);
+  if (intrinsics.dim() == 3) {
+    check(intrinsics, "Ks", {viewmats.size(0), 3, 3}, g.means);
+  } else {
+    check(intrinsics, "intrinsics", {viewmats.size(0), 4}, g.means);
+  }
   const int64_t degree = s.sh_degree;
   if (degree < kPlainColor || degree > 3 ||
       g.sh.size(1) < (degree == kPlainColor ? 1 : (degree + 1) * (degree + 1))) {
@@ -77,6 +81,7 @@ ForwardArgs make_args(const Gaussians& g, const Tensor& viewmats, const Tensor& 
   args.depth = s.depth;
   args.smooth_cutoff = s.smooth_cutoff;
   args.deterministic = s.deterministic;
+  args.interleaved = s.interleaved;
   return args;
 }
 
@@ -95,10 +100,10 @@ Forward forward(Tensor means, Tensor quats, Tensor scales, Tensor opacities, Ten
                 Tensor viewmats, Tensor intrinsics, Optional /*means2d*/, int64_t width,
                 int64_t height, int64_t sh_degree, double near_plane, double far_plane,
                 bool activated, bool antialiased, bool depth, bool smooth_cutoff,
-                bool deterministic, bool needs_backward) {
+                bool deterministic, bool interleaved, bool needs_backward) {
   ForwardArgs args = make_args({means, quats, scales, opacities, colors}, viewmats, intrinsics,
                                {width, height, sh_degree, near_plane, far_plane, activated,
-                                antialiased, depth, smooth_cutoff, deterministic});
+                                antialiased, depth, smooth_cutoff, deterministic, interleaved});
   args.needs_backward = needs_backward;
   ForwardResult result = run(args);
   std::vector<Tensor>& state = result.state.tensors;
@@ -123,11 +128,11 @@ Backward backward(Tensor means, Tensor quats, Tensor scales, Tensor opacities, T
                   Optional grad_color, Optional grad_alpha, Optional grad_depth_sum, int64_t width,
                   int64_t height, int64_t sh_degree, double near_plane, double far_plane,
                   bool activated, bool antialiased, bool depth, bool smooth_cutoff,
-                  bool deterministic, bool needs_camera, bool needs_means2d) {
+                  bool deterministic, bool interleaved, bool needs_camera, bool needs_means2d) {
   BackwardArgs args;
   args.forward = make_args({means, quats, scales, opacities, colors}, viewmats, intrinsics,
                            {width, height, sh_degree, near_plane, far_plane, activated, antialiased,
-                            depth, smooth_cutoff, deterministic});
+                            depth, smooth_cutoff, deterministic, interleaved});
   args.color = color;
   args.alpha = alpha;
   if (depth) args.depth_sum = depth_sum;
@@ -155,7 +160,7 @@ Backward backward(Tensor means, Tensor quats, Tensor scales, Tensor opacities, T
   "Tensor intrinsics, "
 #define JADE_SCALARS                                                                          \
   "int width, int height, int sh_degree, float near_plane, float far_plane, bool activated, " \
-  "bool antialiased, bool depth, bool smooth_cutoff, bool deterministic, "
+  "bool antialiased, bool depth, bool smooth_cutoff, bool deterministic, bool interleaved, "
 
 STABLE_TORCH_LIBRARY(jade_splat, m) {
   m.def("forward(" JADE_INPUTS "Tensor? means2d, " JADE_SCALARS

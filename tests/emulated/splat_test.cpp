@@ -37,7 +37,8 @@ struct Settings {
   bool cameras = true;  ///< their gradients too
   bool activated = false;
   double far_plane = splat::kFarthest;
-  bool means2d = false;  ///< gradients on the screen too
+  bool means2d = false;      ///< gradients on the screen too
+  bool interleaved = false;  ///< colours by pixel, and intrinsics as matrices
 };
 
 struct Backend {
@@ -69,6 +70,15 @@ splat::BackwardArgs call_of(const SplatScene& scene) {
   return args;
 }
 
+/// [C,3,3] of fx, fy, cx, cy [C,4].
+Tensor matrices_of(const Tensor& intrinsics) {
+  Tensor matrices = torch::zeros({intrinsics.size(0), 9}, intrinsics.options());
+  matrices.select(1, 8).fill_(1);
+  const int64_t places[] = {0, 4, 2, 5};
+  for (int64_t k = 0; k < 4; ++k) matrices.select(1, places[k]).copy_(intrinsics.select(1, k));
+  return matrices.view({-1, 3, 3});
+}
+
 Outcome run(const Backend& backend, const SplatScene& scene, const Settings& settings) {
   splat::BackwardArgs args = call_of(scene);
   splat::ForwardArgs& f = args.forward;
@@ -83,6 +93,10 @@ Outcome run(const Backend& backend, const SplatScene& scene, const Settings& set
     f.gaussians.logit_opacities = scene.gaussians.logit_opacities.sigmoid();
   }
   f.deterministic = settings.deterministic;
+  if (settings.interleaved) {
+    f.interleaved = true;
+    f.intrinsics = matrices_of(f.intrinsics);
+  }
   splat::ForwardResult images = backend.forward(f);
   if (backend.forward == kCuda.forward) {
     // The first call of a size counts and lists instances one by one, later ones by chunks.
@@ -96,10 +110,16 @@ Outcome run(const Backend& backend, const SplatScene& scene, const Settings& set
   args.color = images.color;
   args.alpha = images.alpha;
   args.depth_sum = images.depth_sum;
-  args.grad_color = random_cotangent(images.color, 1);
-  args.grad_alpha = random_cotangent(images.alpha, 2);
+  // The same values in both layouts.
+  const auto cotangent_of = [&](const Tensor& image, uint64_t seed) {
+    if (!settings.interleaved) return random_cotangent(image, seed);
+    const Tensor planes = image.movedim(-1, 1).contiguous();
+    return random_cotangent(planes, seed).movedim(1, -1).contiguous();
+  };
+  args.grad_color = cotangent_of(images.color, 1);
+  args.grad_alpha = cotangent_of(images.alpha, 2);
   if (settings.depth && settings.depth_gradient) {
-    args.grad_depth_sum = 0.1 * random_cotangent(images.depth_sum, 3);
+    args.grad_depth_sum = 0.1 * cotangent_of(images.depth_sum, 3);
   }
   args.statistics = splat::ScreenStatistics::zeros(scene.gaussians.size(), torch::kCPU);
   args.statistics_views = settings.statistics_views;
@@ -180,6 +200,7 @@ TEST_CASE(
   settings.far_plane = 5;
   settings.means2d = true;
   check_against_cpu(scene, settings);
+  settings.interleaved = true;
   settings.sh_degree = splat::kPlainColor;
   scene.gaussians.sh = scene.gaussians.sh.narrow(1, 0, 1).contiguous();
   check_against_cpu(scene, settings);
@@ -190,6 +211,23 @@ TEST_CASE(
   const Tensor used = (on_screen != 0).any(-1).sum(0);
   CHECK((used <= cuda.statistics.visible_count).all().item<bool>());
   CHECK(used.sum().item<int64_t>() > 100);
+}
+
+TEST_CASE("emulated cuda: the layout of colours and intrinsics changes no bit", "[emulated]") {
+  const SplatScene scene = scene_of(200, 45, 37);
+  for (const Backend& backend : {kCpu, kCuda}) {
+    Settings settings;
+    settings.depth = true;
+    settings.deterministic = true;
+    const Outcome planes = run(backend, scene, settings);
+    settings.interleaved = true;
+    const Outcome pixels = run(backend, scene, settings);
+    REQUIRE(pixels.images[0].sizes() == torch::IntArrayRef({3, 37, 45, 3}));
+    REQUIRE(pixels.images[1].sizes() == torch::IntArrayRef({3, 37, 45, 1}));
+    CHECK(pixels.images[0].movedim(-1, 1).equal(planes.images[0]));
+    CHECK(pixels.images[1].movedim(-1, 1).equal(planes.images[1]));
+    check_equal(pixels.gradients, planes.gradients);
+  }
 }
 
 TEST_CASE("emulated cuda: a splat that stops a pixel and colours none still counts in the adjoint",

@@ -12,6 +12,7 @@ import unittest
 from pathlib import Path
 
 import torch
+from torch.utils._python_dispatch import TorchDispatchMode
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(Path(__file__).parent), str(ROOT / "python/jade_splat")]
@@ -280,6 +281,57 @@ class OnAGpu(unittest.TestCase):
         self.assertTrue(torch.equal(grads[0], grads[1]) and torch.equal(grads[0], grads[2]))
 
 
+class Operations(TorchDispatchMode):
+    """The operations of torch beneath autograd, but for detach(), with which autograd keeps and hands over tensors."""
+
+    def __init__(self):
+        super().__init__()
+        self.names = []
+
+    def __torch_dispatch__(self, function, types, args=(), kwargs=None):
+        if function is not torch.ops.aten.detach.default:
+            self.names.append(str(function))
+        return function(*args, **(kwargs or {}))
+
+
+class HostTime(unittest.TestCase):
+    """Small scenes are bound by the host, which pays for each operation and each node."""
+
+    def test_operations_of_a_step(self):
+        both = ["jade_splat.forward.default", "jade_splat.backward.default"]
+        for coefficients, options in ((None, {}), (16, {"sh_degree": 3}), (4, {"sh_degree": 1, "packed": False})):
+            scene = make_scene(coefficients=coefficients)
+            scene.pop("backgrounds")
+            with Operations() as seen, torch.no_grad():
+                rasterization(**scene, width=WIDTH, height=HEIGHT, **options)
+            self.assertEqual(seen.names, both[:1] if coefficients else ["aten.unsqueeze.default", *both[:1]])
+            scene = with_gradients(scene)
+            with Operations() as seen:
+                image, _, _ = rasterization(**scene, width=WIDTH, height=HEIGHT, **options)
+                image.backward(torch.ones(image.shape, dtype=image.dtype))
+            seen.names = [name for name in seen.names if "ones" not in name and "squeeze" not in name]
+            self.assertEqual(seen.names, ["aten.empty.memory_format", *both], options)  # means2d, then the op
+
+    def test_operations_of_the_bare_op(self):
+        scene = make_scene(coefficients=16)
+        intrinsics = scene["Ks"].flatten(1)[:, [0, 4, 2, 5]].contiguous()
+        inputs = [scene[name].requires_grad_() for name in NAMES[:6]]
+        with Operations() as seen:
+            image, _, _ = splat(*inputs, intrinsics, WIDTH, HEIGHT)
+            image.backward(image.detach())
+        self.assertEqual(seen.names, ["jade_splat.forward.default", "jade_splat.backward.default"])
+
+    def test_one_node_of_autograd(self):
+        for coefficients in (None, 16):
+            scene = make_scene(coefficients=coefficients)
+            scene.pop("backgrounds")
+            scene = with_gradients(scene)
+            image, alpha, _ = rasterization(**scene, width=WIDTH, height=HEIGHT, sh_degree=3 if coefficients else None)
+            self.assertIs(image.grad_fn, alpha.grad_fn)
+            before = [node.name() for node, _ in image.grad_fn.next_functions if node is not None]
+            self.assertEqual(before, ["torch::autograd::AccumulateGrad"] * 7)  # six inputs and means2d
+
+
 class Meta(unittest.TestCase):
     def densify(self, packed):
         """Sums as gsplat's default strategy takes them."""
@@ -333,7 +385,7 @@ class Compiled(unittest.TestCase):
             inputs = [scene[name].requires_grad_() for name in NAMES[:4]]
             inputs += [scene["colors"][:, None].clone().requires_grad_(), scene["viewmats"].requires_grad_()]
             intrinsics = scene["Ks"].flatten(1)[:, [0, 4, 2, 5]].contiguous()
-            arguments = (*inputs, intrinsics, None, WIDTH, HEIGHT, -1, 0.01, 1e10, True, False, True, False, True, True)
+            arguments = (*inputs, intrinsics, None, WIDTH, HEIGHT, -1, 0.01, 1e10, True, False, True, False, True, True, True)
             # On a GPU the lists have room that nobody writes, which a comparison of two calls would read.
             checks = ("test_schema", "test_autograd_registration", "test_faketensor", "test_aot_dispatch_dynamic")
             torch.library.opcheck(torch.ops.jade_splat.forward, arguments, test_utils=checks[: 3 if device == "cuda" else 4])
@@ -417,12 +469,30 @@ class BadInput(unittest.TestCase):
         scene = make_scene(count=4)
         intrinsics = scene["Ks"].flatten(1)[:, [0, 4, 2, 5]].contiguous()
         inputs = [*[scene[name] for name in NAMES[:4]], scene["colors"][:, None], scene["viewmats"], intrinsics]
-        rest = (None, WIDTH, HEIGHT, -1, 0.01, 1e10, True, False, False, False, False, False)
+        rest = (None, WIDTH, HEIGHT, -1, 0.01, 1e10, True, False, False, False, False, False, False)
         _ops.forward(*inputs, *rest)
         for index, wrong in ((0, inputs[0].T.contiguous().T), (1, inputs[1].float()), (2, inputs[2][:-1])):
             bad = [wrong if i == index else t for i, t in enumerate(inputs)]
             with self.assertRaisesRegex(RuntimeError, ("means", "quats", "scales")[index]):
                 _ops.forward(*bad, *rest)
+
+    def test_layouts_agree(self):
+        """Colours by plane or by pixel, intrinsics as rows or as matrices."""
+        for device, dtype in DEVICES:
+            scene = make_scene(device=device, dtype=dtype)
+            intrinsics = scene["Ks"].flatten(1)[:, [0, 4, 2, 5]].contiguous()
+            inputs = [*[scene[name] for name in NAMES[:4]], scene["colors"][:, None], scene["viewmats"]]
+            found = []
+            for cameras, by_pixel in ((intrinsics, False), (scene["Ks"], True)):
+                scalars = (WIDTH, HEIGHT, -1, 0.01, 1e10, True, False, True, False, True, by_pixel)
+                color, alpha, depth_sum, _, *state = _ops.forward(*inputs, cameras, None, *scalars, True)
+                grads = [color.square(), alpha.square(), depth_sum.square()]
+                saved = (*inputs, cameras, color, alpha, depth_sum, *state)
+                gradients = _ops.backward(*saved, None, *grads, *scalars, True, True)
+                images = [image.movedim(-1, 1) if by_pixel else image for image in (color, alpha, depth_sum)]
+                found.append((*images, *gradients))
+            for a, b in zip(*found):
+                self.assertTrue(torch.equal(a, b))
 
     def test_no_gaussians(self):
         for device, dtype in DEVICES:

@@ -21,7 +21,7 @@ constexpr double kFarthest = 1e12;
 struct ForwardArgs {
   Gaussians gaussians;
   Tensor camera_from_world;  ///< [C,4,4]
-  Tensor intrinsics;         ///< [C,4], same dtype and device as the Gaussians
+  Tensor intrinsics;         ///< [C,4] or matrices [C,3,3]; dtype and device of the Gaussians
   Tensor background;         ///< [3]; undefined: black
   int64_t width = 0;
   int64_t height = 0;
@@ -33,6 +33,7 @@ struct ForwardArgs {
   bool depth = false;
   bool smooth_cutoff = false;
   bool deterministic = false;
+  bool interleaved = false;     ///< color and its gradient are [C,H,W,3], alpha [C,H,W,1]
   bool needs_backward = false;  ///< false: `state` may stay empty
 };
 
@@ -46,7 +47,7 @@ struct SavedState {
 };
 
 struct ForwardResult {
-  Tensor color;      ///< [C,3,H,W], background included
+  Tensor color;      ///< [C,3,H,W] or interleaved, background included
   Tensor alpha;      ///< [C,1,H,W]
   Tensor depth_sum;  ///< [C,1,H,W], Σ w z, not divided by alpha; undefined unless asked for
   Tensor rejected;   ///< [1] int64 on the device
@@ -72,6 +73,16 @@ struct BackwardResult {
   Tensor background;
   Tensor means2d;  ///< [C,N,2] in px, 0 where a Gaussian is not visible
 };
+
+/// Uninitialised images of all views, of so many channels, in the call's layout.
+inline Tensor new_images(const ForwardArgs& args, int64_t channels) {
+  const Tensor& like = args.gaussians.means;
+  const int64_t views = args.camera_from_world.size(0);
+  if (args.interleaved) {
+    return new_tensor({views, args.height, args.width, channels}, like.scalar_type(), like);
+  }
+  return new_tensor({views, channels, args.height, args.width}, like.scalar_type(), like);
+}
 
 namespace cpu {
 ForwardResult forward(const ForwardArgs& args);  ///< float or double

@@ -7,9 +7,11 @@
 #include <cstdint>
 #include <initializer_list>
 #ifdef JADE_STABLE_ABI
+#include <torch/csrc/inductor/aoti_torch/c/shim.h>
 #include <torch/csrc/stable/device.h>
-#include <torch/csrc/stable/ops.h>
 #include <torch/csrc/stable/tensor.h>
+#include <torch/headeronly/util/shim_utils.h>
+#include <vector>
 #else
 #include <torch/types.h>
 #endif
@@ -25,21 +27,46 @@ using Device = torch::Device;
 #endif
 using ScalarType = torch::headeronly::ScalarType;
 
+#ifdef JADE_STABLE_ABI
+/// Uninitialised and contiguous. The stable ABI's own empty() looks its operator up by name in each
+/// call, which takes several times as long.
+inline Tensor new_tensor(const int64_t* sizes, int64_t dim, int32_t type, const Tensor& like) {
+  std::vector<int64_t> strides(static_cast<size_t>(dim));
+  int64_t stride = 1;
+  for (int64_t axis = dim - 1; axis >= 0; --axis) {
+    strides[axis] = stride;
+    stride *= sizes[axis] > 0 ? sizes[axis] : 1;
+  }
+  int32_t device_type = 0, device_index = 0;
+  TORCH_ERROR_CODE_CHECK(aoti_torch_get_device_type(like.get(), &device_type));
+  TORCH_ERROR_CODE_CHECK(aoti_torch_get_device_index(like.get(), &device_index));
+  AtenTensorHandle made = nullptr;
+  TORCH_ERROR_CODE_CHECK(
+      aoti_torch_empty_strided(dim, sizes, strides.data(), type, device_type, device_index, &made));
+  return Tensor(made);
+}
+#endif
+
 /// Uninitialised, on the device of `like`.
 inline Tensor new_tensor(std::initializer_list<int64_t> sizes, ScalarType type,
                          const Tensor& like) {
 #ifdef JADE_STABLE_ABI
-  return torch::stable::empty({sizes.begin(), sizes.size()}, type, std::nullopt, like.device());
+  return new_tensor(sizes.begin(), static_cast<int64_t>(sizes.size()), static_cast<int32_t>(type),
+                    like);
 #else
   return torch::empty(torch::IntArrayRef(sizes.begin(), sizes.size()),
                       torch::TensorOptions().dtype(type).device(like.device()));
 #endif
 }
 
-/// Uninitialised, with the shape, type and device of `like`.
+/// Uninitialised, with the shape, type and device of `like`, which is contiguous.
 inline Tensor new_like(const Tensor& like) {
 #ifdef JADE_STABLE_ABI
-  return torch::stable::empty_like(like);
+  int64_t* sizes = nullptr;
+  int32_t type = 0;
+  TORCH_ERROR_CODE_CHECK(aoti_torch_get_sizes(like.get(), &sizes));
+  TORCH_ERROR_CODE_CHECK(aoti_torch_get_dtype(like.get(), &type));
+  return new_tensor(sizes, like.dim(), type, like);
 #else
   return torch::empty_like(like);
 #endif

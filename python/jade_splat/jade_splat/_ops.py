@@ -13,22 +13,24 @@ backward = torch.ops.jade_splat.backward.default
 
 _INPUTS = 7  # of the forward op before means2d
 _GAUSSIANS = 5  # of these, before the cameras
+_COLORS = 4
 _TILE = 32  # px, of the lists on the CPU
 _SPLAT_BYTES = {torch.float32: 64, torch.float64: 120}  # of a record on the CPU
-
-
 _DEPTH = 7  # among the scalars
 
 
+def contiguous(tensor: Tensor) -> Tensor:
+    """As Tensor.contiguous(), but without a call of the dispatcher where nothing is to do."""
+    return tensor if tensor.is_contiguous() else tensor.contiguous()
+
+
 def _contiguous(grad: Tensor | None) -> Tensor | None:
-    return None if grad is None else grad.contiguous()
+    return None if grad is None else contiguous(grad)
 
 
 def _gradients(saved, cleared, grads, scalars, needs):
     """Of the seven inputs and means2d; None where not needed."""
-    *found, on_cameras, on_means2d = backward(
-        *saved, cleared, *grads, *scalars, needs[_GAUSSIANS], needs[_INPUTS]
-    )
+    *found, on_cameras, on_means2d = backward(*saved, cleared, *grads, *scalars, needs[_GAUSSIANS], needs[_INPUTS])
     found = [grad if needed else None for grad, needed in zip(found, needs)]
     return (
         *found,
@@ -43,49 +45,50 @@ class _Render(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx, *arguments):
-        *inputs, means2d, scalars, planar = arguments
+        *inputs, means2d, scalars = arguments
+        flat = inputs[_COLORS].dim() == 2
+        if flat:
+            inputs[_COLORS] = inputs[_COLORS].unsqueeze(1)
         with torch._C._AutoDispatchBelowAutograd():
             color, alpha, depth_sum, _, *state = forward(*inputs, means2d, *scalars, True)
         ctx.set_materialize_grads(False)
         ctx.save_for_backward(*inputs, color, alpha, depth_sum, *state)
         # In the third place a GPU has memory that its forward pass has cleared for one backward pass.
         ctx.cleared = state[2] if color.is_cuda else None
-        ctx.scalars, ctx.planar = scalars, planar
-        return (color, alpha, depth_sum) if planar else _in_pixels(color, alpha, depth_sum)
+        ctx.scalars, ctx.flat = scalars, flat
+        return color, alpha, depth_sum if scalars[_DEPTH] else None
 
     @staticmethod
-    @torch.autograd.function.once_differentiable
     def backward(ctx, *grads):
-        if not ctx.planar:
-            grads = [None if grad is None else grad.movedim(-1, 1) for grad in grads]
-        cleared, ctx.cleared = ctx.cleared, None
-        grads = [_contiguous(grad) for grad in grads]
-        if not ctx.scalars[_DEPTH]:
-            grads[2] = None
-        with torch._C._AutoDispatchBelowAutograd():
-            found = _gradients(ctx.saved_tensors, cleared, grads, ctx.scalars, ctx.needs_input_grad)
-        return (*found, None, None)
+        # Beneath a second derivative alone, as the guards of once_differentiable() take time.
+        return (_backward_once if torch.is_grad_enabled() else _backward_eager)(ctx, *grads)
 
 
-def _in_pixels(color: Tensor, alpha: Tensor, depth_sum: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """[C, K, H, W] to [C, H, W, K]."""
-    pixels = color.permute(0, 2, 3, 1).contiguous()
-    one = (*pixels.shape[:-1], 1)
-    return pixels, alpha.view(one), depth_sum.view(one) if depth_sum.numel() else depth_sum
+def _backward_eager(ctx, *grads):
+    cleared, ctx.cleared = ctx.cleared, None
+    grads = [_contiguous(grad) for grad in grads]
+    with torch._C._AutoDispatchBelowAutograd():
+        found = _gradients(ctx.saved_tensors, cleared, grads, ctx.scalars, ctx.needs_input_grad)
+    if ctx.flat and found[_COLORS] is not None:
+        found = (*found[:_COLORS], found[_COLORS].squeeze(1), *found[_COLORS + 1 :])
+    return (*found, None)
 
 
-def render(
-    inputs: tuple[Tensor, ...], means2d: Tensor | None, scalars: tuple, planar: bool
-) -> tuple[Tensor, Tensor, Tensor]:
-    """Colour, alpha and, if asked for, Σ w z of contiguous inputs, as planes [C, K, H, W] or pixels [C, H, W, K].
+_backward_once = torch.autograd.function.once_differentiable(_backward_eager)
 
-    `scalars` are those of the ops up to `deterministic`. The gradient of means2d [C, N, 2] is dL/dmeans2d, in px.
+
+def render(inputs: tuple[Tensor, ...], means2d: Tensor | None, scalars: tuple) -> tuple[Tensor, Tensor, Tensor | None]:
+    """Colour, alpha and, if asked for, Σ w z of contiguous inputs; colours may be [N, 3] as well as [N, K, 3].
+
+    `scalars` are those of the ops up to `interleaved`. The gradient of means2d [C, N, 2] is dL/dmeans2d, in px.
     """
-    needs_backward = torch.is_grad_enabled() and any(tensor.requires_grad for tensor in inputs)
+    needs_backward = torch.is_grad_enabled() and any([tensor.requires_grad for tensor in inputs])
     if needs_backward and not torch.compiler.is_compiling():
-        return _Render.apply(*inputs, means2d, scalars, planar)
+        return _Render.apply(*inputs, means2d, scalars)
+    if inputs[_COLORS].dim() == 2:
+        inputs = (*inputs[:_COLORS], inputs[_COLORS].unsqueeze(1), *inputs[_COLORS + 1 :])
     color, alpha, depth_sum, *_ = forward(*inputs, means2d, *scalars, needs_backward)
-    return (color, alpha, depth_sum) if planar else _in_pixels(color, alpha, depth_sum)
+    return color, alpha, depth_sum if scalars[_DEPTH] else None
 
 
 def _setup_context(ctx, inputs, output) -> None:
@@ -127,12 +130,16 @@ def _(
     depth,
     smooth_cutoff,
     deterministic,
+    interleaved,
     needs_backward,
 ):
     views, count = viewmats.shape[0], means.shape[0]
-    color = means.new_empty((views, 3, height, width))
-    alpha = means.new_empty((views, 1, height, width))
-    depth_sum = means.new_empty((views, 1, height, width)) if depth else means.new_empty((0,))
+
+    def images(channels):
+        return means.new_empty((views, height, width, channels) if interleaved else (views, channels, height, width))
+
+    color, alpha = images(3), images(1)
+    depth_sum = images(1) if depth else means.new_empty((0,))
     rejected = means.new_empty((1,), dtype=torch.int64)
 
     def unknown(dtype):

@@ -3,10 +3,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, MutableMapping
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
@@ -16,8 +14,7 @@ _SIGMAS = 3.33  # where the extent ends, however opaque the Gaussian
 _DILATION = 0.3  # px², added to both variances on the screen
 
 
-@dataclass(frozen=True)
-class Cameras:
+class Cameras(NamedTuple):
     """[..., C] pinhole cameras and what they cull."""
 
     viewmats: Tensor  # [..., C, 4, 4]
@@ -88,7 +85,7 @@ class Meta(MutableMapping):
 
     def __init__(self, values: dict[str, Any], gaussians: tuple[Tensor, ...], cameras: Cameras,
                  means2d: Tensor | None, packed: bool):
-        self._values = dict(values)
+        self._values = values
         self._gaussians, self._cameras = gaussians, cameras
         self._means2d = means2d  # the leaf of the op's graph
         self._packed = packed
@@ -162,8 +159,8 @@ def screen_numbers(width: int, height: int, tile_size: int, batches: int, views:
         "width": width,
         "height": height,
         "tile_size": tile_size,
-        "tile_width": math.ceil(width / tile_size),
-        "tile_height": math.ceil(height / tile_size),
+        "tile_width": -(width // -tile_size),
+        "tile_height": -(height // -tile_size),
         "n_batches": batches,
         "n_cameras": views,
     }

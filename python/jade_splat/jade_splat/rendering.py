@@ -16,6 +16,10 @@ from .meta import Cameras, Meta, screen_numbers
 _PLAIN = -1  # as a degree: colours instead of coefficients
 _FARTHEST = 1e12
 _MODES = ("RGB", "D", "ED", "RGB+D", "RGB+ED")
+_DEGREES = {1: 0, 4: 1, 9: 2, 16: 3}  # by the number of coefficients
+_TYPES = (torch.float32, torch.float64)
+_SPLAT_NAMES = ("means", "quats", "log_scales", "logit_opacities", "sh", "viewmats", "intrinsics")
+_NAMES = ("means", "quats", "scales", "opacities", "colors", "viewmats", "Ks", "backgrounds")
 
 
 def splat(
@@ -53,17 +57,16 @@ def splat(
     Returns:
         color [C, 3, H, W], alpha [C, 1, H, W] and, if asked for, Σ w z [C, 1, H, W].
     """
-    tensors = {"means": means, "quats": quats, "log_scales": log_scales, "logit_opacities": logit_opacities, "sh": sh,
-               "viewmats": viewmats, "intrinsics": intrinsics}
-    _check_tensors(tensors)
-    degrees = {1: 0, 4: 1, 9: 2, 16: 3}
-    if sh.dim() != 3 or sh.shape[1] not in degrees or not 0 <= sh_degree <= 3:
+    tensors = (means, quats, log_scales, logit_opacities, sh, viewmats, intrinsics)
+    _check_tensors(_SPLAT_NAMES, tensors)
+    if sh.dim() != 3 or sh.shape[1] not in _DEGREES or not 0 <= sh_degree <= 3:
         raise ValueError(f"sh, sh_degree: expected [N, 1, 4, 9 or 16, 3] and 0 to 3, found {tuple(sh.shape)}, {sh_degree}")
-    sh_degree = min(sh_degree, degrees[sh.shape[1]])
-    scalars = (width, height, sh_degree, near_plane, _FARTHEST, False, antialiased, depth, smooth_cutoff, deterministic)
-    inputs = tuple(tensor.contiguous() for tensor in tensors.values())
-    color, alpha, depth_sum = _ops.render(inputs, None, scalars, True)
-    return color, alpha, depth_sum if depth else None
+    sh_degree = min(sh_degree, _DEGREES[sh.shape[1]])
+    scalars = (
+        *(width, height, sh_degree, near_plane, _FARTHEST),
+        *(False, antialiased, depth, smooth_cutoff, deterministic, False),
+    )
+    return _ops.render(tuple([_ops.contiguous(tensor) for tensor in tensors]), None, scalars)
 
 
 def rasterization(
@@ -127,22 +130,29 @@ def rasterization(
         NotImplementedError: an argument that is not supported, by name.
         ValueError, TypeError: a shape, type or device that does not fit, by name.
     """
-    _refuse(
-        radius_clip=radius_clip > 0, eps2d=eps2d != 0.3, sparse_grad=sparse_grad, absgrad=absgrad,
-        distributed=distributed, camera_model=camera_model != "pinhole", covars=covars is not None, with_ut=with_ut,
-        with_eval3d=with_eval3d, radial_coeffs=radial_coeffs is not None,
-        tangential_coeffs=tangential_coeffs is not None, thin_prism_coeffs=thin_prism_coeffs is not None,
-        ftheta_coeffs=ftheta_coeffs is not None, viewmats_rs=viewmats_rs is not None,
-        rolling_shutter=rolling_shutter is not None and getattr(rolling_shutter, "name", "") != "GLOBAL",
-    )
+    if (
+        radius_clip > 0 or eps2d != 0.3 or sparse_grad or absgrad or distributed or camera_model != "pinhole" or with_ut
+        or with_eval3d or rolling_shutter is not None or covars is not None or radial_coeffs is not None
+        or tangential_coeffs is not None or thin_prism_coeffs is not None or ftheta_coeffs is not None
+        or viewmats_rs is not None
+    ):
+        _refuse(
+            radius_clip=radius_clip > 0, eps2d=eps2d != 0.3, sparse_grad=sparse_grad, absgrad=absgrad,
+            distributed=distributed, camera_model=camera_model != "pinhole", covars=covars is not None, with_ut=with_ut,
+            with_eval3d=with_eval3d, radial_coeffs=radial_coeffs is not None,
+            tangential_coeffs=tangential_coeffs is not None, thin_prism_coeffs=thin_prism_coeffs is not None,
+            ftheta_coeffs=ftheta_coeffs is not None, viewmats_rs=viewmats_rs is not None,
+            rolling_shutter=rolling_shutter is not None and getattr(rolling_shutter, "name", "") != "GLOBAL",
+        )
     if render_mode not in _MODES:
         raise ValueError(f"render_mode: expected one of {', '.join(_MODES)}, found {render_mode!r}")
     if rasterize_mode not in ("classic", "antialiased"):
         raise ValueError(f"rasterize_mode: expected classic or antialiased, found {rasterize_mode!r}")
     gaussians = (means, quats, scales, opacities)
-    _check_tensors({"means": means, "quats": quats, "scales": scales, "opacities": opacities, "colors": colors,
-                    "viewmats": viewmats, "Ks": Ks, "backgrounds": backgrounds}, optional=("backgrounds",))
-    _refuse(Ks=Ks.requires_grad)
+    tensors = (*gaussians, colors, viewmats, Ks)
+    _check_tensors(_NAMES, tensors if backgrounds is None else (*tensors, backgrounds))
+    if Ks.requires_grad:
+        _refuse(Ks=True)
     batch, views = _check_shapes(*gaussians, colors, viewmats, Ks, width, height, sh_degree)
     channels = 3 if sh_degree is not None else colors.shape[-1]
     if backgrounds is not None:
@@ -153,12 +163,12 @@ def rasterization(
     count = means.shape[-2]
     antialiased = rasterize_mode == "antialiased"
     compiling = torch.compiler.is_compiling()
-    wants = torch.is_grad_enabled() and any(t.requires_grad for t in (*gaussians, colors, viewmats))
+    wants = torch.is_grad_enabled() and any([t.requires_grad for t in tensors])
     means2d = None
     if wants and not compiling:
-        means2d = means.new_empty((*batch, views, count, 2)).requires_grad_()
+        means2d = torch.empty((*batch, views, count, 2), dtype=means.dtype, device=means.device, requires_grad=True)
     scalars = (width, height, near_plane, min(far_plane, _FARTHEST), antialiased)
-    tensors = (*gaussians, colors, viewmats, _intrinsics(Ks), means2d)
+    tensors = (*tensors, means2d)
     if not batch:
         pixels, alpha, depth_sum = _render_scene(tensors, sh_degree, render_mode, *scalars)
     else:
@@ -180,24 +190,10 @@ def rasterization(
     else:
         image = pixels if depth_sum is None else torch.cat([pixels, depth_sum], -1)
     numbers = screen_numbers(width, height, tile_size, math.prod(batch), views)
-    meta: Any = numbers
-    if not compiling:
-        cameras = Cameras(viewmats.detach(), Ks, width, height, near_plane, far_plane, antialiased)
-        meta = Meta(numbers, tuple(t.detach() for t in gaussians), cameras, means2d, packed)
-    return image, alpha, meta
-
-
-_intrinsics_order: dict[torch.device, Tensor] = {}
-
-
-def _intrinsics(Ks: Tensor) -> Tensor:
-    """fx, fy, cx, cy [..., 4]."""
-    if torch.compiler.is_compiling():
-        return torch.stack([Ks[..., 0, 0], Ks[..., 1, 1], Ks[..., 0, 2], Ks[..., 1, 2]], -1)
-    order = _intrinsics_order.get(Ks.device)
-    if order is None:
-        order = _intrinsics_order[Ks.device] = torch.tensor([0, 4, 2, 5], device=Ks.device)
-    return Ks.detach().flatten(-2).index_select(-1, order)
+    if compiling:
+        return image, alpha, numbers
+    cameras = Cameras(viewmats, Ks, width, height, near_plane, far_plane, antialiased)
+    return image, alpha, Meta(numbers, gaussians, cameras, means2d, packed)
 
 
 def _render_scene(
@@ -205,45 +201,47 @@ def _render_scene(
     antialiased: bool,
 ) -> tuple[Tensor | None, Tensor, Tensor | None]:
     """One scene: pixels [C, H, W, D] or None, alpha [C, H, W, 1], Σ w z or None."""
-    *gaussians, colors, viewmats, intrinsics, means2d = tensors
-    gaussians = [t.contiguous() for t in gaussians]
+    *gaussians, colors, viewmats, Ks, means2d = tensors
+    gaussians = [_ops.contiguous(t) for t in gaussians]
     per_view = colors.dim() == (3 if sh_degree is None else 4)
+    channels = 3 if sh_degree is not None else colors.shape[-1]
     if mode in ("D", "ED"):
-        groups, per_view, degree = [colors.new_zeros((gaussians[0].shape[0], 1, 3))], False, _PLAIN
+        groups, per_view, degree = [colors.new_zeros((gaussians[0].shape[0], 3))], False, _PLAIN
     elif sh_degree is not None:
-        whole = colors.shape[-2] in (1, 4, 9, 16)
+        whole = colors.shape[-2] in _DEGREES
         groups, degree = [colors if whole else colors[..., : (sh_degree + 1) ** 2, :]], sh_degree
+    elif channels == 3:
+        groups, degree = [colors], _PLAIN
     else:
         # Three channels per pass.
-        padding = -colors.shape[-1] % 3
+        padding = -channels % 3
         padded = torch.nn.functional.pad(colors, (0, padding)) if padding else colors
-        groups, degree = [part.unsqueeze(-2) for part in padded.split(3, -1)], _PLAIN
+        groups, degree = padded.split(3, -1), _PLAIN
 
     deterministic = torch.are_deterministic_algorithms_enabled()
 
     def call(color: Tensor, cameras: tuple, depth: bool) -> tuple[Tensor, ...]:
-        poses, values, screen = cameras
-        inputs = (*gaussians, color.contiguous(), poses.contiguous(), values.contiguous())
-        scalars = (width, height, degree, near, far, True, antialiased, depth, False, deterministic)
-        return _ops.render(inputs, screen, scalars, False)
+        poses, matrices, screen = cameras
+        inputs = (*gaussians, _ops.contiguous(color), _ops.contiguous(poses), _ops.contiguous(matrices))
+        scalars = (width, height, degree, near, far, True, antialiased, depth, False, deterministic, True)
+        return _ops.render(inputs, screen, scalars)
 
-    cameras = (viewmats, intrinsics, means2d)
+    cameras = (viewmats, Ks, means2d)
     passes = []
     for index, group in enumerate(groups):
         depth = index == 0 and mode != "RGB"
         if per_view:
             views = [tuple(None if t is None else t[v : v + 1] for t in cameras) for v in range(viewmats.shape[0])]
             parts = [call(group[v], view, depth) for v, view in enumerate(views)]
-            passes.append(tuple(torch.cat(images) for images in zip(*parts)))
+            passes.append(tuple(None if images[0] is None else torch.cat(images) for images in zip(*parts)))
         else:
             passes.append(call(group, cameras, depth))
     pixels, alpha, depth_sum = passes[0]
     if len(passes) > 1:
         pixels = torch.cat([images[0] for images in passes], -1)
-    channels = 3 if sh_degree is not None else colors.shape[-1]
     if pixels.shape[-1] != channels:
         pixels = pixels[..., :channels]
-    return (None if mode in ("D", "ED") else pixels), alpha, (None if mode == "RGB" else depth_sum)
+    return (None if mode in ("D", "ED") else pixels), alpha, depth_sum
 
 
 def _refuse(**used: bool) -> None:
@@ -252,31 +250,37 @@ def _refuse(**used: bool) -> None:
             raise NotImplementedError(f"{name}: not supported by jade_splat.rasterization; leave its default")
 
 
-def _check_tensors(tensors: dict[str, Tensor | None], optional: tuple[str, ...] = ()) -> None:
-    for name, tensor in tensors.items():
-        if not isinstance(tensor, Tensor) and not (tensor is None and name in optional):
+def _check_tensors(names: tuple[str, ...], tensors: tuple[Tensor, ...]) -> None:
+    """Means come first; the others go with them."""
+    means = tensors[0]
+    if not isinstance(means, Tensor):
+        raise TypeError(f"{names[0]}: expected a tensor, found {type(means).__name__}")
+    device, dtype = means.device, means.dtype
+    if dtype not in _TYPES:
+        raise TypeError(f"means: expected float32, found {str(dtype)[6:]}; call .float()")
+    for name, tensor in zip(names, tensors):
+        if not isinstance(tensor, Tensor):
             raise TypeError(f"{name}: expected a tensor, found {type(tensor).__name__}")
-    means = tensors["means"]
-    for name, tensor in tensors.items():
-        if tensor is None:
-            continue
-        if tensor.device != means.device:
-            raise ValueError(f"{name}: expected a tensor on {means.device}, as means, found one on {tensor.device}")
-        if tensor.dtype not in (torch.float32, torch.float64):
-            raise TypeError(f"{name}: expected float32, found {str(tensor.dtype)[6:]}; call .float()")
-        if tensor.dtype != means.dtype:
-            raise TypeError(f"{name}: expected {str(means.dtype)[6:]}, as means, found {str(tensor.dtype)[6:]}")
-    if means.device.type not in ("cpu", "cuda"):
-        raise ValueError(f"means: expected a tensor on the CPU or a CUDA device, found one on {means.device}")
-    if means.is_cuda and BUILD["cuda"] is None:
-        raise RuntimeError("means: this jade_splat has no CUDA kernels; install the wheel for your CUDA or use the CPU")
-    if means.is_cuda and means.dtype == torch.float64:
-        raise TypeError("means: expected float32 on a GPU, found float64; render doubles on the CPU")
+        if tensor.device != device:
+            raise ValueError(f"{name}: expected a tensor on {device}, as means, found one on {tensor.device}")
+        if tensor.dtype != dtype:
+            if tensor.dtype not in _TYPES:
+                raise TypeError(f"{name}: expected float32, found {str(tensor.dtype)[6:]}; call .float()")
+            raise TypeError(f"{name}: expected {str(dtype)[6:]}, as means, found {str(tensor.dtype)[6:]}")
+    if means.is_cuda:
+        if BUILD["cuda"] is None:
+            raise RuntimeError(
+                "means: this jade_splat has no CUDA kernels; install the wheel for your CUDA or use the CPU"
+            )
+        if dtype == torch.float64:
+            raise TypeError("means: expected float32 on a GPU, found float64; render doubles on the CPU")
+    elif device.type != "cpu":
+        raise ValueError(f"means: expected a tensor on the CPU or a CUDA device, found one on {device}")
 
 
 def _expect(name: str, tensor: Tensor, shape: tuple[int, ...]) -> None:
-    if tuple(tensor.shape) != tuple(shape):
-        raise ValueError(f"{name}: expected shape {tuple(shape)}, found {tuple(tensor.shape)}")
+    if tensor.shape != shape:
+        raise ValueError(f"{name}: expected shape {shape}, found {tuple(tensor.shape)}")
 
 
 def _check_shapes(

@@ -35,8 +35,10 @@ Tensor make_cameras(const ForwardArgs& args) {
       new_tensor({views, kValues}, args.intrinsics.scalar_type(), args.intrinsics);
   auto* const out = reinterpret_cast<math::Camera<T>*>(pointer_to<T>(cameras));
   for (int64_t view = 0; view < views; ++view) {
-    out[view] = math::make_camera<T>(pointer_to<T>(args.camera_from_world) + 16 * view,
-                                     pointer_to<T>(args.intrinsics) + 4 * view,
+    T intrinsics[4];
+    math::load_intrinsics(pointer_to<T>(args.intrinsics), args.intrinsics.dim() == 3, view,
+                          intrinsics);
+    out[view] = math::make_camera<T>(pointer_to<T>(args.camera_from_world) + 16 * view, intrinsics,
                                      static_cast<int>(args.width), static_cast<int>(args.height));
   }
   return cameras;
@@ -66,6 +68,7 @@ RenderCall<T> make_call(const ForwardArgs& args, const Tensor& cameras, int tile
   call.antialiased = args.antialiased;
   call.smooth_cutoff = args.smooth_cutoff;
   call.depth = args.depth;
+  call.interleaved = args.interleaved;
   call.tile_shift = tile_shift;
   return call;
 }
@@ -166,9 +169,9 @@ Lists<T> project_and_bin(const RenderCall<T>& call, const Tensor& cameras, int64
 }
 
 template <class T>
-Images<T> images_of_view(const Tensor& color, const Tensor& alpha, const Tensor& depth_sum,
-                         int64_t view) {
-  const int64_t plane = color.size(2) * color.size(3);
+Images<T> images_of_view(const RenderCall<T>& call, const Tensor& color, const Tensor& alpha,
+                         const Tensor& depth_sum, int64_t view) {
+  const int64_t plane = static_cast<int64_t>(call.width) * call.height;
   Images<T> images;
   images.color = pointer_to<T>(color) + view * 3 * plane;
   images.alpha = pointer_to<T>(alpha) + view * plane;
@@ -183,10 +186,9 @@ ForwardResult forward_typed(const ForwardArgs& args) {
   int64_t rejected = 0;
   const Lists<T> lists = project_and_bin(call, cameras, &rejected);
 
-  const ScalarType type = args.gaussians.means.scalar_type();
   ForwardResult result;
-  result.color = new_tensor({call.views, 3, args.height, args.width}, type, cameras);
-  result.alpha = new_tensor({call.views, 1, args.height, args.width}, type, cameras);
+  result.color = new_images(args, 3);
+  result.alpha = new_images(args, 1);
   if (args.depth) result.depth_sum = new_like(result.alpha);
   result.rejected = new_tensor({1}, ScalarType::Long, cameras);
   *pointer_to<int64_t>(result.rejected) = rejected;
@@ -195,8 +197,8 @@ ForwardResult forward_typed(const ForwardArgs& args) {
     const int64_t view = task / grid.tiles(), index = task % grid.tiles();
     const Tile<T> tile = lists.tile(call, grid, view, index);
     sort_by_depth(tile.splats, lists.list_of(grid, view, index), tile.list_size);
-    kernels_for<T>().blend(call, tile,
-                           images_of_view<T>(result.color, result.alpha, result.depth_sum, view));
+    kernels_for<T>().blend(
+        call, tile, images_of_view(call, result.color, result.alpha, result.depth_sum, view));
   });
   if (args.needs_backward) result.state = lists.save();
   return result;
@@ -237,7 +239,7 @@ Tensor blend_adjoint(const BackwardArgs& args, const RenderCall<T>& call, const 
     }
     kernels_for<T>().blend_adjoint(
         call, lists.tile(call, grid, view, task % grid.tiles()),
-        images_of_view<T>(args.color, args.alpha, args.depth_sum, view), gradients,
+        images_of_view(call, args.color, args.alpha, args.depth_sum, view), gradients,
         pointer_to<T>(instances) + view_offsets[view] * values, partial.data() + 3 * task);
   });
   if (!grad_background.defined()) return instances;

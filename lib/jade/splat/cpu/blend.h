@@ -51,8 +51,13 @@ JADE_HD void store_images(const RenderCall<T>& call, const Tile<T>& tile, const 
     for (int i = 0; i < count; ++i) left[i] = m::abs(state.transmittance[p + i]);
     for (int c = 0; c < 3; ++c) {
       const T* const under = planes.values[c] + p;
-      T* const out = images.color + c * plane_size + to;
-      for (int i = 0; i < count; ++i) out[i] = under[i] + left[i] * call.background[c];
+      if (call.interleaved) {
+        T* const out = images.color + 3 * to + c;
+        for (int i = 0; i < count; ++i) out[3 * i] = under[i] + left[i] * call.background[c];
+      } else {
+        T* const out = images.color + c * plane_size + to;
+        for (int i = 0; i < count; ++i) out[i] = under[i] + left[i] * call.background[c];
+      }
     }
     for (int i = 0; i < count; ++i) images.alpha[to + i] = T(1) - left[i];
     if constexpr (kPlanes == 4) {

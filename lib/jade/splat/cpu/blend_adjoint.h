@@ -29,7 +29,18 @@ struct TileGradients {
     std::memset(behind, 0, sizeof(behind));
     std::memset(planes, 0, sizeof(planes));
     const int64_t plane_size = static_cast<int64_t>(call.width) * call.height;
-    for (int k = 0; k < kPlanes; ++k) {
+    const bool interleaved = call.interleaved && gradients.color != nullptr;
+    if (interleaved) {
+      for_each_run<P>(tile, call.width, [&](int64_t from, int p, auto count) {
+        for (int k = 0; k < 3; ++k) {
+          const T* const grad = gradients.color + 3 * from + k;
+          const T* const image = images.color + 3 * from + k;
+          for (int i = 0; i < count; ++i) planes[k][p + i] = grad[3 * i];
+          for (int i = 0; i < count; ++i) behind[p + i] += grad[3 * i] * image[3 * i];
+        }
+      });
+    }
+    for (int k = interleaved ? 3 : 0; k < kPlanes; ++k) {
       const T* const grad = k < 3 ? (gradients.color ? gradients.color + k * plane_size : nullptr)
                                   : (k == 3 ? gradients.alpha : gradients.depth_sum);
       const T* const image =

@@ -43,7 +43,8 @@ struct RenderCall {
   bool antialiased = false;
   bool smooth_cutoff = false;
   bool depth = false;
-  int tile_shift = 0;  ///< tiles are 2^tile_shift pixels wide and high
+  bool interleaved = false;  ///< colours and their gradients are [height, width, 3], not planes
+  int tile_shift = 0;        ///< tiles are 2^tile_shift pixels wide and high
 };
 
 /// A tile of one view and the splats on it, in depth order.
@@ -59,7 +60,7 @@ constexpr int kMaxTile = 32;
 /// Images of one view; planes of height × width.
 template <class T>
 struct Images {
-  T* color = nullptr;  ///< 3 planes
+  T* color = nullptr;  ///< 3 planes, or interleaved
   T* alpha = nullptr;
   T* depth_sum = nullptr;  ///< may be null
 };

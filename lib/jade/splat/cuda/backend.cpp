@@ -70,6 +70,7 @@ RenderCall make_call(const ForwardArgs& args) {
   call.sh = pointer_to<float>(g.sh);
   call.camera_from_world = pointer_to<float>(args.camera_from_world);
   call.intrinsics = pointer_to<float>(args.intrinsics);
+  call.matrices = args.intrinsics.dim() == 3;
   call.background = pointer(args.background);
   call.count = static_cast<int>(g.size());
   call.views = static_cast<int>(args.camera_from_world.size(0));
@@ -81,6 +82,8 @@ RenderCall make_call(const ForwardArgs& args) {
   call.far_plane = static_cast<float>(args.far_plane);
   call.activated = args.activated;
   call.antialiased = args.antialiased;
+  call.channel_stride = args.interleaved ? 1 : args.width * args.height;
+  call.pixel_stride = args.interleaved ? 3 : 1;
   call.tiles_x = (call.width + kTile - 1) / kTile;
   call.tiles_y = (call.height + kTile - 1) / kTile;
   call.tiles = call.tiles_x * call.tiles_y;
@@ -263,8 +266,8 @@ ForwardResult forward(const ForwardArgs& args) {
   auto* const rejected = reinterpret_cast<long long*>(result.rejected.data_ptr());
   const Lists lists = project_and_bin(&call, args, rejected, stream);
   // While the device is at work.
-  result.color = new_tensor({call.views, 3, args.height, args.width}, ScalarType::Float, like);
-  result.alpha = new_tensor({call.views, 1, args.height, args.width}, ScalarType::Float, like);
+  result.color = new_images(args, 3);
+  result.alpha = new_images(args, 1);
   if (args.depth) result.depth_sum = new_like(result.alpha);
   Clearing clearing{};
   if (args.needs_backward) {

@@ -42,14 +42,15 @@ __device__ __forceinline__ void store_pixel(const RenderCall& call, const Images
   if (x >= call.width || y >= call.height) return;
   const int64_t plane = int64_t(call.width) * call.height;
   const int64_t i = int64_t(y) * call.width + x;
-  float* const color = images.color + 3 * pixels.view * plane + i;
+  float* const color = images.color + 3 * pixels.view * plane + i * call.pixel_stride;
+  const int64_t next = call.channel_stride;
   const float t = fabsf(s.t[k]);
   const auto behind = [&](int c) {
     return call.background != nullptr ? t * call.background[c] : 0;
   };
   color[0] = s.red[k] + behind(0);
-  color[plane] = s.green[k] + behind(1);
-  color[2 * plane] = s.blue[k] + behind(2);
+  color[next] = s.green[k] + behind(1);
+  color[2 * next] = s.blue[k] + behind(2);
   images.alpha[pixels.view * plane + i] = 1.0f - t;
   if (kDepth) images.depth_sum[pixels.view * plane + i] = s.depth[k];
 }
@@ -153,6 +154,7 @@ __device__ __forceinline__ PixelGradients load_gradients(const RenderCall& call,
                                                          float* background) {
   const int64_t plane = int64_t(call.width) * call.height;
   const int64_t color_at = 3 * pixels.view * plane, alpha_at = pixels.view * plane;
+  const int64_t next = call.channel_stride;
   PixelGradients g{};
   for (int c = 0; c < 3; ++c) background[c] = 0;
   for (int k = 0; k < 2; ++k) {
@@ -160,12 +162,12 @@ __device__ __forceinline__ PixelGradients load_gradients(const RenderCall& call,
     const int64_t i = pixels.offset[k];
     const float t_end = 1.0f - images.alpha[alpha_at + i];
     if (images.grad_color != nullptr) {
-      const float* const grad = images.grad_color + color_at + i;
-      const float* const color = images.color + color_at + i;
+      const float* const grad = images.grad_color + color_at + i * call.pixel_stride;
+      const float* const color = images.color + color_at + i * call.pixel_stride;
       g.red[k] = grad[0];
-      g.green[k] = grad[plane];
-      g.blue[k] = grad[2 * plane];
-      g.behind[k] = g.red[k] * color[0] + g.green[k] * color[plane] + g.blue[k] * color[2 * plane];
+      g.green[k] = grad[next];
+      g.blue[k] = grad[2 * next];
+      g.behind[k] = g.red[k] * color[0] + g.green[k] * color[next] + g.blue[k] * color[2 * next];
       background[0] += t_end * g.red[k];
       background[1] += t_end * g.green[k];
       background[2] += t_end * g.blue[k];

@@ -38,8 +38,10 @@ __device__ __forceinline__ void stage_cameras(const RenderCall& call, int first,
                                               m::Camera<float>* cameras) {
   const int view = first + threadIdx.x;
   if (threadIdx.x < kCameraChunk && view < call.views) {
-    cameras[threadIdx.x] = m::make_camera<float>(
-        call.camera_from_world + 16 * view, call.intrinsics + 4 * view, call.width, call.height);
+    float intrinsics[4];
+    m::load_intrinsics(call.intrinsics, call.matrices, view, intrinsics);
+    cameras[threadIdx.x] = m::make_camera<float>(call.camera_from_world + 16 * view, intrinsics,
+                                                 call.width, call.height);
   }
 }
 

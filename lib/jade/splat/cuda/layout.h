@@ -51,6 +51,7 @@ struct Counters {
 struct RenderCall {
   const float *means, *rotations, *log_scales, *logit_opacities, *sh;
   const float *camera_from_world, *intrinsics;
+  bool matrices;            ///< intrinsics are [views, 3, 3], not [views, 4]
   const float* background;  ///< [3]; null: black
   int count, views, width, height;
   int sh_stride;  ///< coefficients in memory
@@ -58,6 +59,8 @@ struct RenderCall {
   float near_plane, far_plane;
   bool activated;
   bool antialiased;
+  int64_t channel_stride;  ///< of colours and their gradients, from one channel to the next
+  int pixel_stride;        ///< from one pixel to the next
 
   int tiles_x, tiles_y, tiles;  ///< of one view
   uint32_t capacity;            ///< of `keys`
@@ -78,6 +81,7 @@ struct RenderCall {
   Counters* counters;
 };
 
+/// Colours of a view begin at 3 · view · height · width, laid out by the call's strides.
 struct Images {
   float *color, *alpha, *depth_sum;  ///< depth_sum may be null
 };

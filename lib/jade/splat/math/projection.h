@@ -2,6 +2,8 @@
 // From a Gaussian in the world to an ellipse on the screen, and back. Forward and adjoint adjacent.
 #pragma once
 
+#include <cstdint>
+
 #include "jade/splat/math/scalar.h"
 
 namespace jade::splat::math {
@@ -25,6 +27,16 @@ struct Camera {
   S center[3];                   ///< in the world: −rotationᵀ · translation
   S x_min, x_max, y_min, y_max;  ///< range of x/z and y/z in which the Jacobian is evaluated
 };
+
+/// fx, fy, cx, cy of a view, from rows of these four or from matrices [3,3].
+template <class T>
+JADE_HD void load_intrinsics(const T* intrinsics, bool matrices, int64_t view, T* out) {
+  const T* const from = intrinsics + (matrices ? 9 : 4) * view;
+  out[0] = from[0];
+  out[1] = from[matrices ? 4 : 1];
+  out[2] = from[2];
+  out[3] = from[matrices ? 5 : 3];
+}
 
 /// Camera from row-major `camera_from_world` [4,4] and fx, fy, cx, cy. Works for T ≠ S.
 template <class S, class T>
