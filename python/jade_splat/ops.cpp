@@ -40,7 +40,7 @@ void check(const Tensor& tensor, const char* name, std::initializer_list<int64_t
 
 struct Scalars {
   int64_t width, height, sh_degree;
-  double near_plane, far_plane;
+  double near_plane, far_plane, max_alpha;
   bool activated, antialiased, depth, smooth_cutoff, deterministic, interleaved;
 };
 
@@ -76,6 +76,7 @@ ForwardArgs make_args(const Gaussians& g, const Tensor& viewmats, const Tensor& 
   args.sh_degree = static_cast<int>(degree);
   args.near_plane = s.near_plane;
   args.far_plane = s.far_plane;
+  args.max_alpha = s.max_alpha;
   args.activated = s.activated;
   args.antialiased = s.antialiased;
   args.depth = s.depth;
@@ -99,11 +100,12 @@ template <ForwardResult (*run)(const ForwardArgs&)>
 Forward forward(Tensor means, Tensor quats, Tensor scales, Tensor opacities, Tensor colors,
                 Tensor viewmats, Tensor intrinsics, Optional /*means2d*/, int64_t width,
                 int64_t height, int64_t sh_degree, double near_plane, double far_plane,
-                bool activated, bool antialiased, bool depth, bool smooth_cutoff,
+                double max_alpha, bool activated, bool antialiased, bool depth, bool smooth_cutoff,
                 bool deterministic, bool interleaved, bool needs_backward) {
-  ForwardArgs args = make_args({means, quats, scales, opacities, colors}, viewmats, intrinsics,
-                               {width, height, sh_degree, near_plane, far_plane, activated,
-                                antialiased, depth, smooth_cutoff, deterministic, interleaved});
+  ForwardArgs args =
+      make_args({means, quats, scales, opacities, colors}, viewmats, intrinsics,
+                {width, height, sh_degree, near_plane, far_plane, max_alpha, activated, antialiased,
+                 depth, smooth_cutoff, deterministic, interleaved});
   args.needs_backward = needs_backward;
   ForwardResult result = run(args);
   std::vector<Tensor>& state = result.state.tensors;
@@ -127,12 +129,13 @@ Backward backward(Tensor means, Tensor quats, Tensor scales, Tensor opacities, T
                   Tensor state0, Tensor state1, Tensor state2, Tensor state3, Optional cleared,
                   Optional grad_color, Optional grad_alpha, Optional grad_depth_sum, int64_t width,
                   int64_t height, int64_t sh_degree, double near_plane, double far_plane,
-                  bool activated, bool antialiased, bool depth, bool smooth_cutoff,
-                  bool deterministic, bool interleaved, bool needs_camera, bool needs_means2d) {
+                  double max_alpha, bool activated, bool antialiased, bool depth,
+                  bool smooth_cutoff, bool deterministic, bool interleaved, bool needs_camera,
+                  bool needs_means2d) {
   BackwardArgs args;
   args.forward = make_args({means, quats, scales, opacities, colors}, viewmats, intrinsics,
-                           {width, height, sh_degree, near_plane, far_plane, activated, antialiased,
-                            depth, smooth_cutoff, deterministic, interleaved});
+                           {width, height, sh_degree, near_plane, far_plane, max_alpha, activated,
+                            antialiased, depth, smooth_cutoff, deterministic, interleaved});
   args.color = color;
   args.alpha = alpha;
   if (depth) args.depth_sum = depth_sum;
@@ -158,8 +161,9 @@ Backward backward(Tensor means, Tensor quats, Tensor scales, Tensor opacities, T
 #define JADE_INPUTS                                                                               \
   "Tensor means, Tensor quats, Tensor scales, Tensor opacities, Tensor colors, Tensor viewmats, " \
   "Tensor intrinsics, "
-#define JADE_SCALARS                                                                          \
-  "int width, int height, int sh_degree, float near_plane, float far_plane, bool activated, " \
+#define JADE_SCALARS                                                                           \
+  "int width, int height, int sh_degree, float near_plane, float far_plane, float max_alpha, " \
+  "bool activated, "                                                                           \
   "bool antialiased, bool depth, bool smooth_cutoff, bool deterministic, bool interleaved, "
 
 STABLE_TORCH_LIBRARY(jade_splat, m) {

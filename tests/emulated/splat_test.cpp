@@ -110,7 +110,7 @@ Outcome run(const Backend& backend, const SplatScene& scene, const Settings& set
   args.color = images.color;
   args.alpha = images.alpha;
   args.depth_sum = images.depth_sum;
-  // The same values in both layouts.
+  // Both layouts get the same values.
   const auto cotangent_of = [&](const Tensor& image, uint64_t seed) {
     if (!settings.interleaved) return random_cotangent(image, seed);
     const Tensor planes = image.movedim(-1, 1).contiguous();

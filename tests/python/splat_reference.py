@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Splatting by the equations of lib/jade/splat/README.md, in plain torch, one Gaussian after the other. Slow."""
+"""Splatting by the equations of lib/jade/splat/README.md, in plain torch, one Gaussian after the other. Slow.
+
+Alpha is capped at 0.999, as in gsplat and in jade_splat.rasterization(); splat() and the programs cap it at 0.99.
+"""
 
 from __future__ import annotations
 
 import torch
 from torch import Tensor
 
-MAX_ALPHA, MIN_ALPHA, MIN_TRANSMITTANCE, DILATION = 0.99, 1 / 255, 1e-4, 0.3
+MAX_ALPHA, MIN_ALPHA, MIN_TRANSMITTANCE, DILATION = 0.999, 1 / 255, 1e-4, 0.3
 
 
 def rotation_matrices(quats: Tensor) -> Tensor:

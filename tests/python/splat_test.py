@@ -169,6 +169,21 @@ class AgainstReference(unittest.TestCase):
             self.assertLess((found[name] - expected[name]).abs().max(), 1e-9, name)
 
 
+    def test_cap_of_alpha(self):
+        """A pixel in the middle of an opaque Gaussian: 0.999 of it, as in gsplat; 0.99 in the programs."""
+        for device, dtype in DEVICES:
+            scene = make_scene(count=1, coefficients=1, device=device, dtype=dtype)
+            scene["means"][:] = torch.tensor([0.0, 0.0, 2.0])
+            scene["scales"][:], scene["opacities"][:] = 10, 1
+            _, alpha, _ = rasterization(**scene, width=WIDTH, height=HEIGHT, sh_degree=0)
+            intrinsics = scene["Ks"].flatten(1)[:, [0, 4, 2, 5]].contiguous()
+            logits = torch.full_like(scene["opacities"], 20)
+            _, other, _ = splat(*[scene[name] for name in NAMES[:2]], scene["scales"].log(), logits, scene["colors"],
+                                scene["viewmats"], intrinsics, WIDTH, HEIGHT)
+            self.assertLess(abs(alpha[0].max() - 0.999), 1e-6)
+            self.assertLess(abs(other[0].max() - 0.99), 1e-6)
+
+
 class Gradients(unittest.TestCase):
     def inputs(self):
         scene = make_scene(count=5, coefficients=4)
@@ -385,7 +400,7 @@ class Compiled(unittest.TestCase):
             inputs = [scene[name].requires_grad_() for name in NAMES[:4]]
             inputs += [scene["colors"][:, None].clone().requires_grad_(), scene["viewmats"].requires_grad_()]
             intrinsics = scene["Ks"].flatten(1)[:, [0, 4, 2, 5]].contiguous()
-            arguments = (*inputs, intrinsics, None, WIDTH, HEIGHT, -1, 0.01, 1e10, True, False, True, False, True, True, True)
+            arguments = (*inputs, intrinsics, None, WIDTH, HEIGHT, -1, 0.01, 1e10, 0.999, True, False, True, False, True, True, True)
             # On a GPU the lists have room that nobody writes, which a comparison of two calls would read.
             checks = ("test_schema", "test_autograd_registration", "test_faketensor", "test_aot_dispatch_dynamic")
             torch.library.opcheck(torch.ops.jade_splat.forward, arguments, test_utils=checks[: 3 if device == "cuda" else 4])
@@ -469,7 +484,7 @@ class BadInput(unittest.TestCase):
         scene = make_scene(count=4)
         intrinsics = scene["Ks"].flatten(1)[:, [0, 4, 2, 5]].contiguous()
         inputs = [*[scene[name] for name in NAMES[:4]], scene["colors"][:, None], scene["viewmats"], intrinsics]
-        rest = (None, WIDTH, HEIGHT, -1, 0.01, 1e10, True, False, False, False, False, False, False)
+        rest = (None, WIDTH, HEIGHT, -1, 0.01, 1e10, 0.999, True, False, False, False, False, False, False)
         _ops.forward(*inputs, *rest)
         for index, wrong in ((0, inputs[0].T.contiguous().T), (1, inputs[1].float()), (2, inputs[2][:-1])):
             bad = [wrong if i == index else t for i, t in enumerate(inputs)]
@@ -484,7 +499,7 @@ class BadInput(unittest.TestCase):
             inputs = [*[scene[name] for name in NAMES[:4]], scene["colors"][:, None], scene["viewmats"]]
             found = []
             for cameras, by_pixel in ((intrinsics, False), (scene["Ks"], True)):
-                scalars = (WIDTH, HEIGHT, -1, 0.01, 1e10, True, False, True, False, True, by_pixel)
+                scalars = (WIDTH, HEIGHT, -1, 0.01, 1e10, 0.999, True, False, True, False, True, by_pixel)
                 color, alpha, depth_sum, _, *state = _ops.forward(*inputs, cameras, None, *scalars, True)
                 grads = [color.square(), alpha.square(), depth_sum.square()]
                 saved = (*inputs, cameras, color, alpha, depth_sum, *state)

@@ -12,6 +12,8 @@ using math::PlainArithmetic;
 
 namespace {
 
+constexpr double kCap = math::kMaxAlpha;
+
 struct Pixel {
   std::vector<double> exponents;  ///< log2 of each α before the cap
   std::vector<double> values;     ///< ⟨dL/dC, c⟩
@@ -29,7 +31,7 @@ Blended blend(const Pixel& pixel) {
   Blended result;
   for (size_t i = 0; i < pixel.exponents.size(); ++i) {
     const auto step =
-        math::blend_step<PlainArithmetic, kSmooth>(pixel.exponents[i], &result.transmittance);
+        math::blend_step<PlainArithmetic, kSmooth>(pixel.exponents[i], kCap, &result.transmittance);
     result.weights.push_back(step.weight);
     result.loss += step.weight * pixel.values[i];
   }
@@ -43,9 +45,9 @@ std::vector<double> adjoint(const Pixel& pixel) {
   std::vector<double> gradient;
   for (size_t i = 0; i < pixel.exponents.size(); ++i) {
     const auto step =
-        math::blend_step<PlainArithmetic, kSmooth>(pixel.exponents[i], &transmittance);
+        math::blend_step<PlainArithmetic, kSmooth>(pixel.exponents[i], kCap, &transmittance);
     gradient.push_back(
-        math::blend_step_adjoint<PlainArithmetic, kSmooth>(step, pixel.values[i], &behind));
+        math::blend_step_adjoint<PlainArithmetic, kSmooth>(step, pixel.values[i], kCap, &behind));
   }
   return gradient;
 }

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "jade/splat/gaussians.h"
+#include "jade/splat/math/blend.h"
 #include "jade/splat/render.h"
 #include "jade/splat/tensor.h"
 
@@ -28,7 +29,8 @@ struct ForwardArgs {
   int sh_degree = 0;  ///< active degree, at most what `sh` holds; kPlainColor
   double near_plane = 0.01;
   double far_plane = kFarthest;  ///< Gaussians whose mean is farther away are culled
-  bool activated = false;        ///< scales and opacities instead of logarithms and logits
+  double max_alpha = math::kMaxAlpha;
+  bool activated = false;  ///< scales and opacities instead of logarithms and logits
   bool antialiased = false;
   bool depth = false;
   bool smooth_cutoff = false;

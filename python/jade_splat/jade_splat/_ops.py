@@ -16,11 +16,11 @@ _GAUSSIANS = 5  # of these, before the cameras
 _COLORS = 4
 _TILE = 32  # px, of the lists on the CPU
 _SPLAT_BYTES = {torch.float32: 64, torch.float64: 120}  # of a record on the CPU
-_DEPTH = 7  # among the scalars
+_DEPTH = 8  # among the scalars
 
 
 def contiguous(tensor: Tensor) -> Tensor:
-    """As Tensor.contiguous(), but without a call of the dispatcher where nothing is to do."""
+    """Tensor.contiguous() that calls the dispatcher only for a copy."""
     return tensor if tensor.is_contiguous() else tensor.contiguous()
 
 
@@ -60,7 +60,7 @@ class _Render(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx, *grads):
-        # Beneath a second derivative alone, as the guards of once_differentiable() take time.
+        # Only a graph of the gradients needs the guards of once_differentiable(), which take time.
         return (_backward_once if torch.is_grad_enabled() else _backward_eager)(ctx, *grads)
 
 
@@ -125,6 +125,7 @@ def _(
     sh_degree,
     near_plane,
     far_plane,
+    max_alpha,
     activated,
     antialiased,
     depth,

@@ -15,6 +15,7 @@ from .meta import Cameras, Meta, screen_numbers
 
 _PLAIN = -1  # as a degree: colours instead of coefficients
 _FARTHEST = 1e12
+_MAX_ALPHA, _GSPLAT_MAX_ALPHA = 0.99, 0.999  # of a splat on a pixel, in the programs and in gsplat
 _MODES = ("RGB", "D", "ED", "RGB+D", "RGB+ED")
 _DEGREES = {1: 0, 4: 1, 9: 2, 16: 3}  # by the number of coefficients
 _TYPES = (torch.float32, torch.float64)
@@ -63,7 +64,7 @@ def splat(
         raise ValueError(f"sh, sh_degree: expected [N, 1, 4, 9 or 16, 3] and 0 to 3, found {tuple(sh.shape)}, {sh_degree}")
     sh_degree = min(sh_degree, _DEGREES[sh.shape[1]])
     scalars = (
-        *(width, height, sh_degree, near_plane, _FARTHEST),
+        *(width, height, sh_degree, near_plane, _FARTHEST, _MAX_ALPHA),
         *(False, antialiased, depth, smooth_cutoff, deterministic, False),
     )
     return _ops.render(tuple([_ops.contiguous(tensor) for tensor in tensors]), None, scalars)
@@ -223,7 +224,10 @@ def _render_scene(
     def call(color: Tensor, cameras: tuple, depth: bool) -> tuple[Tensor, ...]:
         poses, matrices, screen = cameras
         inputs = (*gaussians, _ops.contiguous(color), _ops.contiguous(poses), _ops.contiguous(matrices))
-        scalars = (width, height, degree, near, far, True, antialiased, depth, False, deterministic, True)
+        scalars = (
+            *(width, height, degree, near, far, _GSPLAT_MAX_ALPHA),
+            *(True, antialiased, depth, False, deterministic, True),
+        )
         return _ops.render(inputs, screen, scalars)
 
     cameras = (viewmats, Ks, means2d)

@@ -64,6 +64,7 @@ RenderCall<T> make_call(const ForwardArgs& args, const Tensor& cameras, int tile
   call.height = static_cast<int>(args.height);
   call.near_plane = static_cast<T>(args.near_plane);
   call.far_plane = static_cast<T>(args.far_plane);
+  call.max_alpha = static_cast<T>(args.max_alpha);
   call.activated = args.activated;
   call.antialiased = args.antialiased;
   call.smooth_cutoff = args.smooth_cutoff;

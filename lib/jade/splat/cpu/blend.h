@@ -24,8 +24,8 @@ struct TilePlanes {
 
 /// Blends one splat into the pixels that it may cover.
 template <bool kSmooth, class P, int kPlanes, class T = typename P::Scalar>
-JADE_HD void blend_splat(const Splat<T>& splat, const BlockMask<P>& blocks, TileState<P>* state,
-                         TilePlanes<P, kPlanes>* planes) {
+JADE_HD void blend_splat(const Splat<T>& splat, const BlockMask<P>& blocks, P max_alpha,
+                         TileState<P>* state, TilePlanes<P, kPlanes>* planes) {
   const SplatFalloff<P> falloff(splat);
   const P values[4] = {P(splat.color[0]), P(splat.color[1]), P(splat.color[2]), P(splat.depth)};
   blocks.for_each([&](int block) {
@@ -33,7 +33,8 @@ JADE_HD void blend_splat(const Splat<T>& splat, const BlockMask<P>& blocks, Tile
     const P dx = P::load(state->center_x[at.column]) - falloff.x;
     const P dy = P::load(state->center_y[at.band]) - falloff.y;
     P t = P::load(state->transmittance + at.pixel);
-    const auto step = m::blend_step<m::PlainArithmetic, kSmooth>(falloff.exponent(dx, dy), &t);
+    const auto step =
+        m::blend_step<m::PlainArithmetic, kSmooth>(falloff.exponent(dx, dy), max_alpha, &t);
     t.store(state->transmittance + at.pixel);
     for (int k = 0; k < kPlanes; ++k) {
       T* const plane = planes->values[k] + at.pixel;
@@ -72,10 +73,11 @@ void blend_tile(const RenderCall<T>& call, const Tile<T>& tile, const Images<T>&
   state.reset(tile);
   TilePlanes<P, kDepth ? 4 : 3> planes;
   SplatBatch<P> batch;
+  const P max_alpha(call.max_alpha);
   for (int64_t i = 0; i < tile.list_size && state.any_live(); i += batch.size) {
     batch.take(tile, i, state.live);
     for (int k = 0; k < batch.size; ++k) {
-      blend_splat<kSmooth>(*batch.splats[k], batch.blocks[k], &state, &planes);
+      blend_splat<kSmooth>(*batch.splats[k], batch.blocks[k], max_alpha, &state, &planes);
     }
     state.find_live();
   }

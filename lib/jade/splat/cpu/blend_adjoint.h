@@ -83,7 +83,7 @@ struct LaneSums {
 
 /// Replays one splat on the pixels that it may cover.
 template <bool kSmooth, class P, bool kExtra, class T = typename P::Scalar>
-JADE_HD LaneSums<P> replay_splat(const Splat<T>& splat, const BlockMask<P>& blocks,
+JADE_HD LaneSums<P> replay_splat(const Splat<T>& splat, const BlockMask<P>& blocks, P max_alpha,
                                  TileState<P>* state, TileGradients<P, kExtra>* gradients) {
   constexpr int kPlanes = TileGradients<P, kExtra>::kPlanes;
   const SplatFalloff<P> falloff(splat);
@@ -95,7 +95,8 @@ JADE_HD LaneSums<P> replay_splat(const Splat<T>& splat, const BlockMask<P>& bloc
     const P dx = P::load(state->center_x[at.column]) - falloff.x;
     const P dy = P::load(state->center_y[at.band]) - falloff.y;
     P t = P::load(state->transmittance + at.pixel);
-    const auto step = m::blend_step<m::PlainArithmetic, kSmooth>(falloff.exponent(dx, dy), &t);
+    const auto step =
+        m::blend_step<m::PlainArithmetic, kSmooth>(falloff.exponent(dx, dy), max_alpha, &t);
     t.store(state->transmittance + at.pixel);
     P value(0);
     for (int k = 0; k < 3; ++k) {
@@ -109,7 +110,7 @@ JADE_HD LaneSums<P> replay_splat(const Splat<T>& splat, const BlockMask<P>& bloc
       sums.depth = fma(step.weight, g_depth, sums.depth);
     }
     P behind = P::load(gradients->behind + at.pixel);
-    const P u = m::blend_step_adjoint<m::PlainArithmetic, kSmooth>(step, value, &behind);
+    const P u = m::blend_step_adjoint<m::PlainArithmetic, kSmooth>(step, value, max_alpha, &behind);
     behind.store(gradients->behind + at.pixel);
     sums.add(u, dx, dy);
   });
@@ -144,6 +145,7 @@ void blend_tile_adjoint(const RenderCall<T>& call, const Tile<T>& tile, const Im
     return instances + (splat.slot + place) * values;
   };
   SplatBatch<P> batch;
+  const P max_alpha(call.max_alpha);
   int64_t next = 0;
   for (; next < tile.list_size && state.any_live(); next += batch.size) {
     batch.take(tile, next, state.live);
@@ -151,7 +153,7 @@ void blend_tile_adjoint(const RenderCall<T>& call, const Tile<T>& tile, const Im
     for (int k = 0; k < batch.size; ++k) __builtin_prefetch(sums_of(*batch.splats[k]), 1);
     for (int k = 0; k < batch.size; ++k) {
       const Splat<T>& splat = *batch.splats[k];
-      replay_splat<kSmooth>(splat, batch.blocks[k], &state, &gradients)
+      replay_splat<kSmooth>(splat, batch.blocks[k], max_alpha, &state, &gradients)
           .store(call.depth, sums_of(splat));
     }
     state.find_live();

@@ -39,6 +39,7 @@ struct RenderCall {
   const T* background = nullptr;  ///< [3]
   int width = 0, height = 0;
   T near_plane = 0, far_plane = 0;
+  T max_alpha = T(math::kMaxAlpha);
   bool activated = false;
   bool antialiased = false;
   bool smooth_cutoff = false;

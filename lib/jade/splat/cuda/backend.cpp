@@ -80,6 +80,7 @@ RenderCall make_call(const ForwardArgs& args) {
   call.sh_degree = args.sh_degree;
   call.near_plane = static_cast<float>(args.near_plane);
   call.far_plane = static_cast<float>(args.far_plane);
+  call.max_alpha = static_cast<float>(args.max_alpha);
   call.activated = args.activated;
   call.antialiased = args.antialiased;
   call.channel_stride = args.interleaved ? 1 : args.width * args.height;

@@ -80,8 +80,8 @@ __global__ void __launch_bounds__(kBlendThreads, kBlendBlocks)
     const m::RowFalloff<float> row = m::at_row(falloff, q.y, py - p.y);
 #pragma unroll
     for (int k = 0; k < decltype(count)::value; ++k) {
-      const auto step =
-          m::blend_step<FastArithmetic, false>(m::exponent(row, px[k] - p.x), &s.t[k]);
+      const auto step = m::blend_step<FastArithmetic, false>(m::exponent(row, px[k] - p.x),
+                                                             call.max_alpha, &s.t[k]);
       s.red[k] = fmaf(step.weight, q.z, s.red[k]);
       s.green[k] = fmaf(step.weight, q.w, s.green[k]);
       s.blue[k] = fmaf(step.weight, r.x, s.blue[k]);
@@ -306,10 +306,12 @@ __global__ void __launch_bounds__(kBlendThreads, kDepth || kSlots ? 5 : 6)
     float u[2], weights[2];
 #pragma unroll
     for (int k = 0; k < 2; ++k) {
-      const auto step = m::blend_step<FastArithmetic, false>(m::exponent(row, px[k] - p.x), &t[k]);
+      const auto step = m::blend_step<FastArithmetic, false>(m::exponent(row, px[k] - p.x),
+                                                             call.max_alpha, &t[k]);
       float value = g.red[k] * q4.z + g.green[k] * q4.w + g.blue[k] * r.x;
       if (kDepth) value += g.depth[k] * r.y;
-      u[k] = m::blend_step_adjoint<FastArithmetic, false>(step, value, &g.behind[k]);
+      u[k] =
+          m::blend_step_adjoint<FastArithmetic, false>(step, value, call.max_alpha, &g.behind[k]);
       weights[k] = step.weight;
     }
     const int at = in_group * kSplatStride + 2 * lane;

@@ -57,6 +57,7 @@ struct RenderCall {
   int sh_stride;  ///< coefficients in memory
   int sh_degree;
   float near_plane, far_plane;
+  float max_alpha;
   bool activated;
   bool antialiased;
   int64_t channel_stride;  ///< of colours and their gradients, from one channel to the next

@@ -7,7 +7,7 @@
 namespace jade::splat::math {
 inline namespace JADE_ISA {
 
-constexpr double kMaxAlpha = 0.99;
+constexpr double kMaxAlpha = 0.99;  ///< of a splat on a pixel, unless a call says otherwise
 constexpr double kLog2MinAlpha = -7.994353436858858;  ///< log2(1/255)
 constexpr double kMinTransmittance = 1e-4;
 constexpr double kLog2E = 1.4426950408889634;
@@ -121,12 +121,12 @@ struct BlendStep {
 /// Takes a pixel's transmittance past a splat: T(1 − α), or, if that is too little, stops the pixel
 /// before the splat by making T negative. kSmooth, for gradient tests: α fades in, nothing stops.
 template <class Arithmetic, bool kSmooth, class S>
-JADE_HD BlendStep<S> blend_step(S exponent_value, S* transmittance) {
+JADE_HD BlendStep<S> blend_step(S exponent_value, S max_alpha, S* transmittance) {
   const S t = *transmittance;
   BlendStep<S> step;
   step.raw_alpha = Arithmetic::exp2_where(is_visible(exponent_value), exponent_value);
   const S faded = kSmooth ? step.raw_alpha * fade(step.raw_alpha) : step.raw_alpha;
-  step.alpha = min(faded, S(kMaxAlpha));
+  step.alpha = min(faded, max_alpha);
   const S used = Arithmetic::product(step.alpha, t), left = t - used;
   step.goes_on = left > S(kSmooth ? -1 : kMinTransmittance);
   step.weight = keep(step.goes_on, used);
@@ -141,12 +141,12 @@ JADE_HD BlendStep<S> blend_step(S exponent_value, S* transmittance) {
 /// Front to back, *behind starts as B_{-1} = ⟨dL/dC, C⟩ and loses α_i T_i v_i at each splat. The
 /// cap is constant, and so is what stops a pixel: both give 0. dL/dc_i = weight · dL/dC.
 template <class Arithmetic, bool kSmooth, class S>
-JADE_HD S blend_step_adjoint(const BlendStep<S>& step, S value, S* behind) {
+JADE_HD S blend_step_adjoint(const BlendStep<S>& step, S value, S max_alpha, S* behind) {
   const S weighted = step.weight * value;
   *behind = *behind - weighted;
   S u = weighted - Arithmetic::times_ratio(*behind, step.alpha, S(1) - step.alpha);
   if constexpr (kSmooth) u = u * fade_adjoint(step.raw_alpha);
-  return keep((step.weight > S(0)) & (step.alpha < S(kMaxAlpha)), u);
+  return keep((step.weight > S(0)) & (step.alpha < max_alpha), u);
 }
 
 }  // namespace JADE_ISA
