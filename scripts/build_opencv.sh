@@ -37,6 +37,6 @@ off=(BUILD_{TESTS,PERF_TESTS,opencv_apps,EXAMPLES,DOCS,JAVA,opencv_python3}
 off=("${off[@]/#/-D}")
 cmake -S source -B build -G Ninja -DCMAKE_BUILD_TYPE=Release "-DCMAKE_INSTALL_PREFIX=$PWD/prefix" \
   -DBUILD_LIST=core,imgproc,imgcodecs -DBUILD_SHARED_LIBS=OFF -DCMAKE_POSITION_INDEPENDENT_CODE=ON -DCPU_DISPATCH= \
-  -DWITH_JPEG=ON -DWITH_PNG=ON -DWITH_TIFF=ON -DWITH_WEBP=ON "${off[@]/%/=OFF}" >configure.log ||
+  -DOPENCV_PYTHON_SKIP_DETECTION=ON -DWITH_JPEG=ON -DWITH_PNG=ON -DWITH_TIFF=ON -DWITH_WEBP=ON "${off[@]/%/=OFF}" >configure.log ||
   { tail configure.log >&2; exit 1; }
 cmake --build build --target install >build.log || { tail build.log >&2; exit 1; }

@@ -8,5 +8,5 @@ from jade_gs.launch import SHARE
 
 
 def main() -> None:
-    sys.argv[0] = "export_lpips.py"
+    sys.argv[0] = "jade_metrics"
     runpy.run_path(str(SHARE / "scripts" / "export_lpips.py"), run_name="__main__")
