@@ -55,6 +55,15 @@ class Launch(unittest.TestCase):
         self.assertEqual(done.returncode, 5)
         self.assertIn(f" {elsewhere.resolve()}/torch/lib:{elsewhere.resolve()}/nvidia/cu13/lib:", done.stdout)
 
+    def test_metrics_speaks_of_itself(self):
+        script = self.site / "jade_gs" / "share" / "jade" / "scripts" / "export_lpips.py"
+        script.parent.mkdir(parents=True)
+        script.write_text(
+            "import argparse\n\n\ndef main():\n    print(argparse.ArgumentParser().prog)\n    return 3\n"
+        )
+        done = self.call("metrics", argv0="/usr/bin/jade_metrics")
+        self.assertEqual((done.returncode, done.stdout, done.stderr), (3, "jade_metrics\n", ""))
+
     def test_no_torch_and_another_torch_are_one_line(self):
         done = self.call("launch")
         self.assertEqual(done.returncode, 4)

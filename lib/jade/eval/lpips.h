@@ -15,7 +15,8 @@ namespace jade::eval {
 
 /// Note below a table that has "-" for LPIPS.
 inline constexpr const char* kLpipsAbsent =
-    "LPIPS (-) is not available: scripts/setup.sh --metrics installs its networks\n";
+    "LPIPS (-) is not available: scripts/setup.sh --metrics installs its networks, with the wheel "
+    "jade_metrics\n";
 
 /// LPIPS v0.1 through the TorchScript modules of scripts/export_lpips.py, which take two RGB images
 /// in [0,1]: lpips_alex01.pt (AlexNet on [0,1], as the published tables have it) and lpips_vgg.pt
