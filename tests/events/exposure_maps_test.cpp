@@ -3,6 +3,7 @@
 
 #include "support/catch.h"
 
+#include <ATen/Parallel.h>
 #include <cmath>
 #include <torch/types.h>
 
@@ -13,7 +14,7 @@
 using namespace jade::events;
 using namespace jade::test;
 
-TEST_CASE("map exposure: one pass gives what the separate functions give", "[events]") {
+TEST_CASE("map exposure: it gives what the separate functions give", "[events]") {
   const auto events = random_events(4000, 1, 10000, 4).stream();
   const TimeWindow exposure{1003, 8017};
   const auto maps = map_exposure(events, exposure, 6, kSize);
@@ -24,6 +25,29 @@ TEST_CASE("map exposure: one pass gives what the separate functions give", "[eve
               signed_bins(events, exposure, 8, kSize)) < 1e-5);
   CHECK(torch::equal(maps.density, event_density(events.slice(exposure), kSize)));
   CHECK(worst(maps.windows.positive.sum(0) + maps.windows.negative.sum(0), maps.density) < 1e-4);
+}
+
+TEST_CASE("map exposure: bands of rows give the exact counts, for any number of threads",
+          "[events]") {
+  const TimeWindow exposure{1003, 8017};
+  const int threads = at::get_num_threads();
+  for (const ImageSize& size : {ImageSize{1, 40}, kSize, ImageSize{150, 23}}) {
+    const auto events = random_events(40000, 1.2f, 10000, 9, size).stream();
+    const WindowCounts windows = count_windows(events, exposure, 5, size);
+    const WindowCounts apart = count_windows(events, exposure, 7, size);
+    for (const int number : {1, 3}) {
+      at::set_num_threads(number);
+      const auto maps = map_exposure(events, exposure, 6, size, 5, 7);
+      CHECK(maps.voxel.values.equal(voxelize(events, exposure, 6, size).values));
+      CHECK(maps.density.equal(event_density(events.slice(exposure), size)));
+      CHECK(maps.windows.positive.equal(windows.positive));
+      CHECK(maps.windows.negative.equal(windows.negative));
+      CHECK(maps.signed_windows.equal(apart.positive - apart.negative));
+    }
+    at::set_num_threads(threads);
+  }
+  CHECK_FALSE(map_exposure(EventStream(), exposure, 6, kSize).signed_windows.defined());
+  CHECK_THROWS_AS(map_exposure(EventStream(), exposure, 6, {0, 5}), jade::ContractError);
 }
 
 TEST_CASE("map exposure: exposures shorter than their bins, and without events, give finite maps",

@@ -3,9 +3,15 @@
 
 #include "support/catch.h"
 
+#include <ATen/Parallel.h>
+#include <algorithm>
+#include <map>
 #include <torch/types.h>
+#include <utility>
 
 #include "jade/core/error.h"
+#include "jade/events/count_math.h"
+#include "jade/events/counts.h"
 #include "random_events.h"
 
 using namespace jade::events;
@@ -27,7 +33,61 @@ std::vector<float> windows_of(const torch::Tensor& maps) {
 
 using Windows = std::vector<float>;
 
+/// The definition, event by event and window by window: [2,J,H,W].
+torch::Tensor slow_ramps(const EventStream& events, const TimeWindow& exposure, int64_t parts,
+                         int64_t reach_us, const ImageSize& size) {
+  const auto width = int32_t(size.width), height = int32_t(size.height);
+  torch::Tensor out = torch::zeros({2, parts, size.height, size.width});
+  auto sums = out.accessor<float, 4>();
+  const EventStream near = events.slice(exposure.begin_us - reach_us, exposure.end_us + reach_us);
+  const torch::Tensor x = near.x(), y = near.y(), t = near.t_us(), p = near.polarity();
+  std::map<std::pair<int, int>, int64_t> before;
+  for (int64_t i = 0; i < near.size(); ++i) {
+    EventFootprint f;
+    if (!locate(x[i].item<float>(), y[i].item<float>(), width, height, f)) continue;
+    const int column = std::clamp(f.column + (f.fx >= kWhole / 2 ? 1 : 0), 0, width - 1);
+    const int row = std::clamp(f.row + (f.fy >= kWhole / 2 ? 1 : 0), 0, height - 1);
+    const int64_t end = t[i].item<int64_t>();
+    int64_t begin = end - reach_us;
+    const auto found = before.find({row, column});
+    if (found != before.end()) begin = std::max(begin, found->second);
+    before[{row, column}] = end;
+    for (int64_t j = 0; j < parts; ++j) {
+      const int64_t from = knot_us(exposure, j, parts), to = knot_us(exposure, j + 1, parts);
+      float share = begin == end && from <= end && end < to ? 1.0f : 0.0f;
+      if (const int64_t inside = std::min(end, to) - std::max(begin, from); inside > 0) {
+        share = float(inside) / float(end - begin);
+      }
+      if (share == 0) continue;
+      spread(f, width, height, [&](int64_t pixel, int64_t weight) {
+        sums[p[i].item<int>() > 0 ? 0 : 1][j][pixel / width][pixel % width] +=
+            share * float(weight * kCountUnit);
+      });
+    }
+  }
+  return out;
+}
+
 }  // namespace
+
+TEST_CASE("ramps: the definition to the last bit, for any bands and number of threads",
+          "[events]") {
+  const int threads = at::get_num_threads();
+  for (const ImageSize& size : {kSize, ImageSize{150, 5}}) {
+    const auto events = random_events(6000, 1.2f, 30000, 11, size).stream();
+    for (const int64_t reach : {0, 900, 12000}) {
+      const TimeWindow exposure{9001, 21013};
+      const torch::Tensor expected = slow_ramps(events, exposure, 8, reach, size);
+      for (const int number : {1, 3}) {
+        at::set_num_threads(number);
+        const auto maps = ramped_windows(events, exposure, 8, reach, size);
+        CHECK(maps.positive.equal(expected[0]));
+        CHECK(maps.negative.equal(expected[1]));
+      }
+      at::set_num_threads(threads);
+    }
+  }
+}
 
 TEST_CASE("ramps: a step is spread over the time since the event before it", "[events]") {
   const auto events = at_one_pixel({0, 400}, {1, 1});

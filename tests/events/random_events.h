@@ -23,10 +23,11 @@ struct Lists {
 };
 
 /// Sub-pixel events on the image and up to `margin` px around it.
-inline Lists random_events(int64_t count, float margin, int64_t t_end, unsigned seed) {
+inline Lists random_events(int64_t count, float margin, int64_t t_end, unsigned seed,
+                           const events::ImageSize& size = kSize) {
   std::mt19937 random(seed);
-  std::uniform_real_distribution<float> u(-margin, float(kSize.width - 1) + margin);
-  std::uniform_real_distribution<float> v(-margin, float(kSize.height - 1) + margin);
+  std::uniform_real_distribution<float> u(-margin, float(size.width - 1) + margin);
+  std::uniform_real_distribution<float> v(-margin, float(size.height - 1) + margin);
   std::uniform_int_distribution<int64_t> time(0, t_end - 1);
   Lists out;
   for (int64_t i = 0; i < count; ++i) {

@@ -31,9 +31,7 @@ std::vector<int64_t> span_bounds(const EventStream& events, const std::vector<in
 /// [S,2,H,W] of the events bounds[s], …, bounds[s + 1] − 1. Does not wait for the device.
 torch::Tensor count_spans(const EventStream& events, const std::vector<int64_t>& bounds,
                           const ImageSize& size) {
-  JADE_CHECK(size.height > 0 && size.width > 0 && size.height < 32768 && size.width < 32768,
-             "expected an image of 1 to 32767 pixels a side, found ", size.height, " x ",
-             size.width);
+  check_image_size(size);
   const int64_t spans = int64_t(bounds.size()) - 1;
   auto out = torch::empty({spans, 2, size.height, size.width},
                           torch::dtype(torch::kInt64).device(events.device()));

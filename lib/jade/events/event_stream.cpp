@@ -52,6 +52,12 @@ torch::Tensor copied(const void* data, size_t count, torch::ScalarType type) {
 
 }  // namespace
 
+void check_image_size(const ImageSize& size) {
+  JADE_CHECK(size.height > 0 && size.width > 0 && size.height < 32768 && size.width < 32768,
+             "expected an image of 1 to 32767 pixels a side, found ", size.height, " x ",
+             size.width);
+}
+
 EventStream::EventStream()
     : x_(torch::empty({0}, torch::kFloat32)),
       y_(torch::empty({0}, torch::kFloat32)),

@@ -21,6 +21,9 @@ struct ImageSize {
   int64_t height = 0, width = 0;
 };
 
+/// @throws ContractError unless both sides have 1 to 32767 pixels.
+void check_image_size(const ImageSize& size);
+
 /// Events in order of time, as four arrays: sub-pixel column x and row y (float32; x = 3 is the
 /// middle of pixel column 3), time in int64 µs, polarity in int8, +1 brighter or −1 darker.
 /// 17 bytes per event. The arrays are shared: copies and slices are views that cost no memory and

@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/events/exposure_maps.h"
 
+#include <ATen/Parallel.h>
 #include <algorithm>
 #include <torch/types.h>
+#include <vector>
 
 #include "jade/core/check.h"
 #include "jade/events/counts.h"
+#include "jade/events/event_bands.h"
 
 namespace jade::events {
 namespace {
@@ -16,16 +19,95 @@ std::vector<int64_t> equal_knots(const TimeWindow& window, int64_t parts) {
   return out;
 }
 
-/// Sums [S,2,H,W] counts between `fine` knots into those between `coarse` knots, a subset.
-torch::Tensor merged(const torch::Tensor& counts, const std::vector<int64_t>& fine,
-                     const std::vector<int64_t>& coarse) {
-  std::vector<torch::Tensor> parts;
-  for (size_t k = 0; k + 1 < coarse.size(); ++k) {
-    const auto begin = std::lower_bound(fine.begin(), fine.end(), coarse[k]) - fine.begin();
-    const auto end = std::lower_bound(fine.begin(), fine.end(), coarse[k + 1]) - fine.begin();
-    parts.push_back(counts.slice(0, begin, end).sum(0));
+/// Bytes of the sums that a band's events touch at one time: they should stay in a core's cache.
+constexpr int64_t kBandBytes = 1 << 20;
+/// Bytes of a pixel's sums: two signs, and either.
+constexpr int64_t kPixelBytes = 32;
+
+/// Knots of the three divisions of an exposure.
+struct Divisions {
+  std::vector<int64_t> bins, windows, signed_windows;
+};
+
+/// Sums of a band's events by sign in spans of time, exact as count_events.
+struct BandSums {
+  std::vector<int64_t> positive, negative;  ///< one per pixel of the band
+
+  /// Calls take(span) after each span between knots with its sums.
+  template <class Take>
+  void sweep(const EventBands& bands, int64_t band, const std::vector<int64_t>& knots,
+             const ImageSize& size, const Take& take) {
+    const auto width = static_cast<int32_t>(size.width);
+    const int64_t first = bands.first_row(band) * width, pixels = bands.rows(band) * width;
+    const BandEvent *event = bands.begin(band), *const last = bands.end(band);
+    while (event != last && event->t_us() < knots.front()) ++event;
+    for (size_t span = 0; span + 1 < knots.size(); ++span) {
+      positive.assign(static_cast<size_t>(pixels), 0);
+      negative.assign(static_cast<size_t>(pixels), 0);
+      for (; event != last && event->t_us() < knots[span + 1]; ++event) {
+        int64_t* const sums = event->positive() ? positive.data() : negative.data();
+        spread(event->footprint(), width, static_cast<int32_t>(size.height),
+               [&](int64_t pixel, int64_t weight) {
+                 if (pixel >= first && pixel < first + pixels) sums[pixel - first] += weight;
+               });
+      }
+      take(static_cast<int64_t>(span));
+    }
   }
-  return torch::stack(parts);
+};
+
+float events_of(int64_t count) {
+  return static_cast<float>(static_cast<double>(count) * kCountUnit);
+}
+
+/// The sums of all divisions, band by band.
+ExposureMaps sums_of(const EventStream& events, const Divisions& knots, const ImageSize& size) {
+  const int64_t row_bytes = kPixelBytes * std::max<int64_t>(1, size.width);
+  const EventBands bands(events, size, kBandBytes / row_bytes);
+  const auto maps = [&](const std::vector<int64_t>& of) {
+    return torch::empty({int64_t(of.size()) - 1, size.height, size.width}, torch::kFloat32);
+  };
+  const torch::Tensor bins = maps(knots.bins);
+  ExposureMaps out;
+  out.windows = {maps(knots.windows), maps(knots.windows)};
+  out.density = torch::empty({size.height, size.width}, torch::kFloat32);
+  if (!knots.signed_windows.empty()) out.signed_windows = maps(knots.signed_windows);
+  at::parallel_for(0, bands.count(), 1, [&](int64_t begin, int64_t end) {
+    BandSums sums;
+    std::vector<int64_t> either;
+    for (int64_t band = begin; band < end; ++band) {
+      const int64_t first = bands.first_row(band) * size.width;
+      const auto pixels = static_cast<size_t>(bands.rows(band) * size.width);
+      const auto rows_of = [&](const torch::Tensor& all, int64_t map) {
+        return all.mutable_data_ptr<float>() + map * size.height * size.width + first;
+      };
+      either.assign(pixels, 0);
+      sums.sweep(bands, band, knots.bins, size, [&](int64_t span) {
+        float* const signed_sums = rows_of(bins, span);
+        for (size_t i = 0; i < pixels; ++i) {
+          signed_sums[i] = events_of(sums.positive[i] - sums.negative[i]);
+          either[i] += sums.positive[i] + sums.negative[i];
+        }
+      });
+      std::transform(either.begin(), either.end(), rows_of(out.density, 0), events_of);
+      sums.sweep(bands, band, knots.windows, size, [&](int64_t span) {
+        const auto& [positive, negative] = out.windows;
+        std::transform(sums.positive.begin(), sums.positive.end(), rows_of(positive, span),
+                       events_of);
+        std::transform(sums.negative.begin(), sums.negative.end(), rows_of(negative, span),
+                       events_of);
+      });
+      if (knots.signed_windows.empty()) continue;
+      sums.sweep(bands, band, knots.signed_windows, size, [&](int64_t span) {
+        float* const signed_sums = rows_of(out.signed_windows, span);
+        for (size_t i = 0; i < pixels; ++i) {
+          signed_sums[i] = events_of(sums.positive[i]) - events_of(sums.negative[i]);
+        }
+      });
+    }
+  });
+  out.voxel = normalized(bins);
+  return out;
 }
 
 }  // namespace
@@ -38,24 +120,14 @@ torch::Tensor edi_windows(const WindowCounts& counts, const Thresholds& threshol
 }
 
 ExposureMaps map_exposure(const EventStream& events, const TimeWindow& exposure, int64_t bins,
-                          const ImageSize& size, int64_t parts) {
-  JADE_CHECK(bins > 0 && parts > 0, "expected one bin and one window or more, found ", bins,
-             " and ", parts);
-  const auto bin_knots = equal_knots(exposure, bins);
-  const auto window_knots = equal_knots(exposure, parts);
-  std::vector<int64_t> knots(bin_knots);
-  knots.insert(knots.end(), window_knots.begin(), window_knots.end());
-  std::sort(knots.begin(), knots.end());
-  knots.erase(std::unique(knots.begin(), knots.end()), knots.end());
-  if (knots.size() < 2) knots.push_back(knots.front());  // an exposure of no length
-  const auto counts = count_events(events, knots, size);
-  const auto binned = merged(counts, knots, bin_knots);
-  const auto windows = to_events(merged(counts, knots, window_knots));
-  ExposureMaps out;
-  out.voxel = normalized(to_events(binned.select(1, 0) - binned.select(1, 1)));
-  out.windows = {windows.select(1, 0).contiguous(), windows.select(1, 1).contiguous()};
-  out.density = to_events(counts.sum(torch::IntArrayRef{0, 1}));
-  return out;
+                          const ImageSize& size, int64_t parts, int64_t signed_parts) {
+  JADE_CHECK(events.device().is_cpu(), "map_exposure: expected events on the CPU");
+  JADE_CHECK(bins > 0 && parts > 0 && signed_parts >= 0,
+             "expected one bin and one window or more, found ", bins, ", ", parts, " and ",
+             signed_parts);
+  Divisions knots{equal_knots(exposure, bins), equal_knots(exposure, parts), {}};
+  if (signed_parts > 0) knots.signed_windows = equal_knots(exposure, signed_parts);
+  return sums_of(events.slice(exposure), knots, size);
 }
 
 WindowCounts count_windows(const EventStream& events, const TimeWindow& exposure, int64_t parts,

@@ -26,14 +26,17 @@ struct ExposureMaps {
   EventVoxel voxel;
   WindowCounts windows;
   torch::Tensor density;  ///< [H,W] float32, events of either polarity
+  /// [N,H,W] float32, positive less negative events of N equal spans; undefined unless asked for
+  torch::Tensor signed_windows;
 };
 
-/// Voxel, EDI windows and density of the events in `exposure`, in one pass over them: events are
-/// summed between the knots of both divisions, and bins and windows are sums of these.
-/// @param events  may reach beyond the exposure; only [begin_us, end_us) counts.
+/// Voxel, EDI windows and density of the events in `exposure`, exact as count_events.
+/// @param events  on the CPU; may reach beyond the exposure, only [begin_us, end_us) counts.
 /// @param parts   how many windows.
+/// @param signed_parts  how many signed windows; 0: none.
 ExposureMaps map_exposure(const EventStream& events, const TimeWindow& exposure, int64_t bins,
-                          const ImageSize& size, int64_t parts = kEdiWindows);
+                          const ImageSize& size, int64_t parts = kEdiWindows,
+                          int64_t signed_parts = 0);
 
 /// The windows of map_exposure alone.
 WindowCounts count_windows(const EventStream& events, const TimeWindow& exposure, int64_t parts,

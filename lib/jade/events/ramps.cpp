@@ -4,100 +4,103 @@
 #include <ATen/Parallel.h>
 #include <algorithm>
 #include <torch/types.h>
+#include <utility>
 #include <vector>
 
 #include "jade/core/check.h"
 #include "jade/events/count_math.h"
 #include "jade/events/counts.h"
+#include "jade/events/event_bands.h"
 
 namespace jade::events {
 namespace {
 
+/// Bytes of the sums that a band's events touch at one time: they should stay in a core's cache.
+constexpr int64_t kBandBytes = 1 << 20;
+/// Bytes of a pixel's sums: two signs of about six windows, which a ramp reaches, and a time.
+constexpr int64_t kPixelBytes = 56;
+
 /// Calls add(window, share) for the windows between `knots` that the span (begin, end] of one
 /// event's step reaches; shares add up to 1 over all time. An empty span is a step at `end`.
+/// @param now  the last knot at or before `end`, -1 for none
 template <class Add>
-void share_out(const std::vector<int64_t>& knots, int64_t begin, int64_t end, const Add& add) {
+void share_out(const std::vector<int64_t>& knots, int64_t now, int64_t begin, int64_t end,
+               const Add& add) {
   const auto last = static_cast<int64_t>(knots.size()) - 2;
-  const auto window_of = [&](int64_t t) {
-    return std::upper_bound(knots.begin(), knots.end(), t) - knots.begin() - 1;
-  };
   if (begin >= end) {
-    const int64_t j = window_of(end);
-    if (j >= 0 && j <= last) add(j, 1.0f);
+    if (now >= 0 && now <= last) add(now, 1.0f);
     return;
   }
-  for (int64_t j = std::max<int64_t>(0, window_of(begin)); j <= last && knots[j] < end; ++j) {
+  int64_t j = now;
+  while (j >= 0 && knots[j] > begin) --j;
+  for (j = std::max<int64_t>(0, j); j <= last && knots[j] < end; ++j) {
     const int64_t inside = std::min(end, knots[j + 1]) - std::max(begin, knots[j]);
     if (inside > 0) add(j, static_cast<float>(inside) / static_cast<float>(end - begin));
   }
 }
 
-/// Bytes of one band's sums: they should stay in a core's cache.
-constexpr int64_t kBandBytes = 1 << 20;
-
-/// Events by bands of image rows, in order of time, with the begin of each event's ramp.
-struct RampedEvents {
-  int64_t band_rows = 1;
-  std::vector<int64_t> begin_us;              ///< per event
-  std::vector<std::vector<int64_t>> in_band;  ///< indices of the events that touch a band's rows
+/// Weight of an event at a pixel, as a float number of events.
+struct PixelWeight {
+  int64_t pixel;
+  float weight;
 };
 
-/// One pass in order of time: a ramp begins at the previous event of the nearest pixel.
-RampedEvents sort_into_bands(const EventStream& events, int64_t first_us, int64_t reach_us,
-                             const ImageSize& size, int64_t band_rows) {
-  const float* const x = events.x().const_data_ptr<float>();
-  const float* const y = events.y().const_data_ptr<float>();
-  const int64_t* const t = events.t_us().const_data_ptr<int64_t>();
-  const auto width = static_cast<int32_t>(size.width), height = static_cast<int32_t>(size.height);
-  RampedEvents out;
-  out.band_rows = band_rows;
-  out.begin_us.resize(static_cast<size_t>(events.size()));
-  out.in_band.resize(static_cast<size_t>((size.height + band_rows - 1) / band_rows));
-  std::vector<int64_t> before(static_cast<size_t>(size.height * size.width), first_us);
-  for (int64_t i = 0; i < events.size(); ++i) {
-    EventFootprint footprint;
-    if (!locate(x[i], y[i], width, height, footprint)) continue;
-    const int32_t column =
-        std::clamp(footprint.column + int32_t(footprint.fx >= kWhole / 2), 0, width - 1);
-    const int32_t row =
-        std::clamp(footprint.row + int32_t(footprint.fy >= kWhole / 2), 0, height - 1);
-    int64_t& previous = before[static_cast<size_t>(row) * size.width + column];
-    out.begin_us[static_cast<size_t>(i)] = std::max(previous, t[i] - reach_us);
-    previous = t[i];
-    const int64_t top = std::max(footprint.row, 0) / band_rows;
-    const int64_t bottom =
-        std::min(footprint.row + int32_t(footprint.fy > 0), height - 1) / band_rows;
-    for (int64_t band = top; band <= bottom; ++band) {
-      out.in_band[static_cast<size_t>(band)].push_back(i);
-    }
-  }
-  return out;
-}
+/// The knots of the windows, how far a ramp reaches, and the sums.
+struct Ramps {
+  std::vector<int64_t> knots;
+  int64_t reach_us;
+  ImageSize size;
+  float* out;  ///< [2,J,H,W], not initialised
 
-/// Sums of the events in a band of rows, [2, pixels of the band, windows] with the windows of one
-/// pixel side by side, as an event touches many of them.
-void sum_band(const EventStream& events, const RampedEvents& ramps, size_t band,
-              const std::vector<int64_t>& knots, const ImageSize& size, int64_t first_pixel,
-              int64_t pixels, float* sums) {
-  const float* const x = events.x().const_data_ptr<float>();
-  const float* const y = events.y().const_data_ptr<float>();
-  const int64_t* const t = events.t_us().const_data_ptr<int64_t>();
-  const int8_t* const polarity = events.polarity().const_data_ptr<int8_t>();
-  const auto width = static_cast<int32_t>(size.width), height = static_cast<int32_t>(size.height);
-  const auto windows = static_cast<int64_t>(knots.size()) - 1;
-  for (const int64_t i : ramps.in_band[band]) {
-    EventFootprint footprint;
-    locate(x[i], y[i], width, height, footprint);
-    float* const plane = sums + (polarity[i] > 0 ? 0 : pixels * windows);
-    share_out(
-        knots, ramps.begin_us[static_cast<size_t>(i)], t[i], [&](int64_t window, float share) {
-          spread(footprint, width, height, [&](int64_t pixel, int64_t weight) {
-            const int64_t inside = pixel - first_pixel;
-            if (inside < 0 || inside >= pixels) return;
-            plane[inside * windows + window] += share * static_cast<float>(weight * kCountUnit);
-          });
-        });
+  int64_t windows() const { return static_cast<int64_t>(knots.size()) - 1; }
+  int64_t pixels() const { return size.height * size.width; }
+};
+
+/// Sums the rows of one band. Each pixel adds up its events in order of time.
+/// @param before  scratch
+void sum_band(const EventBands& bands, int64_t band, const Ramps& ramps,
+              std::vector<int64_t>& before) {
+  const auto width = static_cast<int32_t>(ramps.size.width);
+  const auto height = static_cast<int32_t>(ramps.size.height);
+  const int64_t windows = ramps.windows(), all_pixels = ramps.pixels();
+  const int64_t first_pixel = bands.first_row(band) * width;
+  const int64_t pixels = bands.rows(band) * width;
+  // Times before the events of the band's pixels and of the rows beside it.
+  before.assign(static_cast<size_t>(pixels + 2 * width), ramps.knots.front() - 2 * ramps.reach_us);
+  const int64_t first_before = first_pixel - width;
+  int64_t now = -1;
+  // A window's sums are set to 0 just before its first event, while they come into the cache.
+  const auto begin_windows = [&](int64_t t) {
+    while (now + 1 < static_cast<int64_t>(ramps.knots.size()) && ramps.knots[now + 1] <= t) {
+      if (++now == windows) return;
+      for (int64_t plane = now; plane < 2 * windows; plane += windows) {
+        std::fill_n(ramps.out + plane * all_pixels + first_pixel, pixels, 0.0f);
+      }
+    }
+  };
+  const BandEvent* const last = bands.end(band);
+  for (const BandEvent* event = bands.begin(band); event != last; ++event) {
+    const EventFootprint footprint = event->footprint();
+    const int64_t t = event->t_us();
+    begin_windows(t);
+    const NearestPixel nearest = nearest_pixel(footprint, width, height);
+    const int64_t nearest_index = int64_t(nearest.row) * width + nearest.column;
+    int64_t& previous = before[static_cast<size_t>(nearest_index - first_before)];
+    const int64_t begin = std::max(previous, t - ramps.reach_us);
+    previous = t;
+    PixelWeight touched[4];
+    int count = 0;
+    spread(footprint, width, height, [&](int64_t pixel, int64_t weight) {
+      if (pixel < first_pixel || pixel >= first_pixel + pixels) return;
+      touched[count++] = {pixel, static_cast<float>(weight * kCountUnit)};
+    });
+    float* const planes = ramps.out + (event->positive() ? 0 : windows * all_pixels);
+    share_out(ramps.knots, now, begin, t, [&](int64_t window, float share) {
+      float* const plane = planes + window * all_pixels;
+      for (int k = 0; k < count; ++k) plane[touched[k].pixel] += share * touched[k].weight;
+    });
   }
+  begin_windows(ramps.knots.back());
 }
 
 }  // namespace
@@ -109,33 +112,14 @@ WindowCounts ramped_windows(const EventStream& events, const TimeWindow& exposur
              reach_us, " us");
   std::vector<int64_t> knots;
   for (int64_t k = 0; k <= parts; ++k) knots.push_back(knot_us(exposure, k, parts));
-  const int64_t windows = parts;
   const EventStream near = events.slice(knots.front() - reach_us, knots.back() + reach_us);
-  const int64_t row_bytes = 2 * size.width * windows * int64_t(sizeof(float));
-  const int64_t band_rows = std::clamp<int64_t>(kBandBytes / row_bytes, 1, size.height);
-  const RampedEvents ramps =
-      sort_into_bands(near, knots.front() - 2 * reach_us, reach_us, size, band_rows);
-  const torch::Tensor maps = torch::empty({2, windows, size.height, size.width}, torch::kFloat32);
-  auto* const out = maps.mutable_data_ptr<float>();
-  const int64_t all_pixels = size.height * size.width;
-  // Every pixel belongs to one band and adds up its events in order of time: the same bits for any
-  // number of threads.
-  at::parallel_for(0, int64_t(ramps.in_band.size()), 1, [&](int64_t begin, int64_t end) {
-    std::vector<float> sums;
-    for (int64_t band = begin; band < end; ++band) {
-      const int64_t first_row = band * band_rows;
-      const int64_t rows = std::min(band_rows, size.height - first_row);
-      const int64_t first_pixel = first_row * size.width, pixels = rows * size.width;
-      sums.assign(static_cast<size_t>(2 * pixels * windows), 0);
-      sum_band(near, ramps, static_cast<size_t>(band), knots, size, first_pixel, pixels,
-               sums.data());
-      for (int64_t plane = 0; plane < 2 * windows; ++plane) {
-        const float* const from =
-            sums.data() + plane / windows * pixels * windows + plane % windows;
-        float* const to = out + plane * all_pixels + first_pixel;
-        for (int64_t pixel = 0; pixel < pixels; ++pixel) to[pixel] = from[pixel * windows];
-      }
-    }
+  const EventBands bands(near, size, kBandBytes / (kPixelBytes * std::max<int64_t>(1, size.width)));
+  const torch::Tensor maps = torch::empty({2, parts, size.height, size.width}, torch::kFloat32);
+  const Ramps ramps{std::move(knots), reach_us, size, maps.mutable_data_ptr<float>()};
+  // Every pixel belongs to one band: the same bits for any number of threads.
+  at::parallel_for(0, bands.count(), 1, [&](int64_t begin, int64_t end) {
+    std::vector<int64_t> before;
+    for (int64_t band = begin; band < end; ++band) sum_band(bands, band, ramps, before);
   });
   return {maps[0], maps[1]};
 }

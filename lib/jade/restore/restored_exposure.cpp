@@ -38,16 +38,6 @@ torch::Tensor gain_at_samples(const imaging::EdiKernel& kernel,
                            torch::tensor(u, torch::kFloat64).to(kernel.log_gain.device()));
 }
 
-/// Event input of the network: signed counts of its windows, or the voxel.
-torch::Tensor network_events(const data::Exposure& exposure, const events::EventVoxel& voxel,
-                             const RestorerMetadata& network) {
-  if (!network.any_time) return voxel.values;
-  const events::WindowCounts counts =
-      events::count_windows(exposure.events, {exposure.t_start_us, exposure.t_end_us},
-                            network.windows, {exposure.camera.height, exposure.camera.width});
-  return counts.positive - counts.negative;
-}
-
 /// @param lasts  false: the exposure has no length, and so all its moments are the middle
 void restore_learned(const torch::Tensor& events, bool lasts, const RestoreOptions& options,
                      ViewRestorer& restorer, RestoredExposure& restored) {
@@ -78,26 +68,29 @@ ExposureSums sum_events(const data::Exposure& exposure, const events::EventStrea
   const events::ImageSize size{exposure.camera.height, exposure.camera.width};
   ExposureSums sums;
   const bool ramped = reach_of(options.events) > 0;  // then the windows are counted otherwise
+  const bool any_time = network != nullptr && network->any_time;
   sums.maps = events::map_exposure(exposure.events, span, options.events.bins, size,
-                                   ramped ? 1 : integral_samples(options) - 1);
+                                   ramped ? 1 : integral_samples(options) - 1,
+                                   any_time ? network->windows : 0);
   if (ramped) {
     sums.maps.windows = events::ramped_windows(recording, span, integral_samples(options) - 1,
                                                reach_of(options.events), size);
   }
-  if (network != nullptr) sums.network = network_events(exposure, sums.maps.voxel, *network);
+  if (any_time) {
+    sums.network = std::move(sums.maps.signed_windows);
+  } else if (network != nullptr) {
+    sums.network = sums.maps.voxel.values;
+  }
   return sums;
 }
 
 int64_t sum_bytes_per_pixel(const RestoreOptions& options, const RestorerMetadata* network) {
-  // Bytes per window: counted, int64 sums of both signs and derived tensors; ramped, both signs in
-  // float, twice.
-  constexpr int64_t kCounted = 60, kRamped = 16;
-  const bool ramped = reach_of(options.events) > 0;
-  const int64_t windows = integral_samples(options) - 1;
-  int64_t bytes = kCounted * (options.events.bins + (ramped ? 1 : windows));
-  if (ramped) bytes = std::max(bytes, kRamped * windows);
-  if (network != nullptr) bytes = std::max(bytes, kCounted * network->windows);
-  return bytes;
+  // Windows of both signs, bins twice, those of the network, and some maps beside them.
+  const int64_t maps = 2 * (integral_samples(options) - 1) + 2 * options.events.bins +
+                       (network != nullptr ? network->windows : 0) + 8;
+  // Six sorted events, as of a fast motion.
+  constexpr int64_t kEvents = 6 * 20;
+  return maps * int64_t{sizeof(float)} + kEvents;
 }
 
 RestoredExposure restore_exposure(const data::Exposure& exposure,

@@ -150,7 +150,10 @@ double measure_restorer(const data::Dataset& dataset, const train::RunOptions& o
   std::vector<double> times = train::restored_times(options);
   if (times.empty()) times = {0.5};
   restore::ViewRestorer kept(options.cache, options.efnet, device, dataset.monochrome);
-  const restore::RestoreOptions how{options.events, options.exposure, 0};
+  // The network's input does not depend on the windows of EDI, so the fewest are summed.
+  restore::RestoreOptions how{options.events, options.exposure, 0};
+  how.events.ramp_ms = 0;
+  how.events.edi_samples = 3;
   const auto events_of = [&](const data::Exposure& exposure) {
     return restore::sum_events(exposure, dataset.events, how, &kept.metadata()).network;
   };
