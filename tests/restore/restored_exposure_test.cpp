@@ -114,8 +114,7 @@ TEST_CASE("restore_exposure: a network of any moment gets its own windows' count
                         0.3 + 0.05 * exposure.blurry));
 }
 
-TEST_CASE("restore_exposure: a second start finds both restorations; another offset is another EDI",
-          "[restore]") {
+TEST_CASE("restore_exposure: a second start finds F, whatever the offset of EDI", "[restore]") {
   const test::TempDir dir;
   const data::Exposure exposure = exposure_with_events();
   const EfnetOptions halves{test::save_restorer(dir / "n.pt", "  return image * 0.5\n"), ""};
@@ -125,9 +124,8 @@ TEST_CASE("restore_exposure: a second start finds both restorations; another off
     return restorer.cache().hits();
   };
   CHECK(hits(0) == 0);
-  CHECK(hits(0) == 2);
+  CHECK(hits(0) == 1);
   CHECK(hits(0.05) == 1);
-  CHECK(hits(0.05) == 2);
 }
 
 TEST_CASE("restore_exposure: every rule, number of samples and integral blurs back to the frame",

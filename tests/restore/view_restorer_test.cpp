@@ -179,26 +179,5 @@ TEST_CASE("view restorer: what a full GPU left to the CPU is not kept for the GP
   CHECK(restore_twice(dir / "cpu", network, torch::kCPU).kept == 1);
 }
 
-TEST_CASE("view restorer: changed thresholds and settings are another EDI", "[restore]") {
-  const test::TempDir dir;
-  ViewRestorer restorer(in(dir.path()), std::nullopt, torch::kCPU);
-  const torch::Tensor blurry = torch::rand({3, 8, 9}), windows = torch::randn({8, 8, 9});
-  int made = 0;
-  const auto edi = [&](const torch::Tensor& w, const std::string& settings) {
-    return restorer.edi(blurry, w, settings, [&] {
-      ++made;
-      return blurry * made;
-    });
-  };
-  edi(windows, "index exact");
-  edi(windows, "index exact");
-  CHECK(made == 1);
-  edi(windows, "index diet");
-  CHECK(made == 2);
-  edi(windows * 1.1, "index exact");
-  CHECK(made == 3);
-  CHECK(restorer.cache().hits() == 1);
-}
-
 }  // namespace
 }  // namespace jade::restore

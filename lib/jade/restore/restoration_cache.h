@@ -22,7 +22,7 @@ struct RestorationCacheOptions {
 
 template <class V>
 void describe(V& v, RestorationCacheOptions& o) {
-  v.field("enabled", o.enabled, "keep EDI and EFNet results on disk for the next run");
+  v.field("enabled", o.enabled, "keep EFNet results on disk for the next run");
   v.field(
       "folder", o.folder,
       "where; empty: restorations in $JADE_CACHE, else $XDG_CACHE_HOME/jade, else ~/.cache/jade");

@@ -124,13 +124,8 @@ RestoredExposure restore_exposure(const data::Exposure& exposure, ExposureSums s
         imaging::edi_kernel(windows * options.taught_contrast, integral.rule), options.exposure);
   }
 
-  // Part of the cache's keys.
-  std::string settings(word_of(integral.rule));
-  if (options.log_offset != 0) settings += concat(" offset ", options.log_offset);
-  restored.restorations.edi = restorer.edi(restored.blurry, windows, settings, [&] {
-    return imaging::edi_mid(restored.blurry + options.log_offset, restored.kernel) -
-           options.log_offset;
-  });
+  restored.restorations.edi =
+      imaging::edi_mid(restored.blurry + options.log_offset, restored.kernel) - options.log_offset;
   return restored;
 }
 

@@ -24,16 +24,6 @@ ViewRestorer::ViewRestorer(const RestorationCacheOptions& cache, std::optional<E
 
 ViewRestorer::~ViewRestorer() { cache_.prune(); }
 
-torch::Tensor ViewRestorer::edi(const torch::Tensor& blurry, const torch::Tensor& windows,
-                                const std::string& settings,
-                                const std::function<torch::Tensor()>& compute) {
-  if (cache_.folder().empty()) return compute().to(device_);
-  const std::string recipe =
-      concat("edi 2; ", settings, "; torch ", torch_version(), "; ", device_.type());
-  return cache_.get(restoration_key(recipe, {blurry, windows}), blurry.sizes(), compute)
-      .to(device_);
-}
-
 torch::Tensor ViewRestorer::efnet(const torch::Tensor& blurry, const torch::Tensor& events) {
   return efnet(blurry, events, {0.5})[0];
 }

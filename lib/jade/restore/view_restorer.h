@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <functional>
 #include <future>
 #include <optional>
 #include <string>
@@ -13,8 +12,9 @@
 
 namespace jade::restore {
 
-/// Both restorations of views through the cache on disk. The network is loaded when the first view
-/// is not in the cache, so never if all are, or taken from whoever began to.
+/// F of views through the cache on disk. The network is loaded when the first view is not in the
+/// cache, so never if all are, or taken from whoever began to. EDI is not cached: to hash its
+/// windows takes longer than to compute it.
 class ViewRestorer {
  public:
   /// @param efnet  its file is read and checked against its SHA-256 now, its metadata too; without
@@ -26,12 +26,6 @@ class ViewRestorer {
                torch::Device device, bool monochrome = false, std::future<Restorer> early = {});
   /// Keeps the cache within its size.
   ~ViewRestorer();
-
-  /// I_edi of a view.
-  /// @param settings  what `compute` depends on besides the tensors, as text.
-  /// @param windows   [8,H,W], log intensity: thresholds are inside.
-  torch::Tensor edi(const torch::Tensor& blurry, const torch::Tensor& windows,
-                    const std::string& settings, const std::function<torch::Tensor()>& compute);
 
   /// F(B, V) at mid-exposure: blurry [3,H,W], events [T,H,W] as the network takes them, on any
   /// device; result on the device of this object. What the network restored on the CPU for want of
