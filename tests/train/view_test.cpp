@@ -133,6 +133,23 @@ TEST_CASE(
   CHECK_THROWS_AS(train::at_pose(view, 9, options), ContractError);
 }
 
+TEST_CASE("views: F that stays on the CPU gives the same images at each pose", "[train][cuda]") {
+  const test::TinyScene scene;
+  const train::RunOptions options = test::all_poses_options(scene);
+  const data::Dataset dataset = data::load_dataset(options.dataset);
+  const train::View there = train::prepare_views(dataset, options, torch::kCUDA)[1];
+  train::View aside = there;
+  aside.restored_poses.efnet = aside.restored_poses.efnet.cpu();
+  CHECK(there.restored_poses.efnet.is_cuda());
+  CHECK(there.taught_factors.defined() == (options.objective.edi_contrast != 1));
+  for (const int64_t k : {0, 3, 8}) {
+    const train::View a = train::at_pose(there, k, options);
+    const train::View b = train::at_pose(aside, k, options);
+    CHECK(b.restorations.efnet.is_cuda());
+    CHECK(a.restorations.efnet.equal(b.restorations.efnet));
+  }
+}
+
 TEST_CASE("views: of three restored poses each is the one that all would give", "[train]") {
   const test::TinyScene scene;
   train::RunOptions options = test::all_poses_options(scene);

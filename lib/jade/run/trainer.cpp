@@ -114,7 +114,8 @@ Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const st
   times_.end("restorations");
   log_info(concat("memory      ",
                   train::text_of(train::memory_plan(views(), state_, options_), views().size(),
-                                 train::most_gaussians(state_, options_))));
+                                 train::most_gaussians(state_, options_)),
+                  "; peak so far ", peak_memory_bytes(device_) >> 20, " MiB"));
   metrics_ = std::make_unique<MetricsLog>(directory_.path() / "metrics.jsonl", state_.step);
 }
 

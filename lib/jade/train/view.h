@@ -20,7 +20,9 @@ namespace jade::train {
 /// objective.restored_poses is middle. Row r is of moment u_k, k = r restored_every(). Undefined if
 /// unused; EDI is R_k ⊙ B.
 struct PoseRestorations {
-  torch::Tensor efnet;          ///< [R,3,H,W] float16, as there are many, F(B, V, u_k)
+  /// [R,3,H,W] float16, as there are many, F(B, V, u_k). On the CPU where those of all views would
+  /// take more than 1 GiB of a GPU.
+  torch::Tensor efnet;
   torch::Tensor psi;            ///< [R,2,H,W] Ψ(V) about u_k
   torch::Tensor reblur_kernel;  ///< [R,1,H,W] K(V) about u_k
 
