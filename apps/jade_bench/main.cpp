@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // jade_bench: the benchmarks behind every performance figure, one file each.
 #include "common/cli.h"
+#include "events.h"
 #include "iteration.h"
 #include "losses.h"
 #include "quality.h"
@@ -22,6 +23,8 @@ int main(int argc, char** argv) {
   CLI::App* const iteration_command = iteration.add_to(program);
   bench::RestorerBench restorer;
   CLI::App* const restorer_command = restorer.add_to(program.cli());
+  bench::EventsBench events;
+  CLI::App* const events_command = events.add_to(program.cli());
   bench::LossesBench losses;
   CLI::App* const losses_command = losses.add_to(program.cli());
   bench::RunBench run;
@@ -32,6 +35,7 @@ int main(int argc, char** argv) {
     if (splat_command->parsed()) return splat.run(program);
     if (iteration_command->parsed()) return iteration.run(program);
     if (restorer_command->parsed()) return restorer.run(program);
+    if (events_command->parsed()) return events.run(program);
     if (losses_command->parsed()) return losses.run(program);
     if (run_command->parsed()) return run.run(program);
     if (quality_command->parsed()) return quality.run(program);

@@ -59,7 +59,7 @@ struct ExposureSums {
 ExposureSums sum_events(const data::Exposure& exposure, const events::EventStream& recording,
                         const RestoreOptions& options, const RestorerMetadata* network);
 
-/// Bytes of memory that sum_events() takes per pixel of the image, at its peak; measured.
+/// Bytes of memory that sum_events() takes per pixel of the image at its peak, about.
 int64_t sum_bytes_per_pixel(const RestoreOptions& options, const RestorerMetadata* network);
 
 /// Restores an exposure both ways, through the restorer's cache. Where the middle is among the
