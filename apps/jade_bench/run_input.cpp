@@ -80,7 +80,7 @@ nlohmann::json numbers_of(const run::Trainer& trainer) {
           {"split_scale", options.densify.split_scale},
           {"prune_opacity", options.densify.prune_opacity},
           {"prune_scale", options.densify.prune_scale},
-          {"max_gaussians", options.densify.max_gaussians},
+          {"max_gaussians", int64_t{options.densify.max_gaussians}},
           {"opacity_reset_every", steps(options.densify.opacity_reset_every)}};
 }
 

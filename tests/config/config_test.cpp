@@ -42,6 +42,7 @@ struct TestOptions {
   Steps warmup = Steps::share(6);
   Steps resets = Steps::share(12, 1000);
   AutoNumber level = AutoNumber::automatic(2);
+  AutoCount voices = AutoCount::automatic(4);
   RouteOptions route;
 };
 template <class V>
@@ -54,6 +55,7 @@ void describe(V& v, TestOptions& o) {
   v.field("warmup", o.warmup, "rest until", Range{0, 1e9});
   v.field("resets", o.resets, "steps between resets", Range{0, 1e9});
   v.field("level", o.level, "how loud", Range{0, 11});
+  v.field("voices", o.voices, "how many", Range{1, 8});
   v.renamed("router", "route");
   v.group("route", o.route, "the router");
 }
@@ -114,6 +116,12 @@ TEST_CASE("config: a number may be auto, by default or by word, and then has its
   options = load_text(dir, config::to_yaml(fields_of(options), "title"));
   CHECK(options.level.is_auto());
   CHECK_THAT(error_of(dir, "level: 12\n"), Catch::Contains("level: ") && Catch::Contains("12"));
+  CHECK((options.voices.is_auto() && options.voices == 4));
+  options = load_text(dir, "voices: 3\n");
+  CHECK((!options.voices.is_auto() && options.voices == 3));
+  CHECK(config::value_text(&options.voices) == "3");
+  CHECK_THAT(error_of(dir, "voices: 2.5\n"), Catch::Contains("voices: ") && Catch::Contains("auto"));
+  CHECK_THAT(error_of(dir, "voices: 9\n"), Catch::Contains("voices: ") && Catch::Contains("9"));
   CHECK_THAT(error_of(dir, "level: loud\n"), Catch::Contains("level: ") && Catch::Contains("auto"));
 }
 

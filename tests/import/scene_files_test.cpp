@@ -70,6 +70,18 @@ TEST_CASE("test frames: the sharp ones, where there are any", "[import]") {
          std::vector{Part::kTrain, Part::kTest, Part::kTrain, Part::kTrain}));
 }
 
+TEST_CASE("test frames: at most a quarter of the frames, the other sharp ones train", "[import]") {
+  CHECK((parts({0.5, 5, 0.5, 0.5, 5, 0.5, 0.5, 5}, {}) ==
+         std::vector{Part::kTrain, Part::kTrain, Part::kTrain, Part::kTest, Part::kTrain,
+                     Part::kTrain, Part::kTest, Part::kTrain}));
+  CHECK((parts({0.5, 0.5, 0.5}, {}) == std::vector{Part::kTrain, Part::kTrain, Part::kTest}));
+  // Frames without a length cannot be trained on.
+  import::Capture capture = capture_of({0, 5, 0, 0.5});
+  for (const size_t i : {0, 2}) capture.shots[i].t_end_us = capture.shots[i].t_start_us;
+  CHECK((import::parts_of(capture, line_of(capture).poses, {}) ==
+         std::vector{Part::kTest, Part::kTrain, Part::kTest, Part::kTrain}));
+}
+
 TEST_CASE("test frames: every eighth exposure is held out where all are blurry", "[import]") {
   const std::vector<Part> found = parts(std::vector<double>(17, 5.0), {});
   for (size_t i = 0; i < found.size(); ++i) {
@@ -92,7 +104,9 @@ TEST_CASE("test frames: a shot without a pose is left out, and something must be
   std::vector<import::TimedPose> poses = line_of(capture).poses;
   poses.erase(poses.begin() + 3, poses.begin() + 6);
   CHECK((import::parts_of(capture, poses, {})[1] == Part::kLeftOut));
-  CHECK_THROWS_NAMING(DataError, parts({0.5, 0.5, 0.5, 0.5}, {}), "training", "none");
+  import::TestOptions all;
+  all.names = {"shot0", "shot1", "shot2", "shot3"};
+  CHECK_THROWS_NAMING(DataError, parts({5, 5, 5, 5}, all), "training", "none");
 }
 
 TEST_CASE("scene files: the data set loads with poses, points and held-out exposures", "[import]") {

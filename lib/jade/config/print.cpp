@@ -61,6 +61,9 @@ struct SchemaType {
   nlohmann::ordered_json operator()(const AutoNumber*) const {
     return {{"type", {"number", "string"}}, {"pattern", "^auto$"}};
   }
+  nlohmann::ordered_json operator()(const AutoCount*) const {
+    return {{"type", {"integer", "string"}}, {"pattern", "^auto$"}};
+  }
   nlohmann::ordered_json operator()(const std::string*) const { return {{"type", "string"}}; }
   nlohmann::ordered_json operator()(const std::filesystem::path*) const {
     return {{"type", "string"}};

@@ -131,6 +131,9 @@ class Reader {
       return in(static_cast<double>(int64_t{**v}));
     if (const auto* v = std::get_if<double*>(&field.value)) return in(**v);
     if (const auto* v = std::get_if<AutoNumber*>(&field.value)) return in(**v);
+    if (const auto* v = std::get_if<AutoCount*>(&field.value)) {
+      return in(static_cast<double>(int64_t{**v}));
+    }
     if (const auto* v = std::get_if<std::vector<double>*>(&field.value)) {
       return std::all_of((*v)->begin(), (*v)->end(), in);
     }
@@ -182,12 +185,13 @@ class Reader {
   static bool convert(const Layer&, const YAML::Node& node, double& target) {
     return convert_scalar(node, target) && !std::isnan(target);
   }
-  static bool convert(const Layer& layer, const YAML::Node& node, AutoNumber& target) {
+  template <class T>
+  static bool convert(const Layer& layer, const YAML::Node& node, Auto<T>& target) {
     if (node.IsScalar() && node.Scalar() == "auto") {
       target.set_auto();
       return true;
     }
-    double value = 0;
+    T value = 0;
     if (!convert(layer, node, value)) return false;
     target = value;
     return true;

@@ -55,6 +55,9 @@ struct ValueText {
   std::string operator()(const AutoNumber* v) const {
     return v->is_auto() ? "auto" : number_text(*v);
   }
+  std::string operator()(const AutoCount* v) const {
+    return v->is_auto() ? "auto" : std::to_string(int64_t{*v});
+  }
   std::string operator()(const std::string* v) const { return quoted(*v); }
   std::string operator()(const std::filesystem::path* v) const { return quoted(v->string()); }
   std::string operator()(const std::vector<int64_t>* v) const { return list_text(*v); }
@@ -72,6 +75,7 @@ struct TypeText {
   }
   std::string operator()(const double*) const { return "a number"; }
   std::string operator()(const AutoNumber*) const { return "auto or a number"; }
+  std::string operator()(const AutoCount*) const { return "auto or a whole number"; }
   std::string operator()(const std::string*) const { return "a text"; }
   std::string operator()(const std::filesystem::path*) const { return "a path"; }
   std::string operator()(const std::vector<int64_t>*) const { return "a list of whole numbers"; }

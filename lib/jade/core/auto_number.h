@@ -1,16 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
+
 namespace jade {
 
 /// A setting that is a number, or the word "auto" in YAML: found when a program has read its data.
-class AutoNumber {
+template <class T>
+class Auto {
  public:
-  AutoNumber(double value) : value_(value) {}  // NOLINT(google-explicit-constructor)
+  Auto(T value) : value_(value) {}  // NOLINT(google-explicit-constructor)
 
   /// To be found; `fallback` until then.
-  static AutoNumber automatic(double fallback) {
-    AutoNumber number(fallback);
+  static Auto automatic(T fallback) {
+    Auto number(fallback);
     number.is_auto_ = true;
     return number;
   }
@@ -19,11 +22,14 @@ class AutoNumber {
   void set_auto() { is_auto_ = true; }
 
   bool is_auto() const { return is_auto_; }
-  operator double() const { return value_; }  // NOLINT(google-explicit-constructor)
+  operator T() const { return value_; }  // NOLINT(google-explicit-constructor)
 
  private:
-  double value_;
+  T value_;
   bool is_auto_ = false;
 };
+
+using AutoNumber = Auto<double>;
+using AutoCount = Auto<int64_t>;
 
 }  // namespace jade

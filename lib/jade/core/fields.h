@@ -65,8 +65,8 @@ class EnumPointer {
 };
 
 /// Types of a field. Paths are made absolute against the file that names them.
-using FieldPointer = std::variant<bool*, int*, int64_t*, Steps*, double*, AutoNumber*, std::string*,
-                                  std::filesystem::path*, std::vector<int64_t>*,
+using FieldPointer = std::variant<bool*, int*, int64_t*, Steps*, double*, AutoNumber*, AutoCount*,
+                                  std::string*, std::filesystem::path*, std::vector<int64_t>*,
                                   std::vector<double>*, std::vector<std::string>*, EnumPointer>;
 
 struct Field {

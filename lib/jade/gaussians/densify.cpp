@@ -139,7 +139,7 @@ DensifyReport Densifier::update_adc(int64_t step, double gradient_threshold, Gau
   const splat::Gaussians values = model.detached();
   const torch::Tensor gradient = mean_gradient();
   check_shape(gradient, "densification statistics", {model.size()});
-  const int64_t room = options_.max_gaussians - model.size();
+  const int64_t room = int64_t{options_.max_gaussians} - model.size();
   const torch::Tensor grow = growing_rows(gradient, gradient_threshold, room);
   const torch::Tensor large =
       largest_scale(values).index_select(0, grow) > options_.split_scale * model.extent();
@@ -181,7 +181,7 @@ DensifyReport Densifier::update_mcmc(GaussianModel& model, GaussianAdam& adam) {
       relocate_dead({options_.prune_opacity, spread, spread ? mean_gradient() : torch::Tensor()},
                     model, adam, generator_);
   // Bounded as a number of floating point: the growth of few densifications exceeds any integer.
-  const double wanted = std::min(static_cast<double>(options_.max_gaussians),
+  const double wanted = std::min(static_cast<double>(int64_t{options_.max_gaussians}),
                                  static_cast<double>(model.size()) * mcmc_growth(options_));
   report.added = add_on_living(static_cast<int64_t>(wanted) - model.size(),
                                {options_.prune_opacity, spread, {}}, model, adam, generator_);

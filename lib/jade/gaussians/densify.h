@@ -75,7 +75,7 @@ struct DensifyOptions {
   double prune_opacity = 0.005;
   double prune_scale = 0.1;
   Steps opacity_reset_every = Steps::share(12, 1000);
-  int64_t max_gaussians = 150000;
+  AutoCount max_gaussians = AutoCount::automatic(150000);
   McmcOptions mcmc;
   /// No opacity reset after this step, or a run would end before the scene is back. Derived from
   /// the number of steps, no key.
@@ -105,7 +105,9 @@ void describe(V& v, DensifyOptions& o) {
       "steps between resets of all opacities to at most 0.01, none in the last tenth of a run; 0: "
       "never",
       Range{0, 1e9});
-  v.field("max_gaussians", o.max_gaussians, "upper bound of the number of Gaussians",
+  v.field("max_gaussians", o.max_gaussians,
+          "upper bound of the number of Gaussians; auto: 500 times the root of a frame's pixels, "
+          "at least 150000",
           Range{1, 1e8});
   v.group("mcmc", o.mcmc, "strategy mcmc");
 }

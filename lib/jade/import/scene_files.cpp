@@ -31,6 +31,25 @@ void hold_out(int64_t every, std::vector<Part>& parts) {
   }
 }
 
+/// A quarter of the frames is enough to judge a scene by: where more sharp ones have a length,
+/// some of these are trained on, so that a camera that often rests loses no views.
+void train_on_spare_tests(const std::vector<Shot>& shots, std::vector<Part>& parts) {
+  std::vector<size_t> tests;
+  int64_t posed = 0, fixed = 0;
+  for (size_t i = 0; i < parts.size(); ++i) {
+    if (parts[i] == Part::kLeftOut) continue;
+    ++posed;
+    if (parts[i] != Part::kTest) continue;
+    shots[i].duration_us() > 0 ? tests.push_back(i) : void(++fixed);
+  }
+  const auto all = static_cast<int64_t>(tests.size());
+  const int64_t kept = std::clamp<int64_t>(posed / 4 - fixed, fixed > 0 ? 0 : 1, all);
+  for (int64_t n = 0; n < all; ++n) {
+    const bool keep = (n + 1) * kept / all > n * kept / all;
+    if (!keep) parts[tests[static_cast<size_t>(n)]] = Part::kTrain;
+  }
+}
+
 /// Nine times of each exposure, and as dense in between.
 std::vector<int64_t> path_times(const std::vector<Shot>& shots, const std::vector<Part>& parts) {
   std::set<int64_t> times;
@@ -192,13 +211,14 @@ std::vector<Part> parts_of(const Capture& capture, const std::vector<TimedPose>&
       parts.push_back(Part::kTrain);
     }
   }
-  if (named.empty() && std::count(parts.begin(), parts.end(), Part::kTest) == 0) {
-    hold_out(options.every, parts);
+  if (named.empty()) {
+    const bool judged = std::count(parts.begin(), parts.end(), Part::kTest) > 0;
+    judged ? train_on_spare_tests(capture.shots, parts) : hold_out(options.every, parts);
   }
   if (std::count(parts.begin(), parts.end(), Part::kTrain) == 0) {
     throw DataError(
-        "write: expected blurry frames with poses for training, found none; name fewer test frames "
-        "(--test) or lower test.sharp_px");
+        "write: expected frames with a length and poses for training, found none; name fewer test "
+        "frames (--test)");
   }
   return parts;
 }

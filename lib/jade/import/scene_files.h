@@ -15,7 +15,8 @@ namespace jade::import {
 /// Role of a shot in the data set.
 enum class Part { kTrain, kHeldOut, kTest, kLeftOut };
 
-/// Named frames, else sharp ones, else every so many exposures held out. Shots without a pose in
+/// Named frames, else sharp ones, at most a quarter of all where they have a length, else every so
+/// many exposures held out. Shots without a pose in
 /// `found` are left out; named ones that are blurry are held out.
 /// @throws ConfigError as check_test_names(), DataError where nothing is left for training.
 std::vector<Part> parts_of(const Capture& capture, const std::vector<TimedPose>& found,

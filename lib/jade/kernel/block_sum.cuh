@@ -15,7 +15,7 @@ __device__ __forceinline__ void warp_sum(T (&values)[kCount]) {
 /// Sums each value over a block of kThreads, a multiple of 32: over a warp in T, over the warps in
 /// double. Thread 0 holds the results. All threads must call it, once in a kernel.
 template <int kThreads, class T, int kCount>
-__device__ __forceinline__ void block_sum(T (&values)[kCount], double (&sums)[kCount]) {
+static __device__ __forceinline__ void block_sum(T (&values)[kCount], double (&sums)[kCount]) {
   static_assert(kThreads % 32 == 0, "whole warps");
   __shared__ T of_warp[kThreads / 32][kCount];
   warp_sum(values);

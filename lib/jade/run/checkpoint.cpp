@@ -88,6 +88,7 @@ Entries entries_of(const train::TrainState& state) {
   };
   if (state.poses) put_rows("poses", *state.poses, state.poses_adam);
   if (state.gains) put_rows("gains", *state.gains, state.gains_adam);
+  if (state.pattern) put_module("pattern", *state.pattern, state.pattern_adam);
   return all;
 }
 
@@ -327,6 +328,7 @@ void load_checkpoint(const fs::path& path, train::TrainState& state) {
   if (state.response) restore_module(all, "crf", *state.response, state.response_adam, path);
   if (state.poses) restore_rows(all, "poses", *state.poses, state.poses_adam, path);
   if (state.gains) restore_rows(all, "gains", *state.gains, state.gains_adam, path);
+  if (state.pattern) restore_module(all, "pattern", *state.pattern, state.pattern_adam, path);
   state.step = take(all, "step", path).item<int64_t>();
 }
 

@@ -199,7 +199,7 @@ double measure_step(const data::Dataset& dataset, const train::RunOptions& optio
   probe.objective.restored_poses = RestoredPoses::kMiddle;
   probe.cache.enabled = false;
   probe.init.kind = gaussians::InitKind::kRandomFrusta;
-  probe.init.points = std::max<int64_t>(options.densify.max_gaussians / 2, 1);
+  probe.init.points = std::max<int64_t>(int64_t{options.densify.max_gaussians} / 2, 1);
   train::settle(probe);
   train::TrainState state = train::make_state(probe, some, device);
   train::StepFeed feed(some, probe, device);
@@ -252,7 +252,7 @@ std::string choose_for_cpu(const Choices& choices, train::RunOptions& options) {
   options.train.iterations = kCpuSteps;
   train::settle(options);
   return concat("on a CPU: ", options.exposure.samples, " moments, ", grouped(kCpuSteps),
-                " steps, at most ", grouped(options.densify.max_gaussians),
+                " steps, at most ", grouped(int64_t{options.densify.max_gaussians}),
                 " Gaussians; --set train.iterations=8000 for the full preset, --minutes M for as ",
                 "many as fit");
 }

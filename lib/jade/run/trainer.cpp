@@ -102,6 +102,7 @@ Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const st
   if (resume.empty() || !resume_from(resume)) {
     settle_thresholds(data_.dataset, data_.fingerprint, /*log_offset=*/0, options_);
     options_.splat.near_plane = train::near_plane(options_.splat, data_.dataset);
+    options_.densify.max_gaussians = train::max_gaussians(options_.densify, data_.dataset);
     if (choices_) choose_pace(data_.dataset, *choices_, device_, options_, data_.restorer);
     if (!train::needs_efnet(options_)) data_.restorer_sha256.clear();
     state_ = train::make_state(options_, data_.dataset, device_);
@@ -181,6 +182,9 @@ void Trainer::keep_decisions(const train::RunOptions& saved) {
       options_.events.threshold_negative = saved.events.threshold_negative;
     }
   }
+  if (options_.densify.max_gaussians.is_auto()) {
+    options_.densify.max_gaussians = saved.densify.max_gaussians;
+  }
   // Perhaps the run began with a version that had no such key.
   if (options_.splat.near_plane == 0) options_.splat.near_plane = saved.splat.near_plane;
 }
@@ -239,7 +243,7 @@ void Trainer::announce() const {
   if (train::needs_efnet(options_))
     log_info(concat("restorer    ", restore::restorer_path(options_.efnet).string()));
   log_info(concat("budget      ", grouped(options_.train.iterations), " steps, at most ",
-                  grouped(options_.densify.max_gaussians), " Gaussians, seed ", options_.seed));
+                  grouped(int64_t{options_.densify.max_gaussians}), " Gaussians, seed ", options_.seed));
 }
 
 void Trainer::write_environment() const {

@@ -17,7 +17,7 @@ bool begins_with(const std::string& name, const char* start) { return name.rfind
 int64_t most_gaussians(const TrainState& state, const RunOptions& options) {
   const int64_t now = state.gaussians.size();
   const bool grows = options.densify.strategy != gaussians::DensifyStrategy::kNone;
-  return grows ? std::max(now, options.densify.max_gaussians) : now;
+  return grows ? std::max(now, int64_t{options.densify.max_gaussians}) : now;
 }
 
 MemoryPlan memory_plan(const std::vector<View>& views, const TrainState& state,

@@ -21,6 +21,7 @@
 #include "jade/restore/restoration_cache.h"
 #include "jade/router/allocation.h"
 #include "jade/train/exposure_gains.h"
+#include "jade/train/fixed_pattern.h"
 #include "jade/train/exposure_poses.h"
 
 namespace jade::train {
@@ -109,6 +110,7 @@ struct RunOptions {
   response::ResponseOptions response;
   PoseOptions poses;
   GainOptions gains;
+  PatternOptions pattern;
   router::AllocationOptions allocation;
   losses::RouteOptions route;
   losses::ObjectiveOptions objective;
@@ -134,6 +136,7 @@ void describe(V& v, RunOptions& o) {
   v.group("response", o.response, "the camera response ρ");
   v.group("poses", o.poses, "the cameras of the exposures");
   v.group("gains", o.gains, "brightness of the frames of a camera that adjusts itself");
+  v.group("pattern", o.pattern, "the fixed pattern of the frame sensor");
   v.group("allocation", o.allocation, "the weight between the two restorations, Eq. (3)");
   v.group("route", o.route, "routing step, Eq. (6)");
   v.renamed("crf", "response");

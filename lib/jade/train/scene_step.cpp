@@ -111,9 +111,10 @@ splat::CameraBatch exposure_cameras(const TrainState& state, const StepInputs& i
 torch::Tensor as_in_frame(const TrainState& state, const StepInputs& inputs,
                           const torch::Tensor& color) {
   const torch::Tensor& mask = inputs.view.mask;
-  if (!state.gains) return mask.defined() ? color * mask : color;
-  const torch::Tensor gain = state.gains->forward(inputs.view_pick);
-  return color * (mask.defined() ? mask * gain : gain);
+  torch::Tensor seen = color;
+  if (state.gains) seen = seen * state.gains->forward(inputs.view_pick);
+  if (state.pattern) seen = seen + state.pattern->offsets();
+  return mask.defined() ? seen * mask : seen;
 }
 
 Renders render_exposure(TrainState& state, const StepInputs& inputs, const StepPlan& plan,
@@ -176,10 +177,14 @@ std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& s
   if (regularization.defined()) loss.terms.push_back({"regularization", regularization});
   add_term(loss, "poses", pose_prior(state, step_inputs, options.poses));
   add_term(loss, "gains", gain_prior(state, step_inputs, options.gains));
+  if (state.pattern) {
+    add_term(loss, "pattern", state.pattern->mean_square() * options.pattern.prior_weight);
+  }
   state.gaussians.zero_grad();
   state.response_adam.zero_grad();
   if (state.poses) state.poses_adam.zero_grad();
   if (!state.gains_adam.empty()) state.gains_adam.zero_grad();
+  state.pattern_adam.zero_grad();
   std::vector<torch::Tensor> roots;
   for (const torch::Tensor& root : {loss.total, loss.beside, regularization}) {
     if (root.defined()) roots.push_back(root);
@@ -189,6 +194,7 @@ std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& s
     if (!state.response_adam.empty() && plan.objective.response) state.response_adam.step();
     if (state.poses) state.poses_adam.accumulate(step_inputs.view_pick);
     if (!state.gains_adam.empty()) state.gains_adam.accumulate(step_inputs.view_pick);
+    if (state.pattern) state.pattern_adam.step();
   });
   state.gaussian_adam.step(state.gaussians);
   for (losses::NamedTerm& term : loss.terms) term.value = term.value.detach();

@@ -71,7 +71,7 @@ double gradient_factor(const RunOptions& options, int64_t moment_stride) {
 }
 
 void TrainState::visit(const TensorVisitor& visitor) const {
-  static_assert(member_count<TrainState>() == 12, "visit what a new member holds");
+  static_assert(member_count<TrainState>() == 14, "visit what a new member holds");
   visit_tensors(visitor, Member{"gaussians", gaussians.parameters()});
   visit_tensors(visitor, Member{"gaussian_adam.first", gaussian_adam.first_moments()});
   visit_tensors(visitor, Member{"gaussian_adam.second", gaussian_adam.second_moments()});
@@ -85,6 +85,8 @@ void TrainState::visit(const TensorVisitor& visitor) const {
   if (poses) visit_adam(visitor, "poses_adam", poses_adam);
   if (gains) visit_module(visitor, "gains", *gains);
   if (!gains_adam.empty()) visit_adam(visitor, "gains_adam", gains_adam);
+  if (pattern) visit_module(visitor, "pattern", *pattern);
+  visit_adam(visitor, "pattern_adam", pattern_adam);
 }
 
 TrainState make_state(const RunOptions& options, const Start& start, torch::Device device) {
@@ -122,6 +124,15 @@ void learn_poses(TrainState& state, const PoseOptions& options, const data::Data
   state.poses_adam = RowAdam(state.poses->twists());
 }
 
+void learn_pattern(TrainState& state, const PatternOptions& options, const data::Dataset& dataset,
+                   torch::Device device) {
+  state.pattern = make_fixed_pattern(options, dataset);
+  if (!state.pattern) return;
+  state.pattern->to(device);
+  // The gradient of an offset is that of a mean over pixels.
+  state.pattern_adam = ModuleAdam(state.pattern->parameters(), options.lr, 1e-15);
+}
+
 void take_gains(TrainState& state, const GainOptions& options, const data::Dataset& dataset,
                 torch::Device device) {
   state.gains = make_exposure_gains(options, dataset);
@@ -136,7 +147,7 @@ namespace {
 /// A strategy that adds none has no bound.
 int64_t most_at_start(const gaussians::DensifyOptions& options) {
   const bool bounded = options.strategy != gaussians::DensifyStrategy::kNone;
-  return bounded ? options.max_gaussians : std::numeric_limits<int64_t>::max();
+  return bounded ? int64_t{options.max_gaussians} : std::numeric_limits<int64_t>::max();
 }
 
 /// Refuses parameters per sensor pixel for data sets with frames of several sizes.
@@ -174,6 +185,7 @@ TrainState make_state(const RunOptions& options, const data::Dataset& dataset,
   TrainState state = make_state(options, start, device);
   learn_poses(state, options.poses, dataset, device);
   take_gains(state, options.gains, dataset, device);
+  learn_pattern(state, options.pattern, dataset, device);
   return state;
 }
 

@@ -15,6 +15,7 @@
 #include "jade/router/allocation.h"
 #include "jade/train/exposure_gains.h"
 #include "jade/train/exposure_poses.h"
+#include "jade/train/fixed_pattern.h"
 #include "jade/train/module_adam.h"
 #include "jade/train/options.h"
 #include "jade/train/row_adam.h"
@@ -36,6 +37,8 @@ struct TrainState {
   RowAdam poses_adam;                    ///< a row per exposure
   std::shared_ptr<ExposureGains> gains;  ///< nullptr where frames are as bright as the scene
   RowAdam gains_adam;                    ///< likewise; empty where they are not learned
+  std::shared_ptr<FixedPattern> pattern;  ///< nullptr where none is learned
+  ModuleAdam pattern_adam;                ///< empty likewise
 
   /// Calls `visitor(name, tensor)` for every tensor, once.
   void visit(const std::function<void(const std::string&, const torch::Tensor&)>& visitor) const;
@@ -65,6 +68,10 @@ void learn_poses(TrainState& state, const PoseOptions& options, const data::Data
 /// Gains of the data set's exposures, where it has any or the options ask that they be learned.
 void take_gains(TrainState& state, const GainOptions& options, const data::Dataset& dataset,
                 torch::Device device);
+
+/// The pattern that the data set's frames share, where the options ask for it.
+void learn_pattern(TrainState& state, const PatternOptions& options, const data::Dataset& dataset,
+                   torch::Device device);
 
 /// Makes a state from a data set, with learned poses and gains where the options ask for them.
 /// @throws ConfigError, DataError as gaussians::initial_gaussians.

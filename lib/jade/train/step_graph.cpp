@@ -162,6 +162,7 @@ struct StepGraph::Recordings {
     state.response_adam.zero_grad();
     if (state.poses) state.poses_adam.zero_grad();
     if (!state.gains_adam.empty()) state.gains_adam.zero_grad();
+    state.pattern_adam.zero_grad();
     auto made = std::make_unique<Recording>();
     made->plan = plan;
     // One pool for all: they never run at the same time, and what a step leaves behind is read
