@@ -484,6 +484,10 @@ void Trainer::finish() {
     log_info(concat("gains       of the frames ", least, " to ", most,
                     learns_gains() ? ", learned" : ", as the data have them"));
   }
+  if (state_.pattern) {
+    log_info(concat("pattern     of the sensor: ", 0.01 * std::round(1e4 * state_.pattern->strength()),
+                    " % of white (root mean square), kept out of the scene"));
+  }
   if (state_.gaussians.size() == 0) {
     log_warn(
         "the scene is empty: every Gaussian became fainter than densify.prune_opacity; look at the "

@@ -12,9 +12,19 @@
 
 namespace jade::train {
 
+/// Whether the pattern of the sensor is learned.
+enum class LearnPattern { kAuto, kOn, kOff };
+
+constexpr auto words_of(LearnPattern) {
+  return std::array{Word{"auto", LearnPattern::kAuto,
+                         "dropped after 40 % of the steps where it is below 4 % of the frames' "
+                         "mean brightness"},
+                    Word{"on", LearnPattern::kOn}, Word{"off", LearnPattern::kOff}};
+}
+
 /// The configuration group `pattern`.
 struct PatternOptions {
-  bool learn = true;
+  LearnPattern learn = LearnPattern::kAuto;
   double lr = 2e-4;
   double prior_weight = 0.5;
 };
@@ -31,15 +41,26 @@ void describe(V& v, PatternOptions& o) {
 /// Offsets of all frames of one sensor.
 class FixedPattern : public torch::nn::Module {
  public:
-  FixedPattern(int64_t channels, int64_t height, int64_t width);
+  /// @param brightness  mean of all frames, white is 1
+  FixedPattern(int64_t channels, int64_t height, int64_t width, double brightness);
 
   const torch::Tensor& offsets() const { return offsets_; }  ///< [1 or 3,H,W] float32, learned
+
+  /// Root mean square; waits for the device.
+  double strength() const;
+
+  /// Whether it is weak enough to be parts of the scene that move along their own edges, which
+  /// would cost more than the pattern does.
+  bool is_weak() const { return strength() < kLeastShare * brightness_; }
 
   /// Scalar, differentiable.
   torch::Tensor mean_square() const { return offsets_.square().mean(); }
 
  private:
+  static constexpr double kLeastShare = 0.04;
+
   torch::Tensor offsets_;
+  double brightness_;
 };
 
 /// nullptr where none is learned, and for frames of several sizes, which are not of one sensor.
