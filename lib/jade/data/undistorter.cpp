@@ -75,9 +75,38 @@ std::string rounded(double value) {
 
 }  // namespace
 
+bool principal_point_inside(const geometry::Intrinsics& camera) {
+  constexpr double kLeastMargin = 0.01;
+  const auto inside = [](double place, int64_t size) {
+    return place > kLeastMargin * double(size) && place < (1 - kLeastMargin) * double(size);
+  };
+  return inside(camera.cx, camera.width) && inside(camera.cy, camera.height);
+}
+
+void check_plausible(const geometry::Intrinsics& camera, const std::string& what) {
+  constexpr double kShortest = 1.0 / 20, kLongest = 100;  // in image sides
+  if (!principal_point_inside(camera)) {
+    throw DataError(concat(what, ": expected a principal point inside ", camera.width, "x",
+                           camera.height, " px, a hundredth of it from its borders, found (",
+                           camera.cx, ", ", camera.cy,
+                           "); correct it, or give the image size that was calibrated"));
+  }
+  const auto side = double(std::max(camera.width, camera.height));
+  for (const double focal : {camera.fx, camera.fy}) {
+    if (focal >= kShortest * side && focal <= kLongest * side) continue;
+    throw DataError(concat(what, ": expected focal lengths from ", kShortest * side, " to ",
+                           kLongest * side, " px for images of ", camera.width, "x", camera.height,
+                           " px, found ", focal,
+                           "; correct it, or give the image size that was calibrated"));
+  }
+}
+
 geometry::Intrinsics fit_to_picture(const geometry::Intrinsics& camera, int64_t width,
                                     int64_t height, const std::string& what) {
-  if (has_shape_of(camera, width, height)) return geometry::scaled(camera, width, height);
+  if (has_shape_of(camera, width, height)) {
+    check_plausible(camera, what);
+    return geometry::scaled(camera, width, height);
+  }
   const bool turned = has_shape_of(camera, height, width);
   throw DataError(concat(
       what, ": expected images of the camera's shape, ", camera.width, "x", camera.height,

@@ -12,10 +12,19 @@
 
 namespace jade::data {
 
+/// Whether the principal point lies inside the image, a hundredth of it from its borders. Nearer to
+/// the border, the lens's axis has a picture to one side only, which cannot be undistorted.
+bool principal_point_inside(const geometry::Intrinsics& camera);
+
+/// @param what  the camera, for messages
+/// @throws DataError for a principal point outside of the image, and for focal lengths beyond 1/20
+///   to 100 times the larger side of the image.
+void check_plausible(const geometry::Intrinsics& camera, const std::string& what);
+
 /// The camera at the size of its picture.
 /// @param what  the camera, for messages
 /// @throws DataError naming both sizes where the picture has not the camera's shape: one of the two
-///   was turned, cropped or padded.
+///   was turned, cropped or padded; and as check_plausible().
 geometry::Intrinsics fit_to_picture(const geometry::Intrinsics& camera, int64_t width,
                                     int64_t height, const std::string& what);
 

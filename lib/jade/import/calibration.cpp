@@ -9,6 +9,7 @@
 #include "jade/config/document.h"
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "jade/data/undistorter.h"
 #include "jade/import/calibration_xml.h"
 
 namespace jade::import {
@@ -350,19 +351,15 @@ geometry::LensCamera camera_of(const Calibration& calibration, size_t index, int
                            what, " have ", width, "x", height,
                            "; calibrate at the recording's size"));
   }
-  // At the very border the lens's axis has a picture to one side only, which cannot be undistorted.
-  constexpr double kLeastMargin = 0.01;
-  const auto inside = [](double place, int64_t size) {
-    return place > kLeastMargin * double(size) && place < (1 - kLeastMargin) * double(size);
-  };
-  if (!(camera.fx > 0 && camera.fy > 0 && inside(camera.cx, width) && inside(camera.cy, height))) {
+  const geometry::Intrinsics pinhole{camera.fx, camera.fy, camera.cx, camera.cy, width, height};
+  if (!(camera.fx > 0 && camera.fy > 0 && data::principal_point_inside(pinhole))) {
     throw DataError(concat(path, ": expected a principal point inside ", width, "x", height,
                            ", a hundredth of it from its borders, and focal lengths above 0, "
                            "found fx ",
                            camera.fx, ", fy ", camera.fy, ", cx ", camera.cx - 0.5, ", cy ",
                            camera.cy - 0.5, "; calibrate again"));
   }
-  return {{camera.fx, camera.fy, camera.cx, camera.cy, width, height}, camera.lens};
+  return {pinhole, camera.lens};
 }
 
 }  // namespace jade::import
