@@ -65,7 +65,7 @@ void UnusedParts::warn(const fs::path& path, const std::string& layout,
                ", which the reader of the layout ", layout, " does not use");
 }
 
-UnusedParts unused_in_any_layout(const fs::path& root, const fs::path& frames) {
+UnusedParts unused_in_any_layout(const fs::path& root, const fs::path& frames, bool names_masks) {
   static const std::vector<FormatPart> in_root = {
       {"depths/", "depth maps"},
       {"depth/", "depth maps"},
@@ -93,6 +93,16 @@ UnusedParts unused_in_any_layout(const fs::path& root, const fs::path& frames) {
   UnusedParts parts;
   parts.look_for_files(root, in_root);
   parts.look_for_files(frames, beside_frames);
+  if (names_masks) return parts;
+  const std::string meaning = "masks; those that count are read from masks/ beside the frames";
+  parts.look_for_files(root, {{"mask/", meaning}});
+  const std::string name = frames.filename().string();
+  if (!name.empty() && fs::absolute(frames).lexically_normal() !=
+                           fs::absolute(root / ".").lexically_normal().parent_path()) {
+    parts.look_for_files(
+        frames.parent_path(),
+        {{"mask/", meaning}, {name + "/masks/", meaning}, {name + "/mask/", meaning}});
+  }
   return parts;
 }
 
