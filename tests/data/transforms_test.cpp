@@ -404,5 +404,123 @@ TEST_CASE("transforms: mask_path of a frame is its mask, and must be there", "[d
   CHECK_FALSE(data.train[1].mask.defined());
 }
 
+/// A room with one image a.png and a transforms.json with `keys` before its frame.
+Dataset load_one(const test::TempDir& folder, const std::string& keys,
+                 const std::string& matrix = gl_matrix({})) {
+  imaging::write_image(folder / "room/a.png", test::noise_image(0));
+  write_file(
+      folder / "room/transforms.json",
+      "{" + keys + "\"frames\":[{\"file_path\":\"a.png\",\"transform_matrix\":" + matrix + "}]}");
+  DatasetOptions options = at(folder / "room");
+  options.split = SplitKind::kNone;
+  return load_dataset(options);
+}
+
+TEST_CASE("transforms: distortion_params is the lens, as the single coefficients are", "[data]") {
+  const test::TempDir folder;
+  const std::string camera = "\"camera_model\":\"OPENCV\",\"fl_x\":15,";
+  const Dataset single =
+      load_one(folder, camera + R"("k1":-0.3,"k2":0.1,"k3":0.02,"p1":0.01,"p2":-0.02,)");
+  const Dataset list =
+      load_one(folder, camera + R"("distortion_params":[-0.3,0.1,0.02,0,0.01,-0.02],)");
+  REQUIRE(single.notes.size() == 1);
+  CHECK(list.notes == single.notes);
+  CHECK(list.train[0].blurry.equal(single.train[0].blurry));
+  // nerfstudio uses the list where a file has both.
+  const Dataset both =
+      load_one(folder, camera + R"("k1":0.5,"distortion_params":[-0.3,0.1,0.02,0,0.01,-0.02],)");
+  CHECK(both.train[0].blurry.equal(single.train[0].blurry));
+  CHECK_THROWS_NAMING(DataError, load_one(folder, camera + "\"distortion_params\":[-0.3,0.1],"),
+                      "distortion_params", "6 numbers", "[-0.3,0.1]");
+  CHECK_THROWS_AS(load_one(folder, camera + R"("distortion_params":["a",0,0,0,0,0],)"), DataError);
+}
+
+TEST_CASE("transforms: fields of view keep the principal point, and y has its own", "[data]") {
+  const test::TempDir folder;
+  const auto camera = [&](const std::string& keys) {
+    return load_one(folder, keys).train.at(0).camera;
+  };
+  const double fx = 0.5 * test::kWidth / std::tan(0.4), fy = 0.5 * test::kHeight / std::tan(0.35);
+  const auto off_centre = camera(R"("camera_angle_x":0.8,"cx":9,"cy":5,)");
+  CHECK(off_centre.fx == Approx(fx));
+  CHECK(off_centre.fy == Approx(fx));
+  CHECK(off_centre.cx == Approx(9));
+  CHECK(off_centre.cy == Approx(5));
+  // At twice the size of the image.
+  const auto doubled = camera(R"("camera_angle_x":0.8,"w":42,"h":26,"cx":18,"cy":10,)");
+  CHECK(doubled.fx == Approx(fx));
+  CHECK(doubled.cx == Approx(9));
+  const auto two = camera(R"("camera_angle_x":0.8,"camera_angle_y":0.7,)");
+  CHECK(two.fx == Approx(fx));
+  CHECK(two.fy == Approx(fy));
+  CHECK(camera(R"("camera_angle_y":0.7,)").fx == Approx(fy));
+  const auto focal = camera(R"("fl_x":25,"fl_y":26,"camera_angle_x":0.8,"camera_angle_y":0.7,)");
+  CHECK(focal.fx == Approx(25));
+  CHECK(focal.fy == Approx(26));
+  CHECK_THROWS_NAMING(DataError, camera(R"("camera_angle_x":45,)"), "camera_angle_x", "45");
+}
+
+TEST_CASE("transforms: cameras that no image can have are refused by what was found", "[data]") {
+  const test::TempDir folder;
+  CHECK_THROWS_NAMING(DataError, load_one(folder, "\"fl_x\":-25,"), "'fl_x' above 0", "-25");
+  CHECK_THROWS_NAMING(DataError, load_one(folder, R"("fl_x":25,"cx":640,"cy":6,)"),
+                      "principal point", "21x13", "640");
+  CHECK_THROWS_NAMING(DataError, load_one(folder, "\"fl_x\":25000,"), "focal lengths", "25000");
+  CHECK_THROWS_NAMING(DataError, load_one(folder, "\"fl_x\":0.05,"), "focal lengths", "0.05");
+}
+
+TEST_CASE("transforms: what is wrong with a matrix is said", "[data]") {
+  const test::TempDir folder;
+  const auto load = [&](const std::string& matrix) {
+    return load_one(folder, "\"fl_x\":25,", matrix);
+  };
+  CHECK_THROWS_NAMING(DataError, load("[[-1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]"), "mirrored",
+                      "negate");
+  CHECK_THROWS_NAMING(DataError, load("[[2,0,0,0],[0,2,0,0],[0,0,2,0],[0,0,0,1]]"), "scaled by 2",
+                      "divide");
+  CHECK_THROWS_NAMING(DataError, load("[[0,0,0,0],[0,0,0,0],[0,0,0,0],[0,0,0,1]]"), "determinant 0",
+                      "remove");
+  CHECK_THROWS_NAMING(DataError, load("[[1,0,0],[0,1,0],[0,0,1]]"), "found [1,0,0]");
+}
+
+TEST_CASE("transforms: dataset.image_folder names smaller images of the same names", "[data]") {
+  const std::string size = GENERATE(as<std::string>(), "", "\"w\":21,\"h\":13,");
+  CAPTURE(size);
+  Room room(size + "\"cx\":9,");
+  for (int i = 0; i < 10; ++i) {
+    imaging::write_image(room.folder / concat("room/images_2/f", i, ".png"),
+                         torch::full({3, 7, 11}, 0.1 * i));
+  }
+  room.options.image_folder = "images_2";
+  const Dataset data = room.load();
+  CHECK(room.warnings.empty());
+  REQUIRE(data.train.size() == 8);
+  CHECK(data.train[0].blurry.size(2) == 11);
+  CHECK(data.train[0].camera.width == 11);
+  CHECK(data.train[0].camera.fx == Approx(50.0 * 11 / 21));
+  CHECK(data.train[0].camera.cx == Approx(9.0 * 11 / 21));
+  room.options.image_folder = "images_4";
+  CHECK_THROWS_NAMING(DataError, room.load(), "images_4", "dataset.image_folder");
+  room.options.image_folder = "images_2";
+  for (int i = 0; i < 8; ++i) fs::remove(room.folder / concat("room/images_2/f", i, ".png"));
+  CHECK_THROWS_NAMING(DataError, room.load(), "8 of 10 frames", "images_2/");
+}
+
+TEST_CASE("transforms: masks that a frame names in mask/ are in use", "[data]") {
+  Room room;
+  torch::Tensor mask = torch::ones({1, test::kHeight, test::kWidth});
+  mask[0][0][3] = 0;
+  imaging::write_image(room.folder / "room/mask/0.png", mask);
+  room.load();
+  CHECK(test::mentions(room.warnings, "mask/ (masks"));
+  room.put("transforms.json", "",
+           R"({"file_path":"images/f0.png","mask_path":"mask/0.png","transform_matrix":)" +
+               gl_matrix({}) + "}," +
+               frames_json("images/f", ".png", 10)
+                   .substr(frames_json("images/f", ".png", 1).size() + 1));
+  room.load();
+  CHECK_FALSE(test::mentions(room.warnings, "mask/ (masks"));
+}
+
 }  // namespace
 }  // namespace jade::data

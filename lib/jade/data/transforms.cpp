@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <iterator>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <torch/types.h>
@@ -19,6 +20,7 @@
 #include "jade/data/unused_parts.h"
 #include "jade/gaussians/ply.h"
 #include "jade/geometry/lens.h"
+#include "jade/imaging/image_header.h"
 #include "jade/imaging/image_io.h"
 
 namespace jade::data {
@@ -31,8 +33,9 @@ struct ListedView {
   std::string given;  ///< 'file_path' as the file has it, with slashes
   fs::path path, mask;
   geometry::Pose pose;
-  geometry::Intrinsics camera;  ///< 0 where the file does not say
-  double angle_x = 0;           ///< horizontal field of view in radians, in place of a focal length
+  geometry::Intrinsics camera;      ///< 0 where the file does not say
+  double angle_x = 0, angle_y = 0;  ///< fields of view in radians, used without a focal length
+  double reduction = 1;             ///< size of the camera over that of its image, without 'w', 'h'
   geometry::Lens lens;
 };
 
@@ -78,20 +81,43 @@ double number(const json& object, const std::string& key, double otherwise,
                          object[key].dump().substr(0, 40), "; correct it"));
 }
 
+/// What is wrong with a 3x3 matrix that should be a rotation, and what to do.
+std::string fault_of(const geometry::Matrix3& m) {
+  const double determinant = m[0] * (m[4] * m[8] - m[5] * m[7]) -
+                             m[1] * (m[3] * m[8] - m[5] * m[6]) +
+                             m[2] * (m[3] * m[7] - m[4] * m[6]);
+  const double scale = std::cbrt(std::abs(determinant));
+  if (!(scale > 1e-6)) {
+    return "axes that do not span the space (determinant 0); remove the frame or correct its pose";
+  }
+  if (determinant < 0) {
+    return concat("a mirrored one (determinant ", determinant,
+                  "); negate the axis that was flipped, or export in right-handed axes");
+  }
+  if (std::abs(scale - 1) > 0.05) {
+    return concat("a rotation scaled by ", scale, "; divide its first three columns by that");
+  }
+  return "axes that are not perpendicular; correct the pose";
+}
+
 geometry::Pose pose_of_matrix(const json& matrix, const std::string& where) {
   double m[3][4];
-  const auto wrong = [&] {
+  const auto wrong = [&](const std::string& found) {
     return DataError(concat(where,
                             ": expected 'transform_matrix' to be a 4x4 rotation and "
-                            "translation, world_from_camera in OpenGL axes"));
+                            "translation, world_from_camera in OpenGL axes, found ",
+                            found));
   };
-  if (!matrix.is_array() || matrix.size() < 3) throw wrong();
+  const auto malformed = [&](const json& part) {
+    return wrong(part.dump().substr(0, 40) + "; correct it");
+  };
+  if (!matrix.is_array() || matrix.size() < 3) throw malformed(matrix);
   for (size_t row = 0; row < 3; ++row) {
-    if (!matrix[row].is_array() || matrix[row].size() != 4) throw wrong();
+    if (!matrix[row].is_array() || matrix[row].size() != 4) throw malformed(matrix[row]);
     for (size_t column = 0; column < 4; ++column) {
-      if (!matrix[row][column].is_number()) throw wrong();
+      if (!matrix[row][column].is_number()) throw malformed(matrix[row]);
       m[row][column] = matrix[row][column].get<double>();
-      if (!std::isfinite(m[row][column])) throw wrong();
+      if (!std::isfinite(m[row][column])) throw malformed(matrix[row]);
     }
   }
   geometry::Pose world_from_camera;
@@ -104,7 +130,7 @@ geometry::Pose pose_of_matrix(const json& matrix, const std::string& where) {
   try {
     world_from_camera.rotation = geometry::nearest_rotation(world_from_camera.rotation);
   } catch (const ContractError&) {
-    throw wrong();
+    throw wrong(fault_of(world_from_camera.rotation));
   }
   return geometry::inverse(world_from_camera);
 }
@@ -137,10 +163,36 @@ fs::path moved_file(const fs::path& folder, const fs::path& given) {
   return {};
 }
 
+/// Finds a file in or below `folder` by as many of its last parts as lead to a file, all of them
+/// first. Empty if none do.
+fs::path file_inside(const fs::path& folder, const fs::path& given) {
+  std::vector<fs::path> parts;
+  for (const fs::path& part : given.relative_path()) {
+    if (part != "." && part != "..") parts.push_back(part);
+  }
+  for (size_t skip = 0; skip < parts.size(); ++skip) {
+    fs::path tail;
+    for (size_t i = skip; i < parts.size(); ++i) tail /= parts[i];
+    if (tail.empty()) continue;
+    if (fs::path found = existing_file(folder / tail); !found.empty()) return found;
+  }
+  return {};
+}
+
 /// Paths as a transforms.json has them, and what became of them.
 struct NamedFiles {
-  fs::path folder;  ///< of the JSON, which they are relative to
+  fs::path folder;           ///< of the JSON, which they are relative to
+  std::string image_folder;  ///< dataset.image_folder; empty: images lie where the JSON says
   std::vector<std::string> missing, moved;
+
+  /// An image of this name, in `image_folder` where one is set. Empty where there is no such file;
+  /// its name is then added to `missing`.
+  fs::path find_image(const std::string& name) {
+    if (image_folder.empty()) return find(name);
+    fs::path found = file_inside(folder / image_folder, slashed(name));
+    if (found.empty()) missing.push_back(name);
+    return found;
+  }
 
   /// Empty where there is no such file; its name is then added to `missing`.
   fs::path find(const std::string& name) {
@@ -170,11 +222,17 @@ std::string file_path_of(const json& frame, const std::string& where) {
   return path;
 }
 
-/// The mask that a frame names, or an empty path.
-fs::path mask_of(const fs::path& folder, const json& frame, const std::string& where) {
+/// The mask that a frame names, or an empty path. Images in images_N have theirs in masks_N, if
+/// there is such a file.
+fs::path mask_of(const fs::path& folder, const std::string& image_folder, const json& frame,
+                 const std::string& where) {
   const std::string name = text_of(frame, "mask_path", where);
   if (name.empty()) return {};
-  NamedFiles files{folder, {}, {}};
+  if (image_folder.rfind("images_", 0) == 0) {
+    const fs::path reduced = folder / ("masks_" + image_folder.substr(7));
+    if (fs::path found = file_inside(reduced, slashed(name)); !found.empty()) return found;
+  }
+  NamedFiles files{folder, {}, {}, {}};
   if (fs::path found = files.find(name); !found.empty()) return found;
   throw DataError(concat(where, ": expected a mask '", name,
                          "' as 'mask_path' says, found no such file; correct or remove the key"));
@@ -189,11 +247,15 @@ void tell_moved(const fs::path& path, const std::vector<std::string>& moved,
 }
 
 /// Most scenes lack none; where a few images were dropped, the rest is a scene still.
-void tell_missing(const fs::path& path, const std::vector<std::string>& missing, size_t frames,
+void tell_missing(const fs::path& path, const NamedFiles& files, size_t frames,
                   const Warnings& warnings) {
+  const std::vector<std::string>& missing = files.missing;
   if (missing.empty()) return;
-  const std::string what = concat(path.string(), ": ", missing.size(), " of ", frames,
-                                  " frames name an image that is not there: ", listing(missing, 3));
+  const std::string place =
+      files.image_folder.empty() ? "there" : concat("in ", files.image_folder, "/");
+  const std::string what =
+      concat(path.string(), ": ", missing.size(), " of ", frames,
+             " frames name an image that is not ", place, ": ", listing(missing, 3));
   const size_t left = frames - missing.size();
   if (left < std::min<size_t>(frames, kFewestFrames) || 2 * left < frames) {
     throw DataError(concat(what, "; expected at least half of them and no fewer than ",
@@ -217,15 +279,25 @@ geometry::Intrinsics camera_of_frame(const json& root, const json& frame,
   geometry::Intrinsics camera;
   camera.width = side("w");
   camera.height = side("h");
-  camera.fx = value("fl_x", 0);
-  camera.fy = value("fl_y", camera.fx);
-  if (camera.fx > 0 && !(camera.fy > 0)) {
-    throw DataError(concat(where, ": expected a focal length 'fl_y' above 0, found ", camera.fy,
+  const auto focal = [&](const char* key) {
+    const double found = value(key, 0);
+    if (found >= 0) return found;
+    throw DataError(concat(where, ": expected a focal length '", key, "' above 0, found ", found,
                            "; correct it"));
-  }
+  };
+  camera.fx = focal("fl_x");
+  camera.fy = focal("fl_y");
   camera.cx = value("cx", 0);
   camera.cy = value("cy", 0);
   return camera;
+}
+
+/// A field of view of the frame or else of the file, in radians; 0 where neither has it.
+double angle_of(const json& root, const json& frame, const char* key, const std::string& where) {
+  const double found = number(frame, key, number(root, key, 0, where), where);
+  if (found >= 0 && found < 3.1) return found;
+  throw DataError(
+      concat(where, ": expected '", key, "' from 0 to 3.1 radians, found ", found, "; correct it"));
 }
 
 /// Keys of cameras that no pinhole can replace, with what they are.
@@ -248,7 +320,35 @@ DataError unlike_pinhole(const std::string& where, const std::string& what) {
                           "; undistort the images first"));
 }
 
-/// nerfstudio's camera_model with k1 to k6, p1 and p2, or instant-ngp's is_fisheye.
+/// Keys that nerfstudio's distortion_params stands for, in its order.
+constexpr const char* kListedCoefficients[] = {"k1", "k2", "k3", "k4", "p1", "p2"};
+
+/// The coefficients k1 to k6, p1 and p2 that are in force for a frame. A list distortion_params
+/// goes before single keys, as in nerfstudio; both of a frame go before those of the file.
+/// @throws DataError for a list that is no list of 6 numbers.
+json coefficients_of(const json& root, const json& frame, const std::string& where) {
+  json found = json::object();
+  for (const json* object : {&root, &frame}) {
+    for (const char* key : {"k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2"}) {
+      if (object->contains(key) && !(*object)[key].is_null()) found[key] = (*object)[key];
+    }
+    if (!object->contains("distortion_params") || (*object)["distortion_params"].is_null()) {
+      continue;
+    }
+    const json& list = (*object)["distortion_params"];
+    if (!list.is_array() || list.size() != std::size(kListedCoefficients)) {
+      throw DataError(concat(where,
+                             ": expected 'distortion_params' to be the 6 numbers k1, k2, k3, k4, "
+                             "p1, p2, found ",
+                             list.dump().substr(0, 80), "; correct it"));
+    }
+    for (size_t i = 0; i < list.size(); ++i) found[kListedCoefficients[i]] = list[i];
+  }
+  return found;
+}
+
+/// nerfstudio's camera_model with distortion_params or k1 to k6, p1 and p2, or instant-ngp's
+/// is_fisheye.
 geometry::Lens lens_of_frame(const json& root, const json& frame, const std::string& where) {
   using geometry::LensModel;
   std::string model = text_value(root, frame, "camera_model");
@@ -265,9 +365,8 @@ geometry::Lens lens_of_frame(const json& root, const json& frame, const std::str
   for (const auto& [key, what] : kUnlikePinholes) {
     if (root.contains(key) || frame.contains(key)) throw unlike_pinhole(where, what);
   }
-  const auto value = [&](const char* key) {
-    return number(frame, key, number(root, key, 0, where), where);
-  };
+  const json coefficients = coefficients_of(root, frame, where);
+  const auto value = [&](const char* key) { return number(coefficients, key, 0, where); };
   geometry::Lens lens{LensModel::kPinhole, value("k1"), value("k2"),
                       value("p1"),         value("p2"), value("k3"),
                       value("k4"),         0,           0};
@@ -360,34 +459,53 @@ struct TransformsFile {
   std::set<std::string> missing;  ///< 'file_path' of frames without an image
 };
 
-TransformsFile read_transforms(const fs::path& path, const Warnings& warnings) {
+/// The size of the camera of an image in another folder, where the file does not say it: that of
+/// the image at the place that the file names, else as many times larger as images_N says.
+void set_size_before_reduction(const fs::path& folder, const std::string& image_folder,
+                               ListedView& view) {
+  NamedFiles files{folder, {}, {}, {}};
+  const auto whole = imaging::read_image_header(files.find(view.given));
+  const auto reduced = imaging::read_image_header(view.path);
+  if (whole && reduced && whole->width > 0) {
+    view.reduction = double(whole->width) / double(reduced->width);
+    return;
+  }
+  view.reduction = folder_scale(folder / image_folder);
+}
+
+TransformsFile read_transforms(const fs::path& path, const std::string& image_folder,
+                               const Warnings& warnings) {
   json root = read_json(path);
   std::vector<ListedView> views;
-  NamedFiles files{path.parent_path(), {}, {}};
+  NamedFiles files{path.parent_path(), image_folder, {}, {}};
+  if (!image_folder.empty()) find_image_folder(path.parent_path(), image_folder);
   for (const json& frame : root["frames"]) {
     const std::string where = concat(path.string(), " frame ", views.size() + files.missing.size());
     ListedView view;
     view.given = file_path_of(frame, where);
-    view.path = files.find(view.given);
+    view.path = files.find_image(view.given);
     if (view.path.empty()) continue;
-    view.mask = mask_of(path.parent_path(), frame, where);
+    view.mask = mask_of(path.parent_path(), image_folder, frame, where);
     view.camera = camera_of_frame(root, frame, where);
     view.lens = lens_of_frame(root, frame, where);
     if (!frame.contains("transform_matrix")) {
       throw DataError(concat(where, ": expected a 'transform_matrix'"));
     }
     view.pose = pose_of_matrix(frame["transform_matrix"], where);
-    if (!(view.camera.fx > 0)) {
-      view.angle_x =
-          number(frame, "camera_angle_x", number(root, "camera_angle_x", 0, where), where);
-      if (!(view.angle_x > 0 && view.angle_x < 3.1)) {
-        throw DataError(concat(where, ": expected 'fl_x' or 'camera_angle_x'"));
-      }
+    if (view.camera.fx == 0) view.angle_x = angle_of(root, frame, "camera_angle_x", where);
+    if (view.camera.fy == 0) view.angle_y = angle_of(root, frame, "camera_angle_y", where);
+    if (view.camera.fx + view.camera.fy + view.angle_x + view.angle_y == 0) {
+      throw DataError(concat(where,
+                             ": expected 'fl_x' or 'camera_angle_x', found neither; add the focal "
+                             "length in px or the field of view in radians"));
+    }
+    if (!image_folder.empty() && (view.camera.width == 0 || view.camera.height == 0)) {
+      set_size_before_reduction(path.parent_path(), image_folder, view);
     }
     views.push_back(std::move(view));
   }
   tell_moved(path, files.moved, warnings);
-  tell_missing(path, files.missing, root["frames"].size(), warnings);
+  tell_missing(path, files, root["frames"].size(), warnings);
   if (views.empty()) throw DataError(concat(path.string(), ": has no frames"));
   return {path, std::move(root), std::move(views), {files.missing.begin(), files.missing.end()}};
 }
@@ -395,13 +513,17 @@ TransformsFile read_transforms(const fs::path& path, const Warnings& warnings) {
 geometry::LensCamera fit_camera(const ListedView& view, int64_t width, int64_t height) {
   geometry::Intrinsics camera = view.camera;
   if (camera.width <= 0 || camera.height <= 0) {
-    camera.width = width;
-    camera.height = height;
+    camera.width = std::llround(double(width) * view.reduction);
+    camera.height = std::llround(double(height) * view.reduction);
   }
-  if (view.angle_x > 0) {
-    camera = geometry::Intrinsics::centred(
-        0.5 * double(camera.width) / std::tan(0.5 * view.angle_x), camera.width, camera.height);
-  }
+  const auto focal = [](double angle, int64_t size) {
+    return 0.5 * double(size) / std::tan(0.5 * angle);
+  };
+  if (view.angle_x > 0) camera.fx = focal(view.angle_x, camera.width);
+  if (view.angle_y > 0) camera.fy = focal(view.angle_y, camera.height);
+  // Pixels are square where only one of the two is known.
+  if (camera.fx == 0) camera.fx = camera.fy;
+  if (camera.fy == 0) camera.fy = camera.fx;
   if (camera.cx == 0) camera.cx = 0.5 * double(camera.width);
   if (camera.cy == 0) camera.cy = 0.5 * double(camera.height);
   return {fit_to_picture(camera, width, height, view.path.string()), view.lens};
@@ -491,12 +613,12 @@ bool names_split(const json& root) {
 }
 
 /// Test views of a file of their own, for training those of `main` that are not among them.
-void split_by_files(TransformsFile file, const fs::path& test_path, bool wants_test,
-                    const Warnings& warnings, Listing& listing) {
+void split_by_files(TransformsFile file, const fs::path& test_path, const std::string& image_folder,
+                    bool wants_test, const Warnings& warnings, Listing& listing) {
   std::set<fs::path> tests;
   std::vector<ListedView> test_views;
   if (!test_path.empty() && wants_test) {
-    TransformsFile test = read_transforms(test_path, warnings);
+    TransformsFile test = read_transforms(test_path, image_folder, warnings);
     for (const ListedView& view : test.views) tests.insert(view.path);
     add_keys(test.root, listing.keys);
     test_views = std::move(test.views);
@@ -533,7 +655,7 @@ Listing listing_of(const DatasetOptions& options, const Warnings& warnings) {
   if (pair && fs::exists(single)) {
     warnings.add(single.string(), ": is not read; ", train.filename().string(), " is");
   }
-  TransformsFile file = read_transforms(pair ? train : single, warnings);
+  TransformsFile file = read_transforms(pair ? train : single, options.image_folder, warnings);
   Listing listing;
   listing.main = {file.path, file.root, {}, {}};
   add_keys(file.root, listing.keys);
@@ -542,7 +664,8 @@ Listing listing_of(const DatasetOptions& options, const Warnings& warnings) {
       warnings.add(options.path.string(), ": dataset.split ", word_of(options.split),
                    " has no effect; transforms_train.json and transforms_test.json are the split");
     }
-    split_by_files(std::move(file), test, options.split != SplitKind::kNone, warnings, listing);
+    split_by_files(std::move(file), test, options.image_folder, options.split != SplitKind::kNone,
+                   warnings, listing);
     check_both_left(listing);
     return listing;
   }
@@ -569,7 +692,7 @@ Listing listing_of(const DatasetOptions& options, const Warnings& warnings) {
 void read_points(const TransformsFile& file, Dataset& data, const Warnings& warnings) {
   const std::string name = text_of(file.root, "ply_file_path", file.path.string());
   if (name.empty()) return;
-  NamedFiles files{file.path.parent_path(), {}, {}};
+  NamedFiles files{file.path.parent_path(), {}, {}, {}};
   const fs::path path = files.find(name);
   if (path.empty()) {
     warnings.add(file.path.string(), ": 'ply_file_path' names ", name,
@@ -587,16 +710,16 @@ void read_points(const TransformsFile& file, Dataset& data, const Warnings& warn
   set_points(model, data);
 }
 
-/// The images that any of a folder's files names.
-std::set<fs::path> named_images(const fs::path& folder) {
+/// The images that any of a folder's files names; in `image_folder`, unless that is empty.
+std::set<fs::path> named_images(const fs::path& folder, const std::string& image_folder = "") {
   std::set<fs::path> images;
   for (const char* name : {"transforms.json", "transforms_train.json", "transforms_val.json",
                            "transforms_test.json"}) {
     if (!fs::exists(folder / name)) continue;
-    NamedFiles files{folder, {}, {}};
+    NamedFiles files{folder, image_folder, {}, {}};
     const json root = read_json(folder / name);
     for (const json& frame : root["frames"]) {
-      const fs::path found = files.find(file_path_of(frame, (folder / name).string()));
+      const fs::path found = files.find_image(file_path_of(frame, (folder / name).string()));
       if (!found.empty()) images.insert(fs::weakly_canonical(fs::absolute(found)));
     }
   }
@@ -604,9 +727,9 @@ std::set<fs::path> named_images(const fs::path& folder) {
 }
 
 /// Images beside those that are used, of which no file speaks.
-void tell_unnamed(const fs::path& root, const std::vector<fs::path>& used,
-                  const Warnings& warnings) {
-  const std::set<fs::path> named = named_images(root);
+void tell_unnamed(const fs::path& root, const std::string& image_folder,
+                  const std::vector<fs::path>& used, const Warnings& warnings) {
+  const std::set<fs::path> named = named_images(root, image_folder);
   std::set<fs::path> folders;
   for (const fs::path& path : used) folders.insert(path.parent_path());
   for (const fs::path& folder : folders) {
@@ -629,7 +752,10 @@ void tell_unnamed(const fs::path& root, const std::vector<fs::path>& used,
 }
 
 void tell_unused(const fs::path& root, const Listing& found, const Warnings& warnings) {
-  UnusedParts unused = unused_in_any_layout(root, found.views.front().path.parent_path());
+  const bool names_masks = std::any_of(found.views.begin(), found.views.end(),
+                                       [](const ListedView& view) { return !view.mask.empty(); });
+  UnusedParts unused =
+      unused_in_any_layout(root, found.views.front().path.parent_path(), names_masks);
   unused.look_for_keys(found.keys, unused_keys());
   unused.look_for_files(root, {{"events*.h5", "events; frames have no exposure times here"},
                                {"events*.npz", "events; frames have no exposure times here"},
@@ -693,7 +819,7 @@ Dataset load_transforms(const DatasetOptions& options, const Warnings& warnings)
   }
   undistorter.tell(warnings, data.notes);
   read_points(listing.main, data, warnings);
-  tell_unnamed(options.path, paths, warnings);
+  tell_unnamed(options.path, options.image_folder, paths, warnings);
   tell_unused(options.path, listing, warnings);
   const DepthBounds bounds = depth_bounds(data.points, poses);
   data.near = bounds.near;
