@@ -231,5 +231,70 @@ TEST_CASE("colmap scene: images without a pose and known parts that are not used
   CHECK_THAT(warnings[1], Catch::Contains("depths/") && Catch::Contains("test.txt"));
 }
 
+const io::ColmapCamera kCamera = {1, "PINHOLE", test::kWidth, test::kHeight, {25, 25, 10.5, 6.5}};
+
+TEST_CASE("colmap scene: cameras that no image can have are refused", "[data]") {
+  const auto load = [](const std::vector<double>& parameters) {
+    return lens_camera_of({7, "PINHOLE", 64, 48, parameters}, 32, 24);
+  };
+  CHECK(load({60, 60, 20, 30}).pinhole().cx == Approx(10));
+  CHECK_THROWS_NAMING(DataError, load({60, 60, 3200, 24}), "camera 7", "principal point", "64x48",
+                      "3200");
+  CHECK_THROWS_NAMING(DataError, load({60, 60, 32, -1}), "principal point");
+  CHECK_THROWS_NAMING(DataError, load({60, 6e7, 32, 24}), "focal lengths", "6400");
+  CHECK_THROWS_NAMING(DataError, load({0.035, 0.035, 32, 24}), "focal lengths", "3.2", "0.035");
+}
+
+TEST_CASE("colmap scene: images in folders of their cameras are found", "[data]") {
+  const test::TempDir folder;
+  const fs::path room = folder / "room";
+  const std::string names[] = {"cam0/000.png", "cam0/001.png", "cam1/000.png", "cam1/001.png"};
+  std::vector<io::ColmapImage> images;
+  for (int i = 0; i < 4; ++i) {
+    const geometry::Pose pose = test::steady_pose(1e5 * i);
+    images.push_back(
+        {i + 1, geometry::quaternion_from_rotation(pose.rotation), pose.translation, 1, names[i]});
+    imaging::write_image(room / "images" / names[i], test::noise_image(i));
+  }
+  test::save_model(room / "sparse/0", test::binary_model(kCamera, images, {0, 0, 4}));
+  DatasetOptions options = dataset_at(room);
+  options.split = SplitKind::kNone;
+  std::vector<std::string> warnings;
+  const Dataset data = load_dataset(options, &warnings);
+  CHECK(warnings.empty());
+  REQUIRE(data.train.size() == 4);
+  CHECK(data.train[2].name == "cam1_000");
+  CHECK(test::same_image(data.train[2].blurry, test::noise_image(2)));
+  // Also those of a camera of which the model has none.
+  imaging::write_image(room / "images/cam2/000.png", test::noise_image(9));
+  load_dataset(options, &warnings);
+  CHECK(test::mentions(warnings, "1 of 5 images"));
+  CHECK(test::mentions(warnings, "cam2/000.png"));
+}
+
+TEST_CASE("colmap scene: names that differ by ending or capitals are told with an example",
+          "[data]") {
+  const test::TempDir folder;
+  const fs::path room = folder / "room";
+  write_colmap_scene(room, kCamera);
+  for (int i = 0; i < 10; ++i) {
+    fs::rename(room / concat("images/img_0", i, ".png"), room / concat("images/IMG_0", i, ".PNG"));
+  }
+  CHECK_THROWS_NAMING(DataError, load_dataset(dataset_at(room)), "img_00.png", "IMG_00.PNG");
+}
+
+TEST_CASE("colmap scene: masks in a folder that is not read are told", "[data]") {
+  const test::TempDir folder;
+  const fs::path room = folder / "room";
+  const std::string place = GENERATE(as<std::string>(), "mask", "images/masks");
+  CAPTURE(place);
+  write_colmap_scene(room, kCamera);
+  imaging::write_image(room / place / "img_00.png", test::noise_image(0));
+  std::vector<std::string> warnings;
+  load_dataset(dataset_at(room), &warnings);
+  REQUIRE(warnings.size() == 1);
+  CHECK_THAT(warnings[0], Catch::Contains(place + "/ (masks"));
+}
+
 }  // namespace
 }  // namespace jade::data

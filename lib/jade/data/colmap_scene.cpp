@@ -2,7 +2,9 @@
 #include "jade/data/colmap_scene.h"
 
 #include <algorithm>
+#include <cctype>
 #include <initializer_list>
+#include <map>
 #include <set>
 #include <torch/types.h>
 
@@ -73,18 +75,55 @@ bool has_one_focal(const std::string& model) {
 }
 
 fs::path image_path(const fs::path& folder, const std::string& name) {
-  const fs::path direct = folder / name;
+  const fs::path direct = (folder / name).lexically_normal();
   return fs::exists(direct) ? direct : folder / fs::path(name).filename();
 }
 
-/// Images beside those of the model that COLMAP did not place.
+/// In small letters and without the ending.
+std::string bare_name(const fs::path& path) {
+  std::string name = fs::path(path).replace_extension().generic_string();
+  std::transform(name.begin(), name.end(), name.begin(),
+                 [](unsigned char letter) { return char(std::tolower(letter)); });
+  return name;
+}
+
+/// "; the model names a.JPG, the folder has a.jpg", for the first name that differs by its ending
+/// or by capitals only from a file that is no other image of the model; empty if none does.
+std::string near_name(const fs::path& folder, const std::vector<std::string>& missing,
+                      const std::vector<fs::path>& placed) {
+  std::map<std::string, fs::path> files;
+  for (const fs::path& path : list_images_within(folder)) {
+    const fs::path inside = path.lexically_relative(folder);
+    if (std::find(placed.begin(), placed.end(), path.lexically_normal()) == placed.end()) {
+      files.emplace(bare_name(inside), inside);
+    }
+  }
+  for (const std::string& name : missing) {
+    auto found = files.find(bare_name(name));
+    if (found == files.end()) found = files.find(bare_name(fs::path(name).filename()));
+    if (found == files.end()) continue;
+    return concat("; the model names ", name, ", the folder has ", found->second.string(),
+                  ": rename the files as in the model");
+  }
+  return "";
+}
+
+/// Images beside those of the model, or in folders beside them, that COLMAP did not place.
 void tell_unplaced(const fs::path& folder, const std::vector<fs::path>& placed,
                    const Warnings& warnings) {
-  const std::set<fs::path> known(placed.begin(), placed.end());
-  const std::vector<fs::path> images = imaging::list_images(folder);
+  std::set<fs::path> known;
+  bool nested = false;
+  for (const fs::path& path : placed) {
+    known.insert(path.lexically_normal());
+    nested = nested || path.parent_path().lexically_normal() != folder.lexically_normal();
+  }
+  const std::vector<fs::path> images =
+      nested ? list_images_within(folder) : imaging::list_images(folder);
   std::vector<std::string> others;
   for (const fs::path& image : images) {
-    if (known.count(image) == 0) others.push_back(image.filename().string());
+    if (known.count(image.lexically_normal()) == 0) {
+      others.push_back(image.lexically_relative(folder).string());
+    }
   }
   if (others.empty()) return;
   warnings.add(folder.string(), ": ", others.size(), " of ", images.size(),
@@ -217,7 +256,8 @@ Dataset load_colmap(const DatasetOptions& options, const Warnings& warnings) {
   const geometry::Vector3 origin = recentre(model);
   std::sort(model.images.begin(), model.images.end(),
             [](const io::ColmapImage& a, const io::ColmapImage& b) { return a.name < b.name; });
-  const fs::path image_folder = find_image_folder(options.path, options.image_folder);
+  const fs::path image_folder =
+      find_image_folder(options.path, options.image_folder, ImageDepth::kNested);
   std::vector<fs::path> paths;
   std::vector<const io::ColmapImage*> views;
   std::vector<std::string> missing;
@@ -231,11 +271,14 @@ Dataset load_colmap(const DatasetOptions& options, const Warnings& warnings) {
     views.push_back(&image);
   }
   if (paths.empty()) {
+    const std::string near = near_name(image_folder, missing, paths);
     throw DataError(concat(image_folder.string(), ": holds none of the ", model.images.size(),
-                           " images of ", folder.string(), "; set dataset.image_folder"));
+                           " images of ", folder.string(), ", such as ", missing.front(),
+                           near.empty() ? "; set dataset.image_folder" : near));
   }
   if (!missing.empty()) {
-    warnings.add(image_folder.string(), ": images of the model without a file: ", listing(missing));
+    warnings.add(image_folder.string(), ": images of the model without a file: ", listing(missing),
+                 near_name(image_folder, missing, paths));
   }
   const std::vector<Frame> frames =
       read_frames(paths, MaskSources(options), warnings, FrameSizes::kAny);

@@ -18,7 +18,24 @@ namespace jade::data {
 
 namespace fs = std::filesystem;
 
-fs::path find_image_folder(const fs::path& root, const std::string& wanted) {
+std::vector<fs::path> list_images_within(const fs::path& folder) {
+  std::vector<fs::path> images = imaging::list_images(folder), folders;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    const std::string name = entry.path().filename().string();
+    const auto starts_with = [&](const char* front) { return name.rfind(front, 0) == 0; };
+    const bool other = starts_with(".") || starts_with("mask") || starts_with("depth") ||
+                       starts_with("normal") || starts_with("semantic");
+    if (entry.is_directory() && !other) folders.push_back(entry.path());
+  }
+  std::sort(folders.begin(), folders.end());
+  for (const fs::path& inner : folders) {
+    const std::vector<fs::path> more = list_images_within(inner);
+    images.insert(images.end(), more.begin(), more.end());
+  }
+  return images;
+}
+
+fs::path find_image_folder(const fs::path& root, const std::string& wanted, ImageDepth depth) {
   if (!wanted.empty()) {
     if (fs::is_directory(root / wanted)) return root / wanted;
     throw DataError(
@@ -37,6 +54,10 @@ fs::path find_image_folder(const fs::path& root, const std::string& wanted) {
   candidates.insert(candidates.end(), others.begin(), others.end());
   for (const fs::path& folder : candidates) {
     if (fs::is_directory(folder) && !imaging::list_images(folder).empty()) return folder;
+  }
+  for (const fs::path& folder : candidates) {
+    const bool nested = depth == ImageDepth::kNested && fs::is_directory(folder);
+    if (nested && !list_images_within(folder).empty()) return folder;
   }
   throw DataError(concat(root.string(),
                          ": expected frames in images_1/ or images/, found none; set "

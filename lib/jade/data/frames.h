@@ -19,11 +19,19 @@ struct Frame {
   torch::Tensor mask;   ///< [1,H,W] bool, true: the pixel counts; undefined: all count
 };
 
+/// Whether the images of a folder may all lie in folders inside it, such as one a camera.
+enum class ImageDepth { kFlat, kNested };
+
 /// The folder of the frames: `wanted` if given, else the first of images_1, images and images_N
-/// that holds images.
+/// that holds images. For kNested, if none does, the first that holds some in folders inside it.
 /// @throws DataError if there is none.
 std::filesystem::path find_image_folder(const std::filesystem::path& root,
-                                        const std::string& wanted);
+                                        const std::string& wanted,
+                                        ImageDepth depth = ImageDepth::kFlat);
+
+/// The images of a folder and of the folders inside it, except those in hidden folders and in
+/// folders of masks or maps, in order of their path.
+std::vector<std::filesystem::path> list_images_within(const std::filesystem::path& folder);
 
 /// The N of a folder named images_N, else 1: how much smaller its images are than the poses say.
 double folder_scale(const std::filesystem::path& image_folder);
