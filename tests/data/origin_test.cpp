@@ -168,5 +168,11 @@ TEST_CASE("origin: cameras at one place are told", "[data]") {
   CHECK(told().empty());
 }
 
+TEST_CASE("origin: equal poses near the origin of their coordinates are not moved", "[data]") {
+  const std::vector<geometry::Pose> poses(
+      24, geometry::pose_at_centre(geometry::rotation_from_vector({0.3, 0.4, 0.1}), {0.9, 0, 3}));
+  CHECK(geometry::is_zero(origin_of(poses, {})));
+}
+
 }  // namespace
 }  // namespace jade::data

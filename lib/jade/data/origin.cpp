@@ -43,6 +43,9 @@ Vector3 origin_of(const std::vector<geometry::Pose>& cameras_from_world,
   if (points.defined() && points.size(0) > 0) {
     size = std::max(size, with_origin(points, middle).norm(2, 1).median().item<double>());
   }
+  // Cameras of one place lie apart by rounding only, which is no size of a scene.
+  constexpr double kRounding = 1e-12;
+  if (size <= kRounding * distance(middle, {0, 0, 0})) size = 0;
   return geometry::scene_origin(middle, size);
 }
 
