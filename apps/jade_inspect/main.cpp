@@ -6,6 +6,7 @@
 #include "common/cli.h"
 #include "common/dataset_flags.h"
 #include "common/shell.h"
+#include "jade/config/config.h"
 #include "jade/core/error.h"
 #include "jade/data/colmap_scene.h"
 #include "jade/data/dataset.h"
@@ -23,11 +24,22 @@ using namespace jade;
 
 namespace {
 
-/// Arguments of jade_train. Thresholds need no flag: it measures as this program does.
-std::string training_arguments(const data::DatasetOptions& options) {
+/// Arguments of jade_train: the keys of the data set that differ from their defaults, too.
+/// Thresholds need no flag: it measures as this program does.
+std::string training_arguments(data::DatasetOptions options) {
   namespace fs = std::filesystem;
   const fs::path folder = fs::weakly_canonical(options.path);
-  return apps::shell_word(folder) + " --output " +
+  std::string flags;
+  data::DatasetOptions defaults;
+  defaults.path = options.path;
+  const auto standard = config::values(fields_of(defaults));
+  const auto chosen = config::values(fields_of(options));
+  for (size_t i = 0; i < chosen.size(); ++i) {
+    const auto& [key, value] = chosen[i];
+    if (value == standard[i].second) continue;
+    flags += " --set " + apps::shell_word("dataset." + key + "=" + value);
+  }
+  return apps::shell_word(folder) + flags + " --output " +
          apps::shell_word(fs::path("runs") / folder.filename());
 }
 

@@ -103,6 +103,16 @@ TEST_CASE("jade_inspect: what is none of the three gets one line", "[apps]") {
   CHECK_THAT(run(dir, "jade_inspect scene").out, Catch::Contains("No problems found"));
 }
 
+TEST_CASE("jade_inspect: the next command has the keys of the data set that were given", "[apps]") {
+  const test::TempDir dir;
+  test::write_tiny_dataset(dir / "scene");
+  const Outcome plain = run(dir, "jade_inspect scene");
+  CHECK_THAT(plain.out, !Catch::Contains("--set"));
+  const Outcome given = run(dir, "jade_inspect scene --image-folder images_1 --split last");
+  CHECK_THAT(given.out, test::naming("--set dataset.image_folder=images_1",
+                                     "--set dataset.split=last", "--output runs/"));
+}
+
 TEST_CASE("jade_inspect: test views are marked by whether training sees them", "[apps]") {
   const test::TempDir dir;
   test::write_tiny_dataset(dir / "scene");
