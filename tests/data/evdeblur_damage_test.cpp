@@ -172,6 +172,16 @@ TEST_CASE("damage: poses that are NaN, no rotation, cut or of other counts are r
   CHECK_THROWS_WITH(fourth.warnings(), Catch::Contains("row 2"));
 }
 
+TEST_CASE("damage: a focal length that no image of this size has is refused", "[data]") {
+  Scene scene;
+  scene.rewrite_poses("poses_bounds.npy", [](torch::Tensor rows) {
+    rows = rows.clone();
+    rows.select(1, 14).mul_(1000);
+    return rows;
+  });
+  CHECK_THROWS_NAMING(DataError, scene.warnings(), "poses_bounds.npy", "focal lengths", "25000");
+}
+
 TEST_CASE("damage: an exposure beyond the trajectory has no poses", "[data]") {
   Scene scene;
   for (const char* name : {"all_poses_bounds.npy", "all_timestamps.npy"}) {

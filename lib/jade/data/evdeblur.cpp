@@ -17,6 +17,7 @@
 #include "jade/data/frames.h"
 #include "jade/data/llff.h"
 #include "jade/data/origin.h"
+#include "jade/data/undistorter.h"
 #include "jade/data/unused_parts.h"
 #include "jade/imaging/image_io.h"
 #include "jade/io/npy.h"
@@ -184,7 +185,9 @@ geometry::Intrinsics camera_of(const Sources& s, const torch::Tensor& image,
                  view.height / scale, " while these are ", width, "x", height,
                  "; the focal length is used as it is");
   }
-  return geometry::Intrinsics::centred(view.focal_px / scale, width, height);
+  const auto camera = geometry::Intrinsics::centred(view.focal_px / scale, width, height);
+  check_plausible(camera, concat(s.images.parent_path().string(), "/poses_bounds.npy"));
+  return camera;
 }
 
 /// Poses beyond the ends of the trajectory stand still there.
