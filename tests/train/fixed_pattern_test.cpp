@@ -51,7 +51,7 @@ TEST_CASE("pattern: what all frames have at the same pixels is learned, and the 
     bench.options.pattern.prior_weight = prior;
     bench.state = train::make_state(bench.options, bench.dataset, torch::kCPU);
     for (int64_t step = 1; step <= 60; ++step) bench.step(bench.inputs(step % 3, step));
-    return bench.state.pattern->offsets().detach().mean({0, 1});
+    return bench.state.pattern->offsets().detach().flatten(0, 1).mean(0);
   };
   const torch::Tensor found = train(0.5), held = train(1e3);
   INFO(found);

@@ -85,10 +85,14 @@ bool principal_point_inside(const geometry::Intrinsics& camera) {
 
 void check_plausible(const geometry::Intrinsics& camera, const std::string& what) {
   constexpr double kShortest = 1.0 / 20, kLongest = 100;  // in image sides
-  if (!principal_point_inside(camera)) {
-    throw DataError(concat(what, ": expected a principal point inside ", camera.width, "x",
-                           camera.height, " px, a hundredth of it from its borders, found (",
-                           camera.cx, ", ", camera.cy,
+  // A crop may lie beside the principal point.
+  const auto near = [](double place, int64_t size) {
+    return place > -double(size) && place < 2 * double(size);
+  };
+  if (!near(camera.cx, camera.width) || !near(camera.cy, camera.height)) {
+    throw DataError(concat(what, ": expected a principal point in the image of ", camera.width, "x",
+                           camera.height, " px or within its size of it, found (", camera.cx, ", ",
+                           camera.cy,
                            "); correct it, or give the image size that was calibrated"));
   }
   const auto side = double(std::max(camera.width, camera.height));
