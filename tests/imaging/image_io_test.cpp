@@ -199,6 +199,24 @@ TEST_CASE("image: files that cannot be read are refused with their path", "[imag
   CHECK_THROWS_AS(write_image(path("a.png"), torch::zeros({2, 2, 2})), jade::ContractError);
 }
 
+TEST_CASE("image: float files with another white level or NaN are refused", "[imaging]") {
+  const Folder folder;
+  const fs::path path = folder.path / "a.tiff";
+  cv::Mat image(2, 4, CV_32FC3, cv::Scalar(0.5, 0.5, 0.5));
+  const auto message = [&] {
+    cv::imwrite(path.string(), image);
+    return message_of([&] { read_image(path); });
+  };
+  image.at<cv::Vec3f>(0, 0) = {40, 40, 40};  // a highlight
+  CHECK(message().empty());
+  image = image * 255;
+  CHECK(message().find("a.tiff: expected float values from 0 to 1, found up to 10200") !=
+        std::string::npos);
+  image = cv::Scalar(0.5, 0.5, 0.5);
+  image.at<cv::Vec3f>(1, 2)[1] = std::nanf("");
+  CHECK(message().find("NaN") != std::string::npos);
+}
+
 TEST_CASE("image: listings are sorted and hold images only", "[imaging]") {
   const Folder folder;
   for (const char* name : {"b.png", "a.PNG", "c.jpg"}) std::ofstream(folder.path / name) << "x";

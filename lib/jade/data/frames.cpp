@@ -13,6 +13,7 @@
 #include "jade/events/event_files.h"
 #include "jade/imaging/image_header.h"
 #include "jade/imaging/image_io.h"
+#include "jade/imaging/range.h"
 
 namespace jade::data {
 
@@ -128,6 +129,14 @@ void check_frame_memory(const std::vector<fs::path>& paths) {
                        "dataset.image_folder), or fewer");
 }
 
+void check_range(const std::vector<fs::path>& paths, const std::vector<Frame>& frames,
+                 const Warnings& warnings) {
+  std::vector<torch::Tensor> images;
+  for (const Frame& frame : frames) images.push_back(frame.image);
+  const std::string fault = imaging::range_fault(images);
+  if (!fault.empty()) warnings.add(paths.front().parent_path().string(), ": ", fault);
+}
+
 void add_masks(const std::vector<fs::path>& paths, const MaskSources& sources,
                const Warnings& warnings, std::vector<Frame>& frames) {
   if (frames.empty()) return;
@@ -180,6 +189,7 @@ std::vector<Frame> read_frames(const std::vector<fs::path>& paths, const MaskSou
                            paths[0].filename().string(), " is ", first[2], "x", first[1],
                            "; frames with events come from one sensor and must have one size"));
   }
+  check_range(paths, frames, warnings);
   add_masks(paths, masks, warnings, frames);
   return frames;
 }

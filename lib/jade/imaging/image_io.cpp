@@ -2,6 +2,7 @@
 #include "jade/imaging/image_io.h"
 
 #include <algorithm>
+#include <cmath>
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
 #include <set>
@@ -69,6 +70,22 @@ torch::Tensor read_array(const fs::path& path) {
                            array.scalar_type(), " ", shape_string(array)));
   }
   return array.to(torch::kFloat32).expand({3, -1, -1}).contiguous();
+}
+
+/// Float files have white at 1. Highlights may exceed it, most of an image may not.
+void check_float_range(const fs::path& path, const torch::Tensor& image) {
+  if (!image.isfinite().all().item<bool>()) {
+    throw DataError(
+        concat(path.string(),
+               ": expected finite pixel values, found NaN or infinity; replace them, or "
+               "exclude the pixels by a mask and set them to 0"));
+  }
+  const int64_t lit = image.gt(0).sum().item<int64_t>(), above = image.gt(1).sum().item<int64_t>();
+  if (2 * above <= lit) return;
+  throw DataError(concat(path.string(), ": expected float values from 0 to 1, found up to ",
+                         image.max().item<float>(), " and ",
+                         std::llround(100.0 * double(above) / double(lit)),
+                         " % of them above 1; divide the image by its white level (255 or 65535)"));
 }
 
 torch::Tensor checked_planes(const torch::Tensor& image) {
@@ -232,8 +249,11 @@ torch::Tensor read_image(const std::filesystem::path& path) {
       return planes_from_rows<uint8_t>(mat, 1.0f / 255.0f);
     case CV_16U:
       return planes_from_rows<uint16_t>(mat, 1.0f / 65535.0f);
-    case CV_32F:
-      return planes_from_rows<float>(mat, 1.0f);
+    case CV_32F: {
+      torch::Tensor image = planes_from_rows<float>(mat, 1.0f);
+      check_float_range(path, image);
+      return image;
+    }
     default:
       refuse_depth(path);
   }

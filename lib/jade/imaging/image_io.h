@@ -12,7 +12,7 @@ namespace jade::imaging {
 /// and whatever else the installed OpenCV reads, 8 or 16 bits per channel; gray becomes three equal
 /// channels, alpha is left to read_alpha(), rotation tags are ignored. `.npy` files hold [3,H,W],
 /// [1,H,W] or [H,W] of a floating type and are taken as they are.
-/// @throws DataError naming the path when it is missing, empty or no image.
+/// @throws DataError naming the path of a missing, empty or foreign file, and of floats past [0,1].
 torch::Tensor read_image(const std::filesystem::path& path);
 
 /// How opaque an image is: [1,H,W] float32 in [0,1], 1 where it hides what is behind. Undefined for
