@@ -70,3 +70,25 @@ TEST_CASE("exposures: a list is written, read, and its faults named by line", "[
   CHECK_THAT(message("a,3,2\n"), test::naming("bad.csv:1: a", "2 us"));
   CHECK_THAT(message("a,1,2\na,3,4\n"), test::naming("bad.csv:2: a", "twice"));
 }
+
+TEST_CASE("exposures: lists of spreadsheets and tables of floats, and lengths by the header",
+          "[recording]") {
+  const test::TempDir dir;
+  const auto read = [&](const std::string& text) {
+    return read_exposures(dir.write("a.csv", text)).at(0);
+  };
+  for (const char* text : {"name;start_us;end_us\n00;5000;45000\n", "00,5000.0,45000.000\n",
+                           "00\t5000\t45000\n", "frame,begin,end\n00,5000,45000\n",
+                           "\xEF\xBB\xBFname,start_us,duration_us\n00,5000,40000\n",
+                           "Name; Start_us; Exposure_us\r\n00; 5000; 40000\r\n"}) {
+    CAPTURE(text);
+    const NamedExposure row = read(text);
+    CHECK(row.name == "00");
+    CHECK(row.start_us == 5000);
+    CHECK(row.end_us == 45000);
+  }
+  CHECK(read("a;b,1,2\n").name == "a;b");
+  CHECK_THROWS_NAMING(DataError, read("name,start_ms,end_ms\n00,5,45\n"), "a.csv:1", "start_ms");
+  CHECK_THROWS_NAMING(DataError, read("name,start_us,size\n00,5,45\n"), "a.csv:1", "size");
+  CHECK_THROWS_NAMING(DataError, read("00,0.005,0.045\n"), "a.csv:1", "whole microseconds");
+}

@@ -123,6 +123,69 @@ TEST_CASE("recording: exposures from a list beside the images, or from their len
              test::naming("b.png", "among 1"));
 }
 
+TEST_CASE("recording: exposures that overlap or are those of another frame are refused",
+          "[recording]") {
+  const TempDir dir;
+  write_rpg_folder(dir, "rpg");
+  const auto with_list = [&](const std::string& list) {
+    dir.write("rpg/exposures.csv", list);
+    return message_of([&] { read_recording(dir / "rpg"); });
+  };
+  CHECK(with_list("a,0,102\nb,100,200\n").empty());  // a fiftieth of the period
+  CHECK_THAT(with_list("a,0,150\nb,100,250\n"), test::naming("exposures.csv", "a.png", "100 us"));
+  CHECK_THAT(with_list("a,100,150\nb,100,150\n"), test::naming("a.png", "b.png", "100 to 150 us"));
+}
+
+TEST_CASE("recording: one late frame of many is noted, times in milliseconds are refused",
+          "[recording]") {
+  const TempDir dir;
+  dir.write("rpg/events.txt", "0.000100 0 0 1\n3.000 7 5 0\n");
+  const auto write_list = [&](int64_t period_us, int64_t late_us) {
+    std::string list;
+    for (int64_t i = 0; i < 12; ++i) {
+      const std::string name = concat("f", i);
+      imaging::write_image(dir / ("rpg/images/" + name + ".png"), torch::full({3, 6, 8}, 0.5));
+      const int64_t start_us = period_us * i + (i == 4 ? late_us : 0);
+      list += concat(name, ",", start_us, ",", start_us + period_us * 9 / 10, "\n");
+    }
+    dir.write("rpg/exposures.csv", list);
+  };
+  write_list(50000, 0);
+  CHECK_FALSE(has_note(read_recording(dir / "rpg"), "overlap"));
+  write_list(50000, 20000);
+  CHECK(has_note(read_recording(dir / "rpg"), "1 of 12 that overlap, as f4.png"));
+  write_list(50, 0);
+  CHECK_THAT(message_of([&] { read_recording(dir / "rpg"); }),
+             test::naming("12 frames", "550 us", "milliseconds"));
+}
+
+TEST_CASE("recording: images and lines without each other are noted", "[recording]") {
+  const TempDir dir;
+  write_rpg_folder(dir, "rpg");
+  dir.write(
+      "rpg/images.txt",
+      "0.0002 images\\a.png\n0.0006 images/b.png\n0.0007 images/b.png\n0.0008 images/c.png\n");
+  dir.write("rpg/exposures.csv", "a,100,200\nb,500,600\nd,700,800\n");
+  imaging::write_image(dir / "rpg/images/spare.png", torch::full({3, 6, 8}, 0.6));
+  const Recording recording = read_recording(dir / "rpg");
+  REQUIRE(recording.frames.size() == 2);
+  CHECK(recording.frames[1].t_start_us == 500);
+  CHECK(has_note(recording, "1 listed images are not there and are left out (c.png)"));
+  CHECK(has_note(recording, "1 images are listed twice"));
+  CHECK(has_note(recording, "1 images of the folder are not listed and are left out (spare.png)"));
+  CHECK(has_note(recording, "1 of 3 exposures name a frame that is not there (d)"));
+}
+
+TEST_CASE("recording: masks lie beside the frames of a folder, not of an archive", "[recording]") {
+  const TempDir dir;
+  write_rpg_folder(dir, "rpg");
+  const Recording recording = read_recording(dir / "rpg");
+  CHECK(recording.mask_root == dir / "rpg");
+  CHECK(recording.frames[0].path.filename() == "a.png");
+  zip_folder(dir / "rpg", dir / "rpg.zip", "");
+  CHECK(read_recording(dir / "rpg.zip").mask_root.empty());
+}
+
 TEST_CASE("recording: the mark of UTF-8 before text is no part of it", "[recording]") {
   const TempDir dir;
   write_rpg_folder(dir, "rpg");

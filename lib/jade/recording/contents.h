@@ -70,10 +70,17 @@ Contents read_event_file(const std::filesystem::path& path, const ReadOptions& o
 void add_hdf5_frames(const std::filesystem::path& path, const ReadOptions& options,
                      Contents& contents);
 
-/// Gives each image the exposure that `exposures` has for its name.
-/// @throws DataError if an image has none.
+/// Gives each image the exposure that `exposures` has for its name, and notes exposures without an
+/// image.
+/// @throws DataError if an image has none, and as check_apart().
 void apply_exposures(const std::filesystem::path& list, const std::vector<NamedExposure>& exposures,
-                     std::vector<FrameFile>& files);
+                     std::vector<FrameFile>& files, std::vector<std::string>& notes);
+
+/// Exposures of one camera follow each other. Overlaps of a twentieth of the frame period are
+/// tolerated, as are longer ones of a tenth of the frames, which are noted.
+/// @throws DataError naming `list` and two frames that are exposed at one time.
+void check_apart(const std::filesystem::path& list, const std::vector<FrameFile>& files,
+                 std::vector<std::string>& notes);
 
 /// Reads images, on several threads, into recording.frames in order of time; those without a time
 /// are left out. @throws DataError if one cannot be read, they differ in size, or they do not fit
@@ -90,9 +97,11 @@ void replace_frames(const std::filesystem::path& path, const ReadOptions& option
 /// Without the mark of UTF-8 that spreadsheets put before the first line.
 std::string without_mark(const std::string& text);
 
-/// images.txt: a time in seconds and the path of an image, a line each.
+/// images.txt: a time in seconds and the path of an image, a line each. Notes images that are
+/// listed twice or missing, and those of the folder that are not listed; they are left out.
 /// @throws DataError naming the line.
-std::vector<FrameFile> listed_images(const std::filesystem::path& list);
+std::vector<FrameFile> listed_images(const std::filesystem::path& list,
+                                     std::vector<std::string>& notes);
 
 /// The times of timestamps.npz beside images in order of their names.
 /// @throws DataError if they are not as many.

@@ -152,6 +152,7 @@ void add_npz_times(const fs::path& path, TimeUnit wanted, std::vector<FrameFile>
                            " ends before its start; swap the two "
                            "arrays"));
   }
+  check_apart(path, files, recording.notes);
   if (!exposures) {
     recording.notes.push_back(concat(path.string(),
                                      ": holds one time per frame; it is taken as the ",
@@ -191,7 +192,7 @@ Contents read_event_folder(const fs::path& folder, const ReadOptions& given) {
   if (!images.empty()) {
     for (const fs::path& file : imaging::list_images(images)) out.files.push_back({file, {}});
     if (const auto list = beside_images(folder, images, "exposures.csv"); !list.empty()) {
-      apply_exposures(list, read_exposures(list), out.files);
+      apply_exposures(list, read_exposures(list), out.files, recording.notes);
     } else if (const auto npz = beside_images(folder, images, "timestamps.npz"); !npz.empty()) {
       add_npz_times(npz, options.time_unit, out.files, recording);
     }

@@ -2,7 +2,10 @@
 #include "jade/recording/exposures.h"
 
 #include <algorithm>
+#include <array>
+#include <cctype>
 #include <charconv>
+#include <initializer_list>
 #include <set>
 #include <sstream>
 
@@ -19,20 +22,71 @@ std::string trimmed(const std::string& text) {
   return text.substr(first, text.find_last_not_of(" \t\r\"") - first + 1);
 }
 
+/// "5000", and "5000.0" as tables of floats have it.
 bool parse_whole(const std::string& text, int64_t* out) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), *out);
-  return error == std::errc() && end == text.data() + text.size();
+  if (error != std::errc()) return false;
+  const std::string rest(end, text.data() + text.size());
+  return rest.empty() || (rest[0] == '.' && rest.find_first_not_of('0', 1) == std::string::npos);
+}
+
+/// Whether a text begins as numbers do.
+bool is_numeric(const std::string& text) {
+  return !text.empty() && text.find_first_of("0123456789") <= 1 &&
+         text.find_first_not_of("0123456789.+-eE") == std::string::npos;
+}
+
+/// The three columns of a line, by the separator that leaves numbers in the last two, else by the
+/// first that is there twice. The name may contain it. False for fewer columns.
+bool split_line(const std::string& line, std::array<std::string, 3>* out) {
+  bool split = false;
+  for (const char separator : {',', ';', '\t'}) {
+    const auto last = line.rfind(separator);
+    if (last == std::string::npos || last == 0) continue;
+    const auto first = line.rfind(separator, last - 1);
+    if (first == std::string::npos) continue;
+    const std::array<std::string, 3> columns{trimmed(line.substr(0, first)),
+                                             trimmed(line.substr(first + 1, last - first - 1)),
+                                             trimmed(line.substr(last + 1))};
+    const bool numeric = is_numeric(columns[1]) && is_numeric(columns[2]);
+    if (!split || numeric) *out = columns;
+    split = true;
+    if (numeric) break;
+  }
+  return split;
+}
+
+bool is_one_of(const std::string& word, std::initializer_list<const char*> words) {
+  return std::find(words.begin(), words.end(), word) != words.end();
+}
+
+/// Meaning of the third column.
+enum class Third { kEnd, kLength };
+
+/// @throws DataError naming a column that is not understood.
+Third read_header(const std::string& at, std::array<std::string, 3> columns) {
+  for (std::string& name : columns) {
+    std::transform(name.begin(), name.end(), name.begin(),
+                   [](unsigned char c) { return char(std::tolower(c)); });
+  }
+  if (is_one_of(columns[1], {"start_us", "start", "begin_us", "begin", "t_start_us", "t_start"})) {
+    if (is_one_of(columns[2], {"end_us", "end", "stop_us", "stop", "t_end_us", "t_end"}))
+      return Third::kEnd;
+    if (is_one_of(columns[2], {"duration_us", "duration", "length_us", "length", "exposure_us",
+                               "exposure", "exposure_time_us"}))
+      return Third::kLength;
+    throw DataError(concat(at, ": expected the column end_us or duration_us, found \"", columns[2],
+                           "\"; give whole microseconds and name the column so"));
+  }
+  throw DataError(concat(at, ": expected the columns name,start_us,end_us, found \"", columns[1],
+                         "\" as the second; give whole microseconds and name the columns so"));
 }
 
 /// False for a line of another kind.
-bool parse_exposure(const std::string& line, NamedExposure* out) {
-  const auto last = line.rfind(',');
-  const auto first = last == std::string::npos || last == 0 ? last : line.rfind(',', last - 1);
-  if (first == std::string::npos || first == last) return false;
-  out->name = trimmed(line.substr(0, first));
-  return !out->name.empty() &&
-         parse_whole(trimmed(line.substr(first + 1, last - first - 1)), &out->start_us) &&
-         parse_whole(trimmed(line.substr(last + 1)), &out->end_us);
+bool parse_exposure(const std::array<std::string, 3>& columns, NamedExposure* out) {
+  out->name = columns[0];
+  return !out->name.empty() && parse_whole(columns[1], &out->start_us) &&
+         parse_whole(columns[2], &out->end_us);
 }
 
 }  // namespace
@@ -68,15 +122,26 @@ std::vector<NamedExposure> read_exposures(const std::filesystem::path& path) {
   std::vector<NamedExposure> out;
   std::set<std::string> names;
   int64_t number = 0;
+  Third third = Third::kEnd;
+  bool headed = false;
   for (std::string line; std::getline(text, line);) {
     ++number;
     if (trimmed(line).empty() || trimmed(line)[0] == '#') continue;
     NamedExposure row;
-    if (!parse_exposure(line, &row)) {
-      if (out.empty() && trimmed(line).rfind("name", 0) == 0) continue;
-      throw DataError(concat(path.string(), ":", number,
-                             ": expected \"name,start_us,end_us\" with whole microseconds"));
+    std::array<std::string, 3> columns;
+    const bool split = split_line(line, &columns);
+    if (split && !headed && out.empty() && !is_numeric(columns[1]) && !is_numeric(columns[2])) {
+      third = read_header(concat(path.string(), ":", number), columns);
+      headed = true;
+      continue;
     }
+    if (!split || !parse_exposure(columns, &row)) {
+      throw DataError(
+          concat(path.string(), ":", number,
+                 ": expected \"name,start_us,end_us\" with whole microseconds, found \"",
+                 trimmed(line).substr(0, 60), "\"; correct the line"));
+    }
+    if (third == Third::kLength) row.end_us += row.start_us;
     if (row.end_us < row.start_us) {
       throw DataError(concat(path.string(), ":", number, ": ", row.name, " ends at ", row.end_us,
                              " us, before its start at ", row.start_us, " us; swap the two"));

@@ -48,9 +48,11 @@ struct NamedExposure {
   int64_t start_us = 0, end_us = 0;
 };
 
-/// Reads lines "name,start_us,end_us", whole µs in the clock of the events; lines of '#' and one
-/// header line are skipped.
-/// @throws DataError naming the line for other content, an end before its start, a name twice.
+/// Reads lines "name,start_us,end_us", whole µs in the clock of the events, separated by ',', ';'
+/// or tab; "5000.0" is whole. Lines of '#' are skipped. The third column of a header line may be a
+/// length (duration_us, exposure_us).
+/// @throws DataError naming the line for other content, an end before its start, a name twice, and
+///   naming the column of a header in another unit or order.
 std::vector<NamedExposure> read_exposures(const std::filesystem::path& path);
 
 /// Writes such a list with its header line. @throws DataError.

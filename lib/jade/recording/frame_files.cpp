@@ -2,10 +2,12 @@
 #include <ATen/Parallel.h>
 #include <algorithm>
 #include <map>
+#include <set>
 #include <torch/types.h>
 
 #include "jade/core/error.h"
 #include "jade/imaging/image_io.h"
+#include "jade/imaging/range.h"
 #include "jade/recording/contents.h"
 
 namespace jade::recording {
@@ -22,7 +24,7 @@ void check_memory(const std::vector<FrameFile>& files, const Frame& first) {
 
 Frame read_frame(const FrameFile& file) {
   return {file.path.stem().string(), imaging::read_image(file.path), file.time->begin_us,
-          file.time->end_us};
+          file.time->end_us, file.path};
 }
 
 void check_one_size(const std::vector<FrameFile>& files, const std::vector<Frame>& frames) {
@@ -35,15 +37,38 @@ void check_one_size(const std::vector<FrameFile>& files, const std::vector<Frame
   }
 }
 
+/// Overlap of two exposures that is tolerated, as a share of the frame period: both are rounded.
+constexpr double kLargestOverlap = 0.05;
+/// Share of the frames that may overlap by more, as a late stamp or two do.
+constexpr double kMostOverlapping = 0.1;
+
+std::string name_of(const FrameFile& file) { return file.path.filename().string(); }
+
+/// Lines of a list that no image has taken.
+void note_unused(const fs::path& list, const std::vector<NamedExposure>& exposures,
+                 const std::set<std::string>& used, std::vector<std::string>& notes) {
+  size_t count = 0;
+  std::string first;
+  for (const NamedExposure& row : exposures) {
+    if (used.count(fs::path(row.name).filename().string()) != 0) continue;
+    if (count++ == 0) first = row.name;
+  }
+  if (count == 0) return;
+  notes.push_back(concat(list.string(), ": ", count, " of ", exposures.size(),
+                         " exposures name a frame that is not there (", first,
+                         "); add the frames or remove the lines"));
+}
+
 }  // namespace
 
 void apply_exposures(const fs::path& list, const std::vector<NamedExposure>& exposures,
-                     std::vector<FrameFile>& files) {
+                     std::vector<FrameFile>& files, std::vector<std::string>& notes) {
   std::map<std::string, events::TimeWindow> by_name;
   for (const NamedExposure& row : exposures) {
     const std::string name = fs::path(row.name).filename().string();
     by_name[name] = {row.start_us, row.end_us};
   }
+  std::set<std::string> used;
   for (FrameFile& file : files) {
     auto found = by_name.find(file.path.filename().string());
     if (found == by_name.end()) found = by_name.find(file.path.stem().string());
@@ -52,7 +77,50 @@ void apply_exposures(const fs::path& list, const std::vector<NamedExposure>& exp
                              ", found none among ", exposures.size(), "; add it"));
     }
     file.time = found->second;
+    used.insert(found->first);
   }
+  note_unused(list, exposures, used, notes);
+  check_apart(list, files, notes);
+}
+
+void check_apart(const fs::path& list, const std::vector<FrameFile>& files,
+                 std::vector<std::string>& notes) {
+  std::vector<const FrameFile*> exposed;
+  for (const FrameFile& file : files) {
+    if (file.time && file.time->duration_us() > 0) exposed.push_back(&file);
+  }
+  if (exposed.size() < 2) return;
+  std::stable_sort(exposed.begin(), exposed.end(), [](const FrameFile* a, const FrameFile* b) {
+    return a->time->begin_us < b->time->begin_us;
+  });
+  std::vector<int64_t> steps;
+  for (size_t i = 1; i < exposed.size(); ++i) {
+    const FrameFile &a = *exposed[i - 1], &b = *exposed[i];
+    if (a.time->begin_us == b.time->begin_us && a.time->end_us == b.time->end_us) {
+      throw DataError(concat(list.string(),
+                             ": expected an exposure of its own for each frame, found ", name_of(a),
+                             " and ", name_of(b), " both exposed from ", a.time->begin_us, " to ",
+                             a.time->end_us, " us; correct the list"));
+    }
+    steps.push_back(b.time->begin_us - a.time->begin_us);
+  }
+  std::nth_element(steps.begin(), steps.begin() + int64_t(steps.size() / 2), steps.end());
+  const int64_t period_us = steps[steps.size() / 2];
+  const FrameFile *first = nullptr, *second = nullptr;
+  size_t overlapping = 0;
+  for (size_t i = 1; i < exposed.size(); ++i) {
+    const int64_t overlap_us = exposed[i - 1]->time->end_us - exposed[i]->time->begin_us;
+    if (double(overlap_us) <= kLargestOverlap * double(period_us)) continue;
+    if (overlapping++ == 0) first = exposed[i - 1], second = exposed[i];
+  }
+  if (overlapping == 0) return;
+  const std::string found =
+      concat(list.string(), ": expected exposures that end before the next begins, found ",
+             overlapping, " of ", exposed.size(), " that overlap, as ", name_of(*first), " (until ",
+             first->time->end_us, " us) and ", name_of(*second), " (from ", second->time->begin_us,
+             " us), at a frame period of ", period_us, " us; correct their lengths");
+  if (double(overlapping) > kMostOverlapping * double(exposed.size())) throw DataError(found);
+  notes.push_back(found);
 }
 
 void read_frames(std::vector<FrameFile> files, Recording& recording) {
@@ -76,6 +144,10 @@ void read_frames(std::vector<FrameFile> files, Recording& recording) {
     for (int64_t i = begin; i < end; ++i) frames[size_t(i)] = read_frame(files[size_t(i)]);
   });
   check_one_size(files, frames);
+  std::vector<torch::Tensor> images;
+  for (const Frame& frame : frames) images.push_back(frame.image);
+  const std::string fault = imaging::range_fault(images);
+  if (!fault.empty()) recording.notes.push_back(fault);
   recording.frames = std::move(frames);
 }
 

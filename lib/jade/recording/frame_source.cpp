@@ -88,13 +88,14 @@ std::vector<FrameFile> frames_of_folder(const fs::path& folder, const ReadOption
   std::vector<FrameFile> out;
   const bool listed = fs::is_regular_file(folder / "images.txt");
   if (listed) {
-    out = listed_images(folder / "images.txt");
+    out = listed_images(folder / "images.txt", recording.notes);
   } else {
     for (const fs::path& file : imaging::list_images(folder)) out.push_back({file, {}});
   }
   if (out.empty()) throw DataError(concat(folder.string(), ": expected images, found none"));
   if (fs::is_regular_file(folder / "exposures.csv")) {
-    apply_exposures(folder / "exposures.csv", read_exposures(folder / "exposures.csv"), out);
+    apply_exposures(folder / "exposures.csv", read_exposures(folder / "exposures.csv"), out,
+                    recording.notes);
   } else if (!listed && fs::is_regular_file(folder / "timestamps.npz")) {
     add_npz_times(folder / "timestamps.npz", options.time_unit, out, recording);
   }
@@ -169,7 +170,8 @@ void complete_exposures(const ReadOptions& options, Contents& contents) {
   auto& files = contents.files;
   recording.stamp = options.stamp.value_or(recording.stamp);
   if (!options.frame_times.empty())
-    apply_exposures(options.frame_times, read_exposures(options.frame_times), files);
+    apply_exposures(options.frame_times, read_exposures(options.frame_times), files,
+                    recording.notes);
   apply_triggers(options, contents);
   const auto length = std::llround(1e3 * options.exposure_ms);
   for (FrameFile& file : files) {

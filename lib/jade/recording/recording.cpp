@@ -217,6 +217,37 @@ void note_clocks(const ReadOptions& options, Recording& recording) {
                                    covered == 0 ? "; the two clocks may differ" : ""));
 }
 
+/// Folder in which masks of the frames may lie.
+fs::path mask_root(const fs::path& path, const ReadOptions& options, const Contents& contents) {
+  const auto whole = [](const fs::path& folder) {
+    const fs::path absolute = fs::absolute(folder).lexically_normal();
+    return absolute.has_filename() ? absolute : absolute.parent_path();
+  };
+  if (!options.frames.empty())
+    return fs::is_directory(options.frames) ? whole(options.frames).parent_path() : fs::path();
+  return !contents.keep && fs::is_directory(path) ? path : fs::path();
+}
+
+/// Exposures in another unit than the events fill a hundredth of their time, at a rate that no
+/// camera has.
+void check_unit(const Recording& recording) {
+  constexpr double kShare = 0.01;
+  constexpr size_t kFewest = 3;
+  constexpr int64_t kShortestPeriodUs = 1000;
+  const auto& frames = recording.frames;
+  if (frames.size() < kFewest || recording.stored_events == 0) return;
+  const int64_t span_us = frames.back().t_start_us - frames.front().t_start_us;
+  const int64_t events_us = recording.stored_us.end_us - recording.stored_us.begin_us;
+  if (span_us <= 0 || span_us >= kShortestPeriodUs * int64_t(frames.size() - 1)) return;
+  if (double(span_us) > kShare * double(events_us)) return;
+  throw DataError(concat(recording.source.string(),
+                         ": expected times of frames in microseconds, "
+                         "found ",
+                         frames.size(), " frames within ", span_us, " us and events over ",
+                         events_us,
+                         " us; are the times of the frames in milliseconds? Convert them"));
+}
+
 }  // namespace
 
 Recording read_recording(const fs::path& path, const ReadOptions& options) {
@@ -229,7 +260,9 @@ Recording read_recording(const fs::path& path, const ReadOptions& options) {
   const auto span = wanted_span(options, contents);
   if (span) cut_to(*span, contents);
   if (contents.read_events) contents.read_events(kept_spans(options, span, contents), recording);
+  recording.mask_root = mask_root(path, options, contents);
   read_frames(std::move(contents.files), recording);
+  check_unit(recording);
   find_sensor_size(recording);
   drop_outside(recording);
   if (recording.stored_events == 0) recording.notes.push_back("there are no events");

@@ -19,6 +19,7 @@ struct Frame {
   std::string name;                      ///< without folder and extension
   torch::Tensor image;                   ///< [3,H,W] RGB float32 in [0,1], CPU
   int64_t t_start_us = 0, t_end_us = 0;  ///< of the exposure; equal where its length is not known
+  std::filesystem::path path = {};       ///< it was read from; temporary without mask_root
 };
 
 /// A calibration that lies beside a recording, as it was found.
@@ -41,6 +42,8 @@ struct Recording {
   /// Which instant of the exposure a frame's single time marks, if its length is unknown.
   Stamp stamp = Stamp::kMiddle;
   Triggers triggers;
+  /// Folder beside whose frames masks/ and mask.png may lie; empty: frames are temporary files.
+  std::filesystem::path mask_root;
   std::optional<CalibrationFile> calibration;
   std::vector<std::string> notes;  ///< what a user should know, a line each
 };

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <set>
 #include <sstream>
 #include <string>
 
@@ -41,10 +42,11 @@ std::optional<CalibrationFile> find_calibration(const fs::path& folder) {
 }
 
 /// Exposures of exposures.csv in place of single times.
-void add_exposures(const fs::path& folder, std::vector<FrameFile>& files) {
+void add_exposures(const fs::path& folder, std::vector<FrameFile>& files,
+                   std::vector<std::string>& notes) {
   const fs::path list = folder / "exposures.csv";
   if (!fs::is_regular_file(list)) return;
-  apply_exposures(list, read_exposures(list), files);
+  apply_exposures(list, read_exposures(list), files, notes);
 }
 
 /// Prefix of the recording in an archive: "" or "folder/".
@@ -61,14 +63,54 @@ std::string prefix_of(const io::Zip& archive) {
   return best.substr(0, best.size() - std::min<size_t>(best.size(), 10));
 }
 
+/// Leaves out images that are missing or listed twice, and notes them. If all are missing, the
+/// reader of the images names the first.
+void tidy_list(const fs::path& list, std::vector<FrameFile>& files,
+               std::vector<std::string>& notes) {
+  std::vector<FrameFile> kept;
+  std::vector<std::string> missing, twice, unlisted;
+  std::set<fs::path> known, folders;
+  for (const FrameFile& file : files) {
+    const fs::path path = file.path.lexically_normal();
+    folders.insert(path.parent_path());
+    if (!fs::is_regular_file(path)) {
+      missing.push_back(path.filename().string());
+    } else if (!known.insert(path).second) {
+      twice.push_back(path.filename().string());
+    } else {
+      kept.push_back(file);
+    }
+  }
+  if (kept.empty()) return;
+  for (const fs::path& folder : folders) {
+    if (!fs::is_directory(folder)) continue;
+    for (const fs::path& path : imaging::list_images(folder)) {
+      if (known.count(path.lexically_normal()) == 0) unlisted.push_back(path.filename().string());
+    }
+  }
+  const auto note = [&](const std::vector<std::string>& names, const char* what, const char* fix) {
+    if (names.empty()) return;
+    notes.push_back(
+        concat(list.string(), ": ", names.size(), what, " (", names.front(), "); ", fix));
+  };
+  note(missing, " listed images are not there and are left out",
+       "add the files or remove the lines");
+  note(twice, " images are listed twice, the later times are left out", "keep one line for each");
+  note(unlisted, " images of the folder are not listed and are left out",
+       "add lines with their times to use them");
+  files = std::move(kept);
+}
+
 }  // namespace
 
-std::vector<FrameFile> listed_images(const fs::path& list) {
+std::vector<FrameFile> listed_images(const fs::path& list, std::vector<std::string>& notes) {
   std::istringstream text(without_mark(read_file(list)));
   std::vector<FrameFile> out;
   int64_t number = 0;
   for (std::string line; std::getline(text, line);) {
     ++number;
+    // Lists from Windows have its separators.
+    std::replace(line.begin(), line.end(), '\\', '/');
     std::istringstream words(line);
     std::string time, name;
     if (!(words >> time) || time[0] == '#') continue;
@@ -82,6 +124,7 @@ std::vector<FrameFile> listed_images(const fs::path& list) {
     const int64_t t = std::llround(1e6 * seconds);
     out.push_back({list.parent_path() / name, events::TimeWindow{t, t}});
   }
+  tidy_list(list, out, notes);
   return out;
 }
 
@@ -93,8 +136,9 @@ Contents read_rpg(const fs::path& folder, const ReadOptions& options) {
   recording.stamp = Stamp::kMiddle;
   recording.calibration = find_calibration(folder);
   const fs::path list = folder / "images.txt";
-  out.files = fs::is_regular_file(list) ? listed_images(list) : unlisted_images(folder);
-  if (!out.files.empty()) add_exposures(folder, out.files);
+  out.files =
+      fs::is_regular_file(list) ? listed_images(list, recording.notes) : unlisted_images(folder);
+  if (!out.files.empty()) add_exposures(folder, out.files, recording.notes);
   out.read_events = events_of(folder / "events.txt", options, std::nullopt, recording);
   return out;
 }
