@@ -11,6 +11,7 @@
 
 #include "common/shell.h"
 #include "jade/core/readable.h"
+#include "jade/data/masks.h"
 #include "jade/recording/recording.h"
 
 namespace jade::apps {
@@ -85,6 +86,25 @@ std::string next_command(const Recording& r, const RecordingNumbers& n) {
   const bool two_cameras = r.calibration && r.calibration->text.find("cam1:") != std::string::npos;
   if (two_cameras) line += " --plane-depth METRES";
   return line + " --output " + shell_word(fs::path("data") / name_of(r.source));
+}
+
+/// Reads the masks that lie with the frames as jade_import does, and notes what they say.
+void note_masks(Recording& r) {
+  if (r.frames.empty() || r.mask_root.empty()) return;
+  std::vector<std::filesystem::path> paths;
+  std::vector<torch::Tensor> images;
+  for (const recording::Frame& frame : r.frames) {
+    paths.push_back(frame.path);
+    images.push_back(frame.image);
+  }
+  data::MaskSources sources;
+  sources.root = r.mask_root;
+  const auto masks = data::read_masks(paths, images, sources, data::Warnings(&r.notes));
+  const auto masked = std::count_if(masks.begin(), masks.end(),
+                                    [](const torch::Tensor& mask) { return mask.defined(); });
+  if (masked == 0) return;
+  r.notes.push_back(concat("masks exclude pixels of ", masked, " of ", masks.size(),
+                           " frames; jade_import takes them along"));
 }
 
 void print_frames(const Recording& r, const RecordingNumbers& n) {
@@ -163,7 +183,8 @@ nlohmann::json to_json(const Recording& r, const RecordingNumbers& n) {
 
 void inspect_recording(const fs::path& path, recording::ReadOptions options, bool json) {
   options.most_events = kMostEvents;
-  const Recording r = recording::read_recording(path, options);
+  Recording r = recording::read_recording(path, options);
+  note_masks(r);
   RecordingNumbers numbers = numbers_of(r);
   if (!options.events_group.empty())
     numbers.choice += " --events-group " + shell_word(options.events_group);

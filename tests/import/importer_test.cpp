@@ -273,6 +273,29 @@ TEST_CASE("importer: frames that changed behind a link are read again", "[import
   CHECK(gray() == Approx(0.4).margin(0.01));
 }
 
+TEST_CASE("importer: masks that lie with the frames are taken along", "[import]") {
+  const test::TempDir dir;
+  write_gray_frames(dir, "scene/images", 0.8);
+  fs::rename(write_late_events(dir, 0), dir / "scene/events.raw");
+  const import::ImportOptions options = options_for(dir / "scene", dir / "colmap");
+  const auto read = [&] {
+    import::import_recording(options, dir / "out", {"", "read"});
+    return import::load_capture(dir / "out/import/read");
+  };
+  const import::Capture without = read();
+  CHECK_FALSE(without.mask.defined());
+  torch::Tensor mask = torch::ones({1, kFrameHeight, kFrameWidth});
+  mask.slice(2, 0, 10).fill_(0);
+  imaging::write_image(dir / "scene/mask.png", mask);
+  CHECK(read().mask.equal(mask.to(torch::kBool)));
+  mask.slice(1, 0, 10).fill_(0);
+  imaging::write_image(dir / "scene/masks/f1.png", mask);
+  const import::Capture with = read();
+  CHECK(with.mask.sum().item<int64_t>() == kFrameHeight * (kFrameWidth - 10));
+  CHECK(with.shots[1].mask.equal(mask.to(torch::kBool)));
+  CHECK_FALSE(with.shots[0].mask.defined());
+}
+
 TEST_CASE("importer: other frames and another restorer are taken, and the stages behind them",
           "[import]") {
   const test::TempDir dir;

@@ -154,6 +154,27 @@ TEST_CASE("scene files: the mask of a capture is that of the data set, until the
   CHECK_FALSE(data::load_dataset(options).train[0].mask.defined());
 }
 
+TEST_CASE("scene files: masks of single frames are those of the data set's frames", "[import]") {
+  const test::TempDir dir;
+  import::Capture capture = capture_of({5, 0.5, 5, 5, 5});
+  torch::Tensor& mask = capture.shots[2].mask;
+  mask = torch::ones({1, capture.height(), capture.width()}, torch::kBool);
+  mask.slice(2, 0, 3).fill_(false);
+  import::write_scene(dir.path(), capture, line_of(capture), {});
+  data::DatasetOptions options;
+  options.path = dir.path();
+  const data::Dataset data = data::load_dataset(options);
+  CHECK_FALSE(data.train[0].mask.defined());
+  CHECK(data.train[1].mask.equal(mask));  // shot 1 is the test view
+  import::keep_capture(dir.path(), capture);
+  const import::Capture kept = import::load_capture(dir.path());
+  CHECK(kept.shots[2].mask.equal(mask));
+  CHECK_FALSE(kept.shots[1].mask.defined());
+  mask = torch::Tensor();
+  import::write_scene(dir.path(), capture, line_of(capture), {});
+  CHECK_FALSE(data::load_dataset(options).train[1].mask.defined());
+}
+
 TEST_CASE("scene files: a second import leaves nothing of the first", "[import]") {
   const test::TempDir dir;
   import::Capture first = capture_of(std::vector<double>(9, 5.0));

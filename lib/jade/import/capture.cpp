@@ -69,7 +69,10 @@ void keep_capture(const fs::path& folder, const Capture& capture) {
                       {"start_us", shot.t_start_us},
                       {"end_us", shot.t_end_us},
                       {"blur_px", shot.blur_px},
-                      {"gain", shot.gain}});
+                      {"gain", shot.gain},
+                      {"masked", shot.mask.defined()}});
+    if (shot.mask.defined())
+      imaging::write_image(folder / "masks" / file_of(i), shot.mask.to(torch::kFloat32));
   }
   data::write_event_file(folder / "events.h5", capture.events, 1);
   if (capture.event_map.defined()) io::write_npy(folder / "event_map.npy", capture.event_map);
@@ -106,6 +109,10 @@ Capture load_capture(const fs::path& folder) {
           {frame.at("name"), imaging::read_image(folder / "frames" / std::string(frame.at("file"))),
            frame.at("start_us"), frame.at("end_us"), frame.at("blur_px"),
            frame.value("gain", 1.0)});
+      if (frame.value("masked", false)) {
+        capture.shots.back().mask =
+            imaging::read_mask(folder / "masks" / std::string(frame.at("file")));
+      }
     }
   } catch (const Json::exception& error) {
     throw DataError(concat(file.string(), ": expected what this program wrote, found ",

@@ -23,6 +23,8 @@ struct Shot {
   int64_t t_start_us = 0, t_end_us = 0;
   double blur_px = -1;  ///< how far the scene moved during it, px; below 0: not known
   double gain = 1;      ///< its brightness is that of the scene times this
+  /// [1,H,W] bool, true: the pixel counts if Capture::mask agrees; undefined: all do.
+  torch::Tensor mask = {};
 
   int64_t duration_us() const { return t_end_us - t_start_us; }
   int64_t t_mid_us() const { return t_start_us + duration_us() / 2; }
@@ -50,8 +52,8 @@ struct Capture {
 std::vector<data::Exposure> exposures_of(const Capture& capture);
 data::Exposure exposure_of(const Shot& shot, const Capture& capture);
 
-/// Writes frames/NNNN.png (16 bit), events.h5, capture.json and, where there is one, mask.png into
-/// the folder, which is there.
+/// Writes frames/NNNN.png (16 bit), events.h5, capture.json and, where there are some, mask.png and
+/// masks/NNNN.png into the folder, which is there.
 /// @throws DataError.
 void keep_capture(const std::filesystem::path& folder, const Capture& capture);
 

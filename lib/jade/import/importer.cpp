@@ -12,6 +12,7 @@
 #include "jade/core/folder_lock.h"
 #include "jade/core/log.h"
 #include "jade/core/progress.h"
+#include "jade/data/masks.h"
 #include "jade/imaging/image_io.h"
 #include "jade/import/capture.h"
 #include "jade/import/colmap.h"
@@ -230,6 +231,32 @@ void set_clock(double ahead_ms, Capture& capture) {
   capture.events = events::EventStream(e.x(), e.y(), e.t_us() - ahead_us, e.polarity());
 }
 
+/// Gives shots the masks that lie with their frames: alpha, masks/ and mask.png. Pixels that no
+/// shot counts become the mask of all.
+void add_masks(const recording::Recording& recording, Capture& capture) {
+  if (recording.mask_root.empty()) return;
+  std::vector<fs::path> paths;
+  std::vector<torch::Tensor> images;
+  for (const recording::Frame& frame : recording.frames) {
+    paths.push_back(frame.path);
+    images.push_back(frame.image);
+  }
+  data::MaskSources sources;
+  sources.root = recording.mask_root;
+  std::vector<std::string> warnings;
+  const std::vector<torch::Tensor> masks =
+      data::read_masks(paths, images, sources, data::Warnings(&warnings));
+  for (const std::string& warning : warnings) log_warn(warning);
+  torch::Tensor common = masks.front();
+  for (const torch::Tensor& mask : masks)
+    common = common.defined() && mask.defined() ? common.logical_or(mask) : torch::Tensor();
+  capture.mask = common;
+  for (size_t i = 0; i < masks.size(); ++i) {
+    const bool own = masks[i].defined() && !(common.defined() && masks[i].equal(common));
+    if (own) capture.shots[i].mask = masks[i];
+  }
+}
+
 Capture read_capture(const ImportOptions& options, const fs::path& folder) {
   recording::Recording recording =
       recording::read_recording(options.recording, read_options(options));
@@ -243,6 +270,7 @@ Capture read_capture(const ImportOptions& options, const fs::path& folder) {
   for (recording::Frame& frame : recording.frames) {
     capture.shots.push_back({frame.name, frame.image, frame.t_start_us, frame.t_end_us});
   }
+  add_masks(recording, capture);
   std::stable_sort(capture.shots.begin(), capture.shots.end(),
                    [](const Shot& a, const Shot& b) { return a.t_start_us < b.t_start_us; });
   capture.events = recording.events;
@@ -301,11 +329,19 @@ std::string said_of(const SearchResult& result) {
                 a.name);
 }
 
+/// Masks that lie beside the folder of --frames.
+std::string masks_text(const fs::path& frames) {
+  if (frames.empty()) return "";
+  const fs::path whole = fs::absolute(frames).lexically_normal();
+  const fs::path beside = (whole.has_filename() ? whole : whole.parent_path()).parent_path();
+  return fingerprint(beside / "masks") + fingerprint(beside / data::kMaskFile);
+}
+
 Stage read_stage(const ImportOptions& options, Progressed& so_far) {
   return {"read",
           concat(fingerprint(options.recording), fingerprint(options.frames),
-                 fingerprint(options.time.frame_times), text_of(options.time), options.events_group,
-                 "\n", options.topic),
+                 masks_text(options.frames), fingerprint(options.time.frame_times),
+                 text_of(options.time), options.events_group, "\n", options.topic),
           [&](const fs::path& folder) {
             const Capture capture = read_capture(options, folder);
             keep_capture(folder, capture);
@@ -317,7 +353,8 @@ Stage read_stage(const ImportOptions& options, Progressed& so_far) {
             if (so_far.calibration) settle_sensor(*so_far.calibration, so_far.capture);
             if (!is_rig(so_far.calibration)) check_one_sensor(so_far.capture);
             check_test_names(so_far.capture, options.test);
-            so_far.capture.mask = read_mask(options.lens.mask, so_far.capture);
+            so_far.capture.mask =
+                data::both_masks(so_far.capture.mask, read_mask(options.lens.mask, so_far.capture));
             drop_masked_events(so_far.capture);
           }};
 }

@@ -179,6 +179,26 @@ std::string left_out(const Capture& capture, const std::vector<Part>& parts) {
   return concat(count, " left out without a pose (", names, count > kNamed ? ", ..." : "", ")");
 }
 
+/// masks/ with the names of the data set's frames, where a frame has a mask of its own.
+void write_frame_masks(const fs::path& folder, const Capture& capture,
+                       const std::vector<Part>& parts) {
+  fs::remove_all(folder / "masks");  // of an earlier import
+  const auto& shots = capture.shots;
+  if (std::none_of(shots.begin(), shots.end(), [](const Shot& s) { return s.mask.defined(); }))
+    return;
+  const torch::Tensor whole = torch::ones({1, capture.height(), capture.width()});
+  const std::vector<fs::path> frames = imaging::list_images(folder / "images_1");
+  size_t number = 0;
+  for (const bool tests : {false, true}) {
+    for (size_t i = 0; i < parts.size(); ++i) {
+      if (parts[i] == Part::kLeftOut || (parts[i] == Part::kTest) != tests) continue;
+      const torch::Tensor& mask = shots[i].mask;
+      imaging::write_image(folder / "masks" / (frames[number++].stem().string() + ".png"),
+                           mask.defined() ? mask.to(torch::kFloat32) : whole);
+    }
+  }
+}
+
 }  // namespace
 
 void check_test_names(const Capture& capture, const TestOptions& options) {
@@ -233,6 +253,7 @@ std::string write_scene(const fs::path& folder, const Capture& capture, const Re
   if (capture.mask.defined()) {
     imaging::write_image(folder / data::kMaskFile, capture.mask.to(torch::kFloat32));
   }
+  write_frame_masks(folder, capture, parts);
   write_file(folder / "frames.csv", frame_list(capture, parts));
   write_file(folder / "scene.yaml", scene_yaml(capture, options));
   const auto count = [&](Part part) { return std::count(parts.begin(), parts.end(), part); };

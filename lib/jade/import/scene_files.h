@@ -26,7 +26,8 @@ std::vector<Part> parts_of(const Capture& capture, const std::vector<TimedPose>&
 void check_test_names(const Capture& capture, const TestOptions& options);
 
 /// Writes the data set in the EvDeblur layout into `folder`, with frames.csv (which frame is which
-/// shot), the mask of the capture and scene.yaml. @return one line that says what it is
+/// shot), the masks of the capture and its shots, and scene.yaml. @return one line that says what
+/// it is
 std::string write_scene(const std::filesystem::path& folder, const Capture& capture,
                         const Reconstruction& found, const ImportOptions& options);
 

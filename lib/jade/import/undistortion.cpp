@@ -124,6 +124,7 @@ std::string undistort(const LensOptions& options, const Calibration& calibration
   for (Shot& shot : capture.shots) {
     throw_if_interrupted();
     shot.image = imaging::remap(shot.image, to.frame_map).clamp(0, 1);
+    if (shot.mask.defined()) shot.mask = imaging::remap_mask(shot.mask, to.frame_map);
   }
   if (capture.mask.defined()) capture.mask = imaging::remap_mask(capture.mask, to.frame_map);
   const events::WarpedEvents moved =
