@@ -95,6 +95,12 @@ TEST_CASE("columns: names in any case, with units, beside other names", "[events
   CHECK(unit_in_name("t_ns") == TimeUnit::kNs);
   CHECK(unit_in_name("timestamp [us]") == TimeUnit::kUs);
   CHECK(unit_in_name("Time(s)") == TimeUnit::kS);
+  CHECK(named_columns({"timestamp_ms", "x", "y", "p"}) == Columns{1, 2, 0, 3});
+  CHECK(event_field("times_usec") == 2);
+  CHECK(event_field("x_ms") == -1);
+  CHECK(unit_in_name("timestamp_ms") == TimeUnit::kMs);
+  CHECK(unit_in_name("t [ms]") == TimeUnit::kMs);
+  CHECK(unit_in_name("Time ( seconds )") == TimeUnit::kS);
   for (const char* name : {"t", "ts", "timestamps", "s", "pos"})
     CHECK(unit_in_name(name) == TimeUnit::kAuto);
 }

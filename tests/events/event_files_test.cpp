@@ -353,3 +353,32 @@ TEST_CASE("event files: text in Prophesee's order, with the size and names that 
   CHECK_THAT(message_of([&] { read_events(dir / "three.csv"); }),
              jade::test::naming("three.csv:3", "4 numbers"));
 }
+
+TEST_CASE("event files: a name or an attribute says that times are milliseconds", "[events]") {
+  const TempDir dir;
+  const std::string rows = ",x,y,p\n0.1,1.5,0,1\n0.25,2,1,0\n0.25,3,2.25,1\n0.999,0,7,1\n";
+  for (const char* name : {"t_ms", "timestamp_ms", "t [ms]"}) {
+    INFO(name);
+    std::ofstream(dir / "a.csv") << name << rows;
+    const auto read = read_events(dir / "a.csv");
+    CHECK(read.time_unit == TimeUnit::kMs);
+    check_events(read.events);
+  }
+  const auto write = [&](const char* unit, auto t) {
+    jade::io::Hdf5Writer file(dir / "a.h5");
+    file.append("events/x", kX.data(), 4), file.append("events/y", kY.data(), 4);
+    file.append("events/t", t.data(), 4);
+    file.append("events/p", std::vector<int8_t>{1, 0, 1, 1}.data(), 4);
+    file.attribute("events/t", "units", unit);
+    file.close();
+  };
+  write("milliseconds", std::vector<double>{0.1, 0.25, 0.25, 0.999});
+  check_events(read_events(dir / "a.h5").events);
+  write("ms", std::vector<int64_t>{1, 2, 3, 4});
+  CHECK(read_events(dir / "a.h5").events.last_us() == 4000);
+  write("ticks", kT);
+  const auto other = read_events(dir / "a.h5");
+  check_events(other.events);
+  REQUIRE(other.warnings.size() == 1);
+  CHECK_THAT(other.warnings[0], jade::test::naming("ticks", "events/t", "--events-unit"));
+}

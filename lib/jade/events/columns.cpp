@@ -155,52 +155,28 @@ class ColumnSearch {
 }  // namespace
 
 int event_field(const std::string& name) {
-  static const std::map<std::string, int> known{{"x", 0},
-                                                {"xs", 0},
-                                                {"y", 1},
-                                                {"ys", 1},
-                                                {"t", 2},
-                                                {"ts", 2},
-                                                {"time", 2},
-                                                {"timestamp", 2},
-                                                {"times", 2},
-                                                {"timestamps", 2},
-                                                {"t_us", 2},
-                                                {"t_ns", 2},
-                                                {"t_s", 2},
-                                                {"ts_us", 2},
-                                                {"ts_ns", 2},
-                                                {"ts_s", 2},
-                                                {"time_us", 2},
-                                                {"time_ns", 2},
-                                                {"time_s", 2},
-                                                {"timestamp_us", 2},
-                                                {"timestamp_ns", 2},
-                                                {"timestamp_s", 2},
-                                                {"p", 3},
-                                                {"ps", 3},
-                                                {"pol", 3},
-                                                {"polarity", 3},
-                                                {"polarities", 3},
-                                                {"on", 3}};
+  static const std::map<std::string, int> known{
+      {"x", 0},    {"xs", 0},        {"y", 1},          {"ys", 1},         {"t", 2}, {"ts", 2},
+      {"time", 2}, {"timestamp", 2}, {"times", 2},      {"timestamps", 2}, {"p", 3}, {"ps", 3},
+      {"pol", 3},  {"polarity", 3},  {"polarities", 3}, {"on", 3}};
   const std::string word = plain_word(name.substr(0, name.find_first_of("[(")));
-  const auto found = known.find(word);
-  return found == known.end() ? -1 : found->second;
+  if (const auto found = known.find(word); found != known.end()) return found->second;
+  // Only a time has a unit behind its name: "t_ms".
+  const size_t bar = word.rfind('_');
+  if (bar == std::string::npos || !unit_of_word(word.substr(bar + 1))) return -1;
+  const auto found = known.find(word.substr(0, bar));
+  return found != known.end() && found->second == 2 ? 2 : -1;
 }
 
 TimeUnit unit_in_name(const std::string& name) {
   std::string word = plain_word(name);
-  while (!word.empty() && (word.back() == ']' || word.back() == ')')) word.pop_back();
-  const auto ends = [&](const std::string& tail) {
-    if (word.size() <= tail.size()) return false;
-    const char before = word[word.size() - tail.size() - 1];
-    return word.compare(word.size() - tail.size(), tail.size(), tail) == 0 &&
-           (before == '_' || before == '[' || before == '(');
-  };
-  if (ends("us")) return TimeUnit::kUs;
-  if (ends("ns")) return TimeUnit::kNs;
-  if (ends("s")) return TimeUnit::kS;
-  return TimeUnit::kAuto;
+  const auto drop = [&](const char* last) { word.erase(word.find_last_not_of(last) + 1); };
+  drop(" \t])");
+  const size_t before = word.find_last_of("_[(");
+  if (before == std::string::npos || before == 0) return TimeUnit::kAuto;
+  const size_t begin = word.find_first_not_of(" \t", before + 1);
+  if (begin == std::string::npos) return TimeUnit::kAuto;
+  return unit_of_word(word.substr(begin)).value_or(TimeUnit::kAuto);
 }
 
 std::optional<Columns> named_columns(const std::vector<std::string>& names) {

@@ -108,17 +108,18 @@ TimeRange range_of(const std::filesystem::path& path, const torch::Tensor& time)
 /// Times in µs; the int64 array of a file in µs is used as it is.
 torch::Tensor to_us(const torch::Tensor& time, TimeUnit unit) {
   if (time.is_floating_point()) {
-    const double scale = unit == TimeUnit::kS ? 1e6 : unit == TimeUnit::kNs ? 1e-3 : 1.0;
-    // Seconds are decimal fractions: the nearest microsecond is meant.
-    const auto scaled = time * scale;
-    return (unit == TimeUnit::kS ? scaled.round() : scaled.floor()).to(torch::kInt64);
+    // Seconds and ms are decimal fractions: the nearest microsecond is meant.
+    const bool decimal = unit == TimeUnit::kS || unit == TimeUnit::kMs;
+    const auto scaled = time * us_per_unit(unit);
+    return (decimal ? scaled.round() : scaled.floor()).to(torch::kInt64);
   }
   if (unit == TimeUnit::kUs) return time;
   int64_t* t = time.mutable_data_ptr<int64_t>();
+  const auto factor = static_cast<int64_t>(us_per_unit(unit));
   at::parallel_for(0, time.numel(), kEventGrain, [&](int64_t begin, int64_t end) {
     for (int64_t i = begin; i < end; ++i) {
       t[i] = unit == TimeUnit::kNs ? (t[i] >= 0 ? t[i] / 1000 : -((-t[i] + 999) / 1000))
-                                   : t[i] * 1000000;
+                                   : t[i] * factor;
     }
   });
   return time;
@@ -147,7 +148,7 @@ TimeUnit chosen_unit(const std::filesystem::path& path, const TimeRange& range, 
 }
 
 double in_unit(int64_t us, TimeUnit unit) {
-  return double(us) * (unit == TimeUnit::kS ? 1e-6 : unit == TimeUnit::kNs ? 1e3 : 1.0);
+  return unit == TimeUnit::kNs ? double(us) * 1e3 : double(us) / us_per_unit(unit);
 }
 
 /// Stretches of the file that hold the requested events; the whole file if it is out of order.

@@ -24,9 +24,10 @@ struct EventGroupResult {
 ///   .npy   records with fields of these names, or a table [N,4] or [4,N]
 ///   text   .txt .csv .tsv: a line an event, between blanks, commas or semicolons; lines of '#' or
 ///          '%' are comments, and one line of column names, or of width and height, may stand first
-/// Other names of x, y, t, p are xs ys ts ps, time, timestamp(s), pol, polarity; t_us, t_ns, t_s
-/// and "t [us]" tell the unit as well. Columns that nothing names are told by their values:
-/// polarities are 0/1 or -1/+1, times never decrease, x comes before y.
+/// Other names of x, y, t, p are xs ys ts ps, time, timestamp(s), pol, polarity; t_us, t_ns, t_ms,
+/// t_s and "t [us]" tell the unit as well, and so does an attribute "unit" or "units" in HDF5.
+/// Columns that nothing names are told by their values: polarities are 0/1 or -1/+1, times never
+/// decrease, x comes before y.
 /// @param group  of an HDF5 file: the group of the arrays, or the name of the records or the table.
 ///   Empty: the stream nearest to the root, the first by name, with a warning that lists all
 /// @throws DataError as read_events, for columns that can be read in several ways, and for a group

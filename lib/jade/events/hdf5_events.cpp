@@ -165,7 +165,27 @@ struct Hdf5Events::Source {
       if (offset_name.empty() && file.has(name)) offset_name = name;
     }
     find_size();
+    find_unit(notes);
     note_unused(notes);
+  }
+
+  /// The unit that an attribute of the times says.
+  void find_unit(std::vector<std::string>& notes) {
+    const bool arrays = stream.form == Hdf5Form::kArrays;
+    const std::string& name = arrays ? stream.names[2] : stream.name;
+    for (const char* const key : {"unit", "units", "Unit", "Units", "time_unit", "time_units"}) {
+      // Records and tables hold more than times.
+      if (!arrays && std::string(key).rfind("time", 0) != 0) continue;
+      const std::string said = file.attribute(name, key);
+      if (said.empty()) continue;
+      if (const auto unit = unit_of_word(said)) {
+        unit_attribute = *unit;
+        return;
+      }
+      notes.push_back(concat(file.path().string(), ": expected us, ns, ms or s in the attribute ",
+                             key, " of ", name, ", found '", said.substr(0, 40),
+                             "', which is not used; give --events-unit"));
+    }
   }
 
   /// M3ED keeps width and height beside a camera's events.
@@ -279,6 +299,7 @@ struct Hdf5Events::Source {
   int64_t length = 0;
   std::string offset_name;  ///< of a number that is added to all times; empty: none
   std::optional<ImageSize> size;
+  TimeUnit unit_attribute = TimeUnit::kAuto;  ///< that an attribute of the times says
 };
 
 Hdf5Events::Hdf5Events(const std::filesystem::path& path, const std::string& group)
@@ -291,8 +312,10 @@ const std::string& Hdf5Events::name() const { return source_->stream.name; }
 int64_t Hdf5Events::length() const { return source_->length; }
 
 TimeUnit Hdf5Events::unit() const {
-  return source_->stream.form == Hdf5Form::kTable ? TimeUnit::kAuto
-                                                  : unit_in_name(leaf_of(source_->stream.names[2]));
+  const Hdf5Stream& stream = source_->stream;
+  const TimeUnit said =
+      stream.form == Hdf5Form::kTable ? TimeUnit::kAuto : unit_in_name(leaf_of(stream.names[2]));
+  return said != TimeUnit::kAuto ? said : source_->unit_attribute;
 }
 
 TimeSurvey Hdf5Events::survey() const {

@@ -2,7 +2,9 @@
 #include "jade/events/time_unit.h"
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
+#include <initializer_list>
 #include <torch/types.h>
 
 #include "jade/core/check.h"
@@ -52,9 +54,29 @@ TimeUnit lone_unit(const torch::Tensor& times) {
 
 }  // namespace
 
+std::optional<TimeUnit> unit_of_word(std::string word) {
+  std::transform(word.begin(), word.end(), word.begin(),
+                 [](unsigned char c) { return char(std::tolower(c)); });
+  // The two UTF-8 spellings of µ.
+  for (const char* const micro : {"\xC2\xB5", "\xCE\xBC"}) {
+    if (word.rfind(micro, 0) == 0) word.replace(0, 2, "u");
+  }
+  const auto is = [&](std::initializer_list<const char*> known) {
+    return std::find(known.begin(), known.end(), word) != known.end();
+  };
+  if (is({"us", "usec", "usecs", "microsecond", "microseconds"})) return TimeUnit::kUs;
+  if (is({"ns", "nsec", "nsecs", "nanosecond", "nanoseconds"})) return TimeUnit::kNs;
+  if (is({"ms", "msec", "msecs", "millisecond", "milliseconds"})) return TimeUnit::kMs;
+  if (is({"s", "sec", "secs", "second", "seconds"})) return TimeUnit::kS;
+  return std::nullopt;
+}
+
 double us_per_unit(TimeUnit unit) {
-  JADE_CHECK(unit != TimeUnit::kAuto, "unit of time: expected us, ns or s, found auto");
-  return unit == TimeUnit::kS ? 1e6 : unit == TimeUnit::kNs ? 1e-3 : 1;
+  JADE_CHECK(unit != TimeUnit::kAuto, "unit of time: expected us, ns, ms or s, found auto");
+  return unit == TimeUnit::kS    ? 1e6
+         : unit == TimeUnit::kMs ? 1e3
+         : unit == TimeUnit::kNs ? 1e-3
+                                 : 1;
 }
 
 std::optional<TimeUnit> guess_time_unit(double first, double last, bool has_fraction,
@@ -104,9 +126,9 @@ std::vector<int64_t> times_us(const torch::Tensor& times, TimeUnit unit, const s
     // Dividing integers keeps nanoseconds since 1970, which a double would round.
     for (size_t i = 0; i < out.size(); ++i) {
       if (std::abs(double(value[i]) * factor) > kLatestUs) throw implausible(i, double(value[i]));
-      out[i] = unit == TimeUnit::kNs  ? value[i] / 1000 + (value[i] % 1000 >= 500 ? 1 : 0)
-               : unit == TimeUnit::kS ? static_cast<int64_t>(double(value[i]) * factor)
-                                      : value[i];
+      out[i] = unit == TimeUnit::kNs   ? value[i] / 1000 + (value[i] % 1000 >= 500 ? 1 : 0)
+               : unit == TimeUnit::kUs ? value[i]
+                                       : static_cast<int64_t>(double(value[i]) * factor);
     }
     return out;
   }

@@ -15,25 +15,28 @@
 namespace jade::events {
 
 /// Unit of time stamps.
-enum class TimeUnit { kAuto, kUs, kNs, kS };
+enum class TimeUnit { kAuto, kUs, kNs, kMs, kS };
 
 constexpr auto words_of(TimeUnit) {
   return std::array{Word{"auto", TimeUnit::kAuto}, Word{"us", TimeUnit::kUs},
-                    Word{"ns", TimeUnit::kNs}, Word{"s", TimeUnit::kS}};
+                    Word{"ns", TimeUnit::kNs}, Word{"ms", TimeUnit::kMs}, Word{"s", TimeUnit::kS}};
 }
 
 /// Whole numbers above this are ns: as such they begin in 1973, as µs they would be of the year
 /// 5138.
 constexpr double kOnlyNs = 1e17;
 
-/// Microseconds in one `unit`: 1e-3, 1 or 1e6. @throws ContractError for kAuto.
+/// The unit that a word stands for: "ms", "msec", "Milliseconds". None for other words.
+std::optional<TimeUnit> unit_of_word(std::string word);
+
+/// Microseconds in one `unit`: 1e-3, 1, 1e3 or 1e6. @throws ContractError for kAuto.
 double us_per_unit(TimeUnit unit);
 
 /// The unit of event times from `first` to `last` as stored in a file: the one in which they cover
 /// most of the exposures and, less strongly, in which both spans are alike. So it is found where
 /// events cover a fifth of the exposures, or go on for a hundred times as long. Without exposures
 /// µs for whole numbers and seconds for numbers with a fraction. Whole numbers above kOnlyNs are
-/// ns.
+/// ns. ms are never guessed: only a name, an attribute or the user says them.
 /// None when the recording meets the exposures in no unit.
 std::optional<TimeUnit> guess_time_unit(double first, double last, bool has_fraction,
                                         const std::optional<TimeWindow>& exposures);

@@ -184,6 +184,41 @@ bool select_range(hid_t space, const std::vector<int64_t>& shape, int64_t begin,
                              nullptr) >= 0;
 }
 
+/// An attribute of a file or a data set that is text; empty if there is none.
+std::string text_attribute(hid_t object, const std::string& name) {
+  if (H5Aexists(object, name.c_str()) <= 0) return "";
+  const Id attribute(H5Aopen(object, name.c_str(), H5P_DEFAULT));
+  const Id type(H5Aget_type(attribute));
+  const Id space(H5Aget_space(attribute));
+  if (!type.valid() || H5Tget_class(type) != H5T_STRING || H5Sget_simple_extent_npoints(space) != 1)
+    return "";
+  if (H5Tis_variable_str(type) > 0) {
+    char* text = nullptr;
+    const Id memory(H5Tcopy(H5T_C_S1));
+    H5Tset_size(memory, H5T_VARIABLE);
+    H5Tset_cset(memory, H5Tget_cset(type));
+    if (H5Aread(attribute, memory, &text) < 0 || text == nullptr) return "";
+    std::string out = text;
+    H5free_memory(text);
+    return out;
+  }
+  constexpr size_t kLongest = 1 << 16;
+  const size_t size = H5Tget_size(type);
+  if (size > kLongest) return "";
+  std::string text(size, '\0');
+  if (H5Aread(attribute, type, text.data()) < 0) return "";
+  return text.substr(0, text.find('\0'));
+}
+
+bool write_text(hid_t object, const std::string& name, const std::string& value) {
+  const Id space(H5Screate(H5S_SCALAR));
+  const Id type(H5Tcopy(H5T_C_S1));
+  H5Tset_size(type, value.size() + 1);
+  H5Tset_cset(type, H5T_CSET_UTF8);
+  const Id attribute(H5Acreate2(object, name.c_str(), type, space, H5P_DEFAULT, H5P_DEFAULT));
+  return attribute.valid() && H5Awrite(attribute, type, value.c_str()) >= 0;
+}
+
 }  // namespace
 
 struct Hdf5File::Handle {
@@ -375,28 +410,12 @@ void Hdf5File::read_field(const std::string& name, const std::string& field, int
 }
 
 std::string Hdf5File::attribute(const std::string& name) const {
-  if (H5Aexists(handle_->file, name.c_str()) <= 0) return "";
-  const Id attribute(H5Aopen(handle_->file, name.c_str(), H5P_DEFAULT));
-  const Id type(H5Aget_type(attribute));
-  const Id space(H5Aget_space(attribute));
-  if (!type.valid() || H5Tget_class(type) != H5T_STRING || H5Sget_simple_extent_npoints(space) != 1)
-    return "";
-  if (H5Tis_variable_str(type) > 0) {
-    char* text = nullptr;
-    const Id memory(H5Tcopy(H5T_C_S1));
-    H5Tset_size(memory, H5T_VARIABLE);
-    H5Tset_cset(memory, H5Tget_cset(type));
-    if (H5Aread(attribute, memory, &text) < 0 || text == nullptr) return "";
-    std::string out = text;
-    H5free_memory(text);
-    return out;
-  }
-  constexpr size_t kLongest = 1 << 16;
-  const size_t size = H5Tget_size(type);
-  if (size > kLongest) return "";
-  std::string text(size, '\0');
-  if (H5Aread(attribute, type, text.data()) < 0) return "";
-  return text.substr(0, text.find('\0'));
+  return text_attribute(handle_->file, name);
+}
+
+std::string Hdf5File::attribute(const std::string& dataset, const std::string& name) const {
+  const Id id(H5Dopen2(handle_->file, dataset.c_str(), H5P_DEFAULT));
+  return id.valid() ? text_attribute(id, name) : "";
 }
 
 template <class T>
@@ -475,15 +494,16 @@ void Hdf5Writer::append(const std::string& name, const T* values, int64_t count)
 }
 
 void Hdf5Writer::attribute(const std::string& name, const std::string& value) {
-  const Id space(H5Screate(H5S_SCALAR));
-  const Id type(H5Tcopy(H5T_C_S1));
-  H5Tset_size(type, value.size() + 1);
-  H5Tset_cset(type, H5T_CSET_UTF8);
-  const Id attribute(
-      H5Acreate2(handle_->file, name.c_str(), type, space, H5P_DEFAULT, H5P_DEFAULT));
-  if (!attribute.valid() || H5Awrite(attribute, type, value.c_str()) < 0) {
-    throw DataError(concat(path_.string(), ": attribute '", name, "' cannot be written"));
-  }
+  if (write_text(handle_->file, name, value)) return;
+  throw DataError(concat(path_.string(), ": attribute '", name, "' cannot be written"));
+}
+
+void Hdf5Writer::attribute(const std::string& dataset, const std::string& name,
+                           const std::string& value) {
+  const auto found = handle_->datasets.find(dataset);
+  if (found != handle_->datasets.end() && write_text(found->second, name, value)) return;
+  throw DataError(
+      concat(path_.string(), ": attribute '", name, "' of '", dataset, "' cannot be written"));
 }
 
 void Hdf5Writer::close() {

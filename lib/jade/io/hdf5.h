@@ -42,6 +42,8 @@ class Hdf5File {
   const Hdf5Dataset& dataset(const std::string& name) const;
   /// An attribute of the file that is text; empty if there is none.
   std::string attribute(const std::string& name) const;
+  /// An attribute of a data set, likewise.
+  std::string attribute(const std::string& dataset, const std::string& name) const;
   /// Length of a one-dimensional data set of numbers or records of numbers; [N,1] and [1,N] count
   /// as such, and a single number without axes as a list of one.
   /// @throws DataError otherwise, or if the file is too small to hold that many values, so that
@@ -97,6 +99,8 @@ class Hdf5Writer {
   void append(const std::string& name, const T* values, int64_t count);
   /// Sets an attribute of the file. @throws DataError.
   void attribute(const std::string& name, const std::string& value);
+  /// Sets an attribute of a data set that append() has made. @throws DataError.
+  void attribute(const std::string& dataset, const std::string& name, const std::string& value);
   /// Finishes the file. @throws DataError if it cannot be written to the end.
   void close();
 
