@@ -382,3 +382,78 @@ TEST_CASE("event files: a name or an attribute says that times are milliseconds"
   REQUIRE(other.warnings.size() == 1);
   CHECK_THAT(other.warnings[0], jade::test::naming("ticks", "events/t", "--events-unit"));
 }
+
+TEST_CASE("event files: a counter that wraps goes on, with a note", "[events]") {
+  const TempDir dir;
+  std::vector<float> x(1000, 1), y(1000, 2);
+  std::vector<int8_t> p(1000, 1);
+  const auto check = [&](const std::filesystem::path& path, int64_t first, const char* bits) {
+    INFO(path.filename());
+    const auto read = read_events(path);
+    REQUIRE(read.events.size() == 1000);
+    CHECK(read.events.first_us() == first);
+    CHECK(read.events.last_us() == first + 999 * 100);
+    CHECK_FALSE(read.was_unsorted);
+    REQUIRE(read.warnings.size() == 1);
+    CHECK_THAT(read.warnings[0], jade::test::naming("counter", bits, "wraps 1 time"));
+  };
+  std::vector<uint32_t> unsigned32;
+  std::vector<int32_t> signed32;
+  std::vector<int64_t> narrow;
+  std::vector<double> seconds;
+  for (uint32_t i = 0; i < 1000; ++i) {
+    unsigned32.push_back(uint32_t(-50000) + 100 * i);
+    signed32.push_back(int32_t(uint32_t(INT32_MAX) - 50000 + 100 * i));
+    narrow.push_back(((1 << 24) - 50000 + 100 * int64_t(i)) % (1 << 24));
+    seconds.push_back(1e-6 * unsigned32.back());
+  }
+  write_h5<float, uint32_t>(dir / "u.h5", x, y, unsigned32, p);
+  check(dir / "u.h5", (int64_t(1) << 32) - 50000, "32 bits");
+  write_h5<float, int32_t>(dir / "i.h5", x, y, signed32, p);
+  check(dir / "i.h5", INT32_MAX - 50000, "32 bits");
+  write_h5<float, int64_t>(dir / "n.h5", x, y, narrow, p);
+  check(dir / "n.h5", (1 << 24) - 50000, "24 bits");
+  write_h5<float, double>(dir / "s.h5", x, y, seconds, p);
+  check(dir / "s.h5", (int64_t(1) << 32) - 50000, "32 bits");
+}
+
+TEST_CASE("event files: negative times in uint64 are refused, events far from all others named",
+          "[events]") {
+  const TempDir dir;
+  write_h5<float, uint64_t>(dir / "u.h5", kX, kY, {uint64_t(-200), uint64_t(-100), 0, 100},
+                            {1, 0, 1, 1});
+  CHECK_THAT(message_of([&] { read_events(dir / "u.h5"); }),
+             jade::test::naming("2^63", "unsigned", "store the times as int64"));
+  EventFileOptions part;
+  part.keep = std::vector<TimeWindow>{{0, 1000}};
+  write_h5<float, uint64_t>(dir / "v.h5", kX, kY,
+                            {uint64_t(-400), uint64_t(-300), uint64_t(-200), uint64_t(-100)},
+                            {1, 0, 1, 1});
+  CHECK_THAT(message_of([&] { read_events(dir / "v.h5", part); }), jade::test::naming("2^63"));
+  const int64_t today = 1700000000000000;
+  write_h5<float, int64_t>(dir / "far.h5", kX, kY, {0, today, today + 10, today + 20},
+                           {1, 0, 1, 1});
+  const auto far = read_events(dir / "far.h5");
+  REQUIRE(far.warnings.size() == 1);
+  CHECK_THAT(far.warnings[0], jade::test::naming("1 events", "3 events", "damaged"));
+}
+
+TEST_CASE("event files: float32 times too coarse for events are refused", "[events]") {
+  const TempDir dir;
+  const auto message = [&](float first, float step) {
+    std::vector<float> x(200, 1), y(200, 2), t;
+    for (int i = 0; i < 200; ++i) t.push_back(first + float(i) * step);
+    write_h5<float, float>(dir / "a.h5", x, y, t, std::vector<int8_t>(200, 1));
+    return message_of([&] { read_events(dir / "a.h5"); });
+  };
+  CHECK_THAT(message(1.7e9F, 1e-3F), jade::test::naming("float32", "128", "float64"));
+  CHECK_THAT(message(1.7e15F, 1e9F), jade::test::naming("float32", "float64"));
+  CHECK_THAT(message(65536.5F, 0.25F), jade::test::naming("float32"));
+  CHECK(message(0, 1e-3F).empty());
+  CHECK(message(1e6F, 100).empty());
+  jade::io::write_npz(dir / "a.npz", {{"x", torch::ones({200})},
+                                      {"y", torch::ones({200})},
+                                      {"t", torch::full({200}, 1.7e9)},
+                                      {"p", torch::ones({200})}});
+  CHECK_THAT(message_of([&] { read_events(dir / "a.npz"); }), jade::test::naming("float32"));
+}

@@ -14,6 +14,7 @@
 #include "jade/core/machine_memory.h"
 #include "jade/events/event_group.h"
 #include "jade/events/raw_events.h"
+#include "jade/events/time_faults.h"
 
 namespace jade::events {
 namespace {
@@ -87,17 +88,26 @@ struct TimeRange {
   bool has_fraction = false;
 };
 
+/// @throws DataError for times that an int64 cannot hold, as negative times stored as uint64 are.
+void check_range(const std::filesystem::path& path, double first, double last) {
+  if (!std::isfinite(first) || !std::isfinite(last)) {
+    throw DataError(concat(path.string(), ": expected finite event times, found NaN or Inf"));
+  }
+  constexpr double kLargest = 9e18;
+  if (std::max(-first, last) <= kLargest) return;
+  throw DataError(concat(path.string(), ": expected event times below 2^63, found ", last,
+                         "; negative times in unsigned integers, or a counter that wrapped, look "
+                         "like this: store the times as int64"));
+}
+
 TimeRange range_of(const std::filesystem::path& path, const torch::Tensor& time) {
   TimeRange out;
   if (time.numel() == 0) return out;
   const auto [low, high] = time.aminmax();
   out.first = low.to(torch::kFloat64).item<double>();
   out.last = high.to(torch::kFloat64).item<double>();
+  check_range(path, out.first, out.last);
   if (time.is_floating_point()) {
-    if (!std::isfinite(out.first) || !std::isfinite(out.last) ||
-        std::max(-out.first, out.last) > 9e18) {
-      throw DataError(concat(path.string(), ": expected finite event times, found NaN or Inf"));
-    }
     const double* t = time.const_data_ptr<double>();
     out.has_fraction =
         std::any_of(t, t + time.numel(), [](double v) { return v != std::floor(v); });
@@ -161,6 +171,9 @@ std::vector<Stretch> wanted_stretches(const std::filesystem::path& path, const H
   if (ordered) {
     const TimeUnit unit = chosen_unit(
         path, {survey.smallest(), survey.largest(), survey.has_fraction()}, file.unit(), options);
+    check_range(path, survey.smallest(), survey.largest());
+    check_resolution(path, survey.smallest(), survey.largest(), survey.count(), file.time_bits(),
+                     unit);
     result.stored_us = {std::llround(survey.smallest() / in_unit(1, unit)),
                         std::llround(survey.largest() / in_unit(1, unit)) + 1};
     // Other units are rounded when they become µs.
@@ -204,6 +217,19 @@ RawEvents wanted_events(const std::filesystem::path& path, const EventFileOption
   for (const Stretch& stretch : stretches) count += stretch.size();
   check_event_memory(path, count, options.event_bytes);
   return file.read(stretches);
+}
+
+/// Continues the times of a counter that wraps, with a note. False where they do not wrap.
+bool continue_counter(const std::filesystem::path& path, torch::Tensor& time,
+                      EventFileResult& result) {
+  torch::Tensor counts = time.to(torch::kInt64);
+  const WrappedCounter found = unwrap_counter(counts);
+  if (found.wraps == 0) return false;
+  time = counts;
+  result.warnings.push_back(
+      concat(path.string(), ": event times are a counter of ", found.bits, " bits that wraps ",
+             found.wraps, found.wraps == 1 ? " time" : " times", "; they have been continued"));
+  return true;
 }
 
 void report(const std::filesystem::path& path, EventFileResult& result,
@@ -276,10 +302,19 @@ EventGroupResult read_event_group(const std::filesystem::path& path,
   EventFileResult& result = all.file;
   RawEvents raw = wanted_events(path, options, group, result);
   make_signs(path, raw.polarity);
-  const auto range = range_of(path, raw.time);
+  TimeRange range = range_of(path, raw.time);
+  // Counts are continued before their unit is known; in decimal fractions µs are the counts.
+  if (!range.has_fraction && continue_counter(path, raw.time, result)) {
+    range = range_of(path, raw.time);
+  }
   result.time_unit = chosen_unit(path, range, raw.unit, options);
+  if (raw.time.numel() > 0) {
+    check_resolution(path, range.first, range.last, raw.time.numel(), raw.time_bits,
+                     result.time_unit);
+  }
   all.sensor = raw.size;
   raw.time = to_us(raw.time, result.time_unit);
+  if (range.has_fraction) continue_counter(path, raw.time, result);
   result.was_unsorted = !is_sorted_in_time(raw.time);
   if (result.was_unsorted) {
     result.warnings.push_back(
@@ -291,6 +326,8 @@ EventGroupResult read_event_group(const std::filesystem::path& path,
   if (result.stored_us.duration_us() == 0 && !result.events.empty()) {
     result.stored_us = {result.events.first_us(), result.events.last_us() + 1};
   }
+  const std::string alone = lone_event_warning(path, result.events.t_us(), !result.was_unsorted);
+  if (!alone.empty()) result.warnings.push_back(alone);
   if (options.keep) result.events = only_in(*options.keep, result.events);
   report(path, result, options.size);
   return all;

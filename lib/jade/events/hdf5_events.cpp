@@ -14,6 +14,7 @@
 #include "jade/core/interrupt.h"
 #include "jade/events/columns.h"
 #include "jade/events/raw_events.h"
+#include "jade/events/time_faults.h"
 #include "jade/io/hdf5.h"
 
 namespace jade::events {
@@ -255,6 +256,13 @@ struct Hdf5Events::Source {
     return dataset.floating_fields[size_t(at - dataset.fields.begin())];
   }
 
+  int64_t item_size(size_t field) const {
+    const io::Hdf5Dataset& dataset = dataset_of(field);
+    if (stream.form != Hdf5Form::kRecords) return dataset.item_size;
+    const auto at = std::find(dataset.fields.begin(), dataset.fields.end(), stream.names[field]);
+    return dataset.field_sizes[size_t(at - dataset.fields.begin())];
+  }
+
   template <class T>
   void read_values(size_t field, int64_t begin, int64_t count, T* out) const {
     if (stream.form == Hdf5Form::kArrays) {
@@ -309,6 +317,10 @@ Hdf5Events::~Hdf5Events() = default;
 
 const std::string& Hdf5Events::name() const { return source_->stream.name; }
 
+int Hdf5Events::time_bits() const {
+  return significant_bits(source_->is_floating(2), source_->item_size(2));
+}
+
 int64_t Hdf5Events::length() const { return source_->length; }
 
 TimeUnit Hdf5Events::unit() const {
@@ -347,6 +359,7 @@ RawEvents Hdf5Events::read(const std::optional<std::vector<Stretch>>& wanted) co
     if (moved) out.time += read_number<int64_t>(source.file, source.offset_name);
   }
   out.unit = unit();
+  out.time_bits = time_bits();
   out.size = source.size;
   return out;
 }

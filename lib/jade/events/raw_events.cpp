@@ -9,6 +9,7 @@
 
 #include "jade/core/error.h"
 #include "jade/events/columns.h"
+#include "jade/events/time_faults.h"
 #include "jade/io/npy_fields.h"
 
 namespace jade::events {
@@ -27,6 +28,7 @@ RawEvents from_columns(const std::filesystem::path& path, const torch::Tensor& x
   out.y = y.flatten().to(torch::kFloat32).contiguous();
   out.polarity = whole_polarity(path, p.flatten());
   out.time = t.flatten().to(t.is_floating_point() ? torch::kFloat64 : torch::kInt64).contiguous();
+  out.time_bits = significant_bits(t.is_floating_point(), t.element_size());
   return out;
 }
 

@@ -24,6 +24,7 @@ struct RawEvents {
   torch::Tensor time;               ///< int64, or float64 where the file has floats, [N]
   TimeUnit unit = TimeUnit::kAuto;  ///< of the times, where their name says it
   std::optional<ImageSize> size;    ///< of the sensor, where the file says it
+  int time_bits = 64;               ///< significant_bits() of the times as stored
 };
 
 /// One stream of events in an HDF5 file: arrays in a group, records, or a table of four columns.
@@ -39,6 +40,8 @@ class Hdf5Events {
   /// Notes for the user: other streams, and data beside the events that is not used.
   const std::vector<std::string>& notes() const { return notes_; }
   TimeUnit unit() const;
+  /// significant_bits() of the times as stored.
+  int time_bits() const;
   int64_t length() const;
   /// The times without the rest.
   TimeSurvey survey() const;

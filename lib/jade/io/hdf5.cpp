@@ -74,6 +74,8 @@ void add_numeric_fields(hid_t type, Hdf5Dataset* out) {
     if (kind == H5T_INTEGER || kind == H5T_ENUM || kind == H5T_FLOAT) {
       out->fields.emplace_back(name);
       out->floating_fields.push_back(kind == H5T_FLOAT);
+      const Id member(H5Tget_member_type(type, static_cast<unsigned>(i)));
+      out->field_sizes.push_back(static_cast<int64_t>(H5Tget_size(member)));
     }
     H5free_memory(name);
   }

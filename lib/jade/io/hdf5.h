@@ -18,6 +18,7 @@ struct Hdf5Dataset {
   bool floating = false;  ///< Neither: text, references, which cannot be read, or records.
   std::vector<std::string> fields;    ///< Names of a record's numbers; read_field reads them.
   std::vector<bool> floating_fields;  ///< Which of these are floats.
+  std::vector<int64_t> field_sizes;   ///< Bytes of these.
   int64_t item_size = 0;              ///< Bytes of a stored value.
   /// Values in a chunk of a 1-D array, rows in one of a 2-D array; 0 if stored in one piece.
   int64_t chunk_length = 0;

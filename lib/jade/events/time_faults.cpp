@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/events/time_faults.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "jade/core/error.h"
+
+namespace jade::events {
+
+int significant_bits(bool floating, int64_t bytes) {
+  if (!floating) return 64;
+  return bytes <= 2 ? 11 : bytes <= 4 ? 24 : 53;
+}
+
+WrappedCounter unwrap_counter(torch::Tensor& times) {
+  int64_t* const t = times.mutable_data_ptr<int64_t>();
+  const int64_t count = times.numel();
+  if (count < 2 || std::is_sorted(t, t + count)) return {};
+  const auto [low, high] = std::minmax_element(t, t + count);
+  const double span = double(*high) - double(*low);
+  for (const int bits : {24, 31, 32}) {
+    const int64_t all = int64_t(1) << bits;
+    const int64_t nearly_all = all - all / 64, jitter = all / 256;
+    if (span >= double(all) || span < double(nearly_all)) continue;
+    int64_t wraps = 0;
+    bool is_counter = true;
+    for (int64_t i = 1; i < count && is_counter; ++i) {
+      const int64_t back = t[i - 1] - t[i];
+      if (back >= nearly_all) ++wraps;
+      // An event from before the wrap may come behind it.
+      if (-back >= nearly_all) --wraps;
+      is_counter = back < jitter || back >= nearly_all;
+    }
+    if (!is_counter || wraps < 1) continue;
+    int64_t before = t[0], offset = 0;
+    for (int64_t i = 1; i < count; ++i) {
+      const int64_t now = t[i];
+      if (before - now >= nearly_all) offset += all;
+      if (now - before >= nearly_all) offset -= all;
+      t[i] = now + offset;
+      before = now;
+    }
+    return {bits, wraps};
+  }
+  return {};
+}
+
+void check_resolution(const std::filesystem::path& path, double smallest, double largest,
+                      int64_t count, int bits, TimeUnit unit) {
+  constexpr double kCoarsestUs = 1000;
+  constexpr int64_t kMany = 100;  // events
+  constexpr double kFew = 16;     // values of the type
+  const double size = std::max(std::abs(smallest), std::abs(largest));
+  if (bits > 53 || size == 0 || !std::isfinite(size)) return;
+  const double step = std::ldexp(1.0, std::ilogb(size) - bits + 1);
+  const double step_us = step * us_per_unit(unit);
+  const bool crowded = step_us > 1 && count >= kMany && largest - smallest <= kFew * step;
+  if (step_us <= kCoarsestUs && !crowded) return;
+  throw DataError(concat(path.string(), ": expected event times at most 1 ms apart, found float",
+                         bits == 53   ? 64
+                         : bits == 24 ? 32
+                                      : 16,
+                         " times near ", size, ", where the type has a value every ", step,
+                         "; store the times as float64 or as integers, from the recording's own "
+                         "source"));
+}
+
+std::string lone_event_warning(const std::filesystem::path& path, const torch::Tensor& t_us,
+                               bool was_sorted) {
+  constexpr double kDayUs = 86400e6, kLongUs = 600e6, kNearlyAll = 0.9;
+  const int64_t count = t_us.numel();
+  if (count < 2) return "";
+  const int64_t* const t = t_us.const_data_ptr<int64_t>();
+  const double span = double(t[count - 1]) - double(t[0]);
+  if (span < (was_sorted ? kDayUs : kLongUs)) return "";
+  for (int64_t i = 1; i < count; ++i) {
+    const double gap = double(t[i]) - double(t[i - 1]);
+    if (gap < kNearlyAll * span) continue;
+    return concat(path.string(), ": expected one recording, found ", i, " events, then none for ",
+                  1e-6 * gap, " s, then ", count - i,
+                  " events; check the times for damaged values or a counter that wrapped");
+  }
+  return "";
+}
+
+}  // namespace jade::events

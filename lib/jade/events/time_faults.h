@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+// Faults of stored event times. Not for use outside this folder.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <torch/types.h>
+
+#include "jade/events/time_unit.h"
+
+namespace jade::events {
+
+/// Significant bits of a floating type of so many bytes; 64 for integers.
+int significant_bits(bool floating, int64_t bytes);
+
+/// A counter that started again at its smallest value.
+struct WrappedCounter {
+  int bits = 0;       ///< width of the counter
+  int64_t wraps = 0;  ///< 0: the times do not wrap
+};
+
+/// Continues the times of a counter of 24, 31 or 32 bits that wraps, in place. Such times span all
+/// of the counter and fall back only by all of it, or by the little that simultaneous events are
+/// out of order; other times stay as they are.
+/// @param times  int64 [N] in counts
+WrappedCounter unwrap_counter(torch::Tensor& times);
+
+/// @param bits  as significant_bits()
+/// @throws DataError where floating-point times at the size of `largest` are more than 1 ms apart,
+///   or where `count` events lie on a few of the values that the type has there.
+void check_resolution(const std::filesystem::path& path, double smallest, double largest,
+                      int64_t count, int bits, TimeUnit unit);
+
+/// A warning where a single gap is nearly all of the time between the first event and the last, as
+/// one damaged time leaves; empty where there is none.
+/// @param t_us       int64 [N], in order
+/// @param was_sorted  false: the file had other times before these; shorter spans are checked too
+std::string lone_event_warning(const std::filesystem::path& path, const torch::Tensor& t_us,
+                               bool was_sorted);
+
+}  // namespace jade::events
