@@ -97,6 +97,7 @@ void inspect_scene(const std::filesystem::path& path, bool json) {
     result["origin"] = file.origin;
     result["kind"] = scene.kind;
     result["flat"] = scene.flat;
+    result["notes"] = scene.notes;
     std::printf("%s\n", result.dump(2).c_str());
     return;
   }
@@ -109,6 +110,7 @@ void inspect_scene(const std::filesystem::path& path, bool json) {
         "their thinnest other axis as thickness\n",
         long(scene.flat), long(summary.count));
   }
+  for (const std::string& note : scene.notes) std::printf("note        %s\n", note.c_str());
   if (summary.problems.empty()) std::printf("\nNo problems found.\n");
   for (const std::string& problem : summary.problems)
     std::printf("problem     %s\n", problem.c_str());

@@ -360,6 +360,77 @@ TEST_CASE("ply: Gaussians with red, green, blue have the colours of f_dc", "[gau
   }
 }
 
+TEST_CASE("ply: colours of Gaussians as floats up to 255 are scaled with a note", "[gaussians]") {
+  const test::TempDir folder;
+  const splat::Gaussians g = random_gaussians(3, 1);
+  const torch::Tensor rgb = torch::tensor({{0.f, 0.5f, 1.f}, {0.2f, 0.4f, 0.6f}, {1.f, 1.f, 1.f}});
+  const std::vector<std::string> names = {"x",     "y",       "z",       "red",     "green",
+                                          "blue",  "opacity", "scale_0", "scale_1", "scale_2",
+                                          "rot_0", "rot_1",   "rot_2",   "rot_3"};
+  const auto read = [&](const torch::Tensor& colors) {
+    write_rows(
+        folder / "rgb.ply", names,
+        torch::cat({g.means, colors, g.logit_opacities.unsqueeze(1), g.log_scales, g.rotations},
+                   1));
+    return read_scene(folder / "rgb.ply");
+  };
+  for (const float brightest : {255.f, 65535.f}) {
+    const PlyScene scene = read(rgb * brightest);
+    CHECK(
+        torch::allclose(scene.file.gaussians.sh.select(1, 0) * 0.28209479 + 0.5, rgb, 1e-4, 1e-5));
+    REQUIRE(scene.notes.size() == 1);
+    CHECK_THAT(scene.notes[0], test::naming("rgb.ply", "red", "divided by"));
+  }
+  // Colours that nobody clamped.
+  const PlyScene bright = read(rgb * 1.2);
+  CHECK(bright.notes.empty());
+  CHECK(torch::allclose(bright.file.gaussians.sh.select(1, 0) * 0.28209479 + 0.5, rgb * 1.2, 1e-4,
+                        1e-5));
+  CHECK_THROWS_AS(read(rgb * 1e6), DataError);
+  CHECK_THAT(message_of(folder / "rgb.ply"), test::naming("65535", "export"));
+}
+
+TEST_CASE("ply: the 3D smoothing filter of Mip-Splatting is applied with a note", "[gaussians]") {
+  const test::TempDir folder;
+  const splat::Gaussians g = random_gaussians(5, 1);
+  const torch::Tensor filter = torch::tensor({0.f, 0.01f, 0.1f, 0.3f, 1.f}).unsqueeze(1);
+  write_rows(folder / "mip.ply",
+             {"x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1",
+              "scale_2", "rot_0", "rot_1", "rot_2", "rot_3", "filter_3D"},
+             torch::cat({g.means, g.sh.select(1, 0), g.logit_opacities.unsqueeze(1), g.log_scales,
+                         g.rotations, filter},
+                        1));
+  const PlyScene scene = read_scene(folder / "mip.ply");
+  const splat::Gaussians& read = scene.file.gaussians;
+  const torch::Tensor s = g.log_scales.exp(), smooth = (s.square() + filter.square()).sqrt();
+  CHECK(torch::allclose(read.log_scales.exp(), smooth, 1e-4, 1e-6));
+  CHECK(torch::allclose(read.logit_opacities.sigmoid(),
+                        g.logit_opacities.sigmoid() * (s / smooth).prod(1), 1e-4, 1e-6));
+  CHECK(torch::equal(read.log_scales[0], g.log_scales[0]));
+  CHECK(torch::equal(read.logit_opacities[0], g.logit_opacities[0]));
+  REQUIRE(scene.notes.size() == 1);
+  CHECK_THAT(scene.notes[0], test::naming("mip.ply", "filter_3D", "applied"));
+}
+
+TEST_CASE("ply: rows behind those that the header promises are named", "[gaussians]") {
+  const test::TempDir folder;
+  const splat::Gaussians g = random_gaussians(6, 4);
+  for (const std::string format : {"ascii", "binary_little_endian", "binary_big_endian"}) {
+    INFO(format);
+    std::string text = shuffled_file(g, format);
+    write_file(folder / "a.ply", text);
+    CHECK(read_scene(folder / "a.ply").notes.empty());
+    write_file(folder / "a.ply", text + "\n");
+    CHECK(read_scene(folder / "a.ply").notes.empty());
+    text.replace(text.find("vertex 6"), 8, "vertex 2");
+    write_file(folder / "a.ply", text);
+    const PlyScene scene = read_scene(folder / "a.ply");
+    CHECK(scene.file.gaussians.size() == 2);
+    REQUIRE(scene.notes.size() == 1);
+    CHECK_THAT(scene.notes[0], test::naming("a.ply", "2 'vertex'", "4 rows"));
+  }
+}
+
 /// `value` from 0 to 1 in so many bits.
 uint32_t bits_of(double value, int bits) {
   return static_cast<uint32_t>(std::lround(value * ((1 << bits) - 1)));

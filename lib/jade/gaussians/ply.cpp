@@ -10,6 +10,7 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/check.h"
+#include "jade/core/log.h"
 #include "jade/gaussians/file_tensor.h"
 #include "jade/gaussians/file_values.h"
 #include "jade/gaussians/ply_header.h"
@@ -44,7 +45,9 @@ int64_t count_rest(const PlyFile& file, const std::filesystem::path& path) {
   while (file.vertices().find(concat("f_rest_", count)) >= 0) ++count;
   if (count != 0 && count != 9 && count != 24 && count != 45) {
     throw DataError(concat(path.string(), ": expected 0, 9, 24 or 45 f_rest properties (SH degree ",
-                           "0 to 3), found ", count));
+                           "0 to 3), found ", count,
+                           count == 72 ? " (SH degree 4); export the scene with SH degree 3"
+                                       : "; export the scene again"));
   }
   return count;
 }
@@ -62,14 +65,58 @@ std::vector<std::string> color_names(const PlyFile& file) {
   return {};
 }
 
+/// Number that stands for the brightest colour. Floats are in [0,1], but tools also write 0..255;
+/// a little above 1 are colours that nobody clamped.
+double brightest_of(const PlyFile& file, PlyType type, double largest) {
+  constexpr double kUnclamped = 2;
+  if (type == PlyType::kUint8 || type == PlyType::kInt8) return 255;
+  const bool floating = type == PlyType::kFloat32 || type == PlyType::kFloat64;
+  if (floating && !(largest > kUnclamped)) return 1;
+  if (type == PlyType::kUint16 || type == PlyType::kInt16 || largest > 255) {
+    if (!(largest > 65535)) return 65535;
+    throw DataError(concat(file.path().string(),
+                           ": expected colours from 0 to 1, 255 or 65535, found ", largest,
+                           "; export the colours again"));
+  }
+  return 255;
+}
+
 /// [N,3] in [0,1].
-torch::Tensor read_colors(const PlyFile& file, const std::vector<std::string>& names) {
+torch::Tensor read_colors(const PlyFile& file, const std::vector<std::string>& names,
+                          std::vector<std::string>& notes) {
   torch::Tensor colors = file.read_vertices(names);
   const auto first = static_cast<size_t>(file.vertices().find(names[0]));
   const PlyType type = file.vertices().properties[first].type;
-  if (type == PlyType::kUint16 || type == PlyType::kInt16) return colors.div_(65535);
-  if (type != PlyType::kFloat32 && type != PlyType::kFloat64) colors.div_(255);
-  return colors;
+  const torch::Tensor finite = colors.masked_select(colors.isfinite());
+  const double largest = finite.numel() == 0 ? 0 : finite.max().item<double>();
+  const double brightest = brightest_of(file, type, largest);
+  if (brightest != 1 && (type == PlyType::kFloat32 || type == PlyType::kFloat64)) {
+    notes.push_back(concat(file.path().string(), ": expected ", names[0],
+                           " from 0 to 1, found up to ", largest, "; colours are divided by ",
+                           brightest));
+  }
+  return brightest == 1 ? colors : colors.div_(brightest);
+}
+
+/// Applies the 3D smoothing filter of Mip-Splatting (Yu et al., CVPR 2024): the Gaussian with the
+/// covariance S^2 becomes that with S^2 + f^2, and its opacity shrinks by
+/// sqrt(det S^2 / det(S^2 + f^2)), so that its integral stays.
+/// @param filter  [N] standard deviation f in world units
+void apply_filter(splat::Gaussians& g, const torch::Tensor& filter) {
+  const torch::Tensor f2 = filter.to(torch::kFloat64).square().unsqueeze(1);
+  const torch::Tensor s2 = (2 * g.log_scales.to(torch::kFloat64)).exp();
+  const torch::Tensor smooth = s2 + f2;
+  // A scale of zero without a filter stays as it is.
+  const torch::Tensor share = torch::where(f2 > 0, s2 / smooth, torch::ones_like(s2));
+  const torch::Tensor opacity =
+      torch::sigmoid(g.logit_opacities.to(torch::kFloat64)) * share.prod(1).sqrt();
+  const torch::Tensor changed = f2.squeeze(1) > 0;
+  g.logit_opacities =
+      torch::where(changed, torch::logit(opacity).to(torch::kFloat32), g.logit_opacities)
+          .contiguous();
+  g.log_scales =
+      torch::where(changed.unsqueeze(1), (0.5 * smooth.log()).to(torch::kFloat32), g.log_scales)
+          .contiguous();
 }
 
 PlyKind kind_of(const PlyFile& file) {
@@ -115,8 +162,10 @@ void check_attributes(const PlyFile& file, PlyKind kind) {
                          ", found none called ", missing, "; export the scene again"));
 }
 
+const char* const kFilter = "filter_3D";
+
 /// Reads all kinds but the packed one, in one pass over the file.
-splat::Gaussians read_attributes(const PlyFile& file) {
+splat::Gaussians read_attributes(const PlyFile& file, std::vector<std::string>& notes) {
   const bool has_constant = file.vertices().find("f_dc_0") >= 0;
   const int64_t scales = file.vertices().find("scale_2") >= 0 ? 3 : 2;
   const std::vector<std::string> scale_names = {"scale_0", "scale_1", "scale_2"};
@@ -126,6 +175,8 @@ splat::Gaussians read_attributes(const PlyFile& file) {
   const int64_t rest = count_rest(file, file.path());
   const auto more = rest_names(rest);
   names.insert(names.end(), more.begin(), more.end());
+  const bool filtered = file.vertices().find(kFilter) >= 0 && scales == 3;
+  if (filtered) names.emplace_back(kFilter);
   const torch::Tensor rows = file.read_vertices(names);
   int64_t at = 0;
   const auto take = [&](int64_t count) {
@@ -140,9 +191,18 @@ splat::Gaussians read_attributes(const PlyFile& file) {
                                         -std::numeric_limits<double>::infinity())
                      .contiguous();
   const torch::Tensor dc =
-      has_constant ? take(3) : (read_colors(file, color_names(file)) - 0.5) / splat::math::kSh0;
+      has_constant ? take(3)
+                   : (read_colors(file, color_names(file), notes) - 0.5) / splat::math::kSh0;
   const torch::Tensor by_channel = take(rest).reshape({rows.size(0), 3, rest / 3});
   g.sh = torch::cat({dc.unsqueeze(1), by_channel.transpose(1, 2)}, 1).contiguous();
+  if (filtered) {
+    apply_filter(g, take(1).squeeze(1));
+    notes.push_back(concat(file.path().string(), ": the 3D smoothing filter of Mip-Splatting (",
+                           kFilter, ") is applied to scales and opacities"));
+  } else if (file.vertices().find(kFilter) >= 0) {
+    notes.push_back(concat(file.path().string(), ": ", kFilter,
+                           " is not applied, as the Gaussians have two scales"));
+  }
   return g;
 }
 
@@ -228,7 +288,10 @@ PlyScene read_scene(const std::filesystem::path& path) {
   check_attributes(file, result.kind);
   result.file.antialiased = says_mip(file);
   splat::Gaussians& gaussians = result.file.gaussians;
-  gaussians = result.kind == PlyKind::kPacked ? unpack(file) : read_attributes(file);
+  gaussians = result.kind == PlyKind::kPacked ? unpack(file) : read_attributes(file, result.notes);
+  if (const std::string more = file.trailing_warning(); !more.empty()) {
+    result.notes.push_back(more);
+  }
   const Places places = places_of(file, gaussians.means);
   gaussians.means = places.xyz.contiguous();
   result.file.origin = places.origin;
@@ -286,7 +349,11 @@ PointCloud read_point_cloud(const std::filesystem::path& path) {
   cloud.points = places.xyz;
   cloud.origin = places.origin;
   const std::vector<std::string> names = color_names(file);
-  cloud.colors = names.empty() ? torch::full_like(cloud.points, 0.5) : read_colors(file, names);
+  std::vector<std::string> notes;
+  cloud.colors =
+      names.empty() ? torch::full_like(cloud.points, 0.5) : read_colors(file, names, notes);
+  if (const std::string more = file.trailing_warning(); !more.empty()) notes.push_back(more);
+  for (const std::string& note : notes) log_warn(note);
   return cloud;
 }
 

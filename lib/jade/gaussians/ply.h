@@ -33,7 +33,8 @@ struct PointCloud {
 /// big-endian or ascii, properties of any scalar type in any order; other properties and elements
 /// are skipped. Means far from the origin are moved to one of their own, in double. SH degree 0 to
 /// 3 from the number of f_rest properties. An infinite opacity, as converters from formats of bytes
-/// write it, becomes the finite one that is 1 or 0 in float32.
+/// write it, becomes the finite one that is 1 or 0 in float32. Mip-Splatting's filter_3D is
+/// applied.
 /// @throws DataError naming the path for files that are no such .ply, cut short, or claim more
 ///   vertices than they have bytes for.
 GaussianFile read_ply(const std::filesystem::path& path);
@@ -50,7 +51,8 @@ void check_some(const splat::Gaussians& gaussians, const std::filesystem::path& 
 void write_ply(const std::filesystem::path& path, const GaussianFile& file,
                PlyCoordinates coordinates = PlyCoordinates::kOwn);
 
-/// Reads x y z and red green blue (uchar, or float in [0,1]; gray 0.5 where there is no colour).
+/// Reads x y z and red green blue (uchar, ushort, or float in [0,1]; floats up to 255 or
+/// 65535 are divided by that, with a warning; gray 0.5 where there is no colour).
 /// @throws DataError as read_ply.
 PointCloud read_point_cloud(const std::filesystem::path& path);
 

@@ -227,16 +227,60 @@ const PlyElement* PlyFile::element(const std::string& name) const {
 
 std::string_view PlyFile::data_of(const PlyElement& element) const {
   std::string_view data = std::string_view(content_).substr(header_.size);
-  const bool swap = header_.format == PlyFormat::kBigEndian;
   for (const PlyElement& before : header_.elements) {
     if (&before == &element) break;
-    if (header_.format == PlyFormat::kAscii) {
-      data = skip_lines(data, before, path_);
-    } else {
-      data = skip_lists(data, before, swap, path_);
-    }
+    data = data_behind(before, data);
   }
   return data;
+}
+
+/// What follows the rows of an element at the start of `data`.
+std::string_view PlyFile::data_behind(const PlyElement& element, std::string_view data) const {
+  if (header_.format == PlyFormat::kAscii) return skip_lines(data, element, path_);
+  if (has_list(element)) {
+    return skip_lists(data, element, header_.format == PlyFormat::kBigEndian, path_);
+  }
+  const size_t row = row_size(element);
+  if (row > 0 && static_cast<uint64_t>(element.count) > data.size() / row) {
+    fail_short(path_, element);
+  }
+  return data.substr(row * static_cast<size_t>(element.count));
+}
+
+std::string PlyFile::trailing_warning() const {
+  const PlyElement& last = header_.elements.back();
+  const auto text = [&](const std::string& found) {
+    return concat(path_.string(), ": expected ", last.count, " '", last.name,
+                  "' rows as its header says, found ", found,
+                  " more behind them, which are not read; export the file again");
+  };
+  const bool ascii = header_.format == PlyFormat::kAscii;
+  std::string_view rest;
+  try {
+    rest = data_of(last);
+    if (!ascii) rest = data_behind(last, rest);
+  } catch (const DataError&) {
+    return "";  // It ends early, in rows that nobody reads.
+  }
+  if (!ascii) {
+    const size_t row = std::max<size_t>(row_size(last), 1);
+    if (has_list(last)) return rest.empty() ? "" : text(concat(rest.size(), " bytes"));
+    return rest.size() < row
+               ? ""
+               : text(concat(rest.size(), " bytes, as of ", rest.size() / row, " rows,"));
+  }
+  if (has_list(last)) return "";
+  // Numbers are counted rather than lines, as a row may have several.
+  const auto is_blank = [](char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\n'; };
+  int64_t numbers = 0;
+  bool blank = true;
+  for (const char c : rest) {
+    if (blank && !is_blank(c)) ++numbers;
+    blank = is_blank(c);
+  }
+  const auto width = static_cast<int64_t>(last.properties.size());
+  const int64_t rows = width == 0 ? 0 : numbers / width - last.count;
+  return rows <= 0 ? "" : text(concat(rows, rows == 1 ? " row" : " rows"));
 }
 
 torch::Tensor PlyFile::read_vertices(const std::vector<std::string>& names,

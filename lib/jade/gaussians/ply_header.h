@@ -46,6 +46,9 @@ class PlyFile {
   const std::filesystem::path& path() const { return path_; }
   const PlyHeader& header() const { return header_; }
   const PlyElement& vertices() const { return header_.elements[vertex_]; }
+  /// A warning where the file goes on behind the rows that its header promises; empty where it
+  /// ends there.
+  std::string trailing_warning() const;
   /// The first element of that name, or nullptr.
   const PlyElement* element(const std::string& name) const;
 
@@ -60,6 +63,7 @@ class PlyFile {
 
  private:
   std::string_view data_of(const PlyElement& element) const;
+  std::string_view data_behind(const PlyElement& element, std::string_view data) const;
   template <class T>
   void decode(const PlyElement& element, std::string_view data, const std::vector<int64_t>& column,
               T* out) const;

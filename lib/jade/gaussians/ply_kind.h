@@ -5,6 +5,8 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <string>
+#include <vector>
 
 #include "jade/core/words.h"
 #include "jade/gaussians/ply.h"
@@ -39,7 +41,8 @@ PlyKind kind_of(const std::filesystem::path& path);
 struct PlyScene {
   GaussianFile file;
   PlyKind kind = PlyKind::kGaussians;
-  int64_t flat = 0;  ///< Gaussians whose thickness the file has as zero or not at all
+  int64_t flat = 0;                ///< Gaussians whose thickness the file has as zero or not at all
+  std::vector<std::string> notes;  ///< one line each: what was changed while reading
 };
 
 /// @throws DataError as read_ply; it says what the file is, or which attributes are missing.

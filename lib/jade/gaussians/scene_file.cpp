@@ -7,6 +7,7 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/check.h"
+#include "jade/core/log.h"
 #include "jade/gaussians/file_values.h"
 #include "jade/gaussians/gltf_file.h"
 #include "jade/gaussians/ply_kind.h"
@@ -87,16 +88,16 @@ SceneFile read_as(SceneKind kind, const fs::path& path) {
   switch (kind) {
     case SceneKind::kPly: {
       PlyScene scene = read_scene(path);
-      return {std::move(scene.file), word_of(scene.kind), scene.flat};
+      return {std::move(scene.file), word_of(scene.kind), scene.flat, std::move(scene.notes)};
     }
     case SceneKind::kSpz:
-      return {parse_spz(read_file(path), path.string()), ".spz (Niantic)"};
+      return {parse_spz(read_file(path), path.string()), ".spz (Niantic)", 0, {}};
     case SceneKind::kSog:
-      return {read_sog(path), ".sog (PlayCanvas, SuperSplat)"};
+      return {read_sog(path), ".sog (PlayCanvas, SuperSplat)", 0, {}};
     case SceneKind::kGltf:
-      return {read_gltf(path), "glTF with KHR_gaussian_splatting"};
+      return {read_gltf(path), "glTF with KHR_gaussian_splatting", 0, {}};
     case SceneKind::kSplat:
-      return {read_splat(path), ".splat"};
+      return {read_splat(path), ".splat", 0, {}};
   }
   throw ContractError("read_as: unknown kind");
 }
@@ -133,7 +134,11 @@ SceneFile read_scene_file(const fs::path& path) {
   return scene;
 }
 
-GaussianFile read_gaussians(const fs::path& path) { return read_scene_file(path).file; }
+GaussianFile read_gaussians(const fs::path& path) {
+  SceneFile scene = read_scene_file(path);
+  for (const std::string& note : scene.notes) log_warn(note);
+  return std::move(scene.file);
+}
 
 bool is_exact(const fs::path& path) { return ends(path, ".ply") && !ends(path, kPackedPly); }
 

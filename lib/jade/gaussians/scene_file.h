@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "jade/core/words.h"
 #include "jade/gaussians/ply.h"
@@ -33,15 +34,16 @@ std::optional<SceneKind> scene_kind(const std::filesystem::path& path);
 /// Gaussians and what their file is.
 struct SceneFile {
   GaussianFile file;
-  std::string kind;  ///< for people, such as "3DGS" or ".spz"
-  int64_t flat = 0;  ///< Gaussians whose thickness the file has as zero or not at all
+  std::string kind;                ///< for people, such as "3DGS" or ".spz"
+  int64_t flat = 0;                ///< Gaussians whose thickness the file has as zero or not at all
+  std::vector<std::string> notes;  ///< one line each, naming the path
 };
 
 /// Reads a file of any kind. Means far from the origin are moved to one of their own.
 /// @throws DataError naming the path, and what the file is if it is of none.
 SceneFile read_scene_file(const std::filesystem::path& path);
 
-/// The Gaussians alone.
+/// The Gaussians alone; the notes are logged as warnings.
 GaussianFile read_gaussians(const std::filesystem::path& path);
 
 struct SceneWriting {
