@@ -457,3 +457,35 @@ TEST_CASE("event files: float32 times too coarse for events are refused", "[even
                                       {"p", torch::ones({200})}});
   CHECK_THAT(message_of([&] { read_events(dir / "a.npz"); }), jade::test::naming("float32"));
 }
+
+TEST_CASE("event files: text in the dialects of spreadsheets", "[events]") {
+  const TempDir dir;
+  const auto check = [&](const std::string& text) {
+    INFO(text);
+    std::ofstream(dir / "a.csv") << text;
+    check_events(read_events(dir / "a.csv").events);
+  };
+  check(
+      "\"timestamp\",\"x\",\"y\",\"polarity\"\n\"100\",\"1.5\",\"0\",\"1\"\n"
+      "\"250\",\"2\",\"1\",\"0\"\n\"250\",\"3\",\"2.25\",\"1\"\n\"999\",\"0\",\"7\",\"1\"\n");
+  check("t,x,y,p\n100,1.5,0,ON\n250,2,1,OFF\n250,3,2.25,on\n999,0,7,ON\n");
+  check("t,x,y,p\n100,1.5,0,True\n250,2,1,False\n250,3,2.25,TRUE\n999,0,7,true\n");
+  check("t;x;y;p\n0,0001;1,5;0;1\n0,00025;2;1;0\n0,00025;3;2,25;1\n0,000999;0;7;1\n");
+  check("t,x,y,p,\n100,1.5,0,1,\n250,2,1,0,\n250,3,2.25,1,\n999,0,7,1,\n");
+  check("t,x,y,p\r100,1.5,0,1\r250,2,1,0\r250,3,2.25,1\r999,0,7,1\r");
+  check("t,x,y,p\r\n100,1.5,0,1\r\n250,2,1,0\r\n250,3,2.25,1\r\n999,0,7,1");
+}
+
+TEST_CASE("event files: compressed lists and other polarities say what to do", "[events]") {
+  const TempDir dir;
+  std::ofstream(dir / "a.txt.gz") << "\x1f\x8b\x08";
+  CHECK_THAT(message_of([&] { read_events(dir / "a.txt.gz"); }),
+             jade::test::naming("gzip", "gunzip -k a.txt.gz"));
+  write_h5<float, int64_t>(dir / "two.h5", kX, kY, kT, {1, 2, 2, 1});
+  CHECK_THAT(message_of([&] { read_events(dir / "two.h5"); }),
+             jade::test::naming("from 1 to 2", "store 1 for brighter"));
+  std::ofstream(dir / "cut.txt") << "100 1 2 1\n200 1 2 0\n3";
+  CHECK_THAT(
+      message_of([&] { read_events(dir / "cut.txt"); }),
+      jade::test::naming("cut.txt:3", "expected 4 numbers", "found 1", "complete or remove"));
+}

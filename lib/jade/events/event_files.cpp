@@ -38,6 +38,12 @@ EventFileKind file_kind(const std::filesystem::path& path) {
   if (ending == ".npz" || starts("PK\x03\x04")) return EventFileKind::kNpz;
   if (ending == ".npy" || starts("\x93NUMPY")) return EventFileKind::kNpy;
   if (ending == ".txt" || ending == ".csv" || ending == ".tsv") return EventFileKind::kText;
+  if (starts("\x1f\x8b")) {
+    throw DataError(concat(path.string(),
+                           ": expected a list of events, found one that gzip compressed; unpack it "
+                           "first: gunzip -k ",
+                           path.filename().string()));
+  }
   throw DataError(concat(path.string(),
                          ": expected a list of events named .h5, .hdf5, .npz, .npy, .txt or .csv, "
                          "found '",
@@ -57,6 +63,13 @@ RawEvents read_raw(const std::filesystem::path& path, EventFileKind kind) {
   }
 }
 
+/// For a message: the range of polarities as read, which end at the limits of int8.
+std::string values_from(const torch::Tensor& polarity) {
+  const int low = polarity.min().item<int>(), high = polarity.max().item<int>();
+  return concat("numbers from ", low, low == -128 ? " or less" : "", " to ", high,
+                high == 127 ? " or more" : "");
+}
+
 /// 0/1 → −1/+1 in place.
 void make_signs(const std::filesystem::path& path, torch::Tensor& polarity) {
   int8_t* p = polarity.mutable_data_ptr<int8_t>();
@@ -74,7 +87,8 @@ void make_signs(const std::filesystem::path& path, torch::Tensor& polarity) {
   });
   if (others || (zeros && negatives)) {
     throw DataError(concat(path.string(), ": expected polarities 0/1 or -1/+1, found ",
-                           others ? "other numbers" : "-1 and 0 together"));
+                           others ? values_from(polarity) : "-1 and 0 together",
+                           "; store 1 for brighter and 0 for darker"));
   }
   if (!zeros) return;
   at::parallel_for(0, polarity.numel(), kEventGrain, [&](int64_t begin, int64_t end) {

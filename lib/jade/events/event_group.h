@@ -24,6 +24,8 @@ struct EventGroupResult {
 ///   .npy   records with fields of these names, or a table [N,4] or [4,N]
 ///   text   .txt .csv .tsv: a line an event, between blanks, commas or semicolons; lines of '#' or
 ///          '%' are comments, and one line of column names, or of width and height, may stand first
+/// Numbers in text may be quoted and have decimal commas between semicolons or tabs; ON, OFF, True
+/// and False are polarities.
 /// Other names of x, y, t, p are xs ys ts ps, time, timestamp(s), pol, polarity; t_us, t_ns, t_ms,
 /// t_s and "t [us]" tell the unit as well, and so does an attribute "unit" or "units" in HDF5.
 /// Columns that nothing names are told by their values: polarities are 0/1 or -1/+1, times never

@@ -100,8 +100,10 @@ std::string event_array(const io::Npz& archive) {
 
 torch::Tensor whole_polarity(const std::filesystem::path& path, const torch::Tensor& polarity) {
   if (!polarity.to(torch::kInt8).eq(polarity).all().item<bool>()) {
-    throw DataError(
-        concat(path.string(), ": expected polarities 0/1 or -1/+1, found other numbers"));
+    throw DataError(concat(path.string(), ": expected polarities 0/1 or -1/+1, found numbers from ",
+                           polarity.min().to(torch::kFloat64).item<double>(), " to ",
+                           polarity.max().to(torch::kFloat64).item<double>(),
+                           "; store 1 for brighter and 0 for darker"));
   }
   return polarity.to(torch::kInt8).contiguous();
 }

@@ -2,6 +2,7 @@
 // Lists of events in text: a line an event, four numbers in any order.
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <charconv>
 #include <cmath>
 #include <fstream>
@@ -29,14 +30,22 @@ void for_each_line(const std::filesystem::path& path, const Line& line) {
   if (!file) throw DataError(concat(path.string(), ": no such event file"));
   std::string text;
   size_t rest = 0;  // of a line that the piece before began
+  char line_end = '\0';
   while (file) {
     throw_if_interrupted();
     text.resize(rest + kTextAtOnce);
     file.read(text.data() + rest, std::streamsize(kTextAtOnce));
     text.resize(rest + size_t(file.gcount()));
+    if (line_end == '\0') {
+      // Old spreadsheets end lines in CR alone.
+      const bool cr_only =
+          text.find('\n') == std::string::npos && text.find('\r') < text.size() - 1;
+      line_end = cr_only ? '\r' : '\n';
+    }
     const char* begin = text.data();
     const char* const stop = begin + text.size();
-    for (const char* end = begin; (end = std::find(begin, stop, '\n')) != stop; begin = end + 1) {
+    for (const char* end = begin; (end = std::find(begin, stop, line_end)) != stop;
+         begin = end + 1) {
       line(begin, end);
     }
     rest = size_t(stop - begin);
@@ -54,7 +63,20 @@ torch::Tensor tensor_of(std::vector<T> values, torch::ScalarType type) {
       kept->data(), {int64_t(kept->size())}, [kept](void*) { delete kept; }, type);
 }
 
-bool separates(char c) { return c == ' ' || c == '\t' || c == ',' || c == ';' || c == '\r'; }
+/// Quotes too, which spreadsheets put around each number.
+bool separates(char c) {
+  return c == ' ' || c == '\t' || c == ',' || c == ';' || c == '\r' || c == '"' || c == '\'';
+}
+
+/// 1 and 0 for the words of a polarity.
+std::optional<double> polarity_word(const char* begin, const char* end) {
+  std::string word(begin, std::min<size_t>(size_t(end - begin), 6));
+  std::transform(word.begin(), word.end(), word.begin(),
+                 [](unsigned char c) { return char(std::tolower(c)); });
+  if (word == "on" || word == "true") return 1;
+  if (word == "off" || word == "false") return 0;
+  return std::nullopt;
+}
 
 /// Numbers of one line; -1 when something else stands there, or too many.
 int parse_line(const char* begin, const char* end, Numbers& numbers) {
@@ -64,11 +86,32 @@ int parse_line(const char* begin, const char* end, Numbers& numbers) {
     if (begin == end) return count;
     if (count == kMostColumns) return -1;
     if (*begin == '+') ++begin;
-    const auto [next, error] = std::from_chars(begin, end, numbers[size_t(count)]);
-    if (error != std::errc() || (next < end && !separates(*next))) return -1;
+    auto [next, error] = std::from_chars(begin, end, numbers[size_t(count)]);
+    if (error != std::errc() || (next < end && !separates(*next))) {
+      next = std::find_if(begin, end, separates);
+      const std::optional<double> sign = polarity_word(begin, next);
+      if (!sign) return -1;
+      numbers[size_t(count)] = *sign;
+    }
     begin = next;
     ++count;
   }
+}
+
+/// The line with points for decimal commas, as "0,25;3;4;1" has them: semicolons or tabs part four
+/// numbers, and a comma stands between two digits. Nothing for other lines.
+std::optional<std::string> with_points(const char* begin, const char* end) {
+  const bool parted = std::count(begin, end, ';') >= 3 || std::count(begin, end, '\t') >= 3;
+  if (!parted || std::find(begin, end, ',') == end || std::find(begin, end, '.') != end)
+    return std::nullopt;
+  std::string out(begin, end);
+  const auto digit = [&](size_t i) { return i < out.size() && out[i] >= '0' && out[i] <= '9'; };
+  for (size_t i = 0; i < out.size(); ++i) {
+    if (out[i] != ',') continue;
+    if (i == 0 || !digit(i - 1) || !digit(i + 1)) return std::nullopt;
+    out[i] = '.';
+  }
+  return out;
 }
 
 /// Names between commas, semicolons or tabs, where there are any, else between blanks; a unit in
@@ -133,19 +176,27 @@ class TextEvents {
     if (!columns_) return;
     named_by_comment_ = comment;
     count_ = int(words.size());
+    // Names that end in a separator have an empty one behind them, their numbers need not.
+    fewest_ = count_;
+    while (fewest_ > kColumns &&
+           words[size_t(fewest_) - 1].find_first_not_of(" \t") == std::string::npos) {
+      --fewest_;
+    }
     unit_ = unit_in_name(words[(*columns_)[2]]);
   }
   /// The numbers of an event.
   void add(int64_t line, int count, const Numbers& numbers) {
-    if (named_by_comment_ && time_.empty() && count != count_) {
+    if (named_by_comment_ && time_.empty() && !fits(count)) {
       // The comment was prose that holds the names by chance.
       columns_.reset();
-      count_ = kColumns, unit_ = TimeUnit::kAuto, named_by_comment_ = false;
+      count_ = fewest_ = kColumns, unit_ = TimeUnit::kAuto, named_by_comment_ = false;
     }
-    if (count != count_) {
+    if (!fits(count)) {
       throw DataError(concat(path_.string(), ":", line, ": expected ", count_,
                              " numbers (\"t x y p\" or in any order), found ", count, "; ",
-                             count_ == kColumns ? kNameColumns : "complete the line"));
+                             !empty()             ? "complete or remove the line"
+                             : count_ == kColumns ? kNameColumns
+                                                  : "complete the line"));
     }
     if (columns_) return keep(line, numbers);
     first_.push_back({numbers[0], numbers[1], numbers[2], numbers[3]});
@@ -167,6 +218,7 @@ class TextEvents {
   static constexpr size_t kLook = 4096;  // events that tell the columns
   static constexpr int kColumns = 4;     // of a list that names none
 
+  bool fits(int count) const { return count >= fewest_ && count <= count_; }
   void keep(int64_t line, const Numbers& numbers) {
     const double polarity = numbers[(*columns_)[3]];
     if (!(std::abs(polarity) <= 1 && polarity == std::floor(polarity))) {
@@ -191,7 +243,8 @@ class TextEvents {
 
   std::filesystem::path path_;
   std::optional<Columns> columns_;
-  int count_ = kColumns;  ///< numbers in a line
+  int count_ = kColumns;   ///< most numbers in a line
+  int fewest_ = kColumns;  ///< and least
   bool named_by_comment_ = false;
   TimeUnit unit_ = TimeUnit::kAuto;
   std::optional<ImageSize> size_;
@@ -218,7 +271,11 @@ RawEvents read_text_events(const std::filesystem::path& path) {
     if (++line == 1) begin = behind_mark(begin, end);
     const bool comment = begin < end && (*begin == '#' || *begin == '%');
     Numbers numbers{};
-    const int count = comment ? 0 : parse_line(begin, end, numbers);
+    const auto pointed = comment ? std::nullopt : with_points(begin, end);
+    const int count = comment ? 0
+                      : pointed
+                          ? parse_line(pointed->data(), pointed->data() + pointed->size(), numbers)
+                          : parse_line(begin, end, numbers);
     if (count == 0 && !comment) return;
     const std::string text(begin, end);
     // One line of column names, or of width and height, may stand first.

@@ -120,6 +120,11 @@ Format file_format(const fs::path& path) {
                            ": expected a Prophesee header of lines that begin with "
                            "'%', found none; record or export it again"));
   }
+  if (begins(head, "\x1f\x8b")) {
+    throw DataError(concat(path.string(), ": ", kReadable,
+                           ", found a file that gzip compressed; unpack it first: gunzip -k ",
+                           path.filename().string()));
+  }
   throw DataError(concat(path.string(), ": ", kReadable, ", found another kind of file"));
 }
 
