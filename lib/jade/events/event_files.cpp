@@ -236,6 +236,10 @@ RawEvents wanted_events(const std::filesystem::path& path, const EventFileOption
 /// Continues the times of a counter that wraps, with a note. False where they do not wrap.
 bool continue_counter(const std::filesystem::path& path, torch::Tensor& time,
                       EventFileResult& result) {
+  if (time.is_floating_point()) {
+    const double* const t = time.const_data_ptr<double>();
+    if (std::is_sorted(t, t + time.numel())) return false;  // No copy of these.
+  }
   torch::Tensor counts = time.to(torch::kInt64);
   const WrappedCounter found = unwrap_counter(counts);
   if (found.wraps == 0) return false;
