@@ -413,6 +413,10 @@ TEST_CASE("event files: a counter that wraps goes on, with a note", "[events]") 
   check(dir / "i.h5", INT32_MAX - 50000, "32 bits");
   write_h5<float, int64_t>(dir / "n.h5", x, y, narrow, p);
   check(dir / "n.h5", (1 << 24) - 50000, "24 bits");
+  std::vector<uint16_t> shortest;
+  for (uint32_t i = 0; i < 1000; ++i) shortest.push_back(uint16_t(15536 + 100 * i));
+  write_h5<float, uint16_t>(dir / "w.h5", x, y, shortest, p);
+  check(dir / "w.h5", 15536, "16 bits");
   write_h5<float, double>(dir / "s.h5", x, y, seconds, p);
   check(dir / "s.h5", (int64_t(1) << 32) - 50000, "32 bits");
 }

@@ -19,7 +19,7 @@ WrappedCounter unwrap_counter(torch::Tensor& times) {
   if (count < 2 || std::is_sorted(t, t + count)) return {};
   const auto [low, high] = std::minmax_element(t, t + count);
   const double span = double(*high) - double(*low);
-  for (const int bits : {24, 31, 32}) {
+  for (const int bits : {16, 24, 31, 32}) {
     const int64_t all = int64_t(1) << bits;
     const int64_t nearly_all = all - all / 64, jitter = all / 256;
     if (span >= double(all) || span < double(nearly_all)) continue;

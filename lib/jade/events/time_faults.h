@@ -20,9 +20,9 @@ struct WrappedCounter {
   int64_t wraps = 0;  ///< 0: the times do not wrap
 };
 
-/// Continues the times of a counter of 24, 31 or 32 bits that wraps, in place. Such times span all
-/// of the counter and fall back only by all of it, or by the little that simultaneous events are
-/// out of order; other times stay as they are.
+/// Continues the times of a counter of 16, 24, 31 or 32 bits that wraps, in place. Such times span
+/// all of the counter and fall back only by all of it, or by the little that simultaneous events
+/// are out of order; other times stay as they are.
 /// @param times  int64 [N] in counts
 WrappedCounter unwrap_counter(torch::Tensor& times);
 
