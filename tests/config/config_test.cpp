@@ -120,7 +120,8 @@ TEST_CASE("config: a number may be auto, by default or by word, and then has its
   options = load_text(dir, "voices: 3\n");
   CHECK((!options.voices.is_auto() && options.voices == 3));
   CHECK(config::value_text(&options.voices) == "3");
-  CHECK_THAT(error_of(dir, "voices: 2.5\n"), Catch::Contains("voices: ") && Catch::Contains("auto"));
+  CHECK_THAT(error_of(dir, "voices: 2.5\n"),
+             Catch::Contains("voices: ") && Catch::Contains("auto"));
   CHECK_THAT(error_of(dir, "voices: 9\n"), Catch::Contains("voices: ") && Catch::Contains("9"));
   CHECK_THAT(error_of(dir, "level: loud\n"), Catch::Contains("level: ") && Catch::Contains("auto"));
 }

@@ -81,7 +81,7 @@ double number(const json& object, const std::string& key, double otherwise,
                          object[key].dump().substr(0, 40), "; correct it"));
 }
 
-/// What is wrong with a 3x3 matrix that should be a rotation, and what to do.
+/// The fault of a 3x3 matrix that should be a rotation, and its cure.
 std::string fault_of(const geometry::Matrix3& m) {
   const double determinant = m[0] * (m[4] * m[8] - m[5] * m[7]) -
                              m[1] * (m[3] * m[8] - m[5] * m[6]) +

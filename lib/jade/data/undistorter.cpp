@@ -92,8 +92,7 @@ void check_plausible(const geometry::Intrinsics& camera, const std::string& what
   if (!near(camera.cx, camera.width) || !near(camera.cy, camera.height)) {
     throw DataError(concat(what, ": expected a principal point in the image of ", camera.width, "x",
                            camera.height, " px or within its size of it, found (", camera.cx, ", ",
-                           camera.cy,
-                           "); correct it, or give the image size that was calibrated"));
+                           camera.cy, "); correct it, or give the image size that was calibrated"));
   }
   const auto side = double(std::max(camera.width, camera.height));
   for (const double focal : {camera.fx, camera.fy}) {

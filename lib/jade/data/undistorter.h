@@ -17,7 +17,8 @@ namespace jade::data {
 bool principal_point_inside(const geometry::Intrinsics& camera);
 
 /// @param what  the camera, for messages
-/// @throws DataError for a principal point farther outside of the image than its size, and for focal lengths beyond 1/20
+/// @throws DataError for a principal point farther outside of the image than its size, and for
+/// focal lengths beyond 1/20
 ///   to 100 times the larger side of the image.
 void check_plausible(const geometry::Intrinsics& camera, const std::string& what);
 

@@ -234,7 +234,7 @@ std::string_view PlyFile::data_of(const PlyElement& element) const {
   return data;
 }
 
-/// What follows the rows of an element at the start of `data`.
+/// The bytes behind the rows of an element at the start of `data`.
 std::string_view PlyFile::data_behind(const PlyElement& element, std::string_view data) const {
   if (header_.format == PlyFormat::kAscii) return skip_lines(data, element, path_);
   if (has_list(element)) {

@@ -174,9 +174,10 @@ struct TestOptions {
 
 template <class V>
 void describe(V& v, TestOptions& o) {
-  v.field("names", o.names,
-          "frames by name; empty: those that are sharp, at most a quarter of all, else every so many "
-          "exposures, held out");
+  v.field(
+      "names", o.names,
+      "frames by name; empty: those that are sharp, at most a quarter of all, else every so many "
+      "exposures, held out");
   v.field("sharp_px", o.sharp_px, "a frame is sharp when the scene moves less during it, px",
           Range{0, 100});
   v.field("every", o.every,

@@ -243,7 +243,8 @@ void Trainer::announce() const {
   if (train::needs_efnet(options_))
     log_info(concat("restorer    ", restore::restorer_path(options_.efnet).string()));
   log_info(concat("budget      ", grouped(options_.train.iterations), " steps, at most ",
-                  grouped(int64_t{options_.densify.max_gaussians}), " Gaussians, seed ", options_.seed));
+                  grouped(int64_t{options_.densify.max_gaussians}), " Gaussians, seed ",
+                  options_.seed));
 }
 
 void Trainer::write_environment() const {
@@ -485,8 +486,9 @@ void Trainer::finish() {
                     learns_gains() ? ", learned" : ", as the data have them"));
   }
   if (state_.pattern) {
-    log_info(concat("pattern     of the sensor: ", 0.01 * std::round(1e4 * state_.pattern->strength()),
-                    " % of white (root mean square), kept out of the scene"));
+    log_info(
+        concat("pattern     of the sensor: ", 0.01 * std::round(1e4 * state_.pattern->strength()),
+               " % of white (root mean square), kept out of the scene"));
   }
   if (state_.gaussians.size() == 0) {
     log_warn(

@@ -33,9 +33,10 @@ template <class V>
 void describe(V& v, PatternOptions& o) {
   v.field("learn", o.learn, "learn what the sensor adds to every frame at the same pixels");
   v.field("lr", o.lr, "Adam step size of the offsets, white is 1", Range{0, 1});
-  v.field("prior_weight", o.prior_weight,
-          "weight of the mean squared offset, which keeps the scene's brightness out of the pattern",
-          Range{0, 1e3});
+  v.field(
+      "prior_weight", o.prior_weight,
+      "weight of the mean squared offset, which keeps the scene's brightness out of the pattern",
+      Range{0, 1e3});
 }
 
 /// Offsets of all frames of one sensor.

@@ -21,8 +21,8 @@
 #include "jade/restore/restoration_cache.h"
 #include "jade/router/allocation.h"
 #include "jade/train/exposure_gains.h"
-#include "jade/train/fixed_pattern.h"
 #include "jade/train/exposure_poses.h"
+#include "jade/train/fixed_pattern.h"
 
 namespace jade::train {
 

@@ -33,10 +33,10 @@ struct TrainState {
   ModuleAdam allocation_adam;                      ///< empty where nothing is learned
   response::CameraResponse response{nullptr};      ///< nullptr when off
   ModuleAdam response_adam;
-  std::shared_ptr<ExposurePoses> poses;  ///< nullptr where the data's poses stay
-  RowAdam poses_adam;                    ///< a row per exposure
-  std::shared_ptr<ExposureGains> gains;  ///< nullptr where frames are as bright as the scene
-  RowAdam gains_adam;                    ///< likewise; empty where they are not learned
+  std::shared_ptr<ExposurePoses> poses;   ///< nullptr where the data's poses stay
+  RowAdam poses_adam;                     ///< a row per exposure
+  std::shared_ptr<ExposureGains> gains;   ///< nullptr where frames are as bright as the scene
+  RowAdam gains_adam;                     ///< likewise; empty where they are not learned
   std::shared_ptr<FixedPattern> pattern;  ///< nullptr where none is learned
   ModuleAdam pattern_adam;                ///< empty likewise
 

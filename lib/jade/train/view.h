@@ -117,8 +117,8 @@ std::vector<View> prepare_views(const data::Dataset& dataset, const RunOptions& 
 /// published 3DGS, but at most half the near depth bound, so that small scenes are not cut.
 double near_plane(const SplatOptions& options, const data::Dataset& dataset);
 
-/// densify.max_gaussians of a run that starts with this data set: what it says, else 500 per pixel of
-/// the side of a square with as many pixels as the first frame, at least 150,000
+/// densify.max_gaussians of a run that starts with this data set: what it says, else 500 per pixel
+/// of the side of a square with as many pixels as the first frame, at least 150,000
 /// (docs/engineering/preset.md).
 int64_t max_gaussians(const gaussians::DensifyOptions& options, const data::Dataset& dataset);
 
