@@ -24,7 +24,7 @@ constexpr auto words_of(LearnPattern) {
 
 /// The configuration group `pattern`.
 struct PatternOptions {
-  LearnPattern learn = LearnPattern::kAuto;
+  LearnPattern learn = LearnPattern::kOff;
   double lr = 2e-4;
   double prior_weight = 0.5;
 };
