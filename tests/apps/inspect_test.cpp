@@ -108,9 +108,8 @@ TEST_CASE("jade_inspect: the next command has the keys of the data set that were
   test::write_tiny_dataset(dir / "scene");
   const Outcome plain = run(dir, "jade_inspect scene");
   CHECK_THAT(plain.out, !Catch::Contains("--set"));
-  const Outcome given = run(dir, "jade_inspect scene --image-folder images_1 --split last");
-  CHECK_THAT(given.out, test::naming("--set dataset.image_folder=images_1",
-                                     "--set dataset.split=last", "--output runs/"));
+  const Outcome given = run(dir, "jade_inspect scene --image-folder images_1");
+  CHECK_THAT(given.out, test::naming("--set dataset.image_folder=images_1", "--output runs/"));
 }
 
 TEST_CASE("jade_inspect: test views are marked by whether training sees them", "[apps]") {
