@@ -171,7 +171,7 @@ TEST_CASE("jade_deblur: processes that share a cache do not disturb each other",
     CHECK(entry.path().extension() == ".restoration");
     ++entries;
   }
-  CHECK(entries == 7);  // six restorations, and the thresholds that the events tell
+  CHECK(entries == 4);  // three restorations of EFNet, and the thresholds that the events tell
   for (const auto& entry : fs::directory_iterator(scene.dir / "cache/restorations")) {
     write_file(entry.path(), "cut short");
   }
