@@ -13,7 +13,7 @@ TEST_CASE("pattern: none where it is not learned or frames have several sizes", 
   const test::TinyScene scene;
   data::Dataset dataset = data::load_dataset(test::tiny_options(scene).dataset);
   train::PatternOptions options;
-  options.learn = train::LearnPattern::kOn;
+  options.learn = true;
   const auto& camera = dataset.train[0].camera;
   CHECK((train::make_fixed_pattern(options, dataset)->offsets().sizes() ==
          torch::IntArrayRef{3, camera.height, camera.width}));
@@ -22,7 +22,7 @@ TEST_CASE("pattern: none where it is not learned or frames have several sizes", 
   dataset.train[1].camera.width += 1;
   CHECK(train::make_fixed_pattern(options, dataset) == nullptr);
   dataset.train[1].camera.width -= 1;
-  options.learn = train::LearnPattern::kOff;
+  options.learn = false;
   CHECK(train::make_fixed_pattern(options, dataset) == nullptr);
 }
 
@@ -30,7 +30,7 @@ TEST_CASE("pattern: what all frames have at the same pixels is learned, and the 
           "[train]") {
   const test::TinyScene scene;
   test::Bench bench(scene);
-  bench.options.pattern = {train::LearnPattern::kOn, 1e-3, 0.5};
+  bench.options.pattern = {true, 1e-3, 0.5};
   losses::ObjectiveOptions& terms = bench.options.objective;
   terms.target = losses::Target::kNone;
   terms.edi_supervision = terms.simulation = terms.intensity = false;
@@ -59,29 +59,4 @@ TEST_CASE("pattern: what all frames have at the same pixels is learned, and the 
   CHECK(found[4].abs().item<double>() < 0.006);
   CHECK(found[20].abs().item<double>() < 0.004);
   CHECK(held.abs().max().item<double>() < 0.004);
-}
-
-TEST_CASE("pattern: a weak one is dropped after 40 % of the steps, unless it is asked for",
-          "[train]") {
-  const test::TinyScene scene;
-  test::Bench bench(scene);
-  train::RunOptions& options = bench.options;
-  const int64_t judged = options.train.iterations * 2 / 5;
-  const auto kept = [&](train::LearnPattern learn, float offset) {
-    options.pattern.learn = learn;
-    bench.state = train::make_state(options, bench.dataset, torch::kCPU);
-    {
-      const torch::NoGradGuard no_grad;
-      torch::Tensor offsets = bench.state.pattern->offsets();
-      offsets.fill_(offset);
-    }
-    train::update_exposures(bench.state, options, judged - 1);
-    REQUIRE(bench.state.pattern);
-    train::update_exposures(bench.state, options, judged);
-    CHECK(bench.state.pattern_adam.empty() == (bench.state.pattern == nullptr));
-    return bench.state.pattern != nullptr;
-  };
-  CHECK_FALSE(kept(train::LearnPattern::kAuto, 1e-3f));
-  CHECK(kept(train::LearnPattern::kAuto, 0.1f));
-  CHECK(kept(train::LearnPattern::kOn, 1e-3f));
 }

@@ -328,10 +328,6 @@ void load_checkpoint(const fs::path& path, train::TrainState& state) {
   if (state.response) restore_module(all, "crf", *state.response, state.response_adam, path);
   if (state.poses) restore_rows(all, "poses", *state.poses, state.poses_adam, path);
   if (state.gains) restore_rows(all, "gains", *state.gains, state.gains_adam, path);
-  if (all.count("pattern.offsets") == 0) {  // dropped as weak
-    state.pattern = nullptr;
-    state.pattern_adam = train::ModuleAdam();
-  }
   if (state.pattern) restore_module(all, "pattern", *state.pattern, state.pattern_adam, path);
   state.step = take(all, "step", path).item<int64_t>();
 }

@@ -6,9 +6,8 @@
 
 namespace jade::train {
 
-FixedPattern::FixedPattern(int64_t channels, int64_t height, int64_t width, double brightness)
-    : offsets_(register_parameter("offsets", torch::zeros({channels, height, width}))),
-      brightness_(brightness) {}
+FixedPattern::FixedPattern(int64_t channels, int64_t height, int64_t width)
+    : offsets_(register_parameter("offsets", torch::zeros({channels, height, width}))) {}
 
 double FixedPattern::strength() const {
   return offsets_.detach().square().mean().sqrt().item<double>();
@@ -16,18 +15,14 @@ double FixedPattern::strength() const {
 
 std::shared_ptr<FixedPattern> make_fixed_pattern(const PatternOptions& options,
                                                  const data::Dataset& dataset) {
-  if (options.learn == LearnPattern::kOff) return nullptr;
+  if (!options.learn) return nullptr;
   const auto& first = dataset.train.front().camera;
   const bool one_size =
       std::all_of(dataset.train.begin(), dataset.train.end(), [&](const data::Exposure& each) {
         return each.camera.width == first.width && each.camera.height == first.height;
       });
   if (!one_size) return nullptr;
-  double brightness = 0;
-  for (const data::Exposure& each : dataset.train) brightness += each.blurry.mean().item<double>();
-  brightness /= static_cast<double>(dataset.train.size());
-  return std::make_shared<FixedPattern>(dataset.monochrome ? 1 : 3, first.height, first.width,
-                                        brightness);
+  return std::make_shared<FixedPattern>(dataset.monochrome ? 1 : 3, first.height, first.width);
 }
 
 }  // namespace jade::train

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/train/step.h"
 
-#include <algorithm>
-
 #include "jade/kernel/side_stream.h"
 #include "jade/train/routing_step.h"
 
@@ -49,16 +47,9 @@ void update_exposures(TrainState& state, const RunOptions& options, int64_t step
     state.poses_adam.update(pose_lr(options.poses, step));
     state.poses->hold_gauge();
   }
-  if (!state.gains_adam.empty()) {
-    state.gains_adam.update(options.gains.lr);
-    state.gains->hold_mean();
-  }
-  const bool judge = options.pattern.learn == LearnPattern::kAuto &&
-                     step == std::max<int64_t>(calendar_steps(options) * 2 / 5, 1);
-  if (judge && state.pattern && state.pattern->is_weak()) {
-    state.pattern = nullptr;
-    state.pattern_adam = ModuleAdam();
-  }
+  if (state.gains_adam.empty()) return;
+  state.gains_adam.update(options.gains.lr);
+  state.gains->hold_mean();
 }
 
 }  // namespace jade::train
