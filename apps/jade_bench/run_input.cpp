@@ -39,10 +39,11 @@ void write_training_views(const std::vector<train::View>& views,
   Tensors blurry, factors, targets, cameras;
   for (const train::View& view : views) {
     if (!view.fixed_target.defined()) throw_not_fixed();
-    blurry.push_back(view.blurry);
+    blurry.push_back(view.blurry.cpu());
     const bool taught = view.taught_factors.defined();
-    factors.push_back((taught ? view.taught_factors : view.edi_factors).to(torch::kFloat32));
-    targets.push_back(view.fixed_target);
+    factors.push_back(
+        (taught ? view.taught_factors : view.edi_factors).to(torch::kCPU, torch::kFloat32));
+    targets.push_back(view.fixed_target.cpu());
     cameras.push_back(view.cameras.camera_from_world);
   }
   write(folder, "blurry", torch::stack(blurry));

@@ -11,6 +11,8 @@
 #include "jade/events/exposure_maps.h"
 #include "jade/events/voxel.h"
 #include "jade/imaging/reblur.h"
+#include "jade/train/step_feed.h"
+#include "jade/train/view_memory.h"
 #include "train/bench.h"
 
 using namespace jade;
@@ -133,21 +135,52 @@ TEST_CASE(
   CHECK_THROWS_AS(train::at_pose(view, 9, options), ContractError);
 }
 
-TEST_CASE("views: F that stays on the CPU gives the same images at each pose", "[train][cuda]") {
+TEST_CASE("views: constants go to the device kind by kind as far as they fit", "[train][cuda]") {
   const test::TinyScene scene;
-  const train::RunOptions options = test::all_poses_options(scene);
+  train::RunOptions options = test::all_poses_options(scene);
+  options.objective.target = losses::Target::kEfnet;
+  options.objective.edi_contrast = 1.3;
   const data::Dataset dataset = data::load_dataset(options.dataset);
-  const train::View there = train::prepare_views(dataset, options, torch::kCUDA)[1];
-  train::View aside = there;
-  aside.restored_poses.efnet = aside.restored_poses.efnet.cpu();
-  CHECK(there.restored_poses.efnet.is_cuda());
-  CHECK(there.taught_factors.defined() == (options.objective.edi_contrast != 1));
-  for (const int64_t k : {0, 3, 8}) {
-    const train::View a = train::at_pose(there, k, options);
-    const train::View b = train::at_pose(aside, k, options);
-    CHECK(b.restorations.efnet.is_cuda());
-    CHECK(a.restorations.efnet.equal(b.restorations.efnet));
+  const std::vector<train::View> all = train::prepare_views(dataset, options, torch::kCUDA);
+  CHECK((all[1].blurry.is_cuda() && all[1].taught_factors.is_cuda() &&
+         all[1].restored_poses.efnet.is_cuda()));
+  // Bytes that hold the frames alone, and nothing.
+  const auto frames = static_cast<int64_t>(3 * all.size() * all[0].blurry.nbytes());
+  for (const int64_t most : {frames, int64_t{0}}) {
+    INFO(most);
+    std::vector<train::View> some = all;
+    for (train::View& view : some) {
+      view.blurry_moments = {};
+      view.blurry = view.blurry.cpu();
+      view.taught_factors = view.taught_factors.cpu();
+      view.restored_poses.efnet = view.restored_poses.efnet.cpu();
+    }
+    train::place_constants(options, torch::kCUDA, most, some);
+    CHECK(some[1].blurry.is_cuda() == (most > 0));
+    CHECK(some[1].blurry_moments.mean.defined() == (most > 0));
+    CHECK_FALSE(some[1].taught_factors.is_cuda());
+    CHECK_FALSE(some[1].restored_poses.efnet.is_cuda());
+    for (const int64_t k : {0, 3, 8}) {
+      const std::array<int64_t, 3> poses{k, 1, 2};
+      const auto inputs = [&](const train::View& view) {
+        train::StepInputs in;
+        in.view = train::at_pose(train::with_frame(view, torch::kCUDA), k, options);
+        train::pick_factors(poses.data(), /*stride=*/1, &in);
+        return in;
+      };
+      const train::StepInputs a = inputs(all[1]), b = inputs(some[1]);
+      CHECK(a.view.blurry.equal(b.view.blurry));
+      CHECK(a.view.blurry_moments.square.equal(b.view.blurry_moments.square));
+      CHECK(a.view.fixed_target.equal(b.view.fixed_target));
+      CHECK(a.edi_factors.gray.equal(b.edi_factors.gray));
+      CHECK(a.edi_factors.simulation.equal(b.edi_factors.simulation));
+    }
   }
+  options.objective.target = losses::Target::kRouted;
+  std::vector<train::View> routed = all;
+  routed[1].blurry = routed[1].blurry.cpu();
+  train::place_constants(options, torch::kCUDA, 0, routed);
+  CHECK(routed[1].blurry.is_cuda());
 }
 
 TEST_CASE("views: of three restored poses each is the one that all would give", "[train]") {

@@ -6,6 +6,7 @@
 #include <torch/types.h>
 
 #include "jade/train/plan.h"
+#include "jade/train/view_memory.h"
 
 namespace jade::train {
 namespace {
@@ -67,7 +68,7 @@ StepInputs StepFeed::at(int64_t step) {
   const int64_t index = order_.at(step);
   StepInputs inputs;
   inputs.step = step;
-  inputs.view = views_[static_cast<size_t>(index)];
+  inputs.view = with_frame(views_[static_cast<size_t>(index)], device_);
   inputs.view_index = index;
   inputs.pose_draws = pose_draws_.at(step);
   inputs.term_weights = term_weights_.at(step);

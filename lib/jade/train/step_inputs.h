@@ -6,6 +6,7 @@
 
 #include "jade/train/event_windows.h"
 #include "jade/train/view.h"
+#include "jade/train/view_memory.h"
 #include "jade/train/visit.h"
 
 namespace jade::train {
@@ -53,7 +54,9 @@ struct StepInputs {
 inline void pick_factors(const int64_t* poses, int64_t stride, StepInputs* inputs) {
   View& view = inputs->view;
   const torch::Tensor& all = view.taught_factors.defined() ? view.taught_factors : view.edi_factors;
-  const auto at = [&](int64_t term) { return all[stride * poses[term]].to(torch::kFloat32); };
+  const auto at = [&](int64_t term) {
+    return fetched(all[stride * poses[term]], view.blurry.device());
+  };
   inputs->edi_factors = {at(0), at(1), at(2)};
   view.edi_factors = view.taught_factors = torch::Tensor();
 }

@@ -18,6 +18,7 @@
 #include "jade/train/exposure_span.h"
 #include "jade/train/plan.h"
 #include "jade/train/sums_ahead.h"
+#include "jade/train/view_memory.h"
 
 namespace jade::train {
 namespace {
@@ -98,43 +99,6 @@ torch::Tensor fixed_target(const View& view, const RunOptions& options, bool mon
 
 bool restores_poses(const RunOptions& options) { return restored_every(options) > 0; }
 
-/// Most bytes of a GPU that F at the restored poses of all views takes. Where there is more, it
-/// stays on the CPU: a step reads one image, 5.5 MB of 94 MB for 17 moments of 1280x720.
-constexpr int64_t kMostRestoredBytes = int64_t{1} << 30;
-
-/// The tensor on a device. One image that stands for all moments stays one.
-torch::Tensor moved(const torch::Tensor& moments, torch::Device device) {
-  if (!moments.defined()) return moments;
-  const bool repeated = moments.size(0) > 1 && moments.stride(0) == 0;
-  if (!repeated) return moments.to(device);
-  return moments.narrow(0, 0, 1).to(device).expand(moments.sizes());
-}
-
-/// Moves the large constants of prepare_view() to the device, and adds the window means of SSIM.
-void move_constants(torch::Device device, std::vector<View>& views) {
-  int64_t restored_bytes = 0;
-  for (const View& view : views) {
-    const torch::Tensor& efnet = view.restored_poses.efnet;
-    if (efnet.defined()) restored_bytes += static_cast<int64_t>(efnet.storage().nbytes());
-  }
-  for (View& view : views) {
-    view.blurry_moments = imaging::ssim_target(view.blurry);
-    view.edi_factors = moved(view.edi_factors, device);
-    view.taught_factors = moved(view.taught_factors, device);
-    if (restored_bytes > kMostRestoredBytes) continue;
-    view.restored_poses.efnet = moved(view.restored_poses.efnet, device);
-  }
-}
-
-/// The tensor on the device in float32. Does not wait for the device: a copy from the CPU goes
-/// through page-locked memory.
-torch::Tensor fetched(const torch::Tensor& tensor, torch::Device device) {
-  if (tensor.device().type() == device.type()) return tensor.to(torch::kFloat32);
-  const torch::Tensor locked = torch::empty_like(tensor, tensor.options().pinned_memory(true));
-  locked.copy_(tensor);
-  return locked.to(device, /*non_blocking=*/true).to(torch::kFloat32);
-}
-
 /// c of Eq. (7). The paper's 1 makes the operator a scale-free surrogate; the calibrated c turns it
 /// into the exposure model that EDI inverts.
 double reblur_contrast(const events::EventVoxel& voxel, const RunOptions& options) {
@@ -209,8 +173,8 @@ PoseRestorations restorations_of_poses(const restore::RestoredExposure& restored
   return out;
 }
 
-/// A view without blurry_moments, its EDI factors and F at restored poses on the CPU: on a GPU they
-/// would take the network's memory and cut it into pieces that cannot be given back.
+/// A view without blurry_moments, its frame, EDI factors and F at restored poses on the CPU: on a
+/// GPU they would take the network's memory and cut it into pieces that cannot be given back.
 View prepare_view(const data::Exposure& exposure, restore::ExposureSums sums,
                   const restore::RestoreOptions& how, const ExposureSpan& span,
                   const data::Dataset& dataset, const RunOptions& options,
@@ -245,6 +209,9 @@ View prepare_view(const data::Exposure& exposure, restore::ExposureSums sums,
     view.restored_poses = restorations_of_poses(restored, view.mask, options);
   }
   put_aside_unread(options, view);
+  for (torch::Tensor* const each : {&view.blurry, &view.mask, &view.fixed_target}) {
+    *each = moved(*each, torch::kCPU);
+  }
   return view;
 }
 
@@ -254,13 +221,15 @@ View at_pose(const View& view, int64_t pose, const RunOptions& options) {
   JADE_CHECK(pose >= 0 && pose < view.u.size(0), "expected a pose below ", view.u.size(0),
              ", found ", pose);
   const int64_t row = pose / std::max<int64_t>(restored_every(options), 1);
+  const torch::Device device = view.blurry.device();
   const auto replace = [&](torch::Tensor& of_middle, const torch::Tensor& of_poses) {
-    if (of_poses.defined()) of_middle = fetched(of_poses[row], view.blurry.device());
+    if (of_poses.defined()) of_middle = fetched(of_poses[row], device);
   };
   View out = view;
   out.restored_poses = {};
   const bool efnet_alone = options.objective.target == losses::Target::kEfnet;
-  out.restorations.edi = efnet_alone ? torch::Tensor() : view.blurry * view.edi_factors[pose];
+  out.restorations.edi =
+      efnet_alone ? torch::Tensor() : view.blurry * fetched(view.edi_factors[pose], device);
   replace(out.restorations.efnet, view.restored_poses.efnet);
   replace(out.psi, view.restored_poses.psi);
   replace(out.reblur_kernel, view.restored_poses.reblur_kernel);
@@ -327,7 +296,7 @@ std::vector<View> prepare_views(const data::Dataset& dataset, const RunOptions& 
     if (progress.step()) progress.show();
   }
   restorer.leave();
-  move_constants(device, views);
+  place_constants(options, device, kMostConstantBytes, views);
   return views;
 }
 

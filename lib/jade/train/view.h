@@ -20,8 +20,7 @@ namespace jade::train {
 /// objective.restored_poses is middle. Row r is of moment u_k, k = r restored_every(). Undefined if
 /// unused; EDI is R_k ⊙ B.
 struct PoseRestorations {
-  /// [R,3,H,W] float16, as there are many, F(B, V, u_k). On the CPU where those of all views would
-  /// take more than 1 GiB of a GPU.
+  /// [R,3,H,W] float16, as there are many, F(B, V, u_k).
   torch::Tensor efnet;
   torch::Tensor psi;            ///< [R,2,H,W] Ψ(V) about u_k
   torch::Tensor reblur_kernel;  ///< [R,1,H,W] K(V) about u_k
@@ -44,16 +43,18 @@ struct PoseRestorations {
   }
 };
 
-/// Constants of one exposure in θ and φ, computed once. Tensors that steps read are on the training
-/// device; other parts of Ψ, K(V), density and restorations are on the CPU.
+/// Constants of one exposure in θ and φ, computed once. What steps read is on the training device
+/// as far as it fits (view_memory.h); other parts of Ψ, K(V), density and restorations are on the
+/// CPU.
 struct View {
   std::string name;
   torch::Tensor blurry;  ///< [3,H,W] B, 0 under the mask
   /// [1,H,W] float32, 1 where a pixel counts and else 0, where targets are 0 too; undefined: all
   /// pixels of all views count.
   torch::Tensor mask;
-  imaging::SsimTarget blurry_moments;  ///< of B, for L_blur
-  torch::Tensor psi;                   ///< [2,H,W] Ψ(V)
+  /// Window means of B, for L_blur; undefined where B is on the CPU of a run on a GPU.
+  imaging::SsimTarget blurry_moments;
+  torch::Tensor psi;  ///< [2,H,W] Ψ(V)
   /// [K,1,H,W] R_k: EDI_k(X) = X ⊙ R_k, at the moments u; undefined where L_edi and L_sim read
   /// taught_factors and no target reads EDI at a pose.
   torch::Tensor edi_factors;
@@ -97,7 +98,9 @@ struct View {
 /// Ψ, K(V), both restorations (EDI is left out where EFNet alone is the target) and the fixed
 /// target. What it has of all poses stays behind, so that a recorded step need not copy
 /// it. Does not wait for the device.
-/// @param view  prepared with these options, of objective.restored_poses other than middle
+/// @param view  prepared with these options, of objective.restored_poses other than middle, its
+/// frame
+///              on the device
 /// @param pose  k, one that is restored
 View at_pose(const View& view, int64_t pose, const RunOptions& options);
 
