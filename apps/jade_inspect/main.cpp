@@ -52,6 +52,7 @@ ExitCode inspect(const train::RunOptions& settings, double log_offset,
   inspection.dataset = data::load_dataset(options, &inspection.problems);
   inspection.thresholds = run::measure_thresholds(
       inspection.dataset, run::data_fingerprint(inspection.dataset), log_offset, settings.cache);
+  inspection.pattern = data::estimate_pattern(inspection.dataset);
   if (program.json()) {
     std::printf("%s\n", apps::to_json(inspection)
                             .dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace)

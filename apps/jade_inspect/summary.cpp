@@ -114,6 +114,17 @@ void print_events(const Inspection& inspection) {
   }
 }
 
+void print_pattern(const data::PatternEstimate& pattern) {
+  if (pattern.pairs == 0) return;
+  const char* action = pattern.is_worth_learning()
+                           ? "jade_train learns it and keeps it out of the scene"
+                       : pattern.sideways_px < data::PatternEstimate::kLeastSidewaysPx
+                           ? "not learned, as a camera on one line does not tell it from the scene"
+                           : "too little to learn";
+  std::printf("pattern     %.2f %% of white is the same in all frames; %s\n",
+              100 * pattern.strength, action);
+}
+
 void print_exposures(const Dataset& d) {
   if (d.train.front().duration_us() == 0) return;
   std::printf("\n%-10s %11s %9s %9s %11s %9s %10s  %s\n", "exposure", "start s", "ms", "events",
@@ -133,6 +144,7 @@ void print_exposures(const Dataset& d) {
 void print_text(const Inspection& inspection) {
   print_frames(inspection.dataset);
   print_events(inspection);
+  print_pattern(inspection.pattern);
   print_exposures(inspection.dataset);
   if (inspection.problems.empty()) {
     std::printf("\nNo problems found.\n\nnext        %s\n", inspection.next.c_str());
@@ -181,6 +193,10 @@ nlohmann::json to_json(const Inspection& inspection) {
                              {"positive_share", positive_share(d.events)},
                              {"colour", d.event_color.defined()}}},
                            {"thresholds", nullptr},
+                           {"pattern",
+                            {{"strength", inspection.pattern.strength},
+                             {"sideways_px", inspection.pattern.sideways_px},
+                             {"pairs", inspection.pattern.pairs}}},
                            {"notes", d.notes},
                            {"problems", inspection.problems},
                            {"next", inspection.next}};

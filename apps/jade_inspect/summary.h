@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "jade/data/exposure.h"
+#include "jade/data/pattern_estimate.h"
 #include "jade/data/threshold_estimate.h"
 
 namespace jade::apps {
@@ -15,6 +16,7 @@ struct Inspection {
   data::Dataset dataset;
   std::vector<std::string> problems;  ///< one line each, with the fix
   data::ThresholdEstimate thresholds;
+  data::PatternEstimate pattern;
   double log_offset = 0;  ///< that the thresholds are for
   std::string next;       ///< the command that trains it
 };

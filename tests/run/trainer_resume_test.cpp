@@ -135,7 +135,7 @@ TEST_CASE("trainer: whatever a checkpoint holds, a run that goes on from it does
        [](train::RunOptions& o) { o.gains.optimize = train::LearnGains::kOn; },
        {"gains.log_gains", "gains.adam.0", "gains.adam.1", "gains.adam.2"}},
       {"pattern",
-       [](train::RunOptions& o) { o.pattern.learn = true; },
+       [](train::RunOptions& o) { o.pattern.learn = train::LearnPattern::kOn; },
        {"pattern.offsets", "pattern.adam."}},
       {"mcmc",
        [](train::RunOptions& o) { o.densify.strategy = gaussians::DensifyStrategy::kMcmc; },

@@ -13,7 +13,7 @@ TEST_CASE("pattern: none where it is not learned or frames have several sizes", 
   const test::TinyScene scene;
   data::Dataset dataset = data::load_dataset(test::tiny_options(scene).dataset);
   train::PatternOptions options;
-  options.learn = true;
+  options.learn = train::LearnPattern::kOn;
   const auto& camera = dataset.train[0].camera;
   CHECK((train::make_fixed_pattern(options, dataset)->offsets().sizes() ==
          torch::IntArrayRef{3, camera.height, camera.width}));
@@ -22,7 +22,7 @@ TEST_CASE("pattern: none where it is not learned or frames have several sizes", 
   dataset.train[1].camera.width += 1;
   CHECK(train::make_fixed_pattern(options, dataset) == nullptr);
   dataset.train[1].camera.width -= 1;
-  options.learn = false;
+  options.learn = train::LearnPattern::kOff;
   CHECK(train::make_fixed_pattern(options, dataset) == nullptr);
 }
 
@@ -30,7 +30,7 @@ TEST_CASE("pattern: what all frames have at the same pixels is learned, and the 
           "[train]") {
   const test::TinyScene scene;
   test::Bench bench(scene);
-  bench.options.pattern = {true, 1e-3, 0.5};
+  bench.options.pattern = {train::LearnPattern::kOn, 1e-3, 0.5};
   losses::ObjectiveOptions& terms = bench.options.objective;
   terms.target = losses::Target::kNone;
   terms.edi_supervision = terms.simulation = terms.intensity = false;

@@ -18,6 +18,7 @@
 #include "jade/core/progress.h"
 #include "jade/core/readable.h"
 #include "jade/core/version.h"
+#include "jade/data/pattern_estimate.h"
 #include "jade/eval/metrics.h"
 #include "jade/gaussians/ply.h"
 #include "jade/geometry/origin.h"
@@ -102,6 +103,7 @@ Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const st
   if (resume.empty() || !resume_from(resume)) {
     settle_thresholds(data_.dataset, data_.fingerprint, /*log_offset=*/0, options_);
     options_.splat.near_plane = train::near_plane(options_.splat, data_.dataset);
+    settle_pattern();
     options_.densify.max_gaussians = train::max_gaussians(options_.densify, data_.dataset);
     if (choices_) choose_pace(data_.dataset, *choices_, device_, options_, data_.restorer);
     if (!train::needs_efnet(options_)) data_.restorer_sha256.clear();
@@ -123,6 +125,18 @@ Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const st
 Trainer::~Trainer() {
   // Keep the log file open while an exception unwinds, so that its handler's message is logged.
   if (std::uncaught_exceptions() == 0) set_log_file({});
+}
+
+void Trainer::settle_pattern() {
+  train::LearnPattern& learn = options_.pattern.learn;
+  if (learn != train::LearnPattern::kAuto) return;
+  const data::PatternEstimate found = data::estimate_pattern(data_.dataset);
+  learn = found.is_worth_learning() ? train::LearnPattern::kOn : train::LearnPattern::kOff;
+  if (learn == train::LearnPattern::kOn) {
+    log_info(concat("pattern     ", std::round(1e4 * found.strength) / 100,
+                    " % of white (standard deviation) is the same in all frames and becomes no "
+                    "scene; --set pattern.learn=off leaves it"));
+  }
 }
 
 bool Trainer::resume_from(const std::string& choice) {
@@ -185,7 +199,9 @@ void Trainer::keep_decisions(const train::RunOptions& saved) {
   if (options_.densify.max_gaussians.is_auto()) {
     options_.densify.max_gaussians = saved.densify.max_gaussians;
   }
-  // Perhaps the run began with a version that had no such key.
+  // Perhaps the run began with a version that had no such keys.
+  if (options_.pattern.learn == train::LearnPattern::kAuto)
+    options_.pattern.learn = saved.pattern.learn;
   if (options_.splat.near_plane == 0) options_.splat.near_plane = saved.splat.near_plane;
 }
 

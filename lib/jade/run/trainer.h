@@ -79,8 +79,9 @@ class Trainer {
   bool learns_gains() const;
   /// False where there is nothing to go on from.
   bool resume_from(const std::string& choice);
-  /// Keeps the decisions of the run's start: its calendar, its measured thresholds and its near
-  /// plane.
+  /// Puts on or off in place of pattern.learn auto.
+  void settle_pattern();
+  /// Keeps the decisions of the run's start: its calendar, thresholds, pattern and near plane.
   void keep_decisions(const train::RunOptions& saved);
   void check_same_run(const std::filesystem::path& checkpoint, const CheckpointInfo& info) const;
   void announce() const;

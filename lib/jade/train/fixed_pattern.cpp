@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <torch/types.h>
 
+#include "jade/data/pattern_estimate.h"
+
 namespace jade::train {
 
 FixedPattern::FixedPattern(int64_t channels, int64_t height, int64_t width)
@@ -13,9 +15,14 @@ double FixedPattern::strength() const {
   return offsets_.detach().square().mean().sqrt().item<double>();
 }
 
+bool learns_pattern(const PatternOptions& options, const data::Dataset& dataset) {
+  if (options.learn != LearnPattern::kAuto) return options.learn == LearnPattern::kOn;
+  return data::estimate_pattern(dataset).is_worth_learning();
+}
+
 std::shared_ptr<FixedPattern> make_fixed_pattern(const PatternOptions& options,
                                                  const data::Dataset& dataset) {
-  if (!options.learn) return nullptr;
+  if (!learns_pattern(options, dataset)) return nullptr;
   const auto& first = dataset.train.front().camera;
   const bool one_size =
       std::all_of(dataset.train.begin(), dataset.train.end(), [&](const data::Exposure& each) {

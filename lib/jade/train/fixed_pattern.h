@@ -3,18 +3,29 @@
 // frames. A camera that moves in more than one direction tells them from the scene.
 #pragma once
 
+#include <array>
 #include <memory>
 #include <torch/nn/module.h>
 #include <torch/types.h>
 
 #include "jade/core/fields.h"
+#include "jade/core/words.h"
 #include "jade/data/exposure.h"
 
 namespace jade::train {
 
+/// Whether the pattern is learned.
+enum class LearnPattern { kAuto, kOn, kOff };
+
+constexpr auto words_of(LearnPattern) {
+  return std::array{Word{"auto", LearnPattern::kAuto,
+                         "where the frames show one and the camera moves in two directions"},
+                    Word{"on", LearnPattern::kOn}, Word{"off", LearnPattern::kOff}};
+}
+
 /// The configuration group `pattern`.
 struct PatternOptions {
-  bool learn = false;
+  LearnPattern learn = LearnPattern::kAuto;
   // No keys: other values were not measured.
   double lr = 2e-4;           ///< Adam step size of the offsets; white is 1
   double prior_weight = 0.5;  ///< of the mean squared offset, which pulls the pattern towards 0
@@ -24,7 +35,7 @@ template <class V>
 void describe(V& v, PatternOptions& o) {
   v.field("learn", o.learn,
           "learn the offsets that all frames have at the same pixels, so that they do not become "
-          "scene; needs a camera that moves in more than one direction");
+          "scene");
 }
 
 /// Offsets of all frames of one sensor.
@@ -43,6 +54,9 @@ class FixedPattern : public torch::nn::Module {
  private:
   torch::Tensor offsets_;
 };
+
+/// Whether one is learned: as the options say, else where data::estimate_pattern() finds one.
+bool learns_pattern(const PatternOptions& options, const data::Dataset& dataset);
 
 /// nullptr where none is learned, and for frames of several sizes, which are not of one sensor.
 std::shared_ptr<FixedPattern> make_fixed_pattern(const PatternOptions& options,

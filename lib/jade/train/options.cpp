@@ -51,7 +51,7 @@ RunOptions printed_options() {
   options.objective.edi_contrast = 1;
   options.objective.trust.agreement = 0;
   options.response.enabled = true;
-  options.pattern.learn = false;
+  options.pattern.learn = LearnPattern::kOff;
   options.poses.optimize = PosePath::kNone;
   options.poses.start = PoseStart::kLine;
   options.poses.control_poses = 4;

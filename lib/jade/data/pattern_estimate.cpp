@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/data/pattern_estimate.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <torch/types.h>
+#include <vector>
+
+#include "jade/imaging/color.h"
+
+namespace jade::data {
+namespace {
+
+constexpr size_t kMostFrames = 64;
+constexpr double kApartPx = 8;
+
+/// Detail of strong edges is cut to this, so that few pixels do not decide.
+constexpr double kMostDetail = 0.1;
+
+using Place = std::array<double, 2>;
+
+std::vector<const Exposure*> chosen_frames(const Dataset& dataset) {
+  std::vector<const Exposure*> same_size;
+  for (const Exposure& exposure : dataset.train) {
+    if (exposure.blurry.sizes() == dataset.train.front().blurry.sizes()) {
+      same_size.push_back(&exposure);
+    }
+  }
+  const size_t count = std::min(same_size.size(), kMostFrames);
+  std::vector<const Exposure*> chosen;
+  for (size_t i = 0; i < count; ++i) chosen.push_back(same_size[i * same_size.size() / count]);
+  return chosen;
+}
+
+/// Places, px, at which frame `of` sees the points that lie `depth` deep at five places of frame
+/// `from`; far outside where they are behind it.
+std::array<Place, 5> places_of(const Exposure& from, const Exposure& of, double depth) {
+  constexpr size_t kMiddle = geometry::kExposurePoses / 2;
+  const auto w = double(from.camera.width), h = double(from.camera.height);
+  const std::array<Place, 5> shares{
+      Place{0.5, 0.5}, Place{0.25, 0.25}, Place{0.75, 0.25}, Place{0.25, 0.75}, Place{0.75, 0.75}};
+  const geometry::Pose step =
+      geometry::compose(of.poses[kMiddle], geometry::inverse(from.poses[kMiddle]));
+  std::array<Place, 5> places;
+  for (size_t i = 0; i < shares.size(); ++i) {
+    geometry::Vector3 point = geometry::unproject(from.camera, shares[i][0] * w, shares[i][1] * h);
+    for (double& each : point) each *= depth;
+    point = geometry::transform(step, point);
+    places[i] = point[2] > 0 ? geometry::project(of.camera, point) : Place{1e6, 1e6};
+  }
+  return places;
+}
+
+/// Whether all five places moved by more than kApartPx, seen from the depth that moves less.
+bool apart(const Exposure& a, const Exposure& b, const Dataset& dataset) {
+  for (const double depth : {dataset.near, dataset.far}) {
+    const auto before = places_of(a, a, depth), after = places_of(a, b, depth);
+    for (size_t i = 0; i < before.size(); ++i) {
+      if (std::hypot(after[i][0] - before[i][0], after[i][1] - before[i][1]) <= kApartPx)
+        return false;
+    }
+  }
+  return true;
+}
+
+/// Standard deviation of the middle's place in its least direction. Places outside count as their
+/// nearest in an image of three times the size.
+double sideways(const std::vector<const Exposure*>& frames, double depth) {
+  const Exposure& first = *frames[frames.size() / 2];
+  const auto w = double(first.camera.width), h = double(first.camera.height);
+  double sx = 0, sy = 0, sxx = 0, sxy = 0, syy = 0;
+  for (const Exposure* frame : frames) {
+    const Place place = places_of(first, *frame, depth)[0];
+    const double x = std::clamp(place[0], -w, 2 * w), y = std::clamp(place[1], -h, 2 * h);
+    sx += x, sy += y, sxx += x * x, sxy += x * y, syy += y * y;
+  }
+  const auto n = double(frames.size());
+  const double xx = sxx / n - sx / n * sx / n, yy = syy / n - sy / n * sy / n;
+  const double xy = sxy / n - sx / n * sy / n;
+  const double least = 0.5 * (xx + yy) - std::hypot(0.5 * (xx - yy), xy);
+  return std::sqrt(std::max(0.0, least));
+}
+
+/// [P] of a frame: what differs from the mean of 3x3 pixels.
+torch::Tensor detail_of(const Exposure& frame) {
+  const torch::Tensor gray = imaging::gray(frame.blurry).unsqueeze(0);
+  const torch::Tensor padded = at::replication_pad2d(gray, {1, 1, 1, 1});
+  torch::Tensor detail = (gray - at::avg_pool2d(padded, 3, 1)).clamp(-kMostDetail, kMostDetail)[0];
+  if (frame.mask.defined()) detail = detail * frame.mask;
+  return detail.flatten();
+}
+
+}  // namespace
+
+PatternEstimate estimate_pattern(const Dataset& dataset) {
+  const std::vector<const Exposure*> frames = chosen_frames(dataset);
+  PatternEstimate found;
+  if (frames.size() < 3) return found;
+  found.sideways_px = std::min(sideways(frames, dataset.near), sideways(frames, dataset.far));
+  std::vector<torch::Tensor> details;
+  for (const Exposure* frame : frames) details.push_back(detail_of(*frame));
+  const torch::Tensor all = torch::stack(details);
+  const torch::Tensor common = (all.matmul(all.t()) / all.size(1)).to(torch::kFloat64);
+  const auto products = common.accessor<double, 2>();
+  double sum = 0;
+  for (size_t i = 0; i < frames.size(); ++i) {
+    for (size_t j = i + 1; j < frames.size(); ++j) {
+      if (!apart(*frames[i], *frames[j], dataset)) continue;
+      sum += products[int64_t(i)][int64_t(j)];
+      ++found.pairs;
+    }
+  }
+  if (found.pairs > 0) found.strength = std::sqrt(std::max(0.0, sum / double(found.pairs)));
+  return found;
+}
+
+}  // namespace jade::data
