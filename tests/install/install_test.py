@@ -87,7 +87,7 @@ class Install(unittest.TestCase):
     def test_another_project_uses_the_op(self):
         project, built = self.work / "consumer", self.work / "consumer-build"
         shutil.copytree(SOURCE / "tests" / "install" / "consumer", project)
-        for command in (["cmake", "-S", project, "-B", built, f"-DCMAKE_PREFIX_PATH={self.prefix}"],
+        for command in (["cmake", "-G", "Ninja", "-S", project, "-B", built, f"-DCMAKE_PREFIX_PATH={self.prefix}"],
                         ["cmake", "--build", built]):
             done = subprocess.run(command, capture_output=True, text=True)
             self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
@@ -101,7 +101,7 @@ class Install(unittest.TestCase):
         other = self.work / "torch"
         other.mkdir()
         (other / "version.py").write_text("__version__ = '1.0.0'\n")
-        done = subprocess.run(["cmake", "-S", SOURCE / "tests" / "install" / "consumer", "-B", self.work / "refused",
+        done = subprocess.run(["cmake", "-G", "Ninja", "-S", SOURCE / "tests" / "install" / "consumer", "-B", self.work / "refused",
                                f"-DCMAKE_PREFIX_PATH={self.prefix}", f"-DJADE_TORCH_ROOT={other}"],
                               capture_output=True, text=True)
         self.assertNotEqual(done.returncode, 0)
