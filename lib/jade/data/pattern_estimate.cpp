@@ -39,8 +39,8 @@ std::vector<const Exposure*> chosen_frames(const Dataset& dataset) {
 std::array<Place, 5> places_of(const Exposure& from, const Exposure& of, double depth) {
   constexpr size_t kMiddle = geometry::kExposurePoses / 2;
   const auto w = double(from.camera.width), h = double(from.camera.height);
-  const std::array<Place, 5> shares{
-      Place{0.5, 0.5}, Place{0.25, 0.25}, Place{0.75, 0.25}, Place{0.25, 0.75}, Place{0.75, 0.75}};
+  const std::array<Place, 5> shares{Place{0.5, 0.5}, Place{0.25, 0.25}, Place{0.75, 0.25},
+                                    Place{0.25, 0.75}, Place{0.75, 0.75}};
   const geometry::Pose step =
       geometry::compose(of.poses[kMiddle], geometry::inverse(from.poses[kMiddle]));
   std::array<Place, 5> places;

@@ -9,8 +9,8 @@ namespace jade::data {
 
 /// The fixed pattern of a frame sensor as frames of different places show it.
 struct PatternEstimate {
-  /// Standard deviation of what is the same at each pixel of all frames, of detail up to 3 px; white
-  /// is 1. 0 where no frames could be compared.
+  /// Standard deviation of what is the same at each pixel of all frames, of detail up to 3 px;
+  /// white is 1. 0 where no frames could be compared.
   double strength = 0;
   /// How far the scene moves in the frames in the direction in which it moves least, px (standard
   /// deviation over the frames). Along a single line, edges of the scene look like a pattern.

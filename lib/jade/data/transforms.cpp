@@ -2,20 +2,19 @@
 #include "jade/data/transforms.h"
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
-#include <iterator>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <torch/types.h>
 #include <utility>
 
-#include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/data/colmap_scene.h"
 #include "jade/data/frame_times.h"
 #include "jade/data/frames.h"
+#include "jade/data/named_files.h"
 #include "jade/data/origin.h"
+#include "jade/data/transforms_json.h"
 #include "jade/data/undistorter.h"
 #include "jade/data/unused_parts.h"
 #include "jade/gaussians/ply.h"
@@ -41,180 +40,6 @@ struct ListedView {
 
 /// With fewer images left of a file that named more, its scene is taken for damaged.
 constexpr size_t kFewestFrames = 3;
-
-/// Python writes numbers that JSON has not; where the first of them is, as "NaN in line 7".
-std::string number_beyond_json(const std::string& text) {
-  for (const char* word : {"NaN", "Infinity"}) {
-    for (size_t at = text.find(word); at != std::string::npos; at = text.find(word, at + 1)) {
-      const size_t before = text.find_last_not_of(" \t\r\n-", at == 0 ? 0 : at - 1);
-      if (before == std::string::npos || std::string("[:,").find(text[before]) == std::string::npos)
-        continue;
-      return concat(word, " in line ", 1 + std::count(text.begin(), text.begin() + long(at), '\n'));
-    }
-  }
-  return "";
-}
-
-json read_json(const fs::path& path) {
-  const std::string text = read_file(path);
-  const json root = json::parse(text, nullptr, /*allow_exceptions=*/false);
-  if (root.is_discarded()) {
-    if (const std::string found = number_beyond_json(text); !found.empty()) {
-      throw DataError(concat(path.string(), ": expected finite numbers, found ", found,
-                             "; the tool that wrote the file failed there, run it again"));
-    }
-  }
-  if (root.is_object() && root.contains("frames") && root["frames"].is_array()) return root;
-  throw DataError(concat(path.string(),
-                         ": expected a JSON object with a list 'frames'; the file is "
-                         "damaged or of another kind"));
-}
-
-/// @throws DataError where the key has something else than a number or null.
-double number(const json& object, const std::string& key, double otherwise,
-              const std::string& where) {
-  if (!object.contains(key) || object[key].is_null()) return otherwise;
-  if (object[key].is_number() && std::isfinite(object[key].get<double>())) {
-    return object[key].get<double>();
-  }
-  throw DataError(concat(where, ": expected '", key, "' to be a number, found ",
-                         object[key].dump().substr(0, 40), "; correct it"));
-}
-
-/// The fault of a 3x3 matrix that should be a rotation, and its cure.
-std::string fault_of(const geometry::Matrix3& m) {
-  const double determinant = m[0] * (m[4] * m[8] - m[5] * m[7]) -
-                             m[1] * (m[3] * m[8] - m[5] * m[6]) +
-                             m[2] * (m[3] * m[7] - m[4] * m[6]);
-  const double scale = std::cbrt(std::abs(determinant));
-  if (!(scale > 1e-6)) {
-    return "axes that do not span the space (determinant 0); remove the frame or correct its pose";
-  }
-  if (determinant < 0) {
-    return concat("a mirrored one (determinant ", determinant,
-                  "); negate the axis that was flipped, or export in right-handed axes");
-  }
-  if (std::abs(scale - 1) > 0.05) {
-    return concat("a rotation scaled by ", scale, "; divide its first three columns by that");
-  }
-  return "axes that are not perpendicular; correct the pose";
-}
-
-geometry::Pose pose_of_matrix(const json& matrix, const std::string& where) {
-  double m[3][4];
-  const auto wrong = [&](const std::string& found) {
-    return DataError(concat(where,
-                            ": expected 'transform_matrix' to be a 4x4 rotation and "
-                            "translation, world_from_camera in OpenGL axes, found ",
-                            found));
-  };
-  const auto malformed = [&](const json& part) {
-    return wrong(part.dump().substr(0, 40) + "; correct it");
-  };
-  if (!matrix.is_array() || matrix.size() < 3) throw malformed(matrix);
-  for (size_t row = 0; row < 3; ++row) {
-    if (!matrix[row].is_array() || matrix[row].size() != 4) throw malformed(matrix[row]);
-    for (size_t column = 0; column < 4; ++column) {
-      if (!matrix[row][column].is_number()) throw malformed(matrix[row]);
-      m[row][column] = matrix[row][column].get<double>();
-      if (!std::isfinite(m[row][column])) throw malformed(matrix[row]);
-    }
-  }
-  geometry::Pose world_from_camera;
-  for (size_t row = 0; row < 3; ++row) {
-    for (size_t column = 0; column < 3; ++column) {
-      world_from_camera.rotation[3 * row + column] = column == 0 ? m[row][0] : -m[row][column];
-    }
-    world_from_camera.translation[row] = m[row][3];
-  }
-  try {
-    world_from_camera.rotation = geometry::nearest_rotation(world_from_camera.rotation);
-  } catch (const ContractError&) {
-    throw wrong(fault_of(world_from_camera.rotation));
-  }
-  return geometry::inverse(world_from_camera);
-}
-
-/// With the slashes of Windows turned.
-std::string slashed(std::string path) {
-  std::replace(path.begin(), path.end(), '\\', '/');
-  return path;
-}
-
-/// A file named in the JSON, which may lack an extension; empty where there is none.
-fs::path existing_file(const fs::path& path) {
-  for (const char* extension : {"", ".png", ".jpg", ".jpeg", ".JPG", ".PNG", ".JPEG"}) {
-    const fs::path whole = path.string() + extension;
-    if (fs::is_regular_file(whole)) return whole.lexically_normal();
-  }
-  return {};
-}
-
-/// Finds a file whose path was written on another machine or from another folder, by as many of its
-/// last parts as lead to a file. Empty if none do.
-fs::path moved_file(const fs::path& folder, const fs::path& given) {
-  const std::vector<fs::path> parts(given.begin(), given.end());
-  for (size_t skip = 1; skip < parts.size(); ++skip) {
-    fs::path tail;
-    for (size_t i = skip; i < parts.size(); ++i) tail /= parts[i];
-    if (tail.is_absolute() || tail.empty()) continue;
-    if (fs::path found = existing_file(folder / tail); !found.empty()) return found;
-  }
-  return {};
-}
-
-/// Finds a file in or below `folder` by as many of its last parts as lead to a file, all of them
-/// first. Empty if none do.
-fs::path file_inside(const fs::path& folder, const fs::path& given) {
-  std::vector<fs::path> parts;
-  for (const fs::path& part : given.relative_path()) {
-    if (part != "." && part != "..") parts.push_back(part);
-  }
-  for (size_t skip = 0; skip < parts.size(); ++skip) {
-    fs::path tail;
-    for (size_t i = skip; i < parts.size(); ++i) tail /= parts[i];
-    if (tail.empty()) continue;
-    if (fs::path found = existing_file(folder / tail); !found.empty()) return found;
-  }
-  return {};
-}
-
-/// Paths as a transforms.json has them, and what became of them.
-struct NamedFiles {
-  fs::path folder;           ///< of the JSON, which they are relative to
-  std::string image_folder;  ///< dataset.image_folder; empty: images lie where the JSON says
-  std::vector<std::string> missing, moved;
-
-  /// An image of this name, in `image_folder` where one is set. Empty where there is no such file;
-  /// its name is then added to `missing`.
-  fs::path find_image(const std::string& name) {
-    if (image_folder.empty()) return find(name);
-    fs::path found = file_inside(folder / image_folder, slashed(name));
-    if (found.empty()) missing.push_back(name);
-    return found;
-  }
-
-  /// Empty where there is no such file; its name is then added to `missing`.
-  fs::path find(const std::string& name) {
-    // On Linux a backslash may be part of a name.
-    if (fs::path found = existing_file(folder / name); !found.empty()) return found;
-    const fs::path given = slashed(name);
-    if (fs::path found = existing_file(folder / given); !found.empty()) return found;
-    if (fs::path found = moved_file(folder, given); !found.empty()) {
-      moved.push_back(name);
-      return found;
-    }
-    missing.push_back(name);
-    return {};
-  }
-};
-
-/// A text of a frame. @throws DataError where it is there and no text.
-std::string text_of(const json& frame, const char* key, const std::string& where) {
-  if (!frame.is_object() || !frame.contains(key)) return {};
-  if (frame[key].is_string()) return frame[key].get<std::string>();
-  throw DataError(concat(where, ": expected '", key, "' to be a path in quotes"));
-}
 
 std::string file_path_of(const json& frame, const std::string& where) {
   std::string path = text_of(frame, "file_path", where);
@@ -264,193 +89,6 @@ void tell_missing(const fs::path& path, const NamedFiles& files, size_t frames,
   warnings.add(what, "; they are left out");
 }
 
-geometry::Intrinsics camera_of_frame(const json& root, const json& frame,
-                                     const std::string& where) {
-  const auto value = [&](const char* key, double otherwise) {
-    return number(frame, key, number(root, key, otherwise, where), where);
-  };
-  const auto side = [&](const char* key) {
-    constexpr double kLargestSide = 1 << 16;
-    const double found = value(key, 0);
-    if (found >= 0 && found <= kLargestSide) return static_cast<int64_t>(found);
-    throw DataError(concat(where, ": expected '", key, "' from 0 to ", kLargestSide, " px, found ",
-                           found, "; correct it"));
-  };
-  geometry::Intrinsics camera;
-  camera.width = side("w");
-  camera.height = side("h");
-  const auto focal = [&](const char* key) {
-    const double found = value(key, 0);
-    if (found >= 0) return found;
-    throw DataError(concat(where, ": expected a focal length '", key, "' above 0, found ", found,
-                           "; correct it"));
-  };
-  camera.fx = focal("fl_x");
-  camera.fy = focal("fl_y");
-  camera.cx = value("cx", 0);
-  camera.cy = value("cy", 0);
-  return camera;
-}
-
-/// A field of view of the frame or else of the file, in radians; 0 where neither has it.
-double angle_of(const json& root, const json& frame, const char* key, const std::string& where) {
-  const double found = number(frame, key, number(root, key, 0, where), where);
-  if (found >= 0 && found < 3.1) return found;
-  throw DataError(
-      concat(where, ": expected '", key, "' from 0 to 3.1 radians, found ", found, "; correct it"));
-}
-
-/// Keys of cameras that no pinhole can replace, with what they are.
-constexpr std::pair<const char*, const char*> kUnlikePinholes[] = {
-    {"ftheta_p0", "an f-theta lens"}, {"latlong", "a picture of all around"}};
-
-/// The value of a key, of the frame or else of the file; empty where neither has it.
-std::string text_value(const json& root, const json& frame, const char* key) {
-  const json& object = frame.contains(key) ? frame : root;
-  return object.contains(key) && object[key].is_string() ? object[key].get<std::string>() : "";
-}
-
-bool flag(const json& root, const json& frame, const char* key) {
-  const json& object = frame.contains(key) ? frame : root;
-  return object.contains(key) && object[key].is_boolean() && object[key].get<bool>();
-}
-
-DataError unlike_pinhole(const std::string& where, const std::string& what) {
-  return DataError(concat(where, ": expected a camera that a pinhole can replace, found ", what,
-                          "; undistort the images first"));
-}
-
-/// Keys that nerfstudio's distortion_params stands for, in its order.
-constexpr const char* kListedCoefficients[] = {"k1", "k2", "k3", "k4", "p1", "p2"};
-
-/// The coefficients k1 to k6, p1 and p2 that are in force for a frame. A list distortion_params
-/// goes before single keys, as in nerfstudio; both of a frame go before those of the file.
-/// @throws DataError for a list that is no list of 6 numbers.
-json coefficients_of(const json& root, const json& frame, const std::string& where) {
-  json found = json::object();
-  for (const json* object : {&root, &frame}) {
-    for (const char* key : {"k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2"}) {
-      if (object->contains(key) && !(*object)[key].is_null()) found[key] = (*object)[key];
-    }
-    if (!object->contains("distortion_params") || (*object)["distortion_params"].is_null()) {
-      continue;
-    }
-    const json& list = (*object)["distortion_params"];
-    if (!list.is_array() || list.size() != std::size(kListedCoefficients)) {
-      throw DataError(concat(where,
-                             ": expected 'distortion_params' to be the 6 numbers k1, k2, k3, k4, "
-                             "p1, p2, found ",
-                             list.dump().substr(0, 80), "; correct it"));
-    }
-    for (size_t i = 0; i < list.size(); ++i) found[kListedCoefficients[i]] = list[i];
-  }
-  return found;
-}
-
-/// nerfstudio's camera_model with distortion_params or k1 to k6, p1 and p2, or instant-ngp's
-/// is_fisheye.
-geometry::Lens lens_of_frame(const json& root, const json& frame, const std::string& where) {
-  using geometry::LensModel;
-  std::string model = text_value(root, frame, "camera_model");
-  std::transform(model.begin(), model.end(), model.begin(),
-                 [](unsigned char letter) { return char(std::toupper(letter)); });
-  static const std::set<std::string> perspectives = {
-      "",       "SIMPLE_PINHOLE", "PINHOLE",     "SIMPLE_RADIAL",
-      "RADIAL", "OPENCV",         "FULL_OPENCV", "PERSPECTIVE"};
-  static const std::set<std::string> fisheyes = {"OPENCV_FISHEYE", "SIMPLE_RADIAL_FISHEYE",
-                                                 "RADIAL_FISHEYE", "SIMPLE_FISHEYE", "FISHEYE"};
-  if (perspectives.count(model) + fisheyes.count(model) == 0) {
-    throw unlike_pinhole(where, concat("camera_model ", model));
-  }
-  for (const auto& [key, what] : kUnlikePinholes) {
-    if (root.contains(key) || frame.contains(key)) throw unlike_pinhole(where, what);
-  }
-  const json coefficients = coefficients_of(root, frame, where);
-  const auto value = [&](const char* key) { return number(coefficients, key, 0, where); };
-  geometry::Lens lens{LensModel::kPinhole, value("k1"), value("k2"),
-                      value("p1"),         value("p2"), value("k3"),
-                      value("k4"),         0,           0};
-  if (fisheyes.count(model) > 0 || flag(root, frame, "is_fisheye")) {
-    lens.model = LensModel::kFisheye;
-    lens.p1 = lens.p2 = 0;
-    return lens;
-  }
-  if (model == "PINHOLE" || model == "SIMPLE_PINHOLE") return {};
-  if (model == "FULL_OPENCV") {
-    lens.k5 = value("k5");
-    lens.k6 = value("k6");
-    lens.model = LensModel::kRational;
-    return lens;
-  }
-  if (std::abs(lens.k4) >= 1e-6) {
-    throw unlike_pinhole(where, concat("a fourth radial coefficient k4 of ", lens.k4));
-  }
-  lens.k4 = 0;
-  lens.model = LensModel::kRadialTangential;
-  return lens;
-}
-
-/// Whether a value differs from what is the case without its key.
-bool says_something(const std::string& key, const json& value) {
-  if (value.is_null() || value == false || value == "") return false;
-  if (value.is_number()) return value.get<double>() != (key == "scale" ? 1.0 : 0.0);
-  if (!value.is_array()) return true;
-  return std::any_of(value.begin(), value.end(),
-                     [](const json& each) { return says_something("", each); });
-}
-
-/// The keys of a file and of its frames that have such a value.
-void add_keys(const json& root, std::set<std::string>& keys) {
-  const auto add = [&](const json& object) {
-    for (const auto& [key, value] : object.items()) {
-      if (says_something(key, value)) keys.insert(key);
-    }
-  };
-  add(root);
-  for (const json& frame : root["frames"]) {
-    if (frame.is_object()) add(frame);
-  }
-}
-
-/// Keys of nerfstudio, instant-ngp, D-NeRF and Spectacular AI.
-const std::vector<FormatPart>& unused_keys() {
-  static const std::vector<FormatPart> keys = {
-      {"depth_file_path", "depth maps"},
-      {"depth_path", "depth maps"},
-      {"normal_file_path", "maps of normals"},
-      {"normal_path", "maps of normals"},
-      {"semantics_path", "semantic labels"},
-      {"segmentation_path", "semantic labels"},
-      {"time", "moment of a scene that moves"},
-      {"timestamp", "time of a frame"},
-      {"rolling_shutter", "motion while rows are read"},
-      {"enable_rolling_shutter", "motion while rows are read"},
-      {"rolling_shutter_time", "motion while rows are read"},
-      {"shutter_time", "motion while a frame is exposed"},
-      {"exposure", "brightness of a frame"},
-      {"exposure_time", "length of an exposure"},
-      {"iso", "brightness of a frame"},
-      {"aperture", "brightness of a frame"},
-      {"white_balance", "colours of a frame"},
-      {"camera_linear_velocity", "motion while a frame is exposed"},
-      {"camera_angular_velocity", "motion while a frame is exposed"},
-      {"linear_velocity", "motion while a frame is exposed"},
-      {"angular_velocity", "motion while a frame is exposed"},
-      {"transform_matrix_start", "motion while a frame is exposed"},
-      {"transform_matrix_end", "motion while a frame is exposed"},
-      {"mask_color", "a colour that stands for a mask"},
-      {"white_transparent", "white that stands for a mask"},
-      {"black_transparent", "black that stands for a mask"},
-      {"scale", "scale of the world; poses are taken as they are"},
-      {"offset", "origin of the world; poses are taken as they are"},
-      {"aabb_scale", "bounds of the scene"},
-      {"render_aabb", "bounds of the scene"},
-      {"orientation_override", "axes of the world; poses are taken as they are"},
-      {"n_extra_learnable_dims", "a look of its own for each frame"},
-  };
-  return keys;
-}
-
 /// A file and the views whose images are there.
 struct TransformsFile {
   fs::path path;
@@ -475,7 +113,7 @@ void set_size_before_reduction(const fs::path& folder, const std::string& image_
 
 TransformsFile read_transforms(const fs::path& path, const std::string& image_folder,
                                const Warnings& warnings) {
-  json root = read_json(path);
+  json root = read_transforms_json(path);
   std::vector<ListedView> views;
   NamedFiles files{path.parent_path(), image_folder, {}, {}};
   if (!image_folder.empty()) find_image_folder(path.parent_path(), image_folder);
@@ -717,7 +355,7 @@ std::set<fs::path> named_images(const fs::path& folder, const std::string& image
                            "transforms_test.json"}) {
     if (!fs::exists(folder / name)) continue;
     NamedFiles files{folder, image_folder, {}, {}};
-    const json root = read_json(folder / name);
+    const json root = read_transforms_json(folder / name);
     for (const json& frame : root["frames"]) {
       const fs::path found = files.find_image(file_path_of(frame, (folder / name).string()));
       if (!found.empty()) images.insert(fs::weakly_canonical(fs::absolute(found)));

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+// Values of a transforms.json. Those of a frame go before those of the file. `where` names file and
+// frame in messages. All throw DataError for values of another kind, or that cannot be.
+#pragma once
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "jade/data/unused_parts.h"
+#include "jade/geometry/camera.h"
+#include "jade/geometry/lens.h"
+#include "jade/geometry/pose.h"
+
+namespace jade::data {
+
+/// The object of a file. @throws DataError unless it has a list "frames", and no NaN or Infinity.
+nlohmann::json read_transforms_json(const std::filesystem::path& path);
+
+/// A text of a frame or of the file; empty where it has none.
+std::string text_of(const nlohmann::json& frame, const char* key, const std::string& where);
+
+/// camera_from_world of a transform_matrix, which is world_from_camera in OpenGL axes.
+geometry::Pose pose_of_matrix(const nlohmann::json& matrix, const std::string& where);
+
+/// The pinhole of a frame; 0 for what is not said.
+geometry::Intrinsics camera_of_frame(const nlohmann::json& root, const nlohmann::json& frame,
+                                     const std::string& where);
+
+/// A field of view in radians; 0 where there is none.
+double angle_of(const nlohmann::json& root, const nlohmann::json& frame, const char* key,
+                const std::string& where);
+
+/// nerfstudio's camera_model with distortion_params or k1 to k6, p1 and p2, or instant-ngp's
+/// is_fisheye. @throws DataError for cameras that no pinhole can replace.
+geometry::Lens lens_of_frame(const nlohmann::json& root, const nlohmann::json& frame,
+                             const std::string& where);
+
+/// Adds the keys of a file and of its frames whose value differs from what holds without them.
+void add_keys(const nlohmann::json& root, std::set<std::string>& keys);
+
+/// Keys of nerfstudio, instant-ngp, D-NeRF and Spectacular AI that have no effect here.
+const std::vector<FormatPart>& unused_keys();
+
+}  // namespace jade::data
