@@ -480,6 +480,27 @@ TEST_CASE("event files: text in the dialects of spreadsheets", "[events]") {
   check("t,x,y,p\r\n100,1.5,0,1\r\n250,2,1,0\r\n250,3,2.25,1\r\n999,0,7,1");
 }
 
+TEST_CASE("event files: text with seconds and nanoseconds, and in UTF-16", "[events]") {
+  const TempDir dir;
+  const auto read = [&](const std::string& text) {
+    std::ofstream(dir / "a.csv", std::ios::binary) << text;
+    return read_events(dir / "a.csv").events;
+  };
+  const std::string rows =
+      "\n5,100000,1.5,0,1\n5,250000,2,1,0\n6,250000,3,2.25,1\n6,999000,0,7,1\n";
+  for (const char* names :
+       {"secs,nsecs,x,y,p", "# stamp.sec,stamp.nanosec,x,y,polarity", "ts_secs,ts_nsecs,x,y,p"}) {
+    INFO(names);
+    const EventStream events = read(names + rows);
+    CHECK(events.first_us() == 5000100);
+    CHECK(events.last_us() == 6000999);
+  }
+  CHECK_THAT(message_of([&] { read("secs,nsecs,x,y,p\n5,1500000000,1,2,1\n"); }),
+             jade::test::naming("a.csv:2", "999999999", "1.5e+09"));
+  CHECK_THAT(message_of([&] { read(std::string("\xFF\xFEt\0,\0", 6)); }),
+             jade::test::naming("UTF-16", "iconv"));
+}
+
 TEST_CASE("event files: compressed lists and other polarities say what to do", "[events]") {
   const TempDir dir;
   std::ofstream(dir / "a.txt.gz") << "\x1f\x8b\x08";

@@ -179,6 +179,25 @@ TimeUnit unit_in_name(const std::string& name) {
   return unit_of_word(word.substr(begin)).value_or(TimeUnit::kAuto);
 }
 
+std::optional<std::pair<size_t, size_t>> time_in_two(const std::vector<std::string>& names) {
+  const auto named = [&](TimeUnit unit) {
+    std::vector<std::pair<std::string, size_t>> found;  // name before the unit, and place
+    for (size_t i = 0; i < names.size(); ++i) {
+      const std::string word = plain_word(names[i]);
+      const size_t mark = word.find_last_of("._/ ");
+      const size_t begin = mark == std::string::npos ? 0 : mark + 1;
+      const std::optional<TimeUnit> of_word = unit_of_word(word.substr(begin));
+      if (of_word == unit && word.substr(begin) != "s" && word.substr(begin) != "ns")
+        found.emplace_back(word.substr(0, begin), i);
+    }
+    return found;
+  };
+  const auto seconds = named(TimeUnit::kS), nanoseconds = named(TimeUnit::kNs);
+  if (seconds.size() != 1 || nanoseconds.size() != 1) return std::nullopt;
+  if (seconds[0].first != nanoseconds[0].first) return std::nullopt;
+  return std::pair{seconds[0].second, nanoseconds[0].second};
+}
+
 std::optional<Columns> named_columns(const std::vector<std::string>& names) {
   Columns columns{};
   std::array<bool, 4> found{};

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "jade/events/time_unit.h"
@@ -20,6 +21,10 @@ int event_field(const std::string& name);
 
 /// The unit that the name of a time says: "t_ns", "timestamp [us]". kAuto where it says none.
 TimeUnit unit_in_name(const std::string& name);
+
+/// Places of a time in whole seconds and in the nanoseconds to add, as ROS has them: "secs" and
+/// "nsecs", also behind one and the same name ("stamp.sec", "stamp.nanosec"). None in other names.
+std::optional<std::pair<size_t, size_t>> time_in_two(const std::vector<std::string>& names);
 
 /// Places of x, y, t and p.
 using Columns = std::array<size_t, 4>;

@@ -171,9 +171,12 @@ class TextEvents {
     const size_t colon = comment ? line.rfind(':') : std::string::npos;
     const size_t begin = line.find_first_not_of("#% ", colon == std::string::npos ? 0 : colon + 1);
     if (begin == std::string::npos) return;
-    const std::vector<std::string> words = words_of_line(line.substr(begin));
+    std::vector<std::string> words = words_of_line(line.substr(begin));
+    const auto parts = time_in_two(words);
+    if (parts) words[parts->first] = "t_s", words[parts->second] = "nanoseconds";
     columns_ = named_columns(words);
     if (!columns_) return;
+    if (parts) nanoseconds_ = parts->second;
     named_by_comment_ = comment;
     count_ = int(words.size());
     // Names that end in a separator have an empty one behind them, their numbers need not.
@@ -190,6 +193,7 @@ class TextEvents {
       // The comment was prose that holds the names by chance.
       columns_.reset();
       count_ = fewest_ = kColumns, unit_ = TimeUnit::kAuto, named_by_comment_ = false;
+      nanoseconds_.reset();
     }
     if (!fits(count)) {
       throw DataError(concat(path_.string(), ":", line, ": expected ", count_,
@@ -225,9 +229,18 @@ class TextEvents {
       throw DataError(
           concat(path_.string(), ":", line, ": expected polarity 0/1 or -1/+1, found ", polarity));
     }
+    double time = numbers[(*columns_)[2]];
+    if (nanoseconds_) {
+      const double rest = numbers[*nanoseconds_];
+      if (!(rest >= 0 && rest < 1e9)) {
+        throw DataError(concat(path_.string(), ":", line, ": expected nanoseconds from 0 to ",
+                               "999999999 beside the seconds, found ", rest));
+      }
+      time += 1e-9 * rest;
+    }
     x_.push_back(float(numbers[(*columns_)[0]]));
     y_.push_back(float(numbers[(*columns_)[1]]));
-    time_.push_back(numbers[(*columns_)[2]]);
+    time_.push_back(time);
     polarity_.push_back(int8_t(polarity));
   }
   void settle() {
@@ -246,6 +259,7 @@ class TextEvents {
   int count_ = kColumns;   ///< most numbers in a line
   int fewest_ = kColumns;  ///< and least
   bool named_by_comment_ = false;
+  std::optional<size_t> nanoseconds_;  ///< place of those to add to the seconds
   TimeUnit unit_ = TimeUnit::kAuto;
   std::optional<ImageSize> size_;
   std::vector<Row> first_;      ///< until the columns are known
@@ -256,7 +270,14 @@ class TextEvents {
 };
 
 /// Behind the mark of UTF-8 that spreadsheets put before the first line.
-const char* behind_mark(const char* begin, const char* end) {
+/// @throws DataError for that of UTF-16.
+const char* behind_mark(const std::filesystem::path& path, const char* begin, const char* end) {
+  const std::string first(begin, std::min<size_t>(size_t(end - begin), 2));
+  if (first == "\xFF\xFE" || first == "\xFE\xFF") {
+    throw DataError(concat(path.string(), ": expected UTF-8, found text in UTF-16; ",
+                           "iconv -f UTF-16 -t UTF-8 ", path.filename().string(),
+                           " > events.csv makes one"));
+  }
   constexpr char kMark[] = "\xEF\xBB\xBF";
   return end - begin >= 3 && std::equal(kMark, kMark + 3, begin) ? begin + 3 : begin;
 }
@@ -268,7 +289,7 @@ RawEvents read_text_events(const std::filesystem::path& path) {
   int64_t line = 0;
   bool header_seen = false;
   for_each_line(path, [&](const char* begin, const char* end) {
-    if (++line == 1) begin = behind_mark(begin, end);
+    if (++line == 1) begin = behind_mark(path, begin, end);
     const bool comment = begin < end && (*begin == '#' || *begin == '%');
     Numbers numbers{};
     const auto pointed = comment ? std::nullopt : with_points(begin, end);

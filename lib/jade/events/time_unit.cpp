@@ -65,7 +65,7 @@ std::optional<TimeUnit> unit_of_word(std::string word) {
     return std::find(known.begin(), known.end(), word) != known.end();
   };
   if (is({"us", "usec", "usecs", "microsecond", "microseconds"})) return TimeUnit::kUs;
-  if (is({"ns", "nsec", "nsecs", "nanosecond", "nanoseconds"})) return TimeUnit::kNs;
+  if (is({"ns", "nsec", "nsecs", "nanosec", "nanosecond", "nanoseconds"})) return TimeUnit::kNs;
   if (is({"ms", "msec", "msecs", "millisecond", "milliseconds"})) return TimeUnit::kMs;
   if (is({"s", "sec", "secs", "second", "seconds"})) return TimeUnit::kS;
   return std::nullopt;
