@@ -98,9 +98,7 @@ struct View {
 /// Ψ, K(V), both restorations (EDI is left out where EFNet alone is the target) and the fixed
 /// target. What it has of all poses stays behind, so that a recorded step need not copy
 /// it. Does not wait for the device.
-/// @param view  prepared with these options, of objective.restored_poses other than middle, its
-/// frame
-///              on the device
+/// @param view  with_frame(), prepared with these options; objective.restored_poses is not middle
 /// @param pose  k, one that is restored
 View at_pose(const View& view, int64_t pose, const RunOptions& options);
 

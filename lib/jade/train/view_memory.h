@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where the constants of the exposures lie: on the training device as far as they fit, the rest on
-// the CPU, from which a step fetches what it reads.
+// Memory of the exposures' constants: the training device holds as many as fit, the CPU the rest,
+// from which a step fetches what it reads.
 #pragma once
 
 #include <cstdint>
