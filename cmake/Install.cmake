@@ -15,7 +15,7 @@ endforeach()
 install(FILES assets/efnet_anytime.pt DESTINATION ${jade_share}/assets COMPONENT data)
 install(DIRECTORY configs DESTINATION ${jade_share} COMPONENT data)
 install(PROGRAMS
-  scripts/colmap.py scripts/compare_poses.py scripts/convert_aedat4.py scripts/convert_diet_gs.py
+  scripts/aedat_legacy.py scripts/colmap.py scripts/compare_poses.py scripts/convert_aedat4.py scripts/convert_diet_gs.py
   scripts/evaluate_perceptual.py scripts/export_lpips.py scripts/read_recording.py
   scripts/requirements-import.txt scripts/requirements-perceptual.txt
   DESTINATION ${jade_share}/scripts COMPONENT data)

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Turns an AEDAT4 file or a ROS bag into a folder that jade_import and jade_inspect read by themselves.
+"""Turns an AEDAT file or a ROS bag into a folder that jade_import and jade_inspect read by themselves.
 
     .venv/bin/python scripts/read_recording.py recording.aedat4 FOLDER
 
@@ -12,9 +12,9 @@ sent them; images/*.png with exposures.csv (name,start_us,end_us: equal where th
 was exposed); triggers.csv (t_us,rising), camera_info.yaml (of a bag that has one for the camera) and recording.txt ("key value":
 format, width, height, stamp, offset_us of events and triggers, note).
 
-Read are AEDAT4 (packages aedat or dv-processing) and ROS 1 and ROS 2 bags (package rosbags) with dvs_msgs or
-prophesee_event_msgs EventArray, event_camera_msgs EventPacket (evt3, evt21, evt2, mono), sensor_msgs Image and
-CompressedImage, CameraInfo, and the exposure topic of rpg_dvs_ros (std_msgs/Int32).
+Read are AEDAT4 (packages aedat or dv-processing), AEDAT 3.1 and 2.0 (aedat_legacy.py), and ROS 1 and ROS 2 bags (package
+rosbags) with dvs_msgs or prophesee_event_msgs EventArray, event_camera_msgs EventPacket (evt3, evt21, evt2, mono), sensor_msgs
+Image and CompressedImage, CameraInfo, and the exposure topic of rpg_dvs_ros (std_msgs/Int32).
 """
 import argparse
 import bisect
@@ -196,6 +196,18 @@ def read_aedat4(path, folder):
             raise Problem(f"{path}: {said}" + ("" if COPY_AGAIN in said else f"; {COPY_AGAIN}")) from error
         return out
     need("aedat", "aedat")
+
+
+def read_legacy_aedat(path, folder):
+    need("numpy", "numpy")
+    import aedat_legacy
+
+    out = Output(folder, "AEDAT")
+    try:
+        aedat_legacy.read(path, out)
+    except ValueError as error:
+        raise Problem(f"{path}: {error}") from error
+    return out
 
 
 PACKET = """std_msgs/Header header
@@ -480,13 +492,18 @@ def read_bag(path, folder, events_topic, frames_topic):
     return reader.finish()
 
 
-def is_aedat4(path):
-    return os.path.isfile(path) and open(path, "rb").read(10) == b"#!AER-DAT4"
+def aedat_version(path):
+    """The digit after which the version's point follows; empty for other files."""
+    head = b""
+    if os.path.isfile(path):
+        with open(path, "rb") as file:
+            head = file.read(10)
+    return head[9:].decode("ascii", "replace") if head.startswith(b"#!AER-DAT") else ""
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("input", help="recording.aedat4, a ROS 1 .bag, a ROS 2 .db3, .mcap or folder")
+    parser.add_argument("input", help="recording.aedat4 or .aedat, a ROS 1 .bag, a ROS 2 .db3, .mcap or folder")
     parser.add_argument("output", help="folder to make")
     parser.add_argument("--events-topic", default="", help="of a bag; else the first by name")
     parser.add_argument("--frames-topic", default="", help="of a bag; else the first by name")
@@ -496,8 +513,9 @@ def main():
         sys.exit(DATA_ERROR)
     need("numpy", "numpy")
     try:
-        if is_aedat4(options.input):
-            out = read_aedat4(options.input, options.output)
+        version = aedat_version(options.input)
+        if version:
+            out = (read_aedat4 if version == "4" else read_legacy_aedat)(options.input, options.output)
         else:
             out = read_bag(options.input, options.output, options.events_topic, options.frames_topic)
         out.close()

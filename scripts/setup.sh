@@ -7,7 +7,7 @@
 #
 # --python-torch  also what `import torch` needs in Python, and what else scripts/efnet reads pictures and events with
 # --figures       also what scripts/figures.py needs (scripts/requirements-figures.txt)
-# --import        also COLMAP, and what reads AEDAT4 files and ROS bags (scripts/requirements-import.txt)
+# --import        also COLMAP, and what reads AEDAT files and ROS bags (scripts/requirements-import.txt)
 # --metrics       also the networks of LPIPS, made by scripts/export_lpips.py (64 MB to fetch, once)
 # --browser       also node and Chromium, for the tests of the report's page
 #

@@ -17,7 +17,9 @@ using namespace jade::recording;
 TEST_CASE("format: recognised by content, whatever the name", "[recording]") {
   const test::TempDir dir;
   CHECK(recognise(dir.write("a", "% evt 3.0\n% end\n\x01\x02")) == Format::kEvt);
-  CHECK(recognise(dir.write("b.txt", "#!AER-DAT4.0\r\n....")) == Format::kAedat4);
+  CHECK(recognise(dir.write("b.txt", "#!AER-DAT4.0\r\n....")) == Format::kAedat);
+  CHECK(recognise(dir.write("b.aedat", "#!AER-DAT3.1\r\n....")) == Format::kAedat);
+  CHECK(recognise(dir.write("old.aedat", "#!AER-DAT2.0\r\n....")) == Format::kAedat);
   CHECK(recognise(dir.write("c.raw", "#ROSBAG V2.0\n....")) == Format::kRosBag);
   CHECK(recognise(dir.write("d", std::string("SQLite format 3\0....", 20))) == Format::kRosBag);
   CHECK(recognise(dir.write("e", "\x89MCAP0\r\n....")) == Format::kRosBag);
@@ -58,7 +60,8 @@ TEST_CASE("format: what is not read says what it is and what to do", "[recording
   };
   CHECK_THAT(message(dir / "missing"), test::naming("missing"));
   CHECK_THAT(message(dir.write("empty.raw", "")), test::naming("empty.raw", "is empty"));
-  CHECK_THAT(message(dir.write("old.aedat", "#!AER-DAT3.1\n")), Catch::Contains("AEDAT 1 to 3"));
+  CHECK_THAT(message(dir.write("old.aedat", "#!AER-DAT3.0\n")),
+             test::naming("old.aedat", "AEDAT 1.0 or 3.0", "DV"));
   CHECK_THAT(message(dir.write("x.raw", "\x01\x02\x03")), Catch::Contains("Prophesee header"));
   CHECK_THAT(message(dir.write("x.mp4", std::string("\0\0\0 ftypisom", 12))),
              Catch::Contains("another kind of file"));

@@ -19,8 +19,7 @@ namespace fs = std::filesystem;
 
 constexpr const char* kReadable =
     "expected a recording (Prophesee .raw or .dat, RPG text folder or .zip, HDF5, .npz, .npy, "
-    "text, "
-    ".aedat4, ROS bag)";
+    "text, .aedat, .aedat4, ROS bag)";
 
 bool begins(const std::string& head, const std::string& with) {
   return head.compare(0, with.size(), with) == 0;
@@ -86,14 +85,17 @@ void refuse_foreign(const fs::path& path, const std::string& head) {
     throw DataError(concat(path.string(), ": is ", what, ", which is not read; ", remedy));
   };
   if (begins(head, "#!AER-DAT")) {
-    refuse("AEDAT 1 to 3", "convert it to .aedat4: open it in DV (inivation.com) and record it");
+    refuse("AEDAT 1.0 or 3.0",
+           "convert it to .aedat4: open it in DV (inivation.com) and record it");
   }
   if (begins(head, "#ROSBAG V1")) refuse("a ROS bag of version 1.x", "run rosbag fix on it");
 }
 
 Format file_format(const fs::path& path) {
   const std::string head = head_of(path);
-  if (begins(head, "#!AER-DAT4")) return Format::kAedat4;
+  for (const char* version : {"#!AER-DAT4", "#!AER-DAT3.1", "#!AER-DAT2.0"}) {
+    if (begins(head, version)) return Format::kAedat;
+  }
   if (begins(head, "#ROSBAG V2")) return Format::kRosBag;
   if (begins(head, std::string("SQLite format 3\0", 16)) || begins(head, "\x89MCAP0"))
     return Format::kRosBag;
@@ -108,7 +110,8 @@ Format file_format(const fs::path& path) {
   if (begins(head, "\x89HDF")) return Format::kHdf5;
   if (begins(head, "PK")) return zip_format(path);
   if (is_text(without_mark(head))) {
-    for (const char* other : {".aedat4", ".bag", ".db3", ".mcap", ".h5", ".hdf5", ".npz", ".npy"}) {
+    for (const char* other :
+         {".aedat", ".aedat4", ".bag", ".db3", ".mcap", ".h5", ".hdf5", ".npz", ".npy"}) {
       if (kind != other) continue;
       throw DataError(concat(path.string(), ": expected what a camera writes under such a name, ",
                              "found text; copy it again, or name a list of events .txt or .csv"));

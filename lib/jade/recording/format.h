@@ -18,7 +18,7 @@ enum class Format {
   kNpz,
   kNpy,
   kText,
-  kAedat4,
+  kAedat,
   kRosBag
 };
 
@@ -32,7 +32,7 @@ constexpr auto words_of(Format) {
                     Word{"npz", Format::kNpz},
                     Word{"npy", Format::kNpy},
                     Word{"text", Format::kText},
-                    Word{"AEDAT4", Format::kAedat4},
+                    Word{"AEDAT", Format::kAedat},
                     Word{"ROS bag", Format::kRosBag}};
 }
 

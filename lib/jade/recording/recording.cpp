@@ -33,7 +33,7 @@ Contents read_contents(const fs::path& path, const ReadOptions& options) {
       return read_rpg_zip(path, options);
     case Format::kFrameFolder:
       return read_event_folder(path, options);
-    case Format::kAedat4:
+    case Format::kAedat:
     case Format::kRosBag:
       return read_converted(path, options);
     case Format::kHdf5:
