@@ -11,7 +11,7 @@
 
 #include "common/shell.h"
 #include "jade/core/readable.h"
-#include "jade/data/masks.h"
+#include "jade/import/frame_masks.h"
 #include "jade/recording/recording.h"
 
 namespace jade::apps {
@@ -90,16 +90,7 @@ std::string next_command(const Recording& r, const RecordingNumbers& n) {
 
 /// Reads the masks that lie with the frames as jade_import does, and notes what they say.
 void note_masks(Recording& r) {
-  if (r.frames.empty() || r.mask_root.empty()) return;
-  std::vector<std::filesystem::path> paths;
-  std::vector<torch::Tensor> images;
-  for (const recording::Frame& frame : r.frames) {
-    paths.push_back(frame.path);
-    images.push_back(frame.image);
-  }
-  data::MaskSources sources;
-  sources.root = r.mask_root;
-  const auto masks = data::read_masks(paths, images, sources, data::Warnings(&r.notes));
+  const std::vector<torch::Tensor> masks = import::masks_of(r, r.notes);
   const auto masked = std::count_if(masks.begin(), masks.end(),
                                     [](const torch::Tensor& mask) { return mask.defined(); });
   if (masked == 0) return;

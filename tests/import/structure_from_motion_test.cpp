@@ -297,3 +297,24 @@ TEST_CASE("poses: a COLMAP since 3.13 gets its flags by its names", "[import]") 
                         Catch::Contains("--SiftExtraction.first_octave 0"));
   CHECK_THAT(calls, !Catch::Contains("--SiftMatching") && !Catch::Contains("--SiftExtraction.use"));
 }
+
+TEST_CASE("poses: COLMAP gets the mask of all images and those of single ones", "[import]") {
+  Search search("echo \"$@\" >> ${0%/*}/calls.txt\n" + mapper_of(4));
+  torch::Tensor mask = torch::ones({1, 20, 30}, torch::kBool);
+  mask.slice(2, 0, 7).fill_(false);
+  search.capture.shots[1].mask = mask;
+  search.options.latents.upscale = 2;
+  search.find();
+  const fs::path masks = search.dir / "work/masks";
+  CHECK_THAT(read_file(search.dir / "calls.txt"),
+             Catch::Contains("--ImageReader.mask_path " + masks.string()) &&
+                 !Catch::Contains("camera_mask_path"));
+  CHECK(imaging::read_mask(masks / "00000_0.png.png").all().item<bool>());
+  const torch::Tensor written = imaging::read_mask(masks / "00001_4.png.png");
+  CHECK(written.equal(mask.repeat_interleave(2, 1).repeat_interleave(2, 2)));
+  search.capture.shots[1].mask = torch::Tensor();
+  search.capture.mask = mask;
+  search.find();
+  CHECK_THAT(read_file(search.dir / "calls.txt"),
+             Catch::Contains("--ImageReader.camera_mask_path"));
+}

@@ -176,7 +176,7 @@ TEST_CASE("recording: images and lines without each other are noted", "[recordin
   CHECK(has_note(recording, "1 of 3 exposures name a frame that is not there (d)"));
 }
 
-TEST_CASE("recording: masks lie beside the frames of a folder, not of an archive", "[recording]") {
+TEST_CASE("recording: masks lie beside the frames of a folder or an archive", "[recording]") {
   const TempDir dir;
   write_rpg_folder(dir, "rpg");
   const Recording recording = read_recording(dir / "rpg");
@@ -184,6 +184,16 @@ TEST_CASE("recording: masks lie beside the frames of a folder, not of an archive
   CHECK(recording.frames[0].path.filename() == "a.png");
   zip_folder(dir / "rpg", dir / "rpg.zip", "");
   CHECK(read_recording(dir / "rpg.zip").mask_root.empty());
+  dir.write("rpg/masks/a.png", "a mask");
+  zip_folder(dir / "rpg", dir / "masked.zip", "rpg/");
+  std::filesystem::path root;
+  {
+    const Recording masked = read_recording(dir / "masked.zip");
+    root = masked.mask_root;
+    CHECK(std::filesystem::is_regular_file(root / "masks/a.png"));
+    CHECK(masked.frames[0].path.parent_path().parent_path() == root);
+  }
+  CHECK_FALSE(std::filesystem::exists(root));
 }
 
 TEST_CASE("recording: the mark of UTF-8 before text is no part of it", "[recording]") {

@@ -224,6 +224,9 @@ void match_features(const ColmapJob& job, const ColmapSettings& settings, const 
   if (!job.mask.empty()) {
     append(extract.command, {"--ImageReader.camera_mask_path", job.mask.string()});
   }
+  if (!job.own_masks.empty()) {
+    append(extract.command, {"--ImageReader.mask_path", job.own_masks.string()});
+  }
   append(extract.command, settings.extraction);
   Step match = job.pairs.empty() ? match_all(job, database) : match_list(job, database, folder);
   append(match.command, {"--SiftMatching.use_gpu", "0"});

@@ -29,6 +29,8 @@ struct ColmapJob {
   std::optional<geometry::Intrinsics> camera;
   /// Image of the same size, black where no features are to be found; empty: none.
   std::filesystem::path mask;
+  /// Folder with such an image for each, IMAGE.png.png for IMAGE.png; empty: none.
+  std::filesystem::path own_masks;
   /// Names of the images that are compared; empty: all with all.
   std::vector<std::pair<std::string, std::string>> pairs;
 };

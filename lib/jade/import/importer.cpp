@@ -18,6 +18,7 @@
 #include "jade/import/colmap.h"
 #include "jade/import/exposure_length.h"
 #include "jade/import/findings.h"
+#include "jade/import/frame_masks.h"
 #include "jade/import/hot_pixels.h"
 #include "jade/import/latents.h"
 #include "jade/import/scene_files.h"
@@ -234,19 +235,10 @@ void set_clock(double ahead_ms, Capture& capture) {
 /// Gives shots the masks that lie with their frames: alpha, masks/ and mask.png. Pixels that no
 /// shot counts become the mask of all.
 void add_masks(const recording::Recording& recording, Capture& capture) {
-  if (recording.mask_root.empty()) return;
-  std::vector<fs::path> paths;
-  std::vector<torch::Tensor> images;
-  for (const recording::Frame& frame : recording.frames) {
-    paths.push_back(frame.path);
-    images.push_back(frame.image);
-  }
-  data::MaskSources sources;
-  sources.root = recording.mask_root;
   std::vector<std::string> warnings;
-  const std::vector<torch::Tensor> masks =
-      data::read_masks(paths, images, sources, data::Warnings(&warnings));
+  const std::vector<torch::Tensor> masks = masks_of(recording, warnings);
   for (const std::string& warning : warnings) log_warn(warning);
+  if (masks.empty()) return;
   torch::Tensor common = masks.front();
   for (const torch::Tensor& mask : masks)
     common = common.defined() && mask.defined() ? common.logical_or(mask) : torch::Tensor();

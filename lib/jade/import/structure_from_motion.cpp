@@ -289,6 +289,30 @@ std::string sentence(const Attempt& a) {
       "(docs/troubleshooting.md)"));
 }
 
+/// Masks at the size of the images, `scale` times that of the shots.
+void write_masks(const std::vector<LatentImage>& images, const Capture& capture, int64_t scale,
+                 const fs::path& work, ColmapJob& job) {
+  const auto write = [&](const fs::path& path, const torch::Tensor& mask) {
+    make_writable_folder(path.parent_path());
+    imaging::write_image(
+        path, mask.to(torch::kFloat32).repeat_interleave(scale, 1).repeat_interleave(scale, 2));
+  };
+  if (capture.mask.defined()) {
+    job.mask = work / "mask.png";
+    write(job.mask, capture.mask);
+  }
+  const auto& shots = capture.shots;
+  if (std::none_of(shots.begin(), shots.end(), [](const Shot& s) { return s.mask.defined(); }))
+    return;
+  // COLMAP passes over images without a mask once there are some.
+  const torch::Tensor whole = torch::ones({1, capture.height(), capture.width()});
+  job.own_masks = work / "masks";
+  for (const LatentImage& image : images) {
+    const torch::Tensor& mask = shots[size_t(image.shot)].mask;
+    write(job.own_masks / (image.file + ".png"), mask.defined() ? mask : whole);
+  }
+}
+
 ColmapJob job_of(const fs::path& folder, const std::vector<LatentImage>& images,
                  const Capture& capture, const ImportOptions& options, const fs::path& work) {
   const std::optional<geometry::Intrinsics>& camera = capture.camera;
@@ -300,14 +324,7 @@ ColmapJob job_of(const fs::path& folder, const std::vector<LatentImage>& images,
     job.camera = geometry::scaled(*camera, camera->width * options.latents.upscale,
                                   camera->height * options.latents.upscale);
   }
-  if (capture.mask.defined()) {
-    job.mask = work / "mask.png";
-    make_writable_folder(work);
-    const int64_t scale = options.latents.upscale;
-    imaging::write_image(
-        job.mask,
-        capture.mask.to(torch::kFloat32).repeat_interleave(scale, 1).repeat_interleave(scale, 2));
-  }
+  write_masks(images, capture, options.latents.upscale, work, job);
   const bool all = options.poses.pairs == PairChoice::kExhaustive ||
                    (options.poses.pairs == PairChoice::kAuto && images.size() <= kMostExhaustive);
   if (all) return job;

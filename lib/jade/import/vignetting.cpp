@@ -12,6 +12,7 @@
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/core/interrupt.h"
+#include "jade/data/masks.h"
 #include "jade/imaging/color.h"
 #include "jade/imaging/image_io.h"
 
@@ -275,6 +276,8 @@ std::vector<BrightnessSample> sample_brightness(const Capture& capture, const Re
     if (file == files.end() || points[j].empty()) continue;
     const torch::Tensor image =
         smoothed(imaging::read_image(latents / "images" / file->second), capture);
+    const torch::Tensor mask =
+        data::both_masks(capture.mask, capture.shots[size_t(timed.shot)].mask);
     for (const int64_t k : points[j]) {
       const auto at =
           geometry::transform(timed.pose, {place[3 * k], place[3 * k + 1], place[3 * k + 2]});
@@ -282,7 +285,7 @@ std::vector<BrightnessSample> sample_brightness(const Capture& capture, const Re
       const auto [u, v] = geometry::project(found.camera, at);
       const std::optional<double> value = sampled(image, u, v);
       if (!value || *value < kDarkest || *value > kBrightest) continue;
-      if (capture.mask.defined() && !capture.mask[0][int64_t(v)][int64_t(u)].item<bool>()) continue;
+      if (mask.defined() && !mask[0][int64_t(v)][int64_t(u)].item<bool>()) continue;
       const double radius =
           std::hypot(u - 0.5 * width, v - 0.5 * height) / (0.5 * std::hypot(width, height));
       samples.push_back({k, timed.shot, radius, std::log(*value)});

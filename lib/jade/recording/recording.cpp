@@ -225,7 +225,8 @@ fs::path mask_root(const fs::path& path, const ReadOptions& options, const Conte
   };
   if (!options.frames.empty())
     return fs::is_directory(options.frames) ? whole(options.frames).parent_path() : fs::path();
-  return !contents.keep && fs::is_directory(path) ? path : fs::path();
+  if (contents.keep) return contents.recording.mask_root;  // of an archive
+  return fs::is_directory(path) ? path : fs::path();
 }
 
 /// Exposures in another unit than the events fill a hundredth of their time, at a rate that no

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <torch/types.h>
@@ -44,6 +45,7 @@ struct Recording {
   Triggers triggers;
   /// Folder beside whose frames masks/ and mask.png may lie; empty: frames are temporary files.
   std::filesystem::path mask_root;
+  std::shared_ptr<const void> keep;  ///< removes mask_root with its last owner, if it is temporary
   std::optional<CalibrationFile> calibration;
   std::vector<std::string> notes;  ///< what a user should know, a line each
 };

@@ -147,20 +147,27 @@ Contents read_rpg_zip(const fs::path& path, const ReadOptions& options) {
   const io::Zip archive(path);
   const std::string prefix = prefix_of(archive);
   const auto folder = std::make_shared<TemporaryFolder>();
+  bool has_masks = false;
   for (const std::string& name : archive.names()) {
     if (name.compare(0, prefix.size(), prefix) != 0 || name.back() == '/') continue;
     const fs::path inside = name.substr(prefix.size());
+    const bool mask = *inside.begin() == "masks" || inside == "mask.png";
     const bool image = inside.has_parent_path() && *inside.begin() == "images";
     const bool list = !inside.has_parent_path() &&
                       (inside.extension() == ".txt" || inside.extension() == ".csv" ||
                        inside.extension() == ".yaml");
-    if (!(image || list) || !stays_inside(inside)) continue;
+    if (!(mask || image || list) || !stays_inside(inside)) continue;
+    has_masks |= mask;
     fs::create_directories((folder->path() / inside).parent_path());
     archive.extract(name, folder->path() / inside);
   }
   Contents out = read_rpg(folder->path(), options);
   out.recording.format = "zip of an RPG text folder";
   out.keep = folder;
+  if (has_masks) {
+    out.recording.mask_root = folder->path();
+    out.recording.keep = folder;
+  }
   return out;
 }
 
