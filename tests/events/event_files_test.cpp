@@ -6,6 +6,7 @@
 #include <cmath>
 #include <fstream>
 #include <functional>
+#include <iomanip>
 #include <torch/types.h>
 
 #include "jade/core/error.h"
@@ -381,6 +382,33 @@ TEST_CASE("event files: a name or an attribute says that times are milliseconds"
   check_events(other.events);
   REQUIRE(other.warnings.size() == 1);
   CHECK_THAT(other.warnings[0], jade::test::naming("ticks", "events/t", "--events-unit"));
+}
+
+TEST_CASE("event files: times without a name that look like milliseconds are a warning",
+          "[events]") {
+  const TempDir dir;
+  // 2000 events in 0.2 s, one in 100 us.
+  const auto read = [&](double unit_us, int digits, const char* head = "") {
+    std::ofstream file(dir / "a.txt");
+    file << head << std::fixed << std::setprecision(digits);
+    for (int i = 0; i < 2000; ++i)
+      file << 100.0 * i / unit_us << ' ' << i % 31 << ' ' << i % 23 << ' ' << i % 2 << '\n';
+    file.close();
+    return read_events(dir / "a.txt");
+  };
+  const auto milliseconds = read(1000, 3);
+  REQUIRE(milliseconds.warnings.size() == 1);
+  CHECK_THAT(milliseconds.warnings[0], jade::test::naming("a.txt", "2000", "199.9 s", "t_ms"));
+  CHECK(read(1000, 3, "t_ms x y p\n").warnings.empty());
+  CHECK(read(1e6, 6).warnings.empty());
+  CHECK(read(1e6, 4).warnings.empty());
+  CHECK(read(1, 0).warnings.empty());
+  std::ofstream dense(dir / "b.txt");
+  for (int i = 0; i < 200000; ++i) dense << i / 200 << " 1 2 " << i % 2 << '\n';
+  dense.close();
+  const auto counted = read_events(dir / "b.txt");
+  REQUIRE(counted.warnings.size() == 1);
+  CHECK_THAT(counted.warnings[0], jade::test::naming("b.txt", "999 us", "t_ms"));
 }
 
 TEST_CASE("event files: a counter that wraps goes on, with a note", "[events]") {

@@ -326,6 +326,10 @@ EventGroupResult read_event_group(const std::filesystem::path& path,
     range = range_of(path, raw.time);
   }
   result.time_unit = chosen_unit(path, range, raw.unit, options);
+  if (options.time_unit == TimeUnit::kAuto && raw.unit == TimeUnit::kAuto) {
+    const std::string doubt = milliseconds_warning(path, raw.time, result.time_unit);
+    if (!doubt.empty()) result.warnings.push_back(doubt);
+  }
   if (raw.time.numel() > 0) {
     check_resolution(path, range.first, range.last, raw.time.numel(), raw.time_bits,
                      result.time_unit);

@@ -66,6 +66,24 @@ void check_resolution(const std::filesystem::path& path, double smallest, double
                          "source"));
 }
 
+std::string milliseconds_warning(const std::filesystem::path& path, const torch::Tensor& time,
+                                 TimeUnit guessed) {
+  constexpr int64_t kTelling = 1000;            // events
+  constexpr double kFewest = 1e4, kMost = 1e8;  // events per second
+  constexpr double kNearlyWhole = 1e-3;
+  const int64_t count = time.numel();
+  if (count < kTelling || (guessed != TimeUnit::kS && guessed != TimeUnit::kUs)) return "";
+  const auto [low, high] = time.aminmax();
+  const double span = (high - low).item<double>();
+  const double rate = 1e6 * double(count) / (span * us_per_unit(guessed));
+  if (!(span > 0) || (guessed == TimeUnit::kS ? rate >= kFewest : rate <= kMost)) return "";
+  const torch::Tensor ms = time.to(torch::kFloat64) * (guessed == TimeUnit::kS ? 1e3 : 1.0);
+  if (!((ms - ms.round()).abs() < kNearlyWhole).all().item<bool>()) return "";
+  return concat(path.string(), ": ", count, " events within ", span,
+                guessed == TimeUnit::kS ? " s, none between two milliseconds," : " us",
+                " look like times in milliseconds; if they are, name that column t_ms");
+}
+
 std::string lone_event_warning(const std::filesystem::path& path, const torch::Tensor& t_us,
                                bool was_sorted) {
   constexpr double kDayUs = 86400e6, kLongUs = 600e6, kNearlyAll = 0.9;

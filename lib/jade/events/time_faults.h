@@ -32,6 +32,13 @@ WrappedCounter unwrap_counter(torch::Tensor& times);
 void check_resolution(const std::filesystem::path& path, double smallest, double largest,
                       int64_t count, int bits, TimeUnit unit);
 
+/// A warning where times in the unit that was guessed have the rate of a recording in milliseconds:
+/// seconds without a digit below the millisecond and fewer than ten events in each, or whole
+/// microseconds with more events than a camera sends. Empty for others.
+/// @param time  float64 or int64 [N], as stored
+std::string milliseconds_warning(const std::filesystem::path& path, const torch::Tensor& time,
+                                 TimeUnit guessed);
+
 /// A warning where a single gap is nearly all of the time between the first event and the last, as
 /// one damaged time leaves; empty where there is none.
 /// @param t_us       int64 [N], in order
