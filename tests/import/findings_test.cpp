@@ -76,6 +76,17 @@ TEST_CASE("findings: an offset in doubt must be given where frames and events ar
   CHECK_THAT(one.said, test::naming("one clock"));
 }
 
+TEST_CASE("findings: events that lie mirrored are named, with and without exposures", "[import]") {
+  import::Capture mirrored = capture_ahead(0);
+  const events::EventStream& e = mirrored.events;
+  mirrored.events = events::EventStream(e.x(), 47 - e.y(), e.t_us(), e.polarity());
+  CHECK_THAT(import::find_clock({}, mirrored, false).said, test::naming("mirrored"));
+  CHECK_THROWS_NAMING(DataError, import::find_clock({}, mirrored, true), "47 - y");
+  for (import::Shot& shot : mirrored.shots) shot.t_end_us = shot.t_start_us;
+  mirrored.shots.resize(3);
+  CHECK_THROWS_NAMING(DataError, import::find_exposures(mirrored, std::nullopt), "47 - y");
+}
+
 TEST_CASE("findings: hot pixels go and thresholds are found, unless they are given", "[import]") {
   import::Capture capture = capture_ahead(0);
   const import::SensorFinding found = import::find_sensor({}, {}, capture);

@@ -16,6 +16,7 @@
 #include "jade/import/clock_offset.h"
 #include "jade/import/exposure_length.h"
 #include "jade/import/frame_gains.h"
+#include "jade/import/mirroring.h"
 
 namespace jade::import {
 namespace {
@@ -113,6 +114,13 @@ double median_of(std::vector<double> values) {
   return *middle;
 }
 
+/// Frames whose exposures are not known yet count as taken at once.
+std::string mirroring_of(const Capture& capture, const events::EventStream& events) {
+  std::vector<data::Exposure> exposures;
+  for (const Shot& shot : capture.shots) exposures.push_back(exposure_of(shot, capture));
+  return find_mirroring(exposures, events, estimate_clock_offset(exposures, events).correlation);
+}
+
 }  // namespace
 
 Capture without_hot_pixels(const Capture& capture) {
@@ -125,8 +133,15 @@ ClockFinding find_clock(const TimeOptions& options, const Capture& capture, bool
   if (options.offset_ms != 0) return {options.offset_ms, "as given", {}};
   if (!options.find_offset) return {0, "as given", {}};
   // One pixel that fires all the time can outweigh all that move.
-  const ClockOffset found =
-      estimate_clock_offset(exposures_of(capture), without(hot_pixels_of(capture), capture));
+  const std::vector<data::Exposure> exposures = exposures_of(capture);
+  const events::EventStream events = without(hot_pixels_of(capture), capture);
+  const ClockOffset found = estimate_clock_offset(exposures, events);
+  const std::string mirrored = find_mirroring(exposures, events, found.correlation);
+  if (!mirrored.empty()) {
+    if (frames_apart) throw DataError(concat(capture.source, ": ", mirrored));
+    log_warn(concat(capture.source, ": ", mirrored));
+    return {0, "taken for one clock, as events lie mirrored", found.curve};
+  }
   if (found.ambiguous() && frames_apart) {
     throw DataError(concat(capture.source,
                            ": the offset between the clocks of frames and events is not "
@@ -158,9 +173,11 @@ bool lacks_exposures(const Capture& capture) {
 ExposureFinding find_exposures(const Capture& capture, std::optional<recording::Stamp> stamp) {
   std::vector<StampedFrame> frames;
   for (const Shot& shot : capture.shots) frames.push_back({shot.image, shot.t_start_us});
-  const ExposureLength found =
-      estimate_exposure_length(frames, without(hot_pixels_of(capture), capture), stamp);
+  const events::EventStream events = without(hot_pixels_of(capture), capture);
+  const ExposureLength found = estimate_exposure_length(frames, events, stamp);
   if (found.ambiguous()) {
+    const std::string mirrored = mirroring_of(capture, events);
+    if (!mirrored.empty()) throw DataError(concat(capture.source, ": ", mirrored));
     throw DataError(concat(capture.source,
                            ": expected exposures with a length, found frames with one time each, "
                            "and frames and events do not tell the length: ",

@@ -52,6 +52,7 @@ using Align = std::function<void(Capture&)>;
 
 /// The offset of the options where they give one, else that which estimate_clock_offset() finds.
 /// One that is within two milliseconds or three of its standard errors of 0 counts as 0.
+/// Events that lie mirrored against the frames are a warning (find_mirroring), and the offset is 0.
 /// @param frames_apart  frames and events come from different files: an offset in doubt is an error
 ///   then, and counts as 0, said so, where both are of one recording.
 /// @throws DataError where an offset must be given.

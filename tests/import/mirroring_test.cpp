@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/import/mirroring.h"
+
+#include "support/catch.h"
+
+#include <cmath>
+#include <torch/types.h>
+
+#include "import/moving_pattern.h"
+#include "jade/import/clock_offset.h"
+
+using namespace jade;
+
+TEST_CASE("mirroring: events whose axes run the other way are named, others are not", "[import]") {
+  simulate::EventSensorOptions sensor;
+  sensor.threshold_positive = 0.2, sensor.threshold_negative = 0.25;
+  test::PatternMotion motion;
+  motion.x_px = [](double t) { return 14 * std::sin(19 * t) + 5 * std::sin(41 * t + 1); };
+  motion.y_px = [](double t) { return 9 * std::sin(23 * t + 2) + 4 * std::sin(37 * t); };
+  const test::PatternRecording recording = test::record_pattern(motion, sensor);
+  std::vector<data::Exposure> stamped = recording.exposures;
+  for (data::Exposure& exposure : stamped) exposure.t_end_us = exposure.t_start_us;
+  const events::EventStream& e = recording.events;
+  const torch::Tensor x = 63 - e.x(), y = 47 - e.y();
+  for (const auto& exposures : {recording.exposures, stamped}) {
+    const auto said = [&](const torch::Tensor& columns, const torch::Tensor& rows) {
+      const events::EventStream events(columns, rows, e.t_us(), e.polarity());
+      const double correlation = import::estimate_clock_offset(exposures, events).correlation;
+      return import::find_mirroring(exposures, events, correlation);
+    };
+    CHECK(said(e.x(), e.y()).empty());
+    CHECK_THAT(said(e.x(), y), Catch::Contains("upside down") && Catch::EndsWith("y by 47 - y"));
+    CHECK_THAT(said(x, e.y()), Catch::Contains("left to right") && Catch::EndsWith("x by 63 - x"));
+    CHECK_THAT(said(x, y), Catch::EndsWith("x by 63 - x and y by 47 - y"));
+    torch::manual_seed(1);
+    CHECK(said(torch::rand({e.size()}) * 63, torch::rand({e.size()}) * 47).empty());
+  }
+}
