@@ -34,15 +34,13 @@ void throw_not_fixed() {
       "--set objective.target=efnet --set objective.restored_poses=middle");
 }
 
-void write_training_views(const std::vector<train::View>& views,
-                          const std::filesystem::path& folder) {
+void write_training_views(const train::ViewBank& bank, const std::filesystem::path& folder) {
   Tensors blurry, factors, targets, cameras;
-  for (const train::View& view : views) {
+  for (int64_t i = 0; i < bank.size(); ++i) {
+    const train::View view = bank.step_view(i);
     if (!view.fixed_target.defined()) throw_not_fixed();
     blurry.push_back(view.blurry.cpu());
-    const bool taught = view.taught_factors.defined();
-    factors.push_back(
-        (taught ? view.taught_factors : view.edi_factors).to(torch::kCPU, torch::kFloat32));
+    factors.push_back(bank.edi_factors(i).to(torch::kCPU, torch::kFloat32));
     targets.push_back(view.fixed_target.cpu());
     cameras.push_back(view.cameras.camera_from_world);
   }
@@ -50,7 +48,7 @@ void write_training_views(const std::vector<train::View>& views,
   write(folder, "edi_factors", torch::stack(factors));
   write(folder, "targets", torch::stack(targets));
   write(folder, "camera_from_world", torch::stack(cameras));
-  write(folder, "intrinsics", views.front().cameras.intrinsics[0]);
+  write(folder, "intrinsics", bank.step_view(0).cameras.intrinsics[0]);
 }
 
 nlohmann::json numbers_of(const run::Trainer& trainer) {
@@ -101,7 +99,7 @@ void check_run_input(const train::RunOptions& options) {
 void write_run_input(const run::Trainer& trainer, const std::filesystem::path& folder) {
   const torch::NoGradGuard no_grad;
   std::filesystem::create_directories(folder);
-  write_training_views(trainer.views(), folder);
+  write_training_views(trainer.bank(), folder);
   write_test_views(trainer.dataset(), folder);
   const splat::Gaussians gaussians = trainer.state().gaussians.detached();
   write(folder, "means", gaussians.means);

@@ -104,7 +104,7 @@ TEST_CASE("live_run: a run gives the same bits with viewers and without", "[run]
   serve::Server server({"127.0.0.1", 0}, "--serve");
   run::LiveRun live(server);
   run::Trainer trainer(options, watched, "");
-  const train::View& view = trainer.views().front();
+  const train::View view = trainer.bank().step_view(0);
   const auto matrix = view.cameras.camera_from_world[0];
   const auto dataset = data::load_dataset(options.dataset);
   Audience audience(server.queue(), geometry::pose_from_tensor(matrix),
@@ -282,7 +282,7 @@ TEST_CASE("live_run: pauses and goes on; while paused it draws what is asked", "
   const Answer answer = queue.ask("a", picture, Seconds(10));
   REQUIRE(answer.kind == Answer::Kind::kRendered);
   CHECK(answer.rendered.step == 1);
-  CHECK(answer.rendered.image.equal(training.trainer.views()[1].blurry));
+  CHECK(answer.rendered.image.equal(training.trainer.bank().picture_view(1).blurry));
   picture.picture = "secret";
   CHECK(queue.ask("a", picture, Seconds(10)).kind == Answer::Kind::kFailed);
   CHECK(training.state()["step"] == 1);

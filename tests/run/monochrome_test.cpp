@@ -58,9 +58,10 @@ void check_gray_training(const std::string& device) {
   const GrayScene scene;
   train::RunOptions options = scene.options(device);
   run::Trainer gray(options, scene.dir.path() / "gray", "");
-  for (const train::View& view : gray.views()) {
-    CHECK(imaging::is_gray(view.restorations.efnet));
-    CHECK(imaging::is_gray(view.restorations.edi));
+  for (int64_t i = 0; i < gray.bank().size(); ++i) {
+    const restore::Restorations restored = gray.bank().picture_view(i).restorations;
+    CHECK(imaging::is_gray(restored.efnet));
+    CHECK(imaging::is_gray(restored.edi));
   }
   CHECK(spread_of_state(gray.state()) == 0);
   for (int i = 0; i < 30; ++i) {
@@ -133,12 +134,13 @@ TEST_CASE("monochrome: a coloured start becomes gray by the luma", "[run]") {
 TEST_CASE("monochrome: gray forced on coloured frames trains a gray scene", "[run]") {
   const GrayScene scene(false);
   train::RunOptions options = scene.options("cpu");
-  CHECK_FALSE(imaging::is_gray(
-      run::Trainer(options, scene.dir.path() / "auto", "").views()[0].restorations.efnet));
+  const run::Trainer colored(options, scene.dir.path() / "auto", "");
+  CHECK_FALSE(imaging::is_gray(colored.bank().picture_view(0).restorations.efnet));
   options.dataset.color = data::FrameColor::kGray;
   run::Trainer trainer(options, scene.dir.path() / "gray", "");
-  CHECK(imaging::is_gray(trainer.views()[0].restorations.efnet));
-  CHECK(imaging::is_gray(trainer.views()[0].blurry));
+  const train::View view = trainer.bank().picture_view(0);
+  CHECK(imaging::is_gray(view.restorations.efnet));
+  CHECK(imaging::is_gray(view.blurry));
   for (int i = 0; i < 10; ++i) trainer.step();
   CHECK(spread_of_state(trainer.state()) == 0);
 }
@@ -153,7 +155,7 @@ TEST_CASE("monochrome: targets from a folder lose their tint", "[run]") {
     imaging::write_image(options.train.target_images / name, tinted.expand({3, 28, 36}));
   }
   const run::Trainer trainer(options, scene.dir.path() / "run", "");
-  const torch::Tensor target = trainer.views()[1].fixed_target;
+  const torch::Tensor target = trainer.bank().step_view(1).fixed_target;
   CHECK(imaging::is_gray(target));
   CHECK(target.mean().item<double>() == Approx(0.4).margin(0.003));
 }

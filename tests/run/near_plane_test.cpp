@@ -49,7 +49,7 @@ TEST_CASE("near plane: training, scores and pictures cut where the run says", "[
   run::Trainer trainer(scene.options, scene.run, "");
   auto& state = const_cast<train::TrainState&>(trainer.state());
   train::StepInputs inputs;
-  inputs.view = trainer.views()[0];
+  inputs.view = trainer.bank().step_view(0);
   inputs.pose_draws = torch::zeros({3}, torch::kInt64);
   const auto render = [&] {
     const train::StepPlan plan = train::plan_step(scene.options, 1);

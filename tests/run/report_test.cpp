@@ -33,16 +33,16 @@ nlohmann::json allocation_of(double alpha, const torch::Tensor& truth) {
         {"mid", truth, exposure.poses[geometry::kMidPose], exposure.camera, exposure.t_mid_us()});
   }
   train::TrainState state = train::make_state(options, dataset, torch::kCPU);
-  const auto views = train::prepare_views(dataset, options, torch::kCPU);
-  run::write_report(folder, dataset, views, state, options);
+  const train::ViewBank bank(dataset, options, torch::kCPU);
+  run::write_report(folder, dataset, bank, state, options);
   return nlohmann::json::parse(read_file(folder / "allocation.json"));
 }
 
 torch::Tensor edi_of_exposure_1() {
   const test::TinyScene scene;
   const train::RunOptions options = test::routed_options(scene);
-  return train::prepare_views(data::load_dataset(options.dataset), options, torch::kCPU)[1]
-      .restorations.edi.clamp(0, 1);
+  const train::ViewBank bank(data::load_dataset(options.dataset), options, torch::kCPU);
+  return bank.picture_view(1).restorations.edi.clamp(0, 1);
 }
 
 }  // namespace
@@ -75,7 +75,7 @@ TEST_CASE("report: says what came before, where the cameras stand, and holds the
                           exposure.poses[geometry::kMidPose], exposure.camera, exposure.t_mid_us(),
                           true});
   train::TrainState state = train::make_state(options, dataset, torch::kCPU);
-  run::write_report(folder, dataset, trainer.views(), state, trainer.options());
+  run::write_report(folder, dataset, trainer.bank(), state, trainer.options());
   const std::string page = read_file(folder / "report.html");
   const std::string mark = "id=\"data\">";
   const size_t from = page.find(mark) + mark.size();
@@ -104,7 +104,7 @@ TEST_CASE("report: says what came before, where the cameras stand, and holds the
   for (const auto& [position, element] :
        {std::pair{INFINITY, "id=\"spz\">H4sI"}, std::pair{1e9F, "id=\"spz\"></script>"}}) {
     state.gaussians.detached().means[0][0].fill_(position);
-    run::write_report(folder, dataset, trainer.views(), state, trainer.options());
+    run::write_report(folder, dataset, trainer.bank(), state, trainer.options());
     CHECK(read_file(folder / "report.html").find(element) != std::string::npos);
   }
 }

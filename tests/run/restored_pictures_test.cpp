@@ -73,14 +73,15 @@ TEST_CASE("restored pictures: a run's layers are those that it was trained with,
   run::RestoredPictures pictures(ended.folder(), ended.options, ended.dataset, torch::kCPU);
   const auto layers = pictures.of(1);
   CHECK(names(layers) == std::vector<std::string>{"EDI", "EFNet", "α", "fused", "event density"});
-  const train::View& view = ended.trainer.views()[1];
+  const train::View view = ended.trainer.bank().picture_view(1);
   CHECK(made(layers, "EDI").equal(view.restorations.edi));
   CHECK(made(layers, "EFNet").equal(view.restorations.efnet));
   const torch::NoGradGuard no_grad;
   const torch::Tensor alpha = ended.trainer.state().allocation->forward({view.blurry, view.psi, 1});
   CHECK(made(layers, "α").allclose(alpha.expand({1, 28, 36})));
   CHECK(made(layers, "fused").allclose(restore::fuse(alpha, view.restorations)));
-  CHECK(made(layers, "event density")[0].allclose(view.density / view.density.max()));
+  const torch::Tensor density = ended.trainer.bank().density(1);
+  CHECK(made(layers, "event density")[0].allclose(density / density.max()));
   CHECK(ended.cached() == cached);
 }
 
@@ -88,7 +89,7 @@ TEST_CASE(
     "restored pictures: what the cache has lost is restored in the background, the middle only",
     "[run]") {
   const EndedRun ended(test::all_poses_options);
-  const torch::Tensor middle = ended.trainer.views()[2].restorations.efnet;
+  const torch::Tensor middle = ended.trainer.bank().picture_view(2).restorations.efnet;
   fs::remove_all(ended.scene.dir / "cache");
   run::RestoredPictures pictures(ended.folder(), ended.options, ended.dataset, torch::kCPU);
   CHECK(made(pictures.of(2), "EFNet").allclose(middle, 0, 1e-5));
@@ -100,7 +101,7 @@ TEST_CASE(
 
 TEST_CASE("restored pictures: many that are asked for and not awaited hold nothing up", "[run]") {
   const EndedRun ended(test::routed_options);
-  const torch::Tensor first = ended.trainer.views()[0].restorations.efnet;
+  const torch::Tensor first = ended.trainer.bank().picture_view(0).restorations.efnet;
   fs::remove_all(ended.scene.dir / "cache");
   run::RestoredPictures pictures(ended.folder(), ended.options, ended.dataset, torch::kCPU);
   for (int64_t i = 0; i < 3; ++i) {
@@ -127,5 +128,5 @@ TEST_CASE("restored pictures: a run without a restorer has EDI", "[run]") {
   const EndedRun ended(test::tiny_options);
   run::RestoredPictures pictures(ended.folder(), ended.options, ended.dataset, torch::kCPU);
   CHECK(names(pictures.of(0)) == std::vector<std::string>{"EDI", "event density"});
-  CHECK(made(pictures.of(0), "EDI").equal(ended.trainer.views()[0].restorations.edi));
+  CHECK(made(pictures.of(0), "EDI").equal(ended.trainer.bank().picture_view(0).restorations.edi));
 }

@@ -34,8 +34,10 @@ TEST_CASE("trainer: a view without events trains", "[run]") {
   const Scene scene(data);
   train::RunOptions options = tiny_options(scene);
   run::Trainer trainer(options, scene.dir.path() / "run", "");
-  CHECK(trainer.views().back().density.sum().item<double>() == 0);
-  CHECK(trainer.views().back().restorations.edi.allclose(trainer.views().back().blurry));
+  const int64_t last = trainer.bank().size() - 1;
+  CHECK(trainer.bank().density(last).sum().item<double>() == 0);
+  const train::View view = trainer.bank().picture_view(last);
+  CHECK(view.restorations.edi.allclose(view.blurry));
   for (int i = 0; i < 6; ++i) trainer.step();
   CHECK(trainer.state().gaussians.parameters().means.isfinite().all().item<bool>());
 }

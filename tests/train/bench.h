@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "jade/data/dataset.h"
+#include "jade/train/bank.h"
 #include "jade/train/plan.h"
 #include "jade/train/routing_step.h"
 #include "jade/train/scene_step.h"
@@ -22,24 +23,34 @@ struct Bench {
   std::vector<train::View> views;
   train::TrainState state;
 
+  train::ViewBank bank;
+
   explicit Bench(const TinyScene& scene, torch::Device device = torch::kCPU)
       : options(tiny_options(scene)) {
     dataset = data::load_dataset(options.dataset);
-    views = train::prepare_views(dataset, options, device);
-    for (train::View& view : views) {
-      // Prepared for EDI as the target, which the steps of these benches are not.
-      view.visit([&](const std::string&, torch::Tensor& tensor) {
-        if (tensor.defined()) tensor = tensor.to(device);
-      });
-      view.restorations.efnet = view.blurry;
-      view.fixed_target = torch::Tensor();
-    }
+    prepare(device);
     options.objective.target = losses::Target::kRouted;
     state = train::make_state(options, dataset, device);
   }
 
+  /// The bank of EDI as the target, and views as a router reads them.
+  void prepare(torch::Device device) {
+    train::RunOptions edi = options;
+    edi.objective.target = losses::Target::kEdi;
+    bank = train::ViewBank(dataset, edi, device);
+    views.clear();
+    for (int64_t i = 0; i < bank.size(); ++i) {
+      train::View view = bank.step_view(i);
+      const train::View middle = bank.picture_view(i);
+      view.psi = middle.psi.to(device);
+      view.reblur_kernel = middle.reblur_kernel.to(device);
+      view.restorations = {middle.restorations.edi.to(device), view.blurry};
+      view.fixed_target = torch::Tensor();
+      views.push_back(view);
+    }
+  }
+
   train::StepInputs inputs(int64_t view, int64_t step) const {
-    const std::array<int64_t, 3> poses{1, 2, 3};
     const torch::Tensor draws = torch::tensor({1, 2, 3}, torch::kInt64);
     const train::View& chosen = views[static_cast<size_t>(view)];
     const torch::Device device = chosen.blurry.device();
@@ -49,7 +60,7 @@ struct Bench {
     in.view_index = view;
     in.pose_draws = draws.to(device);
     in.view_pick = torch::tensor({view}, torch::kInt64).to(device);
-    train::pick_factors(poses.data(), /*stride=*/1, &in);
+    in.edi_factors = bank.edi_factors(view, {1, 2, 3});
     return in;
   }
   train::StepPlan plan(int64_t step) const { return train::plan_step(options, step); }

@@ -11,7 +11,7 @@
 namespace jade::train {
 namespace {
 
-TEST_CASE("memory plan: what views share counts once, and Gaussians as many as there may be",
+TEST_CASE("memory plan: constants as the bank holds them, and Gaussians as many as there may be",
           "[train]") {
   const test::TinyScene scene;
   RunOptions options = test::all_poses_options(scene);
@@ -19,20 +19,19 @@ TEST_CASE("memory plan: what views share counts once, and Gaussians as many as t
   options.objective.edi_contrast = 1.3;
   options.densify.max_gaussians = 1000;
   const data::Dataset dataset = data::load_dataset(options.dataset);
-  const std::vector<View> views = prepare_views(dataset, options, torch::kCPU);
+  const ViewBank bank(dataset, options, torch::kCPU);
   const TrainState state = make_state(options, dataset, torch::kCPU);
-  const auto count = static_cast<int64_t>(views.size());
-  const int64_t pixels = views[0].blurry.size(1) * views[0].blurry.size(2);
-  const MemoryPlan plan = memory_plan(views, state, options);
-  CHECK(plan.frames == count * pixels * 3 * 4 * 3);  // with both window means
-  CHECK(plan.edi == count * pixels * 9 * 2);         // float16, of one contrast
+  const int64_t count = bank.size();
+  const int64_t pixels = dataset.train[0].camera.height * dataset.train[0].camera.width;
+  const MemoryPlan plan = memory_plan(bank, state, options);
+  CHECK(plan.constants.frames == count * pixels * 3 * 4 * 3);  // with both window means
+  CHECK(plan.constants.edi == count * pixels * 9 * 2);         // float16, of one contrast
   CHECK(plan.gaussians == 1000 * 59 * 4 * 4);
   CHECK(plan.renders == 2 * 9 * 3 * pixels * 4);
-  CHECK(memory_plan({views[0], views[0]}, state, options).frames == plan.frames / count);
-  CHECK_THAT(text_of(plan, views.size(), most_gaussians(state, options)),
+  CHECK_THAT(text_of(plan, count, most_gaussians(state, options)),
              Catch::Contains(jade::concat(count, " frames")) && Catch::Contains("1000 Gaussians"));
   options.densify.strategy = gaussians::DensifyStrategy::kNone;
-  CHECK(memory_plan(views, state, options).gaussians == state.gaussians.size() * 59 * 4 * 4);
+  CHECK(memory_plan(bank, state, options).gaussians == state.gaussians.size() * 59 * 4 * 4);
 }
 
 }  // namespace

@@ -81,7 +81,7 @@ TEST_CASE(
     bench.options.objective.edi_contrast = contrast;
     bench.options.events.threshold_positive = thresholds * bench.options.events.threshold_positive;
     bench.options.events.threshold_negative *= thresholds;
-    bench.views = train::prepare_views(bench.dataset, bench.options, torch::kCPU);
+    bench.prepare(torch::kCPU);
     bench.state = train::make_state(bench.options, bench.dataset, torch::kCPU);
     std::map<std::string, double> values;
     for (const auto& term : bench.scene_step(bench.inputs(1, 9))) {

@@ -36,7 +36,7 @@ TEST_CASE("step feed: a step is given its view, whatever was asked for before", 
   CHECK(last.step == 40);
   for (const train::StepInputs& in : all) {
     CHECK(in.view_pick.item<int64_t>() == in.view_index);
-    CHECK(in.view.name == feed.views()[static_cast<size_t>(in.view_index)].name);
+    CHECK(in.view.blurry.equal(feed.bank().picture_view(in.view_index).blurry));
   }
 }
 
@@ -56,12 +56,12 @@ TEST_CASE("step feed: where every pose is restored a step is given its drawn pos
     CHECK(plain.pose_draws.equal(in.pose_draws.narrow(0, 0, 3)));
     CHECK(plain.view_index == in.view_index);
     const int64_t pose = in.pose_draws[3].item<int64_t>();
-    const train::View& view = feed.views()[static_cast<size_t>(in.view_index)];
-    CHECK(in.view.restorations.efnet.equal(view.restored_poses.efnet[pose].to(torch::kFloat32)));
-    CHECK(in.view.psi.equal(view.restored_poses.psi[pose]));
-    CHECK_FALSE(in.view.restored_poses.efnet.defined());
-    CHECK_FALSE(plain.view.restored_poses.efnet.defined());
-    CHECK(plain.view.restorations.efnet.equal(view.restorations.efnet));
+    const train::View expected = feed.bank().step_view(in.view_index, pose);
+    CHECK(in.view.restorations.efnet.equal(expected.restorations.efnet));
+    CHECK(in.view.psi.equal(expected.psi));
+    const train::View middle = feed.bank().picture_view(in.view_index);
+    CHECK(plain.view.restorations.efnet.equal(middle.restorations.efnet));
+    if (pose != 4) CHECK_FALSE(in.view.restorations.efnet.equal(middle.restorations.efnet));
     other_than_middle |= pose != 4;
   }
   CHECK(other_than_middle);
@@ -80,19 +80,15 @@ TEST_CASE("step feed: a step is given the EDI factors of its poses, and nothing 
     train::StepFeed feed = feed_of(scene, options);
     for (int64_t step = 1; step <= 5; ++step) {
       const train::StepInputs in = feed.at(step);
-      const train::View& view = feed.views()[static_cast<size_t>(in.view_index)];
-      const torch::Tensor& all = routed ? view.edi_factors : view.taught_factors;
+      const torch::Tensor all = feed.bank().edi_factors(in.view_index).to(torch::kFloat32);
       const auto at = [&](int64_t term) { return all[in.pose_draws[term].item<int64_t>()]; };
       CHECK(in.edi_factors.gray.equal(at(0)));
       CHECK(in.edi_factors.color.equal(at(1)));
       CHECK(in.edi_factors.simulation.equal(at(2)));
-      CHECK_FALSE(in.view.edi_factors.defined());
-      CHECK_FALSE(in.view.taught_factors.defined());
-      CHECK_FALSE(in.view.density.defined());
       CHECK(in.view.psi.defined() == routed);
       CHECK(in.view.reblur_kernel.defined() == routed);
       CHECK(in.view.restorations.edi.defined() == routed);
-      CHECK(view.psi.defined());
+      CHECK(feed.bank().picture_view(in.view_index).psi.defined());
     }
   }
 }
@@ -103,7 +99,7 @@ TEST_CASE("step feed: what the options do not ask for is not there", "[train]") 
   const train::StepInputs in = feed.at(1);
   CHECK_FALSE(in.events.defined());
   CHECK_FALSE(in.term_weights.defined());
-  CHECK(in.view.u.equal(feed.views()[static_cast<size_t>(in.view_index)].u));
+  CHECK(in.view.u.equal(feed.bank().step_view(in.view_index).u));
 }
 
 TEST_CASE("step feed: early steps are given every fourth moment, then every second", "[train]") {
@@ -118,7 +114,7 @@ TEST_CASE("step feed: early steps are given every fourth moment, then every seco
   for (const auto& [step, stride] : {std::pair<int64_t, int64_t>{3, 4}, {11, 2}, {13, 1}, {2, 4}}) {
     INFO("step " << step);
     const train::StepInputs in = feed.at(step);
-    const train::View& view = feed.views()[static_cast<size_t>(in.view_index)];
+    const train::View view = feed.bank().step_view(in.view_index);
     const int64_t moments = 8 / stride + 1;
     CHECK(in.view.u.equal(torch::linspace(0, 1, moments, torch::kFloat64)));
     CHECK(in.view.cameras.intrinsics.size(0) == moments);
@@ -130,8 +126,10 @@ TEST_CASE("step feed: early steps are given every fourth moment, then every seco
     CHECK(in.pose_draws.max().item<int64_t>() < moments);
     // Factors and target are those of the moments drawn.
     const auto drawn = [&](int64_t term) { return stride * in.pose_draws[term].item<int64_t>(); };
-    CHECK(in.edi_factors.simulation.equal(view.taught_factors[drawn(2)].to(torch::kFloat32)));
-    CHECK(in.view.fixed_target.equal(view.restored_poses.efnet[drawn(3)].to(torch::kFloat32)));
+    const torch::Tensor factors = feed.bank().edi_factors(in.view_index);
+    CHECK(in.edi_factors.simulation.equal(factors[drawn(2)].to(torch::kFloat32)));
+    const train::View of_drawn = feed.bank().step_view(in.view_index, drawn(3));
+    CHECK(in.view.fixed_target.equal(of_drawn.fixed_target));
   }
-  CHECK(feed.views()[0].u.size(0) == 9);
+  CHECK(feed.bank().step_view(0).u.size(0) == 9);
 }

@@ -55,7 +55,9 @@ Progress::Progress(std::string title, int64_t total, int64_t done, std::string u
       first_(done),
       done_(done),
       start_(Clock::now()),
-      next_report_(start_ + period()) {}
+      next_report_(start_ + period()) {
+  if (terminal_is_live()) show();
+}
 
 Progress::~Progress() { finish(); }
 

@@ -17,6 +17,7 @@ void set_progress_enabled(bool enabled);
 ///   for (...) { work(); if (progress.step()) progress.show("12 events/µs"); }
 class Progress {
  public:
+  /// Draws the bar on a terminal.
   /// @param total steps in all; `done` of them are behind us already (a resumed run).
   Progress(std::string title, int64_t total, int64_t done = 0, std::string unit = "it");
   ~Progress();

@@ -50,9 +50,8 @@ void LiveRun::begin(const WatchedRun& run) {
   cameras_->update_all();
   const data::Dataset& posed = cameras_->dataset();
   scene_.emplace(posed, draw, gaussians);
-  for (size_t i = 0; i < run.views.size(); ++i) {
-    scene_->add(concat("train.", i),
-                training_pictures(posed, run.views[i], static_cast<int64_t>(i), run.state, draw));
+  for (int64_t i = 0; i < run.bank.size(); ++i) {
+    scene_->add(concat("train.", i), training_pictures(posed, run.bank, i, run.state, draw));
   }
   for (size_t i = 0; i < posed.test.size(); ++i) {
     scene_->add(concat("test.", i), test_pictures(posed.test[i], gaussians, draw));

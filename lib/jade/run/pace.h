@@ -61,7 +61,7 @@ std::vector<std::string> fit_to_speed(const Speed& speed, const RestoredFrames& 
 /// Measures what fit_to_speed() needs, calls it, and says in the log what is coming and how long it
 /// takes. On a GPU it measures for choices.minutes only.
 /// @param restorer  on its way or empty; holds the network that was measured, if any
-/// @throws as prepare_views() and train::validate().
+/// @throws as ViewBank() and train::validate().
 void choose_pace(const data::Dataset& dataset, const Choices& choices, torch::Device device,
                  train::RunOptions& options, std::future<restore::Restorer>& restorer);
 

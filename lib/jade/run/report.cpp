@@ -102,43 +102,42 @@ std::vector<size_t> shown_views(size_t count) {
   return shown;
 }
 
-Json training_view(const data::Dataset& dataset, const train::View& view, int64_t index,
+Json training_view(const data::Dataset& dataset, const train::ViewBank& bank, int64_t index,
                    train::TrainState& state, const splat::RenderOptions& draw, Pictures& pictures) {
   const torch::Tensor truth = truth_of(dataset, index), mask = truth_mask_of(dataset, index);
   Json shown = Json::array();
-  for (const ViewPicture& each : training_pictures(dataset, view, index, state, draw)) {
+  for (const ViewPicture& each : training_pictures(dataset, bank, index, state, draw)) {
     shown.push_back(
         pictures.add(each.name, each.make(), each.judged ? truth : torch::Tensor(), mask));
   }
-  return {{"name", "training view " + view.name},
+  return {{"name", "training view " + dataset.train[static_cast<size_t>(index)].name},
           {"camera", concat("train.", index)},
           {"pictures", shown}};
 }
 
 /// Mean PSNR at mid-exposure of the blurry frame, both restorations and the scene, over the views
-/// with a sharp truth; null without any. EFNet is null unless every such view has it.
+/// with a sharp truth; null without any. EFNet is null where no target reads it.
 /// @param fit_gain  whether all four are made as bright as the truth, as evaluate_views() says
-Json headline(const data::Dataset& dataset, const std::vector<train::View>& views,
+Json headline(const data::Dataset& dataset, const train::ViewBank& bank,
               const train::TrainState& state, const splat::RenderOptions& draw, bool fit_gain) {
   int64_t count = 0;
   double blurry = 0, edi = 0, efnet = 0, rendered = 0;
-  bool learned = true;  // whether every view has a learned restoration
-  for (size_t i = 0; i < views.size(); ++i) {
-    torch::Tensor truth = truth_of(dataset, static_cast<int64_t>(i));
+  for (int64_t i = 0; i < bank.size(); ++i) {
+    torch::Tensor truth = truth_of(dataset, i);
     if (!truth.defined()) continue;
-    truth = truth.to(views[i].blurry.device());
-    const data::Exposure& exposure = dataset.train[i];
-    const torch::Tensor mask = truth_mask_of(dataset, static_cast<int64_t>(i));
+    truth = truth.to(state.gaussians.device());
+    const train::View view = bank.picture_view(i);
+    const data::Exposure& exposure = dataset.train[static_cast<size_t>(i)];
+    const torch::Tensor mask = truth_mask_of(dataset, i);
     const auto psnr = [&](const torch::Tensor& image) {
       const torch::Tensor there = image.to(truth.device());
       return eval::psnr(fit_gain ? as_bright_as(truth, there, mask) : there.clamp(0, 1), truth,
                         mask);
     };
     ++count;
-    blurry += psnr(views[i].blurry);
-    edi += psnr(views[i].restorations.edi);
-    learned = learned && views[i].restorations.efnet.defined();
-    if (learned) efnet += psnr(views[i].restorations.efnet);
+    blurry += psnr(view.blurry);
+    edi += psnr(view.restorations.edi);
+    if (bank.has_efnet()) efnet += psnr(view.restorations.efnet);
     rendered += psnr(render_view(state.gaussians.detached(), exposure.poses[geometry::kMidPose],
                                  exposure.camera, draw));
   }
@@ -147,7 +146,7 @@ Json headline(const data::Dataset& dataset, const std::vector<train::View>& view
   return {{"views", count},
           {"blurry", blurry / n},
           {"edi", edi / n},
-          {"efnet", learned ? Json(efnet / n) : Json(nullptr)},
+          {"efnet", bank.has_efnet() ? Json(efnet / n) : Json(nullptr)},
           {"render", rendered / n}};
 }
 
@@ -180,19 +179,20 @@ double correlation(const torch::Tensor& a, const torch::Tensor& b) {
 
 /// Adds to the rows what the truths say of the choice, and returns the means over those that have
 /// one.
-Json choice_statistics(const data::Dataset& dataset, const std::vector<train::View>& views,
+Json choice_statistics(const data::Dataset& dataset, const train::ViewBank& bank,
                        train::TrainState& state, Json& rows) {
   std::vector<double> right, gain;
-  for (size_t i = 0; i < views.size(); ++i) {
-    const auto index = static_cast<int64_t>(i);
-    const torch::Tensor truth = truth_of(dataset, index);
-    if (!truth.defined() || !views[i].restorations.efnet.defined()) continue;
-    const AllocationChoice choice = allocation_choice(train::allocation_map(state, views[i], index),
-                                                      views[i].restorations, truth);
+  for (int64_t i = 0; i < bank.size(); ++i) {
+    const torch::Tensor truth = truth_of(dataset, i);
+    if (!truth.defined() || !bank.has_efnet()) continue;
+    const train::View view = bank.picture_view(i);
+    const AllocationChoice choice =
+        allocation_choice(train::allocation_map(state, view, i), view.restorations, truth);
     gain.push_back(choice.gain_db);
     if (choice.right) right.push_back(*choice.right);
-    rows[i]["choice_right"] = choice.right ? Json(*choice.right) : Json(nullptr);
-    rows[i]["choice_gain_db"] = choice.gain_db;
+    Json& row = rows[static_cast<size_t>(i)];
+    row["choice_right"] = choice.right ? Json(*choice.right) : Json(nullptr);
+    row["choice_gain_db"] = choice.gain_db;
   }
   const auto mean = [](const std::vector<double>& values) {
     const double sum = std::accumulate(values.begin(), values.end(), 0.0);
@@ -204,17 +204,17 @@ Json choice_statistics(const data::Dataset& dataset, const std::vector<train::Vi
 /// α of every training view with its correlation with event density, what sharp truths say of the
 /// choice, and over all of them; views empty without an allocation. Deviations over pixels are of
 /// all values, over views sample ones.
-Json allocation_statistics(const data::Dataset& dataset, const std::vector<train::View>& views,
+Json allocation_statistics(const data::Dataset& dataset, const train::ViewBank& bank,
                            train::TrainState& state) {
   Json rows = Json::array();
   std::vector<torch::Tensor> maps, correlations;
-  for (size_t i = 0; i < views.size(); ++i) {
-    const auto alpha = train::allocation_map(state, views[i], static_cast<int64_t>(i));
+  for (int64_t i = 0; i < bank.size(); ++i) {
+    const auto alpha = train::allocation_map(state, bank.picture_view(i), i);
     if (!alpha.defined()) return {{"views", rows}};
-    const auto map =
-        alpha.expand({1, views[i].density.size(0), views[i].density.size(1)}).to(torch::kFloat64);
-    const double r = correlation(map[0].cpu(), views[i].density);
-    rows.push_back({{"name", views[i].name},
+    const torch::Tensor density = bank.density(i);
+    const auto map = alpha.expand({1, density.size(0), density.size(1)}).to(torch::kFloat64);
+    const double r = correlation(map[0].cpu(), density);
+    rows.push_back({{"name", dataset.train[static_cast<size_t>(i)].name},
                     {"alpha_mean", map.mean().item<double>()},
                     {"alpha_std", map.std(/*unbiased=*/false).item<double>()},
                     {"alpha_min", map.min().item<double>()},
@@ -230,8 +230,8 @@ Json allocation_statistics(const data::Dataset& dataset, const std::vector<train
             {"alpha_max", all.max().item<double>()},
             {"alpha_correlation", r.mean().item<double>()}};
   mean["alpha_correlation_std"] =
-      views.size() > 1 ? Json(r.std(/*unbiased=*/true).item<double>()) : Json(nullptr);
-  mean.update(choice_statistics(dataset, views, state, rows));
+      bank.size() > 1 ? Json(r.std(/*unbiased=*/true).item<double>()) : Json(nullptr);
+  mean.update(choice_statistics(dataset, bank, state, rows));
   return {{"views", rows}, {"mean", mean}};
 }
 
@@ -256,9 +256,8 @@ Json read_metrics(const fs::path& path) {
 
 }  // namespace
 
-void write_report(const fs::path& run, const data::Dataset& dataset,
-                  const std::vector<train::View>& views, train::TrainState& state,
-                  const train::RunOptions& options) {
+void write_report(const fs::path& run, const data::Dataset& dataset, const train::ViewBank& bank,
+                  train::TrainState& state, const train::RunOptions& options) {
   const splat::RenderOptions draw = train::render_options(options);
   const torch::NoGradGuard no_grad;
   Json data;
@@ -271,7 +270,7 @@ void write_report(const fs::path& run, const data::Dataset& dataset,
   // Packing and films look at nothing else, so that they go on beside the pictures.
   std::future<std::string> scene =
       std::async(std::launch::async, packed_scene, on_cpu(state.gaussians.detached()));
-  const std::vector<size_t> shown = shown_views(views.size());
+  const std::vector<size_t> shown = shown_views(static_cast<size_t>(bank.size()));
   std::vector<std::future<Json>> films;
   for (const size_t index : shown) {
     films.push_back(std::async(std::launch::async,
@@ -281,7 +280,7 @@ void write_report(const fs::path& run, const data::Dataset& dataset,
   data["views"] = Json::array();
   for (const size_t index : shown) {
     data["views"].push_back(
-        training_view(dataset, views[index], static_cast<int64_t>(index), state, draw, pictures));
+        training_view(dataset, bank, static_cast<int64_t>(index), state, draw, pictures));
   }
   data["tests"] = Json::array();
   for (size_t i = 0; i < dataset.test.size(); ++i) {
@@ -298,11 +297,11 @@ void write_report(const fs::path& run, const data::Dataset& dataset,
   pictures.put_into(data["views"]);
   pictures.put_into(data["tests"]);
   data["headline"] =
-      headline(dataset, views, state, draw, train::learns_gains(options.gains, dataset));
+      headline(dataset, bank, state, draw, train::learns_gains(options.gains, dataset));
   data["scene"] = page_scene(dataset, draw);
   data["evaluation"] =
       fs::exists(run / kScoresFile) ? Json::parse(read_file(run / kScoresFile)) : Json(nullptr);
-  data["allocation"] = allocation_statistics(dataset, views, state);
+  data["allocation"] = allocation_statistics(dataset, bank, state);
   if (data["allocation"].contains("mean"))
     write_file(run / "allocation.json", data["allocation"].dump(2) + "\n");
   data["metrics"] = read_metrics(run / "metrics.jsonl");

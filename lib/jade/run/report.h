@@ -2,11 +2,10 @@
 #pragma once
 
 #include <filesystem>
-#include <vector>
 
 #include "jade/data/exposure.h"
+#include "jade/train/bank.h"
 #include "jade/train/state.h"
-#include "jade/train/view.h"
 
 namespace jade::run {
 
@@ -18,7 +17,7 @@ namespace jade::run {
 /// restorations and a sharp test view at their middle also have "choice_right" and "choice_gain_db"
 /// (allocation_choice.h), whose means over these views are under "mean"; null where there are none.
 void write_report(const std::filesystem::path& run, const data::Dataset& dataset,
-                  const std::vector<train::View>& views, train::TrainState& state,
+                  const train::ViewBank& bank, train::TrainState& state,
                   const train::RunOptions& options);
 
 }  // namespace jade::run

@@ -116,7 +116,7 @@ Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const st
   feed_ = train::StepFeed(data_.dataset, options_, device_, std::move(data_.restorer));
   times_.end("restorations");
   log_info(concat("memory      ",
-                  train::text_of(train::memory_plan(views(), state_, options_), views().size(),
+                  train::text_of(train::memory_plan(bank(), state_, options_), bank().size(),
                                  train::most_gaussians(state_, options_)),
                   "; peak so far ", peak_memory_bytes(device_) >> 20, " MiB"));
   metrics_ = std::make_unique<MetricsLog>(directory_.path() / "metrics.jsonl", state_.step);
@@ -434,11 +434,11 @@ void Trainer::write_pictures(const data::Dataset& posed, bool truths) {
     add("images/test_" + view.name + ".png", render_view(gaussians, view.pose, view.camera, draw));
     if (truths) add("images/truth_" + view.name + ".png", view.image);
   }
-  for (size_t i = 0; i < views().size(); ++i) {
-    const data::Exposure& exposure = posed.train[i];
+  for (int64_t i = 0; i < bank().size(); ++i) {
+    const data::Exposure& exposure = posed.train[static_cast<size_t>(i)];
     add("images/train_" + exposure.name + ".png",
         render_view(gaussians, exposure.poses[geometry::kMidPose], exposure.camera, draw));
-    const auto alpha = train::allocation_map(state_, views()[i], static_cast<int64_t>(i));
+    const auto alpha = train::allocation_map(state_, bank().picture_view(i), i);
     if (alpha.defined()) {
       add("alpha/" + exposure.name + ".png",
           alpha.expand({1, exposure.camera.height, exposure.camera.width}));
@@ -512,7 +512,7 @@ void Trainer::finish() {
         "losses in metrics.jsonl, and at thresholds, poses and time stamps of the data");
   }
   times_.end("scores");
-  write_report(directory_.path(), posed, views(), state_, options_);
+  write_report(directory_.path(), posed, bank(), state_, options_);
   pictures_.wait();
   times_.end("report");
   log_info("time        " + times_.text());
@@ -533,7 +533,7 @@ void Trainer::run(Watcher* watcher) {
   }
   Progress progress("training", options_.train.iterations, state_.step);
   if (watcher) {
-    watcher->begin({data_.dataset, views(), state_, options_, directory_.path()});
+    watcher->begin({data_.dataset, bank(), state_, options_, directory_.path()});
     metrics_->tell([watcher](const std::string& line) { watcher->on_metrics(line); });
   }
   logged_seconds_ = now_seconds();

@@ -66,7 +66,7 @@ class Trainer {
   const train::RunOptions& options() const { return options_; }
   const train::TrainState& state() const { return state_; }
   const data::Dataset& dataset() const { return data_.dataset; }
-  const std::vector<train::View>& views() const { return feed_.views(); }
+  const train::ViewBank& bank() const { return feed_.bank(); }
   /// How many of the steps were replays of a CUDA graph.
   int64_t replays() const { return step_graph_.replays(); }
   /// Scores on the sharp test views as they are now, LPIPS where its modules are at hand.

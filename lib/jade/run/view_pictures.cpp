@@ -43,30 +43,33 @@ torch::Tensor truth_mask_of(const data::Dataset& dataset, int64_t exposure) {
   return mask;
 }
 
-std::vector<ViewPicture> training_pictures(const data::Dataset& dataset, const train::View& view,
-                                           int64_t index, train::TrainState& state,
+std::vector<ViewPicture> training_pictures(const data::Dataset& dataset,
+                                           const train::ViewBank& bank, int64_t index,
+                                           train::TrainState& state,
                                            const splat::RenderOptions& draw) {
   const data::Exposure& exposure = dataset.train[static_cast<size_t>(index)];
+  const auto view = [&bank, index] { return bank.picture_view(index); };
   const bool judged = true;
   std::vector<ViewPicture> pictures{
-      {"blurry", [&view] { return view.blurry; }, judged},
-      {"EDI", [&view] { return view.restorations.edi; }, judged},
+      {"blurry", [view] { return view().blurry; }, judged},
+      {"EDI", [view] { return view().restorations.edi; }, judged},
   };
-  if (view.restorations.efnet.defined()) {
-    pictures.push_back({"EFNet", [&view] { return view.restorations.efnet; }, judged});
+  if (bank.has_efnet()) {
+    pictures.push_back({"EFNet", [view] { return view().restorations.efnet; }, judged});
   }
   if (state.allocation) {
-    pictures.push_back({"α", [&view, &state, &exposure, index] {
-                          return train::allocation_map(state, view, index)
+    pictures.push_back({"α", [view, &state, &exposure, index] {
+                          return train::allocation_map(state, view(), index)
                               .expand({1, exposure.camera.height, exposure.camera.width});
                         }});
     pictures.push_back({"fused",
-                        [&view, &state, index] { return train::scene_target(state, view, index); },
+                        [view, &state, index] { return train::scene_target(state, view(), index); },
                         judged});
   }
   // Count-normalised, as the correlation with α sees it.
-  pictures.push_back({"event density", [&view] {
-                        return (view.density / view.density.max().clamp_min(1)).unsqueeze(0);
+  pictures.push_back({"event density", [&bank, index] {
+                        const torch::Tensor density = bank.density(index);
+                        return (density / density.max().clamp_min(1)).unsqueeze(0);
                       }});
   const auto gaussians = [&state] { return state.gaussians.detached(); };
   pictures.push_back(render_picture(exposure, gaussians, draw));

@@ -8,8 +8,8 @@
 
 #include "jade/data/exposure.h"
 #include "jade/splat/render.h"
+#include "jade/train/bank.h"
 #include "jade/train/state.h"
-#include "jade/train/view.h"
 
 namespace jade::run {
 
@@ -31,8 +31,9 @@ torch::Tensor truth_mask_of(const data::Dataset& dataset, int64_t exposure);
 
 /// Pictures of a training view: blurry, EDI, EFNet, α and fused where available, event density,
 /// render and, where a test view provides it, truth. The arguments must outlive the pictures.
-std::vector<ViewPicture> training_pictures(const data::Dataset& dataset, const train::View& view,
-                                           int64_t index, train::TrainState& state,
+std::vector<ViewPicture> training_pictures(const data::Dataset& dataset,
+                                           const train::ViewBank& bank, int64_t index,
+                                           train::TrainState& state,
                                            const splat::RenderOptions& draw);
 
 /// Pictures of an exposure without training data: blurry, the `known` ones, render and, where a

@@ -3,20 +3,19 @@
 
 #include <filesystem>
 #include <string>
-#include <vector>
 
 #include "jade/data/exposure.h"
 #include "jade/eval/report.h"
+#include "jade/train/bank.h"
 #include "jade/train/options.h"
 #include "jade/train/state.h"
-#include "jade/train/view.h"
 
 namespace jade::run {
 
 /// A run as somebody sees it who looks on. Not to be changed: training goes on from it.
 struct WatchedRun {
   const data::Dataset& dataset;
-  const std::vector<train::View>& views;
+  const train::ViewBank& bank;
   train::TrainState& state;
   const train::RunOptions& options;
   std::filesystem::path folder;

@@ -19,7 +19,7 @@ torch::Tensor routing_alpha(TrainState& state, const StepInputs& inputs, const S
 
 /// One Adam step on θ, Eq. (2) to (7): α from the measurements, the fused target I_pseudo, its
 /// distance to a stop-gradient copy of the render where the target acts and to the blurry frame
-/// after reblurring. The inputs' view is of that pose (at_pose).
+/// after reblurring. The inputs' view is of that pose.
 /// Touches neither φ nor its optimiser. Does nothing where the plan has no step on θ.
 /// @param alpha  routing_alpha() of the same state, inputs and plan
 RouteReport routing_step(TrainState& state, const StepInputs& inputs, const torch::Tensor& alpha,

@@ -180,11 +180,7 @@ std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& s
   if (state.pattern) {
     add_term(loss, "pattern", state.pattern->mean_square() * options.pattern.prior_weight);
   }
-  state.gaussians.zero_grad();
-  state.response_adam.zero_grad();
-  if (state.poses) state.poses_adam.zero_grad();
-  if (!state.gains_adam.empty()) state.gains_adam.zero_grad();
-  state.pattern_adam.zero_grad();
+  state.zero_grad();
   std::vector<torch::Tensor> roots;
   for (const torch::Tensor& root : {loss.total, loss.beside, regularization}) {
     if (root.defined()) roots.push_back(root);

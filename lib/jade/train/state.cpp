@@ -63,6 +63,14 @@ splat::Gaussians in_gray(splat::Gaussians start) {
 
 }  // namespace
 
+void TrainState::zero_grad() {
+  gaussians.zero_grad();
+  response_adam.zero_grad();
+  if (poses) poses_adam.zero_grad();
+  if (!gains_adam.empty()) gains_adam.zero_grad();
+  pattern_adam.zero_grad();
+}
+
 double gradient_factor(const RunOptions& options, int64_t moment_stride) {
   const losses::ObjectiveOptions& terms = options.objective;
   if (!terms.blur && !terms.simulation && !terms.intensity) return 1;

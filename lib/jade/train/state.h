@@ -42,6 +42,8 @@ struct TrainState {
 
   /// Calls `visitor(name, tensor)` for every tensor, once.
   void visit(const std::function<void(const std::string&, const torch::Tensor&)>& visitor) const;
+  /// Drops the gradients of all but θ, whose step drops its own.
+  void zero_grad();
 };
 
 /// Factor of densify.gradient_threshold, which is that of nine renders: each of K has a K-th of

@@ -9,11 +9,11 @@
 
 #include "jade/data/exposure.h"
 #include "jade/restore/efnet.h"
+#include "jade/train/bank.h"
 #include "jade/train/draws.h"
 #include "jade/train/event_windows.h"
 #include "jade/train/options.h"
 #include "jade/train/step_inputs.h"
-#include "jade/train/view.h"
 
 namespace jade::train {
 
@@ -22,7 +22,7 @@ namespace jade::train {
 class StepFeed {
  public:
   StepFeed() = default;
-  /// Restores all exposures: prepare_views, and throws as it does.
+  /// Restores all exposures: ViewBank, and throws as it does.
   /// @param options  settled
   StepFeed(const data::Dataset& dataset, const RunOptions& options, torch::Device device,
            std::future<restore::Restorer> early = {});
@@ -30,8 +30,7 @@ class StepFeed {
   /// @param step  counted from 1
   StepInputs at(int64_t step);
 
-  /// All views, with their restorations at mid-exposure.
-  const std::vector<View>& views() const { return views_; }
+  const ViewBank& bank() const { return bank_; }
 
  private:
   /// Draws and weights for steps with every `stride`-th moment.
@@ -40,7 +39,7 @@ class StepFeed {
   void thin(View& view) const;
 
   RunOptions options_;
-  std::vector<View> views_;
+  ViewBank bank_;
   ViewOrder order_{0, 1};
   torch::Device device_ = torch::kCPU;
   int64_t stride_ = 0;     // that pose_draws_ and weights_ are of

@@ -157,12 +157,8 @@ struct StepGraph::Recordings {
     trim_device_memory(device, kSpareBytes);
     if (!inputs) inputs = own_copy(step_inputs);
     // Gradients must be born inside the recording, at addresses of its own.
-    state.gaussians.zero_grad();
+    state.zero_grad();
     state.allocation_adam.zero_grad();
-    state.response_adam.zero_grad();
-    if (state.poses) state.poses_adam.zero_grad();
-    if (!state.gains_adam.empty()) state.gains_adam.zero_grad();
-    state.pattern_adam.zero_grad();
     auto made = std::make_unique<Recording>();
     made->plan = plan;
     // One pool for all: they never run at the same time, and what a step leaves behind is read

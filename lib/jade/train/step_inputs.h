@@ -6,7 +6,6 @@
 
 #include "jade/train/event_windows.h"
 #include "jade/train/view.h"
-#include "jade/train/view_memory.h"
 #include "jade/train/visit.h"
 
 namespace jade::train {
@@ -14,7 +13,7 @@ namespace jade::train {
 /// Inputs of one step besides the state. Copies share their tensors.
 struct StepInputs {
   int64_t step = 1;        ///< counted from 1
-  View view;               ///< of this step: at_pose() where objective.restored_poses draws one
+  View view;               ///< of this step; its target at the pose drawn where one is
   int64_t view_index = 0;  ///< among the training views
   /// [3] int64 on the device: the poses of L_edi gray, L_edi colour and L_sim; [4] with that of
   /// L_tgt where it is sampled.
@@ -47,18 +46,5 @@ struct StepInputs {
         Member{"term_weights", self.term_weights}, Member{"view_pick", self.view_pick});
   }
 };
-
-/// Moves EdiFactors of these poses from the view, which is left without the others: a recorded step
-/// has its inputs copied, and of nine or more poses it reads three.
-/// @param poses   [3] of L_edi gray, L_edi colour and L_sim, among every `stride`-th of the view's
-inline void pick_factors(const int64_t* poses, int64_t stride, StepInputs* inputs) {
-  View& view = inputs->view;
-  const torch::Tensor& all = view.taught_factors.defined() ? view.taught_factors : view.edi_factors;
-  const auto at = [&](int64_t term) {
-    return fetched(all[stride * poses[term]], view.blurry.device());
-  };
-  inputs->edi_factors = {at(0), at(1), at(2)};
-  view.edi_factors = view.taught_factors = torch::Tensor();
-}
 
 }  // namespace jade::train

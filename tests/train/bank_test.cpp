@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "jade/train/view.h"
+#include "jade/train/bank.h"
 
 #include "support/catch.h"
 
@@ -12,18 +12,17 @@
 #include "jade/events/voxel.h"
 #include "jade/imaging/reblur.h"
 #include "jade/train/step_feed.h"
-#include "jade/train/view_memory.h"
 #include "train/bench.h"
 
 using namespace jade;
 
-TEST_CASE("views: Eq. (7) takes the paper's c, and with 0 the calibrated one", "[train]") {
+TEST_CASE("bank: Eq. (7) takes the paper's c, and with 0 the calibrated one", "[train]") {
   const test::TinyScene scene;
   train::RunOptions options = test::tiny_options(scene);
   const data::Dataset dataset = data::load_dataset(options.dataset);
   const auto kernel = [&](double contrast) {
     options.route.reblur_contrast = contrast;
-    return train::prepare_views(dataset, options, torch::kCPU).front().reblur_kernel;
+    return train::ViewBank(dataset, options, torch::kCPU).picture_view(0).reblur_kernel;
   };
   options.events.threshold_positive = 0.3;
   options.events.threshold_negative = 0.2;
@@ -36,75 +35,77 @@ TEST_CASE("views: Eq. (7) takes the paper's c, and with 0 the calibrated one", "
   CHECK_FALSE(kernel(0).equal(kernel(1)));
 }
 
-TEST_CASE("views: each has the events of its own exposure, though they are summed ahead",
+TEST_CASE("bank: each has the events of its own exposure, though they are summed ahead",
           "[train]") {
   test::TinyDatasetOptions data;
   data.exposures = 7;
   const test::TinyScene scene(data);
   const train::RunOptions options = test::tiny_options(scene);
   const data::Dataset dataset = data::load_dataset(options.dataset);
-  const std::vector<train::View> views = train::prepare_views(dataset, options, torch::kCPU);
-  REQUIRE(views.size() == 7);
-  for (size_t i = 0; i < views.size(); ++i) {
-    const data::Exposure& exposure = dataset.train[i];
+  const train::ViewBank bank(dataset, options, torch::kCPU);
+  REQUIRE(bank.size() == 7);
+  for (int64_t i = 0; i < bank.size(); ++i) {
+    const data::Exposure& exposure = dataset.train[static_cast<size_t>(i)];
     const events::ExposureMaps maps =
         events::map_exposure(exposure.events, {exposure.t_start_us, exposure.t_end_us}, 6,
                              {exposure.camera.height, exposure.camera.width});
-    CHECK(views[i].name == exposure.name);
-    CHECK(views[i].density.equal(maps.density));
-    CHECK(views[i].psi.equal(events::polarity_projection(maps.voxel.values)));
-    CHECK_FALSE(views[i].density.equal(views[(i + 1) % 7].density));
+    CHECK(bank.picture_view(i).blurry.equal(exposure.blurry));
+    CHECK(bank.density(i).equal(maps.density));
+    CHECK(bank.picture_view(i).psi.equal(events::polarity_projection(maps.voxel.values)));
+    CHECK_FALSE(bank.density(i).equal(bank.density((i + 1) % 7)));
   }
 }
 
-TEST_CASE("views: cameras, moments, weights and EDI are those of the quadrature", "[train]") {
+TEST_CASE("bank: cameras, moments, weights and EDI are those of the quadrature", "[train]") {
   using geometry::QuadratureRule;
   const test::TinyScene scene;
   train::RunOptions options = test::tiny_options(scene);
   const data::Dataset dataset = data::load_dataset(options.dataset);
   const auto first = [&](QuadratureRule rule, int64_t samples) {
     options.exposure = {rule, samples};
-    return train::prepare_views(dataset, options, torch::kCPU).front();
+    return train::ViewBank(dataset, options, torch::kCPU);
   };
-  const train::View printed = first(QuadratureRule::kEqual, 9);
+  const train::View printed = first(QuadratureRule::kEqual, 9).step_view(0);
   CHECK_FALSE(printed.weights.defined());
-  const train::View trapezoid = first(QuadratureRule::kTrapezoid, 9);
+  const train::View trapezoid = first(QuadratureRule::kTrapezoid, 9).step_view(0);
   CHECK(trapezoid.weights.sum().item<double>() == Approx(1));
   CHECK(trapezoid.cameras.camera_from_world.equal(printed.cameras.camera_from_world));
-  const train::View fine = first(QuadratureRule::kTrapezoid, 17);
-  CHECK(fine.edi_factors.size(0) == 17);
+  const train::ViewBank fine_bank = first(QuadratureRule::kTrapezoid, 17);
+  CHECK(fine_bank.edi_factors(0).size(0) == 17);
+  const train::View fine = fine_bank.step_view(0);
   CHECK(torch::allclose(fine.cameras.camera_from_world.slice(0, 0, 17, 2),
                         printed.cameras.camera_from_world, 0, 1e-6));
   CHECK_FALSE(torch::allclose(fine.cameras.camera_from_world[1],
                               printed.cameras.camera_from_world[1], 0, 1e-6));
 }
 
-TEST_CASE("views: objective.edi_contrast leaves both restorations as they are", "[train]") {
+TEST_CASE("bank: objective.edi_contrast leaves both restorations as they are", "[train]") {
   const test::TinyScene scene;
   train::RunOptions options = test::tiny_options(scene);
   const data::Dataset dataset = data::load_dataset(options.dataset);
-  const auto view = [&] { return train::prepare_views(dataset, options, torch::kCPU)[1]; };
-  const train::View plain = view();
-  CHECK_FALSE(plain.taught_factors.defined());
+  const auto bank = [&] { return train::ViewBank(dataset, options, torch::kCPU); };
+  const train::ViewBank plain = bank();
+  CHECK(plain.edi_factors(1).scalar_type() == torch::kFloat32);
   options.objective.edi_contrast = 1.5;
-  const train::View taught = view();
-  CHECK(taught.restorations.edi.equal(plain.restorations.edi));
+  const train::ViewBank taught = bank();
+  CHECK(taught.picture_view(1).restorations.edi.equal(plain.picture_view(1).restorations.edi));
   options.objective.edi_contrast = 1;
   options.events.threshold_positive = 1.5 * options.events.threshold_positive;
   options.events.threshold_negative *= 1.5;
-  // taught_factors are float16.
-  CHECK(torch::allclose(taught.taught_factors.to(torch::kFloat32), view().edi_factors, 1e-3));
+  // Factors of another contrast are float16.
+  CHECK(torch::allclose(taught.edi_factors(1).to(torch::kFloat32), bank().edi_factors(1), 1e-3));
 }
 
 TEST_CASE(
-    "views: at a pose the target reads what is restored there, at the middle what it always did",
+    "bank: at a pose the target reads what is restored there, at the middle what it always did",
     "[train]") {
   const test::TinyScene scene;
   train::RunOptions options = test::all_poses_options(scene);
   options.route.reblur_contrast = 0;
   options.events.threshold_negative = 0.3;
   const data::Dataset dataset = data::load_dataset(options.dataset);
-  const train::View view = train::prepare_views(dataset, options, torch::kCPU)[1];
+  const train::ViewBank bank(dataset, options, torch::kCPU);
+  const train::View view = bank.picture_view(1);
   const data::Exposure& exposure = dataset.train[1];
   const events::TimeWindow span{exposure.t_start_us, exposure.t_end_us};
   const events::ImageSize size{exposure.camera.height, exposure.camera.width};
@@ -114,87 +115,91 @@ TEST_CASE(
   const double rounding = 5e-4;  // of float16 below 1
   for (int64_t k = 0; k < 9; ++k) {
     INFO(k);
-    const train::View at = train::at_pose(view, k, options);
+    const train::View at = bank.step_view(1, k);
     const double u = double(k) / 8;
     CHECK(torch::allclose(
         at.restorations.efnet,
         network.restore(exposure.blurry, counts.positive - counts.negative, {u})[0], 0, rounding));
-    CHECK(torch::allclose(at.restorations.edi, exposure.blurry * view.edi_factors[k]));
+    CHECK(torch::allclose(at.restorations.edi, exposure.blurry * bank.edi_factors(1)[k]));
     CHECK(at.psi.equal(events::polarity_projection(voxel.values, u)));
     CHECK(at.reblur_kernel.equal(imaging::reblur_kernel(voxel, 0.25 * voxel.v_max, u)));
     CHECK_FALSE(at.fixed_target.defined());
-    CHECK_FALSE(at.restored_poses.efnet.defined());
   }
-  CHECK_FALSE(torch::allclose(view.restorations.efnet,
-                              train::at_pose(view, 0, options).restorations.efnet, 0, rounding));
-  const train::View middle = train::at_pose(view, 4, options);
+  CHECK_FALSE(torch::allclose(view.restorations.efnet, bank.step_view(1, 0).restorations.efnet, 0,
+                              rounding));
+  const train::View middle = bank.step_view(1, 4);
   CHECK(middle.restorations.edi.equal(view.restorations.edi));
   CHECK(torch::allclose(middle.restorations.efnet, view.restorations.efnet, 0, rounding));
   CHECK(middle.psi.equal(view.psi));
   CHECK(middle.reblur_kernel.equal(view.reblur_kernel));
-  CHECK_THROWS_AS(train::at_pose(view, 9, options), ContractError);
+  CHECK_THROWS_AS(bank.step_view(1, 9), ContractError);
 }
 
-TEST_CASE("views: constants go to the device kind by kind as far as they fit", "[train][cuda]") {
+TEST_CASE("bank: constants go to the device kind by kind as far as they fit", "[train][cuda]") {
   const test::TinyScene scene;
   train::RunOptions options = test::all_poses_options(scene);
   options.objective.target = losses::Target::kEfnet;
   options.objective.edi_contrast = 1.3;
   const data::Dataset dataset = data::load_dataset(options.dataset);
-  const std::vector<train::View> all = train::prepare_views(dataset, options, torch::kCUDA);
-  CHECK((all[1].blurry.is_cuda() && all[1].taught_factors.is_cuda() &&
-         all[1].restored_poses.efnet.is_cuda()));
+  const train::ViewBank all(dataset, options, torch::kCUDA);
+  const train::ConstantBytes whole = all.bytes_on_device();
+  CHECK(whole.frames == 3 * all.size() * all.frame_bytes());
+  CHECK((whole.edi > 0 && whole.restorations > 0));
   // Bytes that hold the frames alone, and nothing.
-  const auto frames = static_cast<int64_t>(3 * all.size() * all[0].blurry.nbytes());
-  for (const int64_t most : {frames, int64_t{0}}) {
+  for (const int64_t most : {whole.frames, int64_t{0}}) {
     INFO(most);
-    std::vector<train::View> some = all;
-    for (train::View& view : some) {
-      view.blurry_moments = {};
-      view.blurry = view.blurry.cpu();
-      view.taught_factors = view.taught_factors.cpu();
-      view.restored_poses.efnet = view.restored_poses.efnet.cpu();
-    }
-    train::place_constants(options, torch::kCUDA, most, some);
-    CHECK(some[1].blurry.is_cuda() == (most > 0));
-    CHECK(some[1].blurry_moments.mean.defined() == (most > 0));
-    CHECK_FALSE(some[1].taught_factors.is_cuda());
-    CHECK_FALSE(some[1].restored_poses.efnet.is_cuda());
+    const train::ViewBank some(dataset, options, torch::kCUDA, {}, most);
+    CHECK(some.bytes_on_device().frames == most);
+    CHECK(some.bytes_on_device().edi == 0);
+    CHECK(some.bytes_on_device().restorations == 0);
     for (const int64_t k : {0, 3, 8}) {
-      const std::array<int64_t, 3> poses{k, 1, 2};
-      const auto inputs = [&](const train::View& view) {
-        train::StepInputs in;
-        in.view = train::at_pose(train::with_frame(view, torch::kCUDA), k, options);
-        train::pick_factors(poses.data(), /*stride=*/1, &in);
-        return in;
-      };
-      const train::StepInputs a = inputs(all[1]), b = inputs(some[1]);
-      CHECK(a.view.blurry.equal(b.view.blurry));
-      CHECK(a.view.blurry_moments.square.equal(b.view.blurry_moments.square));
-      CHECK(a.view.fixed_target.equal(b.view.fixed_target));
-      CHECK(a.edi_factors.gray.equal(b.edi_factors.gray));
-      CHECK(a.edi_factors.simulation.equal(b.edi_factors.simulation));
+      const train::View a = all.step_view(1, k), b = some.step_view(1, k);
+      CHECK(a.blurry.is_cuda());
+      CHECK(a.blurry.equal(b.blurry));
+      CHECK(a.blurry_moments.square.equal(b.blurry_moments.square));
+      CHECK(a.fixed_target.equal(b.fixed_target));
+      const losses::EdiFactors c = all.edi_factors(1, {k, 1, 2}),
+                               d = some.edi_factors(1, {k, 1, 2});
+      CHECK(c.gray.equal(d.gray));
+      CHECK(c.simulation.equal(d.simulation));
     }
   }
   options.objective.target = losses::Target::kRouted;
-  std::vector<train::View> routed = all;
-  routed[1].blurry = routed[1].blurry.cpu();
-  train::place_constants(options, torch::kCUDA, 0, routed);
-  CHECK(routed[1].blurry.is_cuda());
+  const train::ViewBank routed(dataset, options, torch::kCUDA, {}, 0);
+  CHECK(routed.picture_view(1).blurry.is_cuda());
 }
 
-TEST_CASE("views: of three restored poses each is the one that all would give", "[train]") {
+TEST_CASE("bank: an exposure without length has one map for all moments", "[train]") {
+  const test::TinyScene scene;
+  train::RunOptions options = test::all_poses_options(scene);
+  options.objective.target = losses::Target::kEfnet;
+  data::Dataset dataset = data::load_dataset(options.dataset);
+  const train::ConstantBytes all = train::ViewBank(dataset, options, torch::kCPU).bytes_on_device();
+  dataset.train[1].t_end_us = dataset.train[1].t_start_us;
+  dataset.train[1].events = {};
+  const train::ViewBank bank(dataset, options, torch::kCPU);
+  CHECK(bank.bytes_on_device().edi == all.edi * (2 * 9 + 1) / (3 * 9));
+  CHECK(bank.bytes_on_device().restorations < all.restorations);
+  CHECK(bank.edi_factors(1).size(0) == 9);
+  const train::View start = bank.step_view(1, 0);
+  for (const int64_t k : {1, 8}) {
+    CHECK(bank.step_view(1, k).fixed_target.equal(start.fixed_target));
+    CHECK(bank.edi_factors(1, {0, k, k}).color.equal(bank.edi_factors(1, {0, k, k}).gray));
+  }
+}
+
+TEST_CASE("bank: of three restored poses each is the one that all would give", "[train]") {
   const test::TinyScene scene;
   train::RunOptions options = test::all_poses_options(scene);
   const data::Dataset dataset = data::load_dataset(options.dataset);
-  const train::View all = train::prepare_views(dataset, options, torch::kCPU)[1];
+  const train::ViewBank all(dataset, options, torch::kCPU);
   train::RunOptions three = options;
   three.objective.restored_poses = losses::RestoredPoses::kThree;
-  const train::View some = train::prepare_views(dataset, three, torch::kCPU)[1];
-  CHECK(some.restored_poses.efnet.size(0) == 3);
+  const train::ViewBank some(dataset, three, torch::kCPU);
+  CHECK(some.bytes_on_device().restorations < all.bytes_on_device().restorations);
   CHECK(train::restored_times(three) == std::vector<double>{0, 0.5, 1});
   for (const int64_t k : {0, 4, 8}) {
-    const train::View a = train::at_pose(all, k, options), b = train::at_pose(some, k, three);
+    const train::View a = all.step_view(1, k), b = some.step_view(1, k);
     CHECK(torch::allclose(a.restorations.efnet, b.restorations.efnet, 0, 1e-3));
     CHECK(a.restorations.edi.equal(b.restorations.edi));
     CHECK(a.psi.equal(b.psi));
@@ -208,36 +213,36 @@ TEST_CASE("views: of three restored poses each is the one that all would give", 
   CHECK_THROWS_WITH(train::validate(three), Catch::Contains("exposure.samples"));
 }
 
-TEST_CASE("views: a fixed target at a pose is made of the restorations there", "[train]") {
+TEST_CASE("bank: a fixed target at a pose is made of the restorations there", "[train]") {
   using losses::Target;
   const test::TinyScene scene;
   train::RunOptions options = test::all_poses_options(scene);
   const data::Dataset dataset = data::load_dataset(options.dataset);
   const auto at = [&](Target target) {
     options.objective.target = target;
-    return train::at_pose(train::prepare_views(dataset, options, torch::kCPU).front(), 7, options);
+    return train::ViewBank(dataset, options, torch::kCPU).step_view(0, 7);
   };
+  // The network and EDI as a router is given them.
+  const train::View routed = at(Target::kRouted);
+  const restore::Restorations& restored = routed.restorations;
   const train::View mean = at(Target::kMean);
-  CHECK(
-      torch::allclose(mean.fixed_target, 0.5 * (mean.restorations.edi + mean.restorations.efnet)));
-  CHECK_FALSE(mean.restored_poses.psi.defined());
-  const train::View efnet = at(Target::kEfnet), edi = at(Target::kEdi);
-  CHECK(efnet.fixed_target.equal(mean.restorations.efnet));
-  CHECK(edi.fixed_target.equal(mean.restorations.edi));
-  CHECK_FALSE(edi.restorations.efnet.defined());
+  CHECK(torch::allclose(mean.fixed_target, 0.5 * (restored.edi + restored.efnet)));
+  CHECK_FALSE(mean.psi.defined());
+  CHECK(at(Target::kEfnet).fixed_target.equal(restored.efnet));
+  CHECK(at(Target::kEdi).fixed_target.equal(restored.edi));
 }
 
-TEST_CASE("views: a restorer of the middle cannot restore every pose, and says so first",
+TEST_CASE("bank: a restorer of the middle cannot restore every pose, and says so first",
           "[train]") {
   const test::TinyScene scene;
   train::RunOptions options = test::routed_options(scene);
   options.objective.restored_poses = losses::RestoredPoses::kAll;
   const data::Dataset dataset = data::load_dataset(options.dataset);
-  CHECK_THROWS_AS(train::prepare_views(dataset, options, torch::kCPU), DataError);
-  CHECK_THROWS_WITH(train::prepare_views(dataset, options, torch::kCPU),
-                    Catch::Contains("restorer.pt") && Catch::Contains("version 1"));
+  const auto prepare = [&] { train::ViewBank(dataset, options, torch::kCPU); };
+  CHECK_THROWS_AS(prepare(), DataError);
+  CHECK_THROWS_WITH(prepare(), Catch::Contains("restorer.pt") && Catch::Contains("version 1"));
   options.objective.target = losses::Target::kEdi;
-  CHECK_NOTHROW(train::prepare_views(dataset, options, torch::kCPU));
+  CHECK_NOTHROW(prepare());
 }
 
 TEST_CASE("near plane: 0.2, or half of what a small scene's nearest is away, unless given",

@@ -1,0 +1,357 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/train/bank.h"
+
+#include <algorithm>
+#include <initializer_list>
+#include <torch/types.h>
+#include <utility>
+
+#include "jade/core/check.h"
+#include "jade/core/interrupt.h"
+#include "jade/core/progress.h"
+#include "jade/events/voxel.h"
+#include "jade/imaging/image_io.h"
+#include "jade/imaging/reblur.h"
+#include "jade/train/exposure_span.h"
+#include "jade/train/plan.h"
+#include "jade/train/sums_ahead.h"
+
+namespace jade::train {
+namespace {
+
+/// Bytes of device memory that are still free for constants.
+class Budget {
+ public:
+  explicit Budget(int64_t bytes) : left_(bytes) {}
+
+  /// Takes so many bytes, or none.
+  bool take(int64_t bytes) {
+    if (bytes > left_) return false;
+    left_ -= bytes;
+    return true;
+  }
+
+ private:
+  int64_t left_;
+};
+
+/// The tensor on the device, in float32. Does not wait for the device: a copy from the CPU goes
+/// through page-locked memory.
+torch::Tensor fetched(const torch::Tensor& tensor, torch::Device device) {
+  if (!tensor.defined() || tensor.device().type() == device.type()) {
+    return tensor.defined() ? tensor.to(torch::kFloat32) : tensor;
+  }
+  const torch::Tensor locked = torch::empty_like(tensor, tensor.options().pinned_memory(true));
+  locked.copy_(tensor);
+  return locked.to(device, /*non_blocking=*/true).to(torch::kFloat32);
+}
+
+/// The view's, or undefined where the bank has none of this kind.
+torch::Tensor of(const PerView& kind, size_t view) {
+  return kind.empty() ? torch::Tensor() : kind[view];
+}
+
+/// The view's map at a moment, without copying it.
+torch::Tensor at_moment(const PerView& kind, size_t view, int64_t moment) {
+  return kind[view][std::min(moment, kind[view].size(0) - 1)];
+}
+
+int64_t bytes_of(const PerView& kind) {
+  int64_t bytes = 0;
+  for (const torch::Tensor& each : kind) bytes += static_cast<int64_t>(each.nbytes());
+  return bytes;
+}
+
+void move(PerView& kind, torch::Device device) {
+  for (torch::Tensor& each : kind) each = each.to(device);
+}
+
+bool has_masks(const data::Dataset& dataset) {
+  return std::any_of(dataset.train.begin(), dataset.train.end(),
+                     [](const data::Exposure& exposure) { return exposure.mask.defined(); });
+}
+
+/// Image with masked pixels set to 0.
+torch::Tensor shown(const torch::Tensor& image, const torch::Tensor& mask) {
+  return image.defined() && mask.defined() ? image * mask.to(image.scalar_type()) : image;
+}
+
+/// The exposure with a frame that is black under its mask.
+data::Exposure masked(const data::Exposure& exposure) {
+  data::Exposure out = exposure;
+  if (out.mask.defined()) out.blurry = out.blurry.masked_fill(out.mask.logical_not(), 0);
+  return out;
+}
+
+/// The image of train.target_images that has the exposure's name.
+torch::Tensor target_image(const data::Exposure& exposure, const std::filesystem::path& folder) {
+  for (const auto& path : imaging::list_images(folder)) {
+    if (path.stem() != exposure.name) continue;
+    const auto image = imaging::read_image(path);
+    if (image.sizes() != exposure.blurry.sizes()) {
+      throw DataError(concat(path.string(), ": expected ", shape_string(exposure.blurry),
+                             " as the training frame, found ", shape_string(image)));
+    }
+    return image;
+  }
+  throw DataError(
+      concat(folder.string(), ": expected an image named ", exposure.name, ", found none"));
+}
+
+/// The target of Eq. (9) where it is made of the restorations and no router decides; else
+/// undefined.
+torch::Tensor restored_target(const restore::Restorations& restorations,
+                              const RunOptions& options) {
+  switch (options.objective.target) {
+    case losses::Target::kEdi:
+      return restorations.edi;
+    case losses::Target::kEfnet:
+      return restorations.efnet;
+    case losses::Target::kMean:
+      return restore::fuse(torch::full({}, 0.5, restorations.edi.options()), restorations);
+    case losses::Target::kRouted:
+      return routed_to_edi(options) ? restorations.edi : torch::Tensor();
+    case losses::Target::kBlurry:
+    case losses::Target::kImageFolder:
+    case losses::Target::kNone:
+      break;
+  }
+  return {};
+}
+
+bool restores_poses(const RunOptions& options) { return restored_every(options) > 0; }
+
+/// c of Eq. (7). The paper's 1 makes the operator a scale-free surrogate; the calibrated c turns it
+/// into the exposure model that EDI inverts.
+double reblur_contrast(const events::EventVoxel& voxel, const RunOptions& options) {
+  if (options.route.reblur_contrast > 0) return options.route.reblur_contrast;
+  const auto thresholds = options.events.thresholds();
+  return 0.5 * (thresholds.positive + thresholds.negative) * voxel.v_max;
+}
+
+/// The poses of an exposure at the moments of the run's quadrature.
+std::vector<geometry::Pose> sample_poses(const data::Exposure& exposure, const ExposureSpan& span,
+                                         const geometry::ExposureOptions& options) {
+  if (options.samples == geometry::kExposurePoses) {
+    return {exposure.poses.begin(), exposure.poses.end()};
+  }
+  std::vector<geometry::Pose> poses;
+  for (const double u : geometry::quadrature(options.quadrature, options.samples).u) {
+    poses.push_back(span.at(u));
+  }
+  return poses;
+}
+
+restore::RestoreOptions restore_options(const RunOptions& options) {
+  restore::RestoreOptions out{options.events, options.exposure, 0};
+  out.taught_contrast = options.objective.edi_contrast;
+  out.times = restored_times(options);
+  return out;
+}
+
+/// Whether the target of a sampled pose reads EDI as the thresholds have it.
+bool targets_edi_at_poses(const RunOptions& options) {
+  const losses::Target target = options.objective.target;
+  return restores_poses(options) && target != losses::Target::kEfnet &&
+         target != losses::Target::kNone;
+}
+
+/// Adds a view's maps to a kind, on the CPU: on a GPU they would take the network's memory and cut
+/// it into pieces that cannot be given back.
+void put(PerView& kind, const torch::Tensor& maps, const torch::Tensor& mask = {}) {
+  if (maps.defined()) kind.push_back(shown(maps, mask).cpu());
+}
+
+/// Maps at all moments in the type that is kept; of an exposure without length one stands for all.
+torch::Tensor kept(const torch::Tensor& moments, bool lasts, torch::Dtype type) {
+  return (lasts ? moments : moments.narrow(0, 0, 1)).to(type);
+}
+
+}  // namespace
+
+ViewBank::ViewBank(const data::Dataset& dataset, const RunOptions& options, torch::Device device,
+                   std::future<restore::Restorer> early, int64_t most_device_bytes)
+    : options_(options), device_(device) {
+  const torch::NoGradGuard no_grad;
+  const auto efnet = needs_efnet(options) ? std::optional(options.efnet) : std::nullopt;
+  restore::ViewRestorer restorer(options.cache, efnet, device, dataset.monochrome,
+                                 std::move(early));
+  if (efnet && restores_poses(options)) restorer.check_times(restored_times(options));
+  Progress progress("restoring", static_cast<int64_t>(dataset.train.size()), 0, "views");
+  const std::vector<ExposureSpan> spans = exposure_spans(dataset);
+  const restore::RestoreOptions how = restore_options(options);
+  const bool masks = has_masks(dataset);
+  const geometry::Quadrature sum =
+      geometry::quadrature(options.exposure.quadrature, options.exposure.samples);
+  u_ = torch::tensor(sum.u, torch::kFloat64).to(device);
+  if (options.exposure.quadrature == geometry::QuadratureRule::kTrapezoid) {
+    weights_ = torch::tensor(sum.weights, torch::kFloat64).to(device, torch::kFloat32);
+  }
+  // A CPU that restores has no threads to spare.
+  SumsAhead sums(dataset, how, efnet ? &restorer.metadata() : nullptr,
+                 device.is_cuda() ? std::launch::async : std::launch::deferred);
+  for (size_t i = 0; i < spans.size(); ++i) {
+    throw_if_interrupted();
+    const data::Exposure& exposure = dataset.train[i];
+    add(exposure, spans[i], masks, dataset.monochrome,
+        restore::restore_exposure(masked(exposure), sums.next(), how, restorer));
+    if (progress.step()) progress.show();
+  }
+  restorer.leave();
+  place(most_device_bytes);
+}
+
+void ViewBank::add(const data::Exposure& exposure, const ExposureSpan& span, bool masks,
+                   bool monochrome, const restore::RestoredExposure& restored) {
+  const events::EventVoxel& voxel = restored.maps.voxel;
+  const torch::Device device = restored.blurry.device();
+  const bool lasts = exposure.duration_us() > 0;
+  torch::Tensor mask;
+  if (exposure.mask.defined()) mask = exposure.mask.to(device, torch::kFloat32);
+  put(frames_, restored.blurry);
+  if (masks) put(masks_, mask.defined() ? mask : torch::ones_like(restored.blurry.narrow(0, 0, 1)));
+
+  const bool printed = options_.objective.edi_contrast == 1;
+  put(edi_, kept(restored.taught_gain.unsqueeze(1), lasts, printed ? torch::kFloat : torch::kHalf));
+  if (!printed && targets_edi_at_poses(options_)) {
+    put(target_edi_, kept(restored.gain.unsqueeze(1), lasts, torch::kFloat));
+  }
+  if (restored.efnet_at.defined()) {
+    put(efnet_, kept(restored.efnet_at, lasts, torch::kHalf), mask);
+  }
+  const double contrast = reblur_contrast(voxel, options_);
+  if (restores_poses(options_) && plan_step(options_, 1).route) {
+    std::vector<torch::Tensor> psi, kernels;
+    for (const double moment : restored_times(options_)) {
+      psi.push_back(events::polarity_projection(voxel.values, moment));
+      kernels.push_back(imaging::reblur_kernel(voxel, contrast, moment));
+    }
+    put(psi_, torch::stack(psi));
+    put(reblur_kernel_, torch::stack(kernels));
+  }
+  put(middle_edi_, restored.restorations.edi, mask);
+  put(middle_efnet_, restored.restorations.efnet, mask);
+  put(middle_psi_, events::polarity_projection(voxel.values));
+  put(middle_reblur_kernel_, imaging::reblur_kernel(voxel, contrast));
+  put(density_, restored.maps.density);
+  if (options_.objective.target == losses::Target::kImageFolder) {
+    const torch::Tensor image = target_image(exposure, options_.train.target_images);
+    put(fixed_targets_, monochrome ? restore::without_tint(image) : image, exposure.mask);
+  } else if (!restores_poses(options_) && !is_routed()) {
+    put(fixed_targets_, restored_target(restored.restorations, options_), mask);
+  }
+  cameras_.push_back(
+      camera_batch(sample_poses(exposure, span, options_.exposure), exposure.camera, device_));
+}
+
+void ViewBank::place(int64_t most_bytes) {
+  Budget budget(most_bytes);
+  const bool all = !device_.is_cuda();
+  const auto place_kinds = [&](std::initializer_list<PerView*> kinds) {
+    for (PerView* const kind : kinds) move(*kind, device_);
+  };
+  const int64_t frames = 3 * bytes_of(frames_) + bytes_of(masks_) + bytes_of(fixed_targets_);
+  if (budget.take(frames) || all || is_routed()) {
+    place_kinds({&frames_, &masks_, &fixed_targets_});
+    for (const torch::Tensor& each : frames_) window_means_.push_back(imaging::ssim_target(each));
+  }
+  if (budget.take(bytes_of(edi_) + bytes_of(target_edi_)) || all) {
+    place_kinds({&edi_, &target_edi_});
+  }
+  if (budget.take(bytes_of(efnet_)) || all) place_kinds({&efnet_});
+  if (is_routed()) {
+    place_kinds({&psi_, &reblur_kernel_, &middle_edi_, &middle_efnet_, &middle_psi_,
+                 &middle_reblur_kernel_});
+  }
+}
+
+restore::Restorations ViewBank::restorations_at(size_t view, int64_t pose,
+                                                const torch::Tensor& blurry) const {
+  restore::Restorations restorations;
+  if (targets_edi_at_poses(options_)) {
+    const PerView& factors = target_edi_.empty() ? edi_ : target_edi_;
+    restorations.edi = blurry * fetched(at_moment(factors, view, pose), device_);
+  }
+  if (!efnet_.empty()) {
+    restorations.efnet = fetched(at_moment(efnet_, view, pose / restored_every(options_)), device_);
+  }
+  return restorations;
+}
+
+View ViewBank::step_view(int64_t view, std::optional<int64_t> pose) const {
+  JADE_CHECK(!pose || (*pose >= 0 && *pose < u_.size(0)), "expected a pose below ", u_.size(0),
+             ", found ", *pose);
+  const auto i = static_cast<size_t>(view);
+  View out;
+  out.blurry = fetched(frames_[i], device_);
+  out.mask = fetched(of(masks_, i), device_);
+  out.blurry_moments = window_means_.empty() ? imaging::ssim_target(out.blurry) : window_means_[i];
+  out.cameras = cameras_[i];
+  out.u = u_;
+  out.weights = weights_;
+  if (options_.objective.target == losses::Target::kBlurry) {
+    out.fixed_target = out.blurry;
+  } else if (!fixed_targets_.empty()) {
+    out.fixed_target = fetched(fixed_targets_[i], device_);
+  } else {
+    const restore::Restorations restorations =
+        pose ? restorations_at(i, *pose, out.blurry)
+             : restore::Restorations{middle_edi_[i], of(middle_efnet_, i)};
+    out.fixed_target = restored_target(restorations, options_);
+    if (!is_routed()) return out;
+    out.restorations = restorations;
+    const bool there = pose && !psi_.empty();
+    const int64_t row = pose ? *pose / restored_every(options_) : 0;
+    out.psi = there ? psi_[i][row] : middle_psi_[i];
+    out.reblur_kernel = there ? reblur_kernel_[i][row] : middle_reblur_kernel_[i];
+  }
+  return out;
+}
+
+losses::EdiFactors ViewBank::edi_factors(int64_t view,
+                                         const std::array<int64_t, 3>& moments) const {
+  const auto at = [&](int64_t moment) {
+    return fetched(at_moment(edi_, static_cast<size_t>(view), moment), device_);
+  };
+  return {at(moments[0]), at(moments[1]), at(moments[2])};
+}
+
+torch::Tensor ViewBank::edi_factors(int64_t view) const {
+  return edi_[static_cast<size_t>(view)].expand({u_.size(0), -1, -1, -1});
+}
+
+View ViewBank::picture_view(int64_t view) const {
+  const auto i = static_cast<size_t>(view);
+  View out;
+  out.blurry = frames_[i];
+  out.mask = of(masks_, i);
+  out.psi = middle_psi_[i];
+  out.reblur_kernel = middle_reblur_kernel_[i];
+  out.restorations = {middle_edi_[i], of(middle_efnet_, i)};
+  if (is_routed()) out.fixed_target = restored_target(out.restorations, options_);
+  return out;
+}
+
+ConstantBytes ViewBank::bytes_on_device() const {
+  const auto sum = [&](std::initializer_list<const PerView*> kinds) {
+    int64_t bytes = 0;
+    for (const PerView* const kind : kinds) {
+      if (!kind->empty() && kind->front().device().type() == device_.type())
+        bytes += bytes_of(*kind);
+    }
+    return bytes;
+  };
+  ConstantBytes bytes{sum({&frames_, &masks_}), sum({&edi_, &target_edi_}),
+                      sum({&fixed_targets_, &efnet_, &psi_, &reblur_kernel_, &middle_edi_,
+                           &middle_efnet_, &middle_psi_, &middle_reblur_kernel_})};
+  for (const imaging::SsimTarget& each : window_means_) {
+    bytes.frames += static_cast<int64_t>(each.mean.nbytes() + each.square.nbytes());
+  }
+  return bytes;
+}
+
+std::string restorer_sha256(const RunOptions& options) {
+  return needs_efnet(options) ? restore::checked_file_sha256(options.efnet) : "";
+}
+
+}  // namespace jade::train
