@@ -19,11 +19,17 @@ namespace {
 struct RouteOptions {
   double lr = 5e-4;
   bool render_consistency = true;
+  Steps rest = Steps::share(2);
 };
 template <class V>
 void describe(V& v, RouteOptions& o) {
   v.field("lr", o.lr, "Adam step size", Range{1e-8, 1});
   v.renamed("step_size", "lr");
+  v.fixed("rest", o.rest);
+  v.fixed("lr_final", [&o] { return o.lr / 100; });
+  v.fixed("eps", 1e-15);
+  v.fixed("path", "line");
+  v.fixed("graph", true);
   v.field("render_consistency", o.render_consistency, "first term");
 }
 
@@ -100,6 +106,33 @@ TEST_CASE("config: a renamed key is read under both names and printed under the 
   const std::string printed = config::to_yaml(fields_of(options), "title");
   CHECK(printed.find("router:") == std::string::npos);
   CHECK(printed.find("step_size") == std::string::npos);
+}
+
+TEST_CASE("config: a key that became a constant is read with that value alone, and never printed",
+          "[config]") {
+  const test::TempDir dir;
+  CHECK(load_text(dir, "route: {rest: 2%, eps: 1.0e-15, path: line, graph: true}\n").route.lr ==
+        5e-4);
+  CHECK(error_of(dir, "iterations: 10\nroute: {eps: 1e-8}\n") ==
+        "scene.yaml:2:14: route.eps: expected 1e-15, which is its only value now (\"Removed keys\" "
+        "in CHANGELOG.md), found '1e-8'; remove the key");
+  for (const char* wrong : {"rest: 3%", "rest: 2", "rest: 500", "eps: none", "path: spline",
+                            "path: [line]", "path: {line: 1}", "graph: false", "graph:"}) {
+    const std::string key = std::string(wrong).substr(0, std::string(wrong).find(':'));
+    INFO(wrong);
+    CHECK_THAT(error_of(dir, concat("route: {", wrong, "}\n")),
+               test::naming("scene.yaml:1:", "route." + key));
+  }
+  // A value that follows from a field follows from its last one, in whichever order files name
+  // them.
+  CHECK(load_text(dir, "route: {lr_final: 1e-3, lr: 0.1}\n").route.lr == 0.1);
+  CHECK(load_text(dir, "route: {lr_final: 1e-3}\n", {"route.lr=0.1"}).route.lr == 0.1);
+  CHECK_THAT(error_of(dir, "route: {lr_final: 1e-3}\n"),
+             Catch::Contains("route.lr_final: expected 5e-06"));
+  CHECK_THAT(error_of(dir, "", {"route.eps=1"}), Catch::Contains("--set route.eps=1: route.eps"));
+  TestOptions options;
+  CHECK_THAT(config::to_yaml(fields_of(options), "title"), !Catch::Contains("lr_final"));
+  CHECK_THAT(config::to_json_schema(fields_of(options), "title"), !Catch::Contains("lr_final"));
 }
 
 TEST_CASE("config: a number may be auto, by default or by word, and then has its fallback",

@@ -51,9 +51,35 @@ class Reader {
     problems_.add(place(layer, node) + ": " + what);
   }
 
-  void throw_problems() const { problems_.throw_if_any(); }
+  void throw_problems() {
+    for (const FixedKey& given : fixed_) check_fixed(given);
+    problems_.throw_if_any();
+  }
 
  private:
+  /// A key that is a constant now, as a source gives it.
+  struct FixedKey {
+    std::string place, key, found;
+  };
+
+  /// The constant may follow from a field, so all sources are read before.
+  void check_fixed(const FixedKey& given) {
+    const std::string value = (*fields_.fixed_value(given.key))();
+    if (is_same_value(given.found, value)) return;
+    problems_.add(given.place + ": " + given.key + ": expected " + value +
+                  ", which is its only value now (\"Removed keys\" in CHANGELOG.md), found '" +
+                  given.found + "'; remove the key");
+  }
+
+  static bool is_same_value(const std::string& a, const std::string& b) {
+    double first = 0, second = 0;
+    const bool shares = read_percent(a, first);
+    if (shares != read_percent(b, second)) return false;
+    const bool numbers = shares || (YAML::convert<double>::decode(YAML::Node(a), first) &&
+                                    YAML::convert<double>::decode(YAML::Node(b), second));
+    return numbers ? std::abs(first - second) <= 1e-5 * std::abs(second) : a == b;
+  }
+
   static std::string place(const Layer& layer, const YAML::Node& node) {
     if (!layer.has_lines || node.Mark().line < 0) return layer.name;
     return concat(layer.name, ":", node.Mark().line + 1, ":", node.Mark().column + 1);
@@ -88,6 +114,10 @@ class Reader {
         }
       } else if (const Field* field = fields_.find(key)) {
         apply_field(layer, entry.second, *field);
+      } else if (fields_.fixed_value(key) != nullptr) {
+        const bool scalar = entry.second.IsScalar();
+        fixed_.push_back({place(layer, entry.second), key,
+                          scalar ? entry.second.Scalar() : kind_of(entry.second)});
       } else {
         complain(layer, entry.first, key + ": unknown key" + hint(key));
       }
@@ -251,6 +281,7 @@ class Reader {
 
   const FieldList& fields_;
   std::set<std::string>* named_;
+  std::vector<FixedKey> fixed_;
   Problems problems_;
 };
 

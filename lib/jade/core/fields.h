@@ -19,6 +19,7 @@
 #include <limits>
 #include <map>
 #include <optional>
+#include <sstream>
 #include <string>
 #include <type_traits>
 #include <utility>
@@ -106,6 +107,18 @@ class FieldList {
     renamed_[prefix_ + old_name] = prefix_ + name;
   }
 
+  /// A key of older configurations that has become a constant: reading accepts that value and no
+  /// other, so that configurations and checkpoints that list every key go on working.
+  /// @param value  the constant, or a function that returns it once all fields are read
+  template <class T>
+  void fixed(const std::string& name, const T& value) {
+    if constexpr (std::is_invocable_v<const T&>) {
+      fixed_[prefix_ + name] = [value] { return plain_text(value()); };
+    } else {
+      fixed_[prefix_ + name] = [text = plain_text(value)] { return text; };
+    }
+  }
+
   const std::vector<Field>& fields() const { return fields_; }
   const std::vector<FieldGroup>& groups() const { return groups_; }
 
@@ -120,6 +133,11 @@ class FieldList {
   const std::string* new_key(const std::string& key) const {
     const auto found = renamed_.find(key);
     return found == renamed_.end() ? nullptr : &found->second;
+  }
+  /// Gives the value of a key that fixed() declares, as text; nullptr for any other.
+  const std::function<std::string()>* fixed_value(const std::string& key) const {
+    const auto found = fixed_.find(key);
+    return found == fixed_.end() ? nullptr : &found->second;
   }
   bool is_group(const std::string& key) const {
     for (const FieldGroup& group : groups_) {
@@ -138,10 +156,22 @@ class FieldList {
     }
   }
 
+  template <class T>
+  static std::string plain_text(const T& value) {
+    std::ostringstream text;
+    if constexpr (std::is_same_v<T, Steps>) {
+      value.is_share() ? text << value.percent() << '%' : text << int64_t{value};
+    } else {
+      text << std::boolalpha << value;
+    }
+    return text.str();
+  }
+
   std::string prefix_;
   std::vector<Field> fields_;
   std::vector<FieldGroup> groups_;
-  std::map<std::string, std::string> renamed_;  // old key to new key, both dotted
+  std::map<std::string, std::string> renamed_;                 // old key to new key, both dotted
+  std::map<std::string, std::function<std::string()>> fixed_;  // by dotted key
 };
 
 /// The fields of `options`. They point into it, so it must outlive the list.
