@@ -12,7 +12,7 @@ foreach(folder assets configs scripts)
   file(RELATIVE_PATH target "${CMAKE_BINARY_DIR}/${jade_share}" "${CMAKE_SOURCE_DIR}/${folder}")
   file(CREATE_LINK "${target}" "${CMAKE_BINARY_DIR}/${jade_share}/${folder}" SYMBOLIC)
 endforeach()
-install(FILES assets/efnet_anytime.pt DESTINATION ${jade_share}/assets COMPONENT data)
+install(FILES assets/efnet_anytime.pt assets/identity_response.npy DESTINATION ${jade_share}/assets COMPONENT data)
 install(DIRECTORY configs DESTINATION ${jade_share} COMPONENT data)
 install(PROGRAMS
   scripts/aedat_legacy.py scripts/colmap.py scripts/compare_poses.py scripts/convert_aedat4.py scripts/convert_diet_gs.py

@@ -25,8 +25,8 @@ fs::path program_folder() { return fs::read_symlink("/proc/self/exe").parent_pat
 
 TEST_CASE("asset: a program in a build folder finds the files of its source tree", "[core]") {
   unsetenv("JADE_DATA");
-  for (const char* name :
-       {"assets/efnet_anytime.pt", "configs/base.yaml", "scripts/read_recording.py"}) {
+  for (const char* name : {"assets/efnet_anytime.pt", "assets/identity_response.npy",
+                           "configs/base.yaml", "scripts/read_recording.py"}) {
     INFO(name);
     CHECK(fs::is_regular_file(asset(name)));
     CHECK(asset(name) == program_folder().parent_path() / "share/jade" / name);

@@ -6,7 +6,7 @@
 
 #include "jade/core/check.h"
 #include "jade/kernel/on_cuda.h"
-#include "jade/response/identity_fit.h"
+#include "jade/response/identity_response.h"
 #include "jade/response/lookup.h"
 #include "jade/response/table.h"
 
@@ -109,12 +109,12 @@ CameraResponseImpl::CameraResponseImpl() {
   layer2 = register_module("layer2", torch::nn::Linear(16, 16));
   layer3 = register_module("layer3", torch::nn::Linear(16, 16));
   layer4 = register_module("layer4", torch::nn::Linear(16, 1));
-  const Weights& fitted = identity_response();
+  const Weights& start = identity_response();
   const torch::NoGradGuard no_grad;
   torch::nn::Linear* const layers[] = {&layer1, &layer2, &layer3, &layer4};
   for (size_t i = 0; i < 4; ++i) {
-    (*layers[i])->weight.copy_(fitted.weight[i]);
-    (*layers[i])->bias.copy_(fitted.bias[i]);
+    (*layers[i])->weight.copy_(start.weight[i]);
+    (*layers[i])->bias.copy_(start.bias[i]);
   }
 }
 

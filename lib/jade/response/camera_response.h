@@ -19,7 +19,7 @@ struct ResponseOptions {
 template <class V>
 void describe(V& v, ResponseOptions& o) {
   v.field("enabled", o.enabled, "camera response ρ in the losses; off: ρ is the identity");
-  v.field("lr", o.lr, "Adam step size of ρ (crf_lr); 0 keeps it as fitted", Range{0, 1});
+  v.field("lr", o.lr, "Adam step size of ρ (crf_lr); 0 keeps the identity", Range{0, 1});
 }
 
 /// An image whose response is asked for together with that of others.
@@ -29,8 +29,8 @@ struct ResponseInput {
 };
 
 /// The camera response ρ(x) = sigmoid(0.1 · MLP(x) + x), a scalar map applied to every channel
-/// value, with MLP 1→16→16→16→1 and ReLU between. It starts as a fit of the identity on [0,1],
-/// from a fixed seed: always the same one. The inherited recipe stops 0.007 from the identity on
+/// value, with MLP 1→16→16→16→1 and ReLU between. It starts as a fit of the identity on [0,1]
+/// from a file: always the same one. The inherited recipe stops 0.007 from the identity on
 /// average and 0.034 at worst (near 0 and 1, where the sigmoid needs a logit without bound).
 ///
 /// Whole images go through ρ several times per step, yet ρ is a function of one number: forward()
@@ -39,7 +39,7 @@ struct ResponseInput {
 /// knots. A GPU sees one short kernel per call, for all images of the call.
 class CameraResponseImpl : public torch::nn::Module {
  public:
-  /// Fitted in about 0.1 s.
+  /// @throws DataError as identity_response().
   CameraResponseImpl();
 
   /// ρ at the knots, [4097], differentiable in the parameters. One table serves every image of a

@@ -24,7 +24,7 @@
 #include "jade/geometry/origin.h"
 #include "jade/imaging/image_io.h"
 #include "jade/losses/poses.h"
-#include "jade/response/identity_fit.h"
+#include "jade/response/identity_response.h"
 #include "jade/run/checkpoint.h"
 #include "jade/run/evaluate.h"
 #include "jade/run/report.h"
@@ -63,9 +63,7 @@ RunData load_data(const RunDirectory& directory, const train::RunOptions& option
   if (train::needs_efnet(options) && device.is_cuda()) {
     data.restorer = restore::load_beside(options.efnet, device);
   }
-  if (options.response.enabled) {
-    data.response = std::async(std::launch::async, [] { response::identity_response(); });
-  }
+  if (options.response.enabled) response::identity_response();  // fails before the data are read
   log_info(concat("reading     ", options.dataset.path.string()));
   std::vector<std::string> warnings;
   data.dataset = data::load_dataset(options.dataset, &warnings);

@@ -34,7 +34,6 @@ struct RunData {
   std::string fingerprint;                  ///< of the data set, see data_fingerprint()
   std::string restorer_sha256;              ///< empty where no restorer is needed
   std::future<restore::Restorer> restorer;  ///< on its way, where it runs on a GPU
-  std::future<void> response;               ///< its start being fitted
 };
 
 /// The loop and its calendar: what is due at which step. What a step does stands in routing_step.h
