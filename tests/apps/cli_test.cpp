@@ -35,12 +35,11 @@ TEST_CASE("print-config: says what the calendar's shares come to in a run of thi
           "[apps]") {
   const test::TempDir dir;
   const std::string out = run(dir, "jade_train --print-config --set train.iterations=3000").out;
-  CHECK_THAT(out,
-             Catch::Contains("simulation_start: 28%  # ") && Catch::Contains("here 840 steps"));
+  CHECK_THAT(out, Catch::Contains("\n  warmup: 6%  # ") && Catch::Contains("here 180 steps"));
   const std::string kept =
       run(dir, "jade_train --print-config --set train.iterations=3000 --set train.calendar=25000")
           .out;
-  CHECK_THAT(kept, Catch::Contains("here 7000 steps"));
+  CHECK_THAT(kept, Catch::Contains("here 1500 steps"));
 }
 
 TEST_CASE("jade_train: configs/reference.yaml is what the program prints", "[apps]") {

@@ -43,10 +43,10 @@ device: cpu
 efnet: {{path: {RESTORER}}}
 events: {{threshold_positive: 0.25}}
 init: {{points: 300}}
-densify: {{from: 50, every: 50, until: 300, max_gaussians: 800, gradient_threshold: 1e-5}}
-objective: {{target: routed, warmup: 60, simulation_start: 120}}
+densify: {{every: 50, until: 300, max_gaussians: 800, gradient_threshold: 1e-5}}
+objective: {{target: routed, warmup: 60}}
 train: {{iterations: {ITERATIONS}, log_every: 1, evaluate_every: 0, picture_every: 0}}
-checkpoint: {{every: {EVERY}, keep: 2}}
+checkpoint: {{every: {EVERY}}}
 """
 
 

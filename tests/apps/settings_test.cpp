@@ -62,14 +62,15 @@ TEST_CASE("settings: run, files, --set and flags are laid over each other in thi
 
 TEST_CASE("settings: a mistake reads the same in each program", "[apps]") {
   const test::TempDir dir;
-  dir.write("bad.yaml", "events:\n  bons: 6\n");
+  dir.write("bad.yaml", "exposure:\n  sampels: 9\n");
   for (const std::string program : kPrograms) {
     INFO(program);
-    check_error(run(dir, program + " --config bad.yaml"), 2, "bad.yaml:2:3", "events.bons",
-                "events.bins?");
-    check_error(run(dir, program + " --set events.bins=many"), 2, "--set events.bins=many",
-                "[2, 64]");
-    check_error(run(dir, program + " --set events.bins=5"), 2, "events.bins", "even");
+    check_error(run(dir, program + " --config bad.yaml"), 2, "bad.yaml:2:3", "exposure.sampels",
+                "exposure.samples?");
+    check_error(run(dir, program + " --set exposure.samples=many"), 2,
+                "--set exposure.samples=many", "[5, 65]");
+    check_error(run(dir, program + " --set exposure.samples=6"), 2, "exposure.samples", "odd");
+    check_error(run(dir, program + " --set events.bins=8"), 2, "events.bins", "CHANGELOG.md");
     check_error(run(dir, program + " --kind foo"), 2, "--kind foo: dataset.kind", "auto, evdeblur");
     CHECK_THAT(run(dir, program + " --help").out, Catch::Contains("Settings, later wins:"));
   }

@@ -57,7 +57,7 @@ TEST_CASE("init: Gaussians from points follow the inherited recipe", "[gaussians
   cloud.points =
       torch::tensor({{0.f, 0.f, 0.f}, {1.f, 0.f, 0.f}, {0.f, 1.f, 0.f}, {0.f, 0.f, 2.f}});
   cloud.colors = torch::tensor({{1.f, 0.5f, 0.f}}).repeat({4, 1});
-  const splat::Gaussians g = gaussians_from_points(cloud, {});
+  const splat::Gaussians g = gaussians_from_points(cloud);
   CHECK(g.log_scales[0][2].item<double>() == Approx(0.5 * std::log(2.0)));
   CHECK(g.logit_opacities.sigmoid()[0].item<double>() == Approx(0.1));
   CHECK(torch::equal(g.rotations[3], torch::tensor({1.f, 0.f, 0.f, 0.f})));

@@ -45,7 +45,7 @@ struct TorchAdam {
       values[i] = values[i].clone().set_requires_grad(true);
       groups.emplace_back(std::vector<torch::Tensor>{values[i]},
                           std::make_unique<torch::optim::AdamOptions>(
-                              torch::optim::AdamOptions(rates[i]).eps(o.eps)));
+                              torch::optim::AdamOptions(rates[i]).eps(kAdamEps)));
     }
     adam = std::make_unique<torch::optim::Adam>(std::move(groups), torch::optim::AdamOptions(1e-3));
   }

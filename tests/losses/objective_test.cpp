@@ -409,11 +409,10 @@ TEST_CASE("objective: weights that fall are those of the step", "[losses]") {
   CHECK_FALSE(weights_fall(options));
   CHECK(term_weights(options, 70, 100) == std::array<double, 2>{1, 1});
   options.target_weight = 2;
-  options.target_weight_final = 0;
   options.edi_weight_final = 0.5;
   CHECK(weights_fall(options));
-  CHECK(term_weights(options, 25, 100) == std::array<double, 2>{1.5, 0.875});
-  CHECK(term_weights(options, 400, 100) == std::array<double, 2>{0, 0.5});
+  CHECK(term_weights(options, 25, 100) == std::array<double, 2>{2, 0.875});
+  CHECK(term_weights(options, 400, 100) == std::array<double, 2>{2, 0.5});
   ObjectiveInputs in = inputs(renders());
   const Objective full = objective_at(in, 1);
   in.term_weights = torch::tensor({0.5, 0.25});

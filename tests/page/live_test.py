@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "apps"))
 from serve_test import Runs, Served, ask, wait_for  # noqa: E402
 
 STEPS = "--set train.iterations=100000 --set objective.target=edi --set densify.until=100000 --set train.evaluate_every=0".split()
-LEARNED = "--set poses.optimize=linear --set poses.lr=1e-2 --set poses.lr_final=1e-2".split()
+LEARNED = "--set poses.optimize=linear --set poses.lr=1e-2".split()
 STEP = "Number(jade.live.viewer.step)"
 
 

@@ -126,7 +126,6 @@ TEST_CASE("trainer: whatever a checkpoint holds, a run that goes on from it does
        [](train::RunOptions& o) {
          o.poses.optimize = train::PosePath::kCubic;
          o.poses.start = train::PoseStart::kData;
-         o.poses.prior_px = 1;
          o.poses.test_fit_steps = 0;
          o.objective.event_loss_weight = 0.1;
        },
@@ -140,12 +139,7 @@ TEST_CASE("trainer: whatever a checkpoint holds, a run that goes on from it does
       {"mcmc",
        [](train::RunOptions& o) { o.densify.strategy = gaussians::DensifyStrategy::kMcmc; },
        {"densify.generator"}},
-      {"L_ev",
-       [](train::RunOptions& o) {
-         o.objective.event_loss_weight = 0.1;
-         o.objective.event_window = losses::EventSpan::kRecording;
-       },
-       {"gaussians."}}};
+      {"L_ev", [](train::RunOptions& o) { o.objective.event_loss_weight = 0.1; }, {"gaussians."}}};
   const Scene scene;
   for (const Case& each : cases) {
     INFO(each.name);

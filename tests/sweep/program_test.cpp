@@ -86,15 +86,15 @@ TEST_CASE("jade_sweep: mistakes are refused before anything starts, all at once"
       "rows: [{name: a, set: [objective.dsim=1]}, {name: b, set: [train.iterations=many]}, {name: "
       "c},\n"
       "  {name: d, set: [objective.target=efnet, efnet.path=nowhere.pt]}, {name: e, set: "
-      "[events.bins=5]},\n"
-      "  {name: f, set: [densify.from=500, train.iterations=800]}]\n");
+      "[exposure.samples=6]},\n"
+      "  {name: f, set: [densify.until=10, train.iterations=800]}]\n");
   const Outcome outcome = run(dir, "--sweep bad.yaml --output out");
   INFO(outcome.err);
   CHECK(outcome.code == 2);
   for (const char* problem :
        {"objective.dsim: unknown key; did you mean objective.dssim?", "found 'many'",
-        "scene tiny: dataset.path: expected", "row d: efnet.path: expected", "row e: events.bins",
-        "row f: densify.from"}) {
+        "scene tiny: dataset.path: expected", "row d: efnet.path: expected",
+        "row e: exposure.samples", "row f: densify.until"}) {
     CHECK_THAT(outcome.err, Catch::Contains(problem));
   }
   CHECK_FALSE(std::filesystem::exists(dir / "out"));

@@ -95,8 +95,6 @@ TEST_CASE("event windows: their times are those of their cameras, in units of th
   };
   CHECK(beyond.counts.equal(counted(half.t_end_us)));
   CHECK_FALSE(beyond.counts.equal(counted(dataset.train[2].t_end_us)));
-  options.event_window = losses::EventSpan::kRecording;
-  CHECK_FALSE(train::EventWindows(dataset, options, 7, torch::kCPU).at(1, 2).u.defined());
 }
 
 TEST_CASE("event windows: a GPU is given the CPU's windows to the bit", "[train][cuda]") {

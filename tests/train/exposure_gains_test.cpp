@@ -81,8 +81,8 @@ TEST_CASE("gains: renders are as bright as their frame, and a brighter frame rai
   losses::ObjectiveOptions& terms = bench.options.objective;
   terms.edi_supervision = terms.simulation = terms.intensity = false;
   gaussians::OptimOptions& optim = bench.options.optim;
-  for (double* lr : {&optim.position_lr_start, &optim.position_lr_end, &optim.sh_dc_lr,
-                     &optim.sh_rest_lr, &optim.opacity_lr, &optim.scale_lr, &optim.rotation_lr}) {
+  for (double* lr : {&optim.position_lr_start, &optim.sh_dc_lr, &optim.sh_rest_lr,
+                     &optim.opacity_lr, &optim.scale_lr, &optim.rotation_lr}) {
     *lr = 1e-20;
   }
   bench.options.gains.lr = 0.02;

@@ -35,8 +35,8 @@ TEST_CASE("pattern: what all frames have at the same pixels is learned, and the 
   terms.target = losses::Target::kNone;
   terms.edi_supervision = terms.simulation = terms.intensity = false;
   gaussians::OptimOptions& optim = bench.options.optim;
-  for (double* lr : {&optim.position_lr_start, &optim.position_lr_end, &optim.sh_dc_lr,
-                     &optim.sh_rest_lr, &optim.opacity_lr, &optim.scale_lr, &optim.rotation_lr}) {
+  for (double* lr : {&optim.position_lr_start, &optim.sh_dc_lr, &optim.sh_rest_lr,
+                     &optim.opacity_lr, &optim.scale_lr, &optim.rotation_lr}) {
     *lr = 1e-20;
   }
   bench.state = train::make_state(bench.options, bench.dataset, torch::kCPU);

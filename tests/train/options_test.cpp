@@ -13,9 +13,10 @@ using namespace jade;
 TEST_CASE("options: rules between fields name the keys", "[train]") {
   train::RunOptions options = train::printed_options();
   CHECK_NOTHROW(train::validate(options));
-  options.events.bins = 5;
-  CHECK_THROWS_WITH(train::validate(options), Catch::Contains("events.bins"));
-  options.events.bins = 6;
+  options.densify.until = 400;
+  CHECK_THROWS_WITH(train::validate(options), Catch::Contains("densify.until"));
+  options.densify.until = 0;
+  CHECK_NOTHROW(train::validate(options));
   options.route.render_consistency = options.route.reblur_consistency = false;
   CHECK_THROWS_WITH(train::validate(options), Catch::Contains("route.render_consistency"));
   options.allocation.kind = router::AllocationKind::kConstant;
@@ -104,17 +105,45 @@ TEST_CASE("options: the calendar follows the number of steps", "[train]") {
   }
 }
 
-TEST_CASE("validate: learned poses end with their exposure, and so must the windows of L_ev",
-          "[train]") {
+TEST_CASE("options: keys that became constants are read with their value alone", "[train]") {
+  // The constants as older configurations list them.
+  const std::string inherited = R"(
+events: {bins: 6}
+cache: {max_mib: 2048}
+init: {opacity: 0.1, scale: 1}
+optim: {position_lr_end: 1.6e-06, position_lr_max_steps: 600%, sh_rest_lr: 0.000125, beta1: 0.9, beta2: 0.999, eps: 1e-15}
+densify:
+  {from: 2%, split_scale: 0.01, prune_opacity: 0.005, prune_scale: 0.1, opacity_reset_every: 12%,
+   mcmc: {noise_lr: 5e+05, growth: 0.05, opacity_regularization: 0.01, scale_regularization: 0.01}}
+poses: {lr_max_steps: 120%, prior_px: 0, prior_weight: 0.00025}
+gains: {lr: 0.001, prior_weight: 0.01}
+route: {every: 1}
+objective:
+  {target_weight_final: -1, edi_weight: 1, simulation_start: 28%, event_pixels: 1024, event_window: exposure, event_window_share: 0.125}
+train: {sh_degree_every: 4%, cuda_graph: true}
+checkpoint: {keep: 2}
+)";
   train::RunOptions options;
-  options.poses.optimize = train::PosePath::kLinear;
-  options.objective.event_loss_weight = 0.1;
-  CHECK_NOTHROW(train::validate(options));
-  options.objective.event_window = losses::EventSpan::kRecording;
-  CHECK_THROWS_WITH(train::validate(options),
-                    Catch::Contains("objective.event_window") && Catch::Contains("poses.optimize"));
-  options.objective.event_loss_weight = 0;
-  CHECK_NOTHROW(train::validate(options));
+  const auto read = [&](const std::string& text) {
+    config::read_text(text, "old.yaml", fields_of(options));
+  };
+  CHECK_NOTHROW(read(inherited));
+  CHECK_NOTHROW(read("poses: {lr_final: 3e-06, lr: 3e-4}"));
+  CHECK_NOTHROW(read("poses: {lr: 0.001, lr_final: 1e-05}"));
+  CHECK_NOTHROW(read("optim: {position_lr_start: 3.2e-4, position_lr_end: 3.2e-6}"));
+  for (const char* other : {"events.bins: 8", "densify.from: 500", "densify.from: 3%",
+                            "poses.prior_px: 1", "poses.lr_final: 1e-4", "route.every: 4",
+                            "objective.event_window: recording", "train.cuda_graph: false"}) {
+    const std::string line = other;
+    const size_t dot = line.find('.');
+    INFO(line);
+    CHECK_THROWS_WITH(read(line.substr(0, dot) + ": {" + line.substr(dot + 1) + "}"),
+                      Catch::Contains(line.substr(0, line.find(':')) + ": expected ") &&
+                          Catch::Contains("CHANGELOG.md"));
+  }
+  for (const Field& field : fields_of(options).fields()) {
+    CHECK(fields_of(options).fixed_value(field.key) == nullptr);
+  }
 }
 
 namespace {
@@ -152,13 +181,11 @@ TEST_CASE("presets: paper.yaml over what we recommend is the method as printed",
   const std::map<std::string, std::string> printed{
       // The paper's table of settings, and Eq. (3), (6), (7), (9) and (10).
       {"train.iterations", "25000"},
-      {"events.bins", "6"},
       {"route.reblur_contrast", "1"},
       {"route.lr", "5e-04"},
       {"objective.target_weight", "1"},
       {"objective.dssim", "0.3"},
       {"objective.warmup", "6%"},
-      {"objective.simulation_start", "28%"},
       {"route.render_consistency", "true"},
       {"route.reblur_consistency", "true"},
       {"route.reblur_weight", "1"},
@@ -167,14 +194,12 @@ TEST_CASE("presets: paper.yaml over what we recommend is the method as printed",
       {"allocation.kind", "router"},
       {"objective.target", "routed"},
       {"objective.target_until", "0"},
-      {"objective.target_weight_final", "-1"},
       {"objective.blur", "true"},
       {"objective.edi_supervision", "true"},
       {"objective.simulation", "true"},
       {"objective.intensity", "true"},
       {"objective.event_loss_weight", "0"},
       // Inherited: unscaled events, poses of the data.
-      {"objective.edi_weight", "1"},
       {"objective.edi_weight_final", "-1"},
       {"objective.edi_contrast", "1"},
       {"objective.trust.agreement", "0"},
@@ -186,31 +211,35 @@ TEST_CASE("presets: paper.yaml over what we recommend is the method as printed",
       // Clone and split of 3DGS over 25,000 steps; there is no bound, and ours is far.
       {"densify.strategy", "adc"},
       {"densify.statistics", "first_pose"},
-      {"densify.from", "2%"},
       {"densify.until", "60%"},
       {"densify.every", "0.4%"},
       {"densify.gradient_threshold", "2e-04"},
-      {"densify.split_scale", "0.01"},
-      {"densify.prune_opacity", "0.005"},
-      {"densify.prune_scale", "0.1"},
-      {"densify.opacity_reset_every", "12%"},
       {"densify.max_gaussians", "1000000"},
       {"optim.position_lr_start", "0.00016"},
-      {"optim.position_lr_end", "1.6e-06"},
-      {"optim.position_lr_max_steps", "600%"},
       {"optim.sh_dc_lr", "0.0025"},
-      {"optim.sh_rest_lr", "0.000125"},
       {"optim.opacity_lr", "0.05"},
       {"optim.scale_lr", "0.005"},
-      {"optim.rotation_lr", "0.001"},
-      {"train.sh_degree_every", "4%"},
-      {"init.opacity", "0.1"}};
+      {"optim.rotation_lr", "0.001"}};
   train::RunOptions options = paper({});
   std::map<std::string, std::string> found;
   for (const auto& [key, value] : config::values(fields_of(options))) {
     if (printed.count(key) > 0) found[key] = value;
   }
   CHECK(found == printed);
+  // The constants of the method, which are no keys.
+  CHECK(events::kVoxelBins == 6);
+  CHECK(losses::kEdiWeight == 1);
+  CHECK(options.objective.simulation_start.percent() == 28);
+  CHECK(options.densify.from.percent() == 2);
+  CHECK(gaussians::kSplitScale == 0.01);
+  CHECK(gaussians::kPruneOpacity == 0.005);
+  CHECK(gaussians::kPruneScale == 0.1);
+  CHECK(options.densify.opacity_reset_every.percent() == 12);
+  CHECK(gaussians::kPositionLrFall == 100);
+  CHECK(options.optim.position_lr_max_steps.percent() == 600);
+  CHECK(options.optim.sh_rest_lr == 0.000125);
+  CHECK(options.train.sh_degree_every.percent() == 4);
+  CHECK(gaussians::kStartOpacity == 0.1);
   CHECK(differences(options, train::printed_options()) ==
         std::vector<std::string>{"densify.statistics=first_pose"});
   CHECK(

@@ -34,16 +34,6 @@ TEST_CASE("plan: the paper's run changes at the steps of its calendar and at no 
   CHECK(last.recordable);
 }
 
-TEST_CASE("plan: the routing step is taken every so many steps, from the first on", "[train]") {
-  train::RunOptions options = settled();
-  options.route.every = 3;
-  for (int64_t step = 1; step <= 12; ++step) {
-    const train::StepPlan plan = train::plan_step(options, step);
-    CHECK(plan.route == (step % 3 == 1));
-    CHECK(plan.objective.target);  // with the α at hand
-  }
-}
-
 TEST_CASE("plan: without an allocation a routed target rests, and a constant one is not trained",
           "[train]") {
   train::RunOptions options = settled();

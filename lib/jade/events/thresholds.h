@@ -10,11 +10,14 @@ struct Thresholds {
   double positive = 0.25, negative = 0.25;
 };
 
+/// Time bins of the voxel over an exposure: those of the paper. An even number, so that
+/// mid-exposure falls between two bins.
+constexpr int64_t kVoxelBins = 6;
+
 /// How events are read and summed; the configuration group `events`.
 struct EventOptions {
   AutoNumber threshold_positive = AutoNumber::automatic(0.25);
   double threshold_negative = 0;
-  int64_t bins = 6;
   int64_t edi_samples = 65;
   double ramp_ms = 5;
 
@@ -37,7 +40,7 @@ void describe(V& v, EventOptions& o) {
       "log intensity of one negative event; 0 repeats threshold_positive, and is measured where "
       "that is auto",
       Range{0, 10});
-  v.field("bins", o.bins, "time bins of the voxel over an exposure, even", Range{2, 64});
+  v.fixed("bins", kVoxelBins);
   v.field(
       "edi_samples", o.edi_samples,
       "moments of the EDI integral, odd, by the trapezoid rule; 0: those of exposure.samples by "

@@ -7,6 +7,10 @@
 
 namespace jade::gaussians {
 
+/// Adam's decays of its moments (Kingma and Ba, ICLR 2015), and its guard against division by zero,
+/// 1e-15 as in 3DGS.
+constexpr double kAdamBeta1 = 0.9, kAdamBeta2 = 0.999, kAdamEps = 1e-15;
+
 /// One parameter tensor, rows × row floats. The first `head` floats of a row have step size
 /// `head_lr`, the others `tail_lr`.
 struct AdamGroup {
@@ -36,7 +40,7 @@ constexpr int kMaxAdamGroups = 5;
 struct AdamStep {
   AdamGroup groups[kMaxAdamGroups];
   int group_count = 0;
-  double beta1 = 0.9, beta2 = 0.999, eps = 1e-15;
+  double beta1 = kAdamBeta1, beta2 = kAdamBeta2, eps = kAdamEps;
   AdamSchedule schedule;
   /// Steps done, to which this one is added; lives where the groups live.
   int64_t* step = nullptr;

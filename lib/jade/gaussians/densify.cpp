@@ -14,7 +14,8 @@ namespace {
 constexpr double kResetOpacity = 0.01;
 constexpr int kOpacity = 3;
 constexpr int64_t kChildren = 2;
-/// Densifications in the schedule that mcmc.growth refers to: from 500 to 15,000, every 100.
+/// Densifications in the schedule that McmcOptions::growth refers to: from 500 to 15,000, every
+/// 100.
 constexpr double kMcmcDensifications = 145;
 
 double logit(double p) { return std::log(p / (1 - p)); }
@@ -48,8 +49,8 @@ splat::Gaussians split_children(const splat::Gaussians& values, const torch::Ten
 /// Mask of Gaussians to keep: not too faint, not too large, finite.
 torch::Tensor survivors(const splat::Gaussians& values, const DensifyOptions& options,
                         double extent, bool prune_large) {
-  torch::Tensor keep = values.logit_opacities >= logit(std::max(options.prune_opacity, 1e-12));
-  if (prune_large) keep = keep & (largest_scale(values) <= options.prune_scale * extent);
+  torch::Tensor keep = values.logit_opacities >= logit(kPruneOpacity);
+  if (prune_large) keep = keep & (largest_scale(values) <= kPruneScale * extent);
   keep = keep & values.means.isfinite().all(1) & values.log_scales.isfinite().all(1);
   return keep.nonzero().squeeze(1);
 }
@@ -142,7 +143,7 @@ DensifyReport Densifier::update_adc(int64_t step, double gradient_threshold, Gau
   const int64_t room = int64_t{options_.max_gaussians} - model.size();
   const torch::Tensor grow = growing_rows(gradient, gradient_threshold, room);
   const torch::Tensor large =
-      largest_scale(values).index_select(0, grow) > options_.split_scale * model.extent();
+      largest_scale(values).index_select(0, grow) > kSplitScale * model.extent();
   const torch::Tensor cloned = grow.masked_select(~large);
   const torch::Tensor split = grow.masked_select(large);
 
@@ -177,14 +178,13 @@ DensifyReport Densifier::update_adc(int64_t step, double gradient_threshold, Gau
 DensifyReport Densifier::update_mcmc(GaussianModel& model, GaussianAdam& adam) {
   const bool spread = options_.mcmc.copies == McmcCopies::kSpread;
   DensifyReport report;
-  report.relocated =
-      relocate_dead({options_.prune_opacity, spread, spread ? mean_gradient() : torch::Tensor()},
-                    model, adam, generator_);
+  report.relocated = relocate_dead(
+      {kPruneOpacity, spread, spread ? mean_gradient() : torch::Tensor()}, model, adam, generator_);
   // Bounded as a number of floating point: the growth of few densifications exceeds any integer.
   const double wanted = std::min(static_cast<double>(int64_t{options_.max_gaussians}),
                                  static_cast<double>(model.size()) * mcmc_growth(options_));
   report.added = add_on_living(static_cast<int64_t>(wanted) - model.size(),
-                               {options_.prune_opacity, spread, {}}, model, adam, generator_);
+                               {kPruneOpacity, spread, {}}, model, adam, generator_);
   reset_statistics(model);
   return report;
 }
@@ -193,8 +193,7 @@ torch::Tensor Densifier::regularization(const GaussianModel& model) const {
   if (options_.strategy != DensifyStrategy::kMcmc) return {};
   const splat::Gaussians& values = model.parameters();
   return mean_opacity_and_scale(values.logit_opacities, values.log_scales,
-                                options_.mcmc.opacity_regularization,
-                                options_.mcmc.scale_regularization);
+                                kMcmcOpacityRegularization, kMcmcScaleRegularization);
 }
 
 }  // namespace jade::gaussians

@@ -26,26 +26,26 @@ constexpr auto words_of(McmcCopies) {
            "copy Gaussians of large screen gradients"}};
 }
 
-/// 3DGS as Markov chain Monte Carlo (Kheradmand et al., NeurIPS 2024).
+/// 3DGS as Markov chain Monte Carlo (Kheradmand et al., NeurIPS 2024), whose values those without a
+/// key have.
 struct McmcOptions {
   McmcCopies copies = McmcCopies::kSpread;
-  double noise_lr = 5e5;
+  double noise_lr = 5e5;  ///< exploration noise, times the means' step size. No key
+  /// Share of new Gaussians at each densification of a run of 25,000 steps, which has 145; a run
+  /// with fewer adds more at each. No key.
   double growth = 0.05;
-  double opacity_regularization = 0.01;
-  double scale_regularization = 0.01;
 };
+
+/// Weights of the mean opacity and of the mean scale in the loss, as in 3DGS-MCMC.
+constexpr double kMcmcOpacityRegularization = 0.01, kMcmcScaleRegularization = 0.01;
 
 template <class V>
 void describe(V& v, McmcOptions& o) {
   v.field("copies", o.copies, "where new and relocated Gaussians are put");
-  v.field("noise_lr", o.noise_lr, "exploration noise, times the means' step size", Range{0, 1e9});
-  v.field("growth", o.growth,
-          "share of new Gaussians at each densification of a run of 25,000 steps, which has 145; a "
-          "run with fewer adds more at each",
-          Range{0, 1});
-  v.field("opacity_regularization", o.opacity_regularization, "weight of the mean opacity",
-          Range{0, 10});
-  v.field("scale_regularization", o.scale_regularization, "weight of the mean scale", Range{0, 10});
+  v.fixed("noise_lr", o.noise_lr);
+  v.fixed("growth", o.growth);
+  v.fixed("opacity_regularization", kMcmcOpacityRegularization);
+  v.fixed("scale_regularization", kMcmcScaleRegularization);
 }
 
 enum class DensifyStrategy { kAdc, kMcmc, kNone };
@@ -64,19 +64,24 @@ constexpr auto words_of(CountedPoses) {
                     Word{"first_pose", CountedPoses::kFirst}};
 }
 
+/// Clone, split and prune as in 3DGS: Gaussians larger than kSplitScale of the extent are split and
+/// smaller ones cloned; those fainter than kPruneOpacity are removed, and after the first opacity
+/// reset those larger than kPruneScale of the extent.
+constexpr double kSplitScale = 0.01, kPruneOpacity = 0.005, kPruneScale = 0.1;
+
 struct DensifyOptions {
   DensifyStrategy strategy = DensifyStrategy::kMcmc;
   CountedPoses statistics = CountedPoses::kAll;
-  Steps from = Steps::share(2);
   Steps until = Steps::share(60);
   Steps every = Steps::share(0.4, 50);
   double gradient_threshold = 2e-4;
-  double split_scale = 0.01;
-  double prune_opacity = 0.005;
-  double prune_scale = 0.1;
-  Steps opacity_reset_every = Steps::share(12, 1000);
   AutoCount max_gaussians = AutoCount::automatic(150000);
   McmcOptions mcmc;
+  /// The first densification comes after this step: 500 of 25,000, as in 3DGS. No key.
+  Steps from = Steps::share(2);
+  /// Steps between resets of all opacities to at most 0.01, 0: never; 3,000 of 25,000, as in 3DGS.
+  /// No key.
+  Steps opacity_reset_every = Steps::share(12, 1000);
   /// No opacity reset after this step, or a run would end before the scene is back. Derived from
   /// the number of steps, no key.
   int64_t last_opacity_reset = std::numeric_limits<int64_t>::max();
@@ -86,25 +91,18 @@ template <class V>
 void describe(V& v, DensifyOptions& o) {
   v.field("strategy", o.strategy, "how Gaussians are added and removed");
   v.field("statistics", o.statistics, "which of the nine poses count in the screen gradients");
-  v.field("from", o.from, "first densification after this step", Range{0, 1e9});
-  v.field("until", o.until, "no densification and no opacity reset from this step on",
+  v.fixed("from", o.from);
+  v.field("until", o.until,
+          "no densification and no opacity reset from this step on; the first densification comes "
+          "after 2 % of the run",
           Range{0, 1e9});
   v.field("every", o.every, "steps between densifications", Range{1, 1e9});
   v.field("gradient_threshold", o.gradient_threshold,
           "mean screen gradient (NDC) above which a Gaussian is cloned or split", Range{0, 1});
-  v.field("split_scale", o.split_scale,
-          "Gaussians larger than this share of the extent are split, smaller ones cloned",
-          Range{0, 1e3});
-  v.field("prune_opacity", o.prune_opacity, "Gaussians fainter than this are removed", Range{0, 1});
-  v.field(
-      "prune_scale", o.prune_scale,
-      "Gaussians larger than this share of the extent are removed after the first opacity reset",
-      Range{0, 1e3});
-  v.field(
-      "opacity_reset_every", o.opacity_reset_every,
-      "steps between resets of all opacities to at most 0.01, none in the last tenth of a run; 0: "
-      "never",
-      Range{0, 1e9});
+  v.fixed("split_scale", kSplitScale);
+  v.fixed("prune_opacity", kPruneOpacity);
+  v.fixed("prune_scale", kPruneScale);
+  v.fixed("opacity_reset_every", o.opacity_reset_every);
   v.field("max_gaussians", o.max_gaussians,
           "upper bound of the number of Gaussians; auto: 500 times the root of a frame's pixels, "
           "at least 150000",

@@ -124,18 +124,17 @@ torch::Tensor mean_squared_neighbour_distance(const torch::Tensor& points) {
   return result;
 }
 
-splat::Gaussians gaussians_from_points(const PointCloud& cloud, const InitOptions& options) {
+splat::Gaussians gaussians_from_points(const PointCloud& cloud) {
   const int64_t count = cloud.points.size(0);
   check_shape(cloud.points, "points", {-1, 3});
   check_shape(cloud.colors, "point colours", {count, 3});
   splat::Gaussians g;
   g.means = cloud.points.to(torch::kFloat32).contiguous();
   const torch::Tensor spread = mean_squared_neighbour_distance(g.means).clamp_min(1e-7);
-  g.log_scales =
-      (0.5 * spread.log() + std::log(options.scale)).unsqueeze(1).repeat({1, 3}).contiguous();
+  g.log_scales = (0.5 * spread.log()).unsqueeze(1).repeat({1, 3}).contiguous();
   g.rotations = torch::zeros({count, 4});
   g.rotations.select(1, 0).fill_(1);
-  g.logit_opacities = torch::full({count}, std::log(options.opacity / (1 - options.opacity)));
+  g.logit_opacities = torch::full({count}, std::log(kStartOpacity / (1 - kStartOpacity)));
   g.sh = torch::zeros({count, 16, 3});
   g.sh.select(1, 0).copy_((cloud.colors - 0.5) / splat::math::kSh0);
   return g;
@@ -186,7 +185,7 @@ PointCloud without_points_near_cameras(const PointCloud& cloud,
 splat::Gaussians initial_gaussians(const InitOptions& options, const InitSources& sources,
                                    at::Generator& generator, int64_t at_most) {
   const auto start_at = [&](const PointCloud& cloud) {
-    return gaussians_from_points(drawn_points(cloud, at_most, generator), options);
+    return gaussians_from_points(drawn_points(cloud, at_most, generator));
   };
   const int64_t found = sources.points.points.defined() ? sources.points.points.size(0) : 0;
   if (options.kind == InitKind::kPly) {

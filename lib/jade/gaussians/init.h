@@ -30,9 +30,10 @@ struct InitOptions {
   InitKind kind = InitKind::kAuto;
   std::filesystem::path ply;
   int64_t points = 20000;
-  double opacity = 0.1;
-  double scale = 1.0;
 };
+
+/// Opacity of a Gaussian at a point, as in 3DGS.
+constexpr double kStartOpacity = 0.1;
 
 template <class V>
 void describe(V& v, InitOptions& o) {
@@ -41,8 +42,8 @@ void describe(V& v, InitOptions& o) {
           "Gaussians (.ply, .spz, .sog, .glb, .gltf or .splat) or coloured points (.ply) to start "
           "from (kind ply)");
   v.field("points", o.points, "how many points random_frusta samples", Range{1, 1e8});
-  v.field("opacity", o.opacity, "opacity at the start", Range{1e-4, 0.9999});
-  v.field("scale", o.scale, "factor on the start's scales", Range{1e-3, 1e3});
+  v.fixed("opacity", kStartOpacity);
+  v.fixed("scale", 1);
 }
 
 /// A view that colours and bounds the start.
@@ -69,8 +70,8 @@ double scene_extent(const std::vector<geometry::Pose>& cameras_from_world);
 torch::Tensor mean_squared_neighbour_distance(const torch::Tensor& points);
 
 /// Gaussians at the points: base colour from the colours, scale sqrt(mean squared distance to the 3
-/// nearest, at least 1e-7), no rotation, the given opacity, SH degree 3 with zero rest.
-splat::Gaussians gaussians_from_points(const PointCloud& cloud, const InitOptions& options);
+/// nearest, at least 1e-7), no rotation, opacity kStartOpacity, SH degree 3 with zero rest.
+splat::Gaussians gaussians_from_points(const PointCloud& cloud);
 
 /// Points sampled uniformly over the views and their pixels and uniformly in inverse depth between
 /// near and far, coloured by the mean over the views that see them.

@@ -26,7 +26,7 @@ void set_rates(const OptimOptions& options, double extent, int index, AdamGroup*
 /// That of the means; a step size of 0 has no logarithm.
 AdamSchedule schedule_of(const OptimOptions& options) {
   return {std::log(std::max(options.position_lr_start, 1e-300)),
-          std::log(std::max(options.position_lr_end, 1e-300)),
+          std::log(std::max(options.position_lr_start / kPositionLrFall, 1e-300)),
           static_cast<double>(options.position_lr_max_steps)};
 }
 
@@ -62,9 +62,6 @@ void GaussianAdam::step(GaussianModel& model) {
   JADE_CHECK(model.size() == first_.size(), "GaussianAdam: ", first_.size(), " rows for ",
              model.size(), " Gaussians");
   AdamStep step;
-  step.beta1 = options_.beta1;
-  step.beta2 = options_.beta2;
-  step.eps = options_.eps;
   step.schedule = schedule_of(options_);
   step.step = step_count_.mutable_data_ptr<int64_t>();
   std::vector<torch::Tensor> kept;  // must live until the kernels are queued

@@ -70,8 +70,8 @@ torch::Tensor is_drawable(const splat::Gaussians& gaussians) {
 void find_problems(const splat::Gaussians& g, GaussianSummary& summary) {
   const auto add = [&](const auto&... parts) { summary.problems.push_back(concat(parts...)); };
   if (summary.count == 0) {
-    add("holds no Gaussian: training pruned everything, or the file was cut; lower "
-        "densify.prune_opacity or check the poses");
+    add("holds no Gaussian: training pruned everything, or the file was cut; check "
+        "the poses and thresholds");
     return;
   }
   for (const Reason& reason : reasons(g)) {
@@ -88,9 +88,7 @@ void find_problems(const splat::Gaussians& g, GaussianSummary& summary) {
                                   summary.z.high - summary.z.low});
   if (extent > 0 && summary.scale.high > extent) {
     add("more than 1 % of the Gaussians are larger than the whole scene (", summary.scale.high,
-        " of ", extent,
-        " units): a fog of them; check the poses, or lower "
-        "densify.prune_scale");
+        " of ", extent, " units): a fog of them; check the poses");
   }
   const double reach =
       std::max({std::abs(summary.x.min), std::abs(summary.x.max), std::abs(summary.y.min),

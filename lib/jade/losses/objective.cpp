@@ -178,18 +178,13 @@ ObjectivePlan plan_objective(const ObjectiveOptions& options, int64_t step) {
   return plan;
 }
 
-bool weights_fall(const ObjectiveOptions& options) {
-  return options.target_weight_final >= 0 || options.edi_weight_final >= 0;
-}
+bool weights_fall(const ObjectiveOptions& options) { return options.edi_weight_final >= 0; }
 
 std::array<double, 2> term_weights(const ObjectiveOptions& options, int64_t step, int64_t steps) {
   const double share =
       std::min(1.0, static_cast<double>(step) / static_cast<double>(std::max<int64_t>(1, steps)));
-  const auto at = [&](double first, double last) {
-    return last < 0 ? first : first + share * (last - first);
-  };
-  return {at(options.target_weight, options.target_weight_final),
-          at(options.edi_weight, options.edi_weight_final)};
+  const double last = options.edi_weight_final;
+  return {options.target_weight, last < 0 ? kEdiWeight : kEdiWeight + share * (last - kEdiWeight)};
 }
 
 torch::Tensor target_pose(const ObjectivePlan& plan, const torch::Tensor& pose_draws,
@@ -252,9 +247,9 @@ Objective objective(const ObjectiveInputs& inputs, const ObjectivePlan& plan,
   }
   if (plan.edi) {
     terms.add("edi_gray", {edi_gray_pair(toned.edi_gray, toned.blurry, inputs.edi_factors.gray)},
-              options.edi_weight, edi_weight);
+              kEdiWeight, edi_weight);
     terms.add("edi_color", {edi_color_pair(views.edi_color, blurry, inputs.edi_factors.color)},
-              options.edi_weight, edi_weight);
+              kEdiWeight, edi_weight);
   }
   if (plan.simulation) {
     terms.add("simulation", {simulation_pair(toned.simulation_gray, toned.mean_gray,

@@ -44,36 +44,28 @@ constexpr auto words_of(RestoredPoses) {
       Word{"all", RestoredPoses::kAll, "one of all poses, sampled at every step"}};
 }
 
-/// Span of the time windows of L_ev.
-enum class EventSpan { kExposure, kRecording };
-
-constexpr auto words_of(EventSpan) {
-  return std::array{
-      Word{"exposure", EventSpan::kExposure, "in the step's own exposure"},
-      Word{"recording", EventSpan::kRecording, "anywhere in it, between exposures too"}};
-}
+/// Weight of L_edi at the start of a run, as in Eq. (10).
+constexpr double kEdiWeight = 1;
 
 struct ObjectiveOptions {
   double dssim = 0.3;
   Target target = Target::kEfnet;
   double target_weight = 1.0;
-  double target_weight_final = -1;
   Steps target_until = Steps::share(20);
   RestoredPoses restored_poses = RestoredPoses::kAll;
   bool blur = true;
   bool edi_supervision = true;
-  double edi_weight = 1.0;
   double edi_weight_final = 0;
   double edi_contrast = 1.3;
   bool simulation = true;
-  Steps simulation_start = Steps::share(28);
   bool intensity = true;
   Steps warmup = Steps::share(6);
   TrustOptions trust;
   double event_loss_weight = 0.0;
-  int64_t event_pixels = 1024;
-  EventSpan event_window = EventSpan::kExposure;
-  double event_window_share = 0.125;
+  /// L_sim acts after this step: 7,000 of 25,000, as in the paper (simul_start). No key.
+  Steps simulation_start = Steps::share(28);
+  int64_t event_pixels = 1024;        ///< sampled for L_ev, as inherited (sample_pnum). No key
+  double event_window_share = 0.125;  ///< length of a window of L_ev in exposures. No key
 };
 
 template <class V>
@@ -82,8 +74,7 @@ void describe(V& v, ObjectiveOptions& o) {
           Range{0, 1});
   v.field("target", o.target, "target of the middle render, Eq. (9)");
   v.field("target_weight", o.target_weight, "weight of that term (efnet_weight)", Range{0, 1e3});
-  v.field("target_weight_final", o.target_weight_final,
-          "the same at the end of the run; linear between; below 0: it stays", Range{-1, 1e3});
+  v.fixed("target_weight_final", -1);
   v.field("target_until", o.target_until,
           "after this step that term and the routing step rest, but see trust.agreement; 0: never",
           Range{0, 1e9});
@@ -92,26 +83,26 @@ void describe(V& v, ObjectiveOptions& o) {
           "version 2 where the target reads EFNet");
   v.field("blur", o.blur, "L_blur: mean of the renders against the blurry frame");
   v.field("edi_supervision", o.edi_supervision, "L_edi in gray and in colour, at sampled poses");
-  v.field("edi_weight", o.edi_weight, "weight of both", Range{0, 1e3});
+  v.fixed("edi_weight", kEdiWeight);
   v.field("edi_weight_final", o.edi_weight_final,
-          "the same at the end of the run; linear between; below 0: it stays", Range{-1, 1e3});
+          "weight of both at the end of the run; linear from 1 at its start; below 0: it stays 1",
+          Range{-1, 1e3});
   v.field("edi_contrast", o.edi_contrast,
           "factor of both thresholds in R of L_edi and L_sim: above 1 the scene is taught steeper "
           "edges than the events say, worth 0.6 dB (docs/engineering/preset.md); 1 as printed",
           Range{0.1, 10});
-  v.field("simulation", o.simulation, "L_sim: EDI of the simulated blur");
-  v.field("simulation_start", o.simulation_start, "L_sim acts after this step (simul_start)",
-          Range{0, 1e9});
+  v.field("simulation", o.simulation,
+          "L_sim: EDI of the simulated blur, after 28 % of the run (simul_start)");
+  v.fixed("simulation_start", o.simulation_start);
   v.field("intensity", o.intensity, "L_int: blur under the camera response");
   v.field("warmup", o.warmup, "until this step the camera response is the identity and L_int rests",
           Range{0, 1e9});
   v.group("trust", o.trust, "which restorations guide the scene to the end");
   v.field("event_loss_weight", o.event_loss_weight,
           "weight of L_ev, which costs two more renders; 0 turns it off", Range{0, 1e3});
-  v.field("event_pixels", o.event_pixels, "pixels sampled for L_ev (sample_pnum)", Range{1, 1e8});
-  v.field("event_window", o.event_window, "where the time windows of L_ev are sampled");
-  v.field("event_window_share", o.event_window_share,
-          "length of such a window as a share of the exposure", Range{1e-6, 1});
+  v.fixed("event_pixels", o.event_pixels);
+  v.fixed("event_window", "exposure");
+  v.fixed("event_window_share", o.event_window_share);
 }
 
 /// Which terms act at a step and what they read; plan_objective() alone reads their calendar.
@@ -207,7 +198,7 @@ struct Objective {
   std::vector<NamedTerm> terms;
 };
 
-/// Whether the weight of L_tgt or L_edi changes in the course of a run.
+/// Whether the weight of L_edi changes in the course of a run.
 bool weights_fall(const ObjectiveOptions& options);
 
 /// The weights of L_tgt and L_edi at `step` (counted from 1) of a calendar of `steps`.

@@ -16,7 +16,6 @@ struct RouteOptions {
   bool reblur_consistency = true;
   double reblur_weight = 1;
   double reblur_contrast = 1;
-  int64_t every = 1;
 };
 
 template <class V>
@@ -29,8 +28,7 @@ void describe(V& v, RouteOptions& o) {
           "c of Eq. (7) on the voxel divided by its largest value; 1 in the paper; 0: the "
           "calibrated one, mean contrast threshold times that value",
           Range{0, 1e3});
-  v.field("every", o.every, "the routing step is taken every so many steps, from the first on",
-          Range{1, 1e9});
+  v.fixed("every", 1);
 }
 
 /// Scalars; a term that is switched off is undefined.

@@ -17,7 +17,7 @@ namespace jade::restore {
 struct RestorationCacheOptions {
   bool enabled = true;
   std::filesystem::path folder;
-  int64_t max_mib = 2048;
+  int64_t max_mib = 2048;  ///< of the folder, in MiB; the longest unused results go first. No key
 };
 
 template <class V>
@@ -25,9 +25,9 @@ void describe(V& v, RestorationCacheOptions& o) {
   v.field("enabled", o.enabled, "keep EFNet results on disk for the next run");
   v.field(
       "folder", o.folder,
-      "where; empty: restorations in $JADE_CACHE, else $XDG_CACHE_HOME/jade, else ~/.cache/jade");
-  v.field("max_mib", o.max_mib, "size of the folder, MiB; the longest unused results go first",
-          Range{1, 1e9});
+      "where, at most 2 GiB; empty: restorations in $JADE_CACHE, else $XDG_CACHE_HOME/jade, else "
+      "~/.cache/jade");
+  v.fixed("max_mib", o.max_mib);
 }
 
 /// SHA-256 over a description of how a restoration is made and all that it is made from.

@@ -69,7 +69,7 @@ ExposureSums sum_events(const data::Exposure& exposure, const events::EventStrea
   ExposureSums sums;
   const bool ramped = reach_of(options.events) > 0;  // then the windows are counted otherwise
   const bool any_time = network != nullptr && network->any_time;
-  sums.maps = events::map_exposure(exposure.events, span, options.events.bins, size,
+  sums.maps = events::map_exposure(exposure.events, span, events::kVoxelBins, size,
                                    ramped ? 1 : integral_samples(options) - 1,
                                    any_time ? network->windows : 0);
   if (ramped) {
@@ -86,7 +86,7 @@ ExposureSums sum_events(const data::Exposure& exposure, const events::EventStrea
 
 int64_t sum_bytes_per_pixel(const RestoreOptions& options, const RestorerMetadata* network) {
   // Windows of both signs, bins twice, those of the network, and some maps beside them.
-  const int64_t maps = 2 * (integral_samples(options) - 1) + 2 * options.events.bins +
+  const int64_t maps = 2 * (integral_samples(options) - 1) + 2 * events::kVoxelBins +
                        (network != nullptr ? network->windows : 0) + 8;
   // Six sorted events, as of a fast motion.
   constexpr int64_t kEvents = 6 * 20;

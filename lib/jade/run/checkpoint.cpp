@@ -407,21 +407,10 @@ bool keep_calendar(const train::RunOptions& saved, train::RunOptions& now) {
 
 ConfigDifference compare_configs(const std::string& saved_yaml, train::RunOptions now) {
   // Keys that change when a run stops or what it shows, never its result at a given step.
-  static const std::vector<std::string> free_keys = {"train.iterations",
-                                                     "train.log_every",
-                                                     "train.evaluate_every",
-                                                     "train.picture_every",
-                                                     "train.cuda_graph",
-                                                     "checkpoint.every",
-                                                     "checkpoint.keep",
-                                                     "device",
-                                                     "dataset.path",
-                                                     "efnet.path",
-                                                     "cache.enabled",
-                                                     "cache.folder",
-                                                     "cache.max_mib",
-                                                     "poses.test_fit_steps",
-                                                     "init.ply"};
+  static const std::vector<std::string> free_keys = {
+      "train.iterations", "train.log_every", "train.evaluate_every", "train.picture_every",
+      "checkpoint.every", "device",          "dataset.path",         "efnet.path",
+      "cache.enabled",    "cache.folder",    "poses.test_fit_steps", "init.ply"};
   train::RunOptions saved = saved_options(saved_yaml);
   train::settle(now);
   const FieldList saved_fields = fields_of(saved), now_fields = fields_of(now);

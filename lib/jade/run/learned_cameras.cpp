@@ -64,7 +64,6 @@ std::vector<geometry::Pose> fitted(const Sight& sight, const splat::Gaussians& g
   torch::Tensor twist = torch::zeros({6}, torch::kFloat64).requires_grad_();
   train::PoseOptions schedule;
   schedule.lr = 1e-3;
-  schedule.lr_final = 1e-5;
   schedule.lr_max_steps = std::max<int64_t>(1, steps);
   train::ModuleAdam adam({twist}, schedule.lr);
   std::vector<geometry::Pose> best = sight.path;

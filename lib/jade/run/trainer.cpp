@@ -506,7 +506,7 @@ void Trainer::finish() {
   }
   if (state_.gaussians.size() == 0) {
     log_warn(
-        "the scene is empty: every Gaussian became fainter than densify.prune_opacity; look at the "
+        "the scene is empty: every Gaussian became too faint (opacity below 0.005); look at the "
         "losses in metrics.jsonl, and at thresholds, poses and time stamps of the data");
   }
   times_.end("scores");

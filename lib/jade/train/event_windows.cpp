@@ -14,10 +14,6 @@
 namespace jade::train {
 namespace {
 
-geometry::Trajectory path_of(const data::Dataset& dataset) {
-  return dataset.trajectory.empty() ? joined_path(dataset) : dataset.trajectory;
-}
-
 /// `count` distinct numbers below `bound`, as they come; all of them when there are no more.
 torch::Tensor draw_distinct(at::Generator& generator, int64_t count, int64_t bound) {
   if (count >= bound) return torch::arange(bound, torch::kInt64);
@@ -44,22 +40,14 @@ EventWindows::EventWindows(const data::Dataset& dataset, const losses::Objective
       device_(device) {
   const double exposure_us = static_cast<double>(dataset.train.front().duration_us());
   window_us_ = std::max<int64_t>(1, std::llround(exposure_us * options.event_window_share));
-  if (options.event_window == losses::EventSpan::kRecording && !events_.empty()) {
-    spans_.push_back({events_.first_us(), events_.last_us() + 1, path_of(dataset)});
-    in_exposures_ = false;
-  } else {
-    for (const data::Exposure& exposure : dataset.train) {
-      spans_.push_back(span_of(exposure));
-    }
-  }
+  for (const data::Exposure& exposure : dataset.train) spans_.push_back(span_of(exposure));
   if (dataset.event_color.defined()) {
     color_filter_ = dataset.event_color.permute({1, 2, 0}).contiguous().to(device);
   }
 }
 
 EventWindow EventWindows::at(int64_t step, int64_t view) const {
-  const ExposureSpan& span =
-      spans_.size() == 1 ? spans_.front() : spans_.at(static_cast<size_t>(view));
+  const ExposureSpan& span = spans_.at(static_cast<size_t>(view));
   auto generator = make_generator(seed_, concat("event window of step ", step));
   const int64_t last_start = std::max(span.begin_us, span.end_us - window_us_);
   const int64_t begin = span.begin_us + draw_index(generator, last_start - span.begin_us + 1);
@@ -86,7 +74,7 @@ EventWindow EventWindows::at(int64_t step, int64_t view) const {
   EventWindow window;
   window.cameras = cameras_;
   window.cameras.camera_from_world = there.narrow(0, 0, 32).view({2, 4, 4}).to(torch::kFloat32);
-  if (in_exposures_) window.u = there.narrow(0, 32, 2);
+  window.u = there.narrow(0, 32, 2);
   window.pixels = there.narrow(0, 34, pixels.numel()).to(torch::kInt64);
   window.counts = events::signed_count(
       on_device_.range(events_.count_before(begin), events_.count_before(end)), size_);

@@ -17,7 +17,7 @@ namespace jade::train {
 struct EventWindow {
   splat::CameraBatch cameras;  ///< two: at the start and at the end of the window
   torch::Tensor u;             ///< [2] float64, their times in units of the step's exposure, in
-                               ///< [0,1]; undefined for windows of the recording
+                               ///< [0,1]
   torch::Tensor counts;        ///< [H,W] signed events in it
   torch::Tensor pixels;        ///< [P] int64, distinct pixels that L_ev looks at
   torch::Tensor color_filter;  ///< [H,W,3] bool, the colour of each pixel's events; undefined: gray
@@ -47,9 +47,8 @@ struct EventWindow {
 /// the recording's events on the device: 17 bytes each.
 class EventWindows {
  public:
-  /// Windows of `objective.event_window_share` of the first exposure's duration, sampled as
-  /// `objective.event_window` says. Cameras move along the nine poses of the exposure, or along the
-  /// data set's path (where it has none: through all exposures' poses) for "recording".
+  /// Windows of `event_window_share` of the first exposure's duration, inside the step's exposure.
+  /// Cameras move along its nine poses.
   EventWindows(const data::Dataset& dataset, const losses::ObjectiveOptions& options, uint64_t seed,
                torch::Device device);
 
@@ -58,11 +57,9 @@ class EventWindows {
   EventWindow at(int64_t step, int64_t view) const;
 
  private:
-  /// Windows lie inside: one per exposure, or a single one for the recording.
-  std::vector<ExposureSpan> spans_;
-  bool in_exposures_ = true;
-  events::EventStream events_;     // on the CPU, where windows are looked up
-  events::EventStream on_device_;  // the same events, where they are counted
+  std::vector<ExposureSpan> spans_;  // a window lies inside that of its exposure
+  events::EventStream events_;       // on the CPU, where windows are looked up
+  events::EventStream on_device_;    // the same events, where they are counted
   events::ImageSize size_;
   splat::CameraBatch cameras_;  // two, whose poses at() sets
   torch::Tensor color_filter_;

@@ -55,7 +55,8 @@ double pose_lr(const PoseOptions& options, int64_t step) {
   if (options.lr <= 0) return 0;
   const double share =
       std::min(1.0, static_cast<double>(step) / static_cast<double>(options.lr_max_steps));
-  const double start = std::log(options.lr), end = std::log(std::max(options.lr_final, 1e-300));
+  const double start = std::log(options.lr),
+               end = std::log(std::max(options.lr / kPoseLrFall, 1e-300));
   return std::exp(start + (end - start) * share);
 }
 
@@ -69,10 +70,6 @@ ExposurePoses::ExposurePoses(const PoseOptions& options, const data::Dataset& da
   const double depth = std::sqrt(dataset.near * dataset.far);
   JADE_CHECK(depth > 0, "expected depth bounds above 0, found ", dataset.near, " and ",
              dataset.far);
-  const geometry::Intrinsics& camera = dataset.train.front().camera;
-  const double focal = std::sqrt(camera.fx * camera.fy), shift = focal / depth;
-  pixels_ = register_buffer(
-      "pixels", torch::tensor({shift, shift, shift, focal, focal, focal}, torch::kFloat64));
   if (start_ == PoseStart::kLine) {
     control_ = register_buffer("control", control);
   } else {
@@ -93,11 +90,6 @@ torch::Tensor ExposurePoses::forward(const torch::Tensor& exposure, const torch:
           ? geometry::corrected_path(twists, u, data)
           : geometry::spline_path(twists, u, control_.index_select(0, exposure).squeeze(0));
   return path.to(torch::kFloat32);
-}
-
-torch::Tensor ExposurePoses::squared_pixels(const torch::Tensor& exposure) const {
-  check_shape(exposure, "exposure", {1});
-  return (twists_.index_select(0, exposure) * pixels_).square().sum();
 }
 
 void ExposurePoses::hold_gauge() {

@@ -37,12 +37,13 @@ struct PoseOptions {
   PoseStart start = PoseStart::kData;
   int64_t control_poses = 12;
   double lr = 3e-4;
-  double lr_final = 3e-6;
-  Steps lr_max_steps = Steps::share(120);
-  double prior_px = 0;
-  double prior_weight = 2.5e-4;
   int64_t test_fit_steps = 200;
+  /// Steps over which the step size falls: 30,000 of 25,000, as in BAD-Gaussians. No key.
+  Steps lr_max_steps = Steps::share(120);
 };
+
+/// How many times smaller the poses' step size ends than it starts, as in BAD-Gaussians.
+constexpr double kPoseLrFall = 100;
 
 template <class V>
 void describe(V& v, PoseOptions& o) {
@@ -53,16 +54,14 @@ void describe(V& v, PoseOptions& o) {
       "twists per exposure of a cubic correction (start data): the more, the faster an error it "
       "follows; other cubic paths have 4",
       Range{4, 64});
-  v.field("lr", o.lr, "Adam step size of the poses at step 0", Range{0, 1});
-  v.field("lr_final", o.lr_final, "the same at lr_max_steps; log-linear between", Range{0, 1});
-  v.field("lr_max_steps", o.lr_max_steps, "steps over which it falls", Range{1, 1e9});
-  v.field("prior_px", o.prior_px,
-          "pixels by which a learned pose may be off: a term pulls it towards its start; 0: none",
-          Range{0, 1e6});
-  v.field("prior_weight", o.prior_weight,
-          "weight of that term, Σ |pixels|²/prior_px² over an exposure's control poses: 2.5e-4 is "
-          "one percent of a loss of 0.1 where four are prior_px off",
-          Range{0, 1e3});
+  v.field("lr", o.lr,
+          "Adam step size of the poses at step 0; falls log-linearly, to a hundredth after 1.2 "
+          "times the steps of the run",
+          Range{0, 1});
+  v.fixed("lr_final", [&o] { return o.lr / kPoseLrFall; });
+  v.fixed("lr_max_steps", o.lr_max_steps);
+  v.fixed("prior_px", 0);
+  v.fixed("prior_weight", 2.5e-4);
   v.field("test_fit_steps", o.test_fit_steps,
           "where poses are learned: steps that fit the pose of each test view to its image, the "
           "scene held, before it is scored",
@@ -97,11 +96,6 @@ class ExposurePoses : public torch::nn::Module {
   torch::Tensor forward(const torch::Tensor& exposure, const torch::Tensor& u,
                         const torch::Tensor& data) const;
 
-  /// Σ over the control poses of an exposure of |pixels|², scalar float64, differentiable: by how
-  /// much a twist moves the image, f·|ω| by its turn and f·|ρ|/depth by its shift, with the
-  /// geometric means of the two focal lengths and of the two depth bounds.
-  torch::Tensor squared_pixels(const torch::Tensor& exposure) const;
-
   /// To be called after each update: for kData takes out of the twists the motion and scale that
   /// all cameras share (pose_gauge.h), so that the learned poses stay in the data's world. All
   /// exposures then move, those too that the update did not see, as the motion of one is shared by
@@ -115,7 +109,6 @@ class ExposurePoses : public torch::nn::Module {
  private:
   PoseStart start_;
   torch::Tensor control_;  ///< [V,K,4,4] world_from_camera that kLine moves
-  torch::Tensor pixels_;   ///< [6] per unit of a twist
   PoseGauge gauge_;        ///< kData's
   torch::Tensor twists_;
 };

@@ -46,10 +46,4 @@ std::vector<ExposureSpan> exposure_spans(const data::Dataset& dataset) {
   return spans;
 }
 
-geometry::Trajectory joined_path(const data::Dataset& dataset) {
-  TimedPoses poses;
-  for (const data::Exposure& exposure : dataset.train) poses.add(exposure);
-  return poses.path();
-}
-
 }  // namespace jade::train

@@ -27,7 +27,4 @@ ExposureSpan span_of(const data::Exposure& exposure);
 /// nine poses.
 std::vector<ExposureSpan> exposure_spans(const data::Dataset& dataset);
 
-/// The way through the poses of all exposures.
-geometry::Trajectory joined_path(const data::Dataset& dataset);
-
 }  // namespace jade::train

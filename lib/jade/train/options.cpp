@@ -56,7 +56,6 @@ RunOptions printed_options() {
   options.poses.start = PoseStart::kLine;
   options.poses.control_poses = 4;
   options.poses.lr = 1e-3;
-  options.poses.lr_final = 1e-5;
   options.densify.strategy = gaussians::DensifyStrategy::kAdc;
   options.densify.max_gaussians = 1000000;
   options.densify.mcmc.copies = gaussians::McmcCopies::kStacked;
@@ -111,6 +110,11 @@ void settle(RunOptions& options) {
   for (const Field& field : fields.fields()) {
     if (const auto* steps = std::get_if<Steps*>(&field.value)) (*steps)->settle(budget);
   }
+  for (Steps* steps : {&options.densify.from, &options.densify.opacity_reset_every,
+                       &options.objective.simulation_start, &options.optim.position_lr_max_steps,
+                       &options.poses.lr_max_steps, &options.train.sh_degree_every}) {
+    steps->settle(budget);
+  }
   options.densify.last_opacity_reset = options.train.iterations * 9 / 10;
 }
 
@@ -126,11 +130,6 @@ void apply_dataset(const data::Dataset& dataset, RunOptions& options) {
 
 void validate(const RunOptions& options) {
   validate_restored_poses(options);
-  if (options.events.bins % 2 != 0) {
-    throw ConfigError(concat(
-        "events.bins: expected an even number (mid-exposure must fall between two bins), found ",
-        options.events.bins));
-  }
   if (options.exposure.samples % 2 == 0) {
     throw ConfigError(
         concat("exposure.samples: expected an odd number (the middle one is mid-exposure), found ",
@@ -160,19 +159,13 @@ void validate(const RunOptions& options) {
     throw ConfigError(
         "train.target_images: needed by objective.target image_folder; name a folder of images");
   }
-  if (options.poses.optimize != PosePath::kNone && options.objective.event_loss_weight > 0 &&
-      options.objective.event_window == losses::EventSpan::kRecording) {
-    throw ConfigError(
-        "objective.event_window: expected exposure where poses.optimize learns poses, which begin "
-        "and end with their exposure, found recording; change one of the two");
-  }
   const gaussians::DensifyOptions& densify = options.densify;
   // In a run of a few steps both shares may come to the same step; nothing is densified then.
   const bool in_order =
       densify.from < densify.until || (densify.from == densify.until && densify.until.is_share());
   if (!in_order && densify.strategy != gaussians::DensifyStrategy::kNone && densify.until > 0) {
-    throw ConfigError(concat("densify.from: expected less than densify.until (", densify.until,
-                             "), found ", densify.from));
+    throw ConfigError(concat("densify.until: expected 0 or a step after ", densify.from,
+                             ", the first densification (2 % of the run), found ", densify.until));
   }
 }
 

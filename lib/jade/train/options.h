@@ -31,12 +31,15 @@ struct TrainOptions {
   int64_t calendar = 0;
   Steps quarter_moments_until = Steps::share(12.5);
   Steps half_moments_until = Steps::share(20);
-  Steps sh_degree_every = Steps::share(4);
   int64_t log_every = 100;
   int64_t evaluate_every = 5000;
   int64_t picture_every = 5000;
-  bool cuda_graph = true;
   std::filesystem::path target_images;
+  /// Steps until the colours get one more SH degree, up to 3: 1,000 of 25,000, as in 3DGS. No key.
+  Steps sh_degree_every = Steps::share(4);
+  /// Records steps on a GPU as a CUDA graph, several times faster. Has no effect with deterministic
+  /// and allocation.kind per_view_map. No key: jade_bench compares both.
+  bool cuda_graph = true;
 };
 
 template <class V>
@@ -53,16 +56,13 @@ void describe(V& v, TrainOptions& o) {
       Range{0, 1e9});
   v.field("half_moments_until", o.half_moments_until,
           "then until this step every second: 9 of 17; 0: never", Range{0, 1e9});
-  v.field("sh_degree_every", o.sh_degree_every,
-          "steps until the colours get one more SH degree, up to 3", Range{1, 1e8});
+  v.fixed("sh_degree_every", o.sh_degree_every);
   v.field("log_every", o.log_every, "steps between lines of metrics.jsonl", Range{1, 1e8});
   v.field("evaluate_every", o.evaluate_every,
           "steps between evaluations on the test views; 0: only at the end", Range{0, 1e8});
   v.field("picture_every", o.picture_every,
           "steps between pictures in images/ and alpha/; 0: only at the end", Range{0, 1e8});
-  v.field("cuda_graph", o.cuda_graph,
-          "record steps on a GPU as a CUDA graph, several times faster; has no effect with "
-          "deterministic and allocation.kind per_view_map");
+  v.fixed("cuda_graph", o.cuda_graph);
   v.field("target_images", o.target_images,
           "folder with one image per training view, by name, for objective.target image_folder");
 }
@@ -83,13 +83,16 @@ void describe(V& v, SplatOptions& o) {
 
 struct CheckpointOptions {
   int64_t every = 5000;
+  /// How many of the newest checkpoints stay: an older one replaces one that is damaged. No key.
   int64_t keep = 2;
 };
 
 template <class V>
 void describe(V& v, CheckpointOptions& o) {
-  v.field("every", o.every, "steps between checkpoints; 0: only at the end", Range{0, 1e8});
-  v.field("keep", o.keep, "how many of the newest checkpoints stay", Range{1, 1000});
+  v.field("every", o.every,
+          "steps between checkpoints, of which the newest two stay; 0: only at the end",
+          Range{0, 1e8});
+  v.fixed("keep", o.keep);
 }
 
 /// A whole run. Default-constructed it is what we recommend, as configs/base.yaml says it; the

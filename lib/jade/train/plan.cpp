@@ -31,8 +31,7 @@ StepPlan plan_step(const RunOptions& options, int64_t step) {
   StepPlan plan;
   plan.objective = losses::plan_objective(options.objective, step);
   plan.objective.target &= !routed || allocation != AllocationKind::kNone;
-  plan.route = plan.objective.target && routed && allocation != AllocationKind::kConstant &&
-               (step - 1) % options.route.every == 0;
+  plan.route = plan.objective.target && routed && allocation != AllocationKind::kConstant;
   plan.sh_degree = gaussians::active_sh_degree(step, options.train.sh_degree_every);
   plan.moment_stride = moment_stride(options, step);
   plan.learned_poses = options.poses.optimize != PosePath::kNone;

@@ -30,14 +30,6 @@ splat::CameraBatch learned_cameras(const TrainState& state, const torch::Tensor&
   return cameras;
 }
 
-/// The pull of learned poses towards their start; undefined without one.
-torch::Tensor pose_prior(const TrainState& state, const StepInputs& inputs,
-                         const PoseOptions& options) {
-  if (!state.poses || options.prior_px <= 0) return {};
-  const double weight = options.prior_weight / (options.prior_px * options.prior_px);
-  return (state.poses->squared_pixels(inputs.view_pick) * weight).to(torch::kFloat32);
-}
-
 splat::RenderOptions render_options(const StepPlan& plan, const RunOptions& options) {
   splat::RenderOptions render = train::render_options(options);
   render.sh_degree = plan.sh_degree;
@@ -87,10 +79,9 @@ losses::EventPair event_pair(const EventWindow& window, const torch::Tensor& ima
 }
 
 /// The pull of learned gains towards the data set's; undefined without one.
-torch::Tensor gain_prior(const TrainState& state, const StepInputs& inputs,
-                         const GainOptions& options) {
+torch::Tensor gain_prior(const TrainState& state, const StepInputs& inputs) {
   if (state.gains_adam.empty()) return {};
-  return state.gains->squared_change(inputs.view_pick) * options.prior_weight;
+  return state.gains->squared_change(inputs.view_pick) * kGainPriorWeight;
 }
 
 /// Adds a term unless its value is undefined.
@@ -175,8 +166,7 @@ std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& s
   apart([&] { regularization = state.densifier.regularization(state.gaussians); });
   losses::Objective loss = losses::objective(inputs, plan.objective, options.objective);
   if (regularization.defined()) loss.terms.push_back({"regularization", regularization});
-  add_term(loss, "poses", pose_prior(state, step_inputs, options.poses));
-  add_term(loss, "gains", gain_prior(state, step_inputs, options.gains));
+  add_term(loss, "gains", gain_prior(state, step_inputs));
   if (state.pattern) {
     add_term(loss, "pattern", state.pattern->mean_square() * options.pattern.prior_weight);
   }

@@ -211,8 +211,7 @@ TrainState make_state(const RunOptions& options, const data::Dataset& dataset,
 TrainState make_state_to_load(const RunOptions& options, const data::Dataset& dataset,
                               torch::Device device) {
   const gaussians::PointCloud point{torch::zeros({1, 3}), torch::zeros({1, 3})};
-  return make_state(options, dataset, gaussians::gaussians_from_points(point, options.init),
-                    device);
+  return make_state(options, dataset, gaussians::gaussians_from_points(point), device);
 }
 
 }  // namespace jade::train
