@@ -31,7 +31,7 @@ device: cpu
 events: {{threshold_positive: 0.25}}
 objective: {{target: edi, warmup: 20}}
 init: {{points: 300}}
-densify: {{every: 20, until: 150, max_gaussians: 600, gradient_threshold: 1e-5}}
+densify: {{every: 20, until: 100%, max_gaussians: 600, gradient_threshold: 1e-5}}
 train: {{iterations: 150, log_every: 5, evaluate_every: 50, picture_every: 0}}
 """
 FRAME = "frame?viewer={}&layer=color&pose=1,0,0,0,0,1,0,0,0,0,1,0&camera=62,62,24,18,48,36"
