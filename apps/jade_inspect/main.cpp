@@ -121,6 +121,7 @@ int main(int argc, char** argv) {
       apps::inspect_scene(path, program.json());
       return ExitCode::kOk;
     }
+    gaussians::refuse_foreign_scene(path);
     if (run::is_run(path)) {
       apps::inspect_run(path, program.json());
       return ExitCode::kOk;

@@ -4,12 +4,14 @@
 #include "support/catch.h"
 
 #include <cmath>
+#include <tuple>
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/gaussians/gaussian_model.h"
 #include "jade/gaussians/spatial_order.h"
 #include "random_gaussians.h"
+#include "support/naming.h"
 #include "support/temp_dir.h"
 
 namespace jade::gaussians {
@@ -176,6 +178,23 @@ TEST_CASE("scene file: damaged files of every kind are one line that names the f
       CHECK(message_of(path).find('\n') == std::string::npos);
     }
   }
+}
+
+TEST_CASE("scene file: known files that are not read are named with what to do", "[gaussians]") {
+  const test::TempDir dir;
+  const std::string pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:aa\n";
+  for (const auto& [name, content, word] :
+       {std::tuple{"a.ply", pointer, "git lfs pull"}, std::tuple{"a.spz", pointer, "git lfs pull"},
+        std::tuple{"b.ply", std::string("<html>"), "HTML"},
+        std::tuple{"c.ply", std::string(), "empty"},
+        std::tuple{"d.ksplat", std::string(4096, '\1'), "GaussianSplats3D"}}) {
+    INFO(name);
+    write_file(dir / name, content);
+    CHECK_THROWS_NAMING(DataError, read_scene_file(dir / name), name, word);
+    CHECK_THROWS_AS(refuse_foreign_scene(dir / name), DataError);
+  }
+  write_file(dir / "recording.raw", "% evt 3.0\n");
+  refuse_foreign_scene(dir / "recording.raw");
 }
 
 TEST_CASE("scene file: means far from the origin get one of their own", "[gaussians]") {

@@ -199,6 +199,17 @@ TEST_CASE("image: files that cannot be read are refused with their path", "[imag
   CHECK_THROWS_AS(write_image(path("a.png"), torch::zeros({2, 2, 2})), jade::ContractError);
 }
 
+TEST_CASE("image: what lies in place of an image is named", "[imaging]") {
+  const Folder folder;
+  for (const auto& [content, word] :
+       {std::pair{"version https://git-lfs.github.com/spec/v1\noid sha256:aa\n", "git lfs pull"},
+        std::pair{"<!DOCTYPE html>\n", "HTML"}, std::pair{"", "empty"}}) {
+    std::ofstream(folder.path / "a.png") << content;
+    const std::string message = message_of([&] { read_image(folder.path / "a.png"); });
+    CHECK_THAT(message, Catch::Contains("a.png") && Catch::Contains(word));
+  }
+}
+
 TEST_CASE("image: float files with another white level or NaN are refused", "[imaging]") {
   const Folder folder;
   const fs::path path = folder.path / "a.tiff";

@@ -9,6 +9,7 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "jade/io/stand_in.h"
 
 namespace jade::gaussians {
 namespace {
@@ -114,7 +115,11 @@ PlyProperty parse_property(std::istringstream& words, const fs::path& path) {
 PlyHeader parse_header(std::string_view content, const fs::path& path) {
   std::string_view rest = content;
   if (rest.substr(0, 4) != "ply\n" && rest.substr(0, 5) != "ply\r\n") {
-    fail(path, "no .ply file: expected the word 'ply' in its first line");
+    if (const std::string other = io::stand_in(content.substr(0, 1024), path); !other.empty())
+      fail(path, concat("expected a .ply file, found ", other));
+    fail(path,
+         "no .ply file: expected the word 'ply' in its first line; copy it again, or export the "
+         "scene as .ply");
   }
   take_line(rest, path);
   PlyHeader header;

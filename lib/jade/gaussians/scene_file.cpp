@@ -17,6 +17,7 @@
 #include "jade/gaussians/spz_file.h"
 #include "jade/gaussians/summary.h"
 #include "jade/geometry/origin.h"
+#include "jade/io/stand_in.h"
 #include "jade/io/zip.h"
 
 namespace jade::gaussians {
@@ -120,7 +121,22 @@ std::optional<SceneKind> scene_kind(const fs::path& path) {
   return found ? found : kind_of_ending(path);
 }
 
+void refuse_foreign_scene(const fs::path& path) {
+  if (!fs::is_regular_file(path) || kind_of_content(path)) return;
+  if (const std::string other = io::stand_in(path);
+      !other.empty() && (kind_of_ending(path) || ends(path, ".ply.gz"))) {
+    throw DataError(concat(path.string(), ": expected Gaussians, found ", other));
+  }
+  if (ends(path, ".ksplat")) {
+    throw DataError(concat(path.string(), ": expected Gaussians in ", kReadEndings,
+                           ", found .ksplat (GaussianSplats3D), which is not read; convert it: npx "
+                           "@playcanvas/splat-transform ",
+                           path.filename().string(), " ", path.stem().string(), ".ply"));
+  }
+}
+
 SceneFile read_scene_file(const fs::path& path) {
+  refuse_foreign_scene(path);
   const std::optional<SceneKind> kind = scene_kind(path);
   if (!kind) {
     throw DataError(concat(path.string(), ": expected Gaussians in ", kReadEndings, ", found ",

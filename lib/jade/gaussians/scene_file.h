@@ -31,6 +31,10 @@ inline constexpr char kWrittenEndings[] = ".ply, .compressed.ply, .spz, .sog, .g
 /// folder, a file that is missing and one of another kind.
 std::optional<SceneKind> scene_kind(const std::filesystem::path& path);
 
+/// @throws DataError with what to do for Gaussians of a kind that is known and not read, and for a
+/// file of a known ending that was not fetched or not unpacked. Other paths pass.
+void refuse_foreign_scene(const std::filesystem::path& path);
+
 /// Gaussians and what their file is.
 struct SceneFile {
   GaussianFile file;

@@ -14,6 +14,7 @@
 #include "jade/core/check.h"
 #include "jade/imaging/image_header.h"
 #include "jade/io/npy.h"
+#include "jade/io/stand_in.h"
 
 namespace jade::imaging {
 namespace {
@@ -38,7 +39,7 @@ void require_file(const fs::path& path) {
   if (!fs::is_regular_file(path, error))
     throw DataError(concat(path.string(), ": no such image file"));
   if (fs::file_size(path, error) == 0)
-    throw DataError(concat(path.string(), ": the image file is empty"));
+    throw DataError(concat(path.string(), ": expected an image, found ", io::stand_in("", path)));
 }
 
 /// BGR or gray rows of 8 or 16 bits (or float) → RGB planes in [0,1].
@@ -174,6 +175,8 @@ cv::Mat decode(const fs::path& path, int how = kWithoutAlpha) {
     // reported below
   }
   if (mat.empty()) {
+    if (const std::string other = io::stand_in(path); !other.empty())
+      throw DataError(concat(path.string(), ": expected an image, found ", other));
     throw DataError(concat(path.string(),
                            ": expected an image (PNG, JPEG, TIFF, …), found a file that ",
                            "cannot be decoded; is it damaged or of another type?"));

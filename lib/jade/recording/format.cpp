@@ -8,6 +8,7 @@
 
 #include "jade/core/error.h"
 #include "jade/io/colmap.h"
+#include "jade/io/stand_in.h"
 #include "jade/io/zip.h"
 #include "jade/recording/contents.h"
 #include "jade/recording/event_folder.h"
@@ -93,6 +94,8 @@ void refuse_foreign(const fs::path& path, const std::string& head) {
 
 Format file_format(const fs::path& path) {
   const std::string head = head_of(path);
+  if (const std::string other = io::stand_in(head, path); !other.empty())
+    throw DataError(concat(path.string(), ": ", kReadable, ", found ", other));
   for (const char* version : {"#!AER-DAT4", "#!AER-DAT3.1", "#!AER-DAT2.0"}) {
     if (begins(head, version)) return Format::kAedat;
   }
@@ -122,11 +125,6 @@ Format file_format(const fs::path& path) {
     throw DataError(concat(path.string(),
                            ": expected a Prophesee header of lines that begin with "
                            "'%', found none; record or export it again"));
-  }
-  if (begins(head, "\x1f\x8b")) {
-    throw DataError(concat(path.string(), ": ", kReadable,
-                           ", found a file that gzip compressed; unpack it first: gunzip -k ",
-                           path.filename().string()));
   }
   throw DataError(concat(path.string(), ": ", kReadable, ", found another kind of file"));
 }

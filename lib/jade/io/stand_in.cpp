@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/io/stand_in.h"
+
+#include <algorithm>
+#include <cctype>
+#include <fstream>
+
+#include "jade/core/error.h"
+#include "jade/io/gzip.h"
+
+namespace jade::io {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr size_t kHeadBytes = 1024;
+
+bool is_web_page(std::string_view head) {
+  const size_t first = head.find_first_not_of("\xEF\xBB\xBF \t\r\n");
+  if (first == std::string_view::npos) return false;
+  std::string start(head.substr(first, 14));
+  std::transform(start.begin(), start.end(), start.begin(),
+                 [](unsigned char c) { return char(std::tolower(c)); });
+  return start.rfind("<!doctype html", 0) == 0 || start.rfind("<html", 0) == 0;
+}
+
+}  // namespace
+
+std::string stand_in(std::string_view head, const fs::path& path) {
+  const std::string name = path.filename().string();
+  if (head.empty()) return "an empty file; copy or download it again";
+  if (head.rfind("version https://git-lfs", 0) == 0) {
+    return "a pointer of Git LFS; fetch the file itself: git lfs pull";
+  }
+  if (is_web_page(head)) {
+    return "a web page (HTML); download the file itself, not the page that shows it";
+  }
+  if (!is_gzip(head)) return "";
+  if (path.extension() == ".gz") {
+    return concat("a file that gzip compressed; unpack it first: gunzip -k ", name);
+  }
+  return concat("a file that gzip compressed; unpack it first: rename it to ", name,
+                ".gz, then gunzip -k ", name, ".gz");
+}
+
+std::string stand_in(const fs::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  if (!in) return "";
+  std::string head(kHeadBytes, '\0');
+  in.read(head.data(), static_cast<std::streamsize>(head.size()));
+  head.resize(static_cast<size_t>(std::max<std::streamsize>(in.gcount(), 0)));
+  return stand_in(head, path);
+}
+
+}  // namespace jade::io
