@@ -109,6 +109,51 @@ TEST_CASE("calibration: OpenCV's storage, five coefficients or eight", "[import]
   CHECK((fisheye.lens.model == LensModel::kFisheye && fisheye.lens.k4 == -0.002));
 }
 
+TEST_CASE("calibration: every key that means fisheye is honoured", "[import]") {
+  const std::string four = without(kOpenCv, ", 0.01 ]", " ]");
+  for (const char* line :
+       {"fisheye_model: 1", "use_fisheye_model: true", "distortion_model: kannala_brandt",
+        "distortion_model: equidistant", "camera_model: fisheye", "Fisheye: 1"}) {
+    INFO(line);
+    CHECK(read(four + line + "\n").cameras.at(0).lens.model == LensModel::kFisheye);
+  }
+  for (const char* line : {"fisheye_model: 0", "distortion_model: radtan", "camera_model: pinhole",
+                           "camera_model: DAVIS346"}) {
+    INFO(line);
+    CHECK(read(four + line + "\n").cameras.at(0).lens.model == LensModel::kRadialTangential);
+  }
+  CHECK(read(four + "distortion_model: none\n").cameras.at(0).lens.model == LensModel::kPinhole);
+  check_fails(four + "distortion_model: fov\n", "found 'fov'");
+  check_fails(four + "camera_model: omni\n", "found 'omni'");
+  check_fails(four + "fisheye_model: maybe\n", "found 'maybe'");
+  check_fails(four + "fisheye_model: 1\ndistortion_model: plumb_bob\n", "plumb_bob");
+}
+
+TEST_CASE("calibration: other spellings of OpenCV's keys", "[import]") {
+  const auto spelled = [](const char* matrix, const char* lens) {
+    return without(without(kOpenCv, "camera_matrix", matrix), "distortion_coefficients", lens);
+  };
+  const std::string capitals = without(
+      without(spelled("Camera_Matrix", "Distortion_Coefficients"), "image_width", "image_Width"),
+      "image_height", "image_Height");
+  for (const std::string& text :
+       {capitals, spelled("cameraMatrix", "distCoeffs"), spelled("K", "D"), spelled("M1", "D1"),
+        without(without(capitals, "image_Width: 346\n"), "image_Height: 260",
+                "image_size: [346, 260]")}) {
+    INFO(text);
+    const auto camera = read(text).cameras.at(0);
+    CHECK((camera.fx == 250 && camera.width == 346 && camera.height == 260));
+    CHECK(camera.lens.k3 == 0.01);
+  }
+  check_fails(spelled("M1", "D1") + "M2: [1, 0, 0, 0, 1, 0, 0, 0, 1]\nD2: [0, 0, 0, 0]\n",
+              "found M1 and M2");
+  check_fails(
+      "intrinsics:\n  cam0:\n    camera_matrix: [1, 1, 1, 1]\n  camRect0:\n    camera_matrix: [1, "
+      "1, "
+      "1, 1]\n",
+      "DSEC with the cameras cam0, camRect0");
+}
+
 TEST_CASE("calibration: calib.txt of RPG fits any size its centre lies in", "[import]") {
   const auto calibration = read("199.1 198.8 132.2 110.7 -0.368 0.151 -0.0003 -0.0008 0.0\n");
   CHECK(calibration.cameras.at(0).lens.p2 == -0.0008);
@@ -139,8 +184,8 @@ TEST_CASE("calibration: what is missing or unknown is named in one line", "[impo
   check_fails(without(kKalibr, "pinhole", "omni"), "found 'omni'");
   check_fails(without(kKalibr, "[752, 480]", "[752]"), "found 1 numbers");
   check_fails(without(kKalibr, "461.6", "wide"), "expected a number, found 'wide'");
-  check_fails(without(kOpenCv, "image_width", "width"), "image_width");
-  check_fails(without(kOpenCv, "distortion_coefficients", "d"), "distortion_coefficients");
+  check_fails(without(kOpenCv, "image_width", "wide"), "image_width");
+  check_fails(without(kOpenCv, "distortion_coefficients", "lens"), "distortion_coefficients");
   check_fails(without(kOpenCv, ", 0.01 ]", ", 0.01, 0.1 ]"), "found 6");
   check_fails("199 198 132 110\n", "found 4 numbers");
   check_fails("", "none of these");

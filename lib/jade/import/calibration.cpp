@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/import/calibration.h"
 
+#include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <cstdlib>
 #include <optional>
@@ -32,7 +34,8 @@ struct Section {
 const DocumentNode& require(const Section& section, const std::string& key,
                             const std::string& meaning) {
   if (const DocumentNode* node = section.node.find(key)) return *node;
-  throw DataError(concat(section.where(key), ": expected ", meaning, ", found nothing"));
+  throw DataError(concat(section.where(key), ": expected ", meaning,
+                         ", found nothing; add this key, or calibrate again"));
 }
 
 double number(const Section& section, const std::string& key, const DocumentNode& node) {
@@ -42,7 +45,8 @@ double number(const Section& section, const std::string& key, const DocumentNode
       std::isfinite(value)) {
     return value;
   }
-  throw DataError(concat(section.where(key), ": expected a number, found '", node.text, "'"));
+  throw DataError(concat(section.where(key), ": expected a number, found '", node.text,
+                         "'; correct it, or calibrate again"));
 }
 
 /// Numbers of a list, of a list of lists, or of a matrix with `data`, in the file's order.
@@ -54,7 +58,8 @@ std::vector<double> numbers(const Section& section, const std::string& key,
   }
   if (node.kind != DocumentNode::Kind::kList) {
     throw DataError(concat(section.where(key), ": expected a list of numbers, found '", node.text,
-                           node.kind == DocumentNode::Kind::kMap ? "a map without data" : "", "'"));
+                           node.kind == DocumentNode::Kind::kMap ? "a map without data" : "",
+                           "'; write it as [a, b, …]"));
   }
   std::vector<double> out;
   for (const DocumentNode& item : node.items) {
@@ -73,7 +78,8 @@ std::vector<double> numbers(const Section& section, const std::string& key,
   auto out = numbers(section, key, require(section, key, meaning));
   if (out.size() == count) return out;
   throw DataError(concat(section.where(key), ": expected ", meaning, " (", count,
-                         " numbers), found ", out.size(), " numbers"));
+                         " numbers), found ", out.size(),
+                         " numbers; correct it, or calibrate again"));
 }
 
 std::string word(const Section& section, const std::string& key) {
@@ -136,7 +142,9 @@ geometry::Pose kalibr_pose(const Section& section) {
     pose.rotation =
         geometry::nearest_rotation({m[0], m[1], m[2], m[4], m[5], m[6], m[8], m[9], m[10]});
   } catch (const ContractError&) {
-    throw DataError(concat(section.where("T_cn_cnm1"), ": expected a rotation, found none"));
+    throw DataError(concat(section.where("T_cn_cnm1"),
+                           ": expected a rotation, found none; correct "
+                           "the matrix, or calibrate both cameras again"));
   }
   return pose;
 }
@@ -153,13 +161,112 @@ Calibration kalibr(const std::filesystem::path& path, const DocumentNode& root) 
   return calibration;
 }
 
-/// Names of the keys of one camera: OpenCV's storage, or the messages of either ROS.
+/// Letters and digits of a name in lower case: files write camera_matrix, Camera_Matrix and
+/// cameraMatrix.
+std::string plain(const std::string& name) {
+  std::string out;
+  for (const unsigned char c : name) {
+    if (std::isalnum(c)) out += char(std::tolower(c));
+  }
+  return out;
+}
+
+using Names = std::vector<std::string>;
+const Names kMatrixNames{"cameramatrix", "intrinsicmatrix", "k", "m"};
+const Names kLensNames{
+    "distortioncoefficients", "distortioncoeffs", "distcoeffs", "distcoeff", "distortion", "d"};
+const Names kWidthNames{"imagewidth", "width"}, kHeightNames{"imageheight", "height"};
+const Names kSizeNames{"imagesize", "resolution"};
+
+/// The first key of a map with one of these names; empty if it has none.
+std::string key_among(const DocumentNode& node, const Names& names) {
+  for (const std::string& name : names) {
+    for (const auto& [key, value] : node.entries) {
+      if (plain(key) == name) return key;
+    }
+  }
+  return "";
+}
+
+/// Keys of one camera: OpenCV's storage, or the messages of either ROS.
 struct CameraKeys {
-  const char *width, *height, *matrix, *lens;
+  std::string matrix, lens;
 };
-constexpr CameraKeys kStorageKeys{"image_width", "image_height", "camera_matrix",
-                                  "distortion_coefficients"};
-constexpr CameraKeys kRos1Keys{"width", "height", "K", "D"}, kRos2Keys{"width", "height", "k", "d"};
+
+Names marked(Names names, const std::string& mark) {
+  const size_t count = names.size();
+  for (size_t i = 0; i < count; ++i) names.push_back(mark + names[i]), names[i] += mark;
+  return names;
+}
+
+/// One entry per camera of this map. Stereo calibrations mark the keys of both: M1 D1 M2 D2.
+std::vector<CameraKeys> camera_keys(const DocumentNode& node) {
+  std::vector<CameraKeys> out;
+  for (const char* mark : {"", "0", "1", "2", "3", "left", "right"}) {
+    const Names matrix = *mark ? marked(kMatrixNames, mark) : kMatrixNames;
+    const std::string key = key_among(node, matrix);
+    // k1 alone is a coefficient of a lens.
+    if (key.empty() || node.find(key)->kind == DocumentNode::Kind::kText) continue;
+    const std::string lens = key_among(node, *mark ? marked(kLensNames, mark) : kLensNames);
+    out.push_back({key, lens.empty() ? "distortion_coefficients" : lens});
+    if (!*mark) break;
+  }
+  return out;
+}
+
+bool is_among(const std::string& word, const Names& names) {
+  return std::find(names.begin(), names.end(), word) != names.end();
+}
+
+enum class LensKind : uint8_t { kUnsaid, kNone, kPerspective, kFisheye };
+
+/// Reads the kind from all keys of one map: a flag such as fisheye_model, or a model's name.
+LensKind lens_kind(const Section& section) {
+  static const Names kFisheyes{"fisheye",        "equidistant",    "equi",       "kannalabrandt",
+                               "kannalabrandt4", "kannalabrandt8", "kb4",        "kb8",
+                               "opencvfisheye",  "fisheyeopencv",  "pinholeequi"};
+  static const Names kPerspectives{
+      "plumbbob", "rationalpolynomial", "radtan",       "radialtangential", "brown", "brownconrady",
+      "opencv",   "fullopencv",         "pinholeradtan"};
+  static const Names kOther{"omni", "mei", "ds", "eucm", "fov", "doublesphere", "omnidirectional"};
+  LensKind kind = LensKind::kUnsaid;
+  std::string said_by;
+  for (const auto& [key, node] : section.node.entries) {
+    if (node.kind != DocumentNode::Kind::kText) continue;
+    const std::string name = plain(key), value = plain(node.text);
+    LensKind says = LensKind::kUnsaid;
+    if (name.find("fisheye") != std::string::npos) {
+      if (value.empty() || is_among(value, {"0", "false", "no", "off"})) continue;
+      if (!is_among(value, {"1", "true", "yes", "on"})) {
+        throw DataError(concat(section.where(key), ": expected 0 or 1, found '", node.text,
+                               "'; write 1 for the four coefficients of a fisheye lens"));
+      }
+      says = LensKind::kFisheye;
+    } else if (is_among(name, {"distortionmodel", "distortiontype", "lensmodel", "cameramodel",
+                               "cameratype", "projectionmodel"})) {
+      const bool of_lens = name.rfind("distortion", 0) == 0;
+      if (is_among(value, kFisheyes)) {
+        says = LensKind::kFisheye;
+      } else if (is_among(value, kPerspectives)) {
+        says = LensKind::kPerspective;
+      } else if (of_lens && value == "none") {
+        says = LensKind::kNone;
+      } else if ((of_lens && !value.empty()) || is_among(value, kOther)) {
+        // A camera's model may also be the name of a product.
+        throw DataError(concat(section.where(key),
+                               ": expected plumb_bob, rational_polynomial or fisheye, found '",
+                               node.text, "'; calibrate with one of these models"));
+      }
+    }
+    if (says == LensKind::kUnsaid) continue;
+    if (kind != LensKind::kUnsaid && kind != says) {
+      throw DataError(concat(section.where(key), ": expected one model of the lens, found '",
+                             node.text, "' beside ", said_by, "; keep the right one"));
+    }
+    kind = says, said_by = concat(key, " '", node.text, "'");
+  }
+  return kind;
+}
 
 /// Refuses skew, binning and the like, which this program does not support.
 void check_plain_camera(const Section& section, const CameraKeys& keys,
@@ -182,26 +289,35 @@ void check_plain_camera(const Section& section, const CameraKeys& keys,
   }
 }
 
-CalibratedCamera matrix_camera(const Section& section, const CameraKeys& keys, bool fisheye_flag) {
+void read_size(const Section& section, CalibratedCamera& camera) {
+  const auto side = [&](const Names& names, const char* usual) {
+    const std::string found = key_among(section.node, names), key = found.empty() ? usual : found;
+    return int64_t(number(section, key, require(section, key, "the size calibrated for")));
+  };
+  const std::string both = key_among(section.node, kSizeNames);
+  if (!both.empty() && key_among(section.node, kWidthNames).empty()) {
+    const auto size = numbers(section, both, "[width, height]", 2);
+    camera.width = int64_t(size[0]), camera.height = int64_t(size[1]);
+  } else {
+    camera.width = side(kWidthNames, "image_width");
+    camera.height = side(kHeightNames, "image_height");
+  }
+}
+
+/// @param around  the kind that the file names outside of this section
+CalibratedCamera matrix_camera(const Section& section, const CameraKeys& keys, LensKind around) {
   CalibratedCamera camera;
   camera.name = section.name;
   const auto matrix = numbers(section, keys.matrix, "a 3x3 camera matrix", 9);
   check_plain_camera(section, keys, matrix);
   camera.fx = matrix[0], camera.fy = matrix[4];
   camera.cx = matrix[2] + 0.5, camera.cy = matrix[5] + 0.5;
-  const auto side = [&](const char* key) {
-    return int64_t(number(section, key, require(section, key, "the size calibrated for")));
-  };
-  camera.width = side(keys.width), camera.height = side(keys.height);
-  const std::string model = word(section, "distortion_model");
-  const std::string key = keys.lens;
+  read_size(section, camera);
+  const LensKind own = lens_kind(section), kind = own == LensKind::kUnsaid ? around : own;
+  if (kind == LensKind::kNone) return camera;
+  const bool is_fisheye = kind == LensKind::kFisheye;
+  const std::string& key = keys.lens;
   const auto k = numbers(section, key, require(section, key, "the lens's coefficients"));
-  const bool is_fisheye = model == "equidistant" || model == "fisheye" || fisheye_flag;
-  if (!is_fisheye && !model.empty() && model != "plumb_bob" && model != "rational_polynomial") {
-    throw DataError(concat(section.where("distortion_model"),
-                           ": expected plumb_bob, rational_polynomial or fisheye, found '", model,
-                           "'"));
-  }
   if (k.empty()) return camera;
   const bool counts = is_fisheye ? k.size() == 4 : k.size() == 4 || k.size() == 5 || k.size() == 8;
   // OpenCV writes up to 14 coefficients; those after the eighth are of thin prisms and tilts.
@@ -216,14 +332,36 @@ CalibratedCamera matrix_camera(const Section& section, const CameraKeys& keys, b
   return camera;
 }
 
-bool is_set(const DocumentNode& root, const char* key) {
-  const DocumentNode* const node = root.find(key);
-  return node != nullptr && (node->text == "1" || node->text == "true");
+[[noreturn]] void fail_several(const std::filesystem::path& path, const std::string& names) {
+  throw DataError(
+      concat(path.string(), ": expected the calibration of one camera, found ", names,
+             "; keep the one of the recording's frames, or give the chain of Kalibr for "
+             "two"));
 }
 
-[[noreturn]] void fail_several(const std::filesystem::path& path, const std::string& names) {
-  throw DataError(concat(path.string(), ": expected the calibration of one camera, found ", names,
-                         "; keep the one of the recording, or give the chain of Kalibr for two"));
+/// The one camera of this map. @throws DataError naming the keys of a stereo calibration.
+CameraKeys only_camera(const std::filesystem::path& path, const std::vector<CameraKeys>& cameras) {
+  std::string names;
+  for (const CameraKeys& keys : cameras) names += (names.empty() ? "" : " and ") + keys.matrix;
+  if (cameras.size() > 1) fail_several(path, names);
+  return cameras.front();
+}
+
+/// cam_to_cam.yaml of DSEC has up to eight cameras, and no order that tells which is the frames'.
+void refuse_dsec(const std::filesystem::path& path, const DocumentNode& root) {
+  const DocumentNode* const all = root.find("intrinsics");
+  if (all == nullptr || all->kind != DocumentNode::Kind::kMap) return;
+  std::string names;
+  for (const auto& [name, node] : all->entries) {
+    if (node.find("camera_matrix") != nullptr) names += (names.empty() ? "" : ", ") + name;
+  }
+  if (names.empty()) return;
+  throw DataError(concat(path.string(),
+                         ": expected the calibration of one camera or the chain of Kalibr, found "
+                         "cam_to_cam.yaml of DSEC with the cameras ",
+                         names,
+                         "; write the camera of the frames as cam0 of a chain, with its "
+                         "camera_matrix as intrinsics"));
 }
 
 /// One camera to a section of the file, as DV writes OpenCV's storage; none where no section is a
@@ -232,11 +370,11 @@ std::optional<Calibration> dv_storage(const std::filesystem::path& path, const D
   Calibration out{path, {}, {}};
   std::string names;
   for (const auto& [name, node] : root.entries) {
-    if (node.find(kStorageKeys.matrix) == nullptr) continue;
+    const auto cameras = camera_keys(node);
+    if (cameras.empty()) continue;
     names += (names.empty() ? "" : " and ") + name;
     out.cameras.push_back(
-        matrix_camera({path, name, node}, kStorageKeys,
-                      is_set(root, "use_fisheye_model") || is_set(node, "use_fisheye_model")));
+        matrix_camera({path, name, node}, only_camera(path, cameras), lens_kind({path, "", root})));
   }
   if (out.cameras.size() > 1) fail_several(path, names);
   return out.cameras.empty() ? std::nullopt : std::optional(out);
@@ -261,13 +399,13 @@ Calibration dv_set(const std::filesystem::path& path, const DocumentNode& camera
   if (!is_fisheye && model != "radialTangential") {
     throw DataError(concat(section.where("distortionModel"),
                            ": expected radialTangential, equidistant or none, found '", model,
-                           "'"));
+                           "'; calibrate with one of these models"));
   }
   const std::string key = "distortionCoefficients";
   const auto k = numbers(section, key, require(section, key, "the lens's coefficients"));
   if (k.size() != 4 && (is_fisheye || k.size() != 5)) {
     throw DataError(concat(section.where(key), ": expected 4", is_fisheye ? "" : " or 5",
-                           " coefficients, found ", k.size()));
+                           " coefficients, found ", k.size(), "; calibrate again"));
   }
   camera.lens = checked(is_fisheye ? fisheye(k) : radial_tangential(k), k);
   return {path, {camera}, {}};
@@ -312,20 +450,18 @@ DocumentNode document(const std::filesystem::path& path) {
 Calibration read_calibration(const std::filesystem::path& path) {
   std::error_code error;
   if (!std::filesystem::is_regular_file(path, error)) {
-    throw DataError(concat(path.string(), ": expected a calibration file, found none"));
+    throw DataError(
+        concat(path.string(), ": expected a calibration file, found none; correct the path"));
   }
   const std::string text = read_file(path);
-  const auto plain = plain_numbers(text);
-  if (plain.size() == 8 || plain.size() == 9) return rpg(path, plain);
+  const auto row = plain_numbers(text);
+  if (row.size() == 8 || row.size() == 9) return rpg(path, row);
   const DocumentNode root = is_xml(text) ? read_xml(path, text) : document(path);
   if (root.find("cam0")) return kalibr(path, root);
-  if (root.find(kStorageKeys.matrix)) {
-    const bool fisheye = is_set(root, "use_fisheye_model");
-    return {path, {matrix_camera({path, "", root}, kStorageKeys, fisheye)}, {}};
-  }
-  for (const CameraKeys& keys : {kRos1Keys, kRos2Keys}) {
-    if (root.find(keys.matrix) && root.find(keys.lens))
-      return {path, {matrix_camera({path, "", root}, keys, false)}, {}};
+  refuse_dsec(path, root);
+  if (const auto cameras = camera_keys(root); !cameras.empty()) {
+    const CameraKeys keys = only_camera(path, cameras);
+    return {path, {matrix_camera({path, "", root}, keys, LensKind::kUnsaid)}, {}};
   }
   if (const DocumentNode* cameras = root.find("cameras");
       cameras != nullptr && cameras->kind == DocumentNode::Kind::kMap) {
@@ -335,7 +471,8 @@ Calibration read_calibration(const std::filesystem::path& path) {
   throw DataError(concat(path.string(),
                          ": expected a calibration by Kalibr (cam0), OpenCV or ROS (camera_matrix, "
                          "or K and D), DV (cameras) or RPG (fx fy cx cy k1 k2 p1 p2 k3), found ",
-                         plain.empty() ? "none of these" : concat(plain.size(), " numbers")));
+                         row.empty() ? "none of these" : concat(row.size(), " numbers"),
+                         "; export it in one of these forms"));
 }
 
 geometry::LensCamera camera_of(const Calibration& calibration, size_t index, int64_t width,
