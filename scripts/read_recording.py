@@ -439,9 +439,29 @@ class BagReader:
         return out
 
 
-def chosen_topics(connections, events, frames):
-    """One topic of events and one of frames; all others that hold the same are left. Frames come from the camera of the
-    events where it has any."""
+def depth_rank(topic, encoding):
+    """Order of preference among topics of images: 0 for 8 bits, 1 for 16 bits or unknown, 2 for what may be depth."""
+    if "depth" in topic.lower() or encoding in ("mono16", "16UC1", "16SC1", "32FC1", "64FC1"):
+        return 2
+    return 0 if encoding.endswith("8") or encoding.startswith("8UC") else 1
+
+
+def image_encodings(bag):
+    """Of each topic of images, by its first message; nothing to choose from where there is one topic."""
+    found = {}
+    images = [c for c in bag.connections if c.msgtype == "sensor_msgs/msg/Image"]
+    if len({c.topic for c in images}) < 2:
+        return found
+    for connection in images:
+        for _, _, raw in bag.messages([connection]):
+            found.setdefault(connection.topic, bag.deserialize(raw, connection.msgtype).encoding)
+            break
+    return found
+
+
+def chosen_topics(connections, events, frames, encodings=None):
+    """One topic of events and one of frames; all others that hold the same are left. Frames come from pictures before depth,
+    and then from the camera of the events where it has any. Encodings are those of image_encodings()."""
     kinds = {"events": ("EventArray", "EventPacket"), "frames": ("Image", "CompressedImage")}
     left, rooms = [], []
     for what, wanted in (("events", events), ("frames", frames)):
@@ -449,8 +469,9 @@ def chosen_topics(connections, events, frames):
         topics = sorted(set(topics))
         if wanted and wanted not in topics:
             raise Problem(f"expected a topic of {what}, found none called {wanted}; there are {', '.join(topics) or 'none'}")
-        near = [topic for topic in topics if in_one_room(topic, rooms)]
-        keep = wanted or ((near or topics)[0] if topics else None)
+        ranks = {topic: depth_rank(topic, (encodings or {}).get(topic, "")) if what == "frames" else 0 for topic in topics}
+        keep = wanted or min(topics, default=None, key=lambda topic: (
+            ranks[topic] == 2, not in_one_room(topic, rooms), ranks[topic], topic))  # noqa: B023
         rooms += [keep] if keep else []
         left += [topic for topic in topics if topic != keep]
     return left
@@ -471,10 +492,10 @@ def read_bag(path, folder, events_topic, frames_topic):
     reader = BagReader(folder)
     try:
         with AnyReader([Path(path)], default_typestore=store) as bag:
-            left = chosen_topics(bag.connections, events_topic, frames_topic)
+            left = chosen_topics(bag.connections, events_topic, frames_topic, image_encodings(bag))
             if left:
-                reader.out.notes.append("only one topic of events and one of frames is read (--topic chooses the events); "
-                                        "left out: " + ", ".join(left))
+                reader.out.notes.append("only one topic of events and one of frames is read (--topic chooses the events, "
+                                        "--frames-topic the frames); left out: " + ", ".join(left))
             # The DAVIS driver stamps the middle of an exposure; of other drivers the start is known best.
             davis = any(c.msgtype == "dvs_msgs/msg/EventArray" for c in bag.connections)
             reader.out.stamp = "middle" if davis else "start"
@@ -506,7 +527,7 @@ def main():
     parser.add_argument("input", help="recording.aedat4 or .aedat, a ROS 1 .bag, a ROS 2 .db3, .mcap or folder")
     parser.add_argument("output", help="folder to make")
     parser.add_argument("--events-topic", default="", help="of a bag; else the first by name")
-    parser.add_argument("--frames-topic", default="", help="of a bag; else the first by name")
+    parser.add_argument("--frames-topic", default="", help="of a bag; else pictures before depth, then the first by name")
     options = parser.parse_args()
     if not os.path.exists(options.input):
         print(f"{options.input}: no such file or folder", file=sys.stderr)

@@ -24,6 +24,10 @@ CLI::Option* add_flags(apps::Program& program, import::StageRange& range) {
                     "Topic of the events to read from a ROS bag with several cameras")
       ->type_name("NAME");
   program
+      .add_key_flag("--frames-topic", "frames_topic",
+                    "Topic of the frames to read from a ROS bag with several of images")
+      ->type_name("NAME");
+  program
       .add_key_flag("--calibration", "lens.calibration",
                     "Calibration by Kalibr, OpenCV, ROS, DV or RPG; without one, the focal length "
                     "is estimated and the lens taken for a pinhole")

@@ -106,6 +106,10 @@ int main(int argc, char** argv) {
       .add_option("--topic", how.topic,
                   "Topic of the events to read from a ROS bag with several cameras")
       ->type_name("NAME");
+  program.cli()
+      .add_option("--frames-topic", how.frames_topic,
+                  "Topic of the frames to read from a ROS bag with several of images")
+      ->type_name("NAME");
   program.add_json_flag();
   return program.run(argc, argv, [&] {
     const torch::NoGradGuard no_grad;
@@ -117,11 +121,11 @@ int main(int argc, char** argv) {
           "expected a recording, the folder of a data set, a run directory or Gaussians, found "
           "nothing; --help lists the flags");
     }
+    gaussians::refuse_foreign_scene(path);
     if (gaussians::scene_kind(path)) {
       apps::inspect_scene(path, program.json());
       return ExitCode::kOk;
     }
-    gaussians::refuse_foreign_scene(path);
     if (run::is_run(path)) {
       apps::inspect_run(path, program.json());
       return ExitCode::kOk;

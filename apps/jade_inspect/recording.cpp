@@ -180,6 +180,8 @@ void inspect_recording(const fs::path& path, recording::ReadOptions options, boo
   if (!options.events_group.empty())
     numbers.choice += " --events-group " + shell_word(options.events_group);
   if (!options.topic.empty()) numbers.choice += " --topic " + shell_word(options.topic);
+  if (!options.frames_topic.empty())
+    numbers.choice += " --frames-topic " + shell_word(options.frames_topic);
   if (json) {
     // Names of files are any bytes, those of JSON are UTF-8.
     constexpr auto kReplace = nlohmann::json::error_handler_t::replace;

@@ -119,6 +119,17 @@ class Messages(unittest.TestCase):
         self.assertEqual(read_recording.chosen_topics(topics, "", ""), ["/right/events", "/right/image_raw"])
         self.assertEqual(read_recording.chosen_topics(topics, "/right/events", ""), ["/left/events", "/left/image_raw"])
 
+    def test_pictures_come_before_depth(self):
+        topics = [types.SimpleNamespace(topic=topic, msgtype=kind) for topic, kind in (
+            ("/dvs/events", "dvs_msgs/msg/EventArray"), ("/dvs/a", "sensor_msgs/msg/Image"), ("/dvs/b", "sensor_msgs/msg/Image"),
+            ("/other/c", "sensor_msgs/msg/Image"))]
+        for encodings, kept in ((("mono16", "rgb8", "mono8"), "/dvs/b"), (("16UC1", "32FC1", "bgr8"), "/other/c"),
+                                (("mono16", "16UC1", "32FC1"), "/dvs/a"), (("bgr16", "mono8", "mono8"), "/dvs/b")):
+            with self.subTest(encodings):
+                forms = dict(zip(("/dvs/a", "/dvs/b", "/other/c"), encodings))
+                self.assertEqual({"/dvs/a", "/dvs/b", "/other/c"} - set(read_recording.chosen_topics(topics, "", "", forms)), {kept})
+        self.assertNotIn("/dvs/a", read_recording.chosen_topics(topics, "", "/dvs/a", forms))
+
     def test_camera_info_of_both_versions_of_ros(self):
         matrix = np.array([199.0, 0, 120, 0, 198, 90, 0, 0, 1])
         for names in ("KD", "kd"):

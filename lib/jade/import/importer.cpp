@@ -117,6 +117,7 @@ recording::ReadOptions read_options(const ImportOptions& options) {
   how.frames = options.frames;
   how.events_group = options.events_group;
   how.topic = options.topic;
+  how.frames_topic = options.frames_topic;
   how.frame_times = options.time.frame_times;
   how.exposure_ms = double(options.time.exposure_ms);
   how.trigger_level = options.time.trigger_level;
@@ -333,7 +334,8 @@ Stage read_stage(const ImportOptions& options, Progressed& so_far) {
   return {"read",
           concat(fingerprint(options.recording), fingerprint(options.frames),
                  masks_text(options.frames), fingerprint(options.time.frame_times),
-                 text_of(options.time), options.events_group, "\n", options.topic),
+                 text_of(options.time), options.events_group, "\n", options.topic,
+                 options.frames_topic.empty() ? "" : "\n" + options.frames_topic),
           [&](const fs::path& folder) {
             const Capture capture = read_capture(options, folder);
             keep_capture(folder, capture);

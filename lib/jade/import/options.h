@@ -188,7 +188,7 @@ struct ImportOptions {
   std::string device = "auto";
   std::filesystem::path recording;
   std::filesystem::path frames;
-  std::string events_group, topic;
+  std::string events_group, topic, frames_topic;
   TimeOptions time;
   SensorOptions sensor;
   LensOptions lens;
@@ -211,6 +211,9 @@ void describe(V& v, ImportOptions& o) {
       "which of several event streams of an HDF5 file: the group of x, y, t, p, or the data set; "
       "empty: the first");
   v.field("topic", o.topic, "which topic of events of a ROS bag; empty: the first by name");
+  v.field(
+      "frames_topic", o.frames_topic,
+      "which topic of images of a ROS bag; empty: pictures before depth, then the first by name");
   v.group("time", o.time, "when frames were exposed");
   v.group("sensor", o.sensor, "the sensor of the events");
   v.group("lens", o.lens, "the lens, and a second camera");

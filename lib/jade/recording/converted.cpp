@@ -25,6 +25,8 @@ void convert(const fs::path& path, const ReadOptions& options, const fs::path& f
   std::vector<std::string> command = {python, script("read_recording.py").string(), path.string(),
                                       (folder / "out").string()};
   if (!options.topic.empty()) command.insert(command.end(), {"--events-topic", options.topic});
+  if (!options.frames_topic.empty())
+    command.insert(command.end(), {"--frames-topic", options.frames_topic});
   const int code = run_to_end(command, {}, log);
   if (code == 0) return;
   const std::string said = last_line(log);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 #include <torch/types.h>
+#include <utility>
 
 #include "jade/core/error.h"
 #include "jade/recording/contents.h"
@@ -50,9 +51,11 @@ Contents read_contents(const fs::path& path, const ReadOptions& options) {
 /// Only some formats have several streams of events.
 void check_choice(const fs::path& path, const ReadOptions& options) {
   const Format format = recognise(path);
-  if (!options.topic.empty() && format != Format::kRosBag) {
+  for (const auto& [topic, flag] :
+       {std::pair{options.topic, "--topic"}, std::pair{options.frames_topic, "--frames-topic"}}) {
+    if (topic.empty() || format == Format::kRosBag) continue;
     throw DataError(concat(path.string(), ": expected a ROS bag, of which a topic is chosen (",
-                           options.topic, "), found ", word_of(format), "; leave --topic out"));
+                           topic, "), found ", word_of(format), "; leave ", flag, " out"));
   }
   // A folder may hold HDF5; its reader knows.
   const bool hdf5 = format == Format::kHdf5 || format == Format::kFrameFolder;

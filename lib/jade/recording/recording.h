@@ -69,6 +69,8 @@ struct ReadOptions {
   /// Topic of the event stream in a ROS bag; empty: the first by name. Frames come from the same
   /// namespace if it has any.
   std::string topic;
+  /// Topic of the frames in a ROS bag; empty: pictures before depth, then the first by name.
+  std::string frames_topic;
   /// Bytes that a kept event will cost the caller at most; a recording whose events would not fit
   /// into 0.7 of this machine's memory is refused before they are read.
   double event_bytes = 17;
