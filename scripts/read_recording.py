@@ -482,6 +482,16 @@ def in_one_room(topic, others):
     return any(topic.rpartition("/")[0] == other.rpartition("/")[0] for other in others)
 
 
+def index_remedy(path):
+    """What mends a bag whose recorder was stopped before it wrote the index."""
+    path = Path(path)
+    if path.suffix == ".mcap":
+        return f"Copy it again, or run: mcap recover {path.name} -o recovered.mcap"
+    if path.is_dir() or path.suffix == ".db3":
+        return f"Copy it again, or run: ros2 bag reindex {(path if path.is_dir() else path.resolve().parent).name}"
+    return f"Copy it again, or run: rosbag reindex {path.name}"
+
+
 def read_bag(path, folder, events_topic, frames_topic):
     need("rosbags", "rosbags")
     from rosbags.highlevel import AnyReader
@@ -509,7 +519,7 @@ def read_bag(path, folder, events_topic, frames_topic):
     except Exception as error:  # the packages' own kinds
         check_space(error, folder)
         text = str(error).split("\n")[0]
-        raise Problem(f"{path}: cannot be read as a ROS bag: {text}; is it whole?") from error
+        raise Problem(f"{path}: cannot be read as a ROS bag: {text}; is it whole? {index_remedy(path)}") from error
     return reader.finish()
 
 

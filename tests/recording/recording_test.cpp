@@ -176,6 +176,31 @@ TEST_CASE("recording: images and lines without each other are noted", "[recordin
   CHECK(has_note(recording, "1 of 3 exposures name a frame that is not there (d)"));
 }
 
+TEST_CASE("recording: listed images are found with and without their folder", "[recording]") {
+  const TempDir dir;
+  write_rpg_folder(dir, "rpg");
+  dir.write("rpg/images.txt", "0.000600 b.png\n0.0002 a.png\n");
+  check_rpg(read_recording(dir / "rpg"));
+  dir.write("rpg/images/images.txt", "0.000600 images/b.png\n0.0002 images/a.png\n");
+  ReadOptions options;
+  options.frames = dir / "rpg/images";
+  CHECK(read_recording(dir / "rpg", options).frames.size() == 2);
+}
+
+TEST_CASE("recording: stamps of 0 and files that were not fetched are named", "[recording]") {
+  const TempDir dir;
+  write_rpg_folder(dir, "rpg");
+  dir.write("rpg/images.txt", "0 images/a.png\n0 images/b.png\n");
+  CHECK(has_note(read_recording(dir / "rpg"), "2 frames have a stamp of 0"));
+  dir.write("a.bag", "version https://git-lfs.github.com/spec/v1\noid sha256:aa\n");
+  CHECK_THAT(message_of([&] { read_recording(dir / "a.bag"); }),
+             test::naming("a.bag", "git lfs pull"));
+  ReadOptions options;
+  options.frames_topic = "/image_raw";
+  CHECK_THAT(message_of([&] { read_recording(dir / "rpg", options); }),
+             test::naming("/image_raw", "--frames-topic"));
+}
+
 TEST_CASE("recording: masks lie beside the frames of a folder or an archive", "[recording]") {
   const TempDir dir;
   write_rpg_folder(dir, "rpg");

@@ -130,6 +130,10 @@ class Messages(unittest.TestCase):
                 self.assertEqual({"/dvs/a", "/dvs/b", "/other/c"} - set(read_recording.chosen_topics(topics, "", "", forms)), {kept})
         self.assertNotIn("/dvs/a", read_recording.chosen_topics(topics, "", "/dvs/a", forms))
 
+    def test_a_bag_without_its_index_names_the_remedy(self):
+        for name, remedy in (("a.bag", "rosbag reindex a.bag"), ("b/a.db3", "ros2 bag reindex b"), ("a.mcap", "mcap recover a.mcap")):
+            self.assertIn(remedy, read_recording.index_remedy(name))
+
     def test_camera_info_of_both_versions_of_ros(self):
         matrix = np.array([199.0, 0, 120, 0, 198, 90, 0, 0, 1])
         for names in ("KD", "kd"):

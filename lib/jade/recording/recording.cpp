@@ -214,6 +214,16 @@ void note_clocks(const ReadOptions& options, Recording& recording) {
     return f.t_end_us >= first && f.t_start_us <= last;
   });
   if (covered == int64_t(frames.size())) return;
+  const auto without_stamp = std::count_if(frames.begin(), frames.end(), [](const Frame& f) {
+    return f.t_start_us <= 0 && f.t_end_us >= 0;
+  });
+  // One frame may well begin at 0.
+  if (covered == 0 && first > 0 && without_stamp == int64_t(frames.size())) {
+    recording.notes.push_back(concat("all ", frames.size(),
+                                     " frames have a stamp of 0: their driver wrote no times; give "
+                                     "their exposures with --frame-times"));
+    return;
+  }
   recording.notes.push_back(concat(frames.size() - size_t(covered), " of ", frames.size(),
                                    " frames lie outside the time of the events (",
                                    seconds_of(first), " to ", seconds_of(last), " s)",

@@ -63,6 +63,14 @@ std::string prefix_of(const io::Zip& archive) {
   return best.substr(0, best.size() - std::min<size_t>(best.size(), 10));
 }
 
+/// Lists of other tools lack the folder images/, and lists copied into that folder still have it.
+fs::path listed_file(const fs::path& folder, const fs::path& name) {
+  for (const fs::path& file : {folder / name, folder / "images" / name, folder / name.filename()}) {
+    if (fs::is_regular_file(file)) return file;
+  }
+  return folder / name;
+}
+
 /// Leaves out images that are missing or listed twice, and notes them. If all are missing, the
 /// reader of the images names the first.
 void tidy_list(const fs::path& list, std::vector<FrameFile>& files,
@@ -118,11 +126,12 @@ std::vector<FrameFile> listed_images(const fs::path& list, std::vector<std::stri
     const auto [end, error] = std::from_chars(time.data(), time.data() + time.size(), seconds);
     if (error != std::errc() || end != time.data() + time.size() || !(words >> name) ||
         !(std::abs(seconds) < 4e12) || !stays_inside(name)) {
-      throw DataError(
-          concat(list.string(), ":", number, ": expected \"seconds images/NAME\" of an image"));
+      throw DataError(concat(list.string(), ":", number,
+                             ": expected \"seconds images/NAME\" of an image; correct "
+                             "this line"));
     }
     const int64_t t = std::llround(1e6 * seconds);
-    out.push_back({list.parent_path() / name, events::TimeWindow{t, t}});
+    out.push_back({listed_file(list.parent_path(), name), events::TimeWindow{t, t}});
   }
   tidy_list(list, out, notes);
   return out;
