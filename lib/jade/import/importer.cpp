@@ -158,6 +158,15 @@ void check_recording(const recording::Recording& recording, const TimeOptions& t
 void check_overlap(const recording::Recording& recording) {
   if (recording.frames.empty() || recording.stored_events == 0) return;
   if (!recording.events.empty()) return;
+  const bool stamped =
+      std::any_of(recording.frames.begin(), recording.frames.end(),
+                  [](const recording::Frame& f) { return f.t_start_us > 0 || f.t_end_us < 0; });
+  if (!stamped) {
+    throw DataError(concat(recording.source.string(), ": expected times of the frames, found ",
+                           recording.frames.size(),
+                           " frames with a stamp of 0: their driver wrote no times; give their "
+                           "exposures with --frame-times"));
+  }
   throw DataError(
       concat(recording.source.string(), ": no event lies near a frame: frames from ",
              recording.frames.front().t_start_us, " to ", recording.frames.back().t_end_us, " us, ",
