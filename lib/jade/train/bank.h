@@ -53,7 +53,7 @@ class ViewBank {
 
   int64_t size() const { return static_cast<int64_t>(frames_.size()); }
 
-  /// What a step reads, on the training device, float32. Does not wait for the device.
+  /// The view as a step reads it, on the training device, float32. Does not wait for the device.
   /// @param pose  the moment of the target, its restorations, Ψ and K(V); without value: the
   ///   middle. Needs objective.restored_poses other than middle
   View step_view(int64_t view, std::optional<int64_t> pose = {}) const;
@@ -73,7 +73,7 @@ class ViewBank {
 
   /// Bytes of the first frame.
   int64_t frame_bytes() const { return static_cast<int64_t>(frames_[0].nbytes()); }
-  /// What the training device holds of it.
+  /// Bytes of the constants that the training device holds.
   ConstantBytes bytes_on_device() const;
 
  private:

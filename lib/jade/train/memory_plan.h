@@ -22,7 +22,7 @@ struct MemoryPlan {
   }
 };
 
-/// What the bank holds elsewhere does not count.
+/// Counts what the bank holds on the training device, not what waits on the CPU.
 MemoryPlan memory_plan(const ViewBank& bank, const TrainState& state, const RunOptions& options);
 
 /// "210 MiB: 12 frames 3, EDI 30, restorations 110, 150000 Gaussians 135, renders 40".
