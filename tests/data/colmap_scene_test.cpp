@@ -283,6 +283,49 @@ TEST_CASE("colmap scene: names that differ by ending or capitals are told with a
   CHECK_THROWS_NAMING(DataError, load_dataset(dataset_at(room)), "img_00.png", "IMG_00.PNG");
 }
 
+TEST_CASE("colmap scene: names with the slashes of Windows are found", "[data]") {
+  const test::TempDir folder;
+  const fs::path room = folder / "room";
+  std::vector<io::ColmapImage> images;
+  for (int i = 0; i < 3; ++i) {
+    const geometry::Pose pose = test::steady_pose(1e5 * i);
+    images.push_back({i + 1, geometry::quaternion_from_rotation(pose.rotation), pose.translation, 1,
+                      concat("cam", i, "\\a.png")});
+    imaging::write_image(room / concat("images/cam", i, "/a.png"), test::noise_image(i));
+  }
+  test::save_model(room / "sparse/0", test::binary_model(kCamera, images, {0, 0, 4}));
+  DatasetOptions options = dataset_at(room);
+  options.split = SplitKind::kNone;
+  std::vector<std::string> warnings;
+  const Dataset data = load_dataset(options, &warnings);
+  CHECK(warnings.empty());
+  REQUIRE(data.train.size() == 3);
+  CHECK(test::same_image(data.train[2].blurry, test::noise_image(2)));
+}
+
+TEST_CASE("colmap scene: points3D.ply gives the points of a model without, none are told",
+          "[data]") {
+  const test::TempDir folder;
+  const fs::path room = folder / "room";
+  write_colmap_scene(room, kCamera);
+  folder.write("room/sparse/0/points3D.ply",
+               "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\n"
+               "property float z\nproperty uchar red\nproperty uchar green\n"
+               "property uchar blue\nend_header\n1 2 30 255 0 51\n-1 0 40 0 255 0\n");
+  CHECK(load_dataset(dataset_at(room)).points.size(0) == 20);
+  fs::remove(room / "sparse/0/points3D.bin");
+  std::vector<std::string> warnings;
+  const Dataset data = load_dataset(dataset_at(room), &warnings);
+  CHECK(warnings.empty());
+  REQUIRE(data.points.defined());
+  CHECK(data.points.equal(torch::tensor({{1.0F, 2.0F, 30.0F}, {-1.0F, 0.0F, 40.0F}})));
+  CHECK(data.point_colors[0][2].item<float>() == Approx(0.2));
+  fs::remove(room / "sparse/0/points3D.ply");
+  CHECK_FALSE(load_dataset(dataset_at(room), &warnings).points.defined());
+  REQUIRE(warnings.size() == 1);
+  CHECK_THAT(warnings[0], test::naming("points3D", "random points"));
+}
+
 TEST_CASE("colmap scene: masks in a folder that is not read are told", "[data]") {
   const test::TempDir folder;
   const fs::path room = folder / "room";

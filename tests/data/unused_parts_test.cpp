@@ -36,6 +36,18 @@ TEST_CASE("unused parts: files, folders and keys that are there share one warnin
   for (const char* name : {"normals", "hold", "iso"}) CHECK_THAT(lines[0], !Catch::Contains(name));
 }
 
+TEST_CASE("unused parts: formats of frames that were read are not called unread", "[data]") {
+  const test::TempDir folder;
+  folder.write("images/0.jp2", "x");
+  folder.write("images/0.exr", "x");
+  const auto lines = [&](const std::vector<std::filesystem::path>& read) {
+    return told(unused_in_any_layout(folder.path(), folder / "images", false, read)).at(0);
+  };
+  CHECK_THAT(lines({}), Catch::Contains("0.jp2") && Catch::Contains("0.exr"));
+  CHECK_THAT(lines({folder / "images/0.jp2"}),
+             !Catch::Contains("0.jp2") && Catch::Contains("0.exr"));
+}
+
 TEST_CASE("unused parts: nothing found, nothing said", "[data]") {
   const test::TempDir folder;
   UnusedParts parts;

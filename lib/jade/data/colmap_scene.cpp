@@ -11,9 +11,11 @@
 #include "jade/core/error.h"
 #include "jade/data/frame_times.h"
 #include "jade/data/frames.h"
+#include "jade/data/named_files.h"
 #include "jade/data/origin.h"
 #include "jade/data/undistorter.h"
 #include "jade/data/unused_parts.h"
+#include "jade/gaussians/ply.h"
 #include "jade/imaging/image_io.h"
 
 namespace jade::data {
@@ -74,9 +76,13 @@ bool has_one_focal(const std::string& model) {
   return model.rfind("SIMPLE_", 0) == 0 || model == "RADIAL" || model == "RADIAL_FISHEYE";
 }
 
+/// The file of an image, whose name may have the slashes of Windows or folders that are not there.
 fs::path image_path(const fs::path& folder, const std::string& name) {
-  const fs::path direct = (folder / name).lexically_normal();
-  return fs::exists(direct) ? direct : folder / fs::path(name).filename();
+  for (const std::string& whole : {name, slashed(name)}) {
+    const fs::path direct = (folder / whole).lexically_normal();
+    if (fs::exists(direct)) return direct;
+  }
+  return folder / fs::path(slashed(name)).filename();
 }
 
 /// In small letters and without the ending.
@@ -99,8 +105,9 @@ std::string near_name(const fs::path& folder, const std::vector<std::string>& mi
     }
   }
   for (const std::string& name : missing) {
-    auto found = files.find(bare_name(name));
-    if (found == files.end()) found = files.find(bare_name(fs::path(name).filename()));
+    const fs::path inside = slashed(name);
+    auto found = files.find(bare_name(inside));
+    if (found == files.end()) found = files.find(bare_name(inside.filename()));
     if (found == files.end()) continue;
     return concat("; the model names ", name, ", the folder has ", found->second.string(),
                   ": rename the files as in the model");
@@ -132,8 +139,8 @@ void tell_unplaced(const fs::path& folder, const std::vector<fs::path>& placed,
 }
 
 void tell_unused(const fs::path& root, const fs::path& model, const fs::path& frames,
-                 const Warnings& warnings) {
-  UnusedParts unused = unused_in_any_layout(root, frames);
+                 const std::vector<fs::path>& read, const Warnings& warnings) {
+  UnusedParts unused = unused_in_any_layout(root, frames, /*names_masks=*/false, read);
   unused.look_for_files(root, {{"events*.h5", "events; frames have no exposure times here"},
                                {"events*.npz", "events; frames have no exposure times here"},
                                {"timestamps.npz", "times of frames"},
@@ -222,6 +229,28 @@ geometry::Vector3 recentre(io::ColmapModel& model) {
   return origin;
 }
 
+void read_ply_points(const fs::path& path, const geometry::Vector3& origin,
+                     io::ColmapModel& model) {
+  const gaussians::PointCloud cloud = gaussians::read_point_cloud(path);
+  if (!cloud.points.isfinite().all().item<bool>()) {
+    throw DataError(concat(path.string(), ": found points that are not finite; remove them"));
+  }
+  const geometry::Vector3 &from = cloud.origin, &to = origin;
+  model.points = with_origin(cloud.points, {to[0] - from[0], to[1] - from[1], to[2] - from[2]});
+  model.point_colors = (cloud.colors.clamp(0, 1) * 255).round().to(torch::kUInt8);
+}
+
+void find_points(const fs::path& folder, const Warnings& warnings, io::ColmapModel& model) {
+  const auto lacks_points = [&] { return !model.points.defined() || model.points.size(0) == 0; };
+  if (!lacks_points()) return;
+  const fs::path path = folder / "points3D.ply";
+  if (fs::is_regular_file(path)) read_ply_points(path, {0, 0, 0}, model);
+  if (!lacks_points()) return;
+  warnings.add(folder.string(),
+               ": expected points in points3D.bin, .txt or .ply, found none; the scene starts from "
+               "random points; copy the file from the model, or run COLMAP again");
+}
+
 void set_points(const io::ColmapModel& model, Dataset& data) {
   if (!model.points.defined() || model.points.size(0) == 0) return;
   std::vector<double> centres;
@@ -253,6 +282,7 @@ Dataset load_colmap(const DatasetOptions& options, const Warnings& warnings) {
                            ": expected images with poses, found none; copy the model again or "
                            "rerun COLMAP"));
   }
+  find_points(folder, warnings, model);
   const geometry::Vector3 origin = recentre(model);
   std::sort(model.images.begin(), model.images.end(),
             [](const io::ColmapImage& a, const io::ColmapImage& b) { return a.name < b.name; });
@@ -283,7 +313,7 @@ Dataset load_colmap(const DatasetOptions& options, const Warnings& warnings) {
   const std::vector<Frame> frames =
       read_frames(paths, MaskSources(options), warnings, FrameSizes::kAny);
   tell_unplaced(image_folder, paths, warnings);
-  tell_unused(options.path, folder, image_folder, warnings);
+  tell_unused(options.path, folder, image_folder, paths, warnings);
   const Split split = split_by_position(
       frames.size(), {options.split, options.test_last, options.test_every}, folder.string());
 

@@ -32,6 +32,16 @@ geometry::LensCamera lens_camera_of(const io::ColmapCamera& camera, int64_t widt
 /// @return that origin, of the model's coordinates; zero where nothing was moved
 geometry::Vector3 recentre(io::ColmapModel& model);
 
+/// Reads the points of a .ply into the model, about `origin` of the file's coordinates.
+/// @throws DataError naming the file for damaged content and points that are not finite.
+void read_ply_points(const std::filesystem::path& path, const geometry::Vector3& origin,
+                     io::ColmapModel& model);
+
+/// Gives a model without points those of points3D.ply in its folder, as trainers of splats leave
+/// them; a warning where there are none.
+void find_points(const std::filesystem::path& folder, const Warnings& warnings,
+                 io::ColmapModel& model);
+
 /// Points as float32 and colours in [0,1] into `data`; points that coincide with a camera, which
 /// would have no direction, are left out.
 void set_points(const io::ColmapModel& model, Dataset& data);

@@ -65,7 +65,8 @@ void UnusedParts::warn(const fs::path& path, const std::string& layout,
                ", which the reader of the layout ", layout, " does not use");
 }
 
-UnusedParts unused_in_any_layout(const fs::path& root, const fs::path& frames, bool names_masks) {
+UnusedParts unused_in_any_layout(const fs::path& root, const fs::path& frames, bool names_masks,
+                                 const std::vector<fs::path>& read) {
   static const std::vector<FormatPart> in_root = {
       {"depths/", "depth maps"},
       {"depth/", "depth maps"},
@@ -92,7 +93,12 @@ UnusedParts unused_in_any_layout(const fs::path& root, const fs::path& frames, b
   };
   UnusedParts parts;
   parts.look_for_files(root, in_root);
-  parts.look_for_files(frames, beside_frames);
+  for (const FormatPart& part : beside_frames) {
+    const bool in_use = std::any_of(read.begin(), read.end(), [&](const fs::path& frame) {
+      return part.name == concat("*", frame.extension().string());
+    });
+    if (!in_use) parts.look_for_files(frames, {part});
+  }
   if (names_masks) return parts;
   const std::string meaning = "masks; those that count are read from masks/ beside the frames";
   parts.look_for_files(root, {{"mask/", meaning}});

@@ -39,7 +39,9 @@ class UnusedParts {
 /// Parts that no reader uses: depth maps, normals and the like in the folder of a data set, and
 /// frames of other formats beside those that are read, and masks in mask/ or among the frames.
 /// @param names_masks  the data set names the files of its masks, so those folders may be in use
+/// @param read         frames that were read; formats among them are no formats that are not read
 UnusedParts unused_in_any_layout(const std::filesystem::path& root,
-                                 const std::filesystem::path& frames, bool names_masks = false);
+                                 const std::filesystem::path& frames, bool names_masks = false,
+                                 const std::vector<std::filesystem::path>& read = {});
 
 }  // namespace jade::data
