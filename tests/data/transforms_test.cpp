@@ -351,6 +351,32 @@ TEST_CASE("transforms: paths of Windows and of another machine are found", "[dat
   CHECK(room.load().train[0].name == "f1");
 }
 
+TEST_CASE("transforms: paths escaped as in a URL are found", "[data]") {
+  Room room("", "images%2Ff");
+  CHECK(room.load().train[0].name == "f1");
+  CHECK(room.warnings.empty());
+}
+
+TEST_CASE("transforms: names that differ by capitals or their ending are told with an example",
+          "[data]") {
+  Room room("", "Images/F");
+  CHECK_THROWS_NAMING(DataError, room.load(), "Images/F0.png", "images/f0.png", "rename");
+  Room ending;
+  for (const int i : {3, 4}) {
+    const fs::path image = ending.folder / concat("room/images/f", i);
+    fs::rename(image.string() + ".png", image.string() + ".bmp");
+  }
+  CHECK(ending.load().train.size() + ending.load().test.size() == 8);
+  CHECK(test::mentions(ending.warnings, "images/f3.bmp"));
+}
+
+TEST_CASE("transforms: a frame that is listed twice is refused by name", "[data]") {
+  Room room;
+  room.put("transforms.json", "",
+           frames_json("images/f", ".png", 5) + "," + frames_json("./images/f", "", 2));
+  CHECK_THROWS_NAMING(DataError, room.load(), "transforms.json", "images/f0", "listed twice");
+}
+
 TEST_CASE("transforms: ply_file_path gives the points", "[data]") {
   Room room(R"("ply_file_path":"sparse_pc.ply",)");
   room.folder.write("room/sparse_pc.ply",
@@ -435,6 +461,27 @@ TEST_CASE("transforms: distortion_params is the lens, as the single coefficients
   CHECK_THROWS_AS(load_one(folder, camera + R"("distortion_params":["a",0,0,0,0,0],)"), DataError);
 }
 
+TEST_CASE("transforms: coefficients beside camera_model PINHOLE are used, with a warning",
+          "[data]") {
+  const test::TempDir folder;
+  const auto load = [&](const std::string& model, const std::string& keys,
+                        std::vector<std::string>* warnings) {
+    load_one(folder, "\"camera_model\":\"" + model + "\",\"fl_x\":15," + keys);
+    return load_dataset(at(folder / "room"), warnings);
+  };
+  std::vector<std::string> warnings, none;
+  const Dataset opencv = load("OPENCV", R"("k1":-0.3,"p1":0.01,)", nullptr);
+  for (const char* model : {"PINHOLE", "SIMPLE_PINHOLE", "pinhole"}) {
+    warnings.clear();
+    const Dataset data = load(model, R"("k1":-0.3,"p1":0.01,)", &warnings);
+    CHECK(data.train[0].blurry.equal(opencv.train[0].blurry));
+    CHECK(test::mentions(warnings, "PINHOLE"));
+    CHECK(test::mentions(warnings, "k1"));
+  }
+  CHECK(load("PINHOLE", R"("k1":0,"k2":0.0,)", &none).notes.empty());
+  CHECK_FALSE(test::mentions(none, "PINHOLE"));
+}
+
 TEST_CASE("transforms: fields of view keep the principal point, and y has its own", "[data]") {
   const test::TempDir folder;
   const auto camera = [&](const std::string& keys) {
@@ -474,6 +521,13 @@ TEST_CASE("transforms: what is wrong with a matrix is said", "[data]") {
   const auto load = [&](const std::string& matrix) {
     return load_one(folder, "\"fl_x\":25,", matrix);
   };
+  CHECK_THROWS_NAMING(DataError, load("[[1,0,0,0],[0,1,0,0],[0,0,1,0],[2,3,4,1]]"), "last row",
+                      "[2,3,4,1]", "transposed");
+  CHECK_THROWS_NAMING(DataError, load("[[1,0,0,5],[0,1,0,0],[0,0,1,0],[0,0,0,0]]"), "last row",
+                      "[0,0,0,0]");
+  CHECK_THROWS_NAMING(DataError, load("[[1,0,0,5],[0,1,0,0],[0,0,1,0],[0,0,1]]"), "[0,0,1]");
+  CHECK(load("[[1,0,0,5],[0,1,0,0],[0,0,1,0]]").train.size() == 1);
+  CHECK(load("[[1,0,0,5],[0,1,0,0],[0,0,1,0],[0,0,0,1.0000001]]").train.size() == 1);
   CHECK_THROWS_NAMING(DataError, load("[[-1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]"), "mirrored",
                       "negate");
   CHECK_THROWS_NAMING(DataError, load("[[2,0,0,0],[0,2,0,0],[0,0,2,0],[0,0,0,1]]"), "scaled by 2",

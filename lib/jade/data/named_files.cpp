@@ -2,6 +2,9 @@
 #include "jade/data/named_files.h"
 
 #include <algorithm>
+#include <cctype>
+
+#include "jade/imaging/image_io.h"
 
 namespace jade::data {
 namespace {
@@ -30,11 +33,72 @@ fs::path moved_file(const fs::path& folder, const fs::path& given) {
   return {};
 }
 
+std::string in_small_letters(std::string text) {
+  std::transform(text.begin(), text.end(), text.begin(),
+                 [](unsigned char letter) { return char(std::tolower(letter)); });
+  return text;
+}
+
+/// The folder of this name in another, by its capitals or else without regard to them; empty where
+/// there is none.
+fs::path near_folder(const fs::path& folder, const fs::path& name) {
+  std::error_code error;
+  if (fs::is_directory(folder / name, error)) return (folder / name).lexically_normal();
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error)) {
+    std::error_code ignored;
+    if (entry->is_directory(ignored) &&
+        in_small_letters(entry->path().filename().string()) == in_small_letters(name.string())) {
+      return entry->path();
+    }
+  }
+  return {};
+}
+
+/// The value of a hexadecimal digit, or -1.
+int digit_of(char c) {
+  const auto small = std::tolower(static_cast<unsigned char>(c));
+  if (small >= '0' && small <= '9') return small - '0';
+  return small >= 'a' && small <= 'f' ? small - 'a' + 10 : -1;
+}
+
 }  // namespace
 
 std::string slashed(std::string path) {
   std::replace(path.begin(), path.end(), '\\', '/');
   return path;
+}
+
+std::string unescaped(const std::string& path) {
+  std::string plain;
+  for (size_t i = 0; i < path.size(); ++i) {
+    const int high = path[i] == '%' && i + 2 < path.size() ? digit_of(path[i + 1]) : -1;
+    const int low = high >= 0 ? digit_of(path[i + 2]) : -1;
+    if (low < 0 || 16 * high + low == 0) {
+      plain += path[i];
+      continue;
+    }
+    plain += char(16 * high + low);
+    i += 2;
+  }
+  return plain;
+}
+
+fs::path near_image(const fs::path& folder, const std::string& given) {
+  const fs::path path = fs::path(slashed(given)).lexically_normal().relative_path();
+  fs::path place = folder;
+  for (const fs::path& part : path.parent_path()) {
+    place = near_folder(place, part);
+    if (place.empty()) return {};
+  }
+  if (!fs::is_directory(place)) return {};
+  const std::string name = in_small_letters(path.filename().string()),
+                    stem = in_small_letters(path.stem().string());
+  for (const fs::path& image : imaging::list_images(place)) {
+    const std::string found = in_small_letters(image.stem().string());
+    if (found == stem || found == name) return image.lexically_relative(folder);
+  }
+  return {};
 }
 
 fs::path file_inside(const fs::path& folder, const fs::path& given) {
@@ -54,6 +118,7 @@ fs::path file_inside(const fs::path& folder, const fs::path& given) {
 fs::path NamedFiles::find_image(const std::string& name) {
   if (image_folder.empty()) return find(name);
   fs::path found = file_inside(folder / image_folder, slashed(name));
+  if (found.empty()) found = file_inside(folder / image_folder, slashed(unescaped(name)));
   if (found.empty()) missing.push_back(name);
   return found;
 }
@@ -63,9 +128,13 @@ fs::path NamedFiles::find(const std::string& name) {
   if (fs::path found = existing_file(folder / name); !found.empty()) return found;
   const fs::path given = slashed(name);
   if (fs::path found = existing_file(folder / given); !found.empty()) return found;
-  if (fs::path found = moved_file(folder, given); !found.empty()) {
-    moved.push_back(name);
-    return found;
+  const fs::path plain = slashed(unescaped(name));
+  if (fs::path found = existing_file(folder / plain); !found.empty()) return found;
+  for (const fs::path& whole : {given, plain}) {
+    if (fs::path found = moved_file(folder, whole); !found.empty()) {
+      moved.push_back(name);
+      return found;
+    }
   }
   missing.push_back(name);
   return {};

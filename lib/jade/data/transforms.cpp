@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <torch/types.h>
@@ -17,7 +18,6 @@
 #include "jade/data/transforms_json.h"
 #include "jade/data/undistorter.h"
 #include "jade/data/unused_parts.h"
-#include "jade/gaussians/ply.h"
 #include "jade/geometry/lens.h"
 #include "jade/imaging/image_header.h"
 #include "jade/imaging/image_io.h"
@@ -71,6 +71,23 @@ void tell_moved(const fs::path& path, const std::vector<std::string>& moved,
                path.parent_path().string());
 }
 
+/// "; the file names a.png, the folder has a.PNG: …" for the first name that differs from a file by
+/// capitals or by its ending only; empty if none does.
+std::string near_name(const NamedFiles& files) {
+  constexpr size_t kTried = 20;
+  for (size_t i = 0; i < std::min(files.missing.size(), kTried); ++i) {
+    const std::string& name = files.missing[i];
+    const fs::path found = files.image_folder.empty()
+                               ? near_image(files.folder, name)
+                               : near_image(files.folder / files.image_folder,
+                                            fs::path(slashed(name)).filename().string());
+    if (found.empty()) continue;
+    return concat("; the file names ", name, ", the folder has ", found.string(),
+                  ": rename the files as in 'file_path', or the other way round");
+  }
+  return "";
+}
+
 /// Most scenes lack none; where a few images were dropped, the rest is a scene still.
 void tell_missing(const fs::path& path, const NamedFiles& files, size_t frames,
                   const Warnings& warnings) {
@@ -81,12 +98,37 @@ void tell_missing(const fs::path& path, const NamedFiles& files, size_t frames,
   const std::string what =
       concat(path.string(), ": ", missing.size(), " of ", frames,
              " frames name an image that is not ", place, ": ", listing(missing, 3));
+  const std::string near = near_name(files);
   const size_t left = frames - missing.size();
   if (left < std::min<size_t>(frames, kFewestFrames) || 2 * left < frames) {
     throw DataError(concat(what, "; expected at least half of them and no fewer than ",
-                           kFewestFrames, "; is the folder of the images complete?"));
+                           kFewestFrames,
+                           near.empty() ? "; is the folder of the images complete?" : near));
   }
-  warnings.add(what, "; they are left out");
+  warnings.add(what, "; they are left out", near);
+}
+
+/// @throws DataError for an image that two frames of a file name.
+void check_listed_once(const fs::path& path, const std::vector<ListedView>& views) {
+  std::map<fs::path, const ListedView*> known;
+  for (const ListedView& view : views) {
+    const auto [at, added] = known.emplace(view.path, &view);
+    if (added) continue;
+    throw DataError(concat(path.string(), ": expected one frame for each image, found ", view.given,
+                           " listed twice", view.given == at->second->given ? "" : ", also as ",
+                           view.given == at->second->given ? "" : at->second->given,
+                           "; remove one of the two"));
+  }
+}
+
+/// A camera without a lens that has coefficients of one.
+void tell_contradicting_models(const fs::path& path, size_t count, const std::string& model,
+                               const Warnings& warnings) {
+  if (count == 0) return;
+  warnings.add(path.string(), ": ", count, " frames have camera_model ", model,
+               ", which has no distortion, and coefficients (k1, k2, p1, p2, …) that are not 0; ",
+               "they are undistorted as OPENCV, as nerfstudio does; if the images are undistorted "
+               "already, remove the coefficients");
 }
 
 /// A file and the views whose images are there.
@@ -117,6 +159,8 @@ TransformsFile read_transforms(const fs::path& path, const std::string& image_fo
   std::vector<ListedView> views;
   NamedFiles files{path.parent_path(), image_folder, {}, {}};
   if (!image_folder.empty()) find_image_folder(path.parent_path(), image_folder);
+  size_t contradicting = 0;
+  std::string contradicting_model;
   for (const json& frame : root["frames"]) {
     const std::string where = concat(path.string(), " frame ", views.size() + files.missing.size());
     ListedView view;
@@ -126,6 +170,12 @@ TransformsFile read_transforms(const fs::path& path, const std::string& image_fo
     view.mask = mask_of(path.parent_path(), image_folder, frame, where);
     view.camera = camera_of_frame(root, frame, where);
     view.lens = lens_of_frame(root, frame, where);
+    const std::string model = camera_model_of(root, frame);
+    const bool is_pinhole = model == "PINHOLE" || model == "SIMPLE_PINHOLE";
+    if (is_pinhole && view.lens.model == geometry::LensModel::kRadialTangential) {
+      ++contradicting;
+      contradicting_model = model;
+    }
     if (!frame.contains("transform_matrix")) {
       throw DataError(concat(where, ": expected a 'transform_matrix'"));
     }
@@ -142,6 +192,8 @@ TransformsFile read_transforms(const fs::path& path, const std::string& image_fo
     }
     views.push_back(std::move(view));
   }
+  check_listed_once(path, views);
+  tell_contradicting_models(path, contradicting, contradicting_model, warnings);
   tell_moved(path, files.moved, warnings);
   tell_missing(path, files, root["frames"].size(), warnings);
   if (views.empty()) throw DataError(concat(path.string(), ": has no frames"));
@@ -337,14 +389,8 @@ void read_points(const TransformsFile& file, Dataset& data, const Warnings& warn
                  ", which is not there; no points are used");
     return;
   }
-  const gaussians::PointCloud cloud = gaussians::read_point_cloud(path);
-  if (!cloud.points.isfinite().all().item<bool>()) {
-    throw DataError(concat(path.string(), ": found points that are not finite; remove them"));
-  }
   io::ColmapModel model;
-  const geometry::Vector3 &from = cloud.origin, &to = data.origin;
-  model.points = with_origin(cloud.points, {to[0] - from[0], to[1] - from[1], to[2] - from[2]});
-  model.point_colors = (cloud.colors.clamp(0, 1) * 255).round().to(torch::kUInt8);
+  read_ply_points(path, data.origin, model);
   set_points(model, data);
 }
 
@@ -392,8 +438,10 @@ void tell_unnamed(const fs::path& root, const std::string& image_folder,
 void tell_unused(const fs::path& root, const Listing& found, const Warnings& warnings) {
   const bool names_masks = std::any_of(found.views.begin(), found.views.end(),
                                        [](const ListedView& view) { return !view.mask.empty(); });
+  std::vector<fs::path> read;
+  for (const ListedView& view : found.views) read.push_back(view.path);
   UnusedParts unused =
-      unused_in_any_layout(root, found.views.front().path.parent_path(), names_masks);
+      unused_in_any_layout(root, found.views.front().path.parent_path(), names_masks, read);
   unused.look_for_keys(found.keys, unused_keys());
   unused.look_for_files(root, {{"events*.h5", "events; frames have no exposure times here"},
                                {"events*.npz", "events; frames have no exposure times here"},

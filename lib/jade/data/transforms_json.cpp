@@ -2,6 +2,7 @@
 #include "jade/data/transforms_json.h"
 
 #include <algorithm>
+#include <array>
 #include <cctype>
 #include <cmath>
 #include <iterator>
@@ -63,6 +64,32 @@ std::string fault_of(const geometry::Matrix3& m) {
 constexpr std::pair<const char*, const char*> kUnlikePinholes[] = {
     {"ftheta_p0", "an f-theta lens"}, {"latlong", "a picture of all around"}};
 
+/// Whether the values are 0, 0, 0 and 1, but for rounding.
+bool is_last_row(const std::array<double, 4>& values) {
+  constexpr double kRounding = 1e-4;
+  for (size_t i = 0; i < 4; ++i) {
+    if (!(std::abs(values[i] - (i == 3 ? 1 : 0)) < kRounding)) return false;
+  }
+  return true;
+}
+
+/// The fault of the last row of a 4x4 matrix, and its cure; empty where it is 0, 0, 0, 1.
+/// @param m  the rows before it
+std::string fault_of_last_row(const json& row, const double (&m)[3][4]) {
+  std::array<double, 4> last{};
+  if (!row.is_array() || row.size() != 4) return row.dump().substr(0, 40) + "; correct it";
+  for (size_t i = 0; i < 4; ++i) {
+    if (!row[i].is_number()) return row.dump().substr(0, 40) + "; correct it";
+    last[i] = row[i].get<double>();
+  }
+  if (is_last_row(last)) return "";
+  const std::string found = "the last row " + row.dump().substr(0, 80) + " in place of [0,0,0,1]";
+  if (is_last_row({m[0][3], m[1][3], m[2][3], last[3]})) {
+    return found + ", which is its last column: the matrix looks transposed; store it by rows";
+  }
+  return found + "; correct it";
+}
+
 /// The value of a key, of the frame or else of the file; empty where neither has it.
 std::string text_value(const json& root, const json& frame, const char* key) {
   const json& object = frame.contains(key) ? frame : root;
@@ -77,6 +104,11 @@ bool flag(const json& root, const json& frame, const char* key) {
 DataError unlike_pinhole(const std::string& where, const std::string& what) {
   return DataError(concat(where, ": expected a camera that a pinhole can replace, found ", what,
                           "; undistort the images first"));
+}
+
+bool has_coefficients(const geometry::Lens& lens) {
+  return lens.k1 != 0 || lens.k2 != 0 || lens.p1 != 0 || lens.p2 != 0 || lens.k3 != 0 ||
+         lens.k4 != 0;
 }
 
 /// Keys that nerfstudio's distortion_params stands for, in its order.
@@ -158,6 +190,11 @@ geometry::Pose pose_of_matrix(const json& matrix, const std::string& where) {
       if (!std::isfinite(m[row][column])) throw malformed(matrix[row]);
     }
   }
+  if (matrix.size() > 3) {
+    if (const std::string fault = fault_of_last_row(matrix[3], m); !fault.empty()) {
+      throw wrong(fault);
+    }
+  }
   geometry::Pose world_from_camera;
   for (size_t row = 0; row < 3; ++row) {
     for (size_t column = 0; column < 3; ++column) {
@@ -208,11 +245,16 @@ double angle_of(const json& root, const json& frame, const char* key, const std:
       concat(where, ": expected '", key, "' from 0 to 3.1 radians, found ", found, "; correct it"));
 }
 
-geometry::Lens lens_of_frame(const json& root, const json& frame, const std::string& where) {
-  using geometry::LensModel;
+std::string camera_model_of(const json& root, const json& frame) {
   std::string model = text_value(root, frame, "camera_model");
   std::transform(model.begin(), model.end(), model.begin(),
                  [](unsigned char letter) { return char(std::toupper(letter)); });
+  return model;
+}
+
+geometry::Lens lens_of_frame(const json& root, const json& frame, const std::string& where) {
+  using geometry::LensModel;
+  const std::string model = camera_model_of(root, frame);
   static const std::set<std::string> perspectives = {
       "",       "SIMPLE_PINHOLE", "PINHOLE",     "SIMPLE_RADIAL",
       "RADIAL", "OPENCV",         "FULL_OPENCV", "PERSPECTIVE"};
@@ -234,7 +276,8 @@ geometry::Lens lens_of_frame(const json& root, const json& frame, const std::str
     lens.p1 = lens.p2 = 0;
     return lens;
   }
-  if (model == "PINHOLE" || model == "SIMPLE_PINHOLE") return {};
+  const bool is_pinhole = model == "PINHOLE" || model == "SIMPLE_PINHOLE";
+  if (is_pinhole && !has_coefficients(lens)) return {};
   if (model == "FULL_OPENCV") {
     lens.k5 = value("k5");
     lens.k6 = value("k6");

@@ -22,7 +22,8 @@ nlohmann::json read_transforms_json(const std::filesystem::path& path);
 /// A text of a frame or of the file; empty where it has none.
 std::string text_of(const nlohmann::json& frame, const char* key, const std::string& where);
 
-/// camera_from_world of a transform_matrix, which is world_from_camera in OpenGL axes.
+/// camera_from_world of a transform_matrix, which is world_from_camera in OpenGL axes: 3x4, or 4x4
+/// with the last row 0, 0, 0, 1.
 geometry::Pose pose_of_matrix(const nlohmann::json& matrix, const std::string& where);
 
 /// The pinhole of a frame; 0 for what is not said.
@@ -33,8 +34,12 @@ geometry::Intrinsics camera_of_frame(const nlohmann::json& root, const nlohmann:
 double angle_of(const nlohmann::json& root, const nlohmann::json& frame, const char* key,
                 const std::string& where);
 
+/// camera_model in capitals; empty where there is none.
+std::string camera_model_of(const nlohmann::json& root, const nlohmann::json& frame);
+
 /// nerfstudio's camera_model with distortion_params or k1 to k6, p1 and p2, or instant-ngp's
-/// is_fisheye. @throws DataError for cameras that no pinhole can replace.
+/// is_fisheye. Coefficients go before the names PINHOLE and SIMPLE_PINHOLE, as in nerfstudio.
+/// @throws DataError for cameras that no pinhole can replace.
 geometry::Lens lens_of_frame(const nlohmann::json& root, const nlohmann::json& frame,
                              const std::string& where);
 
