@@ -13,6 +13,7 @@
 #include "jade/data/colmap_scene.h"
 #include "jade/data/diet_gs.h"
 #include "jade/data/evdeblur.h"
+#include "jade/data/event_file.h"
 #include "jade/data/frame_times.h"
 #include "jade/data/masks.h"
 #include "jade/data/origin.h"
@@ -174,7 +175,9 @@ Dataset load_dataset(const DatasetOptions& options, std::vector<std::string>* wa
   hold_out(data);
   tell_origin(data);
   tell_still_cameras(data, sink);
+  tell_points_behind(data, sink);
   apply_masks(data);
+  tell_hot_pixel(data, sink);
   settle_color(options.color, sink, data);
   for (SharpView& view : data.test) view.seen = is_seen(data, view);
   if (data.train.size() == 1) {

@@ -2,6 +2,7 @@
 #include "jade/data/event_file.h"
 
 #include <algorithm>
+#include <cmath>
 #include <torch/types.h>
 
 #include "jade/core/error.h"
@@ -128,6 +129,34 @@ void attach_events(const DatasetOptions& options, const EventSpan& exposures, co
                " exposures have no events (", listing(without),
                "); there the frame itself is taken as sharp. Is the recording complete, and "
                "dataset.events_unit right?");
+}
+
+void tell_hot_pixel(const Dataset& data, const Warnings& warnings) {
+  constexpr int64_t kFewestEvents = 1000, kFewestPixels = 200;
+  constexpr double kLargestShare = 0.05, kTimesOthers = 100;
+  if (data.train.empty() || data.events.size() < kFewestEvents) return;
+  const int64_t width = data.train.front().camera.width, height = data.train.front().camera.height;
+  if (width * height < kFewestPixels) return;
+  std::vector<int64_t> counts(size_t(width * height), 0);
+  const float* const x = data.events.x().const_data_ptr<float>();
+  const float* const y = data.events.y().const_data_ptr<float>();
+  for (int64_t i = 0; i < data.events.size(); ++i) {
+    const float column = std::floor(x[i] + 0.5F), row = std::floor(y[i] + 0.5F);
+    if (!(column >= 0 && column < float(width) && row >= 0 && row < float(height))) continue;
+    ++counts[size_t(int64_t(row) * width + int64_t(column))];
+  }
+  const auto highest = std::max_element(counts.begin(), counts.end());
+  const int64_t most = *highest, at = highest - counts.begin();
+  std::vector<int64_t> others = counts;
+  const auto quantile = others.begin() + std::ptrdiff_t(others.size() * 999 / 1000);
+  std::nth_element(others.begin(), quantile, others.end());
+  const double usual = std::max(1.0, double(*quantile));
+  const double share = double(most) / double(data.events.size());
+  if (share <= kLargestShare && double(most) <= kTimesOthers * usual) return;
+  warnings.add(data.root.string(), ": pixel (", at % width, ", ", at / width, ") has ", most,
+               " of ", data.events.size(), " events (", 0.1 * std::round(1000 * share),
+               " %), as a hot pixel has; exclude it by an image that is black there: "
+               "dataset.mask, or mask.png in the folder");
 }
 
 }  // namespace jade::data

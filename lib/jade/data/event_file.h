@@ -29,4 +29,8 @@ std::filesystem::path find_event_file(const DatasetOptions& options);
 void attach_events(const DatasetOptions& options, const EventSpan& exposures, const EventSpan& keep,
                    const Warnings& warnings, Dataset& data);
 
+/// Warns of a pixel with more of the events than a moving camera explains: a twentieth of all, or a
+/// hundred times what one pixel in a thousand has.
+void tell_hot_pixel(const Dataset& data, const Warnings& warnings);
+
 }  // namespace jade::data

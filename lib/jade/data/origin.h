@@ -28,4 +28,8 @@ void tell_origin(Dataset& data);
 /// Warns of cameras that all stand at one place, or have one pose.
 void tell_still_cameras(const Dataset& data, const Warnings& warnings);
 
+/// Warns of points that lie behind the cameras and are in no picture, as where the axes of the
+/// poses are of another convention.
+void tell_points_behind(const Dataset& data, const Warnings& warnings);
+
 }  // namespace jade::data
