@@ -109,6 +109,28 @@ TEST_CASE("damage: events of one polarity are named", "[data]") {
   }
 }
 
+TEST_CASE("damage: a hot pixel is named, until a mask excludes it", "[data]") {
+  Scene scene;
+  CHECK_FALSE(mentions(scene.warnings(), "hot pixel"));
+  scene.rewrite_events([](test::RawEvents& raw) {
+    for (size_t i = 0; i < 100; ++i) raw.x[10 * i] = 7, raw.y[10 * i] = 5;
+  });
+  CHECK(mentions(scene.warnings(), "pixel (7, 5) has 10"));
+  torch::Tensor mask = torch::ones({1, test::kHeight, test::kWidth});
+  mask[0][5][7] = 0;
+  imaging::write_image(scene.root / "mask.png", mask);
+  CHECK_FALSE(mentions(scene.warnings(), "hot pixel"));
+}
+
+TEST_CASE("damage: a data set in milliseconds is read as such, and told", "[data]") {
+  Scene scene;
+  scene.rewrite_events([](test::RawEvents& raw) {
+    for (double& t : raw.t) t /= 1000;
+  });
+  CHECK(mentions(scene.warnings(), "milliseconds"));
+  CHECK(load_dataset(scene.options).events.last_us() == scene.content.events.last_us());
+}
+
 TEST_CASE("damage: exposures without events are named", "[data]") {
   Scene scene;
   scene.rewrite_events([](test::RawEvents& raw) {

@@ -8,6 +8,7 @@
 
 #include "jade/core/error.h"
 #include "jade/io/npy.h"
+#include "support/naming.h"
 #include "support/temp_dir.h"
 
 namespace jade::data {
@@ -51,6 +52,57 @@ TEST_CASE("frame times: implausible times are data errors", "[data]") {
   const torch::Tensor start = torch::tensor({0., 1.}, torch::kFloat64);
   CHECK_THROWS_AS(read(start, torch::tensor({0.5, std::nan("")}, torch::kFloat64)), DataError);
   CHECK_THROWS_AS(read(start, start + 1e15), DataError);
+}
+
+TEST_CASE("frame times: milliseconds are read where no other unit is plausible", "[data]") {
+  const torch::Tensor start = torch::tensor({1000., 1100., 1200., 1300.}, torch::kFloat64);
+  const FrameTimes ms = read(start, start + 40);
+  CHECK(ms.unit == TimeUnit::kMs);
+  CHECK(ms.frames[1].start_us == 1100000);
+  CHECK(read(start.to(torch::kInt64), (start + 3).to(torch::kInt64)).unit == TimeUnit::kMs);
+  CHECK(milliseconds_note(ms, TimeUnit::kAuto, "t.npz").find("t.npz") == 0);
+  CHECK(milliseconds_note(ms, TimeUnit::kMs, "t.npz").empty());
+  CHECK(milliseconds_note(read(start, start + 40, TimeUnit::kUs), TimeUnit::kAuto, "t").empty());
+}
+
+TEST_CASE("frame times: float32 numbers that are too coarse are refused by their type", "[data]") {
+  const torch::Tensor s = torch::arange(10, torch::kFloat64) * 0.1;
+  const auto coarse = [&](double offset, double factor) {
+    const torch::Tensor start = ((s + offset) * factor).to(torch::kFloat32);
+    return read(start, ((s + offset + 0.04) * factor).to(torch::kFloat32));
+  };
+  CHECK_THROWS_NAMING(DataError, coarse(1.6e9, 1), "float32", "128", "float64");
+  CHECK_THROWS_NAMING(DataError, coarse(1.6e9, 1e6), "float32");
+  CHECK_THROWS_NAMING(DataError, coarse(1e5, 1), "float32");
+  CHECK(coarse(0, 1).frames[1].start_us == 100000);
+  CHECK(coarse(1000, 1).frames[1].end_us == Approx(1000.14e6).epsilon(1e-7));
+  CHECK(coarse(10, 1e6).unit == TimeUnit::kUs);
+}
+
+TEST_CASE("frame times: equal exposures and many that overlap are refused, a few are told",
+          "[data]") {
+  std::vector<FrameTime> times;
+  std::vector<std::string> names, lines;
+  for (int64_t i = 0; i < 20; ++i) {
+    times.push_back({100000 * i, 100000 * i + 40000});
+    names.push_back(concat(i, ".png"));
+  }
+  const auto check = [&] { check_apart(times, names, "t.npz", Warnings(&lines)); };
+  times[3].end_us = times[3].start_us;  // Sharp views have no exposure.
+  times[4].start_us = times[4].end_us = times[3].start_us;
+  times[7].end_us = times[8].start_us + 3000;  // Rounded.
+  check();
+  CHECK(lines.empty());
+  times[9].end_us = times[10].start_us + 20000;
+  check();
+  REQUIRE(lines.size() == 1);
+  CHECK_THAT(lines[0], test::naming("t.npz", "9.png", "10.png", "1 of 18"));
+  std::vector<FrameTime> good = times;
+  for (FrameTime& time : times) time.end_us += time.sharp() ? 0 : 80000;
+  CHECK_THROWS_NAMING(DataError, check(), "t.npz", "overlap", "0.png");
+  times = good;
+  times[15] = times[2];
+  CHECK_THROWS_NAMING(DataError, check(), "t.npz", "2.png", "15.png");
 }
 
 TEST_CASE("split: both rules of the benchmarks are recognised from exposure times", "[data]") {

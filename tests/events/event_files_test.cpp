@@ -490,6 +490,30 @@ TEST_CASE("event files: float32 times too coarse for events are refused", "[even
   CHECK_THAT(message_of([&] { read_events(dir / "a.npz"); }), jade::test::naming("float32"));
 }
 
+TEST_CASE("event files: times that lost their digits are refused, others are not", "[events]") {
+  const TempDir dir;
+  const auto message = [&](const std::function<double(int)>& time, int count = 2000) {
+    std::vector<float> x, y;
+    std::vector<double> t;
+    for (int i = 0; i < count; ++i) {
+      x.push_back(float(i % 31)), y.push_back(float(i % 23)), t.push_back(time(i));
+    }
+    write_h5<float, double>(dir / "a.h5", x, y, t, std::vector<int8_t>(x.size(), 1));
+    return message_of([&] { read_events(dir / "a.h5"); });
+  };
+  CHECK_THAT(message([](int) { return 1.6e9; }),
+             jade::test::naming("a.h5", "2000 events at 1 time", "digits"));
+  CHECK_THAT(message([](int i) { return 1.6e9 + 128.5 * (i / 1000); }),
+             jade::test::naming("2000 events at 2 times", "128.5"));
+  CHECK_THAT(message([](int i) { return 0.5 + 1.0 * (i / 100); }),
+             jade::test::naming("2000 events at 20 times"));
+  CHECK(message([](int) { return 1.6e9; }, 500).empty());
+  CHECK(message([](int i) { return 1e-5 * i; }).empty());
+  // A sensor that reads all its pixels at once, 100 times per second.
+  CHECK(message([](int i) { return 0.01 * (i / 60); }).empty());
+  CHECK(message([](int i) { return 0.25 * i; }).empty());
+}
+
 TEST_CASE("event files: text in the dialects of spreadsheets", "[events]") {
   const TempDir dir;
   const auto check = [&](const std::string& text) {

@@ -48,6 +48,34 @@ TEST_CASE("time unit: whole numbers of today's clock in ns are nothing else", "[
   CHECK(guess_exposure_unit(start_us, start_us + 4000, "t", "") == TimeUnit::kUs);
 }
 
+TEST_CASE("time unit: milliseconds only where frames or events fit nothing else", "[events]") {
+  const auto unit_of = [](double length, double period, bool whole = false) {
+    torch::Tensor start = 1000 + period * torch::arange(8, torch::kFloat64);
+    torch::Tensor end = start + length;
+    if (whole) start = start.to(torch::kInt64), end = end.to(torch::kInt64);
+    return guess_exposure_unit(start, end, "t", "");
+  };
+  for (const bool whole : {false, true}) {
+    CHECK(unit_of(40, 100, whole) == TimeUnit::kMs);
+    CHECK(unit_of(11, 33, whole) == TimeUnit::kMs);
+    CHECK(unit_of(3, 33, whole) == TimeUnit::kMs);
+    CHECK(unit_of(90, 1000, whole) == TimeUnit::kUs);  // 1,000 frames per second
+    CHECK(unit_of(120, 150, whole) == TimeUnit::kUs);
+    CHECK(unit_of(5000, 40000, whole) == TimeUnit::kUs);
+    CHECK(unit_of(5e6, 4e7, whole) == TimeUnit::kUs);
+  }
+  CHECK(unit_of(0.04, 0.1) == TimeUnit::kS);
+  CHECK(unit_of(1, 2) == TimeUnit::kS);
+  CHECK(unit_of(0.2, 20) == TimeUnit::kS);
+  CHECK(guess_exposure_unit(torch::tensor({1000., 1100.}), torch::tensor({1040., 1140.}), "t",
+                            "") == TimeUnit::kUs);
+  const TimeWindow exposures{1000000, 3000000};
+  CHECK(guess_time_unit(900, 3100, true, exposures) == TimeUnit::kMs);
+  CHECK(guess_time_unit(900, 3100, false, exposures) == TimeUnit::kMs);
+  CHECK(guess_time_unit(0, 3100, true, exposures) == TimeUnit::kMs);
+  CHECK(guess_time_unit(900, 3100, true, {}) == TimeUnit::kS);
+}
+
 TEST_CASE("time unit: implausible exposures say what to do", "[events]") {
   const auto start = torch::zeros({3}, torch::kInt64);
   CHECK_THROWS_WITH(

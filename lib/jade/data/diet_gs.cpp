@@ -5,12 +5,14 @@
 #include <map>
 #include <regex>
 #include <torch/types.h>
+#include <utility>
 
 #include "jade/core/error.h"
 #include "jade/data/colmap_scene.h"
 #include "jade/data/event_file.h"
 #include "jade/data/frame_times.h"
 #include "jade/data/frames.h"
+#include "jade/data/named_files.h"
 #include "jade/data/undistorter.h"
 #include "jade/data/unused_parts.h"
 #include "jade/imaging/image_io.h"
@@ -33,7 +35,7 @@ NamedViews sort_by_name(const io::ColmapModel& model, const std::string& where) 
   static const std::regex sharp(R"(GT(\d{1,9})(\..*)?)");
   NamedViews views;
   for (const io::ColmapImage& image : model.images) {
-    const std::string name = fs::path(image.name).filename().string();
+    const std::string name = fs::path(slashed(image.name)).filename().string();
     std::smatch match;
     bool fresh = true;
     if (std::regex_match(name, match, moving) && std::stoi(match[2]) < kExposurePoses) {
@@ -130,7 +132,7 @@ bool is_diet_gs(const fs::path& folder) {
   if (fs::exists(folder / "events")) return true;
   const std::vector<io::ColmapImage> images = io::read_colmap(model).images;
   for (const io::ColmapImage& image : images) {
-    const std::string name = fs::path(image.name).filename().string();
+    const std::string name = fs::path(slashed(image.name)).filename().string();
     if (name.rfind("GT", 0) != 0 && !std::regex_match(name, std::regex(R"(\d+_\d(\..*)?)"))) {
       return false;
     }
@@ -147,6 +149,7 @@ Dataset load_diet_gs(const DatasetOptions& options, const Warnings& warnings) {
   }
   tell_other_models(folder, warnings);
   io::ColmapModel model = io::read_colmap(folder);
+  find_points(folder, warnings, model);
   const geometry::Vector3 origin = recentre(model);
   NamedViews views = sort_by_name(model, folder.string());
   check_complete(views, folder.string());
@@ -162,11 +165,17 @@ Dataset load_diet_gs(const DatasetOptions& options, const Warnings& warnings) {
                            " are needed; copy the folder again"));
   }
   const fs::path time_path = converted_file(options.path, "timestamps.npz");
-  const std::vector<FrameTime> times = read_frame_times(time_path, options.time_unit).frames;
+  FrameTimes read_times = read_frame_times(time_path, options.time_unit);
+  const std::string times_note = milliseconds_note(read_times, options.time_unit, time_path);
+  std::vector<FrameTime> times = std::move(read_times.frames);
   if (int64_t(times.size()) < count) {
     throw DataError(concat(time_path.string(), ": ", times.size(), " windows for ", count,
                            " frames; run scripts/convert_diet_gs.py again"));
   }
+  times.resize(size_t(count));
+  std::vector<std::string> names;
+  for (const fs::path& file : files) names.push_back(file.filename().string());
+  check_apart(times, names, time_path.string(), warnings);
   converted_file(options.path, "events.h5");
   UnusedParts unused = unused_in_any_layout(options.path, image_folder);
   unused.look_for_files(options.path, {{"poses_bounds*.npy", "other poses"},
@@ -178,6 +187,7 @@ Dataset load_diet_gs(const DatasetOptions& options, const Warnings& warnings) {
   data.root = options.path;
   data.origin = origin;
   data.split = concat(views.sharp.size(), " views named GT<i>");
+  if (!times_note.empty()) data.notes.push_back(times_note);
   add_exposures(views, model, read_frames(files, MaskSources(options), warnings), times, warnings,
                 data);
   set_points(model, data);

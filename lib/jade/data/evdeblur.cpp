@@ -107,6 +107,7 @@ struct Sources {
   fs::path time_path;
   std::vector<FrameTime> times;
   events::TimeUnit time_unit;
+  std::string times_note;       ///< of their unit, or empty
   std::vector<LlffView> views;  ///< about `origin`
   geometry::Vector3 origin{};   ///< of the files' coordinates
 };
@@ -141,6 +142,7 @@ Sources read_sources(const DatasetOptions& options, const Warnings& warnings) {
   s.image_files = imaging::list_images(s.images);
   s.time_path = times_file(options.path, s.images);
   FrameTimes times = read_frame_times(s.time_path, options.time_unit);
+  s.times_note = milliseconds_note(times, options.time_unit, s.time_path);
   s.times = std::move(times.frames);
   s.time_unit = times.unit;
   const fs::path pose_path = options.path / "poses_bounds.npy";
@@ -158,6 +160,9 @@ Sources read_sources(const DatasetOptions& options, const Warnings& warnings) {
                            " poses in poses_bounds.npy; there must be one of each per frame"));
   }
   warn_of_order(s, warnings);
+  std::vector<std::string> names;
+  for (const fs::path& file : s.image_files) names.push_back(file.filename().string());
+  check_apart(s.times, names, s.time_path.string(), warnings);
   recentre(s);
   return s;
 }
@@ -366,6 +371,7 @@ Dataset load_evdeblur(const DatasetOptions& options, const Warnings& warnings) {
   data.root = options.path;
   data.origin = s.origin;
   data.split = split.rule;
+  if (!s.times_note.empty()) data.notes.push_back(s.times_note);
   set_bounds(s, data);
   const geometry::Trajectory path = choose_path(options, s, data, warnings);
   add_frames(s, read_frames(s.image_files, MaskSources(options), warnings), split, path, warnings,

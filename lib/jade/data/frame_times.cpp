@@ -2,7 +2,9 @@
 #include "jade/data/frame_times.h"
 
 #include <algorithm>
+#include <cmath>
 #include <torch/types.h>
+#include <utility>
 
 #include "jade/core/error.h"
 #include "jade/io/npy.h"
@@ -45,6 +47,27 @@ void check_train_left(const std::vector<bool>& is_test, const std::string& path)
                          "dataset.split"));
 }
 
+/// @throws DataError where a type of fewer digits than float64 rounds times by more than a fiftieth
+///   of the frame period.
+void check_precision(const torch::Tensor& times, const std::string& name) {
+  constexpr double kLargestShare = 0.02;
+  constexpr double kFinest = 1e-3;  // no unit makes steps below this matter
+  const bool is_half = times.scalar_type() == torch::kFloat16;
+  if ((times.scalar_type() != torch::kFloat32 && !is_half) || times.numel() < 2) return;
+  const torch::Tensor wide = times.to(torch::kFloat64);
+  const auto [low, high] = wide.aminmax();
+  const double first = low.item<double>(), last = high.item<double>();
+  const double size = std::max(std::abs(first), std::abs(last));
+  if (!std::isfinite(size) || size == 0) return;
+  const double step = std::ldexp(1.0, std::ilogb(size) - (is_half ? 10 : 23));
+  const double period = (last - first) / double(times.numel() - 1);
+  if (step < kFinest || step <= kLargestShare * period) return;
+  throw DataError(concat(name, ": expected times that tell frames apart, found ",
+                         is_half ? "float16" : "float32", " numbers near ", size,
+                         ", where the type has a value every ", step,
+                         "; store the times as float64 or as integers, from their source"));
+}
+
 }  // namespace
 
 FrameTimes read_frame_times(const std::filesystem::path& path, TimeUnit unit) {
@@ -57,6 +80,8 @@ FrameTimes read_frame_times(const std::filesystem::path& path, TimeUnit unit) {
                            "length, found ",
                            start.sizes(), " and ", end.sizes()));
   }
+  check_precision(start, path.string() + "[timestamps_start]");
+  check_precision(end, path.string() + "[timestamps_end]");
   const TimeUnit known =
       unit == TimeUnit::kAuto
           ? events::guess_exposure_unit(start, end, path.string(), "set dataset.time_unit")
@@ -74,6 +99,58 @@ FrameTimes read_frame_times(const std::filesystem::path& path, TimeUnit unit) {
     }
   }
   return times;
+}
+
+void check_apart(const std::vector<FrameTime>& times, const std::vector<std::string>& names,
+                 const std::string& path, const Warnings& warnings) {
+  constexpr double kLargestOverlap = 0.05;  // of the frame period
+  constexpr double kMostOverlapping = 0.1;  // of the exposures
+  std::vector<size_t> exposed;
+  for (size_t i = 0; i < times.size(); ++i) {
+    if (!times[i].sharp()) exposed.push_back(i);
+  }
+  if (exposed.size() < 2) return;
+  std::stable_sort(exposed.begin(), exposed.end(), [&](size_t a, size_t b) {
+    return std::pair(times[a].start_us, times[a].end_us) <
+           std::pair(times[b].start_us, times[b].end_us);
+  });
+  std::vector<int64_t> steps;
+  for (size_t i = 1; i < exposed.size(); ++i) {
+    const FrameTime &a = times[exposed[i - 1]], &b = times[exposed[i]];
+    if (a.start_us == b.start_us && a.end_us == b.end_us) {
+      throw DataError(concat(path, ": expected an exposure of its own for each frame, found ",
+                             names.at(exposed[i - 1]), " and ", names.at(exposed[i]),
+                             " both exposed from ", a.start_us, " to ", a.end_us,
+                             " us; correct the times"));
+    }
+    steps.push_back(b.start_us - a.start_us);
+  }
+  const auto middle = steps.begin() + std::ptrdiff_t(steps.size() / 2);
+  std::nth_element(steps.begin(), middle, steps.end());
+  const int64_t period_us = *middle;
+  size_t overlapping = 0, first = 0;
+  for (size_t i = 1; i < exposed.size(); ++i) {
+    const int64_t overlap_us = times[exposed[i - 1]].end_us - times[exposed[i]].start_us;
+    if (double(overlap_us) <= kLargestOverlap * double(period_us)) continue;
+    if (overlapping++ == 0) first = i;
+  }
+  if (overlapping == 0) return;
+  const size_t a = exposed[first - 1], b = exposed[first];
+  const std::string found =
+      concat(path, ": expected exposures that end before the next begins, found ", overlapping,
+             " of ", exposed.size(), " that overlap, as ", names.at(a), " (until ", times[a].end_us,
+             " us) and ", names.at(b), " (from ", times[b].start_us, " us), at a frame period of ",
+             period_us, " us; correct their lengths");
+  if (double(overlapping) > kMostOverlapping * double(exposed.size())) throw DataError(found);
+  warnings.add(found);
+}
+
+std::string milliseconds_note(const FrameTimes& times, events::TimeUnit wanted,
+                              const std::filesystem::path& path) {
+  if (wanted != TimeUnit::kAuto || times.unit != TimeUnit::kMs) return "";
+  return concat(path.string(),
+                ": times are read as milliseconds, as no camera takes frames at the rate and of "
+                "the length that they say in us or s; dataset.time_unit names another unit");
 }
 
 Split split_frames(const std::vector<FrameTime>& times, const SplitRule& rule,

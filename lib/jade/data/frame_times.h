@@ -28,8 +28,22 @@ struct FrameTimes {
 /// Reads the arrays timestamps_start and timestamps_end.
 /// @param unit  with kAuto as events::guess_exposure_unit has it
 /// @throws DataError for missing arrays, lengths that differ, values that are not finite, ends
-///         before starts, or exposures of no plausible length in any unit.
+///         before starts, exposures of no plausible length in any unit, or floating-point numbers
+///         that are too coarse for the times they hold.
 FrameTimes read_frame_times(const std::filesystem::path& path, events::TimeUnit unit);
+
+/// Looks for exposures that one sensor cannot have taken. A few that overlap are a warning.
+/// @param names  of the frames, at least as many as times
+/// @param path   of the times, for messages
+/// @throws DataError for two frames of one exposure, and where more than a tenth of the exposures
+///   overlap the next by more than 5 % of the frame period, which rounding does not do.
+void check_apart(const std::vector<FrameTime>& times, const std::vector<std::string>& names,
+                 const std::string& path, const Warnings& warnings);
+
+/// A note on times that were found to be in ms; empty for others.
+/// @param wanted  the unit of the options
+std::string milliseconds_note(const FrameTimes& times, events::TimeUnit wanted,
+                              const std::filesystem::path& path);
 
 /// Which frames are test views.
 struct Split {

@@ -166,7 +166,7 @@ TimeUnit chosen_unit(const std::filesystem::path& path, const TimeRange& range, 
   throw DataError(concat(path.string(), ": events run from ", range.first, " to ", range.last,
                          ", exposures from ", options.exposures->begin_us, " to ",
                          options.exposures->end_us,
-                         " us: the two clocks do not overlap in us, ns or s; are both of one "
+                         " us: the two clocks do not overlap in us, ns, ms or s; are both of one "
                          "recording, and is the offset between them right (jade_import: "
                          "--offset-ms)?"));
 }
@@ -329,10 +329,16 @@ EventGroupResult read_event_group(const std::filesystem::path& path,
   if (options.time_unit == TimeUnit::kAuto && raw.unit == TimeUnit::kAuto) {
     const std::string doubt = milliseconds_warning(path, raw.time, result.time_unit);
     if (!doubt.empty()) result.warnings.push_back(doubt);
+    if (result.time_unit == TimeUnit::kMs) {
+      result.warnings.push_back(concat(path.string(),
+                                       ": event times are read as milliseconds, the only unit in "
+                                       "which they cover the exposures"));
+    }
   }
   if (raw.time.numel() > 0) {
     check_resolution(path, range.first, range.last, raw.time.numel(), raw.time_bits,
                      result.time_unit);
+    if (options.most == 0) check_digits(path, raw.time, result.time_unit);
   }
   all.sensor = raw.size;
   raw.time = to_us(raw.time, result.time_unit);

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/events/time_faults.h"
 
+#include <ATen/ops/_unique.h>
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 
 #include "jade/core/error.h"
 
@@ -64,6 +66,40 @@ void check_resolution(const std::filesystem::path& path, double smallest, double
                          " times near ", size, ", where the type has a value every ", step,
                          "; store the times as float64 or as integers, from the recording's own "
                          "source"));
+}
+
+void check_digits(const std::filesystem::path& path, const torch::Tensor& time, TimeUnit unit) {
+  constexpr int64_t kTelling = 1000;  // events
+  constexpr double kCoarsestUs = 1000, kLongUs = 100000;
+  constexpr int64_t kFew = 16, kCrowd = 50;  // times; events at each
+  if (time.numel() < kTelling) return;
+  // Two times closer than this are enough to stop: nearly always the first two that differ.
+  const double close = kCoarsestUs / us_per_unit(unit);
+  const auto has_close_times = [&](const auto* t) {
+    for (int64_t i = 1; i < time.numel(); ++i) {
+      if (t[i] != t[i - 1] && std::abs(double(t[i]) - double(t[i - 1])) < close) return true;
+    }
+    return false;
+  };
+  if (time.is_floating_point() ? has_close_times(time.const_data_ptr<double>())
+                               : has_close_times(time.const_data_ptr<int64_t>())) {
+    return;
+  }
+  const torch::Tensor distinct = std::get<0>(at::_unique(time, /*sorted=*/true));
+  const int64_t count = distinct.numel();
+  double apart = 0;
+  if (count > 1) {
+    apart = distinct.diff().min().to(torch::kFloat64).item<double>();
+    const double apart_us = apart * us_per_unit(unit);
+    const bool is_coarse = apart_us >= kLongUs || (apart_us >= kCoarsestUs && count <= kFew);
+    if (!is_coarse || time.numel() < kCrowd * count) return;
+  }
+  throw DataError(concat(path.string(), ": expected event times at most 1 ms apart, found ",
+                         time.numel(), " events at ", count, count == 1 ? " time" : " times",
+                         count == 1 ? "" : concat(", ", apart, " or more apart"), " (the first ",
+                         distinct[0].to(torch::kFloat64).item<double>(),
+                         "): digits were lost; write the times as integers in us or ns, or with "
+                         "six decimals and more"));
 }
 
 std::string milliseconds_warning(const std::filesystem::path& path, const torch::Tensor& time,

@@ -32,6 +32,11 @@ WrappedCounter unwrap_counter(torch::Tensor& times);
 void check_resolution(const std::filesystem::path& path, double smallest, double largest,
                       int64_t count, int bits, TimeUnit unit);
 
+/// @param time  float64 or int64 [N], as stored
+/// @throws DataError where a thousand events or more lie on a few times, 1 ms apart or more, or all
+///   on one: their last digits were lost before they were stored.
+void check_digits(const std::filesystem::path& path, const torch::Tensor& time, TimeUnit unit);
+
 /// A warning where times in the unit that was guessed have the rate of a recording in milliseconds:
 /// seconds without a digit below the millisecond and fewer than ten events in each, or whole
 /// microseconds with more events than a camera sends. Empty for others.

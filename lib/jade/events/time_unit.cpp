@@ -6,6 +6,7 @@
 #include <cmath>
 #include <initializer_list>
 #include <torch/types.h>
+#include <tuple>
 
 #include "jade/core/check.h"
 
@@ -52,6 +53,27 @@ TimeUnit lone_unit(const torch::Tensor& times) {
   return times.max().to(torch::kFloat64).item<double>() > kOnlyNs ? TimeUnit::kNs : TimeUnit::kUs;
 }
 
+/// Median time from one start to the next; 0 of fewer than three.
+double period_of(const torch::Tensor& start) {
+  if (start.numel() < 3) return 0;
+  return std::get<0>(start.to(torch::kFloat64).sort()).diff().median().item<double>();
+}
+
+/// Whether frames of this length and period are what cameras take, both in ms.
+bool is_ordinary_in_ms(double length, double period) {
+  constexpr double kShortest = 0.1, kLongest = 1000, kFastest = 1, kSlowest = 5000;
+  constexpr double kRounding = 1.05;
+  return length >= kShortest && length <= kLongest && period >= kFastest && period <= kSlowest &&
+         length <= kRounding * period;
+}
+
+/// Whether no camera beside event pixels takes such frames, although `unit` allows their length:
+/// more than 5,000 per second exposed for less than 100 us, or one in 10 s for half a second.
+bool is_implausible(TimeUnit unit, double length, double period) {
+  if (unit == TimeUnit::kUs) return length < 100 && period < 200;
+  return unit == TimeUnit::kS && length >= 0.5 && period >= 10;
+}
+
 }  // namespace
 
 std::optional<TimeUnit> unit_of_word(std::string word) {
@@ -90,6 +112,9 @@ std::optional<TimeUnit> guess_time_unit(double first, double last, bool has_frac
     const double match = match_of(unit, first, last, *exposures);
     if (match > best_match) best = unit, best_match = match;
   }
+  constexpr double kPoor = 0.1, kGood = 0.5;
+  const bool can_be_ms = !only_ns && best_match < kPoor;
+  if (can_be_ms && match_of(TimeUnit::kMs, first, last, *exposures) > kGood) return TimeUnit::kMs;
   return best;
 }
 
@@ -100,14 +125,17 @@ TimeUnit guess_exposure_unit(const torch::Tensor& start, const torch::Tensor& en
   torch::Tensor lengths = (end - start).to(torch::kFloat64);
   lengths = lengths.masked_select(lengths > 0);
   if (lengths.numel() == 0) return lone_unit(start);
-  const double median = lengths.median().item<double>();
+  const double median = lengths.median().item<double>(), period = period_of(start);
+  const bool can_be_ms = is_ordinary_in_ms(median, period);
   for (const TimeUnit unit : {TimeUnit::kUs, TimeUnit::kNs, TimeUnit::kS}) {
     if (unit == TimeUnit::kS && !floating) continue;
     const double us = median * us_per_unit(unit);
-    if (us >= kShortestUs && us <= kLongestUs) return unit;
+    if (us < kShortestUs || us > kLongestUs) continue;
+    return can_be_ms && is_implausible(unit, median, period) ? TimeUnit::kMs : unit;
   }
+  if (can_be_ms) return TimeUnit::kMs;
   throw DataError(concat(name, ": the median exposure is ", median,
-                         ", which is no plausible time in us, ns or s; ", mend));
+                         ", which is no plausible time in us, ns, ms or s; ", mend));
 }
 
 std::vector<int64_t> times_us(const torch::Tensor& times, TimeUnit unit, const std::string& name) {

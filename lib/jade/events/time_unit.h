@@ -36,7 +36,8 @@ double us_per_unit(TimeUnit unit);
 /// most of the exposures and, less strongly, in which both spans are alike. So it is found where
 /// events cover a fifth of the exposures, or go on for a hundred times as long. Without exposures
 /// µs for whole numbers and seconds for numbers with a fraction. Whole numbers above kOnlyNs are
-/// ns. ms are never guessed: only a name, an attribute or the user says them.
+/// ns. They are ms where in these they cover the exposures, and hardly any of them otherwise;
+/// without exposures only a name, an attribute or the user says so.
 /// None when the recording meets the exposures in no unit.
 std::optional<TimeUnit> guess_time_unit(double first, double last, bool has_fraction,
                                         const std::optional<TimeWindow>& exposures);
@@ -44,7 +45,9 @@ std::optional<TimeUnit> guess_time_unit(double first, double last, bool has_frac
 /// The unit of the times of exposures: that in which the median length of those that have one is
 /// between 10 µs and 5 s, tried in the order µs, ns, s; seconds are floating point, and where no
 /// exposure has a length floating point is seconds, unless no time has a fraction and they lie more
-/// than 1000 apart on average: these are µs. Whole numbers above kOnlyNs are ns.
+/// than 1000 apart on average: these are µs. Whole numbers above kOnlyNs are ns. They are ms where
+/// three frames or more are ordinary in these, and no camera takes such frames otherwise: shorter
+/// than 100 µs at more than 5,000 per second, or longer than 0.5 s at one in 10 s or fewer.
 /// @param start,end  [N] of one integer or floating type
 /// @param mend  what to do about exposures of no plausible length, for the message
 /// @throws DataError beginning with `name` for those.

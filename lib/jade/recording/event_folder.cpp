@@ -143,6 +143,9 @@ void add_npz_times(const fs::path& path, TimeUnit wanted, std::vector<FrameFile>
   const TimeUnit unit = wanted == TimeUnit::kAuto ? events::guess_exposure_unit(
                                                         start, end, path.string(), "give the unit")
                                                   : wanted;
+  if (wanted == TimeUnit::kAuto && unit == TimeUnit::kMs) {
+    recording.notes.push_back(concat(path.string(), ": times are read as milliseconds"));
+  }
   const auto from = events::times_us(start, unit, path.string());
   const auto to = events::times_us(end, unit, path.string());
   for (size_t i = 0; i < files.size(); ++i) {
