@@ -338,7 +338,9 @@ EventGroupResult read_event_group(const std::filesystem::path& path,
   if (raw.time.numel() > 0) {
     check_resolution(path, range.first, range.last, raw.time.numel(), raw.time_bits,
                      result.time_unit);
-    if (options.most == 0) check_digits(path, raw.time, result.time_unit);
+    if (options.most == 0 || raw.time.numel() < options.most) {
+      check_digits(path, raw.time, result.time_unit);
+    }
   }
   all.sensor = raw.size;
   raw.time = to_us(raw.time, result.time_unit);
