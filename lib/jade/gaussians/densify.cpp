@@ -47,8 +47,7 @@ splat::Gaussians split_children(const splat::Gaussians& values, const torch::Ten
 }
 
 /// Mask of Gaussians to keep: not too faint, not too large, finite.
-torch::Tensor survivors(const splat::Gaussians& values, const DensifyOptions& options,
-                        double extent, bool prune_large) {
+torch::Tensor survivors(const splat::Gaussians& values, double extent, bool prune_large) {
   torch::Tensor keep = values.logit_opacities >= logit(kPruneOpacity);
   if (prune_large) keep = keep & (largest_scale(values) <= kPruneScale * extent);
   keep = keep & values.means.isfinite().all(1) & values.log_scales.isfinite().all(1);
@@ -161,7 +160,7 @@ DensifyReport Densifier::update_adc(int64_t step, double gradient_threshold, Gau
   const torch::Tensor rows = torch::cat({kept, torch::full({fresh}, -1, kept.options())});
 
   const bool prune_large = options_.opacity_reset_every > 0 && step > options_.opacity_reset_every;
-  const torch::Tensor alive = survivors(grown, options_, model.extent(), prune_large);
+  const torch::Tensor alive = survivors(grown, model.extent(), prune_large);
   DensifyReport report;
   report.cloned = cloned.size(0);
   report.split = split.size(0);
