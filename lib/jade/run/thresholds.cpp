@@ -7,6 +7,7 @@
 
 #include "jade/core/error.h"
 #include "jade/core/log.h"
+#include "jade/core/progress.h"
 #include "jade/core/version.h"
 
 namespace jade::run {
@@ -72,6 +73,7 @@ data::ThresholdEstimate measure_thresholds(const data::Dataset& dataset,
   // Another version of the program may measure otherwise.
   const std::string recipe = concat("thresholds 1; ", version(), " ", git_commit(), "; offset ",
                                     log_offset, "; ", fingerprint);
+  const Progress progress("measuring thresholds", 1, 0, "data sets");
   const torch::Tensor entry = cache.get(restore::restoration_key(recipe, {}), {1, 1, 8}, [&] {
     return entry_of(data::estimate_thresholds(seen_by_events(dataset), dataset.events, log_offset));
   });

@@ -66,7 +66,10 @@ RunData load_data(const RunDirectory& directory, const train::RunOptions& option
   if (options.response.enabled) response::identity_response();  // fails before the data are read
   log_info(concat("reading     ", options.dataset.path.string()));
   std::vector<std::string> warnings;
-  data.dataset = data::load_dataset(options.dataset, &warnings);
+  {
+    const Progress progress("reading", 1, 0, "data sets");
+    data.dataset = data::load_dataset(options.dataset, &warnings);
+  }
   for (const std::string& warning : warnings) log_warn(warning);
   if (data.dataset.train.empty()) {
     throw DataError(concat(data.dataset.root.string(),
