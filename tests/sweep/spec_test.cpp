@@ -115,7 +115,7 @@ TEST_CASE("configs: every sweep that ships can be read, and overrides have at mo
       ++overrides;
     }
   }
-  CHECK(sweeps == 19);
+  CHECK(sweeps == 20);
   CHECK(overrides == 21);
 }
 
