@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A YAML file as a plain tree, for files whose shape no options struct can say: lists of entries.
+// A YAML file as a plain tree, for files that an options struct cannot describe: lists of entries.
 #pragma once
 
 #include <filesystem>
@@ -21,7 +21,7 @@ struct DocumentNode {
   const DocumentNode* find(const std::string& name) const;
 };
 
-/// @throws ConfigError if the file cannot be read or is no YAML.
+/// @throws ConfigError if the file cannot be read or is not YAML.
 DocumentNode read_document(const std::filesystem::path& file);
 
 }  // namespace jade::config

@@ -6,14 +6,14 @@
 
 namespace jade::config {
 
-/// Collects all problems of a user's settings: lines in the order they were found, each once, so
-/// that a mistake shared by many runs is one line.
+/// Collects all problems of a user's settings in the order they were found, without duplicates, so
+/// that a mistake shared by many runs is reported once.
 class Problems {
  public:
-  /// One problem, or several lines of them.
+  /// Adds one problem, or one per line.
   void add(const std::string& lines);
 
-  /// @throws ConfigError with every line, if there is any.
+  /// @throws ConfigError with all lines, if there are any.
   void throw_if_any() const;
 
  private:

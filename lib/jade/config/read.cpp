@@ -19,15 +19,16 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// One layer of settings: a parsed tree, what to call it in messages, and where its paths start.
+/// One source of settings: a parsed tree, its name in messages, and the folder of its relative
+/// paths.
 struct Layer {
   YAML::Node root;
   std::string name;
   fs::path folder;
-  bool has_lines;  ///< false for --set and flags, whose positions mean nothing to a user
+  bool has_lines;  ///< false for --set and flags, whose positions are meaningless to a user
 };
 
-/// Programs read their file more than once.
+/// Programs read their file more than once; each warning is shown once.
 void warn_once(const std::string& message) {
   static std::set<std::string> said;
   if (said.insert(message).second) log_warn(message);
@@ -57,12 +58,12 @@ class Reader {
   }
 
  private:
-  /// A key that is a constant now, as a source gives it.
+  /// A key that has become a constant, as a source sets it.
   struct FixedKey {
     std::string place, key, found;
   };
 
-  /// The constant may follow from a field, so all sources are read before.
+  /// Runs after all sources are read, because the constant may depend on a field.
   void check_fixed(const FixedKey& given) {
     const std::string value = (*fields_.fixed_value(given.key))();
     if (is_same_value(given.found, value)) return;
@@ -309,7 +310,7 @@ std::string contents(const fs::path& file) {
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
-/// The file's layer, after those that it extends.
+/// Appends the file's layer after those that it extends.
 void collect_layers(const fs::path& file, std::vector<fs::path>& chain,
                     std::vector<Layer>& layers) {
   const bool from_stdin = file == "-" || file == "/dev/stdin";
@@ -363,8 +364,7 @@ YAML::Node tree_of(const std::string& key, YAML::Node value) {
   return value;
 }
 
-/// Whether a value is text that YAML would cut at a comment or take for a key: a path may have
-/// both.
+/// Whether YAML would cut the text at a comment or read it as a key; paths may contain both.
 bool is_verbatim(const std::string& text) {
   if (text.empty() || std::string("[{\"'").find(text[0]) != std::string::npos) return false;
   return text[0] == '#' || text.find(" #") != std::string::npos ||

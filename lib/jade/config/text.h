@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How a field's value looks as text; shared by the YAML and the schema printers.
+// Formats field values as text, for the YAML and schema printers.
 #pragma once
 
 #include <string>
@@ -8,10 +8,10 @@
 
 namespace jade::config {
 
-/// The value as a YAML scalar or flow sequence, in the shortest form that reads back the same.
+/// The value as a YAML scalar or flow sequence, in the shortest form that parses to the same value.
 std::string value_text(const FieldPointer& value);
 
-/// "6%" or "0.4 %" as a number of hundredths; false where the text is something else.
+/// Parses "6%" or "0.4 %" into a number of percent; false for other text.
 bool read_percent(const std::string& text, double& percent);
 
 /// "true or false", "a whole number", "a number", "a text", "a path", "a list of numbers", …
@@ -27,7 +27,7 @@ std::string joined_words(const std::vector<EnumPointer::Entry>& entries,
 /// "[0, 1]", ">= 0", or empty.
 std::string range_text(const Field& field);
 
-/// The shortest decimal that reads back as the same double.
+/// The shortest decimal that parses to the same double.
 std::string number_text(double value);
 
 }  // namespace jade::config

@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Brings a file, or a folder's list of names, to disk.
+/// Syncs a file, or the entries of a folder, to disk.
 void sync_path(const fs::path& path) {
   const int handle = open(path.c_str(), O_RDONLY | O_CLOEXEC);
   const bool synced = handle >= 0 && fsync(handle) == 0;
@@ -65,7 +65,7 @@ AtomicFolder::AtomicFolder(fs::path path)
 AtomicFolder::~AtomicFolder() {
   std::error_code ignored;
   fs::remove_all(temporary_, ignored);
-  if (made_) fs::remove(path_, ignored);  // stays where it holds something
+  if (made_) fs::remove(path_, ignored);  // does not remove a folder with content
 }
 
 void AtomicFolder::commit() {

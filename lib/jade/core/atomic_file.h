@@ -6,9 +6,9 @@
 
 namespace jade {
 
-/// A file that appears whole or not at all: write to temporary_path(), then commit(), which syncs
-/// it and renames it over the target. Without commit() the destructor removes it, and the old file
-/// stays.
+/// Writes a file completely or not at all: write to temporary_path(), then call commit(), which
+/// syncs the file and renames it over the destination. Without commit() the destructor removes the
+/// temporary file, and the old file stays.
 class AtomicFile {
  public:
   /// @throws DataError if the folder of `path` does not exist or is not writable.
@@ -19,7 +19,7 @@ class AtomicFile {
 
   const std::filesystem::path& temporary_path() const { return temporary_; }
 
-  /// @throws DataError if the data cannot be brought to disk (full disk, for one).
+  /// @throws DataError if the data cannot be written to disk (for example, the disk is full).
   void commit();
 
  private:
@@ -28,14 +28,13 @@ class AtomicFile {
   bool committed_ = false;
 };
 
-/// A folder whose content appears once all of it is written: write into temporary_path(), which
-/// lies in it, then commit(). Without commit() the destructor removes what was written, and the
-/// folder too if it was not there before. Works where the folder is a link or a place where a disk
-/// is mounted.
+/// Publishes the content of a folder only when all of it is written: write into temporary_path(), a
+/// folder inside it, then call commit(). Without commit() the destructor removes what was written,
+/// and the folder too if this object created it. Also works for links and mount points.
 class AtomicFolder {
  public:
-  /// @param path  holds nothing that is also written; made with its parents.
-  /// @throws DataError if it cannot be made or is not writable.
+  /// @param path  must contain none of the files to be written; created with its parents.
+  /// @throws DataError if it cannot be created or is not writable.
   explicit AtomicFolder(std::filesystem::path path);
   ~AtomicFolder();
   AtomicFolder(const AtomicFolder&) = delete;
@@ -43,7 +42,7 @@ class AtomicFolder {
 
   const std::filesystem::path& temporary_path() const { return temporary_; }
 
-  /// @throws DataError if a name is taken in the folder.
+  /// @throws DataError if the folder already contains a file of the same name.
   void commit();
 
  private:
@@ -55,10 +54,10 @@ class AtomicFolder {
 /// Writes `content` through an AtomicFile.
 void write_file(const std::filesystem::path& path, const std::string& content);
 
-/// The whole file. @throws DataError if it cannot be read.
+/// Returns the content of a file. @throws DataError if it cannot be read.
 std::string read_file(const std::filesystem::path& path);
 
-/// Makes a folder with its parents and checks that files can be made in it.
+/// Creates a folder with its parents and checks that files can be created in it.
 /// @throws DataError naming the path and the reason.
 void make_writable_folder(const std::filesystem::path& path);
 

@@ -5,13 +5,14 @@
 
 namespace jade {
 
-/// A setting that is a number, or the word "auto" in YAML: found when a program has read its data.
+/// A setting that is a number, or the word "auto" in YAML: the program then computes the number
+/// from its data.
 template <class T>
 class Auto {
  public:
   Auto(T value) : value_(value) {}  // NOLINT(google-explicit-constructor)
 
-  /// To be found; `fallback` until then.
+  /// An auto value; reads as `fallback` until the program has computed the number.
   static Auto automatic(T fallback) {
     Auto number(fallback);
     number.is_auto_ = true;

@@ -12,7 +12,7 @@ std::filesystem::path cache_folder() {
     return std::filesystem::path(value != nullptr ? value : "");
   };
   if (auto own = variable("JADE_CACHE"); !own.empty()) return own;
-  // The XDG specification has relative paths ignored.
+  // The XDG specification requires relative paths to be ignored.
   if (auto cache = variable("XDG_CACHE_HOME"); cache.is_absolute()) return cache / "jade";
   const auto home = variable("HOME");
   return (home.empty() ? std::filesystem::temp_directory_path() : home / ".cache") / "jade";

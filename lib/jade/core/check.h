@@ -8,7 +8,7 @@
 
 #include "jade/core/error.h"
 
-/// Throws ContractError with the remaining arguments joined unless `condition` holds.
+/// Unless `condition` holds, throws ContractError with the remaining arguments joined.
 #define JADE_CHECK(condition, ...)                                                             \
   do {                                                                                         \
     if (!(condition)) {                                                                        \

@@ -19,7 +19,7 @@
 namespace jade {
 namespace {
 
-/// Our environment with `extra` on top, as "name=value" lines.
+/// The environment of this process and `extra`, as "name=value" lines.
 std::vector<std::string> environment_with(
     const std::vector<std::pair<std::string, std::string>>& extra) {
   std::vector<std::string> lines;
@@ -52,7 +52,8 @@ Child::Child(const std::vector<std::string>& command,
   std::vector<std::string> arguments = command, variables = environment_with(environment);
   const std::vector<char*> argv = pointers(arguments), envp = pointers(variables);
   const pid_t parent = getpid();
-  // Our handler of SIGTERM would swallow one that reaches the child before its program runs.
+  // Block SIGTERM until exec: the inherited handler would swallow one that the child receives
+  // before.
   sigset_t term, before;
   sigemptyset(&term);
   sigaddset(&term, SIGTERM);
@@ -61,15 +62,17 @@ Child::Child(const std::vector<std::string>& command,
   if (pid_ == 0) {
     signal(SIGTERM, SIG_DFL);
     pthread_sigmask(SIG_SETMASK, &before, nullptr);
-    // Between fork and exec only plain system calls: other threads' locks may be held.
+    // Between fork and exec only plain system calls are allowed: other threads may hold locks.
     prctl(PR_SET_PDEATHSIG, SIGTERM);
-    // Ctrl-C in a terminal reaches a whole group: it would come twice, the second to stop at once.
+    // Ctrl-C in a terminal signals the whole process group. In its own group the child receives one
+    // SIGINT, from interrupt(), and not a second one, which would stop it at once.
     setpgid(0, 0);
     if (getppid() != parent) _exit(static_cast<int>(ExitCode::kInterrupted));
     dup2(in, STDIN_FILENO);
     dup2(out, STDOUT_FILENO);
     dup2(out, STDERR_FILENO);
-    execvpe(argv[0], argv.data(), envp.data());  // glibc's takes no lock and no memory
+    // glibc's execvpe takes no lock and allocates no memory
+    execvpe(argv[0], argv.data(), envp.data());
     _exit(127);
   }
   const int reason = errno;

@@ -19,23 +19,23 @@ struct ChildExit {
   int64_t peak_bytes = 0;  ///< resident size at its highest
 };
 
-/// A program that runs beside us, found on PATH where its name has no slash, with its output at the
-/// end of a file. It is asked to stop when we die.
+/// A child process, found on PATH if its name has no slash. Its output is appended to a file. It
+/// receives SIGTERM when this process dies.
 class Child {
  public:
-  /// @param environment  set on top of ours
-  /// @throws DataError if `log` cannot be written or the program not started.
+  /// @param environment  variables set in addition to those of this process
+  /// @throws DataError if `log` cannot be written or the program cannot be started.
   Child(const std::vector<std::string>& command,
         const std::vector<std::pair<std::string, std::string>>& environment,
         const std::filesystem::path& log);
-  /// Asks it to stop and waits for it.
+  /// Sends SIGTERM and waits for the process to end.
   ~Child();
   Child(Child&& other) noexcept : pid_(other.pid_) { other.pid_ = 0; }
   Child& operator=(Child&&) = delete;
 
-  /// How it ended, or nothing while it runs. Never waits.
+  /// Returns how the process ended, or no value while it runs. Never waits.
   std::optional<ChildExit> poll();
-  /// Asks it to save and stop.
+  /// Sends SIGINT, on which jade programs save and stop.
   void interrupt();
   pid_t pid() const { return pid_; }
 
@@ -43,9 +43,9 @@ class Child {
   pid_t pid_ = 0;
 };
 
-/// Runs a program to its end and calls `meanwhile` some times a second.
-/// @return its exit code: 127 where there is no such program, -1 when a signal ended it
-/// @throws Interrupted after stopping it; what Child and `meanwhile` throw.
+/// Runs a program to its end and calls `meanwhile` several times per second.
+/// @return its exit code: 127 if there is no such program, -1 if a signal ended it @throws
+/// Interrupted after stopping it; the errors of Child and of `meanwhile`.
 int run_to_end(const std::vector<std::string>& command,
                const std::vector<std::pair<std::string, std::string>>& environment,
                const std::filesystem::path& log, const std::function<void()>& meanwhile = {});

@@ -13,7 +13,7 @@ namespace jade::cuda {
 
 int device_count() {
   int count = 0;
-  // Asked of the runtime itself: torch would print a warning where there is no driver.
+  // Calls the runtime directly: torch prints a warning if there is no driver.
   return cudaGetDeviceCount(&count) == cudaSuccess ? count : 0;
 }
 
@@ -57,7 +57,7 @@ int64_t trim_memory(int index, int64_t keep_bytes) {
 }
 
 void bound_stack_memory(int index) {
-  constexpr size_t kBytes = 256;  // of a thread; less saves little more
+  constexpr size_t kBytes = 256;  // per thread; a smaller stack saves little more
   static std::mutex mutex;
   static std::set<int> bounded;
   const std::lock_guard<std::mutex> lock(mutex);

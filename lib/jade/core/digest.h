@@ -8,7 +8,7 @@
 
 namespace jade {
 
-/// SHA-256 over data that comes in pieces.
+/// SHA-256 of data that arrives in pieces.
 class Sha256 {
  public:
   Sha256();

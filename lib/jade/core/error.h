@@ -27,8 +27,8 @@ std::string concat(const Args&... args) {
   return out.str();
 }
 
-/// Base of everything we throw. Messages are one line: what was expected, what was found, what to
-/// do.
+/// Base of all errors that the library throws. Messages are one line: what was expected, what was
+/// found, what to do.
 class Error : public std::runtime_error {
  public:
   Error(ExitCode exit_code, const std::string& message)
@@ -59,11 +59,11 @@ struct NumericError : Error {
 struct CheckpointError : Error {
   explicit CheckpointError(const std::string& message) : Error(ExitCode::kCheckpoint, message) {}
 };
-/// Thrown by long work that was asked to stop; see interrupt.h.
+/// Thrown by long work that was interrupted; see interrupt.h.
 struct Interrupted : Error {
   Interrupted() : Error(ExitCode::kInterrupted, "interrupted") {}
 };
-/// A caller broke a function's contract: a bug of ours, not the user's.
+/// A caller broke a function's contract: a bug in this program, not a user's mistake.
 struct ContractError : Error {
   explicit ContractError(const std::string& message) : Error(ExitCode::kBug, message) {}
 };

@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // One declaration per configuration field. An options struct lists its fields once, in a function
-// that stands beside it:
+// beside it:
 //
-//   struct RouteOptions { double lr = 5e-4; };
+// struct RouteOptions { double lr = 5e-4; };
 //   template <class V> void describe(V& v, RouteOptions& o) {
 //     v.field("lr", o.lr, "Adam step size of the router", Range{1e-8, 1});
 //   }
 //
-// A field may be an enum that has words (core/words.h): files hold the word.
+// A field may be an enum with words (core/words.h): files contain the word.
 //
-// That list drives reading, overrides, printing, the JSON schema and the range checks (config/),
-// and the compatibility check of checkpoints. The struct's initialiser is the only default.
+// Reading, overrides, printing, the JSON schema and the range checks (config/) use this list, and
+// so does the compatibility check of checkpoints. The struct's initialiser is the only default.
 #pragma once
 
 #include <cstdint>
@@ -32,13 +32,13 @@
 
 namespace jade {
 
-/// Both ends included.
+/// Closed interval [min, max].
 struct Range {
   double min = -std::numeric_limits<double>::infinity();
   double max = std::numeric_limits<double>::infinity();
 };
 
-/// A field that holds an enum, seen through its words.
+/// A field of an enum type, accessed through its words.
 class EnumPointer {
  public:
   struct Entry {
@@ -56,7 +56,7 @@ class EnumPointer {
 
   const std::vector<Entry>& entries() const { return entries_; }
   std::string word() const { return word_(); }
-  /// Takes the value of entries()[index].
+  /// Assigns the value of entries()[index].
   void set(size_t index) const { set_(index); }
 
  private:
@@ -65,7 +65,7 @@ class EnumPointer {
   std::vector<Entry> entries_;
 };
 
-/// Types of a field. Paths are made absolute against the file that names them.
+/// Types of a field. Relative paths are resolved against the file that contains them.
 using FieldPointer = std::variant<bool*, int*, int64_t*, Steps*, double*, AutoNumber*, AutoCount*,
                                   std::string*, std::filesystem::path*, std::vector<int64_t>*,
                                   std::vector<double>*, std::vector<std::string>*, EnumPointer>;
@@ -107,9 +107,9 @@ class FieldList {
     renamed_[prefix_ + old_name] = prefix_ + name;
   }
 
-  /// A key of older configurations that has become a constant: reading accepts that value and no
-  /// other, so that configurations and checkpoints that list every key go on working.
-  /// @param value  the constant, or a function that returns it once all fields are read
+  /// A key of older configurations that has become a constant. Reading accepts only the constant's
+  /// value, so that configurations and checkpoints that list every key stay readable. @param value
+  /// the constant, or a function that returns it once all fields are read
   template <class T>
   void fixed(const std::string& name, const T& value) {
     if constexpr (std::is_invocable_v<const T&>) {
@@ -129,12 +129,12 @@ class FieldList {
     }
     return nullptr;
   }
-  /// Today's key of a renamed one, with its groups; nullptr for any other.
+  /// The current key of a renamed key, with its groups; nullptr for any other.
   const std::string* new_key(const std::string& key) const {
     const auto found = renamed_.find(key);
     return found == renamed_.end() ? nullptr : &found->second;
   }
-  /// Gives the value of a key that fixed() declares, as text; nullptr for any other.
+  /// Returns, as text, the value of a key that fixed() declares; nullptr for any other key.
   const std::function<std::string()>* fixed_value(const std::string& key) const {
     const auto found = fixed_.find(key);
     return found == fixed_.end() ? nullptr : &found->second;

@@ -7,14 +7,14 @@
 
 namespace jade {
 
-/// Holds a folder against other processes by FOLDER/.lock. The kernel drops it with the process,
-/// however that ends.
+/// Locks a folder against other processes through FOLDER/.lock. The kernel releases the lock when
+/// the process ends, even if it crashes.
 class FolderLock {
  public:
-  /// Returns no value if another process holds the lock. @throws DataError if the file cannot be
-  /// made.
+  /// Returns no value if another process holds the lock. @throws DataError if the lock file cannot
+  /// be created.
   static std::optional<FolderLock> take(const std::filesystem::path& folder);
-  /// Whether somebody holds the folder now; false where there is none.
+  /// Whether a process holds the lock; false if the folder has no lock file.
   static bool is_held(const std::filesystem::path& folder);
 
   ~FolderLock();

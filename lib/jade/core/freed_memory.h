@@ -3,10 +3,10 @@
 
 namespace jade {
 
-/// While it lives, the C library keeps what the program frees instead of giving it back to the
-/// system and taking it anew, page by page; afterwards what is free goes back. For work that frees
-/// and takes many times what it holds at once, such as a network on the CPU. Does nothing but in
-/// glibc.
+/// While an instance exists, the C library keeps freed memory instead of returning it to the system
+/// and requesting it again page by page. The destructor returns free memory to the system. For work
+/// that frees and allocates many times its peak, such as a network on the CPU. Has an effect with
+/// glibc only.
 class FreedMemoryKept {
  public:
   FreedMemoryKept();

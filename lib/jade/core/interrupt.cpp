@@ -11,7 +11,8 @@
 namespace jade {
 namespace {
 
-/// Schedulers and parent processes may send the same request twice; a person is slower than this.
+/// Schedulers and parent processes may send the same signal twice, faster than a person presses
+/// Ctrl-C again.
 constexpr int64_t kRepeatMs = 300;
 
 volatile std::sig_atomic_t requested = 0;
@@ -32,11 +33,11 @@ extern "C" void on_signal(int) {
   requested = 1;
   requested_ms = now;
   constexpr char kNote[] = "\ninterrupted: ending in order; press Ctrl-C again to stop at once\n";
-  // write() is one of the few calls that a signal handler may make; nothing to do if it fails.
+  // write() is one of the few calls allowed in a signal handler; its failure has no remedy.
   if (write(STDERR_FILENO, kNote, sizeof kNote - 1) < 0) return;
 }
 
-/// The write itself fails and is told. A handler and not SIG_IGN, which children would inherit.
+/// The failing write reports the error. A handler instead of SIG_IGN, which children would inherit.
 extern "C" void on_failed_write(int) {}
 
 }  // namespace
@@ -48,7 +49,7 @@ void install_interrupt_handlers() {
   action.sa_flags = SA_RESTART;
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
-  // A terminal that is closed; nohup has it ignored.
+  // Sent when the terminal closes; nohup ignores it.
   struct sigaction before {};
   sigaction(SIGHUP, nullptr, &before);
   if (before.sa_handler != SIG_IGN) sigaction(SIGHUP, &action, nullptr);

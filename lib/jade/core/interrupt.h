@@ -3,13 +3,13 @@
 
 namespace jade {
 
-/// From now on Ctrl-C, SIGTERM and SIGHUP (unless ignored, as under nohup) set a flag that long
-/// work asks for; a second one, 0.3 s later or more, stops the program at once with exit code 130.
-/// Who reads our output may go (`| head`, or a `| tee` that Ctrl-C ended), and files may be limited
-/// (`ulimit -f`): neither SIGPIPE nor SIGXFSZ ends the program, the write fails.
+/// Installs signal handlers. Ctrl-C, SIGTERM and SIGHUP (unless ignored, as under nohup) set a flag
+/// that long work polls; a second signal, at least 0.3 s later, stops the program at once with exit
+/// code 130. SIGPIPE (`| head`) and SIGXFSZ (`ulimit -f`) do not end the program: the write fails
+/// instead.
 void install_interrupt_handlers();
 
-/// True once Ctrl-C or SIGTERM has come.
+/// True after Ctrl-C, SIGTERM or SIGHUP.
 bool interrupt_requested();
 
 /// @throws Interrupted if interrupt_requested().

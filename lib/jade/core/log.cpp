@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The only file that sees spdlog: torch's headers bundle another fmt, so the two never meet.
+// The only file that includes spdlog: torch's headers bundle another version of fmt.
 #include "jade/core/log.h"
 
 #include <memory>

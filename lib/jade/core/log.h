@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Messages for people, on stderr and in a run's train.log. info: what a user would quote; warn: the
-// result is valid but look; debug: per step. Numbers go to metrics.jsonl, not into prose.
+// result is valid but needs attention; debug: per step. Numbers go to metrics.jsonl, not into
+// prose.
 #pragma once
 
 #include <filesystem>

@@ -11,14 +11,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The lesser of `bytes` and the number in the file; "max" is no number.
+/// The smaller of `bytes` and the number in the file; ignores "max".
 double bounded(double bytes, const fs::path& file) {
   std::ifstream in(file);
   double limit = 0;
   return in >> limit && limit > 0 ? std::min(bytes, limit) : bytes;
 }
 
-/// The limits of a group and of those above it.
+/// Applies the limits of a group and of its parents.
 double bounded_by_groups(double bytes, const fs::path& mount, fs::path group, const char* file) {
   while (true) {
     bytes = bounded(bytes, mount / group.relative_path() / file);
@@ -32,8 +32,8 @@ double bounded_by_groups(double bytes, const fs::path& mount, fs::path group, co
 double machine_memory(const fs::path& root) {
   double bytes = double(sysconf(_SC_PHYS_PAGES)) * double(sysconf(_SC_PAGE_SIZE));
   const fs::path mount = root / "sys/fs/cgroup";
-  // Lines "ID:CONTROLLERS:GROUP". In a container the group may be named as the host sees it, while
-  // the limit lies at the top of the mount.
+  // Lines "ID:CONTROLLERS:GROUP". In a container the group's path may be the host's, while the
+  // limit is at the top of the mount.
   std::ifstream lines(root / "proc/self/cgroup");
   for (std::string line; std::getline(lines, line);) {
     const size_t first = line.find(':'), second = line.find(':', first + 1);

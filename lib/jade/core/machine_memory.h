@@ -5,9 +5,9 @@
 
 namespace jade {
 
-/// Bytes of memory that this process may have: the machine's, or less where a control group of the
-/// process (version 1 or 2) or one above it has a limit.
-/// @param root  where /proc and /sys lie; tests put their own in
+/// Bytes of memory available to this process: the machine's, or less if a control group (version 1
+/// or 2) of the process or a parent of that group sets a limit.
+/// @param root  parent of /proc and /sys; tests pass a folder of their own
 double machine_memory(const std::filesystem::path& root = "/");
 
 }  // namespace jade

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How many members an aggregate has, so that a list of them can be held against the struct: a
-// member that is added to the one and not to the other does not compile.
+// Counts the members of an aggregate, so that a list of them can be checked against the struct at
+// compile time: adding a member to only one of them does not compile.
 #pragma once
 
 #include <cstddef>
@@ -10,7 +10,7 @@
 namespace jade {
 namespace detail {
 
-/// Stands for a value of any type, in unevaluated code only.
+/// Converts to any type; for unevaluated code only.
 struct AnyValue {
   template <class T>
   operator T() const;  // NOLINT(google-explicit-constructor)

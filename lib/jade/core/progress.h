@@ -10,25 +10,25 @@ namespace jade {
 /// Turns progress reports off for the whole program (--quiet) or on again.
 void set_progress_enabled(bool enabled);
 
-/// Reports minutes-long work: a live bar with rate and time left on a terminal, a plain line every
-/// 10 s otherwise. Costs one clock reading per step:
+/// Reports the progress of long work: a live bar with rate and remaining time on a terminal, a
+/// plain line every 10 s otherwise. Costs one clock reading per step:
 ///
-///   Progress progress("simulate", frames);
+/// Progress progress("simulate", frames);
 ///   for (...) { work(); if (progress.step()) progress.show("12 events/µs"); }
 class Progress {
  public:
-  /// Draws the bar on a terminal.
-  /// @param total steps in all; `done` of them are behind us already (a resumed run).
+  /// Shows the bar on a terminal.
+  /// @param total number of steps; `done` of them are already complete (a resumed run).
   Progress(std::string title, int64_t total, int64_t done = 0, std::string unit = "it");
   ~Progress();
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
 
-  /// Counts `count` steps. True when a report is due (about ten times per second on a terminal,
-  /// every 10 s otherwise): only then is it worth preparing a text for show().
+  /// Counts `count` steps. Returns true when a report is due (about ten times per second on a
+  /// terminal, every 10 s otherwise), so that the caller formats a text for show() only then.
   bool step(int64_t count = 1);
 
-  /// Draws the bar with `details` behind it.
+  /// Shows the bar with `details` behind it.
   void show(const std::string& details = "");
 
   /// Steps per second since construction.

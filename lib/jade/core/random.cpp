@@ -9,7 +9,7 @@
 namespace jade {
 namespace {
 
-/// The finaliser of SplitMix64 (Steele, Lea, Flood 2014): neighbouring seeds become unrelated ones.
+/// The finaliser of SplitMix64 (Steele, Lea, Flood 2014) decorrelates neighbouring seeds.
 uint64_t mix(uint64_t x) {
   x += 0x9E3779B97F4A7C15ull;
   x = (x ^ (x >> 30)) * 0xBF58476D1CE4E5B9ull;

@@ -7,14 +7,15 @@
 
 namespace jade {
 
-/// A moment or a span of a run's calendar: a number of steps, or a share of the budget ("6%" in
-/// YAML), so that a run of any length follows the same calendar.
+/// A step of a run or a number of steps, given as a number or as a share of all steps ("6%" in
+/// YAML), so that the schedule scales with the length of the run.
 class Steps {
  public:
-  /// A number of steps, whatever the budget.
+  /// A fixed number of steps.
   Steps(int64_t count) : count_(count) {}  // NOLINT(google-explicit-constructor)
 
-  /// `percent` of a budget, but no fewer than `at_least` steps; of 25,000 until settle() is called.
+  /// `percent` of the run's steps, but no fewer than `at_least`; relative to 25,000 steps until
+  /// settle() is called.
   static Steps share(double percent, int64_t at_least = 0) {
     Steps steps(0);
     steps.percent_ = percent;
@@ -23,7 +24,7 @@ class Steps {
     return steps;
   }
 
-  /// Sets the value as a configuration gives it: `at_least` is kept and holds for shares only.
+  /// Sets the value from a configuration; `at_least` is kept and applies to shares only.
   void set_count(int64_t count) {
     percent_ = 0;
     count_ = count;
@@ -33,7 +34,7 @@ class Steps {
     settle(kReferenceBudget);
   }
 
-  /// Turns a share of `budget` steps into a number of steps.
+  /// Converts a share of `budget` steps to a number of steps.
   void settle(int64_t budget) {
     if (!is_share()) return;
     const double exact = percent_ / 100 * static_cast<double>(budget);
@@ -46,7 +47,7 @@ class Steps {
   operator int64_t() const { return count_; }  // NOLINT(google-explicit-constructor)
 
  private:
-  /// The paper's number of steps, for which its calendar is given.
+  /// Number of steps in the paper, to which its schedule refers.
   static constexpr int64_t kReferenceBudget = 25000;
 
   int64_t count_;

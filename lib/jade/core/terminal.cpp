@@ -26,7 +26,7 @@ size_t columns() {
   return ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 1 ? size.ws_col : 80;
 }
 
-/// Cut to one row: a line that wraps cannot be redrawn in place.
+/// Truncates to one row: a line that wraps cannot be redrawn in place.
 void draw_live_line() {
   std::string visible = live_line();
   size_t cells = 0, cut = 0;

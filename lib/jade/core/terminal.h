@@ -1,19 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// stderr as a shared resource: message lines scroll by above one live line.
+// Access to stderr: message lines scroll above one live line.
 #pragma once
 
 #include <string>
 
 namespace jade {
 
-/// True when stderr is a terminal that can redraw a line.
+/// True if stderr is a terminal that can redraw a line.
 bool terminal_is_live();
 
 /// Prints a whole line, above the live line if there is one.
 void terminal_print_line(const std::string& text);
 
-/// Replaces the live line; an empty text removes it. Does nothing where terminal_is_live() is
-/// false.
+/// Replaces the live line; an empty text removes it. Does nothing if terminal_is_live() is false.
 void terminal_set_live_line(const std::string& text);
 
 }  // namespace jade

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The words of an enum: what a configuration says for each of its values. They stand once, beside
-// the enum, in a function that its type finds:
+// The words of an enum: the configuration's name for each value. They are declared once, beside the
+// enum, in a function that argument-dependent lookup finds:
 //
-//   enum class Strategy { kAdc, kNone };
+// enum class Strategy { kAdc, kNone };
 //   constexpr auto words_of(Strategy) {
 //     return std::array{Word{"adc", Strategy::kAdc, "clone, split and prune"},
 //                       Word{"none", Strategy::kNone, "fixed number"}};
@@ -19,8 +19,8 @@ template <class E>
 struct Word {
   const char* word;
   E value;
-  const char* help = "";      ///< empty where the word says it all
-  const char* old_word = "";  ///< what older files call it: read with a warning, never printed
+  const char* help = "";      ///< empty if the word needs no explanation
+  const char* old_word = "";  ///< name in older files: read with a warning, never printed
 };
 template <class E>
 Word(const char*, E, const char* = "", const char* = "") -> Word<E>;
@@ -34,7 +34,7 @@ const char* word_of(E value) {
   return "?";
 }
 
-/// The value that has this word; none for another.
+/// The value of a word; no value for an unknown word.
 template <class E>
 std::optional<E> value_of(const std::string& word) {
   for (const Word<E>& each : words_of(E{})) {

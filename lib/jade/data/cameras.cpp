@@ -100,7 +100,7 @@ json parsed(const std::filesystem::path& path) {
                          "\"cameras\", found neither"));
 }
 
-/// The library's words without its number of the error.
+/// The JSON library's message without its error number.
 std::string words_of(const json::exception& problem) {
   const std::string text = problem.what();
   const size_t end = text.find("] ");
@@ -156,7 +156,7 @@ void write_cameras(const std::filesystem::path& path, const std::vector<NamedCam
                     {"cy", view.camera.cy},
                     {"camera_from_world", std::move(rows)}});
   }
-  // Names of files need not be UTF-8.
+  // File names need not be UTF-8.
   write_file(path, list.dump(1, ' ', false, json::error_handler_t::replace) + "\n");
 }
 

@@ -20,14 +20,14 @@ struct NamedCamera {
 };
 
 /// Reads views from JSON: a list of objects, or an object whose "cameras" is that list and whose
-/// other keys are defaults for every entry. An entry has "width", "height", "fx", "fy" (fx serves
-/// for both), "cx", "cy" (the middle unless given), "name" (or "img_name"; else its number), and
-/// its pose as "camera_from_world" (4×4 or 3×4 rows, OpenCV axes) or, as 3DGS trainers write it, as
+/// other keys are defaults for every entry. An entry has "width", "height", "fx", "fy" (default:
+/// fx), "cx", "cy" (default: the image centre), "name" or "img_name" (default: its number), and its
+/// pose as "camera_from_world" (4×4 or 3×4 rows, OpenCV axes) or, as 3DGS trainers write it, as
 /// "position" (camera centre) with "rotation" (3×3 world_from_camera).
 /// @throws DataError naming the file and the entry.
 std::vector<NamedCamera> read_cameras(const std::filesystem::path& path);
 
-/// Writes views in that form, poses as "camera_from_world" to the last bit.
+/// Writes views in that form, poses as "camera_from_world" without loss of precision.
 void write_cameras(const std::filesystem::path& path, const std::vector<NamedCamera>& cameras);
 
 /// Which views of a data set.
@@ -39,9 +39,8 @@ constexpr auto words_of(CameraSet) {
                     Word{"exposure", CameraSet::kExposure, "nine poses each"}};
 }
 
-/// The views of a data set; for kExposure NAME_0 to NAME_8 of the exposure `name`, held-out ones
-/// among them, or of all that are trained on when it is empty. @throws DataError where there are
-/// none.
+/// The views of a data set. kExposure returns NAME_0 to NAME_8 of the exposure `name` (training or
+/// held out), or of all training exposures if `name` is empty. @throws DataError if there are none.
 std::vector<NamedCamera> dataset_cameras(const Dataset& dataset, CameraSet which,
                                          const std::string& name);
 

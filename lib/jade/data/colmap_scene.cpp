@@ -23,7 +23,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// sparse/0, sparse/1, … in order, those that hold a model.
+/// sparse/0, sparse/1, … in order, if they contain a model.
 std::vector<fs::path> numbered_models(const fs::path& sparse) {
   std::vector<fs::path> models;
   if (!fs::is_directory(sparse)) return models;
@@ -38,7 +38,8 @@ std::vector<fs::path> numbered_models(const fs::path& sparse) {
   return models;
 }
 
-/// The coefficients of COLMAP's models, which follow the focal lengths and the principal point.
+/// The lens coefficients of COLMAP's models, stored after the focal lengths and the principal
+/// point.
 geometry::Lens lens_of(const std::string& model, const std::vector<double>& parameters,
                        size_t first) {
   using geometry::LensModel;
@@ -76,7 +77,7 @@ bool has_one_focal(const std::string& model) {
   return model.rfind("SIMPLE_", 0) == 0 || model == "RADIAL" || model == "RADIAL_FISHEYE";
 }
 
-/// The file of an image, whose name may have the slashes of Windows or folders that are not there.
+/// The file of an image, whose name may have backslashes or folders that do not exist.
 fs::path image_path(const fs::path& folder, const std::string& name) {
   for (const std::string& whole : {name, slashed(name)}) {
     const fs::path direct = (folder / whole).lexically_normal();
@@ -85,7 +86,7 @@ fs::path image_path(const fs::path& folder, const std::string& name) {
   return folder / fs::path(slashed(name)).filename();
 }
 
-/// In small letters and without the ending.
+/// In lower case and without extension.
 std::string bare_name(const fs::path& path) {
   std::string name = fs::path(path).replace_extension().generic_string();
   std::transform(name.begin(), name.end(), name.begin(),
@@ -93,8 +94,8 @@ std::string bare_name(const fs::path& path) {
   return name;
 }
 
-/// "; the model names a.JPG, the folder has a.jpg", for the first name that differs by its ending
-/// or by capitals only from a file that is no other image of the model; empty if none does.
+/// "; the model names a.JPG, the folder has a.jpg", for the first name that differs only by case or
+/// extension from a file that is no other image of the model; empty if none does.
 std::string near_name(const fs::path& folder, const std::vector<std::string>& missing,
                       const std::vector<fs::path>& placed) {
   std::map<std::string, fs::path> files;
@@ -115,7 +116,7 @@ std::string near_name(const fs::path& folder, const std::vector<std::string>& mi
   return "";
 }
 
-/// Images beside those of the model, or in folders beside them, that COLMAP did not place.
+/// Warns of images beside those of the model, or in sibling folders, that COLMAP did not register.
 void tell_unplaced(const fs::path& folder, const std::vector<fs::path>& placed,
                    const Warnings& warnings) {
   std::set<fs::path> known;

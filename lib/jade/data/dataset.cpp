@@ -42,7 +42,7 @@ std::vector<torch::Tensor*> frames_of(Dataset& data) {
   return frames;
 }
 
-/// Says whether the data set is monochrome, and makes it so where `color` is gray.
+/// Sets whether the data set is monochrome, and converts it if `color` is gray.
 void settle_color(FrameColor color, const Warnings& warnings, Dataset& data) {
   const std::vector<torch::Tensor*> frames = frames_of(data);
   const auto is_gray = [](const torch::Tensor* frame) { return imaging::is_gray(*frame); };
@@ -58,7 +58,7 @@ void settle_color(FrameColor color, const Warnings& warnings, Dataset& data) {
                "color_map.npy) is not used; dataset.color_events false leaves it unread");
 }
 
-/// The names of held_out.txt; none without it.
+/// The names in held_out.txt; empty without the file.
 std::vector<std::string> held_out_names(const fs::path& path) {
   std::vector<std::string> names;
   if (!fs::exists(path)) return names;
@@ -91,13 +91,13 @@ void hold_out(Dataset& data) {
   }
 }
 
-/// Name of the folder, also of "scene/." and "scene/".
+/// Name of the folder, also for "scene/." and "scene/".
 std::string folder_name(const fs::path& folder) {
   const fs::path whole = fs::absolute(folder).lexically_normal();
   return whole.has_filename() ? whole.filename().string() : whole.parent_path().filename().string();
 }
 
-/// By the tolerances of is_seen.
+/// Uses the tolerances of is_seen.
 bool same_place(const geometry::Pose& a, const geometry::Pose& b, double near) {
   const auto p = geometry::centre(a), q = geometry::centre(b);
   return geometry::rotation_angle(a, b) <= 1e-3 &&

@@ -23,7 +23,7 @@ constexpr auto words_of(SplitKind) {
       Word{"none", SplitKind::kNone, "no test views"}};
 }
 
-/// Whether a data set is gray, and so are its restorations and its scene.
+/// Whether a data set, its restorations and its scene are gray.
 enum class FrameColor { kAuto, kColor, kGray };
 
 constexpr auto words_of(FrameColor) {
@@ -75,25 +75,27 @@ void describe(V& v, DatasetOptions& o) {
   v.field("color", o.color, "when a data set is gray, and with it its restorations and its scene");
 }
 
-/// Reads a data set of any kind. What can be repaired or ignored becomes one line in `warnings`
-/// (which may be null): events that are unsorted, outside the image or the recording, of one
-/// polarity, or not finite; exposures without events; poses that had to be interpolated or
-/// extended; one exposure; a colour filter of the events of gray frames, which is left out.
-/// Exposures that held_out.txt in the folder names go to Dataset::held_out. What lies under the
-/// masks of frames (masks.h) has no effect: frames are 0 there, without events.
-/// @throws DataError with the path and the fix for what cannot: files that are missing, truncated
+/// Reads a data set of any kind. Problems that can be repaired or ignored become one line each in
+/// `warnings` (which may be null): events that are unsorted, outside the image or the recording, of
+/// one polarity, or not finite; exposures without events; poses that had to be interpolated or
+/// extended; a single exposure; a colour filter for the events of gray frames, which is ignored.
+/// Exposures that held_out.txt in the folder names go to Dataset::held_out. Pixels under the masks
+/// of frames (masks.h) have no effect: they are 0 and have no events.
+/// @throws DataError with the path and the fix for other problems: files that are missing,
+/// truncated
 ///         or unreadable, counts and sizes that differ, missing poses of an exposure, times that
-///         do not overlap in any unit, held-out names that are no exposure, or are all of them.
+///         do not overlap in any unit, held-out names that match no exposure, or match all.
 Dataset load_dataset(const DatasetOptions& options, std::vector<std::string>* warnings = nullptr);
 
-/// @throws DataError if the folder is missing or holds no layout that is known.
+/// @throws DataError if the folder is missing or has no known layout.
 DatasetKind recognise_dataset(const std::filesystem::path& folder);
 
-/// The kind that the options name, else the one that their folder holds: what is told of a wrong
-/// path before anything else begins. @throws as recognise_dataset; ConfigError without a path.
+/// The kind that the options name, else the kind recognised from their folder. Call it first, so
+/// that a wrong path is reported before other work starts. @throws as recognise_dataset;
+/// ConfigError without a path.
 DatasetKind kind_of(const DatasetOptions& options);
 
-/// File that names a folder's held-out exposures: one frame per line, without extension.
+/// File that lists a folder's held-out exposures: one frame name per line, without extension.
 constexpr char kHeldOutFile[] = "held_out.txt";
 
 }  // namespace jade::data

@@ -24,7 +24,7 @@ namespace {
 namespace fs = std::filesystem;
 using geometry::kExposurePoses;
 
-/// The views of the model by what their names say.
+/// The views of the model, sorted by the role that their names give.
 struct NamedViews {
   std::map<int64_t, std::map<int64_t, const io::ColmapImage*>> moving;  ///< frame → pose
   std::map<int64_t, const io::ColmapImage*> sharp;                      ///< i of GT<i>
@@ -137,7 +137,7 @@ bool is_diet_gs(const fs::path& folder) {
       return false;
     }
   }
-  return !images.empty();  // no name says nothing
+  return !images.empty();  // a model without names has no role
 }
 
 Dataset load_diet_gs(const DatasetOptions& options, const Warnings& warnings) {

@@ -14,10 +14,10 @@
 
 namespace jade::data {
 
-/// True if the COLMAP model of `folder` names its images as DiET-GS does.
+/// True if the COLMAP model in `folder` names its images as DiET-GS does.
 bool is_diet_gs(const std::filesystem::path& folder);
 
-/// Test views are the GT<i>, whatever dataset.split says, unless it says none.
+/// Test views are the GT<i>, whatever dataset.split is, unless it is `none`.
 Dataset load_diet_gs(const DatasetOptions& options, const Warnings& warnings);
 
 }  // namespace jade::data

@@ -29,7 +29,7 @@ namespace fs = std::filesystem;
 
 constexpr double kMostGain = 1000;
 
-/// Timed poses in any order, the last of equal times winning.
+/// Poses by time; of equal times the last wins.
 using TimedPoses = std::map<double, geometry::Pose>;
 
 geometry::Trajectory trajectory_of(const TimedPoses& timed) {
@@ -86,8 +86,8 @@ geometry::Trajectory read_dense(const fs::path& root, events::TimeUnit unit,
   return trajectory_of(timed);
 }
 
-/// A path through the poses of the frames, each taken as its mid-exposure, long enough for the
-/// first and last exposure.
+/// A path through the poses of the frames, each at its mid-exposure, extended to cover the first
+/// and last exposure.
 geometry::Trajectory path_through_frames(const std::vector<LlffView>& views,
                                          const std::vector<FrameTime>& times) {
   TimedPoses timed;
@@ -107,12 +107,12 @@ struct Sources {
   fs::path time_path;
   std::vector<FrameTime> times;
   events::TimeUnit time_unit;
-  std::string times_note;       ///< of their unit, or empty
-  std::vector<LlffView> views;  ///< about `origin`
-  geometry::Vector3 origin{};   ///< of the files' coordinates
+  std::string times_note;       ///< note about their unit, or empty
+  std::vector<LlffView> views;  ///< relative to `origin`
+  geometry::Vector3 origin{};   ///< in the files' coordinates
 };
 
-/// Tools that sort names as text wrote the rows of times and poses in another order.
+/// Warns if rows of times and poses are in the order of names sorted as text.
 void warn_of_order(const Sources& s, const Warnings& warnings) {
   if (std::is_sorted(s.image_files.begin(), s.image_files.end())) return;
   warnings.add(
@@ -121,7 +121,7 @@ void warn_of_order(const Sources& s, const Warnings& warnings) {
       "must the rows of timestamps.npz and poses_bounds.npy");
 }
 
-/// Moves the frames' poses to an origin near them where they lie far from that of their files.
+/// Moves the origin near the frames' poses if they are far from that of their files.
 void recentre(Sources& s) {
   std::vector<geometry::Pose> poses;
   double near = 0;
@@ -195,7 +195,7 @@ geometry::Intrinsics camera_of(const Sources& s, const torch::Tensor& image,
   return camera;
 }
 
-/// Poses beyond the ends of the trajectory stand still there.
+/// Warns if exposures lie beyond the ends of the trajectory, where poses stay constant.
 void check_covered(const geometry::Trajectory& path, const FrameTime& time, const std::string& name,
                    const Warnings& warnings) {
   const double missing =
@@ -212,7 +212,7 @@ void check_covered(const geometry::Trajectory& path, const FrameTime& time, cons
                " us short of it; the camera is taken to stand still there");
 }
 
-/// Frames' own poses and the trajectory should be of one camera.
+/// Checks that the frames' own poses and the trajectory belong to one camera.
 void check_agreement(const geometry::Trajectory& path, const Sources& s, const Warnings& warnings) {
   double span = 0;
   const auto first = geometry::centre(path.at(path.begin_us()));
@@ -308,7 +308,7 @@ void read_points(const fs::path& path, Dataset& data) {
   data.point_colors = colors.to(torch::kFloat32) / 255;
 }
 
-/// Lines "name,gain" after a header: how bright frames are of one scene.
+/// Reads lines "name,gain" after a header: the brightness of each frame relative to the scene.
 void read_gains(const fs::path& path, Dataset& data) {
   if (!fs::exists(path)) return;
   std::map<std::string, double> gains;
@@ -339,7 +339,7 @@ void read_gains(const fs::path& path, Dataset& data) {
                          "'; correct the line or remove the file"));
 }
 
-/// LLFF's own files, and what recordings of event cameras bring besides.
+/// Warns of LLFF's own files and other files of event recordings that are not used.
 void tell_unused(const fs::path& root, const fs::path& frames, const Warnings& warnings) {
   UnusedParts unused = unused_in_any_layout(root, frames);
   unused.look_for_files(root, {{"poses_bounds_*.npy", "other poses"},

@@ -6,9 +6,8 @@
 //   all_poses_bounds.npy     optional: LLFF rows of a dense trajectory, with all_timestamps.npy
 //   events.h5                optional: x, y, t, p
 //   points.npz               optional: points [P,3] in world axes, colors [P,3] uint8
-//   ev_map.npz               optional: where raw pixels of a colour sensor land
-//   gains.csv                optional: lines name,gain; a frame's brightness is the scene's times
-//   it
+//   ev_map.npz               optional: rectified places of the raw pixels of a colour sensor
+//   gains.csv                optional: lines name,gain; frame brightness = scene brightness · gain
 #pragma once
 
 #include <filesystem>
@@ -20,11 +19,11 @@ namespace jade::data {
 
 constexpr char kGainFile[] = "gains.csv";
 
-/// True if `folder` looks like this layout: poses_bounds.npy, or time stamps beside its images.
+/// True if `folder` has this layout: poses_bounds.npy, or time stamps beside its images.
 bool is_evdeblur(const std::filesystem::path& folder);
 
-/// Poses of an exposure come from the dense trajectory. Without one they are interpolated between
-/// the frames' own poses, continued at both ends. See load_dataset for errors.
+/// Takes the poses of an exposure from the dense trajectory. Without one, interpolates between the
+/// frames' own poses and extrapolates at both ends. See load_dataset for errors.
 Dataset load_evdeblur(const DatasetOptions& options, const Warnings& warnings);
 
 }  // namespace jade::data

@@ -59,7 +59,7 @@ void check_content(const EvDeblurContent& content) {
              content.far);
 }
 
-/// Padded so that names sort as numbers do.
+/// Zero-padded, so that names sort as numbers do.
 std::string frame_name(size_t index, size_t count) {
   std::string name = std::to_string(index);
   const size_t width = std::max<size_t>(2, std::to_string(count - 1).size());
@@ -97,7 +97,7 @@ void write_times(const fs::path& path, const EvDeblurContent& content) {
                        {"end", torch::tensor(end.back(), torch::kInt64)}});
 }
 
-/// The names under which the held-out exposures are written, where there are any.
+/// Writes the names of the held-out exposures, if there are any.
 void write_held_out(const fs::path& path, const EvDeblurContent& content, size_t frames) {
   std::string names;
   for (size_t i = 0; i < content.held_out.size(); ++i) {
@@ -106,7 +106,7 @@ void write_held_out(const fs::path& path, const EvDeblurContent& content, size_t
   if (!names.empty()) write_file(path, names);
 }
 
-/// The gains of the frames, where they are not all 1.
+/// Writes the gains of the frames, unless all are 1.
 void write_gains(const fs::path& path, const EvDeblurContent& content) {
   std::vector<double> gains;
   for (const Exposure& exposure : content.train) gains.push_back(exposure.gain);

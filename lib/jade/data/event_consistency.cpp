@@ -15,16 +15,18 @@ namespace jade::data {
 namespace {
 
 constexpr double kDark = 0.04, kBright = 0.96;
-constexpr double kDarkNoises = 2.5;  // a pixel must be so many deviations of the noise bright
+// least brightness of a usable pixel, in standard deviations of the noise
+constexpr double kDarkNoises = 2.5;
 constexpr double kMostFrameNoise = 0.1;
-constexpr double kMostChange = 3;  // of a logarithm from frame to frame
-/// Least deviation of a change that events leave open, in thresholds.
+constexpr double kMostChange = 3;  // largest change of a logarithm from frame to frame
+/// Least standard deviation of a change that events do not explain, in thresholds.
 constexpr double kLeastRemainder = 0.2;
 constexpr int64_t kMoments = 17;  // per exposure
-constexpr double kHuber = 2;      // in deviations of the residual
+// threshold of the Huber weight, in standard deviations of the residual
+constexpr double kHuber = 2;
 constexpr double kSmallest = 0.01, kLargest = 3;
 constexpr double kLongestStep_us = 20000;
-constexpr int64_t kGroups = 8;  // of pixels, for the jackknife
+constexpr int64_t kGroups = 8;  // groups of pixels for the jackknife
 constexpr int64_t kFewPixels = 100;
 
 /// Evenly chosen pixels among those that have events.
@@ -40,8 +42,8 @@ torch::Tensor chosen_pixels(const events::EventStream& events, const events::Ima
   return active.index_select(0, places);
 }
 
-/// Each event belongs to one pixel; shared between the four around a rectified place, counts lose
-/// their extremes and thresholds come out a sixth too high.
+/// Assigns each event to one pixel. Sharing it among the four pixels around its rectified place
+/// would smooth the counts and bias thresholds high by a sixth.
 events::EventStream at_whole_pixels(const events::EventStream& events,
                                     const events::TimeWindow& span) {
   const events::EventStream near = events.slice(span);
@@ -52,7 +54,7 @@ double median_of(const torch::Tensor& values) {
   return values.numel() == 0 ? 0 : values.median().item<double>();
 }
 
-/// Prediction from thresholds, linear about each pixel's own: change = X θ + (change − model).
+/// The prediction, linear in each pixel's thresholds: change = X θ + (change − model).
 struct Linear {
   torch::Tensor by_threshold;  ///< X, [P,V−1,2]
   torch::Tensor model;         ///< [P,V−1]
@@ -76,12 +78,12 @@ struct Mixed {
   torch::Tensor mean = torch::full({2}, 0.25, torch::kFloat64);
   torch::Tensor variance = torch::full({2}, 0.03 * 0.03, torch::kFloat64);
   double noise = 0.1, frame_noise = 0;
-  torch::Tensor thresholds;  ///< [P,2], the mean where a pixel says nothing
+  torch::Tensor thresholds;  ///< [P,2], the mean for pixels without information
 
   double threshold() const { return mean.mean().item<double>(); }
 };
 
-/// Noise of a change as noise² + ν² q, by the medians of residuals in bins of q.
+/// Fits the noise of a change as noise² + ν² q to the medians of residuals in bins of q.
 void fit_noise(const torch::Tensor& residual, const torch::Tensor& q, Mixed& model) {
   constexpr int64_t kBins = 8;
   const torch::Tensor order = q.argsort();
@@ -92,7 +94,7 @@ void fit_noise(const torch::Tensor& residual, const torch::Tensor& q, Mixed& mod
     const torch::Tensor some = order.slice(0, begin, end);
     const double deviation = median_of(residual.index_select(0, some).abs()) / 0.6745;
     const double at = median_of(q.index_select(0, some)), v = deviation * deviation + 1e-8;
-    const double w = 1 / (v * v);  // of a variance, whose error grows with it
+    const double w = 1 / (v * v);  // weight of a variance, whose error is proportional to it
     sw += w, sq += w * at, sqq += w * at * at, sv += w * v, sqv += w * at * v;
   }
   const double spread = sw * sqq - sq * sq;
@@ -103,12 +105,12 @@ void fit_noise(const torch::Tensor& residual, const torch::Tensor& q, Mixed& mod
     constant = 0;
     slope = std::clamp(sqv / sqq, 0.0, kMostFrameNoise * kMostFrameNoise);
   }
-  // A tenth for what the pixels' own thresholds take with them.
+  // Add a tenth for the variance that the fit of the pixels' own thresholds absorbs.
   model.noise = std::max(std::sqrt(1.1 * constant), kLeastRemainder * model.threshold());
   model.frame_noise = std::sqrt(slope);
 }
 
-/// Medians of the residuals of each pair of frames.
+/// Sets the median residual of each pair of frames.
 void set_steps(const torch::Tensor& residual, const torch::Tensor& usable, ConsistencyFit& fit) {
   fit.steps.clear(), fit.step_errors.clear();
   for (int64_t v = 0; v < residual.size(1); ++v) {
@@ -117,19 +119,20 @@ void set_steps(const torch::Tensor& residual, const torch::Tensor& usable, Consi
     if (some.numel() < kFewPixels) continue;
     const double median = median_of(some);
     fit.steps.back() = median;
-    // Standard error of a median; nine pixels count as one, because neighbours share their errors.
+    // Standard error of a median; nine pixels count as one, because neighbours have correlated
+    // errors.
     fit.step_errors.back() =
         1.2533 * median_of((some - median).abs()) / 0.6745 / std::sqrt(double(some.numel()) / 9);
   }
 }
 
-/// Mean thresholds without each of some groups of pixels, and what their scatter says.
+/// Mean thresholds without each group of pixels in turn, and their standard error.
 events::Thresholds jackknife(const torch::Tensor& left, const torch::Tensor& right) {
   const int64_t count = left.size(0);
   const torch::Tensor all_left = left.sum(0), all_right = right.sum(0);
   std::vector<torch::Tensor> means;
   for (int64_t g = 0; g < kGroups; ++g) {
-    // Whole bands of the image, as neighbours share their errors.
+    // Whole bands of the image, because neighbours are correlated.
     const int64_t begin = count * g / kGroups, end = count * (g + 1) / kGroups;
     means.push_back(torch::linalg_solve(all_left - left.slice(0, begin, end).sum(0),
                                         all_right - right.slice(0, begin, end).sum(0))
@@ -165,7 +168,7 @@ PixelCurves::PixelCurves(const events::EventStream& events, const events::ImageS
     Last& before = last[size_t(pixel)];
     const double time = double(t[i]);
     double wait = std::min(time - before.t_us, kLongestStep_us);
-    // After a turn nearly all of that time went by before the change began.
+    // After a change of sign, most of that time passed before the change began.
     if (before.polarity != p[i]) wait *= 0.25;
     steps_.push_back({pixel, time - wait, time, p[i] > 0});
     before = {time, p[i]};
@@ -198,10 +201,10 @@ torch::Tensor PixelCurves::until(const std::vector<double>& times_us) const {
   return rise.cumsum(2).index_select(2, torch::tensor(place, torch::kInt64));
 }
 
-/// How frames differ from what events say, [P,V−1] each.
+/// Difference between frames and the prediction from events, [P,V−1] each.
 struct Residuals {
-  torch::Tensor value;     ///< of the logarithm, at the predicted brightness
-  torch::Tensor by_noise;  ///< what ν² adds to its variance
+  torch::Tensor value;     ///< residual of the log intensity, at the predicted brightness
+  torch::Tensor by_noise;  ///< coefficient of ν² in its variance
   torch::Tensor usable;    ///< bool
 };
 
@@ -213,7 +216,7 @@ Residuals residuals(const torch::Tensor& gray, const torch::Tensor& smooth,
   const auto before = [&](const torch::Tensor& each) { return each.slice(1, 0, count - 1); };
   const auto after = [&](const torch::Tensor& each) { return each.slice(1, 1); };
   const torch::Tensor half = (0.5 * model.clamp(-kMostChange, kMostChange)).exp();
-  // By the prediction, not by each frame: the pixel's own noise would choose.
+  // Selects by the prediction, not by each frame: the pixel's own noise would bias the selection.
   const torch::Tensor level = (before(smooth) + after(smooth)) / (half + 1 / half);
   const double darkest = std::max(kDark, kDarkNoises * frame_noise);
   const torch::Tensor scale = level.clamp_min(darkest);
@@ -289,7 +292,7 @@ ConsistencyFit EventConsistency::fit(const std::vector<events::TimeWindow>& expo
     const torch::Tensor gram = weighted.transpose(1, 2).matmul(x).index_select(0, index);
     const torch::Tensor seen =
         weighted.transpose(1, 2).matmul(target.unsqueeze(2)).index_select(0, index);  // [p,2,1]
-    // With events of one polarity, the other threshold has no equation.
+    // With events of one polarity, the other threshold is undetermined.
     if (gram.sum(0).diagonal().min().item<double>() <= 0) return fit;
     const torch::Tensor precision = torch::diag(1 / model.variance);
     const torch::Tensor covariance = torch::linalg_inv(gram + precision);
@@ -337,7 +340,7 @@ ConsistencyFit EventConsistency::fit(const std::vector<events::TimeWindow>& expo
     const double photon =
         model.frame_noise * model.frame_noise *
         frames.by_noise.index_select(0, index).masked_select(counted).sum().item<double>();
-    // Noise of the frames is no fault of the events.
+    // Subtract the noise of the frames, which the events do not cause.
     fit.unexplained = std::max(0.0, left_over.square().sum().item<double>() - photon) /
                       std::max(1e-12, change.square().sum().item<double>() - photon);
   }

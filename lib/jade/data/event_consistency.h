@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How well events explain the change from each frame to the next.
+// Measures how well events explain the change from each frame to the next.
 #pragma once
 
 #include <cstdint>
@@ -11,16 +11,17 @@
 
 namespace jade::data {
 
-/// The number of events that some pixels had until a time. Each event counts gradually from the one
-/// before it at its pixel, for at most 20 ms: the change that it reports happened on the way.
+/// Number of events at each of some pixels before a time. Each event is spread linearly over the
+/// time since the previous event at its pixel, at most 20 ms: the change that it reports happened
+/// during that time.
 class PixelCurves {
  public:
-  /// @param events  at whole pixels
+  /// @param events  at whole-pixel coordinates
   /// @param pixels  [P] int64, row · width + column
   PixelCurves(const events::EventStream& events, const events::ImageSize& size,
               const torch::Tensor& pixels);
 
-  /// Positive and negative events until each time, [2,P,K] float64; the times in any order.
+  /// Positive and negative events before each time, [2,P,K] float64; the times may be in any order.
   torch::Tensor until(const std::vector<double>& times_us) const;
 
  private:
@@ -33,64 +34,67 @@ class PixelCurves {
   int64_t pixels_;
 };
 
-/// A fit of the contrast thresholds.
+/// Result of a fit of the contrast thresholds.
 struct ConsistencyFit {
-  bool solved = false;              ///< false where too few pixels speak, or of one polarity only
+  bool solved = false;              ///< false if too few pixels are usable, or all events have one
+                                    ///< polarity
   events::Thresholds thresholds;    ///< means over the pixels
   events::Thresholds spread{0, 0};  ///< standard deviation from pixel to pixel
   events::Thresholds standard_error{1e9,
-                                    1e9};  ///< of the means, from leaving out parts of the image
-  int64_t pixels = 0;                      ///< that spoke
-  double noise = 0;        ///< deviation of a change that noise of the frames does not explain, log
-  double frame_noise = 0;  ///< deviation of a pixel of a frame, in units of white
-  double unexplained = 1;  ///< share of the squared changes that is left
-  /// Minus twice the logarithm of the likelihood of a change, apart from a constant: comparable
-  /// between fits of the same frames with other exposures.
+                                    1e9};  ///< of the means, by jackknife over parts of the image
+  int64_t pixels = 0;                      ///< number of usable pixels
+  double noise = 0;        ///< standard deviation of a change beyond the frames' noise, log
+                           ///< intensity
+  double frame_noise = 0;  ///< standard deviation of a frame's pixel, in units of white
+  double unexplained = 1;  ///< unexplained share of the squared changes
+  /// Minus twice the log-likelihood of a change, up to a constant: comparable between fits of the
+  /// same frames with other exposures.
   double loss = 0;
-  std::vector<double> part_losses;  ///< of eight bands of the image
-  /// By how much the logarithm of each frame exceeds what the frame before it and the events make
-  /// of it, in the median of the pixels, and its standard error: the camera's or the light's doing.
-  /// [V−1], 0 ± infinity where nothing tells.
+  std::vector<double> part_losses;  ///< loss of each of eight bands of the image
+  /// Change of the log intensity from each frame to the next that the events do not explain, median
+  /// over the pixels, with its standard error: caused by the camera or the light. [V−1]; 0 ±
+  /// infinity if it cannot be estimated.
   std::vector<double> steps, step_errors;
 };
 
 struct ConsistencyOptions {
-  int64_t pixels = 8000;  ///< at most, evenly chosen among those with events
+  int64_t pixels = 8000;  ///< at most this many pixels, evenly chosen among those with events
   int rounds = 30;
   double log_offset = 0;  ///< ε of the sensor's log(I + ε)
 };
 
-/// Frames, in order, and the events of their pixels. With E(t) = Θ⁺P(t) − Θ⁻N(t), the events of a
-/// pixel until t, and o the sensor's offset, the change from one frame to the next is
-///     log(B₂ + o) − log(B₁ + o) = m = log mean₂ exp E − log mean₁ exp E,
-/// where the means are over the exposures (trapezoid rule). Dark noisy pixels have no logarithm, so
-/// what is fitted is linear in the frames: B₂ exp(−m/2) − B₁ exp(m/2), in units of the brightness
-/// that m and the means of 3x3 pixels predict. Noise ν of the frames then adds to its variance
-/// alone, and is estimated with the rest.
+/// Frames, in order, and the events of their pixels. With E(t) = Θ⁺P(t) − Θ⁻N(t), where P and N
+/// count the events of a pixel before t, and o the sensor's offset, the change from one frame to
+/// the next is
+///     log(B₂ + o) − log(B₁ + o) = m = log mean₂ exp E − log mean₁ exp E.
+/// The means are over the exposures (trapezoid rule). Dark noisy pixels have no logarithm, so the
+/// fit uses a residual that is linear in the frames: B₂ exp(−m/2) − B₁ exp(m/2), relative to the
+/// brightness predicted by m and the means of 3x3 pixels. The frames' noise ν then affects only the
+/// residual's variance, and is estimated with the other parameters.
 ///
-/// Every pixel has thresholds of its own: over a span of P and N events a deviation δ of them adds
-/// δ⁺P − δ⁻N, which after some dozens of events drowns what the frames tell and pulls a fit of one
-/// pair of thresholds for all pixels far down. So the pixels' thresholds are random effects about
-/// the mean that is sought (a non-linear mixed model: M. Lindstrom, D. Bates, Biometrics 1990),
-/// whose spread and noise are estimated with it (EM); changes that do not fit count less (Huber).
-/// A change of all pixels alike is the camera's (exposure, gain) or the light's, and no fault of
-/// the thresholds: the median of each pair of frames is taken out.
+/// Every pixel has its own thresholds: over P and N events a deviation δ of them adds δ⁺P − δ⁻N,
+/// which after some dozens of events exceeds the frames' information and strongly biases a fit of
+/// one pair of thresholds for all pixels towards low values. Therefore the pixels' thresholds are
+/// random effects about the mean (a non-linear mixed model: M. Lindstrom, D. Bates, Biometrics
+/// 1990), whose spread and noise are estimated with it (EM). Outliers have less weight (Huber). A
+/// change that all pixels share is caused by the camera (exposure, gain) or the light, not by the
+/// thresholds: the median of each pair of frames is subtracted.
 class EventConsistency {
  public:
-  /// @param frames       [3,H,W] or [1,H,W], at least two of one size
-  /// @param is_neighbour whether frames i and i+1 may be compared, one fewer than frames
-  /// @param span         that the events are taken from
+  /// @param frames       [3,H,W] or [1,H,W], at least two, all of one size
+  /// @param is_neighbour whether frames i and i+1 may be compared, one fewer than frames @param
+  /// span         time span of the events to use
   EventConsistency(const std::vector<torch::Tensor>& frames, const std::vector<bool>& is_neighbour,
                    const events::EventStream& events, const events::TimeWindow& span,
                    const ConsistencyOptions& options = {});
 
-  /// The fit with these exposures, one for each frame. @throws Interrupted.
+  /// Fits with these exposures, one per frame. @throws Interrupted.
   ConsistencyFit fit(const std::vector<events::TimeWindow>& exposures) const;
 
  private:
   ConsistencyOptions options_;
   torch::Tensor pixels_;         ///< [P]
-  torch::Tensor gray_, smooth_;  ///< [P,V] of the frames, and of their means over 3x3 pixels
+  torch::Tensor gray_, smooth_;  ///< [P,V]: the frames, and their means over 3x3 pixels
   torch::Tensor neighbour_;      ///< [V−1] bool
   PixelCurves curves_;
 };

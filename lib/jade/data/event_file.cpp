@@ -14,12 +14,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Recordings usually start a little before the first pose and end after the last one; more than
-/// this part of the events outside is worth a look.
+/// Recordings usually start a little before the first pose and end after the last one; warn if a
+/// larger share of the events lies outside.
 constexpr double kManyOutside = 0.1;
 
-/// Events beside the image: none may be there in raw whole-pixel coordinates, while rectified ones
-/// leave the image at its borders, and by more where the image is a crop of the sensor.
+/// Largest share of events outside the image. Raw whole-pixel coordinates allow none; rectified
+/// ones leave the image at its borders, and more of them if the image is a crop of the sensor.
 constexpr double kManyBeside = 0.25;
 
 /// True if no coordinate among the first events has a fraction.
@@ -40,11 +40,12 @@ void check_inside(const events::EventStream& events, const geometry::Intrinsics&
                "another resolution or to the raw sensor");
 }
 
-/// A scene that a camera moves by gets darker as often as brighter, near enough.
+/// Warns of unbalanced polarities: in the view of a moving camera, pixels get darker about as often
+/// as brighter.
 void check_polarity(const events::EventStream& events, const fs::path& path,
                     const Warnings& warnings) {
-  constexpr int64_t kFew = 100;      // events that say nothing yet
-  constexpr int64_t kRarest = 1000;  // one in so many
+  constexpr int64_t kFew = 100;      // fewer events are inconclusive
+  constexpr int64_t kRarest = 1000;  // least share of a polarity, one in this many
   const int64_t all = events.size();
   const int64_t up = events.polarity().gt(0).sum().item<int64_t>();
   if (all < kFew || std::min(up, all - up) * kRarest >= all) return;
@@ -67,7 +68,7 @@ events::EventStream cut(const events::EventStream& events, const EventSpan& keep
   return kept;
 }
 
-/// Before an HDF5 file is read: its longest list beside the frames that are held by now.
+/// Checks memory before an HDF5 file is read: its longest array in addition to the loaded frames.
 void check_room(const fs::path& path, const Dataset& data) {
   constexpr double kBytesPerEvent = 17;
   if (path.extension() != ".h5" && path.extension() != ".hdf5") return;

@@ -14,7 +14,7 @@ namespace {
 
 using events::TimeUnit;
 
-/// A multiple of `step` positions, or the tail, or neither.
+/// Describes test positions: a multiple of `step`, the tail, or neither.
 std::string describe_pattern(const std::vector<bool>& is_test) {
   std::vector<size_t> at;
   for (size_t i = 0; i < is_test.size(); ++i) {
@@ -47,11 +47,12 @@ void check_train_left(const std::vector<bool>& is_test, const std::string& path)
                          "dataset.split"));
 }
 
-/// @throws DataError where a type of fewer digits than float64 rounds times by more than a fiftieth
+/// @throws DataError if a type with less precision than float64 rounds times by more than a
+/// fiftieth
 ///   of the frame period.
 void check_precision(const torch::Tensor& times, const std::string& name) {
   constexpr double kLargestShare = 0.02;
-  constexpr double kFinest = 1e-3;  // no unit makes steps below this matter
+  constexpr double kFinest = 1e-3;  // smaller steps are negligible in every unit
   const bool is_half = times.scalar_type() == torch::kFloat16;
   if ((times.scalar_type() != torch::kFloat32 && !is_half) || times.numel() < 2) return;
   const torch::Tensor wide = times.to(torch::kFloat64);

@@ -26,21 +26,21 @@ struct FrameTimes {
 };
 
 /// Reads the arrays timestamps_start and timestamps_end.
-/// @param unit  with kAuto as events::guess_exposure_unit has it
+/// @param unit  kAuto: as events::guess_exposure_unit
 /// @throws DataError for missing arrays, lengths that differ, values that are not finite, ends
 ///         before starts, exposures of no plausible length in any unit, or floating-point numbers
-///         that are too coarse for the times they hold.
+///         that are too coarse for their times.
 FrameTimes read_frame_times(const std::filesystem::path& path, events::TimeUnit unit);
 
-/// Looks for exposures that one sensor cannot have taken. A few that overlap are a warning.
-/// @param names  of the frames, at least as many as times
+/// Checks for exposures that one sensor cannot have taken. Warns if a few overlap. @param names  of
+/// the frames, at least as many as times
 /// @param path   of the times, for messages
-/// @throws DataError for two frames of one exposure, and where more than a tenth of the exposures
-///   overlap the next by more than 5 % of the frame period, which rounding does not do.
+/// @throws DataError if two frames have the same exposure, or if more than a tenth of the exposures
+///   overlap the next by more than 5 % of the frame period, which rounding cannot explain.
 void check_apart(const std::vector<FrameTime>& times, const std::vector<std::string>& names,
                  const std::string& path, const Warnings& warnings);
 
-/// A note on times that were found to be in ms; empty for others.
+/// A note if the times were recognised as ms; else empty.
 /// @param wanted  the unit of the options
 std::string milliseconds_note(const FrameTimes& times, events::TimeUnit wanted,
                               const std::filesystem::path& path);
@@ -57,8 +57,8 @@ struct SplitRule {
   int64_t every = 8;
 };
 
-/// kAuto: the frames without exposure time. Names the pattern they form.
-/// @throws DataError if no frame is left for training, or a frame without exposure time is.
+/// kAuto: frames without exposure time are test views; describes the pattern that they form.
+/// @throws DataError if no training frame remains, or if a training frame has no exposure time.
 Split split_frames(const std::vector<FrameTime>& times, const SplitRule& rule,
                    const std::string& path, const Warnings& warnings);
 

@@ -89,7 +89,8 @@ std::string in_folder(const fs::path& path) {
   return name;
 }
 
-/// Pictures, cameras and scores are told apart by name, and poses of an exposure are NAME_k.
+/// Checks that names are unique, because pictures, cameras and scores are identified by name, and
+/// poses of an exposure are called NAME_k.
 void check_names(const std::vector<std::string>& names, const std::vector<fs::path>& paths) {
   std::map<std::string, size_t> known;
   for (size_t i = 0; i < names.size(); ++i) {
@@ -110,7 +111,7 @@ void check_names(const std::vector<std::string>& names, const std::vector<fs::pa
   }
 }
 
-/// Checks the memory that the decoded frames take: three floats and a mask per pixel.
+/// Checks the memory of the decoded frames: three floats and a mask per pixel.
 void check_frame_memory(const std::vector<fs::path>& paths) {
   constexpr double kBytesPerPixel = 3 * sizeof(float) + 1;
   double pixels = 0, largest = 0;
@@ -199,7 +200,7 @@ DepthBounds depth_bounds(const torch::Tensor& points, const std::vector<geometry
   if (points.defined()) {
     const torch::Tensor xyz = points.to(torch::kFloat64).contiguous();
     const double* point = xyz.data_ptr<double>();
-    // A few hundred thousand depths give the quantiles well enough.
+    // A few hundred thousand depths determine the quantiles well enough.
     const int64_t step = std::max<int64_t>(1, xyz.size(0) * int64_t(poses.size()) / 400000);
     for (size_t view = 0; view < poses.size(); ++view) {
       for (int64_t i = int64_t(view) % step; i < xyz.size(0); i += step) {

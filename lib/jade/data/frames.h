@@ -14,47 +14,49 @@ namespace jade::data {
 
 /// One image of a folder.
 struct Frame {
-  std::string name;     ///< as frame_names() says
-  torch::Tensor image;  ///< [3,H,W], 0 where the mask excludes a pixel
-  torch::Tensor mask;   ///< [1,H,W] bool, true: the pixel counts; undefined: all count
+  std::string name;     ///< from frame_names()
+  torch::Tensor image;  ///< [3,H,W], 0 at pixels that the mask excludes
+  torch::Tensor mask;   ///< [1,H,W] bool, true: the pixel counts; undefined: all pixels count
 };
 
-/// Whether the images of a folder may all lie in folders inside it, such as one a camera.
+/// Whether the images may lie in subfolders, such as one per camera.
 enum class ImageDepth { kFlat, kNested };
 
 /// The folder of the frames: `wanted` if given, else the first of images_1, images and images_N
-/// that holds images. For kNested, if none does, the first that holds some in folders inside it.
+/// that contains images. For kNested, if none does, the first whose subfolders contain images.
 /// @throws DataError if there is none.
 std::filesystem::path find_image_folder(const std::filesystem::path& root,
                                         const std::string& wanted,
                                         ImageDepth depth = ImageDepth::kFlat);
 
-/// The images of a folder and of the folders inside it, except those in hidden folders and in
-/// folders of masks or maps, in order of their path.
+/// The images of a folder and its subfolders, except hidden folders and folders of masks or maps,
+/// sorted by path.
 std::vector<std::filesystem::path> list_images_within(const std::filesystem::path& folder);
 
-/// The N of a folder named images_N, else 1: how much smaller its images are than the poses say.
+/// The N of a folder named images_N, else 1: the factor by which its images are smaller than the
+/// poses' cameras.
 double folder_scale(const std::filesystem::path& image_folder);
 
-/// Names of frames: file names without extension; duplicates get the folder in front ("cam0_001"),
-/// and remaining duplicates the extension behind.
-/// @throws DataError for names that are no UTF-8, that are alike all the same, or of which one is
-///   NAME_k of another, as an exposure's poses are called.
+/// Names of frames: file names without extension; duplicates get the folder as a prefix
+/// ("cam0_001"), and remaining duplicates keep their extension.
+/// @throws DataError for names that are not UTF-8, that remain duplicate, or of which one is NAME_k
+/// of
+///   another, the name of an exposure's pose.
 std::vector<std::string> frame_names(const std::vector<std::filesystem::path>& paths);
 
 /// Whether the frames of a data set may differ in size.
 enum class FrameSizes { kOne, kAny };
 
-/// Reads the given images, on several threads, into the given order, and their masks.
-/// @throws DataError if one cannot be read or, for kOne, they differ in size; if they would not fit
-///   into memory, which is found from their first bytes; and as frame_names() and read_masks().
+/// Reads the given images and their masks on several threads, in the given order. @throws DataError
+/// if one cannot be read; for kOne, if they differ in size; if they would not fit
+///   into memory, as estimated from their headers; and as frame_names() and read_masks().
 std::vector<Frame> read_frames(const std::vector<std::filesystem::path>& paths,
                                const MaskSources& masks, const Warnings& warnings,
                                FrameSizes sizes = FrameSizes::kOne);
 
-/// Depth bounds around a point cloud as seen from the cameras: the 0.5 % and 99.5 % quantiles of
-/// depth with a tenth of room. (0.01, 100) times the spread of the cameras if there are no points
-/// in front of them.
+/// Depth bounds of a point cloud seen from the cameras: the 0.5 % and 99.5 % quantiles of depth,
+/// widened by a tenth. Without points in front of the cameras: (0.01, 100) times the spread of the
+/// cameras.
 struct DepthBounds {
   double near = 0, far = 0;
 };

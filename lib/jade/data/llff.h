@@ -17,8 +17,8 @@ struct LlffView {
   double near = 0, far = 0;  ///< world units
 };
 
-/// Turns [N,17] into poses. LLFF stores world_from_camera with columns (down, right, backwards);
-/// ours are camera_from_world with axes (right, down, forward).
+/// Converts [N,17] to poses. LLFF stores world_from_camera with columns (down, right, backwards);
+/// this library uses camera_from_world with axes (right, down, forward).
 /// @param name  the path, for messages.
 /// @throws DataError naming the row for other shapes, values that are not finite and matrices
 ///         that are no rotation.

@@ -17,12 +17,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A folder in which masks may lie, and the folder below it for frames of this one.
+/// A folder that may contain masks, and the subfolder for frames of this folder.
 struct MaskFolder {
   fs::path folder, inside;
 };
 
-/// Folders named masks beside the folder of a frame, or beside the one above it.
+/// Folders named masks beside the folder of a frame, or beside its parent.
 std::vector<MaskFolder> mask_folders(const fs::path& frame, const fs::path& root) {
   const fs::path home = frame.parent_path().lexically_normal();
   const std::string name = home.filename().string();
@@ -96,7 +96,7 @@ torch::Tensor opaque_part(const fs::path& path) {
 
 namespace {
 
-/// Frames that lack a mask where others have one.
+/// Warns of frames without a mask if others have one.
 void tell_unmatched(const std::vector<fs::path>& paths, const std::vector<fs::path>& beside,
                     const fs::path& root, const Warnings& warnings) {
   std::vector<std::string> without;
@@ -125,7 +125,7 @@ double share_excluded(const torch::Tensor& mask) {
   return 1 - mask.sum().item<double>() / double(mask.numel());
 }
 
-/// True for events whose nearest pixel counts, and for those beside the image.
+/// True for events whose nearest pixel counts, and for those outside the image.
 torch::Tensor kept_events(const events::EventStream& events, const torch::Tensor& mask) {
   const int64_t height = mask.size(1), width = mask.size(2);
   const torch::Tensor flat = mask.contiguous();
@@ -144,7 +144,7 @@ torch::Tensor kept_events(const events::EventStream& events, const torch::Tensor
   return keep;
 }
 
-/// Exposures by time, training and held out.
+/// Training and held-out exposures, sorted by time.
 std::vector<const Exposure*> timed_exposures(const Dataset& data) {
   std::vector<const Exposure*> exposures;
   for (const auto* list : {&data.train, &data.held_out}) {
@@ -162,7 +162,7 @@ events::EventStream without_masked(const Dataset& data) {
   for (size_t i = 0; i < exposures.size(); ++i) {
     int64_t until = data.events.size();
     if (i + 1 < exposures.size()) {
-      // Half of the gap belongs to each of two neighbours.
+      // Each of two neighbours gets half of the gap.
       const int64_t end = exposures[i]->t_end_us, next = exposures[i + 1]->t_start_us;
       until = std::max(done, data.events.count_before(end + (next - end) / 2));
     }

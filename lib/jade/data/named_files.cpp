@@ -11,7 +11,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A file whose name may lack an extension; empty where there is none.
+/// A file whose name may lack an extension; empty if there is none.
 fs::path existing_file(const fs::path& path) {
   for (const char* extension : {"", ".png", ".jpg", ".jpeg", ".JPG", ".PNG", ".JPEG"}) {
     const fs::path whole = path.string() + extension;
@@ -20,8 +20,8 @@ fs::path existing_file(const fs::path& path) {
   return {};
 }
 
-/// Finds a file whose path was written on another machine or from another folder, by as many of its
-/// last parts as lead to a file. Empty if none do.
+/// Finds a file whose path was written on another machine or relative to another folder, by the
+/// longest suffix of its path that leads to a file. Empty if none does.
 fs::path moved_file(const fs::path& folder, const fs::path& given) {
   const std::vector<fs::path> parts(given.begin(), given.end());
   for (size_t skip = 1; skip < parts.size(); ++skip) {
@@ -39,8 +39,7 @@ std::string in_small_letters(std::string text) {
   return text;
 }
 
-/// The folder of this name in another, by its capitals or else without regard to them; empty where
-/// there is none.
+/// The subfolder of this name, matching case if possible; empty if there is none.
 fs::path near_folder(const fs::path& folder, const fs::path& name) {
   std::error_code error;
   if (fs::is_directory(folder / name, error)) return (folder / name).lexically_normal();

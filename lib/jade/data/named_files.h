@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Files that a text names: paths of other machines, of Windows, without extensions.
+// Resolves file names in text: paths of other machines, of Windows, without extensions.
 #pragma once
 
 #include <filesystem>
@@ -8,33 +8,33 @@
 
 namespace jade::data {
 
-/// The path with the slashes of Windows turned.
+/// The path with backslashes replaced by slashes.
 std::string slashed(std::string path);
 
-/// The path with %20 and the like replaced by what they stand for.
+/// The path with URL escapes such as %20 decoded.
 std::string unescaped(const std::string& path);
 
-/// An image below `folder` whose path differs from `given` by capitals or its ending only, relative
-/// to `folder`; empty where there is none.
+/// An image below `folder` whose path differs from `given` only by case or extension, relative to
+/// `folder`; empty if there is none.
 std::filesystem::path near_image(const std::filesystem::path& folder, const std::string& given);
 
-/// Finds a file in or below `folder` by as many of its last parts as lead to a file, all of them
-/// first. Empty if none do.
+/// Finds a file in or below `folder` by the longest suffix of its path that leads to a file. Empty
+/// if none does.
 std::filesystem::path file_inside(const std::filesystem::path& folder,
                                   const std::filesystem::path& given);
 
-/// Paths as a transforms.json has them, and what became of them. They may lack an extension, have
-/// the slashes of Windows, or be escaped as in a URL.
+/// Resolves the paths of a transforms.json. They may lack an extension, have backslashes, or be
+/// escaped as in a URL.
 struct NamedFiles {
-  std::filesystem::path folder;  ///< of the JSON, which they are relative to
-  std::string image_folder;      ///< dataset.image_folder; empty: images lie where the JSON says
+  std::filesystem::path folder;  ///< folder of the JSON, to which paths are relative
+  std::string image_folder;      ///< dataset.image_folder; empty: images are where the JSON says
   std::vector<std::string> missing, moved;
 
-  /// An image of this name, in `image_folder` where one is set. Empty where there is no such file;
-  /// its name is then added to `missing`.
+  /// An image of this name, in `image_folder` if one is set. If there is no such file, returns an
+  /// empty path and adds the name to `missing`.
   std::filesystem::path find_image(const std::string& name);
 
-  /// Empty where there is no such file; its name is then added to `missing`.
+  /// Returns an empty path and adds the name to `missing` if there is no such file.
   std::filesystem::path find(const std::string& name);
 };
 

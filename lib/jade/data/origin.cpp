@@ -32,7 +32,7 @@ bool is_in_picture(const Vector3& point, const geometry::Intrinsics& camera) {
   return u >= 0 && u < double(camera.width) && v >= 0 && v < double(camera.height);
 }
 
-/// Why points could lie behind cameras that would see them after half a turn about their x axes.
+/// Likely reason if points behind the cameras would be visible after a half turn about the x axes.
 const char* wrong_axes(DatasetKind kind) {
   if (kind == DatasetKind::kTransforms) {
     return "the poses seem to be in OpenCV axes (y down, z forwards), expected are those of OpenGL "
@@ -64,7 +64,7 @@ Vector3 origin_of(const std::vector<geometry::Pose>& cameras_from_world,
   if (points.defined() && points.size(0) > 0) {
     size = std::max(size, with_origin(points, middle).norm(2, 1).median().item<double>());
   }
-  // Cameras of one place lie apart by rounding only, which is no size of a scene.
+  // Cameras at one place differ by rounding only, which must not define the scene's size.
   constexpr double kRounding = 1e-12;
   if (size <= kRounding * distance(middle, {0, 0, 0})) size = 0;
   return geometry::scene_origin(middle, size);
@@ -108,7 +108,7 @@ void tell_origin(Dataset& data) {
 }
 
 void tell_still_cameras(const Dataset& data, const Warnings& warnings) {
-  // A shift that no pixel shows; bounds that follow from the shift itself say the same.
+  // A shift below a pixel; includes bounds that derive from the shift itself.
   constexpr double kStillShare = 1e-5, kStillAngle = 1e-6;
   if (data.train.size() < 2) return;
   const geometry::Pose& first = data.train.front().poses[0];

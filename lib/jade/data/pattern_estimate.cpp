@@ -15,7 +15,7 @@ namespace {
 constexpr size_t kMostFrames = 64;
 constexpr double kApartPx = 8;
 
-/// Detail of strong edges is cut to this, so that few pixels do not decide.
+/// Detail of strong edges is clipped to this, so that few pixels do not dominate.
 constexpr double kMostDetail = 0.1;
 
 using Place = std::array<double, 2>;
@@ -33,8 +33,8 @@ std::vector<const Exposure*> chosen_frames(const Dataset& dataset) {
   return chosen;
 }
 
-/// Places, px, at which frame `of` sees the points that lie `depth` deep at five places of frame
-/// `from`; far outside where they are behind it.
+/// Pixel coordinates in frame `of` of the points at depth `depth` at five places of frame `from`;
+/// far outside the image if they are behind it.
 std::array<Place, 5> places_of(const Exposure& from, const Exposure& of, double depth) {
   constexpr size_t kMiddle = geometry::kExposurePoses / 2;
   const auto w = double(from.camera.width), h = double(from.camera.height);
@@ -52,7 +52,7 @@ std::array<Place, 5> places_of(const Exposure& from, const Exposure& of, double 
   return places;
 }
 
-/// Whether all five places moved by more than kApartPx, seen from the depth that moves less.
+/// Whether all five places moved by more than kApartPx, at the depth that moves less.
 bool apart(const Exposure& a, const Exposure& b, const Dataset& dataset) {
   for (const double depth : {dataset.near, dataset.far}) {
     const auto before = places_of(a, a, depth), after = places_of(a, b, depth);
@@ -64,8 +64,8 @@ bool apart(const Exposure& a, const Exposure& b, const Dataset& dataset) {
   return true;
 }
 
-/// Standard deviation of the middle's place in its least direction. Places outside count as their
-/// nearest in an image of three times the size.
+/// Standard deviation of the image centre's place along its direction of least motion. Places are
+/// clamped to an image of three times the size.
 double sideways(const std::vector<const Exposure*>& frames, double depth) {
   const Exposure& first = *frames[frames.size() / 2];
   const auto w = double(first.camera.width), h = double(first.camera.height);
@@ -82,7 +82,7 @@ double sideways(const std::vector<const Exposure*>& frames, double depth) {
   return std::sqrt(std::max(0.0, least));
 }
 
-/// [P] of a frame: what differs from the mean of 3x3 pixels.
+/// [P] of a frame: the difference from the mean of 3x3 pixels.
 torch::Tensor detail_of(const Exposure& frame) {
   const torch::Tensor gray = imaging::gray(frame.blurry).unsqueeze(0);
   const torch::Tensor padded = at::replication_pad2d(gray, {1, 1, 1, 1});

@@ -7,18 +7,18 @@
 
 namespace jade::data {
 
-/// The fixed pattern of a frame sensor as frames of different places show it.
+/// The fixed pattern of a frame sensor, estimated from frames taken at different places.
 struct PatternEstimate {
-  /// Standard deviation of what is the same at each pixel of all frames, of detail up to 3 px;
-  /// white is 1. 0 where no frames could be compared.
+  /// Standard deviation of the detail (up to 3 px) that is the same at each pixel of all frames, in
+  /// units of white. 0 if no frames could be compared.
   double strength = 0;
-  /// How far the scene moves in the frames in the direction in which it moves least, px (standard
-  /// deviation over the frames). Along a single line, edges of the scene look like a pattern.
+  /// Motion of the scene in the image along the direction of least motion, px (standard deviation
+  /// over the frames). Along a single line, edges of the scene look like a pattern.
   double sideways_px = 0;
-  int64_t pairs = 0;  ///< of frames that were compared
+  int64_t pairs = 0;  ///< number of compared pairs of frames
 
-  /// Whether motion in two directions tells a pattern from the scene, and one is there that is
-  /// worth learning (docs/results.md, recordings with faults).
+  /// Whether motion in two directions separates the pattern from the scene, and the pattern is
+  /// strong enough to learn (docs/results.md, recordings with faults).
   bool is_worth_learning() const {
     return sideways_px >= kLeastSidewaysPx && strength >= kLeastStrength;
   }
@@ -27,9 +27,9 @@ struct PatternEstimate {
   static constexpr double kLeastStrength = 0.005;
 };
 
-/// Compares pairs of training frames in which the scene lies at places more than 8 px apart: what
-/// their detail has in common is not scene. Frames of another size than the first are left out, and
-/// of many frames 64 are used. Uses the poses of the data set at both of its depth bounds.
+/// Compares pairs of training frames in which the scene is shifted by more than 8 px: detail that
+/// they have in common is not part of the scene. Ignores frames of another size than the first, and
+/// uses at most 64 frames. Uses the poses of the data set at both of its depth bounds.
 PatternEstimate estimate_pattern(const Dataset& dataset);
 
 }  // namespace jade::data

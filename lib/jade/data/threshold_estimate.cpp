@@ -10,19 +10,18 @@ namespace jade::data {
 namespace {
 
 constexpr size_t kMostExposures = 25;
-constexpr size_t kFewestExposures = 4;  // two thresholds and one equation per pair of frames
-/// Shares above which frames and events do not belong together.
+constexpr size_t kFewestExposures = 4;  // two unknown thresholds, one equation per pair of frames
+/// Above these shares, frames and events do not belong together.
 constexpr double kMostUnexplained = 0.6, kMostSpread = 0.6, kMostError = 0.2;
 
-/// A run of neighbours: the middle of the recording, where cameras move most.
+/// Consecutive exposures from the middle of the recording, where cameras move most.
 std::vector<Exposure> middle_of(const std::vector<Exposure>& exposures) {
   const size_t count = std::min(exposures.size(), kMostExposures);
   const auto begin = exposures.begin() + std::ptrdiff_t((exposures.size() - count) / 2);
   return {begin, begin + std::ptrdiff_t(count)};
 }
 
-/// Over long gaps, noise events outweigh what the frames can tell. Exposures whose times were
-/// rounded overlap a little.
+/// Over long gaps, noise events dominate. Exposures whose times were rounded may overlap a little.
 bool is_neighbour(const Exposure& a, const Exposure& b) {
   const int64_t gap = b.t_start_us - a.t_end_us;
   return gap >= -a.duration_us() / 20 && gap <= std::max<int64_t>(3 * a.duration_us(), 100000);

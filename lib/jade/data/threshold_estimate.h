@@ -8,22 +8,23 @@
 
 namespace jade::data {
 
-/// Contrast thresholds found in the data, without any truth.
+/// Contrast thresholds estimated from the data alone.
 struct ThresholdEstimate {
   events::Thresholds thresholds;    ///< means over the pixels
   events::Thresholds spread{0, 0};  ///< standard deviation from pixel to pixel
-  /// Standard error of the means, from leaving out parts of the image (jackknife).
+  /// Standard error of the means, by jackknife over parts of the image.
   events::Thresholds standard_error{1e9, 1e9};
-  int64_t pixels = 0;      ///< that spoke
-  double residual = 0;     ///< what the model leaves at a pixel, log intensity (robust deviation)
-  double frame_noise = 0;  ///< deviation of a pixel of a frame that was found, in units of white
-  double unexplained = 1;  ///< share of the squared changes that is left: 0 perfect, 1 useless
-  bool found = false;      ///< false where there are too few events or frames, or they disagree
+  int64_t pixels = 0;      ///< number of usable pixels
+  double residual = 0;     ///< residual of the model at a pixel, log intensity (robust standard
+                           ///< deviation)
+  double frame_noise = 0;  ///< estimated standard deviation of a frame's pixel, in units of white
+  double unexplained = 1;  ///< unexplained share of the squared changes: 0 perfect, 1 useless
+  bool found = false;      ///< false if there are too few events or frames, or they disagree
 };
 
-/// Estimates Θ⁺ and Θ⁻ by consistency between neighbouring exposures (event_consistency.h). Within
-/// 10 % of the truth on simulated recordings with noise (docs/engineering/import.md).
-/// @param exposures   frames and times, in order; poses are not used
+/// Estimates Θ⁺ and Θ⁻ from the consistency of neighbouring exposures (event_consistency.h). Within
+/// 10 % of the truth on simulated recordings with noise (docs/engineering/import.md). @param
+/// exposures   frames and times, in order; poses are not used
 /// @param events      of the pixels of these frames, by the same clock
 /// @param log_offset  ε of the sensor's log(I + ε), in units of intensity.
 /// @throws Interrupted.

@@ -29,16 +29,16 @@ namespace fs = std::filesystem;
 using nlohmann::json;
 
 struct ListedView {
-  std::string given;  ///< 'file_path' as the file has it, with slashes
+  std::string given;  ///< 'file_path' as in the file, with slashes
   fs::path path, mask;
   geometry::Pose pose;
-  geometry::Intrinsics camera;      ///< 0 where the file does not say
+  geometry::Intrinsics camera;      ///< 0 if the file does not contain it
   double angle_x = 0, angle_y = 0;  ///< fields of view in radians, used without a focal length
-  double reduction = 1;             ///< size of the camera over that of its image, without 'w', 'h'
+  double reduction = 1;             ///< camera size / image size, without 'w', 'h'
   geometry::Lens lens;
 };
 
-/// With fewer images left of a file that named more, its scene is taken for damaged.
+/// With fewer images left of a file that named more, the scene counts as damaged.
 constexpr size_t kFewestFrames = 3;
 
 std::string file_path_of(const json& frame, const std::string& where) {
@@ -47,8 +47,8 @@ std::string file_path_of(const json& frame, const std::string& where) {
   return path;
 }
 
-/// The mask that a frame names, or an empty path. Images in images_N have theirs in masks_N, if
-/// there is such a file.
+/// The mask that a frame names, or an empty path. Images in images_N use masks_N, if that contains
+/// the file.
 fs::path mask_of(const fs::path& folder, const std::string& image_folder, const json& frame,
                  const std::string& where) {
   const std::string name = text_of(frame, "mask_path", where);
@@ -71,8 +71,8 @@ void tell_moved(const fs::path& path, const std::vector<std::string>& moved,
                path.parent_path().string());
 }
 
-/// "; the file names a.png, the folder has a.PNG: …" for the first name that differs from a file by
-/// capitals or by its ending only; empty if none does.
+/// "; the file names a.png, the folder has a.PNG: …" for the first name that differs from a file
+/// only by case or extension; empty if none does.
 std::string near_name(const NamedFiles& files) {
   constexpr size_t kTried = 20;
   for (size_t i = 0; i < std::min(files.missing.size(), kTried); ++i) {
@@ -88,7 +88,8 @@ std::string near_name(const NamedFiles& files) {
   return "";
 }
 
-/// Most scenes lack none; where a few images were dropped, the rest is a scene still.
+/// Reports missing images. Most scenes lack none; a scene with a few missing images is still
+/// usable.
 void tell_missing(const fs::path& path, const NamedFiles& files, size_t frames,
                   const Warnings& warnings) {
   const std::vector<std::string>& missing = files.missing;
@@ -121,7 +122,7 @@ void check_listed_once(const fs::path& path, const std::vector<ListedView>& view
   }
 }
 
-/// A camera without a lens that has coefficients of one.
+/// Warns of a camera model without a lens that has lens coefficients.
 void tell_contradicting_models(const fs::path& path, size_t count, const std::string& model,
                                const Warnings& warnings) {
   if (count == 0) return;
@@ -139,8 +140,8 @@ struct TransformsFile {
   std::set<std::string> missing;  ///< 'file_path' of frames without an image
 };
 
-/// The size of the camera of an image in another folder, where the file does not say it: that of
-/// the image at the place that the file names, else as many times larger as images_N says.
+/// Sets the size of the camera of an image in another folder, if the file does not contain it: that
+/// of the image at the named place, else the image's size times the N of images_N.
 void set_size_before_reduction(const fs::path& folder, const std::string& image_folder,
                                ListedView& view) {
   NamedFiles files{folder, {}, {}, {}};
@@ -211,7 +212,7 @@ geometry::LensCamera fit_camera(const ListedView& view, int64_t width, int64_t h
   };
   if (view.angle_x > 0) camera.fx = focal(view.angle_x, camera.width);
   if (view.angle_y > 0) camera.fy = focal(view.angle_y, camera.height);
-  // Pixels are square where only one of the two is known.
+  // Assume square pixels if only one of the two is known.
   if (camera.fx == 0) camera.fx = camera.fy;
   if (camera.fy == 0) camera.fy = camera.fx;
   if (camera.cx == 0) camera.cx = 0.5 * double(camera.width);
@@ -219,12 +220,12 @@ geometry::LensCamera fit_camera(const ListedView& view, int64_t width, int64_t h
   return {fit_to_picture(camera, width, height, view.path.string()), view.lens};
 }
 
-/// A path of a list of names, so that equal ones compare equal.
+/// A normalised path, so that equal ones compare equal.
 std::string plain_name(const std::string& name) {
   return fs::path(slashed(name)).lexically_normal().string();
 }
 
-/// The frames that train_filenames and its like name; none where the file has no such list.
+/// The frames listed in train_filenames and similar keys; no value if the file has no such list.
 /// @throws DataError for names that no frame has.
 std::set<std::string> named_frames(const TransformsFile& file, const char* key) {
   std::set<std::string> names, known;
@@ -251,9 +252,10 @@ std::set<std::string> named_frames(const TransformsFile& file, const char* key) 
 struct Listing {
   std::vector<ListedView> views;
   std::vector<bool> is_test;
-  std::string rule;            ///< of the split, in words
-  TransformsFile main;         ///< without its views
-  std::set<std::string> keys;  ///< with a value that says something, of all files that are read
+  std::string rule;            ///< the rule of the split, in words
+  TransformsFile main;         ///< the main file without its views
+  std::set<std::string> keys;  ///< with a value other than the default, from all files that are
+                               ///< read
 };
 
 void check_both_left(const Listing& listing) {
@@ -263,8 +265,8 @@ void check_both_left(const Listing& listing) {
                          "lists of the split or set dataset.split"));
 }
 
-/// The split that train_filenames, val_filenames and test_filenames (nerfstudio) say. The views of
-/// test_filenames test, those of val_filenames where there are none.
+/// Splits by train_filenames, val_filenames and test_filenames (nerfstudio). Test views are those
+/// of test_filenames, or of val_filenames if there are none.
 void split_by_names(TransformsFile file, const Warnings& warnings, Listing& listing) {
   const auto train = named_frames(file, "train_filenames"),
              val = named_frames(file, "val_filenames"),
@@ -302,7 +304,8 @@ bool names_split(const json& root) {
          root.contains("test_filenames");
 }
 
-/// Test views of a file of their own, for training those of `main` that are not among them.
+/// Takes the test views from a file of their own; views of `main` that are not among them are for
+/// training.
 void split_by_files(TransformsFile file, const fs::path& test_path, const std::string& image_folder,
                     bool wants_test, const Warnings& warnings, Listing& listing) {
   std::set<fs::path> tests;
@@ -331,7 +334,7 @@ void split_by_files(TransformsFile file, const fs::path& test_path, const std::s
   listing.rule = test_path.empty() ? "no file of test views" : test_path.filename().string();
 }
 
-/// transforms.json, or transforms_train.json with the test views of transforms_test.json; where
+/// transforms.json, or transforms_train.json with the test views of transforms_test.json or, if
 /// that is missing, of transforms_val.json.
 Listing listing_of(const DatasetOptions& options, const Warnings& warnings) {
   const fs::path single = options.path / "transforms.json",
@@ -378,7 +381,7 @@ Listing listing_of(const DatasetOptions& options, const Warnings& warnings) {
   return listing;
 }
 
-/// The points that nerfstudio starts from, in the axes of the poses.
+/// Reads nerfstudio's initial points, in the axes of the poses.
 void read_points(const TransformsFile& file, Dataset& data, const Warnings& warnings) {
   const std::string name = text_of(file.root, "ply_file_path", file.path.string());
   if (name.empty()) return;
@@ -410,7 +413,7 @@ std::set<fs::path> named_images(const fs::path& folder, const std::string& image
   return images;
 }
 
-/// Images beside those that are used, of which no file speaks.
+/// Warns of images beside those in use that no file names.
 void tell_unnamed(const fs::path& root, const std::string& image_folder,
                   const std::vector<fs::path>& used, const Warnings& warnings) {
   const std::set<fs::path> named = named_images(root, image_folder);
@@ -421,7 +424,8 @@ void tell_unnamed(const fs::path& root, const std::string& image_folder,
     size_t all = 0;
     for (const fs::path& image : imaging::list_images(folder)) {
       const std::string name = image.filename().string();
-      // Maps that the Blender scenes of NeRF keep beside their test views, and instant-ngp's masks.
+      // Skip the maps that NeRF's Blender scenes keep beside their test views, and instant-ngp's
+      // masks.
       const bool map = name.find("_depth_") != std::string::npos ||
                        name.find("_normal_") != std::string::npos ||
                        name.rfind("dynamic_mask_", 0) == 0;

@@ -12,13 +12,13 @@ namespace jade::data {
 
 bool is_transforms(const std::filesystem::path& folder);
 
-/// The folders in which the images lie that its transforms.json names; empty where it has none.
-/// @throws DataError for one that cannot be read.
+/// The folders of the images that a folder's transforms.json names; empty if it has no such file.
+/// @throws DataError if the file cannot be read.
 std::vector<std::filesystem::path> named_folders(const std::filesystem::path& folder);
 
-/// Matrices are world_from_camera in OpenGL axes (x right, y up, z backwards). Frames whose image
-/// is not there are left out with a warning, as other programs do, unless few remain of a file.
-/// @throws DataError naming the file and frame for malformed JSON, missing keys or most images.
+/// Matrices are world_from_camera in OpenGL axes (x right, y up, z backwards). Frames without an
+/// image file are skipped with a warning, as in other programs, unless few frames remain. @throws
+/// DataError naming the file and frame for malformed JSON, missing keys or most images missing.
 Dataset load_transforms(const DatasetOptions& options, const Warnings& warnings);
 
 }  // namespace jade::data

@@ -17,7 +17,8 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-/// Python writes numbers that JSON has not; where the first of them is, as "NaN in line 7".
+/// Python writes numbers that JSON does not allow; returns the first of them and its line, as "NaN
+/// in line 7".
 std::string number_beyond_json(const std::string& text) {
   for (const char* word : {"NaN", "Infinity"}) {
     for (size_t at = text.find(word); at != std::string::npos; at = text.find(word, at + 1)) {
@@ -30,7 +31,7 @@ std::string number_beyond_json(const std::string& text) {
   return "";
 }
 
-/// @throws DataError where the key has something else than a number or null.
+/// @throws DataError if the key's value is neither a number nor null.
 double number(const json& object, const std::string& key, double otherwise,
               const std::string& where) {
   if (!object.contains(key) || object[key].is_null()) return otherwise;
@@ -41,7 +42,7 @@ double number(const json& object, const std::string& key, double otherwise,
                          object[key].dump().substr(0, 40), "; correct it"));
 }
 
-/// The fault of a 3x3 matrix that should be a rotation, and its cure.
+/// Why a 3x3 matrix is not a rotation, and what to do.
 std::string fault_of(const geometry::Matrix3& m) {
   const double determinant = m[0] * (m[4] * m[8] - m[5] * m[7]) -
                              m[1] * (m[3] * m[8] - m[5] * m[6]) +
@@ -60,11 +61,11 @@ std::string fault_of(const geometry::Matrix3& m) {
   return "axes that are not perpendicular; correct the pose";
 }
 
-/// Keys of cameras that no pinhole can replace, with what they are.
+/// Keys of cameras that no pinhole can replace, with a description.
 constexpr std::pair<const char*, const char*> kUnlikePinholes[] = {
     {"ftheta_p0", "an f-theta lens"}, {"latlong", "a picture of all around"}};
 
-/// Whether the values are 0, 0, 0 and 1, but for rounding.
+/// Whether the values are 0, 0, 0 and 1 up to rounding.
 bool is_last_row(const std::array<double, 4>& values) {
   constexpr double kRounding = 1e-4;
   for (size_t i = 0; i < 4; ++i) {
@@ -73,8 +74,8 @@ bool is_last_row(const std::array<double, 4>& values) {
   return true;
 }
 
-/// The fault of the last row of a 4x4 matrix, and its cure; empty where it is 0, 0, 0, 1.
-/// @param m  the rows before it
+/// Why the last row of a 4x4 matrix is wrong, and what to do; empty if it is 0, 0, 0, 1. @param m
+/// the rows above it
 std::string fault_of_last_row(const json& row, const double (&m)[3][4]) {
   std::array<double, 4> last{};
   if (!row.is_array() || row.size() != 4) return row.dump().substr(0, 40) + "; correct it";
@@ -90,7 +91,7 @@ std::string fault_of_last_row(const json& row, const double (&m)[3][4]) {
   return found + "; correct it";
 }
 
-/// The value of a key, of the frame or else of the file; empty where neither has it.
+/// The value of a key, of the frame or else of the file; empty if neither has it.
 std::string text_value(const json& root, const json& frame, const char* key) {
   const json& object = frame.contains(key) ? frame : root;
   return object.contains(key) && object[key].is_string() ? object[key].get<std::string>() : "";
@@ -111,12 +112,12 @@ bool has_coefficients(const geometry::Lens& lens) {
          lens.k4 != 0;
 }
 
-/// Keys that nerfstudio's distortion_params stands for, in its order.
+/// Keys that the entries of nerfstudio's distortion_params correspond to, in order.
 constexpr const char* kListedCoefficients[] = {"k1", "k2", "k3", "k4", "p1", "p2"};
 
-/// The coefficients k1 to k6, p1 and p2 that are in force for a frame. A list distortion_params
-/// goes before single keys, as in nerfstudio; both of a frame go before those of the file.
-/// @throws DataError for a list that is no list of 6 numbers.
+/// The coefficients k1 to k6, p1 and p2 that apply to a frame. A list distortion_params overrides
+/// single keys, as in nerfstudio; those of a frame override those of the file. @throws DataError
+/// unless the list has 6 numbers.
 json coefficients_of(const json& root, const json& frame, const std::string& where) {
   json found = json::object();
   for (const json* object : {&root, &frame}) {
@@ -138,7 +139,7 @@ json coefficients_of(const json& root, const json& frame, const std::string& whe
   return found;
 }
 
-/// Whether a value differs from what is the case without its key.
+/// Whether a value differs from the default of its key.
 bool says_something(const std::string& key, const json& value) {
   if (value.is_null() || value == false || value == "") return false;
   if (value.is_number()) return value.get<double>() != (key == "scale" ? 1.0 : 0.0);

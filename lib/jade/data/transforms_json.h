@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Values of a transforms.json. Those of a frame go before those of the file. `where` names file and
-// frame in messages. All throw DataError for values of another kind, or that cannot be.
+// Values of a transforms.json. Those of a frame override those of the file. `where` names file and
+// frame in messages. All functions throw DataError for values of another type or out of range.
 #pragma once
 
 #include <filesystem>
@@ -16,34 +16,35 @@
 
 namespace jade::data {
 
-/// The object of a file. @throws DataError unless it has a list "frames", and no NaN or Infinity.
+/// The root object of a file. @throws DataError unless it has a list "frames", and no NaN or
+/// Infinity.
 nlohmann::json read_transforms_json(const std::filesystem::path& path);
 
-/// A text of a frame or of the file; empty where it has none.
+/// A string of a frame or of the file; empty if neither has it.
 std::string text_of(const nlohmann::json& frame, const char* key, const std::string& where);
 
 /// camera_from_world of a transform_matrix, which is world_from_camera in OpenGL axes: 3x4, or 4x4
 /// with the last row 0, 0, 0, 1.
 geometry::Pose pose_of_matrix(const nlohmann::json& matrix, const std::string& where);
 
-/// The pinhole of a frame; 0 for what is not said.
+/// The pinhole of a frame; 0 for missing values.
 geometry::Intrinsics camera_of_frame(const nlohmann::json& root, const nlohmann::json& frame,
                                      const std::string& where);
 
-/// A field of view in radians; 0 where there is none.
+/// A field of view in radians; 0 if missing.
 double angle_of(const nlohmann::json& root, const nlohmann::json& frame, const char* key,
                 const std::string& where);
 
-/// camera_model in capitals; empty where there is none.
+/// camera_model in upper case; empty if missing.
 std::string camera_model_of(const nlohmann::json& root, const nlohmann::json& frame);
 
 /// nerfstudio's camera_model with distortion_params or k1 to k6, p1 and p2, or instant-ngp's
-/// is_fisheye. Coefficients go before the names PINHOLE and SIMPLE_PINHOLE, as in nerfstudio.
+/// is_fisheye. Coefficients override the names PINHOLE and SIMPLE_PINHOLE, as in nerfstudio.
 /// @throws DataError for cameras that no pinhole can replace.
 geometry::Lens lens_of_frame(const nlohmann::json& root, const nlohmann::json& frame,
                              const std::string& where);
 
-/// Adds the keys of a file and of its frames whose value differs from what holds without them.
+/// Adds the keys of a file and of its frames whose value differs from the default.
 void add_keys(const nlohmann::json& root, std::set<std::string>& keys);
 
 /// Keys of nerfstudio, instant-ngp, D-NeRF and Spectacular AI that have no effect here.

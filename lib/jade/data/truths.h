@@ -14,12 +14,12 @@ namespace jade::data {
 struct Truth {
   std::string name;
   torch::Tensor image;      ///< [3,H,W]
-  torch::Tensor mask = {};  ///< as Exposure::mask, of the truth and of its exposure
+  torch::Tensor mask = {};  ///< as Exposure::mask, of the true image and of its exposure combined
 };
 
-/// The truths of exposure `index`: the data set's sharp/<name>.* where there is one (simulated
+/// The true images of exposure `index`: the data set's sharp/<name>.* if there is one (simulated
 /// sets), and every sharp test view taken at its mid-exposure.
-/// @throws DataError for a truth of another size.
+/// @throws DataError for a true image of another size.
 std::vector<Truth> truths_of(const Dataset& dataset, size_t index);
 
 }  // namespace jade::data

@@ -16,13 +16,13 @@
 namespace jade::data {
 namespace {
 
-/// Nobody sees a smaller shift, and resampling costs sharpness.
+/// A smaller shift is invisible, and resampling costs sharpness.
 constexpr double kLeastShiftPx = 1;
 
-/// A lens without coefficients moves pixels by rounding.
+/// A lens without coefficients moves pixels by rounding errors only.
 constexpr double kLeastToldPx = 0.01;
 
-/// Maps are large; a scene of more cameras that alternate makes them anew.
+/// Maps are large; a scene with more cameras that alternate recomputes them.
 constexpr size_t kMostKnown = 8;
 
 bool same(const geometry::LensCamera& a, const geometry::LensCamera& b) {
@@ -33,7 +33,7 @@ bool same(const geometry::LensCamera& a, const geometry::LensCamera& b) {
          numbers(a.lens()) == numbers(b.lens());
 }
 
-/// Half a pixel beyond the centres of the border lies the edge of the picture.
+/// The picture ends half a pixel beyond the centres of its border pixels.
 torch::Tensor has_content(const torch::Tensor& map, int64_t width, int64_t height) {
   const torch::Tensor columns = map[0], rows = map[1];
   return ((columns >= -0.5) & (columns <= double(width) - 0.5) & (rows >= -0.5) &
@@ -41,7 +41,7 @@ torch::Tensor has_content(const torch::Tensor& map, int64_t width, int64_t heigh
       .unsqueeze(0);
 }
 
-/// Remaps a [C,H,W] bool picture by the nearest source of each pixel; false without a source.
+/// Remaps a [C,H,W] bool picture by nearest neighbour; false if a pixel has no source.
 torch::Tensor remapped_flags(const torch::Tensor& flags, const torch::Tensor& map,
                              const torch::Tensor& inside) {
   const auto nearest = [&](int64_t plane, int64_t size) {
@@ -54,8 +54,7 @@ torch::Tensor remapped_flags(const torch::Tensor& flags, const torch::Tensor& ma
          inside;
 }
 
-/// Whether the size is that of the camera times one number, to less than the pixel by which
-/// programs round either side.
+/// Whether the size is a multiple of the camera's, up to a pixel of rounding on either side.
 bool has_shape_of(const geometry::Intrinsics& camera, int64_t width, int64_t height) {
   const auto w = double(width), h = double(height);
   const auto camera_w = double(camera.width), camera_h = double(camera.height);
@@ -84,7 +83,8 @@ bool principal_point_inside(const geometry::Intrinsics& camera) {
 }
 
 void check_plausible(const geometry::Intrinsics& camera, const std::string& what) {
-  constexpr double kShortest = 1.0 / 20, kLongest = 100;  // in image sides
+  // relative to the larger side of the image
+  constexpr double kShortest = 1.0 / 20, kLongest = 100;
   // A crop may lie beside the principal point.
   const auto near = [](double place, int64_t size) {
     return place > -double(size) && place < 2 * double(size);

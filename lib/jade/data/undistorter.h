@@ -12,40 +12,40 @@
 
 namespace jade::data {
 
-/// Whether the principal point lies inside the image, a hundredth of it from its borders. Nearer to
-/// the border, the lens's axis has a picture to one side only, which cannot be undistorted.
+/// Whether the principal point lies inside the image, at least a hundredth of its size from the
+/// border. Nearer to the border, the image covers only one side of the lens's axis and cannot be
+/// undistorted.
 bool principal_point_inside(const geometry::Intrinsics& camera);
 
 /// @param what  the camera, for messages
-/// @throws DataError for a principal point farther outside of the image than its size, and for
-/// focal lengths beyond 1/20
-///   to 100 times the larger side of the image.
+/// @throws DataError for a principal point farther outside the image than the image's size, and for
+///   focal lengths beyond 1/20 to 100 times the larger side of the image.
 void check_plausible(const geometry::Intrinsics& camera, const std::string& what);
 
-/// The camera at the size of its picture.
+/// The camera scaled to the size of its picture.
 /// @param what  the camera, for messages
-/// @throws DataError naming both sizes where the picture has not the camera's shape: one of the two
-///   was turned, cropped or padded; and as check_plausible().
+/// @throws DataError naming both sizes if their aspect ratios differ, because one of the two was
+///   rotated, cropped or padded; and as check_plausible().
 geometry::Intrinsics fit_to_picture(const geometry::Intrinsics& camera, int64_t width,
                                     int64_t height, const std::string& what);
 
-/// How far, in px, a lens moves the border of its picture from where a pinhole of the same focal
-/// lengths has it; infinite where that pinhole sees what the lens does not.
+/// How far, in px, a lens moves the border of its picture relative to a pinhole of the same focal
+/// lengths; infinite if the pinhole sees more than the lens.
 double lens_shift_px(const geometry::LensCamera& camera);
 
-/// Brings frames that were taken through lenses to pinholes of the same size, focal lengths and
-/// principal point. Pixels for which the lens has no content become black and are masked. A lens
-/// that moves nothing by more than a pixel is left as it is, which is told.
+/// Undistorts frames to pinholes of the same size, focal lengths and principal point. Pixels that
+/// the lens does not cover become black and are masked. A lens that moves nothing by more than a
+/// pixel is left as it is, with a note.
 class Undistorter {
  public:
-  /// @param image  [3,H,W] at the size of the camera; undistorted in place of itself
-  /// @param mask   as Exposure::mask; stays undefined where every pixel has content
+  /// @param image  [3,H,W] at the size of the camera; replaced by the undistorted image
+  /// @param mask   as Exposure::mask; stays undefined if every pixel has content
   /// @param what   the camera, for messages
-  /// @throws DataError for a lens that has content for no pixel.
+  /// @throws DataError for a lens that covers no pixel.
   geometry::Intrinsics undistort(const geometry::LensCamera& camera, const std::string& what,
                                  torch::Tensor& image, torch::Tensor& mask);
 
-  /// Adds to the warnings what was ignored, and to the notes what was done.
+  /// Adds ignored parts to the warnings, and changes to the notes.
   void tell(const Warnings& warnings, std::vector<std::string>& notes) const;
 
  private:
@@ -57,15 +57,15 @@ class Undistorter {
   };
   const Straight& straight(const geometry::LensCamera& camera, const std::string& what);
 
-  std::vector<Straight> known_;  ///< of the latest cameras
+  std::vector<Straight> known_;  ///< maps of the latest cameras
   std::vector<std::string> ignored_, undistorted_;
   double most_ignored_px_ = 0, most_undistorted_px_ = 0;
   double masked_ = 0, pixels_ = 0;
 };
 
-/// Moves all events, recorded through the lens of the frames, to the pinhole of undistort(), the
-/// exposures' slices and the colours of event pixels with them. Does nothing for a lens that
-/// undistort() leaves as it is. Events that leave the image are dropped.
+/// Moves all events, recorded through the lens of the frames, to the pinhole of undistort(), and
+/// updates the exposures' slices and the colours of event pixels. Does nothing for a lens that
+/// undistort() leaves as it is. Drops events that leave the image.
 void undistort_events(const geometry::LensCamera& camera, Dataset& data);
 
 }  // namespace jade::data

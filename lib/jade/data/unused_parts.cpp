@@ -8,7 +8,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// @param pattern  with at most one '*', which stands for any characters
+/// @param pattern  with at most one '*', which matches any characters
 bool fits(const std::string& name, const std::string& pattern) {
   const size_t star = pattern.find('*');
   if (star == std::string::npos) return name == pattern;

@@ -8,7 +8,7 @@
 
 namespace jade::data {
 
-/// Collects one line for each oddity that a loader could live with.
+/// Collects one line for each problem that a loader could work around.
 class Warnings {
  public:
   explicit Warnings(std::vector<std::string>* lines) : lines_(lines) {}

@@ -41,7 +41,7 @@ nlohmann::json summary_of(const std::vector<Scores>& candidates) {
           {"candidates", by_name}};
 }
 
-/// printf into a string.
+/// printf to a string.
 template <class... Args>
 std::string text(const char* format, const Args&... args) {
   std::string out(static_cast<size_t>(std::snprintf(nullptr, 0, format, args...)), '\0');
@@ -105,7 +105,7 @@ std::string to_json(const std::string& method, const std::vector<ComparedView>& 
   }
   nlohmann::json result = {{"method", method}, {"views", rows}, {"mean", nullptr}};
   if (!views.empty()) result["mean"] = summary_of(means_of(views));
-  // Names of files need not be UTF-8.
+  // File names need not be UTF-8.
   return result.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }
 

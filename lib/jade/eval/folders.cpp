@@ -22,7 +22,7 @@ namespace {
                          " as ", as.string(), ", found ", found.size(2), "x", found.size(1)));
 }
 
-/// A truth and which of its pixels count.
+/// A true image and its mask.
 struct MaskedTruth {
   torch::Tensor image, mask;
 };

@@ -13,7 +13,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// AlexNet's first stages leave nothing of smaller images.
+/// AlexNet's first layers reduce smaller images to nothing.
 constexpr int64_t kSmallest = 32;
 
 std::unique_ptr<torch::jit::Module> load(const fs::path& path, torch::Device device) {
@@ -51,7 +51,7 @@ std::optional<double> Lpips::distance(const std::unique_ptr<torch::jit::Module>&
   try {
     return module->forward({input(image), input(truth)}).toTensor().item<double>();
   } catch (const std::exception& problem) {
-    // A metric less is better than a trained run without its others.
+    // Missing one metric is better than losing the other results of a trained run.
     log_warn(concat("LPIPS is left out: ", first_line(problem.what()),
                     "; run scripts/setup.sh --metrics"));
     return std::nullopt;

@@ -19,16 +19,16 @@ inline constexpr const char* kLpipsAbsent =
     "jade_metrics\n";
 
 /// LPIPS v0.1 through the TorchScript modules of scripts/export_lpips.py, which take two RGB images
-/// in [0,1]: lpips_alex01.pt (AlexNet on [0,1], as the published tables have it) and lpips_vgg.pt
-/// (VGG16, rescaled to [-1,1] inside).
+/// in [0,1]: lpips_alex01.pt (AlexNet on [0,1], as in published tables) and lpips_vgg.pt (VGG16,
+/// which rescales to [-1,1]).
 class Lpips {
  public:
-  /// Loads what is in `cache`; a module that is missing or cannot be read leaves its metric absent.
-  /// @param cache  empty: core/cache_folder.h.
+  /// Loads the modules in `cache`; if one is missing or unreadable, its metric has no value. @param
+  /// cache  empty: core/cache_folder.h.
   explicit Lpips(torch::Device device, std::filesystem::path cache = {});
   ~Lpips();
 
-  /// Distance of two [3,H,W] images, 0 for equal ones; absent without its module.
+  /// Distance of two [3,H,W] images, 0 for equal ones; no value without its module.
   std::optional<double> alex01(const torch::Tensor& image, const torch::Tensor& truth) const;
   std::optional<double> vgg(const torch::Tensor& image, const torch::Tensor& truth) const;
 

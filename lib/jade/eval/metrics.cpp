@@ -19,7 +19,7 @@ void check_pair(const torch::Tensor& image, const torch::Tensor& truth) {
 }
 
 double decibel(double mean_squared_error) {
-  if (std::isnan(mean_squared_error)) return mean_squared_error;  // nothing is known of it
+  if (std::isnan(mean_squared_error)) return mean_squared_error;  // unknown
   return mean_squared_error > 0 ? std::min(kPerfect, -10.0 * std::log10(mean_squared_error))
                                 : kPerfect;
 }

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Image metrics, each by its true name. Images are [3,H,W] RGB in [0,1]; values outside are
-// clamped, as a screen would. A mask, [1,H,W] bool on any device, true: the pixel counts, leaves
-// out the others; undefined: all pixels count.
+// Image metrics. Images are [3,H,W] RGB in [0,1]; values outside are clamped, as on a screen. A
+// mask, [1,H,W] bool on any device, is true for pixels that count; undefined: all pixels count.
 #pragma once
 
 #include <torch/types.h>
@@ -11,7 +10,7 @@ namespace jade::eval {
 /// −10 log10 of the mean squared error over all pixels and channels, dB. 100 for equal images.
 double psnr(const torch::Tensor& image, const torch::Tensor& truth, const torch::Tensor& mask = {});
 
-/// Mean of the three channels' PSNRs, dB: what the published tables of this field hold.
+/// Mean of the three channels' PSNRs, dB, as in the field's published tables.
 double psnr_channel_mean(const torch::Tensor& image, const torch::Tensor& truth,
                          const torch::Tensor& mask = {});
 
@@ -19,7 +18,7 @@ double psnr_channel_mean(const torch::Tensor& image, const torch::Tensor& truth,
 /// Excluded pixels are 0 in both images.
 double ssim(const torch::Tensor& image, const torch::Tensor& truth, const torch::Tensor& mask = {});
 
-/// The image with excluded pixels set to 0; the same tensor where all count.
+/// The image with excluded pixels set to 0; the same tensor if all pixels count.
 torch::Tensor only_counted(const torch::Tensor& image, const torch::Tensor& mask);
 
 }  // namespace jade::eval

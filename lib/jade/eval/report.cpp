@@ -39,7 +39,7 @@ Json metrics_of(const Scores& scores) {
           {"psnr_reblur", or_null(scores.psnr_reblur)}};
 }
 
-/// The means over all views; without a sharp one only held-out exposures have a number.
+/// The means over all views; without a sharp view only held-out exposures have a score.
 Json mean_of_all(const Evaluation& evaluation) {
   Json mean = metrics_of(evaluation.mean);
   if (!evaluation.views.empty()) return mean;
@@ -61,7 +61,7 @@ Json mean_object(const std::optional<Scores>& mean) {
   return mean ? metrics_of(*mean) : Json(nullptr);
 }
 
-/// The mean of a metric that every view has; absent as soon as one lacks it.
+/// The mean of a metric; no value if any view lacks it.
 std::optional<double> mean_of(const std::vector<Scores>& views,
                               std::optional<double> Scores::*metric) {
   double sum = 0;
@@ -87,7 +87,7 @@ Scores mean_over(const std::string& name, const std::vector<Scores>& views) {
   return mean;
 }
 
-/// The mean over the views with this mark.
+/// The mean over the views that training has seen, or has not.
 std::optional<Scores> mean_where(bool seen, const std::vector<Scores>& views) {
   std::vector<Scores> marked;
   for (const Scores& view : views) {
@@ -97,7 +97,7 @@ std::optional<Scores> mean_where(bool seen, const std::vector<Scores>& views) {
   return mean_over(seen ? "mean of seen" : "mean of unseen", marked);
 }
 
-/// The name with the marks of a view that has any.
+/// The name and the marks of a view.
 std::string label(const Scores& scores) {
   std::string marked = scores.name + (!scores.seen ? "" : *scores.seen ? " (seen)" : " (unseen)");
   if (!scores.gain) return marked;
@@ -178,7 +178,7 @@ std::string to_json(const Evaluation& evaluation) {
   }
   Json meaning;
   for (const auto& [name, text] : definitions()) meaning[name] = text;
-  // Names of files need not be UTF-8.
+  // File names need not be UTF-8.
   return Json{{"views", views},
               {"held_out", held_out_list(evaluation)},
               {"mean", mean_of_all(evaluation)},

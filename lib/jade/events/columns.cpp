@@ -12,12 +12,12 @@
 namespace jade::events {
 namespace {
 
-/// So many rows at least tell columns by their values.
+/// Minimum number of rows to recognise columns by their values.
 constexpr size_t kTelling = 8;
-/// No coordinate reaches this.
+/// Upper bound of coordinates.
 constexpr double kLargestPlace = 65535;
 
-/// Without blanks and quotes at its ends, in small letters.
+/// Trims blanks and quotes and converts to lower case.
 std::string plain_word(const std::string& name) {
   constexpr const char* kAround = " \t\r\"'#%";
   const size_t begin = name.find_first_not_of(kAround);
@@ -53,7 +53,7 @@ std::array<ColumnRange, 4> ranges_of(const std::vector<Row>& rows) {
   return out;
 }
 
-/// Polarity is last: only the time has to be told from the rest.
+/// Polarity is the last column: only the time remains to be found.
 Columns with_time(size_t time, size_t polarity) {
   Columns out{};
   size_t place = 0;
@@ -106,7 +106,7 @@ class ColumnSearch {
       if (is_sign(c)) found.push_back(c);
     }
     if (found.size() == 1) return found[0];
-    // Lines of the usual order, some damaged: their reader names the first.
+    // If lines have the usual order and a few are damaged, let their reader report the first.
     if (found.empty() && 2 * ranges_[3].signs >= rows_.size()) return 3;
     refuse("one column of polarities, 0/1 or -1/+1");
   }
@@ -161,7 +161,7 @@ int event_field(const std::string& name) {
       {"pol", 3},  {"polarity", 3},  {"polarities", 3}, {"on", 3}};
   const std::string word = plain_word(name.substr(0, name.find_first_of("[(")));
   if (const auto found = known.find(word); found != known.end()) return found->second;
-  // Only a time has a unit behind its name: "t_ms".
+  // Only times have a unit after their name: "t_ms".
   const size_t bar = word.rfind('_');
   if (bar == std::string::npos || !unit_of_word(word.substr(bar + 1))) return -1;
   const auto found = known.find(word.substr(0, bar));

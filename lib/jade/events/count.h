@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sums of events over plain pointers; their arithmetic is in count_math.h. Not for use outside this
-// room: see counts.h.
+// Sums of events over plain pointers; count_math.h has their arithmetic. Private to this folder:
+// others use counts.h.
 #pragma once
 
 #include <cstdint>
@@ -23,7 +23,8 @@ void count(const CountArguments& arguments);
 }
 
 namespace cuda {
-/// On the current stream of the device; no waiting. @throws DeviceError when it does not start.
+/// Runs on the current stream of the device, without waiting. @throws DeviceError if it does not
+/// start.
 void count(const CountArguments& arguments, int device_index);
 }  // namespace cuda
 

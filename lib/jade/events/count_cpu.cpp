@@ -24,8 +24,8 @@ void add_events(const CountArguments& in, int64_t begin, int64_t end, int64_t* p
 
 }  // namespace
 
-/// Threads take equal shares of the events. Spans that lie in one share are summed in place, the
-/// one or two that a share cuts go through a private copy.
+/// Each thread processes an equal share of the events. Time spans within one share are summed in
+/// place; the one or two that a share boundary cuts use a private copy.
 void count(const CountArguments& in) {
   const auto& bounds = *in.bounds;
   const int64_t spans = int64_t(bounds.size()) - 1;

@@ -26,7 +26,7 @@ struct KernelArguments {
   unsigned long long* out;
 };
 
-/// One thread per event. Integer atomics commute, so the sums are the CPU's to the last bit.
+/// One thread per event. Integer atomics commute, so the sums equal the CPU's bit for bit.
 __global__ void count_kernel(KernelArguments in, SpanBounds bounds) {
   const int64_t i = bounds.at[0] + int64_t(blockIdx.x) * kThreads + threadIdx.x;
   if (i >= bounds.at[bounds.count]) return;

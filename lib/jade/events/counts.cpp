@@ -63,7 +63,7 @@ int64_t knot_us(const TimeWindow& window, int64_t k, int64_t parts) {
   const int64_t duration = window.duration_us();
   JADE_CHECK(duration >= 0 && parts > 0, "expected a window that ends after it begins, found [",
              window.begin_us, ", ", window.end_us, ") us");
-  // duration · k could overflow for absurd windows; split it first.
+  // duration · k could overflow for extreme windows; split it first.
   const int64_t whole = duration / parts, rest = duration % parts * k;
   return window.begin_us + whole * k + rest / parts + (rest % parts > 0 ? 1 : 0);
 }
@@ -83,8 +83,8 @@ torch::Tensor to_events(const torch::Tensor& counts) {
 torch::Tensor signed_count(const EventStream& events, const ImageSize& size) {
   const auto counts = count_spans(events, {0, events.size()}, size);
   if (!counts.is_cpu()) return to_events(counts[0][0] - counts[0][1]);
-  // One pass: a training step asks for a small window, and waking all threads for each of five
-  // operations takes longer than the operations, a hundred times longer on a busy processor.
+  // A single pass: a training step needs a small window, and waking all threads for each of five
+  // operations takes longer than the operations.
   const auto out = torch::empty({size.height, size.width}, torch::kFloat32);
   const int64_t pixels = out.numel();
   const int64_t* const positive = counts.const_data_ptr<int64_t>();

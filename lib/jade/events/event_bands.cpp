@@ -10,9 +10,9 @@ namespace {
 
 static_assert(sizeof(BandEvent) == 16, "EventBands keeps two int64 per event");
 
-/// Events that are sorted together; chunks are sorted beside each other.
+/// Number of events that are sorted together; chunks are sorted in parallel.
 constexpr int64_t kChunk = 1 << 17;
-/// Bands of an image, at least, so that many threads have work.
+/// Minimum number of bands per image, so that many threads have work.
 constexpr int64_t kFewestBands = 32;
 
 /// Calls take(event, first band, last band) for the events begin, …, end − 1 that touch the image.
@@ -43,7 +43,7 @@ EventBands::EventBands(const EventStream& events, const ImageSize& size, int64_t
   while ((int64_t(2) << row_bits_) <= rows) ++row_bits_;
   const int64_t bands = ((height_ - 1) >> row_bits_) + 1;
   const int64_t chunks = (events.size() + kChunk - 1) / kChunk;
-  // Per chunk and band the number of events, then the place of the next one.
+  // Per chunk and band: the number of events, then the position of the next one.
   std::vector<int64_t> places(size_t(chunks * bands), 0);
   const auto sort = [&](const auto& take) {
     at::parallel_for(0, chunks, 1, [&](int64_t begin, int64_t end) {

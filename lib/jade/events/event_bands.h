@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Events sorted into bands of image rows, whose sums fit a core's cache. Not for use outside this
-// room.
+// Events sorted into bands of image rows, whose sums fit a core's cache. Private to this folder.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +11,7 @@
 
 namespace jade::events {
 
-/// One event in 16 bytes, rounded as locate() rounds.
+/// One event in 16 bytes, rounded as in locate().
 struct BandEvent {
   int64_t t_and_sign;  ///< 2 t_us + 1 for a positive event, else 2 t_us
   int16_t column, row;
@@ -35,18 +34,18 @@ inline NearestPixel nearest_pixel(const EventFootprint& f, int32_t width, int32_
           inside(f.row + int32_t(f.fy >= kWhole / 2), height)};
 }
 
-/// A band of rows has all events whose nearest pixel lies in it or one row beside it, and so all
-/// that have weight in it, in the order of the stream. Threads only share the work.
+/// A band contains, in the order of the stream, all events whose nearest pixel lies in its rows or
+/// one row beside them, and thus all events with a weight in it. Threads only divide the work.
 class EventBands {
  public:
   /// @param events  on the CPU
-  /// @param rows    of a band, at most; the largest power of two within it is taken, 1 or more
+  /// @param rows    upper bound of rows per band, rounded down to a power of two (at least 1)
   /// @throws ContractError as check_image_size.
   EventBands(const EventStream& events, const ImageSize& size, int64_t rows);
 
   int64_t count() const { return int64_t(starts_.size()) - 1; }
   int64_t first_row(int64_t band) const { return band << row_bits_; }
-  /// Rows of the band; the last one may have fewer than the others.
+  /// Number of rows in the band; the last band may have fewer.
   int64_t rows(int64_t band) const;
   const BandEvent* begin(int64_t band) const { return data_ + starts_[size_t(band)]; }
   const BandEvent* end(int64_t band) const { return data_ + starts_[size_t(band) + 1]; }
@@ -56,7 +55,7 @@ class EventBands {
   int row_bits_ = 0;
   torch::Tensor events_;  ///< [N,2] int64, the bytes of N BandEvent
   const BandEvent* data_ = nullptr;
-  std::vector<int64_t> starts_;  ///< where each band begins, and the end
+  std::vector<int64_t> starts_;  ///< start of each band, and the end of the last
 };
 
 }  // namespace jade::events

@@ -19,12 +19,13 @@
 namespace jade::events {
 namespace {
 
-// Sizes beyond every sensor, when only NaN is looked for.
+// A size larger than every sensor, to check for NaN only.
 constexpr ImageSize kAnySize{int64_t(1) << 40, int64_t(1) << 40};
 
 enum class EventFileKind { kHdf5, kNpz, kNpy, kText };
 
-/// By its first bytes, as data sets call the same format by several endings; text by its ending.
+/// Recognised by its first bytes, because data sets use several extensions for one format; text by
+/// its extension.
 EventFileKind file_kind(const std::filesystem::path& path) {
   std::string ending = path.extension().string();
   std::transform(ending.begin(), ending.end(), ending.begin(),
@@ -63,7 +64,7 @@ RawEvents read_raw(const std::filesystem::path& path, EventFileKind kind) {
   }
 }
 
-/// For a message: the range of polarities as read, which end at the limits of int8.
+/// For a message: the range of polarities as read, clamped to int8.
 std::string values_from(const torch::Tensor& polarity) {
   const int low = polarity.min().item<int>(), high = polarity.max().item<int>();
   return concat("numbers from ", low, low == -128 ? " or less" : "", " to ", high,
@@ -102,7 +103,7 @@ struct TimeRange {
   bool has_fraction = false;
 };
 
-/// @throws DataError for times that an int64 cannot hold, as negative times stored as uint64 are.
+/// @throws DataError for times that an int64 cannot hold, such as negative times stored as uint64.
 void check_range(const std::filesystem::path& path, double first, double last) {
   if (!std::isfinite(first) || !std::isfinite(last)) {
     throw DataError(concat(path.string(), ": expected finite event times, found NaN or Inf"));
@@ -132,7 +133,7 @@ TimeRange range_of(const std::filesystem::path& path, const torch::Tensor& time)
 /// Times in µs; the int64 array of a file in µs is used as it is.
 torch::Tensor to_us(const torch::Tensor& time, TimeUnit unit) {
   if (time.is_floating_point()) {
-    // Seconds and ms are decimal fractions: the nearest microsecond is meant.
+    // Seconds and ms are decimal fractions: round to the nearest microsecond.
     const bool decimal = unit == TimeUnit::kS || unit == TimeUnit::kMs;
     const auto scaled = time * us_per_unit(unit);
     return (decimal ? scaled.round() : scaled.floor()).to(torch::kInt64);
@@ -154,7 +155,7 @@ bool is_sorted_in_time(const torch::Tensor& t_us) {
   return std::is_sorted(t, t + t_us.numel());
 }
 
-/// @param said  by the name of the times in the file
+/// @param said  unit in the name of the file's times
 TimeUnit chosen_unit(const std::filesystem::path& path, const TimeRange& range, TimeUnit said,
                      const EventFileOptions& options) {
   if (options.time_unit != TimeUnit::kAuto) return options.time_unit;
@@ -175,7 +176,7 @@ double in_unit(int64_t us, TimeUnit unit) {
   return unit == TimeUnit::kNs ? double(us) * 1e3 : double(us) / us_per_unit(unit);
 }
 
-/// Stretches of the file that hold the requested events; the whole file if it is out of order.
+/// Stretches of the file that contain the requested events; the whole file if it is unsorted.
 std::vector<Stretch> wanted_stretches(const std::filesystem::path& path, const Hdf5Events& file,
                                       const EventFileOptions& options, EventFileResult& result) {
   const TimeSurvey survey = file.survey();
@@ -190,7 +191,7 @@ std::vector<Stretch> wanted_stretches(const std::filesystem::path& path, const H
                      unit);
     result.stored_us = {std::llround(survey.smallest() / in_unit(1, unit)),
                         std::llround(survey.largest() / in_unit(1, unit)) + 1};
-    // Other units are rounded when they become µs.
+    // Other units are rounded when converted to µs.
     const int64_t more_us = unit == TimeUnit::kUs && !survey.has_fraction() ? 0 : 1;
     if (options.keep) stretches.clear();
     for (const TimeWindow& window : options.keep.value_or(std::vector<TimeWindow>())) {
@@ -204,8 +205,8 @@ std::vector<Stretch> wanted_stretches(const std::filesystem::path& path, const H
   return stretches;
 }
 
-/// All events of a file, or those that options.keep asks for where the file lets them be found
-/// without reading it whole.
+/// All events of a file, or only those in options.keep if the file allows finding them without
+/// reading it whole.
 RawEvents wanted_events(const std::filesystem::path& path, const EventFileOptions& options,
                         const std::string& group, EventFileResult& result) {
   const EventFileKind kind = file_kind(path);
@@ -233,12 +234,12 @@ RawEvents wanted_events(const std::filesystem::path& path, const EventFileOption
   return file.read(stretches);
 }
 
-/// Continues the times of a counter that wraps, with a note. False where they do not wrap.
+/// Unwraps the times of a counter, with a note. Returns false if they do not wrap.
 bool continue_counter(const std::filesystem::path& path, torch::Tensor& time,
                       EventFileResult& result) {
   if (time.is_floating_point()) {
     const double* const t = time.const_data_ptr<double>();
-    if (std::is_sorted(t, t + time.numel())) return false;  // No copy of these.
+    if (std::is_sorted(t, t + time.numel())) return false;  // Does not copy the times.
   }
   torch::Tensor counts = time.to(torch::kInt64);
   const WrappedCounter found = unwrap_counter(counts);
@@ -321,7 +322,7 @@ EventGroupResult read_event_group(const std::filesystem::path& path,
   RawEvents raw = wanted_events(path, options, group, result);
   make_signs(path, raw.polarity);
   TimeRange range = range_of(path, raw.time);
-  // Counts are continued before their unit is known; in decimal fractions µs are the counts.
+  // Counts are unwrapped before their unit is known; in decimal fractions the counts are µs.
   if (!range.has_fraction && continue_counter(path, raw.time, result)) {
     range = range_of(path, raw.time);
   }

@@ -13,7 +13,7 @@
 namespace jade::events {
 namespace {
 
-/// First index whose time is smaller than the one before, or -1.
+/// Index of the first time that is smaller than its predecessor, or -1.
 int64_t first_unsorted(const torch::Tensor& t_us) {
   const int64_t n = t_us.numel();
   if (!t_us.is_cpu()) {
@@ -120,7 +120,7 @@ EventStream EventStream::slice(const TimeWindow& window) const {
 EventStream EventStream::range(int64_t begin, int64_t end) const {
   JADE_CHECK(0 <= begin && begin <= end && end <= size(), "expected 0 <= begin <= end <= ", size(),
              ", found [", begin, ", ", end, ")");
-  EventStream out;  // not through the checking constructor: a slice of a good stream is good
+  EventStream out;  // bypasses the checking constructor: a slice of a valid stream is valid
   out.x_ = x_.narrow(0, begin, end - begin);
   out.y_ = y_.narrow(0, begin, end - begin);
   out.t_us_ = t_us_.narrow(0, begin, end - begin);

@@ -7,16 +7,16 @@
 
 namespace jade::events {
 
-/// Events that a thread takes at once.
+/// Number of events per chunk of a thread.
 inline constexpr int64_t kEventGrain = 1 << 16;
 
-/// Half-open span of time [begin_us, end_us).
+/// Half-open time span [begin_us, end_us).
 struct TimeWindow {
   int64_t begin_us = 0, end_us = 0;
   int64_t duration_us() const { return end_us - begin_us; }
 };
 
-/// Pixels of the sensor or image that events fall on.
+/// Size in pixels of the sensor or image of the events.
 struct ImageSize {
   int64_t height = 0, width = 0;
 };
@@ -24,22 +24,22 @@ struct ImageSize {
 /// @throws ContractError unless both sides have 1 to 32767 pixels.
 void check_image_size(const ImageSize& size);
 
-/// Events in order of time, as four arrays: sub-pixel column x and row y (float32; x = 3 is the
-/// middle of pixel column 3), time in int64 µs, polarity in int8, +1 brighter or −1 darker.
-/// 17 bytes per event. The arrays are shared: copies and slices are views that cost no memory and
-/// keep the arrays alive. All four live on one device.
+/// Events sorted by time, as four arrays: sub-pixel column x and row y (float32; x = 3 is the
+/// centre of pixel column 3), time in int64 µs, polarity in int8, +1 brighter or −1 darker. 17
+/// bytes per event. Copies and slices share the arrays: they are views that cost no memory and keep
+/// the arrays alive. All four arrays are on one device.
 class EventStream {
  public:
   /// No events.
   EventStream();
 
-  /// Takes four contiguous tensors [N] as they are, without copying.
+  /// Takes four contiguous tensors [N] without copying.
   /// @throws ContractError for other shapes, types or devices, for times that are not sorted
   ///   (equal times are fine) and for polarities other than ±1. NaN coordinates are allowed:
-  ///   nothing counts them (see count_problems).
+  ///   sums ignore them (see count_problems).
   EventStream(torch::Tensor x, torch::Tensor y, torch::Tensor t_us, torch::Tensor polarity);
 
-  /// Copies four equally long lists; otherwise as above.
+  /// Copies four lists of equal length; otherwise as above.
   static EventStream from_lists(const std::vector<float>& x, const std::vector<float>& y,
                                 const std::vector<int64_t>& t_us,
                                 const std::vector<int8_t>& polarity);
@@ -58,7 +58,7 @@ class EventStream {
   int64_t last_us() const;
 
   /// Events with begin_us ≤ t < end_us, as a view: two binary searches and no copy. A window that
-  /// ends before it begins holds no event.
+  /// ends before it begins contains no event.
   EventStream slice(const TimeWindow& window) const;
   EventStream slice(int64_t begin_us, int64_t end_us) const {
     return slice(TimeWindow{begin_us, end_us});
@@ -67,10 +67,10 @@ class EventStream {
   /// Events begin, begin + 1, …, end − 1 of this view, as a view.
   EventStream range(int64_t begin, int64_t end) const;
 
-  /// How many events happened before `t_us`: the index of the first one at or after it.
+  /// Number of events before `t_us`: the index of the first one at or after it.
   int64_t count_before(int64_t t_us) const;
 
-  /// Copies the events to a device; shares the arrays if they are there already.
+  /// Copies the events to a device; shares the arrays if they are already there.
   EventStream to(torch::Device device) const;
 
  private:
@@ -80,7 +80,7 @@ class EventStream {
 /// Counts of invalid events in a stream. Voxels and windows ignore such events.
 struct EventProblems {
   int64_t not_finite = 0;     ///< x or y is NaN or Inf
-  int64_t outside = 0;        ///< no pixel of the image is within one pixel
+  int64_t outside = 0;        ///< one pixel or more from every pixel centre
   int64_t touching_edge = 0;  ///< between the outermost pixel centres and one pixel beyond
 };
 

@@ -19,9 +19,9 @@ std::vector<int64_t> equal_knots(const TimeWindow& window, int64_t parts) {
   return out;
 }
 
-/// Bytes of the sums that a band's events touch at one time: they should stay in a core's cache.
+/// Bytes of the sums that a band's events update at one time: they should fit a core's cache.
 constexpr int64_t kBandBytes = 1 << 20;
-/// Bytes of a pixel's sums: two signs, and either.
+/// Bytes per pixel of the sums: two signs, and density.
 constexpr int64_t kPixelBytes = 32;
 
 /// Knots of the three divisions of an exposure.
@@ -33,7 +33,7 @@ struct Divisions {
 struct BandSums {
   std::vector<int64_t> positive, negative;  ///< one per pixel of the band
 
-  /// Calls take(span) after each span between knots with its sums.
+  /// Calls take(span) with the sums after each span between knots.
   template <class Take>
   void sweep(const EventBands& bands, int64_t band, const std::vector<int64_t>& knots,
              const ImageSize& size, const Take& take) {

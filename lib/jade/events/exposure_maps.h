@@ -9,7 +9,7 @@
 
 namespace jade::events {
 
-/// Spans between the nine exposure times.
+/// Time spans between the nine poses of an exposure.
 inline constexpr int64_t kEdiWindows = 8;
 
 /// Events of J equal spans of an exposure, t_j = linspace(t_start, t_end, J + 1), by polarity.
@@ -21,24 +21,23 @@ struct WindowCounts {
 /// @return the shape of the counts, float32
 torch::Tensor edi_windows(const WindowCounts& counts, const Thresholds& thresholds);
 
-/// Everything that training asks of an exposure's events.
+/// The event maps of an exposure that training uses.
 struct ExposureMaps {
   EventVoxel voxel;
   WindowCounts windows;
   torch::Tensor density;  ///< [H,W] float32, events of either polarity
-  /// [N,H,W] float32, positive less negative events of N equal spans; undefined unless asked for
+  /// [N,H,W] float32, positive minus negative events of N equal spans; undefined unless requested
   torch::Tensor signed_windows;
 };
 
-/// Voxel, EDI windows and density of the events in `exposure`, exact as count_events.
-/// @param events  on the CPU; may reach beyond the exposure, only [begin_us, end_us) counts.
-/// @param parts   how many windows.
-/// @param signed_parts  how many signed windows; 0: none.
+/// Voxel, EDI windows and density of the events in `exposure`, exact as in count_events. @param
+/// events  on the CPU; only events in [begin_us, end_us) count. @param parts   number of windows.
+/// @param signed_parts  number of signed windows; 0: none.
 ExposureMaps map_exposure(const EventStream& events, const TimeWindow& exposure, int64_t bins,
                           const ImageSize& size, int64_t parts = kEdiWindows,
                           int64_t signed_parts = 0);
 
-/// The windows of map_exposure alone.
+/// Only the windows of map_exposure.
 WindowCounts count_windows(const EventStream& events, const TimeWindow& exposure, int64_t parts,
                            const ImageSize& size);
 

@@ -23,7 +23,7 @@ enum class Hdf5Form { kArrays, kRecords, kTable };
 
 /// Location of one stream of events.
 struct Hdf5Stream {
-  std::string name;  ///< of the group, the records or the table; empty: the file itself
+  std::string name;  ///< name of the group, the records or the table; empty: the file itself
   Hdf5Form form = Hdf5Form::kArrays;
   std::array<std::string, 4> names{};  ///< of x, y, t, p: arrays, or fields of the records
   size_t axis = 1;                     ///< of the four columns of a table
@@ -32,7 +32,7 @@ struct Hdf5Stream {
 namespace {
 
 constexpr int64_t kReadLength = int64_t(1) << 22;
-/// Rows of a table that tell its columns: so many at its start, in its middle and at its end.
+/// Number of table rows sampled at its start, middle and end to recognise its columns.
 constexpr int64_t kTellingRows = 4096;
 
 /// Without its group.
@@ -45,8 +45,8 @@ int64_t depth_of(const std::string& name) {
   return name.empty() ? 0 : 1 + std::count(name.begin(), name.end(), '/');
 }
 
-/// The array of a field. One called by its letter alone comes before those that are called
-/// otherwise, which may be of something else, such as the times of frames.
+/// Stores the array of a field. A one-letter name has priority over longer names, which may be
+/// something else, such as the times of frames.
 void take_name(int field, const std::string& name, std::string& taken) {
   if (leaf_of(taken) != kFieldNames[field]) taken = name;
 }
@@ -55,8 +55,8 @@ bool is_complete(const std::array<std::string, 4>& names) {
   return std::none_of(names.begin(), names.end(), [](const auto& name) { return name.empty(); });
 }
 
-/// A table of numbers with four columns whose name, or the name of its group, tells of events, or
-/// that is alone in its file.
+/// A table of numbers with four columns whose name, or the name of its group, contains "event", or
+/// that is the only one in its file.
 bool is_event_table(const io::Hdf5Dataset& dataset, bool alone) {
   if (dataset.shape.size() != 2 || !(dataset.integer || dataset.floating)) return false;
   if (dataset.shape[0] != 4 && dataset.shape[1] != 4) return false;
@@ -118,7 +118,7 @@ std::string listed_names(const std::vector<Hdf5Stream>& streams) {
                          found.empty() ? "no data set" : found));
 }
 
-/// The stream that is asked for, by its name or that of a group with only one in it.
+/// The requested stream, by its name or that of a group that contains only one.
 const Hdf5Stream& chosen_stream(const io::Hdf5File& file, const std::vector<Hdf5Stream>& streams,
                                 std::string group) {
   if (streams.empty()) fail_without_events(file);
@@ -170,12 +170,12 @@ struct Hdf5Events::Source {
     note_unused(notes);
   }
 
-  /// The unit that an attribute of the times says.
+  /// Reads the unit from an attribute of the times.
   void find_unit(std::vector<std::string>& notes) {
     const bool arrays = stream.form == Hdf5Form::kArrays;
     const std::string& name = arrays ? stream.names[2] : stream.name;
     for (const char* const key : {"unit", "units", "Unit", "Units", "time_unit", "time_units"}) {
-      // Records and tables hold more than times.
+      // Records and tables contain more than times.
       if (!arrays && std::string(key).rfind("time", 0) != 0) continue;
       const std::string said = file.attribute(name, key);
       if (said.empty()) continue;
@@ -189,7 +189,7 @@ struct Hdf5Events::Source {
     }
   }
 
-  /// M3ED keeps width and height beside a camera's events.
+  /// M3ED stores width and height beside a camera's events.
   void find_size() {
     const std::string name = stream.name + "/calib/resolution";
     if (stream.form != Hdf5Form::kArrays || !file.has(name) || file.length(name) != 2) return;
@@ -236,7 +236,7 @@ struct Hdf5Events::Source {
     return rows;
   }
 
-  /// Notes data sets that would change places or times of events and are not used.
+  /// Notes data sets that affect places or times of events and are not used.
   void note_unused(std::vector<std::string>& notes) const {
     for (const auto& dataset : file.datasets()) {
       if (leaf_of(dataset.name).find("rectify_map") == std::string::npos) continue;
@@ -274,7 +274,7 @@ struct Hdf5Events::Source {
     }
   }
 
-  /// Whole chunks at a time, so that none is decompressed twice.
+  /// Reads whole chunks, so that none is decompressed twice.
   template <class T>
   void read_in_parts(size_t field, const Stretch& stretch, T* out) const {
     const int64_t chunk = std::max<int64_t>(dataset_of(field).chunk_length, 1);
@@ -303,11 +303,11 @@ struct Hdf5Events::Source {
 
   io::Hdf5File file;
   Hdf5Stream stream;
-  Columns columns = kTimeFirst;  ///< of a table
+  Columns columns = kTimeFirst;  ///< for a table
   int64_t length = 0;
-  std::string offset_name;  ///< of a number that is added to all times; empty: none
+  std::string offset_name;  ///< name of a number that is added to all times; empty: none
   std::optional<ImageSize> size;
-  TimeUnit unit_attribute = TimeUnit::kAuto;  ///< that an attribute of the times says
+  TimeUnit unit_attribute = TimeUnit::kAuto;  ///< from an attribute of the times
 };
 
 Hdf5Events::Hdf5Events(const std::filesystem::path& path, const std::string& group)

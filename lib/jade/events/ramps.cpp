@@ -15,14 +15,14 @@
 namespace jade::events {
 namespace {
 
-/// Bytes of the sums that a band's events touch at one time: they should stay in a core's cache.
+/// Bytes of the sums that a band's events update at one time: they should fit a core's cache.
 constexpr int64_t kBandBytes = 1 << 20;
-/// Bytes of a pixel's sums: two signs of about six windows, which a ramp reaches, and a time.
+/// Bytes per pixel of the sums: two signs of about six windows, the reach of a ramp, and a time.
 constexpr int64_t kPixelBytes = 56;
 
-/// Calls add(window, share) for the windows between `knots` that the span (begin, end] of one
-/// event's step reaches; shares add up to 1 over all time. An empty span is a step at `end`.
-/// @param now  the last knot at or before `end`, -1 for none
+/// Calls add(window, share) for the windows between `knots` that overlap the span (begin, end] of
+/// one event's step; the shares over all time add up to 1. An empty span is a step at `end`. @param
+/// now  the last knot at or before `end`, -1 for none
 template <class Add>
 void share_out(const std::vector<int64_t>& knots, int64_t now, int64_t begin, int64_t end,
                const Add& add) {
@@ -45,7 +45,7 @@ struct PixelWeight {
   float weight;
 };
 
-/// The knots of the windows, how far a ramp reaches, and the sums.
+/// The knots of the windows, the reach of a ramp, and the sums.
 struct Ramps {
   std::vector<int64_t> knots;
   int64_t reach_us;
@@ -56,8 +56,8 @@ struct Ramps {
   int64_t pixels() const { return size.height * size.width; }
 };
 
-/// Sums the rows of one band. Each pixel adds up its events in order of time.
-/// @param before  scratch
+/// Sums the rows of one band. Each pixel adds its events in order of time.
+/// @param before  scratch memory
 void sum_band(const EventBands& bands, int64_t band, const Ramps& ramps,
               std::vector<int64_t>& before) {
   const auto width = static_cast<int32_t>(ramps.size.width);
@@ -65,11 +65,11 @@ void sum_band(const EventBands& bands, int64_t band, const Ramps& ramps,
   const int64_t windows = ramps.windows(), all_pixels = ramps.pixels();
   const int64_t first_pixel = bands.first_row(band) * width;
   const int64_t pixels = bands.rows(band) * width;
-  // Times before the events of the band's pixels and of the rows beside it.
+  // Previous event time of the band's pixels and of the rows beside it.
   before.assign(static_cast<size_t>(pixels + 2 * width), ramps.knots.front() - 2 * ramps.reach_us);
   const int64_t first_before = first_pixel - width;
   int64_t now = -1;
-  // A window's sums are set to 0 just before its first event, while they come into the cache.
+  // Zero a window's sums just before its first event, while they enter the cache.
   const auto begin_windows = [&](int64_t t) {
     while (now + 1 < static_cast<int64_t>(ramps.knots.size()) && ramps.knots[now + 1] <= t) {
       if (++now == windows) return;
@@ -116,7 +116,7 @@ WindowCounts ramped_windows(const EventStream& events, const TimeWindow& exposur
   const EventBands bands(near, size, kBandBytes / (kPixelBytes * std::max<int64_t>(1, size.width)));
   const torch::Tensor maps = torch::empty({2, parts, size.height, size.width}, torch::kFloat32);
   const Ramps ramps{std::move(knots), reach_us, size, maps.mutable_data_ptr<float>()};
-  // Every pixel belongs to one band: the same bits for any number of threads.
+  // Every pixel belongs to one band: any number of threads gives the same bits.
   at::parallel_for(0, bands.count(), 1, [&](int64_t begin, int64_t end) {
     std::vector<int64_t> before;
     for (int64_t band = begin; band < end; ++band) sum_band(bands, band, ramps, before);

@@ -16,10 +16,10 @@ namespace jade::events {
 namespace {
 
 constexpr const char* kNameArrays = "store x, y, t and p as arrays of these names";
-/// Rows of a table that tell its columns: so many at its start, in its middle and at its end.
+/// Number of table rows sampled at its start, middle and end to recognise its columns.
 constexpr int64_t kTellingTableRows = 4096;
 
-/// One column of numbers → the type we keep; floats with fractions stay floats in times.
+/// Converts one column of numbers to the library's type; times with fractions stay floating point.
 RawEvents from_columns(const std::filesystem::path& path, const torch::Tensor& x,
                        const torch::Tensor& y, const torch::Tensor& t, const torch::Tensor& p) {
   check_lengths(path, {x.numel(), y.numel(), t.numel(), p.numel()});
@@ -84,7 +84,8 @@ RawEvents from_records(const std::filesystem::path& path, const io::NamedTensors
   return out;
 }
 
-/// The array of an archive that holds events whole: the only one, or the one that is called so.
+/// The array of an archive that contains whole events: the only one, or the one with a matching
+/// name.
 std::string event_array(const io::Npz& archive) {
   if (archive.names().size() == 1) return archive.names()[0];
   std::string found;
@@ -120,7 +121,7 @@ RawEvents read_npz_events(const std::filesystem::path& path) {
   const io::Npz archive(path);
   std::array<std::string, 4> names;
   for (const auto& name : archive.names()) {
-    // One called by its letter alone comes before those that are called otherwise.
+    // A one-letter name has priority over longer names.
     const int field = event_field(name);
     if (field >= 0 && names[size_t(field)] != kFieldNames[field]) names[size_t(field)] = name;
   }

@@ -17,13 +17,14 @@
 
 namespace jade::events {
 
-/// A recording as stored: coordinates and polarities in our types, times in the file's unit.
+/// A recording as stored: coordinates and polarities in this library's types, times in the file's
+/// unit.
 struct RawEvents {
   torch::Tensor x, y;               ///< float32 [N]
   torch::Tensor polarity;           ///< int8 [N], as stored
-  torch::Tensor time;               ///< int64, or float64 where the file has floats, [N]
-  TimeUnit unit = TimeUnit::kAuto;  ///< of the times, where their name says it
-  std::optional<ImageSize> size;    ///< of the sensor, where the file says it
+  torch::Tensor time;               ///< int64 or, if the file has floats, float64; [N]
+  TimeUnit unit = TimeUnit::kAuto;  ///< of the times, if their name contains it
+  std::optional<ImageSize> size;    ///< of the sensor, if the file contains it
   int time_bits = 64;               ///< significant_bits() of the times as stored
 };
 
@@ -32,20 +33,20 @@ class Hdf5Events {
  public:
   /// @param group  of the arrays, or the name of the records or the table; empty: the stream
   ///   nearest to the root, the first by name
-  /// @throws DataError for a file without events, or without this stream, naming what there is.
+  /// @throws DataError for a file without events, or without this stream, listing its streams.
   Hdf5Events(const std::filesystem::path& path, const std::string& group);
   ~Hdf5Events();
 
   const std::string& name() const;
-  /// Notes for the user: other streams, and data beside the events that is not used.
+  /// Notes for the user: other streams, and data beside the events that are not used.
   const std::vector<std::string>& notes() const { return notes_; }
   TimeUnit unit() const;
   /// significant_bits() of the times as stored.
   int time_bits() const;
   int64_t length() const;
-  /// The times without the rest.
+  /// Surveys the times without reading the other fields.
   TimeSurvey survey() const;
-  /// All events, or those of these stretches alone, which lie in order and apart.
+  /// Reads all events, or only those of these sorted, disjoint stretches.
   RawEvents read(const std::optional<std::vector<Stretch>>& stretches = std::nullopt) const;
 
  private:
@@ -62,7 +63,7 @@ RawEvents read_text_events(const std::filesystem::path& path);
 /// truncate.
 torch::Tensor whole_polarity(const std::filesystem::path& path, const torch::Tensor& polarity);
 
-/// @throws DataError unless x, y, t and p are as many.
+/// @throws DataError unless x, y, t and p have the same length.
 void check_lengths(const std::filesystem::path& path, const std::array<int64_t, 4>& lengths);
 
 }  // namespace jade::events

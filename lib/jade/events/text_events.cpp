@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Lists of events in text: a line an event, four numbers in any order.
+// Lists of events in text: one line per event, four numbers in any order.
 #include <algorithm>
 #include <array>
 #include <cctype>
@@ -23,13 +23,13 @@ constexpr const char* kNameColumns = "name the columns in a first line such as \
 constexpr int kMostColumns = 16;
 using Numbers = std::array<double, kMostColumns>;
 
-/// Calls `line` with each line of a file, of which it holds a piece at a time.
+/// Calls `line` with each line of a file, which is read in pieces.
 template <class Line>
 void for_each_line(const std::filesystem::path& path, const Line& line) {
   std::ifstream file(path, std::ios::binary);
   if (!file) throw DataError(concat(path.string(), ": no such event file"));
   std::string text;
-  size_t rest = 0;  // of a line that the piece before began
+  size_t rest = 0;  // of a line that began in the previous piece
   char line_end = '\0';
   while (file) {
     throw_if_interrupted();
@@ -37,7 +37,7 @@ void for_each_line(const std::filesystem::path& path, const Line& line) {
     file.read(text.data() + rest, std::streamsize(kTextAtOnce));
     text.resize(rest + size_t(file.gcount()));
     if (line_end == '\0') {
-      // Old spreadsheets end lines in CR alone.
+      // Old spreadsheets end lines with CR alone.
       const bool cr_only =
           text.find('\n') == std::string::npos && text.find('\r') < text.size() - 1;
       line_end = cr_only ? '\r' : '\n';
@@ -55,7 +55,7 @@ void for_each_line(const std::filesystem::path& path, const Line& line) {
   if (rest > 0) line(text.data(), text.data() + rest);
 }
 
-/// The values of a list, which move into the tensor.
+/// Moves the values of a list into a tensor.
 template <class T>
 torch::Tensor tensor_of(std::vector<T> values, torch::ScalarType type) {
   auto* const kept = new std::vector<T>(std::move(values));
@@ -63,7 +63,7 @@ torch::Tensor tensor_of(std::vector<T> values, torch::ScalarType type) {
       kept->data(), {int64_t(kept->size())}, [kept](void*) { delete kept; }, type);
 }
 
-/// Quotes too, which spreadsheets put around each number.
+/// Includes quotes, which spreadsheets put around each number.
 bool separates(char c) {
   return c == ' ' || c == '\t' || c == ',' || c == ';' || c == '\r' || c == '"' || c == '\'';
 }
@@ -78,7 +78,7 @@ std::optional<double> polarity_word(const char* begin, const char* end) {
   return std::nullopt;
 }
 
-/// Numbers of one line; -1 when something else stands there, or too many.
+/// Number of values in one line; -1 if it contains other text, or too many values.
 int parse_line(const char* begin, const char* end, Numbers& numbers) {
   int count = 0;
   while (true) {
@@ -98,8 +98,8 @@ int parse_line(const char* begin, const char* end, Numbers& numbers) {
   }
 }
 
-/// The line with points for decimal commas, as "0,25;3;4;1" has them: semicolons or tabs part four
-/// numbers, and a comma stands between two digits. Nothing for other lines.
+/// Replaces decimal commas by points, as in "0,25;3;4;1": semicolons or tabs separate four numbers,
+/// and a comma is between two digits. No value for other lines.
 std::optional<std::string> with_points(const char* begin, const char* end) {
   const bool parted = std::count(begin, end, ';') >= 3 || std::count(begin, end, '\t') >= 3;
   if (!parted || std::find(begin, end, ',') == end || std::find(begin, end, '.') != end)
@@ -114,8 +114,8 @@ std::optional<std::string> with_points(const char* begin, const char* end) {
   return out;
 }
 
-/// Names between commas, semicolons or tabs, where there are any, else between blanks; a unit in
-/// brackets belongs to the name before it. A table's index has no name, but a place.
+/// Splits a line at commas, semicolons or tabs if it has any, else at blanks; a unit in brackets
+/// belongs to the name before it. A table's index column has an empty name.
 std::vector<std::string> words_of_line(const std::string& line) {
   char between = ' ';
   for (const char c : {';', ',', '\t'}) {
@@ -143,7 +143,7 @@ std::vector<std::string> words_of_line(const std::string& line) {
   return out;
 }
 
-/// Width and height in a line "346 260" or "%geometry:346,260"; none in others.
+/// Width and height in a line "346 260" or "%geometry:346,260"; no value for others.
 std::optional<ImageSize> size_in(std::string line) {
   constexpr const char* kGeometry = "geometry";
   const size_t at = line.find(kGeometry);
@@ -157,14 +157,14 @@ std::optional<ImageSize> size_in(std::string line) {
   return ImageSize{int64_t(numbers[1]), int64_t(numbers[0])};
 }
 
-/// Lines of a list in text become events once it is known which column is what.
+/// Converts lines to events once the columns are known.
 class TextEvents {
  public:
   explicit TextEvents(const std::filesystem::path& path) : path_(path) {}
 
   bool empty() const { return first_.empty() && time_.empty(); }
-  /// A line that is no event: of names, of the sensor's size, or a comment, which may name the
-  /// columns after a colon.
+  /// Handles a line that is not an event: column names, the sensor's size, or a comment, which may
+  /// name the columns after a colon.
   void head(const std::string& line, bool comment) {
     if (!size_) size_ = size_in(line);
     if (columns_) return;
@@ -179,7 +179,7 @@ class TextEvents {
     if (parts) nanoseconds_ = parts->second;
     named_by_comment_ = comment;
     count_ = int(words.size());
-    // Names that end in a separator have an empty one behind them, their numbers need not.
+    // A trailing separator adds an empty name, but not necessarily an empty number.
     fewest_ = count_;
     while (fewest_ > kColumns &&
            words[size_t(fewest_) - 1].find_first_not_of(" \t") == std::string::npos) {
@@ -190,7 +190,7 @@ class TextEvents {
   /// The numbers of an event.
   void add(int64_t line, int count, const Numbers& numbers) {
     if (named_by_comment_ && time_.empty() && !fits(count)) {
-      // The comment was prose that holds the names by chance.
+      // The comment was prose that contains the names by chance.
       columns_.reset();
       count_ = fewest_ = kColumns, unit_ = TimeUnit::kAuto, named_by_comment_ = false;
       nanoseconds_.reset();
@@ -219,8 +219,8 @@ class TextEvents {
   }
 
  private:
-  static constexpr size_t kLook = 4096;  // events that tell the columns
-  static constexpr int kColumns = 4;     // of a list that names none
+  static constexpr size_t kLook = 4096;  // number of events sampled to recognise the columns
+  static constexpr int kColumns = 4;     // columns of a list without names
 
   bool fits(int count) const { return count >= fewest_ && count <= count_; }
   void keep(int64_t line, const Numbers& numbers) {
@@ -256,20 +256,21 @@ class TextEvents {
 
   std::filesystem::path path_;
   std::optional<Columns> columns_;
-  int count_ = kColumns;   ///< most numbers in a line
-  int fewest_ = kColumns;  ///< and least
+  int count_ = kColumns;   ///< largest number of values per line
+  int fewest_ = kColumns;  ///< and smallest
   bool named_by_comment_ = false;
-  std::optional<size_t> nanoseconds_;  ///< place of those to add to the seconds
+  std::optional<size_t> nanoseconds_;  ///< position of the nanoseconds that are added to the
+                                       ///< seconds
   TimeUnit unit_ = TimeUnit::kAuto;
   std::optional<ImageSize> size_;
-  std::vector<Row> first_;      ///< until the columns are known
-  std::vector<int64_t> lines_;  ///< where they stand
+  std::vector<Row> first_;      ///< buffered until the columns are known
+  std::vector<int64_t> lines_;  ///< their line numbers
   std::vector<double> time_;
   std::vector<float> x_, y_;
   std::vector<int8_t> polarity_;
 };
 
-/// Behind the mark of UTF-8 that spreadsheets put before the first line.
+/// Skips the UTF-8 byte order mark that spreadsheets put before the first line.
 /// @throws DataError for that of UTF-16.
 const char* behind_mark(const std::filesystem::path& path, const char* begin, const char* end) {
   const std::string first(begin, std::min<size_t>(size_t(end - begin), 2));
@@ -299,7 +300,7 @@ RawEvents read_text_events(const std::filesystem::path& path) {
                           : parse_line(begin, end, numbers);
     if (count == 0 && !comment) return;
     const std::string text(begin, end);
-    // One line of column names, or of width and height, may stand first.
+    // One line of column names, or of width and height, may come first.
     const bool is_head = comment || (events.empty() && !header_seen && count < 4);
     if (is_head) {
       if (events.empty()) events.head(text, comment);

@@ -5,13 +5,14 @@
 
 namespace jade::events {
 
-/// Contrast thresholds Θ⁺ and Θ⁻: log intensity that one event of each polarity stands for.
+/// Contrast thresholds Θ⁺ and Θ⁻: the change of log intensity that one event of each polarity
+/// reports.
 struct Thresholds {
   double positive = 0.25, negative = 0.25;
 };
 
-/// Time bins of the voxel over an exposure: those of the paper. An even number, so that
-/// mid-exposure falls between two bins.
+/// Time bins of the voxel over an exposure, as in the paper. An even number, so that mid-exposure
+/// falls between two bins.
 constexpr int64_t kVoxelBins = 6;
 
 /// How events are read and summed; the configuration group `events`.
@@ -21,8 +22,8 @@ struct EventOptions {
   int64_t edi_samples = 65;
   double ramp_ms = 5;
 
-  /// One number sets both: a negative threshold of 0 repeats the positive one. A positive threshold
-  /// that is auto counts as 0.25 until it is found (run/thresholds.h).
+  /// The thresholds of both polarities: a negative threshold of 0 repeats the positive one. A
+  /// positive threshold of auto counts as 0.25 until it is measured (run/thresholds.h).
   Thresholds thresholds() const {
     const double positive = threshold_positive;
     return {positive, threshold_negative > 0 ? threshold_negative : positive};

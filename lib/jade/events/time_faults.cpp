@@ -30,7 +30,7 @@ WrappedCounter unwrap_counter(torch::Tensor& times) {
     for (int64_t i = 1; i < count && is_counter; ++i) {
       const int64_t back = t[i - 1] - t[i];
       if (back >= nearly_all) ++wraps;
-      // An event from before the wrap may come behind it.
+      // An event from before the wrap may be stored after it.
       if (-back >= nearly_all) --wraps;
       is_counter = back < jitter || back >= nearly_all;
     }
@@ -73,7 +73,7 @@ void check_digits(const std::filesystem::path& path, const torch::Tensor& time, 
   constexpr double kCoarsestUs = 1000, kLongUs = 100000;
   constexpr int64_t kFew = 16, kCrowd = 50;  // times; events at each
   if (time.numel() < kTelling) return;
-  // Two times closer than this are enough to stop: nearly always the first two that differ.
+  // Stop when two times are closer than this: usually the first two that differ.
   const double close = kCoarsestUs / us_per_unit(unit);
   const auto has_close_times = [&](const auto* t) {
     for (int64_t i = 1; i < time.numel(); ++i) {

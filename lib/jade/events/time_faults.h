@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Faults of stored event times. Not for use outside this folder.
+// Faults of stored event times. Private to this folder.
 #pragma once
 
 #include <cstdint>
@@ -11,43 +11,43 @@
 
 namespace jade::events {
 
-/// Significant bits of a floating type of so many bytes; 64 for integers.
+/// Significant bits of a floating type of that many bytes; 64 for integers.
 int significant_bits(bool floating, int64_t bytes);
 
-/// A counter that started again at its smallest value.
+/// A time counter that restarted at its smallest value.
 struct WrappedCounter {
   int bits = 0;       ///< width of the counter
   int64_t wraps = 0;  ///< 0: the times do not wrap
 };
 
-/// Continues the times of a counter of 16, 24, 31 or 32 bits that wraps, in place. Such times span
-/// all of the counter and fall back only by all of it, or by the little that simultaneous events
-/// are out of order; other times stay as they are.
+/// Unwraps, in place, the times of a counter of 16, 24, 31 or 32 bits. Such times span the whole
+/// range of the counter and decrease only by all of it, or by the small disorder of simultaneous
+/// events; other times stay as they are.
 /// @param times  int64 [N] in counts
 WrappedCounter unwrap_counter(torch::Tensor& times);
 
 /// @param bits  as significant_bits()
-/// @throws DataError where floating-point times at the size of `largest` are more than 1 ms apart,
-///   or where `count` events lie on a few of the values that the type has there.
+/// @throws DataError if floating-point times at the size of `largest` are more than 1 ms apart,
+///   or if `count` events lie on a few of the values that the type has there.
 void check_resolution(const std::filesystem::path& path, double smallest, double largest,
                       int64_t count, int bits, TimeUnit unit);
 
 /// @param time  float64 or int64 [N], as stored
-/// @throws DataError where a thousand events or more lie on a few times, 1 ms apart or more, or all
+/// @throws DataError if a thousand events or more lie on a few times, 1 ms apart or more, or all
 ///   on one: their last digits were lost before they were stored.
 void check_digits(const std::filesystem::path& path, const torch::Tensor& time, TimeUnit unit);
 
-/// A warning where times in the unit that was guessed have the rate of a recording in milliseconds:
-/// seconds without a digit below the millisecond and fewer than ten events in each, or whole
-/// microseconds with more events than a camera sends. Empty for others.
+/// A warning if times in the guessed unit have the rate of a recording in milliseconds: seconds
+/// without a digit below the millisecond and fewer than ten events in each, or whole microseconds
+/// with more events than a camera sends. Empty otherwise.
 /// @param time  float64 or int64 [N], as stored
 std::string milliseconds_warning(const std::filesystem::path& path, const torch::Tensor& time,
                                  TimeUnit guessed);
 
-/// A warning where a single gap is nearly all of the time between the first event and the last, as
-/// one damaged time leaves; empty where there is none.
-/// @param t_us       int64 [N], in order
-/// @param was_sorted  false: the file had other times before these; shorter spans are checked too
+/// A warning if a single gap is nearly all of the time between the first and the last event, as one
+/// damaged time causes; else empty.
+/// @param t_us       int64 [N], sorted
+/// @param was_sorted  false: the file had unsorted times; shorter spans are checked too
 std::string lone_event_warning(const std::filesystem::path& path, const torch::Tensor& t_us,
                                bool was_sorted);
 

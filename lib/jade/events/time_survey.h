@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Finds spans of time in a list of times that is too long to hold in memory.
+// Finds time spans in a list of times that is too long for memory.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +14,7 @@ struct Stretch {
   int64_t size() const { return end - begin; }
 };
 
-/// Cuts off what lies beyond the first `most` places of all stretches together.
+/// Truncates the stretches to `most` positions in total.
 void shorten(std::vector<Stretch>& stretches, int64_t most);
 
 /// One pass over a stored list of times, in its own unit, that keeps one in 65,536 of them.
@@ -27,7 +27,7 @@ class TimeSurvey {
   TimeSurvey(int64_t count, Read read);
 
   int64_t count() const { return count_; }
-  /// Smallest and largest; NaN among the times makes `finite` false.
+  /// Smallest and largest time; `finite` is false if any time is NaN.
   double smallest() const { return smallest_; }
   double largest() const { return largest_; }
   bool finite() const { return finite_; }

@@ -15,12 +15,12 @@ namespace {
 
 constexpr double kShortestUs = 10;
 constexpr double kLongestUs = 5e6;
-constexpr double kLatestUs = 4e18;  // differences of two such times still fit an int64
+constexpr double kLatestUs = 4e18;  // differences of two such times fit an int64
 
-/// How well events from `first` to `last` in this unit match the exposures: the share of these in
-/// which there are events, less where both spans are of unlike lengths. Alone the first would be
-/// for the largest unit wherever a clock begins at 0, the second against long recordings of few
-/// frames. Zero: they miss.
+/// How well events from `first` to `last` in this unit match the exposures: the share of exposures
+/// with events, reduced if the two spans have different lengths. The first alone would always
+/// prefer the largest unit for a clock that begins at 0; the second alone would reject long
+/// recordings with few frames. Zero if they do not overlap.
 double match_of(TimeUnit unit, double first, double last, const TimeWindow& exposures) {
   const double begin = first * us_per_unit(unit), end = last * us_per_unit(unit);
   const double since = double(exposures.begin_us), until = double(exposures.end_us);
@@ -36,7 +36,7 @@ bool is_only_ns(const torch::Tensor& times) {
          times.max().to(torch::kFloat64).item<double>() > kOnlyNs;
 }
 
-/// Whole numbers in floating point that lie too far apart for frames in seconds.
+/// Whether floating-point times are whole numbers that are too far apart for frames in seconds.
 bool is_whole_and_large(const torch::Tensor& times) {
   constexpr double kLongestGapS = 1000;
   if (times.numel() < 2) return false;
@@ -46,20 +46,20 @@ bool is_whole_and_large(const torch::Tensor& times) {
   return gap > kLongestGapS && t.eq(t.floor()).all().item<bool>();
 }
 
-/// Unit of exposure times whose lengths do not tell it.
+/// Unit of exposure times whose lengths do not determine it.
 TimeUnit lone_unit(const torch::Tensor& times) {
   if (!times.is_floating_point()) return TimeUnit::kUs;
   if (!is_whole_and_large(times)) return TimeUnit::kS;
   return times.max().to(torch::kFloat64).item<double>() > kOnlyNs ? TimeUnit::kNs : TimeUnit::kUs;
 }
 
-/// Median time from one start to the next; 0 of fewer than three.
+/// Median time from one start to the next; 0 for fewer than three.
 double period_of(const torch::Tensor& start) {
   if (start.numel() < 3) return 0;
   return std::get<0>(start.to(torch::kFloat64).sort()).diff().median().item<double>();
 }
 
-/// Whether frames of this length and period are what cameras take, both in ms.
+/// Whether cameras take frames of this length and period, both in ms.
 bool is_ordinary_in_ms(double length, double period) {
   constexpr double kShortest = 0.1, kLongest = 1000, kFastest = 1, kSlowest = 5000;
   constexpr double kRounding = 1.05;
@@ -67,8 +67,9 @@ bool is_ordinary_in_ms(double length, double period) {
          length <= kRounding * period;
 }
 
-/// Whether no camera beside event pixels takes such frames, although `unit` allows their length:
-/// more than 5,000 per second exposed for less than 100 us, or one in 10 s for half a second.
+/// Whether no frame camera beside an event sensor takes such frames, although `unit` allows their
+/// length: more than 5,000 per second exposed for less than 100 µs, or one in 10 s for half a
+/// second.
 bool is_implausible(TimeUnit unit, double length, double period) {
   if (unit == TimeUnit::kUs) return length < 100 && period < 200;
   return unit == TimeUnit::kS && length >= 0.5 && period >= 10;
@@ -151,7 +152,7 @@ std::vector<int64_t> times_us(const torch::Tensor& times, TimeUnit unit, const s
   if (!times.is_floating_point()) {
     const torch::Tensor values = times.to(torch::kInt64).contiguous();
     const int64_t* value = values.data_ptr<int64_t>();
-    // Dividing integers keeps nanoseconds since 1970, which a double would round.
+    // Integer division keeps nanoseconds since 1970, which a double would round.
     for (size_t i = 0; i < out.size(); ++i) {
       if (std::abs(double(value[i]) * factor) > kLatestUs) throw implausible(i, double(value[i]));
       out[i] = unit == TimeUnit::kNs   ? value[i] / 1000 + (value[i] % 1000 >= 500 ? 1 : 0)

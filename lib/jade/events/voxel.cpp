@@ -11,7 +11,8 @@ EventVoxel normalized(const torch::Tensor& sums) {
   check_shape(sums, "voxel sums", {-1, -1, -1});
   const double largest = sums.numel() > 0 ? sums.abs().max().item<double>() : 0;
   if (largest == 0) return {torch::zeros_like(sums), 0};
-  // By a tensor: GPUs multiply with the reciprocal of a plain number, which rounds otherwise.
+  // Divide by a tensor: for a plain number GPUs multiply by the reciprocal, which rounds
+  // differently.
   return {sums / torch::full({}, largest, sums.options()), largest};
 }
 

@@ -8,7 +8,7 @@
 namespace jade::events {
 
 /// V(E) of Eq. (1): signed event sums in T equal, half-open bins of an exposure, divided by their
-/// largest magnitude. Without events everything is 0, so that K = 1 and EDI returns the frame.
+/// largest magnitude. Without events all values are 0, so that K = 1 and EDI returns the frame.
 struct EventVoxel {
   torch::Tensor values;  ///< [T,H,W] float32, max |V| = 1 or all 0
   double v_max = 0;      ///< the divisor, in events; values · v_max are event sums
@@ -24,15 +24,15 @@ EventVoxel normalized(const torch::Tensor& sums);
 /// @return [2,H,W]
 torch::Tensor polarity_projection(const torch::Tensor& voxel);
 
-/// Ψ about any moment of the exposure, an extension of ours: Eq. (2) has the middle only. An event
-/// tells about the sharp image of moment u by relating it to other moments s of the blur, those for
-/// which it lies between u and s. The mean share of such s is (1 − u)/2 for events after u and u/2
-/// for events before it, in the middle ¼ for both. So Ψ is split at u and each side counts with its
-/// share relative to the middle's:
-///     Ψ_u = Σ_k ω_k max(±V_k, 0),  ω_k = 2u before u and 2(1 − u) after it,
-/// and the bin that u lies in is divided as if its events came evenly. ω = 1 at u = ½: the printed
-/// Ψ, to the last bit. At the ends all events lie on one side, reach twice as far and count twice.
-/// @param moment  u in [0,1], 0 the start and 1 the end of the exposure.
+/// Ψ for any moment of the exposure, an extension of this library: Eq. (2) has the middle only. An
+/// event relates the sharp image of moment u to the other moments s of the blur between which and u
+/// it lies. The mean share of such s is (1 − u)/2 for events after u and u/2 for events before it;
+/// for the middle both are ¼. So Ψ is split at u and each side is weighted by its share relative to
+/// the middle's:
+///     Ψ_u = Σ_k ω_k max(±V_k, 0),  ω_k = 2u before u and 2(1 − u) after it.
+/// The bin that contains u is divided as if its events were uniform in time. ω = 1 at u = ½ gives
+/// the printed Ψ bit for bit. At the ends all events lie on one side, with ω = 2. @param moment  u
+/// in [0,1], 0 the start and 1 the end of the exposure.
 torch::Tensor polarity_projection(const torch::Tensor& voxel, double moment);
 
 }  // namespace jade::events

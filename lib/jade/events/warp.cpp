@@ -28,7 +28,7 @@ struct MapReader {
     const auto x0 = int64_t(x), y0 = int64_t(y);
     const float fx = x - float(x0), fy = y - float(y0);
     const int64_t here = y0 * width + x0;
-    // The neighbour beyond a whole coordinate may lie outside, and may be NaN.
+    // The neighbour of a whole coordinate may be outside the map, or NaN.
     const int64_t right = fx > 0 ? 1 : 0, down = fy > 0 ? width : 0;
     const float top = plane[here] * (1 - fx) + plane[here + right] * fx;
     return top * (1 - fy) + (plane[here + down] * (1 - fx) + plane[here + down + right] * fx) * fy;
@@ -64,7 +64,7 @@ WarpedEvents warp(const EventStream& events, const torch::Tensor& map, const Ima
     x_out[kept] = u, y_out[kept] = v, t_out[kept] = t_in[i], p_out[kept] = p_in[i];
     ++kept;
   }
-  // A copy would cost the memory of all events once more.
+  // Avoids a copy, which would double the memory of the events.
   const auto head = [&](const torch::Tensor& all) { return all.narrow(0, 0, kept); };
   return {{head(x), head(y), head(t), head(p)}, count - kept};
 }

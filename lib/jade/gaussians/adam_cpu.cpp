@@ -10,7 +10,7 @@ namespace {
 constexpr int64_t kChunkRows = 1024;
 constexpr int64_t kWidestRow = 64;
 
-/// `size` floats, of which float i steps by lr[i].
+/// Updates `size` floats, float i with step size lr[i].
 void update(const AdamConstants& c, const float* __restrict lr, const float* __restrict gradient,
             float* __restrict value, float* __restrict first, float* __restrict second,
             int64_t size) {
@@ -19,14 +19,14 @@ void update(const AdamConstants& c, const float* __restrict lr, const float* __r
   }
 }
 
-/// The mean of each three gradients in the place of all three; `size` is a multiple of 3.
+/// Replaces each three gradients by their mean; `size` is a multiple of 3.
 void tie(const float* gradient, int64_t size, float* tied) {
   for (int64_t i = 0; i < size; i += 3) {
     tied[i] = tied[i + 1] = tied[i + 2] = tied_gradient(gradient + i);
   }
 }
 
-/// The step sizes of as many whole rows as fit, bias correction and schedule included.
+/// Fills the step sizes of as many whole rows as fit, with bias correction and schedule.
 int64_t fill_rates(const AdamGroup& group, double factor, float* lr) {
   const int64_t rows = std::max<int64_t>(1, kWidestRow / group.row);
   for (int64_t i = 0; i < rows * group.row; ++i) {

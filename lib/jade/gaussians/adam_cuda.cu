@@ -8,13 +8,13 @@ namespace jade::gaussians::cuda {
 namespace {
 
 constexpr int kThreads = 256;
-constexpr int kPerThread = 4;  ///< neighbours, for one access of 16 bytes
+constexpr int kPerThread = 4;  ///< consecutive floats, for one access of 16 bytes
 constexpr int kFloats = kThreads * kPerThread;
 
-/// Counts the step, and computes what all of its floats share, as powers in double take longer than
-/// a block's loads: rate_factor() without and with the schedule, inverse_sqrt_correction2(). What
-/// changes from step to step comes from the device's counter, so that both launches can be
-/// replayed.
+/// Counts the step, and computes the factors that all of its floats share, because powers in double
+/// take longer than a block's loads: rate_factor() without and with the schedule,
+/// inverse_sqrt_correction2(). Values that change from step to step come from the device's counter,
+/// so that both launches can be replayed.
 __global__ void rates_kernel(const __grid_constant__ AdamStep step) {
   if (threadIdx.x == 0) ++*step.step;
   __syncwarp();
@@ -28,7 +28,7 @@ struct Four {
 };
 static_assert(sizeof(Four) == sizeof(float4), "loaded and stored as one");
 
-/// `count` of them are there, or, where `whole`, all, at an address that one access can have.
+/// Loads `count` floats or, if `whole`, four by one vectorised access.
 __device__ __forceinline__ Four load(const float* from, int count, bool whole) {
   Four to{};
   if (whole) {
@@ -59,7 +59,7 @@ __device__ __forceinline__ bool aligned(const AdamGroup& group) {
          0;
 }
 
-/// A block handles kFloats floats of one group.
+/// One block handles kFloats floats of one group.
 __global__ void __launch_bounds__(kThreads) adam_kernel(const __grid_constant__ AdamStep step) {
   int64_t block = blockIdx.x;
   int index = 0;
@@ -83,7 +83,7 @@ __global__ void __launch_bounds__(kThreads) adam_kernel(const __grid_constant__ 
   const auto row = static_cast<uint32_t>(group.row), head = static_cast<uint32_t>(group.head);
   uint32_t in_row = 0;
   if (head != row) {
-    // In 32 bits: a division of 64 takes as long as all else.
+    // In 32 bits: a 64-bit division takes as long as all other work.
     in_row = (static_cast<uint32_t>(block) % row * uint32_t{kFloats} + in_block) % row;
   }
 #pragma unroll

@@ -13,15 +13,15 @@ JADE_HD double scheduled(const AdamSchedule& schedule, double step) {
   return kernel::exp(schedule.log_start + (schedule.log_end - schedule.log_start) * s);
 }
 
-/// Once the step is counted: what step sizes are multiplied by, the bias correction of the first
-/// moment, and the schedule for the groups that follow it.
+/// Factor of step sizes after the step is counted: the bias correction of the first moment and, for
+/// groups with a schedule, the schedule.
 JADE_HD double rate_factor(const AdamStep& step, bool follows_schedule) {
   const double steps = static_cast<double>(*step.step);
   const double correction1 = 1 - kernel::pow(step.beta1, steps);
   return (follows_schedule ? scheduled(step.schedule, steps) : 1.0) / correction1;
 }
 
-/// Bias correction of the second moment's root.
+/// Bias correction of the square root of the second moment.
 JADE_HD float inverse_sqrt_correction2(const AdamStep& step) {
   const double steps = static_cast<double>(*step.step);
   return static_cast<float>(1 / kernel::sqrt(1 - kernel::pow(step.beta2, steps)));
@@ -45,7 +45,7 @@ JADE_HD AdamConstants adam_constants(const AdamStep& step, float inverse_sqrt_co
           static_cast<float>(step.eps),       inverse_sqrt_correction2};
 }
 
-/// One float's step by gradient g. @param lr  with rate_factor()
+/// Updates one float with gradient g. @param lr  including rate_factor()
 JADE_HD void adam_update(const AdamConstants& c, float lr, float g, float& value, float& first,
                          float& second) {
   const float m = c.beta1 * first + c.one_minus_beta1 * g;

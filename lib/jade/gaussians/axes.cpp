@@ -12,7 +12,7 @@ namespace {
 /// Signs of the SH coefficients beyond the first when y and z change sign.
 const std::vector<float> kShSigns = {-1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1, -1, 1, -1, 1};
 
-/// Directions that determine 16 SH coefficients, evenly on the sphere.
+/// Directions, uniform on the sphere, that overdetermine 16 SH coefficients.
 constexpr int64_t kDirections = 64;
 
 /// [M,3] float64, a Fibonacci sphere.
@@ -36,8 +36,8 @@ torch::Tensor basis_at(const torch::Tensor& at, int64_t count) {
   return basis.slice(1, 0, count);
 }
 
-/// Coefficients [N,K,3] whose colour at R d is that of `sh` at d: the matrix between them follows
-/// from the values at more directions than there are coefficients.
+/// Coefficients [N,K,3] whose colour at R d is that of `sh` at d. Computes the matrix between them
+/// by least squares over more directions than there are coefficients.
 torch::Tensor rotated_sh(const torch::Tensor& sh, const torch::Tensor& rotation) {
   if (sh.size(1) == 1) return sh;
   const torch::Tensor at = directions();

@@ -11,7 +11,7 @@ constexpr int64_t kCodes = 256;
 constexpr int kCodeIterations = 20;
 constexpr int64_t kGroups = 256;
 constexpr int kIterations = 6;
-/// Rows of which a group's centre is found; more change little.
+/// Number of rows sampled to find a group's centre; more change little.
 constexpr int64_t kSample = 65536;
 /// Distances computed at once, 64 MB.
 constexpr int64_t kDistances = int64_t(1) << 24;
@@ -28,7 +28,7 @@ torch::Tensor nearest(const torch::Tensor& rows, const torch::Tensor& centres) {
   return torch::cat(labels);
 }
 
-/// Every (N/count)-th row, from the middle of its stretch.
+/// Every (N/count)-th row, from the middle of its interval.
 torch::Tensor evenly(const torch::Tensor& rows, int64_t count) {
   const torch::Tensor at =
       ((torch::arange(count, torch::kFloat64) + 0.5) * (double(rows.size(0)) / double(count)))
@@ -92,7 +92,7 @@ Palette palette_of(const torch::Tensor& rows, int64_t at_most) {
     const auto size = sizes[group].item<int64_t>();
     if (size == 0) continue;
     const torch::Tensor members = order.slice(0, begin, begin + size);
-    // One palette row is kept for each group; the rest goes by their sizes.
+    // One palette row is reserved for each group; the rest is distributed by their sizes.
     const int64_t share = 1 + (at_most - kGroups) * size / count;
     const torch::Tensor own = rows.index_select(0, members);
     const torch::Tensor centres = k_means(own, std::min(share, size));

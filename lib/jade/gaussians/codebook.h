@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Vectors and numbers as indices of few representatives. Not for use outside this folder.
+// Vector quantisation. Private to this folder.
 #pragma once
 
 #include <cstdint>
@@ -7,25 +7,25 @@
 
 namespace jade::gaussians {
 
-/// Numbers by the nearest of 256.
+/// Numbers quantised to the nearest of 256 values.
 struct Codebook {
   torch::Tensor values;  ///< [256] float64, ascending
   torch::Tensor labels;  ///< uint8, shape of the numbers
 };
 
-/// The 256 numbers with the least squared distances, to which Lloyd's iterations lead from the mean
-/// of quantiles and even steps.
+/// The 256 values with the least squared distances, by Lloyd's iterations from the mean of
+/// quantiles and even steps.
 /// @param numbers  not empty, finite
 Codebook codebook_of(const torch::Tensor& numbers);
 
-/// Rows by the nearest of a palette.
+/// Rows quantised to the nearest row of a palette.
 struct Palette {
   torch::Tensor rows;    ///< [P,D] float32
   torch::Tensor labels;  ///< [N] int64
 };
 
-/// At most `at_most` rows, found by k-means in two stages: 256 groups, and in each its share of the
-/// palette. The rows themselves where they are no more than that. Deterministic.
+/// At most `at_most` rows, found by k-means in two steps: 256 groups, and within each its share of
+/// the palette. Returns the rows themselves if there are no more than that. Deterministic.
 /// @param rows  [N,D]
 Palette palette_of(const torch::Tensor& rows, int64_t at_most);
 

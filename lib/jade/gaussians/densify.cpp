@@ -14,8 +14,7 @@ namespace {
 constexpr double kResetOpacity = 0.01;
 constexpr int kOpacity = 3;
 constexpr int64_t kChildren = 2;
-/// Densifications in the schedule that McmcOptions::growth refers to: from 500 to 15,000, every
-/// 100.
+/// Number of densifications in the schedule of McmcOptions::growth: from 500 to 15,000, every 100.
 constexpr double kMcmcDensifications = 145;
 
 double logit(double p) { return std::log(p / (1 - p)); }
@@ -24,7 +23,7 @@ torch::Tensor largest_scale(const splat::Gaussians& values) {
   return values.log_scales.amax(1).exp();
 }
 
-/// Rows that grow, strongest screen gradient first where only `room` fit.
+/// Rows to grow; if only `room` fit, those with the largest screen gradient.
 torch::Tensor growing_rows(const torch::Tensor& gradient, double threshold, int64_t room) {
   const torch::Tensor rows = (gradient >= threshold).nonzero().squeeze(1);
   if (rows.size(0) <= room) return rows;
@@ -33,7 +32,7 @@ torch::Tensor growing_rows(const torch::Tensor& gradient, double threshold, int6
   return std::get<0>(rows.index_select(0, order.slice(0, 0, std::max<int64_t>(0, room))).sort());
 }
 
-/// Two children for each row, sampled from the Gaussian itself and smaller.
+/// Two smaller children per row, sampled from the Gaussian itself.
 splat::Gaussians split_children(const splat::Gaussians& values, const torch::Tensor& rows,
                                 at::Generator& generator) {
   const torch::Tensor repeated = rows.repeat({kChildren});
@@ -179,7 +178,7 @@ DensifyReport Densifier::update_mcmc(GaussianModel& model, GaussianAdam& adam) {
   DensifyReport report;
   report.relocated = relocate_dead(
       {kPruneOpacity, spread, spread ? mean_gradient() : torch::Tensor()}, model, adam, generator_);
-  // Bounded as a number of floating point: the growth of few densifications exceeds any integer.
+  // Clamp in floating point: the growth of few densifications exceeds any integer.
   const double wanted = std::min(static_cast<double>(int64_t{options_.max_gaussians}),
                                  static_cast<double>(model.size()) * mcmc_growth(options_));
   report.added = add_on_living(static_cast<int64_t>(wanted) - model.size(),

@@ -13,7 +13,7 @@
 
 namespace jade::gaussians {
 
-/// Place of the Gaussians that strategy mcmc adds or relocates.
+/// Where strategy mcmc puts the Gaussians that it adds or relocates.
 enum class McmcCopies { kStacked, kSpread };
 
 constexpr auto words_of(McmcCopies) {
@@ -26,13 +26,13 @@ constexpr auto words_of(McmcCopies) {
            "copy Gaussians of large screen gradients"}};
 }
 
-/// 3DGS as Markov chain Monte Carlo (Kheradmand et al., NeurIPS 2024), whose values those without a
-/// key have.
+/// 3DGS as Markov chain Monte Carlo (Kheradmand et al., NeurIPS 2024); members without a key have
+/// its values.
 struct McmcOptions {
   McmcCopies copies = McmcCopies::kSpread;
-  double noise_lr = 5e5;  ///< exploration noise, times the means' step size. No key
-  /// Share of new Gaussians at each densification of a run of 25,000 steps, which has 145; a run
-  /// with fewer adds more at each. No key.
+  double noise_lr = 5e5;  ///< exploration noise relative to the means' step size. No key
+  /// Share of new Gaussians per densification in a run of 25,000 steps, which has 145; with fewer
+  /// densifications each adds more. No key.
   double growth = 0.05;
 };
 
@@ -56,7 +56,7 @@ constexpr auto words_of(DensifyStrategy) {
                     Word{"none", DensifyStrategy::kNone, "fixed number"}};
 }
 
-/// Which of the nine poses count in the screen gradients.
+/// Which of the nine poses contribute to the screen gradients.
 enum class CountedPoses { kAll, kFirst };
 
 constexpr auto words_of(CountedPoses) {
@@ -65,8 +65,8 @@ constexpr auto words_of(CountedPoses) {
 }
 
 /// Clone, split and prune as in 3DGS: Gaussians larger than kSplitScale of the extent are split and
-/// smaller ones cloned; those fainter than kPruneOpacity are removed, and after the first opacity
-/// reset those larger than kPruneScale of the extent.
+/// smaller ones cloned; those with an opacity below kPruneOpacity are removed, and after the first
+/// opacity reset also those larger than kPruneScale of the extent.
 constexpr double kSplitScale = 0.01, kPruneOpacity = 0.005, kPruneScale = 0.1;
 
 struct DensifyOptions {
@@ -77,12 +77,12 @@ struct DensifyOptions {
   double gradient_threshold = 2e-4;
   AutoCount max_gaussians = AutoCount::automatic(150000);
   McmcOptions mcmc;
-  /// The first densification comes after this step: 500 of 25,000, as in 3DGS. No key.
+  /// The first densification is after this step: 500 of 25,000, as in 3DGS. No key.
   Steps from = Steps::share(2);
-  /// Steps between resets of all opacities to at most 0.01, 0: never; 3,000 of 25,000, as in 3DGS.
+  /// Steps between resets of all opacities to at most 0.01; 0: never; 3,000 of 25,000, as in 3DGS.
   /// No key.
   Steps opacity_reset_every = Steps::share(12, 1000);
-  /// No opacity reset after this step, or a run would end before the scene is back. Derived from
+  /// No opacity reset after this step, so that the scene recovers before the run ends. Derived from
   /// the number of steps, no key.
   int64_t last_opacity_reset = std::numeric_limits<int64_t>::max();
 };
@@ -114,45 +114,45 @@ void describe(V& v, DensifyOptions& o) {
 struct DensifyReport {
   int64_t cloned = 0, split = 0, pruned = 0, relocated = 0, added = 0;
   bool opacity_reset = false;
-  /// True when rows were added, removed or moved: parameters are new tensors.
+  /// True if rows were added, removed or moved: the parameters are then new tensors.
   bool changed() const { return cloned || split || pruned || relocated || added; }
 };
 
-/// How many times as many Gaussians one densification leaves with strategy mcmc: as many as a run
-/// of 25,000 steps has time for come in a shorter run too.
+/// Growth factor of one densification with strategy mcmc, chosen so that a shorter run adds as many
+/// Gaussians as one of 25,000 steps.
 double mcmc_growth(const DensifyOptions& options);
 
 /// Whether a densification will read the screen gradients of the renders of `step`.
 bool keeps_statistics(const DensifyOptions& options, int64_t step);
 
-/// Adds and removes Gaussians during training, keeping the optimiser's rows with them. Steps count
-/// from 1. All random draws come from the generator, on the CPU.
+/// Adds and removes Gaussians during training, and updates the optimiser's rows accordingly. Steps
+/// count from 1. All random samples come from the generator, on the CPU.
 class Densifier {
  public:
   Densifier() = default;
   Densifier(const DensifyOptions& options, const GaussianModel& model, at::Generator generator);
 
-  /// How many of an exposure's `poses` count in the statistics, from the first.
+  /// How many of an exposure's `poses`, counted from the first, contribute to the statistics.
   int64_t counted_poses(int64_t poses) const {
     return options_.statistics == CountedPoses::kFirst ? 1 : poses;
   }
 
-  /// True when update(step) will do more than return (always with mcmc, for its noise).
+  /// True if update(step) will change anything (always with mcmc, because of its noise).
   bool due(int64_t step) const;
 
-  /// Densifies if `step` is due, after the backward pass and the optimiser's step. Synchronises
-  /// with the device only if rows change. Changed parameters have no gradient.
-  /// @param gradient_factor  of gradient_threshold
+  /// Densifies if `step` is due; call it after the backward pass and the optimiser's step.
+  /// Synchronises with the device only if rows change. Changed parameters have no gradient.
+  /// @param gradient_factor  multiplies gradient_threshold
   DensifyReport update(int64_t step, GaussianModel& model, GaussianAdam& adam,
                        double gradient_factor = 1);
 
-  /// Opacity and scale terms that strategy mcmc adds to the loss, a scalar; undefined otherwise.
+  /// Opacity and scale terms that strategy mcmc adds to the loss, a scalar; otherwise undefined.
   torch::Tensor regularization(const GaussianModel& model) const;
 
   const DensifyOptions& options() const { return options_; }
   at::Generator& generator() { return generator_; }
-  /// The accumulators, for RenderOptions.statistics of steps at which keeps_statistics(), and for
-  /// checkpoints; undefined where nothing reads any.
+  /// The accumulators, for RenderOptions.statistics of steps with keeps_statistics(), and for
+  /// checkpoints; undefined if no strategy reads them.
   const splat::ScreenStatistics& accumulated() const { return statistics_; }
   void restore(const splat::ScreenStatistics& statistics) { statistics_ = statistics; }
 
@@ -171,7 +171,7 @@ class Densifier {
   splat::ScreenStatistics statistics_;
 };
 
-/// Sets every opacity to at most 0.01 and forgets its Adam moments.
+/// Clamps every opacity to at most 0.01 and zeroes its Adam moments.
 void reset_opacities(GaussianModel& model, GaussianAdam& adam);
 
 }  // namespace jade::gaussians

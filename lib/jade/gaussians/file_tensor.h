@@ -5,7 +5,7 @@
 
 namespace jade::gaussians {
 
-/// A parameter as file formats write it: without graph, on the CPU, contiguous, of one type.
+/// A parameter in the form that files store: detached, on the CPU, contiguous, of one type.
 inline torch::Tensor file_tensor(const torch::Tensor& parameter,
                                  torch::ScalarType type = torch::kFloat32) {
   return parameter.detach().to(torch::kCPU, type).contiguous();

@@ -11,7 +11,7 @@
 namespace jade::gaussians {
 namespace {
 
-/// Its opacity is 1 in float32. Converters write infinity where a format of bytes has 255.
+/// Logit of an opacity that is 1 in float32. Converters write infinity if a byte format has 255.
 constexpr double kFullLogit = 30;
 
 /// Log thickness of a flat Gaussian relative to its thinnest other axis: a thousandth.

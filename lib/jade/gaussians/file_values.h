@@ -13,30 +13,30 @@
 
 namespace jade::gaussians {
 
-/// Opacities and scales that no float can hold or no renderer draws become the nearest that mean
-/// the same. Returns how many Gaussians are flat.
+/// Replaces opacities and scales that exceed float's range or every renderer's limits by the
+/// nearest equivalent values. Returns the number of flat Gaussians.
 int64_t make_finite(splat::Gaussians& gaussians);
 
-/// An origin near the points where they lie far from their own; else zero.
+/// An origin near the points if they are far from their own; else zero.
 /// @param places  [P,3]
 geometry::Vector3 found_origin(const torch::Tensor& places);
 
-/// The degree of SH with that many coefficients: 1, 4, 9 or 16.
+/// The SH degree with that many coefficients: 1, 4, 9 or 16.
 int sh_degree_of(int64_t coefficients);
 
-/// Values rounded to bytes, clamped to 0 to 255.
+/// Values rounded to bytes and clamped to 0 to 255.
 torch::Tensor to_bytes(const torch::Tensor& values);
 
-/// The memory of a tensor.
+/// The bytes of a tensor.
 std::string content_of(const torch::Tensor& tensor);
 
-/// Bytes as a tensor of that shape, float32. @pre there are as many.
+/// Converts bytes to a float32 tensor of that shape. @pre the sizes match.
 torch::Tensor numbers_of(std::string_view bytes, const std::vector<int64_t>& shape);
 
-/// The little-endian unsigned number at `at`. @pre the bytes reach so far.
+/// The little-endian unsigned number at `at`. @pre it lies within the bytes.
 uint64_t unsigned_at(std::string_view bytes, size_t at, size_t size);
 
-/// Appends a number little-endian.
+/// Appends a little-endian number.
 void put_unsigned(std::string& out, uint64_t value, size_t size);
 
 }  // namespace jade::gaussians

@@ -10,27 +10,27 @@
 
 namespace jade::gaussians {
 
-/// The tensors of a Gaussians in a fixed order, for code that treats them alike.
+/// The tensors of a Gaussians in a fixed order, for code that treats them uniformly.
 inline constexpr int kParameterCount = 5;
 inline constexpr std::array<const char*, kParameterCount> kParameterNames = {
     "means", "rotations", "log_scales", "logit_opacities", "sh"};
 torch::Tensor& parameter(splat::Gaussians& gaussians, int index);
 const torch::Tensor& parameter(const splat::Gaussians& gaussians, int index);
 
-/// A Gaussians whose every tensor is `map` of the given one's.
+/// Applies `map` to every tensor.
 splat::Gaussians map_parameters(const splat::Gaussians& gaussians,
                                 const std::function<torch::Tensor(const torch::Tensor&)>& map);
 
-/// The scene φ: N Gaussians as leaf tensors that require gradients. Parameters stay raw (log
+/// The scene φ: N Gaussians as leaf tensors that require gradients. Parameters are stored raw (log
 /// scales, logit opacities, unnormalised quaternions); splat::render activates them. SH is one
 /// tensor [N,16,3] whatever degree is active.
 class GaussianModel {
  public:
   GaussianModel() = default;
 
-  /// Takes copies on `device`. SH of a lower degree is widened to 16 coefficients with zeros.
+  /// Copies the tensors to `device`, and pads SH of a lower degree with zeros to 16 coefficients.
   /// @param extent  size of the scene in world units (see scene_extent), positive.
-  /// @throws ContractError for shapes that do not fit or an extent that is not positive.
+  /// @throws ContractError for shapes that do not match or an extent that is not positive.
   GaussianModel(const splat::Gaussians& start, double extent, torch::Device device);
 
   const splat::Gaussians& parameters() const { return parameters_; }
@@ -38,7 +38,7 @@ class GaussianModel {
   double extent() const { return extent_; }
   torch::Device device() const { return parameters_.means.device(); }
 
-  /// Gradients of the last backward pass; undefined tensors where there is none.
+  /// Gradients of the last backward pass; undefined tensors if there are none.
   splat::Gaussians gradients() const;
   /// Drops all gradients (sets them to undefined).
   void zero_grad();
@@ -46,8 +46,9 @@ class GaussianModel {
   /// Copies without gradient, for rendering, saving and tests.
   splat::Gaussians detached() const;
 
-  /// New leaves with these values, without gradients. Use through densification, which keeps the
-  /// optimiser's rows in step. @throws ContractError for shapes that do not fit.
+  /// Replaces the parameters by new leaves with these values, without gradients. Only densification
+  /// may call it, because the optimiser's rows must change with them. @throws ContractError for
+  /// shapes that do not match.
   void replace(const splat::Gaussians& values);
 
  private:
@@ -55,8 +56,8 @@ class GaussianModel {
   double extent_ = 1;
 };
 
-/// The active SH degree at `step` (counted from 1): 0 at first, one more every `every` steps, at
-/// most 3.
+/// The active SH degree at `step` (counted from 1): starts at 0 and increases by one every `every`
+/// steps, up to 3.
 int active_sh_degree(int64_t step, int64_t every = 1000);
 
 }  // namespace jade::gaussians

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// After glTF 2.0 and KHR_gaussian_splatting (github.com/KhronosGroup/glTF).
+// Implements glTF 2.0 and KHR_gaussian_splatting (github.com/KhronosGroup/glTF).
 #include "jade/gaussians/gltf_file.h"
 
 #include <algorithm>
@@ -43,7 +43,7 @@ std::string sh_attribute(int degree, int index) {
 // --- writing
 // ---------------------------------------------------------------------------------------
 
-/// The binary part, and what describes it.
+/// The binary part, and its description.
 struct Parts {
   std::string binary;
   json views = json::array(), accessors = json::array(), attributes = json::object();
@@ -107,7 +107,7 @@ torch::Tensor matrix_of(const json& node) {
 struct ComponentType {
   size_t size;
   torch::ScalarType type;
-  double full;  ///< what counts as 1 where the numbers are normalised
+  double full;  ///< the value that represents 1 in normalised numbers
 };
 
 /// A document and its buffers.
@@ -248,7 +248,8 @@ splat::Gaussians gaussians_of(Document& document, const json& primitive) {
   return out;
 }
 
-/// Applies a node's matrix. @throws DataError where it does more than turn, scale and move.
+/// Applies a node's matrix. @throws DataError unless it only rotates, scales uniformly and
+/// translates.
 splat::Gaussians placed(const Document& document, const splat::Gaussians& gaussians,
                         const torch::Tensor& matrix) {
   if (matrix.equal(torch::eye(4, torch::kFloat64))) return gaussians;
@@ -264,7 +265,7 @@ splat::Gaussians placed(const Document& document, const splat::Gaussians& gaussi
   return moved(gaussians, rotation, scale, matrix.slice(0, 0, 3).select(1, 3));
 }
 
-/// Adds the Gaussians of a node and of those below it.
+/// Adds the Gaussians of a node and of its descendants.
 void collect(Document& document, size_t index, const torch::Tensor& parent, int depth,
              std::vector<splat::Gaussians>& out) {
   if (depth > kMostNesting) throw document.damaged("nodes nested without end");

@@ -72,7 +72,7 @@ PointCloud sfm_points(const InitSources& sources) {
                                      kNearCamera * scene_extent(poses));
 }
 
-/// A random part of the points where there are more.
+/// A random subset if there are too many points.
 PointCloud drawn_points(const PointCloud& cloud, int64_t at_most, at::Generator& generator) {
   const int64_t count = cloud.points.size(0);
   if (count <= at_most) return cloud;
@@ -83,7 +83,7 @@ PointCloud drawn_points(const PointCloud& cloud, int64_t at_most, at::Generator&
   return {cloud.points.index_select(0, rows), cloud.colors.index_select(0, rows)};
 }
 
-/// Points of a file, about the origin of the data set.
+/// Points of a file, relative to the origin of the data set.
 torch::Tensor with_origin(const torch::Tensor& points, const Vector3& from, const Vector3& to) {
   if (from == to) return points;
   const torch::Tensor shift =

@@ -32,7 +32,7 @@ struct InitOptions {
   int64_t points = 20000;
 };
 
-/// Opacity of a Gaussian at a point, as in 3DGS.
+/// Initial opacity of a Gaussian at a point, as in 3DGS.
 constexpr double kStartOpacity = 0.1;
 
 template <class V>
@@ -46,14 +46,14 @@ void describe(V& v, InitOptions& o) {
   v.fixed("scale", 1);
 }
 
-/// A view that colours and bounds the start.
+/// A view used to initialise colours and bounds.
 struct InitView {
   geometry::Pose camera_from_world;
   geometry::Intrinsics camera;
   torch::Tensor image;  ///< [3,H,W]
 };
 
-/// Data that the initialisation can use.
+/// Data available to the initialisation.
 struct InitSources {
   std::vector<InitView> views;
   double near = 0, far = 0;  ///< depth range of random_frusta, world units
@@ -62,31 +62,32 @@ struct InitSources {
   geometry::Vector3 origin{0, 0, 0};
 };
 
-/// 1.1 × the largest distance of a camera centre to the mean of all; 1 for a single centre.
+/// 1.1 × the largest distance of a camera centre from the mean of all; 1 for a single centre.
 double scene_extent(const std::vector<geometry::Pose>& cameras_from_world);
 
-/// [P] mean squared distance of every point to its 3 nearest others (fewer where there are fewer;
-/// 0 for a single point), through a k-d tree, which far outliers do not slow down. CPU.
+/// [P] mean squared distance of every point to its 3 nearest others (fewer if there are fewer; 0
+/// for a single point). Uses a k-d tree, which distant outliers do not slow down. CPU.
 torch::Tensor mean_squared_neighbour_distance(const torch::Tensor& points);
 
-/// Gaussians at the points: base colour from the colours, scale sqrt(mean squared distance to the 3
-/// nearest, at least 1e-7), no rotation, opacity kStartOpacity, SH degree 3 with zero rest.
+/// Creates Gaussians at the points: base colour from the colours, scale sqrt(mean squared distance
+/// to the 3 nearest, at least 1e-7), identity rotation, opacity kStartOpacity, SH degree 3 with
+/// zeros beyond degree 0.
 splat::Gaussians gaussians_from_points(const PointCloud& cloud);
 
-/// Points sampled uniformly over the views and their pixels and uniformly in inverse depth between
-/// near and far, coloured by the mean over the views that see them.
+/// Samples points uniformly over the views and their pixels and uniformly in inverse depth between
+/// near and far; their colour is the mean over the views that see them.
 PointCloud random_frusta(const InitSources& sources, int64_t count, at::Generator& generator);
 
-/// Drops points within `distance` of a camera centre, where they would fill the image.
+/// Removes points within `distance` of a camera centre, which would fill the image.
 PointCloud without_points_near_cameras(const PointCloud& cloud,
                                        const std::vector<geometry::Pose>& cameras_from_world,
                                        double distance);
 
-/// The start that `options` asks for.
-/// @param at_most  of more points a part is sampled; Gaussians of a .ply, a scene already, all
-/// stay,
-///   with a warning
-/// @throws ConfigError where the sources lack what the kind needs, DataError for a bad .ply.
+/// The initial Gaussians that `options` select.
+/// @param at_most  if there are more points, a random subset is used; the Gaussians of a .ply,
+/// which are
+///   a complete scene, all stay, with a warning
+/// @throws ConfigError if the sources lack what the kind needs, DataError for a bad .ply.
 splat::Gaussians initial_gaussians(const InitOptions& options, const InitSources& sources,
                                    at::Generator& generator,
                                    int64_t at_most = std::numeric_limits<int64_t>::max());

@@ -23,7 +23,7 @@ torch::Tensor rotate(const torch::Tensor& quaternions, const torch::Tensor& x) {
   return x + w * t + torch::linalg_cross(u, t, 1);
 }
 
-/// Opacity and scale factor of each of `copies` Gaussians that together look like one of `opacity`:
+/// Opacity and scale factor of each of `copies` Gaussians that together replace one of `opacity`:
 /// o' = 1 − (1 − o)^(1/n),  s'/s = o / Σ_{i=1..n} Σ_{k<i} C(i−1,k) (−1)^k o'^(k+1) / √(k+1).
 void share(double opacity, int64_t copies, double* new_opacity, double* scale_factor) {
   const double o = std::min(opacity, 1 - 1e-7);
@@ -42,7 +42,7 @@ void share(double opacity, int64_t copies, double* new_opacity, double* scale_fa
   *scale_factor = sum > 0 ? o / sum : 1;
 }
 
-/// How likely each Gaussian is copied, [N] on the CPU; a dead one never.
+/// Relative probability of copying each Gaussian, [N] on the CPU; zero for dead ones.
 torch::Tensor copy_weights(const CopyRule& rule, const torch::Tensor& opacities) {
   const auto of_living = [&](const torch::Tensor& weights) {
     return torch::where(opacities > rule.min_opacity, weights, torch::zeros_like(weights));
@@ -54,8 +54,7 @@ torch::Tensor copy_weights(const CopyRule& rule, const torch::Tensor& opacities)
   return of_living(opacities);
 }
 
-/// Spreads the rows, copies of other Gaussians, over these: draws their means and makes them
-/// smaller.
+/// Samples the means of the rows, which are copies of Gaussians, from these and makes them smaller.
 void spread_copies(const torch::Tensor& rows, splat::Gaussians* values, at::Generator& generator) {
   const torch::Tensor normal =
       at::randn({rows.size(0), 3}, generator, torch::kFloat32).to(values->means.device());
@@ -66,8 +65,8 @@ void spread_copies(const torch::Tensor& rows, splat::Gaussians* values, at::Gene
       0, rows, torch::full({rows.size(0), 3}, -kSplitShrink, values->log_scales.options()));
 }
 
-/// Shares opacity and scale of the rows `chosen` (CPU int64, with repeats) among themselves and the
-/// newcomers, in `values` on the CPU or GPU.
+/// Distributes opacity and scale of the rows `chosen` (CPU int64, with repeats) over themselves and
+/// their copies, in `values` on the CPU or GPU.
 void share_places(const torch::Tensor& chosen, const torch::Tensor& opacities, double min_opacity,
                   splat::Gaussians* values) {
   const torch::Tensor counts = torch::bincount(chosen, {}, opacities.size(0));
@@ -106,7 +105,8 @@ torch::Tensor drawn_rows(const torch::Tensor& weights, int64_t count, at::Genera
   const torch::Tensor sums = weights.to(torch::kFloat64).cumsum(0);
   const auto total = sums[-1].item<double>();
   const torch::Tensor places = at::rand({count}, generator, torch::kFloat64) * total;
-  // The first sum beyond the place; a place that was rounded up to the total has none.
+  // The first sum beyond the sampled value; none for a value that was rounded up to the total, so
+  // clamp.
   return torch::searchsorted(sums, places.clamp_max(std::nextafter(total, 0.0)),
                              /*out_int32=*/false, /*right=*/true);
 }

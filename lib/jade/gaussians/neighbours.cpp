@@ -21,7 +21,7 @@ float squared_distance(const PointTree::Point& a, const PointTree::Point& b) {
 struct PointTree::Nearest {
   std::array<float, 8> distance;
   int k = 0;
-  int64_t self = 0;  ///< tree position that does not count
+  int64_t self = 0;  ///< tree position of the query point, which is skipped
 
   float worst() const { return distance[static_cast<size_t>(k - 1)]; }
   void offer(float d) {

@@ -7,14 +7,14 @@
 
 namespace jade::gaussians {
 
-/// A k-d tree over points in space, for nearest-neighbour questions.
+/// A k-d tree over 3D points for nearest-neighbour queries.
 class PointTree {
  public:
   using Point = std::array<float, 3>;
 
   explicit PointTree(std::vector<Point> points);
 
-  /// Mean squared distance of point `index` (as given) to its nearest `k` others, k ≤ 8.
+  /// Mean squared distance of point `index` (input order) to its nearest `k` others, k ≤ 8.
   double mean_squared_distance(int64_t index, int k) const;
 
  private:
@@ -22,10 +22,10 @@ class PointTree {
   void build(int64_t begin, int64_t end);
   void visit(int64_t begin, int64_t end, const Point& query, Nearest& nearest) const;
 
-  /// The tree without pointers: the middle of a range splits it along axis_ of the middle.
+  /// Implicit tree: the middle of a range splits it along the middle's axis_.
   std::vector<Point> points_;
-  std::vector<int64_t> order_;  ///< tree position → index as given
-  std::vector<int64_t> place_;  ///< index as given → tree position
+  std::vector<int64_t> order_;  ///< tree position → input index
+  std::vector<int64_t> place_;  ///< input index → tree position
   std::vector<uint8_t> axis_;   ///< by tree position
 };
 

@@ -1,21 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-// The exploration noise of 3DGS-MCMC over plain pointers; its arithmetic is in noise_math.h. Not
-// for use outside this room: mcmc.h has the call.
+// The exploration noise of 3DGS-MCMC over plain pointers; noise_math.h has its arithmetic. Private
+// to this folder: others use mcmc.h.
 #pragma once
 
 #include <cstdint>
 
 namespace jade::gaussians {
 
-/// Moves the means of `count` Gaussians by scale · damping(o) · Σ ε, ε normal.
+/// Adds scale · damping(o) · Σ ε to the means of `count` Gaussians, ε normal.
 struct NoiseStep {
   float* means = nullptr;                  ///< [N,3]
-  const float* rotations = nullptr;        ///< [N,4] wxyz, of any length
+  const float* rotations = nullptr;        ///< [N,4] wxyz, not normalised
   const float* log_scales = nullptr;       ///< [N,3]
   const float* logit_opacities = nullptr;  ///< [N]
   int64_t count = 0;
   float scale = 0;
-  uint64_t seed = 0;  ///< ε of a Gaussian is a function of this and of its row
+  uint64_t seed = 0;  ///< ε of a Gaussian depends only on this seed and its row
 };
 
 namespace cpu {
@@ -23,7 +23,7 @@ void add_noise(const NoiseStep& step);
 }
 
 namespace cuda {
-/// On the current stream of the current device.
+/// Runs on the current stream of the current device.
 void add_noise(const NoiseStep& step);
 }  // namespace cuda
 

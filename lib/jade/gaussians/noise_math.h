@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // One Gaussian's exploration noise (Eq. 8 of 3DGS-MCMC, Kheradmand et al., NeurIPS 2024), from a
-// generator without a state (Philox4x32-10, Salmon et al., SC 2011): any number of threads draw the
+// counter-based generator (Philox4x32-10, Salmon et al., SC 2011): any number of threads sample the
 // same numbers on either device, up to the rounding of log, sine and cosine.
 #pragma once
 
@@ -13,7 +13,7 @@ struct Philox {
   uint32_t word[4];
 };
 
-/// Four words of random bits for each pair of key and counter.
+/// Four words of random bits per pair of key and counter.
 JADE_HD Philox philox(uint64_t key, uint64_t counter) {
   uint32_t k0 = static_cast<uint32_t>(key), k1 = static_cast<uint32_t>(key >> 32);
   uint32_t c0 = static_cast<uint32_t>(counter), c1 = static_cast<uint32_t>(counter >> 32);
@@ -30,7 +30,7 @@ JADE_HD Philox philox(uint64_t key, uint64_t counter) {
   return {{c0, c1, c2, c3}};
 }
 
-/// In (0,1): the upper 24 bits and half a step.
+/// Maps bits to (0,1): the upper 24 bits plus half a step.
 JADE_HD float unit_interval(uint32_t bits) {
   return (static_cast<float>(bits >> 8) + 0.5f) * (1.0f / 16777216.0f);
 }
@@ -45,7 +45,7 @@ JADE_HD void normal_pair(uint32_t radius_bits, uint32_t angle_bits, float* a, fl
   *b = radius * kernel::sin(angle);
 }
 
-/// Rows of the rotation matrix of a quaternion wxyz of any length; the identity's for zero.
+/// Rows of the rotation matrix of a quaternion wxyz of any norm; the identity for zero.
 JADE_HD void rotation_matrix(const float* q, float r[3][3]) {
   const float squared = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
   const float s = squared > 1e-24f ? 2 / squared : 0.0f;
@@ -61,13 +61,13 @@ JADE_HD void rotation_matrix(const float* q, float r[3][3]) {
   r[2][2] = 1 - s * (x * x + y * y);
 }
 
-/// 1 / (1 + exp(100 (o − 0.005))): faint Gaussians roam, opaque ones stay.
+/// 1 / (1 + exp(100 (o − 0.005))): faint Gaussians explore, opaque ones stay.
 JADE_HD float noise_damping(float logit_opacity) {
   const float opacity = 1 / (1 + kernel::exp(-logit_opacity));
   return 1 / (1 + kernel::exp(100 * (opacity - 0.005f)));
 }
 
-/// Σ ε = R S² Rᵀ ε, damped and scaled, is added to the mean of `row`; what is not finite is not.
+/// Adds damped and scaled Σ ε = R S² Rᵀ ε to the mean of `row`, unless it is not finite.
 JADE_HD void add_noise_to(const NoiseStep& step, int64_t row) {
   const Philox bits = philox(step.seed, static_cast<uint64_t>(row));
   float normal[4];

@@ -14,7 +14,7 @@ namespace {
 constexpr int kMeans = 0;
 constexpr int kSh = 4;
 
-/// Steps sizes of parameter `index`; the means' is a factor of the schedule.
+/// Sets the step sizes of parameter `index`; the means' is multiplied by the schedule.
 void set_rates(const OptimOptions& options, double extent, int index, AdamGroup* group) {
   const double rates[kParameterCount] = {extent, options.rotation_lr, options.scale_lr,
                                          options.opacity_lr, options.sh_dc_lr};
@@ -23,7 +23,7 @@ void set_rates(const OptimOptions& options, double extent, int index, AdamGroup*
   group->scheduled = index == kMeans;
 }
 
-/// That of the means; a step size of 0 has no logarithm.
+/// Schedule of the means; a step size of 0 has no logarithm.
 AdamSchedule schedule_of(const OptimOptions& options) {
   return {std::log(std::max(options.position_lr_start, 1e-300)),
           std::log(std::max(options.position_lr_start / kPositionLrFall, 1e-300)),

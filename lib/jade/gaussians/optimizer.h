@@ -10,18 +10,19 @@
 
 namespace jade::gaussians {
 
-/// How many times smaller the means' step size ends than it starts, as in 3DGS.
+/// Ratio of the means' initial to final step size, as in 3DGS.
 constexpr double kPositionLrFall = 100;
 
-/// Step sizes of the scene's Adam, as 3DGS has them.
+/// Step sizes of the scene's Adam, as in 3DGS.
 struct OptimOptions {
   double position_lr_start = 1.6e-4;
   double sh_dc_lr = 2.5e-3;
   double opacity_lr = 0.05;
   double scale_lr = 5e-3;
   double rotation_lr = 1e-3;
-  /// Steps over which the means' step size falls. No key: six times the run, the inherited schedule
-  /// of 150,000 steps at 25,000. Falling within the run costs 0.3 dB (docs/engineering/preset.md).
+  /// Steps over which the means' step size decreases. No key: six times the run, the original
+  /// schedule of 150,000 steps at 25,000. Decreasing within the run costs 0.3 dB
+  /// (docs/engineering/preset.md).
   Steps position_lr_max_steps = Steps::share(600);
   /// Step size of the view-dependent colour. No key: a twentieth of sh_dc_lr's default, as in 3DGS.
   double sh_rest_lr = 1.25e-4;
@@ -46,42 +47,42 @@ void describe(V& v, OptimOptions& o) {
   v.fixed("eps", kAdamEps);
 }
 
-/// Step size of the means at `step` (counted from 1) before the factor `extent`:
-/// exp of the line from log(start) to log(start / kPositionLrFall) over max_steps, constant after
-/// it.
+/// Step size of the means at `step` (counted from 1) before the factor `extent`,
+/// log-linear from start to start / kPositionLrFall over max_steps, then constant.
 double position_lr(const OptimOptions& options, int64_t step);
 
 /// Adam over all parameters of a GaussianModel in one pass (CPU) or one kernel (CUDA). The step
-/// counter lives on the device and the means' schedule is evaluated from it, so a step neither
+/// counter is on the device and the means' schedule is computed from it, so a step neither
 /// synchronises nor changes arguments and can be captured in a CUDA graph.
 class GaussianAdam {
  public:
   GaussianAdam() = default;
-  /// @param monochrome  the three channels of every SH coefficient step alike, by the mean of their
-  ///   gradients: a model that starts gray stays gray to the bit. Terms of the objective weigh the
-  ///   channels differently, and kernels sum them in different orders.
+  /// @param monochrome  the three channels of every SH coefficient step by the mean of their
+  /// gradients,
+  ///   so that a gray model stays gray bit for bit: terms of the objective weight the channels
+  ///   differently, and kernels sum them in different orders.
   GaussianAdam(const GaussianModel& model, const OptimOptions& options, bool monochrome = false);
 
-  /// One step with the gradients the model holds; parameters without gradient stay as they are.
+  /// Updates the parameters that have a gradient; others stay unchanged.
   void step(GaussianModel& model);
 
-  /// First and second moments, shaped as the parameters; rows belong to the Gaussians of the same
-  /// index.
+  /// First and second moments, with the shapes and rows of the parameters.
   const splat::Gaussians& first_moments() const { return first_; }
   const splat::Gaussians& second_moments() const { return second_; }
-  /// [1] int64 on the device: steps done.
+  /// [1] int64 on the device: number of completed steps.
   const torch::Tensor& step_count() const { return step_count_; }
   const OptimOptions& options() const { return options_; }
   bool monochrome() const { return monochrome_; }
 
-  /// Row surgery: row i becomes the old row rows[i] (int64 [M]); rows[i] = -1 starts from zero.
+  /// Reorders the moments: row i becomes the old row rows[i] (int64 [M]); rows[i] = -1 starts from
+  /// zero.
   void gather_rows(const torch::Tensor& rows);
-  /// Zeroes the moments of one parameter (kParameterNames), as an opacity reset does.
+  /// Zeroes the moments of one parameter (kParameterNames), after an opacity reset.
   void reset_parameter(int index);
   /// Zeroes the moments of the rows `rows` (int64 [M]) in every parameter.
   void reset_rows(const torch::Tensor& rows);
 
-  /// For checkpoints: shapes must fit the model. @throws ContractError.
+  /// Restores a checkpoint. @throws ContractError unless the shapes match the model.
   void restore(const splat::Gaussians& first, const splat::Gaussians& second,
                const torch::Tensor& step_count);
 

@@ -39,7 +39,7 @@ std::vector<std::string> rest_names(int64_t count) {
   return names;
 }
 
-/// How many f_rest properties there are: 0, 9, 24 or 45.
+/// Number of f_rest properties: 0, 9, 24 or 45.
 int64_t count_rest(const PlyFile& file, const std::filesystem::path& path) {
   int64_t count = 0;
   while (file.vertices().find(concat("f_rest_", count)) >= 0) ++count;
@@ -57,7 +57,7 @@ bool has_all(const PlyFile& file, const std::vector<std::string>& names) {
                      [&](const auto& name) { return file.vertices().find(name) >= 0; });
 }
 
-/// Names of the colours of points; empty if there are none.
+/// Names of the colour properties of points; empty if there are none.
 std::vector<std::string> color_names(const PlyFile& file) {
   for (const auto& names : kColorNames) {
     if (has_all(file, names)) return names;
@@ -65,8 +65,8 @@ std::vector<std::string> color_names(const PlyFile& file) {
   return {};
 }
 
-/// Number that stands for the brightest colour. Floats are in [0,1], but tools also write 0..255;
-/// a little above 1 are colours that nobody clamped.
+/// Value of full brightness. Floats are in [0,1], but some tools write 0..255; values slightly
+/// above 1 are unclamped colours.
 double brightest_of(const PlyFile& file, PlyType type, double largest) {
   constexpr double kUnclamped = 2;
   if (type == PlyType::kUint8 || type == PlyType::kInt8) return 255;
@@ -98,15 +98,15 @@ torch::Tensor read_colors(const PlyFile& file, const std::vector<std::string>& n
   return brightest == 1 ? colors : colors.div_(brightest);
 }
 
-/// Applies the 3D smoothing filter of Mip-Splatting (Yu et al., CVPR 2024): the Gaussian with the
-/// covariance S^2 becomes that with S^2 + f^2, and its opacity shrinks by
-/// sqrt(det S^2 / det(S^2 + f^2)), so that its integral stays.
+/// Applies the 3D smoothing filter of Mip-Splatting (Yu et al., CVPR 2024): covariance S^2 becomes
+/// S^2 + f^2, and the opacity is multiplied by
+/// sqrt(det S^2 / det(S^2 + f^2)), which preserves the integral.
 /// @param filter  [N] standard deviation f in world units
 void apply_filter(splat::Gaussians& g, const torch::Tensor& filter) {
   const torch::Tensor f2 = filter.to(torch::kFloat64).square().unsqueeze(1);
   const torch::Tensor s2 = (2 * g.log_scales.to(torch::kFloat64)).exp();
   const torch::Tensor smooth = s2 + f2;
-  // A scale of zero without a filter stays as it is.
+  // A scale of zero without a filter stays unchanged.
   const torch::Tensor share = torch::where(f2 > 0, s2 / smooth, torch::ones_like(s2));
   const torch::Tensor opacity =
       torch::sigmoid(g.logit_opacities.to(torch::kFloat64)) * share.prod(1).sqrt();
@@ -122,7 +122,7 @@ void apply_filter(splat::Gaussians& g, const torch::Tensor& filter) {
 PlyKind kind_of(const PlyFile& file) {
   const PlyElement& vertices = file.vertices();
   if (is_packed(file)) return PlyKind::kPacked;
-  // Any of these alone: a file that lacks the others is damaged, not a point cloud.
+  // Any of these suffices: a file that lacks the others is damaged, not a point cloud.
   for (const char* const name : {"f_dc_0", "scale_0", "rot_0"}) {
     if (vertices.find(name) < 0) continue;
     if (vertices.find("scale_1") >= 0 && vertices.find("scale_2") < 0) return PlyKind::kFlat;
@@ -135,7 +135,7 @@ PlyKind kind_of(const PlyFile& file) {
 
 bool holds_gaussians(PlyKind kind) { return kind != PlyKind::kPoints && kind != PlyKind::kMesh; }
 
-/// @throws DataError for a point cloud or a mesh, and for missing attributes, which it names.
+/// @throws DataError for a point cloud or a mesh, and for missing attributes, which it lists.
 void check_attributes(const PlyFile& file, PlyKind kind) {
   const std::string path = file.path().string();
   if (!holds_gaussians(kind)) {
@@ -214,7 +214,7 @@ bool says_mip(const PlyFile& file) {
   return false;
 }
 
-/// The origin that the header names.
+/// The origin in the header.
 geometry::Vector3 said_origin(const PlyFile& file) {
   for (const std::string& comment : file.header().comments) {
     std::istringstream words(comment);
@@ -227,7 +227,7 @@ geometry::Vector3 said_origin(const PlyFile& file) {
   return {0, 0, 0};
 }
 
-/// Vertices about an origin that float32 can tell apart there.
+/// Vertices relative to an origin at which float32 resolves them.
 struct Places {
   torch::Tensor xyz;  ///< [P,3] float32
   geometry::Vector3 origin;
@@ -239,7 +239,7 @@ Places places_of(const PlyFile& file, const torch::Tensor& xyz) {
   if (!geometry::is_zero(origin)) return {xyz, origin};
   const geometry::Vector3 found = found_origin(xyz);
   if (geometry::is_zero(found)) return {xyz, found};
-  // Packed places have no more digits than float32.
+  // Packed positions have no more digits than float32.
   const torch::Tensor exact = is_packed(file)
                                   ? xyz.to(torch::kFloat64)
                                   : file.read_vertices({"x", "y", "z"}, torch::kFloat64);
@@ -269,7 +269,7 @@ std::string header_text(const GaussianFile& file, PlyCoordinates coordinates) {
   return text + "end_header\n";
 }
 
-/// Rows of float32 as bytes, the first three numbers as double with the origin added.
+/// Rows of float32 as bytes, with the first three numbers as double plus the origin.
 torch::Tensor with_doubles(const torch::Tensor& rows, const geometry::Vector3& origin) {
   const torch::Tensor places = rows.narrow(1, 0, 3).to(torch::kFloat64) +
                                torch::tensor({origin[0], origin[1], origin[2]}, torch::kFloat64);

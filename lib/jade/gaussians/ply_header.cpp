@@ -80,7 +80,7 @@ double load_number(const char* bytes, PlyType type, bool swap) {
   return 0;
 }
 
-/// Takes one line off the front of `rest`, without its line end.
+/// Removes one line from the front of `rest` and returns it without its line end.
 std::string take_line(std::string_view& rest, const fs::path& path) {
   const size_t end = rest.substr(0, 1 << 16).find('\n');
   if (end == std::string_view::npos) fail(path, "its header has no end_header line");
@@ -154,7 +154,7 @@ PlyHeader parse_header(std::string_view content, const fs::path& path) {
   return header;
 }
 
-/// Bytes of one row of an element without lists.
+/// Bytes per row of an element without lists.
 size_t row_size(const PlyElement& element) {
   size_t size = 0;
   for (const PlyProperty& property : element.properties) size += size_of(property.type);
@@ -171,10 +171,10 @@ bool has_list(const PlyElement& element) {
                     "' rows that its header promises: cut short?"));
 }
 
-/// Skips one element of a binary file that holds lists.
+/// Skips one element with lists in a binary file.
 std::string_view skip_lists(std::string_view data, const PlyElement& element, bool swap,
                             const fs::path& path) {
-  // However many rows it claims, they have no bytes to end with.
+  // Without properties its rows have no bytes, however many it claims.
   if (element.properties.empty()) return data;
   for (int64_t row = 0; row < element.count; ++row) {
     for (const PlyProperty& property : element.properties) {
@@ -239,7 +239,7 @@ std::string_view PlyFile::data_of(const PlyElement& element) const {
   return data;
 }
 
-/// The bytes behind the rows of an element at the start of `data`.
+/// The bytes after the rows of an element at the start of `data`.
 std::string_view PlyFile::data_behind(const PlyElement& element, std::string_view data) const {
   if (header_.format == PlyFormat::kAscii) return skip_lines(data, element, path_);
   if (has_list(element)) {
@@ -265,7 +265,7 @@ std::string PlyFile::trailing_warning() const {
     rest = data_of(last);
     if (!ascii) rest = data_behind(last, rest);
   } catch (const DataError&) {
-    return "";  // It ends early, in rows that nobody reads.
+    return "";  // The file ends early, in rows that are not read.
   }
   if (!ascii) {
     const size_t row = std::max<size_t>(row_size(last), 1);
@@ -275,7 +275,7 @@ std::string PlyFile::trailing_warning() const {
                : text(concat(rest.size(), " bytes, as of ", rest.size() / row, " rows,"));
   }
   if (has_list(last)) return "";
-  // Numbers are counted rather than lines, as a row may have several.
+  // Counts numbers instead of lines, because a row may span several.
   const auto is_blank = [](char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\n'; };
   int64_t numbers = 0;
   bool blank = true;
@@ -304,7 +304,7 @@ torch::Tensor PlyFile::read(const PlyElement& element, const std::vector<std::st
     column[static_cast<size_t>(found)] = static_cast<int64_t>(i);
   }
   const std::string_view data = data_of(element);
-  // The claimed count is checked against the bytes there are before anything is allocated.
+  // Checks the claimed count against the number of bytes before allocating.
   const size_t least =
       header_.format == PlyFormat::kAscii ? 2 * element.properties.size() : row_size(element);
   if (element.count > 0 &&
@@ -361,7 +361,8 @@ void PlyFile::decode_ascii(const PlyElement& element, std::string_view data,
     for (const int64_t target : column) {
       while (at != end && (*at == ' ' || *at == '\n' || *at == '\t' || *at == '\r')) ++at;
       if (at == end) fail_short(path_, element);
-      if (*at == '+' && end - at > 1 && at[1] != '-') ++at;  // which from_chars() does not know
+      // from_chars() does not accept a plus sign
+      if (*at == '+' && end - at > 1 && at[1] != '-') ++at;
       T value = 0;
       auto [next, problem] = std::from_chars(at, end, value);
       if (problem == std::errc::result_out_of_range) {  // 0 or infinite as a float

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The parts of a .ply that ply.cpp does not want to see. Not for use outside this folder.
+// The header of a .ply and access to its elements. Private to this folder.
 #pragma once
 
 #include <cstdint>
@@ -16,9 +16,9 @@ enum class PlyType { kInt8, kUint8, kInt16, kUint16, kInt32, kUint32, kFloat32, 
 
 struct PlyProperty {
   std::string name;
-  PlyType type = PlyType::kFloat32;  ///< of the items, for lists
+  PlyType type = PlyType::kFloat32;  ///< of the items, for a list
   bool is_list = false;
-  PlyType count_type = PlyType::kUint8;  ///< lists only
+  PlyType count_type = PlyType::kUint8;  ///< for a list only
 };
 
 struct PlyElement {
@@ -26,7 +26,7 @@ struct PlyElement {
   int64_t count = 0;
   std::vector<PlyProperty> properties;
 
-  /// Position of a property, or -1.
+  /// Index of a property, or -1.
   int64_t find(const std::string& property) const;
 };
 
@@ -34,7 +34,7 @@ struct PlyHeader {
   PlyFormat format = PlyFormat::kAscii;
   std::vector<PlyElement> elements;
   std::vector<std::string> comments;
-  size_t size = 0;  ///< bytes up to the first element
+  size_t size = 0;  ///< bytes before the first element
 };
 
 /// A .ply file in memory.
@@ -46,18 +46,17 @@ class PlyFile {
   const std::filesystem::path& path() const { return path_; }
   const PlyHeader& header() const { return header_; }
   const PlyElement& vertices() const { return header_.elements[vertex_]; }
-  /// A warning where the file goes on behind the rows that its header promises; empty where it
-  /// ends there.
+  /// A warning if the file has more bytes than its header announces; else empty.
   std::string trailing_warning() const;
   /// The first element of that name, or nullptr.
   const PlyElement* element(const std::string& name) const;
 
   /// The named vertex properties as [count, names], float32 or float64; all must exist and be
   /// scalars.
-  /// @throws DataError where the file ends early.
+  /// @throws DataError if the file ends early.
   torch::Tensor read_vertices(const std::vector<std::string>& names,
                               torch::ScalarType type = torch::kFloat32) const;
-  /// Reads properties of any element without lists. float64 holds every 32-bit integer.
+  /// Reads properties of any element without lists. float64 represents every 32-bit integer.
   torch::Tensor read(const PlyElement& element, const std::vector<std::string>& names,
                      torch::ScalarType type) const;
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The kinds of .ply that read_ply() reads besides the plain one, and those that it refuses.
+// Variants of .ply that read_ply() reads, and those that it rejects.
 #pragma once
 
 #include <array>
@@ -13,12 +13,12 @@
 
 namespace jade::gaussians {
 
-/// Kind of a .ply, by the names of its elements and properties. A file with some attributes of
-/// Gaussians counts as such even if others are missing, which read_ply() then names.
+/// Kind of a .ply, from the names of its elements and properties. A file with some attributes of
+/// Gaussians counts as such even if others are missing; read_ply() then lists those.
 enum class PlyKind {
   kGaussians,  ///< f_dc_0..2, opacity, scale_0..2, rot_0..3
   kColored,    ///< red, green, blue instead of f_dc (ns-export --ply-color-mode rgb)
-  kFlat,       ///< scale_0 and scale_1 alone: the thickness is a thousandth of the thinner
+  kFlat,       ///< only scale_0 and scale_1: the thickness is a thousandth of the thinner
   kPacked,     ///< ply_packed.h
   kPoints,
   kMesh
@@ -36,19 +36,20 @@ constexpr auto words_of(PlyKind) {
 /// @throws DataError as read_ply.
 PlyKind kind_of(const std::filesystem::path& path);
 
-/// Result of read_ply() and its source. A missing log scale, or one below the rendered range (-30,
-/// so also minus infinity), becomes a thousandth of the Gaussian's thinnest other axis.
+/// Result of read_ply() with details of the file. A missing log scale, or one below the rendered
+/// range (-30, so also minus infinity), becomes a thousandth of the Gaussian's thinnest other axis.
 struct PlyScene {
   GaussianFile file;
   PlyKind kind = PlyKind::kGaussians;
-  int64_t flat = 0;                ///< Gaussians whose thickness the file has as zero or not at all
-  std::vector<std::string> notes;  ///< one line each: what was changed while reading
+  int64_t flat = 0;                ///< Gaussians whose thickness in the file is zero or missing
+  std::vector<std::string> notes;  ///< changes made while reading, one line each
 };
 
-/// @throws DataError as read_ply; it says what the file is, or which attributes are missing.
+/// @throws DataError as read_ply; the message says what the file is, or which attributes are
+/// missing.
 PlyScene read_scene(const std::filesystem::path& path);
 
-/// True where the vertices of read_point_cloud() have colours.
+/// True if the vertices of read_point_cloud() have colours.
 bool has_colors(const std::filesystem::path& path);
 
 }  // namespace jade::gaussians

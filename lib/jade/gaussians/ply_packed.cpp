@@ -25,25 +25,25 @@ const std::vector<std::string> kRanges = {
     "min_scale_x", "min_scale_y", "min_scale_z", "max_scale_x", "max_scale_y", "max_scale_z",
     "min_r",       "min_g",       "min_b",       "max_r",       "max_g",       "max_b"};
 
-/// The bits of `packed` from `shift` on, as a number from 0 to 1.
+/// The bits of `packed` from `shift` on, as a number in [0,1].
 torch::Tensor unit_of(const torch::Tensor& packed, int64_t shift, int64_t bits) {
   const int64_t most = (int64_t(1) << bits) - 1;
   return packed.bitwise_right_shift(shift).bitwise_and(most).to(torch::kFloat32) / double(most);
 }
 
-/// [N,3] of 11, 10 and 11 bits.
+/// Unpacks [N,3] of 11, 10 and 11 bits.
 torch::Tensor unpack_triple(const torch::Tensor& packed) {
   return torch::stack({unit_of(packed, 21, 11), unit_of(packed, 11, 10), unit_of(packed, 0, 11)},
                       1);
 }
 
-/// [N,4] wxyz: two bits tell the largest component, ten bits each the other three.
+/// [N,4] wxyz: two bits select the largest component, ten bits each store the other three.
 torch::Tensor unpack_rotations(const torch::Tensor& packed) {
   const torch::Tensor unit = fields_of(packed).to(torch::kFloat32) / 1023;
   return joined({packed.bitwise_right_shift(30), (unit - 0.5) * std::sqrt(2.0)});
 }
 
-/// Values from 0 to 1 in the range that each vertex's chunk has for them.
+/// Maps values in [0,1] to the range of each vertex's chunk.
 class Chunks {
  public:
   explicit Chunks(const PlyFile& file) : file_(file), element_(file.element("chunk")) {
@@ -92,16 +92,16 @@ torch::Tensor unpack_rest(const PlyFile& file) {
   return ((unit - 0.5) * 8).reshape({count, 3, properties / 3}).transpose(1, 2);
 }
 
-/// Values of a chunk's vertices as shares of their range.
+/// Values of a chunk's vertices relative to their range.
 struct Ranged {
-  torch::Tensor unit;       ///< [N,3], 0 to 1
+  torch::Tensor unit;       ///< [N,3], in [0,1]
   torch::Tensor low, high;  ///< [chunks,3]
 };
 
 /// @param values  [N,3], whose rows share chunks of 256
 Ranged ranged(const torch::Tensor& values) {
   const int64_t count = values.size(0), chunks = (count + kChunkSize - 1) / kChunkSize;
-  // The last row again, so that the last chunk is whole.
+  // Pads with the last row, so that the last chunk is full.
   const torch::Tensor last = values.slice(0, count - 1).expand({chunks * kChunkSize - count, 3});
   const torch::Tensor whole = torch::cat({values, last}).reshape({chunks, kChunkSize, 3});
   Ranged out;
@@ -114,7 +114,7 @@ Ranged ranged(const torch::Tensor& values) {
   return out;
 }
 
-/// [N] int64 of columns with values from 0 to 1, the first in the highest bits.
+/// [N] int64 of columns with values in [0,1], the first in the highest bits.
 torch::Tensor pack(const torch::Tensor& unit, const std::vector<int64_t>& bits) {
   torch::Tensor packed = torch::zeros({unit.size(0)}, torch::kInt64);
   for (size_t i = 0; i < bits.size(); ++i) {
@@ -157,7 +157,7 @@ std::string encode_packed_ply(const splat::Gaussians& all) {
       {pack(places.unit, {11, 10, 11}), packed_32(parts.largest, fields.to(torch::kInt64)),
        pack(scales.unit, {11, 10, 11}), pack(torch::cat({colors.unit, opacity}, 1), {8, 8, 8, 8})},
       1);
-  // The lower half of each int64 holds the bits; the machine is little-endian.
+  // The lower half of each int64 contains the bits, because the machine is little-endian.
   out += content_of(packed.view(torch::kInt32).reshape({count, 4, 2}).select(2, 0));
   const torch::Tensor unit =
       gaussians.sh.slice(1, 1).transpose(1, 2).reshape({count, rest}) / 8 + 0.5;

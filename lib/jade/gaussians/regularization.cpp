@@ -13,7 +13,7 @@ using torch::autograd::AutogradContext;
 using torch::autograd::tensor_list;
 using torch::autograd::Variable;
 
-/// On a GPU, where torch's operations would be sixteen launches.
+/// For GPUs, where torch's operations would need sixteen launches.
 struct OnCuda : torch::autograd::Function<OnCuda> {
   static Variable forward(AutogradContext* ctx, const Variable& logit_opacities,
                           const Variable& log_scales, double opacity_weight, double scale_weight) {

@@ -13,7 +13,7 @@ namespace {
 
 constexpr int kThreads = 256;
 
-/// So that the second kernel, of one block, has little to add.
+/// Few enough that the second kernel, a single block, has little to add.
 constexpr int64_t kMostBlocks = 264;
 
 struct Numbers {
@@ -47,7 +47,7 @@ __global__ void __launch_bounds__(kThreads) parts_kernel(Numbers in, double* par
   if (threadIdx.x == 0) parts[blockIdx.x] = of_block[0];
 }
 
-/// One block: the same order every time.
+/// A single block, which always adds in the same order.
 __global__ void __launch_bounds__(kThreads)
     sum_kernel(const double* parts, int blocks, float* value) {
   double of_thread[1] = {0}, total[1];

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// mean_opacity_and_scale() apart from autograd. Not for use outside this room.
+// mean_opacity_and_scale() without autograd. Private to this folder.
 #pragma once
 
 #include <ATen/core/Tensor.h>
@@ -8,7 +8,7 @@
 
 namespace jade::gaussians {
 
-/// Contiguous.
+/// Contiguous inputs.
 struct Regularized {
   at::Tensor logit_opacities, log_scales;
   double opacity_weight = 0, scale_weight = 0;
@@ -20,7 +20,7 @@ JADE_HD float opacity_slope(float logit) {
   return opacity * (1 - opacity);
 }
 
-namespace cuda {  // float; on the current stream, no waiting, the same bits every time
+namespace cuda {  // float; runs on the current stream without waiting, deterministic
 /// @param value  [], written
 void regularization(const Regularized& in, at::Tensor& value);
 /// @param of_value  []

@@ -25,7 +25,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Enough of a gzip file to unpack the mark of an .spz.
+/// Enough of a gzip file to unpack the signature of an .spz.
 constexpr size_t kStart = 4096;
 const char* const kPackedPly = ".compressed.ply";
 
@@ -103,7 +103,7 @@ SceneFile read_as(SceneKind kind, const fs::path& path) {
   throw ContractError("read_as: unknown kind");
 }
 
-/// Moves means far from the origin to one of their own, where the file names none.
+/// Moves means far from the origin to an origin near them, unless the file has one.
 void move_far(GaussianFile& file) {
   if (!geometry::is_zero(file.origin)) return;
   const geometry::Vector3 found = found_origin(file.gaussians.means);

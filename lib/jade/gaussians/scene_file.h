@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Gaussians from and to files of every kind that we know.
+// Reads and writes files of Gaussians in all supported formats.
 #pragma once
 
 #include <array>
@@ -22,32 +22,32 @@ constexpr auto words_of(SceneKind) {
                     Word{"splat", SceneKind::kSplat}};
 }
 
-/// The endings of the files that read_scene_file() reads, for messages and help.
+/// Extensions of the files that read_scene_file() reads, for messages and help.
 inline constexpr char kReadEndings[] = ".ply, .spz, .sog, .glb, .gltf or .splat";
-/// And those that write_scene_file() writes.
+/// Extensions of the files that write_scene_file() writes.
 inline constexpr char kWrittenEndings[] = ".ply, .compressed.ply, .spz, .sog, .glb or .splat";
 
-/// Kind of a file, by its first bytes, or, where these tell nothing, by its ending. Nothing for a
-/// folder, a file that is missing and one of another kind.
+/// Format of a file, by its first bytes or, if these are inconclusive, by its extension. No value
+/// for a folder, a missing file and other formats.
 std::optional<SceneKind> scene_kind(const std::filesystem::path& path);
 
-/// @throws DataError with what to do for Gaussians of a kind that is known and not read, and for a
-/// file of a known ending that was not fetched or not unpacked. Other paths pass.
+/// @throws DataError with what to do for Gaussians in a known format that is not supported, and for
+/// a file with a known extension that was not fetched or not unpacked. Returns for other paths.
 void refuse_foreign_scene(const std::filesystem::path& path);
 
-/// Gaussians and what their file is.
+/// Gaussians and details of their file.
 struct SceneFile {
   GaussianFile file;
-  std::string kind;                ///< for people, such as "3DGS" or ".spz"
-  int64_t flat = 0;                ///< Gaussians whose thickness the file has as zero or not at all
+  std::string kind;                ///< format for people, such as "3DGS" or ".spz"
+  int64_t flat = 0;                ///< Gaussians whose thickness in the file is zero or missing
   std::vector<std::string> notes;  ///< one line each, naming the path
 };
 
-/// Reads a file of any kind. Means far from the origin are moved to one of their own.
-/// @throws DataError naming the path, and what the file is if it is of none.
+/// Reads a file in any supported format. Means far from the origin are moved to an origin near
+/// them. @throws DataError naming the path, and what the file is if its format is not supported.
 SceneFile read_scene_file(const std::filesystem::path& path);
 
-/// The Gaussians alone; the notes are logged as warnings.
+/// Returns only the Gaussians; logs the notes as warnings.
 GaussianFile read_gaussians(const std::filesystem::path& path);
 
 struct SceneWriting {
@@ -55,14 +55,14 @@ struct SceneWriting {
   int spz_version = 2;
 };
 
-/// True where write_scene_file() knows the ending of the path.
+/// True if write_scene_file() supports the extension of the path.
 bool can_write(const std::filesystem::path& path);
 
-/// True where the path names a .ply that holds all numbers as they are.
+/// True if the path names a .ply that stores all numbers exactly.
 bool is_exact(const std::filesystem::path& path);
 
-/// Writes what the ending of the path says. All but .ply leave out what cannot be drawn.
-/// @throws DataError naming the path. @pre can_write(path)
+/// Writes the format of the path's extension. All formats but .ply omit Gaussians that cannot be
+/// rendered. @throws DataError naming the path. @pre can_write(path)
 void write_scene_file(const std::filesystem::path& path, const GaussianFile& file,
                       const SceneWriting& writing = {});
 

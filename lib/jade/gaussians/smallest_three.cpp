@@ -4,7 +4,7 @@
 namespace jade::gaussians {
 namespace {
 
-/// [N,3]: the components that remain without the given one.
+/// [N,3]: the components except the given one.
 torch::Tensor remaining(const torch::Tensor& largest) {
   const torch::Tensor table =
       torch::tensor({1, 2, 3, 0, 2, 3, 0, 1, 3, 0, 1, 2}, torch::kInt64).reshape({4, 3});

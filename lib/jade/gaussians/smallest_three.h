@@ -1,18 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-// Quaternions as files pack them. Not for use outside this folder.
+// Packed quaternions of files. Private to this folder.
 #pragma once
 
 #include <torch/types.h>
 
 namespace jade::gaussians {
 
-/// Unit quaternions without their largest component, which is positive and follows from the rest.
+/// Unit quaternions without their largest component, which is made positive and computed from the
+/// others.
 struct SmallestThree {
-  torch::Tensor largest;  ///< [N] int64, which component is left out, 0 to 3
+  torch::Tensor largest;  ///< [N] int64, index of the omitted component, 0 to 3
   torch::Tensor others;   ///< [N,3], the other components in their order, within ±1/√2
 };
 
-/// @param quaternions  [N,4] of any length; zero counts as the first unit vector
+/// @param quaternions  [N,4] of any norm; zero counts as the first unit vector
 SmallestThree smallest_three(const torch::Tensor& quaternions);
 
 /// [N,4] unit quaternions.

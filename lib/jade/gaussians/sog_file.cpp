@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Layout after the format's public description (developer.playcanvas.com, "The SOG Format").
+// Implements the format's public description (developer.playcanvas.com, "The SOG Format").
 #include "jade/gaussians/sog_file.h"
 
 #include <algorithm>
@@ -32,12 +32,12 @@ constexpr int64_t kFirstRotation = 252;  ///< alpha of a rotation whose largest 
 constexpr double kSteps = 65535;         ///< of a position
 const char* const kMeta = "meta.json";
 
-/// Images of one width, a pixel per Gaussian, in an archive.
+/// Images of one width, one pixel per Gaussian, in an archive.
 class Images {
  public:
   explicit Images(int64_t count) : width_(side(count)) {}
 
-  /// @param columns  uint8 [N], one to four, for red, green, blue, alpha; 255 where there is none
+  /// @param columns  uint8 [N], one to four, for red, green, blue, alpha; 255 if missing
   void add(const std::string& name, const std::vector<torch::Tensor>& columns) {
     const int64_t count = columns[0].size(0);
     const int64_t height = (count + width_ - 1) / width_;
@@ -154,7 +154,7 @@ class Source {
   int64_t count() const { return count_; }
   const nlohmann::json& meta() const { return meta_; }
 
-  /// A list of numbers, float32. @throws DataError where there are not `size`, if that is not 0.
+  /// A list of numbers, float32. @throws DataError unless there are `size`, if that is not 0.
   torch::Tensor numbers(const nlohmann::json& part, const char* name, size_t size) const {
     const auto list = part.at(name).get<std::vector<float>>();
     if (list.size() != size) throw damaged(name);
@@ -166,7 +166,7 @@ class Source {
     if (name.find("..") != std::string::npos || name.find('/') == 0) throw damaged("meta.json");
     return io::decode_webp(read_(name), concat(path_.string(), "[", name, "]"));
   }
-  /// [N,4] int64: a pixel per Gaussian.
+  /// [N,4] int64: one pixel per Gaussian.
   torch::Tensor pixels(const nlohmann::json& part, size_t index) const {
     const torch::Tensor all = image(part, index).reshape({-1, 4});
     if (all.size(0) < count_) {
@@ -209,7 +209,7 @@ torch::Tensor coded(const Source& source, const nlohmann::json& part, const torc
   return source.numbers(part, "codebook", 256).index({labels.slice(-1, 0, 3)});
 }
 
-/// [N,K,3], empty where the file has degree 0.
+/// [N,K,3], empty if the file has degree 0.
 torch::Tensor sh_from(const Source& source) {
   const auto found = source.meta().find("shN");
   if (found == source.meta().end()) return torch::empty({source.count(), 0, 3});

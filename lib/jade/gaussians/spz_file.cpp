@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Byte layout after the format's public description and its reference reader
-// (github.com/nianticlabs/spz): a header, then positions, alphas, colours, scales, rotations and
-// SH, each as one array. Versions 2 and 3 are one gzip stream with a header of 16 bytes. Version 4
-// has a plain header of 32 bytes, a table of sizes and one Zstandard stream per array.
+// Implements the format's public description and its reference reader (github.com/nianticlabs/spz):
+// a header, then positions, alphas, colours, scales, rotations and SH, each as one array. Versions
+// 2 and 3 are one gzip stream with a header of 16 bytes. Version 4 has a plain header of 32 bytes,
+// a table of sizes and one Zstandard stream per array.
 #include "jade/gaussians/spz_file.h"
 
 #include <algorithm>
@@ -68,7 +68,7 @@ std::string positions_of(const torch::Tensor& means, int bits) {
   return packed_integers((means * std::ldexp(1.0, bits)).round().to(torch::kInt64), 3);
 }
 
-/// The imaginary part where the real one, not stored, is positive.
+/// The imaginary part, signed so that the real part, which is not stored, is positive.
 std::string rotations_2(const torch::Tensor& rotations) {
   const torch::Tensor norm = rotations.norm(2, 1, true).clamp_min(1e-30);
   const torch::Tensor sign = torch::where(rotations.slice(1, 0, 1) < 0, -1.0, 1.0);
@@ -155,7 +155,7 @@ DataError cut_short(const std::string& name, uint64_t expected, uint64_t found) 
                           "found ", found, "; copy the file again"));
 }
 
-/// Cuts the arrays from the content of versions 2 and 3.
+/// Splits the content of versions 2 and 3 into arrays.
 Streams cut(std::string_view content, const Header& header, const std::string& name) {
   Streams streams;
   size_t at = kHeader;
@@ -170,7 +170,7 @@ Streams cut(std::string_view content, const Header& header, const std::string& n
   return streams;
 }
 
-/// Unpacks the arrays of version 4; one without bytes has no stream.
+/// Unpacks the arrays of version 4; an empty array has no stream.
 Streams unpack_streams(std::string_view bytes, const Header& header, const std::string& name) {
   if (bytes.size() < kHeader4) throw cut_short(name, kHeader4, bytes.size());
   const uint64_t count = unsigned_at(bytes, 15, 1), table = unsigned_at(bytes, 16, 4);
@@ -200,10 +200,10 @@ Streams unpack_streams(std::string_view bytes, const Header& header, const std::
   return streams;
 }
 
-/// Steps of a position beyond this share of a typical coordinate are worth a warning.
+/// Warn if the step of positions exceeds this share of a typical coordinate.
 constexpr double kCoarse = 1e-3;
 
-/// The finest fixed point that still holds the farthest position in 24 bits.
+/// The most fractional bits with which the farthest position fits 24 bits.
 int fitting_bits(const torch::Tensor& means, int wanted) {
   const double far = means.numel() == 0 ? 0 : means.abs().max().item<double>();
   int bits = wanted;
@@ -212,7 +212,7 @@ int fitting_bits(const torch::Tensor& means, int wanted) {
     throw DataError(concat("not written: positions reach ", far,
                            ", beyond the 8388607 units that .spz can hold; write .ply"));
   }
-  // A single Gaussian far away decides for all.
+  // The farthest Gaussian determines the step for all.
   const double typical = means.numel() == 0 ? 0 : means.abs().median().item<double>();
   if (bits < wanted && std::ldexp(1.0, -bits) > kCoarse * typical) {
     log_warn(concat("positions are stored to ", std::ldexp(1.0, -bits),

@@ -15,19 +15,19 @@ namespace {
 
 int64_t count_of(const torch::Tensor& mask) { return mask.sum().item<int64_t>(); }
 
-/// [N], whether a row is all numbers.
+/// [N], whether all numbers of a row are finite.
 torch::Tensor finite_rows(const torch::Tensor& tensor) {
   return tensor.reshape({tensor.size(0), -1}).isfinite().all(1);
 }
 
-/// Why Gaussians are not rendered: words, and [N] for which ones.
+/// A reason for not rendering Gaussians: its text, and [N] whether it applies.
 struct Reason {
   std::string words;
   torch::Tensor of;
   const char* mend = "";
 };
 
-/// Reasons for which is_usable() of splat/math/projection.h refuses a Gaussian.
+/// The conditions of is_usable() in splat/math/projection.h.
 std::vector<Reason> reasons(const splat::Gaussians& g) {
   std::vector<Reason> out;
   const std::pair<const char*, torch::Tensor> parts[] = {{"means", g.means},

@@ -15,10 +15,10 @@ struct Spread {
   double min = 0, low = 0, median = 0, high = 0, max = 0;  ///< low and high: 1 % and 99 %
 };
 
-/// @param values  of any shape; all zero where none is finite.
+/// @param values  of any shape; all statistics are zero if no value is finite.
 Spread spread_of(const torch::Tensor& values);
 
-/// Opacity below which a Gaussian is next to transparent; training prunes such.
+/// Opacity below which a Gaussian is nearly transparent; training prunes such Gaussians.
 inline constexpr double kTransparent = 0.005;
 
 /// Statistics of Gaussians, and their problems.
@@ -35,19 +35,20 @@ struct GaussianSummary {
 
 GaussianSummary summarize(const splat::Gaussians& gaussians);
 
-/// Gaussians whose numbers are finite and within the limits of splat/math/projection.h; splatting
-/// renders no others.
+/// Gaussians whose numbers are finite and within the limits of splat/math/projection.h; only these
+/// can be rendered.
 splat::Gaussians drawable(const splat::Gaussians& gaussians);
 
-/// A warning in one line for who only renders them: how many Gaussians of `file` are left out of
-/// every picture, as some of their numbers are not finite or too large, or that all are
-/// transparent. Empty where there is nothing to say.
+/// A one-line warning before rendering: how many Gaussians of `file` are in no picture, because
+/// some of their numbers are not finite or too large, or that all are transparent. Empty if there
+/// is nothing to report.
 std::string undrawable_warning(const splat::Gaussians& gaussians, const std::string& file);
 
-/// How many Gaussians each reason keeps from being rendered, "3 have NaN or Inf in their means, …".
+/// The number of Gaussians that each reason excludes from rendering, "3 have NaN or Inf in their
+/// means, …".
 std::string undrawable_reasons(const splat::Gaussians& gaussians);
 
-/// Number of Gaussians with an opacity of at least 1/255, below which splatting renders nothing.
+/// Number of Gaussians with an opacity of at least 1/255; fainter ones are not rendered.
 int64_t count_visible(const splat::Gaussians& gaussians);
 
 }  // namespace jade::gaussians

@@ -14,14 +14,14 @@ struct Similarity {
   Vector3 translation{0, 0, 0};
 };
 
-/// The similarity that takes the cameras `a` onto the same cameras `b` of another world. The
-/// rotation is the chordal mean of the cameras' own, which a path along a straight line does not
-/// leave open as its centres would; scale and translation are the least squares over the centres.
-/// Cameras that all stand at one place, or whose centres are mirrored, keep scale 1.
-/// @param a, b  camera_from_world, as many of one as of the other and at least one
+/// The similarity that maps the cameras `a` to the same cameras `b` of another world. The rotation
+/// is the chordal mean of the cameras' relative rotations: centres on a straight line would leave
+/// it ambiguous. Scale and translation minimise the squared distances of the centres. If all
+/// cameras have one centre, or the centres are mirrored, the scale is 1.
+/// @param a, b  camera_from_world, of equal, non-zero number
 Similarity align_cameras(const std::vector<Pose>& a, const std::vector<Pose>& b);
 
-/// A camera of world a as it stands in world b.
+/// Transforms a camera of world a to world b.
 Pose moved(const Pose& camera_from_world, const Similarity& b_from_a);
 
 }  // namespace jade::geometry

@@ -22,7 +22,7 @@ struct Intrinsics {
 bool operator==(const Intrinsics& a, const Intrinsics& b);
 bool operator!=(const Intrinsics& a, const Intrinsics& b);
 
-/// The camera's view resampled to `width` x `height` pixels.
+/// The camera for its view resampled to `width` x `height` pixels.
 Intrinsics scaled(const Intrinsics& camera, int64_t width, int64_t height);
 
 /// Projection coordinates (u, v) of a point in camera axes (x right, y down, z forward). z > 0.

@@ -10,7 +10,7 @@
 namespace jade::geometry::cuda {
 namespace {
 
-/// A warp: an exposure has some nine poses.
+/// One warp: an exposure has about nine poses.
 constexpr int kThreads = 32;
 
 /// One thread per pose.
@@ -20,7 +20,7 @@ __global__ void path_kernel(PathPointers path, int64_t poses, double* out) {
   store_motion(path_pose<double>(path, m, -1), out + 16 * m);
 }
 
-/// One block per direction, one thread per pose (or every 32nd), summed in one order.
+/// One block per direction, one thread per pose (or every 32nd), summed in a fixed order.
 __global__ void path_backward_kernel(PathPointers path, int64_t poses, const double* gradient,
                                      double* out) {
   __shared__ double sums[kThreads];

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One pose of an exposure's path for one thread, and its derivative along one direction.
+// One pose of an exposure's path, and its derivative along one direction, for one thread.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,7 @@
 
 namespace jade::geometry {
 
-/// So many control twists bend one moment of the path at most.
+/// Largest number of control twists that affect one moment of the path.
 constexpr int kMaxControl = 4;
 
 /// The tensors of an ExposurePath.
@@ -38,7 +38,7 @@ JADE_HD void store_motion(const Motion<double>& motion, double* m) {
   m[12] = m[13] = m[14] = 0, m[15] = 1;
 }
 
-/// b_j(u), which sum to one.
+/// b_j(u); they sum to one.
 JADE_HD void basis(double u, int control, double* b) {
   if (control == 2) {
     b[0] = 1 - u, b[1] = u;
@@ -79,7 +79,7 @@ JADE_HD Motion<S> spline_pose(const Twist<S>* twists, int control, double u, con
   return inverse_of(path);
 }
 
-/// The twists that bend a moment, and where it lies between them.
+/// The twists that affect a moment, and its position between them.
 struct Segment {
   int first, control;
   double u;
@@ -93,7 +93,8 @@ JADE_HD Segment segment_of(double u, int control) {
   return {first, kMaxControl, place - first};
 }
 
-/// camera_from_world of pose `m`, of the twists moved along `direction` (0 … 6K − 1; −1: none).
+/// camera_from_world of pose `m`, with the derivative for twists moved along `direction` (0 … 6K −
+/// 1; −1: none).
 template <class S>
 JADE_HD Motion<S> path_pose(const PathPointers& path, int64_t m, int direction) {
   const Segment at = segment_of(path.u[m], path.control);

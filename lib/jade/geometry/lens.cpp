@@ -12,17 +12,17 @@ namespace {
 
 constexpr double kPi = 3.14159265358979323846;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-/// A plane at z = 1 ends short of the right angle: here at tan = 20.
+/// Angles that a plane at z = 1 represents end short of 90°: here at tan = 20.
 constexpr double kPlaneAngle = 1.5208;
 
 bool has_prism(const Lens& lens) {
   return lens.model == LensModel::kPrismFisheye || lens.model == LensModel::kRadialPrismFisheye;
 }
 
-/// Whether its formula is one of the angle to the axis rather than of (X, Y)/Z.
+/// Whether its formula uses the angle to the axis rather than (X, Y)/Z.
 bool is_of_angle(const Lens& lens) { return lens.model == LensModel::kFisheye || has_prism(lens); }
 
-/// Whether nothing but the distance from the axis changes.
+/// Whether the lens changes only the distance from the axis.
 bool is_radial(const Lens& lens) {
   switch (lens.model) {
     case LensModel::kRadialTangential:
@@ -36,12 +36,12 @@ bool is_radial(const Lens& lens) {
   }
 }
 
-/// The angle at which no pixel of a picture lies any more.
+/// The angle beyond which no pixel of a picture lies.
 double end_angle(const Lens& lens) {
   return is_of_angle(lens) || lens.model == LensModel::kUnified ? kPi : kPlaneAngle;
 }
 
-/// The radial part: distance from the axis in the image, of a unit focal length, at an angle.
+/// The radial part: distance from the axis in the image at an angle, for unit focal length.
 double radial(const Lens& lens, double angle) {
   if (is_of_angle(lens)) {
     const double t = angle * angle;
@@ -64,7 +64,7 @@ double radial(const Lens& lens, double angle) {
          (1 + t * (lens.k4 + t * (lens.k5 + t * lens.k6)));
 }
 
-/// How the distance from the axis grows with the angle; central difference.
+/// Derivative of the distance from the axis by the angle; central difference.
 double radial_slope(const Lens& lens, double angle) {
   constexpr double kStep = 1e-6;
   return (radial(lens, angle + kStep) - radial(lens, angle - kStep)) / (2 * kStep);
@@ -88,7 +88,7 @@ double fold_angle(const Lens& lens) {
 }
 
 /// The angle whose radial part is `distance`, or NaN beyond the fold; bisection, as the function
-/// rises up to there.
+/// increases up to there.
 double angle_at(const Lens& lens, double distance, double largest) {
   if (distance > radial(lens, largest)) return kNan;
   double low = 0, high = largest;
@@ -174,8 +174,9 @@ Vector3 LensCamera::unproject(double u, double v) const {
   const double start = angle_at(lens_, std::hypot(x, y), largest_angle_);
   if (is_radial(lens_)) return at_angle(x, y, start);
   const bool of_angle = is_of_angle(lens_);
-  // The tangential part is small: from the radial solution (or from the fold, where there is none)
-  // Newton's method needs a few steps. Jacobian by central differences, error far below the last.
+  // The tangential part is small: from the radial solution (or from the fold, if there is none)
+  // Newton's method converges in a few steps. Jacobian by central differences, whose error is far
+  // below the final accuracy.
   const double first = std::isnan(start) ? 0.999 * largest_angle_ : start;
   const double slope = of_angle ? first : std::tan(first);
   const double distance = std::hypot(x, y);

@@ -9,7 +9,7 @@
 
 namespace jade::geometry {
 
-/// How a lens bends directions, in the order and sign of OpenCV, Kalibr and COLMAP.
+/// Lens distortion models, with the order and signs of OpenCV, Kalibr and COLMAP.
 enum class LensModel {
   kPinhole,
   kRadialTangential,
@@ -35,29 +35,29 @@ constexpr auto words_of(LensModel) {
       Word{"radial_prism_fisheye", LensModel::kRadialPrismFisheye, "k1 to k6 p1 p2 s1 to s4"}};
 }
 
-/// With (x, y) = (X/Z, Y/Z) and ρ = x² + y², radial-tangential and rational lenses put a direction
-/// at
+/// With (x, y) = (X/Z, Y/Z) and ρ = x² + y², radial-tangential and rational lenses project a
+/// direction to
 ///     x' = x r + 2 p1 x y + p2 (ρ + 2x²),  y' = y r + p1 (ρ + 2y²) + 2 p2 x y,
 ///     r = (1 + k1 ρ + k2 ρ² + k3 ρ³) / (1 + k4 ρ + k5 ρ² + k6 ρ³),
-/// fisheyes (Kannala and Brandt, PAMI 2006), with θ the angle to the axis, at
+/// fisheyes (Kannala and Brandt, PAMI 2006), with θ the angle to the axis, to
 ///     (X, Y)/√(X²+Y²) · θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸).
-/// Three more depend on the angle alone; with R = √(x²+y²) they put (x, y)/R at the distance
+/// Three more depend only on the angle; with R = √(x²+y²) they project to (x, y)/R times
 ///     fov (Devernay and Faugeras, 2001): atan(2 R tan(k1/2)) / k1,
 ///     division (Fitzgibbon, CVPR 2001): the r with r / (1 + k1 r²) = R,
-///     eucm (Khomutenko et al., 2016): sin θ / (k1 √(k2 sin²θ + cos²θ) + (1 − k1) cos θ).
-/// Fisheyes with prisms have, in (a, b) = (X, Y)/√(X²+Y²) · θ and ρ = a² + b²,
+///     eucm (Khomutenko et al., 2016): sin θ / (k1 √(k2 sin²θ + cos²θ) + (1 − k1) cos θ). Fisheyes
+///     with thin-prism terms use (a, b) = (X, Y)/√(X²+Y²) · θ and ρ = a² + b²,
 ///     prism: a (1 + k1 ρ + … + k4 ρ⁴) + 2 p1 a b + p2 (ρ + 2a²) + s1 ρ, and for y
 ///            b (1 + k1 ρ + … + k4 ρ⁴) + 2 p2 a b + p1 (ρ + 2b²) + s3 ρ,
-///     radial prism, first (a, b) ← (a, b)(1 + k1 ρ + … + k6 ρ⁶), then, with ρ anew,
+///     radial prism, first (a, b) ← (a, b)(1 + k1 ρ + … + k6 ρ⁶), then, with ρ recomputed,
 ///            a + 2 (p2 a + p1 b) a + p2 ρ + s1 ρ + s2 ρ², and for y
 ///            b + 2 (p2 a + p1 b) b + p1 ρ + s3 ρ + s4 ρ².
 struct Lens {
   LensModel model = LensModel::kPinhole;
   double k1 = 0, k2 = 0, p1 = 0, p2 = 0, k3 = 0, k4 = 0, k5 = 0, k6 = 0;
-  double s1 = 0, s2 = 0, s3 = 0, s4 = 0;  ///< of prisms
+  double s1 = 0, s2 = 0, s3 = 0, s4 = 0;  ///< thin-prism coefficients
 };
 
-/// A pinhole behind a lens.
+/// A pinhole camera with a lens.
 class LensCamera {
  public:
   LensCamera() = default;
@@ -68,19 +68,20 @@ class LensCamera {
   const Lens& lens() const { return lens_; }
 
   /// Projection coordinates of a point in camera axes. NaN for points behind a lens that is neither
-  /// fisheye nor eucm, and beyond the angle at which the formula turns back and would put a second
-  /// direction on the same pixel.
+  /// fisheye nor eucm, and beyond the angle at which the formula stops increasing and would project
+  /// a second direction to the same pixel.
   std::array<double, 2> project(const Vector3& point) const;
 
-  /// The unit direction in camera axes that projects to (u, v), by Newton's method; NaN where the
-  /// lens puts none there.
+  /// The unit direction in camera axes that projects to (u, v), by Newton's method; NaN if there is
+  /// none.
   Vector3 unproject(double u, double v) const;
 
-  /// The largest angle to the axis, radians, that the radial part of the formula maps one to one.
+  /// The largest angle to the axis, radians, up to which the radial part of the formula is
+  /// one-to-one.
   double largest_angle() const { return largest_angle_; }
 
  private:
-  /// Image of (x, y) = (X, Y)/Z or, for fisheyes, of (X, Y)/√(X²+Y²) · θ.
+  /// Distorts (x, y) = (X, Y)/Z or, for fisheyes, (X, Y)/√(X²+Y²) · θ.
   std::array<double, 2> distorted(double x, double y) const;
 
   Intrinsics pinhole_;

@@ -7,8 +7,8 @@
 namespace jade::geometry {
 namespace {
 
-/// In sizes of the scene. There float32 has steps of 3e-5 of the size, about the last steps with
-/// which training moves Gaussians.
+/// Distance in units of the scene's size. There float32 has steps of 3e-5 of the size, about the
+/// smallest steps with which training moves Gaussians.
 constexpr double kFar = 256;
 
 }  // namespace
@@ -20,7 +20,7 @@ Vector3 scene_origin(const Vector3& middle, double size) {
   if (!(distance > kFar * known) || !std::isfinite(distance)) return {0, 0, 0};
   const double step = std::pow(10, std::floor(std::log10(known)));
   Vector3 origin{};
-  // For a step below 1 divide, which gives the decimal that people read.
+  // For a step below 1, divide by its inverse, which gives a short decimal.
   for (size_t axis = 0; axis < 3; ++axis) {
     origin[axis] = step < 1 ? std::round(middle[axis] / step) / std::round(1 / step)
                             : std::round(middle[axis] / step) * step;

@@ -96,7 +96,7 @@ Pose look_at(const Vector3& eye, const Vector3& target, const Vector3& up) {
 }
 
 Quaternion quaternion_from_rotation(const Matrix3& r) {
-  // The component with the largest magnitude is found first, so nothing is divided by a small one.
+  // Find the component with the largest magnitude first, to avoid division by a small one.
   const double squares[4] = {1 + r[0] + r[4] + r[8], 1 + r[0] - r[4] - r[8], 1 - r[0] + r[4] - r[8],
                              1 - r[0] - r[4] + r[8]};
   const auto largest = std::max_element(squares, squares + 4) - squares;

@@ -17,7 +17,7 @@ struct Pose {
   Vector3 translation{0, 0, 0};                 ///< t
 };
 
-/// world_from_camera of a camera_from_world, and the other way round.
+/// world_from_camera of a camera_from_world, and vice versa.
 Pose inverse(const Pose& pose);
 
 /// a_from_c = compose(a_from_b, b_from_c).
@@ -29,11 +29,11 @@ Vector3 transform(const Pose& pose, const Vector3& point);
 /// Camera centre in world axes: −Rᵀ t.
 Vector3 centre(const Pose& camera_from_world);
 
-/// The pose with rotation R of a camera standing at `centre`: t = −R c.
+/// The pose with rotation R of a camera at `centre`: t = −R c.
 Pose pose_at_centre(const Matrix3& rotation, const Vector3& centre);
 
 /// Camera at `eye` that looks at `target` with the image's up direction along `up`.
-/// @throws ContractError where `eye`, `target` and `up` leave the direction open.
+/// @throws ContractError if `eye`, `target` and `up` leave the orientation undefined.
 Pose look_at(const Vector3& eye, const Vector3& target, const Vector3& up);
 
 /// Unit quaternion with w ≥ 0 of a rotation matrix, any angle.
@@ -52,8 +52,8 @@ Matrix3 rotation_from_vector(const Vector3& rotation_vector);
 /// Angle in radians, [0, π], of the rotation between two poses.
 double rotation_angle(const Pose& a, const Pose& b);
 
-/// The nearest rotation (polar factor) of a matrix read from a file that rounds its numbers.
-/// @throws ContractError where the matrix is further than 0.1 (largest entry) from a rotation.
+/// The nearest rotation (polar factor) of a matrix that a file stores with few digits. @throws
+/// ContractError if the matrix differs by more than 0.1 (largest entry) from a rotation.
 Matrix3 nearest_rotation(const Matrix3& matrix);
 
 /// [4,4] float64 with last row 0 0 0 1.

@@ -35,19 +35,19 @@ void describe(V& v, ExposureOptions& o) {
           Range{5, 65});
 }
 
-/// Moments of an exposure and what each counts in its mean.
+/// Moments of an exposure and their weights in its mean.
 struct Quadrature {
-  std::vector<double> u;        ///< [K], rising
-  std::vector<double> weights;  ///< [K], of sum 1
+  std::vector<double> u;        ///< [K], increasing
+  std::vector<double> weights;  ///< [K], summing to 1
 };
 
-/// The moments of a rule, equal steps from 0 to 1.
+/// The moments of a rule, in equal steps from 0 to 1.
 /// @throws ContractError for an even number of samples or fewer than 3.
 Quadrature quadrature(QuadratureRule rule, int64_t samples);
 
-/// Every `stride`-th moment of a rule, from the first to the last: the mean over all moments of
-/// what is linear between those that stay.
-/// @throws ContractError where `stride` does not lead from the first moment to the last.
+/// Every `stride`-th moment of a rule, from the first to the last, with weights that give the mean
+/// over all moments of a function that is linear between the remaining ones.
+/// @throws ContractError unless `stride` leads from the first moment to the last.
 Quadrature thinned(const Quadrature& all, int64_t stride);
 
 }  // namespace jade::geometry

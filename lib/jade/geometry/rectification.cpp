@@ -12,7 +12,7 @@
 namespace jade::geometry {
 namespace {
 
-constexpr double kWidestTangent = 2.75;  // of 70 degrees
+constexpr double kWidestTangent = 2.75;  // tangent of 70 degrees
 constexpr double kNowhere = std::numeric_limits<double>::quiet_NaN();
 
 /// Fills a [2,H,W] map with place(column, row), row by row in threads.
@@ -42,7 +42,7 @@ std::array<double, 2> pinhole_index(const Intrinsics& camera, const Vector3& dir
   return pixel_index(project(camera, direction));
 }
 
-/// Visits the middles of the pixels at an image's border, projection coordinates.
+/// Visits the centres of the pixels at an image's border, in projection coordinates.
 template <class Visit>
 void for_border(const Intrinsics& camera, const Visit& visit) {
   const double right = double(camera.width) - 0.5, bottom = double(camera.height) - 0.5;
@@ -101,8 +101,8 @@ Vector3 times(const Matrix3& m, const Vector3& x) {
           m[6] * x[0] + m[7] * x[1] + m[8] * x[2]};
 }
 
-/// The direction in the first camera of the point that the second sees along `direction` on the
-/// plane z = depth of the first; z ≤ 0 if there is none ahead.
+/// The direction in the first camera of the point that the second camera sees along `direction` on
+/// the plane z = depth of the first; z ≤ 0 if there is none ahead.
 Vector3 from_plane(const Pose& first_from_second, const Vector3& direction, double depth) {
   const Vector3 turned = times(first_from_second.rotation, direction);
   const double length = (depth - first_from_second.translation[2]) / turned[2];

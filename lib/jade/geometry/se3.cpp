@@ -6,11 +6,11 @@
 namespace jade::geometry {
 namespace {
 
-/// Below this θ² the closed forms lose digits to cancellation and the series are exact to 1e-16.
+/// Below this θ² the closed forms suffer from cancellation and the series are exact to 1e-16.
 constexpr double kSmall = 1e-2;
 
-/// `closed(x)` where x is large and the polynomial Σ c_i x^i elsewhere, with gradients of the
-/// chosen branch only: the other one never sees its singular argument.
+/// `closed(x)` if x is large, else the polynomial Σ c_i x^i. Gradients flow through the chosen
+/// branch only, so the closed form is never evaluated near its singularity.
 template <class F>
 torch::Tensor closed_or_series(const torch::Tensor& x, const std::vector<double>& coefficients,
                                const F& closed) {

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rigid motions as differentiable tensors, for poses that are learned. Constant poses are
-// geometry/pose.h's.
+// Rigid motions as differentiable tensors, for learned poses. geometry/pose.h has constant poses.
 #pragma once
 
 #include <torch/types.h>
@@ -8,11 +7,11 @@
 namespace jade::geometry {
 
 /// exp: se(3) → SE(3). A twist is (ρ, ω): ω the rotation vector in radians and ρ the translation
-/// along it, so that exp([ρ, 0]) moves by ρ.
+/// along it, so that exp([ρ, 0]) translates by ρ.
 ///     R = I + A[ω] + B[ω]²,  t = (I + B[ω] + C[ω]²) ρ,
 ///     A = sin θ / θ,  B = (1 − cos θ) / θ²,  C = (θ − sin θ) / θ³,  θ = |ω|.
-/// @param twist  [...,6] of any floating type; float64 keeps small motions exact.
-/// @return [...,4,4]; differentiable any number of times, at zero too
+/// @param twist  [...,6] of any floating type; float64 keeps small motions accurate.
+/// @return [...,4,4]; differentiable any number of times, including at zero
 torch::Tensor se3_exp(const torch::Tensor& twist);
 
 /// log: SE(3) → se(3), the inverse of se3_exp for rotations by less than 90°.

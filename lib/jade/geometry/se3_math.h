@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// exp, log and products of rigid motions for one thread, of plain or of dual numbers: the adjoint
-// of a motion is its derivative along each direction. The equations are se3.h's.
+// exp, log and products of rigid motions for one thread, for plain or dual numbers, whose second
+// part is the derivative along one direction. se3.h has the equations.
 #pragma once
 
 #include <cmath>
@@ -109,7 +109,7 @@ JADE_HD Motion<S> inverse_of(const Motion<S>& m) {
           S(-1) * turned_back(m, m.shift)};
 }
 
-/// Below this θ² the closed forms lose digits to cancellation and the series are exact to 1e-16.
+/// Below this θ² the closed forms suffer from cancellation and the series are exact to 1e-16.
 constexpr double kSeriesBelow = 1e-2;
 
 /// c[0] + c[1] x + … + c[5] x⁵.

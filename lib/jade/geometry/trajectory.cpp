@@ -10,8 +10,9 @@
 namespace jade::geometry {
 namespace {
 
-/// Slopes at the knots of the not-a-knot cubic through (t_i, y_i), i < 4 or more: third derivatives
-/// agree across the second and the last but one knot. One tridiagonal system, solved in place.
+/// Slopes at the knots of the not-a-knot cubic through (t_i, y_i), with at least 4 knots: third
+/// derivatives are continuous at the second and the last but one knot. One tridiagonal system,
+/// solved in place.
 std::vector<double> not_a_knot_slopes(const std::vector<double>& t, const std::vector<double>& y) {
   const size_t n = t.size();
   std::vector<double> h(n - 1), m(n - 1);
@@ -45,7 +46,7 @@ std::vector<double> not_a_knot_slopes(const std::vector<double>& t, const std::v
   return slopes;
 }
 
-/// Slopes at the knots of the curve through the points: see Trajectory for few points.
+/// Slopes at the knots of the curve through the points; see Trajectory for fewer than 4 points.
 std::vector<double> knot_slopes(const std::vector<double>& t, const std::vector<double>& y) {
   const size_t n = t.size();
   if (n == 1) return {0};
@@ -58,8 +59,8 @@ std::vector<double> knot_slopes(const std::vector<double>& t, const std::vector<
           m1 + curvature * (t[2] - t[1])};
 }
 
-/// `inner` mirrored through `end`: where a camera that moves steadily was as long before `end` as
-/// it is at `inner` after it.
+/// `inner` mirrored at `end`: the pose as long before `end` as `inner` is after it, for constant
+/// velocity.
 Pose mirrored(const Pose& end, const Pose& inner) {
   const auto turn_back = compose(end, inverse(inner)).rotation;
   const Pose rotated = compose({turn_back, {0, 0, 0}}, end);

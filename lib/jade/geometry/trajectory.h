@@ -9,7 +9,7 @@
 
 namespace jade::geometry {
 
-/// Poses per exposure, at equal steps from its start to its end, both included.
+/// Poses per exposure, at equal time steps from its start to its end, inclusive.
 inline constexpr int kExposurePoses = 9;
 /// The pose at mid-exposure.
 inline constexpr int kMidPose = 4;
@@ -17,9 +17,9 @@ inline constexpr int kMidPose = 4;
 /// The nine times of [t_start, t_end] in µs, linspace(t_start, t_end, 9).
 std::array<double, kExposurePoses> exposure_times(int64_t t_start_us, int64_t t_end_us);
 
-/// A camera path through timed poses: rotations by slerp between neighbours, camera centres (not
-/// translations, which turn with the camera) by a not-a-knot cubic spline. With two poses the
-/// centres move on a line, with three on a parabola, with one they stand still.
+/// A camera path through timed poses: slerp of rotations, and a not-a-knot cubic spline of camera
+/// centres (not of translations, which depend on the rotation). Two poses give a line, three a
+/// parabola, and one a constant.
 class Trajectory {
  public:
   Trajectory() = default;
@@ -29,11 +29,11 @@ class Trajectory {
   /// @throws ContractError for no pose, counts that differ, times that do not increase, NaN.
   Trajectory(std::vector<double> t_us, const std::vector<Pose>& poses);
 
-  /// camera_from_world at any time. Outside [begin_us, end_us] the nearest end is returned.
+  /// camera_from_world at any time. Outside [begin_us, end_us] returns the nearest end.
   Pose at(double t_us) const;
 
   /// This path, extended by one pose if it does not reach `begin_us` or `end_us`: the path mirrored
-  /// through its end, which is exact for a camera that moves steadily.
+  /// at its end, which is exact for constant velocity.
   Trajectory spanning(double begin_us, double end_us) const;
 
   /// The nine poses of an exposure; index kMidPose is mid-exposure.

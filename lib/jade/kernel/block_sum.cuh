@@ -4,7 +4,7 @@
 
 namespace jade::kernel {
 
-/// Sums each value over the warp; lane 0 holds the results. All 32 lanes must call it.
+/// Sums each value over the warp; lane 0 receives the results. All 32 lanes must call it.
 template <class T, int kCount>
 __device__ __forceinline__ void warp_sum(T (&values)[kCount]) {
   for (int offset = 16; offset > 0; offset /= 2) {
@@ -12,8 +12,8 @@ __device__ __forceinline__ void warp_sum(T (&values)[kCount]) {
   }
 }
 
-/// Sums each value over a block of kThreads, a multiple of 32: over a warp in T, over the warps in
-/// double. Thread 0 holds the results. All threads must call it, once in a kernel.
+/// Sums each value over a block of kThreads, a multiple of 32: within a warp in T, across warps in
+/// double. Thread 0 receives the results. All threads must call it, at most once per kernel.
 template <int kThreads, class T, int kCount>
 static __device__ __forceinline__ void block_sum(T (&values)[kCount], double (&sums)[kCount]) {
   static_assert(kThreads % 32 == 0, "whole warps");

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Lets the arithmetic of an op (op_math.h) be written once for the CPU and for CUDA: a macro for
-// its functions, and scalar math functions.
+// Shared by host and device code of an op (op_math.h): a macro for its functions, and scalar math
+// functions.
 #pragma once
 
 #if defined(__CUDACC__)
@@ -10,8 +10,8 @@
 #endif
 
 // Sources of jade_add_isa_sources() are compiled once per instruction set. The linker would merge
-// inline functions of one name, so each set has its own (inline) namespace, and sources that are
-// compiled once have another.
+// inline functions of the same name, so each instruction set has its own inline namespace, and so
+// do sources that are compiled once.
 #ifndef JADE_ISA
 #if defined(__CUDACC__)
 #define JADE_ISA gpu
@@ -40,7 +40,7 @@ JADE_HD double pow(double base, double exponent) { return ::pow(base, exponent);
 JADE_HD float fma(float a, float b, float c) { return ::fmaf(a, b, c); }
 JADE_HD double fma(double a, double b, double c) { return ::fma(a, b, c); }
 #else
-// Built-ins, as the overloads of <cmath> are inline functions that the linker may merge.
+// Built-ins, because the linker may merge the inline overloads of <cmath>.
 JADE_HD float sqrt(float x) { return __builtin_sqrtf(x); }
 JADE_HD double sqrt(double x) { return __builtin_sqrt(x); }
 JADE_HD float floor(float x) { return __builtin_floorf(x); }
@@ -74,7 +74,7 @@ JADE_HD S abs(S a) {
   return select(a < S(0), -a, a);
 }
 
-/// False for NaN and for anything beyond `bound`.
+/// Returns false for NaN and for values beyond `bound`.
 template <class S>
 JADE_HD auto within(S a, S bound) {
   return (a >= -bound) & (a <= bound);

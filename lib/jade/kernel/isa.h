@@ -1,30 +1,30 @@
 // SPDX-License-Identifier: Apache-2.0
-// Kernels of one op compiled for several instruction sets, of which the best that this machine can
-// run is taken. The kernels themselves include this, so nothing here is library code.
+// Selects among kernels that are compiled for several instruction sets. Kernel sources include this
+// header, so it must contain no library code.
 #pragma once
 
 namespace jade::kernel {
 
-/// Each runs what those before it run. Avx2 is x86-64 with AVX2, FMA, BMI and BMI2; avx512 has F,
-/// DQ, VL and BW besides.
+/// Each set includes the ones before it. Avx2 is x86-64 with AVX2, FMA, BMI and BMI2; avx512 adds
+/// F, DQ, VL and BW.
 enum class Isa { kPortable, kAvx2, kAvx512 };
 constexpr Isa kIsas[] = {Isa::kPortable, Isa::kAvx2, Isa::kAvx512};
 
 /// "portable", "avx2" or "avx512".
 const char* name(Isa isa);
 
-/// Whether this build has the set and this machine runs it.
+/// Whether this build contains the set and this machine supports it.
 bool can_run(Isa isa);
 
-/// Instruction set that ops use: the best that can_run(), unless a ForcedIsa exists.
+/// Instruction set of the ops: the best that can_run(), unless a ForcedIsa exists.
 Isa chosen_isa();
 
-/// For tests and benchmarks: as long as it lives, every op of the process takes the kernels of this
-/// set (or of the next lower that it has). The one before comes back with its end, so they must end
-/// in the reverse order of their beginnings.
+/// For tests and benchmarks: while an instance exists, all ops of the process use the kernels of
+/// this set, or of the next lower set that they have. The destructor restores the previous set, so
+/// instances must be destroyed in reverse order of construction.
 class ForcedIsa {
  public:
-  /// @throws DeviceError for a set that cannot run here.
+  /// @throws DeviceError for a set that this machine or this build cannot run.
   explicit ForcedIsa(Isa isa);
   ~ForcedIsa();
   ForcedIsa(const ForcedIsa&) = delete;
@@ -34,7 +34,7 @@ class ForcedIsa {
   Isa before_;
 };
 
-/// An op's kernels in both types.
+/// An op's kernels for float and double.
 template <template <class> class Kernels>
 struct KernelSet {
   Kernels<float> single;
@@ -50,7 +50,7 @@ struct KernelSet {
   }
 };
 
-/// An op's sets of kernels, one per instruction set; null where it has none.
+/// An op's kernels, one entry per instruction set; null if it has none for that set.
 template <class Set>
 struct IsaTable {
   const Set* portable = nullptr;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// For files that are compiled with CUDA kernels only.
+// Only for files that are compiled with CUDA kernels.
 #pragma once
 
 #include <cstdint>
@@ -8,23 +8,23 @@
 
 namespace jade::kernel {
 
-/// How many blocks of `size` cover `count`.
+/// Number of blocks of `size` that cover `count`.
 JADE_HD constexpr int64_t block_count(int64_t count, int64_t size) {
   return (count + size - 1) / size;
 }
 
-/// block_count() as a grid dimension. CUDA refuses values that do not fit: see check_launch().
+/// block_count() as a grid dimension. CUDA rejects values that do not fit: see check_launch().
 inline unsigned grid_size(int64_t count, int64_t size) {
   return static_cast<unsigned>(block_count(count, size));
 }
 
-/// Whether the environment has JADE_CUDA_SYNC=1. Then nothing can be recorded as a CUDA graph.
+/// Whether the environment sets JADE_CUDA_SYNC=1. Then nothing can be captured in a CUDA graph.
 bool waits_for_launches();
 
-/// To be called after kernels were launched; does not wait for them, unless
-/// waits_for_launches(): then it reports the faults of these kernels too.
+/// Call after launching kernels. Does not wait for them, unless waits_for_launches(): then it also
+/// reports the faults of these kernels.
 /// @param what  the work, "the Adam step"
-/// @throws DeviceError when one did not start, or when the GPU reports the failure of an earlier
+/// @throws DeviceError if a kernel did not start, or if the GPU reports the failure of an earlier
 ///   one.
 void check_launch(const char* what);
 

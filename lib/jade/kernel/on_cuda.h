@@ -14,8 +14,8 @@ constexpr bool kWithCuda = true;
 constexpr bool kWithCuda = false;
 #endif
 
-/// Returns call(), which runs kernels on a GPU. Builds without CUDA kernels do not emit the body of
-/// a call that nobody makes, so the functions that it names need not exist there.
+/// Returns call(), which runs kernels on a GPU. Builds without CUDA kernels do not instantiate
+/// `call`, so the functions that it calls need not exist there.
 /// @param what  the work, "SSIM"
 /// @throws DeviceError in a build without CUDA kernels.
 template <class Call>

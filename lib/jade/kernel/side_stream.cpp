@@ -14,8 +14,8 @@ namespace {
 
 using c10::cuda::CUDAStream;
 
-/// One for each stream, as torch's allocator keeps memory by stream. Of high priority: what is
-/// queued there is waited for.
+/// One side stream per stream, because torch's allocator caches memory per stream. High priority,
+/// because the main stream waits for this work.
 CUDAStream beside(const CUDAStream& stream) {
   static std::mutex mutex;
   static auto& known = *new std::map<std::pair<c10::DeviceIndex, cudaStream_t>, CUDAStream>;
@@ -28,7 +28,7 @@ CUDAStream beside(const CUDAStream& stream) {
       .first->second;
 }
 
-/// `later` waits for what `earlier` has been given so far.
+/// Makes `later` wait for the work that `earlier` has queued so far.
 void order(const CUDAStream& earlier, const CUDAStream& later) {
   at::cuda::CUDAEvent done;
   done.record(earlier);

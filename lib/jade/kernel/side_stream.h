@@ -6,14 +6,14 @@
 
 namespace jade::kernel {
 
-/// Work on a GPU beside that of the current stream: short kernels of few blocks leave room for
-/// others. May be recorded in a CUDA graph, and may be used on a side stream again. On the CPU all
-/// runs where it is called.
+/// Runs work on a second GPU stream, concurrently with the current one; suitable for short kernels
+/// of few blocks. Can be captured in a CUDA graph, and can be nested. On the CPU, run() executes
+/// its work immediately.
 ///
-/// Memory: what one stream allocates and the other reads must live until join() has been called.
+/// Memory that one stream allocates and the other reads must live until join() has been called.
 class SideStream {
  public:
-  /// @param device  index of the GPU; below 0: the CPU
+  /// @param device  index of the GPU; negative: the CPU
   explicit SideStream(int device);
   /// Calls join().
   ~SideStream();
@@ -24,11 +24,11 @@ class SideStream {
   /// before the first run().
   void follow();
 
-  /// Calls `work`. What it queues runs on the side stream. Of a recorded step the stream that
-  /// queues first starts first.
+  /// Calls `work`; the kernels that it queues run on the side stream. In a captured graph, the
+  /// stream that queues first starts first.
   void run(const std::function<void()>& work);
 
-  /// Whether follow() has been called, and join() has not since; never for the CPU.
+  /// True between follow() and join(); always false on the CPU.
   bool apart() const;
 
   /// Makes later work of the constructor's stream wait for all work queued by run().
@@ -36,7 +36,7 @@ class SideStream {
 
  private:
   struct Streams;
-  std::unique_ptr<Streams> streams_;  ///< null for the CPU
+  std::unique_ptr<Streams> streams_;  ///< null on the CPU
 };
 
 }  // namespace jade::kernel

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Builds without CUDA kernels: one thing after the other.
+// Builds without CUDA kernels run all work in order.
 #include "jade/kernel/side_stream.h"
 
 namespace jade::kernel {

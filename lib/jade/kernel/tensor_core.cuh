@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Products of small matrices by one warp. No torch here.
+// Products of small matrices by one warp. Must not include torch.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,7 @@
 
 namespace jade::kernel {
 
-/// The nearest half-precision numbers (11 bits), the first in the lower 16 bits.
+/// Rounds two numbers to half precision (11 bits) and packs them, the first into the lower 16 bits.
 __device__ __forceinline__ uint32_t to_halves(float first, float second) {
 #if !defined(__CUDACC__)
   return emulated_to_halves(first, second);

@@ -19,12 +19,12 @@
 namespace jade::train {
 namespace {
 
-/// Bytes of device memory that are still free for constants.
+/// Remaining bytes of device memory for constants.
 class Budget {
  public:
   explicit Budget(int64_t bytes) : left_(bytes) {}
 
-  /// Takes so many bytes, or none.
+  /// Reserves that many bytes, or returns false.
   bool take(int64_t bytes) {
     if (bytes > left_) return false;
     left_ -= bytes;
@@ -46,7 +46,7 @@ torch::Tensor fetched(const torch::Tensor& tensor, torch::Device device) {
   return locked.to(device, /*non_blocking=*/true).to(torch::kFloat32);
 }
 
-/// The view's, or undefined where the bank has none of this kind.
+/// The view's tensor, or undefined if the bank does not store this kind.
 torch::Tensor of(const PerView& kind, size_t view) {
   return kind.empty() ? torch::Tensor() : kind[view];
 }
@@ -76,7 +76,7 @@ torch::Tensor shown(const torch::Tensor& image, const torch::Tensor& mask) {
   return image.defined() && mask.defined() ? image * mask.to(image.scalar_type()) : image;
 }
 
-/// The exposure with a frame that is black under its mask.
+/// The exposure with masked pixels of its frame set to black.
 data::Exposure masked(const data::Exposure& exposure) {
   data::Exposure out = exposure;
   if (out.mask.defined()) out.blurry = out.blurry.masked_fill(out.mask.logical_not(), 0);
@@ -98,8 +98,7 @@ torch::Tensor target_image(const data::Exposure& exposure, const std::filesystem
       concat(folder.string(), ": expected an image named ", exposure.name, ", found none"));
 }
 
-/// The target of Eq. (9) where it is made of the restorations and no router decides; else
-/// undefined.
+/// The target of Eq. (9) if it consists of the restorations and no router is used; else undefined.
 torch::Tensor restored_target(const restore::Restorations& restorations,
                               const RunOptions& options) {
   switch (options.objective.target) {
@@ -121,8 +120,8 @@ torch::Tensor restored_target(const restore::Restorations& restorations,
 
 bool restores_poses(const RunOptions& options) { return restored_every(options) > 0; }
 
-/// c of Eq. (7). The paper's 1 makes the operator a scale-free surrogate; the calibrated c turns it
-/// into the exposure model that EDI inverts.
+/// c of Eq. (7). With the paper's 1 the operator is a scale-free surrogate; with the calibrated c
+/// it is the exposure model that EDI inverts.
 double reblur_contrast(const events::EventVoxel& voxel, const RunOptions& options) {
   if (options.route.reblur_contrast > 0) return options.route.reblur_contrast;
   const auto thresholds = options.events.thresholds();
@@ -149,20 +148,19 @@ restore::RestoreOptions restore_options(const RunOptions& options) {
   return out;
 }
 
-/// Whether the target of a sampled pose reads EDI as the thresholds have it.
+/// Whether the target of a sampled pose reads EDI with the uncalibrated thresholds.
 bool targets_edi_at_poses(const RunOptions& options) {
   const losses::Target target = options.objective.target;
   return restores_poses(options) && target != losses::Target::kEfnet &&
          target != losses::Target::kNone;
 }
 
-/// Adds a view's maps to a kind, on the CPU: on a GPU they would take the network's memory and cut
-/// it into pieces that cannot be given back.
+/// Stores a view's maps on the CPU: on a GPU they would fragment the memory of the network.
 void put(PerView& kind, const torch::Tensor& maps, const torch::Tensor& mask = {}) {
   if (maps.defined()) kind.push_back(shown(maps, mask).cpu());
 }
 
-/// Maps at all moments in the type that is kept; of an exposure without length one stands for all.
+/// Maps at all moments in the stored type; an exposure of zero length has one for all.
 torch::Tensor kept(const torch::Tensor& moments, bool lasts, torch::Dtype type) {
   return (lasts ? moments : moments.narrow(0, 0, 1)).to(type);
 }
@@ -187,7 +185,7 @@ ViewBank::ViewBank(const data::Dataset& dataset, const RunOptions& options, torc
   if (options.exposure.quadrature == geometry::QuadratureRule::kTrapezoid) {
     weights_ = torch::tensor(sum.weights, torch::kFloat64).to(device, torch::kFloat32);
   }
-  // A CPU that restores has no threads to spare.
+  // A CPU that runs the restorer has no threads to spare.
   SumsAhead sums(dataset, how, efnet ? &restorer.metadata() : nullptr,
                  device.is_cuda() ? std::launch::async : std::launch::deferred);
   for (size_t i = 0; i < spans.size(); ++i) {

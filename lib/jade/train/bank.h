@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The bank: constants of all exposures, computed once. The training device holds as many kinds of
-// them as fit, the CPU the rest, from which a step fetches what it reads.
+// The bank: constants of all exposures, computed once. The training device stores as many kinds of
+// them as fit, the CPU the rest, which each step copies as needed.
 #pragma once
 
 #include <array>
@@ -21,32 +21,35 @@
 
 namespace jade::train {
 
-/// Most bytes of a GPU that frames, EDI factors and restorations of all views take: of 1280x720 in
-/// colour the frames of some 60 exposures.
+/// Upper limit in bytes for frames, EDI factors and restorations of all views on a GPU: the frames
+/// of some 60 exposures of 1280x720 in colour.
 constexpr int64_t kMostConstantBytes = int64_t{2} << 30;
 
-/// A kind of constants, of every view.
+/// One kind of constants, one tensor per view.
 using PerView = std::vector<torch::Tensor>;
 
-/// Bytes of the training device.
+/// Bytes on the training device.
 struct ConstantBytes {
   int64_t frames = 0;        ///< blurry frames with the window means of SSIM, and masks
   int64_t edi = 0;           ///< factors of EDI
-  int64_t restorations = 0;  ///< targets and what they are made of
+  int64_t restorations = 0;  ///< targets and the restorations they consist of
 };
 
 /// Constants of the training exposures, of K moments each. Views may differ in size.
 class ViewBank {
  public:
   ViewBank() = default;
-  /// Restores every exposure: voxels, EDI, EFNet, cameras. Shows progress; EFNet is loaded for the
-  /// duration of the call only, or is `early`, which somebody began to load.
+  /// Restores every exposure: voxels, EDI, EFNet, cameras. Shows progress. EFNet is loaded for the
+  /// duration of the call only, or is `early`, whose loading has already started.
   /// @param options  settled
-  /// @param most_device_bytes  The device holds as much, each kind for all views or none: the
-  ///   frames with their window means of SSIM, masks and targets, then EDI factors, then F at the
-  ///   restored poses. Frames that a router reads are there in any case.
-  /// @throws DataError, NumericError from the restorers; DataError before the first view where
-  /// every pose is to be restored and the restorer can do the middle only.
+  /// @param most_device_bytes  The device stores at most this much, each kind for all views or for
+  /// none:
+  ///   the frames with their window means of SSIM, masks and targets, then EDI factors, then F at
+  ///   the
+  ///   restored poses. Frames that a router reads are always on the device.
+  /// @throws DataError, NumericError from the restorers; DataError before the first view if all
+  /// poses
+  ///   are to be restored and the restorer supports the middle only.
   ViewBank(const data::Dataset& dataset, const RunOptions& options, torch::Device device,
            std::future<restore::Restorer> early = {},
            int64_t most_device_bytes = kMostConstantBytes);
@@ -58,14 +61,14 @@ class ViewBank {
   ///   middle. Needs objective.restored_poses other than middle
   View step_view(int64_t view, std::optional<int64_t> pose = {}) const;
 
-  /// R_k, with EDI_k(X) = X ⊙ R_k, at the moments of L_edi gray, L_edi colour and L_sim, of
+  /// R_k, with EDI_k(X) = X ⊙ R_k, at the moments of L_edi gray, L_edi colour and L_sim, for
   /// objective.edi_contrast.
   losses::EdiFactors edi_factors(int64_t view, const std::array<int64_t, 3>& moments) const;
-  /// [K,1,H,W] of all moments.
+  /// [K,1,H,W], all moments.
   torch::Tensor edi_factors(int64_t view) const;
 
   /// For pictures and the report: the frame, and Ψ, K(V) and both restorations at mid-exposure. On
-  /// the training device where a router reads them, else perhaps on the CPU.
+  /// the training device if a router reads them, else possibly on the CPU.
   View picture_view(int64_t view) const;
   /// [H,W] events of either polarity, on the CPU.
   torch::Tensor density(int64_t view) const { return density_[static_cast<size_t>(view)]; }
@@ -73,7 +76,7 @@ class ViewBank {
 
   /// Bytes of the first frame.
   int64_t frame_bytes() const { return static_cast<int64_t>(frames_[0].nbytes()); }
-  /// Bytes of the constants that the training device holds.
+  /// Bytes of the constants on the training device.
   ConstantBytes bytes_on_device() const;
 
  private:
@@ -87,25 +90,26 @@ class ViewBank {
 
   RunOptions options_;
   torch::Device device_ = torch::kCPU;
-  // Kinds that no step or picture asks for are empty.
+  // Kinds that no step or picture reads are empty.
   PerView frames_, masks_;                         // [3,H,W]; [1,H,W], empty: all pixels count
   std::vector<imaging::SsimTarget> window_means_;  // of the frames; empty on a GPU without frames
   PerView fixed_targets_;  // [3,H,W] at mid-exposure, neither routed nor the frame
-  // Maps at several moments; of an exposure without length one stands for all.
+  // Maps at several moments; an exposure of zero length has one for all.
   PerView edi_;         // [K,1,H,W] R_k of objective.edi_contrast, float16 where that is not 1
-  PerView target_edi_;  // [K,1,H,W] R_k of the thresholds, where a target reads it and edi_ is not
+  PerView target_edi_;  // [K,1,H,W] R_k for the thresholds, if a target reads it and edi_ differs
   PerView efnet_;       // [R,3,H,W] F at the restored poses, float16
-  PerView psi_, reblur_kernel_;  // [R,2,H,W], [R,1,H,W] there, for a router
+  PerView psi_, reblur_kernel_;  // [R,2,H,W], [R,1,H,W] at the restored poses, for a router
   // Mid-exposure:
   PerView middle_edi_, middle_efnet_;  // [3,H,W]
   PerView middle_psi_, middle_reblur_kernel_, density_;
   std::vector<splat::CameraBatch> cameras_;  // on the device
-  torch::Tensor u_, weights_;                // [K] there, as View's
+  torch::Tensor u_, weights_;                // [K], as in View
 };
 
-/// SHA-256 of the restorer's file; empty where the options need none.
-/// @throws ConfigError if EFNet is needed and not named; DataError if its file cannot be read or is
-/// not the one that efnet.sha256 means.
+/// SHA-256 of the restorer's file; empty if the options need none.
+/// @throws ConfigError if EFNet is needed and not named; DataError if its file cannot be read or
+/// its
+///   hash is not efnet.sha256.
 std::string restorer_sha256(const RunOptions& options);
 
 }  // namespace jade::train

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Many copies on a GPU in one launch: a step's inputs are some thirty small tensors.
+// Many copies on a GPU in one launch: a step's inputs are about thirty small tensors.
 #pragma once
 
 #include <cstdint>
@@ -7,7 +7,7 @@
 
 namespace jade::train {
 
-/// `bytes` bytes from one place of a device to another, of any alignment.
+/// Copies `bytes` bytes on one device, with any alignment.
 struct BufferCopy {
   const void* from = nullptr;
   void* to = nullptr;
@@ -16,8 +16,8 @@ struct BufferCopy {
 
 namespace cuda {
 
-/// All copies on the current stream, in a launch for each 64 of them; does not wait. No
-/// destination may overlap another buffer. @throws DeviceError.
+/// Runs all copies on the current stream, one launch per 64 of them; does not wait. No destination
+/// may overlap another buffer. @throws DeviceError.
 void copy_all(const std::vector<BufferCopy>& copies);
 
 }  // namespace cuda

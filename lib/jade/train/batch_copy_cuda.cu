@@ -9,15 +9,15 @@ namespace jade::train::cuda {
 namespace {
 
 constexpr int kThreads = 256;
-constexpr int kMostCopies = 64;  ///< per launch: they travel as its argument
+constexpr int kMostCopies = 64;  ///< per launch: they are passed as its argument
 constexpr int64_t kChunk = 16384;
 
 struct Batch {
   BufferCopy copies[kMostCopies];
-  int64_t end_block[kMostCopies];  ///< the first block that is no longer of this copy
+  int64_t end_block[kMostCopies];  ///< the first block after this copy
 };
 
-/// Copies [begin, end) bytes in units of T, which divides both and the addresses.
+/// Copies [begin, end) bytes in units of T, whose size divides both and the addresses.
 template <class T>
 __device__ void copy_span(const BufferCopy& copy, int64_t begin, int64_t end) {
   const T* const from = static_cast<const T*>(copy.from);
@@ -28,7 +28,7 @@ __device__ void copy_span(const BufferCopy& copy, int64_t begin, int64_t end) {
   }
 }
 
-/// A block copies one chunk of one of the buffers.
+/// One block copies one chunk of one of the buffers.
 __global__ void __launch_bounds__(kThreads) copy_kernel(Batch batch) {
   const int64_t block = blockIdx.x;
   int index = 0;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The random choices of a step as functions of the seed and the step alone: a resumed run makes the
-// same ones without any saved state, and raising the number of iterations changes none.
+// The random choices of a step as functions of only the seed and the step: a resumed run repeats
+// them without saved state, and more iterations do not change them.
 #pragma once
 
 #include <cstdint>
@@ -11,7 +11,7 @@
 
 namespace jade::train {
 
-/// Which view each step takes: every epoch is a new shuffle of all views, one view a step.
+/// The view of each step: every epoch is a new shuffle of all views, one view per step.
 class ViewOrder {
  public:
   ViewOrder(uint64_t seed, int64_t views) : seed_(seed), views_(views) {}
@@ -25,9 +25,10 @@ class ViewOrder {
   std::vector<int64_t> order_;
 };
 
-/// The poses of L_edi gray, L_edi colour and L_sim for each step, and of L_tgt where it is asked
-/// for, each uniform in 0..K−1, the last among every `target_every`-th of them. A block of steps is
-/// sampled and brought to the device at once. Asking for the fourth changes none of the three.
+/// The sampled poses of L_edi gray, L_edi colour and L_sim for each step, and of L_tgt if
+/// requested, each uniform in 0..K−1, the last among every `target_every`-th of them. A block of
+/// steps is sampled and copied to the device at once. Requesting the fourth does not change the
+/// other three.
 class PoseDraws {
  public:
   PoseDraws() = default;
@@ -40,7 +41,7 @@ class PoseDraws {
         target_every_(target_every) {}
   /// [3] int64 on the device, [4] with that of L_tgt. @param step  counted from 1.
   torch::Tensor at(int64_t step);
-  /// Host copy of the draws, without waiting for the device; valid until the next call.
+  /// Host copy of the samples, without waiting for the device; valid until the next call.
   const int64_t* on_host(int64_t step);
 
  private:
@@ -55,13 +56,13 @@ class PoseDraws {
   torch::Tensor draws_, on_host_;  // [kBlock,3] or [kBlock,4]
 };
 
-/// The weights of L_tgt and L_edi for each step, where they fall in the course of the run.
+/// The weights of L_tgt and L_edi for each step, if they decrease during the run.
 class TermWeights {
  public:
   TermWeights() = default;
   TermWeights(const losses::ObjectiveOptions& options, int64_t steps, torch::Device device)
       : options_(options), steps_(steps), device_(device) {}
-  /// [2] float32 on the device; undefined where they stay. @param step  counted from 1.
+  /// [2] float32 on the device; undefined if they are constant. @param step  counted from 1.
   torch::Tensor at(int64_t step);
 
  private:

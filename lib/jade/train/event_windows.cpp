@@ -14,7 +14,7 @@
 namespace jade::train {
 namespace {
 
-/// `count` distinct numbers below `bound`, as they come; all of them when there are no more.
+/// Samples `count` distinct numbers below `bound`, unsorted; all of them if there are no more.
 torch::Tensor draw_distinct(at::Generator& generator, int64_t count, int64_t bound) {
   if (count >= bound) return torch::arange(bound, torch::kInt64);
   std::unordered_set<int64_t> sampled;
@@ -51,10 +51,10 @@ EventWindow EventWindows::at(int64_t step, int64_t view) const {
   auto generator = make_generator(seed_, concat("event window of step ", step));
   const int64_t last_start = std::max(span.begin_us, span.end_us - window_us_);
   const int64_t begin = span.begin_us + draw_index(generator, last_start - span.begin_us + 1);
-  // A window that is longer than its exposure ends with it, as the path does.
+  // A window that is longer than its exposure is cut at its end, like the path.
   const int64_t end = std::min(begin + window_us_, std::max(span.end_us, begin + 1));
   const torch::Tensor pixels = draw_distinct(generator, pixels_, size_.height * size_.width);
-  // All that the host draws in one copy: two poses, two times, the pixels, every one exact in
+  // All random choices of the host in one copy: two poses, two times, the pixels, all exact in
   // float64.
   const torch::Tensor sampled =
       torch::empty({2 * 16 + 2 + pixels.numel()},

@@ -18,8 +18,8 @@ struct EventWindow {
   splat::CameraBatch cameras;  ///< two: at the start and at the end of the window
   torch::Tensor u;             ///< [2] float64, their times in units of the step's exposure, in
                                ///< [0,1]
-  torch::Tensor counts;        ///< [H,W] signed events in it
-  torch::Tensor pixels;        ///< [P] int64, distinct pixels that L_ev looks at
+  torch::Tensor counts;        ///< [H,W] signed sum of the window's events
+  torch::Tensor pixels;        ///< [P] int64, distinct pixels sampled for L_ev
   torch::Tensor color_filter;  ///< [H,W,3] bool, the colour of each pixel's events; undefined: gray
 
   bool defined() const { return counts.defined(); }
@@ -43,8 +43,8 @@ struct EventWindow {
   }
 };
 
-/// Draws the time windows of L_ev as functions of the seed and the step, like train/draws.h. Keeps
-/// the recording's events on the device: 17 bytes each.
+/// Samples the time windows of L_ev as functions of the seed and the step, like train/draws.h.
+/// Keeps the recording's events on the device: 17 bytes each.
 class EventWindows {
  public:
   /// Windows of `event_window_share` of the first exposure's duration, inside the step's exposure.
@@ -57,9 +57,9 @@ class EventWindows {
   EventWindow at(int64_t step, int64_t view) const;
 
  private:
-  std::vector<ExposureSpan> spans_;  // a window lies inside that of its exposure
-  events::EventStream events_;       // on the CPU, where windows are looked up
-  events::EventStream on_device_;    // the same events, where they are counted
+  std::vector<ExposureSpan> spans_;  // each window lies inside that of its exposure
+  events::EventStream events_;       // on the CPU, for the search of windows
+  events::EventStream on_device_;    // the same events, for their counts
   events::ImageSize size_;
   splat::CameraBatch cameras_;  // two, whose poses at() sets
   torch::Tensor color_filter_;

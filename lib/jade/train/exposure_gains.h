@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The brightness of each frame against that of the scene: a camera that adjusts itself changes the
-// length and the gain of its exposures from frame to frame.
+// The brightness of each frame relative to the scene: automatic exposure changes exposure time and
+// gain from frame to frame.
 #pragma once
 
 #include <memory>
@@ -29,7 +29,7 @@ struct GainOptions {
 };
 
 /// Weight of the squared distance of a log gain from the data set's: ten percent of a gain cost
-/// 1e-4, a thousandth of a usual loss.
+/// 1e-4, a thousandth of a typical loss.
 constexpr double kGainPriorWeight = 0.01;
 
 template <class V>
@@ -42,7 +42,7 @@ void describe(V& v, GainOptions& o) {
 /// Whether a run on this data set learns gains.
 bool learns_gains(const GainOptions& options, const data::Dataset& dataset);
 
-/// A gain per training exposure, float64 logs. What all of them share is the brightness of the
+/// One gain per training exposure, as float64 logs. A factor common to all is the brightness of the
 /// scene, so their mean log stays that of the data set.
 class ExposureGains : public torch::nn::Module {
  public:
@@ -50,14 +50,14 @@ class ExposureGains : public torch::nn::Module {
 
   bool learned() const { return log_gains_.requires_grad(); }
 
-  /// By what a render of the exposure is multiplied to be as bright as its frame, [1] float32;
-  /// differentiable where learned. @param exposure  [1] int64
+  /// The factor that makes a render of the exposure as bright as its frame, [1] float32;
+  /// differentiable if learned. @param exposure  [1] int64
   torch::Tensor forward(const torch::Tensor& exposure) const;
 
   /// Squared distance of the exposure's log gain from the data set's, scalar float32.
   torch::Tensor squared_change(const torch::Tensor& exposure) const;
 
-  /// To be called after each update: takes out what all gains have gained.
+  /// Call after each update: subtracts the change of the mean log gain.
   void hold_mean();
 
   const torch::Tensor& log_gains() const { return log_gains_; }  ///< [V,1], the parameter
@@ -69,7 +69,7 @@ class ExposureGains : public torch::nn::Module {
   torch::Tensor log_gains_;
 };
 
-/// nullptr where every frame is as bright as the scene and none is learned.
+/// nullptr if every frame is as bright as the scene and no gain is learned.
 std::shared_ptr<ExposureGains> make_exposure_gains(const GainOptions& options,
                                                    const data::Dataset& dataset);
 

@@ -16,8 +16,8 @@ torch::Tensor world_from_camera(const geometry::Pose& camera_from_world) {
   return geometry::to_tensor(geometry::inverse(camera_from_world));
 }
 
-/// Start and end of an exposure, and for a spline the same motion once before and once after, so
-/// that the spline's middle segment runs along the line between them.
+/// Start and end of an exposure and, for a spline, the same motion once before and once after, so
+/// that the spline's middle segment is the line between them.
 torch::Tensor first_guess(const data::Exposure& exposure, bool cubic) {
   const torch::Tensor start = world_from_camera(exposure.poses.front());
   const torch::Tensor end = world_from_camera(exposure.poses.back());
@@ -35,7 +35,7 @@ torch::Tensor first_guesses(const data::Dataset& dataset, bool cubic) {
   return torch::stack(guesses);
 }
 
-/// Poses at which the control twists of a multi-segment spline act, accurate enough for the gauge.
+/// Poses at the control twists of a multi-segment spline, accurate enough for the gauge.
 torch::Tensor poses_at_controls(const data::Dataset& dataset, int64_t control_poses) {
   std::vector<torch::Tensor> all;
   for (const ExposureSpan& span : exposure_spans(dataset)) {

@@ -23,7 +23,7 @@ constexpr auto words_of(PosePath) {
                     Word{"cubic", PosePath::kCubic, "along a B-spline of four poses"}};
 }
 
-/// Learned path before the first step.
+/// Initial path of learned poses.
 enum class PoseStart { kLine, kData };
 
 constexpr auto words_of(PoseStart) {
@@ -38,11 +38,11 @@ struct PoseOptions {
   int64_t control_poses = 12;
   double lr = 3e-4;
   int64_t test_fit_steps = 200;
-  /// Steps over which the step size falls: 30,000 of 25,000, as in BAD-Gaussians. No key.
+  /// Steps over which the step size decreases: 30,000 of 25,000, as in BAD-Gaussians. No key.
   Steps lr_max_steps = Steps::share(120);
 };
 
-/// How many times smaller the poses' step size ends than it starts, as in BAD-Gaussians.
+/// Ratio of the poses' initial to final step size, as in BAD-Gaussians.
 constexpr double kPoseLrFall = 100;
 
 template <class V>
@@ -72,48 +72,48 @@ void describe(V& v, PoseOptions& o) {
 double pose_lr(const PoseOptions& options, int64_t step);
 
 /// The learned path of every exposure, by two twists (linear) or four and more (cubic) that start
-/// at zero, float64, differentiable on any device without asking the host; geometry/exposure_path.h
+/// at zero, float64, differentiable on any device without synchronisation; geometry/exposure_path.h
 /// has the equations.
 ///
-/// kLine, as BAD-Gaussians: twists move the control poses of a path that begins as the SE(3) line
-/// from the exposure's first pose to its last. What the data say in between is lost, and so is the
-/// motion within an exposure that a line or one spline segment cannot follow.
+/// kLine, as BAD-Gaussians: twists move the control poses of a path that starts as the SE(3) line
+/// from the exposure's first pose to its last. The data's poses between them are ignored, and a
+/// line or one spline segment limits the motion within an exposure.
 ///
 /// kData: world_from_camera(u) = data(u) · exp(ξ(u)), ξ(u) linear or a cubic B-spline. A run starts
-/// at exactly the data's poses and keeps their motion within the exposure, however it shakes; what
-/// is learned is their error, which is small and changes slowly.
+/// at exactly the data's poses and preserves their motion within the exposure, however irregular;
+/// it learns only their error, which is small and changes slowly.
 class ExposurePoses : public torch::nn::Module {
  public:
   /// @param options  optimize is kLinear or kCubic.
-  /// @param dataset  its training exposures have one camera; needs its depth bounds
+  /// @param dataset  its training exposures share one camera; needs its depth bounds
   ExposurePoses(const PoseOptions& options, const data::Dataset& dataset);
 
   /// camera_from_world of an exposure at the times u, [M,4,4] float32; differentiable in the
   /// twists.
   /// @param exposure  [1] int64
   /// @param u         [M] float64, in units of the exposure
-  /// @param data      [M,4,4] camera_from_world, the data's at these times; kData alone reads them
+  /// @param data      [M,4,4] camera_from_world, the data's at these times; only kData reads them
   torch::Tensor forward(const torch::Tensor& exposure, const torch::Tensor& u,
                         const torch::Tensor& data) const;
 
-  /// To be called after each update: for kData takes out of the twists the motion and scale that
-  /// all cameras share (pose_gauge.h), so that the learned poses stay in the data's world. All
-  /// exposures then move, those too that the update did not see, as the motion of one is shared by
-  /// all: by an update's 1/V. Removed later, at the end of an epoch, say, it would come as one jump
-  /// of all cameras, which the scene would have to follow. Adam's moments stay: they hold gradients
-  /// of the exposure alone, and this is a change of the world's axes. kLine: nothing.
+  /// Call after each update: for kData, removes from the twists the motion and scale that all
+  /// cameras share (pose_gauge.h), so that the learned poses stay in the data's world. This moves
+  /// all exposures, including those that the update did not change, by 1/V of an update. Removing
+  /// it less often, for example once per epoch, would move all cameras by one large step, which the
+  /// scene would have to follow. Adam's moments are unchanged: they contain gradients of each
+  /// exposure, whereas this changes the world's axes. Does nothing for kLine.
   void hold_gauge();
 
   const torch::Tensor& twists() const { return twists_; }  ///< [V,K,6], the parameter
 
  private:
   PoseStart start_;
-  torch::Tensor control_;  ///< [V,K,4,4] world_from_camera that kLine moves
-  PoseGauge gauge_;        ///< kData's
+  torch::Tensor control_;  ///< [V,K,4,4] world_from_camera, the control poses of kLine
+  PoseGauge gauge_;        ///< for kData
   torch::Tensor twists_;
 };
 
-/// nullptr where the poses of the data stay.
+/// nullptr if the data's poses are not learned.
 std::shared_ptr<ExposurePoses> make_exposure_poses(const PoseOptions& options,
                                                    const data::Dataset& dataset);
 

@@ -6,7 +6,7 @@
 namespace jade::train {
 namespace {
 
-/// Timed poses in strictly rising order; of two at one time the first stays.
+/// Timed poses in strictly increasing order; of two at one time the first is kept.
 class TimedPoses {
  public:
   void add(double t_us, const geometry::Pose& pose) {

@@ -9,7 +9,7 @@
 
 namespace jade::train {
 
-/// A stretch of time and the camera's way through it.
+/// A time span and the camera path in it.
 struct ExposureSpan {
   int64_t begin_us = 0, end_us = 0;
   geometry::Trajectory path;
@@ -20,11 +20,11 @@ struct ExposureSpan {
   }
 };
 
-/// The exposure and the way through its nine poses.
+/// The exposure with the path through its nine poses.
 ExposureSpan span_of(const data::Exposure& exposure);
 
-/// All training exposures, along the data set's own path where it covers them, else through their
-/// nine poses.
+/// All training exposures, with the data set's own path if it covers them, else through their nine
+/// poses.
 std::vector<ExposureSpan> exposure_spans(const data::Dataset& dataset);
 
 }  // namespace jade::train

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A fixed pattern: the offsets that rows, columns and single pixels of a sensor add to each of its
-// frames. A camera that moves in more than one direction tells them from the scene.
+// A fixed pattern: the offsets that rows, columns and single pixels of a sensor add to every frame.
+// Camera motion in more than one direction separates them from the scene.
 #pragma once
 
 #include <array>
@@ -26,9 +26,10 @@ constexpr auto words_of(LearnPattern) {
 /// The configuration group `pattern`.
 struct PatternOptions {
   LearnPattern learn = LearnPattern::kAuto;
-  // No keys: other values were not measured.
+  // No keys: only these values were measured.
   double lr = 2e-4;           ///< Adam step size of the offsets; white is 1
-  double prior_weight = 0.5;  ///< of the mean squared offset, which pulls the pattern towards 0
+  double prior_weight = 0.5;  ///< weight of the mean squared offset, which pulls the pattern
+                              ///< towards 0
 };
 
 template <class V>
@@ -38,7 +39,7 @@ void describe(V& v, PatternOptions& o) {
           "scene");
 }
 
-/// Offsets of all frames of one sensor.
+/// Offsets that all frames of one sensor share.
 class FixedPattern : public torch::nn::Module {
  public:
   FixedPattern(int64_t channels, int64_t height, int64_t width);
@@ -55,10 +56,11 @@ class FixedPattern : public torch::nn::Module {
   torch::Tensor offsets_;
 };
 
-/// Whether one is learned: as the options say, else where data::estimate_pattern() finds one.
+/// Whether to learn a pattern: as the options say, or for kAuto if data::estimate_pattern() finds
+/// one.
 bool learns_pattern(const PatternOptions& options, const data::Dataset& dataset);
 
-/// nullptr where none is learned, and for frames of several sizes, which are not of one sensor.
+/// nullptr if none is learned, and for frames of several sizes, which are not from one sensor.
 std::shared_ptr<FixedPattern> make_fixed_pattern(const PatternOptions& options,
                                                  const data::Dataset& dataset);
 

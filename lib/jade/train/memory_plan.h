@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Who takes how much of the training device's memory, before the first step.
+// Estimates the use of the training device's memory before the first step.
 #pragma once
 
 #include <cstdint>
@@ -11,10 +11,10 @@
 
 namespace jade::train {
 
-/// Bytes. What the splatting op keeps of a step depends on the scene and is not in it.
+/// Bytes. Excludes what the splatting op stores per step, which depends on the scene.
 struct MemoryPlan {
   ConstantBytes constants;
-  int64_t gaussians = 0;  ///< as many as there may be, with gradients and both moments of Adam
+  int64_t gaussians = 0;  ///< the largest allowed number, with gradients and both moments of Adam
   int64_t renders = 0;    ///< of one step, with gradients
 
   int64_t total() const {
@@ -22,13 +22,13 @@ struct MemoryPlan {
   }
 };
 
-/// Counts what the bank holds on the training device, not what waits on the CPU.
+/// Counts the bank's memory on the training device, not on the CPU.
 MemoryPlan memory_plan(const ViewBank& bank, const TrainState& state, const RunOptions& options);
 
 /// "210 MiB: 12 frames 3, EDI 30, restorations 110, 150000 Gaussians 135, renders 40".
 std::string text_of(const MemoryPlan& plan, int64_t views, int64_t most_gaussians);
 
-/// How many Gaussians there may be in the course of a run.
+/// The largest number of Gaussians in the course of a run.
 int64_t most_gaussians(const TrainState& state, const RunOptions& options);
 
 }  // namespace jade::train

@@ -6,7 +6,7 @@
 
 namespace jade::train {
 
-/// Adam over a handful of small tensors in one fused call per step size, its step counter on their
+/// Adam over a few small tensors in one fused call per step size, with its step counter on their
 /// device: for the router and the camera response, where launches would cost more than the
 /// arithmetic.
 class ModuleAdam {
@@ -18,8 +18,8 @@ class ModuleAdam {
 
   bool empty() const { return parameters_.empty(); }
 
-  /// One step with the gradients that the parameters hold. A parameter without one stays as it is,
-  /// with its moments and its step count; at least one must have one.
+  /// Updates the parameters that have a gradient. A parameter without one keeps its value, moments
+  /// and step count; at least one must have one.
   void step() { step(lrs_); }
   /// Steps with one step size for all parameters.
   void step(double lr) { step(std::vector<double>(parameters_.size(), lr)); }

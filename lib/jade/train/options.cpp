@@ -13,13 +13,13 @@ bool is_routed(const RunOptions& options) {
          options.allocation.kind != router::AllocationKind::kNone;
 }
 
-/// The printed sum over an exposure.
+/// Whether the exposure is the sum of nine moments printed in the paper.
 bool has_nine_equal_moments(const RunOptions& options) {
   return options.exposure.samples == geometry::kExposurePoses && options.events.edi_samples == 0 &&
          options.exposure.quadrature == geometry::QuadratureRule::kEqual;
 }
 
-/// objective.restored_poses but for middle, against what knows the middle only.
+/// Checks that the other options support objective.restored_poses other than middle.
 void validate_restored_poses(const RunOptions& options) {
   const losses::RestoredPoses poses = options.objective.restored_poses;
   if (poses == losses::RestoredPoses::kMiddle) return;
@@ -160,7 +160,7 @@ void validate(const RunOptions& options) {
         "train.target_images: needed by objective.target image_folder; name a folder of images");
   }
   const gaussians::DensifyOptions& densify = options.densify;
-  // In a run of a few steps both shares may come to the same step; nothing is densified then.
+  // In a run of a few steps both shares may round to the same step; it then has no densification.
   const bool in_order =
       densify.from < densify.until || (densify.from == densify.until && densify.until.is_share());
   if (!in_order && densify.strategy != gaussians::DensifyStrategy::kNone && densify.until > 0) {

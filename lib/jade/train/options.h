@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Everything that a run's YAML can say, composed from the options of the modules.
+// All settings of a run, composed from the options of the modules.
 #pragma once
 
 #include <cstdint>
@@ -35,10 +35,10 @@ struct TrainOptions {
   int64_t evaluate_every = 5000;
   int64_t picture_every = 5000;
   std::filesystem::path target_images;
-  /// Steps until the colours get one more SH degree, up to 3: 1,000 of 25,000, as in 3DGS. No key.
+  /// Steps until the SH degree increases by one, up to 3: 1,000 of 25,000, as in 3DGS. No key.
   Steps sh_degree_every = Steps::share(4);
-  /// Records steps on a GPU as a CUDA graph, several times faster. Has no effect with deterministic
-  /// and allocation.kind per_view_map. No key: jade_bench compares both.
+  /// Captures steps on a GPU as a CUDA graph, several times faster. Has no effect with
+  /// deterministic and allocation.kind per_view_map. No key: jade_bench compares both.
   bool cuda_graph = true;
 };
 
@@ -83,7 +83,7 @@ void describe(V& v, SplatOptions& o) {
 
 struct CheckpointOptions {
   int64_t every = 5000;
-  /// How many of the newest checkpoints stay: an older one replaces one that is damaged. No key.
+  /// Number of newest checkpoints to keep, so that an older one can replace a damaged one. No key.
   int64_t keep = 2;
 };
 
@@ -95,8 +95,8 @@ void describe(V& v, CheckpointOptions& o) {
   v.fixed("keep", o.keep);
 }
 
-/// A whole run. Default-constructed it is what we recommend, as configs/base.yaml says it; the
-/// paper's method is printed_options().
+/// All settings of a run. Default-constructed it has the recommended settings, those of
+/// configs/base.yaml; printed_options() has the paper's.
 struct RunOptions {
   int64_t seed = 0;
   std::string device = "auto";
@@ -149,37 +149,37 @@ void describe(V& v, RunOptions& o) {
   v.group("checkpoint", o.checkpoint, "what a run can be resumed from");
 }
 
-/// The paper's method with what it inherits, but that densification counts all poses and not the
-/// first alone. It is also what stored settings mean by a key that they lack: they are of a version
-/// that had no such key and did as printed.
+/// The paper's method with its inherited settings, except that densification counts all poses and
+/// not only the first. It also provides the values of keys that stored settings lack: they come
+/// from a version that had no such key and did as printed.
 RunOptions printed_options();
 
-/// True for a routed target whose α ≡ 1 is the analytical restoration alone.
+/// True for a routed target with α ≡ 1, which is the analytical restoration.
 bool routed_to_edi(const RunOptions& options);
 
-/// True when the options ask for F(B, V): a routed, EFNet or mean target.
+/// True if the options need F(B, V): a routed, EFNet or mean target.
 bool needs_efnet(const RunOptions& options);
 
-/// Every so many of an exposure's moments are restored, from the first on, for
-/// objective.restored_poses; 0: mid-exposure alone.
+/// Stride of the restored moments of an exposure, from the first on, for objective.restored_poses;
+/// 0: only mid-exposure.
 int64_t restored_every(const RunOptions& options);
 
-/// The moments that are restored, 0 the start and 1 the end; empty: mid-exposure alone.
+/// The restored moments, 0 the start and 1 the end; empty: only mid-exposure.
 std::vector<double> restored_times(const RunOptions& options);
 
-/// The steps that shares are of.
+/// The number of steps to which shares refer.
 int64_t calendar_steps(const RunOptions& options);
 
-/// Turns the shares of the calendar into numbers of steps, and keeps opacity resets out of the last
+/// Converts the schedule's shares to numbers of steps, and prevents opacity resets in the last
 /// tenth of the run. Reading a configuration does it (config::load).
 void settle(RunOptions& options);
 
-/// Applies settings that a data set forces, with one line in the log: a DiET-GS release
-/// has nine posed images per exposure, the mean of which is its blurry frame, so its exposures are
-/// nine equal moments and EDI's integral is over them.
+/// Applies settings that a data set requires, and logs one line: a DiET-GS release has nine posed
+/// images per exposure, whose mean is its blurry frame, so its exposures consist of nine equal
+/// moments and EDI integrates over them.
 void apply_dataset(const data::Dataset& dataset, RunOptions& options);
 
-/// Rules between fields.
+/// Checks rules between fields.
 /// @throws ConfigError naming the keys.
 void validate(const RunOptions& options);
 

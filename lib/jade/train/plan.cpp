@@ -7,8 +7,8 @@
 namespace jade::train {
 namespace {
 
-/// The widest stride up to `widest`, a power of two, that leaves start, middle and end of the
-/// exposure among the moments.
+/// The widest stride up to `widest`, a power of two, that keeps start, middle and end of the
+/// exposure.
 int64_t possible_stride(int64_t samples, int64_t widest) {
   int64_t stride = widest;
   while (stride > 1 && (samples - 1) % (2 * stride) != 0) stride /= 2;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Plan of a step: the terms and updates that act. plan_step() alone decides it; the steps, the
-// rules between settings, the benchmark and the recorded step all read the plan.
+// Plan of a step: its active terms and updates. Only plan_step() decides; the steps, the rules
+// between settings, the benchmark and the captured step all read the plan.
 #pragma once
 
 #include <cstdint>
@@ -12,17 +12,19 @@
 
 namespace jade::train {
 
-/// Steps with equal plans do the same operations, on other numbers.
+/// Steps with equal plans run the same operations on different numbers.
 struct StepPlan {
-  losses::ObjectivePlan objective;  ///< its target also rests where no allocation makes one
-  bool route = false;               ///< θ takes a step
+  losses::ObjectivePlan objective;  ///< its target term is also off if no allocation computes a
+                                    ///< target
+  bool route = false;               ///< θ is updated
   int sh_degree = 3;                ///< of the renders
-  int64_t moment_stride = 1;        ///< the exposure has every so many of its moments
-  bool learned_poses = false;       ///< the exposure's cameras come from the state
-  bool statistics = false;          ///< the renders feed the screen gradients of densification
-  bool recordable = false;          ///< recording is wanted, and nothing depends on the host
+  int64_t moment_stride = 1;        ///< every so many moments of the exposure are rendered
+  bool learned_poses = false;       ///< the exposure's cameras are learned
+  bool statistics = false;          ///< the renders contribute to the screen gradients of
+                                    ///< densification
+  bool recordable = false;          ///< capture is enabled, and no operation depends on the host
 
-  /// For the comparison.
+  /// For operator==.
   auto members() const {
     const auto all =
         std::tie(objective, route, sh_degree, moment_stride, learned_poses, statistics, recordable);
@@ -38,7 +40,7 @@ struct StepPlan {
 /// @param step  counted from 1
 StepPlan plan_step(const RunOptions& options, int64_t step);
 
-/// Moments that a step renders, on average over the run, as a share of all.
+/// Mean share of an exposure's moments that a step renders, over the run.
 double mean_share_of_moments(const RunOptions& options);
 
 }  // namespace jade::train

@@ -11,10 +11,10 @@
 namespace jade::train {
 namespace {
 
-/// Least norm of a direction after orthogonalisation; a smaller rest is rounding.
+/// Least norm of a direction after orthogonalisation; a smaller norm is rounding.
 constexpr double kNewWay = 1e-9;
 
-/// The seven ways as twists, [7,V,K,6].
+/// The seven directions as twists, [7,V,K,6].
 torch::Tensor world_motions(const torch::Tensor& control) {
   const torch::Tensor back = control.narrow(-1, 0, 3).narrow(-2, 0, 3).transpose(-1, -2);
   torch::Tensor centre = control.narrow(-2, 0, 3).select(-1, 3);
@@ -43,7 +43,8 @@ PoseGauge pose_gauge(const torch::Tensor& control, double depth) {
   JADE_CHECK(depth > 0, "expected a depth above 0, found ", depth);
   const torch::Tensor unit = torch::cat(
       {torch::full({3}, 1 / depth, control.options()), torch::ones({3}, control.options())});
-  // Gram and Schmidt, twice over: seven ways need no more, and its bits do not depend on threads.
+  // Gram-Schmidt, applied twice, is accurate enough for seven directions and independent of the
+  // number of threads.
   std::vector<torch::Tensor> basis;
   for (const torch::Tensor& way : (world_motions(control) * unit).unbind(0)) {
     torch::Tensor rest = way;

@@ -1,29 +1,30 @@
 // SPDX-License-Identifier: Apache-2.0
-// The update of learned poses over plain pointers: Adam by rows, and what is taken out after it.
-// A step's poses are some thousand numbers, so on a GPU launches are all that it costs.
+// The update of learned poses over plain pointers: Adam by rows, and the removal of the gauge. A
+// step has about a thousand numbers, so on a GPU only the number of launches matters.
 #pragma once
 
 #include <cstdint>
 
 namespace jade::train {
 
-/// One Adam step (RowAdam) of the rows whose gradient waits: seen > 0. The others keep their bits.
+/// One Adam step (RowAdam) of the rows with an accumulated gradient: seen > 0. The others keep
+/// their bits.
 struct RowStep {
   double* value = nullptr;
   double* first = nullptr;
   double* second = nullptr;
-  double* gradient = nullptr;  ///< 0 afterwards, like `seen`
+  double* gradient = nullptr;  ///< reset to 0, like `seen`
   double* steps = nullptr;     ///< [rows]
   int64_t* seen = nullptr;     ///< [rows]
   int64_t rows = 0;
-  int64_t row = 0;  ///< numbers of a row
+  int64_t row = 0;  ///< numbers per row
   double lr = 0;
   double eps = 0;
 };
 
-/// A step's gradient, added to those that wait; `row` has been seen once more.
+/// Adds a step's gradient to the accumulated one, and counts one more for `row`.
 struct RowGradient {
-  const double* of = nullptr;  ///< [size], the step's
+  const double* of = nullptr;  ///< [size], gradient of the step
   double* gradient = nullptr;  ///< [size]
   int64_t* seen = nullptr;     ///< [rows]
   const int64_t* row = nullptr;
@@ -47,7 +48,7 @@ void remove_gauge(const GaugeStep& step);
 }  // namespace cpu
 
 namespace cuda {
-/// On the current stream of the current device; do not wait. @throws DeviceError.
+/// Run on the current stream of the current device; do not wait. @throws DeviceError.
 void accumulate(const RowGradient& step);
 void update_rows(const RowStep& step);
 void remove_gauge(const GaugeStep& step);

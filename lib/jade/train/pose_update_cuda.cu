@@ -16,7 +16,7 @@ __global__ void __launch_bounds__(kThreads) accumulate_kernel(RowGradient step) 
   if (i == 0) ++step.seen[*step.row];
 }
 
-/// A block per row.
+/// One block per row.
 __global__ void __launch_bounds__(kThreads) rows_kernel(RowStep step) {
   const int64_t row = blockIdx.x;
   if (step.seen[row] <= 0) return;
@@ -25,14 +25,14 @@ __global__ void __launch_bounds__(kThreads) rows_kernel(RowStep step) {
   for (int64_t i = threadIdx.x; i < step.row; i += kThreads) {
     update_number(step, constants, row * step.row + i);
   }
-  __syncthreads();  // all have read
+  __syncthreads();  // wait until all threads have read
   if (threadIdx.x == 0) {
     step.steps[row] = steps;
     step.seen[row] = 0;
   }
 }
 
-/// A block per way; always summed in one order.
+/// One block per direction; deterministic.
 __global__ void __launch_bounds__(kThreads) along_kernel(GaugeStep step) {
   const double* const read = step.read + blockIdx.x * step.size;
   double of_thread[1] = {0}, total[1];

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One number of a row, and one of the twists.
+// The update of one number of a row, and of one of the twists.
 #pragma once
 
 #include "jade/kernel/host_device.h"
@@ -9,7 +9,7 @@ namespace jade::train {
 
 constexpr double kFirstDecay = 0.9, kSecondDecay = 0.999;
 
-/// Adam constants shared by all numbers of a row, at the row's `steps`-th step.
+/// Adam constants shared by all numbers of a row, at the row's step number `steps`.
 struct RowConstants {
   double lr, second_share;
 };

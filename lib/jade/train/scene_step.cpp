@@ -20,7 +20,7 @@ losses::ToneCurve tone_curve(TrainState& state, const StepPlan& plan,
   };
 }
 
-/// `data` at the times u, or where the learned path has these cameras.
+/// `data` at the times u, or the learned path's cameras at these times.
 splat::CameraBatch learned_cameras(const TrainState& state, const torch::Tensor& view_pick,
                                    const torch::Tensor& u, const splat::CameraBatch& data) {
   splat::CameraBatch cameras = data;
@@ -53,7 +53,8 @@ TimedCameras exposure_times(const TrainState& state, const StepInputs& inputs,
   return timed;
 }
 
-/// The ends of the window of L_ev as two more cameras, so that one call of the op renders all.
+/// Appends the ends of the window of L_ev as two more cameras, so that one call of the op renders
+/// all.
 void append_window(const TrainState& state, const EventWindow& window, TimedCameras& timed) {
   JADE_CHECK(window.defined(), "L_ev acts: expected a window of events, found none");
   splat::CameraBatch& all = timed.cameras;
@@ -62,7 +63,7 @@ void append_window(const TrainState& state, const EventWindow& window, TimedCame
   if (state.poses) timed.u = torch::cat({timed.u, window.u});
 }
 
-/// The renders at both ends of the window, toned as the sensor's response asks.
+/// The renders at both ends of the window, with the sensor's response applied.
 losses::EventPair event_pair(const EventWindow& window, const torch::Tensor& images,
                              const torch::Tensor& mask, const losses::ToneCurve& tone,
                              const StepPlan& plan, const RunOptions& options) {
@@ -78,7 +79,7 @@ losses::EventPair event_pair(const EventWindow& window, const torch::Tensor& ima
   return pair;
 }
 
-/// The pull of learned gains towards the data set's; undefined without one.
+/// Prior that pulls learned gains towards the data set's; undefined without learned gains.
 torch::Tensor gain_prior(const TrainState& state, const StepInputs& inputs) {
   if (state.gains_adam.empty()) return {};
   return state.gains->squared_change(inputs.view_pick) * kGainPriorWeight;
@@ -125,7 +126,7 @@ Renders render_exposure(TrainState& state, const StepInputs& inputs, const StepP
   if (plan.objective.event) {
     const std::vector<torch::Tensor> parts = renders.color.split_with_sizes({poses, 2});
     renders.color = parts[0];
-    // A gain makes no events: the logs of both ends have it.
+    // A gain causes no events: it cancels between the logs of both ends.
     const torch::Tensor& mask = inputs.view.mask;
     renders.window_ends = mask.defined() ? parts[1] * mask : parts[1];
   }
@@ -162,7 +163,8 @@ std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& s
   }
 
   const auto apart = [&](const std::function<void()>& work) { beside ? beside(work) : work(); };
-  torch::Tensor regularization;  // a root of its own: neither it nor its gradient is waited for
+  // a separate root of the graph: nothing waits for it or its gradient
+  torch::Tensor regularization;
   apart([&] { regularization = state.densifier.regularization(state.gaussians); });
   losses::Objective loss = losses::objective(inputs, plan.objective, options.objective);
   if (regularization.defined()) loss.terms.push_back({"regularization", regularization});

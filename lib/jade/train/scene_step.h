@@ -14,24 +14,24 @@ namespace jade::train {
 splat::CameraBatch exposure_cameras(const TrainState& state, const StepInputs& inputs,
                                     const torch::Tensor& read = {});
 
-/// Renders of an exposure as its frame has them: as bright, where the state has a gain for it, and
-/// black under its mask, where frames and targets are black too.
+/// Matches renders of an exposure to its frame: multiplies by the exposure's gain, if it has one,
+/// and sets masked pixels to black, as in frames and targets.
 /// @param color  [...,3,H,W]
 torch::Tensor as_in_frame(const TrainState& state, const StepInputs& inputs,
                           const torch::Tensor& color);
 
-/// Renders the poses of a view that the terms of the plan read, with graph and, where the plan
-/// keeps them, with the statistics of densification, to which the window of L_ev adds nothing.
+/// Renders the poses of a view that the terms of the plan read, with their graph and, if the plan
+/// keeps them, with the statistics of densification, which exclude the window of L_ev.
 Renders render_exposure(TrainState& state, const StepInputs& inputs, const StepPlan& plan,
                         const RunOptions& options);
 
 /// One Adam step on φ (with the camera response), Eq. (8) to (10), with the
-/// term "poses" where learned poses have a prior; their gradients are added up for
-/// update_exposures(). Touches neither θ nor its optimiser. Does not densify.
-/// @param target  [3,H,W], as re-evaluated after the routing step; needed for L_tgt only
-/// @param beside  as ObjectiveInputs has it
-/// @param response_table  of the state's response; undefined: made where it is first asked for
-/// @return the terms, as device scalars without graph
+/// term "poses" if learned poses have a prior; their gradients are accumulated for
+/// update_exposures(). Changes neither θ nor its optimiser. Does not densify.
+/// @param target  [3,H,W], recomputed after the routing step; needed for L_tgt only @param beside
+/// as in ObjectiveInputs
+/// @param response_table  of the state's response; undefined: computed on first use @return the
+/// terms, as detached device scalars
 std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& inputs,
                                           const Renders& renders, const torch::Tensor& target,
                                           const StepPlan& plan, const RunOptions& options,

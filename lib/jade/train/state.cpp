@@ -36,7 +36,7 @@ void visit_adam(const TensorVisitor& visitor, const std::string& name, const Row
 
 std::vector<geometry::Pose> camera_poses(const data::Dataset& dataset) {
   std::vector<geometry::Pose> poses;
-  // The first pose of each exposure, as the inherited backbone measures the scene.
+  // Use the first pose of each exposure, as the original 3DGS backbone measures the scene.
   for (const data::Exposure& exposure : dataset.train) poses.push_back(exposure.poses[0]);
   return poses;
 }
@@ -54,7 +54,7 @@ gaussians::InitSources init_sources(const data::Dataset& dataset) {
   return sources;
 }
 
-/// Gaussians in gray: colours are linear in SH, so g(·) of the coefficients is g(·) of the colours.
+/// Gray Gaussians: colours are linear in SH, so converting the coefficients converts the colours.
 splat::Gaussians in_gray(splat::Gaussians start) {
   const torch::Tensor planes = start.sh.transpose(1, 2).unsqueeze(-1);  // [N,3,K,1]
   start.sh = imaging::as_gray(planes).squeeze(-1).transpose(1, 2).contiguous();
@@ -146,19 +146,20 @@ void take_gains(TrainState& state, const GainOptions& options, const data::Datas
   state.gains = make_exposure_gains(options, dataset);
   if (!state.gains) return;
   state.gains->to(device);
-  // The gradient of a gain is that of a mean over pixels, below Adam's usual 1e-8 at the end.
+  // The gradient of a gain is that of a mean over pixels, near the end below Adam's usual ε of
+  // 1e-8.
   if (state.gains->learned()) state.gains_adam = RowAdam(state.gains->log_gains(), 1e-15);
 }
 
 namespace {
 
-/// A strategy that adds none has no bound.
+/// A strategy that adds none has no limit.
 int64_t most_at_start(const gaussians::DensifyOptions& options) {
   const bool bounded = options.strategy != gaussians::DensifyStrategy::kNone;
   return bounded ? int64_t{options.max_gaussians} : std::numeric_limits<int64_t>::max();
 }
 
-/// Refuses parameters per sensor pixel for data sets with frames of several sizes.
+/// Rejects parameters per sensor pixel for data sets with frames of several sizes.
 /// @throws ConfigError naming the key.
 void check_sizes(const RunOptions& options, const data::Dataset& dataset) {
   const auto& first = dataset.train.front().camera;

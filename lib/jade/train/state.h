@@ -22,75 +22,76 @@
 
 namespace jade::train {
 
-/// All that changes during training, and so all that a checkpoint holds. The view order and the
-/// pose draws are functions of the seed and the step, so they need no state.
+/// Everything that changes during training, and therefore the content of a checkpoint. The view
+/// order and the sampled poses are functions of the seed and the step, so they need no state.
 struct TrainState {
   int64_t step = 0;                    ///< finished steps
   gaussians::GaussianModel gaussians;  ///< φ
   gaussians::GaussianAdam gaussian_adam;
   gaussians::Densifier densifier;
   std::shared_ptr<router::Allocation> allocation;  ///< θ; nullptr without a routed target
-  ModuleAdam allocation_adam;                      ///< empty where nothing is learned
+  ModuleAdam allocation_adam;                      ///< empty if nothing is learned
   response::CameraResponse response{nullptr};      ///< nullptr when off
   ModuleAdam response_adam;
-  std::shared_ptr<ExposurePoses> poses;   ///< nullptr where the data's poses stay
-  RowAdam poses_adam;                     ///< a row per exposure
-  std::shared_ptr<ExposureGains> gains;   ///< nullptr where frames are as bright as the scene
-  RowAdam gains_adam;                     ///< likewise; empty where they are not learned
-  std::shared_ptr<FixedPattern> pattern;  ///< nullptr where none is learned
-  ModuleAdam pattern_adam;                ///< empty likewise
+  std::shared_ptr<ExposurePoses> poses;   ///< nullptr if poses are not learned
+  RowAdam poses_adam;                     ///< one row per exposure
+  std::shared_ptr<ExposureGains> gains;   ///< nullptr if all frames are as bright as the scene
+  RowAdam gains_adam;                     ///< one row per exposure; empty if gains are not learned
+  std::shared_ptr<FixedPattern> pattern;  ///< nullptr if none is learned
+  ModuleAdam pattern_adam;                ///< empty if none is learned
 
   /// Calls `visitor(name, tensor)` for every tensor, once.
   void visit(const std::function<void(const std::string&, const torch::Tensor&)>& visitor) const;
-  /// Drops the gradients of all but θ, whose step drops its own.
+  /// Drops the gradients of all parameters but θ, whose step drops its own.
   void zero_grad();
 };
 
-/// Factor of densify.gradient_threshold, which is that of nine renders: each of K has a K-th of
-/// L_blur, L_sim and L_int, so their mean screen gradient falls with K.
+/// Factor of densify.gradient_threshold, which assumes nine renders: each of K renders has a K-th
+/// of L_blur, L_sim and L_int, so their mean screen gradient is inversely proportional to K.
 double gradient_factor(const RunOptions& options, int64_t moment_stride);
 
 /// Initial values of a new state.
 struct Start {
   splat::Gaussians gaussians;
   double extent = 1;        ///< of the scene, see gaussians::scene_extent
-  bool monochrome = false;  ///< the Gaussians are gray and stay so
+  bool monochrome = false;  ///< the Gaussians are gray and must stay so
   int64_t views = 1;        ///< training views, and their size
   int64_t height = 0, width = 0;
 };
 
-/// The state of a run before its first step, all of its modules on `device`; without learned poses
-/// and gains, which start from exposures.
+/// The state before the first step, with all of its modules on `device`; without learned poses and
+/// gains, which need exposures.
 TrainState make_state(const RunOptions& options, const Start& start, torch::Device device);
 
-/// Poses of the data set's exposures that the state learns, where the options ask for them.
+/// Adds learned poses of the data set's exposures, if the options request them.
 void learn_poses(TrainState& state, const PoseOptions& options, const data::Dataset& dataset,
                  torch::Device device);
 
-/// Gains of the data set's exposures, where it has any or the options ask that they be learned.
+/// Adds gains of the data set's exposures, if it has any or the options request that they be
+/// learned.
 void take_gains(TrainState& state, const GainOptions& options, const data::Dataset& dataset,
                 torch::Device device);
 
-/// The pattern that the data set's frames share, where the options ask for it.
+/// Adds the pattern that the data set's frames share, if the options request it.
 void learn_pattern(TrainState& state, const PatternOptions& options, const data::Dataset& dataset,
                    torch::Device device);
 
-/// Makes a state from a data set, with learned poses and gains where the options ask for them.
+/// Creates the state for a data set, with learned poses and gains if the options request them.
 /// @throws ConfigError, DataError as gaussians::initial_gaussians.
 TrainState make_state(const RunOptions& options, const data::Dataset& dataset,
                       torch::Device device);
 
-/// A state of the same shape to load a checkpoint into: no start is read, one Gaussian stands for
-/// the scene.
+/// A state of the same structure into which a checkpoint can be loaded: reads no initial scene and
+/// contains a single Gaussian.
 TrainState make_state_to_load(const RunOptions& options, const data::Dataset& dataset,
                               torch::Device device);
 
-/// The renders of one exposure, made once per step and used by both steps.
+/// The renders of one exposure, computed once per step and used by both steps.
 struct Renders {
-  /// [M,3,H,W] with its graph: all K, or those of losses::poses_read(), as_in_frame()
+  /// [M,3,H,W] with graph: all K, or those of losses::poses_read(); as_in_frame() was applied
   torch::Tensor color;
   bool all_poses = true;
-  torch::Tensor target_pose = {};  ///< [1] int64 where it is sampled, else undefined
+  torch::Tensor target_pose = {};  ///< [1] int64 if it is sampled, else undefined
   torch::Tensor window_ends = {};  ///< [2,3,H,W] at both ends of the window of L_ev, with graph
   /// Render at the target's pose: mid-exposure, or the sampled pose.
   torch::Tensor of_target() const {

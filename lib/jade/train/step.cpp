@@ -9,9 +9,9 @@ namespace jade::train {
 StepOutputs alternate(TrainState& state, const StepInputs& inputs, const StepPlan& plan,
                       const RunOptions& options) {
   StepOutputs out;
-  // On a GPU, beside each other: the renders, the router and the table of the response; L_tgt and
-  // the other terms with their gradients, where that of the table's network comes in passing; the
-  // small updates and that of the Gaussians.
+  // Runs concurrently on a GPU: the renders, the router and the response table; L_tgt and the other
+  // terms with their gradients, including that of the table's network; the small updates and that
+  // of the Gaussians.
   const torch::Device device = inputs.view.blurry.device();
   kernel::SideStream side(device.is_cuda() ? device.index() : -1);
   torch::Tensor alpha, target, table;

@@ -17,12 +17,12 @@
 
 namespace jade::train {
 
-/// Inputs of a run's steps, a function of seed and step: the view, the poses of its terms and,
-/// where the options need them, weights, event windows and restorations of a sampled pose.
+/// Inputs of a run's steps, as functions of seed and step: the view, the poses of its terms and, if
+/// the options need them, weights, event windows and restorations of a sampled pose.
 class StepFeed {
  public:
   StepFeed() = default;
-  /// Restores all exposures: ViewBank, and throws as it does.
+  /// Restores all exposures: see ViewBank, also for errors.
   /// @param options  settled
   StepFeed(const data::Dataset& dataset, const RunOptions& options, torch::Device device,
            std::future<restore::Restorer> early = {});
@@ -33,21 +33,21 @@ class StepFeed {
   const ViewBank& bank() const { return bank_; }
 
  private:
-  /// Draws and weights for steps with every `stride`-th moment.
+  /// Selects samples and weights for steps with every `stride`-th moment.
   void set_stride(int64_t stride);
-  /// Leaves the view the moments of the stride.
+  /// Reduces the view to the moments of the stride.
   void thin(View& view) const;
 
   RunOptions options_;
   ViewBank bank_;
   ViewOrder order_{0, 1};
   torch::Device device_ = torch::kCPU;
-  int64_t stride_ = 0;     // that pose_draws_ and weights_ are of
+  int64_t stride_ = 0;     // stride of pose_draws_ and weights_
   PoseDraws pose_draws_;   // among the moments of the stride
-  torch::Tensor weights_;  // of these moments; undefined for a stride of 1
+  torch::Tensor weights_;  // for these moments; undefined for a stride of 1
   TermWeights term_weights_;
   torch::Tensor view_picks_;                     // 0, 1, … on the device
-  std::unique_ptr<EventWindows> event_windows_;  // of L_ev
+  std::unique_ptr<EventWindows> event_windows_;  // for L_ev
 };
 
 }  // namespace jade::train

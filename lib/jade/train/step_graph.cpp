@@ -17,18 +17,17 @@
 namespace jade::train {
 namespace {
 
-/// A recording is made anew after so many steps, with room for the splats of the scene as it has
-/// become.
+/// Graphs are captured again after this many steps, with capacity for the current number of splats.
 constexpr int64_t kRenewal = 1000;
 
-/// Memory that the allocator may keep beyond live tensors when a step is recorded or runs eagerly.
-/// The rest, left by earlier recordings and the restorer, returns to the driver.
+/// Cached memory that the allocator may keep beyond live tensors when a step is captured or runs
+/// eagerly. The rest, left by earlier graphs and the restorer, returns to the driver.
 constexpr int64_t kSpareBytes = int64_t{64} << 20;
 
-/// The most plans whose recordings are kept: steps alternate between few.
+/// Maximum number of plans with a graph: steps alternate between few.
 constexpr size_t kMostPlans = 4;
 
-/// Which shapes the inputs have. Their values are copied before a replay.
+/// Shapes of the inputs. Their values are copied before a replay.
 std::vector<int64_t> shapes_of(const StepInputs& inputs) {
   std::vector<int64_t> shapes;
   inputs.visit([&](const std::string&, const torch::Tensor& tensor) {
@@ -39,8 +38,8 @@ std::vector<int64_t> shapes_of(const StepInputs& inputs) {
   return shapes;
 }
 
-/// Assumptions of a recording beside the inputs' shapes: the current renewal and the address of
-/// each tensor of the state.
+/// Assumptions of a graph besides the inputs' shapes: the current renewal and the address of each
+/// tensor of the state.
 std::vector<int64_t> assumptions(const TrainState& state, int64_t step) {
   std::vector<int64_t> now{step / kRenewal};
   state.visit([&](const std::string&, const torch::Tensor& tensor) {
@@ -50,7 +49,7 @@ std::vector<int64_t> assumptions(const TrainState& state, int64_t step) {
   return now;
 }
 
-/// Copy of the inputs at fixed addresses, which a recorded step reads.
+/// Copy of the inputs at fixed addresses, which a captured step reads.
 StepInputs own_copy(const StepInputs& inputs) {
   StepInputs own = inputs;
   own.visit([](const std::string&, torch::Tensor& tensor) {
@@ -59,13 +58,13 @@ StepInputs own_copy(const StepInputs& inputs) {
   return own;
 }
 
-/// Whether the bytes of the one are those of the other.
+/// Whether both tensors have the same memory layout.
 bool same_layout(const torch::Tensor& a, const torch::Tensor& b) {
   return a.scalar_type() == b.scalar_type() && a.device() == b.device() && a.numel() == b.numel() &&
          a.is_contiguous() && b.is_contiguous();
 }
 
-/// The values of `from` at the addresses of `own`.
+/// Copies the values of `from` to the addresses of `own`.
 void copy_values(const StepInputs& from, StepInputs& own) {
   const torch::NoGradGuard no_grad;
   std::vector<const torch::Tensor*> sources;
@@ -101,7 +100,7 @@ StreamScope::StreamScope(torch::Device device) {
 
 StreamScope::~StreamScope() = default;
 
-/// One plan's step.
+/// The captured step of one plan.
 struct Recording {
   StepPlan plan;
   at::cuda::CUDAGraph graph;
@@ -109,12 +108,12 @@ struct Recording {
 };
 
 struct StepGraph::Recordings {
-  std::vector<int64_t> shapes;     ///< of the inputs of all recordings and of `seen`
-  std::vector<int64_t> holds_for;  ///< what all recordings take for granted
-  /// Plans of eager steps, which warmed everything up: libraries, and the op's count of instances.
+  std::vector<int64_t> shapes;     ///< shapes of the inputs of all graphs and of `seen`
+  std::vector<int64_t> holds_for;  ///< assumptions of all graphs
+  /// Plans of eager steps, which initialised libraries and the op's count of instances.
   std::vector<StepPlan> seen;
   std::vector<std::unique_ptr<Recording>> recorded;  ///< oldest first
-  std::optional<StepInputs> inputs;                  ///< what the recorded steps read
+  std::optional<StepInputs> inputs;                  ///< inputs of the captured steps
   bool refused = false;
 
   void forget() {
@@ -122,7 +121,7 @@ struct StepGraph::Recordings {
     inputs.reset();
   }
 
-  /// Other inputs need another warm-up; another scene, as after a densification, does not.
+  /// Other input shapes need another warm-up; another scene, as after a densification, does not.
   void check(const TrainState& state, const StepInputs& step_inputs) {
     std::vector<int64_t> input_shapes = shapes_of(step_inputs);
     std::vector<int64_t> now = assumptions(state, step_inputs.step);
@@ -140,7 +139,7 @@ struct StepGraph::Recordings {
     return nullptr;
   }
 
-  /// Whether the plan is due to be recorded: it has run once. From now on it has.
+  /// Whether the plan has run once, so that it can be captured; marks it as run.
   bool warmed_up(const StepPlan& plan) {
     if (std::find(seen.begin(), seen.end(), plan) != seen.end()) return true;
     if (seen.size() == kMostPlans) seen.erase(seen.begin());
@@ -150,19 +149,19 @@ struct StepGraph::Recordings {
 
   Recording& record(TrainState& state, const StepInputs& step_inputs, const StepPlan& plan,
                     const RunOptions& options) {
-    // The pools of earlier recordings stay reserved until somebody asks, and nobody can while a
-    // recording is under way: after a hundred densifications they would fill the card.
+    // The memory pools of earlier graphs stay reserved until trimmed, which is impossible during
+    // capture: after a hundred densifications they would fill the GPU.
     if (recorded.size() == kMostPlans) recorded.erase(recorded.begin());
     const torch::Device device = step_inputs.view.blurry.device();
     trim_device_memory(device, kSpareBytes);
     if (!inputs) inputs = own_copy(step_inputs);
-    // Gradients must be born inside the recording, at addresses of its own.
+    // Gradients must be allocated inside the graph, at addresses of its own.
     state.zero_grad();
     state.allocation_adam.zero_grad();
     auto made = std::make_unique<Recording>();
     made->plan = plan;
-    // One pool for all: they never run at the same time, and what a step leaves behind is read
-    // before the next one runs.
+    // All graphs share one memory pool: they never run at the same time, and a step's outputs are
+    // read before the next one runs.
     // Capture is thread-local, because the viewer uses CUDA events on other threads.
     made->graph.capture_begin(
         recorded.empty() ? c10::MempoolId_t{0, 0} : recorded.front()->graph.pool(),
@@ -193,7 +192,8 @@ StepOutputs StepGraph::run(TrainState& state, const StepInputs& inputs, const St
   Recording* recording = recordings.find(plan);
   if (recording == nullptr) {
     if (!recordings.warmed_up(plan)) {
-      // An eager step has no use for what recordings hold, and both together are a run's peak.
+      // An eager step does not need the memory of the graphs; both together would be the run's
+      // peak.
       recordings.forget();
       trim_device_memory(inputs.view.blurry.device(), kSpareBytes);
       return alternate(state, inputs, plan, options);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One launch per step on a GPU: the alternation recorded as a CUDA graph and replayed.
+// One launch per step on a GPU: captures the alternation as a CUDA graph and replays it.
 #pragma once
 
 #include <memory>
@@ -8,9 +8,9 @@
 
 namespace jade::train {
 
-/// While it lives, this thread's work on a GPU is queued on a stream of its own: the default stream
-/// cannot be recorded. Bounds the device's stack memory too, for good (core/device.h). Does nothing
-/// for the CPU.
+/// While an instance exists, this thread queues its GPU work on a stream of its own, because the
+/// default stream cannot be captured. Also limits the device's stack memory until the program ends
+/// (core/device.h). Does nothing on the CPU.
 class StreamScope {
  public:
   explicit StreamScope(torch::Device device);
@@ -23,12 +23,12 @@ class StreamScope {
   std::unique_ptr<Guard> guard_;
 };
 
-/// alternate(), recorded and replayed where the plan and the device allow it, else run eagerly. The
-/// results are those of alternate() but for the order of atomic sums. Each plan has a recording of
-/// its own, so that plans may alternate. All hold while the tensors of the state stay the same
-/// objects and those of the inputs of the same shapes. A plan's first step runs eagerly, which
-/// warms up what it calls; after a densification its next step is recorded anew at once. Outputs
-/// are overwritten by the next run.
+/// Runs alternate(), captured and replayed if the plan and the device allow it, else eagerly. The
+/// results are those of alternate() except for the order of atomic sums. Each plan has its own
+/// graph, so plans may alternate. Graphs stay valid while the tensors of the state are the same
+/// objects and the inputs have the same shapes. A plan's first step runs eagerly, which warms up
+/// the libraries; after a densification the next step is captured again at once. The next run
+/// overwrites the outputs.
 class StepGraph {
  public:
   StepGraph();
@@ -39,7 +39,7 @@ class StepGraph {
   StepOutputs run(TrainState& state, const StepInputs& inputs, const StepPlan& plan,
                   const RunOptions& options);
 
-  /// How many steps were replays of a recording.
+  /// Number of steps that replayed a graph.
   int64_t replays() const { return replays_; }
 
  private:

@@ -13,17 +13,17 @@ namespace jade::train {
 /// Inputs of one step besides the state. Copies share their tensors.
 struct StepInputs {
   int64_t step = 1;        ///< counted from 1
-  View view;               ///< of this step; its target at the pose drawn where one is
-  int64_t view_index = 0;  ///< among the training views
+  View view;               ///< of this step, with its target at the sampled pose, if one is sampled
+  int64_t view_index = 0;  ///< index among the training views
   /// [3] int64 on the device: the poses of L_edi gray, L_edi colour and L_sim; [4] with that of
-  /// L_tgt where it is sampled.
+  /// L_tgt if it is sampled.
   torch::Tensor pose_draws;
   /// At the first three of these poses.
   losses::EdiFactors edi_factors;
   EventWindow events;  ///< needed for L_ev only
-  /// [2] weights of L_tgt and L_edi; undefined where they do not change.
+  /// [2] weights of L_tgt and L_edi; undefined if they are constant.
   torch::Tensor term_weights;
-  /// [1] int64 on the device: view_index, for learned poses and for gains only.
+  /// [1] int64 on the device: view_index; only for learned poses and gains.
   torch::Tensor view_pick;
 
   /// Calls `visitor(name, tensor)` for every tensor, once.

@@ -9,13 +9,13 @@
 
 namespace jade::train {
 
-/// restore::sum_events() of a data set's training exposures, one after the other; those that come
-/// next are summed on threads of their own meanwhile.
+/// Computes restore::sum_events() of a data set's training exposures in order, and those of the
+/// next exposures ahead of time on other threads.
 class SumsAhead {
  public:
-  /// All that is given must outlive it.
-  /// @param network  as sum_events() takes it
-  /// @param policy   std::launch::deferred: nothing is summed before it is asked for
+  /// All arguments must outlive it.
+  /// @param network  as in sum_events()
+  /// @param policy   std::launch::deferred: computes nothing ahead of time
   SumsAhead(const data::Dataset& dataset, const restore::RestoreOptions& options,
             const restore::RestorerMetadata* network, std::launch policy);
 
@@ -30,7 +30,8 @@ class SumsAhead {
   const restore::RestorerMetadata* network_;
   std::launch policy_;
   size_t at_once_ = 1, begun_upto_ = 0;
-  std::deque<std::future<restore::ExposureSums>> begun_;  // last: ends before what it reads
+  // last member: destroyed before the data that it reads
+  std::deque<std::future<restore::ExposureSums>> begun_;
 };
 
 }  // namespace jade::train

@@ -13,22 +13,22 @@
 
 namespace jade::train {
 
-/// Constants of one exposure that a step reads, a row of the ViewBank (bank.h). The target belongs
-/// to one moment of the exposure, the middle or a sampled one, and with it Ψ, K(V) and both
-/// restorations. Undefined: the step does not read it.
+/// Constants of one exposure that a step reads, a row of the ViewBank (bank.h). The target, Ψ, K(V)
+/// and both restorations belong to one moment of the exposure, the middle or a sampled one.
+/// Undefined: the step does not read it.
 struct View {
-  torch::Tensor blurry;  ///< [3,H,W] B, 0 under the mask
-  /// [1,H,W] float32, 1 where a pixel counts and else 0, where targets are 0 too; undefined: all
-  /// pixels of all views count.
+  torch::Tensor blurry;  ///< [3,H,W] B, 0 at masked pixels
+  /// [1,H,W] float32, 1 if a pixel counts, else 0 (targets are 0 there too); undefined: all pixels
+  /// of all views count.
   torch::Tensor mask;
   imaging::SsimTarget blurry_moments;  ///< window means of B, for L_blur
   torch::Tensor psi;                   ///< [2,H,W] Ψ(V)
   torch::Tensor reblur_kernel;         ///< [1,H,W] K(V), Eq. (7)
   restore::Restorations restorations;  ///< I_edi and F
-  torch::Tensor fixed_target;          ///< [3,H,W] target that no router decides
+  torch::Tensor fixed_target;          ///< [3,H,W] target that does not depend on a router
   splat::CameraBatch cameras;          ///< the K poses
   torch::Tensor u;        ///< [K] float64, their moments: 0 is the exposure's start, 1 its end
-  torch::Tensor weights;  ///< [K] of the mean of their renders; undefined: 1/K each
+  torch::Tensor weights;  ///< [K] weights in the mean of their renders; undefined: 1/K each
 
   /// Calls `visitor(name, tensor)` for every tensor, once.
   template <class Visitor>
@@ -52,23 +52,22 @@ struct View {
   }
 };
 
-/// splat.near_plane for a run that starts with this data set: what it says, else 0.2 as in the
-/// published 3DGS, but at most half the near depth bound, so that small scenes are not cut.
+/// splat.near_plane for a new run on this data set: the option if set, else 0.2 as in the published
+/// 3DGS, but at most half the near depth bound, so that small scenes are not cut.
 double near_plane(const SplatOptions& options, const data::Dataset& dataset);
 
-/// densify.max_gaussians of a run that starts with this data set: what it says, else 500 per pixel
-/// of the side of a square with as many pixels as the first frame, at least 150,000
-/// (docs/engineering/preset.md).
+/// densify.max_gaussians for a new run on this data set: the option if set, else 500 · √(pixels of
+/// the first frame), at least 150,000 (docs/engineering/preset.md).
 int64_t max_gaussians(const gaussians::DensifyOptions& options, const data::Dataset& dataset);
 
-/// How a run draws any view, at the full SH degree. A near plane of 0, as in runs of versions that
-/// had no such key, means that of splat/render.h.
+/// How a run renders any view, at the full SH degree. A near plane of 0, as in runs of versions
+/// without this key, means that of splat/render.h.
 splat::RenderOptions render_options(const RunOptions& options);
 
-/// When an exposure has its nine poses, in units of it: [9] float64 from 0 to 1.
+/// Times of an exposure's nine poses in units of it: [9] float64 from 0 to 1.
 torch::Tensor pose_times(torch::Device device);
 
-/// One camera for several poses on a device.
+/// One camera batch for several poses on a device.
 splat::CameraBatch camera_batch(const std::vector<geometry::Pose>& camera_from_world,
                                 const geometry::Intrinsics& camera, torch::Device device);
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every tensor of a struct by name, for the recorded step (step_graph.h): a tensor that it does not
-// know of would keep the values of the step that was recorded. So each struct names all its
-// members, and one that names fewer or holds what nobody can look into does not compile.
+// Visits every tensor of a struct by name, for the captured step (step_graph.h): a tensor that it
+// missed would keep the values of the captured step. Therefore each struct lists all its members; a
+// list that is incomplete or contains a type that cannot be visited does not compile.
 #pragma once
 
 #include <string>
@@ -16,7 +16,7 @@
 
 namespace jade::train {
 
-/// A member of a struct under its name.
+/// A member of a struct with its name.
 template <class T>
 struct Member {
   std::string name;
