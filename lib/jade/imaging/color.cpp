@@ -65,7 +65,7 @@ bool is_gray(const torch::Tensor& rgb) {
 }
 
 torch::Tensor as_gray(const torch::Tensor& rgb) {
-  // The weights' sum of three equal numbers is another number in the last bit.
+  // The weighted sum of three equal numbers can differ in the last bit.
   return is_gray(rgb) ? rgb : gray(rgb).expand_as(rgb).contiguous();
 }
 

@@ -9,13 +9,13 @@ namespace jade::imaging {
 inline constexpr double kGrayWeights[3] = {0.299, 0.587, 0.114};
 
 /// g(x) = 0.299 R + 0.587 G + 0.114 B: [..., 3, H, W] → [..., 1, H, W], float or double. One pass
-/// each way; differentiable once.
+/// each for forward and backward; differentiable once.
 torch::Tensor gray(const torch::Tensor& rgb);
 
-/// True where red, green and blue of every pixel are equal to the bit: [..., 3, H, W].
+/// True if red, green and blue of every pixel are bit-equal: [..., 3, H, W].
 bool is_gray(const torch::Tensor& rgb);
 
-/// The image with g(·) in all three channels; one that is gray already stays as it is, to the bit.
+/// The image with g(·) in all three channels; a gray image is returned unchanged, bit for bit.
 torch::Tensor as_gray(const torch::Tensor& rgb);
 
 }  // namespace jade::imaging

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// g(·) apart from autograd. Not for use outside this room.
+// g(·) without autograd. Private to this folder.
 #pragma once
 
 #include <ATen/core/Tensor.h>
@@ -14,7 +14,7 @@ void gray(const at::Tensor& rgb, at::Tensor& gray);
 void gray_gradient(const at::Tensor& of_gray, at::Tensor& of_rgb);
 }  // namespace cpu
 
-namespace cuda {  // on the current stream; no waiting
+namespace cuda {  // runs on the current stream without waiting
 void gray(const at::Tensor& rgb, at::Tensor& gray);
 void gray_gradient(const at::Tensor& of_gray, at::Tensor& of_rgb);
 }  // namespace cuda

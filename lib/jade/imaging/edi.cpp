@@ -13,8 +13,8 @@ using geometry::QuadratureRule;
 
 namespace {
 
-/// Between the maps of `values` [N,H,W] at the places [M] of a ruler whose n-th mark is n; the
-/// first and the last map go on beyond it. Differentiable in both.
+/// Interpolates the maps `values` [N,H,W] at fractional indices [M]; extrapolates from the first
+/// and last two maps. Differentiable in both.
 torch::Tensor between(const torch::Tensor& values, const torch::Tensor& places) {
   const auto last = static_cast<double>(values.size(0) - 1);
   const auto inside = places.clamp(0, last);

@@ -10,7 +10,7 @@
 namespace jade::imaging {
 namespace {
 
-/// Numbers of a file, wherever they lie; 0 beyond its end.
+/// Reads numbers at any offset of a file; 0 beyond its end.
 class HeaderFile {
  public:
   explicit HeaderFile(const std::filesystem::path& path) : in_(path, std::ios::binary) {}
@@ -33,7 +33,7 @@ class HeaderFile {
     }
     return value;
   }
-  /// Whether everything that was asked for was there.
+  /// Whether all requested bytes existed.
   bool whole() const { return whole_; }
 
  private:
@@ -95,7 +95,7 @@ ImageHeader tiff_header(HeaderFile& file, bool big_endian) {
 }
 
 ImageHeader bmp_header(HeaderFile& file) {
-  // Rows from the top down have a negative height.
+  // Top-down bitmaps have a negative height.
   return {file.little(18, 4), std::abs(int64_t(int32_t(file.little(22, 4)))), false};
 }
 

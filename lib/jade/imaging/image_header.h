@@ -10,11 +10,11 @@ namespace jade::imaging {
 /// Header of an image file.
 struct ImageHeader {
   int64_t width = 0, height = 0;
-  bool has_alpha = false;  ///< a channel or a colour of transparency
+  bool has_alpha = false;  ///< an alpha channel, or a transparent colour
 };
 
 /// Reads the header of a PNG, JPEG, TIFF, BMP, WebP or PNM file without decoding it; sizes as
-/// stored, without rotation. Absent for other, missing and damaged files, which read_image()
+/// stored, without rotation. No value for other, missing and damaged files, which read_image()
 /// reports.
 std::optional<ImageHeader> read_image_header(const std::filesystem::path& path);
 

@@ -73,7 +73,7 @@ torch::Tensor read_array(const fs::path& path) {
   return array.to(torch::kFloat32).expand({3, -1, -1}).contiguous();
 }
 
-/// Float files have white at 1. Highlights may exceed it, most of an image may not.
+/// Float files have white at 1. Highlights may exceed it, but not most of an image.
 void check_float_range(const fs::path& path, const torch::Tensor& image) {
   if (!image.isfinite().all().item<bool>()) {
     throw DataError(
@@ -138,9 +138,8 @@ std::vector<uint8_t> encode(const torch::Tensor& image, const std::string& forma
   throw DataError(concat(name, ": the image cannot be encoded as ", format));
 }
 
-/// Whether a JPEG reaches its end marker. The decoder fills with gray what was cut off. Thumbnails
-/// in the header have such a marker too, so that the search begins behind it, at the image's own
-/// data.
+/// Whether a JPEG reaches its end marker; the decoder fills missing data with gray. Thumbnails in
+/// the header have such a marker too, so search only the image's own data.
 bool is_whole_jpeg(const std::string& bytes) {
   const auto at = [&](size_t i) { return i < bytes.size() ? uint8_t(bytes[i]) : uint8_t(0); };
   constexpr uint8_t kFill = 0xFF, kStartOfScan = 0xDA;
@@ -197,7 +196,7 @@ torch::Tensor with_pixels(const fs::path& path, const cv::Mat& mat, const Use& u
   refuse_depth(path);
 }
 
-/// [1,H,W] of Out: `value(channels)` of each pixel.
+/// Maps each pixel's channels to one value: [1,H,W] of Out.
 template <class T, class Out, class Value>
 torch::Tensor map_pixels(const cv::Mat& mat, torch::ScalarType type, const Value& value) {
   torch::Tensor out = torch::empty({1, mat.rows, mat.cols}, type);
@@ -211,12 +210,12 @@ torch::Tensor map_pixels(const cv::Mat& mat, torch::ScalarType type, const Value
   return out;
 }
 
-/// OpenCV gives gray with alpha as four channels or two.
+/// OpenCV decodes gray with alpha to four channels or two.
 bool alpha_is_last(const cv::Mat& mat) { return mat.channels() == 4 || mat.channels() == 2; }
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
-/// The digits from `at` on without leading zeros; `at` moves behind them.
+/// The digits from `at` on without leading zeros; advances `at` past them.
 std::string number_at(const std::string& text, size_t& at) {
   size_t end = at;
   while (end < text.size() && is_digit(text[end])) ++end;
@@ -226,7 +225,7 @@ std::string number_at(const std::string& text, size_t& at) {
   return text.substr(begin, end - begin);
 }
 
-/// Below, at or above zero, as the first is before, level with or behind the other.
+/// Compares names: negative, zero or positive, like strcmp.
 int compare_names(const std::string& a, const std::string& b) {
   size_t i = 0, j = 0;
   while (i < a.size() && j < b.size()) {
@@ -319,7 +318,7 @@ std::vector<uint8_t> encode_jpeg(const torch::Tensor& image, int quality) {
 
 bool comes_before(const std::string& name, const std::string& other) {
   const int order = compare_names(name, other);
-  return order != 0 ? order < 0 : name < other;  // 01 and 1 are one number
+  return order != 0 ? order < 0 : name < other;  // 01 and 1 are the same number
 }
 
 std::vector<std::filesystem::path> list_images(const std::filesystem::path& folder) {
@@ -327,7 +326,7 @@ std::vector<std::filesystem::path> list_images(const std::filesystem::path& fold
   std::vector<fs::path> out;
   for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
        entry.increment(error)) {
-    // "._00.png" is what macOS keeps of 00.png's attributes on other file systems.
+    // "._00.png" contains 00.png's attributes, written by macOS on other file systems.
     if (entry->path().filename().string()[0] == '.') continue;
     if (is_image_extension(extension(entry->path())) && entry->is_regular_file()) {
       out.push_back(entry->path());

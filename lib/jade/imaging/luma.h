@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// g(·) of one pixel, for device code too. Of images: color.h.
+// g(·) of one pixel, also for device code. color.h has g(·) of images.
 #pragma once
 
 #include <cstdint>

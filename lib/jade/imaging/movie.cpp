@@ -25,15 +25,16 @@ std::vector<std::string> arguments(const fs::path& program, const fs::path& outp
                                    int64_t height, double frames_per_second) {
   return {program.string(), "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s",
           concat(width, "x", height), "-r", concat(frames_per_second), "-i", "pipe:0",
-          // Players want chroma for pairs of pixels; an odd last line or column is cut.
+          // Players need even sizes for subsampled chroma; crop an odd last column or row.
           "-vf", "crop=trunc(iw/2)*2:trunc(ih/2)*2", "-an", "-pix_fmt", "yuv420p", "-movflags",
           "+faststart", "-f", "mp4",
-          // A bare name with a colon is an address to ffmpeg, one with a dash at its head a flag.
+          // ffmpeg reads a bare name with a colon as a URL, and one that begins with a dash as a
+          // flag.
           "file:" + output.string()};
 }
 
-/// Starts the program with `read_end` as its standard input, in a process group of its own, so
-/// that Ctrl-C reaches us alone and the frames so far can be thrown away in order.
+/// Starts the program with `read_end` as its standard input, in its own process group, so that
+/// Ctrl-C reaches only this process, which can discard the unfinished film.
 pid_t start(const std::vector<std::string>& words, int read_end) {
   std::vector<char*> argv;
   for (const std::string& word : words) argv.push_back(const_cast<char*>(word.c_str()));
@@ -53,7 +54,7 @@ pid_t start(const std::vector<std::string>& words, int read_end) {
   return child;
 }
 
-/// A pipe whose reader is gone is an error to report, not a signal to die of.
+/// Makes writing to a closed pipe an error instead of a fatal signal.
 class BrokenPipeIgnored {
  public:
   BrokenPipeIgnored() {

@@ -8,25 +8,25 @@
 
 namespace jade::imaging {
 
-/// The program that makes films, on PATH. @throws ConfigError that says how to get it.
+/// Path of ffmpeg, found on PATH. @throws ConfigError that says how to install it.
 std::filesystem::path find_ffmpeg();
 
-/// An .mp4 (H.264) made by the program ffmpeg, which gets raw frames through a pipe. The file
-/// appears under its name once finish() has returned; without finish(), nothing stays.
+/// Writes an .mp4 (H.264) with the program ffmpeg, which receives raw frames through a pipe.
+/// finish() creates the file; without finish() no file remains.
 class Movie {
  public:
   /// @param width, height  of every frame; odd sizes lose their last column or row
-  /// @throws ConfigError where no ffmpeg is on PATH, DataError where it cannot be started.
+  /// @throws ConfigError if there is no ffmpeg on PATH, DataError if it cannot be started.
   Movie(const std::filesystem::path& path, int64_t width, int64_t height, double frames_per_second);
   ~Movie();
   Movie(const Movie&) = delete;
   Movie& operator=(const Movie&) = delete;
 
-  /// @param image  [3,H,W] in [0,1]; values beyond are clamped
-  /// @throws DataError for another size, or when ffmpeg stopped.
+  /// @param image  [3,H,W]; values are clamped to [0,1]
+  /// @throws DataError for another size, or if ffmpeg has stopped.
   void add(const torch::Tensor& image);
 
-  /// @throws DataError when ffmpeg reports an error.
+  /// @throws DataError if ffmpeg reports an error.
   void finish();
 
  private:

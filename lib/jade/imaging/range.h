@@ -7,9 +7,9 @@
 
 namespace jade::imaging {
 
-/// One line for images whose common range is wrong: all of them black, or 16-bit values that fill
-/// 10 or 12 bits only. Empty otherwise.
-/// @param images  [3,H,W] each, as read_image() returns them
+/// A one-line fault of images with a wrong range: all of them black, or 16-bit values that use 10
+/// or 12 bits only. Empty otherwise.
+/// @param images  [3,H,W] each, from read_image()
 std::string range_fault(const std::vector<torch::Tensor>& images);
 
 }  // namespace jade::imaging

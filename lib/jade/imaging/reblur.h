@@ -7,11 +7,11 @@
 
 namespace jade::imaging {
 
-/// K of Eq. (7): (1/T) Σ_{k=1..T} exp(contrast · (E_k − E_m)),  E_k = Σ_{j≤k} V_j,  m = T/2. About
-/// another moment u than mid-exposure, an extension of ours, E_m is E at u, linear within its bin:
-/// the same blur over the sharp image of that moment.
+/// K of Eq. (7): (1/T) Σ_{k=1..T} exp(contrast · (E_k − E_m)),  E_k = Σ_{j≤k} V_j,  m = T/2. For a
+/// moment u other than mid-exposure, an extension of this library, E_m is E at u, linear within its
+/// bin: the same blur relative to the sharp image of that moment.
 /// The reblur operator is image ⊙ K, image and result in linear intensity. Constant for a view, so
-/// callers keep it. 1 everywhere without events.
+/// callers store it. 1 everywhere without events.
 /// @param voxel     signed, max |V| = 1.
 /// @param contrast  log intensity per unit of voxel; 1 in the paper.
 /// @param moment    u in [0,1], 0 the start and 1 the end of the exposure.

@@ -28,14 +28,14 @@ void check_pair(const torch::Tensor& a, const torch::Tensor& b) {
       b.scalar_type());
 }
 
-/// State of the forward pass that backward() needs. Its images carry no graph.
+/// State of the forward pass that backward() needs. Its images have no graph.
 struct Held : torch::CustomClassHolder {
   SsimBatch batch;
   std::vector<torch::Tensor> kept;
 };
 
 struct Similarity : torch::autograd::Function<Similarity> {
-  /// @param images  a and b of every pair in turn, as autograd sees them
+  /// @param images  a and b of every pair in turn, as inputs of autograd
   static variable_list forward(AutogradContext* ctx, at::TensorList images,
                                const SsimBatch& batch) {
     ctx->set_materialize_grads(false);
@@ -61,12 +61,12 @@ struct Similarity : torch::autograd::Function<Similarity> {
                     "SSIM", [&] { return cuda::similarity_gradients(batch, held->kept, upstream); })
               : cpu::similarity_gradients(batch, held->kept, upstream);
     }
-    result.emplace_back();  // of the batch itself
+    result.emplace_back();  // gradient of the batch itself
     return result;
   }
 };
 
-/// The images of a pair as autograd sees them, and what is computed of them.
+/// The images of a pair as inputs of autograd, and the requested gradients.
 SsimPair add_pair(const L1SsimPair& images, variable_list& seen) {
   check_pair(images.a, images.c.image);
   const bool tracked = torch::GradMode::is_enabled();
@@ -110,7 +110,7 @@ torch::Tensor similarity(const torch::Tensor& a, const SsimTarget& b, const Ssim
 
 SsimWeights dissimilarity_weights(double lambda) { return {lambda, -lambda, 1 - lambda}; }
 
-/// Window means by two convolutions: done once per target, where speed does not matter. In double,
+/// Window means by two convolutions: computed once per target, so speed does not matter. In double,
 /// because cuDNN may round float products to TF32, and variances are differences of these.
 torch::Tensor window_mean(const torch::Tensor& image) {
   const ImagePlanes planes = planes_of(image);

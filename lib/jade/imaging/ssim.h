@@ -6,15 +6,14 @@
 
 namespace jade::imaging {
 
-// Structural similarity as 3D Gaussian splatting papers compute it: an 11x11 Gaussian window with
-// σ = 1.5, zero padding of 5, biased variances E[x²] − μ², C1 = 0.01², C2 = 0.03² for values in
-// [0,1], the mean over all pixels and channels. Images are [C,H,W] or [N,C,H,W] of any size from
-// 1x1, float or double on the CPU and float on CUDA. Forward and gradient are one fused pass that
-// keeps a single map an argument; the gradient cannot be differentiated again. The same bits for
-// any number of threads.
+// Structural similarity as in 3D Gaussian splatting papers: an 11x11 Gaussian window with σ = 1.5,
+// zero padding of 5, biased variances E[x²] − μ², C1 = 0.01², C2 = 0.03² for values in [0,1], the
+// mean over all pixels and channels. Images are [C,H,W] or [N,C,H,W] of any size from 1x1, float or
+// double on the CPU and float on CUDA. Forward and gradient are one fused pass that stores a single
+// map per argument; the gradient is not differentiable. Any number of threads gives the same bits.
 
-/// An image that stays the same while others are compared with it, with its window means, which
-/// are two of the five that SSIM needs. Never receives a gradient.
+/// A constant image with its window means, which are two of the five that SSIM needs: compute them
+/// once to compare many images with it. Never receives a gradient.
 struct SsimTarget {
   torch::Tensor image;
   torch::Tensor mean;    ///< window mean of the image
@@ -23,7 +22,7 @@ struct SsimTarget {
 
 SsimTarget ssim_target(const torch::Tensor& image);
 
-/// Mean SSIM, a scalar. Differentiable in both images; only what requires a gradient is computed.
+/// Mean SSIM, a scalar. Differentiable in both images; only required gradients are computed.
 torch::Tensor ssim(const torch::Tensor& a, const torch::Tensor& b);
 torch::Tensor ssim(const torch::Tensor& a, const SsimTarget& b);
 
@@ -32,7 +31,7 @@ torch::Tensor ssim(const torch::Tensor& a, const SsimTarget& b);
 torch::Tensor l1_ssim(const torch::Tensor& a, const torch::Tensor& c, double lambda);
 torch::Tensor l1_ssim(const torch::Tensor& a, const SsimTarget& c, double lambda);
 
-/// D of two images as part of a sum. A second image without means receives its gradient.
+/// D of two images as part of a sum. A second image without window means receives a gradient.
 struct L1SsimPair {
   torch::Tensor a;
   SsimTarget c;
@@ -50,8 +49,8 @@ struct L1SsimSum {
   torch::Tensor terms;  ///< [T]
 };
 
-/// A sum of terms, all of their images in one pass. Images have one height and width, at most 16
-/// pairs in all on a GPU. Differentiable in both images of each pair, through either output.
+/// A sum of terms, all images in one pass. All images have the same height and width; at most 16
+/// pairs in total on a GPU. Differentiable in both images of each pair, through either output.
 L1SsimSum l1_ssim_sum(const std::vector<L1SsimTerm>& terms, double lambda);
 
 }  // namespace jade::imaging

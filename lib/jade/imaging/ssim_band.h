@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// SSIM on the CPU, a band of rows at a time. No torch here: the kernels are compiled for several
+// SSIM on the CPU, in bands of rows. Must not include torch: the kernels are compiled for several
 // instruction sets.
 #pragma once
 
@@ -11,7 +11,7 @@
 namespace jade::imaging {
 
 /// Rows [row_begin, row_end) of one plane. Gradients are of
-/// weight_ssim Σ S + weight_l1 Σ |a − b|; null pointers leave a part out.
+/// weight_ssim Σ S + weight_l1 Σ |a − b|; parts with null pointers are skipped.
 template <class T>
 struct SsimBand {
   const T* a = nullptr;
@@ -27,7 +27,8 @@ struct SsimBand {
   T* scratch = nullptr;         ///< ssim_scratch_size(width) values
 };
 
-/// Five quantities in the forward rings (μa, E[aa], E[ab], μb, E[bb]), up to four derivative maps.
+/// Five quantities in the forward ring buffers (μa, E[aa], E[ab], μb, E[bb]), up to four derivative
+/// maps.
 constexpr int kMoments = 5, kMaps = 4;
 constexpr int64_t ssim_scratch_size(int64_t width) {
   return (kMoments + kMaps) * kSsimTaps * width + (kMoments + 1) * width +

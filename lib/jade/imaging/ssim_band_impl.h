@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// SSIM of a band of rows, row by row: horizontally filtered rows wait in rings of 11, so that
-// everything between the images and the gradient stays in the cache. Plain loops over columns.
-// Compiled once per instruction set by jade_add_isa_sources().
+// SSIM of a band of rows, row by row: horizontally filtered rows are stored in ring buffers of 11
+// rows, so that all intermediate values stay in the cache. Plain loops over columns. Compiled once
+// per instruction set by jade_add_isa_sources().
 #pragma once
 
 #include "jade/imaging/ssim_band.h"
@@ -25,7 +25,7 @@ JADE_HD void filter_row(const T* __restrict padded, const T* __restrict w, T* __
   }
 }
 
-/// Filters down the 11 rows around `centre` in a ring of rows of n values.
+/// Filters vertically the 11 rows around `centre` in a ring of rows of n values.
 template <class T>
 JADE_HD void filter_ring(const T* ring, int64_t centre, const T* __restrict w, T* __restrict out,
                          int64_t n) {
@@ -87,7 +87,7 @@ JADE_HD void zero_row(T* row, int64_t n) {
   for (int64_t x = 0; x < n; ++x) row[x] = 0;
 }
 
-/// Filters input row i horizontally into the rings; rows beside the image are zero.
+/// Filters input row i horizontally into the rings; rows outside the image are zero.
 template <class T>
 JADE_HD void push_input(const SsimBand<T>& in, Buffers<T>& buffers, const T* w, int64_t i,
                         bool a_too, bool b_too) {

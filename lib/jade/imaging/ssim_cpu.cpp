@@ -40,12 +40,12 @@ const SsimKernelSet& ssim_kernels() {
 namespace cpu {
 namespace {
 
-/// Fewer rows in a band and its neighbours' rows, which it filters too, would be most of the work.
+/// With fewer rows per band, filtering its neighbours' rows would dominate.
 constexpr int64_t kLeastRows = 32;
 
-/// Runs work(plane, first row, last row, scratch) over bands of rows: each thread has as many rows
-/// as the others, whatever planes they are of. Results are kept per row, so that the division,
-/// which depends on the threads, does not show.
+/// Runs work(plane, first row, last row, scratch) over bands of rows, with an equal number of rows
+/// per thread across all planes. Results are stored per row, so that they do not depend on the
+/// number of threads.
 template <class T, class Work>
 void for_bands(const ImagePlanes& planes, const Work& work) {
   const int64_t threads = at::in_parallel_region() ? 1 : at::get_num_threads();
@@ -104,7 +104,7 @@ SsimBand<T> band_of(const SsimBatch& batch, const std::vector<torch::Tensor>& gr
   return band;
 }
 
-/// The factor of a term as the values and their gradients are multiplied with it.
+/// The factor of a term and of its gradients.
 template <class T>
 T factor_of(const SsimTerm& term) {
   return T(term.weight) * (term.scale.defined() ? T(term.scale.item<double>()) : T(1));
@@ -129,7 +129,7 @@ SsimValues summed(const SsimBatch& batch, const std::vector<T>& values) {
   return out;
 }
 
-/// The gradients are found in the same pass, while all they need is in the cache.
+/// Computes the gradients in the same pass, while their inputs are in the cache.
 template <class T>
 SsimValues similarity_of(const SsimBatch& batch) {
   std::vector<torch::Tensor> gradients(2 * batch.pairs.size());

@@ -17,8 +17,8 @@ constexpr int kTileWidth = 32, kTileHeight = 24;
 constexpr int kThreads = 256, kWarps = kThreads / 32;
 constexpr int kHaloWidth = kTileWidth + 2 * kSsimRadius,
               kHaloHeight = kTileHeight + 2 * kSsimRadius;
-constexpr int kPitch = (kHaloWidth + 3) / 4 * 4;  ///< rows of whole float4
-/// Results that a thread filters at once, so that a value from shared memory serves several.
+constexpr int kPitch = (kHaloWidth + 3) / 4 * 4;  ///< rows are multiples of float4
+/// Results per thread, so that one value from shared memory serves several.
 constexpr int kColumns = 4, kRows = kTileHeight / kWarps;
 static_assert(kTileWidth == 32 && kTileHeight % kWarps == 0, "a lane per column, all rows taken");
 
@@ -26,18 +26,18 @@ struct Taps {
   float w[kSsimTaps];
 };
 
-/// An SsimPair as the kernels see it.
+/// An SsimPair for the kernels.
 struct PairJob {
   const float* a;
   const float* b;
   const float* mean_b;
   const float* square_b;
-  float* maps;  ///< [3 or 4, planes, H, W] when a gradient is wanted: ∂μa, ∂E[a²], ∂E[ab], ∂μb
+  float* maps;  ///< [3 or 4, planes, H, W] if a gradient is required: ∂μa, ∂E[a²], ∂E[ab], ∂μb
   float* grad_a;
   float* grad_b;
-  float weight_ssim, weight_l1;  ///< over the number of values
+  float weight_ssim, weight_l1;  ///< divided by the number of values
   int planes, first_plane, term;
-  bool maps_of_b;  ///< the fourth map is there
+  bool maps_of_b;  ///< whether there is a fourth map
 };
 
 /// An SsimTerm.
@@ -54,7 +54,7 @@ struct Job {
   int pair_count, term_count;
   int height, width;
   double offset;
-  double* partial;  ///< [blocks, 2], the blocks of a plane one after another
+  double* partial;  ///< [blocks, 2], blocks ordered by plane
   float* total;
   float* values;  ///< [T]
   const float* of_total;
@@ -79,12 +79,12 @@ __device__ Tile this_tile(const Job& in) {
           static_cast<int64_t>(plane - in.pairs[pair].first_plane) * in.width * in.height};
 }
 
-/// A tile with 5 pixels around it, one plane of it or what is filtered of it.
+/// A tile with a border of 5 pixels, one plane of it or of its filtered values.
 using Halo = float[kHaloHeight][kPitch];
 /// Halo after filtering along rows.
 using Filtered = float[kHaloHeight][kTileWidth];
 
-/// Loads one tile of kPlanes planes; zeros beside the image. A plane has less than 2^31 pixels.
+/// Loads one tile of kPlanes planes; zeros outside the image. A plane has fewer than 2^31 pixels.
 template <int kPlanes>
 __device__ __forceinline__ void load_halos(const float* const (&planes)[kPlanes], const Tile& tile,
                                            Halo* out) {
@@ -110,7 +110,7 @@ __device__ __forceinline__ void load_halos(const float* const (&planes)[kPlanes]
   }
 }
 
-/// Inputs of kColumns neighbouring results along a row.
+/// Loads the inputs of kColumns neighbouring results along a row.
 __device__ __forceinline__ void load_row(const Halo& halo, int row, int column,
                                          float (&values)[kColumns + 12]) {
 #pragma unroll
@@ -123,7 +123,7 @@ __device__ __forceinline__ void load_row(const Halo& halo, int row, int column,
   }
 }
 
-/// Adds value k of the row to those of its kColumns results whose windows have it.
+/// Adds value k of the row to those of its kColumns results whose windows contain it.
 __device__ __forceinline__ void add_tap(const Taps& taps, int k, float value,
                                         float (&sums)[kColumns]) {
 #pragma unroll
@@ -137,8 +137,7 @@ __device__ __forceinline__ void store_row(const float (&sums)[kColumns], int row
   *reinterpret_cast<float4*>(&out[row][column]) = make_float4(sums[0], sums[1], sums[2], sums[3]);
 }
 
-/// Calls filter(plane, row, column) for the results of this thread along the rows of so many
-/// planes.
+/// Calls filter(plane, row, column) for this thread's results along the rows of kPlanes planes.
 template <class Filter>
 __device__ __forceinline__ void for_rows(int planes, const Filter& filter) {
   constexpr int kPerRow = kTileWidth / kColumns, kPerPlane = kHaloHeight * kPerRow;
@@ -149,7 +148,7 @@ __device__ __forceinline__ void for_rows(int planes, const Filter& filter) {
   }
 }
 
-/// The window down the columns: of rows first … first + kRows − 1 of the tile.
+/// Filters vertically: rows first … first + kRows − 1 of the tile.
 __device__ __forceinline__ void filter_down(const Filtered& rows, int first, int column,
                                             const Taps& taps, float (&sums)[kRows]) {
 #pragma unroll
@@ -164,7 +163,7 @@ __device__ __forceinline__ void filter_down(const Filtered& rows, int first, int
   }
 }
 
-/// The window along the rows of a, a², a b and, unless those of b are known, of b and b².
+/// Filters a, a², a b and, unless b's window means are given, b and b² along the rows.
 template <bool kFixed>
 __device__ __forceinline__ void filter_pair(const Halo (&images)[2], const Taps& taps,
                                             Filtered (&out)[5]) {
@@ -254,7 +253,7 @@ __device__ float upstream_of(const Job& in, const PairJob& pair) {
   return factor * term.weight * (term.scale == nullptr ? 1.0f : *term.scale);
 }
 
-/// The window of so many derivative maps along the rows.
+/// Filters derivative maps along the rows.
 __device__ __forceinline__ void filter_maps(const Halo* maps, int count, const Taps& taps,
                                             Filtered* out) {
   for_rows(count, [&](int map, int row, int column) {
@@ -266,7 +265,7 @@ __device__ __forceinline__ void filter_maps(const Halo* maps, int count, const T
   });
 }
 
-/// Filters the derivative maps and joins them to the gradients.
+/// Filters the derivative maps and combines them to the gradients.
 __global__ void __launch_bounds__(kThreads, 5)
     ssim_backward(const __grid_constant__ Job in, const __grid_constant__ Taps taps) {
   __shared__ __align__(16) Halo halos[4];
@@ -308,8 +307,8 @@ __global__ void __launch_bounds__(kThreads, 5)
   }
 }
 
-/// A warp per pair adds its blocks' sums in a fixed order: the value does not change from run to
-/// run. Then one thread weighs the terms.
+/// One warp per pair adds its blocks' sums in a fixed order, so that the value is deterministic.
+/// Then one thread applies the weights of the terms.
 __global__ void ssim_finish(Job in, int64_t blocks_per_plane) {
   __shared__ float values[kMostPairs];
   const int index = threadIdx.x / 32, lane = threadIdx.x % 32;
@@ -357,7 +356,7 @@ dim3 grid_of(const Job& job) {
 
 int map_count(const SsimPair& pair) { return pair.grad_b ? 4 : pair.grad_a ? 3 : 0; }
 
-/// The batch without outputs and working memory.
+/// The batch without outputs and scratch memory.
 Job job_of(const SsimBatch& batch) {
   if (batch.pairs.size() > kMostPairs) {
     throw DeviceError(concat("SSIM on a GPU takes at most ", kMostPairs,
@@ -395,7 +394,7 @@ Job job_of(const SsimBatch& batch) {
   return job;
 }
 
-/// Sets the offset of each pair's maps in one buffer; null where no gradient is wanted.
+/// Sets the offset of each pair's maps in one buffer; null if no gradient is required.
 void set_maps(const SsimBatch& batch, const at::Tensor& maps, Job* job) {
   float* next = write_or_null<float>(maps);
   for (size_t i = 0; i < batch.pairs.size(); ++i) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// SSIM and D apart from autograd; the arithmetic is in ssim_math.h. Not for use outside this room.
+// SSIM and D without autograd; ssim_math.h has the arithmetic. Private to this folder.
 #pragma once
 
 #include <ATen/core/Tensor.h>
@@ -8,7 +8,7 @@
 
 namespace jade::imaging {
 
-/// Most pairs in one batch on a GPU, where they travel as the argument of a launch.
+/// Maximum number of pairs in one batch on a GPU, where they are a kernel argument.
 constexpr int64_t kMostPairs = 16;
 
 /// value = offset + ssim · mean SSIM + l1 · mean |a − b|.
@@ -20,17 +20,17 @@ struct SsimWeights {
 struct SsimPair {
   at::Tensor a, b;
   at::Tensor mean_b, square_b;          ///< window means of b and b², or both undefined
-  bool grad_a = false, grad_b = false;  ///< which gradients are wanted
+  bool grad_a = false, grad_b = false;  ///< which gradients to compute
 };
 
-/// A term is the sum of the values of so many pairs, times a weight.
+/// A term is the weighted sum of the values of `pairs` pairs.
 struct SsimTerm {
   int64_t pairs = 1;
   double weight = 1;
-  at::Tensor scale;  ///< [] on the device, a further weight; undefined: 1
+  at::Tensor scale;  ///< [] on the device, an additional weight; undefined: 1
 };
 
-/// Pairs of one height and width, those of the first term first.
+/// Pairs of one height and width, in the order of the terms.
 struct SsimBatch {
   std::vector<SsimPair> pairs;
   std::vector<SsimTerm> terms;
@@ -47,8 +47,8 @@ struct SsimBatch {
 struct SsimValues {
   at::Tensor total;  ///< []
   at::Tensor terms;  ///< [T], weights applied
-  /// Values that the gradients need beside the batch. CPU: gradients of each pair's value, two per
-  /// pair; CUDA: one buffer of derivative maps. Undefined where no gradient is wanted.
+  /// Values that the gradients need in addition to the batch. CPU: gradients of each pair's value,
+  /// two per pair; CUDA: one buffer of derivative maps. Undefined if no gradient is required.
   std::vector<at::Tensor> kept;
 };
 
@@ -57,7 +57,7 @@ struct SsimUpstream {
   at::Tensor total, terms;
 };
 
-/// [..., H, W] as so many planes.
+/// [..., H, W] as a number of planes.
 struct ImagePlanes {
   int64_t count = 0, height = 0, width = 0;
 };
@@ -80,7 +80,7 @@ const double* ssim_window();
 
 namespace cpu {  // float or double
 SsimValues similarity(const SsimBatch& batch);
-/// Gradients of a and b of every pair in turn; undefined where not wanted.
+/// Gradients of a and b of every pair in turn; undefined if not required.
 std::vector<at::Tensor> similarity_gradients(const SsimBatch& batch,
                                              const std::vector<at::Tensor>& kept,
                                              const SsimUpstream& upstream);
@@ -89,7 +89,7 @@ void window_means(const at::Tensor& image, at::Tensor& mean, at::Tensor& square)
 }  // namespace cpu
 
 namespace cuda {  // float
-/// On the current stream of the images' device; no waiting. At most kMostPairs pairs.
+/// Runs on the current stream of the images' device without waiting. At most kMostPairs pairs.
 /// @throws DeviceError.
 SsimValues similarity(const SsimBatch& batch);
 std::vector<at::Tensor> similarity_gradients(const SsimBatch& batch,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// SSIM at one pixel, and back.
+// SSIM at one pixel, and its gradient.
 #pragma once
 
 #include "jade/kernel/host_device.h"
@@ -39,7 +39,7 @@ JADE_HD SsimTerms<T> ssim_terms(const SsimMoments<T>& m) {
   return {a1, a2, b1, b2, inverse, a1 * a2 * inverse};
 }
 
-/// Derivatives of S in the moments; that in E[b²] is that in E[a²].
+/// Derivatives of S by the moments; the derivative by E[b²] equals that by E[a²].
 template <class T>
 struct SsimDerivatives {
   T a, square, ab, b;
@@ -52,14 +52,14 @@ JADE_HD SsimDerivatives<T> ssim_derivatives(const SsimMoments<T>& m, const SsimT
           cross * m.a - own * m.b};
 }
 
-/// The gradient of Σ S at a pixel x of one image, `other` in the other one, from the derivatives
-/// after the window.
+/// The gradient of Σ S at a pixel, x in one image and `other` in the other, from the filtered
+/// derivatives.
 template <class T>
 JADE_HD T ssim_gradient(T d_mean, T d_square, T d_product, T x, T other) {
   return d_mean + 2 * x * d_square + other * d_product;
 }
 
-/// The derivative of |a − b| in a, 0 where they are equal.
+/// The derivative of |a − b| by a, 0 if they are equal.
 template <class T>
 JADE_HD T l1_gradient(T a, T b) {
   return T(a > b) - T(a < b);

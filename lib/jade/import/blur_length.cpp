@@ -26,15 +26,15 @@ struct Velocity {
   double length() const { return std::hypot(x, y); }
 };
 
-/// How densely the events of a patch lie once they are moved back along a velocity.
+/// Density of the events of a patch after compensating a velocity.
 class Density {
  public:
   Density(const std::vector<PatchEvent>& events, double side_px)
       : events_(events), side_(side_px) {}
 
-  /// Σ n⁺² + n⁻² over cells, with votes shared between four cells and spread by a binomial filter,
-  /// so that whole-pixel coordinates gain nothing where they stay.
-  /// @param stride  takes every so manieth event
+  /// Σ n⁺² + n⁻² over cells, with bilinear votes and a binomial filter, so that whole-pixel
+  /// coordinates have no advantage at zero velocity.
+  /// @param stride  uses every stride-th event
   double operator()(const Velocity& v, double cell_px, size_t stride) {
     const double margin = 0.5 * kReach_px + 4 * cell_px;
     const auto n = int64_t(std::ceil((side_ + 2 * margin) / cell_px));
@@ -74,10 +74,10 @@ class Density {
   std::vector<float> votes_[2], rows_;
 };
 
-/// A grid of velocities about one.
+/// A grid of velocities around a centre.
 struct Level {
   double cell_px, step_px;
-  int reach;  ///< steps to each side
+  int reach;  ///< steps in each direction
   size_t most;
 };
 
@@ -88,7 +88,7 @@ Velocity densest(Density& density, const Velocity& about, const Level& level, si
   for (int i = -level.reach; i <= level.reach; ++i) {
     for (int j = -level.reach; j <= level.reach; ++j) {
       const Velocity v{about.x + j * level.step_px, about.y + i * level.step_px};
-      // A straight edge leaves the velocity along it open: the slowest will do.
+      // A straight edge leaves the velocity along it undetermined: choose the slowest.
       const double value = density(v, level.cell_px, stride) * (1 - 5e-4 * v.length());
       if (value > highest) highest = value, best = v;
     }
@@ -105,13 +105,13 @@ Velocity velocity_of(const std::vector<PatchEvent>& events, double side_px) {
   Density density(events, side_px);
   Velocity v;
   for (const Level& level : kLevels) v = densest(density, v, level, events.size());
-  // Events that fall at random gain by chance, with a deviation of 0.45 count / side: six of them
-  // over a thousand velocities, two over the few that are slow.
+  // Random events gain density by chance, with a standard deviation of 0.45 count / side: six of
+  // these for a thousand velocities, two for the few slow ones.
   const double chance = (v.length() < 4 ? 1 : 3) * double(events.size()) / side_px;
   return density(v, 1, 1) - density({}, 1, 1) > chance ? v : Velocity{};
 }
 
-/// The events of the exposure by patch, thinned evenly where they are many.
+/// The events of the exposure by patch, thinned evenly if there are many.
 std::vector<std::vector<PatchEvent>> patches_of(const events::EventStream& events,
                                                 const events::TimeWindow& exposure, int64_t side,
                                                 int64_t rows, int64_t columns) {

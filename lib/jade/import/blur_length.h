@@ -5,13 +5,13 @@
 
 namespace jade::import {
 
-/// Mean length of the way that the picture moves during an exposure, px, found in its events alone.
-/// In each of some dozen patches the image velocity is sought at which the events, moved back
-/// along it, lie densest (contrast maximisation: Gallego et al., CVPR 2018), from coarse to fine;
-/// patches count by their events. A patch whose events lie no denser along any velocity than chance
-/// allows counts as standing still. Within 20 % from 4 px up. Slower motions
-/// of few events drown in what chance allows and are seen too short (2 px as 0.4 to 0.8), as are
-/// motions to and fro within an exposure; those beyond 64 px are not seen at all.
+/// Mean length, px, of the image motion during an exposure, estimated from its events alone. In
+/// each of some dozens of patches, finds the image velocity that maximises the density of the
+/// motion-compensated events (contrast maximisation: Gallego et al., CVPR 2018), from coarse to
+/// fine; patches are weighted by their number of events. A patch whose density at no velocity
+/// exceeds the chance level counts as static. Accurate to 20 % from 4 px up. Slower motions
+/// with few events are within the chance level and are underestimated (2 px as 0.4 to 0.8), as are
+/// oscillations within an exposure; motions beyond 64 px are not detected.
 /// @param events    of the exposure or more, without hot pixels
 /// @param exposure  of the frame, by the events' clock
 /// @param size      of the sensor

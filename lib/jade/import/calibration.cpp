@@ -20,7 +20,7 @@ namespace {
 using config::DocumentNode;
 using geometry::LensModel;
 
-/// A map of the file, and where it is for messages.
+/// A map of the file, and its location for messages.
 struct Section {
   const std::filesystem::path& path;
   std::string name;  ///< "cam0", or empty for the file itself
@@ -100,7 +100,7 @@ geometry::Lens fisheye(const std::vector<double>& k) {
   return {LensModel::kFisheye, k[0], k[1], 0, 0, k[2], k[3], 0, 0};
 }
 
-/// Lenses without distortion need no model of it.
+/// Lenses without distortion need no distortion model.
 geometry::Lens checked(const geometry::Lens& lens, const std::vector<double>& k) {
   if (lens.model == LensModel::kFisheye) return lens;
   for (const double value : k) {
@@ -188,7 +188,7 @@ std::string key_among(const DocumentNode& node, const Names& names) {
   return "";
 }
 
-/// Keys of one camera: OpenCV's storage, or the messages of either ROS.
+/// Keys of one camera: OpenCV's storage, or the messages of ROS 1 or 2.
 struct CameraKeys {
   std::string matrix, lens;
 };
@@ -199,13 +199,13 @@ Names marked(Names names, const std::string& mark) {
   return names;
 }
 
-/// One entry per camera of this map. Stereo calibrations mark the keys of both: M1 D1 M2 D2.
+/// One entry per camera of this map. Stereo calibrations number the keys of both: M1 D1 M2 D2.
 std::vector<CameraKeys> camera_keys(const DocumentNode& node) {
   std::vector<CameraKeys> out;
   for (const char* mark : {"", "0", "1", "2", "3", "left", "right"}) {
     const Names matrix = *mark ? marked(kMatrixNames, mark) : kMatrixNames;
     const std::string key = key_among(node, matrix);
-    // k1 alone is a coefficient of a lens.
+    // k1 alone is a lens coefficient.
     if (key.empty() || node.find(key)->kind == DocumentNode::Kind::kText) continue;
     const std::string lens = key_among(node, *mark ? marked(kLensNames, mark) : kLensNames);
     out.push_back({key, lens.empty() ? "distortion_coefficients" : lens});
@@ -220,7 +220,7 @@ bool is_among(const std::string& word, const Names& names) {
 
 enum class LensKind : uint8_t { kUnsaid, kNone, kPerspective, kFisheye };
 
-/// Reads the kind from all keys of one map: a flag such as fisheye_model, or a model's name.
+/// Reads the lens type from all keys of one map: a flag such as fisheye_model, or a model's name.
 LensKind lens_kind(const Section& section) {
   static const Names kFisheyes{"fisheye",        "equidistant",    "equi",       "kannalabrandt",
                                "kannalabrandt4", "kannalabrandt8", "kb4",        "kb8",
@@ -252,7 +252,7 @@ LensKind lens_kind(const Section& section) {
       } else if (of_lens && value == "none") {
         says = LensKind::kNone;
       } else if ((of_lens && !value.empty()) || is_among(value, kOther)) {
-        // A camera's model may also be the name of a product.
+        // The value may also be a product name.
         throw DataError(concat(section.where(key),
                                ": expected plumb_bob, rational_polynomial or fisheye, found '",
                                node.text, "'; calibrate with one of these models"));
@@ -268,7 +268,7 @@ LensKind lens_kind(const Section& section) {
   return kind;
 }
 
-/// Refuses skew, binning and the like, which this program does not support.
+/// Rejects skew, binning and the like, which this program does not support.
 void check_plain_camera(const Section& section, const CameraKeys& keys,
                         const std::vector<double>& matrix) {
   if (matrix[0] == 0 && matrix[4] == 0) {
@@ -304,7 +304,7 @@ void read_size(const Section& section, CalibratedCamera& camera) {
   }
 }
 
-/// @param around  the kind that the file names outside of this section
+/// @param around  the lens type given outside this section
 CalibratedCamera matrix_camera(const Section& section, const CameraKeys& keys, LensKind around) {
   CalibratedCamera camera;
   camera.name = section.name;
@@ -320,7 +320,7 @@ CalibratedCamera matrix_camera(const Section& section, const CameraKeys& keys, L
   const auto k = numbers(section, key, require(section, key, "the lens's coefficients"));
   if (k.empty()) return camera;
   const bool counts = is_fisheye ? k.size() == 4 : k.size() == 4 || k.size() == 5 || k.size() == 8;
-  // OpenCV writes up to 14 coefficients; those after the eighth are of thin prisms and tilts.
+  // OpenCV writes up to 14 coefficients; those after the eighth are thin-prism and tilt terms.
   bool thin = !is_fisheye && (k.size() == 12 || k.size() == 14);
   for (size_t i = 8; thin && i < k.size(); ++i) thin = k[i] == 0;
   if (!counts && !thin) {
@@ -347,7 +347,7 @@ CameraKeys only_camera(const std::filesystem::path& path, const std::vector<Came
   return cameras.front();
 }
 
-/// cam_to_cam.yaml of DSEC has up to eight cameras, and no order that tells which is the frames'.
+/// cam_to_cam.yaml of DSEC has up to eight cameras, and does not say which one took the frames.
 void refuse_dsec(const std::filesystem::path& path, const DocumentNode& root) {
   const DocumentNode* const all = root.find("intrinsics");
   if (all == nullptr || all->kind != DocumentNode::Kind::kMap) return;
@@ -364,8 +364,8 @@ void refuse_dsec(const std::filesystem::path& path, const DocumentNode& root) {
                          "camera_matrix as intrinsics"));
 }
 
-/// One camera to a section of the file, as DV writes OpenCV's storage; none where no section is a
-/// camera's.
+/// One camera per section of the file, as in DV's form of OpenCV's storage; no value if no section
+/// is a camera.
 std::optional<Calibration> dv_storage(const std::filesystem::path& path, const DocumentNode& root) {
   Calibration out{path, {}, {}};
   std::string names;
@@ -425,7 +425,7 @@ Calibration rpg(const std::filesystem::path& path, const std::vector<double>& k)
   return {path, {camera}, {}};
 }
 
-/// The numbers of a file that holds nothing else, NaN among them.
+/// The numbers of a file that contains nothing else; NaN is allowed.
 std::vector<double> plain_numbers(const std::string& text) {
   std::istringstream in(text);
   std::vector<double> out;

@@ -12,16 +12,16 @@
 
 namespace jade::import {
 
-/// A camera as a calibration file has it.
+/// A camera as in a calibration file.
 struct CalibratedCamera {
   std::string name;  ///< "cam0", or empty
-  /// Principal point raised by 0.5 px: the files put pixel centres on integers, we do not.
+  /// Principal point plus 0.5 px: the files put pixel centres on integers, this library does not.
   double fx = 0, fy = 0, cx = 0, cy = 0;
-  int64_t width = 0, height = 0;  ///< 0: the file does not say
+  int64_t width = 0, height = 0;  ///< 0: not in the file
   geometry::Lens lens;
 };
 
-/// One camera, or two: then the second's place beside the first, in metres as Kalibr has it.
+/// One camera, or two: then with the second's pose relative to the first, in metres as in Kalibr.
 struct Calibration {
   std::filesystem::path path;
   std::vector<CalibratedCamera> cameras;
@@ -29,18 +29,18 @@ struct Calibration {
 };
 
 /// Reads the camera chain of Kalibr (`cam0`, `cam1`: camera_model pinhole, distortion_model radtan,
-/// equidistant or none, T_cn_cnm1), the FileStorage of OpenCV as YAML or XML and its ROS twin
+/// equidistant or none, T_cn_cnm1), the FileStorage of OpenCV as YAML or XML and its ROS variant
 /// (camera_matrix, distortion_coefficients or fisheye's four with distortion_model, image_width,
 /// image_height, also as cameraMatrix, distCoeffs, K, D, in any case; fisheye_model: 1 too), a
-/// camera_info message as ROS prints it (K and D, or k and d), one camera of DV (such a storage in
-/// a section of its own, or the JSON of dv-processing), or calib.txt of the RPG data sets (fx fy cx
-/// cy k1 k2 p1 p2 k3). The content tells which.
+/// camera_info message as ROS prints it (K and D, or k and d), one camera of DV (a section of such
+/// a storage, or the JSON of dv-processing), or calib.txt of the RPG data sets (fx fy cx cy k1 k2
+/// p1 p2 k3). The content determines the format.
 /// @throws DataError: one line with the path, what was expected, what was found.
 Calibration read_calibration(const std::filesystem::path& path);
 
 /// The camera at `index` for pictures of this size.
 /// @param what  for the message: "frames", "events"
-/// @throws DataError if the calibration is of another size, or its principal point lies outside.
+/// @throws DataError if the calibration is for another size, or its principal point lies outside.
 geometry::LensCamera camera_of(const Calibration& calibration, size_t index, int64_t width,
                                int64_t height, const std::string& what);
 

@@ -12,7 +12,7 @@ namespace {
 
 using config::DocumentNode;
 
-/// Elements deeper than any storage of OpenCV has them.
+/// Deeper nesting than in any OpenCV storage.
 constexpr int kDeepest = 32;
 
 class XmlReader {
@@ -34,7 +34,7 @@ class XmlReader {
                            " of OpenCV's storage as XML, found '", here(),
                            "'; export the calibration again"));
   }
-  /// Text at the current place, in one line.
+  /// Text at the current position, on one line.
   std::string here() const {
     const std::string some = text_.substr(std::min(at_, text_.size()), 20);
     return some.substr(0, some.find('\n'));
@@ -64,7 +64,7 @@ class XmlReader {
       }
     }
   }
-  /// An opening tag here, its name, and whether it ends by itself.
+  /// Whether an opening tag starts here, its name, and whether it is self-closing.
   bool opens(std::string& name, bool& empty) {
     if (at_ + 1 >= text_.size() || text_[at_] != '<' || text_[at_ + 1] == '/') return false;
     const size_t end = text_.find('>', at_);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// OpenCV's storage as XML, which DV writes. Not for use outside this folder.
+// OpenCV's storage as XML, which DV writes. Private to this folder.
 #pragma once
 
 #include <filesystem>
@@ -9,12 +9,12 @@
 
 namespace jade::import {
 
-/// True where the text begins as XML does.
+/// True if the text begins like XML.
 bool is_xml(const std::string& text);
 
-/// Elements become entries of a map, texts without elements become text, and the element "data" a
-/// list of the words in it. Attributes and comments are skipped.
-/// @returns what is inside the root element
+/// Converts elements to entries of a map, texts without elements to text, and the element "data" to
+/// a list of its words. Skips attributes and comments.
+/// @returns content of the root element
 /// @throws DataError naming the path for text that is no such XML.
 config::DocumentNode read_xml(const std::filesystem::path& path, const std::string& text);
 

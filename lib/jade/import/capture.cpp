@@ -87,7 +87,7 @@ void keep_capture(const fs::path& folder, const Capture& capture) {
                  {"filter", word_of(capture.filter)},
                  {"camera", capture.camera ? json_of(*capture.camera) : Json(nullptr)},
                  {"frames", frames}};
-  // Names of files are any bytes, those of JSON are UTF-8.
+  // File names are arbitrary bytes, those in JSON are UTF-8.
   const std::string text = all.dump(1, ' ', false, Json::error_handler_t::replace);
   write_file(folder / "capture.json", text + "\n");
 }

@@ -16,7 +16,7 @@ namespace {
 constexpr double kDarkest = 0.03, kBrightest = 0.97, kLogFloor = 0.02;
 constexpr int64_t kPatchesAcross = 120;
 constexpr int64_t kMostBins = 512;
-constexpr int64_t kGroups = 4;  // of patches per pair, for the jackknife
+constexpr int64_t kGroups = 4;  // groups of patches per pair, for the jackknife
 constexpr double kLeastCorrelation = 0.2;
 constexpr double kRivalShare = 0.9;
 constexpr double kLargestError_us = 3000;
@@ -32,10 +32,10 @@ torch::Tensor patches(const torch::Tensor& frame, int64_t n) {
       .to(torch::kFloat64);
 }
 
-/// When the changes happened that events tell of. A pixel speaks once a change has reached its
-/// threshold, so on the way its events lag behind by half the time since the one before; after a
-/// turn nearly all of that time went by before the change began. Left as they are, events would
-/// seem 3 to 12 ms late.
+/// Estimates when the changes behind the events happened. A pixel fires once a change reaches its
+/// threshold, so during a change its events lag by half the time since the previous one; after a
+/// change of sign most of that time passed before the change began. Uncorrected, events would lag
+/// by 3 to 12 ms.
 class ChangeTimes {
  public:
   explicit ChangeTimes(const events::ImageSize& size)
@@ -43,7 +43,7 @@ class ChangeTimes {
         last_us_(size_t(size.height * size.width), kNever),
         polarity_(last_us_.size(), 0) {}
 
-  /// In order of time. NaN for events beside the sensor.
+  /// Call in order of time. NaN for events outside the sensor.
   double operator()(float x, float y, int64_t t_us, int8_t polarity) {
     const float column = std::floor(x + 0.5f), row = std::floor(y + 0.5f);
     if (!(column >= 0 && column < float(size_.width) && row >= 0 && row < float(size_.height))) {
@@ -63,7 +63,7 @@ class ChangeTimes {
   std::vector<int8_t> polarity_;
 };
 
-/// Spans of time that events are summed in.
+/// Time spans in which events are summed.
 struct Bins {
   int64_t begin_us = 0, count = 0;
   double width_us = 0;
@@ -90,7 +90,8 @@ torch::Tensor binned(const events::EventStream& events, const Bins& bins, int64_
   return out;
 }
 
-/// Sums over patches at every offset, of one group; correlations of any set follow from their sums.
+/// Sums over patches at every offset, for one group; the correlation of any union of groups follows
+/// from them.
 struct Moments {
   double frame = 0;                  ///< Σ d²
   std::vector<double> cross, event;  ///< Σ d e, Σ e²
@@ -119,7 +120,7 @@ std::vector<double> offsets_us(const ClockOffsetOptions& options) {
   return out;
 }
 
-/// Moments of one pair of frames, a group each of every fourth patch; none if nothing is usable.
+/// Moments of one pair of frames, one group per quarter of the patches; empty if nothing is usable.
 std::vector<Moments> pair_moments(const data::Exposure& a, const data::Exposure& b,
                                   const events::EventStream& events,
                                   const std::vector<double>& offsets, double step_us) {
@@ -147,12 +148,12 @@ std::vector<Moments> pair_moments(const data::Exposure& a, const data::Exposure&
   torch::Tensor e = weights.matmul(sums).to(torch::kFloat64);
   torch::Tensor d =
       ((after + kLogFloor).log() - (before + kLogFloor).log()).flatten().index_select(0, index);
-  // A change of all patches alike is the light's or the shutter's.
+  // Remove a change common to all patches, caused by the light or the shutter.
   e = e - e.mean(1, true);
   d = d - d.mean();
   std::vector<Moments> groups;
   for (int64_t g = 0; g < kGroups; ++g) {
-    // Whole bands of the image, as neighbours share their errors.
+    // Whole bands of the image, because neighbours have correlated errors.
     const int64_t from = index.numel() * g / kGroups, to = index.numel() * (g + 1) / kGroups;
     const torch::Tensor ge = e.slice(1, from, to), gd = d.slice(0, from, to);
     const torch::Tensor cross = ge.matmul(gd), event = ge.square().sum(1);
@@ -169,7 +170,7 @@ size_t highest(const std::vector<double>& curve) {
   return size_t(std::max_element(curve.begin(), curve.end()) - curve.begin());
 }
 
-/// Place of the peak in steps of the curve, by the parabola through its three highest points.
+/// Position of the peak in steps of the curve, by the parabola through its three highest points.
 double refined(const std::vector<double>& curve, size_t peak) {
   if (peak == 0 || peak + 1 == curve.size()) return double(peak);
   const double left = curve[peak - 1], right = curve[peak + 1],
@@ -177,7 +178,7 @@ double refined(const std::vector<double>& curve, size_t peak) {
   return double(peak) + (bend < 0 ? 0.5 * (left - right) / bend : 0);
 }
 
-/// The next local peak, from which the way to the first leads through lower ground.
+/// The next local peak that a valley separates from the first.
 double second_peak(const std::vector<double>& curve, size_t peak) {
   double best = 0;
   for (size_t i = 0; i < curve.size(); ++i) {
@@ -188,13 +189,13 @@ double second_peak(const std::vector<double>& curve, size_t peak) {
   return best;
 }
 
-/// Frames that follow one another, evenly chosen.
+/// Consecutive frames, evenly chosen.
 std::vector<size_t> chosen_pairs(const std::vector<data::Exposure>& exposures, int64_t most) {
   std::vector<size_t> all, some;
   for (size_t i = 0; i + 1 < exposures.size(); ++i) {
     const auto &a = exposures[i], &b = exposures[i + 1];
     const int64_t gap = b.t_start_us - a.t_end_us;
-    // Over long gaps noise outweighs what the frames tell; rounded times overlap a little.
+    // Over long gaps noise dominates; rounded times may overlap a little.
     if (gap >= -a.duration_us() / 20 && gap <= std::max<int64_t>(3 * a.duration_us(), 200000))
       all.push_back(i);
   }

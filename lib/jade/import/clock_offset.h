@@ -11,36 +11,36 @@
 namespace jade::import {
 
 struct ClockOffsetOptions {
-  double reach_ms = 50;  ///< offsets from −reach to +reach are tried
+  double reach_ms = 50;  ///< tries offsets from −reach to +reach
   double step_ms = 1;
-  int64_t pairs = 24;  ///< neighbouring frames that are looked at, at most
+  int64_t pairs = 24;  ///< neighbouring frames to compare, at most
 };
 
-/// How far the clock of the events is ahead of that of the frames.
+/// Offset of the clock of the events relative to that of the frames.
 struct ClockOffset {
-  double offset_us = 0;  ///< light of frame time t made its events at event time t + offset
-  /// Standard error, from leaving out parts of the frames (jackknife), µs.
+  double offset_us = 0;  ///< an image change at frame time t causes events at event time t + offset
+  /// Standard error, by jackknife over parts of the frames, µs.
   double error_us = 0;
-  double correlation = 0;  ///< at the peak, of frame changes with event sums: 1 is perfect
-  double second = 0;       ///< of the next peak; 0 if there is none
-  int64_t pairs = 0;       ///< of frames that were used
-  /// Why the offset must not be used; empty where it may.
+  double correlation = 0;  ///< of frame changes with event sums at the peak: 1 is perfect
+  double second = 0;       ///< correlation at the second peak; 0 if there is none
+  int64_t pairs = 0;       ///< number of compared pairs of frames
+  /// Why the offset must not be used; empty if it may be.
   std::string doubt;
-  std::vector<double> curve;  ///< the correlation at every offset tried, in order
+  std::vector<double> curve;  ///< the correlation at every tried offset, in order
 
   bool ambiguous() const { return !doubt.empty(); }
 };
 
-/// Finds the offset at which events explain best how frames change. Between neighbouring frames
-/// the logarithm of a patch changes by about Σ polarity · (c₂(t) − c₁(t)), where c(t) is the part
-/// of an exposure that comes after an event at t; this sum at shifted times is correlated with the
-/// change over all patches and pairs, and a parabola through the peak gives the offset. Events
-/// count at half the time since the one before, as a pixel speaks only once a change is complete.
-/// In doubt where nothing correlates (a camera or scene that stands still), where another peak is
-/// nearly as high (a steady motion over a repeating texture), where the peak lies at the end of the
-/// range, and where parts of the frames disagree.
-/// @param exposures  frames and times by the frames' clock, in order; poses are not used
-/// @param events     of the same sensor, whole-pixel or rectified coordinates
+/// Finds the offset at which events best explain how frames change. Between neighbouring frames the
+/// logarithm of a patch changes by about Σ polarity · (c₂(t) − c₁(t)), where c(t) is the share of
+/// an exposure after an event at t. This sum at shifted times is correlated with the change over
+/// all patches and pairs, and a parabola through the peak gives the offset. Events count at the
+/// midpoint between their time and that of the previous event, because a pixel fires only when a
+/// change is complete. The result is doubtful if nothing correlates (a static camera or scene), if
+/// another peak is nearly as high (a steady motion over a repeating texture), if the peak is at the
+/// end of the range, or if parts of the frames disagree.
+/// @param exposures  frames and times by the frames' clock, in order; poses are not used @param
+/// events     of the same sensor, whole-pixel or rectified coordinates
 ClockOffset estimate_clock_offset(const std::vector<data::Exposure>& exposures,
                                   const events::EventStream& events,
                                   const ClockOffsetOptions& options = {});

@@ -26,40 +26,40 @@ bool is_program(const fs::path& path) {
   return fs::is_regular_file(path, unreadable) && access(path.c_str(), X_OK) == 0;
 }
 
-/// How far a call of COLMAP is.
+/// Progress of a call of COLMAP.
 struct Seen {
   int64_t done = 0;
-  std::string now;  ///< what it is at, in words; may be empty
+  std::string now;  ///< current activity, in words; may be empty
 };
 
-/// One call of COLMAP, and what tells how far it is.
+/// One call of COLMAP, and how to read its progress.
 struct Step {
   std::string title;
   std::vector<std::string> command;
   int64_t expected = 0;  ///< units of work
   std::string unit;
-  std::function<void(const std::string& line, Seen& seen)> read;  ///< a line of its log
+  std::function<void(const std::string& line, Seen& seen)> read;  ///< parses a line of its log
 };
 
 bool holds(const std::string& line, const char* part) {
   return line.find(part) != std::string::npos;
 }
 
-/// Counts the lines that hold `mark`, `ahead` of which stand before the work they announce.
+/// Counts the lines that contain `mark`; `ahead` of them precede the work that they announce.
 std::function<void(const std::string&, Seen&)> counting(const std::string& mark, int64_t ahead) {
   return [mark, ahead, marks = int64_t{0}](const std::string& line, Seen& seen) mutable {
     if (holds(line, mark.c_str())) seen.done = std::max<int64_t>(0, ++marks - ahead);
   };
 }
 
-/// Follows the mapper: images that the current model holds, and what it does with them. Adjusting
-/// all cameras together takes most of the time, some of it after the last image.
+/// Reads the mapper's progress: the number of images in the current model, and its activity. Bundle
+/// adjustment takes most of the time, some of it after the last image.
 std::function<void(const std::string&, Seen&)> following_mapper() {
   return [adjusted = int64_t{0}](const std::string& line, Seen& seen) mutable {
     if (holds(line, "initial image pair")) {
       seen = {0, "looking for a first pair of images"};
     } else if (holds(line, "Registering image #")) {
-      // "(num_reg_frames=7)" or "(7)" of older versions: images before this one.
+      // "(num_reg_frames=7)" or "(7)" in older versions: images before this one.
       const size_t open = line.rfind('('), digit = line.find_first_of("0123456789", open);
       if (open != std::string::npos && digit != std::string::npos) {
         seen.done = std::atoll(line.c_str() + digit) + 1;
@@ -71,7 +71,7 @@ std::function<void(const std::string&, Seen&)> following_mapper() {
   };
 }
 
-/// Reads what a growing log got since the last time, line by line.
+/// Reads the lines appended to a growing log since the last call.
 class LogFollower {
  public:
   explicit LogFollower(const fs::path& log)
@@ -92,7 +92,7 @@ class LogFollower {
   std::streamoff at_;
 };
 
-/// The last line that says something.
+/// The last line with content.
 std::string last_line(const fs::path& log) {
   std::istringstream in(read_file(log));
   std::string last;
@@ -102,7 +102,7 @@ std::string last_line(const fs::path& log) {
   return last;
 }
 
-/// Runs COLMAP to its end. @return whether it ended well
+/// Runs COLMAP to its end. @return whether it succeeded
 bool run_step(const Step& step, const fs::path& log) {
   LogFollower follower(log);
   Progress progress(step.title, std::max<int64_t>(1, step.expected), 0, step.unit);
@@ -115,7 +115,7 @@ bool run_step(const Step& step, const fs::path& log) {
     shown = now;
   };
   progress.show();
-  // The window system is not needed, and often not there.
+  // Use no window system: none is needed, and often there is none.
   return run_to_end(step.command, {{"QT_QPA_PLATFORM", "offscreen"}}, log, show) == 0;
 }
 
@@ -141,7 +141,8 @@ std::vector<std::string> call(const ColmapJob& job, const std::string& command) 
   return words;
 }
 
-/// Whether a command of the program knows a flag by its new name. scripts/colmap.py takes old ones.
+/// Whether a command of the program has a flag in its new spelling. scripts/colmap.py accepts the
+/// old ones.
 bool knows(const ColmapJob& job, const std::string& command, const std::string& flag,
            const fs::path& out) {
   if (job.program.size() > 1) return false;
@@ -174,7 +175,7 @@ Step match_list(const ColmapJob& job, const std::string& database, const fs::pat
   std::string list;
   for (const auto& [a, b] : job.pairs) list += concat(a, ' ', b, '\n');
   write_file(folder / "pairs.txt", list);
-  // Pairs per block, as in scripts/colmap.py and COLMAP's own default.
+  // Pairs per block, as in scripts/colmap.py and COLMAP's default.
   const int64_t block = job.program.size() > 1 ? 100 : 1225;
   Step match{"COLMAP: matching", call(job, "matches_importer"),
              (int64_t(job.pairs.size()) + block - 1) / block, "blocks", counting(" block [", 1)};
@@ -244,7 +245,7 @@ std::vector<fs::path> reconstruct(const ColmapJob& job, const ColmapSettings& se
                                   const fs::path& folder) {
   const fs::path models = folder / settings.name;
   make_writable_folder(models);
-  // One more than the images, so that the last adjustment has a place.
+  // One more than the images, to leave room for the final adjustment.
   Step map{"COLMAP: poses", call(job, "mapper"), job.count + 1, "images", following_mapper()};
   append(map.command, {"--database_path", (folder / "database.db").string(), "--image_path",
                        job.images.string(), "--output_path", models.string(),
@@ -254,7 +255,7 @@ std::vector<fs::path> reconstruct(const ColmapJob& job, const ColmapSettings& se
   if (knows(job, "mapper", "--Mapper.ba_global_frames_ratio", folder / "help.txt")) {
     rename_flags(map.command);
   }
-  // Its exit code says little: a search without result ends well in some versions only.
+  // The exit code is unreliable: a search without result succeeds in some versions.
   run_step(map, folder / "colmap.log");
   std::vector<fs::path> found;
   for (const auto& entry : fs::directory_iterator(models)) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// COLMAP as a process: the program, or the package pycolmap through scripts/colmap.py.
+// Runs COLMAP as a process: the program, or the package pycolmap through scripts/colmap.py.
 #pragma once
 
 #include <cstdint>
@@ -13,48 +13,48 @@
 
 namespace jade::import {
 
-/// The words before COLMAP's own: the program `wanted`, else the package pycolmap through
-/// scripts/colmap.py, which on a processor takes a quarter of the time of the program that Debian
-/// 12 has, else colmap of the path.
+/// The command prefix of COLMAP: the program `wanted`, else the package pycolmap through
+/// scripts/colmap.py, which needs a quarter of the CPU time of Debian 12's program, else colmap on
+/// PATH.
 /// @throws DataError with the command that installs it.
 std::vector<std::string> find_colmap(const std::filesystem::path& wanted);
 
-/// Settings that all attempts at one set of images share.
+/// Settings that all attempts for one set of images share.
 struct ColmapJob {
   std::vector<std::string> program;  ///< find_colmap()
   std::filesystem::path images;      ///< folder
-  int64_t count = 0;                 ///< of the images in it
-  /// Camera of all images, at their size, held fixed; absent: the focal length is searched, and the
-  /// principal point is the middle.
+  int64_t count = 0;                 ///< number of images in it
+  /// Camera of all images, at their size, held constant; no value: COLMAP estimates the focal
+  /// length, and the principal point is the image centre.
   std::optional<geometry::Intrinsics> camera;
-  /// Image of the same size, black where no features are to be found; empty: none.
+  /// Image of the same size, black where COLMAP must not find features; empty: none.
   std::filesystem::path mask;
-  /// Folder with such an image for each, IMAGE.png.png for IMAGE.png; empty: none.
+  /// Folder with one such image per image, IMAGE.png.png for IMAGE.png; empty: none.
   std::filesystem::path own_masks;
-  /// Names of the images that are compared; empty: all with all.
+  /// Pairs of image names to match; empty: all pairs.
   std::vector<std::pair<std::string, std::string>> pairs;
 };
 
-/// Flags beside ours, as COLMAP spelled them up to 3.12.
+/// Additional flags, in COLMAP's spelling up to 3.12.
 struct ColmapSettings {
-  std::string name;  ///< of the attempt and its folder
+  std::string name;  ///< name of the attempt and of its folder
   std::vector<std::string> extraction, matching, mapping;
 };
 
-/// Finds and compares features. Writes FOLDER/database.db and FOLDER/colmap.log. Shows progress.
-/// @throws DataError with COLMAP's last words where it fails, Interrupted.
+/// Extracts and matches features. Writes FOLDER/database.db and FOLDER/colmap.log. Shows progress.
+/// @throws DataError with COLMAP's last output if it fails, Interrupted.
 void match_features(const ColmapJob& job, const ColmapSettings& settings,
                     const std::filesystem::path& folder);
 
 /// Reconstructs from FOLDER/database.db into FOLDER/NAME.
-/// @return the folders of the models that came out, none where no pair of images began one
+/// @return the folders of the resulting models, none if no initial pair of images was found
 std::vector<std::filesystem::path> reconstruct(const ColmapJob& job, const ColmapSettings& settings,
                                                const std::filesystem::path& folder);
 
-/// Tries the model with its depths reversed (scripts/colmap.py): of a camera with a narrow view
-/// that moves little, incremental mapping ends in the wrong one of the two by chance.
-/// @return the folder of the reversed model where it fits clearly better; empty: it does not, or
-///   COLMAP is the program, which cannot try
+/// Tries the model with its depths reversed (scripts/colmap.py): for a camera with a narrow view
+/// and little motion, incremental mapping can converge to the wrong one of the two. @return the
+/// folder of the reversed model if it fits clearly better; empty: it does not, or COLMAP
+///   is the program, which does not support this
 std::filesystem::path reverse_depths(const ColmapJob& job, const std::filesystem::path& model,
                                      const std::filesystem::path& folder);
 

@@ -12,12 +12,12 @@
 namespace jade::import {
 namespace {
 
-constexpr double kLeastDifference = 0.02;  // of the brightness of a cell
+constexpr double kLeastDifference = 0.02;  // relative to the brightness of a cell
 constexpr double kLeastGain = 0.05;
 constexpr size_t kMostPairs = 12;
 constexpr double kFrameFloor = 0.02;
 
-/// Sums of one place of the cell, and one channel (the fourth is gray).
+/// Sums for one place of the cell and one channel (the fourth is gray).
 struct Sums {
   double cross = 0, frame = 0, event = 0;
 };
@@ -96,7 +96,7 @@ bool is_mosaic(const torch::Tensor& frame) {
   const double level = mean.mean().item<double>();
   if (level <= 0) return false;
   const auto m = mean.accessor<double, 1>();
-  // Even in a gray scene the colours of a filter differ in sensitivity.
+  // Even for a gray scene the colours of a filter differ in sensitivity.
   const double range = (mean.max() - mean.min()).item<double>();
   const double diagonal = std::min(std::abs(m[0] - m[3]), std::abs(m[1] - m[2]));
   return range > kLeastDifference * level && diagonal < 0.25 * range;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whether a recording is gray or in colour, as its frames and events show it.
+// Detects from its frames and events whether a recording is gray or in colour.
 #pragma once
 
 #include <array>
@@ -19,7 +19,7 @@ constexpr auto words_of(ColorFilter) {
                     Word{"gbrg", ColorFilter::kGbrg}};
 }
 
-/// Channel (0 red, 1 green, 2 blue) that a filter leaves to a pixel. @throws ContractError for
+/// Channel (0 red, 1 green, 2 blue) that a filter passes at a pixel. @throws ContractError for
 /// none.
 int64_t channel_of(ColorFilter filter, int64_t row, int64_t column);
 
@@ -28,20 +28,20 @@ int64_t channel_of(ColorFilter filter, int64_t row, int64_t column);
 std::array<int64_t, 2> first_red(ColorFilter filter);
 
 /// True for a gray frame that is the raw mosaic of a colour sensor: the four places of its 2 x 2
-/// cells differ in mean brightness, two on a diagonal (the greens) less than the others.
-/// @param frame  [3,H,W]; false where it is in colour already
+/// cells differ in mean brightness, two on a diagonal (the greens) less than the others. @param
+/// frame  [3,H,W]; false if it is in colour
 bool is_mosaic(const torch::Tensor& frame);
 
-/// Colour filter of the event pixels, as the events show it.
+/// Colour filter of the event pixels, estimated from the events.
 struct FilterFinding {
   ColorFilter filter = ColorFilter::kNone;
-  /// Correlation of event sums with the change of the frames: of gray, and of the best filter.
+  /// Correlation of event sums with the change of the frames: for gray, and for the best filter.
   double gray_correlation = 0, filter_correlation = 0;
 };
 
-/// Finds the filter before the event pixels of a recording with frames in colour: where it leaves
-/// one channel to a pixel, the pixel's events follow that channel. A filter is named only if it
-/// leaves 5 % less of the changes unexplained than gray does. Gray frames tell nothing: kNone.
+/// Finds the colour filter on the event pixels of a recording with frames in colour: behind a
+/// filter, a pixel's events correlate with the channel that it passes. Reports a filter only if it
+/// leaves 5 % less of the changes unexplained than gray. Gray frames are inconclusive: kNone.
 /// @param exposures  frames and times, in order; poses are not used
 /// @param events     in coordinates of the raw sensor, by the same clock
 FilterFinding find_event_filter(const std::vector<data::Exposure>& exposures,

@@ -15,22 +15,22 @@ namespace {
 constexpr size_t kMostFrames = 16;
 constexpr size_t kFewestFrames = 4;
 constexpr double kShortest = 0.05;  // of the frame period
-/// Lengths that are tried first, as shares of the frame period.
+/// Initial lengths, as shares of the frame period.
 constexpr double kLengths[] = {kShortest, 0.1, 0.18, 0.28, 0.4, 0.55, 0.7, 0.85, 1};
-constexpr double kFineStep = 1.12;  // between lengths around the best of these
+constexpr double kFineStep = 1.12;  // ratio of refined lengths around the best of these
 constexpr double kMostUnexplained = 0.7;
-constexpr double kMostError = 0.25;  // of the length
+constexpr double kMostError = 0.25;  // relative to the length
 
 using recording::Stamp;
 
-/// A run of neighbours: the middle of the recording, where cameras move most.
+/// Consecutive frames from the middle of the recording, where cameras move most.
 std::vector<StampedFrame> middle_frames(const std::vector<StampedFrame>& frames) {
   const size_t count = std::min(frames.size(), kMostFrames);
   const auto begin = frames.begin() + std::ptrdiff_t((frames.size() - count) / 2);
   return {begin, begin + std::ptrdiff_t(count)};
 }
 
-/// The agreement of frames and events over lengths and stamps, each tried once.
+/// The agreement of frames and events by length and stamp, each evaluated once.
 class LengthSearch {
  public:
   LengthSearch(const std::vector<StampedFrame>& frames, int64_t period_us,
@@ -68,7 +68,7 @@ class LengthSearch {
 
   const std::map<double, Tried>& tried() const { return tried_; }
 
-  /// Best length of the fits that converged.
+  /// Best length among the fits that converged.
   double best_length() const {
     double length = 0, loss = INFINITY;
     for (const auto& [each, tried] : tried_) {
@@ -103,7 +103,7 @@ class LengthSearch {
   std::map<double, Tried> tried_;
 };
 
-/// Place of the lowest point of the parabola through three points of a curve over log length.
+/// Minimum of the parabola through three points of a curve over log length.
 double lowest(const double (&lengths)[3], const double (&losses)[3]) {
   const double a = std::log(lengths[0]), b = std::log(lengths[1]), c = std::log(lengths[2]);
   const double left = (losses[1] - losses[0]) / (b - a), right = (losses[2] - losses[1]) / (c - b);
@@ -112,8 +112,8 @@ double lowest(const double (&lengths)[3], const double (&losses)[3]) {
   return std::exp(std::clamp(0.5 * (a + b) - left / (2 * bend), a, c));
 }
 
-/// The length at the bottom of the curve around `best`, and its standard error by the jackknife
-/// over parts of the image.
+/// Sets the length at the minimum of the curve around `best`, and its standard error by the
+/// jackknife over parts of the image.
 void settle(const std::map<double, LengthSearch::Tried>& tried, double best,
             ExposureLength& result) {
   const auto at = tried.find(best);
@@ -183,7 +183,7 @@ ExposureLength estimate_exposure_length(const std::vector<StampedFrame>& frames,
   LengthSearch search(some, period_us, events, stamps);
   for (const double share : kLengths) search.at(share * double(period_us), stamps);
   double best = search.best_length();
-  // At lengths beside the best, until the best lies between two that are near.
+  // Refine until the best length has two near neighbours.
   for (int round = 0; best > 0 && round < 6; ++round) {
     const std::vector<Stamp> same{search.tried().at(best).stamp};
     for (const double length : {best / kFineStep, best * kFineStep}) {

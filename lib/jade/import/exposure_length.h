@@ -18,32 +18,32 @@ struct StampedFrame {
   int64_t t_us = 0;
 };
 
-/// How long frames were exposed, and which instant of the exposure their stamp is.
+/// Exposure time of the frames, and the instant of the exposure that their time stamp marks.
 struct ExposureLength {
   int64_t length_us = 0;
   recording::Stamp stamp = recording::Stamp::kMiddle;
-  /// Standard error of the length, from leaving out parts of the image; 0: unknown.
+  /// Standard error of the length, by jackknife over parts of the image; 0: unknown.
   double error_us = 0;
-  /// How badly frames and events agree, a difference of 1 being e^½ in the likelihood of a change:
-  /// at each length that was tried, with the stamp that is best there.
+  /// Disagreement of frames and events at each tried length, for the best stamp there; a difference
+  /// of 1 is a factor e^½ in the likelihood of a change.
   std::vector<double> lengths_us, losses;
-  /// Why the length must not be used; empty where it may.
+  /// Why the length must not be used; empty if it may be.
   std::string doubt;
 
   bool ambiguous() const { return !doubt.empty(); }
 };
 
-/// The median time from a frame to the next, µs; 0 for fewer than two frames. No exposure is
-/// longer.
+/// The median time between consecutive frames, µs; 0 for fewer than two frames. An upper bound of
+/// the exposure time.
 int64_t frame_period_us(const std::vector<int64_t>& stamps_us);
 
-/// Finds the length and the stamp with which the events explain best how each frame differs from
-/// the one before it (data::EventConsistency): the blur of a frame is the mean over its exposure of
-/// what the events tell. Lengths from a twentieth of the frame period to the whole are tried. In
-/// doubt where nothing explains the frames, and where lengths explain them alike: a camera or scene
-/// that stands still, or motion without blur.
-/// @param frames  by time, on the clock of the events
-/// @param stamp   absent: start, middle and end are tried
+/// Finds the length and the stamp at which the events best explain the change from each frame to
+/// the next (data::EventConsistency): the blur of a frame is the mean over its exposure of the
+/// brightness that the events imply. Tries lengths from a twentieth of the frame period to the
+/// whole. The result is doubtful if no length explains the frames, or if all explain them equally:
+/// a static camera or scene, or motion without blur.
+/// @param frames  sorted by time, on the clock of the events
+/// @param stamp   no value: tries start, middle and end
 /// @throws Interrupted.
 ExposureLength estimate_exposure_length(const std::vector<StampedFrame>& frames,
                                         const events::EventStream& events,

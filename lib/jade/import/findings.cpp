@@ -26,7 +26,7 @@ using Json = nlohmann::ordered_json;
 
 constexpr char kClockFile[] = "clock.json", kSensorFile[] = "sensor.json";
 constexpr double kSmallestOffsetMs = 2;
-/// Slower than this, noise decides how slow.
+/// Slower motion is dominated by noise.
 constexpr double kSlow_px = 2;
 
 double rounded(double value, double unit) { return std::round(value / unit) * unit; }
@@ -58,7 +58,7 @@ events::EventStream without(const std::vector<HotPixel>& pixels, const Capture& 
   return remove_events(capture.events, mask_of(pixels, capture.sensor)).events;
 }
 
-/// Frames as pixels behind a filter see them: all channels that of the pixel's own.
+/// Frames as seen behind a filter: all channels become that of the pixel.
 void filter_frames(ColorFilter filter, Capture& capture) {
   const int64_t height = capture.height(), width = capture.width();
   torch::Tensor channel = torch::empty({1, height, width}, torch::kInt64);
@@ -72,7 +72,7 @@ void filter_frames(ColorFilter filter, Capture& capture) {
   }
 }
 
-/// A filter is that of the frames' own pixels.
+/// The filter applies to the frames' own pixels.
 ColorFilter filter_of(const Capture& capture) {
   if (capture.sensor.height != capture.height() || capture.sensor.width != capture.width()) {
     return ColorFilter::kNone;
@@ -114,7 +114,7 @@ double median_of(std::vector<double> values) {
   return *middle;
 }
 
-/// Frames whose exposures are not known yet count as taken at once.
+/// Frames with unknown exposures count as instantaneous.
 std::string mirroring_of(const Capture& capture, const events::EventStream& events) {
   std::vector<data::Exposure> exposures;
   for (const Shot& shot : capture.shots) exposures.push_back(exposure_of(shot, capture));
@@ -132,7 +132,7 @@ Capture without_hot_pixels(const Capture& capture) {
 ClockFinding find_clock(const TimeOptions& options, const Capture& capture, bool frames_apart) {
   if (options.offset_ms != 0) return {options.offset_ms, "as given", {}};
   if (!options.find_offset) return {0, "as given", {}};
-  // One pixel that fires all the time can outweigh all that move.
+  // A single pixel that fires all the time can outweigh all moving ones.
   const std::vector<data::Exposure> exposures = exposures_of(capture);
   const events::EventStream events = without(hot_pixels_of(capture), capture);
   const ClockOffset found = estimate_clock_offset(exposures, events);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Results of the stages "time" and "sensor", kept as JSON.
+// Results of the stages "time" and "sensor", stored as JSON.
 #pragma once
 
 #include <filesystem>
@@ -17,70 +17,72 @@
 
 namespace jade::import {
 
-/// How far the clock of the events is ahead of that of the frames, and how that is known.
+/// Offset of the clock of the events relative to that of the frames, and its source.
 struct ClockFinding {
   double offset_ms = 0;
   std::string said;
-  /// ClockOffset::curve from −reach to +reach of ClockOffsetOptions; empty where none was sought.
+  /// ClockOffset::curve from −reach to +reach of ClockOffsetOptions; empty if none was estimated.
   std::vector<double> curve;
 };
 
-/// How long frames were exposed where the recording does not say it, and how that is known.
+/// Exposure time of the frames if the recording does not contain it, and its source.
 struct ExposureFinding {
-  int64_t length_us = 0;  ///< 0: the recording says it
+  int64_t length_us = 0;  ///< 0: the recording contains it
   recording::Stamp stamp = recording::Stamp::kMiddle;
   double error_us = 0;
   std::string said;
   std::vector<double> lengths_us, losses;  ///< as in ExposureLength
 };
 
-/// Whether no shot has a length.
+/// Whether no shot has an exposure time.
 bool lacks_exposures(const Capture& capture);
 
-/// Result of estimate_exposure_length(). @throws DataError if a length must be given.
-/// @param stamp  absent: start, middle and end are tried
+/// Result of estimate_exposure_length(). @throws DataError if the user must give a length. @param
+/// stamp  no value: tries start, middle and end
 ExposureFinding find_exposures(const Capture& capture, std::optional<recording::Stamp> stamp);
 
-/// Gives shots their exposures; nothing where the recording says them.
+/// Sets the exposures of the shots; does nothing if the recording contains them.
 void set_exposures(const ExposureFinding& finding, Capture& capture);
 
-/// The capture without the events of pixels that fire by themselves.
+/// The capture without the events of hot pixels.
 Capture without_hot_pixels(const Capture& capture);
 
-/// Brings a capture to where frames and events see the same, if that is elsewhere.
+/// Transforms a capture so that frames and events share one view, if they do not yet.
 using Align = std::function<void(Capture&)>;
 
-/// The offset of the options where they give one, else that which estimate_clock_offset() finds.
-/// One that is within two milliseconds or three of its standard errors of 0 counts as 0.
-/// Events that lie mirrored against the frames are a warning (find_mirroring), and the offset is 0.
-/// @param frames_apart  frames and events come from different files: an offset in doubt is an error
-///   then, and counts as 0, said so, where both are of one recording.
-/// @throws DataError where an offset must be given.
+/// The offset in the options, if given, else that of estimate_clock_offset(). An offset within two
+/// milliseconds or three standard errors of 0 counts as 0. Mirrored events cause a warning
+/// (find_mirroring) and an offset of 0. @param frames_apart  frames and events come from different
+/// files: a doubtful offset is then an error;
+///   for a single recording it counts as 0, with a warning.
+/// @throws DataError if the user must give an offset.
 ClockFinding find_clock(const TimeOptions& options, const Capture& capture, bool frames_apart);
 
-/// The sensor of the events, on its raw pixels.
+/// Properties of the event sensor, in raw pixels.
 struct SensorFinding {
-  std::vector<HotPixel> hot_pixels;  ///< whose events are to go
+  std::vector<HotPixel> hot_pixels;  ///< pixels whose events are dropped
   events::Thresholds thresholds;
-  ColorFilter filter = ColorFilter::kNone;  ///< before its pixels
+  ColorFilter filter = ColorFilter::kNone;  ///< colour filter on its pixels
   std::vector<double> blur_px;              ///< of each shot, as in Shot
-  std::vector<double> gains;                ///< the same; none where the camera kept one
+  std::vector<double> gains;                ///< of each shot; empty if the camera's brightness is
+                                            ///< constant
   std::string said;
 };
 
-/// Thresholds of the options where they are numbers; where the positive one is auto, those that
-/// data::estimate_thresholds() finds, else the default, with a warning. Where the frames are in
-/// colour and the events follow one channel each, thresholds are found in these channels. Frames
-/// that are raw mosaics get a warning.
-/// @param align  of two cameras, before frames and events are compared; hot pixels come before it
+/// Thresholds of the options if they are numbers; if the positive one is auto, the result of
+/// data::estimate_thresholds(), or the default with a warning. If the frames are in colour and each
+/// event pixel sees one channel, estimates thresholds in these channels. Warns of frames that are
+/// raw mosaics.
+/// @param align  for two cameras, applied before frames and events are compared and after hot
+/// pixels are removed
 SensorFinding find_sensor(const SensorOptions& options, const events::EventOptions& events,
                           const Capture& capture, const Align& align = {});
 
-/// blur_px() of each shot. One that seems still though it has half as many events as the upper
-/// quarter of the shots is not known: its motion drowns in noise.
+/// blur_px() of each shot. A shot that seems static but has half as many events as the upper
+/// quarter of the shots counts as unknown: noise hides its motion.
 std::vector<double> find_blur(const Capture& capture);
 
-/// Takes the events of the hot pixels out, sets the filter, the blur and the gains.
+/// Removes the events of hot pixels, and sets the filter, the blur and the gains.
 void clean(const SensorFinding& finding, Capture& capture);
 
 void keep(const std::filesystem::path& folder, const ClockFinding& finding,

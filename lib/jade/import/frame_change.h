@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Change from one frame to the next, as the events show it.
+// Change from one frame to the next, predicted from the events.
 #pragma once
 
 #include "jade/data/exposure.h"
@@ -7,9 +7,9 @@
 
 namespace jade::import {
 
-/// The part of an exposure that comes after t, µs: from 1 before it to 0 after it, a step for a
-/// sharp frame. An event at t changes the logarithm of frame b over frame a, to first order, by its
-/// threshold times part_after(b, t) − part_after(a, t).
+/// The share of an exposure after t, µs: 1 before it to 0 after it, a step for a sharp frame. An
+/// event at t changes the logarithm of frame b over frame a, to first order, by its threshold times
+/// part_after(b, t) − part_after(a, t).
 double part_after(const data::Exposure& exposure, double t_us);
 
 /// Σ polarity · (part_after(b, t) − part_after(a, t)) at each pixel, [H,W] float32; coordinates are

@@ -11,13 +11,14 @@ namespace jade::import {
 namespace {
 
 constexpr size_t kFewestShots = 4;
-constexpr int64_t kLongestGap_us = 500000;  // longer, events do not tell how the frames differ
-/// Curves of pixels between all frames that are compared at most, and pixels per frame.
+// over longer gaps, events do not determine the change of the frames
+constexpr int64_t kLongestGap_us = 500000;
+/// Maximum number of pixel curves over all compared frames, and minimum of pixels per frame.
 constexpr int64_t kMostCurves = 1500000, kFewestPixels = 500, kMostPixels = 3000;
-constexpr double kLeastRange = 0.05;  // of the logarithm
-constexpr double kClearErrors = 6;    // the range must be so many standard errors of a step
+constexpr double kLeastRange = 0.05;  // in log units
+constexpr double kClearErrors = 6;    // least range in standard errors of a step
 
-/// Takes out the line that fits best.
+/// Subtracts the best-fitting line.
 void remove_trend(const std::vector<double>& at, std::vector<double>& values) {
   const auto count = double(values.size());
   double st = 0, sv = 0, stt = 0, stv = 0;

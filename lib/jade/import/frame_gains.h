@@ -8,13 +8,13 @@
 
 namespace jade::import {
 
-/// How bright each frame is of the same scene, for cameras that adjust exposure time or gain
-/// themselves: the steps from frame to frame that events do not tell (data::ConsistencyFit::steps),
-/// added up. A steady drift is not among them, as events of leaking pixels make one.
+/// Estimates the relative brightness of each frame, for cameras that adjust exposure time or gain
+/// automatically: sums the steps between frames that events do not explain
+/// (data::ConsistencyFit::steps). Ignores a steady drift, which events of leaking pixels also
+/// cause.
 /// @param exposures  frames and times, in order; poses are not used
-/// @return one gain for each, with a geometric mean of 1; none where gains would differ by less
-/// than
-///   a twentieth or by what noise makes
+/// @return one gain per frame, with a geometric mean of 1; empty if gains differ by less than a
+///   twentieth or by no more than noise
 /// @throws Interrupted.
 std::vector<double> estimate_frame_gains(const std::vector<data::Exposure>& exposures,
                                          const events::EventStream& events);

@@ -7,7 +7,7 @@
 namespace jade::import {
 namespace {
 
-/// The text with the archive in the place of the folder that it was unpacked to.
+/// The text with the archive's path in place of the temporary folder.
 std::string naming_archive(std::string text, const recording::Recording& recording) {
   const std::string folder = recording.mask_root.string();
   if (recording.keep && text.rfind(folder, 0) == 0)

@@ -9,9 +9,9 @@
 
 namespace jade::import {
 
-/// Masks that lie with the frames of a recording (alpha, masks/, mask.png), as data::read_masks
-/// gives them: one per frame, [1,H,W] bool or undefined. Empty where no masks can lie there.
-/// @param warnings  gets a line for frames without a mask where others have one
+/// Masks stored with the frames of a recording (alpha, masks/, mask.png), from data::read_masks:
+/// one per frame, [1,H,W] bool or undefined. Empty if the format cannot have masks. @param warnings
+/// receives a line for frames without a mask if others have one
 /// @throws DataError naming the mask that is unreadable, black or of another size than its frame.
 std::vector<torch::Tensor> masks_of(const recording::Recording& recording,
                                     std::vector<std::string>& warnings);

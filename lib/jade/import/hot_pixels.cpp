@@ -34,7 +34,7 @@ class PixelOf {
   int64_t height_, width_;
 };
 
-/// Median of the pixels around one, itself left out.
+/// Median of the neighbours of a pixel, excluding itself.
 double median_around(const int64_t* counts, int64_t row, int64_t column, int64_t height,
                      int64_t width) {
   std::array<int64_t, (2 * kReach + 1) * (2 * kReach + 1)> values{};

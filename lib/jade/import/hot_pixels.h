@@ -9,13 +9,13 @@
 
 namespace jade::import {
 
-/// Counts events per pixel of the raw sensor, part by part, so that a recording of any length
-/// streams through in the memory of one image.
+/// Counts events per pixel of the raw sensor in a streaming way: a recording of any length needs
+/// the memory of one image.
 class PixelCounter {
  public:
   explicit PixelCounter(const events::ImageSize& size);
 
-  /// Coordinates are rounded to the nearest pixel; those beside the sensor count nowhere.
+  /// Coordinates are rounded to the nearest pixel; events outside the sensor are ignored.
   void add(const events::EventStream& events);
 
   torch::Tensor counts() const { return counts_; }  ///< [H,W] int64
@@ -28,19 +28,19 @@ class PixelCounter {
 
 struct HotPixel {
   int64_t row = 0, column = 0;
-  double rate_hz = 0;        ///< of this pixel
-  double neighbours_hz = 0;  ///< median of those around it
+  double rate_hz = 0;        ///< event rate of this pixel
+  double neighbours_hz = 0;  ///< median rate of the pixels around it
 };
 
 struct HotPixels {
-  std::vector<HotPixel> pixels;  ///< by rate, the hottest first
+  std::vector<HotPixel> pixels;  ///< [H,W] bool
   torch::Tensor mask;            ///< [H,W] bool
 };
 
-/// Pixels that fire by themselves: more than eight times as often as the median of all pixels and
-/// as the median of the 24 around them, and more than eight standard deviations of a count above
-/// the larger of the two. A textured scene that moves wakes neighbours alike, a defect stands
-/// alone, or with a few.
+/// Finds pixels that fire without a cause: more than eight times as often as the median of all
+/// pixels and as the median of the 24 around them, and more than eight standard deviations of a
+/// count above the larger of the two. A moving textured scene activates neighbours alike, whereas
+/// defects are isolated or in small groups.
 HotPixels find_hot_pixels(const PixelCounter& counter);
 
 struct CleanedEvents {
@@ -48,7 +48,7 @@ struct CleanedEvents {
   int64_t removed = 0;
 };
 
-/// The events that no pixel of the mask sent. Any part of a recording can be given by itself.
+/// The events of pixels outside the mask. Any part of a recording can be processed separately.
 CleanedEvents remove_events(const events::EventStream& events, const torch::Tensor& mask);
 
 }  // namespace jade::import

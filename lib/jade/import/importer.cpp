@@ -32,13 +32,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Three views of a scene say little of it, and structure from motion cannot check itself.
+/// Three views are too few for a scene, and structure from motion cannot check itself.
 constexpr size_t kFewestFrames = 4;
 /// Longest exposure as a multiple of the frame period; both are rounded.
 constexpr double kLongestExposure = 1.02;
 
-/// Calls `visit` with each file below a folder, also where links lead to folders elsewhere.
-/// @param above  the folders it lies in, and itself, to which no link is followed back
+/// Calls `visit` with each file below a folder, following links to other folders. @param above  the
+/// ancestors of the folder and the folder itself; links to them are skipped
 template <class Visit>
 void for_files(const fs::path& folder, std::vector<fs::path> above, const Visit& visit) {
   std::error_code unreadable;
@@ -55,7 +55,7 @@ void for_files(const fs::path& folder, std::vector<fs::path> above, const Visit&
   }
 }
 
-/// Names, sizes and times of change: hashing a recording of 10 GB would take a minute.
+/// Hashes names, sizes and modification times: hashing a recording of 10 GB would take a minute.
 std::string fingerprint(const fs::path& path) {
   // Ignore unreadable files here; the reader reports them.
   std::error_code unreadable;
@@ -74,7 +74,7 @@ std::string fingerprint(const fs::path& path) {
   return all;
 }
 
-/// The values of an options struct, a line each.
+/// The values of an options struct, one line each.
 template <class Options>
 std::string text_of(Options options) {
   std::string text;
@@ -83,7 +83,7 @@ std::string text_of(Options options) {
   return text;
 }
 
-/// Events while the shutter was open.
+/// Number of events while the shutter was open.
 int64_t events_in_exposures(const Capture& capture) {
   int64_t count = 0;
   for (const Shot& shot : capture.shots) {
@@ -92,9 +92,8 @@ int64_t events_in_exposures(const Capture& capture) {
   return count;
 }
 
-/// Most that an event costs on its way: it is there as it was and as it comes to be, 17 bytes each,
-/// and the estimate of the thresholds counts another few. Those of a second camera are there once
-/// more, as the frames see them.
+/// Peak memory per event: 17 bytes each for its original and its processed form, and some for the
+/// estimate of thresholds. A second camera's events exist once more, in the frames' view.
 constexpr double kEventBytes = 45, kSecondCameraBytes = 17;
 
 /// The stamp that the options name.
@@ -220,21 +219,21 @@ void check_clocks(const Capture& capture) {
   }
 }
 
-/// A calibration that came with the recording is kept beside it.
+/// Copies a calibration found beside the recording into the stage's folder.
 void keep_calibration(const fs::path& folder, const recording::Recording& recording) {
   if (!recording.calibration) return;
   make_writable_folder(folder / "calibration");
   write_file(folder / "calibration" / recording.calibration->name, recording.calibration->text);
 }
 
-/// The file that keep_calibration wrote; empty where there was none.
+/// The file that keep_calibration wrote; empty if there is none.
 fs::path kept_calibration(const fs::path& folder) {
   if (!fs::is_directory(folder / "calibration")) return {};
   for (const auto& entry : fs::directory_iterator(folder / "calibration")) return entry.path();
   return {};
 }
 
-/// Events on the clock of the frames.
+/// Converts events to the clock of the frames.
 void set_clock(double ahead_ms, Capture& capture) {
   const auto ahead_us = std::llround(1000 * ahead_ms);
   if (ahead_us == 0) return;
@@ -242,8 +241,8 @@ void set_clock(double ahead_ms, Capture& capture) {
   capture.events = events::EventStream(e.x(), e.y(), e.t_us() - ahead_us, e.polarity());
 }
 
-/// Gives shots the masks that lie with their frames: alpha, masks/ and mask.png. Pixels that no
-/// shot counts become the mask of all.
+/// Assigns the masks stored with the frames: alpha, masks/ and mask.png. Pixels excluded in every
+/// shot become the mask of all.
 void add_masks(const recording::Recording& recording, Capture& capture) {
   std::vector<std::string> warnings;
   const std::vector<torch::Tensor> masks = masks_of(recording, warnings);
@@ -262,7 +261,7 @@ void add_masks(const recording::Recording& recording, Capture& capture) {
 Capture read_capture(const ImportOptions& options, const fs::path& folder) {
   recording::Recording recording =
       recording::read_recording(options.recording, read_options(options));
-  check_overlap(recording);  // says more than the note of what was left out
+  check_overlap(recording);  // more informative than the note about omitted events
   for (const std::string& note : recording.notes) log_info("            " + note);
   check_recording(recording, options.time);
   keep_calibration(folder, recording);
@@ -300,8 +299,8 @@ torch::Tensor read_mask(const fs::path& path, const Capture& capture) {
   return mask;
 }
 
-/// Drops the events of pixels that do not count, where frames and events share their pixels:
-/// exposures, clock, thresholds and images for COLMAP are then found without them.
+/// Drops the events of excluded pixels if frames and events share their pixels, so that exposures,
+/// clock, thresholds and COLMAP's images do not depend on them.
 void drop_masked_events(Capture& capture) {
   const bool shared =
       capture.sensor.height == capture.height() && capture.sensor.width == capture.width();
@@ -331,7 +330,7 @@ std::string said_of(const SearchResult& result) {
                 a.name);
 }
 
-/// Masks that lie beside the folder of --frames.
+/// Names the masks beside the folder of --frames.
 std::string masks_text(const fs::path& frames) {
   if (frames.empty()) return "";
   const fs::path whole = fs::absolute(frames).lexically_normal();
@@ -366,14 +365,14 @@ std::string mask_text(const ImportOptions& options) {
   return options.lens.mask.empty() ? "" : fingerprint(options.lens.mask);
 }
 
-/// Inputs of the stages time and sensor besides their own settings: how two cameras are related,
-/// and which pixels count.
+/// Inputs of the stages time and sensor besides their own settings: the relation of two cameras,
+/// and the masks.
 std::string rig_text(const ImportOptions& options) {
   if (!(options.lens.plane_depth > 0)) return mask_text(options);
   return text_of(options.lens) + fingerprint(options.lens.calibration) + mask_text(options);
 }
 
-/// Frames and events of two cameras where they see the same; of one they do so already.
+/// Aligns frames and events of two cameras; does nothing for one camera.
 Align align_of(const ImportOptions& options, const Progressed& so_far) {
   if (!is_rig(so_far.calibration)) return {};
   return [&](Capture& capture) {
@@ -387,7 +386,7 @@ struct Times {
   ExposureFinding exposures;
 };
 
-/// Exposures where nothing says them, and the offset between the clocks.
+/// Estimates exposures if the recording has none, and the offset between the clocks.
 Times find_times(const ImportOptions& options, const Progressed& so_far) {
   const bool apart = !options.frames.empty() || is_rig(so_far.calibration);
   Capture seen = so_far.capture;
@@ -407,14 +406,14 @@ Times find_times(const ImportOptions& options, const Progressed& so_far) {
   const bool is_unknown = lacks_exposures(seen);
   if (is_unknown) find_length(options.time.offset_ms, stamp_of(options.time));
   times.clock = find_clock(options.time, seen, apart);
-  // The length was found on another clock.
+  // The length was estimated with the clocks unaligned; repeat it.
   if (is_unknown && times.clock.offset_ms != options.time.offset_ms)
     find_length(times.clock.offset_ms, times.exposures.stamp);
   return times;
 }
 
-/// Puts events on the clock of the frames, and gives frames their exposures where the recording
-/// does not say them.
+/// Converts events to the clock of the frames, and sets the frames' exposures if the recording has
+/// none.
 Stage time_stage(const ImportOptions& options, Progressed& so_far) {
   return {"time", text_of(options.time) + rig_text(options),
           [&](const fs::path& folder) {
@@ -435,7 +434,7 @@ Stage time_stage(const ImportOptions& options, Progressed& so_far) {
           }};
 }
 
-/// Leaves hot pixels out and settles the thresholds, which the stages behind it read.
+/// Removes hot pixels and determines the thresholds, which later stages read.
 Stage sensor_stage(ImportOptions& options, Progressed& so_far) {
   return {"sensor",
           concat(text_of(options.sensor),
@@ -455,8 +454,7 @@ Stage sensor_stage(ImportOptions& options, Progressed& so_far) {
           }};
 }
 
-/// Frames and events on a centred pinhole; as they are where there is no calibration, and then
-/// nothing is kept twice.
+/// Undistorts frames and events to a centred pinhole; without a calibration, stores nothing.
 Stage undistort_stage(const ImportOptions& options, Progressed& so_far) {
   return {"undistort",
           concat(text_of(options.lens), fingerprint(options.lens.calibration), mask_text(options)),
@@ -469,7 +467,7 @@ Stage undistort_stage(const ImportOptions& options, Progressed& so_far) {
           },
           [&](const fs::path& folder) {
             if (!fs::exists(folder / "capture.json")) return;
-            so_far.capture = {};  // not both at once
+            so_far.capture = {};  // frees the old capture first, so that memory holds only one
             so_far.capture = load_capture(folder);
           }};
 }
@@ -501,7 +499,7 @@ Stage poses_stage(const ImportOptions& options, Progressed& so_far) {
           [&](const fs::path& folder) { so_far.found = load_reconstruction(folder); }};
 }
 
-/// Takes the loss of light towards the corners out of the frames.
+/// Corrects the light falloff of the frames.
 Stage vignetting_stage(const ImportOptions& options, Progressed& so_far) {
   return {
       "vignetting", word_of(options.correct.vignetting),
@@ -520,20 +518,20 @@ Stage vignetting_stage(const ImportOptions& options, Progressed& so_far) {
 Stage write_stage(const ImportOptions& options, const fs::path& output, Progressed& so_far) {
   return {"write", text_of(options.test),
           [&, output](const fs::path&) {
-            // The data set is not written in one go: until it is, none is there.
+            // The data set is not written atomically: mark it as missing until it is complete.
             fs::remove_all(output / "import" / "write");
             return write_scene(output, so_far.capture, so_far.found, options);
           },
           [](const fs::path&) {}};
 }
 
-/// Whether `inner` is `outer` or lies in it.
+/// Whether `inner` is `outer` or inside it.
 bool lies_in(const fs::path& inner, const fs::path& outer) {
   const fs::path in = fs::weakly_canonical(inner), out = fs::weakly_canonical(outer);
   return std::mismatch(out.begin(), out.end(), in.begin(), in.end()).first == out.end();
 }
 
-/// Refuses an output folder that holds the recording or files of another program.
+/// Rejects an output folder that contains the recording or files of another program.
 void check_output(const ImportOptions& options, const fs::path& output) {
   for (const fs::path& given : {options.recording, options.frames}) {
     if (given.empty() || !fs::exists(given)) continue;
@@ -549,7 +547,7 @@ void check_output(const ImportOptions& options, const fs::path& output) {
              output.string(), "; choose another"));
 }
 
-/// Told before minutes of work, if COLMAP will be needed at all.
+/// Checks for COLMAP before minutes of work, if it will be needed.
 void check_colmap(const ImportOptions& options, const StageRange& range) {
   const auto is_one_of = [](const std::string& name, std::initializer_list<const char*> names) {
     return std::find(names.begin(), names.end(), name) != names.end();
@@ -564,7 +562,7 @@ void check_colmap(const ImportOptions& options, const StageRange& range) {
 }  // namespace
 
 void import_recording(const ImportOptions& given, const fs::path& output, const StageRange& range) {
-  ImportOptions options = given;  // thresholds that are found take the place of the default ones
+  ImportOptions options = given;  // estimated thresholds replace the default ones
   if (!fs::exists(options.recording)) {
     throw DataError(concat(options.recording.string(), ": no such file or folder"));
   }

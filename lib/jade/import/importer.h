@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A recording in, a data set with poses out.
+// Converts a recording to a data set with poses.
 #pragma once
 
 #include <filesystem>
@@ -11,8 +11,8 @@
 namespace jade::import {
 
 /// Runs the stages read, time, sensor, undistort, restore, poses, vignetting and write, each in its
-/// folder of OUTPUT/import, and puts the data set into OUTPUT. Shows progress.
-/// @throws DataError for what cannot be read, ordered or posed; ConfigError; Interrupted.
+/// folder of OUTPUT/import, and writes the data set into OUTPUT. Shows progress.
+/// @throws DataError for input that cannot be read, ordered or posed; ConfigError; Interrupted.
 void import_recording(const ImportOptions& options, const std::filesystem::path& output,
                       const StageRange& range);
 

@@ -24,7 +24,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-/// Pixel centres keep their place in the field of view.
+/// Enlarges an image; pixel centres keep their place in the field of view.
 torch::Tensor enlarged(const torch::Tensor& image, int64_t factor) {
   if (factor == 1) return image;
   return at::upsample_bicubic2d(image.unsqueeze(0),
@@ -43,7 +43,7 @@ bool is_monochrome(const Capture& capture) {
                      [](const Shot& shot) { return imaging::is_gray(shot.image); });
 }
 
-/// Announces the work once its first frame has been timed.
+/// Announces the remaining work once the first frame has been timed.
 void announce(int64_t frames, std::chrono::duration<double> each, torch::Device device) {
   log_info(concat("restoring ", grouped(frames), " frames x ", std::size(kLatentMoments),
                   " moments, ", about_time(each.count() * double(frames)),

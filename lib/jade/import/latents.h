@@ -14,12 +14,12 @@
 
 namespace jade::import {
 
-/// The moments of an exposure that structure from motion sees. One pose per exposure leaves its
-/// motion open; nine cost much and tell no more than three.
+/// The moments of an exposure that structure from motion uses. One pose per exposure does not
+/// determine its motion; nine are slow and no more accurate than three.
 inline constexpr double kLatentMoments[] = {0, 0.5, 1};
 
 /// The sharp images of an exposure at its start, middle and end, [3,3,H,W] on the CPU, of the kind
-/// that the options say. Not clamped.
+/// in the options. Not clamped.
 /// @param restorer  with its network unless the kind is EDI
 torch::Tensor latents_of(const Shot& shot, const Capture& capture, const ImportOptions& options,
                          restore::ViewRestorer& restorer);
@@ -31,15 +31,16 @@ struct LatentImage {
   int64_t t_us = 0;
 };
 
-/// Writes images/SHOT_K.png, larger by latents.upscale: three of each blurry shot, one of each
-/// sharp one; and images.json. Shows progress.
+/// Writes images/SHOT_K.png, enlarged by latents.upscale: three per blurry shot, one per sharp one;
+/// and images.json. Shows progress.
 std::vector<LatentImage> write_latents(const std::filesystem::path& folder, const Capture& capture,
                                        const ImportOptions& options);
 
-/// Reads the list that write_latents returned, by time. @throws DataError naming the file.
+/// Reads the list that write_latents returned, sorted by time. @throws DataError naming the file.
 std::vector<LatentImage> load_latents(const std::filesystem::path& folder);
 
-/// Whether a shot needs no deblurring: it has no length, or the scene moves less than this in it.
+/// Whether a shot needs no deblurring: its exposure has no length, or the scene moves less than
+/// this during it.
 bool is_sharp(const Shot& shot, double sharp_px);
 
 }  // namespace jade::import

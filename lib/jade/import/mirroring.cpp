@@ -10,7 +10,7 @@
 namespace jade::import {
 namespace {
 
-/// Events with this correlation lie as they should; the others cost an estimate per mirror.
+/// With this correlation events are not mirrored; this saves one estimate per mirror.
 constexpr double kAsTheyShould = 0.5;
 constexpr double kLeastMirrored = 0.25, kClearlyBetter = 2;
 

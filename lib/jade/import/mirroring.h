@@ -9,12 +9,12 @@
 
 namespace jade::import {
 
-/// Looks for events whose y axis, x axis or both run against those of the frames. Says which, and
-/// how to mend it, where mirrored events follow the changes of the frames at least twice as well as
-/// the events as they are (estimate_clock_offset); empty otherwise.
+/// Detects events whose y axis, x axis or both are reversed relative to the frames: mirrored events
+/// correlate with the changes of the frames at least twice as well as the original ones
+/// (estimate_clock_offset). Returns which axis and how to fix it, or an empty text.
 /// @param exposures    frames and times in order, with or without a length
 /// @param events       on the pixels of the frames
-/// @param correlation  ClockOffset::correlation of the events as they are
+/// @param correlation  ClockOffset::correlation of the original events
 std::string find_mirroring(const std::vector<data::Exposure>& exposures,
                            const events::EventStream& events, double correlation);
 

@@ -11,16 +11,17 @@
 namespace jade::import {
 namespace {
 
-constexpr int64_t kSearchPx = 6;  // px, of a patch to each side
+constexpr int64_t kSearchPx = 6;  // margin of a patch on each side, px
 constexpr int64_t kMostPoints = 500;
 
-/// Peaks of noise reach 7.5 deviations of the correlation on images of up to 346x260 px.
+/// Peaks of pure noise reach 7.5 standard deviations of the correlation on images of up to 346x260
+/// px.
 constexpr double kLeastPeak = 9;
 
 /// Least share of an image's energy that differs from the mean of all images.
 constexpr double kLeastRest = 1e-8;
 
-/// The band of spatial frequencies that motion is read from, [H,W].
+/// The band of spatial frequencies used to measure motion, [H,W].
 torch::Tensor pass_band(int64_t height, int64_t width) {
   const torch::Tensor square =
       at::fft_fftfreq(height).square().unsqueeze(1) + at::fft_fftfreq(width).square().unsqueeze(0);
@@ -30,7 +31,7 @@ torch::Tensor pass_band(int64_t height, int64_t width) {
   return gaussian(1) * (1 - gaussian(double(width) / 16));
 }
 
-/// Spectra of what differs from the mean of all images, which is scaled to each by least squares.
+/// Spectra of the difference from the mean of all images, which is scaled to each by least squares.
 std::vector<torch::Tensor> moving_spectra(const std::vector<torch::Tensor>& images) {
   std::vector<torch::Tensor> grays;
   for (const torch::Tensor& image : images) {
@@ -44,7 +45,7 @@ std::vector<torch::Tensor> moving_spectra(const std::vector<torch::Tensor>& imag
   const torch::Tensor band = pass_band(mean.size(0), mean.size(1));
   for (torch::Tensor& gray : grays) {
     torch::Tensor rest = gray - (gray * mean).sum() / energy * mean;
-    // Rounding of equal images would correlate as well as any texture.
+    // The rounding errors of equal images would correlate as well as any texture.
     if ((rest.square().sum() < kLeastRest * gray.square().sum()).item<bool>()) {
       rest = torch::zeros_like(rest);
     }
@@ -62,7 +63,7 @@ std::array<double, 2> seen_at(const PosedExposure& e, size_t pose, const geometr
   return geometry::project(e.camera, geometry::transform(e.poses[pose], point));
 }
 
-/// Points well inside the image from all poses, as places [P,K,2] in px.
+/// Points well inside the image for all poses, as places [P,K,2] in px.
 torch::Tensor tracks_of(const PosedExposure& e) {
   std::vector<double> places;
   const auto width = double(e.camera.width), height = double(e.camera.height);
@@ -94,7 +95,8 @@ torch::Tensor sampled(const torch::Tensor& image, const torch::Tensor& places) {
                              /*align_corners=*/false)[0];
 }
 
-/// The patches around `base` [P,N,2] of an image that went these ways [P,K,2], ends at half weight.
+/// The patches around `base` [P,N,2] of an image averaged along the paths [P,K,2], ends at half
+/// weight.
 torch::Tensor blurred(const torch::Tensor& sharp, const torch::Tensor& base,
                       const torch::Tensor& ways) {
   torch::Tensor sum = torch::zeros({3, base.size(0), base.size(1)});
@@ -120,7 +122,7 @@ FrameMotion frame_motion(const std::vector<torch::Tensor>& images) {
   FrameMotion motion;
   const auto compare = [&](size_t a, size_t b) {
     const torch::Tensor cross = spectra[b] * spectra[a].conj();
-    // Half whitened: a whole whitening follows noise, none follows the coarsest structure.
+    // Partial whitening: full whitening amplifies noise, none favours the coarsest structure.
     const torch::Tensor peak =
         torch::real(at::fft_ifft2(cross / cross.abs().sqrt().clamp_min(1e-9)));
     ++motion.compared;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Everything that an import's YAML and flags can say.
+// All settings of an import's YAML and flags.
 #pragma once
 
 #include <cstdint>
@@ -27,11 +27,11 @@ constexpr auto words_of(StampChoice) {
                     Word{"end", StampChoice::kEnd, "end of the exposure"}};
 }
 
-/// Range of clock offsets: covers a device clock that starts at 0 against one that counts from
-/// 1970, until 2096.
+/// Range of clock offsets: allows a device clock that starts at 0 and one that counts from 1970,
+/// until 2096.
 constexpr Range kOffsetMs{-4e12, 4e12};
 
-/// When frames were exposed, where the recording does not say it.
+/// Exposure times of the frames, if the recording does not contain them.
 struct TimeOptions {
   std::filesystem::path frame_times;
   AutoNumber exposure_ms = AutoNumber::automatic(0);
@@ -60,7 +60,7 @@ void describe(V& v, TimeOptions& o) {
           "where offset_ms is 0 it is found in frames and events, up to 50 ms");
 }
 
-/// The sensor of the events.
+/// The event sensor.
 struct SensorOptions {
   bool remove_hot_pixels = true;
   bool find_thresholds = true;
@@ -111,7 +111,7 @@ constexpr auto words_of(LatentKind) {
                          "middle only, carried to both ends by the ratio that the events tell"}};
 }
 
-/// The sharp images that structure from motion sees.
+/// The sharp images that structure from motion uses.
 struct LatentOptions {
   LatentKind kind = LatentKind::kEdi;
   int64_t upscale = 2;
@@ -123,7 +123,7 @@ void describe(V& v, LatentOptions& o) {
   v.field("upscale", o.upscale, "how much larger COLMAP sees the images", Range{1, 4});
 }
 
-/// Which pairs of images COLMAP compares.
+/// Which pairs of images COLMAP matches.
 enum class PairChoice { kAuto, kExhaustive, kSequential };
 
 constexpr auto words_of(PairChoice) {
@@ -145,7 +145,7 @@ void describe(V& v, PoseSearchOptions& o) {
   v.field("pairs", o.pairs, "which pairs of images are compared");
 }
 
-/// Whether a fault of the frames is sought and taken out.
+/// Whether to estimate and correct a fault of the frames.
 enum class Correction { kAuto, kOff };
 
 constexpr auto words_of(Correction) {
@@ -153,7 +153,7 @@ constexpr auto words_of(Correction) {
                     Word{"off", Correction::kOff, "frames stay as they are"}};
 }
 
-/// Faults of the frames that their lens causes.
+/// Faults of the frames that the lens causes.
 struct CorrectionOptions {
   Correction vignetting = Correction::kAuto;
 };
@@ -165,7 +165,7 @@ void describe(V& v, CorrectionOptions& o) {
           "points");
 }
 
-/// Which frames judge the scene.
+/// Which frames are used for evaluation.
 struct TestOptions {
   std::vector<std::string> names;
   double sharp_px = 1;
@@ -226,7 +226,7 @@ void describe(V& v, ImportOptions& o) {
   v.group("test", o.test, "frames that judge the scene");
 }
 
-/// Rules between fields. @throws ConfigError naming the keys.
+/// Checks rules between fields. @throws ConfigError naming the keys.
 void validate(const ImportOptions& options);
 
 }  // namespace jade::import

@@ -22,7 +22,7 @@ geometry::Vector3 rotation_vector(const geometry::Matrix3& rotation) {
   return {factor * q[1], factor * q[2], factor * q[3]};
 }
 
-/// A pose as it lies from `origin`: R = exp(ω) R_origin, and its centre in world axes.
+/// A pose relative to `origin`: R = exp(ω) R_origin, and its centre in world axes.
 Place place_of(const geometry::Pose& pose, const geometry::Pose& origin) {
   const geometry::Pose turn =
       geometry::compose({pose.rotation, {}}, geometry::inverse({origin.rotation, {}}));
@@ -37,7 +37,7 @@ geometry::Pose pose_of(const Place& place, const geometry::Pose& origin) {
                                   {place[0], place[1], place[2]});
 }
 
-/// The mean of poses that lie close together.
+/// The mean of poses that are close together.
 geometry::Pose mean_of(const std::vector<geometry::Pose>& poses) {
   const geometry::Pose& origin = poses.front();
   Place sum{};
@@ -48,13 +48,13 @@ geometry::Pose mean_of(const std::vector<geometry::Pose>& poses) {
   return pose_of(sum, origin);
 }
 
-/// The slope at b of the parabola through three values, a step `before` and a step `after` apart.
+/// The slope at b of the parabola through three values at distances `before` and `after`.
 double slope(const std::array<double, 3>& values, double before, double after) {
   const double left = (values[1] - values[0]) / before, right = (values[2] - values[1]) / after;
   return (left * after + right * before) / (before + after);
 }
 
-/// The cubic from a to b with these slopes at both ends, a span of `step`, s from 0 to 1.
+/// The cubic from a to b with these slopes at both ends, over a span of `step`, s from 0 to 1.
 double cubic(double a, double slope_a, double b, double slope_b, double step, double s) {
   const double s2 = s * s, s3 = s2 * s;
   return (2 * s3 - 3 * s2 + 1) * a + (s3 - 2 * s2 + s) * step * slope_a + (3 * s2 - 2 * s3) * b +
@@ -89,7 +89,7 @@ geometry::Pose PosePath::at(double t_us) const {
     double slope_a = straight, slope_b = straight;
     if (has_before) slope_a = slope({before[k], a[k], b[k]}, t_us_[i] - t_us_[i - 1], step);
     if (has_behind) slope_b = slope({a[k], b[k], behind[k]}, step, t_us_[i + 2] - t_us_[i + 1]);
-    // At an end of the path the parabola through the last three goes on to it.
+    // At an end of the path, use the parabola through the last three poses.
     if (!has_before && has_behind) slope_a = 2 * straight - slope_b;
     if (!has_behind && has_before) slope_b = 2 * straight - slope_a;
     place[k] = cubic(a[k], slope_a, b[k], slope_b, step, s);

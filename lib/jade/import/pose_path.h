@@ -8,10 +8,10 @@
 
 namespace jade::import {
 
-/// A smooth way through poses that stand far apart: between two of them the cubic whose slopes at
-/// both are those of the parabolas through three neighbours in time, for the centre and for the
-/// rotation vector from the earlier pose alike. Poses three to an exposure leave turns between them
-/// that a path of constant turns would cut off.
+/// A smooth path through sparse poses: cubic segments whose slopes are those of the parabolas
+/// through three consecutive poses, for the centre and for the rotation vector relative to the
+/// earlier pose. With three poses per exposure, segments of constant angular velocity would cut
+/// corners.
 class PosePath {
  public:
   /// @param t_us   strictly increasing
@@ -19,7 +19,7 @@ class PosePath {
   /// @throws ContractError otherwise.
   PosePath(std::vector<double> t_us, std::vector<geometry::Pose> poses);
 
-  /// camera_from_world; beyond the ends the outermost cubic goes on.
+  /// camera_from_world; extrapolates the outermost cubic beyond the ends.
   geometry::Pose at(double t_us) const;
 
   const std::vector<double>& t_us() const { return t_us_; }
@@ -29,11 +29,11 @@ class PosePath {
   std::vector<geometry::Pose> poses_;
 };
 
-/// The path through poses in any order of time, where those that lie nearer to each other than
-/// `apart_us` become one at their mean time and place: a sharp frame beside the restored middle of
-/// the same exposure, say. The slope between two poses that are 1 us apart is their error alone,
-/// and would throw the cubics beside them hundreds of pixels off.
-/// @throws ContractError where fewer than two are left.
+/// The path through unordered poses. Poses closer in time than `apart_us` are replaced by their
+/// mean, for example a sharp frame and the restored middle of the same exposure: the slope between
+/// poses 1 µs apart consists of their error alone, and would move the cubics beside them by
+/// hundreds of pixels.
+/// @throws ContractError if fewer than two remain.
 PosePath path_through(std::vector<std::pair<double, geometry::Pose>> timed, double apart_us);
 
 }  // namespace jade::import

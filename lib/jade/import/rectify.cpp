@@ -9,7 +9,7 @@
 namespace jade::import {
 namespace {
 
-/// Multiple of the plane's depth at which a camera's shift is invisible.
+/// Multiple of the plane's depth at which the parallax is invisible.
 constexpr double kFarAway = 1e6;
 
 }  // namespace

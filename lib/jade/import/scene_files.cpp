@@ -19,10 +19,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Events beyond the first and the last exposure, for lines that begin or end there.
+/// Margin of events before the first and after the last exposure, for ramps that begin or end
+/// there.
 constexpr int64_t kMarginUs = 20000;
 
-/// Every so many of the training exposures, from the middle of the first so many on.
+/// Holds out every n-th training exposure, starting in the middle of the first n.
 void hold_out(int64_t every, std::vector<Part>& parts) {
   if (every < 2) return;
   int64_t count = 0;
@@ -31,8 +32,8 @@ void hold_out(int64_t every, std::vector<Part>& parts) {
   }
 }
 
-/// A quarter of the frames is enough to judge a scene by: where more sharp ones have a length,
-/// some of these are trained on, so that a camera that often rests loses no views.
+/// A quarter of the frames suffices for evaluation: train on further sharp ones that have a length,
+/// so that a camera that often rests loses no views.
 void train_on_spare_tests(const std::vector<Shot>& shots, std::vector<Part>& parts) {
   std::vector<size_t> tests;
   int64_t posed = 0, fixed = 0;
@@ -50,7 +51,7 @@ void train_on_spare_tests(const std::vector<Shot>& shots, std::vector<Part>& par
   }
 }
 
-/// Nine times of each exposure, and as dense in between.
+/// Nine times per exposure, with the same density in between.
 std::vector<int64_t> path_times(const std::vector<Shot>& shots, const std::vector<Part>& parts) {
   std::set<int64_t> times;
   int64_t first = INT64_MAX, last = INT64_MIN, step = INT64_MAX;
@@ -124,7 +125,7 @@ data::EvDeblurContent content_of(const Capture& capture, const Reconstruction& f
   return content;
 }
 
-/// Steps of 8 bit: frames that no stage has changed.
+/// Whether all values are 8-bit steps: frames that no stage has changed.
 bool is_eight_bit(const Capture& capture) {
   return std::all_of(capture.shots.begin(), capture.shots.end(), [](const Shot& shot) {
     const torch::Tensor steps = shot.image * 255;
@@ -144,7 +145,7 @@ std::string scene_yaml(const Capture& capture, const ImportOptions& options) {
                 "init: {kind: sfm}\n");
 }
 
-/// In the order in which the data set numbers its frames, then those that are not in it.
+/// Lists frames in the order of the data set's numbers, then those not included.
 std::string frame_list(const Capture& capture, const std::vector<Part>& parts) {
   std::string lines = "frame,part,name,start_us,end_us,blur_px\n";
   int64_t number = 0;
@@ -165,7 +166,7 @@ std::string frame_list(const Capture& capture, const std::vector<Part>& parts) {
   return lines;
 }
 
-/// "2 frames left out without a pose (a, b)", the first few by name.
+/// "2 frames left out without a pose (a, b)", with the first few names.
 std::string left_out(const Capture& capture, const std::vector<Part>& parts) {
   constexpr int64_t kNamed = 8;
   std::string names;
@@ -179,7 +180,7 @@ std::string left_out(const Capture& capture, const std::vector<Part>& parts) {
   return concat(count, " left out without a pose (", names, count > kNamed ? ", ..." : "", ")");
 }
 
-/// masks/ with the names of the data set's frames, where a frame has a mask of its own.
+/// Writes masks/ under the names of the data set's frames, for frames with a mask of their own.
 void write_frame_masks(const fs::path& folder, const Capture& capture,
                        const std::vector<Part>& parts) {
   fs::remove_all(folder / "masks");  // of an earlier import

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The data set that an import ends with, and the scene.yaml that trains it.
+// Writes the data set that an import produces, and the scene.yaml that trains it.
 #pragma once
 
 #include <filesystem>
@@ -15,19 +15,18 @@ namespace jade::import {
 /// Role of a shot in the data set.
 enum class Part { kTrain, kHeldOut, kTest, kLeftOut };
 
-/// Named frames, else sharp ones, at most a quarter of all where they have a length, else every so
-/// many exposures held out. Shots without a pose in
-/// `found` are left out; named ones that are blurry are held out.
-/// @throws ConfigError as check_test_names(), DataError where nothing is left for training.
+/// Assigns roles. Test frames are the named ones, else sharp ones (at most a quarter of all if they
+/// have a length), else every n-th exposure is held out. Shots without a pose in
+/// `found` are omitted; named frames that are blurry are held out.
+/// @throws ConfigError as check_test_names(), DataError if no training frame remains.
 std::vector<Part> parts_of(const Capture& capture, const std::vector<TimedPose>& found,
                            const TestOptions& options);
 
 /// @throws ConfigError for a name of a test frame that no shot has.
 void check_test_names(const Capture& capture, const TestOptions& options);
 
-/// Writes the data set in the EvDeblur layout into `folder`, with frames.csv (which frame is which
-/// shot), the masks of the capture and its shots, and scene.yaml. @return one line that says what
-/// it is
+/// Writes the data set in the EvDeblur layout into `folder`, with frames.csv (the shot of each
+/// frame), the masks of the capture and its shots, and scene.yaml. @return a one-line description
 std::string write_scene(const std::filesystem::path& folder, const Capture& capture,
                         const Reconstruction& found, const ImportOptions& options);
 

@@ -16,11 +16,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Format of the stages' results; raised when results of an older program become unusable.
+/// Version of the stages' results; increase it when older results become unusable.
 constexpr int kFormat = 2;
 constexpr char kKeyFile[] = "stage.txt";
 
-/// A stage's key holds that of the stage before it.
+/// A stage's key includes that of the previous stage.
 std::vector<std::string> keys_of(const std::vector<Stage>& stages) {
   std::vector<std::string> keys;
   std::string before = concat("format ", kFormat);
@@ -47,7 +47,7 @@ size_t index_of(const std::vector<Stage>& stages, const std::string& name, const
   throw ConfigError(concat(flag, ": expected one of ", names, ", found '", name, "'"));
 }
 
-/// Makes one stage beside its place, then puts it there.
+/// Runs one stage in a temporary folder, then moves the result into place.
 void make(const Stage& stage, const std::string& key, const fs::path& place) {
   const fs::path draft = place.string() + ".new";
   fs::remove_all(draft);

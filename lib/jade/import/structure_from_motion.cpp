@@ -24,33 +24,32 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-/// Up to this, all pairs of images are compared: 1,770 pairs.
+/// Up to this number, all pairs of images are matched: 1,770 pairs.
 constexpr size_t kMostExhaustive = 60;
-/// Above it, each image is compared with so many that follow it,
+/// Above it, each image is matched with this many successors,
 constexpr size_t kNeighbours = 9;
-/// and of so many shots, spread over the recording, one image with that of all others.
+/// and the middle images of this many shots, spread over the recording, with one another.
 constexpr size_t kLoopShots = 40;
 constexpr double kLeastShare = 2.0 / 3;
-/// Wrong models explain nothing of the blur, right ones more than half.
+/// Wrong models explain none of the blur, right ones more than half.
 constexpr double kLeastExplained = 0.1;
-/// Chance moves the explained blur by as much. Where no attempt is ahead by more, the first is the
-/// best: on a desk of 4 exposures all three explained 76 %, and their poses were 1.1, 1.3 and 1.3
-/// px off.
+/// Random variation of the explained blur. If no attempt leads by more, the first is the best: on a
+/// desk of 4 exposures all three explained 76 %, and their poses were 1.1, 1.3 and 1.3 px off.
 constexpr double kClearlyBetter = 0.01;
-/// An attempt that places nearly all images and explains so much is not followed by another. On no
-/// recording was a later attempt better than such a one, and each takes as long again: after one of
-/// 82 % two worse ones followed.
+/// No further attempt follows one that registers nearly all images and explains this much. On no
+/// recording was a later attempt better than such a one, and each takes as long: after one of 82 %
+/// two worse ones followed.
 constexpr double kNearlyAll = 0.95, kWellExplained = 0.6;
-/// Frames that checks look at.
+/// Number of frames used for checks.
 constexpr size_t kChecked = 8;
-/// Less than this between all frames is no motion, px.
+/// Less motion between all frames counts as none, px.
 constexpr double kStandingStill = 1;
-/// Points of a smaller angle between their outermost rays have no depth.
+/// Points with a smaller angle between their outermost rays have no depth.
 constexpr double kLeastParallax_deg = 0.2;
 
 /// Deblurred images have fewer and weaker corners than photographs, and a handheld camera moves
-/// little: later attempts ask for less contrast, then for less parallax. The images are enlarged
-/// already, and enlarging them again finds corners of noise that take most of the time to compare.
+/// little: later attempts require less contrast, then less parallax. The images are already
+/// enlarged; enlarging them again finds corners of noise that take most of the time to match.
 std::vector<ColmapSettings> attempts() {
   const std::vector<std::string> usual{"--SiftExtraction.first_octave", "0",
                                        "--SiftExtraction.max_num_features", "4000"};
@@ -58,8 +57,8 @@ std::vector<ColmapSettings> attempts() {
                                       "--SiftExtraction.max_num_features", "4000",
                                       "--SiftExtraction.peak_threshold",   "0.003"};
   const std::vector<std::string> guided{"--SiftMatching.guided_matching", "1"};
-  // Adjusting all cameras takes most of the time. On 166 images of a simulated desk these bounds
-  // take 36 s of processor time instead of 62, and the poses are as good.
+  // Bundle adjustment takes most of the time. On 166 images of a simulated desk these limits reduce
+  // the CPU time from 62 to 36 s, and the poses are as good.
   const std::vector<std::string> bounded{
       "--Mapper.ba_global_images_ratio",       "1.3", "--Mapper.ba_global_points_ratio",    "1.3",
       "--Mapper.ba_global_max_num_iterations", "15",  "--Mapper.ba_global_max_refinements", "2",
@@ -96,8 +95,8 @@ double median_depth(const Reconstruction& r) {
   return median(std::move(depths));
 }
 
-/// The scene in units of its median depth: COLMAP leaves the scale open, and step sizes of learned
-/// poses mean the same for turns and moves where depths are about 1.
+/// Scales the scene to units of its median depth: COLMAP's scale is arbitrary, and step sizes of
+/// learned poses treat rotations and translations alike if depths are about 1.
 void set_scale(Reconstruction& r) {
   const double depth = median_depth(r);
   if (!(depth > 0)) return;
@@ -117,7 +116,7 @@ double angle_between(const geometry::Vector3& a, const geometry::Vector3& b) {
   return std::acos(std::clamp(dot / std::sqrt(aa * bb), -1.0, 1.0)) * 180 / M_PI;
 }
 
-/// Between the first and the last image of each point's track.
+/// Angle between the first and the last image of each point's track.
 double median_parallax(const Reconstruction& r) {
   std::vector<double> angles;
   for (size_t i = 0; i < r.seen_by.size(); ++i) {
@@ -142,9 +141,9 @@ double distance_between(const geometry::Vector3& a, const geometry::Vector3& b) 
   return std::sqrt(sum);
 }
 
-/// Takes out images that were placed by another part of a texture that repeats: each, the worst
-/// first, that lies ten times as far off the line between its neighbours in time as images do, and
-/// three times as far as they are apart. Few poses tell nothing of what is usual.
+/// Removes images that were registered to another part of a repeating texture: each, the worst
+/// first, that is ten times as far from the line between its neighbours in time as is usual, and
+/// three times as far as they are apart. Few poses do not determine what is usual.
 void drop_strays(std::vector<TimedPose>& poses) {
   constexpr size_t kFew = 8;
   while (poses.size() > kFew) {
@@ -179,7 +178,7 @@ Attempt attempt_of(const std::string& name, size_t images, const Reconstruction&
   return a;
 }
 
-/// So many indices below `count`, spread evenly.
+/// Evenly spaced indices below `count`.
 std::vector<size_t> spread(size_t count) {
   std::vector<size_t> picked;
   const size_t most = std::min(count, kChecked);
@@ -187,7 +186,7 @@ std::vector<size_t> spread(size_t count) {
   return picked;
 }
 
-/// Frames spread over the recording, each with the one after it.
+/// Motion between frames spread over the recording and their successors.
 FrameMotion motion_of(const Capture& capture) {
   std::vector<torch::Tensor> frames;
   size_t next = 0;
@@ -211,7 +210,7 @@ std::string said_of(const FrameMotion& motion) {
                 " px at most");
 }
 
-/// Blurry shots with a middle image, spread over the recording, as `found` places them.
+/// Uses blurry shots with a middle image, spread over the recording, with the poses in `found`.
 double explained_blur_of(const fs::path& latents, const std::vector<LatentImage>& images,
                          const Capture& capture, const Reconstruction& found) {
   if (found.poses.size() < 2) return 0;
@@ -248,12 +247,12 @@ bool explains_blur(const Attempt& a) {
   return a.explained_blur >= kLeastExplained && a.parallax_deg >= kLeastParallax_deg;
 }
 
-/// @param margin  of the explained blur that `a` must be ahead by
+/// @param margin  of explained blur by which `a` must lead
 bool is_better(const Attempt& a, const Attempt& b, double margin = 0) {
   if (explains_blur(a) != explains_blur(b)) return explains_blur(a);
   if (a.registered != b.registered) return a.registered > b.registered;
-  // More observations of weaker corners are no better poses: on the simulated desk 28,000 explained
-  // 91 % of the blur and were 0.47 px off, 43,000 explained 87 % and were 0.57 px off.
+  // More observations of weaker corners do not give better poses: on the simulated desk 28,000
+  // explained 91 % of the blur and were 0.47 px off, 43,000 explained 87 % and were 0.57 px off.
   return a.explained_blur > b.explained_blur + margin;
 }
 
@@ -289,7 +288,7 @@ std::string sentence(const Attempt& a) {
       "(docs/troubleshooting.md)"));
 }
 
-/// Masks at the size of the images, `scale` times that of the shots.
+/// Writes masks at the size of the images, `scale` times that of the shots.
 void write_masks(const std::vector<LatentImage>& images, const Capture& capture, int64_t scale,
                  const fs::path& work, ColmapJob& job) {
   const auto write = [&](const fs::path& path, const torch::Tensor& mask) {
@@ -304,7 +303,7 @@ void write_masks(const std::vector<LatentImage>& images, const Capture& capture,
   const auto& shots = capture.shots;
   if (std::none_of(shots.begin(), shots.end(), [](const Shot& s) { return s.mask.defined(); }))
     return;
-  // COLMAP passes over images without a mask once there are some.
+  // COLMAP skips images without a mask as soon as others have one.
   const torch::Tensor whole = torch::ones({1, capture.height(), capture.width()});
   job.own_masks = work / "masks";
   for (const LatentImage& image : images) {
@@ -438,7 +437,7 @@ SearchResult find_poses(const fs::path& latents, const std::vector<LatentImage>&
   const ColmapJob job = job_of(latents, images, capture, options, work);
   SearchResult result;
   Attempt chosen;
-  std::string matched;  // flags of the features at hand
+  std::string matched;  // flags of the extracted features
   fs::path folder;
   for (const ColmapSettings& settings : attempts()) {
     std::string flags;
@@ -485,7 +484,7 @@ SearchResult find_poses(const fs::path& latents, const std::vector<LatentImage>&
                     " observations, error ", best.error_px, " px"));
     result.attempts.push_back(best);
     if (is_good(best)) break;
-    // Two that agree: the frames do not move, and COLMAP finds nothing to begin with.
+    // Two agreeing signs: the frames do not move, and COLMAP finds no initial pair.
     if (stands_still(motion) && best.registered == 0) break;
   }
   const bool enough = double(result.best.poses.size()) >= kLeastShare * double(images.size());

@@ -15,13 +15,13 @@
 namespace jade::import {
 namespace {
 
-/// Largest distance of a principal point from the middle, as a share of the image's size.
+/// Largest distance of a principal point from the image centre, relative to the image's size.
 constexpr double kFarFromMiddle = 0.15;
 /// Shares of the events allowed to fall outside the image, before a warning and before an error. A
 /// lens with a wide margin loses a fifth.
 constexpr double kManyLost = 0.4, kMostLost = 0.9;
 
-/// A file that does not say its size may be of another one.
+/// A file without a size may be for another one.
 void warn_of_size(const Calibration& calibration, size_t index, const Capture& capture) {
   const CalibratedCamera& camera = calibration.cameras[index];
   if (camera.width > 0) return;
@@ -64,7 +64,7 @@ std::string parallax_said(const LensOptions& options, const Rectification& to) {
                 at(options.far, "far away"));
 }
 
-/// Calibrations that are not of these cameras, and planes in another unit, send events astray.
+/// Calibrations of other cameras, and plane depths in another unit, move many events outside.
 void check_loss(const events::WarpedEvents& moved, int64_t all, const LensOptions& options,
                 bool rig) {
   const double lost = all > 0 ? double(moved.dropped) / double(all) : 0;

@@ -11,23 +11,23 @@
 
 namespace jade::import {
 
-/// The calibration that the options name, else that which came with the recording, else none.
-/// @param kept  file of the latter, or empty
+/// The calibration that the options name, else the one beside the recording, else none. @param kept
+/// file of the latter, or empty
 /// @throws DataError for a file that cannot be read, ConfigError for two cameras without
-///   lens.plane_depth, or a plane without two cameras.
+///   lens.plane_depth, or lens.plane_depth without two cameras.
 std::optional<Calibration> calibration_of(const LensOptions& options,
                                           const std::filesystem::path& kept);
 
-/// Frames and events come from two cameras, and agree only once they are undistorted.
+/// Whether frames and events come from two cameras, so that they match only after undistortion.
 bool is_rig(const std::optional<Calibration>& calibration);
 
-/// Checks the sizes of frames and events against it. The sensor of a second camera has the size
-/// that it was calibrated at, where the recording does not say one.
+/// Checks the sizes of frames and events against the calibration. If the recording does not contain
+/// the size of a second camera's sensor, uses that of its calibration.
 /// @throws DataError for another size.
 void settle_sensor(const Calibration& calibration, Capture& capture);
 
-/// Brings frames and events to one centred pinhole; of two cameras, the first took the frames.
-/// @return one line that says what came out
+/// Undistorts frames and events to one centred pinhole; of two cameras, the first took the frames.
+/// @return a one-line summary
 /// @throws as settle_sensor().
 std::string undistort(const LensOptions& options, const Calibration& calibration, Capture& capture);
 

@@ -24,12 +24,12 @@ using Json = nlohmann::ordered_json;
 
 constexpr char kFile[] = "vignetting.json";
 constexpr size_t kFewestSamples = 300;
-/// So many samples lie beyond the reach, so that one stray point does not set it.
+/// Number of samples beyond the reach, so that single outliers do not determine it.
 constexpr size_t kBeyondReach = 10;
-constexpr double kLeastLoss = 0.03;  // of the light
+constexpr double kLeastLoss = 0.03;  // least loss at the corners
 constexpr double kClearErrors = 6;
 constexpr int kRounds = 12;
-constexpr double kHuber = 1.345;  // deviations, beyond which a residual counts linearly
+constexpr double kHuber = 1.345;  // standard deviations beyond which the loss is linear
 /// Values outside are noise or saturated.
 constexpr double kDarkest = 0.02, kBrightest = 0.98;
 
@@ -61,7 +61,7 @@ class Fit {
     starts_.push_back(samples.size());
   }
 
-  /// Repeats solving and weighting. @return false where the samples do not tell the terms
+  /// Alternates solving and weighting. @return false if the samples do not determine the terms
   bool run() {
     for (int round = 0; round < kRounds; ++round) {
       throw_if_interrupted();
@@ -102,7 +102,7 @@ class Fit {
     for (size_t k = 0; k + 1 < starts_.size(); ++k) visit(starts_[k], starts_[k + 1]);
   }
 
-  /// Product of a vector of unknowns with the row of a sample.
+  /// Dot product of a vector of unknowns with the row of a sample.
   double along(const double* unknowns, size_t i) const {
     double value = unknowns[terms_ + shot_[i]], power = 1;
     const double q = samples_[i].radius * samples_[i].radius;
@@ -140,7 +140,7 @@ class Fit {
     });
     const auto n = int64_t(unknowns_);
     matrix_ = torch::tensor(matrix, torch::kFloat64).reshape({n, n});
-    // All shots brighter and all points darker is the same: the shots are held near 0.
+    // Making all shots brighter and all points darker changes nothing: keep the shots near 0.
     matrix_.diagonal().add_(1e-9 * double(samples_.size()));
     const torch::Tensor solution = at::linalg_solve(matrix_, torch::tensor(right, torch::kFloat64));
     if (!solution.isfinite().all().item<bool>()) return false;
@@ -193,7 +193,7 @@ double reach_of(const std::vector<BrightnessSample>& samples) {
   return *at;
 }
 
-/// Distances of pixels from the middle, [H,W] float64; 1 at the corners of the image.
+/// Distances of pixels from the image centre, [H,W] float64; 1 at the corners of the image.
 torch::Tensor radii(int64_t height, int64_t width) {
   const auto from_middle = [](int64_t size) {
     return torch::arange(size, torch::kFloat64) + 0.5 - 0.5 * double(size);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Light that the lens loses towards the corners of the frames, from tracks of points.
+// Estimates the light falloff of the lens towards the image corners from tracks of points.
 #pragma once
 
 #include <array>
@@ -18,11 +18,11 @@ namespace jade::import {
 /// Brightness of one point of the scene in one image.
 struct BrightnessSample {
   int64_t point = 0, shot = 0;
-  double radius = 0;  ///< distance from the middle of the image; 1: its corners
+  double radius = 0;  ///< distance from the image centre; 1: the corners
   double log_brightness = 0;
 };
 
-/// Part of the light that passes at radius r: v(r) = exp(a1 r² + a2 r⁴ + a3 r⁶), constant from
+/// Transmitted share of the light at radius r: v(r) = exp(a1 r² + a2 r⁴ + a3 r⁶), constant from
 /// `reach` on.
 struct Vignetting {
   std::array<double, 3> terms{};  ///< a1, a2, a3
@@ -35,15 +35,15 @@ struct Vignetting {
   double at(double radius) const;
 };
 
-/// Fits log brightness = s(point) + log v(radius) + g(shot) by Huber's robust least squares.
-/// The points' own brightness s is eliminated. A fit of three terms that does not fall
-/// monotonically, or is not clear, is repeated with two, then with one.
-/// @return none (reach 0) where v(reach) is above 97 % or less than six standard errors below 1.
+/// Fits log brightness = s(point) + log v(radius) + g(shot) by Huber's robust least squares. The
+/// points' own brightness s is eliminated. A fit of three terms that is not monotonic or not
+/// significant is repeated with two, then with one.
+/// @return none (reach 0) if v(reach) is above 97 % or less than six standard errors below 1.
 ///   Errors of one point count as dependent.
 Vignetting fit_vignetting(const std::vector<BrightnessSample>& samples);
 
-/// Samples the sharp images in LATENTS/images, 3x3 px of the shots wide, at the points that each
-/// sees. Values near black or white and masked pixels do not count.
+/// Samples the sharp images in LATENTS/images at the points visible in each, over 3x3 px of the
+/// shots. Ignores values near black or white and masked pixels.
 std::vector<BrightnessSample> sample_brightness(const Capture& capture, const Reconstruction& found,
                                                 const std::vector<LatentImage>& images,
                                                 const std::filesystem::path& latents);
@@ -51,13 +51,13 @@ std::vector<BrightnessSample> sample_brightness(const Capture& capture, const Re
 /// v at each pixel, [H,W] float64; the radius is 1 at the outer corners of the corner pixels.
 torch::Tensor vignetting_map(const Vignetting& vignetting, int64_t height, int64_t width);
 
-/// Divides the frames by v. Values above white become white, so saturated pixels stay white.
-/// Events keep: v is constant in time and cancels in differences of log intensity.
+/// Divides the frames by v and clamps to white, so that saturated pixels stay white. Events are
+/// unchanged: v is constant in time and cancels in differences of log intensity.
 void remove_vignetting(const Vignetting& vignetting, Capture& capture);
 
 /// Writes vignetting.json. @throws DataError.
 void keep_vignetting(const std::filesystem::path& folder, const Vignetting& vignetting);
-/// Reads what keep_vignetting() wrote. @throws DataError naming the file.
+/// Reads the file that keep_vignetting() wrote. @throws DataError naming the file.
 Vignetting load_vignetting(const std::filesystem::path& folder);
 
 }  // namespace jade::import

@@ -63,7 +63,7 @@ DataError unknown_model(const std::string& file, int64_t camera, const std::stri
                           "PINHOLE cameras"));
 }
 
-/// Takes little-endian values off the front of a file's content.
+/// Reads little-endian values from the front of a file's content.
 class Cursor {
  public:
   Cursor(const std::string& bytes, std::string file) : bytes_(bytes), file_(std::move(file)) {}
@@ -81,7 +81,8 @@ class Cursor {
     if (!std::isfinite(value)) throw damaged(file_, concat("found ", value, " at byte ", at_ - 8));
     return value;
   }
-  /// A count of records of at least `record_size` bytes each, which must fit what is left.
+  /// Reads a count of records of at least `record_size` bytes each, and checks it against the
+  /// remaining bytes.
   uint64_t take_count(size_t record_size) {
     const auto count = take<uint64_t>();
     if (count > (bytes_.size() - at_) / record_size) {
@@ -173,8 +174,8 @@ Points binary_points(const std::string& bytes, const std::string& file) {
   return points;
 }
 
-/// The lines of a text file that are no comments, with their numbers; empty lines are kept, as an
-/// image without observations has one.
+/// The lines of a text file that are not comments, with their numbers. Empty lines are kept,
+/// because an image without observations has one.
 struct Lines {
   Lines(const std::string& text, std::string name) : stream(text), file(std::move(name)) {}
   bool next() {
@@ -219,7 +220,7 @@ std::vector<ColmapCamera> text_cameras(const std::string& text, const std::strin
   return cameras;
 }
 
-/// x, y and a point's number of each observation; an image may have none.
+/// Whether a line has x, y and a point's number for each observation; it may have none.
 bool are_observations(const std::string& line) {
   size_t count = 0;
   for (const char *at = line.data(), *const end = at + line.size(); at != end;) {
@@ -252,7 +253,7 @@ std::vector<ColmapImage> text_images(const std::string& text, const std::string&
       throw lines.error("IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME");
     }
     images.push_back(std::move(image));
-    // Without this line every second image would pass for one.
+    // Without this line every second image would be skipped.
     if (lines.next() && !are_observations(lines.line)) {
       throw lines.error("the observations of the image before, or an empty line");
     }
@@ -337,7 +338,7 @@ int64_t count_colmap_images(const std::filesystem::path& folder) {
     if (!file.read(bytes, sizeof bytes)) return 0;
     uint64_t count = 0;
     std::memcpy(&count, bytes, sizeof count);
-    // A damaged file may claim anything.
+    // A damaged file may claim any count.
     const uint64_t most = std::filesystem::file_size(folder / "images.bin") / kSmallestImage;
     return int64_t(std::min(count, most));
   }

@@ -13,7 +13,7 @@ namespace jade::io {
 
 struct ColmapCamera {
   int64_t id = 0;
-  std::string model;  ///< "PINHOLE", "SIMPLE_RADIAL", …; any of COLMAP 4
+  std::string model;  ///< "PINHOLE", "SIMPLE_RADIAL", …; any model of COLMAP 4
   int64_t width = 0, height = 0;
   std::vector<double> parameters;  ///< px, in COLMAP's order for the model
 };
@@ -23,7 +23,7 @@ struct ColmapImage {
   std::array<double, 4> rotation{1, 0, 0, 0};  ///< camera_from_world quaternion, wxyz
   std::array<double, 3> translation{0, 0, 0};  ///< camera_from_world
   int64_t camera_id = 0;
-  std::string name;  ///< file name as COLMAP saw it
+  std::string name;  ///< file name as given to COLMAP
 };
 
 struct ColmapModel {
@@ -31,11 +31,11 @@ struct ColmapModel {
   std::vector<ColmapImage> images;  ///< in file order
   torch::Tensor points;             ///< [P,3] float64, world axes
   torch::Tensor point_colors;       ///< [P,3] uint8 RGB
-  torch::Tensor point_errors;       ///< [P] float64, mean reprojection error, px; NaN: not said
-  /// Ids of the images in which each point was found, once per observation.
+  torch::Tensor point_errors;       ///< [P] float64, mean reprojection error, px; NaN: unknown
+  /// Ids of the images that observe each point, once per observation.
   std::vector<std::vector<int64_t>> point_images;
 
-  /// @throws DataError if an image names a camera that is not there.
+  /// @throws DataError if an image names a camera that does not exist.
   const ColmapCamera& camera(int64_t id) const;
 };
 
@@ -46,15 +46,15 @@ struct ColmapFiles {
   std::string name;  ///< the folder, for messages
 };
 
-/// True if `folder` holds cameras and images, binary or text.
+/// True if `folder` contains cameras and images, binary or text.
 bool is_colmap_model(const std::filesystem::path& folder);
 
-/// How many images the model in `folder` has, without reading them; 0 without a model. Of a text
-/// file that is damaged the number may be wrong.
+/// Number of images of the model in `folder`, without reading them; 0 without a model. May be wrong
+/// for a damaged text file.
 int64_t count_colmap_images(const std::filesystem::path& folder);
 
-/// Reads binary files where both cameras.bin and images.bin are there, else text. A missing
-/// points3D file gives no points.
+/// Reads binary files if both cameras.bin and images.bin exist, else text. A missing points3D file
+/// gives no points.
 /// @throws DataError naming the file for truncated, damaged or contradictory content, non-finite
 ///         numbers, zero rotations, two cameras or images with one id, an unknown camera model.
 ColmapModel read_colmap(const std::filesystem::path& folder);

@@ -8,7 +8,7 @@
 namespace jade::io {
 namespace {
 
-/// Little-endian numbers one after the other. Beyond the end they are 0 and `good` is gone.
+/// Reads consecutive little-endian numbers. Beyond the end they are 0 and `good` is false.
 class Bytes {
  public:
   Bytes(const uint8_t* begin, size_t size) : at_(begin), end_(begin + size) {}
@@ -31,7 +31,7 @@ class Bytes {
   bool good_ = true;
 };
 
-/// Gives the next `count` events a value. @return false where there are fewer
+/// Assigns a value to the next `count` events. @return false if there are fewer
 template <class Set>
 bool repeat(std::vector<EcfEvent>& out, size_t* i, size_t count, Set set) {
   if (count > out.size() - *i) return false;
@@ -88,8 +88,8 @@ bool decode_polarities(Bytes& in, std::vector<EcfEvent>& out) {
   return in.good();
 }
 
-/// Four numbers of 6·`unit` bits in three of 8·`unit`, a unit being 2 or 4 bytes: the second lies
-/// in the ends of the first two, the third in those of the last two.
+/// Unpacks four numbers of 6·`unit` bits from three of 8·`unit`, with a unit of 2 or 4 bytes: the
+/// second is in the ends of the first two, the third in those of the last two.
 template <class Set>
 bool decode_packed(Bytes& in, std::vector<EcfEvent>& out, int unit, Set set) {
   const int part = 2 * unit;  // bits
@@ -110,7 +110,7 @@ size_t filter(unsigned flags, size_t, const unsigned*, size_t size, size_t* buff
   if ((flags & H5Z_FLAG_REVERSE) == 0) return 0;
   std::vector<EcfEvent> events;
   if (!decode_ecf(static_cast<const uint8_t*>(*buffer), size, events)) return 0;
-  // HDF5 takes as much as its chunk holds, however much there is.
+  // HDF5 reads a whole chunk, however many events there are.
   const size_t bytes = size_t(kEcfChunk) * sizeof(EcfEvent);
   void* out = H5allocate_memory(bytes, true);
   if (out == nullptr) return 0;

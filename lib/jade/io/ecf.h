@@ -9,10 +9,10 @@
 namespace jade::io {
 
 inline constexpr int kEcfFilter = 36559;
-/// Events in one chunk at most.
+/// Maximum number of events per chunk.
 inline constexpr int64_t kEcfChunk = 65535;
 
-/// A record as the files hold it: 16 bytes.
+/// A record as stored: 16 bytes.
 struct EcfEvent {
   uint16_t x = 0, y = 0;
   int16_t p = 0;  ///< 1: brighter, 0: darker
@@ -21,21 +21,21 @@ struct EcfEvent {
 
 /// Decodes one chunk, whose numbers are little-endian:
 ///   4 bytes   the number of events · 4 + 2 · (all packed) + (columns and polarities packed)
-///   times     8 bytes for the first, then bytes (step, how many events): 4 bits each. 15 events:
+///   times     8 bytes for the first, then bytes (step, number of events): 4 bits each. 15 events:
 ///             their number follows in 2 bytes. Step 15: the other 4 bits are a part of a larger
-///             step, lowest first, and the byte behind the last part begins the next entry.
-/// and then, all packed, 4 events in 3 numbers of 4 bytes: row, column and polarity in 12, 11 and 1
-/// bits. Else
-///   rows      2 bytes (row, how many events): 11 and 5 bits; 31 events: their number follows
-/// and, columns and polarities packed, 4 events in 3 numbers of 2 bytes: 11 and 1 bits. Else
-///   columns      2 bytes (column, mask): 11 and 5 bits, the mask's from its top for an event each
-///                1 to 5 columns further
-///   polarities   bytes (polarity, how many events): 1 and 7 bits; 127: their number follows
-/// @return false where the bytes end early or count beyond their events
+///             step, lowest first, and the byte after the last part begins the next entry. and
+///             then, if all are packed, 4 events in 3 numbers of 4 bytes: row, column and polarity
+///             in 12, 11 and 1 bits. Else
+///   rows      2 bytes (row, number of events): 11 and 5 bits; 31 events: their number follows and,
+///   if columns and polarities are packed, 4 events in 3 numbers of 2 bytes: 11 and 1 bits. Else
+///   columns      2 bytes (column, mask): 11 and 5 bits; a bit of the mask, from its top, is an
+///                event 1 to 5 columns further
+///   polarities   bytes (polarity, number of events): 1 and 7 bits; 127: their number follows
+///   @return false if the bytes end early or count more events than there are
 bool decode_ecf(const uint8_t* bytes, size_t size, std::vector<EcfEvent>& out);
 
-/// Teaches the HDF5 library to read it. Chunks come out at least kEcfChunk events long, so those of
-/// a data set must not be longer.
+/// Registers the decoder with the HDF5 library. Decoded chunks are at least kEcfChunk events long,
+/// so chunks of a data set must not be longer.
 void register_ecf();
 
 }  // namespace jade::io

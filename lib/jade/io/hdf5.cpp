@@ -26,7 +26,7 @@ class Id {
   }
   operator hid_t() const { return id_; }  // NOLINT(google-explicit-constructor)
   bool valid() const { return id_ >= 0; }
-  /// Closes it now; false if pending data could not be written.
+  /// Closes it immediately; false if pending data could not be written.
   bool reset() {
     const hid_t id = std::exchange(id_, -1);
     return id < 0 || H5Idec_ref(id) >= 0;
@@ -52,11 +52,11 @@ template <> hid_t native_type<float>() { return H5T_NATIVE_FLOAT; }
 template <> hid_t native_type<double>() { return H5T_NATIVE_DOUBLE; }
 // clang-format on
 
-/// Before any other call. The library prints its error stack to stderr unless told not to, per
-/// thread; and at the program's end it closes again what a full disk kept it from closing, which
-/// crashes. Here the owner of a file closes it.
+/// Must run before any other call. The library prints its error stack to stderr unless disabled per
+/// thread. At exit it closes again what a full disk prevented it from closing, which crashes;
+/// disable that, because each file's owner closes it.
 void prepare_hdf5() {
-  static const herr_t without_end = H5dont_atexit();  // heard before the first H5open() only
+  static const herr_t without_end = H5dont_atexit();  // only effective before the first H5open()
   static_cast<void>(without_end);
   H5open();
   H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
@@ -64,7 +64,7 @@ void prepare_hdf5() {
 
 bool is_numeric(const Hdf5Dataset& dataset) { return dataset.integer || dataset.floating; }
 
-/// The members of a record that are numbers.
+/// Adds the numeric members of a record.
 void add_numeric_fields(hid_t type, Hdf5Dataset* out) {
   const int count = H5Tget_nmembers(type);
   for (int i = 0; i < count; ++i) {
@@ -94,7 +94,7 @@ bool describe_dataset(hid_t file, const std::string& name, Hdf5Dataset* out) {
   if (rank > 0 && H5Sget_simple_extent_dims(space, shape.data(), nullptr) < 0) return false;
   out->name = name;
   out->shape.assign(shape.begin(), shape.end());
-  // A null space has rank 0 like a single number, but holds no value.
+  // A null space has rank 0 like a scalar, but contains no value.
   if (H5Sget_simple_extent_type(space) == H5S_NULL) out->shape = {0};
   const H5T_class_t kind = H5Tget_class(type);
   out->integer = kind == H5T_INTEGER || kind == H5T_ENUM;
@@ -110,7 +110,7 @@ bool describe_dataset(hid_t file, const std::string& name, Hdf5Dataset* out) {
   return true;
 }
 
-// H5Ovisit and the information that it passes to its callback changed with HDF5 1.12.
+// H5Ovisit and its callback's argument changed in HDF5 1.12.
 #if H5_VERSION_GE(1, 12, 0)
 using ObjectInfo = H5O_info2_t;
 constexpr auto visit_objects = H5Ovisit3;
@@ -125,7 +125,7 @@ herr_t collect_name(hid_t, const char* name, const ObjectInfo* info, void* names
   return 0;
 }
 
-/// The first filter of a data set that this installation lacks, in words; empty if none.
+/// Describes the first filter of a data set that this installation lacks; empty if none.
 std::string missing_filter(hid_t dataset) {
   const Id properties(H5Dget_create_plist(dataset));
   const int count = H5Pget_nfilters(properties);
@@ -157,8 +157,8 @@ bool has_filter(hid_t dataset, H5Z_filter_t wanted) {
   return false;
 }
 
-/// How many times smaller than its values a data set can be: deflate reaches 1032, LZF less; only
-/// the filters from plug-ins may go beyond.
+/// Largest possible compression ratio of a data set: deflate reaches 1032, LZF less; only filters
+/// from plug-ins may exceed it.
 double largest_compression(hid_t dataset) {
   const Id properties(H5Dget_create_plist(dataset));
   const int count = H5Pget_nfilters(properties);
@@ -173,8 +173,8 @@ double largest_compression(hid_t dataset) {
   return largest;
 }
 
-/// Selects values [begin, begin + count) along the only axis that is longer than one; a single
-/// number without axes is selected as it is.
+/// Selects values [begin, begin + count) along the only axis longer than one; a scalar is selected
+/// whole.
 bool select_range(hid_t space, const std::vector<int64_t>& shape, int64_t begin, int64_t count) {
   if (shape.empty()) return true;
   std::vector<hsize_t> start(shape.size(), 0);
@@ -186,7 +186,7 @@ bool select_range(hid_t space, const std::vector<int64_t>& shape, int64_t begin,
                              nullptr) >= 0;
 }
 
-/// An attribute of a file or a data set that is text; empty if there is none.
+/// A text attribute of a file or a data set; empty if there is none.
 std::string text_attribute(hid_t object, const std::string& name) {
   if (H5Aexists(object, name.c_str()) <= 0) return "";
   const Id attribute(H5Aopen(object, name.c_str(), H5P_DEFAULT));
@@ -301,7 +301,7 @@ int64_t Hdf5File::length(const std::string& name) const {
   return count;
 }
 
-/// That a claimed number of values can be in the file at all.
+/// Checks that the file is large enough for the claimed number of values.
 void Hdf5File::check_size(const Hdf5Dataset& info, int64_t count) const {
   const Id id(H5Dopen2(handle_->file, info.name.c_str(), H5P_DEFAULT));
   const double possible = static_cast<double>(info.stored_bytes) * largest_compression(id);
@@ -429,7 +429,7 @@ struct Hdf5Writer::Handle {
   Handle(const std::filesystem::path& path, int level) : target(path), gzip_level(level) {}
   AtomicFile target;
   int gzip_level = 4;
-  // In this order: the data sets are closed first, then the file, then its name is removed.
+  // Order matters: data sets close first, then the file, then its name is removed.
   Id file;
   std::map<std::string, Id> datasets;
 };

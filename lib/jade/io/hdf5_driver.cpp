@@ -12,11 +12,11 @@
 namespace jade::io {
 namespace {
 
-/// The library sees the base and hands it back to the functions below.
+/// The library uses the base class and passes it to the functions below.
 struct ReadOnlyFile : H5FD_t {
   int handle = -1;
   haddr_t end = 0;        ///< of the file
-  haddr_t allocated = 0;  ///< of the format's address space, the library's bookkeeping
+  haddr_t allocated = 0;  ///< end of the allocated address space, for the library's bookkeeping
 };
 
 ReadOnlyFile* mine(H5FD_t* file) { return static_cast<ReadOnlyFile*>(file); }

@@ -22,7 +22,7 @@ constexpr size_t kMaxHeader = 1 << 20;
 constexpr size_t kMaxDimensions = 32;
 constexpr int64_t kMaxExtent = int64_t{1} << 40;
 
-/// Bytes from a file or from memory, handed out in order; `remaining` bounds every allocation.
+/// Sequential bytes from a file or from memory; `remaining` bounds every allocation.
 class ByteSource {
  public:
   ByteSource(const void* bytes, size_t size)
@@ -49,7 +49,7 @@ class ByteSource {
   size_t remaining_ = 0;
 };
 
-/// The value that follows `key` in the header's Python dictionary, up to the end of the text.
+/// The value after `key` in the header's Python dictionary, up to the end of the text.
 std::string after_key(const std::string& header, const std::string& key, const std::string& name) {
   for (const char quote : {'\'', '"'}) {
     const std::string quoted = quote + key + quote;
@@ -134,8 +134,8 @@ std::string read_header(ByteSource& source, const std::string& name) {
   return header;
 }
 
-/// Number of elements of `shape`, or -1 if its bytes cannot be what is left of the file. An empty
-/// array may have long other axes, as long as its strides can be counted.
+/// Number of elements of `shape`, or -1 if its bytes do not match the rest of the file. An empty
+/// array may have long other axes, as long as its strides do not overflow.
 int64_t checked_count(const std::vector<int64_t>& shape, size_t item_size, size_t remaining) {
   const bool empty = std::find(shape.begin(), shape.end(), 0) != shape.end();
   const uint64_t most = empty ? std::numeric_limits<int64_t>::max() : remaining;
@@ -167,8 +167,8 @@ void widen(const char* from, int64_t count, To* to, const std::string& name) {
   }
 }
 
-/// Fills `out` (one dimension) from the stored items; unsigned types go through a small block so
-/// that no second copy of the array exists.
+/// Fills `out` (one dimension) from the stored items; unsigned types are converted in small blocks
+/// to avoid a second copy of the array.
 void read_items(ByteSource source, const NpyType& type, torch::Tensor& out,
                 const std::string& name) {
   constexpr int64_t kBlock = 1 << 16;
@@ -189,14 +189,14 @@ void read_items(ByteSource source, const NpyType& type, torch::Tensor& out,
       widen<uint64_t>(target, count, out.data_ptr<int64_t>() + begin, name);
     }
   }
-  if (type.dtype == torch::kBool) {  // any other bit pattern in a C++ bool is undefined
+  if (type.dtype == torch::kBool) {  // other bit patterns in a C++ bool are undefined behaviour
     for (int64_t i = 0; i < out.numel(); ++i) data[i] = data[i] != 0;
   }
 }
 
 /// Header of an array before its type is parsed.
 struct NpyHeader {
-  std::string type;  ///< from there on
+  std::string type;  ///< text from the type on
   bool fortran = false;
   std::vector<int64_t> shape;
 };
@@ -229,7 +229,7 @@ torch::Tensor read_plain(ByteSource& source, const NpyHeader& header, const std:
   return out.reshape(shape).permute(order).contiguous();
 }
 
-/// A field of a record, and where it lies in it.
+/// A field of a record, and its offset.
 struct NpyField {
   std::string name;
   NpyType type;
@@ -241,7 +241,7 @@ struct NpyRecord {
   size_t size = 0;
 };
 
-/// Goes through a record type as numpy.save writes it: [('x', '<u2'), ('', '|V4'), …].
+/// Parses a record type as numpy.save writes it: [('x', '<u2'), ('', '|V4'), …].
 class RecordParser {
  public:
   RecordParser(const std::string& text, const std::string& name) : text_(text), name_(name) {}
@@ -291,7 +291,7 @@ class RecordParser {
     at_ = end + 1;
     return word;
   }
-  /// Number of items of an array in a record.
+  /// Number of items of an array within a record.
   size_t items() {
     const size_t end = text_.find(')', at_);
     if (end == std::string::npos) fail();
@@ -309,7 +309,7 @@ class RecordParser {
     NpyType known;
     const bool number = type.size() == 3 && npy_scalar(type[1], type[2], &known);
     size_t size = known.item_size;
-    if (!number) {  // bytes, text or padding, which only take up room
+    if (!number) {  // bytes, text or padding: only their size matters
       if (std::strchr("VSUOMmc", type[1]) == nullptr) fail();
       size = 0;
       for (size_t i = 2; i < type.size() && type[i] >= '0' && type[i] <= '9'; ++i)
@@ -373,7 +373,7 @@ torch::Tensor read_source(ByteSource source, const std::string& name) {
   return read_plain(source, header, name);
 }
 
-/// Calls `read` with the bytes of a file.
+/// Calls `read` with a source over the bytes of a file.
 template <class Read>
 auto with_file(const std::filesystem::path& path, const Read& read) {
   std::error_code error;

@@ -13,23 +13,23 @@ namespace jade::io {
 
 /// Reads one array: bool, signed and unsigned integers, float16/32/64, either byte order, C or
 /// Fortran order (the result is contiguous in C order). uint16 becomes int32, uint32 and uint64
-/// become int64, as LibTorch computes little with unsigned types.
-/// @throws DataError naming the path if the file is missing, truncated, longer than its header
-///         says, holds Python objects or records, or a uint64 above 2^63.
+/// become int64, because LibTorch supports few operations on unsigned types.
+/// @throws DataError naming the path if the file is missing, truncated or longer than its header
+///         says, or contains Python objects, records, or a uint64 above 2^63.
 torch::Tensor read_npy(const std::filesystem::path& path);
 
-/// Reads an array from bytes in memory; `name` stands for the path in messages.
+/// Reads an array from bytes in memory; `name` is the path in messages.
 torch::Tensor parse_npy(const void* bytes, size_t size, const std::string& name);
 
-/// Writes a tensor of any strides and device as C-ordered .npy (format 1.0). Writes to a temporary
-/// name and renames, so that a reader never sees half a file. @throws DataError.
+/// Writes a tensor of any strides and device as C-ordered .npy (format 1.0), to a temporary name
+/// that is then renamed, so that readers never see a partial file. @throws DataError.
 void write_npy(const std::filesystem::path& path, const torch::Tensor& tensor);
 
-/// An .npz archive. Entries are decoded when asked for, so that entries of a kind we cannot read
-/// do no harm unless they are needed.
+/// An .npz archive. Entries are decoded on request, so that unsupported entries do no harm unless
+/// they are needed.
 class Npz {
  public:
-  /// @throws DataError if the file is missing or is no zip archive.
+  /// @throws DataError if the file is missing or not a zip archive.
   explicit Npz(const std::filesystem::path& path);
 
   /// Names of the arrays, without ".npy", in archive order.

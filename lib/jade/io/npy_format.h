@@ -9,16 +9,17 @@
 namespace jade::io {
 
 struct NpyType {
-  torch::ScalarType dtype = torch::kFloat32;  ///< Of the tensor.
-  size_t item_size = 0;                       ///< Bytes of a stored item.
-  bool widened = false;                       ///< Stored unsigned, kept in a wider signed type.
+  torch::ScalarType dtype = torch::kFloat32;  ///< Type of the tensor.
+  size_t item_size = 0;                       ///< Size of a stored item in bytes.
+  bool widened = false;                       ///< Stored unsigned, converted to a wider signed
+                                              ///< type.
   bool swapped = false;                       ///< Stored big-endian.
 };
 
 /// Fills `type` for a NumPy kind letter ('i', 'u', 'f', 'b') and size digit; false if unknown.
 bool npy_scalar(char kind, char size, NpyType* type);
 
-/// Everything that precedes the data of a contiguous CPU tensor.
+/// The bytes before the data of a contiguous CPU tensor.
 std::string npy_header(const torch::Tensor& tensor, const std::string& name);
 
 }  // namespace jade::io

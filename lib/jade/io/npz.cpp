@@ -14,7 +14,7 @@ namespace {
 
 const ZipWords kNpzWords{"an .npz archive", "write it again with numpy.savez"};
 
-/// An array as .npy, and what to call it in messages.
+/// An array in .npy form, and its name for messages.
 struct NpzEntry {
   std::string bytes, label;
 };

@@ -7,10 +7,10 @@
 
 namespace jade::io {
 
-/// Names content that stands in for a file that was not fetched or unpacked, with what to do: "an
-/// empty file; …". Empty for any other content. For messages about files that cannot be read.
+/// Recognises placeholder content of a file that was not fetched or unpacked, and says what to do:
+/// "an empty file; …". Empty for any other content. For messages about files that cannot be read.
 /// @param head  the first bytes of the file; 1 kB is enough
-/// @param path  gives the name for the remedy
+/// @param path  the file's name for the remedy
 std::string stand_in(std::string_view head, const std::filesystem::path& path);
 
 /// Reads the first bytes of the file itself. Empty if it cannot be opened.

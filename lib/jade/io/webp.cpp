@@ -11,7 +11,7 @@
 namespace jade::io {
 namespace {
 
-/// Frees what the encoder holds.
+/// Frees the encoder's picture.
 struct FreePicture {
   void operator()(WebPPicture* picture) const { WebPPictureFree(picture); }
 };
@@ -32,7 +32,7 @@ std::string encode_webp(const torch::Tensor& rgba) {
   WebPMemoryWriterInit(&writer);
   const std::unique_ptr<WebPMemoryWriter, decltype(&WebPMemoryWriterClear)> free_writer(
       &writer, &WebPMemoryWriterClear);
-  // Level 6 of 0 to 9 is the library's balance of time and size.
+  // Level 6 of 0 to 9 is the library's default balance of time and size.
   WebPConfigLosslessPreset(&config, 6);
   config.exact = 1;
   picture.use_argb = 1;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// WebP images as containers of bytes, which they keep exactly.
+// Lossless WebP images as byte containers.
 #pragma once
 
 #include <string>
@@ -8,13 +8,13 @@
 
 namespace jade::io {
 
-/// A lossless WebP file of uint8 [H,W,4] on the CPU; also pixels whose fourth byte is 0 keep the
-/// others. Sides of 1 to 16383.
+/// Encodes uint8 [H,W,4] on the CPU as lossless WebP; pixels with a fourth byte of 0 keep the other
+/// three. Sides of 1 to 16383.
 /// @throws DataError if the library fails.
 std::string encode_webp(const torch::Tensor& rgba);
 
 /// The pixels of a WebP file, uint8 [H,W,4].
-/// @param name  stands for the file in messages
+/// @param name  of the file, for messages
 /// @throws DataError for damaged bytes and for other files.
 torch::Tensor decode_webp(std::string_view bytes, const std::string& name);
 

@@ -30,7 +30,7 @@ OpenZip open_zip(const std::filesystem::path& path, const ZipWords& words) {
                          ", found a damaged or other file; ", words.remedy));
 }
 
-/// Hands an entry to `take` a part at a time.
+/// Passes an entry to `take` in parts.
 void for_each_part(zip_t* archive, const std::string& name, const std::string& label,
                    const std::function<void(const char*, size_t)>& take) {
   const OpenZipEntry entry(zip_fopen(archive, name.c_str(), 0));

@@ -8,17 +8,17 @@
 
 namespace jade::io {
 
-/// How a message about a file that is no archive goes on.
+/// Continuation of the message about a file that is not an archive.
 struct ZipWords {
   std::string expected = "a zip archive";
   std::string remedy = "copy it again";
 };
 
-/// A zip archive open for reading. Entries are decompressed when asked for, in steps, so that
-/// memory follows what is really there rather than the size that the archive claims.
+/// A zip archive open for reading. Entries are decompressed on request, in steps, so that memory
+/// grows with the actual content rather than the size that the archive claims.
 class Zip {
  public:
-  /// @throws DataError if the file is missing or is no zip archive.
+  /// @throws DataError if the file is missing or not a zip archive.
   explicit Zip(const std::filesystem::path& path, const ZipWords& words = {});
 
   /// Names of all entries in archive order; those of folders end in '/'.
@@ -42,7 +42,7 @@ using ZipEntries = std::vector<std::pair<std::string, std::string>>;
 enum class ZipPacking { kDeflate, kStore };
 
 /// Writes an archive through an AtomicFile, in the given order.
-/// @param packing  kStore for content that is compressed already
+/// @param packing  kStore for content that is already compressed
 /// @throws DataError naming the path.
 void write_zip(const std::filesystem::path& path, const ZipEntries& entries,
                ZipPacking packing = ZipPacking::kDeflate);

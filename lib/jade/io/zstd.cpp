@@ -35,7 +35,7 @@ std::string unzstd(std::string_view bytes, size_t size, const std::string& name)
   size_t left = 1;
   while (left != 0) {
     const size_t before = out.size();
-    // One byte more than expected shows content that is too long.
+    // One byte more than expected reveals content that is too long.
     out.resize(before + std::min(kPart, size + 1 - before));
     ZSTD_outBuffer part{out.data() + before, out.size() - before, 0};
     const size_t read_before = in.pos;

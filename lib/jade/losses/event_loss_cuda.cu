@@ -11,7 +11,7 @@ namespace {
 
 constexpr int kThreads = 256;
 
-/// A thread per drawn pixel. `values` and `weights` are [P].
+/// One thread per sampled pixel. `values` and `weights` are [P].
 __global__ void __launch_bounds__(kThreads)
     event_terms_kernel(const __grid_constant__ EventPixels<float> in, double* residuals,
                        double* values, double* weights) {
@@ -23,7 +23,7 @@ __global__ void __launch_bounds__(kThreads)
   weights[p] = term.weight;
 }
 
-/// One block: the same order every time.
+/// A single block, which always adds in the same order.
 __global__ void __launch_bounds__(kThreads)
     event_sum_kernel(const double* values, const double* weights, int64_t count, float* loss,
                      double* weight) {

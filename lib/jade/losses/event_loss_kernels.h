@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// event_loss() apart from autograd. Not for use outside this room.
+// event_loss() without autograd. Private to this folder.
 #pragma once
 
 #include <ATen/core/Tensor.h>
@@ -9,12 +9,12 @@
 
 namespace jade::losses {
 
-/// L_ev is divided by the sum of the weights, or this if it is less.
+/// Lower bound of the sum of weights by which L_ev is divided.
 constexpr double kLeastWeight = 1e-12;
 
 /// Tensors of the pairs: contiguous and of the renders' type, except indices and filter.
-/// `residuals` is [P] double, dL_ev/dΔℓ before the division; `weight` [1] double, what L_ev was
-/// divided by; `loss` [] of the renders' type.
+/// `residuals` is [P] double, dL_ev/dΔℓ before the division; `weight` [1] double, the divisor of
+/// L_ev; `loss` [] of the renders' type.
 namespace cpu {  // float or double
 void event_loss(const EventPair& events, at::Tensor& loss, at::Tensor& residuals,
                 at::Tensor& weight);
@@ -25,7 +25,7 @@ void event_loss_gradient(const EventPair& events, const at::Tensor& residuals,
                          at::Tensor& of_renders);
 }  // namespace cpu
 
-namespace cuda {  // float; on the current stream, no waiting
+namespace cuda {  // float; runs on the current stream without waiting
 void event_loss(const EventPair& events, at::Tensor& loss, at::Tensor& residuals,
                 at::Tensor& weight);
 void event_loss_gradient(const EventPair& events, const at::Tensor& residuals,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// L_ev at one pixel, and back: for the CPU and for CUDA alike. Not for use outside this room.
+// L_ev at one pixel and its gradient, shared by CPU and CUDA. Private to this folder.
 #pragma once
 
 #include <cstdint>
@@ -39,12 +39,13 @@ struct EventPixels {
 
 /// A pixel's share of L_ev's numerator and denominator.
 struct EventTerm {
-  double value;     ///< w (Δℓ/Θ − n)², 0 where n is
+  double value;     ///< w (Δℓ/Θ − n)², 0 if n is 0
   double residual;  ///< its derivative by Δℓ
   double weight;    ///< w
 };
 
-/// 255 · luma, or 255 · a channel. Differences of logs lose digits, so all that follows is double.
+/// 255 · luma, or 255 · a channel. In double from here on, because differences of logarithms lose
+/// digits.
 template <class T>
 JADE_HD double gray_level(const EventPixels<T>& in, const T* image, int64_t pixel) {
   return 255 *
@@ -76,7 +77,8 @@ JADE_HD EventTerm event_term(const EventPixels<T>& in, int64_t pixel) {
   return {weight * off * off, 2 * weight * off / threshold, weight};
 }
 
-/// Calls add(which render, channel, gradient) for all that the pixel read, from the gradient of Δℓ.
+/// Calls add(index of the render, channel, gradient) for each value that the pixel read, from the
+/// gradient of Δℓ.
 template <class T, class Add>
 JADE_HD void event_term_adjoint(const EventPixels<T>& in, int64_t pixel, double of_change,
                                 const Add& add) {

@@ -5,8 +5,8 @@
 
 namespace jade::losses {
 
-/// sg(·): a tensor that no gradient passes. Its only constructor is explicit and detaches, so a
-/// stop-gradient of the paper is a parameter type and forgetting one does not compile.
+/// sg(·): a tensor without gradient. Its only constructor is explicit and detaches, so a
+/// stop-gradient of the paper is a parameter type, and forgetting one does not compile.
 class Fixed {
  public:
   explicit Fixed(const torch::Tensor& tensor) : value_(tensor.detach()) {}

@@ -6,7 +6,7 @@
 namespace jade::losses {
 namespace {
 
-/// g of an image that may have been through it.
+/// g of an image; a gray image is returned unchanged.
 torch::Tensor in_gray(const torch::Tensor& image) {
   return image.size(0) == 1 ? image : imaging::gray(image);
 }

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// The terms that the scene objective inherits from DiET-GS. D is
+// Terms of the scene objective from DiET-GS. D is
 // ℓ_rec of Eq. (8) with its weight `dssim`, g is imaging::gray, ρ the camera response, Î_k the
 // render at pose k and B the blurry frame. EDI is linear in the image, EDI_k(X) = X ⊙ R_k with the
-// factor R_k = EdiKernel::gain[k] of imaging/edi.h, so the functions take R_k. Those of D(·,·) give
-// the two images that it compares: rec_loss() of rec.h makes a number of one pair,
-// imaging::l1_ssim_sum() of all of a step in one pass.
+// factor R_k = EdiKernel::gain[k] of imaging/edi.h, so the functions take R_k. Functions for D(·,·)
+// return the two images to compare: rec_loss() of rec.h evaluates one pair, imaging::l1_ssim_sum()
+// all pairs of a step in one pass.
 #pragma once
 
 #include <torch/types.h>
@@ -15,7 +15,7 @@ namespace jade::losses {
 
 /// L_blur = D(mean_k Î_k, B).
 /// @param mean_render  [3,H,W], differentiable
-/// @param blurry       [3,H,W], with its window means where they are kept
+/// @param blurry       [3,H,W], with its window means if they are stored
 imaging::L1SsimPair blur_pair(const torch::Tensor& mean_render, const imaging::SsimTarget& blurry);
 
 /// L_edi in gray = D(g(ρ(Î_k)), EDI_k(g(ρ(B)))).
@@ -32,13 +32,13 @@ imaging::L1SsimPair edi_color_pair(const torch::Tensor& render, const torch::Ten
                                    const torch::Tensor& edi_factor);
 
 /// L_sim = D(g(ρ(Î_k)), EDI_k(g(ρ(mean_j Î_j)))): the EDI of the simulated blur. Gradients flow
-/// through both sides.
+/// through both images.
 /// @param toned_render, toned_mean  [3,H,W], or [1,H,W], g of them
 imaging::L1SsimPair simulation_pair(const torch::Tensor& toned_render,
                                     const torch::Tensor& toned_mean,
                                     const torch::Tensor& edi_factor);
 
-/// L_int = D(mean_k ρ(Î_k), ρ(B)); ρ before the mean, unlike L_sim.
+/// L_int = D(mean_k ρ(Î_k), ρ(B)); ρ is applied before the mean, unlike in L_sim.
 imaging::L1SsimPair intensity_pair(const torch::Tensor& mean_toned,
                                    const torch::Tensor& toned_blurry);
 

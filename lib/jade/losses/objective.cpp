@@ -11,13 +11,13 @@
 namespace jade::losses {
 namespace {
 
-/// Draws of L_edi gray, L_edi colour and L_sim; that of L_tgt comes after them.
+/// Sampled poses of L_edi gray, L_edi colour and L_sim; that of L_tgt follows them.
 constexpr int64_t kTermDraws = 3;
 
-/// The reconstruction terms of an objective, which become numbers in one pass.
+/// The reconstruction terms of an objective, evaluated in one pass.
 class Terms {
  public:
-  /// @param falling  the weight of this step where it changes in the course of the run
+  /// @param falling  the weight of this step if it changes during the run
   void add(const std::string& name, std::vector<imaging::L1SsimPair> pairs, double weight = 1,
            const torch::Tensor& falling = {}) {
     names_.push_back(name);
@@ -38,7 +38,7 @@ class Terms {
   std::vector<imaging::L1SsimTerm> terms_;
 };
 
-/// A term that is a number already.
+/// Adds a term that is already a scalar.
 void add(Objective& loss, const std::string& name, const torch::Tensor& value, double weight,
          const torch::Tensor& falling = {}) {
   const torch::Tensor weighted = falling.defined() ? value * falling
@@ -48,14 +48,14 @@ void add(Objective& loss, const std::string& name, const torch::Tensor& value, d
   loss.total = loss.total.defined() ? loss.total + weighted : weighted;
 }
 
-/// The renders that the terms share, toned once.
+/// The renders that the terms share, to which ρ is applied once.
 struct Views {
   torch::Tensor all;  ///< [K,3,H,W]
   torch::Tensor mean, target, edi_gray, edi_color,
       simulation;  ///< [3,H,W]; undefined: not rendered
 };
 
-/// The rows of poses_read(), in its order.
+/// Assigns the rows of poses_read(), in its order.
 Views unpack_views(const torch::Tensor& renders, const ObjectivePlan& plan) {
   const std::vector<torch::Tensor> rendered = renders.unbind(0);
   size_t next = 0;
@@ -88,7 +88,7 @@ struct Toned {
   torch::Tensor mean;  ///< Σ_k w_k ρ(Î_k), of all renders
 };
 
-/// Weights of ToneInput that make g(ρ(·)) of an image [3,1,H,W].
+/// Weights of ToneInput that compute g(ρ(·)) of an image [3,1,H,W].
 torch::Tensor gray_weights(const torch::Tensor& like) {
   const double* const weights = imaging::kGrayWeights;
   return torch::tensor({weights[0], weights[1], weights[2]}, torch::kFloat64)
@@ -104,7 +104,7 @@ torch::Tensor mean_weights(const ObjectiveInputs& inputs) {
   return torch::full({count}, 1 / static_cast<double>(count), options);
 }
 
-/// Through ρ in one call, or as they are where the plan or the inputs have none.
+/// Applies ρ in one call, or the identity if the plan or the inputs have none.
 Toned tone(const ObjectiveInputs& inputs, const Views& views, const ObjectivePlan& plan) {
   Toned toned;
   if (!plan.response || !inputs.tone) {
@@ -210,7 +210,7 @@ Objective objective(const ObjectiveInputs& inputs, const ObjectivePlan& plan,
   check_inputs(inputs, plan);
   const Views views = pick_views(inputs, plan);
   const torch::Tensor& blurry = inputs.blurry;
-  torch::Tensor target_weight, edi_weight;  // defined where they fall
+  torch::Tensor target_weight, edi_weight;  // defined if the weights change
   if (inputs.term_weights.defined()) {
     target_weight = inputs.term_weights[0];
     edi_weight = inputs.term_weights[1];

@@ -33,7 +33,7 @@ constexpr auto words_of(Target) {
                     Word{"none", Target::kNone, "no such term"}};
 }
 
-/// Which poses of an exposure the target, and with it fusion and routing, act at.
+/// Poses of an exposure at which the target, and with it fusion and routing, is evaluated.
 enum class RestoredPoses { kMiddle, kThree, kNine, kAll };
 
 constexpr auto words_of(RestoredPoses) {
@@ -62,10 +62,11 @@ struct ObjectiveOptions {
   Steps warmup = Steps::share(6);
   TrustOptions trust;
   double event_loss_weight = 0.0;
-  /// L_sim acts after this step: 7,000 of 25,000, as in the paper (simul_start). No key.
+  /// L_sim is active after this step: 7,000 of 25,000, as in the paper (simul_start). No key.
   Steps simulation_start = Steps::share(28);
-  int64_t event_pixels = 1024;        ///< sampled for L_ev, as inherited (sample_pnum). No key
-  double event_window_share = 0.125;  ///< length of a window of L_ev in exposures. No key
+  int64_t event_pixels = 1024;        ///< number of pixels sampled for L_ev, as in DiET-GS
+                                      ///< (sample_pnum). No key
+  double event_window_share = 0.125;  ///< length of L_ev's window relative to the exposure. No key
 };
 
 template <class V>
@@ -105,7 +106,7 @@ void describe(V& v, ObjectiveOptions& o) {
   v.fixed("event_window_share", o.event_window_share);
 }
 
-/// Which terms act at a step and what they read; plan_objective() alone reads their calendar.
+/// Active terms of a step and their inputs; only plan_objective() reads their schedule.
 struct ObjectivePlan {
   bool target = false;      ///< L_tgt
   bool blur = false;        ///< L_blur
@@ -113,15 +114,15 @@ struct ObjectivePlan {
   bool simulation = false;  ///< L_sim
   bool intensity = false;   ///< L_int
   bool event = false;       ///< L_ev
-  bool response = false;  ///< ρ is past its warm-up and some term reads it, else it is the identity
-  bool agreed_target = false;  ///< L_tgt acts where scene and target agree
-  bool drawn_target = false;   ///< L_tgt acts at a sampled pose, else at mid-exposure
+  bool response = false;  ///< ρ is past its warm-up and some term uses it; else it is the identity
+  bool agreed_target = false;  ///< L_tgt is limited to pixels or views where scene and target agree
+  bool drawn_target = false;   ///< L_tgt is evaluated at a sampled pose, else at mid-exposure
 
   bool any_term() const { return target || blur || edi || simulation || intensity || event; }
-  /// A term reads the mean render, and so all renders; also where no term reads any.
+  /// Whether all renders are needed, because a term reads their mean; also if no term reads any.
   bool all_poses() const { return blur || simulation || intensity || !(target || edi); }
 
-  /// For the comparison.
+  /// For operator==.
   auto members() const {
     const auto all = std::tie(target, blur, edi, simulation, intensity, event, response,
                               agreed_target, drawn_target);
@@ -137,19 +138,19 @@ struct ObjectivePlan {
 /// @param step  counted from 1
 ObjectivePlan plan_objective(const ObjectiveOptions& options, int64_t step);
 
-/// An image to be toned: ρ(image), or Σ_k w_k ρ(image[k]) where it has weights [K], constant and on
-/// the image's device or, up to kMostOnCpu of them, on the CPU.
+/// An image to which ρ is applied: ρ(image), or Σ_k w_k ρ(image[k]) if it has weights [K], constant
+/// and on the image's device or, up to kMostOnCpu of them, on the CPU.
 struct ToneInput {
   static constexpr int64_t kMostOnCpu = 40;
   torch::Tensor image, weights;
 };
 
-/// The camera response ρ as the objective uses it: all that a step asks for, at most 5, in one
-/// call. Empty: the identity.
+/// The camera response ρ: evaluates all images of a step, at most 5, in one call. Empty: the
+/// identity.
 using ToneCurve = std::function<std::vector<torch::Tensor>(const std::vector<ToneInput>&)>;
 
-/// Calls the work that it is given, on a GPU for a stream of its own: the target may be in the
-/// making there, and the other terms need not wait for it.
+/// Runs its argument, on a GPU on a second stream: the target may still be computed there, while
+/// the other terms run on the first.
 using Beside = std::function<void(const std::function<void()>&)>;
 
 /// R at the poses of L_edi gray, L_edi colour and L_sim, [1,H,W] each.
@@ -161,68 +162,69 @@ struct EdiFactors {
 };
 
 struct ObjectiveInputs {
-  /// [K,3,H,W], Î_k, or [M,3,H,W], those of poses_read() alone; differentiable
+  /// [K,3,H,W], Î_k, or [M,3,H,W], only those of poses_read(); differentiable
   torch::Tensor renders;
   int64_t samples = 9;    ///< K, odd; the middle one is mid-exposure
-  torch::Tensor weights;  ///< [K] of the mean render, of sum 1; undefined: 1/K each
+  torch::Tensor weights;  ///< [K] weights in the mean render, of sum 1; undefined: 1/K each
   torch::Tensor blurry;   ///< [3,H,W], B
-  /// ssim_target(blurry), which saves L_blur two of its five window sums; may stay undefined.
+  /// ssim_target(blurry), which provides two of L_blur's five window sums; may be undefined.
   imaging::SsimTarget blurry_moments;
   /// [3] int64 on the renders' device: the poses of L_edi gray, L_edi colour and L_sim; [4] with
   /// that of L_tgt, which a plan with drawn_target needs.
   torch::Tensor pose_draws;
   EdiFactors edi_factors;  ///< at these poses; needed for L_edi and L_sim only
-  /// [1,H,W], 0 where a pixel does not count: renders, blurry frame and target are black there, and
-  /// what ρ makes of black counts as little; undefined: all count.
+  /// [1,H,W], 0 at excluded pixels, where renders, blurry frame and target are black and ρ(black)
+  /// is excluded too; undefined: all pixels count.
   torch::Tensor mask;
   /// [2] weights of L_tgt and L_edi at this step, on the device; undefined: those of the options,
-  /// which then must not fall.
+  /// which must then be constant.
   torch::Tensor term_weights;
   std::optional<Fixed> target;      ///< [3,H,W], at the pose of L_tgt; needed for it only
-  Beside beside;                    ///< where L_tgt is computed; empty: with the other terms
+  Beside beside;                    ///< runs L_tgt; empty: with the other terms
   std::optional<EventPair> events;  ///< needed for L_ev only
-  ToneCurve tone;                   ///< ρ; ignored where the plan lets it rest
+  ToneCurve tone;                   ///< ρ; ignored if the plan does not use it
 };
 
 struct NamedTerm {
   std::string name;      ///< "target", "blur", "edi_gray", "edi_color", "simulation", "intensity",
-                         ///< "event"; "target_distance", what trust.agreement is asked of
+                         ///< "event"; "target_distance", the value that trust.agreement compares
+                         ///< with its bound
   torch::Tensor value;   ///< scalar with its weight applied
-  bool in_total = true;  ///< a part of L_scene; else only to be looked at
+  bool in_total = true;  ///< a part of L_scene; else for logging only
 };
 
-/// Only terms that act are there: a disabled one is absent, not multiplied by zero.
+/// Contains active terms only: a disabled one is absent, not multiplied by zero.
 struct Objective {
-  torch::Tensor total;   ///< scalar; undefined when no term acts
-  torch::Tensor beside;  ///< L_tgt where it is computed beside the others: not in the total
+  torch::Tensor total;   ///< scalar; undefined if no term is active
+  torch::Tensor beside;  ///< L_tgt if it is computed on the second stream: not part of the total
   std::vector<NamedTerm> terms;
 };
 
-/// Whether the weight of L_edi changes in the course of a run.
+/// Whether the weights of L_tgt or L_edi change during a run.
 bool weights_fall(const ObjectiveOptions& options);
 
-/// The weights of L_tgt and L_edi at `step` (counted from 1) of a calendar of `steps`.
+/// The weights of L_tgt and L_edi at `step` (counted from 1) of `steps`.
 std::array<double, 2> term_weights(const ObjectiveOptions& options, int64_t step, int64_t steps);
 
-/// The pose where L_tgt acts, [1] int64 on the device of `pose_draws`: the sampled one or
-/// mid-exposure.
+/// The pose at which L_tgt is evaluated, [1] int64 on the device of `pose_draws`: the sampled one
+/// or mid-exposure.
 torch::Tensor target_pose(const ObjectivePlan& plan, const torch::Tensor& pose_draws,
                           int64_t samples);
 
 /// L_scene = L_tgt + L_blur + L_edi + L_sim + L_int (+ L_ev), Eq. (10): the terms of the plan with
-/// their weights. Nothing here waits for the device.
-/// @return total and what is beside it are two roots of one graph: torch::autograd::backward() of
-/// both at once
+/// their weights. Does not wait for the device.
+/// @return total and beside are two roots of one graph: call torch::autograd::backward() for both
+/// at once
 Objective objective(const ObjectiveInputs& inputs, const ObjectivePlan& plan,
                     const ObjectiveOptions& options);
 
-/// The poses that the terms read, [M] int64 on the device of `pose_draws`: that of the target where
-/// it acts, then those of L_edi gray and colour. A pose that no term reads has no gradient, so
-/// rendering it costs time and dilutes the mean screen gradients of densification. Undefined for
-/// all of them.
-/// @param pose_draws  as ObjectiveInputs has them
+/// The poses that the terms read, [M] int64 on the device of `pose_draws`: that of the target if it
+/// is active, then those of L_edi gray and colour. A pose that no term reads has no gradient, so
+/// rendering it costs time and dilutes the mean screen gradients of densification. Undefined: all
+/// poses.
+/// @param pose_draws  as in ObjectiveInputs
 /// @param samples     K
-/// @throws ContractError where the plan asks for a draw that is not there
+/// @throws ContractError if the plan needs a sampled pose that is missing
 torch::Tensor poses_read(const ObjectivePlan& plan, const torch::Tensor& pose_draws,
                          int64_t samples = 9);
 

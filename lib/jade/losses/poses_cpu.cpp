@@ -10,7 +10,7 @@ namespace {
 
 constexpr int64_t kGrain = 16384;
 
-/// Values whose sums stay in the first cache while one render after another is added.
+/// Number of values whose sums stay in the L1 cache while the renders are added.
 constexpr int64_t kBlock = 2048;
 
 }  // namespace

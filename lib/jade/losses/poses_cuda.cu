@@ -28,7 +28,7 @@ struct Picks {
   }
 };
 
-/// A thread per value of one image. The renders' loads are on their way together.
+/// One thread per value of one image. The loads of all renders overlap.
 __global__ void __launch_bounds__(kThreads)
     views_kernel(const __grid_constant__ Picks picks, const float* __restrict__ renders,
                  float* __restrict__ mean, int64_t values) {
@@ -61,7 +61,7 @@ __global__ void __launch_bounds__(kThreads)
   for (int k = 0; k < renders; ++k) {
     const float all = of_all != nullptr ? of_all[k * values + i] : 0.f;
     float sum = picks.weight(k) * mean;
-    // In order, so that repeated poses add up the same way every time.
+    // In order, so that sums over repeated poses are deterministic.
 #pragma unroll
     for (int m = 0; m < kMostPicks; ++m) {
       if (pose[m] == k) sum += of_pick[m];

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// pose_views() apart from autograd. Not for use outside this room.
+// pose_views() without autograd. Private to this folder.
 #pragma once
 
 #include <ATen/core/Tensor.h>
@@ -8,19 +8,19 @@
 
 namespace jade::losses {
 
-/// Most picks in one call on a GPU, where they travel as the argument of a launch.
+/// Maximum number of picks per call on a GPU, where they are a kernel argument.
 constexpr int kMostPicks = 8;
 
-/// Which renders are picked, and how they are averaged.
+/// Which renders to pick, and the weights of their mean.
 struct PosePicks {
   at::Tensor indices;  ///< [M] int64
-  int64_t first = -1;  ///< a pick before those of the indices; below 0: none
+  int64_t first = -1;  ///< an additional pick before those of the indices; negative: none
   at::Tensor weights;  ///< [K] of the renders' type; undefined: 1/K each
 
   int64_t count() const { return indices.numel() + (first >= 0 ? 1 : 0); }
 };
 
-/// Gradients of what pose_views() returns.
+/// Gradients of the outputs of pose_views().
 struct PoseGradients {
   at::Tensor mean;                ///< [...]
   std::vector<at::Tensor> picks;  ///< count() of them
@@ -35,7 +35,7 @@ void weighted_sum(const at::Tensor& renders, const at::Tensor& weights, at::Tens
 void pose_gradient(const PosePicks& picks, const PoseGradients& of, at::Tensor& of_renders);
 }  // namespace cpu
 
-namespace cuda {  // float; on the current stream, no waiting
+namespace cuda {  // float; runs on the current stream without waiting
 /// @param renders  [K,...] contiguous
 void pose_views(const PosePicks& picks, const at::Tensor& renders, at::Tensor& mean,
                 std::vector<at::Tensor>& picked);

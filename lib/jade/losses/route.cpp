@@ -56,7 +56,7 @@ class RouteLossFunction : public torch::autograd::Function<RouteLossFunction> {
   }
 };
 
-/// @param like  α, whose size, type and device the other must have
+/// @param like  α, whose size, type and device the image must match
 torch::Tensor checked(const torch::Tensor& image, const char* what, const torch::Tensor& like,
                       int64_t channels) {
   check_shape(image, what, {channels, like.size(1), like.size(2)});

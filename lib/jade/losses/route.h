@@ -31,22 +31,22 @@ void describe(V& v, RouteOptions& o) {
   v.fixed("every", 1);
 }
 
-/// Scalars; a term that is switched off is undefined.
+/// Scalars; a term that is off is undefined.
 struct RouteLoss {
-  torch::Tensor total;           ///< undefined when both are off
-  torch::Tensor render, reblur;  ///< its parts, weight applied, to be looked at: without a graph
+  torch::Tensor total;           ///< undefined if both are off
+  torch::Tensor render, reblur;  ///< its parts with weights applied, detached, for logging
 };
 
-/// L_route = ‖I_pseudo − sg(Î_mid)‖₁ + w ‖I_pseudo ⊙ K(V) − B‖₁, Eq. (6) with w = 1, of I_pseudo =
-/// α ⊙ I_edi + (1 − α) ⊙ F, Eq. (4), with the reblur operator of Eq. (7) as its kernel K. Both are
-/// means over pixels and channels; pointwise on purpose. One pass each way (route_math.h). float or
-/// double on the CPU, float32 on a GPU.
+/// L_route = ‖I_pseudo − sg(Î_mid)‖₁ + w ‖I_pseudo ⊙ K(V) − B‖₁, Eq. (6) with w = 1, for I_pseudo =
+/// α ⊙ I_edi + (1 − α) ⊙ F, Eq. (4), with the kernel K of the reblur operator of Eq. (7). Both
+/// terms are means over pixels and channels. One pass each for forward and backward (route_math.h).
+/// float or double on the CPU, float32 on a GPU.
 /// @param alpha          [1,H,W]. Differentiable, once: Eq. (5).
 /// @param restorations   constant
 /// @param mid_render     [3,H,W], Î_mid
 /// @param reblur_kernel  [1,H,W], K(V) (imaging/reblur.h). Constant.
 /// @param blurry         [3,H,W], B. Constant.
-/// @throws ContractError for shapes, types and devices that do not fit.
+/// @throws ContractError for shapes, types and devices that do not match.
 RouteLoss route_loss(const torch::Tensor& alpha, const restore::Restorations& restorations,
                      const Fixed& mid_render, const torch::Tensor& reblur_kernel,
                      const torch::Tensor& blurry, const RouteOptions& options);

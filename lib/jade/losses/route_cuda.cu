@@ -13,7 +13,7 @@ namespace {
 
 constexpr int kThreads = 256;
 
-/// So that the second kernel, of one block, has little to add.
+/// Few enough that the second kernel, a single block, has little to add.
 constexpr int64_t kMostBlocks = 1024;
 
 /// `parts` is [2, blocks].
@@ -35,7 +35,7 @@ __global__ void __launch_bounds__(kThreads)
   }
 }
 
-/// One block: the same order every time.
+/// A single block, which always adds in the same order.
 __global__ void __launch_bounds__(kThreads)
     route_sum_kernel(const double* parts, int blocks, double count, double reblur_weight,
                      float* values) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// route_loss() apart from autograd. Not for use outside this room.
+// route_loss() without autograd. Private to this folder.
 #pragma once
 
 #include <ATen/core/Tensor.h>
@@ -14,17 +14,17 @@ struct RouteTensors {
   double reblur_weight = 1;
 };
 
-/// A row of `values` each, [3] of the images' type.
+/// Rows of `values`, [3] of the images' type.
 enum RouteValue { kRouteTotal, kRouteRender, kRouteReblur, kRouteValues };
 
-namespace cpu {  // float or double; the same bits for any number of threads
+namespace cpu {  // float or double; any number of threads gives the same bits
 void route_loss(const RouteTensors& images, at::Tensor& values);
 /// @param of_total  [] of the images' type
 /// @param of_alpha  [1,H,W], written
 void route_gradient(const RouteTensors& images, const at::Tensor& of_total, at::Tensor& of_alpha);
 }  // namespace cpu
 
-namespace cuda {  // float; on the current stream, no waiting, the same bits every time
+namespace cuda {  // float; runs on the current stream without waiting, deterministic
 void route_loss(const RouteTensors& images, at::Tensor& values);
 void route_gradient(const RouteTensors& images, const at::Tensor& of_total, at::Tensor& of_alpha);
 }  // namespace cuda

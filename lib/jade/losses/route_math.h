@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Eq. (6) at one pixel, and back to α, Eq. (5): for the CPU and for CUDA alike. Not for use outside
-// this room.
+// Eq. (6) at one pixel and its gradient by α, Eq. (5), shared by CPU and CUDA. Private to this
+// folder.
 #pragma once
 
 #include <cstdint>
@@ -28,7 +28,7 @@ struct RouteParts {
   T render, reblur;
 };
 
-/// The derivative of |x|, 0 at 0 as torch has it.
+/// The derivative of |x|, 0 at 0 as in torch.
 template <class T>
 JADE_HD T slope_of_abs(T x) {
   return kernel::select(x > T(0), T(1), kernel::select(x < T(0), T(-1), T(0)));

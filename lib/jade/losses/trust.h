@@ -7,9 +7,8 @@
 
 namespace jade::losses {
 
-/// Restorations are wrong where events are missing, noisy or coarse, and the scene, which has seen
-/// the same point from other exposures, may know better; the configuration group
-/// `objective.trust`.
+/// When to trust restorations, which are wrong where events are missing, noisy or coarse, while the
+/// scene combines several exposures; the configuration group `objective.trust`.
 struct TrustOptions {
   double agreement = 0.05;
 };

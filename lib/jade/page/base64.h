@@ -6,7 +6,7 @@
 
 namespace jade::page {
 
-/// Base64 with padding (RFC 4648, section 4), in one line.
+/// Base64 with padding (RFC 4648, section 4), on one line.
 std::string base64(std::string_view bytes);
 
 }  // namespace jade::page

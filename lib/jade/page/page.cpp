@@ -11,7 +11,7 @@
 namespace jade::page {
 namespace {
 
-/// "</script>" or "<!--" inside a text would end or change the element that holds it.
+/// Escapes "</script>" and "<!--", which would end or change the element.
 std::string inside_script(std::string text) {
   for (size_t at = 0; (at = text.find('<', at)) != std::string::npos; at += 6) {
     text.replace(at, 1, "\\u003c");
@@ -19,7 +19,7 @@ std::string inside_script(std::string text) {
   return text;
 }
 
-/// The page with texts in place of its marks, which stand in this order.
+/// Replaces the placeholders of the page, which must be in this order.
 std::string filled(std::string_view html,
                    const std::vector<std::pair<std::string_view, std::string>>& texts) {
   std::string page;

@@ -5,9 +5,8 @@
 
 namespace jade::page {
 
-/// The report as one HTML file that needs nothing from outside itself, and whose policy forbids it
-/// to ask.
-/// @param json  what front/main.js and front/report.js show; its keys:
+/// The report as one self-contained HTML file, whose content security policy forbids all requests.
+/// @param json  the content for front/main.js and front/report.js; its keys:
 ///   "facts" [text]; "headline" {"views", "blurry", "edi", "render"} in dB, or null;
 ///   "views" and "tests" [{"name", "camera": "train.3", "seen", "pictures": [{"name", "src",
 ///   "note"}]}], of which "views" also have "events": null or {"bins", "columns", "rows", "cell",
@@ -16,18 +15,18 @@ namespace jade::page {
 ///   "config" (text); "scene" {"near_plane", "background" [3], "cameras":
 ///   {"train", "test": [{"name", "seen", "width", "height", "fx", "fy", "cx", "cy", "poses": [rows
 ///   of camera_from_world, 12 numbers]}]}}, at least one camera.
-/// @param spz  the scene as gaussians::encode_spz() gives it; empty: pictures alone.
+/// @param spz  the scene from gaussians::encode_spz(); empty: only pictures.
 std::string report_page(const std::string& json, const std::string& spz);
 
-/// Live page: the scene is rendered by the server that the page comes from (serve/server.h), the
-/// only address that the page may contact.
+/// Live page: the server of the page (serve/server.h), the only address that the page may contact,
+/// renders the scene.
 /// @param json  as above, its pictures without "src", and "live" {"id": of this server, "scale":
 ///   pixels per trained pixel at most, "pausable", "moving": whether its cameras do, "report":
 ///   where the finished one will be, or "", "sample": x, y, z of some Gaussians, flat}
 std::string live_page(const std::string& json);
 
 /// The page of a sweep, whose pictures and reports are files beside it.
-/// @param json  what front/sweep.js shows; its keys:
+/// @param json  the content for front/sweep.js; its keys:
 ///   "title", "note" (texts); "facts" [text]; "finished", "runs_total" (counts); "columns"
 ///   [{"heading", "meaning"}]; "tables" [{"title", "paper": [bool per column], "rows": [{"title",
 ///   "block", "cells": [{"text", "best", "gap", "paper": text or null}]}]}]; "rows" [{"name",

@@ -15,10 +15,10 @@
 
 namespace jade::recording {
 
-/// A folder for one conversion, removed with everything in it when the last user is gone.
+/// A temporary folder for one conversion, removed with its content by its last owner.
 class TemporaryFolder {
  public:
-  /// @throws DataError if none can be made.
+  /// @throws DataError if it cannot be created.
   TemporaryFolder();
   ~TemporaryFolder();
   TemporaryFolder(const TemporaryFolder&) = delete;
@@ -29,26 +29,27 @@ class TemporaryFolder {
   std::filesystem::path path_;
 };
 
-/// An image that has not been read yet.
+/// An image file that has not been read yet.
 struct FrameFile {
   std::filesystem::path path;
-  /// Time span of its exposure; start and end are equal if only one time is known. None: no time.
+  /// Time span of its exposure; start and end are equal if only one time is known. No value: no
+  /// time.
   std::optional<events::TimeWindow> time;
 };
 
-/// Spans of the clock of a recording, in order and apart; none: all of it.
+/// Time spans of a recording's clock, sorted and disjoint; no value: all of it.
 using Kept = std::optional<std::vector<events::TimeWindow>>;
 
-/// Adds the events of these spans, and what there is to note about them, to a recording. Which
-/// spans are wanted is known only once frames have their exposures.
+/// Adds the events of these spans, and notes about them, to a recording. The spans are known only
+/// after frames have their exposures.
 using ReadEvents = std::function<void(const Kept& kept, Recording& recording)>;
 
 /// A recording whose images are still files, and whose events are not read yet.
 struct Contents {
   Recording recording;  ///< without frames and events
   std::vector<FrameFile> files;
-  ReadEvents read_events;                 ///< empty: there are none
-  std::shared_ptr<TemporaryFolder> keep;  ///< where the files are, if they are not the user's
+  ReadEvents read_events;                 ///< empty: there are no events
+  std::shared_ptr<TemporaryFolder> keep;  ///< folder of the files, if it is temporary
 };
 
 Contents read_rpg(const std::filesystem::path& folder, const ReadOptions& options);
@@ -59,73 +60,73 @@ Contents read_dat(const std::filesystem::path& path, const ReadOptions& options)
 Contents read_converted(const std::filesystem::path& path, const ReadOptions& options);
 /// Last line that a failed program printed; empty if none.
 std::string last_line(const std::filesystem::path& log);
-/// Records of Metavision in HDF5, unless another group is asked for.
+/// Whether the file has Metavision's records and no other group is requested.
 bool is_metavision(const std::filesystem::path& path, const std::string& group);
 Contents read_metavision(const std::filesystem::path& path, const ReadOptions& options);
-/// HDF5, .npz, .npy and text: events alone.
+/// HDF5, .npz, .npy and text files with events only.
 Contents read_event_file(const std::filesystem::path& path, const ReadOptions& options);
 
-/// Adds the pictures, with their times, that an HDF5 file has of the camera of its events, and
-/// notes those of others.
+/// Adds the pictures, with their times, that an HDF5 file contains for the camera of its events,
+/// and notes those of others.
 void add_hdf5_frames(const std::filesystem::path& path, const ReadOptions& options,
                      Contents& contents);
 
-/// Gives each image the exposure that `exposures` has for its name, and notes exposures without an
-/// image.
+/// Gives each image the exposure that `exposures` contains for its name, and notes exposures
+/// without an image.
 /// @throws DataError if an image has none, and as check_apart().
 void apply_exposures(const std::filesystem::path& list, const std::vector<NamedExposure>& exposures,
                      std::vector<FrameFile>& files, std::vector<std::string>& notes);
 
-/// Exposures of one camera follow each other. Overlaps of a twentieth of the frame period are
-/// tolerated, as are longer ones of a tenth of the frames, which are noted.
-/// @throws DataError naming `list` and two frames that are exposed at one time.
+/// Checks that exposures of one camera do not overlap. Tolerates overlaps of a twentieth of the
+/// frame period, and longer ones of a tenth of the frames, which it notes.
+/// @throws DataError naming `list` and two frames with the same exposure.
 void check_apart(const std::filesystem::path& list, const std::vector<FrameFile>& files,
                  std::vector<std::string>& notes);
 
-/// Reads images, on several threads, into recording.frames in order of time; those without a time
-/// are left out. @throws DataError if one cannot be read, they differ in size, or they do not fit
-/// into memory.
+/// Reads images on several threads into recording.frames, sorted by time; skips those without a
+/// time. @throws DataError if one cannot be read, they differ in size, or they do not fit into
+/// memory.
 void read_frames(std::vector<FrameFile> files, Recording& recording);
 
-/// Puts the images of a folder, or those of a video, in place of the recording's own. A folder may
-/// hold exposures.csv, images.txt or timestamps.npz; frames of a video have its own clock, whose
-/// zero is its beginning.
+/// Replaces the recording's frames by the images of a folder or the frames of a video. A folder may
+/// contain exposures.csv, images.txt or timestamps.npz; frames of a video have its own clock, which
+/// starts at 0.
 /// @throws DataError for a folder without images, a video that ffmpeg cannot read.
 void replace_frames(const std::filesystem::path& path, const ReadOptions& options,
                     Contents& contents);
 
-/// Without the mark of UTF-8 that spreadsheets put before the first line.
+/// Removes the UTF-8 byte order mark that spreadsheets put before the first line.
 std::string without_mark(const std::string& text);
 
-/// images.txt: a time in seconds and the path of an image, a line each. Notes images that are
-/// listed twice or missing, and those of the folder that are not listed; they are left out.
-/// @throws DataError naming the line.
+/// Reads images.txt: one line per image with a time in seconds and a path. Notes images that are
+/// listed twice or missing, and unlisted ones of the folder; all are skipped. @throws DataError
+/// naming the line.
 std::vector<FrameFile> listed_images(const std::filesystem::path& list,
                                      std::vector<std::string>& notes);
 
-/// The times of timestamps.npz beside images in order of their names.
-/// @throws DataError if they are not as many.
+/// Assigns the times of timestamps.npz to images sorted by name.
+/// @throws DataError if their numbers differ.
 void add_npz_times(const std::filesystem::path& path, events::TimeUnit unit,
                    std::vector<FrameFile>& files, Recording& recording);
 
-/// Completes exposures from options and trigger edges where the recording's fields lack them.
-/// @throws DataError for frames from elsewhere that are left without a time.
+/// Completes exposures from options and trigger edges if the recording's fields lack them. @throws
+/// DataError for frames of other sources that remain without a time.
 void complete_exposures(const ReadOptions& options, Contents& contents);
 
-/// Takes the channel of the trigger input with the most edges, and notes the others.
+/// Selects the channel of the trigger input with the most edges, and notes the others.
 void choose_channel(const std::filesystem::path& path, const std::map<int64_t, Triggers>& channels,
                     Recording& recording);
 
-/// How the events of a file are read; what comes with them, such as triggers, is in `recording` at
-/// once.
-/// @param exposures  that tell the unit of times that the file does not
+/// Returns a reader of a file's events; data beside them, such as triggers, are added to
+/// `recording` at once.
+/// @param exposures  that determine the time unit if the file does not
 ReadEvents events_of(const std::filesystem::path& path, const ReadOptions& options,
                      const std::optional<events::TimeWindow>& exposures, Recording& recording);
 ReadEvents events_of_evt(const std::filesystem::path& path, const ReadOptions& options,
                          Recording& recording);
 
-/// Sets what there was besides the events that were kept, and says how many were left out.
-/// @param most  that were to be kept, 0: all
+/// Sets how many events were stored, and notes how many were skipped. @param most  maximum number
+/// to keep, 0: all
 void note_stored(int64_t events, const events::TimeWindow& span_us, int64_t most,
                  Recording& recording);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Recordings that scripts/read_recording.py turns into a folder.
+// Recordings that scripts/read_recording.py converts to a folder.
 #include <fstream>
 #include <sstream>
 #include <string>
@@ -46,7 +46,7 @@ void convert(const fs::path& path, const ReadOptions& options, const fs::path& f
   throw DataError(concat(path.string(), ": scripts/read_recording.py failed (", code, "): ", said));
 }
 
-/// Notes on files that are gone by then would only confuse.
+/// Notes on deleted temporary files would be confusing.
 void name_original(const fs::path& made, const fs::path& original,
                    std::vector<std::string>& notes) {
   const std::string prefix = made.string() + "/";

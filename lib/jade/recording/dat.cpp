@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Prophesee's DAT files (docs.prophesee.ai, "DAT File Format"): lines of '%', two bytes with the
-// type and the size of an event, then eight bytes each: 32 bits of time in µs and 32 of place and
-// sign.
+// type and the size of an event, then eight bytes each: 32 bits of time in µs and 32 of coordinates
+// and polarity.
 #include <algorithm>
 #include <array>
 #include <cctype>
@@ -27,11 +27,11 @@ constexpr size_t kDatRecordsAtOnce = size_t(1) << 18;
 constexpr int kDat2d = 0, kDatCd = 12;
 
 struct DatHeader {
-  int64_t width = 0, height = 0;  ///< 0: not said
+  int64_t width = 0, height = 0;  ///< 0: unknown
   int64_t version = 2;
-  int64_t bytes = 0;  ///< up to the first event
+  int64_t bytes = 0;  ///< before the first event
   int64_t records = 0;
-  int64_t cut_bytes = 0;  ///< at the end of the file, less than an event
+  int64_t cut_bytes = 0;  ///< bytes of an incomplete event at the end of the file
 };
 
 DatHeader read_dat_header(const fs::path& path) {
@@ -66,7 +66,7 @@ DatHeader read_dat_header(const fs::path& path) {
   return header;
 }
 
-/// Calls `take` with the time in µs, its wraps undone, and the other word of each event.
+/// Calls `take` with the unwrapped time in µs and the other word of each event.
 template <class Take>
 void for_each_dat_event(const fs::path& path, const DatHeader& header, const Take& take) {
   std::ifstream file(path, std::ios::binary);
@@ -107,7 +107,7 @@ void read_dat_events(const fs::path& path, const DatHeader& header, const Kept& 
   torch::Tensor x = torch::empty({count}, torch::kFloat32), y = torch::empty_like(x);
   torch::Tensor t = torch::empty({count}, torch::kInt64);
   torch::Tensor p = torch::empty({count}, torch::kInt8);
-  // Before version 2 a place had 9 and 8 bits, the polarity the bit above them.
+  // Before version 2 coordinates had 9 and 8 bits, with the polarity in the next bit.
   const bool old = header.version < 2;
   int64_t at = 0;
   for_each_dat_event(

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Files that hold events alone.
+// Files that contain only events.
 #include "jade/core/error.h"
 #include "jade/events/event_group.h"
 #include "jade/recording/contents.h"

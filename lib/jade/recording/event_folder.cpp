@@ -18,7 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 using events::TimeUnit;
 
-/// Description file that scripts/read_recording.py writes into its folders.
+/// Description file in folders written by scripts/read_recording.py.
 constexpr const char* kDescription = "recording.txt";
 
 fs::path events_in(const fs::path& folder) {
@@ -37,7 +37,7 @@ fs::path images_in(const fs::path& folder) {
   return {};
 }
 
-/// A file that lies with the images, or beside their folder; empty if there is none.
+/// A file in the folder of the images or its parent; empty if there is none.
 fs::path beside_images(const fs::path& folder, const fs::path& images, const char* name) {
   for (const fs::path& path : {images / name, folder / name}) {
     if (fs::is_regular_file(path)) return path;
@@ -45,7 +45,7 @@ fs::path beside_images(const fs::path& folder, const fs::path& images, const cha
   return {};
 }
 
-/// From the first exposure to the last, by the clock of the events: that is so far ahead.
+/// From the first exposure to the last, by the clock of the events, which is ahead by the offset.
 std::optional<events::TimeWindow> span_of(const std::vector<FrameFile>& files, int64_t ahead_us) {
   std::optional<events::TimeWindow> out;
   for (const FrameFile& file : files) {
@@ -58,7 +58,7 @@ std::optional<events::TimeWindow> span_of(const std::vector<FrameFile>& files, i
   return out;
 }
 
-/// The first line is "format …"; other files of this name are the user's own notes.
+/// The first line is "format …"; other files of this name are the user's notes.
 bool is_described(const fs::path& folder) {
   return fs::is_regular_file(folder / kDescription) &&
          read_file(folder / kDescription).rfind("format ", 0) == 0;
@@ -98,7 +98,7 @@ void move(int64_t offset_us, Triggers& triggers) {
   }
 }
 
-/// Events whose clock is moved by so much after reading.
+/// Shifts the clock of events after reading.
 ReadEvents moved(const ReadEvents& read, int64_t offset_us) {
   return [=](const Kept& kept, Recording& out) {
     Kept theirs = kept;
@@ -112,13 +112,13 @@ ReadEvents moved(const ReadEvents& read, int64_t offset_us) {
   };
 }
 
-/// Reads recording.txt and triggers.csv of a folder that the script made.
+/// Reads recording.txt and triggers.csv of a folder that the script wrote.
 void describe(const fs::path& folder, const ReadOptions& options, Contents& contents) {
   Recording& recording = contents.recording;
   int64_t offset_us = 0;
   apply_description(folder / kDescription, recording, &offset_us);
   add_edges(folder / "triggers.csv", recording.triggers);
-  // Frames from elsewhere are of another camera.
+  // Frames of another source belong to another camera.
   const fs::path camera = folder / "camera_info.yaml";
   if (options.frames.empty() && fs::is_regular_file(camera))
     recording.calibration = CalibrationFile{"camera_info.yaml", read_file(camera)};
@@ -186,7 +186,8 @@ bool holds_bag(const fs::path& folder) {
 Contents read_event_folder(const fs::path& folder, const ReadOptions& given) {
   const bool described = is_described(folder);
   ReadOptions options = given;
-  if (described) options.time_unit = TimeUnit::kUs;  // as the script writes all times
+  // the unit in which the script writes all times
+  if (described) options.time_unit = TimeUnit::kUs;
   Contents out;
   Recording& recording = out.recording;
   recording.format = "folder of frames and events";
@@ -202,7 +203,7 @@ Contents read_event_folder(const fs::path& folder, const ReadOptions& given) {
   }
   const fs::path events = events_in(folder);
   if (!events.empty()) {
-    // With frames from elsewhere the offset is that of their clock, not of this folder's.
+    // With frames of another source, the offset refers to their clock, not to this folder's.
     const int64_t ahead_us = options.frames.empty() ? options.near_frames_ahead_us.value_or(0) : 0;
     out.read_events = events_of(events, options, span_of(out.files, ahead_us), recording);
   }

@@ -16,7 +16,7 @@ constexpr size_t kBufferBytes = size_t(1) << 20;
 constexpr int64_t kLongestHeader = 1 << 16;
 constexpr int64_t kLargestSensor = 2048;  // 11 bits per coordinate
 
-/// Types of the words of EVT 2.0 and 2.1: their four highest bits.
+/// Word types of EVT 2.0 and 2.1: the four highest bits.
 enum class Evt2Type : uint32_t {
   kOff = 0x0,
   kOn = 0x1,
@@ -56,7 +56,7 @@ size_t word_bytes(EvtVersion version) {
   return version == EvtVersion::kEvt2 ? 4 : version == EvtVersion::kEvt21 ? 8 : 2;
 }
 
-/// "1280x720", as "% geometry" has it.
+/// "1280x720", from "% geometry".
 void parse_geometry(const std::string& text, EvtHeader& header) {
   char x = 0;
   int64_t width = 0, height = 0;
@@ -64,7 +64,7 @@ void parse_geometry(const std::string& text, EvtHeader& header) {
   if (in >> width >> x >> height && x == 'x') header.width = width, header.height = height;
 }
 
-/// "EVT3;height=720;width=1280", as "% format" has it. Returns its first part.
+/// "EVT3;height=720;width=1280", from "% format". Returns its first part.
 std::string parse_format(const std::string& text, EvtHeader& header) {
   std::istringstream in(text);
   std::string first;
@@ -91,7 +91,7 @@ EvtVersion version_of(const fs::path& path, const std::string& evt, const std::s
                          "; convert it to HDF5 with metavision_file_to_hdf5"));
 }
 
-/// Without an end line, the first word of the stream may begin with the byte of '%' as well.
+/// Without an end line, the first word of the stream may begin with the byte of '%' too.
 bool starts_header_line(std::ifstream& file) {
   const auto at = file.tellg();
   char two[2] = {};
@@ -152,7 +152,7 @@ double EvtDecoder::progress() const {
   return file_bytes_ == 0 ? 1 : double(read_bytes_ - int64_t(end_ - at_)) / double(file_bytes_);
 }
 
-/// Moves what is left to the front and reads on. False when less than a word is left.
+/// Moves the remaining bytes to the front and reads more. False if less than a word remains.
 bool EvtDecoder::refill() {
   const size_t left = end_ - at_, word = word_bytes(header_.version);
   if (left >= word) return true;
@@ -167,7 +167,7 @@ bool EvtDecoder::refill() {
 }
 
 /// GenX320 writes 64-bit words little-endian; IMX636 writes their upper half first. The type is in
-/// the upper half: the order in which more types are known is right.
+/// the upper half: choose the order with more valid types.
 void EvtDecoder::choose_order() {
   refill();
   const auto known = [](uint32_t half) {
@@ -182,19 +182,19 @@ void EvtDecoder::choose_order() {
     }
     return false;
   };
-  // In the wrong half, a vector's mask shows any type; times and empty bits show few.
+  // In the wrong half, a vector's mask contains any type; times and empty bits contain few.
   int64_t upper_first = 0, upper_last = 0;
   for (size_t i = at_; i + 8 <= end_; i += 8) {
     const auto first = word_at<uint32_t>(&buffer_[i]), last = word_at<uint32_t>(&buffer_[i + 4]);
     upper_first += known(first), upper_last += known(last);
-    // A time's other half is not used.
+    // The other half of a time word is unused.
     if (bits(first, 28, 4) == uint32_t(Evt2Type::kTimeHigh) && last == 0) ++upper_first;
     if (bits(last, 28, 4) == uint32_t(Evt2Type::kTimeHigh) && first == 0) ++upper_last;
   }
   header_word_first_ = upper_first > upper_last;
 }
 
-/// The counter of `bits` bits stands for steps of 2^shift µs; a fall by more than half of its range
+/// The counter of `bits` bits counts steps of 2^shift µs; a decrease by more than half of its range
 /// is a wrap.
 void EvtDecoder::set_time_high(int64_t value, int count, int shift) {
   const int64_t range = int64_t(1) << count, high = value << shift;

@@ -21,11 +21,11 @@ constexpr auto words_of(EvtVersion) {
                     Word{"EVT3", EvtVersion::kEvt3}};
 }
 
-/// The lines of '%' at the head of a file.
+/// The header lines of a file, which begin with '%'.
 struct EvtHeader {
   EvtVersion version = EvtVersion::kEvt3;
-  int64_t width = 0, height = 0;  ///< 0: not said
-  int64_t bytes = 0;              ///< of the header
+  int64_t width = 0, height = 0;  ///< 0: unknown
+  int64_t bytes = 0;              ///< size of the header
   std::map<std::string, std::string> fields;
 };
 
@@ -42,38 +42,38 @@ struct EvtEvents {
 /// Counts of what a decoder has read.
 struct EvtCounts {
   int64_t events = 0;
-  int64_t outside = 0;      ///< events beside the sensor, dropped
-  int64_t before_time = 0;  ///< events before the first full time, dropped
-  int64_t backwards = 0;    ///< events earlier than the one before them, kept
-  int64_t unknown = 0;      ///< words of no known type, skipped
-  int64_t wraps = 0;        ///< of the sensor's time counter
-  int64_t cut_bytes = 0;    ///< at the end of the file, less than a word
+  int64_t outside = 0;      ///< events outside the sensor, dropped
+  int64_t before_time = 0;  ///< events before the first full time stamp, dropped
+  int64_t backwards = 0;    ///< events earlier than their predecessor, kept
+  int64_t unknown = 0;      ///< words of unknown type, skipped
+  int64_t wraps = 0;        ///< wraps of the sensor's time counter
+  int64_t cut_bytes = 0;    ///< bytes of an incomplete word at the end of the file
 };
 
-/// Decodes a file a piece at a time, in memory that does not depend on its length: 1 MiB of the
-/// file and what next() is asked for, at most 31 events more.
+/// Decodes a file in pieces, with memory independent of its length: 1 MiB of the file and the
+/// events that next() requests, plus at most 31.
 class EvtDecoder {
  public:
-  /// Reads the header. @throws DataError for a file that is missing, without such a header, or of
+  /// Reads the header. @throws DataError for a file that is missing, has no such header, or has
   /// another encoding (EVT4, histograms).
   explicit EvtDecoder(const std::filesystem::path& path);
 
   const EvtHeader& header() const { return header_; }
 
-  /// Decodes up to `max_events` events (a vector is not split) into `out`, whose content goes.
-  /// False when the file is over and nothing was decoded.
+  /// Decodes up to `max_events` events (a vector is not split) into `out`, replacing its content.
+  /// False at the end of the file, if nothing was decoded.
   bool next(int64_t max_events, EvtEvents& out);
 
-  /// Edges met so far, by the channel of the trigger input (0: its plug, 6: looped back, …).
+  /// Trigger edges so far, by channel (0: the connector, 6: loop-back, …).
   const std::map<int64_t, Triggers>& triggers() const { return triggers_; }
   const EvtCounts& counts() const { return counts_; }
-  /// Part of the file behind us, 0 to 1.
+  /// Decoded share of the file, 0 to 1.
   double progress() const;
 
  private:
   bool refill();
   void choose_order();
-  /// A word of EVT2, or the half of an EVT2.1 word that has its type.
+  /// Decodes a word of EVT2, or the half of an EVT2.1 word that contains its type.
   /// @param events  called with x, y and polarity of a word of events
   template <class Events>
   void decode_word(uint32_t word, const Events& events);
@@ -90,10 +90,10 @@ class EvtDecoder {
   EvtHeader header_;
   std::vector<uint8_t> buffer_;
   size_t at_ = 0, end_ = 0;
-  bool header_word_first_ = false;  // EVT 2.1 of IMX636: its two halves in big-endian order
+  bool header_word_first_ = false;  // EVT 2.1 of IMX636: upper half first
   std::map<int64_t, Triggers> triggers_;
   EvtCounts counts_;
-  // The state of the stream.
+  // State of the stream.
   bool has_time_ = false;
   int64_t high_us_ = 0, wrap_us_ = 0, time_us_ = 0, latest_us_ = INT64_MIN;
   int64_t row_ = 0, base_x_ = 0;

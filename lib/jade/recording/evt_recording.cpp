@@ -17,7 +17,7 @@ namespace fs = std::filesystem;
 
 constexpr int64_t kEventsAtOnce = int64_t(1) << 18;
 
-/// Decodes to the end, or until `take`, which gets each piece, wants no more.
+/// Decodes to the end, or until `take`, which receives each piece, returns false.
 template <class F>
 void decode_all(EvtDecoder& decoder, const std::string& title, F take) {
   Progress progress(title, 1000);
@@ -32,11 +32,11 @@ void decode_all(EvtDecoder& decoder, const std::string& title, F take) {
   }
 }
 
-/// How many events fall into each span of about a millisecond.
+/// Number of events per time span of about a millisecond.
 class Histogram {
  public:
   void add(const EvtEvents& events) {
-    // Neighbours in the file are nearly always neighbours in time.
+    // Neighbours in the file are nearly always in the same span.
     int64_t bin = 0, *count = nullptr;
     for (const int64_t t : events.t_us) {
       if (count == nullptr || t >> kShift != bin) bin = t >> kShift, count = &counts_[bin];
@@ -47,12 +47,12 @@ class Histogram {
     return std::accumulate(counts_.begin(), counts_.end(), int64_t(0),
                            [](int64_t sum, const auto& bin) { return sum + bin.second; });
   }
-  /// From the first to the last, to a millisecond.
+  /// From the first event to the last, to a millisecond.
   events::TimeWindow span_us() const {
     if (counts_.empty()) return {};
     return {counts_.begin()->first << kShift, (counts_.rbegin()->first + 1) << kShift};
   }
-  /// At most so many lie in the windows.
+  /// Upper bound of the number of events in the windows.
   int64_t most_in(const std::vector<events::TimeWindow>& windows) const {
     int64_t sum = 0;
     for (const events::TimeWindow& window : windows) {
@@ -91,8 +91,7 @@ void note_counts(const fs::path& path, const EvtDecoder& decoder, Recording& rec
     recording.notes.push_back(concat(path.string(), ": its header does not say the sensor's size"));
 }
 
-/// Decodes the file once more, into lists of `most` events at most, which are filled with kept
-/// ones.
+/// Decodes the file again, into lists of at most `most` kept events.
 events::EventStream kept_events(const fs::path& path, const Kept& kept, int64_t most) {
   torch::Tensor x = torch::empty({most}, torch::kFloat32), y = torch::empty_like(x);
   torch::Tensor t = torch::empty({most}, torch::kInt64);

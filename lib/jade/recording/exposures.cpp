@@ -22,7 +22,7 @@ std::string trimmed(const std::string& text) {
   return text.substr(first, text.find_last_not_of(" \t\r\"") - first + 1);
 }
 
-/// "5000", and "5000.0" as tables of floats have it.
+/// "5000", or "5000.0" as in tables of floats.
 bool parse_whole(const std::string& text, int64_t* out) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), *out);
   if (error != std::errc()) return false;
@@ -30,14 +30,14 @@ bool parse_whole(const std::string& text, int64_t* out) {
   return rest.empty() || (rest[0] == '.' && rest.find_first_not_of('0', 1) == std::string::npos);
 }
 
-/// Whether a text begins as numbers do.
+/// Whether a text begins like a number.
 bool is_numeric(const std::string& text) {
   return !text.empty() && text.find_first_of("0123456789") <= 1 &&
          text.find_first_not_of("0123456789.+-eE") == std::string::npos;
 }
 
-/// The three columns of a line, by the separator that leaves numbers in the last two, else by the
-/// first that is there twice. The name may contain it. False for fewer columns.
+/// Splits a line into three columns, at the separator that leaves numbers in the last two, else at
+/// the first that occurs twice. The name may contain it. False for fewer columns.
 bool split_line(const std::string& line, std::array<std::string, 3>* out) {
   bool split = false;
   for (const char separator : {',', ';', '\t'}) {
@@ -63,7 +63,7 @@ bool is_one_of(const std::string& word, std::initializer_list<const char*> words
 /// Meaning of the third column.
 enum class Third { kEnd, kLength };
 
-/// @throws DataError naming a column that is not understood.
+/// @throws DataError naming an unknown column.
 Third read_header(const std::string& at, std::array<std::string, 3> columns) {
   for (std::string& name : columns) {
     std::transform(name.begin(), name.end(), name.begin(),
@@ -82,7 +82,7 @@ Third read_header(const std::string& at, std::array<std::string, 3> columns) {
                          "\" as the second; give whole microseconds and name the columns so"));
 }
 
-/// False for a line of another kind.
+/// False for other lines.
 bool parse_exposure(const std::array<std::string, 3>& columns, NamedExposure* out) {
   out->name = columns[0];
   return !out->name.empty() && parse_whole(columns[1], &out->start_us) &&

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// When frames were exposed.
+// Exposure times of frames.
 #pragma once
 
 #include <cstdint>
@@ -21,10 +21,10 @@ constexpr auto words_of(Stamp) {
                     Word{"end", Stamp::kEnd, "end of the exposure"}};
 }
 
-/// The exposure of `length_us` that is stamped `t_us`.
+/// The exposure of `length_us` with the time stamp `t_us`.
 events::TimeWindow exposure_at(int64_t t_us, int64_t length_us, Stamp stamp);
 
-/// Edges on the event sensor's trigger input, each list in order of time.
+/// Edges on the event sensor's trigger input, both lists sorted by time.
 struct Triggers {
   std::vector<int64_t> rising_us, falling_us;
 };
@@ -38,20 +38,21 @@ constexpr auto words_of(TriggerLevel) {
       Word{"low", TriggerLevel::kLow, "from a falling edge to the rising one"}};
 }
 
-/// The exposures that trigger edges mark, in order of time. Edges without a partner, at the ends of
-/// a recording or where one was lost, mark none.
+/// The exposures that trigger edges mark, sorted by time. Edges without a partner, at the ends of a
+/// recording or after a lost edge, are ignored.
 std::vector<events::TimeWindow> exposures_of(const Triggers& triggers, TriggerLevel level);
 
 /// A line of an exposure list.
 struct NamedExposure {
-  std::string name;  ///< of the image file, with or without its extension
+  std::string name;  ///< name of the image file, with or without its extension
   int64_t start_us = 0, end_us = 0;
 };
 
-/// Reads lines "name,start_us,end_us", whole µs in the clock of the events, separated by ',', ';'
-/// or tab; "5000.0" is whole. Lines of '#' are skipped. The third column of a header line may be a
+/// Reads lines "name,start_us,end_us", whole µs by the clock of the events, separated by ',', ';'
+/// or tab; "5000.0" counts as whole. Skips lines of '#'. The third column of a header line may be a
 /// length (duration_us, exposure_us).
-/// @throws DataError naming the line for other content, an end before its start, a name twice, and
+/// @throws DataError naming the line for other content, an end before its start, a duplicate name,
+/// and
 ///   naming the column of a header in another unit or order.
 std::vector<NamedExposure> read_exposures(const std::filesystem::path& path);
 

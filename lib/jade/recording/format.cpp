@@ -41,7 +41,7 @@ std::string head_of(const fs::path& path) {
   return head;
 }
 
-/// Printable.
+/// Whether all characters are printable.
 bool is_text(const std::string& head) {
   return std::all_of(head.begin(), head.end(), [](unsigned char c) {
     return c == '\n' || c == '\r' || c == '\t' || (c >= 32 && c < 127);
@@ -63,8 +63,8 @@ Format zip_format(const fs::path& path) {
                          "found neither; unpack it and give the recording inside"));
 }
 
-/// DAT says so in its first lines; files of other programs only by what follows them: the type and
-/// the size of an event.
+/// DAT files of Metavision name the format in their first lines; others are recognised by the type
+/// and the size of an event after these.
 bool is_dat(const std::string& head) {
   if (begins(head, "% Data file containing") || begins(head, "% DAT")) return true;
   if (!begins(head, "%") || head.find("evt ") != std::string::npos ||
@@ -80,7 +80,7 @@ bool is_dat(const std::string& head) {
          head.find("Version") != std::string::npos;
 }
 
-/// Formats that are known, and not read.
+/// Rejects known formats that are not supported.
 void refuse_foreign(const fs::path& path, const std::string& head) {
   const auto refuse = [&](const char* what, const char* remedy) {
     throw DataError(concat(path.string(), ": is ", what, ", which is not read; ", remedy));
@@ -147,7 +147,7 @@ Format recognise(const fs::path& path) {
 
 bool is_recording(const fs::path& path) {
   std::error_code ignored;
-  // Poses make a data set of it.
+  // A folder with poses is a data set.
   for (const char* poses : {"poses_bounds.npy", "transforms.json", "transforms_train.json",
                             "sparse", "colmap/sparse"}) {
     if (fs::exists(path / poses, ignored)) return false;

@@ -36,13 +36,13 @@ constexpr auto words_of(Format) {
                     Word{"ROS bag", Format::kRosBag}};
 }
 
-/// Looks at the first bytes of a file, or at what lies in a folder. A format is recognised, not
-/// checked: reading may still fail.
-/// @throws DataError for what is missing, empty or of no format that is read.
+/// Recognises a format from the first bytes of a file, or the content of a folder. Does not
+/// validate it: reading may still fail.
+/// @throws DataError for paths that are missing, empty or of an unsupported format.
 Format recognise(const std::filesystem::path& path);
 
-/// True where `path` looks like a recording rather than a data set with poses, a run or a model;
-/// never throws.
+/// True if `path` looks like a recording rather than a data set with poses, a run or a model; never
+/// throws.
 bool is_recording(const std::filesystem::path& path);
 
 }  // namespace jade::recording

@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The first image says how large all of them will be.
+/// Uses the first image's size for all.
 void check_memory(const std::vector<FrameFile>& files, const Frame& first) {
   events::check_memory(concat(files.front().path.parent_path().string(), ": ", files.size(),
                               " frames of ", first.image.size(2), "x", first.image.size(1), " px"),
@@ -37,14 +37,14 @@ void check_one_size(const std::vector<FrameFile>& files, const std::vector<Frame
   }
 }
 
-/// Overlap of two exposures that is tolerated, as a share of the frame period: both are rounded.
+/// Tolerated overlap of two exposures relative to the frame period, because both are rounded.
 constexpr double kLargestOverlap = 0.05;
-/// Share of the frames that may overlap by more, as a late stamp or two do.
+/// Share of the frames that may overlap by more, for example after a late time stamp.
 constexpr double kMostOverlapping = 0.1;
 
 std::string name_of(const FrameFile& file) { return file.path.filename().string(); }
 
-/// Lines of a list that no image has taken.
+/// Notes lines of a list that match no image.
 void note_unused(const fs::path& list, const std::vector<NamedExposure>& exposures,
                  const std::set<std::string>& used, std::vector<std::string>& notes) {
   size_t count = 0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Frames from elsewhere than the recording, and the times of all.
+// Frames from sources other than the recording, and the times of all frames.
 #include <algorithm>
 #include <charconv>
 #include <cmath>
@@ -20,7 +20,7 @@ namespace fs = std::filesystem;
 constexpr const char* kGiveTimes =
     "give a list \"name,start_us,end_us\" of their exposures, or record them with a trigger signal";
 
-/// Times that ffmpeg's filter showinfo reports, one per frame: "… pts_time:0.033 …".
+/// Times reported by ffmpeg's filter showinfo, one per frame: "… pts_time:0.033 …".
 std::vector<int64_t> reported_times(const fs::path& log) {
   constexpr const char* kMark = "pts_time:";
   std::istringstream text(read_file(log));
@@ -37,13 +37,13 @@ std::vector<int64_t> reported_times(const fs::path& log) {
 }
 
 struct Decoding {
-  int code = 0;      ///< of ffmpeg
-  std::string said;  ///< in brackets, why it failed
+  int code = 0;      ///< exit code of ffmpeg
+  std::string said;  ///< in brackets, the reason of a failure
 };
 
 Decoding decode(const fs::path& video, const fs::path& images, const fs::path& log) {
   Decoding out;
-  // ffmpeg 9 has only the first name of the option, 5.0 and before only the second.
+  // ffmpeg 9 supports only the first name of the option, 5.0 and older only the second.
   for (const char* each_once : {"-fps_mode", "-vsync"}) {
     out.code = run_to_end({"ffmpeg", "-nostdin", "-hide_banner", "-i", video.string(), "-an", "-vf",
                            "showinfo", each_once, "passthrough", (images / "%08d.png").string()},
@@ -104,7 +104,7 @@ std::vector<FrameFile> frames_of_folder(const fs::path& folder, const ReadOption
 
 bool lacks_length(const FrameFile& file) { return !file.time || file.time->duration_us() == 0; }
 
-/// Pulses of the trigger input, where there is one for each frame.
+/// Uses pulses of the trigger input if there is one per frame.
 void apply_triggers(const ReadOptions& options, Contents& contents) {
   auto& files = contents.files;
   Recording& recording = contents.recording;

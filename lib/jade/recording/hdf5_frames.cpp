@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Frames that lie beside the events in HDF5, such as davis/left/image_raw and image_raw_ts of
-// MVSEC.
+// Frames beside the events in HDF5, such as davis/left/image_raw and image_raw_ts of MVSEC.
 #include <algorithm>
 #include <cstdio>
 #include <torch/types.h>
@@ -17,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Pictures of 8 bits and the list of their times.
+/// 8-bit pictures and the list of their times.
 struct StoredFrames {
   std::string name, times;
 };
@@ -27,7 +26,7 @@ std::string folder_of(const std::string& name) {
   return slash == std::string::npos ? "" : name.substr(0, slash);
 }
 
-/// [N,H,W], or [N,H,W,C] of one channel or three, of at least 16x16 px.
+/// Whether it is [N,H,W], or [N,H,W,C] of one or three channels, of at least 16x16 px.
 bool is_pictures(const io::Hdf5Dataset& dataset) {
   constexpr int64_t kLeastSide = 16;
   const auto& shape = dataset.shape;
@@ -37,7 +36,7 @@ bool is_pictures(const io::Hdf5Dataset& dataset) {
   return channels && shape[0] > 0 && shape[1] >= kLeastSide && shape[2] >= kLeastSide;
 }
 
-/// All pictures of a file that have a time each.
+/// All pictures of a file with one time each.
 std::vector<StoredFrames> find_frames(const io::Hdf5File& file) {
   std::vector<StoredFrames> out;
   for (const auto& dataset : file.datasets()) {
@@ -82,8 +81,8 @@ torch::Tensor read_picture(const io::Hdf5File& file, const io::Hdf5Dataset& data
   return bytes.permute({2, 0, 1}).to(torch::kFloat32).div(255).contiguous();
 }
 
-/// Whether the options keep a frame; others are never decoded. The first frame stays: the span
-/// since its start is cut once more from all that the recording holds.
+/// Whether the options keep a frame; others are not decoded. Always keeps the first frame, because
+/// `since_first` is later applied relative to it.
 bool is_wanted(const ReadOptions& options, int64_t first_us, int64_t t_us) {
   const auto inside = [](const events::TimeWindow& w, int64_t t) {
     return t >= w.begin_us && t <= w.end_us;

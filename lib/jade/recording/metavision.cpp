@@ -38,7 +38,7 @@ torch::Tensor read_column(const io::Hdf5File& file, const char* field,
   return out;
 }
 
-/// Stretches of the file that hold the events of the spans; the whole file if it is out of order.
+/// Stretches of the file that contain the events of the spans; the whole file if it is unsorted.
 std::vector<events::Stretch> stretches_of(const events::TimeSurvey& survey, const Kept& kept,
                                           int64_t most) {
   std::vector<events::Stretch> found{{0, survey.count()}};

@@ -16,10 +16,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Events that reach this part of the frames in both directions are of the same sensor.
+/// Events that span this share of the frames in both directions come from the same sensor.
 constexpr double kSameSensor = 0.9;
-/// Events this near to a frame are kept; estimates of thresholds and clocks use frames less than
-/// twice this apart.
+/// Events within this time of a frame are kept; estimates of thresholds and clocks use frames less
+/// than twice this apart.
 constexpr int64_t kLeastReachUs = 250000;
 
 Contents read_contents(const fs::path& path, const ReadOptions& options) {
@@ -48,7 +48,7 @@ Contents read_contents(const fs::path& path, const ReadOptions& options) {
   throw ContractError("recognise: a format without a reader");
 }
 
-/// Only some formats have several streams of events.
+/// Only some formats can have several event streams.
 void check_choice(const fs::path& path, const ReadOptions& options) {
   const Format format = recognise(path);
   for (const auto& [topic, flag] :
@@ -57,7 +57,7 @@ void check_choice(const fs::path& path, const ReadOptions& options) {
     throw DataError(concat(path.string(), ": expected a ROS bag, of which a topic is chosen (",
                            topic, "), found ", word_of(format), "; leave ", flag, " out"));
   }
-  // A folder may hold HDF5; its reader knows.
+  // A folder may contain HDF5; its reader decides.
   const bool hdf5 = format == Format::kHdf5 || format == Format::kFrameFolder;
   if (!options.events_group.empty() && !hdf5) {
     throw DataError(concat(path.string(), ": expected HDF5, of which a group is chosen (",
@@ -67,7 +67,7 @@ void check_choice(const fs::path& path, const ReadOptions& options) {
   }
 }
 
-/// Frames and triggers of a span.
+/// Drops frames and triggers outside the span.
 void cut_to(const events::TimeWindow& window, Contents& contents) {
   Recording& recording = contents.recording;
   for (auto* edges : {&recording.triggers.rising_us, &recording.triggers.falling_us}) {
@@ -85,7 +85,7 @@ void cut_to(const events::TimeWindow& window, Contents& contents) {
               files.end());
 }
 
-/// The span that is asked for, whichever way.
+/// The requested span, absolute or relative.
 std::optional<events::TimeWindow> wanted_span(const ReadOptions& options,
                                               const Contents& contents) {
   if (!options.since_first_frame) return options.window;
@@ -98,7 +98,7 @@ std::optional<events::TimeWindow> wanted_span(const ReadOptions& options,
   return events::TimeWindow{first_us + since.begin_us, first_us + since.end_us};
 }
 
-/// Spans around frames, by the clock of the events; those that touch are one.
+/// Spans around frames, by the clock of the events; overlapping ones are merged.
 std::vector<events::TimeWindow> near_frames(const std::vector<FrameFile>& files, int64_t ahead_us) {
   int64_t reach_us = kLeastReachUs;
   std::vector<events::TimeWindow> spans;
@@ -140,13 +140,13 @@ Kept kept_spans(const ReadOptions& options, const std::optional<events::TimeWind
 }
 
 /// Number of pixels that these coordinates span. Rectified coordinates are fractional; invalid ones
-/// can be anything.
+/// may have any value.
 double reach_of(const torch::Tensor& places) {
   const torch::Tensor finite = places.masked_select(places.isfinite());
   return finite.numel() == 0 ? 0 : std::floor(finite.max().item<double>() + 0.5) + 1;
 }
 
-/// Frames of the event sensor itself tell its size.
+/// Infers the sensor's size from frames of the event sensor itself.
 void find_sensor_size(Recording& recording) {
   recording.size_is_said = recording.width > 0;
   if (recording.size_is_said || recording.frames.empty() || recording.events.empty()) return;
@@ -164,7 +164,7 @@ void find_sensor_size(Recording& recording) {
                                    "is not known"));
 }
 
-/// Keeps the events on the sensor; rectified ones between its pixels stay.
+/// Drops events outside the sensor; rectified ones between its pixels stay.
 void drop_outside(Recording& recording) {
   if (recording.width == 0 || recording.events.empty()) return;
   const events::EventStream& all = recording.events;
@@ -197,7 +197,8 @@ void note_frames(Recording& recording) {
   }
 }
 
-/// Clocks count from 1970 or from the start of a sensor: neither fits six digits.
+/// Formats seconds: clocks count from 1970 or from the start of a sensor, so six digits are not
+/// enough.
 std::string seconds_of(int64_t t_us) {
   char text[32];
   std::snprintf(text, sizeof text, "%.3f", 1e-6 * double(t_us));
@@ -217,7 +218,7 @@ void note_clocks(const ReadOptions& options, Recording& recording) {
   const auto without_stamp = std::count_if(frames.begin(), frames.end(), [](const Frame& f) {
     return f.t_start_us <= 0 && f.t_end_us >= 0;
   });
-  // One frame may well begin at 0.
+  // A single frame may begin at 0.
   if (covered == 0 && first > 0 && without_stamp == int64_t(frames.size())) {
     recording.notes.push_back(concat("all ", frames.size(),
                                      " frames have a stamp of 0: their driver wrote no times; give "
@@ -230,7 +231,7 @@ void note_clocks(const ReadOptions& options, Recording& recording) {
                                    covered == 0 ? "; the two clocks may differ" : ""));
 }
 
-/// Folder in which masks of the frames may lie.
+/// Folder that may contain masks of the frames.
 fs::path mask_root(const fs::path& path, const ReadOptions& options, const Contents& contents) {
   const auto whole = [](const fs::path& folder) {
     const fs::path absolute = fs::absolute(folder).lexically_normal();
@@ -238,12 +239,12 @@ fs::path mask_root(const fs::path& path, const ReadOptions& options, const Conte
   };
   if (!options.frames.empty())
     return fs::is_directory(options.frames) ? whole(options.frames).parent_path() : fs::path();
-  if (contents.keep) return contents.recording.mask_root;  // of an archive
+  if (contents.keep) return contents.recording.mask_root;  // unpacked from an archive
   return fs::is_directory(path) ? path : fs::path();
 }
 
-/// Exposures in another unit than the events fill a hundredth of their time, at a rate that no
-/// camera has.
+/// Warns of exposures in another unit than the events: they fill a hundredth of the time, at an
+/// implausible rate.
 void check_unit(const Recording& recording) {
   constexpr double kShare = 0.01;
   constexpr size_t kFewest = 3;

@@ -19,13 +19,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Names in a list or an archive must not lead out of their folder.
+/// Names in a list or an archive must not point outside their folder.
 bool stays_inside(const fs::path& name) {
   return name.is_relative() &&
          std::none_of(name.begin(), name.end(), [](const fs::path& part) { return part == ".."; });
 }
 
-/// Images of a folder without images.txt, whose times must come from a list.
+/// Images of a folder without images.txt; another list must contain their times.
 std::vector<FrameFile> unlisted_images(const fs::path& folder) {
   std::vector<FrameFile> out;
   const fs::path images = folder / "images";
@@ -41,7 +41,7 @@ std::optional<CalibrationFile> find_calibration(const fs::path& folder) {
   return std::nullopt;
 }
 
-/// Exposures of exposures.csv in place of single times.
+/// Replaces single times by the exposures of exposures.csv.
 void add_exposures(const fs::path& folder, std::vector<FrameFile>& files,
                    std::vector<std::string>& notes) {
   const fs::path list = folder / "exposures.csv";
@@ -63,7 +63,8 @@ std::string prefix_of(const io::Zip& archive) {
   return best.substr(0, best.size() - std::min<size_t>(best.size(), 10));
 }
 
-/// Lists of other tools lack the folder images/, and lists copied into that folder still have it.
+/// Lists of other tools omit the folder images/, and lists copied into that folder still contain
+/// it.
 fs::path listed_file(const fs::path& folder, const fs::path& name) {
   for (const fs::path& file : {folder / name, folder / "images" / name, folder / name.filename()}) {
     if (fs::is_regular_file(file)) return file;
@@ -71,8 +72,8 @@ fs::path listed_file(const fs::path& folder, const fs::path& name) {
   return folder / name;
 }
 
-/// Leaves out images that are missing or listed twice, and notes them. If all are missing, the
-/// reader of the images names the first.
+/// Skips images that are missing or listed twice, and notes them. If all are missing, the image
+/// reader reports the first.
 void tidy_list(const fs::path& list, std::vector<FrameFile>& files,
                std::vector<std::string>& notes) {
   std::vector<FrameFile> kept;
@@ -117,7 +118,7 @@ std::vector<FrameFile> listed_images(const fs::path& list, std::vector<std::stri
   int64_t number = 0;
   for (std::string line; std::getline(text, line);) {
     ++number;
-    // Lists from Windows have its separators.
+    // Lists from Windows have backslashes.
     std::replace(line.begin(), line.end(), '\\', '/');
     std::istringstream words(line);
     std::string time, name;
@@ -141,7 +142,7 @@ Contents read_rpg(const fs::path& folder, const ReadOptions& options) {
   Contents out;
   Recording& recording = out.recording;
   recording.format = "RPG text folder";
-  // rpg_dvs_ros stamps with libcaer's time of a frame, the middle of its exposure.
+  // rpg_dvs_ros uses libcaer's frame time, the middle of the exposure.
   recording.stamp = Stamp::kMiddle;
   recording.calibration = find_calibration(folder);
   const fs::path list = folder / "images.txt";

@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Whole µs as decimal seconds, without loss.
+/// Whole µs as decimal seconds, exact.
 std::string seconds_text(int64_t t_us) {
   const int64_t size = t_us < 0 ? -t_us : t_us;
   char text[40];
@@ -25,7 +25,7 @@ std::string seconds_text(int64_t t_us) {
   return text;
 }
 
-/// A line an event, a megabyte of text at a time.
+/// Writes one line per event, in blocks of a megabyte.
 void write_events(const fs::path& path, const events::EventStream& events) {
   AtomicFile target(path);
   std::ofstream file(target.temporary_path(), std::ios::binary | std::ios::trunc);
@@ -72,7 +72,7 @@ std::string opencv_matrix(const char* name, int rows, int columns, const std::st
                 "\n   dt: d\n   data: [ ", data, " ]\n");
 }
 
-/// A YAML real of OpenCV has a point.
+/// A real number in OpenCV's YAML must have a decimal point.
 std::string number(double value) {
   char text[40];
   std::snprintf(text, sizeof text, "%.17g", value);

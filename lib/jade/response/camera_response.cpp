@@ -16,7 +16,7 @@ namespace {
 using torch::autograd::AutogradContext;
 using torch::autograd::variable_list;
 
-/// Weights of the images of a call, in their order; undefined ones where there are none.
+/// Weights of the images of a call, in their order; undefined if an image has none.
 struct LookupWeights {
   std::vector<torch::Tensor> all;
 };

@@ -14,7 +14,7 @@ struct Weights {
 
 /// Weights with which ρ(x) = sigmoid(0.1 · MLP(x) + x) is close to x on [0,1), from
 /// assets/identity_response.npy, which scripts/identity_response.py fits.
-/// @throws DataError if the file is missing or holds anything but these weights.
+/// @throws DataError if the file is missing or has other content.
 const Weights& identity_response();
 
 }  // namespace jade::response

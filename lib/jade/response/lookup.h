@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Linear interpolation in a table of ρ, apart from autograd; its arithmetic is in lookup_math.h.
-// Not for use outside this room.
+// Linear interpolation in a table of ρ, without autograd; lookup_math.h has its arithmetic. Private
+// to this folder.
 #pragma once
 
 #include <ATen/core/Tensor.h>
@@ -10,18 +10,18 @@
 
 namespace jade::response {
 
-/// Most lookups in one call on a GPU, where they travel as the argument of a launch.
+/// Maximum number of lookups in one call on a GPU, where they are a kernel argument.
 constexpr int kMostLookups = 8;
-/// The most weights on the CPU that an image on a GPU may have: these travel likewise.
+/// Maximum number of weights on the CPU for an image on a GPU: these are kernel arguments too.
 constexpr int kFewWeights = 40;
 
-/// An image to be looked up. Tensors are contiguous and of one floating type.
+/// An image to look up. Tensors are contiguous and of one floating type.
 struct Lookup {
   at::Tensor image;    ///< [K, P...]
   at::Tensor weights;  ///< [K] of the sum over the first dimension; undefined: element by element
 };
 
-/// Images that are looked up in one table on their device.
+/// Images to look up in one table on their device.
 struct Lookups {
   std::vector<Lookup> images;
   at::Tensor table;  ///< [kKnots]
@@ -34,13 +34,13 @@ struct LookupWanted {
 };
 
 struct LookupGradients {
-  std::vector<at::Tensor> images;  ///< undefined unless wanted and of a gradient
-  at::Tensor table;                ///< of all images together
+  std::vector<at::Tensor> images;  ///< undefined unless requested and the result has a gradient
+  at::Tensor table;                ///< sum over all images
 };
 
 namespace cpu {  // float or double
 std::vector<at::Tensor> lookup(const Lookups& args);
-/// @param gradients  of the results, contiguous; undefined: none. At least one is there
+/// @param gradients  of the results, contiguous; undefined: none. At least one is defined
 LookupGradients lookup_backward(const Lookups& args, const std::vector<at::Tensor>& gradients,
                                 const LookupWanted& wanted);
 }  // namespace cpu

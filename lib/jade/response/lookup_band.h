@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// ρ and its adjoint for a run of values on the CPU. No torch here: the kernels are compiled for
-// several instruction sets.
+// ρ and its adjoint for a run of values on the CPU. Must not include torch: the kernels are
+// compiled for several instruction sets.
 #pragma once
 
 #include <cstdint>
@@ -10,7 +10,7 @@
 
 namespace jade::response {
 
-/// Values that lie side by side, and the table they are looked up in.
+/// Consecutive values, and their lookup table.
 template <class T>
 struct LookupRun {
   const T* image = nullptr;
@@ -25,8 +25,8 @@ struct LookupKernels {
   void (*values)(const LookupRun<T>& run, T* out);
   /// out += weight · ρ(x).
   void (*add_values)(const LookupRun<T>& run, T* out);
-  /// From the gradient of weight · ρ(x): of_image is written; of_cells [kKnots, 2], Σ g and
-  /// Σ g · fraction of each cell, is added to. Either may be null.
+  /// From the gradient of weight · ρ(x): writes of_image; adds to of_cells [kKnots, 2], Σ g and Σ g
+  /// · fraction of each cell. Either may be null.
   void (*gradients)(const LookupRun<T>& run, const T* gradient, T* of_image, double* of_cells);
 };
 using LookupKernelSet = kernel::KernelSet<LookupKernels>;

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// A block of values at a time: cells, knots and results each in a plain loop over small arrays,
-// which the compiler turns into vectors; only the sums over the cells go value by value. Nothing
-// is fused, so every machine has the same bits. Compiled once per instruction set by
-// jade_add_isa_sources().
+// Processes blocks of values: cells, knots and results each in a plain loop over small arrays,
+// which the compiler vectorises; only the sums over the cells are scalar. Nothing is fused, so all
+// machines give the same bits. Compiled once per instruction set by jade_add_isa_sources().
 #pragma once
 
 #include "jade/response/lookup_band.h"
@@ -12,7 +11,7 @@ namespace JADE_ISA {
 
 constexpr int kBlock = 256;
 
-/// The cells of up to kBlock values and the table at both ends of them.
+/// The cells of up to kBlock values and the table values at both of their ends.
 template <class T>
 struct CellBlock {
   int32_t index[kBlock];
@@ -33,7 +32,7 @@ JADE_HD void find_cells(const T* __restrict image, const T* __restrict table, in
   }
 }
 
-/// Calls work(first value, count, cells) for block after block.
+/// Calls work(first value, count, cells) for each block.
 template <class T, class Work>
 JADE_HD void for_blocks(const LookupRun<T>& run, const Work& work) {
   CellBlock<T> cells;

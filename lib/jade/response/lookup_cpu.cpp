@@ -24,7 +24,7 @@ const LookupKernelSet& lookup_kernels() {
 namespace cpu {
 namespace {
 
-/// Fixed, so that sums over the image do not depend on the number of threads.
+/// Constant, so that sums over the image do not depend on the number of threads.
 constexpr int64_t kChunks = 16;
 
 template <class T>
@@ -41,15 +41,15 @@ void lookup(const T* image, const T* table, T* out, int64_t begin, int64_t end, 
   }
 }
 
-/// Gradient sums of the cells, [kKnots, 2] Σ g and Σ g · fraction, as the table's: each cell
-/// gives 1 − fraction to its lower and fraction to its upper knot.
+/// Converts gradient sums of the cells, [kKnots, 2] Σ g and Σ g · fraction, to the table's: each
+/// cell gives 1 − fraction to its lower and fraction to its upper knot.
 torch::Tensor knots_from_cells(const torch::Tensor& cells) {
   torch::Tensor knots = cells.select(1, 0) - cells.select(1, 1);
   knots.slice(0, 1).add_(cells.select(1, 1).slice(0, 0, -1));
   return knots;
 }
 
-/// Values [begin, end) of the image; the gradient's `pixels` values serve one image after another.
+/// Values [begin, end) of the image; the gradient's `pixels` values are reused for every image.
 template <class T>
 void backward(const T* image, const T* table, const T* gradient, const T* weights, int64_t pixels,
               int64_t begin, int64_t end, T* of_image, double* of_cells) {
@@ -78,8 +78,8 @@ torch::Tensor lookup_one(const Lookup& args, const torch::Tensor& table) {
   return out;
 }
 
-/// The gradient of the image is written to of_image unless that is undefined.
-/// @return the table's where it is wanted
+/// Writes the gradient of the image to of_image unless that is undefined.
+/// @return the table's gradient if requested
 torch::Tensor gradients_of_one(const Lookup& args, const torch::Tensor& table,
                                const torch::Tensor& gradient, const torch::Tensor& of_image,
                                bool wants_table) {
@@ -95,7 +95,7 @@ torch::Tensor gradients_of_one(const Lookup& args, const torch::Tensor& table,
       for (int64_t c = first; c < last; ++c) {
         double* const cells =
             wants_table ? parts.mutable_data_ptr<double>() + c * 2 * kKnots : nullptr;
-        // Here, so that each thread clears what it then has in its cache.
+        // Each thread clears its own part, which is then in its cache.
         if (wants_table) std::fill_n(cells, 2 * kKnots, 0.0);
         backward(args.image.const_data_ptr<scalar_t>(), table.const_data_ptr<scalar_t>(),
                  gradient.const_data_ptr<scalar_t>(), weights, pixels, c * chunk,
@@ -120,7 +120,7 @@ LookupGradients lookup_backward(const Lookups& args, const std::vector<torch::Te
                                 const LookupWanted& wanted) {
   LookupGradients result;
   result.images.resize(args.images.size());
-  // The last one first, the order in which autograd would add them up one by one.
+  // In reverse order, like autograd's accumulation.
   for (size_t i = args.images.size(); i-- > 0;) {
     if (!gradients[i].defined()) continue;
     const Lookup& each = args.images[i];

@@ -13,22 +13,22 @@ namespace jade::response::cuda {
 namespace {
 
 constexpr int kThreads = 256;
-constexpr int kTableThreads = 1024;  ///< of a block that adds up a table of its own
-constexpr int kTableBlocks = 264;    ///< and such blocks at most: two for each multiprocessor
-/// Sums over the table are kept in fixed point: additions of integers do not depend on their order.
+constexpr int kTableThreads = 1024;  ///< per block with a table of its own
+constexpr int kTableBlocks = 264;    ///< maximum number of such blocks: two per multiprocessor
+/// Sums over the table use fixed point: integer addition does not depend on the order.
 constexpr float kFixedPoint = 1125899906842624.0f;  // 2^50, by which a float is multiplied exactly
 
 /// An image's part of a launch.
 struct Job {
   const float* image;      ///< [images, pixels]
   const float* weights;    ///< [images]; null: `few`
-  float few[kFewWeights];  ///< the same, or 1 of an image that stands for itself
+  float few[kFewWeights];  ///< copy of the weights, or 1 for a single image
   int64_t pixels, images;
   float* out;             ///< [pixels]
-  int64_t end_block;      ///< of the launch forward: the first that is no longer of this image
+  int64_t end_block;      ///< forward: the first block after this image
   const float* gradient;  ///< of out
-  float* of_image;        ///< null: not wanted
-  int64_t first_thread;   ///< of the launch backward: that of the first pixel
+  float* of_image;        ///< null: not requested
+  int64_t first_thread;   ///< backward: thread of the first pixel
 
   __device__ float weight(int64_t k) const {
     return weights == nullptr ? few[k] : __ldg(weights + k);
@@ -41,9 +41,9 @@ struct Batch {
   const float* table;
 };
 
-/// A block's sums over the table, 64-bit numbers in two halves: a multiprocessor adds 32 bits in
-/// shared memory by itself and 64 only in a loop that tries until nobody else came between. The low
-/// half has a sign, so that small numbers of either sign seldom touch the high one.
+/// A block's sums over the table, 64-bit numbers in two halves: in shared memory 32-bit atomics are
+/// native, whereas 64-bit ones are a compare-and-swap loop. The low half is signed, so that small
+/// numbers of either sign seldom change the high one.
 struct TableSums {
   uint32_t low[kKnots], high[kKnots];
 
@@ -53,7 +53,7 @@ struct TableSums {
     const uint32_t before = atomicAdd(low + knot, part), after = before + part;
     const bool negative = static_cast<int32_t>(part) < 0;
     uint32_t rest = static_cast<uint32_t>(fixed >> 32) + (negative ? 1 : 0);
-    // Both of one sign, and the sum of the other: it left the low half.
+    // Both have one sign and the sum has the other: the low half overflowed.
     if (static_cast<int32_t>((before ^ after) & (part ^ after)) < 0) rest += negative ? ~0u : 1u;
     if (rest != 0) atomicAdd(high + knot, rest);
   }
@@ -63,7 +63,7 @@ struct TableSums {
   }
 };
 
-/// A thread per pixel of one of the results.
+/// One thread per pixel of one of the results.
 __global__ void __launch_bounds__(kThreads) forward_kernel(const __grid_constant__ Batch batch) {
   int index = 0;
   while (blockIdx.x >= batch.jobs[index].end_block) ++index;
@@ -87,11 +87,11 @@ __device__ void pixel_gradients(const Job& job, const float* __restrict__ table,
                                 TableSums* sums) {
   const float of_out = __ldg(job.gradient + p);
   float next = __ldg(job.image + p);
-  // Not unrolled: registers for all threads that fit a multiprocessor are few.
+  // Not unrolled: few registers are available at full occupancy.
 #pragma unroll 1
   for (int k = 0; k < job.images; ++k) {
     const float value = next;
-    // On its way while this one's sums are added to.
+    // Prefetch the next value while this one's sums are updated.
     if (k + 1 < job.images) next = __ldg(job.image + (k + 1) * job.pixels + p);
     const Cell<float> cell = cell_of(value);
     const float g = of_out * job.weight(k);
@@ -106,7 +106,7 @@ __device__ void pixel_gradients(const Job& job, const float* __restrict__ table,
   }
 }
 
-/// All threads share the pixels of every result. kTable needs a TableSums of shared memory.
+/// All threads share the pixels of every result. kTable needs a TableSums in shared memory.
 template <bool kTable>
 __global__ void __launch_bounds__(kTableThreads, 2)
     backward_kernel(const __grid_constant__ Batch batch,
@@ -209,7 +209,7 @@ LookupGradients lookup_backward(const Lookups& args, const std::vector<at::Tenso
   }
   const int64_t blocks =
       std::clamp<int64_t>(kernel::block_count(pixels, kTableThreads), 1, kTableBlocks);
-  // An image goes on at the thread where the one before ended, so that all have as much to do.
+  // An image starts at the thread after the previous image's last, so that threads have equal work.
   int64_t next = 0;
   for (int j = 0; j < batch.count; ++j) {
     batch.jobs[j].first_thread = next;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One number's way through the table, and back. No torch here.
+// Lookup of one number in the table, and its gradient. Must not include torch.
 #pragma once
 
 #include <cstdint>
@@ -8,7 +8,7 @@
 
 namespace jade::response {
 
-/// The table's knots are linspace(0, 2, 4097); beyond them the outermost cells go on.
+/// The table's knots are linspace(0, 2, 4097); the outermost cells extrapolate.
 constexpr int64_t kKnots = 4097;
 constexpr double kResponseRange = 2;
 
@@ -25,7 +25,7 @@ struct Cell {
 template <class T>
 JADE_HD Cell<T> cell_of(T x) {
   const T t = x * kCellsPerUnit<T>;
-  // Written so that NaN lands in the first cell.
+  // Written so that NaN maps to the first cell.
   const T bounded = t > 0 ? kernel::min(t, static_cast<T>(kKnots - 2)) : T(0);
   const auto index = static_cast<int32_t>(bounded);
   return {index, t - static_cast<T>(index)};
@@ -43,7 +43,7 @@ JADE_HD T gradient_of_x(T gradient, T lower, T upper) {
   return gradient * (upper - lower) * kCellsPerUnit<T>;
 }
 
-/// The gradient of the upper knot, from that of ρ(x); the lower one has the rest.
+/// The gradient of the upper knot, from that of ρ(x); the lower one gets the rest.
 template <class T>
 JADE_HD T gradient_of_upper(const Cell<T>& cell, T gradient) {
   return gradient * cell.fraction;

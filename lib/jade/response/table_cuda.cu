@@ -9,25 +9,25 @@
 namespace jade::response::cuda {
 namespace {
 
-constexpr int kTableKnots = 64;  ///< of a block
-constexpr int kParts = 4;  ///< threads that share a knot: each has every fourth unit of a layer
+constexpr int kTableKnots = 64;  ///< per block
+constexpr int kParts = 4;  ///< threads per knot: each computes every fourth unit of a layer
 constexpr int kTableThreads = kTableKnots * kParts;
 constexpr int kSumThreads = 128;
-constexpr int kPitch = kTableKnots + 1;  ///< neighbouring units lie a bank apart
+constexpr int kPitch = kTableKnots + 1;  ///< neighbouring units are in different banks
 
 struct Network {
   const float* parameters[8];
 };
 
-/// A hidden layer's units at a block's knots. In shared memory: three layers and their gradients
-/// would overflow the registers of a thread.
+/// A hidden layer's units at a block's knots, in shared memory: three layers and their gradients
+/// would exceed a thread's registers.
 using Layer = float[kHidden][kPitch];
 
 struct Activations {
   Layer first, second, third;
 };
 
-/// All parameters one after the other, brought in by the whole block.
+/// All parameters, loaded by the whole block.
 __device__ __forceinline__ void load_parameters(const Network& network,
                                                 float (&all)[kResponseParameters]) {
   constexpr int kOffsets[9] = {0, 16, 32, 288, 304, 560, 576, 592, 593};
@@ -45,12 +45,12 @@ __device__ __forceinline__ void load_units(const Layer& layer, int n, float (&un
   for (int k = 0; k < kHidden; ++k) units[k] = layer[k][n];
 }
 
-/// A thread's knot, column n of every layer, and its part of the units.
+/// A thread's knot, which is column n of every layer, and its units.
 struct Share {
   int n = threadIdx.x % kTableKnots, part = threadIdx.x / kTableKnots;
 };
 
-/// The block's threads meet when `out` is whole.
+/// Synchronises the block after `out` is complete.
 __device__ __forceinline__ void hidden_layer(const float* weights, const float* bias,
                                              const Layer& in, const Share& mine, Layer& out) {
   float units[kHidden];
@@ -66,7 +66,7 @@ __device__ __forceinline__ void hidden_layer(const float* weights, const float* 
   __syncthreads();
 }
 
-/// The gradient of a layer's input, from that of its output before ReLU; 0 where ReLU held it back.
+/// The gradient of a layer's input, from that of its output before ReLU; 0 where ReLU was inactive.
 __device__ __forceinline__ void hidden_gradient(const float* weights, const Layer& of_out,
                                                 const Layer& in, const Share& mine, Layer& of_in) {
   float gradients[kHidden];

@@ -23,17 +23,17 @@ namespace {
 namespace F = torch::nn::functional;
 
 constexpr int64_t kBins = 6;
-// Tiles when memory is short: the part of each that is kept, and what it sees around it.
+// Tiles for low memory: the size of the core that is kept, and the margin around it.
 constexpr int64_t kLargestTile = 512, kSmallestTile = 64, kTileMargin = 32;
-// A CPU is slower with larger batches (docs/engineering/restorer.md), and a system may kill a
-// program rather than refuse memory.
+// A CPU is slower with larger batches (docs/engineering/restorer.md), and an operating system may
+// kill a program rather than refuse memory.
 constexpr int64_t kPixelsPerCpuCall = int64_t{1} << 17;
-// On a GPU a call takes 3.8 KB for each pixel of each image (55 GiB for 17 images of 1280x720).
-// These bound the memory of a call with several images, and that of one image before it is cut into
+// On a GPU a call needs 3.8 KB per pixel of each image (55 GiB for 17 images of 1280x720). These
+// limit the memory of a call with several images, and that of one image before it is split into
 // tiles. Larger batches save at most 2 of 7 ms per image of 346x260.
 constexpr int64_t kGpuBytesPerPixel = 4096;
 constexpr int64_t kGpuCallBytes = int64_t{512} << 20, kGpuFrameBytes = int64_t{4} << 30;
-constexpr int64_t kGpuTile = 960;  ///< with its margins as much as such an image
+constexpr int64_t kGpuTile = 960;  ///< including margins, as large as such an image
 
 /// The device has too little memory for this call.
 struct OutOfMemory : DeviceError {
@@ -42,13 +42,13 @@ struct OutOfMemory : DeviceError {
 
 std::string first_line(const std::string& text) { return text.substr(0, text.find('\n')); }
 
-/// torch's advice behind it is about its own checkpoints.
+/// Drops torch's advice after it, which refers to torch's own checkpoints.
 std::string first_sentence(const std::string& text) {
   const std::string line = first_line(text);
   return line.substr(0, line.find(". "));
 }
 
-/// TorchScript puts the reason behind its trace, on the last line.
+/// TorchScript puts the reason on the last line, after its trace.
 std::string last_line(const std::string& text) {
   const size_t end = text.find_last_not_of(" \n");
   if (end == std::string::npos) return text;
@@ -57,7 +57,7 @@ std::string last_line(const std::string& text) {
                      end - (newline == std::string::npos ? 0 : newline + 1) + 1);
 }
 
-/// TorchScript hands on what its operators throw as text only.
+/// TorchScript passes errors of its operators on as text only.
 bool says_out_of_memory(const std::string& text) {
   for (const char* words :
        {"out of memory", "ALLOC_FAILED", "can't allocate memory", "not enough memory"}) {
@@ -66,7 +66,7 @@ bool says_out_of_memory(const std::string& text) {
   return false;
 }
 
-/// How much to add to `size` so that the network can take it.
+/// Number of pixels to add to `size` so that the network accepts it.
 int64_t padding(int64_t size, const RestorerMetadata& m) {
   const int64_t multiple = m.padding_multiple;
   const int64_t wanted = std::max(size, m.minimum_size);
@@ -81,7 +81,7 @@ torch::Tensor pad_zero(const torch::Tensor& image, int64_t right, int64_t bottom
   return torch::constant_pad_nd(image, {0, right, 0, bottom}, 0);
 }
 
-/// 3×3 maximum; outside the image counts as the smallest value.
+/// 3×3 maximum; outside the image is the smallest value.
 torch::Tensor dilate(const torch::Tensor& image) {
   return torch::max_pool2d(image, {3, 3}, {1, 1}, {1, 1});
 }
@@ -181,8 +181,8 @@ void Restorer::to(torch::Device device) {
     module_->to(device);
   }
   device_ = device;
-  // Convolutions follow their weights. With channels side by side a frame takes an eighth less time
-  // on a CPU, a quarter less on a GPU.
+  // Convolutions use the memory format of their weights. With channels last a frame takes an eighth
+  // less time on a CPU, a quarter less on a GPU.
   for (torch::Tensor parameter : module_->parameters()) {
     if (parameter.dim() == 4) {
       parameter.set_data(parameter.contiguous(at::MemoryFormat::ChannelsLast));
@@ -214,7 +214,7 @@ torch::Tensor Restorer::call(const Inputs& inputs) const {
       padded.emplace_back(pad_zero(inputs.maps[i].to(device_), right, bottom));
     }
     if (inputs.times.defined()) padded.emplace_back(inputs.times.to(device_));
-    // Profiling and fusing, for each shape anew, takes seconds; a run restores a dozen views.
+    // Profiling and fusing for each new shape takes seconds; a run restores about a dozen views.
     const torch::jit::GraphOptimizerEnabledGuard as_written(false);
     output = module_->forward(std::move(padded)).toTensor();
   } catch (const std::bad_alloc&) {
@@ -376,10 +376,10 @@ void Restorer::warm_up() {
     call(inputs_of(zeros(3), zeros(metadata_.windows),
                    torch::full({1}, 0.5, torch::TensorOptions(device_))));
   } catch (const std::exception&) {
-    // The frame is nobody's: what is wrong with the network shows in the first that matters.
+    // This call only warms up: the first real frame reports problems of the network.
   }
-  // A copy to the CPU waits for all that this thread gave the device: others are to find the
-  // weights whole.
+  // A copy to the CPU synchronises this thread's work on the device, so that other threads see
+  // complete weights.
   zeros(1).to(torch::kCPU);
 }
 

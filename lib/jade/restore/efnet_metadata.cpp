@@ -14,7 +14,7 @@ constexpr int64_t kFormatVersion = 2;
 constexpr int64_t kBinsOfVersion1 = 6;
 constexpr int64_t kMostWindows = 1024;
 
-/// Input that the metadata must name for a network of the version.
+/// Input that the metadata must name for a network of each version.
 struct EventInput {
   bool known;
   const char* normalization;

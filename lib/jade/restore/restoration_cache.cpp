@@ -19,7 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 
 // A file is one line of text, "jade-restoration 1 <SHA-256 of the values> <C>x<H>x<W>", and the
-// values in float32 as the machine stores them.
+// values in float32 in native byte order.
 constexpr const char* kMagic = "jade-restoration 1 ";
 constexpr const char* kExtension = ".restoration";
 constexpr std::chrono::hours kAbandoned{1};
@@ -68,8 +68,8 @@ struct Entry {
   int64_t bytes;
 };
 
-/// The files of a cache; removes abandoned temporary ones on the way. Other processes may remove
-/// files meanwhile, so no failure counts.
+/// Lists the files of a cache and removes abandoned temporary ones. Ignores failures, because other
+/// processes may remove files meanwhile.
 std::vector<Entry> list_entries(const fs::path& folder) {
   std::vector<Entry> entries;
   std::error_code ignored;
@@ -113,7 +113,7 @@ RestorationCache::RestorationCache(const RestorationCacheOptions& options)
 
 void RestorationCache::give_up(const std::string& why) {
   log_warn(concat("restorations are not kept for the next run: ", why));
-  prune();  // the last time that the folder is known
+  prune();  // the last chance to prune
   folder_.clear();
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Restorations of views on disk, so that a second run over the same data computes none of them.
+// A disk cache of restored views, so that a second run on the same data computes none of them.
 #pragma once
 
 #include <cstdint>
@@ -17,7 +17,8 @@ namespace jade::restore {
 struct RestorationCacheOptions {
   bool enabled = true;
   std::filesystem::path folder;
-  int64_t max_mib = 2048;  ///< of the folder, in MiB; the longest unused results go first. No key
+  int64_t max_mib = 2048;  ///< size limit of the folder, MiB; removes the least recently used
+                           ///< results first. No key
 };
 
 template <class V>
@@ -30,35 +31,35 @@ void describe(V& v, RestorationCacheOptions& o) {
   v.fixed("max_mib", o.max_mib);
 }
 
-/// SHA-256 over a description of how a restoration is made and all that it is made from.
-/// @param recipe  the method, its settings and the hash of its weights, as text.
-/// @param inputs  shapes, types and values count; on any device.
+/// SHA-256 over a description of a restoration and all of its inputs. @param recipe  the method,
+/// its settings and the hash of its weights, as text.
+/// @param inputs  shapes, types and values are hashed; on any device.
 std::string restoration_key(const std::string& recipe, const std::vector<torch::Tensor>& inputs);
 
-/// One file per image, named by its key. Files appear whole or not at all, so runs may share a
-/// folder and may be killed; one that is damaged is made again with a warning. A folder that cannot
-/// be used costs a warning, never the run.
+/// One file per image, named by its key. Files appear completely or not at all, so runs may share a
+/// folder and may be killed; a damaged file is recomputed with a warning. A folder that cannot be
+/// used causes a warning, not an error.
 class RestorationCache {
  public:
-  /// Makes the folder where it is enabled.
+  /// Creates the folder if the cache is enabled.
   explicit RestorationCache(const RestorationCacheOptions& options);
 
-  /// Image kept under `key`, on the CPU.
+  /// Image stored under `key`, on the CPU.
   /// @param key    restoration_key()
-  /// @param shape  that the image must have
+  /// @param shape  expected shape of the image
   std::optional<torch::Tensor> find(const std::string& key, torch::IntArrayRef shape);
-  /// Keeps an image [C,H,W] for the next run, and prunes after every eighth of `max_mib`.
+  /// Stores an image [C,H,W] for the next run, and prunes after every eighth of `max_mib`.
   void keep(const std::string& key, const torch::Tensor& image);
-  /// find(), else what `compute` returns, which is kept.
+  /// Returns find(), else the result of `compute`, which it stores.
   torch::Tensor get(const std::string& key, torch::IntArrayRef shape,
                     const std::function<torch::Tensor()>& compute);
 
-  /// Removes the longest unused entries until `max_mib` holds, and what killed runs left behind.
+  /// Removes the least recently used entries until `max_mib` holds, and leftovers of killed runs.
   void prune() const;
 
   int64_t hits() const { return hits_; }
   int64_t misses() const { return misses_; }
-  /// Empty when off.
+  /// Empty if the cache is off.
   const std::filesystem::path& folder() const { return folder_; }
 
  private:
@@ -67,7 +68,7 @@ class RestorationCache {
 
   std::filesystem::path folder_;
   int64_t max_bytes_ = 0;
-  int64_t kept_bytes_ = 0;  ///< since the last time that keep() pruned
+  int64_t kept_bytes_ = 0;  ///< since keep() last pruned
   int64_t hits_ = 0, misses_ = 0;
 };
 

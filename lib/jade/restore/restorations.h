@@ -5,20 +5,20 @@
 
 namespace jade::restore {
 
-/// The two restorations of one view at mid-exposure: constants in θ and φ, computed once.
+/// The two restorations of one view at mid-exposure: constant with respect to θ and φ, computed
+/// once.
 struct Restorations {
   torch::Tensor edi;    ///< [3,H,W] I_edi = Φ_edi(B, E); may exceed 1
   torch::Tensor efnet;  ///< [3,H,W] F(B, V(E)), in [0,1]
 };
 
 /// I_pseudo = α ⊙ I_edi + (1 − α) ⊙ F, Eq. (4).
-/// @param alpha  anything that broadcasts to [3,H,W], [1,H,W] as a rule. Differentiable.
-/// @return [3,H,W]
+/// @param alpha  broadcasts to [3,H,W], usually [1,H,W]. Differentiable. @return [3,H,W]
 torch::Tensor fuse(const torch::Tensor& alpha, const Restorations& restorations);
 
-/// The gray image nearest to `image`, the mean of its channels in all three: what a restorer for
-/// colours makes of a gray frame, without the tint. Of all grays this one is never farther from a
-/// gray truth, in squared error, than the tinted image itself.
+/// The gray image nearest to `image`, with the mean of its channels in all three: removes the tint
+/// that a colour restorer adds to a gray frame. In squared error it is never farther from a gray
+/// truth than the tinted image.
 /// @param image  [3,H,W] or [K,3,H,W]
 torch::Tensor without_tint(const torch::Tensor& image);
 

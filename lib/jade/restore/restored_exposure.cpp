@@ -38,7 +38,7 @@ torch::Tensor gain_at_samples(const imaging::EdiKernel& kernel,
                            torch::tensor(u, torch::kFloat64).to(kernel.log_gain.device()));
 }
 
-/// @param lasts  false: the exposure has no length, and so all its moments are the middle
+/// @param lasts  false: the exposure has zero length, so all its moments equal the middle
 void restore_learned(const torch::Tensor& events, bool lasts, const RestoreOptions& options,
                      ViewRestorer& restorer, RestoredExposure& restored) {
   const std::vector<double>& times = options.times;
@@ -53,7 +53,7 @@ void restore_learned(const torch::Tensor& events, bool lasts, const RestoreOptio
                                               : restorer.efnet(restored.blurry, events, times);
   const auto found = std::find(times.begin(), times.end(), 0.5);
   const bool has_middle = restored.efnet_at.defined() && found != times.end();
-  // A copy, which does not keep the others' memory.
+  // A copy, so that the memory of the others can be freed.
   middle = has_middle ? restored.efnet_at[found - times.begin()].clone()
                       : restorer.efnet(restored.blurry, events);
 }
@@ -67,7 +67,7 @@ ExposureSums sum_events(const data::Exposure& exposure, const events::EventStrea
   const events::TimeWindow span{exposure.t_start_us, exposure.t_end_us};
   const events::ImageSize size{exposure.camera.height, exposure.camera.width};
   ExposureSums sums;
-  const bool ramped = reach_of(options.events) > 0;  // then the windows are counted otherwise
+  const bool ramped = reach_of(options.events) > 0;  // ramps count the windows differently
   const bool any_time = network != nullptr && network->any_time;
   sums.maps = events::map_exposure(exposure.events, span, events::kVoxelBins, size,
                                    ramped ? 1 : integral_samples(options) - 1,
@@ -85,10 +85,10 @@ ExposureSums sum_events(const data::Exposure& exposure, const events::EventStrea
 }
 
 int64_t sum_bytes_per_pixel(const RestoreOptions& options, const RestorerMetadata* network) {
-  // Windows of both signs, bins twice, those of the network, and some maps beside them.
+  // Windows of both signs, bins twice, the network's windows, and some further maps.
   const int64_t maps = 2 * (integral_samples(options) - 1) + 2 * events::kVoxelBins +
                        (network != nullptr ? network->windows : 0) + 8;
-  // Six sorted events, as of a fast motion.
+  // Six sorted events per pixel, as in fast motion.
   constexpr int64_t kEvents = 6 * 20;
   return maps * int64_t{sizeof(float)} + kEvents;
 }
@@ -109,7 +109,7 @@ RestoredExposure restore_exposure(const data::Exposure& exposure, ExposureSums s
   RestoredExposure restored;
   restored.maps = std::move(sums.maps);
   restored.blurry = exposure.blurry.to(device).contiguous();
-  // Before EDI, whose 65 maps and the network's memory need not be there at once.
+  // Run it before EDI, so that EDI's 65 maps and the network's memory are not needed at once.
   if (restorer.has_network()) {
     restore_learned(sums.network, exposure.duration_us() > 0, options, restorer, restored);
   }

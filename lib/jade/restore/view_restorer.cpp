@@ -30,7 +30,7 @@ torch::Tensor ViewRestorer::efnet(const torch::Tensor& blurry, const torch::Tens
 
 std::string ViewRestorer::efnet_key(const torch::Tensor& blurry, const torch::Tensor& events,
                                     const std::vector<double>& times) const {
-  // Devices round differently, and a run must not depend on what another device left behind.
+  // Devices round differently, and a run must not depend on results that another device cached.
   const std::string recipe =
       concat("efnet ", metadata_.any_time ? 2 : 1, "; ", file_sha256_, "; torch ", torch_version(),
              "; ", device_.type(), monochrome_ ? "; without tint" : "");
@@ -50,7 +50,7 @@ torch::Tensor ViewRestorer::kept_efnet(const torch::Tensor& blurry, const torch:
 
 torch::Tensor ViewRestorer::kept_under(const std::string& key, const torch::Tensor& blurry,
                                        const std::vector<double>& times) {
-  // An entry is one image, so the moments lie in its channels.
+  // An entry is one image, so the moments are stored in its channels.
   const auto count = static_cast<int64_t>(times.size());
   const std::vector<int64_t> shape{count, 3, blurry.size(1), blurry.size(2)};
   const auto kept = cache_.find(key, {3 * count, shape[2], shape[3]});

@@ -12,27 +12,28 @@
 
 namespace jade::restore {
 
-/// F of views through the cache on disk. The network is loaded when the first view is not in the
-/// cache, so never if all are, or taken from whoever began to. EDI is not cached: to hash its
-/// windows takes longer than to compute it.
+/// Restores views by EFNet through the disk cache. Loads the network when the first view is missing
+/// in the cache, so never if all are cached, or uses one whose loading has started. EDI is not
+/// cached: hashing its windows takes longer than computing it.
 class ViewRestorer {
  public:
-  /// @param efnet  its file is read and checked against its SHA-256 now, its metadata too; without
-  ///   value there is no F, and efnet() must not be called.
+  /// @param efnet  its file is read at once and checked against its SHA-256 and metadata; without
+  /// value
+  ///   there is no F, and efnet() must not be called.
   /// @param monochrome  the frames are gray, and so is F, see without_tint().
-  /// @param early  the network of `efnet` on `device`, if somebody began to load it.
-  /// @throws DataError.
+  /// @param early  the network of `efnet` on `device`, if its loading has started. @throws
+  /// DataError.
   ViewRestorer(const RestorationCacheOptions& cache, std::optional<EfnetOptions> efnet,
                torch::Device device, bool monochrome = false, std::future<Restorer> early = {});
-  /// Keeps the cache within its size.
+  /// Prunes the cache.
   ~ViewRestorer();
 
   /// F(B, V) at mid-exposure: blurry [3,H,W], events [T,H,W] as the network takes them, on any
-  /// device; result on the device of this object. What the network restored on the CPU for want of
-  /// a GPU's memory, in tiles or in fewer images at once than asked for, is not kept.
+  /// device; result on the device of this object. Results that the network computed on the CPU, in
+  /// tiles or in smaller batches for lack of GPU memory are not cached.
   torch::Tensor efnet(const torch::Tensor& blurry, const torch::Tensor& events);
 
-  /// F(B, V, t) at several moments of an exposure, [K,3,H,W], kept as one entry.
+  /// F(B, V, t) at several moments of an exposure, [K,3,H,W], cached as one entry.
   /// @throws DataError as check_times.
   torch::Tensor efnet(const torch::Tensor& blurry, const torch::Tensor& events,
                       const std::vector<double>& times);
@@ -43,16 +44,16 @@ class ViewRestorer {
 
   /// Metadata of the network's file, without loading it. @throws DataError.
   const RestorerMetadata& metadata() const;
-  /// @throws DataError naming the file where it cannot restore these moments.
+  /// @throws DataError naming the file if it cannot restore these moments.
   void check_times(const std::vector<double>& times) const;
 
   torch::Device device() const { return device_; }
   /// Whether efnet() may be called.
   bool has_network() const { return options_.has_value(); }
-  /// The network, loaded if it was not.
+  /// The network, loaded on first use.
   Restorer& network();
   bool network_is_loaded() const { return network_.has_value(); }
-  /// Unloads the network and gives back to the device what it and its libraries worked with.
+  /// Unloads the network and frees its memory and that of its libraries on the device.
   void leave();
   const RestorationCache& cache() const { return cache_; }
 

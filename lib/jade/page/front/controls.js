@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pointers, wheel and keys as movements of a camera.
+// Camera control by pointer, wheel and keyboard.
 
 import { takesText } from './elements.js';
 import { add, axis, centreOf, look, moved, orbit } from './pose.js';
@@ -9,8 +9,8 @@ const TURN = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDow
 
 export class Controls {
   /**
-   * @param host  {pose(), reach(), down, move(pose)}: the camera now, how far away what it looks at
-   *   is, which way is down in the world, and what to call with the camera moved
+   * @param host  {pose(), reach(), down, move(pose)}: the current camera, the distance to the point
+   *   that it looks at, the down direction of the world, and a callback for the moved camera
    */
   constructor(stage, host) {
     Object.assign(this, { stage, host, pointers: new Map(), held: new Set() });
@@ -21,13 +21,13 @@ export class Controls {
     }
     stage.addEventListener('contextmenu', (event) => event.preventDefault());
     stage.addEventListener('wheel', (event) => {
-      // Before the picture has the focus the wheel scrolls the page.
+      // The wheel scrolls the page until the picture has the focus.
       if (document.activeElement !== stage) return;
       event.preventDefault();
       this.dolly(Math.exp(-0.001 * event.deltaY));
     }, { passive: false });
     stage.addEventListener('keydown', (event) => this.press(event));
-    // Elsewhere one flies too; arrows scroll the page there, or move a slider.
+    // Flying works without focus too; arrow keys then scroll the page or move a slider.
     document.addEventListener('keydown', (event) => {
       const elsewhere = !stage.contains(event.target) && !takesText(event.target) && !document.querySelector('dialog[open]');
       if (elsewhere && FLY[event.code]) this.press(event);
@@ -38,7 +38,7 @@ export class Controls {
   }
 
   down(event) {
-    if (event.target.closest('button')) return; // captured, it would get no click
+    if (event.target.closest('button')) return; // a captured pointer would suppress the button's click
     this.stage.setPointerCapture(event.pointerId);
     this.pointers.set(event.pointerId, { x: event.clientX, y: event.clientY });
   }
@@ -69,7 +69,7 @@ export class Controls {
     this.host.move(moved(this.host.pose(), [-dx * step, -dy * step, 0]));
   }
 
-  /** Goes nearer by a factor: what it looks at stays. */
+  /** Multiplies the distance to the point of interest by a factor. */
   dolly(factor) {
     const reach = this.host.reach();
     this.host.move(moved(this.host.pose(), [0, 0, reach - reach / factor]), reach / factor);

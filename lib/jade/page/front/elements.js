@@ -1,29 +1,31 @@
 // SPDX-License-Identifier: Apache-2.0
-// Elements that both pages are made of.
+// DOM helpers shared by both pages.
 
-/** A new element at the end of `parent`, with properties. */
+/** Appends a new element with properties to `parent`. */
 export const make = (tag, parent, props = {}) => parent.appendChild(Object.assign(document.createElement(tag), props));
 
-/** Whether keys typed there are text, or choose among words, and so none of ours. */
+/** Whether typed keys belong to the element: text input or a choice of words. */
 export function takesText({ tagName, type }) {
   return tagName === 'SELECT' || tagName === 'TEXTAREA' || (tagName === 'INPUT' && type !== 'range' && type !== 'checkbox');
 }
 
 /**
- * The key of a shortcut in lower case, or '' where text is typed or a modifier makes it the browser's. Alt, and
- * AltGr, which comes as both Ctrl and Alt, write the brackets on many keyboards.
+ * The key of a shortcut in lower case, or '' if text is typed or a modifier makes it the browser's. Alt is
+ * allowed, and AltGr, which is reported as both Ctrl and Alt: many keyboards need them for brackets.
  */
 export function shortcut({ key, ctrlKey, metaKey, altKey, target }) {
   const writes = altKey && '[]'.includes(key);
   return takesText(target) || ((ctrlKey || metaKey || altKey) && !writes) ? '' : key.toLowerCase();
 }
 
-/** Whether the space bar presses it. */
+/** Whether the space bar activates it. */
 export function takesSpace({ tagName, type }) {
   return tagName === 'BUTTON' || tagName === 'SUMMARY' || type === 'checkbox';
 }
 
-/** An empty table that scrolls sideways where it must, with a name for screen readers; its body. */
+/**
+ * Appends an empty table that scrolls sideways if needed, with a label for screen readers; returns its body.
+ */
 export function tableIn(parent, label, head) {
   const box = make('div', parent, { className: 'scroll', tabIndex: 0 });
   box.setAttribute('role', 'region');

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// The events of an exposure about a moment of it, as a picture to lay over the others.
+// Shows the events around a moment of an exposure as an overlay.
 
 import { gunzipBase64 } from './spz.js';
 
-const REACH = 0.04; // least share of the exposure before and after the moment in which an event is seen
+const REACH = 0.04; // least share of the exposure before and after the moment in which an event is shown
 const BRIGHTER = [255, 56, 48];
 const DARKER = [64, 132, 255];
 
 export class EventFilm {
-  /** @param entry  what run/event_film.h has packed: {bins, columns, rows, cell, events, packed} */
+  /** @param entry  packed by run/event_film.h: {bins, columns, rows, cell, events, packed} */
   static async unpack(entry) {
     return new EventFilm(entry, await gunzipBase64(entry.packed));
   }
@@ -17,7 +17,7 @@ export class EventFilm {
     Object.assign(this, { bins, columns, rows, cell, events, steps: readSteps(bytes, bins, columns * rows) });
   }
 
-  /** RGBA bytes, a pixel per cell: red brighter, blue darker, fainter the farther from the moment. */
+  /** RGBA bytes, one pixel per cell: red brighter, blue darker, fading with the distance from the moment. */
   picture(moment) {
     const rgba = new Uint8ClampedArray(4 * this.columns * this.rows);
     const reach = Math.max(REACH, 1 / this.bins);
@@ -34,7 +34,10 @@ export class EventFilm {
     return rgba;
   }
 
-  /** Fills a canvas with the picture, and makes it as large as its cells: the last ones may reach beyond the camera's. */
+  /**
+   * Draws the picture on a canvas of the size of its cells: the last ones may extend beyond the camera's
+   * picture.
+   */
   paint(canvas, moment, camera) {
     Object.assign(canvas, { width: this.columns, height: this.rows });
     canvas.style.width = `${100 * this.columns * this.cell / camera.width}%`;
@@ -43,7 +46,7 @@ export class EventFilm {
   }
 }
 
-/** Cells with a sign, step by step. */
+/** Decodes the signed cells, step by step. */
 function readSteps(bytes, bins, cells) {
   let at = 0;
   const number = () => {

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Frusta of the recorded cameras over the scene, and how far a view is from all of them.
+// Draws frusta of the recorded cameras over the scene, and measures how far a view is from all of them.
 
 import { add, axis, centreOf, dot } from './pose.js';
 
-const FAR_SHARE = 0.35; // distance from a recorded camera, as a share of the distance to the scene
+const FAR_SHARE = 0.35; // distance from a recorded camera, relative to the distance to the scene
 const FAR_ANGLE = 25 * Math.PI / 180; // between viewing directions
-const DEPTH_SHARE = 0.08; // depth of a drawn frustum, as a share of the distance to the scene
+const DEPTH_SHARE = 0.08; // depth of a drawn frustum, relative to the distance to the scene
 
 /**
- * Distance of a view from the nearest recorded pose: 0 at one, 1 at the limit up to which the scene is known well.
- * @param reach  distance of the scene from the view
+ * Distance of a view from the nearest recorded pose: 0 at one, 1 at the limit of the well-reconstructed
+ * region. @param reach  distance of the scene from the view
  */
 export function outsideness(pose, recorded, reach) {
   const [centre, forward] = [centreOf(pose), axis(pose, 2)];
@@ -29,7 +29,7 @@ export function frustumEdges(pose, { width, height, fx, fy, cx, cy }, depth) {
   return corners.flatMap((point, k) => [[centre, point], [point, corners[(k + 1) % 4]]]);
 }
 
-/** Draws the frusta of `cameras` as a view at `pose` sees them; edges behind the view are left out. */
+/** Draws the frusta of `cameras` as seen from `pose`; edges behind the view are omitted. */
 export function drawFrusta(canvas, camera, pose, cameras, reach) {
   const [width, height] = [canvas.clientWidth, canvas.clientHeight];
   Object.assign(canvas, { width, height });

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pictures laid over the scene, with a wipe between a left and a right one.
+// Pictures over the scene, with a wipe between a left and a right one.
 
 export const SCENE = 'scene';
 export const DIFFERENCE = '|difference|';
-const GAIN = 4; // of the difference, which is dark otherwise
+const GAIN = 4; // brightness factor of the difference, which is dark otherwise
 
 export class Layers {
   /** @param parts  the stage's elements: left, right, bar, leftTag, rightTag, leftSelect, rightSelect */
@@ -27,7 +27,7 @@ export class Layers {
     });
   }
 
-  /** The pictures of a view, and of what is drawn live: `names`, beside SCENE where there is one. */
+  /** Sets the pictures of a view, and the names of live renders beside SCENE, if there is one. */
   setPictures(pictures, live) {
     this.pictures = pictures;
     const find = (name) => pictures.find((picture) => picture.name === name);
@@ -42,7 +42,7 @@ export class Layers {
     return this.choose(known(this.left), known(this.right));
   }
 
-  /** Shows two layers; a promise of both being there. */
+  /** Shows two layers; resolves when both are loaded. */
   async choose(left, right) {
     Object.assign(this, { left, right });
     this.parts.leftSelect.value = left;
@@ -51,7 +51,7 @@ export class Layers {
     await this.fill(['left', 'right']);
   }
 
-  /** Fetches those of the two layers again that have one of these names. */
+  /** Reloads shown layers with one of these names. */
   again(names) {
     return this.fill(['left', 'right'].filter((side) => names.includes(this[side])));
   }
@@ -66,7 +66,7 @@ export class Layers {
 
   async fillOne(image, name, turn) {
     const source = name === SCENE ? null : await (name === DIFFERENCE ? this.difference() : this.sourceOf(name));
-    // A later choice has not waited for this one.
+    // A later choice has overtaken this one.
     if (turn !== this.turn) return;
     image.hidden = !source;
     if (!source) return;
@@ -75,7 +75,7 @@ export class Layers {
     await image.decode().catch(() => {});
   }
 
-  /** An address, a promise of one, or nothing where the picture is not to be had. */
+  /** A URL, a promise of one, or null if the picture is not available. */
   sourceOf(name) {
     const picture = this.pictures.find((each) => each.name === name);
     return picture?.load ? picture.load() : picture?.src ?? this.live?.(name);
@@ -125,7 +125,7 @@ export class Layers {
   }
 }
 
-/** Absolute difference of two pictures as RGBA bytes, `gain` times as bright; opaque. */
+/** Absolute difference of two pictures as opaque RGBA bytes, multiplied by `gain`. */
 export function absoluteDifference(a, b, gain) {
   const out = new Uint8ClampedArray(a.length);
   for (let k = 0; k < a.length; ++k) out[k] = k % 4 === 3 ? 255 : gain * Math.abs(a[k] - b[k]);

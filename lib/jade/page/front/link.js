@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// State that a link stores: the camera (or the pose, once the user has left it), the moment of the
-// exposure, the two layers, the wipe, and whether events are shown.
+// View state stored in a link: the camera (or the pose, if the user has left it), the moment of the exposure,
+// the two layers, the wipe, and whether events are shown.
 
 /** @param view  {camera: 'train.3', pose: null or 12 numbers, moment, left, right, wipe, events} */
 export function formatLink(view) {
@@ -10,7 +10,7 @@ export function formatLink(view) {
   return `#${parts}`;
 }
 
-/** Parses a link of formatLink(); missing or damaged parts are left out. */
+/** Parses a link of formatLink(); missing or damaged parts are omitted. */
 export function parseLink(hash) {
   const parts = new URLSearchParams(hash.replace(/^#/, ''));
   const view = {};

@@ -1,22 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
-// The page with the scene drawn by the program that serves it: frames, state and pause. It asks, one
-// question at a time, and takes what comes; so a page that sleeps costs the program nothing.
+// The live page, whose scene the training program renders: frames, state and pause. The page polls, one
+// request at a time, so that a sleeping page costs the program nothing.
 
 import { depthAhead } from './viewer.js';
 import { DIFFERENCE } from './layers.js';
 import { shortcut } from './elements.js';
 import { foldOnPhones, glanceFigures, writeCards, writeCurves, writeScores } from './report.js';
 
-const ASK_MS = 1000; // between two questions for the state
-const AGAIN_MS = 150; // after a frame that did not come
-const ATTEMPTS = 3; // for a frame that somebody waits for
-const MAKING_MS = 500; // between two questions for a picture that is being made
-const RENEW_MS = 4000; // between two looks at a layer that changes while it trains
+const ASK_MS = 1000; // between requests for the state
+const AGAIN_MS = 150; // after a failed frame
+const ATTEMPTS = 3; // for a frame that is needed
+const MAKING_MS = 500; // between requests for a picture that is still being computed
+const RENEW_MS = 4000; // between updates of a layer that changes during training
 const CHANGING = ['α', 'fused', 'render', 'depth', DIFFERENCE];
 
-/** Requests to the server: addresses with the viewer's name and the token, and their answers. */
+/** Requests to the server: URLs with the viewer's name and the token, and their answers. */
 export class LiveLink {
-  /** @param search  the page's, with the token where one is needed */
+  /** @param search  the page's query, with the token if one is needed */
   constructor(search, ask = (address, options) => fetch(address, options)) {
     this.ask = ask;
     this.token = new URLSearchParams(search).get('token');
@@ -30,8 +30,8 @@ export class LiveLink {
   }
 
   /**
-   * {blob, step, gaussians, psnr}; {reason} where it cannot be rendered; null where another request came first.
-   * @param view  the camera of the data set that it is seen from, which may have a truth to judge by
+   * {blob, step, gaussians, psnr}; {reason} if it cannot be rendered; null if another request overtook this
+   * one. @param view  the data set's camera of this view, which may have a true image to compare with
    */
   async frame(camera, pose, scale, layer, view = '') {
     const { width, height, fx, fy, cx, cy } = scaledCamera(camera, scale);
@@ -43,7 +43,7 @@ export class LiveLink {
     return { blob: await answer.blob(), step: number('X-Step'), gaussians: number('X-Gaussians'), psnr: psnrOf(answer) };
   }
 
-  /** {blob, psnr}; {reason} where it cannot be had; null while it is being made. */
+  /** {blob, psnr}; {reason} if it is not available; null while it is being computed. */
   async picture(view, name) {
     const answer = await this.ask(this.address('picture', { view, name }));
     if (answer.status === 200) return { blob: await answer.blob(), psnr: psnrOf(answer) };
@@ -66,7 +66,7 @@ export class LiveLink {
   }
 }
 
-/** PSNR of an answer's picture against a sharp truth, dB, or null. */
+/** PSNR of an answer's picture against a true image, dB, or null. */
 function psnrOf(answer) {
   return answer.headers.has('X-Psnr') ? Number(answer.headers.get('X-Psnr')) : null;
 }
@@ -74,8 +74,8 @@ function psnrOf(answer) {
 const decibels = (value) => `${value.toFixed(2)} dB`;
 
 /**
- * Quality of the picture: PSNR against the truth of its camera, now or at the last evaluation, else
- * how well the last step explained a blurry frame.
+ * Quality of the picture: PSNR against the true image of its camera, current or of the last evaluation, else
+ * the re-blur PSNR of the last step.
  */
 export function judgement(psnr, camera, state, lines) {
   if (typeof psnr === 'number') return `PSNR ${decibels(psnr)}`;
@@ -85,7 +85,7 @@ export function judgement(psnr, camera, state, lines) {
   return line ? `re-blur PSNR ${decibels(line.psnr_train)}` : '';
 }
 
-/** Message for a page that has lost its program. */
+/** Message for a page that has lost the connection to its program. */
 export function farewell(state, { report, pausable }) {
   const where = report ? ` The finished scene: ${report}.` : '';
   if (!pausable) return 'jade_view has ended or cannot be reached. The page goes on by itself once it answers.';
@@ -102,33 +102,33 @@ export function scaledCamera(camera, scale) {
 }
 
 /**
- * Pixels asked for per pixel of the camera: those of the screen, never fewer than the camera's, at most
- * `limit` times as many, and exactly one where `native`; but never more than `pixels` in all.
+ * Requested pixels per pixel of the camera: those of the screen, at least the camera's, at most `limit` times
+ * as many, and exactly one if `native`; but never more than `pixels` in total.
  */
 export function askedScale({ width, height }, { shown, ratio, limit, pixels, native }) {
   const most = Math.sqrt(0.998 * pixels / (width * height)); // both sides are rounded
   return Math.min(most, native ? 1 : Math.min(limit, Math.max(1, Math.min(ratio, 2) * shown / width)));
 }
 
-/** The lines of metrics.jsonl that have come so far; the server may thin them out. */
+/** The lines of metrics.jsonl received so far; the server may thin them out. */
 export class MetricsTail {
   constructor() {
     Object.assign(this, { generation: 0, lines: [] });
   }
 
-  /** True where something is new. */
+  /** True if there are new lines. */
   take({ generation, count, lines }) {
     if (generation !== this.generation) this.lines = [];
     const before = this.lines.length;
     this.generation = generation;
     this.lines.push(...lines);
-    // Two answers that crossed would count lines twice: then all are asked for again.
+    // Overlapping answers would count lines twice: request all again.
     if (this.lines.length !== count) this.generation = -1;
     return lines.length > 0 || before !== this.lines.length;
   }
 }
 
-/** The figures that come first while a run goes on: {label, value, note}. */
+/** The headline figures during a run: {label, value, note}. */
 export function liveFigures({ step, steps, gaussians, phase }, lines) {
   const last = (key) => lines.findLast((line) => typeof line[key] === 'number');
   const figures = [];
@@ -143,12 +143,12 @@ export function liveFigures({ step, steps, gaussians, phase }, lines) {
   return figures;
 }
 
-/** Viewer whose frames come from the server. */
+/** Viewer whose frames the server renders. */
 export class LiveViewer {
   /**
    * @param settings  {scale, sample}
-   * @param changing  whether the scene changes by itself now
-   * @param at        the camera of the data set that it is seen from now, or ''
+   * @param changing  whether the scene currently changes by itself
+   * @param at        the data set's camera of the current view, or ''
    */
   constructor(canvas, settings, link, changing, at) {
     Object.assign(this, { canvas, link, changing, at, psnr: null, native: false, pace: 0, trouble: '', onFrame: () => {}, onTrouble: () => {} });
@@ -169,16 +169,16 @@ export class LiveViewer {
     return askedScale(camera, { shown: this.canvas.clientWidth || camera.width, ratio: devicePixelRatio || 1, limit, pixels, native });
   }
 
-  /** Draws soon, and again while the scene changes. */
+  /** Schedules a frame, and further ones while the scene changes. */
   request(camera, pose) {
     this.wanted = { camera, pose };
     this.wake();
   }
 
-  /** Draws this view; false where another request came first or nothing came. */
+  /** Draws this view; false if another request overtook it or no frame arrived. */
   async draw(camera, pose, { depthMode = false, part = 0 } = {}) {
     const wanted = { camera, pose };
-    // Held pictures (a growing mean, depth) are not replaced.
+    // Static pictures (an accumulated mean, depth) are not replaced.
     this.wanted = null;
     this.held = wanted;
     for (let attempt = 0; attempt < ATTEMPTS; ++attempt) {
@@ -199,7 +199,7 @@ export class LiveViewer {
     return (await this.draw(camera, pose, options)) ? this.canvas.toDataURL('image/png') : null;
   }
 
-  /** Asks for what is wanted for as long as the page lives. */
+  /** Requests the wanted frames for the lifetime of the page. */
   async keepDrawing() {
     for (;;) {
       const { wanted } = this;
@@ -215,7 +215,7 @@ export class LiveViewer {
     }
   }
 
-  /** A frame, or null; why there is none is told once. */
+  /** A frame, or null; reports the reason once. */
   async fetch({ camera, pose }, layer) {
     const frame = await this.link.frame(camera, pose, this.scale(camera), layer, this.at()).catch(() => null);
     const trouble = frame ? frame.reason || '' : this.trouble;
@@ -238,7 +238,7 @@ export class LiveViewer {
     this.onFrame();
   }
 
-  /** The n-th picture becomes part of the running mean, which is returned. */
+  /** Adds the n-th picture to the running mean and returns it. */
   meanWith(picture, n) {
     if (n === 1 || this.mean?.length !== picture.data.length) this.mean = new Float32Array(picture.data.length);
     addToMean(this.mean, picture.data, n);
@@ -263,7 +263,7 @@ function sleep(milliseconds) {
   return new Promise((resolve) => { setTimeout(resolve, milliseconds); });
 }
 
-/** Makes the report's page a live one. */
+/** Turns the report's page into a live one. */
 export class LivePage {
   constructor(page) {
     const { data } = page;
@@ -296,7 +296,7 @@ export class LivePage {
     return this.viewer;
   }
 
-  /** The picture comes when it is asked for, with what the truth says of it. */
+  /** Shows the requested picture and its score against the true image. */
   givePicture(view, picture) {
     picture.load = async () => {
       if (picture.kept) return picture.kept;
@@ -312,7 +312,7 @@ export class LivePage {
     };
   }
 
-  /** Asks until the picture is there or nobody wants it any more. */
+  /** Polls until the picture is available or no longer wanted. */
   async wait(view, { name }) {
     const { layers, state } = this.page;
     const wanted = () => state.camera === view.camera && [layers.left, layers.right].some((shown) => shown === name || shown === DIFFERENCE);
@@ -330,7 +330,7 @@ export class LivePage {
     return null;
   }
 
-  /** Poses that are learned move: puts a camera of the data set where it stands now. True where it did. */
+  /** Moves a camera of the data set to its current learned pose. True if it moved. */
   async moveCamera(id) {
     if (!this.data.live.moving) return false;
     const poses = await this.link.poses(id).catch(() => null);
@@ -376,7 +376,7 @@ export class LivePage {
   async read() {
     const state = await this.link.state(this.tail.generation, this.tail.lines.length);
     if (!state) throw new Error('no answer');
-    // Another program may have taken the same port.
+    // Another program may use the same port.
     if (state.id !== this.data.live.id) location.reload();
     const fresh = this.tail.take(state);
     const turned = state.phase !== this.state?.phase;
@@ -393,7 +393,7 @@ export class LivePage {
     if (!this.viewer || !page.restored || page.playing || page.state.pose) return;
     const { camera } = page.state;
     const moved = await this.moveCamera(camera) && page.state.camera === camera && !page.playing && !page.state.pose;
-    // A mean that has been built up stays.
+    // An accumulated mean is not replaced.
     if (moved && this.viewer.wanted) page.refresh();
     if (performance.now() - this.renewedAt < RENEW_MS) return;
     this.renewedAt = performance.now();

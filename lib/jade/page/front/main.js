@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The page: wires the scene, its controls and the report together. What a person can do, a script
-// can do through `window.jade`.
+// The page: connects the scene, its controls and the report. Scripts have the same functions through
+// `window.jade`.
 
 import { CameraPath } from './path.js';
 import { Controls } from './controls.js';
@@ -58,7 +58,7 @@ class Page {
     document.documentElement.dataset.ready = this.viewer ? 'scene' : 'still';
   }
 
-  /** The browser took the graphics card away: pictures stand in. */
+  /** The browser lost the WebGL context: show pictures instead. */
   lose() {
     if (!this.viewer) return null;
     this.viewer.onFrame = () => {};
@@ -70,7 +70,7 @@ class Page {
     return this.jump(this.state.camera);
   }
 
-  /** The report's pictures, until the scene is unpacked. */
+  /** Shows the report's pictures until the scene is unpacked. */
   async showStill() {
     const wanted = parseLink(location.hash).camera;
     this.state.camera = this.cameras.has(wanted) ? wanted : this.first;
@@ -92,7 +92,7 @@ class Page {
     return new Viewer(element('scene'), scene, this.data.scene);
   }
 
-  // --- what the controls ask of their host
+  // --- host interface of the controls
 
   pose() {
     return this.state.pose ?? poseInExposure(this.camera().poses, this.camera().poses.length > 1 ? this.state.moment : 0);
@@ -108,7 +108,7 @@ class Page {
   }
 
   move(pose, distance = this.distance) {
-    if (!this.viewer) return; // pictures do not move
+    if (!this.viewer) return; // pictures have no camera to move
     this.stop();
     this.distance = distance;
     this.state.pose = pose;
@@ -125,7 +125,7 @@ class Page {
     return [...this.data.views, ...this.data.tests].find((view) => view.camera === this.state.camera);
   }
 
-  /** The camera of the data set whose picture this is, truths and all, or ''. */
+  /** The data set's camera at the current pose, with its true images, or ''. */
   standsAt() {
     const { camera, pose, moment } = this.state;
     return !pose && (moment === 0.5 || this.camera().poses.length === 1) ? camera : '';
@@ -135,7 +135,7 @@ class Page {
     return this.view()?.pictures ?? [];
   }
 
-  /** Puts the viewer where a camera of the data set stands; a promise of its being drawn. */
+  /** Moves the viewer to a camera of the data set; resolves when it is drawn. */
   async jump(id, layers = {}) {
     this.stop();
     Object.assign(this.state, { camera: id, pose: null });
@@ -180,7 +180,7 @@ class Page {
     if (!element('moment').disabled) this.setMoment(this.state.moment + by / 16);
   }
 
-  // --- events about the slider's moment
+  // --- events around the slider's moment
 
   async loadFilm() {
     const { camera, events } = this.state;
@@ -193,7 +193,7 @@ class Page {
     }
   }
 
-  /** Shows or hides them; a promise of that. */
+  /** Shows or hides events; resolves when done. */
   async showEvents(on) {
     this.state.events = on;
     element('events').checked = on;
@@ -210,7 +210,7 @@ class Page {
 
   // --- drawing
 
-  /** Draws soon, while the camera moves. */
+  /** Schedules a frame while the camera moves. */
   refresh() {
     this.writeMoment();
     if (this.viewer) this.viewer.request(this.camera(), this.pose());
@@ -218,7 +218,9 @@ class Page {
     this.writeLink();
   }
 
-  /** Marks a view away from the cameras: frusta of the recorded ones, and a shade where the scene is not known. */
+  /**
+   * Marks a view away from the cameras: shows their frusta, and a shade where the scene is not reconstructed.
+   */
   writePlace() {
     const away = this.state.pose !== null;
     element('stage').classList.toggle('away', away);
@@ -234,13 +236,13 @@ class Page {
     element('shade').style.opacity = Math.min(0.6, 0.3 * outside);
   }
 
-  /** Brightness of the display: 1 shows the values as they are. */
+  /** Brightness of the display: 1 shows unchanged values. */
   setBrightness(value) {
     element('brightness').value = value;
     document.documentElement.style.setProperty('--brightness', value);
   }
 
-  /** Draws this very view; a promise of its being shown. */
+  /** Draws the current view; resolves when it is shown. */
   async draw() {
     this.writeMoment();
     this.writePlace();
@@ -248,14 +250,14 @@ class Page {
     this.writeLink();
   }
 
-  /** A PNG of this very view, or null where none is to be had; the canvas shows the view of now again, whichever that is. */
+  /** A PNG of the current view, or null if unavailable; the canvas then shows the current view again. */
   async picture(options) {
     const picture = await this.viewer.picture(this.camera(), this.pose(), options);
     await this.viewer.draw(this.camera(), this.pose());
     return picture;
   }
 
-  /** The blur builds up: the mean of the renders so far, over the exposure. A promise of its end. */
+  /** Accumulates the blur: the mean of the renders so far over the exposure. Resolves at its end. */
   async play() {
     if (this.playing) return this.stop();
     const run = {};
@@ -270,7 +272,7 @@ class Page {
       await this.viewer.draw(this.camera(), this.pose(), { part: n });
       await new Promise((resolve) => { setTimeout(resolve, 50); });
     }
-    // Another may have begun since.
+    // Another animation may have started.
     if (this.playing === run) this.stop();
   }
 

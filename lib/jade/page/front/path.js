@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A camera path through key cameras, as jade_render --cameras reads it.
+// A camera path through key cameras, in the format of jade_render --cameras.
 
 import { between, centreOf, poseOfQuaternion, quaternionOf } from './pose.js';
 
@@ -8,7 +8,7 @@ export class CameraPath {
     this.keys = [];
   }
 
-  /** @param camera  its intrinsics; those of the first key are the path's */
+  /** @param camera  its intrinsics; the path uses those of the first key */
   add(camera, pose) {
     if (this.keys.length === 0) this.camera = camera;
     this.keys.push(pose);

@@ -15,19 +15,22 @@ export function centreOf(pose) {
   return [0, 1, 2].map((k) => -(pose[k] * pose[3] + pose[4 + k] * pose[7] + pose[8 + k] * pose[11]));
 }
 
-/** The camera at `centre` whose axes in the world are these. */
+/** The camera at `centre` with these axes in the world. */
 export function poseAt(right, down, forward, centre) {
   return [right, down, forward].flatMap((row) => [...row, -dot(row, centre)]);
 }
 
-/** The camera at `centre` that looks along `forward` with `down` as near to down as can be. */
+/**
+ * The camera at `centre` that looks along `forward` with its image's down direction as close to `down` as
+ * possible.
+ */
 export function lookAlong(centre, forward, down) {
   const z = unit(forward);
   const x = unit(cross(down, z));
   return poseAt(x, cross(z, x), z, centre);
 }
 
-/** `vector` turned by `angle` about the unit `about`. */
+/** Rotates `vector` by `angle` about the unit vector `about`. */
 export function turned(vector, about, angle) {
   const c = Math.cos(angle);
   const s = Math.sin(angle);
@@ -54,7 +57,7 @@ export function quaternionOf(p) {
   return rows[largest].map((value) => value / (4 * q[largest]));
 }
 
-/** Between two cameras: centres on a line, rotations on the shorter arc. */
+/** Interpolates two cameras: centres linearly, rotations along the shorter arc. */
 export function between(a, b, share) {
   const qa = quaternionOf(a);
   let qb = quaternionOf(b);
@@ -71,7 +74,7 @@ export function between(a, b, share) {
   return poseOfQuaternion(q, centre);
 }
 
-/** The camera at `centre` with the rotation of a quaternion wxyz of any length. */
+/** The camera at `centre` with the rotation of a quaternion wxyz of any norm. */
 export function poseOfQuaternion(quaternion, centre) {
   const length = Math.hypot(...quaternion);
   const [w, x, y, z] = quaternion.map((value) => value / length);
@@ -87,19 +90,19 @@ export function poseInExposure(poses, u) {
   return poses.length === 1 ? poses[0] : between(poses[left], poses[left + 1], place - left);
 }
 
-/** Turns the camera about `target`: `yaw` about the world's down, `pitch` about its own right. */
+/** Rotates the camera about `target`: `yaw` about the world's down, `pitch` about its own right. */
 export function orbit(pose, target, down, yaw, pitch) {
   const right = turned(axis(pose, 0), down, yaw);
   const turn = (vector) => turned(turned(vector, down, yaw), right, pitch);
   const forward = turn(axis(pose, 2));
   const centre = add(target, turn(add(centreOf(pose), target, -1)));
-  // Over the pole the picture would turn upside down; who stands near it may turn, and leave.
+  // Beyond the pole the picture would turn upside down; near it, only motion away from it is allowed.
   const steep = Math.abs(dot(forward, down));
   if (steep > 0.995 && steep > Math.abs(dot(axis(pose, 2), down)) + 1e-9) return pose;
   return lookAlong(centre, forward, turn(axis(pose, 1)));
 }
 
-/** Turns the camera on the spot. */
+/** Rotates the camera about its own centre. */
 export function look(pose, down, yaw, pitch) {
   return orbit(pose, centreOf(pose), down, yaw, pitch);
 }

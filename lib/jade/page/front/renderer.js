@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Draws Gaussians with WebGL2: instanced quads, blended far to near in half floats, then shown.
+// Renders Gaussians with WebGL2: instanced quads, blended far to near in half floats, then displayed.
 
 import { SCREEN_FRAGMENT, SCREEN_VERTEX, SPLAT_FRAGMENT, SPLAT_VERTEX, TEXTURE_WIDTH } from './shaders.js';
 
-const DILATION = 0.3; // px² of a trained picture
+const DILATION = 0.3; // px² at the trained resolution
 const MARGIN = 0.3; // share of the half field of view beyond each edge
 
 export class Renderer {
-  /** @throws Error that says what the browser lacks. */
+  /** @throws Error that names the missing browser feature. */
   constructor(canvas, scene, background) {
     const gl = canvas.getContext('webgl2', { alpha: false, antialias: false, depth: false });
     if (!gl) throw new Error('this browser has no WebGL2');
@@ -35,7 +35,7 @@ export class Renderer {
     this.mean = target(gl);
   }
 
-  /** @param sorted  what a Sorter found */
+  /** @param sorted  result of a Sorter */
   setOrder({ order, shades, nearest, farthest }) {
     const { gl } = this;
     gl.bindBuffer(gl.ARRAY_BUFFER, this.order);
@@ -47,7 +47,7 @@ export class Renderer {
   }
 
   /**
-   * Draws into the inner picture. `scale` is pixels drawn per pixel of the camera: the low-pass
+   * Renders into an internal picture. `scale` is rendered pixels per pixel of the camera: the low-pass filter
    * grows with it, so that the picture is the trained one, only sampled more finely.
    */
   draw(camera, pose, scale, depthMode = false) {
@@ -78,7 +78,7 @@ export class Renderer {
     gl.disable(gl.BLEND);
   }
 
-  /** Makes what was drawn the n-th part of a running mean, n from 1. */
+  /** Adds the rendered picture to a running mean as its n-th, n from 1. */
   accumulate(n) {
     const { gl, current, mean } = this;
     resize(gl, mean, current.width, current.height);
@@ -90,7 +90,7 @@ export class Renderer {
     gl.disable(gl.BLEND);
   }
 
-  /** Shows what was drawn, or the mean so far. */
+  /** Displays the rendered picture, or the mean so far. */
   show(useMean = false, depthMode = false) {
     const { gl } = this;
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
@@ -108,13 +108,13 @@ export class Renderer {
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 
-  /** The canvas as a data URL; call it in the task that has drawn it. */
+  /** The canvas as a data URL; call it in the task that rendered it. */
   picture() {
     return this.canvas.toDataURL('image/png');
   }
 }
 
-/** Range of x/z and of y/z of points that are on the picture or not far beside it. */
+/** Range of x/z and y/z of points inside the picture or not far outside it. */
 export function ratioLimits({ fx, fy, cx, cy, width, height }) {
   const side = (f, c, length) => {
     const margin = MARGIN * 0.5 * length / f;

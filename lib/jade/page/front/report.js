@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Parts of the report beside the scene: headline figures, views, tables, curves.
+// Parts of the report below the scene: headline figures, views, tables, curves.
 
 import { make, tableIn } from './elements.js';
 
@@ -31,12 +31,12 @@ export function writeReport(data, onPick) {
   foldOnPhones();
 }
 
-/** A phone shows the headings; a tap opens a part. */
+/** On a phone, sections are collapsed to their headings; a tap opens one. */
 export function foldOnPhones() {
   if (matchMedia('(max-width: 600px)').matches) for (const part of document.querySelectorAll('details.part')) part.open = false;
 }
 
-/** Seconds that the logged steps took. */
+/** Total seconds of the logged steps. */
 export function trainingSeconds(metrics) {
   let [seconds, before] = [0, 0];
   for (const { step, iterations_per_second: rate } of metrics) {
@@ -55,7 +55,7 @@ export function duration(seconds) {
   return `${Math.floor(whole / 3600)} h ${Math.floor(whole / 60) % 60} min`;
 }
 
-/** One sentence on the scene against the frames it was made of, or null without truths. */
+/** One sentence that compares the scene with its frames, or null without true images. */
 export function verdict(headline) {
   if (!headline) return null;
   const gain = headline.render - headline.blurry;
@@ -78,7 +78,7 @@ export function glanceFigures({ headline, evaluation, metrics }) {
   for (const [label, mean] of [['seen test views', evaluation?.mean_seen], ['unseen test views', evaluation?.mean_unseen],
     ['test views', evaluation?.mean_seen || evaluation?.mean_unseen ? null : evaluation?.mean]]) {
     if (typeof mean?.psnr !== 'number') continue;
-    // The seen test views may be those that the headline compares.
+    // The headline may already compare the seen test views.
     const value = decibels(mean.psnr);
     const shown = figures.find((figure) => figure.label === 'this scene' && figure.value === value);
     if (shown) shown.note += `, SSIM ${mean.ssim.toFixed(3)}`;
@@ -164,7 +164,7 @@ function writeAllocation(parent, { views, mean }) {
   }
 }
 
-/** The lines of metrics.jsonl, and the final test scores as those of the last step. */
+/** The lines of metrics.jsonl, with the final test scores in that of the last step. */
 export function withFinalScores(metrics, evaluation) {
   const step = metrics.reduce((most, line) => Math.max(most, line.step ?? 0), 0);
   const mean = evaluation?.mean;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The splatting op (splat/math) in a vertex and a fragment shader.
+// The splatting op (splat/math) as a vertex and a fragment shader.
 
-/** Texels per row of the texture: a multiple of the three that a Gaussian has. */
+/** Texels per row of the texture: a multiple of three, the texels per Gaussian. */
 export const TEXTURE_WIDTH = 1536;
 
 export const SPLAT_VERTEX = `#version 300 es
@@ -9,8 +9,8 @@ precision highp float; precision highp int; precision highp sampler2D;
 uniform sampler2D geometry;   // per Gaussian: mean, opacity | Sigma xx xy xz yy | Sigma yz zz
 uniform mat3 rotation;        // camera_from_world
 uniform vec3 translation;
-uniform vec4 intrinsics;      // fx fy cx cy, px of the drawn picture
-uniform vec4 limits;          // range of x/z (xy) and y/z (zw) in which the Jacobian is taken
+uniform vec4 intrinsics;      // fx fy cx cy, px of the rendered picture
+uniform vec4 limits;          // range of x/z (xy) and y/z (zw) at which the Jacobian is evaluated
 uniform vec2 size;
 uniform float dilation;       // px^2
 uniform bool antialiased, depthMode;
@@ -20,7 +20,7 @@ out vec2 offset;              // in standard deviations along the ellipse's axes
 flat out vec4 paint;          // colour, opacity
 
 void main() {
-  gl_Position = vec4(2.0, 2.0, 2.0, 1.0);  // outside, where the Gaussian is not drawn
+  gl_Position = vec4(2.0, 2.0, 2.0, 1.0);  // outside the clip space, which culls the Gaussian
   int texel = int(index) * 3;
   ivec2 at = ivec2(texel % ${TEXTURE_WIDTH}, texel / ${TEXTURE_WIDTH});
   vec4 a = texelFetch(geometry, at, 0), b = texelFetch(geometry, at + ivec2(1, 0), 0);
@@ -65,7 +65,7 @@ void main() {
 export const SCREEN_VERTEX = `#version 300 es
 void main() { gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0, 0.0, 1.0); }`;
 
-/** One picture to another of its size: as it is, or depth as gray, near is bright. */
+/** Copies one picture to another of its size: unchanged, or depth as gray with near bright. */
 export const SCREEN_FRAGMENT = `#version 300 es
 precision highp float; precision highp sampler2D;
 uniform sampler2D picture;

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Computes the depth order and the colour of every Gaussian once per frame. The first two functions
-// also run in a worker, so they may use nothing from outside themselves.
+// Computes the depth order and the colour of every Gaussian once per frame. The first two functions also run
+// in a worker, so they must be self-contained.
 
 import { centreOf } from './pose.js';
 
 /**
- * Far to near by depth, in 65,536 steps between the nearest and the farthest that is drawn; of equal
- * steps the later index comes first, so that from near to far it is (depth, index).
+ * Sorts far to near by depth, quantised to 65,536 steps between the nearest and the farthest rendered
+ * Gaussian; of equal steps the later index comes first, so that near to far is ordered by (depth, index).
  * @param positions  [3N]
  * @param view       row of camera_from_world that gives the depth, 4 numbers
- * @param near       nearer ones are left out
+ * @param near       nearer ones are omitted
  * @returns {order: Uint32Array, nearest, farthest}
  */
 export function sortByDepth(positions, view, near) {
@@ -44,9 +44,9 @@ export function sortByDepth(positions, view, near) {
 }
 
 /**
- * Colours of the Gaussians as a camera sees them: max(0, SH of degree up to 3 + ½), in the order
- * given. Four times per Gaussian in a vertex shader this cost more than everything else there.
- * @param scene   {positions, colors, degree} of parseSpz()
+ * Colours of the Gaussians seen from a camera: max(0, SH of degree up to 3 + ½), in the given order. In a
+ * vertex shader, four times per Gaussian, this cost more than all other work. @param scene   {positions,
+ * colors, degree} of parseSpz()
  * @param centre  of the camera
  * @returns Float32Array [3 per entry of the order]
  */
@@ -56,7 +56,7 @@ export function shadesOf({ positions, colors, degree }, order, centre) {
   const shades = new Float32Array(3 * order.length);
   for (let k = 0; k < order.length; ++k) {
     const i = order[k];
-    // The file's axes: y up, z back.
+    // In the file's axes: y up, z back.
     let x = positions[3 * i] - centre[0];
     let y = centre[1] - positions[3 * i + 1];
     let z = centre[2] - positions[3 * i + 2];
@@ -97,7 +97,7 @@ function seenFrom(pose) {
   return { view: pose.slice(8), centre: centreOf(pose) };
 }
 
-/** Order and colours from a worker, the newest request first; where there are no workers, at once. */
+/** Computes order and colours in a worker, the newest request first; without workers, synchronously. */
 export class Sorter {
   constructor({ positions, colors, degree }, near) {
     const scene = { positions, colors, degree };
@@ -125,7 +125,7 @@ export class Sorter {
     }
   }
 
-  /** A promise of {order, shades, nearest, farthest}, or of null where a newer request took its place. */
+  /** Resolves to {order, shades, nearest, farthest}, or to null if a newer request replaced this one. */
   request(pose) {
     const from = seenFrom(pose);
     if (!this.worker) return Promise.resolve(this.arrange(from));
@@ -147,7 +147,9 @@ export class Sorter {
     if (this.busy) this.worker.postMessage(this.busy.from);
   }
 
-  /** A worker that fails, where memory is short, say, or a policy forbids it: its work is done here. */
+  /**
+   * Handles a worker that fails, for example for lack of memory or because a policy forbids it: sorts here.
+   */
   lose() {
     this.worker = null;
     const left = [this.busy, this.waiting].filter(Boolean);

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads the compressed Gaussians of a page: .spz version 2, as gaussians/spz_file.h writes it.
+// Reads the page's compressed Gaussians: .spz version 2, as gaussians/spz_file.h writes it.
 
 const MAGIC = 0x5053474e;
 const SH_BYTES = 48; // 16 coefficients of 3 channels
 
-/** The bytes behind base64 of a gzip file. */
+/** Decodes base64 and decompresses gzip. */
 export async function gunzipBase64(text) {
   const packed = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
   const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream('gzip'));
@@ -12,9 +12,9 @@ export async function gunzipBase64(text) {
 }
 
 /**
- * Gaussians in our axes (x right, y down, z forward): positions [3N], opacities [N], the upper
- * triangle of their covariances [6N] (xx xy xz yy yz zz), and colours [48N] as bytes. The colours
- * stay those of the file, whose SH are of directions in its own axes (x right, y up, z back).
+ * Gaussians in this library's axes (x right, y down, z forward): positions [3N], opacities [N], the upper
+ * triangle of their covariances [6N] (xx xy xz yy yz zz), and colours [48N] as bytes. The colours are those
+ * of the file, whose SH refer to directions in its own axes (x right, y up, z back).
  */
 export function parseSpz(bytes) {
   const header = new DataView(bytes.buffer, bytes.byteOffset, Math.min(16, bytes.length));
@@ -60,7 +60,7 @@ function readPositions(bytes, count, unit) {
   return positions;
 }
 
-/** Σ = R diag(s²) Rᵀ, with y and z turned to our axes. */
+/** Σ = R diag(s²) Rᵀ, with y and z converted to this library's axes. */
 function writeCovariance(bytes, scale, rotation, out, to) {
   const s = [0, 1, 2].map((k) => Math.exp(2 * (bytes[scale + k] / 16 - 10)));
   const x = bytes[rotation] / 127.5 - 1;

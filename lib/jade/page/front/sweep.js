@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The page of a sweep: how its runs stand, its tables, and the pictures of every row beside each
-// other. Pictures and reports are files beside the page.
+// The page of a sweep: the state of its runs, its tables, and the pictures of all rows side by side. Pictures
+// and reports are files beside the page.
 
 import { DIFFERENCE, Layers, SCENE } from './layers.js';
 import { make, shortcut, tableIn } from './elements.js';
@@ -8,10 +8,10 @@ import { make, shortcut, tableIn } from './elements.js';
 const TRUTH = 'truth';
 const MARKS = { finished: '✓', failed: '✗', running: '▸', unfinished: '…', new: '·' };
 const part = (id) => document.getElementById(id);
-const SEED_NOISE = 0.3; // dB between two runs that differ in their seed alone
+const SEED_NOISE = 0.3; // dB between two runs that differ only in their seed
 const byNumber = (a, b) => a.seed - b.seed;
 
-/** The address of a file beside the page: any byte of a name may stand in it. */
+/** The URL of a file beside the page; its name may contain any byte. */
 export function addressOf(path) {
   return path.split('/').map(encodeURIComponent).join('/');
 }
@@ -43,7 +43,10 @@ export function picturesOf(data, scene, view) {
   return entries.map((entry) => ({ ...entry, best: entry.psnr === most && most - second > SEED_NOISE }));
 }
 
-/** Title of the row that `row` leads in column k by no more than the seeds' noise, or '' where its lead counts. */
+/**
+ * Title of the row that `row` leads in column k by no more than the seeds' noise, or '' if the lead is
+ * significant.
+ */
 export function levelWith({ rows }, k, row) {
   const figures = (each) => (each.cells[k]?.text ?? '').split(' ± ').map(Number.parseFloat);
   const [value, deviation] = figures(row);
@@ -52,12 +55,12 @@ export function levelWith({ rows }, k, row) {
     .sort((a, b) => a.lead - b.lead);
   if (rivals.length === 0) return '';
   const [{ title, lead, noise }] = rivals;
-  // One seed tells nothing of its noise; only decibels have a usual one.
+  // One seed does not determine its noise; only decibels have a typical one.
   const usual = value > 10 ? SEED_NOISE : 0;
   return lead <= (deviation === undefined ? usual : deviation + (noise ?? 0)) ? title : '';
 }
 
-/** {heading, views}: those seen in training, those not seen, and those of which nobody knows. */
+/** {heading, views}: those seen in training, those not seen, and those of unknown kind. */
 export function groupsOf(views) {
   return [['Seen in training', true], ['Not seen in training', false], ['Test views', null]]
     .map(([heading, seen]) => ({ heading, views: views.filter((view) => view.seen === seen) }))
@@ -121,7 +124,7 @@ export class SweepPage {
     });
   }
 
-  /** Rows by scenes, a mark per seed that leads to its report. */
+  /** Table of rows by scenes, with a mark per seed that links to its report. */
   writeRuns() {
     const { rows, scenes, runs } = this.data;
     const body = tableIn(part('runs'), 'Runs by row and scene', ['row', ...scenes.map(({ name }) => name)]);

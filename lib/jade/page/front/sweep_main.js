@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Starts the sweep's page. What a person can do there, a script can do through `window.jade`.
+// Starts the sweep's page. Scripts have the same functions through `window.jade`.
 
 import { SweepPage } from './sweep.js';
 

@@ -1,28 +1,28 @@
 // SPDX-License-Identifier: Apache-2.0
-// One scene on one canvas: keeps the order up to date and draws when something has changed.
+// Shows one scene on one canvas: updates the order and renders after changes.
 
 import { Renderer } from './renderer.js';
 import { Sorter } from './sort.js';
 
-const REST_MS = 250; // without a frame the picture stands still
-const SLOW_MS = 22; // per frame: not 60 per second; a moving picture is drawn at half the size then
+const REST_MS = 250; // the picture counts as static after this time without a frame
+const SLOW_MS = 22; // per frame: below 60 per second; a moving picture is then rendered at half the size
 
-/** How fast frames come while the picture moves, and whether they come in time at the whole size. */
+/** Measures the frame rate while the picture moves, and whether full-size frames are fast enough. */
 export class Pace {
   constructor() {
     Object.assign(this, { mean: 0, whole: 1000 / 60, coarse: false });
   }
 
-  /** A drawn frame held the screen for `ms`; longer than a rest, nobody was looking. */
+  /** A frame took `ms`; longer than a rest means that the page was hidden. */
   took(ms) {
     if (ms >= REST_MS) return;
     this.mean = this.mean ? 0.9 * this.mean + 0.1 * ms : ms;
-    // Frames of half the size say nothing of whole ones: the size would flicker.
+    // Half-size frames do not predict full-size ones: the size would flicker.
     if (!this.coarse) this.whole = 0.8 * this.whole + 0.2 * ms;
     this.coarse = this.whole > SLOW_MS;
   }
 
-  /** The movement has ended: sooner or later the whole size is tried again. */
+  /** The movement has ended: eventually full size is tried again. */
   rest() {
     this.whole *= 0.8;
     this.coarse = this.whole > SLOW_MS;
@@ -32,7 +32,7 @@ export class Pace {
 export class Viewer {
   /**
    * @param settings  {near_plane, background}
-   * @throws Error that says what the browser lacks
+   * @throws Error that names the missing browser feature
    */
   constructor(canvas, scene, settings) {
     this.renderer = new Renderer(canvas, scene, settings.background);
@@ -43,7 +43,7 @@ export class Viewer {
     this.onFrame = () => {};
   }
 
-  /** Pixels drawn per pixel of the camera: those of the screen, or exactly one. */
+  /** Rendered pixels per pixel of the camera: those of the screen, or exactly one. */
   scale(camera, moving) {
     if (this.native) return 1;
     const shown = this.renderer.canvas.clientWidth || camera.width;
@@ -51,7 +51,7 @@ export class Viewer {
     return moving && this.pace.coarse ? full / 2 : full;
   }
 
-  /** Draws soon, with the order at hand until the new one has come. */
+  /** Schedules a frame, with the current order until the new one arrives. */
   request(camera, pose) {
     clearTimeout(this.rest);
     this.wanted = { camera, pose };
@@ -73,7 +73,8 @@ export class Viewer {
     this.renderer.draw(camera, pose, this.scale(camera, moving));
     this.renderer.show();
     this.onFrame();
-    // Until the browser is ready for the next one: how soon somebody asks for it says nothing of the graphics card.
+    // Measure until the browser is ready for the next frame: the time of the next request does not depend on
+    // the GPU.
     requestAnimationFrame((next) => this.pace.took(next - now));
     clearTimeout(this.rest);
     if (!moving || !this.pace.coarse) return;
@@ -83,7 +84,10 @@ export class Viewer {
     }, 300);
   }
 
-  /** Draws now, in the order of this very pose; `depthMode` shows depth. False where another request came first. */
+  /**
+   * Renders immediately, in the order of this pose; `depthMode` shows depth. False if another request
+   * overtook it.
+   */
   async draw(camera, pose, options) {
     clearTimeout(this.rest);
     this.wanted = null;
@@ -101,7 +105,7 @@ export class Viewer {
     this.onFrame();
   }
 
-  /** A picture as a PNG's data URL; sorted without the worker if another request came first. */
+  /** A picture as a PNG's data URL; sorted without the worker if another request overtook it. */
   async picture(camera, pose, options) {
     if (!(await this.draw(camera, pose, options))) this.paint(this.sorter.now(pose), camera, pose, options);
     return this.renderer.picture();
@@ -112,7 +116,7 @@ export class Viewer {
   }
 }
 
-/** Median depth of the Gaussians in the middle of the picture: what one turns about. */
+/** Median depth of the Gaussians in the middle of the picture: the pivot of rotations. */
 export function depthAhead({ positions, opacities, count }, camera, pose) {
   const depths = [];
   for (let i = 0; i < count; i += Math.ceil(count / 20000)) {
