@@ -31,11 +31,11 @@ struct Sources {
   std::vector<KeyFlag> flags = {};            ///< Override `overrides`.
 };
 
-/// Reads `sources` into the fields. Collects all problems before throwing. @throws ConfigError: one
-/// line per problem, each with file:line:column (or the override), the key,
-///   what was expected and what was found; for an unknown key, the nearest name. Callers pass
-///   fields of a fresh struct, so that a failed load changes nothing: see load(). @param named  if
-///   not null, receives the keys that any source sets
+/// Reads `sources` into the fields. Collects all problems before throwing.
+/// @throws ConfigError: one line per problem, each with file:line:column (or the override), the
+///   key, what was expected and what was found; for an unknown key, the nearest name. Callers pass
+///   fields of a fresh struct, so that a failed load changes nothing: see load().
+/// @param named  if not null, receives the keys that any source sets
 void read(const Sources& sources, const FieldList& fields, std::set<std::string>* named = nullptr);
 
 /// Computes derived values once all fields are read. An options struct with derived values declares

@@ -44,8 +44,8 @@ class Child {
 };
 
 /// Runs a program to its end and calls `meanwhile` several times per second.
-/// @return its exit code: 127 if there is no such program, -1 if a signal ended it @throws
-/// Interrupted after stopping it; the errors of Child and of `meanwhile`.
+/// @return its exit code: 127 if there is no such program, -1 if a signal ended it
+/// @throws Interrupted after stopping it; the errors of Child and of `meanwhile`.
 int run_to_end(const std::vector<std::string>& command,
                const std::vector<std::pair<std::string, std::string>>& environment,
                const std::filesystem::path& log, const std::function<void()>& meanwhile = {});

@@ -108,8 +108,8 @@ class FieldList {
   }
 
   /// A key of older configurations that has become a constant. Reading accepts only the constant's
-  /// value, so that configurations and checkpoints that list every key stay readable. @param value
-  /// the constant, or a function that returns it once all fields are read
+  /// value, so that configurations and checkpoints that list every key stay readable.
+  /// @param value the constant, or a function that returns it once all fields are read
   template <class T>
   void fixed(const std::string& name, const T& value) {
     if constexpr (std::is_invocable_v<const T&>) {

@@ -11,8 +11,8 @@ namespace jade {
 /// the process ends, even if it crashes.
 class FolderLock {
  public:
-  /// Returns no value if another process holds the lock. @throws DataError if the lock file cannot
-  /// be created.
+  /// Returns no value if another process holds the lock.
+  /// @throws DataError if the lock file cannot be created.
   static std::optional<FolderLock> take(const std::filesystem::path& folder);
   /// Whether a process holds the lock; false if the folder has no lock file.
   static bool is_held(const std::filesystem::path& folder);

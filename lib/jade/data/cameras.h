@@ -40,7 +40,8 @@ constexpr auto words_of(CameraSet) {
 }
 
 /// The views of a data set. kExposure returns NAME_0 to NAME_8 of the exposure `name` (training or
-/// held out), or of all training exposures if `name` is empty. @throws DataError if there are none.
+/// held out), or of all training exposures if `name` is empty.
+/// @throws DataError if there are none.
 std::vector<NamedCamera> dataset_cameras(const Dataset& dataset, CameraSet which,
                                          const std::string& name);
 

@@ -25,8 +25,7 @@ std::string name_of(const io::ColmapCamera& camera);
 
 /// The camera with its lens, for images of width x height.
 /// @throws DataError for an unknown camera model, one that no pinhole can replace
-/// (EQUIRECTANGULAR),
-///   and focal lengths that are not positive.
+///   (EQUIRECTANGULAR), and focal lengths that are not positive.
 geometry::LensCamera lens_camera_of(const io::ColmapCamera& camera, int64_t width, int64_t height);
 
 /// Moves a model that is far from the origin of its coordinates to an origin near it, in double.

@@ -82,17 +82,16 @@ void describe(V& v, DatasetOptions& o) {
 /// Exposures that held_out.txt in the folder names go to Dataset::held_out. Pixels under the masks
 /// of frames (masks.h) have no effect: they are 0 and have no events.
 /// @throws DataError with the path and the fix for other problems: files that are missing,
-/// truncated
-///         or unreadable, counts and sizes that differ, missing poses of an exposure, times that
-///         do not overlap in any unit, held-out names that match no exposure, or match all.
+///   truncated or unreadable, counts and sizes that differ, missing poses of an exposure, times
+///   that do not overlap in any unit, held-out names that match no exposure, or match all.
 Dataset load_dataset(const DatasetOptions& options, std::vector<std::string>* warnings = nullptr);
 
 /// @throws DataError if the folder is missing or has no known layout.
 DatasetKind recognise_dataset(const std::filesystem::path& folder);
 
 /// The kind that the options name, else the kind recognised from their folder. Call it first, so
-/// that a wrong path is reported before other work starts. @throws as recognise_dataset;
-/// ConfigError without a path.
+/// that a wrong path is reported before other work starts.
+/// @throws as recognise_dataset; ConfigError without a path.
 DatasetKind kind_of(const DatasetOptions& options);
 
 /// File that lists a folder's held-out exposures: one frame name per line, without extension.

@@ -44,9 +44,10 @@ struct EvDeblurWriteOptions {
 /// all_timestamps.npy, events.h5 (x, y float32, t int64 µs, p int8 ±1) and, if they have content,
 /// points.npz, held_out.txt, gains.csv, ev_map.npz and sharp/NN.png. The layout can store only one
 /// focal length and a centred principal point.
-/// @throws DataError if a file cannot be written. @throws ContractError for content that the
-///         layout cannot store: no exposure, cameras that differ or are not centred, fx ≠ fy, test
-///         views without time, a trajectory that does not span the exposures.
+/// @throws DataError if a file cannot be written.
+/// @throws ContractError for content that the layout cannot store: no exposure, cameras that differ
+///   or are not centred, fx ≠ fy, test views without time, a trajectory that does not span the
+///   exposures.
 void write_evdeblur(const std::filesystem::path& folder, const EvDeblurContent& content,
                     const EvDeblurWriteOptions& options = {});
 

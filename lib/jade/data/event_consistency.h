@@ -82,8 +82,8 @@ struct ConsistencyOptions {
 class EventConsistency {
  public:
   /// @param frames       [3,H,W] or [1,H,W], at least two, all of one size
-  /// @param is_neighbour whether frames i and i+1 may be compared, one fewer than frames @param
-  /// span         time span of the events to use
+  /// @param is_neighbour whether frames i and i+1 may be compared, one fewer than frames
+  /// @param span         time span of the events to use
   EventConsistency(const std::vector<torch::Tensor>& frames, const std::vector<bool>& is_neighbour,
                    const events::EventStream& events, const events::TimeWindow& span,
                    const ConsistencyOptions& options = {});

@@ -48,8 +48,7 @@ void check_train_left(const std::vector<bool>& is_test, const std::string& path)
 }
 
 /// @throws DataError if a type with less precision than float64 rounds times by more than a
-/// fiftieth
-///   of the frame period.
+///   fiftieth of the frame period.
 void check_precision(const torch::Tensor& times, const std::string& name) {
   constexpr double kLargestShare = 0.02;
   constexpr double kFinest = 1e-3;  // smaller steps are negligible in every unit

@@ -28,12 +28,12 @@ struct FrameTimes {
 /// Reads the arrays timestamps_start and timestamps_end.
 /// @param unit  kAuto: as events::guess_exposure_unit
 /// @throws DataError for missing arrays, lengths that differ, values that are not finite, ends
-///         before starts, exposures of no plausible length in any unit, or floating-point numbers
-///         that are too coarse for their times.
+///   before starts, exposures of no plausible length in any unit, or floating-point numbers that
+///   are too coarse for their times.
 FrameTimes read_frame_times(const std::filesystem::path& path, events::TimeUnit unit);
 
-/// Checks for exposures that one sensor cannot have taken. Warns if a few overlap. @param names  of
-/// the frames, at least as many as times
+/// Checks for exposures that one sensor cannot have taken. Warns if a few overlap.
+/// @param names  of the frames, at least as many as times
 /// @param path   of the times, for messages
 /// @throws DataError if two frames have the same exposure, or if more than a tenth of the exposures
 ///   overlap the next by more than 5 % of the frame period, which rounding cannot explain.

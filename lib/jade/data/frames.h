@@ -40,15 +40,14 @@ double folder_scale(const std::filesystem::path& image_folder);
 /// Names of frames: file names without extension; duplicates get the folder as a prefix
 /// ("cam0_001"), and remaining duplicates keep their extension.
 /// @throws DataError for names that are not UTF-8, that remain duplicate, or of which one is NAME_k
-/// of
-///   another, the name of an exposure's pose.
+///   of another, the name of an exposure's pose.
 std::vector<std::string> frame_names(const std::vector<std::filesystem::path>& paths);
 
 /// Whether the frames of a data set may differ in size.
 enum class FrameSizes { kOne, kAny };
 
-/// Reads the given images and their masks on several threads, in the given order. @throws DataError
-/// if one cannot be read; for kOne, if they differ in size; if they would not fit
+/// Reads the given images and their masks on several threads, in the given order.
+/// @throws DataError if one cannot be read; for kOne, if they differ in size; if they would not fit
 ///   into memory, as estimated from their headers; and as frame_names() and read_masks().
 std::vector<Frame> read_frames(const std::vector<std::filesystem::path>& paths,
                                const MaskSources& masks, const Warnings& warnings,

@@ -20,8 +20,8 @@ struct LlffView {
 /// Converts [N,17] to poses. LLFF stores world_from_camera with columns (down, right, backwards);
 /// this library uses camera_from_world with axes (right, down, forward).
 /// @param name  the path, for messages.
-/// @throws DataError naming the row for other shapes, values that are not finite and matrices
-///         that are no rotation.
+/// @throws DataError naming the row for other shapes, values that are not finite and matrices that
+///   are no rotation.
 std::vector<LlffView> parse_llff(const torch::Tensor& rows, const std::string& name);
 
 std::vector<LlffView> read_llff(const std::filesystem::path& path);

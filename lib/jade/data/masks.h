@@ -37,7 +37,7 @@ struct MaskSources {
 /// @param paths   of the frames
 /// @param images  read from these, [3,H,W]
 /// @throws DataError naming the file for a mask that is missing, unreadable, of another size than
-///         its frame, and for frames whose pixels are all excluded.
+///   its frame, and for frames whose pixels are all excluded.
 std::vector<torch::Tensor> read_masks(const std::vector<std::filesystem::path>& paths,
                                       const std::vector<torch::Tensor>& images,
                                       const MaskSources& sources, const Warnings& warnings);

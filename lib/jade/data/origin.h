@@ -10,8 +10,8 @@
 
 namespace jade::data {
 
-/// The origin to which loaders move a scene (geometry/origin.h), from the camera centres. @param
-/// points  [P,3] float64 or undefined: the extent of the scene
+/// The origin to which loaders move a scene (geometry/origin.h), from the camera centres.
+/// @param points  [P,3] float64 or undefined: the extent of the scene
 /// @param depth   its depth if there are no points; 0 if unknown
 geometry::Vector3 origin_of(const std::vector<geometry::Pose>& cameras_from_world,
                             const torch::Tensor& points, double depth = 0);

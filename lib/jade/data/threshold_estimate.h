@@ -23,8 +23,8 @@ struct ThresholdEstimate {
 };
 
 /// Estimates Θ⁺ and Θ⁻ from the consistency of neighbouring exposures (event_consistency.h). Within
-/// 10 % of the truth on simulated recordings with noise (docs/engineering/import.md). @param
-/// exposures   frames and times, in order; poses are not used
+/// 10 % of the truth on simulated recordings with noise (docs/engineering/import.md).
+/// @param exposures   frames and times, in order; poses are not used
 /// @param events      of the pixels of these frames, by the same clock
 /// @param log_offset  ε of the sensor's log(I + ε), in units of intensity.
 /// @throws Interrupted.

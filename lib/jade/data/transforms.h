@@ -17,8 +17,9 @@ bool is_transforms(const std::filesystem::path& folder);
 std::vector<std::filesystem::path> named_folders(const std::filesystem::path& folder);
 
 /// Matrices are world_from_camera in OpenGL axes (x right, y up, z backwards). Frames without an
-/// image file are skipped with a warning, as in other programs, unless few frames remain. @throws
-/// DataError naming the file and frame for malformed JSON, missing keys or most images missing.
+/// image file are skipped with a warning, as in other programs, unless few frames remain.
+/// @throws DataError naming the file and frame for malformed JSON, missing keys or most images
+///   missing.
 Dataset load_transforms(const DatasetOptions& options, const Warnings& warnings);
 
 }  // namespace jade::data

@@ -74,8 +74,8 @@ bool is_last_row(const std::array<double, 4>& values) {
   return true;
 }
 
-/// Why the last row of a 4x4 matrix is wrong, and what to do; empty if it is 0, 0, 0, 1. @param m
-/// the rows above it
+/// Why the last row of a 4x4 matrix is wrong, and what to do; empty if it is 0, 0, 0, 1.
+/// @param m the rows above it
 std::string fault_of_last_row(const json& row, const double (&m)[3][4]) {
   std::array<double, 4> last{};
   if (!row.is_array() || row.size() != 4) return row.dump().substr(0, 40) + "; correct it";
@@ -116,8 +116,8 @@ bool has_coefficients(const geometry::Lens& lens) {
 constexpr const char* kListedCoefficients[] = {"k1", "k2", "k3", "k4", "p1", "p2"};
 
 /// The coefficients k1 to k6, p1 and p2 that apply to a frame. A list distortion_params overrides
-/// single keys, as in nerfstudio; those of a frame override those of the file. @throws DataError
-/// unless the list has 6 numbers.
+/// single keys, as in nerfstudio; those of a frame override those of the file.
+/// @throws DataError unless the list has 6 numbers.
 json coefficients_of(const json& root, const json& frame, const std::string& where) {
   json found = json::object();
   for (const json* object : {&root, &frame}) {

@@ -16,8 +16,8 @@
 
 namespace jade::data {
 
-/// The root object of a file. @throws DataError unless it has a list "frames", and no NaN or
-/// Infinity.
+/// The root object of a file.
+/// @throws DataError unless it has a list "frames", and no NaN or Infinity.
 nlohmann::json read_transforms_json(const std::filesystem::path& path);
 
 /// A string of a frame or of the file; empty if neither has it.

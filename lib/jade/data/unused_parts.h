@@ -37,9 +37,10 @@ class UnusedParts {
 };
 
 /// Parts that no reader uses: depth maps, normals and the like in the folder of a data set, frames
-/// of unsupported formats, and masks in mask/ or among the frames. @param names_masks  whether the
-/// data set names its mask files, so that those folders may be in use @param read         frames
-/// that were read; their formats are not reported as unsupported
+/// of unsupported formats, and masks in mask/ or among the frames.
+/// @param names_masks  whether the data set names its mask files, so that those folders may be in
+///   use
+/// @param read         frames that were read; their formats are not reported as unsupported
 UnusedParts unused_in_any_layout(const std::filesystem::path& root,
                                  const std::filesystem::path& frames, bool names_masks = false,
                                  const std::vector<std::filesystem::path>& read = {});

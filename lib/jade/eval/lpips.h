@@ -23,8 +23,8 @@ inline constexpr const char* kLpipsAbsent =
 /// which rescales to [-1,1]).
 class Lpips {
  public:
-  /// Loads the modules in `cache`; if one is missing or unreadable, its metric has no value. @param
-  /// cache  empty: core/cache_folder.h.
+  /// Loads the modules in `cache`; if one is missing or unreadable, its metric has no value.
+  /// @param cache  empty: core/cache_folder.h.
   explicit Lpips(torch::Device device, std::filesystem::path cache = {});
   ~Lpips();
 

@@ -39,8 +39,8 @@ struct Evaluation {
   std::vector<ReblurScore> held_out;  ///< their mean is mean.psnr_reblur
 };
 
-/// Both PSNRs and SSIM of one view, and LPIPS if `lpips` has its networks (nullptr: none). @param
-/// mask  as in metrics.h; excluded pixels are 0 in both images for LPIPS
+/// Both PSNRs and SSIM of one view, and LPIPS if `lpips` has its networks (nullptr: none).
+/// @param mask  as in metrics.h; excluded pixels are 0 in both images for LPIPS
 Scores score(const std::string& name, const torch::Tensor& image, const torch::Tensor& truth,
              const Lpips* lpips = nullptr, const torch::Tensor& mask = {});
 

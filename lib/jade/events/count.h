@@ -23,8 +23,8 @@ void count(const CountArguments& arguments);
 }
 
 namespace cuda {
-/// Runs on the current stream of the device, without waiting. @throws DeviceError if it does not
-/// start.
+/// Runs on the current stream of the device, without waiting.
+/// @throws DeviceError if it does not start.
 void count(const CountArguments& arguments, int device_index);
 }  // namespace cuda
 

@@ -17,7 +17,8 @@ int64_t knot_us(const TimeWindow& window, int64_t k, int64_t parts);
 ///     P_s(r, c) = Σ_i max(0, 1 − |x_i − c|) · max(0, 1 − |y_i − r|),  knots_s ≤ t_i < knots_{s+1}.
 ///     One pass over the events; pixel centres have integer coordinates. Weights outside the image
 ///     are dropped; events that touch no pixel and NaN coordinates are ignored. Any number of
-///     threads, CPU and CUDA give the same bits. @param knots_us  S + 1 times, not decreasing.
+///     threads, CPU and CUDA give the same bits.
+/// @param knots_us  S + 1 times, not decreasing.
 /// @return [S,2,H,W] int64 on the events' device, positive first, in units of 2⁻³⁰ events.
 torch::Tensor count_events(const EventStream& events, const std::vector<int64_t>& knots_us,
                            const ImageSize& size);

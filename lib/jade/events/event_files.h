@@ -47,7 +47,7 @@ constexpr double kMostMemory = 0.7;
 
 /// @param fix  what to do about it, for the message
 /// @throws DataError if `what`, which needs that many bytes, exceeds kMostMemory of
-/// machine_memory().
+///   machine_memory().
 void check_memory(
     const std::string& what, double bytes,
     const std::string& fix = "choose a shorter span of time (jade_import: --begin-s, --end-s)");
@@ -67,8 +67,8 @@ void check_event_memory(const std::filesystem::path& path, int64_t count, double
 ///               are skipped
 /// Polarity is 0/1 or −1/+1. Times are stored in µs, rounded down from ns. Unsorted times are
 /// sorted stably, with a warning; duplicates are kept. Events with NaN coordinates or outside the
-/// image stay in the stream, with a warning; counts ignore them. @throws DataError naming the path:
-/// missing or damaged files, arrays that are missing or of
+/// image stay in the stream, with a warning; counts ignore them.
+/// @throws DataError naming the path: missing or damaged files, arrays that are missing or of
 ///   different lengths, other polarities, times that are NaN or overlap no exposure in any unit.
 EventFileResult read_events(const std::filesystem::path& path,
                             const EventFileOptions& options = {});

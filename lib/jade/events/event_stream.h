@@ -34,9 +34,9 @@ class EventStream {
   EventStream();
 
   /// Takes four contiguous tensors [N] without copying.
-  /// @throws ContractError for other shapes, types or devices, for times that are not sorted
-  ///   (equal times are fine) and for polarities other than ±1. NaN coordinates are allowed:
-  ///   sums ignore them (see count_problems).
+  /// @throws ContractError for other shapes, types or devices, for times that are not sorted (equal
+  ///   times are fine) and for polarities other than ±1. NaN coordinates are allowed: sums ignore
+  ///   them (see count_problems).
   EventStream(torch::Tensor x, torch::Tensor y, torch::Tensor t_us, torch::Tensor polarity);
 
   /// Copies four lists of equal length; otherwise as above.

@@ -30,8 +30,9 @@ struct ExposureMaps {
   torch::Tensor signed_windows;
 };
 
-/// Voxel, EDI windows and density of the events in `exposure`, exact as in count_events. @param
-/// events  on the CPU; only events in [begin_us, end_us) count. @param parts   number of windows.
+/// Voxel, EDI windows and density of the events in `exposure`, exact as in count_events.
+/// @param events  on the CPU; only events in [begin_us, end_us) count.
+/// @param parts   number of windows.
 /// @param signed_parts  number of signed windows; 0: none.
 ExposureMaps map_exposure(const EventStream& events, const TimeWindow& exposure, int64_t bins,
                           const ImageSize& size, int64_t parts = kEdiWindows,

@@ -21,8 +21,8 @@ constexpr int64_t kBandBytes = 1 << 20;
 constexpr int64_t kPixelBytes = 56;
 
 /// Calls add(window, share) for the windows between `knots` that overlap the span (begin, end] of
-/// one event's step; the shares over all time add up to 1. An empty span is a step at `end`. @param
-/// now  the last knot at or before `end`, -1 for none
+/// one event's step; the shares over all time add up to 1. An empty span is a step at `end`.
+/// @param now  the last knot at or before `end`, -1 for none
 template <class Add>
 void share_out(const std::vector<int64_t>& knots, int64_t now, int64_t begin, int64_t end,
                const Add& add) {

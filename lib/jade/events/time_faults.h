@@ -27,14 +27,14 @@ struct WrappedCounter {
 WrappedCounter unwrap_counter(torch::Tensor& times);
 
 /// @param bits  as significant_bits()
-/// @throws DataError if floating-point times at the size of `largest` are more than 1 ms apart,
-///   or if `count` events lie on a few of the values that the type has there.
+/// @throws DataError if floating-point times at the size of `largest` are more than 1 ms apart, or
+///   if `count` events lie on a few of the values that the type has there.
 void check_resolution(const std::filesystem::path& path, double smallest, double largest,
                       int64_t count, int bits, TimeUnit unit);
 
 /// @param time  float64 or int64 [N], as stored
-/// @throws DataError if a thousand events or more lie on a few times, 1 ms apart or more, or all
-///   on one: their last digits were lost before they were stored.
+/// @throws DataError if a thousand events or more lie on a few times, 1 ms apart or more, or all on
+///   one: their last digits were lost before they were stored.
 void check_digits(const std::filesystem::path& path, const torch::Tensor& time, TimeUnit unit);
 
 /// A warning if times in the guessed unit have the rate of a recording in milliseconds: seconds

@@ -46,8 +46,8 @@ std::optional<TimeUnit> guess_time_unit(double first, double last, bool has_frac
 /// floating point means seconds, unless no time has a fraction and times are more than 1000 apart
 /// on average: then µs. Whole numbers above kOnlyNs are ns. Times are ms if three frames or more
 /// are ordinary in ms, and implausible otherwise: shorter than 100 µs at more than 5,000 per
-/// second, or longer than 0.5 s at one in 10 s or fewer. @param start,end  [N] of one integer or
-/// floating type
+/// second, or longer than 0.5 s at one in 10 s or fewer.
+/// @param start,end  [N] of one integer or floating type
 /// @param mend  what to do about exposures of no plausible length, for the message
 /// @throws DataError beginning with `name` for those.
 TimeUnit guess_exposure_unit(const torch::Tensor& start, const torch::Tensor& end,

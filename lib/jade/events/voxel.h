@@ -31,8 +31,8 @@ torch::Tensor polarity_projection(const torch::Tensor& voxel);
 /// the middle's:
 ///     Ψ_u = Σ_k ω_k max(±V_k, 0),  ω_k = 2u before u and 2(1 − u) after it.
 /// The bin that contains u is divided as if its events were uniform in time. ω = 1 at u = ½ gives
-/// the printed Ψ bit for bit. At the ends all events lie on one side, with ω = 2. @param moment  u
-/// in [0,1], 0 the start and 1 the end of the exposure.
+/// the printed Ψ bit for bit. At the ends all events lie on one side, with ω = 2.
+/// @param moment  u in [0,1], 0 the start and 1 the end of the exposure.
 torch::Tensor polarity_projection(const torch::Tensor& voxel, double moment);
 
 }  // namespace jade::events

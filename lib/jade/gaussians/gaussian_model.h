@@ -47,8 +47,8 @@ class GaussianModel {
   splat::Gaussians detached() const;
 
   /// Replaces the parameters by new leaves with these values, without gradients. Only densification
-  /// may call it, because the optimiser's rows must change with them. @throws ContractError for
-  /// shapes that do not match.
+  /// may call it, because the optimiser's rows must change with them.
+  /// @throws ContractError for shapes that do not match.
   void replace(const splat::Gaussians& values);
 
  private:

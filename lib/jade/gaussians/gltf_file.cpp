@@ -248,8 +248,8 @@ splat::Gaussians gaussians_of(Document& document, const json& primitive) {
   return out;
 }
 
-/// Applies a node's matrix. @throws DataError unless it only rotates, scales uniformly and
-/// translates.
+/// Applies a node's matrix.
+/// @throws DataError unless it only rotates, scales uniformly and translates.
 splat::Gaussians placed(const Document& document, const splat::Gaussians& gaussians,
                         const torch::Tensor& matrix) {
   if (matrix.equal(torch::eye(4, torch::kFloat64))) return gaussians;

@@ -16,8 +16,8 @@ void write_glb(const std::filesystem::path& path, const GaussianFile& file);
 
 /// Reads the Gaussians of all nodes of the scene of a .glb or .gltf, whose buffers are in the file
 /// or beside it, transformed by their nodes and rotated to this library's axes. Omits SH beyond
-/// degree 3. @throws DataError naming the path for damaged files, files without Gaussians, nodes
-/// that shear
+/// degree 3.
+/// @throws DataError naming the path for damaged files, files without Gaussians, nodes that shear
 ///   or stretch, and parts that the extension does not specify: compression, other kernels.
 GaussianFile read_gltf(const std::filesystem::path& path);
 

@@ -85,8 +85,7 @@ PointCloud without_points_near_cameras(const PointCloud& cloud,
 
 /// The initial Gaussians that `options` select.
 /// @param at_most  if there are more points, a random subset is used; the Gaussians of a .ply,
-/// which are
-///   a complete scene, all stay, with a warning
+///   which are a complete scene, all stay, with a warning
 /// @throws ConfigError if the sources lack what the kind needs, DataError for a bad .ply.
 splat::Gaussians initial_gaussians(const InitOptions& options, const InitSources& sources,
                                    at::Generator& generator,

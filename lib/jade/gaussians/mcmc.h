@@ -42,7 +42,8 @@ void add_noise(double scale, GaussianModel& model, at::Generator& generator);
 
 /// [count] rows sampled with replacement, with probabilities proportional to their weights. Sums
 /// are in double, because float32 loses the last of millions of rows; torch's multinomial is
-/// limited to 2^24 rows. @param weights  [N] on the CPU, non-negative, not all zero
+/// limited to 2^24 rows.
+/// @param weights  [N] on the CPU, non-negative, not all zero
 torch::Tensor drawn_rows(const torch::Tensor& weights, int64_t count, at::Generator& generator);
 
 /// [M,3] = R(q) (exp(s) ⊙ x): converts points in a Gaussian's own axes and units to world offsets.

@@ -58,9 +58,8 @@ class GaussianAdam {
  public:
   GaussianAdam() = default;
   /// @param monochrome  the three channels of every SH coefficient step by the mean of their
-  /// gradients,
-  ///   so that a gray model stays gray bit for bit: terms of the objective weight the channels
-  ///   differently, and kernels sum them in different orders.
+  ///   gradients, so that a gray model stays gray bit for bit: terms of the objective weight the
+  ///   channels differently, and kernels sum them in different orders.
   GaussianAdam(const GaussianModel& model, const OptimOptions& options, bool monochrome = false);
 
   /// Updates the parameters that have a gradient; others stay unchanged.

@@ -45,8 +45,8 @@ void check_some(const splat::Gaussians& gaussians, const std::filesystem::path& 
 /// Writes binary little-endian float32 with the attributes above plus nx ny nz (zero), which other
 /// viewers expect. Reading it back gives the same bits. Accepts any float dtype and device.
 /// @param coordinates  for a file with an origin: kOwn writes the means unchanged, with the origin
-/// in
-///   a comment; kDataset adds the origin and writes x y z as double, because float32 is too coarse
+///   in a comment; kDataset adds the origin and writes x y z as double, because float32 is too
+///   coarse
 void write_ply(const std::filesystem::path& path, const GaussianFile& file,
                PlyCoordinates coordinates = PlyCoordinates::kOwn);
 
@@ -55,8 +55,8 @@ void write_ply(const std::filesystem::path& path, const GaussianFile& file,
 /// @throws DataError as read_ply.
 PointCloud read_point_cloud(const std::filesystem::path& path);
 
-/// True if the .ply's vertices have Gaussian attributes, false if they are plain points. @throws
-/// DataError as read_ply.
+/// True if the .ply's vertices have Gaussian attributes, false if they are plain points.
+/// @throws DataError as read_ply.
 bool has_gaussians(const std::filesystem::path& path);
 
 }  // namespace jade::gaussians

@@ -46,7 +46,7 @@ struct PlyScene {
 };
 
 /// @throws DataError as read_ply; the message says what the file is, or which attributes are
-/// missing.
+///   missing.
 PlyScene read_scene(const std::filesystem::path& path);
 
 /// True if the vertices of read_point_cloud() have colours.

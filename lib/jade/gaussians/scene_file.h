@@ -32,7 +32,7 @@ inline constexpr char kWrittenEndings[] = ".ply, .compressed.ply, .spz, .sog, .g
 std::optional<SceneKind> scene_kind(const std::filesystem::path& path);
 
 /// @throws DataError with what to do for Gaussians in a known format that is not supported, and for
-/// a file with a known extension that was not fetched or not unpacked. Returns for other paths.
+///   a file with a known extension that was not fetched or not unpacked. Returns for other paths.
 void refuse_foreign_scene(const std::filesystem::path& path);
 
 /// Gaussians and details of their file.
@@ -44,7 +44,8 @@ struct SceneFile {
 };
 
 /// Reads a file in any supported format. Means far from the origin are moved to an origin near
-/// them. @throws DataError naming the path, and what the file is if its format is not supported.
+/// them.
+/// @throws DataError naming the path, and what the file is if its format is not supported.
 SceneFile read_scene_file(const std::filesystem::path& path);
 
 /// Returns only the Gaussians; logs the notes as warnings.
@@ -62,7 +63,9 @@ bool can_write(const std::filesystem::path& path);
 bool is_exact(const std::filesystem::path& path);
 
 /// Writes the format of the path's extension. All formats but .ply omit Gaussians that cannot be
-/// rendered. @throws DataError naming the path. @pre can_write(path)
+/// rendered.
+/// @throws DataError naming the path.
+/// @pre can_write(path)
 void write_scene_file(const std::filesystem::path& path, const GaussianFile& file,
                       const SceneWriting& writing = {});
 

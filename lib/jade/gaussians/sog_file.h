@@ -12,7 +12,8 @@ namespace jade::gaussians {
 /// sign(x) ln(1 + |x|); scales and colours are the nearest of 256 values; rotations and opacities
 /// have 8 bits; SH beyond degree 0 are the nearest row of a palette with a quarter as many rows, at
 /// most 65536. Gaussians are sorted along a space-filling curve. Those with a number that is not
-/// finite are omitted. @throws DataError naming the path.
+/// finite are omitted.
+/// @throws DataError naming the path.
 void write_sog(const std::filesystem::path& path, const GaussianFile& file);
 
 /// Reads version 2, as an archive or as its unpacked meta.json beside the images.

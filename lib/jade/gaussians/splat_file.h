@@ -16,8 +16,8 @@ namespace jade::gaussians {
 /// @throws DataError if the file cannot be written.
 void write_splat(const std::filesystem::path& path, const splat::Gaussians& gaussians);
 
-/// Reads the same format, which has no signature, only records of 32 bytes. @throws DataError
-/// naming the path for a file of another size.
+/// Reads the same format, which has no signature, only records of 32 bytes.
+/// @throws DataError naming the path for a file of another size.
 GaussianFile read_splat(const std::filesystem::path& path);
 
 }  // namespace jade::gaussians

@@ -11,9 +11,9 @@ namespace jade::geometry {
 ///     world_from_camera(u) = data(u) · exp(ξ(u)),  ξ(u) = Σ_j b_j(u) ξ_j,
 /// with b_j the linear basis for two twists, or the uniform cubic B-spline's for four or more: its
 /// K − 3 middle segments cover the exposure. Zero twists return the given path bit for bit.
-/// @param twists             [K,6] float64, ξ_j = (ρ, ω) as in se3_exp(); K 2, 4 or more @param u
-/// [M] float64, times in units of the exposure, 0 its start and 1 its end @param camera_from_world
-/// [M,4,4] float32 or float64, the data's at these times
+/// @param twists             [K,6] float64, ξ_j = (ρ, ω) as in se3_exp(); K 2, 4 or more
+/// @param u [M] float64, times in units of the exposure, 0 its start and 1 its end
+/// @param camera_from_world [M,4,4] float32 or float64, the data's at these times
 /// @return camera_from_world [M,4,4] float64; differentiable in the twists only, and once
 torch::Tensor corrected_path(const torch::Tensor& twists, const torch::Tensor& u,
                              const torch::Tensor& camera_from_world);

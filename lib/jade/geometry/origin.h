@@ -13,7 +13,7 @@ namespace jade::geometry {
 /// round point near its middle.
 /// @param middle  of the scene
 /// @param size    of the scene, in the same unit: a distance that must be resolved well; 0 if
-/// unknown
+///   unknown
 Vector3 scene_origin(const Vector3& middle, double size);
 
 /// The camera in a world with its origin at `origin` of this one: t + R origin.

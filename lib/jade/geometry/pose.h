@@ -52,8 +52,8 @@ Matrix3 rotation_from_vector(const Vector3& rotation_vector);
 /// Angle in radians, [0, π], of the rotation between two poses.
 double rotation_angle(const Pose& a, const Pose& b);
 
-/// The nearest rotation (polar factor) of a matrix that a file stores with few digits. @throws
-/// ContractError if the matrix differs by more than 0.1 (largest entry) from a rotation.
+/// The nearest rotation (polar factor) of a matrix that a file stores with few digits.
+/// @throws ContractError if the matrix differs by more than 0.1 (largest entry) from a rotation.
 Matrix3 nearest_rotation(const Matrix3& matrix);
 
 /// [4,4] float64 with last row 0 0 0 1.

@@ -28,13 +28,13 @@ Intrinsics rectified_camera(const LensCamera& raw, RectifiedField field);
 
 /// For frames: the place in the raw image of each rectified pixel's content.
 /// @return [2,H,W] float32 at the rectified size, column then row; NaN if the lens has no content
-/// there.
+///   there.
 torch::Tensor undistortion_map(const LensCamera& raw, const Intrinsics& rectified);
 
 /// For events: the place in the rectified image of each raw pixel; the inv_mapx and inv_mapy of
 /// ev_map.npz.
-/// @return [2,h,w] float32 at the raw size, column then row; NaN if the lens has no inverse, or
-///   one behind the pinhole.
+/// @return [2,h,w] float32 at the raw size, column then row; NaN if the lens has no inverse, or one
+///   behind the pinhole.
 torch::Tensor rectification_map(const LensCamera& raw, const Intrinsics& rectified);
 
 /// A second camera beside the first.

@@ -13,7 +13,7 @@ namespace jade::imaging {
 /// three equal channels; alpha (see read_alpha) and rotation tags are ignored. `.npy` files contain
 /// [3,H,W], [1,H,W] or [H,W] of a floating type and are not rescaled.
 /// @throws DataError naming the path of a missing, empty or unsupported file, and for floats beyond
-/// [0,1].
+///   [0,1].
 torch::Tensor read_image(const std::filesystem::path& path);
 
 /// Opacity of an image: [1,H,W] float32 in [0,1], 1 is opaque. Undefined for files without alpha or
@@ -23,7 +23,8 @@ torch::Tensor read_alpha(const std::filesystem::path& path);
 
 /// Reads a mask stored as an image: [1,H,W] bool, true if any colour channel is not 0 and alpha, if
 /// there is one, is at least half of full. In lossy formats (JPEG) a channel must be at least half
-/// of full. @throws DataError as read_image().
+/// of full.
+/// @throws DataError as read_image().
 torch::Tensor read_mask(const std::filesystem::path& path);
 
 struct ImageWriteOptions {

@@ -39,8 +39,8 @@ struct ClockOffset {
 /// change is complete. The result is doubtful if nothing correlates (a static camera or scene), if
 /// another peak is nearly as high (a steady motion over a repeating texture), if the peak is at the
 /// end of the range, or if parts of the frames disagree.
-/// @param exposures  frames and times by the frames' clock, in order; poses are not used @param
-/// events     of the same sensor, whole-pixel or rectified coordinates
+/// @param exposures  frames and times by the frames' clock, in order; poses are not used
+/// @param events     of the same sensor, whole-pixel or rectified coordinates
 ClockOffset estimate_clock_offset(const std::vector<data::Exposure>& exposures,
                                   const events::EventStream& events,
                                   const ClockOffsetOptions& options = {});

@@ -52,9 +52,9 @@ std::vector<std::filesystem::path> reconstruct(const ColmapJob& job, const Colma
                                                const std::filesystem::path& folder);
 
 /// Tries the model with its depths reversed (scripts/colmap.py): for a camera with a narrow view
-/// and little motion, incremental mapping can converge to the wrong one of the two. @return the
-/// folder of the reversed model if it fits clearly better; empty: it does not, or COLMAP
-///   is the program, which does not support this
+/// and little motion, incremental mapping can converge to the wrong one of the two.
+/// @return the folder of the reversed model if it fits clearly better; empty: it does not, or
+///   COLMAP is the program, which does not support this
 std::filesystem::path reverse_depths(const ColmapJob& job, const std::filesystem::path& model,
                                      const std::filesystem::path& folder);
 

@@ -19,8 +19,8 @@ constexpr auto words_of(ColorFilter) {
                     Word{"gbrg", ColorFilter::kGbrg}};
 }
 
-/// Channel (0 red, 1 green, 2 blue) that a filter passes at a pixel. @throws ContractError for
-/// none.
+/// Channel (0 red, 1 green, 2 blue) that a filter passes at a pixel.
+/// @throws ContractError for none.
 int64_t channel_of(ColorFilter filter, int64_t row, int64_t column);
 
 /// Row and column of a filter's first red pixel; from there on the filter is RGGB.
@@ -28,8 +28,8 @@ int64_t channel_of(ColorFilter filter, int64_t row, int64_t column);
 std::array<int64_t, 2> first_red(ColorFilter filter);
 
 /// True for a gray frame that is the raw mosaic of a colour sensor: the four places of its 2 x 2
-/// cells differ in mean brightness, two on a diagonal (the greens) less than the others. @param
-/// frame  [3,H,W]; false if it is in colour
+/// cells differ in mean brightness, two on a diagonal (the greens) less than the others.
+/// @param frame  [3,H,W]; false if it is in colour
 bool is_mosaic(const torch::Tensor& frame);
 
 /// Colour filter of the event pixels, estimated from the events.

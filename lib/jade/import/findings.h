@@ -37,8 +37,9 @@ struct ExposureFinding {
 /// Whether no shot has an exposure time.
 bool lacks_exposures(const Capture& capture);
 
-/// Result of estimate_exposure_length(). @throws DataError if the user must give a length. @param
-/// stamp  no value: tries start, middle and end
+/// Result of estimate_exposure_length().
+/// @throws DataError if the user must give a length.
+/// @param stamp  no value: tries start, middle and end
 ExposureFinding find_exposures(const Capture& capture, std::optional<recording::Stamp> stamp);
 
 /// Sets the exposures of the shots; does nothing if the recording contains them.
@@ -52,9 +53,9 @@ using Align = std::function<void(Capture&)>;
 
 /// The offset in the options, if given, else that of estimate_clock_offset(). An offset within two
 /// milliseconds or three standard errors of 0 counts as 0. Mirrored events cause a warning
-/// (find_mirroring) and an offset of 0. @param frames_apart  frames and events come from different
-/// files: a doubtful offset is then an error;
-///   for a single recording it counts as 0, with a warning.
+/// (find_mirroring) and an offset of 0.
+/// @param frames_apart  frames and events come from different files: a doubtful offset is then an
+///   error; for a single recording it counts as 0, with a warning.
 /// @throws DataError if the user must give an offset.
 ClockFinding find_clock(const TimeOptions& options, const Capture& capture, bool frames_apart);
 
@@ -74,7 +75,7 @@ struct SensorFinding {
 /// event pixel sees one channel, estimates thresholds in these channels. Warns of frames that are
 /// raw mosaics.
 /// @param align  for two cameras, applied before frames and events are compared and after hot
-/// pixels are removed
+///   pixels are removed
 SensorFinding find_sensor(const SensorOptions& options, const events::EventOptions& events,
                           const Capture& capture, const Align& align = {});
 

@@ -33,7 +33,7 @@ struct HotPixel {
 };
 
 struct HotPixels {
-  std::vector<HotPixel> pixels;  ///< [H,W] bool
+  std::vector<HotPixel> pixels;  ///< by rate, the highest first
   torch::Tensor mask;            ///< [H,W] bool
 };
 

@@ -37,8 +37,8 @@ constexpr size_t kFewestFrames = 4;
 /// Longest exposure as a multiple of the frame period; both are rounded.
 constexpr double kLongestExposure = 1.02;
 
-/// Calls `visit` with each file below a folder, following links to other folders. @param above  the
-/// ancestors of the folder and the folder itself; links to them are skipped
+/// Calls `visit` with each file below a folder, following links to other folders.
+/// @param above  the ancestors of the folder and the folder itself; links to them are skipped
 template <class Visit>
 void for_files(const fs::path& folder, std::vector<fs::path> above, const Visit& visit) {
   std::error_code unreadable;

@@ -33,7 +33,7 @@ struct Rectification {
 };
 
 /// @throws ConfigError for two cameras without a plane's depth, or if it is not between near and
-/// far.
+///   far.
 Rectification rectification(const RectifyCameras& cameras, const RectifyOptions& options);
 
 }  // namespace jade::import

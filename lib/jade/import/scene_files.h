@@ -26,7 +26,8 @@ std::vector<Part> parts_of(const Capture& capture, const std::vector<TimedPose>&
 void check_test_names(const Capture& capture, const TestOptions& options);
 
 /// Writes the data set in the EvDeblur layout into `folder`, with frames.csv (the shot of each
-/// frame), the masks of the capture and its shots, and scene.yaml. @return a one-line description
+/// frame), the masks of the capture and its shots, and scene.yaml.
+/// @return a one-line description
 std::string write_scene(const std::filesystem::path& folder, const Capture& capture,
                         const Reconstruction& found, const ImportOptions& options);
 

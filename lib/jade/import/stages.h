@@ -28,8 +28,8 @@ struct StageRange {
 /// written, and all from `from` on. A result appears in FOLDER/NAME completely or not at all, so an
 /// interruption loses only the running stage; later stages always read it from there. Stages after
 /// a recomputed one are outdated, even if the run ends before them. Logs one line per stage with
-/// its time. @throws ConfigError for unknown stage names, or `until` before `from`; errors of the
-/// stages.
+/// its time.
+/// @throws ConfigError for unknown stage names, or `until` before `from`; errors of the stages.
 void run_stages(const std::filesystem::path& folder, const std::vector<Stage>& stages,
                 const StageRange& range);
 

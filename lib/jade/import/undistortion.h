@@ -11,8 +11,8 @@
 
 namespace jade::import {
 
-/// The calibration that the options name, else the one beside the recording, else none. @param kept
-/// file of the latter, or empty
+/// The calibration that the options name, else the one beside the recording, else none.
+/// @param kept file of the latter, or empty
 /// @throws DataError for a file that cannot be read, ConfigError for two cameras without
 ///   lens.plane_depth, or lens.plane_depth without two cameras.
 std::optional<Calibration> calibration_of(const LensOptions& options,

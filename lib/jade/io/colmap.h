@@ -56,7 +56,7 @@ int64_t count_colmap_images(const std::filesystem::path& folder);
 /// Reads binary files if both cameras.bin and images.bin exist, else text. A missing points3D file
 /// gives no points.
 /// @throws DataError naming the file for truncated, damaged or contradictory content, non-finite
-///         numbers, zero rotations, two cameras or images with one id, an unknown camera model.
+///   numbers, zero rotations, two cameras or images with one id, an unknown camera model.
 ColmapModel read_colmap(const std::filesystem::path& folder);
 
 /// Parses a model from memory.

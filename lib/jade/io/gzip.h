@@ -6,8 +6,8 @@
 
 namespace jade::io {
 
-/// Compresses bytes to a gzip file (RFC 1952) at zlib's default level. @throws DataError if zlib
-/// fails.
+/// Compresses bytes to a gzip file (RFC 1952) at zlib's default level.
+/// @throws DataError if zlib fails.
 std::string gzip(const std::string& content);
 
 /// True if the bytes begin like a gzip file.

@@ -49,7 +49,7 @@ class Hdf5File {
   /// Length of a one-dimensional data set of numbers or records of numbers; [N,1], [1,N] and a
   /// scalar count as one-dimensional.
   /// @throws DataError otherwise, or if the file is too small for that many values, so that the
-  ///         result is safe to allocate.
+  ///   result is safe to allocate.
   int64_t length(const std::string& name) const;
 
   /// Reads values [begin, begin+count) into `out`, converted to T; HDF5 clamps values that do not

@@ -15,14 +15,15 @@ namespace jade::io {
 /// Fortran order (the result is contiguous in C order). uint16 becomes int32, uint32 and uint64
 /// become int64, because LibTorch supports few operations on unsigned types.
 /// @throws DataError naming the path if the file is missing, truncated or longer than its header
-///         says, or contains Python objects, records, or a uint64 above 2^63.
+///   says, or contains Python objects, records, or a uint64 above 2^63.
 torch::Tensor read_npy(const std::filesystem::path& path);
 
 /// Reads an array from bytes in memory; `name` is the path in messages.
 torch::Tensor parse_npy(const void* bytes, size_t size, const std::string& name);
 
 /// Writes a tensor of any strides and device as C-ordered .npy (format 1.0), to a temporary name
-/// that is then renamed, so that readers never see a partial file. @throws DataError.
+/// that is then renamed, so that readers never see a partial file.
+/// @throws DataError.
 void write_npy(const std::filesystem::path& path, const torch::Tensor& tensor);
 
 /// An .npz archive. Entries are decoded on request, so that unsupported entries do no harm unless

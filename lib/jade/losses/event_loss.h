@@ -23,8 +23,8 @@ struct EventPair {
 ///     L_ev = mean_p (Δℓ/Θ − n)² [n > 0] + mean_p (Δℓ/Θ − n)² [n < 0],
 /// Δℓ the change of lin_log(255 · luma) (event_loss_math.h), with luma g for gray events, else the
 /// pixel's own channel; in colour the sums are divided by the sum of the channel weights instead of
-/// P. Differentiable in `renders`, once; float32 on a GPU, with another order of summation. @throws
-/// ContractError for shapes, types and devices that do not match.
+/// P. Differentiable in `renders`, once; float32 on a GPU, with another order of summation.
+/// @throws ContractError for shapes, types and devices that do not match.
 torch::Tensor event_loss(const EventPair& events);
 
 }  // namespace jade::losses

@@ -214,7 +214,7 @@ torch::Tensor target_pose(const ObjectivePlan& plan, const torch::Tensor& pose_d
 /// L_scene = L_tgt + L_blur + L_edi + L_sim + L_int (+ L_ev), Eq. (10): the terms of the plan with
 /// their weights. Does not wait for the device.
 /// @return total and beside are two roots of one graph: call torch::autograd::backward() for both
-/// at once
+///   at once
 Objective objective(const ObjectiveInputs& inputs, const ObjectivePlan& plan,
                     const ObjectiveOptions& options);
 

@@ -20,7 +20,7 @@ struct PoseViews {
 /// @param pose_indices  [M] int64 on the same device, repeats allowed
 /// @param weights       [K] of the mean, of sum 1; undefined: 1/K each
 /// @param first         an additional pick before those; negative: none. At most 8 in total on a
-/// GPU.
+///   GPU.
 PoseViews pose_views(const torch::Tensor& renders, const torch::Tensor& pose_indices,
                      const torch::Tensor& weights = {}, int64_t first = -1);
 

@@ -84,8 +84,8 @@ void check_apart(const std::filesystem::path& list, const std::vector<FrameFile>
                  std::vector<std::string>& notes);
 
 /// Reads images on several threads into recording.frames, sorted by time; skips those without a
-/// time. @throws DataError if one cannot be read, they differ in size, or they do not fit into
-/// memory.
+/// time.
+/// @throws DataError if one cannot be read, they differ in size, or they do not fit into memory.
 void read_frames(std::vector<FrameFile> files, Recording& recording);
 
 /// Replaces the recording's frames by the images of a folder or the frames of a video. A folder may
@@ -99,8 +99,8 @@ void replace_frames(const std::filesystem::path& path, const ReadOptions& option
 std::string without_mark(const std::string& text);
 
 /// Reads images.txt: one line per image with a time in seconds and a path. Notes images that are
-/// listed twice or missing, and unlisted ones of the folder; all are skipped. @throws DataError
-/// naming the line.
+/// listed twice or missing, and unlisted ones of the folder; all are skipped.
+/// @throws DataError naming the line.
 std::vector<FrameFile> listed_images(const std::filesystem::path& list,
                                      std::vector<std::string>& notes);
 
@@ -109,8 +109,8 @@ std::vector<FrameFile> listed_images(const std::filesystem::path& list,
 void add_npz_times(const std::filesystem::path& path, events::TimeUnit unit,
                    std::vector<FrameFile>& files, Recording& recording);
 
-/// Completes exposures from options and trigger edges if the recording's fields lack them. @throws
-/// DataError for frames of other sources that remain without a time.
+/// Completes exposures from options and trigger edges if the recording's fields lack them.
+/// @throws DataError for frames of other sources that remain without a time.
 void complete_exposures(const ReadOptions& options, Contents& contents);
 
 /// Selects the channel of the trigger input with the most edges, and notes the others.
@@ -125,8 +125,8 @@ ReadEvents events_of(const std::filesystem::path& path, const ReadOptions& optio
 ReadEvents events_of_evt(const std::filesystem::path& path, const ReadOptions& options,
                          Recording& recording);
 
-/// Sets how many events were stored, and notes how many were skipped. @param most  maximum number
-/// to keep, 0: all
+/// Sets how many events were stored, and notes how many were skipped.
+/// @param most  maximum number to keep, 0: all
 void note_stored(int64_t events, const events::TimeWindow& span_us, int64_t most,
                  Recording& recording);
 

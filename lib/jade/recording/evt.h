@@ -54,8 +54,9 @@ struct EvtCounts {
 /// events that next() requests, plus at most 31.
 class EvtDecoder {
  public:
-  /// Reads the header. @throws DataError for a file that is missing, has no such header, or has
-  /// another encoding (EVT4, histograms).
+  /// Reads the header.
+  /// @throws DataError for a file that is missing, has no such header, or has another encoding
+  ///   (EVT4, histograms).
   explicit EvtDecoder(const std::filesystem::path& path);
 
   const EvtHeader& header() const { return header_; }

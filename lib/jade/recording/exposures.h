@@ -52,8 +52,7 @@ struct NamedExposure {
 /// or tab; "5000.0" counts as whole. Skips lines of '#'. The third column of a header line may be a
 /// length (duration_us, exposure_us).
 /// @throws DataError naming the line for other content, an end before its start, a duplicate name,
-/// and
-///   naming the column of a header in another unit or order.
+///   and naming the column of a header in another unit or order.
 std::vector<NamedExposure> read_exposures(const std::filesystem::path& path);
 
 /// Writes such a list with its header line. @throws DataError.

@@ -95,7 +95,8 @@ struct ReadOptions {
 /// streamed, others are loaded entirely. Missing frames and missing events are notes, not errors.
 /// @throws DataError naming the path, one line: missing, empty, truncated or unsupported files,
 ///   frames of different sizes, inconsistent times, too little memory, and packages that
-///   scripts/setup.sh --import has not installed. @throws Interrupted.
+///   scripts/setup.sh --import has not installed.
+/// @throws Interrupted.
 Recording read_recording(const std::filesystem::path& path, const ReadOptions& options = {});
 
 }  // namespace jade::recording

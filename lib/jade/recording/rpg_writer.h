@@ -13,9 +13,9 @@ namespace jade::recording {
 /// Writes events and frames in the RPG text layout: events.txt, images.txt (times marked by
 /// recording.stamp; the middle of an exposure with known ends), images/NAME.png of 8 bits and
 /// exposures.csv. With a camera also calib.txt and calibration.yaml, in OpenCV's format with
-/// integer pixel centres. read_recording restores the same recording. @param exposure_times  false:
-/// without exposures.csv, so that only the stamps are known @throws DataError if a file cannot be
-/// written.
+/// integer pixel centres. read_recording restores the same recording.
+/// @param exposure_times  false: without exposures.csv, so that only the stamps are known
+/// @throws DataError if a file cannot be written.
 void write_rpg(const std::filesystem::path& folder, const Recording& recording,
                const std::optional<geometry::Intrinsics>& camera = std::nullopt,
                bool exposure_times = true);

@@ -42,16 +42,15 @@ RestorerCall restorer_call(torch::Device device, int64_t pixels);
 /// not exist.
 std::filesystem::path restorer_path(const EfnetOptions& options);
 
-/// SHA-256 of that file, lower-case hex. @throws DataError if it does not exist, cannot be read, or
-/// differs from the options' hash.
+/// SHA-256 of that file, lower-case hex.
+/// @throws DataError if it does not exist, cannot be read, or differs from the options' hash.
 std::string checked_file_sha256(const EfnetOptions& options);
 
 /// F: a frozen restorer (eval mode, no gradients).
 class Restorer {
  public:
   /// @throws DataError naming the path: not TorchScript, no metadata (with the command that exports
-  /// a
-  ///   file with it), metadata of another version, weights that do not match the metadata, or a
+  ///   a file with it), metadata of another version, weights that do not match the metadata, or a
   ///   SHA-256 that differs from the options'.
   explicit Restorer(const EfnetOptions& options, torch::Device device = torch::kCPU);
   ~Restorer();
@@ -68,23 +67,22 @@ class Restorer {
   int64_t batch() const { return batch_; }
 
   /// Restores the sharp frame of mid-exposure. If the device has too little memory, continues on
-  /// the CPU, and if that has too little, in overlapping tiles, with a warning. @param blurry
-  /// [3,H,W] or [N,3,H,W], RGB in [0,1]
+  /// the CPU, and if that has too little, in overlapping tiles, with a warning.
+  /// @param blurry [3,H,W] or [N,3,H,W], RGB in [0,1]
   /// @param events  [T,H,W] or [N,T,H,W], signed sums of the events of metadata().windows equal
   ///   half-open windows of the exposure; for version 1 at any positive scale. Ignored by kind
   ///   image.
   /// @return shaped as `blurry`, on its device, float32 in [0,1], without gradient
   /// @throws NumericError if the network returns NaN or Inf, DeviceError if memory is insufficient
-  /// in
-  ///   any case, DataError if the module rejects its input or returns another shape.
+  ///   in any case, DataError if the module rejects its input or returns another shape.
   torch::Tensor restore(const torch::Tensor& blurry, const torch::Tensor& events);
 
   /// Restores the sharp frames of any moments of one exposure, with as many per call of the network
   /// as restorer_call() says, or fewer if the device has too little memory; then as above.
   /// @param blurry  [3,H,W]
   /// @param events  [T,H,W]
-  /// @param times   K of them, 0 the start and 1 the end of the exposure, in any order @return
-  /// [K,3,H,W]
+  /// @param times   K of them, 0 the start and 1 the end of the exposure, in any order
+  /// @return [K,3,H,W]
   /// @throws DataError, before other work, for a moment that the file cannot restore (check_times);
   ///   else as above.
   torch::Tensor restore(const torch::Tensor& blurry, const torch::Tensor& events,
@@ -129,8 +127,8 @@ class Restorer {
 /// hashed as float32.
 std::string weights_sha256(const torch::jit::Module& module);
 
-/// Converts the six bins to cumulative sums from mid-exposure outwards (SCER):
-/// [−(V1+V2+V3), −(V2+V3), −V3, V4, V4+V5, V4+V5+V6].
+/// Converts the six bins to cumulative sums from mid-exposure outwards (SCER): [−(V1+V2+V3),
+/// −(V2+V3), −V3, V4, V4+V5, V4+V5+V6].
 /// @param voxel  [N,6,H,W]
 torch::Tensor scer_from_bins(const torch::Tensor& voxel);
 

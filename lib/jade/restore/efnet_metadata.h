@@ -45,8 +45,8 @@ RestorerMetadata parse_restorer_metadata(const std::filesystem::path& path,
 /// @throws DataError as parse_restorer_metadata, and for files that are not TorchScript.
 RestorerMetadata read_restorer_metadata(const std::filesystem::path& path);
 
-/// @param times  moments to restore, 0 the start and 1 the end of an exposure @throws DataError
-/// naming the path if the restorer supports only the middle and another moment is
+/// @param times  moments to restore, 0 the start and 1 the end of an exposure
+/// @throws DataError naming the path if the restorer supports only the middle and another moment is
 ///   requested; ContractError for moments outside [0,1] or an empty list.
 void check_times(const std::filesystem::path& path, const RestorerMetadata& metadata,
                  const std::vector<double>& times);

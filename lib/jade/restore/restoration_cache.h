@@ -31,8 +31,8 @@ void describe(V& v, RestorationCacheOptions& o) {
   v.fixed("max_mib", o.max_mib);
 }
 
-/// SHA-256 over a description of a restoration and all of its inputs. @param recipe  the method,
-/// its settings and the hash of its weights, as text.
+/// SHA-256 over a description of a restoration and all of its inputs.
+/// @param recipe  the method, its settings and the hash of its weights, as text.
 /// @param inputs  shapes, types and values are hashed; on any device.
 std::string restoration_key(const std::string& recipe, const std::vector<torch::Tensor>& inputs);
 

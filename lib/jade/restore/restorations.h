@@ -13,7 +13,8 @@ struct Restorations {
 };
 
 /// I_pseudo = α ⊙ I_edi + (1 − α) ⊙ F, Eq. (4).
-/// @param alpha  broadcasts to [3,H,W], usually [1,H,W]. Differentiable. @return [3,H,W]
+/// @param alpha  broadcasts to [3,H,W], usually [1,H,W]. Differentiable.
+/// @return [3,H,W]
 torch::Tensor fuse(const torch::Tensor& alpha, const Restorations& restorations);
 
 /// The gray image nearest to `image`, with the mean of its channels in all three: removes the tint

@@ -56,8 +56,8 @@ struct ExposureSums {
 };
 
 /// Thread-safe, also in parallel with restore_exposure().
-/// @param recording  all events of the data set: events.ramp_ms extends beyond the exposure. @param
-/// network    whose input to sum, or null
+/// @param recording  all events of the data set: events.ramp_ms extends beyond the exposure.
+/// @param network    whose input to sum, or null
 ExposureSums sum_events(const data::Exposure& exposure, const events::EventStream& recording,
                         const RestoreOptions& options, const RestorerMetadata* network);
 

@@ -18,11 +18,10 @@ namespace jade::restore {
 class ViewRestorer {
  public:
   /// @param efnet  its file is read at once and checked against its SHA-256 and metadata; without
-  /// value
-  ///   there is no F, and efnet() must not be called.
+  ///   value there is no F, and efnet() must not be called.
   /// @param monochrome  the frames are gray, and so is F, see without_tint().
-  /// @param early  the network of `efnet` on `device`, if its loading has started. @throws
-  /// DataError.
+  /// @param early  the network of `efnet` on `device`, if its loading has started.
+  /// @throws DataError.
   ViewRestorer(const RestorationCacheOptions& cache, std::optional<EfnetOptions> efnet,
                torch::Device device, bool monochrome = false, std::future<Restorer> early = {});
   /// Prunes the cache.

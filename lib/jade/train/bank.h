@@ -43,13 +43,10 @@ class ViewBank {
   /// duration of the call only, or is `early`, whose loading has already started.
   /// @param options  settled
   /// @param most_device_bytes  The device stores at most this much, each kind for all views or for
-  /// none:
-  ///   the frames with their window means of SSIM, masks and targets, then EDI factors, then F at
-  ///   the
-  ///   restored poses. Frames that a router reads are always on the device.
+  ///   none: the frames with their window means of SSIM, masks and targets, then EDI factors, then
+  ///   F at the restored poses. Frames that a router reads are always on the device.
   /// @throws DataError, NumericError from the restorers; DataError before the first view if all
-  /// poses
-  ///   are to be restored and the restorer supports the middle only.
+  ///   poses are to be restored and the restorer supports the middle only.
   ViewBank(const data::Dataset& dataset, const RunOptions& options, torch::Device device,
            std::future<restore::Restorer> early = {},
            int64_t most_device_bytes = kMostConstantBytes);
@@ -108,8 +105,7 @@ class ViewBank {
 
 /// SHA-256 of the restorer's file; empty if the options need none.
 /// @throws ConfigError if EFNet is needed and not named; DataError if its file cannot be read or
-/// its
-///   hash is not efnet.sha256.
+///   its hash is not efnet.sha256.
 std::string restorer_sha256(const RunOptions& options);
 
 }  // namespace jade::train

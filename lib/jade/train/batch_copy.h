@@ -17,7 +17,8 @@ struct BufferCopy {
 namespace cuda {
 
 /// Runs all copies on the current stream, one launch per 64 of them; does not wait. No destination
-/// may overlap another buffer. @throws DeviceError.
+/// may overlap another buffer.
+/// @throws DeviceError.
 void copy_all(const std::vector<BufferCopy>& copies);
 
 }  // namespace cuda

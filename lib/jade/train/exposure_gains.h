@@ -51,7 +51,8 @@ class ExposureGains : public torch::nn::Module {
   bool learned() const { return log_gains_.requires_grad(); }
 
   /// The factor that makes a render of the exposure as bright as its frame, [1] float32;
-  /// differentiable if learned. @param exposure  [1] int64
+  /// differentiable if learned.
+  /// @param exposure  [1] int64
   torch::Tensor forward(const torch::Tensor& exposure) const;
 
   /// Squared distance of the exposure's log gain from the data set's, scalar float32.

@@ -20,8 +20,8 @@ torch::Tensor routing_alpha(TrainState& state, const StepInputs& inputs, const S
 /// One Adam step on θ, Eq. (2) to (7): computes α from the measurements, the fused target I_pseudo,
 /// its distance to a stop-gradient copy of the render at the target's pose, and its distance to the
 /// blurry frame after reblurring.
-/// Changes neither φ nor its optimiser. Does nothing if the plan does not update θ. @param alpha
-/// routing_alpha() of the same state, inputs and plan
+/// Changes neither φ nor its optimiser. Does nothing if the plan does not update θ.
+/// @param alpha routing_alpha() of the same state, inputs and plan
 RouteReport routing_step(TrainState& state, const StepInputs& inputs, const torch::Tensor& alpha,
                          const Renders& renders, const StepPlan& plan,
                          const losses::RouteOptions& options);

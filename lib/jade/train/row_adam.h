@@ -21,22 +21,22 @@ class RowAdam {
  public:
   RowAdam() = default;
   /// @param parameter  contiguous, stays on its device; a GPU must be the current device at every
-  /// call
+  ///   call
   explicit RowAdam(torch::Tensor parameter, double eps = 1e-8);
 
   bool empty() const { return !parameter_.defined(); }
 
   /// Sets the parameter's gradient to undefined.
   void zero_grad() { parameter_.mutable_grad() = torch::Tensor(); }
-  /// Adds the parameter's gradient, which only row `row` has, to the accumulated one. @param row
-  /// [1] int64
+  /// Adds the parameter's gradient, which only row `row` has, to the accumulated one.
+  /// @param row [1] int64
   void accumulate(const torch::Tensor& row);
   /// One Adam step of every row with an accumulated gradient, which is then reset.
   void update(double lr);
 
   const RowAdamState& state() const { return state_; }
-  /// Restores `saved`; `gradient` and `seen` may be undefined: nothing accumulated. @throws
-  /// ContractError for other shapes.
+  /// Restores `saved`; `gradient` and `seen` may be undefined: nothing accumulated.
+  /// @throws ContractError for other shapes.
   void restore(const RowAdamState& saved);
 
  private:

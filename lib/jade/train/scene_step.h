@@ -28,10 +28,10 @@ Renders render_exposure(TrainState& state, const StepInputs& inputs, const StepP
 /// One Adam step on φ (with the camera response), Eq. (8) to (10), with the
 /// term "poses" if learned poses have a prior; their gradients are accumulated for
 /// update_exposures(). Changes neither θ nor its optimiser. Does not densify.
-/// @param target  [3,H,W], recomputed after the routing step; needed for L_tgt only @param beside
-/// as in ObjectiveInputs
-/// @param response_table  of the state's response; undefined: computed on first use @return the
-/// terms, as detached device scalars
+/// @param target  [3,H,W], recomputed after the routing step; needed for L_tgt only
+/// @param beside as in ObjectiveInputs
+/// @param response_table  of the state's response; undefined: computed on first use
+/// @return the terms, as detached device scalars
 std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& inputs,
                                           const Renders& renders, const torch::Tensor& target,
                                           const StepPlan& plan, const RunOptions& options,

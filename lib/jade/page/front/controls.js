@@ -9,8 +9,8 @@ const TURN = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDow
 
 export class Controls {
   /**
-   * @param host  {pose(), reach(), down, move(pose)}: the current camera, the distance to the point
-   *   that it looks at, the down direction of the world, and a callback for the moved camera
+   * @param host  {pose(), reach(), down, move(pose)}: the current camera, the distance to the point that it
+   *   looks at, the down direction of the world, and a callback for the moved camera
    */
   constructor(stage, host) {
     Object.assign(this, { stage, host, pointers: new Map(), held: new Set() });

@@ -9,7 +9,8 @@ const DEPTH_SHARE = 0.08; // depth of a drawn frustum, relative to the distance 
 
 /**
  * Distance of a view from the nearest recorded pose: 0 at one, 1 at the limit of the well-reconstructed
- * region. @param reach  distance of the scene from the view
+ * region.
+ * @param reach  distance of the scene from the view
  */
 export function outsideness(pose, recorded, reach) {
   const [centre, forward] = [centreOf(pose), axis(pose, 2)];

@@ -31,7 +31,8 @@ export class LiveLink {
 
   /**
    * {blob, step, gaussians, psnr}; {reason} if it cannot be rendered; null if another request overtook this
-   * one. @param view  the data set's camera of this view, which may have a true image to compare with
+   * one.
+   * @param view  the data set's camera of this view, which may have a true image to compare with
    */
   async frame(camera, pose, scale, layer, view = '') {
     const { width, height, fx, fy, cx, cy } = scaledCamera(camera, scale);

@@ -45,8 +45,8 @@ export function sortByDepth(positions, view, near) {
 
 /**
  * Colours of the Gaussians seen from a camera: max(0, SH of degree up to 3 + ½), in the given order. In a
- * vertex shader, four times per Gaussian, this cost more than all other work. @param scene   {positions,
- * colors, degree} of parseSpz()
+ * vertex shader, four times per Gaussian, this cost more than all other work.
+ * @param scene   {positions, colors, degree} of parseSpz()
  * @param centre  of the camera
  * @returns Float32Array [3 per entry of the order]
  */
