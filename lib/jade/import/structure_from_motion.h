@@ -56,8 +56,8 @@ struct SearchResult {
 /// Finds the poses of the images in LATENTS/images: makes several attempts and prefers one that
 /// explains the blur of the frames, then the one with the most images, then the one that explains
 /// most of the blur. All files of COLMAP stay in `work`. Shows progress.
-/// @param capture  its camera is held constant; without one, the focal length is estimated
-/// Frames that seem static only cause a warning: patterns fixed to a sensor can hide motion.
+/// @param capture  its camera is held constant; without one, the focal length is estimated Frames
+///   that seem static only cause a warning: patterns fixed to a sensor can hide motion.
 /// @throws DataError if no attempt registers two thirds of the images, has parallax and explains
 ///   the blur, with the result of each, whether the frames moved, and how to record better;
 ///   Interrupted.

@@ -23,12 +23,12 @@ struct EcfEvent {
 ///   4 bytes   the number of events · 4 + 2 · (all packed) + (columns and polarities packed)
 ///   times     8 bytes for the first, then bytes (step, number of events): 4 bits each. 15 events:
 ///             their number follows in 2 bytes. Step 15: the other 4 bits are a part of a larger
-///             step, lowest first, and the byte after the last part begins the next entry.
-/// If all are packed, 4 events follow in 3 numbers of 4 bytes: row, column and polarity in 12, 11
-/// and 1 bits. Otherwise:
-///   rows      2 bytes (row, number of events): 11 and 5 bits; 31 events: their number follows
-/// If columns and polarities are packed, 4 events follow in 3 numbers of 2 bytes: 11 and 1 bits.
-/// Otherwise:
+///             step, lowest first, and the byte after the last part begins the next entry. If all
+///             are packed, 4 events follow in 3 numbers of 4 bytes: row, column and polarity in 12,
+///             11 and 1 bits. Otherwise:
+///   rows      2 bytes (row, number of events): 11 and 5 bits; 31 events: their number follows If
+///   columns and polarities are packed, 4 events follow in 3 numbers of 2 bytes: 11 and 1 bits.
+///   Otherwise:
 ///   columns      2 bytes (column, mask): 11 and 5 bits; each bit of the mask, from its top, is an
 ///                event 1 to 5 columns further
 ///   polarities   bytes (polarity, number of events): 1 and 7 bits; 127: their number follows

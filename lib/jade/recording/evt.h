@@ -32,7 +32,7 @@ struct EvtHeader {
 /// Events as decoded, in the order of the file, four lists of one length.
 struct EvtEvents {
   std::vector<uint16_t> x, y;
-  std::vector<int64_t> t_us;     ///< of the sensor's clock, wraps undone
+  std::vector<int64_t> t_us;     ///< by the sensor's clock, unwrapped
   std::vector<int8_t> polarity;  ///< ±1
 
   size_t size() const { return t_us.size(); }

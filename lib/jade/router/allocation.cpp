@@ -50,7 +50,7 @@ class GlobalScalarAllocation : public Allocation {
   torch::Tensor logit_;
 };
 
-/// One parameter per view, so that an optimiser can leave those of absent views alone.
+/// One parameter per view, so that an optimiser can skip those of absent views.
 class PerViewAllocation : public Allocation {
  public:
   PerViewAllocation(int64_t views, int64_t height, int64_t width) {

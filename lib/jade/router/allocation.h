@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How the weight α between the two restorations is obtained: the rows of the ablation tables.
+// Ways to compute the weight α between the two restorations: the rows of the ablation tables.
 #pragma once
 
 #include <ATen/core/Generator.h>
@@ -49,7 +49,7 @@ struct AllocationInput {
   int64_t view = 0;      ///< index among the training views
 };
 
-/// θ behind one interface. `parameters()` is empty where there is nothing to learn.
+/// Interface of θ. `parameters()` is empty if nothing is learned.
 class Allocation : public torch::nn::Module {
  public:
   /// α [1,H,W], differentiable in the parameters; in [0,1] for every kind but router_no_sigmoid.
@@ -57,7 +57,7 @@ class Allocation : public torch::nn::Module {
   bool trainable() const { return !parameters().empty(); }
 };
 
-/// The kind that the options name, on the CPU; nullptr for kNone. The learned number and maps
+/// The kind that the options name, on the CPU; nullptr for kNone. The learned constant and maps
 /// start at 0.5.
 /// @param views, height, width  sizes of per_view_map.
 std::shared_ptr<Allocation> make_allocation(const AllocationOptions& options, int64_t views,

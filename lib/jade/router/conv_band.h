@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Direct convolutions of few channels on the CPU, a band of rows at a time. No torch here: the
-// kernels are compiled for several instruction sets, so what they share is inlined always.
+// Direct convolutions of few channels on the CPU, in bands of rows. Must not include torch: the
+// kernels are compiled for several instruction sets, so all shared code is inlined.
 #pragma once
 
 #include <cstdint>
@@ -39,7 +39,7 @@ struct Band {
   int64_t begin, end;  ///< rows
 };
 
-/// Output channels are computed in blocks that share what they load; as many as registers hold.
+/// Output channels are computed in blocks that share their loads; as many as registers allow.
 constexpr int64_t kMostBlock = 6;
 struct Blocks {
   int64_t channels, count;
@@ -58,7 +58,7 @@ struct Convolution {
   bool relu = false;
 };
 
-/// [out][in][K][K] in the order that ConvKernels::convolve reads.
+/// Reorders [out][in][K][K] for ConvKernels::convolve.
 template <class T>
 void pack_weights(const T* weights, int64_t out, int64_t in, int64_t kernel, T* packed) {
   const int64_t taps = in * kernel * kernel;
@@ -80,7 +80,7 @@ struct WeightGradient {
 
 template <class T>
 struct ConvKernels {
-  /// Computes rows of the band, which may reach into the border. Columns beyond width + reach are
+  /// Computes rows of the band, which may include the border. Columns beyond width + reach are
   /// overwritten.
   void (*convolve)(const Convolution<T>& convolution, Band band);
   /// Sums over the band's rows: of_weights[o][i][dy][dx] = Σ g(o, y, x) in(i, y + dy − K/2, …) and

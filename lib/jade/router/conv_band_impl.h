@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sums stay in registers: twelve in a convolution, about ten in a weight gradient (twenty of the
-// 5x5 layers where there are 32 registers), for two or three loads per multiplication less. Vectors
-// of the compiler's own kind. What adds up columns has vectors of 32 bytes always, so that every
-// machine adds in the same order; a convolution's columns know nothing of each other. Compiled once
-// per instruction set by jade_add_isa_sources().
+// Sums stay in registers: twelve in a convolution, about ten in a weight gradient (twenty for the
+// 5x5 layers if there are 32 registers), which saves two or three loads per multiplication. Uses
+// the compiler's vector extensions. Sums over columns always use vectors of 32 bytes, so that every
+// machine adds in the same order; the columns of a convolution are independent. Compiled once per
+// instruction set by jade_add_isa_sources().
 #pragma once
 
 #include <cstring>
@@ -65,7 +65,7 @@ JADE_HD void convolve_columns(const Convolution<T>& args, const T* weights, int6
 #pragma GCC unroll 2
     for (int part = 0; part < Count; ++part) {
       V& sum = sums[o][part];
-      // Written so that NaN stays.
+      // Written so that NaN is preserved.
       if (args.relu) sum = sum < V{} ? V{} : sum;
       std::memcpy(args.out.row(first + o, y) + x + part * kLanes, &sum, sizeof(V));
     }

@@ -8,10 +8,10 @@ namespace jade::router::cuda {
 namespace {
 
 constexpr int kThreads = 128;
-constexpr int kRows = 2;  ///< of the tile that a warp computes, 32 pixels each: two products wide
+constexpr int kRows = 2;  ///< of a warp's tile, 32 pixels each: two products wide
 
-/// Part of [0, size) that a tile covers. `border` replicated pixels at either end stay in one tile
-/// with the edge that they repeat.
+/// Part of [0, size) that a tile covers. `border` replicated pixels at either end are in the same
+/// tile as the edge pixel that they repeat.
 struct Span {
   int begin, end;
   bool at_begin, at_end;
@@ -25,7 +25,7 @@ struct Span {
   }
 };
 
-/// Stores the sums of a pixel, `stride` apart.
+/// Stores the sums of a pixel, with `stride` between them.
 struct Store {
   float* to;  ///< [N,channels,H,W]
   int channels;
@@ -49,7 +49,7 @@ struct Store {
 
 /// head2's ReLU and all of head3.
 struct StoreLogits {
-  float* head2;  ///< null: not kept
+  float* head2;  ///< null: not stored
   const float *weights, *bias;
   float* logits;
 
@@ -68,7 +68,7 @@ struct StoreLogits {
   }
 };
 
-/// Sums of a warp's pixels, the small products apart: tensor cores cut the sum off at its last bit.
+/// Sums of a warp's pixels, with small products accumulated separately: tensor cores truncate sums.
 template <int COLUMNS>
 struct Sums {
   float large[kRows][2][COLUMNS][4] = {};
@@ -76,7 +76,7 @@ struct Sums {
 };
 
 /// out(o, y, x) = Σ w(o, i, dy, dx) source(i, y + dy, x + dx). TURNED: the gradient of a layer's
-/// input, whose repeated border is added to the edge.
+/// input, whose replicated border is added to the edge.
 template <class S, bool TURNED, class Source, class Finish>
 struct Convolution {
   static constexpr int kBorder = TURNED ? S::kKernel / 2 : 0;
@@ -110,7 +110,7 @@ struct Convolution {
   }
 
  private:
-  /// Returns 1 / what the tile was multiplied by.
+  /// Returns 1 / the scale of the tile.
   __device__ float load(uint32_t* memory, uint32_t* slots, int y0, int x0) const {
     constexpr int kRounds = round_up(S::kPixels, kThreads) / kThreads;
     constexpr int kReach = TURNED ? S::kKernel - 1 : S::kKernel / 2;
@@ -152,7 +152,7 @@ struct Convolution {
     return S::kSpread ? 4 * row + 2 * product + half : 16 * product + 8 * half + row;
   }
 
-  /// A row of the tile is read once and multiplied with all rows of the kernel that meet it.
+  /// Each row of the tile is read once and multiplied with all kernel rows that overlap it.
   __device__ void multiply(const uint32_t* memory, Sums<S::kColumns>& sums) const {
     constexpr int kKernel = S::kKernel, kColumns = S::kColumns;
     const int warp = threadIdx.x / 32, lane = threadIdx.x % 32;
@@ -221,7 +221,7 @@ struct Convolution {
     }
   }
 
-  /// Adds the gradients of the repeated border to the edge that it repeats, in x, then in y.
+  /// Adds the gradients of the replicated border to its edge, in x, then in y.
   __device__ void fold(float* out, const Span& y, const Span& x) const {
     if (x.at_begin || x.at_end) {
       for (int i = threadIdx.x; i < S::kOut * kTileY; i += kThreads) {
@@ -262,7 +262,7 @@ struct Convolution {
   }
 };
 
-/// Blocks per multiprocessor: three are what a small image has.
+/// Blocks per multiprocessor: a small image has three.
 constexpr int kResident = 3;
 
 template <class A>
@@ -285,7 +285,7 @@ __global__ void __launch_bounds__(kThreads, kResident + 1)
   }
 }
 
-/// Names a product's weights, and starts kernels on a stream.
+/// Selects a product's weights, and launches kernels on a stream.
 struct Run {
   const Network& network;
   cudaStream_t stream;

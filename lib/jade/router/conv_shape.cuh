@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The convolutions that the router needs, forward and backward, and how their weights lie in
-// memory.
+// Shapes of the router's convolutions, forward and backward, and the memory layout of their
+// weights.
 #pragma once
 
 #include "jade/router/conv_layer.h"
@@ -8,16 +8,16 @@
 
 namespace jade::router::cuda {
 
-/// How a convolution's sums are cut into products of depth 16. The tile lies in shared memory as
+/// Splits a convolution's sums into products of depth 16. The tile in shared memory is
 /// [row][column][pair of channels], so that the pairs of a pixel and of its right neighbours, the
-/// taps of one row of the kernel, are one run of words: a step takes the next eight of it. With
-/// eight pairs a step is one tap.
+/// taps of one kernel row, are contiguous: a step takes the next eight words. With eight pairs a
+/// step is one tap.
 template <int IN, int OUT, int K>
 struct Shape {
   static constexpr int kIn = IN, kOut = OUT, kKernel = K;
   static constexpr int kPairs = (IN + 1) / 2;
-  /// Words from a pixel to the next. Where it is odd, a product's pixels are four apart; eight
-  /// pixels' four words then lie in 32 different banks. Consecutive pixels do for four.
+  /// Words from a pixel to the next. If it is odd, a product's pixels are four apart, so that eight
+  /// pixels' four words are in 32 different banks. For four, consecutive pixels are conflict-free.
   static constexpr int kStride = kPairs % 2 == 0 && kPairs != 4 ? kPairs + 1 : kPairs;
   static constexpr bool kSpread = kStride % 2 == 1;
   static constexpr bool kStepPerTap = kPairs == 8;
@@ -31,20 +31,20 @@ struct Shape {
   static constexpr int kFragments = kSteps * K * kColumns * 32;
 };
 
-/// Weights of a convolution as the tensor cores take them: [step][row of the kernel][eight
+/// Weights of a convolution in the order of the tensor cores: [step][kernel row][eight
 /// outputs][lane] of (high, high, low, low).
 struct Prepared {
   int in, out, kernel, stride, steps, columns;
   bool step_per_tap;
   int layer;
-  bool turned;   ///< the layer's input gradient: its weights turned by 180 degrees
-  int first;     ///< of the layer's inputs, if turned
+  bool turned;   ///< the layer's input gradient: weights rotated by 180 degrees
+  int first;     ///< of the layer's inputs, if `turned`
   int layer_in;  ///< the layer's own size
   int layer_out;
   int begin;  ///< of the fragments, in fours of words
 };
 
-/// Convolutions: layers by their own numbers, but for head3, which is none; then gradients of a
+/// Convolutions: layers by their own numbers, except head3, which is not one; then gradients of a
 /// layer's input.
 enum Product {
   kOfHead1 = kHead3,
@@ -57,7 +57,7 @@ enum Product {
   kProducts
 };
 
-constexpr int kInverses = round_up(kProducts, 4);  ///< words in front: 1 / the weights' scale
+constexpr int kInverses = round_up(kProducts, 4);  ///< words at the start: 1 / the weights' scale
 
 using Event1 = Shape<2, 16, 5>;
 using Event2 = Shape<16, 6, 5>;

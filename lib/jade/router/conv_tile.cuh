@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Inputs of the router's kernels: pixels of an image or of a gradient, and numbers split into pairs
-// of halves for the tensor cores.
+// Inputs of the router's kernels: pixels of an image or of a gradient, and numbers split into two
+// halves for the tensor cores.
 //
-// x is read as high + low, both in half precision: 22 bits of x. A tile is first multiplied by a
-// power of two that brings its largest number to 2^14, so that only what is 2^28 times smaller
-// loses bits. Of a product high·high + high·low + low·high are taken.
+// x is represented as high + low, both in half precision: 22 bits of x. A tile is first multiplied
+// by a power of two that scales its largest number to 2^14, so that only numbers 2^28 times smaller
+// lose bits. A product is computed as high·high + high·low + low·high.
 #pragma once
 
 #include "jade/kernel/host_device.h"
@@ -16,10 +16,10 @@ constexpr int kTileX = 32, kTileY = 8;
 
 JADE_HD constexpr int round_up(int value, int step) { return (value + step - 1) / step * step; }
 
-/// A power of two and its inverse, both of them normal numbers.
+/// A power of two and its inverse, both normal numbers.
 struct Scale {
   float factor, inverse;
-  /// Brings this number, not negative, to [2^14, 2^15).
+  /// Scales this non-negative number to [2^14, 2^15).
   __device__ explicit Scale(float largest) {
     const uint32_t exponent = min(268u - (__float_as_uint(largest) >> 23), 227u);
     factor = __uint_as_float(exponent << 23);
@@ -27,7 +27,7 @@ struct Scale {
   }
 };
 
-/// Two numbers: the high halves of both in a word, the low ones in another.
+/// Two numbers: the high halves of both in one word, the low halves in another.
 struct Halves {
   uint32_t high, low;
   __device__ Halves(float first, float second) : high(kernel::to_halves(first, second)) {
@@ -36,11 +36,12 @@ struct Halves {
   }
 };
 
-/// The largest of the block's numbers, none of them negative. A barrier; `slots` (one per warp) may
-/// be used again after another.
+/// The largest of the block's non-negative numbers. Contains a barrier; `slots` (one per warp) may
+/// be reused after another one.
 template <int THREADS>
 __device__ float block_largest(float mine, uint32_t* slots) {
-  const uint32_t of_warp = __reduce_max_sync(~0u, __float_as_uint(mine));  // they order as numbers
+  // non-negative floats compare like integers
+  const uint32_t of_warp = __reduce_max_sync(~0u, __float_as_uint(mine));
   if (threadIdx.x % 32 == 0) slots[threadIdx.x / 32] = of_warp;
   __syncthreads();
   uint32_t largest = slots[0];
@@ -58,7 +59,7 @@ __device__ __forceinline__ float largest_of(const float (&values)[COUNT]) {
   return largest;
 }
 
-/// Sources are read a pixel at a time, all channels of it.
+/// Sources are read one pixel at a time, with all its channels.
 struct Size {
   int height, width;
 
@@ -69,8 +70,8 @@ struct Size {
   __device__ bool has(int y, int x) const { return y >= 0 && y < height && x >= 0 && x < width; }
 };
 
-/// A layer's input with its edge repeated: the first FIRST channels from one tensor, the rest from
-/// another.
+/// A layer's input with its edge replicated: the first FIRST channels from one tensor, the rest
+/// from another.
 template <int FIRST>
 struct ImageSource {
   Size size;
@@ -99,7 +100,7 @@ struct GradientSource {
   Size size;
   const float* of_out;  ///< [N,channels,H,W]
   const float* out;     ///< likewise
-  int channels;  ///< of both tensors, of which the pointers may name a later one than the first
+  int channels;  ///< of both tensors; the pointers may start at a later channel
 
   template <int COUNT>
   __device__ __forceinline__ void read(int image, int y, int x, float (&values)[COUNT]) const {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The router's seven layers, from its inputs to its logits. Not for use outside this room.
+// The router's seven layers, from its inputs to its logits. Private to this folder.
 #pragma once
 
 #include <torch/types.h>
@@ -16,7 +16,7 @@ struct RouterWeights {
 namespace cpu {
 
 /// One operation for all layers. Differentiable once, in every weight and both inputs. float or
-/// double, all tensors of one type. The same bits for any number of threads.
+/// double, all tensors of one type. Any number of threads gives the same bits.
 /// @param blurry  [N,3,H,W]
 /// @param psi     [N,2,H,W]
 /// @return [N,1,H,W]
@@ -29,7 +29,7 @@ namespace cuda {
 
 /// CUDA version of router_logits(). float32 only, with float32 accuracy: numbers are split for the
 /// tensor cores instead of rounded to TF32 (README.md).
-/// @throws ContractError for other shapes or types, DeviceError when a kernel does not start.
+/// @throws ContractError for other shapes or types, DeviceError if a kernel does not start.
 torch::Tensor router_logits(const torch::Tensor& blurry, const torch::Tensor& psi,
                             const RouterWeights& weights);
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// torch's own convolutions take three times as long here: 2 to 24 channels are too few for them,
-// and replicate padding, concatenation and ReLU are passes over memory of their own. Here each
-// layer writes where the next one reads, borders included.
+// torch's convolutions take three times as long for 2 to 24 channels, and replicate padding,
+// concatenation and ReLU are separate passes over memory. Here each layer writes directly to the
+// next layer's input, including borders.
 #include <ATen/Dispatch.h>
 #include <ATen/Parallel.h>
 #include <algorithm>
@@ -32,7 +32,7 @@ namespace {
 using torch::autograd::AutogradContext;
 using torch::autograd::variable_list;
 
-/// Rows that one task computes: fixed, so that sums do not depend on the number of threads.
+/// Rows per task: constant, so that sums do not depend on the number of threads.
 constexpr int64_t kBandRows = 8;
 
 /// The order of the operation's tensors.
@@ -63,7 +63,7 @@ void for_bands(int64_t height, const Work& work) {
   });
 }
 
-/// Planes with the memory they lie in.
+/// Planes with the memory that they refer to.
 template <class T>
 struct Stored {
   Planes<T> planes;
@@ -75,7 +75,7 @@ struct Stored {
   }
 };
 
-/// Repeats the image's edge in the border of a band's rows.
+/// Replicates the image's edge in the border of a band's rows.
 template <class T>
 void replicate_border(const Planes<T>& planes, Band band) {
   const int64_t pad = planes.pad, width = planes.width, stride = planes.stride();
@@ -94,7 +94,7 @@ void replicate_border(const Planes<T>& planes, Band band) {
   }
 }
 
-/// [C,H,W] into planes.
+/// Copies [C,H,W] into planes.
 template <class T>
 void copy_in(const T* image, const Planes<T>& planes, Band band) {
   for (int64_t c = 0; c < planes.channels; ++c) {
@@ -105,7 +105,7 @@ void copy_in(const T* image, const Planes<T>& planes, Band band) {
   replicate_border(planes, band);
 }
 
-/// A gradient's border is zero: what lies outside the image gives none.
+/// A gradient's border is zero: values outside the image have no gradient.
 template <class T>
 void zero_border(const Planes<T>& planes, Band band) {
   const int64_t pad = planes.pad, stride = planes.stride();
@@ -120,9 +120,9 @@ void zero_border(const Planes<T>& planes, Band band) {
   }
 }
 
-/// Adds the border's gradients to the edge that was repeated there, drops those that ReLU held
-/// back, and writes the rest into `out`, whose border becomes zero.
-/// @param passed  what ReLU gave; no data: there was none
+/// Adds the border's gradients to the replicated edge, zeroes those that ReLU blocked, and writes
+/// the rest into `out`, whose border becomes zero.
+/// @param passed  output of ReLU; no data: there was none
 template <class T>
 void fold_border(const Planes<T>& padded, const Planes<T>& passed, const Planes<T>& out,
                  Band band) {
@@ -151,7 +151,7 @@ void fold_border(const Planes<T>& padded, const Planes<T>& passed, const Planes<
   zero_border(out, band);
 }
 
-/// Activations kept for the backward pass, in the order of Layers::make_shapes().
+/// Activations stored for the backward pass, in the order of Layers::make_shapes().
 enum Activation : size_t {
   kPsiIn,
   kBlurryIn,
@@ -163,7 +163,7 @@ enum Activation : size_t {
   kActivations
 };
 
-/// The layers of one pass. `inputs` outlives it.
+/// The layers of one pass. `inputs` must outlive it.
 template <class T>
 class Layers {
  public:
@@ -171,7 +171,7 @@ class Layers {
 
   explicit Layers(const variable_list& inputs) : in_(inputs) {}
 
-  /// Borders are what the next layer reads beyond the image.
+  /// Borders are the pixels outside the image that the next layer reads.
   Activations make_shapes() const {
     const auto shape = [&](int64_t channels, int64_t pad) {
       return Stored<T>{{nullptr, channels, height(), width(), pad}, {}};
@@ -206,7 +206,7 @@ class Layers {
     copy_out(last.planes, logits, n);
   }
 
-  /// Adds sample n's gradients to `grads`, in double; those of the inputs are written.
+  /// Adds sample n's weight gradients to `grads`, in double; writes those of the inputs.
   void backward(int64_t n, const Activations& at, const torch::Tensor& of_logits,
                 variable_list& grads) const {
     const Stored<T> of_head3 = stored(1, 0);
@@ -266,7 +266,7 @@ class Layers {
         torch::empty({stored.planes.size()}, in_[kBlurry].options().requires_grad(false)));
   }
 
-  /// Planes of that shape, but nothing to look ReLU up in.
+  /// Planes of that shape without ReLU output.
   static Planes<T> without_relu(Planes<T> planes) {
     planes.data = nullptr;
     return planes;
@@ -295,8 +295,8 @@ class Layers {
     });
   }
 
-  /// The layer's gradient to its input channels from `first` on: the convolution with the mirrored
-  /// weights, over the border too, which is then folded back.
+  /// The layer's gradient by its input channels from `first` on: the convolution with the mirrored
+  /// weights, including the border, which is then added to the edge.
   void inputs(const Planes<T>& gradient, Input weight, int64_t first, const Planes<T>& passed,
               const Planes<T>& out) const {
     const torch::Tensor mirrored =
@@ -383,7 +383,7 @@ class RouterFunction : public torch::autograd::Function<RouterFunction> {
     const torch::Tensor of_logits = gradients[0].contiguous();
     variable_list grads(kInputs + 1);
     for (size_t i = 0; i < kInputs; ++i) {
-      // Sums over the image are kept in double until they are complete.
+      // Sums over the image stay in double until they are complete.
       const auto type = i == kBlurry || i == kPsi ? inputs[i].scalar_type() : torch::kFloat64;
       if (context->needs_input_grad(i)) grads[i] = torch::zeros_like(inputs[i], type);
     }

@@ -16,7 +16,7 @@ namespace {
 using torch::autograd::AutogradContext;
 using torch::autograd::variable_list;
 
-/// Inputs, then weights, then biases: the order of everything that autograd sees.
+/// Inputs, then weights, then biases: the order of all autograd inputs.
 enum Input { kBlurry, kPsi, kWeights, kBiases = kWeights + kLayers, kInputs = kBiases + 3 };
 constexpr Layer kBiased[] = {kImage1, kImage2, kHead3};
 
@@ -58,7 +58,7 @@ struct Answer {
   Activations activations;
 };
 
-/// @param keep  what backward() needs: head2's output
+/// @param keep  whether to store head2's output for backward()
 Answer run_forward(const variable_list& inputs, bool keep) {
   const torch::Tensor& like = inputs[kBlurry];
   const c10::cuda::CUDAGuard guard(like.device());
@@ -133,7 +133,7 @@ class RouterFunction : public torch::autograd::Function<RouterFunction> {
       const int64_t begin = weights_begin(kBiased[i]) + saved[kWeights + kBiased[i]].numel();
       out.push_back(of_weights.narrow(0, begin, saved[kBiases + i].numel()));
     }
-    out.emplace_back();  // of needs_backward
+    out.emplace_back();  // gradient of needs_backward
     return out;
   }
 };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The weights of all convolutions as the tensor cores take them, in one launch.
+// Reorders the weights of all convolutions for the tensor cores, in one launch.
 #include <algorithm>
 
 #include "jade/router/conv_layer.h"

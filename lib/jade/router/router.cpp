@@ -18,7 +18,7 @@ torch::nn::Conv2d convolution(int64_t in, int64_t out, int64_t kernel, bool bias
                                .bias(bias));
 }
 
-/// Uniform within ±1/sqrt(fan-in), weights and biases, from our own generator.
+/// Samples weights and biases uniformly within ±1/sqrt(fan-in), from this library's generator.
 void draw_weights(torch::nn::Conv2d& layer, at::Generator& generator) {
   const torch::NoGradGuard no_grad;
   const double fan_in = static_cast<double>(layer->weight.numel() / layer->weight.size(0));

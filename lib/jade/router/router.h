@@ -10,9 +10,9 @@
 namespace jade::router {
 
 /// The Spatial Prior Router R_θ, Eq. (2) and (3): two shallow encoders and a three-layer head,
-/// 9,314 parameters (event encoder 3,200, image encoder 2,768, head 3,346). It reads the
-/// measurements only; no restoration fits through its signature. All convolutions pad by
-/// replication, so that α has no frame.
+/// 9,314 parameters (event encoder 3,200, image encoder 2,768, head 3,346). It reads only the
+/// measurements; its signature accepts no restoration. All convolutions pad by replication, so that
+/// α has no border artefacts.
 class RouterImpl : public torch::nn::Module {
  public:
   /// Weights are sampled from `generator`, uniform within ±1/sqrt(fan-in).
@@ -27,8 +27,8 @@ class RouterImpl : public torch::nn::Module {
   /// Input of forward()'s sigmoid: unbounded.
   torch::Tensor logits(const torch::Tensor& blurry, const torch::Tensor& psi);
 
-  /// Reference for logits() with torch's convolutions, on any device. The kernels of logits()
-  /// agree with it to rounding and are several times as fast.
+  /// Reference for logits() with torch's convolutions, on any device. The kernels of logits() agree
+  /// with it up to rounding and are several times as fast.
   torch::Tensor logits_by_layers(const torch::Tensor& blurry, const torch::Tensor& psi);
 
   torch::nn::Conv2d event1{nullptr}, event2{nullptr};                ///< 5×5, 2→16→6, no bias

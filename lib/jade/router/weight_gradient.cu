@@ -10,16 +10,16 @@ namespace jade::router::cuda {
 namespace {
 
 constexpr int kThreads = 256, kWarps = kThreads / 32;
-constexpr int kHalfY = kTileY / 2;  ///< the sums' neighbours are this many rows apart
-constexpr int64_t kMaxRows = 192;   ///< of the partial sums; tiles share them
+constexpr int kHalfY = kTileY / 2;  ///< neighbouring sums are this many rows apart
+constexpr int64_t kMaxRows = 192;   ///< maximum number of rows of partial sums, which tiles share
 
 struct Tiles {
   int x, y, images;
 };
 
-/// Products of a layer. Words hold pixels (y, x) and (y + kHalfY, x), so that any tap reads whole
-/// words; their banks are those of x + 8 · (row of the kernel), further rows of a product's eight
-/// taps being 8 apart each, be it in the next channel.
+/// Products of a layer. Words contain pixels (y, x) and (y + kHalfY, x), so that any tap reads
+/// whole words; their banks are x + 8 · (kernel row), with a distance of 8 between the rows of a
+/// product's eight taps, across channels too.
 template <class Conv, bool BIAS>
 struct Sizes {
   static constexpr int kIn = Conv::kIn, kOut = Conv::kOut, kKernel = Conv::kKernel;
@@ -29,7 +29,8 @@ struct Sizes {
   static constexpr int kPlane = kHigh * kWide + (kKernel * 8 - kHigh * kWide % 32 + 32) % 32;
   static constexpr int kOutPlane = kHalfY * kTileX + 4;
   static constexpr int kTaps = kIn * kKernel * kKernel;
-  /// The gradient of the bias is that of a weight whose input is one everywhere: one more channel.
+  /// The gradient of the bias is that of a weight whose input is one everywhere: an additional
+  /// channel.
   static constexpr int kRows = kTaps + kBias, kPlanes = kIn + kBias;
   static constexpr int kTiles = round_up(kRows, 16) / 16;  ///< of the product, 16 rows each
   static constexpr int kPerWarp = round_up(kTiles, kWarps) / kWarps;
@@ -40,7 +41,7 @@ struct Sizes {
 };
 
 /// Planes of a tile in shared memory. Until their scale is known, the two numbers of a place are
-/// kept where its high and low halves will be.
+/// stored where its high and low halves will be.
 template <int CHANNELS, int WIDE, int HIGH>
 struct Planes {
   uint32_t *high, *low;
@@ -66,7 +67,7 @@ struct Planes {
     return largest;
   }
 
-  /// By the threads that loaded them.
+  /// Must run on the threads that loaded them.
   __device__ void convert(float factor) const {
 #pragma unroll 1
     for (int i = threadIdx.x; i < WIDE * HIGH; i += kThreads) {
@@ -135,7 +136,7 @@ struct WeightGradient {
     *inverse_out = of_gradient.inverse;
   }
 
-  /// Offset of a row of the product in the input tile; rows past the last are never used.
+  /// Offset of a row of the product in the input tile; rows past the last are unused.
   static __device__ int offset(int row) {
     constexpr int kArea = S::kKernel * S::kKernel;
     if (row >= S::kRows) return 0;
@@ -143,7 +144,7 @@ struct WeightGradient {
     return row / kArea * S::kPlane + tap / S::kKernel * S::kWide + tap % S::kKernel;
   }
 
-  /// @param high  rows of words that have a pixel of the image
+  /// @param high  rows of words that contain a pixel of the image
   __device__ void add_tile(const uint32_t* memory, int high, float inverse_in, float inverse_out,
                            float (&total)[S::kPerWarp][S::kColumns][4]) const {
     const int warp = threadIdx.x / 32, lane = threadIdx.x % 32;
@@ -244,7 +245,7 @@ constexpr int kShared = std::max(
     {Event1Weights::kShared, Event2Weights::kShared, Image1Weights::kShared, Image2Weights::kShared,
      Head1Weights::kShared, Head2Weights::kShared, Head3Weights::kShared});
 
-/// Offset of a layer's sums in a row of all layers' sums; past the last layer: their number.
+/// Offset of a layer's sums in a row of all layers' sums; past the last layer: their total number.
 JADE_HD constexpr int begin_of(int layer) {
   const int weights[] = {Event1Weights::kWeights, Event2Weights::kWeights, Image1Weights::kWeights,
                          Image2Weights::kWeights, Head1Weights::kWeights,  Head2Weights::kWeights,
@@ -292,7 +293,7 @@ __global__ void __launch_bounds__(kThreads, 3)
 
 constexpr int kSumColumns = 32, kSumRows = 16;
 
-/// Column sums of [rows, columns], each in the same order every time.
+/// Column sums of [rows, columns], deterministic.
 __global__ void column_sum_kernel(const float* partial, int64_t rows, int columns, float* out) {
   __shared__ float sums[kSumRows][kSumColumns];
   const int column = blockIdx.x * kSumColumns + threadIdx.x;

@@ -25,7 +25,7 @@ namespace fs = std::filesystem;
 
 constexpr int64_t kFormatVersion = 1;
 
-/// Everything by name, in a fixed order; texts are byte tensors.
+/// All entries by name, in a fixed order; texts are byte tensors.
 using Entries = std::map<std::string, torch::Tensor>;
 
 torch::Tensor bytes_of(const std::string& text) {
@@ -47,7 +47,7 @@ std::string digest_of(const Entries& entries) {
   return digest.hex();
 }
 
-/// The tensors of a state under their names; what is there depends on the options alone.
+/// The tensors of a state by name; which exist depends on the options alone.
 Entries entries_of(const train::TrainState& state) {
   Entries all;
   const auto put = [&](const std::string& name, const torch::Tensor& tensor) {
@@ -152,7 +152,7 @@ splat::Gaussians take_gaussians(const Entries& entries, const std::string& prefi
   return gaussians;
 }
 
-/// How many parameters of a module a checkpoint holds.
+/// Number of a module's parameters in a checkpoint.
 int64_t parameter_count(const Entries& entries, const std::string& prefix) {
   return std::count_if(entries.begin(), entries.end(), [&](const auto& entry) {
     const auto begins_with = [&](const std::string& start) {
@@ -199,7 +199,7 @@ void restore_rows(const Entries& entries, const std::string& prefix, torch::nn::
   adam.restore({of_adam(0), of_adam(1), of_adam(2), {}, {}});
 }
 
-/// "1500" and "6%" of 25,000 are one calendar.
+/// "1500" and "6%" of 25,000 are the same schedule.
 bool same_steps(const Field& a, const Field& b) {
   const auto *x = std::get_if<Steps*>(&a.value), *y = std::get_if<Steps*>(&b.value);
   return x && y && int64_t{**x} == int64_t{**y};
@@ -225,7 +225,7 @@ std::vector<fs::path> list_checkpoints(const fs::path& run) {
     if (name.rfind("step_", 0) == 0 && entry.path().extension() == ".pt")
       found.push_back(entry.path());
   }
-  // Longer names are later steps, also beyond seven digits.
+  // Longer names are later steps, even beyond seven digits.
   std::sort(found.begin(), found.end(), [](const fs::path& a, const fs::path& b) {
     const std::string x = a.filename().string(), y = b.filename().string();
     return x.size() != y.size() ? x.size() > y.size() : x > y;
@@ -281,7 +281,7 @@ void save_checkpoint(const fs::path& run, const train::TrainState& state,
 
 namespace {
 
-/// Scenes that were never moved have none.
+/// Scenes that were never moved have no entry.
 geometry::Vector3 origin_in(const Entries& all) {
   const auto found = all.find("origin");
   if (found == all.end() || found->second.numel() != 3) return {0, 0, 0};
@@ -358,7 +358,7 @@ std::string data_fingerprint(const data::Dataset& dataset, FingerprintOf what) {
   const auto add = [&](const auto& numbers) {
     digest.update(numbers.data(), numbers.size() * sizeof(numbers[0]));
   };
-  // Gray frames can also train a scene in colour, with other restorations.
+  // Gray frames can also train a colour scene, with other restorations.
   if (dataset.monochrome) digest.update("monochrome;");
   for (const data::Exposure& exposure : dataset.train) {
     digest.update(concat(exposure.name, ' ', exposure.t_start_us, ' ', exposure.t_end_us, ' ',
@@ -406,7 +406,7 @@ bool keep_calendar(const train::RunOptions& saved, train::RunOptions& now) {
 }
 
 ConfigDifference compare_configs(const std::string& saved_yaml, train::RunOptions now) {
-  // Keys that change when a run stops or what it shows, never its result at a given step.
+  // Keys that affect when a run stops or what it shows, but not its result at a given step.
   static const std::vector<std::string> free_keys = {
       "train.iterations", "train.log_every", "train.evaluate_every", "train.picture_every",
       "checkpoint.every", "device",          "dataset.path",         "efnet.path",

@@ -25,7 +25,7 @@ void save(const fs::path& stem, const torch::Tensor& image, bool npy) {
 }
 
 /// The blurry frame first, the method's own result last.
-/// @param fit_gain  whether each is made as bright as the truth
+/// @param fit_gain  whether to fit each one's brightness to the true image
 std::vector<eval::Scores> score_all(const restore::Method& method,
                                     const restore::Candidates& candidates, const data::Truth& truth,
                                     const eval::Lpips& lpips, bool fit_gain) {
@@ -46,13 +46,13 @@ std::vector<eval::Scores> score_all(const restore::Method& method,
   return scores;
 }
 
-/// A moment beside the middle, and how its files are named.
+/// A moment other than the middle, and the suffix of its files.
 struct NamedMoment {
   double u;
   std::string ending;
 };
 
-/// @param poses  whether the poses are among what is restored, not carried
+/// @param poses  whether poses are restored rather than transformed from the middle
 std::vector<NamedMoment> moments_of(const DeblurPictures& pictures, bool poses,
                                     const geometry::ExposureOptions& exposure) {
   std::vector<NamedMoment> moments;
@@ -64,8 +64,8 @@ std::vector<NamedMoment> moments_of(const DeblurPictures& pictures, bool poses,
   return moments;
 }
 
-/// @param poses  how many more pictures an exposure has, numbered
-/// @throws ConfigError if one picture would be written over another.
+/// @param poses  number of additional, numbered pictures per exposure
+/// @throws ConfigError if one picture would overwrite another.
 void check_names(const data::Dataset& dataset, const std::vector<NamedMoment>& moments,
                  int64_t poses) {
   std::unordered_set<std::string> names;
@@ -97,7 +97,7 @@ Deblurred deblur(const data::Dataset& dataset, const DeblurOptions& options,
   std::vector<double> times;
   for (const NamedMoment& moment : moments) times.push_back(moment.u);
   const eval::Lpips lpips(device);
-  // The frames of a camera that adjusts itself are not as bright as the truth.
+  // With automatic exposure, frames are not as bright as the true images.
   const bool fit_gain = train::learns_gains({}, dataset);
   Deblurred deblurred;
   Progress progress("restoring", static_cast<int64_t>(dataset.train.size()), 0, "frames");
@@ -111,7 +111,7 @@ Deblurred deblur(const data::Dataset& dataset, const DeblurOptions& options,
     }
     Restored restored = deblurrer.restore(exposure, static_cast<int64_t>(i), times);
     if (!truths.empty()) restored.candidates.truth = truths.front().image;
-    // Networks and offsets do not keep what a mask excludes at 0.
+    // Networks and offsets change pixels that a mask set to 0.
     const auto counted = [&](const torch::Tensor& image) {
       return data::masked(image, exposure.mask);
     };

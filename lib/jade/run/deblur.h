@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every frame of a data set restored, written and scored, without a scene.
+// Restores, writes and scores every frame of a data set without a scene.
 #pragma once
 
 #include <cstdint>
@@ -22,14 +22,14 @@ struct DeblurPictures {
 struct Deblurred {
   std::vector<eval::ComparedView> views;  ///< one per exposure and truth
   int64_t written = 0;                    ///< exposures
-  int64_t without_truth = 0;  ///< exposures left out because the method needs their truth
+  int64_t without_truth = 0;  ///< exposures skipped because the method needs their true image
 };
 
-/// Restores every training exposure into the folder `output`, which must be there. Shows progress.
-/// Poses are restored where they are by a restorer of any moment; with one of the middle, and by a
-/// method that needs the truth, the middle is carried there by the ratio that the events tell.
-/// @throws DataError, ConfigError, CheckpointError, NumericError of the restorer, the run, the
-///   truths and the pictures.
+/// Restores every training exposure into the existing folder `output`. Shows progress. Poses are
+/// restored by a restorer of any moment; with one of the middle only, and for a method that needs
+/// the truth, the middle is transformed to them by the ratio from the events.
+/// @throws DataError, ConfigError, CheckpointError, NumericError of the restorer, the run, the true
+///   images and the pictures.
 Deblurred deblur(const data::Dataset& dataset, const DeblurOptions& options,
                  const restore::Method& method, const std::filesystem::path& output,
                  const DeblurPictures& pictures, torch::Device device);

@@ -17,21 +17,20 @@
 namespace jade::run {
 
 struct DeblurOptions {
-  train::RunOptions settings;  ///< of which dataset, events, exposure, efnet, cache and device
-                               ///< count
+  train::RunOptions settings;  ///< uses dataset, events, exposure, efnet, cache and device
   /// ε of a sensor that measures log(I + ε), in units of intensity; 0 for log(I).
   double log_offset = 0;
   std::filesystem::path run;  ///< of the router; empty: none
-  /// If the cache has F at these moments, the middle is taken from them.
+  /// If the cache has F at these moments, takes the middle from them.
   std::vector<double> kept_times = {};
 };
 
 /// One exposure restored at its middle, and at other moments.
 struct Restored {
   restore::Candidates candidates;  ///< on the CPU
-  torch::Tensor gain;              ///< [K,1,H,W], latent image of each moment over the frame
+  torch::Tensor gain;              ///< [K,1,H,W], latent image of each moment relative to the frame
   torch::Tensor events;            ///< [2,H,W] positive and negative events during the exposure
-  /// Candidates at the requested moments, in their order; only the middle has a truth.
+  /// Candidates at the requested moments, in their order; only the middle has a true image.
   std::vector<restore::Candidates> at;
 };
 
@@ -42,15 +41,15 @@ class Deblurrer {
   Deblurrer(const DeblurOptions& options, const restore::Method& method,
             const data::Dataset& dataset, torch::Device device);
 
-  /// @param times  other moments to restore, 0 the start and 1 the end of the exposure
-  /// @throws DataError where the restorer can do the middle only.
+  /// @param times  additional moments to restore, 0 the start and 1 the end of the exposure
+  /// @throws DataError if the restorer supports the middle only.
   Restored restore(const data::Exposure& exposure, int64_t index,
                    const std::vector<double>& times = {});
 
   /// Whether there is a network, and it restores any moment.
   bool has_any_time_network() const;
 
-  /// The image of another pose from the one at mid-exposure, by the ratio that the events tell.
+  /// Transforms the image at mid-exposure to all poses, by the ratio from the events.
   /// @return [K,3,H,W]
   torch::Tensor at_all_poses(const torch::Tensor& mid, const Restored& restored) const;
 
@@ -58,7 +57,7 @@ class Deblurrer {
   DeblurOptions options_;
   events::EventStream events_;  ///< of the recording
   restore::ViewRestorer restorer_;
-  std::shared_ptr<router::Allocation> allocation_;  ///< nullptr but for a router
+  std::shared_ptr<router::Allocation> allocation_;  ///< nullptr unless a router is used
 };
 
 }  // namespace jade::run

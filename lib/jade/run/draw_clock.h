@@ -8,7 +8,7 @@
 
 namespace jade::run {
 
-/// How long drawing keeps a device from its other work, measured without waiting for a GPU.
+/// Measures how long rendering occupies a device, without waiting for a GPU.
 class DrawClock {
  public:
   explicit DrawClock(torch::Device device);
@@ -16,8 +16,8 @@ class DrawClock {
 
   void start();
   void stop();
-  /// Seconds from the last start() to the stop() after it: those of this thread or, where they are
-  /// more, of the GPU. Nothing before a stop(), and while the GPU is not through.
+  /// Seconds from the last start() to the following stop(): those of this thread or, if more, of
+  /// the GPU. No value before a stop(), and while the GPU is still busy.
   std::optional<double> seconds() const;
 
  private:

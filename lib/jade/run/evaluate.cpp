@@ -31,10 +31,10 @@ double counted_gain(const torch::Tensor& image, const torch::Tensor& truth,
   return fitted_gain(image * counts, truth * counts);
 }
 
-/// The render as bright as the image that it is compared with.
+/// The render with the brightness of the image that it is compared with.
 struct Brightened {
   torch::Tensor render;
-  std::optional<double> gain;  ///< where it is not that of the scene
+  std::optional<double> gain;  ///< unless it is that of the scene
 };
 
 Brightened as_bright(const torch::Tensor& render, const torch::Tensor& truth,
@@ -158,7 +158,7 @@ auto from_newest(const std::vector<fs::path>& checkpoints, const Load& load) {
 
 struct PosedData {
   data::Dataset dataset;
-  fs::path checkpoint;  ///< its poses are of this one, whose Gaussians can be read; empty: of none
+  fs::path checkpoint;  ///< the readable checkpoint with these poses; empty: from none
 };
 
 PosedData load_posed(const fs::path& run, const train::RunOptions& options) {
@@ -210,10 +210,10 @@ gaussians::GaussianFile newest_scene(const fs::path& run) {
 
 FinishedRun open_run(const fs::path& run, const train::RunOptions& options) {
   PosedData posed = load_posed(run, options);
-  // Poses and scene of one step.
+  // Poses and scene must be from the same step.
   gaussians::GaussianFile scene =
       posed.checkpoint.empty() ? newest_scene(run) : load_checkpoint_scene(posed.checkpoint);
-  // Another data set of the same place may have another origin.
+  // Another data set of the same scene may have another origin.
   data::move_origin(posed.dataset, scene.origin);
   return {std::move(posed.dataset), std::move(scene.gaussians)};
 }

@@ -19,7 +19,7 @@ void put_number(std::string& out, int64_t value) {
   out += static_cast<char>(value);
 }
 
-/// The signs of one step, gathered event by event and written once.
+/// The signs of one step, accumulated event by event.
 class Step {
  public:
   explicit Step(int64_t cells) : sum_(static_cast<size_t>(cells)), last_(sum_.size()) {}
@@ -75,7 +75,7 @@ EventFilm film_of(const data::Exposure& exposure, const Grid& grid) {
     const auto* y = events.y().data_ptr<float>();
     const auto* polarity = events.polarity().data_ptr<int8_t>();
     for (int64_t i = 0; i < events.size(); ++i) {
-      // NaN and what lies outside fail the comparison.
+      // NaN and places outside fail the comparison.
       if (!(x[i] > -0.5f && y[i] > -0.5f && x[i] < static_cast<float>(width) - 0.5f &&
             y[i] < static_cast<float>(height) - 0.5f)) {
         continue;

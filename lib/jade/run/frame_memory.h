@@ -11,15 +11,15 @@ namespace jade::run {
 /// step is captured would record an event.
 class FrameMemory {
  public:
-  /// A float32 tensor of these sizes on the CPU that nobody else holds. On the thread that draws.
-  /// @param pinned  for copies that a GPU makes by itself
+  /// Returns an unused float32 tensor of these sizes on the CPU. Call it on the rendering thread.
+  /// @param pinned  for asynchronous copies from a GPU
   torch::Tensor lend(torch::IntArrayRef sizes, bool pinned);
 
-  /// Pictures that there is memory for.
+  /// Number of allocated pictures.
   size_t count() const { return lent_.size(); }
 
  private:
-  std::vector<torch::Tensor> lent_;  // flat
+  std::vector<torch::Tensor> lent_;  // one-dimensional
 };
 
 }  // namespace jade::run

@@ -23,20 +23,20 @@
 namespace jade::run {
 namespace {
 
-/// Share of SSIM in the loss of the fit; the one of the published 3DGS.
+/// Weight of SSIM in the loss of the fit, as in the published 3DGS.
 constexpr double kFitDssim = 0.2;
 
-/// A picture of the scene from a path: a sharp view from one pose, a blurry one from several.
+/// A picture of the scene along a path: a sharp view from one pose, a blurry one from several.
 struct Sight {
   torch::Tensor image;  ///< [3,H,W]
   geometry::Intrinsics camera;
   std::vector<geometry::Pose> path;
-  std::vector<double> weights;  ///< of each pose in the picture
+  std::vector<double> weights;  ///< weight of each pose in the picture
   torch::Tensor mask;           ///< as data::Exposure::mask
-  std::optional<double> gain;   ///< of the image; absent: what suits the render
+  std::optional<double> gain;   ///< of the image; no value: fitted
 };
 
-/// The render as the image has it: as bright, and black under the mask.
+/// The render with the image's brightness and mask.
 torch::Tensor as_in_image(const torch::Tensor& render, const torch::Tensor& image,
                           const torch::Tensor& mask, const std::optional<double>& gain) {
   const torch::Tensor shown = mask.defined() ? render * mask : render;
@@ -44,7 +44,8 @@ torch::Tensor as_in_image(const torch::Tensor& render, const torch::Tensor& imag
   return *gain == 1 ? shown : shown * *gain;
 }
 
-/// The path, moved as a whole, from which the scene looks most like the image, near the one given.
+/// Moves the whole path to minimise the difference between the render and the image, starting at
+/// the given path.
 std::vector<geometry::Pose> fitted(const Sight& sight, const splat::Gaussians& gaussians,
                                    int64_t steps, const splat::RenderOptions& render,
                                    Progress& progress, bool may_end) {
@@ -91,7 +92,7 @@ std::vector<geometry::Pose> fitted(const Sight& sight, const splat::Gaussians& g
   return best;
 }
 
-/// The test views, then the nine poses of each exposure, then of each that is held out.
+/// The test views, then the nine poses of each training exposure, then of each held-out one.
 std::vector<data::NamedCamera> all_cameras(const data::Dataset& dataset) {
   std::vector<data::NamedCamera> cameras;
   if (!dataset.test.empty()) cameras = data::dataset_cameras(dataset, data::CameraSet::kTest, "");

@@ -10,24 +10,23 @@
 
 namespace jade::run {
 
-/// The cameras of a run that goes on. Where poses are learned, exposures stand as training has them
-/// by now, and test views move along with them.
+/// The cameras of a running training. If poses are learned, exposures have their current poses, and
+/// test views move with them.
 class LiveCameras {
  public:
-  /// @param data   outlives this
-  /// @param poses  those that are learned; nullptr where the data's stay
+  /// @param data   must outlive this
+  /// @param poses  learned poses; nullptr if poses are not learned
   LiveCameras(const data::Dataset& data, std::shared_ptr<const train::ExposurePoses> poses);
 
   bool are_learned() const { return poses_ != nullptr; }
-  /// The data set with its cameras as update() and refit() have left them; stays at its place.
+  /// The data set with cameras as of the last update() and refit(); its address is constant.
   const data::Dataset& dataset() const { return posed_; }
 
-  /// Puts a camera, "train.3" or "test.0", where it stands now; any other name is none of ours. On
-  /// the thread that trains, between two steps; waits for a GPU.
+  /// Moves a camera, "train.3" or "test.0", to its current pose; ignores other names. Call it on
+  /// the training thread, between two steps; waits for a GPU.
   void update(const std::string& camera);
   void update_all();
-  /// Test views from now on move from where `posed` has them, fitted to their images, with the
-  /// exposures from where it has those.
+  /// Restarts test views from their fitted poses in `posed`, relative to its exposures.
   void refit(const data::Dataset& posed);
 
  private:
@@ -37,8 +36,8 @@ class LiveCameras {
   const data::Dataset& data_;
   std::shared_ptr<const train::ExposurePoses> poses_;
   data::Dataset posed_;
-  std::vector<geometry::Pose> fitted_exposures_;  ///< at mid-exposure, when the test views
-  std::vector<geometry::Pose> fitted_tests_;      ///< were here
+  std::vector<geometry::Pose> fitted_exposures_;  ///< at mid-exposure, for which the test views
+  std::vector<geometry::Pose> fitted_tests_;      ///< were fitted to these poses
 };
 
 }  // namespace jade::run

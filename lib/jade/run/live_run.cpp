@@ -19,10 +19,10 @@ namespace {
 /// Share of the training time spent on rendering for viewers; encoding costs more on other threads.
 constexpr double kShare = 0.1;
 
-/// How soon a paused run sees Ctrl-C.
+/// How soon a paused run reacts to Ctrl-C.
 constexpr serve::RenderQueue::Seconds kGlance{0.05};
 
-/// Pages ask for the state once per second; who has not asked for longer has gone.
+/// Pages poll the state once per second; a viewer silent for longer is gone.
 constexpr serve::RenderQueue::Seconds kHeard{3}, kGone{3};
 
 }  // namespace
@@ -89,7 +89,7 @@ void LiveRun::render_one() {
   rendered_at_ = Clock::now();
   clock_->start();
   server_.queue().render_one([this](const serve::Wanted& wanted) {
-    // A frame says itself where it is seen from.
+    // A frame's request contains its pose.
     if (wanted.kind != serve::Wanted::Kind::kColor) cameras_->update(wanted.view);
     return scene_->draw(wanted, state_->step);
   });

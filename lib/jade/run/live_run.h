@@ -14,16 +14,17 @@
 
 namespace jade::run {
 
-/// A run on the live page. Between two steps it draws what viewers ask for, at most a tenth of the
-/// time; while paused whenever they ask. It reads the state and changes nothing of it.
+/// Shows a run on the live page. Between two steps it renders what viewers request, for at most a
+/// tenth of the time; while paused, at any time. It only reads the state.
 class LiveRun : public Watcher {
  public:
-  /// @param server    outlives this
-  /// @param patience  a pause ends when no viewer has asked for anything for so long: who pauses
-  ///   and vanishes holds nothing up. Browsers let a hidden page ask once per minute.
+  /// @param server    must outlive this
+  /// @param patience  a pause ends if no viewer has sent a request for this long, so that a
+  ///   vanished viewer cannot block the run. Browsers let a hidden page send one request per
+  ///   minute.
   explicit LiveRun(serve::Server& server,
                    std::chrono::duration<double> patience = std::chrono::minutes(3));
-  /// After the end of a run, stays until viewers who were just there can have heard of it.
+  /// After the end of a run, waits until recent viewers can have received the message.
   ~LiveRun() override;
 
   void begin(const WatchedRun& run) override;

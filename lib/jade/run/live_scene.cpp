@@ -18,16 +18,16 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// So many of the Gaussians tell the page what the middle of a picture shows, to turn about it.
+/// Number of Gaussians that the page samples to find the pivot of rotations.
 constexpr int64_t kSample = 2000;
 
-/// A GPU draws the pixels of the screen, up to twice those that it was trained at; a CPU those.
+/// A GPU renders at screen resolution, up to twice the trained one; a CPU at the trained one.
 constexpr double kGpuScale = 2;
 
-/// Bytes of all films of a live page before they are packed.
+/// Bytes of all films of a live page before compression.
 constexpr size_t kAllFilmBytes = 12'000'000;
 
-/// Near is bright, by the logarithm as in the report's page; black where nothing is.
+/// Near is bright, on a logarithmic scale as in the report's page; black where nothing is.
 torch::Tensor depth_picture(const splat::RenderOutput& render) {
   const torch::Tensor depth = render.depth[0], solid = render.alpha[0] > 0.5;
   const torch::Tensor far = depth.masked_fill(~solid, 0).max().clamp_min(1e-6);
@@ -36,7 +36,7 @@ torch::Tensor depth_picture(const splat::RenderOutput& render) {
   return ((far / depth.clamp_min(1e-6)).log() / range).clamp(0, 1).masked_fill(~solid, 0);
 }
 
-/// On the CPU, or on its way there.
+/// On the CPU, or being copied there.
 serve::Rendered rendered_of(const torch::Tensor& image, FrameMemory& memory) {
   serve::Rendered rendered;
   if (!image.is_cuda()) {
@@ -52,7 +52,7 @@ serve::Rendered rendered_of(const torch::Tensor& image, FrameMemory& memory) {
   return rendered;
 }
 
-/// Told when somebody asks, and on their thread; nothing without a truth of the image's size.
+/// Runs on the requesting thread, on demand; empty without a true image of the same size.
 std::function<double()> judge(const torch::Tensor& image, const torch::Tensor& truth,
                               const torch::Tensor& mask) {
   if (!truth.defined() || truth.sizes() != image.sizes()) return {};
@@ -62,7 +62,7 @@ std::function<double()> judge(const torch::Tensor& image, const torch::Tensor& t
   };
 }
 
-/// Flat x, y, z of some of the opaque half.
+/// Flat x, y, z of a sample of the opaque half.
 Json sample_of(const splat::Gaussians& gaussians) {
   const torch::NoGradGuard no_grad;
   Json numbers = Json::array();

@@ -18,13 +18,13 @@
 
 namespace jade::run {
 
-/// A scene as the live page shows it: rendered by our op, from anywhere, beside the pictures of the
-/// data set's cameras. All on one thread.
+/// Renders a scene for the live page from any pose, and provides the pictures of the data set's
+/// cameras. Use on one thread.
 class LiveScene {
  public:
-  /// @param dataset    outlives this; cameras may move from one call to the next
-  /// @param gaussians  those of now, without gradient; rendered at once, so that they need be no
-  /// copy
+  /// @param dataset    must outlive this; cameras may move between calls
+  /// @param gaussians  the current ones, without gradient; used immediately, so they need not be
+  ///   copies
   /// @param draw       render_options() of the run
   LiveScene(const data::Dataset& dataset, const splat::RenderOptions& draw,
             GaussianSource gaussians);
@@ -32,8 +32,8 @@ class LiveScene {
   /// Makes `pictures` the layers of a camera: "train.3", "test.0".
   void add(const std::string& camera, std::vector<ViewPicture> pictures);
 
-  /// Renders a viewer's request. On a GPU the copy to the host may still run when this returns.
-  /// @throws ConfigError for a picture or a camera that is not there, whatever rendering throws.
+  /// Renders a viewer's request. On a GPU the copy to the host may still run on return.
+  /// @throws ConfigError for an unknown picture or camera; errors of rendering.
   serve::Rendered draw(const serve::Wanted& wanted, int64_t step) const;
 
   /// Texts of page::live_page().
@@ -43,7 +43,7 @@ class LiveScene {
     std::string server_id;  ///< serve::Board::id()
     bool pausable = false;
     bool moving = false;      ///< cameras move as poses are learned
-    std::string report = {};  ///< path of the report to come; empty if none will
+    std::string report = {};  ///< path of the future report; empty if there will be none
     std::string scores = {};  ///< text of a finished run's eval.json; may be empty
   };
   std::string page_data(const PageText& text) const;

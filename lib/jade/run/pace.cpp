@@ -27,13 +27,14 @@ namespace {
 using losses::RestoredPoses;
 using losses::Target;
 
-// The laptop preset; the density control is that of the demo, where it is ahead of MCMC.
+// The laptop preset; its density control is that of the demo, where it outperforms MCMC.
 constexpr int64_t kCpuSteps = 2000, kCpuMoments = 9, kCpuGaussians = 50000, kCpuCheckpoints = 500;
 constexpr double kCpuGradientThreshold = 5e-4;
 
-constexpr double kMostRestoration = 1.0 / 3;  ///< of a run
-constexpr double kShortRestoration_s = 20;    ///< nobody minds
-constexpr double kForSteps = 0.9;             ///< of the minutes asked for; the rest is evaluation
+constexpr double kMostRestoration = 1.0 / 3;  ///< largest share of a run
+constexpr double kShortRestoration_s = 20;    ///< always acceptable
+constexpr double kForSteps = 0.9;             ///< share of the given minutes; the rest is
+                                              ///< evaluation
 constexpr int64_t kFewestSteps = 100, kMostSteps = 25000, kStepsForAllMoments = 4000;
 
 using Clock = std::chrono::steady_clock;
@@ -59,10 +60,10 @@ void choose_short_density(const Choices& choices, train::RunOptions& options) {
   options.densify.max_gaussians = kCpuGaussians;
 }
 
-/// Whether the learned restorer restores every moment of an exposure, not one.
+/// Whether the learned restorer restores every moment of an exposure, not only one.
 bool is_blurred(const data::Exposure& exposure) { return exposure.duration_us() > 0; }
 
-/// Whether fewer moments may be restored than the options say.
+/// Whether fewer moments than in the options may be restored.
 bool may_restore_less(const Choices& choices, const train::RunOptions& options) {
   return train::needs_efnet(options) && choices.leave("objective.target") &&
          choices.leave("objective.restored_poses");
@@ -75,7 +76,7 @@ std::string restored_text(const RestoredFrames& frames, const train::RunOptions&
   return each == 1 ? text + " at mid-exposure" : concat(text, " x ", each, " moments");
 }
 
-/// Sets `options` to the next fewer restored moments; false where there are none.
+/// Reduces the restored moments by one level; returns false if there is none.
 bool restore_less(train::RunOptions& options) {
   if (options.objective.target == Target::kNone) return false;
   RestoredPoses& poses = options.objective.restored_poses;
@@ -91,7 +92,7 @@ bool restore_less(train::RunOptions& options) {
   return true;
 }
 
-/// @param most_s  that restoration may take
+/// @param most_s  upper limit of the restoration's seconds
 void bound_restoration(const Speed& speed, const RestoredFrames& frames, double most_s,
                        train::RunOptions& options) {
   const auto takes_s = [&] {
@@ -116,7 +117,7 @@ double steps_in(double minutes, double restoration_s, double step_s) {
   return (60 * minutes * kForSteps - restoration_s) / std::max(step_s, 1e-6);
 }
 
-/// Moments per exposure and steps for choices.minutes; restoration is bounded on the way.
+/// Chooses moments per exposure and steps for choices.minutes, with a limit on restoration.
 void fit_minutes(const Speed& speed, const RestoredFrames& frames, const Choices& choices,
                  train::RunOptions& options) {
   const double most_s = 60 * choices.minutes * kMostRestoration;
@@ -142,15 +143,15 @@ void fit_minutes(const Speed& speed, const RestoredFrames& frames, const Choices
   options = fit;
 }
 
-/// Seconds of one moment of one frame, after a first call that starts the libraries; 0 where the
-/// cache has the restorations. `restorer` then holds the network.
+/// Seconds per moment of one frame, after a first call that initialises libraries; 0 if the cache
+/// has the restorations. `restorer` then contains the network.
 double measure_restorer(const data::Dataset& dataset, const train::RunOptions& options,
                         torch::Device device, std::future<restore::Restorer>& restorer) {
   const torch::NoGradGuard no_grad;
   std::vector<double> times = train::restored_times(options);
   if (times.empty()) times = {0.5};
   restore::ViewRestorer kept(options.cache, options.efnet, device, dataset.monochrome);
-  // The network's input does not depend on the windows of EDI, so the fewest are summed.
+  // The network's input does not depend on EDI's windows, so sum as few as possible.
   restore::RestoreOptions how{options.events, options.exposure, 0};
   how.events.ramp_ms = 0;
   how.events.edi_samples = 3;
@@ -160,7 +161,7 @@ double measure_restorer(const data::Dataset& dataset, const train::RunOptions& o
   const auto first = std::find_if(dataset.train.begin(), dataset.train.end(), is_blurred);
   const data::Exposure& one = first == dataset.train.end() ? dataset.train.front() : *first;
   const torch::Tensor events = events_of(one), image = one.blurry.to(device);
-  // A frame without duration is restored at one moment.
+  // A frame of zero duration is restored at one moment.
   const auto times_of = [&](const data::Exposure& exposure) {
     return is_blurred(exposure) ? times : std::vector<double>{0.5};
   };
@@ -186,9 +187,8 @@ double measure_restorer(const data::Dataset& dataset, const train::RunOptions& o
   return seconds;
 }
 
-/// Seconds of a step with every term but the target: with mcmc on half as many Gaussians as there
-/// may be, as it adds all of them; else on those that the run starts with, and longer by what they
-/// grow.
+/// Seconds per step with every term but the target. With mcmc, measured on half of max_gaussians,
+/// because it adds all of them; else on the initial Gaussians, multiplied by the expected growth.
 double measure_step(const data::Dataset& dataset, const train::RunOptions& options,
                     torch::Device device) {
   constexpr double kLeast_s = 1;
@@ -200,7 +200,7 @@ double measure_step(const data::Dataset& dataset, const train::RunOptions& optio
   probe.objective.target = Target::kNone;
   probe.objective.restored_poses = RestoredPoses::kMiddle;
   probe.cache.enabled = false;
-  double growth = 1.2;  // 12,000 became 22,000, and a moment took 1.16 times as long
+  double growth = 1.2;  // 12,000 Gaussians became 22,000, and a moment took 1.16 times as long
   if (probe.densify.strategy == gaussians::DensifyStrategy::kMcmc) {
     probe.init.kind = gaussians::InitKind::kRandomFrusta;
     probe.init.points = std::max<int64_t>(int64_t{options.densify.max_gaussians} / 2, 1);

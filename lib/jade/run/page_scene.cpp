@@ -56,7 +56,7 @@ double display_brightness(const data::Dataset& dataset) {
   constexpr double kDark = 0.3, kWanted = 0.4, kMost = 5;
   double sum = 0;
   for (const data::Exposure& exposure : dataset.train) {
-    // A mask has set to 0 what does not count.
+    // A mask has set excluded pixels to 0.
     const double counted =
         exposure.mask.defined() ? exposure.mask.to(torch::kFloat32).mean().item<double>() : 1;
     sum += exposure.blurry.mean().item<double>() / std::max(counted, 1e-3);

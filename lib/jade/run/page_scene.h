@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Data of a page about a scene beside its Gaussians, as page/page.h lists it.
+// Data of a page about a scene besides its Gaussians; page/page.h lists them.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -22,19 +22,19 @@ struct CameraOfPage {
 /// Returns no value for an unknown camera name.
 std::optional<CameraOfPage> camera_of_page(const data::Dataset& dataset, const std::string& name);
 
-/// Factor by which pages and films brighten what they show: 1 for frames of usual brightness, up to
-/// 5 for dark ones. Files keep their values.
+/// Brightness factor of pages and films: 1 for frames of usual brightness, up to 5 for dark ones.
+/// Files store the original values.
 double display_brightness(const data::Dataset& dataset);
 
-/// {"near_plane", "background", "brightness", "cameras": {"train", "test"}}: how a viewer draws,
-/// and where the data set's cameras stand.
+/// {"near_plane", "background", "brightness", "cameras": {"train", "test"}}: settings of the
+/// viewer, and the data set's cameras.
 nlohmann::ordered_json page_scene(const data::Dataset& dataset, const splat::RenderOptions& draw);
 
-/// Cameras as the page has them: 12 numbers each, the rows of camera_from_world.
+/// Cameras in the page's format: 12 numbers each, the rows of camera_from_world.
 nlohmann::ordered_json page_poses(const std::vector<geometry::Pose>& camera_from_world);
 
-/// The film of an exposure's events, packed for the page's events.js; null where there are none.
-/// @param limit  as event_film() has it
+/// The film of an exposure's events, packed for the page's events.js; null if there are none.
+/// @param limit  as in event_film()
 nlohmann::ordered_json page_film(const data::Exposure& exposure, size_t limit = kFilmBytes);
 
 }  // namespace jade::run

@@ -9,19 +9,19 @@
 
 namespace jade::run {
 
-/// Writes pictures on a thread of its own, while something else goes on. Ends when all are written.
+/// Writes pictures on a separate thread. The destructor waits for all of them.
 class PictureWriter {
  public:
-  /// @param max_bytes  of images that wait; twice as much may be held
+  /// @param max_bytes  of queued images; up to twice as much may be in memory
   explicit PictureWriter(int64_t max_bytes = int64_t(256) << 20) : max_bytes_(max_bytes) {}
 
-  /// @param image  as imaging::write_image takes it, on any device; copied before this returns
+  /// @param image  as for imaging::write_image, on any device; copied before this returns
   /// @throws DataError as wait()
   void add(const std::filesystem::path& path, const torch::Tensor& image);
-  /// Begins to write what was added, after what was begun before.
+  /// Starts writing the added pictures, after those started before.
   /// @throws DataError as wait()
   void begin();
-  /// @throws DataError of the first picture that could not be written; those after it are not.
+  /// @throws DataError of the first picture that could not be written; later ones are skipped.
   void wait();
 
  private:

@@ -33,17 +33,17 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-/// Pictures make the file large; this many training views are shown, spread over the sequence.
+/// Pictures make the file large; shows this many training views, spread over the sequence.
 constexpr size_t kShownViews = 4;
 
-/// The embedded scene is finer than an .spz usually is: as many bits after the binary point as 24
-/// leave, and SH of 7 and 6 bits, which for half as many bytes more is 6 dB nearer to the scene.
+/// The embedded scene is more accurate than a usual .spz: as many fractional bits as fit into 24,
+/// and SH of 7 and 6 bits, which reduce the error by 6 dB for half as many bytes more.
 constexpr gaussians::SpzOptions kEmbedded{false, 20, 7, 6};
 
-/// The page's pictures, which all threads make into files, so many at a time.
+/// The page's pictures, encoded on all threads in batches.
 class Pictures {
  public:
-  /// Entry of a picture in the page's data; "src" is its number until put_into().
+  /// Entry of a picture in the page's data; "src" is its index until put_into().
   Json add(const std::string& name, const torch::Tensor& image, const torch::Tensor& truth = {},
            const torch::Tensor& mask = {}) {
     Json entry{{"name", name}, {"src", sources_.size() + images_.size()}};
@@ -59,7 +59,7 @@ class Pictures {
     return entry;
   }
 
-  /// @param views  with "pictures" that add() gave
+  /// @param views  with "pictures" from add()
   void put_into(Json& views) {
     encode();
     for (Json& view : views) {
@@ -84,7 +84,7 @@ class Pictures {
     bytes_ = 0;
   }
 
-  /// Most bytes of images that wait to be encoded.
+  /// Maximum bytes of images waiting to be encoded.
   static constexpr size_t kMostBytes = size_t{256} << 20;
 
   std::vector<torch::Tensor> images_;
@@ -116,8 +116,9 @@ Json training_view(const data::Dataset& dataset, const train::ViewBank& bank, in
 }
 
 /// Mean PSNR at mid-exposure of the blurry frame, both restorations and the scene, over the views
-/// with a sharp truth; null without any. EFNet is null where no target reads it.
-/// @param fit_gain  whether all four are made as bright as the truth, as evaluate_views() says
+/// with a true sharp image; null without any. EFNet is null if no target reads it.
+/// @param fit_gain  whether to fit all four to the brightness of the true image, as in
+///   evaluate_views()
 Json headline(const data::Dataset& dataset, const train::ViewBank& bank,
               const train::TrainState& state, const splat::RenderOptions& draw, bool fit_gain) {
   int64_t count = 0;
@@ -158,8 +159,8 @@ splat::Gaussians on_cpu(splat::Gaussians gaussians) {
   return gaussians;
 }
 
-/// The scene as the page embeds it, or nothing where .spz cannot hold it: then the pictures stand
-/// alone.
+/// The scene as embedded in the page, or empty if .spz cannot represent it: the page then shows
+/// only pictures.
 std::string packed_scene(const splat::Gaussians& gaussians) {
   try {
     return gaussians::encode_spz(gaussians, kEmbedded);
@@ -169,7 +170,7 @@ std::string packed_scene(const splat::Gaussians& gaussians) {
   }
 }
 
-/// Pearson's r over the pixels of one view; 0 where either side does not vary.
+/// Pearson's r over the pixels of one view; 0 if either side is constant.
 double correlation(const torch::Tensor& a, const torch::Tensor& b) {
   const auto x = a.flatten().to(torch::kFloat64) - a.to(torch::kFloat64).mean();
   const auto y = b.flatten().to(torch::kFloat64) - b.to(torch::kFloat64).mean();
@@ -177,8 +178,8 @@ double correlation(const torch::Tensor& a, const torch::Tensor& b) {
   return scale > 0 ? (x * y).sum().item<double>() / scale : 0.0;
 }
 
-/// Adds to the rows what the truths say of the choice, and returns the means over those that have
-/// one.
+/// Adds each view's statistics of the choice to its row, and returns the means over the views that
+/// have one.
 Json choice_statistics(const data::Dataset& dataset, const train::ViewBank& bank,
                        train::TrainState& state, Json& rows) {
   std::vector<double> right, gain;
@@ -201,9 +202,9 @@ Json choice_statistics(const data::Dataset& dataset, const train::ViewBank& bank
   return {{"choice_right", mean(right)}, {"choice_gain_db", mean(gain)}};
 }
 
-/// α of every training view with its correlation with event density, what sharp truths say of the
-/// choice, and over all of them; views empty without an allocation. Deviations over pixels are of
-/// all values, over views sample ones.
+/// α of every training view with its correlation with event density and the quality of its choice,
+/// and over all of them; views is empty without an allocation. Deviations over pixels are
+/// population deviations, over views sample deviations.
 Json allocation_statistics(const data::Dataset& dataset, const train::ViewBank& bank,
                            train::TrainState& state) {
   Json rows = Json::array();
@@ -267,7 +268,7 @@ void write_report(const fs::path& run, const data::Dataset& dataset, const train
                                concat(grouped(state.step), " steps"),
                                concat(grouped(state.gaussians.size()), " Gaussians"),
                                environment["device"], environment["program"]});
-  // Packing and films look at nothing else, so that they go on beside the pictures.
+  // Independent of the other work, so runs in parallel with the pictures.
   std::future<std::string> scene =
       std::async(std::launch::async, packed_scene, on_cpu(state.gaussians.detached()));
   const std::vector<size_t> shown = shown_views(static_cast<size_t>(bank.size()));

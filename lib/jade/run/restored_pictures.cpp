@@ -17,7 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// @throws DataError where another restorer than the run's would restore.
+/// @throws DataError if the restorer differs from the run's.
 void check_restorer(const fs::path& run, const train::RunOptions& options) {
   const std::string found = train::restorer_sha256(options);
   if (found.empty() || !fs::exists(run / "env.json")) return;
@@ -40,11 +40,11 @@ torch::Tensor density_of(const Restored& restored) {
 RestoredPictures::RestoredPictures(const fs::path& run, const train::RunOptions& options,
                                    const data::Dataset& dataset, torch::Device device)
     : dataset_(dataset) {
-  // The cache has what training has restored.
+  // Training has stored its restorations in the cache.
   DeblurOptions how{options, 0, run, train::restored_times(options)};
   const bool routed =
       options.objective.target == losses::Target::kRouted && train::needs_efnet(options);
-  // The most that there may be, then less of it.
+  // Try the method with most layers first.
   std::vector<std::string> methods{"edi"};
   if (train::needs_efnet(options)) methods.insert(methods.begin(), "efnet");
   if (routed) methods.insert(methods.begin(), "router");

@@ -23,26 +23,26 @@ class RestoredPictures {
   /// Logs one line if the restorer or the allocation is unavailable; other layers still work.
   /// @param run      the run's folder
   /// @param options  load_run_options() of it
-  /// @param dataset  its data; outlives this
+  /// @param dataset  its data; must outlive this
   /// @param device   to restore on
   RestoredPictures(const std::filesystem::path& run, const train::RunOptions& options,
                    const data::Dataset& dataset, torch::Device device);
-  /// Waits for the exposure at hand.
+  /// Waits for the current exposure.
   ~RestoredPictures();
 
-  /// The layers of an exposure, to be asked from one thread. Those that are not there yet throw
-  /// serve::NotYet when they are made.
+  /// The layers of an exposure; call from one thread. Layers that are still being computed throw
+  /// serve::NotYet when requested.
   std::vector<ViewPicture> of(int64_t index);
 
  private:
-  /// @throws serve::NotYet, and again whatever restoring has thrown.
+  /// @throws serve::NotYet; rethrows errors of the restoration.
   const Restored& restored(int64_t index);
   Restored restore(int64_t index);
 
   const data::Dataset& dataset_;
   bool efnet_ = false, alpha_ = false;
   std::mutex one_at_a_time_;
-  bool ends_ = false;  ///< under the mutex
+  bool ends_ = false;  ///< guarded by the mutex
   std::optional<Deblurrer> deblurrer_;
   std::map<int64_t, std::shared_future<Restored>> found_;
 };

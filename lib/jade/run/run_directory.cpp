@@ -42,7 +42,7 @@ MetricsLog::MetricsLog(fs::path path, int64_t step) : path_(std::move(path)) {
   std::ifstream old(path_);
   for (std::string line; std::getline(old, line);) {
     const auto object = nlohmann::json::parse(line, nullptr, /*allow_exceptions=*/false);
-    // A line that a killed run left half-written is not valid JSON.
+    // A killed run may leave an incomplete line, which is not valid JSON.
     if (!object.is_object() || object.value("step", int64_t{0}) > step) continue;
     kept += line + "\n";
     seconds_before_ = object.value("seconds", seconds_before_);

@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The last line that is an object; counts those that are none.
+/// The last line that is a JSON object; counts invalid lines.
 nlohmann::json last_metrics(const fs::path& path, int64_t* damaged) {
   nlohmann::json last;
   std::ifstream in(path);

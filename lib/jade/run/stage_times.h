@@ -11,13 +11,13 @@ namespace jade::run {
 class StageTimes {
  public:
   StageTimes();
-  /// Adds the time since the last call, or since the beginning, to `stage`.
+  /// Adds the time since the last call, or since construction, to `stage`.
   void end(const std::string& stage);
   /// In seconds, in the order in which the stages first ended.
   const std::vector<std::pair<std::string, double>>& seconds() const { return seconds_; }
-  /// Seconds from the beginning until now, without those of `stage`.
+  /// Seconds since construction, without those of `stage`.
   double without(const std::string& stage) const;
-  /// "data 1.2 s, steps 20.0 s; 21.2 s in all"; what took less than 0.05 s is left out.
+  /// "data 1.2 s, steps 20.0 s; 21.2 s in all"; omits stages of less than 0.05 s.
   std::string text() const;
 
  private:

@@ -10,12 +10,12 @@
 
 namespace jade::run {
 
-/// Watches the loss terms for NaN and Inf without waiting for the device: it counts finite values
-/// there, and from the count tells the step of the first bad one when asked. Steps with other terms
-/// may alternate: each set of terms has counts of its own.
+/// Detects NaN and Inf in the loss terms without waiting for the device: counts finite values
+/// there, and derives the step of the first bad one from the count in check(). Steps with other
+/// terms may alternate: each set of terms has its own counts.
 class TermMonitor {
  public:
-  /// After each step.
+  /// Call after each step.
   void watch(const std::vector<losses::NamedTerm>& terms, int64_t step);
 
   /// @throws NumericError naming the step and the term. Waits for the device.

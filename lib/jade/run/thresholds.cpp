@@ -13,12 +13,12 @@
 namespace jade::run {
 namespace {
 
-/// A configured threshold that differs more, as a share of the measured one, is warned of.
+/// Warn about a configured threshold with a larger relative difference from the measured one.
 constexpr double kDisagreement = 0.3;
 
 double rounded_threshold(double value) { return std::round(value * 1e4) / 1e4; }
 
-/// The frames as the event pixels see them. Frames of another size than the first are left out.
+/// The frames in the channels of the event pixels. Skips frames of another size than the first.
 std::vector<data::Exposure> seen_by_events(const data::Dataset& dataset) {
   std::vector<data::Exposure> seen;
   for (const data::Exposure& exposure : dataset.train) {
@@ -34,7 +34,7 @@ std::vector<data::Exposure> seen_by_events(const data::Dataset& dataset) {
   return seen;
 }
 
-/// An estimate as an entry of the cache, and back.
+/// Converts an estimate to an entry of the cache, and back.
 torch::Tensor entry_of(const data::ThresholdEstimate& e) {
   return torch::tensor(
              {e.thresholds.positive, e.thresholds.negative, e.spread.positive, e.spread.negative,
@@ -70,7 +70,7 @@ data::ThresholdEstimate measure_thresholds(const data::Dataset& dataset,
                                            const restore::RestorationCacheOptions& cache_options) {
   if (dataset.events.empty() || dataset.train.empty()) return {};
   restore::RestorationCache cache(cache_options);
-  // Another version of the program may measure otherwise.
+  // Another version of the program may measure differently.
   const std::string recipe = concat("thresholds 1; ", version(), " ", git_commit(), "; offset ",
                                     log_offset, "; ", fingerprint);
   const Progress progress("measuring thresholds", 1, 0, "data sets");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The contrast thresholds of a program that reads a data set: measured where they are auto.
+// Measures contrast thresholds that are set to auto.
 #pragma once
 
 #include <string>
@@ -11,9 +11,8 @@
 
 namespace jade::run {
 
-/// data::estimate_thresholds() of the training exposures, through the cache of restorations: the
-/// same data are measured once. Events that follow one colour channel per pixel are compared with
-/// that channel. Thresholds are rounded to 1e-4.
+/// data::estimate_thresholds() of the training exposures, cached with the restorations. Events of
+/// one colour channel per pixel are compared with that channel. Thresholds are rounded to 1e-4.
 /// @param fingerprint  data_fingerprint() of the data set
 /// @param log_offset   ε of the sensor's log(I + ε), in units of intensity
 /// @throws Interrupted.
@@ -21,10 +20,9 @@ data::ThresholdEstimate measure_thresholds(const data::Dataset& dataset,
                                            const std::string& fingerprint, double log_offset,
                                            const restore::RestorationCacheOptions& cache);
 
-/// Puts numbers in place of events.threshold_positive auto: what measure_thresholds() finds, else
-/// 0.25 with a warning. A negative threshold that is a number stays. Thresholds that are numbers
-/// stay too; one warning names both pairs where they differ by more than 30 % from what is
-/// measured.
+/// Replaces events.threshold_positive auto by the result of measure_thresholds(), or by 0.25 with a
+/// warning. Thresholds that are numbers do not change, including a negative one; a warning names
+/// both pairs if they differ by more than 30 % from the measured ones.
 void settle_thresholds(const data::Dataset& dataset, const std::string& fingerprint,
                        double log_offset, train::RunOptions& options);
 

@@ -45,8 +45,8 @@ std::string yaml_of(train::RunOptions options) {
   return config::to_yaml(fields_of(options), "Resolved configuration of this run");
 }
 
-/// @throws DataError for a folder that holds a run where a new one is to begin, and for a data set
-///   that nothing can be trained on.
+/// @throws DataError if a new run's folder contains a run, and for a data set that cannot be
+///   trained on.
 RunData load_data(const RunDirectory& directory, const train::RunOptions& options,
                   torch::Device device, bool is_new) {
   if (is_new && directory.holds_a_run()) {
@@ -55,10 +55,10 @@ RunData load_data(const RunDirectory& directory, const train::RunOptions& option
                ": holds a run already; go on with it (--resume) or choose another --output"));
   }
   RunData data;
-  // Wrong paths are told before minutes of loading.
+  // Report wrong paths before minutes of loading.
   data.restorer_sha256 = train::restorer_sha256(options);
   data::kind_of(options.dataset);
-  // Before anything that may warn.
+  // Set up before anything that may warn.
   set_log_file(directory.path() / "train.log");
   if (train::needs_efnet(options) && device.is_cuda()) {
     data.restorer = restore::load_beside(options.efnet, device);
@@ -81,7 +81,7 @@ RunData load_data(const RunDirectory& directory, const train::RunOptions& option
 
 constexpr char kLooks[] = "looks on the way";
 
-/// Share of poses.test_fit_steps that a look takes after the first, whose fit it goes on from.
+/// Divisor of poses.test_fit_steps for evaluations after the first, which continue its fit.
 constexpr int64_t kWarmFitShare = 8;
 
 /// True when `due` divides the step; 0 is never.
@@ -154,7 +154,7 @@ bool Trainer::resume_from(const std::string& choice) {
                                ": expected a checkpoint to go on from, found a scene without one; ",
                                "name another --output, or remove the scene to start anew"));
     }
-    // A run that was killed before its first checkpoint, or a first start by a script.
+    // A run that was killed before its first checkpoint, or the first start by a script.
     log_info(concat(directory_.path().string(), ": no checkpoint yet; starting at step 0"));
     return false;
   }
@@ -167,7 +167,7 @@ bool Trainer::resume_from(const std::string& choice) {
       log_warn(concat(error.what(), "; trying ", candidates[i + 1].filename().string()));
       continue;
     }
-    // A whole checkpoint of another run is refused; an older one would not make it the same run.
+    // Reject an undamaged checkpoint of another run; an older one would be of that run too.
     keep_decisions(saved_options(info.config));
     check_same_run(candidates[i], info);
     state_ = train::make_state_to_load(options_, data_.dataset, device_);
@@ -200,7 +200,7 @@ void Trainer::keep_decisions(const train::RunOptions& saved) {
   if (options_.densify.max_gaussians.is_auto()) {
     options_.densify.max_gaussians = saved.densify.max_gaussians;
   }
-  // Perhaps the run began with a version that had no such keys.
+  // The run may have begun with a version without these keys.
   if (options_.pattern.learn == train::LearnPattern::kAuto)
     options_.pattern.learn = saved.pattern.learn;
   if (options_.splat.near_plane == 0) options_.splat.near_plane = saved.splat.near_plane;
@@ -308,7 +308,7 @@ void Trainer::log_step(const train::StepInputs& inputs, const train::StepOutputs
     if (term.in_total) total += value;
   }
   line["loss"] = total;
-  // How well the simulated blur explains the frame: the one PSNR that needs no sharp truth.
+  // How well the simulated blur explains the frame: the only PSNR that needs no true sharp image.
   const torch::Tensor all =
       out.renders.all_poses
           ? out.renders.color.detach()
@@ -318,7 +318,7 @@ void Trainer::log_step(const train::StepInputs& inputs, const train::StepOutputs
                               train::render_options(options_))
                     .color);
   double psnr = eval::psnr(losses::weighted_mean(all, view.weights), view.blurry);
-  // Under the mask both are black, and no pixel there counts.
+  // Masked pixels are black in both and do not count.
   if (view.mask.defined()) psnr += 10 * std::log10(view.mask.mean().item<double>());
   line["psnr_train"] = psnr;
   if (state_.allocation) {
@@ -410,7 +410,7 @@ const data::Dataset& Trainer::look_at_dataset() {
   PoseFit fit;
   fit.steps = options_.poses.test_fit_steps;
   fit.gain = learns_gains();
-  // To the end even if asked to stop: the checkpoint that follows stands behind this look.
+  // Ignore interrupts: the checkpoint that follows assumes that this evaluation is complete.
   fit.on_interrupt = OnInterrupt::kFinish;
   if (looked_at_) {
     fit.from = &*looked_at_;
@@ -449,7 +449,7 @@ void Trainer::write_pictures(const data::Dataset& posed, bool truths) {
 }
 
 void Trainer::look(Watcher* watcher) {
-  // The end has its own.
+  // The end of the run has its own evaluation.
   if (state_.step == options_.train.iterations) return;
   const bool evaluation_due = every(state_.step, options_.train.evaluate_every) && can_evaluate();
   const bool pictures_due = every(state_.step, options_.train.picture_every);
@@ -481,10 +481,10 @@ void Trainer::finish() {
   times_.end("checkpoint");
   const data::Dataset posed = posed_dataset();
   if (state_.poses) {
-    if (interrupt_requested()) stop();  // half-fitted poses are not to stay
+    if (interrupt_requested()) stop();  // discard half-fitted poses
     write_learned_cameras(directory_.path() / kLearnedCamerasFile, posed);
   }
-  // After its cameras, as it tells others that the run has ended.
+  // Written after its cameras, because its existence marks the end of the run.
   gaussians::write_ply(directory_.path() / kSceneFile,
                        {state_.gaussians.detached(), false, data_.dataset.origin});
   times_.end("test poses, scene");

@@ -32,43 +32,42 @@ namespace jade::run {
 struct RunData {
   data::Dataset dataset;
   std::string fingerprint;                  ///< of the data set, see data_fingerprint()
-  std::string restorer_sha256;              ///< empty where no restorer is needed
-  std::future<restore::Restorer> restorer;  ///< on its way, where it runs on a GPU
+  std::string restorer_sha256;              ///< empty if no restorer is needed
+  std::future<restore::Restorer> restorer;  ///< being loaded, if it runs on a GPU
 };
 
-/// The loop and its calendar: what is due at which step. What a step does stands in routing_step.h
-/// and scene_step.h.
+/// The training loop and its schedule. routing_step.h and scene_step.h define a step.
 class Trainer {
  public:
-  /// Loads the data, prepares the views and makes or loads the state.
-  /// @param resume  empty: a new run, refused where one is already; "latest": the newest whole
-  ///   checkpoint of the run directory, or the start where there is none; else the path of a
+  /// Loads the data, prepares the views and creates or loads the state.
+  /// @param resume  empty: a new run, an error if the folder has one; "latest": the newest
+  ///   undamaged checkpoint of the run directory, or a new run without one; else the path of a
   ///   checkpoint.
-  /// @param choices  what a new run may choose by itself (choose_pace()), and a resumed one takes
-  ///   from the run; without value: nothing
+  /// @param choices  settings that a new run may choose (choose_pace()), and a resumed one takes
+  ///   from the run; without value: none
   /// @throws the typed errors of core/error.h.
   Trainer(const train::RunOptions& options, const std::filesystem::path& run,
           const std::string& resume, const std::optional<Choices>& choices = std::nullopt);
   ~Trainer();
 
   /// Trains to options.train.iterations, then evaluates and exports.
-  /// @param watcher  may look on; the result is the same to the bit
-  /// @throws Interrupted after saving, NumericError with the last good checkpoint kept.
+  /// @param watcher  observes the run; the result is bit-identical without it
+  /// @throws Interrupted after saving, NumericError; the last good checkpoint stays.
   void run(Watcher* watcher = nullptr);
 
-  /// One step: nine renders, routing step, scene step, densification.
-  /// @param look  called before densification: after a reset of the opacities a scene shows nothing
-  ///   for some steps
+  /// One step: renders, routing step, scene step, densification.
+  /// @param look  called before densification: after an opacity reset renders are empty for some
+  ///   steps
   void step(const std::function<void()>& look = {});
 
-  /// Effective options: settled, and with the calendar of a resumed run.
+  /// Effective options: settled, and with the schedule of a resumed run.
   const train::RunOptions& options() const { return options_; }
   const train::TrainState& state() const { return state_; }
   const data::Dataset& dataset() const { return data_.dataset; }
   const train::ViewBank& bank() const { return feed_.bank(); }
-  /// How many of the steps were replays of a CUDA graph.
+  /// Number of steps that replayed a CUDA graph.
   int64_t replays() const { return step_graph_.replays(); }
-  /// Scores on the sharp test views as they are now, LPIPS where its modules are at hand.
+  /// Scores of the current scene on the sharp test views, with LPIPS if its modules are available.
   eval::Evaluation evaluate();
   /// Whether the data set has sharp test views or held-out exposures.
   bool can_evaluate() const;
@@ -76,48 +75,51 @@ class Trainer {
  private:
   eval::Evaluation evaluate(const data::Dataset& posed);
   bool learns_gains() const;
-  /// False where there is nothing to go on from.
+  /// Returns false if there is no checkpoint.
   bool resume_from(const std::string& choice);
-  /// Puts on or off in place of pattern.learn auto.
+  /// Replaces pattern.learn auto by on or off.
   void settle_pattern();
-  /// Keeps the decisions of the run's start: its calendar, thresholds, pattern and near plane.
+  /// Restores the decisions of the run's start: its schedule, thresholds, pattern and near plane.
   void keep_decisions(const train::RunOptions& saved);
   void check_same_run(const std::filesystem::path& checkpoint, const CheckpointInfo& info) const;
   void announce() const;
   void write_environment() const;
   void log_step(const train::StepInputs& inputs, const train::StepOutputs& out);
-  /// @param seconds  run_seconds() before the look began
+  /// @param seconds  run_seconds() before the evaluation
   eval::Evaluation log_evaluation(const data::Dataset& posed, double seconds);
-  /// "seconds" of a line of metrics.jsonl: that the run has taken, without its looks on the way.
+  /// "seconds" of a line of metrics.jsonl: duration of the run without intermediate evaluations.
   double run_seconds() const;
-  /// Evaluation and pictures that are due.
+  /// Runs the evaluation and writes the pictures that are due.
   void look(Watcher* watcher);
   void save();
-  /// The data set with the poses at which the scene is to be seen: learned ones where poses are.
+  /// The data set with the poses to evaluate at: learned ones if poses are learned.
   data::Dataset posed_dataset();
-  /// posed_dataset() for a look on the way: the fit of test poses goes on from the last look's.
+  /// posed_dataset() for an intermediate evaluation: continues the fit of test poses from the last
+  /// one.
   const data::Dataset& look_at_dataset();
-  /// @param truths  the test views' sharp images too
+  /// @param truths  write the test views' sharp images too
   void write_pictures(const data::Dataset& posed, bool truths = false);
   [[noreturn]] void stop();
   void finish();
 
-  StageTimes times_;  // begins before anything else does
+  StageTimes times_;  // first member: measures from the start
   train::RunOptions options_;
   std::optional<Choices> choices_;
   torch::Device device_;
   RunDirectory directory_;
   RunData data_;
-  train::StreamScope stream_;  // before every tensor on a GPU, which starts while data are read
+  // before every tensor on a GPU, whose context is created while data are read
+  train::StreamScope stream_;
   train::TrainState state_;
   train::StepFeed feed_;
   train::StepGraph step_graph_;
   TermMonitor monitor_;
   std::unique_ptr<MetricsLog> metrics_;
   PictureWriter pictures_;
-  std::optional<data::Dataset> looked_at_;  // of the last look on the way, where poses are learned
+  // of the last intermediate evaluation, if poses are learned
+  std::optional<data::Dataset> looked_at_;
   std::string status_;                      // for the progress bar
-  double logged_seconds_ = 0;               // clock and step of the last log line, for it/s
+  double logged_seconds_ = 0;               // time and step of the last log line, for it/s
   int64_t logged_step_ = 0;
 };
 

@@ -66,7 +66,7 @@ std::vector<ViewPicture> training_pictures(const data::Dataset& dataset,
                         [view, &state, index] { return train::scene_target(state, view(), index); },
                         judged});
   }
-  // Count-normalised, as the correlation with α sees it.
+  // Normalised counts, as used in the correlation with α.
   pictures.push_back({"event density", [&bank, index] {
                         const torch::Tensor density = bank.density(index);
                         return (density / density.max().clamp_min(1)).unsqueeze(0);

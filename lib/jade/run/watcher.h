@@ -12,7 +12,7 @@
 
 namespace jade::run {
 
-/// A run as somebody sees it who looks on. Not to be changed: training goes on from it.
+/// A read-only view of a run for observers.
 struct WatchedRun {
   const data::Dataset& dataset;
   const train::ViewBank& bank;
@@ -21,22 +21,22 @@ struct WatchedRun {
   std::filesystem::path folder;
 };
 
-/// Somebody who looks on while a run trains. All calls come from the thread that trains.
+/// Observer of a run. All calls come from the training thread.
 class Watcher {
  public:
   virtual ~Watcher() = default;
 
-  /// Before the first step. `run` stays valid while the Trainer lives.
+  /// Called before the first step. `run` stays valid during the Trainer's lifetime.
   virtual void begin(const WatchedRun& run) = 0;
-  /// After each step; the run waits for it to return.
-  /// @return seconds of waiting that are not the step's, as while paused
+  /// Called after each step; the run waits for it to return.
+  /// @return seconds of waiting that do not count as training, such as a pause
   virtual double after_step() = 0;
-  /// Scores of the test views between two steps.
-  /// @param posed  the data set with the poses that it was scored at
+  /// Called with scores of the test views, between two steps.
+  /// @param posed  the data set with the poses of the evaluation
   virtual void on_evaluation(const data::Dataset& posed, const eval::Evaluation& evaluation) = 0;
-  /// A line of metrics.jsonl.
+  /// Called with each line of metrics.jsonl.
   virtual void on_metrics(const std::string& line) = 0;
-  /// No step follows.
+  /// Called when no step follows.
   virtual void ended() = 0;
 };
 

@@ -22,7 +22,7 @@ bool is_ipv6(const std::string& host) {
   return inet_pton(AF_INET6, host.c_str(), &parsed) == 1;
 }
 
-/// -1 for what is no port.
+/// -1 for an invalid port.
 int port_of(const std::string& text) {
   int port = -1;
   if (!only_digits(text)) return -1;

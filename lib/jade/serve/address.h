@@ -11,9 +11,9 @@ struct Address {
   int port = 8080;                 ///< 0: any free one
 };
 
-/// Reads ADDRESS:PORT, ADDRESS or PORT; an IPv6 address stands in brackets. Empty is the default.
-/// Other names than localhost are refused: what they mean may change after the check.
-/// @param flag  what a message calls it
+/// Parses ADDRESS:PORT, ADDRESS or PORT; an IPv6 address must be in brackets. Empty is the default.
+/// Rejects host names other than localhost, because their meaning may change after the check.
+/// @param flag  name of the option for messages
 /// @throws ConfigError.
 Address parse_address(const std::string& text, const std::string& flag);
 

@@ -9,10 +9,11 @@
 
 namespace jade::serve {
 
-/// How far a run is, as its viewers read it.
+/// Progress of a run for its viewers.
 struct Progress {
   int64_t step = 0, steps = 0, gaussians = 0;
-  std::string phase;  ///< "training", "paused", "finishing"; "still" for a scene that is as it is
+  std::string phase;  ///< "training", "paused", "finishing"; "still" for a scene that does not
+                      ///< change
 };
 
 /// Scores of an evaluation, by camera of the data set: "test.0".
@@ -25,7 +26,7 @@ struct Scored {
 /// per viewer. Thread-safe.
 class Board {
  public:
-  /// At so many lines every second one is dropped, the newest kept.
+  /// At this many lines every second one is dropped, except the newest.
   static constexpr size_t kMostLines = 2000;
 
   Board();
@@ -37,9 +38,9 @@ class Board {
   void add(const std::string& line);
 
   /// {"id", "step", "steps", "gaussians", "phase", "scored": {"step", "psnr": {…}}, "viewers",
-  /// "generation", "count", "lines": […]}: the lines from `from` on, or all where `generation` is
-  /// not that of the answer, because lines have been dropped. The next question has the answer's
-  /// generation, and its count as `from`.
+  /// "generation", "count", "lines": […]}: the lines from `from` on, or all if `generation` is
+  /// outdated, because lines have been dropped. The next request sends the answer's generation, and
+  /// its count as `from`.
   std::string json(int64_t generation, int64_t from, int64_t viewers) const;
 
  private:

@@ -13,7 +13,7 @@
 namespace jade::serve {
 namespace {
 
-/// How often a full socket is asked whether its reader goes on.
+/// Polling interval of a full socket.
 constexpr std::chrono::milliseconds kLook{100};
 
 }  // namespace
@@ -26,7 +26,7 @@ Connection::Connection(int socket, const Limits& limits, const std::atomic<bool>
 
 Connection::~Connection() {
   // Unread input would turn the close into a reset, and the answer would be lost. A client that
-  // keeps sending is reset anyway: 50 ms of a local flood are 50 MB and more.
+  // keeps sending is reset anyway: a local flood sends 50 MB and more in 50 ms.
   shutdown(socket_, SHUT_WR);
   const auto until = Clock::now() + std::chrono::milliseconds(50);
   size_t left = limits_.unread_bytes;
@@ -77,7 +77,7 @@ Connection::Clock::time_point Connection::write_until() {
 }
 
 void Connection::renew_writing() {
-  // Who stops waits for the limit at hand, and not for one after another.
+  // The server's destructor waits for one time limit, not for several in a row.
   if (stopping_ != nullptr && *stopping_) return;
   write_until_ = std::min(Clock::now() + limits_.writing, answer_until_);
 }
@@ -88,7 +88,7 @@ int Connection::queued() const {
 }
 
 bool Connection::can_write() {
-  // There is room again once megabytes have left, which a slow line needs many seconds for.
+  // Space becomes available only after megabytes have left, which takes a slow line many seconds.
   for (;;) {
     const auto until = write_until();
     if (wait(POLLOUT, std::min(until, Clock::now() + kLook))) return true;
@@ -102,7 +102,7 @@ bool Connection::can_write() {
 ssize_t Connection::write(const char* from, size_t size) {
   for (size_t sent = 0; sent < size;) {
     if (!can_write()) return -1;
-    // Who has gone must not end the program by SIGPIPE.
+    // A client that has disconnected must not end the program by SIGPIPE.
     const ssize_t went = send(socket_, from + sent, size - sent, MSG_NOSIGNAL | MSG_DONTWAIT);
     if (went < 0 && errno != EAGAIN && errno != EINTR) return -1;
     if (went <= 0) continue;

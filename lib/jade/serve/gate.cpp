@@ -22,7 +22,7 @@ std::string name_of(const std::string& host) {
   return host.substr(0, host.rfind(':'));
 }
 
-/// Names of machines know no case; browsers send them in small letters.
+/// Host names are case-insensitive; browsers send lower case.
 std::string in_small_letters(std::string name) {
   for (char& c : name) {
     if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
@@ -43,7 +43,7 @@ bool is_large(const std::string& content_length) {
   return parsed.ec != std::errc() || parsed.ptr != end || length < 0 || length > Gate::kLargestBody;
 }
 
-/// In a time that does not tell how many letters were right.
+/// Takes constant time, independent of the number of matching characters.
 bool same(const std::string& a, const std::string& b) {
   unsigned char difference = a.size() == b.size() ? 0 : 1;
   for (size_t i = 0; i < std::min(a.size(), b.size()); ++i) {
@@ -66,7 +66,7 @@ Gate::Gate(const Address& address, std::string token)
 
 bool Gate::is_ours(const std::string& host) const {
   const std::string name = in_small_letters(name_of(host));
-  // A tunnel changes the port, so it is left open; a name that somebody else gives does not pass.
+  // A tunnel changes the port, so any port is allowed; other host names are not.
   if (name == "localhost") return true;
   if (is_ip(name)) return !loopback_ || is_loopback({name, 0});
   if (loopback_ || machine_.empty()) return false;
@@ -80,7 +80,7 @@ std::optional<Refusal> Gate::refuse(const Knock& knock) const {
   if (!knock.origin.empty() && knock.origin != "http://" + knock.host) {
     return Refusal{403, "a page of another site may not ask"};
   }
-  // A link from elsewhere may open the page, no more.
+  // A link from another site may open the page, nothing else.
   const bool opens_page = knock.path == "/" && knock.fetch_mode == "navigate";
   const std::string& site = knock.fetch_site;
   if (!site.empty() && site != "same-origin" && site != "none" && !opens_page) {

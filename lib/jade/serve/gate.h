@@ -19,21 +19,21 @@ struct Knock {
 
 struct Refusal {
   int status;          ///< of HTTP
-  std::string reason;  ///< one line for whoever asked
+  std::string reason;  ///< one line for the client
 };
 
 /// 128 random bits as 32 hexadecimal digits.
 std::string make_token();
 
-/// Who may ask. A page of another site that is open in the same browser must reach nothing: neither
-/// by requests of its own (Origin, Sec-Fetch-Site) nor through a name that it lets point here
-/// (Host). Requests carry no body worth mentioning.
+/// Access control. A page of another site that is open in the same browser must reach nothing:
+/// neither through its own requests (Origin, Sec-Fetch-Site) nor through a host name that it
+/// resolves to this machine (Host). Requests have almost no body.
 class Gate {
  public:
-  /// @param token  what every request has to know; empty: nothing
+  /// @param token  that every request must contain; empty: none
   Gate(const Address& address, std::string token);
 
-  /// Returns no value if the request may pass.
+  /// Returns no value if the request is allowed.
   std::optional<Refusal> refuse(const Knock& knock) const;
 
   /// The largest body.

@@ -45,7 +45,7 @@ void RenderQueue::render_one(const Render& render) {
   }
   const std::lock_guard<std::mutex> lock(mutex_);
   const auto at = std::find(requests_.begin(), requests_.end(), request);
-  if (at == requests_.end()) return;  // it did not wait so long
+  if (at == requests_.end()) return;  // a newer one has taken its place
   request->answer = std::move(answer);
   finish(at);
   answered_.notify_all();

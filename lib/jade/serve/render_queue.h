@@ -20,61 +20,61 @@ namespace jade::serve {
 
 /// A picture rendered for a viewer.
 struct Rendered {
-  torch::Tensor image;              ///< [3,H,W] or [1,H,W] float32 on the CPU, not written again
-  std::function<void()> finish;     ///< waits until `image` is there; empty: it is
+  torch::Tensor image;              ///< [3,H,W] or [1,H,W] float32 on the CPU, not modified later
+  std::function<void()> finish;     ///< waits until `image` is complete; empty: it is complete
   int64_t step = 0, gaussians = 0;  ///< of the scene that it shows
-  /// PSNR of `image` to a sharp truth, dB, once it is there; empty where none tells. Asked by the
-  /// thread that answers, so that it costs the one that renders nothing.
+  /// PSNR of `image` against a true sharp image, dB, once it is complete; empty if there is none.
+  /// Evaluated on the answering thread, so that it costs the rendering thread nothing.
   std::function<double()> psnr;
-  std::string json;  ///< of kCamera, in place of an image: {"poses": [[12 numbers]]}
+  std::string json;  ///< for kCamera, instead of an image: {"poses": [[12 numbers]]}
 };
 
-/// Thrown while drawing: it is being made and comes by itself; whoever asked asks again.
+/// Thrown while rendering: the picture is still being computed; the client should retry.
 struct NotYet {};
 
 /// Outcome of a viewer's request.
 struct Answer {
   enum class Kind { kRendered, kTooLate, kFull, kFailed };
   Kind kind = Kind::kTooLate;
-  Rendered rendered;   ///< of kRendered
-  std::string reason;  ///< of kFailed
+  Rendered rendered;   ///< for kRendered
+  std::string reason;  ///< for kFailed
 };
 
-/// Queue between viewers and the one rendering thread. Viewers ask and wait; the thread renders
-/// when it has time. Without requests it costs one atomic load. The newest request of a viewer
-/// replaces its older ones for the same thing; a viewer that does not ask again gets nothing more,
-/// so that slow and vanished ones hold nothing up. Memory is bounded by kMostWaiting.
+/// Queue between viewers and the one rendering thread. Viewers send requests and wait; the thread
+/// renders when it has time. Without requests it costs one atomic load. The newest request of a
+/// viewer replaces its older ones for the same picture; a viewer that sends no request receives
+/// nothing, so slow and vanished ones block nothing. kMostWaiting limits the memory.
 class RenderQueue {
  public:
   static constexpr size_t kMostWaiting = 32;
   using Render = std::function<Rendered(const Wanted&)>;
   using Seconds = std::chrono::duration<double>;
 
-  // --- the thread that renders
+  // --- rendering thread
 
   bool asked() const { return waiting_.load(std::memory_order_relaxed) > 0; }
-  /// Waits for somebody to ask or for a change of paused(). True once somebody does.
+  /// Waits for a request or for a change of paused(). Returns true if there is a request.
   bool wait(Seconds at_most);
-  /// Renders the request that has waited longest, if there is one. What `render` throws is the
-  /// answer: a picture that cannot be rendered must not end a run. NotYet is kTooLate.
+  /// Renders the request that has waited longest, if any. Errors of `render` become the answer: a
+  /// picture that cannot be rendered must not end a run. NotYet becomes kTooLate.
   void render_one(const Render& render);
 
-  // --- the threads of those who ask
+  // --- requesting threads
 
-  /// @param key  of the viewer and the thing; a request under the same key is answered kTooLate
+  /// @param key  viewer and picture; an older request with the same key is answered with kTooLate
   Answer ask(const std::string& key, const Wanted& wanted, Seconds at_most);
   void set_paused(bool paused);
-  /// A viewer was there.
+  /// Records that a viewer was active.
   void note(const std::string& viewer);
 
   // --- any thread
 
   bool paused() const { return paused_; }
-  /// Viewers that were there within the last ten seconds.
+  /// Number of viewers that were active within the last ten seconds.
   int64_t viewers() const;
-  /// Since the last viewer was there.
+  /// Time since a viewer was active.
   Seconds silence() const;
-  /// Answers all that wait and whoever asks from now on with kTooLate.
+  /// Answers all waiting and future requests with kTooLate.
   void close();
 
  private:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The only file that sees cpp-httplib.
+// The only file that includes cpp-httplib.
 #include "jade/serve/server.h"
 
 #include <algorithm>
@@ -23,16 +23,16 @@ namespace {
 
 constexpr size_t kThreads = 16;
 constexpr int kJpegQuality = 85;
-constexpr RenderQueue::Seconds kFrameWait{2.0};     // then the viewer asks again
-constexpr RenderQueue::Seconds kPictureWait{10.0};  // a picture is asked for once
-// By a script: a refresh by <meta> goes nowhere where the address ends in #camera=...
+constexpr RenderQueue::Seconds kFrameWait{2.0};     // then the viewer retries
+constexpr RenderQueue::Seconds kPictureWait{10.0};  // a picture is requested once
+// Reloads by a script: a refresh by <meta> does nothing if the URL ends in #camera=...
 constexpr char kOnItsWay[] =
     "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><link rel=\"icon\" "
     "href=\"data:,\"><title>JADE-GS</title><p>The views are being prepared; this page comes by "
     "itself.<script>setTimeout(() => location.reload(), 1000);</script></html>";
 
-/// Connections beyond the threads wait in the kernel, where they cost us neither memory nor file
-/// descriptors, which the trainer needs for its own files.
+/// Excess connections wait in the kernel, where they use none of this process's memory or file
+/// descriptors, which the trainer needs.
 class BoundedPool : public httplib::TaskQueue {
   // bool since httplib 0.14, void before.
   using Enqueued = decltype(std::declval<httplib::TaskQueue&>().enqueue({}));
@@ -47,8 +47,8 @@ class BoundedPool : public httplib::TaskQueue {
       try {
         task();
       } catch (...) {
-        // For want of memory, say: that connection has been closed, and nobody else's is; out of
-        // the thread it would end the program.
+        // For example out of memory: only this connection is closed. An exception that leaves the
+        // thread would end the program.
       }
       const std::lock_guard<std::mutex> done(mutex_);
       --busy_;
@@ -83,11 +83,11 @@ class LimitedStream : public httplib::Stream {
   Connection& connection_;
 };
 
-/// One request per connection: what a refused one has left unread is never taken for the next, and
-/// no viewer that only keeps its connection has a thread.
+/// One request per connection: unread bytes of a rejected request are never parsed as the next one,
+/// and a viewer that only keeps its connection open occupies no thread.
 class LimitedServer : public httplib::Server {
  public:
-  /// Readers that are slow get no more time; before stop().
+  /// Gives slow clients no more time; call it before stop().
   void hurry() { stopping_ = true; }
 
  private:
@@ -97,7 +97,7 @@ class LimitedServer : public httplib::Server {
     return process(&LimitedServer::process_request, stream);
   }
 
-  // The library's process_request takes both ends' addresses from 0.16 on, which we do not use.
+  // Since 0.16 the library's process_request takes both ends' addresses, which are unused here.
   using Setup = const std::function<void(httplib::Request&)>&;
   using Old = bool (httplib::Server::*)(httplib::Stream&, bool, bool&, Setup);
   using New = bool (httplib::Server::*)(httplib::Stream&, const std::string&, int,
@@ -113,9 +113,9 @@ class LimitedServer : public httplib::Server {
     return (this->*request)(stream, "", 0, "", 0, /*close_connection=*/true, closed, answer_whole);
   }
 
-  /// Answers are sent whole and as they are. Of ranges the library would put together all that are
-  /// named, of which a request has room for thousands; and its compression takes seconds for a page
-  /// of pictures, which are compressed as they are.
+  /// Sends answers whole and uncompressed. For range requests the library would combine all ranges,
+  /// of which a request can contain thousands; and its compression takes seconds for a page of
+  /// pictures, which are already compressed.
   static void answer_whole(httplib::Request& request) {
     request.ranges.clear();
     request.headers.erase("Accept-Encoding");
@@ -124,7 +124,7 @@ class LimitedServer : public httplib::Server {
   std::atomic<bool> stopping_{false};
 };
 
-/// Not the library's own, whose SO_REUSEPORT would let two programs share one port.
+/// Replaces the library's options, whose SO_REUSEPORT would let two programs share one port.
 void set_socket_options(socket_t socket) {
   const int yes = 1;
   setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
@@ -147,8 +147,8 @@ void say(httplib::Response& response, int status, const std::string& text) {
   response.set_content(text + "\n", "text/plain; charset=utf-8");
 }
 
-/// Piece by piece from where it lies: a reader that is slow costs no copy, and that the server
-/// stops is seen in between.
+/// Sends in pieces from the original buffer: a slow client causes no copy, and the server can stop
+/// between pieces.
 void send(httplib::Response& response, std::shared_ptr<const std::string> page) {
   const size_t size = page->size();
   response.set_content_provider(
@@ -164,7 +164,7 @@ int64_t number_of(const httplib::Request& request, const char* name) {
   return text.empty() || text.size() > 18 ? -1 : std::strtoll(text.c_str(), nullptr, 10);
 }
 
-/// Says so where nothing was rendered.
+/// Sets an error status if nothing was rendered.
 bool was_rendered(const Answer& answer, httplib::Response& response) {
   switch (answer.kind) {
     case Answer::Kind::kTooLate:
@@ -215,7 +215,7 @@ struct Server::Impl {
 
   using Handler = std::function<void(const httplib::Request&, httplib::Response&)>;
 
-  /// A handler whose request names a viewer, and whose errors are answers.
+  /// A handler whose request names a viewer, and whose errors become answers.
   Handler for_viewer(Handler handler) {
     return [this, handler](const httplib::Request& request, httplib::Response& response) {
       try {
@@ -289,14 +289,14 @@ struct Server::Impl {
       queue.set_paused(on == "1");
       response.status = 204;
     });
-    // With a reader that is not used: a body is not waited for.
+    // Uses a content reader, which is ignored, so that the library does not wait for a body.
     http.Post("/pause", [pause](const httplib::Request& request, httplib::Response& response,
                                 const httplib::ContentReader&) { pause(request, response); });
   }
 
   void listen(const std::string& flag) {
     errno = 0;
-    const char* const host = address.host.c_str();  // as cpp-httplib 0.10 takes it
+    const char* const host = address.host.c_str();  // type required by cpp-httplib 0.10
     if (address.port == 0) {
       address.port = http.bind_to_any_port(host);
     } else if (!http.bind_to_port(host, address.port)) {

@@ -10,26 +10,27 @@
 
 namespace jade::serve {
 
-/// The live page over HTTP, from threads of its own:
+/// The live page over HTTP, on separate threads:
 ///
-///   GET /            the page of show(), or a note that it is on its way
-///   GET /frame       JPEG of what wanted_frame() reads; headers X-Step, X-Gaussians and, where a
-///                    sharp truth tells, X-Psnr in dB
-///   GET /picture     PNG of what wanted_picture() reads, with the same headers
-///   GET /camera      Rendered::json of what wanted_camera() reads
+/// GET /            the page of show(), or a note that it is being prepared
+///   GET /frame       JPEG of the request in wanted_frame(); headers X-Step, X-Gaussians and, if
+///   there
+///                    is a true sharp image, X-Psnr in dB
+///   GET /picture     PNG of the request in wanted_picture(), with the same headers
+///   GET /camera      Rendered::json of the request in wanted_camera()
 ///   GET /state       Board::json(); parameters generation and from
 ///   POST /pause      parameter on: 1 or 0
 ///
 /// and nothing else: no file is read. All but / name their viewer (viewer_of()). 204: not rendered
-/// in time, ask again; 400, 401, 403, 404, 413, 421, 503: one line of text with the reason
-/// (gate.h). One request per connection, a bounded number at a time.
+/// in time, retry; 400, 401, 403, 404, 413, 421, 503: one line of text with the reason (gate.h).
+/// One request per connection, a limited number at a time.
 class Server {
  public:
-  /// Listens at once. Where others than this machine can reach the address, requests need a token.
-  /// @param flag  what a message calls the address
-  /// @throws ConfigError where the address cannot be had, or in a build without a web server.
+  /// Starts listening. If other machines can reach the address, requests need a token.
+  /// @param flag  name of the address option for messages
+  /// @throws ConfigError if the address is unavailable, or in a build without a web server.
   Server(const Address& address, const std::string& flag);
-  /// Answers who waits and stops; takes 2 s at most, for a viewer that does not read.
+  /// Answers waiting requests and stops; takes at most 2 s, for a client that does not read.
   ~Server();
   Server(const Server&) = delete;
   Server& operator=(const Server&) = delete;
@@ -45,7 +46,7 @@ class Server {
   std::unique_ptr<Impl> impl_;
 };
 
-/// False in a build that found no cpp-httplib; Server says so.
+/// False in a build without cpp-httplib; the constructor of Server then throws.
 bool can_serve();
 
 }  // namespace jade::serve

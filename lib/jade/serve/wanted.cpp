@@ -14,7 +14,7 @@ namespace {
 constexpr double kLargestNumber = 1e9;  ///< of a pose or a camera
 constexpr size_t kLongestName = 200;
 
-/// Comma-separated, exactly `count` of them, none absurd.
+/// Exactly `count` comma-separated numbers within limits.
 std::vector<double> numbers(const Parameter& parameter, const char* name, size_t count) {
   const std::string text = parameter(name);
   std::vector<double> values;

@@ -13,29 +13,29 @@ namespace jade::serve {
 struct Wanted {
   enum class Kind { kColor, kDepth, kPicture, kCamera };
   Kind kind = Kind::kColor;
-  geometry::Pose pose;          ///< of kColor and kDepth, and
-  geometry::Intrinsics camera;  ///< at most kMostPixels large
-  /// A camera of the data set, "train.3": of kPicture and kCamera, and of a kColor that is taken
-  /// there, at mid-exposure, else empty.
+  geometry::Pose pose;          ///< for kColor and kDepth, with
+  geometry::Intrinsics camera;  ///< at most kMostPixels pixels
+  /// A camera of the data set, "train.3": for kPicture and kCamera, and for a kColor at its
+  /// mid-exposure pose, else empty.
   std::string view;
-  std::string picture;  ///< of kPicture: "EDI"
+  std::string picture;  ///< for kPicture: "EDI"
 
   static constexpr int64_t kMostPixels = int64_t{1} << 22;
 };
 
-/// The value of a request's parameter; empty where it has none.
+/// The value of a request's parameter; empty if it has none.
 using Parameter = std::function<std::string(const char* name)>;
 
-/// Reads a frame's request: `pose`, rows of camera_from_world, 12 numbers; `camera`, six: fx, fy,
-/// cx, cy, width, height; `layer`, color or depth; perhaps `view`.
+/// Parses a frame's request: `pose`, rows of camera_from_world, 12 numbers; `camera`, six: fx, fy,
+/// cx, cy, width, height; `layer`, color or depth; optional `view`.
 /// @throws ConfigError in one line.
 Wanted wanted_frame(const Parameter& parameter);
 
-/// Reads a picture's request: `view` and `name`.
+/// Parses a picture's request: `view` and `name`.
 /// @throws ConfigError in one line.
 Wanted wanted_picture(const Parameter& parameter);
 
-/// Reads the question where a camera of the data set stands: `view`.
+/// Parses a request for the current poses of a camera of the data set: `view`.
 /// @throws ConfigError in one line.
 Wanted wanted_camera(const Parameter& parameter);
 

@@ -7,7 +7,7 @@
 namespace jade::simulate {
 namespace {
 
-constexpr double kMeterRange = 8;  // of lengths downwards and of gain upwards
+constexpr double kMeterRange = 8;  // factor by which lengths decrease and gains increase
 
 /// Mean light of the middle third, of all channels.
 double metered(const world::SharpFrame& frame, Encoding encoding) {

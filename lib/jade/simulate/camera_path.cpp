@@ -15,7 +15,7 @@ constexpr double kRollReach = 0.05;  // radians
 
 std::array<double, 3> to_array(world::Vec3 v) { return {v.x, v.y, v.z}; }
 
-// Ray point at depth z of pixel (u,v), moved by `relative`, projected.
+// Moves the point at depth z on the ray of pixel (u,v) by `relative` and projects it.
 std::array<double, 2> moved(const geometry::Intrinsics& camera, const geometry::Pose& relative,
                             double u, double v, double depth) {
   auto p = geometry::unproject(camera, u, v);
@@ -48,7 +48,7 @@ CameraPath::CameraPath(const world::CameraRig& rig, double reach, uint64_t seed)
   }
 }
 
-// Speeds up and slows down as a cosine, so that the path has no corner.
+// Accelerates and brakes like a cosine, so that the path is smooth.
 double CameraPath::moved_until(double t_us) const {
   if (rest_ <= 0) return t_us;
   const double periods = t_us / rest_period_us_, whole = std::floor(periods);

@@ -11,18 +11,18 @@
 
 namespace jade::simulate {
 
-/// A camera held in a moving hand: the eye, the point looked at and the roll each wander along sums
-/// of three sinusoids (a slow sweep over the viewpoints, a sway and a tremor), smooth at all times.
+/// A handheld camera: the eye, the target point and the roll each follow a smooth sum of three
+/// sinusoids (a slow sweep over the viewpoints, a sway and a tremor).
 class CameraPath {
  public:
-  /// @param reach  multiplies the rig's excursions
+  /// @param reach  multiplies the rig's amplitudes
   CameraPath(const world::CameraRig& rig, double reach, uint64_t seed);
 
-  /// Sweeps a second of the slow component; default 1.
+  /// Sweeps per second of the slow component; default 1.
   void set_speed(double speed) { speed_ = speed; }
   double speed() const { return speed_; }
 
-  /// Lets the camera stand still for the first `part` of each period and catch up in what is left.
+  /// The camera rests for the first `part` of each period and catches up in the remaining time.
   void set_rest(double part, double period_us) { rest_ = part, rest_period_us_ = period_us; }
 
   /// camera_from_world at any time.
@@ -40,17 +40,17 @@ class CameraPath {
   double rest_ = 0, rest_period_us_ = 1;
 };
 
-/// Mean over pixels of the length of their way over the image while the camera goes from `begin_us`
-/// to `end_us`, px. `mid` is a frame (any resolution) taken at the middle with `camera`.
+/// Mean over pixels of the length of their image path while the camera moves from `begin_us` to
+/// `end_us`, px. `mid` is a frame (any resolution) at the middle with `camera`.
 double blur_length(const CameraPath& path, const geometry::Intrinsics& camera,
                    const world::SharpFrame& mid, double begin_us, double end_us);
 
-/// Largest distance over all pixels of `frame` (taken at `from`) that a pixel moves until `to`.
+/// Largest distance that a pixel of `frame` (taken at `from`) moves until `to`.
 double largest_flow(const world::SharpFrame& frame, const geometry::Intrinsics& camera,
                     const geometry::Pose& from, const geometry::Pose& to);
 
-/// Mean over all pixels of `frame` (taken at `from`) of the squared distance between where cameras
-/// at `a` and at `b` see its points, px².
+/// Mean squared distance, over all pixels of `frame` (taken at `from`), between the projections of
+/// its points by cameras at `a` and at `b`, px².
 double mean_square_distance(const world::SharpFrame& frame, const geometry::Intrinsics& camera,
                             const geometry::Pose& from, const geometry::Pose& a,
                             const geometry::Pose& b);

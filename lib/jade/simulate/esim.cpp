@@ -16,7 +16,7 @@ namespace jade::simulate {
 namespace {
 
 constexpr int64_t kBandRows = 8;
-constexpr double kSmallest = 0.01;  // of a pixel's threshold
+constexpr double kSmallest = 0.01;  // smallest threshold of a pixel
 constexpr double kNever = -1e18;
 
 template <class T>
@@ -99,7 +99,7 @@ void EventSensor::feed(const std::vector<float>& intensity, int64_t t_us) {
   now_us_ = t_us;
 }
 
-// Exact response of y' = (x − y)/τ to an input that runs straight from x0 to x1.
+// Exact response of y' = (x − y)/τ to an input that is linear from x0 to x1.
 float EventSensor::low_pass(size_t i, float x1, float intensity, double duration_us) {
   if (options_.cutoff_hz <= 0) return x1;
   const double cutoff = options_.cutoff_hz * std::max(0.1, static_cast<double>(intensity));
@@ -124,8 +124,8 @@ void EventSensor::advance_through(const std::vector<double>& bursts, size_t i, f
   advance_pixel(i, target, intensity, span, out);
 }
 
-// The leak pulls ref down at a steady rate, which is the same as L rising: both ends of the line
-// are raised by the leak so far.
+// The leak lowers ref at a constant rate, which is equivalent to raising L: both ends of the line
+// are raised by the accumulated leak.
 void EventSensor::advance_pixel(size_t i, float target, float intensity, const Span& span,
                                 std::vector<Event>& out) {
   const double leak = options_.leak_hz * 1e-6 * on_[i];
@@ -163,7 +163,7 @@ void EventSensor::advance_pixel(size_t i, float target, float intensity, const S
   cross_until(span.end_us);
 }
 
-// The photoreceptor is the slower the less light it has.
+// The photoreceptor is slower with less light.
 double EventSensor::latency_us(float intensity) const {
   constexpr float kDark = 0.1f;
   return options_.latency_us + options_.dark_latency_us * kDark / std::max(intensity, kDark);
@@ -175,7 +175,7 @@ void EventSensor::send(size_t i, double t_us, float intensity, int8_t polarity,
   last_us_[i] = t_us;
   if (!dead_.empty() && dead_[i % static_cast<size_t>(width_)]) return;
   int64_t stamp_us = std::llround(t_us);
-  if (!latest_us_.empty()) {  // no event of a pixel overtakes another
+  if (!latest_us_.empty()) {  // events of a pixel stay in order
     stamp_us = std::max<int64_t>(std::llround(t_us + latency_us(intensity)), latest_us_[i]);
     latest_us_[i] = stamp_us;
   }
@@ -195,7 +195,7 @@ void EventSensor::append(std::vector<std::vector<Event>>& bands) {
   }
 }
 
-// Late events have overtaken each other from one picture to the next.
+// Late events can overtake each other between pictures.
 void EventSensor::sort_by_time() {
   std::vector<size_t> order(t_us_.size());
   std::iota(order.begin(), order.end(), size_t{0});

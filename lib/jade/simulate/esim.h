@@ -10,25 +10,24 @@
 
 namespace jade::simulate {
 
-/// An event camera fed with pictures (ESIM, Rebecq et al. 2018). Between two pictures the log
-/// intensity L of a pixel is a straight line in time; an event of polarity s is sent whenever L
-/// reaches ref + sΘ, and ref moves there, even when the refractory period keeps the event back.
-/// On top: thresholds that differ from pixel to pixel, a first-order low-pass, a leak that pulls
-/// ref down, random (shot) events after which a pixel starts afresh from its present L, instants at
-/// which all pixels fire and start afresh, hot pixels, columns without events, and times that are
-/// late, the more so where it is dark. The events depend on the seed and the pictures alone, not on
-/// the number of threads.
+/// An event camera simulated from pictures (ESIM, Rebecq et al. 2018). Between two pictures the log
+/// intensity L of a pixel is linear in time; an event of polarity s is sent whenever L reaches ref
+/// + sΘ, and ref moves there, even if the refractory period suppresses the event. Additional
+/// effects: thresholds that vary from pixel to pixel, a first-order low-pass, a leak that lowers
+/// ref, random (shot) events that reset ref to the current L, instants at which all pixels fire and
+/// reset, hot pixels, columns without events, and a latency that increases in the dark. The events
+/// depend only on the seed and the pictures, not on the number of threads.
 class EventSensor {
  public:
   EventSensor(const EventSensorOptions& options, int64_t width, int64_t height, uint64_t seed);
 
-  /// Feeds the intensities [H·W] at `t_us`, later than the last; the first call only starts.
+  /// Feeds the intensities [H·W] at `t_us`, later than the last; the first call only initialises.
   /// @throws ContractError for a wrong size or a time that does not increase.
   void feed(const std::vector<float>& intensity, int64_t t_us);
 
   int64_t event_count() const { return static_cast<int64_t>(t_us_.size()); }
-  /// All events so far, sorted by time (those of one time in the order of what the pixels saw, by
-  /// row band and pixel); the sensor keeps none of them.
+  /// Returns and removes all events so far, sorted by time (ties in the order of processing, by row
+  /// band and pixel).
   events::EventStream take();
 
   double threshold_positive(int64_t pixel) const { return on_[static_cast<size_t>(pixel)]; }
@@ -43,7 +42,7 @@ class EventSensor {
   struct Span {
     double begin_us, end_us;
   };
-  /// Bursts after those of the last call.
+  /// Burst times since the last call.
   std::vector<double> bursts_until(double end_us);
   void advance_pixel(size_t pixel, float target, float intensity, const Span& span,
                      std::vector<Event>& out);
@@ -63,14 +62,14 @@ class EventSensor {
   // Per pixel.
   std::vector<float> input_;       // log intensity before the low-pass
   std::vector<float> level_;       // after it
-  std::vector<double> reference_;  // less the leak since the start, which grows with time
+  std::vector<double> reference_;  // minus the leak since the start, which grows with time
   std::vector<float> on_, off_;
-  std::vector<float> hazard_;  // of the next random event, in expected events
+  std::vector<float> hazard_;  // expected number of events until the next random event
   std::vector<double> last_us_;
   std::vector<world::Draw> draw_;
   std::vector<uint8_t> hot_;
   std::vector<uint8_t> dead_;       // per column; empty: none
-  std::vector<int64_t> latest_us_;  // time given to the last event; empty: events are not late
+  std::vector<int64_t> latest_us_;  // time of the last event; empty: no latency
   world::Draw burst_draw_;
   double next_burst_us_ = 0;
   // Events so far.

@@ -30,7 +30,7 @@ std::optional<EventCamera> event_camera_of(const SimulateOptions& o) {
                      geometry::inverse(frames_from_events)};
 }
 
-/// Bounds the flow in the finer of both cameras; that they see from different places changes it
+/// Limits the flow in the camera with the finer resolution; their different positions matter
 /// little.
 SamplingOptions sampling_of(const SimulateOptions& o, const std::optional<EventCamera>& events) {
   SamplingOptions sampling = o.sampling;
@@ -74,7 +74,7 @@ int64_t RenderedFootage::next_us(const world::SharpFrame& frame, int64_t now_us,
   return next;
 }
 
-// The half per cent nearest and furthest is left out.
+// Excludes the nearest and farthest half per cent.
 Footage::Depths RenderedFootage::depths(const Timeline& timeline) const {
   const auto coarse = geometry::scaled(camera_, 64, 48);
   std::vector<float> depths;

@@ -12,35 +12,34 @@
 
 namespace jade::simulate {
 
-/// A camera for events alone.
+/// A separate camera for events.
 struct EventCamera {
   geometry::Intrinsics camera;
   geometry::Pose from_frames;  ///< x_events = R x_frames + t
 };
 
-/// The scene in front of the sensors, as a film that can be sampled at any time.
+/// The scene in front of the sensors, which can be sampled at any time.
 class Footage {
  public:
   virtual ~Footage() = default;
   virtual const geometry::Intrinsics& camera() const = 0;
   /// camera_from_world.
   virtual geometry::Pose pose(double t_us) const = 0;
-  /// @param samples  rays per pixel, where rays are cast
+  /// @param samples  rays per pixel, for ray-cast footage
   virtual void frame(int64_t t_us, int samples, world::SharpFrame& frame) const = 0;
-  /// The camera that the events come from, where it is not that of the frames.
+  /// The event camera, if it differs from that of the frames.
   virtual std::optional<EventCamera> event_camera() const { return std::nullopt; }
-  /// frame() as event_camera() sees it; for footage that has one.
+  /// frame() as seen by event_camera(); only for footage that has one.
   virtual void event_frame(int64_t t_us, int samples, world::SharpFrame& frame) const;
-  /// The time of the frame to look at after `frame`, which was taken at `now_us`: in
-  /// (now_us, until_us].
+  /// The time of the next frame after `frame`, which was taken at `now_us`: in (now_us, until_us].
   virtual int64_t next_us(const world::SharpFrame& frame, int64_t now_us, int64_t until_us) = 0;
-  /// Depths between which nearly all lies, over the timeline's exposures.
+  /// Depth range of nearly all points over the timeline's exposures.
   struct Depths {
     double near, far;
   };
   virtual Depths depths(const Timeline& timeline) const = 0;
-  /// Mean blur over the exposures, and the furthest that a pixel moved between two frames, px;
-  /// 0 where it is not known.
+  /// Mean blur over the exposures, and the largest motion of a pixel between two frames, px; 0 if
+  /// unknown.
   virtual double blur_px() const { return 0; }
   virtual double largest_flow_px() const { return 0; }
 };
@@ -69,12 +68,11 @@ class RenderedFootage : public Footage {
   double blur_px_ = 0, largest_flow_px_ = 0;
 };
 
-/// Sharp frames with poses, evenly spaced in time; in between, the logarithm of each value runs on
-/// a straight line and the camera as a Trajectory does.
+/// Sharp frames with poses, evenly spaced in time; log values between them are interpolated
+/// linearly, poses as in Trajectory.
 class StoredFootage : public Footage {
  public:
-  /// @param path  a folder with transforms.json; frames are in order of name, frame_2 before
-  ///              frame_10
+  /// @param path  a folder with transforms.json; frames are sorted by name, frame_2 before frame_10
   /// @param log_eps  added before the logarithm
   /// @throws DataError for fewer than two frames, cameras that differ, or an unreadable folder.
   StoredFootage(const std::filesystem::path& path, double frames_per_second, double log_eps);

@@ -35,7 +35,7 @@ void GaussianSource::render(const geometry::Pose& camera_from_world,
 }
 
 world::CameraRig GaussianSource::rig() const {
-  const auto sorted = std::get<0>(file_.gaussians.means.sort(0));  // each axis by itself
+  const auto sorted = std::get<0>(file_.gaussians.means.sort(0));  // each axis separately
   const int64_t n = sorted.size(0);
   const auto at = [&](int64_t i, int64_t axis) { return sorted.index({i, axis}).item<float>(); };
   const world::Vec3 middle{at(n / 2, 0), at(n / 2, 1), at(n / 2, 2)};

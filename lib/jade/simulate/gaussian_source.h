@@ -9,16 +9,16 @@
 
 namespace jade::simulate {
 
-/// Splats the Gaussians of a file (gaussians/scene_file.h).
+/// Renders the Gaussians of a file (gaussians/scene_file.h).
 class GaussianSource : public world::FrameSource {
  public:
-  /// @throws DataError naming the path for a file that holds no Gaussians.
+  /// @throws DataError naming the path for a file without Gaussians.
   explicit GaussianSource(const std::filesystem::path& path);
-  /// `samples` has no meaning here. Depth is the expected depth, world::kNoDepth where nothing is.
+  /// Ignores `samples`. Depth is the expected depth, or world::kNoDepth where nothing is.
   void render(const geometry::Pose& camera_from_world, const geometry::Intrinsics& camera,
               int samples, world::SharpFrame& frame) const override;
-  /// A rig in front of the Gaussians: it looks along −z at their middle, from as far as their
-  /// middle two thirds are wide.
+  /// A rig in front of the Gaussians that looks along −z at their middle, at a distance equal to
+  /// the width of their middle two thirds.
   world::CameraRig rig() const;
 
  private:

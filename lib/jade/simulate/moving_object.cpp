@@ -16,7 +16,7 @@ struct Hit {
   std::array<float, 3> rgb{};
 };
 
-/// The ball's light where the ray through (u, v) meets it; depth 0 where it does not.
+/// The ball's light where the ray through (u, v) hits it; depth 0 if it misses.
 Hit meet(const geometry::Intrinsics& camera, double u, double v, const geometry::Vector3& centre,
          double radius, const geometry::Pose& pose) {
   const auto ray = geometry::unproject(camera, u, v);
@@ -30,7 +30,7 @@ Hit meet(const geometry::Intrinsics& camera, double u, double v, const geometry:
   if (depth <= 0) return {};
   geometry::Vector3 normal;
   for (size_t i = 0; i < 3; ++i) normal[i] = (depth * ray[i] - centre[i]) / radius;
-  // Stripes stay with the ball, which does not turn, in world axes.
+  // Stripes are fixed to the ball, which does not rotate, in world axes.
   const auto world =
       geometry::transform(geometry::Pose{geometry::inverse(pose).rotation, {0, 0, 0}}, normal);
   const bool stripe = std::sin(8 * world[0]) * std::sin(6 * world[1]) > 0;
@@ -57,7 +57,7 @@ geometry::Vector3 MovingObject::centre_at(double t_us) const {
 }
 
 double MovingObject::time_for_us(double px) const {
-  const double fastest = kSwing * std::hypot(1, 0.6) * options_.travel_px;  // px in a period
+  const double fastest = kSwing * std::hypot(1, 0.6) * options_.travel_px;  // px per period
   return fastest > 0 ? px * 1000 * options_.period_ms / fastest
                      : std::numeric_limits<double>::infinity();
 }

@@ -8,19 +8,19 @@
 
 namespace jade::simulate {
 
-/// A striped ball that swings to and fro before the scene.
+/// A striped ball that oscillates in front of the scene.
 class MovingObject {
  public:
-  /// @param from  where a camera sees its middle place in the middle of the image
-  /// @param depth  of that place
+  /// @param from  camera that sees the ball's mean position in the image centre
+  /// @param depth  of that position
   MovingObject(const ObjectOptions& options, const geometry::Intrinsics& camera,
                const geometry::Pose& from, double depth);
 
   bool is_there() const { return options_.radius_px > 0; }
-  /// Draws it over what is further away.
+  /// Renders the ball over everything farther away.
   void draw(const geometry::Intrinsics& camera, const geometry::Pose& pose, double t_us,
             world::SharpFrame& frame) const;
-  /// The time in which it moves by `px` at its fastest, µs.
+  /// The time in which it moves by `px` at its highest speed, µs.
   double time_for_us(double px) const;
 
  private:
@@ -28,7 +28,7 @@ class MovingObject {
 
   ObjectOptions options_;
   geometry::Pose world_from_middle_;
-  double depth_, radius_, px_;  // world units; of a pixel at that depth
+  double depth_, radius_, px_;  // world units; size of a pixel at that depth
 };
 
 }  // namespace jade::simulate

@@ -20,7 +20,7 @@ double vignette(const OpticsOptions& o, double x, double y, double width, double
   return 1 - o.vignetting * 4 * (dx * dx + dy * dy) / (width * width + height * height);
 }
 
-/// A soft dark spot.
+/// Adds a soft dark spot.
 void add_spot(const OpticsOptions& o, int64_t width, int64_t height, world::Draw& draw,
               std::vector<float>& passed) {
   const double x = draw.uniform() * static_cast<double>(width);

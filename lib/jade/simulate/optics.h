@@ -9,8 +9,7 @@
 
 namespace jade::simulate {
 
-/// Light path before a sensor: scene brightness, lamps that flicker, a lens that loses light in its
-/// corners, and dust.
+/// Light path in front of a sensor: scene brightness, flickering lamps, vignetting, and dust.
 class Optics {
  public:
   Optics(const SimulateOptions& options, int64_t width, int64_t height, uint64_t seed);
@@ -19,14 +18,14 @@ class Optics {
   bool changes() const { return options_.light.brightness != 1 || !passed_.empty() || flickers(); }
   bool flickers() const { return options_.light.flicker > 0; }
 
-  /// How much of the scene's light there is, of its mean over time.
+  /// Light of the scene relative to its mean over time.
   double flicker_at(double t_us) const;
-  /// The time over which flicker_at() is nearly straight, µs.
+  /// The time over which flicker_at() is nearly linear, µs.
   double flicker_step_us() const;
 
-  /// `frame` as it falls on the sensor. `lit` may be `frame`.
+  /// `frame` as it reaches the sensor. `lit` may be `frame`.
   void light(const world::SharpFrame& frame, double t_us, world::SharpFrame& lit) const;
-  /// The scene at its brightness, without the rest.
+  /// Applies the scene's brightness only.
   void brighten(world::SharpFrame& frame) const;
 
  private:
@@ -34,10 +33,10 @@ class Optics {
              world::SharpFrame& scaled) const;
 
   SimulateOptions options_;
-  std::vector<float> passed_;  // [H*W] part of the light that passes, or empty
+  std::vector<float> passed_;  // [H*W] transmitted share of the light, or empty
 };
 
-/// The values of a picture between two, on straight lines. @param share  of `after`
+/// Interpolates linearly between two pictures. @param share  of `after`
 void mix(const world::SharpFrame& before, const world::SharpFrame& after, float share,
          world::SharpFrame& mixed);
 

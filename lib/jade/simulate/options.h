@@ -28,7 +28,7 @@ void describe(V& v, MotionOptions& o) {
   v.field("rest_period_ms", o.rest_period_ms, "from one rest to the next, ms", Range{1, 1e5});
 }
 
-/// Empty vectors leave it to the source.
+/// Empty vectors: the source's defaults.
 struct CameraOptions {
   std::vector<double> eye, target, up, eye_reach, target_reach;
 };
@@ -57,7 +57,7 @@ void describe(V& v, SamplingOptions& o) {
   v.field("sharp_samples", o.sharp_samples, "rays per pixel of sharp pictures", Range{1, 256});
 }
 
-/// The light that falls on the scene.
+/// The light on the scene.
 struct LightOptions {
   double brightness = 1;
   double flicker = 0, flicker_hz = 100;
@@ -87,7 +87,7 @@ void describe(V& v, OpticsOptions& o) {
   v.field("dust_radius_px", o.dust_radius_px, "mean radius of a spot, px", Range{0.5, 1000});
 }
 
-/// A striped ball that swings before the scene; the camera looks past it.
+/// A striped ball that oscillates in front of the scene; the camera does not follow it.
 struct ObjectOptions {
   double radius_px = 0;
   double travel_px = 60;
@@ -101,7 +101,7 @@ void describe(V& v, ObjectOptions& o) {
   v.field("period_ms", o.period_ms, "of its swing, ms", Range{10, 1e6});
 }
 
-/// How light becomes stored values.
+/// Mapping from light to stored values.
 enum class Encoding { kLinear, kSrgb };
 
 constexpr auto words_of(Encoding) {
@@ -145,7 +145,7 @@ void describe(V& v, ImageSensorOptions& o) {
           Range{0, 1});
 }
 
-/// The colour filter before the event pixels, in the words of data/bayer.h.
+/// The colour filter on the event pixels, in the words of data/bayer.h.
 enum class Bayer { kNone, kRggb };
 
 constexpr auto words_of(Bayer) {
@@ -200,7 +200,7 @@ void describe(V& v, EventSensorOptions& o) {
   v.field("dead_columns", o.dead_columns, "columns without events", Range{0, 8192});
 }
 
-/// An event camera beside the camera of the frames. One sensor gives both where `centre` is empty.
+/// An event camera beside the camera of the frames. If `centre` is empty, one sensor records both.
 struct EventCameraOptions {
   std::vector<double> centre, turn_deg;
   int64_t width = 0, height = 0;
@@ -219,7 +219,7 @@ void describe(V& v, EventCameraOptions& o) {
   v.field("focal_px", o.focal_px, "px; 0: as the frames", Range{0, 1e5});
 }
 
-/// Metadata that a recording has.
+/// Metadata that a recording contains.
 struct RecordingOptions {
   bool exposure_times = true;
 };
@@ -230,7 +230,7 @@ void describe(V& v, RecordingOptions& o) {
           "have a time stamp alone, of the middle");
 }
 
-/// Which poses are estimated; the others follow from them.
+/// Which poses are estimated; the others are derived from them.
 enum class PoseTimes { kPath, kMidExposure, kThirds };
 
 constexpr auto words_of(PoseTimes) {
@@ -263,7 +263,7 @@ void describe(V& v, PoseNoiseOptions& o) {
           Range{0, 1e6});
 }
 
-/// Defaults of everything else.
+/// Defaults of all other options.
 enum class Preset { kCdavis, kBlender };
 
 constexpr auto words_of(Preset) {
@@ -281,7 +281,7 @@ constexpr auto words_of(Source) {
                     Word{"frames", Source::kFrames, "sharp frames"}};
 }
 
-/// Options of the simulator. The initialisers are those of a clean sensor; presets change them.
+/// Options of the simulator. The initialisers describe an ideal sensor; presets change them.
 struct SimulateOptions {
   Preset preset = Preset::kCdavis;
   Source source = Source::kWorld;
@@ -354,7 +354,7 @@ void describe(V& v, SimulateRun& o) {
   v.group("simulate", o.simulate, "what to simulate");
 }
 
-/// Rules between fields. @throws ConfigError naming the key.
+/// Checks rules between fields. @throws ConfigError naming the key.
 void validate(const SimulateRun& run);
 
 }  // namespace jade::simulate

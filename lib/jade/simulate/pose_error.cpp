@@ -22,10 +22,10 @@ std::array<double, 6> PoseError::at(int64_t t_us) const {
   return correlation_us_ > 0 ? correlated(static_cast<double>(t_us)) : independent(t_us);
 }
 
-// White noise on a fine grid under the window exp(−(Δ/τ)²), whose autocorrelation is exp(−Δ²/2τ²);
-// divided by the norm of the weights, the deviation is 1 wherever the grid lies.
+// White noise on a fine grid with the window exp(−(Δ/τ)²), whose autocorrelation is exp(−Δ²/2τ²);
+// divided by the norm of the weights, so that the deviation is 1 for any position of the grid.
 std::array<double, 6> PoseError::correlated(double t_us) const {
-  constexpr double kGridSteps = 4, kReach = 4;  // per τ; in τ
+  constexpr double kGridSteps = 4, kReach = 4;  // grid steps per τ; reach in τ
   const double place = t_us / correlation_us_ * kGridSteps;
   std::array<double, 6> sum{};
   double squares = 0;
@@ -42,7 +42,7 @@ std::array<double, 6> PoseError::correlated(double t_us) const {
   return sum;
 }
 
-// Weights whose squares sum to one, so that the deviation does not sink between two draws.
+// Weights whose squares sum to one, so that the deviation does not decrease between two samples.
 std::array<double, 6> PoseError::independent(int64_t t_us) const {
   const auto after = std::lower_bound(estimated_us_.begin(), estimated_us_.end(), t_us);
   if (after == estimated_us_.end()) return draw(estimated_us_.back());

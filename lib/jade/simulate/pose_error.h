@@ -7,13 +7,13 @@
 
 namespace jade::simulate {
 
-/// The error of estimated poses, in units of its deviation: six independent Gaussian processes of
-/// time (three of the rotation, three of the centre), each with mean 0 and deviation 1 at every
-/// time. It depends on the seed and the time alone, so that one may ask in any order.
+/// The error of estimated poses in units of its standard deviation: six independent Gaussian
+/// processes of time (three for the rotation, three for the centre), with mean 0 and deviation 1 at
+/// every time. Depends only on the seed and the time, so calls may be in any order.
 class PoseError {
  public:
-  /// @param correlation_us  τ: errors that lie Δ apart in time correlate by exp(−Δ²/2τ²). 0: they
-  ///   are independent at the times `estimated_us`, and in between run from one to the next
+  /// @param correlation_us  τ: errors at a time distance Δ have correlation exp(−Δ²/2τ²). 0: they
+  ///   are independent at the times `estimated_us`, and interpolated in between
   /// @param estimated_us    in any order, at least one
   PoseError(double correlation_us, std::vector<int64_t> estimated_us, uint64_t seed);
 

@@ -25,7 +25,7 @@ Recorder::Recorder(const SimulateRun& run, Footage& footage, const Timeline& tim
                seed("fixed pattern")),
       sensor_(run.simulate.events, event_camera().width, event_camera().height, seed("events")) {}
 
-// A little behind the nearest things.
+// Slightly behind the nearest points.
 MovingObject Recorder::moving_object() const {
   const ObjectOptions& options = run_.simulate.object;
   const double depth = options.radius_px > 0 ? 1.2 * footage_.depths(timeline_).near : 1;
@@ -44,7 +44,7 @@ uint64_t Recorder::seed(const std::string& purpose) const {
 
 Recorder::Recording Recorder::record() {
   Recording recording;
-  // Frames fall on the ends of exposures and on the end of the recording.
+  // Frames must include the ends of exposures and the end of the recording.
   std::vector<int64_t> stops;
   for (const auto& window : timeline_.exposures) {
     stops.push_back(window.begin_us), stops.push_back(window.end_us);
@@ -72,7 +72,7 @@ Recorder::Recording Recorder::record() {
   return recording;
 }
 
-// The footage knows nothing of the object.
+// The footage does not contain the object.
 int64_t Recorder::latest(int64_t now_us, int64_t until_us) const {
   if (!object_.is_there()) return until_us;
   const double step_us = object_.time_for_us(run_.simulate.sampling.max_flow_px);
@@ -130,7 +130,7 @@ void Recorder::light(const Views& views, int64_t t_us, Views& lit) const {
   if (footage_.event_camera()) event_optics_.light(views.events, t, lit.events);
 }
 
-// Between two looks the scene's values run straight, under light that may flicker faster.
+// Between two frames the scene's values are linear, while the light may flicker faster.
 void Recorder::watch(const Views& before, const Views& after, int64_t from_us, int64_t to_us,
                      std::vector<data::Exposure>& done) {
   const int64_t length = to_us - from_us;

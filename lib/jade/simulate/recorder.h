@@ -16,7 +16,7 @@
 
 namespace jade::simulate {
 
-/// Lets a frame sensor and an event sensor watch the same footage.
+/// Records one footage with a frame sensor and an event sensor.
 class Recorder {
  public:
   /// @param settings  of each exposure
@@ -26,15 +26,14 @@ class Recorder {
   struct Recording {
     std::vector<data::Exposure> exposures;  ///< pictures, times and camera; no poses, no names
     events::EventStream events;
-    int64_t frames = 0;  ///< looked at
+    int64_t frames = 0;  ///< number of sampled frames
   };
   /// Shows progress. @throws Interrupted.
   Recording record();
 
-  /// A sharp picture of the scene: no noise, and nothing of what object, flicker, optics and sensor
-  /// do to it.
+  /// A sharp picture of the scene without noise, object, flicker, optics and sensor effects.
   torch::Tensor sharp(int64_t t_us) const;
-  /// With all of that but noise, by the setting of the exposure before.
+  /// A sharp picture with all of these except noise, with the setting of the previous exposure.
   torch::Tensor recorded(int64_t t_us) const;
   const ExposureSetting& setting_at(int64_t t_us) const;
 
@@ -43,7 +42,7 @@ class Recorder {
   struct Views {
     world::SharpFrame frames, events;
   };
-  /// The latest time to look next, at most `until_us`.
+  /// The latest next sampling time, at most `until_us`.
   int64_t latest(int64_t now_us, int64_t until_us) const;
   void look(int64_t t_us, Views& views) const;
   void light(const Views& views, int64_t t_us, Views& lit) const;

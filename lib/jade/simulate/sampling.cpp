@@ -8,7 +8,7 @@ namespace jade::simulate {
 namespace {
 
 constexpr int64_t kMargin_us = 5000;      // recorded before the first and after the last exposure
-constexpr double kLongestStep_us = 4000;  // the light curve is never sampled more coarsely
+constexpr double kLongestStep_us = 4000;  // maximum sampling step of the light
 
 }  // namespace
 
@@ -30,7 +30,7 @@ Timeline make_timeline(const SimulateOptions& o) {
   const int64_t gaps = std::max<int64_t>(o.exposures - 1, 1);
   const auto gap_of = [&](int64_t i) { return (2 * i + 1) * gaps / (2 * unseen); };
   for (int64_t i = 0; i < unseen; ++i) {
-    // Views that share a gap divide it evenly.
+    // Views in the same gap divide it evenly.
     int64_t before = 0, sharing = 1;
     while (i - before > 0 && gap_of(i - before - 1) == gap_of(i)) ++before;
     while (i - before + sharing < unseen && gap_of(i - before + sharing) == gap_of(i)) ++sharing;

@@ -9,8 +9,8 @@
 
 namespace jade::simulate {
 
-/// The times of a recording, µs. All exposures are equally long and follow each other at equal
-/// steps, until shorten() of auto_exposure.h.
+/// The times of a recording, µs. All exposures have the same length and a constant period, until
+/// shorten() of auto_exposure.h changes them.
 struct Timeline {
   struct Window {
     int64_t begin_us, end_us;
@@ -18,18 +18,19 @@ struct Timeline {
   };
   int64_t end_us = 0;  ///< the recording is [0, end_us]
   std::vector<Window> exposures;
-  std::vector<int64_t> tests_us;  ///< of the sharp test views: first the seen, then those in gaps
+  std::vector<int64_t> tests_us;  ///< of the sharp test views: first the seen ones, then those in
+                                  ///< gaps
 };
 Timeline make_timeline(const SimulateOptions& options);
 
 /// Sets the path's speed so that the mean blur over the timeline's exposures is `blur_px`.
-/// @return the mean blur reached, px
+/// @return the resulting mean blur, px
 double set_speed_for_blur(CameraPath& path, const world::FrameSource& source,
                           const geometry::Intrinsics& camera, const Timeline& timeline,
                           double blur_px);
 
-/// When to render the next frame: as late as possible, such that no pixel of `frame` (rendered at
-/// `now_us`) moves further than max_flow_px, min_fps is kept, and `until_us` is not passed.
+/// The latest time of the next frame at which no pixel of `frame` (rendered at `now_us`) has moved
+/// more than max_flow_px, subject to min_fps and `until_us`.
 class FrameClock {
  public:
   FrameClock(const SamplingOptions& options, const CameraPath& path,

@@ -11,7 +11,7 @@
 
 namespace jade::simulate {
 
-/// Stored value ↔ linear light of an encoding; both in [0,1].
+/// Converts between stored values and linear light; both in [0,1].
 float decode(float stored, Encoding encoding);
 float encode(float linear, Encoding encoding);
 
@@ -20,20 +20,20 @@ float encode(float linear, Encoding encoding);
 void event_intensity(const world::SharpFrame& frame, const ImageSensorOptions& image,
                      const EventSensorOptions& events, std::vector<float>& intensity);
 
-/// How a frame is taken, against an exposure of exposure_ms without gain.
+/// Setting of a frame, relative to an exposure of exposure_ms without gain.
 struct ExposureSetting {
-  double time = 1;                                   ///< its length, as a part of exposure_ms
+  double time = 1;                                   ///< its length relative to exposure_ms
   double gain = 1;                                   ///< of the sensor
-  double brightness() const { return time * gain; }  ///< of the frame, where that of the scene is 1
+  double brightness() const { return time * gain; }  ///< of the frame relative to the scene
 };
 
-/// Integrates frames over one exposure; between two frames the values run on a straight line.
+/// Integrates frames over one exposure; values between two frames are interpolated linearly.
 class Exposing {
  public:
   Exposing(const ImageSensorOptions& options, int64_t width, int64_t height);
-  /// The part of the exposure from `before` to `after`.
+  /// Adds the part of the exposure from `before` to `after`.
   void add(const world::SharpFrame& before, const world::SharpFrame& after, double duration_us);
-  /// The mean, with photon and read noise, gain and fixed pattern, rounded to 8 bit: [3,H,W] in
+  /// The mean with photon and read noise, gain and fixed pattern, rounded to 8 bits: [3,H,W] in
   /// [0,1].
   torch::Tensor develop(uint64_t seed, const ExposureSetting& setting = {},
                         const FixedPattern* pattern = nullptr) const;

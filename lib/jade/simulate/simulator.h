@@ -11,17 +11,17 @@
 
 namespace jade::simulate {
 
-/// A simulated recording and what is worth telling about it.
+/// A simulated recording and statistics about it.
 struct SimulateResult {
   data::EvDeblurContent content;
-  /// The test views as the camera records them, by the names of content.test: those have nothing
-  /// of object, flicker, optics and sensor.
+  /// The test views with object, flicker, optics and sensor effects, by the names of content.test,
+  /// which are without.
   std::vector<data::SharpView> recorded_views;
-  int64_t frames = 0;          ///< looked at by the sensors
-  double blur_px = 0;          ///< mean blur of the exposures; 0: not known
-  double largest_flow_px = 0;  ///< of a pixel between two of these frames; 0: not known
+  int64_t frames = 0;          ///< number of frames sampled by the sensors
+  double blur_px = 0;          ///< mean blur of the exposures; 0: unknown
+  double largest_flow_px = 0;  ///< of a pixel between two of these frames; 0: unknown
   PoseErrors pose_errors;      ///< of the written poses of the exposures
-  /// Camera of content.events; absent if it is the camera of the frames.
+  /// Camera of content.events; no value if it is the camera of the frames.
   std::optional<EventCamera> event_camera;
 };
 
@@ -34,24 +34,24 @@ SimulateResult simulate(const SimulateRun& run);
 SimulateResult simulate(const SimulateRun& run, Footage& footage);
 
 /// Sharp, noiseless frames at equal steps of every exposure, from its start to its end, for
-/// training restorers (scripts/efnet/train_efnet.py --footage). No sensor looks on.
+/// training restorers (scripts/efnet/train_efnet.py --footage). Applies no sensor effects.
 /// @param frames  of each exposure, at least 2
 /// @return [exposures,frames,3,H,W] uint8
 /// @throws as simulate().
 torch::Tensor exposure_footage(const SimulateRun& run, int64_t frames);
 
-/// Writes the data set in the EvDeblur layout with simulation.yaml beside it. Events of another
-/// camera than that of the frames are left out, as data sets have one for both.
+/// Writes the data set in the EvDeblur layout with simulation.yaml beside it. Omits events of a
+/// separate camera, because data sets have one camera for both.
 /// @throws DataError.
 void write(const SimulateResult& result, const SimulateRun& run,
            const std::filesystem::path& folder);
 
-/// Writes what a user's camera would have: a recording in the RPG text layout (recording/
-/// rpg_writer.h) with its calibration, of two cameras in Kalibr's format, and nothing about poses.
-/// Its frames are the exposures and those test views that were taken between them, with an exposure
-/// of 1 µs; without recording.exposure_times the exposures alone, by their middles. truth/ gets the
-/// data set of write(), for checks only; frames have the same names there, and with auto-exposure
-/// gains.csv says how much brighter each frame of the recording is than its scene.
+/// Writes the files of a real camera: a recording in the RPG text layout (recording/ rpg_writer.h)
+/// with its calibration, for two cameras in Kalibr's format, without poses. Its frames are the
+/// exposures and the test views between them, with an exposure of 1 µs; without
+/// recording.exposure_times only the exposures, with their middles as times. truth/ contains the
+/// data set of write(), for checks only; its frames have the same names, and with auto-exposure
+/// gains.csv contains the brightness of each recorded frame relative to the scene.
 /// @throws DataError.
 void write_recording(const SimulateResult& result, const SimulateRun& run,
                      const std::filesystem::path& folder);

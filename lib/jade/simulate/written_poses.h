@@ -9,15 +9,15 @@
 
 namespace jade::simulate {
 
-/// Poses as the data set has them: the true ones, or those of a reconstruction.
+/// Poses in the data set: the true ones, or those of a simulated reconstruction.
 class WrittenPoses {
  public:
   WrittenPoses(const SimulateRun& run, const Footage& footage, const Timeline& timeline);
 
-  /// The camera's path, from which an exposure gets its nine poses. But for PoseTimes::kPath it
-  /// runs through the estimated poses of the exposures and knows no others.
+  /// The camera's path, which provides an exposure's nine poses. Except for PoseTimes::kPath it
+  /// interpolates the estimated poses of the exposures.
   geometry::Pose path(int64_t t_us) const;
-  /// Pose of a frame taken at that time: a separate estimate, which the path need not meet.
+  /// Pose of a frame taken at that time: a separate estimate, which may differ from the path.
   geometry::Pose frame(int64_t t_us) const;
 
  private:
@@ -27,9 +27,9 @@ class WrittenPoses {
   geometry::Trajectory through_exposures_;  // empty for PoseTimes::kPath
 };
 
-/// How far written poses move the picture, px: over the points that the true camera sees at
-/// mid-exposure, the distance between where the written and the true pose put them. Root mean
-/// square over points and poses, and the largest root mean square of one pose.
+/// Image motion caused by pose errors, px: for points that the true camera sees at mid-exposure,
+/// the distance between their projections by the written and the true pose. Root mean square over
+/// points and poses, and the largest root mean square of one pose.
 struct PoseErrorPx {
   double rms = 0, max = 0;
 };
@@ -38,7 +38,7 @@ struct PoseErrors {
   PoseErrorPx nine;  ///< at all nine poses of the exposures
 };
 
-/// Errors of the exposures' written poses. If the footage has no depth, rotations alone count.
+/// Errors of the exposures' written poses. If the footage has no depth, only rotations count.
 /// @throws Interrupted.
 PoseErrors pose_errors(const std::vector<data::Exposure>& exposures, const Footage& footage);
 

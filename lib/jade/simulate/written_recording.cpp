@@ -18,7 +18,7 @@ std::string name_of(size_t index, size_t count) {
   return std::string(width - name.size(), '0') + name;
 }
 
-/// One sensor exposes one frame at a time.
+/// A sensor can expose only one frame at a time.
 bool is_exposing(const recording::Recording& written, int64_t t_us) {
   return std::any_of(written.frames.begin(), written.frames.end(), [&](const auto& frame) {
     return frame.t_start_us <= t_us && t_us < frame.t_end_us;

@@ -29,10 +29,11 @@ torch::Tensor contiguous_or_undefined(const torch::Tensor& tensor) {
   return tensor.defined() ? tensor.contiguous() : tensor;
 }
 
-/// The scalars of ForwardArgs and the statistics' sink, which have no gradients.
+/// The scalars of ForwardArgs and the accumulators of statistics, which have no gradients.
 struct Settings : torch::CustomClassHolder {
   ForwardArgs scalars;  ///< its tensors are undefined
-  bool black = false;   ///< no background; autograd wants every input defined, so another stands in
+  bool black = false;   ///< no background; autograd requires every input to be defined, so a
+                        ///< placeholder is passed
   std::vector<int64_t> state_numbers;
   torch::Tensor cleared;  ///< SavedState's, until the first backward call
   ScreenStatistics statistics;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The op as a node of torch's graph. Saves tensors and calls the backend; nothing numeric.
+// The op as a node of torch's graph. Saves tensors and calls the backend; contains no arithmetic.
 #pragma once
 
 #include <torch/types.h>
@@ -13,7 +13,7 @@ struct BlendedImages {
 };
 
 /// Differentiable in the Gaussians, the background and `camera_from_world` of `args`, whose tensors
-/// may require gradients here. `needs_backward` is set by the function itself.
+/// may require gradients here. Sets `needs_backward` itself.
 BlendedImages blend_images(const ForwardArgs& args, const ScreenStatistics& statistics,
                            int64_t statistics_views);
 

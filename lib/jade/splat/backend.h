@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The boundary between the op (render.cpp, autograd.cpp) and its two backends: plain tensors and
+// The interface between the op (render.cpp, autograd.cpp) and its two backends: plain tensors and
 // scalars, no autograd. One call handles all views.
 #pragma once
 
@@ -13,12 +13,12 @@
 
 namespace jade::splat {
 
-/// A value of sh_degree: `sh` [N,1,3] holds colours of any sign, which are blended as they are.
+/// A value of sh_degree: `sh` [N,1,3] contains colours of any sign, which are blended unchanged.
 constexpr int kPlainColor = -1;
 constexpr double kFarthest = 1e12;
 
 /// Checked by the caller: contiguous, detached, one dtype and device, N may be 0, C and the image
-/// are at least 1.
+/// size are at least 1.
 struct ForwardArgs {
   Gaussians gaussians;
   Tensor camera_from_world;  ///< [C,4,4]
@@ -26,9 +26,9 @@ struct ForwardArgs {
   Tensor background;         ///< [3]; undefined: black
   int64_t width = 0;
   int64_t height = 0;
-  int sh_degree = 0;  ///< active degree, at most what `sh` holds; kPlainColor
+  int sh_degree = 0;  ///< active degree, at most that of `sh`; kPlainColor
   double near_plane = 0.01;
-  double far_plane = kFarthest;  ///< Gaussians whose mean is farther away are culled
+  double far_plane = kFarthest;  ///< Gaussians with a mean farther away are culled
   double max_alpha = math::kMaxAlpha;
   bool activated = false;  ///< scales and opacities instead of logarithms and logits
   bool antialiased = false;
@@ -39,19 +39,19 @@ struct ForwardArgs {
   bool needs_backward = false;  ///< false: `state` may stay empty
 };
 
-/// State that a backend's forward pass keeps for its backward pass. The op stores it with the
-/// graph, reads only `cleared`, and passes that on once. So a recording as a CUDA graph holds both
-/// passes, or the forward pass is replayed before every backward pass.
+/// State that a backend's forward pass stores for its backward pass. The op stores it with the
+/// graph, reads only `cleared`, and passes that on once. A CUDA graph must therefore contain both
+/// passes, or replay the forward pass before every backward pass.
 struct SavedState {
   std::vector<Tensor> tensors;
   std::vector<int64_t> numbers;
-  Tensor cleared;  ///< zeros for the first backward call to spend; later ones have none
+  Tensor cleared;  ///< zeros that the first backward call consumes; later ones have none
 };
 
 struct ForwardResult {
   Tensor color;      ///< [C,3,H,W] or interleaved, background included
   Tensor alpha;      ///< [C,1,H,W]
-  Tensor depth_sum;  ///< [C,1,H,W], Σ w z, not divided by alpha; undefined unless asked for
+  Tensor depth_sum;  ///< [C,1,H,W], Σ w z, not divided by alpha; undefined unless requested
   Tensor rejected;   ///< [1] int64 on the device
   SavedState state;
 };
@@ -59,16 +59,16 @@ struct ForwardResult {
 struct BackwardArgs {
   ForwardArgs forward;  ///< the same as in the forward call
   SavedState state;
-  Tensor color, alpha, depth_sum;                 ///< what the forward call returned
+  Tensor color, alpha, depth_sum;                 ///< outputs of the forward call
   Tensor grad_color, grad_alpha, grad_depth_sum;  ///< contiguous; undefined means zero
   ScreenStatistics statistics;                    ///< float32 accumulators to add to, or undefined
-  int64_t statistics_views = -1;  ///< how many views, from the first, add to them; -1: every one
+  int64_t statistics_views = -1;  ///< number of views, from the first, that contribute; -1: all
   bool needs_camera = false;
-  bool needs_background = false;  ///< there is one
+  bool needs_background = false;  ///< whether there is a background
   bool needs_means2d = false;
 };
 
-/// Shaped as the inputs. Every element is written; what is not needed stays undefined.
+/// Shaped as the inputs. Every element is written; unneeded gradients stay undefined.
 struct BackwardResult {
   Gaussians gaussians;
   Tensor camera_from_world;
@@ -76,7 +76,7 @@ struct BackwardResult {
   Tensor means2d;  ///< [C,N,2] in px, 0 where a Gaussian is not visible
 };
 
-/// Uninitialised images of all views, of so many channels, in the call's layout.
+/// Uninitialised images of all views with that many channels, in the call's layout.
 inline Tensor new_images(const ForwardArgs& args, int64_t channels) {
   const Tensor& like = args.gaussians.means;
   const int64_t views = args.camera_from_world.size(0);

@@ -117,7 +117,7 @@ RenderOutput render(const Gaussians& gaussians, const CameraBatch& cameras,
   output.alpha = images.alpha;
   output.rejected = images.rejected;
   output.statistics = options.statistics;
-  // The sum is 0 where no Gaussian is; the bound avoids 0/0.
+  // The sum is 0 where there is no Gaussian; the clamp avoids 0/0.
   if (options.depth) output.depth = images.depth_sum / images.alpha.clamp_min(1e-10);
   return output;
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The tensor of the backends: torch's own in the programs, and with JADE_STABLE_ABI, for the Python
-// package, that of LibTorch's stable ABI. cpu/ and cuda/ use nothing of torch but what is named
-// here and the members that both types have.
+// The tensor type of the backends: torch's own in the programs, and with JADE_STABLE_ABI, for the
+// Python package, that of LibTorch's stable ABI. cpu/ and cuda/ use only the functions declared
+// here and members that both types have.
 #pragma once
 
 #include <cstdint>
@@ -29,7 +29,7 @@ using ScalarType = torch::headeronly::ScalarType;
 
 #ifdef JADE_STABLE_ABI
 /// Uninitialised and contiguous. The stable ABI's own empty() looks its operator up by name in each
-/// call, which takes several times as long.
+/// call, which is several times slower.
 inline Tensor new_tensor(const int64_t* sizes, int64_t dim, int32_t type, const Tensor& like) {
   std::vector<int64_t> strides(static_cast<size_t>(dim));
   int64_t stride = 1;

@@ -12,7 +12,7 @@ namespace jade::sweep {
 std::string number(double value, int decimals) {
   char text[48];
   std::snprintf(text, sizeof text, "%.*f", decimals, value);
-  // A number that is not zero must not look like it.
+  // A non-zero number must not be printed as zero.
   const bool vanished = value != 0 && decimals > 0 && std::strtod(text, nullptr) == 0;
   if (vanished) std::snprintf(text, sizeof text, "%.1e", value);
   return text;

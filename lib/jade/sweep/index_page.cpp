@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// index.html: what the page of page::sweep_page() shows of a table and of the runs' pictures.
+// index.html: the data of page::sweep_page() from a table and the runs' pictures.
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
@@ -21,12 +21,12 @@ class RunFiles {
   RunFiles(const fs::path& folder, const RunRow& run)
       : folder_(folder), run_("runs/" + Run::concat_id(run.row, run.scene, run.seed)) {}
 
-  /// The path of a file, or null where there is none.
+  /// The path of a file, or null if it does not exist.
   PageJson link(const std::string& name) const {
     const std::string path = run_ + "/" + name;
     return fs::exists(folder_ / path) ? PageJson(path) : PageJson(nullptr);
   }
-  /// The views of eval.json; none where it is missing.
+  /// The views of eval.json; none if it is missing.
   PageJson scored_views() const {
     const fs::path path = folder_ / run_ / "eval.json";
     if (!fs::exists(path)) return PageJson::array();
@@ -54,7 +54,7 @@ PageJson run_entry(const RunRow& run, const RunFiles& files) {
           {"views", views}};
 }
 
-/// The test views of a scene with their truths, from the first runs that have them.
+/// The test views of a scene with their true images, from the first runs that have them.
 PageJson scene_entry(const Table& table, const std::string& scene, const fs::path& folder) {
   PageJson views = PageJson::array();
   const auto find = [&](const PageJson& name) {

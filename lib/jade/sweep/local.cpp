@@ -59,15 +59,15 @@ class Launcher {
 
  private:
   struct Pool {
-    int64_t baseline = -1;  ///< free before we started anything
+    int64_t baseline = -1;  ///< free before the first run started
     int64_t peak = 0;
   };
   struct Running {
     Task task;
     int64_t steps;
     int64_t step = 0;
-    int64_t host = 0;  ///< resident now
-    int64_t held = 0;  ///< of its device now
+    int64_t host = 0;  ///< current resident size
+    int64_t held = 0;  ///< current use of its device
   };
 
   void enlist(const Run& run) {
@@ -95,7 +95,7 @@ class Launcher {
     ended_steps_ += steps;
   }
 
-  /// Passes the request on once, waits for all, and gives up the rest.
+  /// Passes the interrupt on once, waits for all runs, and skips the rest.
   [[noreturn]] void stop() {
     for (Running& run : running_) run.task.interrupt();
     while (!running_.empty()) {
@@ -128,7 +128,7 @@ class Launcher {
     }
   }
 
-  /// Looks at the running ones once a second: steps and memory.
+  /// Reads steps and memory of the running runs once per second.
   void observe() {
     const auto now = Clock::now();
     if (now < next_look_) return;
@@ -136,7 +136,7 @@ class Launcher {
     for (Running& run : running_) {
       run.step = std::max(run.step, run.task.step());
       run.host = memory_.host_used(run.task.pid());
-      // Until its first line it has not allocated what it will need.
+      // Before its first line of metrics a run has not allocated all of its memory.
       if (run.step > 0) host_peak_ = std::max(host_peak_, run.host);
     }
     for (auto& [device, pool] : pools_) observe_device(device, pool);
@@ -157,8 +157,8 @@ class Launcher {
     }
   }
 
-  /// Measures the device memory of each run: per process where the driver knows all of them (in a
-  /// container it sees other process numbers), else the average.
+  /// Measures the device memory of each run: per process if the driver knows all of them (in a
+  /// container process numbers differ), else the average.
   void measure(const std::string& device, const Pool& pool, const std::vector<Running*>& here) {
     const std::map<pid_t, int64_t> processes = memory_.device_used(device);
     const auto told = [&](const Running* run) { return processes.count(run->task.pid()) > 0; };
@@ -213,7 +213,7 @@ class Launcher {
     bool enough = may_start(host, options_.memory_margin);
     int64_t free = host.free, peak = host.peak;
     const auto pool = pools_.find(device);
-    // A device that cannot be asked is trusted with --jobs.
+    // If a device reports no memory, --jobs alone limits the runs.
     if (enough && pool != pools_.end() && pool->second.baseline >= 0) {
       MemoryUse use{memory_.device_free(device), {}, pool->second.peak};
       for (const Running& run : running_) {

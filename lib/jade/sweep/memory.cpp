@@ -13,7 +13,7 @@
 namespace jade::sweep {
 namespace {
 
-/// "Name:   1234 kB" of a /proc file, in bytes; -1 without it.
+/// Parses "Name:   1234 kB" of a /proc file, in bytes; -1 without it.
 int64_t proc_bytes(const std::string& file, const std::string& name) {
   std::ifstream in(file);
   for (std::string line; std::getline(in, line);) {
@@ -22,7 +22,7 @@ int64_t proc_bytes(const std::string& file, const std::string& name) {
   return -1;
 }
 
-/// A control group file that holds one number; -1 for "max" or none.
+/// Reads a control group file with one number; -1 for "max" or if missing.
 int64_t group_bytes(const std::string& name) {
   std::ifstream in("/sys/fs/cgroup/" + name);
   int64_t value = -1;
@@ -45,7 +45,7 @@ int64_t host_free() {
   return free;
 }
 
-/// The name by which nvidia-smi knows cuda:N: CUDA_VISIBLE_DEVICES renumbers.
+/// nvidia-smi's name of cuda:N: CUDA_VISIBLE_DEVICES renumbers.
 std::string smi_name(const std::string& device) {
   const size_t colon = device.find(':');
   const int index = colon == std::string::npos ? 0 : std::atoi(device.c_str() + colon + 1);
@@ -59,10 +59,10 @@ std::string smi_name(const std::string& device) {
   return concat(index);
 }
 
-/// Answer of nvidia-smi to a query about the device; empty if it cannot be run.
+/// Output of nvidia-smi for a query about the device; empty if it cannot be run.
 std::string ask_smi(const std::string& device, const std::string& query) {
   const std::string name = smi_name(device);
-  // The name goes to a shell.
+  // The name is passed to a shell.
   if (name.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-/") !=
       std::string::npos) {
     return "";

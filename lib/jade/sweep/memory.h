@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Several runs at once, and never more memory than there is.
+// Limits concurrent runs to the available memory.
 #pragma once
 
 #include <cstdint>
@@ -13,28 +13,28 @@ namespace jade::sweep {
 
 /// Source of memory figures; tests inject their own.
 struct MemoryProbe {
-  std::function<int64_t()> host_free;                      ///< bytes for new processes
+  std::function<int64_t()> host_free;                      ///< bytes available to new processes
   std::function<int64_t(pid_t)> host_used;                 ///< resident bytes of a process
-  std::function<int64_t(const std::string&)> device_free;  ///< bytes of "cuda:N"; -1: not known
-  /// Bytes that each process holds on "cuda:N"; unknown processes are absent.
+  std::function<int64_t(const std::string&)> device_free;  ///< bytes of "cuda:N"; -1: unknown
+  /// Bytes that each process uses on "cuda:N"; unknown processes are absent.
   std::function<std::map<pid_t, int64_t>(const std::string&)> device_used;
 };
 
-/// The lines "pid, MiB" of nvidia-smi, in bytes; others, such as "[N/A]", are left out.
+/// Parses the lines "pid, MiB" of nvidia-smi into bytes; skips others, such as "[N/A]".
 std::map<pid_t, int64_t> read_processes(const std::string& lines);
 
 /// This machine: MemAvailable and the control group's limit, /proc, nvidia-smi.
 MemoryProbe machine_memory();
 
-/// One pool of memory as a launcher sees it.
+/// Memory of one pool, as seen by the launcher.
 struct MemoryUse {
   int64_t free = 0;
-  std::vector<int64_t> running;  ///< what each run in the pool holds now
-  int64_t peak = 0;              ///< the most that a run has been seen to hold; 0: not known yet
+  std::vector<int64_t> running;  ///< current use of each run in the pool
+  int64_t peak = 0;              ///< highest observed use of a run; 0: unknown
 };
 
-/// True when one more run fits: what is free must hold its peak, what the running ones may still
-/// grow by, and a margin. Until the first peak is known, one run at a time starts.
+/// True if one more run fits: free memory must hold its peak, the remaining growth of the running
+/// ones, and a margin. Until the first peak is known, only one run at a time starts.
 bool may_start(const MemoryUse& use, int64_t margin);
 
 }  // namespace jade::sweep

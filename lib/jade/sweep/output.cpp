@@ -21,7 +21,7 @@ std::vector<std::string> differences(const Resolved& saved, const Resolved& now)
   for (const auto& [key, value] : now.values) {
     const auto found = old.find(key);
     const std::string before = found == old.end() ? "(nothing)" : found->second;
-    // The device does not change what a run computes.
+    // The device does not change the result of a run.
     if (before != value && key != "device")
       lines.push_back(concat(key, ": ", before, " -> ", value));
   }
@@ -74,7 +74,7 @@ RunState SweepOutput::state(const std::string& id) const {
   const fs::path run = run_folder(id);
   if (FolderLock::is_held(run)) return RunState::kRunning;
   const Outcome last = outcome(id);
-  // Without test views there is no eval.json, and the exit code must tell.
+  // Without test views there is no eval.json, so use the exit code.
   if (fs::exists(run / "point_cloud.ply") &&
       (fs::exists(run / "eval.json") || last.exit_code == 0)) {
     return RunState::kFinished;
@@ -113,7 +113,7 @@ void SweepOutput::write_outcome(const std::string& id, const Outcome& outcome) c
                                     {"device", outcome.device},
                                     {"host", outcome.host},
                                     {"reason", outcome.reason}};
-  // A log may hold bytes that are no UTF-8.
+  // A log may contain bytes that are not UTF-8.
   write_file(outcome_file(id),
              json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n");
 }

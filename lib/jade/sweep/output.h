@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The folder of a sweep: runs/ROW/SCENE/SEED is a run directory of the training program,
-// tasks/ROW/SCENE/SEED.{yaml,json,log} its settings, its outcome and what it said.
+// tasks/ROW/SCENE/SEED.{yaml,json,log} its settings, its outcome and its output.
 #pragma once
 
 #include <cstdint>
@@ -20,12 +20,12 @@ std::string to_string(RunState state);
 /// Outcome of a run's attempts; tasks/….json.
 struct Outcome {
   int attempts = 0;
-  int exit_code = -1;  ///< of the last attempt; -1: it has not ended, or a signal ended it
+  int exit_code = -1;  ///< of the last attempt; -1: still running, or ended by a signal
   int signal = 0;      ///< that ended it
-  double seconds = 0;  ///< all attempts together
+  double seconds = 0;  ///< total of all attempts
   int64_t peak_host_bytes = 0, peak_device_bytes = 0;
   std::string device, host;
-  std::string reason;  ///< its last line of log, when it failed
+  std::string reason;  ///< the last line of its log, if it failed
 };
 
 class SweepOutput {
@@ -41,19 +41,19 @@ class SweepOutput {
   std::filesystem::path log_file(const std::string& id) const { return task_file(id, ".log"); }
 
   /// Writes the settings of every run of the plan.
-  /// @throws ConfigError naming each key that differs from a run that has been started already
-  ///   (the key device may differ).
-  /// @param resolve  reads the settings that are there already
+  /// @throws ConfigError naming each key that differs from a run that has already started (the key
+  ///   device may differ).
+  /// @param resolve  reads the existing settings
   void write_settings(const Plan& plan, const Resolver& resolve) const;
 
   RunState state(const std::string& id) const;
   Outcome outcome(const std::string& id) const;
   void write_outcome(const std::string& id, const Outcome& outcome) const;
 
-  /// Ids of runs that lie in the folder, whatever sweep made them.
+  /// Ids of all runs in the folder, of any sweep.
   std::vector<std::string> present() const;
 
-  /// True when the run has a checkpoint to go on from.
+  /// True if the run has a checkpoint to resume from.
   bool can_resume(const std::string& id) const;
 
  private:

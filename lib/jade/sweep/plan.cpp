@@ -32,7 +32,7 @@ void keep_named(std::vector<Entry>& list, const std::vector<std::string>& names,
              list.end());
 }
 
-/// A path as a YAML value, whatever characters it holds.
+/// A path as a YAML value, for any characters.
 std::string yaml_text(const fs::path& path) {
   std::string out = "'";
   for (const char c : fs::absolute(path).lexically_normal().string()) {
@@ -47,7 +47,7 @@ std::vector<config::Sources> layers_of(const Spec& spec, const PlanOptions& opti
   std::vector<config::Sources> layers;
   if (!options.base.empty()) layers.push_back({{}, {}, options.base});
   layers.push_back({scene.config, scene.set, {}});
-  // Over the rows' files too: a preset among them names a number of steps of its own.
+  // After the rows' files: a preset among them sets its own number of steps.
   layers.push_back({{}, {}, row.configs});
   layers.push_back({{}, spec.set, {}});
   layers.push_back({{}, row.set, {}});
@@ -61,7 +61,8 @@ std::vector<config::Sources> layers_of(const Spec& spec, const PlanOptions& opti
   return layers;
 }
 
-/// A mistake in what the row sets is the row's; any other is told once for all rows.
+/// Attributes errors in the row's own settings to the row; all others are reported once for all
+/// rows.
 std::string of_row(const Row& row, const std::string& problem) {
   for (const std::string& set : row.set) {
     if (problem.find(set) != std::string::npos) return concat("row ", row.name, ": ", problem);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Overrides x scenes x seeds, expanded to runs and checked before the first one starts.
+// Expands overrides x scenes x seeds to runs, and checks them before the first one starts.
 #pragma once
 
 #include <cstdint>
@@ -14,28 +14,29 @@
 
 namespace jade::sweep {
 
-/// Data or a file that a run needs and that is not there.
+/// Missing data or a missing file that a run needs.
 struct Missing {
   std::string key;      ///< that names it
   std::string problem;  ///< "expected DIR, which is not there"
 };
 
-/// A run's settings as the training program understands them.
+/// A run's settings, resolved by the training program.
 struct Resolved {
-  std::string yaml;                                         ///< complete, reads back the same
+  std::string yaml;                                         ///< complete; parses to the same
+                                                            ///< settings
   std::vector<std::pair<std::string, std::string>> values;  ///< key and value of every setting
   std::vector<Missing> missing;
-  /// Why settings that are right by themselves do not go together; empty: they do. It names keys,
-  /// no file.
+  /// Why individually valid settings contradict each other; empty: they do not. Names keys, no
+  /// file.
   std::string conflict;
 };
 
 /// The key that names a scene's data set.
 inline constexpr const char* kDatasetKey = "dataset.path";
 
-/// Applies the layers in order, later wins. The program that trains knows the settings; this
-/// module does not. @throws ConfigError, a line for each setting that cannot be read, with the file
-/// or the override that it stands in.
+/// Applies the layers in order, later ones override. The training program implements it; this
+/// module does not know the settings.
+/// @throws ConfigError, one line per setting that cannot be read, with its file or override.
 using Resolver = std::function<Resolved(const std::vector<config::Sources>& layers)>;
 
 struct Run {
@@ -50,21 +51,21 @@ struct Run {
 
 /// Settings that the command line adds to a sweep file.
 struct PlanOptions {
-  std::vector<std::filesystem::path> base;  ///< laid below every scene; alone it is the scene
-  std::vector<std::string> overrides;       ///< win over everything
+  std::vector<std::filesystem::path> base;  ///< applied below every scene; alone it is the scene
+  std::vector<std::string> overrides;       ///< override everything else
   std::map<std::string, std::string> data;  ///< scene name to its data set's folder
   std::vector<std::string> rows, scenes;    ///< only these; empty: all
-  std::vector<int64_t> seeds;               ///< instead of the sweep's
-  bool skip_missing = false;                ///< leave out what lacks data or files
+  std::vector<int64_t> seeds;               ///< replace the sweep's
+  bool skip_missing = false;                ///< skip runs that lack data or files
 };
 
 struct Plan {
   Spec spec;              ///< rows and scenes as selected
-  std::vector<Run> runs;  ///< seed by seed, in it scene by scene, so that rows compare early
+  std::vector<Run> runs;  ///< sorted by seed, then scene, so that rows can be compared early
   std::vector<std::string> skipped;  ///< "ID: what is missing", with skip_missing
 };
 
-/// @throws ConfigError with every problem of every run, each told once.
+/// @throws ConfigError with every problem of every run, without duplicates.
 Plan make_plan(Spec spec, const PlanOptions& options, const Resolver& resolve);
 
 }  // namespace jade::sweep

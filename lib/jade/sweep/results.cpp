@@ -17,7 +17,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
-/// The file's object, or an empty one where there is none.
+/// The JSON object in the file, or an empty one without a file.
 Json object_of(const fs::path& path) {
   if (!fs::exists(path)) return Json::object();
   Json json = Json::parse(read_file(path), nullptr, /*allow_exceptions=*/false);
@@ -32,7 +32,7 @@ void take_numbers(const Json& object, Measured& measured, const std::string& end
   }
 }
 
-/// The means over all, seen and unseen test views; files of older programs have the first alone.
+/// The means over all, seen and unseen test views; files of older programs have only the first.
 void read_scores(const fs::path& path, Measured& measured) {
   const Json json = object_of(path);
   for (const char* ending : {"", "_seen", "_unseen"}) {
@@ -46,7 +46,7 @@ double median(std::vector<double> values) {
   return values.size() % 2 ? values[half] : 0.5 * (values[half - 1] + values[half]);
 }
 
-/// Throughput, memory, Gaussians, and the metrics along the way as "ssim@20000".
+/// Throughput, memory, Gaussians, and the intermediate metrics as "ssim@20000".
 void read_metrics(const fs::path& path, Measured& measured) {
   std::vector<double> rates;
   std::ifstream in(path);
@@ -68,7 +68,7 @@ void read_metrics(const fs::path& path, Measured& measured) {
   if (!rates.empty()) measured["iterations_per_second"] = median(rates);
 }
 
-/// The last step's metrics stand in eval.json, also under "@iterations".
+/// The last step's metrics are in eval.json; repeat them under "@iterations".
 void repeat_at_end(const Run& run, Measured& measured) {
   const std::string step = "@" + run.value("train.iterations");
   Measured more;
@@ -89,7 +89,7 @@ std::vector<std::optional<double>> values_of(const std::vector<const RunRow*>& r
   return values;
 }
 
-/// The mean over the scenes, absent as soon as one lacks it.
+/// The mean over the scenes; no value if any scene lacks it.
 std::optional<double> complete_mean(const std::vector<std::optional<double>>& values,
                                     size_t scenes) {
   double sum = 0;
@@ -162,7 +162,7 @@ void gather_machines(const Plan& plan, const SweepOutput& output, Table& table) 
   for (const std::string& count : steps) table.steps += (table.steps.empty() ? "" : ", ") + count;
 }
 
-/// Other sweeps may share the folder, so their runs take one line together.
+/// Other sweeps may share the folder, so their runs are summarised in one line.
 void remark_strangers(const std::set<std::string>& known, const SweepOutput& output, Table& table) {
   constexpr int kNamed = 5;
   std::string names;
@@ -270,7 +270,7 @@ Standing standing_of(const Table& table, const SweepOutput& output) {
     }
     killed = killed || (run.state == RunState::kUnfinished && outcome.signal != 0);
   }
-  // Nearly always the kernel, for want of memory.
+  // Usually killed by the kernel for lack of memory.
   if (killed && standing.failed == 0) standing.code = ExitCode::kDevice;
   standing.unfinished = standing.runs - standing.finished - standing.failed;
   return standing;

@@ -22,7 +22,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// One shell word, whatever it holds.
+/// Quotes a shell word.
 std::string quoted(const std::string& text) {
   std::string out = "'";
   for (const char c : text) out += c == '\'' ? std::string("'\\''") : std::string(1, c);
@@ -55,7 +55,7 @@ Answer ask_slurm(const std::string& command) {
                            "; use --launcher local, or run this where sbatch works"));
 }
 
-/// jobs.txt: "JOB LIST" a line, LIST naming the runs by array index.
+/// jobs.txt: one line "JOB LIST" per submission; LIST names the runs by array index.
 std::map<std::string, std::string> submissions(const fs::path& folder) {
   std::map<std::string, std::string> lists;
   std::ifstream in(folder / "jobs.txt");
@@ -82,7 +82,7 @@ std::string script_of(const SweepOutput& output, const SlurmOptions& options, co
       "1))p\" ",
       quoted(list.string()), ")\n");
   script += "export OMP_NUM_THREADS=${SLURM_CPUS_PER_TASK:-${SLURM_CPUS_ON_NODE:-1}}\n";
-  // exec: the request to stop that Slurm sends must reach the program, not a shell.
+  // exec, so that Slurm's signal to stop reaches the program, not a shell.
   script +=
       concat("exec ", quoted(options.self.string()), " --output ", quoted(output.folder().string()),
              " --run-task \"$run\" --devices ", quoted(options.device),

@@ -14,29 +14,30 @@ struct SlurmOptions {
   std::filesystem::path self;          ///< the sweep program, for --run-task on the nodes
   std::filesystem::path program;       ///< the training program; empty: the one beside `self`
   int jobs = 0;                        ///< tasks at once; 0: no limit
-  std::vector<std::string> arguments;  ///< more for sbatch: "--partition=gpu", "--gres=gpu:1", …
+  std::vector<std::string> arguments;  ///< additional arguments of sbatch: "--partition=gpu",
+                                       ///< "--gres=gpu:1", …
   std::string device = "auto";
   bool retry_failed = false;
 };
 
 /// Result of a submission.
 struct Submission {
-  std::string job;    ///< empty: nothing was left to submit
+  std::string job;    ///< empty: there was nothing to submit
   int submitted = 0;  ///< runs in it
-  int queued = 0;     ///< runs that an earlier submission still has
+  int queued = 0;     ///< runs still queued by an earlier submission
 };
 
-/// Submits a job array of what the plan lacks and no earlier submission still has in the queue.
-/// Tasks of a node that dies are queued again by Slurm, and go on from their checkpoints.
-/// @throws DeviceError when Slurm cannot be asked or refuses.
+/// Submits a job array of the runs that are unfinished and not queued by an earlier submission.
+/// Slurm requeues tasks of a failed node, which resume from their checkpoints.
+/// @throws DeviceError if Slurm does not answer or rejects the job.
 Submission submit(const Plan& plan, const SweepOutput& output, const SlurmOptions& options);
 
-/// Runs that submissions from this folder still have in Slurm's queue, waiting or running.
-/// @throws DeviceError when Slurm cannot be asked.
+/// Runs that submissions from this folder have in Slurm's queue, waiting or running.
+/// @throws DeviceError if Slurm does not answer.
 std::set<std::string> queued_runs(const SweepOutput& output);
 
-/// Waits until Slurm has nothing of the folder left. Shows progress.
-/// @throws DeviceError when Slurm cannot be asked, Interrupted on request; the array goes on then.
+/// Waits until Slurm has no job of the folder. Shows progress.
+/// @throws DeviceError if Slurm does not answer, Interrupted on request; the array then continues.
 void wait_for_slurm(const Plan& plan, const SweepOutput& output);
 
 }  // namespace jade::sweep

@@ -17,7 +17,7 @@ namespace fs = std::filesystem;
 using config::DocumentNode;
 using Kind = config::DocumentNode::Kind;
 
-/// A sweep file, or one that such a file extends.
+/// A sweep file, or one that it extends.
 struct Document {
   fs::path file;
   DocumentNode root;
@@ -27,7 +27,7 @@ struct Document {
   throw ConfigError(concat(file.string(), ":", node.line, ":", node.column, ": ", what));
 }
 
-/// The file after those that it extends.
+/// Appends the file after those that it extends.
 void collect(const fs::path& file, std::vector<fs::path>& chain, std::vector<Document>& documents) {
   chain.push_back(fs::weakly_canonical(file));
   DocumentNode root = config::read_document(file);
@@ -55,7 +55,7 @@ void collect(const fs::path& file, std::vector<fs::path>& chain, std::vector<Doc
   documents.push_back({file, std::move(root)});
 }
 
-/// Reads nodes into values and gathers what is wrong with them.
+/// Converts nodes to values and collects their problems.
 class SpecReader {
  public:
   /// Later documents win, key by key.
@@ -140,7 +140,7 @@ class SpecReader {
     }
   }
 
-  /// A text or a list of texts.
+  /// A string or a list of strings.
   std::vector<std::string> texts(const DocumentNode& map, const std::string& name) {
     std::vector<std::string> list;
     const DocumentNode* node = map.find(name);
@@ -200,7 +200,7 @@ class SpecReader {
   std::string name_of(const DocumentNode& map) {
     std::string name;
     text(map, "name", name);
-    // A name becomes a folder.
+    // The name is used as a folder name.
     const bool fit = !name.empty() && name[0] != '.' &&
                      name.find_first_not_of(
                          "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.-") ==
@@ -282,7 +282,7 @@ class SpecReader {
     }
   }
 
-  /// A figure for a column that the table does not have would vanish silently.
+  /// A figure for a column that the table does not have would be ignored silently.
   void check_figures(const Spec& spec) {
     std::vector<std::string> names;
     for (const Column& column : spec.columns) names.push_back(column.key);
@@ -303,7 +303,7 @@ class SpecReader {
     }
   }
 
-  fs::path file_, folder_;  ///< of the document that is read
+  fs::path file_, folder_;  ///< of the current document
   std::string rows_place_;
   config::Problems problems_;
 };

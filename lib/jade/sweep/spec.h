@@ -18,7 +18,7 @@ struct Column {
   std::string heading;  ///< for people
   std::string meaning;  ///< one line below the table
   int decimals = 3;
-  int better = 0;  ///< +1: more is better, -1: less is, 0: neither
+  int better = 0;  ///< +1: more is better, -1: less is better, 0: neither
 };
 
 /// A base configuration with its data.
@@ -26,19 +26,19 @@ struct Scene {
   std::string name;
   std::filesystem::path config;
   std::vector<std::string> set;  ///< "key=value" overrides
-  std::string make;              ///< how to get the data, for the message when it is not there
+  std::string make;              ///< how to get the data, for the message if it is missing
 };
 
 /// Numbers of the paper, by column.
 using Figures = std::map<std::string, double>;
 
-/// One line of the table: overrides over every scene, or figures that are only quoted.
+/// One line of the table: overrides for every scene, or quoted figures only.
 struct Row {
   std::string name, title, block;
   std::vector<std::filesystem::path> configs;
   std::vector<std::string> set;
   std::vector<int64_t> seeds;  ///< empty: the sweep's
-  bool run = true;             ///< false: a quoted row, nothing of ours
+  bool run = true;             ///< false: a quoted row, without runs
   Figures paper;               ///< its average
   std::map<std::string, Figures> paper_scenes;
 };
@@ -48,14 +48,14 @@ struct Spec {
   std::string title, note, paper_source;
   std::vector<Column> columns;
   std::vector<int64_t> seeds{0};
-  int jobs = 0;  ///< at most kMostJobs; 0: jobs_for() says
+  int jobs = 0;  ///< at most kMostJobs; 0: jobs_for() decides
   std::vector<std::string> set;
   std::vector<Scene> scenes;
   std::vector<Row> rows;
 };
 
-/// Reads a sweep file after the files that its `extends` names; of each key the last one counts,
-/// whole lists included. Relative paths start in the folder of the file they stand in.
+/// Reads a sweep file after the files that its `extends` names; the last value of each key wins,
+/// for whole lists too. Relative paths are resolved against the folder of their file.
 /// @throws ConfigError with all problems, one per line, unknown words with the nearest known one.
 Spec read_spec(const std::filesystem::path& file);
 

@@ -10,7 +10,7 @@
 namespace jade::sweep {
 namespace {
 
-/// All digits, for CSV.
+/// Full precision, for CSV.
 std::string exact(const std::optional<double>& value) {
   char text[48] = "";
   if (value) std::snprintf(text, sizeof text, "%.10g", *value);
@@ -21,7 +21,7 @@ std::string arrow(const Column& column) {
   return column.better > 0 ? " ↑" : column.better < 0 ? " ↓" : "";
 }
 
-/// In a cell a bar would begin the next one.
+/// Escapes bars, which would begin the next cell.
 std::string markdown_text(const std::string& text) {
   std::string out;
   for (const char c : text) out += c == '|' ? std::string("\\|") : std::string(1, c);
@@ -67,7 +67,7 @@ std::string csv_text(const std::string& text) {
   return out + "\"";
 }
 
-/// Texts of ours in LaTeX: its special characters and the few signs that the tables use.
+/// Escapes LaTeX's special characters and the non-ASCII characters in the tables.
 std::string latex_text(const std::string& text) {
   static const std::vector<std::pair<std::string, std::string>> signs = {{"α", "$\\alpha$"},
                                                                          {"→", "$\\rightarrow$"},

@@ -28,8 +28,8 @@ std::string tail(const fs::path& path, int64_t begin, int64_t bytes) {
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
-/// The last line that says something, errors first. Attempts share a log; this one's begins at
-/// byte `begin`.
+/// The last line with content, errors first. Attempts share a log; this one's begins at byte
+/// `begin`.
 std::string last_words(const fs::path& log, int64_t begin) {
   std::istringstream in(tail(log, begin, 8192));
   std::string last, error;
@@ -66,8 +66,8 @@ Child start(const SweepOutput& output, const std::string& id, const TaskOptions&
   fs::create_directories(output.run_folder(id));
   std::vector<std::pair<std::string, std::string>> environment;
   if (options.threads > 0) environment.emplace_back("OMP_NUM_THREADS", concat(options.threads));
-  // Runs on GPUs share a processor that they need for a moment a step. Threads that wait busily
-  // between those moments take it from the other runs.
+  // Runs on GPUs need the CPU only briefly per step. Threads that spin in between would slow down
+  // the other runs.
   if (options.device.rfind("cuda", 0) == 0 && std::getenv("OMP_WAIT_POLICY") == nullptr) {
     environment.emplace_back("OMP_WAIT_POLICY", "passive");
   }
@@ -102,7 +102,7 @@ Task::Task(const SweepOutput& output, std::string id, const TaskOptions& options
       log_begin_(size_of(output.log_file(id_))),
       start_(std::chrono::steady_clock::now()),
       child_(start(output, id_, options)) {
-  // On disk before it ends: should we be killed, the attempt still counts.
+  // Written before the run ends: if this process is killed, the attempt still counts.
   output_.write_outcome(id_, outcome_);
 }
 

@@ -16,25 +16,25 @@ namespace jade::sweep {
 struct TaskOptions {
   std::filesystem::path program;  ///< the training program
   std::string device = "auto";
-  int threads = 0;            ///< of the processor; 0: as the environment says
-  bool retry_failed = false;  ///< start diverged runs afresh instead of leaving them
+  int threads = 0;            ///< of the CPU; 0: from the environment
+  bool retry_failed = false;  ///< restart diverged runs from the beginning
 };
 
-/// True when another attempt makes sense: new and unfinished runs, and failed ones unless they
+/// True if another attempt makes sense: for new and unfinished runs, and failed ones unless they
 /// diverged (exit code 5), which would happen again.
 bool wants_attempt(const SweepOutput& output, const std::string& id, bool retry_failed);
 
-/// A run under way. Goes on from the run's newest checkpoint where there is one; what a run without
-/// checkpoint left behind is removed.
+/// A running attempt. Resumes from the run's newest checkpoint if there is one; otherwise removes
+/// the files of the previous attempt.
 class Task {
  public:
   Task(const SweepOutput& output, std::string id, const TaskOptions& options);
 
-  /// The outcome once it has ended, which is then on disk as well.
+  /// The outcome after the run has ended; it is then also on disk.
   std::optional<Outcome> poll();
   void interrupt() { child_.interrupt(); }
   void note_device_peak(int64_t bytes);
-  /// The step of the newest line of metrics.jsonl; 0 before.
+  /// The step in the newest line of metrics.jsonl; 0 before.
   int64_t step() const;
 
   const std::string& id() const { return id_; }
@@ -50,9 +50,9 @@ class Task {
   Child child_;
 };
 
-/// Trains one run to its end, as a task of a job array does; a request to stop is passed on.
-/// @return the exit code of the training program, kDevice where a signal ended it; that of the last
-///   attempt where none is wanted.
+/// Trains one run to its end as a task of a job array; passes interrupts on.
+/// @return the exit code of the training program, kDevice if a signal ended it; that of the last
+///   attempt if no further one makes sense.
 /// @throws ConfigError if the folder has no such run, DataError if another process trains it.
 ExitCode run_task(const SweepOutput& output, const std::string& id, const TaskOptions& options);
 

@@ -8,14 +8,14 @@
 
 namespace jade::world {
 
-/// A tree of boxes over the surfaces of a scene, split where the summed box areas are least.
+/// A bounding volume hierarchy over the surfaces of a scene, split by the surface area heuristic.
 class Bvh {
  public:
   Bvh() = default;
   explicit Bvh(const std::vector<Primitive>& primitives);
 
   /// Calls meet(index, hit) for the surfaces whose box the ray enters before hit.t, nearer boxes
-  /// first; `meet` shortens hit.t when the ray meets the surface.
+  /// first; `meet` reduces hit.t if the ray hits the surface.
   template <class Meet>
   void walk(const Ray& ray, Hit& hit, const Meet& meet) const;
 
@@ -33,7 +33,7 @@ class Bvh {
 
 namespace detail {
 
-/// Entry parameter of the ray into the box, or 1e30 when it misses or starts beyond `limit`.
+/// Ray parameter at the entry into the box, or 1e30 if the ray misses it or enters beyond `limit`.
 inline float enter(const Bounds& box, Vec3 origin, Vec3 inverse, float limit) {
   const float x0 = (box.low.x - origin.x) * inverse.x, x1 = (box.high.x - origin.x) * inverse.x;
   const float y0 = (box.low.y - origin.y) * inverse.y, y1 = (box.high.y - origin.y) * inverse.y;

@@ -9,8 +9,8 @@
 
 namespace jade::world {
 
-/// A picture that a texture is painted on, before it is band-limited into a Texture.
-/// Coordinates are fractions of the canvas, (0,0) top left, (1,1) bottom right.
+/// An image for painting a texture, before it is band-limited into a Texture. Coordinates are
+/// fractions of the canvas, (0,0) top left, (1,1) bottom right.
 class Canvas {
  public:
   Canvas(int width, int height, Rgb fill);
@@ -31,11 +31,11 @@ class Canvas {
   /// @param squeeze  letter width as a multiple of its natural width
   Canvas& text(const std::string& words, float x, float y, float size, Rgb color,
                float squeeze = 1.0f);
-  /// Draws text downwards (turned by 90 degrees, as on the spine of a book).
+  /// Draws text downwards (rotated by 90 degrees, as on the spine of a book).
   Canvas& text_down(const std::string& words, float x, float y, float size, Rgb color);
   /// Multiplies the colour by 1 ± strength, from fractal noise with `cells` cells across.
   Canvas& mottle(float cells, float strength, uint32_t seed);
-  /// Makes the pixels where inside(u, v) is false see-through.
+  /// Makes the pixels transparent where inside(u, v) is false.
   Canvas& cut(const std::function<bool(float u, float v)>& inside);
   /// Width in `size` units that text() needs.
   static float text_width(const std::string& words) {

@@ -10,10 +10,10 @@
 
 namespace jade::world {
 
-/// The depth of what is not there.
+/// Depth where there is no surface.
 constexpr float kNoDepth = 1e6f;
 
-/// A sharp picture and how far away everything in it is.
+/// A sharp picture with its depth map.
 struct SharpFrame {
   int64_t width = 0, height = 0;
   std::vector<float> rgb;    ///< [3,H,W], display-referred, in [0,1]
@@ -22,11 +22,11 @@ struct SharpFrame {
   void resize(int64_t new_width, int64_t new_height);
 };
 
-/// Renders a still world from any pose.
+/// Renders a static world from any pose.
 class FrameSource {
  public:
   virtual ~FrameSource() = default;
-  /// @param samples  rays per pixel, where the source casts rays
+  /// @param samples  rays per pixel, for sources that cast rays
   virtual void render(const geometry::Pose& camera_from_world, const geometry::Intrinsics& camera,
                       int samples, SharpFrame& frame) const = 0;
 };

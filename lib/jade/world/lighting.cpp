@@ -13,7 +13,7 @@ constexpr float kTexel = 0.06f;  // world width of a light map texel
 constexpr int kLongest = 48;     // texels along an edge
 constexpr int kAmbientRays = 28;
 constexpr int kShadowRays = 8;
-constexpr float kAmbientReach = 1.2f;  // occluders further away do not darken
+constexpr float kAmbientReach = 1.2f;  // occluders farther away are ignored
 
 int texels_along(float length) {
   return std::clamp(static_cast<int>(std::ceil(length / kTexel)), 2, kLongest);
@@ -56,7 +56,7 @@ Rgb ambient(const World& scene, const SurfacePoint& at, Draw& draw) {
       sum = sum + mix(scene.ambient_down, scene.ambient_up, 0.5f + 0.5f * out.y);
     }
   }
-  // Blocked directions are not black: their walls reflect some light.
+  // Blocked directions are not black: the occluders reflect some light.
   const Rgb bounce = mix(scene.ambient_down, scene.ambient_up, 0.5f) * 0.22f;
   return sum * (1.0f / kAmbientRays) + bounce;
 }
@@ -88,7 +88,7 @@ void bake_one(World& scene, size_t index, uint64_t seed) {
       const float u = (static_cast<float>(i) + 0.5f) / static_cast<float>(map.width);
       const float v = (static_cast<float>(j) + 0.5f) / static_cast<float>(map.height);
       SurfacePoint at = surface_point(p, u, v);
-      // Flat surfaces have two sides: the one that the camera can see counts.
+      // Flat surfaces have two sides: use the one visible to the camera.
       if (p.shape <= Shape::kDisc && dot(at.normal, scene.rig.eye - at.position) < 0) {
         at.normal = -at.normal;
       }

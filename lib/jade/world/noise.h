@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Random numbers that are the same on every machine and for every thread count.
+// Random numbers that are identical on every machine and for any number of threads.
 #pragma once
 
 #include <cstdint>

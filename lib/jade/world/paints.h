@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The surfaces that scenes are made of. All are sampled from their seed; textures that are meant to
-// be repeated join at their edges.
+// The textures of scenes. All are sampled from their seed; repeating textures are seamless.
 #pragma once
 
 #include <string>
@@ -11,15 +10,15 @@
 namespace jade::world::paints {
 
 Canvas wood(Rgb light, Rgb dark, float rings, uint32_t seed);
-/// `rows` boards side by side, each with its own grain. Repeats.
+/// `rows` parallel boards, each with its own grain. Repeats.
 Canvas planks(Rgb light, Rgb dark, int rows, uint32_t seed);
 Canvas marble(Rgb base, Rgb vein, uint32_t seed);
-/// `rows` courses. Repeats.
+/// `rows` rows of bricks. Repeats.
 Canvas bricks(Rgb brick, Rgb mortar, int rows, uint32_t seed);
 /// Stones of uneven size, dark joints. Repeats.
 Canvas cobbles(Rgb stone, Rgb joint, int cells, uint32_t seed);
 Canvas tiles(Rgb a, Rgb b, Rgb grout, int cells, uint32_t seed);
-/// Checks of three scales inside each other.
+/// Nested checkerboards of three scales.
 Canvas checker(Rgb a, Rgb b, int cells, uint32_t seed);
 Canvas plaster(Rgb color, uint32_t seed);
 Canvas concrete(uint32_t seed);
@@ -35,7 +34,7 @@ Canvas basket(Rgb light, Rgb dark, int cells);
 Canvas pegboard(Rgb color, int cells);
 Canvas sky(uint32_t seed);
 
-/// Printed things.
+/// Printed textures.
 Canvas page(uint32_t seed);                              ///< headline, columns, a picture
 Canvas poster(const std::string& title, uint32_t seed);  ///< bold shapes and a title
 Canvas painting(uint32_t seed);                          ///< an abstract in a frame
@@ -50,13 +49,13 @@ Canvas circuit(uint32_t seed);
 Canvas ruler();
 Canvas map_sheet(uint32_t seed);
 
-/// See-through.
+/// Transparent between the wires.
 Canvas wire_mesh(Rgb color, int cells, float thickness);
 Canvas leaf(Rgb light, Rgb dark, uint32_t seed);
 Canvas fern(Rgb light, Rgb dark, uint32_t seed);
 Canvas flower(Rgb petal, Rgb heart, int petals);
 
-/// A word for a sign, and a colour that goes with the others.
+/// A random word for a sign, and a random colour of the palette.
 std::string word(Draw& draw);
 Rgb color(Draw& draw);
 

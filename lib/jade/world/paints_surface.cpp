@@ -15,7 +15,7 @@ float cell_random(int x, int y, uint32_t seed) {
 }
 int modulo(int a, int n) { return ((a % n) + n) % n; }
 
-/// Distance to the nearest and second nearest of one random point a cell (Worley), periodic.
+/// Distances to the nearest and second nearest of one random point per cell (Worley), periodic.
 struct Cells {
   float nearest, second;
   float tint;

@@ -27,7 +27,7 @@ enum class Shape : uint8_t {
   kEllipsoid,  ///< centre a, axes b and c and their normal, radii in `radii`
 };
 
-/// One surface. Made by the make_* functions, which fill the derived fields.
+/// One surface. Create it with the make_* functions, which fill the derived fields.
 struct Primitive {
   Shape shape;
   int material = 0;
@@ -36,7 +36,7 @@ struct Primitive {
   Vec3 radii;
   float repeat_u = 1, repeat_v = 1;  ///< texture repeats over the surface
   float texture_width = 1;           ///< world length of one texture width
-  bool cutout = false;               ///< see-through where the texture is
+  bool cutout = false;               ///< transparent where the texture is
 
   // Derived.
   Vec3 normal;          // quad: unit; tube: unit axis; ellipsoid: third axis
@@ -50,7 +50,8 @@ Primitive make_tube(Vec3 from, Vec3 to, float radius_from, float radius_to, int 
 /// @param axis_x, axis_y  unit and perpendicular
 Primitive make_ellipsoid(Vec3 center, Vec3 axis_x, Vec3 axis_y, Vec3 radii, int material);
 
-/// The nearest meeting with kNear < t < hit.t replaces `hit` and returns true.
+/// Finds the nearest intersection with kNear < t < hit.t; if there is one, replaces `hit` and
+/// returns true.
 
 bool intersect(const Primitive& primitive, const Ray& ray, Hit& hit);
 
@@ -68,6 +69,6 @@ struct Bounds {
 };
 Bounds bounds_of(const Primitive& primitive);
 
-constexpr float kNear = 1e-3f;  ///< nothing nearer than this is seen
+constexpr float kNear = 1e-3f;  ///< nearer surfaces are invisible
 
 }  // namespace jade::world

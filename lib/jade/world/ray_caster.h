@@ -6,7 +6,7 @@
 
 namespace jade::world {
 
-/// Casts `samples` rays per pixel, at fixed places inside it (a pixel's value does not depend on
+/// Casts `samples` rays per pixel, at fixed positions inside it (a pixel's value does not depend on
 /// threads or order), and averages them. Depth is the nearest of the samples.
 class RayCaster : public FrameSource {
  public:

@@ -23,7 +23,7 @@ float fast_log2(float v) {
   return exponent + (2 - m * (1.0f / 3)) * m - 5.0f / 3;
 }
 
-// For indices that are at most one period out.
+// For indices that are at most one period out of range.
 int wrap(int i, int n) { return i < 0 ? i + n : i >= n ? i - n : i; }
 
 }  // namespace

@@ -8,8 +8,8 @@
 
 namespace jade::world {
 
-/// A picture at all scales, so that a lookup never holds detail finer than the pixel asking for it.
-/// (u,v) in [0,1] covers the picture once, v downwards; it repeats outside.
+/// An image pyramid, so that a lookup returns no detail finer than the requesting pixel. (u,v) in
+/// [0,1] covers the picture once, v downwards; it repeats outside.
 class Texture {
  public:
   explicit Texture(const Canvas& canvas);

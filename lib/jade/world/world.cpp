@@ -7,7 +7,7 @@
 namespace jade::world {
 namespace {
 
-// Bends values above 0.75 so that bright spots keep their drawing instead of clipping.
+// Compresses values above 0.75 so that bright spots keep their detail instead of clipping.
 float shoulder(float v) {
   constexpr float kKnee = 0.75f;
   if (v <= kKnee) return v;

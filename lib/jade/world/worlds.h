@@ -8,11 +8,11 @@
 
 namespace jade::world {
 
-/// "desk", "workshop", … ; the last ones, "gallery" and "clutter", are meant for training image
-/// restorers only, so that a restorer never meets a demo or benchmark scene.
+/// "desk", "workshop", …; the last ones, "gallery" and "clutter", are for training image restorers
+/// only, so that a restorer never sees a demo or benchmark scene.
 std::vector<std::string> world_names();
 
-/// Builds a scene; another seed gives other things in other places.
+/// Builds a scene; another seed places other objects elsewhere.
 /// @throws ConfigError for an unknown name.
 World make_world(const std::string& name, uint64_t seed);
 

@@ -175,7 +175,7 @@ class Page {
     if (this.state.moment === moment) await this.layers.again([DEPTH]);
   }
 
-  /** A sixteenth of the exposure earlier or later. */
+  /** Moves a sixteenth of the exposure earlier or later. */
   nudge(by) {
     if (!element('moment').disabled) this.setMoment(this.state.moment + by / 16);
   }

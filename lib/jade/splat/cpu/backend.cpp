@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tensors in, tensors out: allocates, cuts the work into tasks and runs the kernels on them.
+// Allocates tensors, splits the work into tasks and runs the kernels on them.
 #include "jade/splat/backend.h"
 
 #include <algorithm>
@@ -78,7 +78,8 @@ RenderCall<T> make_call(const ForwardArgs& args, const Tensor& cameras, int tile
 template <class T>
 struct Lists {
   Tensor splats;        ///< bytes of Splat<T> [C, N]
-  Tensor entries;       ///< int32, view after view; each tile's by index until it is blended
+  Tensor entries;       ///< int32, view after view; each tile's are ordered by index until it is
+                        ///< blended
   Tensor offsets;       ///< int64 [C, tiles + 1], within the view
   Tensor view_offsets;  ///< int64 [C + 1]
   int tile_shift = 0;
@@ -108,8 +109,8 @@ struct Lists {
   }
 };
 
-/// Gaussians are handled in chunks whose number depends on N alone: sums over chunks are then the
-/// same for any thread count.
+/// Gaussians are processed in chunks whose number depends on N alone, so that sums over chunks do
+/// not depend on the number of threads.
 struct Chunks {
   int64_t count, size, total;
   explicit Chunks(int64_t gaussians) : total(gaussians) {
@@ -122,8 +123,8 @@ struct Chunks {
   int64_t end(int64_t chunk) const { return std::min(total, (chunk + 1) * size); }
 };
 
-/// Splats, and lists whose tiles are still by index: a tile is sorted when it is blended, while its
-/// splats are on their way to the cache anyway.
+/// Splats, and lists whose tiles are still ordered by index: a tile is sorted when it is blended,
+/// because its splats are loaded into the cache then anyway.
 template <class T>
 Lists<T> project_and_bin(const RenderCall<T>& call, const Tensor& cameras, int64_t* rejected) {
   const TileGrid grid(call.width, call.height, call.tile_shift);

@@ -16,7 +16,7 @@ namespace jade::splat::cpu {
 
 namespace {
 
-/// Depths are positive, so their bits sort as they do.
+/// Depths are positive, so their bits sort like the numbers.
 template <class T>
 using KeyOf = std::conditional_t<sizeof(T) == 4, uint32_t, uint64_t>;
 
@@ -26,7 +26,7 @@ struct Entry {
   int32_t index;
 };
 
-constexpr int kMaxDigitBits = 9;  // as many buckets as a tile has entries, a few hundred
+constexpr int kMaxDigitBits = 9;  // about as many buckets as a tile has entries, a few hundred
 
 template <class T>
 bool is_visible(const Splat<T>& splat) {
@@ -118,7 +118,7 @@ void sort_by_depth(const Splat<T>* splats, int32_t* list, int64_t size) {
     from[i].index = list[i];
     differing |= from[i].key ^ from[0].key;
   }
-  int width = 0;  // only bits up to the highest that differs decide
+  int width = 0;  // only bits up to the highest differing one matter
   for (; differing != 0; differing >>= 1) ++width;
   const int passes = (width + kMaxDigitBits - 1) / kMaxDigitBits;
   for (int pass = 0; pass < passes; ++pass) {

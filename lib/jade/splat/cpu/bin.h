@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which splats are on which tile of a view, front to back.
+// Lists the splats on each tile of a view, front to back.
 #pragma once
 
 #include <cstdint>
@@ -19,29 +19,30 @@ struct TileGrid {
   int64_t tiles() const { return int64_t{columns} * rows; }
 };
 
-/// Lists are made in parts: runs of splats that follow each other, each by any thread. First the
-/// parts count, then assign_positions() says where each writes, then they write, then tiles are
-/// sorted; nothing depends on how many parts there are.
+/// Lists are built in parts: runs of consecutive splats, each processed by any thread. First the
+/// parts count, then assign_positions() computes where each writes, then they write, then tiles are
+/// sorted; the result does not depend on the number of parts.
 ///
 /// Counts the instances of splats [begin, end) per tile into counts [tiles].
 template <class T>
 void count_instances(const Splat<T>* splats, int64_t begin, int64_t end, const TileGrid& grid,
                      uint32_t* counts);
 
-/// Turns counts [parts, tiles] of a view into where in its list each part's first entry of a tile
-/// belongs, by tile in row-major order and then by part. Writes the tiles' bounds, offsets
-/// [tiles + 1], and the first instance slot of each part, slots [parts]. Returns how many instances
-/// there are. @throws DeviceError beyond 2^32 of them.
+/// Converts counts [parts, tiles] of a view to the position in its list of each part's first entry
+/// of a tile, ordered by tile (row-major) and then by part. Writes the tiles' bounds, offsets
+/// [tiles + 1], and the first instance slot of each part, slots [parts]. Returns the number of
+/// instances.
+/// @throws DeviceError beyond 2^32 of them.
 int64_t assign_positions(uint32_t* counts, int64_t parts, int64_t tiles, int64_t* offsets,
                          uint32_t* slots);
 
-/// Writes splats [begin, end) into `list` at next [tiles], which move on, and gives each its run of
-/// instance slots from `slot` on; both in the order of the index.
+/// Writes splats [begin, end) into `list` at next [tiles], which it advances, and gives each its
+/// run of instance slots from `slot` on; both in the order of the index.
 template <class T>
 void place_instances(Splat<T>* splats, int64_t begin, int64_t end, const TileGrid& grid,
                      uint32_t slot, uint32_t* next, int32_t* list);
 
-/// Sorts a tile's list by (depth, index). It comes by index.
+/// Sorts a tile's list, initially ordered by index, by (depth, index).
 template <class T>
 void sort_by_depth(const Splat<T>* splats, int32_t* list, int64_t size);
 

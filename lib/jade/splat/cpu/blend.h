@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The splats of a tile to its pixels, front to back.
+// Blends the splats of a tile into its pixels, front to back.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@
 namespace jade::splat::cpu {
 namespace JADE_ISA {
 
-/// Colour and depth under the splats blended so far, block after block as in TileState.
+/// Accumulated colour and depth of the splats blended so far, in blocks as in TileState.
 template <class P, int kPlanes>
 struct TilePlanes {
   using T = typename P::Scalar;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// From the gradients of a tile's pixels to sums per splat: replays the blending, see math/blend.h.
+// Computes sums per splat from the gradients of a tile's pixels by replaying the blending, see
+// math/blend.h.
 #pragma once
 
 #include <cstdint>
@@ -14,8 +15,8 @@
 namespace jade::splat::cpu {
 namespace JADE_ISA {
 
-/// dL/dpixel of a tile and what is still behind the splats so far. kExtra: gradients of alpha or
-/// depth take part.
+/// dL/dpixel of a tile and the contribution of the remaining splats. kExtra: there are gradients of
+/// alpha or depth.
 template <class P, bool kExtra>
 struct TileGradients {
   using T = typename P::Scalar;

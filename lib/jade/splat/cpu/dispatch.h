@@ -10,11 +10,12 @@ const KernelSet& kernels();
 
 constexpr int kDefaultTileShift = 5, kMaxTileShift = 5;
 
-/// Tiles are 2^tile_shift() pixels wide and high: kDefaultTileShift unless a ForcedTileShift lives.
+/// Tiles are 2^tile_shift() pixels wide and high: kDefaultTileShift unless a ForcedTileShift
+/// exists.
 int tile_shift();
 
-/// For tests and benchmarks: as long as it lives, tiles have this size. The one before comes back
-/// with its end.
+/// For tests and benchmarks: sets the tile size while an instance exists. The destructor restores
+/// the previous size.
 class ForcedTileShift {
  public:
   /// @param shift  0 to kMaxTileShift. @throws ContractError for any other.

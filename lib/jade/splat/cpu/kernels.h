@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The CPU's inner loops as plain functions on plain pointers. They are compiled once per
-// instruction set (kernels_impl.h), so nothing here may include torch or inline library code.
+// The CPU's inner loops as plain functions on plain pointers. Compiled once per instruction set
+// (kernels_impl.h), so this header must not include torch or inline library code.
 #pragma once
 
 #include <cstdint>
@@ -10,7 +10,7 @@
 
 namespace jade::splat::cpu {
 
-/// A Gaussian on the screen of one view; one cache line in float. Empty box: not visible.
+/// A projected Gaussian in one view; one cache line in float. Empty box: not visible.
 template <class T>
 struct Splat {
   T x, y;
@@ -19,11 +19,11 @@ struct Splat {
   T depth;
   T slope, width2, shrink;  ///< math::RowExtent
   int16_t x0, x1, y0, y1;   ///< pixels it can reach, half-open
-  uint32_t slot;            ///< first of its (splat, tile) instances in this view
+  uint32_t slot;            ///< index of its first (splat, tile) instance in this view
 };
 
-/// One call of the op, as in "draw call": Gaussians, cameras and settings. Pointers are to
-/// contiguous arrays.
+/// Arguments of one call of the op: Gaussians, cameras and settings. Pointers are to contiguous
+/// arrays.
 template <class T>
 struct RenderCall {
   int64_t count = 0;
@@ -72,11 +72,11 @@ struct ImageGradients {
   const T* depth_sum = nullptr;
 };
 
-/// Sums over the pixels of one (splat, tile); depth if RenderCall::depth.
+/// Number of sums over the pixels of one (splat, tile); includes depth if RenderCall::depth.
 constexpr int instance_values(bool depth) { return math::kPixelSums + (depth ? 1 : 0); }
 
-/// The sums of all instances and where a Gaussian finds its own: those of splat s of view v begin
-/// at sums[(view_offsets[v] + s.slot) · instance_values], one per tile of its TileBox.
+/// The sums of all instances, and their index: those of splat s of view v begin at
+/// sums[(view_offsets[v] + s.slot) · instance_values], one per tile of its TileBox.
 template <class T>
 struct Instances {
   const Splat<T>* splats = nullptr;  ///< [views, count]
@@ -91,7 +91,7 @@ struct Gradients {
   T* log_scales = nullptr;
   T* logit_opacities = nullptr;
   T* sh = nullptr;
-  T* means2d = nullptr;            ///< [views, count, 2], zeroed; null: nobody asks
+  T* means2d = nullptr;            ///< [views, count, 2], zeroed; null: not requested
   float* gradient_norm = nullptr;  ///< statistics; null: none
   float* visible_count = nullptr;
   float* max_radius_px = nullptr;
@@ -110,7 +110,7 @@ struct Kernels {
   /// grad_background.
   void (*blend_adjoint)(const RenderCall<T>& call, const Tile<T>& tile, const Images<T>& images,
                         const ImageGradients<T>& gradients, T* instances, T* grad_background);
-  /// Gathers the instances of Gaussians [begin, end) and writes their gradients. Adds each view's
+  /// Sums the instances of Gaussians [begin, end) and writes their gradients. Adds each view's
   /// camera gradient to grad_cameras [views, kCameraValues, kMaxLanes], spread over the last axis.
   void (*project_adjoint)(const RenderCall<T>& call, int64_t begin, int64_t end,
                           const Instances<T>& instances, const Gradients<T>& gradients,

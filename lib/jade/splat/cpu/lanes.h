@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A pack's Gaussians: their parameters from memory to lanes, and gradients back.
+// A pack's Gaussians: loads their parameters into lanes, and stores gradients.
 #pragma once
 
 #include <cstdint>
@@ -28,9 +28,9 @@ JADE_HD m::Camera<P> load_camera(const RenderCall<T>& call, int view) {
   return camera;
 }
 
-/// Gathers kWidth values of each of the lanes' Gaussians: lane l is Gaussian
-/// first + min(l, last). All scalars are stored before the first pack is read, as a pack cannot be
-/// read while its scalars are still on their way to the cache.
+/// Gathers kWidth values of each lane's Gaussian: lane l is Gaussian
+/// first + min(l, last). Stores all scalars before it loads the first pack, because a load that
+/// follows its scalar stores too closely stalls.
 template <int kWidth, class P, class T = typename P::Scalar>
 JADE_HD void load_lanes(const T* source, int64_t stride, int64_t first, int last, P* out) {
   const auto row = [&](int l) { return source + (first + (l < last ? l : last)) * stride; };
@@ -69,7 +69,7 @@ JADE_HD void store_lanes(T* target, int64_t stride, int64_t first, int lanes, co
   }
 }
 
-/// Calls body with the number of coefficients (three colours) as a compile-time constant.
+/// Calls body with the number of coefficients (of three colours) as a compile-time constant.
 template <class Body>
 JADE_HD void with_coefficients(int degree, const Body& body) {
   switch (degree) {
@@ -89,14 +89,14 @@ JADE_HD void with_coefficients(int degree, const Body& body) {
 template <class P>
 struct LaneBlock {
   int64_t first;
-  int lanes;  ///< of them used; the others repeat the last Gaussian
+  int lanes;  ///< number in use; the others repeat the last Gaussian
   m::RawShape<P> raw;
   P sh[48];
   typename P::Mask usable;
 };
 
-/// Loads the parameters of Gaussians first … end − 1, as many as there are lanes; unusable ones
-/// become a harmless unit Gaussian.
+/// Loads the parameters of Gaussians first … end − 1, at most as many as lanes; unusable ones are
+/// replaced by a unit Gaussian.
 template <class P, class T = typename P::Scalar>
 JADE_HD void load_block(const RenderCall<T>& call, int64_t first, int64_t end,
                         LaneBlock<P>* block) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// N numbers that are calculated with at once: the S of math/ for the CPU kernels. Written with the
+// N numbers in a vector register: the scalar type S of math/ for the CPU kernels. Written with the
 // compilers' vector extensions, so one source serves every instruction set; intrinsics only where
-// those fall short (fused multiply-add, mask to bits).
+// those are insufficient (fused multiply-add, mask to bits).
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,7 @@
 #include <type_traits>
 
 #if defined(__GNUC__) && !defined(__clang__)
-// GCC's own 512-bit functions begin with a value that is undefined by intent.
+// GCC's own 512-bit functions begin with an intentionally undefined value.
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
 #endif
@@ -66,7 +66,7 @@ constexpr bool has_mask_register(int bytes) { return bytes == 64; }
 constexpr bool has_mask_register(int) { return false; }
 #endif
 
-/// Lane by lane all ones or all zero.
+/// Each lane is all ones or all zero.
 template <class T, int N, bool kRegister = has_mask_register(N * sizeof(T))>
 struct PackMask {
   using Int = typename PackTraits<T>::Int;
@@ -124,7 +124,7 @@ struct Pack {
   JADE_HD friend Pack operator-(Pack a) { return -a.v; }
   JADE_HD friend Mask operator>(Pack a, Pack b) { return b < a; }
   JADE_HD friend Mask operator>=(Pack a, Pack b) { return b <= a; }
-  // GCC rewrites comparisons of vectors into blends with constants; not so the intrinsics.
+  // GCC rewrites comparisons of vectors into blends with constants, but not the intrinsics.
   JADE_HD friend Mask operator<(Pack a, Pack b) {
     JADE_WITH_AVX((Mask{(IntVector)_mm256_cmp_ps((__m256)a.v, (__m256)b.v, _CMP_LT_OQ)}),
                   (Mask{(IntVector)_mm256_cmp_pd((__m256d)a.v, (__m256d)b.v, _CMP_LT_OQ)}))
@@ -244,7 +244,7 @@ JADE_HD void store_sums(const Pack<T, N> (&packs)[8], T* out) {
 }
 
 #if defined(__AVX512F__)
-/// Adds while it transposes: 23 instructions, one by one it is 64.
+/// Adds while transposing: 23 instructions instead of 64.
 JADE_HD void store_sums(const Pack<float, 16> (&packs)[8], float* out) {
   __m512 four[2];  // a quarter for each pack
   for (int i = 0; i < 2; ++i) {
@@ -271,7 +271,7 @@ constexpr bool kCanTranspose = false;
 template <>
 inline constexpr bool kCanTranspose<Pack<float, 16>> = true;
 
-/// Lane j of pack i to lane i of pack j: 64 instructions, one by one it is 256 loads and stores.
+/// Moves lane j of pack i to lane i of pack j: 64 instructions instead of 256 loads and stores.
 JADE_HD void transpose(Pack<float, 16> (&packs)[16]) {
   __m512 pairs[16], fours[16];  // of rows, side by side in each quarter
   for (int i = 0; i < 16; i += 2) {
@@ -334,7 +334,7 @@ JADE_HD Pack<T, N> scale_by_power(Pack<T, N> r, Pack<T, N> rounded) {
 template <class T>
 constexpr T kRoundingMagic = sizeof(T) == 4 ? T(12582912) : T(6755399441055744);
 
-/// 2^x for −126 ≤ x ≤ 126; anything below gives an unspecified value.
+/// 2^x for −126 ≤ x ≤ 126; unspecified below.
 template <class T, int N>
 JADE_HD Pack<T, N> exp2(Pack<T, N> x) {
   const Pack<T, N> magic(kRoundingMagic<T>);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Compiled with OpenMP (see CMakeLists.txt): without it at::parallel_for is a plain loop. That of
-// the stable ABI is compiled in LibTorch.
+// Compiled with OpenMP (see CMakeLists.txt): without it at::parallel_for is a plain loop. The
+// stable ABI's version is compiled in LibTorch.
 #include "jade/splat/cpu/parallel.h"
 
 #include <algorithm>

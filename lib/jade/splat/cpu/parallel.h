@@ -6,8 +6,8 @@
 
 namespace jade::splat::cpu {
 
-/// Runs task(0) … task(count − 1) on torch's threads, each thread taking the next one that is left.
-/// Tasks must not depend on each other. Serial inside another parallel region.
+/// Runs task(0) … task(count − 1) on torch's threads, each thread taking the next remaining one.
+/// Tasks must be independent. Serial inside another parallel region.
 void parallel_tasks(int64_t count, const std::function<void(int64_t)>& task);
 
 }  // namespace jade::splat::cpu

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Gaussians to splats, as many at once as a pack has lanes.
+// Projects Gaussians to splats, one per lane of a pack.
 #pragma once
 
 #include <cstdint>
@@ -72,7 +72,7 @@ JADE_HD void project_view(const RenderCall<T>& call, const LaneBlock<P>& block,
   const P values[kSplatValues + kBoxValues] = {
       screen.x, screen.y, falloff.a, falloff.b, falloff.c, log2_opacity, color[0], color[1],
       color[2], screen.depth, row.slope, row.width2, row.shrink,
-      // A pixel i is reached where i + ½ is within the extent.
+      // The splat reaches pixel i if i + ½ is within its extent.
       screen.x - half_x - half, screen.x + half_x - half, screen.y - half_y - half,
       screen.y + half_y - half};
   store_splats(call, values, bits(visible), block.lanes, out);

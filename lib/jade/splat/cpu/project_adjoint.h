@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From the sums over pixels to the gradients of the Gaussians and cameras.
+// Computes the gradients of the Gaussians and cameras from the sums over pixels.
 #pragma once
 
 #include <cstdint>
@@ -26,8 +26,8 @@ struct BlockGradient {
   }
 };
 
-/// One view of the block's Gaussians with the sums over all its tiles. Returns whether the view
-/// shows any of them.
+/// Sums over all tiles for one view of the block's Gaussians. Returns whether any of them is
+/// visible.
 template <class P, class T = typename P::Scalar>
 JADE_HD bool load_drawn(const RenderCall<T>& call, const LaneBlock<P>& block,
                         const Instances<T>& instances, int view, m::Drawn<P>* drawn) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The pixels of a tile: their state while splats are blended, and which of them a splat may cover.
+// The pixels of a tile: their state during blending, and which of them a splat may cover.
 #pragma once
 
 #include <cstdint>
@@ -16,10 +16,10 @@ namespace JADE_ISA {
 
 namespace m = jade::splat::math;
 
-/// How a tile's pixels lie in memory: block after block, each as many pixels as a pack has lanes,
-/// four wide. A block is thus one aligned load, and a splat of a few pixels fills it better than it
-/// would a row. Blocks are numbered by words of 32: column c and band g of word w is block
-/// 32 w + 4 c + g, one bit of a 32-bit word.
+/// Memory layout of a tile's pixels: blocks of as many pixels as a pack has lanes, four wide. A
+/// block is one aligned load, and a splat of a few pixels uses more lanes of a block than of a row.
+/// Blocks are numbered by words of 32: column c and band g of word w is block 32 w + 4 c + g, one
+/// bit of a 32-bit word.
 template <class P>
 struct Blocks {
   static_assert(P::kLanes >= 4 && kMaxTile == 32, "four pixels wide, eight columns");
@@ -38,7 +38,7 @@ struct Blocks {
 };
 
 /// Calls body(offset in the image's plane, offset in the tile's planes, number of pixels) for each
-/// run of a tile's pixels that is whole in both. The number is a constant where it is four.
+/// run of a tile's pixels that is contiguous in both. The number is a constant if it is four.
 template <class P, class Body, class T = typename P::Scalar>
 JADE_HD void for_each_run(const Tile<T>& tile, int64_t image_width, const Body& body) {
   constexpr int kWidth = Blocks<P>::kWidth;
@@ -82,9 +82,9 @@ struct TileState {
     find_live();
   }
 
-  /// Sets `live`. The blending loops leave it alone: a stopped pixel costs time only, and with the
-  /// branches of the next splat waiting for the last one's transmittance, every misprediction
-  /// would empty the processor.
+  /// Sets `live`. The blending loops do not update it: a stopped pixel costs only time, whereas
+  /// branches of the next splat that wait for the last one's transmittance would stall the
+  /// processor at every misprediction.
   JADE_HD void find_live() {
     for (int w = 0; w < B::kWords; ++w) {
       uint32_t found = 0;
@@ -125,10 +125,10 @@ struct BlockMask {
     const P y(splat.y);
     for (uint64_t& pair : pairs) pair = 0;
     for (int w = y0 / B::kWordRows; w * B::kWordRows < y1; ++w) {
-      // Rounded as the pixels' own dy, so that both agree on the rows at an ellipse's tips.
+      // Rounded like the pixels' own dy, so that both agree on the rows at an ellipse's tips.
       const P d = (P::iota() + P(T(tile.y0 + w * B::kWordRows) + T(0.5))) - y;
       const P half = m::half_width(extent, d) + P(T(m::kExtentSlackPx));
-      // The first column at or after the left end, and one past the last before the right end.
+      // The first column at or after the left end, and the first one beyond the right end.
       const P middle = center + extent.slope * d;
       const P left = min(max(middle - half, low), high);
       const P right = max(min(middle + half, high), left);
@@ -148,7 +148,8 @@ struct BlockMask {
   }
 
  private:
-  /// The lowest floor(n) bits of 32, for n from 0 to 32. (32 is cut in two: no shift by 32.)
+  /// The lowest floor(n) bits of 32, for n from 0 to 32. (32 is split in two to avoid a shift by
+  /// 32.)
   JADE_HD static Bits bits_below(P n) {
     const Columns columns = __builtin_convertvector(n.v, Columns);
     const Columns half = columns >> 1;
@@ -156,7 +157,7 @@ struct BlockMask {
     return ((one << (Bits)half) << (Bits)(columns - half)) - one;
   }
 
-  /// From one bit per column of each of a word's rows to one bit per block.
+  /// Converts one bit per column of each of a word's rows to one bit per block.
   JADE_HD static uint32_t blocks_of(Bits columns) {
     columns |= columns >> 1;
     columns |= columns >> 2;
@@ -179,8 +180,8 @@ struct BlockMask {
   }
 };
 
-/// Some splats of a tile's list at a time, with their blocks: found ahead of the pixels, so that
-/// the branches on them do not wait for square roots.
+/// Some splats of a tile's list with their blocks, computed ahead of the blending, so that its
+/// branches do not wait for square roots.
 template <class P>
 struct SplatBatch {
   using T = typename P::Scalar;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tensors in, tensors out: allocates and enqueues. After the first call of a size nothing here
-// waits for the device or allocates by what is on it, so a caller may capture it in a CUDA graph.
+// Allocates tensors and enqueues kernels. After the first call of a size nothing here waits for the
+// device or depends on its results, so a caller may capture it in a CUDA graph.
 #include "jade/splat/backend.h"
 
 #include <algorithm>
@@ -30,7 +30,7 @@ bool is_capturing(cudaStream_t stream) {
   return status != cudaStreamCaptureStatusNone;
 }
 
-/// Cuts one allocation into aligned pieces: first add() them all, then allocate(), then take().
+/// Divides one allocation into aligned pieces: first add() them all, then allocate(), then take().
 class Arena {
  public:
   int64_t add(int64_t bytes) {
@@ -91,8 +91,8 @@ RenderCall make_call(const ForwardArgs& args) {
   return call;
 }
 
-/// Screen records and tile tables in one allocation, the instances in another: the second one's
-/// size is known only after the first call of a size has counted.
+/// Screen records and tile tables in one allocation, the instances in another, whose size is known
+/// only after the first call of a size has counted.
 struct Lists {
   static constexpr int kParts = 5;  ///< of the tables
   Tensor tables, keys;
@@ -100,7 +100,7 @@ struct Lists {
   static Arena lay_out(const RenderCall& call, int64_t* at) {
     const int64_t tiles = int64_t{call.views} * call.tiles;
     Arena arena;
-    at[0] = arena.add(sizeof(Counters));  // with both that follow, zeroed in one go
+    at[0] = arena.add(sizeof(Counters));  // zeroed together with the next two
     at[1] = arena.add(tiles * sizeof(TileList));
     at[2] = arena.add(tiles * sizeof(uint32_t));
     at[3] = arena.add(tiles * sizeof(uint32_t));
@@ -148,10 +148,9 @@ Tensor bind_chunks(RenderCall* call, const Tensor& like) {
   return arena.tensor();
 }
 
-/// Projects all views and cuts up an instance buffer. The first call of a size counts first and
-/// waits for the result; so does every deterministic call, whose gradients need every list, and
-/// which makes room for just these: it writes 144 B a list entry. Calls that know how much room to
-/// make go by chunks.
+/// Projects all views and divides an instance buffer. The first call of a size counts first and
+/// waits for the result. So does every deterministic call, whose gradients need every list and
+/// exactly as much memory: it writes 144 B per list entry. Calls with a known capacity use chunks.
 Lists project_and_bin(RenderCall* call, const ForwardArgs& args, long long* rejected,
                       cudaStream_t stream) {
   const Tensor& like = args.gaussians.means;
@@ -210,7 +209,7 @@ struct Sums {
     arena.allocate(like);
     tensor = arena.tensor();
   }
-  /// Memory for as many values or more.
+  /// Memory for at least that many values.
   explicit Sums(Tensor cleared) : tensor(std::move(cleared)) {}
 
   Clearing clearing() const { return {tensor.data_ptr(), tensor.numel()}; }
@@ -227,7 +226,8 @@ struct Sums {
 
 int64_t values_of(bool depth) { return m::kPixelSums + (depth ? 1 : 0); }
 
-/// The backward pass's working memory. The forward pass has cleared what the first one adds to.
+/// The backward pass's scratch memory. The forward pass has zeroed the buffers to which the first
+/// backward pass adds.
 std::vector<Tensor> bind_workspace(const BackwardArgs& args, const RenderCall& call,
                                    Gradients* gradients, cudaStream_t stream) {
   const int64_t values = values_of(gradients->with_depth);
@@ -266,7 +266,7 @@ ForwardResult forward(const ForwardArgs& args) {
   result.rejected = new_tensor({1}, ScalarType::Long, like);
   auto* const rejected = reinterpret_cast<long long*>(result.rejected.data_ptr());
   const Lists lists = project_and_bin(&call, args, rejected, stream);
-  // While the device is at work.
+  // Allocate while the device is busy.
   result.color = new_images(args, 3);
   result.alpha = new_images(args, 1);
   if (args.depth) result.depth_sum = new_like(result.alpha);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From splats or chunks to one depth-sorted list per tile: plan, emit, sort.
+// Builds one depth-sorted list per tile from splats or chunks: plan, emit, sort.
 #include "jade/splat/cuda/launch.h"
 #include "jade/splat/cuda/tile_walk.cuh"
 #include "jade/splat/cuda/warp.cuh"
@@ -21,8 +21,8 @@ static_assert(kMaxGaussians < 1ll << (kClasses / 4 - 1), "the longest list has a
 
 constexpr int kPlanLoads = 4, kPlanBatch = kPlanLoads * kPlanThreads;
 
-/// A thread's counts of a batch of tiles, kLost with them, all loads in flight together; 0 beyond
-/// the last tile.
+/// A thread's counts of a batch of tiles, including kLost, with all loads in flight together; 0
+/// beyond the last tile.
 __device__ __forceinline__ void load_counts(const RenderCall& call, int base, int tiles,
                                             uint32_t* counts) {
 #pragma unroll
@@ -33,8 +33,9 @@ __device__ __forceinline__ void load_counts(const RenderCall& call, int base, in
   }
 }
 
-/// How many came before in `next`, counted on by all lanes that have `wanted`. Lanes of one class
-/// ask together, as most lists are of a few classes and their requests would wait for each other.
+/// Increments `next` for all lanes with `wanted` and returns each lane's previous count. Lanes of
+/// one class use a single atomic, because most lists are of a few classes and separate atomics
+/// would be serialised.
 __device__ __forceinline__ uint32_t next_place(uint32_t* next, int list_class, bool wanted,
                                                int lane) {
   const uint32_t peers = __match_any_sync(~0u, wanted ? list_class : -1);
@@ -45,7 +46,7 @@ __device__ __forceinline__ uint32_t next_place(uint32_t* next, int list_class, b
   return first + __popc(peers & ((1u << lane) - 1));
 }
 
-/// One block: lists are laid out in no particular order, which is invisible in the results.
+/// One block: the order of lists is arbitrary, which does not affect the results.
 __global__ void __launch_bounds__(kPlanThreads)
     plan_kernel(const __grid_constant__ RenderCall call, long long* rejected,
                 volatile uint64_t* inbox) {
@@ -54,7 +55,7 @@ __global__ void __launch_bounds__(kPlanThreads)
   const int lane = threadIdx.x & 31, warp = threadIdx.x >> 5;
   if (threadIdx.x < kClasses) next_of_class[threadIdx.x] = 0;
   __syncthreads();
-  uint32_t counts[kPlanLoads];  // of the batch at hand: of few tiles, loaded once
+  uint32_t counts[kPlanLoads];  // of the current batch; loaded once if there are few tiles
   for (int base = 0; base < tiles; base += kPlanBatch) {
     load_counts(call, base, tiles, counts);
 #pragma unroll
@@ -76,7 +77,7 @@ __global__ void __launch_bounds__(kPlanThreads)
   for (int base = 0; base < tiles; base += kPlanBatch) {
     uint32_t sum = 0;
     if (tiles > kPlanBatch) load_counts(call, base, tiles, counts);
-    // Longer lists than 2^24 are never listed; cut short, a warp's sum fits 32 bits.
+    // Lists longer than 2^24 do not occur; clamped, a warp's sum fits 32 bits.
     constexpr uint32_t kLongest = 1u << 24;
 #pragma unroll
     for (int k = 0; k < kPlanLoads; ++k) sum += min(counts[k] & ~kLost, kLongest);
@@ -149,13 +150,13 @@ struct PendingInstances {
 
 __global__ void __launch_bounds__(kEmitThreads)
     emit_kernel(const __grid_constant__ RenderCall call) {
-  // Neighbouring blocks work on different views, so that their atomics meet on fewer counters.
+  // Neighbouring blocks process different views, so that their atomics conflict less.
   const int view = blockIdx.x % call.views;
   const int index = blockIdx.x / call.views * kEmitThreads + threadIdx.x;
   Splat splat{};
   if (index < call.count) splat = load_splat(call.splats + int64_t(view) * call.count + index);
-  // A few instances are collected before their slots are asked for: the answers then take as long
-  // together as one would.
+  // A few instances are collected before their slots are requested, so that the latencies of the
+  // atomics overlap.
   TileList* const lists = call.tile_list + view * call.tiles;
   PendingInstances pending;
   uint64_t key = 0;
@@ -178,7 +179,7 @@ constexpr int kSortThreads = 256;
 constexpr int kPerThread = 8;
 constexpr int kChunk = kSortThreads * kPerThread;  ///< keys in shared memory
 constexpr int kBuckets = 1024;
-constexpr uint32_t kMaxBucket = 48;  ///< a fuller bucket is left to the bitonic sort
+constexpr uint32_t kMaxBucket = 48;  ///< a fuller bucket uses the bitonic sort
 
 __device__ __forceinline__ void order(uint64_t* low, uint64_t* high) {
   const uint64_t a = *low, b = *high;
@@ -188,9 +189,9 @@ __device__ __forceinline__ void order(uint64_t* low, uint64_t* high) {
   }
 }
 
-/// Merging steps of a bitonic sort whose every comparison puts the smaller key first, so that keys
-/// beyond `count` count as infinite without being there. `size`: of the sequence that starts as
-/// two sorted halves (flip) or as a bitonic sequence.
+/// Merge steps of a bitonic sort in which every comparison puts the smaller key first, so that keys
+/// beyond `count` act as infinite without existing. `size`: of the sequence that starts as two
+/// sorted halves (flip) or as a bitonic sequence.
 __device__ __forceinline__ void flip_step(uint64_t* keys, int count, int size) {
   const int half = size / 2;
   const int pairs = (count + size - 1) / size * half;
@@ -245,8 +246,8 @@ struct SortShared {
   uint32_t lowest, highest, fullest, gathered;
 };
 
-/// Fetches the tile's runs from all chunks of its view, in no particular order. A warp takes 32
-/// runs at a time and deals their keys out to its lanes.
+/// Fetches the tile's runs from all chunks of its view, in arbitrary order. A warp takes 32 runs at
+/// a time and distributes their keys over its lanes.
 __device__ __forceinline__ void gather_runs(const RenderCall& call, uint32_t global_tile,
                                             uint64_t* keys, uint32_t* gathered) {
   const uint32_t* const runs = call.runs + int64_t(global_tile) * call.chunks;
@@ -276,9 +277,9 @@ __device__ __forceinline__ void gather_runs(const RenderCall& call, uint32_t glo
   __syncthreads();
 }
 
-/// Up to kChunk keys: spreads them over buckets that are monotone in depth, then ranks each key
-/// within its bucket and writes its entry. Returns false, with the keys untouched, if a bucket is
-/// too full for that. The keys may be those of s.
+/// For up to kChunk keys: distributes them over buckets that are monotone in depth, then ranks each
+/// key within its bucket and writes its entry. Returns false, with the keys unchanged, if a bucket
+/// is too full. The keys may be those in s.
 __device__ __forceinline__ bool bucket_sort(const uint64_t* keys, int count, SortShared& s,
                                             uint32_t* entries) {
   uint64_t mine[kPerThread];
@@ -311,7 +312,7 @@ __device__ __forceinline__ bool bucket_sort(const uint64_t* keys, int count, Sor
   // bucket = (depth − lowest) · scale / 2^32 < kBuckets
   const uint32_t scale =
       uint32_t(min((uint64_t(kBuckets) << 32) / (uint64_t(range) + 1), uint64_t(~0u)));
-  uint32_t place[kPerThread];  // bucket << 16 | rank in it: registers limit how many blocks run
+  uint32_t place[kPerThread];  // bucket << 16 | rank in it: registers limit the occupancy
   static_assert(kChunk <= 1 << 16 && kBuckets <= 1 << 16, "both fit");
 #pragma unroll
   for (int k = 0; k < kPerThread; ++k) {
@@ -362,7 +363,7 @@ __device__ __forceinline__ bool bucket_sort(const uint64_t* keys, int count, Sor
   return true;
 }
 
-/// A list of sorted keys becomes a list of their entries, in place.
+/// Replaces a list of sorted keys by the list of their entries, in place.
 __device__ void keep_entries(uint64_t* keys, int count) {
   for (int first = 0; first < count; first += kSortThreads) {
     const int i = first + threadIdx.x;

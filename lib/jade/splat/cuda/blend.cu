@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Blending and its adjoint: a block per tile, a warp per quarter of it, a lane per two pixels; late
-// in a list of the forward pass, per one.
+// Blending and its adjoint: one block per tile, one warp per quarter of it, one lane per two
+// pixels, or per one pixel late in a list of the forward pass.
 #include <type_traits>
 
 #include "jade/splat/cuda/blend.cuh"
@@ -11,14 +11,15 @@ namespace jade::splat::cuda {
 
 namespace {
 
-/// A pixel's transmittance is negative once it has stopped; outside the image it never starts.
+/// A pixel's transmittance is negative once it has stopped; pixels outside the image start so.
 __device__ __forceinline__ float first_transmittance(bool inside) { return inside ? 1.0f : -1.0f; }
 
 __device__ __forceinline__ bool any_alive(const float* t) {
   return __any_sync(~0u, t[0] > 0.0f || t[1] > 0.0f);
 }
 
-/// Zeros this thread's share. Blending waits for instructions, so that its stores are nearly free.
+/// Zeroes this thread's share. Blending is limited by instructions, so these stores are nearly
+/// free.
 __device__ __forceinline__ void clear(const Clearing& clearing) {
   const int64_t threads = int64_t(gridDim.x) * kBlendThreads;
   for (int64_t i = int64_t(blockIdx.x) * kBlendThreads + threadIdx.x; 16 * i < clearing.bytes;
@@ -27,7 +28,7 @@ __device__ __forceinline__ void clear(const Clearing& clearing) {
   }
 }
 
-constexpr int kBlendBlocks = 8;  ///< on a multiprocessor
+constexpr int kBlendBlocks = 8;  ///< per multiprocessor
 
 /// Running sums of a lane's pixels.
 struct PixelSums {
@@ -55,9 +56,9 @@ __device__ __forceinline__ void store_pixel(const RenderCall& call, const Images
   if (kDepth) images.depth_sum[pixels.view * plane + i] = s.depth[k];
 }
 
-/// kGradient: a gradient will be asked for. Then entries forget the quarters in which their splat
-/// changed no pixel, as where all that it reaches have stopped: the adjoint has nothing to do
-/// there. While most pixels go on, hardly a splat changes none, and nobody looks.
+/// kGradient: a gradient is required. Entries then drop the quarters in which their splat changed
+/// no pixel, for example because all of them have stopped, so that the adjoint skips them. While
+/// most pixels are alive, nearly every splat changes one, so this is not checked.
 template <bool kDepth, bool kGradient>
 __global__ void __launch_bounds__(kBlendThreads, kBlendBlocks)
     blend_kernel(const __grid_constant__ RenderCall call, const Images images,
@@ -69,7 +70,7 @@ __global__ void __launch_bounds__(kBlendThreads, kBlendBlocks)
   const Pixels pixels(call);
   WarpStage& stage = stages[pixels.quarter];
   if (kGradient) clear(clearing);
-  int place = 2 * (threadIdx.x & 31);  // of the lane's first pixel; −1 if it has none left
+  int place = 2 * (threadIdx.x & 31);  // of the lane's first pixel; −1 if none is alive
   float px[2] = {float(pixels.x[0]) + 0.5f, float(pixels.x[1]) + 0.5f};
   float py = float(pixels.y) + 0.5f;
   PixelSums s;
@@ -88,7 +89,7 @@ __global__ void __launch_bounds__(kBlendThreads, kBlendBlocks)
       if (kDepth) s.depth[k] = fmaf(step.weight, r.y, s.depth[k]);
     }
   };
-  bool narrow = false;    // a lane has one pixel
+  bool narrow = false;    // one pixel per lane
   uint32_t changing = 0;  // bit j: the splat at stage.splat[j] changed this lane's pixel
   const auto begin_narrow = [&](const AlivePixels& alive) {
     for (int k = 0; k < 2; ++k) {
@@ -141,12 +142,12 @@ __global__ void __launch_bounds__(kBlendThreads, kBlendBlocks)
 
 // ---- adjoint ----------------------------------------------------------------------------------
 
-/// dL/dpixel and what is still behind the splats so far (math/blend.h), for one lane.
+/// dL/dpixel and the contribution of the remaining splats (math/blend.h), for one lane.
 struct PixelGradients {
   float red[2], green[2], blue[2], depth[2], behind[2];
 };
 
-/// Loads the cotangents; returns in `background` this lane's part of dL/dbackground.
+/// Loads the gradients; returns in `background` this lane's part of dL/dbackground.
 template <bool kDepth>
 __device__ __forceinline__ PixelGradients load_gradients(const RenderCall& call,
                                                          const Pixels& pixels,
@@ -172,7 +173,7 @@ __device__ __forceinline__ PixelGradients load_gradients(const RenderCall& call,
       background[1] += t_end * g.green[k];
       background[2] += t_end * g.blue[k];
     }
-    // alpha = 1 − T_end, so its gradient acts like a background of −1 in a channel of its own.
+    // alpha = 1 − T_end, so its gradient acts like a background of −1 in an additional channel.
     if (images.grad_alpha != nullptr) g.behind[k] -= images.grad_alpha[alpha_at + i] * t_end;
     if (kDepth && images.grad_depth_sum != nullptr) {
       g.depth[k] = images.grad_depth_sum[alpha_at + i];
@@ -203,18 +204,18 @@ __device__ __forceinline__ void add_background(const RenderCall& call, const Pix
 }
 
 constexpr int kQuarterPixels = kSubtile * kSubtile;
-constexpr int kSplatStride = kQuarterPixels + 16;  ///< keeps the readers' banks apart
+constexpr int kSplatStride = kQuarterPixels + 16;  ///< avoids bank conflicts of the readers
 
-/// A group's per-pixel gradients of one warp, to be summed with a lane per splat and pixel block.
+/// A group's per-pixel gradients of one warp, summed with one lane per splat and pixel block.
 struct WarpSums {
   float u[kGroup * kSplatStride];       ///< dL/d ln α
   float weight[kGroup * kSplatStride];  ///< α T
 };
 
 /// Four lanes share a splat: lane q of them sums 4 x 1 pixel blocks in rows 2 i + q / 2 and columns
-/// from 4 (q % 2). The moments are taken about the middle of the lane's pixels, then about the
-/// splat. Afterwards lane q holds sums 2 q and 2 q + 1 of the first eight in values[0] and [1] and
-/// every lane the rest.
+/// from 4 (q % 2). Moments are taken relative to the middle of the lane's pixels, then relative to
+/// the splat. Afterwards lane q has sums 2 q and 2 q + 1 of the first eight in values[0] and [1],
+/// and every lane has the others.
 template <bool kDepth>
 __device__ __forceinline__ void sum_splat(const WarpSums& s, const float (*grad)[kQuarterPixels],
                                           int splat, int q, float middle_x, float middle_y,
@@ -360,7 +361,7 @@ __global__ void __launch_bounds__(kBlendThreads, kDepth || kSlots ? 5 : 6)
 
 // ---- deterministic gather ---------------------------------------------------------------------
 
-/// Position of a Gaussian in a sorted list that holds it.
+/// Position of a Gaussian in a sorted list that contains it.
 __device__ __forceinline__ uint32_t find_in_list(const uint32_t* entries, uint32_t count,
                                                  const Splat* splats, float depth, uint32_t index) {
   uint32_t low = 0, high = count - 1;
@@ -397,7 +398,7 @@ __global__ void __launch_bounds__(kGatherThreads)
     const auto* const entries = reinterpret_cast<const uint32_t*>(call.keys + list.begin);
     const uint32_t at = find_in_list(entries, list.count, splats, splat.depth, index);
     for (int quarter = 0; quarter < 4; ++quarter) {
-      if ((entries[at] >> quarter & 1) == 0) continue;  // the adjoint had nothing to do there
+      if ((entries[at] >> quarter & 1) == 0) continue;  // the adjoint skipped it
       if (at >= gradients.progress[global_tile * 4 + quarter]) continue;
       const float* const slot =
           gradients.slots + ((int64_t(list.begin) + at) * 4 + quarter) * kValues;

@@ -7,16 +7,16 @@
 
 namespace jade::splat::cuda {
 
-constexpr int kGroup = 8;  ///< splats between two looks at what is done
+constexpr int kGroup = 8;  ///< splats between two checks for stopped pixels
 
-/// Splats on their way from memory to a warp's pixels.
+/// Splats being loaded for a warp's pixels.
 struct WarpStage {
   float4 splat[32][3];
   uint32_t entry[64];     ///< waiting to be loaded
   uint32_t position[64];  ///< in the tile's list
 };
 
-/// The arithmetic of math::blend_step() with the special function unit's own accuracy, 2 ulp.
+/// The arithmetic of math::blend_step() by the special function units, 2 ulp.
 struct FastArithmetic {
   static __device__ __forceinline__ float exp2_where(bool mask, float x) {
     float value = 0;
@@ -64,7 +64,7 @@ struct Pixels {
   }
 };
 
-/// Which pixels of a quarter go on: those with a transmittance above 0.
+/// The alive pixels of a quarter: those with a positive transmittance.
 struct AlivePixels {
   uint32_t first, second;  ///< bit i: lane i's pixels 0 and 1
 
@@ -74,8 +74,8 @@ struct AlivePixels {
   __device__ __forceinline__ int count() const { return __popc(first) + __popc(second); }
 };
 
-/// One pixel per lane instead of two, for a quarter of which at most 32 go on: most splats that
-/// come late in a list reach few of these, and the steps of the others would be idle.
+/// One pixel per lane instead of two, for a quarter with at most 32 alive pixels: most splats late
+/// in a list reach few of these, so that two pixels per lane would waste steps.
 class OnePixel {
  public:
   /// @param places  [32] of the warp's shared memory
@@ -90,16 +90,16 @@ class OnePixel {
     taken_ = lane < alive.count();
     place_ = taken_ ? places[lane] : 0;
   }
-  __device__ __forceinline__ bool taken() const { return taken_; }  ///< else the lane has none
+  __device__ __forceinline__ bool taken() const { return taken_; }  ///< else the lane has no pixel
   /// Place of its pixel before compaction: 2 · lane + 0 or 1.
   __device__ __forceinline__ int place() const { return place_; }
-  /// Brings a value of the pixel to values[0]. All lanes must call it.
+  /// Moves a value of the pixel to values[0]. All lanes must call it.
   __device__ __forceinline__ void take(float* values) const {
     const float even = __shfl_sync(~0u, values[0], place_ >> 1);
     const float odd = __shfl_sync(~0u, values[1], place_ >> 1);
     values[0] = place_ & 1 ? odd : even;
   }
-  /// Its own transmittance, and pixel 1 ended.
+  /// The pixel's own transmittance; pixel 1 is marked as stopped.
   __device__ __forceinline__ void take_transmittance(float* t) const {
     take(t);
     if (!taken_) t[0] = -1.0f;
@@ -111,8 +111,8 @@ class OnePixel {
   bool taken_;
 };
 
-/// Calls blend(j, j − first) for the splats of a group. Nearly all groups are whole: then nothing
-/// but splats is counted, kUnroll of them at a time.
+/// Calls blend(j, j − first) for the splats of a group. Nearly all groups are full: the loop then
+/// counts only splats, kUnroll of them at a time.
 template <int kUnroll, class Blend>
 __device__ __forceinline__ void for_group(int first, int end, const Blend& blend) {
   if (end - first == kGroup) {
@@ -125,10 +125,10 @@ __device__ __forceinline__ void for_group(int first, int end, const Blend& blend
 }
 
 /// Streams the splats of a list that reach the warp's quarter through `stage`, in order, in groups
-/// of at most eight: alive() is asked before each, group(first, end) takes the splats at
-/// stage.splat[first … end − 1]. After every 32 or fewer, and where no pixel goes on, seen(how
-/// many) may look once more at those that went through a group since, at stage.position from 0 on.
-/// Returns whether a pixel was still alive at the end.
+/// of at most eight: calls alive() before each group, and group(first, end) for the splats at
+/// stage.splat[first … end − 1]. After at most 32 splats, and when no pixel is alive, calls
+/// seen(count) for those processed since, at stage.position from 0 on. Returns whether a pixel was
+/// still alive at the end.
 template <class Alive, class Group, class Seen>
 __device__ __forceinline__ bool stream(const uint32_t* list, int count, int quarter,
                                        const Splat* splats, WarpStage& stage, const Alive& alive,
@@ -180,8 +180,8 @@ __device__ __forceinline__ bool stream(const uint32_t* list, int count, int quar
   return alive();
 }
 
-/// Streams the whole tile, listed or not; seen(list, how many) as in stream(), null for unlisted
-/// ones.
+/// Streams the whole tile, listed or not; calls seen(list, count) as in stream(), with null for
+/// unlisted ones.
 template <class Alive, class Group, class Seen>
 __device__ __forceinline__ void stream_tile(const RenderCall& call, const Pixels& pixels,
                                             WarpStage& stage, RoundShared& round,

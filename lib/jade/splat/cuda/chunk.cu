@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// From splats to runs: a block brings its chunk's instances into the order of tiles, in shared
-// memory, so that whole runs go to memory and a tile hears of a chunk once and not once a splat.
+// Converts splats to runs: a block sorts its chunk's instances by tile in shared memory, so that it
+// writes whole runs, and updates a tile's counter once per chunk instead of once per splat.
 #include "jade/splat/cuda/launch.h"
 #include "jade/splat/cuda/tile_walk.cuh"
 #include "jade/splat/cuda/warp.cuh"
@@ -11,7 +11,7 @@ namespace {
 
 constexpr int kChunkThreads = 512;
 constexpr int kPerThread = 12;
-/// Instances that fit in shared memory. A chunk of more walks its tiles again instead.
+/// Number of instances that fit in shared memory. A larger chunk walks its tiles again instead.
 constexpr int kRoom = kPerThread * kChunkThreads;
 constexpr int kTilesPerThread = kMostChunkTiles / kChunkThreads;
 static_assert(kTilesPerThread == 4, "a thread scans the four counters of a uint4");
@@ -32,8 +32,8 @@ struct ChunkShared {
   unsigned long long begin;
 };
 
-/// Walks the tiles of the chunk's splats: expect(index in the chunk, reached tiles of its next row)
-/// and visit(tile, mask) as in walk_tiles().
+/// Walks the tiles of the chunk's splats: calls expect(index in the chunk, reached tiles of its
+/// next row) and visit(tile, mask) as in walk_tiles().
 template <class Expect, class Visit>
 __device__ __forceinline__ void walk_chunk(const RenderCall& call, int view, int first,
                                            ChunkShared& s, const Expect& expect,
@@ -54,9 +54,9 @@ __device__ __forceinline__ uint32_t round_up_to_four(uint32_t count) { return (c
 
 __global__ void __launch_bounds__(kChunkThreads, kChunkBlocks)
     chunk_kernel(const __grid_constant__ RenderCall call) {
-  extern __shared__ uint32_t cursor[];  // a tile's instances, then where its next one goes
+  extern __shared__ uint32_t cursor[];  // a tile's instances, then the position of its next one
   __shared__ ChunkShared s;
-  // Neighbouring blocks work on different views, so that their atomics meet on fewer counters.
+  // Neighbouring blocks process different views, so that their atomics conflict less.
   const int view = blockIdx.x % call.views, chunk = blockIdx.x / call.views;
   const int first = chunk * call.chunk_gaussians;
   const int lane = threadIdx.x & 31, warp = threadIdx.x >> 5;

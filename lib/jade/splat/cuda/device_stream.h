@@ -13,7 +13,7 @@
 
 namespace jade::splat::cuda {
 
-/// Makes a tensor's GPU the current device as long as it lives.
+/// Makes a tensor's GPU the current device during the object's lifetime.
 class DeviceStream {
  public:
 #ifdef JADE_STABLE_ABI
@@ -27,7 +27,7 @@ class DeviceStream {
       : guard_(tensor.device()), stream_(c10::cuda::getCurrentCUDAStream()) {}
 #endif
 
-  /// The stream that torch's own operations on this GPU use at present.
+  /// The stream that torch currently uses on this GPU.
   cudaStream_t stream() const { return stream_; }
 
  private:

@@ -8,13 +8,13 @@
 
 namespace jade::splat::cuda {
 
-/// 16 coefficients of 3 channels, padded so that 16-byte loads of neighbouring rows meet in no
-/// bank.
+/// 16 coefficients of 3 channels, padded so that 16-byte loads of neighbouring rows have no bank
+/// conflict.
 constexpr int kShRow = 52;
 constexpr int kCameraChunk = 16;  ///< cameras in shared memory at a time
 
 /// Copies [count, 3 · stride] coefficients of the block's Gaussians to rows of kShRow, the first
-/// `used` of each; rows are 16-byte aligned. Threads must meet at a barrier before they read.
+/// `used` of each; rows are 16-byte aligned. Threads must synchronise before they read.
 __device__ __forceinline__ void stage_sh(const RenderCall& call, int first, int gaussians, int used,
                                          float* rows) {
   const int width = 3 * call.sh_stride;
@@ -33,7 +33,7 @@ __device__ __forceinline__ void stage_sh(const RenderCall& call, int first, int 
   }
 }
 
-/// Cameras first … first + kCameraChunk − 1 into shared memory. Call between barriers.
+/// Loads cameras first … first + kCameraChunk − 1 into shared memory. Call between barriers.
 __device__ __forceinline__ void stage_cameras(const RenderCall& call, int first,
                                               m::Camera<float>* cameras) {
   const int view = first + threadIdx.x;
@@ -53,7 +53,7 @@ __device__ __forceinline__ void load_raw(const RenderCall& call, int index,
   raw->logit_opacity = __ldg(call.logit_opacities + index);
 }
 
-/// Loads one Gaussian; unusable ones become a harmless unit Gaussian. `sh` is this thread's row.
+/// Loads one Gaussian; an unusable one is replaced by a unit Gaussian. `sh` is this thread's row.
 template <int kDegree>
 __device__ __forceinline__ bool load_gaussian(const RenderCall& call, bool activated, int index,
                                               const float* sh, m::RawShape<float>* raw) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Buffers that the kernels of the CUDA backend exchange. Plain memory: no torch here.
+// Buffers that the kernels of the CUDA backend exchange. Plain memory: must not include torch.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@ namespace m = jade::splat::math;
 constexpr int kTile = 16;    ///< px; one block blends one tile of one view
 constexpr int kSubtile = 8;  ///< px; one warp blends one quarter of a tile
 /// Bits of an entry: the quarters of the tile that a splat reaches; after a forward pass with
-/// gradients only those where the adjoint has work.
+/// gradients only those that the adjoint needs.
 constexpr int kMaskBits = 4;
 constexpr int kMaxGaussians = 1 << 28;  ///< an entry is index << kMaskBits | mask in 32 bits
 constexpr int kMostChunkGaussians = 1024;
@@ -22,32 +22,32 @@ constexpr int kChunkBlocks = 3;  ///< per multiprocessor
 constexpr int kRunBits = 11;     ///< for lengths up to kMostChunkGaussians
 constexpr uint32_t kLost = 1u << 31;
 
-/// A Gaussian on the screen of one view: three 16-byte loads. `depth` is 0 where it is not drawn.
+/// A projected Gaussian in one view: three 16-byte loads. `depth` is 0 if it is not rendered.
 struct alignas(16) Splat {
   float x, y, a, b;  ///< mean, px; falloff (math/blend.h)
   float c, log2_opacity, red, green;
   float blue, depth, slope, shrink;  ///< the last two: rows of the ellipse (math/tile.h)
 };
 
-/// A tile's list and, without chunks, the counters it is made with. One 32-byte sector each:
-/// atomics on neighbours in one sector would wait for each other. A tile whose list did not fit has
-/// begin >= capacity.
+/// A tile's list and, without chunks, its counters. One 32-byte sector each, because atomics on one
+/// sector are serialised. A tile whose list did not fit has begin >= capacity.
 struct alignas(32) TileList {
   uint32_t count;  ///< zeroed before the pass
   uint32_t begin;
-  uint32_t next;  ///< where the next instance goes; without chunks
+  uint32_t next;  ///< position of the next instance; without chunks
 };
 
 /// Counters of one forward pass, zeroed before it.
 struct Counters {
-  unsigned long long instances;  ///< (view, tile, Gaussian) triples, whether they fitted or not
+  unsigned long long instances;  ///< (view, tile, Gaussian) triples, including those that did not
+                                 ///< fit
   unsigned long long gaussians;
   unsigned long long rejected;
-  unsigned long long chunk_keys;  ///< of the chunks so far, whether they fitted or not
+  unsigned long long chunk_keys;  ///< of the chunks so far, including those that did not fit
 };
 
-/// One call of the op, as in "draw call": Gaussians, cameras, settings, and what the kernels hand
-/// to each other. Passed by value.
+/// Arguments of one call of the op: Gaussians, cameras, settings, and buffers shared by the
+/// kernels. Passed by value.
 struct RenderCall {
   const float *means, *rotations, *log_scales, *logit_opacities, *sh;
   const float *camera_from_world, *intrinsics;
@@ -60,7 +60,7 @@ struct RenderCall {
   float max_alpha;
   bool activated;
   bool antialiased;
-  int64_t channel_stride;  ///< of colours and their gradients, from one channel to the next
+  int64_t channel_stride;  ///< from one channel to the next, for colours and their gradients
   int pixel_stride;        ///< from one pixel to the next
 
   int tiles_x, tiles_y, tiles;  ///< of one view
@@ -70,14 +70,14 @@ struct RenderCall {
   TileList* tile_list;   ///< [views, tiles]
   uint32_t* tile_order;  ///< longest lists first
 
-  // On the way to the lists: chunks of a view's Gaussians, each with its instances tile by tile.
-  int chunks;             ///< per view; 0: instances go straight to the lists
+  // Intermediate lists: chunks of a view's Gaussians, each with its instances sorted by tile.
+  int chunks;             ///< per view; 0: instances are written directly to the lists
   int chunk_gaussians;    ///< a multiple of 32
-  uint64_t* chunk_keys;   ///< [capacity], chunk by chunk in no particular order
+  uint64_t* chunk_keys;   ///< [capacity], chunks in no particular order
   uint32_t* chunk_begin;  ///< [views, chunks], in chunk_keys
   uint32_t* runs;         ///< [views, tiles, chunks]: start in the chunk << kRunBits | length
-  /// [views, tiles]: a tile's instances in all chunks, with kLost where one of these did not fit.
-  /// Side by side, for chunks add to neighbours at once. Zeroed before the pass.
+  /// [views, tiles]: a tile's instances in all chunks, with kLost if any of them did not fit.
+  /// Contiguous, because chunks add to neighbours at the same time. Zeroed before the pass.
   uint32_t* chunk_counts;
   Counters* counters;
 };
@@ -87,9 +87,9 @@ struct Images {
   float *color, *alpha, *depth_sum;  ///< depth_sum may be null
 };
 
-/// Memory that a forward pass clears on the way, for the sums of its adjoint.
+/// Memory that a forward pass zeroes for the sums of its adjoint.
 struct Clearing {
-  void* memory;   ///< 16-byte aligned; null: no gradient will be asked for
+  void* memory;   ///< 16-byte aligned; null: no gradient is required
   int64_t bytes;  ///< a multiple of 16
 };
 
@@ -114,7 +114,8 @@ struct Gradients {
 
   // Deterministic passes only.
   float* slots;               ///< [instances, 4 quarters, kPixelSums (+ 1)]
-  uint32_t* progress;         ///< [views, tiles, 4]: entries that the quarter's warp got through
+  uint32_t* progress;         ///< [views, tiles, 4]: number of entries that the quarter's warp
+                              ///< processed
   float* camera_partial;      ///< [blocks, views, 12]
   float* background_partial;  ///< [views, tiles, 3]
 };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A Gaussian per thread: projects it into every view, or gathers its gradient from every view.
+// One Gaussian per thread: projects it into every view, or sums its gradient over all views.
 #include <type_traits>
 
 #include "jade/splat/cuda/gaussian_block.cuh"
@@ -46,12 +46,12 @@ __device__ __forceinline__ Splat make_splat(const RenderCall& call, const m::Sha
           color[0], color[1], color[2],  screen.depth, row.slope, row.shrink};
 }
 
-/// A warp's records of one view, on their way to memory in whole sectors.
+/// A warp's records of one view, staged for writing in whole sectors.
 struct SplatStage {
   float4 parts[3 * 32];
 };
 
-/// Writes the splats of Gaussians first … first + 31 of a view, a lane each.
+/// Writes the splats of Gaussians first … first + 31 of a view, one per lane.
 __device__ __forceinline__ void store_splats(const RenderCall& call, int view, int first,
                                              const Splat& splat, SplatStage& stage) {
   const int lane = threadIdx.x & 31, parts = 3 * min(32, call.count - first);
@@ -89,7 +89,7 @@ __global__ void __launch_bounds__(kProjectThreads, kCount ? 4 : 5)
     stage_cameras(call, chunk, cameras);
     __syncthreads();
     for (int step = group; step < length; step += kViewGroups) {
-      // Blocks start at different views, so that their atomics meet on fewer counters.
+      // Blocks start at different views, so that their atomics conflict less.
       const int in_chunk = kCount ? (step + int(blockIdx.x)) % length : step;
       const int view = chunk + in_chunk;
       Splat splat{};
@@ -136,7 +136,7 @@ struct __align__(16) AdjointShared {
   m::Camera<float> cameras[kCameraChunk];
   union {
     float on_sh[kAdjointViews][6][kAdjointGaussians];
-    float on_shape[kAdjointGroups - 1][kShapeValues][kAdjointGaussians];  // in the end
+    float on_shape[kAdjointGroups - 1][kShapeValues][kAdjointGaussians];  // at the end
   };
   float camera_sums[kAdjointViews][kHalves][12];
   float norm[kAdjointThreads], visible[kAdjointThreads], radius[kAdjointThreads];  // statistics
@@ -180,7 +180,7 @@ __device__ __forceinline__ void keep_camera(const m::CameraGradient<float>& on_c
   if ((lane & 1) == 0 && lane < 24) target[lane / 2] = sum;
 }
 
-/// Adds the block's camera gradients to the views', or keeps them for finish().
+/// Adds the block's camera gradients to the views', or stores them for finish().
 __device__ __forceinline__ void add_cameras(const RenderCall& call, const Gradients& gradients,
                                             int first_view, int views, const AdjointShared& s) {
   for (int i = threadIdx.x; i < views * 12; i += kAdjointThreads) {
@@ -195,8 +195,7 @@ __device__ __forceinline__ void add_cameras(const RenderCall& call, const Gradie
   }
 }
 
-/// A thread's share of its Gaussian's SH gradients, over `views` views, in place of the
-/// coefficients.
+/// A thread's share of its Gaussian's SH gradients over `views` views; replaces the coefficients.
 template <int kDegree, int kGroup>
 __device__ __forceinline__ void sum_sh(int views, int row, AdjointShared& s) {
   constexpr int kCount = m::sh_count(kDegree);
@@ -218,7 +217,7 @@ __device__ __forceinline__ void sum_sh(int views, int row, AdjointShared& s) {
   }
 }
 
-/// Runs in the last block: camera and background gradients in their final shape.
+/// Runs in the last block: converts camera and background gradients to their final form.
 __device__ void finish(const RenderCall& call, const Gradients& gradients) {
   for (int i = threadIdx.x; i < call.views * 16 && gradients.camera_from_world != nullptr;
        i += blockDim.x) {
@@ -253,7 +252,7 @@ __device__ void finish(const RenderCall& call, const Gradients& gradients) {
   }
 }
 
-/// Writes rows of kShRow to [N, sh_stride, 3], or adds them to what is there; coefficients above
+/// Writes rows of kShRow to [N, sh_stride, 3], or adds to the existing values; coefficients above
 /// the active degree get 0.
 __device__ __forceinline__ void store_sh(const RenderCall& call, int first, int used, bool add,
                                          const float* rows, float* target) {
@@ -318,7 +317,7 @@ __device__ __forceinline__ void gather_view(const RenderCall& call, const Gradie
   }
 }
 
-/// Adds what the other threads of a Gaussian gathered, and writes its gradients but for SH.
+/// Adds the sums of the other threads of a Gaussian, and writes its gradients except SH.
 __device__ __forceinline__ void store_gaussian(const RenderCall& call, const Gradients& gradients,
                                                bool usable, bool activated, int row, int index,
                                                const AdjointShared& s,
@@ -329,7 +328,7 @@ __device__ __forceinline__ void store_gaussian(const RenderCall& call, const Gra
     for (int k = 0; k < kShapeValues; ++k) values[k] += s.on_shape[group][k][row];
   }
   memcpy(&on_shape, values, sizeof(on_shape));
-  m::RawShape<float> raw;  // loaded again: registers are what limits the kernel
+  m::RawShape<float> raw;  // loaded again, because registers limit the kernel
   load_raw(call, index, &raw);
   m::replace_unusable(usable, &raw);
   const m::RawShape<float> grad =
@@ -346,7 +345,7 @@ __device__ __forceinline__ void store_gaussian(const RenderCall& call, const Gra
   }
 }
 
-/// kGeneral: for activated parameters and gradients on the screen too, which cost registers.
+/// kGeneral: supports activated parameters and screen gradients too, which costs registers.
 template <int kDegree, bool kDepth, bool kGeneral>
 __global__ void __launch_bounds__(kAdjointThreads, kAdjointBlocks)
     project_adjoint_kernel(const __grid_constant__ RenderCall call,
@@ -428,7 +427,7 @@ void launch_project_adjoint(const RenderCall& call, const Gradients& gradients,
   const bool general = call.activated || gradients.means2d != nullptr;
   with_degree(call.sh_degree, [&](auto degree) {
     constexpr int kDegree = decltype(degree)::value;
-    // Plain colours come from Python alone, so they need no kernel of their own for the rest.
+    // Only Python uses plain colours, so one kernel covers all other options.
     constexpr bool kPlain = kDegree == m::kPlainColor;
     if (gradients.with_depth && (general || kPlain)) {
       project_adjoint_kernel<kDegree, true, true>

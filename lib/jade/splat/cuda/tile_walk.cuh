@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which quarters (8x8 px) of which tiles an ellipse reaches. Exact up to kExtentSlackPx: a quarter
-// is reached when the ellipse comes near one of its pixel centres' bounding box.
+// Which quarters (8x8 px) of which tiles an ellipse reaches. Exact up to kExtentSlackPx: it reaches
+// a quarter if it comes near the bounding box of its pixel centres.
 #pragma once
 
 #include "jade/splat/cuda/layout.h"
@@ -19,7 +19,7 @@ __device__ __forceinline__ float fast_sqrt(float x) {
 #endif
 }
 
-/// The ellipse of a splat, as bands of rows see it.
+/// The ellipse of a splat, for queries by bands of rows.
 struct Ellipse {
   float x, y;
   m::RowExtent<float> row;
@@ -123,10 +123,10 @@ __device__ __forceinline__ Ellipse ellipse_of(const Ellipse& mine, int lane) {
   return other;
 }
 
-/// Walks the tiles of every lane's splat; `drawn` says which lanes have one. Splats differ much in
-/// how many rows they have, so rows are dealt out to the lanes. All 32 lanes must call it. Together
-/// they call expect(lane whose row this lane has now, tiles of it that are reached), then each
-/// visit(tile, mask) for these.
+/// Walks the tiles of every lane's splat; `drawn` is set for lanes that have one. Splats differ
+/// much in their number of rows, so rows are distributed over the lanes. All 32 lanes must call it.
+/// They call expect(lane that owns this row, number of its reached tiles), then each visit(tile,
+/// mask) for these.
 template <class Expect, class Visit>
 __device__ __forceinline__ void walk_tiles(const Splat& splat, bool drawn, const RenderCall& call,
                                            const Expect& expect, const Visit& visit) {

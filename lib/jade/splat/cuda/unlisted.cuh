@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tiles whose list did not fit into the instance buffer. The block finds their splats by looking
-// through all of the view's, nearest first, a round at a time: slow, but the result is the same, so
-// the buffer's capacity decides speed and never the image.
+// Tiles whose list did not fit into the instance buffer. The block searches all splats of the view
+// for theirs, nearest first, in rounds: slow, but the result is the same, so the buffer's capacity
+// affects only the speed.
 #pragma once
 
 #include "jade/splat/cuda/tile_walk.cuh"
@@ -11,7 +11,7 @@ namespace jade::splat::cuda {
 constexpr int kBlendThreads = 128;
 constexpr int kRound = 512;  ///< splats per round
 
-/// Besides, a round needs room for kRoundKeys keys, which nobody else uses between rounds.
+/// A round also needs memory for kRoundKeys keys, unused between rounds.
 constexpr int kRoundKeys = 2 * kRound;
 struct RoundShared {
   uint32_t entries[kRound];
@@ -38,8 +38,8 @@ __device__ __forceinline__ void sort_round(uint64_t* keys, int count) {
   __syncthreads();
 }
 
-/// Writes to s.entries the next splats after key `last`, at most kRound; returns how many and moves
-/// `last` on. The whole block must call it.
+/// Writes to s.entries the next splats after key `last`, at most kRound; returns their number and
+/// advances `last`. The whole block must call it.
 __device__ __noinline__ int select_round(const RenderCall& call, int view, int tile_x, int tile_y,
                                          RoundShared& s, uint64_t* keys, uint64_t* last) {
   uint64_t threshold = ~0ull;

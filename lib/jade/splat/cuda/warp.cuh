@@ -19,7 +19,7 @@ __device__ __forceinline__ uint32_t inclusive_scan(uint32_t value, int lane) {
   return value;
 }
 
-/// The lanes' work in one row, to be dealt out evenly: lane k's begins at item `begin`.
+/// Items of all lanes in one sequence, for even distribution: lane k's begin at item `begin`.
 struct Shares {
   uint32_t begin, total;
 
@@ -28,9 +28,10 @@ struct Shares {
     begin = scanned - count;
     total = __shfl_sync(~0u, scanned, 31);
   }
-  /// The lane that item i is of. Items beyond the last one are of any.
+  /// The lane that owns item i; any lane for items beyond the last.
   __device__ __forceinline__ int owner(uint32_t i) const {
-    int lane = 0;  // the last that begins at i or before it: earlier ones of that begin are empty
+    // the last that begins at or before i: earlier ones with the same begin are empty
+    int lane = 0;
     for (int step = 16; step > 0; step /= 2) {
       if (__shfl_sync(~0u, begin, lane + step) <= i) lane += step;
     }
@@ -49,8 +50,8 @@ __device__ __forceinline__ void exchange_halves(float* values, int bit, bool upp
   }
 }
 
-/// Sums sixteen values over the warp at the price of sixteen shuffles. Lanes 2 k and 2 k + 1 get
-/// the sum of values[k].
+/// Sums sixteen values over the warp with only sixteen shuffles. Lanes 2 k and 2 k + 1 get the sum
+/// of values[k].
 __device__ __forceinline__ float sum_sixteen(float* values, int lane) {
   exchange_halves<8>(values, 16, lane & 16);
   exchange_halves<4>(values, 8, lane & 8);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One splat on one pixel, and back: for the CPU's packs and for CUDA alike.
+// Blending of one splat into one pixel, and its adjoint, shared by the CPU's packs and CUDA.
 #pragma once
 
 #include "jade/splat/math/scalar.h"
@@ -7,7 +7,7 @@
 namespace jade::splat::math {
 inline namespace JADE_ISA {
 
-constexpr double kMaxAlpha = 0.99;  ///< of a splat on a pixel, unless a call says otherwise
+constexpr double kMaxAlpha = 0.99;  ///< of a splat at a pixel, unless a call overrides it
 constexpr double kLog2MinAlpha = -7.994353436858858;  ///< log2(1/255)
 constexpr double kMinTransmittance = 1e-4;
 constexpr double kLog2E = 1.4426950408889634;
@@ -25,14 +25,14 @@ JADE_HD Falloff<S> make_falloff(S cov_xx, S cov_xy, S cov_yy, S det) {
   return {scale * cov_yy, S(-2) * scale * cov_xy, scale * cov_xx};
 }
 
-/// Moments over pixels of u = dL/d ln(α before the cap), with dx, dy from the splat to the pixel.
+/// Moments over pixels of u = dL/d ln(α before clamping), with dx, dy from the splat to the pixel.
 template <class S>
 struct Moments {
   S u, x, y, xx, xy, yy;
 };
 
-/// Result of the adjoint of blending per splat: sums over pixels, which both backends store in
-/// this order: Moments, dL/dcolour, then dL/ddepth where depth is rendered.
+/// Result of the adjoint of blending per splat: sums over pixels, which both backends store in this
+/// order: Moments, dL/dcolour, then dL/ddepth if depth is rendered.
 constexpr int kPixelSums = 9;
 
 /// Adjoint of the falloff and of the mean, in one: with conic [A B; B C] = Σ2d⁻¹ and q = dᵀ Σ2d⁻¹
@@ -63,20 +63,20 @@ JADE_HD RowFalloff<S> at_row(const Falloff<S>& f, S log2_opacity, S dy) {
   return {f.a, f.b * dy, fma(f.c * dy, dy, log2_opacity)};
 }
 
-/// log2 of the α before the cap. The same expression in the forward and the backward pass, so
-/// that both take the same decisions.
+/// log2 of α before clamping. The same expression in the forward and the backward pass, so that
+/// both make the same decisions.
 template <class S>
 JADE_HD S exponent(const RowFalloff<S>& row, S dx) {
   return fma(fma(row.a, dx, row.b), dx, row.c);
 }
 
-/// True where the splat counts at all.
+/// True if the splat's α reaches 1/255.
 template <class S>
 JADE_HD auto is_visible(S exponent_value) {
   return exponent_value >= S(kLog2MinAlpha);
 }
 
-/// For gradient tests: fades in from 1/255 to 2/255 by a cubic with flat ends.
+/// For gradient tests: fades in from 1/255 to 2/255 by a cubic with zero slope at both ends.
 template <class S>
 JADE_HD S fade(S raw_alpha) {
   const S t = min(max(raw_alpha * S(255) - S(1), S(0)), S(1));
@@ -90,9 +90,9 @@ JADE_HD S fade_adjoint(S raw_alpha) {
                 S(0));
 }
 
-/// How a backend computes what blend_step() leaves open. This one: as written. `product` must not
-/// be fused with the subtraction that follows it, so that both passes round T alike; in
-/// `times_ratio`, x · a / b, the order is free.
+/// Arithmetic that backends may replace in blend_step(). This one: as written. `product` must not
+/// be fused with the following subtraction, so that both passes round T identically; `times_ratio`,
+/// x · a / b, may be evaluated in any order.
 struct PlainArithmetic {
   template <class Mask, class S>
   JADE_HD static S exp2_where(Mask mask, S x) {
@@ -108,17 +108,17 @@ struct PlainArithmetic {
   }
 };
 
-/// Contribution of one splat to one pixel. All members are 0 where the splat is not visible or the
+/// Contribution of one splat to one pixel. All members are 0 if the splat is not visible or the
 /// pixel has stopped, except `alpha` and `raw_alpha` of stopped pixels.
 template <class S>
 struct BlendStep {
   S raw_alpha;  ///< before the fade and the cap
   S alpha;
-  S weight;                       ///< α T, what its colour is blended with
-  decltype(S(0) > S(0)) goes_on;  ///< false: the pixel has stopped, now or before
+  S weight;                       ///< α T, the weight of its colour
+  decltype(S(0) > S(0)) goes_on;  ///< false: the pixel has stopped at this splat or before
 };
 
-/// Takes a pixel's transmittance past a splat: T(1 − α), or, if that is too little, stops the pixel
+/// Updates a pixel's transmittance by a splat: T(1 − α), or, if that is too small, stops the pixel
 /// before the splat by making T negative. kSmooth, for gradient tests: α fades in, nothing stops.
 template <class Arithmetic, bool kSmooth, class S>
 JADE_HD BlendStep<S> blend_step(S exponent_value, S max_alpha, S* transmittance) {
@@ -134,12 +134,12 @@ JADE_HD BlendStep<S> blend_step(S exponent_value, S max_alpha, S* transmittance)
   return step;
 }
 
-/// Adjoint of blend_step(): returns u_i = dL/d ln α_i before the cap, for v_i = ⟨dL/dC, c_i⟩.
+/// Adjoint of blend_step(): returns u_i = dL/d ln α_i before clamping, for v_i = ⟨dL/dC, c_i⟩.
 ///     C = Σ c_i α_i T_i + T_end · background,  T_{i+1} = T_i (1 − α_i),  so with
 ///     B_i = Σ_{j>i} v_j α_j T_j + T_end ⟨dL/dC, background⟩, in which each term has a 1 − α_i:
 ///     dL/dα_i = T_i v_i − B_i / (1 − α_i),  u_i = α_i dL/dα_i = α_i T_i v_i − B_i α_i / (1 − α_i).
-/// Front to back, *behind starts as B_{-1} = ⟨dL/dC, C⟩ and loses α_i T_i v_i at each splat. The
-/// cap is constant, and so is what stops a pixel: both give 0. dL/dc_i = weight · dL/dC.
+///     Front to back, *behind starts as B_{-1} = ⟨dL/dC, C⟩ and decreases by α_i T_i v_i at each
+///     splat. Clamped and stopped values are constant: both give 0. dL/dc_i = weight · dL/dC.
 template <class Arithmetic, bool kSmooth, class S>
 JADE_HD S blend_step_adjoint(const BlendStep<S>& step, S value, S max_alpha, S* behind) {
   const S weighted = step.weight * value;

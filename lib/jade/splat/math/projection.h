@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From a Gaussian in the world to an ellipse on the screen, and back. Forward and adjoint adjacent.
+// Projection of a Gaussian to an ellipse on the screen, and its adjoint.
 #pragma once
 
 #include <cstdint>
@@ -10,11 +10,11 @@ namespace jade::splat::math {
 inline namespace JADE_ISA {
 
 constexpr double kDilationPx2 = 0.3;       ///< added to both variances on the screen
-constexpr double kFrustumMargin = 0.3;     ///< share of the half field of view beyond each edge
+constexpr double kFrustumMargin = 0.3;     ///< relative to the half field of view, beyond each edge
 constexpr double kMaxAbsLogScale = 30;     ///< beyond this a Gaussian is rejected
-constexpr double kMaxAbsScale = 1e13;      ///< the same
-constexpr double kMaxAbsMean = 1e12;       ///< the same
-constexpr double kMaxAbsLogit = 1e4;       ///< the same
+constexpr double kMaxAbsScale = 1e13;      ///< likewise
+constexpr double kMaxAbsMean = 1e12;       ///< likewise
+constexpr double kMaxAbsLogit = 1e4;       ///< likewise
 constexpr double kMinQuaternion2 = 1e-24;  ///< smallest squared norm of a rotation
 constexpr double kMaxCovariance = 1e12;    ///< px²; a larger ellipse is culled
 
@@ -65,7 +65,7 @@ JADE_HD Camera<S> make_camera(const T* camera_from_world, const T* intrinsics, i
   return camera;
 }
 
-/// A Gaussian after its activations: what all views share.
+/// A Gaussian after its activations, independent of the view.
 template <class S>
 struct Shape {
   S mean[3];
@@ -81,8 +81,8 @@ struct ShapeGradient {
   S mean[3], axes[9], log_opacity;
 };
 
-/// Parameters as they are stored. Where `activated` is true below, the last two are the scales and
-/// the opacity themselves.
+/// Parameters as stored. If `activated` is true below, the last two are the scales and the opacity
+/// themselves.
 template <class S>
 struct RawShape {
   S mean[3];
@@ -105,7 +105,8 @@ JADE_HD auto is_usable(const RawShape<S>& raw, bool activated = false) {
   return usable;
 }
 
-/// Makes unusable parameters those of a unit Gaussian at the origin, which harm no arithmetic.
+/// Replaces unusable parameters by those of a unit Gaussian at the origin, which is numerically
+/// safe.
 template <class S, class Mask>
 JADE_HD void replace_unusable(Mask usable, RawShape<S>* raw) {
   for (int k = 0; k < 3; ++k) {
@@ -151,7 +152,7 @@ JADE_HD S sigmoid(S x) {
   return S(1) / (S(1) + exp(-x));
 }
 
-/// Activations. Call only for usable parameters (or ignore the result).
+/// Applies the activations. Call only for usable parameters (or ignore the result).
 template <class S>
 JADE_HD Shape<S> activate(const RawShape<S>& raw, bool activated = false) {
   Shape<S> shape;
@@ -204,7 +205,7 @@ JADE_HD RawShape<S> activate_adjoint(const RawShape<S>& raw, const Shape<S>& sha
   return grad;
 }
 
-/// A Gaussian on the screen of one view.
+/// A projected Gaussian in one view.
 template <class S>
 struct Screen {
   S x, y, depth;             ///< px, px, camera z
@@ -224,7 +225,7 @@ struct ProjectionSteps {
   S inverse_z;
 };
 
-/// EWA projection: cov2d = V Vᵀ + 0.3 I with V = J W M. The Jacobian J is taken at x/z and y/z
+/// EWA projection: cov2d = V Vᵀ + 0.3 I with V = J W M. The Jacobian J is evaluated at x/z and y/z
 /// clamped to a frustum 0.3 half-fields larger than the image; the mean itself is not clamped.
 template <class S>
 JADE_HD ProjectionSteps<S> projection_steps(const Shape<S>& shape, const Camera<S>& camera) {
@@ -280,7 +281,7 @@ JADE_HD Screen<S> project(const Shape<S>& shape, const Camera<S>& camera, bool a
   return screen;
 }
 
-/// True where the projection may be drawn: between the planes and of finite, sane size.
+/// True if the projection may be rendered: between the planes and of finite, plausible size.
 template <class S>
 JADE_HD auto is_drawable(const Screen<S>& screen, S near_plane, S far_plane) {
   const S bound(kMaxCovariance);
@@ -303,8 +304,8 @@ struct ScreenGradient {
 };
 
 /// Adjoint of project(). Adds to *grad and *grad_camera. With C = V Vᵀ: dV = (G + Gᵀ) V, where G
-/// holds half of cov_xy's gradient on each side; then dM = Tᵀ dV, dT = dV Mᵀ, dJ = dT Wᵀ, dW = Jᵀ
-/// dT + (dpoint) meanᵀ. A clamped ratio is constant, so J's third column then depends on z alone.
+/// has half of cov_xy's gradient on each side; then dM = Tᵀ dV, dT = dV Mᵀ, dJ = dT Wᵀ, dW = Jᵀ dT
+/// + (dpoint) meanᵀ. A clamped ratio is constant, so J's third column then depends on z alone.
 template <class S>
 JADE_HD void project_adjoint(const Shape<S>& shape, const Camera<S>& camera, bool antialiased,
                              ScreenGradient<S> g, ShapeGradient<S>* grad,

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Requirements of the shared maths on its scalar type S. S is float or double on either device, or
-// a SIMD pack on the CPU (cpu/pack.h), so every branch on data is a select().
+// Requirements of the shared maths on its scalar type S: float or double on either device, or a
+// SIMD pack on the CPU (cpu/pack.h), so every branch on data is a select().
 #pragma once
 
 #include "jade/kernel/host_device.h"
@@ -8,7 +8,7 @@
 namespace jade::splat::math {
 inline namespace JADE_ISA {
 
-// Beside the overloads for packs, which would hide them.
+// Declared beside the overloads for packs, which would hide them.
 using kernel::abs;
 using kernel::exp;
 using kernel::exp2;

@@ -9,7 +9,7 @@
 namespace jade::splat::math {
 inline namespace JADE_ISA {
 
-/// A value of `degree`: the one coefficient is the colour itself, of any sign.
+/// A value of `degree`: the single coefficient is the colour itself, of any sign.
 constexpr int kPlainColor = -1;
 
 JADE_HD constexpr int sh_count(int degree) {
@@ -58,7 +58,7 @@ JADE_HD void sh_basis(int degree, const S* d, S* basis) {
 }
 
 /// Adjoint: g = dL/dbasis, adds dL/d(direction) to grad_d[3]. Each line is the derivative of the
-/// polynomial above as it is written, that is, without using |d| = 1.
+/// polynomial above as written, without using |d| = 1.
 template <class S>
 JADE_HD void sh_basis_adjoint(int degree, const S* d, const S* g, S* grad_d) {
   if (degree < 1) return;
@@ -154,7 +154,7 @@ JADE_HD void sh_basis_gradient(int degree, const S* sh, const S* g, S* grad_basi
   }
 }
 
-/// The rest of it: adds to the gradients [end − begin, 3] of coefficients begin … end − 1.
+/// The remaining terms: adds to the gradients [end − begin, 3] of coefficients begin … end − 1.
 template <class S>
 JADE_HD void add_sh_gradient(int begin, int end, const S* basis, const S* g, S* grad_sh) {
   for (int k = begin; k < end; ++k) {
@@ -165,7 +165,7 @@ JADE_HD void add_sh_gradient(int begin, int end, const S* basis, const S* g, S* 
   }
 }
 
-/// Adjoint of the clamp: a channel clamped at 0 (color == 0) passes nothing on.
+/// Adjoint of the clamp: a channel clamped at 0 (color == 0) has no gradient.
 template <class S>
 JADE_HD void clamp_adjoint(int degree, const S* color, const S* grad_color, S* g) {
   for (int c = 0; c < 3; ++c) {
@@ -182,7 +182,7 @@ JADE_HD auto all_finite(const S* values, int count) {
   return within(poison, zero);
 }
 
-/// A Gaussian's colour as a camera sees it.
+/// A Gaussian's colour seen from a camera.
 template <class S>
 JADE_HD void view_color(int degree, const S* mean, const Camera<S>& camera, const S* sh, S* color) {
   S direction[3], basis[16];

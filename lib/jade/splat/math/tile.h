@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which pixels a splat can reach: a box, and for each row an interval. Both belong to the splat
-// alone, so how the image is cut into tiles cannot change it.
+// Which pixels a splat can reach: a box, and an interval for each row. Both depend on the splat
+// alone, so the division of the image into tiles cannot change them.
 #pragma once
 
 #include "jade/splat/math/blend.h"
@@ -9,7 +9,8 @@
 namespace jade::splat::math {
 inline namespace JADE_ISA {
 
-/// Rounding of the extents below, in pixels: a pixel too many costs a test, one too few a hole.
+/// Allowance for rounding of the extents below, in pixels: one pixel too many costs a test, one too
+/// few leaves a hole.
 constexpr double kExtentSlackPx = 0.01;
 
 /// Half of the reach: α ≥ 1/255 where q ≤ reach = 2 ln(255 o). Not positive: nowhere.
@@ -18,8 +19,8 @@ JADE_HD S reach(S log2_opacity) {
   return S(2.0 / kLog2E) * (log2_opacity - S(kLog2MinAlpha));
 }
 
-/// Half the width (or height) of the box around {q ≤ reach}, of the variance along it: sqrt(reach ·
-/// variance). Not for a negative reach.
+/// Half the width (or height) of the box around {q ≤ reach} from the variance along it: sqrt(reach
+/// · variance). Requires a non-negative reach.
 template <class S>
 JADE_HD S half_extent(S reach_value, S variance) {
   return sqrt(reach_value * variance) + S(kExtentSlackPx);
@@ -38,7 +39,7 @@ JADE_HD RowExtent<S> make_row_extent(S reach_value, S cov_xy, S cov_yy, S det) {
   return {cov_xy * inverse, reach_value * det * inverse, det * inverse * inverse};
 }
 
-/// Half the length of that interval, squared and without slack; 0 where the row is not reached.
+/// Half the length of that interval, squared and without slack; 0 if the row is not reached.
 template <class S>
 JADE_HD S half_width2(const RowExtent<S>& row, S dy) {
   return max(row.width2 - row.shrink * dy * dy, S(0));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From the pixels of one view back to a Gaussian and the camera.
+// Gradients of a Gaussian and of the camera from the pixels of one view.
 #pragma once
 
 #include "jade/splat/math/blend.h"
@@ -10,7 +10,7 @@
 namespace jade::splat::math {
 inline namespace JADE_ISA {
 
-/// A Gaussian as a view has drawn it, and the sums over the view's pixels.
+/// A Gaussian projected into a view, and the sums over the view's pixels.
 template <class S>
 struct Drawn {
   decltype(S(0) > S(0)) visible;
@@ -21,7 +21,7 @@ struct Drawn {
   S grad_depth;  ///< 0 unless depth is rendered
 };
 
-/// Takes sums in the order of kPixelSums.
+/// Reads sums in the order of kPixelSums.
 template <class S>
 JADE_HD void set_sums(const S* sums, bool with_depth, Drawn<S>* drawn) {
   drawn->moments = {sums[0], sums[1], sums[2], sums[3], sums[4], sums[5]};
@@ -29,7 +29,7 @@ JADE_HD void set_sums(const S* sums, bool with_depth, Drawn<S>* drawn) {
   drawn->grad_depth = with_depth ? sums[kPixelSums] : S(0);
 }
 
-/// How the view was taken.
+/// Settings of a view.
 template <class S>
 struct View {
   const Camera<S>& camera;
@@ -44,9 +44,9 @@ struct ShGradient {
   S direction[3], color[3];
 };
 
-/// Adjoint of project(), make_falloff() and view_color() together, but for the coefficients: they
-/// have `on_sh`. `sh` is [K,3]. Adds to *grad and *grad_camera, and returns the gradient on the
-/// screen. Where the Gaussian is not visible, the results are undefined.
+/// Adjoint of project(), make_falloff() and view_color() together, except for the coefficients,
+/// which get `on_sh`. `sh` is [K,3]. Adds to *grad and *grad_camera, and returns the gradient on
+/// the screen. If the Gaussian is not visible, the results are undefined.
 template <class S>
 JADE_HD ScreenGradient<S> view_adjoint(const View<S>& view, const Shape<S>& shape, const S* sh,
                                        const Drawn<S>& drawn, ShapeGradient<S>* grad,

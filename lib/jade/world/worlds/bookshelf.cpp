@@ -75,7 +75,7 @@ void fill(WorldBuilder& s) {
 }
 
 void in_front(WorldBuilder& s) {
-  // A ladder leans on the case, and a chair's back stands in the way.
+  // A ladder leans on the case, and a chair's back occludes it.
   const int pine =
       s.material(paints::wood({0.85f, 0.7f, 0.48f}, {0.62f, 0.44f, 0.26f}, 4, s.noise_seed()));
   for (float x : {0.52f, 0.86f}) s.tube({x, 0, 0.75f}, {x, 2.4f, 0.08f}, 0.022f, 0.022f, pine);

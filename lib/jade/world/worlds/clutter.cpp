@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Solids of every kind heaped in front of a wall, sampled anew by each seed: material for
-// restorers.
+// Solids of every kind piled in front of a wall, sampled by the seed: training data for restorers.
 #include <cmath>
 
 #include "jade/world/worlds.h"

@@ -84,7 +84,7 @@ void plant(WorldBuilder& s, Vec3 base, float size) {
 
 void tin(WorldBuilder& s, Vec3 base, float radius, float height) {
   Draw& draw = s.draw();
-  // The label goes around twice, and tubes run upwards where canvases run downwards.
+  // The label goes around twice, and tubes' textures run upwards where canvases run downwards.
   Canvas print =
       paints::label(paints::word(draw), paints::color(draw), paints::color(draw), s.noise_seed());
   Canvas turned(print.width(), print.height(), {});

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Things that stand in more than one scene.
+// Objects that several scenes contain.
 #pragma once
 
 #include "jade/world/builder.h"
@@ -9,7 +9,7 @@ namespace jade::world::worlds {
 
 /// Books upright in a row, from `left` (bottom, front edges) to the right over `width`.
 void book_row(WorldBuilder& s, Vec3 left, float width, float height, float depth);
-/// Books lying on each other.
+/// A pile of books.
 void book_pile(WorldBuilder& s, Vec3 base, int count);
 void mug(WorldBuilder& s, Vec3 base, float size, int material);
 /// A pot with leaves (flat, see-through) around its top.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A hall of pictures and plinths, rearranged thoroughly by the seed: material for restorers.
+// A hall of pictures and plinths, rearranged by the seed: training data for restorers.
 #include <cmath>
 
 #include "jade/world/worlds.h"
