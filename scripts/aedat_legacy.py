@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Readers of AEDAT 3.1 (caer, DV before 2019) and AEDAT 2.0 (jAER) recordings of DAVIS cameras, for read_recording.py.
+"""Readers of AEDAT 3.1 (caer, DV before 2019) and AEDAT 2.0 (jAER) recordings of DAVIS cameras, for
+read_recording.py.
 
-Both formats are described at docs.inivation.com, "AEDAT 3.1" and "AEDAT 2.0". The latter leaves to jAER, which wrote such
-files, how a DAVIS numbers its pixels: rows count from the bottom, and the columns of events, but not those of frames, from
-the right. read() fills an Output of read_recording.py; what stops it is a ValueError of one line.
+Both formats are described at docs.inivation.com, "AEDAT 3.1" and "AEDAT 2.0". The latter does not specify how a
+DAVIS numbers its pixels; in files of jAER rows count from the bottom, and the columns of events, but not those of
+frames, from the right. read() fills an Output of read_recording.py; problems are a ValueError of one line.
 """
 import collections
 import os
@@ -38,7 +39,7 @@ CHUNK = 1 << 20  # records
 EDGES_2 = ((3, 1), (2, 0))  # low bits of an external event, whether it is a rising edge
 RESET_READ, SIGNAL_READ = 0, 1
 ADC_TO_16_BIT = 1 << 6
-# A step back of the clock by more is a reset of the camera's timestamps.
+# A larger decrease of the clock is a reset of the camera's timestamps.
 RESET_US = 1000000
 
 

@@ -1,18 +1,21 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings with the faults of real cameras, simulated, imported and trained without any flag, and judged by the truth.
+"""Simulates recordings with the faults of real cameras, imports them, trains scenes without any flag, and compares
+these with the true scenes.
 
-    scripts/battery.py --bin build/bin --output runs/battery [--only NAME ...] [--jobs N] [--set KEY=VALUE ...] [--true-poses]
+scripts/battery.py --bin build/bin --output runs/battery [--only NAME ...] [--jobs N] [--set KEY=VALUE ...]
+[--true-poses]
 
-Each file in configs/battery is a recording; one of that folder that it extends is the same scene without the fault, which is made too.
---configs configs/battery/causes takes the faults apart. For each recording:
-jade_simulate --recording, jade_import RECORDING, jade_train --config scene.yaml, jade_eval, jade_render and compare_poses.py. Stages
-that have ended are kept: called again with the same --output, what failed or is missing is made. After each recording OUTPUT/battery.md
-and OUTPUT/battery.csv are written anew.
+Each file in configs/battery is a recording; a file of that folder that it extends is the same scene without the
+fault, and is run too. --configs configs/battery/causes runs each fault separately. For each recording:
+jade_simulate --recording, jade_import RECORDING, jade_train --config scene.yaml, jade_eval, jade_render and
+compare_poses.py. Completed stages are kept: another call with the same --output runs failed and missing ones.
+Each recording updates OUTPUT/battery.md and OUTPUT/battery.csv.
 
-PSNR is against the true sharp frames of the plain scene: those of the middles of training exposures ("middles"), and of the test views
-between them ("views"), each after one factor for the brightness of the picture. "loss" is how far that is below the plain scene.
---true-poses also trains each import with the true poses in place of its own: what is lost then is not lost by the poses.
+PSNR is against the true sharp frames of the plain scene: those at the middles of training exposures ("middles"),
+and of the test views between them ("views"), each after fitting one brightness factor per picture. "loss" is the
+difference from the plain scene. --true-poses also trains each import with the true poses: the remaining loss is
+not caused by the poses.
 
 Needs numpy, and what jade_import needs for COLMAP. Each job has its own share of the cores, and one of the GPUs.
 """
@@ -51,15 +54,15 @@ COLUMNS = {
 
 
 class BatteryError(Exception):
-    """One line: what was expected, what was found."""
+    """A one-line error: what was expected, what was found."""
 
 
 # ---- pictures
 
 
-@lru_cache(maxsize=None)  # most recordings are judged by the same pictures
+@lru_cache(maxsize=None)  # most recordings are compared with the same pictures
 def read_png(path: Path) -> np.ndarray:
-    """[H,W,3] in [0,1] of a file with 8 bits, gray or RGB, not interlaced, as our programs write them."""
+    """[H,W,3] in [0,1] of a file with 8 bits, gray or RGB, not interlaced, as this project's programs write them."""
     data = path.read_bytes()
     if data[:8] != b"\x89PNG\r\n\x1a\n":
         raise BatteryError(f"{path}: expected a PNG file")
@@ -104,7 +107,7 @@ def unfiltered(kind: int, row: bytearray, above: bytearray, step: int) -> bytear
 
 
 def psnr(render: np.ndarray, truth: np.ndarray) -> float:
-    """dB, after the factor of brightness that fits best."""
+    """PSNR in dB, after fitting a brightness factor."""
     factor = (render * truth).sum() / max((render * render).sum(), 1e-12)
     error = ((np.clip(factor * render, 0, 1) - truth) ** 2).mean()
     return float(10 * np.log10(1 / max(error, 1e-10)))
@@ -114,7 +117,7 @@ def psnr(render: np.ndarray, truth: np.ndarray) -> float:
 
 
 def attempt(read):
-    """What is not there, or not as expected, is a gap in the table."""
+    """A result that is missing or invalid is a gap in the table."""
     try:
         return read()
     except (OSError, KeyError, ValueError, IndexError, BatteryError, DataError):
@@ -134,7 +137,7 @@ def true_threshold(truth: Path, sign: str) -> float:
 
 
 def lengths_ms(data: Path, truth: Path) -> tuple[float, float]:
-    """Mean length of the exposures that were placed, as found and in truth."""
+    """Mean length of the registered exposures, estimated and true."""
     times = np.load(truth / "images_1" / "timestamps.npz")
     true = times["timestamps_end"].astype(float) - times["timestamps_start"].astype(float)
     pairs = [(float(row["end_us"]) - float(row["start_us"]), true[int(row["name"])])
@@ -156,12 +159,12 @@ def same_path(a: Path, b: Path) -> bool:
 
 
 def mean_psnr(renders: Path, data: Path, part: str, true_picture) -> float:
-    """@param true_picture  of the name that a frame has in the recording"""
+    """@param true_picture  maps a frame's name in the recording to its true picture"""
     scores = []
     for row in frames_of(data):
         if row["part"] != part:
             continue
-        # A data set numbers its frames; names have the digits of the largest number, two at least.
+        # A data set numbers its frames; names have as many digits as the largest number, at least two.
         files = [path for path in renders.glob("*.npy") if path.stem.isdigit() and int(path.stem) == int(row["frame"])]
         if files:
             scores.append(psnr(np.load(files[0]).transpose(1, 2, 0).astype(np.float64), read_png(true_picture(row["name"]))))
@@ -194,7 +197,7 @@ class Recording:
 
 
 def recordings_in(configs: Path, output: Path, only: list[str]) -> list[Recording]:
-    """Plain ones first, as the others are measured by them."""
+    """Plain ones first, because the others are compared with them."""
     found = {}
     for config in sorted(configs.glob("*.yaml")):
         extends = re.search(r"^extends:\s*([^\s/]+)\.yaml\s*$", config.read_text(), re.MULTILINE)
@@ -227,7 +230,7 @@ class Battery:
             print(f"{time.monotonic() - self.begun:6.0f} s  {text}", flush=True)
 
     def call(self, recording: Recording, stage: str, command: list, made: Path | None) -> bool:
-        """Runs one stage unless it has ended; its output goes to STAGE.log. @param made  what a new run begins without"""
+        """Runs one stage unless it is complete; its output goes to STAGE.log. @param made  removed before a new run"""
         words = [str(word) for word in command]
         note = recording.folder / f"{stage}.json"
         done = attempt(lambda: json.loads(note.read_text()))
@@ -275,7 +278,7 @@ class Battery:
             return
         self.place.cores, self.place.gpu = slot = self.slots.get()
         try:
-            os.sched_setaffinity(0, self.place.cores)  # of this thread, and of the programs that it starts
+            os.sched_setaffinity(0, self.place.cores)  # for this thread, and for the programs that it starts
             recording.folder.mkdir(parents=True, exist_ok=True)
             self.stages(recording)
             recording.row = self.measured(recording)
@@ -324,7 +327,7 @@ class Battery:
                 recording.simulated.set()
 
     def run(self) -> bool:
-        """Whether all recordings came through."""
+        """Returns whether all recordings succeeded."""
         pool = ThreadPoolExecutor(self.jobs)
         try:
             for future in [pool.submit(self.make, recording) for recording in self.recordings]:
@@ -347,7 +350,7 @@ class Battery:
         by_name = {r.name: r for r in self.recordings}
         plain = by_name.get(recording.plain or "")
         if plain:
-            plain.simulated.wait()  # it has begun before this one
+            plain.simulated.wait()  # it has started before this one
         judged_by = plain.truth if plain and attempt(lambda: same_path(truth, plain.truth)) else truth
         row = {"recording": recording.name, "verdict": verdict_of(recording)}
         for stage in ("simulate", "import", "train"):
@@ -410,7 +413,7 @@ def text_of(value) -> str:
 
 
 def last_line(log: Path) -> str:
-    """Of the error, without the bar of progress before it."""
+    """The last line of the error, without the progress bar before it."""
     lines = [line.rsplit("\r", 1)[-1].strip() for line in log.read_text(errors="replace").splitlines()]
     lines = [line for line in lines if line]
     errors = [line for line in lines if "error" in line.lower()]

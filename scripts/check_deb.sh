@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Makes the Debian package of a build and checks it in a fresh root file system of this machine's release: it installs with
-# all that it depends on, its programs run with the LibTorch of the build, and removing it leaves nothing.
+# Builds the Debian package of a build and checks it in a fresh root file system of this machine's release: it installs
+# with all dependencies, its programs run with the LibTorch of the build, and removing it leaves no file.
 #
-#   scripts/check_deb.sh [BUILD_FOLDER]      default: build, which must be built whole
+# scripts/check_deb.sh [BUILD_FOLDER]      default: build, which must be complete
 #
-# Needs root, debootstrap, dpkg-dev and 2 GB in $TMPDIR; about five minutes. MIRROR=URL replaces Debian's own. Exit code 1: the
-# package fails; 3: something that is needed is missing.
+# Needs root, debootstrap, dpkg-dev and 2 GB in $TMPDIR; about five minutes. MIRROR=URL replaces Debian's own. Exit code
+# 1: the package fails; 3: a requirement is missing.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 case "${1:-}" in -h | --help) sed -n '3,/^[^#]/s/^# \{0,1\}//p' scripts/check_deb.sh; exit ;; esac
@@ -32,12 +32,13 @@ debootstrap --variant=minbase "$suite" "$root" "${MIRROR:-http://deb.debian.org/
 cp -L /etc/resolv.conf /etc/hosts "$root/etc/"
 cp "$package" "$root/root/jade.deb"
 mkdir -p "$root/opt/torch"
-# The mounts end with the shell in them.
+# The mounts end with this shell.
 # shellcheck disable=SC2016
 root=$root site=$site unshare --mount bash -euo pipefail -c '
   mount --bind /proc "$root/proc" && mount --rbind /dev "$root/dev"
   mount --bind "$site" "$root/opt/torch" && mount -o remount,bind,ro "$root/opt/torch"
-  # A LibTorch that takes the libraries of CUDA from the toolkit needs it here too, known to the loader as NVIDIA installs it.
+  # A LibTorch that uses CUDA's libraries from the toolkit needs them here too, in the loader's path as NVIDIA installs
+  # them.
   if [ -d /usr/local/cuda/lib64 ]; then
     mkdir -p "$root/usr/local/cuda" && mount --rbind /usr/local/cuda "$root/usr/local/cuda"
     echo /usr/local/cuda/lib64 >"$root/etc/ld.so.conf.d/cuda.conf" && chroot "$root" /sbin/ldconfig

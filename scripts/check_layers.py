@@ -1,10 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Checks that lib/jade keeps to the module order of lib/layers.txt.
+"""Checks that lib/jade follows the module order of lib/layers.txt.
 
-Fails on an include of a module that layers.txt does not list for the including module, on a module
-listed before one it uses, and on a folder that layers.txt does not know. `--root DIR` checks another
-tree (the tests use it).
+Fails on an include of a module that layers.txt does not list for the including module, on a module listed before
+one that it uses, and on a folder that is not in layers.txt. `--root DIR` checks another tree (the tests use it).
 """
 import argparse
 import re

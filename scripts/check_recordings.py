@@ -1,26 +1,30 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Reads recordings of real cameras twice, with our readers and with readers that share no code with them, and compares.
+"""Reads recordings of real cameras twice, with this project's readers and with independent ones, and compares the
+results.
 
-    scripts/check_recordings.py RECORDINGS [MORE ...] [--inspect build/bin/jade_inspect] [--csv OUT.csv]
+scripts/check_recordings.py RECORDINGS [MORE ...] [--inspect build/bin/jade_inspect] [--csv OUT.csv]
 
-RECORDINGS are recordings or folders of them; files *.md and *.yaml beside them are passed over. Exit code 1 says that something
-differs, 3 that a recording cannot be compared.
+RECORDINGS are recordings or folders of them; files *.md and *.yaml beside them are ignored. Exit code 1:
+something differs, 3: a recording cannot be compared.
 
-Ours are jade_inspect --json and, for the events themselves, the stage `read` of the jade_import beside it. The other ones:
+This project's readers are jade_inspect --json and, for the events themselves, the stage `read` of the jade_import
+beside it. The independent ones:
 
-    AEDAT4          dv-processing, iniVation's own (ours: the package aedat)
-    Prophesee .raw  faery; the trigger words, which it leaves out, by numpy (ours: C++)
-    bags            the records of ROS 1 and the sqlite3 tables of ROS 2 taken apart here, their packets by faery (ours: the
-                    package rosbags, and C++). Of messages only event_camera_msgs/EventPacket.
-    RPG folder      numpy.loadtxt (ours: C++)
+AEDAT4          dv-processing, iniVation's own (here: the package aedat)
+    Prophesee .raw  faery; numpy for the trigger words, which it omits (here: C++)
+    bags            the records of ROS 1 and the sqlite3 tables of ROS 2 parsed in this script, their packets by
+    faery (here:
+                    the package rosbags, and C++). Only messages of event_camera_msgs/EventPacket.
+    RPG folder      numpy.loadtxt (here: C++)
 
-Compared are the number of events and each event's place, time and polarity, in order of time (so first and last time, ranges and
-shares too), the sensor's size, the start and end of each frame, and the time of each trigger edge. Times are whole microseconds.
+Compares the number of events and each event's place, time and polarity, in order of time (and thus first and last
+time, ranges and shares), the sensor's size, the start and end of each frame, and the time of each trigger edge.
+Times are whole microseconds.
 
-The other readers are no part of scripts/setup.sh; give them an environment of their own:
+scripts/setup.sh does not install the independent readers; install them in a separate environment:
 
-    python3 -m venv build/readers && build/readers/bin/pip install dv-processing==2.0.4 faery==0.7.1 h5py
+python3 -m venv build/readers && build/readers/bin/pip install dv-processing==2.0.4 faery==0.7.1 h5py
     build/readers/bin/python scripts/check_recordings.py ...
 """
 from __future__ import annotations
@@ -49,9 +53,9 @@ except ImportError as missing:
 ROOT = Path(__file__).resolve().parents[1]
 PASSED_OVER = (".md", ".yaml")
 WORD_BYTES = {"evt2": 4, "evt3": 2}
-# EVT gives a coordinate 11 bits; faery wants a size where the header has none.
+# EVT has 11 bits per coordinate; faery needs a size if the header has none.
 LARGEST_SENSOR = (1 << 11, 1 << 11)
-# Frames that jade_import needs to keep all events; what is in them is of no matter.
+# Number of frames that jade_import needs to keep all events; their content is irrelevant.
 FRAMES = 4
 COLUMNS = ("file", "format", "reader", "independent_reader", "events", "frames", "triggers", "first_s", "last_s", "positive_share",
            "x_min", "x_max", "y_min", "y_max", "equal")
@@ -63,7 +67,7 @@ class Problem(Exception):
 
 @dataclass
 class Contents:
-    """Of a recording, as one reader has it; events in order of time."""
+    """Content of a recording according to one reader; events in order of time."""
 
     reader: str
     events: dict = field(default_factory=dict)  # x, y, t (us), p (0 or 1)
@@ -120,7 +124,7 @@ def trigger_edges(data, version):
     kinds = words >> kind_bits
 
     def last(kind):
-        """The value of the newest word of that kind, at each word."""
+        """The value of the latest word of that kind, for each word."""
         where = np.maximum.accumulate(np.where(kinds == kind, np.arange(len(words)), 0))
         return words[where] & ((1 << high_bits) - 1)
 
@@ -150,7 +154,7 @@ def with_faery(path):
 
 
 class Message:
-    """Reads the fields of a serialised message one after the other; CDR (ROS 2) aligns them, ROS 1 does not."""
+    """Reads the fields of a serialised message in sequence; CDR (ROS 2) aligns them, ROS 1 does not."""
 
     def __init__(self, data, aligned):
         self.data, self.aligned, self.at = data, aligned, 4 if aligned else 0
@@ -185,7 +189,7 @@ def packet_of(data, aligned):
 
 
 def with_packets(path, messages, aligned):
-    """Of (type, data) in order of time, by way of a .raw file."""
+    """Decodes (type, data) in order of time, through a .raw file."""
     packets = []
     for kind, data in messages:
         if not kind.endswith("/EventPacket"):
@@ -211,7 +215,7 @@ def fields_of(header):
 
 
 def records_of(data, at=0):
-    """Header fields and bytes of each record of a ROS 1 bag, those in chunks among them."""
+    """Header fields and bytes of each record of a ROS 1 bag, including those in chunks."""
     while at < len(data):
         parts = []
         for _ in range(2):
@@ -241,7 +245,7 @@ def with_ros1(path):
 
 
 def with_ros2(path):
-    # immutable: a folder that cannot be written is no obstacle.
+    # immutable: allows a folder that cannot be written
     store = sqlite3.connect(f"{path.resolve().as_uri()}?immutable=1", uri=True)
     messages = store.execute("select type, data from messages join topics on topics.id = topic_id order by timestamp, messages.id")
     found = with_packets(path, messages.fetchall(), True)
@@ -261,7 +265,7 @@ def with_numpy(path):
 
 
 def independent(path):
-    """The recording by the reader for its kind."""
+    """Reads the recording with the independent reader of its kind."""
     if path.is_dir():
         return with_numpy(path)
     with open(path, "rb") as file:
@@ -272,7 +276,7 @@ def independent(path):
     raise Problem(f"{path}: no independent reader for what begins with {start!r}")
 
 
-# ---- ours
+# ---- this project's readers
 
 
 def run(*command):
@@ -283,8 +287,9 @@ def run(*command):
 
 
 def ours(path, inspect, span):
-    """What our readers make of a recording, and how they differ among themselves. span: first and last time of the other
-    reader's events, us."""
+    """Content of a recording according to this project's readers, and differences between them. span: first and last
+    time of the independent reader's events, us.
+    """
     said = json.loads(run(inspect, "--json", path))
     packages = {"AEDAT4": "aedat", "ROS bag": "rosbags, own decoder"}
     found = Contents(packages.get(said["format"], "own decoder"), form=said["format"], size=(said["width"], said["height"]),
@@ -325,11 +330,11 @@ def numbers_of(contents):
 
 
 def differences(mine, other):
-    """One line each."""
+    """Differences, one line each."""
     found = []
     a, b = numbers_of(mine), numbers_of(other)
     found += [f"{name}: {a[name]} by ours, {b[name]} by {other.reader}" for name in a if a[name] != b[name]]
-    # Ours may know a size that the recording itself has no place for.
+    # jade_inspect may know a size that the recording does not store.
     if mine.size != other.size and other.size != (0, 0):
         found.append(f"size: {mine.size} by ours, {other.size} by {other.reader}")
     for name in ("frames", "rising", "falling"):

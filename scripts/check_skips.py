@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Fails where ctest left tests out that should have run, and says which.
+"""Fails if ctest skipped tests that should have run, and lists them.
 
-    scripts/check_skips.py RESULTS.xml [PATTERN ...]      RESULTS.xml: of ctest --output-junit
-                                                          PATTERN: names that may be left out, as '*.cuda'
+scripts/check_skips.py RESULTS.xml [PATTERN ...]      RESULTS.xml: of ctest --output-junit
+                                                          PATTERN: names that may be skipped, as '*.cuda'
 """
 import argparse
 import fnmatch
@@ -15,7 +15,7 @@ RAN = ("run", "fail")
 
 
 def left_out(results: Path) -> dict[str, str]:
-    """Names of the tests that did not run, with what each said last."""
+    """Names of the tests that did not run, with the last line of each."""
     found = {}
     for case in ElementTree.parse(results).iter("testcase"):
         if case.get("status") not in RAN:

@@ -17,7 +17,7 @@ command -v debootstrap >/dev/null || { say "expected debootstrap, found none; ap
 suites=("$@")
 [ $# -gt 0 ] || suites=(bookworm trixie)
 
-# Runs a command in a root file system, whose mounts end with it.
+# Runs a command in a root file system; its mounts end with the command.
 inside() {
   root=$1 unshare --mount bash -c '
     mount --bind /proc "$root/proc" && mount --rbind /dev "$root/dev" || exit 1

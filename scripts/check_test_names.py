@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checks that tests mirror the library by name.
 
-tests/ROOM/X_test.cpp tests the header X.h of lib/jade/ROOM; X_ASPECT_test.cpp is one side of it, such as
-router_cuda_test.cpp. A test of something else stands in tests/not_mirrored.txt with the reason. Folders of tests without
-such a room are left alone. `--root DIR` checks another tree (the tests use it).
+tests/ROOM/X_test.cpp tests the header X.h of lib/jade/ROOM; X_ASPECT_test.cpp tests one aspect of it, such as
+router_cuda_test.cpp. A test of something else must be listed in tests/not_mirrored.txt with the reason. Folders
+of tests without such a room are ignored. `--root DIR` checks another tree (the tests use it).
 """
 import argparse
 import sys
@@ -14,7 +14,7 @@ LIST = Path("tests/not_mirrored.txt")
 
 
 def read_list(path: Path) -> dict[str, str]:
-    """Path of a test to the reason why it has no header."""
+    """Maps the path of a test to the reason why it has no header."""
     entries: dict[str, str] = {}
     for line in path.read_text().splitlines():
         if line and not line.startswith("#"):

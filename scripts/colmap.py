@@ -1,22 +1,24 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Takes the calls that jade_import makes of COLMAP, where not the program but the Python package pycolmap is there.
+"""Implements the COLMAP commands that jade_import uses, with the Python package pycolmap instead of the program.
 
-    colmap.py feature_extractor|exhaustive_matcher|matches_importer|mapper --NAME VALUE ...
+colmap.py feature_extractor|exhaustive_matcher|matches_importer|mapper --NAME VALUE ...
     colmap.py reverse_depths --database_path FILE --image_path DIR --input_path MODEL --output_path MODEL
                              --refine_focal_length 0|1
     colmap.py version
 
-reverse_depths is not a command of the program. A camera with a narrow view that moves little sees almost the same where near and
-far are exchanged and the camera moves the other way (Necker reversal), and incremental mapping ends in either by chance. The
-command mirrors the model, adjusts it, and writes it only if its error is clearly smaller. It prints both errors.
+reverse_depths is not a command of the program. A camera with a narrow view and little motion sees almost the same
+if near and far are exchanged and the camera moves the other way (Necker reversal), and incremental mapping ends
+in either by chance. The command mirrors the model, adjusts it, and writes it only if its error is clearly
+smaller. It prints both errors.
 
-Names are those of the program: --database_path, --image_path, --output_path, --SiftExtraction.first_octave and so on.
+Flags have the program's names: --database_path, --image_path, --output_path, --SiftExtraction.first_octave and so
+on.
 """
 import sys
 from pathlib import Path
 
-# Options that pycolmap keeps in another group than the program.
+# Options that pycolmap has in another group than the program.
 MOVED = {
     "SiftExtraction.use_gpu": "extraction.use_gpu",
     "SiftMatching.use_gpu": "matching.use_gpu",
@@ -28,8 +30,8 @@ MOVED = {
 }
 GROUPS = {"ImageReader": "reader", "SiftExtraction": "extraction.sift", "SiftMatching": "matching.sift",
           "Mapper": "pipeline"}
-PAIRS_PER_BLOCK = 100  # each of which the log tells of
-TRACKS = 600  # the longest, which decide between a model and its reverse
+PAIRS_PER_BLOCK = 100  # the log has one line per block
+TRACKS = 600  # the longest ones, which decide between a model and its reverse
 ADJUSTMENTS = 40  # iterations
 CLEARLY_FINER = 0.9  # of the error
 
@@ -92,8 +94,10 @@ def median_error(model):
 
 
 def reverse(model):
-    """Mirrors the depths of points about their median in the mean camera, and each camera's turn against that camera. The point
-    in the middle stays where each camera sees it, and the picture of the mean camera stays the same."""
+    """Mirrors the depths of points about their median in the mean camera, and each camera's rotation relative to
+    that camera. The middle point stays where each camera sees it, and the picture of the mean camera does not
+    change.
+    """
     import numpy as np
     import pycolmap
 
@@ -138,7 +142,7 @@ def reverse_depths(paths):
     if after > CLEARLY_FINER * before:
         return
     Path(output).mkdir(parents=True, exist_ok=True)
-    # All points anew, from the matches.
+    # Triangulates all points again, from the matches.
     model = pycolmap.triangulate_points(model, path_of(paths, "database_path"), path_of(paths, "image_path"), output)
     pycolmap.bundle_adjustment(model, adjustment(focal, robust=False))
     model.update_point_3d_errors()

@@ -1,17 +1,18 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""How far the poses of a data set lie from the true ones, in pixels.
+"""Measures how far the poses of a data set are from the true ones, in pixels.
 
-    .venv/bin/python scripts/compare_poses.py DATA TRUE_DATA [--with-true-poses FOLDER] [--json]
+.venv/bin/python scripts/compare_poses.py DATA TRUE_DATA [--with-true-poses FOLDER] [--json]
 
-Both are EvDeblur folders (docs/data.md) of one clock: what jade_import wrote, and the truth/ of jade_simulate --recording, a
-scene with a slider's or a motion capture's poses, or another import. Nothing fixes position, heading and scale of an import: all
-its cameras are first turned by their mean turn to the true ones, then scaled and shifted so that their centres fit best. The
-error of a camera is how far apart points come to lie in its image: a grid of pixels at true depths between the near and the far
-bound, root mean square. Printed for the start, the middle and the end of the exposures, all nine poses, and the sharp views.
+Both are EvDeblur folders (docs/data.md) with the same clock: the output of jade_import, and the truth/ of
+jade_simulate --recording, a scene with a slider's or a motion capture's poses, or another import. Position,
+orientation and scale of an import are arbitrary: its cameras are first rotated by their mean rotation to the true
+ones, then scaled and shifted for the best fit of their centres. The error of a camera is the image distance
+between projected points: a grid of pixels at true depths between the near and the far bound, root mean square.
+Printed for the start, the middle and the end of the exposures, all nine poses, and the sharp views.
 
---with-true-poses writes DATA once more, with the true poses in its own axes and unit, so that points and bounds still hold, and
-a scene.yaml that keeps them: the yardstick for a scene that is trained on DATA.
+--with-true-poses writes DATA again, with the true poses in its own axes and unit, so that points and bounds stay
+valid, and a scene.yaml that keeps them: a reference for a scene that is trained on DATA.
 """
 from __future__ import annotations
 
@@ -32,11 +33,11 @@ DEPTHS = 4
 
 
 class DataError(Exception):
-    """What was given cannot be compared; one line says why."""
+    """The inputs cannot be compared; a one-line reason."""
 
 
 def camera_axes(columns: np.ndarray) -> np.ndarray:
-    """LLFF's columns down, right, backwards [N,3,3] as right, down, forward; or the other way round."""
+    """Converts LLFF's columns down, right, backwards [N,3,3] to right, down, forward, or back."""
     return np.stack([columns[..., 1], columns[..., 0], -columns[..., 2]], -1)
 
 
@@ -51,7 +52,7 @@ def turned_by(vector: np.ndarray) -> np.ndarray:
 
 
 def rotation_vector(r: np.ndarray) -> np.ndarray:
-    """Of rotations by less than half a turn, as between neighbours of a path."""
+    """Rotation vectors of rotations by less than half a turn, as between neighbours of a path."""
     skew = np.stack([r[..., 2, 1] - r[..., 1, 2], r[..., 0, 2] - r[..., 2, 0], r[..., 1, 0] - r[..., 0, 1]], -1) / 2
     sine, cosine = np.linalg.norm(skew, axis=-1), (np.trace(r, axis1=-2, axis2=-1) - 1) / 2
     return skew * np.where(sine > 1e-12, np.arctan2(sine, cosine) / np.maximum(sine, 1e-300), 1.0)[..., None]
@@ -89,7 +90,7 @@ class Scene:
         self.times, self.path = self.path_times[order], Poses.of_rows(self.path_rows[order])
 
     def at(self, times: np.ndarray) -> Poses:
-        """Between the path's poses: a straight line, and a turn about one axis."""
+        """Interpolates the path's poses: linear centres, and rotations about one axis."""
         if times.min() < self.times[0] - 0.5 or times.max() > self.times[-1] + 0.5:
             raise DataError(f"{self.folder}: expected poses from {times.min():.0f} to {times.max():.0f}, found them from "
                             f"{self.times[0]:.0f} to {self.times[-1]:.0f}; both data sets need one clock")
@@ -128,7 +129,9 @@ class Similarity:
 
 
 def image_errors(found: Poses, true: Poses, row: np.ndarray) -> np.ndarray:
-    """[N] px: what `found`, in the axes of the truth, moves in the image of `true`. row: size, focal length and bounds."""
+    """[N] px: image motion from `true` to `found`, which is in the axes of the truth. row: size, focal length and
+    bounds.
+    """
     height, width, focal = row[:15].reshape(3, 5)[:, 4]
     x, y = np.meshgrid(np.linspace(0, width, GRID[0]), np.linspace(0, height, GRID[1]))
     rays = np.stack([(x - width / 2) / focal, (y - height / 2) / focal, np.ones_like(x)], -1).reshape(-1, 3)
@@ -185,7 +188,7 @@ def write_with_true_poses(data: Scene, truth: Scene, fit: Similarity, output: Pa
     middles = np.clip((data.start + data.end) / 2, truth.times[0], truth.times[-1])
     shutil.copytree(data.folder, output, copy_function=link_or_copy, ignore=shutil.ignore_patterns("import", "*poses_bounds.npy"))
     np.save(output / "poses_bounds.npy", rows_with(data.rows, fit.from_truth(truth.at(middles))))
-    if data.dense:  # where the truth is shorter than the path, its last pose stays
+    if data.dense:  # beyond its end the true path stays at its last pose
         times = np.clip(data.path_times, truth.times[0], truth.times[-1])
         np.save(output / "all_poses_bounds.npy", rows_with(data.path_rows, fit.from_truth(truth.at(times))))
     scene = output / "scene.yaml"
@@ -194,7 +197,7 @@ def write_with_true_poses(data: Scene, truth: Scene, fit: Similarity, output: Pa
 
 
 def settings_with_true_poses(scene: Path) -> str:
-    """Those of DATA, where it has some, that keep the poses."""
+    """The settings of DATA, if any, without learned poses."""
     text = scene.read_text(encoding="utf-8") if scene.is_file() else ""
     if re.search(r"^poses:", text, re.MULTILINE):
         raise DataError(f"{scene}: expected no key 'poses' of its own, which the copy sets; take it out")

@@ -1,17 +1,17 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Turns an AEDAT4 recording (DV, DAVIS and DVXplorer cameras) into the HDF5 events that JADE-GS reads.
+"""Converts an AEDAT4 recording (DV, DAVIS and DVXplorer cameras) to the HDF5 events that JADE-GS reads.
 
-    scripts/convert_aedat4.py recording.aedat4 events.h5 [--frames FOLDER]
+scripts/convert_aedat4.py recording.aedat4 events.h5 [--frames FOLDER]
 
-events.h5 holds 1-D data sets x, y (uint16), t (int64, microseconds) and p (int8, 0 or 1), chunked
-and compressed, as `events.h5` of the EvDeblur layout. --frames also writes the frames as PNG and
-their exposure times as timestamps.npz (timestamps, timestamps_start, timestamps_end; microseconds).
+events.h5 contains 1-D data sets x, y (uint16), t (int64, microseconds) and p (int8, 0 or 1), chunked and
+compressed, as `events.h5` of the EvDeblur layout. --frames also writes the frames as PNG and their exposure times
+as timestamps.npz (timestamps, timestamps_start, timestamps_end; microseconds).
 
-AEDAT4 is read by one of two packages, whichever is there: dv-processing or aedat. Also needed:
-h5py and numpy, and opencv-python-headless for --frames.
+AEDAT4 is read by one of two packages, whichever is installed: dv-processing or aedat. Also needed: h5py and
+numpy, and opencv-python-headless for --frames.
 
-    .venv/bin/python -m pip install dv-processing h5py      (or: aedat h5py)
+.venv/bin/python -m pip install dv-processing h5py      (or: aedat h5py)
     .venv/bin/python scripts/convert_aedat4.py ...
 """
 import argparse
@@ -33,7 +33,7 @@ def fail(message, code=2):
 
 
 def reason(error):
-    """One line: dv-processing adds where in its code that was, before and after."""
+    """Reduces the message to one line: dv-processing adds positions in its code before and after it."""
     return str(error).partition("\nStacktrace")[0].rpartition("\n")[2]
 
 
@@ -45,8 +45,9 @@ def need(module, package):
 
 
 def header_fields(header):
-    """Of the file's IOHeader, a table of FlatBuffers: the compression, where the packets end (0 or less: with the file), and
-    the description of the streams. Raises struct.error where it points beyond itself."""
+    """Reads the file's IOHeader, a table of FlatBuffers: the compression, the end of the packets (0 or less: the end
+    of the file), and the description of the streams. Raises struct.error for offsets beyond it.
+    """
     def number(form, at):
         if at < 0:  # struct would count from the end
             raise struct.error
@@ -69,8 +70,9 @@ def header_fields(header):
 
 
 def check_header(path):
-    """Where the packages would end the whole interpreter, as they do on sizes beyond the file and on a description that is no
-    text: a ValueError. Each packet's size is part of that."""
+    """Raises ValueError for damage on which the packages would end the whole interpreter: sizes beyond the file
+    (including each packet's), and a description that is not text.
+    """
     size = os.path.getsize(path)
     with open(path, "rb") as file:
         if file.read(len(MAGIC)) != MAGIC:
@@ -96,7 +98,7 @@ def check_header(path):
 
 @contextlib.contextmanager
 def standard_error_closed():
-    """Also for what is not Python: aedat prints where in its code it failed."""
+    """Closes standard error for non-Python code too: aedat prints where in its code it failed."""
     sys.stderr.flush()
     kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 2)
@@ -109,7 +111,9 @@ def standard_error_closed():
 
 
 def aedat_packets(decoder):
-    """What a decoder of the aedat package gives. Its failures within a packet are no Exception, so that nothing would catch them."""
+    """Packets of a decoder of the aedat package. Its failures within a packet are not derived from Exception, so
+    `except Exception` would miss them.
+    """
     packets = iter(decoder)
     while True:
         try:
@@ -125,26 +129,26 @@ def aedat_packets(decoder):
 
 
 def packets_from_dv(path):
-    """Yields ("events", x, y, t, p) and ("frame", image, start, end) through dv-processing. Images
-    are gray, BGR or BGRA, as OpenCV writes them; start and end are those of the exposure, equal
-    where the recording has none."""
+    """Yields ("events", x, y, t, p) and ("frame", image, start, end) through dv-processing. Images are gray, BGR or
+    BGRA, for OpenCV; start and end are those of the exposure, equal if the recording has none.
+    """
     import dv_processing as dv
 
     reader = dv.io.MonoCameraRecording(path)
-    # One stream after the other: isRunning() is over with the shorter of them.
+    # One stream after the other, because isRunning() ends with the shorter of them.
     if reader.isEventStreamAvailable():
         while (batch := reader.getNextEventBatch()) is not None:
             events = batch.numpy()
             yield "events", events["x"], events["y"], events["timestamp"], events["polarity"]
     if reader.isFrameStreamAvailable():
         while (frame := reader.getNextFrame()) is not None:
-            # The start of the exposure, for DV's older files as well, which store its middle.
+            # The start of the exposure, also for DV's older files, which store its middle.
             start = frame.timestamp
             yield "frame", frame.image, start, start + frame.exposure // datetime.timedelta(microseconds=1)
 
 
 def to_opencv(pixels, order):
-    """The aedat package gives colours red first."""
+    """The aedat package returns RGB."""
     import numpy
 
     channels = {"RGB": [2, 1, 0], "RGBA": [2, 1, 0, 3]}.get(order)
@@ -152,7 +156,7 @@ def to_opencv(pixels, order):
 
 
 def other_streams(streams):
-    """Of two cameras in one file the first is read: the numbers of all streams but the first of each kind."""
+    """Describes the streams that are not read: all but the first of each kind, as with two cameras in one file."""
     kinds = ("events", "frame", "triggers")
     wanted = [number for number in sorted(streams) if streams[number]["type"] in kinds]
     first = {streams[number]["type"]: number for number in reversed(wanted)}
@@ -165,7 +169,7 @@ def left_out(streams, numbers):
 
 
 def packets_from_aedat(path):
-    """The same through the aedat package."""
+    """The same as packets_from_dv() through the aedat package."""
     import aedat
 
     check_header(path)
@@ -198,8 +202,8 @@ def packets(path):
     fail(f"needs dv-processing or aedat to read AEDAT4: {sys.executable} -m pip install dv-processing (or: aedat)")
 
 
-# HDF5 keeps this much of each list unpacked: more than the chunk in work, which it would unpack and pack again for every batch
-# of a few hundred events otherwise.
+# HDF5's cache of unpacked chunks: larger than the current chunk, which it would otherwise unpack and pack again for
+# every batch of a few hundred events.
 CACHE_BYTES = 1 << 24
 
 
@@ -275,7 +279,7 @@ def main():
     except (RuntimeError, ValueError, OSError) as error:
         fail(f"{options.input}: {reason(error)}", 3)
     finally:
-        # A failure, or a missing package, leaves no file.
+        # After a failure, or without a package, no file remains.
         if os.path.exists(temporary):
             os.remove(temporary)
     print(f"{options.output}: {writer.count} events" + (f", {len(starts)} frames" if len(starts) else ""))

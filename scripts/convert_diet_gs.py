@@ -1,19 +1,19 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Turns the event pickles of a DiET-GS scene into files that JADE-GS reads.
+"""Converts the event pickles of a DiET-GS scene to files that JADE-GS reads.
 
-    scripts/convert_diet_gs.py SCENE [SCENE ...]
+scripts/convert_diet_gs.py SCENE [SCENE ...]
 
-Reads SCENE/events/{events,id_to_coords,image_start,image_end}.pickle and, if present,
-id_to_color.pickle. Writes beside them
+Reads SCENE/events/{events,id_to_coords,image_start,image_end}.pickle and, if present, id_to_color.pickle. Writes
+beside them
     events.h5        x, y float32, t int64 (microseconds), p int8 (-1 or 1)
-    timestamps.npz   timestamps_start, timestamps_end: one window a blurry frame
+    timestamps.npz   timestamps_start, timestamps_end: one window per blurry frame
     color_map.npy    bool [3, H, W]: colour of the events at each pixel
-The scene's images/ and sparse/0 are used as they are. Needs numpy, h5py and, as the pickles hold
-its tensors, torch.
+The scene's images/ and sparse/0 are used unchanged. Needs numpy, h5py and, because the pickles contain its
+tensors, torch.
 
-A pickle can run code when it is opened. This reads them with a list of what they may contain
-(numbers, numpy arrays, torch tensors) and refuses everything else.
+Opening a pickle can run code. This script allows only numbers, numpy arrays and torch tensors, and rejects
+everything else.
 """
 import argparse
 import io
@@ -40,11 +40,11 @@ ALLOWED = {
 
 
 class DataError(Exception):
-    """What was expected, what was found, what to do: one line."""
+    """An error for the user: what was expected, what was found, what to do, in one line."""
 
 
 def storage_from_bytes(data):
-    """What torch.storage._load_from_bytes does, without running code from the bytes."""
+    """Replaces torch.storage._load_from_bytes, without running code from the bytes."""
     import torch
     return torch.load(io.BytesIO(data), map_location="cpu", weights_only=True)
 
@@ -67,7 +67,7 @@ def load(path):
         with open(path, "rb") as file:
             value = SafeUnpickler(file).load()
     except Exception as plain_error:
-        # torch.save makes zip files or its own pickles rather than plain ones.
+        # torch.save writes zip files or its own pickles rather than plain ones.
         try:
             import torch
             value = torch.load(path, map_location="cpu", weights_only=True)
@@ -103,7 +103,7 @@ def check_events(folder, rows, coords):
         if not np.isfinite(block).all():
             raise DataError(f"{folder / 'events.pickle'}: expected finite numbers, found NaN or Inf; copy it again")
         ids = block[:, 0]
-        # A negative one would count from the end of the table.
+        # A negative id would index from the end of the table.
         beyond = ids[(ids < 0) | (ids >= len(coords))]
         if len(beyond):
             raise DataError(f"{folder / 'events.pickle'}: expected ids from 0 to {len(coords) - 1}, the last of id_to_coords.pickle, "
@@ -111,7 +111,7 @@ def check_events(folder, rows, coords):
 
 
 def write_events(path, rows, coords):
-    """rows: coordinate id, time in us, polarity. Sorted by time if they are not."""
+    """rows: coordinate id, time in us, polarity. Sorts them by time if necessary."""
     if len(rows) and np.any(np.diff(rows[:, 1]) < 0):
         print("  events were out of order in time and have been sorted")
         rows = rows[np.argsort(rows[:, 1], kind="stable")]

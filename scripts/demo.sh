@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# From nothing to a sharp 3D scene: installs what is missing, builds, simulates the demo's blurry frames
-# and events, trains the recommended preset (no router) on them, evaluates, says where the results are,
-# and on a desktop opens the report.
+# From nothing to a sharp 3D scene: installs missing packages, builds, simulates the demo's blurry frames and events,
+# trains the recommended preset (no router) on them, evaluates, prints where the results are, and opens the report on a
+# desktop.
 #
-#   scripts/demo.sh [--set key=value ...]      further arguments go to jade_train
+# scripts/demo.sh [--set key=value ...]      further arguments are passed to jade_train
 #
-# Works without a GPU; uses one where there is one. Can be repeated: what is there already is kept, and a
-# training that was interrupted goes on.
+# Works without a GPU; uses one if there is one. Can be repeated: existing results are kept, and an interrupted training
+# is resumed.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 case "${1:-}" in -h | --help) sed -n '3,/^[^#]/s/^# \{0,1\}//p' scripts/demo.sh; exit ;; esac
@@ -29,7 +29,7 @@ else
 fi
 report="$PWD/runs/demo/report.html"
 printf '\nreport: %s\nscene:  %s (drop it into any 3D Gaussian viewer)\n' "$report" "$PWD/runs/demo/point_cloud.ply"
-# For whoever sits before it: a terminal on a desktop, and no machine that only checks.
+# Only for a terminal on a desktop, not for automated checks.
 if [ -t 1 ] && [ -z "${CI:-}" ] && [ -n "${DISPLAY:-}${WAYLAND_DISPLAY:-}" ]; then
   opener=$(command -v xdg-open || command -v open || true)
   [ -z "$opener" ] || ("$opener" "$report" </dev/null >/dev/null 2>&1 &)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Adds no-reference quality metrics of a run's renders to its eval.json, under the key "perceptual".
 
-MUSIQ, CLIP-IQA and NIQE come from pyiqa, BRISQUE from the package `brisque`; the first two fetch 104 and 244 MB of weights
-from their hubs when first used. A metric that cannot be had is written with the reason, and the rest still run.
+MUSIQ, CLIP-IQA and NIQE come from pyiqa, BRISQUE from the package `brisque`; the first two download 104 and 244
+MB of weights on first use. For an unavailable metric the reason is written, and the others still run.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ SUFFIXES = {".png", ".jpg", ".jpeg"}
 
 
 class DataError(Exception):
-    """What was given cannot be scored; one line says why."""
+    """The input cannot be scored; a one-line reason."""
 
 
 def brisque_metric() -> Callable[[np.ndarray], float]:

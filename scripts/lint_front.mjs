@@ -1,13 +1,14 @@
 #!/usr/bin/env node
 // SPDX-License-Identifier: Apache-2.0
-// Checks the front end of the report's and the sweep's page (lib/jade/page/front) without anything to install.
+// Checks the front end of the report's and the sweep's page (lib/jade/page/front) without anything to
+// install.
 //
-//     node scripts/lint_front.mjs [FOLDER]
+// node scripts/lint_front.mjs [FOLDER]
 //
-// Every module, and those of a page joined as lib/jade/page/embed.cmake joins them, must parse: a name
-// that two modules have in common does not. Imports are one line each, of modules that stand above in the
-// page's list and export the name, which is then used. No var, ==, console, eval or innerHTML; no request
-// to anywhere, but for live.js, which asks the server that the page comes from; lines up to 200 columns; every id that the code asks for is in the page, once.
+// Every module must parse, alone and joined with the others of its page as in lib/jade/page/embed.cmake: a
+// name that two modules declare does not. Imports are one line each, of modules above in the page's list that
+// export the name, and must be used. No var, ==, console, eval or innerHTML; no requests, except in live.js
+// to the page's own server; lines up to 200 columns; every id in the code must be in the page, once.
 import { execFileSync } from 'node:child_process';
 import { mkdtempSync, readFileSync, readdirSync, rmSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Writes man pages and the completion of bash and zsh from what the programs declare for --help.
+"""Generates man pages and the completion of bash and zsh from the programs' declarations for --help.
 
-    scripts/manuals.py [--output build/manuals] [--version VERSION] PROGRAM...
+scripts/manuals.py [--output build/manuals] [--version VERSION] PROGRAM...
 
-Makes share/man/man1, share/bash-completion/completions and share/zsh/site-functions below --output; the build does so,
-and `cmake --install` copies them to P/share.
+Writes share/man/man1, share/bash-completion/completions and share/zsh/site-functions below --output; the build
+runs it, and `cmake --install` copies them to P/share.
 """
 import argparse
 import json
@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def interface(program):
-    """What the program declares."""
+    """The program's declarations."""
     done = subprocess.run([program, "--print-interface"], capture_output=True, text=True)
     if done.returncode != 0:
         raise SystemExit(f"{program}: expected its interface, found exit code {done.returncode}: {done.stderr.strip()}")
@@ -33,7 +33,7 @@ def flags(command):
 
 
 def roff(text):
-    """As plain text in a man page: no character of it is a command."""
+    """Escapes plain text for a man page, so that no character is a command."""
     text = text.replace("\\", "\\e").replace("-", "\\-")
     return "\n".join("\\&" + line if line[:1] in (".", "'") else line for line in text.splitlines())
 
@@ -114,7 +114,7 @@ def zsh_arguments(command):
         text = re.sub(r"([\[\]:\\])", r"\\\1", " ".join(option["help"].split()))
         action = f"({' '.join(option['choices'])})" if option["choices"] else "_files"
         for flag in option["flags"]:
-            # "::" before a value that may be left out.
+            # "::" before an optional value.
             value = f"{'::' if option['optional_value'] else ':'}{option['value'].lower()}:{action}" if option["value"] else ""
             lines.append(quoted(f"*{flag}[{text}]{value}"))
     return lines

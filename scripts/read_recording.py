@@ -1,20 +1,21 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Turns an AEDAT file or a ROS bag into a folder that jade_import and jade_inspect read by themselves.
+"""Converts an AEDAT file or a ROS bag to a folder that jade_import and jade_inspect can read.
 
-    .venv/bin/python scripts/read_recording.py recording.aedat4 FOLDER
+.venv/bin/python scripts/read_recording.py recording.aedat4 FOLDER
 
-They run this script for such recordings; it is of use alone where the packages are on another machine.
-scripts/setup.sh --import installs what it needs.
+These programs run this script for such recordings; run it by hand if the packages are on another machine.
+scripts/setup.sh --import installs its requirements.
 
-FOLDER gets events.h5 (x, y, t in microseconds, p) or, for packets in Prophesee's encodings, events.raw as the sensor
-sent them; images/*.png with exposures.csv (name,start_us,end_us: equal where the recording does not say how long a frame
-was exposed); triggers.csv (t_us,rising), camera_info.yaml (of a bag that has one for the camera) and recording.txt ("key value":
-format, width, height, stamp, offset_us of events and triggers, note).
+FOLDER gets events.h5 (x, y, t in microseconds, p) or, for packets in Prophesee's encodings, events.raw as the
+sensor sent them; images/*.png with exposures.csv (name,start_us,end_us: equal if the recording does not contain
+the exposure time); triggers.csv (t_us,rising), camera_info.yaml (of a bag that has one for the camera) and
+recording.txt ("key value": format, width, height, stamp, offset_us of events and triggers, note).
 
-Read are AEDAT4 (packages aedat or dv-processing), AEDAT 3.1 and 2.0 (aedat_legacy.py), and ROS 1 and ROS 2 bags (package
-rosbags) with dvs_msgs or prophesee_event_msgs EventArray, event_camera_msgs EventPacket (evt3, evt21, evt2, mono), sensor_msgs
-Image and CompressedImage, CameraInfo, and the exposure topic of rpg_dvs_ros (std_msgs/Int32).
+Supports AEDAT4 (packages aedat or dv-processing), AEDAT 3.1 and 2.0 (aedat_legacy.py), and ROS 1 and ROS 2 bags
+(package rosbags) with dvs_msgs or prophesee_event_msgs EventArray, event_camera_msgs EventPacket (evt3, evt21,
+evt2, mono), sensor_msgs Image and CompressedImage, CameraInfo, and the exposure topic of rpg_dvs_ros
+(std_msgs/Int32).
 """
 import argparse
 import bisect
@@ -34,7 +35,7 @@ INSTALL = "run scripts/setup.sh --import, or pip install 'jade-gs[import]'"
 
 
 class Problem(Exception):
-    """What stops the conversion, in one line."""
+    """A one-line error that ends the conversion."""
 
 
 def need(module, package):
@@ -46,7 +47,7 @@ def need(module, package):
 
 
 def is_full(error):
-    """Whether what went wrong is that a disk or a quota is used up; HDF5 says so in its text alone."""
+    """Whether the error means that a disk or a quota is full; HDF5 says so only in its text."""
     told = any(os.strerror(code) in str(error) for code in FULL)
     return isinstance(error, OSError) and (error.errno in FULL or told)
 
@@ -56,13 +57,13 @@ def no_space(folder):
 
 
 def check_space(error, folder):
-    """Of a full disk the recording is not to blame."""
+    """Reports a full disk, for which the recording is not to blame."""
     if is_full(error):
         raise Problem(no_space(folder)) from error
 
 
 class Output:
-    """The folder that is written. Memory does not grow with the recording."""
+    """The output folder. Memory does not grow with the recording."""
 
     def __init__(self, folder, form):
         self.folder, self.form = Path(folder), form
@@ -77,8 +78,9 @@ class Output:
         self.event_count = 0
 
     def forget_earlier(self):
-        """What this script wrote here before would be taken for a part of the new recording. recording.txt, which comes
-        last, says that it was this script."""
+        """Removes earlier output of this script, which would be read as a part of the new recording. recording.txt,
+        written last, proves that it was this script.
+        """
         if not (self.folder / "recording.txt").is_file():
             return
         names = ("recording.txt", "events.h5", "events.raw", "exposures.csv", "triggers.csv", "camera_info.yaml", "images/" + 6 * "[0-9]" + ".png")
@@ -93,7 +95,7 @@ class Output:
         self.event_count += len(t_us)
 
     def words(self, encoding, data):
-        """Bytes of a Prophesee stream."""
+        """Writes bytes of a Prophesee stream."""
         if self.raw is None:
             width, height = self.size
             version = {"evt3": "3.0", "evt21": "2.1", "evt2": "2.0"}[encoding]
@@ -154,7 +156,7 @@ def read_with_aedat(path, out):
             out.frame(to_opencv(frame["pixels"], frame["format"]), start, end)
         elif "triggers" in packet:
             for trigger in packet["triggers"]:
-                # 1 and 2 are the edges at the plug; the others belong to the frames, which have them.
+                # 1 and 2 are the edges at the connector; the others belong to the frames, which contain them.
                 if trigger["source"] in (1, 2):
                     out.edges.append((int(trigger["t"]), int(trigger["source"] == 1)))
 
@@ -190,7 +192,7 @@ def read_aedat4(path, folder):
             read(path, out)
         except Problem:
             raise
-        except Exception as error:  # the packages' own kinds
+        except Exception as error:  # the packages have their own exception types
             check_space(error, folder)
             said = reason(error)
             raise Problem(f"{path}: {said}" + ("" if COPY_AGAIN in said else f"; {COPY_AGAIN}")) from error
@@ -222,13 +224,14 @@ uint8[] events
 
 
 def stamp_us(header):
-    """Of a message, in microseconds."""
+    """Time stamp of a message, in microseconds."""
     return header.stamp.sec * 1000000 + header.stamp.nanosec // 1000
 
 
 def event_array(raw, ros1, np):
-    """The size and the fields of a serialised EventArray of dvs_msgs or prophesee_event_msgs. Read from the bytes:
-    one Python object per event would take a thousand times as long."""
+    """The size and the fields of a serialised EventArray of dvs_msgs or prophesee_event_msgs. Parsed from the bytes:
+    one Python object per event would be a thousand times slower.
+    """
     data = np.frombuffer(raw, dtype=np.uint8)
     word = lambda at: int.from_bytes(bytes(data[at:at + 4]), "little")  # noqa: E731
     at = 12  # seq and stamp; in ROS 2 the encapsulation and the stamp
@@ -244,8 +247,8 @@ def event_array(raw, ros1, np):
         events = np.frombuffer(raw, dtype=record, count=count, offset=at)
         x, y, s, ns, p = (events[name] for name in ("x", "y", "s", "ns", "p"))
     else:
-        # CDR aligns: the numbers of 4 bytes stand at 4 and 8 of each 16 bytes, x and y of all but the first event
-        # right after the polarity before them.
+        # CDR aligns: the 4-byte numbers are at 4 and 8 of each 16 bytes, x and y of all but the first event directly
+        # after the previous polarity.
         if count and at + 16 * (count - 1) + 13 > len(data):
             raise Problem("an event message is shorter than it says")
         i = np.arange(count) * 16 + at
@@ -259,8 +262,9 @@ def event_array(raw, ros1, np):
 
 
 def mono_events(message, np):
-    """EventPacket of encoding mono: 64 bits an event, from the top: polarity, 15 bits y, 16 bits x, 32 bits of ns since
-    time_base."""
+    """Decodes an EventPacket of encoding mono: 64 bits per event, from the top: polarity, 15 bits y, 16 bits x, 32
+    bits of ns since time_base.
+    """
     words = np.frombuffer(message.events.tobytes(), dtype=">u8" if message.is_bigendian else "<u8").astype(np.uint64)
     t = message.time_base + (words & np.uint64(0xffffffff)).astype(np.int64)
     return ((words >> np.uint64(32)) & np.uint64(0xffff), (words >> np.uint64(48)) & np.uint64(0x7fff), t // 1000,
@@ -278,7 +282,7 @@ def first_sensor_time(data, np):
 
 
 class SensorClock:
-    """How far the stamps of EVT3 packets are ahead of the sensor's counter, whose wraps it undoes."""
+    """Offset of the stamps of EVT3 packets from the sensor's counter, which it unwraps."""
 
     def __init__(self):
         self.wraps, self.last, self.ahead = 0, None, []
@@ -296,7 +300,7 @@ class SensorClock:
 
 
 def to_picture(message, np, cv2):
-    """A sensor_msgs Image as OpenCV writes it."""
+    """Converts a sensor_msgs Image for OpenCV."""
     form = message.encoding
     kinds = {"mono8": (1, 1), "8UC1": (1, 1), "mono16": (2, 1), "16UC1": (2, 1), "rgb8": (1, 3), "bgr8": (1, 3), "8UC3": (1, 3),
              "rgba8": (1, 4), "bgra8": (1, 4), "rgb16": (2, 3), "bgr16": (2, 3)}
@@ -323,8 +327,9 @@ def to_picture(message, np, cv2):
 
 
 def camera_info_text(message):
-    """A camera_info as the YAML of ROS's calibration files; None of a camera that is not calibrated. ROS 1 has K and D, ROS 2
-    k and d."""
+    """A camera_info as the YAML of ROS's calibration files; None for a camera that is not calibrated. ROS 1 has K
+    and D, ROS 2 k and d.
+    """
     def get(name):
         return [float(v) for v in getattr(message, name, getattr(message, name.lower(), ()))]
     matrix, lens = get("K"), get("D")
@@ -394,8 +399,10 @@ class BagReader:
         self.out.frame(image, t, t)
 
     def give_lengths(self):
-        """To each frame that of its own exposure. The DAVIS driver publishes a frame first and its length right after it;
-        a bag has them in the order in which they arrived. So the nearest counts, of two as near the later."""
+        """Gives each frame its own exposure time. The DAVIS driver publishes a frame first and its exposure time
+        right after it, but a bag stores them in the order of arrival. So use the nearest in time, or the later of
+        two equally near ones.
+        """
         every = sorted(length for lengths in self.lengths.values() for length in lengths)
         for k, (at, room) in enumerate(self.pictures):
             known = self.lengths.get(room, every)  # in the order of the bag's times
@@ -408,7 +415,7 @@ class BagReader:
             self.out.exposures[k] = (name, start, start + length)
 
     def give_calibration(self):
-        """camera_info of the camera that is read: of its namespace or, where only one is in the bag, that."""
+        """Selects the camera_info of the camera that is read: that of its namespace, or the only one in the bag."""
         own = [room for room in self.infos if room in self.rooms]
         rooms = own or list(self.infos)
         if not rooms:
@@ -440,14 +447,14 @@ class BagReader:
 
 
 def depth_rank(topic, encoding):
-    """Order of preference among topics of images: 0 for 8 bits, 1 for 16 bits or unknown, 2 for what may be depth."""
+    """Preference among topics of images: 0 for 8 bits, 1 for 16 bits or unknown, 2 for possible depth."""
     if "depth" in topic.lower() or encoding in ("mono16", "16UC1", "16SC1", "32FC1", "64FC1"):
         return 2
     return 0 if encoding.endswith("8") or encoding.startswith("8UC") else 1
 
 
 def image_encodings(bag):
-    """Of each topic of images, by its first message; nothing to choose from where there is one topic."""
+    """Encoding of each topic of images, from its first message; empty if there is only one topic."""
     found = {}
     images = [c for c in bag.connections if c.msgtype == "sensor_msgs/msg/Image"]
     if len({c.topic for c in images}) < 2:
@@ -460,8 +467,9 @@ def image_encodings(bag):
 
 
 def chosen_topics(connections, events, frames, encodings=None):
-    """One topic of events and one of frames; all others that hold the same are left. Frames come from pictures before depth,
-    and then from the camera of the events where it has any. Encodings are those of image_encodings()."""
+    """Selects one topic of events and one of frames; ignores the others. Prefers pictures to depth, then the camera
+    of the events. Encodings are those of image_encodings().
+    """
     kinds = {"events": ("EventArray", "EventPacket"), "frames": ("Image", "CompressedImage")}
     left, rooms = [], []
     for what, wanted in (("events", events), ("frames", frames)):
@@ -478,12 +486,12 @@ def chosen_topics(connections, events, frames, encodings=None):
 
 
 def in_one_room(topic, others):
-    """Whether a topic is of the same camera: /davis/left/events and /davis/left/image_raw."""
+    """Whether topics are from the same camera, as /davis/left/events and /davis/left/image_raw."""
     return any(topic.rpartition("/")[0] == other.rpartition("/")[0] for other in others)
 
 
 def index_remedy(path):
-    """What mends a bag whose recorder was stopped before it wrote the index."""
+    """How to repair a bag whose recorder was stopped before it wrote the index."""
     path = Path(path)
     if path.suffix == ".mcap":
         return f"Copy it again, or run: mcap recover {path.name} -o recovered.mcap"
@@ -506,7 +514,7 @@ def read_bag(path, folder, events_topic, frames_topic):
             if left:
                 reader.out.notes.append("only one topic of events and one of frames is read (--topic chooses the events, "
                                         "--frames-topic the frames); left out: " + ", ".join(left))
-            # The DAVIS driver stamps the middle of an exposure; of other drivers the start is known best.
+            # The DAVIS driver stamps the middle of an exposure; for other drivers the start is most likely.
             davis = any(c.msgtype == "dvs_msgs/msg/EventArray" for c in bag.connections)
             reader.out.stamp = "middle" if davis else "start"
             wanted = [c for c in bag.connections if c.topic not in left]
@@ -516,7 +524,7 @@ def read_bag(path, folder, events_topic, frames_topic):
                             lambda: bag.deserialize(raw, connection.msgtype))
     except Problem as problem:
         raise Problem(f"{path}: {problem}") from problem
-    except Exception as error:  # the packages' own kinds
+    except Exception as error:  # the packages have their own exception types
         check_space(error, folder)
         text = str(error).split("\n")[0]
         raise Problem(f"{path}: cannot be read as a ROS bag: {text}; is it whole? {index_remedy(path)}") from error
@@ -524,7 +532,7 @@ def read_bag(path, folder, events_topic, frames_topic):
 
 
 def aedat_version(path):
-    """The digit after which the version's point follows; empty for other files."""
+    """The major version digit; empty for other files."""
     head = b""
     if os.path.isfile(path):
         with open(path, "rb") as file:

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Writes docs/cli.md and docs/configuration.md from what the programs print.
+"""Generates docs/cli.md and docs/configuration.md from the output of the programs.
 
-    scripts/reference_docs.py [--bin build/bin] [--check]
+scripts/reference_docs.py [--bin build/bin] [--check]
 
 --check writes nothing and fails if a file differs (ctest `docs.reference`).
 """
@@ -16,7 +16,7 @@ PROGRAMS = ("jade_train", "jade_import", "jade_inspect", "jade_eval", "jade_rend
             "jade_simulate", "jade_sweep", "jade_bench")
 CONFIGURED = {"jade_train": "Training, and every program that reads a data set", "jade_import": "Importing a recording",
               "jade_simulate": "Simulation"}
-NEEDED = {"jade_import": ("/path/to/recording",)}  # arguments without which a program prints nothing
+NEEDED = {"jade_import": ("/path/to/recording",)}  # required arguments of programs
 NOTE = "<!-- Written by scripts/reference_docs.py; do not edit. -->\n"
 
 

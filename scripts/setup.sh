@@ -41,12 +41,12 @@ packages=(g++ cmake ninja-build ccache git pkg-config ca-certificates python3 py
   libopencv-core-dev libopencv-imgproc-dev libopencv-imgcodecs-dev
   libyaml-cpp-dev libcli11-dev libspdlog-dev catch2 libhdf5-dev nlohmann-json3-dev libzip-dev zlib1g-dev libzstd-dev
   libwebp-dev libssl-dev libcpp-httplib-dev)
-# A small comfort: an HDF5 filter that some recordings use.
+# Optional: an HDF5 filter that some recordings use.
 optional=(hdf5-plugin-lzf)
-# Elsewhere COLMAP comes as a wheel, which is also the faster one.
+# On other machines the COLMAP wheel is used, which is also faster.
 if [ $import = yes ] && [ "$(uname -m)" != x86_64 ]; then packages+=(colmap); fi
 if [ $browser = yes ]; then
-  # Any node will do; on Ubuntu the package of Chromium is a snap, which the tests cannot drive.
+  # Any node suffices; on Ubuntu the package of Chromium is a snap, which the tests cannot control.
   command -v node >/dev/null || packages+=(nodejs)
   command -v chromium >/dev/null || command -v google-chrome >/dev/null || packages+=(chromium)
 fi
@@ -88,8 +88,8 @@ if [ ${#missing[@]} -gt 0 ]; then
   done
 fi
 
-# The wheel holds headers and libraries; its CUDA companions (2.5 GB) are needed for kernels only, and
-# then come from the CUDA toolkit. What was interrupted while it was made has a Python, but no pip.
+# The wheel contains headers and libraries; its CUDA companions (2.5 GB) are needed for kernels only, and then come from
+# the CUDA toolkit. An interrupted virtual environment has a Python, but no pip.
 whole() { .venv/bin/python -m pip --version >/dev/null 2>&1; }
 if ! whole; then
   if [ -e .venv/bin/python ]; then say "making .venv anew: its pip does not work"; else say "making .venv"; fi
@@ -114,13 +114,13 @@ PY
 }
 wheels=(torch==2.11.0 numpy==2.2.6)
 if [ -e /usr/local/cuda/lib64/libcudart.so.13 ]; then
-  # With the toolkit on the machine only what it does not hold is added.
+  # With the toolkit on the machine, add only what it lacks.
   wheels+=(nvidia-cusparselt-cu13==0.8.0 nvidia-nvshmem-cu13==3.4.5 nvidia-cufile==1.15.1.6)
 else
   wheels+=(nvidia-cuda-runtime==13.0.96 nvidia-cuda-cupti==13.0.85)
 fi
 if [ $python_torch = yes ]; then
-  # Versions that run on Python 3.10 (Ubuntu 22.04) too.
+  # Versions that also run on Python 3.10 (Ubuntu 22.04).
   wheels+=(typing_extensions==4.13.2 sympy==1.14.0 mpmath==1.3.0 networkx==3.4.2 jinja2==3.1.6 markupsafe==3.0.2
     fsspec==2025.3.0 filelock==3.18.0)
 fi

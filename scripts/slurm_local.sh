@@ -21,7 +21,7 @@ stop() {
   for name in slurmd slurmctld munged; do
     [ -s "$folder/$name.pid" ] || continue
     pid=$(cat "$folder/$name.pid")
-    # The number may belong to another program by now.
+    # Another program may have got this number.
     if [ "$(cat "/proc/$pid/comm" 2>/dev/null)" = "$name" ]; then
       kill "$pid" || true
       for _ in $(seq 50); do [ -d "/proc/$pid" ] || break; sleep 0.1; done

@@ -19,7 +19,7 @@
 namespace jade::apps {
 namespace {
 
-constexpr char kDefaultAddress[] = "127.0.0.1:8080";  // of serve::Address
+constexpr char kDefaultAddress[] = "127.0.0.1:8080";  // default of serve::Address
 
 std::string version_text(const std::string& name) {
   std::string text = concat(name, " ", version(), " (commit ", git_commit(), ")\ntorch ",
@@ -34,7 +34,7 @@ std::string version_text(const std::string& name) {
   return text;
 }
 
-/// torch puts a stack trace behind the first line; users get the line.
+/// torch appends a stack trace to the first line; users get only the line.
 std::string first_line(const std::string& text) { return text.substr(0, text.find('\n')); }
 
 /// Whether an error comes from CUDA or its libraries. torch has no error type for cuBLAS and cuDNN.
@@ -43,7 +43,7 @@ bool is_gpu_failure(const c10::Error& error) {
          error.msg().rfind("CUDA error", 0) == 0 || error.msg().rfind("cuDNN error", 0) == 0;
 }
 
-/// torch's allocator on the CPU throws no type of its own.
+/// torch's CPU allocator throws no dedicated type.
 bool is_out_of_memory(const c10::Error& error) {
   return error.msg().find("DefaultCPUAllocator") != std::string::npos;
 }
@@ -53,7 +53,7 @@ ExitCode report_out_of_memory() {
   return ExitCode::kDevice;
 }
 
-/// Reports the exception in flight; returns its exit code.
+/// Reports the current exception; returns its exit code.
 ExitCode report_exception() {
   try {
     throw;
@@ -88,8 +88,8 @@ ExitCode report_exception() {
   }
 }
 
-/// @throws DataError where standard output did not take all that was printed. That its reader has
-///   gone (`| head`) is told by the exit code alone.
+/// @throws DataError if standard output did not accept all output. If its reader has exited (`|
+///   head`), only the exit code says so.
 void flush_results() {
   errno = 0;
   std::cout.flush();
@@ -98,8 +98,8 @@ void flush_results() {
   throw DataError("standard output: results cannot be written; is the disk full?");
 }
 
-/// An address is optional after --serve, and CLI11 would take any word for one: those that cannot
-/// be one are left to others, the name of a run among them.
+/// The address after --serve is optional, and CLI11 would take any word for it: words that cannot
+/// be an address, such as the name of a run, are left to other arguments.
 std::vector<std::string> with_whole_addresses(std::vector<std::string> words) {
   const auto is_address = [](const std::string& word) {
     return !word.empty() && word.find_first_not_of("0123456789abcdefABCDEF.:[]") == word.npos;
@@ -111,8 +111,8 @@ std::vector<std::string> with_whole_addresses(std::vector<std::string> words) {
   return words;
 }
 
-/// "--set a.b 200" is two words too many for CLI11, which tells of the last one only.
-/// @throws ConfigError with the form that works.
+/// CLI11 reports only the last of the two unexpected words in "--set a.b 200".
+/// @throws ConfigError with the correct form.
 void check_assignments(const std::vector<std::string>& words) {
   for (size_t i = 0; i + 1 < words.size(); ++i) {
     const std::string& key = words[i + 1];
@@ -341,10 +341,11 @@ int Program::run(int argc, char** argv, const std::function<ExitCode()>& body) {
     std::vector<std::string> words = typed;
     if (cli_.get_option_no_throw("--set")) check_assignments(words);
     if (cli_.get_option_no_throw("--serve")) words = with_whole_addresses(std::move(words));
-    std::reverse(words.begin(), words.end());  // as CLI11 takes them
+    std::reverse(words.begin(), words.end());  // in the order that CLI11 expects
     cli_.parse(std::move(words));
   } catch (const CLI::ParseError& error) {
-    // CLI11 prints help and version itself and returns 0 for them; its other codes are its own.
+    // CLI11 prints help and version itself and returns 0 for them; its other codes differ from this
+    // program's.
     if (error.get_exit_code() == 0) return cli_.exit(error);
     if (typed.empty()) print_usage();
     const std::string near = hint(typed);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What all programs share: flags, --version, logging, signals, and errors turned into exit codes.
+// Shared by all programs: flags, --version, logging, signals, and the conversion of errors to exit
+// codes.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -20,17 +21,17 @@
 
 namespace jade::apps {
 
-/// A flag's whole number, decimal also with leading zeros, which CLI11 takes for octal.
+/// Validates a flag's whole number, decimal even with leading zeros, which CLI11 reads as octal.
 /// @param least  0 or 1
 CLI::Validator whole_number(int64_t least);
 
-/// `file`, or, where that relative path leads nowhere, the settings of that name that ship with the
-/// programs, such as configs/paper.yaml; which is logged.
+/// `file`, or, if that relative path does not exist, the settings of that name that ship with the
+/// programs, such as configs/paper.yaml; logs which one.
 std::filesystem::path settings_file(const std::filesystem::path& file);
 
-/// A program's command line. Make one, add flags, then call run():
+/// A program's command line. Create one, add flags, then call run():
 ///
-///   int main(int argc, char** argv) {
+/// int main(int argc, char** argv) {
 ///     Program program("jade_inspect", "Says what is in a data set, a run or a .ply");
 ///     program.add_example("jade_inspect data/desk");
 ///     program.begin_group("Input");
@@ -46,9 +47,9 @@ class Program {
 
   CLI::App& cli() { return cli_; }
 
-  /// The group in --help of the flags that are added next: Input, Output or another.
+  /// Starts a group of flags in --help: Input, Output or another.
   void begin_group(const std::string& name) { cli_.option_defaults()->group(name); }
-  /// A command line for --help, of the program or of one of its subcommands.
+  /// Adds an example command line to --help, of the program or of one of its subcommands.
   void add_example(const std::string& command) { add_example(cli_, command); }
   void add_example(const CLI::App& cli, const std::string& command) {
     help_->add_example(&cli, command);
@@ -59,21 +60,21 @@ class Program {
   void add_config_flags(CLI::App& cli);
   /// Replaces the sentence about the order of settings in --help.
   void set_settings_order(const std::string& order) { settings_order_ = order; }
-  /// A flag (or, without dashes, a positional argument) that stands for a key and wins over --set.
-  /// `help` may leave the range and the default to --print-config.
+  /// A flag (or, without dashes, a positional argument) that sets a key and overrides --set. `help`
+  /// may leave the range and the default to --print-config.
   CLI::Option* add_key_flag(const std::string& flag, const std::string& key,
                             const std::string& help);
-  /// A flag that stands for a key with a list: a YAML list, or its only element.
+  /// A flag that sets a key with a list: a YAML list, or its only element.
   CLI::Option* add_key_list_flag(const std::string& flag, const std::string& key,
                                  const std::string& help);
   /// A flag without a value that sets a key to `value`.
   CLI::Option* add_key_switch(const std::string& flag, const std::string& key,
                               const std::string& value, const std::string& help);
-  /// --mask IMAGE, which stands for `key`.
+  /// --mask IMAGE, which sets `key`.
   void add_mask_flag(const std::string& key);
   /// --threshold-positive, --threshold-negative and --efnet: inputs of a restoration.
   void add_restoration_flags();
-  /// --serve[=ADDRESS:PORT], which fills `address` with what is given, empty for the default.
+  /// --serve[=ADDRESS:PORT]; stores its value in `address`, empty for the default.
   CLI::Option* add_serve_flag(std::string& address, const std::string& help);
   /// --output DIR, of the program or of one of its subcommands.
   CLI::Option* add_output_flag(const std::string& help) { return add_output_flag(cli_, help); }
@@ -89,11 +90,10 @@ class Program {
   /// stderr (with a trace of its origin at --log-level debug) and its exit code.
   int run(int argc, char** argv, const std::function<ExitCode()>& body);
 
-  /// `options` with --config, --set and the flags that stand for keys laid over them, after
-  /// `validate(options)`, or nothing when --print-config or --print-schema asked for a print, which
-  /// is then done. --device and --seed stand for the keys of those names where the options have
-  /// them.
-  /// @param named  if not null, the keys that the command line and its files name are added to it
+  /// Returns `options` with --config, --set and key flags applied, after `validate(options)`; or
+  /// prints them and returns no value, for --print-config or --print-schema. --device and --seed
+  /// set the keys of those names if the options have them.
+  /// @param named  if not null, receives the keys that the command line and its files set
   template <class Options>
   std::optional<Options> load_options(Options options = {},
                                       std::set<std::string>* named = nullptr) const {
@@ -108,20 +108,20 @@ class Program {
     return options;
   }
 
-  /// Lays `file` below every --config.
+  /// Applies `file` before every --config.
   void use_config(const std::filesystem::path& file) {
     config_files_.insert(config_files_.begin(), file);
   }
-  /// `path` as a value of the key, which wins over --set; as add_key_flag() does.
+  /// Sets the key to `path`, overriding --set, as add_key_flag() does.
   void use_key(const std::string& key, const std::string& value) {
     key_flags_.push_back({value, key, value});
   }
 
-  /// The command of another of our programs, "build/bin/jade_train" where this one was called by a
-  /// path, for messages.
+  /// The command of another program of this project, "build/bin/jade_train" if this one was called
+  /// by a path, for messages.
   std::string command(const std::string& program) const { return folder_ + program; }
 
-  /// The first --config; those after it are layers().
+  /// The first --config; layers() returns the others.
   std::filesystem::path config_file() const;
   std::vector<std::filesystem::path> layers() const;
   const std::vector<std::string>& overrides() const { return overrides_; }
@@ -135,17 +135,17 @@ class Program {
 
  private:
   config::Sources sources(const FieldList& fields) const;
-  /// Hint for the words of a command line that CLI11 refused: "; did you mean --output?"; empty if
-  /// no known word is near.
+  /// Hint for the words of a command line that CLI11 rejected: "; did you mean --output?"; empty if
+  /// no known word is similar.
   std::string hint(const std::vector<std::string>& words) const;
   std::string title() const;
   /// Prints usage and examples, for a call without arguments.
   void print_usage() const;
-  /// Which settings win, by the flags that the program has.
+  /// Describes which settings override others, for the flags that the program has.
   std::string settings_order() const;
 
   std::string name_;
-  std::string folder_;  ///< as it was called: "build/bin/", or empty
+  std::string folder_;  ///< folder in the program's call: "build/bin/", or empty
   CLI::App cli_;
   std::shared_ptr<HelpFormatter> help_ = std::make_shared<HelpFormatter>();
   std::string settings_order_;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The vocabulary of the programs that read a data set: the keys of jade_train, and short flags that
-// stand for some of them.
+// Command line of programs that read a data set: the keys of jade_train, and short flags for some
+// of them.
 #pragma once
 
 #include <algorithm>
@@ -25,7 +25,7 @@ std::string words_text() {
   return text;
 }
 
-/// --config, --set and their like, and flags for keys of the data set.
+/// Adds --config, --set and related flags, and flags for keys of the data set.
 /// @param path  the flag, or positional argument, that names its folder
 inline void add_dataset_flags(Program& program, const std::string& path = "--dataset",
                               const std::string& path_help = "Folder of the data set") {
@@ -57,22 +57,22 @@ inline void add_dataset_flags(Program& program, const std::string& path = "--dat
       ->type_name("WORD");
 }
 
-/// The settings of a program that reads a data set: those of `run`, where one is given, under what
-/// the command line says. Nothing when a print was asked for, which is then done.
+/// The settings of a program that reads a data set: those of `run`, if given, overridden by the
+/// command line. No value if --print-config or --print-schema was given and has been handled.
 inline std::optional<train::RunOptions> load_settings(Program& program,
                                                       const std::filesystem::path& run = {}) {
   return program.load_options(run.empty() ? train::RunOptions() : run::load_run_options(run));
 }
 
-/// Without links and dots, there or not: two of one folder are equal.
+/// The absolute path without links and dots, whether it exists or not, for comparisons.
 inline std::filesystem::path whole_path(const std::filesystem::path& path) {
   return std::filesystem::weakly_canonical(std::filesystem::absolute(path));
 }
 
-/// A program that writes pictures by the names of frames must not write over these frames.
-/// @throws ConfigError where `output` is, or lies in, a folder of pictures of the data set: those
-///   that data/frames.h looks for, there or not, and sharp/; or where it is a folder of frames that
-///   a transforms.json names.
+/// Prevents a program that writes pictures named after frames from overwriting these frames.
+/// @throws ConfigError if `output` is, or is inside, a folder of pictures of the data set (a name
+///   that data/frames.h searches for, existing or not, or sharp/), or a folder of frames that a
+///   transforms.json names.
 inline void check_apart(const std::filesystem::path& output, const data::DatasetOptions& dataset) {
   if (output.empty() || dataset.path.empty()) return;
   const std::filesystem::path whole = whole_path(output);
@@ -92,8 +92,8 @@ inline void check_apart(const std::filesystem::path& output, const data::Dataset
   }
 }
 
-/// A run has folders and files of the names that data sets have, images/ among them.
-/// @throws ConfigError where `run` is the data set's folder, or holds its frames; as check_apart().
+/// A run writes folders and files with names that data sets use, such as images/.
+/// @throws ConfigError if `run` is the data set's folder, or contains its frames; as check_apart().
 inline void check_run_apart(const std::filesystem::path& run, const data::DatasetOptions& dataset) {
   if (whole_path(run) == whole_path(dataset.path)) {
     throw ConfigError(concat("--output: expected a folder for the run, found ", run.string(),

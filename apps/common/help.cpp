@@ -12,7 +12,7 @@ namespace {
 
 constexpr size_t kTextColumn = 26;
 
-/// Characters of UTF-8 text; continuation bytes take no column.
+/// Number of characters of UTF-8 text; continuation bytes occupy no column.
 size_t columns_of(const std::string& text) {
   return static_cast<size_t>(std::count_if(text.begin(), text.end(), [](char c) {
     return (static_cast<unsigned char>(c) & 0xC0) != 0x80;
@@ -32,7 +32,7 @@ std::string placeholder(const CLI::Option& option) {
   return word == "INT" || word == "UINT" ? "N" : word == "FLOAT" ? "X" : word;
 }
 
-/// "0.5 to 100000" of an option with a checked range, else empty.
+/// "0.5 to 100000" for an option with a checked range, else empty.
 std::string range_text(const CLI::Option& option) {
   const std::string type = option.get_type_name();
   const size_t open = type.find(" in [");
@@ -77,7 +77,7 @@ int rank_of(const std::string& group) {
                                : 2;
 }
 
-/// The options of a subcommand and of the programs that it belongs to, which it takes as well.
+/// The options of a subcommand and of its parent programs, which it accepts too.
 std::vector<const CLI::Option*> options_of(const CLI::App* app) {
   std::vector<const CLI::Option*> all;
   for (; app != nullptr; app = app->get_parent()) {
@@ -105,7 +105,7 @@ std::vector<std::string> groups_of(const std::vector<const CLI::Option*>& option
 
 bool is_command(const CLI::App* app) { return !app->get_name().empty(); }
 
-/// Lines that begin with spaces keep them when they wrap.
+/// Lines that begin with spaces keep them when wrapped.
 std::string wrapped_lines(const std::string& text, size_t width) {
   std::istringstream lines(text);
   std::string all;

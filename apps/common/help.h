@@ -9,15 +9,15 @@
 
 namespace jade::apps {
 
-/// `text` in lines of at most `width` characters, broken at spaces. Every line but the first begins
-/// with `indent` spaces; the first begins at column `column`. A word longer than a line stays
-/// whole.
+/// Wraps `text` to lines of at most `width` characters at spaces. Every line but the first begins
+/// with `indent` spaces; the first begins at column `column`. A word longer than a line is not
+/// split.
 std::string wrapped(const std::string& text, size_t width, size_t indent, size_t column);
 
-/// Columns of the terminal on standard output, from 40 to 120; 80 where it is none.
+/// Width in columns of the terminal on standard output, from 40 to 120; 80 if it is not a terminal.
 size_t help_width();
 
-/// Groups come in the order Input, Output, others as declared, Settings, Common.
+/// Groups are in the order Input, Output, others as declared, Settings, Common.
 class HelpFormatter : public CLI::Formatter {
  public:
   /// A whole command line of `app` for its help.

@@ -7,7 +7,7 @@
 namespace jade::apps {
 namespace {
 
-/// "TEXT:{a,b}" as CLI11 writes it: the words between the braces.
+/// Parses CLI11's "TEXT:{a,b}": returns the words between the braces.
 std::vector<std::string> choices_of(const std::string& type) {
   const size_t begin = type.find('{'), end = type.rfind('}');
   std::vector<std::string> words;

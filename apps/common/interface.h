@@ -6,13 +6,12 @@
 
 namespace jade::apps {
 
-/// The hidden flag that prints interface_json(); only alone on a command line.
+/// The hidden flag that prints interface_json(); must be the only argument.
 inline constexpr char kPrintInterface[] = "--print-interface";
 
-/// The declarations behind --help of a program, as JSON, from which scripts/manuals.py makes man
-/// pages and the completion of shells: name, description, footer, options (flags, value, choices,
-/// help, group) and subcommands, which are the same again. Options without a group are hidden and
-/// left out.
+/// The declarations behind --help of a program, as JSON, from which scripts/manuals.py generates
+/// man pages and shell completion: name, description, footer, options (flags, value, choices, help,
+/// group) and subcommands, with the same keys. Omits options without a group, which are hidden.
 std::string interface_json(const CLI::App& app);
 
 }  // namespace jade::apps

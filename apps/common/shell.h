@@ -7,7 +7,7 @@
 
 namespace jade::apps {
 
-/// `path` as one word of a command line: in quotes where a shell would take it apart.
+/// `path` as one word of a command line, quoted if a shell would split it.
 inline std::string shell_word(const std::filesystem::path& path) {
   const std::string text = path.string();
   constexpr char kPlain[] =

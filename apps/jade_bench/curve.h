@@ -6,14 +6,14 @@
 
 namespace jade::bench {
 
-/// The scene's score after so many steps.
+/// The scene's score after a number of steps.
 struct Milestone {
   int64_t step = 0;
-  double seconds = 0;  ///< from the start, without the scoring
+  double seconds = 0;  ///< since the start, without scoring
   double psnr = 0;     ///< dB, mean of the sharp test views
 };
 
-/// The first milestone at `goal` dB or above; null where there is none.
+/// The first milestone at `goal` dB or above; null if there is none.
 inline const Milestone* reached(const std::vector<Milestone>& curve, double goal) {
   for (const Milestone& at : curve) {
     if (at.psnr >= goal) return &at;

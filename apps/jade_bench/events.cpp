@@ -14,9 +14,9 @@ namespace jade::bench {
 namespace {
 
 constexpr events::TimeWindow kExposure{0, 100000};
-constexpr int64_t kReach = 5000;  ///< of events.ramp_ms 5
+constexpr int64_t kReach = 5000;  ///< for events.ramp_ms 5
 
-/// Events at random sub-pixel places, from a reach before the exposure to a reach after it.
+/// Events at random sub-pixel places, from `kReach` before the exposure to `kReach` after it.
 events::EventStream make_events(const EventsBench& asked) {
   const auto generator = at::detail::createCPUGenerator(0);
   const auto places = [&](int64_t side) {

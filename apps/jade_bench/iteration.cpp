@@ -22,13 +22,14 @@ namespace jade::bench {
 namespace {
 
 constexpr int64_t kViews = 4;
-/// Every term acts by then and densification keeps its statistics: 32 % of the calendar.
+/// Every term is active from this share of the steps, and densification collects statistics: 32 %
+/// of the schedule.
 constexpr double kFirstShare = 0.32;
 /// Events per pixel and exposure, typical of 100 ms of a shaking hand.
 constexpr int64_t kEventsPerPixel = 4;
 constexpr int64_t kExposureUs = 100000;
 
-/// `count` events anywhere and at any time of the window.
+/// `count` random events in the window.
 events::EventStream random_events(const splat::CameraBatch& cameras, int64_t count,
                                   const events::TimeWindow& window, at::Generator& generator) {
   const auto uniform = [&](int64_t end, torch::ScalarType type) {
@@ -68,8 +69,8 @@ data::Dataset make_dataset(const Workload& work, at::Generator& generator) {
   return dataset;
 }
 
-/// A training state and what its steps are given, made from a splatting workload: the Gaussians are
-/// those of its scene, slightly moved.
+/// A training state and its step inputs, made from a splatting workload: the Gaussians are those of
+/// its scene, slightly perturbed.
 struct Bench {
   train::RunOptions options;
   train::StepFeed feed;
@@ -98,7 +99,7 @@ struct Bench {
   train::StepPlan plan() const { return train::plan_step(options, step); }
 };
 
-/// Milliseconds of each part of a step, run eagerly and waited for.
+/// Milliseconds of each part of a step, run eagerly and synchronised.
 nlohmann::json measure_stages(Bench& bench, int64_t repeats, torch::Device device) {
   using Clock = std::chrono::steady_clock;
   const char* const names[] = {"render", "routing_step", "target", "scene_step"};
@@ -132,7 +133,8 @@ nlohmann::json measure_stages(Bench& bench, int64_t repeats, torch::Device devic
   return stages;
 }
 
-/// A Chrome trace of `work`, with the device's kernels where torch was built to see them.
+/// Writes a Chrome trace of `work`, with the device's kernels if torch was built with support for
+/// them.
 void write_trace(const std::filesystem::path& path, const std::function<void()>& work,
                  torch::Device device) {
   using namespace torch::autograd::profiler;
@@ -225,7 +227,7 @@ CLI::App* IterationBench::add_to(apps::Program& program) {
 
 ExitCode IterationBench::run(const apps::Program& program) const {
   train::RunOptions defaults = train::printed_options();
-  defaults.dataset.path = "workload";  // in memory
+  defaults.dataset.path = "workload";  // exists only in memory
   std::optional<train::RunOptions> options = program.load_options(defaults);
   if (!options) return ExitCode::kOk;
   if (eager) options->train.cuda_graph = false;

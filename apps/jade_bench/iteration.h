@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// jade_bench iteration: a whole training step of any configuration, every term that it has active.
+// jade_bench iteration: a whole training step of any configuration, with all of its active terms.
 #pragma once
 
 #include <CLI/CLI.hpp>

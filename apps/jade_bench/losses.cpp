@@ -27,10 +27,10 @@ namespace {
 
 constexpr double kDssim = 0.3;
 constexpr int64_t kEventPixels = 1024;
-/// A step at which every term acts.
+/// A step at which every term is active.
 constexpr int64_t kStep = 8001;
 
-/// Images as a training step has them. Leaves are what the terms differentiate to.
+/// Images as in a training step. Leaves are the tensors to differentiate by.
 struct Images {
   torch::Tensor renders;              ///< [9,3,H,W], leaf
   torch::Tensor image, other, alpha;  ///< [3,H,W], [3,H,W], [1,H,W], leaves

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// jade_bench losses: every term of the objectives, and the router, each by itself.
+// jade_bench losses: every term of the objectives, and the router, measured separately.
 #pragma once
 
 #include <CLI/CLI.hpp>

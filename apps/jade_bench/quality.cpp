@@ -30,8 +30,8 @@ Json object_of(const std::string& text) {
   return json.is_object() ? json : Json::object();
 }
 
-/// Evaluations on the way from metrics.jsonl, and that of the end from eval.json.
-/// @throws DataError where no line has a time, as in runs of older programs
+/// Intermediate evaluations from metrics.jsonl, and the final one from eval.json.
+/// @throws DataError if no line has a time, as in runs of older programs
 RunCurve read_curve(const fs::path& folder) {
   RunCurve curve{folder, {}};
   std::ifstream in(folder / "metrics.jsonl");
@@ -64,7 +64,7 @@ RunCurve read_curve(const fs::path& folder) {
 }
 
 /// The run directories in and below a folder, by path.
-/// @throws DataError where there is none
+/// @throws DataError if there is none
 std::vector<fs::path> runs_in(const fs::path& folder) {
   std::vector<fs::path> found;
   if (fs::exists(folder / "metrics.jsonl")) return {folder};
@@ -82,7 +82,7 @@ std::vector<fs::path> runs_in(const fs::path& folder) {
   return found;
 }
 
-/// Runs that differ in their seed alone: those of one folder whose names are numbers.
+/// Groups runs that differ only in their seed: those of one folder whose names are numbers.
 std::string group_of(const fs::path& run) {
   const std::string name = run.filename().string();
   const bool is_seed = !name.empty() && name.find_first_not_of("0123456789") == std::string::npos;
@@ -134,7 +134,7 @@ Json summary_of(const std::vector<RunCurve>& curves, const std::vector<double>& 
   return all;
 }
 
-/// A line for every run and goal, and one for its end, whose goal is empty.
+/// One line per run and goal, and one for its end, whose goal is empty.
 std::string csv_of(const std::vector<RunCurve>& curves, const std::vector<double>& goals) {
   std::string text = "run,goal,seconds,step,psnr\n";
   const auto add = [&](const RunCurve& curve, const std::string& goal, const Milestone* at) {
@@ -152,7 +152,7 @@ std::string csv_of(const std::vector<RunCurve>& curves, const std::vector<double
   return text;
 }
 
-/// Seconds (steps), with the number of runs where not all have reached the goal.
+/// Seconds (steps), with the number of runs if not all have reached the goal.
 std::string cell_of(const Json& mean) {
   if (mean["reached"] == 0) return "-";
   char text[80];

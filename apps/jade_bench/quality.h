@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// jade_bench quality: when runs that have ended first scored so many decibels, seeds side by side.
+// jade_bench quality: when finished runs first reached a score, with seeds side by side.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -11,9 +11,9 @@
 namespace jade::bench {
 
 struct QualityBench {
-  std::vector<std::filesystem::path> runs;  ///< run directories, or folders that hold some
+  std::vector<std::filesystem::path> runs;  ///< run directories, or folders that contain some
   std::vector<double> goals;                ///< dB
-  std::filesystem::path csv;                ///< where every run's line is written; empty: nowhere
+  std::filesystem::path csv;                ///< output file with one line per run; empty: none
 
   /// Adds the subcommand and its flags.
   CLI::App* add_to(apps::Program& program);

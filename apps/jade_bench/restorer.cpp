@@ -20,7 +20,7 @@ struct Frame {
 /// The poses of an exposure.
 const std::vector<double> kNineMoments = {0, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1};
 
-/// Events at a third of the pixels, as of a moving camera.
+/// Events at a third of the pixels, as from a moving camera.
 Frame make_frame(int64_t width, int64_t height, int64_t windows) {
   const auto generator = at::detail::createCPUGenerator(0);
   const torch::Tensor image = torch::rand({3, height, width}, generator);

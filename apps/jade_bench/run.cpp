@@ -19,12 +19,12 @@
 namespace jade::bench {
 namespace {
 
-/// Runs while the program prepares and trains, and stands while it scores.
+/// Runs while the program prepares and trains; paused while it scores.
 class Stopwatch {
  public:
   explicit Stopwatch(torch::Device device) : device_(device) {}
   void start() { since_ = Clock::now(); }
-  /// Waits for the device: a step that is still under way is not done.
+  /// Waits for the device, so that a running step is included.
   void stop() {
     synchronize(device_);
     seconds_ += std::chrono::duration<double>(Clock::now() - since_).count();
@@ -43,10 +43,10 @@ struct Curve {
   std::vector<Milestone> milestones;
 };
 
-/// @param input  where what the run starts from is written; empty: nowhere
+/// @param input  output folder for the run's inputs; empty: none
 Curve train(const train::RunOptions& options, const std::filesystem::path& folder, int64_t every,
             const std::filesystem::path& input, torch::Device device) {
-  if (!input.empty()) check_run_input(options);  // before a run folder is made
+  if (!input.empty()) check_run_input(options);  // before a run folder is created
   Curve curve;
   Stopwatch watch(device);
   watch.start();

@@ -17,7 +17,7 @@ void write(const std::filesystem::path& folder, const char* name, const torch::T
   io::write_npy(folder / (std::string(name) + ".npy"), tensor.detach().cpu().contiguous());
 }
 
-/// Test views have the camera of the training views in every data set of ours.
+/// Test views have the camera of the training views in all data sets of this project.
 void write_test_views(const data::Dataset& dataset, const std::filesystem::path& folder) {
   Tensors images, cameras;
   for (const data::SharpView& view : dataset.test) {

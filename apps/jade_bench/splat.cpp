@@ -15,7 +15,7 @@ namespace jade::bench {
 
 namespace {
 
-/// A workload on its device, with what a step of a trainer would hold.
+/// A workload on its device, with the state of a trainer's step.
 class Step {
  public:
   Step(Workload workload, const SplatBench& options) : work_(std::move(workload)) {

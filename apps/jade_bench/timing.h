@@ -28,7 +28,7 @@ Times time(const std::function<void()>& work, const Repeats& repeats, torch::Dev
 nlohmann::json to_json(const Times& times);
 
 void synchronize(torch::Device device);
-/// MiB that torch's allocator holds at present, and the most since reset_peak(). On the CPU the
+/// MiB currently held by torch's allocator, and the maximum since reset_peak(). On the CPU the
 /// second is the process's peak resident size and the first 0.
 double allocated_mib(torch::Device device);
 double peak_mib(torch::Device device);

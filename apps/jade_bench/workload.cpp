@@ -61,7 +61,7 @@ Workload make_workload(const WorkloadSize& size, uint64_t seed) {
   const int64_t n = size.gaussians;
   const double w = static_cast<double>(size.width), h = static_cast<double>(size.height);
   const double focal_px = 0.9 * w;
-  // The order of the draws and of the roundings is part of the format.
+  // The order of the samples and of the roundings is part of the format.
   const torch::Tensor z = 3.0 + 4.0 * uniform({n});
   const torch::Tensor x = (uniform({n}) - 0.5) * 1.1 * w / focal_px * z;
   const torch::Tensor y = (uniform({n}) - 0.5) * 1.1 * h / focal_px * z;

@@ -16,7 +16,7 @@ struct Workload {
   std::string name;
   splat::Gaussians gaussians;
   splat::CameraBatch cameras;
-  torch::Tensor cotangent;  ///< [C,3,H,W], the dL/dcolour that the backward pass starts from
+  torch::Tensor cotangent;  ///< [C,3,H,W], dL/dcolour at which the backward pass starts
 };
 
 struct WorkloadSize {
@@ -27,11 +27,12 @@ struct WorkloadSize {
 /// W1 to W4, and W5 (a million Gaussians).
 const std::vector<WorkloadSize>& standard_sizes();
 
-/// Draws a workload on the CPU: Gaussians of about two pixels in a slab of depth 3 to 7 that fills
-/// the frame, and a hand-shake path of 4 mm and 0.3 degrees a step. Depends on the seed alone.
+/// Samples a workload on the CPU: Gaussians of about two pixels in a slab of depth 3 to 7 that
+/// fills the frame, and a hand-shake path of 4 mm and 0.3 degrees per step. Depends on the seed
+/// alone.
 Workload make_workload(const WorkloadSize& size, uint64_t seed = 0);
 
-/// Reads a workload from a folder of .npy files and size.json, which other programs read too.
+/// Reads a workload from a folder of .npy files and size.json, a format shared with other programs.
 /// @throws DataError.
 Workload read_workload(const std::filesystem::path& folder);
 void write_workload(const Workload& workload, const std::filesystem::path& folder);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The 2D restorations alone: sharp frames from blurry ones and their events.
+// Restores sharp frames from blurry ones and their events, in 2D only.
 #include <torch/types.h>
 
 #include "common/cli.h"
@@ -22,7 +22,7 @@ struct DeblurFlags {
   std::string method = "edi";
 };
 
-/// Range check that refuses NaN, unlike CLI::Range.
+/// Range check that rejects NaN, unlike CLI::Range.
 CLI::Validator within(double low, double high) {
   const auto check = [=](const std::string& text) {
     double value = 0;
@@ -75,7 +75,7 @@ void add_flags(apps::Program& program, DeblurFlags& flags) {
                "Also write unclamped float32 [3,H,W] beside each picture");
 }
 
-/// Before anything is loaded.
+/// Runs before anything is loaded.
 void check_flags(const DeblurFlags& flags, const restore::Method& method,
                  const std::filesystem::path& output) {
   const train::RunOptions& settings = flags.options.settings;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Gaussians from a run, a checkpoint or a file to the formats of splat viewers.
+// Converts Gaussians from a run, a checkpoint or a file to the formats of splat viewers.
 #include "common/cli.h"
 #include "jade/core/atomic_file.h"
 #include "jade/core/log.h"
@@ -59,7 +59,7 @@ void check_output(const fs::path& path) {
   }
 }
 
-/// Says what the coordinates in the file are, of a scene that has an origin of its own.
+/// Logs the coordinate system of the file, for a scene with its own origin.
 void tell_coordinates(const fs::path& path, const geometry::Vector3& origin, bool of_dataset) {
   if (geometry::is_zero(origin)) return;
   if (of_dataset) {
@@ -74,7 +74,7 @@ void tell_coordinates(const fs::path& path, const geometry::Vector3& origin, boo
                                             : ", which only a .ply can hold"));
 }
 
-/// In the format of check_output(). Returns how many Gaussians it wrote.
+/// Writes the format of check_output(). Returns the number of Gaussians.
 int64_t save(const fs::path& path, const gaussians::GaussianFile& file, bool of_dataset,
              int spz_version) {
   const bool exact = gaussians::is_exact(path);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A recording of an event camera in, a data set with poses and its scene.yaml out.
+// Converts a recording of an event camera to a data set with poses and a scene.yaml.
 #include "common/cli.h"
 #include "common/shell.h"
 #include "jade/import/importer.h"
@@ -8,7 +8,7 @@ using namespace jade;
 
 namespace {
 
-/// @return --offset-ms: an offset is not searched once it is given, be it the default
+/// @return --offset-ms: if given, even as the default, the offset is not estimated
 CLI::Option* add_flags(apps::Program& program, import::StageRange& range) {
   program.add_config_flags();
   program.begin_group("Input");

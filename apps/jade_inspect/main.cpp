@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Says what is in a recording, a data set, a run or a file of Gaussians, and what is wrong with it.
+// Prints the content and the problems of a recording, a data set, a run or a file of Gaussians.
 #include <cstdio>
 #include <torch/types.h>
 
@@ -24,8 +24,8 @@ using namespace jade;
 
 namespace {
 
-/// Arguments of jade_train: the keys of the data set that differ from their defaults, too.
-/// Thresholds need no flag: it measures as this program does.
+/// Arguments of jade_train, including the keys of the data set that differ from their defaults.
+/// Thresholds need no flag: jade_train measures them as this program does.
 std::string training_arguments(data::DatasetOptions options) {
   namespace fs = std::filesystem;
   const fs::path folder = fs::weakly_canonical(options.path);
@@ -63,7 +63,7 @@ ExitCode inspect(const train::RunOptions& settings, double log_offset,
   return ExitCode::kOk;
 }
 
-/// A folder that is nothing is told what it could have been, one whose model is damaged that.
+/// For an unrecognised folder, reports what it could have been; for a damaged model, the damage.
 void check_is_dataset(const data::DatasetOptions& options) {
   if (options.kind != data::DatasetKind::kAuto || !std::filesystem::is_directory(options.path))
     return;

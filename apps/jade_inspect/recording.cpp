@@ -20,19 +20,19 @@ namespace {
 namespace fs = std::filesystem;
 using recording::Recording;
 
-/// Events that are looked at one by one: a gigabyte of memory with what is made of them.
+/// Maximum number of events to examine: a gigabyte of memory with all derived data.
 constexpr int64_t kMostEvents = int64_t(1) << 25;
 
-/// Numbers of a recording that its lists hold only in pieces.
+/// Statistics of a recording.
 struct RecordingNumbers {
   double first_s = 0, last_s = 0;  ///< of the events
   int64_t events = 0;
   double rate_hz = 0;                                     ///< events per second
-  double positive = 0;                                    ///< part of those that are looked at
+  double positive = 0;                                    ///< share of the examined events
   double shortest_ms = 0, median_ms = 0, longest_ms = 0;  ///< exposures of a known length
-  size_t exposed = 0;                                     ///< frames that have one
+  size_t exposed = 0;                                     ///< frames with a known exposure
   double frame_rate_hz = 0;
-  std::string choice;  ///< flags that choose among several event streams
+  std::string choice;  ///< flags that select among several event streams
 };
 
 RecordingNumbers numbers_of(const Recording& r) {
@@ -63,7 +63,7 @@ RecordingNumbers numbers_of(const Recording& r) {
   return n;
 }
 
-/// Name of a file or folder, which may be given as "scene/" or ".".
+/// Name of a file or folder, even if given as "scene/" or ".".
 fs::path name_of(const fs::path& path) {
   const fs::path whole = fs::absolute(path).lexically_normal();
   return (whole.has_filename() ? whole : whole.parent_path()).stem();
@@ -79,7 +79,7 @@ std::string next_command(const Recording& r, const RecordingNumbers& n) {
     line += " --frames FOLDER_OR_VIDEO";
     if (r.triggers.rising_us.empty()) line += " --frame-times LIST.csv";
   } else if (n.exposed > 0 && n.exposed < r.frames.size()) {
-    // jade_import measures the length where no frame has one.
+    // jade_import measures the length if no frame has one.
     line += " --exposure-ms MILLISECONDS";
   }
   if (!r.calibration) line += " --calibration CAMERA.yaml";
@@ -88,7 +88,7 @@ std::string next_command(const Recording& r, const RecordingNumbers& n) {
   return line + " --output " + shell_word(fs::path("data") / name_of(r.source));
 }
 
-/// Reads the masks that lie with the frames as jade_import does, and notes what they say.
+/// Reads the masks stored with the frames as jade_import does, and notes their statistics.
 void note_masks(Recording& r) {
   const std::vector<torch::Tensor> masks = import::masks_of(r, r.notes);
   const auto masked = std::count_if(masks.begin(), masks.end(),
@@ -125,7 +125,7 @@ void print_recording(const Recording& r, const RecordingNumbers& n) {
   if (r.events.empty()) {
     std::printf("events      none\n");
   } else {
-    // The count stays without separators, which scripts would have to remove.
+    // The count has no separators, which scripts would have to remove.
     std::printf("events      %ld from %.6f to %.6f s (%.4g s), %s events/s, %.1f %% positive\n",
                 long(n.events), n.first_s, n.last_s, n.last_s - n.first_s,
                 grouped(std::llround(n.rate_hz)).c_str(), 100 * n.positive);
@@ -183,7 +183,7 @@ void inspect_recording(const fs::path& path, recording::ReadOptions options, boo
   if (!options.frames_topic.empty())
     numbers.choice += " --frames-topic " + shell_word(options.frames_topic);
   if (json) {
-    // Names of files are any bytes, those of JSON are UTF-8.
+    // File names are arbitrary bytes, those in JSON are UTF-8.
     constexpr auto kReplace = nlohmann::json::error_handler_t::replace;
     std::printf("%s\n", to_json(r, numbers).dump(2, ' ', false, kReplace).c_str());
   } else {

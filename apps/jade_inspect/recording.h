@@ -7,8 +7,8 @@
 
 namespace jade::apps {
 
-/// Reads a recording and prints what is in it, what is wrong with it, and the next command.
-/// @param options  the unit of times, and which of several event streams is read
+/// Reads a recording and prints its content, its problems, and the next command.
+/// @param options  the unit of times, and which of several event streams to read
 /// @throws DataError as recording::read_recording.
 void inspect_recording(const std::filesystem::path& path, recording::ReadOptions options,
                        bool json);

@@ -8,11 +8,11 @@
 
 namespace jade::apps {
 
-/// A file of Gaussians, or a .ply of plain points, as text or JSON on stdout.
+/// Prints a summary of a file of Gaussians, or a .ply of plain points, as text or JSON on stdout.
 /// @throws DataError naming the path.
 void inspect_scene(const std::filesystem::path& path, bool json);
 
-/// @param antialiased  they are to be rendered as Mip-Splatting does.
+/// @param antialiased  whether to render them as Mip-Splatting does
 void print_text(const gaussians::GaussianSummary& summary, bool antialiased = false);
 nlohmann::json to_json(const gaussians::GaussianSummary& summary, bool antialiased = false);
 

@@ -44,7 +44,7 @@ double path_length(const Exposure& exposure) {
   return length;
 }
 
-/// With whether training sees the scene from there, where that is known.
+/// Appends whether training sees the scene from there, if known.
 std::string marked_name(const data::SharpView& view) {
   return view.name + (!view.seen ? "" : *view.seen ? " (seen)" : " (unseen)");
 }

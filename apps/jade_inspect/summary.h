@@ -17,7 +17,7 @@ struct Inspection {
   std::vector<std::string> problems;  ///< one line each, with the fix
   data::ThresholdEstimate thresholds;
   data::PatternEstimate pattern;
-  double log_offset = 0;  ///< that the thresholds are for
+  double log_offset = 0;  ///< for which the thresholds are
   std::string next;       ///< the command that trains it
 };
 

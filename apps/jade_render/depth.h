@@ -10,19 +10,19 @@
 
 namespace jade::apps {
 
-/// Writes the depth of views, that along the camera's axis in units of the scene: 0 where more than
-/// half of the light from behind the Gaussians passes.
+/// Writes the depth of views along the camera's axis in units of the scene; 0 where more than half
+/// of the light from behind the Gaussians passes.
 class DepthFiles {
  public:
   /// @param step  units of the scene per step of the 16-bit .png
   DepthFiles(std::filesystem::path folder, double step);
 
-  /// NAME_depth.npy (float32 [1,H,W]) and NAME_depth.png (16 bits, rounded to steps).
+  /// Writes NAME_depth.npy (float32 [1,H,W]) and NAME_depth.png (16 bits, rounded to steps).
   /// @param out  of one camera, with depth
   /// @throws DataError naming the path.
   void write(const std::string& name, const splat::RenderOutput& out);
 
-  /// Warns where depths were too large for the .png.
+  /// Warns if depths were too large for the .png.
   void finish() const;
 
  private:

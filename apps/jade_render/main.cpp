@@ -39,7 +39,7 @@ struct RenderFlags {
   std::string exposure, unblur;
   std::string format = "png";
   double frames_per_second = 30;
-  std::optional<double> brightness;  ///< of films; chosen by the data set where it is not given
+  std::optional<double> brightness;  ///< of films; chosen from the data set if not given
   bool fps_benchmark = false;
   bool depth = false;
   double depth_step = 0.001;
@@ -115,7 +115,7 @@ gaussians::GaussianFile load_scene(const RenderFlags& flags) {
   return file;
 }
 
-/// The data set about the origin of the scene.
+/// The data set with its origin at that of the scene.
 data::Dataset load_data(const RenderFlags& flags, const train::RunOptions& options,
                         const std::string& flag, const geometry::Vector3& origin) {
   if (options.dataset.path.empty()) throw ConfigError(flag + " needs --run or --dataset");
@@ -172,7 +172,7 @@ torch::Tensor render(const Subject& subject, const data::NamedCamera& view) {
   return render_all(subject, view).color[0];
 }
 
-/// A 16-byte read, which waits until the frame is done on any device.
+/// Copies 16 bytes, which waits until the frame is complete on any device.
 void finish(const torch::Tensor& image) { image.flatten()[0].item<float>(); }
 
 struct Timing {
@@ -214,7 +214,7 @@ void print(const Timing& timing, const splat::Gaussians& gaussians, bool as_json
               device_name(gaussians.means.device()).c_str());
 }
 
-/// @param film  whose blurry frame comes first, or nothing
+/// @param film  whose blurry frame comes first, or null
 void write_images(const Subject& subject, const std::vector<data::NamedCamera>& views,
                   const fs::path& output, const RenderFlags& flags,
                   const apps::Unblurring* film = nullptr) {
@@ -234,7 +234,7 @@ void write_images(const Subject& subject, const std::vector<data::NamedCamera>& 
   depth.finish();
 }
 
-/// --output itself where it names a film, else a film in that folder.
+/// --output itself if it names a film, else a film in that folder.
 fs::path movie_path(const RenderFlags& flags, const fs::path& output) {
   if (output.empty()) throw ConfigError("--output: expected a folder or an .mp4 for the film");
   if (output.extension() == ".mp4") return output;
@@ -250,7 +250,8 @@ fs::path make_movie_path(const RenderFlags& flags, const fs::path& output) {
   return path;
 }
 
-/// The blurry frame for a second, then each moment for a sixth of one: long enough to be seen.
+/// Shows the blurry frame for a second, then each moment for a sixth of a second, long enough to be
+/// seen.
 void write_movie(const Subject& subject, const apps::Unblurring& film, const fs::path& path,
                  const RenderFlags& flags) {
   const double frames_per_second = flags.frames_per_second,

@@ -16,7 +16,7 @@ std::string joined(const std::vector<std::string>& words) {
   return out;
 }
 
-/// Up to three names like the wrong one; where none is, the first three.
+/// Up to three names similar to the wrong one; without any, the first three.
 std::string names_near(const std::string& wrong, std::vector<std::string> names) {
   constexpr size_t kShown = 3;
   const std::vector<std::string> all = names;

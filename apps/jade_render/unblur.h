@@ -16,10 +16,10 @@ namespace jade::apps {
 struct Unblurring {
   std::string name;                        ///< of the exposure
   torch::Tensor blurry;                    ///< [3,H,W] in [0,1], CPU
-  std::vector<data::NamedCamera> moments;  ///< NAME_0 …, as many digits as the last one needs
+  std::vector<data::NamedCamera> moments;  ///< NAME_0 …, zero-padded to the digits of the last one
 };
 
-/// The exposure of that name, held-out ones among them.
+/// The exposure of that name, training or held out.
 /// @throws ConfigError that begins with `flag` and names those with a similar name.
 const data::Exposure& exposure_named(const data::Dataset& dataset, const std::string& name,
                                      const std::string& flag);

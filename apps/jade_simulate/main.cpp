@@ -75,11 +75,12 @@ void report(const simulate::SimulateResult& result, const std::filesystem::path&
   }
 }
 
-/// A data set that a full disk cut short would be read as a smaller one.
+/// Writes atomically: a data set truncated by a full disk would be read as a smaller one.
 void write(const simulate::SimulateResult& result, const simulate::SimulateRun& run,
            const std::filesystem::path& folder, bool recording) {
   const auto write_into = recording ? simulate::write_recording : simulate::write;
-  if (std::filesystem::exists(folder) && !std::filesystem::is_empty(folder)) {  // --force
+  // the user gave --force
+  if (std::filesystem::exists(folder) && !std::filesystem::is_empty(folder)) {
     write_into(result, run, folder);
     return;
   }
@@ -140,7 +141,7 @@ int main(int argc, char** argv) {
           "simulate.event_camera: expected --recording, as data sets have frames and events of one "
           "camera; add it, then make a data set with jade_import");
     }
-    // The truth beside a recording has exact poses.
+    // The true data set beside a recording has exact poses.
     if (recording) run->simulate.poses = {};
     const auto result = simulate::simulate(*run);
     write(result, *run, program.output(), recording);

@@ -165,7 +165,7 @@ void launch_local(const sweep::Plan& plan, const sweep::SweepOutput& output, con
   }
 }
 
-/// Whether runs are left in the queue, of this call or of earlier ones.
+/// Whether runs remain in the queue, from this call or from earlier ones.
 bool launch_slurm(const sweep::Plan& plan, const sweep::SweepOutput& output, const Flags& flags) {
   sweep::SlurmOptions options;
   options.self = own_path();

@@ -28,7 +28,7 @@ std::vector<sweep::Missing> missing_files(const train::RunOptions& options) {
   return missing;
 }
 
-/// Lays them over `options`.
+/// Applies the layers to `options`.
 sweep::Resolved resolve(const std::vector<config::Sources>& layers, train::RunOptions options) {
   const FieldList fields = fields_of(options);
   std::string problems;

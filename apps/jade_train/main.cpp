@@ -15,7 +15,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-/// A run that goes on knows its settings, so nobody need name them again.
+/// Whether a resumed run has stored settings, so that the user need not name them again.
 bool knows_settings(const std::filesystem::path& config, const std::filesystem::path& run,
                     bool resumed) {
   return resumed && config.empty() && std::filesystem::exists(run / "config.yaml");
@@ -107,7 +107,7 @@ int main(int argc, char** argv) {
     std::optional<serve::Server> server;
     std::optional<run::LiveRun> live;
     if (*serve) {
-      // Before minutes of preparation: a port may be taken.
+      // Before minutes of preparation, because the port may be in use.
       server.emplace(serve::parse_address(address, "--serve"), "--serve");
       live.emplace(*server);
       std::cout << server->url() << std::endl;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Shows a scene in a browser, rendered by our op.
+// Shows a scene in a browser, rendered by this program.
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -54,8 +54,8 @@ Bulk bulk_of(const splat::Gaussians& gaussians) {
           std::max(1e-3, std::hypot(half(summary.x), half(summary.y), half(summary.z)))};
 }
 
-/// A camera that sees the bulk of a scene of which nothing else is known. Scenes from structure
-/// from motion mostly have y down.
+/// A camera that sees the bulk of a scene without cameras. Scenes from structure from motion
+/// usually have y down.
 data::SharpView overview(const Bulk& bulk) {
   geometry::Vector3 eye = bulk.middle;
   eye[2] -= 2 * bulk.radius;
@@ -74,7 +74,7 @@ void open_file(const fs::path& path, torch::Device device, Subject& subject) {
   const Bulk bulk = bulk_of(file.gaussians);
   subject.dataset.name = path.filename().string();
   subject.dataset.test.push_back(overview(bulk));
-  // All of a small scene can lie nearer to the overview camera than the usual near plane.
+  // A small scene can be nearer to the overview camera than the default near plane.
   subject.draw.near_plane = std::min(subject.draw.near_plane, 0.01 * bulk.radius);
   subject.draw.antialiased = file.antialiased;
   subject.gaussians = gaussians::map_parameters(
@@ -121,7 +121,7 @@ run::LiveScene scene_of(const Subject& subject) {
   return scene;
 }
 
-/// Until Ctrl-C.
+/// Runs until Ctrl-C.
 [[noreturn]] void show(const Subject& subject, serve::Server& server) {
   const run::LiveScene scene = scene_of(subject);
   server.board().set({0, 0, subject.gaussians.size(), "still"});

@@ -14,7 +14,7 @@ from jade_gs.launch import PROGRAMS, SHARE, Unusable, environment
 
 
 def commands(output: Path, more: list[str]) -> list[list[str]]:
-    """What is left to do: data that is there is kept, and a training that was interrupted goes on."""
+    """The remaining commands: existing data is kept, and an interrupted training is resumed."""
     data, run = output / "data", output / "run"
     todo = []
     if not (data / "simulation.yaml").is_file():
@@ -43,13 +43,13 @@ def main() -> int:
         try:
             code = subprocess.run([PROGRAMS / name, *arguments], env=surroundings).returncode
         except KeyboardInterrupt:
-            # The program saves and says so itself; the same command goes on later.
+            # The program saves and says so itself; the same command resumes it.
             code = 130
         if code != 0:
             return code
     report = output / "run" / "report.html"
     print(f"\nreport: {report}\nscene:  {output / 'run' / 'point_cloud.ply'} (drop it into any 3D Gaussian viewer)")
-    # For a desktop; elsewhere a browser of the terminal would take over.
+    # On a desktop only; elsewhere a text browser would take over the terminal.
     if not given.no_open and sys.stdout.isatty() and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         webbrowser.open(report.as_uri())
     return 0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Starts a program of this package: the console commands jade_train, jade_import, … are this function."""
+"""Starts a program of this package: this function implements the console commands jade_train, jade_import, …"""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ COMPANIONS = ("nvidia/cu13/lib", "nvidia/cudnn/lib", "nvidia/cusparselt/lib", "n
 
 
 class Unusable(Exception):
-    """Why the programs cannot run here, in one line."""
+    """The programs cannot run here; a one-line reason."""
 
 
 def site_of_torch() -> Path:
-    """The folder that holds torch, whose libraries the programs load. @throws Unusable."""
+    """The folder that contains torch, whose libraries the programs load. @throws Unusable."""
     install = f"run {sys.executable} -m pip install torch=={TORCH}"
     spec = importlib.util.find_spec("torch")
     if spec is None or not spec.submodule_search_locations:
@@ -33,19 +33,19 @@ def site_of_torch() -> Path:
         found = importlib.metadata.version("torch")
     except importlib.metadata.PackageNotFoundError:
         found = "a torch without a version"
-    # Another version has other symbols, of which the loader would report one in C++.
+    # Another version has other symbols; the loader would report a missing one by its C++ name.
     if found.split("+")[0] != TORCH:
         raise Unusable(f"expected torch {TORCH}, which the programs were built with, found {found}; {install}")
     return Path(next(iter(spec.submodule_search_locations))).resolve().parent
 
 
 def environment() -> dict[str, str]:
-    """That of a program: its scripts run in this Python, and torch is found where Python finds it."""
+    """The environment of a program: its scripts use this Python, and its loader finds torch where Python does."""
     environment = dict(os.environ)
     environment.setdefault("JADE_PYTHON", sys.executable)
     site = site_of_torch()
     if site != PACKAGE.parent:
-        # The programs look for torch beside this package only.
+        # The programs search for torch beside this package only.
         folders = [site / "torch" / "lib", *(site / name for name in COMPANIONS)]
         known = environment.get("LD_LIBRARY_PATH")
         environment["LD_LIBRARY_PATH"] = ":".join([*map(str, folders), *([known] if known else [])])

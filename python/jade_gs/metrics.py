@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""jade_metrics: makes the networks of LPIPS that jade_eval and jade_train load, once (64 MB to fetch)."""
+"""jade_metrics: creates the LPIPS networks that jade_eval and jade_train load, once (64 MB download)."""
 
 import sys
 

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Times the op from Python on the workloads of jade_bench, beside gsplat where that is installed.
+"""Times the op from Python on the workloads of jade_bench, beside gsplat if that is installed.
 
-  python python/jade_splat/benchmark.py [--device cuda] [--workload W1,W2,W3,W4,W5] [--repeats 50] [--json FILE]
+python python/jade_splat/benchmark.py [--device cuda] [--workload W1,W2,W3,W4,W5] [--repeats 50] [--json FILE]
 
-W1 to W5 are those of `jade_bench splat`, to the bit: nine views in one call. "splat" is the op by the parameters that
-jade_bench hands over, "rasterization" the function with gsplat's interface, both with gradients of all Gaussians and cameras.
-jade_bench's own figure is the backward pass from a given cotangent, which "splat" repeats; gsplat is timed through
-(image * cotangent).sum(), and "rasterization" as well.
+W1 to W5 are bit-identical to those of `jade_bench splat`: nine views in one call. "splat" is the op with the
+parameters of jade_bench, "rasterization" the function with gsplat's interface, both with gradients of all
+Gaussians and cameras. jade_bench's own figure is the backward pass from a given cotangent, which "splat" repeats;
+gsplat is timed through (image * cotangent).sum(), and "rasterization" as well.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def hand_shake_path() -> Tensor:
 
 
 def make_workload(name: str, seed: int = 0) -> dict[str, Tensor]:
-    """As make_workload() of apps/jade_bench/workload.cpp: the order of the samples is part of it."""
+    """As make_workload() of apps/jade_bench/workload.cpp: the order of the samples is part of the format."""
     n, width, height = SIZES[name]
     generator = torch.Generator().manual_seed(seed)
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The splatting op for Python: the backends of lib/jade/splat as two functions of plain tensors.
-// jade_splat/_ops.py joins them for autograd. Needs LibTorch's stable ABI alone.
+// jade_splat/_ops.py connects them for autograd. Needs only LibTorch's stable ABI.
 #include <initializer_list>
 #include <optional>
 #include <string>
@@ -21,7 +21,7 @@ using Optional = std::optional<Tensor>;
 constexpr int64_t kAny = -1;
 
 /// @throws ContractError unless the tensor is contiguous, of the type and on the kind of device of
-/// `like`, and has the shape.
+///   `like`, and has the shape.
 void check(const Tensor& tensor, const char* name, std::initializer_list<int64_t> shape,
            const Tensor& like) {
   const auto expect = [&](bool holds, const char* what) {
@@ -86,14 +86,14 @@ ForwardArgs make_args(const Gaussians& g, const Tensor& viewmats, const Tensor& 
   return args;
 }
 
-/// A tensor without elements where there is none: a schema cannot say "undefined".
+/// An empty tensor in place of an undefined one, which a schema cannot express.
 Tensor or_empty(const Tensor& tensor, const Tensor& like) {
   return tensor.defined() ? tensor : new_tensor({0}, like.scalar_type(), like);
 }
 
 Tensor or_undefined(const Optional& tensor) { return tensor ? *tensor : Tensor(); }
 
-/// Four tensors of SavedState::tensors, padded, and `cleared` in the third place on a GPU.
+/// Four tensors of SavedState::tensors, padded, and `cleared` at the third position on a GPU.
 using Forward = std::tuple<Tensor, Tensor, Tensor, Tensor, Tensor, Tensor, Tensor, Tensor>;
 
 template <ForwardResult (*run)(const ForwardArgs&)>

@@ -34,7 +34,7 @@ class Draw:
         return torch.poisson(rate, generator=self.generator)
 
     def scalar(self, low: float = 0.0, high: float = 1.0) -> float:
-        """On the host: decides shapes and branches without waiting for the device."""
+        """On the host: for shapes and branches, without waiting for the device."""
         return float(torch.rand((), generator=self.host)) * (high - low) + low
 
     def below(self, number: int) -> int:

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scores an exported EFNet beside EDI on an EvDeblur folder: exposures whose middle frame is also there, sharp, among the
-test views or in sharp/ (jade_simulate).
+"""Scores an exported EFNet beside EDI on an EvDeblur folder: exposures with a sharp middle frame among the test
+views or in sharp/ (jade_simulate).
 
-Prints PSNR (of the global mean squared error) and SSIM (11x11 Gaussian window, sigma 1.5) of the blurry frame, EDI,
-EFNet, their mean and their per-pixel oracle mix. With --footage, of an any-time EFNet, at the moments of these frames.
+Prints PSNR (of the global mean squared error) and SSIM (11x11 Gaussian window, sigma 1.5) of the blurry frame,
+EDI, EFNet, their mean and their per-pixel oracle mix. With --footage, for an any-time EFNet, at the moments of
+these frames.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from recording import Frame, find_events, picture, read_events, read_frames  # n
 
 def splat_windows(events: dict[str, np.ndarray], start: int, end: int, windows: int, shape: tuple[int, int],
                   rise: float = 1.0, fall: float = 1.0) -> Tensor:
-    """[1,windows,H,W]: weighted signed sums in equal half-open windows, bilinear, what falls outside is lost."""
+    """[1,windows,H,W]: weighted signed sums in equal half-open windows, bilinear; events outside are dropped."""
     height, width = shape
     inside = slice(*np.searchsorted(events["t"], [start, end], side="left"))
     x, y, t, p = (events[k][inside] for k in "xytp")
@@ -53,7 +54,7 @@ def splat_windows(events: dict[str, np.ndarray], start: int, end: int, windows: 
 
 @torch.no_grad()
 def restore_at(module: torch.jit.ScriptModule, blurry: Tensor, counts: Tensor, moment: float, multiple: int = 4) -> Tensor:
-    """By a file of version 2."""
+    """Restores with a file of version 2."""
     height, width = blurry.shape[2:]
     pad = (0, -width % multiple, 0, -height % multiple)
     image = torch.nn.functional.pad(blurry, pad, mode="replicate")
@@ -128,7 +129,7 @@ class Recording:
         return found
 
     def truth(self, exposure: Exposure) -> Tensor | None:
-        """What the simulator keeps beside, else a sharp test view of the middle. Times in ns or s are rounded to us."""
+        """The simulator's sharp image, else a sharp test view at the middle. Times in ns or s are rounded to us."""
         stem = Path(exposure.name).stem
         kept = [self.root / "sharp" / (stem + kind) for kind in (".png", ".tiff", ".npy")]
         views = [f.path for f in self.frames if f.end == f.start and abs(f.start - exposure.middle) <= 1]
@@ -202,7 +203,7 @@ def evaluate_middle(arguments: argparse.Namespace) -> Scores:
 
 
 def evaluate_footage(arguments: argparse.Namespace) -> Scores:
-    """At the moments of frames [exposures,F,3,H,W] of the same exposures."""
+    """Evaluates at the moments of frames [exposures,F,3,H,W] of the same exposures."""
     recording, footage = Recording(arguments), torch.from_numpy(read_films(arguments.footage))
     exposures = recording.exposures()
     if len(footage) != len(exposures) or footage.shape[1] < 2:

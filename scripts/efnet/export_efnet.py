@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Turns an EFNet checkpoint (official or ours), or any image restorer in TorchScript, into a file JADE-GS can load.
+"""Converts an EFNet checkpoint (official or own), or any image restorer in TorchScript, to a file that JADE-GS can
+load.
 
-The result is TorchScript with its metadata inside (docs/engineering/restorer.md, section 1); it is checked at three sizes against the
-network it came from before it is kept.
+The result is TorchScript with embedded metadata (docs/engineering/restorer.md, section 1); it is compared with
+the original network at three sizes before it is kept.
 """
 
 from __future__ import annotations
@@ -35,11 +36,11 @@ TOLERANCE = 1e-5
 
 
 class DataError(Exception):
-    """What the user gave cannot be exported; one line says why."""
+    """The input cannot be exported; a one-line reason."""
 
 
 class Restorer(nn.Module):
-    """The signature JADE-GS calls: RGB in, RGB out, second stage only."""
+    """The interface that JADE-GS calls: RGB in, RGB out, second stage only."""
 
     def __init__(self, net: EFNet, bgr: bool, uses_mask: bool):
         super().__init__()
@@ -54,7 +55,7 @@ class Restorer(nn.Module):
 
 
 class AnyTimeRestorer(nn.Module):
-    """The signature of version 2: RGB, signed counts of equal windows and moments in, RGB out."""
+    """The interface of version 2: RGB, signed counts of equal windows and moments in, RGB out."""
 
     def __init__(self, net: nn.Module):
         super().__init__()
@@ -75,12 +76,12 @@ class SecondStage(nn.Module):
 
 
 def load_tensors(path: Path) -> object:
-    """What torch.save wrote, on the CPU."""
+    """The content of a torch.save file, on the CPU."""
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of TorchScript, which is refused below
+            warnings.simplefilter("ignore")  # of TorchScript, which is rejected below
             return torch.load(path, map_location="cpu", weights_only=True)
-    except Exception as error:  # a damaged pickle fails in every way there is
+    except Exception as error:  # a damaged pickle can raise any exception
         raise DataError(f"{path}: expected a checkpoint of plain tensors, could not read one ({type(error).__name__})")
 
 
@@ -114,7 +115,7 @@ def network_from_state(path: Path, state: dict[str, Tensor]) -> EFNet:
 
 
 def weights_sha256(module: nn.Module) -> str:
-    """Over the parameters in byte order of their names: name, zero byte, float32 little-endian data."""
+    """SHA-256 over the parameters in byte order of their names: name, zero byte, float32 little-endian data."""
     digest = hashlib.sha256()
     for name, value in sorted(module.named_parameters(), key=lambda item: item[0].encode()):
         digest.update(name.encode() + b"\0")
@@ -160,8 +161,9 @@ def example_inputs(kind: str, height: int, width: int, seed: int) -> tuple[Tenso
 
 @torch.no_grad()
 def verify(reference: nn.Module, path: Path, kind: str, multiple: int) -> float:
-    """Largest difference between the saved file, read as JADE-GS does, and the module it came from, over three sizes,
-    padded to a multiple as there."""
+    """Largest difference between the saved file, used as in JADE-GS, and the original module, over three sizes,
+    padded to a multiple in the same way.
+    """
     saved, worst = torch.jit.load(str(path), map_location="cpu").float(), 0.0
     for seed, size in enumerate(VERIFIED_SIZES):
         height, width = (math.ceil(side / multiple) * multiple for side in size)
@@ -190,7 +192,7 @@ def scripted_module(arguments: argparse.Namespace) -> tuple[nn.Module, torch.jit
             raise DataError(f"{arguments.checkpoint}: expected TorchScript ({str(error).splitlines()[0]})")
         return module, module, None, "image"
     state = load_checkpoint(arguments.checkpoint)
-    if arguments.half:  # the weights of the file are those of the reference
+    if arguments.half:  # the file's weights are those of the reference
         state = {name: value.half().float() for name, value in state.items()}
     net = network_from_state(arguments.checkpoint, state).eval()
     if net.candidates == 0:

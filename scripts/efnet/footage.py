@@ -12,7 +12,7 @@ from torch import Tensor
 from draw import Draw
 from export_efnet import DataError
 
-MARGIN = 2  # time steps simulated before an exposure and after it, for events of another clock
+MARGIN = 2  # time steps simulated before and after an exposure, for events of another clock
 
 
 def read_films(path: Path) -> np.ndarray:
@@ -29,10 +29,10 @@ def read_films(path: Path) -> np.ndarray:
 
 
 class Footage:
-    """All footage.npy below a folder: [exposures,frames,3,H,W] uint8 each, all of as many frames. More may appear while training
-    goes on.
+    """All footage.npy below a folder: [exposures,frames,3,H,W] uint8 each, with the same number of frames. Files may
+    appear during training.
 
-    smallest: height and width of the pieces that batch() will be asked for; fewest: time steps of them.
+    smallest: height and width of the pieces that batch() returns; fewest: their number of time steps.
     """
 
     def __init__(self, folder: Path, device: torch.device, smallest: tuple[int, int] = (1, 1), fewest: int = 1, most: int = 100_000):
@@ -40,15 +40,16 @@ class Footage:
         self.smallest, self.fewest = smallest, fewest
         self.known: set[Path] = set()
         self.films: list[Tensor] = []
-        self.problems: list[str] = []  # of the files that the last refresh() left out
+        self.problems: list[str] = []  # of the files that the last refresh() skipped
         self.refresh()
 
     def __len__(self) -> int:
         return len(self.films)
 
     def refresh(self) -> None:
-        """Reads what has appeared. What of it cannot be used is left out until the next call: it may still be on its way from
-        another machine."""
+        """Reads new files. Unusable ones are skipped until the next call: they may still be copied from another
+        machine.
+        """
         self.problems = []
         for path in sorted(self.folder.rglob("footage.npy")):
             if path in self.known or len(self.films) >= self.most:
@@ -80,7 +81,9 @@ class Footage:
         return self.films[0].shape[0] - 1
 
     def batch(self, draw: Draw, count: int, steps: int, height: int, width: int) -> Tensor:
-        """[count,steps+1,3,height,width] in [0,1]: pieces of films in time and space, turned, mirrored, forwards or backwards."""
+        """[count,steps+1,3,height,width] in [0,1]: pieces of films in time and space, rotated, mirrored, forwards or
+        backwards.
+        """
         pieces = []
         for _ in range(count):
             film = self.films[draw.below(len(self.films))]

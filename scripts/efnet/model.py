@@ -25,7 +25,7 @@ def downsampler(channels: int) -> nn.Conv2d:
 
 
 class ConvBlock(nn.Module):
-    """Two 3x3 convolutions with LeakyReLU after both, plus a 1x1 shortcut; nothing after the sum."""
+    """Two 3x3 convolutions with LeakyReLU after both, plus a 1x1 shortcut; no activation after the sum."""
 
     def __init__(self, inputs: int, outputs: int):
         super().__init__()
@@ -97,7 +97,7 @@ class FeedForward(nn.Module):
 
 
 class EventImageTransformer(nn.Module):
-    """EICA: adds to the image feature what the event feature of the same level says, then a per-pixel MLP."""
+    """EICA: adds the event feature of the same level to the image feature by attention, then a per-pixel MLP."""
 
     def __init__(self, channels: int, heads: int):
         super().__init__()
@@ -115,7 +115,7 @@ class EventImageTransformer(nn.Module):
 
 
 class EventLevel(ConvBlock):
-    """Event encoder level: the merge convolution feeds the image branch, the path itself goes on without it."""
+    """Event encoder level: the merge convolution feeds the image branch; the event path continues without it."""
 
     def __init__(self, inputs: int, outputs: int, last: bool):
         super().__init__(inputs, outputs)
@@ -142,7 +142,7 @@ class FusionLevel(ConvBlock):
 
 
 class GatedLevel(ConvBlock):
-    """Stage 2 encoder level: with a mask, stage 1 features enter, gated by where events are (EMGC)."""
+    """Stage 2 encoder level: with a mask, adds stage 1 features, gated by the presence of events (EMGC)."""
 
     def __init__(self, inputs: int, outputs: int, last: bool):
         super().__init__(inputs, outputs)
@@ -176,12 +176,12 @@ class UpLevel(nn.Module):
 
 
 def output_channels(candidates: int) -> int:
-    """A colour, and where there are candidates the weights of the mix that it is added to."""
+    """Number of output channels: a colour and, with candidates, the weights of the mix to which it is added."""
     return 3 + candidates + 1 if candidates > 0 else 3
 
 
 def add_to_mix(output: Tensor, pictures: Tensor, candidates: int) -> Tensor:
-    """A colour plus the blurry frame, or plus a mix of it and the candidates, each pixel with weights of its own.
+    """A colour plus the blurry frame, or plus a mix of it and the candidates with per-pixel weights.
 
     output [N,output_channels,H,W]; pictures [N,3+3C,H,W], the blurry frame first.
     """
@@ -192,7 +192,7 @@ def add_to_mix(output: Tensor, pictures: Tensor, candidates: int) -> Tensor:
 
 
 class SupervisedAttention(nn.Module):
-    """SAM: makes the stage 1 restoration and uses it to gate the feature that goes on to stage 2."""
+    """SAM: computes the stage 1 restoration and gates with it the feature for stage 2."""
 
     def __init__(self, channels: int, candidates: int = 0):
         super().__init__()
@@ -209,8 +209,8 @@ class SupervisedAttention(nn.Module):
 class EFNet(nn.Module):
     """(blurry [N,3,H,W], events [N,C,H,W], mask [N,1,H,W] or None) -> [stage 1, stage 2]; the second is the result.
 
-    The published network has six event channels and no candidates. Ours is given further pictures [N,3C,H,W], which the
-    first stage sees and both stages mix.
+    The published network has six event channels and no candidates. The any-time variant gets further pictures
+    [N,3C,H,W], which are inputs of the first stage and candidates of both stages' mixes.
     """
 
     def __init__(self, width: int = 64, event_channels: int = 6, candidates: int = 0):

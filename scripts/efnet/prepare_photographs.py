@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Cuts square training pictures from unpacked photograph packages (docs/engineering/restorer.md names them).
 
-The pictures serve training only; they are not committed and not distributed.
+The pictures are for training only; they are not committed and not distributed.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ except ImportError as error:
     sys.exit(2)
 
 SUFFIXES = {".jpg", ".jpeg", ".png", ".bmp", ".webp"}
-# Diagrams, icons and drawings teach nothing about photographs, and html pages hold mostly those.
+# Diagrams, icons and drawings are unlike photographs, and html pages contain mostly those.
 SKIPPED = ("/html/", "charmap", "letter", "digits", "logo", "opencv4", "shape_sample", "GT.png", "screenshot",
            "720x1440", "1080x1920", "images_dark", "ml.png", "gradient", "pca_test")
 
 
 def is_skipped(path: Path, folder: Path) -> bool:
-    """By its names below the folder alone: where that lies says nothing about its pictures."""
+    """Decides by the names below the folder alone: the location of the folder is irrelevant."""
     return any(word in f"/{path.relative_to(folder).as_posix()}" for word in SKIPPED)
 
 
@@ -33,7 +33,7 @@ def candidates(folders: list[Path]) -> list[Path]:
     files = {p for f in folders for p in f.rglob("*") if p.suffix.lower() in SUFFIXES and p.is_file() and not is_skipped(p, f)}
     files = [p for p in sorted(files) if p.stat().st_size > 30_000]
     largest: dict[str, Path] = {}
-    for path in files:  # wallpaper packages hold one picture in many resolutions, in a folder of its own
+    for path in files:  # wallpaper packages contain one picture in many resolutions, in its own folder
         key = str(path.parent) if path.parent.name == "images" else re.sub(r"_\d+x\d+$", "", str(path.with_suffix("")))
         if key not in largest or path.stat().st_size > largest[key].stat().st_size:
             largest[key] = path

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Frames, times and events of a folder in the EvDeblur layout, by the rules of docs/data.md, which are those of the programs."""
+"""Frames, times and events of a folder in the EvDeblur layout, by the rules of docs/data.md, which the programs
+follow too.
+"""
 
 from __future__ import annotations
 
@@ -63,7 +65,7 @@ def picture(path: Path) -> Tensor:
 
 
 def read_arrays(path: Path) -> np.ndarray | dict[str, np.ndarray]:
-    """Of an .npy file its array, of an .npz file its arrays by name."""
+    """The array of an .npy file, or the arrays of an .npz file by name."""
     try:
         content = np.load(path)
         if isinstance(content, np.ndarray):
@@ -122,7 +124,7 @@ def frame_times(path: Path, unit: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def take(name: str, values: object, fields: dict[str, object]) -> None:
-    """Puts an array among the fields; one called by its letter alone comes before those that are called otherwise."""
+    """Adds an array to the fields; a one-letter name has priority over longer names."""
     field = FIELDS.get(name)
     if field is not None and (name == field or field not in fields):
         fields[field] = values
@@ -155,7 +157,7 @@ def hdf5_events(path: Path) -> dict[str, np.ndarray]:
 
 
 def columns(path: Path, table: np.ndarray) -> dict[str, np.ndarray]:
-    """Of t x y p or x y t p: time is what never decreases, else what is larger."""
+    """Chooses t x y p or x y t p: time is the column that never decreases, else the larger one."""
     if table.ndim != 2 or table.shape[1] != 4:
         raise DataError(f"{path}: expected an array [N,4] of t x y p or x y t p, found shape {list(table.shape)}")
     rises = [bool((np.diff(table[:, i]) >= 0).all()) for i in (0, 2)]
@@ -164,20 +166,20 @@ def columns(path: Path, table: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def named_order(line: str) -> str | None:
-    """The order of x, y, t and p where a line is their four names."""
+    """The order of x, y, t and p if a line consists of their four names."""
     order = "".join(FIELDS.get(word, "?") for word in re.split(r"[ \t,;]+", line.lstrip("#").strip().lower()))
     return order if sorted(order) == sorted("xytp") else None
 
 
 def likely_order(rows: np.ndarray) -> str:
-    """Of columns that nothing names: t x y p, unless by their first events only the third can be the time."""
+    """The order of columns without names: t x y p, unless in the first events only the third can be the time."""
     t, y = rows[:4096, 0], rows[:4096, 2]
     third = (np.diff(t) < 0).any() and (np.diff(y) >= 0).all() and y[0] < y[-1]
     return "xytp" if third else "txyp"
 
 
 def text_events(path: Path) -> dict[str, np.ndarray]:
-    """Lines of four numbers with blanks, commas or semicolons; one line before them may say what they hold."""
+    """Lines of four numbers separated by blanks, commas or semicolons; one line of names may come first."""
     rows, header_seen, order = [], False, None
     for number, line in enumerate(path.read_text(encoding="utf-8-sig", errors="replace").splitlines()):
         if not rows and order is None:
@@ -198,7 +200,7 @@ def text_events(path: Path) -> dict[str, np.ndarray]:
 
 
 def stored_events(path: Path) -> dict[str, np.ndarray]:
-    """The lists x, y, t, p as the file has them."""
+    """The lists x, y, t, p as stored."""
     if path.suffix in (".h5", ".hdf5"):
         return hdf5_events(path)
     if path.suffix in (".txt", ".csv"):
@@ -252,7 +254,7 @@ def read_events(path: Path, unit: str, begin: int, end: int) -> dict[str, np.nda
     if len(t):
         known = event_unit(t, begin, end, path) if unit == "auto" else unit
         if t.dtype.kind == "f":
-            # Seconds are decimal fractions: the nearest microsecond is meant.
+            # Seconds are decimal fractions: round to the nearest microsecond.
             t = (np.round if known == "s" else np.floor)(t * UNITS[known]).astype(np.int64)
         else:
             t = t // 1000 if known == "ns" else t * int(UNITS[known])
@@ -276,7 +278,7 @@ class Frame:
 
 
 def read_frames(root: Path, unit: str) -> list[Frame]:
-    """In the order of their numbers."""
+    """Frames in the order of their numbers."""
     if not root.is_dir():
         raise DataError(f"{root}: expected a folder in the EvDeblur layout (docs/data.md), found {'a file' if root.exists() else 'nothing'}")
     files = find_images(root)

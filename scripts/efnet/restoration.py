@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What surrounds the network: its event input, the double integral it is compared with, and their mix."""
+"""Pre- and postprocessing of the network: its event input, EDI for comparison, and their mix."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from torch import Tensor
 
 BINS = 6  # of the published network
 EDI_WINDOWS = 8  # of the printed double integral
-WINDOWS = 16  # of the counts from which any moment is restored: the nine poses of an exposure fall on their borders
-CANDIDATES = 4  # thresholds for which moment_input integrates
+WINDOWS = 16  # of the counts from which any moment is restored: the nine poses of an exposure are at window borders
+CANDIDATES = 4  # number of thresholds for which moment_input integrates
 
 
 def scer_from_bins(bins: Tensor) -> Tensor:
@@ -33,24 +33,25 @@ def event_mask(events: Tensor) -> Tensor:
 
 
 def event_mask_of(active: Tensor) -> Tensor:
-    """The same from a map [N,1,H,W] of ones and zeros."""
+    """Event mask from a map [N,1,H,W] of ones and zeros."""
     dilated = F.max_pool2d(active, 3, 1, 1)
     return -F.max_pool2d(-dilated, 3, 1, 1)
 
 
 def network_input(bins: Tensor, kind: str = "scer") -> tuple[Tensor, Tensor]:
-    """Raw bins to (events, mask) as the network takes them."""
+    """Converts raw bins to the network's (events, mask)."""
     events = normalise(scer_from_bins(bins) if kind == "scer" else bins)
     return events, event_mask(events)
 
 
 def moment_input(counts: Tensor, time: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """What an any-time network takes, from signed counts [N,W,H,W] of equal windows and moments [N] in [0,1].
+    """Input of an any-time network, from signed counts [N,W,H,W] of equal windows and moments [N] in [0,1].
 
-    events [N,W+8,H,W]: counts cumulated from the moment to each border of the windows, over the mean count of a pixel with
-    events; the log of the double integral, for four thresholds; the moment; the log of that mean count. mask [N,1,H,W].
-    log_gain [N,4,H,W]: log of the blurry frame over the sharp one at the moment, were the threshold so.
-    A pixel's counts depend on a threshold that the network is not told: it picks among the candidates.
+    events [N,W+8,H,W]: counts cumulated from the moment to each border of the windows, relative to the mean count
+    of a pixel with events; the log of the double integral, for four thresholds; the moment; the log of that mean
+    count. mask [N,1,H,W]. log_gain [N,4,H,W]: log of the blurry frame over the sharp one at the moment, for each
+    threshold.
+    A pixel's counts depend on a threshold that the network does not know: it chooses among the candidates.
     """
     count, windows, height, width = counts.shape
     knots = F.pad(counts.cumsum(1), [0, 0, 0, 0, 1, 0])
@@ -75,7 +76,7 @@ def moment_input(counts: Tensor, time: Tensor) -> tuple[Tensor, Tensor, Tensor]:
 
 
 def any_time_channels() -> int:
-    """How many event channels moment_input makes: borders, candidates, moment and scale."""
+    """Number of event channels of moment_input: borders, candidates, moment and scale."""
     return WINDOWS + 1 + CANDIDATES + 2
 
 
@@ -89,7 +90,8 @@ def any_time_input(blurry: Tensor, counts: Tensor, time: Tensor) -> tuple[Tensor
 def double_integral(blurry: Tensor, windows: Tensor, moment: int | None = None, trapezoid: bool = False) -> Tensor:
     """EDI from the samples at the borders of equal windows, at one of them (default: mid exposure).
 
-    blurry [N,3,H,W]; windows [N,W,H,W] of threshold-weighted signed sums. Equal weights as printed, or trapezoid ones.
+    blurry [N,3,H,W]; windows [N,W,H,W] of threshold-weighted signed sums. Equal weights as printed, or trapezoid
+    ones.
     """
     knots = F.pad(windows.cumsum(1), [0, 0, 0, 0, 1, 0])
     number = windows.shape[1]
@@ -106,12 +108,12 @@ def mean_mix(a: Tensor, b: Tensor) -> Tensor:
 
 
 def oracle_mix(a: Tensor, b: Tensor, truth: Tensor) -> Tensor:
-    """Per pixel the restoration with the smaller squared error: what perfect routing would give."""
+    """Per pixel the restoration with the smaller squared error: the result of perfect routing."""
     error_a, error_b = ((x - truth).square().sum(1, keepdim=True) for x in (a, b))
     return torch.where(error_a <= error_b, a, b)
 
 
 def psnr(a: Tensor, b: Tensor) -> Tensor:
-    """[N]: of the mean squared error over pixels and channels, peak 1, after clamping the first to [0,1]."""
+    """[N]: PSNR of the mean squared error over pixels and channels, peak 1, after clamping the first to [0,1]."""
     mse = (a.float().clamp(0, 1) - b.float()).square().mean((1, 2, 3))
     return -10 / math.log(10) * mse.clamp_min(1e-12).log()

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Blurry frames, events and sharp frames, simulated on the fly in batches on any device.
 
-A scene is one to three textured layers (photographs or procedural) that move before each other along smooth
-camera-like paths. It is rendered at the borders of equal time steps; events follow the per-pixel threshold rule between
-them. Everything random comes from one torch.Generator, so a seed and a device fix every batch.
+A scene is one to three textured layers (photographs or procedural) that move in front of each other along smooth
+camera-like paths. It is rendered at the borders of equal time steps; events follow the per-pixel threshold rule
+between them. All random numbers come from one torch.Generator, so a seed and a device determine every batch.
 """
 
 from __future__ import annotations
@@ -25,15 +25,16 @@ LUMA = (0.299, 0.587, 0.114)
 
 @dataclass(frozen=True)
 class NoiseOptions:
-    """Strength of what sensors add; 0 is a clean simulation, 1 the strongest that training draws."""
+    """Strength of sensor noise; 0 is a clean simulation, 1 the strongest in training."""
 
     strength_min: float = 0.0
     strength_max: float = 1.0
-    apart: float = 0.5  # share of exposures whose frames and events differ in time, and of those where they differ in place
+    # share of exposures whose frames and events differ in time, and of those in which they differ in place
+    apart: float = 0.5
     quantise: bool = True
 
     def share(self, of: float) -> float:
-        """Of exposures with a fault that has no strength; a clean simulation has none."""
+        """Share of exposures with a fault that has no strength; 0 for a clean simulation."""
         return of if self.strength_max > 0 else 0.0
 
 
@@ -50,8 +51,8 @@ class SceneOptions:
     rectified: float = 0.35  # share of batches whose events are splatted at sub-pixel positions
     steps: int = 0  # time steps of the exposure; 0: from the blur length
     windows: int = WINDOWS  # of the counts
-    moments: int = 2  # of each exposure, asked for
-    middle: bool = False  # ask for the middle only, else for any border of a time step
+    moments: int = 2  # per exposure
+    middle: bool = False  # only the middle, else any border of a time step
     noise: NoiseOptions = NoiseOptions()
 
 
@@ -64,7 +65,7 @@ class Sample:
     time: Tensor  # [N,M] in [0,1]
     sharp: Tensor  # [N,M,3,H,W] at these moments, without noise
     ends: Tensor  # [N,2,3,H,W] at the start and at the end
-    weighted: Tensor | None  # [N,W,H,W] the counts times the nominal thresholds, for EDI; only when asked for
+    weighted: Tensor | None  # [N,W,H,W] the counts times the nominal thresholds, for EDI; only on request
 
 
 def smooth_noise(draw: Draw, count: int, channels: int, size: int, coarsest: int, octaves: int) -> Tensor:
@@ -248,7 +249,8 @@ def render(layers: list[Layer], positions: Tensor) -> Tensor:
         s = (layer.angle.sin() * (1 + layer.zoom)).view(count, times, 1, 1)
         moved = torch.stack([p[..., 0] * c - p[..., 1] * s, p[..., 0] * s + p[..., 1] * c], -1) / depth
         moved = moved + layer.shift.permute(0, 2, 1).reshape(count, times, 1, 1, 2)
-        # Written out: a matrix product could run in a reduced precision that moves texture by tenths of a pixel.
+        # Written out, because a matrix product could run at a reduced precision that shifts texture by tenths of a
+        # pixel.
         x, y, turn = moved[..., 0], moved[..., 1], layer.turn.view(count, 4, 1, 1, 1)
         texture = torch.stack([x * turn[:, 0] + y * turn[:, 1], x * turn[:, 2] + y * turn[:, 3]], -1)
         texture = (texture + layer.centre.view(count, 1, 1, 1, 2)).view(count, times * height, width, 2)
@@ -263,9 +265,9 @@ def render(layers: list[Layer], positions: Tensor) -> Tensor:
 
 
 def event_intensity(draw: Draw, pictures: Tensor) -> tuple[Tensor, Tensor]:
-    """What the event pixels see, [N,S,H,W]: luma, the mean, or a Bayer pattern; stored encoding or linear light.
+    """Input of the event pixels, [N,S,H,W]: luma, the mean, or a Bayer pattern; stored encoding or linear light.
 
-    Also the exponent [N,1,1] that leads from the stored encoding to it.
+    Also the exponent [N,1,1] from the stored encoding to it.
     """
     count, _, _, height, width = pictures.shape
     exponent = torch.where(draw.chance(0.5, count, 1, 1, 1, 1), 2.2, 1.0)
@@ -280,14 +282,14 @@ def event_intensity(draw: Draw, pictures: Tensor) -> tuple[Tensor, Tensor]:
 
 @dataclass
 class PixelThresholds:
-    rise: Tensor  # [N,H,W] of each pixel, in log units of what the event pixels see
+    rise: Tensor  # [N,H,W] per pixel, in log units of the event pixels' input
     fall: Tensor
     nominal_rise: Tensor  # [N,1,1] known to EDI, in log units of the stored encoding
     nominal_fall: Tensor
 
 
 def draw_thresholds(draw: Draw, options: SceneOptions, strength: Tensor, exponent: Tensor) -> PixelThresholds:
-    """EDI works on the stored encoding, where the same events mean a threshold smaller by the exponent."""
+    """EDI works on the stored encoding, where the same events have thresholds smaller by the exponent."""
     count = options.batch
     rise = draw.log_uniform(options.threshold_min, options.threshold_max, count, 1, 1)
     high = draw.uniform((options.threshold_min + options.threshold_max) / 2, options.threshold_max, count, 1, 1)
@@ -310,10 +312,10 @@ def events_of_step(
     level: Tensor, seen: Tensor, reference: Tensor, rise: Tensor, fall: Tensor, slow: Tensor, most: Tensor, lost: Tensor,
     reset: Tensor, shot: Tensor, leak: Tensor, chances: Tensor,
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """One time step of the threshold rule: what the pixel sees, its reference, and the signed count.
+    """One time step of the threshold rule: the pixel's input, its reference, and the signed count.
 
-    reset: what share of the change beyond the thresholds is forgotten at an event, as by a pixel that takes the level after its
-    dead time for its new reference.
+    reset: the share of the change beyond the thresholds that an event discards, as in a pixel whose new reference
+    is the level after its dead time.
     """
     seen = seen + (level - seen) * (1 - slow)
     change = seen - reference
@@ -332,14 +334,14 @@ event_step = events_of_step
 
 
 def compile_events() -> None:
-    """Lets torch.compile make one kernel of a time step; the numbers are the same to rounding."""
+    """Makes torch.compile generate one kernel per time step; the numbers agree up to rounding."""
     global event_step
     event_step = torch.compile(events_of_step, dynamic=True)
 
 
 def shift_in_time(level: Tensor, ahead: Tensor, margin: int) -> Tensor:
-    """level [N,S+2*margin,H,W] to [N,S,H,W], as it is `ahead` [N,1,1] time steps later (earlier where negative): at most by the margin, or
-    by one where there is none; beyond the ends along a line.
+    """Shifts level [N,S+2*margin,H,W] to [N,S,H,W], by `ahead` [N,1,1] time steps later (negative: earlier): at most
+    by the margin, or by one without a margin; extrapolates linearly beyond the ends.
     """
     count, times = level.shape[:2]
     first, last = 2 * level[:, :1] - level[:, 1:2], 2 * level[:, -1:] - level[:, -2:-1]
@@ -361,14 +363,14 @@ def simulate_events(
     floor = draw.log_uniform(1e-3, 3e-2, count, 1, 1, 1)
     level = (intensity + floor).log()
     per_sample = strength.view(-1, 1, 1)
-    # Frames are stamped at one end of their readout or the other: their clock differs from the events'.
+    # Frames are stamped at either end of their readout, so their clock differs from the events'.
     ahead = draw.chance(options.noise.share(options.noise.apart), count, 1, 1) * draw.uniform(-0.045, 0.045, count, 1, 1) * steps
     most_ahead = max(margin, 1)
     level = shift_in_time(level, ahead.clamp(-most_ahead, most_ahead), margin)
-    # The stream runs on before the exposure: the reference is anywhere within a threshold of the first sample.
+    # The stream begins before the exposure, so the reference is within a threshold of the first sample.
     offset = draw.uniform(-1, 1, count, height, width)
     reference = level[:, 0] - torch.where(offset > 0, offset * thresholds.rise, offset * thresholds.fall)
-    # A lag of 2.3 steps at the most: in dim light sensors reach some milliseconds.
+    # A lag of at most 2.3 steps: in dim light sensors reach some milliseconds.
     slow = draw.chance(0.3, count, 1, 1) * draw.uniform(0, 0.7, count, 1, 1) * per_sample
     limited = draw.chance(0.25, count, 1, 1) & (per_sample > 0.2)
     most = torch.where(limited, 1.0 + draw.index(3, count, 1, 1), torch.full_like(per_sample, 1e6))
@@ -398,7 +400,9 @@ def simulate_events(
 
 
 def splat(maps: Tensor, displacement: Tensor) -> Tensor:
-    """Moves what each pixel of [N,C,H,W] holds by [N,H,W,2] pixels, bilinearly; what leaves the frame is lost."""
+    """Moves the values of each pixel of [N,C,H,W] by [N,H,W,2] pixels, bilinearly; values that leave the frame are
+    lost.
+    """
     count, channels, height, width = maps.shape
     y, x = torch.meshgrid(
         torch.arange(height, device=maps.device), torch.arange(width, device=maps.device), indexing="ij"
@@ -419,8 +423,8 @@ def splat(maps: Tensor, displacement: Tensor) -> Tensor:
 def expose(draw: Draw, pictures: Tensor, options: SceneOptions, strength: Tensor) -> Tensor:
     """Mean over the exposure in linear light or the stored encoding, with shot, read and fixed-pattern noise.
 
-    The first and the last picture count half: the mean is over time, not over pictures. Some recordings are made otherwise,
-    as plain means of nine sharp frames.
+    The first and the last picture have half weight, because the mean is over time. Some recordings are plain
+    means of nine sharp frames instead.
     """
     count, number = pictures.shape[:2]
     gamma = torch.where(draw.chance(0.5, count, 1, 1, 1), 2.2, 1.0)
@@ -442,13 +446,13 @@ def expose(draw: Draw, pictures: Tensor, options: SceneOptions, strength: Tensor
 
 
 def time_steps(blur_px: float, windows: int) -> int:
-    """A multiple of the windows, as a rule with less than about a pixel of motion in each step."""
+    """A multiple of the windows, usually with less than about a pixel of motion per step."""
     wanted = min(48, max(12, math.ceil(1.3 * blur_px)))
     return windows * math.ceil(wanted / windows)
 
 
 def make_colours(draw: Draw, layers: list[Layer], count: int) -> None:
-    """Turns whole samples gray, brightens some until highlights clip, and leaves others in the dark."""
+    """Makes whole samples gray, brightens some until highlights clip, and darkens others."""
     gray = draw.chance(0.25, count, 1, 1, 1)
     kind = draw.uniform(0, 1, count, 1, 1, 1)
     gain = torch.where(kind < 0.15, draw.uniform(1.0, 1.5, count, 1, 1, 1), torch.ones_like(kind))
@@ -472,7 +476,7 @@ def draw_moments(draw: Draw, steps: int, options: SceneOptions) -> Tensor:
 
 
 def soften(pictures: Tensor, sigma: Tensor) -> Tensor:
-    """Pictures [N,S,3,H,W] behind a lens whose point is a Gaussian of sigma [N] pixels, at most 0.8."""
+    """Blurs pictures [N,S,3,H,W] by a lens with a Gaussian point spread function of sigma [N] pixels, at most 0.8."""
     weights = (-0.5 * (torch.arange(-2, 3, device=pictures.device) / sigma.clamp_min(1e-3).view(-1, 1)).square()).exp()
     weights = (weights / weights.sum(1, keepdim=True)).view(-1, 5, 1, 1, 1, 1)
     count, times, channels, height, width = pictures.shape
@@ -485,14 +489,16 @@ def soften(pictures: Tensor, sigma: Tensor) -> Tensor:
 
 
 def draw_misplacement(draw: Draw, options: SceneOptions) -> Tensor:
-    """[N,1,1,2] pixels by which an exposure's events lie beside the frame, as after an imperfect calibration; zero for most."""
+    """[N,1,1,2] offset in pixels of an exposure's events from the frame, as after an imperfect calibration; zero for
+    most.
+    """
     shape = (options.batch, 1, 1)
     return draw.chance(options.noise.share(options.noise.apart), *shape, 1) * draw.uniform(-0.6, 0.6, *shape, 2)
 
 
 def finish(draw: Draw, pictures: Tensor, seen: Tensor, displacement: Tensor | None, margin: int, options: SceneOptions,
            with_windows: bool) -> Sample:
-    """What both sensors make of pictures [N,margin+S+1+margin,3,H,W]; the event pixels see `seen`."""
+    """Simulates both sensors for pictures [N,margin+S+1+margin,3,H,W]; `seen` is the event pixels' input."""
     count, steps = options.batch, pictures.shape[1] - 1 - 2 * margin
     strength = draw.uniform(options.noise.strength_min, options.noise.strength_max, count)
     sigma = draw.chance(options.noise.share(0.3), count) * draw.uniform(0, 0.8, count)
@@ -531,7 +537,7 @@ def generate(draw: Draw, bank: Tensor, options: SceneOptions, with_windows: bool
     pictures = render(layers, positions)
     if draw.scalar() >= options.rectified:
         return finish(draw, pictures, pictures, None, MARGIN, options, with_windows)
-    # A rectified recording: sensor pixels lie beside the picture's pixels, by a smooth field.
+    # A rectified recording: sensor pixels are offset from the picture's pixels by a smooth field.
     radius = max(options.height, options.width) / 2
     linear = draw.uniform(-0.6, 0.6, count, 2, 2) / radius
     displacement = (positions.unsqueeze(3) * linear.view(count, 1, 1, 2, 2)).sum(-1)
@@ -541,7 +547,7 @@ def generate(draw: Draw, bank: Tensor, options: SceneOptions, with_windows: bool
 
 @torch.no_grad()
 def generate_from_footage(draw: Draw, footage: Footage, options: SceneOptions, with_windows: bool = False) -> Sample:
-    """One batch of films of 3-D scenes; a third of them shorter, so with less blur."""
+    """One batch of films of 3-D scenes; a third of them shorter, thus with less blur."""
     whole = footage.longest() // options.windows * options.windows
     shorter = max(whole // 2 // options.windows, 1) * options.windows
     steps = shorter if draw.scalar() < 0.3 and not options.steps else whole
@@ -557,6 +563,6 @@ def generate_from_footage(draw: Draw, footage: Footage, options: SceneOptions, w
 
 
 def validation_options(options: SceneOptions, strength: float) -> SceneOptions:
-    """Four scenes at the size of a DAVIS346 frame after padding, at the middle."""
+    """Options of four scenes at the size of a DAVIS346 frame after padding, at the middle."""
     noise = NoiseOptions(strength, strength)
     return replace(options, height=260, width=348, batch=4, steps=48, moments=1, middle=True, noise=noise)

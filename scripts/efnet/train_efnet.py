@@ -124,7 +124,7 @@ def read_weights(path: Path) -> dict[str, Tensor]:
 
 
 class Machines:
-    """This process among those of torchrun; alone without it."""
+    """This process among those of torchrun; a single one without it."""
 
     def __init__(self, device: str):
         self.rank, self.count = int(os.environ.get("RANK", 0)), int(os.environ.get("WORLD_SIZE", 1))
@@ -148,7 +148,7 @@ class Machines:
 
 
 class AnyInput(nn.Module):
-    """The network behind the preparation of its input."""
+    """The network with the preparation of its input."""
 
     def __init__(self, kind: str, width: int):
         super().__init__()
@@ -168,7 +168,7 @@ class AnyInput(nn.Module):
 
 class Trainer:
     REPORT_STEPS = 100
-    CLOCK_STEPS = 20  # the machines agree on the time this often
+    CLOCK_STEPS = 20  # interval at which the machines agree on the time
 
     def __init__(self, options: argparse.Namespace):
         self.options = options
@@ -216,7 +216,7 @@ class Trainer:
         return Footage(folder, self.device, (side, side), self.scenes.windows)
 
     def check_data(self) -> None:
-        """Before the training, not at its first validation."""
+        """Checks the data before the training, not at its first validation."""
         held_out = self.options.held_out_footage
         if self.options.held_out:
             photographs(self.options.held_out, self.options.texture_size)
@@ -228,7 +228,7 @@ class Trainer:
                             "jade_simulate --footage")
 
     def film_side(self) -> int:
-        """Pixels of the pieces of films that are validated."""
+        """Size in pixels of the film pieces for validation."""
         return 256 if self.options.crop >= 128 else self.options.crop
 
     def textures(self, folder: Path | None, procedural: int, seed: int) -> Tensor:
@@ -245,8 +245,10 @@ class Trainer:
         return self.values() + self.mean
 
     def keep_or_restore(self, good: list[Tensor], loss: float) -> None:
-        """What is learned becomes `good`, or, where it is not finite, `good` again. The loss is of the weights before its own
-        step, and the mean keeps what a step between two calls spoilt."""
+        """Copies the learned values to `good` if they are finite, else restores them from `good`. A finite loss is
+        not sufficient: it is of the weights before its own step, and the running mean keeps NaN from a step
+        between two calls.
+        """
         if math.isfinite(loss) and all(bool(p.isfinite().all()) for p in self.learned()):
             torch._foreach_copy_(good, self.learned())
             return
@@ -282,7 +284,7 @@ class Trainer:
             }
         if self.step >= self.options.max_steps:
             raise DataError(f"--max-steps {self.options.max_steps}: expected more than the {self.step} steps that {folder} has already")
-        # Files of earlier versions do not say; what ended by the clock or with its last step begins anew.
+        # Files of earlier versions lack this; a schedule that was complete starts anew.
         schedule = state.get("schedule")
         goes_on = schedule is not None and self.options.max_minutes <= 0 and self.step < schedule["end"]
         self.schedule_begin = schedule["begin"] if goes_on else self.step
@@ -324,7 +326,7 @@ class Trainer:
                 raise DataError(f"{target}: cannot be written; check the free space and the rights of the folder") from error
 
     def progress(self) -> float:
-        """Fraction of the schedule that is done: by the clock when there is a time limit."""
+        """Completed share of the schedule: by the clock if there is a time limit."""
         by_steps = (self.step - self.schedule_begin) / (self.options.max_steps - self.schedule_begin)
         if self.options.max_minutes <= 0:
             self.fraction = by_steps
@@ -415,7 +417,7 @@ class Trainer:
         self.machines.close()
 
     def refresh_footage(self) -> None:
-        """A file that cannot be used is told once and costs no training."""
+        """An unusable file is reported once and does not stop the training."""
         if self.footage is None:
             return
         self.footage.refresh()
@@ -430,7 +432,7 @@ class Trainer:
         return self.model(*self.model.prepare(sample.blurry, sample.counts, at))[1].clamp(0, 1)
 
     def validation_sets(self) -> dict[str, object]:
-        """Name to a function that makes a batch of a noise level: drawn scenes, and held-out films."""
+        """Maps names to functions that make a batch at a noise level: generated scenes, and held-out films."""
         bank = self.textures(self.options.held_out, 6, VALIDATION_SEED)
         sets = {"drawn": lambda draw, scenes: generate(draw, bank, scenes, with_windows=True)}
         if self.options.held_out_footage:
@@ -442,7 +444,9 @@ class Trainer:
 
     @torch.no_grad()
     def validate(self, final: bool) -> dict[str, dict[str, float]]:
-        """Held-out pictures, films, seed and textures; always the same scenes. PSNR of the global error, mean over scenes."""
+        """Validates on held-out pictures, films, seed and textures, always the same scenes. PSNR of the global
+        error, mean over scenes.
+        """
         self.model.eval()
         own = [p.clone() for p in self.values()]
         torch._foreach_copy_(self.values(), self.mean)

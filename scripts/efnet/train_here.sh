@@ -2,19 +2,21 @@
 # SPDX-License-Identifier: Apache-2.0
 # Trains a restorer on this machine: all its cores render films of 3-D scenes while all its GPUs train on them.
 #
-#   scripts/efnet/train_here.sh --output RUN [--films N] [--first SEED] [--jobs N] [--size WxH] [train_efnet.py's arguments]
+# scripts/efnet/train_here.sh --output RUN [--films N] [--first SEED] [--jobs N] [--size WxH] [train_efnet.py's
+# arguments]
 #
-# RUN/films gets N scenes (default 300) of six exposures of 320x288 pixels, from seed SEED (default 5001) on; RUN/held_out eight
-# more, for validation. What is there already is kept, so a second start renders the rest only; the training begins once there is
-# enough of both and ends by its own arguments, such as --max-minutes 9. Films that are not ready by then are given up.
-# Needs build/bin/jade_simulate (scripts/build.sh jade_simulate) and a Python with torch (docs/engineering/restorer.md, section 3): $PYTHON, else
-# that of build/training or .venv, else python3. Exit codes are those of train_efnet.py.
+# RUN/films gets N scenes (default 300) of six exposures of 320x288 pixels, from seed SEED (default 5001) on;
+# RUN/held_out eight more, for validation. Existing films are kept, so a second start renders only the rest; the
+# training begins once there are enough of both and ends by its own arguments, such as --max-minutes 9. Films that are
+# not finished by then are abandoned. Needs build/bin/jade_simulate (scripts/build.sh jade_simulate) and a Python with
+# torch (docs/engineering/restorer.md, section 3): $PYTHON, else that of build/training or .venv, else python3. Exit
+# codes are those of train_efnet.py.
 set -euo pipefail
-held_out=900001  # the first of eight seeds that no training sees
+held_out=900001  # the first of eight seeds that training never uses
 training='' renderers=''
 fail() { echo "train_here: $*" >&2; exit 2; }
 
-# A film is not in its folder until it is whole.
+# A film appears in its folder only when it is complete.
 film() {
   local world=gallery folder=films
   [ $(($1 % 2)) = 1 ] || world=clutter
@@ -38,7 +40,7 @@ leave() {
   [ -z "$renderers" ] || kill -TERM -- "-$renderers" 2>/dev/null || true
 }
 
-# All of it is one function, so that bash has read it whole before it begins.
+# One function, so that bash reads the whole script before it begins.
 main() {
   root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
   case "${1:-}" in -h | --help) sed -n '3,/^[^#]/s/^# \{0,1\}//p' "${BASH_SOURCE[0]}"; exit ;; esac
@@ -69,7 +71,8 @@ main() {
       ! command -v "$python" >/dev/null || break
     done
   fi
-  # Mistakes in the training's own arguments are told now, not after the first films. Prints the number of processes.
+  # Reports mistakes in the training's own arguments immediately, not after the first films. Prints the number of
+  # processes.
   local processes
   processes=$("$python" -c '
 import sys
@@ -94,7 +97,7 @@ print(train_efnet.torch.cuda.device_count() if o.device == "cuda" else 1)' "$roo
   trap 'exit 130' INT
   trap 'exit 143' TERM
   trap 'exit 129' HUP
-  # Process groups of their own, so that what they began ends with them.
+  # Separate process groups, so that their children end with them.
   set -m
   { seq "$held_out" $((held_out + 7)); seq "$first" $((first + films - 1)); } | xargs -P "$jobs" -n 1 bash -c 'film "$0"' &
   renderers=$!
@@ -104,7 +107,7 @@ print(train_efnet.torch.cuda.device_count() if o.device == "cuda" else 1)' "$roo
   done
   local run=("$python")
   [ "$processes" -lt 2 ] || run+=(-m torch.distributed.run --nproc-per-node "$processes")
-  # Not in the foreground, where bash would hear of no signal before it ends.
+  # Not in the foreground, where bash would handle a signal only after it ends.
   "${run[@]}" "$root/scripts/efnet/train_efnet.py" --output "$output" --footage "$output/films" --held-out-footage "$output/held_out" \
     "${rest[@]}" &
   training=$!

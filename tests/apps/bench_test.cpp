@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// jade_bench as a user runs it: time to quality.
+// jade_bench from the command line: time to quality.
 #include "support/catch.h"
 
 #include <nlohmann/json.hpp>
@@ -53,7 +53,7 @@ TEST_CASE("jade_bench run: the first score at a goal or above, and what came bef
   CHECK(result["goals"][1]["reached"].is_null());
   CHECK(result["last"] == curve[2]);
   CHECK_THAT(read_file(dir / "run/curve.csv"), Catch::StartsWith("step,seconds,psnr\n2,"));
-  // Steps and nothing else: no checkpoint, no report.
+  // Only steps: no checkpoint, no report.
   CHECK_FALSE(std::filesystem::exists(dir / "run/checkpoints"));
   CHECK_FALSE(std::filesystem::exists(dir / "run/report.html"));
 }
@@ -90,7 +90,7 @@ TEST_CASE("jade_bench run: what it needs, in one line", "[apps]") {
               "--set simulate.width=36 --set simulate.height=28 --set simulate.focal_px=40 "
               "--set simulate.motion.blur_px=3 --output scene")
               .code == 0);
-  // A warning about the data comes before it.
+  // A warning about the data precedes it.
   const Outcome unscored = run(dir, kRun);
   CHECK(unscored.code == 3);
   CHECK_THAT(unscored.err, test::naming("scene", "test views"));

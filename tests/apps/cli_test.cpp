@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Runs the programs as a user does: exit codes, one clear line on stderr, results on stdout.
+// The programs from the command line: exit codes, one clear line on stderr, results on stdout.
 #include "common/cli.h"
 
 #include "support/catch.h"
@@ -142,7 +142,8 @@ TEST_CASE("jade_train: trains, resumes and is scored from the command line", "[a
   INFO(resumed.err);
   CHECK(resumed.code == 0);
   CHECK(std::filesystem::exists(dir.path() / "run/checkpoints/step_0000008.pt"));
-  // The run's own settings: by default the target would be EFNet, and nothing else names the data.
+  // Uses the run's own settings: by default the target would be EFNet, and nothing else names the
+  // data.
   const Outcome further =
       run(dir, "jade_train --quiet --output run --resume --set train.iterations=9");
   INFO(further.err);
@@ -176,7 +177,7 @@ TEST_CASE("jade_train: the restorer is the one that ships, and is looked for bef
 
 namespace {
 
-/// The exit code of a program that does this.
+/// The exit code of a program whose body is `body`.
 int code_of(const std::function<void()>& body) {
   apps::Program program("probe", "throws");
   char name[] = "probe", quiet[] = "--log-level=off";
@@ -200,7 +201,7 @@ TEST_CASE("programs: a failure of the GPU is told by its exit code, whoever find
 
 TEST_CASE("programs: want of memory is told by its exit code, whoever asked for it", "[apps]") {
   CHECK(code_of([] { throw std::bad_alloc(); }) == 4);
-  CHECK(code_of([] { torch::empty({int64_t(1) << 48}); }) == 4);  // more than can be addressed
+  CHECK(code_of([] { torch::empty({int64_t(1) << 48}); }) == 4);  // more than the address space
 }
 
 TEST_CASE("jade_simulate: a disk that is full leaves no half of a data set", "[apps]") {
@@ -210,7 +211,7 @@ TEST_CASE("jade_simulate: a disk that is full leaves no half of a data set", "[a
       "simulate.seen_test_views=0 --set simulate.width=36 --set simulate.height=28 --set "
       "simulate.focal_px=40 --set simulate.motion.blur_px=3 --output ";
   fs::create_directory(dir / "scene");
-  // No file beyond some kilobytes: enough for the pictures, not for the events.
+  // Limits file sizes to some kilobytes: enough for the pictures, not for the events.
   for (const std::string flag : {"scene", "scene --recording", "new"}) {
     check_error(run(dir, "ulimit -f 12\n" + tiny + flag), 3, "space");
     CHECK(fs::is_empty(dir / "scene"));
@@ -268,7 +269,7 @@ TEST_CASE("jade_train: the data set is no folder for a run, nor is one whose ima
       "jade_train --device cpu --set train.iterations=1 --set objective.target=none ";
   check_error(run(dir, train + "--set dataset.path=scene --output ./scene/"), 2, "--output",
               "./scene/");
-  // A list of another layout that lies in the data set does not matter.
+  // A list of another layout in the data set does not matter.
   dir.write("scene/transforms.json", R"({"frames":[{"file_path":"gone.png"}]})");
   CHECK(run(dir, train + "--set dataset.path=scene --output run").code == 0);
   fs::create_directories(dir / "set");

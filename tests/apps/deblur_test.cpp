@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// jade_deblur and jade_eval as a user runs them: methods, pictures, the cache, and bad input.
+// jade_deblur and jade_eval from the command line: methods, pictures, the cache, and bad input.
 #include "support/catch.h"
 
 #include <torch/script.h>
@@ -35,11 +35,11 @@ void save_network(const fs::path& path, const std::string& body,
   module.save(path.string(), {{"jade_efnet.json", metadata}});
 }
 
-/// The tiny scene's frames and events do not tell the thresholds, which is a warning.
+/// The tiny scene's frames and events do not determine the thresholds, which causes a warning.
 const char* const kThresholds =
     "--set events.threshold_positive=0.25 --set events.threshold_negative=0.25 ";
 
-/// A scene whose blurry frames count as their own truth, and a restorer that darkens.
+/// A scene whose blurry frames are also its true images, and a restorer that darkens.
 struct Scene {
   test::TempDir dir;
   explicit Scene(const test::TinyDatasetOptions& options = {}) {
@@ -171,7 +171,7 @@ TEST_CASE("jade_deblur: processes that share a cache do not disturb each other",
     CHECK(entry.path().extension() == ".restoration");
     ++entries;
   }
-  CHECK(entries == 4);  // three restorations of EFNet, and the thresholds that the events tell
+  CHECK(entries == 4);  // three restorations of EFNet, and the measured thresholds
   for (const auto& entry : fs::directory_iterator(scene.dir / "cache/restorations")) {
     write_file(entry.path(), "cut short");
   }

@@ -39,7 +39,7 @@ std::set<std::string> matches(const std::string& text, const std::regex& pattern
           std::sregex_token_iterator()};
 }
 
-/// Flags that begin a line of `help`, which are those of the program.
+/// Flags at the start of a line of `help`: those of the program.
 std::set<std::string> declared_flags(const std::string& help) {
   std::set<std::string> flags;
   for (const std::string& line : lines_of(help)) {
@@ -77,7 +77,7 @@ TEST_CASE("--help: groups, two examples, 80 columns and only flags of the progra
       INFO(line);
       CHECK(characters(line) <= 80);
     }
-    // jade_bench has flags of its commands in its examples.
+    // jade_bench uses flags of its subcommands in its examples.
     std::set<std::string> flags = declared_flags(outcome.out);
     if (program == "jade_bench") {
       for (const char* command : {" splat --help", " run --help"})

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// jade_import as a user runs it: a recording without poses to a scene that trains, and bad input.
+// jade_import from the command line: a recording without poses becomes a trainable scene, and bad
+// input.
 #include "support/catch.h"
 
 #include <filesystem>
@@ -39,7 +40,7 @@ bool has_colmap() {
   }
 }
 
-/// A second of a small desk, in the time that a test has.
+/// A second of a small desk, small enough for a test.
 constexpr char kSimulate[] =
     "jade_simulate --quiet --recording --seed 7 --output desk --set simulate.world=desk "
     "--set simulate.width=200 --set simulate.height=150 --set simulate.focal_px=240 "
@@ -76,8 +77,8 @@ TEST_CASE("jade_import: a simulated recording becomes a scene that trains", "[ap
   INFO(compared.out << compared.err);
   REQUIRE(compared.code == 0);
   const auto errors = nlohmann::json::parse(compared.out);
-  // 0.7 to 1.4 px in eight imports; poses that stand still within an exposure are half its blur of
-  // 6 px off at its ends.
+  // 0.7 to 1.4 px in eight imports; poses that are static within an exposure are off by 3 px, half
+  // its blur of 6 px, at its ends.
   for (const char* at : {"start_px", "middle_px", "end_px", "nine_px"}) CHECK(errors[at] < 2);
   CHECK_THAT(run(dir, import).err, test::naming("up to date", "--from"));
   const Outcome trained =
@@ -112,7 +113,7 @@ TEST_CASE("jade_import: bad input is one line each", "[apps]") {
   fs::create_directories(dir / "mine");
   write_file(dir / "mine/notes.txt", "");
   check_error(run(dir, "jade_import --quiet three --output mine"), 2, "--output");
-  // COLMAP is asked for where it is needed.
+  // COLMAP is checked only if it is needed.
   CHECK(run(dir, "jade_import --quiet three --output early --until read --set poses.colmap=gone")
             .code == 0);
   check_error(import("three --from nothing"), 2, "--from", "read");

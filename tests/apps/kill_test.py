@@ -1,14 +1,13 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Interrupts training at random moments and checks that nothing but the steps since the last
-checkpoint is lost.
+"""Interrupts training at random moments and checks that only the steps since the last checkpoint are lost.
 
-    kill_test.py BIN_FOLDER [KILLS]
+kill_test.py BIN_FOLDER [KILLS]
 
-A tiny scene is simulated and trained twice: once in peace, and once with kill -9, SIGTERM, SIGHUP and
-Ctrl-C at random moments, resumed each time. Both must give the same Gaussians to the bit. Then the
-disk "fills up" (a limit on file size) while a checkpoint is saved. The target is routed, so the
-router and its Adam are among what must survive.
+Simulates a tiny scene and trains it twice: once without interruption, and once with kill -9, SIGTERM, SIGHUP and
+Ctrl-C at random moments, resumed each time. Both must give bit-identical Gaussians. Then the disk "fills up" (a
+limit on file size) while a checkpoint is saved. The target is routed, so that the router and its Adam state are
+covered too.
 """
 import json
 import os
@@ -117,13 +116,13 @@ def interrupted_runs(scene, kills, whole_seconds):
         process.send_signal(how)
         error = process.communicate(timeout=60)[1]
         reached, saved = last_logged_step(run), (checkpoints(run) or [0])[-1]
-        if process.returncode == 0:  # finished before the signal came: once more from the start
+        if process.returncode == 0:  # finished before the signal: start again
             run = scene.folder / f"killed-{attempt}"
             continue
         expected = {-9} if how == signal.SIGKILL else {130, -how}
         if process.returncode not in expected:
             fail(f"{names[how]}: exit code {process.returncode}, expected one of {expected}\n{error}")
-        # Stopped while it still prepared the views, it has left the log of the run before alone.
+        # Stopped while preparing the views, it has not changed the log of the previous run.
         prepared = metrics(run) != logged_before
         if process.returncode == 130 and prepared and reached != saved:
             fail(f"{names[how]}: stopped at step {reached}, but the newest checkpoint is {saved}")
@@ -141,7 +140,7 @@ def interrupted_runs(scene, kills, whole_seconds):
 
 
 def gone_reader(scene):
-    """Ctrl-C under `| tee` ends tee first: what the program says then goes nowhere, and it saves all the same."""
+    """Ctrl-C under `| tee` ends tee first: the program's output is lost, but it must save."""
     run = scene.folder / "tee"
     process = subprocess.Popen(scene.train_command(run, resume=False), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     while last_logged_step(run) < 3 and process.poll() is None:

@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""What --serve costs a run, for docs/viewer.md: steps per second without it, with nobody looking, with one viewer.
+"""Measures the cost of --serve for docs/viewer.md: steps per second without it, without viewers, and with one
+viewer.
 
-    measure_serve.py BIN_FOLDER [--repeat N] -- FLAGS OF jade_train
+measure_serve.py BIN_FOLDER [--repeat N] -- FLAGS OF jade_train
 
-The three ways take turns, so that a machine that slows down slows all of them. Steps per second are those
+The three variants alternate, so that a machine that slows down affects all of them. Steps per second are those
 from the second logged line to the last; CPU seconds are the program's own, encoding included.
 """
 import argparse
@@ -25,7 +26,7 @@ WAYS = ("without --serve", "nobody looks", "one viewer")
 
 
 def first_camera(url, state):
-    """What the page shows first, as parameters of a frame."""
+    """The page's initial view, as parameters of a frame."""
     while not state["stop"]:
         text = ask(url)[1].decode()
         if '"live"' in text:
@@ -38,7 +39,7 @@ def first_camera(url, state):
 
 
 def look(url, state):
-    """Asks for a frame as soon as the last has come, as the page does."""
+    """Requests a frame as soon as the last one has arrived, like the page."""
     address = f"{url}frame?viewer=a&layer=color&{first_camera(url, state)}"
     asks = threading.Thread(target=ask_along, args=(url, state))
     asks.start()
@@ -51,8 +52,9 @@ def look(url, state):
 
 
 def ask_along(url, state):
-    """What the page asks beside frames (front/live.js): each second the state and where its camera stands, every four the
-    picture of a layer that changes."""
+    """The page's requests besides frames (front/live.js): each second the state and the current camera pose, every
+    four seconds the picture of a layer that changes.
+    """
     second, lines = 0, 0
     while not state["stop"]:
         status, body = ask(f"{url}state?viewer=a&generation=0&from={lines}")

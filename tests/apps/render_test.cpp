@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// jade_render as a user runs it: the film of an exposure, with and without ffmpeg, and bad input.
+// jade_render from the command line: the film of an exposure, with and without ffmpeg, and bad
+// input.
 #include "support/catch.h"
 
 #include "jade/core/error.h"
@@ -34,7 +35,7 @@ struct TrainedScene {
   Outcome render(const std::string& flags) const {
     return run(dir, "jade_render --quiet --device cpu --run run " + flags);
   }
-  /// With `body` as the only ffmpeg there is; the file it is to write (file:NAME) is $out.
+  /// Runs jade_render with `body` as the only ffmpeg; its output file (file:NAME) is $out.
   Outcome render_with(const std::string& body, const std::string& flags) const {
     const auto path =
         dir.write("bin/ffmpeg", "#!/bin/sh\nfor out; do :; done\nout=${out#file:}\n" + body + "\n");
@@ -103,7 +104,7 @@ TEST_CASE(
   check_error(scene.render_with("exit 1", "--unblur 01 --format mp4 --output failed.mp4"), 3,
               "ffmpeg");
   CHECK_FALSE(fs::exists(scene.dir / "failed.mp4"));
-  // A folder with the film's name is refused before any input is read.
+  // Rejects a folder with the film's name before reading any input.
   fs::create_directories(scene.dir / "taken/01.mp4");
   fs::remove(scene.dir / "run/point_cloud.ply");
   fs::remove_all(scene.dir / "run/checkpoints");
@@ -181,7 +182,8 @@ TEST_CASE("jade_render --depth: the depth of an opaque Gaussian as .npy and .png
   const double full = 65535 * 0.001;
   const torch::Tensor png = imaging::read_image(dir / "fine/a_depth.png");
   CHECK(torch::allclose(png[0] * full, depth[0], 0, 0.00051));
-  // Steps of which 65535 do not reach: the .png says the most, and a warning tells.
+  // Steps so small that 65535 of them are not enough: the .png contains the maximum, with a
+  // warning.
   const Outcome coarse = run(dir, render + "--depth-step 0.00001 --output coarse");
   CHECK(coarse.code == 0);
   CHECK_THAT(coarse.err, Catch::Contains("--depth-step"));

@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""jade_train --serve and jade_view as a user runs them: viewers of all kinds, Ctrl-C, mistakes, and the same bits.
+"""jade_train --serve and jade_view from the command line: viewers of all kinds, Ctrl-C, mistakes, and bit-identical
+results.
 
-    serve_test.py BIN_FOLDER        exits with 77 where the programs were built without a web server
+serve_test.py BIN_FOLDER        exits with 77 if the programs were built without a web server
 """
 import hashlib
 import http.client
@@ -43,7 +44,7 @@ def expect(condition, what):
 
 
 def ask(url, method="GET"):
-    """Status and bytes of an answer; (0, b'') where nobody answers."""
+    """Status and bytes of an answer; (0, b'') without an answer."""
     try:
         with urllib.request.urlopen(urllib.request.Request(url, method=method, data=b"" if method == "POST" else None), timeout=30) as answer:
             return answer.status, answer.read()
@@ -78,12 +79,12 @@ class Served:
         return self.errors.read()
 
     def end(self):
-        """The exit code."""
+        """Waits for the program; returns its exit code."""
         self.process.stdout.close()
         return self.process.wait(timeout=120)
 
     def interrupt(self):
-        """Ctrl-C; the exit code, and the seconds that it took."""
+        """Sends Ctrl-C; returns the exit code, and the seconds until it ended."""
         start = time.monotonic()
         self.process.send_signal(signal.SIGINT)
         return self.end(), time.monotonic() - start
@@ -121,7 +122,7 @@ def look(url, viewer, seen, stop):
 
 
 def stall(url, viewer):
-    """A viewer that asks and never reads; its connection."""
+    """A viewer that sends a request and never reads; returns its connection."""
     connection = socket.create_connection(("127.0.0.1", port_of(url)))
     connection.sendall(f"GET /{FRAME.format(viewer)} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode())
     return connection
@@ -132,7 +133,7 @@ def port_of(url):
 
 
 def raw(url, request):
-    """The first line of the answer to these bytes; empty where the server hung up."""
+    """The first line of the answer to these bytes; empty if the server closed the connection."""
     with socket.create_connection(("127.0.0.1", port_of(url)), timeout=30) as connection:
         try:
             connection.sendall(request)
@@ -142,7 +143,7 @@ def raw(url, request):
 
 
 def misuse(url):
-    """What does not belong to a viewer. Connections that say nothing, left open."""
+    """Invalid requests, and connections that stay open without sending anything."""
     ask_state = b"GET /state?viewer=a&generation=-1&from=0 HTTP/1.1\r\n"
     for what, request, answer in (
             ("another Host", ask_state + b"Host: example.org\r\n\r\n", "HTTP/1.1 421 Misdirected Request"),
@@ -156,7 +157,7 @@ def misuse(url):
 
 
 def flood(url, count, half):
-    """So many requests, by four at once; training is held at the step `half` until they are through."""
+    """Sends `count` requests in four threads; training waits at the step `half` until they are done."""
     bad, held = [], threading.Event()
 
     def part(viewer):
@@ -181,12 +182,12 @@ def flood(url, count, half):
 
 
 def check_same_bits(runs):
-    """With two viewers, some that stall or leave, a pause, requests that are refused and 10,000 that are not."""
+    """Trains with two viewers, some that stall or leave, a pause, rejected requests and 10,000 accepted ones."""
     done = subprocess.run(runs.training("alone"), capture_output=True, text=True)
     expect(done.returncode == 0, done.stderr)
     served = Served(*runs.training("served", "--serve=0"))
     url, seen, stop = served.url, {}, threading.Event()
-    # At once: a quick machine is soon through 150 steps.
+    # Immediately: a fast machine finishes 150 steps quickly.
     expect(ask(f"{url}pause?viewer=a&on=1", "POST")[0] == 204, "pause")
     viewers = [threading.Thread(target=look, args=(url, name, seen, stop)) for name in "ab"]
     for viewer in viewers:
@@ -235,7 +236,7 @@ def check_interrupt(runs):
 
 
 def check_mistakes(runs):
-    """One line, exit code 2, nothing made."""
+    """Mistakes give one line and exit code 2, and create nothing."""
     def fails(what, code, *command):
         done = subprocess.run(command, capture_output=True, text=True)
         expect(done.returncode == code and done.stderr.count("\n") == 1 and what in done.stderr,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The programs that read a data set have one vocabulary: the keys of jade_train.
+// All programs that read a data set accept the keys of jade_train.
 #include "support/catch.h"
 
 #include "jade/core/atomic_file.h"
@@ -51,7 +51,7 @@ TEST_CASE("settings: run, files, --set and flags are laid over each other in thi
     CHECK(printed(dir, set, "test_last") == "4");
     CHECK(printed(dir, program + " --split none --set dataset.split=auto --run run", "split") ==
           "none");
-    // The run's device may be that of another machine.
+    // The run's device may not exist on this machine.
     CHECK_THAT(run(dir, start + " --print-config").out, Catch::Contains("\ndevice: auto "));
     CHECK_THAT(run(dir, start + " --device cpu --print-config").out,
                Catch::Contains("\ndevice: cpu "));
@@ -118,7 +118,7 @@ TEST_CASE("settings: a scene's file serves every program; paths start where they
   CHECK(scored.code == 0);
   CHECK(run(dir, "jade_eval --device cpu --json --run run").out == scored.out);
 
-  // A flag takes its value as it is, from the folder where the program runs.
+  // A flag's value is used verbatim, relative to the working directory.
   fs::rename(dir / "data/scene", dir / "a: [b");
   CHECK(run(dir, "jade_deblur --quiet --output c --dataset 'a: [b'" + scene).code == 0);
   CHECK(run(dir, "jade_inspect 'a: [b'").code == 0);

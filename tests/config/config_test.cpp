@@ -123,8 +123,7 @@ TEST_CASE("config: a key that became a constant is read with that value alone, a
     CHECK_THAT(error_of(dir, concat("route: {", wrong, "}\n")),
                test::naming("scene.yaml:1:", "route." + key));
   }
-  // A value that follows from a field follows from its last one, in whichever order files name
-  // them.
+  // A value derived from a field uses the field's final value, in any order of the files.
   CHECK(load_text(dir, "route: {lr_final: 1e-3, lr: 0.1}\n").route.lr == 0.1);
   CHECK(load_text(dir, "route: {lr_final: 1e-3}\n", {"route.lr=0.1"}).route.lr == 0.1);
   CHECK_THAT(error_of(dir, "route: {lr_final: 1e-3}\n"),
@@ -307,7 +306,7 @@ TEST_CASE("config: a share of the run follows its length, a number of steps does
   CHECK(steps("{iterations: 3000, resets: 120, warmup: 1500}") ==
         std::pair(int64_t{1500}, int64_t{120}));
   CHECK(steps("{warmup: 0%, resets: 0}") == std::pair(int64_t{0}, int64_t{0}));
-  CHECK(steps("{iterations: 3, warmup: 1%}").first == 1);  // a share is never nothing
+  CHECK(steps("{iterations: 3, warmup: 1%}").first == 1);  // a share is at least one step
   for (const char* bad : {"warmup: 6 steps", "warmup: -6%", "warmup: '%'", "warmup: 1.5"}) {
     CHECK_THAT(error_of(dir, bad), Catch::Contains("warmup: expected a whole number of steps or a "
                                                    "share of the run such as 6%"));

@@ -39,7 +39,7 @@ TEST_CASE("asset: JADE_DATA has what lies not beside the program", "[core]") {
   dir.write("configs/own.yaml", "");
   const DataFolder data(dir.path());
   CHECK(asset("configs/own.yaml") == dir.path() / "configs/own.yaml");
-  // Files beside the program are of its version and take precedence.
+  // Files beside the program belong to its version and take precedence.
   CHECK(asset("configs/base.yaml") ==
         program_folder().parent_path() / "share/jade/configs/base.yaml");
 }

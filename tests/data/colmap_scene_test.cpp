@@ -89,7 +89,7 @@ TEST_CASE("colmap scene: a camera of another shape than its image is refused", "
                                                         Catch::Contains("48x64") &&
                                                         Catch::Contains("64x48"));
   CHECK_THROWS_AS(lens_camera_of(camera, 48, 48), DataError);
-  // Programs that halve a side round it either way.
+  // Programs round an odd size up or down when they halve it.
   CHECK(lens_camera_of({7, "PINHOLE", 97, 65, {60, 60, 24, 32}}, 48, 33).pinhole().width == 48);
 }
 
@@ -207,7 +207,7 @@ TEST_CASE("colmap scene: images without a file are named, strong distortion is u
   REQUIRE(straight.mask.defined());
   CHECK_FALSE(straight.mask[0][0][0].item<bool>());
   CHECK(straight.mask[0][6][10].item<bool>());
-  // Around the axis nothing moves.
+  // The map is the identity on the axis.
   CHECK((straight.blurry - test::noise_image(1))
             .abs()
             .select(1, 6)
@@ -265,7 +265,7 @@ TEST_CASE("colmap scene: images in folders of their cameras are found", "[data]"
   REQUIRE(data.train.size() == 4);
   CHECK(data.train[2].name == "cam1_000");
   CHECK(test::same_image(data.train[2].blurry, test::noise_image(2)));
-  // Also those of a camera of which the model has none.
+  // Includes images of a camera that the model lacks.
   imaging::write_image(room / "images/cam2/000.png", test::noise_image(9));
   load_dataset(options, &warnings);
   CHECK(test::mentions(warnings, "1 of 5 images"));

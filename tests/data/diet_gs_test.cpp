@@ -20,8 +20,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Two frames of nine poses and two sharp views, written in reverse order to show that names
-/// decide and not the order of the file.
+/// Two frames of nine poses and two sharp views, written in reverse order to show that names and
+/// not the order of the file matter.
 struct DietScene {
   test::TempDir temp;
   fs::path root = temp / "blurtest";
@@ -85,7 +85,8 @@ TEST_CASE("diet_gs: names give every frame its nine poses, binary or text", "[da
     }
     REQUIRE(data.test.size() == 2);
     CHECK(data.test[1].name == "03");
-    // The first stands where frame 0 has its fifth pose; the model does not say when the other was.
+    // The first view has the fifth pose of frame 0; the model does not contain the time of the
+    // other.
     CHECK(data.test[0].seen == true);
     CHECK_FALSE(data.test[1].seen.has_value());
     CHECK(test::same_image(data.test[1].image, test::noise_image(3)));
@@ -98,7 +99,7 @@ TEST_CASE("diet_gs: names give every frame its nine poses, binary or text", "[da
 
 TEST_CASE("diet_gs: a sharp view without a time is seen from the pose of an exposure", "[data]") {
   const Dataset data = DietScene().load();
-  // The last pose, turned and displaced away from the others.
+  // The last pose, rotated and displaced from the others.
   const geometry::Pose& pose = data.train[1].poses[8];
   const auto seen = [&](double turn, double shift) {
     SharpView view = data.test[0];

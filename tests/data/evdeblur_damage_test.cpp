@@ -23,7 +23,7 @@ namespace {
 namespace fs = std::filesystem;
 using test::mentions;
 
-/// A whole data set on disk, to be broken.
+/// An intact data set on disk, which tests damage.
 struct Scene {
   test::TempDir temp;
   fs::path root = temp / "scene";

@@ -139,7 +139,7 @@ TEST_CASE("evdeblur: a sharp view is seen when its time lies in an exposure, end
     INFO(t_us);
     view.t_us = t_us;
     CHECK(is_seen(data, view) == seen);
-    // The time decides, whatever the poses say: learned ones move.
+    // The time decides, not the pose, because learned poses move.
     view.pose = second.poses[0];
     CHECK(is_seen(data, view) == seen);
   }
@@ -260,7 +260,7 @@ TEST_CASE("evdeblur: held-out exposures are kept from training", "[data]") {
   CHECK(data.held_out[0].t_start_us == content.train[1].t_start_us);
   CHECK(torch::allclose(data.held_out[0].blurry, content.train[1].blurry, 0, 1e-6));
   CHECK(data.train[1].t_start_us == content.train[2].t_start_us);
-  // Its sharp view is one that training does not see any more.
+  // Its sharp view is one that training no longer sees.
   CHECK(data.test[0].seen == false);
 }
 

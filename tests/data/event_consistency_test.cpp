@@ -19,8 +19,10 @@ struct Slides {
   events::EventStream events;
 };
 
-/// A pattern that slides over the sensor to and fro, of brightness `light` times (0.1 to 0.9).
-/// @param read_noise,fixed  deviations of each frame's own noise and of a pattern in all of them
+/// A pattern that slides over the sensor back and forth, with brightness `light` times (0.1 to
+/// 0.9).
+/// @param read_noise,fixed  standard deviations of each frame's own noise and of a pattern in all
+///   of them
 Slides sliding(double light, double read_noise, double fixed) {
   torch::manual_seed(6);
   const auto at = [](int64_t x, int64_t y, double t_us) {

@@ -186,7 +186,7 @@ TEST_CASE("origin: points behind the cameras are told with the axes that would s
     return lines.empty() ? "" : lines[0];
   };
   CHECK(told().empty());
-  // One camera that sees them is enough to leave the axes alone.
+  // One camera that sees the points is enough to accept the axes.
   const auto turn = [&](size_t i) {
     data.train[i].poses.fill({geometry::Matrix3{1, 0, 0, 0, -1, 0, 0, 0, -1}, {0, 0, -3}});
   };

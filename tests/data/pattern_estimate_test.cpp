@@ -14,7 +14,7 @@ constexpr int64_t kFrame = 64;
 constexpr int64_t kWorld = 160;
 constexpr double kFocal = 60, kDepth = 2;
 
-/// Frames of a flat picture that a camera sees from places on its plane, px, each with `pattern`.
+/// Frames of a flat picture seen from places on its plane, px, each with `pattern`.
 Dataset frames_over_a_picture(const std::vector<std::array<int64_t, 2>>& places,
                               const torch::Tensor& pattern) {
   auto generator = at::make_generator<at::CPUGeneratorImpl>(7);
@@ -46,7 +46,7 @@ torch::Tensor pixels(double deviation) {
 }
 
 TEST_CASE("pattern estimate: finds the strength of pixels, and of columns", "[data]") {
-  // The mean of 3x3 takes 1/9 of the variance of pixels and 1/3 of that of columns.
+  // The mean of 3x3 pixels removes 1/9 of the variance of pixels and 1/3 of that of columns.
   const double found = estimate_pattern(frames_over_a_picture(kAround, pixels(0.02))).strength;
   CHECK(found == Approx(0.02 * std::sqrt(8.0 / 9)).epsilon(0.1));
   const torch::Tensor columns = pixels(0.02).slice(1, 0, 1).expand({1, kFrame, kFrame});

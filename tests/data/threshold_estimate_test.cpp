@@ -87,7 +87,7 @@ Dataset sliding_pattern(const events::Thresholds& mean, double spread, double lo
   return data;
 }
 
-/// Deviation from the truth, the larger of the two.
+/// Relative error of the thresholds, the larger of the two.
 double error_of(const ThresholdEstimate& estimate, double positive, double negative) {
   return std::max(std::abs(estimate.thresholds.positive / positive - 1),
                   std::abs(estimate.thresholds.negative / negative - 1));
@@ -111,7 +111,7 @@ TEST_CASE("thresholds: a sensor with an offset is read with that offset", "[data
 }
 
 TEST_CASE("thresholds: their spread from pixel to pixel pulls them nowhere", "[data]") {
-  // One pair of thresholds for all pixels, fitted to the same, comes out a third too low.
+  // A fit of one pair of thresholds for all pixels is too low by a third.
   const ThresholdEstimate estimate = estimate_of(sliding_pattern({0.1, 0.12}, 0.03, 0), 0);
   REQUIRE(estimate.found);
   CHECK(error_of(estimate, 0.1, 0.12) < 0.1);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A small EvDeblur data set for tests: four exposures and two sharp views of noise, a camera that
-// moves and turns steadily, and events at every 100 µs.
+// A small EvDeblur data set for tests: four exposures and two sharp views of noise, a camera with
+// constant velocity and rotation, and an event every 100 µs.
 #pragma once
 
 #include <algorithm>
@@ -66,7 +66,7 @@ inline data::EvDeblurContent tiny_content() {
   return content;
 }
 
-/// Events as files hold them, x and y as uint16; any of the lists may be cut or changed.
+/// Events as stored, x and y as uint16; tests may truncate or change any of the lists.
 struct RawEvents {
   std::vector<double> x, y, t, p;
 };

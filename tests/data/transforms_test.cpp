@@ -136,7 +136,7 @@ TEST_CASE("transforms: frames without an image are left out and told, unless few
   CHECK_THROWS_WITH(load_dataset(options),
                     Catch::Contains("6 of 10 frames") && test::naming("half"));
 
-  // Two of three are more than half, and no scene.
+  // Two of three are more than half, but too few for a scene.
   write_file(folder / "room/transforms.json",
              "{\"fl_x\":50,\"frames\":[" + frames_json("images/f", ".png", 3) + "]}");
   imaging::write_image(folder / "room/images/f1.png", test::noise_image(1));
@@ -452,7 +452,7 @@ TEST_CASE("transforms: distortion_params is the lens, as the single coefficients
   REQUIRE(single.notes.size() == 1);
   CHECK(list.notes == single.notes);
   CHECK(list.train[0].blurry.equal(single.train[0].blurry));
-  // nerfstudio uses the list where a file has both.
+  // nerfstudio uses the list if a file has both.
   const Dataset both =
       load_one(folder, camera + R"("k1":0.5,"distortion_params":[-0.3,0.1,0.02,0,0.01,-0.02],)");
   CHECK(both.train[0].blurry.equal(single.train[0].blurry));

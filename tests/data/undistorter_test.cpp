@@ -17,7 +17,7 @@ using geometry::LensModel;
 constexpr int64_t kW = 96, kH = 64;
 const geometry::Intrinsics kPinhole{70, 72, 47, 33, kW, kH};
 
-/// A pattern on the plane z = 1 as the camera sees it, smooth enough to be resampled.
+/// A pattern on the plane z = 1 seen by the camera, smooth enough for resampling.
 torch::Tensor picture(const geometry::LensCamera& camera) {
   torch::Tensor image = torch::zeros({3, kH, kW});
   auto out = image.accessor<float, 3>();
@@ -94,7 +94,7 @@ TEST_CASE("undistorter: a mask follows its frame", "[data]") {
   mask[0][int64_t(spot[1])][int64_t(spot[0])] = false;
   Undistorter().undistort(camera, "", image, mask);
   CHECK_FALSE(mask[0][50][80].item<bool>());
-  // With the pixels that are interpolated from it.
+  // Includes the pixels that are interpolated from it.
   CHECK(mask.sum().item<int64_t>() > kW * kH - 40);
 }
 

@@ -31,7 +31,7 @@ struct Group {
   unsigned first = 0, size = 0;
   unsigned alive = 0, waiting = 0;
   Meeting meeting = Meeting::kBlock;
-  int turn = 0;  ///< of `brought`, so that who goes on early overwrites nothing
+  int turn = 0;  ///< index into `brought`, so that a thread that continues early overwrites nothing
   std::vector<uint64_t> brought[2];
   std::vector<uint8_t> were_there[2];
 };
@@ -163,7 +163,7 @@ class Block {
     }
   }
 
-  /// Lets all go on who wait, if nobody is missing.
+  /// Lets all waiting threads continue, if none is missing.
   void release(Group& group) {
     if (group.waiting == 0 || group.waiting < group.alive) return;
     for (unsigned t = group.first; t < group.first + group.size; ++t) {

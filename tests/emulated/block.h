@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A grid of CUDA threads on one thread of the CPU: blocks one after the other, the threads of a
-// block as fibers that take turns at barriers and warp operations.
+// A grid of CUDA threads on one CPU thread: blocks run one after the other, and the threads of a
+// block are fibers that switch at barriers and warp operations.
 #pragma once
 
 #include <cstddef>
@@ -14,11 +14,11 @@ struct Index {
   Index(unsigned x_ = 1, unsigned y_ = 1, unsigned z_ = 1) : x(x_), y(y_), z(z_) {}
 };
 
-/// In which order the threads of a block run between two barriers. What a kernel computes must not
-/// depend on it: a missing barrier shows as a difference between orders.
+/// Order in which the threads of a block run between two barriers. Results must not depend on it: a
+/// missing barrier causes a difference between orders.
 enum class Order { kAscending, kDescending, kShuffled };
 
-/// For launches that follow, until the object's end.
+/// Sets the order of later launches during the object's lifetime.
 class ForcedOrder {
  public:
   explicit ForcedOrder(Order order);
@@ -30,17 +30,18 @@ class ForcedOrder {
   Order before_;
 };
 
-/// Which barrier or operation threads meet at: all must be at the same.
+/// The barrier or operation at which threads meet: all must be at the same.
 enum class Meeting { kBlock, kWarp, kBallot, kMatch, kShuffle, kReduce };
 
 /// Runs `kernel` once for every thread of every block.
-/// @param shared_bytes  what shared_memory() has, the same garbage at the start of every block
-/// @throws std::logic_error where threads wait at barriers that the others never reach, or meet at
+/// @param shared_bytes  size of shared_memory(), which contains the same garbage at the start of
+///   every block
+/// @throws std::logic_error if threads wait at barriers that the others never reach, or meet at
 ///   different ones. Such a kernel is wrong on a GPU too.
 void run_grid(const Index& grid, const Index& block, const std::function<void()>& kernel,
               size_t shared_bytes = 0);
 
-/// @name For code that runs inside of run_grid()
+/// @name For code inside run_grid()
 /// @{
 const Index& grid_size();
 const Index& block_size();
@@ -49,10 +50,10 @@ const Index& thread_index();  ///< from 0
 
 void* shared_memory();
 
-/// Values that threads exchange at a barrier, by their place in the block or warp. Valid until the
-/// thread's next barrier.
+/// Values that threads exchange at a barrier, indexed by their position in the block or warp. Valid
+/// until the thread's next barrier.
 struct Brought {
-  const uint64_t* values;     ///< 0 of those that had returned
+  const uint64_t* values;     ///< 0 for threads that have returned
   const uint8_t* were_there;  ///< 1 or 0
   unsigned count;
 };
@@ -60,7 +61,7 @@ struct Brought {
 /// Waits for all threads of the block that have not returned.
 Brought meet_block(uint64_t mine);
 
-/// Meeting of the 32 threads of the warp; the mask must name them all.
+/// Synchronises the 32 threads of the warp; the mask must name them all.
 Brought meet_warp(Meeting meeting, uint32_t mask, uint64_t mine);
 /// @}
 

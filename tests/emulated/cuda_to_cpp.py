@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Writes a CUDA source as C++: launches kernel<<<grid, block, bytes, stream>>>(...) as calls, and shared memory whose
-size the launch names as a pointer.
+"""Converts a CUDA source to C++: launches kernel<<<grid, block, bytes, stream>>>(...) become calls, and shared
+memory of dynamic size becomes a pointer.
 
-    cuda_to_cpp.py IN.cu OUT.cpp
+cuda_to_cpp.py IN.cu OUT.cpp
 """
 import re
 import sys
@@ -15,7 +15,7 @@ SHARED = re.compile(r"extern __shared__ ([\w: ]+?) (\w+)\[\];")
 
 
 def as_cpp(text: str) -> str:
-    """Lines keep their numbers."""
+    """Keeps line numbers."""
 
     def call(found: re.Match) -> str:
         kernel, where = found.groups()

@@ -12,7 +12,7 @@
 
 #include "emulated/block.h"
 
-// The namespaces of the kernels stand beside those of the build's own, which has them for a GPU.
+// Renames the kernels' namespaces, because the build may also contain the real GPU versions.
 #define cuda emulated_cuda
 #define check_launch check_emulated_launch
 namespace jade::kernel {
@@ -26,7 +26,7 @@ inline void check_emulated_launch(const char*) {}
 #define __noinline__
 #define __grid_constant__
 #define __launch_bounds__(...)
-// Blocks run one after the other. The section is filled with garbage before each: block.cpp.
+// Blocks run one after the other. The section is filled with garbage before each block: block.cpp.
 #define __shared__ static __attribute__((section("emulated_shared")))
 #define __align__(bytes) __attribute__((aligned(bytes)))
 
@@ -219,7 +219,7 @@ inline uint32_t __reduce_max_sync(uint32_t mask, uint32_t value) {
   return jade::emulated::reduce(mask, value, [](uint32_t a, uint32_t b) { return std::max(a, b); });
 }
 
-/// kernel/tensor_core.cuh. Tensor cores cut sums off rather than round them.
+/// kernel/tensor_core.cuh. Tensor cores truncate sums instead of rounding.
 inline float toward_zero(double x) {
   const float nearest = float(x);
   return std::abs(double(nearest)) > std::abs(x) ? std::nextafter(nearest, 0.f) : nearest;
@@ -231,7 +231,8 @@ inline float2 emulated_from_halves(uint32_t both) {
   return {float(c10::Half(uint16_t(both), c10::Half::from_bits())),
           float(c10::Half(uint16_t(both >> 16), c10::Half::from_bits()))};
 }
-/// The first lane to go on computes for all: the others wait, so what they point to is there.
+/// The first lane to continue computes for all: the others are waiting, so their arguments are
+/// valid.
 inline void emulated_multiply_add_f16(float (&d)[4], const uint32_t (&a)[4],
                                       const uint32_t (&b)[2]) {
   struct Lane {

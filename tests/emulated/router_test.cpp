@@ -72,7 +72,8 @@ std::vector<Tensor> pass(RouterWeights w, const Tensor& blurry, const Tensor& ps
 
 namespace {
 
-/// Within 1e-5 of each tensor's largest value: without the low halves of any product it is 1e-4.
+/// Within 1e-5 of each tensor's largest value: without the low halves of any product the error is
+/// 1e-4.
 void check_against_reference(const Tensor& blurry, const Tensor& psi, const Tensor& cotangent,
                              const std::vector<Order>& orders) {
   const RouterWeights weights = random_weights();
@@ -110,7 +111,7 @@ TEST_CASE("emulated cuda: the router's logits and gradients are those of exact c
 TEST_CASE("emulated cuda: the router's gradients are as exact where they are far from one",
           "[emulated]") {
   torch::manual_seed(5);
-  // The biases count for nothing beside such inputs; half precision has neither magnitude.
+  // The biases are negligible for such inputs; half precision cannot represent either magnitude.
   check_against_reference(1e7 * torch::rand({1, 3, 3, 4}), 1e-9 * torch::rand({1, 2, 3, 4}),
                           1e-12 * torch::randn({1, 1, 3, 4}), {Order::kAscending});
 }

@@ -34,10 +34,10 @@ struct Settings {
   bool depth_gradient = true;  ///< where there is depth
   bool deterministic = false;
   int64_t statistics_views = -1;
-  bool cameras = true;  ///< their gradients too
+  bool cameras = true;  ///< compare their gradients too
   bool activated = false;
   double far_plane = splat::kFarthest;
-  bool means2d = false;      ///< gradients on the screen too
+  bool means2d = false;      ///< compare screen gradients too
   bool interleaved = false;  ///< colours by pixel, and intrinsics as matrices
 };
 
@@ -53,10 +53,10 @@ struct Outcome {
   std::vector<Tensor> gradients;  ///< five parameters, background, cameras
   splat::ScreenStatistics statistics;
   int64_t rejected = 0;
-  int64_t room = 0;  ///< for how many list entries; CUDA alone
+  int64_t room = 0;  ///< capacity in list entries; CUDA only
 };
 
-/// A call with gradients over no background.
+/// A backward call without a background.
 splat::BackwardArgs call_of(const SplatScene& scene) {
   splat::BackwardArgs args;
   splat::ForwardArgs& f = args.forward;
@@ -156,7 +156,7 @@ void check_outcomes(const Outcome& cuda, const Outcome& cpu) {
   check_gradients({found.gradient_norm}, {expected.gradient_norm});
 }
 
-/// Whatever the order of threads.
+/// For any order of threads.
 void check_against_cpu(const SplatScene& scene, const Settings& settings = {}) {
   const Outcome cpu = run(kCpu, scene, settings);
   for (const Order order : {Order::kAscending, Order::kDescending}) {
@@ -204,7 +204,7 @@ TEST_CASE(
   settings.sh_degree = splat::kPlainColor;
   scene.gaussians.sh = scene.gaussians.sh.narrow(1, 0, 1).contiguous();
   check_against_cpu(scene, settings);
-  // A screen gradient per view and Gaussian, none of it where a Gaussian is not visible.
+  // One screen gradient per view and Gaussian, zero where a Gaussian is not visible.
   const Outcome cuda = run(kCuda, scene, settings);
   const Tensor on_screen = cuda.gradients.back();
   REQUIRE(on_screen.sizes() == torch::IntArrayRef({3, 200, 2}));
@@ -232,11 +232,11 @@ TEST_CASE("emulated cuda: the layout of colours and intrinsics changes no bit", 
 
 TEST_CASE("emulated cuda: a splat that stops a pixel and colours none still counts in the adjoint",
           "[emulated]") {
-  // A row of eight pixels. Two splats leave the first 1.2e-4 of its light, a third beside it would
-  // leave it less than 1e-4, which ends it, and reaches no other. One behind covers all: the first
-  // pixel would go on with it alone. The last reaches the first pixel only. Before them, 32 faint
-  // ones at the last pixel: only then does the forward pass begin to look which splats change a
-  // pixel.
+  // A row of eight pixels. Two splats leave the first pixel 1.2e-4 of its light; a third beside it
+  // would leave it less than 1e-4, which stops it, and reaches no other pixel. One behind covers
+  // all: the first pixel would continue with it alone. The last reaches only the first pixel. 32
+  // faint splats at the last pixel precede them, because the forward pass checks which splats
+  // change a pixel only after these.
   const int64_t before = 32, count = before + 5;
   SplatScene scene = select_views(scene_of(count, 8, 1), 0, 1);
   scene.cameras.camera_from_world = torch::eye(4).unsqueeze(0);
@@ -346,7 +346,7 @@ TEST_CASE("emulated cuda: the order of threads changes no image and no determini
 }
 
 TEST_CASE("emulated cuda: gradients are as exact as float32 sums are", "[emulated]") {
-  // In a scene where no cut-off is decided by rounding: few splats that fill every pixel a little.
+  // A scene in which rounding decides no cut-off: few splats that each fill every pixel a little.
   SplatScene scene = scene_of(12, 24, 20, 40);
   scene.gaussians.logit_opacities.fill_(-2.5);
   Settings settings;
@@ -375,7 +375,8 @@ TEST_CASE("emulated cuda: chunks of any size change no image", "[emulated][slow]
   crowd.gaussians.logit_opacities.fill_(-4.0);
   const std::vector<Case> cases = {
       {scene_of(300, 77, 60, 6), {32, 64, 320}},
-      {select_views(scene_of(30, 512, 1024), 0, 1), {1024}},  // the most tiles that chunks go with
+      // the most tiles for which chunks are used
+      {select_views(scene_of(30, 512, 1024), 0, 1), {1024}},
       {crowd, {1024}},  // more instances than fit in shared memory
   };
   for (const Case& c : cases) {
@@ -405,7 +406,7 @@ TEST_CASE("emulated cuda: a view of too many tiles for chunks agrees with the CP
 }
 
 TEST_CASE("emulated cuda: lists that do not fit change no image", "[emulated]") {
-  // More than are looked for at a time, and all of them to be seen.
+  // More splats than one round selects, all of them visible.
   SplatScene scene = scene_of(700, 20, 17);
   scene.gaussians.logit_opacities.fill_(-4.5);
   const Outcome usual = run(kCuda, scene, {});

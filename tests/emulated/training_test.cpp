@@ -85,7 +85,7 @@ TEST_CASE("emulated cuda: the loss of the routing step and its gradient", "[emul
     losses::RouteTensors all{image(1),        image(3), image(3), image(3),
                              image(1) + 0.5f, image(3), 0.3};
     all.edi[0] = all.efnet[0];     // where α does not matter
-    all.render[0] = all.efnet[0];  // and |x| has no derivative
+    all.render[0] = all.efnet[0];  // and the derivative of |x| is undefined
     losses::RouteTensors render = all, reblur = all;
     render.kernel = render.blurry = Tensor();
     reblur.render = Tensor();
@@ -142,7 +142,7 @@ TEST_CASE("emulated cuda: the camera response's lookups of a call and their grad
           "[emulated]") {
   torch::manual_seed(2);
   const auto image = [](at::IntArrayRef shape) { return 2.4 * torch::rand(shape) - 0.2; };
-  // By weights that travel with the launch, by weights in memory, and by none.
+  // Weights as kernel arguments, weights in memory, and none.
   const response::Lookups args{{{image({4, 3, 11, 13}), torch::rand({4})},
                                 {image({3, 3, 40, 50}), {}},
                                 {image({43, 3, 5, 7}), torch::rand({43})},
@@ -186,7 +186,7 @@ TEST_CASE("emulated cuda: sums over the response's table are exact beyond 32 bit
   }
   const auto count = static_cast<int64_t>(values.size());
   const Tensor gradient = torch::tensor(values);
-  // All on one knot.
+  // All values at one knot.
   const response::Lookups args{{{torch::full({count}, 0.5), {}}}, torch::rand({response::kKnots})};
   for (const int64_t length : {count, count / 2, count / 3}) {
     const Tensor part = gradient.clone();
@@ -205,7 +205,7 @@ TEST_CASE("emulated cuda: sums over the response's table are exact beyond 32 bit
 TEST_CASE("emulated cuda: the camera response's table is that of torch's layers", "[emulated]") {
   response::CameraResponse layers;
   {
-    // Away from the fit, so that each unit counts.
+    // Away from the initial fit, so that each unit contributes.
     const torch::NoGradGuard no_grad;
     torch::manual_seed(3);
     for (Tensor& each : layers->parameters()) each.add_(0.3 * torch::randn(each.sizes()));

@@ -17,8 +17,8 @@ torch::Tensor random_image(int seed, int64_t height = 24, int64_t width = 30) {
   return torch::rand({3, height, width});
 }
 
-/// SSIM by its definition, one window at a time: a second implementation to hold the fused one
-/// against.
+/// SSIM by its definition, one window at a time: an independent reference for the fused
+/// implementation.
 double slow_ssim(const torch::Tensor& a, const torch::Tensor& b) {
   constexpr int kRadius = 5;
   double weights[11][11], total = 0;

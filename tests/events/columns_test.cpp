@@ -13,7 +13,7 @@ using namespace jade::events;
 
 namespace {
 
-/// An event whose x, y, t and p nobody takes for each other.
+/// An event whose x, y, t and p cannot be confused.
 Row event(int i) {
   return {double(i * 37 % 64), double(i * 23 % 48), 1e6 + 100.0 * i, double(i * i % 3 == 1)};
 }

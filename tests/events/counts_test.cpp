@@ -66,7 +66,8 @@ TEST_CASE("count events: the same bits for any number of threads and order of eq
 TEST_CASE("count events: a GPU gives the CPU's bits", "[events][cuda]") {
   const auto events = random_events(200000, 1.5f, 100000, 6).stream();
   std::vector<int64_t> knots;
-  for (int64_t k = 0; k <= 100; ++k) knots.push_back(k * 997);  // more spans than one launch takes
+  // more spans than one launch supports
+  for (int64_t k = 0; k <= 100; ++k) knots.push_back(k * 997);
   const auto on_gpu = count_events(events.to(torch::kCUDA), knots, kSize);
   CHECK(torch::equal(on_gpu.cpu(), count_events(events, knots, kSize)));
   CHECK(count_events(EventStream().to(torch::kCUDA), knots, kSize).abs().sum().item<int64_t>() ==

@@ -100,7 +100,7 @@ TEST_CASE("event files: of a table, time is the column that never decreases", "[
   check_events(read_events(dir / "xytp.npy").events);
   jade::io::write_npy(dir / "txyp.npy", torch::stack({s, x, y.flip(0), p}, 1));
   CHECK(read_events(dir / "txyp.npy").events.last_us() == 999);
-  // Neither does: the larger.
+  // Neither decreases never: the larger is the time.
   jade::io::write_npy(dir / "unsorted.npy", torch::stack({x, y, (s * 1e6).round().flip(0), p}, 1));
   CHECK(read_events(dir / "unsorted.npy").events.last_us() == 999);
 }
@@ -121,7 +121,7 @@ TEST_CASE("event files: text has its columns as it names them, else as they look
   std::ofstream(dir / "other.csv") << "polarity,t,y,x\n1,100,0,1.5\n0,250,1,2\n"
                                       "1,250,2.25,3\n1,999,7,0\n";
   check_events(read_events(dir / "other.csv").events);
-  // Names come before looks, and the time is the first column where both look like it.
+  // Names have priority over values, and the first column is the time if both could be.
   std::ofstream(dir / "alike.csv") << "t,x,y,p\n300,5,1,1\n200,6,2,1\n";
   CHECK(read_events(dir / "alike.csv").events.last_us() == 300);
   std::ofstream(dir / "both.csv") << "100,5,1,1\n200,6,200,1\n";

@@ -33,7 +33,7 @@ std::vector<float> windows_of(const torch::Tensor& maps) {
 
 using Windows = std::vector<float>;
 
-/// The definition, event by event and window by window: [2,J,H,W].
+/// Reference, event by event and window by window: [2,J,H,W].
 torch::Tensor slow_ramps(const EventStream& events, const TimeWindow& exposure, int64_t parts,
                          int64_t reach_us, const ImageSize& size) {
   const auto width = int32_t(size.width), height = int32_t(size.height);
@@ -92,7 +92,7 @@ TEST_CASE("ramps: the definition to the last bit, for any bands and number of th
 TEST_CASE("ramps: a step is spread over the time since the event before it", "[events]") {
   const auto events = at_one_pixel({0, 400}, {1, 1});
   const auto maps = ramped_windows(events, {0, 800}, 8, 1000, kSize);
-  // The line of the first lies before the exposure.
+  // The ramp of the first event lies before the exposure.
   CHECK(windows_of(maps.positive) == Windows{0.25f, 0.25f, 0.25f, 0.25f, 0, 0, 0, 0});
   CHECK(windows_of(maps.negative) == Windows(8, 0));
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Events at random places and times, their sums by the definition, and a measure of difference.
+// Events at random places and times, reference sums, and a measure of difference.
 #pragma once
 
 #include <algorithm>
@@ -40,7 +40,7 @@ inline Lists random_events(int64_t count, float margin, int64_t t_end, unsigned 
   return out;
 }
 
-/// The definition, event by event in double.
+/// Reference sums, event by event in double.
 inline torch::Tensor slow_bins(const Lists& events, int64_t begin, int64_t end, int64_t bins) {
   auto out = torch::zeros({bins, kSize.height, kSize.width}, torch::kFloat64);
   auto a = out.accessor<double, 3>();

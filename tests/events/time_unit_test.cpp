@@ -39,7 +39,7 @@ TEST_CASE("time unit: whole numbers of today's clock in ns are nothing else", "[
   const auto begin_us = static_cast<int64_t>(first / 1000);
   CHECK(guess_time_unit(first, first + 1e9, false, TimeWindow{begin_us, begin_us + 1000000}) ==
         TimeUnit::kNs);
-  // Frames on a clock of their own share no moment with them in any unit.
+  // Frames on an unrelated clock overlap the events in no unit.
   CHECK(guess_time_unit(first, first + 1e9, false, TimeWindow{0, 1000000}) == std::nullopt);
   const auto start = torch::tensor(std::vector<int64_t>{1700000000000000000});
   CHECK(guess_exposure_unit(start, start + 4000000, "t", "") == TimeUnit::kNs);
@@ -96,7 +96,7 @@ TEST_CASE("time unit: lone times without a fraction in floating point are micros
   CHECK(unit_of(whole) == TimeUnit::kUs);
   CHECK(unit_of(whole * 1000 + 2e17) == TimeUnit::kNs);
   CHECK(unit_of(whole + 0.5) == TimeUnit::kS);
-  // A frame a second, or every ten minutes.
+  // One frame per second, or one in ten minutes.
   const auto seconds = torch::tensor({1.7e9, 1.7e9 + 1, 1.7e9 + 2}, torch::kFloat64);
   CHECK(unit_of(seconds) == TimeUnit::kS);
   CHECK(unit_of((seconds - 1.7e9) * 600) == TimeUnit::kS);

@@ -9,7 +9,7 @@
 namespace jade::events {
 namespace {
 
-/// Two columns to the right and twice as far down; the last column leads nowhere.
+/// Two columns to the right and twice as far down; the last column has no destination.
 torch::Tensor shift_map() {
   const auto axes = torch::meshgrid({torch::arange(4), torch::arange(6)}, "ij");
   torch::Tensor map = torch::stack({axes[1] + 2, axes[0] * 2}).to(torch::kFloat32);
@@ -32,7 +32,8 @@ TEST_CASE("warp: events beside the image or the sensor are dropped and counted",
   const auto moved = warp(EventStream::from_lists({5, 2, 6.5, 1, NAN, 4}, {0, 1, 1, 2, 1, 3},
                                                   {1, 2, 3, 4, 5, 6}, {1, 1, 1, -1, 1, 1}),
                           shift_map(), {5, 8});
-  // The first leads nowhere, the last below the image; two lie beside the sensor.
+  // The first has no destination, the last leaves the image at the bottom; two are outside the
+  // sensor.
   CHECK(moved.dropped == 4);
   CHECK(moved.events.t_us().equal(torch::tensor({2, 4}, torch::kInt64)));
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The first byte says binary or text; the separator kCut parts the three files.
+// The first byte selects binary or text; the separator kCut splits the three files.
 #include <cstdint>
 #include <string>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// make_seeds DIR writes well-formed small files into DIR/<reader>/, for the fuzzers to start from.
+// make_seeds DIR writes small valid files into DIR/<reader>/ as initial inputs of the fuzzers.
 #include <filesystem>
 #include <torch/types.h>
 #include <vector>

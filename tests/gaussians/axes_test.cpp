@@ -12,10 +12,11 @@
 namespace jade::gaussians {
 namespace {
 
-/// The view of a camera that looks along z, moved by x → scale · R x + shift with the scene.
+/// The view of a camera along z, transformed together with the scene by x → scale · R x + shift.
 torch::Tensor seen(const splat::Gaussians& gaussians, const torch::Tensor& rotation, double scale,
                    const torch::Tensor& shift) {
-  // camera_from_world of the moved world: C x / scale, which a picture does not tell from C x.
+  // camera_from_world of the transformed world: C x / scale, whose picture is the same as that of C
+  // x.
   torch::Tensor camera = torch::eye(4, torch::kFloat64);
   camera[2][3] = 6;
   torch::Tensor world = torch::eye(4, torch::kFloat64);

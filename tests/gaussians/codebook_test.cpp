@@ -23,7 +23,7 @@ TEST_CASE("codebook: nearest of 256 numbers, finer than even steps", "[gaussians
   const double range = (numbers.max() - numbers.min()).item<double>();
   const double even = range / 255 / std::sqrt(12.0);  // root mean square of even steps
   CHECK((numbers - coded).square().mean().sqrt().item<double>() < 0.8 * even);
-  // Few numbers are kept as they are.
+  // Few numbers are stored exactly.
   const torch::Tensor few = torch::tensor({-3.0, 5.0, 5.0, 0.25}, torch::kFloat64);
   const Codebook exact = codebook_of(few);
   CHECK(torch::allclose(exact.values.index_select(0, exact.labels.to(torch::kInt64)), few));
@@ -33,7 +33,7 @@ TEST_CASE("palette: few rows as they are, many by near ones", "[gaussians]") {
   torch::manual_seed(5);
   const torch::Tensor few = torch::randn({40, 6});
   CHECK(rows_of(palette_of(few, 40)).equal(few));
-  // Clusters far apart: each row's palette row is one of its own cluster.
+  // Clusters far apart: each row's palette row belongs to its own cluster.
   const torch::Tensor centres = torch::randn({8, 6}) * 100;
   const torch::Tensor owner = torch::arange(3000) % 8;
   const torch::Tensor rows = centres.index_select(0, owner) + torch::randn({3000, 6});

@@ -17,7 +17,7 @@ struct CloneAndSplit : DensifyOptions {
   CloneAndSplit() { strategy = DensifyStrategy::kAdc; }
 };
 
-/// Five small, opaque Gaussians and an optimiser whose moments hold the row's index + 1.
+/// Five small, opaque Gaussians and an optimiser whose moments are the row's index + 1.
 struct Fixture {
   GaussianModel model;
   GaussianAdam adam;
@@ -175,7 +175,7 @@ TEST_CASE("densify: the same generator state splits the same way", "[gaussians]"
 }
 
 TEST_CASE("world_offsets: scales act along the rotated axes", "[gaussians]") {
-  // A quarter turn about z takes x to y.
+  // A quarter turn about z maps x to y.
   const float h = std::sqrt(0.5f);
   const torch::Tensor offsets =
       world_offsets(torch::tensor({{2 * h, 0.f, 0.f, 2 * h}}),
@@ -205,7 +205,7 @@ TEST_CASE("mcmc: rows are drawn by their weights, late ones among millions too",
   const torch::Tensor counts = few.bincount({}, 5);
   CHECK(counts[1].item<int64_t>() + counts[3].item<int64_t>() == 4000);
   CHECK(std::abs(counts[3].item<int64_t>() - 3000) < 4 * 28);  // deviation sqrt(4000 · 3/16)
-  // In float32 a sum of 2^24 does not grow by ones.
+  // In float32 a sum of 2^24 does not change when 1 is added.
   torch::Tensor weights = torch::ones({(1 << 20) + 1});
   weights[0] = float(1 << 24);
   const torch::Tensor late = drawn_rows(weights, 10000, generator) > 0;
@@ -235,7 +235,7 @@ TEST_CASE("mcmc: spread copies are drawn from their Gaussian and smaller, by the
   at::Generator generator = make_generator(1, "mcmc");
   const splat::Gaussians before =
       map_parameters(f.model.detached(), [](const torch::Tensor& value) { return value.clone(); });
-  // The weight of a dead one does not count.
+  // The weight of a dead one is ignored.
   CopyRule rule{0.005, true, torch::tensor({0.f, 1.f, 5.f, 0.f})};
   CHECK(relocate_dead(rule, f.model, f.adam, generator) == 2);
   const splat::Gaussians after = f.model.detached();
@@ -249,7 +249,7 @@ TEST_CASE("mcmc: spread copies are drawn from their Gaussian and smaller, by the
     CHECK(after.logit_opacities[row].equal(after.logit_opacities[1]));
   }
   CHECK_FALSE(after.means[2].equal(after.means[3]));
-  // Without a weight above 0 opacity decides, as where there are none.
+  // Without a positive weight the opacity decides, as without weights.
   rule.weights = torch::zeros({4});
   CHECK(add_on_living(3, rule, f.model, f.adam, generator) == 3);
   CHECK(f.model.size() == 7);

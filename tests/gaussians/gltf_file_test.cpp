@@ -85,14 +85,14 @@ TEST_CASE("gltf: attributes are those of the extension", "[gaussians]") {
   CHECK(first(extension + "ROTATION") ==
         Approx((g.rotations[0][1] / g.rotations[0].norm()).item<float>()));
   CHECK(first(extension + "SH_DEGREE_0_COEF_0") == g.sh[0][0][0].item<float>());
-  // −C1 y changes its sign with y; C1 z too; of degree 2 the product yz keeps it.
+  // −C1 y changes its sign with y, and so does C1 z with z; the degree-2 product yz does not.
   CHECK(first(extension + "SH_DEGREE_1_COEF_0") == -g.sh[0][1][0].item<float>());
   CHECK(first(extension + "SH_DEGREE_2_COEF_1") == g.sh[0][5][0].item<float>());
 }
 
 TEST_CASE("gltf: nodes move their Gaussians", "[gaussians]") {
   GltfFixture fixture;
-  // A quarter turn about y, twice as large, and a parent's shift.
+  // A quarter turn about y, a scale of two, and a parent's translation.
   const double half = std::sqrt(0.5);
   fixture.document["nodes"] = {
       {{"children", {1}}, {"translation", {1, 2, 3}}},

@@ -140,7 +140,8 @@ TEST_CASE("init: kinds pick their source and say what is missing", "[gaussians]"
   write_ply(folder / "g.ply", {test::random_gaussians(7, 4), false});
   options.ply = folder / "g.ply";
   CHECK(initial_gaussians(options, sources, generator).size() == 7);
-  CHECK(initial_gaussians(options, sources, generator, 5).size() == 7);  // a scene stays whole
+  // a complete scene is not reduced
+  CHECK(initial_gaussians(options, sources, generator, 5).size() == 7);
   // A file about another origin than the views.
   const GaussianFile moved{test::random_gaussians(7, 4), false, {5000, 0, 0}};
   write_ply(options.ply, moved);

@@ -14,7 +14,8 @@ namespace {
 
 constexpr int64_t kMany = 40000;
 
-/// Equal Gaussians at the origin: turned, of three scales, the quaternion not of length 1.
+/// Equal Gaussians at the origin: rotated, with three scales, and a quaternion that is not
+/// normalised.
 GaussianModel many_equal(torch::Device device, double logit_opacity) {
   splat::Gaussians g;
   const auto rows = [&](const torch::Tensor& row) {
@@ -50,7 +51,7 @@ TEST_CASE("noise: offsets are normal with covariance (scale damping)^2 Sigma^2",
   const torch::Tensor found = offsets.t().mm(offsets) / kMany;
   CHECK((found - expected).abs().max().item<double>() < 0.03 * expected.abs().max().item<double>());
   CHECK(offsets.mean(0).abs().max().item<double>() < 0.02 * gain * 0.25);
-  // Kurtosis of a normal number is 3, of a uniform one 1.8.
+  // The kurtosis of a normal variable is 3, of a uniform one 1.8.
   const torch::Tensor x = offsets.select(1, 0);
   CHECK((x.pow(4).mean() / x.pow(2).mean().pow(2)).item<double>() == Approx(3).epsilon(0.05));
 }

@@ -98,7 +98,7 @@ TEST_CASE("adam: the CUDA kernel equals torch's Adam on every group", "[gaussian
   compare_with_torch(torch::Device(torch::kCUDA, 0));
 }
 
-/// Channels whose gradients differ step by their mean: equal to the bit, as one channel would.
+/// Channels with different gradients step by their mean: bit-equal to a single channel.
 void compare_with_one_channel(torch::Device device) {
   splat::Gaussians start = random_gaussians(1013, 16);
   start.sh = start.sh.narrow(2, 0, 1).expand({-1, -1, 3}).contiguous();
@@ -140,7 +140,7 @@ TEST_CASE("adam: a launch that CUDA refuses is a DeviceError", "[gaussians][cuda
   const torch::Tensor rates = torch::zeros({3}, steps.options().dtype(torch::kFloat64));
   step.rates = rates.mutable_data_ptr<double>();
   step.group_count = 1;
-  step.groups[0].count = int64_t{1} << 42;  // blocks beyond any grid; none starts
+  step.groups[0].count = int64_t{1} << 42;  // more blocks than any grid; none starts
   CHECK_THROWS_AS(kernel::on_cuda("the Adam step", [&] { cuda::adam_step(step); }), DeviceError);
 }
 

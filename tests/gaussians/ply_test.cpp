@@ -56,7 +56,8 @@ void append(std::string& out, T value, bool swap) {
   out.append(bytes, sizeof(T));
 }
 
-/// A file with its properties turned round, doubles among floats, and things we do not know.
+/// A file with its properties in reverse order, doubles among floats, and unknown properties and
+/// elements.
 std::string shuffled_file(const splat::Gaussians& g, const std::string& format) {
   std::ostringstream text;
   text << "ply\r\nformat " << format << " 1.0\nobj_info made by hand\ncomment hello\n"
@@ -334,7 +335,7 @@ TEST_CASE("ply: the two scales of 2DGS become flat Gaussians, and so does minus 
     CHECK(torch::allclose(scales.select(1, 2),
                           std::get<0>(g.log_scales.narrow(1, 0, 2).min(1)) - 6.9));
   }
-  // Flat along every axis, or by a finite number that nothing draws.
+  // Flat along every axis, or with a finite number beyond what is rendered.
   g.log_scales[1].fill_(-100);
   write_ply(folder / "point.ply", {g, false});
   CHECK(drawable(read_ply(folder / "point.ply").gaussians).size() == 6);
@@ -381,7 +382,7 @@ TEST_CASE("ply: colours of Gaussians as floats up to 255 are scaled with a note"
     REQUIRE(scene.notes.size() == 1);
     CHECK_THAT(scene.notes[0], test::naming("rgb.ply", "red", "divided by"));
   }
-  // Colours that nobody clamped.
+  // Unclamped colours.
   const PlyScene bright = read(rgb * 1.2);
   CHECK(bright.notes.empty());
   CHECK(torch::allclose(bright.file.gaussians.sh.select(1, 0) * 0.28209479 + 0.5, rgb * 1.2, 1e-4,
@@ -431,7 +432,7 @@ TEST_CASE("ply: rows behind those that the header promises are named", "[gaussia
   }
 }
 
-/// `value` from 0 to 1 in so many bits.
+/// `value` in [0,1] in `bits` bits.
 uint32_t bits_of(double value, int bits) {
   return static_cast<uint32_t>(std::lround(value * ((1 << bits) - 1)));
 }

@@ -7,7 +7,7 @@
 #include "jade/gaussians/gaussian_model.h"
 
 namespace jade::test {
-/// Plausible Gaussians, the same for the same arguments.
+/// Plausible Gaussians, deterministic for the same arguments.
 inline splat::Gaussians random_gaussians(int64_t count, int64_t coefficients, uint64_t seed = 1) {
   at::Generator generator = make_generator(seed, "test Gaussians");
   const auto normal = [&](std::vector<int64_t> shape) {

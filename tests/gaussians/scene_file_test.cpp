@@ -19,14 +19,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A format, and the largest errors that its steps allow for Gaussians of random_gaussians():
-/// means within 4 of the origin, log scales of a spread of 4.
+/// A format, and the largest errors that its quantisation allows for Gaussians of
+/// random_gaussians(): means within 4 of the origin, log scales of a spread of 4.
 struct Format {
   std::string name;
   int spz_version;
-  bool ordered;  ///< along a curve in space
+  bool ordered;  ///< sorted along a space-filling curve
   double mean, log_scale, opacity, dc, rest;
-  double degrees;  ///< of rotation
+  double degrees;  ///< error of the rotation
 };
 
 const std::vector<Format> kFormats = {
@@ -40,7 +40,7 @@ const std::vector<Format> kFormats = {
     {"a.sog", 2, true, 5 * 0.5 * 3.6 / 65535, 0.07, 0.5 / 255, 0.07, 0.04, 0.8},
     {"a.glb", 2, false, 0, 2e-6, 1e-6, 0, 0, 0.05}};
 
-/// .splat has no room for SH beyond degree 0.
+/// .splat cannot store SH beyond degree 0.
 int64_t kept(const Format& format, int64_t coefficients) {
   return format.name == "a.splat" ? 1 : coefficients;
 }
@@ -79,7 +79,7 @@ TEST_CASE("scene file: every format that is written is read within its steps", "
     for (const int64_t coefficients : {1, 4, 9, 16}) {
       INFO(format.name << " version " << format.spz_version << ", " << coefficients);
       splat::Gaussians all = test::random_gaussians(700, coefficients);
-      all.sh.slice(1, 1).clamp_(-0.95, 0.95);  // .spz holds them from -1 to 1
+      all.sh.slice(1, 1).clamp_(-0.95, 0.95);  // .spz stores them in [-1, 1]
       const splat::Gaussians g = format.ordered ? in_order(all, spatial_order(all.means)) : all;
       SceneWriting writing;
       writing.spz_version = format.spz_version;
@@ -163,14 +163,14 @@ TEST_CASE("scene file: damaged files of every kind are one line that names the f
     for (const size_t size :
          {size_t(0), size_t(3), size_t(20), whole.size() / 3, whole.size() / 2, whole.size() - 1}) {
       INFO(format.name << " version " << format.spz_version << " cut to " << size);
-      // Some of these leave whole records of a .splat.
+      // Some of these are whole records of a .splat.
       if (format.name == "a.splat" && size > 0 && size % 32 == 0) continue;
       write_file(path, whole.substr(0, size));
       const std::string message = message_of(path);
       CHECK_THAT(message, Catch::Contains(format.name));
       CHECK(message.find('\n') == std::string::npos);
     }
-    // Any byte may be another: what is read then, or an error, but nothing else.
+    // Changes every byte: the reader must return a scene or throw an error, nothing else.
     for (size_t at = 0; at < whole.size(); at += 1 + whole.size() / 60) {
       std::string spoilt = whole;
       spoilt[at] = static_cast<char>(spoilt[at] ^ 0x5a);

@@ -41,7 +41,7 @@ TEST_CASE("sog: a small file written by hand", "[gaussians]") {
     CHECK(torch::allclose(g.log_scales, torch::tensor({{-4.f, 0.5f, 0.f}})));
     CHECK(torch::allclose(g.sh, torch::tensor({{{0.5f, -4.f, 0.25f}}})));
     CHECK(g.logit_opacities.sigmoid().item<double>() == Approx(0.2));
-    // x is the largest: w = 1/√2 as the first byte says, the others next to 0.
+    // x is the largest: w = 1/√2 according to the first byte, the others near 0.
     CHECK(torch::allclose(g.rotations, torch::tensor({{0.7071f, 0.7071f, 0.0028f, 0.0028f}}), 0,
                           1e-3));
   }

@@ -14,7 +14,7 @@ using namespace jade;
 
 namespace {
 
-/// A path's inputs: K twists, times off any grid, poses of a turning camera as float32 has them.
+/// A path's inputs: K twists, irregular times, poses of a rotating camera in float32.
 struct PathCase {
   torch::Tensor twists, u, poses, control;
 

@@ -95,7 +95,7 @@ TEST_CASE("lens: a fisheye sees beyond the right angle", "[geometry]") {
 TEST_CASE("lens: beyond the fold nothing is seen twice", "[geometry]") {
   const Lens lens{LensModel::kRadialTangential, -0.35};
   const LensCamera camera(kSensor, lens);
-  // s (1 − 0.35 s²) turns back at s = 1/√1.05.
+  // s (1 − 0.35 s²) has its maximum at s = 1/√1.05.
   CHECK(std::tan(camera.largest_angle()) == Approx(1 / std::sqrt(1.05)).epsilon(1e-6));
   CHECK(std::isnan(camera.project({1.1, 0, 1})[0]));
   CHECK(std::isnan(camera.project({0.1, 0, -1})[0]));

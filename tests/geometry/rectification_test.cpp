@@ -47,7 +47,7 @@ TEST_CASE("rectification: whole keeps every raw pixel", "[geometry]") {
   CHECK(inside(rectification_map(kBarrel, camera), camera));
   const Intrinsics narrower = Intrinsics::centred(1.01 * camera.fx, 173, 130);
   CHECK_FALSE(inside(rectification_map(kBarrel, narrower), narrower));
-  // A fisheye that sees further than a plane reaches stops at 70 degrees.
+  // A fisheye that sees more than a plane can show is limited to 70 degrees.
   const LensCamera sphere({40, 40, 86, 65, 173, 130}, {LensModel::kFisheye});
   CHECK(rectified_camera(sphere, RectifiedField::kWhole).fx > 15);
 }
@@ -67,8 +67,8 @@ TEST_CASE("rectification: the maps of frames and of events are inverse", "[geome
   const auto events = rectification_map(kBarrel, camera);
   for (int64_t row = 4; row < 130; row += 9) {
     for (int64_t column = 4; column < 173; column += 7) {
-      // The event at the raw pixel nearest to where the frame takes its content from lands within
-      // that rounding, magnified by the lens.
+      // An event at the raw pixel nearest to the source of a frame's content maps to the same place
+      // up to that rounding, magnified by the lens.
       const double x = entry(frames, 0, row, column), y = entry(frames, 1, row, column);
       const auto i = int64_t(std::lround(y)), j = int64_t(std::lround(x));
       CHECK(entry(events, 0, i, j) == Approx(double(column)).margin(1.0));

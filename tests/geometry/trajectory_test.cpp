@@ -11,7 +11,7 @@ using namespace jade::geometry;
 
 namespace {
 
-/// A camera whose centre moves on a cubic and which turns evenly about one axis.
+/// A camera whose centre moves on a cubic and which rotates at constant speed about one axis.
 Pose analytic_pose(double t_us) {
   const double s = t_us * 1e-6;
   const Vector3 c{1 + 2 * s - 3 * s * s + s * s * s, -s * s * s, 0.5 - s};
@@ -85,10 +85,10 @@ TEST_CASE("trajectory: continued by its mirror image, a steady camera goes on", 
   const Trajectory longer = path.spanning(2e4, 5e5);
   CHECK(longer.size() == 5);
   for (double t = 2e4; t <= 5e5; t += 16000) check_same(longer.at(t), steady(t), 1e-9);
-  // A path that reaches far enough is unchanged.
+  // A path that is long enough is unchanged.
   CHECK(path.spanning(1e5, 4e5).size() == 3);
   CHECK(path.spanning(3e5, 6e5).begin_us() == 1e5);
-  // A camera of one pose stands still.
+  // A camera with one pose is static.
   check_same(Trajectory({1e5}, {steady(1e5)}).spanning(0, 3e5).at(2.5e5), steady(1e5), 1e-9);
 }
 

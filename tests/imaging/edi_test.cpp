@@ -72,7 +72,7 @@ TEST_CASE("edi: by the trapezoid rule the ends of the integral count half", "[im
   weights[0] = weights[8] = 1.0 / 16;
   CHECK(worst((kernel.gain * weights).sum(0), torch::ones({3, 4}, torch::kFloat64)) < 1e-12);
   CHECK(worst(kernel.gain[4] * kernel.blur, torch::ones({3, 4}, torch::kFloat64)) < 1e-12);
-  // A linear rise of light is integrated without error whatever the number of moments.
+  // A linear increase of light is integrated exactly for any number of moments.
   const auto light = torch::linspace(1, 3, 33, torch::kFloat64);
   for (const int64_t step : {1, 4, 16}) {
     const auto knots = light.slice(0, 0, 33, step).log();

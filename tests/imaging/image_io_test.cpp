@@ -123,7 +123,7 @@ TEST_CASE("image: a mask counts where it is not black and not transparent", "[im
   colored.at<cv::Vec4b>(0, 1)[0] = 9;
   colored.at<cv::Vec4b>(0, 2) = {255, 255, 255, 0};
   CHECK(read("b.png", colored).equal(bits({0, 1, 0})));
-  // JPEG blurs edges and gives black a value.
+  // JPEG blurs edges and makes black non-zero.
   CHECK(read("c.jpg", cv::Mat(16, 16, CV_8U, cv::Scalar(9))).any().item<bool>() == false);
   CHECK(read("d.jpg", cv::Mat(16, 16, CV_8U, cv::Scalar(250))).all().item<bool>());
 }
@@ -215,7 +215,7 @@ TEST_CASE("image: float files with another white level or NaN are refused", "[im
   const fs::path path = folder.path / "a.tiff";
   cv::Mat image(2, 4, CV_32FC3, cv::Scalar(0.5, 0.5, 0.5));
   const auto message = [&] {
-    // Without a choice OpenCV writes LogLuv, which is inexact and knows no NaN.
+    // By default OpenCV writes LogLuv, which is lossy and has no NaN.
     cv::imwrite(path.string(), image, {cv::IMWRITE_TIFF_COMPRESSION, 1});
     return message_of([&] { read_image(path); });
   };
@@ -251,6 +251,6 @@ TEST_CASE("image: listings go by the numbers in names", "[imaging]") {
   CHECK(comes_before("9", "18446744073709551617"));
   CHECK_FALSE(comes_before("a", "a"));
   CHECK(comes_before("a", "a0"));
-  // Padded alike, the order is that of text.
+  // With equal zero-padding the order is that of text.
   CHECK(comes_before("0009_1", "0010_0"));
 }

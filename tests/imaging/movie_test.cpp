@@ -30,8 +30,8 @@ class Path {
   std::string before_;
 };
 
-/// A program of that name that does `body` with its last word, the file, as $out. It takes no other
-/// words for a file than ffmpeg does where they may hold a colon or begin with a dash.
+/// A program of that name that runs `body` with its last argument, the file, as $out. Like ffmpeg,
+/// it rejects file names that may contain a colon or begin with a dash.
 void write_ffmpeg(const test::TempDir& dir, const std::string& body) {
   const fs::path path = dir.write("bin/ffmpeg",
                                   "#!/bin/sh\nfor out; do :; done\n"

@@ -23,7 +23,7 @@ namespace {
 
 constexpr double kThreshold = 0.05;
 
-/// One exposure of 100 ms by sensors without noise while a pattern drifts by 8 px.
+/// One exposure of 100 ms by noiseless sensors while a pattern drifts by 8 px.
 struct Filmed {
   torch::Tensor blurry;               ///< [3,H,W]
   std::vector<torch::Tensor> latent;  ///< the true sharp frames at the nine times
@@ -87,7 +87,7 @@ TEST_CASE("reblur: K of Eq. (7) with c = Θ v_max makes the true sharp frame the
     return psnr(reblur(f.sharp(), f.maps.voxel, contrast), f.blurry);
   };
   const double best = fit(calibrated);
-  CHECK(best > fit(0) + 10);  // the sharp frame as it is
+  CHECK(best > fit(0) + 10);  // the unchanged sharp frame
   for (const double wrong : {0.5 * calibrated, 2 * calibrated, 1.0, -calibrated}) {
     INFO("c = " << wrong << " where " << calibrated << " is right");
     CHECK(best > fit(wrong) + 4);

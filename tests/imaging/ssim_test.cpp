@@ -23,7 +23,7 @@ torch::Tensor image(const Sizes& sizes, torch::ScalarType type = torch::kFloat64
   return torch::rand(sizes, type);
 }
 
-/// SSIM as the papers' code has it: five depthwise 11x11 convolutions with zero padding.
+/// SSIM as in the papers' code: five depthwise 11x11 convolutions with zero padding.
 torch::Tensor reference(const torch::Tensor& a, const torch::Tensor& b) {
   const auto x = torch::arange(11, a.options()) - 5;
   auto taps = (-x * x / (2 * 1.5 * 1.5)).exp();
@@ -38,7 +38,7 @@ torch::Tensor reference(const torch::Tensor& a, const torch::Tensor& b) {
       .mean();
 }
 
-/// Largest difference between the gradient of f in its first or second argument and central
+/// Largest difference between the gradient of f by its first or second argument and central
 /// differences, over the largest central difference.
 double gradient_error(const Pair& f, torch::Tensor a, torch::Tensor b, bool second) {
   a = a.clone().requires_grad_(!second);
@@ -66,7 +66,7 @@ double gradient_error(const Pair& f, torch::Tensor a, torch::Tensor b, bool seco
 const std::vector<Sizes> kShapes{{1, 1, 1},   {3, 4, 3},   {1, 10, 11},  {2, 3, 11, 12},
                                  {3, 37, 53}, {1, 130, 7}, {4, 2, 5, 80}};
 
-/// Value right, derivative of the first argument short of a tenth.
+/// Correct value, but the derivative by the first argument is too small by a tenth.
 struct Broken : torch::autograd::Function<Broken> {
   static torch::Tensor forward(torch::autograd::AutogradContext* ctx, const torch::Tensor& a,
                                const torch::Tensor& b) {
@@ -268,13 +268,13 @@ TEST_CASE("l1 ssim sum: terms, total and gradients are those of the slow referen
   CHECK(torch::allclose(sum.total, expected.sum(), 1e-10, 0));
   const auto of_total = torch::autograd::grad({sum.total}, one.leaves(), {}, true);
   CHECK(apart(of_total, torch::autograd::grad({expected.sum()}, one.leaves(), {}, true)) < 1e-9);
-  // Both outputs at once, each with a weight of its own.
+  // Both outputs at once, with different weights.
   const auto weights = torch::tensor({1.0, -2.0, 0.5}, torch::kFloat64);
   const auto both = 3 * one.sum().total + (one.sum().terms * weights).sum();
   const auto slow = 3 * expected.sum() + (expected * weights).sum();
   CHECK(apart(torch::autograd::grad({both}, one.leaves()),
               torch::autograd::grad({slow}, one.leaves(), {}, true)) < 1e-9);
-  // The negative control: other weights are other gradients.
+  // The negative control: other weights give other gradients.
   CHECK(apart(of_total, torch::autograd::grad({slow}, one.leaves())) > 1e-2);
 }
 

@@ -12,7 +12,7 @@ using namespace jade::imaging;
 
 namespace {
 
-/// A map that moves everything by (dx, dy).
+/// A map that shifts everything by (dx, dy).
 torch::Tensor shift(int64_t height, int64_t width, double dx, double dy) {
   const auto axes = torch::meshgrid({torch::arange(height), torch::arange(width)}, "ij");
   return torch::stack({axes[1] + dx, axes[0] + dy}).to(torch::kFloat32);
@@ -25,7 +25,7 @@ TEST_CASE("warp: the identity leaves the image, a whole pixel moves it", "[imagi
   CHECK(remap(image, shift(20, 30, 0, 0)).equal(image));
   const auto moved = remap(image, shift(20, 30, 2, -1));
   CHECK(moved.slice(1, 1, 20).slice(2, 0, 28).equal(image.slice(1, 0, 19).slice(2, 2, 30)));
-  // Further than a pixel beside the image there is nothing.
+  // More than a pixel outside the image the result is black.
   CHECK(moved.slice(2, 29, 30).abs().max().item<float>() == 0);
 }
 

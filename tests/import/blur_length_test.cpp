@@ -20,7 +20,7 @@ simulate::EventSensorOptions blur_sensor() {
   return sensor;
 }
 
-/// Blur found in one exposure of a pattern that moves on `x_px`, `y_px` (of seconds).
+/// Blur estimated for one exposure of a pattern that moves along `x_px`, `y_px` (of seconds).
 double found_blur(const std::function<double(double)>& x_px,
                   const std::function<double(double)>& y_px) {
   test::PatternMotion motion;

@@ -13,7 +13,7 @@ using geometry::LensModel;
 
 namespace {
 
-// The form of kalibr_calibrate_cameras' camchain; the figures are ours.
+// The format of kalibr_calibrate_cameras' camchain, with invented numbers.
 const char* const kKalibr = R"(cam0:
   cam_overlaps: [1]
   camera_model: pinhole
@@ -66,7 +66,7 @@ std::string without(std::string text, const std::string& part, const std::string
   return text.replace(at, part.size(), instead);
 }
 
-/// The message is one line and names what it must.
+/// The message is one line and contains the required words.
 void check_fails(const std::string& text, const std::string& part) {
   try {
     read(text);

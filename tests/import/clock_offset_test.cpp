@@ -22,7 +22,7 @@ simulate::EventSensorOptions noisy_sensor() {
   return sensor;
 }
 
-/// A hand: two sinusoids each way, some 300 px/s.
+/// Hand motion: two sinusoids per axis, some 300 px/s.
 test::PatternMotion by_hand() {
   test::PatternMotion motion;
   motion.x_px = [](double t) { return 14 * std::sin(19 * t) + 5 * std::sin(41 * t + 1); };
@@ -91,7 +91,7 @@ TEST_CASE("clock offset: beyond the reach, and without events, there is doubt", 
 
 TEST_CASE("clock offset: a texture that comes back has two answers", "[import]") {
   auto motion = by_hand();
-  // To and fro at 50 Hz: 20 ms later all is as it was.
+  // Oscillates at 50 Hz: after 20 ms everything repeats.
   motion.x_px = [](double t) { return 6 * std::sin(2 * M_PI * 50 * t); };
   motion.y_px = [](double) { return 0.0; };
   motion.exposure_us = 4000, motion.gap_us = 27000;

@@ -16,8 +16,8 @@ using import::ColorFilter;
 
 namespace {
 
-/// Frames in colour whose channels change each in their own way, and the events of a sensor behind
-/// a filter.
+/// Frames in colour whose channels change independently, and the events of a sensor behind a
+/// filter.
 test::PatternRecording colored(ColorFilter filter) {
   test::PatternMotion motion;
   motion.x_px = [](double t) { return 14 * std::sin(19 * t); };
@@ -27,7 +27,7 @@ test::PatternRecording colored(ColorFilter filter) {
   std::vector<test::PatternRecording> channels;
   for (const double turn : {0.0, 0.6, 1.2}) {
     auto own = motion;
-    // Another cut through the texture for each channel.
+    // Each channel uses another section of the texture.
     own.x_px = [&motion, turn](double t) { return motion.x_px(t) + 30 * turn; };
     channels.push_back(test::record_pattern(own, sensor));
   }
@@ -85,7 +85,7 @@ TEST_CASE("color: a raw mosaic is told from a gray frame", "[import]") {
   mosaic[0].slice(0, 0, {}, 2).slice(1, 0, {}, 2) *= 0.7;
   mosaic[0].slice(0, 1, {}, 2).slice(1, 1, {}, 2) *= 0.85;
   CHECK(import::is_mosaic(mosaic.expand({3, -1, -1}).contiguous()));
-  // Rows of different gain are a fault of the sensor, no filter.
+  // Rows of different gain are a fault of the sensor, not a filter.
   torch::Tensor rows = frame.clone();
   rows[0].slice(0, 0, {}, 2) *= 0.9;
   CHECK_FALSE(import::is_mosaic(rows.expand({3, -1, -1}).contiguous()));

@@ -13,7 +13,7 @@ using namespace jade;
 
 namespace {
 
-/// A hand before a textured plane, 50 ms from frame to frame.
+/// Hand motion in front of a textured plane, 50 ms from frame to frame.
 test::PatternRecording recorded(int64_t exposure_us) {
   set_progress_enabled(false);
   simulate::EventSensorOptions sensor;

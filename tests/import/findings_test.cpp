@@ -17,7 +17,7 @@ using namespace jade;
 
 namespace {
 
-/// Eight exposures by a hand, events `ahead_us` ahead of them, and a pixel that fires by itself.
+/// Eight exposures with hand motion, events `ahead_us` ahead of them, and a hot pixel.
 import::Capture capture_ahead(int64_t ahead_us){simulate::EventSensorOptions sensor;
 sensor.threshold_positive = 0.2, sensor.threshold_negative = 0.25;
 sensor.threshold_spread = 0.03;
@@ -124,7 +124,7 @@ TEST_CASE("findings: shots between moving ones are sharp, those that noise hides
     CHECK((blur[i] >= 0 && blur[i] < 1) == (i == 1));
   }
   CHECK(*std::max_element(blur.begin(), blur.end()) > 4);
-  // A still recording with the same number of events.
+  // A static recording with the same number of events.
   const int64_t count = capture.events.size();
   torch::manual_seed(1);
   const torch::Tensor evenly =

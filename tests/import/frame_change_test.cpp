@@ -23,7 +23,7 @@ TEST_CASE("frame change: an event counts by what of the exposures it divides", "
   CHECK(import::part_after(a, 250) == 0);
   CHECK(import::part_after(exposure(200, 200), 199) == 1);
   CHECK(import::part_after(exposure(200, 200), 200) == 0);
-  // Before both, in the first, between, in the second, after; and beside the image.
+  // Before both, in the first, between, in the second, after; and outside the image.
   const auto events = events::EventStream::from_lists(
       {1, 1, 2, 0, 0, 9}, {0, 0, 1, 1, 0, 0}, {50, 125, 250, 375, 450, 460}, {1, 1, -1, 1, 1, 1});
   const auto change = import::event_change(a, b, events);

@@ -56,7 +56,7 @@ TEST_CASE("frame masks: one of another size is refused by name", "[import]") {
   std::vector<std::string> warnings;
   imaging::write_image(dir / "masks/b.png", torch::ones({1, kMaskHeight, kMaskWidth + 1}));
   CHECK_THROWS_NAMING(DataError, import::masks_of(recording, warnings), "b.png", "13x9", "12x9");
-  // An archive is named in the place of the folder that it was unpacked to.
+  // Messages name the archive instead of the temporary folder.
   recording.keep = std::make_shared<int>(0);
   recording.source = "table.zip";
   CHECK_THROWS_NAMING(DataError, import::masks_of(recording, warnings), "table.zip/masks/b.png");

@@ -14,8 +14,8 @@ namespace {
 
 constexpr int64_t kHeight = 40, kWidth = 60;
 
-/// A second of events: a few everywhere, many along an edge that passes the columns from 20 to 40,
-/// and two pixels that fire by themselves, one of them on the edge's way.
+/// A second of events: a few everywhere, many along an edge that moves through the columns from 20
+/// to 40, and two hot pixels, one of them in the edge's path.
 events::EventStream noisy_recording() {
   std::mt19937 random(2);
   struct Event {

@@ -43,7 +43,8 @@ simulate::SimulateRun small_run() {
   return run;
 }
 
-/// Beside the camera of the frames by a hundredth, turned, with other pixels.
+/// An event camera at a distance of a hundredth from the frames' camera, rotated, with another
+/// resolution.
 simulate::SimulateRun rig_run() {
   simulate::SimulateRun run = small_run();
   auto& beside = run.simulate.event_camera;
@@ -62,7 +63,7 @@ torch::Tensor count_map(const events::EventStream& events) {
   return at::avg_pool2d(map, {3, 3}, {1, 1})[0][0];
 }
 
-/// Correlation of two maps, the second moved by so many pixels, without their borders.
+/// Correlation of two maps, the second shifted by that many pixels, without their borders.
 double correlation(const torch::Tensor& a, const torch::Tensor& b, int64_t down, int64_t right) {
   constexpr int64_t kBorder = 12;
   const auto part = [&](const torch::Tensor& map, int64_t y, int64_t x) {
@@ -80,7 +81,7 @@ jade::import::ImportOptions options_for(const fs::path& recording, const fs::pat
   import::ImportOptions options;
   options.recording = recording;
   options.poses.colmap = colmap;
-  // Finding them takes seconds.
+  // Estimating them takes seconds.
   options.events.threshold_positive = options.events.threshold_negative = 0.24;
   return options;
 }
@@ -100,7 +101,7 @@ TEST_CASE("importer: events of a second camera come to lie on the frames", "[imp
   CHECK(capture.camera->fx == Approx(kFocal));
   CHECK(capture.sensor.width == 130);
   CHECK(capture.sensor.height == 100);
-  // Against the events that the frames' own pixels would have had.
+  // Compared with the events that the frames' own pixels would have recorded.
   const torch::Tensor moved = count_map(capture.events);
   const torch::Tensor own = count_map(simulate::simulate(small_run()).content.events);
   double best = -1;
@@ -133,7 +134,7 @@ TEST_CASE("importer: two cameras and the depth of their plane belong together", 
   options.lens.calibration.clear();
   options.lens.plane_depth = 2e-4;
   CHECK_THROWS_NAMING(DataError, import(), "--plane-depth 0.0002");
-  // Calibrated at half the size of what the events reach.
+  // A calibration for half the size that the events span.
   const std::string chain = read_file(dir / "rig/camchain.yaml");
   write_file(dir / "half.yaml",
              std::string(chain).replace(chain.find("[130, 100]"), 10, "[65, 50]"));
@@ -157,7 +158,7 @@ TEST_CASE("importer: two cameras without a calibration are no one sensor", "[imp
   CHECK_THROWS_WITH(import(), Catch::Contains("events of 130x100 px and frames of 96x72 px are of "
                                               "two cameras; give --calibration with both") &&
                                   Catch::Contains("--plane-depth"));
-  // One camera's calibration that says no size fits either.
+  // A calibration of one camera without a size fits both.
   options.lens.calibration = dir.write("one.txt", "110 110 47.5 35.5 0 0 0 0 0\n");
   CHECK_THROWS_NAMING(DataError, import(), "two cameras");
 }
@@ -223,7 +224,7 @@ fs::path write_gray_frames(const test::TempDir& dir, const std::string& name, do
   return dir / name;
 }
 
-/// Events amid these exposures, by a clock that is so far ahead of theirs.
+/// Events during these exposures, by a clock that is `ahead` of theirs.
 fs::path write_late_events(const test::TempDir& dir, int64_t ahead_us) {
   std::string events =
       test::evt_header("3.0", concat("% geometry ", kFrameWidth, "x", kFrameHeight, "\n"));
@@ -262,7 +263,7 @@ TEST_CASE("importer: frames that changed behind a link are read again", "[import
   fs::create_directories(dir / "scene");
   fs::rename(write_late_events(dir, 0), dir / "scene/events.raw");
   fs::create_directory_symlink(frames, dir / "scene/images");
-  fs::create_directory_symlink(dir / "scene", frames / "back");  // leads round for ever
+  fs::create_directory_symlink(dir / "scene", frames / "back");  // a cycle of links
   const import::ImportOptions options = options_for(dir / "scene", dir / "colmap");
   const auto gray = [&] {
     import::import_recording(options, dir / "out", {"", "read"});
@@ -306,7 +307,7 @@ TEST_CASE("importer: other frames and another restorer are taken, and the stages
   const auto restorer = [&](const std::string& name, const std::string& factor) {
     return test::save_restorer(dir / name, "  return " + factor + " * image\n");
   };
-  /// The mean of the frames that were read, and of the images that were restored.
+  /// The mean of the frames that were read, and of the restored images.
   const auto means = [&] {
     import::import_recording(options, dir / "out", {"", "restore"});
     const fs::path stages = dir / "out/import";

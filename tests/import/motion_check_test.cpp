@@ -16,7 +16,7 @@ torch::Tensor texture() {
   return torch::avg_pool2d(noise, 3, 1, 1)[0].expand({3, 90, 130}).contiguous();
 }
 
-/// A plane at depth 2 that moves by ±6 px during the exposure as the camera goes sideways, and the
+/// A plane at depth 2 that moves by ±6 px during the exposure of a sideways-moving camera, and the
 /// poses of a camera that moves `share` times as far.
 import::PosedExposure sideways(double share){import::PosedExposure e;
 e.camera = geometry::Intrinsics::centred(100, 130, 90);
@@ -39,8 +39,8 @@ return e;
 
 namespace {
 
-/// Frames of a texture that moves by `step_px` from each to the next, with fresh noise, behind what
-/// is fixed to the sensor: noise of its pixels, rows and columns, vignetting and dust.
+/// Frames of a texture that moves by `step_px` between frames, with fresh noise, and with patterns
+/// fixed to the sensor: noise of its pixels, rows and columns, vignetting and dust.
 std::vector<torch::Tensor> frames_of_a_bad_sensor(int64_t step_px) {
   const torch::Tensor scene = 0.1 + 0.3 * texture();
   torch::Tensor pattern = 0.08 * torch::randn({1, 90, 130}) + 0.04 * torch::randn({1, 90, 1}) +
@@ -76,7 +76,7 @@ TEST_CASE("motion: what is fixed to the sensor neither hides motion nor makes it
   CHECK(moving.measured > moving.compared / 2);
   const import::FrameMotion still = import::frame_motion(frames_of_a_bad_sensor(0));
   CHECK(still.shift_px == 0);
-  // A lamp that flickers moves nothing either.
+  // A flickering lamp is not motion either.
   auto flickering = frames_of_a_bad_sensor(0);
   for (size_t i = 0; i < flickering.size(); ++i) flickering[i] *= 1 + 0.1 * double(i % 3);
   CHECK(import::frame_motion(flickering).shift_px == 0);

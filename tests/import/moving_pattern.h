@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A textured plane before a frame sensor and an event sensor, moved by any path: the truth of what
-// an import must find out.
+// A textured plane in front of a frame sensor and an event sensor, moved along any path: the true
+// values for tests of the import.
 #pragma once
 
 #include <cmath>

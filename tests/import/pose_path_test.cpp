@@ -11,7 +11,7 @@ using namespace jade;
 
 namespace {
 
-/// A camera that turns about an axis by a quadratic angle while its centre follows a parabola.
+/// A camera that rotates about an axis by a quadratic angle while its centre moves on a parabola.
 geometry::Pose moving(double t) {
   const double angle = 0.3 * t + 0.2 * t * t;
   return geometry::pose_at_centre(geometry::rotation_from_vector({0, 0.6 * angle, 0.8 * angle}),
@@ -56,7 +56,7 @@ TEST_CASE("pose path: two poses a microsecond apart do not throw the path beside
           "[import]") {
   std::vector<std::pair<double, geometry::Pose>> timed;
   for (double t = 0; t < 4.5e5; t += 5e4) timed.emplace_back(t, moving_at(t));
-  // A second pose at one moment, with an error of a thousandth of the scene, out of order.
+  // A second pose at the same moment, with an error of a thousandth of the scene, out of order.
   geometry::Pose other = moving_at(2e5);
   other.translation[0] += 1e-3;
   timed.emplace_back(2e5 + 1, other);
@@ -66,7 +66,7 @@ TEST_CASE("pose path: two poses a microsecond apart do not throw the path beside
     INFO(t);
     CHECK(distance(path.at(t), moving_at(t)) < 6e-4);
   }
-  // None is merged that lies further apart.
+  // Poses farther apart are not merged.
   CHECK(import::path_through(timed, 0.5).t_us().size() == 10);
   CHECK(distance(import::path_through(timed, 0.5).at(1.75e5), moving_at(1.75e5)) > 1);
 }

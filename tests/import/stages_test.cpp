@@ -16,7 +16,7 @@ using import::Stage;
 
 namespace {
 
-/// Three stages that count their calls; each appends its letter to what the one before it left.
+/// Three stages that count their calls; each appends its letter to the previous result.
 struct Letters {
   test::TempDir dir;
   std::map<std::string, int> made;

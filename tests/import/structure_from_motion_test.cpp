@@ -21,7 +21,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A program of the given shell text in the place of COLMAP.
+/// A shell script in place of COLMAP.
 fs::path program(const fs::path& path, const std::string& text) {
   write_file(path, "#!/bin/sh\n" + text);
   chmod(path.c_str(), 0755);
@@ -35,7 +35,7 @@ std::vector<import::LatentImage> four_images() {
           {"00001_4.png", 1, 150}};
 }
 
-/// A mapper that leaves a model of as many images, at depth 4 from its two points.
+/// A mapper that writes a model of `images` images, at depth 4 from its two points.
 std::string mapper_of(int images) {
   std::string text =
       "case $1 in mapper) ;; *) exit 0;; esac\n"
@@ -84,7 +84,7 @@ TEST_CASE("poses: a model becomes poses by time in units of its depth", "[import
   CHECK(r.points[1][2].item<double>() == Approx(1));
   CHECK(r.point_errors[1].item<double>() == Approx(0.75));
   CHECK(r.seen_by[0] == std::vector<int64_t>{0, 1});
-  // All images placed, and their blur explained: nothing else is tried.
+  // All images are registered and their blur is explained, so there is no other attempt.
   CHECK(result.attempts.size() == 1);
   CHECK(Search(mapper_of(3)).find().attempts.size() == 3);
   CHECK(result.attempts[result.chosen].observations == 4);
@@ -105,7 +105,7 @@ TEST_CASE("poses: an image placed far off its neighbours is left out", "[import]
     std::string poses, track;
     for (int k = 0; k < 12; ++k) {
       images.push_back({concat(k, ".png"), k, 1000 * k});
-      // A camera that goes sideways in steps of 0.1, not quite evenly.
+      // A camera that moves sideways in steps of 0.1, slightly irregular.
       const double x = 0.1 * k + 0.004 * ((k * 7) % 3) - (k == 5 ? stray : 0);
       poses += concat(k + 1, " 1 0 0 0 ", -x, " 0 0 1 ", k, ".png\n\n");
       track += concat(" ", k + 1, " 0");
@@ -146,7 +146,7 @@ TEST_CASE("poses: of many images only neighbours and one of each shot are compar
   };
   CHECK((holds(0, 1) && holds(0, 9) && holds(170, 179)));
   CHECK((holds(1, 1 + 3 * 30) && !holds(0, 3 * 30)));
-  // The list reaches COLMAP.
+  // COLMAP receives the list.
   Search search("echo \"$@\" >> ${0%/*}/calls.txt\n" + mapper_of(4));
   search.options.poses.pairs = import::PairChoice::kSequential;
   search.find();
@@ -157,7 +157,7 @@ TEST_CASE("poses: of many images only neighbours and one of each shot are compar
 }
 
 TEST_CASE("poses: one good model is enough, be an image missing", "[import]") {
-  // 20 sharp shots, 19 of which the mapper places.
+  // 20 sharp shots, 19 of which the mapper registers.
   std::string text = mapper_of(0);
   Search search("");
   std::vector<import::LatentImage> images;
@@ -183,7 +183,8 @@ TEST_CASE("poses: too few images say what to record", "[import]") {
 
 TEST_CASE("poses: a model with all images in it is refused where it does not explain their blur",
           "[import]") {
-  // A plane at depth 2 before a camera of 100 px that moves sideways by 12 px in each exposure.
+  // A plane at depth 2 in front of a camera of 100 px that moves sideways by 12 px in each
+  // exposure.
   torch::manual_seed(4);
   const auto texture = torch::avg_pool2d(torch::rand({1, 1, 90, 130}), 3, 1, 1)[0];
   const auto way_px = [](double t_us) { return 0.12 * t_us; };
@@ -249,7 +250,7 @@ TEST_CASE("poses: frames that seem still are refused only where COLMAP fails", "
   Search placed(mapper_of(4));
   stand_still(placed);
   CHECK(placed.find().best.poses.size() == 4);
-  // With COLMAP of one mind, no other attempt follows.
+  // If COLMAP always gives the same result, no other attempt follows.
   Search refused("echo $1 >> ${0%/*}/calls.txt\n");
   stand_still(refused);
   CHECK_THROWS_WITH(refused.find(), test::naming("moving camera") &&

@@ -63,7 +63,7 @@ TEST_CASE("vignetting: none where tracks show none", "[import]") {
   CHECK_FALSE(import::fit_vignetting(tracks(1.2, 2000)).is_found());
   CHECK_FALSE(import::fit_vignetting(tracks(0.5, 30)).is_found());
   CHECK_FALSE(import::fit_vignetting({}).is_found());
-  // Points that stay where they are tell nothing: all of it may be their own brightness.
+  // Static points are inconclusive: their own brightness may explain everything.
   std::vector<import::BrightnessSample> still;
   for (int64_t k = 0; k < 400; ++k) {
     const double r = double(k) / 400;

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""cmake --install into a folder that is then moved: what was installed opens no path of the build, the programs find
-their files, and a project of somebody else differentiates through the op.
+"""Installs with cmake --install into a folder that is then moved: installed files refer to no path of the build, the
+programs find their files, and another project differentiates through the op.
 
-  install_test.py BUILD_FOLDER SOURCE_FOLDER
+install_test.py BUILD_FOLDER SOURCE_FOLDER
 """
 
 import os
@@ -38,7 +38,7 @@ class Install(unittest.TestCase):
         cls.folder.cleanup()
 
     def call(self, program, *arguments):
-        """Runs it in another folder, without what could help it to find the build."""
+        """Runs a program in another folder, without environment variables that lead to the build."""
         environment = {name: os.environ[name] for name in ("HOME", "TMPDIR", "LANG") if name in os.environ}
         environment |= {"PATH": "/usr/bin:/bin", "JADE_CACHE": str(self.work / "cache")}
         done = subprocess.run([self.prefix / "bin" / program, *map(str, arguments)], cwd=self.work, env=environment,
@@ -62,7 +62,7 @@ class Install(unittest.TestCase):
         found, searched = self.paths_of_the_build(self.prefix)
         self.assertEqual(found[:3], [])
         self.assertGreater(searched, 50)
-        # The search finds such a path in a program that is compiled without our flags.
+        # The search finds such a path in a program that is compiled without the project's flags.
         spoilt = self.work / "spoilt"
         spoilt.mkdir()
         (spoilt / "a.cpp").write_text(f'#line 1 "{SOURCE}/lib/a.cpp"\nconst char* name() {{ return __FILE__; }}\n')

@@ -193,7 +193,7 @@ struct TestFile {
     const hid_t space = H5Screate_simple(1, &count, nullptr);
     const hid_t properties = H5Pcreate(H5P_DATASET_CREATE);
     H5Pset_chunk(properties, 1, &chunk);
-    // HDF5 makes no data set for a filter that can only read.
+    // HDF5 creates no data set for a filter that can only read.
     if (H5Zfilter_avail(kEcfFilter) > 0) H5Zunregister(kEcfFilter);
     H5Pset_filter(properties, kEcfFilter, H5Z_FLAG_OPTIONAL, 0, nullptr);
     dataset = H5Dcreate2(file, "events", type, space, H5P_DEFAULT, properties, H5P_DEFAULT);

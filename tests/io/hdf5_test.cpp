@@ -151,8 +151,8 @@ TEST_CASE("hdf5: a writer that is not closed leaves no file and keeps the old on
 }
 
 TEST_CASE("hdf5: files that once brought libhdf5 down are refused", "[io]") {
-  // Both found by fuzzing (scripts/fuzz.sh hdf5): a null pointer inside libhdf5 1.10, and a request
-  // for more memory than there is.
+  // Both found by fuzzing (scripts/fuzz.sh hdf5): a null pointer inside libhdf5 1.10, and a huge
+  // allocation.
   for (const char* name : {"null_pointer.h5", "huge_allocation.h5"}) {
     INFO(name);
     const std::filesystem::path path = std::filesystem::path(JADE_TEST_FOLDER) / "damaged" / name;

@@ -15,7 +15,7 @@ TEMPLATE_TEST_CASE("host_device: bounds and choices, NaN included", "[kernel]", 
   CHECK(kernel::abs(T(-2.5)) == T(2.5));
   CHECK(kernel::select(true, T(1), T(2)) == T(1));
   CHECK(kernel::select(false, T(1), T(2)) == T(2));
-  // A comparison with NaN fails, so the second is taken.
+  // A comparison with NaN fails, so the second argument is returned.
   CHECK(kernel::min(nan, T(3)) == T(3));
   CHECK(kernel::max(nan, T(3)) == T(3));
   CHECK(kernel::within(T(-4), T(4)));

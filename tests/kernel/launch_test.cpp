@@ -22,7 +22,7 @@ TEST_CASE("launch: blocks cover what they are given", "[kernel]") {
 TEST_CASE("check_launch: what CUDA refuses is a DeviceError with its reason, once", "[kernel]") {
   cudaGetLastError();
   if (test::has_gpu()) CHECK_NOTHROW(kernel::check_launch("the test"));
-  // No machine has this device, and some have no driver to ask: a failure on each.
+  // No machine has this device, and some have no driver: both fail.
   REQUIRE(cudaSetDevice(1 << 20) != cudaSuccess);
   try {
     kernel::check_launch("the test");

@@ -16,7 +16,7 @@ TEST_CASE("on_cuda: gives what the call gives", "[kernel]") {
 
 #else
 
-// Defined nowhere: that this program links is half of the test.
+// Not defined anywhere: the test includes that this program links.
 int only_on_cuda();
 
 TEST_CASE("on_cuda: a build without CUDA kernels says what it lacks and how to get it",

@@ -21,7 +21,8 @@ inline torch::Tensor image(uint64_t seed, std::vector<int64_t> shape = {3, 7, 9}
   return at::rand(shape, generator, torch::kFloat64) * 0.8 + 0.1;
 }
 
-/// Gradients equal central differences, and the check notices a derivative 10 % off.
+/// Checks that gradients equal central differences, and that the check detects a derivative 10 %
+/// off.
 inline void check_gradients(const Loss& loss, std::vector<torch::Tensor> inputs,
                             const std::vector<std::string>& names) {
   for (torch::Tensor& input : inputs) input = input.clone().set_requires_grad(true);

@@ -40,7 +40,7 @@ ObjectiveInputs inputs(const torch::Tensor& renders) {
 
 torch::Tensor renders() { return image(10, {9, 3, 7, 9}); }
 
-/// Printed options: every term acts in full from its step to the end.
+/// Printed options, with every term at full weight from its first step to the end.
 struct PrintedOptions : ObjectiveOptions {
   PrintedOptions() {
     target_until = 0;
@@ -125,7 +125,7 @@ TEST_CASE("pose_views: a GPU agrees with the CPU, gradients too", "[losses][cuda
         renders().to(torch::kFloat32).to(device).detach().set_requires_grad(true);
     const PoseViews views = pose_views(images, torch::tensor({2, 4, 2}, torch::kInt64).to(device),
                                        weights.defined() ? weights.to(device) : weights, 4);
-    // The second pick is read by nobody.
+    // The second pick has no gradient.
     (views.mean.square().sum() + views.picks[0].square().sum() + views.picks[1].sum() +
      views.picks[3].pow(3).sum() + views.all.pow(4).sum())
         .backward();
@@ -363,7 +363,7 @@ TEST_CASE("objective: a drawn target is compared with the render of its pose, al
     INFO(k);
     CHECK((gradient[k].abs().sum().item<double>() > 0) == (k == 7));
   }
-  // The fourth draw of a run whose target rests moves nothing.
+  // The fourth sampled pose has no effect if the target is off.
   CHECK(objective(in, middle, options).total.item<double>() ==
         Approx(at_middle.total.item<double>()));
 }

@@ -72,7 +72,7 @@ TEST_CASE("route_loss: gradients equal central differences", "[losses]") {
     options.reblur_weight = 0.3;
     check_gradients(
         [&](const std::vector<torch::Tensor>& in) {
-          // A mean's gradient is small; the check must notice an error of a tenth of it.
+          // A mean's gradient is small; scale it so that the check notices an error of a tenth.
           return 1e3 *
                  route_loss(in[0], r, render, image(3, {1, 7, 9}) + 0.5, image(4), options).total;
         },
@@ -80,12 +80,12 @@ TEST_CASE("route_loss: gradients equal central differences", "[losses]") {
   }
 }
 
-/// An image of more than a part of the sum, which no block divides.
+/// An image that spans several parts of the sum and is no multiple of a block.
 torch::Tensor large(uint64_t seed, int64_t channels = 3) {
   return image(seed, {channels, 137, 241});
 }
 
-/// The loss and its gradient to α, by torch's own means of absolute differences if `plainly`.
+/// The loss and its gradient by α, by torch's own operations if `plainly`.
 std::pair<torch::Tensor, torch::Tensor> with_gradient(bool plainly, const torch::Device& device,
                                                       torch::ScalarType type) {
   const auto there = [&](const torch::Tensor& tensor) { return tensor.to(device, type); };

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""A report and a sweep's page in headless Chromium: the scene against jade_render, and what a person can do there.
+"""A report and a sweep's page in headless Chromium: compares the scene with jade_render, and tests all controls.
 
-    browser_test.py BIN_FOLDER      exits with 77 where there is no Chromium
+browser_test.py BIN_FOLDER      exits with 77 if there is no Chromium
 """
 import array
 import base64
@@ -39,7 +39,7 @@ init: {{points: 2000}}
 densify: {{max_gaussians: 2000}}
 train: {{iterations: 1, evaluate_every: 0, picture_every: 0}}
 """
-# PSNR between what the canvas shows, or a picture, and another picture.
+# PSNR between the canvas, or a picture, and another picture.
 PROBE = """window.probe = {
   async pixels(source) {
     // Not decode(), which Chromium under load was seen to refuse for a whole picture.
@@ -77,7 +77,9 @@ CONTROLS = "[...document.querySelectorAll('button, select, input, [role=slider],
 
 
 def harden(ply: Path, seed=5):
-    """Makes a scene's Gaussians small, thin, turned, of every opacity, and their colours follow the direction."""
+    """Makes a scene hard to render: small, thin, rotated Gaussians of every opacity, with direction-dependent
+    colours.
+    """
     header, body = ply.read_bytes().split(b"end_header\n", 1)
     names = re.findall(rb"property float (\w+)", header)
     values = array.array("f", body)
@@ -88,12 +90,12 @@ def harden(ply: Path, seed=5):
         if kind in spread:
             values[k] = draw.gauss(*spread[kind])
         if kind == b"f_rest":
-            values[k] = round(8 * values[k]) / 8  # what .spz holds without loss
+            values[k] = round(8 * values[k]) / 8  # values that .spz stores without loss
     ply.write_bytes(header + b"end_header\n" + values.tobytes())
 
 
 class Run:
-    """A small scene, hard to draw and trained for a step; and its pictures by jade_render."""
+    """A small scene, hard to render and trained for one step, and its pictures by jade_render."""
 
     def __init__(self, programs: Path, folder: Path):
         self.programs, self.folder = programs, folder
@@ -136,7 +138,7 @@ def expect_like(page, pictures, least, what):
 
 
 def choose(page, element, value):
-    """As a person does: sets a control and lets it tell."""
+    """Sets a control like a user, and fires its event."""
     page.evaluate(f"""(() => {{ const control = document.getElementById({json.dumps(element)});
         control.value = {json.dumps(value)};
         control.dispatchEvent(new Event('input', {{bubbles: true}}));
@@ -161,7 +163,7 @@ def check_start(page, run):
 
 
 def check_picture(page):
-    """Draws that come one upon another, as on a slow machine: a picture is of the view that was asked for, all the same."""
+    """Overlapping draws, as on a slow machine: a picture must show the requested view."""
     choose(page, "camera", "train.1")
     page.wait("document.getElementById('camera').value === 'train.1' && !jade.state.pose")
     found = page.evaluate("""(async () => {
@@ -291,7 +293,7 @@ def check_moving(page):
 
 
 def check_touch(page):
-    """One finger orbits, two come nearer."""
+    """One finger orbits, two pinch to zoom."""
     choose(page, "camera", "train.1")
     page.wait("document.getElementById('camera').value === 'train.1' && !jade.state.pose")
     page.call("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=2)
@@ -322,7 +324,7 @@ def check_touch(page):
 
 
 def check_saving(page):
-    """What the buttons copy and save."""
+    """Tests the content that the buttons copy and save."""
     page.evaluate("""window.saved = {}; const address = URL.createObjectURL;
         URL.createObjectURL = (blob) => { saved.last = blob; return address.call(URL, blob); };
         HTMLAnchorElement.prototype.click = function () { saved[this.download] = saved.last; }; 0""")
@@ -459,7 +461,7 @@ def expect_contrast(page, where):
 
 
 def check_place(page):
-    """Away from the cameras: their frusta, then a shade where none has seen the scene, and a way back."""
+    """Away from the cameras: their frusta, then a shade where the scene is not reconstructed, and a way back."""
     away = "['frusta', 'shade', 'back'].map(id => !document.getElementById(id).hidden)"
     choose(page, "camera", "train.0")
     page.wait("jade.state.camera === 'train.0' && !jade.state.pose")
@@ -480,7 +482,7 @@ def check_place(page):
 
 
 def check_brightness(page):
-    """Of the display alone: the pictures keep their bytes."""
+    """Brightness affects only the display: the pictures keep their bytes."""
     source = page.evaluate("document.getElementById('left').src")
     choose(page, "brightness", 2)
     for what in ("#scene", "#stage img.layer", ".thumb img"):
@@ -520,7 +522,7 @@ def check_without_webgl(run):
 
 
 def sweep_of(run):
-    """A sweep of two rows that are trained, one without a picture, and one that is not started."""
+    """A sweep of two trained rows, one without a picture, and one that has not started."""
     folder = run.folder / "sweep"
     rows = ["{name: edi, title: \"EDI & more\", set: [objective.target=edi]}", "{name: none, title: None, set: [objective.target=none]}"]
     for number, more in enumerate(([], ["{name: later, title: Later}"])):
@@ -574,7 +576,9 @@ def check_sweep(run):
 
 
 def expect_leads(page):
-    """Decibels of one seed are the best only where they lead by more than 0.3 dB, in the table and among the cards."""
+    """With one seed, a result is marked as the best only if it leads by more than 0.3 dB, in the table and among the
+    cards.
+    """
     for column in (2, 3, 4):
         cells = page.evaluate(f"[...document.querySelectorAll('#first-table tbody td:nth-child({column})')].map(c => [c.textContent, c.className])")
         values = sorted((float(text), name) for text, name in cells if name != "gap" and text[:1].isdigit())

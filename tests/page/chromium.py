@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A page in headless Chromium, driven over the DevTools protocol through a pipe: the standard library alone."""
+"""A page in headless Chromium, controlled over the DevTools protocol through a pipe, with only the standard library."""
 import base64
 import json
 import os
@@ -22,14 +22,14 @@ def find() -> str | None:
 
 
 class Chromium:
-    """One browser with one page. `errors` gathers what the console and the page complain of."""
+    """One browser with one page. `errors` collects errors of the console and the page."""
 
     def __init__(self, width=1000, height=800, flags=()):
         self.errors, self.requests, self.count, self.rest = [], [], 0, b""
         self.profile = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
         to_browser, self.write_end = os.pipe()
         self.read_end, from_browser = os.pipe()
-        # The browser reads commands from 3 and answers on 4; ours must not be in the way.
+        # The browser reads commands from descriptor 3 and answers on 4; this process's own must not be in use.
         inbox, outbox = (os.dup(fd) for fd in (to_browser, from_browser))
 
         def place():
@@ -106,7 +106,9 @@ class Chromium:
         return self.wait(ready)
 
     def wait(self, expression, seconds=180):
-        """Until it is true. What it names need not be there yet: a page may be on its way to another one."""
+        """Waits until the expression is true. Its names need not exist yet, because a page may be loading another
+        one.
+        """
         end, problem = time.monotonic() + seconds, None
         while time.monotonic() < end:
             try:
@@ -121,7 +123,7 @@ class Chromium:
         raise TimeoutError(f"not within {seconds} s: {expression}; last: {problem}; the page says {self.errors}")
 
     def evaluate(self, expression):
-        """The value of an expression, awaited where it is a promise."""
+        """The value of an expression, awaited if it is a promise."""
         result = self.call("Runtime.evaluate", expression=expression, awaitPromise=True, returnByValue=True)
         if "exceptionDetails" in result:
             details = result["exceptionDetails"]

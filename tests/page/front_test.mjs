@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The front end's modules without a browser: node --test tests/page/front_test.mjs
+// Tests of the front end's modules without a browser: node --test tests/page/front_test.mjs
 import assert from 'node:assert/strict';
 import test from 'node:test';
 import { gzipSync } from 'node:zlib';
@@ -8,7 +8,7 @@ import { tmpdir } from 'node:os';
 import { dirname, join } from 'node:path';
 import { fileURLToPath, pathToFileURL } from 'node:url';
 
-// The modules are .js without a package.json that says so; node needs one.
+// The modules are .js without a package.json that declares them as modules; node needs one.
 const front = join(dirname(fileURLToPath(import.meta.url)), '../../lib/jade/page/front');
 const copy = mkdtempSync(join(tmpdir(), 'front-'));
 for (const file of readdirSync(front)) writeFileSync(join(copy, file), readFileSync(join(front, file)));
@@ -32,7 +32,7 @@ const live = await load('live.js');
 const near = (a, b, tolerance = 1e-9) => a.forEach((value, k) => assert.ok(Math.abs(value - b[k]) < tolerance, `${a} against ${b}`));
 const IDENTITY = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0];
 
-/** One Gaussian: position (1, 2, 3) in our axes, turned 90° about x, scales e^-2, e^-1, 1. */
+/** One Gaussian: position (1, 2, 3) in this library's axes, rotated 90° about x, scales e^-2, e^-1, 1. */
 function spzBytes() {
   const bytes = new Uint8Array(16 + 19 + 9);
   const view = new DataView(bytes.buffer);
@@ -101,7 +101,7 @@ test('sort: colours follow the direction, in the order given, and are not negati
   scene.colors.set([128, 192, 128], 6);
   const [r2, , , r, g, b] = shadesOf(scene, [1, 0], [0, -1, 0]);
   near([r2], [0.5 + 0.28209479177387814 / 0.3], 1e-6);
-  // Down in our axes is −y in the file's: basis −0.4886 · (−1), coefficient ½.
+  // Down in this library's axes is −y in the file's: basis −0.4886 · (−1), coefficient ½.
   near([r, g, b], [0.5 + 0.5 * 0.4886025 - 0.0037, 0.5 - 0.0037, 0], 1e-3);
   const [ahead] = [shadesOf(scene, [0], [0, 0, -1])];
   near([ahead[0], ahead[1]], [0.5 - 0.0037, 0.5 - 0.5 * 0.4886025 - 0.0037], 1e-3);
@@ -112,7 +112,7 @@ test('sort: colours follow the direction, in the order given, and are not negati
 test('sort: the newest request wins, and without a worker the answer is the same', async () => {
   const scene = { positions: new Float32Array([0, 0, 2, 0, 0, 5]), degree: 0, colors: new Uint8Array(96) };
   const sorter = new Sorter(scene, 0.2);
-  assert.equal(sorter.worker, null); // node has none of this kind
+  assert.equal(sorter.worker, null); // node has no Worker of this kind
   const sorted = await sorter.request(IDENTITY);
   assert.deepEqual([...sorted.order], [1, 0]);
   assert.equal(sorted.shades.length, 6);
@@ -124,7 +124,7 @@ test('sort: the newest request wins, and without a worker the answer is the same
   sorter.done('third');
   assert.deepEqual(await Promise.all(answers), ['first', null, 'third']);
   assert.deepEqual(sent, [1, 3]);
-  // A worker that fails leaves nobody waiting.
+  // A worker that fails leaves no request pending.
   const left = [sorter.request(IDENTITY), sorter.request(IDENTITY)];
   sorter.lose();
   for (const answer of await Promise.all(left)) assert.deepEqual([...answer.order], [1, 0]);
@@ -177,7 +177,7 @@ test('pose: who looks along the vertical may turn and leave it, but not cross it
   const along = pose.poseAt([1, 0, 0], [0, 0, -1], down, [0, 0, 0]);
   near(pose.axis(pose.look(along, down, 0.3, 0), 0), pose.turned([1, 0, 0], down, 0.3));
   for (const pitch of [-0.01, 0.01]) assert.ok(pose.axis(pose.look(along, down, 0, pitch), 2)[1] < 0.99996);
-  const steep = pose.look(along, down, 0, 0.15); // more than the 5.7 degrees that are kept free
+  const steep = pose.look(along, down, 0, 0.15); // more than the reserved 5.7 degrees
   for (const pitch of [-0.1, -0.2]) assert.equal(pose.look(steep, down, 0, pitch), steep);
 });
 
@@ -267,7 +267,7 @@ test('report: the glance compares with blurry and EDI, and says something in eve
     ['blurry frame', '20.00 dB', 'mid-exposure, 2 with truth'], ['best 2D restoration (EDI)', '19.50 dB', '−0.50 dB'],
     ['this scene', '25.25 dB', '+5.25 dB'], ['test views', '24.00 dB', 'SSIM 0.800']]);
   assert.deepEqual(figures.map(({ best, worse }) => [Boolean(best), Boolean(worse)]), [[false, false], [false, false], [true, false], [false, false]]);
-  // A restoration that beats the scene is the one in green, and a scene below its frames is marked.
+  // A restoration that beats the scene is green, and a scene below its frames is marked.
   const beaten = glanceFigures({ headline: { ...headline, efnet: 26, render: 19 }, evaluation, metrics: [] });
   assert.equal(beaten[1].label, 'best 2D restoration (EFNet)');
   assert.deepEqual(beaten.map(({ best, worse }) => [Boolean(best), Boolean(worse)]), [[false, false], [true, false], [false, true], [false, false]]);
@@ -403,7 +403,7 @@ test('live: why nothing is drawn is told once, and taken back when a frame comes
   const told = [];
   const answers = [{ reason: 'no memory' }, { reason: 'no memory' }, null, { blob: 'blob' }, { blob: 'blob' }];
   const link = { frame: async () => answers.shift() };
-  // Without its constructor, which begins to ask for as long as the page lives.
+  // Without its constructor, which starts polling.
   const viewer = Object.assign(Object.create(live.LiveViewer.prototype), {
     canvas: { clientWidth: 10 }, link, at: () => '', limit: 1, pixels: 1 << 22, trouble: '', onTrouble: (reason) => told.push(reason),
   });

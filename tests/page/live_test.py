@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The live page in headless Chromium while a run trains.
 
-    live_test.py BIN_FOLDER [SCREENSHOT.jpg]      exits with 77 where there is no Chromium or no web server
+live_test.py BIN_FOLDER [SCREENSHOT.jpg]      exits with 77 if there is no Chromium or no web server
 """
 import json
 import re
@@ -38,14 +38,14 @@ def check_frames(page, served):
 
 
 def check_cameras(page):
-    """Poses that are learned move the page's cameras while somebody stands there."""
+    """Learned poses move the page's cameras while the user looks through one."""
     page.evaluate("window.first = jade.cameras.get('train.0').poses[4].join(); 0")
     page.wait("jade.cameras.get('train.0').poses[4].join() !== window.first")
     page.wait("!jade.state.pose && jade.viewer.wanted?.pose.join() === jade.pose().join()")
 
 
 def check_notes(page):
-    """What a sharp truth says: of the frame, of pictures; the render's follows the training."""
+    """Scores against a true image: of the frame, and of pictures; the render's changes during training."""
     choose(page, "camera", "test.0")
     page.wait("jade.state.camera === 'test.0' && /PSNR \\d+\\.\\d\\d dB/.test(document.getElementById('hud').textContent)")
     choose(page, "left-layer", "render")
@@ -64,7 +64,7 @@ def check_notes(page):
 
 
 def check_keys(page):
-    """One flies before anything has the focus, and keys act on sliders too."""
+    """Flying works without focus, and keys work on sliders too."""
     page.evaluate("document.activeElement.blur()")
     before = page.evaluate("jade.pose()")
     page.call("Input.dispatchKeyEvent", type="keyDown", key="w", code="KeyW")
@@ -97,7 +97,7 @@ def check_pause(page):
 
 
 def check_views(page):
-    """Still paused, so that what is seen stays."""
+    """Training is still paused, so that the view does not change."""
     choose(page, "camera", "train.1")
     page.wait("document.getElementById('camera').value === 'train.1' && jade.layers.names.includes('EDI')")
     for layer in ("EDI", "render", "depth"):
@@ -131,12 +131,12 @@ def check_end(page, served):
 
 
 def check_next(page, served, runs):
-    """Another run takes the port; the page shows that one, and says so when its training has ended."""
+    """Another run uses the same port; the page shows that one, and reports the end of its training."""
     port = re.search(r":(\d+)/", served.url)[1]
     following = Served(*runs.training("next", f"--serve={port}", *LEARNED, "--set", "train.evaluate_every=0", "--set", "train.iterations=300"))
     try:
-        # Paused until the page has found it: a quick machine would be through before. Meanwhile the
-        # page may have come to the note that the views are on their way.
+        # Paused until the page has found it: a fast machine would finish first. Meanwhile the page may show the note
+        # that the views are being prepared.
         expect(ask(f"{following.url}pause?viewer=test&on=1", "POST")[0] == 204, "pause")
         page.wait("window.jade?.live?.known?.steps === 300")
         page.wait("jade.live.known.phase === 'paused'")
@@ -161,7 +161,7 @@ def check_scores(page, run):
 
 
 def check_view(page, runs):
-    """jade_view of a run that has ended has the layers that it was trained with."""
+    """jade_view of a finished run shows the layers of its training."""
     view = Served(*runs.program("jade_view", runs.folder / "next", "--device", "cpu", "--serve=0"))
     try:
         wait_for(lambda: page.open(view.url, "document.readyState === 'complete'") and page.evaluate("!!document.getElementById('stage')"), "the page")

@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""What docs/viewer.md shows of a finished run: the size of its report, the table of fidelity, and screenshots.
+"""Measures the figures of docs/viewer.md for a finished run: the size of its report, the table of fidelity, and
+screenshots.
 
-    measure_page.py RUN [FOLDER]      FOLDER: where the screenshots go
-    measure_page.py RUN --speed       what a frame costs instead: in JavaScript, and in pixels blended
+measure_page.py RUN [FOLDER]      FOLDER: for the screenshots
+    measure_page.py RUN --speed       measures the cost of a frame instead: in JavaScript, and in pixels blended
 """
 import argparse
 import base64
@@ -19,8 +20,8 @@ from browser_test import PROBE
 SIZES = """({whole: new Blob([document.documentElement.outerHTML]).size, scene: document.getElementById('spz').textContent.length,
   events: jade.data.views.reduce((sum, view) => sum + (view.events?.packed.length ?? 0), 0),
   pictures: [...jade.data.views, ...jade.data.tests].flatMap(view => view.pictures).reduce((sum, picture) => sum + picture.src.length, 0)})"""
-# Milliseconds of moving the camera, median of 15 (of whole pictures 5), and the pixels that Gaussians cover. The canvas has
-# `scale` pixels per pixel of the camera. The first of each is left out.
+# Milliseconds of moving the camera, median of 15 (5 for whole pictures), and the number of pixels covered by Gaussians.
+# The canvas has `scale` pixels per pixel of the camera. The first measurement of each is dropped.
 SPEED = """(async (scale) => {
   const {viewer} = jade, {renderer, sorter, scene} = viewer, camera = jade.camera(), gl = renderer.gl;
   const median = (list) => list.sort((a, b) => a - b)[list.length >> 1];

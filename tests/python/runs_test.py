@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The package jade: what it reads and draws, against jade_render where JADE_BIN names its folder."""
+"""Tests of the package jade: its readers and renders, against jade_render if JADE_BIN names its folder."""
 
 import json
 import os

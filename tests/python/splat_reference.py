@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Splatting by the equations of lib/jade/splat/README.md, in plain torch, one Gaussian after the other. Slow.
 
-Alpha is capped at 0.999, as in gsplat and in jade_splat.rasterization(); splat() and the programs cap it at 0.99.
+α is clamped at 0.999, as in gsplat and in jade_splat.rasterization(); splat() and the programs clamp it at 0.99.
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ def render_view(means, quats, scales, opacities, colors, viewmat, K, width, heig
 
 def rasterization(means, quats, scales, opacities, colors, viewmats, Ks, width, height, sh_degree=None,
                   backgrounds=None, render_mode="RGB", rasterize_mode="classic"):
-    """As jade_splat.rasterization, without batches of scenes; returns the views' means2d in place of meta."""
+    """As jade_splat.rasterization, without batches of scenes; returns the views' means2d instead of meta."""
     images, alphas, screens = [], [], []
     for view, (viewmat, K) in enumerate(zip(viewmats, Ks)):
         color = colors[view] if colors.dim() == (3 if sh_degree is None else 4) else colors

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""jade_splat against plain torch, finite differences and bad input. Takes the library from JADE_SPLAT_LIBRARY.
+"""Tests of jade_splat against plain torch, finite differences and bad input. Takes the library from
+JADE_SPLAT_LIBRARY.
 
-  python tests/python/splat_test.py        with a GPU, the comparisons run there too
+python tests/python/splat_test.py        with a GPU, the comparisons run there too
 """
 
 import itertools
@@ -92,7 +93,7 @@ def run(render, scene, **options):
 
 
 class AgainstReference(unittest.TestCase):
-    known = {}  # what the reference gives, which is slow, in float64
+    known = {}  # results of the slow reference in float64
 
     def compare(self, device, dtype, options, **scene_options):
         scene = make_scene(**scene_options)
@@ -271,7 +272,7 @@ class OnAGpu(unittest.TestCase):
             self.assertLess((a - b).norm() / b.norm(), 1e-5)
 
     def test_current_stream(self):
-        """Work goes to the stream that is current, behind what that has been given before."""
+        """Work is queued on the current stream, after its earlier work."""
         scene = make_scene(count=200, device="cuda", dtype=torch.float32)
         expected, _, _ = rasterization(**scene, width=WIDTH, height=HEIGHT)
         late = scene["means"].clone()
@@ -297,7 +298,7 @@ class OnAGpu(unittest.TestCase):
 
 
 class Operations(TorchDispatchMode):
-    """The operations of torch beneath autograd, but for detach(), with which autograd keeps and hands over tensors."""
+    """The operations of torch below autograd, except detach(), which autograd uses to store and return tensors."""
 
     def __init__(self):
         super().__init__()
@@ -310,7 +311,7 @@ class Operations(TorchDispatchMode):
 
 
 class HostTime(unittest.TestCase):
-    """Small scenes are bound by the host, which pays for each operation and each node."""
+    """Small scenes are limited by the host, where each operation and each node costs time."""
 
     def test_operations_of_a_step(self):
         both = ["jade_splat.forward.default", "jade_splat.backward.default"]
@@ -349,7 +350,7 @@ class HostTime(unittest.TestCase):
 
 class Meta(unittest.TestCase):
     def densify(self, packed):
-        """Sums as gsplat's default strategy takes them."""
+        """Sums as in gsplat's default strategy."""
         scene = with_gradients(make_scene())
         image, _, meta = rasterization(**scene, width=WIDTH, height=HEIGHT, packed=packed)
         self.assertEqual((meta["width"], meta["height"], meta["n_cameras"]), (WIDTH, HEIGHT, VIEWS))
@@ -383,7 +384,7 @@ class Meta(unittest.TestCase):
                 self.assertLess((meta[name][view] - expected).abs().max(), 1e-9, name)
 
     def test_what_is_drawn_has_a_radius(self):
-        """A Gaussian with a gradient on the screen is one that radii call visible."""
+        """A Gaussian with a screen gradient is visible according to radii."""
         scene = with_gradients(make_scene(count=200, seed=3))
         image, _, meta = rasterization(**scene, width=WIDTH, height=HEIGHT, packed=False)
         means2d = meta["means2d"]
@@ -401,7 +402,8 @@ class Compiled(unittest.TestCase):
             inputs += [scene["colors"][:, None].clone().requires_grad_(), scene["viewmats"].requires_grad_()]
             intrinsics = scene["Ks"].flatten(1)[:, [0, 4, 2, 5]].contiguous()
             arguments = (*inputs, intrinsics, None, WIDTH, HEIGHT, -1, 0.01, 1e10, 0.999, True, False, True, False, True, True, True)
-            # On a GPU the lists have room that nobody writes, which a comparison of two calls would read.
+            # On a GPU the lists have unused capacity with undefined content, which a comparison of two calls would
+            # read.
             checks = ("test_schema", "test_autograd_registration", "test_faketensor", "test_aot_dispatch_dynamic")
             torch.library.opcheck(torch.ops.jade_splat.forward, arguments, test_utils=checks[: 3 if device == "cuda" else 4])
 

@@ -29,7 +29,7 @@ std::ostream& operator<<(std::ostream& out, const PlainEvent& e) {
   return out << "(" << e.t << " " << e.x << " " << e.y << " " << e.p << ")";
 }
 
-/// All events, taken `at_once` at a time.
+/// All events, decoded `at_once` at a time.
 std::vector<PlainEvent> decoded(EvtDecoder& decoder, int64_t at_once = 1000) {
   std::vector<PlainEvent> out;
   EvtEvents events;

@@ -27,8 +27,8 @@ inline uint32_t evt2_trigger(int64_t t, bool rising) {
   return 10U << 28 | uint32_t(t & 63) << 22 | 3U << 8 | uint32_t(rising);
 }
 
-/// EVT 2.1: the 32 bits above, x being that of the first pixel, and a mask of 32 pixels. IMX636
-/// writes the half with the type first.
+/// EVT 2.1: the 32 bits above, with x of the first pixel, and a mask of 32 pixels. IMX636 writes
+/// the half with the type first.
 inline std::string evt21_word(uint32_t upper, uint32_t lower, bool upper_first) {
   return upper_first ? bytes_of(upper, 4) + bytes_of(lower, 4)
                      : bytes_of(lower, 4) + bytes_of(upper, 4);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Recordings that Python packages read; tests/scripts/read_recording_test.py tests the script.
+// Recordings that the Python script converts; tests/scripts/read_recording_test.py tests the
+// script.
 #include "support/catch.h"
 
 #include <functional>
@@ -19,7 +20,7 @@ using namespace jade::test;
 
 namespace {
 
-/// An interpreter that copies what is prepared in `dir`/made to the folder of its third argument.
+/// An interpreter that copies the prepared folder `dir`/made to the folder of its third argument.
 std::filesystem::path copying_python(const TempDir& dir) {
   const auto path =
       dir.write("python", "#!/bin/sh\ncp -r " + (dir / "made").string() + " \"$3\"\n");
@@ -108,7 +109,7 @@ TEST_CASE("recording: a folder that the script made by hand is read the same", "
   CHECK(recording.triggers.rising_us == std::vector<int64_t>{1050});
   CHECK(recording.triggers.falling_us == std::vector<int64_t>{1060});
   CHECK(recording.notes[0] == "said");
-  // Somebody's own notes of that name say nothing.
+  // A user's own notes of that name are ignored.
   dir.write("made/recording.txt", "stamp start, offset_us 1000\n");
   CHECK(read_recording(dir / "made").format == "folder of frames and events");
 }

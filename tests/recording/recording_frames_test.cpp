@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Frames from elsewhere, and where exposures come from.
+// Frames of other sources, and sources of exposures.
 #include "support/catch.h"
 
 #include <cstdlib>
@@ -20,7 +20,7 @@ using namespace jade::test;
 
 namespace {
 
-/// An event camera that saw the pulses [1000, 1400) and [2000, 2300) on its trigger input.
+/// An event camera that recorded the pulses [1000, 1400) and [2000, 2300) on its trigger input.
 std::filesystem::path write_triggered(const TempDir& dir) {
   std::string text = evt_header("3.0", "% geometry 640x480\n");
   text += evt3_time(500) + evt3_word(2, 1);
@@ -49,7 +49,7 @@ std::string notes_of(const Recording& recording) {
   return out;
 }
 
-/// A program in a folder of its own that is first on PATH while this lives.
+/// A program in its own folder that is first on PATH during the object's lifetime.
 class FakeProgram {
  public:
   FakeProgram(const TempDir& dir, const std::string& name, const std::string& script)
@@ -81,9 +81,9 @@ TEST_CASE("recording: frames of a folder, exposed while the trigger input was hi
   CHECK(high.frames[0].t_start_us == 1000);
   CHECK(high.frames[0].t_end_us == 1400);
   CHECK(high.frames[1].t_start_us == 2000);
-  CHECK(high.width == 640);  // of the events, not of the other camera
+  CHECK(high.width == 640);  // of the event camera, not of the other camera
   CHECK_THAT(notes_of(high), test::naming("2 pulses"));
-  // A window leaves the pairing as it is.
+  // A window does not change the pairing.
   options.window = events::TimeWindow{1900, 4000};
   const Recording part = read_recording(raw, options);
   REQUIRE(part.frames.size() == 1);
@@ -152,7 +152,7 @@ TEST_CASE("recording: frames of a video come through ffmpeg with its times", "[r
       error_of([&] { read_recording(raw, options); }),
       Catch::Contains("film.mp4: expected a folder of images or a video, and ffmpeg cannot read "
                       "it as one (moov atom not found); convert it"));
-  // An option name that this version lacks says nothing of the video.
+  // An option name unknown to this version is not an error of the video.
   const FakeProgram newer(dir, "ffmpeg",
                           "case \"$*\" in *-vsync*) echo Option not found >&2;; "
                           "*) echo Invalid data >&2;; esac; exit 1\n");
@@ -241,7 +241,7 @@ TEST_CASE("recording: the unit of events is told by exposures moved by the offse
   const TempDir dir;
   write_frames(dir / "a/images", 3);
   constexpr int64_t kHourUs = 3600000000;
-  // An hour apart; unmoved, exposures would take whole numbers for ns.
+  // An hour apart; without the offset, whole-number exposures would be read as ns.
   const auto write = [&](int64_t events_us, int64_t frames_us) {
     std::string exposures, events;
     for (int i = 0; i < 3; ++i) {
@@ -297,7 +297,7 @@ TEST_CASE("recording: a span of a Prophesee file has its first microsecond and n
   REQUIRE(both.events.size() == 3);
   CHECK(both.events.first_us() == 1000);
   CHECK(both.events.last_us() == 2299);
-  // A frame whose exposure reaches beyond either end is left out.
+  // A frame whose exposure extends beyond either end is skipped.
   REQUIRE(read(1001, 2300).frames.size() == 1);
   CHECK(read(1001, 2300).frames[0].name == "f1");
   REQUIRE(read(1000, 2299).frames.size() == 1);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Layouts of public data sets in HDF5, written here from their documentation, and Prophesee's DAT.
+// Layouts of public data sets in HDF5, written here by their documentation, and Prophesee's DAT.
 #include "support/catch.h"
 
 #include <functional>
@@ -115,7 +115,7 @@ hid_t create(const std::filesystem::path& path) {
   return H5Fcreate(path.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
 }
 
-/// Eight bytes an event behind a header.
+/// Eight bytes per event after a header.
 std::string dat_file(const std::string& head, bool old, const std::vector<uint32_t>& times) {
   std::string out = head + std::string{12, 8};
   const auto put = [&](uint32_t word) {
@@ -229,7 +229,7 @@ TEST_CASE("layouts: tables of MVSEC and v2e, in any order, lying or standing", "
   check_read(read_recording(dir / "mvsec.hdf5", options));
   CHECK_THAT(layout_notes(read_recording(dir / "mvsec.hdf5")),
              Catch::Contains("davis/left/events, davis/right/events"));
-  // Only a part is read of long files: the same events.
+  // Long files are read only in part, with the same result.
   options.window = events::TimeWindow{kFirstUs + 5000, kFirstUs + 6000};
   const Recording part = read_recording(dir / "mvsec.hdf5", options);
   CHECK((part.events.size() == 20 && part.stored_events == kEventCount));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// HDF5 files as Metavision writes them, made here with the HDF5 library.
+// HDF5 files as Metavision writes them, created here with the HDF5 library.
 #include "support/catch.h"
 
 #include <cstddef>
@@ -47,7 +47,7 @@ hid_t trigger_type() {
   return type;
 }
 
-/// A list of records in a group; `ecf`: bytes that are no chunk of that compression.
+/// A list of records in a group; `ecf`: bytes that are not a valid chunk of that compression.
 void write_records(hid_t file, const char* group, hid_t type, const void* records, hsize_t count,
                    bool ecf = false) {
   const hid_t folder = H5Gcreate2(file, group, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
@@ -55,7 +55,7 @@ void write_records(hid_t file, const char* group, hid_t type, const void* record
   const hid_t properties = H5Pcreate(H5P_DATASET_CREATE);
   H5Pset_chunk(properties, 1, &count);
   if (ecf) {
-    // HDF5 makes no data set for a filter that can only read.
+    // HDF5 creates no data set for a filter that can only read.
     if (H5Zfilter_avail(kEcf) > 0) H5Zunregister(kEcf);
     H5Pset_filter(properties, kEcf, H5Z_FLAG_OPTIONAL, 0, nullptr);
   }

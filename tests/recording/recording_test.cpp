@@ -77,7 +77,7 @@ void zip_folder(const std::filesystem::path& folder, const std::filesystem::path
     const auto name = prefix + std::filesystem::relative(entry.path(), folder).string();
     REQUIRE(zip_file_add(archive, name.c_str(), source, 0) >= 0);
   }
-  // An archive from elsewhere may name files beside its folder.
+  // A foreign archive may contain file names outside its folder.
   zip_source_t* source = zip_source_buffer(archive, "x", 1, 0);
   REQUIRE(zip_file_add(archive, (prefix + "images/../../escaped.png").c_str(), source, 0) >= 0);
   REQUIRE(zip_close(archive) == 0);

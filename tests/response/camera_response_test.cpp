@@ -25,7 +25,8 @@ TEST_CASE("camera response: starts near the identity, the same on every construc
   CameraResponse response;
   const torch::Tensor x = torch::linspace(0, 1, 101);
   const torch::Tensor error = (response->exact(x) - x).abs();
-  // The inherited recipe gets no closer: torch with seeds 0, 1 and 42 has means 0.018 to 0.024.
+  // The original initialisation is no closer: torch with seeds 0, 1 and 42 has means 0.018 to
+  // 0.024.
   CHECK(error.mean().item<double>() < 1e-2);
   CHECK(error.max().item<double>() < 5e-2);
   const torch::Tensor values = response->exact(x);
@@ -88,7 +89,7 @@ TEST_CASE("camera response: one call of several images is as many calls, to the 
     std::vector<ResponseInput> inputs{{torch::rand({3, 9, 7}), {}},
                                       {torch::rand({3, 1, 9, 7}), torch::rand({3})},
                                       {torch::rand({9, 3, 9, 7}), torch::rand({9})}};
-    // Nobody asks for the gradient of the first.
+    // The first image requires no gradient.
     for (size_t i = 1; i < 3; ++i) inputs[i].image.set_requires_grad(true);
     std::vector<torch::Tensor> out;
     if (together) out = CameraResponseImpl::apply_all(inputs, table);
@@ -120,7 +121,7 @@ TEST_CASE("camera response: several images in one call, gradients equal central 
       test::gradcheck(good, {single, several, table}, {"single", "several", "table"});
   INFO(report.message);
   CHECK(report.passed);
-  // An image that is not in the result has no gradient, nor gives the table any.
+  // An image that is not in the result has no gradient, and contributes none to the table.
   CameraResponseImpl::apply_all({{single, {}}, {several, weights}}, table)[1].sum().backward();
   CHECK_FALSE(single.grad().defined());
   CHECK(table.grad().sum().item<double>() == Approx(15 * weights.sum().item<double>()));
@@ -171,8 +172,8 @@ TEST_CASE(
   const torch::Tensor values = torch::linspace(0, 1, 101);
   const torch::Tensor before = response->exact(values).detach();
   const std::vector<torch::Tensor> start = copies();
-  // A gradient that never turns is the worst for Adam, which then goes its step size at every step.
-  // Beside weights between 0.5 and 2, float32 rounds 1e-7 to 1.19e-7.
+  // A gradient of constant sign is the worst case for Adam, which then moves by its step size at
+  // every step. For weights between 0.5 and 2, float32 rounds 1e-7 to 1.19e-7.
   constexpr int kSteps = 500;
   torch::optim::Adam adam(response->parameters(),
                           torch::optim::AdamOptions(ResponseOptions().lr).eps(1e-15));
@@ -188,7 +189,7 @@ TEST_CASE(
   }
   CHECK(moved > kSteps * 0.9e-7);
   CHECK(moved < kSteps * 1.2e-7);
-  // Moves every weight against its gradient by as much as 25,000 such steps do.
+  // Moves every weight against its gradient by as much as 25,000 such steps.
   const torch::NoGradGuard no_grad;
   for (size_t i = 0; i < start.size(); ++i) {
     const torch::Tensor p = response->parameters()[i];
@@ -271,7 +272,7 @@ TEST_CASE("camera response: a GPU's table and its gradients are those of torch's
   const auto run = [](const torch::Device device, bool layers) {
     CameraResponse response;
     const torch::NoGradGuard no_grad;
-    // Away from the fit, so that each unit counts.
+    // Away from the initial fit, so that each unit contributes.
     torch::manual_seed(3);
     for (torch::Tensor& each : response->parameters()) each.add_(0.3 * torch::randn(each.sizes()));
     response->to(device);

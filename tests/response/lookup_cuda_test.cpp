@@ -20,8 +20,8 @@ TEST_CASE("camera response: a failure that CUDA reports is a DeviceError", "[res
   };
   CHECK_NOTHROW(forward());
   CHECK_NOTHROW(backward());
-  // Its launches fit any image, so the failure comes from a device that no machine has; the table's
-  // gradient would meet torch's own checks first.
+  // Its launches fit any image, so cause the failure by a device that no machine has; the table's
+  // gradient would fail in torch's own checks first.
   REQUIRE(cudaSetDevice(1 << 20) != cudaSuccess);
   CHECK_THROWS_AS(forward(), DeviceError);
   REQUIRE(cudaSetDevice(1 << 20) != cudaSuccess);

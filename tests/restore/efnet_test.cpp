@@ -90,7 +90,8 @@ TEST_CASE("efnet: the mask closes gaps of one pixel and keeps single events sing
 TEST_CASE("efnet: images are padded by replication, events and mask by zeros, and cropped back",
           "[restore]") {
   const test::TempDir folder;
-  // Asserts inside the network; returns the image plus what the padding of the others must not be.
+  // Asserts inside the network; returns the image plus a value that the padding of the others must
+  // not have.
   const auto path =
       save_restorer(folder / "r.pt",
                     "  assert image.size(2) == 12\n"
@@ -170,7 +171,7 @@ TEST_CASE("efnet: NaN, wrong shapes and refusals of the network are reported", "
   CHECK_THROWS_AS(refuses.restore(image, torch::zeros({5, 8, 8})), ContractError);
 }
 
-/// Counts of four windows, each of another number.
+/// Counts of four windows, each a different number.
 torch::Tensor counts(int64_t height, int64_t width) {
   return torch::arange(4, torch::kFloat32).view({4, 1, 1}).repeat({1, height, width});
 }
@@ -197,7 +198,8 @@ TEST_CASE("efnet: moments reach the network in their order, all in one call", "[
   CHECK_THROWS_AS(restorer.restore(image, counts(8, 12).narrow(0, 0, 3), {0}), ContractError);
 }
 
-/// Mixes each pixel with its neighbours and the events, by the moment; refuses more than `images`.
+/// Mixes each pixel with its neighbours and the events, depending on the moment; rejects more than
+/// `images`.
 std::filesystem::path save_mixing(const std::filesystem::path& path, int images) {
   return save_any_time_restorer(
       path, "  assert image.size(0) <= " + std::to_string(images) +
@@ -314,7 +316,7 @@ TEST_CASE("efnet: weights stored as float16 work, and hash, as float32", "[resto
   CHECK(torch::allclose(half.restore(image, none), image * torch::tensor({0.7}).to(torch::kHalf)));
 }
 
-/// A network that refuses more than `pixels`, as a device with little memory does.
+/// A network that rejects more than `pixels`, like a device with little memory.
 std::filesystem::path save_small_memory(const std::filesystem::path& path, int pixels) {
   return save_restorer(path, "  assert image.size(2) * image.size(3) <= " + std::to_string(pixels) +
                                  ", 'CUDA out of memory. Tried to allocate'\n"
@@ -339,7 +341,7 @@ TEST_CASE("efnet: a frame too large for the memory is restored in tiles, without
 
 TEST_CASE("efnet: the reason for a refusal is TorchScript's last line", "[restore]") {
   const test::TempDir folder;
-  // A convolution for four channels, as of a network trained on RGB and something else.
+  // A convolution for four channels, like a network trained on RGB and another channel.
   Restorer channels(
       {save_restorer(folder / "c.pt", "  return torch.conv2d(image, torch.ones([3, 4, 1, 1]))\n"),
        ""});

@@ -17,7 +17,7 @@ namespace fs = std::filesystem;
 
 RestorationCacheOptions in(const fs::path& folder) { return {true, folder, 2048}; }
 
-/// Gets an image by `key` and says whether it had to be made.
+/// Gets an image by `key` and reports whether it was computed.
 struct Asked {
   torch::Tensor image;
   bool made = false;
@@ -119,7 +119,7 @@ TEST_CASE("restoration cache: the longest unused go first, and what killed runs 
   dir.write("e.restoration.78.part", "being written");
   dir.write("f.txt", "not ours");
   fs::last_write_time(dir / "d.restoration.77.part", now - 2 * hour);
-  ask(cache, "c", 0, shape);  // keeps the bound while it fills
+  ask(cache, "c", 0, shape);  // keeps the size limit while it fills
   CHECK(fs::exists(dir / "a.restoration"));
   CHECK_FALSE(fs::exists(dir / "b.restoration"));
   CHECK(fs::exists(dir / "c.restoration"));

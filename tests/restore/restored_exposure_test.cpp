@@ -13,8 +13,9 @@ namespace {
 
 constexpr int kFrameWidth = 10, kFrameHeight = 8;
 
-/// A frame of 0.1 to 0.9 whose brightness rises for a while in one half and falls in the other.
-/// @param steady  events come at equal steps of time, else ever faster
+/// A frame of 0.1 to 0.9 whose brightness increases for a while in one half and decreases in the
+/// other.
+/// @param steady  events at equal time steps, else accelerating
 data::Exposure exposure_with_events(bool steady = true) {
   data::Exposure exposure;
   exposure.blurry = torch::linspace(0.1, 0.9, 3 * kFrameHeight * kFrameWidth)

@@ -47,7 +47,7 @@ TEST_CASE("view restorer: a second start with all views at hand loads no network
 TEST_CASE("view restorer: a network that loads beside it is taken as one of its own", "[restore]") {
   const test::TempDir dir;
   const torch::Tensor blurry = torch::rand({3, 16, 20}), voxel = torch::randn({6, 16, 20});
-  // Its warm-up fails, as the small black frame is refused; that is nobody's error.
+  // Its warm-up fails because it rejects the small black frame; that is not reported.
   const EfnetOptions file{
       test::save_restorer(dir / "n.pt", "  assert image.sum() > 0\n  return image * 0.5\n"), ""};
   ViewRestorer restorer(in(dir / "cache"), file, torch::kCPU, false,
@@ -133,8 +133,8 @@ TEST_CASE("view restorer: gray frames get gray restorations, whatever the cache 
   CHECK(restore(false).equal(tinted));
 }
 
-/// Restores a frame twice, in two starts over one cache: both images, whether the second start
-/// loaded the network, and how many files the cache holds in the end.
+/// Restores a frame twice, in two program starts with one cache: both images, whether the second
+/// start loaded the network, and the number of files in the cache at the end.
 struct TwoStarts {
   torch::Tensor first, second;
   bool loaded_again = false;

@@ -35,7 +35,7 @@ Router drawn_router(torch::Dtype type) {
   return router;
 }
 
-/// The logits' gradients to both images and to every parameter.
+/// The logits' gradients by both images and every parameter.
 std::vector<torch::Tensor> gradients(Router& router, const Images& images, bool fused) {
   router->zero_grad();
   const auto leaf = [](const torch::Tensor& t) { return t.clone().set_requires_grad(true); };
@@ -132,7 +132,7 @@ TEST_CASE("router on the CPU: NaN stays visible, and only asked gradients are ma
   CHECK_FALSE(router->logits(images.blurry, images.psi).requires_grad());
 }
 
-/// One small convolution and the sums of its weights' gradient, by the chosen kernels.
+/// One small convolution and its weight gradient, by the selected kernels.
 std::vector<float> convolved(int64_t kernel, int64_t width) {
   const ConvKernels<float>& kernels = conv_kernels().single;
   const int64_t height = 5, pad = kernel / 2;

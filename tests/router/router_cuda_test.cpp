@@ -37,8 +37,8 @@ Passed pass(Router& router, torch::Tensor blurry, torch::Tensor psi, const torch
   return out;
 }
 
-/// 0 at pixels whose logit depends on a unit so near to ReLU's kink that rounding decides on which
-/// side it lies, and with it on its whole gradient; 1 elsewhere. [N,1,H,W]
+/// 0 at pixels whose logit depends on a unit so near to ReLU's kink that rounding decides its side,
+/// and with it its whole gradient; 1 elsewhere. [N,1,H,W]
 torch::Tensor away_from_kinks(Router& router, const torch::Tensor& blurry,
                               const torch::Tensor& psi) {
   constexpr double kNear = 1e-5;

@@ -33,7 +33,7 @@ TEST_CASE("allocation choice: the share of pixels where the nearer restoration i
   CHECK(right({1, 0.6f, 0, 0.4f, 0.1f, 1}) == 1);
   CHECK(right({0, 0.4f, 1, 0.6f, 0.9f, 0}) == 0);
   CHECK(right({1, 1, 1, 1, 1, 1}) == Approx(2.0 / 5));
-  // α = ½ is no preference for EDI, and one number stands for all pixels.
+  // α = ½ is no preference for EDI, and one number is broadcast to all pixels.
   CHECK(right({0.5f}) == Approx(3.0 / 5));
   CHECK_FALSE(run::allocation_choice(weights({1}), {truth, truth}, truth).right);
 }

@@ -10,7 +10,7 @@
 
 namespace jade::test {
 
-/// Everything that a checkpoint holds, by name.
+/// All entries of a checkpoint, by name.
 inline std::map<std::string, torch::Tensor> checkpoint_entries(const std::filesystem::path& path) {
   torch::serialize::InputArchive archive;
   archive.load_from(path.string(), torch::kCPU);
@@ -23,7 +23,7 @@ inline std::map<std::string, torch::Tensor> checkpoint_entries(const std::filesy
   return entries;
 }
 
-/// Names of the entries that two checkpoints do not share to the bit.
+/// Names of the entries that are not bit-equal in two checkpoints.
 inline std::set<std::string> differing_entries(const std::filesystem::path& a,
                                                const std::filesystem::path& b) {
   const auto of_a = checkpoint_entries(a), of_b = checkpoint_entries(b);

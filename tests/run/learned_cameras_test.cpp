@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Test views of scenes whose exposure poses were learned: aligned, fitted, kept and read back.
+// Test views of scenes with learned exposure poses: aligned, fitted, stored and read back.
 #include "jade/run/learned_cameras.h"
 
 #include "support/catch.h"
@@ -28,7 +28,7 @@ using train::PosePath;
 
 namespace {
 
-/// A short run whose poses are learned, and its folder.
+/// A short run with learned poses, and its folder.
 struct LearnedRun : test::TinyScene {
   train::RunOptions options;
   std::filesystem::path run = dir.path() / "run";
@@ -88,7 +88,7 @@ TEST_CASE("learned cameras: a test pose that is off by pixels is fitted to its i
   const data::Dataset fitted = run::with_learned_poses(dataset, unmoved, gaussians, {200}, {});
   CHECK(psnr_from(fitted.test[0].pose) > psnr_from(view.pose) + 10);
 
-  // Asked to stop, the fit ends early, but not that of an evaluation which nothing would repeat.
+  // An interrupt ends the fit early, except in an evaluation that would not be repeated.
   set_interrupt_requested(true);
   const data::Dataset ended = run::with_learned_poses(dataset, unmoved, gaussians, {200}, {});
   const data::Dataset finished = run::with_learned_poses(
@@ -97,7 +97,7 @@ TEST_CASE("learned cameras: a test pose that is off by pixels is fitted to its i
   CHECK(error_px(ended.test[0].pose, view.pose, view) < 1e-3);
   CHECK(error_px(finished.test[0].pose, fitted.test[0].pose, view) < 1e-3);
 
-  // The fit of a later scene goes on from there: no step is needed where nothing changed.
+  // The fit of a later scene continues from there: it needs no step if nothing changed.
   run::PoseFit warm;
   warm.from = &fitted;
   const data::Dataset again = run::with_learned_poses(dataset, unmoved, gaussians, warm, {});
@@ -164,7 +164,7 @@ TEST_CASE("learned cameras: a run keeps them, and scores, pictures and other pro
   CHECK(again.mean.psnr == Approx(trainer.evaluate().mean.psnr).epsilon(1e-6));
   const auto data_poses = run::evaluate_views(opened.gaussians, given.test, lpips, draw);
   CHECK(again.mean.psnr > data_poses.mean.psnr);
-  // Settings laid over those of the run do not move its scene back.
+  // Overridden settings of the run do not move its scene back.
   train::RunOptions given_options = scene.options;
   given_options.poses.optimize = PosePath::kNone;
   const data::Dataset still = run::load_run_dataset(scene.run, given_options);
@@ -204,7 +204,7 @@ TEST_CASE("learned cameras: before a run's end other programs have those of its 
   CHECK((read - learned).abs().max().item<double>() < 1e-6);
   CHECK(error_px(opened.dataset.train[1].poses[3], given.train[1].poses[3], given.test[0]) > 1e-3);
   CHECK(error_px(opened.dataset.test[0].pose, given.test[0].pose, given.test[0]) > 1e-3);
-  // Poses and scene are of one checkpoint, the newest that is whole.
+  // Poses and scene are from one checkpoint, the newest undamaged one.
   const auto newest = run::list_checkpoints(scene.run).front();
   const std::string bytes = read_file(newest);
   write_file(newest, bytes.substr(0, bytes.size() / 2));
@@ -238,7 +238,7 @@ TEST_CASE("learned cameras: those of an earlier end are gone while a run goes on
   run::Trainer(longer, scene.run, "latest").run();
   CHECK(std::filesystem::exists(file));
 
-  // Stopped within the last fit: nothing half-fitted stays.
+  // Interrupted within the last fit: no half-fitted poses remain.
   std::filesystem::remove(file);
   {
     run::Trainer ending(longer, scene.run, "latest");

@@ -29,7 +29,7 @@ namespace {
 
 using Seconds = serve::RenderQueue::Seconds;
 
-/// Looks at everything there is, as fast as it is rendered, from two viewers.
+/// Requests everything available, as fast as it is rendered, from two viewers.
 class Audience {
  public:
   Audience(serve::RenderQueue& queue, const geometry::Pose& pose,
@@ -109,7 +109,7 @@ TEST_CASE("live_run: a run gives the same bits with viewers and without", "[run]
   const auto dataset = data::load_dataset(options.dataset);
   Audience audience(server.queue(), geometry::pose_from_tensor(matrix),
                     dataset.train.front().camera);
-  // However slow the machine is, they have looked before the run goes on.
+  // They have received it before the run continues, even on a slow machine.
   server.queue().set_paused(true);
   auto going_on = std::async(std::launch::async, [&] {
     for (int i = 0; i < 6000 && (audience.seen() < 3 || audience.judged() < 1); ++i) {
@@ -201,7 +201,7 @@ TEST_CASE("live_run: the page learns what an evaluation has found, and where cam
   run::LiveRun live(server);
   run::Trainer trainer(options, scene.dir / "run", "");
   const data::Dataset data = data::load_dataset(options.dataset);
-  // Pauses after the evaluation at step 10, to be asked at the same step.
+  // Pauses after the evaluation at step 10, so that requests see the same step.
   struct Pausing : run::Watcher {
     run::LiveRun& live;
     serve::RenderQueue& queue;
@@ -236,7 +236,7 @@ TEST_CASE("live_run: the page learns what an evaluation has found, and where cam
   const auto exposure = stands("train.1"), view = stands("test.1");
   REQUIRE(exposure.size() == 9);
   REQUIRE(view.size() == 1);
-  // One step lies between the evaluation and the pause.
+  // There is one step between the evaluation and the pause.
   const auto off = [](const nlohmann::json& rows, const geometry::Pose& pose) {
     double most = 0;
     for (size_t r = 0; r < 3; ++r) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Scenes of monochrome frames: gray in every restoration, parameter, moment and file, to the bit.
+// Scenes of monochrome frames: bit-exactly gray in every restoration, parameter, moment and file.
 #include "support/catch.h"
 
 #include <torch/script.h>
@@ -17,7 +17,7 @@ using namespace jade;
 
 namespace {
 
-/// Gray frames and a restorer that tints them, as one that has learned on colours does.
+/// Gray frames and a restorer that tints them, like one trained on colours.
 struct GrayScene : test::TinyScene {
   std::filesystem::path restorer = dir.path() / "tints.pt";
 

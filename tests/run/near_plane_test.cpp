@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One near plane for the training, the scores and the pictures of a run, and for all that resume
-// it.
+// A run's training, scores and pictures use one near plane, and so does resuming it.
 #include "support/catch.h"
 
 #include <cmath>
@@ -62,7 +61,7 @@ TEST_CASE("near plane: training, scores and pictures cut where the run says", "[
   trainer.run();
   CHECK(imaging::read_image(scene.run / "images/train_00.png").max().item<float>() == 0);
   CHECK(imaging::read_image(scene.run / "images/test_03.png").max().item<float>() == 0);
-  // Scored are black images, by the run and by those that open it.
+  // Both the run and programs that open it score black images.
   const train::RunOptions saved = run::load_run_options(scene.run);
   CHECK(saved.splat.near_plane == 50);
   const run::FinishedRun opened = run::open_run(scene.run, saved);

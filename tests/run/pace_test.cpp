@@ -18,7 +18,7 @@ namespace {
 /// 40 frames with events.
 constexpr run::RestoredFrames kFrames{40, 0};
 
-/// The recommended preset, as a CPU is to run it.
+/// The recommended preset with the choices for a CPU.
 train::RunOptions cpu_options(const run::Choices& choices = {}) {
   train::RunOptions options;
   run::choose_for_cpu(choices, options);
@@ -33,7 +33,7 @@ TEST_CASE("pace: a CPU gets fewer moments, steps and Gaussians, where the user l
   CHECK(chosen.exposure.samples == 9);
   CHECK(chosen.train.iterations == 2000);
   CHECK(chosen.densify.max_gaussians == 50000);
-  CHECK(int64_t{chosen.densify.until} == 1200);  // the calendar follows
+  CHECK(int64_t{chosen.densify.until} == 1200);  // the schedule scales with the steps
   train::RunOptions named;
   named.densify.max_gaussians = 7;
   named.exposure.samples = 33;
@@ -89,7 +89,7 @@ TEST_CASE("pace: minutes become steps and moments", "[run]") {
     run::fit_to_speed({restore_s, step_s}, kFrames, choices, options);
     return options;
   };
-  // 540 s of steps, all moments where there is time for 4,000.
+  // 540 s of steps, with all moments if there is time for 4,000.
   CHECK(fitted(0.1, 0).train.iterations == 5400);
   CHECK(fitted(0.1, 0).exposure.samples == 17);
   const train::RunOptions slow = fitted(0.34, 0);
@@ -121,7 +121,7 @@ TEST_CASE("pace: what a run chose stands in its config.yaml, and a resumed one g
   train::RunOptions options = test::tiny_options(scene);
   options.train.iterations = 8000;
   const auto folder = scene.dir / "run";
-  // Left are steps and moments; all else of these options is named.
+  // Only steps and moments remain to be chosen; all other options are named.
   run::Choices choices;
   for (const auto& [key, value] : config::values(fields_of(options))) choices.named.insert(key);
   choices.named.erase("train.iterations");

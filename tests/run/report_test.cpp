@@ -15,7 +15,7 @@ using namespace jade;
 
 namespace {
 
-/// A routed run with the α given, whose data set ends with a test view of `truth` at the middle of
+/// A routed run with the given α, whose data set ends with a test view of `truth` at the middle of
 /// exposure 1.
 nlohmann::json allocation_of(double alpha, const torch::Tensor& truth) {
   const test::TinyScene scene;
@@ -99,8 +99,8 @@ TEST_CASE("report: says what came before, where the cameras stand, and holds the
   // The first bytes of a gzip file.
   CHECK(page.find("id=\"spz\">H4sI") != std::string::npos);
 
-  // A Gaussian that is in no picture costs the page nothing; one too far for .spz costs it the
-  // scene.
+  // A Gaussian that is in no picture is omitted; one too far for .spz removes the scene from the
+  // page.
   for (const auto& [position, element] :
        {std::pair{INFINITY, "id=\"spz\">H4sI"}, std::pair{1e9F, "id=\"spz\"></script>"}}) {
     state.gaussians.detached().means[0][0].fill_(position);

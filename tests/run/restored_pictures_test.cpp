@@ -21,7 +21,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A run that has ended, and its data.
+/// A finished run, and its data.
 struct EndedRun {
   const test::TinyScene scene;
   train::RunOptions options;
@@ -47,7 +47,7 @@ std::vector<std::string> names(const std::vector<run::ViewPicture>& pictures) {
   return all;
 }
 
-/// Asks as a viewer does, again and again.
+/// Polls like a viewer.
 torch::Tensor made(const std::vector<run::ViewPicture>& pictures, const std::string& name) {
   const auto picture = std::find_if(pictures.begin(), pictures.end(),
                                     [&](const auto& each) { return each.name == name; });

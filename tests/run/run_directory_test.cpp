@@ -11,7 +11,7 @@ using namespace jade;
 TEST_CASE("metrics log: goes on after the line of its checkpoint's own step", "[run]") {
   const test::TempDir dir;
   const std::string upto = "{\"step\":5,\"loss\":3}\n{\"step\":10,\"loss\":2}\n";
-  // Two steps that were lost with a killed run, one of them half-written.
+  // Two steps that a killed run lost, one line incomplete.
   const auto path = dir.write("metrics.jsonl", upto + "{\"step\":11,\"loss\":1}\n{\"step\":1");
   run::MetricsLog log(path, 10);
   CHECK(read_file(path) == upto);

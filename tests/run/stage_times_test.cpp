@@ -40,7 +40,7 @@ TEST_CASE("stage_times: every moment belongs to one stage, and a stage that come
   CHECK(sum >= 0.14);
   CHECK_THAT(times.text(), Catch::StartsWith("data 0.") && Catch::EndsWith(" s in all"));
   CHECK_THAT(times.text(), !Catch::Contains("nothing"));
-  // The stage that has not ended yet counts.
+  // The current stage counts.
   pass(30);
   CHECK(times.without("data") >= 0.04);
   CHECK(times.without("data") <= times.without("none") - 0.13);

@@ -25,8 +25,8 @@ double sliding_brightness(int64_t x, int64_t y, double t_us) {
   return 0.5 + 0.25 * std::sin(u) + 0.15 * std::sin(0.6 * u + 0.5 * double(y));
 }
 
-/// A pattern that slides before a sensor of thresholds kPositive and kNegative; eight exposures of
-/// 80 ms.
+/// A pattern that slides in front of a sensor with thresholds kPositive and kNegative; eight
+/// exposures of 80 ms.
 data::Dataset make_sliding_scene() {
   constexpr int64_t kSize = 24, kStep = 500, kPeriod = 120000, kDuration = 80000;
   constexpr int64_t kExposures = 8, kMeans = 17;
@@ -76,7 +76,7 @@ const data::Dataset& sliding_scene() {
   return scene;
 }
 
-/// Settings that keep what is measured in a folder of their own, and what was said meanwhile.
+/// Settings with a cache of their own, and the messages logged.
 struct Settling {
   test::TempDir dir;
   train::RunOptions options;
@@ -119,14 +119,14 @@ TEST_CASE("thresholds: auto becomes what the data tell, kept with the restoratio
   CHECK(first.threshold_positive == Approx(kPositive).epsilon(0.2));
   CHECK(first.threshold_negative == Approx(kNegative).epsilon(0.2));
   CHECK(a.kept() == 1);
-  // The second time it comes from the folder, whatever these data would tell.
+  // The second result comes from the cache, even though the events are gone.
   a.options.events = {};
   data::Dataset other = scene;
   other.events = scene.events.slice(0, 200000);
   a.settle(other);
   CHECK(a.options.events.threshold_positive == double(first.threshold_positive));
   CHECK(a.options.events.threshold_negative == first.threshold_negative);
-  // Other data are others.
+  // Other data are measured again.
   a.options.events = {};
   a.settle(other, "b");
   CHECK(a.options.events.threshold_positive == 0.25);

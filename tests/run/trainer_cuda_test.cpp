@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whole runs on a GPU: recorded steps against eager ones, and resuming to the bit.
+// Whole runs on a GPU: captured steps against eager ones, and bit-exact resuming.
 #include "support/catch.h"
 
 #include <fstream>
@@ -17,7 +17,7 @@ using namespace jade;
 
 namespace {
 
-/// Everything acts; with another target the routing step rests.
+/// Every term is active; with another target there is no routing step.
 train::RunOptions gpu_options(const test::TinyScene& scene,
                               losses::Target target = losses::Target::kRouted) {
   train::RunOptions options = test::full_options(scene);
@@ -42,7 +42,7 @@ torch::Tensor theta(const run::Trainer& trainer) {
   return torch::cat(all);
 }
 
-/// The routing step's terms by step and name, as a run logged them.
+/// The routing step's terms by step and name, from a run's log.
 std::map<std::string, double> route_terms(const std::filesystem::path& run) {
   std::map<std::string, double> terms;
   std::ifstream metrics(run / "metrics.jsonl");
@@ -80,8 +80,9 @@ TEST_CASE("trainer: recorded steps agree with eager ones across warm-up and dens
   CHECK(mean_difference(a.means, b.means) < 1e-4);
   CHECK(mean_difference(a.sh, b.sh) < 1e-2);
   if (target == losses::Target::kRouted) {
-    // Its losses' gradients know signs only, so θ hardly sees the last bits of a render: on the CPU
-    // noise of 1e-4 on all that the Gaussians hold, at every step, turns its way by 1e-3.
+    // Its losses' gradients depend on signs only, so θ hardly depends on the last bits of a render:
+    // on the CPU, noise of 1e-4 on all parameters of the Gaussians, at every step, changes the
+    // direction of its path by 1e-3.
     const torch::Tensor way = theta(eager) - start;
     CHECK(way.abs().max().item<double>() > 1e-3);
     CHECK((theta(recorded) - theta(eager)).norm().item<double>() <

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Runs that stop and go on: to the same bits, or refused.
+// Runs that stop and resume: bit-identical results, or rejected.
 #include "support/catch.h"
 
 #include <fstream>
@@ -90,7 +90,7 @@ TEST_CASE("trainer: a resumed run keeps the calendar it began with, whatever its
   }
   run::Trainer(options, halves, "latest").run();
   CHECK(read_file(whole / "point_cloud.ply") == read_file(halves / "point_cloud.ply"));
-  // 2 of 10 steps and 20 % of 10 are one calendar; 3 steps are another.
+  // 2 of 10 steps and 20 % of 10 are the same schedule; 3 steps are another.
   options.objective.warmup = 2;
   CHECK_NOTHROW(run::Trainer(options, halves, "latest"));
   options.objective.warmup = 3;
@@ -322,7 +322,7 @@ TEST_CASE(
   train::RunOptions options = routed_options(scene);
   run::Trainer(options, run, "").run();
   const auto older = run::checkpoint_path(run, 10);
-  // A checkpoint of a program that did not store the hash.
+  // A checkpoint of a version that did not store the hash.
   {
     const run::Trainer trainer(options, scene.dir / "same", older.string());
     const auto entries = test::checkpoint_entries(older);

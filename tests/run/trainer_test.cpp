@@ -117,7 +117,7 @@ TEST_CASE("trainer: an interrupt saves the finished step", "[run]") {
   const auto interrupted = [&] {
     train::RunOptions options = tiny_options(scene);
     options.train.iterations = 1000;
-    // The interrupt is seen after the first step; view preparation would honour it as well.
+    // The interrupt is raised after the first step, because view preparation would stop too.
     set_interrupt_requested(false);
     run::Trainer trainer(options, run, "");
     set_interrupt_requested(true);

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""aedat_legacy.py on files that are packed here by the descriptions of AEDAT 3.1 and 2.0 at docs.inivation.com."""
+"""Tests of aedat_legacy.py on files written here by the descriptions of AEDAT 3.1 and 2.0 at docs.inivation.com."""
 import importlib.util
 import struct
 import subprocess
@@ -24,7 +24,7 @@ def there(*modules):
 
 
 class Kept:
-    """What a reader gives an Output, in memory."""
+    """Stores an Output's data in memory."""
 
     def __init__(self):
         self.form, self.size, self.stamp, self.notes, self.edges, self.frames = "", None, "middle", [], [], []
@@ -89,7 +89,7 @@ def record2(address, t):
 
 
 def polarity2(x, y, t, p):
-    """Pixel (x, y) counted from the top left, which the file counts from the bottom right."""
+    """Pixel (x, y) counted from the top left, whereas the file counts from the bottom right."""
     return record2((HEIGHT - 1 - y) << 22 | (WIDTH - 1 - x) << 12 | p << 11, t)
 
 
@@ -238,7 +238,7 @@ class Aedat2(Reading):
         note = "2 frames have a rolling shutter: their times are those of the middle column, the first and the last differ by 119 us"
         out = self.read(header2(is_global=False) + frame2(1000, 9000) + frame2(20000, 28000))
         self.assertEqual((out.times(), out.notes), ([(1119, 9119), (20119, 28119)], [note]))
-        # Reads that overlap show it where the header is silent.
+        # Overlapping reads reveal a rolling shutter if the header does not contain it.
         reset, signal = reads2(RESET, picture2() + 500, 1000), reads2(SIGNAL, picture2(), 1100)
         both = np.concatenate([reset, signal]).astype(aedat_legacy.RECORD)  # concatenate changes the order of bytes
         frame = both[np.argsort(both["t"], kind="stable")]

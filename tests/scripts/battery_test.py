@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""scripts/battery.py with programs that write what the test knows."""
+"""Tests of scripts/battery.py with stubs that write known results."""
 import csv
 import io
 import json
@@ -20,8 +20,8 @@ sys.path[:0] = [str(HERE), str(HERE.parents[1] / "scripts")]
 import battery  # noqa: E402
 import compare_poses_test  # noqa: E402
 
-# Every program notes its call and copies what templates() made. Data sets are those of compare_poses_test.py, four exposures (0 to 3)
-# and a view (4), whose poses are exact.
+# Every program records its call and copies the files of templates(). Data sets are those of compare_poses_test.py, four
+# exposures (0 to 3) and a view (4), whose poses are exact.
 PROGRAM = """#!/bin/bash
 name=$(basename "$0"); words="$*"
 while [ $# -gt 0 ]; do case $1 in --output) out=$2;; --cameras) cameras=$2;; esac; shift; done
@@ -149,7 +149,7 @@ class Battery(unittest.TestCase):
         for kind in ("middles", "views"):
             self.assertGreater(float(rows["plain"][f"{kind}_db"]), 90)
             self.assertGreater(float(fault[f"{kind}_loss"]), 20)
-        # The dark scene is judged by the pictures of the plain one.
+        # The dark scene is compared with the pictures of the plain one.
         self.assertGreater(float(rows["dark"]["views_db"]), 90)
         self.assertEqual(fault["exposure_ms"], "")
         self.assertEqual((rows["unknown_length"]["exposure_ms"], rows["unknown_length"]["exposure_error"]),

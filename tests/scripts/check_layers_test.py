@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The layer check must catch what it is there for."""
+"""Tests that the layer check catches violations."""
 import sys
 import tempfile
 import unittest

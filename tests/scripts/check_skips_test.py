@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""check_skips.py on what the installed ctest really writes."""
+"""Tests of check_skips.py on output of the installed ctest."""
 import subprocess
 import sys
 import tempfile

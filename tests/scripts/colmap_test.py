@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""colmap.py: what it asks of pycolmap, which a module of the test's own stands in for."""
+"""Tests of colmap.py: its calls of pycolmap, which a stub replaces."""
 import importlib.util
 import subprocess
 import sys
@@ -31,7 +31,9 @@ def incremental_mapping(*paths, **options): print("map", paths, options)
 
 
 class Scene:
-    """What reverse() reads and changes of a pycolmap.Reconstruction: five cameras on an arc of 10 degrees about a scene 4 away."""
+    """The part of pycolmap.Reconstruction that reverse() uses: five cameras on an arc of 10 degrees about a scene at
+    distance 4.
+    """
 
     def __init__(self):
         import numpy as np

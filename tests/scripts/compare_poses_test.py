@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Poses of data sets that the test writes itself."""
+"""Tests of compare_poses.py on poses of data sets written here."""
 import io
 import sys
 import tempfile
@@ -73,7 +73,7 @@ class ComparePoses(unittest.TestCase):
     def test_a_turn_by_a_pixel_is_an_error_of_a_pixel(self):
         def to_the_side(times):
             poses = true_path(times)
-            # At the starts to one side, at the ends to the other: the mean turn stays.
+            # To one side at the starts, to the other at the ends, so that the mean rotation is unchanged.
             phase = np.interp(times % 200_000, [0, EXPOSURE_US], [1, -1])
             turns = np.stack([0 * phase, phase / FOCAL, 0 * phase], -1)
             return moved(Poses(poses.axes @ compare_poses.turned_by(turns), poses.centres))

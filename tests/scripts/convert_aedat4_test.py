@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""convert_aedat4.py on recordings as the two packages decode them (aedat 2.3.0, dv-processing 2.0.4); the packages, h5py and
-OpenCV are replaced, so that only numpy is needed."""
+"""Tests of convert_aedat4.py on recordings as the two packages decode them (aedat 2.3.0, dv-processing 2.0.4); stubs
+replace the packages, h5py and OpenCV, so that only numpy is needed.
+"""
 import contextlib
 import datetime
 import io
@@ -34,13 +35,13 @@ def batch(number, names):
     return np.array([(1000 * number + i, i, 1, i % 2) for i in range(3)], kinds)
 
 
-# Stubs decode the packets; the file must still begin and end as its format demands.
+# Stubs decode the packets; the file must still have a valid beginning and end.
 WHOLE = aedat4([("EVTS", 4, 2)], [(0, [("list", (1, struct.pack("<qhhB3x", 1000, 3, 1, 1)))])])
 HEADER_END = 18 + struct.unpack_from("<I", WHOLE, 14)[0]
 
 
 class AedatDecoder:
-    """Pixels red first, exposure times as the file has them: 0 where it has none."""
+    """RGB pixels, exposure times as in the file: 0 if it has none."""
 
     def __init__(self, path):
         pass
@@ -59,7 +60,7 @@ class AedatDecoder:
 
 
 class DvRecording:
-    """Pixels as OpenCV has them, the exposure's start and length, and a recording that is over when its first stream is."""
+    """BGR pixels, the exposure's start and length, and a recording that ends when its first stream ends."""
 
     def __init__(self, path):
         pixels = (image(BLUE, GREEN, RED), image(BLUE, GREEN, RED, OPAQUE), image(RED)[..., 0])
@@ -96,7 +97,7 @@ class FailingRecording:
 
 
 class Hdf5File:
-    """What of h5py.File the converter uses; the data sets stay in `written`."""
+    """The part of h5py.File that the converter uses; the data sets stay in `written`."""
 
     written = {}
 
@@ -134,7 +135,7 @@ READERS = {"aedat": module("aedat", Decoder=AedatDecoder) | {"dv_processing": No
 
 class ConvertAedat4(unittest.TestCase):
     def convert(self, reader, room=9, content=WHOLE, output="events.h5"):
-        """Exit code, what was said, the pictures, for as many as there is room, and the times."""
+        """Exit code, output, the pictures (there is space for `room` of them), and the times."""
         pictures = {}
 
         def imwrite(path, values):

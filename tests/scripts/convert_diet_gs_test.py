@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""convert_diet_gs.py on pickles that the test writes itself, whole and damaged."""
+"""Tests of convert_diet_gs.py on valid and damaged pickles written here."""
 import pickle
 import subprocess
 import sys

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""demo.sh with everything that takes time replaced: when the report is opened, and that this never fails the demo."""
+"""Tests of demo.sh with stubs for all slow steps: when the report is opened, and that opening it never fails the
+demo.
+"""
 import os
 import pty
 import shutil
@@ -32,7 +34,7 @@ class Demo(unittest.TestCase):
         path.chmod(0o755)
 
     def demo(self, terminal=True, *arguments, **session):
-        """The exit code; with a terminal of its own, or a pipe, as standard output."""
+        """The exit code; standard output is a terminal or a pipe."""
         environment = {name: value for name, value in os.environ.items() if name not in SESSION} | session
         environment["PATH"] = f"{self.root / 'desktop'}:{environment['PATH']}"
         reader, writer = pty.openpty() if terminal else os.pipe()

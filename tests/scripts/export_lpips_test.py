@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""export_lpips.py on packages that the test makes itself, AlexNet with random weights; nothing is fetched."""
+"""Tests of export_lpips.py on packages created here, AlexNet with random weights; nothing is downloaded."""
 import io
 import os
 import pickle

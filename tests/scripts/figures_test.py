@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures from run directories that the test writes itself."""
+"""Tests of figures.py on run directories written here."""
 import base64
 import contextlib
 import io

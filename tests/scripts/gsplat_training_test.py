@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""gsplat_training.py with a stand-in for gsplat, which CI has not: what it compares, and that it learns."""
+"""Tests of gsplat_training.py with a stub for gsplat, which CI lacks: its loss, and that it learns."""
 import json
 import sys
 import tempfile
@@ -25,7 +25,7 @@ OPTIONS = {
 
 
 class Strategy:
-    """Sees the steps and leaves the Gaussians alone."""
+    """Records the steps and does not change the Gaussians."""
 
     def __init__(self, **settings):
         self.settings = settings

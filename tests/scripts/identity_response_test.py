@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""identity_response.py: what it fits is the identity, and the file that ships is what it fits."""
+"""Tests of identity_response.py: it fits the identity, and the shipped file is its output."""
 import sys
 import unittest
 from pathlib import Path
@@ -32,7 +32,7 @@ class IdentityResponse(unittest.TestCase):
         error = np.abs(response(shipped.astype(np.float64), x) - x)
         self.assertLess(error.mean(), 1e-2)
         self.assertLess(error.max(), 5e-2)
-        # Another C library may round exp and pow otherwise, and 3000 steps widen that.
+        # Another C library may round exp and pow differently, and 3000 steps amplify that.
         fitted = identity_response.fitted().astype(np.float64)
         self.assertLess(np.abs(response(fitted, x) - response(shipped.astype(np.float64), x)).max(), 5e-3)
 

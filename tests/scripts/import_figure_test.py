@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The stages of an import that the test writes itself."""
+"""Tests of import_figure.py on stages of an import written here."""
 import json
 import shutil
 import subprocess
@@ -88,7 +88,7 @@ class ImportFigure(unittest.TestCase):
         done = self.call()
         self.assertEqual(done.returncode, 0, done.stderr)
         level, raw = import_figure.levelled(self.data), import_figure.Capture(self.data / "import/read")
-        # Events are 10 ms ahead: those of the frames come later in what was read.
+        # The events' clock is 10 ms ahead, so the frames' events are later in the stage `read`.
         self.assertEqual(level.events(-10000, -9000)[0].tolist(), raw.events(0, 1000)[0].tolist())
 
     def test_polarities_and_places(self):

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""The Python side of the wheel, with a program and a torch that are a few lines each."""
+"""Tests of the wheel's Python side, with stubs for a program and torch."""
 
 import os
 import shutil

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// scripts/lint_front.mjs finds what it is there for, in copies of the front end with one fault each.
+// Tests that scripts/lint_front.mjs finds faults, in copies of the front end with one fault each.
 import assert from 'node:assert/strict';
 import { cpSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
 import { spawnSync } from 'node:child_process';

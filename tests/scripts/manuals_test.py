@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""The man pages and the completion that scripts/manuals.py made of the built programs: every flag of --help is in them,
-bash completes with them, and the shells and roff take them.
+"""Tests of the man pages and the completion that scripts/manuals.py generated from the built programs: they contain
+every flag of --help, bash completes with them, and the shells and roff accept them.
 
-    manuals_test.py BIN_FOLDER MANUALS_FOLDER
+manuals_test.py BIN_FOLDER MANUALS_FOLDER
 """
 
 import re
@@ -18,7 +18,7 @@ PROGRAMS = sorted(path.name for path in (SHARE / "bash-completion/completions").
 
 
 def completed(program, *words):
-    """What bash offers for the last word."""
+    """Completions that bash offers for the last word."""
     script = f"""source {SHARE}/bash-completion/completions/{program}
 COMP_WORDS=({program} {' '.join(f"'{word}'" for word in words)}); COMP_CWORD={len(words)}
 _{program}; printf '%s\\n' "${{COMPREPLY[@]}}" """
@@ -46,7 +46,7 @@ class Manuals(unittest.TestCase):
         self.assertEqual(completed("jade_export", "--spz-v"), ["--spz-version"])
         self.assertEqual(completed("jade_export", "--coordinates", "s"), ["scene"])
         self.assertEqual(completed("jade_export", "--coordinates", ""), ["dataset", "scene"])
-        # Files, which bash offers where nothing is.
+        # File names, bash's default without completions.
         self.assertEqual(completed("jade_export", "--ply", "s"), [])
         self.assertIn("--config", completed("jade_train", "--"))
         commands = completed("jade_bench", "")

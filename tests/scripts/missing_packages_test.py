@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A script whose packages are not installed says so in one line, and what to do."""
+"""Tests that a script without its packages prints one line that says what to do."""
 import subprocess
 import sys
 import unittest
@@ -17,7 +17,8 @@ class MissingPackages(unittest.TestCase):
     def test_one_line_with_the_mend(self):
         for name, hint in HINTS.items():
             with self.subTest(name):
-                # -S: no installed package is found. convert_aedat4 looks for its packages once it has a recording.
+                # -S: no installed package is found. convert_aedat4 imports its packages only after it has opened a
+                # recording.
                 done = subprocess.run([sys.executable, "-S", SCRIPTS / f"{name}.py", __file__, "out"], capture_output=True, text=True)
                 self.assertEqual(done.returncode, 2, done.stderr)
                 self.assertRegex(done.stderr, rf"^{Path(name).name}: .*{hint}.*\n$")

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""read_recording.py: what it makes of messages and packets, which are packed here by their specifications. With the packages
-of scripts/setup.sh --import there, whole bags and AEDAT4 files go through it too."""
+"""Tests of read_recording.py on messages and packets written here by their specifications. With the packages of
+scripts/setup.sh --import, also converts whole bags and AEDAT4 files.
+"""
 import errno
 import importlib.util
 import os
@@ -32,7 +33,7 @@ def ros1_array(events=EVENTS, frame=b"cam"):
 
 
 def cdr(parts):
-    """Numbers in the alignment of CDR behind its four bytes of encapsulation."""
+    """Serialises numbers with CDR's alignment after its four bytes of encapsulation."""
     out = b""
     for form, value in parts:
         size = struct.calcsize("<" + form)
@@ -200,8 +201,8 @@ class Bags(unittest.TestCase):
         camera = types_["sensor_msgs/msg/CameraInfo"](
             header=header, height=260, width=346, distortion_model="plumb_bob", D=np.array([0.1, 0, 0, 0, 0]),
             K=np.array([250.0, 0, 170, 0, 251, 130, 0, 0, 1]), R=np.zeros(9), P=np.zeros(12), binning_x=0, binning_y=0, roi=region)
-        # Frames at 10, 50 and 90; the driver publishes each length after its frame, but it may overtake it. The other
-        # camera's are none of these.
+        # Frames at 10, 50 and 90; the driver publishes each exposure time after its frame, but the two may arrive in
+        # reverse order. The other camera's times are not used.
         messages = ((1, "/dvs/events", array), (2, "/dvs/camera_info", camera), (10, "/dvs/image_raw", image), (11, "/dvs/exposure", length(data=4000)),
                     (49, "/dvs/exposure", length(data=6000)), (50, "/dvs/image_raw", image), (50, "/right/exposure", length(data=2)),
                     (90, "/dvs/image_raw", image), (91, "/dvs/exposure", length(data=8000)))
@@ -220,7 +221,7 @@ class Bags(unittest.TestCase):
                                                        ("000002", "7496000", "7504000")])
         self.assertIn("width 346", (out / "recording.txt").read_text())
         self.assertIn("  data: [250.0, 0.0, 170.0, 0.0, 251.0, 130.0, 0.0, 0.0, 1.0]\n", (out / "camera_info.yaml").read_text())
-        # Another recording into the same folder: nothing of the first stays but what is somebody else's.
+        # Another recording into the same folder: the first one's files are removed, others stay.
         (out / "images" / "mine.png").touch()
         (out / "triggers.csv").touch()
         with Writer(self.folder / "b.bag") as bag:
@@ -269,8 +270,9 @@ class Bags(unittest.TestCase):
 
 
 def table(at, fields):
-    """A table of FlatBuffers that begins with its vtable at `at`, and where the table itself lies. Numbers are (form, value),
-    lists ("list", (length, bytes)), lists of tables ("tables", [fields, ...])."""
+    """A table of FlatBuffers with its vtable at `at`, and the position of the table. Numbers are (form, value),
+    lists ("list", (length, bytes)), lists of tables ("tables", [fields, ...]).
+    """
     count = len(fields)
     place = at + 4 + 2 * count
     place += (4 - place) % 8  # so that the fields, 8 bytes apart, are aligned
@@ -302,7 +304,7 @@ def list_of_tables(start, tables):
 
 
 def flatbuffer(kind, fields):
-    """With its size before it, as AEDAT4 has them."""
+    """With its size as a prefix, as in AEDAT4."""
     made, place = table(12, fields)
     content = struct.pack("<I", place - 4) + kind + made
     return struct.pack("<I", len(content)) + content
@@ -386,7 +388,7 @@ class Aedat4(unittest.TestCase):
     def test_a_damaged_file_is_told_in_one_line(self):
         whole = aedat4([("EVTS", 346, 260)], [(0, [("list", (1, struct.pack("<qhhB3x", 1000, 3, 4, 1)))])])
         packets, name = 18 + struct.unpack_from("<I", whole, 14)[0], whole.index(b"</node>") + 3
-        # Each ends the package's interpreter, or is a failure that no Python code catches.
+        # Each ends the package's interpreter, or raises an error that no Python code catches.
         for content in (whole[:18] + b"\xf0\xff\xff\xff" + whole[22:],  # the table of the header
                         whole[:name] + b"\xec" + whole[name + 1:],  # its description
                         whole[:packets] + struct.pack("<iii", 0, 4, 0)):  # a packet without room for its table

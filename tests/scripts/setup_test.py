@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""setup.sh with apt, pip and Python replaced: what may be left out and what may not; and how all shell scripts say their usage."""
+"""Tests of setup.sh with stubs for apt, pip and Python: optional and required packages; and how all shell scripts
+print their usage.
+"""
 import os
 import re
 import shutil
@@ -9,7 +11,7 @@ import unittest
 from pathlib import Path
 
 SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
-# $UNKNOWN names packages that apt does not know, $BROKEN those that it cannot install.
+# $UNKNOWN names packages unknown to apt, $BROKEN those that it cannot install.
 APT_CACHE = """for word in $UNKNOWN; do [ "$word" != "$2" ] || exit 100; done; [ "$UNKNOWN" != all ]"""
 APT_GET = """echo "apt $*" >>"$LOG"
 case "$* " in *" install "*) for word in $BROKEN; do case "$* " in *" $word "*) exit 100 ;; esac; done
@@ -49,7 +51,7 @@ class Setup(unittest.TestCase):
         path.chmod(0o755)
 
     def run_setup(self, *flags, **settings):
-        """Exit code, what was said, and what was called, in one text."""
+        """Exit code, output, and recorded calls, in one text."""
         self.log.write_text("")
         names = {"UNKNOWN": "", "BROKEN": "", "COMPLETE": "", "NO_VENV": "", "OFFLINE": ""} | settings
         names |= {"LOG": str(self.log), "INSTALLED": str(self.installed), "STUB": str(self.root / "bin/venv-python")}
@@ -59,7 +61,7 @@ class Setup(unittest.TestCase):
         return done.returncode, done.stderr, self.log.read_text()
 
     def refused(self, pattern, **settings):
-        """The last line says why, and nothing was installed into .venv."""
+        """The last line gives the reason, and nothing was installed into .venv."""
         code, said, called = self.run_setup(**settings)
         self.assertEqual(code, 3, said)
         self.assertRegex(said.splitlines()[-1], f"^setup: .*{pattern}")

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A sweep of 12 runs on a real Slurm cluster of one node: one task is cancelled and one training program killed on the
-way, a second call submits only these two, and the table is complete. Skipped (77) where Slurm is not installed.
+"""A sweep of 12 runs on a real Slurm cluster of one node: cancels one task and kills one training program; a second
+call submits only these two, and the table is complete. Skipped (77) if Slurm is not installed.
 
-    python3 tests/scripts/slurm_sweep_test.py BUILD_BIN [FOLDER_THAT_STAYS]
+python3 tests/scripts/slurm_sweep_test.py BUILD_BIN [FOLDER_THAT_STAYS]
 """
 import json
 import os
@@ -37,7 +37,7 @@ def say(text):
 
 
 def call(*command, code=0):
-    """Ends the test on another exit code; None takes any."""
+    """Runs a command and fails the test on another exit code; None accepts any."""
     say("+ " + " ".join(str(part) for part in command))
     done = subprocess.run([str(part) for part in command], capture_output=True, text=True)
     say((done.stdout + done.stderr).rstrip())
@@ -47,7 +47,7 @@ def call(*command, code=0):
 
 
 def queue():
-    """Array index and state of what is left."""
+    """Array index and state of the remaining tasks."""
     out = subprocess.run(["squeue", "--noheader", "--array", "--format=%K %T"], capture_output=True, text=True, check=True).stdout
     return dict(line.split() for line in out.splitlines())
 
@@ -100,7 +100,7 @@ def scenario(folder):
     say(f"kill -9 {pid}, which trains {ids[int(killed)]}")
     os.kill(pid, 9)
     wait_for("the queue to empty", lambda: not queue())
-    # A run that was killed is told by the exit code, until it is submitted again.
+    # The exit code reports a killed run until it is submitted again.
     call(*sweep[:-2], "--table", code=4)
     before = (out / "table.md").read_text()
     say(before[:before.index("## Columns")])

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Reads what jade_export writes with readers of its own, made from the formats' public descriptions
+"""Reads the files of jade_export with independent readers, written by the formats' public descriptions
 (.spz: github.com/nianticlabs/spz, README, "File Format"; .splat: 32 bytes per Gaussian; .ply: the 3DGS
-attributes; .glb: glTF 2.0 with KHR_gaussian_splatting), and compares. Then every format goes back to .ply through
-jade_export, and jade_inspect names it. Standard library only.
+attributes; .glb: glTF 2.0 with KHR_gaussian_splatting), and compares. Then converts every format back to .ply
+with jade_export, and checks that jade_inspect recognises it. Standard library only.
 
-    splat_files_test.py path/to/jade_export
+splat_files_test.py path/to/jade_export
 """
 
 import gzip
@@ -113,7 +113,7 @@ def check_splat(path, rows):
 
 
 def check_smallest_three(packed, xyzw):
-    """Two bits for the largest component, then a sign and nine bits from 0 to 1/√2 for each other one."""
+    """Two bits for the largest component, then a sign and nine bits in [0, 1/√2] for each other one."""
     largest = packed >> 30
     assert abs(abs(xyzw[largest]) - max(abs(v) for v in xyzw)) < 1e-6, "the largest component"
     sign = 1 if xyzw[largest] > 0 else -1
@@ -162,7 +162,7 @@ def check_glb(path, rows, degree):
 
 
 def check_round_trips(program, folder):
-    """Every format is read again, and named by its content."""
+    """Every format can be read again, and is recognised by its content."""
     source = folder / "in3.ply"
     rows = read_ply(source)
     kinds = {"a.spz": ".spz", "a4.spz": ".spz", "a.sog": ".sog", "a.glb": "glTF", "a.splat": ".splat", "a.compressed.ply": "compressed"}
@@ -182,7 +182,7 @@ def check_round_trips(program, folder):
         inspect = [str(Path(program).with_name("jade_inspect")), path, "--json", "--quiet"]
         told = json.loads(subprocess.run(inspect, check=True, capture_output=True, text=True).stdout)
         assert told["gaussians"] == COUNT and kind in told["kind"], told
-        # Cut in the middle, it is refused in one line that names it.
+        # A truncated file is rejected in one line that names it.
         path.write_bytes(path.read_bytes()[:-7])
         done = subprocess.run([program, "--ply", path, "--output", back, "--quiet"], capture_output=True, text=True)
         assert done.returncode == 3 and name in done.stderr and done.stderr.count("\n") == 1, done.stderr
@@ -203,7 +203,7 @@ def check_spz(path, rows, degree, expected_version=2):
         blocks[name] = [content[at + size * i : at + size * (i + 1)] for i in range(COUNT)]
         at += size * COUNT
     for i, row in enumerate(rows):
-        # Right, up, back: the file's axes; ours are right, down, forward.
+        # Right, up, back: the file's axes; the library's are right, down, forward.
         for axis, (key, sign) in enumerate((("x", 1), ("y", -1), ("z", -1))):
             fixed = int.from_bytes(blocks["position"][i][3 * axis : 3 * axis + 3], "little", signed=True)
             near(fixed / 2**bits, sign * row[key], 0.51 / 2**bits, f"position {key}")
@@ -222,7 +222,7 @@ def check_spz(path, rows, degree, expected_version=2):
         per_channel = rest // 3
         for k in range(per_channel):
             for c in range(3):
-                # The file runs over channels fastest, .ply over coefficients.
+                # In the file channels vary fastest, in .ply coefficients.
                 expected = FLIP[k] * row[f"f_rest_{c * per_channel + k}"]
                 step = (8 if k < 3 else 16) / 128
                 near((blocks["sh"][i][3 * k + c] - 128) / 128, expected, 0.51 * step + 1 / 128, f"SH {k} {c}")

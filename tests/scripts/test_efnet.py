@@ -217,7 +217,8 @@ class Generator(unittest.TestCase):
     def test_a_resetting_pixel_forgets_what_is_beyond_its_thresholds(self):
         one, none = torch.ones(1, 1, 1), torch.zeros(1, 1, 1)
         chances = torch.full((2, 1, 1, 1), 0.5)
-        for level, expected in ((0.7, 0.6 + 0.25 * 0.1), (-0.5, -0.4 - 0.25 * 0.1), (0.1, 0.0)):  # the last makes no event
+        # the last one causes no event
+        for level, expected in ((0.7, 0.6 + 0.25 * 0.1), (-0.5, -0.4 - 0.25 * 0.1), (0.1, 0.0)):
             _, reference, _ = event_step(
                 one * level, none, none, one * 0.3, one * 0.2, none, one * 1e6, none, one * 0.25, none, none, chances)
             self.assertAlmostEqual(float(reference), expected, places=6)
@@ -232,7 +233,7 @@ class Generator(unittest.TestCase):
         torch.testing.assert_close(shifted.flatten(1), torch.tensor([[0.25, 1.75], [7.0, 8.0]]))
 
     def test_events_before_and_after_the_exposure_are_there_for_another_clock(self):
-        """A film that goes on: what a clock apart sees at the ends is what the film shows there."""
+        """A longer film: with a clock offset, the ends see the parts of the film outside the exposure."""
         level = torch.linspace(0, 2, 21).view(1, 21, 1, 1)
         options = replace(self.options, height=1, width=1, batch=1, noise=NoiseOptions(0, 0))
         one = torch.full((1, 1, 1), 0.05)
@@ -347,7 +348,7 @@ class Export(unittest.TestCase):
 
     def test_an_image_network_is_verified_at_multiples_of_its_padding(self):
         class Halved(torch.nn.Module):
-            """Fails where a side is no multiple of 16."""
+            """Fails unless each side is a multiple of 16."""
 
             def __init__(self):
                 super().__init__()
@@ -456,11 +457,11 @@ class Export(unittest.TestCase):
 
 
 def run_script(script, *arguments) -> tuple[int, str]:
-    """Exit code of a script's main(), and all that it said."""
+    """Exit code of a script's main(), and its output."""
     said = io.StringIO()
     with mock.patch.object(sys, "argv", [script.__name__, *map(str, arguments)]), redirect_stdout(said), redirect_stderr(said), \
             warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # unittest shows those of torch that a user does not see
+        warnings.simplefilter("ignore")  # unittest shows torch's warnings, which users do not see
         try:
             code = script.main()
         except SystemExit as stop:
@@ -477,7 +478,7 @@ class Training(unittest.TestCase):
         self.path = Path(folder.name)
 
     def train(self, name, *options, stop=None) -> dict[int, float]:
-        """Learning rate of every step. stop: save before this step, and end as by a signal."""
+        """Learning rate of every step. stop: saves before this step, and ends as after a signal."""
         with redirect_stdout(io.StringIO()):
             trainer = train_efnet.Trainer(train_efnet.parse_arguments(["--output", str(self.path / name), *self.SMALL, *options]))
         trainer.validate, step, rates = lambda final: None, trainer.train_step, {}
@@ -592,7 +593,7 @@ class Photographs(unittest.TestCase):
     def setUp(self):
         folder = tempfile.TemporaryDirectory()
         self.addCleanup(folder.cleanup)
-        # Skipped words above the given folder mean nothing.
+        # Words above the given folder are ignored.
         self.folder = Path(folder.name) / "logo" / "gradient_letters"
         self.folder.mkdir(parents=True)
         self.output = Path(folder.name) / "out"
@@ -677,7 +678,7 @@ class Evaluation(unittest.TestCase):
         return [line for line in said.splitlines() if "PSNR" in line]
 
     def fresh(self):
-        """The folder anew."""
+        """Recreates the folder."""
         for path in sorted(self.path.rglob("*"), reverse=True):
             path.unlink() if path.is_file() else path.rmdir()
         self.path.rmdir()

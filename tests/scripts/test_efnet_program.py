@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The restorer as the C++ programs run it, against the independent network in Python.
+"""Tests of the restorer in the C++ programs against the independent network in Python.
 
-Runs `jade_bench restorer --input … --dump …` from $JADE_BIN (default: build/bin)."""
+Runs `jade_bench restorer --input … --dump …` from $JADE_BIN (default: build/bin).
+"""
 
 import hashlib
 import io
@@ -28,7 +29,7 @@ BENCH = Path(os.environ.get("JADE_BIN", ROOT / "build" / "bin")) / "jade_bench"
 
 
 def frame(height: int, width: int, windows: int = 6) -> tuple[torch.Tensor, torch.Tensor]:
-    """An image, and bins of a moving camera: whole numbers where there are events at all."""
+    """An image, and bins of a moving camera: whole numbers where there are events."""
     generator = torch.Generator().manual_seed(height * width)
     image = torch.rand(1, 3, height, width, generator=generator)
     bins = torch.randint(-3, 4, (1, windows, height, width), generator=generator).float()

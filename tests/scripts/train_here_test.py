@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""scripts/efnet/train_here.sh with programs that only say what they were asked for."""
+"""Tests of scripts/efnet/train_here.sh with stubs that only print their arguments."""
 
 import os
 import signal

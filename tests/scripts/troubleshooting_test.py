@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""docs/troubleshooting.md quotes messages as the programs print them."""
+"""Tests that docs/troubleshooting.md quotes messages as the programs print them."""
 import re
 import unittest
 from pathlib import Path
@@ -8,7 +8,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def printed_text():
-    """All string literals of the programs, those of one message joined, a value between two of them as a NUL."""
+    """All string literals of the programs; adjacent ones are joined, with NUL in place of a value between them."""
     sources = [path.read_text() for folder in ("lib", "apps") for path in sorted((ROOT / folder).rglob("*.cpp"))]
     literals = []
     for source in sources:

@@ -38,8 +38,8 @@ double seconds_of(const std::function<void()>& action) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
-/// An answer of 1 MB to who takes 16 kB each 50 ms, from a socket that has room again only after a
-/// second of that.
+/// An answer of 1 MB to a client that reads 16 kB every 50 ms, from a socket that has space again
+/// only after a second of that.
 struct Sent {
   bool all;
   double seconds;
@@ -48,7 +48,7 @@ struct Sent {
 Sent send_to_slow_reader(const Connection::Limits& limits,
                          const std::atomic<bool>* stopping = nullptr) {
   const Pair pair;
-  const int room = 212992;  // what everybody may ask for; the system doubles it
+  const int room = 212992;  // allowed without privileges; the system doubles it
   REQUIRE(setsockopt(pair.ours, SOL_SOCKET, SO_SNDBUF, &room, sizeof room) == 0);
   std::atomic<bool> slow{true};
   std::thread reader([&] {
@@ -99,7 +99,7 @@ TEST_CASE("connection: a request has an end, in bytes and in time", "[serve]") {
   const Pair pair;
   Connection connection(pair.ours, {1000, kSoon, kSoon});
   char letter = 0;
-  // One byte each 20 ms, which a limit between bytes would let go on.
+  // One byte every 20 ms, which a limit between bytes would allow.
   std::thread slow([&] {
     for (int i = 0; i < 60; ++i) {
       pair.say("x");

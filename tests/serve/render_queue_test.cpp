@@ -84,7 +84,7 @@ TEST_CASE("queue: who is not rendered for in time, or has left, leaves nothing b
     return at_step(0);
   });
   CHECK_FALSE(rendered);
-  // It stops waiting while its picture is rendered.
+  // It gives up while its picture is rendered.
   auto impatient = std::async(std::launch::async,
                               [&] { return queue.ask("a", {}, RenderQueue::Seconds(0.02)); });
   REQUIRE(queue.wait(kLong));

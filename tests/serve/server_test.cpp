@@ -26,7 +26,7 @@ namespace {
 const std::string kAskFrame =
     "/frame?layer=color&pose=1,0,0,0,0,1,0,0,0,0,1,0&camera=50,50,20,15,40,30&viewer=";
 
-/// A server with a thread that renders whatever is asked for.
+/// A server with a thread that renders all requests.
 struct Live {
   serve::Server server;
   std::atomic<bool> going{true};
@@ -80,7 +80,7 @@ int status(const Live& live, const std::string& path, const httplib::Headers& he
   return result ? result->status : -1;
 }
 
-/// A viewer that does as it likes with its connection.
+/// A client with full control over its connection.
 struct Socket {
   int fd = ::socket(AF_INET, SOCK_STREAM, 0);
 
@@ -95,7 +95,7 @@ struct Socket {
   bool say(const std::string& text) const {
     return ::send(fd, text.data(), text.size(), MSG_NOSIGNAL) == static_cast<ssize_t>(text.size());
   }
-  /// The answer, up to its end.
+  /// Reads the answer to its end.
   std::string hear() const {
     std::string all, part(4096, '\0');
     for (ssize_t got = 0; (got = recv(fd, part.data(), part.size(), 0)) > 0;) {
@@ -153,7 +153,7 @@ TEST_CASE("server: page, frame, picture, state and pause", "[serve]") {
   CHECK(client.Post("/pause?on=0&viewer=a")->status == 204);
   CHECK_FALSE(live.server.queue().paused());
   CHECK(client.Post("/pause?on=maybe&viewer=a")->status == 400);
-  // A link or a picture elsewhere can only ask by GET.
+  // A link or a picture on another site can only send GET.
   CHECK(status(live, "/pause?on=1&viewer=a") == 404);
 }
 
@@ -202,7 +202,7 @@ TEST_CASE("server: a large request is refused, an endless one left", "[serve]") 
               "5\r\nhello");
   CHECK_THAT(chunked.hear(), Catch::StartsWith("HTTP/1.1 413"));
   CHECK_FALSE(live.server.queue().paused());
-  // Neither its line nor its headers come to an end.
+  // Neither the request line nor the headers end.
   for (const std::string& part :
        {std::string(1000, 'A'), "X: " + std::string(1000, 'A') + "\r\n"}) {
     const Socket endless(live);
@@ -242,7 +242,7 @@ TEST_CASE("server: who reads a large page slowly gets it, unless the server stop
   const std::string page(size_t{16} << 20, 'x');
   live->server.show(page);
   const auto read_slowly = [&](const Socket& socket) {
-    const int room = 1 << 17;  // so that little is on its way
+    const int room = 1 << 17;  // so that little data is in transit
     setsockopt(socket.fd, SOL_SOCKET, SO_RCVBUF, &room, sizeof room);
     size_t got = 0;
     std::string part(size_t{1} << 20, '.');

@@ -92,7 +92,7 @@ TEST_CASE("esim: the refractory period drops events and moves the reference on",
   options.refractory_us = 75000;
   const auto fewer = watch(options, 1, 1, 1000000, 10000, curve);
   REQUIRE(all.size() >= 19);
-  // Every second one is left, at the very times it would have had.
+  // Every second event remains, at the same time.
   REQUIRE(fewer.size() == (all.size() + 1) / 2);
   for (int64_t i = 0; i < fewer.size(); ++i) {
     CHECK(fewer.t_us()[i].item<int64_t>() == all.t_us()[2 * i].item<int64_t>());
@@ -155,7 +155,7 @@ TEST_CASE("esim: a narrow bandwidth delays and thins out events", "[simulate]") 
   const auto narrow = watch(options, 1, 1, 100000, 100, flicker);
   CHECK(wide.size() > 150);
   CHECK(narrow.size() < wide.size() / 3);
-  // A step: the filtered value passes ln 2 / (2π f) later half way.
+  // A step: the filtered value reaches half of it after ln 2 / (2π f).
   options.cutoff_hz = 50, options.threshold_positive = 0.5;
   const double level = std::log(0.8 + kEps), before = level - 1.0;
   const auto step =
@@ -241,7 +241,7 @@ TEST_CASE("esim: after a burst a pixel starts afresh from what it sees", "[simul
   REQUIRE(alone.size() == 3);
   CHECK_FALSE(burst.t_us().equal(alone.t_us()));
   const auto t = burst.t_us().to(torch::kFloat64) * 1e-6;
-  // No two of its steps lie closer than a threshold, unless one of them is a burst.
+  // No two of its steps are closer than a threshold, unless one of them is a burst.
   const auto steps = (t.slice(0, 1) - t.slice(0, 0, -1) >= 0.2999).sum().item<int64_t>();
   CHECK(steps <= 3);
   CHECK(burst.size() > steps);

@@ -57,7 +57,7 @@ TEST_CASE("moving object: has the size asked for and swings as far", "[simulate]
 TEST_CASE("moving object: stands in the world, before what is further away", "[simulate]") {
   const MovingObject object(swinging_ball(), kBallCamera, {}, 2);
   CHECK(spot_seen(object, 0, 1.5f).pixels == 0);
-  // A camera further to the right sees it further to the left.
+  // A camera farther to the right sees it farther to the left.
   const auto right = geometry::pose_at_centre(geometry::Pose{}.rotation, {0.1, 0, 0});
   CHECK(spot_seen(object, 0, 5, right).x == Approx(50).margin(0.5));
 }

@@ -63,7 +63,7 @@ TEST_CASE("pose error: correlates as told", "[simulate]") {
   }
   const auto alone = errors_at(0, estimated, 55000);
   CHECK(std::abs(correlation(alone, errors_at(0, estimated, 175000))) < kBound / std::sqrt(6.0));
-  // Near an estimated pose its own error rules.
+  // Near an estimated pose its own error dominates.
   CHECK(correlation(alone, errors_at(0, estimated, 56000)) > 0.999);
 }
 

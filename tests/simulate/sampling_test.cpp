@@ -73,7 +73,7 @@ TEST_CASE("camera path: moves smoothly and by the blur asked for", "[simulate]")
   const Timeline timeline = make_timeline(options);
   const double blur = set_speed_for_blur(path, source, kCamera, timeline, 6);
   CHECK(blur == Approx(6).epsilon(0.03));
-  // Second differences of the centre vanish with the square of the step: no corners.
+  // Second differences of the centre decrease with the square of the step: no corners.
   const auto x = [&](double t) { return geometry::centre(path.at(t))[0]; };
   for (double t = 1e4; t < 2e5; t += 7e3) {
     const double coarse = std::abs(x(t + 2000) - 2 * x(t) + x(t - 2000));
@@ -95,7 +95,7 @@ TEST_CASE("camera path: rests for a part of each period and comes as far", "[sim
     CHECK(centre(resting, period + 1.6e5)[0] ==
           Approx(centre(steady, period + 1e5)[0]).margin(1e-9));
   }
-  // No corner where it starts and stops: the speed is near zero there.
+  // No corner at starts and stops: the speed is near zero there.
   const auto step = [&](double t) {
     return std::abs(centre(resting, t + 500)[0] - centre(resting, t)[0]);
   };

@@ -202,7 +202,7 @@ TEST_CASE("simulate: each exposure has image noise of its own", "[simulate]") {
   const auto noise = [&](size_t i) { return (noisy[i].blurry - clean[i].blurry).flatten(); };
   const torch::Tensor a = noise(0), b = noise(1);
   CHECK(a.norm().item<double>() > 0);
-  // 3600 values: by chance a sixtieth.
+  // 3600 values: a random correlation is about a sixtieth.
   CHECK(std::abs((a.dot(b) / (a.norm() * b.norm())).item<double>()) < 0.1);
 }
 
@@ -260,7 +260,7 @@ TEST_CASE("simulate: an event camera beside that of the frames sees from where i
   const SimulateResult one = simulate::simulate(run);
   CHECK_FALSE(one.event_camera);
   auto& beside = run.simulate.event_camera;
-  // In the same place it is the same sensor.
+  // At the same position it is the same sensor.
   beside.centre = {0, 0, 0};
   const SimulateResult same = simulate::simulate(run);
   CHECK(same.content.events.t_us().equal(one.content.events.t_us()));
@@ -274,7 +274,7 @@ TEST_CASE("simulate: an event camera beside that of the frames sees from where i
   CHECK(other.content.events.x().max().item<float>() == 29);
   CHECK(other.content.events.y().max().item<float>() > 39);
   CHECK(other.largest_flow_px <= 50. / 70);
-  // A point in front of the event camera lies to the right of the frames' camera.
+  // A point in front of the event camera is to the right of the frames' camera.
   const auto seen = geometry::transform(other.event_camera->from_frames, {1.1, 0, 1});
   CHECK(seen[0] == Approx(0).margin(1e-12));
   CHECK(seen[1] == Approx(-1));

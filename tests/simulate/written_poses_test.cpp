@@ -29,7 +29,7 @@ SimulateRun pattern_run(int64_t exposures) {
   return run;
 }
 
-/// A world before a camera with noise that is held by hand.
+/// A world in front of a handheld camera with noise.
 SimulateRun shaken() {
   SimulateRun run = pattern_run(4);
   run.simulate = preset_options(Preset::kCdavis);
@@ -47,7 +47,8 @@ double distance(const geometry::Pose& a, const geometry::Pose& b) {
   return geometry::rotation_angle(a, b) + std::hypot(c[0] - d[0], c[1] - d[1], c[2] - d[2]);
 }
 
-/// Rotation vectors and shifts of written against true poses, in units of what was asked for.
+/// Rotation vectors and translations of written relative to true poses, in units of the requested
+/// errors.
 class Errors {
  public:
   explicit Errors(const PoseNoiseOptions& options) : options_(options) {}
@@ -99,7 +100,7 @@ TEST_CASE("written poses: have the deviations asked for, in degrees and in world
     for (const auto& view : result.content.test)
       tests.add(pattern.pose(double(view.t_us)), view.pose);
     check_deviations(tests.all());
-    // 37 ms apart: anywhere between two of the nine.
+    // Every 37 ms, at arbitrary positions between two of the nine.
     for (size_t i = 0; i < result.content.path.size(); i += 37)
       between.add(pattern.pose(double(result.content.path_t_us[i])), result.content.path[i]);
     CHECK(between.all().std().item<double>() == Approx(1).margin(0.15));
@@ -137,7 +138,7 @@ TEST_CASE("written poses: at mid-exposure, the path is what these alone tell", "
   for (size_t i = 0; i < b.path.size(); ++i)
     furthest = std::max(furthest, distance(b.path[i], through.at(double(b.path_t_us[i]))));
   CHECK(furthest < 1e-7);
-  // Sharp frames have estimates of their own.
+  // Sharp frames have separate estimates.
   for (size_t i = 0; i < 2; ++i) CHECK(distance(a.test[i].pose, b.test[i].pose) < 1e-7);
   CHECK(distance(b.test[1].pose, through.at(double(b.test[1].t_us))) > 1e-4);
   CHECK(exact.pose_errors.nine.max < 1e-3);
@@ -188,7 +189,7 @@ TEST_CASE("written poses: whatever their error, frames and events are the same t
     CHECK(a.test[i].image.equal(b.test[i].image));
     CHECK(distance(a.test[i].pose, b.test[i].pose) > 1e-4);
   }
-  // Loaded, exposures have the poses that were written, and all of the events.
+  // After loading, exposures have the written poses, and all of the events.
   const test::TempDir folder;
   write(estimated, run, folder.path());
   data::DatasetOptions options;

@@ -15,7 +15,7 @@ namespace {
 constexpr double kCap = math::kMaxAlpha;
 
 struct Pixel {
-  std::vector<double> exponents;  ///< log2 of each α before the cap
+  std::vector<double> exponents;  ///< log2 of each α before clamping
   std::vector<double> values;     ///< ⟨dL/dC, c⟩
   double background = -0.7;       ///< ⟨dL/dC, background⟩
 };
@@ -71,7 +71,7 @@ void check_gradients(const Pixel& pixel) {
   }
 }
 
-/// The first is capped, the third not visible.
+/// The first is clamped, the third not visible.
 const Pixel kPixel = {{0.5, -1, -9, -3, -0.2}, {1.5, -2, 3, 0.25, 0.8}};
 
 }  // namespace
@@ -97,7 +97,7 @@ TEST_CASE("blend step: a splat that takes too much stops the pixel before it", "
 TEST_CASE("blend step: the adjoint matches central differences", "[splat][gradcheck]") {
   check_gradients<false>(kPixel);
   Pixel dark = kPixel;
-  dark.values.assign(5, 0);  // only what shines through is left
+  dark.values.assign(5, 0);  // only the transmitted background remains
   check_gradients<false>(dark);
   check_gradients<false>({{0, 0, -1, -6}, {1, 2, 3, 4}});  // stops at once
   check_gradients<true>({{0.5, -1, -9, -7.5, -3, -7.2}, {1.5, -2, 3, 0.25, 0.8, -4}});

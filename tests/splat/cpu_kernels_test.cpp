@@ -16,7 +16,7 @@ using torch::Tensor;
 
 namespace {
 
-/// Puts the number of threads back.
+/// Restores the number of threads.
 struct RestoreThreads {
   int threads = at::get_num_threads();
   ~RestoreThreads() { at::set_num_threads(threads); }
@@ -84,7 +84,7 @@ TEST_CASE("cpu kernels: one view on any number of threads gives the same bits", 
   for (const auto dtype : {torch::kFloat32, torch::kFloat64}) {
     SplatScene scene = select_views(scene_of(dtype), 0, 1);
     expect_same_bits(scene, {2, 4, 16});
-    // Equal depths in every tile, so that their order is the index's or the image is another.
+    // Equal depths in every tile: with another order than the index's the image differs.
     const Tensor pose = scene.cameras.camera_from_world[0];
     Tensor& means = scene.gaussians.means;
     const Tensor forward = pose[2].slice(0, 0, 3);
@@ -95,8 +95,8 @@ TEST_CASE("cpu kernels: one view on any number of threads gives the same bits", 
 }
 
 TEST_CASE("cpu kernels: equal depths are drawn in the order of the index", "[splat]") {
-  // A stack at one depth, more than a chunk of Gaussians: its first ones are bright. One behind it,
-  // as depths that are all equal would need no sorting.
+  // A stack at one depth, more than a chunk of Gaussians, whose first ones are bright. One more
+  // behind it, because equal depths would need no sorting.
   constexpr int64_t kCount = 1500;
   splat::Gaussians g;
   g.means = torch::tensor({0.0f, 0.0f, 2.0f}).repeat({kCount, 1});
@@ -124,7 +124,7 @@ TEST_CASE("cpu kernels: the image has the same bits for any tile size", "[splat]
       const auto other = everything(scene);
       INFO("tiles of " << (1 << shift) << " px");
       for (int i = 0; i < 3; ++i) CHECK(torch::equal(usual[i], other[i]));
-      // Sums over pixels come in another order.
+      // Sums over pixels are in another order.
       for (size_t i = 3; i < usual.size(); ++i) {
         CHECK(relative_difference(other[i], usual[i]) < (dtype == torch::kFloat32 ? 2e-4 : 1e-11));
       }
@@ -161,8 +161,8 @@ TEST_CASE("cpu kernels: every instruction set gives the portable image and gradi
 }
 
 TEST_CASE("cpu kernels: what stands behind stopped pixels changes nothing", "[splat]") {
-  // Splats over the whole image, one behind the other: pixels stop within the first few, the list
-  // goes on for many batches.
+  // Splats over the whole image, one behind the other: pixels stop within the first few, while the
+  // list has many batches.
   const auto stack_of = [](int64_t count) {
     splat::Gaussians g;
     g.means = torch::zeros({count, 3});

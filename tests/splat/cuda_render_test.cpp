@@ -35,7 +35,7 @@ struct Rendered {
   std::vector<Tensor> gradients;  ///< five parameters, cameras, background
 };
 
-/// Renders and differentiates on one device; everything comes back on the CPU.
+/// Renders and differentiates on one device; all results are on the CPU.
 Rendered run(const SplatScene& scene, RenderOptions options, torch::Device device) {
   SplatScene s = move(scene, device, torch::kFloat32);
   require_gradients(s.gaussians);
@@ -158,7 +158,7 @@ TEST_CASE("cuda: every near plane agrees with the CPU", "[splat][cuda]") {
       torch::matmul(scene.gaussians.means, pose[2].slice(0, 0, 3)) + pose[2][3].item<double>();
   const Tensor whole = run(scene, {}, kGpu).output.color;
   for (const double share : {0.1, 0.5, 0.9}) {
-    // Between two Gaussians, so that float and double cut the same ones.
+    // Between two Gaussians, so that float and double cull the same ones.
     const Tensor sorted = std::get<0>(depth.sort());
     const auto at = static_cast<int64_t>(share * 2000);
     RenderOptions options;

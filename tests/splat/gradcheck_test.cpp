@@ -11,7 +11,7 @@ using torch::Tensor;
 
 namespace {
 
-/// x³ + sin(y), whose derivative by y can be spoiled.
+/// x³ + sin(y), whose derivative by y can be made wrong.
 struct Cubic : torch::autograd::Function<Cubic> {
   static Tensor forward(torch::autograd::AutogradContext* ctx, const Tensor& x, const Tensor& y,
                         double error) {

@@ -30,7 +30,7 @@ SplatScene small_scene(int degree, uint64_t seed = 3) {
   return scene;
 }
 
-/// All outputs as one vector, so that one cotangent weighs each of their elements.
+/// All outputs as one vector, so that one cotangent weights all of their elements.
 Tensor flatten(const splat::RenderOutput& out) {
   std::vector<Tensor> parts = {out.color.flatten(), out.alpha.flatten()};
   if (out.depth.defined()) parts.push_back(out.depth.flatten());
@@ -58,7 +58,7 @@ GradcheckReport check_scene(const SplatScene& scene, RenderOptions options,
   return gradcheck(fn, inputs, names);
 }
 
-/// The identity, whose derivative drops what `component` asks of it.
+/// The identity, whose derivative zeroes `component`.
 struct DropComponent : torch::autograd::Function<DropComponent> {
   static Tensor forward(torch::autograd::AutogradContext* ctx, const Tensor& x, int64_t component) {
     ctx->saved_data["component"] = component;
@@ -140,8 +140,8 @@ TEST_CASE("render: the op refuses to be differentiated twice quietly", "[splat]"
   const auto out = splat::render(scene.gaussians, scene.cameras, {});
   const auto grads =
       torch::autograd::grad({out.color.square().sum()}, {scene.gaussians.means}, {}, true, true);
-  // The first derivative depends on the parameters through the op, whose own derivative of it is
-  // not known: asking for it must throw rather than return a part.
+  // The first derivative depends on the parameters through the op, which has no second derivative:
+  // requesting it must throw rather than return a part.
   CHECK_THROWS(torch::autograd::grad({grads[0].square().sum()}, {scene.gaussians.means}));
 }
 

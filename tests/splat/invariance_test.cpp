@@ -131,7 +131,7 @@ TEST_CASE("render: the principal point shifts the image", "[splat]") {
   SplatSceneOptions options;
   options.views = 1;
   SplatScene scene = make_splat_scene(options);
-  // Inside the frustum, so that the clamp of the Jacobian takes no part.
+  // Inside the frustum, so that the Jacobian's clamp has no effect.
   scene.gaussians.means = scene.gaussians.means * torch::tensor({0.6, 0.6, 1.0}, torch::kFloat64);
   SplatScene shifted = scene;
   shifted.cameras.intrinsics = scene.cameras.intrinsics.clone();
@@ -214,13 +214,13 @@ TEST_CASE("render: the statistics' norms in float32 are those of float64 but for
     const NormDifference rounding = compare_gradient_norms(norms[0], norms[1]);
     CHECK(rounding.beyond_rounding <= kBeyondRounding);
     CHECK(rounding.largest < kLargestFlip);
-    // A hundredth more is seen, which leaves the direction of the whole vector as it was.
+    // A difference of a hundredth is detected, although the vector's direction is unchanged.
     CHECK(compare_gradient_norms(norms[0] * 1.01, norms[1]).beyond_rounding > 0.1);
   }
 }
 
 TEST_CASE("render: the statistics' gradient is that of the screen position", "[splat]") {
-  // Moving the principal point moves every mean2d alike, so for a single Gaussian seen head on
+  // Moving the principal point moves every mean2d equally, so for a single centred Gaussian
   // dL/dmean2d is the derivative by (cx, cy).
   SplatSceneOptions scene_options;
   scene_options.gaussians = 1;

@@ -11,7 +11,7 @@ namespace m = jade::splat::math;
 
 namespace {
 
-/// The largest error of `packed` against `exact` over many arguments, as `error` counts it.
+/// The largest error of `packed` against `exact` over many arguments, as measured by `error`.
 template <class P, class Packed, class Exact, class Error>
 double worst(double first, double last, const Packed& packed, const Exact& exact,
              const Error& error) {

@@ -113,14 +113,14 @@ TEST_CASE("render: float agrees with double", "[splat]") {
   scene_options.height = 50;
   const SplatScene precise = make_splat_scene(scene_options);
   const SplatScene single = move(precise, torch::kCPU, torch::kFloat32);
-  // The double scene must hold the very numbers of the float one.
+  // The double scene must contain exactly the numbers of the float one.
   const SplatScene rounded = move(single, torch::kCPU, torch::kFloat64);
   RenderOptions options;
   options.depth = true;
   const RenderOutput a = splat::render(single.gaussians, single.cameras, options);
   const RenderOutput b = splat::render(rounded.gaussians, rounded.cameras, options);
   CHECK(a.color.scalar_type() == torch::kFloat32);
-  // A cut-off decided the other way changes a pixel by up to 1/255.
+  // A cut-off that differs by rounding changes a pixel by up to 1/255.
   const Tensor difference = (a.color.to(torch::kFloat64) - b.color).abs();
   CHECK(difference.max().item<double>() < 1.5 / 255);
   CHECK((difference > 2e-5).to(torch::kFloat64).mean().item<double>() < 1e-3);

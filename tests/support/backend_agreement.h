@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// When two backends of the splatting op have done the same.
+// Criteria for the agreement of two backends of the splatting op.
 #pragma once
 
 #include "support/catch.h"
@@ -17,8 +17,8 @@ inline double cosine(const torch::Tensor& a, const torch::Tensor& b) {
   return norms == 0 ? 1 : x.dot(y).item<double>() / norms;
 }
 
-/// A cut-off decided the other way changes a pixel by up to 1/255 of a colour; all else is tight.
-/// For images of about 1.
+/// A cut-off that differs by rounding changes a pixel by up to 1/255 of a colour; other differences
+/// must be small. For images of about 1.
 inline void check_images(const torch::Tensor& found, const torch::Tensor& expected) {
   const torch::Tensor difference = (found - expected).abs();
   const torch::Tensor flipped = difference > 1e-4;
@@ -41,7 +41,7 @@ inline void check_gradients(const std::vector<torch::Tensor>& found,
   }
 }
 
-/// To the bit.
+/// Checks that each pair is bit-equal.
 inline void check_equal(const std::vector<torch::Tensor>& a, const std::vector<torch::Tensor>& b) {
   REQUIRE(a.size() == b.size());
   for (size_t i = 0; i < a.size(); ++i) {

@@ -21,7 +21,7 @@ void put(std::string& out, T value) {
   out.append(bytes, sizeof(T));
 }
 
-/// The three binary files of a model with PINHOLE cameras (id 1), two observations an image and
+/// The three binary files of a model with PINHOLE cameras (id 1), two observations per image and
 /// the given points (xyz), all of colour (10, 20, 30).
 inline io::ColmapFiles binary_model(const io::ColmapCamera& camera,
                                     const std::vector<io::ColmapImage>& images,

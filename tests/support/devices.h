@@ -3,7 +3,7 @@
 
 namespace jade::test {
 
-/// True when the build has CUDA kernels and a GPU answers.
+/// True if the build has CUDA kernels and a GPU is available.
 bool has_gpu();
 
 }  // namespace jade::test

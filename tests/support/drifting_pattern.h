@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Footage that is known in closed form, for tests that simulate a recording in no time.
+// Footage in closed form, for tests that simulate a recording quickly.
 #pragma once
 
 #include <algorithm>
@@ -10,8 +10,9 @@
 
 namespace jade::test {
 
-/// A pattern of one tint that drifts to the left at an even speed, so that all channels share every
-/// change of log intensity, before a camera that moves on a line and turns about its vertical.
+/// A pattern of one tint that drifts to the left at constant speed, so that all channels share
+/// every change of log intensity, in front of a camera that moves on a line and rotates about the
+/// vertical.
 class DriftingPattern : public simulate::Footage {
  public:
   /// @param step_us  from one frame to the next

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Applies the kernels of EDI and of Eq. (7) to images, written out; the library keeps the kernels
-// and multiplies where needed.
+// Applies the kernels of EDI and of Eq. (7) to images; the library itself stores the kernels and
+// multiplies where needed.
 #pragma once
 
 #include <torch/types.h>

@@ -5,18 +5,19 @@
 
 namespace jade::test {
 
-/// How far the gradient norms of splat::ScreenStatistics are from better ones, [N] both.
+/// Difference between the gradient norms of splat::ScreenStatistics and more accurate ones, [N]
+/// both.
 struct NormDifference {
-  double beyond_rounding = 0;  ///< share of the Gaussians that differ by more than float32 rounds
+  double beyond_rounding = 0;  ///< share of the Gaussians that differ by more than float32 rounding
   double largest = 0;          ///< of all differences, in units of the mean norm
 };
 
 /// A norm is that of a sum over pixels whose terms have either sign, so rounding is relative to the
-/// terms and not to what is left of them: float32 on the CPU is within 2e-4 of the mean norm of
-/// float64 for every Gaussian whose cut-offs fall alike. The bound is 1e-3 of the norm and 1e-3 of
-/// the mean, which leaves a factor of five to other orders of summation (atomics) and to faster
-/// exponentials and quotients.
-/// Remaining differences are α = 1/255 decided the other way at a pixel: one Gaussian in a thousand
+/// terms and not to their sum: float32 on the CPU is within 2e-4 of the mean norm of float64 for
+/// every Gaussian with the same cut-offs. The bound is 1e-3 of the norm and 1e-3 of the mean, which
+/// leaves a factor of five for other orders of summation (atomics) and for faster exponentials and
+/// quotients.
+/// Larger differences are cut-offs at α = 1/255 that differ at a pixel: one Gaussian in a thousand
 /// then gains or loses a term of a fraction of the mean norm.
 inline NormDifference compare_gradient_norms(const torch::Tensor& norms,
                                              const torch::Tensor& better) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The main function of every test program. `--needs-gpu` makes a program that finds no GPU say so
-// and exit with 77, which ctest reports as skipped rather than passed.
+// The main function of every test program. With `--needs-gpu` a program that finds no GPU exits
+// with 77, which ctest reports as skipped rather than passed.
 #define CATCH_CONFIG_RUNNER
 #include "support/catch.h"
 

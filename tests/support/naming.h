@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Checks of messages by the words that they must have, not by their sentences.
+// Checks of messages by required words, not by sentences.
 #pragma once
 
 #include "support/catch.h"
@@ -11,8 +11,8 @@
 
 namespace jade::test {
 
-/// Matches a message that has all of `words`: the keys, files, numbers or flags that it must name.
-/// Sentences may be reworded without changing a test.
+/// Matches a message that contains all of `words`: the keys, files, numbers or flags that it must
+/// name. Sentences may be reworded without changing a test.
 class Naming : public Catch::MatcherBase<std::string> {
  public:
   explicit Naming(std::vector<std::string> words) : words_(std::move(words)) {}

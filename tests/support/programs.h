@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Runs our programs as a user does. JADE_BIN is the folder they are in.
+// Runs this project's programs from the command line. JADE_BIN is their folder.
 #pragma once
 
 #include "support/catch.h"
@@ -20,7 +20,7 @@ struct Outcome {
   std::string out, err;
 };
 
-/// Runs a line of shell in `dir`, with our programs on the path and a cache in `dir`/cache.
+/// Runs a shell command in `dir`, with the programs on PATH and a cache in `dir`/cache.
 inline Outcome run(const TempDir& dir, const std::string& command) {
   const auto out = dir.path() / "out.txt", err = dir.path() / "err.txt";
   const std::string line = "cd " + dir.path().string() + " && export PATH=" + JADE_BIN +
@@ -31,7 +31,7 @@ inline Outcome run(const TempDir& dir, const std::string& command) {
           read_file(err)};
 }
 
-/// The outcome is the exit code and one line that has all of `words`: what it must name.
+/// Checks that the outcome is the exit code and one line that contains all of `words`.
 template <class... Words>
 void check_error(const Outcome& outcome, int code, const Words&... words) {
   INFO(outcome.err);

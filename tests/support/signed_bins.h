@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// V(E) one bin after the other, as Eq. (1) writes it: the reference of events::map_exposure.
+// V(E) bin by bin, as in Eq. (1): the reference of events::map_exposure.
 #pragma once
 
 #include <torch/types.h>

@@ -26,7 +26,7 @@ struct SplatSceneOptions {
 };
 
 /// Gaussians of mixed sizes and opacities in front of cameras with slightly different poses and
-/// principal points off the centre; some reach beyond the image and the clamped frustum.
+/// principal points off the centre; some extend beyond the image and the clamped frustum.
 SplatScene make_splat_scene(const SplatSceneOptions& options = {});
 
 /// The benchmark scene of N Gaussians (about 2 px on the screen) seen by nine poses of one

@@ -8,7 +8,7 @@
 
 namespace jade::test {
 
-/// A folder of its own for one test, removed with everything in it at the end.
+/// A temporary folder for one test, removed with its content at the end.
 class TempDir {
  public:
   TempDir() {
@@ -26,7 +26,7 @@ class TempDir {
   const std::filesystem::path& path() const { return path_; }
   std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
 
-  /// Writes a file, with the folders it lies in, and returns its path.
+  /// Writes a file, creates its parent folders, and returns its path.
   std::filesystem::path write(const std::string& name, const std::string& content) const {
     const auto file = path_ / name;
     std::filesystem::create_directories(file.parent_path());

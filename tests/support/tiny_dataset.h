@@ -14,9 +14,9 @@ struct TinyDatasetOptions {
   bool gray = false;  ///< R = G = B in every frame
 };
 
-/// Writes a small scene in the EvDeblur layout: a plane with a smooth pattern at depth 2, passed by
-/// a camera that moves 6 px an exposure; blurry frames are exact means and events come from the
-/// exact log intensity with Θ = 0.2 on both sides. Two sharp test views follow.
+/// Writes a small scene in the EvDeblur layout: a plane with a smooth pattern at depth 2, seen by a
+/// camera that moves 6 px per exposure; blurry frames are exact means and events come from the
+/// exact log intensity with Θ = 0.2 for both polarities. Two sharp test views follow.
 void write_tiny_dataset(const std::filesystem::path& folder,
                         const TinyDatasetOptions& options = {});
 

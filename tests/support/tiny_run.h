@@ -11,7 +11,7 @@
 
 namespace jade::test {
 
-/// A tiny data set in a folder of its own, with room for runs beside it.
+/// A tiny data set in its own folder, which can also contain runs.
 struct TinyScene {
   TempDir dir;
   std::filesystem::path data = dir.path() / "scene";
@@ -22,7 +22,7 @@ struct TinyScene {
   }
 };
 
-/// Twenty steps on the CPU in which all happens that needs no restorer: its place is EDI's.
+/// Twenty steps on the CPU with every feature that needs no restorer; EDI replaces it.
 inline train::RunOptions tiny_options(const TinyScene& scene) {
   train::RunOptions options = train::printed_options();
   options.device = "cpu";
@@ -65,7 +65,7 @@ inline train::RunOptions all_poses_options(const TinyScene& scene) {
   return options;
 }
 
-/// routed_options() with every term, L_ev among them, and three SH degrees within thirty steps.
+/// routed_options() with every term, including L_ev, and three SH degrees within thirty steps.
 inline train::RunOptions full_options(const TinyScene& scene) {
   train::RunOptions options = routed_options(scene);
   options.objective.warmup = 6;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A training program of a few lines, its settings, and sweeps over it.
+// A stub of the training program, its settings, and sweeps with it.
 #pragma once
 
 #include <string>
@@ -69,7 +69,7 @@ std::string problems_of(const Call& call) {
   return "";
 }
 
-/// A plan over the text of a sweep; scene "a" starts from a.yaml, "b" from b.yaml.
+/// A plan from the text of a sweep; scene "a" uses a.yaml, "b" b.yaml.
 inline sweep::Plan plan_of(const TempDir& dir, const std::string& yaml,
                            sweep::PlanOptions options = {}) {
   dir.write("a.yaml", "train: {iterations: 10}\n");
@@ -78,8 +78,8 @@ inline sweep::Plan plan_of(const TempDir& dir, const std::string& yaml,
 }
 
 /// A shell program with the command line and the files of the training program. train.mode: work;
-/// diverge (exit 5 with a word); die (SIGKILL itself, the first time, after a checkpoint); hang
-/// (until asked to stop, which it notes).
+/// diverge (exit 5 with a message); die (SIGKILL, the first time, after a checkpoint); hang (until
+/// interrupted, which it records).
 inline std::filesystem::path fake_trainer(const TempDir& dir) {
   const auto path = dir.write("fake_train", R"SH(#!/bin/sh
 while [ $# -gt 0 ]; do

@@ -59,7 +59,7 @@ std::string run(const TempDir& dir, const std::string& yaml, int jobs,
   return std::filesystem::exists(dir / "journal") ? read_file(dir / "journal") : "";
 }
 
-/// The most runs at once in a journal.
+/// Largest number of concurrent runs in a journal.
 int most_at_once(const std::string& journal) {
   std::istringstream in(journal);
   int now = 0, most = 0;
@@ -76,7 +76,7 @@ size_t count(const std::string& text, const std::string& word) {
   return found;
 }
 
-/// OMP_WAIT_POLICY without a value for the duration of a test, whatever the caller's is.
+/// Unsets OMP_WAIT_POLICY for the duration of a test.
 class WaitPolicy {
  public:
   WaitPolicy() {
@@ -106,7 +106,7 @@ TEST_CASE("run_local: several at once, with the cores shared out, and nothing tw
   CHECK(count(journal, "wait unset") == 4);
   CHECK(most_at_once(journal) == 2);
   CHECK(run(dir, yaml, 2, plenty()).empty());
-  // A new row runs alone.
+  // Only the new row runs.
   CHECK(count(run(dir, yaml + "  - {name: z}\n", 2, plenty()), "start") == 2);
 }
 
@@ -133,7 +133,7 @@ TEST_CASE("run_local: never more runs than memory holds", "[sweep]") {
   before.peak_host_bytes = 4 * kGiB;
   sweep::SweepOutput(dir / "out").write_outcome("x/a/0", before);
   sweep::MemoryProbe tight = plenty();
-  // 10 GiB are free before the runs have taken theirs, 4 each; 1 stays free.
+  // 10 GiB are free before the runs start, each takes 4; 1 must stay free.
   tight.host_free = [] { return 10 * kGiB; };
   tight.host_used = [](pid_t) { return int64_t{0}; };
   const std::string journal = run(dir, sweep_of("  - {name: x}\n  - {name: y}\n"), 4, tight);
@@ -146,7 +146,7 @@ TEST_CASE("run_local: never more runs than a GPU's memory holds", "[sweep]") {
   const TempDir dir;
   const auto journal_path = dir / "journal";
   sweep::MemoryProbe probe = plenty();
-  // 10 GiB in all, 8 of them held by each run: a second one would not fit.
+  // 10 GiB in total, each run uses 8: a second one does not fit.
   probe.device_free = [journal_path](const std::string&) {
     const std::string journal =
         std::filesystem::exists(journal_path) ? read_file(journal_path) : "";
@@ -164,7 +164,7 @@ TEST_CASE("run_local: a run is charged what it holds of a GPU by itself, where t
           "[sweep]") {
   const TempDir dir;
   sweep::MemoryProbe probe = plenty();
-  // 100 GiB; a run holds 2, and 90 belong to somebody who came after us.
+  // 100 GiB; a run uses 2, and 90 belong to a process that started later.
   std::set<pid_t> ours;
   probe.host_used = [&ours](pid_t pid) {
     ours.insert(pid);
@@ -229,7 +229,7 @@ TEST_CASE("run_local: a program that cannot be started is a failed run", "[sweep
 TEST_CASE("run_local: a request to stop reaches the children, which are waited for", "[sweep]") {
   const TempDir dir;
   std::thread later([&] {
-    // Once both have begun.
+    // After both have started.
     for (int i = 0; i < 200; ++i) {
       if (std::filesystem::exists(dir / "journal") &&
           count(read_file(dir / "journal"), "start") == 2)

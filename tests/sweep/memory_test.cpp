@@ -14,10 +14,11 @@ TEST_CASE("read_processes: bytes by process, and nothing of what is no number", 
 TEST_CASE("may_start: what is free must hold the peak, the growth of the others and the margin",
           "[sweep]") {
   CHECK(sweep::may_start({0, {}, 0}, 1));            // nothing known: one starts
-  CHECK_FALSE(sweep::may_start({1000, {5}, 0}, 1));  // and the next waits until its need is known
+  CHECK_FALSE(sweep::may_start({1000, {5}, 0}, 1));  // the next one waits until its need is known
   CHECK(sweep::may_start({11, {}, 10}, 1));
   CHECK_FALSE(sweep::may_start({10, {}, 10}, 1));
   CHECK(sweep::may_start({14, {7}, 10}, 1));  // 10 + 3 + 1
   CHECK_FALSE(sweep::may_start({13, {7}, 10}, 1));
-  CHECK(sweep::may_start({11, {12, 10}, 10}, 1));  // past the peak nothing more is kept for them
+  // beyond the peak nothing more is reserved for them
+  CHECK(sweep::may_start({11, {12, 10}, 10}, 1));
 }

@@ -43,7 +43,7 @@ rows:
   CHECK(plan.runs[6].value("train.iterations") == "9");
   CHECK(plan.runs[6].value("train.mode") == "quick");
   CHECK(plan.runs[6].value("seed") == "3");
-  // The sweep's own settings are over a row's files.
+  // The sweep's own settings override a row's files.
   CHECK(plan.runs[7].value("train.iterations") == "7");
   CHECK(plan.runs[7].value("train.rate") == "0.1");
 }
@@ -61,8 +61,8 @@ TEST_CASE("make_plan: the problems of all runs come at once, each told once", "[
             options);
   });
   INFO(all);
-  // The fixture's resolver stops at a run's first bad layer, so the override shows where nothing
-  // else is wrong.
+  // The fixture's resolver stops at a run's first bad layer, so the override is reported only if
+  // nothing else is wrong.
   CHECK_THAT(all, test::naming("train.ratte", "train.rate?"));
   CHECK_THAT(all, Catch::Contains("row y: --set train.rate=2: "));
   CHECK_THAT(all, test::naming("train.rate", "[0, 1]", "'2'"));

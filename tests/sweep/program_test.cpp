@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// jade_sweep as a user calls it, with the real training program on a tiny data set.
+// jade_sweep from the command line, with the real training program on a tiny data set.
 #include "support/catch.h"
 
 #include <cstdlib>

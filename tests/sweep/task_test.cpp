@@ -16,7 +16,7 @@ using sweep::RunState;
 
 namespace {
 
-/// A folder with the settings of good/a/0 and bad/a/0, which diverges.
+/// A folder with the settings of good/a/0 and of bad/a/0, which diverges.
 struct Prepared {
   TempDir dir;
   sweep::SweepOutput output{dir / "out"};

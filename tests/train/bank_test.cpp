@@ -145,7 +145,7 @@ TEST_CASE("bank: constants go to the device kind by kind as far as they fit", "[
   const train::ConstantBytes whole = all.bytes_on_device();
   CHECK(whole.frames == 3 * all.size() * all.frame_bytes());
   CHECK((whole.edi > 0 && whole.restorations > 0));
-  // Bytes that hold the frames alone, and nothing.
+  // Enough bytes for the frames only, and none.
   for (const int64_t most : {whole.frames, int64_t{0}}) {
     INFO(most);
     const train::ViewBank some(dataset, options, torch::kCUDA, {}, most);
@@ -222,7 +222,7 @@ TEST_CASE("bank: a fixed target at a pose is made of the restorations there", "[
     options.objective.target = target;
     return train::ViewBank(dataset, options, torch::kCPU).step_view(0, 7);
   };
-  // The network and EDI as a router is given them.
+  // The network's restoration and EDI as inputs of a router.
   const train::View routed = at(Target::kRouted);
   const restore::Restorations& restored = routed.restorations;
   const train::View mean = at(Target::kMean);

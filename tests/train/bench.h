@@ -15,8 +15,8 @@
 
 namespace jade::test {
 
-/// Views and a state with a router, without a trainer around them. The blurry frame stands in for
-/// F, so no restorer is needed.
+/// Views and a state with a router, without a trainer. The blurry frame replaces F, so no restorer
+/// is needed.
 struct Bench {
   train::RunOptions options;
   data::Dataset dataset;
@@ -33,7 +33,7 @@ struct Bench {
     state = train::make_state(options, dataset, device);
   }
 
-  /// The bank of EDI as the target, and views as a router reads them.
+  /// Prepares the bank with EDI as the target, and views for a router.
   void prepare(torch::Device device) {
     train::RunOptions edi = options;
     edi.objective.target = losses::Target::kEdi;
@@ -72,7 +72,7 @@ struct Bench {
     return train::routing_step(state, in, train::routing_alpha(state, in, plan(in.step)), renders,
                                plan(in.step), options.route);
   }
-  /// Renders and takes the step on the scene.
+  /// Renders and runs the scene step.
   std::vector<losses::NamedTerm> scene_step(const train::StepInputs& in) {
     const torch::Tensor target = train::scene_target(state, in.view, in.view_index);
     return train::scene_step(state, in, render(in), target, plan(in.step), options);

@@ -76,8 +76,8 @@ TEST_CASE("gains: renders are as bright as their frame, and a brighter frame rai
             .color.detach()
             .equal(test::Bench(scene).render(bench.inputs(0, 1)).color.detach()));
 
-  // From equal gains and a scene that stays, against frames of two thirds, three halves and just
-  // the brightness of its renders.
+  // Starts from equal gains with a fixed scene; frames are two thirds, three halves and exactly as
+  // bright as its renders.
   losses::ObjectiveOptions& terms = bench.options.objective;
   terms.edi_supervision = terms.simulation = terms.intensity = false;
   gaussians::OptimOptions& optim = bench.options.optim;

@@ -35,8 +35,8 @@ torch::Tensor nine_poses(const train::ExposurePoses& poses, const data::Dataset&
           .camera_from_world);
 }
 
-/// How far the learned poses are from `truth` on the image of a point of the tiny scene, in pixels:
-/// root mean square over exposures and poses, without what all have in common.
+/// Error of the learned poses relative to `truth` in the image of a point of the tiny scene, px:
+/// root mean square over exposures and poses, minus the common part.
 double relative_error_px(const train::ExposurePoses& poses, const data::Dataset& given,
                          const data::Dataset& truth) {
   std::vector<torch::Tensor> errors;
@@ -56,7 +56,7 @@ double relative_error_px(const train::ExposurePoses& poses, const data::Dataset&
   return (all - all.mean(0)).square().sum(1).mean().sqrt().item<double>();
 }
 
-/// A bench whose poses are learned and whose scene holds still.
+/// A bench with learned poses and a fixed scene.
 struct PoseBench : test::Bench {
   explicit PoseBench(const test::TinyScene& scene, const train::PoseOptions& poses) : Bench(scene) {
     options.poses = poses;
@@ -119,7 +119,7 @@ TEST_CASE("exposure poses: a run that starts at the data's poses renders as one 
     bench->options.objective.blur = bench->options.objective.intensity = false;
     bench->options.objective.simulation = false;
   }
-  CHECK(same(9));  // three poses alone
+  CHECK(same(9));  // only three poses
 }
 
 TEST_CASE("exposure poses: the poses that a step reads are those of all nine", "[train]") {
@@ -167,8 +167,8 @@ TEST_CASE("exposure poses: of a correction, one that a step did not see moves wi
   bench.step(bench.inputs(1, 3));
   CHECK(adam.first[0].equal(first));
   CHECK(adam.steps.equal(torch::tensor({1.0, 2.0, 0.0}, torch::kFloat64)));
-  // The camera of this scene only ever shifts, so one shift, turn and growth of the world says how
-  // all of exposures 0 and 2 moved.
+  // The camera of this scene only translates, so one translation, rotation and scaling of the world
+  // describes the motion of exposures 0 and 2 completely.
   const torch::Tensor change = bench.twists() - before;
   CHECK(change[0].abs().max().item<double>() > 0);
   torch::Tensor turns = change.narrow(-1, 3, 3);
@@ -191,7 +191,7 @@ TEST_CASE("exposure poses: a drift of all cameras stays zero while relative moti
   turns[0][0][4] = 0.4, turns[1][1][4] = -0.4;
   const torch::Tensor apart = set(turns);
   CHECK(test::largest(apart) > 0.2);
-  // All cameras have one orientation, so a shift of the world is one shift of all.
+  // All cameras have one orientation, so a translation of the world translates all of them equally.
   const torch::Tensor drift = torch::tensor({0.3, -0.2, 0.1, 0.0, 0.0, 0.0}, torch::kFloat64);
   CHECK(test::largest(set(drift.expand({3, 2, 6}))) < 1e-12);
   train::RowAdam adam(poses.twists());

@@ -40,7 +40,7 @@ TEST_CASE("pattern: what all frames have at the same pixels is learned, and the 
     *lr = 1e-20;
   }
   bench.state = train::make_state(bench.options, bench.dataset, torch::kCPU);
-  // Frames are the renders of a scene that stays, with a brighter column.
+  // Frames are the renders of a fixed scene, with a brighter column.
   for (int64_t view = 0; view < 3; ++view) {
     train::View& of = bench.views[static_cast<size_t>(view)];
     of.blurry = bench.render(bench.inputs(view, 1)).color.detach().mean(0);

@@ -25,7 +25,7 @@ TEST_CASE("memory plan: constants as the bank holds them, and Gaussians as many 
   const int64_t pixels = dataset.train[0].camera.height * dataset.train[0].camera.width;
   const MemoryPlan plan = memory_plan(bank, state, options);
   CHECK(plan.constants.frames == count * pixels * 3 * 4 * 3);  // with both window means
-  CHECK(plan.constants.edi == count * pixels * 9 * 2);         // float16, of one contrast
+  CHECK(plan.constants.edi == count * pixels * 9 * 2);         // float16, for one contrast
   CHECK(plan.gaussians == 1000 * 59 * 4 * 4);
   CHECK(plan.renders == 2 * 9 * 3 * pixels * 4);
   CHECK_THAT(text_of(plan, count, most_gaussians(state, options)),

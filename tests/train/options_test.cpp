@@ -83,7 +83,7 @@ TEST_CASE("options: the calendar follows the number of steps", "[train]") {
     train::settle(options);
     return options;
   };
-  // The paper's budget has the paper's calendar.
+  // The paper's number of steps gives the paper's schedule.
   const train::RunOptions paper = settled(25000);
   CHECK(paper.objective.warmup == 1500);
   CHECK(paper.objective.simulation_start == 7000);
@@ -106,7 +106,7 @@ TEST_CASE("options: the calendar follows the number of steps", "[train]") {
 }
 
 TEST_CASE("options: keys that became constants are read with their value alone", "[train]") {
-  // The constants as older configurations list them.
+  // The constants as listed in older configurations.
   const std::string inherited = R"(
 events: {bins: 6}
 cache: {max_mib: 2048}
@@ -150,7 +150,7 @@ namespace {
 
 const std::string kConfigs = std::string(JADE_SOURCE) + "/configs/";
 
-/// "key=value" for every value of `found` that `expected` does not have.
+/// "key=value" for every value of `found` that differs from `expected`.
 std::vector<std::string> differences(train::RunOptions found, train::RunOptions expected) {
   train::settle(found);
   train::settle(expected);
@@ -169,7 +169,7 @@ TEST_CASE("presets: base.yaml says what the program does by itself", "[train]") 
   const std::vector<std::string> none;
   const config::Sources base{kConfigs + "base.yaml", {}, {}};
   CHECK(differences(config::load<train::RunOptions>(base), {}) == none);
-  // All of it: nothing is left for the program to add.
+  // Complete: the program adds no value.
   CHECK(differences(config::load(base, train::printed_options()), {}) == none);
   CHECK_NOTHROW(train::validate({}));
 }
@@ -208,7 +208,7 @@ TEST_CASE("presets: paper.yaml over what we recommend is the method as printed",
       {"poses.optimize", "none"},
       {"response.enabled", "true"},
       {"response.lr", "1e-07"},
-      // Clone and split of 3DGS over 25,000 steps; there is no bound, and ours is far.
+      // Clone and split of 3DGS over 25,000 steps; it has no limit, and this one is not reached.
       {"densify.strategy", "adc"},
       {"densify.statistics", "first_pose"},
       {"densify.until", "60%"},
@@ -226,7 +226,7 @@ TEST_CASE("presets: paper.yaml over what we recommend is the method as printed",
     if (printed.count(key) > 0) found[key] = value;
   }
   CHECK(found == printed);
-  // The constants of the method, which are no keys.
+  // The constants of the method, which have no keys.
   CHECK(events::kVoxelBins == 6);
   CHECK(losses::kEdiWeight == 1);
   CHECK(options.objective.simulation_start.percent() == 28);

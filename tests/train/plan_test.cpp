@@ -24,7 +24,7 @@ TEST_CASE("plan: the paper's run changes at the steps of its calendar and at no 
       changes.push_back(step);
     }
   }
-  // SH degrees, warm-up, L_sim, and the last step whose screen gradients count.
+  // SH degrees, warm-up, L_sim, and the last step with screen gradients.
   CHECK(changes == std::vector<int64_t>{1000, 1501, 2000, 3000, 7001, 15000});
   const train::StepPlan last = train::plan_step(options, 25000);
   CHECK(last.route);
@@ -102,7 +102,7 @@ TEST_CASE("plan: an exposure has few moments early, as many as its number allows
   CHECK(stride(17, 126) == 2);
   CHECK(stride(17, 200) == 2);
   CHECK(stride(17, 201) == 1);
-  // Mid-exposure stays among them: of 13, seven, and of 11 all.
+  // Mid-exposure stays among them: of 13 moments, seven, and of 11 all.
   CHECK(stride(13, 1) == 2);
   CHECK(stride(11, 1) == 1);
   options.exposure.samples = 17;

@@ -13,13 +13,13 @@ namespace {
 
 constexpr double kDepth = 3;
 
-/// Five exposures of two control poses that look every way.
+/// Five exposures of two control poses with varied orientations.
 torch::Tensor control_poses() {
   torch::manual_seed(8);
   return geometry::se3_exp(0.7 * torch::randn({5, 2, 6}, torch::kFloat64));
 }
 
-/// The twists by which `world` moves the cameras, grown by `scale` about the origin.
+/// The twists that move the cameras by `world`, scaled by `scale` about the origin.
 torch::Tensor shared_motion(const torch::Tensor& control, const torch::Tensor& world,
                             double scale) {
   torch::Tensor moved = geometry::se3_exp(world).matmul(control);

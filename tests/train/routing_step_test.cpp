@@ -87,7 +87,7 @@ TEST_CASE("routing step: on one view leaves the maps of the others and their Ada
 
 namespace {
 
-/// A scene whose every pose is restored, in float64 but for the renders.
+/// A scene with restorations at every pose, in float64 except for the renders.
 struct DrawnRouting {
   test::TinyScene scene;
   train::RunOptions options = test::all_poses_options(scene);
@@ -161,7 +161,7 @@ TEST_CASE("routing step: at a drawn pose the gradient is that of Eq. (6) there",
   }
   CHECK(checked >= 7);
   CHECK(worst < 1e-4);
-  CHECK(elsewhere > 1e-2);  // the middle's gradient is another
+  CHECK(elsewhere > 1e-2);  // the gradient of the middle differs
 }
 
 TEST_CASE("routing step: rests where the plan has none", "[train]") {

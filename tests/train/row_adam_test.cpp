@@ -12,7 +12,7 @@ using namespace jade;
 
 namespace {
 
-/// A parameter of three rows under RowAdam, whose gradients are given by hand.
+/// A parameter of three rows under RowAdam, with given gradients.
 struct Rows {
   torch::Tensor parameter;
   train::RowAdam adam;
@@ -22,7 +22,7 @@ struct Rows {
     parameter = torch::randn({3, 2, 6}, torch::kFloat64).requires_grad_();
     adam = train::RowAdam(parameter);
   }
-  /// A gradient of row `row` alone.
+  /// Adds a gradient of row `row` only.
   void see(int64_t row, double size) {
     torch::Tensor gradient = torch::zeros({3, 2, 6}, torch::kFloat64);
     gradient[row].copy_(size * torch::linspace(-1, 2, 12, torch::kFloat64).view({2, 6}));
@@ -44,7 +44,7 @@ TEST_CASE("row Adam: each row steps as an Adam of its own would", "[train]") {
     rows.adam.update(0.1);
     alone.mutable_grad() = (0.3 + step) * torch::linspace(-1, 2, 12, torch::kFloat64).view({2, 6});
     expected.step();
-    // Steps of others lie in between and change nothing.
+    // Steps of other rows in between change nothing.
     rows.see(2, 1);
     rows.adam.update(0.1);
   }

@@ -35,7 +35,8 @@ TEST_CASE("scene step: changes the scene and leaves the router and its optimiser
   CHECK(equal(router_before, copies(bench.state.allocation->parameters())));
   CHECK(equal(router_adam_before, copies(bench.state.allocation_adam.state())));
   CHECK_FALSE(equal(scene_before, copies(bench.state.gaussians.parameters())));
-  CHECK(terms.size() == 4);  // target, blur, EDI gray and colour: the others rest in the warm-up
+  // target, blur, EDI gray and colour: the others are off during the warm-up
+  CHECK(terms.size() == 4);
 }
 
 TEST_CASE("steps: the calendar decides which terms are there", "[train]") {
@@ -134,7 +135,7 @@ TEST_CASE("scene step: the window of L_ev is rendered with the exposure and as i
     Bench bench(scene);
     bench.options.poses.optimize = path;
     train::learn_poses(bench.state, bench.options.poses, bench.dataset, torch::kCPU);
-    const int64_t step = 40;  // densification counts here
+    const int64_t step = 40;  // densification collects statistics at this step
     train::StepInputs inputs = bench.inputs(1, step);
     const auto counted = [&] {
       const torch::Tensor sum = bench.state.densifier.accumulated().visible_count;

@@ -11,7 +11,7 @@ using namespace jade;
 
 namespace {
 
-/// The names of all tensors, each met once.
+/// The names of all visited tensors, without duplicates.
 template <class Visited>
 std::set<std::string> names_in(const Visited& visited) {
   std::set<std::string> names;
@@ -87,7 +87,7 @@ TEST_CASE("visit: the state names all that a step writes", "[train]") {
   const auto names = names_in(bench.state);
   CHECK(names.size() == before.size());
   bench.step(bench.inputs(0, 10));
-  bench.alternate(bench.inputs(0, 11));  // whose gradient waits for the update
+  bench.alternate(bench.inputs(0, 11));  // whose gradient is accumulated until the update
   size_t next = 0;
   bench.state.visit([&](const std::string& name, const torch::Tensor& tensor) {
     if (tensor.equal(before[next++])) return;

@@ -124,7 +124,7 @@ TEST_CASE("step feed: early steps are given every fourth moment, then every seco
     CHECK(in.view.weights.sum().item<double>() == Approx(1));
     CHECK(in.view.weights[0].item<double>() == Approx(0.5 / double(moments - 1)));
     CHECK(in.pose_draws.max().item<int64_t>() < moments);
-    // Factors and target are those of the moments drawn.
+    // Factors and target are those of the sampled moments.
     const auto drawn = [&](int64_t term) { return stride * in.pose_draws[term].item<int64_t>(); };
     const torch::Tensor factors = feed.bank().edi_factors(in.view_index);
     CHECK(in.edi_factors.simulation.equal(factors[drawn(2)].to(torch::kFloat32)));

@@ -23,7 +23,7 @@ std::map<std::string, double> values_of(const train::StepOutputs& out) {
   return values;
 }
 
-/// Target and cameras of a recorded step.
+/// Target and cameras of a captured step.
 struct GraphCase {
   bool routed = true;
   train::PosePath path = train::PosePath::kNone;
@@ -52,7 +52,7 @@ struct GraphBench : test::Bench {
     const torch::Device device(torch::kCUDA, 0);
     state = train::make_state(options, dataset, device);
     if (state.poses) {
-      // Each exposure's path bends in a way of its own.
+      // Each exposure's path has a different correction.
       const torch::NoGradGuard no_grad;
       torch::manual_seed(4);
       torch::Tensor twists = state.poses->twists();
@@ -73,7 +73,7 @@ struct GraphBench : test::Bench {
   std::unique_ptr<train::EventWindows> windows;
 };
 
-/// Other values of the same shape that a step can work with.
+/// Other valid values of the same shape.
 torch::Tensor changed(const std::string& name, const torch::Tensor& tensor) {
   if (name == "pose_draws") return (tensor + 3) % geometry::kExposurePoses;
   if (name == "view.u") return 1 - tensor;
@@ -89,7 +89,7 @@ torch::Tensor changed(const std::string& name, const torch::Tensor& tensor) {
   return tensor.is_floating_point() ? tensor * 1.2 + 0.01 : tensor * 2;
 }
 
-/// How far apart the terms of two steps are, as the largest difference over the larger value.
+/// Difference of the terms of two steps: the largest difference relative to the larger value.
 double distance(const std::map<std::string, double>& a, const std::map<std::string, double>& b) {
   REQUIRE(a.size() == b.size());
   double largest = 0;
@@ -204,11 +204,11 @@ TEST_CASE("step graph: what changes in any tensor of the inputs changes a replay
     const double change = distance(before, after);
     CHECK(distance(before_replay, before) < 1e-3);
     CHECK(distance(after_replay, after) < 1e-3 + 0.02 * change);
-    // Well above what replays and eager steps may differ by.
+    // Well above the allowed difference between replayed and eager steps.
     if (change > 0.003) felt.insert(name);
   }
   CHECK(graph.replays() == 2 + 2 * static_cast<int64_t>(names.size()));
-  // The change is one that a step sees, or the comparison would say nothing.
+  // The change must affect a step, or the comparison would be meaningless.
   for (const char* name : {"view.blurry", "view.blurry_moments.mean", "edi_factors.gray",
                            "view.restorations.edi", "view.cameras.intrinsics", "pose_draws",
                            "events.counts", "events.pixels", "events.color_filter"}) {
@@ -255,7 +255,7 @@ TEST_CASE("step graph: learned poses take the gradients of replays as of eager s
     CHECK(b.seen.sum().item<int64_t>() == (step - 21) % 3 + 1);
     same("gradient", a.gradient, b.gradient);
     if ((step - 20) % 3 != 0) continue;
-    // Adam turns any gradient into a whole step, so both take it from the same one.
+    // Adam turns any gradient into a whole step, so both must start from the same one.
     const torch::NoGradGuard no_grad;
     recorded.state.poses_adam.restore(b);
     const torch::Tensor before = eager.state.poses->twists().detach().clone();

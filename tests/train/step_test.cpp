@@ -61,7 +61,7 @@ TEST_CASE("steps: poses move by the step size of their own step", "[train]") {
 
 namespace {
 
-/// The training exposures with `fill` in their left third, under a mask or not.
+/// The training exposures with `fill` in their left third, masked or not.
 data::Dataset filled(const data::Dataset& dataset, double fill, bool masks) {
   data::Dataset out = dataset;
   for (data::Exposure& exposure : out.train) {

@@ -35,6 +35,8 @@ struct EventGroupResult {
 ///   table. Empty: the stream nearest to the root, the first by name, with a warning that lists all
 ///
 ///
+///
+///
 /// @throws DataError as read_events, for ambiguous columns, and for a group that the file does not
 ///   contain.
 EventGroupResult read_event_group(const std::filesystem::path& path,

@@ -21,9 +21,10 @@ void describe(V& v, TrustOptions& o) {
           Range{0, 10});
 }
 
-/// The value where it is below `bound`, else 0 without a gradient: a restoration that all
-/// other views and terms contradict keeps away from the scene, one that they have come to agree
-/// with stays. Once away a view seldom comes back, as nothing draws its render to the restoration.
+/// The value if it is below `bound`, else 0 without gradient: a restoration that all other views
+/// and terms contradict does not affect the scene, one that they agree with does. A view that
+/// exceeds the bound seldom falls below it again, because nothing pulls its render to the
+/// restoration.
 /// @param value  scalar, L_tgt of a view before its weight
 torch::Tensor where_agreed(const torch::Tensor& value, double bound);
 

@@ -27,7 +27,7 @@ struct RestoreOptions {
   double taught_contrast = 1;
   /// Requests RestoredExposure::efnet_at, at these moments: 0 the start and 1 the end.
   std::vector<double> times = {};
-  /// Take all of these moments from the cache, or restore only the middle.
+  /// Uses the cache only if it has all of these moments; else restores only the middle.
   bool only_kept_times = false;
 };
 

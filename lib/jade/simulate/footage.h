@@ -44,7 +44,7 @@ class Footage {
   virtual double largest_flow_px() const { return 0; }
 };
 
-/// A source that is rendered along a camera path.
+/// Footage rendered along a camera path.
 class RenderedFootage : public Footage {
  public:
   RenderedFootage(const SimulateRun& run, std::unique_ptr<world::FrameSource> source,

@@ -69,6 +69,10 @@ struct RenderOutput {
 ///
 ///
 ///
+///
+///
+///
+///
 /// @throws ContractError for shapes, dtypes and devices that do not match, DeviceError for a CUDA
 ///   tensor in a build without CUDA kernels.
 RenderOutput render(const Gaussians& gaussians, const CameraBatch& cameras,

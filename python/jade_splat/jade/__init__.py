@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs of jade_train in Python: load_run() reads one, render() draws its scene by the same op."""
+"""Runs of jade_train in Python: load_run() reads one, render() renders its scene with the same op."""
 
 from .runs import Camera, Gaussians, Run, load_gaussians, load_run, render
 

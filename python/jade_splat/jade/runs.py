@@ -23,7 +23,7 @@ _TYPES = {
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole camera, as cameras.json has it."""
+    """A pinhole camera, as in cameras.json."""
 
     name: str
     width: int
@@ -37,7 +37,7 @@ class Camera:
 
 @dataclass(frozen=True)
 class Gaussians:
-    """N Gaussians by their parameters before the activations, as a 3DGS .ply has them."""
+    """N Gaussians by their parameters before the activations, as in a 3DGS .ply."""
 
     means: Tensor  # [N, 3], without `origin`
     quats: Tensor  # [N, 4], wxyz, of any length
@@ -54,13 +54,13 @@ class Gaussians:
 
 @dataclass(frozen=True)
 class Run:
-    """What jade_train left in a folder."""
+    """The results that jade_train wrote into a folder."""
 
     path: Path
     gaussians: Gaussians
-    cameras: list[Camera]  # learned poses; empty where the data's are exact
+    cameras: list[Camera]  # learned poses; empty if poses were not learned
     scores: dict[str, Any]  # eval.json; empty without test views
-    metrics: dict[str, np.ndarray]  # a column per key of metrics.jsonl; NaN where a line lacks it
+    metrics: dict[str, np.ndarray]  # one column per key of metrics.jsonl; NaN if a line lacks it
 
 
 def load_run(folder: PathLike, device: torch.device | str = "cpu") -> Run:
@@ -120,9 +120,10 @@ def render(
     background: tuple[float, float, float] = (0.0, 0.0, 0.0),
     device: torch.device | str | None = None,
 ) -> Tensor:
-    """Draws a scene, given as a run, Gaussians, or a run's folder or .ply: [H, W, 3], linear as trained, not clamped.
+    """Renders a scene, given as a run, Gaussians, or a run's folder or .ply: [H, W, 3], linear as trained, not
+    clamped.
 
-    Differentiable in the Gaussians' tensors. Without `device`, where they are.
+    Differentiable in the Gaussians' tensors. Without `device`, runs on their device.
     """
     if isinstance(scene, (str, os.PathLike)):
         path = Path(scene)
@@ -150,7 +151,7 @@ def render(
 
 
 def _vertices(path: Path) -> tuple[np.ndarray, list[str]]:
-    """The vertices of a .ply, a field per property, and its comments."""
+    """The vertices of a .ply, one field per property, and its comments."""
     with path.open("rb") as file:
         lines = []
         while not lines or lines[-1] != "end_header":

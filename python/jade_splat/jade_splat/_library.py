@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Finds the compiled library and loads it into torch, or says why not."""
+"""Finds the compiled library and loads it into torch, or reports why it cannot."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def _version(text: str) -> tuple[int, int]:
 
 
 def check_torch(build: dict, version: str, cuda: str | None) -> None:
-    """Raises ImportError unless this torch can load a library that was built as `build` says."""
+    """Raises ImportError unless this torch can load a library that was built as described by `build`."""
     if _version(version) < _version(build["torch"]):
         raise ImportError(
             f"jade_splat: expected torch {build['torch']} or newer, found {version}; pip install -U torch"
@@ -32,7 +32,9 @@ def check_torch(build: dict, version: str, cuda: str | None) -> None:
 
 
 def load() -> dict:
-    """Loads the library once and returns how it was built. JADE_SPLAT_LIBRARY names the folder of another build."""
+    """Loads the library once and returns its build description. JADE_SPLAT_LIBRARY names the folder of another
+    build.
+    """
     folder = Path(os.environ.get("JADE_SPLAT_LIBRARY") or Path(__file__).parent)
     library, build_file = folder / "_C.abi3.so", folder / "_build.json"
     if not library.is_file() or not build_file.is_file():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The two compiled ops, joined for autograd, and their shapes for torch.compile."""
+"""The two compiled ops, connected for autograd, and their shapes for torch.compile."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _DEPTH = 8  # among the scalars
 
 
 def contiguous(tensor: Tensor) -> Tensor:
-    """Tensor.contiguous() that calls the dispatcher only for a copy."""
+    """Tensor.contiguous() that calls the dispatcher only if it must copy."""
     return tensor if tensor.is_contiguous() else tensor.contiguous()
 
 
@@ -29,7 +29,7 @@ def _contiguous(grad: Tensor | None) -> Tensor | None:
 
 
 def _gradients(saved, cleared, grads, scalars, needs):
-    """Of the seven inputs and means2d; None where not needed."""
+    """Gradients of the seven inputs and means2d; None if not needed."""
     *found, on_cameras, on_means2d = backward(*saved, cleared, *grads, *scalars, needs[_GAUSSIANS], needs[_INPUTS])
     found = [grad if needed else None for grad, needed in zip(found, needs)]
     return (
@@ -41,7 +41,9 @@ def _gradients(saved, cleared, grads, scalars, needs):
 
 
 class _Render(torch.autograd.Function):
-    """Joins the two ops in eager mode. register_autograd(), which torch.compile needs, takes 150 µs more on the host."""
+    """Connects the two ops in eager mode. register_autograd(), which torch.compile needs, costs 150 µs more on the
+    host.
+    """
 
     @staticmethod
     def forward(ctx, *arguments):
@@ -53,7 +55,7 @@ class _Render(torch.autograd.Function):
             color, alpha, depth_sum, _, *state = forward(*inputs, means2d, *scalars, True)
         ctx.set_materialize_grads(False)
         ctx.save_for_backward(*inputs, color, alpha, depth_sum, *state)
-        # In the third place a GPU has memory that its forward pass has cleared for one backward pass.
+        # On a GPU the third tensor is memory that the forward pass has zeroed for one backward pass.
         ctx.cleared = state[2] if color.is_cuda else None
         ctx.scalars, ctx.flat = scalars, flat
         return color, alpha, depth_sum if scalars[_DEPTH] else None
@@ -78,7 +80,7 @@ _backward_once = torch.autograd.function.once_differentiable(_backward_eager)
 
 
 def render(inputs: tuple[Tensor, ...], means2d: Tensor | None, scalars: tuple) -> tuple[Tensor, Tensor, Tensor | None]:
-    """Colour, alpha and, if asked for, Σ w z of contiguous inputs; colours may be [N, 3] as well as [N, K, 3].
+    """Colour, alpha and, if requested, Σ w z of contiguous inputs; colours may be [N, 3] as well as [N, K, 3].
 
     `scalars` are those of the ops up to `interleaved`. The gradient of means2d [C, N, 2] is dL/dmeans2d, in px.
     """
@@ -102,7 +104,7 @@ def _backward(ctx, grad_color, grad_alpha, grad_depth_sum, *_):
     grads = [_contiguous(grad_color), _contiguous(grad_alpha), _contiguous(grad_depth_sum)]
     if not ctx.scalars[_DEPTH]:
         grads[2] = None
-    # A compiled graph may run its parts more than once, so it takes no memory that was cleared once.
+    # A compiled graph may run its parts more than once, so it cannot use memory that was zeroed once.
     found = _gradients(ctx.saved_tensors, None, grads, ctx.scalars, ctx.needs_input_grad)
     return (*found, *[None] * (len(ctx.scalars) + 1))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What densification reads beside the images, computed when it is asked for."""
+"""Quantities that densification reads besides the images, computed on first use."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
-_MIN_ALPHA = 1 / 255  # below it a splat does not count
+_MIN_ALPHA = 1 / 255  # a fainter splat does not count
 _SIGMAS = 3.33  # where the extent ends, however opaque the Gaussian
 _DILATION = 0.3  # px², added to both variances on the screen
 
 
 class Cameras(NamedTuple):
-    """[..., C] pinhole cameras and what they cull."""
+    """[..., C] pinhole cameras and their culling limits."""
 
     viewmats: Tensor  # [..., C, 4, 4]
     Ks: Tensor  # [..., C, 3, 3]
@@ -28,8 +28,9 @@ class Cameras(NamedTuple):
 
 @torch.no_grad()
 def project(means: Tensor, quats: Tensor, scales: Tensor, opacities: Tensor, cameras: Cameras) -> dict[str, Tensor]:
-    """Gaussians on the screens: means2d [..., C, N, 2] px, radii [..., C, N, 2] px (0: culled), depths, opacities
-    [..., C, N] and conics [..., C, N, 3] (xx, xy, yy of the inverse of the dilated covariance)."""
+    """Projected Gaussians: means2d [..., C, N, 2] px, radii [..., C, N, 2] px (0: culled), depths, opacities [...,
+    C, N] and conics [..., C, N, 3] (xx, xy, yy of the inverse of the dilated covariance).
+    """
     rotation = cameras.viewmats[..., None, :3, :3]  # [..., C, 1, 3, 3]
     point = (rotation @ means[..., None, :, :, None])[..., 0] + cameras.viewmats[..., None, :3, 3]  # [..., C, N, 3]
     depth = point[..., 2]
@@ -75,9 +76,9 @@ def project(means: Tensor, quats: Tensor, scales: Tensor, opacities: Tensor, cam
 
 
 class Meta(MutableMapping):
-    """A dictionary whose screen quantities are computed by the first who reads one of them.
+    """A dictionary whose screen quantities are computed on first access.
 
-    If `packed`, these have one row per visible (batch, camera, Gaussian), named by batch_ids, camera_ids and
+    If `packed`, these have one row per visible (batch, camera, Gaussian), indexed by batch_ids, camera_ids and
     gaussian_ids; otherwise they are [..., C, N, ...], with radii of 0 where a Gaussian is not visible.
     """
 
@@ -116,7 +117,7 @@ class Meta(MutableMapping):
         screen: dict[str, Any] = project(*self._gaussians, self._cameras)
         leaf = self._means2d
         if leaf is not None:
-            # The graph's own tensor has had no values so far: the op reads only whether it wants a gradient.
+            # The graph's own tensor had no values until now: the op reads only whether it requires a gradient.
             leaf.data.copy_(screen["means2d"])
             screen["means2d"] = leaf
         ids: dict[str, Tensor | None] = {"batch_ids": None, "camera_ids": None, "gaussian_ids": None}
@@ -137,8 +138,9 @@ class Meta(MutableMapping):
 
 
 def _pack(dense: Tensor, dims: int, rows: Tensor) -> Tensor:
-    """The rows of a tensor whose first `dims` axes are batches, cameras and Gaussians. A leaf gives a leaf, which has the
-    gradient's rows after each backward pass."""
+    """The rows of a tensor whose first `dims` axes are batches, cameras and Gaussians. For a leaf, returns a leaf
+    that receives the gradient's rows in each backward pass.
+    """
     packed = dense.detach().flatten(0, dims - 1)[rows]
     if not dense.requires_grad:
         return packed

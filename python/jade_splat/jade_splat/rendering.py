@@ -41,22 +41,23 @@ def splat(
     deterministic: bool = False,
     smooth_cutoff: bool = False,
 ) -> tuple[Tensor, Tensor, Tensor | None]:
-    """The op as the programs call it: N Gaussians by their parameters before the activations, seen by C cameras.
+    """The op as the programs call it: N Gaussians by their parameters before the activations, rendered for C
+    cameras.
 
     Args:
         means: [N, 3], world.
-        quats: [N, 4], wxyz, of any length.
+        quats: [N, 4], wxyz, not normalised.
         log_scales: [N, 3].
         logit_opacities: [N].
         sh: [N, K, 3], K = 1, 4, 9 or 16 coefficients; the colour is max(0, SH + 0.5).
         viewmats: [C, 4, 4], from the world to the camera (x right, y down, z forward).
         intrinsics: [C, 4], fx, fy, cx, cy in px; constant.
-        sh_degree: active degree; at most what `sh` holds is used.
+        sh_degree: active degree; limited to that of `sh`.
         deterministic: bit-equal gradients on a GPU; on the CPU they always are.
         smooth_cutoff: for gradient tests on the CPU: the image becomes a differentiable function of every input.
 
     Returns:
-        color [C, 3, H, W], alpha [C, 1, H, W] and, if asked for, Σ w z [C, 1, H, W].
+        color [C, 3, H, W], alpha [C, 1, H, W] and, if requested, Σ w z [C, 1, H, W].
     """
     tensors = (means, quats, log_scales, logit_opacities, sh, viewmats, intrinsics)
     _check_tensors(_SPLAT_NAMES, tensors)
@@ -255,7 +256,7 @@ def _refuse(**used: bool) -> None:
 
 
 def _check_tensors(names: tuple[str, ...], tensors: tuple[Tensor, ...]) -> None:
-    """Means come first; the others go with them."""
+    """Means come first; the others must match them."""
     means = tensors[0]
     if not isinstance(means, Tensor):
         raise TypeError(f"{names[0]}: expected a tensor, found {type(means).__name__}")

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// CUDA's runtime where the device is the CPU and every call is done when it returns.
+// CUDA's runtime with the CPU as its device; every call is complete when it returns.
 #pragma once
 
 #include <cstdlib>
